@@ -1,10 +1,12 @@
 /* bench/align: all scans of simulated arenas at once, from disturbed poses.
  *
- * The scans of each arena are shuffled, and every arena lies in the world at an angle of its own. A scan is aligned when
- * it lies within 0.05 m and 1 degree (--within) of the truth after the best common motion; the share is that of the scans that the
- * Cramer-Rao bound calls observable (bench_bound). A method that says which poses are not to be relied on is held to it:
- * false_flags are observable scans that it flagged, missed_flags unobservable ones that it did not, and of all scans that
- * it did not flag, inside95 have their truth inside the 95 % ellipse of their position. */
+ * The scans of each arena are shuffled, and every arena lies in the world at an angle of its
+ * own. A scan is aligned when it lies within 0.05 m and 1 degree (--within) of the truth after
+ * the best common motion; the share is that of the scans that the Cramer-Rao bound calls
+ * observable (bench_bound). A method that says which poses are not to be relied on is held to
+ * it: false_flags are observable scans that it flagged, missed_flags unobservable ones that it
+ * did not, and of all scans that it did not flag, inside95 have their truth inside the 95 %
+ * ellipse of their position. */
 #include <inttypes.h>
 #include <math.h>
 #include <stdio.h>
@@ -58,18 +60,19 @@ typedef struct outcome {
 /* ---- The method ---- */
 
 /* With --online --chain: place after place. */
-static int run_online_chain(const settings *s, const sim_scan *scans, int32_t count, uint64_t seed, bench_pose *poses,
-                            bench_run *run)
+static int run_online_chain(const settings *s, const sim_scan *scans, int32_t count, uint64_t seed,
+                            bench_pose *poses, bench_run *run)
 {
     bench_chain *chain = bench_chain_open(scans, count, s->as_written, s->sub_error, seed);
-    int done = chain != NULL && bench_run_gradient(scans, count, (int32_t)s->steps, 1, chain, poses, run);
+    int done =
+        chain != NULL && bench_run_gradient(scans, count, (int32_t)s->steps, 1, chain, poses, run);
 
     bench_chain_close(chain);
     return done;
 }
 
-static int run_method(const settings *s, const sim_scan *scans, int32_t count, uint64_t seed, bench_pose *poses,
-                      outcome *out)
+static int run_method(const settings *s, const sim_scan *scans, int32_t count, uint64_t seed,
+                      bench_pose *poses, outcome *out)
 {
     bench_run run = {0, 0, 0, 0, 0, 0, 0};
     int done;
@@ -117,8 +120,8 @@ static int share_wall(const sim_scan *a, const sim_scan *b, uint8_t *seen, int32
     return 0;
 }
 
-static void score_pairs(const sim_arena *arena, const sim_scan *scans, const sim_pose *truth, const sim_pose *poses,
-                        int32_t count, outcome *out)
+static void score_pairs(const sim_arena *arena, const sim_scan *scans, const sim_pose *truth,
+                        const sim_pose *poses, int32_t count, outcome *out)
 {
     int32_t edges;
     uint8_t *seen;
@@ -129,8 +132,9 @@ static void score_pairs(const sim_arena *arena, const sim_scan *scans, const sim
         for (int32_t j = i + 1; j < count; j++)
             if (share_wall(&scans[i], &scans[j], seen, edges)) {
                 out->pairs++;
-                out->pairs_ok += bench_pose_near(bench_pose_between(truth[i], truth[j]),
-                                                 bench_pose_between(poses[i], poses[j]), 0.05, DEGREE);
+                out->pairs_ok +=
+                    bench_pose_near(bench_pose_between(truth[i], truth[j]),
+                                    bench_pose_between(poses[i], poses[j]), 0.05, DEGREE);
             }
     free(seen);
 }
@@ -140,7 +144,8 @@ static double angle_error(double a, double b)
     return fabs(remainder(a - b, 6.283185307179586)) / DEGREE;
 }
 
-/* Area of the ellipse of a position's covariance, over pi and the common factor; 0 for one that is fixed. */
+/* Area of the ellipse of a position's covariance, over pi and the common factor; 0 for one that
+ * is fixed. */
 static double area(const double c[9])
 {
     double determinant = c[0] * c[4] - c[1] * c[3];
@@ -167,19 +172,21 @@ static void score_flags(const sim_pose *truth, const sim_pose *moved, const benc
         out->unobservable += !bounds[i].observable;
         out->false_flags += bounds[i].observable && poses[i].flagged;
         out->missed_flags += !bounds[i].observable && !poses[i].flagged;
-        if (!poses[i].known || poses[i].flagged || poses[i].anchor || area(poses[i].covariance) <= 0)
+        if (!poses[i].known || poses[i].flagged || poses[i].anchor ||
+            area(poses[i].covariance) <= 0)
             continue;
         out->unflagged++;
-        out->inside += is_inside(poses[i].covariance, moved[i].x - truth[i].x, moved[i].y - truth[i].y);
+        out->inside +=
+            is_inside(poses[i].covariance, moved[i].x - truth[i].x, moved[i].y - truth[i].y);
         if (area(bounds[i].covariance) > 0)
             areas[compared++] = area(poses[i].covariance) / area(bounds[i].covariance);
     }
     out->area_ratio = bench_median(areas, compared);
 }
 
-static void score(const settings *s, const sim_arena *arena, const sim_scan *scans, const sim_pose *truth,
-                  const sim_pose *start, const bench_pose *results, const bench_bound *bounds, int32_t count,
-                  outcome *out)
+static void score(const settings *s, const sim_arena *arena, const sim_scan *scans,
+                  const sim_pose *truth, const sim_pose *start, const bench_pose *results,
+                  const bench_bound *bounds, int32_t count, outcome *out)
 {
     size_t n = (size_t)count, observable = 0, aligned = 0;
     int32_t *use = malloc(n * sizeof *use);
@@ -187,12 +194,14 @@ static void score(const settings *s, const sim_arena *arena, const sim_scan *sca
     double *metres = malloc(n * sizeof *metres), *degrees = malloc(n * sizeof *degrees);
     double *ratios = malloc(n * sizeof *ratios);
 
-    if (use != NULL && moved != NULL && poses != NULL && metres != NULL && degrees != NULL && ratios != NULL) {
+    if (use != NULL && moved != NULL && poses != NULL && metres != NULL && degrees != NULL &&
+        ratios != NULL) {
         for (size_t i = 0; i < n; i++) {
             use[i] = bounds[i].observable;
             poses[i] = results[i].pose;
         }
-        (void)bench_fit_common(truth, poses, use, count, s->within[0], s->within[1] * DEGREE, moved);
+        (void)bench_fit_common(truth, poses, use, count, s->within[0], s->within[1] * DEGREE,
+                               moved);
         for (size_t i = 0; i < n; i++) {
             double bound = sqrt(bounds[i].covariance[0] + bounds[i].covariance[4]);
 
@@ -224,10 +233,10 @@ static void score(const settings *s, const sim_arena *arena, const sim_scan *sca
     free(ratios);
 }
 
-/* The solution is disturbed as the truth was and aligned again; how many observable scans come back to it within 0.009 m and
- * 0.7 degrees (Adluru 2008, chapter 7). */
-static int run_return(const settings *s, const sim_scan *scans, const bench_bound *bounds, int32_t count, uint64_t seed,
-                      const bench_pose *solution, outcome *out)
+/* The solution is disturbed as the truth was and aligned again; how many observable scans come
+ * back to it within 0.009 m and 0.7 degrees (Adluru 2008, chapter 7). */
+static int run_return(const settings *s, const sim_scan *scans, const bench_bound *bounds,
+                      int32_t count, uint64_t seed, const bench_pose *solution, outcome *out)
 {
     size_t n = (size_t)count;
     bench_pose *poses = malloc(n * sizeof *poses);
@@ -244,7 +253,8 @@ static int run_return(const settings *s, const sim_scan *scans, const bench_boun
         use[i] = bounds[i].observable;
         poses[i].pose.x += (double)cairn_random_uniform(&random, -1, 1) * s->kind.metres;
         poses[i].pose.y += (double)cairn_random_uniform(&random, -1, 1) * s->kind.metres;
-        poses[i].pose.theta += (double)cairn_random_uniform(&random, -1, 1) * s->kind.degrees * DEGREE;
+        poses[i].pose.theta +=
+            (double)cairn_random_uniform(&random, -1, 1) * s->kind.degrees * DEGREE;
     }
     done = done && run_method(s, scans, count, seed, poses, &unused);
     if (done) {
@@ -271,8 +281,8 @@ static int run_arena(const settings *s, uint64_t seed, outcome *out)
     out->scans = p.count;
     if (done) {
         bounds = malloc((size_t)p.count * sizeof *bounds);
-        done = bounds != NULL &&
-               bench_bound_compute(p.arena, p.scans, p.count, s->kind.metres, s->kind.degrees * DEGREE, bounds) >= 0;
+        done = bounds != NULL && bench_bound_compute(p.arena, p.scans, p.count, s->kind.metres,
+                                                     s->kind.degrees * DEGREE, bounds) >= 0;
     }
     if (done && s->chain && !s->online)
         done = bench_chain_start(p.scans, p.count, s->as_written, s->sub_error, seed, p.poses);
@@ -390,7 +400,8 @@ static void print_summary(const settings *s, const outcome *all, size_t count)
 /* 1 when the settings can be run, or one line on standard error. */
 static int is_method(const char *name)
 {
-    static const char *const names[] = {"default", "gradient", "icp", "lum", "lum-alone", "sequential", "filter"};
+    static const char *const names[] = {"default",   "gradient",   "icp",   "lum",
+                                        "lum-alone", "sequential", "filter"};
 
     for (size_t i = 0; i < sizeof names / sizeof *names; i++)
         if (strcmp(name, names[i]) == 0)
@@ -401,7 +412,8 @@ static int is_method(const char *name)
 static int check(const settings *s)
 {
     if (sim_scene_find(s->kind.scene) < 0) {
-        fprintf(stderr, "bench/align: unknown scene '%s', expected one of cairn-arena's\n", s->kind.scene);
+        fprintf(stderr, "bench/align: unknown scene '%s', expected one of cairn-arena's\n",
+                s->kind.scene);
         return 0;
     }
     if (!is_method(s->method)) {
@@ -409,7 +421,9 @@ static int check(const settings *s)
         return 0;
     }
     if (s->as_written && strncmp(s->method, "lum", 3) != 0 && strcmp(s->method, "gradient") != 0) {
-        fprintf(stderr, "bench/align: --as-written with method %s, expected gradient, lum or lum-alone\n", s->method);
+        fprintf(stderr,
+                "bench/align: --as-written with method %s, expected gradient, lum or lum-alone\n",
+                s->method);
         return 0;
     }
     if (s->online && strcmp(s->method, "gradient") != 0) {
@@ -421,7 +435,8 @@ static int check(const settings *s)
         return 0;
     }
     if (s->chain && s->again && s->online) {
-        fprintf(stderr, "bench/align: --return with --online and --chain, which have no start: expected without\n");
+        fprintf(stderr, "bench/align: --return with --online and --chain, which have no start: "
+                        "expected without\n");
         return 0;
     }
     if ((s->ablate || s->growth) && strcmp(s->method, "default") != 0) {
@@ -451,43 +466,56 @@ static int run_all(const settings *s, outcome *all)
 
 int main(int argc, char **argv)
 {
-    settings s = {.kind = bench_problem_kind_default(), .arenas = 20, .seed = 1, .steps = 50, .within = {0.05, 1}};
+    settings s = {.kind = bench_problem_kind_default(),
+                  .arenas = 20,
+                  .seed = 1,
+                  .steps = 50,
+                  .within = {0.05, 1}};
     const char *given_method = NULL;
     const option table[] = {
         OPTION_INTEGER("--arenas", &s.arenas, 1, 10000, "N", "arenas"),
         OPTION_INTEGER("--seed", &s.seed, 0, 9e15, "N", "of the first arena; the others follow"),
-        OPTION_NUMBER("--trans", &s.kind.metres, 0.001, 10, "M", "disturbance of x and y, uniform +-, m"),
-        OPTION_NUMBER("--rot", &s.kind.degrees, 0.01, 180, "DEG", "disturbance of the heading, uniform +-, degrees"),
-        OPTION_TEXT(
-            "--method", &given_method, "NAME",
-            "default, gradient (as in the thesis), icp, lum, lum-alone: without registration, sequential: scan by "
-            "scan by the mapper, filter: by 30 particles (default)"),
-        OPTION_FLAG(
-            "--as-written", &s.as_written,
-            "as the thesis has it: gradient (chapter 7, the default then), lum and lum-alone (10, the same then)"),
+        OPTION_NUMBER("--trans", &s.kind.metres, 0.001, 10, "M",
+                      "disturbance of x and y, uniform +-, m"),
+        OPTION_NUMBER("--rot", &s.kind.degrees, 0.01, 180, "DEG",
+                      "disturbance of the heading, uniform +-, degrees"),
+        OPTION_TEXT("--method", &given_method, "NAME",
+                    "default, gradient (as in the thesis), icp, lum, lum-alone: without "
+                    "registration, sequential: scan by "
+                    "scan by the mapper, filter: by 30 particles (default)"),
+        OPTION_FLAG("--as-written", &s.as_written,
+                    "as the thesis has it: gradient (chapter 7, the default then), lum and "
+                    "lum-alone (10, the same then)"),
         OPTION_FLAG("--online", &s.online,
-                    "scan after scan, each against all before (section 7.3.6), with --as-written or method gradient"),
+                    "scan after scan, each against all before (section 7.3.6), with --as-written "
+                    "or method gradient"),
         OPTION_TEXT("--scene", &s.kind.scene, "NAME", "scene of the arenas (rescue)"),
-        OPTION_PAIR("--size", s.kind.size, 0, 60, "W,H", "of the arenas, m; 0: the scene's own (0,0)"),
+        OPTION_PAIR("--size", s.kind.size, 0, 60, "W,H",
+                    "of the arenas, m; 0: the scene's own (0,0)"),
         OPTION_INTEGER("--places", &s.kind.places, 1, 1000, "N", "places with scans"),
         OPTION_INTEGER("--headings", &s.kind.headings, 1, 64, "N", "scans at each place"),
         OPTION_NUMBER("--fov", &s.kind.fov, 1, 360, "DEG", "field of view, degrees"),
         OPTION_INTEGER("--beams", &s.kind.beams, 2, 100000, "N", "beams of a scan"),
-        OPTION_PAIR("--jitter", s.kind.jitter, 0, 360, "M,DEG", "spread of the sensors of one place, m and degrees"),
-        OPTION_PAIR("--within", s.within, 0.001, 180, "M,DEG", "of the truth, to be aligned (0.05,1)"),
-        OPTION_INTEGER("--steps", &s.steps, 1, 100000, "N", "iterations of gradient and lum at most"),
+        OPTION_PAIR("--jitter", s.kind.jitter, 0, 360, "M,DEG",
+                    "spread of the sensors of one place, m and degrees"),
+        OPTION_PAIR("--within", s.within, 0.001, 180, "M,DEG",
+                    "of the truth, to be aligned (0.05,1)"),
+        OPTION_INTEGER("--steps", &s.steps, 1, 100000, "N",
+                       "iterations of gradient and lum at most"),
         OPTION_FLAG("--return", &s.again, "disturbs the solution, too, and aligns it again"),
-        OPTION_FLAG(
-            "--chain", &s.chain,
-            "poses from nothing: the scans of each place matched as a whole, then the method; as written by shape "
-            "(chapter 6), with --online place after place"),
-        OPTION_PAIR("--sub-error", s.sub_error, 0, 10, "M,DEG", "of the poses within a place, for --chain (0,0)"),
+        OPTION_FLAG("--chain", &s.chain,
+                    "poses from nothing: the scans of each place matched as a whole, then the "
+                    "method; as written by shape "
+                    "(chapter 6), with --online place after place"),
+        OPTION_PAIR("--sub-error", s.sub_error, 0, 10, "M,DEG",
+                    "of the poses within a place, for --chain (0,0)"),
         OPTION_FLAG("--ablate", &s.ablate, "all arenas again without each ingredient of default"),
-        OPTION_FLAG(
-            "--growth", &s.growth,
-            "time and units alone, of each arena and of one of twice its width and height with four times its places"),
+        OPTION_FLAG("--growth", &s.growth,
+                    "time and units alone, of each arena and of one of twice its width and height "
+                    "with four times its places"),
     };
-    const option_set set = {"bench/align", "[options]", "Alignment of all scans of simulated arenas at once.", table,
+    const option_set set = {"bench/align", "[options]",
+                            "Alignment of all scans of simulated arenas at once.", table,
                             sizeof table / sizeof *table};
     outcome *all;
     size_t words = 0;

@@ -10,7 +10,8 @@
 
 const char *bench_ingredient_name(bench_ingredient without)
 {
-    static const char *const names[BENCH_INGREDIENTS] = {"nothing", "directions", "free_space", "restarts", "joint"};
+    static const char *const names[BENCH_INGREDIENTS] = {"nothing", "directions", "free_space",
+                                                         "restarts", "joint"};
 
     return names[without];
 }
@@ -71,7 +72,8 @@ static int report(cairn_status status)
 /* ---- default ---- */
 
 /* Just the room that the scans need. */
-static cairn_status count_room(fitter *f, const sim_scan *scans, int32_t count, cairn_aligner_params *params)
+static cairn_status count_room(fitter *f, const sim_scan *scans, int32_t count,
+                               cairn_aligner_params *params)
 {
     cairn_status status = CAIRN_OK;
 
@@ -118,8 +120,8 @@ static void read_poses(const cairn_aligner *aligner, bench_pose *poses)
     }
 }
 
-static cairn_status align(fitter *f, cairn_aligner *aligner, const sim_scan *scans, int32_t count, bench_pose *poses,
-                          bench_run *run)
+static cairn_status align(fitter *f, cairn_aligner *aligner, const sim_scan *scans, int32_t count,
+                          bench_pose *poses, bench_run *run)
 {
     double start = bench_cpu_seconds();
     cairn_budget budget = {CAIRN_UNBOUNDED};
@@ -145,7 +147,8 @@ static cairn_status align(fitter *f, cairn_aligner *aligner, const sim_scan *sca
     return status;
 }
 
-int bench_run_default(const sim_scan *scans, int32_t count, bench_ingredient without, bench_pose *poses, bench_run *run)
+int bench_run_default(const sim_scan *scans, int32_t count, bench_ingredient without,
+                      bench_pose *poses, bench_run *run)
 {
     cairn_aligner_params params = cairn_aligner_default();
     cairn_aligner *aligner = NULL;
@@ -161,7 +164,8 @@ int bench_run_default(const sim_scan *scans, int32_t count, bench_ingredient wit
         size_t bytes = cairn_aligner_memory(&params);
 
         memory = malloc(bytes + CAIRN_ALIGN);
-        status = memory == NULL ? CAIRN_NO_MEMORY : cairn_pool_init(&pool, memory, bytes + CAIRN_ALIGN);
+        status =
+            memory == NULL ? CAIRN_NO_MEMORY : cairn_pool_init(&pool, memory, bytes + CAIRN_ALIGN);
     }
     if (status == CAIRN_OK)
         status = cairn_aligner_create(&aligner, &pool, &params);
@@ -212,7 +216,8 @@ static cairn_status fill_cloud(fitter *f, const sim_scan *scans, int32_t count, 
 }
 
 /* Scan i against all others where they are now. */
-static cairn_status align_one(cairn_icp *icp, const cloud *c, int32_t count, int32_t i, bench_pose *poses)
+static cairn_status align_one(cairn_icp *icp, const cloud *c, int32_t count, int32_t i,
+                              bench_pose *poses)
 {
     cairn_budget budget = {CAIRN_UNBOUNDED};
     cairn_status status = CAIRN_OK;
@@ -220,11 +225,12 @@ static cairn_status align_one(cairn_icp *icp, const cloud *c, int32_t count, int
     cairn_icp_clear_target(icp);
     for (int32_t j = 0; j < count && status == CAIRN_OK; j++)
         if (j != i)
-            status = cairn_icp_add_target(icp, c->points + c->first[j], c->first[j + 1] - c->first[j],
-                                          pose_of(poses[j].pose), NULL);
+            status =
+                cairn_icp_add_target(icp, c->points + c->first[j], c->first[j + 1] - c->first[j],
+                                     pose_of(poses[j].pose), NULL);
     if (status == CAIRN_OK)
-        status = cairn_icp_begin(icp, c->points + c->first[i], c->first[i + 1] - c->first[i], pose_of(poses[i].pose),
-                                 NULL, NULL);
+        status = cairn_icp_begin(icp, c->points + c->first[i], c->first[i + 1] - c->first[i],
+                                 pose_of(poses[i].pose), NULL, NULL);
     if (status == CAIRN_EMPTY)
         return CAIRN_OK;
     if (status == CAIRN_OK)
@@ -234,7 +240,8 @@ static cairn_status align_one(cairn_icp *icp, const cloud *c, int32_t count, int
     return status;
 }
 
-int bench_run_icp(const sim_scan *scans, int32_t count, int32_t sweeps, bench_pose *poses, bench_run *run)
+int bench_run_icp(const sim_scan *scans, int32_t count, int32_t sweeps, bench_pose *poses,
+                  bench_run *run)
 {
     cairn_icp_params params = cairn_icp_default();
     fitter f = {NULL, NULL, {NULL, 0, 0, 0, 0, 0}};

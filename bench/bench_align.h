@@ -1,4 +1,5 @@
-/* Methods of simultaneous alignment, side by side: scans and initial poses in, poses and what is known of them out. */
+/* Methods of simultaneous alignment, side by side: scans and initial poses in, poses and what is
+ * known of them out. */
 #ifndef CAIRN_BENCH_ALIGN_H
 #define CAIRN_BENCH_ALIGN_H
 
@@ -36,11 +37,13 @@ typedef struct bench_run {
 /* Fits a scan's lines. */
 cairn_status bench_fit_scan(cairn_scan *scan, const sim_scan *from, cairn_scan_view *view);
 
-/* The default mode; poses: the start, then the result. [count]. 0 on failure, with a line on standard error. */
-int bench_run_default(const sim_scan *scans, int32_t count, bench_ingredient without, bench_pose *poses,
-                      bench_run *run);
+/* The default mode; poses: the start, then the result. [count]. 0 on failure, with a line on
+ * standard error. */
+int bench_run_default(const sim_scan *scans, int32_t count, bench_ingredient without,
+                      bench_pose *poses, bench_run *run);
 
 /* Simultaneous nearest neighbour: every scan by ICP against all others, in turn, `sweeps` times. */
-int bench_run_icp(const sim_scan *scans, int32_t count, int32_t sweeps, bench_pose *poses, bench_run *run);
+int bench_run_icp(const sim_scan *scans, int32_t count, int32_t sweeps, bench_pose *poses,
+                  bench_run *run);
 
 #endif

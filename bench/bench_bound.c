@@ -13,8 +13,8 @@ typedef struct wall {
 } wall;
 
 /* Adds the beams of scan s to the pose block and to the walls. */
-static void add_scan(const sim_edge *edges, const sim_scan *scan, int32_t s, double *information, int32_t dimension,
-                     wall *walls)
+static void add_scan(const sim_edge *edges, const sim_scan *scan, int32_t s, double *information,
+                     int32_t dimension, wall *walls)
 {
     double c = cos(scan->truth.theta), si = sin(scan->truth.theta);
     double sensor_c = cos(scan->base_sensor.theta), sensor_s = sin(scan->base_sensor.theta);
@@ -57,7 +57,8 @@ static void add_scan(const sim_edge *edges, const sim_scan *scan, int32_t s, dou
                 walls[scan->edge[i]].own[a][b] += weight * j[POSE + a] * j[POSE + b];
         for (int a = 0; a < POSE; a++)
             for (int b = 0; b < WALL; b++)
-                walls[scan->edge[i]].cross[(s * POSE + a) * WALL + b] += weight * j[a] * j[POSE + b];
+                walls[scan->edge[i]].cross[(s * POSE + a) * WALL + b] +=
+                    weight * j[a] * j[POSE + b];
     }
 }
 
@@ -66,7 +67,8 @@ static void marginalise(const wall *w, int32_t dimension, double *information)
 {
     double a = w->own[0][0] + 0.01, b = w->own[0][1], d = w->own[1][1] + 1;
     double determinant = a * d - b * b;
-    double inverse[WALL][WALL] = {{d / determinant, -b / determinant}, {-b / determinant, a / determinant}};
+    double inverse[WALL][WALL] = {{d / determinant, -b / determinant},
+                                  {-b / determinant, a / determinant}};
 
     for (int32_t i = 0; i < dimension; i++) {
         const double *ci = &w->cross[i * WALL];
@@ -82,7 +84,8 @@ static void marginalise(const wall *w, int32_t dimension, double *information)
     }
 }
 
-/* In place inverse of a symmetric positive definite matrix by Gauss-Jordan elimination without pivoting. */
+/* In place inverse of a symmetric positive definite matrix by Gauss-Jordan elimination without
+ * pivoting. */
 static void invert(double *m, int32_t n)
 {
     for (int32_t k = 0; k < n; k++) {
@@ -98,7 +101,8 @@ static void invert(double *m, int32_t n)
                 continue;
             m[(size_t)i * (size_t)n + (size_t)k] = 0;
             for (int32_t j = 0; j < n; j++)
-                m[(size_t)i * (size_t)n + (size_t)j] -= factor * m[(size_t)k * (size_t)n + (size_t)j];
+                m[(size_t)i * (size_t)n + (size_t)j] -=
+                    factor * m[(size_t)k * (size_t)n + (size_t)j];
         }
     }
 }
@@ -114,7 +118,8 @@ static int32_t best_observed(const double *information, int32_t dimension, int32
 
         for (int a = 0; a < POSE; a++)
             for (int b = 0; b < POSE; b++)
-                m[a][b] = information[(size_t)(POSE * s + a) * (size_t)dimension + (size_t)(POSE * s + b)];
+                m[a][b] = information[(size_t)(POSE * s + a) * (size_t)dimension +
+                                      (size_t)(POSE * s + b)];
         determinant = m[0][0] * (m[1][1] * m[2][2] - m[1][2] * m[2][1]) -
                       m[0][1] * (m[1][0] * m[2][2] - m[1][2] * m[2][0]) +
                       m[0][2] * (m[1][0] * m[2][1] - m[1][1] * m[2][0]);
@@ -126,7 +131,8 @@ static int32_t best_observed(const double *information, int32_t dimension, int32
     return best;
 }
 
-static void read_bounds(const double *covariance, int32_t dimension, int32_t count, int32_t fixed, bench_bound *bounds)
+static void read_bounds(const double *covariance, int32_t dimension, int32_t count, int32_t fixed,
+                        bench_bound *bounds)
 {
     for (int32_t s = 0; s < count; s++) {
         double *c = bounds[s].covariance;
@@ -135,13 +141,14 @@ static void read_bounds(const double *covariance, int32_t dimension, int32_t cou
         if (s != fixed)
             for (int a = 0; a < POSE; a++)
                 for (int b = 0; b < POSE; b++)
-                    c[a * POSE + b] = covariance[(size_t)(POSE * s + a) * (size_t)dimension + (size_t)(POSE * s + b)];
+                    c[a * POSE + b] = covariance[(size_t)(POSE * s + a) * (size_t)dimension +
+                                                 (size_t)(POSE * s + b)];
         bounds[s].observable = sqrt(c[0] + c[4]) < 0.05 && sqrt(c[8]) < 0.017453292519943295;
     }
 }
 
-int32_t bench_bound_compute(const sim_arena *arena, const sim_scan *scans, int32_t count, double prior_m,
-                            double prior_rad, bench_bound *bounds)
+int32_t bench_bound_compute(const sim_arena *arena, const sim_scan *scans, int32_t count,
+                            double prior_m, double prior_rad, bench_bound *bounds)
 {
     int32_t edge_count, dimension = POSE * count, fixed = -1;
     const sim_edge *edges = sim_arena_edges(arena, &edge_count);
@@ -163,7 +170,8 @@ int32_t bench_bound_compute(const sim_arena *arena, const sim_scan *scans, int32
         }
         fixed = best_observed(information, dimension, count);
         for (int a = 0; a < POSE; a++)
-            information[(size_t)(POSE * fixed + a) * (size_t)dimension + (size_t)(POSE * fixed + a)] += 1e14;
+            information[(size_t)(POSE * fixed + a) * (size_t)dimension +
+                        (size_t)(POSE * fixed + a)] += 1e14;
         invert(information, dimension);
         read_bounds(information, dimension, count, fixed, bounds);
     }

@@ -42,7 +42,8 @@ static int find_truth(char path[PATH_BYTES], const char *folder, const char *nam
     int found = 0;
 
     while (open != NULL && !found && (entry = readdir(open)) != NULL)
-        if (strncmp(entry->d_name, name, length) == 0 && strncmp(entry->d_name + length, "_gt", 3) == 0)
+        if (strncmp(entry->d_name, name, length) == 0 &&
+            strncmp(entry->d_name + length, "_gt", 3) == 0)
             found = snprintf(path, PATH_BYTES, "%s/%s", folder, entry->d_name) < PATH_BYTES;
     if (open != NULL)
         (void)closedir(open);
@@ -55,8 +56,10 @@ int bsds_read(bsds_image *image, const char *folder, const char *name)
     cairn_file_error error;
 
     memset(image, 0, sizeof *image);
-    if (snprintf(path, sizeof path, "%s/%s.jpg", folder, name) >= PATH_BYTES || !find_truth(truth, folder, name)) {
-        fprintf(stderr, "%s/%s: no picture with its truth, expected NAME.jpg and NAME_gtK.png\n", folder, name);
+    if (snprintf(path, sizeof path, "%s/%s.jpg", folder, name) >= PATH_BYTES ||
+        !find_truth(truth, folder, name)) {
+        fprintf(stderr, "%s/%s: no picture with its truth, expected NAME.jpg and NAME_gtK.png\n",
+                folder, name);
         return 0;
     }
     if (cairn_vision_read(&image->colour, path, &error) != CAIRN_OK ||
@@ -68,9 +71,11 @@ int bsds_read(bsds_image *image, const char *folder, const char *name)
     }
     image->reach = REACH * hypot(image->grey.width, image->grey.height);
     image->near = calloc((size_t)pixels_of(image), 1);
-    if (image->near == NULL || image->truth.width != image->grey.width || image->truth.height != image->grey.height) {
-        fprintf(stderr, "%s: %d x %d pixels, expected %d x %d as of the picture\n", truth, (int)image->truth.width,
-                (int)image->truth.height, (int)image->grey.width, (int)image->grey.height);
+    if (image->near == NULL || image->truth.width != image->grey.width ||
+        image->truth.height != image->grey.height) {
+        fprintf(stderr, "%s: %d x %d pixels, expected %d x %d as of the picture\n", truth,
+                (int)image->truth.width, (int)image->truth.height, (int)image->grey.width,
+                (int)image->grey.height);
         bsds_free(image);
         return 0;
     }
@@ -123,7 +128,8 @@ static void mark_way(const bsds_image *image, uint8_t *pixels, cairn_vec2 a, cai
 }
 
 /* Where edgels were seen at both ends. */
-static void mark_part(const bsds_image *image, uint8_t *pixels, const cairn_skeleton_result *r, int32_t part)
+static void mark_part(const bsds_image *image, uint8_t *pixels, const cairn_skeleton_result *r,
+                      int32_t part)
 {
     const cairn_skeleton_point *q = &r->points[r->parts[part].first];
 
@@ -133,7 +139,8 @@ static void mark_part(const bsds_image *image, uint8_t *pixels, const cairn_skel
                 mark_way(image, pixels, q[k].touch[side], q[k + 1].touch[side]);
 }
 
-bsds_point bsds_grouped(const bsds_image *image, const cairn_skeleton_result *r, double least, uint8_t *pixels)
+bsds_point bsds_grouped(const bsds_image *image, const cairn_skeleton_result *r, double least,
+                        uint8_t *pixels)
 {
     bsds_point p = {0, 0};
 
@@ -146,7 +153,8 @@ bsds_point bsds_grouped(const bsds_image *image, const cairn_skeleton_result *r,
 }
 
 /* Of the two pixels beside each side the left or the upper one. */
-static void mark_contour(const bsds_image *image, uint8_t *pixels, const cairn_boundary_result *r, int32_t contour)
+static void mark_contour(const bsds_image *image, uint8_t *pixels, const cairn_boundary_result *r,
+                         int32_t contour)
 {
     const cairn_boundary_contour *c = &r->contours[contour];
     const cairn_boundary_corner *q = &r->corners[c->first];
@@ -159,7 +167,8 @@ static void mark_contour(const bsds_image *image, uint8_t *pixels, const cairn_b
     }
 }
 
-bsds_point bsds_contours(const bsds_image *image, const cairn_boundary_result *r, double least, uint8_t *pixels)
+bsds_point bsds_contours(const bsds_image *image, const cairn_boundary_result *r, double least,
+                         uint8_t *pixels)
 {
     bsds_point p = {0, 0};
 

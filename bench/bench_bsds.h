@@ -25,11 +25,15 @@ typedef struct bsds_point {
 
 bsds_point bsds_score(const bsds_image *image, const uint8_t *pixels);
 
-/* The pixels along the contours of the likeliest parts, as many as it takes for a recall of `least`, or all. */
-bsds_point bsds_grouped(const bsds_image *image, const cairn_skeleton_result *r, double least, uint8_t *pixels);
+/* The pixels along the contours of the likeliest parts, as many as it takes for a recall of
+ * `least`, or all. */
+bsds_point bsds_grouped(const bsds_image *image, const cairn_skeleton_result *r, double least,
+                        uint8_t *pixels);
 
-/* The pixels along the strongest contours between regions, as many as it takes for a recall of `least`, or all. */
-bsds_point bsds_contours(const bsds_image *image, const cairn_boundary_result *r, double least, uint8_t *pixels);
+/* The pixels along the strongest contours between regions, as many as it takes for a recall of
+ * `least`, or all. */
+bsds_point bsds_contours(const bsds_image *image, const cairn_boundary_result *r, double least,
+                         uint8_t *pixels);
 
 /* Canny's best precision at a recall, over sigma 0.7 ... 4 and thresholds; 0: none reaches it. */
 double bsds_canny(const bsds_image *image, double recall);

@@ -35,7 +35,8 @@ static void sort_by_place(bench_chain *c)
 
 static cairn_status open_chain(bench_chain *c)
 {
-    cairn_place_map_params params = c->as_written ? cairn_place_map_as_written() : cairn_place_map_default();
+    cairn_place_map_params params =
+        c->as_written ? cairn_place_map_as_written() : cairn_place_map_default();
     cairn_scan_params scan = cairn_scan_default();
     cairn_status status;
     cairn_pool pool;
@@ -70,8 +71,8 @@ void bench_chain_close(bench_chain *c)
     free(c);
 }
 
-bench_chain *bench_chain_open(const sim_scan *scans, int32_t count, int32_t as_written, const double error[2],
-                              uint64_t seed)
+bench_chain *bench_chain_open(const sim_scan *scans, int32_t count, int32_t as_written,
+                              const double error[2], uint64_t seed)
 {
     bench_chain *c = calloc(1, sizeof *c);
     cairn_status status = CAIRN_NO_MEMORY;
@@ -93,7 +94,8 @@ bench_chain *bench_chain_open(const sim_scan *scans, int32_t count, int32_t as_w
     return NULL;
 }
 
-/* Where a scan lies in its place, as far as is known: to the first one, or as written in the heading that all frames have nearly. */
+/* Where a scan lies in its place, as far as is known: to the first one, or as written in the
+ * heading that all frames have nearly. */
 static cairn_pose within_place(bench_chain *c, const sim_scan *first, const sim_scan *scan)
 {
     sim_pose frame = first->truth, seen;
@@ -113,7 +115,8 @@ static cairn_pose within_place(bench_chain *c, const sim_scan *first, const sim_
     return pose;
 }
 
-/* Gives the mapper the next place. The heading of its frame is that of the first scan of all, +-2 degrees. */
+/* Gives the mapper the next place. The heading of its frame is that of the first scan of all,
+ * +-2 degrees. */
 static cairn_status give_place(bench_chain *c)
 {
     const sim_scan *first = &c->scans[c->order[c->given]];
@@ -121,14 +124,17 @@ static cairn_status give_place(bench_chain *c)
 
     c->heading = c->scans[c->order[0]].truth.theta;
     if (c->given > 0 && c->as_written)
-        c->heading += (double)cairn_random_uniform(&c->random, -1, 1) * (double)CAIRN_SCAN_MATCH_WRITTEN_HEADING;
-    while (status == CAIRN_OK && c->given < c->count && c->scans[c->order[c->given]].place == first->place) {
+        c->heading += (double)cairn_random_uniform(&c->random, -1, 1) *
+                      (double)CAIRN_SCAN_MATCH_WRITTEN_HEADING;
+    while (status == CAIRN_OK && c->given < c->count &&
+           c->scans[c->order[c->given]].place == first->place) {
         const sim_scan *scan = &c->scans[c->order[c->given]];
         cairn_scan_view view;
 
         status = bench_fit_scan(c->scan, scan, &view);
         if (status == CAIRN_OK)
-            status = cairn_place_map_add_scan(c->map, scan->place, &view, within_place(c, first, scan), NULL);
+            status = cairn_place_map_add_scan(c->map, scan->place, &view,
+                                              within_place(c, first, scan), NULL);
         c->given++;
     }
     return status;
@@ -178,8 +184,8 @@ cairn_status bench_chain_move(bench_chain *c, int32_t k, cairn_pose pose)
     return cairn_place_map_move_scan(c->map, k, pose);
 }
 
-int bench_chain_start(const sim_scan *scans, int32_t count, int32_t as_written, const double error[2], uint64_t seed,
-                      bench_pose *poses)
+int bench_chain_start(const sim_scan *scans, int32_t count, int32_t as_written,
+                      const double error[2], uint64_t seed, bench_pose *poses)
 {
     bench_chain *c = bench_chain_open(scans, count, as_written, error, seed);
     cairn_status status = CAIRN_OK;

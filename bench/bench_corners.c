@@ -92,10 +92,10 @@ static cairn_status open_pool(cairn_pool *pool, size_t bytes, void **memory)
 static cairn_status run_field(const char *preset, double spacing, const corner corners[CORNERS],
                               cairn_pose poses[CORNERS])
 {
-    cairn_force_field_params params = strcmp(preset, "springs") == 0
-                                          ? cairn_force_field_springs(CAIRN_REAL(0.4), FIELD_STEPS)
-                                      : strcmp(preset, "spaced") == 0 ? cairn_force_field_spaced((cairn_real)spacing)
-                                                                      : cairn_force_field_as_written();
+    cairn_force_field_params params =
+        strcmp(preset, "springs") == 0  ? cairn_force_field_springs(CAIRN_REAL(0.4), FIELD_STEPS)
+        : strcmp(preset, "spaced") == 0 ? cairn_force_field_spaced((cairn_real)spacing)
+                                        : cairn_force_field_as_written();
     cairn_force_field *field = NULL;
     cairn_budget budget = {CAIRN_UNBOUNDED};
     cairn_pool pool;
@@ -117,7 +117,8 @@ static cairn_status run_field(const char *preset, double spacing, const corner c
 }
 
 /* One step of all scans at once, each to the nearest points of the others. */
-static cairn_status nearest_step(cairn_icp *icp, const corner corners[CORNERS], cairn_pose poses[CORNERS])
+static cairn_status nearest_step(cairn_icp *icp, const corner corners[CORNERS],
+                                 cairn_pose poses[CORNERS])
 {
     cairn_pose next[CORNERS];
     cairn_status status = CAIRN_OK;
@@ -129,7 +130,8 @@ static cairn_status nearest_step(cairn_icp *icp, const corner corners[CORNERS], 
         cairn_icp_clear_target(icp);
         for (int j = 0; j < CORNERS && status == CAIRN_OK; j++)
             if (j != i)
-                status = cairn_icp_add_target(icp, corners[j].points, corners[j].view.point_count, poses[j], NULL);
+                status = cairn_icp_add_target(icp, corners[j].points, corners[j].view.point_count,
+                                              poses[j], NULL);
         if (status == CAIRN_OK)
             status = cairn_icp_begin(icp, view->points, view->point_count, poses[i], NULL, NULL);
         if (status == CAIRN_OK)
@@ -181,8 +183,8 @@ static void differ(const cairn_pose poses[CORNERS], double *metres, double *degr
 }
 
 /* other: another method's poses, whose differences are printed, too; NULL: none. */
-static void print(const char *method, double spacing, int32_t steps, const cairn_pose poses[CORNERS],
-                  const cairn_pose *other)
+static void print(const char *method, double spacing, int32_t steps,
+                  const cairn_pose poses[CORNERS], const cairn_pose *other)
 {
     double metres, degrees;
 
@@ -202,9 +204,11 @@ static void print(const char *method, double spacing, int32_t steps, const cairn
     bench_json_end();
 }
 
-static int draw(const char *svg, const char *preset, const corner corners[CORNERS], cairn_pose poses[3][CORNERS])
+static int draw(const char *svg, const char *preset, const corner corners[CORNERS],
+                cairn_pose poses[3][CORNERS])
 {
-    static const char *const titles[3] = {"Start", "Force field, 12 steps", "Nearest neighbours, 100 steps"};
+    static const char *const titles[3] = {"Start", "Force field, 12 steps",
+                                          "Nearest neighbours, 100 steps"};
     cairn_report_map picture = cairn_report_map_default();
     cairn_report_panel panels[3];
     cairn_report_scan scans[CORNERS];

@@ -5,7 +5,15 @@
 #include "cairn/output.h"
 
 /* Pixels. */
-enum { PANEL_WIDTH = 380, PANEL_HEIGHT = 230, LEFT = 62, RIGHT = 14, TOP = 34, BOTTOM = 34, HEAD = 96 };
+enum {
+    PANEL_WIDTH = 380,
+    PANEL_HEIGHT = 230,
+    LEFT = 62,
+    RIGHT = 14,
+    TOP = 34,
+    BOTTOM = 34,
+    HEAD = 96
+};
 
 static const char *const colours[] = {"#d97706", "#2563eb", "#059669", "#dc2626"};
 
@@ -59,32 +67,45 @@ static void draw_axes(cairn_output *out, const bench_curves *c, const frame *f)
     for (double v = ceil(f->low / tick) * tick; v <= f->high; v += tick) {
         double shown = fabs(v) < tick / 1000 ? 0 : v;
 
-        cairn_output_print(out,
-                           "<path class=\"grid\" d=\"M%.1f %.1fh%.1f\"/>"
-                           "<text class=\"tick\" x=\"%.1f\" y=\"%.1f\" text-anchor=\"end\">%g</text>\n",
-                           f->x, y_of(f, v), f->width, f->x - 6, y_of(f, v) + 4, shown);
+        cairn_output_print(
+            out,
+            "<path class=\"grid\" d=\"M%.1f %.1fh%.1f\"/>"
+            "<text class=\"tick\" x=\"%.1f\" y=\"%.1f\" text-anchor=\"end\">%g</text>\n",
+            f->x, y_of(f, v), f->width, f->x - 6, y_of(f, v) + 4, shown);
     }
     for (int32_t k = 0; k < c->samples; k++)
-        if ((c->step[k] <= 50 && c->step[k] % 10 == 0) || (c->step[k] > 100 && c->step[k] % 100 == 0))
-            cairn_output_print(out,
-                               "<path class=\"grid\" d=\"M%.1f %.1fv4\"/>"
-                               "<text class=\"tick\" x=\"%.1f\" y=\"%.1f\" text-anchor=\"middle\">%d</text>\n",
-                               x_of(c, f, k), f->y + f->height, x_of(c, f, k), f->y + f->height + 17, (int)c->step[k]);
+        if ((c->step[k] <= 50 && c->step[k] % 10 == 0) ||
+            (c->step[k] > 100 && c->step[k] % 100 == 0))
+            cairn_output_print(
+                out,
+                "<path class=\"grid\" d=\"M%.1f %.1fv4\"/>"
+                "<text class=\"tick\" x=\"%.1f\" y=\"%.1f\" text-anchor=\"middle\">%d</text>\n",
+                x_of(c, f, k), f->y + f->height, x_of(c, f, k), f->y + f->height + 17,
+                (int)c->step[k]);
     for (int32_t k = 1; k + 1 < c->samples; k++)
         if (c->step[k + 1] - c->step[k] > c->step[k] - c->step[k - 1])
-            cairn_output_print(out, "<path class=\"break\" d=\"M%.1f %.1fv%.1f\"/>\n", x_of(c, f, k), f->y, f->height);
-    cairn_output_print(out, "<path class=\"axis\" d=\"M%.1f %.1fv%.1fh%.1f\"/>\n", f->x, f->y, f->height, f->width);
+            cairn_output_print(out, "<path class=\"break\" d=\"M%.1f %.1fv%.1f\"/>\n",
+                               x_of(c, f, k), f->y, f->height);
+    cairn_output_print(out, "<path class=\"axis\" d=\"M%.1f %.1fv%.1fh%.1f\"/>\n", f->x, f->y,
+                       f->height, f->width);
 }
 
 static void draw_panel(cairn_output *out, const bench_curves *c, int32_t index)
 {
     const bench_curve_panel *panel = &c->panel[index];
     int32_t row = index / c->columns;
-    double corner_x = 12 + (double)(index % c->columns * PANEL_WIDTH), corner_y = HEAD + (double)(row * PANEL_HEIGHT);
-    frame f = {corner_x + LEFT, corner_y + TOP, PANEL_WIDTH - LEFT - RIGHT, PANEL_HEIGHT - TOP - BOTTOM, 0, 0};
+    double corner_x = 12 + (double)(index % c->columns * PANEL_WIDTH),
+           corner_y = HEAD + (double)(row * PANEL_HEIGHT);
+    frame f = {corner_x + LEFT,
+               corner_y + TOP,
+               PANEL_WIDTH - LEFT - RIGHT,
+               PANEL_HEIGHT - TOP - BOTTOM,
+               0,
+               0};
 
     find_range(c, panel, &f);
-    cairn_output_print(out, "<text class=\"name\" x=\"%.1f\" y=\"%.1f\">%s</text>\n", f.x, corner_y + 20, panel->title);
+    cairn_output_print(out, "<text class=\"name\" x=\"%.1f\" y=\"%.1f\">%s</text>\n", f.x,
+                       corner_y + 20, panel->title);
     draw_axes(out, c, &f);
     for (int32_t m = 0; m < c->methods; m++) {
         int pen = 0;
@@ -94,7 +115,8 @@ static void draw_panel(cairn_output *out, const bench_curves *c, int32_t index)
             double value = panel->value[m * c->samples + k];
 
             if (isfinite(value))
-                cairn_output_print(out, "%c%.1f %.1f", pen ? 'L' : 'M', x_of(c, &f, k), y_of(&f, value));
+                cairn_output_print(out, "%c%.1f %.1f", pen ? 'L' : 'M', x_of(c, &f, k),
+                                   y_of(&f, value));
             pen = isfinite(value);
         }
         cairn_output_print(out, "\"/>\n");
@@ -110,18 +132,21 @@ cairn_status bench_curves_write(const char *path, const bench_curves *c, cairn_f
 
     if (status != CAIRN_OK)
         return status;
-    cairn_output_print(
-        out,
-        "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"%d\" height=\"%d\" viewBox=\"0 0 %d %d\">\n"
-        "<style>text { font-family: system-ui, sans-serif; fill: #1e293b; } .title { font-size: 20px; "
-        "font-weight: 600; } .small { font-size: 13px; fill: #64748b; } .name { font-size: 14px; font-weight: 600; } "
-        ".tick { font-size: 11px; fill: #64748b; } .grid { stroke: #dbe2ea; } .axis { stroke: #64748b; "
-        "fill: none; } .break { stroke: #94a3b8; stroke-dasharray: 3 3; } "
-        ".curve { fill: none; stroke-width: 1.8; stroke-linejoin: round; }</style>\n"
-        "<rect width=\"100%%\" height=\"100%%\" fill=\"#ffffff\"/>\n"
-        "<text class=\"title\" x=\"24\" y=\"34\">%s</text>\n"
-        "<text class=\"small\" x=\"24\" y=\"56\">%s</text>\n",
-        width, height, width, height, c->title, c->subtitle);
+    cairn_output_print(out,
+                       "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"%d\" height=\"%d\" "
+                       "viewBox=\"0 0 %d %d\">\n"
+                       "<style>text { font-family: system-ui, sans-serif; fill: #1e293b; } .title "
+                       "{ font-size: 20px; "
+                       "font-weight: 600; } .small { font-size: 13px; fill: #64748b; } .name { "
+                       "font-size: 14px; font-weight: 600; } "
+                       ".tick { font-size: 11px; fill: #64748b; } .grid { stroke: #dbe2ea; } .axis "
+                       "{ stroke: #64748b; "
+                       "fill: none; } .break { stroke: #94a3b8; stroke-dasharray: 3 3; } "
+                       ".curve { fill: none; stroke-width: 1.8; stroke-linejoin: round; }</style>\n"
+                       "<rect width=\"100%%\" height=\"100%%\" fill=\"#ffffff\"/>\n"
+                       "<text class=\"title\" x=\"24\" y=\"34\">%s</text>\n"
+                       "<text class=\"small\" x=\"24\" y=\"56\">%s</text>\n",
+                       width, height, width, height, c->title, c->subtitle);
     for (int32_t m = 0; m < c->methods; m++)
         cairn_output_print(out,
                            "<path class=\"curve\" stroke=\"%s\" d=\"M%d 76h26\"/>"

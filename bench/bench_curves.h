@@ -12,13 +12,17 @@ typedef struct bench_curve_panel {
 
 typedef struct bench_curves {
     const char *title, *subtitle;
-    const char *const *method; /* [methods] names */
-    const int32_t *step;       /* [samples], growing: drawn at equal distances, so that the axis may change its scale */
-    const bench_curve_panel *panel; /* [panels], row by row */
+    /* [methods] names */
+    const char *const *method;
+    /* [samples], growing: drawn at equal distances, so that the axis may change its scale */
+    const int32_t *step;
+    /* [panels], row by row */
+    const bench_curve_panel *panel;
     int32_t methods, samples, panels, columns;
 } bench_curves;
 
 /* Writes the picture, or nothing. CAIRN_IO, CAIRN_NO_MEMORY. */
-CAIRN_CHECKED cairn_status bench_curves_write(const char *path, const bench_curves *curves, cairn_file_error *error);
+CAIRN_CHECKED cairn_status bench_curves_write(const char *path, const bench_curves *curves,
+                                              cairn_file_error *error);
 
 #endif

@@ -45,7 +45,8 @@ static int take_object(const group_image *truth, const cairn_detection *d, int32
     return 1;
 }
 
-int detect_tally_add(detect_tally *tally, const cairn_detection *found, int32_t count, const group_image *truth)
+int detect_tally_add(detect_tally *tally, const cairn_detection *found, int32_t count,
+                     const group_image *truth)
 {
     int32_t taken[DETECT_CRITERIA][GROUP_INSTANCES] = {{0}};
     detect_event *grown;

@@ -1,5 +1,6 @@
-/* Plain oriented chamfer matching: for each of eight directions the distance to the nearest edge of it, cut off; the mean over the model's
- * samples at every place, size and proportion; the least ones stay. */
+/* Plain oriented chamfer matching: for each of eight directions the distance to the nearest edge
+ * of it, cut off; the mean over the model's samples at every place, size and proportion; the
+ * least ones stay. */
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
@@ -8,7 +9,8 @@
 
 enum { CHANNELS = 8, SIZES = 9, ASPECTS = 3, STEP = 4, FOUND_MOST = 64, PEAKS_MOST = 1 << 15 };
 
-/* Distances beyond such a share of the size cost no more; how far a direction off by a channel is, in px. */
+/* Distances beyond such a share of the size cost no more; how far a direction off by a channel
+ * is, in px. */
 #define CUT      0.06
 #define OVERLAP  0.2
 #define DIAGONAL 1.41421356F
@@ -23,7 +25,8 @@ typedef struct matcher {
 
 static int32_t channel_of(double angle)
 {
-    return (int32_t)floor(fmod(angle + 2 * 3.14159265358979, 3.14159265358979) / 3.14159265358979 * CHANNELS) %
+    return (int32_t)floor(fmod(angle + 2 * 3.14159265358979, 3.14159265358979) / 3.14159265358979 *
+                          CHANNELS) %
            CHANNELS;
 }
 
@@ -65,7 +68,8 @@ static int make_channels(matcher *m)
         m->distance[i] = 1e6F;
     for (int32_t i = 0; i < tokens.count; i++) {
         cairn_segment line = tokens.lines[i];
-        double dx = (double)(line.b.x - line.a.x), dy = (double)(line.b.y - line.a.y), angle = atan2(dy, dx);
+        double dx = (double)(line.b.x - line.a.x), dy = (double)(line.b.y - line.a.y),
+               angle = atan2(dy, dx);
         int32_t steps = 1 + (int32_t)(2 * hypot(dx, dy));
 
         for (int32_t k = 0; k <= steps; k++) {
@@ -108,7 +112,8 @@ static cairn_detection *next_peak(matcher *m)
 static void match(matcher *m, double size, double aspect, int32_t mirrored)
 {
     int32_t w = m->image->width, h = m->image->height, n = m->model->outline_count;
-    double wide = sqrt(aspect) * size * (mirrored ? -1 : 1), tall = size / sqrt(aspect), half_x = 0, half_y = 0;
+    double wide = sqrt(aspect) * size * (mirrored ? -1 : 1), tall = size / sqrt(aspect), half_x = 0,
+           half_y = 0;
     float cut = (float)(CUT * size);
 
     for (int32_t i = 0; i < n; i++) {
@@ -124,10 +129,12 @@ static void match(matcher *m, double size, double aspect, int32_t mirrored)
                 const cairn_oriented_point *o = &m->model->outline[i];
                 int32_t u = x + (int32_t)lrint(wide * (double)o->position.x);
                 int32_t v = y + (int32_t)lrint(tall * (double)o->position.y);
-                int32_t c = channel_of(atan2(tall * (double)o->direction.y, wide * (double)o->direction.x));
+                int32_t c =
+                    channel_of(atan2(tall * (double)o->direction.y, wide * (double)o->direction.x));
 
-                sum += u >= 0 && v >= 0 && u < w && v < h ? (double)least(cut, m->distance[(c * h + v) * w + u])
-                                                          : (double)cut;
+                sum += u >= 0 && v >= 0 && u < w && v < h
+                           ? (double)least(cut, m->distance[(c * h + v) * w + u])
+                           : (double)cut;
             }
             if (sum >= 0.6 * n * (double)cut)
                 continue;
@@ -169,14 +176,16 @@ static void keep_best(matcher *m)
     m->count = kept;
 }
 
-int32_t detect_chamfer(const group_image *image, const cairn_shape_model *model, cairn_detection **found)
+int32_t detect_chamfer(const group_image *image, const cairn_shape_model *model,
+                       cairn_detection **found)
 {
     static const double aspects[ASPECTS] = {0.8, 1, 1.25};
     matcher m = {image, model, NULL, NULL, 0, 0};
     double diagonal = hypot(image->width, image->height);
     int ok;
 
-    m.distance = malloc((size_t)CHANNELS * (size_t)image->width * (size_t)image->height * sizeof *m.distance);
+    m.distance = malloc((size_t)CHANNELS * (size_t)image->width * (size_t)image->height *
+                        sizeof *m.distance);
     m.peaks = malloc(PEAKS_MOST * sizeof *m.peaks);
     ok = m.distance != NULL && m.peaks != NULL && make_channels(&m);
     for (int32_t k = 0; k < SIZES && ok; k++)

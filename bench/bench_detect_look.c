@@ -12,7 +12,8 @@ static int say(const cairn_file_error *error)
     return 0;
 }
 
-static int read_grey(cairn_vision_image *grey, char path[PATH_ROOM], const char *folder, const char *name)
+static int read_grey(cairn_vision_image *grey, char path[PATH_ROOM], const char *folder,
+                     const char *name)
 {
     cairn_file_error error;
 
@@ -20,7 +21,8 @@ static int read_grey(cairn_vision_image *grey, char path[PATH_ROOM], const char 
     return cairn_vision_read_grey(grey, path, &error) == CAIRN_OK || say(&error);
 }
 
-static int add(cairn_appearance_trainer *trainer, const char *folder, const char *name, const char *class_name)
+static int add(cairn_appearance_trainer *trainer, const char *folder, const char *name,
+               const char *class_name)
 {
     double boxes[GROUP_INSTANCES][4];
     cairn_file_error error;
@@ -39,8 +41,8 @@ static int add(cairn_appearance_trainer *trainer, const char *folder, const char
     }
     ok = read_grey(&grey, path, folder, name);
     if (ok) {
-        ok = cairn_appearance_trainer_add(trainer, grey.samples, grey.width, grey.height, boxes[0], image.instances,
-                                          path, &error) == CAIRN_OK ||
+        ok = cairn_appearance_trainer_add(trainer, grey.samples, grey.width, grey.height, boxes[0],
+                                          image.instances, path, &error) == CAIRN_OK ||
              say(&error);
         cairn_vision_free(&grey);
     }
@@ -48,7 +50,8 @@ static int add(cairn_appearance_trainer *trainer, const char *folder, const char
     return ok;
 }
 
-int detect_look_train(cairn_appearance_model *model, const char *folder, const char *class_name, int32_t count)
+int detect_look_train(cairn_appearance_model *model, const char *folder, const char *class_name,
+                      int32_t count)
 {
     cairn_appearance_params params = cairn_appearance_default();
     cairn_appearance_trainer *trainer = cairn_appearance_trainer_new();
@@ -58,20 +61,21 @@ int detect_look_train(cairn_appearance_model *model, const char *folder, const c
 
     memset(model, 0, sizeof *model);
     if (!group_names_read(&names, folder) || names.count <= count) {
-        fprintf(stderr, "bench/detect: %s: %d images, expected more than --train %d\n", folder, (int)names.count,
-                (int)count);
+        fprintf(stderr, "bench/detect: %s: %d images, expected more than --train %d\n", folder,
+                (int)names.count, (int)count);
         ok = 0;
     }
     for (int32_t i = 0; i < count && ok; i++)
         ok = add(trainer, folder, names.name[i], class_name);
-    ok = ok && (cairn_appearance_train(model, trainer, &params, folder, &error) == CAIRN_OK || say(&error));
+    ok = ok && (cairn_appearance_train(model, trainer, &params, folder, &error) == CAIRN_OK ||
+                say(&error));
     cairn_appearance_trainer_free(trainer);
     group_names_free(&names);
     return ok;
 }
 
-int detect_look_field(cairn_appearance_field **field, const cairn_appearance_model *model, const char *folder,
-                      const group_image *image)
+int detect_look_field(cairn_appearance_field **field, const cairn_appearance_model *model,
+                      const char *folder, const group_image *image)
 {
     cairn_file_error error;
     cairn_vision_image grey;
@@ -82,12 +86,12 @@ int detect_look_field(cairn_appearance_field **field, const cairn_appearance_mod
     if (!read_grey(&grey, path, folder, image->name))
         return 0;
     if (grey.width != image->width || grey.height != image->height) {
-        fprintf(stderr, "bench/detect: %s: %d x %d, but its edges %d x %d\n", path, (int)grey.width, (int)grey.height,
-                (int)image->width, (int)image->height);
+        fprintf(stderr, "bench/detect: %s: %d x %d, but its edges %d x %d\n", path, (int)grey.width,
+                (int)grey.height, (int)image->width, (int)image->height);
         ok = 0;
     } else {
-        ok = cairn_appearance_field_make(field, model, grey.samples, grey.width, grey.height, path, &error) ==
-                 CAIRN_OK ||
+        ok = cairn_appearance_field_make(field, model, grey.samples, grey.width, grey.height, path,
+                                         &error) == CAIRN_OK ||
              say(&error);
     }
     cairn_vision_free(&grey);

@@ -5,11 +5,13 @@
 #include "bench/bench_group.h"
 #include "cairn/appearance.h"
 
-/* Learns from the first `count` images of a folder by name, their boxes of the class and windows beside them. 0: a line was printed. */
-int detect_look_train(cairn_appearance_model *model, const char *folder, const char *class_name, int32_t count);
+/* Learns from the first `count` images of a folder by name, their boxes of the class and windows
+ * beside them. 0: a line was printed. */
+int detect_look_train(cairn_appearance_model *model, const char *folder, const char *class_name,
+                      int32_t count);
 
 /* The words of an image. 0: a line was printed. */
-int detect_look_field(cairn_appearance_field **field, const cairn_appearance_model *model, const char *folder,
-                      const group_image *image);
+int detect_look_field(cairn_appearance_field **field, const cairn_appearance_model *model,
+                      const char *folder, const group_image *image);
 
 #endif

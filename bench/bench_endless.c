@@ -64,14 +64,15 @@ static cairn_status create(robot *r)
     solution.max_links = solution.max_fill = kept * (kept + 1) / 2;
     solution.gate = CAIRN_REAL(0.2);
     solution.rounds = 2;
-    bytes = cairn_scan_memory(&scan) + cairn_scan_set_memory(&set) + cairn_scan_cover_memory(&cover) +
-            joint_memory(&solution) + CAIRN_ALIGN;
+    bytes = cairn_scan_memory(&scan) + cairn_scan_set_memory(&set) +
+            cairn_scan_cover_memory(&cover) + joint_memory(&solution) + CAIRN_ALIGN;
     r->memory = malloc(bytes);
     r->poses = calloc((size_t)kept, sizeof *r->poses);
     r->held = calloc((size_t)kept, sizeof *r->held);
     r->came = calloc((size_t)kept, sizeof *r->came);
     r->first_errors = calloc((size_t)r->options->places, sizeof *r->first_errors);
-    if (r->memory == NULL || r->poses == NULL || r->held == NULL || r->came == NULL || r->first_errors == NULL)
+    if (r->memory == NULL || r->poses == NULL || r->held == NULL || r->came == NULL ||
+        r->first_errors == NULL)
         return CAIRN_NO_MEMORY;
     status = cairn_pool_init(&r->pool, r->memory, bytes);
     if (status == CAIRN_OK)
@@ -129,12 +130,12 @@ static sim_pose believed(robot *r, const sim_scan *scan)
 }
 
 /* Steps something to its end in ticks. */
-#define IN_TICKS(r, call)                                                                                              \
-    do {                                                                                                               \
-        cairn_budget budget = {TICK};                                                                                  \
-                                                                                                                       \
-        status = call;                                                                                                 \
-        (r)->units += TICK - budget.left;                                                                              \
+#define IN_TICKS(r, call)                                                                          \
+    do {                                                                                           \
+        cairn_budget budget = {TICK};                                                              \
+                                                                                                   \
+        status = call;                                                                             \
+        (r)->units += TICK - budget.left;                                                          \
     } while (status == CAIRN_MORE)
 
 static cairn_status fit(robot *r, const sim_scan *from, cairn_scan_view *view)
@@ -143,7 +144,8 @@ static cairn_status fit(robot *r, const sim_scan *from, cairn_scan_view *view)
     cairn_status status;
 
     for (int32_t i = 0; i < from->count; i++)
-        r->range[i] = from->range[i] + (float)(r->options->noise * (double)cairn_random_normal(&r->random));
+        r->range[i] =
+            from->range[i] + (float)(r->options->noise * (double)cairn_random_normal(&r->random));
     input.range = r->range;
     input.range_sigma = (float)r->options->noise;
     status = cairn_scan_begin(r->scan, &input, NULL);
@@ -239,7 +241,8 @@ static cairn_status take_in(robot *r, int64_t number, const sim_scan *scan, benc
 
 /* ---- The run ---- */
 
-static cairn_status run(robot *r, void (*report)(void *context, const bench_endless_lap *lap), void *context)
+static cairn_status run(robot *r, void (*report)(void *context, const bench_endless_lap *lap),
+                        void *context)
 {
     int64_t laps = r->options->scans / r->options->places;
     cairn_status status = CAIRN_OK;
@@ -267,8 +270,8 @@ static cairn_status run(robot *r, void (*report)(void *context, const bench_endl
     return status;
 }
 
-int bench_endless_run(const bench_endless_options *options, void (*report)(void *context, const bench_endless_lap *lap),
-                      void *context)
+int bench_endless_run(const bench_endless_options *options,
+                      void (*report)(void *context, const bench_endless_lap *lap), void *context)
 {
     robot *r = calloc(1, sizeof *r);
     cairn_status status = CAIRN_NO_MEMORY;

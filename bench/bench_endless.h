@@ -1,5 +1,6 @@
-/* A robot that drives round and round through an arena with room for so many scans: every scan that comes is aligned with
- * those that are kept, and the one whose place is best covered by others goes. Or one that maps as it drives to and fro. */
+/* A robot that drives round and round through an arena with room for so many scans: every scan
+ * that comes is aligned with those that are kept, and the one whose place is best covered by
+ * others goes. Or one that maps as it drives to and fro. */
 #ifndef CAIRN_BENCH_ENDLESS_H
 #define CAIRN_BENCH_ENDLESS_H
 
@@ -19,31 +20,43 @@ typedef struct bench_endless_options {
 /* A rescue arena, 100000 scans from 30 places, 32 kept, 0.01 m, 0.03 m and 1 degree. */
 bench_endless_options bench_endless_default(void);
 
-/* What happened in a lap. Errors are of the pose that a scan got when it came, against the truth. */
+/* What happened in a lap. Errors are of the pose that a scan got when it came, against the
+ * truth. */
 typedef struct bench_endless_lap {
     int64_t lap;
-    int32_t is_first; /* the first that began with full memory */
+    /* the first that began with full memory */
+    int32_t is_first;
     int32_t scans, kept;
-    int64_t units;     /* of budget */
-    int64_t worst;     /* units of the dearest scan */
-    int32_t released;  /* scans, and of these ... */
-    int32_t oldest;    /* ... those that were the oldest, the first apart, and ... */
-    int32_t newest;    /* ... those that had just come */
-    double mean, most; /* m */
+    /* of budget */
+    int64_t units;
+    /* units of the dearest scan */
+    int64_t worst;
+    /* scans, and of these ... */
+    int32_t released;
+    /* ... those that were the oldest, the first apart, and ... */
+    int32_t oldest;
+    /* ... those that had just come */
+    int32_t newest;
+    /* m */
+    double mean, most;
     double most_degrees;
-    int32_t loops, links; /* of the mapper's graph, in the end */
-    double away;          /* m: the most that the error at a place differs from that of the first lap in full memory */
+    /* of the mapper's graph, in the end */
+    int32_t loops, links;
+    /* m: the most that the error at a place differs from that of the first lap in full memory */
+    double away;
     double seconds;
-    uint64_t pool_used; /* bytes */
+    /* bytes */
+    uint64_t pool_used;
 } bench_endless_lap;
 
 /* Calls report for every lap. 0 on failure, with a line on standard error. */
-int bench_endless_run(const bench_endless_options *options, void (*report)(void *context, const bench_endless_lap *lap),
-                      void *context);
+int bench_endless_run(const bench_endless_options *options,
+                      void (*report)(void *context, const bench_endless_lap *lap), void *context);
 
-/* The same with the mapper, which releases the best covered key scans: a lap is a drive of places / 2 scans, one every 0.3 m or
- * 0.3 rad, and the same backwards; `kept` key scans at most; per step of 0.3 m the odometry is off by up to `metres` and `degrees`. */
-int bench_endless_map(const bench_endless_options *options, void (*report)(void *context, const bench_endless_lap *lap),
-                      void *context);
+/* The same with the mapper, which releases the best covered key scans: a lap is a drive of
+ * places / 2 scans, one every 0.3 m or 0.3 rad, and the same backwards; `kept` key scans at
+ * most; per step of 0.3 m the odometry is off by up to `metres` and `degrees`. */
+int bench_endless_map(const bench_endless_options *options,
+                      void (*report)(void *context, const bench_endless_lap *lap), void *context);
 
 #endif

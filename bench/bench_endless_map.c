@@ -75,7 +75,8 @@ static double off(driver *d, double most)
     return most * (double)cairn_random_uniform(&d->random, -1, 1);
 }
 
-/* The odometry moves on as the robot does, and is a little wrong; a scan from where the one before was adds nothing. */
+/* The odometry moves on as the robot does, and is a little wrong; a scan from where the one
+ * before was adds nothing. */
 static void move(driver *d, const sim_scan *scan)
 {
     sim_pose moved = bench_pose_between(d->truth, scan->truth);
@@ -101,7 +102,8 @@ static void score(driver *d, const sim_scan *scan, int32_t place, bench_endless_
     if (lap->is_first)
         d->first_errors[place] = error;
     if (d->is_full)
-        lap->away = fmax(lap->away, hypot(error.x - d->first_errors[place].x, error.y - d->first_errors[place].y));
+        lap->away = fmax(lap->away, hypot(error.x - d->first_errors[place].x,
+                                          error.y - d->first_errors[place].y));
 }
 
 static cairn_status take_in(driver *d, int64_t number, int32_t place, bench_endless_lap *lap)
@@ -116,7 +118,8 @@ static cairn_status take_in(driver *d, int64_t number, int32_t place, bench_endl
         d->truth = d->odometry = scan->truth;
     move(d, scan);
     for (int32_t i = 0; i < scan->count; i++)
-        d->range[i] = scan->range[i] + (float)(d->options->noise * (double)cairn_random_normal(&d->random));
+        d->range[i] =
+            scan->range[i] + (float)(d->options->noise * (double)cairn_random_normal(&d->random));
     input.range = d->range;
     input.range_sigma = (float)d->options->noise;
     odometry.x = (cairn_real)d->odometry.x;
@@ -135,7 +138,8 @@ static cairn_status take_in(driver *d, int64_t number, int32_t place, bench_endl
     return CAIRN_OK;
 }
 
-static cairn_status run(driver *d, void (*report)(void *context, const bench_endless_lap *lap), void *context)
+static cairn_status run(driver *d, void (*report)(void *context, const bench_endless_lap *lap),
+                        void *context)
 {
     int64_t laps = d->options->scans / d->options->places;
     cairn_status status = CAIRN_OK;
@@ -163,8 +167,8 @@ static cairn_status run(driver *d, void (*report)(void *context, const bench_end
     return status;
 }
 
-int bench_endless_map(const bench_endless_options *options, void (*report)(void *context, const bench_endless_lap *lap),
-                      void *context)
+int bench_endless_map(const bench_endless_options *options,
+                      void (*report)(void *context, const bench_endless_lap *lap), void *context)
 {
     driver *d = calloc(1, sizeof *d);
     cairn_status status = CAIRN_NO_MEMORY;

@@ -22,7 +22,8 @@ static void shuffle_poses(scene *s, uint64_t seed, double metres, double degrees
     }
 }
 
-/* The drive bends by 0.5 m and 5 degrees from its first scan to its last: a loop that was closed onto the wrong place. */
+/* The drive bends by 0.5 m and 5 degrees from its first scan to its last: a loop that was closed
+ * onto the wrong place. */
 static void bend(scene *s, uint64_t seed)
 {
     cairn_random random = cairn_random_seed(seed, 79);
@@ -95,7 +96,11 @@ int field_scene_make(scene *s, const char *name, uint64_t seed, double trans, do
     if (s->drive)
         bend(s, seed);
     else
-        shuffle_poses(s, seed, !isnan(trans) ? trans : arena.scene == SIM_MAZE ? 0.25 : 0.30, isnan(rot) ? 20 : rot);
+        shuffle_poses(s, seed,
+                      !isnan(trans)             ? trans
+                      : arena.scene == SIM_MAZE ? 0.25
+                                                : 0.30,
+                      isnan(rot) ? 20 : rot);
     memcpy(s->poses, s->start, n * sizeof *s->poses);
     return 1;
 }
@@ -122,7 +127,8 @@ static field_error error_between(const scene *s, const sim_pose *poses, const si
         ty += others[i].y / s->count;
     }
     for (int32_t i = 0; i < s->count; i++) {
-        double px = poses[i].x - ex, py = poses[i].y - ey, qx = others[i].x - tx, qy = others[i].y - ty;
+        double px = poses[i].x - ex, py = poses[i].y - ey, qx = others[i].x - tx,
+               qy = others[i].y - ty;
 
         sine += px * qy - py * qx;
         cosine += px * qx + py * qy;

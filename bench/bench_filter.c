@@ -7,8 +7,9 @@
 
 #include "bench/bench_json.h"
 
-static cairn_status feed(const bench_filter *run, cairn_filter_mapper *mapper, const cairn_carmen_scans *log,
-                         int32_t *key, cairn_pose *poses, double *units)
+static cairn_status feed(const bench_filter *run, cairn_filter_mapper *mapper,
+                         const cairn_carmen_scans *log, int32_t *key, cairn_pose *poses,
+                         double *units)
 {
     cairn_status status = CAIRN_OK;
     int live = isatty(STDERR_FILENO);
@@ -19,8 +20,10 @@ static cairn_status feed(const bench_filter *run, cairn_filter_mapper *mapper, c
         cairn_mapper_result result;
 
         if (run->no_odometry)
-            input.base_sensor = cairn_pose_identity(); /* the mounting, too, follows from the log's poses */
-        status = cairn_filter_mapper_add(mapper, &input, run->no_odometry ? NULL : &log->record[i].robot, NULL);
+            /* the mounting, too, follows from the log's poses */
+            input.base_sensor = cairn_pose_identity();
+        status = cairn_filter_mapper_add(mapper, &input,
+                                         run->no_odometry ? NULL : &log->record[i].robot, NULL);
         if (status == CAIRN_OK)
             status = cairn_filter_mapper_step(mapper, &budget);
         units[i] = (double)(CAIRN_UNBOUNDED - budget.left);
@@ -35,10 +38,11 @@ static cairn_status feed(const bench_filter *run, cairn_filter_mapper *mapper, c
     return status;
 }
 
-int bench_filter_map(bench_filter *run, const cairn_carmen_scans *log, cairn_pose *poses, double *units)
+int bench_filter_map(bench_filter *run, const cairn_carmen_scans *log, cairn_pose *poses,
+                     double *units)
 {
-    cairn_filter_mapper_params params = cairn_filter_mapper_default_for(log->count < 8192 ? log->count + 1 : 8192,
-                                                                        log->info.beams_most, run->particles);
+    cairn_filter_mapper_params params = cairn_filter_mapper_default_for(
+        log->count < 8192 ? log->count + 1 : 8192, log->info.beams_most, run->particles);
     int32_t *key = malloc(((size_t)log->count + 1) * sizeof *key), best;
     cairn_pose *path = malloc((size_t)params.front.max_keys * sizeof *path);
     cairn_filter_mapper *mapper = NULL;
@@ -51,7 +55,8 @@ int bench_filter_map(bench_filter *run, const cairn_carmen_scans *log, cairn_pos
     params.seed = run->seed;
     bytes = cairn_filter_mapper_memory(&params) + CAIRN_ALIGN;
     memory = malloc(bytes);
-    status = memory == NULL || key == NULL || path == NULL ? CAIRN_NO_MEMORY : cairn_pool_init(&pool, memory, bytes);
+    status = memory == NULL || key == NULL || path == NULL ? CAIRN_NO_MEMORY
+                                                           : cairn_pool_init(&pool, memory, bytes);
     if (status == CAIRN_OK)
         status = cairn_filter_mapper_create(&mapper, &pool, &params);
     if (status == CAIRN_OK)

@@ -15,8 +15,9 @@ typedef struct bench_filter {
     cairn_filter_mapper_state state;
 } bench_filter;
 
-/* Maps the log; poses: [count] of the robot along the best path, units: [count] what each scan cost. 0 on failure, with a line on
- * standard error. */
-int bench_filter_map(bench_filter *run, const cairn_carmen_scans *log, cairn_pose *poses, double *units);
+/* Maps the log; poses: [count] of the robot along the best path, units: [count] what each scan
+ * cost. 0 on failure, with a line on standard error. */
+int bench_filter_map(bench_filter *run, const cairn_carmen_scans *log, cairn_pose *poses,
+                     double *units);
 
 #endif

@@ -62,7 +62,8 @@ static cairn_status count_capacities(simulation *s)
     return status;
 }
 
-/* The pool holds the scan and the field, then, without online, the two that look. *bytes: of the first two. */
+/* The pool holds the scan and the field, then, without online, the two that look. *bytes: of the
+ * first two. */
 static cairn_status open_fields(simulation *s, size_t *bytes)
 {
     int32_t fields = s->online ? BEFORE : FIELDS;
@@ -80,7 +81,8 @@ static cairn_status open_fields(simulation *s, size_t *bytes)
     if (status == CAIRN_OK)
         status = cairn_scan_create(&s->scan, &pool, &s->scan_params);
     for (int32_t k = 0; k < fields && status == CAIRN_OK; k++)
-        status = cairn_force_field_create(&s->field[k], &pool, k == FIELD ? &s->params : &s->probe_params);
+        status = cairn_force_field_create(&s->field[k], &pool,
+                                          k == FIELD ? &s->params : &s->probe_params);
     return status;
 }
 
@@ -131,11 +133,13 @@ static cairn_status add_scan(simulation *s, int32_t i, const bench_pose *poses)
 
     for (int32_t k = 0; k < FIELDS && status == CAIRN_OK; k++)
         if (s->field[k] != NULL)
-            status = cairn_force_field_add_scan(s->field[k], &view, NULL, pose_of(poses[i].pose), NULL);
+            status =
+                cairn_force_field_add_scan(s->field[k], &view, NULL, pose_of(poses[i].pose), NULL);
     return status;
 }
 
-/* Place after place, each matched by shape with those before it; the poses when the field stands. */
+/* Place after place, each matched by shape with those before it; the poses when the field
+ * stands. */
 static cairn_status simulate_chain(simulation *s, bench_pose *poses)
 {
     cairn_status status = CAIRN_OK;
@@ -177,8 +181,8 @@ static cairn_status simulate(simulation *s, bench_pose *poses)
     return status;
 }
 
-int bench_run_gradient(const sim_scan *scans, int32_t count, int32_t iterations, int32_t online, bench_chain *chain,
-                       bench_pose *poses, bench_run *run)
+int bench_run_gradient(const sim_scan *scans, int32_t count, int32_t iterations, int32_t online,
+                       bench_chain *chain, bench_pose *poses, bench_run *run)
 {
     simulation s = {.scans = scans, .count = count, .online = online, .chain = chain};
     cairn_status status;

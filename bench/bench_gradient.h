@@ -4,11 +4,13 @@
 
 #include "bench/bench_chain.h"
 
-/* At most `iterations`, or as many after each scan with online: then the scans come one by one, and all that are there are
- * aligned together before the next one (section 7.3.6). run->rising: iterations after which P(g) is above what it was before
- * them, both at the iteration's sigma and without regions of interest; 0 with online. chain: with online, the scans come place by place from where it has matched them; NULL: one by one, from their start. poses: the start, then the result. 0 on
- * failure, with a line on standard error. */
-int bench_run_gradient(const sim_scan *scans, int32_t count, int32_t iterations, int32_t online, bench_chain *chain,
-                       bench_pose *poses, bench_run *run);
+/* At most `iterations`, or as many after each scan with online: then the scans come one by one,
+ * and all that are there are aligned together before the next one (section 7.3.6). run->rising:
+ * iterations after which P(g) is above what it was before them, both at the iteration's sigma
+ * and without regions of interest; 0 with online. chain: with online, the scans come place by
+ * place from where it has matched them; NULL: one by one, from their start. poses: the start,
+ * then the result. 0 on failure, with a line on standard error. */
+int bench_run_gradient(const sim_scan *scans, int32_t count, int32_t iterations, int32_t online,
+                       bench_chain *chain, bench_pose *poses, bench_run *run);
 
 #endif

@@ -35,7 +35,8 @@ int group_names_read(group_names *names, const char *folder)
         size_t length = strlen(entry->d_name);
         char **grown;
 
-        if (length < 5 || strcmp(entry->d_name + length - 4, ".jpg") != 0 || entry->d_name[0] == '.')
+        if (length < 5 || strcmp(entry->d_name + length - 4, ".jpg") != 0 ||
+            entry->d_name[0] == '.')
             continue;
         grown = realloc(names->name, ((size_t)names->count + 1) * sizeof *grown);
         if (grown == NULL)
@@ -96,7 +97,8 @@ static void read_boxes(group_image *image, const char *folder, const char *class
     size_t i;
 
     for (i = 0; class_name[i] != '\0' && i + 1 < sizeof lower; i++)
-        lower[i] = (char)(class_name[i] >= 'A' && class_name[i] <= 'Z' ? class_name[i] + 32 : class_name[i]);
+        lower[i] = (char)(class_name[i] >= 'A' && class_name[i] <= 'Z' ? class_name[i] + 32
+                                                                       : class_name[i]);
     lower[i] = '\0';
     (void)snprintf(path, sizeof path, "%s/%s_%s.groundtruth", folder, image->name, lower);
     file = fopen(path, "r");
@@ -111,16 +113,20 @@ static void read_boxes(group_image *image, const char *folder, const char *class
         (void)fclose(file);
 }
 
-/* The pixels of a picture that belong to an object and have a neighbour that does not, or, of a picture of lines, all. */
-static int add_outline(group_image *image, const uint8_t *pixels, int32_t level, int32_t is_mask, uint8_t *outline)
+/* The pixels of a picture that belong to an object and have a neighbour that does not, or, of a
+ * picture of lines, all. */
+static int add_outline(group_image *image, const uint8_t *pixels, int32_t level, int32_t is_mask,
+                       uint8_t *outline)
 {
     int32_t count = 0, w = image->width, h = image->height;
 
     for (int32_t y = 0; y < h; y++)
         for (int32_t x = 0; x < w; x++) {
             int32_t is_in = is_mask ? pixels[y * w + x] != 0 : pixels[y * w + x] == level;
-            int32_t is_rim = !is_mask || (x > 0 && !pixels[y * w + x - 1]) || (x + 1 < w && !pixels[y * w + x + 1]) ||
-                             (y > 0 && !pixels[(y - 1) * w + x]) || (y + 1 < h && !pixels[(y + 1) * w + x]);
+            int32_t is_rim = !is_mask || (x > 0 && !pixels[y * w + x - 1]) ||
+                             (x + 1 < w && !pixels[y * w + x + 1]) ||
+                             (y > 0 && !pixels[(y - 1) * w + x]) ||
+                             (y + 1 < h && !pixels[(y + 1) * w + x]);
 
             outline[y * w + x] = (uint8_t)(is_in && is_rim);
             count += outline[y * w + x];
@@ -130,10 +136,12 @@ static int add_outline(group_image *image, const uint8_t *pixels, int32_t level,
 
 static double overlap(const group_box *a, const group_box *b)
 {
-    double w = fmin(a->right, b->right) - fmax(a->left, b->left), h = fmin(a->bottom, b->bottom) - fmax(a->top, b->top);
+    double w = fmin(a->right, b->right) - fmax(a->left, b->left),
+           h = fmin(a->bottom, b->bottom) - fmax(a->top, b->top);
     double both = w > 0 && h > 0 ? w * h : 0;
 
-    return both / ((a->right - a->left) * (a->bottom - a->top) + (b->right - b->left) * (b->bottom - b->top) - both);
+    return both / ((a->right - a->left) * (a->bottom - a->top) +
+                   (b->right - b->left) * (b->bottom - b->top) - both);
 }
 
 static group_box box_of(const group_image *image, const uint8_t *pixels)
@@ -195,8 +203,9 @@ static void share_out(group_image *image, const uint8_t *outline)
         for (int32_t i = 0; i < image->width * image->height && own != NULL; i++) {
             int32_t x = i % image->width, y = i / image->width;
 
-            own[i] = (uint8_t)(outline[i] && x >= b->left - BOX_SLACK && x <= b->right + BOX_SLACK &&
-                               y >= b->top - BOX_SLACK && y <= b->bottom + BOX_SLACK);
+            own[i] =
+                (uint8_t)(outline[i] && x >= b->left - BOX_SLACK && x <= b->right + BOX_SLACK &&
+                          y >= b->top - BOX_SLACK && y <= b->bottom + BOX_SLACK);
             count += own[i];
         }
         if (count > LEAST_OUTLINE && own != NULL)
@@ -223,7 +232,8 @@ static void read_levels(group_image *image, const cairn_vision_image *grey)
 /* Masks one by one, or all outlines in one picture by their grey levels. */
 static void read_outlines(group_image *image, const char *folder, const char *class_name)
 {
-    static const char *const forms[] = {"%s/%s_%s_outlines.pgm", "%s/%s_%s_outlines.png", "%s/%s_half_%s_outlines.pgm"};
+    static const char *const forms[] = {"%s/%s_%s_outlines.pgm", "%s/%s_%s_outlines.png",
+                                        "%s/%s_half_%s_outlines.pgm"};
     cairn_vision_image grey;
     char path[4096], lower[64];
 
@@ -271,7 +281,8 @@ static void mark_middle(group_image *image, uint8_t *outline)
     bytes = cairn_edge_chain_memory(&params) + CAIRN_ALIGN;
     memory = malloc(bytes);
     if (memory != NULL && cairn_pool_init(&pool, memory, bytes) == CAIRN_OK &&
-        cairn_edge_chain_create(&set, &pool, &params) == CAIRN_OK && cairn_edge_chain_begin(set, view) == CAIRN_OK &&
+        cairn_edge_chain_create(&set, &pool, &params) == CAIRN_OK &&
+        cairn_edge_chain_begin(set, view) == CAIRN_OK &&
         cairn_edge_chain_step(set, &budget) == CAIRN_OK) {
         r = cairn_edge_chain_read(set);
         for (int32_t i = 0; i < r.pixel_count; i++)
@@ -290,7 +301,8 @@ static void finish_outlines(group_image *image)
             mark_middle(image, image->outline[i]);
 }
 
-int group_image_read(group_image *image, const char *folder, const char *name, const char *class_name)
+int group_image_read(group_image *image, const char *folder, const char *name,
+                     const char *class_name)
 {
     cairn_vision_image edges;
     cairn_file_error error;
@@ -351,15 +363,16 @@ static void mark(const group_image *image, cairn_segment line, group_grouping *g
         int32_t y = (int32_t)lrint((double)line.a.y + (double)(line.b.y - line.a.y) * i / steps);
         int32_t at = y * image->width + x;
 
-        if (x >= 0 && y >= 0 && x < image->width && y < image->height && image->near_edge[at] && !g->pixels[at]) {
+        if (x >= 0 && y >= 0 && x < image->width && y < image->height && image->near_edge[at] &&
+            !g->pixels[at]) {
             g->pixels[at] = 1;
             g->pixel_count++;
         }
     }
 }
 
-void group_found_add(group_found *found, const group_image *image, const cairn_contour_tokens *tokens,
-                     const cairn_contour_result *result)
+void group_found_add(group_found *found, const group_image *image,
+                     const cairn_contour_tokens *tokens, const cairn_contour_result *result)
 {
     found->best = fmax(found->best, (double)result->best_evidence);
     if (result->mode == CAIRN_MODE_AS_WRITTEN && found->searches < GROUP_INSTANCES) {
@@ -378,7 +391,8 @@ void group_found_add(group_found *found, const group_image *image, const cairn_c
             free_grouping(g);
             return;
         }
-        memcpy(g->outline, &result->outline[o->first_outline], (size_t)g->outline_count * sizeof *g->outline);
+        memcpy(g->outline, &result->outline[o->first_outline],
+               (size_t)g->outline_count * sizeof *g->outline);
         g->object = o->found;
         g->mirrored = o->mirrored;
         g->rigid = (double)o->rigid;
@@ -409,8 +423,9 @@ void group_found_sort(group_found *found)
         for (int32_t k = 0; k < kept && apart; k++) {
             const cairn_grouped_object *b = &found->grouping[k].object;
 
-            apart = hypot((double)(o->origin.x - b->origin.x), (double)(o->origin.y - b->origin.y)) >
-                    APART * fmax((double)o->size, (double)b->size);
+            apart =
+                hypot((double)(o->origin.x - b->origin.x), (double)(o->origin.y - b->origin.y)) >
+                APART * fmax((double)o->size, (double)b->size);
         }
         if (apart)
             found->grouping[kept++] = found->grouping[i];
@@ -439,7 +454,8 @@ static group_score score_of(const group_image *image, const group_grouping *g, i
 {
     const group_box *b = &image->box[instance];
     double far = fmax(1, FAR_SHARE * hypot(b->right - b->left, b->bottom - b->top));
-    uint8_t *near = grown(image, g->pixels, NEAR), *along = grown(image, image->outline[instance], far);
+    uint8_t *near = grown(image, g->pixels, NEAR),
+            *along = grown(image, image->outline[instance], far);
     group_score s = {.instance = instance};
     int32_t present = 0, covered = 0, thin_present = 0, thin_covered = 0, right = 0;
     group_box box = box_of(image, g->pixels);
@@ -459,13 +475,15 @@ static group_score score_of(const group_image *image, const group_grouping *g, i
     s.coverage = present > 0 ? (double)covered / present : 0;
     s.precision = g->pixel_count > 0 ? (double)right / g->pixel_count : 0;
     s.iou = g->pixel_count > 0 ? overlap(&box, b) : 0;
-    s.thin = thin_present > 0 && thin_covered >= HIT_COVERAGE * thin_present && s.precision >= HIT_PRECISION;
+    s.thin = thin_present > 0 && thin_covered >= HIT_COVERAGE * thin_present &&
+             s.precision >= HIT_PRECISION;
     s.covered = s.coverage >= HIT_COVERAGE;
     s.hit = s.coverage >= HIT_COVERAGE && s.precision >= HIT_PRECISION;
     return s;
 }
 
-int32_t group_measure(const group_image *image, const group_found *found, group_score score[GROUP_INSTANCES])
+int32_t group_measure(const group_image *image, const group_found *found,
+                      group_score score[GROUP_INSTANCES])
 {
     int32_t used[GROUP_GROUPINGS] = {0}, hits = 0;
 
@@ -478,7 +496,8 @@ int32_t group_measure(const group_image *image, const group_found *found, group_
         for (int32_t k = 0; k < found->count && k < image->instances; k++) {
             group_score s = score_of(image, &found->grouping[k], i);
 
-            if (!used[k] && (s.hit > score[i].hit || (s.hit == score[i].hit && s.coverage > score[i].coverage))) {
+            if (!used[k] && (s.hit > score[i].hit ||
+                             (s.hit == score[i].hit && s.coverage > score[i].coverage))) {
                 score[i] = s;
                 best = k;
             }

@@ -1,4 +1,5 @@
-/* bench_group: images of the ETHZ shape classes with their truth, and what groupings on them are worth. */
+/* bench_group: images of the ETHZ shape classes with their truth, and what groupings on them are
+ * worth. */
 #ifndef CAIRN_BENCH_GROUP_H
 #define CAIRN_BENCH_GROUP_H
 
@@ -24,17 +25,21 @@ typedef struct group_box {
 typedef struct group_image {
     char name[256];
     int32_t width, height;
-    uint8_t *edges;     /* strengths */
-    uint8_t *near_edge; /* 1: an edge pixel within a pixel */
-    uint8_t *with_edge; /* 1: an edge pixel within 3 px */
+    /* strengths */
+    uint8_t *edges;
+    /* 1: an edge pixel within a pixel */
+    uint8_t *near_edge;
+    /* 1: an edge pixel within 3 px */
+    uint8_t *with_edge;
     group_box box[GROUP_INSTANCES];
-    uint8_t
-        *outline[GROUP_INSTANCES]; /* 1: on the outline of the instance; 2: on the line in the middle of its stroke */
+    /* 1: on the outline of the instance; 2: on the line in the middle of its stroke */
+    uint8_t *outline[GROUP_INSTANCES];
     int32_t instances, has_outline;
 } group_image;
 
 /* Reads an image's edges and, with a class, its truth. 0: a line was printed. */
-int group_image_read(group_image *image, const char *folder, const char *name, const char *class_name);
+int group_image_read(group_image *image, const char *folder, const char *name,
+                     const char *class_name);
 void group_image_free(group_image *image);
 
 /* A grouping: the edge pixels that its segments run along. */
@@ -59,22 +64,27 @@ typedef struct group_found {
 } group_found;
 
 void group_found_clear(group_found *found);
-void group_found_add(group_found *found, const group_image *image, const cairn_contour_tokens *tokens,
-                     const cairn_contour_result *result);
+void group_found_add(group_found *found, const group_image *image,
+                     const cairn_contour_tokens *tokens, const cairn_contour_result *result);
 /* The best first; of those at one place the best. */
 void group_found_sort(group_found *found);
 
 typedef struct group_score {
     int32_t instance, hit;
-    int32_t covered; /* 1: as the thesis counts: 80 % of what is present is grouped, whatever else is */
-    int32_t thin;    /* 1: a hit when the outline is the line in the middle of its stroke */
+    /* 1: as the thesis counts: 80 % of what is present is grouped, whatever else is */
+    int32_t covered;
+    /* 1: a hit when the outline is the line in the middle of its stroke */
+    int32_t thin;
     double coverage, precision, present, iou;
 } group_score;
 
-/* Scores of all instances: each by the best of the first I groupings for it, no grouping for two. The number of groupings that were hits. */
-int32_t group_measure(const group_image *image, const group_found *found, group_score score[GROUP_INSTANCES]);
+/* Scores of all instances: each by the best of the first I groupings for it, no grouping for
+ * two. The number of groupings that were hits. */
+int32_t group_measure(const group_image *image, const group_found *found,
+                      group_score score[GROUP_INSTANCES]);
 
-/* DIR/name.ppm: edges grey, outlines green, the groupings that count red, their bent outlines blue, violet where nothing was seen. */
+/* DIR/name.ppm: edges grey, outlines green, the groupings that count red, their bent outlines
+ * blue, violet where nothing was seen. */
 void group_draw(const char *folder, const group_image *image, const group_found *found);
 
 #endif

@@ -144,8 +144,10 @@ static int run_arena(const bench_problem_kind kinds[2], int64_t seed, double rat
     memset(sizes, 0, sizeof sizes);
     memset(runs, 0, sizeof runs);
     done = bench_problem_open(&small, &kinds[0], (uint64_t)seed) &&
-           bench_problem_open(&large, &kinds[1], (uint64_t)seed) && select_scans(&small, small.count, &sizes[SMALL]) &&
-           select_scans(&large, small.count, &sizes[PART]) && select_scans(&large, large.count, &sizes[LARGE]);
+           bench_problem_open(&large, &kinds[1], (uint64_t)seed) &&
+           select_scans(&small, small.count, &sizes[SMALL]) &&
+           select_scans(&large, small.count, &sizes[PART]) &&
+           select_scans(&large, large.count, &sizes[LARGE]);
     for (int k = 0; k < SIZES * TURNS && done; k++)
         done = run(&sizes[k % SIZES], &runs[k % SIZES]);
     for (int k = 0; k < SIZES && done; k++)

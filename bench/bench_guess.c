@@ -55,14 +55,17 @@ static cairn_ellipse draw_ellipse(int i, cairn_random *random)
 
 static void see_ellipse(cloud *c, const cairn_ellipse *e, cairn_random *random)
 {
-    double first = uniform(random, 0.2, 0.4), gap[2] = {uniform(random, 0, 0.2), uniform(random, 0, 0.2)};
+    double first = uniform(random, 0.2, 0.4),
+           gap[2] = {uniform(random, 0, 0.2), uniform(random, 0, 0.2)};
     double start = uniform(random, 0, 1), places = ceil((double)cairn_ellipse_length(e) / 0.1);
 
     for (int i = 0; i < (int)places; i++) {
         double at = i / places;
 
-        if ((at >= gap[0] && at < gap[0] + first) || (at >= gap[0] + first + gap[1] && at < gap[0] + gap[1] + 0.6))
-            add_point(c, cairn_ellipse_point(e, (cairn_real)(2 * (double)CAIRN_PI * (at + start))), random);
+        if ((at >= gap[0] && at < gap[0] + first) ||
+            (at >= gap[0] + first + gap[1] && at < gap[0] + gap[1] + 0.6))
+            add_point(c, cairn_ellipse_point(e, (cairn_real)(2 * (double)CAIRN_PI * (at + start))),
+                      random);
     }
 }
 
@@ -87,11 +90,12 @@ static int is_same(const cairn_ellipse *a, const cairn_ellipse *b)
 {
     return a->kind == b->kind &&
            hypot((double)(a->centre.x - b->centre.x), (double)(a->centre.y - b->centre.y)) < 0.3 &&
-           fabs((double)(a->half_length - b->half_length)) < 0.3 && fabs((double)(a->half_width - b->half_width)) < 0.3;
+           fabs((double)(a->half_length - b->half_length)) < 0.3 &&
+           fabs((double)(a->half_width - b->half_width)) < 0.3;
 }
 
-static void count_found(const cairn_ellipse *truth, const cairn_ellipse *list, int32_t count, int32_t *found,
-                        int32_t *wrong)
+static void count_found(const cairn_ellipse *truth, const cairn_ellipse *list, int32_t count,
+                        int32_t *found, int32_t *wrong)
 {
     for (int i = 0; i < ELLIPSES; i++) {
         int32_t k = 0;
@@ -158,7 +162,8 @@ static double meet(const double wall[4], double px, double py, double dx, double
     return cross != 0 && t > 0 && s >= 0 && s <= 1 ? t : (double)INFINITY;
 }
 
-static void see_box(bench_box *box, int scan, const double walls[BOX_WALLS][4], sim_pose at, cairn_random *random)
+static void see_box(bench_box *box, int scan, const double walls[BOX_WALLS][4], sim_pose at,
+                    cairn_random *random)
 {
     sim_scan *s = &box->scans[scan];
 
@@ -192,10 +197,13 @@ static void see_box(bench_box *box, int scan, const double walls[BOX_WALLS][4], 
 void bench_box_draw(bench_box *box, uint64_t seed)
 {
     cairn_random random = cairn_random_seed(seed, 83);
-    double length = uniform(&random, 1, 1.6), thick = uniform(&random, 0.25, 0.5), turn = uniform(&random, 0, 6.28);
-    double l = length / 2, t = thick / 2, w = uniform(&random, 2.6, 3.4), h = uniform(&random, 2.6, 3.4);
-    const double walls[BOX_WALLS][4] = {{-l, t, l, t},   {-l, -t, l, -t}, {-l, -t, -l, t}, {l, -t, l, t},
-                                        {-w, -h, w, -h}, {-w, h, w, h},   {-w, -h, -w, h}, {w, -h, w, h}};
+    double length = uniform(&random, 1, 1.6), thick = uniform(&random, 0.25, 0.5),
+           turn = uniform(&random, 0, 6.28);
+    double l = length / 2, t = thick / 2, w = uniform(&random, 2.6, 3.4),
+           h = uniform(&random, 2.6, 3.4);
+    const double walls[BOX_WALLS][4] = {{-l, t, l, t},   {-l, -t, l, -t}, {-l, -t, -l, t},
+                                        {l, -t, l, t},   {-w, -h, w, -h}, {-w, h, w, h},
+                                        {-w, -h, -w, h}, {w, -h, w, h}};
 
     box->thickness = thick;
     for (int i = 0; i < BENCH_BOX_SCANS; i++) {
@@ -212,8 +220,10 @@ void bench_box_draw(bench_box *box, uint64_t seed)
     }
 }
 
-/* Mean of the hits on the long side that the scans from `first` on show, and its direction there. */
-static sim_point mean_hit(const bench_box *box, const sim_pose *poses, int first, cairn_sym2 *spread)
+/* Mean of the hits on the long side that the scans from `first` on show, and its direction
+ * there. */
+static sim_point mean_hit(const bench_box *box, const sim_pose *poses, int first,
+                          cairn_sym2 *spread)
 {
     sim_point sum = {0, 0};
     double count = 0, xx = 0, xy = 0, yy = 0;
@@ -244,8 +254,10 @@ static sim_point mean_hit(const bench_box *box, const sim_pose *poses, int first
 double bench_box_thickness(const bench_box *box, const sim_pose *poses)
 {
     cairn_sym2 spread, other;
-    sim_point below = mean_hit(box, poses, 0, &spread), above = mean_hit(box, poses, BENCH_BOX_SCANS / 2, &other);
-    double heading = poses[0].theta - box->scans[0].truth.theta, looks = box->scans[0].truth.theta + heading;
+    sim_point below = mean_hit(box, poses, 0, &spread),
+              above = mean_hit(box, poses, BENCH_BOX_SCANS / 2, &other);
+    double heading = poses[0].theta - box->scans[0].truth.theta,
+           looks = box->scans[0].truth.theta + heading;
     cairn_real values[2];
     cairn_vec2 across, along;
     double off;
@@ -261,7 +273,8 @@ static int is_wall(const sim_arena *arena, const sim_edge *e)
 {
     int32_t count;
 
-    return !e->curved && !(e->radius > 0) && sim_arena_bodies(arena, &count)[e->body].kind == SIM_WALL;
+    return !e->curved && !(e->radius > 0) &&
+           sim_arena_bodies(arena, &count)[e->body].kind == SIM_WALL;
 }
 
 static int is_collinear(const sim_edge *a, const sim_edge *b)
@@ -316,8 +329,8 @@ static void add_hits(const sim_scan *s, sim_pose at, int32_t scan, const int32_t
     }
 }
 
-void bench_guess_straightness(const sim_arena *arena, const sim_scan *scans, const sim_pose *poses, int32_t count,
-                              double *squares, double *hits)
+void bench_guess_straightness(const sim_arena *arena, const sim_scan *scans, const sim_pose *poses,
+                              int32_t count, double *squares, double *hits)
 {
     int32_t edges, *line = lines_of(arena, &edges);
     sums *of = calloc((size_t)edges, sizeof *of);
@@ -363,8 +376,8 @@ static int32_t count_lies(const void *state)
     return lie->detections - 1 == lie->when;
 }
 
-static int32_t lay_lie(const void *state, int32_t i, cairn_real spacing, cairn_oriented_point *points, int32_t room,
-                       cairn_real *strength)
+static int32_t lay_lie(const void *state, int32_t i, cairn_real spacing,
+                       cairn_oriented_point *points, int32_t room, cairn_real *strength)
 {
     const bench_lie *lie = state;
     cairn_vec2 corner[4];
@@ -373,7 +386,8 @@ static int32_t lay_lie(const void *state, int32_t i, cairn_real spacing, cairn_o
     (void)i;
     cairn_rectangle_corners(&lie->rectangle, corner);
     for (int k = 0; k < 4; k++) {
-        cairn_vec2 way = cairn_vec2_sub(corner[(k + 1) % 4], corner[k]), along = cairn_vec2_unit(way);
+        cairn_vec2 way = cairn_vec2_sub(corner[(k + 1) % 4], corner[k]),
+                   along = cairn_vec2_unit(way);
 
         for (cairn_real t = 0; t < cairn_vec2_norm(way) && count < room; t += spacing, count++) {
             points[count].position = cairn_vec2_add(corner[k], cairn_vec2_scale(along, t));
@@ -421,7 +435,8 @@ int bench_lie_is_believed(const bench_lie *lie, const cairn_virtual_scan *hypoth
 
         for (int32_t k = h[i].first_point; k < h[i].end_point; k++)
             on += is_on_lie(lie, &p[k]);
-        if (h[i].weight > 0 && on > (h[i].end_point - h[i].first_point) / 2.0 && on * lie->spacing > outline / 2)
+        if (h[i].weight > 0 && on > (h[i].end_point - h[i].first_point) / 2.0 &&
+            on * lie->spacing > outline / 2)
             return 1;
     }
     return 0;

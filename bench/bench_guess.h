@@ -1,18 +1,20 @@
-/* bench_guess: what hypotheses are tried on: detectors alone, a box seen from two sides, a hypothesis that is false, and how far
- * walls that go on straight are from it. */
+/* bench_guess: what hypotheses are tried on: detectors alone, a box seen from two sides, a
+ * hypothesis that is false, and how far walls that go on straight are from it. */
 #ifndef CAIRN_BENCH_GUESS_H
 #define CAIRN_BENCH_GUESS_H
 
 #include "cairn/virtual_scan.h"
 #include "sim/arena.h"
 
-/* Ellipses as virtual_scan asks for them, in scenes as those of the rectangles: of every outline 60 % in two pieces, with noise,
- * among walls that belong to nothing. Adds how many there were, how many were found, and how many others. 0 on failure. */
+/* Ellipses as virtual_scan asks for them, in scenes as those of the rectangles: of every outline
+ * 60 % in two pieces, with noise, among walls that belong to nothing. Adds how many there were,
+ * how many were found, and how many others. 0 on failure. */
 int bench_guess_ellipses(uint64_t seed, int32_t *there, int32_t *found, int32_t *wrong);
 
 enum { BENCH_BOX_SCANS = 4, BENCH_BOX_BEAMS = 361 };
 
-/* A flat box in a room, two scans of 110 degrees that face it from either side, none of which sees both of its long sides. */
+/* A flat box in a room, two scans of 110 degrees that face it from either side, none of which
+ * sees both of its long sides. */
 typedef struct bench_box {
     double thickness; /* m */
     float range[BENCH_BOX_SCANS][BENCH_BOX_BEAMS];
@@ -22,22 +24,25 @@ typedef struct bench_box {
 
 void bench_box_draw(bench_box *box, uint64_t seed);
 
-/* m between the long sides as scans at these poses show them; below 0 when they have changed places. */
+/* m between the long sides as scans at these poses show them; below 0 when they have changed
+ * places. */
 double bench_box_thickness(const bench_box *box, const sim_pose *poses);
 
-/* Hits on walls of the arena that lie in one line, at these poses: sum of the squared distances from the common line of each
- * wall that several scans show, and how many hits that are. */
-void bench_guess_straightness(const sim_arena *arena, const sim_scan *scans, const sim_pose *poses, int32_t count,
-                              double *squares, double *hits);
+/* Hits on walls of the arena that lie in one line, at these poses: sum of the squared distances
+ * from the common line of each wall that several scans show, and how many hits that are. */
+void bench_guess_straightness(const sim_arena *arena, const sim_scan *scans, const sim_pose *poses,
+                              int32_t count, double *squares, double *hits);
 
-/* A kind of the caller that finds a rectangle which is not there, in the detection `when` (0: the first) and never again. */
+/* A kind of the caller that finds a rectangle which is not there, in the detection `when` (0:
+ * the first) and never again. */
 typedef struct bench_lie {
     cairn_rectangle rectangle;
     int32_t when, detections;
     double spacing; /* m, between the points of hypotheses */
 } bench_lie;
 
-/* Somewhere among the scans, which stand at start[0 ... count-1], as large as a room; told in the second detection. */
+/* Somewhere among the scans, which stand at start[0 ... count-1], as large as a room; told in
+ * the second detection. */
 bench_lie bench_lie_draw(const sim_pose *start, int32_t count, uint64_t seed);
 
 cairn_hypothesis_detector bench_lie_detector(bench_lie *lie);

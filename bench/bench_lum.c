@@ -56,12 +56,13 @@ static cairn_status align(const sim_scan *scans, int32_t count, cairn_scan *scan
     return status;
 }
 
-int bench_run_lum(const sim_scan *scans, int32_t count, int32_t iterations, bench_lum_way way, bench_pose *poses,
-                  bench_run *run)
+int bench_run_lum(const sim_scan *scans, int32_t count, int32_t iterations, bench_lum_way way,
+                  bench_pose *poses, bench_run *run)
 {
     double start = bench_seconds();
     cairn_scan_params scan_params = cairn_scan_default();
-    cairn_lum_params params = way == BENCH_LUM_AS_WRITTEN ? cairn_lum_as_written() : cairn_lum_default();
+    cairn_lum_params params =
+        way == BENCH_LUM_AS_WRITTEN ? cairn_lum_as_written() : cairn_lum_default();
     cairn_oriented_point *hits = NULL;
     cairn_scan *scan = NULL;
     cairn_lum *lum = NULL;
@@ -72,7 +73,8 @@ int bench_run_lum(const sim_scan *scans, int32_t count, int32_t iterations, benc
 
     memset(run, 0, sizeof *run);
     scan_params.max_beams = scans[0].count;
-    scan_params.spacing = CAIRN_REAL(0.03); /* about what the beams have: evenly spaced points lock into each other */
+    /* about what the beams have: evenly spaced points lock into each other */
+    scan_params.spacing = CAIRN_REAL(0.03);
     scan_params.max_points = 2048;
     params.max_scans = count;
     params.max_points = count * scan_params.max_points;
@@ -86,8 +88,9 @@ int bench_run_lum(const sim_scan *scans, int32_t count, int32_t iterations, benc
     }
     bytes = cairn_lum_memory(&params) + cairn_scan_memory(&scan_params) + CAIRN_ALIGN;
     memory = malloc(bytes);
-    status = memory == NULL || (way == BENCH_LUM_AS_WRITTEN && hits == NULL) ? CAIRN_NO_MEMORY
-                                                                             : cairn_pool_init(&pool, memory, bytes);
+    status = memory == NULL || (way == BENCH_LUM_AS_WRITTEN && hits == NULL)
+                 ? CAIRN_NO_MEMORY
+                 : cairn_pool_init(&pool, memory, bytes);
     if (status == CAIRN_OK)
         status = cairn_scan_create(&scan, &pool, &scan_params);
     if (status == CAIRN_OK)

@@ -10,13 +10,15 @@
 #include "cairn/map_merge.h"
 #include "src/host/map_file_image.h"
 
-/* Pixels: the pairs whose transform the annotators fitted as well as this, and how far a map may be off. */
+/* Pixels: the pairs whose transform the annotators fitted as well as this, and how far a map may
+ * be off. */
 static const double FIT_MOST = 16, RIGHT_HALMSTAD = 20, RIGHT_PARTS = 10;
 
 /* With a probability of being wrong up to this no coarser cells are tried. */
 static const double SURE = 0.001;
 
-/* Maps are made coarser while they have more cells to a side than MOST_SIDE, or are not merged and keep LEAST_SIDE. */
+/* Maps are made coarser while they have more cells to a side than MOST_SIDE, or are not merged
+ * and keep LEAST_SIDE. */
 enum { LEAST_SIDE = 175, MOST_SIDE = 800, NAME_MOST = 64 };
 
 /* Pixels beyond which a wall is just far. */
@@ -54,7 +56,8 @@ static int load(const char *folder, const char *name, picture *p)
     p->cells = malloc((size_t)image.width * (size_t)image.height);
     for (int32_t y = 0; y < image.height && p->cells != NULL; y++)
         for (int32_t x = 0; x < image.width; x++) {
-            uint8_t v = image.pixel[(size_t)(image.height - 1 - y) * (size_t)image.width + (size_t)x];
+            uint8_t v =
+                image.pixel[(size_t)(image.height - 1 - y) * (size_t)image.width + (size_t)x];
 
             p->cells[(size_t)y * (size_t)image.width + (size_t)x] = v < 90    ? CAIRN_CELL_OCCUPIED
                                                                     : v > 220 ? CAIRN_CELL_FREE
@@ -65,10 +68,12 @@ static int load(const char *folder, const char *name, picture *p)
 }
 
 /* size: side of a pixel in those of the target. */
-static cairn_status add_coarse(cairn_map_merge *merge, const picture *p, int32_t k, double size, uint8_t *room)
+static cairn_status add_coarse(cairn_map_merge *merge, const picture *p, int32_t k, double size,
+                               uint8_t *room)
 {
     cairn_raster_u8_view fine = {p->cells, p->width, p->height, p->width};
-    cairn_raster_u8 coarse = {room, (p->width - 1) / k + 1, (p->height - 1) / k + 1, (p->width - 1) / k + 1};
+    cairn_raster_u8 coarse = {room, (p->width - 1) / k + 1, (p->height - 1) / k + 1,
+                              (p->width - 1) / k + 1};
     cairn_merge_map map;
     cairn_status status = cairn_map_merge_coarsen(fine, k, coarse);
 
@@ -78,7 +83,8 @@ static cairn_status add_coarse(cairn_map_merge *merge, const picture *p, int32_t
     return status == CAIRN_OK ? cairn_map_merge_add(merge, &map, NULL) : status;
 }
 
-/* Where `source` lies in `target`, in pixels. 1 and *found set when it was placed; -1 on failure. */
+/* Where `source` lies in `target`, in pixels. 1 and *found set when it was placed; -1 on
+ * failure. */
 static int merge_at(const picture *target, const picture *source, int32_t k, double size,
                     const cairn_map_merge_params *base, cairn_merge_placed *found)
 {
@@ -100,10 +106,12 @@ static int merge_at(const picture *target, const picture *source, int32_t k, dou
     memory = malloc(bytes);
     room[0] = malloc((size_t)cells);
     room[1] = malloc((size_t)own);
-    ok = memory != NULL && room[0] != NULL && room[1] != NULL && cairn_pool_init(&pool, memory, bytes) == CAIRN_OK &&
+    ok = memory != NULL && room[0] != NULL && room[1] != NULL &&
+         cairn_pool_init(&pool, memory, bytes) == CAIRN_OK &&
          cairn_map_merge_create(&merge, &pool, &params) == CAIRN_OK &&
          add_coarse(merge, target, k, 1, room[0]) == CAIRN_OK &&
-         add_coarse(merge, source, k, size, room[1]) == CAIRN_OK && cairn_map_merge_begin(merge, 0, NULL) == CAIRN_OK;
+         add_coarse(merge, source, k, size, room[1]) == CAIRN_OK &&
+         cairn_map_merge_begin(merge, 0, NULL) == CAIRN_OK;
     while (ok && status == CAIRN_MORE) {
         cairn_budget budget = {CAIRN_UNBOUNDED};
 
@@ -137,9 +145,10 @@ static int is_better(int placed, const cairn_merge_placed *tried, int best, cons
     return f->k == 0 || placed > best || (placed == best && tried->support > f->placed.support);
 }
 
-/* Cells from fine to coarse until the place is sure; maps of several surveys differ in size by some percent. As written: the
- * cells of the maps, but MOST_SIDE of them to a side at most. */
-static int merge_pair(const picture *target, const picture *source, const cairn_map_merge_params *base, finding *f)
+/* Cells from fine to coarse until the place is sure; maps of several surveys differ in size by
+ * some percent. As written: the cells of the maps, but MOST_SIDE of them to a side at most. */
+static int merge_pair(const picture *target, const picture *source,
+                      const cairn_map_merge_params *base, finding *f)
 {
     int32_t side = target->width > target->height ? target->width : target->height;
     int best = 0;
@@ -186,7 +195,8 @@ static double to_wall(const picture *target, cairn_vec2 p)
     return least;
 }
 
-/* Mean distance in pixels of the source's walls from those of the target: no truth is known of parts of a map. */
+/* Mean distance in pixels of the source's walls from those of the target: no truth is known of
+ * parts of a map. */
 static double distance_to_walls(const picture *target, const picture *source, const finding *found)
 {
     double sum = 0;
@@ -236,14 +246,16 @@ static void run_pair(const picture *target, const picture *source, const shift *
 
     t->pairs++;
     if (placed > 0)
-        off = truth != NULL ? displacement(source, *truth, &found) : distance_to_walls(target, source, &found);
+        off = truth != NULL ? displacement(source, *truth, &found)
+                            : distance_to_walls(target, source, &found);
     t->right += off <= right;
     t->wrong += placed > 0 && !(off <= right);
     t->refused += placed <= 0;
     bench_json_begin("merge");
     bench_json_text("source", source->name);
     bench_json_text("target", target->name);
-    bench_json_text("verdict", placed < 0 ? "failed" : cairn_merge_verdict_text(found.placed.verdict));
+    bench_json_text("verdict",
+                    placed < 0 ? "failed" : cairn_merge_verdict_text(found.placed.verdict));
     bench_json_number("off_px", off);
     bench_json_number("wrong_probability", placed > 0 ? (double)found.placed.wrong : (double)NAN);
     bench_json_integer("cells", found.k);
@@ -267,8 +279,8 @@ static int run_halmstad(const char *folder, const cairn_map_merge_params *base, 
         double points, theta, scale, x, y, rms;
         picture source = {"", NULL, 0, 0}, target = {"", NULL, 0, 0};
 
-        if (sscanf(line, "%63[^,],%63[^,],%lf,%lf,%lf,%lf,%lf,%lf", names[0], names[1], &points, &theta, &scale, &x, &y,
-                   &rms) != 8 ||
+        if (sscanf(line, "%63[^,],%63[^,],%lf,%lf,%lf,%lf,%lf,%lf", names[0], names[1], &points,
+                   &theta, &scale, &x, &y, &rms) != 8 ||
             strcmp(names[0], names[1]) >= 0 || strstr(names[1], "layout") != NULL || rms > FIT_MOST)
             continue;
         if (load(folder, names[0], &source) && load(folder, names[1], &target)) {
@@ -316,7 +328,8 @@ int bench_maps_run(const char *folder, const cairn_map_merge_params *base)
     bench_json_begin("merge");
     bench_json_integer("pairs", halmstad.pairs);
     bench_json_integer("right", halmstad.right);
-    bench_json_number("pairs_right", halmstad.pairs > 0 ? (double)halmstad.right / halmstad.pairs : (double)NAN);
+    bench_json_number("pairs_right",
+                      halmstad.pairs > 0 ? (double)halmstad.right / halmstad.pairs : (double)NAN);
     bench_json_integer("wrong", halmstad.wrong);
     bench_json_integer("refused", halmstad.refused);
     bench_json_integer("parts_right", parts.right);

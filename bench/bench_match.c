@@ -37,8 +37,8 @@ void bench_match_free(bench_match_problem *p)
     free(p->first_scan);
 }
 
-/* Frames of the places by the truth: where the first scan was taken; as written with one heading, that of the first scan of all, up to
- * its error, which the first place does not have. */
+/* Frames of the places by the truth: where the first scan was taken; as written with one
+ * heading, that of the first scan of all, up to its error, which the first place does not have. */
 static void place_frames(const bench_match_settings *s, uint64_t seed, bench_match_problem *p)
 {
     cairn_random random = cairn_random_seed(seed, 93);
@@ -53,7 +53,8 @@ static void place_frames(const bench_match_settings *s, uint64_t seed, bench_mat
         p->frame[p->place_count] = p->truth[k];
         if (s->as_written && k > 0)
             p->frame[p->place_count].theta =
-                p->truth[0].theta + (double)cairn_random_uniform(&random, -1, 1) * s->heading_error * BENCH_DEGREE;
+                p->truth[0].theta +
+                (double)cairn_random_uniform(&random, -1, 1) * s->heading_error * BENCH_DEGREE;
         p->place_count++;
     }
 }
@@ -71,7 +72,8 @@ static void place_scans(const bench_match_settings *s, uint64_t seed, bench_matc
         if (k != p->first_scan[place]) {
             seen.x += (double)cairn_random_uniform(&random, -1, 1) * s->sub_error[0];
             seen.y += (double)cairn_random_uniform(&random, -1, 1) * s->sub_error[0];
-            seen.theta += (double)cairn_random_uniform(&random, -1, 1) * s->sub_error[1] * BENCH_DEGREE;
+            seen.theta +=
+                (double)cairn_random_uniform(&random, -1, 1) * s->sub_error[1] * BENCH_DEGREE;
         }
         p->place_scan[k].x = (cairn_real)seen.x;
         p->place_scan[k].y = (cairn_real)seen.y;
@@ -136,7 +138,8 @@ int bench_match_make(const bench_match_settings *s, uint64_t seed, bench_match_p
         p->truth = malloc(n * sizeof *p->truth);
         p->frame = malloc(n * sizeof *p->frame);
         p->first_scan = malloc(n * sizeof *p->first_scan);
-        done = p->place_scan != NULL && p->truth != NULL && p->frame != NULL && p->first_scan != NULL;
+        done =
+            p->place_scan != NULL && p->truth != NULL && p->frame != NULL && p->first_scan != NULL;
     }
     if (done) {
         place_frames(s, seed, p);
@@ -181,7 +184,8 @@ int bench_match_map(const bench_match_problem *p, bench_match_machine *m)
         cairn_scan_view view = bench_match_view(m, &p->scans[k], &status);
 
         if (status == CAIRN_OK)
-            status = cairn_place_map_add_scan(m->map, p->scans[k].place, &view, p->place_scan[k], NULL);
+            status =
+                cairn_place_map_add_scan(m->map, p->scans[k].place, &view, p->place_scan[k], NULL);
     }
     if (status == CAIRN_OK)
         status = cairn_place_map_begin(m->map);

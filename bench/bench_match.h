@@ -1,4 +1,5 @@
-/* Places of simulated arenas as bench/match gives them to a mapper: the problem, and the machine that solves it. */
+/* Places of simulated arenas as bench/match gives them to a mapper: the problem, and the machine
+ * that solves it. */
 #ifndef CAIRN_BENCH_MATCH_H
 #define CAIRN_BENCH_MATCH_H
 
@@ -18,15 +19,20 @@ typedef struct bench_match_settings {
     const char *scene;
     int64_t arenas, seed, places;
     double tilt, movers;
-    double sub_error[2]; /* m, degrees */
+    /* m, degrees */
+    double sub_error[2];
     int32_t walkers, strangers;
-    int32_t same_headings; /* 1: the scans of all places have the same headings, as in the thesis */
-    int32_t
-        as_written; /* 1: the method and the setting of chapter 6: headings of places are the same, and known, up to ... */
-    double heading_error; /* ... uniform +-, degrees */
+    /* 1: the scans of all places have the same headings, as in the thesis */
+    int32_t same_headings;
+    /* 1: the method and the setting of chapter 6: headings of places are the same, and known, up
+     * to ... */
+    int32_t as_written;
+    /* ... uniform +-, degrees */
+    double heading_error;
 } bench_match_settings;
 
-/* What a mapper is given of an arena, or of two that have nothing to do with each other, and the truth that it is not. */
+/* What a mapper is given of an arena, or of two that have nothing to do with each other, and the
+ * truth that it is not. */
 typedef struct bench_match_problem {
     sim_arena *arena[2];
     sim_survey *survey[2];
@@ -40,7 +46,8 @@ typedef struct bench_match_problem {
 } bench_match_problem;
 
 /* 0: a line on standard error, and nothing to free. */
-int bench_match_make(const bench_match_settings *settings, uint64_t seed, bench_match_problem *problem);
+int bench_match_make(const bench_match_settings *settings, uint64_t seed,
+                     bench_match_problem *problem);
 
 void bench_match_free(bench_match_problem *problem);
 
@@ -55,8 +62,10 @@ typedef struct bench_match_machine {
 /* 0: no memory. The memory is the caller's to free in either case. */
 int bench_match_machine_make(const cairn_place_map_params *params, bench_match_machine *machine);
 
-/* What the machine's scan reader makes of a scan, valid until the next one; empty where it refuses. */
-cairn_scan_view bench_match_view(bench_match_machine *machine, const sim_scan *scan, cairn_status *status);
+/* What the machine's scan reader makes of a scan, valid until the next one; empty where it
+ * refuses. */
+cairn_scan_view bench_match_view(bench_match_machine *machine, const sim_scan *scan,
+                                 cairn_status *status);
 
 /* Maps all scans of a problem; 0: a line on standard error. */
 int bench_match_map(const bench_match_problem *problem, bench_match_machine *machine);
@@ -64,14 +73,16 @@ int bench_match_map(const bench_match_problem *problem, bench_match_machine *mac
 sim_pose bench_sim_pose(cairn_pose pose);
 
 /* The mapper as written after a stage, with the capacities that the problem needs. */
-cairn_place_map_params bench_match_written_params(const bench_match_settings *settings, places_stage stage);
+cairn_place_map_params bench_match_written_params(const bench_match_settings *settings,
+                                                  places_stage stage);
 
-/* Maps an arena as written and draws fig-6.6-SEED.svg and fig-6.7-SEED.svg into a folder. 0: a line on standard error. */
-int bench_match_draw_written(const bench_match_settings *settings, const bench_match_problem *problem, uint64_t seed,
-                             const char *folder);
+/* Maps an arena as written and draws fig-6.6-SEED.svg and fig-6.7-SEED.svg into a folder. 0: a
+ * line on standard error. */
+int bench_match_draw_written(const bench_match_settings *settings,
+                             const bench_match_problem *problem, uint64_t seed, const char *folder);
 
-/* The method of chapter 6 after each of its stages, and all but one of them, on the arenas of the settings, a JSON line each;
- * params: of the scan reader's maps. 0 on failure. */
+/* The method of chapter 6 after each of its stages, and all but one of them, on the arenas of
+ * the settings, a JSON line each; params: of the scan reader's maps. 0 on failure. */
 int bench_match_ablate(const bench_match_settings *settings, const cairn_place_map_params *params);
 
 #endif

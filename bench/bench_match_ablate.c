@@ -1,4 +1,5 @@
-/* bench/match --ablate: what each stage of the method of chapter 6 is worth; with --as-written of the method as printed. */
+/* bench/match --ablate: what each stage of the method of chapter 6 is worth; with --as-written
+ * of the method as printed. */
 #include "bench/bench_match.h"
 
 #include <stdlib.h>
@@ -9,16 +10,19 @@
 
 enum { STAGES = 5, BEFORE = 3, ABLATED_POINTS = 4096, ABLATED_BEAMS = 8192 };
 
-static const double WRITTEN_WINDOW = 2 * BENCH_DEGREE; /* rotations that are tried: -2 ... 2 degrees */
-static const double RIGHT_PAIR = 0.25; /* m between the points of a right correspondence, the query in its true place */
+/* rotations that are tried: -2 ... 2 degrees */
+static const double WRITTEN_WINDOW = 2 * BENCH_DEGREE;
+/* m between the points of a right correspondence, the query in its true place */
+static const double RIGHT_PAIR = 0.25;
 
 typedef struct ablation {
     int64_t pairs, pairs_right, matches, right, within_half, units;
 } ablation;
 
-/* The points of the scans of a place, as written its readings, in the frame of another place by the truth. */
-static int32_t points_of_place(const bench_match_problem *p, bench_match_machine *m, int32_t place, int32_t seen_from,
-                               int32_t as_written, cairn_oriented_point *out)
+/* The points of the scans of a place, as written its readings, in the frame of another place by
+ * the truth. */
+static int32_t points_of_place(const bench_match_problem *p, bench_match_machine *m, int32_t place,
+                               int32_t seen_from, int32_t as_written, cairn_oriented_point *out)
 {
     static cairn_oriented_point readings[ABLATED_BEAMS];
     int32_t count = 0;
@@ -34,7 +38,8 @@ static int32_t points_of_place(const bench_match_problem *p, bench_match_machine
         int32_t points_count = view.point_count;
 
         if (as_written && status == CAIRN_OK)
-            points_count = view.beam_count <= ABLATED_BEAMS ? cairn_scan_match_readings(&view, readings) : 0;
+            points_count =
+                view.beam_count <= ABLATED_BEAMS ? cairn_scan_match_readings(&view, readings) : 0;
         for (int32_t i = 0; i < points_count && status == CAIRN_OK && count < ABLATED_POINTS; i++) {
             out[count].position = cairn_transform_point(t, points[i].position);
             out[count++].direction = cairn_transform_direction(t, points[i].direction);
@@ -43,14 +48,16 @@ static int32_t points_of_place(const bench_match_problem *p, bench_match_machine
     return count;
 }
 
-/* Matches a place with the union of the last three in their true places, the heading known, as in the thesis. Both point
- * sets are in the frame of the place, but for the target's shift. angle: half of the window, rad. */
+/* Matches a place with the union of the last three in their true places, the heading known, as
+ * in the thesis. Both point sets are in the frame of the place, but for the target's shift.
+ * angle: half of the window, rad. */
 static int ablate_match(cairn_scan_match *match, const cairn_oriented_point *query, int32_t count,
-                        const cairn_oriented_point *target, int32_t target_count, cairn_pose shift, double angle,
-                        ablation *out)
+                        const cairn_oriented_point *target, int32_t target_count, cairn_pose shift,
+                        double angle, ablation *out)
 {
     const cairn_scan_match_window window = {20, (cairn_real)angle};
-    cairn_scan_match_part asked = {query, NULL, NULL, count, 0, 0}, known = {target, NULL, NULL, target_count, 0, 0};
+    cairn_scan_match_part asked = {query, NULL, NULL, count, 0, 0},
+                          known = {target, NULL, NULL, target_count, 0, 0};
     cairn_budget budget = {CAIRN_UNBOUNDED};
     cairn_scan_match_result found;
     cairn_status status;
@@ -66,13 +73,15 @@ static int ablate_match(cairn_scan_match *match, const cairn_oriented_point *que
         cairn_vec2 apart = cairn_vec2_sub(query[pair.query].position, target[pair.target].position);
 
         out->pairs += pair.stage == CAIRN_SCAN_MATCH_KEPT;
-        out->pairs_right += pair.stage == CAIRN_SCAN_MATCH_KEPT && (double)cairn_vec2_norm(apart) < RIGHT_PAIR;
+        out->pairs_right +=
+            pair.stage == CAIRN_SCAN_MATCH_KEPT && (double)cairn_vec2_norm(apart) < RIGHT_PAIR;
     }
     found = cairn_scan_match_read(match);
     out->matches++;
     out->units += cairn_scan_match_measured(match).units;
     if (found.count > 0) {
-        sim_pose pose = bench_sim_pose(found.hypotheses[0].target_query), right = bench_sim_pose(shift);
+        sim_pose pose = bench_sim_pose(found.hypotheses[0].target_query),
+                 right = bench_sim_pose(shift);
 
         out->right += bench_pose_near(right, pose, BENCH_RIGHT_M, BENCH_RIGHT_RAD);
         out->within_half += bench_pose_near(right, pose, 0.5, 10 * BENCH_DEGREE);
@@ -80,8 +89,8 @@ static int ablate_match(cairn_scan_match *match, const cairn_oriented_point *que
     return status == CAIRN_OK;
 }
 
-static int ablate_arena(const bench_match_settings *s, const cairn_place_map_params *params, uint64_t seed,
-                        cairn_scan_match *const match[STAGES], ablation *out)
+static int ablate_arena(const bench_match_settings *s, const cairn_place_map_params *params,
+                        uint64_t seed, cairn_scan_match *const match[STAGES], ablation *out)
 {
     static cairn_oriented_point query[ABLATED_POINTS], target[(BEFORE + 1) * ABLATED_POINTS];
     bench_match_machine m = {NULL, 0, NULL, NULL};
@@ -93,16 +102,19 @@ static int ablate_arena(const bench_match_settings *s, const cairn_place_map_par
         return 0;
     done = bench_match_machine_make(params, &m);
     for (int32_t place = BEFORE; place < p.place_count && done; place++) {
-        int32_t count = points_of_place(&p, &m, place, place, s->as_written, query), target_count = 0;
-        cairn_pose shift = {2 * cairn_random_uniform(&random, -1, 1), 2 * cairn_random_uniform(&random, -1, 1), 0};
+        int32_t count = points_of_place(&p, &m, place, place, s->as_written, query),
+                target_count = 0;
+        cairn_pose shift = {2 * cairn_random_uniform(&random, -1, 1),
+                            2 * cairn_random_uniform(&random, -1, 1), 0};
 
         for (int32_t i = place - BEFORE; i < place; i++)
             target_count += points_of_place(&p, &m, i, place, s->as_written, target + target_count);
         if (s->as_written)
-            shift.theta = cairn_random_uniform(&random, -1, 1) * (cairn_real)(s->heading_error * BENCH_DEGREE);
+            shift.theta = cairn_random_uniform(&random, -1, 1) *
+                          (cairn_real)(s->heading_error * BENCH_DEGREE);
         for (int k = 0; k < STAGES && done; k++)
-            done = ablate_match(match[k], query, count, target, target_count, shift, s->as_written ? WRITTEN_WINDOW : 0,
-                                &out[k]);
+            done = ablate_match(match[k], query, count, target, target_count, shift,
+                                s->as_written ? WRITTEN_WINDOW : 0, &out[k]);
     }
     free(m.memory);
     bench_match_free(&p);
@@ -111,7 +123,8 @@ static int ablate_arena(const bench_match_settings *s, const cairn_place_map_par
 
 static void print_ablation(const bench_match_settings *s, const ablation *all)
 {
-    static const char *const names[STAGES] = {"common subsequence", "+ colinear filter", "+ segment filter", "+ ICP",
+    static const char *const names[STAGES] = {"common subsequence", "+ colinear filter",
+                                              "+ segment filter", "+ ICP",
                                               "all but the colinear filter"};
 
     for (int k = 0; k < STAGES; k++) {
@@ -135,11 +148,13 @@ static void print_ablation(const bench_match_settings *s, const ablation *all)
 int bench_match_ablate(const bench_match_settings *s, const cairn_place_map_params *map)
 {
     static const cairn_scan_match_mode modes[2][STAGES] = {
-        {CAIRN_SCAN_MATCH_SHAPE_COMMON, CAIRN_SCAN_MATCH_SHAPE_COLINEAR, CAIRN_SCAN_MATCH_SHAPE_SEGMENTS,
-         CAIRN_SCAN_MATCH_SHAPE, CAIRN_SCAN_MATCH_SHAPE_LINES},
-        {CAIRN_SCAN_MATCH_AS_WRITTEN_COMMON, CAIRN_SCAN_MATCH_AS_WRITTEN_COLINEAR, CAIRN_SCAN_MATCH_AS_WRITTEN_SEGMENTS,
-         CAIRN_SCAN_MATCH_AS_WRITTEN, CAIRN_SCAN_MATCH_AS_WRITTEN_LINES}};
-    cairn_scan_match_params params = s->as_written ? cairn_scan_match_as_written() : cairn_scan_match_default();
+        {CAIRN_SCAN_MATCH_SHAPE_COMMON, CAIRN_SCAN_MATCH_SHAPE_COLINEAR,
+         CAIRN_SCAN_MATCH_SHAPE_SEGMENTS, CAIRN_SCAN_MATCH_SHAPE, CAIRN_SCAN_MATCH_SHAPE_LINES},
+        {CAIRN_SCAN_MATCH_AS_WRITTEN_COMMON, CAIRN_SCAN_MATCH_AS_WRITTEN_COLINEAR,
+         CAIRN_SCAN_MATCH_AS_WRITTEN_SEGMENTS, CAIRN_SCAN_MATCH_AS_WRITTEN,
+         CAIRN_SCAN_MATCH_AS_WRITTEN_LINES}};
+    cairn_scan_match_params params =
+        s->as_written ? cairn_scan_match_as_written() : cairn_scan_match_default();
     cairn_scan_match *match[STAGES];
     void *memory[STAGES] = {NULL};
     ablation all[STAGES];

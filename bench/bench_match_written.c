@@ -7,7 +7,8 @@
 
 #include "bench/bench_places.h"
 
-cairn_place_map_params bench_match_written_params(const bench_match_settings *settings, places_stage stage)
+cairn_place_map_params bench_match_written_params(const bench_match_settings *settings,
+                                                  places_stage stage)
 {
     cairn_place_map_params params = places_stage_params(stage);
 
@@ -17,23 +18,26 @@ cairn_place_map_params bench_match_written_params(const bench_match_settings *se
 }
 
 /* Poses of the places and the scans after a stage, as seen from the truth of the first place. */
-static int map_stage(const bench_match_settings *settings, const bench_match_problem *p, places_stage stage,
-                     sim_pose *places, sim_pose *scans)
+static int map_stage(const bench_match_settings *settings, const bench_match_problem *p,
+                     places_stage stage, sim_pose *places, sim_pose *scans)
 {
     cairn_place_map_params params = bench_match_written_params(settings, stage);
     bench_match_machine m = {NULL, 0, NULL, NULL};
     int done = bench_match_machine_make(&params, &m) && bench_match_map(p, &m);
 
     for (int32_t i = 0; i < p->place_count && done; i++)
-        places[i] = bench_pose_compose(p->frame[0], bench_sim_pose(cairn_place_map_place_of(m.map, i).map_place));
+        places[i] = bench_pose_compose(
+            p->frame[0], bench_sim_pose(cairn_place_map_place_of(m.map, i).map_place));
     for (int32_t k = 0; k < p->scan_count && done; k++)
-        scans[k] = bench_pose_compose(p->frame[0], bench_sim_pose(cairn_place_map_scan_pose(m.map, k)));
+        scans[k] =
+            bench_pose_compose(p->frame[0], bench_sim_pose(cairn_place_map_scan_pose(m.map, k)));
     free(m.memory);
     return done;
 }
 
 /* found: of shape alone, and with ICP. */
-static int draw_errors(const char *path, const bench_match_problem *p, const sim_pose *by_shape, const sim_pose *by_icp)
+static int draw_errors(const char *path, const bench_match_problem *p, const sim_pose *by_shape,
+                       const sim_pose *by_icp)
 {
     const sim_pose *const from[] = {p->frame, by_shape, by_icp};
     size_t n = (size_t)p->place_count;
@@ -57,11 +61,11 @@ static int draw_errors(const char *path, const bench_match_problem *p, const sim
     return done;
 }
 
-int bench_match_draw_written(const bench_match_settings *settings, const bench_match_problem *p, uint64_t seed,
-                             const char *folder)
+int bench_match_draw_written(const bench_match_settings *settings, const bench_match_problem *p,
+                             uint64_t seed, const char *folder)
 {
-    const char *const titles[BENCH_PANELS] = {places_stage_titles[0], places_stage_titles[1], places_stage_titles[2],
-                                              "(d) actual"};
+    const char *const titles[BENCH_PANELS] = {places_stage_titles[0], places_stage_titles[1],
+                                              places_stage_titles[2], "(d) actual"};
     size_t n = (size_t)p->scan_count;
     sim_pose *places = malloc(PLACES_STAGES * n * sizeof *places);
     sim_pose *scans = malloc(PLACES_STAGES * n * sizeof *scans);
@@ -76,7 +80,8 @@ int bench_match_draw_written(const bench_match_settings *settings, const bench_m
         (void)snprintf(path, sizeof path, "%s/fig-6.6-%" PRIu64 ".svg", folder, seed);
         done = draw_errors(path, p, places, places + n);
         (void)snprintf(path, sizeof path, "%s/fig-6.7-%" PRIu64 ".svg", folder, seed);
-        done = done && bench_draw_maps(path, "Fig. 6.7: maps without odometry", titles, p->scans, p->scan_count, all);
+        done = done && bench_draw_maps(path, "Fig. 6.7: maps without odometry", titles, p->scans,
+                                       p->scan_count, all);
     }
     free(places);
     free(scans);

@@ -35,12 +35,13 @@ static bench_pair pair_of(int32_t target, int32_t query)
 }
 
 /* Draws pairs among views[first ... end-1]. */
-static void draw_pairs(bench_collection *c, int32_t first, int32_t end, int64_t partners, int32_t most,
-                       cairn_random *random)
+static void draw_pairs(bench_collection *c, int32_t first, int32_t end, int64_t partners,
+                       int32_t most, cairn_random *random)
 {
     int32_t goal = c->pair_count + most;
 
-    for (int64_t attempt = 0; attempt < 1000 * (int64_t)most && c->pair_count < goal && end - first > 1; attempt++) {
+    for (int64_t attempt = 0;
+         attempt < 1000 * (int64_t)most && c->pair_count < goal && end - first > 1; attempt++) {
         int32_t a = first + cairn_random_below(random, end - first);
         int32_t b = a + 1 + cairn_random_below(random, (int32_t)partners);
 
@@ -64,8 +65,10 @@ static cairn_pose pose_of(sim_pose p)
     return pose;
 }
 
-/* The bound of the pose of the second scan in the frame of the first, from the bound in the world with one of them fixed. */
-static void bound_pairs(bench_collection *c, const sim_arena *arena, const sim_scan *scans, int32_t first_pair)
+/* The bound of the pose of the second scan in the frame of the first, from the bound in the
+ * world with one of them fixed. */
+static void bound_pairs(bench_collection *c, const sim_arena *arena, const sim_scan *scans,
+                        int32_t first_pair)
 {
     for (int32_t i = first_pair; i < c->pair_count; i++) {
         bench_pair *p = &c->pairs[i];
@@ -98,10 +101,12 @@ static void bound_pairs(bench_collection *c, const sim_arena *arena, const sim_s
     }
 }
 
-/* Share of the query's points that lie within 0.15 m of a target's point of like direction, at the truth. */
+/* Share of the query's points that lie within 0.15 m of a target's point of like direction, at
+ * the truth. */
 static double true_overlap(const bench_view *target, const bench_view *query)
 {
-    cairn_transform target_query = cairn_transform_of(cairn_pose_between(target->truth, query->truth));
+    cairn_transform target_query =
+        cairn_transform_of(cairn_pose_between(target->truth, query->truth));
     int32_t near = 0;
 
     for (int32_t i = 0; i < query->part.count; i++) {
@@ -110,15 +115,18 @@ static double true_overlap(const bench_view *target, const bench_view *query)
         int32_t found = 0;
 
         for (int32_t k = 0; k < target->part.count && !found; k++)
-            found = cairn_vec2_norm(cairn_vec2_sub(target->part.points[k].position, p)) < CAIRN_REAL(0.15) &&
+            found = cairn_vec2_norm(cairn_vec2_sub(target->part.points[k].position, p)) <
+                        CAIRN_REAL(0.15) &&
                     cairn_vec2_dot(target->part.points[k].direction, d) > CAIRN_REAL(0.87);
         near += found;
     }
     return query->part.count > 0 ? (double)near / query->part.count : 0;
 }
 
-/* All pairs of views[first ... end-1] with enough overlap, either way; those with none are strangers. */
-static void pair_places(const bench_pairs_settings *s, bench_collection *c, int32_t first, int32_t end, size_t room)
+/* All pairs of views[first ... end-1] with enough overlap, either way; those with none are
+ * strangers. */
+static void pair_places(const bench_pairs_settings *s, bench_collection *c, int32_t first,
+                        int32_t end, size_t room)
 {
     for (int32_t a = first; a < end; a++)
         for (int32_t b = first; b < end; b++) {
@@ -147,7 +155,8 @@ static void pair_with_others(bench_collection *c, int32_t first, int32_t end, si
     }
 }
 
-static int add_arena(const bench_pairs_settings *s, bench_collection *c, uint64_t seed, int32_t number)
+static int add_arena(const bench_pairs_settings *s, bench_collection *c, uint64_t seed,
+                     int32_t number)
 {
     static const sim_scene scenes[] = {SIM_RESCUE, SIM_APARTMENT, SIM_OFFICE, SIM_RESCUE};
     sim_arena_options arena_options = sim_arena_default();
@@ -186,7 +195,8 @@ static int add_arena(const bench_pairs_settings *s, bench_collection *c, uint64_
         if (!s->unions)
             bound_pairs(c, arena, scans, first_pair);
         for (int32_t i = 0; i < PAIRS_PER_ARENA && first > 0 && !s->places; i++)
-            add_stranger(c, first + cairn_random_below(&random, count), first - 1 - cairn_random_below(&random, count));
+            add_stranger(c, first + cairn_random_below(&random, count),
+                         first - 1 - cairn_random_below(&random, count));
     } else {
         fprintf(stderr, "bench/pairs: %s\n", fault);
     }
@@ -198,7 +208,8 @@ static int add_arena(const bench_pairs_settings *s, bench_collection *c, uint64_
 static int collect_simulated(const bench_pairs_settings *s, bench_collection *c)
 {
     int32_t arenas = (int32_t)((s->pairs + PAIRS_PER_ARENA - 1) / PAIRS_PER_ARENA) + 1;
-    int done = bench_views_start(&c->views, arenas * DRIVE_SCANS, s->places ? PLACE_BEAMS : DRIVE_BEAMS);
+    int done =
+        bench_views_start(&c->views, arenas * DRIVE_SCANS, s->places ? PLACE_BEAMS : DRIVE_BEAMS);
 
     for (int32_t i = 0; i < arenas && done && c->pair_count < s->pairs; i++)
         done = add_arena(s, c, (uint64_t)(s->seed + i), i);
@@ -226,8 +237,10 @@ static int read_truth(const char *path, const cairn_carmen_scans *log, bench_col
         number++;
         if (line[0] == '#')
             continue;
-        if (sscanf(line, "%lf %lf %lf %lf", &v[0], &v[1], &v[2], &v[3]) != 4 || !(v[0] >= 0 && v[0] < log->count)) {
-            fprintf(stderr, "%s:%d: no such pose, expected the number of a scan, x, y and theta\n", path, (int)number);
+        if (sscanf(line, "%lf %lf %lf %lf", &v[0], &v[1], &v[2], &v[3]) != 4 ||
+            !(v[0] >= 0 && v[0] < log->count)) {
+            fprintf(stderr, "%s:%d: no such pose, expected the number of a scan, x, y and theta\n",
+                    path, (int)number);
             continue;
         }
         pose.x = (cairn_real)v[1];
@@ -255,11 +268,14 @@ static int collect_log(const bench_pairs_settings *s, bench_collection *c)
     }
     if (s->noise)
         bench_noise_poses(&log, (uint64_t)s->seed);
-    done = bench_views_start(&c->views, log.count, log.info.beams_most) && read_truth(s->truth, &log, c);
+    done = bench_views_start(&c->views, log.count, log.info.beams_most) &&
+           read_truth(s->truth, &log, c);
     if (done) {
         draw_pairs(c, 0, c->views.count, s->partners, (int32_t)s->pairs, &random);
-        for (int64_t attempt = 0; attempt < 1000 * s->pairs && c->stranger_count < s->pairs; attempt++) {
-            int32_t a = cairn_random_below(&random, c->views.count), b = cairn_random_below(&random, c->views.count);
+        for (int64_t attempt = 0; attempt < 1000 * s->pairs && c->stranger_count < s->pairs;
+             attempt++) {
+            int32_t a = cairn_random_below(&random, c->views.count),
+                    b = cairn_random_below(&random, c->views.count);
             cairn_pose t = cairn_pose_between(c->views.at[a].truth, c->views.at[b].truth);
 
             if (hypot((double)t.x, (double)t.y) > 15)

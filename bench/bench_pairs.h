@@ -1,4 +1,5 @@
-/* The pairs of scans that bench/pairs matches: of simulated arenas, whose truth is exact, or of a log with reference poses. */
+/* The pairs of scans that bench/pairs matches: of simulated arenas, whose truth is exact, or of
+ * a log with reference poses. */
 #ifndef CAIRN_BENCH_PAIRS_H
 #define CAIRN_BENCH_PAIRS_H
 
@@ -14,9 +15,12 @@ typedef struct bench_pairs_settings {
 } bench_pairs_settings;
 
 typedef struct bench_pair {
-    int32_t target, query; /* of the views */
-    int32_t first, end;    /* the target is the union of these but the query, in the frame of `target` */
-    double bound[9];       /* covariance of the relative pose; 0: not known */
+    /* of the views */
+    int32_t target, query;
+    /* the target is the union of these but the query, in the frame of `target` */
+    int32_t first, end;
+    /* covariance of the relative pose; 0: not known */
+    double bound[9];
 } bench_pair;
 
 /* Views and pairs of them. */
@@ -28,7 +32,8 @@ typedef struct bench_collection {
     int32_t stranger_count;
 } bench_collection;
 
-/* Views, pairs and strangers, at most `pairs` of each. 0: a line on standard error; free in either case. */
+/* Views, pairs and strangers, at most `pairs` of each. 0: a line on standard error; free in
+ * either case. */
 int bench_pairs_collect(const bench_pairs_settings *settings, bench_collection *collection);
 
 void bench_pairs_free(bench_collection *collection);

@@ -22,8 +22,8 @@ static double uniform(cairn_random *random, double low, double high)
 /* ---- Where the robots go ---- */
 
 /* A reachable point of the part, far from those chosen so far; 0 when none was found. */
-static int choose_place(const sim_arena *arena, const bench_part *part, const sim_pose *chosen, int32_t count,
-                        cairn_random *random, sim_pose *place)
+static int choose_place(const sim_arena *arena, const bench_part *part, const sim_pose *chosen,
+                        int32_t count, cairn_random *random, sim_pose *place)
 {
     double best = -1;
 
@@ -46,8 +46,8 @@ static int choose_place(const sim_arena *arena, const bench_part *part, const si
     return best >= 0;
 }
 
-static sim_survey *scan_part(const sim_arena *arena, const bench_parts_options *o, const bench_part *part,
-                             int32_t index, cairn_random *random)
+static sim_survey *scan_part(const sim_arena *arena, const bench_parts_options *o,
+                             const bench_part *part, int32_t index, cairn_random *random)
 {
     sim_survey_options options = sim_survey_default();
     sim_pose poses[64];
@@ -58,7 +58,8 @@ static sim_survey *scan_part(const sim_arena *arena, const bench_parts_options *
     options.seed = o->seed * 1000 + (uint64_t)index;
     options.beams = BEAMS;
     options.fov = TURN;
-    while (count < o->places && count < 64 && choose_place(arena, part, poses, count, random, &poses[count]))
+    while (count < o->places && count < 64 &&
+           choose_place(arena, part, poses, count, random, &poses[count]))
         poses[count++].theta = uniform(random, 0, TURN);
     if (count == 0) {
         fprintf(stderr, "parts: robot %d can stand nowhere\n", (int)index);
@@ -108,11 +109,12 @@ static int draw_part(bench_part *part, const sim_survey *survey, double resoluti
 
             if (isnan(range))
                 continue;
-            ok &= cairn_occupancy_grid_add_beam(grid, end_of(part, &scan[k], i, 0),
-                                                end_of(part, &scan[k], i, hit ? range : scan[k].range_max),
-                                                hit) == CAIRN_OK;
+            ok &= cairn_occupancy_grid_add_beam(
+                      grid, end_of(part, &scan[k], i, 0),
+                      end_of(part, &scan[k], i, hit ? range : scan[k].range_max), hit) == CAIRN_OK;
         }
-    ok = ok && cairn_occupancy_grid_classify(grid, cairn_occupancy_thresholds_default(), 0, out) == CAIRN_OK;
+    ok = ok && cairn_occupancy_grid_classify(grid, cairn_occupancy_thresholds_default(), 0, out) ==
+                   CAIRN_OK;
     free(memory);
     for (size_t i = 0; ok && i < cells; i++) {
         double x = ((double)(i % (size_t)part->side) + 0.5 - part->side / 2.0) * resolution;
@@ -150,8 +152,10 @@ double bench_parts_shared(const bench_parts *parts, int32_t a, int32_t b)
     for (int32_t i = 0; i < q->side * q->side; i++)
         known_q += q->cells[i] != CAIRN_CELL_UNKNOWN;
     for (int32_t i = 0; i < p->side * p->side; i++) {
-        double x = (i % p->side + 0.5 - p->side / 2.0) * r, y = ((int32_t)(i / p->side) + 0.5 - p->side / 2.0) * r;
-        double u = (seen.x + c * x - s * y) / r + q->side / 2.0, v = (seen.y + s * x + c * y) / r + q->side / 2.0;
+        double x = (i % p->side + 0.5 - p->side / 2.0) * r,
+               y = ((int32_t)(i / p->side) + 0.5 - p->side / 2.0) * r;
+        double u = (seen.x + c * x - s * y) / r + q->side / 2.0,
+               v = (seen.y + s * x + c * y) / r + q->side / 2.0;
 
         if (p->cells[i] == CAIRN_CELL_UNKNOWN)
             continue;
@@ -159,7 +163,8 @@ double bench_parts_shared(const bench_parts *parts, int32_t a, int32_t b)
         if (u >= 0 && v >= 0 && u < q->side && v < q->side)
             shared += q->cells[(int32_t)v * q->side + (int32_t)u] != CAIRN_CELL_UNKNOWN;
     }
-    return (double)shared / (double)(known_p < known_q ? (known_p > 0 ? known_p : 1) : (known_q > 0 ? known_q : 1));
+    return (double)shared /
+           (double)(known_p < known_q ? (known_p > 0 ? known_p : 1) : (known_q > 0 ? known_q : 1));
 }
 
 /* The axis along which the tile of b follows that of a; -1 when they do not share a whole side. */
@@ -192,7 +197,8 @@ static void set_margin(bench_part *a, bench_part *b, int axis, double margin)
 }
 
 /* The margin between two neighbours at which they share as much as they should. */
-static void set_pair(bench_parts *parts, int32_t a, int32_t b, int axis, double overlap, double most)
+static void set_pair(bench_parts *parts, int32_t a, int32_t b, int axis, double overlap,
+                     double most)
 {
     double low = 0, high = most;
 
@@ -208,7 +214,8 @@ static void set_pair(bench_parts *parts, int32_t a, int32_t b, int axis, double 
     set_margin(&parts->list[a], &parts->list[b], axis, high);
 }
 
-/* All pairs of neighbours in turn, and again: one margin has a little to say about the shares of the others. */
+/* All pairs of neighbours in turn, and again: one margin has a little to say about the shares of
+ * the others. */
 static void set_overlap(bench_parts *parts, double overlap, double most)
 {
     for (int round = 0; round < ROUNDS; round++)
@@ -224,8 +231,8 @@ static void set_overlap(bench_parts *parts, double overlap, double most)
 
 /* ---- The tiles ---- */
 
-static int make_part(const sim_arena *arena, const bench_parts_options *o, int32_t index, sim_point middle,
-                     const double half[2], double margin, bench_part *part)
+static int make_part(const sim_arena *arena, const bench_parts_options *o, int32_t index,
+                     sim_point middle, const double half[2], double margin, bench_part *part)
 {
     cairn_random random = cairn_random_seed(o->seed * 64 + (uint64_t)index, 23);
     double reach = hypot(half[0] + margin, half[1] + margin);
@@ -246,7 +253,8 @@ static int make_part(const sim_arena *arena, const bench_parts_options *o, int32
     part->seen = malloc(cells);
     part->place[0] = malloc(cells * sizeof *part->place[0]);
     part->place[1] = malloc(cells * sizeof *part->place[1]);
-    if (part->cells == NULL || part->seen == NULL || part->place[0] == NULL || part->place[1] == NULL)
+    if (part->cells == NULL || part->seen == NULL || part->place[0] == NULL ||
+        part->place[1] == NULL)
         return 0;
     for (int k = 0; k < 4; k++)
         part->margin[k / 2][k % 2] = margin;
@@ -262,7 +270,8 @@ static int make_part(const sim_arena *arena, const bench_parts_options *o, int32
 int bench_parts_make(const bench_parts_options *o, bench_parts *parts)
 {
     sim_arena_options options = sim_arena_default();
-    int32_t columns = (int32_t)ceil(sqrt((double)o->robots)), rows = (o->robots + columns - 1) / columns;
+    int32_t columns = (int32_t)ceil(sqrt((double)o->robots)),
+            rows = (o->robots + columns - 1) / columns;
     double tile = o->tile * (1 - o->overlap), margin = o->tile / 2, half[2] = {tile / 2, tile / 2};
     char fault[256] = "no memory";
     sim_arena *arena;
@@ -292,10 +301,12 @@ int bench_parts_make(const bench_parts_options *o, bench_parts *parts)
         fprintf(stderr, "parts: %s\n", fault);
     for (int32_t i = 0; ok && i < o->robots; i++) {
         int32_t row = i / columns;
-        sim_point middle = {(i % columns - (columns - 1) / 2.0) * tile, (row - (rows - 1) / 2.0) * tile};
+        sim_point middle = {(i % columns - (columns - 1) / 2.0) * tile,
+                            (row - (rows - 1) / 2.0) * tile};
 
         parts->count++;
-        ok = make_part(arena, o, i, middle, half, o->pair ? margin : o->tile * o->overlap, &parts->list[i]);
+        ok = make_part(arena, o, i, middle, half, o->pair ? margin : o->tile * o->overlap,
+                       &parts->list[i]);
     }
     sim_arena_free(arena);
     if (ok)
@@ -318,8 +329,8 @@ void bench_part_mirror(bench_part *part)
 {
     for (int32_t y = 0; y < part->side; y++)
         for (int32_t x = 0; x < part->side / 2; x++) {
-            uint8_t *a = &part->cells[y * part->side + x], *b = &part->cells[y * part->side + part->side - 1 - x],
-                    c = *a;
+            uint8_t *a = &part->cells[y * part->side + x],
+                    *b = &part->cells[y * part->side + part->side - 1 - x], c = *a;
 
             *a = *b;
             *b = c;

@@ -1,4 +1,5 @@
-/* Maps that robots made of parts of one arena: grids in frames of their own, neighbours overlap by a set share. */
+/* Maps that robots made of parts of one arena: grids in frames of their own, neighbours overlap
+ * by a set share. */
 #ifndef CAIRN_BENCH_PARTS_H
 #define CAIRN_BENCH_PARTS_H
 
@@ -6,25 +7,38 @@
 #include "sim/arena.h"
 
 typedef struct bench_part {
-    uint8_t *cells;      /* [side * side] as CAIRN_CELL_..., row 0 lowest */
-    float *place[2];     /* [side * side] m, x and y of a cell from the middle of the part's own tile */
-    uint8_t *seen;       /* [side * side] as `cells`, before what lies outside of the part was taken away */
-    int32_t side;        /* cells */
-    sim_pose world_map;  /* truth */
-    sim_point middle;    /* of the tile */
-    double half[2];      /* m, of the tile in x and y */
-    double margin[2][2]; /* m, what it keeps beyond the tile: in x and y, below and above */
+    /* [side * side] as CAIRN_CELL_..., row 0 lowest */
+    uint8_t *cells;
+    /* [side * side] m, x and y of a cell from the middle of the part's own tile */
+    float *place[2];
+    /* [side * side] as `cells`, before what lies outside of the part was taken away */
+    uint8_t *seen;
+    /* cells */
+    int32_t side;
+    /* truth */
+    sim_pose world_map;
+    /* of the tile */
+    sim_point middle;
+    /* m, of the tile in x and y */
+    double half[2];
+    /* m, what it keeps beyond the tile: in x and y, below and above */
+    double margin[2][2];
 } bench_part;
 
 typedef struct bench_parts_options {
     uint64_t seed;
     const char *scene;
     int32_t robots;
-    double overlap;    /* share of the smaller map's known cells that neighbours share, each pair of them */
-    double tile;       /* m, side of the part of one robot, overlap included */
-    double resolution; /* m */
-    int32_t places;    /* from which a robot scans */
-    int32_t pair;      /* 1: two robots in an arena of 20 by 16 m */
+    /* share of the smaller map's known cells that neighbours share, each pair of them */
+    double overlap;
+    /* m, side of the part of one robot, overlap included */
+    double tile;
+    /* m */
+    double resolution;
+    /* from which a robot scans */
+    int32_t places;
+    /* 1: two robots in an arena of 20 by 16 m */
+    int32_t pair;
 } bench_parts_options;
 
 typedef struct bench_parts {

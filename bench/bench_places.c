@@ -12,15 +12,18 @@
 
 #define DEGREE 0.017453292519943295
 
-void bench_pose_errors(const sim_pose *truth, const sim_pose *poses, int32_t count, double *metres, double *degrees)
+void bench_pose_errors(const sim_pose *truth, const sim_pose *poses, int32_t count, double *metres,
+                       double *degrees)
 {
     for (int32_t i = 0; i < count; i++) {
         metres[i] = hypot(poses[i].x - truth[i].x, poses[i].y - truth[i].y);
-        degrees[i] = fabs(remainder(poses[i].theta - truth[i].theta, 2 * 3.14159265358979323846)) / DEGREE;
+        degrees[i] =
+            fabs(remainder(poses[i].theta - truth[i].theta, 2 * 3.14159265358979323846)) / DEGREE;
     }
 }
 
-/* End points of the beams of all scans, in the frames of the scans: scans[k].point into one array; NULL: no memory. */
+/* End points of the beams of all scans, in the frames of the scans: scans[k].point into one
+ * array; NULL: no memory. */
 static cairn_vec2 *hits_of(const sim_scan *sims, int32_t count, cairn_report_scan *scans)
 {
     size_t beams = 0, used = 0;
@@ -56,8 +59,8 @@ cairn_pose bench_cairn_pose(sim_pose p)
     return pose;
 }
 
-int bench_draw_maps(const char *path, const char *heading, const char *const titles[BENCH_PANELS], const sim_scan *sims,
-                    int32_t count, const sim_pose *const poses[BENCH_PANELS])
+int bench_draw_maps(const char *path, const char *heading, const char *const titles[BENCH_PANELS],
+                    const sim_scan *sims, int32_t count, const sim_pose *const poses[BENCH_PANELS])
 {
     size_t n = (size_t)count;
     places_maps maps = {.title = heading, .count = count};
@@ -87,8 +90,10 @@ int bench_draw_maps(const char *path, const char *heading, const char *const tit
 
 /* ---- Errors ---- */
 
-/* How many times larger errors are drawn: a power of ten, such that the median is at most half a metre. */
-static double enlargement(const sim_scan *sims, int32_t count, const sim_pose *poses, double *median)
+/* How many times larger errors are drawn: a power of ten, such that the median is at most half a
+ * metre. */
+static double enlargement(const sim_scan *sims, int32_t count, const sim_pose *poses,
+                          double *median)
 {
     double *metres = malloc(2 * (size_t)count * sizeof *metres), by = 1;
 
@@ -105,7 +110,8 @@ static double enlargement(const sim_scan *sims, int32_t count, const sim_pose *p
 }
 
 /* Walls: the hits as seen from the true poses. */
-static int32_t true_hits(const sim_scan *sims, int32_t count, const cairn_report_scan *scans, cairn_vec2 *out)
+static int32_t true_hits(const sim_scan *sims, int32_t count, const cairn_report_scan *scans,
+                         cairn_vec2 *out)
 {
     int32_t used = 0;
 
@@ -120,8 +126,8 @@ static int32_t true_hits(const sim_scan *sims, int32_t count, const cairn_report
     return used;
 }
 
-static void fill_errors(const sim_scan *sims, int32_t count, const sim_pose *poses, double by, cairn_vec2 *dots,
-                        cairn_vec2 *vectors)
+static void fill_errors(const sim_scan *sims, int32_t count, const sim_pose *poses, double by,
+                        cairn_vec2 *dots, cairn_vec2 *vectors)
 {
     for (int32_t k = 0; k < count; k++) {
         sim_pose truth = sims[k].truth;
@@ -133,11 +139,13 @@ static void fill_errors(const sim_scan *sims, int32_t count, const sim_pose *pos
     }
 }
 
-int bench_draw_errors(const char *folder, uint64_t seed, const sim_scan *sims, int32_t count, const sim_pose *poses)
+int bench_draw_errors(const char *folder, uint64_t seed, const sim_scan *sims, int32_t count,
+                      const sim_pose *poses)
 {
     size_t n = (size_t)count;
     cairn_report_scan *scans = malloc(n * sizeof *scans);
-    cairn_vec2 *points = scans != NULL ? hits_of(sims, count, scans) : NULL, *marks = malloc(3 * n * sizeof *marks);
+    cairn_vec2 *points = scans != NULL ? hits_of(sims, count, scans) : NULL,
+               *marks = malloc(3 * n * sizeof *marks);
     cairn_vec2 *walls = NULL;
     cairn_report_figure figure = cairn_report_figure_default();
     double median, by = enlargement(sims, count, poses, &median);
@@ -164,7 +172,8 @@ int bench_draw_errors(const char *folder, uint64_t seed, const sim_scan *sims, i
         plot.layer = layers;
         plot.layer_count = sizeof layers / sizeof *layers;
         fill_errors(sims, count, poses, by, marks, marks + n);
-        (void)snprintf(subtitle, sizeof subtitle, "errors drawn %.0f times larger; their median is %.1f mm", by,
+        (void)snprintf(subtitle, sizeof subtitle,
+                       "errors drawn %.0f times larger; their median is %.1f mm", by,
                        1000 * median);
         figure.title = "Poses found without odometry, and their errors";
         figure.subtitle = subtitle;

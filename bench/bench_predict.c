@@ -83,7 +83,8 @@ static void close_ranking(ranking *r)
 }
 
 /* The mean of the steps' rank correlations over the arenas named in drawn [arenas]. */
-static double predict(const bench_predict_maps *all, const int32_t *drawn, ranking *r, int64_t *maps)
+static double predict(const bench_predict_maps *all, const int32_t *drawn, ranking *r,
+                      int64_t *maps)
 {
     double sum = 0;
 
@@ -94,7 +95,9 @@ static double predict(const bench_predict_maps *all, const int32_t *drawn, ranki
 
         for (int32_t a = 0; a < all->arenas; a++)
             for (int32_t m = 0; m < all->methods; m++) {
-                size_t map = ((size_t)drawn[a] * (size_t)all->methods + (size_t)m) * (size_t)all->steps + (size_t)k;
+                size_t map =
+                    ((size_t)drawn[a] * (size_t)all->methods + (size_t)m) * (size_t)all->steps +
+                    (size_t)k;
 
                 if (!(all->error[map] < all->good))
                     continue;

@@ -16,8 +16,9 @@ typedef struct bench_prediction {
     int64_t maps;
 } bench_prediction;
 
-/* Spearman's rank correlation over the maps of all arenas and methods after the same number of steps; the mean over the
- * steps, weighted by their maps. The interval of 95 % is of 1000 draws of arenas. 0 when memory is lacking. */
+/* Spearman's rank correlation over the maps of all arenas and methods after the same number of
+ * steps; the mean over the steps, weighted by their maps. The interval of 95 % is of 1000 draws
+ * of arenas. 0 when memory is lacking. */
 int bench_predict(const bench_predict_maps *all, uint64_t seed, bench_prediction *p);
 
 /* Its keys, each with the name before it, into the line of JSON that was begun. */

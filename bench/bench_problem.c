@@ -12,7 +12,8 @@
 
 bench_problem_kind bench_problem_kind_default(void)
 {
-    bench_problem_kind kind = {"rescue", 15, 4, 401, 100, 0.30, 20, {(double)NAN, (double)NAN}, {0, 0}};
+    bench_problem_kind kind = {"rescue", 15, 4, 401, 100, 0.30, 20, {(double)NAN, (double)NAN},
+                               {0, 0}};
 
     return kind;
 }

@@ -1,4 +1,5 @@
-/* Pieces of the sides of rectangles among pieces of walls that belong to nothing: what the detector of rectangles is measured on. */
+/* Pieces of the sides of rectangles among pieces of walls that belong to nothing: what the
+ * detector of rectangles is measured on. */
 #include "bench/bench_rectangles.h"
 
 #include <math.h>
@@ -40,7 +41,8 @@ static void see_rectangle(sighting *s, const cairn_rectangle *r, cairn_random *r
     cairn_rectangle_corners(r, corner);
     for (int i = 0; i < 4; i++) {
         cairn_vec2 a = corner[i], way = cairn_vec2_sub(corner[(i + 1) % 4], a);
-        double first = uniform(random, 0.2, 0.4), gap[2] = {uniform(random, 0, 0.2), uniform(random, 0, 0.2)};
+        double first = uniform(random, 0.2, 0.4),
+               gap[2] = {uniform(random, 0, 0.2), uniform(random, 0, 0.2)};
         double at[4] = {gap[0], gap[0] + first, gap[0] + first + gap[1], gap[0] + gap[1] + 0.6};
 
         for (int k = 0; k < 4; k += 2)
@@ -68,7 +70,8 @@ static sighting make_sighting(uint64_t seed)
     }
     for (int i = 0; i < STRAYS; i++) {
         double angle = uniform(&random, 0, 2 * (double)CAIRN_PI), length = uniform(&random, 0.3, 3);
-        cairn_vec2 a = {(cairn_real)uniform(&random, -6, 18), (cairn_real)uniform(&random, -6, 18)}, b = a;
+        cairn_vec2 a = {(cairn_real)uniform(&random, -6, 18), (cairn_real)uniform(&random, -6, 18)},
+                   b = a;
 
         b.x += (cairn_real)(length * cos(angle));
         b.y += (cairn_real)(length * sin(angle));
@@ -96,7 +99,8 @@ static int is_same(const cairn_rectangle *a, const cairn_rectangle *b)
 }
 
 /* Adds how many of a scene's rectangles were found, and how many others. */
-static void count_found(const sighting *s, const cairn_rectangle *list, int32_t count, int32_t *found, int32_t *wrong)
+static void count_found(const sighting *s, const cairn_rectangle *list, int32_t count,
+                        int32_t *found, int32_t *wrong)
 {
     for (int i = 0; i < RECTANGLES; i++) {
         int32_t k = 0;

@@ -1,10 +1,12 @@
-/* Rectangles of whose sides 60 % is seen in pieces, with noise, among pieces of walls that belong to nothing. */
+/* Rectangles of whose sides 60 % is seen in pieces, with noise, among pieces of walls that
+ * belong to nothing. */
 #ifndef CAIRN_BENCH_RECTANGLES_H
 #define CAIRN_BENCH_RECTANGLES_H
 
 #include <stdint.h>
 
-/* Looks for them as virtual_scan does. Adds how many there were, how many were found, and how many others. 0 on failure. */
+/* Looks for them as virtual_scan does. Adds how many there were, how many were found, and how
+ * many others. 0 on failure. */
 int bench_rectangles_find(uint64_t seed, int32_t *there, int32_t *found, int32_t *wrong);
 
 #endif

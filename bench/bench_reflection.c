@@ -81,7 +81,8 @@ static bench_reflection climb(const raster *r, bench_reflection axis)
 
         for (int a = -1; a <= 1; a++)
             for (int o = -1; o <= 1; o++) {
-                bench_reflection next = {axis.angle + a * step_angle, axis.offset + o * step_offset, 0};
+                bench_reflection next = {axis.angle + a * step_angle, axis.offset + o * step_offset,
+                                         0};
 
                 next.overlap = overlap_of(r, next.angle, next.offset, 1);
                 if (next.overlap > best.overlap)
@@ -133,8 +134,8 @@ int bench_reflections_find(bench_reflections *found, const cairn_curve *outlines
     for (int32_t k = 0; k < COARSE; k++)
         coarse[k] = overlap_of(r, PI * k / COARSE, 0, 3);
     for (int32_t k = 0; k < COARSE; k++)
-        if (coarse[k] >= coarse[(k + 1) % COARSE] && coarse[k] >= coarse[(k + COARSE - 1) % COARSE] &&
-            coarse[k] > 0.6) {
+        if (coarse[k] >= coarse[(k + 1) % COARSE] &&
+            coarse[k] >= coarse[(k + COARSE - 1) % COARSE] && coarse[k] > 0.6) {
             bench_reflection axis = {PI * k / COARSE, 0, 0};
 
             keep(found, climb(r, axis));
@@ -157,7 +158,8 @@ int bench_reflections_find(bench_reflections *found, const cairn_curve *outlines
     return 1;
 }
 
-int bench_reflections_hit(const bench_reflections *found, cairn_vec2 from, cairn_vec2 to, cairn_vec2 middle)
+int bench_reflections_hit(const bench_reflections *found, cairn_vec2 from, cairn_vec2 to,
+                          cairn_vec2 middle)
 {
     double x = (double)(to.x - from.x), y = (double)(to.y - from.y), length = hypot(x, y);
 
@@ -174,10 +176,12 @@ int bench_reflections_hit(const bench_reflections *found, cairn_vec2 from, cairn
     return 0;
 }
 
-double bench_reflections_overlap(const cairn_curve *outlines, int32_t count, cairn_vec2 from, cairn_vec2 to)
+double bench_reflections_overlap(const cairn_curve *outlines, int32_t count, cairn_vec2 from,
+                                 cairn_vec2 to)
 {
     raster *r = malloc(sizeof *r);
-    double x = (double)(to.x - from.x), y = (double)(to.y - from.y), angle = atan2(y, x), diagonal, overlap;
+    double x = (double)(to.x - from.x), y = (double)(to.y - from.y), angle = atan2(y, x), diagonal,
+           overlap;
 
     if (r == NULL)
         return 0;

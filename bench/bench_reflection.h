@@ -15,19 +15,24 @@ typedef struct bench_reflection {
 } bench_reflection;
 
 typedef struct bench_reflections {
-    bench_reflection axes[BENCH_REFLECTIONS]; /* [count] best first, those as good as the best, 10 degrees apart */
+    /* [count] best first, those as good as the best, 10 degrees apart */
+    bench_reflection axes[BENCH_REFLECTIONS];
     int32_t count;
-    double diagonal; /* of the shape's box */
+    /* of the shape's box */
+    double diagonal;
 } bench_reflections;
 
 /* outlines: the shape's, then those of its holes. 0: there is no memory. */
 int bench_reflections_find(bench_reflections *found, const cairn_curve *outlines, int32_t count);
 
-/* 1 when the line through two points is within 5 degrees of one of the axes that were found and, at the shape's middle, 3 % of the
- * diagonal. */
-int bench_reflections_hit(const bench_reflections *found, cairn_vec2 from, cairn_vec2 to, cairn_vec2 middle);
+/* 1 when the line through two points is within 5 degrees of one of the axes that were found and,
+ * at the shape's middle, 3 % of the diagonal. */
+int bench_reflections_hit(const bench_reflections *found, cairn_vec2 from, cairn_vec2 to,
+                          cairn_vec2 middle);
 
-/* Intersection over union of the shape and its mirror image in the line through two points. 0, too, when there is no memory. */
-double bench_reflections_overlap(const cairn_curve *outlines, int32_t count, cairn_vec2 from, cairn_vec2 to);
+/* Intersection over union of the shape and its mirror image in the line through two points. 0,
+ * too, when there is no memory. */
+double bench_reflections_overlap(const cairn_curve *outlines, int32_t count, cairn_vec2 from,
+                                 cairn_vec2 to);
 
 #endif

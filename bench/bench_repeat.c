@@ -1,5 +1,6 @@
-/* Rooms of 5 by 5 m: four along a corridor, two behind the last two of them. Walls are 0.1 m thick; tables stand in the
- * rooms. What a robot has seen is a set of boxes, cut at walls' middles. */
+/* Rooms of 5 by 5 m: four along a corridor, two behind the last two of them. Walls are 0.1 m
+ * thick; tables stand in the rooms. What a robot has seen is a set of boxes, cut at walls'
+ * middles. */
 #include "bench/bench_repeat.h"
 
 #include <math.h>
@@ -37,7 +38,8 @@ static void furnish(building *b, cairn_random *random)
 {
     for (int i = 0; i < ROOMS; i++)
         for (int k = 0; k < TABLES; k++) {
-            table t = {uniform(random, 0.8, ROOM - 0.8), uniform(random, 0.8, ROOM - 0.8), {0, 0}, 0};
+            table t = {
+                uniform(random, 0.8, ROOM - 0.8), uniform(random, 0.8, ROOM - 0.8), {0, 0}, 0};
 
             t.half[0] = uniform(random, 0.15, 0.5);
             t.half[1] = uniform(random, 0.15, 0.5);
@@ -54,7 +56,8 @@ static int in_table(const table *t, double x, double y)
     return fabs(c * dx + s * dy) <= t->half[0] && fabs(c * dy - s * dx) <= t->half[1];
 }
 
-/* Walls of a room, with a door in the middle of the south and of the north one, and of the west one when it has one. */
+/* Walls of a room, with a door in the middle of the south and of the north one, and of the west
+ * one when it has one. */
 static int in_room_walls(int room, double x, double y)
 {
     int west_door = room == 5, north_door = room != 1 && room < 4, south_door = room != 5 || x > 0;
@@ -73,7 +76,8 @@ static int in_room_walls(int room, double x, double y)
 
 static int is_wall(const building *b, double x, double y)
 {
-    if ((fabs(x) <= HALF_WALL || fabs(x - 4 * ROOM) <= HALF_WALL || fabs(y) <= HALF_WALL) && y <= CORRIDOR)
+    if ((fabs(x) <= HALF_WALL || fabs(x - 4 * ROOM) <= HALF_WALL || fabs(y) <= HALF_WALL) &&
+        y <= CORRIDOR)
         return 1;
     for (int i = 0; i < ROOMS; i++) {
         double u = x - WEST[i], v = y - SOUTH[i];
@@ -96,8 +100,8 @@ static uint8_t cell_at(const building *b, const box *seen, int count, double x, 
     return CAIRN_CELL_UNKNOWN;
 }
 
-static int draw(const building *b, const box *seen, int count, double resolution, cairn_random *random,
-                bench_part *part)
+static int draw(const building *b, const box *seen, int count, double resolution,
+                cairn_random *random, bench_part *part)
 {
     double x0 = 1e9, y0 = 1e9, x1 = -1e9, y1 = -1e9, c, s;
 
@@ -120,7 +124,8 @@ static int draw(const building *b, const box *seen, int count, double resolution
         double x = (i % part->side + 0.5 - part->side / 2.0) * resolution;
         double y = ((int32_t)(i / part->side) + 0.5 - part->side / 2.0) * resolution;
 
-        part->cells[i] = cell_at(b, seen, count, part->world_map.x + c * x - s * y, part->world_map.y + s * x + c * y);
+        part->cells[i] = cell_at(b, seen, count, part->world_map.x + c * x - s * y,
+                                 part->world_map.y + s * x + c * y);
     }
     return 1;
 }
@@ -129,10 +134,13 @@ int bench_repeat_make(uint64_t seed, double resolution, bench_parts *parts)
 {
     static const int seen_count[MAPS] = {4, 2, 2};
     const double w = HALF_WALL;
-    /* The first: corridor, room 0, the nearer 80 % of room 2, room 3. The second: rooms 2 and 4. The third: room 5 with
-     * the eastern half of 4, and the farther half of room 3. */
+    /* The first: corridor, room 0, the nearer 80 % of room 2, room 3. The second: rooms 2 and 4.
+     * The third: room 5 with the eastern half of 4, and the farther half of room 3. */
     const box seen[MAPS][SEEN_MOST] = {
-        {{-w, -w, 20 + w, 2 + w}, {-w, 2, 5 + w, 7 + w}, {10 - w, 2, 15 + w, 6}, {15 - w, 2, 20 + w, 7 + w}},
+        {{-w, -w, 20 + w, 2 + w},
+         {-w, 2, 5 + w, 7 + w},
+         {10 - w, 2, 15 + w, 6},
+         {15 - w, 2, 20 + w, 7 + w}},
         {{10 - w, 2 - w, 15 + w, 7 + w}, {10 - w, 7, 15 + w, 12 + w}},
         {{12.5, 7 - w, 20 + w, 12 + w}, {15 - w, 4.5, 20 + w, 7}}};
     cairn_random random = cairn_random_seed(seed, 41);

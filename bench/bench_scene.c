@@ -1,5 +1,6 @@
-/* Scenes: a background of 1/f noise, clutter, the object, what hides it, noise; edges by the gradient of the smoothed picture.
- * All quantities of the protocol are options; the rest is fixed here. */
+/* Scenes: a background of 1/f noise, clutter, the object, what hides it, noise; edges by the
+ * gradient of the smoothed picture. All quantities of the protocol are options; the rest is
+ * fixed here. */
 #include "bench/bench_scene.h"
 
 #include <math.h>
@@ -8,7 +9,11 @@
 
 #define PI 3.14159265358979323846
 
-enum { OUTLINE_SIDE = 280, OUTLINE_MIDDLE = OUTLINE_SIDE / 2, OUTLINE_PIXELS = OUTLINE_SIDE * OUTLINE_SIDE };
+enum {
+    OUTLINE_SIDE = 280,
+    OUTLINE_MIDDLE = OUTLINE_SIDE / 2,
+    OUTLINE_PIXELS = OUTLINE_SIDE * OUTLINE_SIDE
+};
 
 static int32_t row_of(int32_t pixel)
 {
@@ -52,7 +57,8 @@ static int in_bar(double x, double y, const double a[3], const double b[3])
 
     t = t < 0 ? 0 : t > 1 ? 1 : t;
     r = a[2] + t * (b[2] - a[2]);
-    return (x - a[0] - t * dx) * (x - a[0] - t * dx) + (y - a[1] - t * dy) * (y - a[1] - t * dy) <= r * r;
+    return (x - a[0] - t * dx) * (x - a[0] - t * dx) + (y - a[1] - t * dy) * (y - a[1] - t * dy) <=
+           r * r;
 }
 
 static double bump(double angle, double at, double width)
@@ -67,7 +73,8 @@ static int in_apple(const double *v, double x, double y)
     double angle = atan2(y, x);
     double r = 0.45 * (1 + 0.06 * v[0] * cos(2 * angle) + 0.05 * v[1] * cos(3 * angle));
 
-    r -= (0.12 + 0.03 * v[2]) * bump(angle, -PI / 2, 0.08) + (0.05 + 0.02 * v[3]) * bump(angle, PI / 2, 0.06);
+    r -= (0.12 + 0.03 * v[2]) * bump(angle, -PI / 2, 0.08) +
+         (0.05 + 0.02 * v[3]) * bump(angle, PI / 2, 0.06);
     return x * x + y * y <= r * r;
 }
 
@@ -96,30 +103,32 @@ static int in_bird(const double *v, double x, double y)
     double beak[3] = {0.42, head[1], 0.04}, tip[3] = {0.52, head[1] + 0.03, 0.012};
     double rump[3] = {-0.26, 0.06, 0.08}, tail[3] = {-0.5, -0.04 + 0.06 * v[4], 0.03};
 
-    return in_ellipse(x, y, 0, 0.1, 0.34 + 0.03 * v[0], 0.19 + 0.03 * v[1]) || in_bar(x, y, neck, head) ||
-           in_bar(x, y, beak, tip) || in_bar(x, y, rump, tail);
+    return in_ellipse(x, y, 0, 0.1, 0.34 + 0.03 * v[0], 0.19 + 0.03 * v[1]) ||
+           in_bar(x, y, neck, head) || in_bar(x, y, beak, tip) || in_bar(x, y, rump, tail);
 }
 
 static int in_horse(const double *v, double x, double y)
 {
-    double chest[3] = {0.24, -0.08, 0.1}, nape[3] = {0.38, -0.33 + 0.03 * v[2], 0.06}, nose[3] = {0.5, -0.2, 0.04};
+    double chest[3] = {0.24, -0.08, 0.1}, nape[3] = {0.38, -0.33 + 0.03 * v[2], 0.06},
+           nose[3] = {0.5, -0.2, 0.04};
     double hip[4] = {-0.26, -0.15, 0.14, 0.25};
 
     for (int leg = 0; leg < 4; leg++) {
-        double top[3] = {hip[leg], 0.02, 0.045}, foot[3] = {hip[leg] + 0.03 * v[5] * (leg % 2 ? 1 : -1), 0.46, 0.028};
+        double top[3] = {hip[leg], 0.02, 0.045},
+               foot[3] = {hip[leg] + 0.03 * v[5] * (leg % 2 ? 1 : -1), 0.46, 0.028};
 
         if (in_bar(x, y, top, foot))
             return 1;
     }
-    return in_ellipse(x, y, 0, -0.03, 0.32 + 0.02 * v[0], 0.14 + 0.02 * v[1]) || in_bar(x, y, chest, nape) ||
-           in_bar(x, y, nape, nose);
+    return in_ellipse(x, y, 0, -0.03, 0.32 + 0.02 * v[0], 0.14 + 0.02 * v[1]) ||
+           in_bar(x, y, chest, nape) || in_bar(x, y, nape, nose);
 }
 
 static int is_inside(const void *shape, double x, double y)
 {
     const scene_shape *s = shape;
-    static int (*const inside[SCENE_FAMILIES])(const double *, double, double) = {in_apple, in_bottle, in_cup, in_bird,
-                                                                                  in_horse};
+    static int (*const inside[SCENE_FAMILIES])(const double *, double, double) = {
+        in_apple, in_bottle, in_cup, in_bird, in_horse};
 
     return inside[s->family](s->vary, x, y);
 }
@@ -134,7 +143,8 @@ static void spread(uint8_t *label, int32_t from, uint8_t as)
     stack[depth++] = from;
     while (depth > 0) {
         int32_t at = stack[--depth], x = at % OUTLINE_SIDE, y = at / OUTLINE_SIDE;
-        int32_t beside[4] = {x > 0 ? at - 1 : at, x < OUTLINE_SIDE - 1 ? at + 1 : at, y > 0 ? at - OUTLINE_SIDE : at,
+        int32_t beside[4] = {x > 0 ? at - 1 : at, x < OUTLINE_SIDE - 1 ? at + 1 : at,
+                             y > 0 ? at - OUTLINE_SIDE : at,
                              y < OUTLINE_SIDE - 1 ? at + OUTLINE_SIDE : at};
 
         for (int k = 0; k < 4; k++)
@@ -146,7 +156,8 @@ static void spread(uint8_t *label, int32_t from, uint8_t as)
 }
 
 /* Goes round the pixels of a label (Moore's neighbours), from the topmost. */
-static int32_t go_round(const uint8_t *label, uint8_t of, int32_t from, cairn_vec2 *vertices, int32_t most)
+static int32_t go_round(const uint8_t *label, uint8_t of, int32_t from, cairn_vec2 *vertices,
+                        int32_t most)
 {
     static const int dx[8] = {1, 1, 0, -1, -1, -1, 0, 1}, dy[8] = {0, 1, 1, 1, 0, -1, -1, -1};
     int32_t x = from % OUTLINE_SIDE, y = from / OUTLINE_SIDE, count = 0;
@@ -169,7 +180,8 @@ static int32_t go_round(const uint8_t *label, uint8_t of, int32_t from, cairn_ve
     return count;
 }
 
-int32_t scene_outlines(const scene_shape *shape, cairn_vec2 *vertices, int32_t most, int32_t counts[SCENE_OUTLINES])
+int32_t scene_outlines(const scene_shape *shape, cairn_vec2 *vertices, int32_t most,
+                       int32_t counts[SCENE_OUTLINES])
 {
     static uint8_t label[OUTLINE_PIXELS];
     int32_t outlines = 0, used = 0;
@@ -178,7 +190,8 @@ int32_t scene_outlines(const scene_shape *shape, cairn_vec2 *vertices, int32_t m
     for (int32_t y = 0; y < OUTLINE_SIDE; y++)
         for (int32_t x = 0; x < OUTLINE_SIDE; x++)
             label[y * OUTLINE_SIDE + x] =
-                is_inside(shape, (x - OUTLINE_MIDDLE) / 240.0, (y - OUTLINE_MIDDLE) / 240.0) ? 1 : 2;
+                is_inside(shape, (x - OUTLINE_MIDDLE) / 240.0, (y - OUTLINE_MIDDLE) / 240.0) ? 1
+                                                                                             : 2;
     spread(label, 0, 0);
     for (int32_t i = 0; i < OUTLINE_PIXELS && outlines < SCENE_OUTLINES; i++) {
         if (label[i] == 2)
@@ -207,8 +220,8 @@ static void add_background(scene *s, cairn_random *random)
             double fx = x - u, fy = y - v;
             const double *k = &knot[v * columns + u];
 
-            s->grey[i] +=
-                (float)((k[0] * (1 - fx) + k[1] * fx) * (1 - fy) + (k[columns] * (1 - fx) + k[columns + 1] * fx) * fy);
+            s->grey[i] += (float)((k[0] * (1 - fx) + k[1] * fx) * (1 - fy) +
+                                  (k[columns] * (1 - fx) + k[columns + 1] * fx) * fy);
         }
         free(knot);
     }
@@ -250,8 +263,8 @@ static void add_object(scene *s, const scene_figure *figure, cairn_random *rando
     for (int32_t i = 0; i < SCENE_PIXELS; i++) {
         double dx = (i % SCENE_WIDTH - cx) / size, dy = (row_of(i) - cy) / size;
 
-        s->inside[i] =
-            (uint8_t)figure->contains(figure->shape, cos(turn) * dx + sin(turn) * dy, cos(turn) * dy - sin(turn) * dx);
+        s->inside[i] = (uint8_t)figure->contains(figure->shape, cos(turn) * dx + sin(turn) * dy,
+                                                 cos(turn) * dy - sin(turn) * dx);
         s->grey[i] += s->inside[i] ? (float)contrast : 0;
     }
 }
@@ -271,7 +284,8 @@ static void mark_boundary(scene *s)
         s->box[1] = fmin(s->box[1], y);
         s->box[2] = fmax(s->box[2], x);
         s->box[3] = fmax(s->box[3], y);
-        if (!inside[i - 1] || !inside[i + 1] || !inside[i - SCENE_WIDTH] || !inside[i + SCENE_WIDTH])
+        if (!inside[i - 1] || !inside[i + 1] || !inside[i - SCENE_WIDTH] ||
+            !inside[i + SCENE_WIDTH])
             s->truth[i] = 2;
     }
 }
@@ -291,7 +305,8 @@ static void hide(scene *s, double share, cairn_random *random)
     for (int32_t hidden = 0; at >= 0 && hidden < share * total; radius += 1) {
         hidden = 0;
         for (int32_t i = 0; i < SCENE_PIXELS; i++)
-            hidden += s->truth[i] > 0 && hypot(i % SCENE_WIDTH - at % SCENE_WIDTH, row_of(i) - row_of(at)) <= radius;
+            hidden += s->truth[i] > 0 &&
+                      hypot(i % SCENE_WIDTH - at % SCENE_WIDTH, row_of(i) - row_of(at)) <= radius;
     }
     for (int32_t i = 0; at >= 0 && i < SCENE_PIXELS; i++)
         if (hypot(i % SCENE_WIDTH - at % SCENE_WIDTH, row_of(i) - row_of(at)) <= radius) {
@@ -302,7 +317,8 @@ static void hide(scene *s, double share, cairn_random *random)
 
 /* ---- Edges: the gradient of the smoothed picture, its crests, by hysteresis ---- */
 
-static void smooth(float *to, const float *from, int32_t step, int32_t length, int32_t other, int32_t lines)
+static void smooth(float *to, const float *from, int32_t step, int32_t length, int32_t other,
+                   int32_t lines)
 {
     static const double weight[5] = {0.2659, 0.2129, 0.1093, 0.0360, 0.0088};
 
@@ -334,15 +350,18 @@ static void find_edges(scene *s)
     for (int32_t i = SCENE_WIDTH + 1; i < SCENE_PIXELS - SCENE_WIDTH - 1; i++)
         gradient[i] = (float)hypot(GX(i), GY(i));
     for (int32_t i = 2 * SCENE_WIDTH + 2; i < SCENE_PIXELS - 2 * SCENE_WIDTH - 2; i++) {
-        double gx = GX(i), gy = GY(i), t = fabs(gx) > fabs(gy) ? gy / gx : gx / gy, sign = t < 0 ? -1 : 1;
+        double gx = GX(i), gy = GY(i), t = fabs(gx) > fabs(gy) ? gy / gx : gx / gy,
+               sign = t < 0 ? -1 : 1;
         int32_t straight = fabs(gx) > fabs(gy) ? 1 : SCENE_WIDTH,
                 aside = (straight == 1 ? SCENE_WIDTH : 1) * (int32_t)sign;
         double share = fabs(t), ahead, behind;
 
         if ((double)gradient[i] < low || i % SCENE_WIDTH < 2 || i % SCENE_WIDTH >= SCENE_WIDTH - 2)
             continue;
-        ahead = (1 - share) * (double)gradient[i + straight] + share * (double)gradient[i + straight + aside];
-        behind = (1 - share) * (double)gradient[i - straight] + share * (double)gradient[i - straight - aside];
+        ahead = (1 - share) * (double)gradient[i + straight] +
+                share * (double)gradient[i + straight + aside];
+        behind = (1 - share) * (double)gradient[i - straight] +
+                 share * (double)gradient[i - straight - aside];
         if ((double)gradient[i] > ahead && (double)gradient[i] >= behind)
             s->edges[i] = (double)gradient[i] >= high ? 255 : 1;
     }
@@ -361,14 +380,16 @@ static void find_edges(scene *s)
         s->edges[i] = s->edges[i] == 255 ? (uint8_t)fmin(255, 10 * (double)gradient[i]) : 0;
 }
 
-void scene_draw(scene *s, const scene_shape *shape, const scene_options *options, cairn_random *random)
+void scene_draw(scene *s, const scene_shape *shape, const scene_options *options,
+                cairn_random *random)
 {
     scene_figure figure = {is_inside, shape, 10};
 
     scene_draw_figure(s, &figure, options, random);
 }
 
-void scene_draw_figure(scene *s, const scene_figure *figure, const scene_options *options, cairn_random *random)
+void scene_draw_figure(scene *s, const scene_figure *figure, const scene_options *options,
+                       cairn_random *random)
 {
     memset(s->truth, 0, sizeof s->truth);
     for (int32_t i = 0; i < SCENE_PIXELS; i++)

@@ -14,7 +14,8 @@ typedef struct scene_shape {
     double vary[SCENE_SHAPE]; /* -1 ... 1 each */
 } scene_shape;
 
-/* What a scene may show besides the families: anything that says which places of a square from -0.5 to 0.5 are within. */
+/* What a scene may show besides the families: anything that says which places of a square from
+ * -0.5 to 0.5 are within. */
 typedef struct scene_figure {
     int (*contains)(const void *shape, double x, double y);
     const void *shape;
@@ -42,14 +43,17 @@ const char *scene_family_name(int32_t family);
 /* A member of a family, by chance. */
 scene_shape scene_shape_draw(int32_t family, cairn_random *random);
 
-/* The outlines of a member, 240 px high: its own, then those of its holes, at most `most` vertices one after another; counts: of
- * each. The number of outlines. */
-int32_t scene_outlines(const scene_shape *shape, cairn_vec2 *vertices, int32_t most, int32_t counts[SCENE_OUTLINES]);
+/* The outlines of a member, 240 px high: its own, then those of its holes, at most `most`
+ * vertices one after another; counts: of each. The number of outlines. */
+int32_t scene_outlines(const scene_shape *shape, cairn_vec2 *vertices, int32_t most,
+                       int32_t counts[SCENE_OUTLINES]);
 
 /* Draws a scene with one object of this shape. */
 /* The same with another figure. */
-void scene_draw_figure(scene *s, const scene_figure *figure, const scene_options *options, cairn_random *random);
+void scene_draw_figure(scene *s, const scene_figure *figure, const scene_options *options,
+                       cairn_random *random);
 
-void scene_draw(scene *s, const scene_shape *shape, const scene_options *options, cairn_random *random);
+void scene_draw(scene *s, const scene_shape *shape, const scene_options *options,
+                cairn_random *random);
 
 #endif

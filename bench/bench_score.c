@@ -10,7 +10,8 @@ static double wrap(double angle)
 sim_pose bench_pose_compose(sim_pose a_b, sim_pose b_c)
 {
     double c = cos(a_b.theta), s = sin(a_b.theta);
-    sim_pose a_c = {a_b.x + c * b_c.x - s * b_c.y, a_b.y + s * b_c.x + c * b_c.y, wrap(a_b.theta + b_c.theta)};
+    sim_pose a_c = {a_b.x + c * b_c.x - s * b_c.y, a_b.y + s * b_c.x + c * b_c.y,
+                    wrap(a_b.theta + b_c.theta)};
 
     return a_c;
 }
@@ -28,26 +29,29 @@ int32_t bench_pose_near(sim_pose a, sim_pose b, double metres, double radians)
     return hypot(a.x - b.x, a.y - b.y) <= metres && fabs(wrap(a.theta - b.theta)) <= radians;
 }
 
-static int32_t agreeing(const sim_pose *truth, const sim_pose *estimates, const int32_t *use, int32_t count,
-                        sim_pose motion, double metres, double radians)
+static int32_t agreeing(const sim_pose *truth, const sim_pose *estimates, const int32_t *use,
+                        int32_t count, sim_pose motion, double metres, double radians)
 {
     int32_t agree = 0;
 
     for (int32_t i = 0; i < count; i++)
-        agree += use[i] && bench_pose_near(truth[i], bench_pose_compose(motion, estimates[i]), metres, radians);
+        agree += use[i] && bench_pose_near(truth[i], bench_pose_compose(motion, estimates[i]),
+                                           metres, radians);
     return agree;
 }
 
-/* Least squares over positions (and, where these say nothing of the heading, over headings) of the scans that agree. */
-static sim_pose refine(const sim_pose *truth, const sim_pose *estimates, const int32_t *use, int32_t count,
-                       sim_pose motion, double metres, double radians)
+/* Least squares over positions (and, where these say nothing of the heading, over headings) of
+ * the scans that agree. */
+static sim_pose refine(const sim_pose *truth, const sim_pose *estimates, const int32_t *use,
+                       int32_t count, sim_pose motion, double metres, double radians)
 {
     double ex = 0, ey = 0, tx = 0, ty = 0, sine = 0, cosine = 0;
     sim_pose fitted = motion;
     int32_t n = 0;
 
     for (int32_t i = 0; i < count; i++) {
-        if (!use[i] || !bench_pose_near(truth[i], bench_pose_compose(motion, estimates[i]), metres, radians))
+        if (!use[i] ||
+            !bench_pose_near(truth[i], bench_pose_compose(motion, estimates[i]), metres, radians))
             continue;
         ex += estimates[i].x;
         ey += estimates[i].y;
@@ -64,7 +68,8 @@ static sim_pose refine(const sim_pose *truth, const sim_pose *estimates, const i
     for (int32_t i = 0; i < count; i++) {
         double ax, ay, bx, by, turn;
 
-        if (!use[i] || !bench_pose_near(truth[i], bench_pose_compose(motion, estimates[i]), metres, radians))
+        if (!use[i] ||
+            !bench_pose_near(truth[i], bench_pose_compose(motion, estimates[i]), metres, radians))
             continue;
         ax = estimates[i].x - ex;
         ay = estimates[i].y - ey;
@@ -81,8 +86,8 @@ static sim_pose refine(const sim_pose *truth, const sim_pose *estimates, const i
     return fitted;
 }
 
-int32_t bench_fit_common(const sim_pose *truth, const sim_pose *estimates, const int32_t *use, int32_t count,
-                         double metres, double radians, sim_pose *moved)
+int32_t bench_fit_common(const sim_pose *truth, const sim_pose *estimates, const int32_t *use,
+                         int32_t count, double metres, double radians, sim_pose *moved)
 {
     enum { ROUNDS = 12 };
     sim_pose best = {0, 0, 0};
@@ -94,8 +99,9 @@ int32_t bench_fit_common(const sim_pose *truth, const sim_pose *estimates, const
 
         if (!use[i])
             continue;
-        /* The motion that brings scan i onto its truth, then, ROUNDS times, onto the mean of all that agree, which by then
-         * are the same as a rule. A motion before that is no fit, even if more agree with it. */
+        /* The motion that brings scan i onto its truth, then, ROUNDS times, onto the mean of all
+         * that agree, which by then are the same as a rule. A motion before that is no fit, even
+         * if more agree with it. */
         motion = bench_pose_compose(truth[i], bench_pose_between(estimates[i], origin));
         for (int round = 0; round < ROUNDS; round++)
             motion = refine(truth, estimates, use, count, motion, metres, radians);

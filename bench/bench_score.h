@@ -7,10 +7,11 @@
 sim_pose bench_pose_compose(sim_pose a_b, sim_pose b_c);
 sim_pose bench_pose_between(sim_pose a_b, sim_pose a_c);
 
-/* Moves estimates[0 ... count-1] by the rigid motion that brings the most of those with use[i] within `metres` and `radians`
- * of truth, fitted by least squares on these; returns how many they are. moved: [count], may be estimates. */
-int32_t bench_fit_common(const sim_pose *truth, const sim_pose *estimates, const int32_t *use, int32_t count,
-                         double metres, double radians, sim_pose *moved);
+/* Moves estimates[0 ... count-1] by the rigid motion that brings the most of those with use[i]
+ * within `metres` and `radians` of truth, fitted by least squares on these; returns how many
+ * they are. moved: [count], may be estimates. */
+int32_t bench_fit_common(const sim_pose *truth, const sim_pose *estimates, const int32_t *use,
+                         int32_t count, double metres, double radians, sim_pose *moved);
 
 /* 1 when b is within metres and radians of a. */
 int32_t bench_pose_near(sim_pose a, sim_pose b, double metres, double radians);

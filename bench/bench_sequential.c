@@ -13,18 +13,21 @@ typedef struct sequential {
     cairn_filter_mapper *filter;
 } sequential;
 
-static cairn_status open_mapper(sequential *s, cairn_pool *pool, void **memory, int32_t count, int32_t beams,
-                                int32_t particles)
+static cairn_status open_mapper(sequential *s, cairn_pool *pool, void **memory, int32_t count,
+                                int32_t beams, int32_t particles)
 {
-    cairn_filter_mapper_params params = cairn_filter_mapper_default_for(count, beams, particles > 0 ? particles : 1);
+    cairn_filter_mapper_params params =
+        cairn_filter_mapper_default_for(count, beams, particles > 0 ? particles : 1);
     size_t bytes;
     cairn_status status;
 
     params.front.max_key_points = count * params.front.scan.max_points;
     params.front.max_key_segments = count * params.front.scan.max_segments;
-    bytes = particles > 0 ? cairn_filter_mapper_memory(&params) : cairn_mapper_memory(&params.front);
+    bytes =
+        particles > 0 ? cairn_filter_mapper_memory(&params) : cairn_mapper_memory(&params.front);
     *memory = malloc(bytes + CAIRN_ALIGN);
-    status = *memory == NULL ? CAIRN_NO_MEMORY : cairn_pool_init(pool, *memory, bytes + CAIRN_ALIGN);
+    status =
+        *memory == NULL ? CAIRN_NO_MEMORY : cairn_pool_init(pool, *memory, bytes + CAIRN_ALIGN);
     if (status != CAIRN_OK)
         return status;
     return particles > 0 ? cairn_filter_mapper_create(&s->filter, pool, &params)
@@ -32,7 +35,8 @@ static cairn_status open_mapper(sequential *s, cairn_pool *pool, void **memory, 
 }
 
 /* One scan; where it hangs. */
-static cairn_status add(sequential *s, const sim_scan *scan, sim_pose odometry, cairn_mapper_result *result)
+static cairn_status add(sequential *s, const sim_scan *scan, sim_pose odometry,
+                        cairn_mapper_result *result)
 {
     cairn_pose at = {(cairn_real)odometry.x, (cairn_real)odometry.y, (cairn_real)odometry.theta};
     cairn_scan_input input = sim_scan_input(scan);
@@ -41,9 +45,10 @@ static cairn_status add(sequential *s, const sim_scan *scan, sim_pose odometry, 
                                             : cairn_mapper_add(s->mapper, &input, &at, NULL);
 
     if (status == CAIRN_OK)
-        status =
-            s->filter != NULL ? cairn_filter_mapper_step(s->filter, &budget) : cairn_mapper_step(s->mapper, &budget);
-    *result = cairn_mapper_read(s->filter != NULL ? cairn_filter_mapper_front(s->filter) : s->mapper);
+        status = s->filter != NULL ? cairn_filter_mapper_step(s->filter, &budget)
+                                   : cairn_mapper_step(s->mapper, &budget);
+    *result =
+        cairn_mapper_read(s->filter != NULL ? cairn_filter_mapper_front(s->filter) : s->mapper);
     return status;
 }
 
@@ -85,7 +90,8 @@ static void log_order(const sim_scan *scans, int32_t count, turn *order)
     qsort(order, (size_t)count, sizeof *order, compare);
 }
 
-int bench_run_sequential(const sim_scan *scans, int32_t count, int32_t particles, bench_pose *poses, bench_run *run)
+int bench_run_sequential(const sim_scan *scans, int32_t count, int32_t particles, bench_pose *poses,
+                         bench_run *run)
 {
     size_t n = (size_t)count;
     turn *order = malloc(n * sizeof *order);
@@ -113,7 +119,8 @@ int bench_run_sequential(const sim_scan *scans, int32_t count, int32_t particles
         out->pose.x = (double)pose.x;
         out->pose.y = (double)pose.y;
         out->pose.theta = (double)pose.theta;
-        out->flagged = result[i].verdict == CAIRN_MAPPER_PREDICTED || result[i].verdict == CAIRN_MAPPER_BLIND;
+        out->flagged =
+            result[i].verdict == CAIRN_MAPPER_PREDICTED || result[i].verdict == CAIRN_MAPPER_BLIND;
     }
     run->seconds = bench_seconds() - start;
     if (status == CAIRN_OK)

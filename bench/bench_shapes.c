@@ -56,8 +56,8 @@ static double half_width(const profile *p, double t)
 
     for (int k = 0; k < WAVES; k++)
         waves += p->wave[k] * sin(PI * (k + 1) * t + p->phase[k]);
-    return 0.5 * p->width * pow(fmax(0, 1 - pow(middle, p->blunt)), 1 / p->blunt) * (1 - p->taper * (2 * t - 1)) *
-           waves;
+    return 0.5 * p->width * pow(fmax(0, 1 - pow(middle, p->blunt)), 1 / p->blunt) *
+           (1 - p->taper * (2 * t - 1)) * waves;
 }
 
 /* ---- Swept shapes ---- */
@@ -75,7 +75,8 @@ static cairn_vec2 bent(double along, double aside, double bend)
 /* Turns and shifts a shape, and lets it begin anywhere. */
 static void place_shape(bench_shape *shape, cairn_random *random)
 {
-    double turn = uniform(random, -PI, PI), x = uniform(random, 200, 400), y = uniform(random, 200, 400);
+    double turn = uniform(random, -PI, PI), x = uniform(random, 200, 400),
+           y = uniform(random, 200, 400);
     int32_t first = (int32_t)uniform(random, 0, shape->count), n = shape->count;
     cairn_vec2 *copy = malloc((size_t)n * sizeof *copy);
     double before = 0, whole = 0;
@@ -135,8 +136,8 @@ void bench_shape_swept(bench_shape *shape, uint64_t seed, double bend, double sk
     for (int32_t i = 0; i < shape->count; i++) {
         double by = noise * (double)cairn_random_normal(&random);
 
-        shape->points[i] =
-            vec2((double)even[i].x - by * (double)across[i].y, (double)even[i].y + by * (double)across[i].x);
+        shape->points[i] = vec2((double)even[i].x - by * (double)across[i].y,
+                                (double)even[i].y + by * (double)across[i].x);
     }
     place_shape(shape, &random);
 }
@@ -151,7 +152,8 @@ typedef struct limb {
 } limb;
 
 /* A limb at `t` of the body, on the side of `sign`, from inside the body outward. */
-static limb draw_limb(const profile *body, double t, double sign, double angle, double length, double radius)
+static limb draw_limb(const profile *body, double t, double sign, double angle, double length,
+                      double radius)
 {
     double joint = 0.75 * half_width(body, t), x = t * LENGTH;
     limb l;
@@ -174,7 +176,8 @@ static int is_inside(const profile *body, const limb *limbs, double x, double y)
     return 0;
 }
 
-/* The share of the outline's length at which it comes nearest to a point; -1: it stays more than 3 px away. */
+/* The share of the outline's length at which it comes nearest to a point; -1: it stays more than
+ * 3 px away. */
 static double place_near(const bench_shape *shape, double x, double y)
 {
     double before = 0, nearest = 3, place = -1;
@@ -210,14 +213,16 @@ static int trace(bench_shape *shape, const profile *body, const limb *limbs, dou
         for (int32_t u = 0; u < SIDE; u++) {
             double x = u - middle, y = v - middle;
 
-            grey[v * SIDE + u] = is_inside(body, limbs, c * x + s * y + LENGTH / 2, c * y - s * x) ? 255 : 0;
+            grey[v * SIDE + u] =
+                is_inside(body, limbs, c * x + s * y + LENGTH / 2, c * y - s * x) ? 255 : 0;
         }
     if (cairn_shape_image_trace(&image, view, &params, "shape", &error) != CAIRN_OK)
         return 0;
     good = image.count == 1 && image.outlines[0].count <= BENCH_SHAPE_POINTS;
     if (good) {
         shape->count = image.outlines[0].count;
-        memcpy(shape->points, image.outlines[0].points, (size_t)shape->count * sizeof shape->points[0]);
+        memcpy(shape->points, image.outlines[0].points,
+               (size_t)shape->count * sizeof shape->points[0]);
         for (int k = 0; k < 2; k++) {
             double x = k == 0 ? -LENGTH / 2 : LENGTH / 2;
 
@@ -239,11 +244,13 @@ int bench_shape_articulated(bench_shape *shape, uint64_t seed, double turn)
 
         for (int pair = 0; pair < LIMBS / 2; pair++) {
             double t = pair == 0 ? uniform(&random, 0.2, 0.35) : uniform(&random, 0.65, 0.8);
-            double length = uniform(&random, 0.3, 0.55) * LENGTH, radius = uniform(&random, 0.03, 0.06) * LENGTH;
+            double length = uniform(&random, 0.3, 0.55) * LENGTH,
+                   radius = uniform(&random, 0.03, 0.06) * LENGTH;
 
             for (int side = 0; side < 2; side++)
                 limbs[2 * pair + side] =
-                    draw_limb(&body, t, side == 0 ? 1 : -1, PI / 2 + uniform(&random, -turn, turn), length, radius);
+                    draw_limb(&body, t, side == 0 ? 1 : -1, PI / 2 + uniform(&random, -turn, turn),
+                              length, radius);
         }
         if (trace(shape, &body, limbs, uniform(&random, -PI, PI)))
             return 1;

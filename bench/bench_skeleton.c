@@ -124,8 +124,10 @@ double skeleton_discs_iou(const skeleton_places *found, const scene *s)
     for (int32_t i = 0; i < found->count; i++) {
         const skeleton_place *p = &found->at[i];
 
-        for (int32_t y = (int32_t)fmax(0, p->y - p->r); y <= fmin(SCENE_HEIGHT - 1, p->y + p->r); y++)
-            for (int32_t x = (int32_t)fmax(0, p->x - p->r); x <= fmin(SCENE_WIDTH - 1, p->x + p->r); x++)
+        for (int32_t y = (int32_t)fmax(0, p->y - p->r); y <= fmin(SCENE_HEIGHT - 1, p->y + p->r);
+             y++)
+            for (int32_t x = (int32_t)fmax(0, p->x - p->r); x <= fmin(SCENE_WIDTH - 1, p->x + p->r);
+                 x++)
                 if ((x - p->x) * (x - p->x) + (y - p->y) * (y - p->y) <= p->r * p->r)
                     covered[y * SCENE_WIDTH + x] = 1;
     }
@@ -147,7 +149,8 @@ double skeleton_boundary_f(const cairn_skeleton_result *r, const scene *s, int a
         for (int32_t k = 0; (all || r->parts[i].object == 0) && k + 1 < r->parts[i].count; k++)
             for (int side = 0; side < 2; side++) {
                 skeleton_place a = {(double)q[k].touch[side].x, (double)q[k].touch[side].y, 0};
-                skeleton_place b = {(double)q[k + 1].touch[side].x, (double)q[k + 1].touch[side].y, 0};
+                skeleton_place b = {(double)q[k + 1].touch[side].x, (double)q[k + 1].touch[side].y,
+                                    0};
 
                 skeleton_add_way(&found, a, b);
             }

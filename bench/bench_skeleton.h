@@ -1,4 +1,5 @@
-/* bench_skeleton: what the axes and contours of skeleton_grouping are worth on a generated scene (bench_scene, bench_sweep). */
+/* bench_skeleton: what the axes and contours of skeleton_grouping are worth on a generated scene
+ * (bench_scene, bench_sweep). */
 #ifndef CAIRN_BENCH_SKELETON_H
 #define CAIRN_BENCH_SKELETON_H
 
@@ -22,8 +23,8 @@ skeleton_place skeleton_place_of(const cairn_skeleton_point *q);
 /* Adds places a pixel apart from a to b; those beyond SKELETON_PLACES are left out. */
 void skeleton_add_way(skeleton_places *p, skeleton_place a, skeleton_place b);
 
-/* The true axes of a scene's object; the axes of the likeliest object that was found, or (all: 1) of all of them, ends led to where they
- * join. */
+/* The true axes of a scene's object; the axes of the likeliest object that was found, or (all:
+ * 1) of all of them, ends led to where they join. */
 void skeleton_add_truth(skeleton_places *p, const scene *s, const sweep_shape *shape);
 void skeleton_add_found(skeleton_places *p, const cairn_skeleton_result *r, int all);
 

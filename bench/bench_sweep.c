@@ -37,7 +37,8 @@ static void add_limb(sweep_shape *s, const limb *l)
 
         node[i].x = x;
         node[i].y = y;
-        node[i].r = l->from + t * (l->to - l->from) + l->bulge * sin(l->waists * PI * t) * sin(l->waists * PI * t);
+        node[i].r = l->from + t * (l->to - l->from) +
+                    l->bulge * sin(l->waists * PI * t) * sin(l->waists * PI * t);
         x += step * cos(heading);
         y += step * sin(heading);
     }
@@ -104,7 +105,8 @@ static void add_fork(sweep_shape *s, cairn_random *random)
 
 static void add_figure(sweep_shape *s, cairn_random *random)
 {
-    limb body = {.heading = uniform(random, -PI, PI), .length = uniform(random, 0.4, 0.5), .waists = 1};
+    limb body = {
+        .heading = uniform(random, -PI, PI), .length = uniform(random, 0.4, 0.5), .waists = 1};
     const sweep_node *node;
 
     body.from = uniform(random, 0.11, 0.14);

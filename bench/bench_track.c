@@ -72,7 +72,8 @@ static cairn_status open_pool(cairn_pool *pool, void **memory, size_t bytes)
 
 typedef cairn_status (*add_scan)(void *object, const cairn_scan_view *view, cairn_pose pose);
 
-static cairn_status add_all(const bench_problem *problem, cairn_scan *scan, add_scan add, void *object)
+static cairn_status add_all(const bench_problem *problem, cairn_scan *scan, add_scan add,
+                            void *object)
 {
     cairn_status status = CAIRN_OK;
 
@@ -124,8 +125,9 @@ static cairn_status field_add(void *object, const cairn_scan_view *view, cairn_p
     return cairn_force_field_add_scan(object, view, NULL, pose, NULL);
 }
 
-static cairn_status run_field_with(cairn_force_field_params params, const bench_problem *problem, cairn_scan *scan,
-                                   capacity most, cairn_pose *poses, int32_t *steps)
+static cairn_status run_field_with(cairn_force_field_params params, const bench_problem *problem,
+                                   cairn_scan *scan, capacity most, cairn_pose *poses,
+                                   int32_t *steps)
 {
     aligning a = {NULL, field_iterate, field_running, field_pose};
     cairn_force_field *field = NULL;
@@ -151,14 +153,14 @@ static cairn_status run_field_with(cairn_force_field_params params, const bench_
     return status;
 }
 
-static cairn_status run_field(const bench_problem *problem, cairn_scan *scan, capacity most, cairn_pose *poses,
-                              int32_t *steps)
+static cairn_status run_field(const bench_problem *problem, cairn_scan *scan, capacity most,
+                              cairn_pose *poses, int32_t *steps)
 {
     return run_field_with(cairn_force_field_default(), problem, scan, most, poses, steps);
 }
 
-static cairn_status run_field_as_written(const bench_problem *problem, cairn_scan *scan, capacity most,
-                                         cairn_pose *poses, int32_t *steps)
+static cairn_status run_field_as_written(const bench_problem *problem, cairn_scan *scan,
+                                         capacity most, cairn_pose *poses, int32_t *steps)
 {
     return run_field_with(cairn_force_field_as_written(), problem, scan, most, poses, steps);
 }
@@ -185,8 +187,8 @@ static cairn_status aligner_add(void *object, const cairn_scan_view *view, cairn
     return cairn_aligner_add_scan(object, view, pose, NULL);
 }
 
-static cairn_status run_aligner(const bench_problem *problem, cairn_scan *scan, capacity most, cairn_pose *poses,
-                                int32_t *steps)
+static cairn_status run_aligner(const bench_problem *problem, cairn_scan *scan, capacity most,
+                                cairn_pose *poses, int32_t *steps)
 {
     aligning a = {NULL, aligner_iterate, aligner_running, aligner_pose};
     cairn_aligner_params params = cairn_aligner_default();
@@ -247,8 +249,9 @@ static cairn_status lum_add_hits(void *object, const cairn_scan_view *view, cair
     return status;
 }
 
-static cairn_status run_lum_with(cairn_lum_params params, add_scan add, const bench_problem *problem, cairn_scan *scan,
-                                 cairn_pose *poses, int32_t *steps)
+static cairn_status run_lum_with(cairn_lum_params params, add_scan add,
+                                 const bench_problem *problem, cairn_scan *scan, cairn_pose *poses,
+                                 int32_t *steps)
 {
     aligning a = {NULL, lum_iterate, lum_running, lum_pose};
     cairn_lum *lum = NULL;
@@ -273,8 +276,8 @@ static cairn_status run_lum_with(cairn_lum_params params, add_scan add, const be
     return status;
 }
 
-static cairn_status run_lum(const bench_problem *problem, cairn_scan *scan, capacity most, cairn_pose *poses,
-                            int32_t *steps)
+static cairn_status run_lum(const bench_problem *problem, cairn_scan *scan, capacity most,
+                            cairn_pose *poses, int32_t *steps)
 {
     cairn_lum_params params = cairn_lum_default();
 
@@ -284,8 +287,8 @@ static cairn_status run_lum(const bench_problem *problem, cairn_scan *scan, capa
     return run_lum_with(params, lum_add, problem, scan, poses, steps);
 }
 
-static cairn_status run_lum_as_written(const bench_problem *problem, cairn_scan *scan, capacity most, cairn_pose *poses,
-                                       int32_t *steps)
+static cairn_status run_lum_as_written(const bench_problem *problem, cairn_scan *scan,
+                                       capacity most, cairn_pose *poses, int32_t *steps)
 {
     cairn_lum_params params = cairn_lum_as_written();
 
@@ -293,10 +296,11 @@ static cairn_status run_lum_as_written(const bench_problem *problem, cairn_scan 
     return run_lum_with(params, lum_add_hits, problem, scan, poses, steps);
 }
 
-int bench_track_run(bench_track_method method, const bench_problem *problem, int32_t as_written, cairn_pose *poses,
-                    int32_t *steps)
+int bench_track_run(bench_track_method method, const bench_problem *problem, int32_t as_written,
+                    cairn_pose *poses, int32_t *steps)
 {
-    static cairn_status (*const runs[2][3])(const bench_problem *, cairn_scan *, capacity, cairn_pose *, int32_t *) = {
+    static cairn_status (*const runs[2][3])(const bench_problem *, cairn_scan *, capacity,
+                                            cairn_pose *, int32_t *) = {
         {run_field, run_aligner, run_lum}, {run_field_as_written, run_aligner, run_lum_as_written}};
     cairn_scan_params params = cairn_scan_default();
     cairn_scan *scan = NULL;

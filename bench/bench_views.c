@@ -16,7 +16,8 @@ int bench_views_start(bench_views *views, int32_t capacity, int32_t beams)
     views->memory = malloc(bytes);
     views->at = calloc((size_t)capacity, sizeof *views->at);
     views->capacity = capacity;
-    if (views->memory != NULL && views->at != NULL && cairn_pool_init(&pool, views->memory, bytes) == CAIRN_OK &&
+    if (views->memory != NULL && views->at != NULL &&
+        cairn_pool_init(&pool, views->memory, bytes) == CAIRN_OK &&
         cairn_scan_create(&views->scan, &pool, &params) == CAIRN_OK)
         return 1;
     bench_views_free(views);
@@ -36,7 +37,8 @@ static void *copy(const void *items, int32_t count, size_t size)
 static int keep(bench_views *views, const cairn_scan_view *view, cairn_pose truth, int32_t scan)
 {
     bench_view *v = &views->at[views->count];
-    cairn_oriented_point *dense = malloc((size_t)(view->beam_count > 0 ? view->beam_count : 1) * sizeof *dense);
+    cairn_oriented_point *dense =
+        malloc((size_t)(view->beam_count > 0 ? view->beam_count : 1) * sizeof *dense);
 
     v->part.points = copy(view->points, view->point_count, sizeof *view->points);
     v->part.beams = copy(view->beams, view->beam_count, sizeof *view->beams);
@@ -54,7 +56,8 @@ static int keep(bench_views *views, const cairn_scan_view *view, cairn_pose trut
     return 1;
 }
 
-int bench_views_add(bench_views *views, const cairn_scan_input *input, cairn_pose truth, int32_t scan)
+int bench_views_add(bench_views *views, const cairn_scan_input *input, cairn_pose truth,
+                    int32_t scan)
 {
     cairn_budget budget = {CAIRN_UNBOUNDED};
     cairn_fault fault = {-1, NULL};
@@ -64,7 +67,8 @@ int bench_views_add(bench_views *views, const cairn_scan_input *input, cairn_pos
     if (status == CAIRN_OK)
         status = cairn_scan_step(views->scan, &budget);
     if (status != CAIRN_OK || views->count == views->capacity) {
-        fprintf(stderr, "scan %d: %s\n", (int)scan, fault.what != NULL ? fault.what : cairn_status_text(status));
+        fprintf(stderr, "scan %d: %s\n", (int)scan,
+                fault.what != NULL ? fault.what : cairn_status_text(status));
         return 0;
     }
     view = cairn_scan_read(views->scan);

@@ -23,7 +23,8 @@ typedef struct bench_views {
 int bench_views_start(bench_views *views, int32_t capacity, int32_t beams);
 
 /* Fits a scan and keeps it. 0 and a line on standard error on failure. */
-int bench_views_add(bench_views *views, const cairn_scan_input *input, cairn_pose truth, int32_t scan);
+int bench_views_add(bench_views *views, const cairn_scan_input *input, cairn_pose truth,
+                    int32_t scan);
 
 void bench_views_free(bench_views *views);
 

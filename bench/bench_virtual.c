@@ -68,8 +68,8 @@ static int survey(const bench_virtual_scene *from, uint64_t seed, bench_virtual_
 static int find_observable(const bench_virtual_scene *from, bench_virtual_problem *p)
 {
     bench_bound *bounds = malloc((size_t)p->count * sizeof *bounds);
-    int done = bounds != NULL &&
-               bench_bound_compute(p->arena, p->scans, p->count, from->metres, from->degrees * DEGREE, bounds) >= 0;
+    int done = bounds != NULL && bench_bound_compute(p->arena, p->scans, p->count, from->metres,
+                                                     from->degrees * DEGREE, bounds) >= 0;
 
     for (int32_t i = 0; i < p->count && done; i++) {
         p->use[i] = bounds[i].observable;
@@ -79,7 +79,8 @@ static int find_observable(const bench_virtual_scene *from, bench_virtual_proble
     return done;
 }
 
-static cairn_status count_room(cairn_scan *scan, const bench_virtual_problem *p, cairn_virtual_align_params *params)
+static cairn_status count_room(cairn_scan *scan, const bench_virtual_problem *p,
+                               cairn_virtual_align_params *params)
 {
     cairn_status status = CAIRN_OK;
 
@@ -102,8 +103,9 @@ int bench_virtual_open(const bench_virtual_scene *from, uint64_t seed, bench_vir
     return survey(from, seed, p) && find_observable(from, p);
 }
 
-/* Algorithm 2 as written. Of the rooms the text gives only sigma at the start and 30 iterations; sigma at the end and dt keep the ratios to it that
- * they have in section 7.4.2 (dt is a length: its square times a force, which is one over a length), and sigma falls evenly. */
+/* Algorithm 2 as written. Of the rooms the text gives only sigma at the start and 30 iterations;
+ * sigma at the end and dt keep the ratios to it that they have in section 7.4.2 (dt is a length:
+ * its square times a force, which is one over a length), and sigma falls evenly. */
 static cairn_virtual_align_params as_written(const bench_virtual_method *m)
 {
     cairn_virtual_align_params params = cairn_virtual_align_as_written();
@@ -113,7 +115,8 @@ static cairn_virtual_align_params as_written(const bench_virtual_method *m)
         params.field.max_steps = ROOM_STEPS;
         params.field.sigma_start *= scale;
         params.field.sigma_end *= scale;
-        params.field.sigma_step = (params.field.sigma_start - params.field.sigma_end) / (ROOM_STEPS - 1);
+        params.field.sigma_step =
+            (params.field.sigma_start - params.field.sigma_end) / (ROOM_STEPS - 1);
         params.field.dt_start *= scale;
         params.field.dt_end *= scale;
     }
@@ -123,7 +126,8 @@ static cairn_virtual_align_params as_written(const bench_virtual_method *m)
     return params;
 }
 
-static cairn_virtual_align_params params_of(const bench_virtual_method *m, const bench_virtual_problem *p)
+static cairn_virtual_align_params params_of(const bench_virtual_method *m,
+                                            const bench_virtual_problem *p)
 {
     cairn_virtual_align_params params =
         m->field == BENCH_FIELD_AS_WRITTEN ? as_written(m) : cairn_virtual_align_default();
@@ -133,8 +137,8 @@ static cairn_virtual_align_params params_of(const bench_virtual_method *m, const
     if (p->lie != NULL)
         params.every = 5;
     if (!m->hypotheses)
-        params.hypotheses.lines = params.hypotheses.rectangles = params.hypotheses.ellipses = params.slide.thickness =
-            0;
+        params.hypotheses.lines = params.hypotheses.rectangles = params.hypotheses.ellipses =
+            params.slide.thickness = 0;
     return params;
 }
 
@@ -145,15 +149,16 @@ static double processor_seconds(void)
 }
 
 /* alone: the aligner, and no more. */
-static cairn_status align(int32_t prints_steps, bench_virtual_problem *p, cairn_scan *scan, cairn_virtual_align *align,
-                          int32_t alone, bench_virtual_row *out)
+static cairn_status align(int32_t prints_steps, bench_virtual_problem *p, cairn_scan *scan,
+                          cairn_virtual_align *align, int32_t alone, bench_virtual_row *out)
 {
     double start = processor_seconds();
     cairn_virtual_align_result result;
     cairn_status status = CAIRN_OK;
 
     for (int32_t i = 0; i < p->count && status == CAIRN_OK; i++) {
-        cairn_pose pose = {(cairn_real)p->start[i].x, (cairn_real)p->start[i].y, (cairn_real)p->start[i].theta};
+        cairn_pose pose = {(cairn_real)p->start[i].x, (cairn_real)p->start[i].y,
+                           (cairn_real)p->start[i].theta};
         cairn_scan_view view;
 
         status = bench_fit_scan(scan, &p->scans[i], &view);
@@ -169,7 +174,8 @@ static cairn_status align(int32_t prints_steps, bench_virtual_problem *p, cairn_
         if (alone)
             break;
         if (prints_steps)
-            bench_guess_print(cairn_virtual_align_hypotheses(align), cairn_virtual_align_read(align).iterations);
+            bench_guess_print(cairn_virtual_align_hypotheses(align),
+                              cairn_virtual_align_read(align).iterations);
         if (p->lie != NULL && cairn_virtual_align_read(align).iterations >= 15)
             p->believed |= bench_lie_is_believed(p->lie, cairn_virtual_align_hypotheses(align));
     }
@@ -205,9 +211,9 @@ int bench_virtual_run(bench_virtual_problem *p, const bench_virtual_method *m, i
 
     scan_params.max_beams = p->scans[0].count;
     scan_memory = malloc(cairn_scan_memory(&scan_params) + CAIRN_ALIGN);
-    status = scan_memory == NULL
-                 ? CAIRN_NO_MEMORY
-                 : cairn_pool_init(&scan_pool, scan_memory, cairn_scan_memory(&scan_params) + CAIRN_ALIGN);
+    status = scan_memory == NULL ? CAIRN_NO_MEMORY
+                                 : cairn_pool_init(&scan_pool, scan_memory,
+                                                   cairn_scan_memory(&scan_params) + CAIRN_ALIGN);
     if (status == CAIRN_OK)
         status = cairn_scan_create(&scan, &scan_pool, &scan_params);
     if (status == CAIRN_OK)

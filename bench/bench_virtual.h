@@ -1,4 +1,5 @@
-/* Scans of simulated arenas aligned with virtual scans (chapter 8): problems, ways to align them, sums over many. */
+/* Scans of simulated arenas aligned with virtual scans (chapter 8): problems, ways to align
+ * them, sums over many. */
 #ifndef CAIRN_BENCH_VIRTUAL_H
 #define CAIRN_BENCH_VIRTUAL_H
 
@@ -55,11 +56,13 @@ typedef struct bench_virtual_row {
 /* Uniform in +-metres and +-degrees. */
 void bench_virtual_disturb(sim_pose *pose, cairn_random *random, double metres, double degrees);
 
-/* Surveys the scene's arena of a seed, and disturbs the starts. 0: a line on standard error; to be closed in any case. */
+/* Surveys the scene's arena of a seed, and disturbs the starts. 0: a line on standard error; to
+ * be closed in any case. */
 int bench_virtual_open(const bench_virtual_scene *from, uint64_t seed, bench_virtual_problem *p);
 void bench_virtual_close(bench_virtual_problem *p);
 
-/* Aligns the problem's scans and adds to the row; prints_steps: every virtual scan as it comes. 0: a line on standard error. */
+/* Aligns the problem's scans and adds to the row; prints_steps: every virtual scan as it comes.
+ * 0: a line on standard error. */
 int bench_virtual_run(bench_virtual_problem *p, const bench_virtual_method *m, int32_t prints_steps,
                       bench_virtual_row *out);
 

@@ -1,13 +1,15 @@
 /* bench/clutter: objects in generated clutter (chapter 2), with no data.
  *
- * A scene holds one object of a family, 120 px times 0.7 ... 1.3, turned by up to 10 degrees, among --k others, --noise grey levels,
- * --hidden of its boundary behind a disc. The model is the object's own shape (--mode instance) or another member of its family
- * (class). Found is what bench counts, of the best grouping: hit50, its box and the object's overlap by half; boundary80, 80 % of
- * the whole boundary lie within 3 px of its segments or, where there are none, of its completed pieces: the model's outline as it was laid
- * there; visible80, 80 % of that which is not hidden within 3 px of its segments alone; segments80, of the whole; boundary_f of the
- * segments; labels: lengths of
- * segments. --method detect, parts: cairn_object_detect, which turns no model, on the same scenes; its segments and its bent outline.
- * false_per_image is counted on as many scenes without the object. */
+ * A scene holds one object of a family, 120 px times 0.7 ... 1.3, turned by up to 10 degrees,
+ * among --k others, --noise grey levels, --hidden of its boundary behind a disc. The model is
+ * the object's own shape (--mode instance) or another member of its family (class). Found is
+ * what bench counts, of the best grouping: hit50, its box and the object's overlap by half;
+ * boundary80, 80 % of the whole boundary lie within 3 px of its segments or, where there are
+ * none, of its completed pieces: the model's outline as it was laid there; visible80, 80 % of
+ * that which is not hidden within 3 px of its segments alone; segments80, of the whole;
+ * boundary_f of the segments; labels: lengths of segments. --method detect, parts:
+ * cairn_object_detect, which turns no model, on the same scenes; its segments and its bent
+ * outline. false_per_image is counted on as many scenes without the object. */
 #include <inttypes.h>
 #include <math.h>
 #include <stdio.h>
@@ -54,11 +56,12 @@ typedef struct sums {
     double *seconds, *evidence, *absent_evidence;
 } sums;
 
-static size_t need_of(const cairn_edge_chain_params *chain, const cairn_edge_segment_params *segment,
+static size_t need_of(const cairn_edge_chain_params *chain,
+                      const cairn_edge_segment_params *segment,
                       const cairn_shape_builder_params *shape, const cairn_grouping_params *group)
 {
-    return cairn_edge_chain_memory(chain) + cairn_edge_segment_memory(segment) + cairn_shape_builder_memory(shape) +
-           cairn_grouping_memory(group) + 64;
+    return cairn_edge_chain_memory(chain) + cairn_edge_segment_memory(segment) +
+           cairn_shape_builder_memory(shape) + cairn_grouping_memory(group) + 64;
 }
 
 static int open_finder(finder *f, const settings *s)
@@ -89,7 +92,8 @@ static int open_finder(finder *f, const settings *s)
 static int make_model(finder *f, const scene_shape *shape)
 {
     static cairn_vec2 vertices[MOST_VERTICES];
-    int32_t counts[SCENE_OUTLINES], outlines = scene_outlines(shape, vertices, MOST_VERTICES, counts);
+    int32_t counts[SCENE_OUTLINES],
+        outlines = scene_outlines(shape, vertices, MOST_VERTICES, counts);
     cairn_curve curves[SCENE_OUTLINES];
     cairn_budget budget = {INT32_MAX};
     cairn_vec2 *next = vertices;
@@ -109,7 +113,8 @@ static void take_edgels(finder *f, const cairn_edge_chain_result *r)
 {
     f->line_count = 0;
     for (int32_t c = 0; c < r->chain_count; c++)
-        for (int32_t i = 0; i + EDGEL < r->chains[c].count && f->line_count < MOST_SEGMENTS; i += EDGEL) {
+        for (int32_t i = 0; i + EDGEL < r->chains[c].count && f->line_count < MOST_SEGMENTS;
+             i += EDGEL) {
             const cairn_edge_pixel *a = &r->pixels[r->chains[c].first + i], *b = a + EDGEL;
             cairn_segment *line = &f->lines[f->line_count++];
 
@@ -173,7 +178,8 @@ static int group(const settings *set, finder *f, const scene *s)
     cairn_status status;
     double size = (double)model.size / 240;
 
-    if (cairn_edge_chain_begin(f->chains, view) != CAIRN_OK || cairn_edge_chain_step(f->chains, &budget) != CAIRN_OK)
+    if (cairn_edge_chain_begin(f->chains, view) != CAIRN_OK ||
+        cairn_edge_chain_step(f->chains, &budget) != CAIRN_OK)
         return 0;
     chains = cairn_edge_chain_read(f->chains);
     if (cairn_edge_segment_begin(f->segments, &chains) != CAIRN_OK ||
@@ -232,12 +238,14 @@ static int has_near(const uint8_t *pixels, int32_t at, int32_t least)
     for (int32_t v = y - NEAR; v <= y + NEAR; v++)
         for (int32_t u = x - NEAR; u <= x + NEAR; u++)
             if (u >= 0 && v >= 0 && u < SCENE_WIDTH && v < SCENE_HEIGHT &&
-                (u - x) * (u - x) + (v - y) * (v - y) <= NEAR * NEAR && pixels[v * SCENE_WIDTH + u] >= least)
+                (u - x) * (u - x) + (v - y) * (v - y) <= NEAR * NEAR &&
+                pixels[v * SCENE_WIDTH + u] >= least)
                 return 1;
     return 0;
 }
 
-/* The share of the pixels of at least `of` in one picture that lie near those of at least `to` in the other. */
+/* The share of the pixels of at least `of` in one picture that lie near those of at least `to`
+ * in the other. */
 static double share_near(const uint8_t *pixels, int32_t of, const uint8_t *others, int32_t to)
 {
     int32_t count = 0, near = 0;
@@ -258,13 +266,15 @@ static double share_of(const double b[4], const double box[4])
     return both / ((b[2] - b[0]) * (b[3] - b[1]) + (box[2] - box[0]) * (box[3] - box[1]) - both);
 }
 
-static double overlap(const cairn_shape_model *m, const cairn_grouped_object *o, const double box[4])
+static double overlap(const cairn_shape_model *m, const cairn_grouped_object *o,
+                      const double box[4])
 {
     double b[4] = {1e9, 1e9, -1e9, -1e9};
 
     for (int32_t i = 0; i < m->outline_count; i++) {
         double px = (double)m->outline[i].position.x, py = (double)m->outline[i].position.y;
-        double c = cos((double)o->turn) * (double)o->size, s = sin((double)o->turn) * (double)o->size;
+        double c = cos((double)o->turn) * (double)o->size,
+               s = sin((double)o->turn) * (double)o->size;
         double x = (double)o->origin.x + c * px - s * py, y = (double)o->origin.y + s * px + c * py;
 
         b[0] = fmin(b[0], x);
@@ -275,13 +285,16 @@ static double overlap(const cairn_shape_model *m, const cairn_grouped_object *o,
     return share_of(b, box);
 }
 
-/* What an object's segments leave of its contour: the model's outline from where it was seen last to where it is again. */
-static void complete(uint8_t *pixels, const cairn_shape_model *m, const cairn_grouped_object *o, const int32_t *along)
+/* What an object's segments leave of its contour: the model's outline from where it was seen
+ * last to where it is again. */
+static void complete(uint8_t *pixels, const cairn_shape_model *m, const cairn_grouped_object *o,
+                     const int32_t *along)
 {
     double c = cos((double)o->turn) * (double)o->size, s = sin((double)o->turn) * (double)o->size;
 
     for (int32_t i = 0; i < m->outline_count; i++) {
-        const cairn_oriented_point *p[2] = {&m->outline[i], &m->outline[(i + 1) % m->outline_count]};
+        const cairn_oriented_point *p[2] = {&m->outline[i],
+                                            &m->outline[(i + 1) % m->outline_count]};
         cairn_vec2 v[2];
 
         for (int e = 0; e < 2; e++) {
@@ -305,7 +318,8 @@ static int is_true(const scene *s, cairn_segment line)
         int32_t x = (int32_t)lrint((double)line.a.x + (double)(line.b.x - line.a.x) * k / 4);
         int32_t y = (int32_t)lrint((double)line.a.y + (double)(line.b.y - line.a.y) * k / 4);
 
-        if (x < 0 || y < 0 || x >= SCENE_WIDTH || y >= SCENE_HEIGHT || !has_near(s->truth, y * SCENE_WIDTH + x, 2))
+        if (x < 0 || y < 0 || x >= SCENE_WIDTH || y >= SCENE_HEIGHT ||
+            !has_near(s->truth, y * SCENE_WIDTH + x, 2))
             return 0;
     }
     return 1;
@@ -387,7 +401,8 @@ static best_one best_of(const settings *set, const finder *f, const scene *s)
         best.found = f->detections.count;
         best.score = best.evidence = best.found > 0 ? (double)d->score : 0;
         if (best.found > 0) {
-            const double box[4] = {(double)d->left, (double)d->top, (double)d->right, (double)d->bottom};
+            const double box[4] = {(double)d->left, (double)d->top, (double)d->right,
+                                   (double)d->bottom};
 
             best.segments = &f->detections.segments[d->first_segment];
             best.count = d->segment_count;
@@ -461,7 +476,8 @@ static int run_scene(const settings *set, sums *t, finder *f, int64_t index)
     static scene s;
     int32_t family = (int32_t)(index % SCENE_FAMILIES);
     cairn_random random = cairn_random_seed((uint64_t)(set->seed + index), 77);
-    scene_shape shape = scene_shape_draw(family, &random), other = scene_shape_draw(family, &random);
+    scene_shape shape = scene_shape_draw(family, &random),
+                other = scene_shape_draw(family, &random);
     scene_options options = {(int32_t)set->k, set->noise, set->hidden, 0};
     double start;
 
@@ -537,38 +553,48 @@ static option_result read_settings(settings *s, int argc, char **argv)
         OPTION_NUMBER("--noise", &s->noise, 0, 100, "SIGMA", "grey levels"),
         OPTION_NUMBER("--hidden", &s->hidden, 0, 0.9, "SHARE", "of the boundary"),
         OPTION_TEXT("--mode", &s->mode, "NAME", "instance or class"),
-        OPTION_TEXT("--method", &s->method, "NAME", "group; detect: by evidence for the outline; parts: by its parts"),
+        OPTION_TEXT("--method", &s->method, "NAME",
+                    "group; detect: by evidence for the outline; parts: by its parts"),
         OPTION_INTEGER("--particles", &s->particles, 1, 4096, "N", "of the filter"),
         OPTION_INTEGER("--paths", &s->paths, 1, CAIRN_SHAPE_PATHS, "N", "of a model at most"),
-        OPTION_NUMBER("--min-evidence", &s->evidence, 0, 1000, "E", "of a grouping that is reported"),
-        OPTION_NUMBER("--min-score", &s->score, -100, 100, "S", "of a detection that counts; -100: as is its default"),
-        OPTION_NUMBER("--smallest", &s->smallest, 1, 1000, "PX", "height of an object that is searched"),
-        OPTION_NUMBER("--largest", &s->largest, 1, 1000, "PX", "height of an object that is searched"),
+        OPTION_NUMBER("--min-evidence", &s->evidence, 0, 1000, "E",
+                      "of a grouping that is reported"),
+        OPTION_NUMBER("--min-score", &s->score, -100, 100, "S",
+                      "of a detection that counts; -100: as is its default"),
+        OPTION_NUMBER("--smallest", &s->smallest, 1, 1000, "PX",
+                      "height of an object that is searched"),
+        OPTION_NUMBER("--largest", &s->largest, 1, 1000, "PX",
+                      "height of an object that is searched"),
         OPTION_TEXT("--tokens", &s->tokens, "NAME", "segments or edgels"),
-        OPTION_FLAG("--occluded", &s->occluded, "of detect: told that objects may be hidden in part"),
+        OPTION_FLAG("--occluded", &s->occluded,
+                    "of detect: told that objects may be hidden in part"),
         OPTION_FLAG("--no-model", &s->no_model, "without the model term"),
         OPTION_FLAG("--no-skeleton", &s->no_skeleton, "without the skeleton term"),
         OPTION_FLAG("--each", &s->each, "a line for each scene, too"),
         OPTION_TEXT("--draw", &s->draw, "DIR", "pictures of what was found"),
         OPTION_TEXT("--data", &data, "DIR", "not used: scenes are generated"),
     };
-    const option_set set = {"bench/clutter", "[options]", "Groups the contours of known objects in generated clutter.",
-                            table, sizeof table / sizeof *table};
+    const option_set set = {"bench/clutter", "[options]",
+                            "Groups the contours of known objects in generated clutter.", table,
+                            sizeof table / sizeof *table};
     size_t count = 0;
     option_result result = options_read(&set, argc, argv, NULL, &count);
 
     if (result != OPTIONS_READ)
         return result;
     if (strcmp(s->mode, "instance") != 0 && strcmp(s->mode, "class") != 0)
-        return (option_result)options_refuse("bench/clutter", "--mode %s, expected instance or class", s->mode);
+        return (option_result)options_refuse("bench/clutter",
+                                             "--mode %s, expected instance or class", s->mode);
     if (strcmp(s->tokens, "segments") != 0 && strcmp(s->tokens, "edgels") != 0)
-        return (option_result)options_refuse("bench/clutter", "--tokens %s, expected segments or edgels", s->tokens);
+        return (option_result)options_refuse("bench/clutter",
+                                             "--tokens %s, expected segments or edgels", s->tokens);
     if (s->smallest > s->largest)
-        return (option_result)options_refuse("bench/clutter", "--smallest %g, expected at most --largest %g",
+        return (option_result)options_refuse("bench/clutter",
+                                             "--smallest %g, expected at most --largest %g",
                                              s->smallest, s->largest);
     if (!is_group(s) && strcmp(s->method, "detect") != 0 && strcmp(s->method, "parts") != 0)
-        return (option_result)options_refuse("bench/clutter", "--method %s, expected group, detect or parts",
-                                             s->method);
+        return (option_result)options_refuse(
+            "bench/clutter", "--method %s, expected group, detect or parts", s->method);
     return OPTIONS_READ;
 }
 

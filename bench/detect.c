@@ -1,13 +1,17 @@
-/* bench/detect: objects of the ETHZ shape classes (chapter 5) in all their images, from the supplied edges and one drawn model a class.
+/* bench/detect: objects of the ETHZ shape classes (chapter 5) in all their images, from the
+ * supplied edges and one drawn model a class.
  *
- * Every class's model on the images of all classes; no size, no rotation is given, and nothing is trained. Hit: IoU of the boxes >= 0.5,
- * each object once. A line for each class: the detection rate at 0.3 and 0.4 false positives per image, the 11-point average precision, and
- * the precision at the thesis's recall, which counts boxes above 0.2 as hits (precision_at_recall, with the greatest recall that is reached so,
- * recall_most_fifth; with 0.5: precision_at_recall_half). The last line has the means over the classes.
- * --method parts: by configurations of parts; --as-written: by the method of the thesis; --bundles, --nearest and --modes change what the other
- * is made of. --method
- * chamfer: the plain oriented chamfer twin. --curves DIR: CLASS.csv and CLASS.svg, precision over recall and detection rate
- * over false positives per image. --verify: the weight of verification by contour grouping, 0: without. */
+ * Every class's model on the images of all classes; no size, no rotation is given, and nothing
+ * is trained. Hit: IoU of the boxes >= 0.5, each object once. A line for each class: the
+ * detection rate at 0.3 and 0.4 false positives per image, the 11-point average precision, and
+ * the precision at the thesis's recall, which counts boxes above 0.2 as hits
+ * (precision_at_recall, with the greatest recall that is reached so, recall_most_fifth; with
+ * 0.5: precision_at_recall_half). The last line has the means over the classes. --method parts:
+ * by configurations of parts; --as-written: by the method of the thesis; --bundles, --nearest
+ * and --modes change what the other is made of. --method chamfer: the plain oriented chamfer
+ * twin. --curves DIR: CLASS.csv and CLASS.svg, precision over recall and detection rate over
+ * false positives per image. --verify: the weight of verification by contour grouping, 0:
+ * without. */
 #include <inttypes.h>
 #include <math.h>
 #include <stdio.h>
@@ -39,8 +43,16 @@ static const struct {
 
 enum { CLASSES = sizeof classes / sizeof *classes, SECONDS_MOST = 1 << 16 };
 
-/* Seconds of the processor by stage, over all images and models; those before VOTES are an image's, all models share them. */
-enum { STAGE_EDGES, STAGE_SEGMENTS, STAGE_FIELD, STAGE_LOOK, STAGE_SEARCH, STAGES = STAGE_SEARCH + 3 };
+/* Seconds of the processor by stage, over all images and models; those before VOTES are an
+ * image's, all models share them. */
+enum {
+    STAGE_EDGES,
+    STAGE_SEGMENTS,
+    STAGE_FIELD,
+    STAGE_LOOK,
+    STAGE_SEARCH,
+    STAGES = STAGE_SEARCH + 3
+};
 typedef struct stage_clock {
     double seconds[STAGES], begun;
     int32_t stage, images, searches;
@@ -99,8 +111,8 @@ static int time_edges(run *r, const char *folder, const char *name)
 
 /* ---- Images ---- */
 
-static void print_each(const run *r, const group_image *image, int32_t class, const group_image *truth,
-                       const cairn_detection *found, int32_t count)
+static void print_each(const run *r, const group_image *image, int32_t class,
+                       const group_image *truth, const cairn_detection *found, int32_t count)
 {
     for (int32_t i = 0; i < count && r->s->each; i++) {
         double overlap;
@@ -132,8 +144,8 @@ static void print_each(const run *r, const group_image *image, int32_t class, co
     }
 }
 
-static int count_image(run *r, const group_image *image, int32_t class, int32_t own, const cairn_detection *found,
-                       int32_t count, double seconds)
+static int count_image(run *r, const group_image *image, int32_t class, int32_t own,
+                       const cairn_detection *found, int32_t count, double seconds)
 {
     if (r->timed < SECONDS_MOST)
         r->seconds[r->timed++] = seconds;
@@ -147,8 +159,8 @@ static int run_chamfer(run *r, const group_image *image, int32_t own)
         double start = bench_cpu_seconds();
         cairn_detection *found = NULL;
         int32_t count = r->wanted[k] ? detect_chamfer(image, &r->model[k].model, &found) : 0;
-        int ok =
-            !r->wanted[k] || (count >= 0 && count_image(r, image, k, own, found, count, bench_cpu_seconds() - start));
+        int ok = !r->wanted[k] || (count >= 0 && count_image(r, image, k, own, found, count,
+                                                             bench_cpu_seconds() - start));
 
         free(found);
         if (!ok)
@@ -157,11 +169,14 @@ static int run_chamfer(run *r, const group_image *image, int32_t own)
     return 1;
 }
 
-/* The time of an image and a model has that of the edges and the field, which all models of an image share. */
-static int run_default(run *r, const group_image *image, const char *folder, int32_t own, cairn_file_error *error)
+/* The time of an image and a model has that of the edges and the field, which all models of an
+ * image share. */
+static int run_default(run *r, const group_image *image, const char *folder, int32_t own,
+                       cairn_file_error *error)
 {
-    cairn_object_detect_params params = r->s->as_written ? cairn_object_detect_as_written(image->width, image->height)
-                                                         : cairn_object_detect_default(image->width, image->height);
+    cairn_object_detect_params params =
+        r->s->as_written ? cairn_object_detect_as_written(image->width, image->height)
+                         : cairn_object_detect_default(image->width, image->height);
     cairn_raster_u8_view view = {image->edges, image->width, image->height, image->width};
     double start, field_seconds;
     cairn_contour_tokens tokens;
@@ -209,7 +224,8 @@ static int run_default(run *r, const group_image *image, const char *folder, int
         begin_stage(&r->stages, -1);
         r->stages.searches++;
         if (ok)
-            ok = count_image(r, image, k, own, d.found, d.count, field_seconds + bench_cpu_seconds() - start);
+            ok = count_image(r, image, k, own, d.found, d.count,
+                             field_seconds + bench_cpu_seconds() - start);
         cairn_detections_free(&d);
     }
     cairn_detect_field_free(field);
@@ -226,7 +242,8 @@ static int run_image(run *r, const char *folder, const char *name, int32_t own)
 
     if (!group_image_read(&image, folder, name, classes[own].folder))
         return 0;
-    ok = r->s->method[0] == 'c' ? run_chamfer(r, &image, own) : run_default(r, &image, folder, own, &error);
+    ok = r->s->method[0] == 'c' ? run_chamfer(r, &image, own)
+                                : run_default(r, &image, folder, own, &error);
     if (!ok)
         fprintf(stderr, "bench/detect: %s: %s\n", name, error.text);
     group_image_free(&image);
@@ -249,7 +266,8 @@ static int run_folder(run *r, int32_t own)
 
     (void)snprintf(folder, sizeof folder, "%s/ethz/%s", r->s->data, classes[own].folder);
     if (!group_names_read(&names, folder)) {
-        fprintf(stderr, "bench/detect: %s: no images, expected the ETHZ shape classes (--data)\n", folder);
+        fprintf(stderr, "bench/detect: %s: no images, expected the ETHZ shape classes (--data)\n",
+                folder);
         return 0;
     }
     count = r->s->most < names.count ? r->s->most : names.count;
@@ -272,7 +290,8 @@ static int load_models(run *r)
 
         r->wanted[k] = r->s->class_name == NULL || strcmp(r->s->class_name, classes[k].folder) == 0;
         (void)snprintf(path, sizeof path, "%s/ethz/models/%s.tif", r->s->data, classes[k].model);
-        if (cairn_shape_model_file_load(&r->model[k], path, &image, &builder, NULL, &error) != CAIRN_OK) {
+        if (cairn_shape_model_file_load(&r->model[k], path, &image, &builder, NULL, &error) !=
+            CAIRN_OK) {
             fprintf(stderr, "bench/detect: %s\n", error.text);
             return 0;
         }
@@ -295,7 +314,8 @@ static int learn_looks(run *r)
 
 /* ---- Figures ---- */
 
-static int write_curves(const settings *s, const char *name, const cairn_detection_point *points, int32_t count)
+static int write_curves(const settings *s, const char *name, const cairn_detection_point *points,
+                        int32_t count)
 {
     cairn_file_error error;
     char stem[4000];
@@ -318,8 +338,8 @@ static int print_class(run *r, int32_t k, means *m)
     detect_tally *t = &r->tally[k];
     cairn_detection_point *half = malloc(((size_t)t->count + 1) * sizeof *half);
     cairn_detection_point *fifth = malloc(((size_t)t->count + 1) * sizeof *fifth);
-    int ok =
-        half != NULL && fifth != NULL && detect_curve(t, DETECT_HALF, half) && detect_curve(t, DETECT_FIFTH, fifth);
+    int ok = half != NULL && fifth != NULL && detect_curve(t, DETECT_HALF, half) &&
+             detect_curve(t, DETECT_FIFTH, fifth);
 
     if (ok) {
         double rate03, rate04, precision, low, high;
@@ -344,8 +364,10 @@ static int print_class(run *r, int32_t k, means *m)
         bench_json_number("ap", precision);
         bench_json_number("recall_most", t->count > 0 ? half[t->count - 1].recall : 0);
         bench_json_number("recall_most_fifth", t->count > 0 ? fifth[t->count - 1].recall : 0);
-        bench_json_number("precision_at_recall", cairn_detection_precision_at(fifth, t->count, classes[k].recall));
-        bench_json_number("precision_at_recall_half", cairn_detection_precision_at(half, t->count, classes[k].recall));
+        bench_json_number("precision_at_recall",
+                          cairn_detection_precision_at(fifth, t->count, classes[k].recall));
+        bench_json_number("precision_at_recall_half",
+                          cairn_detection_precision_at(half, t->count, classes[k].recall));
         bench_json_end();
         m->rate03 += rate03;
         m->rate04 += rate04;
@@ -363,9 +385,9 @@ static int print_class(run *r, int32_t k, means *m)
 /* Means; of an image, then of an image and a model. */
 static void print_stages(const stage_clock *c)
 {
-    static const char *const names[STAGES] = {"seconds_edges",      "seconds_segments", "seconds_field",
-                                              "seconds_appearance", "seconds_voting",   "seconds_scoring",
-                                              "seconds_boxes"};
+    static const char *const names[STAGES] = {
+        "seconds_edges",  "seconds_segments", "seconds_field", "seconds_appearance",
+        "seconds_voting", "seconds_scoring",  "seconds_boxes"};
 
     for (int32_t i = 0; i < STAGES && c->searches > 0; i++)
         bench_json_number(names[i], c->seconds[i] / (i < STAGE_SEARCH ? c->images : c->searches));
@@ -403,58 +425,76 @@ static int is_class(const char *name)
 static option_result read_settings(settings *s, int argc, char **argv)
 {
     const option table[] = {
-        OPTION_TEXT("--class", &s->class_name, "NAME", "Applelogos, Bottles, Giraffes, Mugs or Swans; without it all"),
+        OPTION_TEXT("--class", &s->class_name, "NAME",
+                    "Applelogos, Bottles, Giraffes, Mugs or Swans; without it all"),
         OPTION_TEXT("--method", &s->method, "NAME", "default, parts or chamfer"),
         OPTION_FLAG("--as-written", &s->as_written, "of parts: the method of the thesis"),
-        OPTION_TEXT("--bundles", &s->bundles, "HOW", "of parts: rule, one (fragment in each) or none"),
-        OPTION_INTEGER("--matches", &s->matches, 1, 64, "N", "of parts: chains that vote for each fragment"),
-        OPTION_INTEGER("--nearest", &s->nearest, 1, 64, "K", "of parts: votes that configurations are made of"),
+        OPTION_TEXT("--bundles", &s->bundles, "HOW",
+                    "of parts: rule, one (fragment in each) or none"),
+        OPTION_INTEGER("--matches", &s->matches, 1, 64, "N",
+                       "of parts: chains that vote for each fragment"),
+        OPTION_INTEGER("--nearest", &s->nearest, 1, 64, "K",
+                       "of parts: votes that configurations are made of"),
         OPTION_FLAG("--modes", &s->modes, "of parts: near the modes of the votes only"),
-        OPTION_INTEGER("--images", &s->most, 1, 100000, "N", "of each class at most, evenly chosen"),
-        OPTION_INTEGER("--candidates", &s->candidates, 1, 64, "N", "places of an image that are looked at closely"),
+        OPTION_INTEGER("--images", &s->most, 1, 100000, "N",
+                       "of each class at most, evenly chosen"),
+        OPTION_INTEGER("--candidates", &s->candidates, 1, 64, "N",
+                       "places of an image that are looked at closely"),
         OPTION_NUMBER("--overlap", &s->overlap, 0, 1, "SHARE",
                       "of boxes, above which the better detection stays alone"),
         OPTION_FLAG("--no-mirror", &s->no_mirror, "not the mirrored models"),
         OPTION_FLAG("--occluded", &s->occluded, "objects may be hidden in part"),
-        OPTION_FLAG("--stages", &s->stages, "also Canny's time (the images are decoded then); the other stages always"),
+        OPTION_FLAG("--stages", &s->stages,
+                    "also Canny's time (the images are decoded then); the other stages always"),
         OPTION_FLAG("--each", &s->each, "a line for each detection, too"),
         OPTION_INTEGER("--train", &s->train, 0, 1000, "N",
-                       "learns what the class looks like from its first N images, which are not looked at then"),
+                       "learns what the class looks like from its first N images, which are not "
+                       "looked at then"),
         OPTION_NUMBER("--weight", &s->weight, 0, 1000, "LAMBDA", "of appearance, with --train"),
         OPTION_NUMBER("--verify", &s->verify, 0, 100, "WEIGHT",
                       "of what contour grouping finds where a detection is; 0: it is not asked"),
         OPTION_TEXT("--curves", &s->curves, "DIR", "writes CLASS.csv and CLASS.svg"),
         OPTION_TEXT("--data", &s->data, "DIR", "where ethz/ is"),
     };
-    const option_set set = {"bench/detect", "[options]", "Detects the ETHZ shape classes by one drawn model each.",
-                            table, sizeof table / sizeof *table};
+    const option_set set = {"bench/detect", "[options]",
+                            "Detects the ETHZ shape classes by one drawn model each.", table,
+                            sizeof table / sizeof *table};
     size_t count = 0;
     option_result result = options_read(&set, argc, argv, NULL, &count);
 
     if (result == OPTIONS_READ && s->as_written &&
-        ((s->method != NULL && strcmp(s->method, "parts") != 0) || s->bundles != NULL || s->modes || s->occluded ||
-         s->candidates > 0 || s->verify > 0))
+        ((s->method != NULL && strcmp(s->method, "parts") != 0) || s->bundles != NULL || s->modes ||
+         s->occluded || s->candidates > 0 || s->verify > 0))
         return (option_result)options_refuse(
-            "bench/detect", "--as-written with another method than parts, --bundles, --modes, --occluded, --candidates "
-                            "or --verify, which the thesis does not have, expected it without them");
+            "bench/detect",
+            "--as-written with another method than parts, --bundles, --modes, --occluded, "
+            "--candidates "
+            "or --verify, which the thesis does not have, expected it without them");
     s->method = s->method != NULL ? s->method : s->as_written ? "parts" : "default";
     s->bundles = s->bundles != NULL ? s->bundles : "rule";
-    s->candidates = s->candidates > 0 ? s->candidates : cairn_object_detect_default(1, 1).candidates;
-    s->verify = s->as_written ? 0 : s->verify >= 0 ? s->verify : (double)cairn_object_detect_default(1, 1).verify;
-    if (result == OPTIONS_READ && strcmp(s->method, "default") != 0 && strcmp(s->method, "chamfer") != 0 &&
-        strcmp(s->method, "parts") != 0)
-        return (option_result)options_refuse("bench/detect", "--method %s, expected default, parts or chamfer",
-                                             s->method);
-    if (result == OPTIONS_READ && strcmp(s->bundles, "rule") != 0 && strcmp(s->bundles, "one") != 0 &&
-        strcmp(s->bundles, "none") != 0)
-        return (option_result)options_refuse("bench/detect", "--bundles %s, expected rule, one or none", s->bundles);
+    s->candidates =
+        s->candidates > 0 ? s->candidates : cairn_object_detect_default(1, 1).candidates;
+    s->verify = s->as_written    ? 0
+                : s->verify >= 0 ? s->verify
+                                 : (double)cairn_object_detect_default(1, 1).verify;
+    if (result == OPTIONS_READ && strcmp(s->method, "default") != 0 &&
+        strcmp(s->method, "chamfer") != 0 && strcmp(s->method, "parts") != 0)
+        return (option_result)options_refuse(
+            "bench/detect", "--method %s, expected default, parts or chamfer", s->method);
+    if (result == OPTIONS_READ && strcmp(s->bundles, "rule") != 0 &&
+        strcmp(s->bundles, "one") != 0 && strcmp(s->bundles, "none") != 0)
+        return (option_result)options_refuse(
+            "bench/detect", "--bundles %s, expected rule, one or none", s->bundles);
     if (result == OPTIONS_READ && s->train > 0 &&
         (s->class_name == NULL || s->most < 100000 || strcmp(s->method, "chamfer") == 0))
         return (option_result)options_refuse(
-            "bench/detect", "--train %" PRId64 ", expected with --class, without --images, not of chamfer", s->train);
+            "bench/detect",
+            "--train %" PRId64 ", expected with --class, without --images, not of chamfer",
+            s->train);
     if (result == OPTIONS_READ && s->class_name != NULL && !is_class(s->class_name))
         return (option_result)options_refuse(
-            "bench/detect", "--class %s, expected Applelogos, Bottles, Giraffes, Mugs or Swans", s->class_name);
+            "bench/detect", "--class %s, expected Applelogos, Bottles, Giraffes, Mugs or Swans",
+            s->class_name);
     return result;
 }
 

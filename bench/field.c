@@ -1,15 +1,19 @@
 /* bench/field: what chapter 7 of the thesis shows of force field simulation, on scenes of its own.
  *
- *   maze       16 full scans, poses disturbed by 0.25 m and 20 degrees, 20 steps (section 7.4.4); met: the mean errors in
+ *   maze       16 full scans, poses disturbed by 0.25 m and 20 degrees, 20 steps (section 7.4.4);
+ *   met: the mean errors in
  *              position and in heading fall to a fifth
- *   apartment  a drive of 200 scans whose loop is closed wrongly, 150 steps (section 7.4.3); met: the gap falls to a quarter
- *              and the potential rises in one of the first ten steps. A drive that does not come back is not judged
- *   rescue     60 scans of 100 degrees, 50 steps (section 7.4.2); met: no step raises the potential
- *   corners    three scans of a corner each, 12 steps, with nearest neighbours beside (figure 7.6; bench_corners)
+ *   apartment  a drive of 200 scans whose loop is closed wrongly, 150 steps (section 7.4.3); met:
+ *   the gap falls to a quarter
+ *              and the potential rises in one of the first ten steps. A drive that does not come
+ *              back is not judged rescue     60 scans of 100 degrees, 50 steps (section 7.4.2);
+ *              met: no step raises the potential corners    three scans of a corner each, 12 steps,
+ *              with nearest neighbours beside (figure 7.6; bench_corners)
  *
- * Errors are those after the best common motion, by least squares over all scans. Potentials compare only for one sigma: a
- * step raises P when P of the poses after it is above that before it, both at the sigma of the step, without regions of
- * interest and with faces of opposite sides told apart as in the step. */
+ * Errors are those after the best common motion, by least squares over all scans. Potentials
+ * compare only for one sigma: a step raises P when P of the poses after it is above that before
+ * it, both at the sigma of the step, without regions of interest and with faces of opposite
+ * sides told apart as in the step. */
 #include <inttypes.h>
 #include <math.h>
 #include <stdio.h>
@@ -97,7 +101,8 @@ static cairn_status views_make(views *v, const scene *s, double spacing)
     memory = malloc(bytes);
     memset(v, 0, sizeof *v);
     v->view = calloc((size_t)s->count, sizeof *v->view);
-    status = memory == NULL || v->view == NULL ? CAIRN_NO_MEMORY : cairn_pool_init(&pool, memory, bytes);
+    status =
+        memory == NULL || v->view == NULL ? CAIRN_NO_MEMORY : cairn_pool_init(&pool, memory, bytes);
     if (status == CAIRN_OK)
         status = cairn_scan_create(&scan, &pool, &params);
     for (; v->count < s->count && status == CAIRN_OK; v->count++) {
@@ -109,8 +114,10 @@ static cairn_status views_make(views *v, const scene *s, double spacing)
         if (status == CAIRN_OK)
             status = cairn_scan_step(scan, &budget);
         *view = cairn_scan_read(scan);
-        view->segments = copy_of(view->segments, (size_t)view->segment_count * sizeof *view->segments);
-        view->first_point = copy_of(view->first_point, ((size_t)view->segment_count + 1) * sizeof *view->first_point);
+        view->segments =
+            copy_of(view->segments, (size_t)view->segment_count * sizeof *view->segments);
+        view->first_point = copy_of(view->first_point,
+                                    ((size_t)view->segment_count + 1) * sizeof *view->first_point);
         view->points = copy_of(view->points, (size_t)view->point_count * sizeof *view->points);
         v->segment_count += view->segment_count;
         v->point_count += view->point_count;
@@ -129,8 +136,8 @@ static void make_room(cairn_force_field_params *params, const views *v)
     params->max_bonds = v->count * (v->count - 1) / 2;
 }
 
-static cairn_status field_make(cairn_force_field **field, cairn_pool *pool, const cairn_force_field_params *params,
-                               void **memory)
+static cairn_status field_make(cairn_force_field **field, cairn_pool *pool,
+                               const cairn_force_field_params *params, void **memory)
 {
     size_t bytes = cairn_force_field_memory(params) + CAIRN_ALIGN;
     cairn_status status;
@@ -141,8 +148,8 @@ static cairn_status field_make(cairn_force_field **field, cairn_pool *pool, cons
 }
 
 /* P of given poses at sigma, without regions of interest. */
-static cairn_status potential_of(const views *v, cairn_force_field_params params, double sigma, const cairn_pose *poses,
-                                 double *potential)
+static cairn_status potential_of(const views *v, cairn_force_field_params params, double sigma,
+                                 const cairn_pose *poses, double *potential)
 {
     cairn_budget budget = {CAIRN_UNBOUNDED};
     cairn_force_field *field = NULL;
@@ -164,8 +171,8 @@ static cairn_status potential_of(const views *v, cairn_force_field_params params
     return status < 0 ? status : CAIRN_OK;
 }
 
-static cairn_status watch_potential(const scene *s, const views *v, cairn_force_field_params params, int32_t steps,
-                                    outcome *out)
+static cairn_status watch_potential(const scene *s, const views *v, cairn_force_field_params params,
+                                    int32_t steps, outcome *out)
 {
     cairn_status status = CAIRN_OK;
 
@@ -180,10 +187,11 @@ static cairn_status watch_potential(const scene *s, const views *v, cairn_force_
         out->rising_first_10 += k < 10 && after > before;
     }
     if (status == CAIRN_OK)
-        status = potential_of(v, params, (double)params.sigma_start, s->history, &out->potential_start);
+        status =
+            potential_of(v, params, (double)params.sigma_start, s->history, &out->potential_start);
     if (status == CAIRN_OK)
-        status = potential_of(v, params, (double)params.sigma_start, s->history + (size_t)steps * (size_t)s->count,
-                              &out->potential_end);
+        status = potential_of(v, params, (double)params.sigma_start,
+                              s->history + (size_t)steps * (size_t)s->count, &out->potential_end);
     return status;
 }
 
@@ -193,7 +201,8 @@ static void remember(const scene *s, const cairn_force_field *field, int32_t ste
         s->history[step * s->count + i] = cairn_force_field_pose(field, i);
 }
 
-static cairn_status run_field(scene *s, const views *v, cairn_force_field_params params, outcome *out)
+static cairn_status run_field(scene *s, const views *v, cairn_force_field_params params,
+                              outcome *out)
 {
     cairn_force_field *field = NULL;
     cairn_force_field_state state = {0};
@@ -250,7 +259,8 @@ static int draw(const settings *set, const scene *s, const views *v, uint64_t se
     picture.scan = scan;
     picture.scan_count = s->count;
     picture.connect = s->drive;
-    (void)snprintf(path, sizeof path, "%s/%s-%" PRIu64 "-%s.svg", set->svg, s->name, seed, set->preset);
+    (void)snprintf(path, sizeof path, "%s/%s-%" PRIu64 "-%s.svg", set->svg, s->name, seed,
+                   set->preset);
     if (scan != NULL) {
         for (int32_t i = 0; i < s->count; i++) {
             scan[i].segment = v->view[i].segments;
@@ -302,7 +312,10 @@ static cairn_force_field_params preset_of(const settings *set, const scene *s)
     if (strcmp(set->preset, "spaced") == 0)
         return cairn_force_field_spaced((cairn_real)set->spacing);
     if (strcmp(set->preset, "springs") == 0)
-        return cairn_force_field_springs((cairn_real)(set->sigma > 0 ? set->sigma : s->drive ? 0.15 : 0.8), s->steps);
+        return cairn_force_field_springs((cairn_real)(set->sigma > 0 ? set->sigma
+                                                      : s->drive     ? 0.15
+                                                                     : 0.8),
+                                         s->steps);
     if (!isnan(set->mass))
         params.roi_mass = (cairn_real)set->mass;
     params.dt_start *= (cairn_real)set->pace;
@@ -426,16 +439,23 @@ static int check(const settings *s, const char *given_preset)
         is_preset |= strcmp(s->preset, presets[i]) == 0;
     }
     if (!is_scene)
-        fprintf(stderr, "bench/field: unknown scene '%s', expected rescue, maze, apartment or corners\n", s->scene);
+        fprintf(stderr,
+                "bench/field: unknown scene '%s', expected rescue, maze, apartment or corners\n",
+                s->scene);
     else if (!is_preset)
-        fprintf(stderr, "bench/field: unknown preset '%s', expected thesis, spaced or springs\n", s->preset);
+        fprintf(stderr, "bench/field: unknown preset '%s', expected thesis, spaced or springs\n",
+                s->preset);
     else if (s->as_written && (given_preset != NULL || s->sigma > 0 || s->pace != 1))
-        fprintf(stderr, "bench/field: --as-written with --preset, --sigma or --dt, expected the thesis's constants\n");
-    else if ((!isnan(s->mass) || s->pace != 1) && strcmp(s->preset, "thesis") != 0 && !s->as_written)
+        fprintf(stderr, "bench/field: --as-written with --preset, --sigma or --dt, expected the "
+                        "thesis's constants\n");
+    else if ((!isnan(s->mass) || s->pace != 1) && strcmp(s->preset, "thesis") != 0 &&
+             !s->as_written)
         fprintf(stderr, "bench/field: --mass or --dt with preset %s, expected thesis\n", s->preset);
     else if ((!isnan(s->trans) || !isnan(s->rot)) &&
              (strcmp(s->scene, "apartment") == 0 || strcmp(s->scene, "corners") == 0))
-        fprintf(stderr, "bench/field: --trans or --rot with %s, whose start is given, expected rescue or maze\n",
+        fprintf(stderr,
+                "bench/field: --trans or --rot with %s, whose start is given, expected rescue or "
+                "maze\n",
                 s->scene);
     else
         return 1;
@@ -461,15 +481,19 @@ int main(int argc, char **argv)
         OPTION_INTEGER("--arenas", &s.arenas, 1, 10000, "N", "arenas"),
         OPTION_INTEGER("--seed", &s.seed, 0, 9e15, "N", "of the first arena; the others follow"),
         OPTION_NUMBER("--spacing", &s.spacing, 0.01, 1, "M", "of the resampled points, m"),
-        OPTION_NUMBER("--sigma", &s.sigma, 0, 10, "M", "of springs at the start; 0: 0.8, apartment 0.15"),
-        OPTION_NUMBER("--trans", &s.trans, 0, 10, "M", "disturbance of x and y, uniform +-, m (0.30; maze 0.25)"),
-        OPTION_NUMBER("--rot", &s.rot, 0, 180, "DEG", "disturbance of the heading, uniform +-, degrees (20)"),
+        OPTION_NUMBER("--sigma", &s.sigma, 0, 10, "M",
+                      "of springs at the start; 0: 0.8, apartment 0.15"),
+        OPTION_NUMBER("--trans", &s.trans, 0, 10, "M",
+                      "disturbance of x and y, uniform +-, m (0.30; maze 0.25)"),
+        OPTION_NUMBER("--rot", &s.rot, 0, 180, "DEG",
+                      "disturbance of the heading, uniform +-, degrees (20)"),
         OPTION_NUMBER("--mass", &s.mass, 0.01, 1000, "M",
                       "of points in regions of interest, which the thesis leaves open (4)"),
         OPTION_NUMBER("--dt", &s.pace, 0.01, 100, "F", "times this the thesis's dt"),
         OPTION_TEXT("--svg", &s.svg, "DIR", "pictures of start and end"),
     };
-    const option_set set = {"bench/field", "[options]", "Force field simulation on the scenes of the thesis.", table,
+    const option_set set = {"bench/field", "[options]",
+                            "Force field simulation on the scenes of the thesis.", table,
                             sizeof table / sizeof *table};
     size_t words = 0;
 

@@ -1,18 +1,24 @@
-/* bench/gauss: the fast Gauss transform (Greengard and Strain 1991; Yang, Duraiswami, Gumerov and Davis 2003) for the forces of
- * force field simulation, which section 7.3.5 of the thesis names, against the sums of force_field.
+/* bench/gauss: the fast Gauss transform (Greengard and Strain 1991; Yang, Duraiswami, Gumerov and
+ * Davis 2003) for the forces of force field simulation, which section 7.3.5 of the thesis names,
+ * against the sums of force_field.
  *
- * The force of eqs. 7.1 to 7.3 is no Gauss transform: its unit vector is d / r, and |cos| of the directions has a kink. So
- *     1 / r    is a sum of Gaussians (the trapezoidal rule of 2 / sqrt(pi) times the integral of exp(s - r^2 e^2s)): times
- *              exp(-r^2 / (2 sigma^2)) they are narrower ones; those much wider than sigma are taken together as one,
- *     |cos|    is 2 / pi + 4 / pi times the sum of (-1)^(k+1) / (4 k^2 - 1) cos 2k(a - b), k = 1 ... --harmonics,
- * and each Gaussian is transformed with 2k + 1 weights: cells as clusters, Taylor expansions about their centres (as improved:
- * one expansion in place of Hermite and Taylor), gradients of these. A sum over a cluster is off by at most the weight times
- * (2 a b / h^2)^p / p! for terms up to degree p - 1, a the radius of a cluster and b the distance to which it counts, and by
- * exp(-b^2 / h^2) beyond.
+ * The force of eqs. 7.1 to 7.3 is no Gauss transform: its unit vector is d / r, and |cos| of the
+ * directions has a kink. So
+ *     1 / r    is a sum of Gaussians (the trapezoidal rule of 2 / sqrt(pi) times the integral of
+ *     exp(s - r^2 e^2s)): times
+ *              exp(-r^2 / (2 sigma^2)) they are narrower ones; those much wider than sigma are
+ *              taken together as one, |cos|    is 2 / pi + 4 / pi times the sum of (-1)^(k+1) / (4
+ *              k^2 - 1) cos 2k(a - b), k = 1 ... --harmonics, and each Gaussian is transformed with
+ *              2k + 1 weights: cells as clusters, Taylor expansions about their centres (as
+ *              improved: one expansion in place of Hermite and Taylor), gradients of these. A sum
+ *              over a cluster is off by at most the weight times (2 a b / h^2)^p / p! for terms up
+ *              to degree p - 1, a the radius of a cluster and b the distance to which it counts,
+ *              and by exp(-b^2 / h^2) beyond.
  *
- * Points lie along the walls of 60 scans of one map of 12 by 10 m. Prints a line for each number of points and each sigma, with the
- * errors of both sums against all pairs, relative to the root mean square force. The transform sums over all points; it is not
- * charged for taking out again those of the point's own scan, nor for torque and potential. */
+ * Points lie along the walls of 60 scans of one map of 12 by 10 m. Prints a line for each number
+ * of points and each sigma, with the errors of both sums against all pairs, relative to the root
+ * mean square force. The transform sums over all points; it is not charged for taking out again
+ * those of the point's own scan, nor for torque and potential. */
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -30,11 +36,16 @@ enum { DEGREE = 9, TERMS = DEGREE * (DEGREE + 1) / 2 }; /* p, and monomials of d
 enum { GAUSSIANS_MOST = 32, WEIGHTS_MOST = 2 * 32 + 1 };
 
 static const double WIDTH = 12, HEIGHT = 10;
-static const double CELL_SIDE = 0.7; /* h */
-static const double CUT_OFF = 2.6;   /* h */
-static const double RATIO = 0.8;     /* step of s in the sum for 1 / r */
+/* h */
+static const double CELL_SIDE = 0.7;
+/* h */
+static const double CUT_OFF = 2.6;
+/* step of s in the sum for 1 / r */
+static const double RATIO = 0.8;
 static const double LEAST_R = 0.1,
-                    LEAST_DECAY = 0.2; /* sigma: 1 / r from here on; 1 / sigma: Gaussians of 1 / r at least so narrow */
+                    /* sigma: 1 / r from here on; 1 / sigma: Gaussians of 1 / r at least so
+                     * narrow */
+    LEAST_DECAY = 0.2;
 
 typedef struct points {
     int32_t count;
@@ -62,7 +73,8 @@ static int make_points(points *p, int32_t count, uint64_t seed)
     }
     for (int k = 0; k < SCANS * SEGMENTS && p->point != NULL; k++) {
         const double *w = wall[cairn_random_below(&random, WALLS)];
-        double dx = (double)cairn_random_normal(&random) * 0.05, dy = (double)cairn_random_normal(&random) * 0.05;
+        double dx = (double)cairn_random_normal(&random) * 0.05,
+               dy = (double)cairn_random_normal(&random) * 0.05;
         double turn = (double)cairn_random_normal(&random) * 0.05;
         double tx = w[2] * cos(turn) - w[3] * sin(turn), ty = w[2] * sin(turn) + w[3] * cos(turn);
         int32_t n = (int32_t)((int64_t)count * (k + 1) / (SCANS * SEGMENTS)), from = p->first[k];
@@ -97,7 +109,8 @@ static void slow_force(const points *p, int32_t i, double sigma, int32_t own, do
     for (int32_t j = 0; j < p->count; j++) {
         cairn_vec2 f;
 
-        if (j == i || (!own && j >= p->first[scan * SEGMENTS] && j < p->first[(scan + 1) * SEGMENTS]))
+        if (j == i ||
+            (!own && j >= p->first[scan * SEGMENTS] && j < p->first[(scan + 1) * SEGMENTS]))
             continue;
         f = cairn_force_kernel_pair(p->point[i], p->point[j], 1, 1, (cairn_real)sigma, NULL);
         force[0] += (double)f.x;
@@ -158,7 +171,8 @@ static double run_field(const points *p, double sigma, const int32_t *sample, do
 
         while (p->first[(scan + 1) * SEGMENTS] <= sample[k])
             scan++;
-        status = cairn_force_field_point_force(field, scan, sample[k] - p->first[scan * SEGMENTS], &force, &mass);
+        status = cairn_force_field_point_force(field, scan, sample[k] - p->first[scan * SEGMENTS],
+                                               &force, &mass);
         forces[k][0] = (double)force.x;
         forces[k][1] = (double)force.y;
     }
@@ -266,15 +280,19 @@ typedef struct transform {
 
 static double *expand(const transform *t, const cells *c, double h)
 {
-    double *coefficient = calloc((size_t)c->used * TERMS * (size_t)t->weights, sizeof *coefficient), m[TERMS];
+    double *coefficient = calloc((size_t)c->used * TERMS * (size_t)t->weights, sizeof *coefficient),
+           m[TERMS];
 
     for (int32_t k = 0; k < c->columns * c->rows && coefficient != NULL; k++) {
-        double cx = (k % c->columns + 0.5) * c->side - 1, cy = (int32_t)(k / c->columns) * c->side + 0.5 * c->side - 1;
+        double cx = (k % c->columns + 0.5) * c->side - 1,
+               cy = (int32_t)(k / c->columns) * c->side + 0.5 * c->side - 1;
 
         for (int32_t n = c->first[k]; n < c->first[k + 1]; n++) {
             int32_t i = c->order[n];
-            double x = ((double)t->p->point[i].position.x - cx) / h, y = ((double)t->p->point[i].position.y - cy) / h;
-            double e = exp(-x * x - y * y), *a = coefficient + (size_t)c->slot[k] * TERMS * (size_t)t->weights;
+            double x = ((double)t->p->point[i].position.x - cx) / h,
+                   y = ((double)t->p->point[i].position.y - cy) / h;
+            double e = exp(-x * x - y * y),
+                   *a = coefficient + (size_t)c->slot[k] * TERMS * (size_t)t->weights;
 
             monomials(x, y, m);
             for (int term = 0; term < TERMS; term++, a += t->weights)
@@ -286,7 +304,8 @@ static double *expand(const transform *t, const cells *c, double h)
 }
 
 /* Adds the gradient of the expansion of a cluster at (x, y), in h from its centre, times scale. */
-static void add_cluster(const transform *t, const double *a, int32_t i, double x, double y, double scale)
+static void add_cluster(const transform *t, const double *a, int32_t i, double x, double y,
+                        double scale)
 {
     double m[TERMS], sum[TERMS], e = exp(-x * x - y * y), value = 0, gx = 0, gy = 0;
 
@@ -326,13 +345,16 @@ static int add_gaussian(const transform *t, double h, double weight)
             for (int32_t u = column - around; u <= column + around; u++) {
                 double x, y;
 
-                if (u < 0 || v < 0 || u >= c.columns || v >= c.rows || c.slot[v * c.columns + u] < 0)
+                if (u < 0 || v < 0 || u >= c.columns || v >= c.rows ||
+                    c.slot[v * c.columns + u] < 0)
                     continue;
                 x = (double)p.x - ((u + 0.5) * c.side - 1);
                 y = (double)p.y - ((v + 0.5) * c.side - 1);
                 if (x * x + y * y <= reach * reach)
-                    add_cluster(t, coefficient + (size_t)c.slot[v * c.columns + u] * TERMS * (size_t)t->weights, i,
-                                x / h, y / h, weight * h / 2);
+                    add_cluster(t,
+                                coefficient +
+                                    (size_t)c.slot[v * c.columns + u] * TERMS * (size_t)t->weights,
+                                i, x / h, y / h, weight * h / 2);
             }
     }
     cells_close(&c);
@@ -444,13 +466,15 @@ int main(int argc, char **argv)
     int64_t harmonics = 8, most = 100000, seed = 1;
     double sigma = 0;
     const option table[] = {
-        OPTION_INTEGER("--harmonics", &harmonics, 0, 32, "N", "of |cos| of the difference of directions"),
+        OPTION_INTEGER("--harmonics", &harmonics, 0, 32, "N",
+                       "of |cos| of the difference of directions"),
         OPTION_INTEGER("--points", &most, 1000, 1000000, "N", "at most; 1000, 10000 ..."),
         OPTION_NUMBER("--sigma", &sigma, 0, 2, "M", "this one alone, m; 0: 0.04, 0.15, 0.5 and 1"),
         OPTION_INTEGER("--seed", &seed, 0, 9e15, "N", "of the walls"),
     };
-    const option_set set = {"bench/gauss", "[options]", "The fast Gauss transform against the sums of force_field.",
-                            table, sizeof table / sizeof *table};
+    const option_set set = {"bench/gauss", "[options]",
+                            "The fast Gauss transform against the sums of force_field.", table,
+                            sizeof table / sizeof *table};
     size_t words = 0;
     int done = 1;
 

@@ -1,4 +1,5 @@
-/* bench/graph: pose graphs from g2o files, and generated ones: chi2 before and after, time, memory. */
+/* bench/graph: pose graphs from g2o files, and generated ones: chi2 before and after, time,
+ * memory. */
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -32,7 +33,8 @@ typedef struct totals {
 
 static cairn_pose noisy(cairn_pose pose, double sigma, cairn_random *random)
 {
-    cairn_real x = cairn_random_normal(random), y = cairn_random_normal(random), theta = cairn_random_normal(random);
+    cairn_real x = cairn_random_normal(random), y = cairn_random_normal(random),
+               theta = cairn_random_normal(random);
 
     pose.x += (cairn_real)sigma * x;
     pose.y += (cairn_real)sigma * y;
@@ -40,8 +42,8 @@ static cairn_pose noisy(cairn_pose pose, double sigma, cairn_random *random)
     return pose;
 }
 
-/* A robot that drives a square of streets up and down, one pose a metre, and every fourth metre sees the street beside;
- * room for `more` links. */
+/* A robot that drives a square of streets up and down, one pose a metre, and every fourth metre
+ * sees the street beside; room for `more` links. */
 static int generate(cairn_pose_graph_file *file, int32_t poses, int64_t more, uint64_t seed)
 {
     const double sigma = 0.02;
@@ -78,7 +80,8 @@ static int generate(cairn_pose_graph_file *file, int32_t poses, int64_t more, ui
             edge->information = information;
             file->edge_count++;
             if (k == 0)
-                file->vertex[i].pose = cairn_pose_compose(file->vertex[from].pose, edge->first_second);
+                file->vertex[i].pose =
+                    cairn_pose_compose(file->vertex[from].pose, edge->first_second);
         }
     }
     free(truth);
@@ -95,7 +98,8 @@ static void add_wrong(cairn_pose_graph_file *file, int64_t wrong, uint64_t seed)
         cairn_pose_graph_edge *edge = &file->edge[file->edge_count++];
 
         edge->first = cairn_random_below(&random, file->vertex_count - 1);
-        edge->second = edge->first + 1 + cairn_random_below(&random, file->vertex_count - 1 - edge->first);
+        edge->second =
+            edge->first + 1 + cairn_random_below(&random, file->vertex_count - 1 - edge->first);
         edge->first_second.x = cairn_random_uniform(&random, -3, 3);
         edge->first_second.y = cairn_random_uniform(&random, -3, 3);
         edge->first_second.theta = cairn_random_uniform(&random, -CAIRN_PI, CAIRN_PI);
@@ -125,18 +129,21 @@ static int compare_links(const void *a, const void *b)
 static named_link name_link(const cairn_pose_graph_file *file, int32_t e)
 {
     const cairn_pose_graph_edge *edge = &file->edge[e];
-    named_link link = {file->vertex[edge->first].id, file->vertex[edge->second].id, (double)edge->first_second.x,
-                       (double)edge->first_second.y, (double)edge->first_second.theta};
+    named_link link = {file->vertex[edge->first].id, file->vertex[edge->second].id,
+                       (double)edge->first_second.x, (double)edge->first_second.y,
+                       (double)edge->first_second.theta};
 
     return link;
 }
 
-/* Which links are wrong: those that were added to a generated graph, or are not in the clean one. NULL: not known, or no
- * memory. To be freed. */
-static uint8_t *wrong_links(const settings *s, const cairn_pose_graph_file *file, const cairn_pose_graph_file *clean)
+/* Which links are wrong: those that were added to a generated graph, or are not in the clean
+ * one. NULL: not known, or no memory. To be freed. */
+static uint8_t *wrong_links(const settings *s, const cairn_pose_graph_file *file,
+                            const cairn_pose_graph_file *clean)
 {
     uint8_t *wrong = calloc((size_t)file->edge_count + 1, 1);
-    named_link *links = clean != NULL ? malloc(((size_t)clean->edge_count + 1) * sizeof *links) : NULL;
+    named_link *links =
+        clean != NULL ? malloc(((size_t)clean->edge_count + 1) * sizeof *links) : NULL;
 
     for (int32_t e = 0; wrong != NULL && clean == NULL && e < file->edge_count; e++)
         wrong[e] = e >= file->edge_count - s->wrong;
@@ -147,7 +154,8 @@ static uint8_t *wrong_links(const settings *s, const cairn_pose_graph_file *file
         for (int32_t e = 0; e < file->edge_count; e++) {
             named_link link = name_link(file, e);
 
-            wrong[e] = bsearch(&link, links, (size_t)clean->edge_count, sizeof *links, compare_links) == NULL;
+            wrong[e] = bsearch(&link, links, (size_t)clean->edge_count, sizeof *links,
+                               compare_links) == NULL;
         }
     }
     free(links);
@@ -155,7 +163,8 @@ static uint8_t *wrong_links(const settings *s, const cairn_pose_graph_file *file
 }
 
 /* How many of the wrong and of the good links were dropped. */
-static void print_dropped(const cairn_pose_graph_file *file, const cairn_pose_graph_solution *out, const uint8_t *wrong)
+static void print_dropped(const cairn_pose_graph_file *file, const cairn_pose_graph_solution *out,
+                          const uint8_t *wrong)
 {
     int32_t links[2] = {0, 0}, dropped[2] = {0, 0};
 
@@ -177,7 +186,8 @@ static int solve(const settings *s, const char *name, const cairn_pose_graph_fil
     cairn_status status;
 
     memset(&out, 0, sizeof out);
-    out.solver = strcmp(s->solver, "sparse") == 0 ? CAIRN_POSE_GRAPH_SPARSE : CAIRN_POSE_GRAPH_BUILTIN;
+    out.solver =
+        strcmp(s->solver, "sparse") == 0 ? CAIRN_POSE_GRAPH_SPARSE : CAIRN_POSE_GRAPH_BUILTIN;
     out.keep_all = s->keep_all;
     status = cairn_pose_graph_file_solve(file, &out);
     seconds = bench_seconds() - start;
@@ -282,24 +292,28 @@ static int solve_generated(const settings *s, totals *sum)
 enum { SIZES = 4, REPEAT_MOST = 99 };
 
 /* The processor's time of one solution, < 0: refused. */
-static double cpu_seconds(const settings *s, const cairn_pose_graph_file *file, cairn_pose_graph_solution *out)
+static double cpu_seconds(const settings *s, const cairn_pose_graph_file *file,
+                          cairn_pose_graph_solution *out)
 {
     clock_t start;
     cairn_status status;
 
     memset(out, 0, sizeof *out);
-    out->solver = strcmp(s->solver, "sparse") == 0 ? CAIRN_POSE_GRAPH_SPARSE : CAIRN_POSE_GRAPH_BUILTIN;
+    out->solver =
+        strcmp(s->solver, "sparse") == 0 ? CAIRN_POSE_GRAPH_SPARSE : CAIRN_POSE_GRAPH_BUILTIN;
     start = clock();
     status = cairn_pose_graph_file_solve(file, out);
     if (status != CAIRN_OK) {
-        fprintf(stderr, "bench/graph: %d poses: %s\n", (int)file->vertex_count, cairn_status_text(status));
+        fprintf(stderr, "bench/graph: %d poses: %s\n", (int)file->vertex_count,
+                cairn_status_text(status));
         return -1;
     }
     cairn_pose_graph_solution_free(out);
     return (double)(clock() - start) / CLOCKS_PER_SEC;
 }
 
-/* Medians of graphs of an eighth, a fourth, half and all of the poses, solved in turn, and the exponents between the ends. */
+/* Medians of graphs of an eighth, a fourth, half and all of the poses, solved in turn, and the
+ * exponents between the ends. */
 static int solve_growing(const settings *s)
 {
     static double seconds[SIZES][REPEAT_MOST];
@@ -335,7 +349,8 @@ static int solve_growing(const settings *s)
         bench_json_integer("repeat", s->repeat);
         bench_json_number("exponent_seconds", log(median[SIZES - 1] / median[0]) / octaves);
         bench_json_number("exponent_bytes",
-                          log((double)out[SIZES - 1].pool_bytes / (double)out[0].pool_bytes) / octaves);
+                          log((double)out[SIZES - 1].pool_bytes / (double)out[0].pool_bytes) /
+                              octaves);
         bench_json_true("summary");
         bench_json_end();
     }
@@ -369,16 +384,21 @@ int main(int argc, char **argv)
         OPTION_TEXT("--data", &s.data, "DIR", "folder of the data sets (../shared/data)"),
         OPTION_TEXT("--solver", &s.solver, "NAME", "builtin, or sparse: SuiteSparse"),
         OPTION_FLAG("--keep-all", &s.keep_all, "least squares of all links"),
-        OPTION_INTEGER("--generate", &s.generate, 2, 4000000, "N", "a generated graph of N poses, no files"),
-        OPTION_INTEGER("--growth", &s.growth, 16, 4000000, "N", "generated graphs of N / 8, N / 4, N / 2 and N poses"),
-        OPTION_INTEGER("--repeat", &s.repeat, 1, REPEAT_MOST, "N", "times that each of these is solved (5)"),
-        OPTION_INTEGER("--wrong", &s.wrong, 0, 4000000, "N", "wrong links added to the generated graph"),
-        OPTION_TEXT("--clean", &s.clean, "FILE.g2o", "the graph of the files without their wrong links"),
+        OPTION_INTEGER("--generate", &s.generate, 2, 4000000, "N",
+                       "a generated graph of N poses, no files"),
+        OPTION_INTEGER("--growth", &s.growth, 16, 4000000, "N",
+                       "generated graphs of N / 8, N / 4, N / 2 and N poses"),
+        OPTION_INTEGER("--repeat", &s.repeat, 1, REPEAT_MOST, "N",
+                       "times that each of these is solved (5)"),
+        OPTION_INTEGER("--wrong", &s.wrong, 0, 4000000, "N",
+                       "wrong links added to the generated graph"),
+        OPTION_TEXT("--clean", &s.clean, "FILE.g2o",
+                    "the graph of the files without their wrong links"),
         OPTION_SEED("--seed", &s.seed, "of the generated graph"),
     };
     const option_set set = {"bench/graph", "[FILE.g2o ...] [options]",
-                            "Solves pose graphs: the files given, or those of the data sets.", table,
-                            sizeof table / sizeof *table};
+                            "Solves pose graphs: the files given, or those of the data sets.",
+                            table, sizeof table / sizeof *table};
     const char *words[FILES_MOST];
     size_t count = FILES_MOST;
     option_result result = options_read(&set, argc, argv, words, &count);

@@ -1,16 +1,22 @@
-/* bench/group: objects in the images of the ETHZ shape classes (chapter 2), from their supplied edge images and one drawn model a class.
+/* bench/group: objects in the images of the ETHZ shape classes (chapter 2), from their supplied
+ * edge images and one drawn model a class.
  *
- * --class NAME: all images of the class's folder with its model, then, unless --no-others, those of the other classes for false
- * groupings. covered_rate: as hit_rate, by coverage alone, as the thesis counts. --as-written: the thesis's own method, at the size of each
- * instance's box. A grouping counts where it lies along an edge of the image: of its segments only pixels of edges within a pixel. Hit:
- * of the outline's pixels that have an edge within 3 px, 80 % have the grouping within 3 px, and 60 % of the grouping lie within 4 %
- * of the box's diagonal of the outline; only the best I groupings of an image with I instances. --scale given: the size of each
- * instance's box, within a tenth; searched: a tenth of the image's diagonal to the whole. The original distribution's folders are
- * read as they are: images with .jpg, edges with _edges.tif, boxes with _CLASS.groundtruth, outlines with _CLASS_outlines.pgm or
- * .png, or masks with .mask.N.png, whose border is the outline; instances with neither, or none
- * with edges, are left out and counted. hit_rate_thin: the same against the line in the middle of the outlines' strokes, some of which are
- * as wide as what coverage allows. With --as-written also points_dropped, symmetric points beyond the memory for them, and why walks ended:
- * end_no_start, end_posterior, end_no_follower, end_steps, end_histories count the searches (with --each: end, of the instance's). */
+ * --class NAME: all images of the class's folder with its model, then, unless --no-others, those
+ * of the other classes for false groupings. covered_rate: as hit_rate, by coverage alone, as the
+ * thesis counts. --as-written: the thesis's own method, at the size of each instance's box. A
+ * grouping counts where it lies along an edge of the image: of its segments only pixels of edges
+ * within a pixel. Hit: of the outline's pixels that have an edge within 3 px, 80 % have the
+ * grouping within 3 px, and 60 % of the grouping lie within 4 % of the box's diagonal of the
+ * outline; only the best I groupings of an image with I instances. --scale given: the size of
+ * each instance's box, within a tenth; searched: a tenth of the image's diagonal to the whole.
+ * The original distribution's folders are read as they are: images with .jpg, edges with
+ * _edges.tif, boxes with _CLASS.groundtruth, outlines with _CLASS_outlines.pgm or .png, or masks
+ * with .mask.N.png, whose border is the outline; instances with neither, or none with edges, are
+ * left out and counted. hit_rate_thin: the same against the line in the middle of the outlines'
+ * strokes, some of which are as wide as what coverage allows. With --as-written also
+ * points_dropped, symmetric points beyond the memory for them, and why walks ended:
+ * end_no_start, end_posterior, end_no_follower, end_steps, end_histories count the searches
+ * (with --each: end, of the instance's). */
 #include <dirent.h>
 #include <inttypes.h>
 #include <math.h>
@@ -39,7 +45,8 @@ typedef struct settings {
 } settings;
 
 typedef struct sums {
-    int32_t images, instances, hits, covered, thin_hits, false_groupings, own_false, other_images, without_outline;
+    int32_t images, instances, hits, covered, thin_hits, false_groupings, own_false, other_images,
+        without_outline;
     double coverage, precision;
     double *seconds;
     size_t pool_bytes;
@@ -51,15 +58,19 @@ typedef struct sums {
 
 static const struct {
     const char *folder, *model;
-} classes[] = {
-    {"Applelogos", "applelogo"}, {"Bottles", "bottle"}, {"Giraffes", "giraffe"}, {"Mugs", "mug"}, {"Swans", "swan"}};
+} classes[] = {{"Applelogos", "applelogo"},
+               {"Bottles", "bottle"},
+               {"Giraffes", "giraffe"},
+               {"Mugs", "mug"},
+               {"Swans", "swan"}};
 
 enum { CLASSES = sizeof classes / sizeof *classes, SECONDS_MOST = 4096 };
 
 static cairn_contour_search_params params_of(const settings *s, const group_image *image)
 {
-    cairn_contour_search_params p = s->as_written ? cairn_contour_search_as_written(image->width, image->height)
-                                                  : cairn_contour_search_default(image->width, image->height);
+    cairn_contour_search_params p =
+        s->as_written ? cairn_contour_search_as_written(image->width, image->height)
+                      : cairn_contour_search_default(image->width, image->height);
 
     p.mirror = p.mirror && !s->no_mirror;
     p.grouping.particles = (int32_t)s->particles;
@@ -73,7 +84,8 @@ static cairn_contour_search_params params_of(const settings *s, const group_imag
     return p;
 }
 
-static double overlap_with(const cairn_detection *d, const cairn_contour_result *result, const cairn_contour_object *o)
+static double overlap_with(const cairn_detection *d, const cairn_contour_result *result,
+                           const cairn_contour_object *o)
 {
     double left = HUGE_VAL, top = HUGE_VAL, right = -HUGE_VAL, bottom = -HUGE_VAL, w, h, both;
 
@@ -89,7 +101,8 @@ static double overlap_with(const cairn_detection *d, const cairn_contour_result 
     h = fmin(bottom, (double)d->bottom) - fmax(top, (double)d->top);
     if (!(w > 0) || !(h > 0))
         return 0;
-    both = (right - left) * (bottom - top) + (double)(d->right - d->left) * (double)(d->bottom - d->top);
+    both = (right - left) * (bottom - top) +
+           (double)(d->right - d->left) * (double)(d->bottom - d->top);
     return w * h / (both - w * h);
 }
 
@@ -104,8 +117,9 @@ static void keep_detected(cairn_contour_result *result, const cairn_detection *d
 }
 
 /* Groups at the size of each detection. */
-static int search_detected(const settings *s, const group_image *image, const cairn_contour_tokens *tokens,
-                           const cairn_shape_model *model, group_found *found, cairn_file_error *error)
+static int search_detected(const settings *s, const group_image *image,
+                           const cairn_contour_tokens *tokens, const cairn_shape_model *model,
+                           group_found *found, cairn_file_error *error)
 {
     cairn_object_detect_params params = cairn_object_detect_default(image->width, image->height);
     const cairn_contour_search_params all = params_of(s, image);
@@ -121,8 +135,10 @@ static int search_detected(const settings *s, const group_image *image, const ca
         cairn_contour_search_params p = all;
         cairn_contour_result result;
 
-        p.min_size = (cairn_real)fmax((double)all.min_size, (double)d.found[i].size / DETECTED_SLACK);
-        p.max_size = (cairn_real)fmin((double)all.max_size, (double)d.found[i].size * DETECTED_SLACK);
+        p.min_size =
+            (cairn_real)fmax((double)all.min_size, (double)d.found[i].size / DETECTED_SLACK);
+        p.max_size =
+            (cairn_real)fmin((double)all.max_size, (double)d.found[i].size * DETECTED_SLACK);
         if (p.min_size > p.max_size)
             continue;
         ok = cairn_contour_search_run(&result, tokens, model, &p, image->name, error) == CAIRN_OK;
@@ -138,15 +154,15 @@ static int search_detected(const settings *s, const group_image *image, const ca
 }
 
 /* 0: a line was printed. */
-static int search_from_detections(const settings *s, sums *t, const group_image *image, const cairn_shape_model *model,
-                                  group_found *found)
+static int search_from_detections(const settings *s, sums *t, const group_image *image,
+                                  const cairn_shape_model *model, group_found *found)
 {
     cairn_raster_u8_view view = {image->edges, image->width, image->height, image->width};
     cairn_contour_tokens tokens;
     cairn_file_error error;
     double start = bench_seconds();
-    int ok = cairn_contour_tokens_find(&tokens, view, (int32_t)s->strength, s->tokens[0] == 'e', image->name, &error) ==
-             CAIRN_OK;
+    int ok = cairn_contour_tokens_find(&tokens, view, (int32_t)s->strength, s->tokens[0] == 'e',
+                                       image->name, &error) == CAIRN_OK;
 
     if (ok) {
         ok = search_detected(s, image, &tokens, model, found, &error);
@@ -160,20 +176,23 @@ static int search_from_detections(const settings *s, sums *t, const group_image 
     return ok;
 }
 
-static cairn_status find_tokens(const settings *s, const group_image *image, cairn_contour_tokens *tokens,
-                                cairn_file_error *error)
+static cairn_status find_tokens(const settings *s, const group_image *image,
+                                cairn_contour_tokens *tokens, cairn_file_error *error)
 {
     cairn_raster_u8_view view = {image->edges, image->width, image->height, image->width};
     int32_t edgels = s->tokens[0] == 'e';
 
-    return s->as_written ? cairn_contour_tokens_find_written(tokens, view, (int32_t)s->strength, edgels,
-                                                             (cairn_real)s->strong, image->name, error)
-                         : cairn_contour_tokens_find(tokens, view, (int32_t)s->strength, edgels, image->name, error);
+    return s->as_written
+               ? cairn_contour_tokens_find_written(tokens, view, (int32_t)s->strength, edgels,
+                                                   (cairn_real)s->strong, image->name, error)
+               : cairn_contour_tokens_find(tokens, view, (int32_t)s->strength, edgels, image->name,
+                                           error);
 }
 
 /* Runs the search on an image; 0: a line was printed. */
-static int search(const settings *s, sums *t, const group_image *image, const cairn_shape_model *model,
-                  const cairn_contour_search_params *params, group_found *found)
+static int search(const settings *s, sums *t, const group_image *image,
+                  const cairn_shape_model *model, const cairn_contour_search_params *params,
+                  group_found *found)
 {
     cairn_contour_tokens tokens;
     cairn_contour_result result;
@@ -181,14 +200,16 @@ static int search(const settings *s, sums *t, const group_image *image, const ca
     double start = bench_seconds();
 
     if (find_tokens(s, image, &tokens, &error) != CAIRN_OK ||
-        cairn_contour_search_run(&result, &tokens, model, params, image->name, &error) != CAIRN_OK) {
+        cairn_contour_search_run(&result, &tokens, model, params, image->name, &error) !=
+            CAIRN_OK) {
         fprintf(stderr, "bench/group: %s\n", error.text);
         return 0;
     }
     if (t->timed < SECONDS_MOST)
         t->seconds[t->timed++] = bench_seconds() - start;
-    t->pool_bytes =
-        t->pool_bytes > result.pool_bytes + tokens.pool_bytes ? t->pool_bytes : result.pool_bytes + tokens.pool_bytes;
+    t->pool_bytes = t->pool_bytes > result.pool_bytes + tokens.pool_bytes
+                        ? t->pool_bytes
+                        : result.pool_bytes + tokens.pool_bytes;
     group_found_add(found, image, &tokens, &result);
     cairn_contour_result_free(&result);
     cairn_contour_tokens_free(&tokens);
@@ -196,8 +217,8 @@ static int search(const settings *s, sums *t, const group_image *image, const ca
 }
 
 /* All groupings of an image of the class. */
-static int search_own(const settings *s, sums *t, const group_image *image, const cairn_shape_model *model,
-                      group_found *found)
+static int search_own(const settings *s, sums *t, const group_image *image,
+                      const cairn_shape_model *model, group_found *found)
 {
     cairn_contour_search_params params = params_of(s, image);
 
@@ -223,7 +244,8 @@ static int search_own(const settings *s, sums *t, const group_image *image, cons
     return 1;
 }
 
-/* The first grouping with what its evidence is made of, and the most evidence of any, reported or not. */
+/* The first grouping with what its evidence is made of, and the most evidence of any, reported
+ * or not. */
 static void print_best(const group_found *found)
 {
     static const group_grouping none;
@@ -257,15 +279,16 @@ static void add_ends(sums *t, const group_found *found)
 
 static void print_ends(const sums *t)
 {
-    static const char *const keys[] = {"end_no_start", "end_posterior", "end_no_follower", "end_steps",
-                                       "end_histories"};
+    static const char *const keys[] = {"end_no_start", "end_posterior", "end_no_follower",
+                                       "end_steps", "end_histories"};
 
     bench_json_integer("points_dropped", t->points_dropped);
     for (int32_t i = 0; i <= CAIRN_GROUPING_HISTORIES; i++)
         bench_json_integer(keys[i], t->ends[i]);
 }
 
-static void print_each(const group_image *image, const group_found *found, const group_score *score, int32_t search)
+static void print_each(const group_image *image, const group_found *found, const group_score *score,
+                       int32_t search)
 {
     bench_json_begin("group");
     bench_json_text("image", image->name);
@@ -281,7 +304,8 @@ static void print_each(const group_image *image, const group_found *found, const
     bench_json_end();
 }
 
-static int run_own(const settings *s, sums *t, const char *folder, const char *name, const cairn_shape_model *model)
+static int run_own(const settings *s, sums *t, const char *folder, const char *name,
+                   const cairn_shape_model *model)
 {
     static group_found found;
     group_image image;
@@ -322,7 +346,8 @@ static int run_own(const settings *s, sums *t, const char *folder, const char *n
 }
 
 /* An image of another class: whatever is found is false. */
-static int run_other(const settings *s, sums *t, const char *folder, const char *name, const cairn_shape_model *model)
+static int run_other(const settings *s, sums *t, const char *folder, const char *name,
+                     const cairn_shape_model *model)
 {
     static group_found found;
     cairn_contour_search_params params;
@@ -363,8 +388,10 @@ static int run_folder(const settings *s, sums *t, const char *class_folder, int6
     if (!group_names_read(&names, folder)) {
         (void)snprintf(folder, sizeof folder, "%s/%s", s->data, class_folder);
         if (!group_names_read(&names, folder)) {
-            fprintf(stderr, "bench/group: %s/ethz/%s: no images, expected the ETHZ shape classes (--data)\n", s->data,
-                    class_folder);
+            fprintf(
+                stderr,
+                "bench/group: %s/ethz/%s: no images, expected the ETHZ shape classes (--data)\n",
+                s->data, class_folder);
             return 0;
         }
     }
@@ -409,10 +436,12 @@ static void print_summary(const settings *s, sums *t)
     bench_json_number("hit_rate_thin", t->thin_hits / n);
     bench_json_number("hit_rate_low", fmax(0, middle - half));
     bench_json_number("hit_rate_high", fmin(1, middle + half));
-    bench_json_number("own_false_per_image", (double)t->own_false / (t->images > 0 ? t->images : 1));
+    bench_json_number("own_false_per_image",
+                      (double)t->own_false / (t->images > 0 ? t->images : 1));
     bench_json_integer("other_images", t->other_images);
-    bench_json_number("false_per_image",
-                      t->other_images > 0 ? (double)t->false_groupings / t->other_images : (double)NAN);
+    bench_json_number("false_per_image", t->other_images > 0
+                                             ? (double)t->false_groupings / t->other_images
+                                             : (double)NAN);
     bench_json_number("coverage", t->coverage / n);
     bench_json_number("precision", t->precision / n);
     bench_json_number("seconds_median", bench_median(t->seconds, (size_t)t->timed));
@@ -427,7 +456,8 @@ static void print_summary(const settings *s, sums *t)
 static option_result read_settings(settings *s, int argc, char **argv)
 {
     const option table[] = {
-        OPTION_TEXT("--class", &s->class_name, "NAME", "Applelogos, Bottles, Giraffes, Mugs or Swans"),
+        OPTION_TEXT("--class", &s->class_name, "NAME",
+                    "Applelogos, Bottles, Giraffes, Mugs or Swans"),
         OPTION_TEXT("--scale", &s->scale, "NAME", "given or searched"),
         OPTION_TEXT("--tokens", &s->tokens, "NAME", "segments or edgels"),
         OPTION_INTEGER("--images", &s->most, 1, 100000, "N", "of the class at most, evenly chosen"),
@@ -437,36 +467,43 @@ static option_result read_settings(settings *s, int argc, char **argv)
         OPTION_INTEGER("--paths", &s->paths, 1, CAIRN_SHAPE_PATHS, "N", "of a model at most"),
         OPTION_INTEGER("--min-strength", &s->strength, 1, 255, "N", "of edges"),
         OPTION_NUMBER("--min-score", &s->score, 0, 1, "S", "of a grouping that is reported"),
-        OPTION_NUMBER("--min-evidence", &s->evidence, 0, 1000, "E", "of a grouping that is reported"),
+        OPTION_NUMBER("--min-evidence", &s->evidence, 0, 1000, "E",
+                      "of a grouping that is reported"),
         OPTION_INTEGER("--seed", &s->seed, 0, 1e9, "S", "of the filter"),
         OPTION_FLAG("--no-model", &s->no_model, "without the model term"),
         OPTION_FLAG("--no-skeleton", &s->no_skeleton, "without the skeleton term"),
         OPTION_FLAG("--no-mirror", &s->no_mirror, "not the mirrored model"),
-        OPTION_FLAG("--from-detections", &s->from_detections, "only where and as large as the object is detected"),
+        OPTION_FLAG("--from-detections", &s->from_detections,
+                    "only where and as large as the object is detected"),
         OPTION_FLAG("--as-written", &s->as_written, "the method of the thesis; with --scale given"),
-        OPTION_NUMBER("--strong", &s->strong, 0, 100, "F",
-                      "of --as-written: walks start at the ends of chains of F times the mean strength"),
+        OPTION_NUMBER(
+            "--strong", &s->strong, 0, 100, "F",
+            "of --as-written: walks start at the ends of chains of F times the mean strength"),
         OPTION_INTEGER("--fold", &s->fold, 0, 2, "N",
                        "1: only images of even number, 2: only those of odd number; 0: all"),
         OPTION_FLAG("--each", &s->each, "a line for each instance, too"),
         OPTION_TEXT("--draw", &s->draw, "DIR", "pictures of what was found (PPM)"),
         OPTION_TEXT("--data", &s->data, "DIR", "where ethz/ is, or the folders of the classes"),
     };
-    const option_set set = {"bench/group", "--class NAME [options]",
-                            "Groups the contours of known objects in the images of the ETHZ shape classes.", table,
-                            sizeof table / sizeof *table};
+    const option_set set = {
+        "bench/group", "--class NAME [options]",
+        "Groups the contours of known objects in the images of the ETHZ shape classes.", table,
+        sizeof table / sizeof *table};
     size_t count = 0;
     option_result result = options_read(&set, argc, argv, NULL, &count);
 
     if (result != OPTIONS_READ)
         return result;
     if (strcmp(s->scale, "given") != 0 && strcmp(s->scale, "searched") != 0)
-        return (option_result)options_refuse("bench/group", "--scale %s, expected given or searched", s->scale);
+        return (option_result)options_refuse("bench/group",
+                                             "--scale %s, expected given or searched", s->scale);
     if (strcmp(s->tokens, "segments") != 0 && strcmp(s->tokens, "edgels") != 0)
-        return (option_result)options_refuse("bench/group", "--tokens %s, expected segments or edgels", s->tokens);
+        return (option_result)options_refuse("bench/group",
+                                             "--tokens %s, expected segments or edgels", s->tokens);
     if (s->as_written && (s->scale[0] != 'g' || s->from_detections))
         return (option_result)options_refuse(
-            "bench/group", "--as-written with %s, expected --scale given: the thesis sets the scale by hand",
+            "bench/group",
+            "--as-written with %s, expected --scale given: the thesis sets the scale by hand",
             s->from_detections ? "--from-detections" : "--scale searched");
     return OPTIONS_READ;
 }
@@ -527,7 +564,8 @@ int main(int argc, char **argv)
     while (which < CLASSES && strcmp(classes[which].folder, s.class_name) != 0)
         which++;
     if (which == CLASSES)
-        return options_refuse("bench/group", "--class %s, expected Applelogos, Bottles, Giraffes, Mugs or Swans",
+        return options_refuse("bench/group",
+                              "--class %s, expected Applelogos, Bottles, Giraffes, Mugs or Swans",
                               s.class_name);
     if (!load_model(&s, which, &model))
         return 3;

@@ -1,9 +1,10 @@
 /* bench/match: maps of simulated arenas from places without any odometry.
  *
- * 16 places with four scans of 100 degrees each; the poses of the scans within a place are known (or wrong by --sub-error),
- * how the places lie to each other is not, and the mapper is not given it. A place is right when it lies within 0.10 m and 2
- * degrees of the truth after the best common motion, an arena when all its places are; silently wrong
- * when it does not but is in the largest part and not called ambiguous. */
+ * 16 places with four scans of 100 degrees each; the poses of the scans within a place are known
+ * (or wrong by --sub-error), how the places lie to each other is not, and the mapper is not
+ * given it. A place is right when it lies within 0.10 m and 2 degrees of the truth after the
+ * best common motion, an arena when all its places are; silently wrong when it does not but is
+ * in the largest part and not called ambiguous. */
 #include <inttypes.h>
 #include <math.h>
 #include <stdio.h>
@@ -32,7 +33,8 @@ typedef struct outcome {
 /* ---- Scoring ---- */
 
 /* poses: [scan_count] of the scans, moved onto the truth by the motion that suits most places. */
-static int score(const bench_match_problem *p, const bench_match_machine *m, sim_pose *poses, outcome *out)
+static int score(const bench_match_problem *p, const bench_match_machine *m, sim_pose *poses,
+                 outcome *out)
 {
     size_t n = (size_t)p->scan_count;
     sim_pose *truth = malloc(n * sizeof *truth), *places = malloc(n * sizeof *places);
@@ -52,12 +54,14 @@ static int score(const bench_match_problem *p, const bench_match_machine *m, sim
         sim_pose before = places[0], move;
 
         out->places = p->place_count;
-        (void)bench_fit_common(truth, places, use, p->place_count, BENCH_RIGHT_M, BENCH_RIGHT_RAD, places);
+        (void)bench_fit_common(truth, places, use, p->place_count, BENCH_RIGHT_M, BENCH_RIGHT_RAD,
+                               places);
         for (int32_t i = 0; i < p->place_count; i++) {
             int right = bench_pose_near(truth[i], places[i], BENCH_RIGHT_M, BENCH_RIGHT_RAD);
 
             out->right += use[i] && right;
-            out->silently_wrong += use[i] && !right && !cairn_place_map_place_of(m->map, i).ambiguous;
+            out->silently_wrong +=
+                use[i] && !right && !cairn_place_map_place_of(m->map, i).ambiguous;
         }
         bench_pose_errors(truth, places, p->place_count, metres, degrees);
         out->median_m = bench_median(metres, (size_t)p->place_count);
@@ -65,7 +69,8 @@ static int score(const bench_match_problem *p, const bench_match_machine *m, sim
         /* the same motion for the scans: moved_first * first^-1 */
         move = bench_pose_compose(places[0], bench_pose_between(before, (sim_pose){0, 0, 0}));
         for (int32_t k = 0; k < p->scan_count; k++)
-            poses[k] = bench_pose_compose(move, bench_sim_pose(cairn_place_map_scan_pose(m->map, k)));
+            poses[k] =
+                bench_pose_compose(move, bench_sim_pose(cairn_place_map_scan_pose(m->map, k)));
         bench_pose_errors(p->truth, poses, p->scan_count, metres, degrees);
         out->scan_median_m = bench_median(metres, n);
         out->scan_median_deg = bench_median(degrees, n);
@@ -102,8 +107,10 @@ static cairn_place_map_params params_of(const settings *s)
     return params;
 }
 
-/* Maps the places one after the other for comparison, and draws match-SEED.svg and errors-SEED.svg. poses: ours. */
-static int draw_arena(const settings *s, const bench_match_problem *p, uint64_t seed, sim_pose *poses)
+/* Maps the places one after the other for comparison, and draws match-SEED.svg and
+ * errors-SEED.svg. poses: ours. */
+static int draw_arena(const settings *s, const bench_match_problem *p, uint64_t seed,
+                      sim_pose *poses)
 {
     cairn_place_map_params params = params_of(s);
     bench_match_machine m = {NULL, 0, NULL, NULL};
@@ -124,7 +131,8 @@ static int draw_arena(const settings *s, const bench_match_problem *p, uint64_t 
         for (size_t k = 0; k < n; k++)
             others[k] = p->scans[k].odometry;
         (void)snprintf(path, sizeof path, "%s/match-%" PRIu64 ".svg", s->pictures, seed);
-        done = bench_draw_maps(path, "Places without odometry", titles, p->scans, p->scan_count, all) &&
+        done = bench_draw_maps(path, "Places without odometry", titles, p->scans, p->scan_count,
+                               all) &&
                bench_draw_errors(s->pictures, seed, p->scans, p->scan_count, poses);
     }
     free(others);
@@ -230,11 +238,14 @@ static void print_summary(const settings *s, const outcome *all, size_t count)
 static int check(settings *s)
 {
     if (sim_scene_find(s->world.scene) < 0) {
-        fprintf(stderr, "bench/match: unknown scene '%s', expected one of cairn-arena's\n", s->world.scene);
+        fprintf(stderr, "bench/match: unknown scene '%s', expected one of cairn-arena's\n",
+                s->world.scene);
         return 0;
     }
     if (s->world.as_written && (s->method != NULL || s->decoupled || s->by_icp)) {
-        fprintf(stderr, "bench/match: --as-written with %s, which it has not or always does: expected without\n",
+        fprintf(stderr,
+                "bench/match: --as-written with %s, which it has not or always does: expected "
+                "without\n",
                 s->method != NULL ? "--method"
                 : s->decoupled    ? "--decoupled"
                                   : "--decoupled-icp");
@@ -244,11 +255,14 @@ static int check(settings *s)
         s->method = s->world.as_written ? "as_written" : "consensus";
     else if (strcmp(s->method, "consensus") != 0 && strcmp(s->method, "sequential") != 0 &&
              strcmp(s->method, "shape") != 0) {
-        fprintf(stderr, "bench/match: unknown method '%s', expected consensus, sequential or shape\n", s->method);
+        fprintf(stderr,
+                "bench/match: unknown method '%s', expected consensus, sequential or shape\n",
+                s->method);
         return 0;
     }
     if (s->world.strangers >= s->world.places) {
-        fprintf(stderr, "bench/match: %d strangers, expected fewer than the places\n", (int)s->world.strangers);
+        fprintf(stderr, "bench/match: %d strangers, expected fewer than the places\n",
+                (int)s->world.strangers);
         return 0;
     }
     return 1;
@@ -269,29 +283,38 @@ static int run(const settings *s)
 
 int main(int argc, char **argv)
 {
-    settings s = {.world = {.scene = "rescue", .arenas = 20, .seed = 1, .places = 16, .heading_error = 2}};
+    settings s = {
+        .world = {.scene = "rescue", .arenas = 20, .seed = 1, .places = 16, .heading_error = 2}};
     const option table[] = {
         OPTION_FLAG("--as-written", &s.world.as_written,
-                    "chapter 6 as printed: the heading known, each place with the last three, decoupled ICP"),
+                    "chapter 6 as printed: the heading known, each place with the last three, "
+                    "decoupled ICP"),
         OPTION_FLAG("--same-headings", &s.world.same_headings,
                     "the scans of all places have the same headings, as always with --as-written"),
         OPTION_NUMBER("--heading-error", &s.world.heading_error, 0, 180, "DEG",
                       "headings of places are off, uniform +-, degrees (--as-written)"),
         OPTION_INTEGER("--arenas", &s.world.arenas, 1, 10000, "N", "arenas"),
-        OPTION_INTEGER("--seed", &s.world.seed, 0, 9e15, "N", "of the first arena; the others follow"),
+        OPTION_INTEGER("--seed", &s.world.seed, 0, 9e15, "N",
+                       "of the first arena; the others follow"),
         OPTION_TEXT("--method", &s.method, "NAME", "consensus, sequential or shape (consensus)"),
         OPTION_TEXT("--scene", &s.world.scene, "NAME", "scene of the arenas (rescue)"),
         OPTION_INTEGER("--places", &s.world.places, 2, 256, "N", "places with four scans each"),
-        OPTION_NUMBER("--tilt", &s.world.tilt, 0, 0.3, "SHARE", "of the beams that hit the floor short"),
-        OPTION_NUMBER("--movers", &s.world.movers, 0, 0.5, "SHARE", "of the beams of every scan that end on people"),
+        OPTION_NUMBER("--tilt", &s.world.tilt, 0, 0.3, "SHARE",
+                      "of the beams that hit the floor short"),
+        OPTION_NUMBER("--movers", &s.world.movers, 0, 0.5, "SHARE",
+                      "of the beams of every scan that end on people"),
         OPTION_COUNT("--walkers", &s.world.walkers, 0, 100, "N", "people who walk about the arena"),
         OPTION_PAIR("--sub-error", s.world.sub_error, 0, 10, "M,DEG",
                     "scans within a place are off, uniform +-, m and degrees"),
         OPTION_TEXT("--pictures", &s.pictures, "DIR",
-                    "draws match-SEED.svg and errors-SEED.svg into a folder; as written fig-6.6- and fig-6.7-SEED.svg"),
-        OPTION_FLAG("--decoupled", &s.decoupled, "at the end every scan is aligned by itself, all at once"),
-        OPTION_FLAG("--ablate", &s.ablate, "the method of chapter 6 after each of its stages instead"),
-        OPTION_COUNT("--strangers", &s.world.strangers, 0, 255, "N", "so many of the places are of another arena"),
+                    "draws match-SEED.svg and errors-SEED.svg into a folder; as written fig-6.6- "
+                    "and fig-6.7-SEED.svg"),
+        OPTION_FLAG("--decoupled", &s.decoupled,
+                    "at the end every scan is aligned by itself, all at once"),
+        OPTION_FLAG("--ablate", &s.ablate,
+                    "the method of chapter 6 after each of its stages instead"),
+        OPTION_COUNT("--strangers", &s.world.strangers, 0, 255, "N",
+                     "so many of the places are of another arena"),
         OPTION_FLAG("--decoupled-icp", &s.by_icp, "the same one after the other by ICP"),
     };
     const option_set set = {"bench/match", "[options]", "Maps of places without odometry.", table,

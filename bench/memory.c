@@ -64,35 +64,45 @@ int main(void)
     print("scan", "181 beams, 128 segments, 256 points", cairn_scan_memory(&scan));
     scan.max_beams = 401;
     print("scan", "401 beams, 128 segments, 256 points", cairn_scan_memory(&scan));
-    print("block_solver", "3500 poses, 5598 links, 18581 blocks", cairn_block_solver_memory(&solver));
+    print("block_solver", "3500 poses, 5598 links, 18581 blocks",
+          cairn_block_solver_memory(&solver));
     print("icp", "4096 target points", cairn_icp_memory(&icp));
-    print("scan_match", "2048 target points, 4096 dense ones, 16 views", cairn_scan_match_memory(&match));
+    print("scan_match", "2048 target points, 4096 dense ones, 16 views",
+          cairn_scan_match_memory(&match));
     match.mode = CAIRN_SCAN_MATCH_SHAPE;
     print("scan_match", "the same, by shape", cairn_scan_match_memory(&match));
     match = cairn_scan_match_as_written();
-    print("scan_match", "as written: 4812 target and 1604 query readings", cairn_scan_match_memory(&match));
+    print("scan_match", "as written: 4812 target and 1604 query readings",
+          cairn_scan_match_memory(&match));
     print("hough", "360 x 256 bins, 32 lines", cairn_hough_memory(&hough));
-    print("rectangle", "1024 segments, 256 sides, 2048 pairs, 32 rectangles", cairn_rectangle_memory(&rectangle));
+    print("rectangle", "1024 segments, 256 sides, 2048 pairs, 32 rectangles",
+          cairn_rectangle_memory(&rectangle));
     print("ellipse", "2 x 96 x 96 cells, 32 ellipses", cairn_ellipse_memory(&ellipse));
     print("inner_distance", "128 points", cairn_inner_distance_memory(&inner));
     print("self_similarity", "96 points, 48 of holes", cairn_self_similarity_memory(&similarity));
-    print("boundary", "640 x 480 pixels, 8192 regions, 262144 points", cairn_boundary_memory(&boundary));
+    print("boundary", "640 x 480 pixels, 8192 regions, 262144 points",
+          cairn_boundary_memory(&boundary));
     print("edgel", "640 x 480 pixels, 40000 edgels", cairn_edgel_memory(&edgel));
-    print("skeleton", "640 x 480 pixels, 40000 edgels, 4000 centres, 256 lines", cairn_skeleton_memory(&skeleton));
-    print("fragment_match", "96 fragments of 20 samples, 2 matches each, 10000 chains of up to 4096 samples",
+    print("skeleton", "640 x 480 pixels, 40000 edgels, 4000 centres, 256 lines",
+          cairn_skeleton_memory(&skeleton));
+    print("fragment_match",
+          "96 fragments of 20 samples, 2 matches each, 10000 chains of up to 4096 samples",
           cairn_fragment_match_memory(&fragments));
-    print("part_configuration", "512 votes, 64 configurations", cairn_part_configuration_memory(&configurations));
+    print("part_configuration", "512 votes, 64 configurations",
+          cairn_part_configuration_memory(&configurations));
     print("sequence", "1024 and 1024 elements", cairn_sequence_memory(&sequence));
     print("particle_filter", "100 particles, 4,096 candidates and blocks of 64 bytes",
           cairn_particle_filter_memory(&filter));
     field.max_scans = 16;
     field.max_points = 2400;
     field.max_segments = field.max_corners = 320;
-    print("force_field", "16 scans, 2400 points, 320 segments, 320 corners", cairn_force_field_memory(&field));
+    print("force_field", "16 scans, 2400 points, 320 segments, 320 corners",
+          cairn_force_field_memory(&field));
     field.max_scans = 60;
     field.max_points = 6000;
     field.max_segments = field.max_corners = 900;
-    print("force_field", "60 scans, 6000 points, 900 segments, 900 corners", cairn_force_field_memory(&field));
+    print("force_field", "60 scans, 6000 points, 900 segments, 900 corners",
+          cairn_force_field_memory(&field));
     field.spacing = CAIRN_REAL(0.10);
     print("force_field", "as before, points made on the fly", cairn_force_field_memory(&field));
     aligner.max_scans = 60;
@@ -106,10 +116,13 @@ int main(void)
     aligner.max_stubs = 60;
     aligner.max_points = 3320;
     aligner.max_hypotheses = aligner.max_fill = 1150;
-    print("aligner", "60 scans of 401 beams, what the largest of arenas needs", cairn_aligner_memory(&aligner));
+    print("aligner", "60 scans of 401 beams, what the largest of arenas needs",
+          cairn_aligner_memory(&aligner));
     print("wall_slide", "64 scans, 1024 walls, 24 parts", cairn_wall_slide_memory(&slide));
-    print("pose_consensus", "64 nodes, 1024 hypotheses, 8 candidates", cairn_pose_consensus_memory(&consensus));
-    print("place_map", "16 places of 1024 points and 2048 beams, 4096 hypotheses", cairn_place_map_memory(&places));
+    print("pose_consensus", "64 nodes, 1024 hypotheses, 8 candidates",
+          cairn_pose_consensus_memory(&consensus));
+    print("place_map", "16 places of 1024 points and 2048 beams, 4096 hypotheses",
+          cairn_place_map_memory(&places));
     places.decoupled = CAIRN_PLACE_MAP_JOINTLY;
     print("place_map", "the same, scans aligned jointly", cairn_place_map_memory(&places));
     places = cairn_place_map_as_written();
@@ -119,7 +132,8 @@ int main(void)
     mapper = cairn_mapper_default_for(1024, 181);
     print("mapper", "181 beams, 1024 key scans", cairn_mapper_memory(&mapper));
     rao_blackwell = cairn_filter_mapper_default_for(1024, 181, 30);
-    print("filter_mapper", "181 beams, 1024 key scans, 30 particles", cairn_filter_mapper_memory(&rao_blackwell));
+    print("filter_mapper", "181 beams, 1024 key scans, 30 particles",
+          cairn_filter_mapper_memory(&rao_blackwell));
     bench_json_begin("memory");
     bench_json_integer("real_bytes", (int64_t)sizeof(cairn_real));
     bench_json_true("summary");

@@ -1,7 +1,8 @@
 /* bench/merge: maps of many robots, put together with no guess.
  *
- * An arena is shared out among robots; each scans its part from a few places and draws a grid in a frame of its own. A map is
- * right when it lies within 0.10 m and 2 degrees of the truth, seen from the largest set of maps that agree. */
+ * An arena is shared out among robots; each scans its part from a few places and draws a grid in
+ * a frame of its own. A map is right when it lies within 0.10 m and 2 degrees of the truth, seen
+ * from the largest set of maps that agree. */
 #include <inttypes.h>
 #include <math.h>
 #include <stdio.h>
@@ -45,7 +46,8 @@ typedef struct outcome {
 
 static cairn_map_merge_params base_params(const settings *s)
 {
-    cairn_map_merge_params p = s->as_written ? cairn_map_merge_as_written() : cairn_map_merge_default();
+    cairn_map_merge_params p =
+        s->as_written ? cairn_map_merge_as_written() : cairn_map_merge_default();
 
     p.particles = (int32_t)s->particles;
     if (s->perception != NULL && strcmp(s->perception, "images") == 0)
@@ -76,8 +78,8 @@ static int is_near(cairn_pose pose, sim_pose truth, double metres, double radian
            fabs(remainder((double)pose.theta - truth.theta, 360 * DEGREE)) <= radians;
 }
 
-/* Whether the place of a pair that is best by Psi, by gamma, and by the product of Psi and of gamma beyond its least (fig. 9.5) is
- * right. */
+/* Whether the place of a pair that is best by Psi, by gamma, and by the product of Psi and of
+ * gamma beyond its least (fig. 9.5) is right. */
 static void print_best(const cairn_map_merge *merge, int32_t a, int32_t b, sim_pose truth)
 {
     static const char *const names[3] = {"psi_right", "gamma_right", "product_right"};
@@ -113,7 +115,8 @@ static void print_modes(const cairn_map_merge *merge, const bench_parts *parts)
     for (int32_t b = 0; b < parts->count; b++)
         for (int32_t a = 0; a < b; a++) {
             sim_pose truth = bench_pose_between(parts->list[a].world_map, parts->list[b].world_map);
-            cairn_pose t = {(cairn_real)truth.x, (cairn_real)truth.y, (cairn_real)truth.theta}, pose;
+            cairn_pose t = {(cairn_real)truth.x, (cairn_real)truth.y, (cairn_real)truth.theta},
+                       pose;
             cairn_merge_score score;
             cairn_real evidence;
             int32_t right = 0;
@@ -127,7 +130,8 @@ static void print_modes(const cairn_map_merge *merge, const bench_parts *parts)
             bench_json_number("true_evidence", (double)score.evidence);
             bench_json_number("agree", (double)score.agree);
             bench_json_number("conflict", (double)score.conflict);
-            for (int32_t k = 0; k < 3 && cairn_map_merge_mode(merge, a, b, k, &pose, &evidence); k++) {
+            for (int32_t k = 0; k < 3 && cairn_map_merge_mode(merge, a, b, k, &pose, &evidence);
+                 k++) {
                 char key[32];
 
                 snprintf(key, sizeof key, "mode%d", (int)k);
@@ -149,7 +153,8 @@ static void print_modes(const cairn_map_merge *merge, const bench_parts *parts)
 }
 
 /* ordered: 1: in the order of the parts, row by row. */
-static int run_merge(cairn_map_merge *merge, const bench_parts *parts, const bench_part *decoy, int ordered)
+static int run_merge(cairn_map_merge *merge, const bench_parts *parts, const bench_part *decoy,
+                     int ordered)
 {
     int32_t order[64];
     cairn_budget budget = {CAIRN_UNBOUNDED};
@@ -159,7 +164,8 @@ static int run_merge(cairn_map_merge *merge, const bench_parts *parts, const ben
         order[i] = i;
     cairn_map_merge_clear(merge);
     for (int32_t i = 0; i < parts->count + (decoy != NULL) && status == CAIRN_OK; i++) {
-        cairn_merge_map map = bench_part_map(i < parts->count ? &parts->list[i] : decoy, parts->resolution);
+        cairn_merge_map map =
+            bench_part_map(i < parts->count ? &parts->list[i] : decoy, parts->resolution);
 
         status = cairn_map_merge_add(merge, &map, NULL);
     }
@@ -182,14 +188,14 @@ static int is_placed(const cairn_map_merge *merge, int32_t i)
 }
 
 /* Maps placed that lie within so much of the truth, seen from map k. */
-static int32_t count_near(const cairn_map_merge *merge, const bench_parts *parts, int32_t k, double metres,
-                          double radians)
+static int32_t count_near(const cairn_map_merge *merge, const bench_parts *parts, int32_t k,
+                          double metres, double radians)
 {
     int32_t near = 0;
 
     for (int32_t i = 0; i < parts->count; i++) {
-        cairn_pose seen =
-            cairn_pose_between(cairn_map_merge_of(merge, k).reference_map, cairn_map_merge_of(merge, i).reference_map);
+        cairn_pose seen = cairn_pose_between(cairn_map_merge_of(merge, k).reference_map,
+                                             cairn_map_merge_of(merge, i).reference_map);
         sim_pose truth = bench_pose_between(parts->list[k].world_map, parts->list[i].world_map);
 
         near += is_placed(merge, i) && is_near(seen, truth, metres, radians);
@@ -262,7 +268,8 @@ static int run_seed(const settings *s, int64_t seed, outcome *out)
     memset(out, 0, sizeof *out);
     memset(&other, 0, sizeof other);
     options.seed = (uint64_t)seed;
-    ok = s->repeat ? bench_repeat_make(options.seed, options.resolution, &parts) : bench_parts_make(&options, &parts);
+    ok = s->repeat ? bench_repeat_make(options.seed, options.resolution, &parts)
+                   : bench_parts_make(&options, &parts);
     if (ok && s->decoy) {
         options.seed += seed % 2 == 0 ? 0 : 500009;
         ok = bench_parts_make(&options, &other);
@@ -278,7 +285,8 @@ static int run_seed(const settings *s, int64_t seed, outcome *out)
         }
         out->pool_bytes = cairn_map_merge_memory(&params);
         memory = malloc(out->pool_bytes + CAIRN_ALIGN);
-        ok = memory != NULL && cairn_pool_init(&pool, memory, out->pool_bytes + CAIRN_ALIGN) == CAIRN_OK &&
+        ok = memory != NULL &&
+             cairn_pool_init(&pool, memory, out->pool_bytes + CAIRN_ALIGN) == CAIRN_OK &&
              cairn_map_merge_create(&merge, &pool, &params) == CAIRN_OK;
     }
     start = bench_seconds();
@@ -290,7 +298,8 @@ static int run_seed(const settings *s, int64_t seed, outcome *out)
         score(merge, &parts, out);
         for (int32_t i = 0; i < parts.count; i++)
             out->corners += (double)cairn_map_merge_of(merge, i).corners / parts.count;
-        out->decoy_accepted = decoy != NULL && cairn_map_merge_of(merge, parts.count).verdict == CAIRN_MERGE_PLACED;
+        out->decoy_accepted =
+            decoy != NULL && cairn_map_merge_of(merge, parts.count).verdict == CAIRN_MERGE_PLACED;
         if (s->modes)
             print_modes(merge, &parts);
     }
@@ -475,23 +484,29 @@ int main(int argc, char **argv)
                       "of the smaller map's known cells that neighbours share"),
         OPTION_INTEGER("--seeds", &s.seeds, 1, 100000, "N", "arenas"),
         OPTION_INTEGER("--seed", &s.seed, 0, 1e9, "N", "of the first arena"),
-        {"--particles", OPTION_IS_INTEGER, &s.particles, 1, 4096, "N", "of the filter; as written 50",
-         &s.gave_particles},
-        OPTION_TEXT("--perception", &s.perception, "NAME", "evidence, or images: Psi and gamma of the thesis"),
-        OPTION_FLAG("--as-written", &s.as_written, "chapter 9 of the thesis as written: corners alone, images alone"),
+        {"--particles", OPTION_IS_INTEGER, &s.particles, 1, 4096, "N",
+         "of the filter; as written 50", &s.gave_particles},
+        OPTION_TEXT("--perception", &s.perception, "NAME",
+                    "evidence, or images: Psi and gamma of the thesis"),
+        OPTION_FLAG("--as-written", &s.as_written,
+                    "chapter 9 of the thesis as written: corners alone, images alone"),
         OPTION_TEXT("--scene", &s.parts.scene, "NAME", "arena"),
         OPTION_NUMBER("--tile", &s.parts.tile, 3, 20, "M", "side of a robot's part, m"),
         OPTION_INTEGER("--places", &places, 1, 64, "P", "from which a robot scans"),
         OPTION_FLAG("--pair", &s.pair, "two robots in an arena of 20 by 16 m"),
-        OPTION_FLAG("--repeat", &s.repeat,
-                    "three maps of a building with two rooms alike, which the third one tells apart"),
+        OPTION_FLAG(
+            "--repeat", &s.repeat,
+            "three maps of a building with two rooms alike, which the third one tells apart"),
         OPTION_FLAG("--order", &s.order, "in a known order, row by row"),
-        OPTION_FLAG("--decoy", &s.decoy, "one map more, of another arena or of this one in a mirror"),
+        OPTION_FLAG("--decoy", &s.decoy,
+                    "one map more, of another arena or of this one in a mirror"),
         OPTION_FLAG("--modes", &s.modes, "also the best places of every pair, beside the truth"),
         OPTION_FLAG("--scaling", &s.scaling,
                     "how units grow with the maps and, for --robots of them, with their corners"),
-        OPTION_TEXT("--write", &s.write, "DIR", "writes the maps of the last seed there, for cairn merge"),
-        OPTION_TEXT("--maps", &s.maps, "DIR", "real maps instead: pairs of them as their annotators placed them"),
+        OPTION_TEXT("--write", &s.write, "DIR",
+                    "writes the maps of the last seed there, for cairn merge"),
+        OPTION_TEXT("--maps", &s.maps, "DIR",
+                    "real maps instead: pairs of them as their annotators placed them"),
     };
     const option_set set = {"bench/merge", "[options]", "Merges maps of simulated robots.", table,
                             sizeof table / sizeof *table};
@@ -504,10 +519,13 @@ int main(int argc, char **argv)
     s.parts.overlap = s.overlap / 100;
     s.parts.places = (int32_t)places;
     s.parts.pair = s.pair;
-    if (s.perception != NULL && strcmp(s.perception, "images") != 0 && strcmp(s.perception, "evidence") != 0)
-        return options_refuse("bench/merge", "--perception %s, expected evidence or images", s.perception);
+    if (s.perception != NULL && strcmp(s.perception, "images") != 0 &&
+        strcmp(s.perception, "evidence") != 0)
+        return options_refuse("bench/merge", "--perception %s, expected evidence or images",
+                              s.perception);
     if (s.as_written && s.perception != NULL && strcmp(s.perception, "images") != 0)
-        return options_refuse("bench/merge", "--as-written weighs places by images, expected no --perception %s",
+        return options_refuse("bench/merge",
+                              "--as-written weighs places by images, expected no --perception %s",
                               s.perception);
     if (s.as_written && !s.gave_particles)
         s.particles = cairn_map_merge_as_written().particles;

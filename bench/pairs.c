@@ -1,11 +1,13 @@
 /* bench/pairs: two scans, from a guess or from none.
  *
- * Pairs are drawn from drives through simulated arenas, whose truth is exact, or from a real log with reference poses. A
- * match is right within 0.10 m in x and in y and 0.03 rad. The start is the truth disturbed uniformly: E 0.1 m 10 degrees, T
- * 0.3 m 20, X 0.5 m 45; `none` starts at the identity and searches everything. The ceiling is the share of pairs that
- * point-to-line ICP at full resolution, started at the truth, leaves there. Strangers are pairs of scans that share
- * nothing: of two arenas, or of places far apart in a log. With --union a place is matched with all others of its arena: where
- * scenes repeat themselves (twins, mirror, corridor) the verdict must say so. */
+ * Pairs are drawn from drives through simulated arenas, whose truth is exact, or from a real log
+ * with reference poses. A match is right within 0.10 m in x and in y and 0.03 rad. The start is
+ * the truth disturbed uniformly: E 0.1 m 10 degrees, T 0.3 m 20, X 0.5 m 45; `none` starts at
+ * the identity and searches everything. The ceiling is the share of pairs that point-to-line ICP
+ * at full resolution, started at the truth, leaves there. Strangers are pairs of scans that
+ * share nothing: of two arenas, or of places far apart in a log. With --union a place is matched
+ * with all others of its arena: where scenes repeat themselves (twins, mirror, corridor) the
+ * verdict must say so. */
 #include <inttypes.h>
 #include <math.h>
 #include <stdio.h>
@@ -37,7 +39,8 @@ typedef struct start_kind {
     double metres, radians; /* negative: none */
 } start_kind;
 
-static const char *const STAGE_NAMES[STAGES_MOST] = {"icp", "lcs", "colinear", "segments", "all but colinear"};
+static const char *const STAGE_NAMES[STAGES_MOST] = {"icp", "lcs", "colinear", "segments",
+                                                     "all but colinear"};
 static const cairn_scan_match_mode STAGES[STAGES_MOST] = {
     CAIRN_SCAN_MATCH_SHAPE_COMMON, CAIRN_SCAN_MATCH_SHAPE_COLINEAR, CAIRN_SCAN_MATCH_SHAPE_SEGMENTS,
     CAIRN_SCAN_MATCH_SHAPE, CAIRN_SCAN_MATCH_SHAPE_LINES};
@@ -87,7 +90,8 @@ static int start_matcher(const settings *s, const bench_views *views, matcher *m
 
 static int is_right(cairn_pose truth, cairn_pose estimate)
 {
-    return fabs((double)(estimate.x - truth.x)) < 0.10 && fabs((double)(estimate.y - truth.y)) < 0.10 &&
+    return fabs((double)(estimate.x - truth.x)) < 0.10 &&
+           fabs((double)(estimate.y - truth.y)) < 0.10 &&
            fabs((double)cairn_wrap_angle(estimate.theta - truth.theta)) < 0.03;
 }
 
@@ -108,8 +112,8 @@ static int stays(matcher *m, const bench_collection *c, const bench_pair *p)
     for (int32_t i = p->first; i < p->end; i++) {
         const cairn_scan_match_part *part = &c->views.at[i].part;
 
-        if (i != p->query &&
-            cairn_icp_add_target(m->icp, part->dense, part->dense_count, seen_from_target(c, p, i), NULL) != CAIRN_OK)
+        if (i != p->query && cairn_icp_add_target(m->icp, part->dense, part->dense_count,
+                                                  seen_from_target(c, p, i), NULL) != CAIRN_OK)
             return 0;
     }
     if (cairn_icp_begin(m->icp, query->dense, query->dense_count, truth, NULL, NULL) != CAIRN_OK ||
@@ -121,9 +125,12 @@ static int stays(matcher *m, const bench_collection *c, const bench_pair *p)
 /* e^T c^-1 e; -1 when c has no inverse. */
 static double normalised(const double c[9], const double e[3])
 {
-    double m00 = c[4] * c[8] - c[5] * c[7], m01 = c[2] * c[7] - c[1] * c[8], m02 = c[1] * c[5] - c[2] * c[4];
-    double m11 = c[0] * c[8] - c[2] * c[6], m12 = c[2] * c[3] - c[0] * c[5], m22 = c[0] * c[4] - c[1] * c[3];
-    double determinant = c[0] * m00 + c[1] * (c[5] * c[6] - c[3] * c[8]) + c[2] * (c[3] * c[7] - c[4] * c[6]);
+    double m00 = c[4] * c[8] - c[5] * c[7], m01 = c[2] * c[7] - c[1] * c[8],
+           m02 = c[1] * c[5] - c[2] * c[4];
+    double m11 = c[0] * c[8] - c[2] * c[6], m12 = c[2] * c[3] - c[0] * c[5],
+           m22 = c[0] * c[4] - c[1] * c[3];
+    double determinant =
+        c[0] * m00 + c[1] * (c[5] * c[6] - c[3] * c[8]) + c[2] * (c[3] * c[7] - c[4] * c[6]);
 
     if (!(determinant > 0))
         return -1;
@@ -132,7 +139,8 @@ static double normalised(const double c[9], const double e[3])
            determinant;
 }
 
-static void compare(const bench_pair *p, cairn_pose truth, const cairn_scan_match_result *result, outcome *out)
+static void compare(const bench_pair *p, cairn_pose truth, const cairn_scan_match_result *result,
+                    outcome *out)
 {
     const cairn_scan_match_hypothesis *h = result->hypotheses;
     double e[3], c[9];
@@ -161,13 +169,14 @@ static cairn_status set_target(matcher *m, const bench_collection *c, const benc
     cairn_scan_match_clear_target(m->match);
     for (int32_t i = p->first; i < p->end && status == CAIRN_OK; i++)
         if (i != p->query)
-            status = cairn_scan_match_add_target(m->match, &c->views.at[i].part, seen_from_target(c, p, i), NULL);
+            status = cairn_scan_match_add_target(m->match, &c->views.at[i].part,
+                                                 seen_from_target(c, p, i), NULL);
     return status;
 }
 
 /* Matches a pair; 0 on failure. */
-static int run_pair(matcher *m, const bench_collection *c, const bench_pair *p, const start_kind *kind,
-                    cairn_random *random, outcome *out)
+static int run_pair(matcher *m, const bench_collection *c, const bench_pair *p,
+                    const start_kind *kind, cairn_random *random, outcome *out)
 {
     const bench_view *query = &c->views.at[p->query];
     cairn_pose truth = seen_from_target(c, p, p->query), start = cairn_pose_identity();
@@ -181,11 +190,13 @@ static int run_pair(matcher *m, const bench_collection *c, const bench_pair *p, 
     if (kind->metres >= 0) {
         start.x = truth.x + cairn_random_uniform(random, -window.distance, window.distance);
         start.y = truth.y + cairn_random_uniform(random, -window.distance, window.distance);
-        start.theta = cairn_wrap_angle(truth.theta + cairn_random_uniform(random, -window.angle, window.angle));
+        start.theta = cairn_wrap_angle(truth.theta +
+                                       cairn_random_uniform(random, -window.angle, window.angle));
     }
     begun = bench_seconds();
     if (set_target(m, c, p) != CAIRN_OK ||
-        cairn_scan_match_begin(m->match, &query->part, start, kind->metres >= 0 ? &window : NULL, NULL) != CAIRN_OK ||
+        cairn_scan_match_begin(m->match, &query->part, start, kind->metres >= 0 ? &window : NULL,
+                               NULL) != CAIRN_OK ||
         cairn_scan_match_step(m->match, &budget) != CAIRN_OK)
         return 0;
     out->ms = 1e3 * (bench_seconds() - begun);
@@ -197,8 +208,9 @@ static int run_pair(matcher *m, const bench_collection *c, const bench_pair *p, 
     return 1;
 }
 
-static void print_each(const settings *s, const bench_collection *c, const bench_pair *p, const outcome *o,
-                       const cairn_scan_match_result *r, int ceiling, int stranger)
+static void print_each(const settings *s, const bench_collection *c, const bench_pair *p,
+                       const outcome *o, const cairn_scan_match_result *r, int ceiling,
+                       int stranger)
 {
     bench_json_begin("pairs");
     bench_json_text("start", s->start);
@@ -219,7 +231,8 @@ static void print_each(const settings *s, const bench_collection *c, const bench
         bench_json_number("overlap", (double)r->hypotheses[0].overlap);
         bench_json_number("contradiction", (double)r->hypotheses[0].contradiction);
         bench_json_number("score", (double)r->hypotheses[0].score);
-        bench_json_number("sd_m", sqrt((double)(r->hypotheses[0].covariance[0] + r->hypotheses[0].covariance[4])));
+        bench_json_number("sd_m", sqrt((double)(r->hypotheses[0].covariance[0] +
+                                                r->hypotheses[0].covariance[4])));
         bench_json_number("sd_deg", sqrt((double)r->hypotheses[0].covariance[8]) / DEGREE);
         bench_json_number("evidence", (double)r->hypotheses[0].evidence);
         bench_json_number("sigma", (double)r->hypotheses[0].sigma);
@@ -233,7 +246,8 @@ static void print_each(const settings *s, const bench_collection *c, const bench
 /* ---- Output ---- */
 
 typedef struct row {
-    int32_t pairs, right, ceiling, both, inside, judged, found, found_right, ambiguous, none, listed;
+    int32_t pairs, right, ceiling, both, inside, judged, found, found_right, ambiguous, none,
+        listed;
     int32_t strangers, strangers_none;
     double *metres, *degrees, *ratios, *ms, *units; /* [pairs] */
     int32_t ratio_count;
@@ -265,7 +279,8 @@ static double share(int32_t part, int32_t whole)
     return whole > 0 ? (double)part / whole : (double)NAN;
 }
 
-static void print_row(const settings *s, const char *name, const start_kind *kind, row *r, size_t pool_bytes)
+static void print_row(const settings *s, const char *name, const start_kind *kind, row *r,
+                      size_t pool_bytes)
 {
     size_t n = (size_t)r->pairs;
     double median_units = bench_median(r->units, n);
@@ -286,7 +301,8 @@ static void print_row(const settings *s, const char *name, const start_kind *kin
     bench_json_number("ms_median", bench_median(r->ms, n));
     bench_json_number("ms_p99", n > 0 ? r->ms[(n - 1) * 99 / 100] : (double)NAN);
     bench_json_number("ops_median", median_units);
-    bench_json_number("ops_worst_over_median", n > 0 ? r->units[n - 1] / median_units : (double)NAN);
+    bench_json_number("ops_worst_over_median",
+                      n > 0 ? r->units[n - 1] / median_units : (double)NAN);
     bench_json_number("inside95", share(r->inside, r->judged));
     bench_json_number("found", share(r->found, r->pairs));
     bench_json_number("found_right", share(r->found_right, r->found));
@@ -299,7 +315,8 @@ static void print_row(const settings *s, const char *name, const start_kind *kin
 }
 
 /* All pairs from one kind of start, and the strangers from none. */
-static int run_start(const settings *s, const char *name, const bench_collection *c, const start_kind *kind)
+static int run_start(const settings *s, const char *name, const bench_collection *c,
+                     const start_kind *kind)
 {
     size_t n = (size_t)c->pair_count + 1;
     cairn_random random = cairn_random_seed((uint64_t)s->of.seed, 6);
@@ -360,7 +377,8 @@ static int run_collection(const settings *s, const char *name, bench_collection 
     for (size_t i = 0; i < sizeof STARTS / sizeof *STARTS; i++) {
         if (s->start != NULL && strcmp(s->start, STARTS[i].name) != 0)
             continue;
-        for (int32_t k = s->ablate ? 0 : WHOLE; k < (s->ablate ? STAGES_MOST : WHOLE + 1) && done; k++) {
+        for (int32_t k = s->ablate ? 0 : WHOLE; k < (s->ablate ? STAGES_MOST : WHOLE + 1) && done;
+             k++) {
             settings one = *s;
 
             if (s->mode != CAIRN_SCAN_MATCH_CORRELATIVE)
@@ -394,32 +412,40 @@ int main(int argc, char **argv)
 {
     static const char *const names[] = {"intel", "fr079", "aces"};
     static const int64_t partners[] = {10, 59, 10};
-    settings s = {.of = {.pairs = 500, .seed = 1, .overlap = 0.3}, .data = "../shared/data", .method = "correlative"};
+    settings s = {.of = {.pairs = 500, .seed = 1, .overlap = 0.3},
+                  .data = "../shared/data",
+                  .method = "correlative"};
     const option table[] = {
         OPTION_FLAG("--simulated", &s.of.simulated, "pairs of simulated arenas"),
         OPTION_FLAG("--places", &s.of.places,
                     "simulated: full circles at 16 places an arena, pairs that overlap enough"),
         OPTION_NUMBER("--overlap", &s.of.overlap, 0, 1, "SHARE",
                       "... share of the points of the second that the first sees"),
-        OPTION_FLAG("--union", &s.of.unions, "simulated: every one of the 16 places with all others of its arena"),
-        OPTION_TEXT("--scene", &s.of.scene, "NAME", "scene of the arenas (rescue, apartment and office in turn)"),
+        OPTION_FLAG("--union", &s.of.unions,
+                    "simulated: every one of the 16 places with all others of its arena"),
+        OPTION_TEXT("--scene", &s.of.scene, "NAME",
+                    "scene of the arenas (rescue, apartment and office in turn)"),
         OPTION_TEXT("--log", &s.of.log, "FILE", "one CARMEN log (all of DIR/slam)"),
-        OPTION_TEXT("--truth", &s.of.truth, "FILE", "its reference poses, \"scan x y theta\" a line"),
+        OPTION_TEXT("--truth", &s.of.truth, "FILE",
+                    "its reference poses, \"scan x y theta\" a line"),
         OPTION_TEXT("--data", &s.data, "DIR", "folder of the data sets (../shared/data)"),
         OPTION_TEXT("--start", &s.start, "NAME", "E, T, X or none (all)"),
         OPTION_TEXT("--method", &s.method, "NAME", "correlative or shape (correlative)"),
         OPTION_INTEGER("--pairs", &s.of.pairs, 1, 100000, "N", "pairs"),
         OPTION_INTEGER("--partners", &s.of.partners, 0, 1000, "N",
                        "the second scan is one of the next N with a reference pose (10; fr079 59)"),
-        OPTION_INTEGER("--seed", &s.of.seed, 0, 9e15, "N", "of the arenas, the pairs and their starts"),
+        OPTION_INTEGER("--seed", &s.of.seed, 0, 9e15, "N",
+                       "of the arenas, the pairs and their starts"),
         OPTION_INTEGER("--strangers", &s.strangers, 0, 1, "N",
                        "1: pairs that share nothing at every start, not at none only"),
-        OPTION_FLAG("--noise", &s.of.noise, "overwrite the poses of the log with noise: nothing may change"),
+        OPTION_FLAG("--noise", &s.of.noise,
+                    "overwrite the poses of the log with noise: nothing may change"),
         OPTION_FLAG("--ablate", &s.ablate, "the method shape after each of its stages"),
         OPTION_FLAG("--each", &s.each, "a line for every pair"),
     };
     const option_set set = {"bench/pairs", "--simulated | [--log FILE --truth FILE] [options]",
-                            "Matches of two scans, from a guess or from none.", table, sizeof table / sizeof *table};
+                            "Matches of two scans, from a guess or from none.", table,
+                            sizeof table / sizeof *table};
     size_t words = 0;
     option_result result;
     int code = 0;
@@ -437,9 +463,11 @@ int main(int argc, char **argv)
     if (s.start != NULL && !is_start(s.start))
         return options_refuse("bench/pairs", "--start is '%s', expected E, T, X or none", s.start);
     if (strcmp(s.method, "correlative") != 0 && strcmp(s.method, "shape") != 0)
-        return options_refuse("bench/pairs", "--method is '%s', expected correlative or shape", s.method);
+        return options_refuse("bench/pairs", "--method is '%s', expected correlative or shape",
+                              s.method);
     if (s.of.scene != NULL && sim_scene_find(s.of.scene) < 0)
-        return options_refuse("bench/pairs", "--scene is '%s', expected one of cairn-arena's", s.of.scene);
+        return options_refuse("bench/pairs", "--scene is '%s', expected one of cairn-arena's",
+                              s.of.scene);
     if (s.of.simulated || s.of.places || s.of.log != NULL) {
         s.of.partners = s.of.partners > 0 ? s.of.partners : 10;
         return run_data(&s, s.of.unions      ? "unions"

@@ -1,12 +1,15 @@
-/* bench/quality: how maps get better while methods align, and what their entropy and likelihood tell of their errors.
+/* bench/quality: how maps get better while methods align, and what their entropy and likelihood
+ * tell of their errors.
  *
- * Every method starts from the same disturbed poses of the same arenas. Of the poses after each step a map is drawn (moved
- * onto the truth by the best common motion, so that all maps have the same cells and quadrants), with its entropy, the
- * log-likelihood of its beams and the mean absolute errors E(x), E(y), E(theta), of the whole and of its quadrants: the
- * cells that lie in one, the beams and the poses of the scans that were taken in it. A method that has ended keeps its last
- * map.
+ * Every method starts from the same disturbed poses of the same arenas. Of the poses after each
+ * step a map is drawn (moved onto the truth by the best common motion, so that all maps have the
+ * same cells and quadrants), with its entropy, the log-likelihood of its beams and the mean
+ * absolute errors E(x), E(y), E(theta), of the whole and of its quadrants: the cells that lie in
+ * one, the beams and the poses of the scans that were taken in it. A method that has ended keeps
+ * its last map.
  *
- * How well entropy a cell, or likelihood a beam, predicts the mean distance of the scans from the truth: see bench_predict. */
+ * How well entropy a cell, or likelihood a beam, predicts the mean distance of the scans from
+ * the truth: see bench_predict. */
 #include <inttypes.h>
 #include <math.h>
 #include <stddef.h>
@@ -28,12 +31,14 @@ enum { SAMPLES = BENCH_TRACK_SAMPLES, METHODS = BENCH_TRACK_METHODS };
 typedef struct settings {
     bench_problem_kind kind;
     int64_t arenas, seed;
-    double resolution, least, good; /* m of a cell; probability; m: worse maps do not enter the correlations */
+    /* m of a cell; probability; m: worse maps do not enter the correlations */
+    double resolution, least, good;
     const char *svg;
     int32_t as_written;
 } settings;
 
-/* Of a map, or of what lies in one quadrant of it: its cells, and the scans that were taken there. */
+/* Of a map, or of what lies in one quadrant of it: its cells, and the scans that were taken
+ * there. */
 typedef struct part {
     double entropy, likelihood;
     double x, y, theta, distance; /* m, degrees; NaN: no scan there */
@@ -160,7 +165,9 @@ static int quadrant_of(const scene *s, cairn_pose p)
     int east = p.x >= s->layout.origin.x + (cairn_real)half_width * s->layout.resolution;
     int north = p.y >= s->layout.origin.y + (cairn_real)half_height * s->layout.resolution;
 
-    return north ? (east ? CAIRN_QUADRANT_NE : CAIRN_QUADRANT_NW) : east ? CAIRN_QUADRANT_SE : CAIRN_QUADRANT_SW;
+    return north  ? (east ? CAIRN_QUADRANT_NE : CAIRN_QUADRANT_NW)
+           : east ? CAIRN_QUADRANT_SE
+                  : CAIRN_QUADRANT_SW;
 }
 
 /* Draws the map of the poses; adds its entropy and the likelihood of its beams to *f. */
@@ -174,7 +181,8 @@ static cairn_status measure_map(scene *s, const cairn_pose *poses, double least,
     for (int32_t i = 0; i < s->problem.count && status == CAIRN_OK; i++) {
         cairn_budget budget = {CAIRN_UNBOUNDED};
 
-        status = cairn_occupancy_grid_begin_scan(s->grid, s->beams[i], s->beam_count[i], poses[i], NULL);
+        status =
+            cairn_occupancy_grid_begin_scan(s->grid, s->beams[i], s->beam_count[i], poses[i], NULL);
         if (status == CAIRN_OK)
             status = cairn_occupancy_grid_step(s->grid, &budget);
     }
@@ -194,9 +202,9 @@ static cairn_status measure_map(scene *s, const cairn_pose *poses, double least,
 
             if (beam->kind == CAIRN_BEAM_UNKNOWN)
                 continue;
-            status = cairn_map_beam_likelihood(s->grid, cairn_transform_point(t, beam->from),
-                                               cairn_transform_point(t, beam->to), beam->kind == CAIRN_BEAM_HIT,
-                                               (cairn_real)least, &value);
+            status = cairn_map_beam_likelihood(
+                s->grid, cairn_transform_point(t, beam->from), cairn_transform_point(t, beam->to),
+                beam->kind == CAIRN_BEAM_HIT, (cairn_real)least, &value);
             f->whole.likelihood += (double)value;
             own->likelihood += (double)value;
             beams++;
@@ -246,8 +254,10 @@ static void measure_errors(const scene *s, const cairn_pose *poses, figures *f)
         take_means(&f->quadrant[q], scans[q]);
 }
 
-/* Mean distance of two sets of poses after the best common motion; moved: [count], the first set after it. */
-static double move_onto(const cairn_pose *poses, const cairn_pose *onto, int32_t count, cairn_pose *moved)
+/* Mean distance of two sets of poses after the best common motion; moved: [count], the first set
+ * after it. */
+static double move_onto(const cairn_pose *poses, const cairn_pose *onto, int32_t count,
+                        cairn_pose *moved)
 {
     cairn_pose motion = cairn_pose_fit(poses, onto, NULL, count, 1);
     double sum = 0;
@@ -333,7 +343,8 @@ static double likelihood_of_beam(const figures *map)
     return map->likelihood_of_beam;
 }
 
-static int predict(const study *all, const settings *set, double (*measure)(const figures *map), bench_prediction *p)
+static int predict(const study *all, const settings *set, double (*measure)(const figures *map),
+                   bench_prediction *p)
 {
     size_t maps = (size_t)all->arenas * METHODS * SAMPLES;
     double *values = malloc(maps * sizeof *values), *errors = malloc(maps * sizeof *errors);
@@ -363,8 +374,10 @@ static double settled(const study *all, int32_t arena, int32_t method)
     return bench_track_step(k);
 }
 
-/* Of the first 50 steps those after which the entropy is higher; adds how much it rose, and changed, in all of them. */
-static int32_t rising_steps(const study *all, int32_t arena, int32_t method, double *rise, double *change)
+/* Of the first 50 steps those after which the entropy is higher; adds how much it rose, and
+ * changed, in all of them. */
+static int32_t rising_steps(const study *all, int32_t arena, int32_t method, double *rise,
+                            double *change)
 {
     int32_t rising = 0;
 
@@ -379,9 +392,10 @@ static int32_t rising_steps(const study *all, int32_t arena, int32_t method, dou
     return rising;
 }
 
-/* How often the quadrant that has less entropy by the method than by another one has less error, too, at the end; adds to
- * *agree and *compared. */
-static void compare_quadrants(const study *all, int32_t arena, int32_t method, int32_t *agree, int32_t *compared)
+/* How often the quadrant that has less entropy by the method than by another one has less error,
+ * too, at the end; adds to *agree and *compared. */
+static void compare_quadrants(const study *all, int32_t arena, int32_t method, int32_t *agree,
+                              int32_t *compared)
 {
     const figures *a = map_of(all, arena, method, SAMPLES - 1);
 
@@ -436,12 +450,14 @@ static int print_methods(const study *all)
         print_key(m, "rising_share", rise / change);
         print_key(m, "regional_agreement", compared > 0 ? (double)agree / compared : (double)NAN);
         print_key(m, "entropy_median", bench_median(entropy, (size_t)all->arenas));
-        print_key(m, "log_likelihood_of_beam_median", bench_median(likelihood, (size_t)all->arenas));
+        print_key(m, "log_likelihood_of_beam_median",
+                  bench_median(likelihood, (size_t)all->arenas));
         print_key(m, "distance_m_median", bench_median(distance, (size_t)all->arenas));
         all_agree += agree;
         all_compared += compared;
     }
-    bench_json_number("regional_agreement", all_compared > 0 ? (double)all_agree / all_compared : (double)NAN);
+    bench_json_number("regional_agreement",
+                      all_compared > 0 ? (double)all_agree / all_compared : (double)NAN);
     free(values);
     return 1;
 }
@@ -449,7 +465,8 @@ static int print_methods(const study *all)
 static int print_summary(const study *all, const settings *set, double seconds)
 {
     bench_prediction entropy, likelihood;
-    int done = predict(all, set, entropy_of_cell, &entropy) && predict(all, set, likelihood_of_beam, &likelihood);
+    int done = predict(all, set, entropy_of_cell, &entropy) &&
+               predict(all, set, likelihood_of_beam, &likelihood);
 
     if (!done)
         return 0;
@@ -490,13 +507,13 @@ static void medians(const study *all, size_t offset, double *value, double *work
 }
 
 /* A row of panels: a measure of the whole map and of its four quadrants. */
-#define ROW(title, field)                                                                                              \
-    {title, offsetof(figures, whole.field)},                                                                           \
-        {title ", north-west", offsetof(figures, quadrant[CAIRN_QUADRANT_NW].field)},                                  \
-        {title ", north-east", offsetof(figures, quadrant[CAIRN_QUADRANT_NE].field)},                                  \
-        {title ", south-west", offsetof(figures, quadrant[CAIRN_QUADRANT_SW].field)},                                  \
-    {                                                                                                                  \
-        title ", south-east", offsetof(figures, quadrant[CAIRN_QUADRANT_SE].field)                                     \
+#define ROW(title, field)                                                                          \
+    {title, offsetof(figures, whole.field)},                                                       \
+        {title ", north-west", offsetof(figures, quadrant[CAIRN_QUADRANT_NW].field)},              \
+        {title ", north-east", offsetof(figures, quadrant[CAIRN_QUADRANT_NE].field)},              \
+        {title ", south-west", offsetof(figures, quadrant[CAIRN_QUADRANT_SW].field)},              \
+    {                                                                                              \
+        title ", south-east", offsetof(figures, quadrant[CAIRN_QUADRANT_SE].field)                 \
     }
 
 static int draw(const study *all, const settings *set)
@@ -514,12 +531,14 @@ static int draw(const study *all, const settings *set)
         {"Distance from its own end, m", offsetof(figures, from_end)},
     };
     enum { PANELS = sizeof panels / sizeof *panels };
-    double *value = malloc(((size_t)PANELS * METHODS * SAMPLES + (size_t)all->arenas) * sizeof *value);
+    double *value =
+        malloc(((size_t)PANELS * METHODS * SAMPLES + (size_t)all->arenas) * sizeof *value);
     const char *method[METHODS];
     bench_curve_panel panel[PANELS];
     int32_t step[SAMPLES];
     char subtitle[256];
-    bench_curves curves = {"Alignment step by step", subtitle, method, step, panel, METHODS, SAMPLES, PANELS, 5};
+    bench_curves curves = {
+        "Alignment step by step", subtitle, method, step, panel, METHODS, SAMPLES, PANELS, 5};
     cairn_file_error error;
     int done = value != NULL;
 
@@ -535,7 +554,8 @@ static int draw(const study *all, const settings *set)
         panel[p].value = of;
     }
     snprintf(subtitle, sizeof subtitle,
-             "medians of %" PRId32 " arenas, poses disturbed by up to %g m and %g\xC2\xB0; steps 1 to 50 by 1, then to "
+             "medians of %" PRId32
+             " arenas, poses disturbed by up to %g m and %g\xC2\xB0; steps 1 to 50 by 1, then to "
              "500 by 10",
              all->arenas, set->kind.metres, set->kind.degrees);
     if (done && bench_curves_write(set->svg, &curves, &error) != CAIRN_OK) {
@@ -563,20 +583,24 @@ int main(int argc, char **argv)
     const option table[] = {
         OPTION_INTEGER("--arenas", &s.arenas, 1, 10000, "N", "arenas"),
         OPTION_INTEGER("--seed", &s.seed, 0, 9e15, "N", "of the first arena; the others follow"),
-        OPTION_NUMBER("--trans", &s.kind.metres, 0.001, 10, "M", "disturbance of x and y, uniform +-, m"),
-        OPTION_NUMBER("--rot", &s.kind.degrees, 0.01, 180, "DEG", "disturbance of the heading, uniform +-, degrees"),
+        OPTION_NUMBER("--trans", &s.kind.metres, 0.001, 10, "M",
+                      "disturbance of x and y, uniform +-, m"),
+        OPTION_NUMBER("--rot", &s.kind.degrees, 0.01, 180, "DEG",
+                      "disturbance of the heading, uniform +-, degrees"),
         OPTION_INTEGER("--places", &s.kind.places, 1, 1000, "N", "places with scans"),
         OPTION_INTEGER("--headings", &s.kind.headings, 1, 64, "N", "scans at each place"),
         OPTION_NUMBER("--resolution", &s.resolution, 0.01, 1, "M", "side of a cell, m"),
-        OPTION_NUMBER("--least", &s.least, 1e-9, 0.5, "P", "probability of a beam that no map explains"),
-        OPTION_NUMBER("--good", &s.good, 0.001, 100, "M", "only maps with a smaller mean error are ranked, m"),
+        OPTION_NUMBER("--least", &s.least, 1e-9, 0.5, "P",
+                      "probability of a beam that no map explains"),
+        OPTION_NUMBER("--good", &s.good, 0.001, 100, "M",
+                      "only maps with a smaller mean error are ranked, m"),
         OPTION_FLAG("--as-written", &s.as_written, "gradient and lum as the thesis has them"),
         OPTION_TEXT("--svg", &s.svg, "FILE", "the curves as a picture"),
         OPTION_TEXT("--data", &unused, "DIR", "not needed: the arenas are simulated"),
     };
     const option_set set = {"bench/quality", "[options]",
-                            "Entropy, likelihood and pose errors of maps while methods align them.", table,
-                            sizeof table / sizeof *table};
+                            "Entropy, likelihood and pose errors of maps while methods align them.",
+                            table, sizeof table / sizeof *table};
     size_t words = 0, n;
     option_result result = options_read(&set, argc, argv, NULL, &words);
     study all;

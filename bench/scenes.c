@@ -1,8 +1,9 @@
-/* bench/scenes: do loops that close ever lead astray? Drives through buildings whose places look alike.
+/* bench/scenes: do loops that close ever lead astray? Drives through buildings whose places look
+ * alike.
  *
- * Every arena is mapped twice, with loops and without. A closure is wrong when it is off the truth by more than 0.2 m or 2
- * degrees. A pose is led astray when its error, seen from the first scan, is more than 0.2 m and with loops by more than 0.2 m
- * larger than without. */
+ * Every arena is mapped twice, with loops and without. A closure is wrong when it is off the
+ * truth by more than 0.2 m or 2 degrees. A pose is led astray when its error, seen from the
+ * first scan, is more than 0.2 m and with loops by more than 0.2 m larger than without. */
 #include <inttypes.h>
 #include <math.h>
 #include <stdio.h>
@@ -46,7 +47,8 @@ static double length(cairn_pose p)
 
 /* ---- Closures ---- */
 
-static void count_closure(const settings *s, const cairn_mapper_loop *loop, const sim_scan *scans, outcome *out)
+static void count_closure(const settings *s, const cairn_mapper_loop *loop, const sim_scan *scans,
+                          outcome *out)
 {
     cairn_pose truth = cairn_pose_between(pose_of(scans[out->key_scans[loop->first]].truth),
                                           pose_of(scans[out->key_scans[loop->second]].truth));
@@ -54,7 +56,8 @@ static void count_closure(const settings *s, const cairn_mapper_loop *loop, cons
     double off = length(error), turn = fabs((double)error.theta);
 
     out->waiting += loop->verdict == CAIRN_MAPPER_LOOP_WAITING;
-    out->rejected += loop->verdict != CAIRN_MAPPER_LOOP_ACCEPTED && loop->verdict != CAIRN_MAPPER_LOOP_WAITING;
+    out->rejected +=
+        loop->verdict != CAIRN_MAPPER_LOOP_ACCEPTED && loop->verdict != CAIRN_MAPPER_LOOP_WAITING;
     if (loop->verdict != CAIRN_MAPPER_LOOP_ACCEPTED)
         return;
     out->accepted++;
@@ -63,12 +66,13 @@ static void count_closure(const settings *s, const cairn_mapper_loop *loop, cons
         return;
     out->wrong++;
     if (s->verbose)
-        fprintf(stderr, "closure of key scans %" PRId32 " and %" PRId32 ": off by %.3f m, %.2f degrees\n", loop->first,
-                loop->second, off, turn * 57.29577951308232);
+        fprintf(stderr,
+                "closure of key scans %" PRId32 " and %" PRId32 ": off by %.3f m, %.2f degrees\n",
+                loop->first, loop->second, off, turn * 57.29577951308232);
 }
 
-static void count_closures(const settings *s, const cairn_mapper *mapper, const sim_scan *scans, int32_t *seen,
-                           outcome *out)
+static void count_closures(const settings *s, const cairn_mapper *mapper, const sim_scan *scans,
+                           int32_t *seen, outcome *out)
 {
     for (int32_t now = cairn_mapper_measure(mapper).loop_events; *seen < now; (*seen)++) {
         cairn_mapper_loop loop = cairn_mapper_loop_at(mapper, *seen);
@@ -80,7 +84,8 @@ static void count_closures(const settings *s, const cairn_mapper *mapper, const 
 /* ---- Mapping ---- */
 
 /* Events are read after every few units of work: no more happen meanwhile than can be read. */
-static cairn_status work(const settings *s, cairn_mapper *mapper, const sim_scan *scans, int32_t *seen, outcome *out,
+static cairn_status work(const settings *s, cairn_mapper *mapper, const sim_scan *scans,
+                         int32_t *seen, outcome *out,
                          cairn_status (*step)(cairn_mapper *, cairn_budget *))
 {
     cairn_status status = CAIRN_MORE;
@@ -94,7 +99,8 @@ static cairn_status work(const settings *s, cairn_mapper *mapper, const sim_scan
     return status;
 }
 
-static cairn_status feed(const settings *s, cairn_mapper *mapper, const sim_scan *scans, int32_t count, outcome *out)
+static cairn_status feed(const settings *s, cairn_mapper *mapper, const sim_scan *scans,
+                         int32_t count, outcome *out)
 {
     int32_t *key = malloc((size_t)count * sizeof *key), seen = 0;
     cairn_status status = key == NULL ? CAIRN_NO_MEMORY : CAIRN_OK;
@@ -126,7 +132,8 @@ static void free_outcome(outcome *out)
     free(out->key_scans);
 }
 
-static cairn_status map_drive(const settings *s, const sim_scan *scans, int32_t count, int32_t loops, outcome *out)
+static cairn_status map_drive(const settings *s, const sim_scan *scans, int32_t count,
+                              int32_t loops, outcome *out)
 {
     cairn_mapper_params params = cairn_mapper_default_for(count, scans[0].count);
     cairn_mapper *mapper = NULL;
@@ -168,7 +175,8 @@ typedef struct totals {
     double worst_closure, worst_led, worst_with, worst_without;
 } totals;
 
-static void add_up(const sim_scan *scans, int32_t count, const outcome *with, const outcome *without, totals *t)
+static void add_up(const sim_scan *scans, int32_t count, const outcome *with,
+                   const outcome *without, totals *t)
 {
     int64_t astray = 0;
 
@@ -256,7 +264,8 @@ static int run_seed(const settings *s, uint64_t seed, totals *all)
         int32_t count;
         const sim_scan *scans = sim_survey_scans(survey, &count);
 
-        done = map_drive(s, scans, count, 1, &with) == CAIRN_OK && map_drive(s, scans, count, 0, &without) == CAIRN_OK;
+        done = map_drive(s, scans, count, 1, &with) == CAIRN_OK &&
+               map_drive(s, scans, count, 0, &without) == CAIRN_OK;
         if (done)
             add_up(scans, count, &with, &without, &t);
         else
@@ -282,12 +291,13 @@ int main(int argc, char **argv)
         OPTION_TEXT("--scene", &s.scene, "NAME", "twins, mirror, maze, office or another scene"),
         OPTION_INTEGER("--seeds", &s.seeds, 1, 1000000, "N", "arenas"),
         OPTION_INTEGER("--seed", &s.seed, 0, 1000000000, "N", "of the first one"),
-        OPTION_INTEGER("--scans", &s.scans, 2, 10000, "N", "of a drive, one every 0.3 m or 0.3 rad"),
+        OPTION_INTEGER("--scans", &s.scans, 2, 10000, "N",
+                       "of a drive, one every 0.3 m or 0.3 rad"),
         OPTION_FLAG("--no-odometry", &s.no_odometry, "ranges alone"),
         OPTION_FLAG("--verbose", &s.verbose, "tell every wrong closure"),
     };
-    const option_set set = {"bench/scenes", "[options]", "Do loops that close ever lead astray?", table,
-                            sizeof table / sizeof *table};
+    const option_set set = {"bench/scenes", "[options]", "Do loops that close ever lead astray?",
+                            table, sizeof table / sizeof *table};
     totals all = {0};
     size_t words = 0;
     option_result result = options_read(&set, argc, argv, NULL, &words);
@@ -295,7 +305,8 @@ int main(int argc, char **argv)
     if (result != OPTIONS_READ)
         return result;
     if (sim_scene_find(s.scene) < 0)
-        return options_refuse("bench/scenes", "--scene is '%s', expected the name of a scene", s.scene);
+        return options_refuse("bench/scenes", "--scene is '%s', expected the name of a scene",
+                              s.scene);
     for (int64_t i = 0; i < s.seeds; i++)
         if (!run_seed(&s, (uint64_t)(s.seed + i), &all))
             return 1;

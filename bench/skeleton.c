@@ -1,10 +1,14 @@
-/* bench/skeleton: skeletons and contours without a model (chapter 3), on generated scenes, with no data.
+/* bench/skeleton: skeletons and contours without a model (chapter 3), on generated scenes, with no
+ * data.
  *
- * A scene holds one object swept by discs along known axes (bench_sweep), 120 px times 0.7 ... 1.3, turned at random, among --k others, --noise
- * grey levels. Given is the range of radii alone, from 0.8 of the object's least to 1.2 of its largest, both times --wrong. Of the objects
- * found the likeliest counts: skeleton_f, of places along its axis and the true one that lie within 1 % of the image's diagonal of the other;
- * radius_error, median over scenes of the median over places of the axis that are right; boundary_f, of the contour at 3 px; disks_iou, of the
- * union of its discs with the object; free_ends, mean share of the true number. all_f and all_boundary_f count every part that was found; parts is their mean number. */
+ * A scene holds one object swept by discs along known axes (bench_sweep), 120 px times 0.7 ...
+ * 1.3, turned at random, among --k others, --noise grey levels. Given is the range of radii
+ * alone, from 0.8 of the object's least to 1.2 of its largest, both times --wrong. Of the
+ * objects found the likeliest counts: skeleton_f, of places along its axis and the true one that
+ * lie within 1 % of the image's diagonal of the other; radius_error, median over scenes of the
+ * median over places of the axis that are right; boundary_f, of the contour at 3 px; disks_iou,
+ * of the union of its discs with the object; free_ends, mean share of the true number. all_f and
+ * all_boundary_f count every part that was found; parts is their mean number. */
 #include <inttypes.h>
 #include <math.h>
 #include <stdio.h>
@@ -49,7 +53,8 @@ static int open_finder(finder *f, const settings *s)
 {
     cairn_boundary_params boundary = cairn_boundary_default();
     cairn_edgel_params edgel = cairn_edgel_default();
-    cairn_skeleton_params skeleton = s->written ? cairn_skeleton_as_written() : cairn_skeleton_default();
+    cairn_skeleton_params skeleton =
+        s->written ? cairn_skeleton_as_written() : cairn_skeleton_default();
     size_t bytes;
 
     if (s->bsds) {
@@ -113,7 +118,8 @@ static int group(finder *f, cairn_raster_u8_view grey, double least, double most
     in.height = grey.height;
     in.min_radius = (cairn_real)least;
     in.max_radius = (cairn_real)most;
-    return cairn_skeleton_begin(f->skeleton, &in) == CAIRN_OK && run_skeleton(f->skeleton) == CAIRN_OK;
+    return cairn_skeleton_begin(f->skeleton, &in) == CAIRN_OK &&
+           run_skeleton(f->skeleton) == CAIRN_OK;
 }
 
 static int find(finder *f, const scene *s, double least, double most)
@@ -139,7 +145,8 @@ static void dot(uint8_t *pixels, double x, double y, int red, int green, int blu
     pixels[3 * (v * SCENE_WIDTH + u) + 2] = (uint8_t)blue;
 }
 
-/* The likeliest object's contours blue and axes red, those of others dark, the true axis green: PPM. */
+/* The likeliest object's contours blue and axes red, those of others dark, the true axis green:
+ * PPM. */
 static void draw(const settings *set, int64_t index, const scene *s, const cairn_skeleton_result *r,
                  const skeleton_places *truth)
 {
@@ -166,7 +173,8 @@ static void draw(const settings *set, int64_t index, const scene *s, const cairn
             for (int32_t k = 0; k + 1 < r->parts[i].count; k++) {
                 cairn_vec2 from = what < 2 ? q[k].touch[what] : q[k].centre;
                 cairn_vec2 to = what < 2 ? q[k + 1].touch[what] : q[k + 1].centre;
-                skeleton_place a = {(double)from.x, (double)from.y, 0}, b = {(double)to.x, (double)to.y, 0};
+                skeleton_place a = {(double)from.x, (double)from.y, 0},
+                               b = {(double)to.x, (double)to.y, 0};
 
                 skeleton_add_way(&way, a, b);
             }
@@ -175,7 +183,8 @@ static void draw(const settings *set, int64_t index, const scene *s, const cairn
                     skeleton_add_way(&way, skeleton_place_of(&q[end ? r->parts[i].count - 1 : 0]),
                                      skeleton_place_of(&r->points[r->parts[i].joint[end]]));
             for (int32_t k = 0; k < way.count; k++)
-                dot(pixels, way.at[k].x, way.at[k].y, what < 2 ? 0 : bright, 0, what < 2 ? bright : 0);
+                dot(pixels, way.at[k].x, way.at[k].y, what < 2 ? 0 : bright, 0,
+                    what < 2 ? bright : 0);
         }
     }
     fprintf(file, "P6\n%d %d\n255\n", SCENE_WIDTH, SCENE_HEIGHT);
@@ -183,8 +192,8 @@ static void draw(const settings *set, int64_t index, const scene *s, const cairn
     (void)fclose(file);
 }
 
-static void measure(const settings *set, sums *t, const finder *f, const scene *s, const sweep_shape *shape,
-                    int64_t index)
+static void measure(const settings *set, sums *t, const finder *f, const scene *s,
+                    const sweep_shape *shape, int64_t index)
 {
     static skeleton_places truth, found;
     cairn_skeleton_result r = cairn_skeleton_read(f->skeleton);
@@ -249,8 +258,8 @@ typedef struct image_sums {
     way_sums contours, parts;
 } image_sums;
 
-static void add_way_point(const settings *set, way_sums *t, const bsds_image *image, const char *name, const char *way,
-                          bsds_point p)
+static void add_way_point(const settings *set, way_sums *t, const bsds_image *image,
+                          const char *name, const char *way, bsds_point p)
 {
     double canny = bsds_canny(image, p.recall);
 
@@ -273,7 +282,8 @@ static void add_way_point(const settings *set, way_sums *t, const bsds_image *im
 static int find_contours(finder *f, const bsds_image *image)
 {
     const cairn_vision_image *c = &image->colour;
-    cairn_boundary_image in = {c->samples, c->width, c->height, c->channels, (ptrdiff_t)c->width * c->channels};
+    cairn_boundary_image in = {c->samples, c->width, c->height, c->channels,
+                               (ptrdiff_t)c->width * c->channels};
     cairn_budget budget = {INT32_MAX};
     cairn_status status;
 
@@ -286,7 +296,8 @@ static int find_contours(finder *f, const bsds_image *image)
     return status == CAIRN_OK;
 }
 
-static int run_image(const settings *set, image_sums *t, finder *f, const char *folder, const char *name)
+static int run_image(const settings *set, image_sums *t, finder *f, const char *folder,
+                     const char *name)
 {
     bsds_image image;
     cairn_raster_u8_view view;
@@ -314,7 +325,8 @@ static int run_image(const settings *set, image_sums *t, finder *f, const char *
         add_way_point(set, &t->contours, &image, name, "contours",
                       bsds_contours(&image, &contours, LEAST_RECALL, pixels));
         parts = cairn_skeleton_read(f->skeleton);
-        add_way_point(set, &t->parts, &image, name, "parts", bsds_grouped(&image, &parts, LEAST_RECALL, pixels));
+        add_way_point(set, &t->parts, &image, name, "parts",
+                      bsds_grouped(&image, &parts, LEAST_RECALL, pixels));
         t->images++;
     }
     free(pixels);
@@ -322,7 +334,8 @@ static int run_image(const settings *set, image_sums *t, finder *f, const char *
     return ok;
 }
 
-static void print_way(const settings *set, const way_sums *t, int32_t images, const char *way, const finder *f)
+static void print_way(const settings *set, const way_sums *t, int32_t images, const char *way,
+                      const finder *f)
 {
     double n = images;
 
@@ -353,7 +366,9 @@ static int run_images(const settings *set, finder *f)
     memset(&t, 0, sizeof t);
     (void)snprintf(folder, sizeof folder, "%s/bsds", set->data);
     if (!group_names_read(&names, folder)) {
-        fprintf(stderr, "bench/skeleton: %s: no images, expected NAME.jpg and NAME_gtK.png (--data)\n", folder);
+        fprintf(stderr,
+                "bench/skeleton: %s: no images, expected NAME.jpg and NAME_gtK.png (--data)\n",
+                folder);
         return 3;
     }
     t.contours.seconds = calloc(2 * (size_t)names.count, sizeof *t.contours.seconds);
@@ -437,39 +452,45 @@ static option_result read_settings(settings *s, int argc, char **argv)
         OPTION_NUMBER("--wrong", &s->wrong, 0.1, 10, "FACTOR",
                       "the range of radii that is given is so many times the true one"),
         OPTION_FLAG("--propose", &s->propose, "no range is given"),
-        OPTION_NUMBER("--min-slope", &s->slope, 0.01, 1000, "G", "grey levels per pixel, of edgels"),
+        OPTION_NUMBER("--min-slope", &s->slope, 0.01, 1000, "G",
+                      "grey levels per pixel, of edgels"),
         OPTION_NUMBER("--sigma", &s->sigma, 0.7, 8, "PX", "blur before edgels are looked for"),
         OPTION_FLAG("--as-written", &s->written, "Adluru 2008, chapter 3, as it is printed"),
-        OPTION_TEXT("--weight", &s->weight, "NAME", "evidence, or as-written, which is --as-written"),
-        OPTION_NUMBER("--contrast", &s->contrast, 0, 100, "L",
-                      "log odds of an edge e times as steep as the mean one; 0: all edges are the same\n"
-                      "(6); not as written"),
-        OPTION_INTEGER("--particles", &s->particles, 1, 1024, "N", "of the filter (16; as written 50)"),
+        OPTION_TEXT("--weight", &s->weight, "NAME",
+                    "evidence, or as-written, which is --as-written"),
+        OPTION_NUMBER(
+            "--contrast", &s->contrast, 0, 100, "L",
+            "log odds of an edge e times as steep as the mean one; 0: all edges are the same\n"
+            "(6); not as written"),
+        OPTION_INTEGER("--particles", &s->particles, 1, 1024, "N",
+                       "of the filter (16; as written 50)"),
         OPTION_FLAG("--each", &s->each, "a line for each scene, too"),
         OPTION_TEXT("--draw", &s->draw, "DIR", "pictures of what was found"),
         OPTION_FLAG("--bsds", &s->bsds, "Berkeley images in place of scenes, no range given"),
         OPTION_INTEGER("--images", &s->images, 1, 100000, "N", "of them at most"),
         OPTION_TEXT("--data", &s->data, "DIR", "with the folder bsds"),
     };
-    const option_set set = {"bench/skeleton", "[options]",
-                            "Groups the contours and axes of objects in generated clutter, with no model of them.",
-                            table, sizeof table / sizeof *table};
+    const option_set set = {
+        "bench/skeleton", "[options]",
+        "Groups the contours and axes of objects in generated clutter, with no model of them.",
+        table, sizeof table / sizeof *table};
     size_t count = 0;
     option_result result = options_read(&set, argc, argv, NULL, &count);
 
     if (result != OPTIONS_READ)
         return result;
-    if (s->weight != NULL && strcmp(s->weight, "evidence") != 0 && strcmp(s->weight, "as-written") != 0)
-        return (option_result)options_refuse("bench/skeleton", "--weight %s, expected evidence or as-written",
-                                             s->weight);
+    if (s->weight != NULL && strcmp(s->weight, "evidence") != 0 &&
+        strcmp(s->weight, "as-written") != 0)
+        return (option_result)options_refuse(
+            "bench/skeleton", "--weight %s, expected evidence or as-written", s->weight);
     if (s->weight != NULL && strcmp(s->weight, "evidence") == 0 && s->written)
-        return (option_result)options_refuse("bench/skeleton",
-                                             "--as-written and --weight evidence, expected one of them");
+        return (option_result)options_refuse(
+            "bench/skeleton", "--as-written and --weight evidence, expected one of them");
     s->written |= s->weight != NULL && strcmp(s->weight, "as-written") == 0;
     if (s->written && !isnan(s->contrast))
-        return (option_result)options_refuse("bench/skeleton",
-                                             "--contrast with --as-written, expected one of them: the "
-                                             "thesis does not use how steep edges are");
+        return (option_result)options_refuse(
+            "bench/skeleton", "--contrast with --as-written, expected one of them: the "
+                              "thesis does not use how steep edges are");
     s->weight = s->written ? "as-written" : "evidence";
     return OPTIONS_READ;
 }

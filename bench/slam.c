@@ -1,8 +1,9 @@
 /* bench/slam: whole real logs against their reference relations (Kuemmerle et al. 2009).
  *
- * A relation is the pose of one scan seen from another. Its error is that of the estimated relative pose seen from the
- * reference: length of the translation, absolute angle of the rotation; mean and standard deviation over all relations.
- * With --no-odometry the poses of the log are overwritten with noise before they could be used. */
+ * A relation is the pose of one scan seen from another. Its error is that of the estimated
+ * relative pose seen from the reference: length of the translation, absolute angle of the
+ * rotation; mean and standard deviation over all relations. With --no-odometry the poses of the
+ * log are overwritten with noise before they could be used. */
 #include <inttypes.h>
 #include <math.h>
 #include <stdio.h>
@@ -28,7 +29,8 @@ typedef struct settings {
 } settings;
 
 /* The relations of a log's scans; says what is wrong. To be freed; NULL on failure. */
-static cairn_relation_row *read_relations(const char *path, const cairn_carmen_scans *log, int32_t *count)
+static cairn_relation_row *read_relations(const char *path, const cairn_carmen_scans *log,
+                                          int32_t *count)
 {
     int64_t *stamp = malloc(((size_t)log->count + 1) * sizeof *stamp);
     cairn_relation_row *row = NULL;
@@ -68,20 +70,22 @@ static scan_cost cost_of(double *units, int32_t count)
 }
 
 /* Takes scans 0 ... count - 1 through the releases since the last time. */
-static void rehang(const cairn_mapper *mapper, int32_t *seen, int32_t *key, cairn_pose *poses, int32_t count)
+static void rehang(const cairn_mapper *mapper, int32_t *seen, int32_t *key, cairn_pose *poses,
+                   int32_t count)
 {
     for (int32_t now = cairn_mapper_measure(mapper).releases; *seen < now; (*seen)++)
         for (int32_t i = 0; i < count; i++)
             cairn_mapper_rehang(cairn_mapper_release_at(mapper, *seen), &key[i], &poses[i]);
 }
 
-/* Maps the log; poses: [count], of the sensor, which is what relations are between. Returns the time that took, -1 on failure. */
-static double map_log(const settings *s, const cairn_carmen_scans *log, cairn_pose *poses, size_t *pool_bytes,
-                      cairn_mapper_state *state, scan_cost *cost)
+/* Maps the log; poses: [count], of the sensor, which is what relations are between. Returns the
+ * time that took, -1 on failure. */
+static double map_log(const settings *s, const cairn_carmen_scans *log, cairn_pose *poses,
+                      size_t *pool_bytes, cairn_mapper_state *state, scan_cost *cost)
 {
     int32_t most = log->count < 8192 ? log->count + 1 : 8192;
-    cairn_mapper_params params =
-        cairn_mapper_default_for(s->max_keys > 0 ? (int32_t)s->max_keys : most, log->info.beams_most);
+    cairn_mapper_params params = cairn_mapper_default_for(
+        s->max_keys > 0 ? (int32_t)s->max_keys : most, log->info.beams_most);
     int32_t *key = malloc((size_t)log->count * sizeof *key);
     double *units = malloc((size_t)log->count * sizeof *units);
     cairn_mapper *mapper;
@@ -101,7 +105,8 @@ static double map_log(const settings *s, const cairn_carmen_scans *log, cairn_po
         params.loop.max_loops = params.local_span = 0;
     bytes = cairn_mapper_memory(&params) + CAIRN_ALIGN;
     memory = malloc(bytes);
-    status = memory == NULL || key == NULL || units == NULL ? CAIRN_NO_MEMORY : cairn_pool_init(&pool, memory, bytes);
+    status = memory == NULL || key == NULL || units == NULL ? CAIRN_NO_MEMORY
+                                                            : cairn_pool_init(&pool, memory, bytes);
     if (status == CAIRN_OK)
         status = cairn_mapper_create(&mapper, &pool, &params);
     start = bench_seconds();
@@ -111,8 +116,10 @@ static double map_log(const settings *s, const cairn_carmen_scans *log, cairn_po
         cairn_scan_input input = log->record[i].scan;
 
         if (s->no_odometry)
-            input.base_sensor = cairn_pose_identity(); /* the mounting, too, follows from the log's poses */
-        status = cairn_mapper_add(mapper, &input, s->no_odometry ? NULL : &log->record[i].robot, NULL);
+            /* the mounting, too, follows from the log's poses */
+            input.base_sensor = cairn_pose_identity();
+        status =
+            cairn_mapper_add(mapper, &input, s->no_odometry ? NULL : &log->record[i].robot, NULL);
         if (status == CAIRN_OK)
             status = cairn_mapper_step(mapper, &budget);
         units[i] = (double)(CAIRN_UNBOUNDED - budget.left);
@@ -137,8 +144,9 @@ static double map_log(const settings *s, const cairn_carmen_scans *log, cairn_po
     start = bench_seconds() - start;
     if (status == CAIRN_OK) {
         for (int32_t i = 0; i < log->count; i++)
-            poses[i] = cairn_pose_compose(cairn_pose_compose(cairn_mapper_key_pose(mapper, key[i]), poses[i]),
-                                          s->no_odometry ? cairn_pose_identity() : log->record[i].scan.base_sensor);
+            poses[i] = cairn_pose_compose(
+                cairn_pose_compose(cairn_mapper_key_pose(mapper, key[i]), poses[i]),
+                s->no_odometry ? cairn_pose_identity() : log->record[i].scan.base_sensor);
         *state = cairn_mapper_measure(mapper);
         *cost = cost_of(units, log->count);
         *pool_bytes = pool.peak;
@@ -152,8 +160,8 @@ static double map_log(const settings *s, const cairn_carmen_scans *log, cairn_po
 }
 
 /* The same by particles. */
-static double filter_log(const settings *s, const cairn_carmen_scans *log, cairn_pose *poses, bench_filter *filter,
-                         scan_cost *cost)
+static double filter_log(const settings *s, const cairn_carmen_scans *log, cairn_pose *poses,
+                         bench_filter *filter, scan_cost *cost)
 {
     double *units = malloc((size_t)log->count * sizeof *units);
     int done;
@@ -171,17 +179,19 @@ static double filter_log(const settings *s, const cairn_carmen_scans *log, cairn
 }
 
 /* Relations whose scans the log does not have are left out. */
-static void print_errors(const settings *s, const char *name, const cairn_carmen_scans *log, const cairn_pose *poses,
-                         const cairn_relation_row *row, int32_t count, double seconds, size_t pool_bytes,
-                         const cairn_mapper_state *state, const bench_filter *filter, scan_cost cost)
+static void print_errors(const settings *s, const char *name, const cairn_carmen_scans *log,
+                         const cairn_pose *poses, const cairn_relation_row *row, int32_t count,
+                         double seconds, size_t pool_bytes, const cairn_mapper_state *state,
+                         const bench_filter *filter, scan_cost cost)
 {
     cairn_relation_sums sums = {0, 0, 0, 0, 0};
     cairn_relation_errors errors;
 
     for (int32_t i = 0; i < count; i++)
-        if (row[i].first >= 0 &&
-            cairn_relation_add(&sums, row[i].reference, poses[row[i].first], poses[row[i].second]) != CAIRN_OK)
-            fprintf(stderr, "bench/slam: line %" PRId64 ": the relation cannot be compared\n", row[i].line);
+        if (row[i].first >= 0 && cairn_relation_add(&sums, row[i].reference, poses[row[i].first],
+                                                    poses[row[i].second]) != CAIRN_OK)
+            fprintf(stderr, "bench/slam: line %" PRId64 ": the relation cannot be compared\n",
+                    row[i].line);
     errors = cairn_relation_errors_of(&sums);
     bench_json_begin("slam");
     bench_json_text("log", name);
@@ -248,7 +258,8 @@ static int run_log(const settings *s, const char *log_path, const char *relation
         seconds = map_log(s, &log, poses, &pool_bytes, &state, &cost);
     }
     if (seconds >= 0)
-        print_errors(s, cairn_path_name(log_path), &log, poses, row, count, seconds, pool_bytes, &state, &filter, cost);
+        print_errors(s, cairn_path_name(log_path), &log, poses, row, count, seconds, pool_bytes,
+                     &state, &filter, cost);
     free(poses);
     cairn_relation_table_free(row);
     cairn_carmen_scans_free(&log);
@@ -263,13 +274,16 @@ int main(int argc, char **argv)
         OPTION_TEXT("--log", &s.log, "FILE", "one CARMEN log (all of DIR/slam)"),
         OPTION_TEXT("--relations", &s.relations, "FILE", "its reference relations"),
         OPTION_TEXT("--data", &s.data, "DIR", "folder of the data sets (../shared/data)"),
-        OPTION_FLAG("--no-odometry", &s.no_odometry, "ranges alone; the log's poses are overwritten with noise"),
+        OPTION_FLAG("--no-odometry", &s.no_odometry,
+                    "ranges alone; the log's poses are overwritten with noise"),
         OPTION_FLAG("--no-loops", &s.no_loops, "close no loops"),
         OPTION_INTEGER("--window", &s.window, 0, 64, "N", "key scans of the force field"),
         OPTION_INTEGER("--max-keys", &s.max_keys, 0, 1 << 20, "N",
                        "room for N key scans, the best covered ones are released (0: for all)"),
-        OPTION_INTEGER("--filter", &s.particles, 0, 4096, "N", "by a filter of N particles, 0: by the mapper"),
-        OPTION_INTEGER("--seed", &s.seed, 0, 9e15, "N", "of that noise, and of what particles draw"),
+        OPTION_INTEGER("--filter", &s.particles, 0, 4096, "N",
+                       "by a filter of N particles, 0: by the mapper"),
+        OPTION_INTEGER("--seed", &s.seed, 0, 9e15, "N",
+                       "of that noise, and of what particles draw"),
     };
     const option_set set = {"bench/slam", "[--log FILE --relations FILE] [options]",
                             "Absolute errors of mapped logs over their reference relations.", table,

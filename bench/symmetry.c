@@ -1,5 +1,5 @@
-/* bench/symmetry: axes of self-similarity of shapes whose axis is known, a line for the method as written in the thesis, then one
- * for the default; --as-written: the first alone. */
+/* bench/symmetry: axes of self-similarity of shapes whose axis is known, a line for the method
+ * as written in the thesis, then one for the default; --as-written: the first alone. */
 #include <dirent.h>
 #include <inttypes.h>
 #include <math.h>
@@ -57,12 +57,14 @@ static int open_mode(sums *t, cairn_pool *pool, int32_t mode, int64_t shapes)
     memset(t, 0, sizeof *t);
     t->memory = memory;
     t->seconds = calloc((size_t)shapes, sizeof *t->seconds);
-    return t->seconds != NULL && memory != NULL && cairn_pool_init(pool, memory, need + CAIRN_ALIGN) == CAIRN_OK &&
+    return t->seconds != NULL && memory != NULL &&
+           cairn_pool_init(pool, memory, need + CAIRN_ALIGN) == CAIRN_OK &&
            cairn_self_similarity_create(&t->similarity, pool, &params) == CAIRN_OK;
 }
 
 /* 0: the library refused the shape. */
-static int analyze(sums *t, const cairn_curve *outlines, int32_t count, cairn_self_similarity_result *result)
+static int analyze(sums *t, const cairn_curve *outlines, int32_t count,
+                   cairn_self_similarity_result *result)
 {
     double start = bench_seconds();
     cairn_budget budget = {INT32_MAX};
@@ -196,7 +198,8 @@ static int is_right(const bench_reflections *truth, const cairn_curve *shape, in
     cairn_vec2 from = axis->mirror_point, to = cairn_vec2_add(from, axis->mirror_along);
 
     return bench_reflections_hit(truth, from, to, middle) ||
-           bench_reflections_overlap(shape, count, from, to) >= truth->axes[0].overlap - BENCH_AS_GOOD;
+           bench_reflections_overlap(shape, count, from, to) >=
+               truth->axes[0].overlap - BENCH_AS_GOOD;
 }
 
 /* Looks at one picture when it has a mirror axis. 0: a line was printed. */
@@ -228,7 +231,8 @@ static int run_picture(const settings *s, sums t[MODES], const char *path, const
         if (cairn_polygon_contains(shape[0].points, shape[0].count, image.outlines[i].points[0]))
             shape[count++] = image.outlines[i];
     ok = bench_reflections_find(&truth, shape, count);
-    for (int mode = 0; mode < s->modes && ok && truth.count > 0 && truth.axes[0].overlap >= RIGID; mode++) {
+    for (int mode = 0; mode < s->modes && ok && truth.count > 0 && truth.axes[0].overlap >= RIGID;
+         mode++) {
         cairn_self_similarity_result r = {.count = 0};
         cairn_box box = cairn_box_empty();
         cairn_vec2 middle;
@@ -281,7 +285,9 @@ static int run_mpeg7(const settings *s, sums t[MODES])
         count = read_names(folder, names);
     }
     if (count == 0) {
-        fprintf(stderr, PROGRAM ": %s/shapes/mpeg7: no pictures, expected the shapes of MPEG-7 (--data)\n", s->data);
+        fprintf(stderr,
+                PROGRAM ": %s/shapes/mpeg7: no pictures, expected the shapes of MPEG-7 (--data)\n",
+                s->data);
         return 3;
     }
     for (int32_t i = 0; i < count; i++) {
@@ -320,26 +326,31 @@ static void print_summary(const settings *s, int mode, sums *t)
 static option_result read_settings(settings *s, int argc, char **argv)
 {
     const option table[] = {
-        OPTION_INTEGER("--shapes", &s->shapes, 1, 100000, "N", "shapes at most; without it 200, or all of MPEG-7"),
+        OPTION_INTEGER("--shapes", &s->shapes, 1, 100000, "N",
+                       "shapes at most; without it 200, or all of MPEG-7"),
         OPTION_SEED("--seed", &s->seed, "of the shapes"),
         OPTION_NUMBER("--bend", &s->bend, 0, 150, "DEG", "of the axis, to either side"),
         OPTION_NUMBER("--skew", &s->skew, 0, 1, "X", "shear along the axis, to either side"),
         OPTION_NUMBER("--noise", &s->noise, 0, 20, "PX",
                       "of the outline's vertices, 4 px apart; the axis is 200 px long"),
-        OPTION_FLAG("--articulated", &s->articulated, "bodies with limbs that are turned at their joints"),
+        OPTION_FLAG("--articulated", &s->articulated,
+                    "bodies with limbs that are turned at their joints"),
         OPTION_NUMBER("--turn", &s->turn, 0, 80, "DEG", "of limbs, at most, to either side"),
         OPTION_FLAG("--mpeg7", &s->mpeg7, "shapes of MPEG-7 that have a mirror axis"),
         OPTION_FLAG("--as-written", &s->as_written, "the method of the thesis alone"),
         OPTION_FLAG("--each", &s->each, "a line for each shape, too"),
-        OPTION_TEXT("--data", &s->data, "DIR", "where shapes/mpeg7 is, or the folder of the shapes"),
+        OPTION_TEXT("--data", &s->data, "DIR",
+                    "where shapes/mpeg7 is, or the folder of the shapes"),
     };
-    const option_set set = {PROGRAM, "[options]", "Axes of self-similarity of shapes whose axis is known.", table,
+    const option_set set = {PROGRAM, "[options]",
+                            "Axes of self-similarity of shapes whose axis is known.", table,
                             sizeof table / sizeof *table};
     size_t count = 0;
     option_result result = options_read(&set, argc, argv, NULL, &count);
 
     if (result == OPTIONS_READ && s->articulated && s->mpeg7)
-        return (option_result)options_refuse(PROGRAM, "--articulated and --mpeg7, expected one of them");
+        return (option_result)options_refuse(PROGRAM,
+                                             "--articulated and --mpeg7, expected one of them");
     return result;
 }
 

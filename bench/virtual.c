@@ -1,21 +1,27 @@
 /* bench/virtual: what virtual scans are worth (chapter 8).
  *
- * rooms: four rooms on a hallway, turned at random, five places, poses off by up to 25 units of 0.03 m and 15 degrees. A seed
- * is right when every scan lies within 4 units and 1 degree after the best common motion. rubble and round: the arenas of
- * bench/align, and those without a straight wall; shares as there. rescue110: the first, seen by scans of 110 degrees. halls: the
- * rooms, whose hallway is 12 m long, by scans of half a circle; rooms far off: by full ones from starts 1 m and 20 degrees off. Each with
- * hypotheses and without, on the same starts. Without: what the aligner alone finds; gradient: algorithm 2 as written; field without:
- * the aligner, its field, and parts that slide, but no hypotheses. wall_rms_m: of the hits on walls that lie in one line about their common line.
+ * rooms: four rooms on a hallway, turned at random, five places, poses off by up to 25 units of
+ * 0.03 m and 15 degrees. A seed is right when every scan lies within 4 units and 1 degree after the
+ * best common motion. rubble and round: the arenas of bench/align, and those without a straight
+ * wall; shares as there. rescue110: the first, seen by scans of 110 degrees. halls: the rooms,
+ * whose hallway is 12 m long, by scans of half a circle; rooms far off: by full ones from starts 1
+ * m and 20 degrees off. Each with hypotheses and without, on the same starts. Without: what the
+ * aligner alone finds; gradient: algorithm 2 as written; field without: the aligner, its field, and
+ * parts that slide, but no hypotheses. wall_rms_m: of the hits on walls that lie in one line about
+ * their common line.
  *
- * box: a flat box in a room, two scans of 110 degrees that face it from either side, with no long side and no wall across
- * in common: how far apart the sides are only the starts tell, and the sides attract each other. It has collapsed when these end
- * up nearer to each other than half its thickness. Starts are off by 0.1 m and 5 degrees, and, far off, by 0.3 m and 15 degrees.
+ * box: a flat box in a room, two scans of 110 degrees that face it from either side, with no long
+ * side and no wall across in common: how far apart the sides are only the starts tell, and the
+ * sides attract each other. It has collapsed when these end up nearer to each other than half its
+ * thickness. Starts are off by 0.1 m and 5 degrees, and, far off, by 0.3 m and 15 degrees.
  *
- * planted: rooms, by the field alone (springs, or algorithm 2 as written), with a false rectangle among the hypotheses of step 5. In how
- * many of the seeds it is believed at step 15 or later, and how many scans come out right with it and without.
+ * planted: rooms, by the field alone (springs, or algorithm 2 as written), with a false rectangle
+ * among the hypotheses of step 5. In how many of the seeds it is believed at step 15 or later, and
+ * how many scans come out right with it and without.
  *
- * detector: scenes of rectangles turned at random, of whose outline 60 % is seen in pieces with noise, among single pieces of
- * walls; a rectangle is found when all its corners are within 0.3 m. */
+ * detector: scenes of rectangles turned at random, of whose outline 60 % is seen in pieces with
+ * noise, among single pieces of walls; a rectangle is found when all its corners are within 0.3
+ * m. */
 #include <inttypes.h>
 #include <math.h>
 #include <stdio.h>
@@ -32,10 +38,12 @@ enum { LIE_STEP = 5 }; /* in whose hypotheses the false one is */
 
 typedef struct settings {
     int64_t seeds, seed, arenas, halls, scenes, boxes, lies;
-    int32_t steps, as_written; /* --steps: prints every virtual scan; --as-written: algorithm 2 alone */
+    /* --steps: prints every virtual scan; --as-written: algorithm 2 alone */
+    int32_t steps, as_written;
 } settings;
 
-static void print_row(const bench_virtual_scene *from, const bench_virtual_method *m, const bench_virtual_row *r)
+static void print_row(const bench_virtual_scene *from, const bench_virtual_method *m,
+                      const bench_virtual_row *r)
 {
     bench_json_begin("virtual");
     bench_json_text("scene", from->name);
@@ -45,10 +53,12 @@ static void print_row(const bench_virtual_scene *from, const bench_virtual_metho
     bench_json_number("right", (double)r->right / r->seeds);
     bench_json_number("share", (double)r->aligned / r->observable);
     bench_json_number("moved", (double)r->moved / r->scans);
-    bench_json_number("active", r->iterations > 0 ? (double)r->active / r->iterations : (double)NAN);
+    bench_json_number("active",
+                      r->iterations > 0 ? (double)r->active / r->iterations : (double)NAN);
     bench_json_number("wall_rms_m", sqrt(r->squares / r->hits));
     bench_json_number("processor_seconds_mean", r->seconds / r->seeds);
-    bench_json_number("hypothesis_units_over_align", (double)r->hypothesis_units / (double)r->align_units);
+    bench_json_number("hypothesis_units_over_align",
+                      (double)r->hypothesis_units / (double)r->align_units);
     bench_json_integer("pool_bytes", (int64_t)r->pool_bytes);
     bench_json_end();
 }
@@ -61,7 +71,8 @@ static double cost_ratio(const bench_virtual_row *rows)
 
 /* Each method on the same starts; rows: [count]. */
 static int run_scene(const settings *s, const bench_virtual_scene *from, int64_t seeds,
-                     const bench_virtual_method *methods, int32_t count, double metres, bench_virtual_row *rows)
+                     const bench_virtual_method *methods, int32_t count, double metres,
+                     bench_virtual_row *rows)
 {
     memset(rows, 0, (size_t)count * sizeof *rows);
     for (int64_t i = 0; i < seeds; i++) {
@@ -73,7 +84,8 @@ static int run_scene(const settings *s, const bench_virtual_scene *from, int64_t
 
             done = bench_virtual_run(&p, &methods[k], s->steps, &rows[k]);
             if (done)
-                bench_guess_straightness(p.arena, p.scans, p.result, p.count, &rows[k].squares, &rows[k].hits);
+                bench_guess_straightness(p.arena, p.scans, p.result, p.count, &rows[k].squares,
+                                         &rows[k].hits);
             right = done ? bench_virtual_score(&p, metres) : 0;
             rows[k].seeds++;
             rows[k].right += right == p.observable;
@@ -107,8 +119,10 @@ static void print_gradient(const bench_virtual_row rows[3])
 
 /* ---- A box, and a lie ---- */
 
-/* Each method on the same starts; how many boxes it has collapsed. of_last: [2] those of the last two methods; NULL: not wanted. */
-static int run_boxes(const settings *s, const char *name, double metres, double degrees, int32_t *of_last)
+/* Each method on the same starts; how many boxes it has collapsed. of_last: [2] those of the
+ * last two methods; NULL: not wanted. */
+static int run_boxes(const settings *s, const char *name, double metres, double degrees,
+                     int32_t *of_last)
 {
     static const bench_virtual_method methods[] = {
         {"default with hypotheses", 1, 1, BENCH_SPRINGS, 30 * BENCH_VIRTUAL_UNIT},
@@ -192,7 +206,8 @@ static int run_lies(const settings *s, const bench_virtual_scene *rooms, lie_cou
                 done = bench_virtual_run(&p, &methods[s->as_written], s->steps, &out);
             }
             if (done) {
-                *(told ? &of->right_with : &of->right_without) += bench_virtual_score(&p, 4 * BENCH_VIRTUAL_UNIT);
+                *(told ? &of->right_with : &of->right_without) +=
+                    bench_virtual_score(&p, 4 * BENCH_VIRTUAL_UNIT);
                 of->believed += p.believed;
                 of->scans += told ? p.observable : 0;
             }
@@ -242,19 +257,23 @@ static int run_detector(const settings *s, const char *name, detector find)
     return 1;
 }
 
-/* Rooms, lies, arenas and boxes by algorithm 2; methods: with hypotheses, without, without from another sigma. */
-static int run_as_written(const settings *s, const bench_virtual_scene *rooms, const bench_virtual_scene *rubble,
-                          const bench_virtual_method *methods)
+/* Rooms, lies, arenas and boxes by algorithm 2; methods: with hypotheses, without, without from
+ * another sigma. */
+static int run_as_written(const settings *s, const bench_virtual_scene *rooms,
+                          const bench_virtual_scene *rubble, const bench_virtual_method *methods)
 {
-    static const bench_virtual_method in_rubble[] = {{"gradient with hypotheses", 0, 1, BENCH_FIELD_AS_WRITTEN, 0},
-                                                     {"gradient without", 0, 0, BENCH_FIELD_AS_WRITTEN, 0}};
+    static const bench_virtual_method in_rubble[] = {
+        {"gradient with hypotheses", 0, 1, BENCH_FIELD_AS_WRITTEN, 0},
+        {"gradient without", 0, 0, BENCH_FIELD_AS_WRITTEN, 0}};
     bench_virtual_row of_rooms[3] = {{0}}, of_rubble[2] = {{0}};
     int32_t collapsed[2] = {0};
     lie_counts of_lies = {0};
 
-    if ((s->boxes > 0 && (!run_boxes(s, "box", 0.1, 5, collapsed) || !run_boxes(s, "box far off", 0.3, 15, NULL))) ||
+    if ((s->boxes > 0 && (!run_boxes(s, "box", 0.1, 5, collapsed) ||
+                          !run_boxes(s, "box far off", 0.3, 15, NULL))) ||
         (s->lies > 0 && !run_lies(s, rooms, &of_lies)) ||
-        (s->seeds > 0 && !run_scene(s, rooms, s->seeds, methods, 3, 4 * BENCH_VIRTUAL_UNIT, of_rooms)) ||
+        (s->seeds > 0 &&
+         !run_scene(s, rooms, s->seeds, methods, 3, 4 * BENCH_VIRTUAL_UNIT, of_rooms)) ||
         (s->arenas > 0 && !run_scene(s, rubble, s->arenas, in_rubble, 2, 0.05, of_rubble)))
         return 0;
     bench_json_begin("virtual");
@@ -262,7 +281,8 @@ static int run_as_written(const settings *s, const bench_virtual_scene *rooms, c
     bench_json_true("as_written");
     print_gradient(of_rooms);
     bench_json_number("rubble_share_with", (double)of_rubble[0].aligned / of_rubble[0].observable);
-    bench_json_number("rubble_share_without", (double)of_rubble[1].aligned / of_rubble[1].observable);
+    bench_json_number("rubble_share_without",
+                      (double)of_rubble[1].aligned / of_rubble[1].observable);
     bench_json_number("rubble_rms_with_m", sqrt(of_rubble[0].squares / of_rubble[0].hits));
     bench_json_number("rubble_rms_without_m", sqrt(of_rubble[1].squares / of_rubble[1].hits));
     bench_json_integer("boxes_collapsed_with", collapsed[0]);
@@ -275,7 +295,8 @@ static int run_as_written(const settings *s, const bench_virtual_scene *rooms, c
 
 int main(int argc, char **argv)
 {
-    static const bench_virtual_scene rooms = {"rooms", SIM_ROOMS, 5, 1, 360, 25 * BENCH_VIRTUAL_UNIT, 15};
+    static const bench_virtual_scene rooms = {
+        "rooms", SIM_ROOMS, 5, 1, 360, 25 * BENCH_VIRTUAL_UNIT, 15};
     static const bench_virtual_scene rubble = {"rubble", SIM_RESCUE, 15, 4, 100, 0.3, 20};
     static const bench_virtual_scene narrow = {"rescue110", SIM_RESCUE, 15, 4, 110, 0.3, 20};
     static const bench_virtual_scene curved = {"round", SIM_ROUND, 15, 4, 100, 0.3, 20};
@@ -295,20 +316,22 @@ int main(int argc, char **argv)
     settings s = {100, 1, 20, 100, 200, 20, 20, 0, 0};
     const option table[] = {
         OPTION_INTEGER("--seeds", &s.seeds, 0, 1000, "N", "rooms to align"),
-        OPTION_INTEGER("--arenas", &s.arenas, 0, 1000, "N", "arenas with rubble, and with round walls, to align"),
+        OPTION_INTEGER("--arenas", &s.arenas, 0, 1000, "N",
+                       "arenas with rubble, and with round walls, to align"),
         OPTION_INTEGER("--halls", &s.halls, 0, 1000, "N", "halls, and rooms far off, to align"),
         OPTION_INTEGER("--scenes", &s.scenes, 0, 100000, "N", "scenes for the detectors alone"),
         OPTION_INTEGER("--boxes", &s.boxes, 0, 1000, "N", "boxes seen from two sides"),
         OPTION_INTEGER("--lies", &s.lies, 0, 1000, "N", "rooms with a false hypothesis"),
         OPTION_INTEGER("--seed", &s.seed, 0, 1000000000, "N", "first seed"),
         OPTION_FLAG("--as-written", &s.as_written,
-                    "algorithm 2 as written alone, with hypotheses and without: rooms, boxes, lies, arenas"),
+                    "algorithm 2 as written alone, with hypotheses and without: rooms, boxes, "
+                    "lies, arenas"),
         OPTION_FLAG("--steps", &s.steps, "print the hypotheses of every step"),
     };
-    const option_set set = {"bench/virtual", "[options]", "Measures what virtual scans are worth.", table,
-                            sizeof table / sizeof *table};
-    bench_virtual_row in_rooms[5] = {{0}}, in_rubble[3] = {{0}}, in_narrow[2] = {{0}}, in_round[2] = {{0}},
-                      in_halls[3] = {{0}}, in_far[3] = {{0}};
+    const option_set set = {"bench/virtual", "[options]", "Measures what virtual scans are worth.",
+                            table, sizeof table / sizeof *table};
+    bench_virtual_row in_rooms[5] = {{0}}, in_rubble[3] = {{0}}, in_narrow[2] = {{0}},
+                      in_round[2] = {{0}}, in_halls[3] = {{0}}, in_far[3] = {{0}};
     lie_counts of_lies = {0};
     size_t none = 0;
     option_result result = options_read(&set, argc, argv, NULL, &none);
@@ -320,10 +343,12 @@ int main(int argc, char **argv)
     if (s.scenes > 0 && (!run_detector(&s, "detector of rectangles", bench_rectangles_find) ||
                          !run_detector(&s, "detector of ellipses", bench_guess_ellipses)))
         return 1;
-    if ((s.boxes > 0 && (!run_boxes(&s, "box", 0.1, 5, NULL) || !run_boxes(&s, "box far off", 0.3, 15, NULL))) ||
+    if ((s.boxes > 0 &&
+         (!run_boxes(&s, "box", 0.1, 5, NULL) || !run_boxes(&s, "box far off", 0.3, 15, NULL))) ||
         (s.lies > 0 && !run_lies(&s, &rooms, &of_lies)))
         return 1;
-    if (s.seeds > 0 && !run_scene(&s, &rooms, s.seeds, rooms_methods, 5, 4 * BENCH_VIRTUAL_UNIT, in_rooms))
+    if (s.seeds > 0 &&
+        !run_scene(&s, &rooms, s.seeds, rooms_methods, 5, 4 * BENCH_VIRTUAL_UNIT, in_rooms))
         return 1;
     if (s.halls > 0 && (!run_scene(&s, &halls, s.halls, long_methods, 3, 0.05, in_halls) ||
                         !run_scene(&s, &far_off, s.halls, long_methods, 3, 0.05, in_far)))
@@ -338,7 +363,8 @@ int main(int argc, char **argv)
     bench_json_number("default_without_ok", (double)in_rooms[1].right / in_rooms[1].seeds);
     print_gradient(in_rooms + 2);
     bench_json_number("rubble_share_with", (double)in_rubble[0].aligned / in_rubble[0].observable);
-    bench_json_number("rubble_share_without", (double)in_rubble[1].aligned / in_rubble[1].observable);
+    bench_json_number("rubble_share_without",
+                      (double)in_rubble[1].aligned / in_rubble[1].observable);
     bench_json_number("halls_share_with", (double)in_halls[0].aligned / in_halls[0].observable);
     bench_json_number("halls_share_without", (double)in_halls[1].aligned / in_halls[1].observable);
     bench_json_number("far_off_share_with", (double)in_far[0].aligned / in_far[0].observable);
@@ -347,8 +373,9 @@ int main(int argc, char **argv)
     bench_json_number("round_share_without", (double)in_round[1].aligned / in_round[1].observable);
     bench_json_number("rescue110_rms_with_m", sqrt(in_narrow[0].squares / in_narrow[0].hits));
     bench_json_number("rescue110_rms_without_m", sqrt(in_narrow[1].squares / in_narrow[1].hits));
-    bench_json_number("active", (double)(in_rooms[0].active + in_rooms[2].active + in_rubble[0].active) /
-                                    (in_rooms[0].iterations + in_rooms[2].iterations + in_rubble[0].iterations));
+    bench_json_number(
+        "active", (double)(in_rooms[0].active + in_rooms[2].active + in_rubble[0].active) /
+                      (in_rooms[0].iterations + in_rooms[2].iterations + in_rubble[0].iterations));
     bench_json_number("rooms_active", (double)in_rooms[0].active / in_rooms[0].iterations);
     bench_json_number("rubble_active", (double)in_rubble[0].active / in_rubble[0].iterations);
     bench_json_integer("rubble_iterations", in_rubble[0].iterations);

@@ -1,4 +1,5 @@
-/* The desktop as a board: what the loop prints goes to standard output, the recording nowhere, and nothing is measured. */
+/* The desktop as a board: what the loop prints goes to standard output, the recording nowhere,
+ * and nothing is measured. */
 #include <stdio.h>
 #include <stdlib.h>
 

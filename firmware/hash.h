@@ -8,7 +8,8 @@
 
 enum { HASH_START = INT32_C(0x1c9dc511) };
 
-/* The hash so far with so many bytes more, of which those beyond the last whole word of 4 do not count: FNV-1a over words. */
+/* The hash so far with so many bytes more, of which those beyond the last whole word of 4 do not
+ * count: FNV-1a over words. */
 static inline uint32_t hash_words(uint32_t hash, const void *data, size_t bytes)
 {
     const unsigned char *at = (const unsigned char *)data;

@@ -1,11 +1,12 @@
-/* Method: a point p of the later scan on a segment with normal n of the first one has the error e = n (P p - a), with the
- * relative pose P. A small motion d in the frame of the later scan turns it into e + (n', p x n') d, n' being n in that
- * frame. One Gauss-Newton step for each pair, with robust weights (Cauchy) and the given relative pose as a prior, gives the
- * measured pose P d, and its normal equations are the information that a pose graph wants: both in the frame of the later
+/* Method: a point p of the later scan on a segment with normal n of the first one has the error e =
+ * n (P p - a), with the relative pose P. A small motion d in the frame of the later scan turns it
+ * into e + (n', p x n') d, n' being n in that frame. One Gauss-Newton step for each pair, with
+ * robust weights (Cauchy) and the given relative pose as a prior, gives the measured pose P d, and
+ * its normal equations are the information that a pose graph wants: both in the frame of the later
  * scan.
  *
- * Limits: errors of points count as independent, so that covariances are those of good segments; a wall taken for another
- * within the gate is not found out here. */
+ * Limits: errors of points count as independent, so that covariances are those of good segments;
+ * a wall taken for another within the gate is not found out here. */
 #include "src/core/build.h"
 
 #include <string.h>
@@ -127,8 +128,8 @@ static cairn_status begin_round(joint *x)
     return status;
 }
 
-cairn_status joint_begin(joint *x, const cairn_scan_set *set, const cairn_pose *map_scan, const uint8_t *held,
-                         int32_t count)
+cairn_status joint_begin(joint *x, const cairn_scan_set *set, const cairn_pose *map_scan,
+                         const uint8_t *held, int32_t count)
 {
     if (count < 1)
         return CAIRN_EMPTY;
@@ -152,7 +153,10 @@ typedef struct wall {
 
 static wall wall_of(const cairn_scan_set_segment *segment)
 {
-    wall w = {segment->segment.a, cairn_vec2_unit(cairn_vec2_sub(segment->segment.b, segment->segment.a)), {0, 0}, 0};
+    wall w = {segment->segment.a,
+              cairn_vec2_unit(cairn_vec2_sub(segment->segment.b, segment->segment.a)),
+              {0, 0},
+              0};
 
     w.normal = cairn_vec2_left(w.along);
     w.length = cairn_vec2_dot(w.along, cairn_vec2_sub(segment->segment.b, segment->segment.a));
@@ -160,7 +164,8 @@ static wall wall_of(const cairn_scan_set_segment *segment)
 }
 
 /* 1 when some points of the segment may lie on the other one. */
-static int may_share(const joint *x, const cairn_scan_set_segment *segment, const cairn_scan_set_segment *other)
+static int may_share(const joint *x, const cairn_scan_set_segment *segment,
+                     const cairn_scan_set_segment *other)
 {
     cairn_vec2 direction = cairn_transform_direction(x->transform, segment->direction);
     cairn_vec2 a, b, normal = cairn_vec2_left(other->direction);
@@ -178,7 +183,8 @@ static int may_share(const joint *x, const cairn_scan_set_segment *segment, cons
 static void add_point(joint *x, const wall *w, cairn_vec2 p)
 {
     cairn_vec2 from_start = cairn_vec2_sub(cairn_transform_point(x->transform, p), w->start), n;
-    cairn_real along = cairn_vec2_dot(w->along, from_start), error = cairn_vec2_dot(w->normal, from_start);
+    cairn_real along = cairn_vec2_dot(w->along, from_start),
+               error = cairn_vec2_dot(w->normal, from_start);
     cairn_real sigma = x->params.sigma, width = 3 * sigma, row[3], weight;
 
     if (!(along >= 0 && along <= w->length && cairn_abs(error) <= x->params.gate))
@@ -195,12 +201,13 @@ static void add_point(joint *x, const wall *w, cairn_vec2 p)
     x->points++;
 }
 
-/* Compares a few segments of the first scan with one of the later scan; adds the points of the first that may share a wall
- * with it. Returns the units. */
+/* Compares a few segments of the first scan with one of the later scan; adds the points of the
+ * first that may share a wall with it. Returns the units. */
 static int32_t look(joint *x)
 {
     const cairn_scan_set_segment *segment = &x->set->segments[x->segment];
-    int32_t count = segment->end_point - segment->first_point, end = first_scan(x)->end_segment, shared = -1;
+    int32_t count = segment->end_point - segment->first_point, end = first_scan(x)->end_segment,
+            shared = -1;
 
     for (int32_t i = 0; i < COMPARED && x->other < end && shared < 0; i++, x->other++)
         if (may_share(x, segment, &x->set->segments[x->other]))
@@ -231,13 +238,15 @@ static cairn_status add_link(joint *x)
     cairn_pose measured;
     cairn_status status;
 
-    if ((x->points < x->params.min_points && x->apart > 1) || !cairn_sym3_solve(x->information, x->gradient, step))
+    if ((x->points < x->params.min_points && x->apart > 1) ||
+        !cairn_sym3_solve(x->information, x->gradient, step))
         return CAIRN_OK;
     measured.x = -step[0];
     measured.y = -step[1];
     measured.theta = -step[2];
-    status = cairn_pose_graph_add_link(x->graph, x->first, x->first + x->apart,
-                                       cairn_pose_compose(x->first_second, measured), x->information);
+    status =
+        cairn_pose_graph_add_link(x->graph, x->first, x->first + x->apart,
+                                  cairn_pose_compose(x->first_second, measured), x->information);
     return status == CAIRN_FULL && x->apart > 1 ? CAIRN_OK : status;
 }
 

@@ -1,6 +1,7 @@
 /* The loop of a robot: every tick calls one step with a budget; now and then a sweep has arrived.
  *
- * Prints the poses, the hash of all states, and what the ticks cost; writes the flight recorder's stream. */
+ * Prints the poses, the hash of all states, and what the ticks cost; writes the flight
+ * recorder's stream. */
 #include "src/core/build.h"
 
 #include "firmware/board.h"

@@ -1,10 +1,11 @@
-/* The loop of a robot that maps as it drives: every tick calls one step with a budget; a sweep arrives at fixed times, and is
- * lost when the one before it still waits.
+/* The loop of a robot that maps as it drives: every tick calls one step with a budget; a sweep
+ * arrives at fixed times, and is lost when the one before it still waits.
  *
- * The robot drives there and back again, lap after lap: the ranges have new noise and the odometry drifts on every time. Prints
- * for each lap what it took and how far its poses are from those of the second one; at the end the poses of the key scans, how
- * many sweeps were taken, refused and lost, the hash of all states, and what the ticks cost. Ends with status 1 when a sweep was
- * refused, lost, or mapped elsewhere than in the second lap. */
+ * The robot drives there and back again, lap after lap: the ranges have new noise and the
+ * odometry drifts on every time. Prints for each lap what it took and how far its poses are from
+ * those of the second one; at the end the poses of the key scans, how many sweeps were taken,
+ * refused and lost, the hash of all states, and what the ticks cost. Ends with status 1 when a
+ * sweep was refused, lost, or mapped elsewhere than in the second lap. */
 #include "src/core/build.h"
 
 #include "cairn/random.h"
@@ -63,7 +64,8 @@ static cairn_real off(drive *d, cairn_real most)
 static cairn_pose odometry_at(drive *d, cairn_pose recorded)
 {
     cairn_pose moved = cairn_pose_between(d->recorded, recorded);
-    cairn_real way = cairn_sqrt(moved.x * moved.x + moved.y * moved.y), slip = (cairn_real)the_survey.slip;
+    cairn_real way = cairn_sqrt(moved.x * moved.x + moved.y * moved.y),
+               slip = (cairn_real)the_survey.slip;
 
     moved.x += off(d, slip * way);
     moved.y += off(d, slip * way);
@@ -87,7 +89,8 @@ static int32_t arrive(drive *d, surveyor *s)
     d->due += (uint32_t)the_survey.arrival;
     if (!s->waits) {
         for (int32_t i = 0; i < recorded->count; i++)
-            d->range[i] = recorded->range[i] + the_survey.noise * (float)cairn_random_normal(&d->random);
+            d->range[i] =
+                recorded->range[i] + the_survey.noise * (float)cairn_random_normal(&d->random);
         d->waiting = d->arrived;
     }
     d->arrived++;
@@ -120,7 +123,8 @@ static void print_lap(const surveyor *s)
 static void count_mapped(const surveyor *s, int32_t number)
 {
     int32_t lap = number / the_survey.sweep_count;
-    cairn_pose pose = cairn_mapper_read(s->mapper).map_scan, *second = &second_lap[place_of(number)];
+    cairn_pose pose = cairn_mapper_read(s->mapper).map_scan,
+               *second = &second_lap[place_of(number)];
     cairn_real x, y, away;
 
     if (lap != the_lap.number) {
@@ -141,7 +145,8 @@ static void count_mapped(const surveyor *s, int32_t number)
 static void print_map(const surveyor *s, int32_t refused, int32_t lost)
 {
     cairn_mapper_state state = cairn_mapper_measure(s->mapper);
-    int32_t counts[7] = {s->taken, refused, lost, (int32_t)state.predicted, state.keys, state.loops, state.releases};
+    int32_t counts[7] = {s->taken,   refused,     lost,          (int32_t)state.predicted,
+                         state.keys, state.loops, state.releases};
 
     for (int32_t key = 0; key < state.keys; key++) {
         cairn_pose pose = cairn_mapper_key_pose(s->mapper, key);

@@ -1,4 +1,5 @@
-/* mission: what the robot of a program is to do: the sweeps that arrive, how often, the capacities, the memory. */
+/* mission: what the robot of a program is to do: the sweeps that arrive, how often, the
+ * capacities, the memory. */
 #ifndef CAIRN_FIRMWARE_MISSION_H
 #define CAIRN_FIRMWARE_MISSION_H
 

@@ -3,7 +3,15 @@
 
 #include "arena_scans.h"
 
-enum { SCANS = 60, BEAMS = 401, POINTS = 5200, SEGMENTS = 900, CORNERS = 256, WIDTH = 80, HEIGHT = 80 };
+enum {
+    SCANS = 60,
+    BEAMS = 401,
+    POINTS = 5200,
+    SEGMENTS = 900,
+    CORNERS = 256,
+    WIDTH = 80,
+    HEIGHT = 80
+};
 
 /* Of the joint solution. */
 enum { LINKS = 340, FILL = 560 };

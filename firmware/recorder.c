@@ -23,7 +23,8 @@ static void flush_ticks(recorder *out)
     out->ticks = 0;
 }
 
-void recorder_begin(recorder *out, recorder_sink *sink, void *context, const robot_params *params, size_t memory)
+void recorder_begin(recorder *out, recorder_sink *sink, void *context, const robot_params *params,
+                    size_t memory)
 {
     out->sink = sink;
     out->context = context;

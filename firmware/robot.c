@@ -1,5 +1,6 @@
-/* Limits: the poses that come with the sweeps must be near enough for the force field; the grid is drawn again and again,
- * and may be read between two drawings only as a whole that is still growing. */
+/* Limits: the poses that come with the sweeps must be near enough for the force field; the grid
+ * is drawn again and again, and may be read between two drawings only as a whole that is still
+ * growing. */
 #include "src/core/build.h"
 
 #include <string.h>
@@ -115,11 +116,14 @@ static cairn_status solve(robot *r, cairn_budget *budget)
     return status;
 }
 
-/* A beam without a return is free up to the greatest range. Costs a unit for each side of a cell along it, and four. */
-static cairn_status draw_beam(robot *r, const robot_sweep *sweep, cairn_pose pose, int32_t beam, cairn_budget *budget)
+/* A beam without a return is free up to the greatest range. Costs a unit for each side of a cell
+ * along it, and four. */
+static cairn_status draw_beam(robot *r, const robot_sweep *sweep, cairn_pose pose, int32_t beam,
+                              cairn_budget *budget)
 {
     cairn_real range = (cairn_real)sweep->range[beam], most = (cairn_real)r->params.range_max;
-    cairn_real angle = pose.theta + (cairn_real)sweep->angle_min + (cairn_real)beam * (cairn_real)sweep->angle_step;
+    cairn_real angle = pose.theta + (cairn_real)sweep->angle_min +
+                       (cairn_real)beam * (cairn_real)sweep->angle_step;
     cairn_real length = cairn_min(range, most), sine, cosine;
     cairn_vec2 from = {pose.x, pose.y}, to;
 

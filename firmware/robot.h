@@ -1,10 +1,11 @@
-/* robot: the library in the loop of a robot, apart from any machine: inputs, ticks with a budget, results.
+/* robot: the library in the loop of a robot, apart from any machine: inputs, ticks with a budget,
+ * results.
  *
- * Scans are offered one after another, and every tick does one bounded step of one of: take in a scan (add), its line fit
- * (fit), the alignment of all scans that have come (pair), the joint solution of all poses once they are aligned (solve),
- * drawing the scans into the grid at their best poses so far (grid).
- * What happens is a function of the offers and the budgets of the ticks, so that a recording of them (recorder.h) can be
- * played back to the same bits. */
+ * Scans are offered one after another, and every tick does one bounded step of one of: take in a
+ * scan (add), its line fit (fit), the alignment of all scans that have come (pair), the joint
+ * solution of all poses once they are aligned (solve), drawing the scans into the grid at their
+ * best poses so far (grid). What happens is a function of the offers and the budgets of the
+ * ticks, so that a recording of them (recorder.h) can be played back to the same bits. */
 #ifndef CAIRN_FIRMWARE_ROBOT_H
 #define CAIRN_FIRMWARE_ROBOT_H
 
@@ -60,25 +61,29 @@ typedef struct robot {
     uint32_t ticks;
 } robot;
 
-/* All objects in the memory. Statuses of the objects' _create(), CAIRN_BAD_ARGUMENT: more than ROBOT_SCANS scans. */
-CAIRN_CHECKED cairn_status robot_create(robot *r, void *memory, size_t bytes, const robot_params *params);
+/* All objects in the memory. Statuses of the objects' _create(), CAIRN_BAD_ARGUMENT: more than
+ * ROBOT_SCANS scans. */
+CAIRN_CHECKED cairn_status robot_create(robot *r, void *memory, size_t bytes,
+                                        const robot_params *params);
 
-/* Offers the next sweep, whose ranges must stay; it is taken in by a tick to come. CAIRN_MORE: the one before has not been
- * taken in yet, or its line fit is under way; nothing was done. CAIRN_FULL. */
+/* Offers the next sweep, whose ranges must stay; it is taken in by a tick to come. CAIRN_MORE:
+ * the one before has not been taken in yet, or its line fit is under way; nothing was done.
+ * CAIRN_FULL. */
 CAIRN_CHECKED cairn_status robot_offer(robot *r, const robot_sweep *sweep);
 
 /* No more sweeps will come. */
 void robot_finish(robot *r);
 
-/* One step. CAIRN_OK: all is solved and drawn and no sweep will come. CAIRN_MORE: go on. Negative: what the step said. */
+/* One step. CAIRN_OK: all is solved and drawn and no sweep will come. CAIRN_MORE: go on.
+ * Negative: what the step said. */
 CAIRN_CHECKED cairn_status robot_tick(robot *r, cairn_budget *budget, robot_work *work);
 
-/* The best pose so far of a scan, 0 <= scan < cairn_force_field_pose_count(r->field): that of the joint solution when there
- * is one of all scans, else the field's. */
+/* The best pose so far of a scan, 0 <= scan < cairn_force_field_pose_count(r->field): that of
+ * the joint solution when there is one of all scans, else the field's. */
 cairn_pose robot_pose(const robot *r, int32_t scan);
 
-/* The hash so far, at first HASH_START, with the raw bytes of all poses and covariances, the potential and all cells of the
- * grid. */
+/* The hash so far, at first HASH_START, with the raw bytes of all poses and covariances, the
+ * potential and all cells of the grid. */
 uint32_t robot_hash(const robot *r, uint32_t hash);
 
 #endif

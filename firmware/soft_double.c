@@ -1,15 +1,17 @@
 /* Addition and subtraction of doubles for Cortex-M without a double FPU, correctly rounded.
  *
- * Those of libgcc 12 misround some differences whose exponents lie 32 or more apart (1 - 0x1.a1eb82fb9e934p-33 comes out one
- * unit low), so that programs in double would not have the bits of other machines. The linker puts these in their place
- * (--wrap). Programs in float need nothing of this.
+ * Those of libgcc 12 misround some differences whose exponents lie 32 or more apart (1 -
+ * 0x1.a1eb82fb9e934p-33 comes out one unit low), so that programs in double would not have the bits
+ * of other machines. The linker puts these in their place (--wrap). Programs in float need nothing
+ * of this.
  *
- * Method: both numbers as integers with 3 more bits below, the last of which is sticky; the sum is normalised and rounded
- * half to even. */
+ * Method: both numbers as integers with 3 more bits below, the last of which is sticky; the sum
+ * is normalised and rounded half to even. */
 #include <stdint.h>
 #include <string.h>
 
-/* The helpers of the compiler take their arguments in core registers whatever the program's convention is. */
+/* The helpers of the compiler take their arguments in core registers whatever the program's
+ * convention is. */
 #define HELPER __attribute__((pcs("aapcs")))
 
 HELPER double __wrap___aeabi_dadd(double a, double b);
@@ -37,7 +39,8 @@ static double number(uint64_t bits)
     return x;
 }
 
-/* x without its sign as mantissa * 2^(exponent - 1075); subnormal numbers have the least exponent, 1. */
+/* x without its sign as mantissa * 2^(exponent - 1075); subnormal numbers have the least
+ * exponent, 1. */
 static uint64_t mantissa_of(uint64_t magnitude, int32_t *exponent)
 {
     *exponent = (int32_t)(magnitude >> 52);

@@ -1,5 +1,5 @@
-/* Drives through an apartment and back: sweeps of 241 beams over 240 degrees with drifting odometry, mapped in external
- * RAM, with room for a third of the key scans of one way. */
+/* Drives through an apartment and back: sweeps of 241 beams over 240 degrees with drifting
+ * odometry, mapped in external RAM, with room for a third of the key scans of one way. */
 #include "src/core/build.h"
 
 #include "apartment_scans.h"
@@ -11,8 +11,12 @@ static SURVEY_EXTERNAL _Alignas(CAIRN_ALIGN) unsigned char memory[1536 * 1024];
 
 void survey_read(survey *out)
 {
-    static const survey apartment = {
-        .name = "apartment", .laps = 3, .noise = 0.01f, .slip = 0.05f, .arrival = 250, .budget = 1000};
+    static const survey apartment = {.name = "apartment",
+                                     .laps = 3,
+                                     .noise = 0.01f,
+                                     .slip = 0.05f,
+                                     .arrival = 250,
+                                     .budget = 1000};
 
     *out = apartment;
     out->sweeps = recorded;

@@ -1,4 +1,5 @@
-// arena: from options to bodies, edges and free space; the part of the C header that is about arenas.
+// arena: from options to bodies, edges and free space; the part of the C header that is about
+// arenas.
 #include "sim/arena_parts.h"
 
 #include <algorithm>
@@ -16,15 +17,18 @@ struct Scene {
 };
 
 const Scene scenes[SIM_SCENES] = {
-    {"rescue", "rooms, collapsed walls, boxes and heaps of rubble", lay_out_rescue, 12, 10, 6, 6, 15},
+    {"rescue", "rooms, collapsed walls, boxes and heaps of rubble", lay_out_rescue, 12, 10, 6, 6,
+     15},
     {"maze", "corridors 1.25 m apart with a few loops", lay_out_maze, 10, 10, 5, 5, 16},
     {"rooms", "four rectangular rooms on a hallway", lay_out_rooms, 12, 9, 9, 7.5, 5},
     {"apartment", "furnished rooms on both sides of a hall", lay_out_apartment, 16, 8, 13, 7, 20},
-    {"office", "a loop of corridors with rooms inside and outside", lay_out_office, 20, 14, 16, 12, 24},
+    {"office", "a loop of corridors with rooms inside and outside", lay_out_office, 20, 14, 16, 12,
+     24},
     {"corridor", "one straight corridor, the same all along", lay_out_corridor, 24, 2, 4, 1.2, 8},
     {"twins", "two identical rooms on one corridor", lay_out_twins, 14, 6.5, 11, 5.5, 10},
     {"mirror", "corridors that are their own mirror image", lay_out_mirror, 14, 10, 10, 8, 12},
-    {"round", "no straight wall: a ring, arcs, pillars, round rubble", lay_out_round, 10, 10, 6, 6, 12},
+    {"round", "no straight wall: a ring, arcs, pillars, round rubble", lay_out_round, 10, 10, 6, 6,
+     12},
 };
 constexpr double most_side = 60;
 
@@ -76,8 +80,8 @@ bool within(Fault &fault, const char *name, double value, double low, double hig
     if (value >= low && value <= high)
         return true;
     if (fault.text)
-        snprintf(fault.text, fault.size, "%s is %.9g%s%s, expected %.9g to %.9g", name, value, *unit ? " " : "", unit,
-                 low, high);
+        snprintf(fault.text, fault.size, "%s is %.9g%s%s, expected %.9g to %.9g", name, value,
+                 *unit ? " " : "", unit, low, high);
     return false;
 }
 
@@ -98,12 +102,14 @@ static std::vector<sim_edge> edges_of(const std::vector<Body> &bodies, std::vect
 
             edges.push_back({a, b, {-along.y / whole, along.x / whole}, 0, index, body.curved});
         }
-        table.push_back({body.kind, first, (int32_t)edges.size() - first, body.centre, body.angle, body.radius});
+        table.push_back({body.kind, first, (int32_t)edges.size() - first, body.centre, body.angle,
+                         body.radius});
     }
     return edges;
 }
 
-// Rubble cuts no room off: where it does, what lies on the shortest way into the room is taken away.
+// Rubble cuts no room off: where it does, what lies on the shortest way into the room is taken
+// away.
 static void clear_ways(Layout &layout, double angle)
 {
     Layout standing = layout;
@@ -128,11 +134,13 @@ static void clear_ways(Layout &layout, double angle)
                 return false;
             for (size_t i = 0; i + 1 < way.size(); i++)
                 for (int part = 0; part < 50; part++)
-                    if (distance(body, way[i] + (way[i + 1] - way[i]) * (part * 0.02)) < free_clearance + 0.05)
+                    if (distance(body, way[i] + (way[i + 1] - way[i]) * (part * 0.02)) <
+                        free_clearance + 0.05)
                         return true;
             return false;
         };
-        layout.bodies.erase(std::remove_if(layout.bodies.begin(), layout.bodies.end(), blocks), layout.bodies.end());
+        layout.bodies.erase(std::remove_if(layout.bodies.begin(), layout.bodies.end(), blocks),
+                            layout.bodies.end());
     }
 }
 
@@ -161,7 +169,8 @@ sim_arena *sim_arena_create(const sim_arena_options *given, char *fault_text, si
     }
     if (!within(fault, "width", options.width, scene.least_width, most_side, "m") ||
         !within(fault, "height", options.height, scene.least_height, most_side, "m") ||
-        !within(fault, "turn", options.turn, -1000, 1000, "rad") || !within(fault, "rubble", options.rubble, 0, 3, ""))
+        !within(fault, "turn", options.turn, -1000, 1000, "rad") ||
+        !within(fault, "rubble", options.rubble, 0, 3, ""))
         return NULL;
 
     Layout layout(options.width, options.height, options.rubble, options.seed);

@@ -1,13 +1,15 @@
 /* arena: simulated arenas and what a range scanner sees in them.
  *
- * An arena is a Box2D world seen from above: walls 0.1 m thick, furniture, and rubble that was scattered and settled, so
- * that it lies at all angles. A survey sends a robot through an arena and takes scans, with the truth of every beam. Both
- * are functions of their options alone: the same options give the same bytes, in the double and in the float build.
- * Random numbers come from streams of their own for the world, the places, the drive and every scan, so that more noise
- * or more movers change neither the arena nor the places.
+ * An arena is a Box2D world seen from above: walls 0.1 m thick, furniture, and rubble that was
+ * scattered and settled, so that it lies at all angles. A survey sends a robot through an arena and
+ * takes scans, with the truth of every beam. Both are functions of their options alone: the same
+ * options give the same bytes, in the double and in the float build. Random numbers come from
+ * streams of their own for the world, the places, the drive and every scan, so that more noise or
+ * more movers change neither the arena nor the places.
  *
- * Numbers are double in both builds. Metres, radians, counter-clockwise. The arena's centre is the origin of the world
- * frame. An arena does not change once it is there: threads may share it. */
+ * Numbers are double in both builds. Metres, radians, counter-clockwise. The arena's centre is
+ * the origin of the world frame. An arena does not change once it is there: threads may share
+ * it. */
 #ifndef CAIRN_SIM_ARENA_H
 #define CAIRN_SIM_ARENA_H
 
@@ -31,15 +33,24 @@ typedef struct sim_pose {
 /* Scenes. Each has a default size, a smallest size and a default number of places. */
 typedef int32_t sim_scene;
 enum {
-    SIM_RESCUE = 0,    /* rooms, collapsed walls, boxes and heaps of rubble */
-    SIM_MAZE = 1,      /* corridors 1.25 m apart with a few loops */
-    SIM_ROOMS = 2,     /* four rectangular rooms on a hallway (Adluru 2008, chapter 8; 400 units of 0.03 m) */
-    SIM_APARTMENT = 3, /* furnished rooms on both sides of a hall */
-    SIM_OFFICE = 4,    /* a loop of corridors with furnished rooms inside and outside of it */
-    SIM_CORRIDOR = 5,  /* one straight corridor: the position along it is not observable */
-    SIM_TWINS = 6,     /* two identical rooms on one corridor */
-    SIM_MIRROR = 7,    /* corridors that are their own mirror image */
-    SIM_ROUND = 8,     /* no straight wall: a ring, arcs, pillars and round rubble */
+    /* rooms, collapsed walls, boxes and heaps of rubble */
+    SIM_RESCUE = 0,
+    /* corridors 1.25 m apart with a few loops */
+    SIM_MAZE = 1,
+    /* four rectangular rooms on a hallway (Adluru 2008, chapter 8; 400 units of 0.03 m) */
+    SIM_ROOMS = 2,
+    /* furnished rooms on both sides of a hall */
+    SIM_APARTMENT = 3,
+    /* a loop of corridors with furnished rooms inside and outside of it */
+    SIM_OFFICE = 4,
+    /* one straight corridor: the position along it is not observable */
+    SIM_CORRIDOR = 5,
+    /* two identical rooms on one corridor */
+    SIM_TWINS = 6,
+    /* corridors that are their own mirror image */
+    SIM_MIRROR = 7,
+    /* no straight wall: a ring, arcs, pillars and round rubble */
+    SIM_ROUND = 8,
     SIM_SCENES = 9
 };
 
@@ -77,7 +88,8 @@ typedef struct sim_body {
     double radius; /* of a disc (which has one edge); 0: a polygon */
 } sim_body;
 
-/* A flat side of a body, free side on the left of a -> b. Or a whole disc: radius > 0, a = b = its centre, normal 0. */
+/* A flat side of a body, free side on the left of a -> b. Or a whole disc: radius > 0, a = b =
+ * its centre, normal 0. */
 typedef struct sim_edge {
     sim_point a, b;
     sim_point normal; /* unit, outward */
@@ -88,7 +100,8 @@ typedef struct sim_edge {
 
 typedef struct sim_arena sim_arena;
 
-/* An arena, or NULL and a line in `fault` ("width is 2 m, expected 6 to 60"). fault: [fault_size], may be NULL. */
+/* An arena, or NULL and a line in `fault` ("width is 2 m, expected 6 to 60"). fault:
+ * [fault_size], may be NULL. */
 sim_arena *sim_arena_create(const sim_arena_options *options, char *fault, size_t fault_size);
 void sim_arena_free(sim_arena *arena); /* NULL is fine */
 
@@ -100,8 +113,8 @@ const sim_edge *sim_arena_edges(const sim_arena *arena, int32_t *count);
 /* Distance from a point to the nearest body in m; negative inside a body. */
 double sim_arena_clearance(const sim_arena *arena, sim_point point);
 
-/* Free space that a robot can reach: 1 when the point lies, within the 0.1 m of a grid cell, in the largest connected part
- * of the arena that keeps 0.3 m from all bodies. */
+/* Free space that a robot can reach: 1 when the point lies, within the 0.1 m of a grid cell, in
+ * the largest connected part of the arena that keeps 0.3 m from all bodies. */
 int32_t sim_arena_reachable(const sim_arena *arena, sim_point point);
 
 /* What a beam hit, other than an edge (>= 0). */
@@ -114,83 +127,125 @@ enum {
 
 /* One sweep. Beam i looks along angle_min + i * angle_step in the frame of the sensor. */
 typedef struct sim_scan {
-    const float *range;  /* [count] m; +inf: no return; NaN: dropped. Returns lie in [range_min, range_max) */
-    const int32_t *edge; /* [count] edge of the arena, or one of SIM_NOTHING ... */
+    /* [count] m; +inf: no return; NaN: dropped. Returns lie in [range_min, range_max) */
+    const float *range;
+    /* [count] edge of the arena, or one of SIM_NOTHING ... */
+    const int32_t *edge;
     int32_t count;
-    int32_t place, heading;       /* index of the place and of the heading there; -1 on a drive and at given poses */
-    double angle_min, angle_step; /* rad */
+    /* index of the place and of the heading there; -1 on a drive and at given poses */
+    int32_t place, heading;
+    /* rad */
+    double angle_min, angle_step;
     double range_min, range_max, range_sigma;
-    int32_t tilted;           /* 1: part of the sweep saw the floor */
-    sim_pose base_sensor;     /* where the sensor sits on the robot */
-    sim_pose truth;           /* world_base at the first beam */
-    sim_pose motion;          /* the base at the last beam seen from the base at the first, true */
-    sim_pose odometry;        /* as truth, but drifting; starts at the truth */
-    sim_pose odometry_motion; /* as motion, by odometry */
-    double speed, turn_rate;  /* m/s and rad/s at the first beam */
-    int64_t stamp_ns;         /* first beam */
+    /* 1: part of the sweep saw the floor */
+    int32_t tilted;
+    /* where the sensor sits on the robot */
+    sim_pose base_sensor;
+    /* world_base at the first beam */
+    sim_pose truth;
+    /* the base at the last beam seen from the base at the first, true */
+    sim_pose motion;
+    /* as truth, but drifting; starts at the truth */
+    sim_pose odometry;
+    /* as motion, by odometry */
+    sim_pose odometry_motion;
+    /* m/s and rad/s at the first beam */
+    double speed, turn_rate;
+    /* first beam */
+    int64_t stamp_ns;
 } sim_scan;
 
 typedef struct sim_survey_options {
     uint64_t seed;
 
-    /* Where: `places` free positions with `headings` scans each. Or a drive: `drive` scans along a tour of the places. */
-    int32_t places;         /* 1 ... 1000; 0: the scene's own */
-    int32_t headings;       /* per place, evenly around the circle: 1 ... 64 */
-    double jitter_position; /* m: sensor positions of one place are at most this far apart, 0 ... 1 */
-    double jitter_heading;  /* rad: headings are off the even ones by at most half of this, 0 ... 2 pi */
-    int32_t drive;          /* scans of a drive; 0: scans at places */
-    double drive_distance;  /* m and ... */
-    double drive_turn;      /* ... rad: a drive scans when it has moved or turned by this much */
+    /* Where: `places` free positions with `headings` scans each. Or a drive: `drive` scans along
+     * a tour of the places. */
+    /* 1 ... 1000; 0: the scene's own */
+    int32_t places;
+    /* per place, evenly around the circle: 1 ... 64 */
+    int32_t headings;
+    /* m: sensor positions of one place are at most this far apart, 0 ... 1 */
+    double jitter_position;
+    /* rad: headings are off the even ones by at most half of this, 0 ... 2 pi */
+    double jitter_heading;
+    /* scans of a drive; 0: scans at places */
+    int32_t drive;
+    /* m and ... */
+    double drive_distance;
+    /* ... rad: a drive scans when it has moved or turned by this much */
+    double drive_turn;
 
     /* Scanner. */
-    int32_t beams;               /* 2 ... 100000 */
-    double fov;                  /* rad, 0 < fov <= 2 pi; a full circle has its first beam once */
-    double range_min, range_max; /* m */
-    double noise;                /* m, standard deviation of a range */
-    double dropout;              /* share of beams that give nothing, 0 ... 1 */
-    double tilt;                 /* share of beams that read short on the floor, in runs, 0 ... 0.3 */
-    double scan_time;            /* s from the first to the last beam, 0 ... 2; beam i is cast at its own time */
-    double sweep_speed;          /* m/s and ... */
-    double sweep_turn;           /* ... rad/s: scans at places move by up to this while they sweep, at most 0.2 m */
-    sim_pose base_sensor;        /* at most 0.15 m from the middle of the robot */
-    int32_t movers;              /* bodies that walk about, 0 ... 100 */
-    double crowd; /* share of the beams of every scan at a place that end on people who stand about, others at
-                                  * each scan, 0 ... 0.5 */
+    /* 2 ... 100000 */
+    int32_t beams;
+    /* rad, 0 < fov <= 2 pi; a full circle has its first beam once */
+    double fov;
+    /* m */
+    double range_min, range_max;
+    /* m, standard deviation of a range */
+    double noise;
+    /* share of beams that give nothing, 0 ... 1 */
+    double dropout;
+    /* share of beams that read short on the floor, in runs, 0 ... 0.3 */
+    double tilt;
+    /* s from the first to the last beam, 0 ... 2; beam i is cast at its own time */
+    double scan_time;
+    /* m/s and ... */
+    double sweep_speed;
+    /* ... rad/s: scans at places move by up to this while they sweep, at most 0.2 m */
+    double sweep_turn;
+    /* at most 0.15 m from the middle of the robot */
+    sim_pose base_sensor;
+    /* bodies that walk about, 0 ... 100 */
+    int32_t movers;
+    /* share of the beams of every scan at a place that end on people who stand about, others at
+     * each scan, 0 ... 0.5 */
+    double crowd;
 
-    /* Odometry: what wheels report. Random parts are standard deviations that grow with the root of the way. */
+    /* Odometry: what wheels report. Random parts are standard deviations that grow with the root
+     * of the way. */
     double slip_distance; /* m per root m */
     double slip_turn;     /* rad per root rad */
     double slip_drift;    /* rad of heading per root m */
     double bias_scale;    /* share by which distance and turn are off all the way, uniform +- */
     double bias_drift;    /* rad per m of heading, all the way, uniform +- */
 
-    int32_t same_headings; /* 1: every place has the headings of the first one, as by a compass; 0: each its own */
+    /* 1: every place has the headings of the first one, as by a compass; 0: each its own */
+    int32_t same_headings;
 } sim_survey_options;
 
-/* The scene's places x 4 headings of 100 degrees, 401 beams, 1 cm noise, 8 m, positions of a place 0.15 m apart. */
+/* The scene's places x 4 headings of 100 degrees, 401 beams, 1 cm noise, 8 m, positions of a
+ * place 0.15 m apart. */
 sim_survey_options sim_survey_default(void);
 
 typedef struct sim_survey sim_survey;
 
 /* Scans of an arena, or NULL and a line in `fault`. The arena must outlive the survey. */
-sim_survey *sim_survey_create(const sim_arena *arena, const sim_survey_options *options, char *fault,
-                              size_t fault_size);
+sim_survey *sim_survey_create(const sim_arena *arena, const sim_survey_options *options,
+                              char *fault, size_t fault_size);
 
-/* Scans from given poses of the base (poses: [count]), each moving at the same speed and turn rate while it sweeps;
- * `places`, `headings`, `drive` and the jitter do not count. No pose may have its sensor inside a body. */
-sim_survey *sim_survey_at(const sim_arena *arena, const sim_survey_options *options, const sim_pose *poses,
-                          int32_t count, double speed, double turn_rate, char *fault, size_t fault_size);
+/* Scans from given poses of the base (poses: [count]), each moving at the same speed and turn
+ * rate while it sweeps; `places`, `headings`, `drive` and the jitter do not count. No pose may
+ * have its sensor inside a body. */
+sim_survey *sim_survey_at(const sim_arena *arena, const sim_survey_options *options,
+                          const sim_pose *poses, int32_t count, double speed, double turn_rate,
+                          char *fault, size_t fault_size);
 void sim_survey_free(sim_survey *survey); /* NULL is fine */
 
 sim_survey_options sim_survey_options_of(const sim_survey *survey);
 const sim_arena *sim_survey_arena(const sim_survey *survey);
 const sim_scan *sim_survey_scans(const sim_survey *survey, int32_t *count);
-const sim_point *sim_survey_places(const sim_survey *survey, int32_t *count); /* in the order of the tour */
-const sim_pose *sim_survey_path(const sim_survey *survey, int32_t *count);    /* the robot's way, true */
-int32_t sim_survey_bumps(const sim_survey *survey); /* times the driving robot ran into something */
+/* in the order of the tour */
+const sim_point *sim_survey_places(const sim_survey *survey, int32_t *count);
+/* the robot's way, true */
+const sim_pose *sim_survey_path(const sim_survey *survey, int32_t *count);
+/* times the driving robot ran into something */
+int32_t sim_survey_bumps(const sim_survey *survey);
 
-/* poses[i] = truth of scan i, disturbed uniformly by +-metres in x and y and +-radians. poses: [scans]. */
-void sim_survey_disturb(const sim_survey *survey, uint64_t seed, double metres, double radians, sim_pose *poses);
+/* poses[i] = truth of scan i, disturbed uniformly by +-metres in x and y and +-radians. poses:
+ * [scans]. */
+void sim_survey_disturb(const sim_survey *survey, uint64_t seed, double metres, double radians,
+                        sim_pose *poses);
 
 /* A scan for the library. The arrays stay the survey's. */
 static inline cairn_scan_input sim_scan_input(const sim_scan *scan)

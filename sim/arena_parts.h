@@ -17,10 +17,12 @@ struct Fault {
 };
 
 // True when low <= value <= high; otherwise (NaN included) says so in the fault.
-bool within(Fault &fault, const char *name, double value, double low, double high, const char *unit);
+bool within(Fault &fault, const char *name, double value, double low, double high,
+            const char *unit);
 
-// Free positions that together see the arena: the scene's own ones first, then each the one that adds most to what is
-// seen while it still sees enough of it. In the order of a short tour. Fewer than `count` when there is no room.
+// Free positions that together see the arena: the scene's own ones first, then each the one that
+// adds most to what is seen while it still sees enough of it. In the order of a short tour. Fewer
+// than `count` when there is no room.
 std::vector<sim_point> choose_places(const sim_arena &arena, int count, uint64_t seed);
 
 } // namespace sim

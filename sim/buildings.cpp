@@ -9,13 +9,16 @@ namespace sim
 void hang_door(Layout &layout, sim_point at, double width, bool along_x, bool upward)
 {
     double leaf = width - 0.06, swing = layout.random.uniform(1.2, 1.55);
-    sim_point hinge = along_x ? sim_point{at.x - width / 2, at.y} : sim_point{at.x, at.y - width / 2};
+    sim_point hinge =
+        along_x ? sim_point{at.x - width / 2, at.y} : sim_point{at.x, at.y - width / 2};
     double closed = along_x ? 0 : pi / 2, angle;
 
     // The leaf opens toward +y (a wall along x) or +x (a wall along y) when upward.
     angle = along_x == upward ? closed + swing : closed - swing;
-    hinge = hinge + (along_x ? sim_point{0.02, upward ? 0.06 : -0.06} : sim_point{upward ? 0.06 : -0.06, 0.02});
-    layout.bodies.push_back(make_box(SIM_FURNITURE, hinge + direction(angle) * (leaf / 2), leaf, 0.04, angle));
+    hinge = hinge + (along_x ? sim_point{0.02, upward ? 0.06 : -0.06}
+                             : sim_point{upward ? 0.06 : -0.06, 0.02});
+    layout.bodies.push_back(
+        make_box(SIM_FURNITURE, hinge + direction(angle) * (leaf / 2), leaf, 0.04, angle));
 }
 
 // A box with its back to a wall of the room: tries sides and positions until one is free.
@@ -24,7 +27,8 @@ static bool against_wall(Layout &layout, const Rect &room, double along, double 
     for (int attempt = 0; attempt < 30; attempt++) {
         int side = layout.random.below(4);
         bool along_x = side < 2;
-        double span = along_x ? room.width() : room.height(), inset = wall_thickness / 2 + 0.015 + deep / 2;
+        double span = along_x ? room.width() : room.height(),
+               inset = wall_thickness / 2 + 0.015 + deep / 2;
         double from = along / 2 + 0.07, t = from + (span - 2 * from) * layout.random.unit();
         sim_point centre;
 
@@ -40,10 +44,12 @@ static bool against_wall(Layout &layout, const Rect &room, double along, double 
     return false;
 }
 
-static bool in_the_open(Layout &layout, const Rect &room, double along, double across, double room_about)
+static bool in_the_open(Layout &layout, const Rect &room, double along, double across,
+                        double room_about)
 {
     for (int attempt = 0; attempt < 30; attempt++) {
-        double x = layout.random.uniform(room.x0, room.x1), y = layout.random.uniform(room.y0, room.y1);
+        double x = layout.random.uniform(room.x0, room.x1),
+               y = layout.random.uniform(room.y0, room.y1);
         double angle = layout.random.uniform(-0.15, 0.15);
 
         if (layout.put(make_box(SIM_FURNITURE, {x, y}, along, across, angle), room_about))
@@ -59,13 +65,15 @@ static void chairs_about(Layout &layout, const Rect &room, int count)
     double x = table.vertices[2].x, y = table.vertices[2].y;
 
     for (int i = 0; i < count; i++) {
-        double off = 0.26 + layout.random.uniform(0.02, 0.2), along = layout.random.uniform(-0.7, 0.7);
+        double off = 0.26 + layout.random.uniform(0.02, 0.2),
+               along = layout.random.uniform(-0.7, 0.7);
         double angle = table.angle + layout.random.uniform(-0.5, 0.5);
         sim_point at = i % 2 ? sim_point{along * x, i % 4 == 1 ? y + off : -y - off}
                              : sim_point{i % 4 == 0 ? x + off : -x - off, along * y};
 
         at = table.centre + turned(at, table.angle);
-        if (at.x > room.x0 + 0.35 && at.x < room.x1 - 0.35 && at.y > room.y0 + 0.35 && at.y < room.y1 - 0.35)
+        if (at.x > room.x0 + 0.35 && at.x < room.x1 - 0.35 && at.y > room.y0 + 0.35 &&
+            at.y < room.y1 - 0.35)
             layout.put(make_box(SIM_FURNITURE, at, 0.42, 0.42, angle), 0.01);
     }
 }
@@ -153,7 +161,8 @@ static void row_of_rooms(Layout &layout, const Rect &row, std::vector<Cell> cell
     for (const Rect &room : rooms) {
         double width = layout.random.uniform(0.9, 1.0), margin = 0.25 + width / 2;
 
-        openings.push_back({layout.random.uniform(room.x0 + margin, room.x1 - margin) - row.x0, width, true});
+        openings.push_back(
+            {layout.random.uniform(room.x0 + margin, room.x1 - margin) - row.x0, width, true});
     }
     layout.wall({row.x0, wall}, {row.x1, wall}, openings);
     for (const Opening &opening : openings)
@@ -169,10 +178,11 @@ void lay_out_apartment(Layout &layout)
     Rect whole = {0, 0, w, h};
 
     layout.walls(whole);
-    row_of_rooms(layout, {0, high, w, h}, {{6, Use::living}, {4, Use::kitchen}, {2.6, Use::bath}, {3.6, Use::study}},
-                 true);
+    row_of_rooms(layout, {0, high, w, h},
+                 {{6, Use::living}, {4, Use::kitchen}, {2.6, Use::bath}, {3.6, Use::study}}, true);
     row_of_rooms(layout, {0, 0, w, low},
-                 {{4.4, Use::bedroom}, {4.2, Use::bedroom}, {4.2, Use::study}, {2.4, Use::store}}, false);
+                 {{4.4, Use::bedroom}, {4.2, Use::bedroom}, {4.2, Use::study}, {2.4, Use::store}},
+                 false);
     against_wall(layout, {0, low, w, high}, 0.9, 0.25);
     for (int i = 0; i < 8; i++) {
         double x = layout.loose.uniform(0, w), y = layout.loose.uniform(0, h);

@@ -48,7 +48,8 @@ double Crowd::covered(sim_pose sensor) const
     int32_t hits = 0;
 
     for (int32_t i = 0; i < options.beams; i++) {
-        Hit hit = world.cast({sensor.x, sensor.y}, sensor.theta - options.fov / 2 + i * step, options.range_max);
+        Hit hit = world.cast({sensor.x, sensor.y}, sensor.theta - options.fov / 2 + i * step,
+                             options.range_max);
 
         hits += hit.any && hit.body == hit_mover;
     }
@@ -62,7 +63,8 @@ void Crowd::gather(const sim_pose &sensor)
 
     for (size_t i = 0; i < people.size(); i++)
         send_away(i);
-    for (int attempt = 0; attempt < attempts_most && placed < people.size() && share < options.crowd; attempt++) {
+    for (int attempt = 0;
+         attempt < attempts_most && placed < people.size() && share < options.crowd; attempt++) {
         if (!place_one(sensor, placed))
             continue;
         double now = covered(sensor);

@@ -1,4 +1,5 @@
-// crowd: people who stand about the robot and hide a share of what each scan would see, other ones at every scan.
+// crowd: people who stand about the robot and hide a share of what each scan would see, other ones
+// at every scan.
 #ifndef CAIRN_SIM_CROWD_H
 #define CAIRN_SIM_CROWD_H
 
@@ -14,8 +15,8 @@ class Crowd
   public:
     Crowd(World &world, const sim_arena &arena, const sim_survey_options &options);
 
-    // Places people so that at least the share of the beams from this sensor end on them, and at most a quarter more where
-    // there is room for that; sends all others away.
+    // Places people so that at least the share of the beams from this sensor end on them, and at
+    // most a quarter more where there is room for that; sends all others away.
     void gather(const sim_pose &sensor);
 
   private:

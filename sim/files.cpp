@@ -10,7 +10,8 @@ static Text &pose_into(Text &text, sim_pose pose)
     return text << pose.x << " " << pose.y << " " << pose.theta;
 }
 
-int32_t sim_write_log(const sim_survey *survey, const sim_pose *poses, const char *command, FILE *file)
+int32_t sim_write_log(const sim_survey *survey, const sim_pose *poses, const char *command,
+                      FILE *file)
 {
     sim_survey_options o = sim_survey_options_of(survey);
     sim_arena_options a = sim_arena_options_of(sim_survey_arena(survey));
@@ -19,17 +20,21 @@ int32_t sim_write_log(const sim_survey *survey, const sim_pose *poses, const cha
     const sim_scan *scans = sim_survey_scans(survey, &count);
     Text text;
 
-    text << "# cairn-arena: " << sim_scene_name(a.scene) << ", " << a.width << " x " << a.height << " m, seed "
-         << a.seed << "\n";
+    text << "# cairn-arena: " << sim_scene_name(a.scene) << ", " << a.width << " x " << a.height
+         << " m, seed " << a.seed << "\n";
     if (command)
         text << "# " << command << "\n";
-    text << "# m, rad, s. Poses: " << (poses ? "the truth, disturbed" : "odometry that drifts") << ". "
+    text << "# m, rad, s. Poses: " << (poses ? "the truth, disturbed" : "odometry that drifts")
+         << ". "
          << "A beam that met nothing reads " << o.range_max << ", a beam that was lost reads 0.\n";
     if (half_turn)
-        text << "# FLASER n range... laser_x laser_y laser_theta odom_x odom_y odom_theta stamp host logger_stamp\n";
+        text << "# FLASER n range... laser_x laser_y laser_theta odom_x odom_y odom_theta stamp "
+                "host logger_stamp\n";
     else
-        text << "# ROBOTLASER1 type start_angle fov resolution max_range accuracy remission_mode n range... 0 "
-                "laser_x laser_y laser_theta robot_x robot_y robot_theta tv rv safety safety turn_axis stamp host "
+        text << "# ROBOTLASER1 type start_angle fov resolution max_range accuracy remission_mode n "
+                "range... 0 "
+                "laser_x laser_y laser_theta robot_x robot_y robot_theta tv rv safety safety "
+                "turn_axis stamp host "
                 "logger_stamp\n";
     text << "# ODOM x y theta tv rv accel stamp host logger_stamp\n";
     text << "PARAM robot_frontlaser_offset " << o.base_sensor.x << " nohost 0\n";
@@ -45,8 +50,8 @@ int32_t sim_write_log(const sim_survey *survey, const sim_pose *poses, const cha
         if (half_turn)
             text << "FLASER ";
         else
-            text << "ROBOTLASER1 0 " << scan.angle_min << " " << o.fov << " " << scan.angle_step << " "
-                 << scan.range_max << " " << scan.range_sigma << " 0 ";
+            text << "ROBOTLASER1 0 " << scan.angle_min << " " << o.fov << " " << scan.angle_step
+                 << " " << scan.range_max << " " << scan.range_sigma << " 0 ";
         text << scan.count;
         for (int32_t k = 0; k < scan.count; k++) {
             double range = (double)scan.range[k];
@@ -75,7 +80,8 @@ int32_t sim_write_truth(const sim_survey *survey, FILE *file)
         text << i << ",";
         text.digits(scans[i].truth.x, 17) << ",";
         text.digits(scans[i].truth.y, 17) << ",";
-        text.digits(scans[i].truth.theta, 17) << "," << scans[i].place << "," << scans[i].heading << ",";
+        text.digits(scans[i].truth.theta, 17)
+            << "," << scans[i].place << "," << scans[i].heading << ",";
         text.digits((double)scans[i].stamp_ns * 1e-9, 17) << "\n";
     }
     return text.write(file);
@@ -91,23 +97,25 @@ int32_t sim_write_json(const sim_arena *arena, FILE *file)
     Text text;
 
     text << "{\n  \"scene\": \"" << sim_scene_name(o.scene) << "\",\n  \"seed\": " << o.seed
-         << ",\n  \"width_m\": " << o.width << ",\n  \"height_m\": " << o.height << ",\n  \"turn_rad\": ";
+         << ",\n  \"width_m\": " << o.width << ",\n  \"height_m\": " << o.height
+         << ",\n  \"turn_rad\": ";
     text.digits(o.turn, 17) << ",\n  \"rubble\": " << o.rubble << ",\n  \"bodies\": [\n";
     for (int32_t i = 0; i < body_count; i++) {
         const sim_body &b = bodies[i];
 
-        text << "    {\"id\": " << i << ", \"kind\": \"" << kinds[b.kind] << "\", \"first_edge\": " << b.first_edge
-             << ", \"edges\": " << b.edge_count << ", \"centre\": [" << b.centre.x << ", " << b.centre.y
-             << "], \"angle\": " << b.angle << ", \"radius\": " << b.radius << "}"
-             << (i + 1 < body_count ? ",\n" : "\n");
+        text << "    {\"id\": " << i << ", \"kind\": \"" << kinds[b.kind]
+             << "\", \"first_edge\": " << b.first_edge << ", \"edges\": " << b.edge_count
+             << ", \"centre\": [" << b.centre.x << ", " << b.centre.y << "], \"angle\": " << b.angle
+             << ", \"radius\": " << b.radius << "}" << (i + 1 < body_count ? ",\n" : "\n");
     }
     text << "  ],\n  \"edges\": [\n";
     for (int32_t i = 0; i < edge_count; i++) {
         const sim_edge &e = edges[i];
 
-        text << "    {\"id\": " << i << ", \"body\": " << e.body << ", \"a\": [" << e.a.x << ", " << e.a.y
-             << "], \"b\": [" << e.b.x << ", " << e.b.y << "], \"normal\": [" << e.normal.x << ", " << e.normal.y
-             << "], \"radius\": " << e.radius << ", \"curved\": " << (e.curved ? "true" : "false") << "}"
+        text << "    {\"id\": " << i << ", \"body\": " << e.body << ", \"a\": [" << e.a.x << ", "
+             << e.a.y << "], \"b\": [" << e.b.x << ", " << e.b.y << "], \"normal\": [" << e.normal.x
+             << ", " << e.normal.y << "], \"radius\": " << e.radius
+             << ", \"curved\": " << (e.curved ? "true" : "false") << "}"
              << (i + 1 < edge_count ? ",\n" : "\n");
     }
     text << "  ]\n}\n";

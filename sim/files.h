@@ -1,6 +1,7 @@
 /* files: a survey as text: a CARMEN log, the truth, the arena as JSON and as a picture.
  *
- * Numbers are written without the locale. All four return 0, or -1 when the file could not take it all. */
+ * Numbers are written without the locale. All four return 0, or -1 when the file could not take
+ * it all. */
 #ifndef CAIRN_SIM_FILES_H
 #define CAIRN_SIM_FILES_H
 
@@ -12,10 +13,12 @@
 extern "C" {
 #endif
 
-/* CARMEN log: comments, PARAM lines, then ODOM and FLASER (a field of view of 180 degrees) or ROBOTLASER1 (any other) per
- * scan. poses: [scans] for the log, NULL: the odometry. A beam without return is written as range_max, a dropped one as
+/* CARMEN log: comments, PARAM lines, then ODOM and FLASER (a field of view of 180 degrees) or
+ * ROBOTLASER1 (any other) per scan. poses: [scans] for the log, NULL: the odometry. A beam without
+ * return is written as range_max, a dropped one as
  * 0. command: a line for the comment, may be NULL. */
-int32_t sim_write_log(const sim_survey *survey, const sim_pose *poses, const char *command, FILE *file);
+int32_t sim_write_log(const sim_survey *survey, const sim_pose *poses, const char *command,
+                      FILE *file);
 
 /* index,x,y,theta,place,heading,stamp with 17 digits: m, rad, s. */
 int32_t sim_write_truth(const sim_survey *survey, FILE *file);

@@ -81,7 +81,8 @@ sim_point FreeSpace::middle(int32_t cell) const
 int32_t FreeSpace::cell_of(sim_point p) const
 {
     sim_point q = turned(p, {axis.x, -axis.y});
-    double column = std::floor((q.x + width / 2) / cell_side), row = std::floor((q.y + height / 2) / cell_side);
+    double column = std::floor((q.x + width / 2) / cell_side),
+           row = std::floor((q.y + height / 2) / cell_side);
 
     if (!(column >= 0 && row >= 0 && column < columns && row < rows))
         return -1;
@@ -107,8 +108,10 @@ int32_t FreeSpace::nearest_reachable(sim_point p) const
     return best;
 }
 
-// Dijkstra over eight neighbours; `to` < 0: all cells. Ways along walls cost more than those in the open.
-void FreeSpace::search(int32_t from, int32_t to, std::vector<double> &cost, std::vector<int32_t> &parent) const
+// Dijkstra over eight neighbours; `to` < 0: all cells. Ways along walls cost more than those in the
+// open.
+void FreeSpace::search(int32_t from, int32_t to, std::vector<double> &cost,
+                       std::vector<int32_t> &parent) const
 {
     using Entry = std::pair<double, int32_t>;
     std::priority_queue<Entry, std::vector<Entry>, std::greater<Entry>> queue;
@@ -126,7 +129,8 @@ void FreeSpace::search(int32_t from, int32_t to, std::vector<double> &cost, std:
         if (so_far > cost[(size_t)cell])
             continue;
         for (int step = 0; step < 9; step++) {
-            int32_t dc = step % 3 - 1, dr = step / 3 - 1, c = cell % columns + dc, r = cell / columns + dr;
+            int32_t dc = step % 3 - 1, dr = step / 3 - 1, c = cell % columns + dc,
+                    r = cell / columns + dr;
             size_t next = (size_t)(r * columns + c);
             double price;
 
@@ -178,7 +182,8 @@ std::vector<sim_point> FreeSpace::way(int32_t from, int32_t to) const
         size_t next = i + 1;
 
         // Straight legs of at most 2 m, so that the way keeps to the open.
-        while (next + 1 < cells.size() && next + 1 - i <= 20 && straight(middle(cells[i]), middle(cells[next + 1])))
+        while (next + 1 < cells.size() && next + 1 - i <= 20 &&
+               straight(middle(cells[i]), middle(cells[next + 1])))
             next++;
         way.push_back(middle(cells[next]));
         i = next;

@@ -1,5 +1,5 @@
-// free_space: where a robot can be: a grid of clearances in the frame of the scene, its largest connected part, and
-// shortest ways through it.
+// free_space: where a robot can be: a grid of clearances in the frame of the scene, its largest
+// connected part, and shortest ways through it.
 #ifndef CAIRN_SIM_FREE_SPACE_H
 #define CAIRN_SIM_FREE_SPACE_H
 
@@ -31,12 +31,14 @@ class FreeSpace
 
     // Length of the shortest way from a reachable cell to every cell; 1e9 where there is none.
     std::vector<double> distances(int32_t from) const;
-    // The way from one reachable cell to another, both included, with straight legs that keep clear.
+    // The way from one reachable cell to another, both included, with straight legs that keep
+    // clear.
     std::vector<sim_point> way(int32_t from, int32_t to) const;
 
   private:
     bool straight(sim_point a, sim_point b) const;
-    void search(int32_t from, int32_t to, std::vector<double> &cost, std::vector<int32_t> &parent) const;
+    void search(int32_t from, int32_t to, std::vector<double> &cost,
+                std::vector<int32_t> &parent) const;
 
     double width, height;
     sim_point axis; // of the scene's x in the world

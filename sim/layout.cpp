@@ -51,7 +51,8 @@ double Outline::distance(sim_point point) const
     if (radius > 0)
         return length(point - vertices[0]) - radius;
     for (size_t i = 0; i < vertices.size(); i++) {
-        sim_point a = vertices[i], side = vertices[i + 1 < vertices.size() ? i + 1 : 0] - a, from_a = point - a;
+        sim_point a = vertices[i], side = vertices[i + 1 < vertices.size() ? i + 1 : 0] - a,
+                  from_a = point - a;
         double t = std::clamp(dot(from_a, side) / dot(side, side), 0.0, 1.0);
         sim_point apart = from_a - side * t;
 
@@ -101,7 +102,8 @@ static Body piece(sim_point a, sim_point b, double at_a, double at_b)
     sim_point along = (b - a) * (1 / length(b - a));
     sim_point from = a - along * at_a, to = b + along * at_b;
 
-    return make_box(SIM_WALL, (from + to) * 0.5, length(to - from), wall_thickness, std::atan2(along.y, along.x));
+    return make_box(SIM_WALL, (from + to) * 0.5, length(to - from), wall_thickness,
+                    std::atan2(along.y, along.x));
 }
 
 void Layout::wall(sim_point a, sim_point b, std::vector<Opening> openings)
@@ -109,14 +111,16 @@ void Layout::wall(sim_point a, sim_point b, std::vector<Opening> openings)
     double whole = length(b - a), from = 0;
     sim_point along = (b - a) * (1 / whole);
 
-    std::sort(openings.begin(), openings.end(), [](const Opening &p, const Opening &q) { return p.at < q.at; });
+    std::sort(openings.begin(), openings.end(),
+              [](const Opening &p, const Opening &q) { return p.at < q.at; });
     for (const Opening &opening : openings) {
         double end = opening.at - opening.width / 2;
 
         if (opening.door)
             doors.push_back(a + along * opening.at);
         if (end - from > 0.02)
-            bodies.push_back(piece(a + along * from, a + along * end, from > 0 ? 0 : wall_overlap, 0));
+            bodies.push_back(
+                piece(a + along * from, a + along * end, from > 0 ? 0 : wall_overlap, 0));
         from = std::max(from, opening.at + opening.width / 2);
     }
     if (whole - from > 0.02)
@@ -153,7 +157,8 @@ bool Layout::put(const Body &body, double room)
         if (distance(body, door) < 0.65)
             return false;
     for (const Body &other : bodies)
-        if (length(other.centre - body.centre) < other.reach() + body.reach() + room && gap(other, body) < room)
+        if (length(other.centre - body.centre) < other.reach() + body.reach() + room &&
+            gap(other, body) < room)
             return false;
     bodies.push_back(body);
     return true;
@@ -164,8 +169,10 @@ void Layout::scatter(const Rect &within, Body body)
 {
     double reach = body.reach() + wall_thickness;
 
-    body.centre.x = std::clamp(body.centre.x, within.x0 + reach, std::max(within.x0 + reach, within.x1 - reach));
-    body.centre.y = std::clamp(body.centre.y, within.y0 + reach, std::max(within.y0 + reach, within.y1 - reach));
+    body.centre.x = std::clamp(body.centre.x, within.x0 + reach,
+                               std::max(within.x0 + reach, within.x1 - reach));
+    body.centre.y = std::clamp(body.centre.y, within.y0 + reach,
+                               std::max(within.y0 + reach, within.y1 - reach));
     if (!near_door(body.centre, 0.5 + body.reach()))
         bodies.push_back(body);
 }
@@ -205,7 +212,8 @@ void Layout::heap(const Rect &within, sim_point middle, double spread, int count
 void Layout::box_about(const Rect &within)
 {
     double x = loose.uniform(within.x0, within.x1), y = loose.uniform(within.y0, within.y1);
-    double along = loose.uniform(0.3, 0.8), across = loose.uniform(0.3, 0.6), angle = loose.uniform(-pi, pi);
+    double along = loose.uniform(0.3, 0.8), across = loose.uniform(0.3, 0.6),
+           angle = loose.uniform(-pi, pi);
 
     if (loose.chance(rubble / 1.5))
         scatter(within, make_box(SIM_BOX, {x, y}, along, across, angle));
@@ -218,7 +226,8 @@ void Layout::fallen_wall(const Rect &within, sim_point middle, int count)
         double x = loose.uniform(-0.6, 0.6), y = loose.uniform(-0.6, 0.6);
         double size = loose.uniform(0.4, 1.0), angle = loose.uniform(-pi, pi);
 
-        scatter(within, make_box(SIM_RUBBLE, middle + sim_point{x, y}, size, wall_thickness, angle));
+        scatter(within,
+                make_box(SIM_RUBBLE, middle + sim_point{x, y}, size, wall_thickness, angle));
     }
 }
 

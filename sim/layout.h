@@ -1,5 +1,5 @@
-// layout: the bodies of a scene while it is laid out, in the frame of the scene: (0, 0) lower left, (width, height) upper
-// right; later turned into the world.
+// layout: the bodies of a scene while it is laid out, in the frame of the scene: (0, 0) lower left,
+// (width, height) upper right; later turned into the world.
 #ifndef CAIRN_SIM_LAYOUT_H
 #define CAIRN_SIM_LAYOUT_H
 
@@ -11,7 +11,8 @@ namespace sim
 {
 
 constexpr double wall_thickness = 0.1;
-// How far a wall reaches past its ends: short of the far face of a wall it meets there, so that no two faces coincide.
+// How far a wall reaches past its ends: short of the far face of a wall it meets there, so that no
+// two faces coincide.
 constexpr double wall_overlap = 0.048;
 
 // A convex polygon (at most 8 vertices, counter-clockwise about its centre) or a disc.
@@ -23,7 +24,7 @@ struct Body {
     std::vector<sim_point> vertices;
     bool curved;
 
-    double reach() const;                   // radius of the circle about the centre that holds all of it
+    double reach() const; // radius of the circle about the centre that holds all of it
     std::vector<sim_point> outline() const; // vertices where the body lies; empty for a disc
     bool loose() const
     {
@@ -48,8 +49,8 @@ class Outline
 
 double distance(const Body &body, sim_point point); // the same, asked once
 
-// Gap between two bodies in m: exact when they overlap (then minus the depth by the separating axes), a lower bound of
-// the distance when they do not.
+// Gap between two bodies in m: exact when they overlap (then minus the depth by the separating
+// axes), a lower bound of the distance when they do not.
 double gap(const Body &a, const Body &b);
 
 struct Rect {
@@ -78,7 +79,8 @@ class Layout
 {
   public:
     Layout(double w, double h, double rubble_amount, uint64_t seed)
-        : width(w), height(h), rubble(rubble_amount), random(seed, layout_stream), loose(seed, rubble_stream)
+        : width(w), height(h), rubble(rubble_amount), random(seed, layout_stream),
+          loose(seed, rubble_stream)
     {
     }
 
@@ -86,9 +88,10 @@ class Layout
     double rubble;
     std::vector<Body> bodies;
     std::vector<sim_point> doors;
-    std::vector<sim_point> places; // given by the scene, in the order of the tour; others are chosen
-    Random random;                 // of what stands
-    Random loose;                  // of what lies
+    std::vector<sim_point>
+        places;    // given by the scene, in the order of the tour; others are chosen
+    Random random; // of what stands
+    Random loose;  // of what lies
 
     void wall(sim_point a, sim_point b, std::vector<Opening> openings = {});
     void walls(const Rect &rect);
@@ -121,13 +124,15 @@ void lay_out_round(Layout &layout);
 // Furniture for a room; `use` by name.
 enum class Use { living, kitchen, bedroom, bath, study, office, store };
 void furnish(Layout &layout, const Rect &room, Use use);
-// An opened leaf at the door `at` of a wall along x (or along y), hung on its lower end, into the room above or below it.
+// An opened leaf at the door `at` of a wall along x (or along y), hung on its lower end, into the
+// room above or below it.
 void hang_door(Layout &layout, sim_point at, double width, bool along_x, bool upward);
 
 // Turns the layout into the world frame: about its middle, which becomes the origin.
 void turn(Layout &layout, double angle);
 
-// Pushes loose bodies apart and lets them come to rest; takes away those that end up in walls, in doors or outside.
+// Pushes loose bodies apart and lets them come to rest; takes away those that end up in walls, in
+// doors or outside.
 void settle(Layout &layout, double angle);
 
 } // namespace sim

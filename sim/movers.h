@@ -15,7 +15,8 @@ class Movers
 
     // One time step of walking; the world is stepped by the caller.
     void step();
-    // Whoever stands within 0.6 m of the point is put elsewhere: a robot never stands inside someone.
+    // Whoever stands within 0.6 m of the point is put elsewhere: a robot never stands inside
+    // someone.
     void make_room(sim_point point);
     bool any() const
     {

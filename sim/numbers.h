@@ -1,4 +1,5 @@
-// numbers: random doubles from the library's integer stream, and poses in double, equal in both builds.
+// numbers: random doubles from the library's integer stream, and poses in double, equal in both
+// builds.
 #ifndef CAIRN_SIM_NUMBERS_H
 #define CAIRN_SIM_NUMBERS_H
 
@@ -141,7 +142,8 @@ inline sim_pose blend(const sim_pose &a, const sim_pose &b, double time)
     double along = std::abs(turn) > 1e-6 ? std::sin(part) / turn : time;
     double aside = std::abs(turn) > 1e-6 ? (1 - std::cos(part)) / turn : part * time / 2;
 
-    return compose(a, {along * velocity.x - aside * velocity.y, aside * velocity.x + along * velocity.y, part});
+    return compose(a, {along * velocity.x - aside * velocity.y,
+                       aside * velocity.x + along * velocity.y, part});
 }
 
 } // namespace sim

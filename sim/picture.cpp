@@ -43,11 +43,14 @@ class Picture
         text.fixed(h, 0)
             << "\">\n"
             << "<style>.floor{fill:#f7f5f0}.seen{fill:#9cc7e6}"
-               ".wall{fill:#33373d}.furniture{fill:#d8cbb2;stroke:#8d7d60}.box{fill:#d9a05b;stroke:#96662f}"
+               ".wall{fill:#33373d}.furniture{fill:#d8cbb2;stroke:#8d7d60}.box{fill:#d9a05b;stroke:"
+               "#96662f}"
                ".rubble{fill:#b3aca2;stroke:#7d776e}.way{fill:none;stroke:#2b6cb0;stroke-width:1.6;"
                "stroke-opacity:.75;stroke-dasharray:5 4;stroke-linejoin:round}"
-               ".look{stroke:#d1495b;stroke-width:2;stroke-linecap:round}.scan{fill:#d1495b;stroke:#fff}"
-               "text{font:15px sans-serif;fill:#33373d}.bar{stroke:#33373d;stroke-width:3}</style>\n"
+               ".look{stroke:#d1495b;stroke-width:2;stroke-linecap:round}.scan{fill:#d1495b;stroke:"
+               "#fff}"
+               "text{font:15px "
+               "sans-serif;fill:#33373d}.bar{stroke:#33373d;stroke-width:3}</style>\n"
             << "<rect width=\"100%\" height=\"100%\" fill=\"#fff\"/>\n";
         floor();
         seen();
@@ -88,7 +91,8 @@ class Picture
             size_t start = hull.size();
 
             for (sim_point p : points) {
-                while (hull.size() >= start + 2 && cross(hull.back() - hull[hull.size() - 2], p - hull.back()) <= 0)
+                while (hull.size() >= start + 2 &&
+                       cross(hull.back() - hull[hull.size() - 2], p - hull.back()) <= 0)
                     hull.pop_back();
                 hull.push_back(p);
             }
@@ -116,7 +120,8 @@ class Picture
             text.fixed(std::clamp(6.0 / count, 0.02, 0.12), 3) << "\" points=\"";
             point({sensor.x, sensor.y});
             for (int32_t k = 0; k < scan.count; k += every) {
-                double range = std::min((double)scan.range[k], scan.range_max), share = (double)k / (scan.count - 1);
+                double range = std::min((double)scan.range[k], scan.range_max),
+                       share = (double)k / (scan.count - 1);
                 double angle = scan.angle_min + k * scan.angle_step;
                 sim_pose base = blend(scan.truth, compose(scan.truth, scan.motion), share);
                 sim_pose beam = compose(compose(base, scan.base_sensor), {0, 0, angle});
@@ -192,9 +197,11 @@ class Picture
 
         sim_survey_scans(survey, &count);
         text << "<path class=\"bar\" d=\"M24 ";
-        text.fixed(h - 24, 0) << "h" << 2 * scale << "\"/>\n<text x=\"" << 34 + 2 * scale << "\" y=\"";
-        text.fixed(h - 19, 0) << "\">2 m &#160;&#160; " << sim_scene_name(o.scene) << ", " << o.width << " &#215; "
-                              << o.height << " m, seed " << o.seed << ", " << count << " scans</text>\n";
+        text.fixed(h - 24, 0) << "h" << 2 * scale << "\"/>\n<text x=\"" << 34 + 2 * scale
+                              << "\" y=\"";
+        text.fixed(h - 19, 0) << "\">2 m &#160;&#160; " << sim_scene_name(o.scene) << ", "
+                              << o.width << " &#215; " << o.height << " m, seed " << o.seed << ", "
+                              << count << " scans</text>\n";
     }
 
     const sim_survey *survey;

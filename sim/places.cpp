@@ -1,4 +1,5 @@
-// places: where to stand so that the scans together see the arena and neighbours see enough of the same.
+// places: where to stand so that the scans together see the arena and neighbours see enough of the
+// same.
 #include "sim/arena_parts.h"
 
 #include <algorithm>
@@ -7,7 +8,8 @@ namespace sim
 {
 
 constexpr int view_rays = 72;
-constexpr double view_range = 8, patch = 0.25; // m; a patch is a square of the plane with some surface in it
+constexpr double view_range = 8,
+                 patch = 0.25; // m; a patch is a square of the plane with some surface in it
 constexpr double least_apart = 0.3;
 
 // Patches of surface that are seen from a point.
@@ -21,7 +23,8 @@ static std::vector<int64_t> view_from(const World &world, sim_point from)
         sim_point p = from + direction(angle) * hit.range;
 
         if (hit.any)
-            view.push_back((int64_t)std::floor(p.x / patch) * 100000 + (int64_t)std::floor(p.y / patch));
+            view.push_back((int64_t)std::floor(p.x / patch) * 100000 +
+                           (int64_t)std::floor(p.y / patch));
     }
     std::sort(view.begin(), view.end());
     view.erase(std::unique(view.begin(), view.end()), view.end());
@@ -56,8 +59,10 @@ static void shorten_tour(const FreeSpace &space, std::vector<sim_point> &places)
         better = false;
         for (size_t i = 1; i + 1 < n; i++)
             for (size_t k = i + 1; k < n; k++) {
-                double before = apart[tour[i - 1]][tour[i]] + (k + 1 < n ? apart[tour[k]][tour[k + 1]] : 0);
-                double after = apart[tour[i - 1]][tour[k]] + (k + 1 < n ? apart[tour[i]][tour[k + 1]] : 0);
+                double before =
+                    apart[tour[i - 1]][tour[i]] + (k + 1 < n ? apart[tour[k]][tour[k + 1]] : 0);
+                double after =
+                    apart[tour[i - 1]][tour[k]] + (k + 1 < n ? apart[tour[i]][tour[k + 1]] : 0);
 
                 if (after < before - 1e-9) {
                     std::reverse(tour.begin() + (ptrdiff_t)i, tour.begin() + (ptrdiff_t)k + 1);

@@ -14,7 +14,8 @@ Wheels::Wheels(const sim_survey_options &o) : options(o), random(o.seed, odometr
 
 Move Wheels::slip(Move move)
 {
-    double root_distance = std::sqrt(std::abs(move.distance)), root_turn = std::sqrt(std::abs(move.turn));
+    double root_distance = std::sqrt(std::abs(move.distance)),
+           root_turn = std::sqrt(std::abs(move.turn));
     double distance = random.normal() * options.slip_distance * root_distance;
     double turn = random.normal() * options.slip_turn * root_turn;
     double drift = random.normal() * options.slip_drift * root_distance;
@@ -24,27 +25,30 @@ Move Wheels::slip(Move move)
 
 Move Wheels::report(Move move) const
 {
-    return {move.distance * (1 + distance_bias), move.turn * (1 + turn_bias) + std::abs(move.distance) * drift_bias};
+    return {move.distance * (1 + distance_bias),
+            move.turn * (1 + turn_bias) + std::abs(move.distance) * drift_bias};
 }
 
 // Along the chord of the arc.
 sim_pose moved(sim_pose pose, Move move)
 {
-    double half = move.turn / 2, chord = std::abs(half) > 1e-9 ? move.distance * std::sin(half) / half : move.distance;
+    double half = move.turn / 2,
+           chord = std::abs(half) > 1e-9 ? move.distance * std::sin(half) / half : move.distance;
     sim_point step = direction(pose.theta + half) * chord;
 
     return {pose.x + step.x, pose.y + step.y, wrap(pose.theta + move.turn)};
 }
 
 Driver::Driver(const FreeSpace &s, const std::vector<sim_point> &g, uint64_t seed)
-    : space(s), goals(g), random(seed, drive_stream), goal(0), leg(0), last(), stuck(0), back_off(0), failures(0),
-      back_turn(0), wander(0)
+    : space(s), goals(g), random(seed, drive_stream), goal(0), leg(0), last(), stuck(0),
+      back_off(0), failures(0), back_turn(0), wander(0)
 {
 }
 
 void Driver::plan(sim_pose pose)
 {
-    way = space.way(space.nearest_reachable({pose.x, pose.y}), space.nearest_reachable(goals[goal]));
+    way =
+        space.way(space.nearest_reachable({pose.x, pose.y}), space.nearest_reachable(goals[goal]));
     leg = 0;
 }
 
@@ -56,7 +60,8 @@ void Driver::command(sim_pose pose, double *speed, double *turn_rate)
     // The hand on the stick is off by some 0.13 rad for a second or so.
     wander = 0.98 * wander + 0.025 * random.normal();
     // Stuck: hardly any motion for half a second.
-    if (length(at - sim_point{last.x, last.y}) > 0.05 || std::abs(wrap(pose.theta - last.theta)) > 0.1) {
+    if (length(at - sim_point{last.x, last.y}) > 0.05 ||
+        std::abs(wrap(pose.theta - last.theta)) > 0.1) {
         last = pose;
         stuck = 0;
     } else if (++stuck * time_step > 0.5) {

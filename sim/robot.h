@@ -22,7 +22,7 @@ class Wheels
   public:
     Wheels(const sim_survey_options &options);
 
-    Move slip(Move move);         // what the ground makes of what the wheels do, or the other way round
+    Move slip(Move move); // what the ground makes of what the wheels do, or the other way round
     Move report(Move move) const; // what the odometry makes of what the wheels do
 
   private:
@@ -33,8 +33,8 @@ class Wheels
 
 sim_pose moved(sim_pose pose, Move move);
 
-// Drives through goals, round and round: plans a way to the next one, follows it with an unsteady hand,
-// backs off when it is stuck.
+// Drives through goals, round and round: plans a way to the next one, follows it with an unsteady
+// hand, backs off when it is stuck.
 class Driver
 {
   public:

@@ -1,7 +1,9 @@
-// rubble: loose bodies are scattered where they may overlap, kicked and pushed apart by Box2D until they rest.
+// rubble: loose bodies are scattered where they may overlap, kicked and pushed apart by Box2D until
+// they rest.
 //
-// Discs settle 5 mm larger than they are: Box2D lets bodies at rest overlap by that much, and keeps polygons apart by
-// skins of their own. What still overlaps, blocks a door or left the arena is taken away.
+// Discs settle 5 mm larger than they are: Box2D lets bodies at rest overlap by that much, and keeps
+// polygons apart by skins of their own. What still overlaps, blocks a door or left the arena is
+// taken away.
 #include "sim/world.h"
 
 #include <algorithm>
@@ -21,7 +23,8 @@ static bool at_rest(const std::vector<b2Body *> &pieces)
 }
 
 // True when the body lies well: inside the walls, in nobody, in no door.
-static bool lies_well(const Layout &layout, const Body &body, const std::vector<Body> &others, double angle)
+static bool lies_well(const Layout &layout, const Body &body, const std::vector<Body> &others,
+                      double angle)
 {
     sim_point p = turned(body.centre, -angle);
 
@@ -31,7 +34,8 @@ static bool lies_well(const Layout &layout, const Body &body, const std::vector<
         if (distance(body, door) < 0.45)
             return false;
     for (const Body &other : others)
-        if (length(other.centre - body.centre) < other.reach() + body.reach() && gap(other, body) < -slop * 0.8)
+        if (length(other.centre - body.centre) < other.reach() + body.reach() &&
+            gap(other, body) < -slop * 0.8)
             return false;
     return true;
 }
@@ -56,10 +60,12 @@ void settle(Layout &layout, double angle)
         pieces.back()->SetAngularDamping(3);
         loose.push_back(body);
     }
-    for (int step = 0; step < most_steps && !(step > kicks * steps_between_kicks && at_rest(pieces)); step++) {
+    for (int step = 0;
+         step < most_steps && !(step > kicks * steps_between_kicks && at_rest(pieces)); step++) {
         if (step < kicks * steps_between_kicks && step % steps_between_kicks == 0)
             for (b2Body *piece : pieces) {
-                double x = layout.loose.normal(), y = layout.loose.normal(), spin = layout.loose.normal();
+                double x = layout.loose.normal(), y = layout.loose.normal(),
+                       spin = layout.loose.normal();
 
                 piece->SetLinearVelocity(b2Vec2((float)(0.4 * x), (float)(0.4 * y)));
                 piece->SetAngularVelocity((float)(2 * spin));

@@ -36,7 +36,8 @@ void Scanner::begin(const State &state, int32_t number, double speed, double tur
     scan.speed = speed;
     scan.turn_rate = turn_rate;
     scan.stamp_ns = (int64_t)std::llround(state.time * 1e9);
-    sweep = {std::vector<float>((size_t)options.beams), std::vector<int32_t>((size_t)options.beams), scan};
+    sweep = {std::vector<float>((size_t)options.beams), std::vector<int32_t>((size_t)options.beams),
+             scan};
     range.assign((size_t)options.beams, 0);
     first = state;
     index = number;
@@ -77,20 +78,23 @@ bool Scanner::advance(const World &world, const State &before, const State &now)
         share = std::clamp(share, 0.0, 1.0);
         base = blend(before.truth, now.truth, share);
         sensor = compose(base, options.base_sensor);
-        hit = world.cast({sensor.x, sensor.y}, sensor.theta + sweep.scan.angle_min + next * sweep.scan.angle_step,
+        hit = world.cast({sensor.x, sensor.y},
+                         sensor.theta + sweep.scan.angle_min + next * sweep.scan.angle_step,
                          options.range_max);
         range[(size_t)next] = hit.range;
         sweep.edge[(size_t)next] = edge_of(hit);
         if (next + 1 == options.beams) {
             sweep.scan.motion = between(first.truth, base);
-            sweep.scan.odometry_motion = between(first.odometry, blend(before.odometry, now.odometry, share));
+            sweep.scan.odometry_motion =
+                between(first.odometry, blend(before.odometry, now.odometry, share));
         }
     }
     return true;
 }
 
-// A scanner that leans over by an angle a toward bearing b sees the floor in direction c at (height / tan a) / cos(c - b).
-// A run of beams about b reads so, short of all that stands there; the others of the sweep still clear the floor.
+// A scanner that leans over by an angle a toward bearing b sees the floor in direction c at (height
+// / tan a) / cos(c - b). A run of beams about b reads so, short of all that stands there; the
+// others of the sweep still clear the floor.
 void Scanner::tilt()
 {
     Random random = scan_random(options.seed, index, tilt_of_scan);

@@ -1,5 +1,5 @@
-// scanner: one sweep of beams through a world, each beam from where the sensor is at its own time; then what a real
-// scanner adds: noise, a tilt toward the floor, dropouts.
+// scanner: one sweep of beams through a world, each beam from where the sensor is at its own time;
+// then what a real scanner adds: noise, a tilt toward the floor, dropouts.
 #ifndef CAIRN_SIM_SCANNER_H
 #define CAIRN_SIM_SCANNER_H
 

@@ -23,15 +23,18 @@ bool on_segment(const Split &split, sim_point p)
 }
 } // namespace
 
-// Rooms by splitting the longer side again and again, until none can be split into sides of at least `smallest`.
-static std::vector<Rect> divide(Random &random, Rect whole, double smallest, std::vector<Split> &splits)
+// Rooms by splitting the longer side again and again, until none can be split into sides of at
+// least `smallest`.
+static std::vector<Rect> divide(Random &random, Rect whole, double smallest,
+                                std::vector<Split> &splits)
 {
     std::vector<Rect> open = {whole}, rooms;
 
     while (!open.empty()) {
         Rect room = open.back(), other = room;
         double ratio = room.width() / room.height();
-        bool upright = ratio > 1.25 || (ratio > 0.8 && random.chance(0.5)); // the new wall stands along y
+        bool upright =
+            ratio > 1.25 || (ratio > 0.8 && random.chance(0.5)); // the new wall stands along y
         double side = upright ? room.width() : room.height();
         Split split;
 
@@ -40,7 +43,8 @@ static std::vector<Rect> divide(Random &random, Rect whole, double smallest, std
             rooms.push_back(room);
             continue;
         }
-        double share = random.uniform(std::max(0.38, smallest / side), std::min(0.62, 1 - smallest / side));
+        double share =
+            random.uniform(std::max(0.38, smallest / side), std::min(0.62, 1 - smallest / side));
         if (upright) {
             room.x1 = other.x0 = room.x0 + share * side;
             split = {{room.x1, room.y0}, {room.x1, room.y1}, {}};
@@ -59,8 +63,8 @@ static std::vector<Rect> divide(Random &random, Rect whole, double smallest, std
     return rooms;
 }
 
-// Openings for a wall: one door at least, in the stretches between the walls that meet it. Long stretches without a door
-// may have come down in part.
+// Openings for a wall: one door at least, in the stretches between the walls that meet it. Long
+// stretches without a door may have come down in part.
 static std::vector<Opening> open_up(Layout &layout, Split &split, std::vector<sim_point> &breaks)
 {
     std::vector<Opening> openings;
@@ -77,7 +81,8 @@ static std::vector<Opening> open_up(Layout &layout, Split &split, std::vector<si
     size_t first = (size_t)layout.random.below((int)stretches.size());
     for (size_t k = 0; k < stretches.size(); k++) {
         auto [low, high] = stretches[(first + k) % stretches.size()];
-        bool door = k == 0 || layout.random.chance(0.35), fallen = !door && layout.random.chance(0.7);
+        bool door = k == 0 || layout.random.chance(0.35),
+             fallen = !door && layout.random.chance(0.7);
         double width = fallen ? layout.random.uniform(0.9, 1.6) : layout.random.uniform(0.95, 1.2);
         double edge = std::min(0.5, (high - low - width) / 2), room = high - low - width - 2 * edge;
         double at = low + edge + width / 2 + room * layout.random.unit();
@@ -107,14 +112,15 @@ void lay_out_rescue(Layout &layout)
 
         // Some rooms have a partition that stands askew.
         if (layout.random.chance(0.45))
-            layout.put(make_box(SIM_WALL, middle + sim_point{x * room.width(), y * room.height()}, size, wall_thickness,
-                                slant),
+            layout.put(make_box(SIM_WALL, middle + sim_point{x * room.width(), y * room.height()},
+                                size, wall_thickness, slant),
                        0.6);
     }
     for (sim_point at : breaks)
         layout.fallen_wall(whole, at, 3);
     for (const Rect &room : rooms) {
-        double x = layout.loose.uniform(room.x0, room.x1), y = layout.loose.uniform(room.y0, room.y1);
+        double x = layout.loose.uniform(room.x0, room.x1),
+               y = layout.loose.uniform(room.y0, room.y1);
 
         layout.heap(room, {x, y}, 0.4, 3 + layout.loose.below(6), false);
         layout.box_about(room);
@@ -128,7 +134,8 @@ void lay_out_maze(Layout &layout)
     int columns = std::max(2, (int)std::lround(layout.width / 1.25));
     int rows = std::max(2, (int)std::lround(layout.height / 1.25));
     double dx = layout.width / columns, dy = layout.height / rows;
-    std::vector<char> right((size_t)(columns * rows), 1), up(right), seen((size_t)(columns * rows), 0); // walls
+    std::vector<char> right((size_t)(columns * rows), 1), up(right),
+        seen((size_t)(columns * rows), 0); // walls
     std::vector<int> stack = {0};
     Rect whole = {0, 0, layout.width, layout.height};
 
@@ -139,7 +146,8 @@ void lay_out_maze(Layout &layout)
         for (int side = 0; side < 4; side++) {
             int nc = c + (side == 0) - (side == 1), nr = r + (side == 2) - (side == 3);
 
-            if (nc >= 0 && nr >= 0 && nc < columns && nr < rows && !seen[(size_t)(nr * columns + nc)])
+            if (nc >= 0 && nr >= 0 && nc < columns && nr < rows &&
+                !seen[(size_t)(nr * columns + nc)])
                 free_sides[sides++] = side;
         }
         if (sides == 0) {
@@ -172,7 +180,8 @@ void lay_out_maze(Layout &layout)
         }
     for (int r = 0; r + 1 < rows; r++)
         for (int c = 0, from = 0; c < columns; c++) {
-            bool wall = up[(size_t)(r * columns + c)], last = c + 1 == columns || !up[(size_t)(r * columns + c + 1)];
+            bool wall = up[(size_t)(r * columns + c)],
+                 last = c + 1 == columns || !up[(size_t)(r * columns + c + 1)];
 
             if (!wall)
                 from = c + 1;
@@ -180,18 +189,20 @@ void lay_out_maze(Layout &layout)
                 layout.wall({from * dx, (r + 1) * dy}, {(c + 1) * dx, (r + 1) * dy});
         }
     for (int i = 0; i < columns * rows / 8; i++) {
-        double x = layout.loose.uniform(0, layout.width), y = layout.loose.uniform(0, layout.height);
+        double x = layout.loose.uniform(0, layout.width),
+               y = layout.loose.uniform(0, layout.height);
 
         layout.heap(whole, {x, y}, 0.05, 1, false);
     }
 }
 
-// Four rooms, a hallway between the upper and the lower two. One sensor in each of three rooms, one in the hallway, and
-// one before the door of the lower right room, which sees three of its sides.
+// Four rooms, a hallway between the upper and the lower two. One sensor in each of three rooms, one
+// in the hallway, and one before the door of the lower right room, which sees three of its sides.
 void lay_out_rooms(Layout &layout)
 {
     double w = layout.width, h = layout.height, low = 0.4 * h, high = 0.6 * h;
-    double top = w * layout.random.uniform(0.44, 0.54), bottom = w * layout.random.uniform(0.46, 0.58);
+    double top = w * layout.random.uniform(0.44, 0.54),
+           bottom = w * layout.random.uniform(0.46, 0.58);
     double doors[4];
 
     for (double &door : doors)
@@ -205,8 +216,11 @@ void lay_out_rooms(Layout &layout)
     layout.wall({bottom, 0}, {bottom, low});
     layout.wall({0, high}, {w, high}, {{doors[0], 1.0, true}, {doors[1], 1.0, true}});
     layout.wall({0, low}, {w, low}, {{doors[2], 1.0, true}, {doors[3], 1.0, true}});
-    layout.places = {
-        {doors[2], 0.25 * h}, {doors[0], 0.75 * h}, {w * 0.35, 0.5 * h}, {doors[1], 0.75 * h}, {doors[3], low + 0.15}};
+    layout.places = {{doors[2], 0.25 * h},
+                     {doors[0], 0.75 * h},
+                     {w * 0.35, 0.5 * h},
+                     {doors[1], 0.75 * h},
+                     {doors[3], low + 0.15}};
 }
 
 void lay_out_corridor(Layout &layout)
@@ -255,7 +269,8 @@ void lay_out_mirror(Layout &layout)
         // A notch in one long side of each block tells its corridor from the next.
         double from = block.x0 + block.width() * layout.random.uniform(0.2, 0.5), to = from + 0.9;
         bool above = layout.random.chance(0.5);
-        double y = above ? block.y1 : block.y0, depth = above ? -0.6 : 0.6, other = above ? block.y0 : block.y1;
+        double y = above ? block.y1 : block.y0, depth = above ? -0.6 : 0.6,
+               other = above ? block.y0 : block.y1;
 
         layout.wall({block.x0, other}, {block.x1, other});
         layout.wall({block.x0, block.y0}, {block.x0, block.y1});
@@ -322,7 +337,8 @@ void lay_out_round(Layout &layout)
     for (int i = 0; i < 5; i++) {
         double angle = layout.loose.uniform(-pi, pi), r = layout.loose.uniform(0.1, 0.75);
 
-        layout.heap(whole, {w / 2 * (1 + r * std::cos(angle)), h / 2 * (1 + r * std::sin(angle))}, 0.4, 7, true);
+        layout.heap(whole, {w / 2 * (1 + r * std::cos(angle)), h / 2 * (1 + r * std::sin(angle))},
+                    0.4, 7, true);
     }
 }
 

@@ -1,4 +1,5 @@
-// survey: sends the robot through an arena, from place to place or on a drive, and collects its scans.
+// survey: sends the robot through an arena, from place to place or on a drive, and collects its
+// scans.
 #include "sim/arena_parts.h"
 #include "sim/crowd.h"
 #include "sim/movers.h"
@@ -36,21 +37,28 @@ sim_survey_options sim_survey_default(void)
 
 static bool options_ok(const sim_survey_options &o, Fault &fault)
 {
-    return within(fault, "places", o.places, 0, 1000, "") && within(fault, "headings", o.headings, 1, 64, "") &&
+    return within(fault, "places", o.places, 0, 1000, "") &&
+           within(fault, "headings", o.headings, 1, 64, "") &&
            within(fault, "jitter_position", o.jitter_position, 0, 1, "m") &&
            within(fault, "jitter_heading", o.jitter_heading, 0, 2 * pi, "rad") &&
            within(fault, "drive", o.drive, 0, 100000, "scans") &&
            within(fault, "drive_distance", o.drive_distance, 0.01, 100, "m") &&
            within(fault, "drive_turn", o.drive_turn, 0.01, 100, "rad") &&
-           within(fault, "beams", o.beams, 2, 100000, "") && within(fault, "fov", o.fov, 1e-3, 2 * pi + 1e-9, "rad") &&
-           within(fault, "range_min", o.range_min, 0, 1, "m") && within(fault, "range_max", o.range_max, 1, 200, "m") &&
-           within(fault, "noise", o.noise, 0, 1, "m") && within(fault, "dropout", o.dropout, 0, 1, "") &&
-           within(fault, "tilt", o.tilt, 0, 0.3, "") && within(fault, "scan_time", o.scan_time, 0, 2, "s") &&
+           within(fault, "beams", o.beams, 2, 100000, "") &&
+           within(fault, "fov", o.fov, 1e-3, 2 * pi + 1e-9, "rad") &&
+           within(fault, "range_min", o.range_min, 0, 1, "m") &&
+           within(fault, "range_max", o.range_max, 1, 200, "m") &&
+           within(fault, "noise", o.noise, 0, 1, "m") &&
+           within(fault, "dropout", o.dropout, 0, 1, "") &&
+           within(fault, "tilt", o.tilt, 0, 0.3, "") &&
+           within(fault, "scan_time", o.scan_time, 0, 2, "s") &&
            within(fault, "sweep_speed", o.sweep_speed, 0, 5, "m/s") &&
            within(fault, "sweep_turn", o.sweep_turn, 0, 20, "rad/s") &&
-           within(fault, "base_sensor", std::hypot(o.base_sensor.x, o.base_sensor.y), 0, 0.15, "m") &&
+           within(fault, "base_sensor", std::hypot(o.base_sensor.x, o.base_sensor.y), 0, 0.15,
+                  "m") &&
            within(fault, "base_sensor.theta", o.base_sensor.theta, -10, 10, "rad") &&
-           within(fault, "movers", o.movers, 0, 100, "") && within(fault, "crowd", o.crowd, 0, 0.5, "") &&
+           within(fault, "movers", o.movers, 0, 100, "") &&
+           within(fault, "crowd", o.crowd, 0, 0.5, "") &&
            within(fault, "slip_distance", o.slip_distance, 0, 1, "m per root m") &&
            within(fault, "slip_turn", o.slip_turn, 0, 1, "rad per root rad") &&
            within(fault, "slip_drift", o.slip_drift, 0, 1, "rad per root m") &&
@@ -67,8 +75,9 @@ class Expedition
   public:
     explicit Expedition(sim_survey &s)
         : survey(s), options(s.options), world(s.arena->layout.bodies),
-          movers(world, s.arena->space, s.options.movers, s.options.seed), crowd(world, *s.arena, s.options),
-          wheels(s.options), scanner(*s.arena, s.options), state()
+          movers(world, s.arena->space, s.options.movers, s.options.seed),
+          crowd(world, *s.arena, s.options), wheels(s.options), scanner(*s.arena, s.options),
+          state()
     {
     }
 
@@ -78,8 +87,8 @@ class Expedition
         survey.path.push_back(pose);
     }
 
-    // Along the ground without accident: turns to each leg, drives it, turns to the heading of the target,
-    // which the way ends at.
+    // Along the ground without accident: turns to each leg, drives it, turns to the heading of the
+    // target, which the way ends at.
     void go(const std::vector<sim_point> &way, sim_pose target)
     {
         double until = state.time;
@@ -224,7 +233,8 @@ static sim_pose pose_at(const sim_survey &survey, size_t place, double heading, 
     double theta = heading + random.uniform(-0.5, 0.5) * o.jitter_heading;
 
     for (int attempt = 0; attempt < 100; attempt++) {
-        double r = std::sqrt(random.unit()) * o.jitter_position / 2, angle = random.uniform(-pi, pi);
+        double r = std::sqrt(random.unit()) * o.jitter_position / 2,
+               angle = random.uniform(-pi, pi);
         sim_point p = survey.places[place] + direction(angle) * r;
 
         if (sim_arena_clearance(survey.arena, p) < free_clearance)
@@ -253,7 +263,8 @@ static void survey_places(sim_survey &survey, Expedition &expedition)
             heading = first_heading;
         for (int32_t k = 0; k < o.headings; k++) {
             sim_pose next = pose_at(survey, place, heading + 2 * pi * k / o.headings, poses);
-            double speed = speeds.uniform(-1, 1) * o.sweep_speed, turn_rate = speeds.uniform(-1, 1) * o.sweep_turn;
+            double speed = speeds.uniform(-1, 1) * o.sweep_speed,
+                   turn_rate = speeds.uniform(-1, 1) * o.sweep_turn;
             std::vector<sim_point> way;
 
             if (place == 0 && k == 0) {
@@ -262,8 +273,8 @@ static void survey_places(sim_survey &survey, Expedition &expedition)
                 sim_pose here = expedition.now().truth;
 
                 if (k == 0)
-                    way =
-                        space.way(space.nearest_reachable({here.x, here.y}), space.nearest_reachable({next.x, next.y}));
+                    way = space.way(space.nearest_reachable({here.x, here.y}),
+                                    space.nearest_reachable({next.x, next.y}));
                 way.push_back({next.x, next.y});
                 expedition.go(way, next);
             }
@@ -286,8 +297,8 @@ static sim_survey *complete(std::unique_ptr<sim_survey> survey)
     return survey.release();
 }
 
-sim_survey *sim_survey_create(const sim_arena *arena, const sim_survey_options *options, char *fault_text,
-                              size_t fault_size)
+sim_survey *sim_survey_create(const sim_arena *arena, const sim_survey_options *options,
+                              char *fault_text, size_t fault_size)
 {
     Fault fault = {fault_text, fault_size};
     std::unique_ptr<sim_survey> survey(new sim_survey{arena, *options, {}, {}, {}, {}, 0});
@@ -300,7 +311,8 @@ sim_survey *sim_survey_create(const sim_arena *arena, const sim_survey_options *
     survey->places = choose_places(*arena, o.places, o.seed);
     found = (int)survey->places.size();
     if (found < o.places && fault.text)
-        snprintf(fault.text, fault.size, "places is %d, expected at most %d in this arena", (int)o.places, found);
+        snprintf(fault.text, fault.size, "places is %d, expected at most %d in this arena",
+                 (int)o.places, found);
     if (found < o.places)
         return NULL;
 
@@ -317,15 +329,17 @@ sim_survey *sim_survey_create(const sim_arena *arena, const sim_survey_options *
     return complete(std::move(survey));
 }
 
-sim_survey *sim_survey_at(const sim_arena *arena, const sim_survey_options *options, const sim_pose *poses,
-                          int32_t count, double speed, double turn_rate, char *fault_text, size_t fault_size)
+sim_survey *sim_survey_at(const sim_arena *arena, const sim_survey_options *options,
+                          const sim_pose *poses, int32_t count, double speed, double turn_rate,
+                          char *fault_text, size_t fault_size)
 {
     Fault fault = {fault_text, fault_size};
     std::unique_ptr<sim_survey> survey(new sim_survey{arena, *options, {}, {}, {}, {}, 0});
 
     if (!options_ok(survey->options, fault))
         return NULL;
-    if (!within(fault, "speed", speed, -5, 5, "m/s") || !within(fault, "turn_rate", turn_rate, -20, 20, "rad/s"))
+    if (!within(fault, "speed", speed, -5, 5, "m/s") ||
+        !within(fault, "turn_rate", turn_rate, -20, 20, "rad/s"))
         return NULL;
     for (int32_t i = 0; i < count; i++) {
         sim_pose sensor = compose(poses[i], options->base_sensor);
@@ -333,7 +347,8 @@ sim_survey *sim_survey_at(const sim_arena *arena, const sim_survey_options *opti
         if (sim_arena_clearance(arena, {sensor.x, sensor.y}) > 0)
             continue;
         if (fault.text)
-            snprintf(fault.text, fault.size, "pose %d is inside a body, expected free space", (int)i);
+            snprintf(fault.text, fault.size, "pose %d is inside a body, expected free space",
+                     (int)i);
         return NULL;
     }
     Expedition expedition(*survey);
@@ -385,7 +400,8 @@ int32_t sim_survey_bumps(const sim_survey *survey)
     return survey->bumps;
 }
 
-void sim_survey_disturb(const sim_survey *survey, uint64_t seed, double metres, double radians, sim_pose *poses)
+void sim_survey_disturb(const sim_survey *survey, uint64_t seed, double metres, double radians,
+                        sim_pose *poses)
 {
     Random random(seed, disturb_stream);
 

@@ -42,7 +42,10 @@ class Text
     }
     int32_t write(FILE *file) const
     {
-        return fwrite(content.data(), 1, content.size(), file) == content.size() && fflush(file) == 0 ? 0 : -1;
+        return fwrite(content.data(), 1, content.size(), file) == content.size() &&
+                       fflush(file) == 0
+                   ? 0
+                   : -1;
     }
 
   private:
@@ -50,7 +53,8 @@ class Text
     {
         char buffer[400];
 
-        content.append(buffer, std::to_chars(buffer, buffer + sizeof buffer, number, format, count).ptr);
+        content.append(buffer,
+                       std::to_chars(buffer, buffer + sizeof buffer, number, format, count).ptr);
         return *this;
     }
     std::string content;

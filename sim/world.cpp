@@ -52,13 +52,15 @@ namespace
 class Nearest : public b2RayCastCallback
 {
   public:
-    float ReportFixture(b2Fixture *fixture, const b2Vec2 &, const b2Vec2 &surface_normal, float part) override
+    float ReportFixture(b2Fixture *fixture, const b2Vec2 &, const b2Vec2 &surface_normal,
+                        float part) override
     {
         uintptr_t met = fixture->GetUserData().pointer;
 
         if (met == robot_tag)
             return -1;
-        // Equal fractions, on a shared corner, go to the smaller number: the order of the tree must not matter.
+        // Equal fractions, on a shared corner, go to the smaller number: the order of the tree must
+        // not matter.
         if (any && part == fraction && met > tag)
             return fraction;
         any = true;
@@ -96,8 +98,8 @@ void World::step()
 void World::place_robot(sim_pose pose)
 {
     if (!robot_body) {
-        robot_body =
-            add_body(world, make_disc(SIM_FURNITURE, {pose.x, pose.y}, robot_radius), b2_dynamicBody, robot_tag);
+        robot_body = add_body(world, make_disc(SIM_FURNITURE, {pose.x, pose.y}, robot_radius),
+                              b2_dynamicBody, robot_tag);
         robot_body->SetSleepingAllowed(false);
     }
     robot_body->SetTransform(b2Vec2((float)pose.x, (float)pose.y), (float)pose.theta);
@@ -120,7 +122,8 @@ sim_pose World::robot() const
 
 size_t World::add_mover(sim_point at, double radius)
 {
-    movers.push_back(add_body(world, make_disc(SIM_FURNITURE, at, radius), b2_dynamicBody, mover_tag));
+    movers.push_back(
+        add_body(world, make_disc(SIM_FURNITURE, at, radius), b2_dynamicBody, mover_tag));
     movers.back()->SetSleepingAllowed(false);
     return movers.size() - 1;
 }

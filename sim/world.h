@@ -31,7 +31,8 @@ class World : private b2ContactListener
   public:
     explicit World(const std::vector<Body> &bodies);
 
-    // The nearest surface along the ray, the robot excepted. A body that holds the start is not seen.
+    // The nearest surface along the ray, the robot excepted. A body that holds the start is not
+    // seen.
     Hit cast(sim_point from, double angle, double range) const;
     void step();
 

@@ -1,4 +1,5 @@
-/* Segments of an image by hand, and a contour_grouping with a model and a pool of its own: what the tests of both modes share. */
+/* Segments of an image by hand, and a contour_grouping with a model and a pool of its own: what
+ * the tests of both modes share. */
 #ifndef CAIRN_TESTS_CONTOUR_SCENE_H
 #define CAIRN_TESTS_CONTOUR_SCENE_H
 
@@ -38,8 +39,8 @@ static inline void add_pieces(scene *s, double ax, double ay, double bx, double 
     int parts = (int)ceil(hypot(bx - ax, by - ay) / 8 - 1e-9);
 
     for (int k = 0; k < parts; k++)
-        add_line(s, ax + (bx - ax) * k / parts, ay + (by - ay) * k / parts, ax + (bx - ax) * (k + 1) / parts,
-                 ay + (by - ay) * (k + 1) / parts);
+        add_line(s, ax + (bx - ax) * k / parts, ay + (by - ay) * k / parts,
+                 ax + (bx - ax) * (k + 1) / parts, ay + (by - ay) * (k + 1) / parts);
 }
 
 /* Lines anywhere, of half a length from `least` to `most`, px. */
@@ -53,11 +54,13 @@ static inline void add_clutter(scene *s, int32_t count, double least, double mos
         double turn = (double)cairn_random_uniform(&random, 0, CAIRN_PI);
         double half = (double)cairn_random_uniform(&random, (cairn_real)least, (cairn_real)most);
 
-        add_line(s, x - half * cos(turn), y - half * sin(turn), x + half * cos(turn), y + half * sin(turn));
+        add_line(s, x - half * cos(turn), y - half * sin(turn), x + half * cos(turn),
+                 y + half * sin(turn));
     }
 }
 
-static inline finder new_finder_of(const cairn_grouping_params *params, const double (*corners)[2], int32_t count)
+static inline finder new_finder_of(const cairn_grouping_params *params, const double (*corners)[2],
+                                   int32_t count)
 {
     cairn_shape_builder_params shape = cairn_shape_builder_default();
     cairn_vec2 v[CORNERS_MOST];

@@ -15,7 +15,8 @@ typedef struct drive {
 } drive;
 
 /* every: m and rad between scans. */
-static inline drive start_drive(sim_scene scene, uint64_t seed, int32_t scans, double bias, double every)
+static inline drive start_drive(sim_scene scene, uint64_t seed, int32_t scans, double bias,
+                                double every)
 {
     sim_arena_options arena = sim_arena_default();
     sim_survey_options survey = sim_survey_default();

@@ -1,4 +1,5 @@
-/* Scans by hand, a field with a pool of its own, and a small scene: what the tests of force fields share. */
+/* Scans by hand, a field with a pool of its own, and a small scene: what the tests of force
+ * fields share. */
 #ifndef CAIRN_TESTS_FIELD_SCENE_H
 #define CAIRN_TESTS_FIELD_SCENE_H
 
@@ -29,10 +30,12 @@ static inline void scan_begin(struct scan *scan)
 }
 
 /* A wall from a to b with points at most `spacing` apart. */
-static inline void scan_wall(struct scan *scan, double ax, double ay, double bx, double by, double spacing)
+static inline void scan_wall(struct scan *scan, double ax, double ay, double bx, double by,
+                             double spacing)
 {
     cairn_scan_view *view = &scan->view;
-    double length = sqrt((bx - ax) * (bx - ax) + (by - ay) * (by - ay)); /* rounded alike by every libm */
+    /* rounded alike by every libm */
+    double length = sqrt((bx - ax) * (bx - ax) + (by - ay) * (by - ay));
     int steps = (int)ceil(length / spacing - 1e-6);
 
     scan->segments[view->segment_count].a.x = (cairn_real)ax;
@@ -50,7 +53,8 @@ static inline void scan_wall(struct scan *scan, double ax, double ay, double bx,
     scan->first_point[++view->segment_count] = view->point_count;
 }
 
-/* The corner of a room as a sensor at (-1, -1) sees it: the wall on the right, then the upper one. */
+/* The corner of a room as a sensor at (-1, -1) sees it: the wall on the right, then the upper
+ * one. */
 static inline void scan_corner(struct scan *scan, double right, double upper, double spacing)
 {
     scan_begin(scan);
@@ -116,8 +120,9 @@ enum { SCENE = 7 };
 
 static inline void make_scene(struct scan scans[SCENE], cairn_pose poses[SCENE])
 {
-    static const double shift[SCENE][3] = {{0, 0, 0},         {0.06, -0.03, 2}, {-0.05, 0.04, -3}, {0.02, 0.07, 4},
-                                           {-0.04, -0.05, 1}, {0.08, 0.01, -2}, {0.03, -0.02, 3}};
+    static const double shift[SCENE][3] = {{0, 0, 0},       {0.06, -0.03, 2},  {-0.05, 0.04, -3},
+                                           {0.02, 0.07, 4}, {-0.04, -0.05, 1}, {0.08, 0.01, -2},
+                                           {0.03, -0.02, 3}};
 
     for (int i = 0; i < SCENE; i++) {
         double far = 1 + 0.13 * i;

@@ -107,8 +107,8 @@ static inline char *files_read(const char *path, size_t *count)
     return bytes;
 }
 
-/* Bytes of the heap in use, where glibc tells; 0 elsewhere and under sanitizers. What is lost in every one of so many
- * rounds adds up to more than the pieces that the heap keeps for itself. */
+/* Bytes of the heap in use, where glibc tells; 0 elsewhere and under sanitizers. What is lost in
+ * every one of so many rounds adds up to more than the pieces that the heap keeps for itself. */
 #define FILES_HEAP_ROUNDS 40
 #define FILES_HEAP_NOISE  1000
 static inline size_t files_heap(void)
@@ -133,17 +133,19 @@ static inline int files_count(void)
     return count;
 }
 
-/* 1 when the program now runs under a locale with a decimal comma: one that is installed, or one that is made in the
- * folder. The caller goes back to "C". */
+/* 1 when the program now runs under a locale with a decimal comma: one that is installed, or one
+ * that is made in the folder. The caller goes back to "C". */
 static inline int files_comma_locale(void)
 {
-    static const char *const names[] = {"de_DE.UTF-8", "de_DE.utf8", "fr_FR.UTF-8", "it_IT.UTF-8", "es_ES.UTF-8"};
+    static const char *const names[] = {"de_DE.UTF-8", "de_DE.utf8", "fr_FR.UTF-8", "it_IT.UTF-8",
+                                        "es_ES.UTF-8"};
     char command[256];
 
     for (size_t i = 0; i < sizeof names / sizeof *names; i++)
         if (setlocale(LC_ALL, names[i]) != NULL)
             return 1;
-    (void)snprintf(command, sizeof command, "localedef -i de_DE -f UTF-8 %s/de_DE.UTF-8 >/dev/null 2>&1", files_folder);
+    (void)snprintf(command, sizeof command,
+                   "localedef -i de_DE -f UTF-8 %s/de_DE.UTF-8 >/dev/null 2>&1", files_folder);
     if (system(command) != 0 || setenv("LOCPATH", files_folder, 1) != 0)
         return 0;
     return setlocale(LC_ALL, "de_DE.UTF-8") != NULL;

@@ -1,4 +1,5 @@
-/* A flag drawn into a picture of edges, its model and the tokens found: what the tests of searches for a known shape share. */
+/* A flag drawn into a picture of edges, its model and the tokens found: what the tests of
+ * searches for a known shape share. */
 #ifndef CAIRN_TESTS_FLAG_PICTURE_H
 #define CAIRN_TESTS_FLAG_PICTURE_H
 
@@ -16,7 +17,8 @@ static uint8_t edges[PIXELS];
 static cairn_file_error error;
 
 /* A pole with a cloth to the right, 120 px high. */
-static const cairn_vec2 flag[] = {{0, 0}, {14, 0}, {60, 8}, {80, 4}, {78, 48}, {56, 52}, {14, 44}, {14, 120}, {0, 120}};
+static const cairn_vec2 flag[] = {{0, 0},   {14, 0},  {60, 8},   {80, 4}, {78, 48},
+                                  {56, 52}, {14, 44}, {14, 120}, {0, 120}};
 enum { CORNERS = sizeof flag / sizeof *flag };
 
 static inline cairn_shape_model_file make_model(void)
@@ -39,14 +41,16 @@ static inline void draw_line(double ax, double ay, double bx, double by)
     int32_t steps = 1 + (int32_t)(2 * hypot(bx - ax, by - ay));
 
     for (int32_t i = 0; i <= steps; i++) {
-        int32_t x = (int32_t)lrint(ax + (bx - ax) * i / steps), y = (int32_t)lrint(ay + (by - ay) * i / steps);
+        int32_t x = (int32_t)lrint(ax + (bx - ax) * i / steps),
+                y = (int32_t)lrint(ay + (by - ay) * i / steps);
 
         if (x >= 0 && y >= 0 && x < WIDTH && y < HEIGHT)
             edges[y * WIDTH + x] = 200;
     }
 }
 
-/* The flag with its upper left corner, or the upper right one when it is mirrored, at (x, y), but for side `hidden`. */
+/* The flag with its upper left corner, or the upper right one when it is mirrored, at (x, y),
+ * but for side `hidden`. */
 static inline void draw_flag_without(double x, double y, double scale, int mirrored, int32_t hidden)
 {
     double wide = scale * (mirrored ? -1 : 1);
@@ -55,7 +59,8 @@ static inline void draw_flag_without(double x, double y, double scale, int mirro
         cairn_vec2 p = flag[i], q = flag[(i + 1) % CORNERS];
 
         if (i != hidden)
-            draw_line(x + wide * (double)p.x, y + scale * (double)p.y, x + wide * (double)q.x, y + scale * (double)q.y);
+            draw_line(x + wide * (double)p.x, y + scale * (double)p.y, x + wide * (double)q.x,
+                      y + scale * (double)q.y);
     }
 }
 
@@ -71,7 +76,8 @@ static inline void draw_clutter(int32_t lines)
 
     for (int32_t i = 0; i < lines; i++) {
         int32_t x = cairn_random_below(&random, WIDTH), y = cairn_random_below(&random, HEIGHT);
-        int32_t dx = cairn_random_below(&random, 61) - 30, dy = cairn_random_below(&random, 61) - 30;
+        int32_t dx = cairn_random_below(&random, 61) - 30,
+                dy = cairn_random_below(&random, 61) - 30;
 
         draw_line(x, y, x + dx, y + dy);
     }
@@ -94,7 +100,8 @@ static inline cairn_contour_tokens find_tokens(int32_t edgels)
 }
 
 /* The share of a box and that of a flag, over their union. */
-static inline double share_of(const cairn_detection *d, double x, double y, double scale, int mirrored)
+static inline double share_of(const cairn_detection *d, double x, double y, double scale,
+                              int mirrored)
 {
     double left = mirrored ? x - 80 * scale : x, w, h;
 
@@ -102,11 +109,14 @@ static inline double share_of(const cairn_detection *d, double x, double y, doub
     h = fmin((double)d->bottom, y + 120 * scale) - fmax((double)d->top, y);
     if (w <= 0 || h <= 0)
         return 0;
-    return w * h / (9600 * scale * scale + (double)(d->right - d->left) * (double)(d->bottom - d->top) - w * h);
+    return w * h /
+           (9600 * scale * scale + (double)(d->right - d->left) * (double)(d->bottom - d->top) -
+            w * h);
 }
 
 /* What is detected of the flag among tokens, the best first. */
-static inline cairn_detections detect_flag(const cairn_contour_tokens *tokens, const cairn_object_detect_params *params)
+static inline cairn_detections detect_flag(const cairn_contour_tokens *tokens,
+                                           const cairn_object_detect_params *params)
 {
     cairn_shape_model_file model = make_model();
     cairn_detect_field *field;
@@ -121,7 +131,8 @@ static inline cairn_detections detect_flag(const cairn_contour_tokens *tokens, c
     return found;
 }
 
-/* Stages come one after the other, of the model and of its mirror image: writes each as a digit behind those before, char[16]. */
+/* Stages come one after the other, of the model and of its mirror image: writes each as a digit
+ * behind those before, char[16]. */
 static inline void hear_stage(void *context, cairn_detect_stage stage)
 {
     char *heard = context;

@@ -1,4 +1,5 @@
-/* Scans of the four rooms on a hallway, and an aligner with virtual scans and a pool of its own: what the tests of both modes share. */
+/* Scans of the four rooms on a hallway, and an aligner with virtual scans and a pool of its own:
+ * what the tests of both modes share. */
 #ifndef CAIRN_TESTS_FOUR_ROOMS_H
 #define CAIRN_TESTS_FOUR_ROOMS_H
 
@@ -106,9 +107,12 @@ static inline struct rooms visit_with(uint64_t seed, double fov)
     for (int32_t i = 0; i < SCANS; i++) {
         sim_pose truth = r.scans[i].truth;
 
-        r.start[i].x = (cairn_real)truth.x + cairn_random_uniform(&random, CAIRN_REAL(-0.75), CAIRN_REAL(0.75));
-        r.start[i].y = (cairn_real)truth.y + cairn_random_uniform(&random, CAIRN_REAL(-0.75), CAIRN_REAL(0.75));
-        r.start[i].theta = (cairn_real)truth.theta + cairn_random_uniform(&random, CAIRN_REAL(-0.26), CAIRN_REAL(0.26));
+        r.start[i].x = (cairn_real)truth.x +
+                       cairn_random_uniform(&random, CAIRN_REAL(-0.75), CAIRN_REAL(0.75));
+        r.start[i].y = (cairn_real)truth.y +
+                       cairn_random_uniform(&random, CAIRN_REAL(-0.75), CAIRN_REAL(0.75));
+        r.start[i].theta = (cairn_real)truth.theta +
+                           cairn_random_uniform(&random, CAIRN_REAL(-0.26), CAIRN_REAL(0.26));
     }
     return r;
 }

@@ -1,4 +1,5 @@
-/* What the files of the golden scenes share: hashes, random arguments, sweeps of a room, and the scenes themselves. */
+/* What the files of the golden scenes share: hashes, random arguments, sweeps of a room, and the
+ * scenes themselves. */
 #ifndef CAIRN_TESTS_GOLDEN_H
 #define CAIRN_TESTS_GOLDEN_H
 

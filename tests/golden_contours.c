@@ -1,4 +1,5 @@
-/* Golden scenes of contours: from edges to symmetric points, from an outline to grouped segments. */
+/* Golden scenes of contours: from edges to symmetric points, from an outline to grouped
+ * segments. */
 #include "src/core/build.h"
 
 #include "cairn/contour_grouping.h"
@@ -31,7 +32,8 @@ static void draw(cairn_random *random)
     memset(picture, 0, sizeof picture);
     for (int32_t i = 0; i < DOTS; i++) {
         cairn_real turn = (cairn_real)i * (2 * CAIRN_PI / DOTS), sine, cosine;
-        cairn_vec2 noise = {cairn_random_uniform(random, 0, SIDE), cairn_random_uniform(random, 0, SIDE)};
+        cairn_vec2 noise = {cairn_random_uniform(random, 0, SIDE),
+                            cairn_random_uniform(random, 0, SIDE)};
 
         cairn_sincos(turn, &sine, &cosine);
         for (int32_t k = 0; k < 4; k++) {
@@ -63,10 +65,12 @@ static uint64_t add_segments(uint64_t hash, const cairn_edge_segment_result *r)
     return hash;
 }
 
-static uint64_t add_symmetric_points(uint64_t hash, const cairn_symmetric_point *points, int32_t count)
+static uint64_t add_symmetric_points(uint64_t hash, const cairn_symmetric_point *points,
+                                     int32_t count)
 {
     for (int32_t i = 0; i < count; i++) {
-        hash = add_point(add_real(add_real(hash, points[i].radius), points[i].deviation), points[i].centre);
+        hash = add_point(add_real(add_real(hash, points[i].radius), points[i].deviation),
+                         points[i].centre);
         hash = add_real(hash, cairn_symmetric_point_quality(&points[i], 1));
     }
     return hash;
@@ -120,10 +124,12 @@ uint64_t golden_contours(void)
         cairn_symmetric_point_create(&finder, &pool, &symmetric) != CAIRN_OK)
         return 0;
     draw(&random);
-    if (cairn_edge_chain_begin(linker, view) != CAIRN_OK || cairn_edge_chain_step(linker, &budget) != CAIRN_OK)
+    if (cairn_edge_chain_begin(linker, view) != CAIRN_OK ||
+        cairn_edge_chain_step(linker, &budget) != CAIRN_OK)
         return 0;
     chains = cairn_edge_chain_read(linker);
-    if (cairn_edge_segment_begin(cutter, &chains) != CAIRN_OK || cairn_edge_segment_step(cutter, &budget) != CAIRN_OK)
+    if (cairn_edge_segment_begin(cutter, &chains) != CAIRN_OK ||
+        cairn_edge_segment_step(cutter, &budget) != CAIRN_OK)
         return 0;
     segments = cairn_edge_segment_read(cutter);
     for (int32_t i = 0; i < segments.count; i++)
@@ -132,7 +138,8 @@ uint64_t golden_contours(void)
         cairn_symmetric_point_step(finder, &budget) != CAIRN_OK)
         return 0;
     points = cairn_symmetric_point_list(finder, &count);
-    return add_samples(add_symmetric_points(add_segments(GOLDEN_START, &segments), points, count), points, count);
+    return add_samples(add_symmetric_points(add_segments(GOLDEN_START, &segments), points, count),
+                       points, count);
 }
 
 uint64_t golden_edgels(void)
@@ -157,7 +164,8 @@ uint64_t golden_edgels(void)
         return 0;
     edgels = cairn_edgel_list(set, &count);
     for (int32_t i = 0; i < count; i++)
-        hash = add_real(add_point(add_point(hash, edgels[i].position), edgels[i].normal), edgels[i].slope);
+        hash = add_real(add_point(add_point(hash, edgels[i].position), edgels[i].normal),
+                        edgels[i].slope);
     return add_bytes(hash, &budget.left, sizeof budget.left);
 }
 
@@ -168,16 +176,18 @@ enum { JUG = 9, MOST_LINES = 400, GROUP_WIDTH = 240, GROUP_HEIGHT = 160 };
 static const cairn_real jug[JUG][2] = {{-14, -30}, {10, -30}, {14, -20}, {10, -8}, {26, 4},
                                        {20, 30},   {-16, 30}, {-22, 2},  {-10, -8}};
 
-static int32_t add_jug(cairn_segment *lines, int32_t count, cairn_vec2 at, cairn_real size, int32_t sides)
+static int32_t add_jug(cairn_segment *lines, int32_t count, cairn_vec2 at, cairn_real size,
+                       int32_t sides)
 {
     for (int32_t i = 0; i < sides; i++) {
         const cairn_real *a = jug[i], *b = jug[(i + 1) % JUG];
 
         for (int32_t k = 0; k < 3; k++) {
             cairn_real from = (cairn_real)k / 3, to = (cairn_real)(k + 1) / 3;
-            cairn_segment line = {
-                {at.x + size * (a[0] + from * (b[0] - a[0])), at.y + size * (a[1] + from * (b[1] - a[1]))},
-                {at.x + size * (a[0] + to * (b[0] - a[0])), at.y + size * (a[1] + to * (b[1] - a[1]))}};
+            cairn_segment line = {{at.x + size * (a[0] + from * (b[0] - a[0])),
+                                   at.y + size * (a[1] + from * (b[1] - a[1]))},
+                                  {at.x + size * (a[0] + to * (b[0] - a[0])),
+                                   at.y + size * (a[1] + to * (b[1] - a[1]))}};
 
             lines[count++] = line;
         }
@@ -188,8 +198,10 @@ static int32_t add_jug(cairn_segment *lines, int32_t count, cairn_vec2 at, cairn
 static int32_t add_clutter(cairn_segment *lines, int32_t count, int32_t more, cairn_random *random)
 {
     for (int32_t i = 0; i < more; i++) {
-        cairn_vec2 at = {cairn_random_uniform(random, 0, GROUP_WIDTH), cairn_random_uniform(random, 0, GROUP_HEIGHT)};
-        cairn_vec2 half = {cairn_random_uniform(random, -14, 14), cairn_random_uniform(random, -14, 14)};
+        cairn_vec2 at = {cairn_random_uniform(random, 0, GROUP_WIDTH),
+                         cairn_random_uniform(random, 0, GROUP_HEIGHT)};
+        cairn_vec2 half = {cairn_random_uniform(random, -14, 14),
+                           cairn_random_uniform(random, -14, 14)};
         cairn_segment line = {cairn_vec2_sub(at, half), cairn_vec2_add(at, half)};
 
         lines[count++] = line;
@@ -204,8 +216,9 @@ static uint64_t add_model(uint64_t hash, const cairn_shape_model *m)
 
         hash = add_real(add_real(add_point(hash, d->centre), d->radius), d->deviation);
         for (int32_t side = 0; side < 2; side++)
-            hash =
-                add_real(add_point(add_point(hash, d->side[side].position), d->side[side].direction), d->share[side]);
+            hash = add_real(
+                add_point(add_point(hash, d->side[side].position), d->side[side].direction),
+                d->share[side]);
     }
     for (int32_t i = 0; i < m->path_count; i++) {
         hash = add_bytes(hash, &m->paths[i].first, sizeof m->paths[i].first);
@@ -214,12 +227,15 @@ static uint64_t add_model(uint64_t hash, const cairn_shape_model *m)
     return add_point(add_real(hash, m->size), m->origin);
 }
 
-static uint64_t add_grouping(uint64_t hash, const cairn_grouping_result *r, const cairn_shape_model *m)
+static uint64_t add_grouping(uint64_t hash, const cairn_grouping_result *r,
+                             const cairn_shape_model *m)
 {
     hash = add_real(add_real(hash, r->best), r->best_evidence);
-    hash = add_bytes(add_bytes(hash, &r->starts, sizeof r->starts), &r->token_count, sizeof r->token_count);
+    hash = add_bytes(add_bytes(hash, &r->starts, sizeof r->starts), &r->token_count,
+                     sizeof r->token_count);
     hash = add_bytes(hash, r->segments, (size_t)r->segment_count * sizeof *r->segments);
-    hash = add_bytes(hash, r->along, (size_t)(r->object_count * m->outline_count) * sizeof *r->along);
+    hash =
+        add_bytes(hash, r->along, (size_t)(r->object_count * m->outline_count) * sizeof *r->along);
     for (int32_t i = 0; i < r->object_count; i++) {
         const cairn_grouped_object *o = &r->objects[i];
 
@@ -281,7 +297,8 @@ uint64_t golden_grouped(void)
     model = cairn_shape_builder_read(builder);
     hash = add_model(GOLDEN_START, &model);
     for (int32_t part = 0; part < 2; part++) {
-        cairn_grouping_input in = {.segments = lines, .width = GROUP_WIDTH, .height = GROUP_HEIGHT, .model = &model};
+        cairn_grouping_input in = {
+            .segments = lines, .width = GROUP_WIDTH, .height = GROUP_HEIGHT, .model = &model};
 
         in.count = add_jug(lines, 0, at[0], 1, JUG);
         in.count = add_jug(lines, in.count, at[1], CAIRN_REAL(1.25), part ? 6 : JUG);
@@ -365,7 +382,8 @@ static int32_t draw_edgels(cairn_edgel *edgels, cairn_random *random)
     int32_t count = 0;
 
     for (int32_t i = 0; i < 80; i++) {
-        cairn_vec2 lower = {20 + (cairn_real)i, 20}, upper = {20 + (cairn_real)i, 34 + (cairn_real)i / 16};
+        cairn_vec2 lower = {20 + (cairn_real)i, 20},
+                   upper = {20 + (cairn_real)i, 34 + (cairn_real)i / 16};
         cairn_vec2 up = {0, 1}, down = {0, -1};
 
         count = add_edgel(edgels, count, lower, up);
@@ -376,7 +394,8 @@ static int32_t draw_edgels(cairn_edgel *edgels, cairn_random *random)
 
         cairn_sincos((cairn_real)i * (CAIRN_PI / 160) + CAIRN_REAL(0.2), &out.y, &out.x);
         for (int32_t k = 0; k < 2; k++) {
-            cairn_vec2 at = {64 + (cairn_real)(k ? 44 : 30) * out.x, 46 + (cairn_real)(k ? 44 : 30) * out.y};
+            cairn_vec2 at = {64 + (cairn_real)(k ? 44 : 30) * out.x,
+                             46 + (cairn_real)(k ? 44 : 30) * out.y};
 
             count = add_edgel(edgels, count, at, cairn_vec2_scale(out, k ? -1 : 1));
         }
@@ -429,14 +448,16 @@ static uint64_t golden_skeletons_of(cairn_skeleton_params params)
     params.max_steps = 48;
     params.particles = 8;
     for (int32_t k = 0; k < 2; k++) {
-        cairn_skeleton_input in = {.edgels = edgels, .width = SKELETON_WIDTH, .height = SKELETON_HEIGHT};
+        cairn_skeleton_input in = {
+            .edgels = edgels, .width = SKELETON_WIDTH, .height = SKELETON_HEIGHT};
 
         in.count = draw_edgels(edgels, &random);
         in.min_radius = k ? 5 : 0;
         in.max_radius = k ? 10 : 0;
         if (cairn_pool_init(&pool, golden_memory, GOLDEN_MEMORY) != CAIRN_OK ||
             cairn_skeleton_create(&skeleton, &pool, &params) != CAIRN_OK ||
-            cairn_skeleton_begin(skeleton, &in) != CAIRN_OK || cairn_skeleton_step(skeleton, &budget) != CAIRN_OK)
+            cairn_skeleton_begin(skeleton, &in) != CAIRN_OK ||
+            cairn_skeleton_step(skeleton, &budget) != CAIRN_OK)
             return 0;
         r = cairn_skeleton_read(skeleton);
         hash = add_skeletons(hash, &r);
@@ -540,8 +561,10 @@ static uint64_t add_configurations(uint64_t hash)
         return 0;
     r = cairn_part_configuration_read(configurator);
     for (int32_t i = 0; i < r.count; i++) {
-        hash = add_point(add_real(add_real(hash, r.found[i].score), r.found[i].scale), r.found[i].centre);
-        hash = add_bytes(hash, &r.votes[r.found[i].first], (size_t)r.found[i].count * sizeof *r.votes);
+        hash = add_point(add_real(add_real(hash, r.found[i].score), r.found[i].scale),
+                         r.found[i].centre);
+        hash =
+            add_bytes(hash, &r.votes[r.found[i].first], (size_t)r.found[i].count * sizeof *r.votes);
     }
     hash = add_bytes(hash, &r.made, sizeof r.made);
     return add_bytes(hash, &budget.left, sizeof budget.left);
@@ -551,7 +574,8 @@ uint64_t golden_parts_as_written(void)
 {
     enum { POINTS = 24 };
     cairn_shape_context_params params = cairn_shape_context_default();
-    cairn_shape_context_input input = {CAIRN_SHAPE_CONTEXT_WHOLE, NULL, NULL, POINTS, POINTS - 4, 0};
+    cairn_shape_context_input input = {
+        CAIRN_SHAPE_CONTEXT_WHOLE, NULL, NULL, POINTS, POINTS - 4, 0};
     cairn_random random = cairn_random_seed(18, 0);
     cairn_budget budget = {INT32_MAX};
     cairn_vec2 first[POINTS], second[POINTS];

@@ -131,7 +131,8 @@ uint64_t golden_small_matrices(void)
     return hash;
 }
 
-/* A drive round a block, twice, with measurements between neighbours in place, some of them wrong. */
+/* A drive round a block, twice, with measurements between neighbours in place, some of them
+ * wrong. */
 enum { NODES = 24 };
 
 static cairn_pose drive_pose(int32_t i)
@@ -178,10 +179,12 @@ uint64_t golden_pose_graphs(void)
     for (int32_t i = 0; i < NODES; i++)
         for (int32_t j = i + 1; j < NODES; j++)
             if ((j - i == 1 || j - i == 12) &&
-                cairn_pose_graph_add_link(graph, i, j, measured(&random, i, i == 5 && j == 17 ? 9 : j), information) !=
-                    CAIRN_OK)
+                cairn_pose_graph_add_link(graph, i, j,
+                                          measured(&random, i, i == 5 && j == 17 ? 9 : j),
+                                          information) != CAIRN_OK)
                 return 0;
-    if (cairn_pose_graph_solve(graph) != CAIRN_OK || cairn_pose_graph_step(graph, &budget) != CAIRN_OK)
+    if (cairn_pose_graph_solve(graph) != CAIRN_OK ||
+        cairn_pose_graph_step(graph, &budget) != CAIRN_OK)
         return 0;
     for (int32_t i = 0; i < NODES; i++)
         hash = add_pose(hash, cairn_pose_graph_pose(graph, i));
@@ -200,12 +203,14 @@ uint64_t golden_consensus(void)
     params.max_nodes = NODES;
     params.max_hypotheses = 8 * NODES;
     if (cairn_pool_init(&pool, golden_memory, GOLDEN_MEMORY) != CAIRN_OK ||
-        cairn_pose_consensus_create(&c, &pool, &params) != CAIRN_OK || cairn_pose_consensus_clear(c, NODES) != CAIRN_OK)
+        cairn_pose_consensus_create(&c, &pool, &params) != CAIRN_OK ||
+        cairn_pose_consensus_clear(c, NODES) != CAIRN_OK)
         return 0;
     for (int32_t i = 0; i < NODES; i++)
         for (int32_t k = 1; k <= 4; k++) {
             int32_t j = (i + k) % NODES;
-            cairn_pose_hypothesis h = {.first = i, .second = j, .score = 5 + (cairn_real)((i * 7 + k) % 5)};
+            cairn_pose_hypothesis h = {
+                .first = i, .second = j, .score = 5 + (cairn_real)((i * 7 + k) % 5)};
 
             h.first_second = measured(&random, i, (i + k) % 5 == 0 ? (j + 4) % NODES : j);
             h.covariance[0] = h.covariance[4] = CAIRN_REAL(0.0004);
@@ -213,12 +218,14 @@ uint64_t golden_consensus(void)
             if (cairn_pose_consensus_add(c, &h, NULL) != CAIRN_OK)
                 return 0;
         }
-    if (cairn_pose_consensus_begin(c) != CAIRN_OK || cairn_pose_consensus_step(c, &budget) != CAIRN_OK)
+    if (cairn_pose_consensus_begin(c) != CAIRN_OK ||
+        cairn_pose_consensus_step(c, &budget) != CAIRN_OK)
         return 0;
     for (int32_t i = 0; i < NODES; i++) {
         cairn_consensus_node node = cairn_pose_consensus_node(c, i);
 
-        hash = add_real(add_covariance(add_pose(hash, node.map_node), node.covariance), node.support);
+        hash =
+            add_real(add_covariance(add_pose(hash, node.map_node), node.covariance), node.support);
     }
     return hash;
 }

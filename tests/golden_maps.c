@@ -1,5 +1,5 @@
-/* Golden scenes of what is made of scans and maps: lines and rectangles, particles, registration, hypotheses, maps of places,
- * merged maps. */
+/* Golden scenes of what is made of scans and maps: lines and rectangles, particles,
+ * registration, hypotheses, maps of places, merged maps. */
 #include "src/core/build.h"
 
 #include "cairn/filter_mapper.h"
@@ -24,7 +24,8 @@ static cairn_budget unbounded(void)
 
 enum { ROOMS = 2, WALLS = 4 * ROOMS, WALL_POINTS = 40 };
 
-/* The walls of two rooms that stand beside each other, the one turned a little, with their free sides inside. */
+/* The walls of two rooms that stand beside each other, the one turned a little, with their free
+ * sides inside. */
 static cairn_segment wall_of(int32_t i)
 {
     static const cairn_vec2 corner[4] = {{0, 0}, {4, 0}, {4, 3}, {0, 3}};
@@ -74,11 +75,13 @@ uint64_t golden_lines_and_rectangles(void)
 
     for (int32_t i = 0; i < WALLS; i++) {
         cairn_segment wall = wall_of(i);
-        cairn_vec2 direction = cairn_vec2_unit(cairn_vec2_sub(wall.b, wall.a)), left = cairn_vec2_left(direction);
+        cairn_vec2 direction = cairn_vec2_unit(cairn_vec2_sub(wall.b, wall.a)),
+                   left = cairn_vec2_left(direction);
 
         /* Two pieces of each wall, with a gap. */
         for (int32_t k = 0; k < 2; k++) {
-            cairn_real from = CAIRN_REAL(0.6) * (cairn_real)k + argument(&random, CAIRN_REAL(0.05), 0);
+            cairn_real from =
+                CAIRN_REAL(0.6) * (cairn_real)k + argument(&random, CAIRN_REAL(0.05), 0);
 
             pieces[2 * i + k].a = along(wall, from);
             pieces[2 * i + k].b = along(wall, from + CAIRN_REAL(0.35));
@@ -98,7 +101,8 @@ uint64_t golden_lines_and_rectangles(void)
         cairn_hough_create(&hough, &pool, &hough_params) != CAIRN_OK ||
         cairn_rectangle_create(&set, &pool, &rectangle_params) != CAIRN_OK ||
         cairn_hough_begin(hough, points, NULL, WALLS * WALL_POINTS) != CAIRN_OK ||
-        cairn_hough_step(hough, &budget) != CAIRN_OK || cairn_rectangle_begin(set, pieces, 2 * WALLS) != CAIRN_OK)
+        cairn_hough_step(hough, &budget) != CAIRN_OK ||
+        cairn_rectangle_begin(set, pieces, 2 * WALLS) != CAIRN_OK)
         return 0;
     budget = unbounded();
     if (cairn_rectangle_step(set, &budget) != CAIRN_OK)
@@ -132,7 +136,14 @@ uint64_t golden_ellipses(void)
 {
     static const cairn_ellipse truth[ROUND] = {
         {{1, 2, CAIRN_REAL(0.4)}, CAIRN_REAL(2.6), 2, 0, 0, 0, 0, CAIRN_ELLIPSE_ROOM},
-        {{2, CAIRN_REAL(1.5), 0}, CAIRN_REAL(0.5), CAIRN_REAL(0.5), 0, 0, 0, 0, CAIRN_ELLIPSE_COLUMN}};
+        {{2, CAIRN_REAL(1.5), 0},
+         CAIRN_REAL(0.5),
+         CAIRN_REAL(0.5),
+         0,
+         0,
+         0,
+         0,
+         CAIRN_ELLIPSE_COLUMN}};
     static cairn_oriented_point points[ROUND * ROUND_POINTS];
     cairn_ellipse_params params = cairn_ellipse_default();
     cairn_random random = cairn_random_seed(15, 1);
@@ -144,8 +155,9 @@ uint64_t golden_ellipses(void)
     int32_t count;
 
     for (int32_t i = 0; i < ROUND * ROUND_POINTS; i++) {
-        points[i] = cairn_ellipse_point(&truth[i / ROUND_POINTS],
-                                        CAIRN_REAL(4.7) * (cairn_real)(i % ROUND_POINTS) / ROUND_POINTS);
+        points[i] =
+            cairn_ellipse_point(&truth[i / ROUND_POINTS],
+                                CAIRN_REAL(4.7) * (cairn_real)(i % ROUND_POINTS) / ROUND_POINTS);
         points[i].position.x += argument(&random, CAIRN_REAL(0.02), 0);
     }
     params.cells = 48;
@@ -172,7 +184,8 @@ typedef struct walk {
 
 static const cairn_vec2 BEACON = {3, 1};
 
-static cairn_status propose(void *context, cairn_particle_filter *filter, int32_t index, cairn_budget *budget)
+static cairn_status propose(void *context, cairn_particle_filter *filter, int32_t index,
+                            cairn_budget *budget)
 {
     walk *w = context;
     cairn_vec2 at = *(const cairn_vec2 *)cairn_particle_filter_particle(filter, index).state;
@@ -188,11 +201,12 @@ static cairn_status propose(void *context, cairn_particle_filter *filter, int32_
     return status;
 }
 
-static cairn_status likelihood(void *context, const cairn_particle_filter *filter, int32_t index, const void *state,
-                               cairn_real *log_likelihood, cairn_budget *budget)
+static cairn_status likelihood(void *context, const cairn_particle_filter *filter, int32_t index,
+                               const void *state, cairn_real *log_likelihood, cairn_budget *budget)
 {
     const walk *w = context;
-    cairn_real error = (cairn_vec2_norm(cairn_vec2_sub(*(const cairn_vec2 *)state, BEACON)) - w->seen) * 20;
+    cairn_real error =
+        (cairn_vec2_norm(cairn_vec2_sub(*(const cairn_vec2 *)state, BEACON)) - w->seen) * 20;
 
     (void)filter;
     (void)index;
@@ -227,8 +241,10 @@ uint64_t golden_particles(void)
         cairn_particle_trace trace;
 
         truth.x += CAIRN_REAL(0.3);
-        w.seen = cairn_vec2_norm(cairn_vec2_sub(truth, BEACON)) + cairn_random_normal(&w.random) / 20;
-        if (cairn_particle_filter_begin(filter) != CAIRN_OK || cairn_particle_filter_step(filter, &budget) != CAIRN_OK)
+        w.seen =
+            cairn_vec2_norm(cairn_vec2_sub(truth, BEACON)) + cairn_random_normal(&w.random) / 20;
+        if (cairn_particle_filter_begin(filter) != CAIRN_OK ||
+            cairn_particle_filter_step(filter, &budget) != CAIRN_OK)
             return 0;
         trace = cairn_particle_filter_read(filter);
         hash = add_real(add_real(hash, trace.n_eff), trace.log_evidence);
@@ -256,7 +272,8 @@ static int look(cairn_scan *scan, cairn_random *random, int32_t i, cairn_scan_vi
     return 1;
 }
 
-/* All sweeps by lum in at most 4 iterations, from poses that are `far` m and rad farther off; 0 when it fails. */
+/* All sweeps by lum in at most 4 iterations, from poses that are `far` m and rad farther off; 0
+ * when it fails. */
 static uint64_t lum_of(cairn_lum_params params, cairn_real far)
 {
     cairn_random random = cairn_random_seed(13, 1);
@@ -271,7 +288,8 @@ static uint64_t lum_of(cairn_lum_params params, cairn_real far)
     params.max_points = GOLDEN_VIEWS * 256;
     params.max_links = params.max_fill = GOLDEN_VIEWS * GOLDEN_VIEWS;
     params.max_iterations = 4;
-    if (cairn_pool_init(&pool, golden_memory, GOLDEN_MEMORY) != CAIRN_OK || (scan = golden_new_scan(&pool)) == NULL ||
+    if (cairn_pool_init(&pool, golden_memory, GOLDEN_MEMORY) != CAIRN_OK ||
+        (scan = golden_new_scan(&pool)) == NULL ||
         cairn_lum_create(&lum, &pool, &params) != CAIRN_OK)
         return 0;
     for (int32_t i = 0; i < GOLDEN_VIEWS; i++) {
@@ -338,13 +356,15 @@ uint64_t golden_hypotheses(void)
     uint64_t hash = GOLDEN_START;
     int32_t count;
 
-    if (cairn_pool_init(&pool, golden_memory, GOLDEN_MEMORY) != CAIRN_OK || (scan = golden_new_scan(&pool)) == NULL ||
+    if (cairn_pool_init(&pool, golden_memory, GOLDEN_MEMORY) != CAIRN_OK ||
+        (scan = golden_new_scan(&pool)) == NULL ||
         cairn_scan_set_create(&set, &pool, &set_params) != CAIRN_OK ||
         cairn_virtual_scan_create(&hypotheses, &pool, &params) != CAIRN_OK)
         return 0;
     for (int32_t i = 0; i < GOLDEN_VIEWS; i++) {
         pose[i] = golden_thought_pose(&random, i);
-        if (!look(scan, &random, i, &view) || cairn_scan_set_add(set, &view, NULL, NULL) != CAIRN_OK)
+        if (!look(scan, &random, i, &view) ||
+            cairn_scan_set_add(set, &view, NULL, NULL) != CAIRN_OK)
             return 0;
     }
     if (cairn_virtual_scan_begin(hypotheses, CAIRN_REAL(0.2)) != CAIRN_OK)
@@ -358,12 +378,15 @@ uint64_t golden_hypotheses(void)
     if (count == 0)
         return 0;
     for (int32_t i = 0; i < count; i++)
-        hash = add_real(add_point(add_point(hash, points[i].position), points[i].direction), weights[i]);
+        hash = add_real(add_point(add_point(hash, points[i].position), points[i].direction),
+                        weights[i]);
     return hash;
 }
 
-/* Three sweeps by the aligner that asks for more than they have, so that hypotheses must help, or as written. */
-static uint64_t virtual_aligned_of(cairn_virtual_align_params params, cairn_virtual_scan_params hypotheses)
+/* Three sweeps by the aligner that asks for more than they have, so that hypotheses must help,
+ * or as written. */
+static uint64_t virtual_aligned_of(cairn_virtual_align_params params,
+                                   cairn_virtual_scan_params hypotheses)
 {
     cairn_random random = cairn_random_seed(15, 1);
     cairn_budget budget = unbounded();
@@ -384,14 +407,17 @@ static uint64_t virtual_aligned_of(cairn_virtual_align_params params, cairn_virt
     params.hypotheses = small_hypotheses(hypotheses);
     params.field.max_steps = 6;
     params.max_rounds = 1;
-    if (cairn_pool_init(&pool, golden_memory, GOLDEN_MEMORY) != CAIRN_OK || (scan = golden_new_scan(&pool)) == NULL ||
+    if (cairn_pool_init(&pool, golden_memory, GOLDEN_MEMORY) != CAIRN_OK ||
+        (scan = golden_new_scan(&pool)) == NULL ||
         cairn_virtual_align_create(&align, &pool, &params) != CAIRN_OK)
         return 0;
     for (int32_t i = 0; i < 3; i++)
         if (!look(scan, &random, i, &view) ||
-            cairn_virtual_align_add_scan(align, &view, golden_thought_pose(&random, i), NULL) != CAIRN_OK)
+            cairn_virtual_align_add_scan(align, &view, golden_thought_pose(&random, i), NULL) !=
+                CAIRN_OK)
             return 0;
-    if (cairn_virtual_align_begin(align) != CAIRN_OK || cairn_virtual_align_step(align, &budget) != CAIRN_OK)
+    if (cairn_virtual_align_begin(align) != CAIRN_OK ||
+        cairn_virtual_align_step(align, &budget) != CAIRN_OK)
         return 0;
     result = cairn_virtual_align_read(align);
     if (result.moved == 0 || result.active == 0)
@@ -431,7 +457,8 @@ uint64_t golden_mapped(void)
         return 0;
     for (int32_t i = 0; i < 5; i++) {
         static golden_sweep s;
-        cairn_pose pose = {1 + (cairn_real)i * CAIRN_REAL(0.25), CAIRN_REAL(2.5), (cairn_real)i * CAIRN_REAL(0.2)};
+        cairn_pose pose = {1 + (cairn_real)i * CAIRN_REAL(0.25), CAIRN_REAL(2.5),
+                           (cairn_real)i * CAIRN_REAL(0.2)};
         cairn_budget budget = unbounded();
         cairn_mapper_result result;
 
@@ -477,8 +504,9 @@ uint64_t golden_filtered(void)
     for (int32_t i = 0; i < cairn_filter_mapper_count(mapper); i++)
         for (int32_t k = cairn_filter_mapper_path(mapper, i, path, 6) - 1; k >= 0; k--)
             hash = add_pose(hash, path[k]);
-    return cairn_filter_mapper_measure(mapper).returns > 0 ? add_real(hash, cairn_filter_mapper_measure(mapper).n_eff)
-                                                           : 0;
+    return cairn_filter_mapper_measure(mapper).returns > 0
+               ? add_real(hash, cairn_filter_mapper_measure(mapper).n_eff)
+               : 0;
 }
 
 /* ---- Places and maps, with no guess ---- */
@@ -504,7 +532,8 @@ uint64_t golden_places(void)
     params.match.max_dense = 256;
     params.match.max_candidates = 64;
     params.consensus.max_hypotheses = 32;
-    if (cairn_pool_init(&pool, golden_memory, GOLDEN_MEMORY) != CAIRN_OK || (scan = golden_new_scan(&pool)) == NULL ||
+    if (cairn_pool_init(&pool, golden_memory, GOLDEN_MEMORY) != CAIRN_OK ||
+        (scan = golden_new_scan(&pool)) == NULL ||
         cairn_place_map_create(&map, &pool, &params) != CAIRN_OK)
         return 0;
     for (int32_t i = 0; i < PLACES; i++)
@@ -538,11 +567,13 @@ uint64_t golden_places_as_written(void)
 
     params.max_places = params.max_scans = PLACES;
     params.max_place_points = GOLDEN_BEAMS;
-    if (cairn_pool_init(&pool, golden_memory, GOLDEN_MEMORY) != CAIRN_OK || (scan = golden_new_scan(&pool)) == NULL ||
+    if (cairn_pool_init(&pool, golden_memory, GOLDEN_MEMORY) != CAIRN_OK ||
+        (scan = golden_new_scan(&pool)) == NULL ||
         cairn_place_map_create(&map, &pool, &params) != CAIRN_OK)
         return 0;
     for (int32_t i = 0; i < PLACES; i++) {
-        cairn_pose pose = {2 + CAIRN_REAL(0.2) * (cairn_real)i, 2, CAIRN_REAL(0.01) * (cairn_real)i};
+        cairn_pose pose = {2 + CAIRN_REAL(0.2) * (cairn_real)i, 2,
+                           CAIRN_REAL(0.01) * (cairn_real)i};
 
         golden_make_sweep(&sweep, &random, pose);
         if (!golden_fit_sweep(scan, &sweep))
@@ -555,14 +586,15 @@ uint64_t golden_places_as_written(void)
         cairn_place_map_read(map).decoupled < 1)
         return 0;
     for (int32_t i = 0; i < PLACES; i++)
-        hash = add_pose(add_pose(hash, cairn_place_map_place_of(map, i).map_place), cairn_place_map_scan_pose(map, i));
+        hash = add_pose(add_pose(hash, cairn_place_map_place_of(map, i).map_place),
+                        cairn_place_map_scan_pose(map, i));
     return hash;
 }
 
 enum { MAP_SIDE = 40 };
 
-/* A map of a part of a hall with `boxes` boxes at all angles, `size` times 0.6 by 0.3 m, in cells of 0.1 m, seen from a frame of its
- * own. */
+/* A map of a part of a hall with `boxes` boxes at all angles, `size` times 0.6 by 0.3 m, in
+ * cells of 0.1 m, seen from a frame of its own. */
 static void draw_map(cairn_pose hall_map, uint8_t *cells, int32_t boxes, cairn_real size)
 {
     cairn_random random = cairn_random_seed(17, 1);
@@ -595,7 +627,8 @@ static void draw_map(cairn_pose hall_map, uint8_t *cells, int32_t boxes, cairn_r
 static uint64_t merge_two(cairn_map_merge_params params, int32_t boxes, cairn_real size)
 {
     static uint8_t cells[2][MAP_SIDE * MAP_SIDE];
-    static const cairn_pose hall_map[2] = {{-1, 0, 0}, {CAIRN_REAL(0.2), CAIRN_REAL(0.1), CAIRN_REAL(0.3)}};
+    static const cairn_pose hall_map[2] = {{-1, 0, 0},
+                                           {CAIRN_REAL(0.2), CAIRN_REAL(0.1), CAIRN_REAL(0.3)}};
     cairn_budget budget = unbounded();
     cairn_merge_placed placed;
     cairn_map_merge *merge;
@@ -616,13 +649,15 @@ static uint64_t merge_two(cairn_map_merge_params params, int32_t boxes, cairn_re
         cairn_map_merge_create(&merge, &pool, &params) != CAIRN_OK)
         return 0;
     for (int32_t i = 0; i < 2; i++) {
-        cairn_merge_map map = {{cells[i], MAP_SIDE, MAP_SIDE, MAP_SIDE}, CAIRN_REAL(0.1), {-2, -2, 0}};
+        cairn_merge_map map = {
+            {cells[i], MAP_SIDE, MAP_SIDE, MAP_SIDE}, CAIRN_REAL(0.1), {-2, -2, 0}};
 
         draw_map(hall_map[i], cells[i], boxes, size);
         if (cairn_map_merge_add(merge, &map, NULL) != CAIRN_OK)
             return 0;
     }
-    if (cairn_map_merge_begin(merge, 0, NULL) != CAIRN_OK || cairn_map_merge_step(merge, &budget) != CAIRN_OK)
+    if (cairn_map_merge_begin(merge, 0, NULL) != CAIRN_OK ||
+        cairn_map_merge_step(merge, &budget) != CAIRN_OK)
         return 0;
     placed = cairn_map_merge_of(merge, 1);
     if (placed.verdict != CAIRN_MERGE_PLACED)

@@ -13,7 +13,8 @@
 
 _Alignas(CAIRN_ALIGN) unsigned char golden_memory[GOLDEN_MEMORY];
 
-/* Distance along a direction to the walls of a room of 6 x 4 m, or of the box at (3.5, 0) of 1 x 1.2 m that stands in it. */
+/* Distance along a direction to the walls of a room of 6 x 4 m, or of the box at (3.5, 0) of 1 x
+ * 1.2 m that stands in it. */
 static cairn_real room_range(cairn_real x, cairn_real y, cairn_real c, cairn_real s)
 {
     static const cairn_segment wall[] = {
@@ -51,7 +52,8 @@ void golden_make_sweep(golden_sweep *out, cairn_random *random, cairn_pose pose)
         cairn_real s, c, range;
 
         cairn_sincos(pose.theta + (cairn_real)(i - 90) * CAIRN_REAL(0.03125), &s, &c);
-        range = room_range(pose.x, pose.y, c, s) + cairn_random_uniform(random, -CAIRN_REAL(0.01), CAIRN_REAL(0.01));
+        range = room_range(pose.x, pose.y, c, s) +
+                cairn_random_uniform(random, -CAIRN_REAL(0.01), CAIRN_REAL(0.01));
         out->range[i] = i % 50 == 49 ? 0 : (float)range;
     }
     out->input.range = out->range;
@@ -91,7 +93,8 @@ cairn_scan *golden_new_scan(cairn_pool *pool)
 
 cairn_pose golden_view_pose(int32_t i)
 {
-    cairn_pose pose = {1 + (cairn_real)i * CAIRN_REAL(0.5), CAIRN_REAL(2.5), (cairn_real)i * CAIRN_REAL(0.4)};
+    cairn_pose pose = {1 + (cairn_real)i * CAIRN_REAL(0.5), CAIRN_REAL(2.5),
+                       (cairn_real)i * CAIRN_REAL(0.4)};
 
     return pose;
 }
@@ -106,13 +109,13 @@ cairn_pose golden_thought_pose(cairn_random *random, int32_t i)
     return pose;
 }
 
-/* Six scans of the corner of a room, some walls longer than others, aligned by 20 iterations; past: share of the walls beyond
- * the corner. */
+/* Six scans of the corner of a room, some walls longer than others, aligned by 20 iterations;
+ * past: share of the walls beyond the corner. */
 static uint64_t align_corners(cairn_force_field_params params, cairn_real past)
 {
     enum { SCANS = 6, WALLS = 2, POINTS = 12 };
-    static _Alignas(
-        CAIRN_ALIGN) unsigned char memory[CAIRN_FORCE_FIELD_BYTES(SCANS, SCANS * WALLS * POINTS, SCANS * WALLS, 128)];
+    static _Alignas(CAIRN_ALIGN) unsigned char
+        memory[CAIRN_FORCE_FIELD_BYTES(SCANS, SCANS * WALLS * POINTS, SCANS * WALLS, 128)];
     static const int32_t first_point[WALLS + 1] = {0, POINTS, WALLS * POINTS};
     cairn_random random = cairn_random_seed(5, 1);
     cairn_force_field_state state;
@@ -139,7 +142,8 @@ static uint64_t align_corners(cairn_force_field_params params, cairn_real past)
         pose.theta = argument(&random, CAIRN_REAL(0.1), 0);
         for (int k = 0; k < WALLS * POINTS; k++) {
             cairn_real place = size * (cairn_real)(k % POINTS) / (POINTS - 1);
-            cairn_oriented_point upward = {{0, place - size}, {0, 1}}, leftward = {{-place, 0}, {-1, 0}};
+            cairn_oriented_point upward = {{0, place - size}, {0, 1}},
+                                 leftward = {{-place, 0}, {-1, 0}};
 
             upward.position.y += past * size;
             leftward.position.x += past * size;
@@ -193,7 +197,8 @@ uint64_t golden_scans_and_grid(void)
     params.width = params.height = 64;
     params.resolution = CAIRN_REAL(0.125);
     params.origin.x = params.origin.y = -1;
-    if (cairn_pool_init(&pool, golden_memory, GOLDEN_MEMORY) != CAIRN_OK || (scan = golden_new_scan(&pool)) == NULL ||
+    if (cairn_pool_init(&pool, golden_memory, GOLDEN_MEMORY) != CAIRN_OK ||
+        (scan = golden_new_scan(&pool)) == NULL ||
         cairn_occupancy_grid_create(&grid, &pool, &params) != CAIRN_OK)
         return 0;
     for (int i = 0; i < 4; i++) {
@@ -232,7 +237,8 @@ uint64_t golden_scans_and_grid(void)
 uint64_t golden_matches(void)
 {
     cairn_random random = cairn_random_seed(7, 1);
-    cairn_pose first = {2, 2, 0}, second = {CAIRN_REAL(2.3), CAIRN_REAL(1.8), CAIRN_REAL(0.4)}, guess = {0, 0, 0};
+    cairn_pose first = {2, 2, 0}, second = {CAIRN_REAL(2.3), CAIRN_REAL(1.8), CAIRN_REAL(0.4)},
+               guess = {0, 0, 0};
     cairn_scan_match_params match_params = cairn_scan_match_default();
     cairn_icp_params icp_params = cairn_icp_default();
     cairn_scan_match_result found;
@@ -283,7 +289,8 @@ uint64_t golden_matches(void)
     found = cairn_scan_match_read(match);
     hash = add_bytes(hash, &found.verdict, sizeof found.verdict);
     for (int32_t i = 0; i < found.count; i++) {
-        hash = add_covariance(add_pose(hash, found.hypotheses[i].target_query), found.hypotheses[i].covariance);
+        hash = add_covariance(add_pose(hash, found.hypotheses[i].target_query),
+                              found.hypotheses[i].covariance);
         hash = add_real(hash, found.hypotheses[i].score);
     }
     return hash;
@@ -310,7 +317,8 @@ uint64_t golden_links_and_cover(void)
     lum_params.max_points = cover_params.max_points = GOLDEN_VIEWS * 256;
     lum_params.max_links = lum_params.max_fill = GOLDEN_VIEWS * GOLDEN_VIEWS;
     lum_params.max_iterations = 8;
-    if (cairn_pool_init(&pool, golden_memory, GOLDEN_MEMORY) != CAIRN_OK || (scan = golden_new_scan(&pool)) == NULL ||
+    if (cairn_pool_init(&pool, golden_memory, GOLDEN_MEMORY) != CAIRN_OK ||
+        (scan = golden_new_scan(&pool)) == NULL ||
         cairn_scan_set_create(&set, &pool, &set_params) != CAIRN_OK ||
         cairn_scan_cover_create(&cover, &pool, &cover_params) != CAIRN_OK ||
         cairn_lum_create(&lum, &pool, &lum_params) != CAIRN_OK)
@@ -334,7 +342,8 @@ uint64_t golden_links_and_cover(void)
     for (int32_t i = 0; i < GOLDEN_VIEWS; i++)
         hash = add_pose(hash, pose[i] = cairn_lum_pose(lum, i));
     budget.left = INT32_MAX;
-    if (cairn_scan_cover_begin(cover, set, pose) != CAIRN_OK || cairn_scan_cover_step(cover, &budget) != CAIRN_OK ||
+    if (cairn_scan_cover_begin(cover, set, pose) != CAIRN_OK ||
+        cairn_scan_cover_step(cover, &budget) != CAIRN_OK ||
         cairn_pose_errors_of(pose, truth, GOLDEN_VIEWS, &errors) != CAIRN_OK)
         return 0;
     for (int32_t i = 0; i < GOLDEN_VIEWS; i++)
@@ -357,7 +366,8 @@ uint64_t golden_aligned(void)
     params.max_scans = GOLDEN_VIEWS;
     params.max_points = GOLDEN_VIEWS * 256;
     params.max_segments = GOLDEN_VIEWS * 64;
-    if (cairn_pool_init(&pool, golden_memory, GOLDEN_MEMORY) != CAIRN_OK || (scan = golden_new_scan(&pool)) == NULL ||
+    if (cairn_pool_init(&pool, golden_memory, GOLDEN_MEMORY) != CAIRN_OK ||
+        (scan = golden_new_scan(&pool)) == NULL ||
         cairn_aligner_create(&aligner, &pool, &params) != CAIRN_OK)
         return 0;
     for (int32_t i = 0; i < GOLDEN_VIEWS; i++) {
@@ -372,7 +382,8 @@ uint64_t golden_aligned(void)
         if (cairn_aligner_add_scan(aligner, &view, pose, NULL) != CAIRN_OK)
             return 0;
     }
-    if (cairn_aligner_begin(aligner) != CAIRN_OK || cairn_aligner_step(aligner, &budget) != CAIRN_OK)
+    if (cairn_aligner_begin(aligner) != CAIRN_OK ||
+        cairn_aligner_step(aligner, &budget) != CAIRN_OK)
         return 0;
     for (int32_t i = 0; i < GOLDEN_VIEWS; i++) {
         cairn_aligner_pose pose = cairn_aligner_pose_of(aligner, i);

@@ -35,10 +35,10 @@ static void check(void **state)
     if (text == NULL)
         fail_msg("%s has no line for %s (make golden writes it)", test->file, test->value.name);
     if (strcmp(text, test->now) != 0)
-        fail_msg(
-            "%s is %s, and %s has %s. If what it computes, or its cost, was meant to change: make golden, and commit "
-            "the files; else something has changed it.",
-            test->value.name, test->now, test->file, text);
+        fail_msg("%s is %s, and %s has %s. If what it computes, or its cost, was meant to change: "
+                 "make golden, and commit "
+                 "the files; else something has changed it.",
+                 test->value.name, test->now, test->file, text);
 }
 
 static int write_all(const char *file, const kept_test *kept, int32_t count)
@@ -53,7 +53,8 @@ static int write_all(const char *file, const kept_test *kept, int32_t count)
     return 2;
 }
 
-int kept_main(int argc, char **argv, const char *file, const kept_value *values, int32_t count, kept_tell tell)
+int kept_main(int argc, char **argv, const char *file, const kept_value *values, int32_t count,
+              kept_tell tell)
 {
     kept_test *kept = calloc((size_t)count, sizeof *kept);
     struct CMUnitTest *tests = calloc((size_t)count, sizeof *tests);

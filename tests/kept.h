@@ -1,5 +1,6 @@
-/* Values that stay as they are until somebody means to change them: a file holds a line "name value" for each, a test
- * program has a test for each line, and the same program with --renew writes the file. `make golden` does so for all. */
+/* Values that stay as they are until somebody means to change them: a file holds a line "name
+ * value" for each, a test program has a test for each line, and the same program with --renew
+ * writes the file. `make golden` does so for all. */
 #ifndef CAIRN_TESTS_KEPT_H
 #define CAIRN_TESTS_KEPT_H
 
@@ -18,6 +19,7 @@ typedef void (*kept_tell)(const void *item, char text[KEPT_TEXT]);
 #define KEPT_FILE(name) NUMBER("tests/" name "-double.txt", "tests/" name "-float.txt")
 
 /* For main(). */
-int kept_main(int argc, char **argv, const char *file, const kept_value *values, int32_t count, kept_tell tell);
+int kept_main(int argc, char **argv, const char *file, const kept_value *values, int32_t count,
+              kept_tell tell);
 
 #endif

@@ -1,5 +1,6 @@
-/* Long scenes: with a seeded input each, like the golden scenes, but of real size, with all that can be read of an object
- * hashed and the units of its steps, too. Numbers are cairn_real all the way, so that the input is the same everywhere. */
+/* Long scenes: with a seeded input each, like the golden scenes, but of real size, with all that
+ * can be read of an object hashed and the units of its steps, too. Numbers are cairn_real all
+ * the way, so that the input is the same everywhere. */
 #ifndef CAIRN_TESTS_LONG_H
 #define CAIRN_TESTS_LONG_H
 
@@ -18,25 +19,26 @@ static inline uint64_t add_vector(uint64_t hash, const cairn_real *x, int32_t co
     return hash;
 }
 
-/* Calls step(object, ...) with `each` units until it has ended, and hashes what is left of them each time. */
-#define LONG_RUN(hash, step, object, each)                                                                             \
-    do {                                                                                                               \
-        cairn_budget long_budget;                                                                                      \
-        cairn_status long_status;                                                                                      \
-                                                                                                                       \
-        do {                                                                                                           \
-            long_budget.left = (each);                                                                                 \
-            long_status = step(object, &long_budget);                                                                  \
-            (hash) = add_int(hash, long_budget.left);                                                                  \
-        } while (long_status == CAIRN_MORE);                                                                           \
-        assert_ok(long_status);                                                                                        \
+/* Calls step(object, ...) with `each` units until it has ended, and hashes what is left of them
+ * each time. */
+#define LONG_RUN(hash, step, object, each)                                                         \
+    do {                                                                                           \
+        cairn_budget long_budget;                                                                  \
+        cairn_status long_status;                                                                  \
+                                                                                                   \
+        do {                                                                                       \
+            long_budget.left = (each);                                                             \
+            long_status = step(object, &long_budget);                                              \
+            (hash) = add_int(hash, long_budget.left);                                              \
+        } while (long_status == CAIRN_MORE);                                                       \
+        assert_ok(long_status);                                                                    \
     } while (0)
 
 /* A pool of its own and the object in it: LONG_CREATE(pool, icp, &icp, &params). */
-#define LONG_CREATE(pool, room, object, params)                                                                        \
-    do {                                                                                                               \
-        *(pool) = test_pool(cairn_##room##_memory(params));                                                            \
-        assert_ok(cairn_##room##_create(object, pool, params));                                                        \
+#define LONG_CREATE(pool, room, object, params)                                                    \
+    do {                                                                                           \
+        *(pool) = test_pool(cairn_##room##_memory(params));                                        \
+        assert_ok(cairn_##room##_create(object, pool, params));                                    \
     } while (0)
 
 /* ---- The world: a flat of 12 x 8 m with five rooms on a hall and boxes at all angles ---- */
@@ -53,7 +55,8 @@ typedef struct long_sweep {
     cairn_scan_input input;
 } long_sweep;
 
-void long_add_box(long_world *world, cairn_pose centre, cairn_real half_length, cairn_real half_width);
+void long_add_box(long_world *world, cairn_pose centre, cairn_real half_length,
+                  cairn_real half_width);
 void long_build(long_world *world, uint64_t seed, int32_t boxes);
 
 /* A way round through the rooms and back along the hall; the first stop is also the last. */
@@ -63,9 +66,10 @@ extern const cairn_real long_way; /* m, of a lap */
 /* A pose at least 0.35 m from everything. */
 cairn_pose long_somewhere(const long_world *world, cairn_random *random);
 
-/* What a scanner with a range of 8 m sees, with noise of 1 cm; a share of the beams ends on people. */
-void long_look(long_sweep *out, const long_world *world, cairn_random *random, cairn_pose pose, int32_t beams,
-               cairn_real view, cairn_real crowd);
+/* What a scanner with a range of 8 m sees, with noise of 1 cm; a share of the beams ends on
+ * people. */
+void long_look(long_sweep *out, const long_world *world, cairn_random *random, cairn_pose pose,
+               int32_t beams, cairn_real view, cairn_real crowd);
 
 /* For sweeps of LONG_BEAMS at most; the view stays until the next fit. */
 cairn_scan *long_new_scan(cairn_pool *pool);
@@ -82,6 +86,7 @@ static inline cairn_vec2 long_point(cairn_random *random, cairn_real x, cairn_re
 }
 
 /* Off by at most so much in x, in y, and in theta. */
-cairn_pose long_disturbed(cairn_random *random, cairn_pose pose, cairn_real metres, cairn_real radians);
+cairn_pose long_disturbed(cairn_random *random, cairn_pose pose, cairn_real metres,
+                          cairn_real radians);
 
 #endif

@@ -24,7 +24,8 @@ static void start_survey(survey *s, uint64_t seed, int32_t boxes)
     s->scan = long_new_scan(&s->pool);
 }
 
-static cairn_scan_view take(survey *s, cairn_pose pose, int32_t beams, cairn_real view, cairn_real crowd)
+static cairn_scan_view take(survey *s, cairn_pose pose, int32_t beams, cairn_real view,
+                            cairn_real crowd)
 {
     static long_sweep sweep;
 
@@ -52,7 +53,8 @@ static uint64_t add_aligned(uint64_t hash, const cairn_aligner_pose *p)
 static uint64_t add_aligner_result(uint64_t hash, const cairn_aligner_result *r)
 {
     hash = add_int(add_int(add_int(add_int(hash, r->verdict), r->parts), r->largest), r->placed);
-    hash = add_int(add_int(add_int(add_int(hash, r->anchor), r->hypotheses), r->dropped), r->merges);
+    hash =
+        add_int(add_int(add_int(add_int(hash, r->anchor), r->hypotheses), r->dropped), r->merges);
     hash = add_int(add_int(add_int(add_int(hash, r->moved), r->rounds), r->walls), r->fill);
     hash = add_real(add_real(hash, r->spread), r->spread_angle);
     return add_int(add_int(hash, r->units), r->worst_step);
@@ -99,7 +101,8 @@ static uint64_t align_flat(uint64_t hash, uint64_t seed, cairn_real metres)
         cairn_pose pose = heading_of(&s, i, &place);
         cairn_scan_view view = take(&s, pose, 201, CAIRN_REAL(1.75), i == 5 ? CAIRN_REAL(0.9) : 0);
 
-        assert_ok(cairn_aligner_add_scan(aligner, &view, long_disturbed(&s.random, pose, metres, metres), NULL));
+        assert_ok(cairn_aligner_add_scan(aligner, &view,
+                                         long_disturbed(&s.random, pose, metres, metres), NULL));
         if (i == 15)
             hash = align_all(hash, aligner);
     }
@@ -151,7 +154,8 @@ static uint64_t align_and_repair(uint64_t hash, uint64_t seed, int32_t max_hypot
         cairn_scan_view view = take(&s, pose, 241, CAIRN_REAL(2.1), CAIRN_REAL(0.1));
         cairn_real metres = i % 5 == 4 ? CAIRN_REAL(0.9) : CAIRN_REAL(0.25);
 
-        assert_ok(cairn_aligner_add_scan(aligner, &view, long_disturbed(&s.random, pose, metres, metres), NULL));
+        assert_ok(cairn_aligner_add_scan(aligner, &view,
+                                         long_disturbed(&s.random, pose, metres, metres), NULL));
     }
     assert_ok(cairn_aligner_begin(aligner));
     while (cairn_aligner_running(aligner)) {
@@ -177,7 +181,8 @@ uint64_t long_aligned_repaired(void)
     return align_and_repair(hash, 14, 400);
 }
 
-/* What a joint solution cannot hold, scans that share nothing, and a corridor along which nothing tells the place. */
+/* What a joint solution cannot hold, scans that share nothing, and a corridor along which
+ * nothing tells the place. */
 uint64_t long_aligned_parts(void)
 {
     cairn_aligner_params params = room_for(12);
@@ -192,14 +197,16 @@ uint64_t long_aligned_parts(void)
         params.max_rounds = k == 2 ? 0 : 10;
         LONG_CREATE(&pool, aligner, &aligner, &params);
         for (int32_t i = 0; i < 12; i++) {
-            cairn_pose pose = {CAIRN_REAL(4.5) + (cairn_real)i / 4, 4, CAIRN_PI * (cairn_real)(i % 2)};
+            cairn_pose pose = {CAIRN_REAL(4.5) + (cairn_real)i / 4, 4,
+                               CAIRN_PI * (cairn_real)(i % 2)};
             cairn_scan_view view;
 
             if (i > 8)
                 pose.y = i == 9 ? CAIRN_REAL(1.5) : CAIRN_REAL(6.5);
             view = take(&s, pose, 181, CAIRN_REAL(2.6), 0);
-            assert_ok(cairn_aligner_add_scan(aligner, &view,
-                                             long_disturbed(&s.random, pose, CAIRN_REAL(0.2), CAIRN_REAL(0.2)), NULL));
+            assert_ok(cairn_aligner_add_scan(
+                aligner, &view, long_disturbed(&s.random, pose, CAIRN_REAL(0.2), CAIRN_REAL(0.2)),
+                NULL));
         }
         hash = align_all(hash, aligner);
         test_pool_free(&pool);
@@ -212,10 +219,13 @@ uint64_t long_aligned_parts(void)
 
 static uint64_t add_state(uint64_t hash, const cairn_force_field_state *s)
 {
-    hash = add_int(add_int(add_int(add_int(hash, s->verdict), s->iterations), s->units), s->worst_step);
-    hash = add_int(add_int(add_int(add_int(hash, s->start_iterations), s->pairs), s->segment_pairs), s->corners);
+    hash = add_int(add_int(add_int(add_int(hash, s->verdict), s->iterations), s->units),
+                   s->worst_step);
+    hash = add_int(add_int(add_int(add_int(hash, s->start_iterations), s->pairs), s->segment_pairs),
+                   s->corners);
     hash = add_int(add_int(add_int(hash, s->corners_dropped), s->bonds), s->bonds_dropped);
-    return add_real(add_real(add_real(add_real(hash, s->sigma), s->dt), s->potential), s->mean_relocation);
+    return add_real(add_real(add_real(add_real(hash, s->sigma), s->dt), s->potential),
+                    s->mean_relocation);
 }
 
 static uint64_t add_field(uint64_t hash, const cairn_force_field *field)
@@ -233,25 +243,29 @@ static uint64_t add_field(uint64_t hash, const cairn_force_field *field)
         if (!cairn_force_field_has(field, i))
             continue;
         motion = cairn_force_field_motion_of(field, i);
-        hash = add_point(add_point(add_pose(hash, cairn_force_field_pose(field, i)), motion.centre), motion.force);
+        hash = add_point(add_point(add_pose(hash, cairn_force_field_pose(field, i)), motion.centre),
+                         motion.force);
         hash = add_real(add_real(hash, motion.torque), motion.relocation);
         assert_ok(cairn_force_field_point_force(field, i, 3, &force, &mass));
         hash = add_real(add_point(hash, force), mass);
     }
     corners = cairn_force_field_corners(field, &count);
     for (int32_t i = 0; i < count; i++) {
-        hash = add_point(add_point(add_point(hash, corners[i].position), corners[i].leg[0]), corners[i].leg[1]);
+        hash = add_point(add_point(add_point(hash, corners[i].position), corners[i].leg[0]),
+                         corners[i].leg[1]);
         hash = add_real(add_real(hash, corners[i].opening), corners[i].strength);
-        hash = add_int(add_int(add_int(hash, corners[i].kind), corners[i].segment[0]), corners[i].segment[1]);
+        hash = add_int(add_int(add_int(hash, corners[i].kind), corners[i].segment[0]),
+                       corners[i].segment[1]);
     }
     return hash;
 }
 
 enum { FIELD_SCANS = 10 };
 
-/* A field of scans at places along the way, run to its end and once more after a restart, with a scan fixed, one moved by
- * hand, one gone and another in its place. */
-static uint64_t run_field(uint64_t seed, const cairn_force_field_params *params, int32_t with_mass, int32_t extras)
+/* A field of scans at places along the way, run to its end and once more after a restart, with a
+ * scan fixed, one moved by hand, one gone and another in its place. */
+static uint64_t run_field(uint64_t seed, const cairn_force_field_params *params, int32_t with_mass,
+                          int32_t extras)
 {
     static cairn_real mass[2048];
     cairn_oriented_point extra[64];
@@ -269,8 +283,9 @@ static uint64_t run_field(uint64_t seed, const cairn_force_field_params *params,
     for (int32_t i = 0; i < FIELD_SCANS; i++) {
         pose = long_on_the_way((cairn_real)i * CAIRN_REAL(0.6));
         view = take(&s, pose, 181, CAIRN_REAL(3.1), 0);
-        assert_ok(cairn_force_field_add_scan(field, &view, with_mass ? mass : NULL,
-                                             long_disturbed(&s.random, pose, CAIRN_REAL(0.1), CAIRN_REAL(0.08)), NULL));
+        assert_ok(cairn_force_field_add_scan(
+            field, &view, with_mass ? mass : NULL,
+            long_disturbed(&s.random, pose, CAIRN_REAL(0.1), CAIRN_REAL(0.08)), NULL));
     }
     for (int32_t i = 0; i < extras; i++) {
         extra[i].position.x = 1 + (cairn_real)i / 16;
@@ -290,12 +305,14 @@ static uint64_t run_field(uint64_t seed, const cairn_force_field_params *params,
     assert_ok(cairn_force_field_release(field, 4));
     assert_ok(cairn_force_field_fix(field, 0, 0));
     pose = long_on_the_way(3);
-    assert_ok(cairn_force_field_place(field, 5, long_disturbed(&s.random, pose, CAIRN_REAL(0.1), CAIRN_REAL(0.1))));
+    assert_ok(cairn_force_field_place(
+        field, 5, long_disturbed(&s.random, pose, CAIRN_REAL(0.1), CAIRN_REAL(0.1))));
     cairn_force_field_restart(field);
     LONG_RUN(hash, cairn_force_field_iterate, field, 500);
     view = take(&s, long_on_the_way(CAIRN_REAL(2.5)), 121, CAIRN_REAL(3.1), 0);
     assert_int_equal(cairn_force_field_next(field), 4);
-    assert_ok(cairn_force_field_add_scan(field, &view, NULL, long_on_the_way(CAIRN_REAL(2.4)), NULL));
+    assert_ok(
+        cairn_force_field_add_scan(field, &view, NULL, long_on_the_way(CAIRN_REAL(2.4)), NULL));
     LONG_RUN(hash, cairn_force_field_step, field, 7);
     hash = add_field(hash, field);
     hash = add_int(hash, cairn_force_field_revision(field));
@@ -467,7 +484,8 @@ uint64_t long_hypotheses(void)
             pose.x = 6;
         view = take(&s, pose, 181, CAIRN_REAL(1.2), 0);
         assert_ok(cairn_virtual_align_add_scan(
-            align, &view, long_disturbed(&s.random, pose, CAIRN_REAL(0.15), CAIRN_REAL(0.15)), NULL));
+            align, &view, long_disturbed(&s.random, pose, CAIRN_REAL(0.15), CAIRN_REAL(0.15)),
+            NULL));
     }
     assert_ok(cairn_virtual_align_begin(align));
     LONG_RUN(hash, cairn_virtual_align_step, align, 20000);
@@ -475,7 +493,8 @@ uint64_t long_hypotheses(void)
     hash = add_aligner_result(hash, &result.aligner);
     hash = add_int(add_int(add_int(hash, result.rounds), result.moved), result.iterations);
     hash = add_int(add_int(hash, result.active), result.hypotheses);
-    hash = add_int(add_int(add_int(hash, result.align_units), result.hypothesis_units), result.field_units);
+    hash = add_int(add_int(add_int(hash, result.align_units), result.hypothesis_units),
+                   result.field_units);
     assert_true(result.moved > 0 && result.hypotheses > 0);
     for (int32_t i = 0; i < SCANS; i++) {
         cairn_virtual_align_pose pose = cairn_virtual_align_pose_of(align, i);
@@ -484,12 +503,15 @@ uint64_t long_hypotheses(void)
     }
     found = cairn_virtual_scan_hypotheses(cairn_virtual_align_hypotheses(align), &count);
     for (int32_t i = 0; i < count; i++) {
-        hash = add_int(add_int(add_int(hash, found[i].kind), found[i].first_point), found[i].end_point);
-        hash = add_real(add_real(add_int(hash, found[i].scans), found[i].strength), found[i].weight);
+        hash = add_int(add_int(add_int(hash, found[i].kind), found[i].first_point),
+                       found[i].end_point);
+        hash =
+            add_real(add_real(add_int(hash, found[i].scans), found[i].strength), found[i].weight);
     }
     points = cairn_virtual_scan_points(cairn_virtual_align_hypotheses(align), &weights, &count);
     for (int32_t i = 0; i < count; i++)
-        hash = add_real(add_point(add_point(hash, points[i].position), points[i].direction), weights[i]);
+        hash = add_real(add_point(add_point(hash, points[i].position), points[i].direction),
+                        weights[i]);
     hash = add_int(hash, cairn_virtual_scan_dropped(cairn_virtual_align_hypotheses(align)));
     hash = add_field(hash, cairn_virtual_align_field(align));
     test_pool_free(&pool);

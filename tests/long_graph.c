@@ -14,7 +14,8 @@ enum { POSES = 120, LAP = 30 };
 /* Round and round, a little wider each time. */
 static cairn_pose truth_of(int32_t i)
 {
-    cairn_real turn = 2 * CAIRN_PI * (cairn_real)i / LAP, sine, cosine, radius = 5 + (cairn_real)i / 100;
+    cairn_real turn = 2 * CAIRN_PI * (cairn_real)i / LAP, sine, cosine,
+               radius = 5 + (cairn_real)i / 100;
     cairn_pose pose;
 
     cairn_sincos(turn, &sine, &cosine);
@@ -37,12 +38,14 @@ static void add_links(cairn_pose_graph *graph, cairn_random *random)
     cairn_sym3 information = {900, 50, -20, 1100, 30, 3000};
 
     for (int32_t i = 1; i < POSES; i++) {
-        assert_ok(cairn_pose_graph_add_link(graph, i - 1, i, measure(random, i - 1, i), information));
+        assert_ok(
+            cairn_pose_graph_add_link(graph, i - 1, i, measure(random, i - 1, i), information));
         if (i > LAP && i % 4 == 0)
-            assert_ok(cairn_pose_graph_add_link(graph, i - LAP, i, measure(random, i - LAP, i % 20 == 0 ? i - 7 : i),
-                                                information));
+            assert_ok(cairn_pose_graph_add_link(
+                graph, i - LAP, i, measure(random, i - LAP, i % 20 == 0 ? i - 7 : i), information));
         if (i > 2 * LAP && i % 9 == 0)
-            assert_ok(cairn_pose_graph_add_link(graph, i, i - 2 * LAP - i % 5, measure(random, i, i - 2 * LAP - i % 5),
+            assert_ok(cairn_pose_graph_add_link(graph, i, i - 2 * LAP - i % 5,
+                                                measure(random, i, i - 2 * LAP - i % 5),
                                                 information));
     }
 }
@@ -51,8 +54,10 @@ static uint64_t add_graph(uint64_t hash, const cairn_pose_graph *graph)
 {
     cairn_pose_graph_state state = cairn_pose_graph_read(graph);
 
-    hash = add_int(add_int(add_int(add_int(hash, state.verdict), state.iterations), state.chordal), state.outliers);
-    hash = add_int(add_int(add_int(add_int(hash, state.pose), state.fill), state.poses), state.links);
+    hash = add_int(add_int(add_int(add_int(hash, state.verdict), state.iterations), state.chordal),
+                   state.outliers);
+    hash =
+        add_int(add_int(add_int(add_int(hash, state.pose), state.fill), state.poses), state.links);
     hash = add_real(add_real(hash, state.chi2_initial), state.chi2);
     hash = add_real(add_real(hash, state.cost_initial), state.cost);
     for (int32_t i = 0; i < state.poses; i++)
@@ -60,7 +65,8 @@ static uint64_t add_graph(uint64_t hash, const cairn_pose_graph *graph)
     for (int32_t i = 0; i < state.links; i++) {
         cairn_pose_graph_link link = cairn_pose_graph_link_of(graph, i);
 
-        hash = add_int(add_int(add_real(add_real(hash, link.chi2), link.weight), link.outlier), link.dropped);
+        hash = add_int(add_int(add_real(add_real(hash, link.chi2), link.weight), link.outlier),
+                       link.dropped);
     }
     return hash;
 }
@@ -113,7 +119,8 @@ uint64_t long_pose_graphs(void)
     cairn_random random = cairn_random_seed(51, 30);
     uint64_t hash = GOLDEN_START;
 
-    for (cairn_pose_graph_kernel kernel = CAIRN_POSE_GRAPH_SQUARE; kernel <= CAIRN_POSE_GRAPH_DCS; kernel++) {
+    for (cairn_pose_graph_kernel kernel = CAIRN_POSE_GRAPH_SQUARE; kernel <= CAIRN_POSE_GRAPH_DCS;
+         kernel++) {
         cairn_pose_graph_params params = cairn_pose_graph_default();
 
         params.kernel = kernel;
@@ -186,7 +193,8 @@ uint64_t long_block_systems(void)
             assert_ok(cairn_block_solver_covariance(solver, ends[l][0], ends[l][0], block));
             hash = add_covariance(hash, block);
         }
-        hash = add_int(add_int(hash, cairn_block_solver_read(solver).fill), cairn_block_solver_read(solver).units);
+        hash = add_int(add_int(hash, cairn_block_solver_read(solver).fill),
+                       cairn_block_solver_read(solver).units);
     }
     test_pool_free(&pool);
     return hash;
@@ -204,10 +212,13 @@ static cairn_pose node_of(int32_t i)
     return pose;
 }
 
-/* What the data of a pair say of a pose: less the farther it is off the truth, for some pairs nothing. */
-static cairn_real judge(void *context, int32_t first, int32_t second, cairn_pose first_second, int32_t *units)
+/* What the data of a pair say of a pose: less the farther it is off the truth, for some pairs
+ * nothing. */
+static cairn_real judge(void *context, int32_t first, int32_t second, cairn_pose first_second,
+                        int32_t *units)
 {
-    cairn_pose off = cairn_pose_between(cairn_pose_between(node_of(first), node_of(second)), first_second);
+    cairn_pose off =
+        cairn_pose_between(cairn_pose_between(node_of(first), node_of(second)), first_second);
     cairn_real distance = cairn_sqrt(off.x * off.x + off.y * off.y);
 
     (void)context;
@@ -217,8 +228,8 @@ static cairn_real judge(void *context, int32_t first, int32_t second, cairn_pose
     return 8 - 20 * distance;
 }
 
-static uint64_t agree(uint64_t hash, const cairn_pose_consensus_params *params, uint64_t seed, int32_t judged,
-                      int32_t bounded)
+static uint64_t agree(uint64_t hash, const cairn_pose_consensus_params *params, uint64_t seed,
+                      int32_t judged, int32_t bounded)
 {
     cairn_random random = cairn_random_seed(seed, 32);
     cairn_consensus_result result;
@@ -232,7 +243,8 @@ static uint64_t agree(uint64_t hash, const cairn_pose_consensus_params *params, 
         for (int32_t k = 0; k < 9; k++) {
             static const int32_t apart[9] = {1, 8, 7, 1, 8, 9, 5, 2, 8};
             int32_t j = i + apart[k];
-            cairn_pose_hypothesis h = {.first = i, .second = j, .score = 3 + cairn_random_unit(&random) * 6};
+            cairn_pose_hypothesis h = {
+                .first = i, .second = j, .score = 3 + cairn_random_unit(&random) * 6};
             cairn_pose seen;
 
             if (j >= NODES || (i < 20 && j >= 20 && i > 16))
@@ -259,12 +271,15 @@ static uint64_t agree(uint64_t hash, const cairn_pose_consensus_params *params, 
     }
     result = cairn_pose_consensus_read(c);
     hash = add_real(add_real(hash, result.total), result.rival);
-    hash = add_int(add_int(add_int(add_int(hash, result.placed), result.parts), result.ambiguous), result.start);
-    hash = add_int(add_int(add_int(add_int(hash, result.starts), result.rounds), result.agreeing), result.units);
+    hash = add_int(add_int(add_int(add_int(hash, result.placed), result.parts), result.ambiguous),
+                   result.start);
+    hash = add_int(add_int(add_int(add_int(hash, result.starts), result.rounds), result.agreeing),
+                   result.units);
     for (int32_t i = 0; i < NODES; i++) {
         cairn_consensus_node node = cairn_pose_consensus_node(c, i);
 
-        hash = add_real(add_covariance(add_pose(hash, node.map_node), node.covariance), node.support);
+        hash =
+            add_real(add_covariance(add_pose(hash, node.map_node), node.covariance), node.support);
         hash = add_int(add_int(add_int(hash, node.part), node.agreeing), node.contradicting);
         hash = add_int(add_int(hash, node.alternatives), node.ambiguous);
         for (int32_t k = 0; k < node.alternatives; k++) {
@@ -312,7 +327,8 @@ typedef struct walk {
     uint64_t lost;
 } walk;
 
-static cairn_status propose(void *context, cairn_particle_filter *filter, int32_t index, cairn_budget *budget)
+static cairn_status propose(void *context, cairn_particle_filter *filter, int32_t index,
+                            cairn_budget *budget)
 {
     walk *w = context;
     cairn_vec2 at = *(const cairn_vec2 *)cairn_particle_filter_particle(filter, index).state;
@@ -330,12 +346,13 @@ static cairn_status propose(void *context, cairn_particle_filter *filter, int32_
     return status;
 }
 
-static cairn_status weigh(void *context, const cairn_particle_filter *filter, int32_t index, const void *state,
-                          cairn_real *log_likelihood, cairn_budget *budget)
+static cairn_status weigh(void *context, const cairn_particle_filter *filter, int32_t index,
+                          const void *state, cairn_real *log_likelihood, cairn_budget *budget)
 {
     static const cairn_vec2 beacon = {2, 1};
     const walk *w = context;
-    cairn_real off = (cairn_vec2_norm(cairn_vec2_sub(*(const cairn_vec2 *)state, beacon)) - w->seen) * 12;
+    cairn_real off =
+        (cairn_vec2_norm(cairn_vec2_sub(*(const cairn_vec2 *)state, beacon)) - w->seen) * 12;
 
     (void)filter;
     (void)index;
@@ -379,14 +396,17 @@ static uint64_t follow(uint64_t hash, const cairn_particle_filter_params *params
         cairn_particle_trace t;
 
         truth.x += CAIRN_REAL(0.25);
-        w.seen = cairn_vec2_norm(cairn_vec2_sub(truth, beacon)) + cairn_random_normal(&w.random) / 12;
+        w.seen =
+            cairn_vec2_norm(cairn_vec2_sub(truth, beacon)) + cairn_random_normal(&w.random) / 12;
         assert_ok(cairn_particle_filter_begin(filter));
         LONG_RUN(hash, cairn_particle_filter_step, filter, 50);
         t = cairn_particle_filter_read(filter);
         hash = add_real(add_real(hash, t.n_eff), t.log_evidence);
-        hash = add_int(add_int(add_int(add_int(hash, t.resamplings), t.particles), t.best), t.candidates);
+        hash = add_int(add_int(add_int(add_int(hash, t.resamplings), t.particles), t.best),
+                       t.candidates);
         hash = add_int(add_int(add_int(add_int(hash, t.left_out), t.followers), t.cut), t.lost);
-        hash = add_int(add_int(add_int(add_int(hash, t.extinct), t.resampled), t.blocks), t.blocks_peak);
+        hash = add_int(add_int(add_int(add_int(hash, t.extinct), t.resampled), t.blocks),
+                       t.blocks_peak);
     }
     for (int32_t i = 0; i < cairn_particle_filter_count(filter); i++) {
         cairn_particle p = cairn_particle_filter_particle(filter, i);

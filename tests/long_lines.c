@@ -59,10 +59,13 @@ uint64_t long_polylines(void)
             cairn_sincos((cairn_real)leg * CAIRN_REAL(1.1), &sine, &cosine);
             if (leg == 5)
                 cairn_sincos((cairn_real)(i % 60) / 40, &sine, &cosine);
-            points[dim * i] = (cairn_real)leg * 2 + along * cosine + cairn_random_normal(&random) / 100;
-            points[dim * i + 1] = (cairn_real)(leg % 3) + along * sine + cairn_random_normal(&random) / 100;
+            points[dim * i] =
+                (cairn_real)leg * 2 + along * cosine + cairn_random_normal(&random) / 100;
+            points[dim * i + 1] =
+                (cairn_real)(leg % 3) + along * sine + cairn_random_normal(&random) / 100;
             if (dim == 3)
-                points[dim * i + 2] = along * (cairn_real)(leg % 2) + cairn_random_normal(&random) / 100;
+                points[dim * i + 2] =
+                    along * (cairn_real)(leg % 2) + cairn_random_normal(&random) / 100;
             if (i % 60 > 30 && i % 60 < 42 && leg % 2 == 0)
                 points[dim * i] += 30;
             if (i % 41 == 40)
@@ -98,8 +101,8 @@ uint64_t long_sweeps(void)
         cairn_scan_measure measure;
         cairn_scan_view view;
 
-        long_look(&sweep, &world, &random, long_somewhere(&world, &random), 121 + 16 * i, CAIRN_REAL(6.1),
-                  CAIRN_REAL(0.1) * (cairn_real)(i % 3));
+        long_look(&sweep, &world, &random, long_somewhere(&world, &random), 121 + 16 * i,
+                  CAIRN_REAL(6.1), CAIRN_REAL(0.1) * (cairn_real)(i % 3));
         sweep.input.base_sensor.x = CAIRN_REAL(0.1) * (cairn_real)(i % 4);
         sweep.input.base_sensor.theta = (cairn_real)(i % 5);
         sweep.input.motion.x = CAIRN_REAL(0.02) * (cairn_real)(i % 3);
@@ -116,14 +119,18 @@ uint64_t long_sweeps(void)
         LONG_RUN(hash, cairn_scan_step, scan, 400);
         view = cairn_scan_read(scan);
         for (int32_t k = 0; k < view.beam_count; k++)
-            hash = add_int(add_point(add_point(hash, view.beams[k].from), view.beams[k].to), view.beams[k].kind);
+            hash = add_int(add_point(add_point(hash, view.beams[k].from), view.beams[k].to),
+                           view.beams[k].kind);
         for (int32_t k = 0; k < view.segment_count; k++)
-            hash = add_int(add_point(add_point(hash, view.segments[k].a), view.segments[k].b), view.first_point[k]);
+            hash = add_int(add_point(add_point(hash, view.segments[k].a), view.segments[k].b),
+                           view.first_point[k]);
         for (int32_t k = 0; k < view.point_count; k++)
             hash = add_point(add_point(hash, view.points[k].position), view.points[k].direction);
         measure = cairn_scan_measured(scan);
-        hash = add_int(add_int(add_int(add_int(hash, measure.units), measure.hits), measure.free), measure.unknown);
-        hash = add_int(add_int(add_int(hash, measure.uncertain), measure.iterations), measure.converged);
+        hash = add_int(add_int(add_int(add_int(hash, measure.units), measure.hits), measure.free),
+                       measure.unknown);
+        hash = add_int(add_int(add_int(hash, measure.uncertain), measure.iterations),
+                       measure.converged);
         hash = add_int(hash, measure.left_out);
     }
     test_pool_free(&pool);
@@ -133,21 +140,24 @@ uint64_t long_sweeps(void)
 /* ---- Walls, rooms and corners of the flat ---- */
 
 /* The walls in pieces, each a little off. */
-static int32_t break_walls(const long_world *world, cairn_random *random, cairn_segment *pieces, int32_t most)
+static int32_t break_walls(const long_world *world, cairn_random *random, cairn_segment *pieces,
+                           int32_t most)
 {
     int32_t count = 0;
 
     for (int32_t i = 0; i < world->count; i++) {
         cairn_segment wall = world->walls[i];
-        cairn_vec2 way = cairn_vec2_sub(wall.b, wall.a), left = cairn_vec2_left(cairn_vec2_unit(way));
+        cairn_vec2 way = cairn_vec2_sub(wall.b, wall.a),
+                   left = cairn_vec2_left(cairn_vec2_unit(way));
 
         for (int32_t k = 0; k < 2 && count < most; k++) {
             cairn_real from = (cairn_real)k / 2 + argument(random, CAIRN_REAL(0.04), 0);
             cairn_vec2 off = cairn_vec2_scale(left, argument(random, CAIRN_REAL(0.03), 0));
 
-            pieces[count].a = cairn_vec2_add(cairn_vec2_add(wall.a, cairn_vec2_scale(way, from)), off);
-            pieces[count].b =
-                cairn_vec2_add(cairn_vec2_add(wall.a, cairn_vec2_scale(way, from + CAIRN_REAL(0.45))), off);
+            pieces[count].a =
+                cairn_vec2_add(cairn_vec2_add(wall.a, cairn_vec2_scale(way, from)), off);
+            pieces[count].b = cairn_vec2_add(
+                cairn_vec2_add(wall.a, cairn_vec2_scale(way, from + CAIRN_REAL(0.45))), off);
             count++;
         }
     }
@@ -160,9 +170,11 @@ static uint64_t add_lines(uint64_t hash, const cairn_hough *hough)
     const cairn_hough_line *lines = cairn_hough_list(hough, &count);
 
     for (int32_t i = 0; i < count; i++) {
-        hash = add_real(add_real(add_real(add_point(add_point(hash, lines[i].point), lines[i].direction), lines[i].low),
-                                 lines[i].high),
-                        lines[i].covered);
+        hash = add_real(
+            add_real(add_real(add_point(add_point(hash, lines[i].point), lines[i].direction),
+                              lines[i].low),
+                     lines[i].high),
+            lines[i].covered);
         hash = add_real(add_real(hash, lines[i].votes), lines[i].rms);
         hash = add_point(hash, cairn_hough_segment(&lines[i]).b);
     }
@@ -216,7 +228,8 @@ uint64_t long_walls(void)
         cairn_segment piece = pieces[i / EACH];
         cairn_vec2 way = cairn_vec2_sub(piece.b, piece.a);
 
-        points[i].position = cairn_vec2_add(piece.a, cairn_vec2_scale(way, (cairn_real)(i % EACH) / (EACH - 1)));
+        points[i].position =
+            cairn_vec2_add(piece.a, cairn_vec2_scale(way, (cairn_real)(i % EACH) / (EACH - 1)));
         points[i].direction = cairn_vec2_unit(way);
         weights[i] = 1 + (cairn_real)(i % 5) / 4;
     }
@@ -269,7 +282,8 @@ static void paint(uint8_t *picture, const long_world *world, cairn_random *rando
     for (int32_t i = 0; i < world->count; i++)
         for (int32_t k = 0; k < 400; k++) {
             cairn_vec2 way = cairn_vec2_sub(world->walls[i].b, world->walls[i].a);
-            cairn_vec2 p = cairn_vec2_add(world->walls[i].a, cairn_vec2_scale(way, (cairn_real)k / 400));
+            cairn_vec2 p =
+                cairn_vec2_add(world->walls[i].a, cairn_vec2_scale(way, (cairn_real)k / 400));
             int32_t x = 4 + (int32_t)(p.x * 16), y = 10 + (int32_t)(p.y * 16);
 
             picture[y * WIDTH + x] = (uint8_t)(100 + i % 150);
@@ -283,7 +297,8 @@ static void paint(uint8_t *picture, const long_world *world, cairn_random *rando
 static uint64_t add_chains(uint64_t hash, const cairn_edge_chain_result *r)
 {
     for (int32_t i = 0; i < r->chain_count; i++) {
-        hash = add_int(add_int(add_int(hash, r->chains[i].first), r->chains[i].count), r->chains[i].from);
+        hash = add_int(add_int(add_int(hash, r->chains[i].first), r->chains[i].count),
+                       r->chains[i].from);
         hash = add_real(add_int(hash, r->chains[i].to), r->chains[i].strength);
     }
     for (int32_t i = 0; i < r->pixel_count; i++)
@@ -345,7 +360,8 @@ uint64_t long_pictures(void)
         assert_ok(cairn_edge_segment_begin(cutter, &chains));
         LONG_RUN(hash, cairn_edge_segment_step, cutter, 1000);
         segments = cairn_edge_segment_read(cutter);
-        hash = add_int(add_int(add_int(hash, segments.count), segments.virtual_count), segments.line_count);
+        hash = add_int(add_int(add_int(hash, segments.count), segments.virtual_count),
+                       segments.line_count);
         hash = add_real(add_real(hash, segments.look_ahead), segments.mean_length);
         for (int32_t i = 0; i < segments.count; i++) {
             const cairn_edge_segment *s = &segments.segments[i];
@@ -359,7 +375,8 @@ uint64_t long_pictures(void)
         points = cairn_symmetric_point_list(finder, &count);
         hash = add_int(add_int(hash, count), cairn_symmetric_point_dropped(finder));
         for (int32_t i = 0; i < count; i++) {
-            hash = add_point(add_point(add_point(hash, points[i].centre), points[i].touch[0]), points[i].touch[1]);
+            hash = add_point(add_point(add_point(hash, points[i].centre), points[i].touch[0]),
+                             points[i].touch[1]);
             hash = add_real(add_real(hash, points[i].radius), points[i].deviation);
             hash = add_int(add_int(hash, points[i].first), points[i].second);
             hash = add_real(hash, cairn_symmetric_point_quality(&points[i], CAIRN_REAL(0.3)));
@@ -456,7 +473,8 @@ uint64_t long_shape_models(void)
         cairn_shape_model model;
         cairn_pool pool;
 
-        for (int32_t i = 0; i < VERTICES; i++) { /* a star with k + 2 soft arms, one longer than the others */
+        /* a star with k + 2 soft arms, one longer than the others */
+        for (int32_t i = 0; i < VERTICES; i++) {
             cairn_real turn = 2 * CAIRN_PI * (cairn_real)i / VERTICES, sine, cosine, radius;
 
             radius = 60 + 25 * cairn_cos((cairn_real)(k + 2) * turn) + 12 * cairn_cos(turn);
@@ -477,8 +495,9 @@ uint64_t long_shape_models(void)
 
             hash = add_real(add_real(add_point(hash, s->centre), s->radius), s->deviation);
             for (int32_t side = 0; side < 2; side++)
-                hash = add_real(add_point(add_point(hash, s->side[side].position), s->side[side].direction),
-                                s->share[side]);
+                hash = add_real(
+                    add_point(add_point(hash, s->side[side].position), s->side[side].direction),
+                    s->share[side]);
         }
         for (int32_t i = 0; i < model.path_count; i++) {
             const cairn_shape_path *p = &model.paths[i];
@@ -487,7 +506,8 @@ uint64_t long_shape_models(void)
             hash = add_real(add_int(hash, p->branch), p->share);
         }
         for (int32_t i = 0; i < model.outline_count; i++)
-            hash = add_point(add_point(hash, model.outline[i].position), model.outline[i].direction);
+            hash =
+                add_point(add_point(hash, model.outline[i].position), model.outline[i].direction);
         hash = add_real(add_point(hash, model.origin), model.size);
         test_pool_free(&pool);
     }

@@ -1,4 +1,5 @@
-/* Long scenes of maps: the mapper on drives, grids and what they are worth, maps of many robots put together. */
+/* Long scenes of maps: the mapper on drives, grids and what they are worth, maps of many robots
+ * put together. */
 #include "src/core/build.h"
 
 #include "cairn/map_merge.h"
@@ -14,7 +15,8 @@ static uint64_t add_mapper_state(uint64_t hash, const cairn_mapper_state *s)
     hash = add_int(add_int(add_int(add_int(hash, s->scans), s->predicted), s->odometry_rejected),
                    s->odometry_contradicted);
     hash = add_int(add_int(add_int(add_int(hash, s->searched), s->doubtful), s->keys), s->units);
-    hash = add_int(add_int(add_int(add_real(hash, s->potential), s->loops), s->loop_events), s->waiting);
+    hash = add_int(add_int(add_int(add_real(hash, s->potential), s->loops), s->loop_events),
+                   s->waiting);
     return add_int(add_int(hash, s->solutions), s->lacks_room);
 }
 
@@ -29,14 +31,19 @@ static uint64_t add_whole_map(uint64_t hash, const cairn_mapper *mapper)
     for (int32_t i = 0; i < state.loop_events; i++) {
         cairn_mapper_loop loop = cairn_mapper_loop_at(mapper, i);
 
-        hash = add_int(add_int(add_int(add_pose(hash, loop.first_second), loop.first), loop.second), loop.verdict);
+        hash = add_int(add_int(add_int(add_pose(hash, loop.first_second), loop.first), loop.second),
+                       loop.verdict);
     }
     for (int32_t i = 0; i < cairn_mapper_link_count(mapper); i++) {
         cairn_mapper_link link = cairn_mapper_link_at(mapper, i);
 
-        hash = add_int(add_int(add_int(add_pose(hash, link.first_second), link.first), link.is_loop), link.dropped);
-        hash = add_real(add_real(add_real(hash, link.information.xx), link.information.xy), link.information.xz);
-        hash = add_real(add_real(add_real(hash, link.information.yy), link.information.yz), link.information.zz);
+        hash =
+            add_int(add_int(add_int(add_pose(hash, link.first_second), link.first), link.is_loop),
+                    link.dropped);
+        hash = add_real(add_real(add_real(hash, link.information.xx), link.information.xy),
+                        link.information.xz);
+        hash = add_real(add_real(add_real(hash, link.information.yy), link.information.yz),
+                        link.information.zz);
     }
     return add_pose(hash, cairn_mapper_map_odom(mapper));
 }
@@ -81,7 +88,8 @@ static uint64_t map_drive(uint64_t seed, const cairn_mapper_params *params, cons
         LONG_RUN(hash, cairn_mapper_step, mapper, d->each);
         result = cairn_mapper_read(mapper);
         hash = add_int(add_int(add_int(hash, result.verdict), result.key), result.is_key);
-        hash = add_covariance(add_pose(add_pose(hash, result.key_scan), result.map_scan), result.covariance);
+        hash = add_covariance(add_pose(add_pose(hash, result.key_scan), result.map_scan),
+                              result.covariance);
         hash = add_real(hash, result.support);
     }
     hash = add_whole_map(hash, mapper);
@@ -192,7 +200,8 @@ static cairn_occupancy_grid *draw_flat(cairn_pool *pool, uint64_t seed, uint64_t
     LONG_CREATE(pool, occupancy_grid, &grid, &params);
     long_build(&world, seed, 14);
     for (int32_t i = 0; i < 14; i++) {
-        cairn_pose pose = i < 10 ? long_on_the_way((cairn_real)i * 2) : long_somewhere(&world, &random);
+        cairn_pose pose =
+            i < 10 ? long_on_the_way((cairn_real)i * 2) : long_somewhere(&world, &random);
         cairn_scan_view view;
 
         long_look(&sweep, &world, &random, pose, 241, CAIRN_REAL(6.2), CAIRN_REAL(0.1));
@@ -226,12 +235,14 @@ uint64_t long_grid(void)
             hash = add_real(add_real(add_int(hash, cell.hits), (cairn_real)cell.length),
                             cairn_occupancy_grid_probability(grid, x, y));
         }
-    assert_ok(cairn_occupancy_grid_classify(grid, cairn_occupancy_thresholds_default(), 0, picture));
+    assert_ok(
+        cairn_occupancy_grid_classify(grid, cairn_occupancy_thresholds_default(), 0, picture));
     hash = add_bytes(hash, cells, sizeof cells);
     memset(&entropy, 0, sizeof entropy);
     assert_ok(cairn_map_entropy_add(grid, 0, 30, &entropy));
     assert_ok(cairn_map_entropy_add(grid, 30, 70, &entropy));
-    hash = add_int(add_vector(add_real(hash, entropy.whole), entropy.quadrant, CAIRN_QUADRANTS), entropy.cells);
+    hash = add_int(add_vector(add_real(hash, entropy.whole), entropy.quadrant, CAIRN_QUADRANTS),
+                   entropy.cells);
     for (int32_t i = 0; i < 300; i++) {
         cairn_vec2 from = long_point(&random, 6, 5), to;
         cairn_occupancy_walk walk;
@@ -245,7 +256,8 @@ uint64_t long_grid(void)
         to.y = i % 11 == 0 ? from.y : 4 + argument(&random, 8, 0);
         if (cairn_occupancy_grid_locate(grid, to, &x, &y))
             hash = add_int(add_int(hash, x), y);
-        assert_ok(cairn_map_beam_likelihood(grid, from, to, i % 3 > 0, CAIRN_REAL(0.05), &likelihood));
+        assert_ok(
+            cairn_map_beam_likelihood(grid, from, to, i % 3 > 0, CAIRN_REAL(0.05), &likelihood));
         hash = add_real(hash, likelihood);
         if (cairn_occupancy_grid_walk(grid, from, to, &walk) == CAIRN_EMPTY)
             continue;
@@ -258,14 +270,16 @@ uint64_t long_grid(void)
         truth[i] = long_disturbed(&random, nowhere, 5, 3);
         estimate[i] = long_disturbed(&random, truth[i], CAIRN_REAL(0.3), CAIRN_REAL(0.3));
         if (i > 0)
-            assert_ok(
-                cairn_relation_add(&sums, cairn_pose_between(truth[i - 1], truth[i]), estimate[i - 1], estimate[i]));
+            assert_ok(cairn_relation_add(&sums, cairn_pose_between(truth[i - 1], truth[i]),
+                                         estimate[i - 1], estimate[i]));
     }
     assert_ok(cairn_pose_errors_of(estimate, truth, 50, &pose_errors));
     errors = cairn_relation_errors_of(&sums);
     hash = add_real(add_real(add_real(hash, pose_errors.x), pose_errors.y), pose_errors.theta);
-    hash = add_real(add_real(add_real(hash, errors.distance_mean), errors.distance_sd), errors.distance_squared);
-    hash = add_real(add_real(add_real(hash, errors.angle_mean), errors.angle_sd), errors.angle_squared);
+    hash = add_real(add_real(add_real(hash, errors.distance_mean), errors.distance_sd),
+                    errors.distance_squared);
+    hash = add_real(add_real(add_real(hash, errors.angle_mean), errors.angle_sd),
+                    errors.angle_squared);
     test_pool_free(&pool);
     return hash;
 }
@@ -274,7 +288,8 @@ uint64_t long_grid(void)
 
 enum { MAPS = 4, PART = 80 };
 
-/* Part `index` of the drawn flat, turned by a quarter or half for some, in cells of its own frame. */
+/* Part `index` of the drawn flat, turned by a quarter or half for some, in cells of its own
+ * frame. */
 static void cut_part(const uint8_t *flat, int32_t index, uint8_t *part)
 {
     static const int32_t left[MAPS] = {0, 30, 48, 20}, low[MAPS] = {5, 0, 20, 18};
@@ -292,13 +307,15 @@ static uint64_t add_merged(uint64_t hash, const cairn_map_merge *merge)
 {
     cairn_merge_result result = cairn_map_merge_read(merge);
 
-    hash = add_int(add_int(add_int(add_int(hash, result.maps), result.placed), result.reference), result.hypotheses);
+    hash = add_int(add_int(add_int(add_int(hash, result.maps), result.placed), result.reference),
+                   result.hypotheses);
     hash = add_real(add_real(add_int(hash, result.resamplings), result.n_eff), result.evidence);
     hash = add_int(hash, result.units);
     for (int32_t i = 0; i < result.maps; i++) {
         cairn_merge_placed p = cairn_map_merge_of(merge, i);
 
-        hash = add_real(add_real(add_real(add_pose(hash, p.reference_map), p.support), p.rival), p.wrong);
+        hash = add_real(add_real(add_real(add_pose(hash, p.reference_map), p.support), p.rival),
+                        p.wrong);
         hash = add_int(add_int(add_int(add_int(hash, p.verdict), p.neighbours), p.rank), p.modes);
         hash = add_int(hash, p.corners);
     }
@@ -313,8 +330,10 @@ static uint64_t add_merged(uint64_t hash, const cairn_map_merge *merge)
                     continue;
                 hash = add_real(add_pose(hash, a_b), evidence);
                 assert_ok(cairn_map_merge_score(merge, a, b, a_b, &score));
-                hash = add_real(add_real(add_real(hash, score.evidence), score.agree), score.conflict);
-                hash = add_real(add_real(add_real(hash, score.overlap), score.psi), score.disagreement);
+                hash =
+                    add_real(add_real(add_real(hash, score.evidence), score.agree), score.conflict);
+                hash = add_real(add_real(add_real(hash, score.overlap), score.psi),
+                                score.disagreement);
                 hash = add_real(hash, score.gamma);
             }
     return hash;
@@ -330,15 +349,17 @@ static uint64_t merge_maps(uint64_t seed, cairn_map_merge_params *params, int32_
     cairn_pool pool;
     cairn_occupancy_grid *grid = draw_flat(&pool, seed, &hash);
 
-    assert_ok(cairn_occupancy_grid_classify(grid, cairn_occupancy_thresholds_default(), 0, picture));
+    assert_ok(
+        cairn_occupancy_grid_classify(grid, cairn_occupancy_thresholds_default(), 0, picture));
     test_pool_free(&pool);
     params->max_maps = MAPS;
     params->max_map_cells = PART * PART;
     params->max_cells = MAPS * PART * PART;
     LONG_CREATE(&pool, map_merge, &merge, params);
     for (int32_t i = 0; i < MAPS; i++) {
-        cairn_merge_map map = {
-            {parts[i], PART, PART, PART}, CAIRN_REAL(0.08), {1, -2, CAIRN_REAL(0.3) * (cairn_real)i}};
+        cairn_merge_map map = {{parts[i], PART, PART, PART},
+                               CAIRN_REAL(0.08),
+                               {1, -2, CAIRN_REAL(0.3) * (cairn_real)i}};
 
         cut_part(flat, i, parts[i]);
         if (i == 3 && params->max_corners < 15) /* one that shows nothing */

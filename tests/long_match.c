@@ -1,4 +1,5 @@
-/* Long scenes of matching scans: scan_match in all its modes, icp, places without a guess, sequences. */
+/* Long scenes of matching scans: scan_match in all its modes, icp, places without a guess,
+ * sequences. */
 #include "src/core/build.h"
 
 #include "cairn/icp.h"
@@ -16,8 +17,8 @@ typedef struct kept_view {
     cairn_oriented_point dense[LONG_BEAMS];
 } kept_view;
 
-static void keep(kept_view *k, const long_world *world, cairn_random *random, cairn_pose pose, int32_t beams,
-                 cairn_real view, cairn_real crowd)
+static void keep(kept_view *k, const long_world *world, cairn_random *random, cairn_pose pose,
+                 int32_t beams, cairn_real view, cairn_real crowd)
 {
     static long_sweep sweep;
 
@@ -35,8 +36,9 @@ static uint64_t add_match(uint64_t hash, const cairn_scan_match *match)
     cairn_scan_match_measure measure = cairn_scan_match_measured(match);
 
     hash = add_int(add_int(hash, result.verdict), result.count);
-    hash =
-        add_int(add_int(add_int(add_int(hash, measure.units), measure.worst_step), measure.candidates), measure.fits);
+    hash = add_int(
+        add_int(add_int(add_int(hash, measure.units), measure.worst_step), measure.candidates),
+        measure.fits);
     for (int32_t i = 0; i < result.count; i++) {
         const cairn_scan_match_hypothesis *h = &result.hypotheses[i];
 
@@ -74,8 +76,8 @@ static uint64_t match_all(uint64_t seed, const cairn_scan_match_params *params, 
 
         if (i == TARGETS + QUERIES - 1)
             pose = long_on_the_way(12); /* which sees something else */
-        keep(&views[i], &world, &random, long_disturbed(&random, pose, CAIRN_REAL(0.2), 1), 201, CAIRN_REAL(4.2),
-             crowd);
+        keep(&views[i], &world, &random, long_disturbed(&random, pose, CAIRN_REAL(0.2), 1), 201,
+             CAIRN_REAL(4.2), crowd);
     }
     if (params->max_views < TARGETS) {
         views[1].part.beams = NULL;
@@ -84,18 +86,20 @@ static uint64_t match_all(uint64_t seed, const cairn_scan_match_params *params, 
         views[1].part.dense_count = 0;
     }
     for (int32_t i = 0; i < TARGETS; i++)
-        assert_ok(
-            cairn_scan_match_add_target(match, &views[i].part, cairn_pose_between(views[0].pose, views[i].pose), NULL));
+        assert_ok(cairn_scan_match_add_target(
+            match, &views[i].part, cairn_pose_between(views[0].pose, views[i].pose), NULL));
     for (int32_t i = 0; i < QUERIES; i++) {
         const kept_view *query = &views[TARGETS + i];
         cairn_pose truth = cairn_pose_between(views[0].pose, query->pose);
         cairn_real share[CAIRN_SCAN_MATCH_BINS];
 
         truth = long_disturbed(&random, truth, windows[i].distance / 3, windows[i].angle / 3);
-        assert_ok(cairn_scan_match_begin(match, &query->part, truth, i < QUERIES - 1 ? &windows[i] : NULL, NULL));
+        assert_ok(cairn_scan_match_begin(match, &query->part, truth,
+                                         i < QUERIES - 1 ? &windows[i] : NULL, NULL));
         LONG_RUN(hash, cairn_scan_match_step, match, 5000);
         hash = add_match(hash, match);
-        if (cairn_scan_match_pair_count(match) > 0 && cairn_scan_match_histogram(match, 5, share) == CAIRN_OK)
+        if (cairn_scan_match_pair_count(match) > 0 &&
+            cairn_scan_match_histogram(match, 5, share) == CAIRN_OK)
             hash = add_vector(hash, share, CAIRN_SCAN_MATCH_BINS);
     }
     for (int32_t i = 0; i < TARGETS + QUERIES; i++)
@@ -108,7 +112,8 @@ uint64_t long_match(void)
 {
     cairn_scan_match_params params = cairn_scan_match_default();
 
-    return add_int(match_all(41, &params, 0), (int64_t)(match_all(51, &params, CAIRN_REAL(0.1)) >> 1));
+    return add_int(match_all(41, &params, 0),
+                   (int64_t)(match_all(51, &params, CAIRN_REAL(0.1)) >> 1));
 }
 
 uint64_t long_match_in_a_crowd(void)
@@ -122,7 +127,8 @@ uint64_t long_match_in_a_crowd(void)
     params.max_views = 1;
     params.sigma = CAIRN_REAL(0.02);
     params.weak_ratio = CAIRN_REAL(0.01);
-    return add_int(match_all(42, &params, CAIRN_REAL(0.3)), (int64_t)(match_all(52, &params, CAIRN_REAL(0.1)) >> 1));
+    return add_int(match_all(42, &params, CAIRN_REAL(0.3)),
+                   (int64_t)(match_all(52, &params, CAIRN_REAL(0.1)) >> 1));
 }
 
 uint64_t long_match_by_shape(void)
@@ -130,7 +136,8 @@ uint64_t long_match_by_shape(void)
     cairn_scan_match_params params = cairn_scan_match_default();
     uint64_t hash = GOLDEN_START;
 
-    for (params.mode = CAIRN_SCAN_MATCH_SHAPE; params.mode <= CAIRN_SCAN_MATCH_SHAPE_LINES; params.mode++)
+    for (params.mode = CAIRN_SCAN_MATCH_SHAPE; params.mode <= CAIRN_SCAN_MATCH_SHAPE_LINES;
+         params.mode++)
         hash = add_int(hash, (int64_t)(match_all(43, &params, 0) >> 1));
     return hash;
 }
@@ -139,11 +146,14 @@ uint64_t long_match_by_shape(void)
 
 static uint64_t add_icp(uint64_t hash, const cairn_icp_result *r)
 {
-    hash =
-        add_real(add_real(add_covariance(add_pose(hash, r->target_query), r->covariance), r->mean_distance), r->sigma);
-    hash = add_real(add_real(add_vector(add_real(add_real(hash, r->gate), r->overlap), r->weak, 3), r->weak_ratio),
+    hash = add_real(
+        add_real(add_covariance(add_pose(hash, r->target_query), r->covariance), r->mean_distance),
+        r->sigma);
+    hash = add_real(add_real(add_vector(add_real(add_real(hash, r->gate), r->overlap), r->weak, 3),
+                             r->weak_ratio),
                     r->radius);
-    return add_int(add_int(add_int(add_int(hash, r->observable), r->pairs), r->iterations), r->verdict);
+    return add_int(add_int(add_int(add_int(hash, r->observable), r->pairs), r->iterations),
+                   r->verdict);
 }
 
 uint64_t long_icp(void)
@@ -159,8 +169,8 @@ uint64_t long_icp(void)
 
     long_build(&world, 44, 12);
     for (int32_t i = 0; i < VIEWS; i++)
-        keep(&views[i], &world, &random, long_on_the_way(10 + (cairn_real)i * CAIRN_REAL(0.7)), 161, 3,
-             i > 5 ? CAIRN_REAL(0.3) : 0);
+        keep(&views[i], &world, &random, long_on_the_way(10 + (cairn_real)i * CAIRN_REAL(0.7)), 161,
+             3, i > 5 ? CAIRN_REAL(0.3) : 0);
     for (int32_t k = 0; k < 6; k++) {
         cairn_icp_params params = cairn_icp_default();
 
@@ -217,7 +227,8 @@ static uint64_t place_all(uint64_t seed, const cairn_place_map_params *params, c
 
         heading.theta *= (cairn_real)(i % HEADINGS);
         place_scan = long_disturbed(&random, heading, CAIRN_REAL(0.1), CAIRN_REAL(0.1));
-        long_look(&sweep, &world, &random, cairn_pose_compose(place, place_scan), 161, CAIRN_REAL(2.2), crowd);
+        long_look(&sweep, &world, &random, cairn_pose_compose(place, place_scan), 161,
+                  CAIRN_REAL(2.2), crowd);
         view = long_fit(scan, &sweep);
         slight = long_disturbed(&random, place_scan, CAIRN_REAL(0.03), CAIRN_REAL(0.02));
         assert_ok(cairn_place_map_add_scan(map, i / HEADINGS, &view, slight, NULL));
@@ -225,8 +236,11 @@ static uint64_t place_all(uint64_t seed, const cairn_place_map_params *params, c
     assert_ok(cairn_place_map_begin(map));
     LONG_RUN(hash, cairn_place_map_step, map, 100000);
     result = cairn_place_map_read(map);
-    hash = add_int(add_int(add_int(add_int(hash, result.places), result.placed), result.parts), result.ambiguous);
-    hash = add_int(add_int(add_int(add_int(hash, result.matches), result.hypotheses), result.decoupled), result.units);
+    hash = add_int(add_int(add_int(add_int(hash, result.places), result.placed), result.parts),
+                   result.ambiguous);
+    hash = add_int(
+        add_int(add_int(add_int(hash, result.matches), result.hypotheses), result.decoupled),
+        result.units);
     hash = add_real(add_real(hash, result.total), result.rival);
     for (int32_t i = 0; i < PLACES; i++) {
         cairn_place_map_place place = cairn_place_map_place_of(map, i);
@@ -236,8 +250,9 @@ static uint64_t place_all(uint64_t seed, const cairn_place_map_params *params, c
         for (int32_t k = 0; k < place.alternatives; k++) {
             cairn_consensus_alternative other = cairn_place_map_alternative(map, i, k);
 
-            hash =
-                add_int(add_real(add_real(add_pose(hash, other.map_node), other.support), other.weight), other.whole);
+            hash = add_int(
+                add_real(add_real(add_pose(hash, other.map_node), other.support), other.weight),
+                other.whole);
         }
     }
     for (int32_t i = 0; i < PLACES * HEADINGS; i++)
@@ -279,7 +294,8 @@ uint64_t long_places_in_a_crowd(void)
     params.sight_reach = 5;
     params.sight_cell = CAIRN_REAL(0.08);
     params.floating = CAIRN_REAL(0.3);
-    return add_int(place_all(46, &params, CAIRN_REAL(0.15)), (int64_t)(place_all(56, &params, CAIRN_REAL(0.05)) >> 1));
+    return add_int(place_all(46, &params, CAIRN_REAL(0.15)),
+                   (int64_t)(place_all(56, &params, CAIRN_REAL(0.05)) >> 1));
 }
 
 uint64_t long_places_in_order(void)
@@ -328,8 +344,9 @@ uint64_t long_sequences(void)
             for (int32_t i = 0; i < 60; i++)
                 w.first[i] = cairn_random_below(&random, 6);
             for (int32_t i = 0; i < 50; i++)
-                w.second[i] =
-                    cairn_random_unit(&random) < CAIRN_REAL(0.8) ? w.first[i + k / 2] : cairn_random_below(&random, 6);
+                w.second[i] = cairn_random_unit(&random) < CAIRN_REAL(0.8)
+                                  ? w.first[i + k / 2]
+                                  : cairn_random_below(&random, 6);
             assert_ok(cairn_sequence_begin(sequence, 60 - k, 50 - 2 * k, compare, &w));
             LONG_RUN(hash, cairn_sequence_step, sequence, 37);
             result = cairn_sequence_read(sequence);

@@ -2,9 +2,15 @@
 
 #include "tests/long.h"
 
-static const cairn_vec2 STOP[LONG_STOPS] = {
-    {1, 4}, {2, 4}, {2, CAIRN_REAL(1.75)}, {6, CAIRN_REAL(1.75)}, {10, CAIRN_REAL(1.75)}, {10, 4}, {6, 4},
-    {2, 4}, {1, 4}};
+static const cairn_vec2 STOP[LONG_STOPS] = {{1, 4},
+                                            {2, 4},
+                                            {2, CAIRN_REAL(1.75)},
+                                            {6, CAIRN_REAL(1.75)},
+                                            {10, CAIRN_REAL(1.75)},
+                                            {10, 4},
+                                            {6, 4},
+                                            {2, 4},
+                                            {1, 4}};
 
 const cairn_real long_way = CAIRN_REAL(22.5);
 
@@ -16,10 +22,13 @@ static void add_wall(long_world *world, cairn_vec2 a, cairn_vec2 b)
     world->walls[world->count++] = wall;
 }
 
-void long_add_box(long_world *world, cairn_pose centre, cairn_real half_length, cairn_real half_width)
+void long_add_box(long_world *world, cairn_pose centre, cairn_real half_length,
+                  cairn_real half_width)
 {
-    cairn_vec2 corner[4] = {
-        {half_length, half_width}, {half_length, -half_width}, {-half_length, -half_width}, {-half_length, half_width}};
+    cairn_vec2 corner[4] = {{half_length, half_width},
+                            {half_length, -half_width},
+                            {-half_length, -half_width},
+                            {-half_length, half_width}};
 
     for (int32_t k = 0; k < 4; k++)
         corner[k] = cairn_pose_point(centre, corner[k]);
@@ -32,7 +41,8 @@ static void add_thick(long_world *world, double ax, double ay, double bx, double
 {
     cairn_pose centre = {(cairn_real)((ax + bx) / 2), (cairn_real)((ay + by) / 2), 0};
 
-    long_add_box(world, centre, (cairn_real)((bx - ax) / 2 + 0.0625), (cairn_real)((by - ay) / 2 + 0.0625));
+    long_add_box(world, centre, (cairn_real)((bx - ax) / 2 + 0.0625),
+                 (cairn_real)((by - ay) / 2 + 0.0625));
 }
 
 static cairn_real clearance(const long_world *world, cairn_vec2 p)
@@ -84,7 +94,8 @@ void long_build(long_world *world, uint64_t seed, int32_t boxes)
             continue;
         centre.theta = cairn_random_uniform(&random, -3, 3);
         x = cairn_random_uniform(&random, CAIRN_REAL(0.08), CAIRN_REAL(0.3));
-        long_add_box(world, centre, x, cairn_random_uniform(&random, CAIRN_REAL(0.08), CAIRN_REAL(0.3)));
+        long_add_box(world, centre, x,
+                     cairn_random_uniform(&random, CAIRN_REAL(0.08), CAIRN_REAL(0.3)));
         boxes--;
     }
 }
@@ -126,7 +137,8 @@ cairn_pose long_somewhere(const long_world *world, cairn_random *random)
     return pose;
 }
 
-cairn_pose long_disturbed(cairn_random *random, cairn_pose pose, cairn_real metres, cairn_real radians)
+cairn_pose long_disturbed(cairn_random *random, cairn_pose pose, cairn_real metres,
+                          cairn_real radians)
 {
     pose.x += argument(random, metres, 0);
     pose.y += argument(random, metres, 0);
@@ -134,14 +146,16 @@ cairn_pose long_disturbed(cairn_random *random, cairn_pose pose, cairn_real metr
     return pose;
 }
 
-/* Distance along a unit vector to the nearest wall that is seen from its free side; 9 when there is none. */
+/* Distance along a unit vector to the nearest wall that is seen from its free side; 9 when there
+ * is none. */
 static cairn_real cast(const long_world *world, cairn_pose pose, cairn_real c, cairn_real s)
 {
     cairn_real nearest = 9;
 
     for (int32_t i = 0; i < world->count; i++) {
         cairn_real ax = world->walls[i].a.x - pose.x, ay = world->walls[i].a.y - pose.y;
-        cairn_real dx = world->walls[i].b.x - world->walls[i].a.x, dy = world->walls[i].b.y - world->walls[i].a.y;
+        cairn_real dx = world->walls[i].b.x - world->walls[i].a.x,
+                   dy = world->walls[i].b.y - world->walls[i].a.y;
         cairn_real cross = c * dy - s * dx, along = ax * dy - ay * dx, across = ax * s - ay * c;
 
         if (cross > 0 && along > 0 && along < nearest * cross && across >= 0 && across <= cross)
@@ -150,8 +164,8 @@ static cairn_real cast(const long_world *world, cairn_pose pose, cairn_real c, c
     return nearest;
 }
 
-void long_look(long_sweep *out, const long_world *world, cairn_random *random, cairn_pose pose, int32_t beams,
-               cairn_real view, cairn_real crowd)
+void long_look(long_sweep *out, const long_world *world, cairn_random *random, cairn_pose pose,
+               int32_t beams, cairn_real view, cairn_real crowd)
 {
     cairn_real step = view / (cairn_real)beams, first = -view / 2;
     int32_t person = 0;

@@ -1,4 +1,5 @@
-/* A room with niches as a scan sees it, and a match of two such scans: what the tests of scan_match by stages and as written share. */
+/* A room with niches as a scan sees it, and a match of two such scans: what the tests of
+ * scan_match by stages and as written share. */
 #ifndef CAIRN_TESTS_MATCH_BED_H
 #define CAIRN_TESTS_MATCH_BED_H
 
@@ -13,7 +14,8 @@ static const cairn_vec2 room[] = {{-2, -2}, {3, -2}, {3, 0},  {2, 0},  {2, 1},  
                                   {3, 3},   {-2, 3}, {-2, 1}, {-3, 1}, {-3, -1}, {-2, -1}};
 
 /* Points every 9.3 cm along the room's walls as seen from a pose, those of some walls left out. */
-static inline int32_t see(cairn_oriented_point *points, cairn_pose pose, int32_t first_wall, int32_t walls)
+static inline int32_t see(cairn_oriented_point *points, cairn_pose pose, int32_t first_wall,
+                          int32_t walls)
 {
     cairn_transform t = cairn_transform_of(cairn_pose_inverse(pose));
     int32_t corners = sizeof room / sizeof *room, count = 0;
@@ -24,7 +26,8 @@ static inline int32_t see(cairn_oriented_point *points, cairn_pose pose, int32_t
 
         for (cairn_real s = CAIRN_REAL(0.05); s < cairn_vec2_norm(along); s += CAIRN_REAL(0.093)) {
             assert_true(count < MOST);
-            points[count].position = cairn_transform_point(t, cairn_vec2_add(a, cairn_vec2_scale(unit, s)));
+            points[count].position =
+                cairn_transform_point(t, cairn_vec2_add(a, cairn_vec2_scale(unit, s)));
             points[count++].direction = cairn_transform_direction(t, unit);
         }
     }
@@ -40,9 +43,10 @@ typedef struct bed {
     cairn_pose truth; /* where the query is, when the caller says so */
 } bed;
 
-/* A match with the walls from the first on of a target that is seen from `home`, and the query of those from the fourth on, seen from `from`:
- * nine of them. */
-static inline void open_bed(bed *b, cairn_scan_match_params params, cairn_pose home, int32_t walls, cairn_pose from)
+/* A match with the walls from the first on of a target that is seen from `home`, and the query
+ * of those from the fourth on, seen from `from`: nine of them. */
+static inline void open_bed(bed *b, cairn_scan_match_params params, cairn_pose home, int32_t walls,
+                            cairn_pose from)
 {
     memset(b, 0, sizeof *b);
     params.max_query = MOST;

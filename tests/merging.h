@@ -1,4 +1,5 @@
-/* A merging of maps with any budget, and what it found as a hash: what the tests of both modes of map_merge share. */
+/* A merging of maps with any budget, and what it found as a hash: what the tests of both modes
+ * of map_merge share. */
 #ifndef CAIRN_TESTS_MERGING_H
 #define CAIRN_TESTS_MERGING_H
 

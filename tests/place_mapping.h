@@ -1,4 +1,5 @@
-/* Scans read, and the poses of a map of places as a hash: what the tests of both modes of place_map share. */
+/* Scans read, and the poses of a map of places as a hash: what the tests of both modes of
+ * place_map share. */
 #ifndef CAIRN_TESTS_PLACE_MAPPING_H
 #define CAIRN_TESTS_PLACE_MAPPING_H
 

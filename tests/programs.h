@@ -17,8 +17,8 @@ static inline void programs_find(int argc, char **argv)
     if (given != NULL)
         (void)snprintf(programs_folder, sizeof programs_folder, "%s", given);
     else
-        (void)snprintf(programs_folder, sizeof programs_folder, "%.*s/..", slash != NULL ? (int)(slash - argv[0]) : 1,
-                       slash != NULL ? argv[0] : ".");
+        (void)snprintf(programs_folder, sizeof programs_folder, "%.*s/..",
+                       slash != NULL ? (int)(slash - argv[0]) : 1, slash != NULL ? argv[0] : ".");
 }
 
 typedef struct outcome {
@@ -36,17 +36,18 @@ static inline void programs_read(const char *name, char *text, size_t size)
     free(bytes);
 }
 
-/* Runs "<before> <folder>/<command> >output"; `command` begins with the program's name. What was printed goes to `output`,
- * or into the outcome when that is NULL. */
-static inline outcome programs_run_shell(const char *before, const char *command, const char *output)
+/* Runs "<before> <folder>/<command> >output"; `command` begins with the program's name. What was
+ * printed goes to `output`, or into the outcome when that is NULL. */
+static inline outcome programs_run_shell(const char *before, const char *command,
+                                         const char *output)
 {
     char line[4096 + 1200];
     outcome o = {0, "", ""};
     int status;
 
     (void)remove(files_path("out"));
-    (void)snprintf(line, sizeof line, "%s '%s'/%s >'%s' 2>'%s' </dev/null", before, programs_folder, command,
-                   output != NULL ? output : files_path("out"), files_path("err"));
+    (void)snprintf(line, sizeof line, "%s '%s'/%s >'%s' 2>'%s' </dev/null", before, programs_folder,
+                   command, output != NULL ? output : files_path("out"), files_path("err"));
     status = system(line);
     assert_true(WIFEXITED(status));
     o.code = WEXITSTATUS(status);
@@ -67,8 +68,9 @@ static inline outcome programs_run(const char *format, ...)
     (void)vsnprintf(text, sizeof text, format, arguments);
     va_end(arguments);
     for (const char *c = text; *c != '\0' && used + sizeof files_folder < sizeof command; c++)
-        used += (size_t)(*c == '@' ? snprintf(command + used, sizeof command - used, "%s", files_folder)
-                                   : snprintf(command + used, sizeof command - used, "%c", *c));
+        used +=
+            (size_t)(*c == '@' ? snprintf(command + used, sizeof command - used, "%s", files_folder)
+                               : snprintf(command + used, sizeof command - used, "%c", *c));
     return programs_run_shell("", command, NULL);
 }
 

@@ -28,10 +28,12 @@ static float cast(const rooms_room *room, cairn_pose from, double angle)
     double best = 7.9, c = cos((double)from.theta + angle), s = sin((double)from.theta + angle);
 
     for (int32_t i = 0; i < room->count; i++) {
-        double ax = (double)(room->walls[i].a.x - from.x), ay = (double)(room->walls[i].a.y - from.y);
+        double ax = (double)(room->walls[i].a.x - from.x),
+               ay = (double)(room->walls[i].a.y - from.y);
         double dx = (double)(room->walls[i].b.x - room->walls[i].a.x),
                dy = (double)(room->walls[i].b.y - room->walls[i].a.y);
-        double cross = c * dy - s * dx, t = (ax * dy - ay * dx) / cross, u = (ax * s - ay * c) / cross;
+        double cross = c * dy - s * dx, t = (ax * dy - ay * dx) / cross,
+               u = (ax * s - ay * c) / cross;
 
         if (cross != 0 && t > 0 && t < best && u >= 0 && u <= 1)
             best = t;
@@ -39,13 +41,15 @@ static float cast(const rooms_room *room, cairn_pose from, double angle)
     return (float)best;
 }
 
-cairn_scan_input rooms_take_scan(const rooms_room *room, cairn_pose pose, uint64_t seed, rooms_scan *scan)
+cairn_scan_input rooms_take_scan(const rooms_room *room, cairn_pose pose, uint64_t seed,
+                                 rooms_scan *scan)
 {
     cairn_random random = cairn_random_seed(seed, 5);
     cairn_scan_input input;
 
     for (int32_t i = 0; i < ROOMS_BEAMS; i++)
-        scan->range[i] = cast(room, pose, FIRST + i * DEGREE) + 0.005F * (float)cairn_random_normal(&random);
+        scan->range[i] =
+            cast(room, pose, FIRST + i * DEGREE) + 0.005F * (float)cairn_random_normal(&random);
     memset(&input, 0, sizeof input);
     input.range = scan->range;
     input.count = ROOMS_BEAMS;

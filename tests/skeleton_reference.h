@@ -1,11 +1,12 @@
-/* Scenes for skeleton_grouping as written, and what holds of any of its results: the reference implementation of centre points, weights
- * and culling, which the tests of that mode share. */
+/* Scenes for skeleton_grouping as written, and what holds of any of its results: the reference
+ * implementation of centre points, weights and culling, which the tests of that mode share. */
 #ifndef CAIRN_TESTS_SKELETON_REFERENCE_H
 #define CAIRN_TESTS_SKELETON_REFERENCE_H
 
 #include "tests/skeleton_scene.h"
 
-#define REFERENCE 0.5 /* less this, in logarithms, a step of the greatest value leaves a part's likelihood */
+#define REFERENCE                                                                                  \
+    0.5 /* less this, in logarithms, a step of the greatest value leaves a part's likelihood */
 
 /* Edgels a pixel apart, shifted and turned a little each, so that no two weights are the same. */
 static inline void add_line(double ax, double ay, double bx, double by, cairn_random *random)
@@ -58,11 +59,14 @@ static inline double angle_between(double ax, double ay, double bx, double by)
     return atan2(ax * by - ay * bx, ax * bx + ay * by);
 }
 
-/* The CP of two edgels; 0: there is none. Places on a normal at equal distances from both edgels, and the middle of the two. */
-static inline int reference_of(int32_t first, int32_t second, double low, double high, double most, reference_pose *t)
+/* The CP of two edgels; 0: there is none. Places on a normal at equal distances from both
+ * edgels, and the middle of the two. */
+static inline int reference_of(int32_t first, int32_t second, double low, double high, double most,
+                               reference_pose *t)
 {
     const cairn_edgel *e[2] = {&edgels[first], &edgels[second]};
-    double dx = (double)(e[1]->position.x - e[0]->position.x), dy = (double)(e[1]->position.y - e[0]->position.y);
+    double dx = (double)(e[1]->position.x - e[0]->position.x),
+           dy = (double)(e[1]->position.y - e[0]->position.y);
     double squared = dx * dx + dy * dy;
 
     if (!(squared > 0))
@@ -83,7 +87,8 @@ static inline int reference_of(int32_t first, int32_t second, double low, double
         return 0;
     for (int32_t k = 0; k < 2; k++) {
         double wx = t->cx - t->x[k], wy = t->cy - t->y[k];
-        double nx = (double)e[k]->normal.x, ny = (double)e[k]->normal.y, sign = nx * wx + ny * wy < 0 ? -1 : 1;
+        double nx = (double)e[k]->normal.x, ny = (double)e[k]->normal.y,
+               sign = nx * wx + ny * wy < 0 ? -1 : 1;
 
         t->nx[k] = sign * nx;
         t->ny[k] = sign * ny;
@@ -105,17 +110,21 @@ static inline void turn_round(reference_pose *t)
     }
 }
 
-/* Logarithm of (3.7) to (3.9), each Gaussian of its greatest value, the sign of the loss of symmetry mended. */
-static inline double reference_weight(const reference_pose *a, const reference_pose *b, const cairn_skeleton_params *p,
-                                      double least, double most)
+/* Logarithm of (3.7) to (3.9), each Gaussian of its greatest value, the sign of the loss of
+ * symmetry mended. */
+static inline double reference_weight(const reference_pose *a, const reference_pose *b,
+                                      const cairn_skeleton_params *p, double least, double most)
 {
     double sum = 0, off = fmax(0, fmax(least - b->r, b->r - most)), range = off / (double)p->radius;
 
     for (int32_t k = 0; k < 2; k++) {
         double contour = angle_between(a->nx[k], a->ny[k], b->nx[k], b->ny[k]);
-        double way = angle_between(a->cx - a->x[k], a->cy - a->y[k], b->cx - b->x[k], b->cy - b->y[k]);
-        double turned = fabs(remainder(contour - way, 2 * PI)) + fmax(b->deviation[k] - a->deviation[k], 0);
-        double gap = hypot(b->x[k] - a->x[k], b->y[k] - a->y[k]) / (double)p->reach, h = turned / (double)p->duality;
+        double way =
+            angle_between(a->cx - a->x[k], a->cy - a->y[k], b->cx - b->x[k], b->cy - b->y[k]);
+        double turned =
+            fabs(remainder(contour - way, 2 * PI)) + fmax(b->deviation[k] - a->deviation[k], 0);
+        double gap = hypot(b->x[k] - a->x[k], b->y[k] - a->y[k]) / (double)p->reach,
+               h = turned / (double)p->duality;
 
         sum += exp(-h * h / 2) * exp(-gap * gap / 2) / 2;
     }
@@ -123,7 +132,8 @@ static inline double reference_weight(const reference_pose *a, const reference_p
 }
 
 /* 1: the closed segments a b and c d have a common point. */
-static inline int segments_meet(const double a[2], const double b[2], const double c[2], const double d[2])
+static inline int segments_meet(const double a[2], const double b[2], const double c[2],
+                                const double d[2])
 {
     double o1 = (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]);
     double o2 = (b[0] - a[0]) * (d[1] - a[1]) - (b[1] - a[1]) * (d[0] - a[0]);
@@ -133,10 +143,11 @@ static inline int segments_meet(const double a[2], const double b[2], const doub
     return (o1 > 0) != (o2 > 0) && (o3 > 0) != (o4 > 0);
 }
 
-static inline int sides_meet(const reference_pose *walk, int32_t i, int32_t side, const double from[2],
-                             const double to[2])
+static inline int sides_meet(const reference_pose *walk, int32_t i, int32_t side,
+                             const double from[2], const double to[2])
 {
-    double a[2] = {walk[i].x[side], walk[i].y[side]}, b[2] = {walk[i + 1].x[side], walk[i + 1].y[side]};
+    double a[2] = {walk[i].x[side], walk[i].y[side]},
+           b[2] = {walk[i + 1].x[side], walk[i + 1].y[side]};
 
     return segments_meet(a, b, from, to);
 }
@@ -151,12 +162,14 @@ static inline int is_explored(const reference_pose *walk, int32_t count, double 
         const reference_pose *s = &walk[i < count ? i : 2 * count - 1 - i],
                              *t = &walk[j < count ? j : 2 * count - 1 - j];
 
-        turned += angle_between(s->x[i >= count] - x, s->y[i >= count] - y, t->x[j >= count] - x, t->y[j >= count] - y);
+        turned += angle_between(s->x[i >= count] - x, s->y[i >= count] - y, t->x[j >= count] - x,
+                                t->y[j >= count] - y);
     }
     return fabs(turned) > PI;
 }
 
-/* 1: the next pose of a walk is none that the text culls, which is one of a contour of its own that goes on. */
+/* 1: the next pose of a walk is none that the text culls, which is one of a contour of its own
+ * that goes on. */
 static inline int may_follow(const reference_pose *walk, int32_t count, const reference_pose *next)
 {
     const reference_pose *last = &walk[count - 1];
@@ -187,7 +200,8 @@ static inline int may_follow(const reference_pose *walk, int32_t count, const re
     return !segments_meet(ends[0][0], ends[0][1], ends[1][0], ends[1][1]);
 }
 
-/* Both poses ordered by their sweep about the vector from the middle of one chord to that of the other. */
+/* Both poses ordered by their sweep about the vector from the middle of one chord to that of the
+ * other. */
 static inline int put_in_order(const reference_pose *last, reference_pose *next, double heading[2])
 {
     double was, is;
@@ -213,7 +227,8 @@ static inline void check(const cairn_skeleton_result *r, const cairn_skeleton_pa
         double sum = 0, heading[2];
 
         assert_int_equal(part->first, points);
-        assert_true(part->log_odds >= p->min_log_odds && (i == 0 || part->log_odds <= r->parts[i - 1].log_odds));
+        assert_true(part->log_odds >= p->min_log_odds &&
+                    (i == 0 || part->log_odds <= r->parts[i - 1].log_odds));
         assert_true(part->joint[0] == -1 && part->joint[1] == -1 && part->object == i);
         assert_int_equal(r->objects[i].free_ends, 2);
         assert_true(part->count <= p->max_steps + 1);
@@ -223,9 +238,11 @@ static inline void check(const cairn_skeleton_result *r, const cairn_skeleton_pa
 
             for (int32_t side = 0; side < 2; side++) {
                 assert_in_range(q->edgel[side], 0, edgel_count - 1);
-                assert_memory_equal(&q->touch[side], &edgels[q->edgel[side]].position, sizeof q->touch[side]);
+                assert_memory_equal(&q->touch[side], &edgels[q->edgel[side]].position,
+                                    sizeof q->touch[side]);
             }
-            assert_true(reference_of(q->edgel[0], q->edgel[1], 1, 1000, (double)p->symmetry + 1e-3, &walk[k]));
+            assert_true(reference_of(q->edgel[0], q->edgel[1], 1, 1000, (double)p->symmetry + 1e-3,
+                                     &walk[k]));
             assert_near(q->centre.x, walk[k].cx, NUMBER(1e-8, 2e-3));
             assert_near(q->centre.y, walk[k].cy, NUMBER(1e-8, 2e-3));
             assert_near(q->radius, walk[k].r, NUMBER(1e-8, 2e-3));
@@ -234,8 +251,9 @@ static inline void check(const cairn_skeleton_result *r, const cairn_skeleton_pa
             assert_true(put_in_order(&walk[k - 1], &walk[k], heading));
             assert_near(walk[k].x[0], q->touch[0].x, 1e-3);
             assert_true(may_follow(walk, k, &walk[k]));
-            sum +=
-                reference_weight(&walk[k - 1], &walk[k], p, (double)r->min_radius, (double)r->max_radius) + REFERENCE;
+            sum += reference_weight(&walk[k - 1], &walk[k], p, (double)r->min_radius,
+                                    (double)r->max_radius) +
+                   REFERENCE;
         }
         assert_near(part->log_odds, sum, NUMBER(1e-6, 0.02));
     }

@@ -1,5 +1,5 @@
-/* Edgels of an image by hand, a skeleton_grouping with a pool of its own, and what it does with any budget: what the tests of both modes
- * share. */
+/* Edgels of an image by hand, a skeleton_grouping with a pool of its own, and what it does with
+ * any budget: what the tests of both modes share. */
 #ifndef CAIRN_TESTS_SKELETON_SCENE_H
 #define CAIRN_TESTS_SKELETON_SCENE_H
 
@@ -41,7 +41,8 @@ static inline void add_noise(int32_t count, uint64_t seed)
 
 static inline cairn_skeleton_input input_of(double least, double most)
 {
-    cairn_skeleton_input in = {edgels, edgel_count, WIDTH, HEIGHT, (cairn_real)least, (cairn_real)most};
+    cairn_skeleton_input in = {edgels, edgel_count,       WIDTH,
+                               HEIGHT, (cairn_real)least, (cairn_real)most};
 
     return in;
 }
@@ -115,7 +116,8 @@ static inline cairn_status step_scene(void *context, cairn_budget *budget)
     return cairn_skeleton_step(context, budget);
 }
 
-/* The scene that was drawn gives the same result with small budgets, none of which is overdrawn by more than an item. */
+/* The scene that was drawn gives the same result with small budgets, none of which is overdrawn
+ * by more than an item. */
 static inline void assert_any_budget(cairn_skeleton *skeleton)
 {
     static const int32_t budgets[] = {1, 7, 1000};

@@ -9,7 +9,8 @@ void cairn_assertion_failed(const char *condition, const char *file, int line)
     _assert_true(0, condition, file, line);
 }
 
-void test_assert_near(double actual, double expected, double tolerance, const char *what, const char *file, int line)
+void test_assert_near(double actual, double expected, double tolerance, const char *what,
+                      const char *file, int line)
 {
     if (fabs(actual - expected) <= tolerance)
         return;
@@ -20,7 +21,8 @@ void test_assert_near(double actual, double expected, double tolerance, const ch
 cairn_pool test_pool(size_t bytes)
 {
     cairn_pool pool;
-    void *memory = aligned_alloc(CAIRN_ALIGN, (bytes + CAIRN_ALIGN + CAIRN_ALIGN - 1) / CAIRN_ALIGN * CAIRN_ALIGN);
+    void *memory = aligned_alloc(CAIRN_ALIGN, (bytes + CAIRN_ALIGN + CAIRN_ALIGN - 1) /
+                                                  CAIRN_ALIGN * CAIRN_ALIGN);
 
     assert_non_null(memory);
     memset(memory, 0xA5, bytes); /* nothing may rest on what fresh memory holds */
@@ -95,6 +97,7 @@ void test_assert_golden(uint64_t hash, uint64_t expected, const char *file, int 
 {
     if (hash == expected)
         return;
-    print_error("the hash is 0x%016llx instead of 0x%016llx\n", (unsigned long long)hash, (unsigned long long)expected);
+    print_error("the hash is 0x%016llx instead of 0x%016llx\n", (unsigned long long)hash,
+                (unsigned long long)expected);
     _fail(file, line);
 }

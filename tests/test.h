@@ -17,21 +17,24 @@
 #include "cairn/random.h"
 
 /* |actual - expected| <= tolerance; a NaN fails. */
-#define assert_near(actual, expected, tolerance)                                                                       \
-    test_assert_near((double)(actual), (double)(expected), (double)(tolerance), #actual, __FILE__, __LINE__)
-void test_assert_near(double actual, double expected, double tolerance, const char *what, const char *file, int line);
+#define assert_near(actual, expected, tolerance)                                                   \
+    test_assert_near((double)(actual), (double)(expected), (double)(tolerance), #actual, __FILE__, \
+                     __LINE__)
+void test_assert_near(double actual, double expected, double tolerance, const char *what,
+                      const char *file, int line);
 
 #define assert_ok(call)             assert_int_equal(call, CAIRN_OK)
 #define assert_status(call, status) assert_int_equal(call, status)
 
-/* A call that refuses with a status, and tells in *fault what is wrong and, unless `where` is -1, with which item. */
-#define assert_fault(fault, call, status, where)                                                                       \
-    do {                                                                                                               \
-        (fault)->index = -7;                                                                                           \
-        (fault)->what = NULL;                                                                                          \
-        assert_int_equal(call, status);                                                                                \
-        assert_non_null((fault)->what);                                                                                \
-        assert_int_equal((fault)->index, where);                                                                       \
+/* A call that refuses with a status, and tells in *fault what is wrong and, unless `where` is
+ * -1, with which item. */
+#define assert_fault(fault, call, status, where)                                                   \
+    do {                                                                                           \
+        (fault)->index = -7;                                                                       \
+        (fault)->what = NULL;                                                                      \
+        assert_int_equal(call, status);                                                            \
+        assert_non_null((fault)->what);                                                            \
+        assert_int_equal((fault)->index, where);                                                   \
     } while (0)
 
 /* 1e-12 in double and 1e-5 in float, say: NUMBER(1e-12, 1e-5). */
@@ -45,12 +48,14 @@ void test_assert_near(double actual, double expected, double tolerance, const ch
 cairn_pool test_pool(size_t bytes);
 void test_pool_free(cairn_pool *pool);
 
-/* Calls create(context, pool) on pools of every size from 0 to `need` in steps of 16 bytes: all but the last must return
- * CAIRN_NO_MEMORY and leave the pool as it was; the last must return CAIRN_OK and use exactly `need`. */
+/* Calls create(context, pool) on pools of every size from 0 to `need` in steps of 16 bytes: all
+ * but the last must return CAIRN_NO_MEMORY and leave the pool as it was; the last must return
+ * CAIRN_OK and use exactly `need`. */
 typedef cairn_status (*test_create)(void *context, cairn_pool *pool);
 void test_every_pool_size(test_create create, void *context, size_t need);
 
-/* An object whose step() is called until it no longer returns CAIRN_MORE; `tell` hashes what it has found. */
+/* An object whose step() is called until it no longer returns CAIRN_MORE; `tell` hashes what it
+ * has found. */
 typedef struct test_stepped {
     cairn_status (*begin)(void *context);
     cairn_status (*step)(void *context, cairn_budget *budget);
@@ -58,17 +63,17 @@ typedef struct test_stepped {
     void *context;
 } test_stepped;
 
-/* Begun anew at any of `stops` places on its way it finds the same, in as many units as from the start: nothing is left of
- * what it was at. */
+/* Begun anew at any of `stops` places on its way it finds the same, in as many units as from the
+ * start: nothing is left of what it was at. */
 void test_begins_anew(const test_stepped *object, int32_t stops);
 
 /* FNV-1a over bytes, for golden hashes. Start with TEST_HASH_START. */
 #define TEST_HASH_START UINT64_C(14695981039346656037)
 uint64_t test_hash(uint64_t hash, const void *data, size_t bytes);
 
-/* Fails unless the hash is that of this build's numbers, and prints it: all bits of a scene's results stay as they are
- * until somebody means to change them. */
-#define assert_golden(hash, in_double, in_float)                                                                       \
+/* Fails unless the hash is that of this build's numbers, and prints it: all bits of a scene's
+ * results stay as they are until somebody means to change them. */
+#define assert_golden(hash, in_double, in_float)                                                   \
     test_assert_golden(hash, NUMBER(in_double, in_float), __FILE__, __LINE__)
 void test_assert_golden(uint64_t hash, uint64_t expected, const char *file, int line);
 

@@ -54,8 +54,8 @@ static void add_errors(pose_errors *sum, const pose_errors *e)
 }
 
 /* Aligns the second scan to the first from a start that is off, and adds the error. */
-static void align_pair(cairn_icp *icp, const fitted *first, const fitted *second, cairn_pose truth, cairn_pose off,
-                       pose_errors *errors)
+static void align_pair(cairn_icp *icp, const fitted *first, const fitted *second, cairn_pose truth,
+                       cairn_pose off, pose_errors *errors)
 {
     cairn_budget budget = {CAIRN_UNBOUNDED};
     cairn_icp_result result;
@@ -63,7 +63,8 @@ static void align_pair(cairn_icp *icp, const fitted *first, const fitted *second
 
     cairn_icp_clear_target(icp);
     assert_ok(cairn_icp_add_target(icp, first->point, first->count, cairn_pose_identity(), NULL));
-    assert_ok(cairn_icp_begin(icp, second->point, second->count, cairn_pose_compose(truth, off), NULL, NULL));
+    assert_ok(cairn_icp_begin(icp, second->point, second->count, cairn_pose_compose(truth, off),
+                              NULL, NULL));
     assert_ok(cairn_icp_step(icp, &budget));
     result = cairn_icp_read(icp);
     error = cairn_pose_between(truth, result.target_query);
@@ -104,8 +105,8 @@ static int32_t choose_poses(const sim_arena *arena, uint64_t seed, sim_pose *fro
 }
 
 /* Full sweeps of 0.1 s of a base that moves straight ahead and turns. */
-static sim_survey *sweep(const sim_arena *arena, uint64_t seed, const sim_pose *poses, int32_t count, double speed,
-                         double turn_rate)
+static sim_survey *sweep(const sim_arena *arena, uint64_t seed, const sim_pose *poses,
+                         int32_t count, double speed, double turn_rate)
 {
     sim_survey_options options = sim_survey_default();
     sim_survey *survey;
@@ -121,8 +122,8 @@ static sim_survey *sweep(const sim_arena *arena, uint64_t seed, const sim_pose *
 }
 
 /* Aligns the scans of one survey to those of another. */
-static void align_surveys(const sim_survey *a, const sim_survey *b, int32_t give_motion, cairn_scan *scan,
-                          cairn_icp *icp, pose_errors *errors)
+static void align_surveys(const sim_survey *a, const sim_survey *b, int32_t give_motion,
+                          cairn_scan *scan, cairn_icp *icp, pose_errors *errors)
 {
     static fitted first, second;
     cairn_random random = cairn_random_seed(1, 6);
@@ -138,14 +139,17 @@ static void align_surveys(const sim_survey *a, const sim_survey *b, int32_t give
         off.theta = cairn_random_uniform(&random, CAIRN_REAL(-0.1), CAIRN_REAL(0.1));
         fit(scan, &from[i], give_motion, &first);
         fit(scan, &to[i], give_motion, &second);
-        align_pair(icp, &first, &second, cairn_pose_between(pose_of(from[i].truth), pose_of(to[i].truth)), off, errors);
+        align_pair(icp, &first, &second,
+                   cairn_pose_between(pose_of(from[i].truth), pose_of(to[i].truth)), off, errors);
     }
 }
 
 enum { STILL, TURNING, DRIVING, IGNORED, WAYS };
 
-/* The same pairs of scans in all ways; the two scans of a pair turn against each other, so that nothing cancels out. */
-static void compare_ways(const sim_arena *arena, uint64_t seed, cairn_scan *scan, cairn_icp *icp, pose_errors *errors)
+/* The same pairs of scans in all ways; the two scans of a pair turn against each other, so that
+ * nothing cancels out. */
+static void compare_ways(const sim_arena *arena, uint64_t seed, cairn_scan *scan, cairn_icp *icp,
+                         pose_errors *errors)
 {
     static const double speeds[] = {0, 0, 0.5}, turns[] = {0, 1, 1};
     sim_pose from[PLACES_MOST], to[PLACES_MOST];
@@ -163,8 +167,8 @@ static void compare_ways(const sim_arena *arena, uint64_t seed, cairn_scan *scan
     }
 }
 
-/* A sweep of 0.1 s at 1 rad/s smears a scan by 6 degrees. With the motion given, the alignment is as good as that of scans
- * that were taken standing still, within 10 % over all pairs. */
+/* A sweep of 0.1 s at 1 rad/s smears a scan by 6 degrees. With the motion given, the alignment
+ * is as good as that of scans that were taken standing still, within 10 % over all pairs. */
 static void motion_correction_brings_sweeps_back(void **state)
 {
     static const sim_scene scenes[] = {SIM_APARTMENT, SIM_OFFICE, SIM_RESCUE};
@@ -223,7 +227,8 @@ typedef struct room {
     cairn_force_field *field;
 } room;
 
-/* Eight full scans of one place within 0.8 m, the first one fixed at its truth, the others off by so much at most. */
+/* Eight full scans of one place within 0.8 m, the first one fixed at its truth, the others off
+ * by so much at most. */
 static void begin_room(room *r, sim_scene scene, uint64_t seed, double metres, double radians,
                        const cairn_force_field_params *params)
 {
@@ -321,14 +326,16 @@ static void a_disturbed_room_comes_back(void **state)
             assert_true(start.metres > 0.025 && start.radians > 0.015);
             assert_true(now.metres < 0.01 && now.radians < 0.009);
             /* What is fixed stays. */
-            assert_near(cairn_force_field_pose(r.field, 0).x, r.scans[0].truth.x, NUMBER(1e-12, 1e-6));
+            assert_near(cairn_force_field_pose(r.field, 0).x, r.scans[0].truth.x,
+                        NUMBER(1e-12, 1e-6));
             end_room(&r);
         }
     assert_true(ends.metres < starts.metres / 6);
     assert_true(ends.radians < starts.radians / 6);
 }
 
-/* With sigma held and steps small enough, every step goes down the potential; that of the truth is lower still. */
+/* With sigma held and steps small enough, every step goes down the potential; that of the truth
+ * is lower still. */
 static void the_potential_falls(void **state)
 {
     cairn_force_field_params params = cairn_force_field_default();

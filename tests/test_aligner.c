@@ -1,4 +1,5 @@
-/* The aligner on simulated arenas, on rooms drawn by hand, and on scans that say nothing; refusals and budgets. */
+/* The aligner on simulated arenas, on rooms drawn by hand, and on scans that say nothing;
+ * refusals and budgets. */
 #include "tests/test.h"
 
 #include <math.h>
@@ -117,7 +118,8 @@ struct survey {
     bench_bound bounds[MAX_SCANS];
 };
 
-static struct survey visit(uint64_t seed, int32_t places, int32_t headings, double fov, double metres, double degrees)
+static struct survey visit(uint64_t seed, int32_t places, int32_t headings, double fov,
+                           double metres, double degrees)
 {
     sim_arena_options arena = sim_arena_default();
     sim_survey_options options = sim_survey_default();
@@ -139,12 +141,16 @@ static struct survey visit(uint64_t seed, int32_t places, int32_t headings, doub
     for (int32_t i = 0; i < s.count; i++) {
         sim_pose truth = s.scans[i].truth;
 
-        s.start[i].x = (cairn_real)truth.x + cairn_random_uniform(&random, -1, 1) * (cairn_real)metres;
-        s.start[i].y = (cairn_real)truth.y + cairn_random_uniform(&random, -1, 1) * (cairn_real)metres;
-        s.start[i].theta = cairn_wrap_angle((cairn_real)truth.theta +
-                                            cairn_random_uniform(&random, -1, 1) * (cairn_real)(degrees * DEGREE));
+        s.start[i].x =
+            (cairn_real)truth.x + cairn_random_uniform(&random, -1, 1) * (cairn_real)metres;
+        s.start[i].y =
+            (cairn_real)truth.y + cairn_random_uniform(&random, -1, 1) * (cairn_real)metres;
+        s.start[i].theta =
+            cairn_wrap_angle((cairn_real)truth.theta +
+                             cairn_random_uniform(&random, -1, 1) * (cairn_real)(degrees * DEGREE));
     }
-    assert_true(bench_bound_compute(s.arena, s.scans, s.count, metres, degrees * DEGREE, s.bounds) >= 0);
+    assert_true(
+        bench_bound_compute(s.arena, s.scans, s.count, metres, degrees * DEGREE, s.bounds) >= 0);
     return s;
 }
 
@@ -203,7 +209,8 @@ static struct outcome compare(const struct bed *bed, const struct survey *s, int
             continue;
         assert_true(c[0] > 0 && c[4] > 0 && c[8] > 0 && det > 0);
         out.unflagged++;
-        out.inside += ((double)c[4] * x * x - 2 * (double)c[1] * x * y + (double)c[0] * y * y) / det < 9.21;
+        out.inside +=
+            ((double)c[4] * x * x - 2 * (double)c[1] * x * y + (double)c[0] * y * y) / det < 9.21;
     }
     return out;
 }
@@ -240,8 +247,8 @@ static void aligns_an_arena(void **state)
     leave(&s);
 }
 
-/* Scans of one wall, which lie askew to the axes of the map, are in every arena; they must not cost the others their joint
- * solution in float. */
+/* Scans of one wall, which lie askew to the axes of the map, are in every arena; they must not
+ * cost the others their joint solution in float. */
 static void scans_that_slide_spoil_no_solution(void **state)
 {
     (void)state;
@@ -260,7 +267,8 @@ static void scans_that_slide_spoil_no_solution(void **state)
     }
 }
 
-/* The scans of a survey, once and far from each other four times. Returns the units of the alignment. */
+/* The scans of a survey, once and far from each other four times. Returns the units of the
+ * alignment. */
 static int64_t units_of_copies(const struct survey *s, int32_t copies, int32_t *worst_step)
 {
     cairn_aligner_params params = room_for(MAX_SCANS);
@@ -328,7 +336,8 @@ static void order_does_not_matter(void **state)
     run(&b, CAIRN_UNBOUNDED);
     first = compare(&a, &s, 0);
     second = compare(&b, &s, 7);
-    assert_true(first.aligned >= 0.85 * first.observable && second.aligned >= 0.85 * second.observable);
+    assert_true(first.aligned >= 0.85 * first.observable &&
+                second.aligned >= 0.85 * second.observable);
     end_bed(&a);
     end_bed(&b);
     leave(&s);
@@ -616,13 +625,15 @@ static void initial_poses_place_the_map(void **state)
     end_bed(&bed);
 }
 
-/* Another initial pose is as if the scan had been added with it, before an alignment, in the middle of one, and after it. */
+/* Another initial pose is as if the scan had been added with it, before an alignment, in the
+ * middle of one, and after it. */
 static void initial_poses_can_be_changed(void **state)
 {
     cairn_aligner_params params = room_for(2);
     struct bed bed = make_bed(&params), fresh = make_bed(&params);
     sim_pose first = {2, 1.5, 0}, second = {3, 2, 0};
-    cairn_pose far = {CAIRN_REAL(1.1e6), 0, 0}, nan = {0, (cairn_real)NAN, 0}, last = start_at(2.7, 2.3, 365);
+    cairn_pose far = {CAIRN_REAL(1.1e6), 0, 0}, nan = {0, (cairn_real)NAN, 0},
+               last = start_at(2.7, 2.3, 365);
     float ranges[BEAMS];
     cairn_scan_input input = box_scan(ranges, 6, 4, first);
     cairn_budget budget = {5};
@@ -651,7 +662,8 @@ static void initial_poses_can_be_changed(void **state)
         assert_int_equal(cairn_aligner_read(bed.aligner).parts, 0);
         run(&bed, CAIRN_UNBOUNDED);
         for (int32_t i = 0; i < 2; i++) {
-            cairn_aligner_pose a = cairn_aligner_pose_of(bed.aligner, i), b = cairn_aligner_pose_of(fresh.aligner, i);
+            cairn_aligner_pose a = cairn_aligner_pose_of(bed.aligner, i),
+                               b = cairn_aligner_pose_of(fresh.aligner, i);
 
             assert_memory_equal(&a.map_scan, &b.map_scan, sizeof a.map_scan);
         }
@@ -717,13 +729,17 @@ static void parts_that_do_not_meet(void **state)
     assert_int_equal(result.verdict, CAIRN_ALIGNER_SPLIT);
     assert_int_equal(result.parts, 2);
     assert_int_equal(result.largest, 2);
-    assert_int_equal(cairn_aligner_pose_of(bed.aligner, 0).part, cairn_aligner_pose_of(bed.aligner, 1).part);
-    assert_int_equal(cairn_aligner_pose_of(bed.aligner, 2).part, cairn_aligner_pose_of(bed.aligner, 3).part);
-    assert_int_equal(cairn_aligner_pose_of(bed.aligner, 0).part + cairn_aligner_pose_of(bed.aligner, 2).part, 1);
+    assert_int_equal(cairn_aligner_pose_of(bed.aligner, 0).part,
+                     cairn_aligner_pose_of(bed.aligner, 1).part);
+    assert_int_equal(cairn_aligner_pose_of(bed.aligner, 2).part,
+                     cairn_aligner_pose_of(bed.aligner, 3).part);
+    assert_int_equal(
+        cairn_aligner_pose_of(bed.aligner, 0).part + cairn_aligner_pose_of(bed.aligner, 2).part, 1);
     end_bed(&bed);
 }
 
-/* Only those hits of a sensor that lie within [x0, x1] x [y0, y1] or on the wall at the top, farther right than `right`. */
+/* Only those hits of a sensor that lie within [x0, x1] x [y0, y1] or on the wall at the top,
+ * farther right than `right`. */
 struct kept {
     double x0, x1, y0, y1, right;
 };
@@ -734,12 +750,14 @@ static void keep_hits(float *ranges, sim_pose at, struct kept kept)
         double a = at.theta + i * DEGREE - 180 * DEGREE, r = (double)ranges[i];
         double x = at.x + r * cos(a), y = at.y + r * sin(a);
 
-        if (!(x > kept.x0 && x < kept.x1 && y > kept.y0 && y < kept.y1) && !(y > 7.9 && x > kept.right))
+        if (!(x > kept.x0 && x < kept.x1 && y > kept.y0 && y < kept.y1) &&
+            !(y > 7.9 && x > kept.right))
             ranges[i] = (float)NAN;
     }
 }
 
-/* Three scans of the lower left of a box, which also see its upper wall, and one of that wall and of what it keeps. */
+/* Three scans of the lower left of a box, which also see its upper wall, and one of that wall
+ * and of what it keeps. */
 static cairn_aligner_pose slide(struct kept kept, int32_t max_stubs)
 {
     static const sim_pose others[] = {{3, 3, 0}, {3.6, 3.4, 0.2}, {4, 2.8, -0.1}};
@@ -774,7 +792,8 @@ static cairn_aligner_pose slide(struct kept kept, int32_t max_stubs)
     return last;
 }
 
-/* A wall that nobody has seen at that place, but on the line of one that others see elsewhere, stops a scan. */
+/* A wall that nobody has seen at that place, but on the line of one that others see elsewhere,
+ * stops a scan. */
 static void a_scan_slides_until_its_walls_meet(void **state)
 {
     const struct kept corner = {-0.1, 0.1, 6, 7.8, 0.1}, nothing = {0, 0, 0, 0, 0.6},
@@ -953,16 +972,17 @@ static void scans_are_refused(void **state)
     assert_status(cairn_aligner_step(NULL, NULL), CAIRN_BAD_ARGUMENT);
     assert_status(cairn_aligner_step(bed.aligner, NULL), CAIRN_BAD_ARGUMENT);
     assert_status(cairn_aligner_add_scan(NULL, &view, at, NULL), CAIRN_BAD_ARGUMENT);
-    assert_fault(&fault, cairn_aligner_add_scan(bed.aligner, NULL, at, &fault), CAIRN_BAD_ARGUMENT, -1);
+    assert_fault(&fault, cairn_aligner_add_scan(bed.aligner, NULL, at, &fault), CAIRN_BAD_ARGUMENT,
+                 -1);
     assert_non_null(fault.what);
-#define REFUSE_VIEW(change, status, where)                                                                             \
-    do {                                                                                                               \
-        view = good;                                                                                                   \
-        change;                                                                                                        \
-        assert_status(cairn_aligner_add_scan(bed.aligner, &view, at, &fault), status);                                 \
-        assert_int_equal(fault.index, where);                                                                          \
-        assert_non_null(fault.what);                                                                                   \
-        assert_int_equal(cairn_aligner_scan_count(bed.aligner), 0);                                                    \
+#define REFUSE_VIEW(change, status, where)                                                         \
+    do {                                                                                           \
+        view = good;                                                                               \
+        change;                                                                                    \
+        assert_status(cairn_aligner_add_scan(bed.aligner, &view, at, &fault), status);             \
+        assert_int_equal(fault.index, where);                                                      \
+        assert_non_null(fault.what);                                                               \
+        assert_int_equal(cairn_aligner_scan_count(bed.aligner), 0);                                \
     } while (0)
     REFUSE_VIEW(view.beam_count = -1, CAIRN_BAD_ARGUMENT, -1);
     REFUSE_VIEW(view.segment_count = -1, CAIRN_BAD_ARGUMENT, -1);
@@ -978,12 +998,12 @@ static void scans_are_refused(void **state)
     REFUSE_VIEW(at.x = (cairn_real)INFINITY, CAIRN_NOT_FINITE, -1);
     REFUSE_VIEW(at.x = CAIRN_REAL(-2e6), CAIRN_BAD_ARGUMENT, -1);
     at.x = 0;
-#define REFUSE_ELEMENT(element, value, status, where)                                                                  \
-    do {                                                                                                               \
-        cairn_real *at_element = &(element), kept = *at_element;                                                       \
-        *at_element = value;                                                                                           \
-        REFUSE_VIEW((void)0, status, where);                                                                           \
-        *at_element = kept;                                                                                            \
+#define REFUSE_ELEMENT(element, value, status, where)                                              \
+    do {                                                                                           \
+        cairn_real *at_element = &(element), kept = *at_element;                                   \
+        *at_element = value;                                                                       \
+        REFUSE_VIEW((void)0, status, where);                                                       \
+        *at_element = kept;                                                                        \
     } while (0)
     REFUSE_ELEMENT(segments[1].a.x, (cairn_real)NAN, CAIRN_NOT_FINITE, 1);
     REFUSE_ELEMENT(segments[1].b.y, (cairn_real)INFINITY, CAIRN_NOT_FINITE, 1);
@@ -1052,7 +1072,8 @@ static void initial_poses_are_shown(void **state)
     end_bed(&bed);
 }
 
-/* A scan that starts too far off is not placed; looked for again where it is, it is, and the others hardly move. */
+/* A scan that starts too far off is not placed; looked for again where it is, it is, and the
+ * others hardly move. */
 static void what_was_not_placed_is_looked_for_again(void **state)
 {
     enum { LOST = 4, PLACES = 8 };
@@ -1083,7 +1104,8 @@ static void what_was_not_placed_is_looked_for_again(void **state)
         for (int32_t i = 0; i < PLACES; i++) {
             before[i] = cairn_aligner_pose_of(bed.aligner, i);
             assert_int_equal(before[i].placed, i != LOST);
-            near[i].x = near[i].y = near[i].theta = (cairn_real)NAN; /* not read of those that are placed */
+            /* not read of those that are placed */
+            near[i].x = near[i].y = near[i].theta = (cairn_real)NAN;
         }
         near[LOST] = s.start[LOST];
         memcpy(bad, near, sizeof bad);
@@ -1124,11 +1146,12 @@ static void what_was_not_placed_is_looked_for_again(void **state)
             cairn_pose apart;
 
             now = cairn_aligner_pose_of(bed.aligner, i);
-            apart =
-                cairn_pose_between(cairn_pose_between(before[0].map_scan, before[i].map_scan),
-                                   cairn_pose_between(cairn_aligner_pose_of(bed.aligner, 0).map_scan, now.map_scan));
+            apart = cairn_pose_between(
+                cairn_pose_between(before[0].map_scan, before[i].map_scan),
+                cairn_pose_between(cairn_aligner_pose_of(bed.aligner, 0).map_scan, now.map_scan));
             if (i != LOST)
-                assert_true(hypot((double)apart.x, (double)apart.y) < 0.02 && fabs((double)apart.theta) < 0.005);
+                assert_true(hypot((double)apart.x, (double)apart.y) < 0.02 &&
+                            fabs((double)apart.theta) < 0.005);
             if (k == 0)
                 first[i] = now.map_scan;
             assert_memory_equal(&now.map_scan, &first[i], sizeof now.map_scan);
@@ -1170,7 +1193,8 @@ static void initial_poses_can_be_given_again(void **state)
     run(&bed, CAIRN_UNBOUNDED);
     run(&other, CAIRN_UNBOUNDED);
     for (int32_t i = 0; i < 2; i++) {
-        cairn_aligner_pose a = cairn_aligner_pose_of(bed.aligner, i), b = cairn_aligner_pose_of(other.aligner, i);
+        cairn_aligner_pose a = cairn_aligner_pose_of(bed.aligner, i),
+                           b = cairn_aligner_pose_of(other.aligner, i);
 
         assert_memory_equal(&a, &b, sizeof a);
     }
@@ -1192,14 +1216,15 @@ static void initial_poses_can_be_given_again(void **state)
 static uint64_t hash_of_all(const struct bed *bed)
 {
     cairn_aligner_result r = cairn_aligner_read(bed->aligner);
-    int64_t numbers[] = {r.dropped, r.merges, r.moved, r.rounds, r.fill, r.hypotheses, r.anchor, r.worst_step, r.units};
+    int64_t numbers[] = {r.dropped,    r.merges, r.moved,      r.rounds, r.fill,
+                         r.hypotheses, r.anchor, r.worst_step, r.units};
     cairn_real spreads[] = {r.spread, r.spread_angle};
 
     return test_hash(test_hash(hash_of(bed), numbers, sizeof numbers), spreads, sizeof spreads);
 }
 
-/* Half circles from places in a room with boxes and slanting walls, `strange` of the last ones in another room; every
- * `wild`-th lies a metre and more off its initial pose. */
+/* Half circles from places in a room with boxes and slanting walls, `strange` of the last ones
+ * in another room; every `wild`-th lies a metre and more off its initial pose. */
 struct scene {
     int32_t scans, strange, wild, hypotheses, oriented;
     double metres, degrees;
@@ -1264,11 +1289,12 @@ static uint64_t hash_of_scene(const struct scene *scene)
     for (int32_t i = 0; i < scene->scans; i++) {
         int32_t place = i / 2;
         cairn_real along = (cairn_real)place;
-        cairn_pose pose = {CAIRN_REAL(0.55) * along - CAIRN_REAL(2.2), CAIRN_REAL(0.3) * (cairn_real)(place % 3),
+        cairn_pose pose = {CAIRN_REAL(0.55) * along - CAIRN_REAL(2.2),
+                           CAIRN_REAL(0.3) * (cairn_real)(place % 3),
                            CAIRN_REAL(0.8) * along + CAIRN_REAL(2.6) * (cairn_real)(i % 2)};
         cairn_pose start = pose;
-        cairn_scan_input input =
-            rooms_take_scan(&rooms[i >= scene->scans - scene->strange], pose, (uint64_t)i + 1, &taken);
+        cairn_scan_input input = rooms_take_scan(&rooms[i >= scene->scans - scene->strange], pose,
+                                                 (uint64_t)i + 1, &taken);
 
         input.count = scene->beams;
         start.x += (cairn_real)scene->metres * cairn_random_uniform(&random, -1, 1);
@@ -1287,17 +1313,28 @@ static uint64_t hash_of_scene(const struct scene *scene)
 static void results_stay_as_they_are(void **state)
 {
     static const struct scene scenes[] = {
-        {12, 4, 0, 240, 1, 0.3, 20, 0, 190, UINT64_C(0x8dc645c5a7eacd36), UINT64_C(0x3fad131c2397ada9)},
-        {16, 0, 0, 40, 1, 0.6, 40, 0, 190, UINT64_C(0x65c520fd67e363ff), UINT64_C(0xd1167589f1e851d8)},
-        {8, 0, 0, 100, 1, 1.2, 90, 0, 190, UINT64_C(0x742f3f9ce7a941ac), UINT64_C(0x7536e235425816e2)},
-        {16, 0, 5, 300, 1, 0.1, 5, 0, 190, UINT64_C(0x8d8620eed6b28b99), UINT64_C(0x36dd1ffdbd60f848)},
-        {10, 2, 4, 200, 0, 0.2, 10, 0, 190, UINT64_C(0xec17002846945207), UINT64_C(0xbcce5546fb6a6d92)},
-        {12, 3, 0, 200, 1, 0.4, 20, 1, 120, UINT64_C(0x7c826a2a209fa1ac), UINT64_C(0xa29ad5d58a1f7b40)},
-        {10, 0, 3, 200, 1, 0.2, 10, 2, 60, UINT64_C(0x54cd583ecfc538bd), UINT64_C(0xe23f92726313f655)},
-        {16, 5, 0, 300, 1, 0.5, 30, 3, 190, UINT64_C(0x1da9b33329e611d4), UINT64_C(0x3e62598380477308)},
-        {12, 2, 5, 200, 1, 0.3, 15, 4, 90, UINT64_C(0x183d0b014be503ba), UINT64_C(0x731c640d1f2b38a1)},
-        {10, 4, 0, 200, 0, 0.3, 20, 5, 150, UINT64_C(0x5f8606e6f4d44bbd), UINT64_C(0xbfca53eddecd4913)},
-        {14, 0, 0, 250, 1, 0.8, 60, 6, 70, UINT64_C(0x4e8fceabac552350), UINT64_C(0x692000aafb576a61)},
+        {12, 4, 0, 240, 1, 0.3, 20, 0, 190, UINT64_C(0x8dc645c5a7eacd36),
+         UINT64_C(0x3fad131c2397ada9)},
+        {16, 0, 0, 40, 1, 0.6, 40, 0, 190, UINT64_C(0x65c520fd67e363ff),
+         UINT64_C(0xd1167589f1e851d8)},
+        {8, 0, 0, 100, 1, 1.2, 90, 0, 190, UINT64_C(0x742f3f9ce7a941ac),
+         UINT64_C(0x7536e235425816e2)},
+        {16, 0, 5, 300, 1, 0.1, 5, 0, 190, UINT64_C(0x8d8620eed6b28b99),
+         UINT64_C(0x36dd1ffdbd60f848)},
+        {10, 2, 4, 200, 0, 0.2, 10, 0, 190, UINT64_C(0xec17002846945207),
+         UINT64_C(0xbcce5546fb6a6d92)},
+        {12, 3, 0, 200, 1, 0.4, 20, 1, 120, UINT64_C(0x7c826a2a209fa1ac),
+         UINT64_C(0xa29ad5d58a1f7b40)},
+        {10, 0, 3, 200, 1, 0.2, 10, 2, 60, UINT64_C(0x54cd583ecfc538bd),
+         UINT64_C(0xe23f92726313f655)},
+        {16, 5, 0, 300, 1, 0.5, 30, 3, 190, UINT64_C(0x1da9b33329e611d4),
+         UINT64_C(0x3e62598380477308)},
+        {12, 2, 5, 200, 1, 0.3, 15, 4, 90, UINT64_C(0x183d0b014be503ba),
+         UINT64_C(0x731c640d1f2b38a1)},
+        {10, 4, 0, 200, 0, 0.3, 20, 5, 150, UINT64_C(0x5f8606e6f4d44bbd),
+         UINT64_C(0xbfca53eddecd4913)},
+        {14, 0, 0, 250, 1, 0.8, 60, 6, 70, UINT64_C(0x4e8fceabac552350),
+         UINT64_C(0x692000aafb576a61)},
     };
 
     (void)state;

@@ -1,4 +1,5 @@
-/* Clusters of the aligner: what scans keep when their cluster turns, and the circles by which scans are near. */
+/* Clusters of the aligner: what scans keep when their cluster turns, and the circles by which
+ * scans are near. */
 #include "tests/test.h"
 
 #include <math.h>
@@ -8,7 +9,8 @@
 
 enum { SCANS = 12 };
 
-/* Scans of a room with a pillar, each in a frame whose origin lies elsewhere: `off` m from the sensor. */
+/* Scans of a room with a pillar, each in a frame whose origin lies elsewhere: `off` m from the
+ * sensor. */
 static cairn_aligner *take_scans(cairn_pool *pool, uint64_t seed, cairn_real off)
 {
     cairn_scan_params scan_params = cairn_scan_default();
@@ -27,7 +29,8 @@ static cairn_aligner *take_scans(cairn_pool *pool, uint64_t seed, cairn_real off
     assert_ok(cairn_aligner_create(&x, pool, &params));
     assert_ok(cairn_scan_create(&scan, &scan_pool, &scan_params));
     for (int32_t i = 0; i < SCANS; i++) {
-        cairn_pose pose = {cairn_random_uniform(&random, 1, 17), cairn_random_uniform(&random, 1, 5),
+        cairn_pose pose = {cairn_random_uniform(&random, 1, 17),
+                           cairn_random_uniform(&random, 1, 5),
                            cairn_random_uniform(&random, -3, 3)};
         cairn_budget budget = {CAIRN_UNBOUNDED};
         rooms_scan taken;
@@ -47,7 +50,8 @@ static cairn_aligner *take_scans(cairn_pool *pool, uint64_t seed, cairn_real off
     return x;
 }
 
-/* The extent of a scan reaches from the origin of its frame to the far side of its circle, in which everything lies. */
+/* The extent of a scan reaches from the origin of its frame to the far side of its circle, in
+ * which everything lies. */
 static void nothing_lies_beyond_the_extent(void **state)
 {
     static const cairn_real offs[] = {0, CAIRN_REAL(0.3), 5};
@@ -75,7 +79,8 @@ static void nothing_lies_beyond_the_extent(void **state)
     }
 }
 
-/* Scans are partners when one may show a point of the other, whatever the extents say of far ones. */
+/* Scans are partners when one may show a point of the other, whatever the extents say of far
+ * ones. */
 static void partners_are_those_that_may_meet(void **state)
 {
     cairn_pool pool;
@@ -99,8 +104,10 @@ static void partners_are_those_that_may_meet(void **state)
 /* The motion that a scan is pulled to turns with the cluster that it joins another in. */
 static void pulls_turn_with_their_cluster(void **state)
 {
-    cairn_transform same = {0, 0, 1, 0}, turned = cairn_transform_of((cairn_pose){3, -2, CAIRN_REAL(0.7)});
-    static const cairn_real rows[3][3] = {{1, 0, CAIRN_REAL(0.5)}, {CAIRN_REAL(0.6), CAIRN_REAL(0.8), -1}, {0, 1, 2}};
+    cairn_transform same = {0, 0, 1, 0},
+                    turned = cairn_transform_of((cairn_pose){3, -2, CAIRN_REAL(0.7)});
+    static const cairn_real rows[3][3] = {
+        {1, 0, CAIRN_REAL(0.5)}, {CAIRN_REAL(0.6), CAIRN_REAL(0.8), -1}, {0, 1, 2}};
     cairn_real before[3], after[3];
     cairn_pool pool;
     cairn_aligner *x = take_scans(&pool, 31, 0);
@@ -119,8 +126,10 @@ static void pulls_turn_with_their_cluster(void **state)
     assert_true(cairn_aligner_solve(pull, before));
     assert_int_equal(cairn_aligner_join(x, 3, fixed, turned), fixed);
     assert_true(cairn_aligner_solve(pull, after));
-    assert_near((double)after[0], (double)(turned.cosine * before[0] - turned.sine * before[1]), NUMBER(1e-12, 1e-5));
-    assert_near((double)after[1], (double)(turned.sine * before[0] + turned.cosine * before[1]), NUMBER(1e-12, 1e-5));
+    assert_near((double)after[0], (double)(turned.cosine * before[0] - turned.sine * before[1]),
+                NUMBER(1e-12, 1e-5));
+    assert_near((double)after[1], (double)(turned.sine * before[0] + turned.cosine * before[1]),
+                NUMBER(1e-12, 1e-5));
     assert_near((double)after[2], (double)before[2], NUMBER(1e-12, 1e-5));
     test_pool_free(&pool);
 }

@@ -1,4 +1,5 @@
-/* What initial poses say of clusters of the aligner: the sums that are kept against a look at every scan. */
+/* What initial poses say of clusters of the aligner: the sums that are kept against a look at
+ * every scan. */
 #include "tests/test.h"
 
 #include <math.h>
@@ -9,7 +10,8 @@ enum { SCANS = 12, FIRST = 7 };
 
 static const double PI = 3.14159265358979323846;
 
-/* Scans that show nothing; those before FIRST in one cluster, the others in another, each in a frame of its own. */
+/* Scans that show nothing; those before FIRST in one cluster, the others in another, each in a
+ * frame of its own. */
 struct bed {
     cairn_pool pool;
     cairn_aligner *x;
@@ -29,7 +31,8 @@ static struct bed make_bed(uint64_t seed, double off)
     assert_ok(cairn_aligner_create(&bed.x, &bed.pool, &params));
     for (int32_t i = 0; i < SCANS; i++) {
         cairn_scan_view nothing;
-        cairn_pose pose = {cairn_random_uniform(&random, -8, 8), cairn_random_uniform(&random, -8, 8),
+        cairn_pose pose = {cairn_random_uniform(&random, -8, 8),
+                           cairn_random_uniform(&random, -8, 8),
                            cairn_random_uniform(&random, -3, 3)};
 
         memset(&nothing, 0, sizeof nothing);
@@ -37,12 +40,14 @@ static struct bed make_bed(uint64_t seed, double off)
     }
     assert_ok(cairn_aligner_begin(bed.x));
     for (int32_t i = 0; i < SCANS; i++) {
-        cairn_pose pose = bed.x->scans[i].initial, turned = {i < FIRST ? 3 : -2, 1, i < FIRST ? 1 : -2};
+        cairn_pose pose = bed.x->scans[i].initial,
+                   turned = {i < FIRST ? 3 : -2, 1, i < FIRST ? 1 : -2};
 
         pose.x += cairn_random_uniform(&random, -1, 1) * (cairn_real)off;
         pose.y += cairn_random_uniform(&random, -1, 1) * (cairn_real)off;
         pose.theta += cairn_random_uniform(&random, -1, 1) * (cairn_real)(off / 3);
-        bed.x->poses[i] = cairn_aligner_compose(cairn_transform_of(turned), cairn_transform_of(pose));
+        bed.x->poses[i] =
+            cairn_aligner_compose(cairn_transform_of(turned), cairn_transform_of(pose));
     }
     bed.first = 0;
     for (int32_t i = 1; i < FIRST; i++)
@@ -62,7 +67,8 @@ struct crowd {
     int32_t count;
 };
 
-static void add_cluster(struct crowd *c, const cairn_aligner *x, int32_t cluster, cairn_transform motion)
+static void add_cluster(struct crowd *c, const cairn_aligner *x, int32_t cluster,
+                        cairn_transform motion)
 {
     for (int32_t i = x->clusters[cluster].head; i >= 0; i = x->scans[i].next) {
         cairn_transform pose = cairn_aligner_compose(motion, x->poses[i]);
@@ -78,7 +84,8 @@ struct left {
     double squares, squares_angle, beyond, cost;
 };
 
-/* What is left of a crowd turned as a whole, at the best shift; cost: what the gauge makes least. */
+/* What is left of a crowd turned as a whole, at the best shift; cost: what the gauge makes
+ * least. */
 static struct left left_at(const cairn_aligner *x, const struct crowd *c, double turn)
 {
     double weight = pow((double)x->sigma / (double)x->sigma_angle, 2), dx = 0, dy = 0;
@@ -100,7 +107,8 @@ static struct left left_at(const cairn_aligner *x, const struct crowd *c, double
             ey -= dy;
             m.squares += ex * ex + ey * ey;
             m.squares_angle += off * off;
-            m.beyond += fmax(fabs(ex) - far, 0) + fmax(fabs(ey) - far, 0) + 1.5 * fmax(fabs(off) - wide, 0);
+            m.beyond +=
+                fmax(fabs(ex) - far, 0) + fmax(fabs(ey) - far, 0) + 1.5 * fmax(fabs(off) - wide, 0);
             m.cost += ex * ex + ey * ey - 2 * weight * cos(off);
         }
     return m;
@@ -129,7 +137,8 @@ static struct left least_left(const cairn_aligner *x, const struct crowd *c)
 
 static double chi_squared(const cairn_aligner *x, struct left m)
 {
-    return m.squares / pow((double)x->sigma, 2) + m.squares_angle / pow((double)x->sigma_angle, 2) + 200 * m.beyond;
+    return m.squares / pow((double)x->sigma, 2) + m.squares_angle / pow((double)x->sigma_angle, 2) +
+           200 * m.beyond;
 }
 
 static double slow_misfit(const cairn_aligner *x, int32_t cluster)
@@ -142,7 +151,8 @@ static double slow_misfit(const cairn_aligner *x, int32_t cluster)
     return c.count > 1 ? chi_squared(x, least_left(x, &c)) : 0;
 }
 
-static double slow_prior(const cairn_aligner *x, int32_t moving, int32_t fixed, cairn_transform pose)
+static double slow_prior(const cairn_aligner *x, int32_t moving, int32_t fixed,
+                         cairn_transform pose)
 {
     cairn_transform same = {0, 0, 1, 0};
     struct crowd c;
@@ -150,7 +160,8 @@ static double slow_prior(const cairn_aligner *x, int32_t moving, int32_t fixed, 
     c.count = 0;
     add_cluster(&c, x, moving, pose);
     add_cluster(&c, x, fixed, same);
-    return -(chi_squared(x, least_left(x, &c)) - slow_misfit(x, moving) - slow_misfit(x, fixed)) / 2;
+    return -(chi_squared(x, least_left(x, &c)) - slow_misfit(x, moving) - slow_misfit(x, fixed)) /
+           2;
 }
 
 /* ---- Tests ---- */
@@ -158,7 +169,8 @@ static double slow_prior(const cairn_aligner *x, int32_t moving, int32_t fixed, 
 /* The pose of the first cluster in the second that the initial poses ask for, off by some. */
 static cairn_transform pose_off(const struct bed *bed, double off_x, double off_turn)
 {
-    cairn_transform first = cairn_aligner_gauge(bed->x, bed->first), second = cairn_aligner_gauge(bed->x, bed->second);
+    cairn_transform first = cairn_aligner_gauge(bed->x, bed->first),
+                    second = cairn_aligner_gauge(bed->x, bed->second);
     cairn_transform pose = cairn_aligner_compose(cairn_aligner_inverse(second), first);
     cairn_vec2 centre = {pose.x, pose.y};
     cairn_real motion[3] = {(cairn_real)off_x, (cairn_real)(-off_x / 2), (cairn_real)off_turn};
@@ -187,7 +199,8 @@ static void sums_tell_what_scans_tell(void **state)
 {
     (void)state;
     for (uint64_t seed = 1; seed <= 6; seed++) {
-        struct bed bed = make_bed(seed, 0.1 * (double)(seed * seed)); /* up to 3.6 m and 1.2 rad: far out of the box */
+        /* up to 3.6 m and 1.2 rad: far out of the box */
+        struct bed bed = make_bed(seed, 0.1 * (double)(seed * seed));
 
         all_as_slow(&bed);
         test_pool_free(&bed.pool);
@@ -263,7 +276,8 @@ static void spread_is_that_of_the_scans(void **state)
     }
 }
 
-/* What is kept of a cluster, and told anew after each change, against what its scans say when nothing is kept. */
+/* What is kept of a cluster, and told anew after each change, against what its scans say when
+ * nothing is kept. */
 static void spread_learnt_bit_by_bit_is_that_of_all(void **state)
 {
     (void)state;
@@ -273,8 +287,10 @@ static void spread_learnt_bit_by_bit_is_that_of_all(void **state)
         cairn_aligner *x = bed.x;
 
         for (int32_t change = 0; change < 40; change++) {
-            int32_t scan = cairn_real_to_int(cairn_random_uniform(&random, 0, SCANS - CAIRN_REAL(0.01)));
-            int32_t to = cairn_random_uniform(&random, 0, 1) < CAIRN_REAL(0.5) ? bed.first : bed.second;
+            int32_t scan =
+                cairn_real_to_int(cairn_random_uniform(&random, 0, SCANS - CAIRN_REAL(0.01)));
+            int32_t to =
+                cairn_random_uniform(&random, 0, 1) < CAIRN_REAL(0.5) ? bed.first : bed.second;
             cairn_real sigma, sigma_angle;
 
             if (x->clusters[x->scans[scan].part].size > 1) {

@@ -5,7 +5,8 @@
 
 enum { SEGMENTS = 900, SCANS = 12 };
 
-/* Pieces of a lattice of lines, 3 m apart, a few of them far longer than the others; from -30 to 30 m, turned at random. */
+/* Pieces of a lattice of lines, 3 m apart, a few of them far longer than the others; from -30 to
+ * 30 m, turned at random. */
 static aligner_segment random_segment(cairn_random *random, cairn_real turn)
 {
     static const cairn_real lengths[] = {CAIRN_REAL(0.1), CAIRN_REAL(0.4), 1, 3, 12};
@@ -17,7 +18,8 @@ static aligner_segment random_segment(cairn_random *random, cairn_real turn)
     memset(&s, 0, sizeof s);
     angle += cairn_floor(cairn_random_uniform(random, 0, 4)) * CAIRN_PI / 2;
     cairn_sincos(angle, &sine, &cosine);
-    s.length = lengths[cairn_real_to_int(cairn_floor(cairn_random_uniform(random, 0, CAIRN_REAL(4.1))))];
+    s.length =
+        lengths[cairn_real_to_int(cairn_floor(cairn_random_uniform(random, 0, CAIRN_REAL(4.1))))];
     s.direction.x = cosine;
     s.direction.y = sine;
     middle.y += cairn_random_uniform(random, -CAIRN_REAL(0.05), CAIRN_REAL(0.05));
@@ -93,7 +95,8 @@ static void tiles_find_what_a_look_at_every_wall_finds(void **state)
         (void)cairn_aligner_associate_item(x);
         while (x->at < SEGMENTS) {
             aligner_segment *s = &x->segments[x->at];
-            int32_t passed, wall = cairn_aligner_find_wall(x, s, &passed), expected = look_at_every_wall(x, s);
+            int32_t passed, wall = cairn_aligner_find_wall(x, s, &passed),
+                            expected = look_at_every_wall(x, s);
 
             assert_int_equal(wall, expected);
             found += wall >= 0;
@@ -129,19 +132,23 @@ static void kept_walls_are_found_where_they_are(void **state)
     for (int32_t i = 0; i < SEGMENTS; i++) {
         int32_t passed;
 
-        assert_int_equal(cairn_aligner_find_wall(x, &x->segments[i], &passed), look_at_every_wall(x, &x->segments[i]));
+        assert_int_equal(cairn_aligner_find_wall(x, &x->segments[i], &passed),
+                         look_at_every_wall(x, &x->segments[i]));
     }
     test_pool_free(&pool);
 }
 
-/* A segment near the line of another, often about as far along, off and turned as may just fit it. */
+/* A segment near the line of another, often about as far along, off and turned as may just fit
+ * it. */
 static aligner_segment continuation(cairn_random *random, const aligner_segment *of)
 {
     static const cairn_real lengths[] = {CAIRN_REAL(0.1), CAIRN_REAL(0.5), 3, 12};
     aligner_segment s = *of;
-    cairn_real turn, sine, cosine, gap, off = cairn_random_uniform(random, -CAIRN_REAL(0.09), CAIRN_REAL(0.09));
+    cairn_real turn, sine, cosine, gap,
+        off = cairn_random_uniform(random, -CAIRN_REAL(0.09), CAIRN_REAL(0.09));
 
-    s.length = lengths[cairn_real_to_int(cairn_floor(cairn_random_uniform(random, 0, CAIRN_REAL(3.99))))];
+    s.length =
+        lengths[cairn_real_to_int(cairn_floor(cairn_random_uniform(random, 0, CAIRN_REAL(3.99))))];
     s.stub = s.length < CAIRN_REAL(0.3);
     turn = cairn_random_uniform(random, -1, 1) * CAIRN_REAL(0.09) / s.length;
     turn = cairn_max(cairn_min(turn, CAIRN_REAL(0.85)), -CAIRN_REAL(0.85));
@@ -149,7 +156,8 @@ static aligner_segment continuation(cairn_random *random, const aligner_segment 
     s.direction.x = cosine * of->direction.x - sine * of->direction.y;
     s.direction.y = sine * of->direction.x + cosine * of->direction.y;
     gap = cairn_random_uniform(random, -7, 7);
-    s.a = cairn_vec2_add(of->a, cairn_vec2_scale(of->direction, gap < 0 ? gap - s.length : gap + of->length));
+    s.a = cairn_vec2_add(
+        of->a, cairn_vec2_scale(of->direction, gap < 0 ? gap - s.length : gap + of->length));
     s.a = cairn_vec2_add(s.a, cairn_vec2_scale(cairn_vec2_left(of->direction), off));
     s.mean = cairn_vec2_add(s.a, cairn_vec2_scale(s.direction, s.length / 2));
     s.scan = cairn_real_to_int(cairn_floor(cairn_random_uniform(random, 0, SCANS)));

@@ -1,4 +1,5 @@
-/* What the aligner says of two scans after it has ended, on a hallway that is longer than a scan sees. */
+/* What the aligner says of two scans after it has ended, on a hallway that is longer than a scan
+ * sees. */
 #include "tests/test.h"
 
 #include "cairn/aligner.h"
@@ -9,7 +10,8 @@
 
 enum { SCANS = 5 };
 
-/* 0 and 1 see the end of the hallway, 2 and 3 nothing but its sides, 4 stands in a room far away. */
+/* 0 and 1 see the end of the hallway, 2 and 3 nothing but its sides, 4 stands in a room far
+ * away. */
 static const cairn_pose truth[SCANS] = {{2, 1, 0},
                                         {CAIRN_REAL(5.5), CAIRN_REAL(1.2), 2},
                                         {CAIRN_REAL(8.6), 1, -1},
@@ -24,7 +26,8 @@ struct bed {
 /* By the poses of the aligner. */
 static int32_t share(const struct bed *bed, int32_t first, int32_t second, cairn_vec2 along)
 {
-    cairn_pose a = cairn_aligner_pose_of(bed->x, first).map_scan, b = cairn_aligner_pose_of(bed->x, second).map_scan;
+    cairn_pose a = cairn_aligner_pose_of(bed->x, first).map_scan,
+               b = cairn_aligner_pose_of(bed->x, second).map_scan;
 
     return cairn_aligner_share_wall(bed->x, first, second, cairn_pose_between(b, a), along, NULL);
 }
@@ -93,7 +96,8 @@ static void sides_hold_across_and_the_end_along(void **state)
         }
         /* Without the end of the hallway. */
         for (int32_t k = bed.x->scans[1].first_segment; k < bed.x->scans[1].end_segment; k++)
-            if (cairn_abs(cairn_vec2_dot(bed.x->segments[k].direction, seen_from(1, 0))) < CAIRN_REAL(0.5))
+            if (cairn_abs(cairn_vec2_dot(bed.x->segments[k].direction, seen_from(1, 0))) <
+                CAIRN_REAL(0.5))
                 bed.x->segments[k].wall = -1;
     }
     assert_int_equal(share(&bed, 0, SCANS, seen_from(0, 90)), 0);
@@ -107,7 +111,8 @@ static void sides_hold_across_and_the_end_along(void **state)
 static void walls_hold_who_lies_on_them(void **state)
 {
     struct bed bed = align();
-    cairn_pose first = cairn_aligner_pose_of(bed.x, 0).map_scan, at = cairn_aligner_pose_of(bed.x, 1).map_scan;
+    cairn_pose first = cairn_aligner_pose_of(bed.x, 0).map_scan,
+               at = cairn_aligner_pose_of(bed.x, 1).map_scan;
     int32_t units = 0, most = (bed.x->scans[0].end_segment - bed.x->scans[0].first_segment) *
                               (1 + bed.x->scans[1].end_segment - bed.x->scans[1].first_segment);
 
@@ -116,16 +121,20 @@ static void walls_hold_who_lies_on_them(void **state)
         cairn_pose off = at;
 
         off.y += sign * CAIRN_REAL(0.02);
-        assert_int_equal(
-            cairn_aligner_share_wall(bed.x, 0, 1, cairn_pose_between(off, first), seen_from(0, 90), &units), 1);
+        assert_int_equal(cairn_aligner_share_wall(bed.x, 0, 1, cairn_pose_between(off, first),
+                                                  seen_from(0, 90), &units),
+                         1);
         assert_in_range(units, 1, 1 + most / 16);
         off.y += sign * CAIRN_REAL(0.02);
-        assert_int_equal(
-            cairn_aligner_share_wall(bed.x, 0, 1, cairn_pose_between(off, first), seen_from(0, 90), &units), 0);
-        assert_in_range(units, 1, 1 + most / 16);
-        assert_int_equal(cairn_aligner_share_wall(bed.x, 1, 0, cairn_pose_between(first, off), seen_from(1, 90), NULL),
+        assert_int_equal(cairn_aligner_share_wall(bed.x, 0, 1, cairn_pose_between(off, first),
+                                                  seen_from(0, 90), &units),
                          0);
-        assert_int_equal(cairn_aligner_share_wall(bed.x, 1, 0, cairn_pose_between(first, off), seen_from(1, 0), NULL),
+        assert_in_range(units, 1, 1 + most / 16);
+        assert_int_equal(cairn_aligner_share_wall(bed.x, 1, 0, cairn_pose_between(first, off),
+                                                  seen_from(1, 90), NULL),
+                         0);
+        assert_int_equal(cairn_aligner_share_wall(bed.x, 1, 0, cairn_pose_between(first, off),
+                                                  seen_from(1, 0), NULL),
                          1);
     }
     assert_int_equal(cairn_aligner_share_wall(bed.x, 0, SCANS, first, seen_from(0, 90), &units), 0);
@@ -143,8 +152,8 @@ static void objections_are_what_speaks_against(void **state)
     for (int32_t i = 0; i < 4; i++)
         for (int32_t j = 0; j < 4; j++)
             for (int k = 0; k < 5; k++) {
-                static const cairn_real off[] = {0, CAIRN_REAL(-0.5), CAIRN_REAL(-0.25), CAIRN_REAL(0.25),
-                                                 CAIRN_REAL(0.5)};
+                static const cairn_real off[] = {0, CAIRN_REAL(-0.5), CAIRN_REAL(-0.25),
+                                                 CAIRN_REAL(0.25), CAIRN_REAL(0.5)};
                 cairn_pose at = truth[i], between;
                 aligner_count count = {0, 0, 0};
                 cairn_real expected, got;
@@ -153,7 +162,8 @@ static void objections_are_what_speaks_against(void **state)
                 at.y += off[k];
                 between = cairn_pose_between(truth[j], at);
                 got = cairn_aligner_objection(bed.x, i, j, between, &units);
-                work = cairn_aligner_count_pair(bed.x, i, j, cairn_transform_of(between), CAIRN_REAL(0.07), &count);
+                work = cairn_aligner_count_pair(bed.x, i, j, cairn_transform_of(between),
+                                                CAIRN_REAL(0.07), &count);
                 count.same = 0;
                 expected = cairn_aligner_evidence(bed.x, count);
                 assert_near(got, expected, 0);

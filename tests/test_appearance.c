@@ -1,4 +1,5 @@
-/* What classes look like: textures told apart, the same model again, its file, files that are none; and life without the library of OpenCV. */
+/* What classes look like: textures told apart, the same model again, its file, files that are
+ * none; and life without the library of OpenCV. */
 #include "cairn/appearance.h"
 
 #include <math.h>
@@ -34,7 +35,8 @@ static void judges_histograms(void **state)
     static const float asked[] = {0.5F, 0.5F};
     cairn_appearance_model m = make_small();
     /* chi2: .25 / 1.5 + .5 and .0625 / .75 + .0625 / 1.25. */
-    double f = 2 * exp(-0.5 * (0.25 / 1.5 + 0.5)) - 1.5 * exp(-0.5 * (0.0625 / 0.75 + 0.0625 / 1.25)) - 0.25;
+    double f = 2 * exp(-0.5 * (0.25 / 1.5 + 0.5)) -
+               1.5 * exp(-0.5 * (0.0625 / 0.75 + 0.0625 / 1.25)) - 0.25;
 
     (void)state;
     assert_near(cairn_appearance_judge(&m, asked), 1 / (1 + exp(-2 * f + 0.125)), 1e-12);
@@ -94,7 +96,8 @@ static void assert_unreadable(const char *text, cairn_status status, const char 
         fail_msg("\"%s\" does not hold \"%s\"", error.text, what);
 }
 
-/* Every cut of a file is told, and so is a foreign one, another version, and numbers that cannot be. */
+/* Every cut of a file is told, and so is a foreign one, another version, and numbers that cannot
+ * be. */
 static void refuses_what_is_no_model(void **state)
 {
     cairn_appearance_model m = make_small();
@@ -116,13 +119,20 @@ static void refuses_what_is_no_model(void **state)
         text[cut] = kept;
     }
     assert_unreadable("", CAIRN_TRUNCATED, "the file ends here, expected 'cairn-appearance 1'");
-    assert_unreadable("cairn-shape 1\n", CAIRN_BAD_FORMAT, ":1: \"cairn-shape\", expected 'cairn-appearance'");
-    assert_unreadable("cairn-appearance 2\nwords 2\n", CAIRN_UNSUPPORTED, ":1: a model of version 2, expected 1");
-    assert_unreadable("cairn-appearance 1\nwords 1001\n", CAIRN_BAD_FORMAT, ":2: \"1001\", expected a number of 2");
-    assert_unreadable("cairn-appearance 1\nwords 2.5\n", CAIRN_BAD_FORMAT, ":2: 2.5, expected a whole number");
-    assert_unreadable("cairn-appearance 1\nwords 1e300\n", CAIRN_BAD_FORMAT, ":2: \"1e300\", expected a number of 2");
-    assert_unreadable("cairn-appearance 1\nwords nan\n", CAIRN_BAD_FORMAT, ":2: \"nan\", expected a number of 2");
-    assert_unreadable("cairn-appearance 1 2\n", CAIRN_BAD_FORMAT, ":1: \"2\", expected the line to end");
+    assert_unreadable("cairn-shape 1\n", CAIRN_BAD_FORMAT,
+                      ":1: \"cairn-shape\", expected 'cairn-appearance'");
+    assert_unreadable("cairn-appearance 2\nwords 2\n", CAIRN_UNSUPPORTED,
+                      ":1: a model of version 2, expected 1");
+    assert_unreadable("cairn-appearance 1\nwords 1001\n", CAIRN_BAD_FORMAT,
+                      ":2: \"1001\", expected a number of 2");
+    assert_unreadable("cairn-appearance 1\nwords 2.5\n", CAIRN_BAD_FORMAT,
+                      ":2: 2.5, expected a whole number");
+    assert_unreadable("cairn-appearance 1\nwords 1e300\n", CAIRN_BAD_FORMAT,
+                      ":2: \"1e300\", expected a number of 2");
+    assert_unreadable("cairn-appearance 1\nwords nan\n", CAIRN_BAD_FORMAT,
+                      ":2: \"nan\", expected a number of 2");
+    assert_unreadable("cairn-appearance 1 2\n", CAIRN_BAD_FORMAT,
+                      ":1: \"2\", expected the line to end");
     at = strstr(text, " 1 2 3 ");
     assert_non_null(at);
     memcpy(at, " 1 x 3 ", 7);
@@ -174,8 +184,10 @@ static void writes_nothing_unreadable(void **state)
             m.word_count = 1;
             break;
         }
-        assert_status(cairn_appearance_write(&m, files_path("never.look"), &error), CAIRN_BAD_ARGUMENT);
-        assert_non_null(strstr(error.text, "never.look: a model beyond what is read again, expected"));
+        assert_status(cairn_appearance_write(&m, files_path("never.look"), &error),
+                      CAIRN_BAD_ARGUMENT);
+        assert_non_null(
+            strstr(error.text, "never.look: a model beyond what is read again, expected"));
         assert_null(files_read(files_path("never.look"), NULL));
     }
 }
@@ -189,12 +201,16 @@ static void lives_without_the_library(void **state)
     (void)state;
     (void)setenv("CAIRN_APPEARANCE", "/nowhere/libcairn-appearance.so", 1);
     assert_status(cairn_appearance_load(&error), CAIRN_UNSUPPORTED);
-    assert_non_null(strstr(error.text, "needs libcairn-appearance.so of this version, expected it beside"));
-    assert_status(cairn_appearance_field_make(&field, &m, grey, WIDTH, HEIGHT, "a.png", &error), CAIRN_UNSUPPORTED);
+    assert_non_null(
+        strstr(error.text, "needs libcairn-appearance.so of this version, expected it beside"));
+    assert_status(cairn_appearance_field_make(&field, &m, grey, WIDTH, HEIGHT, "a.png", &error),
+                  CAIRN_UNSUPPORTED);
     assert_null(field);
     (void)unsetenv("CAIRN_APPEARANCE");
-    assert_status(cairn_appearance_field_make(&field, &m, grey, 0, HEIGHT, "a.png", &error), CAIRN_BAD_ARGUMENT);
-    assert_status(cairn_appearance_field_make(&field, &m, grey, CAIRN_APPEARANCE_SIDE_MOST + 1, 1, "a.png", &error),
+    assert_status(cairn_appearance_field_make(&field, &m, grey, 0, HEIGHT, "a.png", &error),
+                  CAIRN_BAD_ARGUMENT);
+    assert_status(cairn_appearance_field_make(&field, &m, grey, CAIRN_APPEARANCE_SIDE_MOST + 1, 1,
+                                              "a.png", &error),
                   CAIRN_BAD_ARGUMENT);
     assert_non_null(strstr(error.text, "a.png: an image of 8193 x 1, expected"));
 }
@@ -222,7 +238,8 @@ static void draw(int32_t left, int32_t top, uint64_t seed, int is_there)
 
         for (int32_t v = y - r; v <= y + r; v++)
             for (int32_t u = x - r; u <= x + r; u++)
-                if (u >= 0 && v >= 0 && u < WIDTH && v < HEIGHT && (u - x) * (u - x) + (v - y) * (v - y) <= r * r)
+                if (u >= 0 && v >= 0 && u < WIDTH && v < HEIGHT &&
+                    (u - x) * (u - x) + (v - y) * (v - y) <= r * r)
                     grey[v * WIDTH + u] = (uint8_t)level;
     }
     for (int32_t y = top; y < top + SIDE && is_there; y++)
@@ -248,7 +265,8 @@ static cairn_appearance_model learn(const cairn_appearance_params *params)
         double box[4] = {LEFT + 10 * i, TOP + 5 * i, LEFT + 10 * i + SIDE, TOP + 5 * i + SIDE};
 
         draw(LEFT + 10 * i, TOP + 5 * i, (uint64_t)i, i < 5);
-        assert_ok(cairn_appearance_trainer_add(trainer, grey, WIDTH, HEIGHT, box, i < 5, "image", &error));
+        assert_ok(cairn_appearance_trainer_add(trainer, grey, WIDTH, HEIGHT, box, i < 5, "image",
+                                               &error));
     }
     assert_ok(cairn_appearance_train(&m, trainer, params, "images", &error));
     cairn_appearance_trainer_free(trainer);
@@ -291,7 +309,8 @@ static void tells_textures_apart(void **state)
     cairn_appearance_free(&m);
 }
 
-/* All of an image's boxes are learnt from, however many: the last of them alone has the patches that are asked for. */
+/* All of an image's boxes are learnt from, however many: the last of them alone has the patches
+ * that are asked for. */
 static void takes_many_boxes(void **state)
 {
     enum { BOXES = 300 };
@@ -312,7 +331,8 @@ static void takes_many_boxes(void **state)
         boxes[BOXES - 1][2] = LEFT + SIDE;
         boxes[BOXES - 1][3] = TOP + SIDE;
         params.negatives = 1;
-        assert_ok(cairn_appearance_trainer_add(trainer, grey, WIDTH, HEIGHT, boxes[0], BOXES, "image", &error));
+        assert_ok(cairn_appearance_trainer_add(trainer, grey, WIDTH, HEIGHT, boxes[0], BOXES,
+                                               "image", &error));
         assert_ok(cairn_appearance_train(&m, trainer, &params, "images", &error));
         cairn_appearance_free(&m);
     }
@@ -353,8 +373,9 @@ static void refuses_what_cannot_be_learnt(void **state)
     (void)state;
     assert_non_null(trainer);
     for (size_t i = 0; i < sizeof bad / sizeof *bad; i++) {
-        assert_status(cairn_appearance_trainer_add(trainer, grey, WIDTH, HEIGHT, bad[i], 1, "image", &error),
-                      CAIRN_BAD_ARGUMENT);
+        assert_status(
+            cairn_appearance_trainer_add(trainer, grey, WIDTH, HEIGHT, bad[i], 1, "image", &error),
+            CAIRN_BAD_ARGUMENT);
         assert_non_null(strstr(error.text, "image: a box from"));
     }
     for (int k = 0; k < 6; k++) {
@@ -365,18 +386,21 @@ static void refuses_what_cannot_be_learnt(void **state)
             odd.negatives = k == 2 ? 0 : 101;
         else
             odd.cost = k == 4 ? 0 : (double)NAN;
-        assert_status(cairn_appearance_train(&m, trainer, &odd, "images", &error), CAIRN_BAD_ARGUMENT);
+        assert_status(cairn_appearance_train(&m, trainer, &odd, "images", &error),
+                      CAIRN_BAD_ARGUMENT);
     }
     assert_status(cairn_appearance_train(&m, trainer, &params, "images", &error), CAIRN_EMPTY);
     assert_non_null(strstr(error.text, "images: no box in any image"));
     if (cairn_appearance_load(NULL) == CAIRN_OK) {
         draw(LEFT, TOP, 1, 1);
-        assert_ok(cairn_appearance_trainer_add(trainer, grey, WIDTH, HEIGHT, tiny, 1, "image", &error));
+        assert_ok(
+            cairn_appearance_trainer_add(trainer, grey, WIDTH, HEIGHT, tiny, 1, "image", &error));
         assert_status(cairn_appearance_train(&m, trainer, &params, "images", &error), CAIRN_EMPTY);
         assert_non_null(strstr(error.text, "patches in boxes, expected at least 20"));
         cairn_appearance_trainer_free(trainer);
         trainer = cairn_appearance_trainer_new();
-        assert_ok(cairn_appearance_trainer_add(trainer, grey, WIDTH, HEIGHT, whole, 1, "image", &error));
+        assert_ok(
+            cairn_appearance_trainer_add(trainer, grey, WIDTH, HEIGHT, whole, 1, "image", &error));
         assert_status(cairn_appearance_train(&m, trainer, &params, "images", &error), CAIRN_EMPTY);
         assert_non_null(strstr(error.text, "no room for windows"));
         assert_null(m.words);

@@ -100,7 +100,8 @@ static void test_same_seed_same_arena(void **state)
 {
     (void)state;
     for (sim_scene scene = 0; scene < SIM_SCENES; scene++) {
-        sim_arena *first = arena_of(scene, 5), *again = arena_of(scene, 5), *other = arena_of(scene, 6);
+        sim_arena *first = arena_of(scene, 5), *again = arena_of(scene, 5),
+                  *other = arena_of(scene, 6);
 
         assert_true(hash_of(first) == hash_of(again));
         assert_true(hash_of(first) != hash_of(other));
@@ -133,8 +134,10 @@ static void test_turn_and_rubble_have_streams_of_their_own(void **state)
     c = sim_arena_bodies(empty, &others);
     for (; walls < others; walls++) {
         assert_true(a[walls].kind == SIM_WALL || a[walls].kind == SIM_FURNITURE);
-        assert_near(b[walls].centre.x, cos(turn) * a[walls].centre.x - sin(turn) * a[walls].centre.y, 1e-12);
-        assert_near(b[walls].centre.y, sin(turn) * a[walls].centre.x + cos(turn) * a[walls].centre.y, 1e-12);
+        assert_near(b[walls].centre.x,
+                    cos(turn) * a[walls].centre.x - sin(turn) * a[walls].centre.y, 1e-12);
+        assert_near(b[walls].centre.y,
+                    sin(turn) * a[walls].centre.x + cos(turn) * a[walls].centre.y, 1e-12);
         assert_near(fabs(remainder(b[walls].angle - a[walls].angle - turn, 2 * pi)), 0, 1e-12);
         assert_memory_equal(&c[walls].centre, &a[walls].centre, sizeof a[walls].centre);
     }
@@ -160,7 +163,8 @@ static void test_edges(void **state)
             next += body[i].edge_count;
             assert_true(body[i].radius > 0 ? body[i].edge_count == 1 : body[i].edge_count >= 4);
             for (int32_t k = body[i].first_edge; k < next; k++) {
-                const sim_edge *e = &edge[k], *after = k + 1 < next ? e + 1 : &edge[body[i].first_edge];
+                const sim_edge *e = &edge[k],
+                               *after = k + 1 < next ? e + 1 : &edge[body[i].first_edge];
                 double x = e->b.x - e->a.x, y = e->b.y - e->a.y, whole = sqrt(x * x + y * y);
 
                 assert_int_equal(e->body, i);
@@ -175,7 +179,9 @@ static void test_edges(void **state)
                 assert_true(whole > 0.02);
                 assert_near(e->normal.x, -y / whole, 1e-12);
                 assert_near(e->normal.y, x / whole, 1e-12);
-                assert_true((e->a.x - body[i].centre.x) * e->normal.x + (e->a.y - body[i].centre.y) * e->normal.y > 0);
+                assert_true((e->a.x - body[i].centre.x) * e->normal.x +
+                                (e->a.y - body[i].centre.y) * e->normal.y >
+                            0);
                 assert_near(e->b.x, after->a.x, 1e-12);
                 assert_near(e->b.y, after->a.y, 1e-12);
             }
@@ -194,14 +200,15 @@ static void test_edges(void **state)
     }
 }
 
-/* Depth to which two bodies overlap, by their edges alone; negative: their gap along the best axis. */
+/* Depth to which two bodies overlap, by their edges alone; negative: their gap along the best
+ * axis. */
 static double overlap_along(const sim_edge *e, const sim_body *other, const sim_edge *edges)
 {
     double nearest = 1e9;
 
     for (int32_t k = other->first_edge; k < other->first_edge + other->edge_count; k++)
-        nearest = fmin(nearest,
-                       (edges[k].a.x - e->a.x) * e->normal.x + (edges[k].a.y - e->a.y) * e->normal.y - edges[k].radius);
+        nearest = fmin(nearest, (edges[k].a.x - e->a.x) * e->normal.x +
+                                    (edges[k].a.y - e->a.y) * e->normal.y - edges[k].radius);
     return -nearest;
 }
 
@@ -213,7 +220,8 @@ static double overlap(const sim_body *a, const sim_body *b, const sim_edge *edge
     if (a->radius > 0 && b->radius > 0)
         return a->radius + b->radius - sqrt(x * x + y * y);
     for (int32_t i = 0; i < 2; i++)
-        for (int32_t k = bodies[i]->first_edge; k < bodies[i]->first_edge + bodies[i]->edge_count; k++) {
+        for (int32_t k = bodies[i]->first_edge; k < bodies[i]->first_edge + bodies[i]->edge_count;
+             k++) {
             const sim_edge *e = &edges[k], *corner;
 
             if (e->radius == 0) {
@@ -221,14 +229,14 @@ static double overlap(const sim_body *a, const sim_body *b, const sim_edge *edge
                 continue;
             }
             /* A disc: the axes from its centre to the corners of the other body. */
-            for (int32_t c = bodies[1 - i]->first_edge; c < bodies[1 - i]->first_edge + bodies[1 - i]->edge_count;
-                 c++) {
+            for (int32_t c = bodies[1 - i]->first_edge;
+                 c < bodies[1 - i]->first_edge + bodies[1 - i]->edge_count; c++) {
                 double far = 1e9, whole;
 
                 corner = &edges[c];
                 whole = hypot(corner->a.x - e->a.x, corner->a.y - e->a.y);
-                for (int32_t q = bodies[1 - i]->first_edge; q < bodies[1 - i]->first_edge + bodies[1 - i]->edge_count;
-                     q++)
+                for (int32_t q = bodies[1 - i]->first_edge;
+                     q < bodies[1 - i]->first_edge + bodies[1 - i]->edge_count; q++)
                     far = fmin(far, ((edges[q].a.x - e->a.x) * (corner->a.x - e->a.x) +
                                      (edges[q].a.y - e->a.y) * (corner->a.y - e->a.y)) /
                                         whole);
@@ -257,10 +265,11 @@ static void test_rubble(void **state)
                 discs += body[i].radius > 0;
                 for (int32_t k = 0; k < count; k++)
                     if (k != i && overlap(&body[i], &body[k], edges) >= 0.005)
-                        fail_msg("bodies %d and %d of %s overlap by %g", (int)i, (int)k, sim_scene_name(scene),
-                                 overlap(&body[i], &body[k], edges));
+                        fail_msg("bodies %d and %d of %s overlap by %g", (int)i, (int)k,
+                                 sim_scene_name(scene), overlap(&body[i], &body[k], edges));
                 if (scene == SIM_RESCUE) {
-                    double angle = fmod(body[i].angle - sim_arena_options_of(arena).turn + 20 * pi, pi / 2);
+                    double angle =
+                        fmod(body[i].angle - sim_arena_options_of(arena).turn + 20 * pi, pi / 2);
 
                     bins[(int)(angle / (pi / 2) * 9) % 9]++;
                     loose++;
@@ -270,7 +279,8 @@ static void test_rubble(void **state)
                 assert_in_range(here, 20, 200);
             sim_arena_free(arena);
         }
-    /* Nine bins of 10 degrees against the walls: none empty, none with more than twice its share. */
+    /* Nine bins of 10 degrees against the walls: none empty, none with more than twice its
+     * share. */
     assert_true(loose > 120 && discs > 20);
     for (int32_t i = 0; i < 9; i++)
         assert_in_range(bins[i], loose / 27, 2 * loose / 9);
@@ -301,7 +311,8 @@ static void test_clearance(void **state)
     sim_arena_free(arena);
 }
 
-/* A robot gets to most of every arena: the reachable part by sampling, as a share of the whole rectangle. */
+/* A robot gets to most of every arena: the reachable part by sampling, as a share of the whole
+ * rectangle. */
 static void test_reachable_share(void **state)
 {
     static const double least[SIM_SCENES] = {0.28, 0.22, 0.5, 0.2, 0.2, 0.55, 0.25, 0.2, 0.3};
@@ -315,7 +326,8 @@ static void test_reachable_share(void **state)
 
             for (double x = -o.width / 2; x < o.width / 2; x += 0.1)
                 for (double y = -o.height / 2; y < o.height / 2; y += 0.1) {
-                    sim_point p = {cos(o.turn) * x - sin(o.turn) * y, sin(o.turn) * x + cos(o.turn) * y};
+                    sim_point p = {cos(o.turn) * x - sin(o.turn) * y,
+                                   sin(o.turn) * x + cos(o.turn) * y};
 
                     all++;
                     if (!sim_arena_reachable(arena, p))
@@ -325,7 +337,8 @@ static void test_reachable_share(void **state)
                         assert_true(sim_arena_clearance(arena, p) > 0.3 - 0.071);
                 }
             if (inside < least[scene] * all)
-                fail_msg("%s %d: %g reachable", sim_scene_name(scene), (int)seed, (double)inside / all);
+                fail_msg("%s %d: %g reachable", sim_scene_name(scene), (int)seed,
+                         (double)inside / all);
             sim_arena_free(arena);
         }
 }
@@ -385,7 +398,8 @@ static void test_symmetric_scenes(void **state)
                     q.x = -p.x;
                 wanted++;
                 for (int32_t k = 0; k < count; k++)
-                    if (hypot(body[k].centre.x - q.x, body[k].centre.y - q.y) < 1e-9 && body[k].kind == body[i].kind) {
+                    if (hypot(body[k].centre.x - q.x, body[k].centre.y - q.y) < 1e-9 &&
+                        body[k].kind == body[i].kind) {
                         matched++;
                         break;
                     }

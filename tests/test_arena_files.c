@@ -101,7 +101,8 @@ static void check_log(double fov, int32_t disturbed)
     log = log_of(survey, disturbed ? poses : NULL, "a command");
     at = log;
     expect(&at, "# cairn-arena: rescue, 12 x 10 m, seed 3\n# a command\n");
-    assert_non_null(strstr(log, disturbed ? "Poses: the truth, disturbed" : "Poses: odometry that drifts"));
+    assert_non_null(
+        strstr(log, disturbed ? "Poses: the truth, disturbed" : "Poses: odometry that drifts"));
     assert_non_null(strstr(log, "A beam that met nothing reads 4, a beam that was lost reads 0."));
     assert_non_null(strstr(log, "\nPARAM robot_front_laser_max 4 nohost 0\n"));
     assert_non_null(strstr(log, "\nPARAM robot_frontlaser_offset 0.1 nohost 0\n"));
@@ -288,8 +289,8 @@ static void test_picture(void **state)
     text = text_of(file);
     for (int32_t i = 0; i < bodies; i++)
         discs += body[i].radius > 0;
-    assert_int_equal(times(text, "class=\"wall\"") + times(text, "class=\"furniture\"") + times(text, "class=\"box\"") +
-                         times(text, "class=\"rubble\""),
+    assert_int_equal(times(text, "class=\"wall\"") + times(text, "class=\"furniture\"") +
+                         times(text, "class=\"box\"") + times(text, "class=\"rubble\""),
                      bodies);
     assert_int_equal(times(text, "<circle"), scans + discs);
     assert_int_equal(times(text, "class=\"seen\""), scans);
@@ -326,7 +327,8 @@ static void test_locale_and_full_disk(void **state)
 
     (void)state;
     assert_null(strstr(before, "# a command"));
-    if (setlocale(LC_NUMERIC, "de_DE.UTF-8") != NULL || setlocale(LC_NUMERIC, "fr_FR.UTF-8") != NULL) {
+    if (setlocale(LC_NUMERIC, "de_DE.UTF-8") != NULL ||
+        setlocale(LC_NUMERIC, "fr_FR.UTF-8") != NULL) {
         after = log_of(survey, NULL, NULL);
         setlocale(LC_NUMERIC, "C");
         assert_string_equal(before, after);

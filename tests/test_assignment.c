@@ -26,8 +26,8 @@ static void draw(pairing *p, cairn_random *random, int32_t rows, int32_t columns
     p->rows = rows;
     p->columns = columns;
     for (int32_t i = 0; i < rows * columns; i++)
-        p->cost[i] =
-            levels > 0 ? (cairn_real)cairn_random_below(random, levels) - 2 : cairn_random_uniform(random, -3, 10);
+        p->cost[i] = levels > 0 ? (cairn_real)cairn_random_below(random, levels) - 2
+                                : cairn_random_uniform(random, -3, 10);
 }
 
 static cairn_assignment_result run(pairing *p)
@@ -72,7 +72,8 @@ static double least_of(const pairing *p, int32_t row, uint32_t used, int32_t ski
         least = least_of(p, row + 1, used, skips - 1);
     for (int32_t j = 0; j < p->columns; j++)
         if ((used >> j & 1) == 0)
-            least = fmin(least, (double)p->cost[row * p->columns + j] + least_of(p, row + 1, used | 1U << j, skips));
+            least = fmin(least, (double)p->cost[row * p->columns + j] +
+                                    least_of(p, row + 1, used | 1U << j, skips));
     return least;
 }
 
@@ -89,7 +90,8 @@ static void is_as_cheap_as_the_best_of_all_pairings(void **state)
     (void)state;
     start(&p, 7, 7);
     for (int trial = 0; trial < 400; trial++) {
-        int32_t rows = 1 + cairn_random_below(&random, 6), columns = 1 + cairn_random_below(&random, 6);
+        int32_t rows = 1 + cairn_random_below(&random, 6),
+                columns = 1 + cairn_random_below(&random, 6);
         cairn_assignment_result r;
 
         draw(&p, &random, rows, columns, trial % 2 == 0 ? 4 : 0);
@@ -103,8 +105,8 @@ static void is_as_cheap_as_the_best_of_all_pairings(void **state)
 /* ---- Larger ones: the Hungarian method on the padded square table, by its equality graph ---- */
 
 /* Looks for a free column along edges without slack. */
-static int augment(const double *cost, const double *u, const double *v, int32_t n, int32_t row, int32_t *seen,
-                   int32_t *row_of)
+static int augment(const double *cost, const double *u, const double *v, int32_t n, int32_t row,
+                   int32_t *seen, int32_t *row_of)
 {
     for (int32_t j = 0; j < n; j++)
         if (!seen[j] && fabs(cost[row * n + j] - u[row] - v[j]) < 1e-9) {
@@ -126,7 +128,8 @@ static double hungarian(const pairing *p)
     for (int32_t i = 0; i < n * n; i++) {
         int32_t row = i / n, column = i % n;
 
-        cost[i] = row < p->rows && column < p->columns ? (double)p->cost[row * p->columns + column] : 0;
+        cost[i] =
+            row < p->rows && column < p->columns ? (double)p->cost[row * p->columns + column] : 0;
     }
     for (int32_t i = 0; i < n; i++) {
         u[i] = cost[i * n];
@@ -168,7 +171,8 @@ static void is_as_cheap_as_the_hungarian_method(void **state)
     (void)state;
     start(&p, SIDE, SIDE);
     for (int trial = 0; trial < 200; trial++) {
-        int32_t rows = 1 + cairn_random_below(&random, SIDE), columns = 1 + cairn_random_below(&random, SIDE);
+        int32_t rows = 1 + cairn_random_below(&random, SIDE),
+                columns = 1 + cairn_random_below(&random, SIDE);
         cairn_assignment_result r;
 
         draw(&p, &random, rows, columns, trial % 3 == 0 ? 6 : 0);
@@ -218,7 +222,8 @@ static uint64_t tell(void *context)
     pairing *p = context;
     cairn_assignment_result r = cairn_assignment_read(p->assignment);
 
-    return test_hash(test_hash(TEST_HASH_START, r.column, (size_t)r.rows * sizeof *r.column), &r.cost, sizeof r.cost);
+    return test_hash(test_hash(TEST_HASH_START, r.column, (size_t)r.rows * sizeof *r.column),
+                     &r.cost, sizeof r.cost);
 }
 
 static void does_not_depend_on_budgets(void **state)
@@ -291,8 +296,8 @@ static void refuses_bad_params(void **state)
 
 static void refuses_bad_tables(void **state)
 {
-    const cairn_real bad[] = {(cairn_real)NAN, (cairn_real)INFINITY, -(cairn_real)INFINITY, CAIRN_REAL(1.01e9),
-                              CAIRN_REAL(-1.01e9)};
+    const cairn_real bad[] = {(cairn_real)NAN, (cairn_real)INFINITY, -(cairn_real)INFINITY,
+                              CAIRN_REAL(1.01e9), CAIRN_REAL(-1.01e9)};
     cairn_budget budget = {INT32_MAX};
     cairn_random random = cairn_random_seed(7, 1);
     pairing p;

@@ -1,4 +1,5 @@
-/* Block-sparse systems of poses against dense Cholesky: solutions, covariances, patterns; refusals and budgets. */
+/* Block-sparse systems of poses against dense Cholesky: solutions, covariances, patterns;
+ * refusals and budgets. */
 #include "tests/test.h"
 
 #include <math.h>
@@ -25,7 +26,8 @@ static void link_poses(struct system *s, int32_t a, int32_t b)
     s->second[s->links++] = b;
 }
 
-/* Values of a sum of J^T J, where each link has six random rows on its two poses and each pose three of weight `prior`. */
+/* Values of a sum of J^T J, where each link has six random rows on its two poses and each pose
+ * three of weight `prior`. */
 static void fill_values(struct system *s, cairn_random *random, cairn_real prior)
 {
     memset(s->diagonal, 0, sizeof s->diagonal);
@@ -146,7 +148,8 @@ static cairn_status run(cairn_block_solver *solver, int32_t units)
     }
 }
 
-static cairn_status give_structure(cairn_block_solver *solver, const struct system *s, int32_t units)
+static cairn_status give_structure(cairn_block_solver *solver, const struct system *s,
+                                   int32_t units)
 {
     assert_ok(cairn_block_solver_begin(solver, s->poses));
     for (int32_t l = 0; l < s->links; l++)
@@ -329,7 +332,8 @@ static void random_graphs(void **state)
     assert_int_equal(units, NUMBER(422706, 575927)); /* other numbers are drawn */
 }
 
-/* Third unknowns that nothing couples are left out of the products; then one entry couples a pair. */
+/* Third unknowns that nothing couples are left out of the products; then one entry couples a
+ * pair. */
 static void compare_third_unknowns(int32_t poses, int32_t between)
 {
     enum { COUPLINGS = 7 };
@@ -385,8 +389,8 @@ static int32_t grid_count(int32_t side)
     return 2 * side * (side - 1);
 }
 
-/* A grid whose links all have the same blocks -1 (times the identity plus some coupling), diagonals 4.5 and the first
- * pose fixed. */
+/* A grid whose links all have the same blocks -1 (times the identity plus some coupling),
+ * diagonals 4.5 and the first pose fixed. */
 static cairn_status start_grid(struct grid *g, int32_t side, int32_t fill, int32_t units)
 {
     g->side = side;
@@ -402,7 +406,8 @@ static cairn_status start_grid(struct grid *g, int32_t side, int32_t fill, int32
     return run(g->solver, units);
 }
 
-static const cairn_real GRID_BLOCK[9] = {-1, CAIRN_REAL(0.25), 0, CAIRN_REAL(-0.125), -1, 0, CAIRN_REAL(0.5), 0, -1};
+static const cairn_real GRID_BLOCK[9] = {
+    -1, CAIRN_REAL(0.25), 0, CAIRN_REAL(-0.125), -1, 0, CAIRN_REAL(0.5), 0, -1};
 
 static void give_grid_values(struct grid *g)
 {
@@ -451,7 +456,8 @@ static void check_grid_solution(struct grid *g, const cairn_real *b)
     free(y);
 }
 
-/* The fill is that of a good ordering (SuiteSparse's AMD has 891, 9331, 244733), told before it is there. */
+/* The fill is that of a good ordering (SuiteSparse's AMD has 891, 9331, 244733), told before it
+ * is there. */
 static void large_grids(void **state)
 {
     static const struct {
@@ -489,7 +495,8 @@ static void large_grids(void **state)
     }
 }
 
-/* Random graphs near a ring, too small for dissection and too large to be dense: the order of elimination is what it is. */
+/* Random graphs near a ring, too small for dissection and too large to be dense: the order of
+ * elimination is what it is. */
 static void fill_of_random_graphs(void **state)
 {
     static const struct {
@@ -508,7 +515,8 @@ static void fill_of_random_graphs(void **state)
             int32_t loop = cairn_random_below(&random, 4) == 0 ? poses : 8;
 
             assert_ok(cairn_block_solver_add_link(solver, i, (i + 1) % poses));
-            assert_ok(cairn_block_solver_add_link(solver, i, (i + 2 + cairn_random_below(&random, loop - 3)) % poses));
+            assert_ok(cairn_block_solver_add_link(
+                solver, i, (i + 2 + cairn_random_below(&random, loop - 3)) % poses));
         }
         assert_ok(cairn_block_solver_analyze(solver));
         assert_status(run(solver, CAIRN_UNBOUNDED), CAIRN_FULL);
@@ -518,11 +526,17 @@ static void fill_of_random_graphs(void **state)
     }
 }
 
-/* Poses that are each linked with all others of theirs and with a leaf, beside a grid. The leaves go first and leave lists
- * of one pose, which must stay when the grid's lists need room; both parts have the fill that they have alone. */
+/* Poses that are each linked with all others of theirs and with a leaf, beside a grid. The
+ * leaves go first and leave lists of one pose, which must stay when the grid's lists need room;
+ * both parts have the fill that they have alone. */
 static void lists_of_one_pose_are_kept(void **state)
 {
-    enum { SIDE = 30, GRID = SIDE * SIDE, CLIQUE = 8, LINKS = 2 * SIDE * (SIDE - 1) + CLIQUE * (CLIQUE + 1) / 2 };
+    enum {
+        SIDE = 30,
+        GRID = SIDE * SIDE,
+        CLIQUE = 8,
+        LINKS = 2 * SIDE * (SIDE - 1) + CLIQUE * (CLIQUE + 1) / 2
+    };
     cairn_pool pool;
     cairn_block_solver *solver = make_solver(&pool, GRID + 2 * CLIQUE, LINKS, 0);
 
@@ -549,7 +563,8 @@ static void lists_of_one_pose_are_kept(void **state)
 /* ---- Not positive definite ---- */
 
 /* A chain without priors moves freely; one that is fixed at pose `fixed` does not. */
-static cairn_block_solver *start_chain(cairn_pool *pool, int32_t poses, int32_t fixed, cairn_real weight)
+static cairn_block_solver *start_chain(cairn_pool *pool, int32_t poses, int32_t fixed,
+                                       cairn_real weight)
 {
     const cairn_sym3 one = {1, 0, 0, 1, 0, 1}, prior = {weight, 0, 0, weight, 0, weight};
     const cairn_real minus[9] = {-1, 0, 0, 0, -1, 0, 0, 0, -1};
@@ -591,7 +606,8 @@ static void not_positive_is_told_with_the_pose(void **state)
     assert_status(cairn_block_solver_factor(solver), CAIRN_BAD_ARGUMENT);
     assert_status(cairn_block_solver_add_pose_block(solver, 0, d), CAIRN_BAD_ARGUMENT);
 
-    /* One pose of many, which is named; each of the three diagonal entries; and the same poses again after clear(). */
+    /* One pose of many, which is named; each of the three diagonal entries; and the same poses
+     * again after clear(). */
     for (int k = 0; k < 5; k++) {
         assert_ok(cairn_block_solver_clear(solver));
         result = cairn_block_solver_read(solver);
@@ -609,7 +625,8 @@ static void not_positive_is_told_with_the_pose(void **state)
         assert_ok(run(solver, CAIRN_UNBOUNDED));
         result = cairn_block_solver_read(solver);
         assert_int_equal(result.units - units, k < 4 ? 33 : 47);
-        assert_int_equal(result.state, k < 4 ? CAIRN_BLOCK_SOLVER_NOT_POSITIVE : CAIRN_BLOCK_SOLVER_FACTORED);
+        assert_int_equal(result.state,
+                         k < 4 ? CAIRN_BLOCK_SOLVER_NOT_POSITIVE : CAIRN_BLOCK_SOLVER_FACTORED);
         assert_int_equal(result.pose, k < 4 ? 6 : -1);
     }
     assert_status(cairn_block_solver_solution(solver, 0, x), CAIRN_EMPTY);
@@ -668,8 +685,10 @@ static void nearly_singular_is_refused(void **state)
 
 static void overflow_is_told(void **state)
 {
-    const cairn_real tiny = NUMBER(1e-200, 1e-25f), huge = NUMBER(1e200, 1e25f), subnormal = NUMBER(1e-310, 1e-40f);
-    const cairn_sym3 small = {tiny, 0, 0, tiny, 0, tiny}, none = {subnormal, 0, 0, subnormal, 0, subnormal};
+    const cairn_real tiny = NUMBER(1e-200, 1e-25f), huge = NUMBER(1e200, 1e25f),
+                     subnormal = NUMBER(1e-310, 1e-40f);
+    const cairn_sym3 small = {tiny, 0, 0, tiny, 0, tiny},
+                     none = {subnormal, 0, 0, subnormal, 0, subnormal};
     cairn_real b[6] = {1, 2, 3, huge, 0, 0}, x[3];
     cairn_block_solver *solver;
     cairn_pool pool;
@@ -709,7 +728,8 @@ static void overflow_is_told(void **state)
 
 /* ---- Budgets, bits ---- */
 
-/* The whole path on a grid that has been analyzed, with steps of some units; hash of all that comes out. */
+/* The whole path on a grid that has been analyzed, with steps of some units; hash of all that
+ * comes out. */
 static uint64_t hash_of_analyzed(struct grid made, int32_t units, int64_t *spent)
 {
     uint64_t hash = TEST_HASH_START;
@@ -746,8 +766,8 @@ static uint64_t hash_of_grid(int32_t units, int64_t *spent)
     return hash_of_analyzed(g, units, spent);
 }
 
-/* Room for the blocks that is taken when they are counted: refused when it is too little, at another time, or not there; then
- * all comes out as with room from the beginning. */
+/* Room for the blocks that is taken when they are counted: refused when it is too little, at
+ * another time, or not there; then all comes out as with room from the beginning. */
 static void room_is_taken_when_the_fill_is_known(void **state)
 {
     int64_t spent, all;
@@ -763,7 +783,8 @@ static void room_is_taken_when_the_fill_is_known(void **state)
 
         g.solver = make_solver(&g.pool, 8, 8, 0);
         more = test_pool(cairn_block_solver_extend_memory(8));
-        assert_status(cairn_block_solver_extend(g.solver, &more, 8), CAIRN_BAD_ARGUMENT); /* nothing was counted */
+        /* nothing was counted */
+        assert_status(cairn_block_solver_extend(g.solver, &more, 8), CAIRN_BAD_ARGUMENT);
         test_pool_free(&g.pool);
         test_pool_free(&more);
         assert_status(start_grid(&g, 8, 3, units), CAIRN_FULL);
@@ -773,15 +794,19 @@ static void room_is_taken_when_the_fill_is_known(void **state)
         assert_status(cairn_block_solver_extend(NULL, &more, fill), CAIRN_BAD_ARGUMENT);
         assert_status(cairn_block_solver_extend(g.solver, NULL, fill), CAIRN_BAD_ARGUMENT);
         assert_status(cairn_block_solver_extend(g.solver, &more, fill - 1), CAIRN_BAD_ARGUMENT);
-        assert_status(cairn_block_solver_extend(g.solver, &more, (1 << 26) + 1), CAIRN_BAD_ARGUMENT);
+        assert_status(cairn_block_solver_extend(g.solver, &more, (1 << 26) + 1),
+                      CAIRN_BAD_ARGUMENT);
         assert_status(cairn_block_solver_extend(g.solver, &less, fill), CAIRN_NO_MEMORY);
         assert_ok(cairn_block_solver_extend(g.solver, &more, fill));
         assert_int_equal(cairn_pool_room(&more), 0);
-        assert_status(cairn_block_solver_extend(g.solver, &more, fill), CAIRN_BAD_ARGUMENT); /* it runs */
+        /* it runs */
+        assert_status(cairn_block_solver_extend(g.solver, &more, fill), CAIRN_BAD_ARGUMENT);
         assert_ok(run(g.solver, units));
-        assert_status(cairn_block_solver_extend(g.solver, &more, fill), CAIRN_BAD_ARGUMENT); /* nothing is missing */
+        /* nothing is missing */
+        assert_status(cairn_block_solver_extend(g.solver, &more, fill), CAIRN_BAD_ARGUMENT);
         assert_true(hash_of_analyzed(g, units, &spent) == hash);
-        assert_in_range(spent, all + 1, all + 100); /* the columns are counted out twice */
+        /* the columns are counted out twice */
+        assert_in_range(spent, all + 1, all + 100);
         test_pool_free(&more);
         test_pool_free(&less);
     }
@@ -801,7 +826,8 @@ static void cleared_values_are_zero(void **state)
     assert_ok(cairn_block_solver_add_link(solver, 0, 1));
     assert_ok(cairn_block_solver_analyze(solver));
     assert_ok(run(solver, CAIRN_UNBOUNDED));
-    for (int round = 0; round < 3; round++) { /* clear() follows a pose's block, a link's, an inverse */
+    /* clear() follows a pose's block, a link's, an inverse */
+    for (int round = 0; round < 3; round++) {
         assert_ok(cairn_block_solver_clear(solver));
         if (round == 1)
             assert_ok(cairn_block_solver_add_link_block(solver, 0, coupling));
@@ -888,7 +914,8 @@ static void one_part_at_a_time(void **state)
         }
         if (part_running > 1) {
             assert_ok(run(s, CAIRN_UNBOUNDED));
-            assert_ok(part_running == 2 ? cairn_block_solver_solve(s, b) : cairn_block_solver_invert(s));
+            assert_ok(part_running == 2 ? cairn_block_solver_solve(s, b)
+                                        : cairn_block_solver_invert(s));
         }
         for (int begun = 0; begun < 2; begun++) {
             assert_status(cairn_block_solver_add_link(s, 0, 1), CAIRN_BAD_ARGUMENT);
@@ -940,7 +967,8 @@ static void refused_params(void **state)
     assert_status(cairn_block_solver_create(&solver, NULL, &good), CAIRN_BAD_ARGUMENT);
     assert_int_equal(pool.used, 0);
     for (int k = 0; k < 3; k++) {
-        cairn_block_solver_params largest = {k == 0 ? 1 << 22 : 1, k == 1 ? 1 << 24 : 0, k == 2 ? 1 << 26 : 0};
+        cairn_block_solver_params largest = {k == 0 ? 1 << 22 : 1, k == 1 ? 1 << 24 : 0,
+                                             k == 2 ? 1 << 26 : 0};
 
         assert_true(sizeof(size_t) == 4 || cairn_block_solver_memory(&largest) > 0);
     }
@@ -954,7 +982,8 @@ static void refused_params(void **state)
             more.max_links += 1000;
         else
             more.max_fill += 1000;
-        assert_int_equal(cairn_block_solver_memory(&more) - cairn_block_solver_memory(&few), 1000 * bytes[k]);
+        assert_int_equal(cairn_block_solver_memory(&more) - cairn_block_solver_memory(&few),
+                         1000 * bytes[k]);
     }
     test_pool_free(&pool);
 }
@@ -1053,7 +1082,8 @@ static void refused_values(void **state)
     assert_status(cairn_block_solver_solution(solver, 10, x), CAIRN_BAD_ARGUMENT);
     assert_status(cairn_block_solver_solution(solver, -1, x), CAIRN_BAD_ARGUMENT);
     assert_status(cairn_block_solver_solution(solver, 0, NULL), CAIRN_BAD_ARGUMENT);
-    /* A chain of unit links from a pose of unit weight: pose i is 1 + min(i, j) away from pose j. */
+    /* A chain of unit links from a pose of unit weight: pose i is 1 + min(i, j) away from pose
+     * j. */
     assert_ok(cairn_block_solver_solution(solver, 4, x));
     assert_near(x[2], 5, 1e-4);
     assert_status(cairn_block_solver_invert(NULL), CAIRN_BAD_ARGUMENT);

@@ -1,5 +1,5 @@
-/* Contours between regions: strengths, cuts and joints against the definition, closed at every level, colours of one brightness, texture,
- * budgets, capacities. */
+/* Contours between regions: strengths, cuts and joints against the definition, closed at every
+ * level, colours of one brightness, texture, budgets, capacities. */
 #include "tests/test.h"
 
 #include <math.h>
@@ -132,7 +132,8 @@ static void twin_average(double *map, int32_t half)
             to[i] = 0;
             for (int32_t v = -half; v <= half; v++)
                 for (int32_t u = -half; u <= half; u++)
-                    to[i] += map[reflected(i / WIDTH + v, HEIGHT) * WIDTH + reflected(i % WIDTH + u, WIDTH)];
+                    to[i] += map[reflected(i / WIDTH + v, HEIGHT) * WIDTH +
+                                 reflected(i % WIDTH + u, WIDTH)];
             to[i] /= (2 * half + 1) * (2 * half + 1);
         }
         memcpy(map, to, sizeof to);
@@ -220,7 +221,8 @@ static void fill_levels(const cairn_boundary_result *r)
 
         for (int32_t i = 0; i + !c->closed < c->count; i++) {
             const cairn_boundary_corner *a = &q[i], *b = &q[(i + 1) % c->count];
-            int32_t x = a->x < b->x ? a->x : b->x, y = a->y < b->y ? a->y : b->y, upright = a->x == b->x;
+            int32_t x = a->x < b->x ? a->x : b->x, y = a->y < b->y ? a->y : b->y,
+                    upright = a->x == b->x;
             int32_t pixel = upright ? y * WIDTH + x - 1 : (y - 1) * WIDTH + x;
 
             assert_int_equal(abs(a->x - b->x) + abs(a->y - b->y), 1);
@@ -252,7 +254,8 @@ static int32_t label_regions(void)
             int32_t pixel = i % PIXELS, other = other_of(i / PIXELS, pixel);
 
             if (other >= 0 && level_at[i / PIXELS][pixel] < 0 && label[pixel] != label[other]) {
-                label[pixel] = label[other] = label[pixel] < label[other] ? label[pixel] : label[other];
+                label[pixel] = label[other] =
+                    label[pixel] < label[other] ? label[pixel] : label[other];
                 changed = 1;
             }
         }
@@ -272,7 +275,8 @@ static void fill_pixel_bins(void)
 
         twin_colour(&picture[3 * i], lab);
         for (int32_t k = 0; k < 23; k++) {
-            int32_t c = k < 9 ? 0 : 1 + (k - 9) / 7, bins = c == 0 ? 9 : 7, bin = c == 0 ? k : (k - 9) % 7;
+            int32_t c = k < 9 ? 0 : 1 + (k - 9) / 7, bins = c == 0 ? 9 : 7,
+                    bin = c == 0 ? k : (k - 9) % 7;
             double least = c == 0 ? 0 : -45, most = c == 0 ? 100 : 45;
             double at = (fmin(fmax(lab[c], least), most) - least) / (most - least) * (bins - 1);
 
@@ -352,7 +356,8 @@ static int32_t twin_join(double small, double contrast, double level[2][PIXELS])
             int32_t a = i % PIXELS, b = other_of(i / PIXELS, a);
 
             if (b >= 0 && first_label[a] != first_label[b] &&
-                ((label[a] == pair[0] && label[b] == pair[1]) || (label[a] == pair[1] && label[b] == pair[0])))
+                ((label[a] == pair[0] && label[b] == pair[1]) ||
+                 (label[a] == pair[1] && label[b] == pair[0])))
                 level[i / PIXELS][a] = joined;
         }
         for (int32_t i = 0; i < PIXELS; i++)
@@ -402,7 +407,8 @@ static void twin_eigen(double m[REGIONS_MOST][REGIONS_MOST], double v[REGIONS_MO
     for (int32_t sweep = 0; sweep < 30; sweep++)
         for (int32_t p = 0; p < n; p++)
             for (int32_t q = p + 1; q < n; q++) {
-                double angle = 0.5 * atan2(2 * m[p][q], m[q][q] - m[p][p]), c = cos(angle), s = sin(angle);
+                double angle = 0.5 * atan2(2 * m[p][q], m[q][q] - m[p][p]), c = cos(angle),
+                       s = sin(angle);
 
                 if (m[p][q] == 0)
                     continue;
@@ -425,8 +431,8 @@ static void twin_eigen(double m[REGIONS_MOST][REGIONS_MOST], double v[REGIONS_MO
             }
 }
 
-/* What the eight best cuts have across each border: the generalised eigenvectors of D - W, of unit mean square, by the roots of their
- * values. */
+/* What the eight best cuts have across each border: the generalised eigenvectors of D - W, of
+ * unit mean square, by the roots of their values. */
 static void twin_cuts(double mean)
 {
     static double laplacian[REGIONS_MOST][REGIONS_MOST], v[REGIONS_MOST][REGIONS_MOST];
@@ -442,7 +448,8 @@ static void twin_cuts(double mean)
         degree[p] = 0;
         for (int32_t q = 0; q < n; q++)
             if (border_sides[p][q] > 0) {
-                laplacian[p][q] = -border_sides[p][q] * exp(-border_sum[p][q] / border_sides[p][q] / (0.5 * mean));
+                laplacian[p][q] = -border_sides[p][q] *
+                                  exp(-border_sum[p][q] / border_sides[p][q] / (0.5 * mean));
                 degree[p] -= laplacian[p][q];
             }
     }
@@ -467,7 +474,8 @@ static void twin_cuts(double mean)
     }
 }
 
-/* The mean strength of each border of the first regions, with what the cuts add to it, becomes what its sides weigh. */
+/* The mean strength of each border of the first regions, with what the cuts add to it, becomes
+ * what its sides weigh. */
 static void weigh_sides(const cairn_boundary_result *r, double global)
 {
     double mean = 0, mean_cut = 0, count = 0;
@@ -492,8 +500,8 @@ static void weigh_sides(const cairn_boundary_result *r, double global)
             continue;
         p = number[first_label[a]];
         q = number[first_label[b]];
-        side_weight[i / PIXELS][a] =
-            border_sum[p][q] / border_sides[p][q] + (global > 0 ? global * mean / mean_cut * cuts[p][q] : 0);
+        side_weight[i / PIXELS][a] = border_sum[p][q] / border_sides[p][q] +
+                                     (global > 0 ? global * mean / mean_cut * cuts[p][q] : 0);
     }
 }
 
@@ -521,9 +529,9 @@ static void compare_levels(double global, double tolerance)
     weigh_sides(&r, global);
     memset(logs, 0, sizeof logs);
     for (int32_t way = 0; way < 5; way++) {
-        assert_int_equal(
-            twin_join(powers[way][0] * (double)params.small, powers[way][1] * (double)params.contrast, level),
-            r.region_count - 1);
+        assert_int_equal(twin_join(powers[way][0] * (double)params.small,
+                                   powers[way][1] * (double)params.contrast, level),
+                         r.region_count - 1);
         for (int32_t i = 0; i < SIDES; i++)
             if (level_at[i / PIXELS][i % PIXELS] >= 0)
                 logs[i / PIXELS][i % PIXELS] += log(level[i / PIXELS][i % PIXELS]);
@@ -572,8 +580,9 @@ static void contours_close_at_every_level(void **state)
                 for (int32_t x = 1; x < WIDTH; x++) {
                     int32_t at = y * WIDTH + x;
                     double least = (double)r.contours[k].level;
-                    int32_t sides = (level_at[0][at - 1] >= least) + (level_at[0][at - WIDTH - 1] >= least) +
-                                    (level_at[1][at - WIDTH] >= least) + (level_at[1][at - WIDTH - 1] >= least);
+                    int32_t sides =
+                        (level_at[0][at - 1] >= least) + (level_at[0][at - WIDTH - 1] >= least) +
+                        (level_at[1][at - WIDTH] >= least) + (level_at[1][at - WIDTH - 1] >= least);
 
                     assert_int_not_equal(sides, 1);
                     compared += sides > 1;
@@ -681,7 +690,8 @@ static void colours_of_one_brightness_part(void **state)
     test_pool_free(&f.pool);
 }
 
-/* Left: stripes of two greys, right: the light that is their mean. Means say little, histograms where the stripes end. */
+/* Left: stripes of two greys, right: the light that is their mean. Means say little, histograms
+ * where the stripes end. */
 static void histograms_see_where_a_texture_ends(void **state)
 {
     double strength[2] = {0, 0};
@@ -702,8 +712,9 @@ static void histograms_see_where_a_texture_ends(void **state)
                 if (abs(r.corners[r.contours[k].first + i].x - WIDTH / 2) <= 2)
                     strength[with] = fmax(strength[with], (double)r.contours[k].strength);
         if (with)
-            assert_true(r.contour_count > 0 &&
-                        abs(r.corners[r.contours[0].first + r.contours[0].count / 2].x - WIDTH / 2) <= 2);
+            assert_true(
+                r.contour_count > 0 &&
+                abs(r.corners[r.contours[0].first + r.contours[0].count / 2].x - WIDTH / 2) <= 2);
         test_pool_free(&f.pool);
     }
     assert_true(strength[1] > 1 && strength[1] > 5 * strength[0]);

@@ -47,9 +47,10 @@ static void finds_rows_of_an_image(void **state)
     int32_t count, own;
 
     (void)state;
-    assert_ok(cairn_box_table_read(files_write_text("mixed.csv", "image,left,top,right,bottom\nb.png,9,0,10,1\n"
-                                                                 "a.png,8,0,9,1\nb.png,7,0,8,1\na.png,6,0,7,1\n"
-                                                                 "b.png,8,0,9,1\n"),
+    assert_ok(cairn_box_table_read(files_write_text("mixed.csv",
+                                                    "image,left,top,right,bottom\nb.png,9,0,10,1\n"
+                                                    "a.png,8,0,9,1\nb.png,7,0,8,1\na.png,6,0,7,1\n"
+                                                    "b.png,8,0,9,1\n"),
                                    &row, &count, &error));
     cairn_box_table_sort(row, count);
     for (size_t i = 0; i < sizeof names / sizeof *names; i++) {
@@ -77,13 +78,18 @@ static void refuses_what_is_no_table(void **state)
         {"image,left,top,right\n", ":1: no column 'bottom', expected", CAIRN_BAD_FORMAT},
         {"image,left,top,right,bottom\na,1,2,3\n", ":2: fewer fields than", CAIRN_BAD_FORMAT},
         {"image,left,top,right,bottom\n,1,2,3,4\n", ":2: no image, expected", CAIRN_BAD_FORMAT},
-        {"image,left,top,right,bottom\na,1,2,x,4\n", ":2: a side of a box is not a number", CAIRN_BAD_FORMAT},
-        {"image,left,top,right,bottom\na,1,2,nan,4\n", ":2: a side of a box is not a number", CAIRN_BAD_FORMAT},
-        {"image,left,top,right,bottom\na,1,2,3e9,4\n", ":2: a side of a box is not a number", CAIRN_BAD_FORMAT},
-        {"image,left,top,right,bottom\na,3,2,3,4\n", ":2: a box without area, expected", CAIRN_BAD_FORMAT},
-        {"image,left,top,right,bottom\n\"a,3,2,3,4\n", ":2: a quote without an end", CAIRN_BAD_FORMAT},
-        {",,,,,,,,,,,,,,,,,,,,,,,,,,,,,,,,,,,,,,,,,,,,,,,,,,,,,,,,,,,,,,,,,,,,\n", ":1: more than 64 fields",
+        {"image,left,top,right,bottom\na,1,2,x,4\n", ":2: a side of a box is not a number",
          CAIRN_BAD_FORMAT},
+        {"image,left,top,right,bottom\na,1,2,nan,4\n", ":2: a side of a box is not a number",
+         CAIRN_BAD_FORMAT},
+        {"image,left,top,right,bottom\na,1,2,3e9,4\n", ":2: a side of a box is not a number",
+         CAIRN_BAD_FORMAT},
+        {"image,left,top,right,bottom\na,3,2,3,4\n", ":2: a box without area, expected",
+         CAIRN_BAD_FORMAT},
+        {"image,left,top,right,bottom\n\"a,3,2,3,4\n", ":2: a quote without an end",
+         CAIRN_BAD_FORMAT},
+        {",,,,,,,,,,,,,,,,,,,,,,,,,,,,,,,,,,,,,,,,,,,,,,,,,,,,,,,,,,,,,,,,,,,,\n",
+         ":1: more than 64 fields", CAIRN_BAD_FORMAT},
     };
     char text[400] = "image,left,top,right,bottom\n";
     cairn_box_row *row;
@@ -91,15 +97,17 @@ static void refuses_what_is_no_table(void **state)
 
     (void)state;
     for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
-        assert_status(cairn_box_table_read(files_write_text("bad.csv", cases[i].text), &row, &count, &error),
-                      cases[i].status);
+        assert_status(
+            cairn_box_table_read(files_write_text("bad.csv", cases[i].text), &row, &count, &error),
+            cases[i].status);
         assert_null(row);
         assert_int_equal(count, 0);
         if (strstr(error.text, cases[i].what) == NULL)
             fail_msg("\"%s\" does not hold \"%s\"", error.text, cases[i].what);
     }
     memset(text + strlen(text), 'n', 300);
-    assert_status(cairn_box_table_read(files_write_text("bad.csv", text), &row, &count, &error), CAIRN_BAD_FORMAT);
+    assert_status(cairn_box_table_read(files_write_text("bad.csv", text), &row, &count, &error),
+                  CAIRN_BAD_FORMAT);
     assert_non_null(strstr(error.text, ":2: a field of more than 255 bytes"));
     assert_status(cairn_box_table_read(files_path("missing.csv"), &row, &count, &error), CAIRN_IO);
     assert_null(row);

@@ -9,12 +9,13 @@
 /* The same scans in two logs, the poses of which are nearly right and useless. */
 static int make_logs(void **state)
 {
-    static const char *const make =
-        "cairn-arena rescue --seed 6 --size 7x6 --places 4 --beams 121 --same-headings --disturb %s -o @/%s";
+    static const char *const make = "cairn-arena rescue --seed 6 --size 7x6 --places 4 --beams 121 "
+                                    "--same-headings --disturb %s -o @/%s";
 
     if (files_setup(state) != 0)
         return 1;
-    return programs_run(make, "0.02,1", "near").code != 0 || programs_run(make, "3,170", "far").code != 0;
+    return programs_run(make, "0.02,1", "near").code != 0 ||
+           programs_run(make, "3,170", "far").code != 0;
 }
 
 static int end_logs(void **state)
@@ -83,14 +84,18 @@ static void places_without_poses(void **state)
     assert_int_equal(o.code, 0);
     assert_string_equal(o.out, "");
     assert_true(mean_distance("even") < 0.15);
-    assert_int_equal(programs_run("cairn align @/far/scans.log --no-poses --headings 4 -o @/even-far --quiet").code, 0);
+    assert_int_equal(
+        programs_run("cairn align @/far/scans.log --no-poses --headings 4 -o @/even-far --quiet")
+            .code,
+        0);
     assert_same("even/poses.csv", "even-far/poses.csv");
     assert_same("even/map.pgm", "even-far/map.pgm");
 }
 
 static void as_written(void **state)
 {
-    outcome o = programs_run("cairn align @/near/scans.log --no-poses --as-written --headings 4 -o @/written");
+    outcome o = programs_run(
+        "cairn align @/near/scans.log --no-poses --as-written --headings 4 -o @/written");
 
     (void)state;
     assert_int_equal(o.code, 0);
@@ -98,7 +103,8 @@ static void as_written(void **state)
     assert_non_null(strstr(o.out, "as written: places that lie wrongly are not told"));
     assert_int_equal(count_verdict("written", "placed") + count_verdict("written", "apart"), 16);
     assert_int_equal(count_verdict("written", "uncertain"), 0);
-    o = programs_run("cairn align @/far/scans.log --no-poses --as-written --headings 4 -o @/written-far --quiet");
+    o = programs_run("cairn align @/far/scans.log --no-poses --as-written --headings 4 -o "
+                     "@/written-far --quiet");
     assert_int_equal(o.code, 0);
     assert_same("written/poses.csv", "written-far/poses.csv");
 }
@@ -122,26 +128,33 @@ static double farthest(const char *first, const char *second)
     double most = 0;
 
     for (int i = 0; i < 16; i++)
-        most = fmax(most, hypot((double)(a[i].pose.x - b[i].pose.x), (double)(a[i].pose.y - b[i].pose.y)));
+        most = fmax(
+            most, hypot((double)(a[i].pose.x - b[i].pose.x), (double)(a[i].pose.y - b[i].pose.y)));
     cairn_pose_table_free(a);
     cairn_pose_table_free(b);
     return most;
 }
 
-/* Force field simulation begins where shape has put the places, and moves the scans by decimetres at most. */
+/* Force field simulation begins where shape has put the places, and moves the scans by
+ * decimetres at most. */
 static void shape_then_forces(void **state)
 {
     outcome o;
 
     (void)state;
-    assert_int_equal(programs_run("cairn align @/near/scans.log --no-poses --as-written -o @/shape --quiet").code, 0);
-    o = programs_run("cairn align @/near/scans.log --no-poses --as-written --method gradient -o @/chain");
+    assert_int_equal(
+        programs_run("cairn align @/near/scans.log --no-poses --as-written -o @/shape --quiet")
+            .code,
+        0);
+    o = programs_run(
+        "cairn align @/near/scans.log --no-poses --as-written --method gradient -o @/chain");
     assert_int_equal(o.code, 0);
     assert_non_null(strstr(o.out, "places     4, "));
     assert_non_null(strstr(o.out, "steps      50 (out of steps)\npotential "));
     assert_int_equal(count_verdict("chain", "aligned"), 16);
     assert_true(farthest("shape", "chain") > 0.01 && farthest("shape", "chain") < 0.5);
-    o = programs_run("cairn align @/near/scans.log --no-poses --as-written --method gradient --steps 1 -o @/first");
+    o = programs_run("cairn align @/near/scans.log --no-poses --as-written --method gradient "
+                     "--steps 1 -o @/first");
     assert_int_equal(o.code, 0);
     assert_true(farthest("shape", "first") < farthest("shape", "chain"));
 }
@@ -149,18 +162,20 @@ static void shape_then_forces(void **state)
 /* Place after place, with nothing but the order of the scans. */
 static void shape_then_forces_online(void **state)
 {
-    outcome o =
-        programs_run("cairn align @/near/scans.log --no-poses --as-written --online --headings 4 --steps 10 -o @/on");
+    outcome o = programs_run("cairn align @/near/scans.log --no-poses --as-written --online "
+                             "--headings 4 --steps 10 -o @/on");
 
     (void)state;
     assert_int_equal(o.code, 0);
-    assert_non_null(strstr(o.out, "places     4, 4 of them matched by shape\nsteps      40 (out of steps)"));
+    assert_non_null(
+        strstr(o.out, "places     4, 4 of them matched by shape\nsteps      40 (out of steps)"));
     assert_int_equal(count_verdict("on", "aligned"), 16);
-    o = programs_run(
-        "cairn align @/far/scans.log --no-poses --as-written --online --headings 4 --steps 10 -o @/on-far");
+    o = programs_run("cairn align @/far/scans.log --no-poses --as-written --online --headings 4 "
+                     "--steps 10 -o @/on-far");
     assert_int_equal(o.code, 0);
     assert_same("on/poses.csv", "on-far/poses.csv");
-    o = programs_run("cairn align @/far/scans.log --no-poses --as-written --method gradient --headings 4 --steps 10 "
+    o = programs_run("cairn align @/far/scans.log --no-poses --as-written --method gradient "
+                     "--headings 4 --steps 10 "
                      "-o @/off --quiet");
     assert_int_equal(o.code, 0);
     assert_true(farthest("on", "off") > 1e-3);
@@ -178,16 +193,18 @@ static int32_t count_in(const char *text, const char *piece)
 /* Figures 6.6 and 6.7: nothing else is different for them. */
 static void pictures_as_written(void **state)
 {
-    static const char *const panels[] = {"(a) by shape", "(b) + ICP", "(c) decoupled", "(d) poses of the log",
-                                         "error 0.000 m, 0.0 deg"};
-    outcome o =
-        programs_run("cairn align @/near/scans.log --no-poses --as-written --headings 4 --pictures -o @/drawn --quiet");
+    static const char *const panels[] = {"(a) by shape", "(b) + ICP", "(c) decoupled",
+                                         "(d) poses of the log", "error 0.000 m, 0.0 deg"};
+    outcome o = programs_run("cairn align @/near/scans.log --no-poses --as-written --headings 4 "
+                             "--pictures -o @/drawn --quiet");
     char *text;
 
     (void)state;
     assert_int_equal(o.code, 0);
-    assert_int_equal(programs_run("cairn align @/near/scans.log --no-poses --as-written --headings 4 -o @/plain").code,
-                     0);
+    assert_int_equal(
+        programs_run("cairn align @/near/scans.log --no-poses --as-written --headings 4 -o @/plain")
+            .code,
+        0);
     assert_same("drawn/poses.csv", "plain/poses.csv");
     assert_int_equal(access(files_path("plain/errors.svg"), F_OK), -1);
     text = files_read(files_path("drawn/stages.svg"), NULL);
@@ -206,8 +223,8 @@ static void matches_as_written(void **state)
 {
     static const char *const files[] = {"match.json",    "match.svg", "tangents.svg",
                                         "histogram.svg", "pairs.svg", "filters.svg"};
-    outcome o =
-        programs_run("cairn match @/near/scans.log:0 @/near/scans.log:4 --as-written --json --pictures -o @/match");
+    outcome o = programs_run("cairn match @/near/scans.log:0 @/near/scans.log:4 --as-written "
+                             "--json --pictures -o @/match");
 
     (void)state;
     assert_int_equal(o.code, 0);
@@ -219,8 +236,8 @@ static void matches_as_written(void **state)
         (void)snprintf(path, sizeof path, "match/%s", files[k]);
         assert_int_equal(access(files_path(path), F_OK), 0);
     }
-    o = programs_run(
-        "cairn match @/near/scans.log:0 @/near/scans.log:4 --as-written --start 0,0,0 --window 1,4 --json");
+    o = programs_run("cairn match @/near/scans.log:0 @/near/scans.log:4 --as-written --start 0,0,0 "
+                     "--window 1,4 --json");
     assert_int_equal(o.code, 0);
     assert_non_null(strstr(o.out, "\"candidates\": 9"));
 }
@@ -240,22 +257,30 @@ static void options_that_do_not_go_together(void **state)
     static const char *const sample[][2] = {
         {"--no-poses --method default", "--method with --no-poses: places are matched as wholes"},
         {"--no-poses --spread 1,5", "--spread with --no-poses: there is no start"},
-        {"--no-poses --virtual", "--virtual with --no-poses: no scan has a start to be guessed from"},
+        {"--no-poses --virtual",
+         "--virtual with --no-poses: no scan has a start to be guessed from"},
         {"--no-poses --steps 3", "--steps with --no-poses: it does not go in steps"},
         {"--no-poses --report x.html", "--report with --no-poses: it has no steps to play"},
         {"--no-poses --method gradient", "--method with --no-poses: places are matched as wholes"},
-        {"--no-poses --as-written --method lum", "--method with --no-poses: places are matched as wholes"},
+        {"--no-poses --as-written --method lum",
+         "--method with --no-poses: places are matched as wholes"},
         {"--no-poses --online", "--online with --no-poses: no scan has a start"},
         {"--no-poses --as-written --steps 3", "--steps with --no-poses: it does not go in steps"},
-        {"--no-poses --as-written --online --report x.html", "--report with --online: the player needs all scans"},
-        {"--no-poses --as-written --online --virtual", "--virtual with --no-poses: no scan has a start"},
+        {"--no-poses --as-written --online --report x.html",
+         "--report with --online: the player needs all scans"},
+        {"--no-poses --as-written --online --virtual",
+         "--virtual with --no-poses: no scan has a start"},
         {"--as-written --pictures", "--pictures with a map other than --no-poses --as-written"},
         {"--no-poses --pictures", "--pictures with a map other than --no-poses --as-written"},
-        {"--no-poses --as-written --online --pictures", "--pictures with gradient: they show places"},
-        {"--no-poses --as-written --online --headings 5", "holds 16 scans, expected a multiple of --headings 5"},
+        {"--no-poses --as-written --online --pictures",
+         "--pictures with gradient: they show places"},
+        {"--no-poses --as-written --online --headings 5",
+         "holds 16 scans, expected a multiple of --headings 5"},
         {"--no-poses --as-written --online --pool 1K", "--pool is '1K', expected at least"},
-        {"--headings 4", "--headings with the poses of the log: it says how many scans a place has"},
-        {"--no-poses --as-written --spacing 0.1", "--spacing with --as-written: it takes the readings as they come"},
+        {"--headings 4",
+         "--headings with the poses of the log: it says how many scans a place has"},
+        {"--no-poses --as-written --spacing 0.1",
+         "--spacing with --as-written: it takes the readings as they come"},
         {"--no-poses --headings 0", "--headings is '0', expected a whole number from 1 to 64"},
         {"--no-poses --headings 5", "holds 16 scans, expected a multiple of --headings 5"},
         {"--no-poses --headings 16", "holds one place, expected two or more"},
@@ -270,14 +295,17 @@ static void options_that_do_not_go_together(void **state)
     }
     assert_line_refused("cairn match a b --as-written --method shape",
                         "--as-written with --method, expected one of them");
-    assert_line_refused("cairn match a b --as-written --spacing 0.1", "--as-written with --spacing, expected without");
+    assert_line_refused("cairn match a b --as-written --spacing 0.1",
+                        "--as-written with --spacing, expected without");
 }
 
 static void logs_that_hold_little(void **state)
 {
-    static const char *const blind = "FLASER 3 0 0 0 0 0 0 0 0 0 1 h 1\nFLASER 3 0 0 0 9 0 0 9 0 0 2 h 2\n";
-    static const char *const odd = "FLASER 3 nan 1e9 -5 0 0 0 0 0 0 1 h 1\nFLASER 3 2 2.1 2 9 0 0 9 0 0 2 h 2\n"
-                                   "FLASER 3 2 2.1 2 nan 0 0 9 0 0 2 h 2\n";
+    static const char *const blind =
+        "FLASER 3 0 0 0 0 0 0 0 0 0 1 h 1\nFLASER 3 0 0 0 9 0 0 9 0 0 2 h 2\n";
+    static const char *const odd =
+        "FLASER 3 nan 1e9 -5 0 0 0 0 0 0 1 h 1\nFLASER 3 2 2.1 2 9 0 0 9 0 0 2 h 2\n"
+        "FLASER 3 2 2.1 2 nan 0 0 9 0 0 2 h 2\n";
 
     (void)state;
     write_log("empty.log", "");
@@ -286,11 +314,12 @@ static void logs_that_hold_little(void **state)
     assert_int_not_equal(programs_run("cairn align @/empty.log --no-poses -o @/no").code, 0);
     assert_line_refused("cairn align @/blind.log --no-poses -o @/no", "no scan shows a wall");
     for (int k = 0; k < 2; k++) {
-        outcome o =
-            programs_run("cairn align @/odd.log --no-poses --headings 1 %s -o @/odd", k == 1 ? "--as-written" : "");
+        outcome o = programs_run("cairn align @/odd.log --no-poses --headings 1 %s -o @/odd",
+                                 k == 1 ? "--as-written" : "");
 
         assert_true(o.code == 0 || o.code == 2); /* damaged lines are left out */
-        assert_true(o.code == 0 || strncmp(o.err, "cairn align: ", 13) == 0 || strstr(o.err, "odd.log:") != NULL);
+        assert_true(o.code == 0 || strncmp(o.err, "cairn align: ", 13) == 0 ||
+                    strstr(o.err, "odd.log:") != NULL);
     }
 }
 

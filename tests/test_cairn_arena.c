@@ -79,7 +79,8 @@ static void test_four_files_and_same_bytes(void **state)
     assert_int_equal(files_in(path), 4);
     for (int32_t i = 0; i < 4; i++) {
         size_t first_size, again_size, other_size;
-        char *first = content("a", names[i], &first_size), *again = content("b", names[i], &again_size);
+        char *first = content("a", names[i], &first_size),
+             *again = content("b", names[i], &again_size);
         char *other = content("c", names[i], &other_size);
 
         assert_int_equal(first_size, again_size);
@@ -104,7 +105,8 @@ static void test_same_bytes_as_the_library(void **state)
 
     (void)state;
     assert_non_null(file);
-    assert_int_equal(run_in("rescue --seed 9 --drive 60 --movers 2 --scan-time 0.1 --tilt 0.1", "d"), 0);
+    assert_int_equal(
+        run_in("rescue --seed 9 --drive 60 --movers 2 --scan-time 0.1 --tilt 0.1", "d"), 0);
     where.seed = options.seed = 9;
     options.drive = 60;
     options.movers = 2;
@@ -134,7 +136,8 @@ static void test_options_arrive(void **state)
     char *log, *json;
 
     (void)state;
-    assert_int_equal(run_in("corridor --size 10x3 --turn 30 --places 2 --headings 1 --fov 180 --beams 91 --range 6.5 "
+    assert_int_equal(run_in("corridor --size 10x3 --turn 30 --places 2 --headings 1 --fov 180 "
+                            "--beams 91 --range 6.5 "
                             "--noise 0 --dropout 1 --disturb 0.30,20 --jitter 0.3,20 --movers 1",
                             "e"),
                      0);
@@ -175,10 +178,12 @@ static void test_refusals(void **state)
     refused("rescue", "cairn-arena: no output folder");
     refused("rescue maze -o x", "cairn-arena: one word too many, 'maze'");
     refused("rescue --beans 3 -o x", "cairn-arena: unknown option '--beans'");
-    refused("rescue --beams 1 -o x", "cairn-arena: --beams is '1', expected a whole number from 2 to 100000");
+    refused("rescue --beams 1 -o x",
+            "cairn-arena: --beams is '1', expected a whole number from 2 to 100000");
     refused("rescue --jitter 2,5 -o x", "cairn-arena: --jitter is 2 m, expected 0 to 1");
     refused("rescue --size 3x3 -o x", "cairn-arena: rescue: width is 3 m, expected 6 to 60");
-    refused("corridor --size 4x2 --places 900 -o x", "cairn-arena: corridor: places is 900, expected at most ");
+    refused("corridor --size 4x2 --places 900 -o x",
+            "cairn-arena: corridor: places is 900, expected at most ");
     refused("rescue --places 2 -o /nowhere/x", "cairn-arena: /nowhere/x/scans.log.part: ");
     assert_int_equal(files_in("x"), -1);
 
@@ -196,9 +201,10 @@ static void test_refusals(void **state)
 static void test_help(void **state)
 {
     static const char *const options[] = {
-        "--seed N",  "--size WxH",    "--places N",      "--headings N", "--fov DEG",       "--beams N",
-        "--range M", "--noise M",     "--dropout SHARE", "--tilt SHARE", "--movers N",      "--scan-time S",
-        "--drive N", "--crowd SHARE", "--jitter M,DEG",  "--turn DEG",   "--disturb M,DEG", "-o DIR"};
+        "--seed N",   "--size WxH",      "--places N", "--headings N",    "--fov DEG",
+        "--beams N",  "--range M",       "--noise M",  "--dropout SHARE", "--tilt SHARE",
+        "--movers N", "--scan-time S",   "--drive N",  "--crowd SHARE",   "--jitter M,DEG",
+        "--turn DEG", "--disturb M,DEG", "-o DIR"};
 
     (void)state;
     assert_int_equal(run("--help"), 0);
@@ -230,7 +236,8 @@ int main(int argc, char **argv)
     };
     char *slash = argc > 0 ? strrchr(argv[0], '/') : NULL;
 
-    snprintf(tool, sizeof tool, "%.*s/../cairn-arena", slash ? (int)(slash - argv[0]) : 1, slash ? argv[0] : ".");
+    snprintf(tool, sizeof tool, "%.*s/../cairn-arena", slash ? (int)(slash - argv[0]) : 1,
+             slash ? argv[0] : ".");
     snprintf(folder, sizeof folder, "/tmp/cairn-arena-XXXXXX");
     if (mkdtemp(folder) == NULL)
         return 1;

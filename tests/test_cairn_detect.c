@@ -1,4 +1,5 @@
-/* cairn detect: shapes found in pictures of edges, their files; many images at once; bad input of all kinds. */
+/* cairn detect: shapes found in pictures of edges, their files; many images at once; bad input
+ * of all kinds. */
 #include "tests/programs.h"
 
 #include "cairn/appearance.h"
@@ -30,15 +31,18 @@ static void write_pictures(void)
             int in = is_bottle(x, y, left);
 
             grey[i] = in ? 60 : 200;
-            edges[i] = in && !(is_bottle(x - 1, y, left) && is_bottle(x + 1, y, left) && is_bottle(x, y - 1, left) &&
-                               is_bottle(x, y + 1, left))
+            edges[i] = in && !(is_bottle(x - 1, y, left) && is_bottle(x + 1, y, left) &&
+                               is_bottle(x, y - 1, left) && is_bottle(x, y + 1, left))
                            ? 255
                            : 0;
         }
         (void)snprintf(name, sizeof name, "bottle%d.png", (int)k);
-        assert_int_equal(cairn_image_write_png(files_path(name), grey, WIDTH, HEIGHT, &error), CAIRN_OK);
+        assert_int_equal(cairn_image_write_png(files_path(name), grey, WIDTH, HEIGHT, &error),
+                         CAIRN_OK);
         if (k == 0)
-            assert_int_equal(cairn_image_write_png(files_path("edges.png"), edges, WIDTH, HEIGHT, &error), CAIRN_OK);
+            assert_int_equal(
+                cairn_image_write_png(files_path("edges.png"), edges, WIDTH, HEIGHT, &error),
+                CAIRN_OK);
     }
 }
 
@@ -50,8 +54,10 @@ static void assert_done(outcome o)
 
 static void assert_refused(outcome o, const char *piece)
 {
-    if (o.code != 2 || strstr(o.err, piece) == NULL || strchr(o.err, '\n') != o.err + strlen(o.err) - 1)
-        fail_msg("exit code %d, \"%s\", where 2 and one line with \"%s\" was expected", o.code, o.err, piece);
+    if (o.code != 2 || strstr(o.err, piece) == NULL ||
+        strchr(o.err, '\n') != o.err + strlen(o.err) - 1)
+        fail_msg("exit code %d, \"%s\", where 2 and one line with \"%s\" was expected", o.code,
+                 o.err, piece);
     assert_string_equal(o.out, "");
 }
 
@@ -85,8 +91,9 @@ static void test_found(void **state)
     (void)state;
     write_pictures();
     assert_done(programs_run("cairn model @/bottle0.png -o @/bottle.shape --quiet"));
-    o = programs_run("cairn detect @/bottle0.png --edges @/edges.png --model @/bottle.shape -o @/found "
-                     "--detections @/found.csv");
+    o = programs_run(
+        "cairn detect @/bottle0.png --edges @/edges.png --model @/bottle.shape -o @/found "
+        "--detections @/found.csv");
     assert_done(o);
     assert_holds(o.out, "bottle0.png: ");
     text = read_in("found/bottle0.json");
@@ -105,12 +112,16 @@ static void test_found(void **state)
     assert_non_null(strstr(text, "class=\"missing\""));
     free(text);
     text = read_in("found.csv");
-    assert_int_equal(strncmp(text, "image,class,left,top,right,bottom,score,mirrored\nbottle0.png,bottle.shape,2", 75),
-                     0);
+    assert_int_equal(
+        strncmp(text,
+                "image,class,left,top,right,bottom,score,mirrored\nbottle0.png,bottle.shape,2", 75),
+        0);
     free(text);
-    o = programs_run("cairn detect @/bottle0.png --edges @/edges.png --model @/bottle.png0 -o @/found");
+    o = programs_run(
+        "cairn detect @/bottle0.png --edges @/edges.png --model @/bottle.png0 -o @/found");
     assert_refused(o, "bottle.png0");
-    o = programs_run("cairn detect @/bottle0.png --edges @/edges.png --model @/bottle.shape --min-score 99 -o @/none");
+    o = programs_run("cairn detect @/bottle0.png --edges @/edges.png --model @/bottle.shape "
+                     "--min-score 99 -o @/none");
     assert_done(o);
     assert_holds(o.out, ": 0 detections");
 }
@@ -127,11 +138,12 @@ static double best_score(const char *json)
     return value;
 }
 
-/* What is grouped where the bottle is adds to its score, without being asked for; nothing with weight 0. */
+/* What is grouped where the bottle is adds to its score, without being asked for; nothing with
+ * weight 0. */
 static void test_verified(void **state)
 {
-    static const char *const detect =
-        "cairn detect @/bottle0.png --edges @/edges.png --model @/bottle.shape --verify %s -o @/%s --quiet";
+    static const char *const detect = "cairn detect @/bottle0.png --edges @/edges.png --model "
+                                      "@/bottle.shape --verify %s -o @/%s --quiet";
 
     (void)state;
     assert_done(programs_run(detect, "0", "plain"));
@@ -147,8 +159,9 @@ static void test_by_parts(void **state)
     char *text;
 
     (void)state;
-    assert_done(programs_run("cairn detect @/bottle0.png --edges @/edges.png --model @/bottle.shape --method parts -o "
-                             "@/parts --quiet"));
+    assert_done(programs_run(
+        "cairn detect @/bottle0.png --edges @/edges.png --model @/bottle.shape --method parts -o "
+        "@/parts --quiet"));
     text = read_in("parts/bottle0.json");
     box = strstr(text, "\"box\": [");
     assert_non_null(box);
@@ -156,8 +169,9 @@ static void test_by_parts(void **state)
     assert_non_null(strstr(text, "\"parts\": [{\"bundle\": "));
     assert_non_null(strstr(text, "\"missing\": ["));
     free(text);
-    assert_done(programs_run("cairn detect @/bottle0.png --edges @/edges.png --model @/bottle.shape --as-written -o "
-                             "@/written --quiet --min-score -2"));
+    assert_done(programs_run(
+        "cairn detect @/bottle0.png --edges @/edges.png --model @/bottle.shape --as-written -o "
+        "@/written --quiet --min-score -2"));
     text = read_in("written/bottle0.json");
     box = strstr(text, "\"box\": [");
     assert_non_null(box);
@@ -172,8 +186,9 @@ static void test_by_parts(void **state)
 /* Fragments by hand: only those are found, in their bundles. */
 static void test_cuts(void **state)
 {
-    static const char *const detect = "cairn detect @/bottle0.png --edges @/edges.png --model @/bottle.shape "
-                                      "--method parts --cuts @/%s -o @/cut --quiet";
+    static const char *const detect =
+        "cairn detect @/bottle0.png --edges @/edges.png --model @/bottle.shape "
+        "--method parts --cuts @/%s -o @/cut --quiet";
     const char *part;
     char *text;
 
@@ -183,11 +198,13 @@ static void test_cuts(void **state)
     text = read_in("cut/bottle0.json");
     part = strstr(text, "\"parts\": [{\"bundle\": ");
     assert_non_null(part);
-    for (part = strstr(text, "\"fragment\": "); part != NULL; part = strstr(part + 1, "\"fragment\": "))
+    for (part = strstr(text, "\"fragment\": "); part != NULL;
+         part = strstr(part + 1, "\"fragment\": "))
         assert_in_range(strtol(part + 12, NULL, 10), 0, 2);
     free(text);
     (void)files_write_text("far.cuts", "0 40 0\n40 4000 1\n");
-    assert_refused(programs_run(detect, "far.cuts"), "expected fragments by hand of its first outline");
+    assert_refused(programs_run(detect, "far.cuts"),
+                   "expected fragments by hand of its first outline");
     assert_refused(programs_run(detect, "missing.cuts"), "missing.cuts: cannot open");
 }
 
@@ -203,24 +220,27 @@ static void learns_at_the_scale_of_the_search(const char *learn)
         for (int32_t i = 0; i < 4 * WIDTH * HEIGHT; i++)
             large[i] = is_bottle(i % (2 * WIDTH) / 2, i / (2 * WIDTH) / 2, 60 + 25 * k) ? 60 : 200;
         (void)snprintf(name, sizeof name, "large%d.png", (int)k);
-        assert_int_equal(cairn_image_write_png(files_path(name), large, 2 * WIDTH, 2 * HEIGHT, &error), CAIRN_OK);
+        assert_int_equal(
+            cairn_image_write_png(files_path(name), large, 2 * WIDTH, 2 * HEIGHT, &error),
+            CAIRN_OK);
     }
     assert_done(programs_run("%s", learn));
     (void)files_write_text("large.csv", "image,left,top,right,bottom\nlarge0.png,54,60,188,360\n"
                                         "large2.png,154,60,288,360\nlarge1.png,104,60,238,360\n");
-    assert_done(
-        programs_run("cairn train @/large0.png @/large1.png @/large2.png --boxes @/large.csv --words 10 --quiet "
-                     "--max-side 300 -o @/large.look"));
+    assert_done(programs_run(
+        "cairn train @/large0.png @/large1.png @/large2.png --boxes @/large.csv --words 10 --quiet "
+        "--max-side 300 -o @/large.look"));
     assert_same("large.look", "bottle.look");
 }
 
 /* What was learnt from boxes counts; without the library of OpenCV that is said. */
 static void test_appearance(void **state)
 {
-    static const char *const learn =
-        "cairn train @/bottle0.png @/bottle1.png @/bottle2.png --boxes @/boxes.csv --words 10 --quiet -o @/bottle.look";
-    static const char *const detect = "cairn detect @/bottle0.png --edges @/edges.png --model @/bottle.shape "
-                                      "--appearance @/%s -o @/looked --quiet";
+    static const char *const learn = "cairn train @/bottle0.png @/bottle1.png @/bottle2.png "
+                                     "--boxes @/boxes.csv --words 10 --quiet -o @/bottle.look";
+    static const char *const detect =
+        "cairn detect @/bottle0.png --edges @/edges.png --model @/bottle.shape "
+        "--appearance @/%s -o @/looked --quiet";
     const char *value;
     char *text;
 
@@ -242,17 +262,23 @@ static void test_appearance(void **state)
     assert_null(strstr(text, "\"appearance\""));
     free(text);
     learns_at_the_scale_of_the_search(learn);
-    assert_refused(programs_run("cairn train @/bottle0.png @/bottle1.png @/bottle2.png --boxes @/boxes.csv "
-                                "-o @/no/where.look"),
-                   "where.look");
+    assert_refused(
+        programs_run("cairn train @/bottle0.png @/bottle1.png @/bottle2.png --boxes @/boxes.csv "
+                     "-o @/no/where.look"),
+        "where.look");
     (void)files_write_text("other.look", "cairn-appearance 7\n");
-    assert_refused(programs_run(detect, "other.look"), "other.look:1: a model of version 7, expected 1");
+    assert_refused(programs_run(detect, "other.look"),
+                   "other.look:1: a model of version 7, expected 1");
     assert_refused(programs_run(detect, "missing.look"), "missing.look: cannot open");
     (void)files_write_text("boxes.csv", "image,left,top,right,bottom\nbottle9.png,27,30,94,180\n");
-    assert_refused(programs_run("%s", learn), "boxes.csv:2: a box in 'bottle9.png', expected one of the images");
-    assert_refused(programs_run("cairn train @/bottle0.png -o @/x.look"), "no boxes (--boxes), expected");
-    assert_refused(programs_run("cairn train --boxes @/boxes.csv -o @/x.look"), "no image, expected");
-    assert_refused(programs_run("cairn train @/bottle0.png --boxes @/boxes.csv"), "no file to write to (-o), expected");
+    assert_refused(programs_run("%s", learn),
+                   "boxes.csv:2: a box in 'bottle9.png', expected one of the images");
+    assert_refused(programs_run("cairn train @/bottle0.png -o @/x.look"),
+                   "no boxes (--boxes), expected");
+    assert_refused(programs_run("cairn train --boxes @/boxes.csv -o @/x.look"),
+                   "no image, expected");
+    assert_refused(programs_run("cairn train @/bottle0.png --boxes @/boxes.csv"),
+                   "no file to write to (-o), expected");
 }
 
 /* What is halved comes out in the image's own pixels. */
@@ -262,8 +288,9 @@ static void test_halved(void **state)
     char *text;
 
     (void)state;
-    assert_done(programs_run("cairn detect @/bottle0.png --edges @/edges.png --model @/bottle.shape --max-side 120 "
-                             "--no-mirror --candidates 3 --overlap 0.1 --quiet -o @/halved"));
+    assert_done(programs_run(
+        "cairn detect @/bottle0.png --edges @/edges.png --model @/bottle.shape --max-side 120 "
+        "--no-mirror --candidates 3 --overlap 0.1 --quiet -o @/halved"));
     text = read_in("halved/bottle0.json");
     assert_non_null(strstr(text, "\"width\": 240"));
     assert_non_null(strstr(text, "\"shrink\": 2"));
@@ -285,27 +312,33 @@ static void write_truth(const char *name, const char *rows)
 
 static void test_many_images(void **state)
 {
-    static const char *const images = "@/bottle0.png @/bottle1.png @/bottle2.png @/bottle3.png @/bottle4.png";
+    static const char *const images =
+        "@/bottle0.png @/bottle1.png @/bottle2.png @/bottle3.png @/bottle4.png";
     outcome one, three;
     char *first;
 
     (void)state;
     if (cairn_vision_load(NULL) == CAIRN_UNSUPPORTED)
         skip();
-    one = programs_run("cairn detect %s --model @/bottle.shape --jobs 1 -o @/one --detections @/one.csv", images);
+    one = programs_run(
+        "cairn detect %s --model @/bottle.shape --jobs 1 -o @/one --detections @/one.csv", images);
     assert_done(one);
     first = strdup(one.out);
-    three = programs_run("cairn detect %s --model @/bottle.shape --jobs 3 -o @/three --detections @/three.csv", images);
+    three = programs_run(
+        "cairn detect %s --model @/bottle.shape --jobs 3 -o @/three --detections @/three.csv",
+        images);
     assert_done(three);
     assert_non_null(first);
     assert_string_equal(first, three.out);
     free(first);
     assert_same("one.csv", "three.csv");
     write_truth("all.csv", "bottle0.png,27,30,93,180\nbottle3.png,102,30,168,180\n");
-    assert_done(programs_run("cairn detect %s --model @/bottle.shape --jobs 1 -o @/one --truth @/all.csv --curves @/c1",
-                             images));
     assert_done(programs_run(
-        "cairn detect %s --model @/bottle.shape --jobs 3 -o @/three --truth @/all.csv --curves @/c3", images));
+        "cairn detect %s --model @/bottle.shape --jobs 1 -o @/one --truth @/all.csv --curves @/c1",
+        images));
+    assert_done(programs_run("cairn detect %s --model @/bottle.shape --jobs 3 -o @/three --truth "
+                             "@/all.csv --curves @/c3",
+                             images));
     assert_same("c1.csv", "c3.csv");
     assert_same("c1.svg", "c3.svg");
     for (int k = 0; k < IMAGES; k++) {
@@ -316,9 +349,9 @@ static void test_many_images(void **state)
         assert_same(a, b);
     }
     /* One that cannot be read is told; no table is left behind. */
-    one =
-        programs_run("cairn detect @/bottle0.png @/missing.png @/bottle1.png --model @/bottle.shape --jobs 3 -o @/some "
-                     "--detections @/some.csv");
+    one = programs_run("cairn detect @/bottle0.png @/missing.png @/bottle1.png --model "
+                       "@/bottle.shape --jobs 3 -o @/some "
+                       "--detections @/some.csv");
     assert_refused(one, "missing.png: cannot open");
     assert_int_not_equal(access(files_path("some.csv"), F_OK), 0);
 }
@@ -338,11 +371,13 @@ static void read_last(const char *name, double *recall, double *false_per_image)
     free(text);
 }
 
-/* One object of the image, one of an image that was not looked at; then, too, one that is not there. */
+/* One object of the image, one of an image that was not looked at; then, too, one that is not
+ * there. */
 static void test_truth(void **state)
 {
-    static const char *const command = "cairn detect @/bottle0.png --edges @/edges.png --model @/bottle.shape "
-                                       "--min-score -100 -o @/found --truth @/truth.csv --curves @/%s";
+    static const char *const command =
+        "cairn detect @/bottle0.png --edges @/edges.png --model @/bottle.shape "
+        "--min-score -100 -o @/found --truth @/truth.csv --curves @/%s";
     double recall, more, false_per_image, more_false;
     char *text;
 
@@ -382,15 +417,17 @@ static void write_grey_as_text(const char *name)
 /* Names that would be two fields, or end one, stand in quotes. */
 static void test_quoted_names(void **state)
 {
-    static const char row[] = "image,class,left,top,right,bottom,score,mirrored\n\"b,c.pgm\",\"my \"\"own\"\".shape\",";
+    static const char row[] =
+        "image,class,left,top,right,bottom,score,mirrored\n\"b,c.pgm\",\"my \"\"own\"\".shape\",";
     char *text, *shape = read_in("bottle.shape");
 
     (void)state;
     write_grey_as_text("b,c.pgm");
     (void)files_write_text("my \"own\".shape", shape);
     free(shape);
-    assert_done(programs_run("cairn detect '@/b,c.pgm' --edges @/edges.png --model '@/my \"own\".shape' -o @/quoted "
-                             "--detections @/quoted.csv"));
+    assert_done(programs_run(
+        "cairn detect '@/b,c.pgm' --edges @/edges.png --model '@/my \"own\".shape' -o @/quoted "
+        "--detections @/quoted.csv"));
     text = read_in("quoted.csv");
     assert_int_equal(strncmp(text, row, strlen(row)), 0);
     assert_int_not_equal(text[strlen(row)], '"');
@@ -408,35 +445,48 @@ static void test_refusals(void **state)
         {"@/bottle0.png --model @/bottle.shape", "no folder to write to (-o), expected"},
         {"@/bottle0.png @/bottle1.png --edges @/edges.png --model @/bottle.shape -o @/refused",
          "--edges with 2 images, expected one"},
-        {"@/bottle0.png @/sub/bottle0.jpg --model @/bottle.shape -o @/refused", "are both named 'bottle0', expected"},
-        {"@/bottle0.png --model @/bottle.shape --low 9 --high 8 -o @/refused", "--low 9 is above --high 8, expected"},
+        {"@/bottle0.png @/sub/bottle0.jpg --model @/bottle.shape -o @/refused",
+         "are both named 'bottle0', expected"},
+        {"@/bottle0.png --model @/bottle.shape --low 9 --high 8 -o @/refused",
+         "--low 9 is above --high 8, expected"},
         {"@/bottle0.png --model @/bottle.shape --jobs 0 -o @/refused", "expected"},
-        {"@/bottle0.png --model @/bottle.shape --method best -o @/refused", "--method best, expected evidence or"},
-        {"@/bottle0.png --model @/bottle.shape --bundles two -o @/refused", "--bundles two, expected rule, one or"},
+        {"@/bottle0.png --model @/bottle.shape --method best -o @/refused",
+         "--method best, expected evidence or"},
+        {"@/bottle0.png --model @/bottle.shape --bundles two -o @/refused",
+         "--bundles two, expected rule, one or"},
         {"@/bottle0.png --model @/bottle.shape --as-written --method evidence -o @/refused",
          "--method other than parts with --as-written"},
-        {"@/bottle0.png --model @/bottle.shape --as-written --verify 0.1 -o @/refused", "--verify with --as-written"},
-        {"@/bottle0.png --model @/bottle.shape --as-written --occluded -o @/refused", "--occluded with --as-written"},
-        {"@/bottle0.png --model @/bottle.shape --as-written --bundles one -o @/refused", "--bundles with --as-written"},
+        {"@/bottle0.png --model @/bottle.shape --as-written --verify 0.1 -o @/refused",
+         "--verify with --as-written"},
+        {"@/bottle0.png --model @/bottle.shape --as-written --occluded -o @/refused",
+         "--occluded with --as-written"},
+        {"@/bottle0.png --model @/bottle.shape --as-written --bundles one -o @/refused",
+         "--bundles with --as-written"},
         {"@/bottle0.png --model @/bottle.shape --nearest 65 -o @/refused", "expected"},
         {"@/bottle0.png --model @/bottle.shape --overlap 2 -o @/refused", "expected"},
         {"@/bottle0.png --model @/bottle.shape --verify 101 -o @/refused", "--verify"},
         {"@/bottle0.png --model @/bottle.shape --verify -1 -o @/refused", "--verify"},
-        {"@/missing.png --edges @/edges.png --model @/bottle.shape -o @/refused", "missing.png: cannot open"},
-        {"@/bottle0.png --edges @/edges.png --model @/missing.shape -o @/refused", "missing.shape: cannot open"},
+        {"@/missing.png --edges @/edges.png --model @/bottle.shape -o @/refused",
+         "missing.png: cannot open"},
+        {"@/bottle0.png --edges @/edges.png --model @/missing.shape -o @/refused",
+         "missing.shape: cannot open"},
         {"@/bottle0.png --edges @/edges.png --model @/bottle.shape -o @/edges.png", "edges.png"},
         {"@/bottle0.png '@/two\nlines.png' --model @/bottle.shape -o @/refused",
          "two?lines.png' holds a control character (shown as ?), expected"},
-        {"'@/end\f.png' --model @/bottle.shape -o @/refused", "end?.png' holds a control character"},
+        {"'@/end\f.png' --model @/bottle.shape -o @/refused",
+         "end?.png' holds a control character"},
         {"@/bottle0.png --edges @/edges.png --model '@/a\vb\177.shape' -o @/refused",
          "a?b?.shape' holds a control character"},
         {"@/bottle0.png --model @/bottle.shape -o @/refused --truth @/truth.csv",
          "--truth alone, expected --truth and"},
-        {"@/bottle0.png --model @/bottle.shape -o @/refused --curves @/c", "--curves alone, expected --truth and"},
-        {"@/bottle0.png --edges @/edges.png --model @/bottle.shape -o @/refused --truth @/no.csv --curves @/c",
+        {"@/bottle0.png --model @/bottle.shape -o @/refused --curves @/c",
+         "--curves alone, expected --truth and"},
+        {"@/bottle0.png --edges @/edges.png --model @/bottle.shape -o @/refused --truth @/no.csv "
+         "--curves @/c",
          "no.csv: cannot open"},
         /* Before anything is searched. */
-        {"@/bottle0.png --edges @/edges.png --model @/bottle.shape -o @/refused --detections @/nowhere/table.csv",
+        {"@/bottle0.png --edges @/edges.png --model @/bottle.shape -o @/refused --detections "
+         "@/nowhere/table.csv",
          "nowhere"},
     };
 
@@ -450,10 +500,11 @@ static void test_refusals(void **state)
 int main(int argc, char **argv)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_found),       cmocka_unit_test(test_verified),     cmocka_unit_test(test_by_parts),
-        cmocka_unit_test(test_halved),      cmocka_unit_test(test_appearance),   cmocka_unit_test(test_cuts),
-        cmocka_unit_test(test_many_images), cmocka_unit_test(test_quoted_names), cmocka_unit_test(test_truth),
-        cmocka_unit_test(test_refusals),
+        cmocka_unit_test(test_found),       cmocka_unit_test(test_verified),
+        cmocka_unit_test(test_by_parts),    cmocka_unit_test(test_halved),
+        cmocka_unit_test(test_appearance),  cmocka_unit_test(test_cuts),
+        cmocka_unit_test(test_many_images), cmocka_unit_test(test_quoted_names),
+        cmocka_unit_test(test_truth),       cmocka_unit_test(test_refusals),
     };
 
     programs_find(argc, argv);

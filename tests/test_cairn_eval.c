@@ -35,8 +35,9 @@ static void poses(void **state)
     (void)state;
     write_text("truth.csv", "index,x,y,theta\n0,0,0,0\n1,1,0,0.5\n2,1,2,-0.5\n3,0,2,3\n9,5,5,5\n");
     /* The same turned by a right angle and shifted, in another order, one of them missing. */
-    write_text("turned.csv", "index,x,y,theta\n3,8,7,4.5707963267948966\n1,10,8,2.0707963267948966\n"
-                             "0,10,7,1.5707963267948966\n2,8,8,1.0707963267948966\n7,0,0,0\n");
+    write_text("turned.csv",
+               "index,x,y,theta\n3,8,7,4.5707963267948966\n1,10,8,2.0707963267948966\n"
+               "0,10,7,1.5707963267948966\n2,8,8,1.0707963267948966\n7,0,0,0\n");
     o = programs_run("cairn eval poses @/turned.csv @/truth.csv --json");
     assert_done(o);
     assert_near(number_of(o.out, "poses"), 4, 0);
@@ -46,7 +47,8 @@ static void poses(void **state)
     assert_near(number_of(o.out, "e_theta_rad"), 0, 1e-9);
     assert_near(number_of(o.out, "distance_most_m"), 0, 1e-9);
     assert_near(number_of(o.out, "first_e_x_m"), 0, 1e-9);
-    /* Two of four stretched apart: the common motion shares the error, a common first pose does not. */
+    /* Two of four stretched apart: the common motion shares the error, a common first pose does
+     * not. */
     write_text("pulled.csv", "index,x,y,theta\n0,0,0,0\n1,1,0,0.5\n2,1,2.4,-0.5\n3,0,2.4,3\n");
     o = programs_run("cairn eval poses @/pulled.csv @/truth.csv --json");
     assert_done(o);
@@ -74,11 +76,12 @@ static void relations(void **state)
     outcome o;
 
     (void)state;
-    write_text("timed.csv",
-               "index,time,x,y,theta\n2,12.5,1,1,1.5707963267948966\n0,10,0,0,0\n1,11.25,1,0,0\n5,99,7,7,0\n");
+    write_text("timed.csv", "index,time,x,y,theta\n2,12.5,1,1,1.5707963267948966\n0,10,0,0,0\n1,11."
+                            "25,1,0,0\n5,99,7,7,0\n");
     /* Off by (0.3, 0.4) and 10 degrees; by nothing; times and indices that are nobody's. */
-    write_text("good.relations", "10 11.25 1.3 0.4 0 0 0 0.17453292519943295\n1 2 0 1 1.5707963267948966\n"
-                                 "10 13 0 0 0 0 0 0\n0 3 0 0 0\n0 17 0 0 0\n");
+    write_text("good.relations",
+               "10 11.25 1.3 0.4 0 0 0 0.17453292519943295\n1 2 0 1 1.5707963267948966\n"
+               "10 13 0 0 0 0 0 0\n0 3 0 0 0\n0 17 0 0 0\n");
     o = programs_run("cairn eval relations @/timed.csv @/good.relations --json");
     assert_done(o);
     assert_near(number_of(o.out, "relations"), 2, 0);
@@ -99,9 +102,10 @@ static void relations(void **state)
     o = programs_run("cairn eval relations @/two.log @/two.relations --json");
     assert_done(o);
     assert_near(number_of(o.out, "trans_mean_m"), 0.5, 1e-8);
-    /* Sensors 0.2 m ahead of a robot that turns on the spot by a right angle: they move by (-0.2, 0.2). */
-    write_text("ahead.log",
-               "FLASER 1 2 0.2 0 0 0 0 0 1 h 1\nFLASER 1 2 0 0.2 1.5707963267948966 0 0 1.5707963267948966 3 h 3\n");
+    /* Sensors 0.2 m ahead of a robot that turns on the spot by a right angle: they move by
+     * (-0.2, 0.2). */
+    write_text("ahead.log", "FLASER 1 2 0.2 0 0 0 0 0 1 h 1\nFLASER 1 2 0 0.2 1.5707963267948966 0 "
+                            "0 1.5707963267948966 3 h 3\n");
     write_text("ahead.csv", "index,x,y,theta\n0,0,0,0\n1,0,0,1.5707963267948966\n");
     write_text("ahead.relations", "0 1 -0.2 0.2 1.5707963267948966\n");
     o = programs_run("cairn eval relations @/ahead.log @/ahead.relations --json");
@@ -122,9 +126,9 @@ static void maps(void **state)
     outcome good, bad, again;
 
     (void)state;
-    assert_done(
-        programs_run("cairn-arena rooms --seed 3 --places 5 --headings 1 --fov 360 --beams 121 --disturb 0.2,10 "
-                     "-o @/arena"));
+    assert_done(programs_run(
+        "cairn-arena rooms --seed 3 --places 5 --headings 1 --fov 360 --beams 121 --disturb 0.2,10 "
+        "-o @/arena"));
     good = programs_run("cairn eval map @/arena/scans.log @/arena/truth.csv --json");
     bad = programs_run("cairn eval map @/arena/scans.log --json");
     assert_done(good);
@@ -149,8 +153,10 @@ static void maps(void **state)
     assert_near(likelihood, number_of(good.out, "log_likelihood"), -1e-6 * likelihood);
     /* The cells of a map that cairn align draws, which are those that the poses give. */
     assert_done(programs_run("cairn align @/arena/scans.log -o @/aligned --resolution 0.1"));
-    good = programs_run("cairn eval map @/arena/scans.log @/aligned/poses.csv --map @/aligned/map.yaml --json");
-    again = programs_run("cairn eval map @/arena/scans.log @/aligned/poses.csv --resolution 0.1 --json");
+    good = programs_run(
+        "cairn eval map @/arena/scans.log @/aligned/poses.csv --map @/aligned/map.yaml --json");
+    again = programs_run(
+        "cairn eval map @/arena/scans.log @/aligned/poses.csv --resolution 0.1 --json");
     assert_done(good);
     assert_near(number_of(good.out, "resolution_m"), 0.1, 1e-9);
     assert_near(number_of(good.out, "entropy"), number_of(again.out, "entropy"),
@@ -198,18 +204,22 @@ static void refusals(void **state)
         {"poses", "cairn eval poses: ", "no poses, expected POSES.csv TRUTH.csv"},
         {"poses @/one.csv", "cairn eval poses: ", "no truth, expected POSES.csv TRUTH.csv"},
         {"poses @/one.csv @/missing.csv", "/missing.csv: ", "cannot"},
-        {"poses @/one.csv @/twice.csv", "cairn eval poses: ", "twice.csv: index 3 is there twice, expected"},
+        {"poses @/one.csv @/twice.csv",
+         "cairn eval poses: ", "twice.csv: index 3 is there twice, expected"},
         {"poses @/one.csv @/other.csv", "cairn eval poses: ", "no index in common, expected"},
         {"poses @/nan.csv @/one.csv", "/nan.csv:3: ", "expected a finite number"},
         {"relations", "cairn eval relations: ", "no poses, expected POSES.csv|LOG FILE.relations"},
-        {"relations @/one.csv", "cairn eval relations: ", "no relations, expected POSES.csv|LOG FILE.relations"},
+        {"relations @/one.csv",
+         "cairn eval relations: ", "no relations, expected POSES.csv|LOG FILE.relations"},
         {"relations @/one.csv @/bad.relations", "/bad.relations:2: ", "expected a number"},
-        {"relations @/one.csv @/far.relations", "cairn eval relations: ", "expected relations between its scans"},
+        {"relations @/one.csv @/far.relations",
+         "cairn eval relations: ", "expected relations between its scans"},
         {"relations @/below.csv @/far.relations",
          "cairn eval relations: ", "index -1, expected indices of scans from 0"},
         {"relations @/missing.csv @/far.relations", "/missing.csv: ", "cannot"},
         {"relations @/empty.log @/far.relations", "/empty.log: ", "expected"},
-        {"relations @/three.csv @/far.relations --log @/two.log", "cairn eval relations: ", "holds 2 scans, expected"},
+        {"relations @/three.csv @/far.relations --log @/two.log",
+         "cairn eval relations: ", "holds 2 scans, expected"},
         {"map", "cairn eval map: ", "no log, expected LOG [POSES.csv]"},
         {"map @/missing.log", "/missing.log: ", "cannot"},
         {
@@ -218,8 +228,10 @@ static void refusals(void **state)
             "has no pose of scan 1 (",
         },
         {"map @/two.log @/three.csv", "cairn eval map: ", "has a pose of scan 2, but "},
-        {"map @/two.log --map @/turned.yaml", "cairn eval map: ", "the map is turned by 0.5 rad, expected"},
-        {"map @/two.log --map @/away.yaml", "cairn eval map: ", "no beam lies in the map, expected at least one"},
+        {"map @/two.log --map @/turned.yaml",
+         "cairn eval map: ", "the map is turned by 0.5 rad, expected"},
+        {"map @/two.log --map @/away.yaml",
+         "cairn eval map: ", "no beam lies in the map, expected at least one"},
         {"map @/two.log --map @/bad.yaml", "/bad.yaml:", "expected"},
         {"map @/two.log --resolution 0", "cairn eval map: ", "--resolution is '0', expected"},
         {"map @/two.log --least 1", "cairn eval map: ", "--least is '1', expected"},
@@ -246,10 +258,12 @@ static void refusals(void **state)
         outcome o = programs_run("cairn eval %s", bad[k].command);
         char start[256];
 
-        (void)snprintf(start, sizeof start, "%s%s", bad[k].start[0] == '/' ? files_folder : "", bad[k].start);
-        if (o.code != 2 || strncmp(o.err, start, strlen(start)) != 0 || strstr(o.err, bad[k].piece) == NULL)
-            fail_msg("eval %s: exit code %d, \"%s\", where 2 and \"%s...%s\" was expected", bad[k].command, o.code,
-                     o.err, start, bad[k].piece);
+        (void)snprintf(start, sizeof start, "%s%s", bad[k].start[0] == '/' ? files_folder : "",
+                       bad[k].start);
+        if (o.code != 2 || strncmp(o.err, start, strlen(start)) != 0 ||
+            strstr(o.err, bad[k].piece) == NULL)
+            fail_msg("eval %s: exit code %d, \"%s\", where 2 and \"%s...%s\" was expected",
+                     bad[k].command, o.code, o.err, start, bad[k].piece);
         assert_string_equal(o.out, "");
     }
 }

@@ -1,4 +1,5 @@
-/* cairn group: a shape found in a picture of edges, its files and pages; bad input of all kinds. What needs OpenCV is skipped without. */
+/* cairn group: a shape found in a picture of edges, its files and pages; bad input of all kinds.
+ * What needs OpenCV is skipped without. */
 #include "tests/programs.h"
 
 #include "cairn/json_text.h"
@@ -25,12 +26,15 @@ static void write_pictures(void)
             int in = is_bottle(x, y);
 
             grey[y * WIDTH + x] = in ? 60 : 200;
-            edges[y * WIDTH + x] =
-                in && !(is_bottle(x - 1, y) && is_bottle(x + 1, y) && is_bottle(x, y - 1) && is_bottle(x, y + 1)) ? 255
-                                                                                                                  : 0;
+            edges[y * WIDTH + x] = in && !(is_bottle(x - 1, y) && is_bottle(x + 1, y) &&
+                                           is_bottle(x, y - 1) && is_bottle(x, y + 1))
+                                       ? 255
+                                       : 0;
         }
-    assert_int_equal(cairn_image_write_png(files_path("bottle.png"), grey, WIDTH, HEIGHT, &error), CAIRN_OK);
-    assert_int_equal(cairn_image_write_png(files_path("edges.png"), edges, WIDTH, HEIGHT, &error), CAIRN_OK);
+    assert_int_equal(cairn_image_write_png(files_path("bottle.png"), grey, WIDTH, HEIGHT, &error),
+                     CAIRN_OK);
+    assert_int_equal(cairn_image_write_png(files_path("edges.png"), edges, WIDTH, HEIGHT, &error),
+                     CAIRN_OK);
 }
 
 static void assert_done(outcome o)
@@ -41,8 +45,10 @@ static void assert_done(outcome o)
 
 static void assert_refused(outcome o, const char *piece)
 {
-    if (o.code != 2 || strstr(o.err, piece) == NULL || strchr(o.err, '\n') != o.err + strlen(o.err) - 1)
-        fail_msg("exit code %d, \"%s\", where 2 and one line with \"%s\" was expected", o.code, o.err, piece);
+    if (o.code != 2 || strstr(o.err, piece) == NULL ||
+        strchr(o.err, '\n') != o.err + strlen(o.err) - 1)
+        fail_msg("exit code %d, \"%s\", where 2 and one line with \"%s\" was expected", o.code,
+                 o.err, piece);
     assert_string_equal(o.out, "");
 }
 
@@ -74,8 +80,8 @@ static void test_found(void **state)
     (void)state;
     write_pictures();
     assert_done(programs_run("cairn model @/bottle.png -o @/bottle.shape --quiet"));
-    o = programs_run(
-        "cairn group @/bottle.png --edges @/edges.png --model @/bottle.shape --scale 120:220 --report -o @/found");
+    o = programs_run("cairn group @/bottle.png --edges @/edges.png --model @/bottle.shape --scale "
+                     "120:220 --report -o @/found");
     assert_done(o);
     assert_holds(o.out, "1 object, best score");
     text = read_in("found/bottle.json");
@@ -91,13 +97,14 @@ static void test_found(void **state)
     free(text);
     /* The same seed, the same bytes; a model made on the way does as well. */
     text = read_in("found/bottle.json");
-    assert_done(programs_run(
-        "cairn group @/bottle.png --edges @/edges.png --model @/bottle.shape --scale 120:220 --quiet -o @/found"));
+    assert_done(programs_run("cairn group @/bottle.png --edges @/edges.png --model @/bottle.shape "
+                             "--scale 120:220 --quiet -o @/found"));
     again = read_in("found/bottle.json");
     assert_string_equal(text, again);
     free(text);
     free(again);
-    o = programs_run("cairn group @/bottle.png --edges @/edges.png --model @/bottle.png --scale 120:220 --tokens "
+    o = programs_run("cairn group @/bottle.png --edges @/edges.png --model @/bottle.png --scale "
+                     "120:220 --tokens "
                      "edgels -o @/edgels");
     assert_done(o);
     assert_holds(o.out, "object");
@@ -109,8 +116,9 @@ static void test_as_written(void **state)
     char *text;
 
     (void)state;
-    assert_done(programs_run("cairn group @/bottle.png --edges @/edges.png --model @/bottle.shape --as-written --scale "
-                             "164 --particles 200 --report -o @/written"));
+    assert_done(programs_run(
+        "cairn group @/bottle.png --edges @/edges.png --model @/bottle.shape --as-written --scale "
+        "164 --particles 200 --report -o @/written"));
     text = read_in("written/bottle.json");
     assert_json(text);
     assert_int_equal(count_of(text, "\"verdict\": \"found\""), 1);
@@ -127,10 +135,12 @@ static void test_as_written(void **state)
     {
         cairn_file_error error;
 
-        assert_int_equal(cairn_image_write_png(files_path("empty.png"), edges, WIDTH, HEIGHT, &error), CAIRN_OK);
+        assert_int_equal(
+            cairn_image_write_png(files_path("empty.png"), edges, WIDTH, HEIGHT, &error), CAIRN_OK);
     }
-    assert_done(programs_run("cairn group @/bottle.png --edges @/empty.png --model @/bottle.shape --as-written --scale "
-                             "164 --report -o @/written"));
+    assert_done(programs_run(
+        "cairn group @/bottle.png --edges @/empty.png --model @/bottle.shape --as-written --scale "
+        "164 --report -o @/written"));
     text = read_in("written/bottle.json");
     assert_int_equal(count_of(text, "\"verdict\": \"none\""), 1);
     assert_int_equal(count_of(text, "\"end\": \"no start\""), 1);
@@ -144,9 +154,9 @@ static void test_halved(void **state)
     const char *size;
 
     (void)state;
-    assert_done(programs_run(
-        "cairn group @/bottle.png --edges @/edges.png --model @/bottle.shape --scale 120:220 --max-side 200 "
-        "--min-score 0.3 --no-mirror --seed 3 --particles 200 -o @/halved"));
+    assert_done(programs_run("cairn group @/bottle.png --edges @/edges.png --model @/bottle.shape "
+                             "--scale 120:220 --max-side 200 "
+                             "--min-score 0.3 --no-mirror --seed 3 --particles 200 -o @/halved"));
     text = read_in("halved/bottle.json");
     assert_non_null(strstr(text, "\"shrink\": 2"));
     assert_non_null(strstr(text, "\"width\": 320"));
@@ -163,23 +173,29 @@ static void test_no_object(void **state)
 
     (void)state;
     (void)files_write_text("dot.pgm", "P2\n1 1\n255\n9\n");
-    (void)files_write_text("full.pgm", "P2\n6 4\n255\n9 9 9 9 9 9 9 9 9 9 9 9 9 9 9 9 9 9 9 9 9 9 9 9\n");
-    o = programs_run("cairn group @/dot.pgm --edges @/dot.pgm --model @/bottle.shape --report -o @/none");
+    (void)files_write_text("full.pgm",
+                           "P2\n6 4\n255\n9 9 9 9 9 9 9 9 9 9 9 9 9 9 9 9 9 9 9 9 9 9 9 9\n");
+    o = programs_run(
+        "cairn group @/dot.pgm --edges @/dot.pgm --model @/bottle.shape --report -o @/none");
     assert_done(o);
     assert_holds(o.out, "no object, best score 0.00");
-    assert_done(programs_run("cairn group @/full.pgm --edges @/full.pgm --model @/bottle.shape --report -o @/none"));
+    assert_done(programs_run(
+        "cairn group @/full.pgm --edges @/full.pgm --model @/bottle.shape --report -o @/none"));
     /* Upside down it is another shape. */
-    o = programs_run("cairn group @/bottle.png --edges @/edges.png --model @/bottle.shape --rotation -180:-170 --scale "
+    o = programs_run("cairn group @/bottle.png --edges @/edges.png --model @/bottle.shape "
+                     "--rotation -180:-170 --scale "
                      "120:220 --min-score 0.9 -o @/down");
     assert_done(o);
     assert_holds(o.out, "no object, best score");
     /* More evidence than there is. */
-    o = programs_run("cairn group @/bottle.png --edges @/edges.png --model @/bottle.shape --scale 120:220 "
-                     "--min-evidence 999 -o @/much");
+    o = programs_run(
+        "cairn group @/bottle.png --edges @/edges.png --model @/bottle.shape --scale 120:220 "
+        "--min-evidence 999 -o @/much");
     assert_done(o);
     assert_holds(o.out, "no object, best score");
-    assert_done(programs_run("cairn group @/bottle.png --edges @/edges.png --model @/bottle.shape --scale 120:220 "
-                             "--min-evidence 0 -o @/little"));
+    assert_done(programs_run(
+        "cairn group @/bottle.png --edges @/edges.png --model @/bottle.shape --scale 120:220 "
+        "--min-evidence 0 -o @/little"));
     text = read_in("little/bottle.json");
     assert_non_null(strstr(text, "\"verdict\": \"found\""));
     free(text);
@@ -212,22 +228,33 @@ static void test_refusals(void **state)
         {"@/bottle.png @/edges.png @/sub/bottle.jpg --model @/bottle.shape -o @/refused",
          "are both named 'bottle', expected"},
         {"@/bottle.png --model @/bottle.shape --scale 0:9 -o @/refused", "--scale 0:9, expected"},
-        {"@/bottle.png --model @/bottle.shape --scale 20:10 -o @/refused", "--scale 20:10, expected"},
+        {"@/bottle.png --model @/bottle.shape --scale 20:10 -o @/refused",
+         "--scale 20:10, expected"},
         {"@/bottle.png --model @/bottle.shape --scale nan -o @/refused", "--scale nan, expected"},
-        {"@/bottle.png --model @/bottle.shape --rotation -181:0 -o @/refused", "--rotation -181:0, expected"},
-        {"@/bottle.png --model @/bottle.shape --rotation 1:x -o @/refused", "--rotation 1:x, expected"},
-        {"@/bottle.png --model @/bottle.shape --tokens lines -o @/refused", "--tokens lines, expected"},
-        {"@/bottle.png --model @/bottle.shape --as-written -o @/refused", "--as-written without --scale, expected"},
+        {"@/bottle.png --model @/bottle.shape --rotation -181:0 -o @/refused",
+         "--rotation -181:0, expected"},
+        {"@/bottle.png --model @/bottle.shape --rotation 1:x -o @/refused",
+         "--rotation 1:x, expected"},
+        {"@/bottle.png --model @/bottle.shape --tokens lines -o @/refused",
+         "--tokens lines, expected"},
+        {"@/bottle.png --model @/bottle.shape --as-written -o @/refused",
+         "--as-written without --scale, expected"},
         {"@/bottle.png --model @/bottle.shape --as-written --scale 160 --rotation 0:9 -o @/refused",
          "--rotation with --as-written, expected it without"},
-        {"@/bottle.png --model @/bottle.shape --as-written --scale 160 --min-score 0.5 -o @/refused",
+        {"@/bottle.png --model @/bottle.shape --as-written --scale 160 --min-score 0.5 -o "
+         "@/refused",
          "--min-score with --as-written, expected it without"},
-        {"@/bottle.png --model @/bottle.shape --low 9 --high 8 -o @/refused", "--low 9 is above --high 8, expected"},
+        {"@/bottle.png --model @/bottle.shape --low 9 --high 8 -o @/refused",
+         "--low 9 is above --high 8, expected"},
         {"@/bottle.png --model @/bottle.shape --particles 0 -o @/refused", "expected"},
-        {"@/bottle.png --edges @/dot.pgm --model @/bottle.shape -o @/refused", "1 x 1 pixels, expected 320 x 240"},
-        {"@/missing.png --edges @/edges.png --model @/bottle.shape -o @/refused", "missing.png: cannot open"},
-        {"@/bottle.png --edges @/missing.png --model @/bottle.shape -o @/refused", "missing.png: cannot open"},
-        {"@/bottle.png --edges @/edges.png --model @/missing.shape -o @/refused", "missing.shape: cannot open"},
+        {"@/bottle.png --edges @/dot.pgm --model @/bottle.shape -o @/refused",
+         "1 x 1 pixels, expected 320 x 240"},
+        {"@/missing.png --edges @/edges.png --model @/bottle.shape -o @/refused",
+         "missing.png: cannot open"},
+        {"@/bottle.png --edges @/missing.png --model @/bottle.shape -o @/refused",
+         "missing.png: cannot open"},
+        {"@/bottle.png --edges @/edges.png --model @/missing.shape -o @/refused",
+         "missing.shape: cannot open"},
         {"@/bottle.png --edges @/edges.png --model @/dot.pgm -o @/refused", "one colour, expected"},
         {"@/bottle.png --edges @/edges.png --model @/bottle.shape -o @/edges.png", "edges.png"},
     };
@@ -239,7 +266,8 @@ static void test_refusals(void **state)
     assert_done(programs_run("cairn group --help"));
 }
 
-/* A picture of 8000 x 6000 pixels is made smaller, and done with; edges everywhere in one that is not are refused. */
+/* A picture of 8000 x 6000 pixels is made smaller, and done with; edges everywhere in one that
+ * is not are refused. */
 static void test_large_images(void **state)
 {
     static const char head[] = "P5\n8000 6000\n255\n";
@@ -253,14 +281,15 @@ static void test_large_images(void **state)
     for (size_t y = 1000; y < 5000; y++)
         bytes[start + y * 8000 + 3000] = bytes[start + y * 8000 + 4600] = (char)200;
     (void)files_write("large.pgm", bytes, start + pixels);
-    o = programs_run("cairn group @/large.pgm --edges @/large.pgm --model @/bottle.shape --particles 50 -o @/large");
+    o = programs_run("cairn group @/large.pgm --edges @/large.pgm --model @/bottle.shape "
+                     "--particles 50 -o @/large");
     assert_done(o);
     assert_holds(o.out, "large.pgm: ");
     memset(bytes + start, 255, pixels);
     (void)files_write("large.pgm", bytes, start + pixels);
-    assert_refused(
-        programs_run("cairn group @/large.pgm --edges @/large.pgm --model @/bottle.shape -o @/large --max-side 8000"),
-        "8000 x 6000 pixels, 48000000 of them edges, expected at most");
+    assert_refused(programs_run("cairn group @/large.pgm --edges @/large.pgm --model "
+                                "@/bottle.shape -o @/large --max-side 8000"),
+                   "8000 x 6000 pixels, 48000000 of them edges, expected at most");
     free(bytes);
     assert_int_equal(remove(files_path("large.pgm")), 0);
 }
@@ -268,8 +297,9 @@ static void test_large_images(void **state)
 int main(int argc, char **argv)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_found),           cmocka_unit_test(test_halved),     cmocka_unit_test(test_no_object),
-        cmocka_unit_test(test_edges_by_opencv), cmocka_unit_test(test_as_written), cmocka_unit_test(test_refusals),
+        cmocka_unit_test(test_found),        cmocka_unit_test(test_halved),
+        cmocka_unit_test(test_no_object),    cmocka_unit_test(test_edges_by_opencv),
+        cmocka_unit_test(test_as_written),   cmocka_unit_test(test_refusals),
         cmocka_unit_test(test_large_images),
     };
 

@@ -8,7 +8,8 @@
 #include "tests/programs.h"
 #include "tests/world.h"
 
-/* A view as a map_server map, named in the test's folder; scale and raw need another way to say unknown. */
+/* A view as a map_server map, named in the test's folder; scale and raw need another way to say
+ * unknown. */
 static void write_view(const char *name, const view *v, cairn_map_file_mode mode, int32_t negate,
                        cairn_map_file_image format)
 {
@@ -35,8 +36,9 @@ static void write_view(const char *name, const view *v, cairn_map_file_mode mode
 static int make_maps(void **state)
 {
     world w = rooms(1), other = rooms(77);
-    view *v[4] = {draw(&w, -4, 0, 0.3, -7.2, -0.3, 0.05, 0), draw(&w, 0, 0.2, -2.1, -3.2, 3.2, 0.05, 0),
-                  draw(&w, 4, 0.3, 1.4, 0.2, 7.2, 0.05, 0), draw(&other, -4, 0, 0.3, -7.2, -0.3, 0.05, 0)};
+    view *v[4] = {
+        draw(&w, -4, 0, 0.3, -7.2, -0.3, 0.05, 0), draw(&w, 0, 0.2, -2.1, -3.2, 3.2, 0.05, 0),
+        draw(&w, 4, 0.3, 1.4, 0.2, 7.2, 0.05, 0), draw(&other, -4, 0, 0.3, -7.2, -0.3, 0.05, 0)};
 
     if (files_setup(state) != 0)
         return 1;
@@ -79,20 +81,25 @@ static void assert_transforms(const char *name)
     cairn_pose_table_free(row);
 }
 
-/* The places of a map: their shares and products add up to 1, and the one with most evidence is where it was placed. */
+/* The places of a map: their shares and products add up to 1, and the one with most evidence is
+ * where it was placed. */
 static void assert_places(const char *name, int32_t map, double x, double y)
 {
     char *text = files_read(files_path(name), NULL);
     double sum[3] = {0, 0, 0}, most = -1, best[2] = {0, 0};
     int rows = 0;
 
-    assert_int_equal(strncmp(text, "map,beside,x,y,theta,evidence,psi,gamma,psi_share,gamma_share,product\n", 70), 0);
+    assert_int_equal(
+        strncmp(text, "map,beside,x,y,theta,evidence,psi,gamma,psi_share,gamma_share,product\n",
+                70),
+        0);
     for (const char *line = strchr(text, '\n') + 1; *line != 0; line = strchr(line, '\n') + 1) {
         double v[9];
         int32_t of, beside;
 
-        assert_int_equal(sscanf(line, "%" SCNd32 ",%" SCNd32 ",%lf,%lf,%lf,%lf,%lf,%lf,%lf,%lf,%lf", &of, &beside,
-                                &v[0], &v[1], &v[2], &v[3], &v[4], &v[5], &v[6], &v[7], &v[8]),
+        assert_int_equal(sscanf(line, "%" SCNd32 ",%" SCNd32 ",%lf,%lf,%lf,%lf,%lf,%lf,%lf,%lf,%lf",
+                                &of, &beside, &v[0], &v[1], &v[2], &v[3], &v[4], &v[5], &v[6],
+                                &v[7], &v[8]),
                          11);
         assert_true(of != beside && beside < 3); /* the stranger was placed nowhere */
         assert_true(v[4] >= 0 && v[4] <= 4 && v[6] >= 0 && v[6] <= 1 && v[7] >= 0 && v[7] <= 1);
@@ -130,8 +137,10 @@ static void three_maps_and_a_stranger(void **state)
     assert_non_null(strstr(o.out, "order      0 1 2"));
     assert_non_null(strstr(o.out, "refused: "));
     assert_transforms("merged/transforms.csv");
-    assert_places("merged/places.csv", 1, cos(0.3) * 4 + sin(0.3) * 0.2, -sin(0.3) * 4 + cos(0.3) * 0.2);
-    assert_places("merged/places.csv", 2, cos(0.3) * 8 + sin(0.3) * 0.3, -sin(0.3) * 8 + cos(0.3) * 0.3);
+    assert_places("merged/places.csv", 1, cos(0.3) * 4 + sin(0.3) * 0.2,
+                  -sin(0.3) * 4 + cos(0.3) * 0.2);
+    assert_places("merged/places.csv", 2, cos(0.3) * 8 + sin(0.3) * 0.3,
+                  -sin(0.3) * 8 + cos(0.3) * 0.3);
     assert_ok(cairn_map_file_read(&merged, files_path("merged/map.yaml"), &error));
     for (int64_t i = 0; i < (int64_t)merged.width * merged.height; i++) {
         walls += merged.occupancy[i] == 100;
@@ -150,17 +159,19 @@ static void three_maps_and_a_stranger(void **state)
     free(picture);
 }
 
-/* A later merging with the same maps keeps what it is told, and order and reference may be asked for. */
+/* A later merging with the same maps keeps what it is told, and order and reference may be asked
+ * for. */
 static void a_warm_start(void **state)
 {
-    outcome o = programs_run(
-        "cairn merge @/a.yaml @/b.yaml @/c.yaml @/d.yaml -o @/warm --start @/merged/transforms.csv --quiet");
+    outcome o = programs_run("cairn merge @/a.yaml @/b.yaml @/c.yaml @/d.yaml -o @/warm --start "
+                             "@/merged/transforms.csv --quiet");
 
     (void)state;
     assert_int_equal(o.code, 0);
     assert_string_equal(o.out, "");
     assert_transforms("warm/transforms.csv");
-    o = programs_run("cairn merge @/a.yaml @/b.yaml @/c.yaml -o @/ordered --reference 1 --order 1,2,0 --particles 10 "
+    o = programs_run("cairn merge @/a.yaml @/b.yaml @/c.yaml -o @/ordered --reference 1 --order "
+                     "1,2,0 --particles 10 "
                      "--seed 3 --scale 0.05,0.05,0.05 --coarsen 1");
     assert_int_equal(o.code, 0);
     assert_non_null(strstr(o.out, "order      1 2 0"));
@@ -169,10 +180,12 @@ static void a_warm_start(void **state)
     assert_non_null(strstr(o.out, "maps       2, 1 placed"));
 }
 
-/* By images maps are refused more often, and as written none is that has a corner like another one's. */
+/* By images maps are refused more often, and as written none is that has a corner like another
+ * one's. */
 static void by_images_and_as_written(void **state)
 {
-    outcome o = programs_run("cairn merge @/a.yaml @/b.yaml @/c.yaml -o @/images --perception images --coarsen 1");
+    outcome o = programs_run(
+        "cairn merge @/a.yaml @/b.yaml @/c.yaml -o @/images --perception images --coarsen 1");
     cairn_pose_row *row;
     cairn_file_error error;
     int32_t count;
@@ -181,7 +194,8 @@ static void by_images_and_as_written(void **state)
     assert_string_equal(o.err, "");
     assert_int_equal(o.code, 0);
     assert_non_null(strstr(o.out, "maps       3, "));
-    o = programs_run("cairn merge @/a.yaml @/b.yaml @/d.yaml -o @/written --as-written --order 0,1,2");
+    o = programs_run(
+        "cairn merge @/a.yaml @/b.yaml @/d.yaml -o @/written --as-written --order 0,1,2");
     assert_string_equal(o.err, "");
     assert_int_equal(o.code, 0);
     assert_non_null(strstr(o.out, "maps       3, 3 placed")); /* the stranger, too */
@@ -191,8 +205,8 @@ static void by_images_and_as_written(void **state)
     for (int32_t i = 0; i < 3; i++)
         assert_string_equal(row[i].verdict, "placed");
     cairn_pose_table_free(row);
-    o = programs_run(
-        "cairn merge @/a.yaml @/b.yaml -o @/written --as-written --perception images --particles 5 --seed 2");
+    o = programs_run("cairn merge @/a.yaml @/b.yaml -o @/written --as-written --perception images "
+                     "--particles 5 --seed 2");
     assert_int_equal(o.code, 0);
     o = programs_run("cairn merge @/a.yaml -o @/one --as-written");
     assert_int_equal(o.code, 0);
@@ -219,18 +233,23 @@ static void command_lines_are_refused(void **state)
     assert_refused("@/a.yaml @/b.yaml -o @/no --order 0", "--order 0, expected 2 numbers");
     assert_refused("@/a.yaml @/b.yaml -o @/no --order 0,0", "expected every map once");
     assert_refused("@/a.yaml @/b.yaml -o @/no --order 0,1.5", "expected every map once");
-    assert_refused("@/a.yaml @/b.yaml -o @/no --scale 0.05,x", "--scale 0.05,x, expected 2 numbers");
+    assert_refused("@/a.yaml @/b.yaml -o @/no --scale 0.05,x",
+                   "--scale 0.05,x, expected 2 numbers");
     assert_refused("@/a.yaml @/b.yaml -o @/no --scale 0.05,0", "not a size of a cell");
     assert_refused("@/a.yaml @/missing.yaml -o @/no", "missing.yaml");
     assert_refused("@/a.yaml @/b.yaml -o @/no --start @/missing.csv", "missing.csv");
     assert_refused("@/a.yaml @/b.yaml -o @/no --pool 1K", "pool");
     assert_refused("@/a.yaml @/b.yaml -o @/a.yaml/no", "a.yaml");
-    assert_refused("@/a.yaml @/b.yaml -o @/no --perception sight", "--perception sight, expected evidence or images");
-    assert_refused("@/a.yaml @/b.yaml -o @/no --as-written --perception evidence", "expected one of both");
+    assert_refused("@/a.yaml @/b.yaml -o @/no --perception sight",
+                   "--perception sight, expected evidence or images");
+    assert_refused("@/a.yaml @/b.yaml -o @/no --as-written --perception evidence",
+                   "expected one of both");
     assert_refused("@/a.yaml @/b.yaml -o @/no --as-written --start @/merged/transforms.csv",
                    "--start with --as-written");
-    assert_refused("@/a.yaml @/b.yaml -o @/no --as-written --coarsen 2", "--coarsen with --as-written");
-    assert_refused("@/a.yaml @/b.yaml -o @/no --as-written --min-score 6", "--min-score with --as-written");
+    assert_refused("@/a.yaml @/b.yaml -o @/no --as-written --coarsen 2",
+                   "--coarsen with --as-written");
+    assert_refused("@/a.yaml @/b.yaml -o @/no --as-written --min-score 6",
+                   "--min-score with --as-written");
     assert_int_not_equal(access(files_path("no"), F_OK), 0); /* nothing was left */
 }
 

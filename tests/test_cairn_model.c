@@ -1,4 +1,5 @@
-/* cairn model: pictures become models, models are drawn and mirrored; what is no picture of a shape. */
+/* cairn model: pictures become models, models are drawn and mirrored; what is no picture of a
+ * shape. */
 #include "tests/programs.h"
 
 #include "cairn/shape_model_file.h"
@@ -18,11 +19,12 @@ static void write_bottle(const char *name, int drawn)
         for (int32_t x = 0; x < WIDTH; x++) {
             int32_t half = y < 40 ? 8 : 22;
 
-            if (abs(x - 70) <= half &&
-                (!drawn || abs(x - 70) == half || y == 10 || y == 109 || (y == 40 && abs(x - 70) >= 8)))
+            if (abs(x - 70) <= half && (!drawn || abs(x - 70) == half || y == 10 || y == 109 ||
+                                        (y == 40 && abs(x - 70) >= 8)))
                 grey[y * WIDTH + x] = 0;
         }
-    assert_int_equal(cairn_image_write_png(files_path(name), grey, WIDTH, HEIGHT, &error), CAIRN_OK);
+    assert_int_equal(cairn_image_write_png(files_path(name), grey, WIDTH, HEIGHT, &error),
+                     CAIRN_OK);
 }
 
 static void assert_done(outcome o)
@@ -34,8 +36,10 @@ static void assert_done(outcome o)
 
 static void assert_refused(outcome o, const char *piece)
 {
-    if (o.code != 2 || strstr(o.err, piece) == NULL || strchr(o.err, '\n') != o.err + strlen(o.err) - 1)
-        fail_msg("exit code %d, \"%s\", where 2 and one line with \"%s\" was expected", o.code, o.err, piece);
+    if (o.code != 2 || strstr(o.err, piece) == NULL ||
+        strchr(o.err, '\n') != o.err + strlen(o.err) - 1)
+        fail_msg("exit code %d, \"%s\", where 2 and one line with \"%s\" was expected", o.code,
+                 o.err, piece);
     assert_string_equal(o.out, "");
 }
 
@@ -49,14 +53,17 @@ static void test_silhouette_and_drawing(void **state)
     (void)state;
     write_bottle("solid.png", 0);
     write_bottle("drawn.png", 1);
-    o = programs_run("cairn model @/solid.png -o @/solid.shape --svg @/solid.svg --parts @/parts.svg");
+    o = programs_run(
+        "cairn model @/solid.png -o @/solid.shape --svg @/solid.svg --parts @/parts.svg");
     assert_done(o);
     assert_holds(o.out, "a silhouette, outlines 1, holes 0");
     o = programs_run("cairn model @/drawn.png -o @/drawn.shape");
     assert_done(o);
     assert_holds(o.out, "a drawing");
-    assert_int_equal(cairn_shape_model_file_read(&solid, files_path("solid.shape"), &error), CAIRN_OK);
-    assert_int_equal(cairn_shape_model_file_read(&drawn, files_path("drawn.shape"), &error), CAIRN_OK);
+    assert_int_equal(cairn_shape_model_file_read(&solid, files_path("solid.shape"), &error),
+                     CAIRN_OK);
+    assert_int_equal(cairn_shape_model_file_read(&drawn, files_path("drawn.shape"), &error),
+                     CAIRN_OK);
     assert_near(solid.model.size, 110, 2);
     assert_near(drawn.model.size, solid.model.size, 0.01);
     assert_int_equal(drawn.model.sample_count, solid.model.sample_count);
@@ -81,15 +88,18 @@ static void test_options(void **state)
     char *svg;
 
     (void)state;
-    o = programs_run("cairn model @/solid.png -o @/few.shape --points 64 --samples 10 --paths 1 --quiet");
+    o = programs_run(
+        "cairn model @/solid.png -o @/few.shape --points 64 --samples 10 --paths 1 --quiet");
     assert_done(o);
     assert_string_equal(o.out, "");
-    assert_int_equal(cairn_shape_model_file_read(&model, files_path("few.shape"), &error), CAIRN_OK);
+    assert_int_equal(cairn_shape_model_file_read(&model, files_path("few.shape"), &error),
+                     CAIRN_OK);
     assert_int_equal(model.model.outline_count, 64);
     assert_int_equal(model.model.path_count, 1);
     assert_true(model.model.sample_count <= 10);
     (void)files_write_text("two.cuts", "0 20 0\n20 40 1\n");
-    o = programs_run("cairn model @/few.shape -o @/again.shape --quiet --cuts @/two.cuts --parts @/two.svg");
+    o = programs_run(
+        "cairn model @/few.shape -o @/again.shape --quiet --cuts @/two.cuts --parts @/two.svg");
     assert_done(o);
     svg = files_read(files_path("two.svg"), NULL);
     assert_non_null(svg);
@@ -98,7 +108,8 @@ static void test_options(void **state)
     o = programs_run("cairn model @/few.shape -o @/mirrored.shape --mirror --svg @/mirrored.svg");
     assert_done(o);
     assert_null(strstr(o.out, "picture"));
-    assert_int_equal(cairn_shape_model_file_read(&mirrored, files_path("mirrored.shape"), &error), CAIRN_OK);
+    assert_int_equal(cairn_shape_model_file_read(&mirrored, files_path("mirrored.shape"), &error),
+                     CAIRN_OK);
     assert_near(mirrored.model.samples[0].centre.x, -model.model.samples[0].centre.x, 0);
     cairn_shape_model_file_free(&model);
     cairn_shape_model_file_free(&mirrored);
@@ -110,22 +121,27 @@ static void test_refusals(void **state)
 
     (void)state;
     (void)files_write_text("one.pgm", "P2\n1 1\n255\n0\n");
-    (void)files_write_text("dots.pgm", "P2\n5 3\n255\n255 255 255 255 255 255 0 0 0 255 255 255 255 255 255\n");
+    (void)files_write_text("dots.pgm",
+                           "P2\n5 3\n255\n255 255 255 255 255 255 0 0 0 255 255 255 255 255 255\n");
     (void)files_write_text("text.txt", "no picture");
     before = files_count();
     assert_refused(programs_run("cairn model @/one.pgm -o @/out.shape"),
                    "one.pgm: 1 x 1 pixels of one colour, expected");
     assert_refused(programs_run("cairn model @/dots.pgm -o @/out.shape"),
                    "an object of 3 pixels along its diagonal, expected");
-    assert_refused(programs_run("cairn model @/text.txt -o @/out.shape"), "begins with the bytes 0x6e6f, expected");
+    assert_refused(programs_run("cairn model @/text.txt -o @/out.shape"),
+                   "begins with the bytes 0x6e6f, expected");
     assert_refused(programs_run("cairn model @/missing -o @/out.shape"), "cannot open");
     assert_refused(programs_run("cairn model @/solid.png -o @/none/out.shape"), "none");
     assert_refused(programs_run("cairn model @/solid.png"), "no file to write to (-o), expected");
     assert_refused(programs_run("cairn model -o @/out.shape"), "no picture, expected");
-    assert_refused(programs_run("cairn model @/solid.png -o @/out.shape --cuts @/text.txt"), "--cuts without --parts");
-    assert_refused(programs_run("cairn model @/solid.png -o @/out.shape --cuts @/text.txt --parts @/out.svg"),
-                   "text.txt:1");
-    assert_refused(programs_run("cairn model @/solid.png -o @/out.shape --holes some"), "--holes some, expected keep");
+    assert_refused(programs_run("cairn model @/solid.png -o @/out.shape --cuts @/text.txt"),
+                   "--cuts without --parts");
+    assert_refused(
+        programs_run("cairn model @/solid.png -o @/out.shape --cuts @/text.txt --parts @/out.svg"),
+        "text.txt:1");
+    assert_refused(programs_run("cairn model @/solid.png -o @/out.shape --holes some"),
+                   "--holes some, expected keep");
     assert_refused(programs_run("cairn model @/solid.png -o @/out.shape --points 8"), "expected");
     assert_int_equal(files_count(), before);
     assert_done(programs_run("cairn model --help"));

@@ -1,4 +1,5 @@
-/* cairn skeleton: a bar in a picture, its files; radii learnt from a silhouette; bad input. What needs OpenCV is skipped without. */
+/* cairn skeleton: a bar in a picture, its files; radii learnt from a silhouette; bad input. What
+ * needs OpenCV is skipped without. */
 #include "tests/programs.h"
 
 #include <sys/stat.h>
@@ -23,9 +24,9 @@ static void write_pictures(void)
 
             grey[i] = (uint8_t)(pass ? (inside ? 255 : 0) : (inside ? 180 : 90));
         }
-        assert_int_equal(
-            cairn_image_write_png(files_path(pass ? "outlines/bar.png" : "bar.png"), grey, WIDTH, HEIGHT, &error),
-            CAIRN_OK);
+        assert_int_equal(cairn_image_write_png(files_path(pass ? "outlines/bar.png" : "bar.png"),
+                                               grey, WIDTH, HEIGHT, &error),
+                         CAIRN_OK);
     }
 }
 
@@ -37,8 +38,10 @@ static void assert_done(outcome o)
 
 static void assert_refused(outcome o, const char *piece)
 {
-    if (o.code != 2 || strstr(o.err, piece) == NULL || strchr(o.err, '\n') != o.err + strlen(o.err) - 1)
-        fail_msg("exit code %d, \"%s\", where 2 and one line with \"%s\" was expected", o.code, o.err, piece);
+    if (o.code != 2 || strstr(o.err, piece) == NULL ||
+        strchr(o.err, '\n') != o.err + strlen(o.err) - 1)
+        fail_msg("exit code %d, \"%s\", where 2 and one line with \"%s\" was expected", o.code,
+                 o.err, piece);
     assert_string_equal(o.out, "");
 }
 
@@ -101,7 +104,8 @@ static void a_bar_is_found(void **state)
     free(text);
 }
 
-/* The method as written, by both names: parts are objects of their own, and there are no contours between regions. */
+/* The method as written, by both names: parts are objects of their own, and there are no
+ * contours between regions. */
 static void as_written_finds_it(void **state)
 {
     static const char *const names[] = {"--as-written", "--weight as-written"};
@@ -111,9 +115,9 @@ static void as_written_finds_it(void **state)
     if (cairn_vision_load(NULL) == CAIRN_UNSUPPORTED)
         skip();
     for (int32_t i = 0; i < 2; i++) {
-        assert_done(
-            programs_run("cairn skeleton @/bar.png %s --radius 8:12 --min-log-odds 3 --lines --quiet -o @/written%d",
-                         names[i], (int)i));
+        assert_done(programs_run("cairn skeleton @/bar.png %s --radius 8:12 --min-log-odds 3 "
+                                 "--lines --quiet -o @/written%d",
+                                 names[i], (int)i));
         text = read_file(i ? "written1/bar.json" : "written0/bar.json");
         assert_holds(text, "\"proposed\": false");
         assert_holds(text, "\"contours\": []");
@@ -153,20 +157,30 @@ static void bad_input_is_refused(void **state)
     (void)state;
     assert_refused(programs_run("cairn skeleton -o @/x"), "no image");
     assert_refused(programs_run("cairn skeleton @/bar.png"), "no folder to write to");
-    assert_refused(programs_run("cairn skeleton @/bar.png --radius 9 -o @/x"), "expected A:B in pixels");
-    assert_refused(programs_run("cairn skeleton @/bar.png --radius 0.5:9 -o @/x"), "expected A:B in pixels");
-    assert_refused(programs_run("cairn skeleton @/bar.png --radius 9:8 -o @/x"), "expected A:B in pixels");
+    assert_refused(programs_run("cairn skeleton @/bar.png --radius 9 -o @/x"),
+                   "expected A:B in pixels");
+    assert_refused(programs_run("cairn skeleton @/bar.png --radius 0.5:9 -o @/x"),
+                   "expected A:B in pixels");
+    assert_refused(programs_run("cairn skeleton @/bar.png --radius 9:8 -o @/x"),
+                   "expected A:B in pixels");
     assert_refused(programs_run("cairn skeleton @/bar.png --radius 9:10 --learn @/outlines -o @/x"),
                    "expected one of them");
-    assert_refused(programs_run("cairn skeleton @/bar.png --weight none -o @/x"), "expected evidence or as-written");
+    assert_refused(programs_run("cairn skeleton @/bar.png --weight none -o @/x"),
+                   "expected evidence or as-written");
     assert_refused(programs_run("cairn skeleton @/bar.png --as-written --weight evidence -o @/x"),
                    "expected one of them");
-    assert_refused(programs_run("cairn skeleton @/bar.png --as-written --contrast 6 -o @/x"), "how steep edges are");
-    assert_refused(programs_run("cairn skeleton @/bar.png --as-written --min-strength 2 -o @/x"), "between regions");
-    assert_refused(programs_run("cairn skeleton @/bar.png @/bar-lines.png --lines -o @/x"), "would overwrite");
-    assert_refused(programs_run("cairn skeleton @/bar.png @/outlines/bar.png -o @/x"), "both named 'bar'");
-    assert_refused(programs_run("cairn skeleton @/bar.png --learn @/nowhere -o @/x"), "expected a folder of outlines");
-    assert_refused(programs_run("cairn skeleton @/bar.png --learn @/empty -o @/x"), "holds no outlines");
+    assert_refused(programs_run("cairn skeleton @/bar.png --as-written --contrast 6 -o @/x"),
+                   "how steep edges are");
+    assert_refused(programs_run("cairn skeleton @/bar.png --as-written --min-strength 2 -o @/x"),
+                   "between regions");
+    assert_refused(programs_run("cairn skeleton @/bar.png @/bar-lines.png --lines -o @/x"),
+                   "would overwrite");
+    assert_refused(programs_run("cairn skeleton @/bar.png @/outlines/bar.png -o @/x"),
+                   "both named 'bar'");
+    assert_refused(programs_run("cairn skeleton @/bar.png --learn @/nowhere -o @/x"),
+                   "expected a folder of outlines");
+    assert_refused(programs_run("cairn skeleton @/bar.png --learn @/empty -o @/x"),
+                   "holds no outlines");
 }
 
 static int set_up(void **state)

@@ -85,8 +85,10 @@ static void assert_done(outcome o)
 
 static void assert_refused(outcome o, const char *piece)
 {
-    if (o.code != 2 || strstr(o.err, piece) == NULL || strchr(o.err, '\n') != o.err + strlen(o.err) - 1)
-        fail_msg("exit code %d, \"%s\", where 2 and one line with \"%s\" was expected", o.code, o.err, piece);
+    if (o.code != 2 || strstr(o.err, piece) == NULL ||
+        strchr(o.err, '\n') != o.err + strlen(o.err) - 1)
+        fail_msg("exit code %d, \"%s\", where 2 and one line with \"%s\" was expected", o.code,
+                 o.err, piece);
 }
 
 static char *read_in(const char *name)
@@ -193,8 +195,8 @@ static void test_sheet(void **state)
     char *svg;
 
     (void)state;
-    assert_done(programs_run(
-        "cairn symmetry @/kite.png @/box.png @/disc.png @/bar.png @/spiral.png -o @/sheet --sheet --points 64"));
+    assert_done(programs_run("cairn symmetry @/kite.png @/box.png @/disc.png @/bar.png "
+                             "@/spiral.png -o @/sheet --sheet --points 64"));
     svg = read_in("sheet/sheet.svg");
     assert_well_formed(svg);
     assert_non_null(strstr(svg, "spiral.png"));
@@ -207,21 +209,29 @@ static void test_refusals(void **state)
 
     (void)state;
     write_shape("nothing.png", nothing);
-    (void)files_write_text("dots.pgm", "P2\n5 3\n255\n255 255 255 255 255 255 0 0 0 255 255 255 255 255 255\n");
+    (void)files_write_text("dots.pgm",
+                           "P2\n5 3\n255\n255 255 255 255 255 255 0 0 0 255 255 255 255 255 255\n");
     before = files_count();
-    assert_refused(programs_run("cairn symmetry @/nothing.png -o @/none"), "160 x 160 pixels of one colour, expected");
+    assert_refused(programs_run("cairn symmetry @/nothing.png -o @/none"),
+                   "160 x 160 pixels of one colour, expected");
     assert_refused(programs_run("cairn symmetry @/dots.pgm -o @/none"),
                    "an object of 3 pixels along its diagonal, expected");
     assert_refused(programs_run("cairn symmetry @/missing.png -o @/none"), "cannot open");
     assert_refused(programs_run("cairn symmetry -o @/none"), "no picture, expected");
-    assert_refused(programs_run("cairn symmetry @/kite.png"), "no folder to write to (-o), expected");
-    assert_refused(programs_run("cairn symmetry @/kite.png @/kite.png -o @/none"), "are both named 'kite', expected");
-    assert_refused(programs_run("cairn symmetry @/kite.png -o @/none --mode best"), "--mode best, expected re-ranked");
-    assert_refused(programs_run("cairn symmetry @/kite.png -o @/none --mode re-ranked --as-written"),
-                   "--mode re-ranked with --as-written");
-    assert_refused(programs_run("cairn symmetry @/kite.png -o @/none --holes some"), "--holes some, expected keep");
+    assert_refused(programs_run("cairn symmetry @/kite.png"),
+                   "no folder to write to (-o), expected");
+    assert_refused(programs_run("cairn symmetry @/kite.png @/kite.png -o @/none"),
+                   "are both named 'kite', expected");
+    assert_refused(programs_run("cairn symmetry @/kite.png -o @/none --mode best"),
+                   "--mode best, expected re-ranked");
+    assert_refused(
+        programs_run("cairn symmetry @/kite.png -o @/none --mode re-ranked --as-written"),
+        "--mode re-ranked with --as-written");
+    assert_refused(programs_run("cairn symmetry @/kite.png -o @/none --holes some"),
+                   "--holes some, expected keep");
     assert_refused(programs_run("cairn symmetry @/kite.png -o @/none --points 8"), "expected");
-    assert_refused(programs_run("cairn symmetry @/pierced.png -o @/none --holes refuse"), "a hole of");
+    assert_refused(programs_run("cairn symmetry @/pierced.png -o @/none --holes refuse"),
+                   "a hole of");
     assert_refused(programs_run("cairn symmetry @/kite.png -o @/kite.png"), "kite.png");
     assert_int_equal(files_count(), before);
     assert_done(programs_run("cairn symmetry --help"));

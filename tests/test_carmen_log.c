@@ -31,7 +31,8 @@ static void add(text *t, const char *format, ...)
     t->count += (size_t)more;
 }
 
-static void add_tail(text *t, double lx, double ly, double lth, double x, double y, double th, double stamp)
+static void add_tail(text *t, double lx, double ly, double lth, double x, double y, double th,
+                     double stamp)
 {
     add(t, " %.6f %.6f %.6f %.6f %.6f %.6f %.6f host %.6f\n", lx, ly, lth, x, y, th, stamp, stamp);
 }
@@ -117,7 +118,8 @@ static void assert_holds(const char *string, const char *piece)
         fail_msg("\"%s\" does not hold \"%s\"", string, piece);
 }
 
-static void assert_error(const cairn_file_error *error, cairn_status status, int64_t line, const char *piece)
+static void assert_error(const cairn_file_error *error, cairn_status status, int64_t line,
+                         const char *piece)
 {
     assert_int_equal(error->status, status);
     assert_int_equal(error->line, line);
@@ -180,7 +182,8 @@ static void check_small_log(const char *path)
         assert_near(record.scan.range_sigma, 0.01, 1e-9);
         assert_near(record.scan.base_sensor.x, 0.1, 1e-6);
         assert_near(record.scan.motion.x, 0, 0);
-        assert_true(record.scan.stamp_ns == INT64_C(11000000000) && record.stamp_ns == record.scan.stamp_ns);
+        assert_true(record.scan.stamp_ns == INT64_C(11000000000) &&
+                    record.stamp_ns == record.scan.stamp_ns);
         assert_near(record.laser.x, 0.1, 1e-7);
         assert_near(record.robot.x, 0, 0);
 
@@ -309,8 +312,8 @@ static void test_bearings(void **state)
         assert_int_equal(scan->count, sample[i].count);
         assert_near(scan->angle_min, -90 * degree, 1e-6);
         assert_near(scan->angle_step, sample[i].step * degree, 1e-7);
-        assert_near((double)scan->angle_min + (sample[i].count - 1) * (double)scan->angle_step, sample[i].last * degree,
-                    1e-5);
+        assert_near((double)scan->angle_min + (sample[i].count - 1) * (double)scan->angle_step,
+                    sample[i].last * degree, 1e-5);
     }
     cairn_carmen_scans_free(&scans);
     free(t.bytes);
@@ -325,11 +328,14 @@ static void test_robotlaser_without_step(void **state)
     const char *path;
 
     (void)state;
-    add(&t, "ROBOTLASER1 0 -1.0 2.0 0 -1 0.02 1 5 1 20 80 81 2 0 0 0 0 0 0 0 0.1 0.2 1 1 0 11.5 host 11.5\n");
+    add(&t, "ROBOTLASER1 0 -1.0 2.0 0 -1 0.02 1 5 1 20 80 81 2 0 0 0 0 0 0 0 0.1 0.2 1 1 0 11.5 "
+            "host 11.5\n");
     add(&t, "ROBOTLASER1 0 -0.5 2.0 0 20 0.02 1 1 3 0 0 0 0 0 0 0 0.1 0.2 1 1 0 11.5 host 11.5\n");
     add(&t, "ROBOTLASER2 0 -0.5 2.0\n");
-    add(&t, "ROBOTLASER1 0 -0.5 2.0 0 0.5 0.02 1 2 0.25 1 0 0 0 0 0 0 0 0.1 0.2 1 1 0 11.5 host 11.5\n");
-    add(&t, "ROBOTLASER1 0 -0.5 2.0 -0.5 1e5 0.02 1 2 0.25 1 0 0 0 0 0 0 0 0.1 0.2 1 1 0 11.5 host 11.5\n");
+    add(&t, "ROBOTLASER1 0 -0.5 2.0 0 0.5 0.02 1 2 0.25 1 0 0 0 0 0 0 0 0.1 0.2 1 1 0 11.5 host "
+            "11.5\n");
+    add(&t, "ROBOTLASER1 0 -0.5 2.0 -0.5 1e5 0.02 1 2 0.25 1 0 0 0 0 0 0 0 0.1 0.2 1 1 0 11.5 host "
+            "11.5\n");
     path = write_plain("robotlaser.log", &t);
     assert_ok(cairn_carmen_load(&scans, path, NULL, NULL));
     assert_int_equal(scans.count, 4);
@@ -414,8 +420,8 @@ static void test_limit_of_the_scanner(void **state)
     assert_near(limit_of(&t, 0), 50, 0.0101);
     add_ranges(&t, 1, 500);
     assert_near(limit_of(&t, 0), 80, 0);
-    /* Infinite ranges are none; the window starts at the higher one of equal places, and what is just below it counts
-     * among the 2 m below only. */
+    /* Infinite ranges are none; the window starts at the higher one of equal places, and what is
+     * just below it counts among the 2 m below only. */
     t.count = 0;
     for (int i = 0; i < 12; i++)
         add(&t, "FLASER 3 50 inf -3 0 0 0 0 0 0 1 h 1\n");
@@ -468,8 +474,10 @@ static void test_limit_by_param(void **state)
     assert_near(limit_of(&t, 0), 80, 0);
     assert_near(limit_of(&t, 7), 7, 0);
     t.count = 0;
-    add(&t, "PARAM robot_frontlaser_max 10 nohost 0\nPARAM robot_frontlaser_max x\nPARAM robot_frontlaser_max -4\n");
-    add(&t, "PARAM robot_frontlaser_max\nPARAM\nPARAM robot_frontlaser_max nan\nPARAM robot_frontlaser_max "
+    add(&t, "PARAM robot_frontlaser_max 10 nohost 0\nPARAM robot_frontlaser_max x\nPARAM "
+            "robot_frontlaser_max -4\n");
+    add(&t, "PARAM robot_frontlaser_max\nPARAM\nPARAM robot_frontlaser_max nan\nPARAM "
+            "robot_frontlaser_max "
             "1.1e5\nPARAM robot_rearlaser_max 3\n");
     add_ranges(&t, 12, 8);
     assert_near(limit_of(&t, 0), 10, 0);
@@ -526,9 +534,11 @@ static void test_mounting(void **state)
     text t = {NULL, 0, 0};
 
     (void)state;
-    /* The laser 0.2 m ahead, 0.1 m to the left, turned by 0.3 rad, rounded differently every time. */
+    /* The laser 0.2 m ahead, 0.1 m to the left, turned by 0.3 rad, rounded differently every
+     * time. */
     for (int i = 0; i < 40; i++) {
-        double th = 0.4 * i, sign = i % 2 == 0 ? 1 : -1, ahead = 0.2 + 0.004 * sign, left = 0.1 - 0.003 * sign;
+        double th = 0.4 * i, sign = i % 2 == 0 ? 1 : -1, ahead = 0.2 + 0.004 * sign,
+               left = 0.1 - 0.003 * sign;
 
         add(&t, "FLASER 1 2");
         add_tail(&t, i + ahead * cos(th) - left * sin(th), -i + ahead * sin(th) + left * cos(th),
@@ -550,10 +560,11 @@ static void test_mounting(void **state)
     for (int part = 0; part < 2; part++) {
         cairn_carmen_scans scans;
 
-        assert_ok(cairn_carmen_load(&scans,
-                                    files_write_text("far.log", part == 0 ? "FLASER 1 2 100001 0 0 0 0 0 1 h 1\n"
-                                                                          : "FLASER 1 2 0 -100001 0 0 0 0 1 h 1\n"),
-                                    NULL, NULL));
+        assert_ok(cairn_carmen_load(
+            &scans,
+            files_write_text("far.log", part == 0 ? "FLASER 1 2 100001 0 0 0 0 0 1 h 1\n"
+                                                  : "FLASER 1 2 0 -100001 0 0 0 0 1 h 1\n"),
+            NULL, NULL));
         assert_int_equal(scans.info.fixed_mounting, 0);
         assert_near(scans.record[0].scan.base_sensor.x, 0, 0);
         assert_near(scans.record[0].scan.base_sensor.y, 0, 0);
@@ -565,7 +576,8 @@ static void test_mounting(void **state)
         size_t whole = t.count;
 
         add(&t, "FLASER 1 2");
-        add_tail(&t, 0.2 + 0.02 * (part == 0), 0.1 - 0.02 * (part == 1), 0.3 + 0.02 * (part == 2), 0, 0, 0, 99);
+        add_tail(&t, 0.2 + 0.02 * (part == 0), 0.1 - 0.02 * (part == 1), 0.3 + 0.02 * (part == 2),
+                 0, 0, 0, 99);
         assert_ok(cairn_carmen_log_open(&log, write_plain("mounting.log", &t), NULL, NULL));
         info = cairn_carmen_log_info(log);
         assert_int_equal(info.fixed_mounting, 0);
@@ -577,7 +589,8 @@ static void test_mounting(void **state)
     free(t.bytes);
 }
 
-/* A damaged line between two good ones: reported with its number, left out, and the good ones are there. */
+/* A damaged line between two good ones: reported with its number, left out, and the good ones
+ * are there. */
 static void test_damaged_lines(void **state)
 {
     static const struct {
@@ -593,13 +606,16 @@ static void test_damaged_lines(void **state)
         {"FLASER 1e2 1 2", CAIRN_BAD_FORMAT, "is \"1e2\""},
         {"FLASER 99999999999999999999 1 2", CAIRN_BAD_FORMAT, "a whole number"},
         {"FLASER 3 1 2", CAIRN_TRUNCATED, "the FLASER line ends early, expected reading 3"},
-        {"FLASER 3 1 2x 3 0 0 0 0 0 0 1 h 1", CAIRN_BAD_FORMAT, "reading 2 is \"2x\", expected a number"},
+        {"FLASER 3 1 2x 3 0 0 0 0 0 0 1 h 1", CAIRN_BAD_FORMAT,
+         "reading 2 is \"2x\", expected a number"},
         {"FLASER 3 1 2 1e999 0 0 0 0 0 0 1 h 1", CAIRN_BAD_FORMAT, "reading 3"},
         {"FLASER 1 1 0 0", CAIRN_TRUNCATED, "expected the laser's pose"},
         {"FLASER 1 1 0 0 0 0 0", CAIRN_TRUNCATED, "expected the robot's pose"},
-        {"FLASER 1 1 0 nan 0 0 0 0 1 h 1", CAIRN_NOT_FINITE, "the laser's pose is nan, expected a finite number"},
+        {"FLASER 1 1 0 nan 0 0 0 0 1 h 1", CAIRN_NOT_FINITE,
+         "the laser's pose is nan, expected a finite number"},
         {"FLASER 1 1 0 0 0 0 inf 0 1 h 1", CAIRN_NOT_FINITE, "the robot's pose is inf"},
-        {"FLASER 1 1 -1e9 1e9 0 0 0 1000000001 1 h 1", CAIRN_BAD_FORMAT, "the robot's pose is 1e+09, expected"},
+        {"FLASER 1 1 -1e9 1e9 0 0 0 1000000001 1 h 1", CAIRN_BAD_FORMAT,
+         "the robot's pose is 1e+09, expected"},
         {"FLASER 1 1 0 0 0 0 -1.1e9 0 1 h 1", CAIRN_BAD_FORMAT,
          "the robot's pose is -1.1e+09, expected a number up to 1e+09"},
         {"FLASER 1 1 0 0 0 0 0 0", CAIRN_TRUNCATED, "expected the stamp"},
@@ -609,9 +625,11 @@ static void test_damaged_lines(void **state)
         {"FLASER 1 1 0 0 0 0 0 0 1 h", CAIRN_TRUNCATED, "expected the logger's stamp"},
         {"FLASER 1 1 0 0 0 0 0 0 1 h x", CAIRN_BAD_FORMAT, "the logger's stamp is \"x\""},
         {"FLASER 1 1 0 0 0 0 0 0 0 1 h 1", CAIRN_BAD_FORMAT, "the logger's stamp is \"h\""},
-        {"FLASER 1 1 0 0 0 0 0 0 1 h 1 2", CAIRN_BAD_FORMAT, "\"2\" follows the last field of the FLASER message"},
+        {"FLASER 1 1 0 0 0 0 0 0 1 h 1 2", CAIRN_BAD_FORMAT,
+         "\"2\" follows the last field of the FLASER message"},
         {"FLASER 1 \x01\xff\x7f 0 0 0 0 0 0 1 h 1", CAIRN_BAD_FORMAT, "reading 1 is \"???\""},
-        {"FLASER 1 0123456789x123456789012345678901234567890 0", CAIRN_BAD_FORMAT, "\"0123456789x1234567890123...\""},
+        {"FLASER 1 0123456789x123456789012345678901234567890 0", CAIRN_BAD_FORMAT,
+         "\"0123456789x1234567890123...\""},
         {"ODOM 1 2", CAIRN_TRUNCATED, "the ODOM line ends early, expected the robot's pose"},
         {"ODOM 1 2 3 4 5 x", CAIRN_BAD_FORMAT, "the robot's motion is \"x\""},
         {"ODOM 1 2 3 4 5 6 7", CAIRN_TRUNCATED, "expected the host"},
@@ -626,8 +644,10 @@ static void test_damaged_lines(void **state)
          "the number of remissions is \"-1\", expected a whole number from 0"},
         {"ROBOTLASER1 0 1 2 3 4 5 6 1 1 2 7", CAIRN_TRUNCATED, "expected remission 2"},
         {"ROBOTLASER1 0 1 2 3 4 5 6 1 1 0 0 0 0 0 0", CAIRN_TRUNCATED, "expected the robot's pose"},
-        {"ROBOTLASER1 0 1 2 3 4 5 6 1 1 0 0 0 0 0 0 0 1 2 3 4", CAIRN_TRUNCATED, "expected the robot's motion"},
-        {"ROBOTLASER1 0 1 2 3 4 5 6 1 1 0 0 0 0 0 0 0 1 2 3 4 5", CAIRN_TRUNCATED, "expected the stamp"},
+        {"ROBOTLASER1 0 1 2 3 4 5 6 1 1 0 0 0 0 0 0 0 1 2 3 4", CAIRN_TRUNCATED,
+         "expected the robot's motion"},
+        {"ROBOTLASER1 0 1 2 3 4 5 6 1 1 0 0 0 0 0 0 0 1 2 3 4 5", CAIRN_TRUNCATED,
+         "expected the stamp"},
     };
     faults f;
     cairn_carmen_params params = with_faults(&f);
@@ -688,7 +708,8 @@ static void test_the_most_beams(void **state)
 /* Lines of exactly the longest length, one more, and far more, in the middle and at the end. */
 static void test_endless_line(void **state)
 {
-    static const size_t size[] = {CAIRN_LINE_LONGEST, CAIRN_LINE_LONGEST + 1, (size_t)35 << 20, (size_t)17 << 20};
+    static const size_t size[] = {CAIRN_LINE_LONGEST, CAIRN_LINE_LONGEST + 1, (size_t)35 << 20,
+                                  (size_t)17 << 20};
     char *garbage = malloc((size_t)35 << 20);
     faults f;
     cairn_carmen_params params = with_faults(&f);
@@ -722,7 +743,8 @@ static void test_endless_line(void **state)
     for (int i = 0; i < 3; i++) {
         char words[128];
 
-        (void)snprintf(words, sizeof words, ":%d: the line has %zu bytes, expected at most 16777216", i + 3 + (i > 0),
+        (void)snprintf(words, sizeof words,
+                       ":%d: the line has %zu bytes, expected at most 16777216", i + 3 + (i > 0),
                        size[i + 1]);
         assert_int_equal(f.line[i], i + 3 + (i > 0));
         assert_int_equal(f.status[i], CAIRN_FULL);
@@ -741,13 +763,17 @@ static void test_nothing_to_read(void **state)
     const char *path;
 
     (void)state;
-    assert_status(cairn_carmen_log_open(&log, files_write_text("empty.log", ""), NULL, &error), CAIRN_EMPTY);
+    assert_status(cairn_carmen_log_open(&log, files_write_text("empty.log", ""), NULL, &error),
+                  CAIRN_EMPTY);
     assert_null(log);
     assert_error(&error, CAIRN_EMPTY, 0, "empty.log: the file is empty");
-    assert_status(cairn_carmen_log_open(&log, files_write_text("byte.log", "x"), NULL, &error), CAIRN_EMPTY);
+    assert_status(cairn_carmen_log_open(&log, files_write_text("byte.log", "x"), NULL, &error),
+                  CAIRN_EMPTY);
     assert_error(&error, CAIRN_EMPTY, 0, "byte.log: no whole scan in 1 lines (0 damaged)");
     assert_status(cairn_carmen_log_open(
-                      &log, files_write_text("no-scan.log", "# x\nODOM 1 2 3 0 0 0 1 h 1\nFLASER 3\n"), NULL, &error),
+                      &log,
+                      files_write_text("no-scan.log", "# x\nODOM 1 2 3 0 0 0 1 h 1\nFLASER 3\n"),
+                      NULL, &error),
                   CAIRN_EMPTY);
     assert_error(&error, CAIRN_EMPTY, 0, "no-scan.log: no whole scan in 3 lines (1 damaged)");
     assert_status(cairn_carmen_log_open(&log, files_path("not-there.log"), NULL, &error), CAIRN_IO);
@@ -768,10 +794,11 @@ static void test_nothing_to_read(void **state)
 
     /* Only both bytes of gzip tell it. */
     for (int k = 0; k < 2; k++) {
-        assert_ok(cairn_carmen_log_open(&log,
-                                        files_write_text("bytes.log", k ? "\x1fx\nFLASER 1 1 0 0 0 0 0 0 1 h 1\n"
-                                                                        : "y\x8b\nFLASER 1 1 0 0 0 0 0 0 1 h 1\n"),
-                                        NULL, &error));
+        assert_ok(cairn_carmen_log_open(
+            &log,
+            files_write_text("bytes.log", k ? "\x1fx\nFLASER 1 1 0 0 0 0 0 0 1 h 1\n"
+                                            : "y\x8b\nFLASER 1 1 0 0 0 0 0 0 1 h 1\n"),
+            NULL, &error));
         cairn_carmen_log_close(log);
     }
 
@@ -785,7 +812,8 @@ static void test_nothing_to_read(void **state)
     assert_status(cairn_carmen_log_open(&log, path, &params, &error), CAIRN_BAD_ARGUMENT);
     params.range_max = 100001;
     assert_status(cairn_carmen_log_open(&log, path, &params, &error), CAIRN_BAD_ARGUMENT);
-    assert_holds(error.text, "the range limit is 100001, expected a number from 0 (find it) to 100000");
+    assert_holds(error.text,
+                 "the range limit is 100001, expected a number from 0 (find it) to 100000");
     params.range_max = 100000;
     assert_ok(cairn_carmen_log_open(&log, path, &params, &error));
     cairn_carmen_log_close(log);
@@ -815,12 +843,14 @@ static void test_binary_garbage(void **state)
     (void)state;
     for (size_t i = 0; i < sizeof bytes; i++)
         bytes[i] = (unsigned char)cairn_random_below(&random, 256);
-    assert_status(cairn_carmen_log_open(&log, files_write("garbage.log", bytes, sizeof bytes), NULL, &error),
-                  CAIRN_EMPTY);
+    assert_status(
+        cairn_carmen_log_open(&log, files_write("garbage.log", bytes, sizeof bytes), NULL, &error),
+        CAIRN_EMPTY);
     assert_holds(error.text, "no whole scan");
     /* A zero byte is no end of a line. */
     assert_status(
-        cairn_carmen_log_open(&log, files_write("zero.log", "FLASER 1 1 0 0 0 0 0 0\0 1 h 1\n", 30), NULL, &error),
+        cairn_carmen_log_open(&log, files_write("zero.log", "FLASER 1 1 0 0 0 0 0 0\0 1 h 1\n", 30),
+                              NULL, &error),
         CAIRN_EMPTY);
 }
 
@@ -845,7 +875,8 @@ static void test_cut_plain_file(void **state)
         assert_ok(cairn_carmen_load(&scans, write_plain("cut.log", &piece), &params, NULL));
         /* The very last field, which is not used, may be cut. */
         if (f.count == 0) {
-            assert_true(scans.count == whole || (scans.count == whole + 1 && cut % line >= line - 9));
+            assert_true(scans.count == whole ||
+                        (scans.count == whole + 1 && cut % line >= line - 9));
         } else {
             assert_int_equal(f.count, 1);
             assert_int_equal(scans.count, whole);
@@ -868,7 +899,8 @@ static void test_cut_and_damaged_gzip(void **state)
     for (int i = 0; i < 400; i++) {
         add(&t, "FLASER 20");
         for (int k = 0; k < 20; k++)
-            add(&t, " %d.%d", (int)cairn_random_below(&random, 30), (int)cairn_random_below(&random, 100));
+            add(&t, " %d.%d", (int)cairn_random_below(&random, 30),
+                (int)cairn_random_below(&random, 100));
         add_tail(&t, i, 0, 0, i, 0, 0, i);
     }
     bytes = files_read(write_gzip("whole.log.gz", &t), &size);
@@ -910,7 +942,8 @@ static void test_cut_and_damaged_gzip(void **state)
         cairn_status status;
 
         bytes[at] = (char)(bytes[at] ^ 0x55);
-        status = cairn_carmen_load(&scans, files_write("broken.log.gz", bytes, size), &params, NULL);
+        status =
+            cairn_carmen_load(&scans, files_write("broken.log.gz", bytes, size), &params, NULL);
         bytes[at] = (char)(bytes[at] ^ 0x55);
         assert_true(status == CAIRN_OK || status == CAIRN_EMPTY);
         assert_true(f.count > 0);
@@ -931,14 +964,17 @@ static void test_cut_and_damaged_gzip(void **state)
         assert_ok(cairn_carmen_load(&scans, files_write("sum.log.gz", bytes, size), &params, NULL));
         assert_int_equal(scans.count, 400);
         assert_int_equal(f.count, 1);
-        assert_holds(f.text[0], ":400: the gzip data are damaged after this line (incorrect data check), expected");
+        assert_holds(
+            f.text[0],
+            ":400: the gzip data are damaged after this line (incorrect data check), expected");
         cairn_carmen_scans_free(&scans);
     }
     free(bytes);
     free(t.bytes);
 }
 
-/* Files that change when they have been read once: what fits into the arrays of the first pass is handed out. */
+/* Files that change when they have been read once: what fits into the arrays of the first pass
+ * is handed out. */
 static void rewrite(void *context, const cairn_file_error *fault)
 {
     (void)fault;
@@ -950,14 +986,16 @@ static void test_a_file_that_changes(void **state)
     static char one[] = "FLASER 1 7 0 0 0 0 0 0 1 h 1\n",
                 wide[] = "FLASER 1 7 0 0 0 0 0 0 1 h 1\n"
                          "FLASER 4 5 5 5 5 0 0 0 0 0 0 1 h 1\n",
-                many[] = "FLASER 1 7 0 0 0 0 0 0 1 h 1\nFLASER 1 8 0 0 0 0 0 0 1 h 1\nFLASER 1 9 0 0 0 0 0 0 1 h 1\n";
+                many[] = "FLASER 1 7 0 0 0 0 0 0 1 h 1\nFLASER 1 8 0 0 0 0 0 0 1 h 1\nFLASER 1 9 0 "
+                         "0 0 0 0 0 1 h 1\n";
     static const struct {
         const char *first;
         char *second;
         int count;
-    } sample[] = {{"FLASER 2 1 2 0 0 0 0 0 0 1 h 1\nFLASER 2 1 2 0 0 0 0 0 0 1 h 1\nFLASER x\n", one, 1},
-                  {"FLASER 2 1 2 0 0 0 0 0 0 1 h 1\nFLASER 2 1 2 0 0 0 0 0 0 1 h 1\nFLASER x\n", wide, 1},
-                  {"FLASER 2 1 2 0 0 0 0 0 0 1 h 1\nFLASER 2 1 2 0 0 0 0 0 0 1 h 1\nFLASER x\n", many, 2}};
+    } sample[] = {
+        {"FLASER 2 1 2 0 0 0 0 0 0 1 h 1\nFLASER 2 1 2 0 0 0 0 0 0 1 h 1\nFLASER x\n", one, 1},
+        {"FLASER 2 1 2 0 0 0 0 0 0 1 h 1\nFLASER 2 1 2 0 0 0 0 0 0 1 h 1\nFLASER x\n", wide, 1},
+        {"FLASER 2 1 2 0 0 0 0 0 0 1 h 1\nFLASER 2 1 2 0 0 0 0 0 0 1 h 1\nFLASER x\n", many, 2}};
 
     (void)state;
     for (size_t i = 0; i < sizeof sample / sizeof *sample; i++) {
@@ -966,7 +1004,8 @@ static void test_a_file_that_changes(void **state)
 
         params.on_fault = rewrite;
         params.context = sample[i].second;
-        assert_ok(cairn_carmen_load(&scans, files_write_text("changing.log", sample[i].first), &params, NULL));
+        assert_ok(cairn_carmen_load(&scans, files_write_text("changing.log", sample[i].first),
+                                    &params, NULL));
         assert_int_equal(scans.count, sample[i].count);
         assert_int_equal(scans.info.scans, 2);
         assert_near(scans.record[0].range[0], 7, 0);
@@ -995,7 +1034,8 @@ static void test_gzip_members(void **state)
     check_small_log(files_write("members.log.gz", both, size + more));
     memcpy(both + size + more, "\0\0\0\0x", 5);
     check_small_log(files_write("padded.log.gz", both, size + more + 5));
-    /* The first member's end at every place around that of the reader's blocks of 64 KiB: a name pads its header. */
+    /* The first member's end at every place around that of the reader's blocks of 64 KiB: a name
+     * pads its header. */
     for (size_t end = 65534; end <= 65538; end++) {
         char *padded = calloc(end + more, 1);
 
@@ -1009,7 +1049,8 @@ static void test_gzip_members(void **state)
         free(padded);
     }
     /* Cut in the header of the second. */
-    assert_ok(cairn_carmen_load(&scans, files_write("members-cut.log.gz", both, size + 5), &params, NULL));
+    assert_ok(cairn_carmen_load(&scans, files_write("members-cut.log.gz", both, size + 5), &params,
+                                NULL));
     assert_true(f.count >= 1);
     assert_int_equal(f.status[f.count - 1], CAIRN_TRUNCATED);
     cairn_carmen_scans_free(&scans);
@@ -1049,7 +1090,8 @@ static void test_mutations(void **state)
             if (kind == 0) {
                 bytes[at] = (char)cairn_random_below(&random, 256);
             } else if (kind == 1) {
-                const char *piece = pieces[cairn_random_below(&random, (int32_t)(sizeof pieces / sizeof *pieces))];
+                const char *piece =
+                    pieces[cairn_random_below(&random, (int32_t)(sizeof pieces / sizeof *pieces))];
 
                 memcpy(bytes + at, piece, strlen(piece));
             } else if (kind == 2) {
@@ -1140,7 +1182,8 @@ static void test_heap(void **state)
         assert_ok(cairn_carmen_log_rewind(log, NULL));
         cairn_carmen_log_close(log);
         assert_status(cairn_carmen_load(&scans, files_folder, NULL, NULL), CAIRN_UNSUPPORTED);
-        assert_status(cairn_carmen_load(&scans, files_write_text("heap.log", "ODOM\n"), NULL, NULL), CAIRN_EMPTY);
+        assert_status(cairn_carmen_load(&scans, files_write_text("heap.log", "ODOM\n"), NULL, NULL),
+                      CAIRN_EMPTY);
     }
     assert_true(files_heap() < heap + FILES_HEAP_NOISE);
     free(t.bytes);

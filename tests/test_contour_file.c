@@ -1,4 +1,5 @@
-/* Contours as JSON and as pictures: every key, lengths of images that were made smaller, what was found and nothing. */
+/* Contours as JSON and as pictures: every key, lengths of images that were made smaller, what
+ * was found and nothing. */
 #include "tests/test.h"
 
 #include <math.h>
@@ -41,7 +42,8 @@ static found find(int there, int32_t shrink)
     params.min_score = CAIRN_REAL(0.3);
     assert_ok(cairn_shape_model_file_build(&f.model, &outline, 1, &builder, "box", &error));
     assert_ok(cairn_contour_tokens_find(&f.tokens, view, 1, 0, "edges", &error));
-    assert_ok(cairn_contour_search_run(&f.result, &f.tokens, &f.model.model, &params, "edges", &error));
+    assert_ok(
+        cairn_contour_search_run(&f.result, &f.tokens, &f.model.model, &params, "edges", &error));
     f.picture.image = "a \"<image>\".png";
     f.picture.model_name = "box";
     f.picture.grey = edges;
@@ -105,8 +107,10 @@ static void test_json(void **state)
         assert_near(number_of(text, "n_eff"), f.result.trace[0][0].n_eff, 1e-2);
         assert_near(number_of(text, "modes"), f.result.modes[0][0], 0);
         assert_near(number_of(text, "id"), f.result.segments[f.result.objects[0].found.first], 0);
-        assert_int_equal(count_of(text, "\"skeleton\""), f.result.object_count * f.model.model.path_count);
-        assert_int_equal(count_of(text, "\"left\""), f.result.object_count * f.model.model.path_count);
+        assert_int_equal(count_of(text, "\"skeleton\""),
+                         f.result.object_count * f.model.model.path_count);
+        assert_int_equal(count_of(text, "\"left\""),
+                         f.result.object_count * f.model.model.path_count);
         assert_int_equal(count_of(text, "\"n_eff\""), f.result.steps[0] + f.result.steps[1]);
         assert_int_equal(count_of(text, "\"verdict\": \"found\""), 1);
         assert_int_equal(count_of(text, "<image"), 0);
@@ -151,7 +155,8 @@ static void test_picture(void **state)
     assert_well_formed(text);
     assert_int_equal(count_of(text, "<image"), 1);
     assert_int_equal(count_of(text, "nan"), 0);
-    assert_int_equal(count_of(text, "class=\"axis\""), f.result.object_count * f.model.model.path_count);
+    assert_int_equal(count_of(text, "class=\"axis\""),
+                     f.result.object_count * f.model.model.path_count);
     assert_int_equal(count_of(text, "class=\"left\""), f.result.object_count);
     assert_int_equal(count_of(text, "class=\"right\""), f.result.object_count);
     assert_int_equal(count_of(text, "class=\"model\""), f.result.object_count);
@@ -168,7 +173,8 @@ static void test_places_that_cannot_be_written(void **state)
     (void)state;
     link_up(&f);
     before = files_count();
-    assert_status(cairn_contour_file_write(&f.picture, files_path("none/a.json"), &error), CAIRN_IO);
+    assert_status(cairn_contour_file_write(&f.picture, files_path("none/a.json"), &error),
+                  CAIRN_IO);
     assert_status(cairn_contour_file_draw(&f.picture, files_path("none/a.svg"), &error), CAIRN_IO);
     assert_int_equal(files_count(), before);
     drop(&f);

@@ -6,9 +6,11 @@
 enum { SIDES = 7 };
 
 /* A lamp: nothing in it is alike upside down or from behind. */
-static const double lamp[SIDES][2] = {{-10, -40}, {14, -40}, {26, 0}, {6, 4}, {10, 40}, {-14, 40}, {-4, 4}};
+static const double lamp[SIDES][2] = {{-10, -40}, {14, -40}, {26, 0}, {6, 4},
+                                      {10, 40},   {-14, 40}, {-4, 4}};
 
-/* The lamp's sides in pieces of some 8 px, those of number `from` to `to` - 1 only. Indices of its segments are in order. */
+/* The lamp's sides in pieces of some 8 px, those of number `from` to `to` - 1 only. Indices of
+ * its segments are in order. */
 static void add_lamp(scene *s, double x, double y, double scale, double turn, int from, int to)
 {
     double c = scale * cos(turn), w = scale * sin(turn);
@@ -55,9 +57,10 @@ static cairn_grouping_input input_of(const finder *f, const scene *s)
     return in;
 }
 
-/* The share of the segments first ... last - 1 that an object has, and of its own that are among them. */
-static void shares(const cairn_grouping_result *r, int32_t object, int32_t first, int32_t last, double *recall,
-                   double *precision)
+/* The share of the segments first ... last - 1 that an object has, and of its own that are among
+ * them. */
+static void shares(const cairn_grouping_result *r, int32_t object, int32_t first, int32_t last,
+                   double *recall, double *precision)
 {
     const cairn_grouped_object *o = &r->objects[object];
     int32_t among = 0;
@@ -74,7 +77,8 @@ static void shares(const cairn_grouping_result *r, int32_t object, int32_t first
 }
 
 /* Where the frame of the model comes to lie: its origin is the middle of the box. */
-static void assert_lies(const finder *f, const cairn_grouped_object *o, double x, double y, double scale, double turn)
+static void assert_lies(const finder *f, const cairn_grouped_object *o, double x, double y,
+                        double scale, double turn)
 {
     double mx = (double)f->model.origin.x * scale, my = (double)f->model.origin.y * scale;
 
@@ -86,8 +90,10 @@ static void assert_lies(const finder *f, const cairn_grouped_object *o, double x
 
 static void it_is_found_in_clutter_at_any_size_and_turn(void **state)
 {
-    static const double where[4][4] = {
-        {160, 120, 1, 0}, {90, 100, 0.7, 12 * DEGREE}, {200, 130, 1.5, -12 * DEGREE}, {60, 60, 1.1, 5 * DEGREE}};
+    static const double where[4][4] = {{160, 120, 1, 0},
+                                       {90, 100, 0.7, 12 * DEGREE},
+                                       {200, 130, 1.5, -12 * DEGREE},
+                                       {60, 60, 1.1, 5 * DEGREE}};
     cairn_grouping_params params = small_params();
     finder f = new_finder(&params);
 
@@ -113,7 +119,8 @@ static void it_is_found_in_clutter_at_any_size_and_turn(void **state)
         assert_true(r.objects[0].score > (cairn_real)0.8 && r.objects[0].score <= 1);
         assert_near(r.best, r.objects[0].score, 0);
         assert_true(r.starts > 0 && r.steps == f.model.sample_count - 1);
-        assert_true(r.objects[0].seen > f.model.sample_count * 2 / 3 && r.objects[0].seen <= f.model.sample_count);
+        assert_true(r.objects[0].seen > f.model.sample_count * 2 / 3 &&
+                    r.objects[0].seen <= f.model.sample_count);
         for (int32_t k = 0; k < r.steps; k++) {
             assert_true(r.trace[k].particles >= 1 && r.trace[k].particles <= params.particles);
             assert_true(r.trace[k].n_eff >= (cairn_real)0.99 && r.trace[k].log_likelihood <= 0);
@@ -154,7 +161,8 @@ static void two_are_found_and_told_apart(void **state)
     test_pool_free(&f.pool);
 }
 
-/* 1 when a place of the model is nearer to the lamp's sides from `from` to `to` - 1 than to all others. */
+/* 1 when a place of the model is nearer to the lamp's sides from `from` to `to` - 1 than to all
+ * others. */
 static int is_of_sides(const finder *f, cairn_vec2 place, int from, int to)
 {
     double least = 1e9, x = (double)(place.x * f->model.size + f->model.origin.x);
@@ -175,8 +183,10 @@ static int is_of_sides(const finder *f, cairn_vec2 place, int from, int to)
     return nearest >= from && nearest < to;
 }
 
-/* Samples of the paths of which a side lies next to a place of the outline that a segment goes along. */
-static int32_t samples_seen(const finder *f, const cairn_grouping_result *r, const cairn_grouped_object *o)
+/* Samples of the paths of which a side lies next to a place of the outline that a segment goes
+ * along. */
+static int32_t samples_seen(const finder *f, const cairn_grouping_result *r,
+                            const cairn_grouped_object *o)
 {
     int32_t seen = 0;
 
@@ -188,8 +198,8 @@ static int32_t samples_seen(const finder *f, const cairn_grouping_result *r, con
             int32_t nearest = 0;
 
             for (int32_t i = 0; i < f->model.outline_count; i++) {
-                double off = (double)cairn_vec2_norm(
-                    cairn_vec2_sub(f->model.outline[i].position, f->model.samples[k].side[side].position));
+                double off = (double)cairn_vec2_norm(cairn_vec2_sub(
+                    f->model.outline[i].position, f->model.samples[k].side[side].position));
 
                 nearest = off < least ? i : nearest;
                 least = fmin(off, least);
@@ -201,7 +211,8 @@ static int32_t samples_seen(const finder *f, const cairn_grouping_result *r, con
     return seen;
 }
 
-/* One end is hidden, then the other: what is left is grouped, with less evidence, and it is said which part was seen. */
+/* One end is hidden, then the other: what is left is grouped, with less evidence, and it is said
+ * which part was seen. */
 static void a_part_is_enough(void **state)
 {
     cairn_grouping_params params = small_params();
@@ -227,7 +238,8 @@ static void a_part_is_enough(void **state)
         r = group(&f, &in);
         assert_int_equal(r.object_count, 1);
         assert_lies(&f, &r.objects[0], 150, 110, 1.2, 5 * DEGREE);
-        assert_true(r.best_evidence < evidence && r.best < (cairn_real)0.92 && r.best > (cairn_real)0.5);
+        assert_true(r.best_evidence < evidence && r.best < (cairn_real)0.92 &&
+                    r.best > (cairn_real)0.5);
         assert_near(r.objects[0].evidence, r.best_evidence, 0);
         shares(&r, 0, 0, own, &recall, &precision);
         assert_true(recall >= 0.9);
@@ -242,7 +254,8 @@ static void a_part_is_enough(void **state)
         }
         assert_true(right >= visible * 9 / 10);
         assert_true(right >= seen * 9 / 10);
-        assert_in_range(r.objects[0].seen, samples_seen(&f, &r, &r.objects[0]), f.model.sample_count);
+        assert_in_range(r.objects[0].seen, samples_seen(&f, &r, &r.objects[0]),
+                        f.model.sample_count);
         assert_true(r.objects[0].seen <= samples_seen(&f, &r, &r.objects[0]) + 2);
     }
     test_pool_free(&f.pool);
@@ -273,7 +286,8 @@ static void what_the_border_cuts_is_found(void **state)
     test_pool_free(&f.pool);
 }
 
-/* Not there, upside down, or of another size than asked for: nothing is reported, but for the best score. */
+/* Not there, upside down, or of another size than asked for: nothing is reported, but for the
+ * best score. */
 static void what_is_not_there_is_not_found(void **state)
 {
     cairn_grouping_params params = small_params();
@@ -337,7 +351,8 @@ static void twin_cut(twin *t, const scene *s, double token)
     int32_t chain = 0;
 
     for (int32_t i = 0; i < s->count; i++) {
-        double ax = (double)s->lines[i].a.x, ay = (double)s->lines[i].a.y, bx = (double)s->lines[i].b.x;
+        double ax = (double)s->lines[i].a.x, ay = (double)s->lines[i].a.y,
+               bx = (double)s->lines[i].b.x;
         double by = (double)s->lines[i].b.y, length = hypot(bx - ax, by - ay);
         int parts = (int)ceil(length / token);
 
@@ -371,7 +386,8 @@ static double twin_leave(const twin *t, int32_t token, double ux, double uy, int
     return next >= 0 && next < t->count && t->token[next].chain == t->token[token].chain ? 2 : 0;
 }
 
-static double twin_step(const twin *t, const twin_cell *a, const twin_cell *b, double ux, double uy, double bend)
+static double twin_step(const twin *t, const twin_cell *a, const twin_cell *b, double ux, double uy,
+                        double bend)
 {
     int32_t ahead;
 
@@ -389,7 +405,8 @@ static double twin_step(const twin *t, const twin_cell *a, const twin_cell *b, d
 }
 
 /* The cells of a place of the outline; their number. */
-static int twin_look(const twin *t, double x, double y, double ux, double uy, double bend, twin_cell *cell)
+static int twin_look(const twin *t, double x, double y, double ux, double uy, double bend,
+                     twin_cell *cell)
 {
     double sigma = t->deform * t->size, wide = fmax(sigma, 1.5), worth = 1 - 0.65 * (1 - bend);
     double reach = fmin(fmax(3 * sigma, 4) + 5, 64);
@@ -416,7 +433,8 @@ static int twin_look(const twin *t, double x, double y, double ux, double uy, do
         cell[at].cost = cost;
         cell[at].token = i;
         cell[at].off = (ux * fy - uy * fx) / sigma;
-        cell[at].value = t->spacing / 0.08 * (fmax(2.14 * worth - 6.25 * cost, 0.5 * worth - cost) - t->chance);
+        cell[at].value =
+            t->spacing / 0.08 * (fmax(2.14 * worth - 6.25 * cost, 0.5 * worth - cost) - t->chance);
     }
     return count;
 }
@@ -430,20 +448,22 @@ static double twin_evidence(const twin *t, const cairn_shape_model *m)
     for (int32_t i = 0; i < m->outline_count; i++) {
         const cairn_oriented_point *o = &m->outline[i];
         const cairn_oriented_point *p = &m->outline[i < 2 ? 0 : i - 2];
-        const cairn_oriented_point *q = &m->outline[i + 2 < m->outline_count ? i + 2 : m->outline_count - 1];
+        const cairn_oriented_point *q =
+            &m->outline[i + 2 < m->outline_count ? i + 2 : m->outline_count - 1];
         double mx = (double)o->position.x * t->size, my = (double)o->position.y * t->size;
         double dx = (double)o->direction.x, dy = (double)o->direction.y;
         double ux = t->cosine * dx - t->sine * dy, uy = t->sine * dx + t->cosine * dy;
         double bend = 1 - exp(((double)cairn_vec2_dot(p->direction, q->direction) - 1) / 0.0667);
 
         before = count;
-        count = twin_look(t, t->ox + t->cosine * mx - t->sine * my, t->oy + t->sine * mx + t->cosine * my, ux, uy, bend,
-                          cell[i]);
+        count = twin_look(t, t->ox + t->cosine * mx - t->sine * my,
+                          t->oy + t->sine * mx + t->cosine * my, ux, uy, bend, cell[i]);
         for (int k = 0; k < count && i > 0; k++) {
             double most = -1e9;
 
             for (int j = 0; j < before; j++)
-                most = fmax(most, cell[i - 1][j].value - twin_step(t, &cell[i - 1][j], &cell[i][k], ux, uy, bend));
+                most = fmax(most, cell[i - 1][j].value -
+                                      twin_step(t, &cell[i - 1][j], &cell[i][k], ux, uy, bend));
             cell[i][k].value += most;
         }
     }
@@ -465,7 +485,8 @@ static void evidence_is_that_of_the_slow_twin(void **state)
         cairn_grouping_input in;
         cairn_grouping_result r;
 
-        add_lamp(&s, 140 + 7.3 * i, 100 + 4.1 * i, 0.9 + 0.1 * i, (2.5 * i - 5) * DEGREE, i % 3, SIDES);
+        add_lamp(&s, 140 + 7.3 * i, 100 + 4.1 * i, 0.9 + 0.1 * i, (2.5 * i - 5) * DEGREE, i % 3,
+                 SIDES);
         add_clutter(&s, 40 * i + 20, 2, 8, (uint64_t)i);
         in = input_of(&f, &s);
         r = group(&f, &in);
@@ -479,7 +500,8 @@ static void evidence_is_that_of_the_slow_twin(void **state)
         t.ox = (double)r.objects[0].origin.x;
         t.oy = (double)r.objects[0].origin.y;
         for (int32_t k = 1; k < f.model.outline_count; k++)
-            w += (double)cairn_vec2_norm(cairn_vec2_sub(f.model.outline[k].position, f.model.outline[k - 1].position));
+            w += (double)cairn_vec2_norm(
+                cairn_vec2_sub(f.model.outline[k].position, f.model.outline[k - 1].position));
         t.spacing = w / f.model.outline_count;
         twin_cut(&t, &s, (double)params.token);
         assert_int_equal(r.token_count, t.count);
@@ -499,7 +521,8 @@ static int32_t twin_sights(const finder *f, const scene *s, const cairn_grouping
         int32_t p = k % s->count, q = k / s->count % s->count;
         const cairn_oriented_point *side = f->model.samples[k / s->count / s->count].side;
         double mx = (double)(side[1].position.x - side[0].position.x),
-               my = (double)(side[1].position.y - side[0].position.y), at[2][2], turned[2], size, turn, off;
+               my = (double)(side[1].position.y - side[0].position.y), at[2][2], turned[2], size,
+               turn, off;
 
         for (int e = 0; e < 2; e++) {
             const cairn_segment *line = &s->lines[e ? q : p];
@@ -515,15 +538,16 @@ static int32_t twin_sights(const finder *f, const scene *s, const cairn_grouping
         turn = atan2(at[1][1] - at[0][1], at[1][0] - at[0][0]) - atan2(my, mx);
         off = remainder(turn - (double)(in->min_turn + in->max_turn) / 2, 2 * PI);
         count += size >= (double)in->min_size && size <= (double)in->max_size &&
-                 fabs(off) <= (double)(in->max_turn - in->min_turn) / 2 && fabs(cos(turned[0] - turn)) >= 0.9 &&
-                 fabs(cos(turned[1] - turn)) >= 0.9;
+                 fabs(off) <= (double)(in->max_turn - in->min_turn) / 2 &&
+                 fabs(cos(turned[0] - turn)) >= 0.9 && fabs(cos(turned[1] - turn)) >= 0.9;
     }
     return count;
 }
 
 static void first_sight_passes_nothing_over(void **state)
 {
-    static const double turns[][2] = {{-15, 15}, {-180, 180}, {20, 50}, {-90, 90}, {-89, 89}, {150, 180}, {0, 1}};
+    static const double turns[][2] = {{-15, 15}, {-180, 180}, {20, 50}, {-90, 90},
+                                      {-89, 89}, {150, 180},  {0, 1}};
     cairn_grouping_params params = small_params();
     finder f = new_finder(&params);
     cairn_random random = cairn_random_seed(5, 3);
@@ -576,8 +600,9 @@ static void an_image_full_of_edges_is_thinned_out(void **state)
     in.segments = lines;
     for (int32_t y = 4; y < HEIGHT; y += 4)
         for (int32_t x = 4; x < WIDTH - 4; x += 4) {
-            cairn_segment line = {{(cairn_real)x, (cairn_real)y},
-                                  {(cairn_real)(x + (x / 4 % 2 ? 4 : 0)), (cairn_real)(y + (x / 4 % 2 ? 0 : 4))}};
+            cairn_segment line = {
+                {(cairn_real)x, (cairn_real)y},
+                {(cairn_real)(x + (x / 4 % 2 ? 4 : 0)), (cairn_real)(y + (x / 4 % 2 ? 0 : 4))}};
 
             lines[in.count++] = line;
         }
@@ -620,19 +645,23 @@ static void small_models_and_images(void **state)
             cairn_vec2 a = corner[i], b = corner[(i + 1) % 3];
             double t = k / 6.0, u = (k + 1) / 6.0;
 
-            add_line(&s, 100 + (double)a.x + t * (double)(b.x - a.x), 80 + (double)a.y + t * (double)(b.y - a.y),
-                     100 + (double)a.x + u * (double)(b.x - a.x), 80 + (double)a.y + u * (double)(b.y - a.y));
+            add_line(&s, 100 + (double)a.x + t * (double)(b.x - a.x),
+                     80 + (double)a.y + t * (double)(b.y - a.y),
+                     100 + (double)a.x + u * (double)(b.x - a.x),
+                     80 + (double)a.y + u * (double)(b.y - a.y));
         }
     in = input_of(&f, &s);
     assert_int_equal(group(&f, &in).object_count, 1);
-    assert_near(cairn_grouping_read(f.grouping).objects[0].origin.x, 100 + (double)f.model.origin.x, 1);
+    assert_near(cairn_grouping_read(f.grouping).objects[0].origin.x, 100 + (double)f.model.origin.x,
+                1);
     in.width = in.height = 1;
     in.count = 0;
     assert_int_equal(group(&f, &in).object_count, 0);
     test_pool_free(&f.pool);
 }
 
-/* Without a term it still groups; steps stop early where nothing fits; a longer path needs no larger pool but for its trace. */
+/* Without a term it still groups; steps stop early where nothing fits; a longer path needs no
+ * larger pool but for its trace. */
 static void parts_can_be_switched_off(void **state)
 {
     cairn_grouping_params params = small_params(), longer = params;
@@ -743,10 +772,10 @@ static void bad_input_is_refused(void **state)
     add_lamp(&s, 160, 120, 1, 0, 0, SIDES);
     good = input_of(&f, &s);
     assert_int_equal(group(&f, &good).object_count, 1);
-#define REFUSED(change, status)                                                                                        \
-    in = good;                                                                                                         \
-    change;                                                                                                            \
-    assert_status(cairn_grouping_begin(f.grouping, &in), status);                                                      \
+#define REFUSED(change, status)                                                                    \
+    in = good;                                                                                     \
+    change;                                                                                        \
+    assert_status(cairn_grouping_begin(f.grouping, &in), status);                                  \
     assert_int_equal(cairn_grouping_read(f.grouping).object_count, 1)
     REFUSED(in.count = -1, CAIRN_BAD_ARGUMENT);
     REFUSED(in.segments = NULL, CAIRN_BAD_ARGUMENT);
@@ -795,10 +824,10 @@ static void bad_params_are_refused(void **state)
     cairn_grouping *g;
 
     (void)state;
-#define REFUSED(field, bad)                                                                                            \
-    p = good;                                                                                                          \
-    p.field = bad;                                                                                                     \
-    assert_int_equal(cairn_grouping_memory(&p), 0);                                                                    \
+#define REFUSED(field, bad)                                                                        \
+    p = good;                                                                                      \
+    p.field = bad;                                                                                 \
+    assert_int_equal(cairn_grouping_memory(&p), 0);                                                \
     assert_status(cairn_grouping_create(&g, &pool, &p), CAIRN_BAD_ARGUMENT)
     REFUSED(max_width, 0);
     REFUSED(max_width, 8193);

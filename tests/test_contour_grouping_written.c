@@ -1,4 +1,5 @@
-/* The mode as written of contour_grouping: what it finds; each step of a walk against its definition, by a slow reference implementation; bad input. */
+/* The mode as written of contour_grouping: what it finds; each step of a walk against its
+ * definition, by a slow reference implementation; bad input. */
 #include "tests/contour_scene.h"
 
 #include "cairn/symmetric_point.h"
@@ -92,7 +93,8 @@ static void a_flask_in_clutter_is_walked_along(void **state)
     assert_near(r.objects[0].size, f.model.size, 1e-3);
     assert_true(r.objects[0].score > (cairn_real)0.7);
     assert_int_equal(r.token_count, s.count);
-    assert_true(r.starts > 0 && r.points > 0 && r.points_dropped == 0 && r.end != CAIRN_GROUPING_NO_START);
+    assert_true(r.starts > 0 && r.points > 0 && r.points_dropped == 0 &&
+                r.end != CAIRN_GROUPING_NO_START);
     assert_near(r.best_evidence, r.objects[0].evidence, 0);
     for (int32_t i = 0; i < r.steps; i++)
         assert_in_range(r.trace[i].particles, 1, params.particles);
@@ -138,23 +140,25 @@ static double reference_normal(double x, double sigma)
 }
 
 /* The log of (2.13), the path walked from its first or its last sample. */
-static double reference_likelihood(const finder *f, const cairn_grouping_disc *first, const cairn_grouping_disc *d,
-                                   int way)
+static double reference_likelihood(const finder *f, const cairn_grouping_disc *first,
+                                   const cairn_grouping_disc *d, int way)
 {
     const cairn_shape_model *m = &f->model;
     int32_t n = m->paths[0].count;
     const cairn_shape_sample *p = &m->samples[m->paths[0].first];
     double size = (double)m->size, mean = 0, least = 1e9, radius = 0;
-    double x = (double)(d->centre.x - first->centre.x) / size, y = (double)(d->centre.y - first->centre.y) / size;
+    double x = (double)(d->centre.x - first->centre.x) / size,
+           y = (double)(d->centre.y - first->centre.y) / size;
 
     for (int32_t k = 0; k < n; k++)
         mean += (double)p[k].radius / n;
     for (int32_t k = 0; k < n; k++) {
         const cairn_shape_sample *sample = &p[way ? n - 1 - k : k], *start = &p[way ? n - 1 : 0];
-        double mx = (double)(sample->centre.x - start->centre.x), my = (double)(sample->centre.y - start->centre.y);
+        double mx = (double)(sample->centre.x - start->centre.x),
+               my = (double)(sample->centre.y - start->centre.y);
         double angle = fabs(remainder(atan2(y, x) - atan2(my, mx), 2 * acos(-1)));
-        double off =
-            angle * fmin(1, fmin(hypot(x, y), hypot(mx, my)) / mean) + fabs(hypot(x, y) - hypot(mx, my)) / mean;
+        double off = angle * fmin(1, fmin(hypot(x, y), hypot(mx, my)) / mean) +
+                     fabs(hypot(x, y) - hypot(mx, my)) / mean;
 
         if (off < least) {
             least = off;
@@ -186,9 +190,11 @@ static void model_radii(const finder *f, cairn_real radii[2])
     radii[1] = f->model.size * (most + sum);
 }
 
-/* Every disc is the symmetric point of its segments; every step leads from an open end to an end within the look-ahead, and takes two new
- * segments; the posterior is the sum of (2.13), above `stop`, along one of the two ways. */
-static void assert_is_walk(const finder *f, const scene *s, const cairn_grouping_disc *d, int32_t count)
+/* Every disc is the symmetric point of its segments; every step leads from an open end to an end
+ * within the look-ahead, and takes two new segments; the posterior is the sum of (2.13), above
+ * `stop`, along one of the two ways. */
+static void assert_is_walk(const finder *f, const scene *s, const cairn_grouping_disc *d,
+                           int32_t count)
 {
     double sum[2] = {0, 0};
     int right[2] = {1, 1};
@@ -211,7 +217,8 @@ static void assert_is_walk(const finder *f, const scene *s, const cairn_grouping
         assert_near(p.deviation, d[i].deviation, 0);
         for (int way = 0; way < 2; way++) {
             sum[way] += reference_likelihood(f, &d[0], &d[i], way) - log(0.5);
-            right[way] = right[way] && fabs(sum[way] - (double)d[i].log_posterior) < NUMBER(1e-9, 1e-2);
+            right[way] =
+                right[way] && fabs(sum[way] - (double)d[i].log_posterior) < NUMBER(1e-9, 1e-2);
         }
         for (int k = 0; k < 2; k++) {
             cairn_segment line = s->lines[d[i].segment[k]];
@@ -221,7 +228,8 @@ static void assert_is_walk(const finder *f, const scene *s, const cairn_grouping
             if (i > 0)
                 assert_true(apart(d[i - 1].open[k], at_b ? line.a : line.b) <= 16.001);
             for (int32_t j = 0; j < i; j++)
-                assert_true(d[j].segment[0] != d[i].segment[k] && d[j].segment[1] != d[i].segment[k]);
+                assert_true(d[j].segment[0] != d[i].segment[k] &&
+                            d[j].segment[1] != d[i].segment[k]);
         }
     }
     assert_true(right[0] || right[1]);
@@ -251,7 +259,8 @@ static void walks_are_what_they_are_defined_to_be(void **state)
             cairn_budget budget = {20000};
 
             status = cairn_grouping_step(f.grouping, &budget);
-            for (int32_t i = 0; i < cairn_grouping_particles(f.grouping, particles, 60, &steps); i += 7) {
+            for (int32_t i = 0; i < cairn_grouping_particles(f.grouping, particles, 60, &steps);
+                 i += 7) {
                 int32_t count = cairn_grouping_history(f.grouping, i, d, STEPS);
 
                 /* The step after may have been made, and not yet been counted. */
@@ -366,10 +375,10 @@ static void bad_params_are_refused(void **state)
     cairn_grouping_params p;
 
     (void)state;
-#define REFUSED(change)                                                                                                \
-    p = small_params();                                                                                                \
-    assert_true(cairn_grouping_memory(&p) > 0);                                                                        \
-    change;                                                                                                            \
+#define REFUSED(change)                                                                            \
+    p = small_params();                                                                            \
+    assert_true(cairn_grouping_memory(&p) > 0);                                                    \
+    change;                                                                                        \
     assert_int_equal(cairn_grouping_memory(&p), 0)
     REFUSED(p.mode = -1);
     REFUSED(p.mode = 2);
@@ -402,9 +411,9 @@ static void bad_input_is_refused(void **state)
     add_flask(&s, 130, 100);
     good = input_of(&f, &s);
     pathless.path_count = 0;
-#define REFUSED(change, status)                                                                                        \
-    in = good;                                                                                                         \
-    change;                                                                                                            \
+#define REFUSED(change, status)                                                                    \
+    in = good;                                                                                     \
+    change;                                                                                        \
     assert_status(cairn_grouping_begin(f.grouping, &in), status)
     REFUSED(in.look_ahead = 0, CAIRN_BAD_ARGUMENT);
     REFUSED(in.look_ahead = (cairn_real)NAN, CAIRN_NOT_FINITE);
@@ -450,7 +459,8 @@ static void no_start_is_told(void **state)
     test_pool_free(&f.pool);
 }
 
-/* Two segments face each other, and nothing else is near: 500 particles start, and none can go on. */
+/* Two segments face each other, and nothing else is near: 500 particles start, and none can go
+ * on. */
 static void all_particles_may_die(void **state)
 {
     cairn_grouping_params params = small_params();
@@ -479,7 +489,8 @@ static void all_particles_may_die(void **state)
     test_pool_free(&f.pool);
 }
 
-/* Parallel lines all over: more than ten thousand symmetric points, of which max_points are kept. */
+/* Parallel lines all over: more than ten thousand symmetric points, of which max_points are
+ * kept. */
 static void ten_thousand_points(void **state)
 {
     cairn_grouping_params params = small_params();
@@ -525,8 +536,9 @@ static void steps_are_bounded(void **state)
     test_pool_free(&f.pool);
 }
 
-/* A corridor whose sides are cut into pieces of 4 px, of which only the next two are ahead: no walk dies and none is resampled, so the
- * histories share nothing. When their memory is used up the walk ends; what was found until then is the result. */
+/* A corridor whose sides are cut into pieces of 4 px, of which only the next two are ahead: no
+ * walk dies and none is resampled, so the histories share nothing. When their memory is used up
+ * the walk ends; what was found until then is the result. */
 static void histories_are_bounded(void **state)
 {
     cairn_grouping_params params = small_params();

@@ -1,12 +1,14 @@
-/* Contours of known shapes in drawn pictures of edges: found where they are, as they are and mirrored, with both kinds of tokens; the
- * walk watched; pictures with nothing, with edges everywhere, and those that are too large. */
+/* Contours of known shapes in drawn pictures of edges: found where they are, as they are and
+ * mirrored, with both kinds of tokens; the walk watched; pictures with nothing, with edges
+ * everywhere, and those that are too large. */
 #include "tests/flag_picture.h"
 
 #include "src/host/contour_search_work.h"
 
 static int32_t samples; /* of the model that was searched last */
 
-static cairn_contour_result run(const cairn_contour_tokens *tokens, const cairn_contour_search_params *params)
+static cairn_contour_result run(const cairn_contour_tokens *tokens,
+                                const cairn_contour_search_params *params)
 {
     cairn_shape_model_file model = make_model();
     cairn_contour_result result;
@@ -139,12 +141,14 @@ static void test_both_of_two(void **state)
         found[r.objects[i].mirrored]++;
     assert_int_equal(found[0], 1);
     assert_int_equal(found[1], 1);
-    assert_near(r.objects[0].mirrored ? r.objects[1].found.origin.x : r.objects[0].found.origin.x, 60, 6);
+    assert_near(r.objects[0].mirrored ? r.objects[1].found.origin.x : r.objects[0].found.origin.x,
+                60, 6);
     cairn_contour_result_free(&r);
     cairn_contour_tokens_free(&tokens);
 }
 
-/* Of a flag alone in the picture all edges but bits about the corners belong to the object, each segment once. */
+/* Of a flag alone in the picture all edges but bits about the corners belong to the object, each
+ * segment once. */
 /* A flag of which the picture's border cuts off the tip of the cloth. */
 static void test_cut_by_the_border(void **state)
 {
@@ -183,8 +187,8 @@ static void test_model_of_three_points(void **state)
     assert_ok(cairn_shape_model_file_build(&model, &outline, 1, &builder, "triangle", &error));
     clear_picture();
     for (int32_t i = 0; i < 3; i++)
-        draw_line(80 + (double)corners[i].x, 50 + (double)corners[i].y, 80 + (double)corners[(i + 1) % 3].x,
-                  50 + (double)corners[(i + 1) % 3].y);
+        draw_line(80 + (double)corners[i].x, 50 + (double)corners[i].y,
+                  80 + (double)corners[(i + 1) % 3].x, 50 + (double)corners[(i + 1) % 3].y);
     tokens = find_tokens(0);
     params.min_size = 100;
     params.max_size = 170;
@@ -246,7 +250,8 @@ static void draw_level(cairn_oriented_point outline[LEVEL])
 }
 
 /* Such an outline, and edges about it: which of them are collected, and their order. */
-static void collect(const cairn_segment *lines, const int32_t *chains, int32_t count, const char *wanted)
+static void collect(const cairn_segment *lines, const int32_t *chains, int32_t count,
+                    const char *wanted)
 {
     cairn_oriented_point outline[LEVEL];
     contour_laid laid = {outline, LEVEL, {100, 100}, 200};
@@ -326,7 +331,8 @@ static void test_what_is_completed(void **state)
     for (int32_t i = 0; i < 8; i++)
         row[i].a.y = row[i].b.y = (cairn_real)(100 + 3 * i);
     collect(row, one, 8, "++++++++");
-    /* Across a junction to a chain that begins there, 13 px off, behind one that is 8 px off; not to one that begins 6 px away. */
+    /* Across a junction to a chain that begins there, 13 px off, behind one that is 8 px off;
+     * not to one that begins 6 px away. */
     make_row(row, 108);
     for (int32_t i = 4; i < 8; i++)
         row[i].a.y = row[i].b.y = 113;
@@ -339,7 +345,8 @@ static void test_what_is_completed(void **state)
     collect(row, two, 8, "++++....");
 }
 
-/* A bow over a box: what leaves the outline is followed for a third of the size, out of the box for a fifth, not round a sharp bend. */
+/* A bow over a box: what leaves the outline is followed for a third of the size, out of the box
+ * for a fifth, not round a sharp bend. */
 static void test_what_is_followed(void **state)
 {
     static const int32_t one[8] = {0, 0, 0, 0, 0, 0, 0, 0}, two[8] = {0, 0, 0, 1, 1, 1, 1, 1};
@@ -383,12 +390,13 @@ static void test_what_is_followed(void **state)
 }
 
 /* Pieces of an outline of two parts that no segment goes along. */
-/* Under a line that ends in a gap of its drawing: what begins below it, off by 8 px and at a right angle, is followed about the gap, and only
- * there. */
+/* Under a line that ends in a gap of its drawing: what begins below it, off by 8 px and at a
+ * right angle, is followed about the gap, and only there. */
 static void test_what_goes_on_at_a_gap(void **state)
 {
     static const int32_t apart[3] = {0, 1, 2};
-    const cairn_segment lines[3] = {{{150, 100}, {170, 100}}, {{170, 108}, {170, 128}}, {{170, 135}, {170, 138}}};
+    const cairn_segment lines[3] = {
+        {{150, 100}, {170, 100}}, {{170, 108}, {170, 128}}, {{170, 135}, {170, 138}}};
     cairn_oriented_point outline[LEVEL];
     contour_laid laid = {outline, LEVEL, {100, 100}, 200};
     contour_gaps gaps = {.at = {{200, 100}}, .count = 0};
@@ -432,14 +440,16 @@ static void test_pieces_not_seen(void **state)
         }
     }
     object.outline_count = n;
-    for (int32_t from = 0; cairn_contour_completed(&r, &object, from, &first, &count); from = first + count, pieces++)
+    for (int32_t from = 0; cairn_contour_completed(&r, &object, from, &first, &count);
+         from = first + count, pieces++)
         for (int32_t i = first; i < first + count; i++)
             assert_int_equal(wanted[i < 8 ? i : i + 1], 'a' + pieces);
     assert_int_equal(pieces, 5);
     assert_int_equal(count, 0);
 }
 
-/* A flag of which a piece of the pole is hidden: that piece, and hardly more, is predicted, where it would be. */
+/* A flag of which a piece of the pole is hidden: that piece, and hardly more, is predicted,
+ * where it would be. */
 static void test_hidden_piece_is_predicted(void **state)
 {
     cairn_contour_search_params params = generous();
@@ -458,7 +468,8 @@ static void test_hidden_piece_is_predicted(void **state)
     params.mirror = 0;
     r = run(&tokens, &params);
     assert_true(r.object_count >= 1);
-    for (int32_t from = 0; cairn_contour_completed(&r, &r.objects[0], from, &first, &count); from = first + count)
+    for (int32_t from = 0; cairn_contour_completed(&r, &r.objects[0], from, &first, &count);
+         from = first + count)
         for (int32_t i = first; i < first + count; i++) {
             cairn_vec2 p = r.outline[r.objects[0].first_outline + i].at.position;
 
@@ -482,7 +493,8 @@ typedef struct watch {
     double weight;
 } watch;
 
-static void on_step(void *context, const cairn_grouping_particle *particles, int32_t count, int32_t mirrored)
+static void on_step(void *context, const cairn_grouping_particle *particles, int32_t count,
+                    int32_t mirrored)
 {
     watch *w = context;
 
@@ -565,7 +577,8 @@ static void test_least_of_evidence_and_score(void **state)
     }
 }
 
-/* A flag as it was drawn, and one whose edges are shifted in its lower half: of that the shape takes more from the evidence. */
+/* A flag as it was drawn, and one whose edges are shifted in its lower half: of that the shape
+ * takes more from the evidence. */
 static void test_shape_counts(void **state)
 {
     cairn_real left[2];
@@ -652,7 +665,8 @@ static void test_limits(void **state)
 {
     int32_t wide = CAIRN_CONTOUR_SIDE_MOST + 1, many = 1100;
     uint8_t *pixels = malloc((size_t)many * (size_t)many);
-    cairn_raster_u8_view row = {pixels, wide, 1, wide}, full = {pixels, many, many, many}, none = {NULL, 1, 1, 1};
+    cairn_raster_u8_view row = {pixels, wide, 1, wide}, full = {pixels, many, many, many},
+                         none = {NULL, 1, 1, 1};
     cairn_contour_tokens tokens;
 
     (void)state;
@@ -665,9 +679,12 @@ static void test_limits(void **state)
     assert_ok(cairn_contour_tokens_find(&tokens, full, 10, 0, "full", &error));
     assert_int_equal(tokens.count, 0);
     cairn_contour_tokens_free(&tokens);
-    assert_status(cairn_contour_tokens_find(&tokens, none, 1, 0, "none", &error), CAIRN_BAD_ARGUMENT);
-    assert_status(cairn_contour_tokens_find(&tokens, full, 0, 0, "full", &error), CAIRN_BAD_ARGUMENT);
-    assert_status(cairn_contour_tokens_find(&tokens, full, 256, 0, "full", &error), CAIRN_BAD_ARGUMENT);
+    assert_status(cairn_contour_tokens_find(&tokens, none, 1, 0, "none", &error),
+                  CAIRN_BAD_ARGUMENT);
+    assert_status(cairn_contour_tokens_find(&tokens, full, 0, 0, "full", &error),
+                  CAIRN_BAD_ARGUMENT);
+    assert_status(cairn_contour_tokens_find(&tokens, full, 256, 0, "full", &error),
+                  CAIRN_BAD_ARGUMENT);
     assert_null(tokens.lines);
     free(pixels);
 }
@@ -691,7 +708,8 @@ static void test_refused_searches(void **state)
         bad.grouping.particles = k == 4 ? 0 : bad.grouping.particles;
         bad.grouping.token = k == 5 ? 0 : bad.grouping.token;
         memset(&error, 0, sizeof error);
-        assert_status(cairn_contour_search_run(&r, &tokens, &model.model, &bad, "name", &error), CAIRN_BAD_ARGUMENT);
+        assert_status(cairn_contour_search_run(&r, &tokens, &model.model, &bad, "name", &error),
+                      CAIRN_BAD_ARGUMENT);
         assert_non_null(strstr(error.text, "name: "));
         assert_null(r.objects);
         assert_null(r.trace[0]);

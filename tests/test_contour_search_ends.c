@@ -47,7 +47,8 @@ static void finds_all_that_meet(void **state)
             lines[i].a.y = cairn_random_uniform(&random, 0, 1) * width;
             lines[i].b.x = lines[i].a.x + cairn_random_uniform(&random, -reach, reach);
             lines[i].b.y = lines[i].a.y + cairn_random_uniform(&random, -reach, reach);
-            /* Every third begins about where the one before ends, and some to the bit as far off as ends may lie. */
+            /* Every third begins about where the one before ends, and some to the bit as far off
+             * as ends may lie. */
             if (i % 3 == 2) {
                 lines[i].a = lines[i - 1].b;
                 lines[i].a.x += i % 2 == 0 ? APART : cairn_random_uniform(&random, -5, 5);

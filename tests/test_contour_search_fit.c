@@ -1,5 +1,5 @@
-/* An outline bent onto edges: the field beside its slow twin, shapes of other proportions and with parts shifted, parts that are hidden,
- * nothing to bend onto. */
+/* An outline bent onto edges: the field beside its slow twin, shapes of other proportions and
+ * with parts shifted, parts that are hidden, nothing to bend onto. */
 #include "tests/test.h"
 
 #include <math.h>
@@ -49,8 +49,10 @@ static void add_line(cairn_vec2 a, cairn_vec2 b)
     tokens.count++;
 }
 
-/* A jug at (100, 80), as wide and high as said, its spout lower by `down`; without its sides of which `hidden` has a bit. */
-static void draw_jug(double wide, double high, double down, int32_t hidden, cairn_vec2 corners[CORNERS])
+/* A jug at (100, 80), as wide and high as said, its spout lower by `down`; without its sides of
+ * which `hidden` has a bit. */
+static void draw_jug(double wide, double high, double down, int32_t hidden,
+                     cairn_vec2 corners[CORNERS])
 {
     clear_lines();
     for (int32_t i = 0; i < CORNERS; i++) {
@@ -87,8 +89,10 @@ static cairn_real distance_to(const cairn_vec2 corners[CORNERS], cairn_vec2 p)
 }
 
 typedef struct bent {
-    cairn_real evidence, mean, most; /* px: distances of the outline's samples from the drawn jug */
-    cairn_real size, hidden;         /* of the object; mean worth of the samples that lie nearest to hidden sides */
+    /* px: distances of the outline's samples from the drawn jug */
+    cairn_real evidence, mean, most;
+    /* of the object; mean worth of the samples that lie nearest to hidden sides */
+    cairn_real size, hidden;
     cairn_vec2 origin;
 } bent;
 
@@ -161,17 +165,22 @@ static void test_field_beside_its_twin(void **state)
         for (int32_t at = 0; at < CONTOUR_FIELD_SIDE * CONTOUR_FIELD_SIDE; at++) {
             int32_t column = at % CONTOUR_FIELD_SIDE, row = at / CONTOUR_FIELD_SIDE;
             double least = 30, x = column + 0.5, y = row + 0.5;
-            double cost = (double)field->cost[(size_t)bin * CONTOUR_FIELD_SIDE * CONTOUR_FIELD_SIDE + (size_t)at];
+            double cost =
+                (double)
+                    field->cost[(size_t)bin * CONTOUR_FIELD_SIDE * CONTOUR_FIELD_SIDE + (size_t)at];
 
             for (int32_t i = 0; i < tokens.count; i++) {
                 cairn_vec2 d = cairn_vec2_sub(lines[i].b, lines[i].a);
-                double turn = remainder(atan2((double)d.y, (double)d.x) - (bin + 0.5) * acos(-1) / 12, acos(-1)) / 0.35;
+                double turn =
+                    remainder(atan2((double)d.y, (double)d.x) - (bin + 0.5) * acos(-1) / 12,
+                              acos(-1)) /
+                    0.35;
                 double u = fabs(x - (double)cairn_floor(lines[i].a.x) - 0.5),
                        v = fabs(y - (double)cairn_floor(lines[i].a.y) - 0.5);
 
                 if (fabs(turn) <= 2.2 && u <= 5 && v <= 5)
-                    least =
-                        fmin(least, (u * u + v * v) / 8 + turn * turn / 2 - log(fmax(0.2, 2 * (double)strength[i])));
+                    least = fmin(least, (u * u + v * v) / 8 + turn * turn / 2 -
+                                            log(fmax(0.2, 2 * (double)strength[i])));
             }
             sum += exp(-cost);
             if (least < 20)
@@ -179,7 +188,8 @@ static void test_field_beside_its_twin(void **state)
             else
                 assert_true(cost > 20);
         }
-        assert_near(field->chance[bin], fmax(0.02, sum / (CONTOUR_FIELD_SIDE * CONTOUR_FIELD_SIDE)), 1e-3);
+        assert_near(field->chance[bin], fmax(0.02, sum / (CONTOUR_FIELD_SIDE * CONTOUR_FIELD_SIDE)),
+                    1e-3);
     }
     cairn_contour_field_free(field);
 }
@@ -195,10 +205,12 @@ static void test_directions(void **state)
     }
 }
 
-/* As drawn, wider, lower, with the spout elsewhere: the outline comes to lie on the edges, and more of bending is less evidence. */
+/* As drawn, wider, lower, with the spout elsewhere: the outline comes to lie on the edges, and
+ * more of bending is less evidence. */
 static void test_bends_onto_edges(void **state)
 {
-    static const double wide[] = {1, 1.2, 0.85, 1}, high[] = {1, 0.95, 1.1, 1}, down[] = {0, 0, 0, 22};
+    static const double wide[] = {1, 1.2, 0.85, 1}, high[] = {1, 0.95, 1.1, 1},
+                        down[] = {0, 0, 0, 22};
     cairn_vec2 corners[CORNERS];
     cairn_real straight = 0;
 

@@ -1,4 +1,5 @@
-/* How well a bent outline fits: on its edges and beside them, with edges missing; turned, stretched, with a part moved; two outlines. */
+/* How well a bent outline fits: on its edges and beside them, with edges missing; turned,
+ * stretched, with a part moved; two outlines. */
 #include "tests/test.h"
 
 #include <math.h>
@@ -16,19 +17,22 @@ static cairn_contour_tokens tokens;
 static const cairn_real size = 200;
 static const cairn_vec2 origin = {150, 140};
 
-/* Lays it turned, wider than high, and draws its sides as edges, `off` px outside of it, without those of which `hidden` has a bit. */
+/* Lays it turned, wider than high, and draws its sides as edges, `off` px outside of it, without
+ * those of which `hidden` has a bit. */
 static void lay(double turn, double wide, double off, int32_t hidden)
 {
     static const cairn_vec2 corners[] = {{CAIRN_REAL(-0.35), CAIRN_REAL(-0.35)},
                                          {CAIRN_REAL(0.35), CAIRN_REAL(-0.35)},
                                          {CAIRN_REAL(0.35), CAIRN_REAL(0.35)},
                                          {CAIRN_REAL(-0.35), CAIRN_REAL(0.35)}};
-    cairn_real c = size * (cairn_real)cos(turn), s = size * (cairn_real)sin(turn), w = (cairn_real)wide;
+    cairn_real c = size * (cairn_real)cos(turn), s = size * (cairn_real)sin(turn),
+               w = (cairn_real)wide;
 
     memset(&tokens, 0, sizeof tokens);
     tokens.lines = lines;
     for (int32_t i = 0; i < SAMPLES; i++) {
-        cairn_vec2 a = corners[i / SIDE], b = corners[(i / SIDE + 1) % 4], along = cairn_vec2_sub(b, a), p;
+        cairn_vec2 a = corners[i / SIDE], b = corners[(i / SIDE + 1) % 4],
+                   along = cairn_vec2_sub(b, a), p;
         cairn_vec2 on;
 
         p = cairn_vec2_add(a, cairn_vec2_scale(along, (cairn_real)(i % SIDE) / SIDE));
@@ -73,7 +77,8 @@ static void test_on_its_edges(void **state)
     assert_near(shape.strained, 0, 1e-4);
 }
 
-/* A sigma of 0.012 sizes off, three of them, and farther than what counts; the corners lie nearer to the other sides' ends at most. */
+/* A sigma of 0.012 sizes off, three of them, and farther than what counts; the corners lie
+ * nearer to the other sides' ends at most. */
 static void test_how_close(void **state)
 {
     (void)state;

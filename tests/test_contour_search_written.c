@@ -1,5 +1,5 @@
-/* The search in the mode as written: every step of the walk is reported, also of a single particle; why the walk ended; refusals that say
- * which argument was wrong. */
+/* The search in the mode as written: every step of the walk is reported, also of a single
+ * particle; why the walk ended; refusals that say which argument was wrong. */
 #include "tests/flag_picture.h"
 
 static cairn_contour_tokens written_tokens(void)
@@ -25,7 +25,8 @@ typedef struct watch {
     int32_t steps, walks;
 } watch;
 
-static void on_step(void *context, const cairn_grouping_particle *particles, int32_t count, int32_t mirrored)
+static void on_step(void *context, const cairn_grouping_particle *particles, int32_t count,
+                    int32_t mirrored)
 {
     watch *w = context;
     double weight = 0;
@@ -69,7 +70,8 @@ static void test_every_step_is_reported(void **state)
             params.on_step = on_step;
             params.on_walk = on_walk;
             params.context = &w;
-            assert_ok(cairn_contour_search_run(&r, &tokens, &model.model, &params, "edges", &error));
+            assert_ok(
+                cairn_contour_search_run(&r, &tokens, &model.model, &params, "edges", &error));
             assert_int_equal(w.steps, r.steps[0]);
             for (int32_t i = 0; i < r.steps[0]; i++)
                 assert_in_range(r.modes[0][i], 1, r.trace[0][i].particles);
@@ -84,7 +86,8 @@ static void test_every_step_is_reported(void **state)
 
 static void test_the_end_is_told(void **state)
 {
-    static const char *const ends[] = {"no start", "posterior", "no follower", "steps", "histories"};
+    static const char *const ends[] = {"no start", "posterior", "no follower", "steps",
+                                       "histories"};
     cairn_shape_model_file model = make_model();
     cairn_contour_tokens tokens = written_tokens();
     cairn_contour_search_params params = written_params();
@@ -116,7 +119,8 @@ static void test_the_end_is_told(void **state)
 
 /* A search that is refused with a status and a text. */
 static void check_refused(const cairn_contour_tokens *tokens, const cairn_shape_model *model,
-                          const cairn_contour_search_params *params, cairn_status status, const char *piece)
+                          const cairn_contour_search_params *params, cairn_status status,
+                          const char *piece)
 {
     cairn_contour_result r;
 
@@ -137,22 +141,25 @@ static void test_refusals_say_what_is_wrong(void **state)
     cairn_vec2 end = {(cairn_real)NAN, 0};
 
     (void)state;
-#define REFUSED(change, status, piece)                                                                                 \
-    bad = good;                                                                                                        \
-    bad_tokens = tokens;                                                                                               \
-    change;                                                                                                            \
+#define REFUSED(change, status, piece)                                                             \
+    bad = good;                                                                                    \
+    bad_tokens = tokens;                                                                           \
+    change;                                                                                        \
     check_refused(&bad_tokens, &bad_model, &bad, status, piece)
     REFUSED(bad.min_size = 0, CAIRN_BAD_ARGUMENT, "the sizes, expected 0 < min_size");
     REFUSED(bad.min_size = (cairn_real)NAN, CAIRN_BAD_ARGUMENT, "the sizes, expected 0 < min_size");
-    REFUSED(bad.max_size = bad.min_size / 2, CAIRN_BAD_ARGUMENT, "the sizes, expected 0 < min_size");
+    REFUSED(bad.max_size = bad.min_size / 2, CAIRN_BAD_ARGUMENT,
+            "the sizes, expected 0 < min_size");
     REFUSED(bad.max_size = (cairn_real)INFINITY, CAIRN_NOT_FINITE, "max_size is not finite");
     REFUSED(bad.grouping.particles = 0, CAIRN_BAD_ARGUMENT, "the params of the grouping, expected");
     REFUSED(bad.grouping.max_steps = 1, CAIRN_BAD_ARGUMENT, "the params of the grouping, expected");
     REFUSED(bad_tokens.width = CAIRN_CONTOUR_SIDE_MOST + 1, CAIRN_BAD_ARGUMENT,
             "the image's sides, expected 1 to 8192");
     REFUSED(bad_tokens.height = 0, CAIRN_BAD_ARGUMENT, "the image's sides, expected 1 to 8192");
-    REFUSED(bad_tokens.count = (1 << 20) + 1, CAIRN_FULL, "1048577 segments, expected at most 1048576");
-    REFUSED((bad_tokens.ends = &end, bad_tokens.end_count = 1), CAIRN_NOT_FINITE, "an end of a chain is not finite");
+    REFUSED(bad_tokens.count = (1 << 20) + 1, CAIRN_FULL,
+            "1048577 segments, expected at most 1048576");
+    REFUSED((bad_tokens.ends = &end, bad_tokens.end_count = 1), CAIRN_NOT_FINITE,
+            "an end of a chain is not finite");
     REFUSED(bad_model.path_count = 0, CAIRN_BAD_ARGUMENT, "no model, expected a size, paths");
 #undef REFUSED
     cairn_contour_tokens_free(&tokens);

@@ -38,7 +38,8 @@ static struct fixture small_set(void)
     return set_with(cairn_corner_default());
 }
 
-static const cairn_corner *search(cairn_corner_set *set, const cairn_segment *segments, int32_t count, int32_t *found)
+static const cairn_corner *search(cairn_corner_set *set, const cairn_segment *segments,
+                                  int32_t count, int32_t *found)
 {
     cairn_budget budget = {CAIRN_UNBOUNDED};
 
@@ -63,8 +64,8 @@ static double distance(cairn_vec2 a, cairn_vec2 b)
     return hypot((double)a.x - (double)b.x, (double)a.y - (double)b.y);
 }
 
-static int slow_corner(const cairn_corner_params *p, const cairn_segment *segments, int32_t i, int32_t j,
-                       cairn_corner *c)
+static int slow_corner(const cairn_corner_params *p, const cairn_segment *segments, int32_t i,
+                       int32_t j, cairn_corner *c)
 {
     const cairn_segment *s[2] = {&segments[i], &segments[j]};
     double direction[2], length[2];
@@ -76,15 +77,19 @@ static int slow_corner(const cairn_corner_params *p, const cairn_segment *segmen
 
     if (det == 0)
         return 0;
-    t = (((double)s[1]->a.x - (double)s[0]->a.x) * dy2 - ((double)s[1]->a.y - (double)s[0]->a.y) * dx2) / det;
+    t = (((double)s[1]->a.x - (double)s[0]->a.x) * dy2 -
+         ((double)s[1]->a.y - (double)s[0]->a.y) * dx2) /
+        det;
     x.x = (cairn_real)((double)s[0]->a.x + t * dx1);
     x.y = (cairn_real)((double)s[0]->a.y + t * dy1);
     for (k = 0; k < 2; k++) {
         double to_a = distance(x, s[k]->a), to_b = distance(x, s[k]->b);
-        double dx = (double)s[k]->b.x - (double)s[k]->a.x, dy = (double)s[k]->b.y - (double)s[k]->a.y;
+        double dx = (double)s[k]->b.x - (double)s[k]->a.x,
+               dy = (double)s[k]->b.y - (double)s[k]->a.y;
 
         double on =
-            (((double)x.x - (double)s[k]->a.x) * dx + ((double)x.y - (double)s[k]->a.y) * dy) / (dx * dx + dy * dy);
+            (((double)x.x - (double)s[k]->a.x) * dx + ((double)x.y - (double)s[k]->a.y) * dy) /
+            (dx * dx + dy * dy);
 
         forward[k] = to_a <= to_b;
         if (fmin(to_a, to_b) > (double)p->end_distance && !(p->crossings && on >= 0 && on <= 1))
@@ -105,7 +110,8 @@ static int slow_corner(const cairn_corner_params *p, const cairn_segment *segmen
     c->segment[0] = k ? j : i;
     c->segment[1] = k ? i : j;
     c->strength = (cairn_real)fmin(length[0], length[1]);
-    /* Free on the left of a -> b: leg[0] forward has it towards leg[1], leg[1] backward towards leg[0]. */
+    /* Free on the left of a -> b: leg[0] forward has it towards leg[1], leg[1] backward towards
+     * leg[0]. */
     c->kind = CAIRN_CORNER_MIXED;
     if (forward[k] && !forward[1 - k])
         c->kind = CAIRN_CORNER_CONCAVE;
@@ -121,8 +127,8 @@ static int by_strength(const void *a, const void *b)
     return p->strength > q->strength ? -1 : p->strength < q->strength;
 }
 
-static int32_t slow_search(const cairn_corner_params *p, const cairn_segment *segments, int32_t count,
-                           cairn_corner *corners)
+static int32_t slow_search(const cairn_corner_params *p, const cairn_segment *segments,
+                           int32_t count, cairn_corner *corners)
 {
     int32_t found = 0, kept = 0;
 
@@ -136,12 +142,15 @@ static int32_t slow_search(const cairn_corner_params *p, const cairn_segment *se
         int same = 0;
 
         for (int32_t j = 0; j < kept; j++) {
-            double a = (double)(corners[i].leg[0].x * corners[j].leg[0].x + corners[i].leg[0].y * corners[j].leg[0].y);
-            double b = (double)(corners[i].leg[1].x * corners[j].leg[1].x + corners[i].leg[1].y * corners[j].leg[1].y);
+            double a = (double)(corners[i].leg[0].x * corners[j].leg[0].x +
+                                corners[i].leg[0].y * corners[j].leg[0].y);
+            double b = (double)(corners[i].leg[1].x * corners[j].leg[1].x +
+                                corners[i].leg[1].y * corners[j].leg[1].y);
 
             same |= corners[i].kind == corners[j].kind &&
                     distance(corners[i].position, corners[j].position) < (double)p->merge_radius &&
-                    acos(fmin(a, 1)) <= (double)p->merge_angle && acos(fmin(b, 1)) <= (double)p->merge_angle;
+                    acos(fmin(a, 1)) <= (double)p->merge_angle &&
+                    acos(fmin(b, 1)) <= (double)p->merge_angle;
         }
         if (!same)
             corners[kept++] = corners[i];
@@ -157,8 +166,8 @@ static void scatter(cairn_segment *segments, int32_t count, uint64_t seed)
     for (int32_t i = 0; i < count; i++) {
         cairn_real x = cairn_random_uniform(&random, -2, 2);
         cairn_real y = cairn_random_uniform(&random, -2, 2);
-        cairn_real turn =
-            (cairn_real)cairn_random_below(&random, 4) * CAIRN_PI / 2 + CAIRN_REAL(0.1) * cairn_random_normal(&random);
+        cairn_real turn = (cairn_real)cairn_random_below(&random, 4) * CAIRN_PI / 2 +
+                          CAIRN_REAL(0.1) * cairn_random_normal(&random);
         cairn_real length = cairn_random_uniform(&random, CAIRN_REAL(0.2), CAIRN_REAL(1.5));
 
         segments[i].a.x = x;
@@ -191,10 +200,10 @@ static void test_params_are_refused(void **state)
     cairn_corner_set *set;
 
     (void)state;
-#define REFUSED(field, value)                                                                                          \
-    p = good;                                                                                                          \
-    p.field = value;                                                                                                   \
-    assert_int_equal(cairn_corner_memory(&p), 0);                                                                      \
+#define REFUSED(field, value)                                                                      \
+    p = good;                                                                                      \
+    p.field = value;                                                                               \
+    assert_int_equal(cairn_corner_memory(&p), 0);                                                  \
     assert_status(cairn_corner_create(&set, &pool, &p), CAIRN_BAD_ARGUMENT)
     REFUSED(max_segments, 0);
     REFUSED(max_segments, (1 << 28) + 1);
@@ -234,9 +243,9 @@ static void test_limits_of_params(void **state)
     cairn_corner_params good = cairn_corner_default(), p;
 
     (void)state;
-#define ACCEPTED(field, value)                                                                                         \
-    p = good;                                                                                                          \
-    p.field = value;                                                                                                   \
+#define ACCEPTED(field, value)                                                                     \
+    p = good;                                                                                      \
+    p.field = value;                                                                               \
     assert_true(cairn_corner_memory(&p) > 0)
     ACCEPTED(max_segments, 1);
     ACCEPTED(max_corners, 1);
@@ -278,14 +287,16 @@ static void test_memory_is_exact(void **state)
 static void test_kind_and_legs(void **state)
 {
     struct fixture f = small_set();
-    /* Seen from the room the right wall runs up to (2, 1), the upper wall from there to the left. */
+    /* Seen from the room the right wall runs up to (2, 1), the upper wall from there to the
+     * left. */
     cairn_segment up = segment(2, 0, 2, 1), left = segment(2, 1, 0, 1);
 
     (void)state;
     for (int turned_up = 0; turned_up < 2; turned_up++)
         for (int turned_left = 0; turned_left < 2; turned_left++)
             for (int exchanged = 0; exchanged < 2; exchanged++) {
-                cairn_segment a = turned_up ? reversed(up) : up, b = turned_left ? reversed(left) : left;
+                cairn_segment a = turned_up ? reversed(up) : up,
+                              b = turned_left ? reversed(left) : left;
                 cairn_segment both[2] = {exchanged ? b : a, exchanged ? a : b};
                 int32_t found;
                 const cairn_corner *c = search(f.set, both, 2, &found);
@@ -293,7 +304,8 @@ static void test_kind_and_legs(void **state)
                 assert_int_equal(found, 1);
                 assert_near(c->position.x, 2, 1e-6);
                 assert_near(c->position.y, 1, 1e-6);
-                /* The upper wall leads away to the left, from there it is a quarter turn to the one that leads down. */
+                /* The upper wall leads away to the left, from there it is a quarter turn to the
+                 * one that leads down. */
                 assert_near(c->leg[0].x, -1, 1e-6);
                 assert_near(c->leg[0].y, 0, 1e-6);
                 assert_near(c->leg[1].x, 0, 1e-6);
@@ -316,14 +328,17 @@ static void test_limits_of_the_opening(void **state)
     static const struct {
         double degrees;
         int found;
-    } cases[] = {{79.9, 0}, {80.1, 1}, {90, 1}, {99.9, 1}, {100.1, 0}, {0, 0}, {180, 0}, {-79.9, 0}, {-80.1, 1}};
+    } cases[] = {{79.9, 0}, {80.1, 1}, {90, 1},    {99.9, 1}, {100.1, 0},
+                 {0, 0},    {180, 0},  {-79.9, 0}, {-80.1, 1}};
 
     (void)state;
     for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
         double a = cases[i].degrees * 3.14159265358979323846 / 180;
 
-        assert_int_equal(count_of(f.set, segment(0, 0, 1, 0), segment(0, 0, cos(a), sin(a))), cases[i].found);
-        assert_int_equal(count_of(f.set, segment(0, 0, 1, 0), segment(cos(a), sin(a), 0, 0)), cases[i].found);
+        assert_int_equal(count_of(f.set, segment(0, 0, 1, 0), segment(0, 0, cos(a), sin(a))),
+                         cases[i].found);
+        assert_int_equal(count_of(f.set, segment(0, 0, 1, 0), segment(cos(a), sin(a), 0, 0)),
+                         cases[i].found);
     }
     test_pool_free(&f.pool);
 
@@ -334,8 +349,10 @@ static void test_limits_of_the_opening(void **state)
         p.min_opening = CAIRN_REAL(0.5);
         p.max_opening = CAIRN_REAL(1.0);
         f = set_with(p);
-        assert_int_equal(count_of(f.set, segment(0, 0, 1, 0), segment(0, 0, cos(0.8), sin(0.8))), 1);
-        assert_int_equal(count_of(f.set, segment(0, 0, 1, 0), segment(0, 0, -cos(0.8), sin(0.8))), 0);
+        assert_int_equal(count_of(f.set, segment(0, 0, 1, 0), segment(0, 0, cos(0.8), sin(0.8))),
+                         1);
+        assert_int_equal(count_of(f.set, segment(0, 0, 1, 0), segment(0, 0, -cos(0.8), sin(0.8))),
+                         0);
         test_pool_free(&f.pool);
     }
 }
@@ -426,8 +443,10 @@ static void test_all_pairs(void **state)
 static void test_crossings(void **state)
 {
     cairn_corner_params p = cairn_corner_default();
-    cairn_segment wall = segment(-2, 0, 2, 0), l = segment(2, 0.2, 2, 3), t = segment(0.5, 0.2, 0.5, 3);
-    cairn_segment x = segment(0.5, -3, 0.5, 3), far = segment(0.5, 0.4, 0.5, 3), beyond = segment(2.4, -3, 2.4, 3);
+    cairn_segment wall = segment(-2, 0, 2, 0), l = segment(2, 0.2, 2, 3),
+                  t = segment(0.5, 0.2, 0.5, 3);
+    cairn_segment x = segment(0.5, -3, 0.5, 3), far = segment(0.5, 0.4, 0.5, 3),
+                  beyond = segment(2.4, -3, 2.4, 3);
     struct fixture without = set_with(p), with;
     const cairn_corner *c;
     cairn_segment both[2] = {wall, x};
@@ -445,7 +464,8 @@ static void test_crossings(void **state)
     assert_int_equal(count_of(with.set, wall, x), 1);
     assert_int_equal(count_of(with.set, wall, far), 0);
     assert_int_equal(count_of(with.set, wall, beyond), 0);
-    /* The legs of a crossing are the longer parts of its segments; the strength is that of the shorter leg. */
+    /* The legs of a crossing are the longer parts of its segments; the strength is that of the
+     * shorter leg. */
     c = search(with.set, both, 2, &found);
     assert_int_equal(found, 1);
     assert_near(c->position.x, 0.5, 1e-6);
@@ -492,7 +512,8 @@ static void test_ties_by_index(void **state)
     }
     /* One segment in several corners: the higher index decides. */
     {
-        cairn_segment fan[4] = {segment(0, 0, 1, 0), segment(0, 1, 0, 0), segment(0, 0, 0, 1), segment(0, -1, 0, 0)};
+        cairn_segment fan[4] = {segment(0, 0, 1, 0), segment(0, 1, 0, 0), segment(0, 0, 0, 1),
+                                segment(0, -1, 0, 0)};
         struct fixture f = small_set();
         const cairn_corner *c = search(f.set, fan, 4, &found);
 
@@ -606,7 +627,10 @@ static void test_statuses(void **state)
     /* What is not finite ends the search; the last result stays. */
     for (int i = 0; i < 4; i++) {
         cairn_segment bad[3] = {s[0], s[1], s[2]};
-        cairn_real *place = i == 0 ? &bad[2].a.x : i == 1 ? &bad[2].a.y : i == 2 ? &bad[1].b.x : &bad[0].b.y;
+        cairn_real *place = i == 0   ? &bad[2].a.x
+                            : i == 1 ? &bad[2].a.y
+                            : i == 2 ? &bad[1].b.x
+                                     : &bad[0].b.y;
 
         *place = i % 2 ? (cairn_real)NAN : (cairn_real)INFINITY;
         assert_ok(cairn_corner_begin(f.set, bad, 3));

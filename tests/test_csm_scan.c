@@ -11,7 +11,8 @@ static const char whole[] =
     " \"theta\": [-1.5, 0.25, 1.5], \"readings\": [2.5, null, 3.125], \"valid\": [1, 0, 1],\n"
     " \"odometry\": [1, -2, 7], \"estimate\": [0, null, 0], \"cluster\": [-1, {\"a\": []}, -1],\n"
     " \"timestamp\": [1147713122, 541201], \"true_pose\": [0.5, 0.25, -0.125]}\n"
-    "{\"max_theta\": 2, \"min_theta\": 1, \"readings\": [0, -1, 79.5, 80, 1e30], \"nrays\": 5, \"timestamp\": -0.5}";
+    "{\"max_theta\": 2, \"min_theta\": 1, \"readings\": [0, -1, 79.5, 80, 1e30], \"nrays\": 5, "
+    "\"timestamp\": -0.5}";
 
 static void load(cairn_csm_scans *scans, const char *text)
 {
@@ -66,9 +67,9 @@ static void test_fields(void **state)
     assert_null(scans.scan);
 
     /* Theta goes before the limits; of a single ray without it these give the first. */
-    load(&scans,
-         "{\"nrays\":1,\"min_theta\":0.5,\"max_theta\":3,\"readings\":[1],\"valid\":[true]}"
-         "{\"nrays\":2,\"min_theta\":0,\"max_theta\":1,\"readings\":[1,2],\"theta\":[5,6],\"valid\":[false,null]}");
+    load(&scans, "{\"nrays\":1,\"min_theta\":0.5,\"max_theta\":3,\"readings\":[1],\"valid\":[true]}"
+                 "{\"nrays\":2,\"min_theta\":0,\"max_theta\":1,\"readings\":[1,2],\"theta\":[5,6],"
+                 "\"valid\":[false,null]}");
     assert_near(scans.scan[0].scan.angle[0], 0.5, 0);
     assert_near(scans.scan[0].scan.range[0], 1, 0);
     assert_int_equal(scans.scan[0].has_stamp, 0);
@@ -93,10 +94,10 @@ static void test_params(void **state)
     assert_near(scans.scan[0].scan.range_max, 3, 0);
     assert_near(scans.scan[0].scan.range_sigma, 0.5, 0);
     cairn_csm_scans_free(&scans);
-#define REFUSED(change)                                                                                                \
-    params = cairn_csm_default();                                                                                      \
-    params.change;                                                                                                     \
-    assert_status(cairn_csm_load(&scans, path, &params, &error), CAIRN_BAD_ARGUMENT);                                  \
+#define REFUSED(change)                                                                            \
+    params = cairn_csm_default();                                                                  \
+    params.change;                                                                                 \
+    assert_status(cairn_csm_load(&scans, path, &params, &error), CAIRN_BAD_ARGUMENT);              \
     assert_int_equal(scans.count, 0)
     REFUSED(range_max = 0);
     REFUSED(range_max = (double)NAN);
@@ -157,36 +158,47 @@ static void test_refusals(void **state)
         {"{" SCAN ",\"valid\":[1]}", CAIRN_BAD_FORMAT, "valid holds 1 numbers, expected 2"},
         {"{" SCAN ",\"odometry\":[1,2]}", CAIRN_BAD_FORMAT, "odometry holds 2 numbers, expected 3"},
         {"{" SCAN ",\"estimate\":[]}", CAIRN_BAD_FORMAT, "estimate holds 0 numbers, expected 3"},
-        {"{" SCAN ",\"true_pose\":[1,2,3,4]}", CAIRN_BAD_FORMAT, "true_pose holds 4 numbers, expected 3"},
+        {"{" SCAN ",\"true_pose\":[1,2,3,4]}", CAIRN_BAD_FORMAT,
+         "true_pose holds 4 numbers, expected 3"},
         {"{" SCAN ",\"timestamp\":[1]}", CAIRN_BAD_FORMAT, "timestamp holds 1 numbers, expected 2"},
-        {"{" SCAN ",\"timestamp\":1e10}", CAIRN_BAD_FORMAT, "timestamp holds 1e+10, expected s and us within 9e9"},
-        {"{" SCAN ",\"timestamp\":[1,-1e10]}", CAIRN_BAD_FORMAT, "timestamp holds -1e+10, expected s and us"},
-        {"{" SCAN ",\"timestamp\":null}", CAIRN_BAD_FORMAT, "timestamp holds something else, expected a number"},
+        {"{" SCAN ",\"timestamp\":1e10}", CAIRN_BAD_FORMAT,
+         "timestamp holds 1e+10, expected s and us within 9e9"},
+        {"{" SCAN ",\"timestamp\":[1,-1e10]}", CAIRN_BAD_FORMAT,
+         "timestamp holds -1e+10, expected s and us"},
+        {"{" SCAN ",\"timestamp\":null}", CAIRN_BAD_FORMAT,
+         "timestamp holds something else, expected a number"},
         {"{\"nrays\":0,\"theta\":[],\"readings\":[]}", CAIRN_BAD_FORMAT,
          "nrays is 0, expected a whole number from 1 to 100000"},
-        {"{\"nrays\":1.5,\"theta\":[],\"readings\":[]}", CAIRN_BAD_FORMAT, "nrays is 1.5, expected a whole number"},
-        {"{\"nrays\":100001,\"theta\":[],\"readings\":[]}", CAIRN_BAD_FORMAT, "nrays is 100001, expected"},
+        {"{\"nrays\":1.5,\"theta\":[],\"readings\":[]}", CAIRN_BAD_FORMAT,
+         "nrays is 1.5, expected a whole number"},
+        {"{\"nrays\":100001,\"theta\":[],\"readings\":[]}", CAIRN_BAD_FORMAT,
+         "nrays is 100001, expected"},
         {"{\"nrays\":-2,\"theta\":[],\"readings\":[]}", CAIRN_BAD_FORMAT, "nrays is -2, expected"},
         {"{\"nrays\":[2]}", CAIRN_BAD_FORMAT, "nrays is a list, expected a number"},
         {"{\"nrays\":\"2\"}", CAIRN_BAD_FORMAT, "nrays holds something else, expected a number"},
-        {"{\"min_theta\":null}", CAIRN_BAD_FORMAT, "min_theta holds something else, expected a number"},
-        {"{\"max_theta\":true}", CAIRN_BAD_FORMAT, "max_theta holds something else, expected a number"},
+        {"{\"min_theta\":null}", CAIRN_BAD_FORMAT,
+         "min_theta holds something else, expected a number"},
+        {"{\"max_theta\":true}", CAIRN_BAD_FORMAT,
+         "max_theta holds something else, expected a number"},
         {"{\"readings\":2}", CAIRN_BAD_FORMAT, "readings is not a list, expected [ and numbers"},
         {"{\"readings\":[1,\n\"x\"]}", CAIRN_BAD_FORMAT,
          ":2: readings holds something else, expected a number or null"},
         {"{\"readings\":[true]}", CAIRN_BAD_FORMAT, "readings holds something else"},
         {"{\"readings\":[[1]]}", CAIRN_BAD_FORMAT, "readings holds something else"},
         {"{\"theta\":[null]}", CAIRN_BAD_FORMAT, "theta holds something else, expected a number"},
-        {"{\"valid\":[\"yes\"]}", CAIRN_BAD_FORMAT, "valid holds something else, expected 0, 1, true, false or null"},
+        {"{\"valid\":[\"yes\"]}", CAIRN_BAD_FORMAT,
+         "valid holds something else, expected 0, 1, true, false or null"},
         {"{\"theta\":[1e10,0],\"nrays\":2,\"readings\":[1,1]}", CAIRN_BAD_FORMAT,
          "theta holds 1e+10, expected at most 1e9 either way"},
         {"{\"nrays\":1,\"min_theta\":-2e9,\"max_theta\":1,\"readings\":[1]}", CAIRN_BAD_FORMAT,
          "min_theta holds -2e+09"},
-        {"{\"nrays\":1,\"min_theta\":0,\"max_theta\":2e9,\"readings\":[1]}", CAIRN_BAD_FORMAT, "max_theta holds 2e+09"},
+        {"{\"nrays\":1,\"min_theta\":0,\"max_theta\":2e9,\"readings\":[1]}", CAIRN_BAD_FORMAT,
+         "max_theta holds 2e+09"},
         {"{" SCAN ",\"odometry\":[0,2e9,0]}", CAIRN_BAD_FORMAT, "odometry holds 2e+09"},
         {"{" SCAN ",\"estimate\":[0,0,-2e9]}", CAIRN_BAD_FORMAT, "estimate holds -2e+09"},
         {"{" SCAN ",\"true_pose\":[2e9,0,0]}", CAIRN_BAD_FORMAT, "true_pose holds 2e+09"},
-        {"{" SCAN ",\n\"nrays\":2}", CAIRN_BAD_FORMAT, ":2: nrays stands twice in one scan, expected once"},
+        {"{" SCAN ",\n\"nrays\":2}", CAIRN_BAD_FORMAT,
+         ":2: nrays stands twice in one scan, expected once"},
         {"{" SCAN ",\"readings\":[1,2]}", CAIRN_BAD_FORMAT, "readings stands twice"},
         {"{" SCAN ",\"readings\":[1,nan]}", CAIRN_BAD_FORMAT, "readings stands twice"},
         {"{\"readings\":[1,nan]}", CAIRN_BAD_FORMAT, "'n' within an array, expected a value"},
@@ -199,8 +211,9 @@ static void test_refusals(void **state)
         cairn_csm_scans scans;
         cairn_file_error error;
 
-        assert_status(cairn_csm_load(&scans, files_write_text("scans.json", cases[i].text), NULL, &error),
-                      cases[i].status);
+        assert_status(
+            cairn_csm_load(&scans, files_write_text("scans.json", cases[i].text), NULL, &error),
+            cases[i].status);
         if (strstr(error.text, cases[i].piece) == NULL)
             fail_msg("\"%s\" does not hold \"%s\"", error.text, cases[i].piece);
         assert_int_equal(scans.count, 0);
@@ -227,16 +240,20 @@ static void test_files(void **state)
     assert_int_equal(scans.count, 2);
     cairn_csm_scans_free(&scans);
     packed = files_read(files_path("scans.json.gz"), &used);
-    assert_status(cairn_csm_load(&scans, files_write("cut.json.gz", packed, used - 20), NULL, &error), CAIRN_TRUNCATED);
+    assert_status(
+        cairn_csm_load(&scans, files_write("cut.json.gz", packed, used - 20), NULL, &error),
+        CAIRN_TRUNCATED);
     free(packed);
     assert_non_null(text);
     used = (size_t)snprintf(text, room, "{\"nrays\":1,\"readings\":[");
     for (int i = 0; i < 100001; i++)
         used += (size_t)snprintf(text + used, room - used, "1,");
     (void)snprintf(text + used, room - used, "1]}");
-    assert_status(cairn_csm_load(&scans, files_write_text("many.json", text), NULL, &error), CAIRN_FULL);
+    assert_status(cairn_csm_load(&scans, files_write_text("many.json", text), NULL, &error),
+                  CAIRN_FULL);
     assert_non_null(
-        strstr(error.text, ":1: readings holds more numbers than a scan has rays, expected at most 100000"));
+        strstr(error.text,
+               ":1: readings holds more numbers than a scan has rays, expected at most 100000"));
     free(text);
 }
 
@@ -252,8 +269,9 @@ static void test_many(void **state)
     for (int k = 0; k < 40; k++) {
         int rays = 1 + 20 * k;
 
-        used +=
-            (size_t)sprintf(text + used, "{\"nrays\":%d,\"min_theta\":0,\"max_theta\":1,\"readings\":[%d", rays, k + 1);
+        used += (size_t)sprintf(text + used,
+                                "{\"nrays\":%d,\"min_theta\":0,\"max_theta\":1,\"readings\":[%d",
+                                rays, k + 1);
         for (int i = 1; i < rays; i++)
             used += (size_t)sprintf(text + used, ",%d", 1 + (i + k) % 70);
         used += (size_t)sprintf(text + used, "]}\n");
@@ -284,7 +302,8 @@ static void test_cut_anywhere(void **state)
     for (size_t length = 0; length < sizeof whole - 1; length++) {
         cairn_csm_scans scans;
         cairn_file_error error;
-        cairn_status status = cairn_csm_load(&scans, files_write("cut.json", whole, length), NULL, &error);
+        cairn_status status =
+            cairn_csm_load(&scans, files_write("cut.json", whole, length), NULL, &error);
 
         if (length == first || length == first + 1) {
             assert_ok(status);
@@ -311,7 +330,8 @@ static void test_any_byte_changed(void **state)
 
         memcpy(text, whole, sizeof whole);
         text[i] = bytes[i % (sizeof bytes - 1)];
-        if (cairn_csm_load(&scans, files_write_text("changed.json", text), NULL, &error) == CAIRN_OK)
+        if (cairn_csm_load(&scans, files_write_text("changed.json", text), NULL, &error) ==
+            CAIRN_OK)
             cairn_csm_scans_free(&scans);
         else
             assert_non_null(strstr(error.text, "changed.json:"));

@@ -54,8 +54,10 @@ static void slow_sample(const cairn_curve *c, double place, double *x, double *y
         place -= side_length(c, i++);
     *side = i;
     place = side_length(c, i) > 0 ? place / side_length(c, i) : 0;
-    *x = (double)c->points[i].x + place * ((double)c->points[(i + 1) % c->count].x - (double)c->points[i].x);
-    *y = (double)c->points[i].y + place * ((double)c->points[(i + 1) % c->count].y - (double)c->points[i].y);
+    *x = (double)c->points[i].x +
+         place * ((double)c->points[(i + 1) % c->count].x - (double)c->points[i].x);
+    *y = (double)c->points[i].y +
+         place * ((double)c->points[(i + 1) % c->count].y - (double)c->points[i].y);
 }
 
 static void samples_are_even(void **state)
@@ -171,9 +173,12 @@ static void where_vertices_coincide_the_last_tangent_stays(void **state)
 
 static void bad_input_is_refused(void **state)
 {
-    cairn_vec2 points[4] = {{0, 0}, {1, 0}, {1, 1}, {0, 1}}, bad[4], same[2] = {{3, 3}, {3, 3}}, out[8];
-    cairn_curve c = curve_of(points, 4, 1), open = curve_of(points, 4, 0), broken = curve_of(bad, 4, 0);
-    cairn_curve none = curve_of(NULL, 4, 0), empty = curve_of(points, 0, 1), point = curve_of(same, 2, 0);
+    cairn_vec2 points[4] = {{0, 0}, {1, 0}, {1, 1}, {0, 1}}, bad[4], same[2] = {{3, 3}, {3, 3}},
+               out[8];
+    cairn_curve c = curve_of(points, 4, 1), open = curve_of(points, 4, 0),
+                broken = curve_of(bad, 4, 0);
+    cairn_curve none = curve_of(NULL, 4, 0), empty = curve_of(points, 0, 1),
+                point = curve_of(same, 2, 0);
     cairn_curve one = curve_of(points, 1, 0);
 
     (void)state;

@@ -78,8 +78,8 @@ static int32_t slow_evolution(const cairn_vec2 *points, int32_t count, int32_t *
 
             best = -1;
             for (int32_t k = 0; k < n; k++) {
-                cairn_real relevance =
-                    cairn_curve_relevance(points[left[(k + n - 1) % n]], points[left[k]], points[left[(k + 1) % n]]);
+                cairn_real relevance = cairn_curve_relevance(
+                    points[left[(k + n - 1) % n]], points[left[k]], points[left[(k + 1) % n]]);
 
                 if (!refused[k] && (best < 0 || relevance < least)) {
                     best = k;
@@ -123,7 +123,8 @@ static void star(cairn_vec2 *p, int32_t count, uint64_t seed)
     cairn_random random = cairn_random_seed(seed, 0);
 
     for (int32_t i = 0; i < count; i++) {
-        double turn = 2 * 3.14159265358979 * i / count, r = (double)cairn_random_uniform(&random, 2, 20);
+        double turn = 2 * 3.14159265358979 * i / count,
+               r = (double)cairn_random_uniform(&random, 2, 20);
 
         p[i] = at(r * cos(turn), r * sin(turn));
     }
@@ -168,7 +169,14 @@ static void equals_go_in_their_order(void **state)
 
     (void)state;
     for (int32_t i = 0; i < 40; i++)
-        p[i] = at(i < 10 ? i : i < 20 ? 10 : i < 30 ? 30 - i : 0, i < 10 ? 0 : i < 20 ? i - 10 : i < 30 ? 10 : 40 - i);
+        p[i] = at(i < 10   ? i
+                  : i < 20 ? 10
+                  : i < 30 ? 30 - i
+                           : 0,
+                  i < 10   ? 0
+                  : i < 20 ? i - 10
+                  : i < 30 ? 10
+                           : 40 - i);
     assert_as_slow(&e, p, 40);
     r = evolve(&e, p, 40);
     assert_int_equal(r.rank[1], 39);
@@ -178,7 +186,8 @@ static void equals_go_in_their_order(void **state)
     test_pool_free(&e.pool);
 }
 
-/* The narrow tooth goes last of its neighbours: without its tip the side would cut through what reaches into it. */
+/* The narrow tooth goes last of its neighbours: without its tip the side would cut through what
+ * reaches into it. */
 static void never_touches_itself(void **state)
 {
     evolving e = new_evolving(MANY);
@@ -222,10 +231,13 @@ static void what_touches_from_the_start_may_stay(void **state)
 static void relevance_is_that_of_the_thesis(void **state)
 {
     (void)state;
-    assert_near(cairn_curve_relevance(at(0, 0), at(3, 0), at(3, 6)), 1.5707963267948966 * 2, NUMBER(1e-12, 1e-5));
+    assert_near(cairn_curve_relevance(at(0, 0), at(3, 0), at(3, 6)), 1.5707963267948966 * 2,
+                NUMBER(1e-12, 1e-5));
     assert_near(cairn_curve_relevance(at(0, 0), at(3, 0), at(9, 0)), 0, 0);
-    assert_near(cairn_curve_relevance(at(0, 0), at(4, 0), at(2, 0)), 3.141592653589793 * 4 / 3, NUMBER(1e-12, 1e-5));
-    assert_near(cairn_curve_relevance(at(3, 6), at(3, 0), at(0, 0)), 1.5707963267948966 * 2, NUMBER(1e-12, 1e-5));
+    assert_near(cairn_curve_relevance(at(0, 0), at(4, 0), at(2, 0)), 3.141592653589793 * 4 / 3,
+                NUMBER(1e-12, 1e-5));
+    assert_near(cairn_curve_relevance(at(3, 6), at(3, 0), at(0, 0)), 1.5707963267948966 * 2,
+                NUMBER(1e-12, 1e-5));
     assert_near(cairn_curve_relevance(at(2, 2), at(2, 2), at(2, 2)), 0, 0);
     assert_near(cairn_curve_relevance(at(2, 2), at(2, 2), at(5, 2)), 0, 0);
 }

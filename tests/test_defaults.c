@@ -45,9 +45,9 @@ typedef struct value {
     double is, should_be;
 } value;
 
-#define VALUE(field, should_be)                                                                                        \
-    {                                                                                                                  \
-#field, (double)(field), should_be                                                                             \
+#define VALUE(field, should_be)                                                                    \
+    {                                                                                              \
+#field, (double)(field), should_be                                                         \
     }
 #define assert_values(table) check(table, sizeof(table) / sizeof *(table))
 
@@ -64,10 +64,18 @@ static void of_map_merging(void **state)
 {
     cairn_map_merge_params p = cairn_map_merge_default();
     const value values[] = {
-        VALUE(p.max_maps, 16),     VALUE(p.max_cells, 2560000), VALUE(p.max_map_cells, 160000),
-        VALUE(p.max_points, 4096), VALUE(p.max_segments, 256),  VALUE(p.max_corners, 48),
-        VALUE(p.max_modes, 6),     VALUE(p.particles, 100),     VALUE(p.perception, CAIRN_MERGE_EVIDENCE),
-        VALUE(p.correlation, 10),  VALUE(p.min_score, 6),       VALUE(p.min_margin, 3),
+        VALUE(p.max_maps, 16),
+        VALUE(p.max_cells, 2560000),
+        VALUE(p.max_map_cells, 160000),
+        VALUE(p.max_points, 4096),
+        VALUE(p.max_segments, 256),
+        VALUE(p.max_corners, 48),
+        VALUE(p.max_modes, 6),
+        VALUE(p.particles, 100),
+        VALUE(p.perception, CAIRN_MERGE_EVIDENCE),
+        VALUE(p.correlation, 10),
+        VALUE(p.min_score, 6),
+        VALUE(p.min_margin, 3),
         VALUE(p.seed, 1),
     };
 
@@ -79,12 +87,24 @@ static void of_aligning(void **state)
 {
     cairn_aligner_params p = cairn_aligner_default();
     const value values[] = {
-        VALUE(p.max_scans, 64),     VALUE(p.max_segments, 1024),   VALUE(p.max_stubs, 256),
-        VALUE(p.max_points, 4096),  VALUE(p.max_hypotheses, 1536), VALUE(p.max_fill, 2048),
-        VALUE(p.max_cells, 25600),  VALUE(p.spread, 0.6),          VALUE(p.spread_angle, 35 * DEGREE),
-        VALUE(p.reach, 30),         VALUE(p.sigma, 0.01),          VALUE(p.contradiction, 1.5),
-        VALUE(p.oriented, 1),       VALUE(p.max_repairs, 2),       VALUE(p.max_rounds, 10),
-        VALUE(p.least_evidence, 1), VALUE(p.observable, 0.05),     VALUE(p.observable_angle, DEGREE),
+        VALUE(p.max_scans, 64),
+        VALUE(p.max_segments, 1024),
+        VALUE(p.max_stubs, 256),
+        VALUE(p.max_points, 4096),
+        VALUE(p.max_hypotheses, 1536),
+        VALUE(p.max_fill, 2048),
+        VALUE(p.max_cells, 25600),
+        VALUE(p.spread, 0.6),
+        VALUE(p.spread_angle, 35 * DEGREE),
+        VALUE(p.reach, 30),
+        VALUE(p.sigma, 0.01),
+        VALUE(p.contradiction, 1.5),
+        VALUE(p.oriented, 1),
+        VALUE(p.max_repairs, 2),
+        VALUE(p.max_rounds, 10),
+        VALUE(p.least_evidence, 1),
+        VALUE(p.observable, 0.05),
+        VALUE(p.observable_angle, DEGREE),
     };
 
     (void)state;
@@ -376,7 +396,8 @@ static void of_places(void **state)
 
 static void of_the_mapper_by_particles(void **state)
 {
-    cairn_filter_mapper_params p = cairn_filter_mapper_default(), sized = cairn_filter_mapper_default_for(9, 181, 4);
+    cairn_filter_mapper_params p = cairn_filter_mapper_default(),
+                               sized = cairn_filter_mapper_default_for(9, 181, 4);
     const value values[] = {
         VALUE(p.particles, 30),
         VALUE(p.candidates, 6),
@@ -551,7 +572,8 @@ static void of_contours(void **state)
     cairn_inner_distance_params inner = cairn_inner_distance_default();
     cairn_self_similarity_params similarity = cairn_self_similarity_default();
     cairn_symmetric_point_params sp = cairn_symmetric_point_default();
-    cairn_skeleton_params skeleton = cairn_skeleton_default(), written = cairn_skeleton_as_written();
+    cairn_skeleton_params skeleton = cairn_skeleton_default(),
+                          written = cairn_skeleton_as_written();
     cairn_shape_builder_params shape = cairn_shape_builder_default();
     cairn_grouping_params group = cairn_grouping_default();
     cairn_vision_canny_params canny = cairn_vision_canny_default();

@@ -102,7 +102,8 @@ static void intervals(void **state)
 
             cairn_detection_interval(share, n, &low, &high);
             assert_true(low >= 0 && low <= share + 1e-12 && high >= share - 1e-12 && high <= 1);
-            assert_near((share - high) * (share - high), 1.96 * 1.96 * high * (1 - high) / n, 1e-12);
+            assert_near((share - high) * (share - high), 1.96 * 1.96 * high * (1 - high) / n,
+                        1e-12);
             assert_near((share - low) * (share - low), 1.96 * 1.96 * low * (1 - low) / n, 1e-12);
         }
 }
@@ -120,9 +121,10 @@ static void files(void **state)
     text = files_read(files_path("curve.csv"), NULL);
     assert_non_null(text);
     /* Wilson's intervals of 1 in 4 instances, and of 1 in 1 and 1 in 2 detections. */
-    assert_string_equal(strchr(text, '\n'),
-                        "\n2.000000,0.250000,0.045586,0.699364,1.000000,0.206543,1.000000,0.000000\n"
-                        "1.000000,0.250000,0.045586,0.699364,0.500000,0.094529,0.905471,0.500000\n");
+    assert_string_equal(
+        strchr(text, '\n'),
+        "\n2.000000,0.250000,0.045586,0.699364,1.000000,0.206543,1.000000,0.000000\n"
+        "1.000000,0.250000,0.045586,0.699364,0.500000,0.094529,0.905471,0.500000\n");
     free(text);
     text = files_read(files_path("curve.svg"), NULL);
     assert_non_null(text);
@@ -130,14 +132,18 @@ static void files(void **state)
     free(text);
     /* Nothing was detected. */
     assert_ok(cairn_detection_curve_write(files_path("empty"), "none", p, 0, &error));
-    assert_status(cairn_detection_curve_write(files_path("nowhere/curve"), "a", p, 2, &error), CAIRN_IO);
+    assert_status(cairn_detection_curve_write(files_path("nowhere/curve"), "a", p, 2, &error),
+                  CAIRN_IO);
 }
 
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(curves_by_hand), cmocka_unit_test(shares_of_boxes), cmocka_unit_test(as_the_obvious_way),
-        cmocka_unit_test(intervals),      cmocka_unit_test(files),
+        cmocka_unit_test(curves_by_hand),
+        cmocka_unit_test(shares_of_boxes),
+        cmocka_unit_test(as_the_obvious_way),
+        cmocka_unit_test(intervals),
+        cmocka_unit_test(files),
     };
 
     return cmocka_run_group_tests(tests, files_setup, files_teardown);

@@ -1,4 +1,5 @@
-/* Detections as JSON and drawn: what was found, nothing, names that need escapes, a place that cannot be written to. */
+/* Detections as JSON and drawn: what was found, nothing, names that need escapes, a place that
+ * cannot be written to. */
 #include "tests/test.h"
 
 #include "cairn/detection_file.h"
@@ -60,7 +61,8 @@ static char *written(const cairn_detection_picture *p, int draws)
     const char *path = files_path(draws ? "found.svg" : "found.json");
     char *text;
 
-    assert_ok(draws ? cairn_detection_file_draw(p, path, &error) : cairn_detection_file_write(p, path, &error));
+    assert_ok(draws ? cairn_detection_file_draw(p, path, &error)
+                    : cairn_detection_file_write(p, path, &error));
     text = files_read(path, NULL);
     assert_non_null(text);
     return text;
@@ -83,16 +85,20 @@ static void writes_json(void **state)
 
     (void)state;
     assert_json(text);
-    assert_non_null(strstr(text, "\"width\": 128, \"height\": 96, \"shrink\": 2, \"chains\": 2, \"segments\": 3"));
+    assert_non_null(strstr(
+        text, "\"width\": 128, \"height\": 96, \"shrink\": 2, \"chains\": 2, \"segments\": 3"));
     assert_non_null(strstr(
         text, "{\"score\": 1.5000, \"rigid\": 0.5000, \"bent\": 1.0000, \"along\": 0.7500, "
-              "\"close\": 0.6250, \"turned\": 0.1250, \"strained\": 0.0625, \"agreed\": 0.3750, \"grouped\": 9.7500, "
+              "\"close\": 0.6250, \"turned\": 0.1250, \"strained\": 0.0625, \"agreed\": 0.3750, "
+              "\"grouped\": 9.7500, "
               "\"box\": [2.50, 4.50, 40.50, 30.50], \"x\": 20.50, \"y\": 16.50, \"size\": 46.00, "
               "\"mirrored\": true"));
-    assert_non_null(strstr(text, "\"segments\": [{\"id\": 1, \"chain\": 0, \"line\": [20.50, 4.50, 20.50, 40.50]}, "
-                                 "{\"id\": 0, \"chain\": 0, \"line\": [2.50, 4.50, 20.50, 4.50]}]"));
-    assert_non_null(strstr(text, "\"outline\": [[2.50, 4.50, 0], [18.50, 4.50, -1], [40.50, 18.50, 1], "
-                                 "[40.50, 24.50, 1], [40.50, 30.50, -1]]"));
+    assert_non_null(strstr(
+        text, "\"segments\": [{\"id\": 1, \"chain\": 0, \"line\": [20.50, 4.50, 20.50, 40.50]}, "
+              "{\"id\": 0, \"chain\": 0, \"line\": [2.50, 4.50, 20.50, 4.50]}]"));
+    assert_non_null(strstr(text,
+                           "\"outline\": [[2.50, 4.50, 0], [18.50, 4.50, -1], [40.50, 18.50, 1], "
+                           "[40.50, 24.50, 1], [40.50, 30.50, -1]]"));
     free(text);
     p = picture_of(&none);
     text = written(&p, 0);
@@ -119,11 +125,13 @@ static void writes_parts(void **state)
     by_parts.part_count = 2;
     text = written(&p, 0);
     assert_json(text);
-    assert_non_null(
-        strstr(text, "\"distance\": 0.2500, \"agreement\": 0.5000, \"parts\": [{\"bundle\": 2, \"fragment\": 7, "
-                     "\"chain\": 1, \"reversed\": true, \"similarity\": 0.7500, \"from\": 8.00, \"to\": 41.00}, "
-                     "{\"bundle\": 1, \"fragment\": 5, \"chain\": 0, \"reversed\": false, \"similarity\": 0.5000, "
-                     "\"from\": 0.00, \"to\": 18.00}], \"missing\": [0, 3]"));
+    assert_non_null(strstr(
+        text,
+        "\"distance\": 0.2500, \"agreement\": 0.5000, \"parts\": [{\"bundle\": 2, \"fragment\": 7, "
+        "\"chain\": 1, \"reversed\": true, \"similarity\": 0.7500, \"from\": 8.00, \"to\": 41.00}, "
+        "{\"bundle\": 1, \"fragment\": 5, \"chain\": 0, \"reversed\": false, \"similarity\": "
+        "0.5000, "
+        "\"from\": 0.00, \"to\": 18.00}], \"missing\": [0, 3]"));
     free(text);
     by_parts.part_count = 0;
     text = written(&p, 0);
@@ -143,10 +151,13 @@ static void draws(void **state)
     (void)state;
     assert_well_formed(text);
     assert_non_null(strstr(text, "<image"));
-    assert_non_null(strstr(text, "<path class=\"segment\" d=\"M10.0 2.0L10.0 20.0M1.0 2.0L10.0 2.0\"/>"));
+    assert_non_null(
+        strstr(text, "<path class=\"segment\" d=\"M10.0 2.0L10.0 20.0M1.0 2.0L10.0 2.0\"/>"));
     assert_non_null(strstr(text, "<path class=\"seen\" d=\"M20.0 9.0L20.0 12.0\"/>"));
-    assert_non_null(strstr(text, "<path class=\"missing\" d=\"M1.0 2.0L9.0 2.0M20.0 12.0L20.0 15.0\"/>"));
-    assert_non_null(strstr(text, "<rect class=\"box\" x=\"1.0\" y=\"2.0\" width=\"19.0\" height=\"13.0\"/>"));
+    assert_non_null(
+        strstr(text, "<path class=\"missing\" d=\"M1.0 2.0L9.0 2.0M20.0 12.0L20.0 15.0\"/>"));
+    assert_non_null(
+        strstr(text, "<rect class=\"box\" x=\"1.0\" y=\"2.0\" width=\"19.0\" height=\"13.0\"/>"));
     assert_non_null(strstr(text, ">1.50</text>"));
     free(text);
     p = picture_of(&none);

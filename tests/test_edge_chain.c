@@ -24,9 +24,10 @@ static picture draw(const char *rows)
             x = 0;
             continue;
         }
-        p.data[(p.height - 1) * SIDE + x] = *rows == '#'                   ? 200
-                                            : *rows >= '0' && *rows <= '9' ? (uint8_t)(10 * (*rows - '0') + 5)
-                                                                           : 0;
+        p.data[(p.height - 1) * SIDE + x] = *rows == '#' ? 200
+                                            : *rows >= '0' && *rows <= '9'
+                                                ? (uint8_t)(10 * (*rows - '0') + 5)
+                                                : 0;
         x++;
         p.width = x > p.width ? x : p.width;
     }
@@ -45,7 +46,8 @@ static picture scatter(uint64_t seed, int32_t share, int32_t levels)
     for (int32_t y = 0; y < p.height; y++)
         for (int32_t x = 0; x < p.width; x++)
             if (cairn_random_below(&random, 256) < share)
-                p.data[y * SIDE + x] = (uint8_t)(1 + cairn_random_below(&random, levels) * (254 / levels));
+                p.data[y * SIDE + x] =
+                    (uint8_t)(1 + cairn_random_below(&random, levels) * (254 / levels));
     return p;
 }
 
@@ -99,7 +101,8 @@ static int at(const picture *p, int32_t x, int32_t y)
 }
 
 /* Steps round a pixel, clockwise on the screen, from the east. */
-static const int32_t ring_x[8] = {1, 1, 0, -1, -1, -1, 0, 1}, ring_y[8] = {0, 1, 1, 1, 0, -1, -1, -1};
+static const int32_t ring_x[8] = {1, 1, 0, -1, -1, -1, 0, 1},
+                     ring_y[8] = {0, 1, 1, 1, 0, -1, -1, -1};
 
 static int near(const picture *p, int32_t x, int32_t y, int32_t k)
 {
@@ -182,8 +185,8 @@ static picture slow_thin(const picture *input)
         int32_t next = -1, x, y;
 
         for (int32_t i = 0; i < PIXELS; i++)
-            if (since[i] >= 0 &&
-                (next < 0 || rank[i] < rank[next] || (rank[i] == rank[next] && since[i] < since[next])))
+            if (since[i] >= 0 && (next < 0 || rank[i] < rank[next] ||
+                                  (rank[i] == rank[next] && since[i] < since[next])))
                 next = i;
         if (next < 0)
             return p;
@@ -209,7 +212,8 @@ static int32_t degree(const picture *p, int32_t x, int32_t y)
     int32_t count = 0;
 
     for (int32_t k = 0; k < 8; k++)
-        count += near(p, x, y, k) && (k % 2 == 0 || (!near(p, x, y, k + 7) && !near(p, x, y, k + 1)));
+        count +=
+            near(p, x, y, k) && (k % 2 == 0 || (!near(p, x, y, k + 7) && !near(p, x, y, k + 1)));
     return count;
 }
 
@@ -222,7 +226,8 @@ static int linked(const picture *p, cairn_edge_pixel a, cairn_edge_pixel b)
     return dx == 0 || dy == 0 || (!at(p, a.x + dx, a.y) && !at(p, a.x, a.y + dy));
 }
 
-/* Every link of the thinned picture is in exactly one chain, chains part at all that is no line, and say so. */
+/* Every link of the thinned picture is in exactly one chain, chains part at all that is no line,
+ * and say so. */
 static void check_chains(const picture *thin, const cairn_edge_chain_result *r, int32_t min_length)
 {
     int32_t links = 0, in_chains = 0, end = 0;
@@ -246,7 +251,8 @@ static void check_chains(const picture *thin, const cairn_edge_chain_result *r, 
             assert_true(k == 0 || linked(thin, pixel[k - 1], pixel[k]));
             assert_int_equal(own == 2, !is_end);
             if (is_end)
-                assert_int_equal(k == 0 ? c->from : c->to, own == 1 ? CAIRN_EDGE_OPEN : CAIRN_EDGE_JUNCTION);
+                assert_int_equal(k == 0 ? c->from : c->to,
+                                 own == 1 ? CAIRN_EDGE_OPEN : CAIRN_EDGE_JUNCTION);
         }
         assert_int_equal(closed, c->to == CAIRN_EDGE_CLOSED);
         assert_true(!closed || linked(thin, pixel[0], pixel[c->count - 1]));
@@ -264,7 +270,8 @@ static picture chains_drawn(const picture *like, const cairn_edge_chain_result *
 
     memset(p.data, 0, sizeof p.data);
     for (int32_t i = 0; i < r->pixel_count; i++)
-        p.data[r->pixels[i].y * SIDE + r->pixels[i].x] = like->data[r->pixels[i].y * SIDE + r->pixels[i].x];
+        p.data[r->pixels[i].y * SIDE + r->pixels[i].x] =
+            like->data[r->pixels[i].y * SIDE + r->pixels[i].x];
     return p;
 }
 
@@ -290,7 +297,8 @@ static void agrees_with_the_obvious_way(void **state)
 
 /* ---- Pictures with a known answer ---- */
 
-/* `expected` is what is left after thinning and pruning; compared without pixels that stand alone. */
+/* `expected` is what is left after thinning and pruning; compared without pixels that stand
+ * alone. */
 static void expect_thinned(const char *rows, const char *expected)
 {
     cairn_edge_chain_params params = small_params();
@@ -368,8 +376,8 @@ static void corners_of_stairs_go(void **state)
                    "...##.");
 }
 
-static void expect_chain(const cairn_edge_chain_result *r, int32_t i, cairn_edge_end from, cairn_edge_end to,
-                         int32_t count)
+static void expect_chain(const cairn_edge_chain_result *r, int32_t i, cairn_edge_end from,
+                         cairn_edge_end to, int32_t count)
 {
     assert_true(i < r->chain_count);
     assert_int_equal(r->chains[i].from, from);
@@ -430,7 +438,8 @@ static void a_ring_is_closed_and_its_tail_is_not(void **state)
     assert_int_equal(r.chains[0].to, CAIRN_EDGE_OPEN);
     assert_int_equal(r.chains[1].from, CAIRN_EDGE_JUNCTION);
     assert_int_equal(r.chains[1].to, CAIRN_EDGE_JUNCTION);
-    assert_memory_equal(&r.pixels[r.chains[1].first], &r.pixels[r.chains[1].first + r.chains[1].count - 1],
+    assert_memory_equal(&r.pixels[r.chains[1].first],
+                        &r.pixels[r.chains[1].first + r.chains[1].count - 1],
                         sizeof(cairn_edge_pixel));
     test_pool_free(&f.pool);
 }
@@ -481,7 +490,8 @@ static void spurs_go_and_branches_stay(void **state)
     struct fixture f;
 
     (void)state;
-    /* Branches of two pixels beside the one that lines share stay at 1 and go at 2; a short line of its own is none. */
+    /* Branches of two pixels beside the one that lines share stay at 1 and go at 2; a short line
+     * of its own is none. */
     params.max_spur = 1;
     f = set_with(params);
     r = search(f.set, &p);
@@ -637,7 +647,8 @@ static void work_is_linear(void **state)
     empty.width = empty.height = SIDE;
     assert_ok(cairn_edge_chain_begin(f.set, view_of(&empty)));
     assert_ok(cairn_edge_chain_step(f.set, &budget));
-    /* 42 x 42 cells: three passes at four a unit, two at sixteen; 2048 queues at eight and at sixteen a unit. */
+    /* 42 x 42 cells: three passes at four a unit, two at sixteen; 2048 queues at eight and at
+     * sixteen a unit. */
     assert_int_equal(100000 - budget.left, 3 * 441 + 2 * 111 + 256 + 128);
     budget.left = 100000;
     line.height = SIDE;
@@ -741,7 +752,11 @@ static void bad_params_are_refused(void **state)
     cases[6].field = &p.max_spur;
     for (int k = 0; k < 7; k++) {
         cases[k].bad[0] = k == 5 ? 1 : k == 6 ? -1 : 0;
-        cases[k].bad[1] = k < 2 ? CAIRN_RASTER_MAX_SIDE + 1 : k < 4 ? (1 << 28) + 1 : k == 4 ? 256 : k == 6 ? 65 : -1;
+        cases[k].bad[1] = k < 2    ? CAIRN_RASTER_MAX_SIDE + 1
+                          : k < 4  ? (1 << 28) + 1
+                          : k == 4 ? 256
+                          : k == 6 ? 65
+                                   : -1;
         for (int j = 0; j < 2; j++) {
             p = good;
             *cases[k].field = cases[k].bad[j];
@@ -757,7 +772,8 @@ static void bad_params_are_refused(void **state)
     p.max_width = p.max_height = CAIRN_RASTER_MAX_SIDE;
     p.max_spur = 64;
     p.min_strength = 255;
-    assert_true(cairn_edge_chain_memory(&p) > (size_t)CAIRN_RASTER_MAX_SIDE * CAIRN_RASTER_MAX_SIDE);
+    assert_true(cairn_edge_chain_memory(&p) >
+                (size_t)CAIRN_RASTER_MAX_SIDE * CAIRN_RASTER_MAX_SIDE);
     test_pool_free(&pool);
 }
 

@@ -36,7 +36,8 @@ static void line_to(drawing *d, int32_t ax, int32_t ay, int32_t bx, int32_t by)
     int32_t steps = abs(bx - ax) > abs(by - ay) ? abs(bx - ax) : abs(by - ay);
 
     for (int32_t k = d->chains[d->chain_count - 1].count > 0; k <= steps; k++)
-        dot(d, (int32_t)lrint(ax + (double)(bx - ax) * k / steps), (int32_t)lrint(ay + (double)(by - ay) * k / steps));
+        dot(d, (int32_t)lrint(ax + (double)(bx - ax) * k / steps),
+            (int32_t)lrint(ay + (double)(by - ay) * k / steps));
 }
 
 static void add_line(drawing *d, int32_t ax, int32_t ay, int32_t bx, int32_t by)
@@ -63,12 +64,14 @@ static void scribble(drawing *d, uint64_t seed)
 
     memset(d, 0, sizeof *d);
     for (int32_t i = 0; i < 25; i++) {
-        int32_t x = 20 + cairn_random_below(&random, 200), y = 20 + cairn_random_below(&random, 150);
+        int32_t x = 20 + cairn_random_below(&random, 200),
+                y = 20 + cairn_random_below(&random, 150);
         int32_t pieces = 1 + cairn_random_below(&random, 4);
 
         start(d, 0, 1 + i);
         for (int32_t k = 0; k < pieces; k++) {
-            int32_t u = x - 35 + cairn_random_below(&random, 71), v = y - 35 + cairn_random_below(&random, 71);
+            int32_t u = x - 35 + cairn_random_below(&random, 71),
+                    v = y - 35 + cairn_random_below(&random, 71);
 
             if (abs(u - x) + abs(v - y) < 4)
                 continue;
@@ -131,7 +134,8 @@ static const cairn_edge_pixel *pixel_at(const drawing *d, int32_t chain, int32_t
 
 static double to_chord(const drawing *d, int32_t chain, int32_t low, int32_t high, int32_t k)
 {
-    const cairn_edge_pixel *a = pixel_at(d, chain, low), *b = pixel_at(d, chain, high), *p = pixel_at(d, chain, k);
+    const cairn_edge_pixel *a = pixel_at(d, chain, low), *b = pixel_at(d, chain, high),
+                           *p = pixel_at(d, chain, k);
     double dx = b->x - a->x, dy = b->y - a->y, squared = dx * dx + dy * dy, t = 0;
 
     if (squared > 0)
@@ -141,7 +145,8 @@ static double to_chord(const drawing *d, int32_t chain, int32_t low, int32_t hig
 
 static void slow_regression(const drawing *d, slow_line *line)
 {
-    const cairn_edge_pixel *p = pixel_at(d, line->chain, line->low), *q = pixel_at(d, line->chain, line->high);
+    const cairn_edge_pixel *p = pixel_at(d, line->chain, line->low),
+                           *q = pixel_at(d, line->chain, line->high);
     int32_t n = line->high - line->low + 1;
     double x = 0, y = 0, xx = 0, xy = 0, yy = 0, angle, s, t;
 
@@ -219,12 +224,13 @@ static int by_value(const void *a, const void *b)
     return (p > q) - (p < q);
 }
 
-/* Whole pixels of the projections of all ends within 2 L, in order, as far as pieces stay long enough. */
+/* Whole pixels of the projections of all ends within 2 L, in order, as far as pieces stay long
+ * enough. */
 static void slow_cut(const drawing *d, slow_line *line, double look_ahead, double least)
 {
     static double cuts[2 * MANY];
-    double length = length_of(line), ux = (line->b[0] - line->a[0]) / length, uy = (line->b[1] - line->a[1]) / length,
-           from = 0;
+    double length = length_of(line), ux = (line->b[0] - line->a[0]) / length,
+           uy = (line->b[1] - line->a[1]) / length, from = 0;
     int32_t count = 0;
 
     for (int32_t i = 0; i < 2 * slow_line_count; i++) {
@@ -241,17 +247,18 @@ static void slow_cut(const drawing *d, slow_line *line, double look_ahead, doubl
         slow_segment *s = &slow_segments[slow_count];
         double pixels = (line->high - line->low) / length;
 
-        if (cuts[i] > length || (i < count - 1 && (cuts[i] - from < least || length - cuts[i] < least)))
+        if (cuts[i] > length ||
+            (i < count - 1 && (cuts[i] - from < least || length - cuts[i] < least)))
             continue;
         s->a[0] = line->a[0] + from * ux;
         s->a[1] = line->a[1] + from * uy;
         s->b[0] = line->a[0] + cuts[i] * ux;
         s->b[1] = line->a[1] + cuts[i] * uy;
         s->chain = line->chain;
-        s->first =
-            d->chains[line->chain].first + (line->low + (int32_t)rint(from * pixels)) % d->chains[line->chain].count;
-        s->last =
-            d->chains[line->chain].first + (line->low + (int32_t)rint(cuts[i] * pixels)) % d->chains[line->chain].count;
+        s->first = d->chains[line->chain].first +
+                   (line->low + (int32_t)rint(from * pixels)) % d->chains[line->chain].count;
+        s->last = d->chains[line->chain].first +
+                  (line->low + (int32_t)rint(cuts[i] * pixels)) % d->chains[line->chain].count;
         slow_count++;
         from = cuts[i];
     }
@@ -264,13 +271,15 @@ static void slow_join(int32_t i, int32_t j, double reach, double turn, double pi
     const double *p = i % 2 ? s->b : s->a, *q = j % 2 ? t->b : t->a, *far_p = i % 2 ? s->a : s->b,
                  *far_q = j % 2 ? t->a : t->b;
     double ux = far_p[0] - p[0], uy = far_p[1] - p[1], vx = far_q[0] - q[0], vy = far_q[1] - q[1];
-    double between = remainder(atan2(vy, vx) - atan2(-uy, -ux), 2 * 3.14159265358979323846), k, x, y, angle;
+    double between = remainder(atan2(vy, vx) - atan2(-uy, -ux), 2 * 3.14159265358979323846), k, x,
+           y, angle;
     slow_segment *made = &slow_segments[slow_count];
 
     k = ((q[0] - p[0]) * vy - (q[1] - p[1]) * vx) / (ux * vy - uy * vx);
     x = p[0] + k * ux;
     y = p[1] + k * uy;
-    if (fabs(between) < turn || !(hypot(x - p[0], y - p[1]) <= reach && hypot(x - q[0], y - q[1]) <= reach))
+    if (fabs(between) < turn ||
+        !(hypot(x - p[0], y - p[1]) <= reach && hypot(x - q[0], y - q[1]) <= reach))
         return;
     angle = atan2(-uy, -ux) + between / 2;
     made->a[0] = x - 0.5 * piece * cos(angle);
@@ -289,18 +298,21 @@ static double slow_search(const drawing *d, const cairn_edge_segment_params *p)
 
     slow_line_count = slow_count = 0;
     for (int32_t c = 0; c < d->chain_count; c++)
-        slow_split(d, (double)p->tolerance, c, 0, d->chains[c].count - (d->chains[c].from != CAIRN_EDGE_CLOSED));
+        slow_split(d, (double)p->tolerance, c, 0,
+                   d->chains[c].count - (d->chains[c].from != CAIRN_EDGE_CLOSED));
     look_ahead = slow_look_ahead();
     for (int32_t i = 0; i < slow_line_count; i++)
         slow_cut(d, &slow_lines[i], look_ahead, (double)p->min_piece);
     for (int32_t i = 0; i < 2 * slow_line_count; i++)
         for (int32_t j = i + 1; j < 2 * slow_line_count; j++)
             if (i / 2 != j / 2 && p->junction > 0)
-                slow_join(i, j, (double)p->junction, (double)p->junction_turn, (double)p->min_piece);
+                slow_join(i, j, (double)p->junction, (double)p->junction_turn,
+                          (double)p->min_piece);
     return look_ahead;
 }
 
-static int by_parts(int32_t first, int32_t second, int32_t last, int32_t other_last, double x, double other_x)
+static int by_parts(int32_t first, int32_t second, int32_t last, int32_t other_last, double x,
+                    double other_x)
 {
     if (first != second)
         return first > second ? 1 : -1;
@@ -323,7 +335,8 @@ static int by_slow_segments(const void *a, const void *b)
     return by_parts(p->first, q->first, p->last, q->last, p->a[0], q->a[0]);
 }
 
-/* Virtual ones are compared in the order of what they join, and of where they start where two join the same. */
+/* Virtual ones are compared in the order of what they join, and of where they start where two
+ * join the same. */
 static void expect_the_obvious_way(const cairn_edge_segment_result *r, const drawing *d,
                                    const cairn_edge_segment_params *p)
 {
@@ -336,7 +349,8 @@ static void expect_the_obvious_way(const cairn_edge_segment_result *r, const dra
     assert_int_equal(r->count, slow_count);
     memcpy(found, r->segments, (size_t)r->count * sizeof *found);
     qsort(found + real, (size_t)r->virtual_count, sizeof *found, by_segments);
-    qsort(slow_segments + real, (size_t)(slow_count - real), sizeof *slow_segments, by_slow_segments);
+    qsort(slow_segments + real, (size_t)(slow_count - real), sizeof *slow_segments,
+          by_slow_segments);
     for (int32_t i = 0; i < r->count; i++) {
         const slow_segment *s = &slow_segments[i];
 
@@ -350,7 +364,8 @@ static void expect_the_obvious_way(const cairn_edge_segment_result *r, const dra
         if (s->chain >= 0)
             assert_near(found[i].strength, d->chains[s->chain].strength, 0);
         else
-            assert_near(found[i].strength, fmin((double)found[s->first].strength, (double)found[s->last].strength), 0);
+            assert_near(found[i].strength,
+                        fmin((double)found[s->first].strength, (double)found[s->last].strength), 0);
     }
 }
 
@@ -403,7 +418,8 @@ static void a_straight_line_is_one_segment(void **state)
     test_pool_free(&f.pool);
 }
 
-/* A wall of 30 px is cut where the short line beside it ends, as far as the look-ahead goes; 2 * 5 px here. */
+/* A wall of 30 px is cut where the short line beside it ends, as far as the look-ahead goes; 2 *
+ * 5 px here. */
 static void ends_nearby_cut(void **state)
 {
     static const int32_t beside[] = {10, 11, -10, -11};
@@ -526,7 +542,8 @@ static void closed_chains_go_all_the_way_round(void **state)
     test_pool_free(&f.pool);
 }
 
-/* A hook whose pixels spread across its chord, a chain that comes back to where it started, one that stays there. */
+/* A hook whose pixels spread across its chord, a chain that comes back to where it started, one
+ * that stays there. */
 static void odd_chains_are_finite(void **state)
 {
     cairn_edge_segment_params params = small_params();
@@ -635,7 +652,9 @@ static void capacities_are_kept(void **state)
         struct fixture tight;
 
         params.max_lines = k == 1 ? r.line_count - 1 : k == 2 ? 1 : r.line_count;
-        params.max_segments = k == 3 ? r.count - 1 : k == 4 ? r.count - r.virtual_count - 1 : r.count;
+        params.max_segments = k == 3   ? r.count - 1
+                              : k == 4 ? r.count - r.virtual_count - 1
+                                       : r.count;
         tight = set_with(params);
         assert_ok(cairn_edge_segment_begin(tight.set, &chains));
         assert_status(cairn_edge_segment_step(tight.set, &budget), k == 0 ? CAIRN_OK : CAIRN_FULL);
@@ -710,8 +729,10 @@ static void bad_params_are_refused(void **state)
     };
     const struct {
         int32_t *field, bad;
-    } counts[] = {
-        {&p.max_lines, 0}, {&p.max_lines, (1 << 26) + 1}, {&p.max_segments, 0}, {&p.max_segments, (1 << 28) + 1}};
+    } counts[] = {{&p.max_lines, 0},
+                  {&p.max_lines, (1 << 26) + 1},
+                  {&p.max_segments, 0},
+                  {&p.max_segments, (1 << 28) + 1}};
     cairn_pool pool = test_pool(cairn_edge_segment_memory(&good));
     cairn_edge_segment_set *set = NULL;
 

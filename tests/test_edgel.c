@@ -66,7 +66,8 @@ static double share_inside(double x, double y, double r)
 }
 
 /* A disc 100 grey levels above its background. */
-static void draw_disc(int32_t side, double cx, double cy, double r, double noise, cairn_random *random)
+static void draw_disc(int32_t side, double cx, double cy, double r, double noise,
+                      cairn_random *random)
 {
     for (int32_t i = 0; i < side * side; i++) {
         int32_t y = i / side;
@@ -115,7 +116,8 @@ static void a_straight_edge_lies_where_it_is(void **state)
             assert_near(e[i].position.y, i, 0);
             assert_near(e[i].normal.x, k % 2 ? 1 : -1, NUMBER(1e-9, 1e-4));
             assert_near(e[i].normal.y, 0, NUMBER(1e-9, 1e-3));
-            /* The height of the step times the Gaussian's peak, a little less for the pixel's own width. */
+            /* The height of the step times the Gaussian's peak, a little less for the pixel's
+             * own width. */
             assert_near(e[i].slope, 180 / (1.5 * sqrt(2 * PI)), 3);
         }
     }
@@ -132,12 +134,14 @@ static double sobel_error(double x, double y, double cx, double cy)
     int32_t at = (int32_t)rint(y) * SIDE + (int32_t)rint(x);
     const uint8_t *p = &picture[at];
     double gx = p[1 - SIDE] + 2.0 * p[1] + p[1 + SIDE] - p[-1 - SIDE] - 2.0 * p[-1] - p[SIDE - 1];
-    double gy = p[SIDE - 1] + 2.0 * p[SIDE] + p[SIDE + 1] - p[-SIDE - 1] - 2.0 * p[-SIDE] - p[1 - SIDE];
+    double gy =
+        p[SIDE - 1] + 2.0 * p[SIDE] + p[SIDE + 1] - p[-SIDE - 1] - 2.0 * p[-SIDE] - p[1 - SIDE];
 
     return angle_between(gx, gy, rint(x) - cx, rint(y) - cy);
 }
 
-/* Of noisy circles, near them: errors of the angle, and Sobel's at the same pixels. Every place round the circle is met. */
+/* Of noisy circles, near them: errors of the angle, and Sobel's at the same pixels. Every place
+ * round the circle is met. */
 static void normals_of_circles_beat_sobel(void **state)
 {
     struct fixture f = set_with(small_params());
@@ -157,14 +161,16 @@ static void normals_of_circles_beat_sobel(void **state)
             draw_disc(SIDE, cx, cy, r, 5 * level, &random);
             e = find(f.set, view_of(SIDE, SIDE), &count);
             for (int32_t i = 0; i < count; i++) {
-                double x = (double)e[i].position.x - cx, y = (double)e[i].position.y - cy, d = hypot(x, y);
+                double x = (double)e[i].position.x - cx, y = (double)e[i].position.y - cy,
+                       d = hypot(x, y);
 
                 if (fabs(d - r) > 1.5)
                     continue;
                 near++;
                 /* The disc is the brighter side. */
                 assert_true(x * (double)e[i].normal.x + y * (double)e[i].normal.y < 0);
-                assert_near(hypot((double)e[i].normal.x, (double)e[i].normal.y), 1, NUMBER(1e-12, 1e-5));
+                assert_near(hypot((double)e[i].normal.x, (double)e[i].normal.y), 1,
+                            NUMBER(1e-12, 1e-5));
                 error += angle_between(x, y, (double)e[i].normal.x, (double)e[i].normal.y);
                 sobel += sobel_error((double)e[i].position.x, (double)e[i].position.y, cx, cy);
                 off += fabs(d - r);
@@ -187,10 +193,12 @@ static void normals_of_circles_beat_sobel(void **state)
 /* ---- The twin: derivatives as sums over the plane, all zeros looked at one by one ---- */
 
 struct twin {
-    double f[SMALL * SMALL], fx[SMALL * SMALL], fy[SMALL * SMALL], x[SMALL * SMALL], y[SMALL * SMALL];
+    double f[SMALL * SMALL], fx[SMALL * SMALL], fy[SMALL * SMALL], x[SMALL * SMALL],
+        y[SMALL * SMALL];
 };
 
-/* Weights of a derivative of this order that are exact for x^order and lower powers, from the definition. */
+/* Weights of a derivative of this order that are exact for x^order and lower powers, from the
+ * definition. */
 static void twin_weights(double sigma, int order, double w[2 * REACH_MOST + 1])
 {
     int reach = (int)ceil(4 * sigma);
@@ -250,15 +258,15 @@ static void twin_sample(struct twin *t, double sigma, int32_t px, int32_t py)
     t->y[at] = y;
     t->f[at] = x * x * xx + 2 * x * y * xy + y * y * yy;
     /* By the product rule, term by term. */
-    t->fx[at] =
-        2 * x * xx * xx + x * x * xxx + 2 * (xx * y * xy + x * xy * xy + x * y * xxy) + 2 * y * xy * yy + y * y * xyy;
-    t->fy[at] =
-        2 * x * xy * xx + x * x * xxy + 2 * (xy * y * xy + x * yy * xy + x * y * xyy) + 2 * y * yy * yy + y * y * yyy;
+    t->fx[at] = 2 * x * xx * xx + x * x * xxx + 2 * (xx * y * xy + x * xy * xy + x * y * xxy) +
+                2 * y * xy * yy + y * y * xyy;
+    t->fy[at] = 2 * x * xy * xx + x * x * xxy + 2 * (xy * y * xy + x * yy * xy + x * y * xyy) +
+                2 * y * yy * yy + y * y * yyy;
 }
 
 /* 1 when there is an edgel between two pixels; *doubt: 1 when rounding may decide. */
-static int twin_between(const struct twin *t, int32_t a, int32_t b, const cairn_edgel_params *p, cairn_edgel *e,
-                        int *doubt)
+static int twin_between(const struct twin *t, int32_t a, int32_t b, const cairn_edgel_params *p,
+                        cairn_edgel *e, int *doubt)
 {
     int32_t row = a / SMALL;
     double from, share, fx, fy, x, y, f, slope, turn;
@@ -275,14 +283,15 @@ static int twin_between(const struct twin *t, int32_t a, int32_t b, const cairn_
     f = hypot(fx, fy);
     slope = hypot(x, y);
     turn = -(fx * x + fy * y) / (f * slope);
-    *doubt = fabs(slope - (double)p->min_slope) < 1e-3 || fabs(turn - cos((double)p->max_turn)) < 1e-3 ||
-             fabs(fabs(fx) - fabs(fy)) < 1e-3 * f;
+    *doubt = fabs(slope - (double)p->min_slope) < 1e-3 ||
+             fabs(turn - cos((double)p->max_turn)) < 1e-3 || fabs(fabs(fx) - fabs(fy)) < 1e-3 * f;
     e->position.x = (cairn_real)(a % SMALL + (b == a + 1 ? share : 0));
     e->position.y = (cairn_real)(row + (b == a + 1 ? 0 : share));
     e->normal.x = (cairn_real)(-fx / f);
     e->normal.y = (cairn_real)(-fy / f);
     e->slope = (cairn_real)slope;
-    return slope >= (double)p->min_slope && turn >= cos((double)p->max_turn) && (fabs(fx) >= fabs(fy)) == (b == a + 1);
+    return slope >= (double)p->min_slope && turn >= cos((double)p->max_turn) &&
+           (fabs(fx) >= fabs(fy)) == (b == a + 1);
 }
 
 /* In the order of the rows: at each pixel from the one above, then to the right. */
@@ -314,8 +323,9 @@ static void it_is_what_the_definition_says(void **state)
             if (from < 0 || (i % 2 && at % SMALL == SMALL - 1))
                 continue;
             has = twin_between(&t, from, to, &params, &e, &doubt);
-            met = next < count && hypot((double)(found[next].position.x - e.position.x),
-                                        (double)(found[next].position.y - e.position.y)) < NUMBER(1e-6, 1e-2);
+            met = next < count &&
+                  hypot((double)(found[next].position.x - e.position.x),
+                        (double)(found[next].position.y - e.position.y)) < NUMBER(1e-6, 1e-2);
             if (doubt) {
                 next += has && met;
                 continue;
@@ -398,7 +408,8 @@ static void strides_do_not_matter(void **state)
 {
     static uint8_t copy[SMALL * SMALL], wide[SIDE * SIDE];
     struct fixture f = set_with(small_params()), other = set_with(small_params());
-    cairn_raster_u8_view turned = {&wide[(SMALL - 1) * SIDE], SMALL, SMALL, -SIDE}, plain = {copy, SMALL, SMALL, SMALL};
+    cairn_raster_u8_view turned = {&wide[(SMALL - 1) * SIDE], SMALL, SMALL, -SIDE},
+                         plain = {copy, SMALL, SMALL, SMALL};
     const cairn_edgel *e, *o;
     int32_t count, others;
 
@@ -477,7 +488,8 @@ static void it_begins_anew(void **state)
     test_pool_free(&f.pool);
 }
 
-/* Thirteen taps at sigma 1.5: a pixel costs 1 + 4 * 13 / 48 along its row, 1 + 9 * 13 / 48 across, and 1. */
+/* Thirteen taps at sigma 1.5: a pixel costs 1 + 4 * 13 / 48 along its row, 1 + 9 * 13 / 48
+ * across, and 1. */
 static void work_is_charged(void **state)
 {
     struct fixture f = set_with(small_params());

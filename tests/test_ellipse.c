@@ -58,16 +58,19 @@ static void lay_arc(struct cloud *c, const cairn_ellipse *e, double from, double
     for (int32_t i = 0; i < count; i++) {
         double angle = from + (to - from) * i / count;
         double u = (double)e->half_length * cos(angle), v = (double)e->half_width * sin(angle);
-        double du = -(double)e->half_length * sin(angle), dv = (double)e->half_width * cos(angle), n = hypot(du, dv);
+        double du = -(double)e->half_length * sin(angle), dv = (double)e->half_width * cos(angle),
+               n = hypot(du, dv);
 
         if (e->kind == CAIRN_ELLIPSE_COLUMN)
             n = -n;
-        lay_point(c, (double)e->centre.x + cosine * u - sine * v, (double)e->centre.y + sine * u + cosine * v,
-                  (cosine * du - sine * dv) / n, (sine * du + cosine * dv) / n);
+        lay_point(c, (double)e->centre.x + cosine * u - sine * v,
+                  (double)e->centre.y + sine * u + cosine * v, (cosine * du - sine * dv) / n,
+                  (sine * du + cosine * dv) / n);
     }
 }
 
-static cairn_ellipse ellipse(double x, double y, double theta, double a, double b, cairn_ellipse_kind kind)
+static cairn_ellipse ellipse(double x, double y, double theta, double a, double b,
+                             cairn_ellipse_kind kind)
 {
     cairn_ellipse e;
 
@@ -134,12 +137,17 @@ static void slow_vote(struct slow *s)
             for (int32_t k = 0; k <= (int32_t)((most - least) / s->cell) && n != 0; k++) {
                 double r = least + k * s->cell;
                 int32_t x = (int32_t)floor(
-                    ((double)p->position.x - r * (double)p->direction.y / n - s->corner_x) / s->cell + 0.5);
+                    ((double)p->position.x - r * (double)p->direction.y / n - s->corner_x) /
+                        s->cell +
+                    0.5);
                 int32_t y = (int32_t)floor(
-                    ((double)p->position.y + r * (double)p->direction.x / n - s->corner_y) / s->cell + 0.5);
+                    ((double)p->position.y + r * (double)p->direction.x / n - s->corner_y) /
+                        s->cell +
+                    0.5);
 
                 if (x >= 0 && y >= 0 && x < cells && y < cells)
-                    s->raw[((s->squares - 1) * side * cells + y) * cells + x] += (double)s->c->weights[i];
+                    s->raw[((s->squares - 1) * side * cells + y) * cells + x] +=
+                        (double)s->c->weights[i];
             }
         }
     for (int32_t i = 0; i < all; i++)
@@ -171,18 +179,22 @@ static double slow_offset(const cairn_ellipse *e, double x, double y, double nor
 {
     double c = cos((double)e->centre.theta), s = sin((double)e->centre.theta);
     double dx = x - (double)e->centre.x, dy = y - (double)e->centre.y;
-    double u = (c * dx + s * dy) / (double)e->half_length, v = (c * dy - s * dx) / (double)e->half_width;
-    double r = hypot(u, v), gu = u / r / (double)e->half_length, gv = v / r / (double)e->half_width, g = hypot(gu, gv);
+    double u = (c * dx + s * dy) / (double)e->half_length,
+           v = (c * dy - s * dx) / (double)e->half_width;
+    double r = hypot(u, v), gu = u / r / (double)e->half_length, gv = v / r / (double)e->half_width,
+           g = hypot(gu, gv);
 
     normal[0] = (c * gu - s * gv) / g;
     normal[1] = (s * gu + c * gv) / g;
     return (r - 1) / g;
 }
 
-static int slow_belongs(const cairn_ellipse *e, const cairn_oriented_point *p, double reach, double tolerance)
+static int slow_belongs(const cairn_ellipse *e, const cairn_oriented_point *p, double reach,
+                        double tolerance)
 {
     double n[2], off = slow_offset(e, (double)p->position.x, (double)p->position.y, n);
-    double turn = remainder(atan2((double)p->direction.y, (double)p->direction.x) - atan2(n[0], -n[1]), 2 * PI);
+    double turn = remainder(
+        atan2((double)p->direction.y, (double)p->direction.x) - atan2(n[0], -n[1]), 2 * PI);
 
     if (e->kind == CAIRN_ELLIPSE_COLUMN)
         turn = remainder(turn + PI, 2 * PI);
@@ -231,9 +243,11 @@ static int slow_fit(const struct slow *s, cairn_ellipse *e, double reach, double
 
     for (int32_t i = 0; i < s->c->count; i++) {
         const cairn_oriented_point *p = &s->c->points[i];
-        double w = (double)s->c->weights[i], n = hypot((double)p->direction.x, (double)p->direction.y);
+        double w = (double)s->c->weights[i],
+               n = hypot((double)p->direction.x, (double)p->direction.y);
         double dx = (double)p->direction.x / n, dy = (double)p->direction.y / n;
-        double u = (double)(p->position.x - e->centre.x) / scale, v = (double)(p->position.y - e->centre.y) / scale;
+        double u = (double)(p->position.x - e->centre.x) / scale,
+               v = (double)(p->position.y - e->centre.y) / scale;
         const double place[5] = {u * u, u * v, v * v, u, v};
         const double across[5] = {2 * u * dx, u * dy + v * dx, 2 * v * dy, dx, dy};
 
@@ -312,7 +326,9 @@ static void slow_measure(const struct slow *s, cairn_ellipse *e)
         o = slow_offset(e, (double)p->position.x, (double)p->position.y, n);
         w += (double)s->c->weights[i];
         off += (double)s->c->weights[i] * o * o;
-        covered[(int)fmin(arcs - 1, (atan2((c * y - d * x) / b, (c * x + d * y) / a) / (2 * PI) + 0.5) * arcs)] = 1;
+        covered[(int)fmin(
+            arcs - 1, (atan2((c * y - d * x) / b, (c * x + d * y) / a) / (2 * PI) + 0.5) * arcs)] =
+            1;
     }
     for (int i = 0; i < arcs; i++)
         marked += covered[i];
@@ -327,12 +343,14 @@ static void slow_refine(struct slow *s, int32_t at)
     static const double shares[3] = {0.5, 0.25, 0.1};
     int32_t cells = s->p->cells;
     double tolerance = (double)s->p->angle_tolerance, wide = asin(fmin(1, 2 * sin(tolerance)));
-    cairn_ellipse e = ellipse(s->corner_x + at % cells * s->cell, s->corner_y + at / cells % cells * s->cell, 0, 0, 0,
-                              s->p->oriented ? at / (cells * cells) : CAIRN_ELLIPSE_ANY);
+    cairn_ellipse e =
+        ellipse(s->corner_x + at % cells * s->cell, s->corner_y + at / cells % cells * s->cell, 0,
+                0, 0, s->p->oriented ? at / (cells * cells) : CAIRN_ELLIPSE_ANY);
 
     e.half_length = e.half_width = (cairn_real)slow_radius(s, &e);
     for (int pass = 0; pass < 3; pass++)
-        if (!slow_fit(s, &e, fmax((double)s->p->support_distance, shares[pass] * (double)e.half_width),
+        if (!slow_fit(s, &e,
+                      fmax((double)s->p->support_distance, shares[pass] * (double)e.half_width),
                       pass == 0 ? wide : tolerance))
             return;
     slow_measure(s, &e);
@@ -368,7 +386,8 @@ static int is_near(const cairn_ellipse *a, const cairn_ellipse *b, double tolera
     return a->kind == b->kind && fabs((double)(a->centre.x - b->centre.x)) <= tolerance &&
            fabs((double)(a->centre.y - b->centre.y)) <= tolerance &&
            fabs((double)(a->half_length - b->half_length)) <= tolerance &&
-           fabs((double)(a->half_width - b->half_width)) <= tolerance && fabs(turn) <= 20 * tolerance;
+           fabs((double)(a->half_width - b->half_width)) <= tolerance &&
+           fabs(turn) <= 20 * tolerance;
 }
 
 static double uniform(cairn_random *random, double low, double high)
@@ -385,10 +404,11 @@ static struct cloud scene(uint64_t seed, double noise, cairn_ellipse truth[3], i
     c.count = 0;
     *ellipses = 2 + (int)(seed % 2);
     for (int i = 0; i < *ellipses; i++) {
-        double b = i == 1 ? uniform(&random, 0.3, 0.6) : uniform(&random, 1, 2.5), from = uniform(&random, 0, 6);
+        double b = i == 1 ? uniform(&random, 0.3, 0.6) : uniform(&random, 1, 2.5),
+               from = uniform(&random, 0, 6);
 
-        truth[i] = ellipse(6 * i + uniform(&random, -1, 1), uniform(&random, -2, 2), uniform(&random, 0, PI),
-                           b * uniform(&random, 1, 1.5), b, i == 1);
+        truth[i] = ellipse(6 * i + uniform(&random, -1, 1), uniform(&random, -2, 2),
+                           uniform(&random, 0, PI), b * uniform(&random, 1, 1.5), b, i == 1);
         lay_arc(&c, &truth[i], from, from + uniform(&random, 4.4, 2 * PI), (int32_t)(b * 50));
     }
     lay_wall(&c, -4, 5, 0.1, 80);
@@ -400,8 +420,8 @@ static struct cloud scene(uint64_t seed, double noise, cairn_ellipse truth[3], i
     }
     for (int32_t i = 0; i < c.count; i++) {
         cairn_oriented_point *p = &c.points[i];
-        double angle =
-            atan2((double)p->direction.y, (double)p->direction.x) + 5 * noise * (double)cairn_random_normal(&random);
+        double angle = atan2((double)p->direction.y, (double)p->direction.x) +
+                       5 * noise * (double)cairn_random_normal(&random);
 
         p->position.x += (cairn_real)(noise * (double)cairn_random_normal(&random));
         p->position.y += (cairn_real)(noise * (double)cairn_random_normal(&random));
@@ -452,7 +472,8 @@ static void finds_what_the_obvious_way_finds(void **state)
             int32_t i = 0;
 
             while (i < found &&
-                   !(list[i].kind == s.found[k].kind && fabs((double)(list[i].centre.x - s.found[k].centre.x)) < 0.3 &&
+                   !(list[i].kind == s.found[k].kind &&
+                     fabs((double)(list[i].centre.x - s.found[k].centre.x)) < 0.3 &&
                      fabs((double)(list[i].half_length - s.found[k].half_length)) < 0.3))
                 i++;
             assert_true(i < found);
@@ -493,7 +514,8 @@ static void finds_the_truth(void **state)
     test_pool_free(&f.pool);
 }
 
-/* Without noise the conic is the ellipse itself; the little weight on the circle moves it by next to nothing. */
+/* Without noise the conic is the ellipse itself; the little weight on the circle moves it by
+ * next to nothing. */
 static void ellipses_without_noise(void **state)
 {
     static const double ratios[] = {1, 1.2, 1.5};
@@ -724,7 +746,8 @@ static void shapes(void **state)
             double way = (double)cairn_vec2_norm(run);
 
             length += way;
-            assert_near(cairn_vec2_dot(run, p.direction), k % 3 == CAIRN_ELLIPSE_COLUMN ? -way : way, 1e-4);
+            assert_near(cairn_vec2_dot(run, p.direction),
+                        k % 3 == CAIRN_ELLIPSE_COLUMN ? -way : way, 1e-4);
             assert_near(cairn_ellipse_distance(&e, p.position, &normal), 0, NUMBER(1e-12, 2e-6));
             assert_near(cairn_vec2_dot(normal, p.direction), 0, NUMBER(1e-9, 1e-5));
             assert_true(cairn_ellipse_has(&e, &p, (cairn_real)0.01, (cairn_real)0.01));
@@ -752,7 +775,8 @@ static void shapes(void **state)
     }
 }
 
-/* What is turned away by its distance from the centre alone does not belong, however flat the ellipse and wide the gate. */
+/* What is turned away by its distance from the centre alone does not belong, however flat the
+ * ellipse and wide the gate. */
 static void what_is_far_does_not_belong(void **state)
 {
     cairn_random random = cairn_random_seed(31, 0);
@@ -763,7 +787,8 @@ static void what_is_far_does_not_belong(void **state)
         cairn_real a = cairn_random_uniform(&random, CAIRN_REAL(0.5), 4);
         cairn_real b = a * cairn_random_uniform(&random, CAIRN_REAL(0.1), 1);
         cairn_ellipse e = {.half_length = a, .half_width = b, .kind = CAIRN_ELLIPSE_ANY};
-        cairn_real distance = cairn_random_uniform(&random, 0, 1) * cairn_random_uniform(&random, 0, 30);
+        cairn_real distance =
+            cairn_random_uniform(&random, 0, 1) * cairn_random_uniform(&random, 0, 30);
         cairn_ellipse_gate gate = cairn_ellipse_gate_of(&e, distance, 1);
         cairn_oriented_point p;
         cairn_vec2 normal;
@@ -789,7 +814,8 @@ static void what_is_far_does_not_belong(void **state)
 static void limits_belong_to_it(void **state)
 {
     const cairn_ellipse e = {.half_length = 2, .half_width = 2, .kind = CAIRN_ELLIPSE_ANY};
-    const cairn_oriented_point on = {{2, 0}, {0, 1}}, off = {{4, 0}, {CAIRN_REAL(0.6), CAIRN_REAL(0.8)}};
+    const cairn_oriented_point on = {{2, 0}, {0, 1}},
+                               off = {{4, 0}, {CAIRN_REAL(0.6), CAIRN_REAL(0.8)}};
 
     (void)state;
     assert_true(cairn_ellipse_has(&e, &on, 0, 0));
@@ -857,10 +883,14 @@ static void bad_points_are_refused(void **state)
         double x, y, dx, dy, weight;
         cairn_status status;
     } bad[] = {
-        {(double)NAN, 0, 1, 0, 1, CAIRN_NOT_FINITE}, {0, (double)INFINITY, 1, 0, 1, CAIRN_NOT_FINITE},
-        {0, 0, (double)NAN, 0, 1, CAIRN_NOT_FINITE}, {0, 0, 0, (double)NAN, 1, CAIRN_NOT_FINITE},
-        {0, 0, 1, 0, (double)NAN, CAIRN_NOT_FINITE}, {1.1e6, 0, 1, 0, 1, CAIRN_BAD_ARGUMENT},
-        {0, -1.1e6, 1, 0, 1, CAIRN_BAD_ARGUMENT},    {0, 0, 1, 0, -1, CAIRN_BAD_ARGUMENT},
+        {(double)NAN, 0, 1, 0, 1, CAIRN_NOT_FINITE},
+        {0, (double)INFINITY, 1, 0, 1, CAIRN_NOT_FINITE},
+        {0, 0, (double)NAN, 0, 1, CAIRN_NOT_FINITE},
+        {0, 0, 0, (double)NAN, 1, CAIRN_NOT_FINITE},
+        {0, 0, 1, 0, (double)NAN, CAIRN_NOT_FINITE},
+        {1.1e6, 0, 1, 0, 1, CAIRN_BAD_ARGUMENT},
+        {0, -1.1e6, 1, 0, 1, CAIRN_BAD_ARGUMENT},
+        {0, 0, 1, 0, -1, CAIRN_BAD_ARGUMENT},
         {0, 0, 1, 0, 1.1e6, CAIRN_BAD_ARGUMENT},
     };
     struct fixture f = set_with(cairn_ellipse_default());

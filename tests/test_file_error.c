@@ -9,8 +9,9 @@ static void texts_name_file_and_line(void **state)
     cairn_file_error error;
 
     (void)state;
-    assert_status(cairn_file_error_set(&error, CAIRN_BAD_FORMAT, "a.log", 7, "%d ranges, expected %d", 3, 4),
-                  CAIRN_BAD_FORMAT);
+    assert_status(
+        cairn_file_error_set(&error, CAIRN_BAD_FORMAT, "a.log", 7, "%d ranges, expected %d", 3, 4),
+        CAIRN_BAD_FORMAT);
     assert_int_equal(error.status, CAIRN_BAD_FORMAT);
     assert_int_equal(error.line, 7);
     assert_string_equal(error.text, "a.log:7: 3 ranges, expected 4");
@@ -29,7 +30,8 @@ static void long_paths_are_cut_from_the_left(void **state)
     memset(path, 'x', sizeof path);
     memcpy(path + sizeof path - 7, "end.log", 7);
     path[sizeof path - 1] = '\0';
-    assert_status(cairn_file_error_set(&error, CAIRN_IO, path, 12, "cut off, expected more"), CAIRN_IO);
+    assert_status(cairn_file_error_set(&error, CAIRN_IO, path, 12, "cut off, expected more"),
+                  CAIRN_IO);
     assert_true(strlen(error.text) < CAIRN_FILE_ERROR_BYTES);
     assert_non_null(strstr(error.text, "end.lo:12: cut off, expected more"));
 }

@@ -16,7 +16,8 @@ static cairn_filter_mapper_params filter_params(int32_t particles)
     return params;
 }
 
-static cairn_filter_mapper *new_filter_mapper(cairn_pool *pool, const cairn_filter_mapper_params *params)
+static cairn_filter_mapper *new_filter_mapper(cairn_pool *pool,
+                                              const cairn_filter_mapper_params *params)
 {
     cairn_filter_mapper *mapper;
 
@@ -25,7 +26,8 @@ static cairn_filter_mapper *new_filter_mapper(cairn_pool *pool, const cairn_filt
     return mapper;
 }
 
-static void feed(cairn_filter_mapper *mapper, const sim_scan *scan, int32_t with_odometry, int32_t budget)
+static void feed(cairn_filter_mapper *mapper, const sim_scan *scan, int32_t with_odometry,
+                 int32_t budget)
 {
     cairn_scan_input input = sim_scan_input(scan);
     cairn_pose odometry = pose_of(scan->odometry);
@@ -53,7 +55,8 @@ static uint64_t hash_of(const cairn_filter_mapper *mapper)
     return hash;
 }
 
-/* ---- The slow twin: every particle keeps its path in an array, sorts all of it, and looks at all points ---- */
+/* ---- The slow twin: every particle keeps its path in an array, sorts all of it, and looks at
+ * all points ---- */
 
 typedef struct twin_state {
     cairn_pose path[KEYS_MOST];
@@ -111,7 +114,8 @@ static int32_t key_points(int32_t key, cairn_oriented_point *points)
 }
 
 /* Fills match and map with the key scans first ... end - 1 of the path that are near. */
-static void twin_fill(twin_map *map, const twin_state *s, cairn_pose expected, int32_t first, int32_t end)
+static void twin_fill(twin_map *map, const twin_state *s, cairn_pose expected, int32_t first,
+                      int32_t end)
 {
     static cairn_oriented_point points[TWIN_POINTS];
     twin_near near[KEYS_MOST];
@@ -156,7 +160,8 @@ static cairn_real twin_cost(const twin_map *map, cairn_vec2 p, cairn_vec2 direct
     }
     if (nearest < 0 || cairn_vec2_dot(direction, map->direction[nearest]) < CAIRN_REAL(0.5))
         return t.params.outlier;
-    across = cairn_vec2_cross(map->direction[nearest], cairn_vec2_sub(p, map->point[nearest])) / t.params.sigma;
+    across = cairn_vec2_cross(map->direction[nearest], cairn_vec2_sub(p, map->point[nearest])) /
+             t.params.sigma;
     return cairn_min(across * across / 2, t.params.outlier);
 }
 
@@ -176,10 +181,12 @@ static twin_place twin_place_of(cairn_pose mean, cairn_sym3 covariance)
     return place;
 }
 
-static cairn_status twin_propose(void *context, cairn_particle_filter *filter, int32_t index, cairn_budget *budget)
+static cairn_status twin_propose(void *context, cairn_particle_filter *filter, int32_t index,
+                                 cairn_budget *budget)
 {
     const cairn_filter_mapper_params *p = &t.params;
-    twin_state s = *(const twin_state *)cairn_particle_filter_particle(filter, index).state, drawn[CANDIDATES];
+    twin_state s = *(const twin_state *)cairn_particle_filter_particle(filter, index).state,
+               drawn[CANDIDATES];
     cairn_pose expected = cairn_pose_compose(s.path[s.keys - 1], t.motion);
     cairn_pose_prior prior = {expected, t.distance, t.distance, t.turn};
     cairn_real d = t.distance * t.distance;
@@ -194,8 +201,10 @@ static cairn_status twin_propose(void *context, cairn_particle_filter *filter, i
         cairn_icp_result match;
         cairn_sym3 c;
 
-        twin_fill(&t.map[which], &s, expected, which == 0 ? recent : 0, which == 0 ? s.keys : recent);
-        if (cairn_icp_begin(t.icp, view.points, view.point_count, expected, &prior, NULL) != CAIRN_OK)
+        twin_fill(&t.map[which], &s, expected, which == 0 ? recent : 0,
+                  which == 0 ? s.keys : recent);
+        if (cairn_icp_begin(t.icp, view.points, view.point_count, expected, &prior, NULL) !=
+            CAIRN_OK)
             continue;
         assert_ok(cairn_icp_step(t.icp, &unbounded));
         match = cairn_icp_read(t.icp);
@@ -237,12 +246,14 @@ static cairn_status twin_propose(void *context, cairn_particle_filter *filter, i
         cairn_pose x = drawn[k].path[s.keys], off = cairn_pose_between(expected, x);
         cairn_transform map_scan = cairn_transform_of(x);
         double cost = 0, sigma = (double)t.distance, turn = (double)(off.theta / t.turn);
-        double motion = ((double)(off.x * off.x + off.y * off.y) / (sigma * sigma) + turn * turn) / 2;
+        double motion =
+            ((double)(off.x * off.x + off.y * off.y) / (sigma * sigma) + turn * turn) / 2;
 
         for (int32_t i = 0; i < view.point_count; i += every)
             for (int which = 0; which < 2; which++)
-                cost += (double)twin_cost(&t.map[which], cairn_transform_point(map_scan, view.points[i].position),
-                                          cairn_transform_direction(map_scan, view.points[i].direction));
+                cost += (double)twin_cost(
+                    &t.map[which], cairn_transform_point(map_scan, view.points[i].position),
+                    cairn_transform_direction(map_scan, view.points[i].direction));
         drawn[k].log_weight = (cairn_real)(-motion - cost * (double)p->weight / weighed);
         assert_ok(cairn_particle_filter_offer(filter, &drawn[k], 0));
     }
@@ -250,8 +261,9 @@ static cairn_status twin_propose(void *context, cairn_particle_filter *filter, i
     return CAIRN_OK;
 }
 
-static cairn_status twin_likelihood(void *context, const cairn_particle_filter *filter, int32_t index,
-                                    const void *state, cairn_real *log_likelihood, cairn_budget *budget)
+static cairn_status twin_likelihood(void *context, const cairn_particle_filter *filter,
+                                    int32_t index, const void *state, cairn_real *log_likelihood,
+                                    cairn_budget *budget)
 {
     (void)context;
     (void)filter;
@@ -278,7 +290,8 @@ static void new_twin(const cairn_filter_mapper_params *params)
     filter.by_entropy = 0;
     filter.state_bytes = sizeof(twin_state);
     filter.max_blocks = params->particles * KEYS_MOST;
-    t.pool = test_pool(cairn_mapper_memory(&front) + cairn_icp_memory(&icp) + cairn_particle_filter_memory(&filter));
+    t.pool = test_pool(cairn_mapper_memory(&front) + cairn_icp_memory(&icp) +
+                       cairn_particle_filter_memory(&filter));
     assert_ok(cairn_mapper_create(&t.front, &t.pool, &front));
     assert_ok(cairn_icp_create(&t.icp, &t.pool, &icp));
     assert_ok(cairn_particle_filter_create(&t.filter, &t.pool, &filter, &model));
@@ -322,7 +335,8 @@ static void feed_twin(const sim_scan *scan, int32_t with_odometry)
     assert_ok(cairn_particle_filter_step(t.filter, &unbounded));
 }
 
-/* Both differ by roundings alone; in float these grow, and after some key scans other particles are drawn. */
+/* Both differ by roundings alone; in float these grow, and after some key scans other particles
+ * are drawn. */
 static void compare_with_twin(const cairn_filter_mapper *mapper, int32_t key_count)
 {
     static cairn_pose path[KEYS_MOST];
@@ -342,7 +356,8 @@ static void compare_with_twin(const cairn_filter_mapper *mapper, int32_t key_cou
     }
 }
 
-static void along_twin(const cairn_filter_mapper_params *params, sim_scene scene, int32_t scans, int32_t with_odometry)
+static void along_twin(const cairn_filter_mapper_params *params, sim_scene scene, int32_t scans,
+                       int32_t with_odometry)
 {
     drive d = start_drive(scene, 3, scans, 0.02, 0.3);
     cairn_filter_mapper *mapper;
@@ -367,8 +382,9 @@ static void along_twin(const cairn_filter_mapper_params *params, sim_scene scene
     assert_int_equal(state.nodes_peak, cairn_particle_filter_read(t.filter).blocks_peak);
     for (int32_t i = 0; i < cairn_filter_mapper_count(mapper); i++)
         best = fmax(best, (double)cairn_particle_filter_particle(t.filter, i).log_likelihood);
-    assert_near(cairn_particle_filter_particle(t.filter, cairn_filter_mapper_best(mapper)).log_likelihood, best,
-                NUMBER(1e-4, 1));
+    assert_near(
+        cairn_particle_filter_particle(t.filter, cairn_filter_mapper_best(mapper)).log_likelihood,
+        best, NUMBER(1e-4, 1));
     test_pool_free(&pool);
     test_pool_free(&t.pool);
     end_drive(&d);
@@ -384,7 +400,8 @@ static void agrees_with_twin(void **state)
     along_twin(&params, SIM_APARTMENT, 60, 1);
 }
 
-/* So little room that the farthest key scans are left out, weak scans that match nothing, no odometry, another seed. */
+/* So little room that the farthest key scans are left out, weak scans that match nothing, no
+ * odometry, another seed. */
 static void agrees_with_twin_where_room_is_short(void **state)
 {
     cairn_filter_mapper_params params = filter_params(3);
@@ -438,25 +455,25 @@ static void assert_refused(const cairn_filter_mapper_params *params)
     test_pool_free(&pool);
 }
 
-#define REFUSED(field, value)                                                                                          \
-    do {                                                                                                               \
-        cairn_filter_mapper_params params = filter_params(2);                                                          \
-        params.field = (value);                                                                                        \
-        assert_refused(&params);                                                                                       \
+#define REFUSED(field, value)                                                                      \
+    do {                                                                                           \
+        cairn_filter_mapper_params params = filter_params(2);                                      \
+        params.field = (value);                                                                    \
+        assert_refused(&params);                                                                   \
     } while (0)
 
-#define TAKEN(field, value)                                                                                            \
-    do {                                                                                                               \
-        cairn_filter_mapper_params params = filter_params(2);                                                          \
-        params.field = (value);                                                                                        \
-        assert_true(cairn_filter_mapper_memory(&params) > 0);                                                          \
+#define TAKEN(field, value)                                                                        \
+    do {                                                                                           \
+        cairn_filter_mapper_params params = filter_params(2);                                      \
+        params.field = (value);                                                                    \
+        assert_true(cairn_filter_mapper_memory(&params) > 0);                                      \
     } while (0)
 
-#define REFUSED_UNLESS_POSITIVE(field)                                                                                 \
-    do {                                                                                                               \
-        REFUSED(field, 0);                                                                                             \
-        REFUSED(field, -1);                                                                                            \
-        REFUSED(field, (cairn_real)NAN);                                                                               \
+#define REFUSED_UNLESS_POSITIVE(field)                                                             \
+    do {                                                                                           \
+        REFUSED(field, 0);                                                                         \
+        REFUSED(field, -1);                                                                        \
+        REFUSED(field, (cairn_real)NAN);                                                           \
     } while (0)
 
 static void refuses_bad_params(void **state)
@@ -546,7 +563,8 @@ static void refuses_bad_calls(void **state)
     assert_ok(cairn_filter_mapper_step(mapper, &budget)); /* nothing to do */
     assert_int_equal(budget.left, 10);
     bad.count = 0;
-    assert_fault(&fault, cairn_filter_mapper_add(mapper, &bad, NULL, &fault), CAIRN_BAD_ARGUMENT, -1);
+    assert_fault(&fault, cairn_filter_mapper_add(mapper, &bad, NULL, &fault), CAIRN_BAD_ARGUMENT,
+                 -1);
     assert_status(cairn_filter_mapper_add(mapper, &input, &not_finite, NULL), CAIRN_NOT_FINITE);
     assert_status(cairn_filter_mapper_add(NULL, &input, NULL, NULL), CAIRN_BAD_ARGUMENT);
     assert_status(cairn_filter_mapper_step(NULL, &budget), CAIRN_BAD_ARGUMENT);
@@ -709,8 +727,10 @@ static void takes_scans_that_show_nothing(void **state)
 
 /* ---- Drives ---- */
 
-/* Mean error of position seen from the first scan, in m, along the best path, and along the motion alone. */
-static void drive_errors(uint64_t seed, int32_t particles, double errors[2], cairn_filter_mapper_state *measured)
+/* Mean error of position seen from the first scan, in m, along the best path, and along the
+ * motion alone. */
+static void drive_errors(uint64_t seed, int32_t particles, double errors[2],
+                         cairn_filter_mapper_state *measured)
 {
     static cairn_pose path[KEYS_MOST];
     cairn_filter_mapper_params params = filter_params(particles);
@@ -730,8 +750,10 @@ static void drive_errors(uint64_t seed, int32_t particles, double errors[2], cai
         cairn_pose truth = cairn_pose_between(pose_of(d.scans[0].truth), pose_of(d.scans[i].truth));
 
         for (int k = 0; k < 2; k++) {
-            cairn_pose key = k == 0 ? path[results[i].key] : cairn_mapper_key_pose(front, results[i].key);
-            cairn_pose found = cairn_pose_between(path[0], cairn_pose_compose(key, results[i].key_scan));
+            cairn_pose key =
+                k == 0 ? path[results[i].key] : cairn_mapper_key_pose(front, results[i].key);
+            cairn_pose found =
+                cairn_pose_between(path[0], cairn_pose_compose(key, results[i].key_scan));
 
             errors[k] += hypot((double)(truth.x - found.x), (double)(truth.y - found.y)) / d.count;
         }

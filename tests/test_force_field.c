@@ -14,7 +14,8 @@ struct slow_field {
     double force[16][2], torque[16], centre[16][2], relocation[16];
     double point_force[SLOW_POINTS][2], mass[SLOW_POINTS];
     double potential, mean_relocation;
-    /* What P(g) gains by turning scan i with all |cos| left as they are is the torque; this is the rest, about any centre. */
+    /* What P(g) gains by turning scan i with all |cos| left as they are is the torque; this is
+     * the rest, about any centre. */
     double direction_torque[16];
     long pairs;
     int segment_pairs;
@@ -40,7 +41,8 @@ static double slow_distance(struct slow_line s, double x, double y)
     return hypot(x - s.ax - along * dx, y - s.ay - along * dy);
 }
 
-static int slow_corner(const cairn_force_field_params *p, struct slow_line s, struct slow_line t, double *x, double *y)
+static int slow_corner(const cairn_force_field_params *p, struct slow_line s, struct slow_line t,
+                       double *x, double *y)
 {
     double dx1 = s.bx - s.ax, dy1 = s.by - s.ay, dx2 = t.bx - t.ax, dy2 = t.by - t.ay;
     double det = dx1 * dy2 - dy1 * dx2, along;
@@ -63,7 +65,8 @@ static void slow_forces(struct slow_field *f, double sigma, int by_sensor)
     static double x[SLOW_POINTS], y[SLOW_POINTS], angle[SLOW_POINTS];
     static double corner_x[SLOW_CORNERS], corner_y[SLOW_CORNERS];
     static int owner[SLOW_POINTS];
-    struct slow_line lines[SLOW_SEGMENTS], boxes[SLOW_SEGMENTS]; /* boxes: a is the lower left, b the upper right */
+    /* boxes: a is the lower left, b the upper right */
+    struct slow_line lines[SLOW_SEGMENTS], boxes[SLOW_SEGMENTS];
     int line_owner[SLOW_SEGMENTS];
     int points = 0, segments = 0;
     const double pi = 3.14159265358979323846, reach = (double)f->params->reach * sigma;
@@ -75,8 +78,10 @@ static void slow_forces(struct slow_field *f, double sigma, int by_sensor)
         for (int k = 0; k < v->segment_count; k++) {
             cairn_segment s = v->segments[k];
 
-            slow_map(f->pose[i], (double)s.a.x, (double)s.a.y, &lines[segments].ax, &lines[segments].ay);
-            slow_map(f->pose[i], (double)s.b.x, (double)s.b.y, &lines[segments].bx, &lines[segments].by);
+            slow_map(f->pose[i], (double)s.a.x, (double)s.a.y, &lines[segments].ax,
+                     &lines[segments].ay);
+            slow_map(f->pose[i], (double)s.b.x, (double)s.b.y, &lines[segments].bx,
+                     &lines[segments].by);
             line_owner[segments] = i;
             boxes[segments].ax = fmin(lines[segments].ax, lines[segments].bx);
             boxes[segments].ay = fmin(lines[segments].ay, lines[segments].by);
@@ -85,7 +90,8 @@ static void slow_forces(struct slow_field *f, double sigma, int by_sensor)
             for (int j = v->first_point[k]; j < v->first_point[k + 1]; j++) {
                 double px, py;
 
-                slow_map(f->pose[i], (double)v->points[j].position.x, (double)v->points[j].position.y, &px, &py);
+                slow_map(f->pose[i], (double)v->points[j].position.x,
+                         (double)v->points[j].position.y, &px, &py);
                 boxes[segments].ax = fmin(boxes[segments].ax, px);
                 boxes[segments].ay = fmin(boxes[segments].ay, py);
                 boxes[segments].bx = fmax(boxes[segments].bx, px);
@@ -96,7 +102,8 @@ static void slow_forces(struct slow_field *f, double sigma, int by_sensor)
         for (int k = 0; k < v->point_count; k++) {
             cairn_oriented_point q = v->points[k];
 
-            slow_map(f->pose[i], (double)q.position.x, (double)q.position.y, &x[points], &y[points]);
+            slow_map(f->pose[i], (double)q.position.x, (double)q.position.y, &x[points],
+                     &y[points]);
             angle[points] = f->pose[i][2] + atan2((double)q.direction.y, (double)q.direction.x);
             owner[points] = i;
             f->mass[points] = 1;
@@ -108,20 +115,23 @@ static void slow_forces(struct slow_field *f, double sigma, int by_sensor)
         f->centre[i][0] = sx / v->point_count;
         f->centre[i][1] = sy / v->point_count;
         if (by_sensor)
-            slow_map(f->pose[i], (double)v->sensor.x, (double)v->sensor.y, &f->centre[i][0], &f->centre[i][1]);
+            slow_map(f->pose[i], (double)v->sensor.x, (double)v->sensor.y, &f->centre[i][0],
+                     &f->centre[i][1]);
         f->force[i][0] = f->force[i][1] = f->torque[i] = f->direction_torque[i] = 0;
     }
     f->segment_pairs = 0;
     for (int i = 0; i < segments; i++)
         for (int j = i + 1; j < segments; j++)
-            f->segment_pairs += line_owner[i] != line_owner[j] &&
-                                !(f->fixed[line_owner[i]] && f->fixed[line_owner[j]]) &&
-                                boxes[i].ax <= boxes[j].bx + reach && boxes[j].ax <= boxes[i].bx + reach &&
-                                boxes[i].ay <= boxes[j].by + reach && boxes[j].ay <= boxes[i].by + reach;
+            f->segment_pairs +=
+                line_owner[i] != line_owner[j] &&
+                !(f->fixed[line_owner[i]] && f->fixed[line_owner[j]]) &&
+                boxes[i].ax <= boxes[j].bx + reach && boxes[j].ax <= boxes[i].bx + reach &&
+                boxes[i].ay <= boxes[j].by + reach && boxes[j].ay <= boxes[i].by + reach;
     f->corners = 0;
     for (int i = 0; f->params->roi && i < segments; i++)
         for (int j = i + 1; j < segments; j++)
-            f->corners += slow_corner(f->params, lines[i], lines[j], &corner_x[f->corners], &corner_y[f->corners]);
+            f->corners += slow_corner(f->params, lines[i], lines[j], &corner_x[f->corners],
+                                      &corner_y[f->corners]);
     for (int i = 0; i < points; i++)
         for (int k = 0; k < f->corners; k++)
             if (hypot(x[i] - corner_x[k], y[i] - corner_y[k]) <= (double)f->params->roi_radius)
@@ -131,7 +141,8 @@ static void slow_forces(struct slow_field *f, double sigma, int by_sensor)
     f->pairs = 0;
     for (int i = 0; i < points; i++)
         for (int j = 0; j < points; j++) {
-            double r = hypot(x[j] - x[i], y[j] - y[i]), m = f->mass[i] * f->mass[j], c = cos(angle[i] - angle[j]);
+            double r = hypot(x[j] - x[i], y[j] - y[i]), m = f->mass[i] * f->mass[j],
+                   c = cos(angle[i] - angle[j]);
             double v = m * fabs(c) * exp(-r * r / (2 * sigma * sigma)) / (sigma * sqrt(2 * pi));
             int a = owner[i];
 
@@ -173,7 +184,8 @@ static void slow_iterate(struct slow_field *f, double sigma, double dt, int by_s
         for (int k = 0; k < v->point_count; k++) {
             double x, y;
 
-            slow_map(f->pose[i], (double)v->points[k].position.x, (double)v->points[k].position.y, &x, &y);
+            slow_map(f->pose[i], (double)v->points[k].position.x, (double)v->points[k].position.y,
+                     &x, &y);
             inertia += pow(x - f->centre[i][0], 2) + pow(y - f->centre[i][1], 2);
         }
         sx = 0.5 * dt * dt * f->force[i][0] / v->point_count;
@@ -193,8 +205,8 @@ static void slow_iterate(struct slow_field *f, double sigma, double dt, int by_s
     f->mean_relocation /= moving;
 }
 
-static void slow_start(struct slow_field *f, const cairn_force_field_params *params, const struct scan *scans,
-                       const cairn_pose *poses, int count)
+static void slow_start(struct slow_field *f, const cairn_force_field_params *params,
+                       const struct scan *scans, const cairn_pose *poses, int count)
 {
     memset(f, 0, sizeof *f);
     f->params = params;
@@ -217,10 +229,10 @@ static void test_params_are_refused(void **state)
     cairn_force_field *field;
 
     (void)state;
-#define REFUSED(name, value)                                                                                           \
-    p = good;                                                                                                          \
-    p.name = value;                                                                                                    \
-    assert_int_equal(cairn_force_field_memory(&p), 0);                                                                 \
+#define REFUSED(name, value)                                                                       \
+    p = good;                                                                                      \
+    p.name = value;                                                                                \
+    assert_int_equal(cairn_force_field_memory(&p), 0);                                             \
     assert_status(cairn_force_field_create(&field, &pool, &p), CAIRN_BAD_ARGUMENT)
     REFUSED(mode, 0);
     REFUSED(mode, 99);
@@ -269,9 +281,9 @@ static void test_params_are_refused(void **state)
     assert_status(cairn_force_field_create(&field, &pool, NULL), CAIRN_BAD_ARGUMENT);
     assert_int_equal(pool.used, 0);
 
-#define ACCEPTED(name, value)                                                                                          \
-    p = good;                                                                                                          \
-    p.name = value;                                                                                                    \
+#define ACCEPTED(name, value)                                                                      \
+    p = good;                                                                                      \
+    p.name = value;                                                                                \
     assert_true(cairn_force_field_memory(&p) > 0)
     ACCEPTED(max_scans, 1);
     ACCEPTED(max_corners, 1);
@@ -381,7 +393,8 @@ static void test_memory_is_exact(void **state)
         for (int j = 0; j < n; j++)
             for (int k = 0; k < n; k++)
                 for (int l = 0; l < n; l++) {
-                    size_t need, bound = CAIRN_FORCE_FIELD_BYTES(counts[i], counts[j], counts[k], counts[l]);
+                    size_t need,
+                        bound = CAIRN_FORCE_FIELD_BYTES(counts[i], counts[j], counts[k], counts[l]);
 
                     p.max_scans = counts[i];
                     p.max_points = counts[j];
@@ -393,7 +406,8 @@ static void test_memory_is_exact(void **state)
                 }
 }
 
-/* One iteration and many against all pairs of points. In float the two part after some iterations. */
+/* One iteration and many against all pairs of points. In float the two part after some
+ * iterations. */
 static void compare_with_slow(const cairn_force_field_params *params, int iterations, int fixed)
 {
     struct fixture f = field_with(params);
@@ -415,11 +429,14 @@ static void compare_with_slow(const cairn_force_field_params *params, int iterat
         cairn_force_field_state s;
 
         iterate(f.field);
-        slow_iterate(&slow, sigma, dt, sigma < (double)params->sensor_below * (double)params->sigma_start * (1 - 1e-5));
+        slow_iterate(&slow, sigma, dt,
+                     sigma <
+                         (double)params->sensor_below * (double)params->sigma_start * (1 - 1e-5));
         s = cairn_force_field_read(f.field);
         assert_near(s.sigma, sigma, 1e-6);
         assert_near(s.dt, dt, 1e-6);
-        assert_near(s.potential, params->potential ? slow.potential : 0, NUMBER(1e-9, 0.02) * (k + 1));
+        assert_near(s.potential, params->potential ? slow.potential : 0,
+                    NUMBER(1e-9, 0.02) * (k + 1));
         assert_true(s.potential == cairn_force_field_potential(f.field));
         assert_near(s.mean_relocation, slow.mean_relocation, tolerance);
         assert_int_equal(s.iterations, k + 1);
@@ -456,7 +473,8 @@ static void compare_with_slow(const cairn_force_field_params *params, int iterat
                 assert_near(force.y, slow.point_force[point + j][1], large);
             }
         }
-        sigma = fmax((double)params->sigma_end, (double)params->sigma_start - (k + 1) * (double)params->sigma_step);
+        sigma = fmax((double)params->sigma_end,
+                     (double)params->sigma_start - (k + 1) * (double)params->sigma_step);
         dt = fmax((double)params->dt_end, dt * (double)params->dt_factor);
     }
     test_pool_free(&f.pool);
@@ -493,8 +511,9 @@ static void test_all_pairs(void **state)
 
 #ifndef CAIRN_FLOAT
 /* P(g) after scan i is moved by (x, y) and turned by `angle` about (cx, cy). */
-static double potential_after(const cairn_force_field_params *params, const struct scan *scans, const cairn_pose *poses,
-                              int i, cairn_vec2 centre, double x, double y, double angle)
+static double potential_after(const cairn_force_field_params *params, const struct scan *scans,
+                              const cairn_pose *poses, int i, cairn_vec2 centre, double x, double y,
+                              double angle)
 {
     struct fixture f = field_with(params);
     double potential;
@@ -518,8 +537,9 @@ static double potential_after(const cairn_force_field_params *params, const stru
 }
 #endif
 
-/* F = -dP/d(x, y) with all factors of eqs. 7.3 to 7.5. The torque is minus the derivative with respect to a turn but for
- * what the turn changes in |cos|, which the thesis leaves out. Masses are those of the start: no regions of interest. */
+/* F = -dP/d(x, y) with all factors of eqs. 7.3 to 7.5. The torque is minus the derivative with
+ * respect to a turn but for what the turn changes in |cos|, which the thesis leaves out. Masses
+ * are those of the start: no regions of interest. */
 static void test_force_is_minus_the_gradient(void **state)
 {
 #ifndef CAIRN_FLOAT
@@ -563,9 +583,11 @@ static void test_force_is_minus_the_gradient(void **state)
 }
 
 /* How far b is from where a sees it at zero: metres, and degrees. */
-static void assert_together(const cairn_force_field *field, int a, int b, double metres, double degrees)
+static void assert_together(const cairn_force_field *field, int a, int b, double metres,
+                            double degrees)
 {
-    cairn_pose p = cairn_pose_between(cairn_force_field_pose(field, a), cairn_force_field_pose(field, b));
+    cairn_pose p =
+        cairn_pose_between(cairn_force_field_pose(field, a), cairn_force_field_pose(field, b));
 
     assert_near((double)p.theta / DEGREE, 0, degrees);
     assert_near(hypot((double)p.x, (double)p.y), 0, metres);
@@ -587,9 +609,11 @@ static void test_two_corners_come_together(void **state)
     test_pool_free(&f.pool);
 }
 
-/* Three scans of one corner each, as in figure 7.6. The forces on a scan, and with them its steps, are proportional to the
- * density of the points: at 2 cm the twelve steps of the thesis suffice; with fewer points dt must be larger. */
-static void three_corners(double spacing, cairn_force_field_params p, int steps, double metres, double degrees)
+/* Three scans of one corner each, as in figure 7.6. The forces on a scan, and with them its
+ * steps, are proportional to the density of the points: at 2 cm the twelve steps of the thesis
+ * suffice; with fewer points dt must be larger. */
+static void three_corners(double spacing, cairn_force_field_params p, int steps, double metres,
+                          double degrees)
 {
     static const double ends[3][2] = {{1.5, 1.2}, {1, 1.4}, {1.3, 0.8}};
     struct scan scan;
@@ -599,7 +623,10 @@ static void three_corners(double spacing, cairn_force_field_params p, int steps,
     f = field_with(&p);
     for (int i = 0; i < 3; i++) {
         scan_corner(&scan, ends[i][0], ends[i][1], spacing);
-        add(f.field, &scan, i == 0 ? pose(0, 0, 0) : i == 1 ? pose(0.15, -0.1, 6) : pose(-0.1, 0.12, -5));
+        add(f.field, &scan,
+            i == 0   ? pose(0, 0, 0)
+            : i == 1 ? pose(0.15, -0.1, 6)
+                     : pose(-0.1, 0.12, -5));
     }
     for (int k = 0; k < steps; k++)
         iterate(f.field);
@@ -620,8 +647,9 @@ static void test_three_corners_come_together(void **state)
     assert_near(cairn_force_field_spaced(CAIRN_REAL(0.08)).dt_end, 0.02, 1e-6);
 }
 
-/* With sigma held and short steps the potential falls in every one. The force does not fade towards distance 0, so in the
- * end scans swing about the goal by one step; points of unlike spacing keep most of them apart until then. */
+/* With sigma held and short steps the potential falls in every one. The force does not fade
+ * towards distance 0, so in the end scans swing about the goal by one step; points of unlike
+ * spacing keep most of them apart until then. */
 static void test_the_potential_falls(void **state)
 {
     cairn_force_field_params p = small_params();
@@ -647,7 +675,8 @@ static void test_the_potential_falls(void **state)
         s = cairn_force_field_read(f.field);
         assert_true((double)s.potential < last);
         last = (double)s.potential;
-        assert_true((s.mean_relocation < p.stop_relocation) == (s.verdict == CAIRN_FORCE_FIELD_CONVERGED));
+        assert_true((s.mean_relocation < p.stop_relocation) ==
+                    (s.verdict == CAIRN_FORCE_FIELD_CONVERGED));
     }
     assert_int_equal(cairn_force_field_read(f.field).verdict, CAIRN_FORCE_FIELD_CONVERGED);
     assert_true(cairn_force_field_read(f.field).iterations > 50);
@@ -711,7 +740,8 @@ static void test_placed_scans_are_there(void **state)
     cairn_force_field_params p = small_params();
     struct fixture f = field_with(&p), fresh = field_with(&p);
     struct scan scans[SCENE];
-    cairn_pose poses[SCENE], there = {CAIRN_REAL(0.3), CAIRN_REAL(-0.2), 7}, far = {0, CAIRN_REAL(1.1e6), 0};
+    cairn_pose poses[SCENE], there = {CAIRN_REAL(0.3), CAIRN_REAL(-0.2), 7},
+                             far = {0, CAIRN_REAL(1.1e6), 0};
     cairn_pose nan = {0, 0, (cairn_real)NAN};
     cairn_budget budget = {3};
     uint32_t revision;
@@ -723,7 +753,8 @@ static void test_placed_scans_are_there(void **state)
     revision = cairn_force_field_revision(f.field);
     assert_ok(cairn_force_field_place(f.field, 2, there));
     assert_int_equal(cairn_force_field_revision(f.field), revision + 1);
-    assert_near(cairn_force_field_pose(f.field, 2).theta, 7 - 6.283185307179586, NUMBER(1e-12, 1e-6));
+    assert_near(cairn_force_field_pose(f.field, 2).theta, 7 - 6.283185307179586,
+                NUMBER(1e-12, 1e-6));
     assert_ok(cairn_force_field_place(fresh.field, 2, there));
     for (int k = 0; k < 3; k++)
         iterate(f.field);
@@ -735,7 +766,8 @@ static void test_placed_scans_are_there(void **state)
         iterate(f.field);
         iterate(fresh.field);
         for (int i = 0; i < SCENE; i++)
-            assert_same_pose(cairn_force_field_pose(f.field, i), cairn_force_field_pose(fresh.field, i));
+            assert_same_pose(cairn_force_field_pose(f.field, i),
+                             cairn_force_field_pose(fresh.field, i));
     }
     assert_status(cairn_force_field_place(NULL, 0, there), CAIRN_BAD_ARGUMENT);
     assert_status(cairn_force_field_place(f.field, -1, there), CAIRN_BAD_ARGUMENT);
@@ -791,7 +823,8 @@ static void test_budgets_are_equal(void **state)
             assert_status(cairn_force_field_step(f.field, &budget), CAIRN_MORE);
             assert_int_equal(budget.left, 0);
             budget.left = budgets[b];
-            status = b == 3 ? cairn_force_field_iterate(f.field, &budget) : cairn_force_field_step(f.field, &budget);
+            status = b == 3 ? cairn_force_field_iterate(f.field, &budget)
+                            : cairn_force_field_step(f.field, &budget);
             calls++;
             assert_true(budget.left >= 0);
             s = cairn_force_field_read(f.field);
@@ -892,7 +925,8 @@ static void test_inputs_wait_for_the_commit(void **state)
         assert_true(hash_of(f.field) == expected[0]);
         assert_same_pose(cairn_force_field_pose(f.field, SCENE - 1), poses[SCENE - 1]);
         assert_ok(cairn_force_field_point_force(f.field, SCENE - 3, 0, &force, &mass));
-        assert_status(cairn_force_field_point_force(f.field, SCENE - 2, 0, &force, &mass), CAIRN_EMPTY);
+        assert_status(cairn_force_field_point_force(f.field, SCENE - 2, 0, &force, &mass),
+                      CAIRN_EMPTY);
         assert_near(cairn_force_field_motion_of(f.field, SCENE - 1).force.x, 0, 0);
         iterate(f.field);
         assert_true(hash_of(f.field) == expected[1]);
@@ -1006,10 +1040,12 @@ static void test_readers(void **state)
         assert_near(corners[i].opening, 90 * DEGREE, 10.001 * DEGREE);
     }
     assert_ok(cairn_force_field_point_force(f.field, 0, points - 1, &force, &mass));
-    assert_status(cairn_force_field_point_force(f.field, 0, points, &force, &mass), CAIRN_BAD_ARGUMENT);
+    assert_status(cairn_force_field_point_force(f.field, 0, points, &force, &mass),
+                  CAIRN_BAD_ARGUMENT);
     assert_status(cairn_force_field_point_force(f.field, 0, -1, &force, &mass), CAIRN_BAD_ARGUMENT);
     assert_status(cairn_force_field_point_force(f.field, -1, 0, &force, &mass), CAIRN_BAD_ARGUMENT);
-    assert_status(cairn_force_field_point_force(f.field, SCENE, 0, &force, &mass), CAIRN_BAD_ARGUMENT);
+    assert_status(cairn_force_field_point_force(f.field, SCENE, 0, &force, &mass),
+                  CAIRN_BAD_ARGUMENT);
     assert_status(cairn_force_field_point_force(f.field, 0, 0, NULL, &mass), CAIRN_BAD_ARGUMENT);
     assert_status(cairn_force_field_point_force(f.field, 0, 0, &force, NULL), CAIRN_BAD_ARGUMENT);
     assert_status(cairn_force_field_point_force(NULL, 0, 0, &force, &mass), CAIRN_BAD_ARGUMENT);
@@ -1051,7 +1087,8 @@ static void test_masses(void **state)
         masses[i] = 3;
     for (int i = 0; i < 2; i++) {
         add(one.field, &scan, pose(0.03 * i, 0.02 * i, 2 * i));
-        assert_ok(cairn_force_field_add_scan(three.field, &scan.view, masses, pose(0.03 * i, 0.02 * i, 2 * i), NULL));
+        assert_ok(cairn_force_field_add_scan(three.field, &scan.view, masses,
+                                             pose(0.03 * i, 0.02 * i, 2 * i), NULL));
     }
     iterate(one.field);
     iterate(three.field);
@@ -1079,8 +1116,10 @@ static void assert_all_finite(const cairn_force_field *field)
         cairn_force_field_motion m = cairn_force_field_motion_of(field, i);
 
         assert_true(cairn_pose_is_finite(cairn_force_field_pose(field, i)));
-        assert_true(cairn_is_finite(m.force.x) && cairn_is_finite(m.force.y) && cairn_is_finite(m.torque));
-        assert_true(cairn_is_finite(m.centre.x) && cairn_is_finite(m.centre.y) && cairn_is_finite(m.relocation));
+        assert_true(cairn_is_finite(m.force.x) && cairn_is_finite(m.force.y) &&
+                    cairn_is_finite(m.torque));
+        assert_true(cairn_is_finite(m.centre.x) && cairn_is_finite(m.centre.y) &&
+                    cairn_is_finite(m.relocation));
     }
 }
 
@@ -1101,8 +1140,8 @@ static void test_degenerate_scans(void **state)
     assert_near(cairn_force_field_pose(f.field, 0).x, 0.3, 1e-6);
     assert_near(cairn_force_field_pose(f.field, 0).theta, 30 * DEGREE, 1e-6);
 
-    /* One point alone on a segment moves but does not turn; one whose direction is zero has no force; a scan of nothing,
-     * and one of a segment without points, stay. */
+    /* One point alone on a segment moves but does not turn; one whose direction is zero has no
+     * force; a scan of nothing, and one of a segment without points, stay. */
     cairn_force_field_clear(f.field);
     scan_begin(&one);
     one.segments[0].a.x = one.segments[0].b.x = 1;
@@ -1166,12 +1205,12 @@ static void test_bad_scans_are_refused(void **state)
     f = field_with(&p);
     scan_corner(&scan, 1, 1, 0.1);
     revision = cairn_force_field_revision(f.field);
-#define REFUSED(change, status)                                                                                        \
-    bad = pose(0, 0, 0);                                                                                               \
-    change;                                                                                                            \
-    fault.what = NULL;                                                                                                 \
-    assert_status(cairn_force_field_add_scan(f.field, &scan.view, NULL, bad, &fault), status);                         \
-    assert_non_null(fault.what);                                                                                       \
+#define REFUSED(change, status)                                                                    \
+    bad = pose(0, 0, 0);                                                                           \
+    change;                                                                                        \
+    fault.what = NULL;                                                                             \
+    assert_status(cairn_force_field_add_scan(f.field, &scan.view, NULL, bad, &fault), status);     \
+    assert_non_null(fault.what);                                                                   \
     assert_status(cairn_force_field_add_scan(f.field, &scan.view, NULL, bad, NULL), status)
     REFUSED(bad.x = nan, CAIRN_NOT_FINITE);
     REFUSED(bad.theta = (cairn_real)INFINITY, CAIRN_NOT_FINITE);
@@ -1181,8 +1220,10 @@ static void test_bad_scans_are_refused(void **state)
     REFUSED(scan.points[3].position.y = nan, CAIRN_NOT_FINITE);
     assert_int_equal(fault.index, 3);
     scan_corner(&scan, 1, 1, 0.1);
-    assert_fault(&fault, cairn_force_field_add_scan(NULL, &scan.view, NULL, bad, &fault), CAIRN_BAD_ARGUMENT, -1);
-    assert_fault(&fault, cairn_force_field_add_scan(f.field, NULL, NULL, bad, &fault), CAIRN_BAD_ARGUMENT, -1);
+    assert_fault(&fault, cairn_force_field_add_scan(NULL, &scan.view, NULL, bad, &fault),
+                 CAIRN_BAD_ARGUMENT, -1);
+    assert_fault(&fault, cairn_force_field_add_scan(f.field, NULL, NULL, bad, &fault),
+                 CAIRN_BAD_ARGUMENT, -1);
     assert_int_equal(cairn_force_field_pose_count(f.field), 0);
     assert_int_equal(cairn_force_field_revision(f.field), revision);
     add(f.field, &scan, pose(0, 0, 0));
@@ -1197,7 +1238,8 @@ static void test_bad_scans_are_refused(void **state)
 /* ---- Points made on the fly ---- */
 
 /* A wall with points where the scan room puts them, some left out. */
-static void scan_places(struct scan *scan, double ax, double ay, double bx, double by, double spacing)
+static void scan_places(struct scan *scan, double ax, double ay, double bx, double by,
+                        double spacing)
 {
     cairn_scan_view *view = &scan->view;
     cairn_segment *wall = &scan->segments[view->segment_count];
@@ -1259,11 +1301,13 @@ static void assert_same_fields(const cairn_force_field *a, const cairn_force_fie
 
     assert_int_equal(cairn_force_field_pose_count(a), cairn_force_field_pose_count(b));
     for (int32_t i = 0; i < cairn_force_field_pose_count(a); i++) {
-        cairn_force_field_motion m = cairn_force_field_motion_of(a, i), n = cairn_force_field_motion_of(b, i);
+        cairn_force_field_motion m = cairn_force_field_motion_of(a, i),
+                                 n = cairn_force_field_motion_of(b, i);
 
         assert_same_pose(cairn_force_field_pose(a, i), cairn_force_field_pose(b, i));
         assert_true(m.force.x == n.force.x && m.force.y == n.force.y && m.torque == n.torque);
-        assert_true(m.centre.x == n.centre.x && m.centre.y == n.centre.y && m.relocation == n.relocation);
+        assert_true(m.centre.x == n.centre.x && m.centre.y == n.centre.y &&
+                    m.relocation == n.relocation);
     }
     assert_true(s.potential == t.potential && s.mean_relocation == t.mean_relocation);
     assert_int_equal(s.pairs, t.pairs);
@@ -1274,7 +1318,8 @@ static void assert_same_fields(const cairn_force_field *a, const cairn_force_fie
 static void test_points_on_the_fly(void **state)
 {
     cairn_force_field_params p = room_params();
-    static _Alignas(CAIRN_ALIGN) unsigned char memory[CAIRN_FORCE_FIELD_PLACES_BYTES(16, 2048, 128, 256)];
+    static _Alignas(
+        CAIRN_ALIGN) unsigned char memory[CAIRN_FORCE_FIELD_PLACES_BYTES(16, 2048, 128, 256)];
 
     (void)state;
     for (int roi = 0; roi < 2; roi++) {
@@ -1288,7 +1333,8 @@ static void test_points_on_the_fly(void **state)
         kept = field_with(&p);
         p.spacing = CAIRN_REAL(0.05);
         made = field_with(&p);
-        assert_true(made.pool.used + (roi ? 48 : 40) * sizeof(cairn_real) / 8 * 2048 < kept.pool.used + 2048);
+        assert_true(made.pool.used + (roi ? 48 : 40) * sizeof(cairn_real) / 8 * 2048 <
+                    kept.pool.used + 2048);
         assert_ok(cairn_pool_init(&pool, memory, sizeof memory));
         assert_ok(cairn_force_field_create(&again, &pool, &p));
         for (int i = 0; i < 7; i++) {
@@ -1370,12 +1416,13 @@ static void make_islands(cairn_random *random, struct scan *scan, cairn_pose *at
     scan_begin(scan);
     scan_wall(scan, 0, 0, 0.5 + (double)cairn_random_uniform(random, 0, 1), 0, 0.1);
     scan_wall(scan, 0, 0, 0, 0.4, 0.1);
-    *at = pose((double)cairn_random_uniform(random, 0, 9), (double)cairn_random_uniform(random, 0, 9),
-               (double)cairn_random_uniform(random, -10, 10));
+    *at =
+        pose((double)cairn_random_uniform(random, 0, 9), (double)cairn_random_uniform(random, 0, 9),
+             (double)cairn_random_uniform(random, -10, 10));
 }
 
-/* A field that computes only what has changed, beside one that computes all in every iteration, as one does that is given
- * points from outside. */
+/* A field that computes only what has changed, beside one that computes all in every iteration,
+ * as one does that is given points from outside. */
 static void test_what_stands_still_is_kept(void **state)
 {
     cairn_force_field_params p = small_params();
@@ -1469,9 +1516,11 @@ static void release(cairn_force_field *field, int32_t scan)
     assert_status(cairn_force_field_fix(field, scan, 1), CAIRN_BAD_ARGUMENT);
 }
 
-/* A field of the scans `at` ... as they stand in another one has the same forces and moves them alike. */
-static void assert_like_new(const cairn_force_field *field, const cairn_force_field_params *params, const int *made,
-                            const int32_t *index, const cairn_pose *before, const int *fixed, int count)
+/* A field of the scans `at` ... as they stand in another one has the same forces and moves them
+ * alike. */
+static void assert_like_new(const cairn_force_field *field, const cairn_force_field_params *params,
+                            const int *made, const int32_t *index, const cairn_pose *before,
+                            const int *fixed, int count)
 {
     struct fixture f = field_with(params);
 
@@ -1487,13 +1536,15 @@ static void assert_like_new(const cairn_force_field *field, const cairn_force_fi
         cairn_force_field_motion m = cairn_force_field_motion_of(f.field, i);
         cairn_force_field_motion n = cairn_force_field_motion_of(field, index[i]);
 
-        assert_same_pose(cairn_force_field_pose(f.field, i), cairn_force_field_pose(field, index[i]));
+        assert_same_pose(cairn_force_field_pose(f.field, i),
+                         cairn_force_field_pose(field, index[i]));
         assert_true(m.force.x == n.force.x && m.force.y == n.force.y && m.torque == n.torque);
     }
     assert_near(cairn_force_field_potential(field), cairn_force_field_potential(f.field),
                 NUMBER(1e-11, 1e-4) * fabs((double)cairn_force_field_potential(f.field)));
     assert_int_equal(cairn_force_field_read(f.field).pairs, cairn_force_field_read(field).pairs);
-    assert_int_equal(cairn_force_field_read(f.field).corners, cairn_force_field_read(field).corners);
+    assert_int_equal(cairn_force_field_read(f.field).corners,
+                     cairn_force_field_read(field).corners);
     test_pool_free(&f.pool);
 }
 
@@ -1656,7 +1707,8 @@ static void test_extra_points(void **state)
     without = cairn_force_field_memory(&p);
     p.max_extra = MAX_SCAN_POINTS;
     assert_true(cairn_force_field_memory(&p) > without);
-    assert_true(cairn_force_field_memory(&p) <= without + CAIRN_FORCE_FIELD_EXTRA_BYTES(MAX_SCAN_POINTS));
+    assert_true(cairn_force_field_memory(&p) <=
+                without + CAIRN_FORCE_FIELD_EXTRA_BYTES(MAX_SCAN_POINTS));
     f = field_with(&p);
     for (int i = 0; i < 4; i++) {
         make_room(&scans[i], i);
@@ -1667,12 +1719,14 @@ static void test_extra_points(void **state)
     for (int32_t i = 0; i < count; i++) {
         weights[i] = CAIRN_REAL(0.5) + (cairn_real)(i % 3);
         extra[i].position = cairn_pose_point(room_pose(3), scans[3].points[i].position);
-        extra[i].direction = cairn_transform_direction(cairn_transform_of(room_pose(3)), scans[3].points[i].direction);
+        extra[i].direction = cairn_transform_direction(cairn_transform_of(room_pose(3)),
+                                                       scans[3].points[i].direction);
         extra[i].direction.x *= 2; /* any length */
         extra[i].direction.y *= 2;
     }
     for (int i = 0; i < 4; i++)
-        assert_ok(cairn_force_field_add_scan(twin.field, &scans[i].view, i == 3 ? weights : NULL, room_pose(i), NULL));
+        assert_ok(cairn_force_field_add_scan(twin.field, &scans[i].view, i == 3 ? weights : NULL,
+                                             room_pose(i), NULL));
     assert_ok(cairn_force_field_fix(twin.field, 3, 1));
     assert_ok(cairn_force_field_set_extra(f.field, extra, weights, count));
     memset(extra, 0, sizeof extra); /* they have been copied */
@@ -1712,12 +1766,14 @@ static void test_extra_points(void **state)
         iterate(f.field);
         iterate(twin.field);
         with = cairn_force_field_motion_of(f.field, 0);
-        assert_near(with.force.x, cairn_force_field_motion_of(twin.field, 0).force.x, NUMBER(1e-7, 1));
+        assert_near(with.force.x, cairn_force_field_motion_of(twin.field, 0).force.x,
+                    NUMBER(1e-7, 1));
         release(twin.field, 3);
         iterate(f.field);
         iterate(twin.field);
         without_them = cairn_force_field_motion_of(f.field, 0);
-        assert_near(without_them.force.x, cairn_force_field_motion_of(twin.field, 0).force.x, NUMBER(1e-7, 1));
+        assert_near(without_them.force.x, cairn_force_field_motion_of(twin.field, 0).force.x,
+                    NUMBER(1e-7, 1));
         assert_true(fabs((double)(without_them.force.x - with.force.x)) > 0.1);
     }
     test_pool_free(&f.pool);
@@ -1742,10 +1798,10 @@ static void test_extra_refusals(void **state)
     test_every_pool_size(create_with, &p, cairn_force_field_memory(&p));
     p.max_extra = 1;
     f = field_with(&p);
-#define REFUSED(change, status)                                                                                        \
-    bad = point;                                                                                                       \
-    bad_weight = weight;                                                                                               \
-    change;                                                                                                            \
+#define REFUSED(change, status)                                                                    \
+    bad = point;                                                                                   \
+    bad_weight = weight;                                                                           \
+    change;                                                                                        \
     assert_status(cairn_force_field_set_extra(f.field, &bad, &bad_weight, 1), status)
     REFUSED(bad.position.x = nan, CAIRN_NOT_FINITE);
     REFUSED(bad.position.y = (cairn_real)INFINITY, CAIRN_NOT_FINITE);
@@ -1769,7 +1825,8 @@ static void test_extra_refusals(void **state)
     test_pool_free(&f.pool);
 }
 
-/* Everything at once, with scans that leave and points from outside: the same bits, and no step beyond its budget. */
+/* Everything at once, with scans that leave and points from outside: the same bits, and no step
+ * beyond its budget. */
 static void test_budgets_with_all_inputs(void **state)
 {
     static const int32_t budgets[] = {CAIRN_UNBOUNDED, 1, 7, 50, 1000};
@@ -1786,8 +1843,10 @@ static void test_budgets_with_all_inputs(void **state)
         p.spacing = b % 2 ? CAIRN_REAL(0.05) : 0;
         f = field_with(&p);
         for (int round = 0; round < 4; round++) {
-            static const cairn_oriented_point extra[4] = {
-                {{2, 1}, {0, 1}}, {{2, CAIRN_REAL(1.2)}, {0, 1}}, {{1, 1}, {1, 1}}, {{0, CAIRN_REAL(1.4)}, {1, 0}}};
+            static const cairn_oriented_point extra[4] = {{{2, 1}, {0, 1}},
+                                                          {{2, CAIRN_REAL(1.2)}, {0, 1}},
+                                                          {{1, 1}, {1, 1}},
+                                                          {{0, CAIRN_REAL(1.4)}, {1, 0}}};
             static const cairn_real weights[4] = {1, 2, 3, 4};
             cairn_status status = CAIRN_MORE;
 
@@ -1822,7 +1881,8 @@ static void test_budgets_with_all_inputs(void **state)
     }
 }
 
-/* The bits of the poses after 20 iterations: the same from every compiler, at every level of optimisation. */
+/* The bits of the poses after 20 iterations: the same from every compiler, at every level of
+ * optimisation. */
 static void test_golden_poses(void **state)
 {
     cairn_force_field_params p = small_params();

@@ -2,7 +2,8 @@
 
 #include "cairn/icp.h"
 
-/* ---- The obvious way: one dense system of all motions, every point against every other, in double ---- */
+/* ---- The obvious way: one dense system of all motions, every point against every other, in
+ * double ---- */
 
 enum { UNKNOWNS = 3 * SCENE, RUN = 3 };
 
@@ -20,7 +21,8 @@ struct slow_system {
     double matrix[UNKNOWNS][UNKNOWNS], right[UNKNOWNS], motion[UNKNOWNS];
 };
 
-static void slow_points(struct slow_system *s, const struct scan *scans, const cairn_pose *poses, int run)
+static void slow_points(struct slow_system *s, const struct scan *scans, const cairn_pose *poses,
+                        int run)
 {
     s->count = 0;
     for (int i = 0; i < SCENE; i++) {
@@ -28,10 +30,13 @@ static void slow_points(struct slow_system *s, const struct scan *scans, const c
 
         for (int t = 0; t < scans[i].view.segment_count; t++)
             for (int k = scans[i].first_point[t]; k < scans[i].first_point[t + 1]; k++) {
-                double x = (double)scans[i].points[k].position.x, y = (double)scans[i].points[k].position.y;
-                cairn_vec2 d = scans[i].points[scans[i].first_point[t]].direction; /* that of the first point */
-                struct slow_point p = {(double)poses[i].x + c * x - n * y, (double)poses[i].y + n * x + c * y,
-                                       c * (double)d.x - n * (double)d.y, n * (double)d.x + c * (double)d.y, i};
+                double x = (double)scans[i].points[k].position.x,
+                       y = (double)scans[i].points[k].position.y;
+                /* that of the first point */
+                cairn_vec2 d = scans[i].points[scans[i].first_point[t]].direction;
+                struct slow_point p = {
+                    (double)poses[i].x + c * x - n * y, (double)poses[i].y + n * x + c * y,
+                    c * (double)d.x - n * (double)d.y, n * (double)d.x + c * (double)d.y, i};
 
                 s->points[s->count++] = p;
             }
@@ -53,8 +58,9 @@ static void slow_lever(double lever[2][3], double x, double y, cairn_vec2 centre
 }
 
 /* A spring of point p towards q, with the shape that the direction of `along` gives. */
-static void slow_spring(struct slow_system *s, const cairn_force_field_params *params, const cairn_vec2 *centres,
-                        const struct slow_point *p, const struct slow_point *q, const struct slow_point *along,
+static void slow_spring(struct slow_system *s, const cairn_force_field_params *params,
+                        const cairn_vec2 *centres, const struct slow_point *p,
+                        const struct slow_point *q, const struct slow_point *along,
                         double stiffness)
 {
     double normal[2] = {-along->along_y, along->along_x}, d[2] = {q->x - p->x, q->y - p->y};
@@ -83,13 +89,14 @@ static void slow_spring(struct slow_system *s, const cairn_force_field_params *p
 }
 
 /* Turns the scans of two points so that their lines are parallel. */
-static void slow_twist(struct slow_system *s, const cairn_force_field_params *params, const struct slow_point *p,
-                       const struct slow_point *q, double r)
+static void slow_twist(struct slow_system *s, const cairn_force_field_params *params,
+                       const struct slow_point *p, const struct slow_point *q, double r)
 {
     double sigma = (double)params->sigma_start, norm = sigma * sqrt(2 * 3.14159265358979323846);
-    double angle =
-        atan2(p->along_x * q->along_y - p->along_y * q->along_x, p->along_x * q->along_x + p->along_y * q->along_y);
-    double strength = (double)params->twist / 2 * erfc(r / (sigma * sqrt(2))) * norm * pow(cos(angle), 3);
+    double angle = atan2(p->along_x * q->along_y - p->along_y * q->along_x,
+                         p->along_x * q->along_x + p->along_y * q->along_y);
+    double strength =
+        (double)params->twist / 2 * erfc(r / (sigma * sqrt(2))) * norm * pow(cos(angle), 3);
     int ends[2] = {3 * p->scan + 2, 3 * q->scan + 2};
 
     for (int e = 0; e < 2; e++)
@@ -127,8 +134,8 @@ static void slow_solve(struct slow_system *s, const int *is_fixed)
     }
 }
 
-static void slow_motions(struct slow_system *s, const cairn_force_field_params *params, const struct scan *scans,
-                         const cairn_vec2 *centres, const int *is_fixed)
+static void slow_motions(struct slow_system *s, const cairn_force_field_params *params,
+                         const struct scan *scans, const cairn_vec2 *centres, const int *is_fixed)
 {
     double sigma = (double)params->sigma_start, grip = 0;
     int is_sided = sigma <= (double)params->sides_below;
@@ -156,8 +163,9 @@ static void slow_motions(struct slow_system *s, const cairn_force_field_params *
         double shift = s->matrix[3 * i][3 * i] + s->matrix[3 * i + 1][3 * i + 1], spread = 0;
 
         for (int k = 0; k < scans[i].view.point_count; k++)
-            spread += pow((double)scans[i].points[k].position.x - (double)scans[i].view.sensor.x, 2) +
-                      pow((double)scans[i].points[k].position.y - (double)scans[i].view.sensor.y, 2);
+            spread +=
+                pow((double)scans[i].points[k].position.x - (double)scans[i].view.sensor.x, 2) +
+                pow((double)scans[i].points[k].position.y - (double)scans[i].view.sensor.y, 2);
         s->matrix[3 * i][3 * i] += (0.001 + grip) * shift;
         s->matrix[3 * i + 1][3 * i + 1] += (0.001 + grip) * shift;
         s->matrix[3 * i + 2][3 * i + 2] += 0.001 * shift * spread / scans[i].view.point_count;
@@ -224,7 +232,8 @@ static void compare_with_slow(const cairn_force_field_params *params, int fixed,
     for (int i = 0; i < SCENE; i++) {
         cairn_pose p = cairn_force_field_pose(f.field, i);
         cairn_vec2 sensor = cairn_transform_point(cairn_transform_of(p), scans[i].view.sensor);
-        cairn_vec2 before = cairn_transform_point(cairn_transform_of(poses[i]), scans[i].view.sensor);
+        cairn_vec2 before =
+            cairn_transform_point(cairn_transform_of(poses[i]), scans[i].view.sensor);
 
         assert_near(centres[i].x, (double)before.x, 1e-6);
         assert_near(sensor.x - before.x, part * slow.motion[3 * i], 2e-3 * most);
@@ -330,7 +339,8 @@ static void test_refused(void **state)
         /* What is for springs alone is not looked at without. */
         p.mode = CAIRN_FORCE_FIELD_GRADIENT;
         assert_int_equal(cairn_force_field_memory(&p) == 0,
-                         cases[i].is_refused && cases[i].field < offsetof(cairn_force_field_params, slide));
+                         cases[i].is_refused &&
+                             cases[i].field < offsetof(cairn_force_field_params, slide));
     }
     p = springs_params(0.3, 10);
     p.mode = 3;
@@ -436,7 +446,8 @@ static void test_no_scan_moves_farther_than_allowed(void **state)
         for (int i = 0; i < SCENE; i++) {
             double told = (double)cairn_force_field_motion_of(f.field, i).relocation;
 
-            assert_near(way(&scans[i], poses[i], cairn_force_field_pose(f.field, i)), told, 0.01 * told + 1e-6);
+            assert_near(way(&scans[i], poses[i], cairn_force_field_pose(f.field, i)), told,
+                        0.01 * told + 1e-6);
             assert_true(told <= bounds[b] * (1 + 1e-6));
             at_the_bound += b == 0 && told > bounds[b] * (1 - 1e-6);
             below += b == 0 && told < bounds[b] * 0.99;
@@ -605,7 +616,8 @@ static cairn_pose corner_start(int i)
     return i == 0 ? pose(0, 0, 0) : i == 1 ? pose(0.15, -0.1, 6) : pose(-0.1, 0.12, -5);
 }
 
-/* Figure 7.6: three scans of a corner each come together within twelve iterations, whatever the spacing of their points. */
+/* Figure 7.6: three scans of a corner each come together within twelve iterations, whatever the
+ * spacing of their points. */
 static void test_three_corners_come_together(void **state)
 {
     static const double spacings[] = {0.02, 0.05, 0.10}, sigmas[] = {0.15, 0.4};
@@ -626,14 +638,15 @@ static void test_three_corners_come_together(void **state)
         run(f.field);
         assert_in_range(cairn_force_field_read(f.field).iterations, 1, 12);
         for (int i = 0; i < 3; i++)
-            apart(cairn_force_field_pose(f.field, i), cairn_force_field_pose(f.field, (i + 1) % 3), &metres, &degrees);
+            apart(cairn_force_field_pose(f.field, i), cairn_force_field_pose(f.field, (i + 1) % 3),
+                  &metres, &degrees);
         assert_true(metres < 0.001 && degrees < 0.05);
         test_pool_free(&f.pool);
     }
 }
 
-/* ... where the nearest neighbours of all points, without a gate, end beside it: the longer walls have no partners but the
- * ends of the shorter ones, which pull them along. */
+/* ... where the nearest neighbours of all points, without a gate, end beside it: the longer
+ * walls have no partners but the ends of the shorter ones, which pull them along. */
 static void test_nearest_neighbours_end_wrong(void **state)
 {
     cairn_icp_params p = cairn_icp_default();
@@ -665,8 +678,10 @@ static void test_nearest_neighbours_end_wrong(void **state)
             cairn_icp_clear_target(icp);
             for (int j = 0; j < 3; j++)
                 if (j != i)
-                    assert_ok(cairn_icp_add_target(icp, scans[j].points, scans[j].view.point_count, poses[j], NULL));
-            assert_ok(cairn_icp_begin(icp, scans[i].points, scans[i].view.point_count, poses[i], NULL, NULL));
+                    assert_ok(cairn_icp_add_target(icp, scans[j].points, scans[j].view.point_count,
+                                                   poses[j], NULL));
+            assert_ok(cairn_icp_begin(icp, scans[i].points, scans[i].view.point_count, poses[i],
+                                      NULL, NULL));
             assert_ok(cairn_icp_step(icp, &budget));
             next[i] = cairn_icp_read(icp).target_query;
         }
@@ -699,7 +714,8 @@ static void scan_circle(struct scan *scan, double radius)
 /* A verdict and finite poses, for both modes. */
 static void test_degenerate_input(void **state)
 {
-    static const char *const names[] = {"equal", "one", "nothing shared", "a point", "circles", "empty"};
+    static const char *const names[] = {"equal",   "one",     "nothing shared",
+                                        "a point", "circles", "empty"};
     struct scan corner, point, circle, empty, far;
 
     (void)state;
@@ -718,7 +734,12 @@ static void test_degenerate_input(void **state)
             struct fixture f = field_with(&p);
             cairn_force_field_state s;
 
-            add(f.field, c == 3 ? &point : c == 4 ? &circle : c == 5 ? &empty : &corner, pose(0.1, 0.2, 10));
+            add(f.field,
+                c == 3   ? &point
+                : c == 4 ? &circle
+                : c == 5 ? &empty
+                         : &corner,
+                pose(0.1, 0.2, 10));
             if (c == 0) {
                 add(f.field, &corner, pose(0.1, 0.2, 10));
                 add(f.field, &corner, pose(0.1, 0.2, 10));
@@ -741,7 +762,8 @@ static void test_degenerate_input(void **state)
             }
             /* Circles come together; their turn stays open. */
             if (c == 4) {
-                cairn_pose a = cairn_force_field_pose(f.field, 0), b = cairn_force_field_pose(f.field, 1);
+                cairn_pose a = cairn_force_field_pose(f.field, 0),
+                           b = cairn_force_field_pose(f.field, 1);
 
                 assert_near(hypot((double)(a.x - b.x), (double)(a.y - b.y)), 0, 0.02);
             }

@@ -8,7 +8,8 @@
 
 static cairn_oriented_point oriented(double x, double y, double angle)
 {
-    cairn_oriented_point p = {{(cairn_real)x, (cairn_real)y}, {(cairn_real)cos(angle), (cairn_real)sin(angle)}};
+    cairn_oriented_point p = {{(cairn_real)x, (cairn_real)y},
+                              {(cairn_real)cos(angle), (cairn_real)sin(angle)}};
     return p;
 }
 
@@ -20,27 +21,34 @@ static double strength(double r, double c, double m1, double m2, double sigma)
 
 static void test_the_formulas(void **state)
 {
-    static const double distances[] = {0.001, 0.05, 0.1, 0.3, 0.6}, angles[] = {0, 0.4, 1.2, 2, 3.1};
+    static const double distances[] = {0.001, 0.05, 0.1, 0.3, 0.6},
+                        angles[] = {0, 0.4, 1.2, 2, 3.1};
 
     (void)state;
     for (int i = 0; i < 5; i++)
         for (int j = 0; j < 5; j++) {
             double bearing = 0.7 + i - j, r = distances[i];
             cairn_oriented_point p1 = oriented(1, 2, 0.5);
-            cairn_oriented_point p2 = oriented(1 + r * cos(bearing), 2 + r * sin(bearing), 0.5 + angles[j]);
+            cairn_oriented_point p2 =
+                oriented(1 + r * cos(bearing), 2 + r * sin(bearing), 0.5 + angles[j]);
             double c = cos(angles[j]), f = strength(r, c, 2, 3, 0.15);
             cairn_real potential;
-            cairn_vec2 force = cairn_force_kernel_pair(p1, p2, 2, 3, CAIRN_REAL(0.15), &potential), back;
+            cairn_vec2 force = cairn_force_kernel_pair(p1, p2, 2, 3, CAIRN_REAL(0.15), &potential),
+                       back;
 
             assert_near(force.x, f * cos(bearing), NUMBER(1e-11, 1e-2 * f + 1e-5));
             assert_near(force.y, f * sin(bearing), NUMBER(1e-11, 1e-2 * f + 1e-5));
-            assert_near(potential, -0.5 * 2 * 3 * fabs(c) * erfc(r / (0.15 * sqrt(2))), NUMBER(1e-13, 1e-5));
+            assert_near(potential, -0.5 * 2 * 3 * fabs(c) * erfc(r / (0.15 * sqrt(2))),
+                        NUMBER(1e-13, 1e-5));
             back = cairn_force_kernel_pair(p2, p1, 3, 2, CAIRN_REAL(0.15), NULL);
             assert_near(back.x, -force.x, NUMBER(1e-13, 1e-6));
             assert_near(back.y, -force.y, NUMBER(1e-13, 1e-6));
         }
-    /* Attraction: p2 to the right pulls to the right. 1 / (0.15 sqrt(2 pi)) = 2.6596... at distance 0. */
-    assert_near(cairn_force_kernel_pair(oriented(0, 0, 0), oriented(1e-6, 0, 0), 1, 1, CAIRN_REAL(0.15), NULL).x,
+    /* Attraction: p2 to the right pulls to the right. 1 / (0.15 sqrt(2 pi)) = 2.6596... at
+     * distance 0. */
+    assert_near(cairn_force_kernel_pair(oriented(0, 0, 0), oriented(1e-6, 0, 0), 1, 1,
+                                        CAIRN_REAL(0.15), NULL)
+                    .x,
                 2.6596152026762, 1e-5);
 }
 
@@ -127,7 +135,8 @@ static void test_strips_against_the_formulas(void **state)
         int32_t with = (int32_t)(seed % 2), first = (int32_t)(seed % 3), pairs = 0, cost = 0;
         double potential = 0.25, force_x = 3, force_y = 2, torque = 1, levers = 0;
         struct points p;
-        cairn_force_sum sum = {{3, 2}, 1, CAIRN_REAL(0.25), {CAIRN_REAL(0.3), CAIRN_REAL(-0.2)}, 5, NULL};
+        cairn_force_sum sum = {{3, 2}, 1,   CAIRN_REAL(0.25), {CAIRN_REAL(0.3), CAIRN_REAL(-0.2)},
+                               5,      NULL};
         cairn_force_cursor cursor;
         cairn_budget budget = {CAIRN_UNBOUNDED};
 
@@ -143,7 +152,8 @@ static void test_strips_against_the_formulas(void **state)
             p.strip[1].zone.max.y = p.position[0][7].y;
         memset(&cursor, 0, sizeof cursor);
         cursor.row = first;
-        assert_ok(cairn_force_kernel_strips(&kernel, &p.strip[0], &p.strip[1], &cursor, with, &sum, &budget));
+        assert_ok(cairn_force_kernel_strips(&kernel, &p.strip[0], &p.strip[1], &cursor, with, &sum,
+                                            &budget));
         assert_int_equal(cursor.row, CAIRN_FORCE_STRIP);
         for (int i = first; i < p.strip[0].count; i++) {
             a.position = p.position[0][i];
@@ -159,12 +169,14 @@ static void test_strips_against_the_formulas(void **state)
                 b.position = p.position[1][j];
                 if ((double)cairn_vec2_norm(cairn_vec2_sub(b.position, a.position)) > reach * sigma)
                     continue;
-                f = cairn_force_kernel_pair(a, b, p.mass[0][i], p.mass[1][j], (cairn_real)sigma, &u);
+                f = cairn_force_kernel_pair(a, b, p.mass[0][i], p.mass[1][j], (cairn_real)sigma,
+                                            &u);
                 pairs++;
                 potential -= with ? 2 * (double)u : 0;
                 force_x += (double)f.x / (double)kernel.norm;
                 force_y += (double)f.y / (double)kernel.norm;
-                torque += (double)((a.position.x - sum.centre.x) * f.y - (a.position.y - sum.centre.y) * f.x) /
+                torque += (double)((a.position.x - sum.centre.x) * f.y -
+                                   (a.position.y - sum.centre.y) * f.x) /
                           (double)kernel.norm;
                 levers += fabs((double)f.x) + fabs((double)f.y);
             }
@@ -179,7 +191,8 @@ static void test_strips_against_the_formulas(void **state)
     }
 }
 
-/* The springs of all pairs one by one, whatever the budget; the other sums do not change by them. */
+/* The springs of all pairs one by one, whatever the budget; the other sums do not change by
+ * them. */
 static void test_springs_against_the_formulas(void **state)
 {
     const double sigma = 0.12, reach = 4.5;
@@ -207,19 +220,23 @@ static void test_springs_against_the_formulas(void **state)
         plain = sum;
         sum.springs = &springs;
         memset(&cursor, 0, sizeof cursor);
-        assert_ok(cairn_force_kernel_strips(&kernel, &p.strip[0], &p.strip[1], &cursor, 1, &sum, &budget));
+        assert_ok(cairn_force_kernel_strips(&kernel, &p.strip[0], &p.strip[1], &cursor, 1, &sum,
+                                            &budget));
         memset(&cursor, 0, sizeof cursor);
         budget.left = CAIRN_UNBOUNDED;
-        assert_ok(cairn_force_kernel_strips(&kernel, &p.strip[0], &p.strip[1], &cursor, 1, &plain, &budget));
-        assert_true(sum.force.x == plain.force.x && sum.force.y == plain.force.y && sum.torque == plain.torque &&
-                    sum.potential == plain.potential && sum.pairs == plain.pairs);
+        assert_ok(cairn_force_kernel_strips(&kernel, &p.strip[0], &p.strip[1], &cursor, 1, &plain,
+                                            &budget));
+        assert_true(sum.force.x == plain.force.x && sum.force.y == plain.force.y &&
+                    sum.torque == plain.torque && sum.potential == plain.potential &&
+                    sum.pairs == plain.pairs);
         for (int i = 0; i < p.strip[0].count; i++)
             for (int j = 0; j < p.strip[1].count; j++) {
                 double ax = (double)p.position[0][i].x, ay = (double)p.position[0][i].y;
-                double dx = (double)p.position[1][j].x - ax, dy = (double)p.position[1][j].y - ay, r = hypot(dx, dy);
+                double dx = (double)p.position[1][j].x - ax, dy = (double)p.position[1][j].y - ay,
+                       r = hypot(dx, dy);
                 double x = ax + dx / 2 - 0.3, y = ay + dy / 2 + 0.2;
-                double k = (double)p.mass[0][i] * (double)p.mass[1][j] * exp(-r * r / (2 * sigma * sigma)) /
-                           fmax(r, sigma / 8);
+                double k = (double)p.mass[0][i] * (double)p.mass[1][j] *
+                           exp(-r * r / (2 * sigma * sigma)) / fmax(r, sigma / 8);
                 double terms[11] = {k,      k * x,  k * y,      k * x * x,  k * x * y, k * y * y,
                                     k * dx, k * dy, k * x * dx, k * x * dy, k * y * dx};
 
@@ -247,7 +264,8 @@ static void test_springs_against_the_formulas(void **state)
             memset(&cursor, 0, sizeof cursor);
             do {
                 budget.left = left;
-                status = cairn_force_kernel_strips(&kernel, &p.strip[0], &p.strip[1], &cursor, 1, &sum, &budget);
+                status = cairn_force_kernel_strips(&kernel, &p.strip[0], &p.strip[1], &cursor, 1,
+                                                   &sum, &budget);
             } while (status == CAIRN_MORE);
             assert_ok(status);
             assert_memory_equal(&parts, &springs, sizeof parts);
@@ -278,7 +296,8 @@ static void test_springs_turned(void **state)
         memset(&sum, 0, sizeof sum);
         memset(&cursor, 0, sizeof cursor);
         sum.springs = &springs[turn];
-        assert_ok(cairn_force_kernel_strips(&kernel, &p.strip[0], &p.strip[1], &cursor, 0, &sum, &budget));
+        assert_ok(cairn_force_kernel_strips(&kernel, &p.strip[0], &p.strip[1], &cursor, 0, &sum,
+                                            &budget));
     }
     assert_near(springs[1].middle_pull_xx, (double)springs[0].middle_pull_yy, NUMBER(1e-12, 1e-4));
     assert_near(springs[1].middle_pull_yy, (double)springs[0].middle_pull_xx, NUMBER(1e-12, 1e-4));
@@ -303,9 +322,11 @@ static void test_strips_act_on_both(void **state)
     memset(&cursor, 0, sizeof cursor);
     there.centre.x = CAIRN_REAL(0.7);
     back = there;
-    assert_ok(cairn_force_kernel_strips(&kernel, &p.strip[0], &p.strip[1], &cursor, 1, &there, &budget));
+    assert_ok(
+        cairn_force_kernel_strips(&kernel, &p.strip[0], &p.strip[1], &cursor, 1, &there, &budget));
     memset(&cursor, 0, sizeof cursor);
-    assert_ok(cairn_force_kernel_strips(&kernel, &p.strip[1], &p.strip[0], &cursor, 1, &back, &budget));
+    assert_ok(
+        cairn_force_kernel_strips(&kernel, &p.strip[1], &p.strip[0], &cursor, 1, &back, &budget));
     assert_near(back.force.x, -there.force.x, NUMBER(1e-9, 1e-2));
     assert_near(back.force.y, -there.force.y, NUMBER(1e-9, 1e-2));
     assert_near(back.torque, -there.torque, NUMBER(1e-9, 1e-2));
@@ -326,7 +347,8 @@ static void test_tables(void **state)
         double x = i * 1e-4, force, potential;
         cairn_vec2 position[2] = {{0, 0}, {(cairn_real)x, 0}};
         cairn_real mass[2] = {1, 2};
-        cairn_force_strip a = {position, mass, 1, everywhere}, b = {position + 1, mass + 1, 1, everywhere};
+        cairn_force_strip a = {position, mass, 1, everywhere},
+                          b = {position + 1, mass + 1, 1, everywhere};
         cairn_force_cursor cursor;
         cairn_force_sum sum;
         cairn_budget budget = {CAIRN_UNBOUNDED};
@@ -360,7 +382,8 @@ static void test_strips_at_no_distance(void **state)
 {
     cairn_vec2 position[4] = {{1, 1}, {1, 1}, {1, 1}, {1, 2}};
     cairn_real mass[4] = {2, 1, 1, 1};
-    cairn_force_strip a = {position, mass, 1, everywhere}, b = {position + 1, mass + 1, 3, everywhere};
+    cairn_force_strip a = {position, mass, 1, everywhere},
+                      b = {position + 1, mass + 1, 3, everywhere};
     cairn_force_kernel kernel;
     cairn_force_cursor cursor;
     cairn_force_sum sum;
@@ -400,9 +423,12 @@ static void test_strips_budgets(void **state)
     make_points(&p, 77);
     memset(&whole, 0, sizeof whole);
     memset(&cursor, 0, sizeof cursor);
-    assert_status(cairn_force_kernel_strips(&kernel, &p.strip[0], &p.strip[1], &cursor, 1, &whole, &none), CAIRN_MORE);
+    assert_status(
+        cairn_force_kernel_strips(&kernel, &p.strip[0], &p.strip[1], &cursor, 1, &whole, &none),
+        CAIRN_MORE);
     assert_int_equal(cursor.row, 0);
-    assert_ok(cairn_force_kernel_strips(&kernel, &p.strip[0], &p.strip[1], &cursor, 1, &whole, &unbounded));
+    assert_ok(cairn_force_kernel_strips(&kernel, &p.strip[0], &p.strip[1], &cursor, 1, &whole,
+                                        &unbounded));
     for (int i = 0; i < 4; i++) {
         cairn_status status = CAIRN_MORE;
         cairn_force_sum sum;
@@ -413,14 +439,16 @@ static void test_strips_budgets(void **state)
         while (status == CAIRN_MORE) {
             cairn_budget budget = {budgets[i]};
 
-            status = cairn_force_kernel_strips(&kernel, &p.strip[0], &p.strip[1], &cursor, 1, &sum, &budget);
+            status = cairn_force_kernel_strips(&kernel, &p.strip[0], &p.strip[1], &cursor, 1, &sum,
+                                               &budget);
             assert_true(budget.left >= 0);
             assert_true(status == CAIRN_OK || budget.left == 0);
             used += budgets[i] - budget.left;
         }
         assert_ok(status);
         assert_int_equal(used, CAIRN_UNBOUNDED - unbounded.left);
-        assert_true(sum.force.x == whole.force.x && sum.force.y == whole.force.y && sum.torque == whole.torque);
+        assert_true(sum.force.x == whole.force.x && sum.force.y == whole.force.y &&
+                    sum.torque == whole.torque);
         assert_true(sum.potential == whole.potential && sum.pairs == whole.pairs);
     }
 }

@@ -1,4 +1,5 @@
-/* Fragments found along chains: where a piece was laid, against the whole tables of all pairs, with nothing and with very much to match. */
+/* Fragments found along chains: where a piece was laid, against the whole tables of all pairs,
+ * with nothing and with very much to match. */
 #include "tests/test.h"
 
 #include <math.h>
@@ -22,7 +23,8 @@ typedef struct matching {
 static void draw_outline(matching *m)
 {
     for (int32_t i = 0; i < CORNERS; i++) {
-        double a = 2 * 3.14159265358979 * i / CORNERS, r = 0.35 + 0.1 * cos(3 * a) + 0.06 * sin(2 * a);
+        double a = 2 * 3.14159265358979 * i / CORNERS,
+               r = 0.35 + 0.1 * cos(3 * a) + 0.06 * sin(2 * a);
 
         m->outline[i].x = (cairn_real)(r * cos(a));
         m->outline[i].y = (cairn_real)(1.3 * r * sin(a));
@@ -66,8 +68,10 @@ static void end(matching *m)
     test_pool_free(&m->model_pool);
 }
 
-/* A chain of its own that runs like the outline from one vertex on to another, so large, so far away. */
-static void lay(matching *m, int32_t from, int32_t count, double scale, double x, double y, int reversed)
+/* A chain of its own that runs like the outline from one vertex on to another, so large, so far
+ * away. */
+static void lay(matching *m, int32_t from, int32_t count, double scale, double x, double y,
+                int reversed)
 {
     cairn_vec2 *p = m->points[m->chain_count];
 
@@ -143,14 +147,16 @@ static void finds_what_was_laid(void **state)
             assert_near(f->centre.x, 200 + scale * (double)m.model.centroid.x, 0.15 * scale);
             assert_near(f->centre.y, 150 + scale * (double)m.model.centroid.y, 0.15 * scale);
             assert_true(f->off < CAIRN_REAL(0.04) * (cairn_real)scale);
-            assert_near(f->to - f->from, scale * (double)m.model.fragments[f->fragment].length, 0.2 * scale);
+            assert_near(f->to - f->from, scale * (double)m.model.fragments[f->fragment].length,
+                        0.2 * scale);
         }
         assert_in_range(good, k < 6 ? 6 : 1, r.count);
         end(&m);
     }
 }
 
-/* A straight chain runs like a straight fragment at many scales: the largest is taken, at which all of it is used. */
+/* A straight chain runs like a straight fragment at many scales: the largest is taken, at which
+ * all of it is used. */
 static void prefers_the_larger_scale(void **state)
 {
     static const cairn_vec2 square[] = {{0, 0}, {1, 0}, {1, 1}, {0, 1}};
@@ -176,7 +182,8 @@ static void prefers_the_larger_scale(void **state)
     r = run(&m);
     assert_int_equal(r.count, 1);
     assert_near(r.matches[0].similarity, 1, 0);
-    assert_true(r.matches[0].scale > CAIRN_REAL(200 / 1.19) && r.matches[0].scale < CAIRN_REAL(200.001));
+    assert_true(r.matches[0].scale > CAIRN_REAL(200 / 1.19) &&
+                r.matches[0].scale < CAIRN_REAL(200.001));
     assert_near(r.matches[0].off, 0, NUMBER(1e-9, 1e-3));
     assert_near(r.matches[0].centre.y, 20 + (double)r.matches[0].scale / 2, 1e-3);
     end(&m);
@@ -201,7 +208,8 @@ static void angles_of(const cairn_vec2 *p, int32_t count, int32_t closed, double
         angles[i] = atan2((double)directions[i].y, (double)directions[i].x);
 }
 
-static double align(const matching *m, const double *a, int32_t n, const double *b, int32_t count, int32_t columns)
+static double align(const matching *m, const double *a, int32_t n, const double *b, int32_t count,
+                    int32_t columns)
 {
     static double table[SAMPLES + 1][4096];
     double best = 0;
@@ -210,8 +218,8 @@ static double align(const matching *m, const double *a, int32_t n, const double 
     for (int32_t i = 1; i <= n; i++)
         for (int32_t j = 1; j <= columns; j++) {
             double pair = 1 - turn_between(a[i - 1], b[(j - 1) % count]) / (double)m->params.turn;
-            double sum =
-                fmax(table[i - 1][j - 1] + pair, fmax(table[i - 1][j], table[i][j - 1]) - (double)m->params.gap);
+            double sum = fmax(table[i - 1][j - 1] + pair,
+                              fmax(table[i - 1][j], table[i][j - 1]) - (double)m->params.gap);
 
             table[i][j] = fmax(sum, 0);
             best = fmax(best, table[i][j]);
@@ -226,23 +234,28 @@ static double slow_similarity(const matching *m, int32_t fragment, int32_t chain
     const cairn_curve *c = &m->chains[chain];
     int32_t n = m->model.samples_each;
     double own[SAMPLES], theirs[2048], best = 0;
-    double slack = sqrt(fmax(1, (double)(m->params.step_ratio * m->params.min_scale / m->params.max_scale)));
+    double slack =
+        sqrt(fmax(1, (double)(m->params.step_ratio * m->params.min_scale / m->params.max_scale)));
     cairn_vec2 places[2048];
 
     for (int32_t i = 0; i < n; i++)
         places[i] = m->model.samples[f->first + (reversed ? n - 1 - i : i)].position;
     angles_of(places, n, 0, own);
-    for (double step = (double)m->params.min_step; step < 1000; step *= (double)m->params.step_ratio) {
+    for (double step = (double)m->params.min_step; step < 1000;
+         step *= (double)m->params.step_ratio) {
         double scale = step * (n - 1) / (double)f->length;
-        int32_t steps = (int32_t)((double)cairn_curve_length(c) / step), closed = c->closed && steps >= n;
+        int32_t steps = (int32_t)((double)cairn_curve_length(c) / step),
+                closed = c->closed && steps >= n;
 
-        if (scale * slack < (double)m->params.min_scale || scale > (double)m->params.max_scale * slack || steps < 1)
+        if (scale * slack < (double)m->params.min_scale ||
+            scale > (double)m->params.max_scale * slack || steps < 1)
             continue;
         assert_ok(cairn_curve_resample(c, places, NULL, closed || c->closed ? steps : steps + 1));
         if (c->closed && !closed)
             places[steps] = c->points[0];
         angles_of(places, closed ? steps : steps + 1, closed, theirs);
-        best = fmax(best, align(m, own, n, theirs, closed ? steps : steps + 1, closed ? steps + n - 1 : steps + 1));
+        best = fmax(best, align(m, own, n, theirs, closed ? steps : steps + 1,
+                                closed ? steps + n - 1 : steps + 1));
     }
     return best;
 }
@@ -285,7 +298,8 @@ static void is_as_good_as_whole_tables(void **state)
                     doubtful += fmax(ahead, back) > (double)m.params.min_similarity - 0.01;
                 }
             }
-        /* Where nothing is found, nothing is like the fragment, but for what went because of its scale. */
+        /* Where nothing is found, nothing is like the fragment, but for what went because of its
+         * scale. */
         assert_in_range(r.kept - r.count, missed, doubtful);
         for (int32_t i = 1; i < r.count; i++)
             assert_true(r.matches[i].fragment != r.matches[i - 1].fragment ||
@@ -428,7 +442,8 @@ static void is_bounded(void **state)
     r = cairn_fragment_match_read(m.matcher);
     for (int32_t i = 0; i < CHAINS; i++)
         for (double step = 2; step < 200; step *= 2)
-            samples += MANY / CHAINS * (20 + (int64_t)((double)cairn_curve_length(&m.chains[i]) / step));
+            samples +=
+                MANY / CHAINS * (20 + (int64_t)((double)cairn_curve_length(&m.chains[i]) / step));
     assert_true(r.cells > 0 && r.cells <= samples * 2 * SAMPLES * m.model.fragment_count);
     assert_true(INT32_MAX - budget.left <= r.cells / 4);
     assert_true(r.count <= params.matches_each * m.model.fragment_count);
@@ -575,8 +590,10 @@ static void refuses_bad_input(void **state)
     assert_status(cairn_fragment_match_begin(NULL, &m.model, m.chains, 1), CAIRN_BAD_ARGUMENT);
     assert_status(cairn_fragment_match_begin(m.matcher, NULL, m.chains, 1), CAIRN_BAD_ARGUMENT);
     assert_status(cairn_fragment_match_begin(m.matcher, &m.model, NULL, 1), CAIRN_BAD_ARGUMENT);
-    assert_status(cairn_fragment_match_begin(m.matcher, &m.model, m.chains, -1), CAIRN_BAD_ARGUMENT);
-    assert_status(cairn_fragment_match_begin(m.matcher, &m.model, m.chains, CHAINS + 1), CAIRN_FULL);
+    assert_status(cairn_fragment_match_begin(m.matcher, &m.model, m.chains, -1),
+                  CAIRN_BAD_ARGUMENT);
+    assert_status(cairn_fragment_match_begin(m.matcher, &m.model, m.chains, CHAINS + 1),
+                  CAIRN_FULL);
     /* A fragment of one sample has no direction. */
     bad = m.model;
     bad.samples_each = 1;

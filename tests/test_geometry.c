@@ -1,4 +1,5 @@
-/* Vectors, poses, segments, boxes and polygons: algebraic identities, slow twins and degenerate inputs. */
+/* Vectors, poses, segments, boxes and polygons: algebraic identities, slow twins and degenerate
+ * inputs. */
 #include "tests/test.h"
 
 #include <math.h>
@@ -81,7 +82,8 @@ static void transforms(void **state)
     assert_vec(cairn_pose_point(pose, vec(3, 4)), -3, 5, TOLERANCE);
     pose.theta = CAIRN_PI / 6;
     assert_vec(cairn_pose_point(pose, vec(2, 0)), 1 + sqrt(3), 2 + 1, TOLERANCE);
-    assert_vec(cairn_transform_direction(cairn_transform_of(pose), vec(0, 2)), -1, sqrt(3), TOLERANCE);
+    assert_vec(cairn_transform_direction(cairn_transform_of(pose), vec(0, 2)), -1, sqrt(3),
+               TOLERANCE);
 }
 
 static void poses_are_a_group(void **state)
@@ -92,14 +94,16 @@ static void poses_are_a_group(void **state)
     (void)state;
     assert_true(identity.x == 0 && identity.y == 0 && identity.theta == 0);
     for (int i = 0; i < 2000; i++) {
-        cairn_pose a_b = random_pose(&random), b_c = random_pose(&random), c_d = random_pose(&random);
+        cairn_pose a_b = random_pose(&random), b_c = random_pose(&random),
+                   c_d = random_pose(&random);
         cairn_pose a_c = cairn_pose_compose(a_b, b_c);
         cairn_vec2 c_point = random_vec(&random, 10);
         cairn_vec2 by_steps = cairn_pose_point(a_b, cairn_pose_point(b_c, c_point));
 
-        assert_vec(cairn_pose_point(a_c, c_point), (double)by_steps.x, (double)by_steps.y, 10 * TOLERANCE);
-        assert_pose(cairn_pose_compose(a_c, c_d), cairn_pose_compose(a_b, cairn_pose_compose(b_c, c_d)),
-                    10 * TOLERANCE);
+        assert_vec(cairn_pose_point(a_c, c_point), (double)by_steps.x, (double)by_steps.y,
+                   10 * TOLERANCE);
+        assert_pose(cairn_pose_compose(a_c, c_d),
+                    cairn_pose_compose(a_b, cairn_pose_compose(b_c, c_d)), 10 * TOLERANCE);
         assert_pose(cairn_pose_compose(a_b, cairn_pose_inverse(a_b)), identity, 10 * TOLERANCE);
         assert_pose(cairn_pose_compose(cairn_pose_inverse(a_b), a_b), identity, 10 * TOLERANCE);
         assert_pose(cairn_pose_between(a_b, a_c), b_c, 10 * TOLERANCE);
@@ -149,7 +153,8 @@ static void nearest_point_of_a_segment(void **state)
 
     (void)state;
     assert_near(cairn_segment_length(s), 5, TOLERANCE);
-    assert_vec(cairn_segment_nearest(s, vec(1 + 2 - 3, 1 + 1.5 + 4), &parameter), 3, 2.5, TOLERANCE);
+    assert_vec(cairn_segment_nearest(s, vec(1 + 2 - 3, 1 + 1.5 + 4), &parameter), 3, 2.5,
+               TOLERANCE);
     assert_near(parameter, 0.5, TOLERANCE);
     assert_near(cairn_segment_distance(s, vec(0, 6.5)), 5, TOLERANCE);
     assert_vec(cairn_segment_nearest(s, vec(-2, -3), &parameter), 1, 1, 0);
@@ -198,7 +203,8 @@ static void lines_meet(void **state)
     for (int i = 0; i < 1000; i++) {
         cairn_segment a = {random_vec(&random, 5), random_vec(&random, 5)};
         cairn_segment b = {random_vec(&random, 5), random_vec(&random, 5)};
-        cairn_vec2 u = cairn_vec2_unit(cairn_vec2_sub(a.b, a.a)), v = cairn_vec2_unit(cairn_vec2_sub(b.b, b.a));
+        cairn_vec2 u = cairn_vec2_unit(cairn_vec2_sub(a.b, a.a)),
+                   v = cairn_vec2_unit(cairn_vec2_sub(b.b, b.a));
 
         if (cairn_abs(cairn_vec2_cross(u, v)) < NUMBER(0.05, 0.05f))
             continue;
@@ -211,11 +217,15 @@ static void lines_meet(void **state)
     assert_int_equal(cairn_line_intersection(segment(0, 0, 2, 1), segment(1, 0, 5, 2), &point), 0);
     assert_int_equal(cairn_line_intersection(segment(0, 0, 0, 0), segment(1, 0, 5, 2), &point), 0);
     assert_int_equal(cairn_line_intersection(segment(0, 0, 2, 1), segment(1, 0, 1, 0), &point), 0);
-    assert_int_equal(cairn_line_intersection(segment(0, 0, 3, 0), segment(0, 0, 5, 0.9 * 5e-6), &point), 0);
-    assert_int_equal(cairn_line_intersection(segment(0, 0, 5, -0.9 * 5e-6), segment(0, 0, 3, 0), &point), 0);
+    assert_int_equal(
+        cairn_line_intersection(segment(0, 0, 3, 0), segment(0, 0, 5, 0.9 * 5e-6), &point), 0);
+    assert_int_equal(
+        cairn_line_intersection(segment(0, 0, 5, -0.9 * 5e-6), segment(0, 0, 3, 0), &point), 0);
     assert_vec(point, 77, 78, 0);
-    assert_int_equal(cairn_line_intersection(segment(0, 0, 3, 0), segment(0, 0, 5, 1.1 * 5e-6), &point), 1);
-    assert_int_equal(cairn_line_intersection(segment(0, 0, 3, 0), segment(0, 0, 5, -1.1 * 5e-6), &point), 1);
+    assert_int_equal(
+        cairn_line_intersection(segment(0, 0, 3, 0), segment(0, 0, 5, 1.1 * 5e-6), &point), 1);
+    assert_int_equal(
+        cairn_line_intersection(segment(0, 0, 3, 0), segment(0, 0, 5, -1.1 * 5e-6), &point), 1);
     assert_vec(point, 0, 0, 0);
 }
 
@@ -236,18 +246,33 @@ static void segments_cross(void **state)
     static const struct {
         int corners[8], expected;
     } cases[] = {
-        {{0, 0, 4, 4, 0, 4, 4, 0}, 1},                                 /* an X */
-        {{0, 0, 4, 0, 2, 0, 2, 3}, 1},                                 /* a T: an end on the other */
-        {{0, 0, 4, 0, 2, 1, 2, 3}, 0},                                 /* above it */
-        {{0, 0, 4, 0, 4, 0, 6, 3}, 1},                                 /* a common end */
-        {{0, 0, 4, 0, 5, 0, 7, 0}, 0},                                 /* on one line, apart */
-        {{0, 0, 4, 0, 3, 0, 7, 0}, 1},                                 /* on one line, overlapping */
-        {{0, 0, 4, 0, 1, 0, 2, 0}, 1},                                 /* one within the other */
-        {{0, 0, 0, 4, 0, 5, 0, 7}, 0},                                 /* the same upright */
-        {{0, 0, 0, 4, 0, 3, 0, 7}, 1},  {{0, 0, 4, 4, 1, 0, 5, 4}, 0}, /* parallel */
-        {{0, 0, 4, 4, 5, 5, 5, 0}, 0},                                 /* the line is met behind the end */
-        {{0, 0, 4, 0, 5, -1, 5, 1}, 0}, {{2, 2, 2, 2, 0, 0, 4, 4}, 1}, /* a point on a segment */
-        {{2, 3, 2, 3, 0, 0, 4, 4}, 0},  {{2, 2, 2, 2, 2, 2, 2, 2}, 1}, {{2, 2, 2, 2, 3, 2, 3, 2}, 0},
+        /* an X */
+        {{0, 0, 4, 4, 0, 4, 4, 0}, 1},
+        /* a T: an end on the other */
+        {{0, 0, 4, 0, 2, 0, 2, 3}, 1},
+        /* above it */
+        {{0, 0, 4, 0, 2, 1, 2, 3}, 0},
+        /* a common end */
+        {{0, 0, 4, 0, 4, 0, 6, 3}, 1},
+        /* on one line, apart */
+        {{0, 0, 4, 0, 5, 0, 7, 0}, 0},
+        /* on one line, overlapping */
+        {{0, 0, 4, 0, 3, 0, 7, 0}, 1},
+        /* one within the other */
+        {{0, 0, 4, 0, 1, 0, 2, 0}, 1},
+        /* the same upright */
+        {{0, 0, 0, 4, 0, 5, 0, 7}, 0},
+        /* parallel */
+        {{0, 0, 0, 4, 0, 3, 0, 7}, 1},
+        {{0, 0, 4, 4, 1, 0, 5, 4}, 0},
+        /* the line is met behind the end */
+        {{0, 0, 4, 4, 5, 5, 5, 0}, 0},
+        /* a point on a segment */
+        {{0, 0, 4, 0, 5, -1, 5, 1}, 0},
+        {{2, 2, 2, 2, 0, 0, 4, 4}, 1},
+        {{2, 3, 2, 3, 0, 0, 4, 4}, 0},
+        {{2, 2, 2, 2, 2, 2, 2, 2}, 1},
+        {{2, 2, 2, 2, 3, 2, 3, 2}, 0},
     };
 
     (void)state;
@@ -255,7 +280,8 @@ static void segments_cross(void **state)
         crossing(cases[i].corners, cases[i].expected);
 }
 
-/* On a small grid of integers against the definition: some of the exactly computed parameters lie in [0, 1]. */
+/* On a small grid of integers against the definition: some of the exactly computed parameters
+ * lie in [0, 1]. */
 static void segments_cross_exactly(void **state)
 {
     cairn_random random = cairn_random_seed(4, 0);
@@ -268,16 +294,17 @@ static void segments_cross_exactly(void **state)
 
         for (int k = 0; k < 8; k++)
             c[k] = cairn_random_below(&random, 6);
-        ux = c[2] - c[0], uy = c[3] - c[1], vx = c[6] - c[4], vy = c[7] - c[5], wx = c[4] - c[0], wy = c[5] - c[1];
+        ux = c[2] - c[0], uy = c[3] - c[1], vx = c[6] - c[4], vy = c[7] - c[5], wx = c[4] - c[0],
+        wy = c[5] - c[1];
         cross = ux * vy - uy * vx;
         if (cross == 0)
             continue; /* listed above */
         if (cross > 0)
-            expected = wx * vy - wy * vx >= 0 && wx * vy - wy * vx <= cross && wx * uy - wy * ux >= 0 &&
-                       wx * uy - wy * ux <= cross;
+            expected = wx * vy - wy * vx >= 0 && wx * vy - wy * vx <= cross &&
+                       wx * uy - wy * ux >= 0 && wx * uy - wy * ux <= cross;
         else
-            expected = wx * vy - wy * vx <= 0 && wx * vy - wy * vx >= cross && wx * uy - wy * ux <= 0 &&
-                       wx * uy - wy * ux >= cross;
+            expected = wx * vy - wy * vx <= 0 && wx * vy - wy * vx >= cross &&
+                       wx * uy - wy * ux <= 0 && wx * uy - wy * ux >= cross;
         crossing(c, expected);
         meeting += expected;
     }
@@ -384,7 +411,8 @@ static void shared_borders(void **state)
 static void a_motion_about_a_point(void **state)
 {
     cairn_vec2 from = {1, 0}, to = {-2, 5};
-    cairn_pose motion = cairn_pose_about(from, to, 0, 3), straight = cairn_pose_about(from, to, 2, 0);
+    cairn_pose motion = cairn_pose_about(from, to, 0, 3),
+               straight = cairn_pose_about(from, to, 2, 0);
     cairn_pose by_hand = {-2, 4, CAIRN_PI / 2}, shift = {-3, 5, 0};
 
     (void)state;
@@ -393,8 +421,8 @@ static void a_motion_about_a_point(void **state)
 }
 
 /* Sum of squares that cairn_pose_fit makes least. */
-static double misfit(const cairn_pose *from, const cairn_pose *to, const int32_t *use, int count, double ahead,
-                     const double motion[3])
+static double misfit(const cairn_pose *from, const cairn_pose *to, const int32_t *use, int count,
+                     double ahead, const double motion[3])
 {
     double sum = 0, c = cos(motion[2]), s = sin(motion[2]);
 
@@ -404,8 +432,8 @@ static double misfit(const cairn_pose *from, const cairn_pose *to, const int32_t
 
         if (use != NULL && !use[i])
             continue;
-        sum +=
-            pow(c * x - s * y + motion[0] - (double)to[i].x, 2) + pow(s * x + c * y + motion[1] - (double)to[i].y, 2);
+        sum += pow(c * x - s * y + motion[0] - (double)to[i].x, 2) +
+               pow(s * x + c * y + motion[1] - (double)to[i].y, 2);
         sum += ahead * ahead * (pow(cos(a) - cos(b), 2) + pow(sin(a) - sin(b), 2));
     }
     return sum;
@@ -471,8 +499,10 @@ static cairn_pose rolled(cairn_twist twist, double fraction)
     for (int i = 0; i < STEPS; i++) {
         double middle = theta + (double)twist.turn * step / 2;
 
-        x += step * ((double)twist.velocity.x * cos(middle) - (double)twist.velocity.y * sin(middle));
-        y += step * ((double)twist.velocity.x * sin(middle) + (double)twist.velocity.y * cos(middle));
+        x += step *
+             ((double)twist.velocity.x * cos(middle) - (double)twist.velocity.y * sin(middle));
+        y += step *
+             ((double)twist.velocity.x * sin(middle) + (double)twist.velocity.y * cos(middle));
         theta += (double)twist.turn * step;
     }
     pose.x = (cairn_real)x;
@@ -500,7 +530,8 @@ static void twists(void **state)
         assert_pose(cairn_pose_compose(half, half), motion, NUMBER(1e-9, 1e-4));
         assert_pose(cairn_twist_at(twist, CAIRN_REAL(0.3)), rolled(twist, 0.3), NUMBER(1e-7, 1e-4));
     }
-    assert_near(cairn_twist_of((cairn_pose){1, 0, 2 * CAIRN_PI + CAIRN_REAL(0.5)}).turn, 0.5, NUMBER(1e-12, 1e-5));
+    assert_near(cairn_twist_of((cairn_pose){1, 0, 2 * CAIRN_PI + CAIRN_REAL(0.5)}).turn, 0.5,
+                NUMBER(1e-12, 1e-5));
 }
 
 int main(void)

@@ -1,4 +1,5 @@
-/* The golden scenes, also those that a board runs, against what they gave when they were looked at last. */
+/* The golden scenes, also those that a board runs, against what they gave when they were looked
+ * at last. */
 #include <inttypes.h>
 
 #include "tests/golden.h"

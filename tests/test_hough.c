@@ -31,7 +31,8 @@ struct cloud {
 };
 
 /* `count` points from (ax, ay) on, `spacing` apart, on a wall of the unit direction (dx, dy). */
-static void lay_along(struct cloud *c, double ax, double ay, double dx, double dy, int32_t count, double spacing)
+static void lay_along(struct cloud *c, double ax, double ay, double dx, double dy, int32_t count,
+                      double spacing)
 {
     for (int32_t i = 0; i < count; i++) {
         cairn_oriented_point *p = &c->points[c->count];
@@ -58,7 +59,8 @@ static const cairn_hough_line *search(cairn_hough *hough, const struct cloud *c,
     return cairn_hough_list(hough, found);
 }
 
-/* ---- The obvious way: all votes of a bin at a time, in double, with the angles of libc math ---- */
+/* ---- The obvious way: all votes of a bin at a time, in double, with the angles of libc math
+ * ---- */
 
 struct slow_line {
     double x, y, dx, dy, low, high, covered, votes, rms, peak;
@@ -99,18 +101,21 @@ static double slow_votes(const struct slow *s, int32_t row, int32_t column)
 
 static void slow_lay(struct slow *s)
 {
-    double low_x = (double)INFINITY, low_y = (double)INFINITY, high_x = -(double)INFINITY, high_y = -(double)INFINITY;
+    double low_x = (double)INFINITY, low_y = (double)INFINITY, high_x = -(double)INFINITY,
+           high_y = -(double)INFINITY;
 
     for (int32_t i = 0; i < s->c->count; i++) {
         low_x = fmin(low_x, (double)s->c->points[i].position.x);
         low_y = fmin(low_y, (double)s->c->points[i].position.y);
         high_x = fmax(high_x, (double)s->c->points[i].position.x);
         high_y = fmax(high_y, (double)s->c->points[i].position.y);
-        s->angle[i] = atan2((double)s->c->points[i].direction.y, (double)s->c->points[i].direction.x);
+        s->angle[i] =
+            atan2((double)s->c->points[i].direction.y, (double)s->c->points[i].direction.x);
     }
     s->middle_x = (low_x + high_x) / 2;
     s->middle_y = (low_y + high_y) / 2;
-    s->step = fmax((double)s->p->distance_step, hypot(high_x - low_x, high_y - low_y) / (s->p->distances - 3));
+    s->step = fmax((double)s->p->distance_step,
+                   hypot(high_x - low_x, high_y - low_y) / (s->p->distances - 3));
     s->rows = s->p->oriented ? 2 * s->p->angles : s->p->angles;
     s->votes = malloc((size_t)s->rows * (size_t)s->p->distances * sizeof *s->votes);
     assert_non_null(s->votes);
@@ -142,7 +147,8 @@ static int slow_is_peak(const struct slow *s, int32_t row, int32_t column)
                 apart += s->rows;
             if (!s->p->oriented && apart != r - row)
                 at = columns - 1 - c;
-            if (abs(apart) <= rows && abs(at - column) <= beside && s->votes[r * columns + c] > votes)
+            if (abs(apart) <= rows && abs(at - column) <= beside &&
+                s->votes[r * columns + c] > votes)
                 return 0;
         }
     return 1;
@@ -154,7 +160,8 @@ static int slow_belongs(const struct slow *s, const struct slow_line *l, int32_t
     double across = ((double)p->position.y - l->y) * l->dx - ((double)p->position.x - l->x) * l->dy;
 
     return fabs(across) <= reach &&
-           between(s->angle[i], atan2(l->dy, l->dx), s->p->oriented ? 2 * PI : PI) <= (double)s->p->angle_tolerance;
+           between(s->angle[i], atan2(l->dy, l->dx), s->p->oriented ? 2 * PI : PI) <=
+               (double)s->p->angle_tolerance;
 }
 
 static int by_value(const void *a, const void *b)
@@ -162,7 +169,8 @@ static int by_value(const void *a, const void *b)
     return *(const double *)a < *(const double *)b ? -1 : *(const double *)a > *(const double *)b;
 }
 
-/* The line through the points within reach of l: the mean and the slope of the distance over the place along it. */
+/* The line through the points within reach of l: the mean and the slope of the distance over the
+ * place along it. */
 static void slow_refit(const struct slow *s, struct slow_line *l, double reach)
 {
     double w = 0, t = 0, d = 0, tt = 0, td = 0, slope;
@@ -170,8 +178,10 @@ static void slow_refit(const struct slow *s, struct slow_line *l, double reach)
 
     for (int pass = 0; pass < 2; pass++)
         for (int32_t i = 0; i < s->c->count; i++) {
-            double x = (double)s->c->points[i].position.x - old.x, y = (double)s->c->points[i].position.y - old.y;
-            double along = x * old.dx + y * old.dy, across = y * old.dx - x * old.dy, weight = (double)s->c->weights[i];
+            double x = (double)s->c->points[i].position.x - old.x,
+                   y = (double)s->c->points[i].position.y - old.y;
+            double along = x * old.dx + y * old.dy, across = y * old.dx - x * old.dy,
+                   weight = (double)s->c->weights[i];
 
             if (!slow_belongs(s, &old, i, reach))
                 continue;
@@ -197,7 +207,8 @@ static void slow_measure(const struct slow *s, struct slow_line *l)
 
     l->votes = 0;
     for (int32_t i = 0; i < s->c->count; i++) {
-        double x = (double)s->c->points[i].position.x - l->x, y = (double)s->c->points[i].position.y - l->y;
+        double x = (double)s->c->points[i].position.x - l->x,
+               y = (double)s->c->points[i].position.y - l->y;
         double across = y * l->dx - x * l->dy, weight = (double)s->c->weights[i];
 
         if (!slow_belongs(s, l, i, (double)s->p->support_distance))
@@ -248,7 +259,8 @@ static void slow_thin(struct slow *s)
 
         for (; j < kept; j++) {
             const struct slow_line *k = &s->lines[j];
-            double turned = between(atan2(l->dy, l->dx), atan2(k->dy, k->dx), s->p->oriented ? 2 * PI : PI);
+            double turned =
+                between(atan2(l->dy, l->dx), atan2(k->dy, k->dx), s->p->oriented ? 2 * PI : PI);
             double sign = l->dx * k->dx + l->dy * k->dy < 0 ? -1 : 1;
 
             if (turned < (double)s->p->separation_angle &&
@@ -268,7 +280,8 @@ static void slow_search(struct slow *s)
     s->count = 0;
     for (int32_t row = 0; row < s->rows; row++)
         for (int32_t column = 0; column < s->p->distances; column++) {
-            double turn = PI / s->p->angles, distance = (column - (s->p->distances - 1) * 0.5) * s->step;
+            double turn = PI / s->p->angles,
+                   distance = (column - (s->p->distances - 1) * 0.5) * s->step;
             struct slow_line *l = &s->lines[s->count];
 
             if (!slow_is_peak(s, row, column))
@@ -322,7 +335,8 @@ static void scatter(struct cloud *c, uint64_t seed)
         c->weights[i] = cairn_random_uniform(&random, CAIRN_REAL(0.5), CAIRN_REAL(1.5));
 }
 
-static void assert_same_line(const cairn_hough_line *l, const struct slow_line *s, const cairn_hough_params *p)
+static void assert_same_line(const cairn_hough_line *l, const struct slow_line *s,
+                             const cairn_hough_params *p)
 {
     double near = NUMBER(1e-9, 2e-4);
     double sign = (double)l->direction.x * s->dx + (double)l->direction.y * s->dy < 0 ? -1 : 1;
@@ -390,8 +404,8 @@ static double slow_count(const struct slow *s, int32_t row, int32_t column, int3
     return sum;
 }
 
-/* The bins that no other within the separation exceeds, or equals and comes before, by all pairs of bins; then as many as are not on
- * a stronger one. */
+/* The bins that no other within the separation exceeds, or equals and comes before, by all pairs
+ * of bins; then as many as are not on a stronger one. */
 static void slow_as_written(struct slow *s)
 {
     static int32_t bin[MANY];
@@ -403,11 +417,13 @@ static void slow_as_written(struct slow *s)
     s->count = 0;
     for (int32_t row = 0; row < s->rows; row++)
         for (int32_t column = 0; column < s->p->distances; column++) {
-            double turn = PI / s->p->angles, distance = (column - (s->p->distances - 1) * 0.5) * s->step, t = 0, tt = 0;
+            double turn = PI / s->p->angles,
+                   distance = (column - (s->p->distances - 1) * 0.5) * s->step, t = 0, tt = 0;
             double dx = cos(row * turn), dy = sin(row * turn);
             struct slow_line *l = &s->lines[s->count];
 
-            if (s->votes[row * s->p->distances + column] < (double)s->p->least_votes || !slow_is_peak(s, row, column))
+            if (s->votes[row * s->p->distances + column] < (double)s->p->least_votes ||
+                !slow_is_peak(s, row, column))
                 continue;
             assert_true(s->count < MOST_LINES);
             l->peak = l->votes = slow_count(s, row, column, bin);
@@ -418,7 +434,8 @@ static void slow_as_written(struct slow *s)
             l->low = (double)INFINITY;
             l->high = -(double)INFINITY;
             for (int32_t i = 0; i < s->c->count; i++) {
-                double x = (double)s->c->points[i].position.x - l->x, y = (double)s->c->points[i].position.y - l->y;
+                double x = (double)s->c->points[i].position.x - l->x,
+                       y = (double)s->c->points[i].position.y - l->y;
 
                 if (!bin[i])
                     continue;
@@ -471,15 +488,18 @@ static void as_written_is_the_classical_transform(void **state)
         assert_in_range(s.count, 5, MOST_LINES - 1);
         assert_int_equal(found, s.count);
         for (int32_t i = 0; i < found; i++) {
-            double sign = (double)lines[i].direction.x * s.lines[i].dx + (double)lines[i].direction.y * s.lines[i].dy;
+            double sign = (double)lines[i].direction.x * s.lines[i].dx +
+                          (double)lines[i].direction.y * s.lines[i].dy;
 
             first[i] = lines[i];
             assert_near(fabs(sign), 1, NUMBER(1e-9, 1e-5));
             assert_near(lines[i].votes, s.lines[i].votes, NUMBER(1e-9, 1e-3));
             assert_near(lines[i].point.x, s.lines[i].x, NUMBER(1e-9, 2e-4));
             assert_near(lines[i].point.y, s.lines[i].y, NUMBER(1e-9, 2e-4));
-            assert_near(lines[i].low, sign > 0 ? s.lines[i].low : -s.lines[i].high, NUMBER(1e-9, 2e-4));
-            assert_near(lines[i].high, sign > 0 ? s.lines[i].high : -s.lines[i].low, NUMBER(1e-9, 2e-4));
+            assert_near(lines[i].low, sign > 0 ? s.lines[i].low : -s.lines[i].high,
+                        NUMBER(1e-9, 2e-4));
+            assert_near(lines[i].high, sign > 0 ? s.lines[i].high : -s.lines[i].low,
+                        NUMBER(1e-9, 2e-4));
             assert_near(lines[i].rms, s.lines[i].rms, NUMBER(1e-9, 2e-4));
         }
         for (int32_t i = 0; i < c.count; i++)
@@ -532,7 +552,8 @@ static void pieces_of_a_wall_are_one_line(void **state)
         c.count = 0;
         lay(&c, 3 + dx, -5 + dy, angle, 31, 0.1);
         lay(&c, 3 + 6 * dx, -5 + 6 * dy, angle, 21, 0.1);
-        lay(&c, 3 + 8 * dx - 0.3 * dy, -5 + 8 * dy + 0.3 * dx, angle + PI, 26, 0.1); /* another face */
+        /* another face */
+        lay(&c, 3 + 8 * dx - 0.3 * dy, -5 + 8 * dy + 0.3 * dx, angle + PI, 26, 0.1);
         lines = search(f.hough, &c, &found);
         assert_int_equal(found, 2);
         assert_near(lines[0].votes, 52, 0);
@@ -573,7 +594,8 @@ static void faces_are_one_without_orientation(void **state)
         assert_int_equal(found, 1);
         assert_near(lines[0].votes, 40, 0);
         assert_true(lines[0].direction.x > 0);
-        assert_near((double)lines[0].direction.x * dy, (double)lines[0].direction.y * dx, NUMBER(1e-12, 1e-5));
+        assert_near((double)lines[0].direction.x * dy, (double)lines[0].direction.y * dx,
+                    NUMBER(1e-12, 1e-5));
         assert_near(lines[0].high - lines[0].low, 5, NUMBER(1e-9, 1e-4));
         assert_near(lines[0].high + lines[0].low, 0, NUMBER(1e-9, 1e-4));
     }
@@ -795,8 +817,8 @@ static void tolerances_can_be_adjusted(void **state)
 
 /* ---- The bits ---- */
 
-/* Walls on a grid of a quarter of a metre with weights in halves, so that votes tie and distances lie on the params' very
- * limits; in every third scene turned, and with noise. */
+/* Walls on a grid of a quarter of a metre with weights in halves, so that votes tie and
+ * distances lie on the params' very limits; in every third scene turned, and with noise. */
 static void lay_quarters(struct cloud *c, cairn_random *random)
 {
     static const double directions[8][2] = {{1, 0},  {0.8, 0.6},   {0, 1},  {-0.6, 0.8},
@@ -854,7 +876,8 @@ static uint64_t add_found(const cairn_hough *hough, uint64_t hash)
     return hash;
 }
 
-static uint64_t hash_of_search(cairn_hough *hough, const struct cloud *c, int32_t weighted, uint64_t hash)
+static uint64_t hash_of_search(cairn_hough *hough, const struct cloud *c, int32_t weighted,
+                               uint64_t hash)
 {
     cairn_budget budget = {1 << 28};
 
@@ -1037,8 +1060,9 @@ static void bad_points_are_refused(void **state)
     for (size_t i = 0; i < sizeof bad / sizeof *bad; i++) {
         struct cloud copy = c;
         cairn_budget budget = {CAIRN_UNBOUNDED};
-        cairn_real *fields[] = {&copy.points[33].position.x, &copy.points[33].position.y, &copy.points[33].direction.x,
-                                &copy.points[33].direction.y, &copy.weights[33]};
+        cairn_real *fields[] = {&copy.points[33].position.x, &copy.points[33].position.y,
+                                &copy.points[33].direction.x, &copy.points[33].direction.y,
+                                &copy.weights[33]};
 
         *fields[bad[i].field] = (cairn_real)bad[i].value;
         assert_ok(cairn_hough_begin(f.hough, copy.points, copy.weights, copy.count));
@@ -1075,17 +1099,18 @@ static void memory_is_exact(void **state)
         p.angles = angles;
         p.distances = 4 * angles < 1 << 14 ? 4 * angles : 1 << 14;
         p.max_lines = angles / 16 + 1 < 256 ? angles / 16 + 1 : 256;
-        assert_true(cairn_hough_memory(&p) <= CAIRN_HOUGH_BYTES(p.angles, p.distances, p.max_lines));
+        assert_true(cairn_hough_memory(&p) <=
+                    CAIRN_HOUGH_BYTES(p.angles, p.distances, p.max_lines));
     }
 }
 
-#define REFUSED(change)                                                                                                \
-    do {                                                                                                               \
-        p = cairn_hough_default();                                                                                     \
-        change;                                                                                                        \
-        assert_int_equal(cairn_hough_memory(&p), 0);                                                                   \
-        assert_status(cairn_hough_create(&hough, &pool, &p), CAIRN_BAD_ARGUMENT);                                      \
-        assert_int_equal(pool.used, 0);                                                                                \
+#define REFUSED(change)                                                                            \
+    do {                                                                                           \
+        p = cairn_hough_default();                                                                 \
+        change;                                                                                    \
+        assert_int_equal(cairn_hough_memory(&p), 0);                                               \
+        assert_status(cairn_hough_create(&hough, &pool, &p), CAIRN_BAD_ARGUMENT);                  \
+        assert_int_equal(pool.used, 0);                                                            \
     } while (0)
 
 static void bad_params_are_refused(void **state)

@@ -29,7 +29,8 @@ static void add_wall(struct points *points, cairn_vec2 a, cairn_vec2 b, cairn_re
     }
 }
 
-static void add_room(struct points *points, const cairn_vec2 *corners, int32_t count, cairn_real spacing)
+static void add_room(struct points *points, const cairn_vec2 *corners, int32_t count,
+                     cairn_real spacing)
 {
     for (int32_t i = 0; i < count; i++)
         add_wall(points, corners[i], corners[(i + 1) % count], spacing);
@@ -42,8 +43,8 @@ static void l_room(struct points *points, cairn_real spacing)
 }
 
 /* The points as seen from `pose`, moved across their lines by normal noise. */
-static void seen_from(const struct points *world, cairn_pose pose, cairn_real noise, cairn_random *random,
-                      struct points *seen)
+static void seen_from(const struct points *world, cairn_pose pose, cairn_real noise,
+                      cairn_random *random, struct points *seen)
 {
     cairn_transform inverse = cairn_transform_of(cairn_pose_inverse(pose));
 
@@ -52,8 +53,8 @@ static void seen_from(const struct points *world, cairn_pose pose, cairn_real no
         cairn_real by = noise > 0 ? noise * cairn_random_normal(random) : 0;
         cairn_vec2 normal = cairn_vec2_left(world->at[i].direction);
 
-        seen->at[i].position =
-            cairn_transform_point(inverse, cairn_vec2_add(world->at[i].position, cairn_vec2_scale(normal, by)));
+        seen->at[i].position = cairn_transform_point(
+            inverse, cairn_vec2_add(world->at[i].position, cairn_vec2_scale(normal, by)));
         seen->at[i].direction = cairn_transform_direction(inverse, world->at[i].direction);
     }
 }
@@ -110,7 +111,8 @@ static void assert_pose_near(cairn_pose pose, cairn_pose expected, double distan
     assert_near(cairn_wrap_angle(pose.theta - expected.theta), 0, angle);
 }
 
-/* ---- A plain twin: all pairs, normal equations over (x, y, theta) about the centroid, in double ---- */
+/* ---- A plain twin: all pairs, normal equations over (x, y, theta) about the centroid, in
+ * double ---- */
 
 struct twin {
     double x, y, theta, gate, sigma, point_sigma;
@@ -119,15 +121,20 @@ struct twin {
     int32_t pairs;
 };
 
-static void twin_prior(const cairn_pose_prior *prior, const struct twin *twin, double kx, double ky, double m[3][4])
+static void twin_prior(const cairn_pose_prior *prior, const struct twin *twin, double kx, double ky,
+                       double m[3][4])
 {
     for (int k = 0; prior != NULL && k < 3; k++) {
         double pc = cos((double)prior->mean.theta), ps = sin((double)prior->mean.theta);
         double ax = k == 0 ? pc : k == 1 ? -ps : 0, ay = k == 0 ? ps : k == 1 ? pc : 0;
         double row[3] = {ax, ay, k < 2 ? -ax * kx - ay * ky : 1};
-        double e = k < 2 ? ax * (twin->x - (double)prior->mean.x) + ay * (twin->y - (double)prior->mean.y)
-                         : twin->theta - (double)prior->mean.theta;
-        double w = pow((double)(k == 0 ? prior->sigma_x : k == 1 ? prior->sigma_y : prior->sigma_theta), -2);
+        double e =
+            k < 2 ? ax * (twin->x - (double)prior->mean.x) + ay * (twin->y - (double)prior->mean.y)
+                  : twin->theta - (double)prior->mean.theta;
+        double w = pow((double)(k == 0   ? prior->sigma_x
+                                : k == 1 ? prior->sigma_y
+                                         : prior->sigma_theta),
+                       -2);
 
         for (int u = 0; u < 3; u++) {
             for (int v = 0; v < 3; v++)
@@ -137,7 +144,8 @@ static void twin_prior(const cairn_pose_prior *prior, const struct twin *twin, d
     }
 }
 
-/* Gauss and Jordan on a positive definite matrix with one or more right sides, which become the solutions. */
+/* Gauss and Jordan on a positive definite matrix with one or more right sides, which become the
+ * solutions. */
 static void eliminate(double m[3][4], double sides[3][3])
 {
     for (int p = 0; p < 3; p++)
@@ -156,12 +164,16 @@ static void eliminate(double m[3][4], double sides[3][3])
     }
 }
 
-static void twin_iterate(const cairn_icp_params *params, const struct points *target, const struct points *query,
-                         const cairn_pose_prior *prior, struct twin *twin)
+static void twin_iterate(const cairn_icp_params *params, const struct points *target,
+                         const struct points *query, const cairn_pose_prior *prior,
+                         struct twin *twin)
 {
-    double a[3][4] = {{0}}, lines[3][3] = {{0}}, weights = 0, squares = 0, psi = 0, slopes = 0, points = 0, far = 0;
-    double cx = 0, cy = 0, c = cos(twin->theta), s = sin(twin->theta), distance = 0, variance, scale;
-    double kx, ky, information[3][4] = {{0}}, g[3][3], n, sigma = twin->sigma, point_sigma = twin->point_sigma;
+    double a[3][4] = {{0}}, lines[3][3] = {{0}}, weights = 0, squares = 0, psi = 0, slopes = 0,
+           points = 0, far = 0;
+    double cx = 0, cy = 0, c = cos(twin->theta), s = sin(twin->theta), distance = 0, variance,
+           scale;
+    double kx, ky, information[3][4] = {{0}}, g[3][3], n, sigma = twin->sigma,
+                   point_sigma = twin->point_sigma;
     int to_line = params->mode == CAIRN_ICP_POINT_TO_LINE;
 
     for (int32_t i = 0; i < query->count; i++) {
@@ -183,8 +195,8 @@ static void twin_iterate(const cairn_icp_params *params, const struct points *ta
             const cairn_oriented_point *t = &target->at[k];
             double d = pow((double)t->position.x - px, 2) + pow((double)t->position.y - py, 2);
 
-            if (d < best &&
-                ux * (double)t->direction.x + uy * (double)t->direction.y >= cos((double)params->direction_gate)) {
+            if (d < best && ux * (double)t->direction.x + uy * (double)t->direction.y >=
+                                cos((double)params->direction_gate)) {
                 best = d;
                 pair = k;
             }
@@ -215,7 +227,8 @@ static void twin_iterate(const cairn_icp_params *params, const struct points *ta
                     a[u][v] += (k == 0) == to_line ? wp * row[u] * row[v] : 0;
                 }
             for (int u = 0; u < 3; u++)
-                a[u][3] -= (k == 0) == to_line ? wp * row[u] * (axes[k][0] * ex + axes[k][1] * ey) : 0;
+                a[u][3] -=
+                    (k == 0) == to_line ? wp * row[u] * (axes[k][0] * ex + axes[k][1] * ey) : 0;
             if (k == 1) {
                 points += wp;
                 far += wp * best;
@@ -261,7 +274,8 @@ static void twin_iterate(const cairn_icp_params *params, const struct points *ta
                 twin->covariance[u][v] += to[u][i / 3] * g[i / 3][i % 3] * to[v][i % 3];
         }
     twin->mean_distance = distance / n;
-    twin->gate = fmin(twin->gate, fmax((double)params->gate_end, (double)params->gate_factor * twin->mean_distance));
+    twin->gate = fmin(twin->gate, fmax((double)params->gate_end,
+                                       (double)params->gate_factor * twin->mean_distance));
 }
 
 /* Every iteration by itself against the twin, in both modes, with and without prior. */
@@ -281,7 +295,8 @@ static void test_icp_matches_twin(void **state)
         cairn_pose start = cairn_pose_compose(truth, off);
         cairn_pose_prior prior = {start, CAIRN_REAL(0.02), CAIRN_REAL(0.05), CAIRN_REAL(0.01)};
         cairn_icp_params params = cairn_icp_default();
-        struct twin twin = {(double)start.x, (double)start.y, (double)start.theta, 0.5, 0.5, 0.5, {{0}}, 0, 0};
+        struct twin twin = {
+            (double)start.x, (double)start.y, (double)start.theta, 0.5, 0.5, 0.5, {{0}}, 0, 0};
 
         seen_from(&world, truth, CAIRN_REAL(0.02), &random, &query);
         for (int32_t i = 0; i < query.count; i++)
@@ -313,7 +328,8 @@ static void test_icp_matches_twin(void **state)
             assert_int_equal(result.observable, 3);
             for (int i = 0; i < 9; i++)
                 assert_near(result.covariance[i], twin.covariance[i / 3][i % 3],
-                            NUMBER(1e-6, 0.03) * sqrt(twin.covariance[i / 3][i / 3] * twin.covariance[i % 3][i % 3]));
+                            NUMBER(1e-6, 0.03) * sqrt(twin.covariance[i / 3][i / 3] *
+                                                      twin.covariance[i % 3][i % 3]));
             test_pool_free(&pool);
         }
     }
@@ -334,7 +350,8 @@ static void test_known_motions_without_noise(void **state)
     assert_int_equal(cairn_icp_target_count(icp), world.count);
     for (int k = 0; k < 40; k++) {
         cairn_pose truth = random_pose(&random, 1, 3);
-        cairn_pose start = cairn_pose_compose(truth, random_pose(&random, CAIRN_REAL(0.15), CAIRN_REAL(0.1)));
+        cairn_pose start =
+            cairn_pose_compose(truth, random_pose(&random, CAIRN_REAL(0.15), CAIRN_REAL(0.1)));
         cairn_icp_result result;
 
         seen_from(&world, truth, 0, &random, &query);
@@ -372,15 +389,16 @@ static void test_known_motions_with_noise(void **state)
         }
         for (int k = 0; k < 20; k++) {
             cairn_pose truth = random_pose(&random, 1, 3);
-            cairn_pose start = cairn_pose_compose(truth, random_pose(&random, CAIRN_REAL(0.1), CAIRN_REAL(0.1)));
+            cairn_pose start =
+                cairn_pose_compose(truth, random_pose(&random, CAIRN_REAL(0.1), CAIRN_REAL(0.1)));
             cairn_icp_result result;
 
             seen_from(&world, truth, CAIRN_REAL(0.01), &random, &query);
             result = align(icp, &query, start, NULL);
             assert_true(result.verdict == CAIRN_ICP_CONVERGED || mode == CAIRN_ICP_POINT_TO_POINT);
             assert_pose_near(result.target_query, truth, 0.008, 0.004);
-            worst = fmax(worst,
-                         hypot((double)(result.target_query.x - truth.x), (double)(result.target_query.y - truth.y)));
+            worst = fmax(worst, hypot((double)(result.target_query.x - truth.x),
+                                      (double)(result.target_query.y - truth.y)));
             assert_int_equal(result.observable, 3);
         }
         assert_true(worst > 1e-4);
@@ -401,7 +419,8 @@ static void test_outliers(void **state)
     add_target(icp, &world);
     for (int k = 0; k < 10; k++) {
         cairn_pose truth = random_pose(&random, 1, 3);
-        cairn_pose start = cairn_pose_compose(truth, random_pose(&random, CAIRN_REAL(0.05), CAIRN_REAL(0.05)));
+        cairn_pose start =
+            cairn_pose_compose(truth, random_pose(&random, CAIRN_REAL(0.05), CAIRN_REAL(0.05)));
 
         seen_from(&world, truth, CAIRN_REAL(0.005), &random, &query);
         for (int32_t i = 0; i < query.count; i += 10) {
@@ -413,7 +432,8 @@ static void test_outliers(void **state)
     test_pool_free(&pool);
 }
 
-/* A wall of 0.1 m: the face that was seen is nearer to the other face's points, which point the other way. */
+/* A wall of 0.1 m: the face that was seen is nearer to the other face's points, which point the
+ * other way. */
 static void test_faces_of_a_thin_wall(void **state)
 {
     static const cairn_vec2 ends[] = {{-2, 0}, {2, 0}, {2, CAIRN_REAL(0.1)}, {-2, CAIRN_REAL(0.1)}};
@@ -448,8 +468,8 @@ static void test_faces_of_a_thin_wall(void **state)
     test_pool_free(&pool);
 }
 
-/* Query points half way between two target points, with others nearer that point the other way: the lower index is taken,
- * so that all move by half a spacing the same way. */
+/* Query points half way between two target points, with others nearer that point the other way:
+ * the lower index is taken, so that all move by half a spacing the same way. */
 static void test_ties(void **state)
 {
     static struct points target, query;
@@ -466,7 +486,8 @@ static void test_ties(void **state)
         target.count = 42;
         query.count = 20;
         for (int32_t i = 0; i < 21; i++) {
-            cairn_oriented_point *with = &target.at[reverse ? 20 - i : i], *against = &target.at[21 + i];
+            cairn_oriented_point *with = &target.at[reverse ? 20 - i : i],
+                                 *against = &target.at[21 + i];
 
             with->position.x = CAIRN_REAL(0.125) * (cairn_real)i;
             against->position.x = with->position.x + CAIRN_REAL(0.0625);
@@ -494,8 +515,8 @@ static void test_ties(void **state)
 
 /* ---- Observability ---- */
 
-/* Two long walls, turned by 0.5 rad: the corridor's direction is named, the pose does not move along it and comes right
- * across it; a prior decides along it. */
+/* Two long walls, turned by 0.5 rad: the corridor's direction is named, the pose does not move
+ * along it and comes right across it; a prior decides along it. */
 static void test_corridor(void **state)
 {
     static const cairn_vec2 ends[] = {{-10, -1}, {10, -1}, {10, 1}, {-10, 1}};
@@ -561,9 +582,9 @@ static void test_corridor(void **state)
         assert_near(along_across.y, 0, 0.005);
         {
             cairn_real across[2] = {-axis.y, axis.x};
-            double along_variance =
-                (double)(axis.x * axis.x * result.covariance[0] + 2 * axis.x * axis.y * result.covariance[1] +
-                         axis.y * axis.y * result.covariance[4]);
+            double along_variance = (double)(axis.x * axis.x * result.covariance[0] +
+                                             2 * axis.x * axis.y * result.covariance[1] +
+                                             axis.y * axis.y * result.covariance[4]);
             double across_variance = (double)(across[0] * across[0] * result.covariance[0] +
                                               2 * across[0] * across[1] * result.covariance[1] +
                                               across[1] * across[1] * result.covariance[4]);
@@ -575,7 +596,8 @@ static void test_corridor(void **state)
     }
 }
 
-/* One wall leaves its direction alone; a round room leaves the rotation, about its centre, unknown. */
+/* One wall leaves its direction alone; a round room leaves the rotation, about its centre,
+ * unknown. */
 static void test_wall_and_round_room(void **state)
 {
     static struct points target;
@@ -656,7 +678,8 @@ static void test_covariance_fits_the_errors(void **state)
     icp = make_icp(&pool, params);
     for (int k = 0; k < runs; k++) {
         cairn_pose truth = random_pose(&random, 1, 3);
-        cairn_pose start = cairn_pose_compose(truth, random_pose(&random, CAIRN_REAL(0.02), CAIRN_REAL(0.02)));
+        cairn_pose start =
+            cairn_pose_compose(truth, random_pose(&random, CAIRN_REAL(0.02), CAIRN_REAL(0.02)));
         cairn_icp_result result;
         cairn_sym3 covariance, information;
         cairn_real error[3];
@@ -692,7 +715,8 @@ static void test_budgets(void **state)
     static const int32_t budgets[] = {CAIRN_UNBOUNDED, 1, 7, 1000};
     static struct points world, target, query;
     cairn_random random = cairn_random_seed(37, 0);
-    cairn_pose truth = {CAIRN_REAL(0.5), 0, 1}, start = {CAIRN_REAL(0.55), CAIRN_REAL(0.07), CAIRN_REAL(1.06)};
+    cairn_pose truth = {CAIRN_REAL(0.5), 0, 1},
+               start = {CAIRN_REAL(0.55), CAIRN_REAL(0.07), CAIRN_REAL(1.06)};
     cairn_icp_result results[4];
     cairn_pool pool;
     cairn_icp *icp = make_icp(&pool, cairn_icp_default());
@@ -719,12 +743,14 @@ static void test_budgets(void **state)
 
             budget.left = budgets[k];
             status = cairn_icp_step(icp, &budget);
-            assert_true(budget.left >= 0 && (status == CAIRN_OK || (status == CAIRN_MORE && budget.left == 0)));
+            assert_true(budget.left >= 0 &&
+                        (status == CAIRN_OK || (status == CAIRN_MORE && budget.left == 0)));
             units[k] += budgets[k] - budget.left;
             after = cairn_icp_read(icp);
             assert_true(after.iterations >= iterations);
             if (after.iterations == iterations)
-                assert_memory_equal(&before.target_query, &after.target_query, sizeof before.target_query);
+                assert_memory_equal(&before.target_query, &after.target_query,
+                                    sizeof before.target_query);
             iterations = after.iterations;
         } while (status == CAIRN_MORE);
         results[k] = cairn_icp_read(icp);
@@ -739,14 +765,16 @@ static void test_budgets(void **state)
     test_pool_free(&pool);
 }
 
-/* A corridor's two walls and the wall at its end are parts of their own: each tells what is across it, all together what the whole
- * target tells. */
+/* A corridor's two walls and the wall at its end are parts of their own: each tells what is
+ * across it, all together what the whole target tells. */
 static void parts_tell_what_is_across_them(void **state)
 {
-    static const cairn_vec2 ends[3][2] = {{{-4, -1}, {4, -1}}, {{4, -1}, {4, 1}}, {{4, 1}, {-4, 1}}};
+    static const cairn_vec2 ends[3][2] = {
+        {{-4, -1}, {4, -1}}, {{4, -1}, {4, 1}}, {{4, 1}, {-4, 1}}};
     static struct points walls[3], all;
     cairn_pool pool, other_pool;
-    cairn_icp *icp = make_icp(&pool, cairn_icp_default()), *whole = make_icp(&other_pool, cairn_icp_default());
+    cairn_icp *icp = make_icp(&pool, cairn_icp_default()),
+              *whole = make_icp(&other_pool, cairn_icp_default());
     cairn_pose start = {CAIRN_REAL(0.05), CAIRN_REAL(-0.03), CAIRN_REAL(0.02)};
     static cairn_icp_parts parts, one;
     cairn_sym3 sum = cairn_sym3_zero();
@@ -790,7 +818,8 @@ static void parts_tell_what_is_across_them(void **state)
     test_pool_free(&other_pool);
 }
 
-/* With a greater ratio the end of the corridor is not enough to tell the way along it, and the prior decides. */
+/* With a greater ratio the end of the corridor is not enough to tell the way along it, and the
+ * prior decides. */
 static void a_ratio_decides_what_is_weak(void **state)
 {
     static const cairn_vec2 corners[] = {{-4, -1}, {4, -1}, {4, 1}, {-4, 1}};
@@ -820,7 +849,8 @@ static void a_ratio_decides_what_is_weak(void **state)
 static void test_few_points(void **state)
 {
     static struct points world, query;
-    cairn_pose_prior prior = {{CAIRN_REAL(0.1), 0, 0}, CAIRN_REAL(0.1), CAIRN_REAL(0.2), CAIRN_REAL(0.3)};
+    cairn_pose_prior prior = {
+        {CAIRN_REAL(0.1), 0, 0}, CAIRN_REAL(0.1), CAIRN_REAL(0.2), CAIRN_REAL(0.3)};
     cairn_pose start = {CAIRN_REAL(0.01), CAIRN_REAL(0.02), CAIRN_REAL(0.03)}, away = {50, 0, 0};
     cairn_icp_params params = cairn_icp_default();
     cairn_icp_result result;
@@ -1030,11 +1060,13 @@ static void test_bad_inputs(void **state)
         *value = bad[k / 4];
         fault.index = -2;
         if (k < 6) {
-            assert_fault(&fault, cairn_icp_add_target(icp, world.at, 20, identity, &fault), CAIRN_NOT_FINITE, 7);
+            assert_fault(&fault, cairn_icp_add_target(icp, world.at, 20, identity, &fault),
+                         CAIRN_NOT_FINITE, 7);
         }
         if (k < 4) {
-            assert_fault(&fault, cairn_icp_begin(icp, world.at, world.count, identity, NULL, &fault), CAIRN_NOT_FINITE,
-                         7);
+            assert_fault(&fault,
+                         cairn_icp_begin(icp, world.at, world.count, identity, NULL, &fault),
+                         CAIRN_NOT_FINITE, 7);
         }
         world.at[7] = kept;
     }
@@ -1044,9 +1076,10 @@ static void test_bad_inputs(void **state)
         world.at[3].direction = cairn_vec2_scale(kept.direction, k == 0   ? 0
                                                                  : k == 1 ? CAIRN_REAL(0.9)
                                                                           : CAIRN_REAL(1.1));
-        assert_fault(&fault, cairn_icp_add_target(icp, world.at, 20, identity, &fault), CAIRN_BAD_ARGUMENT, 3);
-        assert_fault(&fault, cairn_icp_begin(icp, world.at, world.count, identity, NULL, &fault), CAIRN_BAD_ARGUMENT,
-                     3);
+        assert_fault(&fault, cairn_icp_add_target(icp, world.at, 20, identity, &fault),
+                     CAIRN_BAD_ARGUMENT, 3);
+        assert_fault(&fault, cairn_icp_begin(icp, world.at, world.count, identity, NULL, &fault),
+                     CAIRN_BAD_ARGUMENT, 3);
         assert_non_null(fault.what);
         world.at[3] = kept;
     }
@@ -1055,36 +1088,49 @@ static void test_bad_inputs(void **state)
         cairn_pose_prior prior = {identity, 1, 1, 1};
 
         *(k == 0 ? &pose.x : k == 1 ? &pose.y : &pose.theta) = (cairn_real)NAN;
-        assert_fault(&fault, cairn_icp_add_target(icp, world.at, 20, pose, &fault), CAIRN_NOT_FINITE, -1);
-        assert_fault(&fault, cairn_icp_begin(icp, world.at, 20, pose, NULL, &fault), CAIRN_NOT_FINITE, -1);
+        assert_fault(&fault, cairn_icp_add_target(icp, world.at, 20, pose, &fault),
+                     CAIRN_NOT_FINITE, -1);
+        assert_fault(&fault, cairn_icp_begin(icp, world.at, 20, pose, NULL, &fault),
+                     CAIRN_NOT_FINITE, -1);
         prior.mean = pose;
-        assert_fault(&fault, cairn_icp_begin(icp, world.at, 20, identity, &prior, &fault), CAIRN_NOT_FINITE, -1);
+        assert_fault(&fault, cairn_icp_begin(icp, world.at, 20, identity, &prior, &fault),
+                     CAIRN_NOT_FINITE, -1);
         prior.mean = identity;
         *(k == 0 ? &prior.sigma_x : k == 1 ? &prior.sigma_y : &prior.sigma_theta) = 0;
-        assert_fault(&fault, cairn_icp_begin(icp, world.at, 20, identity, &prior, &fault), CAIRN_BAD_ARGUMENT, -1);
-        assert_status(cairn_icp_begin(icp, world.at, 20, identity, &prior, NULL), CAIRN_BAD_ARGUMENT);
+        assert_fault(&fault, cairn_icp_begin(icp, world.at, 20, identity, &prior, &fault),
+                     CAIRN_BAD_ARGUMENT, -1);
+        assert_status(cairn_icp_begin(icp, world.at, 20, identity, &prior, NULL),
+                      CAIRN_BAD_ARGUMENT);
     }
     {
         cairn_pose far = {CAIRN_REAL_MAX, 0, CAIRN_PI / 4};
         cairn_oriented_point kept = world.at[9];
 
         world.at[9].position.x = CAIRN_REAL_MAX;
-        assert_fault(&fault, cairn_icp_add_target(icp, world.at, 20, far, &fault), CAIRN_NOT_FINITE, 9);
+        assert_fault(&fault, cairn_icp_add_target(icp, world.at, 20, far, &fault), CAIRN_NOT_FINITE,
+                     9);
         world.at[9] = kept;
     }
-    assert_fault(&fault, cairn_icp_add_target(NULL, world.at, 20, identity, &fault), CAIRN_BAD_ARGUMENT, -1);
-    assert_fault(&fault, cairn_icp_add_target(icp, NULL, 1, identity, &fault), CAIRN_BAD_ARGUMENT, -1);
-    assert_fault(&fault, cairn_icp_add_target(icp, world.at, -1, identity, &fault), CAIRN_BAD_ARGUMENT, -1);
-    assert_fault(&fault, cairn_icp_begin(NULL, world.at, 20, identity, NULL, &fault), CAIRN_BAD_ARGUMENT, -1);
-    assert_fault(&fault, cairn_icp_begin(icp, NULL, 1, identity, NULL, &fault), CAIRN_BAD_ARGUMENT, -1);
-    assert_fault(&fault, cairn_icp_begin(icp, world.at, -1, identity, NULL, &fault), CAIRN_BAD_ARGUMENT, -1);
+    assert_fault(&fault, cairn_icp_add_target(NULL, world.at, 20, identity, &fault),
+                 CAIRN_BAD_ARGUMENT, -1);
+    assert_fault(&fault, cairn_icp_add_target(icp, NULL, 1, identity, &fault), CAIRN_BAD_ARGUMENT,
+                 -1);
+    assert_fault(&fault, cairn_icp_add_target(icp, world.at, -1, identity, &fault),
+                 CAIRN_BAD_ARGUMENT, -1);
+    assert_fault(&fault, cairn_icp_begin(NULL, world.at, 20, identity, NULL, &fault),
+                 CAIRN_BAD_ARGUMENT, -1);
+    assert_fault(&fault, cairn_icp_begin(icp, NULL, 1, identity, NULL, &fault), CAIRN_BAD_ARGUMENT,
+                 -1);
+    assert_fault(&fault, cairn_icp_begin(icp, world.at, -1, identity, NULL, &fault),
+                 CAIRN_BAD_ARGUMENT, -1);
     assert_int_equal(cairn_icp_target_count(icp), count);
     assert_ok(cairn_icp_step(icp, &budget));
     assert_int_equal(budget.left, 10);
 
     assert_ok(cairn_icp_add_target(icp, NULL, 0, identity, NULL));
     assert_ok(cairn_icp_begin(icp, world.at, 20, identity, NULL, NULL));
-    assert_fault(&fault, cairn_icp_add_target(icp, world.at, 20, identity, &fault), CAIRN_BAD_ARGUMENT, -1);
+    assert_fault(&fault, cairn_icp_add_target(icp, world.at, 20, identity, &fault),
+                 CAIRN_BAD_ARGUMENT, -1);
     cairn_icp_clear_target(icp);
     assert_ok(cairn_icp_step(icp, &budget));
     assert_int_equal(budget.left, 10);
@@ -1092,7 +1138,8 @@ static void test_bad_inputs(void **state)
     test_pool_free(&pool);
 }
 
-/* The twin runs without roll-back for 1, 2, ... iterations, and finds where pairs get fewer and farther apart. */
+/* The twin runs without roll-back for 1, 2, ... iterations, and finds where pairs get fewer and
+ * farther apart. */
 static void what_gets_worse_is_rolled_back(void **state)
 {
     static struct points target, query;

@@ -59,7 +59,8 @@ static int lies_between(const graph *g, int32_t i, int32_t k, int32_t v)
     double dx = g->x[k] - g->x[i], dy = g->y[k] - g->y[i];
     double along = dx * (g->x[v] - g->x[i]) + dy * (g->y[v] - g->y[i]);
 
-    return fabs(side_of_line(g, i, k, v)) < NUMBER(1e-11, 1e-4) && along > 0 && along < dx * dx + dy * dy;
+    return fabs(side_of_line(g, i, k, v)) < NUMBER(1e-11, 1e-4) && along > 0 &&
+           along < dx * dx + dy * dy;
 }
 
 /* By the even-odd rule over all outlines, holes and all. */
@@ -105,7 +106,9 @@ static void slow_measure(graph *g, const cairn_curve *outlines, int32_t count)
         }
     for (int32_t i = 0; i < g->count; i++)
         for (int32_t k = 0; k < g->count; k++)
-            g->d[i][k] = i == k ? 0 : slow_sight(g, i, k) ? hypot(g->x[i] - g->x[k], g->y[i] - g->y[k]) : 1e9;
+            g->d[i][k] = i == k                ? 0
+                         : slow_sight(g, i, k) ? hypot(g->x[i] - g->x[k], g->y[i] - g->y[k])
+                                               : 1e9;
     for (int32_t over = 0; over < g->count; over++)
         for (int32_t i = 0; i < g->count; i++)
             for (int32_t k = 0; k < g->count; k++)
@@ -155,7 +158,8 @@ static cairn_curve spiral(cairn_vec2 *p, int32_t count, double turns, int clockw
     int32_t half = count / 2;
 
     for (int32_t i = 0; i < half; i++) {
-        double turn = 6.2831853 * turns * i / (half - 1), inner = 3 + 2 * turn, outer = 7 + 2 * turn;
+        double turn = 6.2831853 * turns * i / (half - 1), inner = 3 + 2 * turn,
+               outer = 7 + 2 * turn;
         int32_t low = clockwise ? count - 1 - i : i, high = clockwise ? i : count - 1 - i;
 
         p[high] = at(inner * cos(turn), inner * sin(turn));
@@ -164,7 +168,8 @@ static cairn_curve spiral(cairn_vec2 *p, int32_t count, double turns, int clockw
     return closed(p, count);
 }
 
-/* Even samples of a comb of pixels: nearly all of them lie straight between others, teeth line up. */
+/* Even samples of a comb of pixels: nearly all of them lie straight between others, teeth line
+ * up. */
 static cairn_curve comb(cairn_vec2 *p)
 {
     static const int8_t corner[][2] = {{0, 0}, {9, 0}, {9, 6}, {7, 6}, {7, 2}, {5, 2},
@@ -177,8 +182,8 @@ static cairn_curve comb(cairn_vec2 *p)
         int32_t steps = abs(b[0] - a[0]) + abs(b[1] - a[1]);
 
         for (int32_t k = 0; k < steps; k++)
-            p[n++] =
-                at(0.1 * (a[0] + (double)(b[0] - a[0]) * k / steps), 0.1 * (a[1] + (double)(b[1] - a[1]) * k / steps));
+            p[n++] = at(0.1 * (a[0] + (double)(b[0] - a[0]) * k / steps),
+                        0.1 * (a[1] + (double)(b[1] - a[1]) * k / steps));
     }
     return closed(p, n);
 }
@@ -223,7 +228,8 @@ static void ways_lead_round_holes(void **state)
                              : 4 * (40 - i));
     for (int clockwise = 0; clockwise < 2; clockwise++)
         for (uint64_t seed = 0; seed < 6; seed++) {
-            cairn_curve shape[3] = {closed(box, 40), star(hole[0], 20, seed, 0.6, clockwise), closed(hole[1], 4)};
+            cairn_curve shape[3] = {closed(box, 40), star(hole[0], 20, seed, 0.6, clockwise),
+                                    closed(hole[1], 4)};
 
             hole[1][0] = at(50, 10);
             hole[1][1] = at(55, 10);
@@ -241,7 +247,8 @@ static void ways_lead_round_holes(void **state)
 /* A notch in a straight side: the segment along the side passes over it, outside. */
 static void notches_are_gone_round(void **state)
 {
-    static const double corner[8][2] = {{0, 0}, {0, 4}, {10, 4}, {10, 0}, {6, 0}, {6, 3}, {4, 3}, {4, 0}};
+    static const double corner[8][2] = {{0, 0}, {0, 4}, {10, 4}, {10, 0},
+                                        {6, 0}, {6, 3}, {4, 3},  {4, 0}};
     measuring m = new_measuring(8, 0);
     cairn_inner_distance_result r;
     cairn_vec2 p[8];
@@ -394,7 +401,8 @@ static void refusals(void **state)
     assert_status(cairn_inner_distance_create(&m.inner, NULL, &good), CAIRN_BAD_ARGUMENT);
     bad[0].max_points = 3;
     bad[1].max_points = 2048;
-    assert_true(cairn_inner_distance_memory(&bad[0]) > 0 && cairn_inner_distance_memory(&bad[1]) > 0);
+    assert_true(cairn_inner_distance_memory(&bad[0]) > 0 &&
+                cairn_inner_distance_memory(&bad[1]) > 0);
     test_every_pool_size(create, &good, cairn_inner_distance_memory(&good));
     test_pool_free(&m.pool);
 }

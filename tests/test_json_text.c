@@ -1,14 +1,17 @@
-/* JSON piece by piece: every kind of token, strings and their escapes, every refusal with its line, texts cut anywhere. */
+/* JSON piece by piece: every kind of token, strings and their escapes, every refusal with its
+ * line, texts cut anywhere. */
 #include "tests/test.h"
 
 #include <locale.h>
 
 #include "cairn/json_text.h"
 
-/* Writes the tokens of a text as "{ name: 1 }"-like words, or the error's text; returns the status of the last. */
+/* Writes the tokens of a text as "{ name: 1 }"-like words, or the error's text; returns the
+ * status of the last. */
 static cairn_status read_all(const char *text, size_t length, char *out, size_t size)
 {
-    static const char *const words[] = {"end", "{", "}", "[", "]", "n:", "s:", "d:", "true", "false", "null"};
+    static const char *const words[] = {
+        "end", "{", "}", "[", "]", "n:", "s:", "d:", "true", "false", "null"};
     cairn_json json = cairn_json_begin("f", text, length);
     cairn_file_error error;
     cairn_json_token token;
@@ -33,7 +36,8 @@ static cairn_status read_all(const char *text, size_t length, char *out, size_t 
             (void)snprintf(buffer, sizeof buffer, "%.9g", token.number);
         else if (token.kind == CAIRN_JSON_NAME || token.kind == CAIRN_JSON_STRING)
             (void)cairn_json_copy(&token, buffer, sizeof buffer);
-        used += (size_t)snprintf(out + used, size - used, "%s%s%s", used > 0 ? " " : "", words[token.kind], buffer);
+        used += (size_t)snprintf(out + used, size - used, "%s%s%s", used > 0 ? " " : "",
+                                 words[token.kind], buffer);
         assert_true(used < size);
         if (token.kind == CAIRN_JSON_END)
             return CAIRN_OK;
@@ -61,7 +65,8 @@ static void test_tokens(void **state)
     assert_reads(" { \"a\" : 1 , \"b\"\n:\t[ ] } ", "{ n:a d:1 n:b [ ] } end");
     assert_reads("{} {}\n[1]2 \"x\"", "{ } { } [ d:1 ] d:2 s:x end");
     assert_reads("0", "d:0 end");
-    assert_reads("[-0,-1.5,12.25e1,3E-2,4e+1,0.5]", "[ d:-0 d:-1.5 d:122.5 d:0.03 d:40 d:0.5 ] end");
+    assert_reads("[-0,-1.5,12.25e1,3E-2,4e+1,0.5]",
+                 "[ d:-0 d:-1.5 d:122.5 d:0.03 d:40 d:0.5 ] end");
 }
 
 static void test_lines(void **state)
@@ -87,8 +92,10 @@ static void test_strings(void **state)
     assert_reads("\"\"", "s: end");
     assert_reads("\"a b\\\"c\\\\d\\/e\"", "s:a b\"c\\d/e end");
     assert_reads("\"\\b\\f\\n\\r\\t\"", "s:\b\f\n\r\t end");
-    assert_reads("\"\\u0041\\u00e9\\u20AC\\ud83d\\uDE00x\"", "s:A\xC3\xA9\xE2\x82\xAC\xF0\x9F\x98\x80x end");
-    assert_reads("\"\\u007f\\u0080\\u07ff\\u0800\\uffff\"", "s:\x7F\xC2\x80\xDF\xBF\xE0\xA0\x80\xEF\xBF\xBF end");
+    assert_reads("\"\\u0041\\u00e9\\u20AC\\ud83d\\uDE00x\"",
+                 "s:A\xC3\xA9\xE2\x82\xAC\xF0\x9F\x98\x80x end");
+    assert_reads("\"\\u007f\\u0080\\u07ff\\u0800\\uffff\"",
+                 "s:\x7F\xC2\x80\xDF\xBF\xE0\xA0\x80\xEF\xBF\xBF end");
     assert_reads("\"\xC3\xA9\xF0\x9F\x98\x80\"", "s:\xC3\xA9\xF0\x9F\x98\x80 end");
     assert_reads("{\"\\u0061\":0}", "{ n:a d:0 } end");
 }
@@ -97,8 +104,15 @@ static void test_strings(void **state)
 static void test_copies(void **state)
 {
     const char *text = "\"a\\u00e9\xE2\x82\xACz\"";
-    static const char *const kept[] = {
-        "", "", "a", "a", "a\xC3\xA9", "a\xC3\xA9", "a\xC3\xA9", "a\xC3\xA9\xE2\x82\xAC", "a\xC3\xA9\xE2\x82\xACz"};
+    static const char *const kept[] = {"",
+                                       "",
+                                       "a",
+                                       "a",
+                                       "a\xC3\xA9",
+                                       "a\xC3\xA9",
+                                       "a\xC3\xA9",
+                                       "a\xC3\xA9\xE2\x82\xAC",
+                                       "a\xC3\xA9\xE2\x82\xACz"};
     cairn_json json = cairn_json_begin("f", text, strlen(text));
     cairn_json_token token;
 
@@ -175,22 +189,27 @@ static void test_refusals(void **state)
     static const struct {
         const char *text, *tokens;
     } cases[] = {
-        {"[1,]", "[ d:1 f:1: ']' within an array, expected a value: { [ \" a number, true, false or null"},
-        {"[,1]", "[ f:1: ',' within an array, expected a value: { [ \" a number, true, false or null"},
+        {"[1,]",
+         "[ d:1 f:1: ']' within an array, expected a value: { [ \" a number, true, false or null"},
+        {"[,1]",
+         "[ f:1: ',' within an array, expected a value: { [ \" a number, true, false or null"},
         {"[1 2]", "[ d:1 f:1: '2' within an array, expected a comma or ]"},
         {"[1}", "[ d:1 f:1: '}' within an array, expected a comma or ]"},
         {"{1:2}", "{ f:1: '1' within an object, expected a name in quotes or }"},
         {"{\"a\":1,}", "{ n:a d:1 f:1: '}' within an object, expected a name in quotes"},
         {"{\"a\" 1}", "{ n:a f:1: '1' within an object, expected a colon after the name"},
-        {"{\"a\":}", "{ n:a f:1: '}' within an object, expected a value: { [ \" a number, true, false or null"},
+        {"{\"a\":}",
+         "{ n:a f:1: '}' within an object, expected a value: { [ \" a number, true, false or null"},
         {"{\"a\":1 \"b\":2}", "{ n:a d:1 f:1: '\"' within an object, expected a comma or }"},
         {"{\"a\":1]", "{ n:a d:1 f:1: ']' within an object, expected a comma or }"},
         {"]", "f:1: ']', expected a value: { [ \" a number, true, false or null"},
         {"{} }", "{ } f:1: '}', expected a value: { [ \" a number, true, false or null"},
         {"\n\nnul", "f:3: 'n', expected a value: { [ \" a number, true, false or null"},
-        {"[nan]", "[ f:1: 'n' within an array, expected a value: { [ \" a number, true, false or null"},
+        {"[nan]",
+         "[ f:1: 'n' within an array, expected a value: { [ \" a number, true, false or null"},
         {"\x01", "f:1: byte 0x01, expected a value: { [ \" a number, true, false or null"},
-        {"\xEF\xBB\xBF{}", "f:1: byte 0xef, expected a value: { [ \" a number, true, false or null"},
+        {"\xEF\xBB\xBF{}",
+         "f:1: byte 0xef, expected a value: { [ \" a number, true, false or null"},
         {"+1", "f:1: '+', expected a value: { [ \" a number, true, false or null"},
         {".5", "f:1: '.', expected a value: { [ \" a number, true, false or null"},
         {"[-]", "[ f:1: ']' within an array, expected a digit"},
@@ -198,8 +217,10 @@ static void test_refusals(void **state)
         {"[1e]", "[ f:1: ']' within an array, expected a digit of the exponent"},
         {"[1e+]", "[ f:1: ']' within an array, expected a digit of the exponent"},
         {"[01]", "[ d:0 f:1: '1' within an array, expected a comma or ]"},
-        {"[1e999]", "[ f:1: a number that is too large or too long, expected one that a double can hold"},
-        {"\"a\nb\"", "f:1: byte 0x0a, expected no control character in a string: an escape, or the closing quote"},
+        {"[1e999]",
+         "[ f:1: a number that is too large or too long, expected one that a double can hold"},
+        {"\"a\nb\"", "f:1: byte 0x0a, expected no control character in a string: an escape, or the "
+                     "closing quote"},
         {"\"\\x\"", "f:1: 'x', expected one of \" \\ / b f n r t u after a backslash"},
         {"\"\\u12g4\"", "f:1: '1', expected four hexadecimal digits after \\u"},
         {"\"\\ud83d\"", "f:1: '\"', expected the second half of a surrogate pair"},
@@ -207,7 +228,8 @@ static void test_refusals(void **state)
         {"\"\\ud83d\\n\"", "f:1: '\\', expected the second half of a surrogate pair"},
         {"\"\\ud83d\\ud83d\"", "f:1: '\\', expected the second half of a surrogate pair"},
         {"\"\\ude00\"", "f:1: '\"', expected no second half of a surrogate pair without the first"},
-        {"[", "[ f:1: the text ends within an array, expected a value: { [ \" a number, true, false or null"},
+        {"[", "[ f:1: the text ends within an array, expected a value: { [ \" a number, true, "
+              "false or null"},
         {"{\n", "{ f:2: the text ends within an object, expected a name in quotes or }"},
         {"\"a", "f:1: the text ends, expected the closing quote of a string"},
         {"\"a\\", "f:1: the text ends, expected one of \" \\ / b f n r t u after a backslash"},
@@ -220,10 +242,12 @@ static void test_refusals(void **state)
         assert_reads(cases[i].text, cases[i].tokens);
 }
 
-/* Every text that is cut within a value is CAIRN_TRUNCATED, or CAIRN_BAD_FORMAT where a word or an escape is cut. */
+/* Every text that is cut within a value is CAIRN_TRUNCATED, or CAIRN_BAD_FORMAT where a word or
+ * an escape is cut. */
 static void test_cut_anywhere(void **state)
 {
-    const char *text = "{\"a\":[1,-2.5e+3,\"x\\u00e9\\ud83d\\ude00\\n\"],\"b\":{\"c\":true,\"d\":[null,false]}}";
+    const char *text =
+        "{\"a\":[1,-2.5e+3,\"x\\u00e9\\ud83d\\ude00\\n\"],\"b\":{\"c\":true,\"d\":[null,false]}}";
     char out[1024];
 
     (void)state;
@@ -254,8 +278,10 @@ static void test_any_bytes(void **state)
 
         assert_non_null(text);
         for (size_t i = 0; i < length; i++)
-            text[i] = (char)(run % 4 == 0 ? cairn_random_below(&random, 256)
-                                          : alphabet[cairn_random_below(&random, (int32_t)sizeof alphabet - 1)]);
+            text[i] =
+                (char)(run % 4 == 0
+                           ? cairn_random_below(&random, 256)
+                           : alphabet[cairn_random_below(&random, (int32_t)sizeof alphabet - 1)]);
         text = realloc(text, length > 0 ? length : 1);
         assert_non_null(text);
         (void)read_all(text, length, out, sizeof out);
@@ -301,7 +327,8 @@ static void test_skip(void **state)
 
     (void)state;
     assert_ok(cairn_json_next(&json, &token, NULL));
-    assert_status(cairn_json_skip(&json, &error), CAIRN_BAD_FORMAT); /* a name follows, nothing is passed over */
+    /* a name follows, nothing is passed over */
+    assert_status(cairn_json_skip(&json, &error), CAIRN_BAD_FORMAT);
     assert_string_equal(error.text, "f:1: no value here, expected one");
     for (const char *name = "abc"; *name != '\0'; name++) {
         assert_ok(cairn_json_next(&json, &token, NULL));

@@ -1,5 +1,5 @@
-/* Sizes and offsets of the open structs are part of the ABI: a change of one is a change of the soname, and then of
- * tests/layout.h by tools/layout.sh. */
+/* Sizes and offsets of the open structs are part of the ABI: a change of one is a change of the
+ * soname, and then of tests/layout.h by tools/layout.sh. */
 #include "tests/test.h"
 
 typedef struct layout {
@@ -7,8 +7,8 @@ typedef struct layout {
     size_t actual, expected;
 } layout;
 
-#define SIZE(type, in_double, in_float)         #type, sizeof(type), NUMBER(in_double, in_float)
-#define FIELD(type, field, in_double, in_float) #type "." #field, offsetof(type, field), NUMBER(in_double, in_float)
+#define SIZE(type, in_double, in_float) #type, sizeof(type), NUMBER(in_double, in_float)
+#define FIELD(type, field, d, f)        #type "." #field, offsetof(type, field), NUMBER(d, f)
 
 #include "tests/layout.h"
 
@@ -19,7 +19,8 @@ static void open_structs_keep_their_layout(void **state)
         skip();
     for (size_t i = 0; i < sizeof OPEN_STRUCTS / sizeof *OPEN_STRUCTS; i++)
         if (OPEN_STRUCTS[i].actual != OPEN_STRUCTS[i].expected)
-            fail_msg("%s is %zu, was %zu", OPEN_STRUCTS[i].name, OPEN_STRUCTS[i].actual, OPEN_STRUCTS[i].expected);
+            fail_msg("%s is %zu, was %zu", OPEN_STRUCTS[i].name, OPEN_STRUCTS[i].actual,
+                     OPEN_STRUCTS[i].expected);
 }
 
 int main(void)

@@ -8,12 +8,14 @@
 #define PI    3.14159265358979323846
 
 /* Weighted sum of squared distances to the line through `mean` at `angle`. */
-static double cost(const cairn_vec2 *points, const cairn_real *weights, int count, cairn_vec2 mean, double angle)
+static double cost(const cairn_vec2 *points, const cairn_real *weights, int count, cairn_vec2 mean,
+                   double angle)
 {
     double sum = 0;
 
     for (int i = 0; i < count; i++) {
-        double across = (double)(points[i].y - mean.y) * cos(angle) - (double)(points[i].x - mean.x) * sin(angle);
+        double across = (double)(points[i].y - mean.y) * cos(angle) -
+                        (double)(points[i].x - mean.x) * sin(angle);
 
         sum += (double)weights[i] * across * across;
     }
@@ -52,7 +54,8 @@ static void fit_against_search(double angle, double offset, uint64_t seed)
             best = a;
         }
     }
-    assert_near(fabs((double)line.direction.x * sin(best) - (double)line.direction.y * cos(best)), 0, 1e-4);
+    assert_near(fabs((double)line.direction.x * sin(best) - (double)line.direction.y * cos(best)),
+                0, 1e-4);
     assert_near(line.rms, sqrt(least / mass), 1e-5);
     assert_near(cairn_vec2_norm(line.direction), 1, NUMBER(1e-14, 1e-6));
     assert_true(line.direction.x > 0 || (line.direction.x >= 0 && line.direction.y > 0));
@@ -69,10 +72,14 @@ static void fit_against_search(double angle, double offset, uint64_t seed)
     {
         cairn_segment segment = cairn_line_segment(&line);
 
-        assert_near(segment.a.x, (double)line.mean.x + low * (double)line.direction.x, NUMBER(1e-12, 1e-4));
-        assert_near(segment.a.y, (double)line.mean.y + low * (double)line.direction.y, NUMBER(1e-12, 1e-4));
-        assert_near(segment.b.x, (double)line.mean.x + high * (double)line.direction.x, NUMBER(1e-12, 1e-4));
-        assert_near(segment.b.y, (double)line.mean.y + high * (double)line.direction.y, NUMBER(1e-12, 1e-4));
+        assert_near(segment.a.x, (double)line.mean.x + low * (double)line.direction.x,
+                    NUMBER(1e-12, 1e-4));
+        assert_near(segment.a.y, (double)line.mean.y + low * (double)line.direction.y,
+                    NUMBER(1e-12, 1e-4));
+        assert_near(segment.b.x, (double)line.mean.x + high * (double)line.direction.x,
+                    NUMBER(1e-12, 1e-4));
+        assert_near(segment.b.y, (double)line.mean.y + high * (double)line.direction.y,
+                    NUMBER(1e-12, 1e-4));
     }
 }
 
@@ -188,7 +195,8 @@ static void merge_against_points(cairn_segment a, double mass_a, cairn_segment b
     ends[2] = b.a;
     ends[3] = b.b;
     for (int i = 0; i < 4; i++) {
-        double along = sense * (double)cairn_vec2_dot(line.direction, cairn_vec2_sub(ends[i], line.mean));
+        double along =
+            sense * (double)cairn_vec2_dot(line.direction, cairn_vec2_sub(ends[i], line.mean));
 
         low = fmin(low, along);
         high = fmax(high, along);
@@ -201,7 +209,8 @@ static void merge_against_points(cairn_segment a, double mass_a, cairn_segment b
 
 static void test_merge(void **state)
 {
-    cairn_segment a = {{0, 0}, {2, CAIRN_REAL(0.1)}}, b = {{3, CAIRN_REAL(0.1)}, {5, CAIRN_REAL(0.4)}};
+    cairn_segment a = {{0, 0}, {2, CAIRN_REAL(0.1)}},
+                  b = {{3, CAIRN_REAL(0.1)}, {5, CAIRN_REAL(0.4)}};
     cairn_segment back = {{5, CAIRN_REAL(0.4)}, {CAIRN_REAL(1.5), CAIRN_REAL(0.2)}};
     cairn_segment upright = {{10, 3}, {10, -2}}, above = {{CAIRN_REAL(10.2), 4}, {10, 6}};
 
@@ -214,8 +223,8 @@ static void test_merge(void **state)
     merge_against_points(above, 5, upright, 1);
 }
 
-/* By hand: what lies in line; the first one's sense among equal masses; two that lie side by side at a distance d, whose
- * scatter along is 2 * 4/12 and across d^2/2. */
+/* By hand: what lies in line; the first one's sense among equal masses; two that lie side by
+ * side at a distance d, whose scatter along is 2 * 4/12 and across d^2/2. */
 static void test_merge_known(void **state)
 {
     cairn_segment a = {{0, 0}, {2, 0}}, b = {{5, 0}, {3, 0}}, above = {{0, 0}, {2, 0}}, merged;
@@ -241,7 +250,8 @@ static void test_merge_known(void **state)
 
 static void test_merge_statuses(void **state)
 {
-    cairn_segment a = {{0, 0}, {1, 0}}, point = {{3, 3}, {3, 3}}, bad = {{0, 0}, {(cairn_real)NAN, 0}}, merged = a;
+    cairn_segment a = {{0, 0}, {1, 0}}, point = {{3, 3}, {3, 3}},
+                  bad = {{0, 0}, {(cairn_real)NAN, 0}}, merged = a;
 
     (void)state;
     assert_status(cairn_segment_merge(a, 1, a, 1, NULL), CAIRN_BAD_ARGUMENT);

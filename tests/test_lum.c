@@ -1,5 +1,5 @@
-/* Lu and Milios against a plain reference implementation with all pairs of points and a dense solution; rooms that come back; pieces, refusals,
- * budgets. */
+/* Lu and Milios against a plain reference implementation with all pairs of points and a dense
+ * solution; rooms that come back; pieces, refusals, budgets. */
 #include "tests/test.h"
 
 #include <math.h>
@@ -35,7 +35,8 @@ static void make_scans(double metres, double radians)
         s->truth.theta = CAIRN_REAL(0.7) * (cairn_real)i;
         inverse = cairn_transform_of(cairn_pose_inverse(s->truth));
         for (int32_t w = 0; w < 6; w++) {
-            cairn_vec2 a = ROOM[w], along = cairn_vec2_sub(ROOM[(w + 1) % 6], a), unit = cairn_vec2_unit(along);
+            cairn_vec2 a = ROOM[w], along = cairn_vec2_sub(ROOM[(w + 1) % 6], a),
+                       unit = cairn_vec2_unit(along);
 
             for (cairn_real t = CAIRN_REAL(0.02) * (cairn_real)(i + 1); t < cairn_vec2_norm(along);
                  t += CAIRN_REAL(0.1)) {
@@ -114,9 +115,10 @@ static void transform_point(cairn_pose pose, cairn_vec2 p, double q[2])
     q[1] = (double)pose.y + s * (double)p.x + c * (double)p.y;
 }
 
-/* Normal equations of one link over (tx, ty, phi) about the origin: h, right side, |Z|^2; returns the pairs. */
-static int32_t reference_link(const cairn_lum_params *params, const cairn_pose *poses, int32_t i, int32_t j,
-                              double h[3][3], double g[3], double *miss)
+/* Normal equations of one link over (tx, ty, phi) about the origin: h, right side, |Z|^2;
+ * returns the pairs. */
+static int32_t reference_link(const cairn_lum_params *params, const cairn_pose *poses, int32_t i,
+                              int32_t j, double h[3][3], double g[3], double *miss)
 {
     int32_t pairs = 0;
 
@@ -133,11 +135,13 @@ static int32_t reference_link(const cairn_lum_params *params, const cairn_pose *
         transform_point(poses[j], scans[j].at[k].position, b);
         for (int32_t m = 0; m < scans[i].count; m++) {
             cairn_vec2 di = scans[i].at[m].direction;
-            double dot = (ci * (double)di.x - si * (double)di.y) * (cj * (double)dj.x - sj * (double)dj.y) +
-                         (si * (double)di.x + ci * (double)di.y) * (sj * (double)dj.x + cj * (double)dj.y);
+            double dot =
+                (ci * (double)di.x - si * (double)di.y) * (cj * (double)dj.x - sj * (double)dj.y) +
+                (si * (double)di.x + ci * (double)di.y) * (sj * (double)dj.x + cj * (double)dj.y);
 
             transform_point(poses[i], scans[i].at[m].position, a);
-            if (hypot(a[0] - b[0], a[1] - b[1]) <= best && dot >= cos((double)params->direction_gate)) {
+            if (hypot(a[0] - b[0], a[1] - b[1]) <= best &&
+                dot >= cos((double)params->direction_gate)) {
                 best = hypot(a[0] - b[0], a[1] - b[1]);
                 near[0] = a[0];
                 near[1] = a[1];
@@ -179,7 +183,8 @@ static void eliminate(double *m, int n)
         m[r * (n + 1) + n] /= m[r * (n + 1) + r];
 }
 
-/* D^T C^-1 D as eq. 10.2 has it: D the measured difference, C = s^2 (M^T M)^-1 built and inverted again. */
+/* D^T C^-1 D as eq. 10.2 has it: D the measured difference, C = s^2 (M^T M)^-1 built and
+ * inverted again. */
 static double reference_w(double h[3][3], const double d[3], double variance)
 {
     double c[3][6], w = 0;
@@ -321,7 +326,8 @@ static void a_room_comes_back(void **state)
         add_all(lum);
         assert_ok(cairn_lum_begin(lum));
         assert_status(cairn_lum_begin(lum), CAIRN_BAD_ARGUMENT);
-        assert_status(cairn_lum_add_scan(lum, scans[0].at, 1, scans[0].start, NULL), CAIRN_BAD_ARGUMENT);
+        assert_status(cairn_lum_add_scan(lum, scans[0].at, 1, scans[0].start, NULL),
+                      CAIRN_BAD_ARGUMENT);
         assert_ok(run(lum, 1000));
         end = cairn_lum_read(lum);
         assert_int_equal(end.verdict, CAIRN_LUM_CONVERGED);
@@ -347,8 +353,8 @@ static void a_room_comes_back(void **state)
 
 /* ---- Registration ---- */
 
-/* The pose that brings a[i] nearest to b[i] for those used, headings as points 1 m ahead: by the normal equations of small
- * turns, again and again. */
+/* The pose that brings a[i] nearest to b[i] for those used, headings as points 1 m ahead: by the
+ * normal equations of small turns, again and again. */
 static cairn_pose reference_motion(const cairn_pose *a, const cairn_pose *b, const int *used)
 {
     double theta = 0, tx = 0, ty = 0;
@@ -381,8 +387,8 @@ static cairn_pose reference_motion(const cairn_pose *a, const cairn_pose *b, con
 }
 
 /* The score of the best of the matches of a scan with those placed; its pose. */
-static double reference_match(const cairn_lum_params *params, const cairn_pose *placed, const int *used, int32_t scan,
-                              cairn_pose start, cairn_pose *pose)
+static double reference_match(const cairn_lum_params *params, const cairn_pose *placed,
+                              const int *used, int32_t scan, cairn_pose start, cairn_pose *pose)
 {
     cairn_icp_params icp_params = cairn_icp_default();
     double best = 0;
@@ -445,7 +451,8 @@ static int32_t reference_register(const cairn_lum_params *params, cairn_pose *pl
 
             if (used[i] || scans[i].count == 0)
                 continue;
-            score = reference_match(params, placed, used, i, cairn_pose_compose(motion, starts[i]), &pose);
+            score = reference_match(params, placed, used, i, cairn_pose_compose(motion, starts[i]),
+                                    &pose);
             if (score > best) {
                 best = score;
                 next = i;
@@ -473,12 +480,14 @@ static int32_t reference_register(const cairn_lum_params *params, cairn_pose *pl
     return matched;
 }
 
-/* Points of 0.1 m less some that are nearer to the one before than `register_spacing` of the tests. */
+/* Points of 0.1 m less some that are nearer to the one before than `register_spacing` of the
+ * tests. */
 static void double_points(void)
 {
     for (int32_t i = 0; i < SCANS; i++)
         for (int32_t k = 0; k < scans[i].count; k += 7) {
-            memmove(&scans[i].at[k + 1], &scans[i].at[k], (size_t)(scans[i].count++ - k) * sizeof scans[i].at[0]);
+            memmove(&scans[i].at[k + 1], &scans[i].at[k],
+                    (size_t)(scans[i].count++ - k) * sizeof scans[i].at[0]);
             scans[i].at[k + 1].position.x += CAIRN_REAL(0.01);
         }
 }
@@ -495,7 +504,8 @@ static void roughen(void)
         }
 }
 
-static void check_registration(const cairn_lum_params *params, const cairn_pose *placed, int32_t registered)
+static void check_registration(const cairn_lum_params *params, const cairn_pose *placed,
+                               int32_t registered)
 {
     cairn_budget budget = {CAIRN_UNBOUNDED};
     cairn_pose pose;
@@ -590,9 +600,9 @@ static void registration_brings_back_what_is_far(void **state)
         assert_ok(run(lum, 1000));
         farthest[registers] = 0;
         for (int32_t i = 0; i < SCANS; i++)
-            farthest[registers] =
-                fmax(farthest[registers], hypot((double)(cairn_lum_pose(lum, i).x - scans[i].truth.x),
-                                                (double)(cairn_lum_pose(lum, i).y - scans[i].truth.y)));
+            farthest[registers] = fmax(
+                farthest[registers], hypot((double)(cairn_lum_pose(lum, i).x - scans[i].truth.x),
+                                           (double)(cairn_lum_pose(lum, i).y - scans[i].truth.y)));
         test_pool_free(&pool);
     }
     assert_true(farthest[1] < 0.05);
@@ -645,7 +655,8 @@ static void capacities_are_told(void **state)
             params.max_fill = 5;
         lum = new_lum(&pool, &params);
         add_all(lum);
-        assert_fault(&fault, cairn_lum_add_scan(lum, scans[0].at, 1, scans[0].start, &fault), CAIRN_FULL, -1);
+        assert_fault(&fault, cairn_lum_add_scan(lum, scans[0].at, 1, scans[0].start, &fault),
+                     CAIRN_FULL, -1);
         assert_ok(cairn_lum_begin(lum));
         assert_status(run(lum, 50), CAIRN_FULL);
         assert_int_equal(cairn_lum_read(lum).iterations, 0);
@@ -657,7 +668,8 @@ static void capacities_are_told(void **state)
     params.max_iterations = 1;
     lum = new_lum(&pool, &params);
     assert_ok(cairn_lum_add_scan(lum, scans[0].at, 10, scans[0].start, NULL));
-    assert_fault(&fault, cairn_lum_add_scan(lum, scans[0].at, 1, scans[0].start, &fault), CAIRN_FULL, -1);
+    assert_fault(&fault, cairn_lum_add_scan(lum, scans[0].at, 1, scans[0].start, &fault),
+                 CAIRN_FULL, -1);
     assert_ok(cairn_lum_begin(lum));
     assert_ok(run(lum, 1));
     assert_int_equal(cairn_lum_read(lum).verdict, CAIRN_LUM_CONVERGED); /* alone */
@@ -673,14 +685,16 @@ static void capacities_are_told(void **state)
     test_pool_free(&pool);
 }
 
-/* Two scans whose points meet end to end, `gap` apart: linked when that is at most the distance of pairs. */
+/* Two scans whose points meet end to end, `gap` apart: linked when that is at most the distance
+ * of pairs. */
 static void scans_that_just_meet(void **state)
 {
     enum { COUNT = 11 };
     static const struct {
         cairn_real gap;
         int32_t links;
-    } known[] = {{0, 1}, {CAIRN_REAL(0.15), 1}, {CAIRN_REAL(0.19), 1}, {CAIRN_REAL(0.21), 0}, {1, 0}};
+    } known[] = {
+        {0, 1}, {CAIRN_REAL(0.15), 1}, {CAIRN_REAL(0.19), 1}, {CAIRN_REAL(0.21), 0}, {1, 0}};
 
     (void)state;
     for (size_t k = 0; k < sizeof known / sizeof *known; k++)
@@ -694,7 +708,8 @@ static void scans_that_just_meet(void **state)
 
             for (int side = 0; side < 2; side++)
                 for (int i = 0; i < COUNT; i++) {
-                    cairn_real along = side == 0 ? 1 : -1, across = CAIRN_REAL(0.01) * (cairn_real)i;
+                    cairn_real along = side == 0 ? 1 : -1,
+                               across = CAIRN_REAL(0.01) * (cairn_real)i;
 
                     end[side][i].direction.x = x[turn];
                     end[side][i].direction.y = x[(turn + 3) % 4];
@@ -731,7 +746,8 @@ static void of_equal_distances_the_lowest_index(void **state)
             query[k].direction.y = 0;
             for (int32_t i = 0; i < 2; i++) {
                 target[2 * k + i] = query[k];
-                target[2 * k + i].position.x += CAIRN_REAL(0.125) * (cairn_real)(i == order ? -1 : 1);
+                target[2 * k + i].position.x +=
+                    CAIRN_REAL(0.125) * (cairn_real)(i == order ? -1 : 1);
             }
         }
         assert_ok(cairn_lum_add_scan(lum, target, 24, cairn_pose_identity(), NULL));
@@ -788,7 +804,8 @@ static void as_written(void **state)
     assert_int_equal(cairn_lum_memory(&other), 0);
     make_scans(0, 0);
     lum = new_lum(&pool, &p);
-    for (int32_t i = 0; i < SCANS; i++) { /* all the same, with opposite directions in every other one */
+    /* all the same, with opposite directions in every other one */
+    for (int32_t i = 0; i < SCANS; i++) {
         for (int32_t k = 0; k < scans[0].count && i % 2 != 0; k++)
             scans[0].at[k].direction = cairn_vec2_scale(scans[0].at[k].direction, -1);
         assert_ok(cairn_lum_add_scan(lum, scans[0].at, scans[0].count, scans[0].truth, NULL));
@@ -809,7 +826,8 @@ static void as_written(void **state)
 static void units_are_as_told(void **state)
 {
     static const int32_t units[3] = {12682, NUMBER(64856, 69351),
-                                     NUMBER(27220, 27451)}; /* without, with registration; without turns */
+                                     /* without, with registration; without turns */
+                                     NUMBER(27220, 27451)};
 
     (void)state;
     for (int32_t way = 0; way < 3; way++) {

@@ -8,7 +8,9 @@
 #include "cairn/map_file.h"
 #include "src/host/map_file_image.h"
 
-#define NUMBERS "resolution: 0.05\norigin: [-10, 5.5, 0.25]\nnegate: 0\noccupied_thresh: 0.65\nfree_thresh: 0.196\n"
+#define NUMBERS                                                                                    \
+    "resolution: 0.05\norigin: [-10, 5.5, 0.25]\nnegate: 0\noccupied_thresh: 0.65\nfree_thresh: "  \
+    "0.196\n"
 
 static void assert_holds(const char *string, const char *piece)
 {
@@ -46,7 +48,8 @@ static void test_round_trips(void **state)
                 map.occupancy[i] = (int8_t)(kind == 0 ? -1 : kind == 1 ? 0 : 100);
         }
         assert_ok(cairn_map_file_draw(&map));
-        assert_ok(cairn_map_file_write(&map, path, round < 4 ? CAIRN_MAP_PGM : CAIRN_MAP_PNG, &error));
+        assert_ok(
+            cairn_map_file_write(&map, path, round < 4 ? CAIRN_MAP_PGM : CAIRN_MAP_PNG, &error));
         image = files_read(files_path(round < 4 ? "map.v1.pgm" : "map.v1.png"), NULL);
         assert_memory_equal(image, round < 4 ? "P5\n" : "\x89PN", 3);
         free(image);
@@ -57,7 +60,8 @@ static void test_round_trips(void **state)
         assert_int_equal(back.height, 23);
         assert_memory_equal(&back.resolution, &map.resolution, sizeof map.resolution);
         assert_memory_equal(&back.origin, &map.origin, sizeof map.origin);
-        assert_memory_equal(&back.occupied_threshold, &map.occupied_threshold, sizeof map.occupied_threshold);
+        assert_memory_equal(&back.occupied_threshold, &map.occupied_threshold,
+                            sizeof map.occupied_threshold);
         assert_memory_equal(&back.free_threshold, &map.free_threshold, sizeof map.free_threshold);
         assert_int_equal(back.negate, map.negate);
         assert_int_equal(back.mode, map.mode);
@@ -120,25 +124,30 @@ static void test_meaning_of_pixels(void **state)
     assert_int_equal(map.occupancy[254], 0);
     cairn_map_file_free(&map);
 
-    read_ramp(&map, "image: ramp.pgm\nresolution: 1\norigin: [0,0,0]\nnegate: 1\noccupied_thresh: 0.5\nfree_thresh: "
+    read_ramp(&map, "image: ramp.pgm\nresolution: 1\norigin: [0,0,0]\nnegate: 1\noccupied_thresh: "
+                    "0.5\nfree_thresh: "
                     "0.25\nmode: scale\n");
     assert_int_equal(map.mode, CAIRN_MAP_SCALE);
     for (int v = 0; v < 256; v++) {
         double p = v / 255.0;
 
-        assert_int_equal(map.occupancy[v], p > 0.5 ? 100 : p < 0.25 ? 0 : (int)(1 + 98 * (p - 0.25) / 0.25));
+        assert_int_equal(map.occupancy[v], p > 0.5    ? 100
+                                           : p < 0.25 ? 0
+                                                      : (int)(1 + 98 * (p - 0.25) / 0.25));
     }
     assert_status(cairn_map_file_draw(&map), CAIRN_UNSUPPORTED);
     cairn_map_file_free(&map);
 
-    read_ramp(&map, "image: ramp.pgm\nresolution: 1\norigin: [0,0,0]\nnegate: 0\noccupied_thresh: 0.2\nfree_thresh: "
+    read_ramp(&map, "image: ramp.pgm\nresolution: 1\norigin: [0,0,0]\nnegate: 0\noccupied_thresh: "
+                    "0.2\nfree_thresh: "
                     "0.2\nmode: scale\n");
     assert_int_equal(map.occupancy[204], 1);
     assert_int_equal(map.occupancy[203], 100);
     assert_int_equal(map.occupancy[205], 0);
     cairn_map_file_free(&map);
 
-    read_ramp(&map, "image: ramp.pgm\nresolution: 1\norigin: [0,0,0]\nnegate: true\noccupied_thresh: 0.5\nfree_thresh: "
+    read_ramp(&map, "image: ramp.pgm\nresolution: 1\norigin: [0,0,0]\nnegate: "
+                    "true\noccupied_thresh: 0.5\nfree_thresh: "
                     "0.25\nmode: raw\n");
     for (int v = 0; v < 256; v++)
         assert_int_equal(map.occupancy[v], v <= 100 ? v : -1);
@@ -208,21 +217,24 @@ static void test_plain_pgm_and_comments(void **state)
 
     (void)state;
     assert_ok(cairn_image_read(
-        &image, files_write_text("p2.pgm", "P2\n# made by hand\n 3 # wide\n2\n255\n0 1 2\n# middle\n253 254\t255"),
+        &image,
+        files_write_text("p2.pgm",
+                         "P2\n# made by hand\n 3 # wide\n2\n255\n0 1 2\n# middle\n253 254\t255"),
         NULL));
     assert_int_equal(image.width, 3);
     assert_int_equal(image.height, 2);
     assert_memory_equal(image.pixel, "\x00\x01\x02\xfd\xfe\xff", 6);
     assert_null(image.alpha);
     cairn_image_free(&image);
-    assert_ok(cairn_image_read(&image, files_write("p5.pgm", "P5 # x\n1\r\n2 255\n\n#more", 23), NULL));
+    assert_ok(
+        cairn_image_read(&image, files_write("p5.pgm", "P5 # x\n1\r\n2 255\n\n#more", 23), NULL));
     assert_memory_equal(image.pixel, "\n#", 2);
     cairn_image_free(&image);
 }
 
 /* A PNG of any kind through libpng. */
-static const char *write_png(const char *name, int width, int height, int bits, int colour, int interlace,
-                             unsigned char *row)
+static const char *write_png(const char *name, int width, int height, int bits, int colour,
+                             int interlace, unsigned char *row)
 {
     static const png_color palette[3] = {{0, 0, 0}, {30, 60, 90}, {255, 255, 255}};
     png_structp png = png_create_write_struct(PNG_LIBPNG_VER_STRING, NULL, NULL, NULL);
@@ -252,35 +264,43 @@ static void test_png_kinds(void **state)
 {
     unsigned char grey16[] = {0x12, 0xff, 0xfe, 0x01}, rgb[] = {0, 1, 1, 10, 20, 31, 255, 255, 255},
                   palette[] = {0, 1, 2};
-    unsigned char bits[] = {0xa0}, grey_alpha[] = {9, 255, 8, 0}, rgba[] = {3, 4, 6, 7, 90, 90, 90, 0}, many[64 * 64];
+    unsigned char bits[] = {0xa0}, grey_alpha[] = {9, 255, 8, 0},
+                  rgba[] = {3, 4, 6, 7, 90, 90, 90, 0}, many[64 * 64];
     cairn_image image;
 
     (void)state;
-    assert_ok(cairn_image_read(&image, write_png("a.png", 2, 1, 16, PNG_COLOR_TYPE_GRAY, 0, grey16), NULL));
+    assert_ok(cairn_image_read(&image, write_png("a.png", 2, 1, 16, PNG_COLOR_TYPE_GRAY, 0, grey16),
+                               NULL));
     assert_memory_equal(image.pixel, "\x12\xfe", 2);
     cairn_image_free(&image);
-    assert_ok(cairn_image_read(&image, write_png("a.png", 3, 1, 8, PNG_COLOR_TYPE_RGB, 0, rgb), NULL));
+    assert_ok(
+        cairn_image_read(&image, write_png("a.png", 3, 1, 8, PNG_COLOR_TYPE_RGB, 0, rgb), NULL));
     assert_memory_equal(image.pixel, "\x01\x14\xff", 3);
     assert_null(image.alpha);
     cairn_image_free(&image);
-    assert_ok(cairn_image_read(&image, write_png("a.png", 3, 1, 8, PNG_COLOR_TYPE_PALETTE, 0, palette), NULL));
+    assert_ok(cairn_image_read(
+        &image, write_png("a.png", 3, 1, 8, PNG_COLOR_TYPE_PALETTE, 0, palette), NULL));
     assert_memory_equal(image.pixel, "\x00\x3c\xff", 3);
     cairn_image_free(&image);
-    assert_ok(cairn_image_read(&image, write_png("a.png", 4, 1, 1, PNG_COLOR_TYPE_GRAY, 0, bits), NULL));
+    assert_ok(
+        cairn_image_read(&image, write_png("a.png", 4, 1, 1, PNG_COLOR_TYPE_GRAY, 0, bits), NULL));
     assert_memory_equal(image.pixel, "\xff\x00\xff\x00", 4);
     cairn_image_free(&image);
-    assert_ok(cairn_image_read(&image, write_png("a.png", 2, 1, 8, PNG_COLOR_TYPE_GRAY_ALPHA, 0, grey_alpha), NULL));
+    assert_ok(cairn_image_read(
+        &image, write_png("a.png", 2, 1, 8, PNG_COLOR_TYPE_GRAY_ALPHA, 0, grey_alpha), NULL));
     assert_memory_equal(image.pixel, "\x09\x08", 2);
     assert_memory_equal(image.alpha, "\xff\x00", 2);
     cairn_image_free(&image);
-    assert_ok(cairn_image_read(&image, write_png("a.png", 2, 1, 8, PNG_COLOR_TYPE_RGB_ALPHA, 0, rgba), NULL));
+    assert_ok(cairn_image_read(
+        &image, write_png("a.png", 2, 1, 8, PNG_COLOR_TYPE_RGB_ALPHA, 0, rgba), NULL));
     assert_memory_equal(image.pixel, "\x04\x5a", 2);
     assert_memory_equal(image.alpha, "\x07\x00", 2);
     cairn_image_free(&image);
     for (size_t i = 0; i < sizeof many; i++)
         many[i] = (unsigned char)(i * 7 + i / 64);
-    assert_ok(
-        cairn_image_read(&image, write_png("a.png", 64, 64, 8, PNG_COLOR_TYPE_GRAY, PNG_INTERLACE_ADAM7, many), NULL));
+    assert_ok(cairn_image_read(
+        &image, write_png("a.png", 64, 64, 8, PNG_COLOR_TYPE_GRAY, PNG_INTERLACE_ADAM7, many),
+        NULL));
     assert_memory_equal(image.pixel, many, sizeof many);
     cairn_image_free(&image);
 }
@@ -319,27 +339,31 @@ static void test_bad_images(void **state)
         {"P5\n", 3, CAIRN_TRUNCATED, 2, "the file ends early, expected the width"},
         {"P5 1", 4, CAIRN_TRUNCATED, 1, "expected the height"},
         {"P5 1 1\n", 7, CAIRN_TRUNCATED, 2, "expected the highest grey level"},
-        {"P5\n# c\nx 1 255\n", 15, CAIRN_BAD_FORMAT, 3, "byte 0x78, expected the width of the image"},
-        {"P5 1 1 65535\nab", 15, CAIRN_UNSUPPORTED, 2, "the highest grey level is 65535, expected 255"},
+        {"P5\n# c\nx 1 255\n", 15, CAIRN_BAD_FORMAT, 3,
+         "byte 0x78, expected the width of the image"},
+        {"P5 1 1 65535\nab", 15, CAIRN_UNSUPPORTED, 2,
+         "the highest grey level is 65535, expected 255"},
         {"P5 1 1 15\na", 11, CAIRN_UNSUPPORTED, 2, "is 15, expected 255"},
         {"P5 0 1 255\n", 11, CAIRN_BAD_FORMAT, 2, "has 0 x 1 pixels"},
         {"P5 1 0 255\n", 11, CAIRN_BAD_FORMAT, 2, "has 1 x 0 pixels"},
-        {"P5 1000000 1000000 255\nabc", 26, CAIRN_FULL, 2, "1000000 x 1000000 pixels, expected at most 268435456"},
+        {"P5 1000000 1000000 255\nabc", 26, CAIRN_FULL, 2,
+         "1000000 x 1000000 pixels, expected at most 268435456"},
         {"P5 99999999999999999999 1 255\na", 31, CAIRN_FULL, 2, "pixels, expected at most"},
         {"P5 2 2 255\nabc", 14, CAIRN_TRUNCATED, 0, "the file ends after 3 of 4 pixels"},
         {"P2\n2 1 255\n7", 12, CAIRN_TRUNCATED, 3, "expected a pixel"},
         {"P2\n2 1 255\n7 256\n", 17, CAIRN_BAD_FORMAT, 4, "pixel 2 is 256, expected at most 255"},
         {"P2\n2 1 255\n7 -1\n", 16, CAIRN_BAD_FORMAT, 3, "byte 0x2d, expected a pixel"},
         {"\x89PNG\r\n\x1a\n", 8, CAIRN_TRUNCATED, 0, "the PNG data are damaged or cut"},
-        {"\x89PNGarbage and more of it, much more of it", 42, CAIRN_BAD_FORMAT, 0, "the PNG data are damaged or cut"},
+        {"\x89PNGarbage and more of it, much more of it", 42, CAIRN_BAD_FORMAT, 0,
+         "the PNG data are damaged or cut"},
     };
     cairn_file_error error;
     cairn_image image;
 
     (void)state;
     for (size_t i = 0; i < sizeof sample / sizeof *sample; i++) {
-        if (cairn_image_read(&image, files_write("bad.img", sample[i].text, sample[i].count), &error) !=
-                sample[i].status ||
+        if (cairn_image_read(&image, files_write("bad.img", sample[i].text, sample[i].count),
+                             &error) != sample[i].status ||
             error.line != sample[i].line || strstr(error.text, sample[i].piece) == NULL)
             fail_msg("image %zu: \"%s\"", i, error.text);
         assert_null(image.pixel);
@@ -365,7 +389,8 @@ static void test_cut_png(void **state)
     assert_ok(cairn_image_write_png(files_path("cut.png"), pixel, 50, 40, &error));
     bytes = files_read(files_path("cut.png"), &size);
     for (size_t cut = 8; cut < size; cut += 13) {
-        assert_status(cairn_image_read(&image, files_write("cut2.png", bytes, cut), &error), CAIRN_TRUNCATED);
+        assert_status(cairn_image_read(&image, files_write("cut2.png", bytes, cut), &error),
+                      CAIRN_TRUNCATED);
         assert_null(image.pixel);
     }
     for (size_t at = 8; at < size; at++) {
@@ -398,50 +423,69 @@ static void test_bad_descriptions(void **state)
         {NUMBERS, CAIRN_BAD_FORMAT, 1, "no key \"image\""},
         {"image: one.pgm\n", CAIRN_BAD_FORMAT, 1, "no key \"resolution\""},
         {"image: one.pgm\nresolution: 1\nnegate: 0\n", CAIRN_BAD_FORMAT, 1, "no key \"origin\""},
-        {"image: one.pgm\nresolution: 1\norigin: [0,0,0]\n", CAIRN_BAD_FORMAT, 1, "no key \"negate\""},
+        {"image: one.pgm\nresolution: 1\norigin: [0,0,0]\n", CAIRN_BAD_FORMAT, 1,
+         "no key \"negate\""},
         {"image: one.pgm\nresolution: 1\norigin: [0,0,0]\nnegate: 0\n", CAIRN_BAD_FORMAT, 1,
          "no key \"occupied_thresh\""},
-        {"image: one.pgm\nresolution: 1\norigin: [0,0,0]\nnegate: 0\noccupied_thresh: 1\n", CAIRN_BAD_FORMAT, 1,
-         "no key \"free_thresh\""},
+        {"image: one.pgm\nresolution: 1\norigin: [0,0,0]\nnegate: 0\noccupied_thresh: 1\n",
+         CAIRN_BAD_FORMAT, 1, "no key \"free_thresh\""},
         {"image: one.pgm\nimage: one.pgm\n" NUMBERS, CAIRN_BAD_FORMAT, 2, "image is there twice"},
-        {"image: one.pgm\nresolution: big\norigin: [0,0,0]\nnegate: 0\noccupied_thresh: 1\nfree_thresh: 0\n",
+        {"image: one.pgm\nresolution: big\norigin: [0,0,0]\nnegate: 0\noccupied_thresh: "
+         "1\nfree_thresh: 0\n",
          CAIRN_BAD_FORMAT, 2, "resolution is \"big\", expected metres per pixel above 0"},
-        {"image: one.pgm\nresolution: 0\norigin: [0,0,0]\nnegate: 0\noccupied_thresh: 1\nfree_thresh: 0\n",
+        {"image: one.pgm\nresolution: 0\norigin: [0,0,0]\nnegate: 0\noccupied_thresh: "
+         "1\nfree_thresh: 0\n",
          CAIRN_BAD_FORMAT, 2, "resolution is \"0\""},
-        {"image: one.pgm\nresolution: nan\norigin: [0,0,0]\nnegate: 0\noccupied_thresh: 1\nfree_thresh: 0\n",
+        {"image: one.pgm\nresolution: nan\norigin: [0,0,0]\nnegate: 0\noccupied_thresh: "
+         "1\nfree_thresh: 0\n",
          CAIRN_BAD_FORMAT, 2, "resolution is \"nan\""},
-        {"image: one.pgm\nresolution: [1]\norigin: [0,0,0]\nnegate: 0\noccupied_thresh: 1\nfree_thresh: 0\n",
+        {"image: one.pgm\nresolution: [1]\norigin: [0,0,0]\nnegate: 0\noccupied_thresh: "
+         "1\nfree_thresh: 0\n",
          CAIRN_BAD_FORMAT, 2, "resolution is a list"},
-        {"image: one.pgm\nresolution: {a: 1}\norigin: [0,0,0]\nnegate: 0\noccupied_thresh: 1\nfree_thresh: 0\n",
+        {"image: one.pgm\nresolution: {a: 1}\norigin: [0,0,0]\nnegate: 0\noccupied_thresh: "
+         "1\nfree_thresh: 0\n",
          CAIRN_BAD_FORMAT, 2, "resolution is a mapping"},
-        {"image: one.pgm\nresolution: 1\norigin: 0\nnegate: 0\noccupied_thresh: 1\nfree_thresh: 0\n", CAIRN_BAD_FORMAT,
-         3, "origin is \"0\", expected a list of three finite numbers"},
-        {"image: one.pgm\nresolution: 1\norigin: [0,0]\nnegate: 0\noccupied_thresh: 1\nfree_thresh: 0\n",
+        {"image: one.pgm\nresolution: 1\norigin: 0\nnegate: 0\noccupied_thresh: 1\nfree_thresh: "
+         "0\n",
+         CAIRN_BAD_FORMAT, 3, "origin is \"0\", expected a list of three finite numbers"},
+        {"image: one.pgm\nresolution: 1\norigin: [0,0]\nnegate: 0\noccupied_thresh: "
+         "1\nfree_thresh: 0\n",
          CAIRN_BAD_FORMAT, 3, "origin has 2 elements"},
-        {"image: one.pgm\nresolution: 1\norigin: [0,0,0,0]\nnegate: 0\noccupied_thresh: 1\nfree_thresh: 0\n",
+        {"image: one.pgm\nresolution: 1\norigin: [0,0,0,0]\nnegate: 0\noccupied_thresh: "
+         "1\nfree_thresh: 0\n",
          CAIRN_BAD_FORMAT, 3, "origin has 4 elements"},
-        {"image: one.pgm\nresolution: 1\norigin: [0,\n x,0]\nnegate: 0\noccupied_thresh: 1\nfree_thresh: 0\n",
+        {"image: one.pgm\nresolution: 1\norigin: [0,\n x,0]\nnegate: 0\noccupied_thresh: "
+         "1\nfree_thresh: 0\n",
          CAIRN_BAD_FORMAT, 4, "origin is \"x\""},
-        {"image: one.pgm\nresolution: 1\norigin: [0,0,.inf]\nnegate: 0\noccupied_thresh: 1\nfree_thresh: 0\n",
+        {"image: one.pgm\nresolution: 1\norigin: [0,0,.inf]\nnegate: 0\noccupied_thresh: "
+         "1\nfree_thresh: 0\n",
          CAIRN_BAD_FORMAT, 3, "origin is \".inf\""},
-        {"image: one.pgm\nresolution: 1\norigin: [0,0,inf]\nnegate: 0\noccupied_thresh: 1\nfree_thresh: 0\n",
+        {"image: one.pgm\nresolution: 1\norigin: [0,0,inf]\nnegate: 0\noccupied_thresh: "
+         "1\nfree_thresh: 0\n",
          CAIRN_BAD_FORMAT, 3, "origin is \"inf\""},
-        {"image: one.pgm\nresolution: 1\norigin: [0,0,0]\nnegate: 2\noccupied_thresh: 1\nfree_thresh: 0\n",
+        {"image: one.pgm\nresolution: 1\norigin: [0,0,0]\nnegate: 2\noccupied_thresh: "
+         "1\nfree_thresh: 0\n",
          CAIRN_BAD_FORMAT, 4, "negate is \"2\", expected 0 or 1"},
-        {"image: one.pgm\nresolution: 1\norigin: [0,0,0]\nnegate: [1]\noccupied_thresh: 1\nfree_thresh: 0\n",
+        {"image: one.pgm\nresolution: 1\norigin: [0,0,0]\nnegate: [1]\noccupied_thresh: "
+         "1\nfree_thresh: 0\n",
          CAIRN_BAD_FORMAT, 4, "negate is a list"},
-        {"image: one.pgm\nresolution: 1\norigin: [0,0,0]\nnegate: 0\noccupied_thresh: 1.5\nfree_thresh: 0\n",
+        {"image: one.pgm\nresolution: 1\norigin: [0,0,0]\nnegate: 0\noccupied_thresh: "
+         "1.5\nfree_thresh: 0\n",
          CAIRN_BAD_FORMAT, 5, "occupied_thresh is \"1.5\", expected a number from 0 to 1"},
-        {"image: one.pgm\nresolution: 1\norigin: [0,0,0]\nnegate: 0\noccupied_thresh: 0.5\nfree_thresh: -0.1\n",
+        {"image: one.pgm\nresolution: 1\norigin: [0,0,0]\nnegate: 0\noccupied_thresh: "
+         "0.5\nfree_thresh: -0.1\n",
          CAIRN_BAD_FORMAT, 6, "free_thresh is \"-0.1\""},
-        {"image: one.pgm\nresolution: 1\norigin: [0,0,0]\nnegate: 0\noccupied_thresh: 0.5\nfree_thresh: 0.6\n",
+        {"image: one.pgm\nresolution: 1\norigin: [0,0,0]\nnegate: 0\noccupied_thresh: "
+         "0.5\nfree_thresh: 0.6\n",
          CAIRN_BAD_FORMAT, 6, "free_thresh is \"0.6\", expected at most occupied_thresh"},
         {"image: one.pgm\nmode: fancy\n" NUMBERS, CAIRN_BAD_FORMAT, 2,
          "mode is \"fancy\", expected trinary, scale or raw"},
-        {"image: ''\n" NUMBERS, CAIRN_BAD_FORMAT, 1, "image is \"\", expected the path of an image"},
+        {"image: ''\n" NUMBERS, CAIRN_BAD_FORMAT, 1,
+         "image is \"\", expected the path of an image"},
         {"image: [a]\n" NUMBERS, CAIRN_BAD_FORMAT, 1, "image is a list"},
         {NUMBERS "image: missing.pgm\n", CAIRN_IO, 6, "missing.pgm: cannot open: No such file"},
-        {NUMBERS "image: broken.pgm\n", CAIRN_TRUNCATED, 6, "broken.pgm: the file ends after 1 of 4 pixels"},
+        {NUMBERS "image: broken.pgm\n", CAIRN_TRUNCATED, 6,
+         "broken.pgm: the file ends after 1 of 4 pixels"},
     };
     cairn_file_error error;
     cairn_map_file map;
@@ -450,7 +494,8 @@ static void test_bad_descriptions(void **state)
     (void)files_write_text("one.pgm", "P5 1 1 255\na");
     (void)files_write_text("broken.pgm", "P5 2 2 255\na");
     for (size_t i = 0; i < sizeof sample / sizeof *sample; i++) {
-        if (cairn_map_file_read(&map, files_write_text("bad.yaml", sample[i].text), &error) != sample[i].status ||
+        if (cairn_map_file_read(&map, files_write_text("bad.yaml", sample[i].text), &error) !=
+                sample[i].status ||
             error.line != sample[i].line || strstr(error.text, sample[i].piece) == NULL ||
             strstr(error.text, "bad.yaml:") == NULL)
             fail_msg("description %zu: \"%s\"", i, error.text);
@@ -463,7 +508,8 @@ static void test_bad_descriptions(void **state)
     {
         char text[1024];
 
-        (void)snprintf(text, sizeof text, "[1, 2]: x\nname: y\nimage: %s\nmode: raw\n" NUMBERS, files_path("one.pgm"));
+        (void)snprintf(text, sizeof text, "[1, 2]: x\nname: y\nimage: %s\nmode: raw\n" NUMBERS,
+                       files_path("one.pgm"));
         assert_ok(cairn_map_file_read(&map, files_write_text("good.yaml", text), &error));
         assert_int_equal(map.occupancy[0], 'a');
         cairn_map_file_free(&map);
@@ -509,8 +555,10 @@ static void test_maps_that_cannot_be_written(void **state)
     assert_status(cairn_map_file_write(&map, path, CAIRN_MAP_PGM, &error), CAIRN_NOT_FINITE);
     assert_holds(error.text, "refused.yaml: not written: an origin");
     assert_int_equal(error.line, 0);
-    assert_status(cairn_map_file_write(&good, files_path("no/folder.yaml"), CAIRN_MAP_PGM, &error), CAIRN_IO);
-    assert_status(cairn_map_file_write(&good, files_path("no/folder.yaml"), CAIRN_MAP_PNG, &error), CAIRN_IO);
+    assert_status(cairn_map_file_write(&good, files_path("no/folder.yaml"), CAIRN_MAP_PGM, &error),
+                  CAIRN_IO);
+    assert_status(cairn_map_file_write(&good, files_path("no/folder.yaml"), CAIRN_MAP_PNG, &error),
+                  CAIRN_IO);
     assert_int_equal(access(path, F_OK), -1);
     cairn_map_file_free(&good);
 }
@@ -551,7 +599,8 @@ static void test_encode_png(void **state)
 /* A header that promises the most pixels is believed, one row more is refused. */
 static void test_huge_png(void **state)
 {
-    unsigned char bytes[] = "\x89PNG\r\n\x1a\n\0\0\0\rIHDR\0\1\0\0\0\0\x10\0\x08\0\0\0\0....\0\0\0\0IDAT....";
+    unsigned char bytes[] =
+        "\x89PNG\r\n\x1a\n\0\0\0\rIHDR\0\1\0\0\0\0\x10\0\x08\0\0\0\0....\0\0\0\0IDAT....";
     cairn_file_error error;
     cairn_image image;
 
@@ -563,12 +612,14 @@ static void test_huge_png(void **state)
         sum = (uint32_t)crc32(0, bytes + 12, 17);
         for (int i = 0; i < 4; i++)
             bytes[29 + i] = (unsigned char)(sum >> (24 - 8 * i));
-        assert_status(cairn_image_read(&image, files_write("huge.png", bytes, sizeof bytes - 1), &error),
-                      over ? CAIRN_FULL : CAIRN_BAD_FORMAT);
+        assert_status(
+            cairn_image_read(&image, files_write("huge.png", bytes, sizeof bytes - 1), &error),
+            over ? CAIRN_FULL : CAIRN_BAD_FORMAT);
         assert_null(image.pixel);
     }
     assert_int_equal(error.line, 0);
-    assert_holds(error.text, "huge.png: the image has 65536 x 4097 pixels, expected at most 268435456");
+    assert_holds(error.text,
+                 "huge.png: the image has 65536 x 4097 pixels, expected at most 268435456");
 }
 
 /* Names that YAML could misread, and a name without an ending. */
@@ -623,17 +674,21 @@ static void test_heap(void **state)
         if (round == 1)
             heap = files_heap();
         for (int k = 0; k < 2; k++) {
-            assert_ok(cairn_map_file_read(&map, files_write_text("heap.yaml", "image: one.pgm\n" NUMBERS), NULL));
+            assert_ok(cairn_map_file_read(
+                &map, files_write_text("heap.yaml", "image: one.pgm\n" NUMBERS), NULL));
             assert_ok(cairn_map_file_write(&map, files_path("out.yaml"), k, NULL));
             cairn_map_file_free(&map);
             assert_ok(cairn_map_file_read(&map, files_path("out.yaml"), NULL));
             cairn_map_file_free(&map);
         }
-        assert_status(cairn_map_file_read(&map, files_write_text("heap.yaml", "image: broken.pgm\n" NUMBERS), NULL),
+        assert_status(cairn_map_file_read(
+                          &map, files_write_text("heap.yaml", "image: broken.pgm\n" NUMBERS), NULL),
                       CAIRN_TRUNCATED);
-        assert_status(cairn_map_file_read(&map, files_write_text("heap.yaml", "image: one.pgm\n"), NULL),
+        assert_status(
+            cairn_map_file_read(&map, files_write_text("heap.yaml", "image: one.pgm\n"), NULL),
+            CAIRN_BAD_FORMAT);
+        assert_status(cairn_map_file_read(&map, files_write_text("heap.yaml", "image: [a\n"), NULL),
                       CAIRN_BAD_FORMAT);
-        assert_status(cairn_map_file_read(&map, files_write_text("heap.yaml", "image: [a\n"), NULL), CAIRN_BAD_FORMAT);
     }
     assert_true(files_heap() < heap + FILES_HEAP_NOISE);
 }

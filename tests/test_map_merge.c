@@ -39,7 +39,8 @@ static struct fixture merge_with(const cairn_map_merge_params *p)
     return f;
 }
 
-static void merge_views(cairn_map_merge *merge, view *const *views, int32_t count, int32_t reference)
+static void merge_views(cairn_map_merge *merge, view *const *views, int32_t count,
+                        int32_t reference)
 {
     cairn_map_merge_clear(merge);
     for (int32_t i = 0; i < count; i++) {
@@ -53,13 +54,15 @@ static void merge_views(cairn_map_merge *merge, view *const *views, int32_t coun
 
 static cairn_pose truth_of(const view *reference, const view *v)
 {
-    cairn_pose a = {(cairn_real)reference->x, (cairn_real)reference->y, (cairn_real)reference->theta};
+    cairn_pose a = {(cairn_real)reference->x, (cairn_real)reference->y,
+                    (cairn_real)reference->theta};
     cairn_pose b = {(cairn_real)v->x, (cairn_real)v->y, (cairn_real)v->theta};
 
     return cairn_pose_between(a, b);
 }
 
-static void assert_placed(const cairn_map_merge *merge, int32_t map, cairn_pose truth, double metres)
+static void assert_placed(const cairn_map_merge *merge, int32_t map, cairn_pose truth,
+                          double metres)
 {
     cairn_merge_placed p = cairn_map_merge_of(merge, map);
 
@@ -98,10 +101,10 @@ static void test_params_are_refused(void **state)
     cairn_map_merge *merge;
 
     (void)state;
-#define REFUSED(field, value)                                                                                          \
-    p = good;                                                                                                          \
-    p.field = value;                                                                                                   \
-    assert_int_equal(cairn_map_merge_memory(&p), 0);                                                                   \
+#define REFUSED(field, value)                                                                      \
+    p = good;                                                                                      \
+    p.field = value;                                                                               \
+    assert_int_equal(cairn_map_merge_memory(&p), 0);                                               \
     assert_status(cairn_map_merge_create(&merge, &pool, &p), CAIRN_BAD_ARGUMENT)
     REFUSED(max_maps, 0);
     REFUSED(max_maps, 65);
@@ -177,9 +180,9 @@ static void test_calls_are_refused(void **state)
     assert_int_equal(budget.left, 1);
     assert_fault(&fault, cairn_map_merge_add(NULL, &map, &fault), CAIRN_BAD_ARGUMENT, -1);
     assert_fault(&fault, cairn_map_merge_add(f.merge, NULL, &fault), CAIRN_BAD_ARGUMENT, -1);
-#define REFUSED(field, value, status)                                                                                  \
-    bad = map;                                                                                                         \
-    bad.field = value;                                                                                                 \
+#define REFUSED(field, value, status)                                                              \
+    bad = map;                                                                                     \
+    bad.field = value;                                                                             \
     assert_fault(&fault, cairn_map_merge_add(f.merge, &bad, &fault), status, -1)
     REFUSED(cells.data, NULL, CAIRN_BAD_ARGUMENT);
     REFUSED(cells.width, 0, CAIRN_BAD_ARGUMENT);
@@ -190,7 +193,8 @@ static void test_calls_are_refused(void **state)
     REFUSED(cells.height, 3, CAIRN_FULL);
 #undef REFUSED
     assert_ok(cairn_map_merge_add(f.merge, &map, NULL));
-    assert_fault(&fault, cairn_map_merge_add(f.merge, &map, &fault), CAIRN_FULL, -1); /* 16 of 15 cells */
+    /* 16 of 15 cells */
+    assert_fault(&fault, cairn_map_merge_add(f.merge, &map, &fault), CAIRN_FULL, -1);
     map.cells.width = 3;
     assert_ok(cairn_map_merge_add(f.merge, &map, NULL));
     map.cells.width = map.cells.height = 1;
@@ -204,18 +208,23 @@ static void test_calls_are_refused(void **state)
     assert_status(cairn_map_merge_begin(f.merge, 0, twice), CAIRN_BAD_ARGUMENT);
     assert_status(cairn_map_merge_begin(f.merge, 0, beyond), CAIRN_BAD_ARGUMENT);
     assert_status(cairn_map_merge_begin(f.merge, 0, other), CAIRN_BAD_ARGUMENT);
-    assert_status(cairn_map_merge_score(f.merge, 0, 1, cairn_pose_identity(), &score), CAIRN_BAD_ARGUMENT);
+    assert_status(cairn_map_merge_score(f.merge, 0, 1, cairn_pose_identity(), &score),
+                  CAIRN_BAD_ARGUMENT);
     assert_int_equal(cairn_map_merge_read(f.merge).maps, 0);
     assert_ok(cairn_map_merge_begin(f.merge, 0, order));
     assert_fault(&fault, cairn_map_merge_add(f.merge, &map, &fault), CAIRN_BAD_ARGUMENT, -1);
     assert_status(cairn_map_merge_guess(f.merge, 1, cairn_pose_identity()), CAIRN_BAD_ARGUMENT);
-    run(f.merge, 3); /* nothing is known in these maps: all cells are walls */
+    /* nothing is known in these maps: all cells are walls */
+    run(f.merge, 3);
     assert_int_equal(cairn_map_merge_read(f.merge).maps, 2);
     assert_int_equal(cairn_map_merge_read(f.merge).placed, 1);
     assert_int_equal(cairn_map_merge_of(f.merge, 1).verdict, CAIRN_MERGE_EMPTY);
-    assert_status(cairn_map_merge_score(f.merge, 0, 2, cairn_pose_identity(), &score), CAIRN_BAD_ARGUMENT);
-    assert_status(cairn_map_merge_score(f.merge, -1, 0, cairn_pose_identity(), &score), CAIRN_BAD_ARGUMENT);
-    assert_status(cairn_map_merge_score(f.merge, 0, 1, cairn_pose_identity(), NULL), CAIRN_BAD_ARGUMENT);
+    assert_status(cairn_map_merge_score(f.merge, 0, 2, cairn_pose_identity(), &score),
+                  CAIRN_BAD_ARGUMENT);
+    assert_status(cairn_map_merge_score(f.merge, -1, 0, cairn_pose_identity(), &score),
+                  CAIRN_BAD_ARGUMENT);
+    assert_status(cairn_map_merge_score(f.merge, 0, 1, cairn_pose_identity(), NULL),
+                  CAIRN_BAD_ARGUMENT);
     assert_status(cairn_map_merge_score(f.merge, 0, 1, nowhere, &score), CAIRN_NOT_FINITE);
     assert_ok(cairn_map_merge_score(f.merge, 0, 1, cairn_pose_identity(), &score));
     assert_near(score.psi, 0, 0);
@@ -298,7 +307,8 @@ static void test_known_order_and_other_resolution(void **state)
     test_pool_free(&f.pool);
 }
 
-/* Lengths are counted in cells of the first map: the same pictures with other cells give the same places, in other units. */
+/* Lengths are counted in cells of the first map: the same pictures with other cells give the
+ * same places, in other units. */
 static void test_size_of_cells_is_only_a_unit(void **state)
 {
     cairn_map_merge_params p = small_params();
@@ -471,7 +481,8 @@ static void test_a_map_may_come_too_early(void **state)
 
 static void test_coarser_cells(void **state)
 {
-    uint8_t cells[15] = {0, 254, 205, 254, 254, 205, 205, 254, 254, 254, 77, 205, 205, 205, 0}, out[6];
+    uint8_t cells[15] = {0, 254, 205, 254, 254, 205, 205, 254, 254, 254, 77, 205, 205, 205, 0},
+            out[6];
     cairn_raster_u8_view fine = {cells, 5, 3, 5};
     cairn_raster_u8 coarse = {out, 3, 2, 3}, wrong = coarse;
     const uint8_t expected[6] = {0, 254, 254, 205, 205, 0};
@@ -555,13 +566,16 @@ static int is_surface(const view *v, int32_t i)
     int32_t x = i % SIDE, y = i / SIDE;
 
     return v->cells[i] == CAIRN_CELL_OCCUPIED &&
-           ((x > 0 && v->cells[i - 1] == CAIRN_CELL_FREE) || (x + 1 < SIDE && v->cells[i + 1] == CAIRN_CELL_FREE) ||
+           ((x > 0 && v->cells[i - 1] == CAIRN_CELL_FREE) ||
+            (x + 1 < SIDE && v->cells[i + 1] == CAIRN_CELL_FREE) ||
             (y > 0 && v->cells[i - SIDE] == CAIRN_CELL_FREE) ||
             (y + 1 < SIDE && v->cells[i + SIDE] == CAIRN_CELL_FREE));
 }
 
-/* s(from, to, c1, c2) with kernel exp(-x^2 / 8), or exact agreement, over all cells of the class (surface of walls). */
-static double slow_s(const view *from, const view *to, int32_t dx, int32_t dy, uint8_t c1, uint8_t c2, int exact)
+/* s(from, to, c1, c2) with kernel exp(-x^2 / 8), or exact agreement, over all cells of the class
+ * (surface of walls). */
+static double slow_s(const view *from, const view *to, int32_t dx, int32_t dy, uint8_t c1,
+                     uint8_t c2, int exact)
 {
     double sum = 0;
     int32_t count = 0;
@@ -615,10 +629,13 @@ static void test_images_equal_the_slow_way(void **state)
         assert_ok(cairn_map_merge_score(f.merge, 0, 1, pose, &score));
         assert_near(score.psi, psi, 0.02);
         assert_near(score.disagreement, d, 0.02);
-        assert_near(score.gamma, -log(fmax((double)score.disagreement, 1e-6)) - (double)score.disagreement, 1e-4);
+        assert_near(score.gamma,
+                    -log(fmax((double)score.disagreement, 1e-6)) - (double)score.disagreement,
+                    1e-4);
         if (shift == 0) { /* the truth */
             assert_true(score.agree > 3 && score.conflict < CAIRN_REAL(0.3));
-            assert_near(score.evidence, (1.7 * (double)score.agree - 4 * (double)score.conflict) / 0.5, 1e-3);
+            assert_near(score.evidence,
+                        (1.7 * (double)score.agree - 4 * (double)score.conflict) / 0.5, 1e-3);
             assert_true(score.overlap > CAIRN_REAL(0.6) && score.overlap < CAIRN_REAL(0.9));
         } else {
             assert_true(score.evidence < 0);
@@ -697,13 +714,15 @@ static uint64_t hash_merging(const cairn_map_merge *merge, int32_t maps)
     cairn_merge_result result = cairn_map_merge_read(merge);
     uint64_t hash = test_hash(TEST_HASH_START, &result.units, sizeof result.units);
 
-    hash = hash_real(test_hash(hash, &result.hypotheses, sizeof result.hypotheses), result.evidence);
+    hash =
+        hash_real(test_hash(hash, &result.hypotheses, sizeof result.hypotheses), result.evidence);
     for (int32_t b = 0; b < maps; b++) {
         cairn_merge_placed placed = cairn_map_merge_of(merge, b);
 
-        hash =
-            test_hash(test_hash(hash, &placed.corners, sizeof placed.corners), &placed.verdict, sizeof placed.verdict);
-        hash = hash_real(hash_real(hash_real(hash_pose(hash, placed.reference_map), placed.support), placed.rival),
+        hash = test_hash(test_hash(hash, &placed.corners, sizeof placed.corners), &placed.verdict,
+                         sizeof placed.verdict);
+        hash = hash_real(hash_real(hash_real(hash_pose(hash, placed.reference_map), placed.support),
+                                   placed.rival),
                          placed.wrong);
         for (int32_t a = 0; a < b; a++) {
             cairn_pose a_b;
@@ -715,16 +734,19 @@ static uint64_t hash_merging(const cairn_map_merge *merge, int32_t maps)
                 hash = hash_real(hash_pose(hash, a_b), evidence);
                 a_b.x += CAIRN_REAL(0.06);
                 assert_ok(cairn_map_merge_score(merge, a, b, a_b, &score));
-                hash = hash_real(hash_real(hash_real(hash, score.evidence), score.agree), score.conflict);
-                hash = hash_real(hash_real(hash_real(hash, score.overlap), score.psi), score.disagreement);
+                hash = hash_real(hash_real(hash_real(hash, score.evidence), score.agree),
+                                 score.conflict);
+                hash = hash_real(hash_real(hash_real(hash, score.overlap), score.psi),
+                                 score.disagreement);
             }
         }
     }
     return hash;
 }
 
-/* Surfaces, normals, lines, corners and refinements to their last bit: as they are, with fewer points and lines than the maps have, and
- * with a map of coarser cells, which is a part of a larger picture. */
+/* Surfaces, normals, lines, corners and refinements to their last bit: as they are, with fewer
+ * points and lines than the maps have, and with a map of coarser cells, which is a part of a
+ * larger picture. */
 static void test_bits_stay(void **state)
 {
     static const struct {

@@ -9,7 +9,8 @@ enum { MAPS_MOST = 4, CELLS_MOST = 120 * 80 };
 
 static const double CELL = 0.05;
 
-/* A map cut out of a world that says what lies at a place; lower left corner (x, y) of its raster in the world. */
+/* A map cut out of a world that says what lies at a place; lower left corner (x, y) of its
+ * raster in the world. */
 typedef struct cut_map {
     uint8_t cells[CELLS_MOST];
     int32_t width, height;
@@ -34,7 +35,8 @@ static void cut_out(cut_map *map, world_at world, double x0, double x1, double y
 
 static cairn_merge_map view_of(const cut_map *map)
 {
-    cairn_merge_map view = {{map->cells, map->width, map->height, map->width}, (cairn_real)CELL, {0, 0, 0}};
+    cairn_merge_map view = {
+        {map->cells, map->width, map->height, map->width}, (cairn_real)CELL, {0, 0, 0}};
 
     return view;
 }
@@ -54,8 +56,8 @@ static cairn_map_merge_params small_params(void)
     return p;
 }
 
-static cairn_map_merge *merge_with(cairn_pool *pool, const cairn_map_merge_params *p, const cut_map *maps,
-                                   int32_t count, const int32_t *order)
+static cairn_map_merge *merge_with(cairn_pool *pool, const cairn_map_merge_params *p,
+                                   const cut_map *maps, int32_t count, const int32_t *order)
 {
     cairn_map_merge *merge;
 
@@ -122,12 +124,15 @@ static void fill_at_random(cut_map *map, uint64_t seed, int32_t width, int32_t h
     for (int32_t i = 0; i < width * height; i++) {
         double u = (double)cairn_random_unit(&random);
 
-        map->cells[i] = u < 0.15 ? CAIRN_CELL_OCCUPIED : u < 0.6 ? CAIRN_CELL_FREE : CAIRN_CELL_UNKNOWN;
+        map->cells[i] = u < 0.15  ? CAIRN_CELL_OCCUPIED
+                        : u < 0.6 ? CAIRN_CELL_FREE
+                                  : CAIRN_CELL_UNKNOWN;
     }
 }
 
 /* s(from, to, c1, c2) as printed, by all pairs of cells; mu = 0, sigma = 0.5. */
-static double slow_s(const cut_map *from, const cut_map *to, cairn_pose to_from, uint8_t c1, uint8_t c2)
+static double slow_s(const cut_map *from, const cut_map *to, cairn_pose to_from, uint8_t c1,
+                     uint8_t c2)
 {
     double sum = 0, c = cos((double)to_from.theta), s = sin((double)to_from.theta);
     int32_t count = 0;
@@ -135,7 +140,8 @@ static double slow_s(const cut_map *from, const cut_map *to, cairn_pose to_from,
     for (int32_t i = 0; i < from->width * from->height; i++) {
         int32_t column = i % from->width, row = i / from->width;
         double x = (column + 0.5) * CELL, y = (row + 0.5) * CELL;
-        double u = (c * x - s * y + (double)to_from.x) / CELL, v = (s * x + c * y + (double)to_from.y) / CELL;
+        double u = (c * x - s * y + (double)to_from.x) / CELL,
+               v = (s * x + c * y + (double)to_from.y) / CELL;
         double least = 1e9;
 
         if (from->cells[i] != c1)
@@ -202,18 +208,21 @@ static double squared_distances(const cairn_vec2 *to, const cairn_vec2 *from, ca
     double sum = 0;
 
     for (int32_t i = 0; i < MERGE_CORRESPONDENCES; i++)
-        sum += (double)cairn_vec2_norm_squared(cairn_vec2_sub(to[i], cairn_pose_point(pose, from[i])));
+        sum +=
+            (double)cairn_vec2_norm_squared(cairn_vec2_sub(to[i], cairn_pose_point(pose, from[i])));
     return sum;
 }
 
-/* No motion of a fine grid about it, and none of a coarse one of all, has a smaller sum of squares. */
+/* No motion of a fine grid about it, and none of a coarse one of all, has a smaller sum of
+ * squares. */
 static void registration_is_the_best_motion(void **state)
 {
     cairn_random random = cairn_random_seed(5, 6);
 
     (void)state;
     for (int32_t n = 0; n < 8; n++) {
-        cairn_vec2 to[MERGE_CORRESPONDENCES], from[MERGE_CORRESPONDENCES], middle[2] = {{0, 0}, {0, 0}};
+        cairn_vec2 to[MERGE_CORRESPONDENCES], from[MERGE_CORRESPONDENCES],
+            middle[2] = {{0, 0}, {0, 0}};
         cairn_pose pose;
         double least, best = 1e9;
 
@@ -251,15 +260,18 @@ static int is_within(double x, double y, double x0, double x1, double y0, double
     return x > x0 && x < x1 && y > y0 && y < y1;
 }
 
-/* A corridor, 2.6 m wide, that looks the same when it is turned by half a circle about its middle, as far as 2 m from there:
- * beyond there is rock on the left and another room on the right. */
+/* A corridor, 2.6 m wide, that looks the same when it is turned by half a circle about its
+ * middle, as far as 2 m from there: beyond there is rock on the left and another room on the
+ * right. */
 static uint8_t symmetric_corridor(double x, double y)
 {
     if (is_within(x, y, 0.8, 1.5, 0.2, 0.7) || is_within(-x, -y, 0.8, 1.5, 0.2, 0.7))
         return CAIRN_CELL_OCCUPIED;
     if (x < -2)
         return fabs(y) < 1.6 ? CAIRN_CELL_OCCUPIED : CAIRN_CELL_UNKNOWN;
-    return fabs(y) < 1.3 ? CAIRN_CELL_FREE : fabs(y) < 1.4 ? CAIRN_CELL_OCCUPIED : CAIRN_CELL_UNKNOWN;
+    return fabs(y) < 1.3   ? CAIRN_CELL_FREE
+           : fabs(y) < 1.4 ? CAIRN_CELL_OCCUPIED
+                           : CAIRN_CELL_UNKNOWN;
 }
 
 static void cut_corridor(cut_map *maps)
@@ -284,7 +296,8 @@ static void assert_pose(cairn_pose p, cairn_pose q, double metres)
     assert_near(remainder((double)(p.theta - q.theta), 2 * 3.14159265358979), 0, metres);
 }
 
-/* The middle map says as much for the right end at either of its ends; the maps merged say which. */
+/* The middle map says as much for the right end at either of its ends; the maps merged say
+ * which. */
 static void likelihood_is_that_of_the_merged_map(void **state)
 {
     static const int32_t order[3] = {0, 1, 2};
@@ -337,7 +350,8 @@ static void particles_grow_with_the_modes(void **state)
     assert_int_equal(result.placed, 3);
     assert_true(result.most_particles > p.particles && result.most_particles <= 2 * p.particles);
     assert_true(result.hypotheses >= 3 * 16);
-    assert_true(cairn_map_merge_of(merge, 1).wrong > CAIRN_REAL(0.3)); /* which way it is turned is not determined */
+    /* which way it is turned is not determined */
+    assert_true(cairn_map_merge_of(merge, 1).wrong > CAIRN_REAL(0.3));
     test_pool_free(&pool);
 }
 
@@ -413,7 +427,8 @@ static void maps_without_corners_are_refused(void **state)
     test_pool_free(&pool);
 }
 
-/* A merged map without capacity: every candidate of every particle goes, and what was merged stays. */
+/* A merged map without capacity: every candidate of every particle goes, and what was merged
+ * stays. */
 static void no_room_for_the_merged_map(void **state)
 {
     static cut_map maps[2];

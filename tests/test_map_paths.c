@@ -48,9 +48,11 @@ static void mark_all(drive *d)
         const sim_scan *s = &d->scans[i];
 
         for (int32_t k = 0; k < s->count; k++) {
-            /* Turned on the spot or not, a beam lies in its own scan's piece of wall to far less than a cell. */
+            /* Turned on the spot or not, a beam lies in its own scan's piece of wall to far less
+             * than a cell. */
             double share = (double)k / (s->count - 1), range = (double)s->range[k];
-            double theta = s->truth.theta + share * s->motion.theta, c = cos(s->truth.theta), si = sin(s->truth.theta);
+            double theta = s->truth.theta + share * s->motion.theta, c = cos(s->truth.theta),
+                   si = sin(s->truth.theta);
             double x = s->truth.x + share * (c * s->motion.x - si * s->motion.y);
             double y = s->truth.y + share * (si * s->motion.x + c * s->motion.y);
             double angle = theta + s->base_sensor.theta + s->angle_min + k * s->angle_step;
@@ -164,7 +166,8 @@ static void make_grid(const drive *d, const cairn_pose *poses, uint8_t *states)
         assert_ok(cairn_scan_begin(scan, &input, NULL));
         assert_ok(cairn_scan_step(scan, &budget));
         seen = cairn_scan_read(scan);
-        assert_ok(cairn_occupancy_grid_begin_scan(grid, seen.beams, seen.beam_count, poses[i], NULL));
+        assert_ok(
+            cairn_occupancy_grid_begin_scan(grid, seen.beams, seen.beam_count, poses[i], NULL));
         assert_ok(cairn_occupancy_grid_step(grid, &budget));
     }
     assert_ok(cairn_occupancy_grid_classify(grid, cairn_occupancy_thresholds_default(), 0, view));
@@ -196,7 +199,8 @@ static double walls_found(const drive *d, const uint8_t *states, int32_t *pieces
     for (int32_t e = 0; e < d->edge_count; e++)
         for (int32_t k = 0; k < SAMPLES; k++) {
             const sim_edge *edge = &d->edges[e];
-            double t = (k + 0.5) * sample_length / hypot(edge->b.x - edge->a.x, edge->b.y - edge->a.y);
+            double t =
+                (k + 0.5) * sample_length / hypot(edge->b.x - edge->a.x, edge->b.y - edge->a.y);
             int32_t x, y, hit = 0;
 
             if (!d->seen[e * SAMPLES + k])
@@ -225,8 +229,9 @@ static double cells_right(const drive *d, const uint8_t *states, int32_t *cells)
             if (!is_occupied(d, states, x, y))
                 continue;
             for (int32_t e = 0; e < d->edge_count; e++)
-                nearest = fmin(nearest, edge_distance(&d->edges[e], (x + 0.5) * resolution - d->side / 2,
-                                                      (y + 0.5) * resolution - d->side / 2));
+                nearest =
+                    fmin(nearest, edge_distance(&d->edges[e], (x + 0.5) * resolution - d->side / 2,
+                                                (y + 0.5) * resolution - d->side / 2));
             right += nearest <= 1.5 * resolution;
             ++*cells;
         }
@@ -258,12 +263,13 @@ static double mean_distance(const drive *d, const cairn_pose *poses)
     double sum = 0;
 
     for (int32_t i = 0; i < DRIVE; i++)
-        sum += hypot((double)poses[i].x - d->scans[i].truth.x, (double)poses[i].y - d->scans[i].truth.y);
+        sum += hypot((double)poses[i].x - d->scans[i].truth.x,
+                     (double)poses[i].y - d->scans[i].truth.y);
     return sum / DRIVE;
 }
 
-/* Moves all poses together so that their positions lie best on the true ones: the first scan, which gives the map its frame,
- * may be one in which the robot sets off, and be turned. */
+/* Moves all poses together so that their positions lie best on the true ones: the first scan,
+ * which gives the map its frame, may be one in which the robot sets off, and be turned. */
 static void lay_over_truth(const drive *d, cairn_pose *poses)
 {
     double px = 0, py = 0, tx = 0, ty = 0, sine = 0, cosine = 0;
@@ -344,7 +350,8 @@ static uint64_t drive_hash(const drive *d, int32_t budget)
     return hash;
 }
 
-/* Neither what the memory held before, nor how the work is cut into steps, nor a second arena changes a bit. */
+/* Neither what the memory held before, nor how the work is cut into steps, nor a second arena
+ * changes a bit. */
 static void the_same_drive_gives_the_same_bits(void **state)
 {
     drive first, second, other;
@@ -394,7 +401,8 @@ static double mean_error(const sim_scan *scans, const cairn_pose *poses, int32_t
     return sum / count;
 }
 
-/* Two people walk about, are seen, get in the way, and push the robot, while half of its scans see a bare wall. */
+/* Two people walk about, are seen, get in the way, and push the robot, while half of its scans
+ * see a bare wall. */
 static double error_among_people(sim_scene scene, uint64_t seed)
 {
     static cairn_pose poses[LONG_DRIVE];

@@ -1,4 +1,5 @@
-/* Entropy, likelihood of a beam through cells that it cuts at unequal chords, pose errors and relations, all by hand. */
+/* Entropy, likelihood of a beam through cells that it cuts at unequal chords, pose errors and
+ * relations, all by hand. */
 #include "tests/test.h"
 
 #include <math.h>
@@ -72,7 +73,8 @@ static void entropy_by_quadrants(void **state)
 
 static void a_beam_through_unequal_chords(void **state)
 {
-    /* From (0.5, 0.25) with slope 1/2: x = 1 at a quarter, y = 1 (x = 2) at three quarters, end (2.5, 1.25). */
+    /* From (0.5, 0.25) with slope 1/2: x = 1 at a quarter, y = 1 (x = 2) at three quarters, end
+     * (2.5, 1.25). */
     const double length = sqrt(5.0), chord[3] = {0.25 * length, 0.5 * length, 0.25 * length};
     const double hits[3] = {1, 2, 3}, beams[3] = {4, 5, 6}, least = 0.001;
     double passed = 0, last = 0;
@@ -86,41 +88,56 @@ static void a_beam_through_unequal_chords(void **state)
         double x = c, y = c == 2 ? 1 : 0;
 
         for (int k = 0; k < (int)beams[c]; k++)
-            assert_ok(
-                cairn_occupancy_grid_add_beam(grid, at(x + 0.2, y + 0.9), at(x + 0.7, y + 0.9), k < (int)hits[c]));
+            assert_ok(cairn_occupancy_grid_add_beam(grid, at(x + 0.2, y + 0.9),
+                                                    at(x + 0.7, y + 0.9), k < (int)hits[c]));
         last = chord[c] * hits[c] / (0.5 * beams[c]);
         passed += c < 2 ? last : 0;
     }
-    assert_ok(cairn_map_beam_likelihood(grid, at(0.5, 0.25), at(2.5, 1.25), 1, (cairn_real)least, &log_p));
+    assert_ok(cairn_map_beam_likelihood(grid, at(0.5, 0.25), at(2.5, 1.25), 1, (cairn_real)least,
+                                        &log_p));
     assert_near(log_p, log(least + (1 - least) * exp(-passed) * (1 - exp(-last))), CLOSE);
-    assert_ok(cairn_map_beam_likelihood(grid, at(0.5, 0.25), at(2.5, 1.25), 0, (cairn_real)least, &log_p));
+    assert_ok(cairn_map_beam_likelihood(grid, at(0.5, 0.25), at(2.5, 1.25), 0, (cairn_real)least,
+                                        &log_p));
     assert_near(log_p, log(least + (1 - least) * exp(-passed - last)), CLOSE);
     /* Ends beyond the grid, beside it, in cells never seen. */
-    assert_ok(cairn_map_beam_likelihood(grid, at(3.5, 2.5), at(9, 2.5), 1, (cairn_real)least, &log_p));
+    assert_ok(
+        cairn_map_beam_likelihood(grid, at(3.5, 2.5), at(9, 2.5), 1, (cairn_real)least, &log_p));
     assert_near(log_p, log(least), CLOSE);
-    assert_ok(cairn_map_beam_likelihood(grid, at(3.5, 2.5), at(9, 2.5), 0, (cairn_real)least, &log_p));
+    assert_ok(
+        cairn_map_beam_likelihood(grid, at(3.5, 2.5), at(9, 2.5), 0, (cairn_real)least, &log_p));
     assert_near(log_p, 0, CLOSE);
-    assert_ok(cairn_map_beam_likelihood(grid, at(-3, -3), at(-9, -3), 0, (cairn_real)least, &log_p));
+    assert_ok(
+        cairn_map_beam_likelihood(grid, at(-3, -3), at(-9, -3), 0, (cairn_real)least, &log_p));
     assert_near(log_p, 0, CLOSE);
-    assert_ok(cairn_map_beam_likelihood(grid, at(-3, -3), at(-9, -3), 1, (cairn_real)least, &log_p));
+    assert_ok(
+        cairn_map_beam_likelihood(grid, at(-3, -3), at(-9, -3), 1, (cairn_real)least, &log_p));
     assert_near(log_p, log(least), CLOSE);
     /* Half a metre of beam, one hit. */
     assert_ok(cairn_occupancy_grid_add_beam(grid, at(0.2, 2.5), at(0.7, 2.5), 1));
-    assert_ok(cairn_map_beam_likelihood(grid, at(0.1, 2.5), at(0.9, 2.5), 0, (cairn_real)least, &log_p));
+    assert_ok(
+        cairn_map_beam_likelihood(grid, at(0.1, 2.5), at(0.9, 2.5), 0, (cairn_real)least, &log_p));
     assert_near(log_p, log(least + (1 - least) * exp(-0.8 / 0.5)), CLOSE);
     /* A hit without length stops every beam. */
     assert_ok(cairn_occupancy_grid_add_beam(grid, at(3.5, 2.5), at(3.5, 2.5), 1));
-    assert_ok(cairn_map_beam_likelihood(grid, at(2.5, 2.5), at(3.5, 2.5), 1, (cairn_real)least, &log_p));
+    assert_ok(
+        cairn_map_beam_likelihood(grid, at(2.5, 2.5), at(3.5, 2.5), 1, (cairn_real)least, &log_p));
     assert_near(log_p, 0, CLOSE);
-    assert_ok(cairn_map_beam_likelihood(grid, at(2.5, 2.5), at(3.5, 2.5), 0, (cairn_real)least, &log_p));
+    assert_ok(
+        cairn_map_beam_likelihood(grid, at(2.5, 2.5), at(3.5, 2.5), 0, (cairn_real)least, &log_p));
     assert_near(log_p, log(least), CLOSE);
-    assert_status(cairn_map_beam_likelihood(NULL, at(0, 0), at(1, 1), 1, CAIRN_REAL(0.1), &log_p), CAIRN_BAD_ARGUMENT);
-    assert_status(cairn_map_beam_likelihood(grid, at(0, 0), at(1, 1), 1, CAIRN_REAL(0.1), NULL), CAIRN_BAD_ARGUMENT);
-    assert_status(cairn_map_beam_likelihood(grid, at(0, 0), at(1, 1), 1, 0, &log_p), CAIRN_BAD_ARGUMENT);
-    assert_status(cairn_map_beam_likelihood(grid, at(0, 0), at(1, 1), 1, 1, &log_p), CAIRN_BAD_ARGUMENT);
-    assert_status(cairn_map_beam_likelihood(grid, at(0, 0), at(1, 1), 1, (cairn_real)NAN, &log_p), CAIRN_BAD_ARGUMENT);
-    assert_status(cairn_map_beam_likelihood(grid, at(0, 0), at((double)NAN, 1), 1, CAIRN_REAL(0.1), &log_p),
-                  CAIRN_NOT_FINITE);
+    assert_status(cairn_map_beam_likelihood(NULL, at(0, 0), at(1, 1), 1, CAIRN_REAL(0.1), &log_p),
+                  CAIRN_BAD_ARGUMENT);
+    assert_status(cairn_map_beam_likelihood(grid, at(0, 0), at(1, 1), 1, CAIRN_REAL(0.1), NULL),
+                  CAIRN_BAD_ARGUMENT);
+    assert_status(cairn_map_beam_likelihood(grid, at(0, 0), at(1, 1), 1, 0, &log_p),
+                  CAIRN_BAD_ARGUMENT);
+    assert_status(cairn_map_beam_likelihood(grid, at(0, 0), at(1, 1), 1, 1, &log_p),
+                  CAIRN_BAD_ARGUMENT);
+    assert_status(cairn_map_beam_likelihood(grid, at(0, 0), at(1, 1), 1, (cairn_real)NAN, &log_p),
+                  CAIRN_BAD_ARGUMENT);
+    assert_status(
+        cairn_map_beam_likelihood(grid, at(0, 0), at((double)NAN, 1), 1, CAIRN_REAL(0.1), &log_p),
+        CAIRN_NOT_FINITE);
     test_pool_free(&pool);
 }
 
@@ -129,7 +146,8 @@ static void pose_errors(void **state)
     /* The same path in a frame turned by 90 degrees, but for the last pose. */
     const cairn_pose truth[3] = {{1, 1, 0}, {2, 1, 1}, {2, 3, CAIRN_REAL(3.1)}};
     cairn_pose estimate[3] = {{5, 5, CAIRN_PI / 2}, {5, 6, CAIRN_PI / 2 + 1}, {0, 0, 0}};
-    const cairn_pose last = {CAIRN_REAL(1.5), CAIRN_REAL(1.7), CAIRN_REAL(-3.0)}; /* truth: (1, 2, 3.1) */
+    /* truth: (1, 2, 3.1) */
+    const cairn_pose last = {CAIRN_REAL(1.5), CAIRN_REAL(1.7), CAIRN_REAL(-3.0)};
     cairn_pose_errors e;
 
     (void)state;
@@ -152,7 +170,8 @@ static void pose_errors(void **state)
 
 static void relations(void **state)
 {
-    const cairn_pose first = {3, 4, 2}, reference = {1, 2, CAIRN_REAL(0.5)}, bad = {0, 0, (cairn_real)NAN};
+    const cairn_pose first = {3, 4, 2}, reference = {1, 2, CAIRN_REAL(0.5)},
+                     bad = {0, 0, (cairn_real)NAN};
     const double distance[2] = {0.5, 0.1}, angle[2] = {-0.2, 0.6};
     cairn_relation_sums sums;
     cairn_relation_errors e;
@@ -163,7 +182,8 @@ static void relations(void **state)
     assert_true(e.distance_mean == 0 && e.distance_sd == 0 && e.distance_squared == 0);
     assert_true(e.angle_mean == 0 && e.angle_sd == 0 && e.angle_squared == 0);
     for (int k = 0; k < 2; k++) {
-        cairn_pose off = {(cairn_real)(0.6 * distance[k]), (cairn_real)(-0.8 * distance[k]), (cairn_real)angle[k]};
+        cairn_pose off = {(cairn_real)(0.6 * distance[k]), (cairn_real)(-0.8 * distance[k]),
+                          (cairn_real)angle[k]};
         cairn_pose second = cairn_pose_compose(first, cairn_pose_compose(reference, off));
 
         assert_ok(cairn_relation_add(&sums, reference, first, second));

@@ -12,7 +12,8 @@ typedef struct trace {
 
 typedef enum odometry_kind { WITH, WITHOUT, NEVER_BACK } odometry_kind;
 
-/* odometry NEVER_BACK: the defect of a real log, a robot that backs up is reported as driving ahead. */
+/* odometry NEVER_BACK: the defect of a real log, a robot that backs up is reported as driving
+ * ahead. */
 static void run(cairn_mapper *mapper, const drive *d, odometry_kind how, int32_t budget, trace *t)
 {
     cairn_pose believed = pose_of(d->scans[0].odometry);
@@ -24,7 +25,8 @@ static void run(cairn_mapper *mapper, const drive *d, odometry_kind how, int32_t
         cairn_status status;
 
         if (i > 0) {
-            cairn_pose step = cairn_pose_between(pose_of(d->scans[i - 1].odometry), pose_of(d->scans[i].odometry));
+            cairn_pose step = cairn_pose_between(pose_of(d->scans[i - 1].odometry),
+                                                 pose_of(d->scans[i].odometry));
 
             if (how == NEVER_BACK)
                 step.x = cairn_abs(step.x);
@@ -39,7 +41,8 @@ static void run(cairn_mapper *mapper, const drive *d, odometry_kind how, int32_t
         t->results[i] = cairn_mapper_read(mapper);
     }
     for (int32_t i = 0; i < d->count; i++)
-        t->poses[i] = cairn_pose_compose(cairn_mapper_key_pose(mapper, t->results[i].key), t->results[i].key_scan);
+        t->poses[i] = cairn_pose_compose(cairn_mapper_key_pose(mapper, t->results[i].key),
+                                         t->results[i].key_scan);
 }
 
 /* Mean error of position seen from the first scan, in m. */
@@ -48,10 +51,11 @@ static double mean_error(const drive *d, const trace *t, int32_t odometry_alone)
     double sum = 0;
 
     for (int32_t i = 0; i < d->count; i++) {
-        cairn_pose truth = cairn_pose_between(pose_of(d->scans[0].truth), pose_of(d->scans[i].truth));
-        cairn_pose found = odometry_alone
-                               ? cairn_pose_between(pose_of(d->scans[0].odometry), pose_of(d->scans[i].odometry))
-                               : cairn_pose_between(t->poses[0], t->poses[i]);
+        cairn_pose truth =
+            cairn_pose_between(pose_of(d->scans[0].truth), pose_of(d->scans[i].truth));
+        cairn_pose found = odometry_alone ? cairn_pose_between(pose_of(d->scans[0].odometry),
+                                                               pose_of(d->scans[i].odometry))
+                                          : cairn_pose_between(t->poses[0], t->poses[i]);
 
         sum += hypot((double)(truth.x - found.x), (double)(truth.y - found.y));
     }
@@ -67,8 +71,9 @@ static int compare(const void *a, const void *b)
     return (x > y) - (x < y);
 }
 
-/* Maps an apartment for each of five seeds; the median of the mean errors. A single match may go wrong where scans lie far
- * apart, and takes what follows along, so that not every drive is good. */
+/* Maps an apartment for each of five seeds; the median of the mean errors. A single match may go
+ * wrong where scans lie far apart, and takes what follows along, so that not every drive is
+ * good. */
 static double median_error(const cairn_mapper_params *params)
 {
     double errors[5];
@@ -152,7 +157,8 @@ static void budgets_do_not_matter(void **state)
         run(mapper, &d, WITH, budgets[b], &two);
         for (int32_t i = 0; i < d.count; i++) {
             assert_memory_equal(&one.poses[i], &two.poses[i], sizeof one.poses[i]);
-            assert_memory_equal(one.results[i].covariance, two.results[i].covariance, sizeof one.results[i].covariance);
+            assert_memory_equal(one.results[i].covariance, two.results[i].covariance,
+                                sizeof one.results[i].covariance);
         }
         test_pool_free(&pool);
     }
@@ -211,7 +217,8 @@ static void verdicts_say_how_a_pose_was_found(void **state)
 static void what_does_not_match_is_predicted(void **state)
 {
     cairn_mapper_params params = small_params();
-    drive d = start_drive(SIM_APARTMENT, 7, 20, 0, 0.4), other = start_drive(SIM_ROUND, 1, 2, 0, 0.4);
+    drive d = start_drive(SIM_APARTMENT, 7, 20, 0, 0.4),
+          other = start_drive(SIM_ROUND, 1, 2, 0, 0.4);
     cairn_pool pool;
     cairn_mapper *mapper;
     cairn_scan_input input = sim_scan_input(&other.scans[0]);
@@ -281,8 +288,8 @@ static void capacities_and_bad_input_change_nothing(void **state)
     end_drive(&d);
 }
 
-/* The force field moves the free key scans of its window, and nothing else; given units enough, all before the next scan. Returns
- * how many times a key scan moved. */
+/* The force field moves the free key scans of its window, and nothing else; given units enough,
+ * all before the next scan. Returns how many times a key scan moved. */
 static int32_t moves_of_the_window(int32_t units)
 {
     cairn_mapper_params params = small_params();
@@ -307,7 +314,8 @@ static int32_t moves_of_the_window(int32_t units)
             int32_t count = cairn_mapper_measure(mapper).keys;
 
             moved += !same;
-            if (k == 0 || k < keys - params.window_free || (units == CAIRN_UNBOUNDED && count == keys))
+            if (k == 0 || k < keys - params.window_free ||
+                (units == CAIRN_UNBOUNDED && count == keys))
                 assert_true(same);
         }
         keys = cairn_mapper_measure(mapper).keys;
@@ -365,7 +373,8 @@ static void memory_is_exact(void **state)
     test_every_pool_size(create, &params, cairn_mapper_memory(&params));
 }
 
-/* What the mapper takes is a part that does not depend on the key scans, and so much for each of them. */
+/* What the mapper takes is a part that does not depend on the key scans, and so much for each of
+ * them. */
 static void memory_grows_with_the_key_scans(void **state)
 {
     size_t bytes[3];
@@ -407,18 +416,19 @@ static void bad_params_are_refused(void **state)
     assert_status(cairn_mapper_create(&mapper, &pool, NULL), CAIRN_BAD_ARGUMENT);
     assert_status(cairn_mapper_create(NULL, &pool, &good), CAIRN_BAD_ARGUMENT);
     assert_status(cairn_mapper_create(&mapper, NULL, &good), CAIRN_BAD_ARGUMENT);
-#define REFUSED(field, value)                                                                                          \
-    do {                                                                                                               \
-        cairn_mapper_params bad = good;                                                                                \
-        bad.field = value;                                                                                             \
-        assert_int_equal(cairn_mapper_memory(&bad), 0);                                                                \
-        assert_status(cairn_mapper_create(&mapper, &pool, &bad), CAIRN_BAD_ARGUMENT);                                  \
+#define REFUSED(field, value)                                                                      \
+    do {                                                                                           \
+        cairn_mapper_params bad = good;                                                            \
+        bad.field = value;                                                                         \
+        assert_int_equal(cairn_mapper_memory(&bad), 0);                                            \
+        assert_status(cairn_mapper_create(&mapper, &pool, &bad), CAIRN_BAD_ARGUMENT);              \
     } while (0)
     REFUSED(max_keys, 0);
     REFUSED(max_keys, (1 << 20) + 1);
     REFUSED(max_key_points, 0);
     REFUSED(max_key_segments, 0);
-    REFUSED(max_key_points, good.scan.max_points - 1); /* of the first key scan, on which all hang */
+    /* of the first key scan, on which all hang */
+    REFUSED(max_key_points, good.scan.max_points - 1);
     REFUSED(max_key_segments, good.scan.max_segments - 1);
     REFUSED(local_keys, 0);
     REFUSED(local_keys, CAIRN_MAPPER_LOCAL_MOST + 1);
@@ -499,11 +509,11 @@ static void bad_params_are_refused(void **state)
     REFUSED(window, -1);
 #undef REFUSED
     assert_int_equal(pool.used, 0);
-#define ALLOWED(field, value)                                                                                          \
-    do {                                                                                                               \
-        cairn_mapper_params edge = good;                                                                               \
-        edge.field = value;                                                                                            \
-        assert_true(cairn_mapper_memory(&edge) > 0);                                                                   \
+#define ALLOWED(field, value)                                                                      \
+    do {                                                                                           \
+        cairn_mapper_params edge = good;                                                           \
+        edge.field = value;                                                                        \
+        assert_true(cairn_mapper_memory(&edge) > 0);                                               \
     } while (0)
     ALLOWED(max_keys, 1);
     ALLOWED(max_keys, 1 << 20);
@@ -561,7 +571,8 @@ static void bad_params_are_refused(void **state)
 
 /* ---- Golden results ---- */
 
-/* All that is told, but the units, of which many rooms have a part, of a drive round a room and back, its odometry worse and worse, one scan blind; `odometry` 0: none. */
+/* All that is told, but the units, of which many rooms have a part, of a drive round a room and
+ * back, its odometry worse and worse, one scan blind; `odometry` 0: none. */
 static uint64_t hash_of_round(const cairn_mapper_params *params, int32_t odometry)
 {
     cairn_random random = cairn_random_seed(21, 1);
@@ -609,7 +620,8 @@ static uint64_t hash_of_round(const cairn_mapper_params *params, int32_t odometr
         hash = test_hash(hash, &map_odom, sizeof map_odom);
     }
     state = cairn_mapper_measure(mapper);
-    for (int32_t i = state.loop_events > 64 ? state.loop_events - 64 : 0; i < state.loop_events; i++) {
+    for (int32_t i = state.loop_events > 64 ? state.loop_events - 64 : 0; i < state.loop_events;
+         i++) {
         cairn_mapper_loop event = cairn_mapper_loop_at(mapper, i);
 
         hash = test_hash(hash, &event.first, 2 * sizeof event.first);
@@ -641,18 +653,22 @@ static void results_stay_as_they_are(void **state)
     loops.local_span = loops.local_recent;
     loops.loop.gap = 6;
     loops.loop.agree = 2;
-    assert_golden(hash_of_round(&params, 1), UINT64_C(0xabca3a0e797005b4), UINT64_C(0x9cbb21a837796298));
-    assert_golden(hash_of_round(&params, 0), UINT64_C(0x6e0b0ca54bceb4f1), UINT64_C(0xf3a2af8a2fe7a9da));
-    assert_golden(hash_of_round(&narrow, 1), UINT64_C(0xe7e2c691eca4acd), UINT64_C(0x530c135c7d78cc58));
-    assert_golden(hash_of_round(&loops, 1), UINT64_C(0xafe147c713b04b29), UINT64_C(0x8d73e7adcffa3cb2));
+    assert_golden(hash_of_round(&params, 1), UINT64_C(0xabca3a0e797005b4),
+                  UINT64_C(0x9cbb21a837796298));
+    assert_golden(hash_of_round(&params, 0), UINT64_C(0x6e0b0ca54bceb4f1),
+                  UINT64_C(0xf3a2af8a2fe7a9da));
+    assert_golden(hash_of_round(&narrow, 1), UINT64_C(0xe7e2c691eca4acd),
+                  UINT64_C(0x530c135c7d78cc58));
+    assert_golden(hash_of_round(&loops, 1), UINT64_C(0xafe147c713b04b29),
+                  UINT64_C(0x8d73e7adcffa3cb2));
 }
 
 /* ---- Motion during the sweep ---- */
 
 enum { SPINS = 110, SPIN_BEAMS = 241 };
 
-/* A robot that stands, and then turns left by 1.2 rad/s along a small arc, ten scans a second; its scanner looks over 240 of 360
- * degrees of its turn. */
+/* A robot that stands, and then turns left by 1.2 rad/s along a small arc, ten scans a second;
+ * its scanner looks over 240 of 360 degrees of its turn. */
 static sim_survey *start_spin(drive *d, uint64_t seed)
 {
     static const double rate = 1.2, speed = 0.25, period = 0.1, pi = 3.14159265358979;
@@ -689,9 +705,10 @@ static sim_survey *start_spin(drive *d, uint64_t seed)
     return standing;
 }
 
-/* Mean error of the headings seen from the first scan, rad; the mapper knows how long a sweep takes, or not. */
-static double heading_error(const drive *d, const sim_scan *standing, float time_step, int32_t known,
-                            const cairn_pose *odometry)
+/* Mean error of the headings seen from the first scan, rad; the mapper knows how long a sweep
+ * takes, or not. */
+static double heading_error(const drive *d, const sim_scan *standing, float time_step,
+                            int32_t known, const cairn_pose *odometry)
 {
     cairn_mapper_params params = small_params();
     cairn_pool pool;

@@ -32,14 +32,16 @@ static void tell(const drive *d, cairn_real bias)
 {
     told[0] = pose_of(d->scans[0].truth);
     for (int32_t i = 1; i < d->count; i++) {
-        cairn_pose step = cairn_pose_between(pose_of(d->scans[i - 1].truth), pose_of(d->scans[i].truth));
+        cairn_pose step =
+            cairn_pose_between(pose_of(d->scans[i - 1].truth), pose_of(d->scans[i].truth));
 
         step.theta += bias;
         told[i] = cairn_pose_compose(told[i - 1], step);
     }
 }
 
-/* Every key scan is linked to the one before, and perhaps to others of its local map, and there are as many closures as are said to be in the graph. */
+/* Every key scan is linked to the one before, and perhaps to others of its local map, and there
+ * are as many closures as are said to be in the graph. */
 static void check_links(const cairn_mapper *mapper, const cairn_mapper_state *state)
 {
     int32_t links = cairn_mapper_link_count(mapper), loops = 0, chained = 0;
@@ -94,7 +96,8 @@ static void run(cairn_mapper *mapper, const drive *d, int32_t budget, outcome *o
     } while (status == CAIRN_MORE);
     assert_ok(status);
     for (int32_t i = 0; i < d->count; i++)
-        out->poses[i] = cairn_pose_compose(cairn_mapper_key_pose(mapper, results[i].key), results[i].key_scan);
+        out->poses[i] =
+            cairn_pose_compose(cairn_mapper_key_pose(mapper, results[i].key), results[i].key_scan);
     out->state = cairn_mapper_measure(mapper);
     check_links(mapper, &out->state);
 }
@@ -121,8 +124,8 @@ static double worst_error(const drive *d, const outcome *out)
     return worst;
 }
 
-/* Closures of an outcome that were accepted; every one must be right to 0.3 m, which along a corridor is what a scan and its
- * prediction tell, and 2 degrees. */
+/* Closures of an outcome that were accepted; every one must be right to 0.3 m, which along a
+ * corridor is what a scan and its prediction tell, and 2 degrees. */
 static int32_t check_closures(const drive *d, const outcome *out)
 {
     int32_t accepted = 0;
@@ -143,7 +146,8 @@ static int32_t check_closures(const drive *d, const outcome *out)
     return accepted;
 }
 
-static outcome *map(const drive *d, const cairn_mapper_params *params, cairn_real bias, outcome *out)
+static outcome *map(const drive *d, const cairn_mapper_params *params, cairn_real bias,
+                    outcome *out)
 {
     cairn_pool pool;
     cairn_mapper *mapper = new_mapper(&pool, params);
@@ -235,8 +239,8 @@ static int32_t count_verdict(const outcome *out, cairn_mapper_loop_verdict verdi
     return count;
 }
 
-/* Corridors that repeat themselves within what the path may have gone astray: the one that was seen is not taken for the one that
- * was not. */
+/* Corridors that repeat themselves within what the path may have gone astray: the one that was
+ * seen is not taken for the one that was not. */
 static void a_place_like_one_seen_is_not_taken_for_it(void **state)
 {
     cairn_mapper_params params = small_params();
@@ -297,10 +301,12 @@ static void a_leap_is_searched_for(void **state)
 
         mapper = new_mapper(&pool, &params);
         for (int32_t i = 0; i < d.count; i++) {
-            int32_t at = i < 30 ? i : i + 6 < d.count ? i + 6 : d.count - 1; /* six scans are missing */
+            /* six scans are missing */
+            int32_t at = i < 30 ? i : i + 6 < d.count ? i + 6 : d.count - 1;
             cairn_scan_input input = sim_scan_input(&d.scans[at]);
             cairn_budget budget = {CAIRN_UNBOUNDED};
-            cairn_pose truth = cairn_pose_between(pose_of(d.scans[0].truth), pose_of(d.scans[at].truth));
+            cairn_pose truth =
+                cairn_pose_between(pose_of(d.scans[0].truth), pose_of(d.scans[at].truth));
 
             assert_ok(cairn_mapper_add(mapper, &input, NULL, NULL));
             assert_ok(cairn_mapper_step(mapper, &budget));
@@ -319,7 +325,8 @@ static void a_leap_is_searched_for(void **state)
     end_drive(&d);
 }
 
-/* Odometry that tells ways that were never gone is found out, and believed again when it is right. */
+/* Odometry that tells ways that were never gone is found out, and believed again when it is
+ * right. */
 static void odometry_is_believed_as_long_as_it_is_right(void **state)
 {
     cairn_mapper_params params = small_params();
@@ -336,7 +343,8 @@ static void odometry_is_believed_as_long_as_it_is_right(void **state)
         cairn_mapper_result result;
 
         if (i > 0) {
-            cairn_pose step = cairn_pose_between(pose_of(d.scans[i - 1].truth), pose_of(d.scans[i].truth));
+            cairn_pose step =
+                cairn_pose_between(pose_of(d.scans[i - 1].truth), pose_of(d.scans[i].truth));
 
             if (i >= 20 && i < 50)
                 step.y += CAIRN_REAL(0.3);
@@ -369,7 +377,9 @@ static void map_odom_leads_from_odometry_to_the_map(void **state)
     assert_memory_equal(&none, &nothing, sizeof none);
     for (int32_t i = 0; i < d.count; i++) {
         cairn_scan_input input = sim_scan_input(&d.scans[i]);
-        cairn_pose odometry = cairn_pose_compose((cairn_pose){5, 3, 2}, pose_of(d.scans[i].odometry)), base;
+        cairn_pose odometry =
+                       cairn_pose_compose((cairn_pose){5, 3, 2}, pose_of(d.scans[i].odometry)),
+                   base;
         cairn_budget budget = {CAIRN_UNBOUNDED};
 
         assert_ok(cairn_mapper_add(mapper, &input, &odometry, NULL));
@@ -381,7 +391,8 @@ static void map_odom_leads_from_odometry_to_the_map(void **state)
     end_drive(&d);
 }
 
-/* ... also while a scan is in work, of which nothing is told before it is done, and after scans without odometry. */
+/* ... also while a scan is in work, of which nothing is told before it is done, and after scans
+ * without odometry. */
 static void map_odom_is_of_scans_that_are_done(void **state)
 {
     cairn_mapper_params params = small_params();
@@ -394,7 +405,8 @@ static void map_odom_is_of_scans_that_are_done(void **state)
     for (int32_t i = 0; i < d.count; i++) {
         int32_t has_odometry = i % 4 != 2;
         cairn_scan_input input = sim_scan_input(&d.scans[i]);
-        cairn_pose odometry = cairn_pose_compose((cairn_pose){5, 3, 2}, pose_of(d.scans[i].odometry));
+        cairn_pose odometry =
+            cairn_pose_compose((cairn_pose){5, 3, 2}, pose_of(d.scans[i].odometry));
         cairn_status status;
 
         assert_ok(cairn_mapper_add(mapper, &input, has_odometry ? &odometry : NULL, NULL));
@@ -409,7 +421,9 @@ static void map_odom_is_of_scans_that_are_done(void **state)
         assert_ok(status);
         before = cairn_mapper_map_odom(mapper);
         if (has_odometry)
-            assert_near(distance(cairn_pose_compose(before, odometry), cairn_mapper_read(mapper).map_scan), 0, 1e-4);
+            assert_near(
+                distance(cairn_pose_compose(before, odometry), cairn_mapper_read(mapper).map_scan),
+                0, 1e-4);
         else
             assert_true(before.x != 0);
     }
@@ -435,7 +449,8 @@ static void odometry_that_leaps_out_of_the_world(void **state)
         assert_int_equal(cairn_mapper_add(mapper, &input, &beyond, NULL), CAIRN_BAD_ARGUMENT);
         assert_ok(cairn_mapper_add(mapper, &input, &odometry, NULL));
         assert_ok(cairn_mapper_step(mapper, &budget));
-        assert_near(distance(cairn_mapper_read(mapper).map_scan, pose_of(d.scans[i].truth)), 0, 0.1);
+        assert_near(distance(cairn_mapper_read(mapper).map_scan, pose_of(d.scans[i].truth)), 0,
+                    0.1);
     }
     test_pool_free(&pool);
     end_drive(&d);

@@ -1,4 +1,5 @@
-/* A mapper that runs on and on: key scans that go, their links and what hung on them, beside slow twins. */
+/* A mapper that runs on and on: key scans that go, their links and what hung on them, beside
+ * slow twins. */
 #include "tests/drive.h"
 
 #include <math.h>
@@ -75,14 +76,15 @@ static void follow(const cairn_mapper *mapper, hanging *h)
 {
     for (int32_t now = cairn_mapper_measure(mapper).releases; h->releases < now; h->releases++)
         for (int32_t i = 0; i < h->count; i++)
-            cairn_mapper_rehang(cairn_mapper_release_at(mapper, h->releases), &h->key[i], &h->key_scan[i]);
+            cairn_mapper_rehang(cairn_mapper_release_at(mapper, h->releases), &h->key[i],
+                                &h->key_scan[i]);
 }
 
 typedef void (*watch)(void *context, cairn_mapper *mapper, hanging *h);
 
 /* Drives, in steps of so many units; watched before and after each of them. */
-static void run(cairn_mapper *mapper, int32_t turns, int32_t units, hanging *h, watch before, watch after,
-                void *context)
+static void run(cairn_mapper *mapper, int32_t turns, int32_t units, hanging *h, watch before,
+                watch after, void *context)
 {
     cairn_pose odometry = cairn_pose_identity();
 
@@ -114,7 +116,8 @@ static void run(cairn_mapper *mapper, int32_t turns, int32_t units, hanging *h, 
 
 static void check_links(const cairn_mapper *mapper)
 {
-    int32_t links = cairn_mapper_link_count(mapper), loops = 0, keys = cairn_mapper_measure(mapper).keys;
+    int32_t links = cairn_mapper_link_count(mapper), loops = 0,
+            keys = cairn_mapper_measure(mapper).keys;
     int32_t root[KEYS];
 
     for (int32_t i = 0; i < keys; i++)
@@ -163,7 +166,8 @@ static void it_runs_on_in_fixed_memory(void **state)
     follow(mapper, &kept);
     check_links(mapper);
     assert_true(cairn_mapper_measure(mapper).releases > 2 * KEYS);
-    assert_true(cairn_mapper_measure(mapper).keys < KEYS && cairn_mapper_measure(mapper).keys > KEYS / 2);
+    assert_true(cairn_mapper_measure(mapper).keys < KEYS &&
+                cairn_mapper_measure(mapper).keys > KEYS / 2);
     assert_int_equal(cairn_mapper_measure(mapper).keys, mapper->key_count);
     assert_true(cairn_mapper_measure(mapper).solutions > 3);
     for (int32_t i = 0; i < TURNS; i++) {
@@ -298,7 +302,8 @@ static void remember(void *context, cairn_mapper *mapper, hanging *h)
     memcpy(m->pending, mapper->loop.pending, sizeof m->pending);
     memcpy(m->events, mapper->loop.events, sizeof m->events);
     for (int32_t k = 0; k < m->key_count; k++) {
-        memcpy(m->sight[k], &mapper->sight[(size_t)m->slot[k] * MAPPER_BEARINGS], sizeof m->sight[k]);
+        memcpy(m->sight[k], &mapper->sight[(size_t)m->slot[k] * MAPPER_BEARINGS],
+               sizeof m->sight[k]);
         m->sensor[k] = mapper->keys->scans[m->slot[k]].sensor;
         m->pieces[k] = mapper->loop.ties[k].piece;
         m->doubtful[k] = mapper->loop.ties[k].doubtful;
@@ -312,8 +317,8 @@ static void remember(void *context, cairn_mapper *mapper, hanging *h)
 
 /* ---- Which one goes ---- */
 
-/* The bearing whose sector the angle of a direction is in: by the corners of a square that stands on its tip, which the bearings
- * divide evenly. */
+/* The bearing whose sector the angle of a direction is in: by the corners of a square that
+ * stands on its tip, which the bearings divide evenly. */
 static int32_t slow_bearing(cairn_vec2 d)
 {
     double angle = atan2((double)d.y, (double)d.x);
@@ -323,7 +328,8 @@ static int32_t slow_bearing(cairn_vec2 d)
         angle += 2 * 3.14159265358979323846;
     for (int32_t b = 1; b < MAPPER_BEARINGS; b++) {
         double t = 4.0 * b / MAPPER_BEARINGS, within = t - floor(t);
-        double x[4] = {1 - within, -within, within - 1, within}, y[4] = {within, 1 - within, -within, within - 1};
+        double x[4] = {1 - within, -within, within - 1, within},
+               y[4] = {within, 1 - within, -within, within - 1};
         double begin = atan2(y[(int)t], x[(int)t]);
 
         if (begin < 0)
@@ -337,7 +343,8 @@ static int32_t slow_bearing(cairn_vec2 d)
 static cairn_vec2 middle_of(int32_t bearing)
 {
     double t = 4.0 * (bearing + 0.5) / MAPPER_BEARINGS, within = t - floor(t);
-    double x[4] = {1 - within, -within, within - 1, within}, y[4] = {within, 1 - within, -within, within - 1};
+    double x[4] = {1 - within, -within, within - 1, within},
+           y[4] = {within, 1 - within, -within, within - 1};
     double n = hypot(x[(int)t], y[(int)t]);
     cairn_vec2 d = {(cairn_real)(x[(int)t] / n), (cairn_real)(y[(int)t] / n)};
 
@@ -346,15 +353,18 @@ static cairn_vec2 middle_of(int32_t bearing)
 
 static int slow_sees(const memory_of *m, int32_t key, cairn_vec2 in_map, int surface)
 {
-    cairn_vec2 p = cairn_pose_point(cairn_pose_inverse(m->pose[key]), in_map), d = cairn_vec2_sub(p, m->sensor[key]);
-    double range = m->sight[key][slow_bearing(d)] / 100.0, distance = hypot((double)d.x, (double)d.y);
+    cairn_vec2 p = cairn_pose_point(cairn_pose_inverse(m->pose[key]), in_map),
+               d = cairn_vec2_sub(p, m->sensor[key]);
+    double range = m->sight[key][slow_bearing(d)] / 100.0,
+           distance = hypot((double)d.x, (double)d.y);
 
     return surface ? range > 0 && fabs(range - distance) <= 0.2 : range >= distance;
 }
 
 static double distance_of(const memory_of *m, int32_t a, int32_t b)
 {
-    cairn_vec2 p = cairn_pose_point(m->pose[a], m->sensor[a]), q = cairn_pose_point(m->pose[b], m->sensor[b]);
+    cairn_vec2 p = cairn_pose_point(m->pose[a], m->sensor[a]),
+               q = cairn_pose_point(m->pose[b], m->sensor[b]);
 
     return hypot((double)(p.x - q.x), (double)(p.y - q.y));
 }
@@ -382,7 +392,8 @@ static double slow_loss(const memory_of *m, int32_t key)
     qsort(near, (size_t)count, sizeof *near, by_distance);
     for (int32_t b = 0; b < MAPPER_BEARINGS; b += 4)
         for (int part = 1; part <= 2 && m->sight[key][b] > 0; part++) {
-            cairn_vec2 way = cairn_vec2_scale(middle_of(b), (cairn_real)(m->sight[key][b] / 100.0 * part / 2));
+            cairn_vec2 way =
+                cairn_vec2_scale(middle_of(b), (cairn_real)(m->sight[key][b] / 100.0 * part / 2));
             cairn_vec2 at = cairn_pose_point(m->pose[key], cairn_vec2_add(m->sensor[key], way));
             int seen = 0;
 
@@ -419,9 +430,12 @@ static dense dense_of(const cairn_mapper_link *link, int32_t from)
     double a[3][3] = {{(double)i.xx, (double)i.xy, (double)i.xz},
                       {(double)i.xy, (double)i.yy, (double)i.yz},
                       {(double)i.xz, (double)i.yz, (double)i.zz}};
-    double det = a[0][0] * (a[1][1] * a[2][2] - a[1][2] * a[2][1]) - a[0][1] * (a[1][0] * a[2][2] - a[1][2] * a[2][0]) +
+    double det = a[0][0] * (a[1][1] * a[2][2] - a[1][2] * a[2][1]) -
+                 a[0][1] * (a[1][0] * a[2][2] - a[1][2] * a[2][0]) +
                  a[0][2] * (a[1][0] * a[2][1] - a[1][1] * a[2][0]);
-    dense d = {{(double)link->first_second.x, (double)link->first_second.y, (double)link->first_second.theta}, {{0}}};
+    dense d = {{(double)link->first_second.x, (double)link->first_second.y,
+                (double)link->first_second.theta},
+               {{0}}};
 
     for (int r = 0; r < 3; r++)
         for (int k = 0; k < 3; k++)
@@ -446,7 +460,8 @@ static void invert(const double a[3], double out[3])
     out[2] = -a[2];
 }
 
-/* out.z of motions a and b that are off by e and f in their own frames, seen from out as it is without. */
+/* out.z of motions a and b that are off by e and f in their own frames, seen from out as it is
+ * without. */
 typedef void (*combine)(const double a[3], const double b[3], double out[3]);
 
 static void inverse_of(const double a[3], const double b[3], double out[3])
@@ -480,7 +495,8 @@ static dense propagate(const dense *a, const dense *b, combine how)
             for (int k = 0; k < 6; k++)
                 for (int l = 0; l < 6; l++)
                     if (k / 3 == l / 3)
-                        out.c[r][s] += jacobian[r][k] * (k < 3 ? a : b)->c[k % 3][l % 3] * jacobian[s][l];
+                        out.c[r][s] +=
+                            jacobian[r][k] * (k < 3 ? a : b)->c[k % 3][l % 3] * jacobian[s][l];
     return out;
 }
 
@@ -513,8 +529,8 @@ static void invert_dense(double in[3][3], double out[3][3])
 /* The weighted mean, seen from a. 0 when they contradict each other. */
 static int slow_fuse(const dense *a, const dense *b, dense *out)
 {
-    double back[3], e[3], ia[3][3], ib[3][3], both[3][3], sum[3][3], weight[3][3], strain = 0, by = 1,
-                                                                                   off[3] = {0, 0, 0};
+    double back[3], e[3], ia[3][3], ib[3][3], both[3][3], sum[3][3], weight[3][3],
+        strain = 0, by = 1, off[3] = {0, 0, 0};
 
     invert(a->z, back);
     compose(back, b->z, e);
@@ -554,9 +570,11 @@ static void assert_same(const dense *expected, const cairn_mapper_link *link)
     dense d = dense_of(link, link->first);
 
     for (int r = 0; r < 3; r++) {
-        assert_near(remainder(d.z[r] - expected->z[r], 2 * 3.14159265358979323846), 0, NUMBER(1e-5, 1e-3));
+        assert_near(remainder(d.z[r] - expected->z[r], 2 * 3.14159265358979323846), 0,
+                    NUMBER(1e-5, 1e-3));
         for (int k = 0; k < 3; k++)
-            assert_near(d.c[r][k], expected->c[r][k], NUMBER(1e-4, 2e-2) * sqrt(expected->c[r][r] * expected->c[k][k]));
+            assert_near(d.c[r][k], expected->c[r][k],
+                        NUMBER(1e-4, 2e-2) * sqrt(expected->c[r][r] * expected->c[k][k]));
     }
 }
 
@@ -574,8 +592,8 @@ static int32_t renamed(int32_t key, int32_t gone)
 static int32_t slow_find(const cairn_mapper_link *links, int32_t count, int32_t a, int32_t b)
 {
     for (int32_t i = 0; i < count; i++)
-        if (!links[i].dropped &&
-            ((links[i].first == a && links[i].second == b) || (links[i].first == b && links[i].second == a)))
+        if (!links[i].dropped && ((links[i].first == a && links[i].second == b) ||
+                                  (links[i].first == b && links[i].second == a)))
             return i;
     return -1;
 }
@@ -583,7 +601,8 @@ static int32_t slow_find(const cairn_mapper_link *links, int32_t count, int32_t 
 static double strain_at(const memory_of *m, int32_t from, int32_t to, const dense *d)
 {
     cairn_pose there = cairn_pose_between(m->pose[from], m->pose[to]);
-    double z[3] = {(double)there.x, (double)there.y, (double)there.theta}, back[3], e[3], w[3][3], strain = 0, c[3][3];
+    double z[3] = {(double)there.x, (double)there.y, (double)there.theta}, back[3], e[3], w[3][3],
+           strain = 0, c[3][3];
 
     invert(d->z, back);
     compose(back, z, e);
@@ -597,7 +616,8 @@ static double strain_at(const memory_of *m, int32_t from, int32_t to, const dens
 }
 
 /* Every link of the one that went, one after the other, on copies of the links as they were. */
-static void check_contraction(memory_of *m, const cairn_mapper *mapper, const cairn_mapper_release *release)
+static void check_contraction(memory_of *m, const cairn_mapper *mapper,
+                              const cairn_mapper_release *release)
 {
     static cairn_mapper_link now[LINKS];
     static dense expected[LINKS];
@@ -648,7 +668,9 @@ static void check_contraction(memory_of *m, const cairn_mapper *mapper, const ca
         if (there >= 0 && known[there] == 0) {
             before = seen_from(&m->link[there], onto);
             if (!slow_fuse(&before, &onto_far, &both)) {
-                both = strain_at(m, onto, far, &onto_far) < strain_at(m, onto, far, &before) ? onto_far : before;
+                both = strain_at(m, onto, far, &onto_far) < strain_at(m, onto, far, &before)
+                           ? onto_far
+                           : before;
                 m->contradicted++;
             }
             assert_int_equal(now[after].is_loop, l->is_loop && m->link[there].is_loop);
@@ -668,7 +690,8 @@ static void check_contraction(memory_of *m, const cairn_mapper *mapper, const ca
 
         if (l->first == gone || l->second == gone || l->first == onto || l->second == onto)
             continue;
-        while (at < count && (now[at].first != renamed(l->first, gone) || now[at].second != renamed(l->second, gone)))
+        while (at < count && (now[at].first != renamed(l->first, gone) ||
+                              now[at].second != renamed(l->second, gone)))
             at++;
         assert_true(at < count);
         assert_int_equal(now[at].is_loop, l->is_loop);
@@ -687,7 +710,8 @@ static void assert_same_pose(cairn_pose a, cairn_pose b)
     assert_near(cairn_wrap_angle(a.theta - b.theta), 0, NUMBER(1e-9, 1e-4));
 }
 
-static void check_names(const memory_of *m, const cairn_mapper *mapper, const cairn_mapper_release *release)
+static void check_names(const memory_of *m, const cairn_mapper *mapper,
+                        const cairn_mapper_release *release)
 {
     int32_t gone = release->key, heir = -1;
     int32_t waits = m->pending_count < MAPPER_PENDING ? m->pending_count : MAPPER_PENDING;
@@ -712,8 +736,10 @@ static void check_names(const memory_of *m, const cairn_mapper *mapper, const ca
             assert_near(in_graph.x, m->pose[k].x, 1e-6);
         }
     }
-    assert_same_pose(cairn_pose_compose(mapper->key_pose[mapper->result.key], mapper->result.key_scan), m->last);
-    assert_same_pose(cairn_pose_compose(mapper->key_pose[release->onto], release->onto_key), m->pose[gone]);
+    assert_same_pose(
+        cairn_pose_compose(mapper->key_pose[mapper->result.key], mapper->result.key_scan), m->last);
+    assert_same_pose(cairn_pose_compose(mapper->key_pose[release->onto], release->onto_key),
+                     m->pose[gone]);
     assert_int_equal(mapper->local_count, m->local_count);
     for (int32_t i = 0; i < m->local_count; i++)
         assert_int_equal(mapper->local[i], renamed(m->local[i], gone));
@@ -728,8 +754,10 @@ static void check_names(const memory_of *m, const cairn_mapper *mapper, const ca
     for (int32_t i = 0; i < MAPPER_LOOP_EVENTS && i < mapper->state.loop_events; i++) {
         int32_t first = m->events[i].first, second = m->events[i].second;
 
-        assert_int_equal(mapper->loop.events[i].first, first == gone ? release->onto : renamed(first, gone));
-        assert_int_equal(mapper->loop.events[i].second, second == gone ? release->onto : renamed(second, gone));
+        assert_int_equal(mapper->loop.events[i].first,
+                         first == gone ? release->onto : renamed(first, gone));
+        assert_int_equal(mapper->loop.events[i].second,
+                         second == gone ? release->onto : renamed(second, gone));
     }
 }
 
@@ -802,13 +830,13 @@ static void params_are_checked(void **state)
     (void)state;
     plain.release = 0;
     assert_true(cairn_mapper_memory(&params) > cairn_mapper_memory(&plain));
-#define REFUSED(field, value)                                                                                          \
-    do {                                                                                                               \
-        cairn_mapper_params bad = params;                                                                              \
-        bad.field = value;                                                                                             \
-        assert_int_equal(cairn_mapper_memory(&bad), 0);                                                                \
-        bad.release = 0;                                                                                               \
-        assert_true(cairn_mapper_memory(&bad) > 0);                                                                    \
+#define REFUSED(field, value)                                                                      \
+    do {                                                                                           \
+        cairn_mapper_params bad = params;                                                          \
+        bad.field = value;                                                                         \
+        assert_int_equal(cairn_mapper_memory(&bad), 0);                                            \
+        bad.release = 0;                                                                           \
+        assert_true(cairn_mapper_memory(&bad) > 0);                                                \
     } while (0)
     REFUSED(release, -1);
     REFUSED(release, 2);

@@ -1,4 +1,5 @@
-/* Bad logs: what the mapper makes of scans that show nothing, come twice, run back in time, or begin elsewhere. */
+/* Bad logs: what the mapper makes of scans that show nothing, come twice, run back in time, or
+ * begin elsewhere. */
 #include "tests/drive.h"
 
 #include <math.h>
@@ -9,7 +10,8 @@ static cairn_mapper_result results[SCANS];
 static cairn_pose poses[SCANS];
 
 /* One scan, taken in whole, with odometry or none. */
-static cairn_mapper_result take(cairn_mapper *mapper, const cairn_scan_input *input, const cairn_pose *odometry)
+static cairn_mapper_result take(cairn_mapper *mapper, const cairn_scan_input *input,
+                                const cairn_pose *odometry)
 {
     cairn_budget budget = {CAIRN_UNBOUNDED};
 
@@ -24,7 +26,8 @@ static void settle(cairn_mapper *mapper, int32_t count)
 
     assert_ok(cairn_mapper_settle(mapper, &budget));
     for (int32_t i = 0; i < count; i++) {
-        poses[i] = cairn_pose_compose(cairn_mapper_key_pose(mapper, results[i].key), results[i].key_scan);
+        poses[i] =
+            cairn_pose_compose(cairn_mapper_key_pose(mapper, results[i].key), results[i].key_scan);
         assert_true(cairn_pose_is_finite(poses[i]));
     }
 }
@@ -35,7 +38,8 @@ static double worst_error(const drive *d, int32_t from, int32_t end)
     double worst = 0;
 
     for (int32_t i = from; i < end; i++) {
-        cairn_pose truth = cairn_pose_between(pose_of(d->scans[from].truth), pose_of(d->scans[i].truth));
+        cairn_pose truth =
+            cairn_pose_between(pose_of(d->scans[from].truth), pose_of(d->scans[i].truth));
         cairn_pose found = cairn_pose_between(poses[from], poses[i]);
 
         worst = fmax(worst, hypot((double)(truth.x - found.x), (double)(truth.y - found.y)));
@@ -66,7 +70,8 @@ static void an_empty_beginning(void **state)
     }
     settle(mapper, d.count);
     assert_int_equal(results[101].verdict, CAIRN_MAPPER_MATCHED);
-    assert_true(cairn_mapper_measure(mapper).predicted >= 100 && cairn_mapper_measure(mapper).predicted <= 101);
+    assert_true(cairn_mapper_measure(mapper).predicted >= 100 &&
+                cairn_mapper_measure(mapper).predicted <= 101);
     assert_true(worst_error(&d, 100, d.count) < 0.15);
     test_pool_free(&pool);
     end_drive(&d);
@@ -129,8 +134,8 @@ static void time_that_runs_back(void **state)
     end_drive(&d);
 }
 
-/* The robot is carried to another room after its first scans, and odometry does not know. It says that it is in doubt, and maps
- * where it is. */
+/* The robot is carried to another room after its first scans, and odometry does not know. It
+ * says that it is in doubt, and maps where it is. */
 static void a_kidnapped_start(void **state)
 {
     cairn_mapper_params params = small_params();
@@ -150,7 +155,8 @@ static void a_kidnapped_start(void **state)
     before = cairn_mapper_measure(mapper);
     for (int32_t i = 120; i < d.count; i++) {
         cairn_scan_input input = sim_scan_input(&d.scans[i]);
-        cairn_pose odometry = cairn_pose_compose(left, cairn_pose_between(found, pose_of(d.scans[i].odometry)));
+        cairn_pose odometry =
+            cairn_pose_compose(left, cairn_pose_between(found, pose_of(d.scans[i].odometry)));
 
         results[i] = take(mapper, &input, &odometry);
         if (i == 124)
@@ -169,13 +175,14 @@ static void a_kidnapped_start(void **state)
 /* A pose seen from the one to which odometry leads. */
 static cairn_pose off_odometry(const drive *d, cairn_pose before, cairn_pose after, int32_t i)
 {
-    cairn_pose moved = cairn_pose_between(pose_of(d->scans[i - 1].odometry), pose_of(d->scans[i].odometry));
+    cairn_pose moved =
+        cairn_pose_between(pose_of(d->scans[i - 1].odometry), pose_of(d->scans[i].odometry));
 
     return cairn_pose_between(cairn_pose_compose(before, moved), after);
 }
 
-/* Every scan of another building has some likeness to this one. Next to none moves a robot away from where trusted odometry
- * leads (one in ten did while a single likeness could). */
+/* Every scan of another building has some likeness to this one. Next to none moves a robot away
+ * from where trusted odometry leads (one in ten did while a single likeness could). */
 static void scans_of_elsewhere_move_nothing(void **state)
 {
     static const sim_scene elsewhere[] = {SIM_RESCUE, SIM_OFFICE, SIM_MAZE, SIM_ROOMS};
@@ -192,7 +199,8 @@ static void scans_of_elsewhere_move_nothing(void **state)
         for (int32_t i = 0; i < d.count; i++) {
             int32_t is_foreign = i > 10 && i % 4 == 0;
             cairn_scan_input input = sim_scan_input(is_foreign ? &other.scans[i] : &d.scans[i]);
-            cairn_pose odometry = pose_of(d.scans[i].odometry), before = cairn_mapper_read(mapper).map_scan;
+            cairn_pose odometry = pose_of(d.scans[i].odometry),
+                       before = cairn_mapper_read(mapper).map_scan;
             cairn_mapper_result result = take(mapper, &input, &odometry);
 
             if (is_foreign) {
@@ -212,7 +220,8 @@ static void scans_of_elsewhere_move_nothing(void **state)
 
 enum { CARRIED = 100, LEAP = 10, DRIVES = 8 };
 
-/* Drives, is carried over LEAP scans, of which its odometry knows nothing, and drives on. 1: three scans later it is where it is. */
+/* Drives, is carried over LEAP scans, of which its odometry knows nothing, and drives on. 1:
+ * three scans later it is where it is. */
 static int is_found_again(const drive *d)
 {
     cairn_mapper_params params = small_params();
@@ -225,9 +234,11 @@ static int is_found_again(const drive *d)
         cairn_scan_input input = sim_scan_input(&d->scans[at]);
 
         if (i > 0 && i != CARRIED)
-            believed = cairn_pose_compose(
-                believed, cairn_pose_between(pose_of(d->scans[at - 1].truth), pose_of(d->scans[at].truth)));
-        off = cairn_pose_between(pose_of(d->scans[at].truth), take(mapper, &input, &believed).map_scan);
+            believed =
+                cairn_pose_compose(believed, cairn_pose_between(pose_of(d->scans[at - 1].truth),
+                                                                pose_of(d->scans[at].truth)));
+        off = cairn_pose_between(pose_of(d->scans[at].truth),
+                                 take(mapper, &input, &believed).map_scan);
         if (i == CARRIED - 1)
             assert_true(hypot((double)off.x, (double)off.y) < 0.05);
     }
@@ -235,7 +246,8 @@ static int is_found_again(const drive *d)
     return hypot((double)off.x, (double)off.y) < 0.05 && fabs((double)off.theta) < 0.05;
 }
 
-/* Two scans that tell the same of a place far from where odometry leads are believed: most leaps of a metre and 1 rad are found. */
+/* Two scans that tell the same of a place far from where odometry leads are believed: most leaps
+ * of a metre and 1 rad are found. */
 static void who_was_carried_is_found_again(void **state)
 {
     int32_t found = 0;

@@ -1,4 +1,5 @@
-/* The mapper beside a slow twin: the same rooms, called one after another, over key scans that are sorted as a whole. */
+/* The mapper beside a slow twin: the same rooms, called one after another, over key scans that
+ * are sorted as a whole. */
 #include "tests/drive.h"
 
 #include <math.h>
@@ -50,7 +51,8 @@ static twin new_twin(const cairn_mapper_params *params)
     field.max_scans = params->window;
     field.max_segments = params->window * params->scan.max_segments;
     field.max_points = params->max_local_points;
-    t.pool = test_pool(cairn_scan_memory(&params->scan) + cairn_icp_memory(&icp) + cairn_force_field_memory(&field));
+    t.pool = test_pool(cairn_scan_memory(&params->scan) + cairn_icp_memory(&icp) +
+                       cairn_force_field_memory(&field));
     assert_ok(cairn_scan_create(&t.scan, &t.pool, &params->scan));
     assert_ok(cairn_icp_create(&t.icp, &t.pool, &icp));
     if (params->window > 0)
@@ -102,14 +104,16 @@ static void make_map(twin *t, cairn_pose at)
     if (count > t->params.local_keys)
         count = t->params.local_keys;
     cairn_icp_clear_target(t->icp);
-    /* A unit for every key scan that was looked at, for 64 points of room and for two of each key scan. */
+    /* A unit for every key scan that was looked at, for 64 points of room and for two of each
+     * key scan. */
     t->state.units += t->state.keys - oldest + 1 + t->params.max_local_points / 64;
     for (int32_t i = 0, points = 0; i < count && points <= t->params.max_local_points; i++) {
         const twin_key *k = &t->keys[places[i].key];
 
         points += k->view.point_count;
         if (points <= t->params.max_local_points)
-            assert_ok(cairn_icp_add_target(t->icp, k->view.points, k->view.point_count, k->pose, NULL));
+            assert_ok(
+                cairn_icp_add_target(t->icp, k->view.points, k->view.point_count, k->pose, NULL));
         t->state.units += 1 + k->view.point_count;
     }
     t->map_made = 1;
@@ -124,7 +128,8 @@ static cairn_real way_of(cairn_pose motion)
 }
 
 /* What a motion tells of the scan, by odometry or because the one before was such. */
-static cairn_pose_prior prior_of(const twin *t, cairn_pose last, cairn_pose motion, int32_t is_odometry)
+static cairn_pose_prior prior_of(const twin *t, cairn_pose last, cairn_pose motion,
+                                 int32_t is_odometry)
 {
     const cairn_mapper_params *p = &t->params;
     cairn_real way = way_of(motion);
@@ -135,7 +140,8 @@ static cairn_pose_prior prior_of(const twin *t, cairn_pose last, cairn_pose moti
                                 : p->motion_distance_min + p->motion_distance * way;
     prior.sigma_y = prior.sigma_x;
     prior.sigma_theta = is_odometry
-                            ? t->slip * (p->odometry_turn_min + p->odometry_turn * (cairn_abs(motion.theta) + way / 10))
+                            ? t->slip * (p->odometry_turn_min +
+                                         p->odometry_turn * (cairn_abs(motion.theta) + way / 10))
                             : p->motion_turn_min + p->motion_turn * cairn_abs(motion.theta);
     return prior;
 }
@@ -151,14 +157,16 @@ static cairn_icp_result match(twin *t, const cairn_pose_prior *prior)
     return cairn_icp_read(t->icp);
 }
 
-/* Odometry that is two standard deviations off is believed less; what agrees is believed more, by a tenth each. Where the scan
- * tells all of its motion: beyond one standard deviation it may be off by as much for a while, up to four, beyond one and a half by
- * the same way. */
+/* Odometry that is two standard deviations off is believed less; what agrees is believed more,
+ * by a tenth each. Where the scan tells all of its motion: beyond one standard deviation it may
+ * be off by as much for a while, up to four, beyond one and a half by the same way. */
 static void weigh_odometry(twin *t, const cairn_pose_prior *prior, const cairn_icp_result *found)
 {
     cairn_pose e = cairn_pose_between(prior->mean, found->target_query);
-    cairn_real way_off = way_of(e) / prior->sigma_x, turn_off = cairn_abs(e.theta) / prior->sigma_theta;
-    cairn_real off = t->slip * (way_off > turn_off ? way_off : turn_off), faded = t->slip * CAIRN_REAL(0.8);
+    cairn_real way_off = way_of(e) / prior->sigma_x,
+               turn_off = cairn_abs(e.theta) / prior->sigma_theta;
+    cairn_real off = t->slip * (way_off > turn_off ? way_off : turn_off),
+               faded = t->slip * CAIRN_REAL(0.8);
 
     if (found->weak_ratio >= CAIRN_REAL(0.05)) {
         t->slip = off > 4 ? 4 : off;
@@ -181,7 +189,8 @@ static void weigh_odometry(twin *t, const cairn_pose_prior *prior, const cairn_i
     t->state.odometry_contradicted += off > 2;
 }
 
-/* What is expected next: half of a sudden motion; along walls that tell nothing of it the pace of before, which fades. */
+/* What is expected next: half of a sudden motion; along walls that tell nothing of it the pace
+ * of before, which fades. */
 static cairn_pose expect(twin *t, cairn_pose motion, cairn_pose asked, cairn_pose predicted,
                          const cairn_icp_result *best)
 {
@@ -192,7 +201,8 @@ static cairn_pose expect(twin *t, cairn_pose motion, cairn_pose asked, cairn_pos
         cairn_abs(off.theta) > CAIRN_REAL(0.08) + CAIRN_REAL(0.2) * cairn_abs(asked.theta)) {
         motion.x = (motion.x + t->motion.x) / 2;
         motion.y = (motion.y + t->motion.y) / 2;
-        motion.theta = cairn_wrap_angle(t->motion.theta + cairn_wrap_angle(motion.theta - t->motion.theta) / 2);
+        motion.theta = cairn_wrap_angle(t->motion.theta +
+                                        cairn_wrap_angle(motion.theta - t->motion.theta) / 2);
     }
     if (best->weak_ratio >= CAIRN_REAL(0.05)) {
         t->pace.x += CAIRN_REAL(0.1) * (motion.x - t->pace.x);
@@ -235,7 +245,8 @@ static void keep_key(twin *t, const cairn_scan_view *view, cairn_pose pose)
     memcpy(k->segments, view->segments, (size_t)view->segment_count * sizeof *k->segments);
     memcpy(k->points, view->points, (size_t)view->point_count * sizeof *k->points);
     if (view->segment_count > 0)
-        memcpy(k->first_point, view->first_point, (size_t)(view->segment_count + 1) * sizeof *k->first_point);
+        memcpy(k->first_point, view->first_point,
+               (size_t)(view->segment_count + 1) * sizeof *k->first_point);
     for (int32_t p = 0; p < view->point_count; p++)
         k->points[p].direction = cairn_vec2_unit(k->points[p].direction);
     k->view.segments = k->segments;
@@ -246,7 +257,8 @@ static void keep_key(twin *t, const cairn_scan_view *view, cairn_pose pose)
     t->map_made = 0;
 }
 
-/* The force field over the last key scans, of which the last `window_free` may move, but never the first. */
+/* The force field over the last key scans, of which the last `window_free` may move, but never
+ * the first. */
 static void run_field(twin *t)
 {
     int32_t count = 0, points = 0;
@@ -261,7 +273,8 @@ static void run_field(twin *t)
     }
     cairn_force_field_clear(t->field);
     for (int32_t i = 0; i < count; i++) {
-        assert_ok(cairn_force_field_add_scan(t->field, &window[i].view, NULL, window[i].pose, NULL));
+        assert_ok(
+            cairn_force_field_add_scan(t->field, &window[i].view, NULL, window[i].pose, NULL));
         if (i == 0 || i < count - t->params.window_free)
             assert_ok(cairn_force_field_fix(t->field, i, 1));
         t->state.units += 2 + window[i].view.point_count / 2;
@@ -279,7 +292,8 @@ static void run_field(twin *t)
 static void twin_scan(twin *t, const cairn_scan_input *input, const cairn_pose *odometry)
 {
     const cairn_mapper_params *p = &t->params;
-    cairn_pose last = cairn_pose_identity(), by_odometry = cairn_pose_identity(), motion = t->motion;
+    cairn_pose last = cairn_pose_identity(), by_odometry = cairn_pose_identity(),
+               motion = t->motion;
     cairn_pose alternative = cairn_pose_identity(), away;
     cairn_pose_prior prior, second;
     cairn_budget budget = {CAIRN_UNBOUNDED};
@@ -325,7 +339,8 @@ static void twin_scan(twin *t, const cairn_scan_input *input, const cairn_pose *
             if (away.x * away.x + away.y * away.y > CAIRN_REAL(0.05) * CAIRN_REAL(0.05) ||
                 cairn_abs(away.theta) > CAIRN_REAL(0.02)) {
                 other = match(t, &second);
-                if (counts(t, &other) && (!matched || quality(&other) > CAIRN_REAL(1.2) * quality(&best))) {
+                if (counts(t, &other) &&
+                    (!matched || quality(&other) > CAIRN_REAL(1.2) * quality(&best))) {
                     best = other;
                     matched = 1;
                     t->state.odometry_rejected += believed;
@@ -359,7 +374,8 @@ static void twin_scan(twin *t, const cairn_scan_input *input, const cairn_pose *
     } else {
         t->result.verdict = is_first ? CAIRN_MAPPER_FIRST : CAIRN_MAPPER_PREDICTED;
     }
-    t->state.predicted += t->result.verdict == CAIRN_MAPPER_BLIND || t->result.verdict == CAIRN_MAPPER_PREDICTED;
+    t->state.predicted +=
+        t->result.verdict == CAIRN_MAPPER_BLIND || t->result.verdict == CAIRN_MAPPER_PREDICTED;
     t->state.units += 4 + view.point_count / 4;
     t->state.scans++;
 
@@ -370,10 +386,10 @@ static void twin_scan(twin *t, const cairn_scan_input *input, const cairn_pose *
         t->odometry = *odometry;
     if (!is_first) {
         away = cairn_pose_between(t->keys[t->state.keys - 1].pose, t->result.map_scan);
-        t->result.is_key =
-            view.point_count > 0 && ((t->result.support < p->key_support && t->rest >= 2) ||
-                                     away.x * away.x + away.y * away.y > p->key_distance * p->key_distance ||
-                                     cairn_abs(away.theta) > p->key_turn);
+        t->result.is_key = view.point_count > 0 &&
+                           ((t->result.support < p->key_support && t->rest >= 2) ||
+                            away.x * away.x + away.y * away.y > p->key_distance * p->key_distance ||
+                            cairn_abs(away.theta) > p->key_turn);
     } else {
         t->result.is_key = 1;
     }
@@ -422,15 +438,20 @@ static void compare(const cairn_mapper *mapper, const twin *t)
 
 /* What a drive does to odometry and sensor, one after another and mixed. */
 typedef struct troubles {
-    cairn_real step_error, turn_error; /* of every step of odometry, at random up to these */
-    int32_t lost;                      /* every so many scans without odometry, two in a row; 0: never */
-    int32_t blind;                     /* every so many scans without a return; 0: never */
-    int32_t jump;                      /* every so many scans odometry leaps far away; 0: never */
-    int32_t bare_start;                /* the first scans: 1 without odometry, 2 without a return */
+    /* of every step of odometry, at random up to these */
+    cairn_real step_error, turn_error;
+    /* every so many scans without odometry, two in a row; 0: never */
+    int32_t lost;
+    /* every so many scans without a return; 0: never */
+    int32_t blind;
+    /* every so many scans odometry leaps far away; 0: never */
+    int32_t jump;
+    /* the first scans: 1 without odometry, 2 without a return */
+    int32_t bare_start;
 } troubles;
 
-static void side_by_side(cairn_mapper_params *params, sim_scene scene, uint64_t seed, int32_t scans, double every,
-                         const troubles *trouble, cairn_mapper_state *measured)
+static void side_by_side(cairn_mapper_params *params, sim_scene scene, uint64_t seed, int32_t scans,
+                         double every, const troubles *trouble, cairn_mapper_state *measured)
 {
     static float nothing[181];
     drive d = start_drive(scene, seed, scans, 0, every);
@@ -456,7 +477,8 @@ static void side_by_side(cairn_mapper_params *params, sim_scene scene, uint64_t 
         int32_t has_odometry = !(trouble->lost > 0 && i % trouble->lost >= trouble->lost - 2);
 
         if (i > 0) {
-            cairn_pose step = cairn_pose_between(pose_of(d.scans[i - 1].truth), pose_of(d.scans[i].truth));
+            cairn_pose step =
+                cairn_pose_between(pose_of(d.scans[i - 1].truth), pose_of(d.scans[i].truth));
 
             step.x += trouble->step_error * cairn_random_uniform(&random, -1, 1);
             step.y += trouble->step_error * cairn_random_uniform(&random, -1, 1);
@@ -465,7 +487,8 @@ static void side_by_side(cairn_mapper_params *params, sim_scene scene, uint64_t 
                 step.x += 25;
             believed = cairn_pose_compose(believed, step);
         }
-        if ((trouble->blind > 0 && i % trouble->blind == trouble->blind - 1) || (trouble->bare_start == 2 && i < 2))
+        if ((trouble->blind > 0 && i % trouble->blind == trouble->blind - 1) ||
+            (trouble->bare_start == 2 && i < 2))
             input.range = nothing;
         if (trouble->bare_start == 1 && i < 2)
             has_odometry = 0;

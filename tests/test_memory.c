@@ -1,5 +1,5 @@
-/* What every object takes of a pool, at its defaults and with each capacity changed, against what it took when somebody
- * looked at it last: memory is part of the contract. */
+/* What every object takes of a pool, at its defaults and with each capacity changed, against
+ * what it took when somebody looked at it last: memory is part of the contract. */
 #include "tests/kept.h"
 #include "tools/pool_objects.h"
 
@@ -22,8 +22,9 @@ static size_t bytes_with(const question *q, int32_t more)
     return pool_object_bytes(q->object, values, q->capacity + 1);
 }
 
-/* The default; or the sum over sixteen numbers from a third more than the default on, which for a choice are the next ones,
- * and where these are beyond the limit from a third less: pieces are rounded up, and one element more shows in one of them. */
+/* The default; or the sum over sixteen numbers from a third more than the default on, which for
+ * a choice are the next ones, and where these are beyond the limit from a third less: pieces are
+ * rounded up, and one element more shows in one of them. */
 static void tell(const void *item, char text[KEPT_TEXT])
 {
     const question *q = item;
@@ -57,10 +58,12 @@ int main(int argc, char **argv)
     if (CAIRN_POOL_GAP > 0)
         return cmocka_run_group_tests(with_gaps, NULL, NULL);
     for (const pool_object *o = pool_objects; o->name != NULL; o++)
-        for (int32_t k = -1; k < POOL_CAPACITIES && (k < 0 || o->capacities[k].name != NULL) && count < MOST; k++) {
+        for (int32_t k = -1;
+             k < POOL_CAPACITIES && (k < 0 || o->capacities[k].name != NULL) && count < MOST; k++) {
             questions[count].object = o;
             questions[count].capacity = k;
-            (void)snprintf(names[count], NAME, "%s_%s", o->name, k < 0 ? "default" : o->capacities[k].field);
+            (void)snprintf(names[count], NAME, "%s_%s", o->name,
+                           k < 0 ? "default" : o->capacities[k].field);
             for (char *c = names[count]; *c != 0; c++)
                 if (*c == '.')
                     *c = '_';

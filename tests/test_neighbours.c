@@ -21,7 +21,8 @@ static cairn_real distance_squared(cairn_vec2 a, cairn_vec2 b)
     return cairn_vec2_norm_squared(cairn_vec2_sub(a, b));
 }
 
-static int32_t slow_nearest(const cairn_vec2 *points, int32_t count, cairn_vec2 p, cairn_real radius)
+static int32_t slow_nearest(const cairn_vec2 *points, int32_t count, cairn_vec2 p,
+                            cairn_real radius)
 {
     int32_t best = -1;
 
@@ -32,13 +33,15 @@ static int32_t slow_nearest(const cairn_vec2 *points, int32_t count, cairn_vec2 
     return best;
 }
 
-/* Of the points that look east, north, west and south in turn, the nearest one that looks north or east. */
-static void check_facing(const cairn_point_grid *grid, const cairn_vec2 *points, int32_t count, cairn_vec2 p,
-                         cairn_real radius)
+/* Of the points that look east, north, west and south in turn, the nearest one that looks north
+ * or east. */
+static void check_facing(const cairn_point_grid *grid, const cairn_vec2 *points, int32_t count,
+                         cairn_vec2 p, cairn_real radius)
 {
     static const cairn_vec2 compass[] = {{1, 0}, {0, 1}, {-1, 0}, {0, -1}};
     cairn_vec2 directions[POINTS];
-    cairn_point_grid_facing facing = {directions, {CAIRN_REAL(0.6), CAIRN_REAL(0.8)}, CAIRN_REAL(0.6)};
+    cairn_point_grid_facing facing = {
+        directions, {CAIRN_REAL(0.6), CAIRN_REAL(0.8)}, CAIRN_REAL(0.6)};
     int32_t best = -1, looked_at = -1;
 
     for (int32_t i = 0; i < count; i++) {
@@ -52,8 +55,8 @@ static void check_facing(const cairn_point_grid *grid, const cairn_vec2 *points,
 }
 
 /* The cursor meets every point within the radius once and no other. */
-static void check_cursor(const cairn_point_grid *grid, const cairn_vec2 *points, int32_t count, cairn_vec2 p,
-                         cairn_real radius)
+static void check_cursor(const cairn_point_grid *grid, const cairn_vec2 *points, int32_t count,
+                         cairn_vec2 p, cairn_real radius)
 {
     cairn_point_grid_cursor cursor = cairn_point_grid_begin(grid, p, radius);
     int32_t seen[POINTS] = {0}, i;
@@ -67,8 +70,8 @@ static void check_cursor(const cairn_point_grid *grid, const cairn_vec2 *points,
         assert_int_equal(seen[i], distance_squared(points[i], p) <= radius * radius);
 }
 
-static void check_query(const cairn_point_grid *grid, const cairn_vec2 *points, int32_t count, cairn_vec2 p,
-                        cairn_real radius)
+static void check_query(const cairn_point_grid *grid, const cairn_vec2 *points, int32_t count,
+                        cairn_vec2 p, cairn_real radius)
 {
     cairn_real squared = -1;
     int32_t expected = slow_nearest(points, count, p, radius);
@@ -81,7 +84,8 @@ static void check_query(const cairn_point_grid *grid, const cairn_vec2 *points, 
     check_cursor(grid, points, count, p, radius);
 }
 
-/* Points at `scale` m around the origin, in steps of `step` cells (so that there are ties and points on borders). */
+/* Points at `scale` m around the origin, in steps of `step` cells (so that there are ties and
+ * points on borders). */
 static void check_random_points(uint64_t seed, cairn_real cell, cairn_real scale, cairn_real step)
 {
     static const cairn_real radii[] = {0, CAIRN_REAL(0.3), 1, CAIRN_REAL(2.5), 8, 1000};
@@ -140,12 +144,14 @@ static void test_grid_matches_linear_search(void **state)
     check_random_points(5, CAIRN_REAL(0.125), 1, CAIRN_REAL(0.25));
 }
 
-/* What a search looks at: a cell and the points in it, rings of cells until the next one is farther than the best point. */
+/* What a search looks at: a cell and the points in it, rings of cells until the next one is
+ * farther than the best point. */
 static void test_grid_counts_looks(void **state)
 {
-    static const cairn_vec2 points[] = {{CAIRN_REAL(0.5), CAIRN_REAL(0.5)}, {CAIRN_REAL(0.6), CAIRN_REAL(0.5)},
-                                        {CAIRN_REAL(1.5), CAIRN_REAL(0.5)}, {CAIRN_REAL(9.5), CAIRN_REAL(9.5)},
-                                        {CAIRN_REAL(9.5), CAIRN_REAL(8.5)}, {CAIRN_REAL(8.5), CAIRN_REAL(8.5)}};
+    static const cairn_vec2 points[] = {
+        {CAIRN_REAL(0.5), CAIRN_REAL(0.5)}, {CAIRN_REAL(0.6), CAIRN_REAL(0.5)},
+        {CAIRN_REAL(1.5), CAIRN_REAL(0.5)}, {CAIRN_REAL(9.5), CAIRN_REAL(9.5)},
+        {CAIRN_REAL(9.5), CAIRN_REAL(8.5)}, {CAIRN_REAL(8.5), CAIRN_REAL(8.5)}};
     static const cairn_vec2 directions[] = {{0, 1}, {0, 1}, {1, 0}, {1, 0}, {1, 0}, {1, 0}};
     cairn_point_grid_facing facing = {directions, {0, 1}, CAIRN_REAL(0.5)};
     cairn_pool pool;
@@ -155,25 +161,30 @@ static void test_grid_counts_looks(void **state)
     (void)state;
     for (int32_t i = 0; i < 6; i++)
         assert_ok(cairn_point_grid_insert(grid, points[i]));
-    assert_int_equal(cairn_point_grid_nearest_facing(grid, points[0], CAIRN_REAL(0.4), &facing, &looked_at), 0);
+    assert_int_equal(
+        cairn_point_grid_nearest_facing(grid, points[0], CAIRN_REAL(0.4), &facing, &looked_at), 0);
     assert_int_equal(looked_at, 3);
     facing.direction.x = 1;
     facing.direction.y = 0;
-    assert_int_equal(cairn_point_grid_nearest_facing(grid, points[0], CAIRN_REAL(0.4), &facing, &looked_at), -1);
+    assert_int_equal(
+        cairn_point_grid_nearest_facing(grid, points[0], CAIRN_REAL(0.4), &facing, &looked_at), -1);
     assert_int_equal(looked_at, 3);
     /* More cells than points: all points in turn. */
     assert_int_equal(cairn_point_grid_nearest_facing(grid, points[0], 6, &facing, &looked_at), 2);
     assert_int_equal(looked_at, 6);
-    assert_int_equal(cairn_point_grid_nearest_facing(grid, points[0], (cairn_real)NAN, &facing, &looked_at), -1);
+    assert_int_equal(
+        cairn_point_grid_nearest_facing(grid, points[0], (cairn_real)NAN, &facing, &looked_at), -1);
     assert_int_equal(looked_at, 0);
     test_pool_free(&pool);
 }
 
-/* Far beyond the range of cell numbers all points share the outermost cells and are still told apart. */
+/* Far beyond the range of cell numbers all points share the outermost cells and are still told
+ * apart. */
 static void test_grid_far_points(void **state)
 {
-    static const cairn_vec2 points[] = {{CAIRN_REAL(1e30), 0}, {CAIRN_REAL(1.1e30), 0}, {-CAIRN_REAL(1e30), 1},
-                                        {0, CAIRN_REAL(1e30)}, {0, -CAIRN_REAL(1e30)},  {0, 0}};
+    static const cairn_vec2 points[] = {{CAIRN_REAL(1e30), 0},  {CAIRN_REAL(1.1e30), 0},
+                                        {-CAIRN_REAL(1e30), 1}, {0, CAIRN_REAL(1e30)},
+                                        {0, -CAIRN_REAL(1e30)}, {0, 0}};
     cairn_pool pool;
     cairn_point_grid *grid = make_grid(&pool, 6, CAIRN_REAL(0.001));
     cairn_vec2 p = {CAIRN_REAL(1.09e30), 0};
@@ -185,7 +196,11 @@ static void test_grid_far_points(void **state)
 #ifndef CAIRN_FLOAT
     for (int32_t i = 0; i < 6; i++)
         for (int k = 0; k < 4; k++)
-            check_query(grid, points, 6, points[i], k == 0 ? 0 : k == 1 ? 1 : k == 2 ? 1.5e29 : 3e30);
+            check_query(grid, points, 6, points[i],
+                        k == 0   ? 0
+                        : k == 1 ? 1
+                        : k == 2 ? 1.5e29
+                                 : 3e30);
 #endif
     test_pool_free(&pool);
 }
@@ -215,7 +230,8 @@ static void test_grid_underflow(void **state)
     test_pool_free(&pool);
 }
 
-/* The work is bounded by the points, not by the area: a huge radius over tiny cells must return at once. */
+/* The work is bounded by the points, not by the area: a huge radius over tiny cells must return
+ * at once. */
 static void test_grid_huge_radius(void **state)
 {
     cairn_pool pool;
@@ -261,8 +277,8 @@ static void test_grid_order_is_reproducible(void **state)
     assert_true(hashes[0] == hashes[1]);
 }
 
-/* The cells that a query looks at, side by side with its radius, each border on its own side; fewer cells than points, or
- * all points instead. */
+/* The cells that a query looks at, side by side with its radius, each border on its own side;
+ * fewer cells than points, or all points instead. */
 static void test_grid_cells(void **state)
 {
     enum { FAR = 1 << 30 };
@@ -309,8 +325,8 @@ static void test_grid_cells(void **state)
     test_pool_free(&pool);
 }
 
-/* 256 points in as many cells around the origin. The head of the chain that a query starts with tells the bucket: this
- * is how well the hash spreads them. */
+/* 256 points in as many cells around the origin. The head of the chain that a query starts with
+ * tells the bucket: this is how well the hash spreads them. */
 static void test_grid_buckets(void **state)
 {
     cairn_pool pool;
@@ -327,7 +343,8 @@ static void test_grid_buckets(void **state)
     }
     for (int32_t i = 0; i < 256; i++) {
         int32_t row = i / 16, column = i - 16 * row;
-        cairn_vec2 p = {(cairn_real)column / 2 - CAIRN_REAL(3.75), (cairn_real)row / 2 - CAIRN_REAL(1.75)};
+        cairn_vec2 p = {(cairn_real)column / 2 - CAIRN_REAL(3.75),
+                        (cairn_real)row / 2 - CAIRN_REAL(1.75)};
         cairn_point_grid_cursor cursor = cairn_point_grid_begin(grid, p, 0);
 
         hash = test_hash(hash, &cursor.next, sizeof cursor.next);
@@ -344,18 +361,20 @@ static void test_grid_memory(void **state)
     static const struct {
         int32_t points;
         size_t buckets;
-    } sample[] = {{1, 1}, {2, 2}, {3, 4}, {4, 4}, {63, 64}, {64, 64}, {65, 128}, {1 << 20, 1 << 20}};
+    } sample[] = {{1, 1},   {2, 2},   {3, 4},    {4, 4},
+                  {63, 64}, {64, 64}, {65, 128}, {1 << 20, 1 << 20}};
     cairn_point_grid_params params = {1, 1};
-    size_t base = cairn_point_grid_memory(&params) - 48; /* without a point, a link and a bucket, 16 bytes each */
+    /* without a point, a link and a bucket, 16 bytes each */
+    size_t base = cairn_point_grid_memory(&params) - 48;
 
     (void)state;
     for (size_t i = 0; i < sizeof sample / sizeof *sample; i++) {
         size_t points = (size_t)sample[i].points;
 
         params.max_points = sample[i].points;
-        assert_int_equal(cairn_point_grid_memory(&params), base + (points * sizeof(cairn_vec2) + 15) / 16 * 16 +
-                                                               (points * 4 + 15) / 16 * 16 +
-                                                               (sample[i].buckets * 4 + 15) / 16 * 16);
+        assert_int_equal(cairn_point_grid_memory(&params),
+                         base + (points * sizeof(cairn_vec2) + 15) / 16 * 16 +
+                             (points * 4 + 15) / 16 * 16 + (sample[i].buckets * 4 + 15) / 16 * 16);
     }
 }
 
@@ -452,10 +471,10 @@ static int starts_before(const cairn_box *boxes, int32_t a, int32_t b)
     return boxes[a].min.x < boxes[b].min.x || (boxes[a].min.x == boxes[b].min.x && a < b);
 }
 
-/* Runs the sweep with budgets of `budget` units, compares with all pairs, and returns the units spent; *hash is one of the
- * pairs in order, which is that of the left sides. */
-static int32_t check_sweep(cairn_box_sweep *sweep, const cairn_box *boxes, int32_t count, int32_t budget,
-                           uint64_t *hash)
+/* Runs the sweep with budgets of `budget` units, compares with all pairs, and returns the units
+ * spent; *hash is one of the pairs in order, which is that of the left sides. */
+static int32_t check_sweep(cairn_box_sweep *sweep, const cairn_box *boxes, int32_t count,
+                           int32_t budget, uint64_t *hash)
 {
     static unsigned char seen[BOXES][BOXES];
     int32_t spent = 0, pair[2], last = -1, left_box;
@@ -532,12 +551,14 @@ static void test_sweep_matches_all_pairs(void **state)
     assert_true(hashes[0] == hashes[1] && hashes[0] == hashes[2] && hashes[0] == hashes[3]);
 }
 
-/* Boxes that touch share a point; points and lines are boxes; what is empty or not a number overlaps nothing. */
+/* Boxes that touch share a point; points and lines are boxes; what is empty or not a number
+ * overlaps nothing. */
 /* Within a window: of all pairs, in their order, those of which both boxes overlap it. */
 static void test_sweep_in_a_window(void **state)
 {
     static const int32_t budgets[] = {1, 7, CAIRN_UNBOUNDED};
-    static const cairn_box windows[] = {{{2, 3}, {6, 5}}, {{-1, -1}, {30, 30}}, {{5, 5}, {5, 5}}, {{4, 4}, {3, 3}}};
+    static const cairn_box windows[] = {
+        {{2, 3}, {6, 5}}, {{-1, -1}, {30, 30}}, {{5, 5}, {5, 5}}, {{4, 4}, {3, 3}}};
     cairn_random random = cairn_random_seed(11, 4);
     static cairn_box boxes[60];
     cairn_pool pool;
@@ -558,11 +579,13 @@ static void test_sweep_in_a_window(void **state)
                 assert_ok(cairn_box_sweep_begin(sweep, boxes, 60));
             else
                 assert_ok(cairn_box_sweep_begin_in(sweep, boxes, 60, window));
-            while ((status = cairn_box_sweep_next(sweep, &left, &pair[0], &pair[1])) != CAIRN_EMPTY) {
+            while ((status = cairn_box_sweep_next(sweep, &left, &pair[0], &pair[1])) !=
+                   CAIRN_EMPTY) {
                 if (status == CAIRN_MORE) {
                     left.left = budgets[k - 1];
                 } else if (k == 0) {
-                    if (cairn_box_overlap(boxes[pair[0]], window) && cairn_box_overlap(boxes[pair[1]], window))
+                    if (cairn_box_overlap(boxes[pair[0]], window) &&
+                        cairn_box_overlap(boxes[pair[1]], window))
                         memcpy(all[count++], pair, sizeof pair);
                 } else {
                     assert_true(at < count);
@@ -579,18 +602,18 @@ static void test_sweep_in_a_window(void **state)
 
 static void test_sweep_edges(void **state)
 {
-    cairn_box boxes[] = {
-        {{0, 0}, {1, 1}},
-        {{1, 1}, {2, 2}},
-        {{1, 0}, {1, 3}},
-        {{2, 2}, {2, 2}},
-        {{(cairn_real)NAN, 0}, {9, 9}},
-        {{0, (cairn_real)NAN}, {9, 9}},
-        {{0, 0}, {(cairn_real)NAN, 9}},
-        {{0, 0}, {9, (cairn_real)NAN}},
-        {{3, 0}, {-3, 9}},
-        {{0, 3}, {9, -3}},
-        {{-(cairn_real)INFINITY, -(cairn_real)INFINITY}, {(cairn_real)INFINITY, (cairn_real)INFINITY}}};
+    cairn_box boxes[] = {{{0, 0}, {1, 1}},
+                         {{1, 1}, {2, 2}},
+                         {{1, 0}, {1, 3}},
+                         {{2, 2}, {2, 2}},
+                         {{(cairn_real)NAN, 0}, {9, 9}},
+                         {{0, (cairn_real)NAN}, {9, 9}},
+                         {{0, 0}, {(cairn_real)NAN, 9}},
+                         {{0, 0}, {9, (cairn_real)NAN}},
+                         {{3, 0}, {-3, 9}},
+                         {{0, 3}, {9, -3}},
+                         {{-(cairn_real)INFINITY, -(cairn_real)INFINITY},
+                          {(cairn_real)INFINITY, (cairn_real)INFINITY}}};
     cairn_pool pool;
     cairn_box_sweep *sweep = make_sweep(&pool, 20);
     uint64_t hash;
@@ -627,8 +650,8 @@ static void test_sweep_begins_anew(void **state)
     }
 }
 
-/* Sorted order is kept: the second sweep over boxes that stay costs a pass, a comparison and a test to the unit; the pairs come
- * in order of the left sides. */
+/* Sorted order is kept: the second sweep over boxes that stay costs a pass, a comparison and a
+ * test to the unit; the pairs come in order of the left sides. */
 static void test_sweep_cost(void **state)
 {
     cairn_pool pool;
@@ -646,7 +669,8 @@ static void test_sweep_cost(void **state)
     }
     cost = check_sweep(sweep, boxes, BOXES, 1, &hash);
     assert_int_equal(cost, 771);
-    /* One comparison a box to see that all is sorted, one test a box to see that the next starts later. */
+    /* One comparison a box to see that all is sorted, one test a box to see that the next starts
+     * later. */
     assert_int_equal(check_sweep(sweep, boxes, BOXES, 1, &hash), BOXES);
     boxes[0].min.x = boxes[1].min.x - 1;
     boxes[0].max.x = boxes[1].min.x;

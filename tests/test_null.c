@@ -1,5 +1,5 @@
-/* Every object refuses what is not there: creation without a place for it, a pool or params; and steps, where
- * they say so, without an object or a budget. */
+/* Every object refuses what is not there: creation without a place for it, a pool or params; and
+ * steps, where they say so, without an object or a budget. */
 #include "tests/test.h"
 
 #include "cairn/assignment.h"
@@ -27,42 +27,42 @@
 #include "cairn/virtual_align.h"
 
 /* type: of the object, without cairn_. */
-#define CREATES(room, type)                                                                                            \
-    static void test_##room##_create(void **state)                                                                     \
-    {                                                                                                                  \
-        cairn_##room##_params params = room##_params();                                                                \
-        cairn_pool pool = test_pool(cairn_##room##_memory(&params));                                                   \
-        size_t before = pool.used;                                                                                     \
-        cairn_##type *object;                                                                                          \
-                                                                                                                       \
-        (void)state;                                                                                                   \
-        assert_status(cairn_##room##_create(NULL, &pool, &params), CAIRN_BAD_ARGUMENT);                                \
-        assert_status(cairn_##room##_create(&object, NULL, &params), CAIRN_BAD_ARGUMENT);                              \
-        assert_status(cairn_##room##_create(&object, &pool, NULL), CAIRN_BAD_ARGUMENT);                                \
-        assert_int_equal(cairn_##room##_memory(NULL), 0);                                                              \
-        assert_int_equal(pool.used, before);                                                                           \
-        test_pool_free(&pool);                                                                                         \
+#define CREATES(room, type)                                                                        \
+    static void test_##room##_create(void **state)                                                 \
+    {                                                                                              \
+        cairn_##room##_params params = room##_params();                                            \
+        cairn_pool pool = test_pool(cairn_##room##_memory(&params));                               \
+        size_t before = pool.used;                                                                 \
+        cairn_##type *object;                                                                      \
+                                                                                                   \
+        (void)state;                                                                               \
+        assert_status(cairn_##room##_create(NULL, &pool, &params), CAIRN_BAD_ARGUMENT);            \
+        assert_status(cairn_##room##_create(&object, NULL, &params), CAIRN_BAD_ARGUMENT);          \
+        assert_status(cairn_##room##_create(&object, &pool, NULL), CAIRN_BAD_ARGUMENT);            \
+        assert_int_equal(cairn_##room##_memory(NULL), 0);                                          \
+        assert_int_equal(pool.used, before);                                                       \
+        test_pool_free(&pool);                                                                     \
     }
-#define STEPS(room, type)                                                                                              \
-    CREATES(room, type)                                                                                                \
-    static void test_##room##_step(void **state)                                                                       \
-    {                                                                                                                  \
-        cairn_##room##_params params = room##_params();                                                                \
-        cairn_pool pool = test_pool(cairn_##room##_memory(&params));                                                   \
-        cairn_budget budget = {100};                                                                                   \
-        cairn_##type *object;                                                                                          \
-                                                                                                                       \
-        (void)state;                                                                                                   \
-        assert_ok(cairn_##room##_create(&object, &pool, &params));                                                     \
-        assert_status(cairn_##room##_step(NULL, &budget), CAIRN_BAD_ARGUMENT);                                         \
-        assert_status(cairn_##room##_step(object, NULL), CAIRN_BAD_ARGUMENT);                                          \
-        assert_int_equal(budget.left, 100);                                                                            \
-        test_pool_free(&pool);                                                                                         \
+#define STEPS(room, type)                                                                          \
+    CREATES(room, type)                                                                            \
+    static void test_##room##_step(void **state)                                                   \
+    {                                                                                              \
+        cairn_##room##_params params = room##_params();                                            \
+        cairn_pool pool = test_pool(cairn_##room##_memory(&params));                               \
+        cairn_budget budget = {100};                                                               \
+        cairn_##type *object;                                                                      \
+                                                                                                   \
+        (void)state;                                                                               \
+        assert_ok(cairn_##room##_create(&object, &pool, &params));                                 \
+        assert_status(cairn_##room##_step(NULL, &budget), CAIRN_BAD_ARGUMENT);                     \
+        assert_status(cairn_##room##_step(object, NULL), CAIRN_BAD_ARGUMENT);                      \
+        assert_int_equal(budget.left, 100);                                                        \
+        test_pool_free(&pool);                                                                     \
     }
-#define DEFAULT(room)                                                                                                  \
-    static cairn_##room##_params room##_params(void)                                                                   \
-    {                                                                                                                  \
-        return cairn_##room##_default();                                                                               \
+#define DEFAULT(room)                                                                              \
+    static cairn_##room##_params room##_params(void)                                               \
+    {                                                                                              \
+        return cairn_##room##_default();                                                           \
     }
 
 static cairn_scan_set_params scan_set_params(void)
@@ -93,46 +93,46 @@ static cairn_distance_map_params distance_map_params(void)
     return params;
 }
 
-#define STEPPED(X)                                                                                                     \
-    X(aligner, aligner)                                                                                                \
-    X(assignment, assignment)                                                                                          \
-    X(boundary, boundary)                                                                                              \
-    X(corner, corner_set)                                                                                              \
-    X(edge_chain, edge_chain_set)                                                                                      \
-    X(edge_segment, edge_segment_set)                                                                                  \
-    X(curve_evolution, curve_evolution)                                                                                \
-    X(inner_distance, inner_distance)                                                                                  \
-    X(self_similarity, self_similarity)                                                                                \
-    X(edgel, edgel_set)                                                                                                \
-    X(ellipse, ellipse_set)                                                                                            \
-    X(force_field, force_field)                                                                                        \
-    X(fragment_match, fragment_matcher)                                                                                \
-    X(hough, hough)                                                                                                    \
-    X(map_merge, map_merge)                                                                                            \
-    X(mapper, mapper)                                                                                                  \
-    X(part_bundle, part_builder)                                                                                       \
-    X(part_configuration, part_configurator)                                                                           \
-    X(place_map, place_map)                                                                                            \
-    X(polyline, polyline)                                                                                              \
-    X(pose_consensus, pose_consensus)                                                                                  \
-    X(rectangle, rectangle_set)                                                                                        \
-    X(scan, scan)                                                                                                      \
-    X(scan_cover, scan_cover)                                                                                          \
-    X(scan_match, scan_match)                                                                                          \
-    X(sequence, sequence)                                                                                              \
-    X(shape_builder, shape_builder)                                                                                    \
-    X(shape_context, shape_context)                                                                                    \
-    X(skeleton, skeleton)                                                                                              \
-    X(symmetric_point, symmetric_point_set)                                                                            \
-    X(virtual_align, virtual_align)                                                                                    \
-    X(virtual_scan, virtual_scan)                                                                                      \
+#define STEPPED(X)                                                                                 \
+    X(aligner, aligner)                                                                            \
+    X(assignment, assignment)                                                                      \
+    X(boundary, boundary)                                                                          \
+    X(corner, corner_set)                                                                          \
+    X(edge_chain, edge_chain_set)                                                                  \
+    X(edge_segment, edge_segment_set)                                                              \
+    X(curve_evolution, curve_evolution)                                                            \
+    X(inner_distance, inner_distance)                                                              \
+    X(self_similarity, self_similarity)                                                            \
+    X(edgel, edgel_set)                                                                            \
+    X(ellipse, ellipse_set)                                                                        \
+    X(force_field, force_field)                                                                    \
+    X(fragment_match, fragment_matcher)                                                            \
+    X(hough, hough)                                                                                \
+    X(map_merge, map_merge)                                                                        \
+    X(mapper, mapper)                                                                              \
+    X(part_bundle, part_builder)                                                                   \
+    X(part_configuration, part_configurator)                                                       \
+    X(place_map, place_map)                                                                        \
+    X(polyline, polyline)                                                                          \
+    X(pose_consensus, pose_consensus)                                                              \
+    X(rectangle, rectangle_set)                                                                    \
+    X(scan, scan)                                                                                  \
+    X(scan_cover, scan_cover)                                                                      \
+    X(scan_match, scan_match)                                                                      \
+    X(sequence, sequence)                                                                          \
+    X(shape_builder, shape_builder)                                                                \
+    X(shape_context, shape_context)                                                                \
+    X(skeleton, skeleton)                                                                          \
+    X(symmetric_point, symmetric_point_set)                                                        \
+    X(virtual_align, virtual_align)                                                                \
+    X(virtual_scan, virtual_scan)                                                                  \
     X(wall_slide, wall_slide)
 
 /* Steps that say nothing about objects that are not there. */
-#define OTHERS(X)                                                                                                      \
-    X(block_solver, block_solver)                                                                                      \
-    X(icp, icp)                                                                                                        \
-    X(lum, lum)                                                                                                        \
+#define OTHERS(X)                                                                                  \
+    X(block_solver, block_solver)                                                                  \
+    X(icp, icp)                                                                                    \
+    X(lum, lum)                                                                                    \
     X(occupancy_grid, occupancy_grid)
 
 #define DEFAULT_OF(room, type) DEFAULT(room)
@@ -150,8 +150,8 @@ CREATES(box_sweep, box_sweep)
 
 int main(void)
 {
-    const struct CMUnitTest tests[] = {STEPPED(STEP_TEST) OTHERS(CREATE_TEST) CREATE_TEST(distance_map, )
-                                           CREATE_TEST(scan_set, ) CREATE_TEST(point_grid, ) CREATE_TEST(box_sweep, )};
+    const struct CMUnitTest tests[] = {STEPPED(STEP_TEST) OTHERS(CREATE_TEST) CREATE_TEST(
+        distance_map, ) CREATE_TEST(scan_set, ) CREATE_TEST(point_grid, ) CREATE_TEST(box_sweep, )};
 
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -75,9 +75,10 @@ static void test_reads_words(void **state)
 
 static void test_refuses_what_is_no_number(void **state)
 {
-    static const char *const text[] = {"",      "+",    "-",  ".",       "-.",    "e5",     "1e",      "1e+",
-                                       "1e-",   "1ex",  "1x", "1,5",     "0x10",  "1 ",     " 1",      "--1",
-                                       "1.2.3", "nano", "in", "infinit", "1e309", "-1e999", "+nan(1)", "1e5e5"};
+    static const char *const text[] = {"",     "+",       "-",     ".",      "-.",      "e5",
+                                       "1e",   "1e+",     "1e-",   "1ex",    "1x",      "1,5",
+                                       "0x10", "1 ",      " 1",    "--1",    "1.2.3",   "nano",
+                                       "in",   "infinit", "1e309", "-1e999", "+nan(1)", "1e5e5"};
     char digits[CAIRN_NUMBER_TEXT_LONGEST + 2];
     double value = 7;
 
@@ -144,7 +145,8 @@ static void test_integers(void **state)
     for (size_t i = 0; i < sizeof sample / sizeof *sample; i++) {
         int64_t value = 5;
 
-        assert_int_equal(cairn_number_read_integer(sample[i].text, strlen(sample[i].text), &value), sample[i].ok);
+        assert_int_equal(cairn_number_read_integer(sample[i].text, strlen(sample[i].text), &value),
+                         sample[i].ok);
         assert_true(value == (sample[i].ok ? sample[i].value : 5));
     }
 }
@@ -183,11 +185,13 @@ static void test_stamps(void **state)
     for (size_t i = 0; i < sizeof sample / sizeof *sample; i++) {
         int64_t value = 5;
 
-        if (cairn_number_read_stamp(sample[i].text, strlen(sample[i].text), &value) != sample[i].ok ||
+        if (cairn_number_read_stamp(sample[i].text, strlen(sample[i].text), &value) !=
+                sample[i].ok ||
             value != (sample[i].ok ? sample[i].value : 5))
             fail_msg("\"%s\" was read as %lld", sample[i].text, (long long)value);
     }
-    assert_string_equal(cairn_number_write_stamp(text, INT64_C(976052857337530000)), "976052857.33753");
+    assert_string_equal(cairn_number_write_stamp(text, INT64_C(976052857337530000)),
+                        "976052857.33753");
     assert_string_equal(cairn_number_write_stamp(text, -1500000000), "-1.5");
     assert_string_equal(cairn_number_write_stamp(text, 1), "0.000000001");
     assert_string_equal(cairn_number_write_stamp(text, 0), "0");
@@ -205,7 +209,8 @@ static void test_writes_the_shortest_that_reads_back(void **state)
     assert_string_equal(cairn_number_write(text, CAIRN_REAL(0.1)), "0.1");
     assert_string_equal(cairn_number_write(text, -2), "-2");
     assert_string_equal(cairn_number_write(text, CAIRN_REAL(81.83)), "81.83");
-    assert_string_equal(cairn_number_write(text, CAIRN_REAL(1.0) / 3), NUMBER("0.3333333333333333", "0.33333334"));
+    assert_string_equal(cairn_number_write(text, CAIRN_REAL(1.0) / 3),
+                        NUMBER("0.3333333333333333", "0.33333334"));
     assert_string_equal(cairn_number_write(text, (cairn_real)NAN), "nan");
     assert_string_equal(cairn_number_write(text, (cairn_real)INFINITY), "inf");
     assert_string_equal(cairn_number_write(text, -(cairn_real)INFINITY), "-inf");

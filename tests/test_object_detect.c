@@ -1,11 +1,12 @@
-/* Known shapes detected in drawn pictures of edges; the field and the best place against the obvious way; pictures with nothing and
- * with edges everywhere. */
+/* Known shapes detected in drawn pictures of edges; the field and the best place against the
+ * obvious way; pictures with nothing and with edges everywhere. */
 #include "tests/flag_picture.h"
 
 #include "src/host/contour_search_fit.h"
 #include "src/host/object_detect_work.h"
 
-static cairn_detections detect(const cairn_contour_tokens *tokens, const cairn_object_detect_params *params)
+static cairn_detections detect(const cairn_contour_tokens *tokens,
+                               const cairn_object_detect_params *params)
 {
     cairn_shape_model_file model = make_model();
     cairn_detections found = detect_flag(tokens, params);
@@ -64,7 +65,8 @@ static void finds_a_shape_where_it_is(void **state)
     }
 }
 
-/* Two flags, and the second one only as its mirror image; no two boxes share more than they may, none lies in another. */
+/* Two flags, and the second one only as its mirror image; no two boxes share more than they may,
+ * none lies in another. */
 static void finds_two_shapes(void **state)
 {
     cairn_object_detect_params params = cairn_object_detect_default(WIDTH, HEIGHT);
@@ -80,7 +82,8 @@ static void finds_two_shapes(void **state)
     found = detect(&tokens, &params);
     assert_true(found.count >= 2);
     for (int32_t i = 0; i < 2; i++)
-        assert_true(share_of(&found.found[i], 30, 50, 1, 0) > 0.85 || share_of(&found.found[i], 270, 50, 1, 1) > 0.85);
+        assert_true(share_of(&found.found[i], 30, 50, 1, 0) > 0.85 ||
+                    share_of(&found.found[i], 270, 50, 1, 1) > 0.85);
     assert_int_equal(found.found[0].mirrored + found.found[1].mirrored, 1);
     best = found.found[0].score;
     second = found.found[1].score;
@@ -91,10 +94,12 @@ static void finds_two_shapes(void **state)
                        h = cairn_min(a->bottom, b->bottom) - cairn_max(a->top, b->top);
             cairn_real both = w > 0 && h > 0 ? w * h : 0;
 
-            assert_true(both <= CAIRN_REAL(0.801) * cairn_min((a->right - a->left) * (a->bottom - a->top),
-                                                              (b->right - b->left) * (b->bottom - b->top)));
-            assert_true(both <= CAIRN_REAL(0.2001) * ((a->right - a->left) * (a->bottom - a->top) +
-                                                      (b->right - b->left) * (b->bottom - b->top) - both));
+            assert_true(both <=
+                        CAIRN_REAL(0.801) * cairn_min((a->right - a->left) * (a->bottom - a->top),
+                                                      (b->right - b->left) * (b->bottom - b->top)));
+            assert_true(both <=
+                        CAIRN_REAL(0.2001) * ((a->right - a->left) * (a->bottom - a->top) +
+                                              (b->right - b->left) * (b->bottom - b->top) - both));
         }
     cairn_detections_free(&found);
     /* Without the mirror image one is left; nothing is better than the best. */
@@ -117,7 +122,8 @@ static void finds_two_shapes(void **state)
 /* ---- The obvious way ---- */
 
 /* How well the edges nearest to a cell go with a direction. */
-static double likely_at(const cairn_contour_tokens *tokens, const detect_plane *p, int32_t x, int32_t y, int32_t bin)
+static double likely_at(const cairn_contour_tokens *tokens, const detect_plane *p, int32_t x,
+                        int32_t y, int32_t bin)
 {
     double least = 30;
 
@@ -132,8 +138,8 @@ static double likely_at(const cairn_contour_tokens *tokens, const detect_plane *
             int32_t v = (int32_t)floor(((double)s.a.y + dy * k / steps) / (double)p->cell) - y;
 
             if (abs(u) <= 3 && abs(v) <= 3)
-                least = fmin(least, -log(fmax(0.2, 2 * (double)tokens->strength[i])) + turn * turn / 2 +
-                                        (u * u + v * v) / 2.0);
+                least = fmin(least, -log(fmax(0.2, 2 * (double)tokens->strength[i])) +
+                                        turn * turn / 2 + (u * u + v * v) / 2.0);
         }
     }
     return exp(-least);
@@ -173,7 +179,8 @@ static void weighs_edges_as_the_obvious_way_does(void **state)
                         sum += likely[v * p->width + u];
                         cells++;
                     }
-            assert_near(worth[(size_t)(y + DETECT_MARGIN) * cairn_detect_row(p) + (size_t)(x + DETECT_MARGIN)],
+            assert_near(worth[(size_t)(y + DETECT_MARGIN) * cairn_detect_row(p) +
+                              (size_t)(x + DETECT_MARGIN)],
                         log(0.25 + 0.75 * likely[i] / fmax(0.02, sum / cells)), 1e-4);
         }
         assert_near(worth[0], -0.7, 1e-6);
@@ -185,19 +192,22 @@ static void weighs_edges_as_the_obvious_way_does(void **state)
 }
 
 /* The mean worth of a flag's samples at a cell. */
-static double mean_worth(const detect_plane *p, const cairn_shape_model *m, double aspect, int32_t x, int32_t y)
+static double mean_worth(const detect_plane *p, const cairn_shape_model *m, double aspect,
+                         int32_t x, int32_t y)
 {
     double sum = 0;
 
     for (int32_t i = 0; i < m->outline_count; i++) {
         const cairn_oriented_point *o = &m->outline[i];
-        cairn_vec2 along = {(cairn_real)sqrt(aspect) * o->direction.x, (cairn_real)(1 / sqrt(aspect)) * o->direction.y};
+        cairn_vec2 along = {(cairn_real)sqrt(aspect) * o->direction.x,
+                            (cairn_real)(1 / sqrt(aspect)) * o->direction.y};
         int32_t u = x + (int32_t)lrint(sqrt(aspect) * (double)o->position.x * DETECT_CELLS);
         int32_t v = y + (int32_t)lrint((double)o->position.y / sqrt(aspect) * DETECT_CELLS);
-        size_t layer = (size_t)cairn_contour_field_bin(cairn_vec2_unit(along)) * cairn_detect_layer(p);
+        size_t layer =
+            (size_t)cairn_contour_field_bin(cairn_vec2_unit(along)) * cairn_detect_layer(p);
 
-        sum +=
-            (double)p->worth[layer + (size_t)(v + DETECT_MARGIN) * cairn_detect_row(p) + (size_t)(u + DETECT_MARGIN)];
+        sum += (double)p->worth[layer + (size_t)(v + DETECT_MARGIN) * cairn_detect_row(p) +
+                                (size_t)(u + DETECT_MARGIN)];
     }
     return sum / m->outline_count;
 }
@@ -238,7 +248,8 @@ static void looks_at_every_place(void **state)
 /* ---- How the bent outline fits ---- */
 
 /* The nearest edge in sigmas of 0.012 sizes and of a sine of 0.35, of all there are. */
-static double close_of(const cairn_contour_tokens *tokens, const cairn_contour_place *places, const cairn_detection *d)
+static double close_of(const cairn_contour_tokens *tokens, const cairn_contour_place *places,
+                       const cairn_detection *d)
 {
     double sum = 0;
 
@@ -252,7 +263,8 @@ static double close_of(const cairn_contour_tokens *tokens, const cairn_contour_p
             double u = (double)(at.position.x - s.a.x), v = (double)(at.position.y - s.a.y);
             double share = fmin(1, fmax(0, (u * x + v * y) / (length * length)));
             double far = hypot(u - share * x, v - share * y) / (double)d->size / 0.012;
-            double turn = fabs(x * (double)at.direction.y - y * (double)at.direction.x) / length / 0.35;
+            double turn =
+                fabs(x * (double)at.direction.y - y * (double)at.direction.x) / length / 0.35;
 
             if (far <= 4 && turn <= 2)
                 best = fmax(best, exp(-(far * far + turn * turn) / 2));
@@ -263,14 +275,16 @@ static double close_of(const cairn_contour_tokens *tokens, const cairn_contour_p
 }
 
 /* Angles of the ways from two samples before to two behind, by atan2; the flag has one outline. */
-static double turned_of(const cairn_shape_model *m, const cairn_contour_place *places, const cairn_detection *d)
+static double turned_of(const cairn_shape_model *m, const cairn_contour_place *places,
+                        const cairn_detection *d)
 {
     double sum = 0;
     int32_t n = m->outline_count;
 
     for (int32_t i = 0; i < n; i++) {
         int32_t a = (i + n - 2) % n, b = (i + 2) % n;
-        double x = (double)(m->outline[b].position.x - m->outline[a].position.x) * (d->mirrored ? -1 : 1);
+        double x =
+            (double)(m->outline[b].position.x - m->outline[a].position.x) * (d->mirrored ? -1 : 1);
         double was = atan2((double)(m->outline[b].position.y - m->outline[a].position.y), x);
         double is = atan2((double)(places[b].at.position.y - places[a].at.position.y),
                           (double)(places[b].at.position.x - places[a].at.position.x));
@@ -280,7 +294,8 @@ static double turned_of(const cairn_shape_model *m, const cairn_contour_place *p
     return sum / n;
 }
 
-/* What is left of one coordinate after the best a + b x + c y: Gram and Schmidt on the columns, in place of normal equations. */
+/* What is left of one coordinate after the best a + b x + c y: Gram and Schmidt on the columns,
+ * in place of normal equations. */
 static double residual_of(const cairn_shape_model *m, double *value, double slope[2])
 {
     enum { MOST = 1024 };
@@ -327,7 +342,8 @@ static double strained_of(const cairn_shape_model *m, const cairn_contour_place 
     for (int32_t i = 0; i < m->outline_count; i++)
         value[i] = (double)places[i].at.position.y;
     left += residual_of(m, value, slope[1]);
-    return fmin(1, sqrt(left / m->outline_count / fabs(slope[0][0] * slope[1][1] - slope[0][1] * slope[1][0])));
+    return fmin(1, sqrt(left / m->outline_count /
+                        fabs(slope[0][0] * slope[1][1] - slope[0][1] * slope[1][0])));
 }
 
 static void measures_how_the_outline_fits(void **state)
@@ -358,7 +374,8 @@ static void measures_how_the_outline_fits(void **state)
         assert_true(i < 2 ? d->turned < CAIRN_REAL(0.03) : d->turned > found.found[1].turned);
         assert_true(i < 2 ? d->strained < CAIRN_REAL(0.03) : d->strained > found.found[1].strained);
         assert_true(d->agreed >= 0 && d->agreed <= d->close);
-        assert_true(i < 2 ? d->agreed > CAIRN_REAL(0.8) * d->close : d->agreed < found.found[1].agreed / 2);
+        assert_true(i < 2 ? d->agreed > CAIRN_REAL(0.8) * d->close
+                          : d->agreed < found.found[1].agreed / 2);
     }
     cairn_detections_free(&found);
     cairn_contour_tokens_free(&tokens);
@@ -370,24 +387,28 @@ static void hide_behind_disc(int32_t x, int32_t y, int32_t radius)
 {
     for (int32_t v = y - radius; v <= y + radius; v++)
         for (int32_t u = x - radius; u <= x + radius; u++)
-            if (u >= 0 && v >= 0 && u < WIDTH && v < HEIGHT && (u - x) * (u - x) + (v - y) * (v - y) <= radius * radius)
+            if (u >= 0 && v >= 0 && u < WIDTH && v < HEIGHT &&
+                (u - x) * (u - x) + (v - y) * (v - y) <= radius * radius)
                 edges[v * WIDTH + u] = 0;
     for (int32_t i = 0; i < 60; i++)
         draw_line(x + radius * cos(i * 0.10471976), y + radius * sin(i * 0.10471976),
                   x + radius * cos((i + 1) * 0.10471976), y + radius * sin((i + 1) * 0.10471976));
 }
 
-/* How far an outline is from every similarity of the drawn one: of its triangles with the first and a far place, the third places, px. */
+/* How far an outline is from every similarity of the drawn one: of its triangles with the first
+ * and a far place, the third places, px. */
 static double unlike(const cairn_shape_model *m, const cairn_contour_place *places)
 {
     int32_t far = m->outline_count / 2;
-    cairn_vec2 a = m->outline[0].position, b = cairn_vec2_sub(m->outline[far].position, a), p = places[0].at.position,
-               q = cairn_vec2_sub(places[far].at.position, p);
+    cairn_vec2 a = m->outline[0].position, b = cairn_vec2_sub(m->outline[far].position, a),
+               p = places[0].at.position, q = cairn_vec2_sub(places[far].at.position, p);
     double length = (double)cairn_vec2_norm_squared(b), most = 0;
 
     for (int32_t i = 0; i < m->outline_count; i++) {
-        cairn_vec2 c = cairn_vec2_sub(m->outline[i].position, a), r = cairn_vec2_sub(places[i].at.position, p);
-        double along = (double)cairn_vec2_dot(b, c) / length, across = (double)cairn_vec2_cross(b, c) / length;
+        cairn_vec2 c = cairn_vec2_sub(m->outline[i].position, a),
+                   r = cairn_vec2_sub(places[i].at.position, p);
+        double along = (double)cairn_vec2_dot(b, c) / length,
+               across = (double)cairn_vec2_cross(b, c) / length;
 
         most = fmax(most, hypot((double)r.x - along * (double)q.x + across * (double)q.y,
                                 (double)r.y - along * (double)q.y - across * (double)q.x));
@@ -395,7 +416,8 @@ static double unlike(const cairn_shape_model *m, const cairn_contour_place *plac
     return most;
 }
 
-/* Half of the cloth behind a disc: laid where the rest says with a score above 0; without being told, bent round the disc. */
+/* Half of the cloth behind a disc: laid where the rest says with a score above 0; without being
+ * told, bent round the disc. */
 static void finds_what_is_hidden_in_part(void **state)
 {
     cairn_object_detect_params params = cairn_object_detect_default(WIDTH, HEIGHT);
@@ -434,7 +456,8 @@ static void draw_turned_flag(double x, double y, double turn, int32_t first, int
         double p[2][2];
 
         for (int32_t k = 0; k < 2; k++) {
-            double u = (double)flag[(i + k) % CORNERS].x - 40, v = (double)flag[(i + k) % CORNERS].y - 60;
+            double u = (double)flag[(i + k) % CORNERS].x - 40,
+                   v = (double)flag[(i + k) % CORNERS].y - 60;
 
             p[k][0] = x + cos(turn) * u - sin(turn) * v;
             p[k][1] = y + sin(turn) * u + cos(turn) * v;
@@ -443,8 +466,8 @@ static void draw_turned_flag(double x, double y, double turn, int32_t first, int
     }
 }
 
-/* A flag that leans by 12 degrees and has lost its pole: candidates stand upright, grouping makes one that leans, and its evidence
- * counts, whatever the weight of verification. */
+/* A flag that leans by 12 degrees and has lost its pole: candidates stand upright, grouping
+ * makes one that leans, and its evidence counts, whatever the weight of verification. */
 static void finds_what_is_turned_and_hidden_by_grouping(void **state)
 {
     cairn_object_detect_params params = cairn_object_detect_default(WIDTH, HEIGHT);
@@ -467,7 +490,8 @@ static void finds_what_is_turned_and_hidden_by_grouping(void **state)
     cairn_contour_tokens_free(&tokens);
 }
 
-/* Flags of two sizes, one mirrored: both are grouped, most evidence first, where they are, and nowhere else. */
+/* Flags of two sizes, one mirrored: both are grouped, most evidence first, where they are, and
+ * nowhere else. */
 static void groups_in_all_sizes(void **state)
 {
     cairn_object_detect_params params = cairn_object_detect_default(WIDTH, HEIGHT);
@@ -504,7 +528,8 @@ static void groups_in_all_sizes(void **state)
     cairn_shape_model_file_free(&model);
 }
 
-/* Chance lays more small outlines along edges than are kept: the large one, which comes last, is found still. */
+/* Chance lays more small outlines along edges than are kept: the large one, which comes last, is
+ * found still. */
 static void finds_a_large_shape_among_very_many_peaks(void **state)
 {
     cairn_object_detect_params params = cairn_object_detect_default(WIDTH, HEIGHT);
@@ -527,8 +552,8 @@ static void finds_a_large_shape_among_very_many_peaks(void **state)
     cairn_contour_tokens_free(&tokens);
 }
 
-/* Grouping finds the flag, too: its score goes up in proportion to the weight, before overlaps are looked at and the worse ones go. With no
- * weight nothing is grouped. */
+/* Grouping finds the flag, too: its score goes up in proportion to the weight, before overlaps
+ * are looked at and the worse ones go. With no weight nothing is grouped. */
 static void verifies_what_is_grouped_as_well(void **state)
 {
     cairn_object_detect_params params = cairn_object_detect_default(WIDTH, HEIGHT);
@@ -549,7 +574,8 @@ static void verifies_what_is_grouped_as_well(void **state)
         params.min_score = 0;
         found = detect(&tokens, &params);
         assert_true(found.found[0].left == plain.found[0].left && found.found[0].grouped > 20);
-        assert_near(found.found[0].score - plain.found[0].score, params.verify * found.found[0].grouped, 1e-3);
+        assert_near(found.found[0].score - plain.found[0].score,
+                    params.verify * found.found[0].grouped, 1e-3);
         cairn_detections_free(&found);
         /* What would be too little without. */
         params.min_score = plain.found[0].score + params.verify;
@@ -632,24 +658,29 @@ static void refuses_what_cannot_be(void **state)
     bad[12].verify = (cairn_real)NAN;
     for (int i = 0; i < 13; i++) {
         field = (cairn_detect_field *)&found;
-        assert_status(cairn_detect_field_make(&field, &tokens, &bad[i], "edges", &error), CAIRN_BAD_ARGUMENT);
+        assert_status(cairn_detect_field_make(&field, &tokens, &bad[i], "edges", &error),
+                      CAIRN_BAD_ARGUMENT);
         assert_null(field);
         assert_error_holds(what[i]);
     }
     assert_ok(cairn_detect_field_make(&field, &tokens, &good, "edges", &error));
     model.model.size = 0;
-    assert_status(cairn_object_detect(&found, field, &model.model, "edges", &error), CAIRN_BAD_ARGUMENT);
+    assert_status(cairn_object_detect(&found, field, &model.model, "edges", &error),
+                  CAIRN_BAD_ARGUMENT);
     assert_error_holds("no model, expected a size");
     model.model.size = 1;
     model.model.outline_count = 2;
-    assert_status(cairn_object_detect(&found, field, &model.model, "edges", &error), CAIRN_BAD_ARGUMENT);
+    assert_status(cairn_object_detect(&found, field, &model.model, "edges", &error),
+                  CAIRN_BAD_ARGUMENT);
     assert_error_holds("fewer than 3 places, expected an outline");
     model.model.outline_count = 3;
     for (int32_t upright = 0; upright < 2; upright++) {
         for (int32_t i = 0; i < 3; i++)
-            line[i].position = upright ? (cairn_vec2){0, (cairn_real)i / 10} : (cairn_vec2){(cairn_real)i / 10, 0};
+            line[i].position =
+                upright ? (cairn_vec2){0, (cairn_real)i / 10} : (cairn_vec2){(cairn_real)i / 10, 0};
         model.model.outline = line;
-        assert_status(cairn_object_detect(&found, field, &model.model, "edges", &error), CAIRN_BAD_ARGUMENT);
+        assert_status(cairn_object_detect(&found, field, &model.model, "edges", &error),
+                      CAIRN_BAD_ARGUMENT);
         assert_error_holds("along one straight line");
     }
     cairn_detect_field_free(field);
@@ -667,7 +698,8 @@ static void takes_sizes_up_to_the_bounds(void **state)
     (void)state;
     for (int32_t turned = 0; turned < 2; turned++) {
         params.min_size = params.max_size = 163;
-        assert_status(cairn_detect_field_make(&field, &tokens, &params, "edges", &error), CAIRN_BAD_ARGUMENT);
+        assert_status(cairn_detect_field_make(&field, &tokens, &params, "edges", &error),
+                      CAIRN_BAD_ARGUMENT);
         assert_error_holds("min_size 163 in a picture of 8192 pixels, expected at least 163.84");
         params.min_size = params.max_size = 164;
         assert_ok(cairn_detect_field_make(&field, &tokens, &params, "edges", &error));
@@ -688,7 +720,8 @@ static void takes_sizes_up_to_the_bounds(void **state)
 /* An outline that would reach beyond the field's margins. */
 static void refuses_outlines_that_reach_too_far(void **state)
 {
-    static const cairn_real far[] = {CAIRN_REAL(0.55), CAIRN_REAL(0.9), CAIRN_REAL(1e30), CAIRN_REAL_MAX};
+    static const cairn_real far[] = {CAIRN_REAL(0.55), CAIRN_REAL(0.9), CAIRN_REAL(1e30),
+                                     CAIRN_REAL_MAX};
     cairn_object_detect_params params = cairn_object_detect_default(WIDTH, HEIGHT);
     cairn_shape_model_file model = make_model();
     cairn_contour_tokens tokens = {.width = WIDTH, .height = HEIGHT};
@@ -711,7 +744,8 @@ static void refuses_outlines_that_reach_too_far(void **state)
             outline[bad.outline_count - 1].position.x = position;
         else
             outline[bad.outline_count - 1].position.y = position;
-        assert_status(cairn_object_detect(&found, field, &bad, "edges", &error), CAIRN_BAD_ARGUMENT);
+        assert_status(cairn_object_detect(&found, field, &bad, "edges", &error),
+                      CAIRN_BAD_ARGUMENT);
         assert_error_holds("the outline lies farther from its middle than half its size");
         outline[bad.outline_count - 1].position = model.model.outline[0].position;
         outline[0].position.x = CAIRN_REAL(0.53);

@@ -1,5 +1,5 @@
-/* Shapes detected by configurations of parts: where they are, what they are made of, each way of bundling; pictures with nothing and with
- * edges everywhere. */
+/* Shapes detected by configurations of parts: where they are, what they are made of, each way of
+ * bundling; pictures with nothing and with edges everywhere. */
 #include "tests/flag_picture.h"
 
 #include "cairn/part_bundle.h"
@@ -23,7 +23,8 @@ static cairn_real length_of_chain(const cairn_contour_tokens *tokens, int32_t ch
 }
 
 /* Every part is a fragment along a chain; of each bundle there is one at most. */
-static void assert_configuration(const cairn_contour_tokens *tokens, const cairn_object_detect_params *params,
+static void assert_configuration(const cairn_contour_tokens *tokens,
+                                 const cairn_object_detect_params *params,
                                  const cairn_detections *found, const cairn_detection *d)
 {
     uint32_t bundles = 0, fragments = 0;
@@ -40,7 +41,8 @@ static void assert_configuration(const cairn_contour_tokens *tokens, const cairn
         assert_in_range(p->fragment, 0, 31);
         assert_in_range(p->chain, 0, tokens->chains - 1);
         assert_true(p->similarity >= CAIRN_REAL(0.5) && p->similarity <= 1);
-        assert_true(p->from >= 0 && p->to > p->from && p->to <= 3 * length_of_chain(tokens, p->chain));
+        assert_true(p->from >= 0 && p->to > p->from &&
+                    p->to <= 3 * length_of_chain(tokens, p->chain));
         assert_false(fragments >> p->fragment & 1);
         if (params->bundles != CAIRN_DETECT_NO_BUNDLES)
             assert_false(bundles >> p->bundle & 1);
@@ -49,7 +51,8 @@ static void assert_configuration(const cairn_contour_tokens *tokens, const cairn
     }
 }
 
-static cairn_detections detect(const cairn_contour_tokens *tokens, const cairn_object_detect_params *params)
+static cairn_detections detect(const cairn_contour_tokens *tokens,
+                               const cairn_object_detect_params *params)
 {
     cairn_detections found = detect_flag(tokens, params);
 
@@ -65,7 +68,8 @@ static void finds_a_shape_by_its_parts(void **state)
         double x, y, scale;
         int mirrored;
         int32_t hidden;
-    } cases[] = {{110, 40, 1, 0, -1}, {200, 30, 1.2, 1, -1}, {60, 70, 0.9, 0, 7}, {230, 60, 1, 1, 0}};
+    } cases[] = {
+        {110, 40, 1, 0, -1}, {200, 30, 1.2, 1, -1}, {60, 70, 0.9, 0, 7}, {230, 60, 1, 1, 0}};
 
     (void)state;
     for (size_t i = 0; i < 2 * (sizeof cases / sizeof *cases); i++) {
@@ -77,18 +81,21 @@ static void finds_a_shape_by_its_parts(void **state)
         clear_picture();
         if (i % 2)
             draw_clutter(10);
-        draw_flag_without(cases[k].x, cases[k].y, cases[k].scale, cases[k].mirrored, cases[k].hidden);
+        draw_flag_without(cases[k].x, cases[k].y, cases[k].scale, cases[k].mirrored,
+                          cases[k].hidden);
         tokens = find_tokens(0);
         found = detect(&tokens, &params);
         assert_true(found.count >= 1);
-        assert_true(share_of(&found.found[0], cases[k].x, cases[k].y, cases[k].scale, cases[k].mirrored) > 0.7);
+        assert_true(share_of(&found.found[0], cases[k].x, cases[k].y, cases[k].scale,
+                             cases[k].mirrored) > 0.7);
         assert_int_equal(found.found[0].mirrored, cases[k].mirrored);
         cairn_detections_free(&found);
         cairn_contour_tokens_free(&tokens);
     }
 }
 
-/* Whichever way the fragments are bundled and votes looked around: an alone-standing shape is found. */
+/* Whichever way the fragments are bundled and votes looked around: an alone-standing shape is
+ * found. */
 static void finds_it_by_every_way(void **state)
 {
     (void)state;
@@ -188,13 +195,15 @@ static void tells_its_stages(void **state)
     }
 }
 
-/* Ten thousand chains of a picture without any object, by both methods: what comes back is bounded. */
+/* Ten thousand chains of a picture without any object, by both methods: what comes back is
+ * bounded. */
 static void takes_very_many_chains(void **state)
 {
     enum { CHAINS = 10000, SIDE = 1600 };
     cairn_random random = cairn_random_seed(4, 4);
     cairn_shape_model_file model = make_model();
-    cairn_contour_tokens tokens = {.width = SIDE, .height = SIDE, .count = CHAINS, .chains = CHAINS, .mean_length = 15};
+    cairn_contour_tokens tokens = {
+        .width = SIDE, .height = SIDE, .count = CHAINS, .chains = CHAINS, .mean_length = 15};
 
     (void)state;
     tokens.lines = malloc(CHAINS * sizeof *tokens.lines);
@@ -204,7 +213,8 @@ static void takes_very_many_chains(void **state)
     assert_non_null(tokens.chain);
     assert_non_null(tokens.strength);
     for (int32_t i = 0; i < CHAINS; i++) {
-        cairn_real x = cairn_random_uniform(&random, 30, SIDE - 30), y = cairn_random_uniform(&random, 30, SIDE - 30);
+        cairn_real x = cairn_random_uniform(&random, 30, SIDE - 30),
+                   y = cairn_random_uniform(&random, 30, SIDE - 30);
 
         tokens.lines[i].a.x = x;
         tokens.lines[i].a.y = y;
@@ -264,13 +274,15 @@ static void refuses_what_cannot_be(void **state)
     bad[7].appearance_weight = -1;
     bad[8].appearance_weight = 1001;
     for (int i = 0; i < BAD; i++) {
-        assert_status(cairn_detect_field_make(&field, &tokens, &bad[i], "edges", &error), CAIRN_BAD_ARGUMENT);
+        assert_status(cairn_detect_field_make(&field, &tokens, &bad[i], "edges", &error),
+                      CAIRN_BAD_ARGUMENT);
         assert_error_holds(what[i]);
     }
     /* One vertex is no outline. */
     assert_ok(cairn_detect_field_make(&field, &tokens, &good, "edges", &error));
     model.model.outline_count = 1;
-    assert_status(cairn_object_detect(&found, field, &model.model, "edges", &error), CAIRN_BAD_ARGUMENT);
+    assert_status(cairn_object_detect(&found, field, &model.model, "edges", &error),
+                  CAIRN_BAD_ARGUMENT);
     assert_non_null(strstr(error.text, "expected"));
     assert_null(found.found);
     model.model.outline_count = full;
@@ -279,7 +291,8 @@ static void refuses_what_cannot_be(void **state)
     assert_ok(cairn_detect_field_make(&field, &tokens, &good, "edges", &error));
     for (int32_t i = 0; i < model.model.outline_count; i++)
         model.outline[i].position = model.outline[0].position;
-    assert_status(cairn_object_detect(&found, field, &model.model, "edges", &error), CAIRN_BAD_ARGUMENT);
+    assert_status(cairn_object_detect(&found, field, &model.model, "edges", &error),
+                  CAIRN_BAD_ARGUMENT);
     assert_null(found.found);
     cairn_detect_field_free(field);
     cairn_shape_model_file_free(&model);

@@ -1,11 +1,13 @@
-/* Shapes detected by parts as written: what a hypothesis is made of, its box and score; nothing, very much, one fragment alone. */
+/* Shapes detected by parts as written: what a hypothesis is made of, its box and score; nothing,
+ * very much, one fragment alone. */
 #include "tests/flag_picture.h"
 
 #include "cairn/part_bundle.h"
 #include "src/host/object_detect_work.h"
 
 /* The box about all lines of the chains that the parts are. */
-static void assert_box(const cairn_contour_tokens *tokens, const cairn_detections *found, const cairn_detection *d)
+static void assert_box(const cairn_contour_tokens *tokens, const cairn_detections *found,
+                       const cairn_detection *d)
 {
     cairn_box box = cairn_box_empty();
     int32_t lines = 0;
@@ -13,7 +15,8 @@ static void assert_box(const cairn_contour_tokens *tokens, const cairn_detection
     for (int32_t i = 0; i < tokens->count; i++)
         for (int32_t k = 0; k < d->part_count; k++)
             if (tokens->chain[i] == found->parts[d->first_part + k].chain) {
-                box = cairn_box_extend(cairn_box_extend(box, tokens->lines[i].a), tokens->lines[i].b);
+                box =
+                    cairn_box_extend(cairn_box_extend(box, tokens->lines[i].a), tokens->lines[i].b);
                 lines++;
             }
     assert_int_equal(d->segment_count, lines);
@@ -51,7 +54,8 @@ static void assert_hypothesis(const cairn_contour_tokens *tokens, const cairn_de
     assert_box(tokens, found, d);
 }
 
-static cairn_detections detect(const cairn_contour_tokens *tokens, const cairn_object_detect_params *params)
+static cairn_detections detect(const cairn_contour_tokens *tokens,
+                               const cairn_object_detect_params *params)
 {
     cairn_detections found = detect_flag(tokens, params);
 
@@ -75,7 +79,8 @@ static void finds_a_shape(void **state)
         double x, y, scale;
         int mirrored;
         int32_t hidden;
-    } cases[] = {{110, 40, 1, 0, -1}, {200, 30, 1.2, 1, -1}, {60, 70, 0.9, 0, 7}, {230, 60, 1, 1, 0}};
+    } cases[] = {
+        {110, 40, 1, 0, -1}, {200, 30, 1.2, 1, -1}, {60, 70, 0.9, 0, 7}, {230, 60, 1, 1, 0}};
 
     (void)state;
     for (size_t k = 0; k < sizeof cases / sizeof *cases; k++) {
@@ -84,19 +89,23 @@ static void finds_a_shape(void **state)
         cairn_detections found;
 
         clear_picture();
-        draw_flag_without(cases[k].x, cases[k].y, cases[k].scale, cases[k].mirrored, cases[k].hidden);
+        draw_flag_without(cases[k].x, cases[k].y, cases[k].scale, cases[k].mirrored,
+                          cases[k].hidden);
         tokens = find_tokens(0);
         found = detect(&tokens, &params);
         assert_true(found.count >= 1);
-        assert_true(share_of(&found.found[0], cases[k].x, cases[k].y, cases[k].scale, cases[k].mirrored) > 0.85);
+        assert_true(share_of(&found.found[0], cases[k].x, cases[k].y, cases[k].scale,
+                             cases[k].mirrored) > 0.85);
         assert_int_equal(found.found[0].mirrored, cases[k].mirrored);
-        assert_true(found.found[0].distance < (cases[k].hidden < 0 ? CAIRN_REAL(0.3) : CAIRN_REAL(0.8)));
+        assert_true(found.found[0].distance <
+                    (cases[k].hidden < 0 ? CAIRN_REAL(0.3) : CAIRN_REAL(0.8)));
         cairn_detections_free(&found);
         cairn_contour_tokens_free(&tokens);
     }
 }
 
-/* No chain, chains too many to keep all configurations of, more near votes than there are, every match. */
+/* No chain, chains too many to keep all configurations of, more near votes than there are, every
+ * match. */
 static void is_bounded(void **state)
 {
     cairn_object_detect_params params = written_params();
@@ -190,7 +199,8 @@ static void refuses_other_methods(void **state)
     bad[5].occluded = 1;
     bad[6].verify = 1;
     for (int i = 0; i < BAD; i++) {
-        assert_status(cairn_detect_field_make(&field, &tokens, &bad[i], "edges", &error), CAIRN_BAD_ARGUMENT);
+        assert_status(cairn_detect_field_make(&field, &tokens, &bad[i], "edges", &error),
+                      CAIRN_BAD_ARGUMENT);
         assert_error_holds(i < 2 ? "expected 0 or 1" : "as written");
     }
 }

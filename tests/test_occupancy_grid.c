@@ -6,7 +6,8 @@
 
 enum { WIDTH = 13, HEIGHT = 9 };
 
-static const cairn_occupancy_grid_params SMALL = {WIDTH, HEIGHT, CAIRN_REAL(0.25), {-1, CAIRN_REAL(0.5)}};
+static const cairn_occupancy_grid_params SMALL = {
+    WIDTH, HEIGHT, CAIRN_REAL(0.25), {-1, CAIRN_REAL(0.5)}};
 
 static cairn_occupancy_grid *make_grid(cairn_pool *pool, cairn_occupancy_grid_params params)
 {
@@ -32,7 +33,8 @@ static int slow_clip(double a, double b, double low, double high, double *start,
 }
 
 /* Length of the beam in one box, by clipping. */
-static double slow_chord(cairn_vec2 from, cairn_vec2 to, double x, double y, double width, double height)
+static double slow_chord(cairn_vec2 from, cairn_vec2 to, double x, double y, double width,
+                         double height)
 {
     double start = 0, end = 1;
 
@@ -42,13 +44,14 @@ static double slow_chord(cairn_vec2 from, cairn_vec2 to, double x, double y, dou
     return (end - start) * hypot((double)(to.x - from.x), (double)(to.y - from.y));
 }
 
-/* Beam by beam: chords of a walk against clipping with each cell, their sum against clipping with the whole grid; cells
- * follow each other without a gap, and none is touched in a corner alone by a `generic` beam; then what add_beam leaves
- * in the cells. */
+/* Beam by beam: chords of a walk against clipping with each cell, their sum against clipping
+ * with the whole grid; cells follow each other without a gap, and none is touched in a corner
+ * alone by a `generic` beam; then what add_beam leaves in the cells. */
 static void check_beam(cairn_occupancy_grid *grid, cairn_vec2 from, cairn_vec2 to, int generic)
 {
     cairn_occupancy_grid_params params = cairn_occupancy_grid_read(grid);
-    double res = (double)params.resolution, left = (double)params.origin.x, bottom = (double)params.origin.y;
+    double res = (double)params.resolution, left = (double)params.origin.x,
+           bottom = (double)params.origin.y;
     double tolerance = NUMBER(1e-12, 2e-5), sum = 0, whole;
     double walked[HEIGHT][WIDTH] = {{0}};
     cairn_occupancy_walk walk;
@@ -89,7 +92,9 @@ static void check_beam(cairn_occupancy_grid *grid, cairn_vec2 from, cairn_vec2 t
             for (int32_t x = 0; x < WIDTH; x++) {
                 cairn_occupancy_cell cell = cairn_occupancy_grid_cell(grid, x, y);
 
-                assert_near(walked[y][x], slow_chord(from, to, left + res * x, bottom + res * y, res, res), tolerance);
+                assert_near(walked[y][x],
+                            slow_chord(from, to, left + res * x, bottom + res * y, res, res),
+                            tolerance);
                 assert_near(cell.length, walked[y][x], 1e-6);
                 assert_int_equal(cell.hits, hit && inside && x == end_x && y == end_y);
             }
@@ -120,7 +125,8 @@ static void test_beams_match_clipping(void **state)
     test_pool_free(&pool);
 }
 
-/* Ends on borders and corners, beams along borders, without length, and along the axes: steps of half a cell. */
+/* Ends on borders and corners, beams along borders, without length, and along the axes: steps of
+ * half a cell. */
 static void test_beams_on_borders(void **state)
 {
     cairn_random random = cairn_random_seed(22, 0);
@@ -185,10 +191,12 @@ static void test_known_beams(void **state)
     test_pool_free(&pool);
 }
 
-/* Bound of the length: a beam many times as long as the grid, and coordinates that are not numbers or overflow. */
+/* Bound of the length: a beam many times as long as the grid, and coordinates that are not
+ * numbers or overflow. */
 static void test_beams_far_and_not_finite(void **state)
 {
-    const cairn_real bad[] = {(cairn_real)NAN, (cairn_real)INFINITY, -(cairn_real)INFINITY, CAIRN_REAL_MAX};
+    const cairn_real bad[] = {(cairn_real)NAN, (cairn_real)INFINITY, -(cairn_real)INFINITY,
+                              CAIRN_REAL_MAX};
     cairn_vec2 good = {0, 1}, far = {NUMBER(1e9, 1e3f), 1}, other_far = {-NUMBER(1e9, 1e3f), 1};
     cairn_pool pool;
     cairn_occupancy_grid *grid = make_grid(&pool, SMALL);
@@ -234,7 +242,9 @@ static void random_scan(cairn_random *random, cairn_beam *beams)
         beams[i].from.y = CAIRN_REAL(0.2);
         beams[i].to.x = range * cairn_cos(angle);
         beams[i].to.y = range * cairn_sin(angle);
-        beams[i].kind = i % 4 == 0 ? CAIRN_BEAM_UNKNOWN : i % 4 == 1 ? CAIRN_BEAM_FREE : CAIRN_BEAM_HIT;
+        beams[i].kind = i % 4 == 0   ? CAIRN_BEAM_UNKNOWN
+                        : i % 4 == 1 ? CAIRN_BEAM_FREE
+                                     : CAIRN_BEAM_HIT;
         if (i % 8 == 0)
             beams[i].to.x = (cairn_real)NAN;
     }
@@ -242,7 +252,8 @@ static void random_scan(cairn_random *random, cairn_beam *beams)
 }
 
 /* A unit for the start of a beam, one for two of its cells. */
-static int32_t units_of(const cairn_occupancy_grid *grid, const cairn_beam *beam, cairn_transform transform)
+static int32_t units_of(const cairn_occupancy_grid *grid, const cairn_beam *beam,
+                        cairn_transform transform)
 {
     cairn_occupancy_walk walk;
     cairn_occupancy_chord chord;
@@ -274,9 +285,9 @@ static void test_scan_matches_beams(void **state)
         expected += units_of(twin, &beams[i], transform);
     for (int32_t i = 0; i < BEAMS; i++)
         if (beams[i].kind != CAIRN_BEAM_UNKNOWN)
-            assert_ok(cairn_occupancy_grid_add_beam(twin, cairn_transform_point(transform, beams[i].from),
-                                                    cairn_transform_point(transform, beams[i].to),
-                                                    beams[i].kind == CAIRN_BEAM_HIT));
+            assert_ok(cairn_occupancy_grid_add_beam(
+                twin, cairn_transform_point(transform, beams[i].from),
+                cairn_transform_point(transform, beams[i].to), beams[i].kind == CAIRN_BEAM_HIT));
     for (int k = 0; k < 4; k++) {
         cairn_budget budget = {3};
         cairn_fault fault = {7, NULL};
@@ -287,17 +298,20 @@ static void test_scan_matches_beams(void **state)
         assert_status(cairn_occupancy_grid_step(grid, &budget), CAIRN_MORE);
         assert_int_equal(budget.left, 0);
         assert_status(cairn_occupancy_grid_step(grid, &budget), CAIRN_MORE);
-        assert_fault(&fault, cairn_occupancy_grid_begin_scan(grid, beams, BEAMS, map_scan, &fault), CAIRN_BAD_ARGUMENT,
-                     -1);
-        assert_status(cairn_occupancy_grid_add_beam(grid, beams[1].from, beams[1].to, 1), CAIRN_BAD_ARGUMENT);
+        assert_fault(&fault, cairn_occupancy_grid_begin_scan(grid, beams, BEAMS, map_scan, &fault),
+                     CAIRN_BAD_ARGUMENT, -1);
+        assert_status(cairn_occupancy_grid_add_beam(grid, beams[1].from, beams[1].to, 1),
+                      CAIRN_BAD_ARGUMENT);
         cairn_occupancy_grid_clear(grid);
-        assert_status(cairn_occupancy_grid_add_beam(grid, beams[1].from, beams[1].to, 1), CAIRN_BAD_ARGUMENT);
+        assert_status(cairn_occupancy_grid_add_beam(grid, beams[1].from, beams[1].to, 1),
+                      CAIRN_BAD_ARGUMENT);
         assert_ok(cairn_occupancy_grid_begin_scan(grid, beams, BEAMS, map_scan, NULL));
         units[k] = 0;
         do {
             budget.left = budgets[k];
             status = cairn_occupancy_grid_step(grid, &budget);
-            assert_true(budget.left >= 0 && (status == CAIRN_OK || (status == CAIRN_MORE && budget.left == 0)));
+            assert_true(budget.left >= 0 &&
+                        (status == CAIRN_OK || (status == CAIRN_MORE && budget.left == 0)));
             units[k] += budgets[k] - budget.left;
         } while (status == CAIRN_MORE);
         for (int32_t y = 0; y < HEIGHT; y++)
@@ -343,7 +357,8 @@ static void test_clear(void **state)
 
 static void test_scan_refusals(void **state)
 {
-    cairn_beam beams[3] = {{{0, 0}, {1, 1}, CAIRN_BEAM_HIT}, {{0, 0}, {1, 1}, CAIRN_BEAM_FREE}, {{0, 0}, {1, 1}, 0}};
+    cairn_beam beams[3] = {
+        {{0, 0}, {1, 1}, CAIRN_BEAM_HIT}, {{0, 0}, {1, 1}, CAIRN_BEAM_FREE}, {{0, 0}, {1, 1}, 0}};
     cairn_pose identity = {0, 0, 0}, bad = {0, 0, (cairn_real)NAN};
     cairn_fault fault = {7, NULL};
     cairn_budget budget = {10};
@@ -355,24 +370,33 @@ static void test_scan_refusals(void **state)
     assert_true(fault.what == NULL && fault.index == 7);
     assert_ok(cairn_occupancy_grid_step(grid, &budget));
     assert_int_equal(budget.left, 10);
-    assert_fault(&fault, cairn_occupancy_grid_begin_scan(NULL, beams, 3, identity, &fault), CAIRN_BAD_ARGUMENT, -1);
+    assert_fault(&fault, cairn_occupancy_grid_begin_scan(NULL, beams, 3, identity, &fault),
+                 CAIRN_BAD_ARGUMENT, -1);
     assert_true(fault.index == -1 && fault.what != NULL);
-    assert_status(cairn_occupancy_grid_begin_scan(grid, NULL, 1, identity, NULL), CAIRN_BAD_ARGUMENT);
-    assert_status(cairn_occupancy_grid_begin_scan(grid, beams, -1, identity, NULL), CAIRN_BAD_ARGUMENT);
-    assert_fault(&fault, cairn_occupancy_grid_begin_scan(grid, beams, 3, bad, &fault), CAIRN_NOT_FINITE, -1);
+    assert_status(cairn_occupancy_grid_begin_scan(grid, NULL, 1, identity, NULL),
+                  CAIRN_BAD_ARGUMENT);
+    assert_status(cairn_occupancy_grid_begin_scan(grid, beams, -1, identity, NULL),
+                  CAIRN_BAD_ARGUMENT);
+    assert_fault(&fault, cairn_occupancy_grid_begin_scan(grid, beams, 3, bad, &fault),
+                 CAIRN_NOT_FINITE, -1);
     beams[1].kind = 3;
-    assert_fault(&fault, cairn_occupancy_grid_begin_scan(grid, beams, 3, identity, &fault), CAIRN_BAD_ARGUMENT, 1);
+    assert_fault(&fault, cairn_occupancy_grid_begin_scan(grid, beams, 3, identity, &fault),
+                 CAIRN_BAD_ARGUMENT, 1);
     beams[1].kind = -1;
-    assert_fault(&fault, cairn_occupancy_grid_begin_scan(grid, beams, 3, identity, &fault), CAIRN_BAD_ARGUMENT, 1);
+    assert_fault(&fault, cairn_occupancy_grid_begin_scan(grid, beams, 3, identity, &fault),
+                 CAIRN_BAD_ARGUMENT, 1);
     beams[1].kind = CAIRN_BEAM_FREE;
     beams[0].from.y = (cairn_real)NAN;
-    assert_fault(&fault, cairn_occupancy_grid_begin_scan(grid, beams, 3, identity, &fault), CAIRN_NOT_FINITE, 0);
+    assert_fault(&fault, cairn_occupancy_grid_begin_scan(grid, beams, 3, identity, &fault),
+                 CAIRN_NOT_FINITE, 0);
     beams[0].kind = CAIRN_BEAM_UNKNOWN;
     beams[1].to.x = (cairn_real)INFINITY;
-    assert_fault(&fault, cairn_occupancy_grid_begin_scan(grid, beams, 3, identity, &fault), CAIRN_NOT_FINITE, 1);
+    assert_fault(&fault, cairn_occupancy_grid_begin_scan(grid, beams, 3, identity, &fault),
+                 CAIRN_NOT_FINITE, 1);
     assert_ok(cairn_occupancy_grid_step(grid, &budget));
     assert_int_equal(budget.left, 10);
-    assert_status(cairn_occupancy_grid_add_beam(NULL, beams[2].from, beams[2].to, 1), CAIRN_BAD_ARGUMENT);
+    assert_status(cairn_occupancy_grid_add_beam(NULL, beams[2].from, beams[2].to, 1),
+                  CAIRN_BAD_ARGUMENT);
     test_pool_free(&pool);
 }
 
@@ -436,8 +460,10 @@ static void test_classify(void **state)
     assert_status(cairn_occupancy_grid_classify(grid, thresholds, 0, out), CAIRN_BAD_ARGUMENT);
     out.data = picture[0];
     for (int k = 0; k < 5; k++) {
-        static const cairn_real occupied[] = {1, CAIRN_REAL(0.2), (cairn_real)NAN, CAIRN_REAL(0.5), CAIRN_REAL(0.5)};
-        static const cairn_real free_up_to[] = {CAIRN_REAL(0.1), CAIRN_REAL(0.3), CAIRN_REAL(0.1), 0, (cairn_real)NAN};
+        static const cairn_real occupied[] = {1, CAIRN_REAL(0.2), (cairn_real)NAN, CAIRN_REAL(0.5),
+                                              CAIRN_REAL(0.5)};
+        static const cairn_real free_up_to[] = {CAIRN_REAL(0.1), CAIRN_REAL(0.3), CAIRN_REAL(0.1),
+                                                0, (cairn_real)NAN};
 
         thresholds.occupied = occupied[k];
         thresholds.free = free_up_to[k];

@@ -30,7 +30,8 @@ static option_result parse(const char *line)
         OPTION_PAIR("--pair", parsed.pair, 0, 360, "M,DEG", "a pair"),
         OPTION_TEXT("-o", &parsed.text, "DIR", "a text"),
     };
-    const option_set set = {"tool", "SCENE DIR", "What it does.", table, sizeof table / sizeof *table};
+    const option_set set = {"tool", "SCENE DIR", "What it does.", table,
+                            sizeof table / sizeof *table};
     static char buffer[300];
     char *argv[40] = {(char *)"tool"};
     int argc = 1, saved[2];
@@ -71,8 +72,9 @@ static void values_are_stored(void **state)
     assert_int_equal(word_count, 0);
     assert_int_equal(parsed.count, 7);
     assert_int_equal(parsed.given, 0);
-    assert_int_equal(parse("one --flag -c 64 --seed 18446744073709551615 --number -1 --pair=0.30,20 two -o a=b"),
-                     OPTIONS_READ);
+    assert_int_equal(
+        parse("one --flag -c 64 --seed 18446744073709551615 --number -1 --pair=0.30,20 two -o a=b"),
+        OPTIONS_READ);
     assert_string_equal(said, "");
     assert_int_equal(word_count, 2);
     assert_string_equal(words[0], "one");
@@ -85,7 +87,8 @@ static void values_are_stored(void **state)
     assert_near(parsed.pair[0], 0.3, 0);
     assert_near(parsed.pair[1], 20, 0);
     assert_string_equal(parsed.text, "a=b");
-    assert_int_equal(parse("--pair 12x10 --integer=9000000000000000 --number=2.5 -c 1 --seed 0"), OPTIONS_READ);
+    assert_int_equal(parse("--pair 12x10 --integer=9000000000000000 --number=2.5 -c 1 --seed 0"),
+                     OPTIONS_READ);
     assert_near(parsed.pair[0], 12, 0);
     assert_near(parsed.pair[1], 10, 0);
     assert_true(parsed.integer == INT64_C(9000000000000000));
@@ -144,7 +147,8 @@ static void expect(const char *line, const char *message)
 static void faults_say_what_was_expected(void **state)
 {
     (void)state;
-    expect("--nonsense", "tool: unknown option '--nonsense', expected one of those that --help lists\n");
+    expect("--nonsense",
+           "tool: unknown option '--nonsense', expected one of those that --help lists\n");
     expect("--fla", "tool: unknown option '--fla', expected one of those that --help lists\n");
     expect("--flag=1", "tool: value for '--flag=1', expected none: the option stands alone\n");
     expect("-c 0", "tool: -c is '0', expected a whole number from 1 to 64\n");
@@ -160,10 +164,12 @@ static void faults_say_what_was_expected(void **state)
     expect("--pair ,1", "tool: --pair is ',1', expected two numbers A,B from 0 to 360\n");
     expect("--pair 1,361", "tool: --pair is '1,361', expected two numbers A,B from 0 to 360\n");
     expect("--pair 361,1", "tool: --pair is '361,1', expected two numbers A,B from 0 to 360\n");
-    expect("--seed 18446744073709551616",
-           "tool: --seed is '18446744073709551616', expected a whole number from 0 to 18446744073709551615\n");
-    expect("--seed -1", "tool: --seed is '-1', expected a whole number from 0 to 18446744073709551615\n");
-    expect("--seed=", "tool: --seed is '', expected a whole number from 0 to 18446744073709551615\n");
+    expect("--seed 18446744073709551616", "tool: --seed is '18446744073709551616', expected a "
+                                          "whole number from 0 to 18446744073709551615\n");
+    expect("--seed -1",
+           "tool: --seed is '-1', expected a whole number from 0 to 18446744073709551615\n");
+    expect("--seed=",
+           "tool: --seed is '', expected a whole number from 0 to 18446744073709551615\n");
     expect("-o=", "tool: -o is '', expected a word\n");
     expect("one two three", "tool: one word too many, 'three', expected SCENE DIR\n");
 }

@@ -167,12 +167,16 @@ static void test_paths(void **state)
 {
     static const char *const joined[][3] = {
         {"a", "b", "a/b"}, {"a/", "b", "a/b"}, {"", "b", "b"}, {"a", "/b", "/b"}, {"/", "b", "/b"}};
-    static const char *const split[][3] = {
-        {"a/b", "a", "b"}, {"b", "", "b"}, {"/b", "/", "b"}, {"a/b/", "a/b", ""}, {"a//b", "a", "b"}};
+    static const char *const split[][3] = {{"a/b", "a", "b"},
+                                           {"b", "", "b"},
+                                           {"/b", "/", "b"},
+                                           {"a/b/", "a/b", ""},
+                                           {"a//b", "a", "b"}};
 
     (void)state;
     for (size_t i = 0; i < 5; i++) {
-        char *path = cairn_path_join(joined[i][0], joined[i][1]), *folder = cairn_path_folder(split[i][0]);
+        char *path = cairn_path_join(joined[i][0], joined[i][1]),
+             *folder = cairn_path_folder(split[i][0]);
 
         assert_string_equal(path, joined[i][2]);
         assert_string_equal(folder, split[i][1]);
@@ -203,7 +207,8 @@ static void test_error_texts(void **state)
     char piece[2000];
 
     (void)state;
-    assert_status(cairn_file_error_set(&error, CAIRN_BAD_FORMAT, "f", 12, "is %d", 3), CAIRN_BAD_FORMAT);
+    assert_status(cairn_file_error_set(&error, CAIRN_BAD_FORMAT, "f", 12, "is %d", 3),
+                  CAIRN_BAD_FORMAT);
     assert_string_equal(error.text, "f:12: is 3");
     assert_int_equal(error.line, 12);
     assert_int_equal(error.status, CAIRN_BAD_FORMAT);

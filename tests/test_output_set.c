@@ -202,13 +202,17 @@ static void test_bad_places(void **state)
     assert_int_equal(count_in("taken"), 1);
     if (!is_root()) {
         assert_int_equal(mkdir(files_path("closed"), 0555), 0);
-        assert_refused(files_path("closed"), "/closed: cannot write in this folder: Permission denied");
-        assert_refused(files_path("closed/new"), "/closed: cannot write in this folder: Permission denied");
+        assert_refused(files_path("closed"),
+                       "/closed: cannot write in this folder: Permission denied");
+        assert_refused(files_path("closed/new"),
+                       "/closed: cannot write in this folder: Permission denied");
     }
-    assert_status(cairn_output_set_open(&set, files_path("x"), names, 0, &error), CAIRN_BAD_ARGUMENT);
-    assert_non_null(strstr(error.text, "/x: 0 files, expected 1 to 16"));
-    assert_status(cairn_output_set_open(&set, files_path("x"), names, CAIRN_OUTPUT_SET_MOST + 1, &error),
+    assert_status(cairn_output_set_open(&set, files_path("x"), names, 0, &error),
                   CAIRN_BAD_ARGUMENT);
+    assert_non_null(strstr(error.text, "/x: 0 files, expected 1 to 16"));
+    assert_status(
+        cairn_output_set_open(&set, files_path("x"), names, CAIRN_OUTPUT_SET_MOST + 1, &error),
+        CAIRN_BAD_ARGUMENT);
     assert_int_equal(count_in("x"), -1);
 }
 
@@ -267,7 +271,8 @@ static void test_heap(void **state)
         assert_status(cairn_output_set_commit(set, NULL), CAIRN_IO);
         assert_ok(cairn_output_set_open(&set, files_path("heap/more"), names, FILES, NULL));
         cairn_output_set_discard(set);
-        assert_status(cairn_output_set_open(&set, files_path("heap/a.txt"), names, FILES, NULL), CAIRN_IO);
+        assert_status(cairn_output_set_open(&set, files_path("heap/a.txt"), names, FILES, NULL),
+                      CAIRN_IO);
     }
     assert_true(files_heap() < heap + FILES_HEAP_NOISE);
 }
@@ -275,9 +280,12 @@ static void test_heap(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_all_come_at_the_commit),          cmocka_unit_test(test_discard_leaves_nothing),
-        cmocka_unit_test(test_a_failing_commit_takes_all_back), cmocka_unit_test(test_bad_places),
-        cmocka_unit_test(test_names_without_a_folder_above),    cmocka_unit_test(test_heap),
+        cmocka_unit_test(test_all_come_at_the_commit),
+        cmocka_unit_test(test_discard_leaves_nothing),
+        cmocka_unit_test(test_a_failing_commit_takes_all_back),
+        cmocka_unit_test(test_bad_places),
+        cmocka_unit_test(test_names_without_a_folder_above),
+        cmocka_unit_test(test_heap),
     };
 
     return cmocka_run_group_tests(tests, files_setup, files_teardown);

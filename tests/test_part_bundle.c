@@ -87,8 +87,10 @@ static void place_at(const bundling *b, int32_t from, double far, double place[2
         i = (i + 1) % b->count;
     }
     far = side(b, i) > 0 ? far / side(b, i) : 0;
-    place[0] = (double)b->points[i].x + far * (double)(b->points[(i + 1) % b->count].x - b->points[i].x);
-    place[1] = (double)b->points[i].y + far * (double)(b->points[(i + 1) % b->count].y - b->points[i].y);
+    place[0] =
+        (double)b->points[i].x + far * (double)(b->points[(i + 1) % b->count].x - b->points[i].x);
+    place[1] =
+        (double)b->points[i].y + far * (double)(b->points[(i + 1) % b->count].y - b->points[i].y);
 }
 
 static void assert_fragment(const bundling *b, const cairn_part_model *m, int32_t index)
@@ -113,8 +115,9 @@ static void assert_fragment(const bundling *b, const cairn_part_model *m, int32_
         assert_near(cairn_vec2_norm(s->direction), 1, NUMBER(1e-12, 1e-5));
         if (k + 1 < m->samples_each) {
             place_at(b, f->from, far + length * 1e-4, ahead);
-            assert_true(
-                (double)s->direction.x * (ahead[0] - place[0]) + (double)s->direction.y * (ahead[1] - place[1]) > 0);
+            assert_true((double)s->direction.x * (ahead[0] - place[0]) +
+                            (double)s->direction.y * (ahead[1] - place[1]) >
+                        0);
         }
     }
 }
@@ -144,7 +147,8 @@ static void cuts_by_the_rule(void **state)
             assert_ok(cairn_curve_evolution_step(evolution, &budget));
             for (int32_t i = 0; i < b.count; i++)
                 if (cairn_curve_evolution_read(evolution).rank[i] <
-                    (params.bundles * params.pieces_each < 3 ? 3 : params.bundles * params.pieces_each))
+                    (params.bundles * params.pieces_each < 3 ? 3
+                                                             : params.bundles * params.pieces_each))
                     assert_int_equal(m.vertices[vertices++], i);
             assert_int_equal(m.vertex_count, vertices);
             assert_int_equal(m.bundles, params.bundles);
@@ -157,7 +161,8 @@ static void cuts_by_the_rule(void **state)
                     assert_int_equal(f->from, m.vertices[i]);
                     assert_int_equal(f->to, m.vertices[(i + pieces) % vertices]);
                     middle = fmod(middle + walk(&b, f->from, f->to) / 2, whole(&b));
-                    assert_int_equal(f->bundle, (int32_t)floor(middle / whole(&b) * params.bundles));
+                    assert_int_equal(f->bundle,
+                                     (int32_t)floor(middle / whole(&b) * params.bundles));
                     assert_fragment(&b, &m, at);
                 }
             assert_int_equal(m.fragment_count, at);
@@ -168,7 +173,8 @@ static void cuts_by_the_rule(void **state)
 
 static void cuts_by_hand(void **state)
 {
-    static const cairn_part_cut cuts[] = {{3, 20, 0}, {20, 40, 2}, {50, 3, 3}, {3, 40, 0}, {40, 20, 1}};
+    static const cairn_part_cut cuts[] = {
+        {3, 20, 0}, {20, 40, 2}, {50, 3, 3}, {3, 40, 0}, {40, 20, 1}};
     static const int32_t vertices[] = {3, 20, 40, 50};
     static const uint32_t pieces[] = {1, 2, 8, 3, 13};
     cairn_part_model m;
@@ -185,7 +191,8 @@ static void cuts_by_hand(void **state)
     assert_int_equal(m.bundles, 4);
     for (int32_t i = 0; i < 4; i++) {
         assert_int_equal(m.vertices[i], vertices[i]);
-        assert_near(m.piece_length[i], walk(&b, vertices[i], vertices[(i + 1) % 4]), NUMBER(1e-9, 1e-3));
+        assert_near(m.piece_length[i], walk(&b, vertices[i], vertices[(i + 1) % 4]),
+                    NUMBER(1e-9, 1e-3));
     }
     for (int32_t k = 0; k < 5; k++) {
         assert_int_equal(m.fragments[k].from, cuts[k].from);
@@ -248,7 +255,8 @@ static uint64_t tell(void *context)
         hash = test_hash(hash, &m.fragments[k].from, 3 * sizeof(int32_t));
         hash = test_hash(hash, &m.fragments[k].length, sizeof(cairn_real));
     }
-    return test_hash(hash, m.samples, (size_t)(m.fragment_count * m.samples_each) * sizeof *m.samples);
+    return test_hash(hash, m.samples,
+                     (size_t)(m.fragment_count * m.samples_each) * sizeof *m.samples);
 }
 
 static void does_not_depend_on_budgets(void **state)
@@ -297,8 +305,9 @@ static cairn_status create(void *context, cairn_pool *pool)
 static void refuses_bad_params(void **state)
 {
     static const cairn_part_bundle_params bad[] = {
-        {2, 4, 2, 3, 20}, {4097, 4, 2, 3, 20}, {9, 0, 2, 3, 20}, {9, 9, 2, 3, 20}, {9, 4, 0, 3, 20},
-        {9, 4, 5, 3, 20}, {9, 4, 2, 0, 20},    {9, 4, 2, 4, 20}, {9, 4, 2, 3, 1},  {9, 4, 2, 3, 65}};
+        {2, 4, 2, 3, 20}, {4097, 4, 2, 3, 20}, {9, 0, 2, 3, 20}, {9, 9, 2, 3, 20},
+        {9, 4, 0, 3, 20}, {9, 4, 5, 3, 20},    {9, 4, 2, 0, 20}, {9, 4, 2, 4, 20},
+        {9, 4, 2, 3, 1},  {9, 4, 2, 3, 65}};
     static const cairn_part_bundle_params edge[] = {{3, 1, 1, 1, 2}, {4096, 8, 4, 3, 64}};
     cairn_part_bundle_params good = small_params();
     cairn_part_builder *builder;
@@ -361,7 +370,8 @@ static void refuses_bad_cuts(void **state)
     for (size_t i = 0; i < sizeof bad / sizeof *bad; i++) {
         cuts[0] = (cairn_part_cut){1, 9, 0};
         cuts[1] = bad[i];
-        assert_status(cairn_part_bundle_begin(b.builder, b.points, 30, cuts, 2), CAIRN_BAD_ARGUMENT);
+        assert_status(cairn_part_bundle_begin(b.builder, b.points, 30, cuts, 2),
+                      CAIRN_BAD_ARGUMENT);
     }
     assert_status(cairn_part_bundle_begin(b.builder, b.points, 30, cuts, 0), CAIRN_BAD_ARGUMENT);
     for (int32_t k = 0; k < 97; k++)

@@ -1,11 +1,13 @@
-/* Configurations of parts against all configurations of the nearest of all votes; modes; nothing, the same place, very many. */
+/* Configurations of parts against all configurations of the nearest of all votes; modes;
+ * nothing, the same place, very many. */
 #include "tests/voting.h"
 
 #include "src/contour/part_configuration_work.h"
 
 enum { NEAREST = 64 };
 
-static cairn_part_vote *vote(voting *v, int32_t bundle, double x, double y, double scale, double gain)
+static cairn_part_vote *vote(voting *v, int32_t bundle, double x, double y, double scale,
+                             double gain)
 {
     cairn_part_vote *made = &v->votes[v->count];
 
@@ -20,16 +22,19 @@ static cairn_part_vote *vote(voting *v, int32_t bundle, double x, double y, doub
     return made;
 }
 
-/* Some about a few places, the others anywhere; few chains, so that parts rival for their pieces. */
+/* Some about a few places, the others anywhere; few chains, so that parts rival for their
+ * pieces. */
 static void vote_at_random(voting *v, int32_t count, int32_t bundles, uint64_t seed)
 {
     cairn_random random = cairn_random_seed(seed, 4);
 
     for (int32_t i = 0; i < count; i++) {
-        double x = (double)cairn_random_uniform(&random, -400, 400), y = (double)cairn_random_uniform(&random, 0, 300);
+        double x = (double)cairn_random_uniform(&random, -400, 400),
+               y = (double)cairn_random_uniform(&random, 0, 300);
         double scale = exp((double)cairn_random_uniform(&random, 3, 6));
         double gain = (double)cairn_random_uniform(&random, CAIRN_REAL(0.1), 1);
-        int32_t bundle = cairn_random_below(&random, bundles), place = cairn_random_below(&random, 5);
+        int32_t bundle = cairn_random_below(&random, bundles),
+                place = cairn_random_below(&random, 5);
         cairn_part_vote *made;
 
         if (place < 3) {
@@ -83,7 +88,8 @@ static void find_nearest(slow_search *s)
         int32_t best = -1;
 
         for (int32_t i = 0; i < v->count; i++)
-            if (!used[i] && (best < 0 ? squared_of(v, s->seed, i) <= least : squared_of(v, s->seed, i) < least)) {
+            if (!used[i] && (best < 0 ? squared_of(v, s->seed, i) <= least
+                                      : squared_of(v, s->seed, i) < least)) {
                 least = squared_of(v, s->seed, i);
                 best = i;
             }
@@ -429,7 +435,8 @@ static void refuses_bad_params(void **state)
     bad[19].centre = (cairn_real)NAN;
     for (size_t i = 0; i < count; i++) {
         assert_int_equal(cairn_part_configuration_memory(&bad[i]), 0);
-        assert_status(cairn_part_configuration_create(&configurator, &pool, &bad[i]), CAIRN_BAD_ARGUMENT);
+        assert_status(cairn_part_configuration_create(&configurator, &pool, &bad[i]),
+                      CAIRN_BAD_ARGUMENT);
     }
     assert_int_equal(cairn_part_configuration_memory(NULL), 0);
     assert_status(cairn_part_configuration_create(NULL, &pool, &good), CAIRN_BAD_ARGUMENT);
@@ -452,10 +459,14 @@ static void refuses_bad_votes(void **state)
     start(&v, &params);
     for (int32_t i = 0; i < 15; i++)
         (void)vote(&v, i % 4, 10, 10, 50, 1);
-    assert_fault(&fault, cairn_part_configuration_begin(NULL, v.votes, 1, &fault), CAIRN_BAD_ARGUMENT, -1);
-    assert_fault(&fault, cairn_part_configuration_begin(v.configurator, NULL, 1, &fault), CAIRN_BAD_ARGUMENT, -1);
-    assert_fault(&fault, cairn_part_configuration_begin(v.configurator, v.votes, -1, &fault), CAIRN_BAD_ARGUMENT, -1);
-    assert_fault(&fault, cairn_part_configuration_begin(v.configurator, v.votes, 15, &fault), CAIRN_FULL, -1);
+    assert_fault(&fault, cairn_part_configuration_begin(NULL, v.votes, 1, &fault),
+                 CAIRN_BAD_ARGUMENT, -1);
+    assert_fault(&fault, cairn_part_configuration_begin(v.configurator, NULL, 1, &fault),
+                 CAIRN_BAD_ARGUMENT, -1);
+    assert_fault(&fault, cairn_part_configuration_begin(v.configurator, v.votes, -1, &fault),
+                 CAIRN_BAD_ARGUMENT, -1);
+    assert_fault(&fault, cairn_part_configuration_begin(v.configurator, v.votes, 15, &fault),
+                 CAIRN_FULL, -1);
     v.votes[0].bundle = -1;
     v.votes[1].centre.x = (cairn_real)NAN;
     v.votes[2].centre.y = 2000000;

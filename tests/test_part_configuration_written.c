@@ -13,7 +13,8 @@ static cairn_part_configuration_params written(int32_t votes)
     return params;
 }
 
-/* Whole centres, so that some are equally near; scales, pieces and rounds, which must not matter; few chains. */
+/* Whole centres, so that some are equally near; scales, pieces and rounds, which must not
+ * matter; few chains. */
 static void vote_at_random(voting *v, int32_t count, int32_t bundles, uint64_t seed)
 {
     cairn_random random = cairn_random_seed(seed, 4);
@@ -59,14 +60,16 @@ static void find_nearest(slow_search *s)
         int32_t best = -1;
 
         for (int32_t i = 0; i < s->v->count; i++)
-            if (!(used >> i & 1) && (best < 0 || apart(s->v, s->seed, i) < apart(s->v, s->seed, best)))
+            if (!(used >> i & 1) &&
+                (best < 0 || apart(s->v, s->seed, i) < apart(s->v, s->seed, best)))
                 best = i;
         used |= UINT64_C(1) << best;
         s->near[s->count] = best;
     }
 }
 
-static void try_all(slow_search *s, int32_t bundle, uint64_t set, uint64_t chains, int32_t parts, double sum)
+static void try_all(slow_search *s, int32_t bundle, uint64_t set, uint64_t chains, int32_t parts,
+                    double sum)
 {
     const voting *v = s->v;
 
@@ -76,8 +79,8 @@ static void try_all(slow_search *s, int32_t bundle, uint64_t set, uint64_t chain
             const cairn_part_vote *vote = &v->votes[s->near[i]];
 
             if (vote->bundle == bundle && !(chains >> vote->chain & 1))
-                try_all(s, bundle + 1, set | UINT64_C(1) << s->near[i], chains | UINT64_C(1) << vote->chain, parts + 1,
-                        sum + (double)vote->gain);
+                try_all(s, bundle + 1, set | UINT64_C(1) << s->near[i],
+                        chains | UINT64_C(1) << vote->chain, parts + 1, sum + (double)vote->gain);
         }
         return;
     }
@@ -169,7 +172,8 @@ static void makes_every_configuration(void **state)
     free(found);
 }
 
-/* Near and far votes, of any scale, go together when they are among the K nearest; a chain only once. */
+/* Near and far votes, of any scale, go together when they are among the K nearest; a chain only
+ * once. */
 static void has_no_other_gates(void **state)
 {
     cairn_part_configuration_params params = written(MOST);
@@ -182,7 +186,8 @@ static void has_no_other_gates(void **state)
     memset(v.votes, 0, sizeof v.votes);
     v.count = 3;
     for (int32_t i = 0; i < 3; i++) {
-        v.votes[i] = (cairn_part_vote){i, i, {(cairn_real)(5000 * i), 0}, i == 1 ? 1 : 900, 1, 0, 20, 0};
+        v.votes[i] =
+            (cairn_part_vote){i, i, {(cairn_real)(5000 * i), 0}, i == 1 ? 1 : 900, 1, 0, 20, 0};
         v.votes[i].gain = 1;
     }
     r = run(&v);

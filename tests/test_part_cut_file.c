@@ -10,8 +10,8 @@ static void reads_cuts(void **state)
     int32_t count;
 
     (void)state;
-    assert_ok(cairn_part_cut_file_read(cuts, &count, files_write_text("a.cuts", "# head\n 0 31 0\r\n\n31\t60 7 # tail"),
-                                       &error));
+    assert_ok(cairn_part_cut_file_read(
+        cuts, &count, files_write_text("a.cuts", "# head\n 0 31 0\r\n\n31\t60 7 # tail"), &error));
     assert_int_equal(count, 2);
     assert_int_equal(cuts[0].from, 0);
     assert_int_equal(cuts[0].to, 31);
@@ -31,20 +31,26 @@ static void refuses_what_is_none(void **state)
 
     (void)state;
     for (size_t i = 0; i < sizeof bad / sizeof *bad; i++) {
-        assert_status(cairn_part_cut_file_read(cuts, &count, files_write_text("b.cuts", bad[i]), &error),
-                      CAIRN_BAD_FORMAT);
+        assert_status(
+            cairn_part_cut_file_read(cuts, &count, files_write_text("b.cuts", bad[i]), &error),
+            CAIRN_BAD_FORMAT);
         assert_non_null(strstr(error.text, "b.cuts:1: not a fragment, expected two samples"));
     }
     /* What was read before is not offered. */
-    assert_status(cairn_part_cut_file_read(cuts, &count, files_write_text("b.cuts", "0 9 0\n9 x 0\n"), &error),
+    assert_status(cairn_part_cut_file_read(cuts, &count,
+                                           files_write_text("b.cuts", "0 9 0\n9 x 0\n"), &error),
                   CAIRN_BAD_FORMAT);
     assert_int_equal(count, 0);
-    assert_status(cairn_part_cut_file_read(cuts, &count, files_write_text("b.cuts", "# no\n"), &error), CAIRN_EMPTY);
+    assert_status(
+        cairn_part_cut_file_read(cuts, &count, files_write_text("b.cuts", "# no\n"), &error),
+        CAIRN_EMPTY);
     for (int i = 0; i <= CAIRN_PART_FRAGMENTS; i++)
         strcat(text, "0 9 0\n");
-    assert_status(cairn_part_cut_file_read(cuts, &count, files_write_text("b.cuts", text), &error), CAIRN_FULL);
+    assert_status(cairn_part_cut_file_read(cuts, &count, files_write_text("b.cuts", text), &error),
+                  CAIRN_FULL);
     assert_non_null(strstr(error.text, "b.cuts:97: one fragment more, expected at most 96"));
-    assert_status(cairn_part_cut_file_read(cuts, &count, files_path("missing.cuts"), &error), CAIRN_IO);
+    assert_status(cairn_part_cut_file_read(cuts, &count, files_path("missing.cuts"), &error),
+                  CAIRN_IO);
 }
 
 int main(void)

@@ -6,8 +6,8 @@
 
 /* ---- A model of few states, whose posterior can be written down ----
  *
- * A Markov chain on SYMBOLS symbols with a likelihood of each symbol at each time. A state carries a full copy of its
- * history, the twin of the tree. */
+ * A Markov chain on SYMBOLS symbols with a likelihood of each symbol at each time. A state
+ * carries a full copy of its history, the twin of the tree. */
 
 enum { SYMBOLS = 4, PATH_MOST = 600 };
 
@@ -17,15 +17,19 @@ typedef struct chain_state {
 } chain_state;
 
 typedef struct chain {
-    double move[SYMBOLS][SYMBOLS]; /* prior mass from, to; rows need not add up to 1 */
+    /* prior mass from, to; rows need not add up to 1 */
+    double move[SYMBOLS][SYMBOLS];
     double log_seen[PATH_MOST][SYMBOLS];
-    int32_t in_halves; /* 1: masses are powers of exp(-1/2), so that many are equal; `move` is not read */
+    /* 1: masses are powers of exp(-1/2), so that many are equal; `move` is not read */
+    int32_t in_halves;
     int32_t time;
-    int32_t lazy; /* units that a call of the model takes */
+    /* units that a call of the model takes */
+    int32_t lazy;
     int32_t waited;
     int32_t weighed, appended, lost;
     cairn_status propose_status, likelihood_status;
-    cairn_particle_filter *offer_late; /* NULL, or to be offered something out of turn */
+    /* NULL, or to be offered something out of turn */
+    cairn_particle_filter *offer_late;
 } chain;
 
 static cairn_status wait(chain *c, cairn_budget *budget)
@@ -42,7 +46,8 @@ static uint8_t symbol_of(const cairn_particle_filter *filter, int32_t index)
     return s->path[s->length - 1];
 }
 
-static cairn_status propose(void *context, cairn_particle_filter *filter, int32_t index, cairn_budget *budget)
+static cairn_status propose(void *context, cairn_particle_filter *filter, int32_t index,
+                            cairn_budget *budget)
 {
     chain *c = context;
     uint8_t from = symbol_of(filter, index);
@@ -58,15 +63,16 @@ static cairn_status propose(void *context, cairn_particle_filter *filter, int32_
         memset(&s, 0, sizeof s);
         s.path[0] = (uint8_t)to;
         status = cairn_particle_filter_offer(filter, &s,
-                                             c->in_halves ? CAIRN_REAL(-0.5) * (cairn_real)((3 * from + to) % 3)
+                                             c->in_halves ? CAIRN_REAL(-0.5) *
+                                                                (cairn_real)((3 * from + to) % 3)
                                                           : (cairn_real)log(c->move[from][to]));
         assert_true(status == CAIRN_OK || status == CAIRN_FULL);
     }
     return CAIRN_OK;
 }
 
-static cairn_status likelihood(void *context, const cairn_particle_filter *filter, int32_t index, const void *state,
-                               cairn_real *log_likelihood, cairn_budget *budget)
+static cairn_status likelihood(void *context, const cairn_particle_filter *filter, int32_t index,
+                               const void *state, cairn_real *log_likelihood, cairn_budget *budget)
 {
     chain *c = context;
     const chain_state *s = state;
@@ -187,7 +193,8 @@ static void run_chain(cairn_particle_filter *filter, chain *c, int32_t steps, in
         assert_ok(run(filter, units));
 }
 
-/* log p(all observations) from a start at `symbol`: the forward algorithm; filtered: p(last symbol | observations). */
+/* log p(all observations) from a start at `symbol`: the forward algorithm; filtered: p(last
+ * symbol | observations). */
 static double forward(const chain *c, uint8_t symbol, int32_t steps, double filtered[SYMBOLS])
 {
     double p[SYMBOLS] = {0}, sum = 1, log_sum = 0;
@@ -229,10 +236,10 @@ static void test_params_are_refused(void **state)
     cairn_particle_filter *filter;
 
     (void)state;
-#define REFUSED(field, value)                                                                                          \
-    p = good;                                                                                                          \
-    p.field = value;                                                                                                   \
-    assert_int_equal(cairn_particle_filter_memory(&p), 0);                                                             \
+#define REFUSED(field, value)                                                                      \
+    p = good;                                                                                      \
+    p.field = value;                                                                               \
+    assert_int_equal(cairn_particle_filter_memory(&p), 0);                                         \
     assert_status(cairn_particle_filter_create(&filter, &pool, &p, &model), CAIRN_BAD_ARGUMENT)
     REFUSED(particles, 0);
     REFUSED(particles, 5);
@@ -333,7 +340,8 @@ static void test_calls_out_of_turn(void **state)
     assert_status(cairn_particle_filter_start(NULL, &s, 0), CAIRN_BAD_ARGUMENT);
     assert_status(cairn_particle_filter_start(f.filter, NULL, 0), CAIRN_BAD_ARGUMENT);
     assert_status(cairn_particle_filter_start(f.filter, &s, (cairn_real)NAN), CAIRN_NOT_FINITE);
-    assert_status(cairn_particle_filter_start(f.filter, &s, (cairn_real)INFINITY), CAIRN_NOT_FINITE);
+    assert_status(cairn_particle_filter_start(f.filter, &s, (cairn_real)INFINITY),
+                  CAIRN_NOT_FINITE);
     assert_int_equal(cairn_particle_filter_count(f.filter), 0);
     assert_ok(cairn_particle_filter_start(f.filter, &s, 0));
     assert_ok(cairn_particle_filter_start(f.filter, &s, 0));
@@ -379,7 +387,8 @@ static void test_all_histories_are_exact(void **state)
         assert_int_equal(trace.particles, 256);
         assert_int_equal(trace.followers, 256);
         assert_int_equal(trace.candidates, 256);
-        assert_int_equal(trace.cut + trace.lost + trace.extinct + trace.resampled + trace.left_out, 0);
+        assert_int_equal(trace.cut + trace.lost + trace.extinct + trace.resampled + trace.left_out,
+                         0);
         assert_int_equal(trace.blocks, 1 + 4 + 16 + 64 + 256);
         assert_int_equal(trace.blocks_peak, 1 + 4 + 16 + 64 + 256);
         assert_int_equal(trace.steps, 4);
@@ -400,7 +409,8 @@ static void test_all_histories_are_exact(void **state)
         for (int k = 0; k < SYMBOLS; k++)
             assert_near(mass[k], filtered[k], NUMBER(1e-12, 1e-5));
         assert_near(trace.n_eff, 1 / squares, NUMBER(1e-9, 1e-2));
-        assert_near(exp((double)cairn_particle_filter_particle(f.filter, trace.best).log_weight), heaviest, 1e-7);
+        assert_near(exp((double)cairn_particle_filter_particle(f.filter, trace.best).log_weight),
+                    heaviest, 1e-7);
         test_pool_free(&f.pool);
     }
 }
@@ -455,7 +465,8 @@ static void test_the_heaviest_are_kept(void **state)
                             exp((double)q.log_weight) / kept, NUMBER(1e-12, 1e-5));
         }
     }
-    /* The nodes of those that were cut are free again: each path of three steps stands on at most three nodes. */
+    /* The nodes of those that were cut are free again: each path of three steps stands on at
+     * most three nodes. */
     assert_true(cairn_particle_filter_read(cut.filter).blocks <= 1 + 4 + 16 + 21);
     test_pool_free(&all.pool);
     test_pool_free(&cut.pool);
@@ -488,7 +499,8 @@ static void check_mean(cairn_particle_proposal proposal, int32_t followers, int3
         square += estimate * estimate / RUNS;
         for (int32_t i = 0; i < cairn_particle_filter_count(f.filter); i++)
             mass[symbol_of(f.filter, i)] +=
-                estimate * exp((double)cairn_particle_filter_particle(f.filter, i).log_weight) / RUNS;
+                estimate * exp((double)cairn_particle_filter_particle(f.filter, i).log_weight) /
+                RUNS;
     }
     assert_true(square - mean * mean > 1e-6); /* it was drawn */
     assert_near(mean, 1, 3.5 * sqrt((square - mean * mean) / RUNS));
@@ -573,7 +585,8 @@ static int32_t compare_tree_with_copies(cairn_particle_proposal way, int32_t fol
     return resampled;
 }
 
-/* Beside a filter that keeps the whole past: the same particles, so many states behind each, in as many blocks as promised. */
+/* Beside a filter that keeps the whole past: the same particles, so many states behind each, in
+ * as many blocks as promised. */
 static void compare_short_past(int32_t past)
 {
     chain c = new_chain(9);
@@ -593,7 +606,8 @@ static void compare_short_past(int32_t past)
     for (c.time = 0; c.time < 60; c.time++) {
         assert_ok(run(whole.filter, 5000));
         assert_ok(run(cut.filter, 7));
-        assert_int_equal(cairn_particle_filter_count(cut.filter), cairn_particle_filter_count(whole.filter));
+        assert_int_equal(cairn_particle_filter_count(cut.filter),
+                         cairn_particle_filter_count(whole.filter));
         for (int32_t i = 0; i < cairn_particle_filter_count(cut.filter); i++) {
             cairn_particle a = cairn_particle_filter_particle(whole.filter, i);
             cairn_particle b = cairn_particle_filter_particle(cut.filter, i);
@@ -677,7 +691,8 @@ static void test_residual_resampling(void **state)
         assert_int_equal(trace.resampled, 1);
         assert_int_equal(trace.particles, N);
         assert_int_equal(symbol_of(f.filter, trace.best), 0);
-        assert_near(trace.n_eff, 1 / (0.42 * 0.42 + 0.25 * 0.25 + 0.031 * 0.031 + 0.299 * 0.299), NUMBER(1e-9, 1e-4));
+        assert_near(trace.n_eff, 1 / (0.42 * 0.42 + 0.25 * 0.25 + 0.031 * 0.031 + 0.299 * 0.299),
+                    NUMBER(1e-9, 1e-4));
         for (int32_t i = 0; i < N; i++) {
             copies[symbol_of(f.filter, i)]++;
             assert_near(cairn_particle_filter_particle(f.filter, i).log_weight, log(0.1), 1e-6);
@@ -727,7 +742,8 @@ static void test_even_weights_are_left_alone(void **state)
     f = weighted(&c, weight, SYMBOLS, 4);
     assert_ok(run(f.filter, CAIRN_UNBOUNDED));
     assert_near(cairn_particle_filter_read(f.filter).n_eff, 4, 1e-5);
-    assert_int_equal(cairn_particle_filter_read(f.filter).resampled, cairn_particle_filter_read(f.filter).n_eff < 4);
+    assert_int_equal(cairn_particle_filter_read(f.filter).resampled,
+                     cairn_particle_filter_read(f.filter).n_eff < 4);
     test_pool_free(&f.pool);
 }
 
@@ -759,7 +775,8 @@ static void test_weights_do_not_underflow(void **state)
 
 /* ---- Followers ---- */
 
-static int32_t followers_of(const double masses[SYMBOLS], int32_t most, int32_t by_entropy, cairn_particle_proposal way)
+static int32_t followers_of(const double masses[SYMBOLS], int32_t most, int32_t by_entropy,
+                            cairn_particle_proposal way)
 {
     chain c = new_chain(1);
     cairn_particle_filter_params p = chain_params(8);
@@ -788,8 +805,9 @@ static int32_t followers_of(const double masses[SYMBOLS], int32_t most, int32_t 
 
 static void test_as_many_followers_as_modes(void **state)
 {
-    static const double even[] = {1, 1, 1, 1}, two[] = {3, 3, 0, 0}, peaked[] = {1, 1e-9, 1e-9, 1e-9},
-                        between[] = {0.8, 0.2, 0, 0}, nearly[] = {0.97, 0.01, 0.01, 0.01};
+    static const double even[] = {1, 1, 1, 1}, two[] = {3, 3, 0, 0},
+                        peaked[] = {1, 1e-9, 1e-9, 1e-9}, between[] = {0.8, 0.2, 0, 0},
+                        nearly[] = {0.97, 0.01, 0.01, 0.01};
 
     (void)state;
     for (cairn_particle_proposal way = CAIRN_PROPOSAL_PRIOR; way <= CAIRN_PROPOSAL_OPTIMAL; way++) {
@@ -802,7 +820,8 @@ static void test_as_many_followers_as_modes(void **state)
         assert_int_equal(followers_of(even, 1, 0, way), 1);
     }
     assert_in_range(followers_of(nearly, 4, 1, CAIRN_PROPOSAL_OPTIMAL), 1, 2);
-    assert_int_equal(followers_of(peaked, 4, 0, CAIRN_PROPOSAL_OPTIMAL), 4); /* room for all: none is drawn */
+    /* room for all: none is drawn */
+    assert_int_equal(followers_of(peaked, 4, 0, CAIRN_PROPOSAL_OPTIMAL), 4);
 }
 
 static void test_lost_and_extinct(void **state)
@@ -869,7 +888,8 @@ static void test_failures_undo_the_step(void **state)
     first = cairn_particle_filter_particle(f.filter, 0).state;
     for (int k = 0; k < 5; k++) {
         cairn_particle_trace after;
-        static const cairn_status expected[] = {CAIRN_FULL, CAIRN_NOT_FINITE, CAIRN_NOT_FINITE, CAIRN_IO, CAIRN_EMPTY};
+        static const cairn_status expected[] = {CAIRN_FULL, CAIRN_NOT_FINITE, CAIRN_NOT_FINITE,
+                                                CAIRN_IO, CAIRN_EMPTY};
 
         c.time = k == 1 ? 3 : k == 2 ? 4 : 0;
         c.log_seen[3][1] = (double)NAN;
@@ -894,8 +914,8 @@ static void test_failures_undo_the_step(void **state)
     test_pool_free(&f.pool);
 }
 
-/* No block is left for a follower that takes the place of a lighter one, which has given back its own: the step that is
- * refused has used that one. */
+/* No block is left for a follower that takes the place of a lighter one, which has given back
+ * its own: the step that is refused has used that one. */
 static void test_blocks_run_out_in_a_full_population(void **state)
 {
     int32_t enough = 0;
@@ -979,7 +999,8 @@ static void test_offers_beyond_the_capacity(void **state)
     test_pool_free(&f.pool);
 }
 
-static cairn_status offer_badly(void *context, cairn_particle_filter *filter, int32_t index, cairn_budget *budget)
+static cairn_status offer_badly(void *context, cairn_particle_filter *filter, int32_t index,
+                                cairn_budget *budget)
 {
     chain_state s = {1, {0}};
 
@@ -1059,7 +1080,8 @@ static void test_budgets_do_not_matter(void **state)
     }
 }
 
-static uint64_t hash_of_step(const cairn_particle_filter *filter, cairn_status status, uint64_t hash)
+static uint64_t hash_of_step(const cairn_particle_filter *filter, cairn_status status,
+                             uint64_t hash)
 {
     cairn_particle_trace t = cairn_particle_filter_read(filter);
 
@@ -1080,7 +1102,8 @@ static uint64_t hash_of_step(const cairn_particle_filter *filter, cairn_status s
     return hash;
 }
 
-/* Weights that are often equal, some candidates impossible, capacities that are too small for some steps. */
+/* Weights that are often equal, some candidates impossible, capacities that are too small for
+ * some steps. */
 static uint64_t hash_of_halves(uint64_t seed)
 {
     cairn_random random = cairn_random_seed(seed, 4);
@@ -1097,8 +1120,9 @@ static uint64_t hash_of_halves(uint64_t seed)
         c.in_halves = 1;
         for (int t = 0; t < 12; t++)
             for (int i = 0; i < SYMBOLS; i++)
-                c.log_seen[t][i] =
-                    cairn_random_below(&random, 12) == 0 ? -(double)INFINITY : -0.5 * cairn_random_below(&random, 3);
+                c.log_seen[t][i] = cairn_random_below(&random, 12) == 0
+                                       ? -(double)INFINITY
+                                       : -0.5 * cairn_random_below(&random, 3);
         p.proposal = k % 2 == 0 ? CAIRN_PROPOSAL_OPTIMAL : CAIRN_PROPOSAL_PRIOR;
         p.by_entropy = cairn_random_below(&random, 2);
         p.max_followers = 1 + cairn_random_below(&random, SYMBOLS);
@@ -1108,7 +1132,8 @@ static uint64_t hash_of_halves(uint64_t seed)
         p.resample_below = CAIRN_REAL(0.5) * (cairn_real)cairn_random_below(&random, 3);
         f = filter_with(&p, &c);
         for (int32_t i = cairn_random_below(&random, p.particles); i >= 0; i--)
-            assert_ok(cairn_particle_filter_start(f.filter, &first, CAIRN_REAL(-0.5) * (cairn_real)(i % 2)));
+            assert_ok(cairn_particle_filter_start(f.filter, &first,
+                                                  CAIRN_REAL(-0.5) * (cairn_real)(i % 2)));
         for (c.time = 0; c.time < 12; c.time++) {
             cairn_budget budget = {1 << 28};
             cairn_status status;
@@ -1151,8 +1176,8 @@ static void test_cost(void **state)
     assert_ok(cairn_particle_filter_begin(f.filter));
     assert_ok(cairn_particle_filter_step(f.filter, &budget));
     spent = CAIRN_UNBOUNDED - budget.left;
-    /* 16 proposals; 64 candidates of 6 units (none is drawn); 64 followers of more than 512 bytes, summed and normalised; 16
-     * released. */
+    /* 16 proposals; 64 candidates of 6 units (none is drawn); 64 followers of more than 512
+     * bytes, summed and normalised; 16 released. */
     assert_int_equal(spent, 16 + 64 * 6 + 2 * 64 + 2 * 64 + 16);
     test_pool_free(&f.pool);
 }

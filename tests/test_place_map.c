@@ -12,7 +12,8 @@ static const double DEGREE = 0.017453292519943295;
 
 /* ---- Scans ---- */
 
-/* A set of scans with their place and their pose in the place; views stay with `reader` only until the next one. */
+/* A set of scans with their place and their pose in the place; views stay with `reader` only
+ * until the next one. */
 struct scans {
     cairn_scan_input input[MAX_SCANS];
     int32_t place[MAX_SCANS];
@@ -35,8 +36,10 @@ static cairn_pose pose_of(sim_pose p)
     return pose;
 }
 
-/* error: of the scans in their places, uniform +-m and +-degrees. crowd: share of the beams that end on people. */
-static void make_arena(struct arena *a, uint64_t seed, int32_t places, double error_m, double error_deg, double crowd)
+/* error: of the scans in their places, uniform +-m and +-degrees. crowd: share of the beams that
+ * end on people. */
+static void make_arena(struct arena *a, uint64_t seed, int32_t places, double error_m,
+                       double error_deg, double crowd)
 {
     sim_arena_options arena = sim_arena_default();
     sim_survey_options survey = sim_survey_default();
@@ -68,9 +71,12 @@ static void make_arena(struct arena *a, uint64_t seed, int32_t places, double er
             first = i;
         s->place_scan[i] = cairn_pose_between(s->truth[first], s->truth[i]);
         if (i != first) {
-            s->place_scan[i].x += (cairn_real)(error_m * (double)cairn_random_uniform(&random, -1, 1));
-            s->place_scan[i].y += (cairn_real)(error_m * (double)cairn_random_uniform(&random, -1, 1));
-            s->place_scan[i].theta += (cairn_real)(error_deg * DEGREE * (double)cairn_random_uniform(&random, -1, 1));
+            s->place_scan[i].x +=
+                (cairn_real)(error_m * (double)cairn_random_uniform(&random, -1, 1));
+            s->place_scan[i].y +=
+                (cairn_real)(error_m * (double)cairn_random_uniform(&random, -1, 1));
+            s->place_scan[i].theta +=
+                (cairn_real)(error_deg * DEGREE * (double)cairn_random_uniform(&random, -1, 1));
         }
     }
 }
@@ -126,7 +132,8 @@ static void load(struct mapper *m, const struct scans *scans)
     for (int32_t k = 0; k < scans->count; k++) {
         cairn_scan_view view = view_of(m->scan, &scans->input[k]);
 
-        assert_ok(cairn_place_map_add_scan(m->map, scans->place[k], &view, scans->place_scan[k], NULL));
+        assert_ok(
+            cairn_place_map_add_scan(m->map, scans->place[k], &view, scans->place_scan[k], NULL));
     }
 }
 
@@ -145,7 +152,8 @@ static cairn_place_map_result solve(struct mapper *m)
 }
 
 /* Places that lie within metres and radians of the truth, seen from the first. */
-static int32_t count_right(const struct mapper *m, const struct scans *scans, double metres, double radians)
+static int32_t count_right(const struct mapper *m, const struct scans *scans, double metres,
+                           double radians)
 {
     int32_t right = 0;
 
@@ -283,8 +291,8 @@ static void relative_errors(const struct mapper *m, const struct scans *scans, d
     for (int32_t k = 0; k < scans->count; k++)
         for (int32_t l = k + 1; l < scans->count; l++) {
             cairn_pose seen = cairn_pose_between(scans->truth[k], scans->truth[l]);
-            cairn_pose found =
-                cairn_pose_between(cairn_place_map_scan_pose(m->map, k), cairn_place_map_scan_pose(m->map, l));
+            cairn_pose found = cairn_pose_between(cairn_place_map_scan_pose(m->map, k),
+                                                  cairn_place_map_scan_pose(m->map, l));
 
             errors[0] += hypot((double)(found.x - seen.x), (double)(found.y - seen.y));
             errors[1] += fabs((double)cairn_wrap_angle(found.theta - seen.theta));
@@ -300,7 +308,8 @@ static void scans_aligned_by_themselves(void **state)
 
     (void)state;
     make_arena(&arena, 1003, 6, 0.05, 2, 0);
-    for (int32_t decoupled = CAIRN_PLACE_MAP_COUPLED; decoupled <= CAIRN_PLACE_MAP_JOINTLY; decoupled++) {
+    for (int32_t decoupled = CAIRN_PLACE_MAP_COUPLED; decoupled <= CAIRN_PLACE_MAP_JOINTLY;
+         decoupled++) {
         struct mapper m;
         double errors[2];
         cairn_place_map_result result;
@@ -321,11 +330,14 @@ static void scans_aligned_by_themselves(void **state)
     free_arena(&arena);
 }
 
-/* The place goes with its first scan, and rooms that share nothing are parts or islands that stay as they are. */
+/* The place goes with its first scan, and rooms that share nothing are parts or islands that
+ * stay as they are. */
 static void parts_are_aligned_apart(void **state)
 {
-    const cairn_pose poses[4] = {
-        {0, 0, 0}, {CAIRN_REAL(0.6), CAIRN_REAL(0.3), 1}, {0, 0, CAIRN_REAL(0.5)}, {CAIRN_REAL(0.5), 0, 3}};
+    const cairn_pose poses[4] = {{0, 0, 0},
+                                 {CAIRN_REAL(0.6), CAIRN_REAL(0.3), 1},
+                                 {0, 0, CAIRN_REAL(0.5)},
+                                 {CAIRN_REAL(0.5), 0, 3}};
     cairn_place_map_params params = small_params(4);
     rooms_room rooms[2] = {{.count = 0}, {.count = 0}};
     static struct scans scans;
@@ -376,7 +388,8 @@ static void an_aligner_that_is_full_refuses(void **state)
     params.aligner.max_segments = 1;
     make_mapper(&m, &params);
     view = view_of(m.scan, &scans.input[0]);
-    assert_status(cairn_place_map_add_scan(m.map, 0, &view, cairn_pose_identity(), NULL), CAIRN_FULL);
+    assert_status(cairn_place_map_add_scan(m.map, 0, &view, cairn_pose_identity(), NULL),
+                  CAIRN_FULL);
     assert_status(cairn_place_map_begin(m.map), CAIRN_EMPTY);
     test_pool_free(&m.pool);
 }
@@ -407,7 +420,8 @@ static void half_a_turn_of_a_rectangle_is_ambiguous(void **state)
     assert_int_equal(place.ambiguous, 1);
     assert_true(place.alternatives > 0);
     other = cairn_place_map_alternative(m.map, 1, 0);
-    assert_near(fabs((double)cairn_wrap_angle(other.map_node.theta - place.map_place.theta)), 3.14159, 0.02);
+    assert_near(fabs((double)cairn_wrap_angle(other.map_node.theta - place.map_place.theta)),
+                3.14159, 0.02);
     assert_near(cairn_place_map_alternative(m.map, 1, place.alternatives).weight, 0, 0);
 
     /* A box in a corner tells. */
@@ -437,7 +451,8 @@ static void rooms_that_differ_are_parts(void **state)
     rooms_add_box(&large, 1.5, 1, 4, 3);
     scans.count = 0;
     for (int32_t i = 0; i < 4; i++) {
-        cairn_pose pose = {CAIRN_REAL(0.3) * (cairn_real)i - CAIRN_REAL(0.3), CAIRN_REAL(-0.2), (cairn_real)i};
+        cairn_pose pose = {CAIRN_REAL(0.3) * (cairn_real)i - CAIRN_REAL(0.3), CAIRN_REAL(-0.2),
+                           (cairn_real)i};
 
         add_room_scan(&scans, i % 2 == 0 ? &large : &small, i, pose);
     }
@@ -517,8 +532,10 @@ static void one_place(void **state)
 
 /* ---- Evidence ---- */
 
-/* A place among others told once more, the slow way: all marks of a point in a set, and of those that share it a list. */
-static double twin_among(const cairn_place_map *map, int32_t place, const cairn_pose *poses, const int32_t *parts)
+/* A place among others told once more, the slow way: all marks of a point in a set, and of those
+ * that share it a list. */
+static double twin_among(const cairn_place_map *map, int32_t place, const cairn_pose *poses,
+                         const int32_t *parts)
 {
     double sum = 0;
 
@@ -527,17 +544,20 @@ static double twin_among(const cairn_place_map *map, int32_t place, const cairn_
 
         for (int32_t i = 0; i < map->scans[s].point_count && (of == place || parts[of] == 0); i++) {
             const cairn_oriented_point *point = &map->points[map->scans[s].first_point + i];
-            int floats = map->doubt[map->scans[s].first_point + i] & CAIRN_POINT_FLOATING, sharers = 1;
+            int floats = map->doubt[map->scans[s].first_point + i] & CAIRN_POINT_FLOATING,
+                sharers = 1;
             cairn_pose map_scan = cairn_pose_compose(poses[of], map->scans[s].place_scan);
             cairn_vec2 position = cairn_pose_point(map_scan, point->position);
-            cairn_vec2 direction = cairn_transform_direction(cairn_transform_of(map_scan), point->direction);
+            cairn_vec2 direction =
+                cairn_transform_direction(cairn_transform_of(map_scan), point->direction);
             int marks[64] = {0};
             double worth = 0;
 
             for (int32_t k = 0; k < map->place_count; k++) {
                 cairn_transform seen_from = cairn_transform_of(cairn_pose_inverse(poses[k]));
-                int32_t saw = cairn_place_map_saw(map, k, cairn_transform_point(seen_from, position),
-                                                  cairn_transform_direction(seen_from, direction));
+                int32_t saw =
+                    cairn_place_map_saw(map, k, cairn_transform_point(seen_from, position),
+                                        cairn_transform_direction(seen_from, direction));
 
                 if (k == of || (k != place && parts[k] != 0))
                     continue;
@@ -547,9 +567,10 @@ static double twin_among(const cairn_place_map *map, int32_t place, const cairn_
                     sharers += saw > CAIRN_SAW_FREE;
             }
             if (floats) {
-                worth = marks[CAIRN_SAW_BODY] || marks[CAIRN_SAW_ROUGH]                              ? 0.42
-                        : marks[CAIRN_SAW_ALONG] || marks[CAIRN_SAW_BACK] || marks[CAIRN_SAW_ACROSS] ? 0.26
-                                                                                                     : 0;
+                worth = marks[CAIRN_SAW_BODY] || marks[CAIRN_SAW_ROUGH] ? 0.42
+                        : marks[CAIRN_SAW_ALONG] || marks[CAIRN_SAW_BACK] || marks[CAIRN_SAW_ACROSS]
+                            ? 0.26
+                            : 0;
                 worth -= marks[CAIRN_SAW_FREE] ? 0.19 : 0;
             } else {
                 int any = marks[CAIRN_SAW_ALONG] + marks[CAIRN_SAW_BACK] + marks[CAIRN_SAW_ACROSS] +
@@ -567,17 +588,20 @@ static double twin_among(const cairn_place_map *map, int32_t place, const cairn_
     }
     for (int32_t y = 0; y < map->side; y += 6)
         for (int32_t x = 0; x < map->side; x += 6) {
-            cairn_vec2 here = {((cairn_real)x + CAIRN_REAL(0.5)) * map->params.sight_cell - map->params.sight_reach,
-                               ((cairn_real)y + CAIRN_REAL(0.5)) * map->params.sight_cell - map->params.sight_reach};
+            cairn_vec2 here = {((cairn_real)x + CAIRN_REAL(0.5)) * map->params.sight_cell -
+                                   map->params.sight_reach,
+                               ((cairn_real)y + CAIRN_REAL(0.5)) * map->params.sight_cell -
+                                   map->params.sight_reach};
             cairn_vec2 at = cairn_pose_point(poses[place], here), none = {0, 0};
             int shared = 0;
 
             if (cairn_place_map_saw(map, place, here, none) != CAIRN_SAW_FREE)
                 continue;
             for (int32_t k = 0; k < map->place_count; k++)
-                shared |= k != place && parts[k] == 0 &&
-                          cairn_place_map_saw(map, k, cairn_pose_point(cairn_pose_inverse(poses[k]), at), none) ==
-                              CAIRN_SAW_FREE;
+                shared |=
+                    k != place && parts[k] == 0 &&
+                    cairn_place_map_saw(map, k, cairn_pose_point(cairn_pose_inverse(poses[k]), at),
+                                        none) == CAIRN_SAW_FREE;
             sum += shared ? 5 * 0.3 * 0.3 : 0;
         }
     return sum;
@@ -640,7 +664,8 @@ static void every_surface_counts_once(void **state)
 static uint64_t hash_of_all(const struct mapper *m, const struct scans *scans)
 {
     cairn_place_map_result r = cairn_place_map_read(m->map);
-    int64_t counts[] = {r.places, r.placed, r.parts, r.ambiguous, r.matches, r.hypotheses, r.decoupled};
+    int64_t counts[] = {r.places,  r.placed,     r.parts,    r.ambiguous,
+                        r.matches, r.hypotheses, r.decoupled};
     cairn_real sums[] = {r.total, r.rival};
     uint64_t hash = test_hash(hash_of(m->map, scans->count), counts, sizeof counts);
 
@@ -661,8 +686,8 @@ static uint64_t hash_of_all(const struct mapper *m, const struct scans *scans)
     return hash;
 }
 
-/* Four places of two scans each, the second of each off by some centimetres and a degree; `strange`: the last two places
- * are in another room. A post stands free in the room. */
+/* Four places of two scans each, the second of each off by some centimetres and a degree;
+ * `strange`: the last two places are in another room. A post stands free in the room. */
 static uint64_t hash_of_rooms(cairn_place_map_params params, int32_t strange)
 {
     rooms_room rooms[2] = {{.count = 0}, {.count = 0}};
@@ -684,7 +709,8 @@ static uint64_t hash_of_rooms(cairn_place_map_params params, int32_t strange)
 
         off.x += CAIRN_REAL(0.03);
         off.theta += CAIRN_REAL(0.015);
-        add_room_scan(&scans, &rooms[strange && i >= 4], i / 2, i % 2 ? cairn_pose_compose(pose, step) : pose);
+        add_room_scan(&scans, &rooms[strange && i >= 4], i / 2,
+                      i % 2 ? cairn_pose_compose(pose, step) : pose);
         scans.place_scan[i] = i % 2 ? off : cairn_pose_identity();
     }
     make_mapper(&m, &params);
@@ -722,13 +748,19 @@ static void results_stay_as_they_are(void **state)
     decoupled.decoupled = 1;
     decoupled.rounds = 1;
     decoupled.sweeps = 1;
-    assert_golden(hash_of_rooms(params, 0), UINT64_C(0xba11831d939ac3d8), UINT64_C(0x12952a362ebe4d21));
-    assert_golden(hash_of_rooms(params, 1), UINT64_C(0x3ab9eb8dd121d277), UINT64_C(0x5b416bf6bd8b5401));
-    assert_golden(hash_of_rooms(sequential, 0), UINT64_C(0x5fd47e4840096001), UINT64_C(0xa3b8a145304838a8));
+    assert_golden(hash_of_rooms(params, 0), UINT64_C(0xba11831d939ac3d8),
+                  UINT64_C(0x12952a362ebe4d21));
+    assert_golden(hash_of_rooms(params, 1), UINT64_C(0x3ab9eb8dd121d277),
+                  UINT64_C(0x5b416bf6bd8b5401));
+    assert_golden(hash_of_rooms(sequential, 0), UINT64_C(0x5fd47e4840096001),
+                  UINT64_C(0xa3b8a145304838a8));
     jointly.decoupled = CAIRN_PLACE_MAP_JOINTLY;
-    assert_golden(hash_of_crowd(crowded), UINT64_C(0x4ac5ee726249c26d), UINT64_C(0xb6f3e821a94e51ef));
-    assert_golden(hash_of_crowd(jointly), UINT64_C(0xb836a8e41658ccdb), UINT64_C(0xde637f7277813dd9));
-    assert_golden(hash_of_rooms(decoupled, 0), UINT64_C(0xfd078e216e751678), UINT64_C(0xff9503e73219a7a7));
+    assert_golden(hash_of_crowd(crowded), UINT64_C(0x4ac5ee726249c26d),
+                  UINT64_C(0xb6f3e821a94e51ef));
+    assert_golden(hash_of_crowd(jointly), UINT64_C(0xb836a8e41658ccdb),
+                  UINT64_C(0xde637f7277813dd9));
+    assert_golden(hash_of_rooms(decoupled, 0), UINT64_C(0xfd078e216e751678),
+                  UINT64_C(0xff9503e73219a7a7));
 }
 
 /* ---- Contracts ---- */
@@ -748,21 +780,21 @@ static void memory_is_exact(void **state)
     test_every_pool_size(create, &params, cairn_place_map_memory(&params));
 }
 
-#define REFUSED(field, value)                                                                                          \
-    do {                                                                                                               \
-        cairn_place_map_params bad = small_params(2);                                                                  \
-        cairn_place_map *none = NULL;                                                                                  \
-        bad.field = value;                                                                                             \
-        assert_int_equal(cairn_place_map_memory(&bad), 0);                                                             \
-        assert_status(cairn_place_map_create(&none, &pool, &bad), CAIRN_BAD_ARGUMENT);                                 \
-        assert_null(none);                                                                                             \
+#define REFUSED(field, value)                                                                      \
+    do {                                                                                           \
+        cairn_place_map_params bad = small_params(2);                                              \
+        cairn_place_map *none = NULL;                                                              \
+        bad.field = value;                                                                         \
+        assert_int_equal(cairn_place_map_memory(&bad), 0);                                         \
+        assert_status(cairn_place_map_create(&none, &pool, &bad), CAIRN_BAD_ARGUMENT);             \
+        assert_null(none);                                                                         \
     } while (0)
 
-#define TAKEN(field, value)                                                                                            \
-    do {                                                                                                               \
-        cairn_place_map_params good = small_params(2);                                                                 \
-        good.field = value;                                                                                            \
-        assert_true(cairn_place_map_memory(&good) > 0);                                                                \
+#define TAKEN(field, value)                                                                        \
+    do {                                                                                           \
+        cairn_place_map_params good = small_params(2);                                             \
+        good.field = value;                                                                        \
+        assert_true(cairn_place_map_memory(&good) > 0);                                            \
     } while (0)
 
 static void bad_params_are_refused(void **state)
@@ -860,14 +892,16 @@ static void bad_scans_are_refused(void **state)
     assert_status(cairn_place_map_begin(NULL), CAIRN_BAD_ARGUMENT);
     assert_status(cairn_place_map_step(NULL, NULL), CAIRN_BAD_ARGUMENT);
     assert_status(cairn_place_map_step(m.map, NULL), CAIRN_BAD_ARGUMENT);
-    assert_fault(&fault, cairn_place_map_add_scan(NULL, 0, &view, pose, &fault), CAIRN_BAD_ARGUMENT, -1);
+    assert_fault(&fault, cairn_place_map_add_scan(NULL, 0, &view, pose, &fault), CAIRN_BAD_ARGUMENT,
+                 -1);
     assert_non_null(fault.what);
     assert_int_equal(fault.index, -1);
     assert_status(cairn_place_map_add_scan(m.map, 0, NULL, pose, NULL), CAIRN_BAD_ARGUMENT);
     assert_status(cairn_place_map_add_scan(m.map, 1, &view, pose, NULL), CAIRN_BAD_ARGUMENT);
     assert_status(cairn_place_map_add_scan(m.map, -1, &view, pose, NULL), CAIRN_BAD_ARGUMENT);
     bad.theta = nan;
-    assert_fault(&fault, cairn_place_map_add_scan(m.map, 0, &view, bad, &fault), CAIRN_NOT_FINITE, -1);
+    assert_fault(&fault, cairn_place_map_add_scan(m.map, 0, &view, bad, &fault), CAIRN_NOT_FINITE,
+                 -1);
     bad.theta = 0;
     bad.x = 2 * CAIRN_SCAN_EXTENT;
     assert_status(cairn_place_map_add_scan(m.map, 0, &view, bad, NULL), CAIRN_BAD_ARGUMENT);
@@ -880,14 +914,19 @@ static void bad_scans_are_refused(void **state)
     large = view;
     large.beam_count = params.max_place_beams + 1;
     assert_status(cairn_place_map_add_scan(m.map, 0, &large, pose, NULL), CAIRN_FULL);
-    assert_status(cairn_place_map_begin(m.map), CAIRN_EMPTY); /* nothing of these was kept */
+    /* nothing of these was kept */
+    assert_status(cairn_place_map_begin(m.map), CAIRN_EMPTY);
     assert_ok(cairn_place_map_add_scan(m.map, 0, &view, pose, NULL));
     assert_ok(cairn_place_map_add_scan(m.map, 0, &view, pose, NULL));
-    assert_status(cairn_place_map_add_scan(m.map, 0, &view, pose, NULL), CAIRN_FULL); /* of one place */
+    /* of one place */
+    assert_status(cairn_place_map_add_scan(m.map, 0, &view, pose, NULL), CAIRN_FULL);
     assert_ok(cairn_place_map_add_scan(m.map, 1, &view, pose, NULL));
-    assert_status(cairn_place_map_add_scan(m.map, 0, &view, pose, NULL), CAIRN_BAD_ARGUMENT); /* came too late */
-    assert_status(cairn_place_map_add_scan(m.map, 1, &view, pose, NULL), CAIRN_FULL);         /* scans */
-    assert_status(cairn_place_map_add_scan(m.map, 2, &view, pose, NULL), CAIRN_FULL);         /* places */
+    /* came too late */
+    assert_status(cairn_place_map_add_scan(m.map, 0, &view, pose, NULL), CAIRN_BAD_ARGUMENT);
+    /* scans */
+    assert_status(cairn_place_map_add_scan(m.map, 1, &view, pose, NULL), CAIRN_FULL);
+    /* places */
+    assert_status(cairn_place_map_add_scan(m.map, 2, &view, pose, NULL), CAIRN_FULL);
     (void)solve(&m);
     assert_int_equal(cairn_place_map_read(m.map).places, 2);
     cairn_place_map_clear(m.map);

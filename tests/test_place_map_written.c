@@ -9,7 +9,8 @@ enum { PLACES = 4, HEADINGS = 4 };
 
 static const double DEGREE = 0.017453292519943295;
 
-/* A map, its scan reader, and the places of a cluttered room, the frames of which have one heading up to 2 degrees. */
+/* A map, its scan reader, and the places of a cluttered room, the frames of which have one
+ * heading up to 2 degrees. */
 typedef struct bed {
     cairn_pool pool;
     cairn_scan *scan;
@@ -51,7 +52,8 @@ static void make_bed(bed *b, const cairn_place_map_params *params)
 }
 
 /* Adds a scan of 100 degrees of a place, or with `blind` one that saw nothing. */
-static cairn_status add(bed *b, int32_t place, int32_t heading, cairn_pose place_scan, int32_t blind)
+static cairn_status add(bed *b, int32_t place, int32_t heading, cairn_pose place_scan,
+                        int32_t blind)
 {
     static const cairn_pose step = {CAIRN_REAL(0.25), CAIRN_REAL(0.06), 0};
     rooms_room room = cluttered();
@@ -63,7 +65,8 @@ static cairn_status add(bed *b, int32_t place, int32_t heading, cairn_pose place
     b->frame[place].y = step.y * (cairn_real)place;
     b->frame[place].theta = place == 0 ? 0 : (cairn_real)((place % 2 ? 1.4 : -1.7) * DEGREE);
     b->truth[place][heading] = cairn_pose_compose(b->frame[place], place_scan);
-    input = rooms_take_scan(&room, b->truth[place][heading], (uint64_t)(10 * place + heading), &taken);
+    input =
+        rooms_take_scan(&room, b->truth[place][heading], (uint64_t)(10 * place + heading), &taken);
     for (int i = 0; i < ROOMS_BEAMS; i++) /* beams are a degree apart and begin behind */
         if (blind || abs(i - ROOMS_BEAMS / 2) > 50)
             taken.range[i] = 0;
@@ -77,7 +80,8 @@ static void load(bed *b, int32_t blind_place)
     b->scans = 0;
     for (int32_t place = 0; place < PLACES; place++)
         for (int32_t k = 0; k < HEADINGS; k++, b->scans++) {
-            cairn_pose place_scan = {CAIRN_REAL(0.02) * (cairn_real)k, 0, (cairn_real)(90 * k * DEGREE)};
+            cairn_pose place_scan = {CAIRN_REAL(0.02) * (cairn_real)k, 0,
+                                     (cairn_real)(90 * k * DEGREE)};
 
             assert_ok(add(b, place, k, place_scan, place == blind_place));
         }
@@ -134,7 +138,8 @@ static void places_in_order(void **state)
     test_pool_free(&b.pool);
 }
 
-/* Without decoupling scans keep their poses in the place, and the estimate by shape alone is another one. */
+/* Without decoupling scans keep their poses in the place, and the estimate by shape alone is
+ * another one. */
 static void stages(void **state)
 {
     cairn_place_map_params params = small_params();
@@ -145,14 +150,17 @@ static void stages(void **state)
     (void)state;
     params.decoupled = CAIRN_PLACE_MAP_COUPLED;
     for (int k = 0; k < 2; k++) {
-        params.match.mode = k == 0 ? CAIRN_SCAN_MATCH_AS_WRITTEN : CAIRN_SCAN_MATCH_AS_WRITTEN_SEGMENTS;
+        params.match.mode =
+            k == 0 ? CAIRN_SCAN_MATCH_AS_WRITTEN : CAIRN_SCAN_MATCH_AS_WRITTEN_SEGMENTS;
         make_bed(&b, &params);
         load(&b, -1);
         assert_int_equal(solve(&b, CAIRN_UNBOUNDED, &used).decoupled, 0);
         for (int32_t s = 0; s < b.scans; s++) {
             int32_t place = s / HEADINGS;
-            cairn_pose place_scan = cairn_pose_between(b.frame[place], b.truth[place][s % HEADINGS]);
-            cairn_pose expected = cairn_pose_compose(cairn_place_map_place_of(b.map, place).map_place, place_scan);
+            cairn_pose place_scan =
+                cairn_pose_between(b.frame[place], b.truth[place][s % HEADINGS]);
+            cairn_pose expected =
+                cairn_pose_compose(cairn_place_map_place_of(b.map, place).map_place, place_scan);
             cairn_pose pose = cairn_place_map_scan_pose(b.map, s);
 
             assert_near(pose.x, expected.x, NUMBER(1e-9, 1e-4));
@@ -165,7 +173,8 @@ static void stages(void **state)
     assert_true(last[0].x != last[1].x);
 }
 
-/* A place that saw nothing is a part of its own, and what follows is matched with those before it. */
+/* A place that saw nothing is a part of its own, and what follows is matched with those before
+ * it. */
 static void a_blind_place(void **state)
 {
     cairn_place_map_params params = small_params();
@@ -229,14 +238,16 @@ static void few_places_and_far_ones(void **state)
     assert_int_equal(solve(&b, CAIRN_UNBOUNDED, &used).places, 2);
     for (int k = 1; k < HEADINGS; k++)
         assert_ok(add(&b, 1, k, cairn_pose_identity(), 0));
-    assert_status(add(&b, 1, 0, cairn_pose_identity(), 0), CAIRN_FULL); /* 440 readings are four scans of 101 */
+    /* 440 readings are four scans of 101 */
+    assert_status(add(&b, 1, 0, cairn_pose_identity(), 0), CAIRN_FULL);
     test_pool_free(&b.pool);
 }
 
 static void add_place(bed *b, int32_t place)
 {
     for (int32_t k = 0; k < HEADINGS; k++, b->scans++) {
-        cairn_pose place_scan = {CAIRN_REAL(0.02) * (cairn_real)k, 0, (cairn_real)(90 * k * DEGREE)};
+        cairn_pose place_scan = {CAIRN_REAL(0.02) * (cairn_real)k, 0,
+                                 (cairn_real)(90 * k * DEGREE)};
 
         assert_ok(add(b, place, k, place_scan, 0));
     }
@@ -255,7 +266,8 @@ static void extend(bed *b, int32_t each)
     assert_ok(status);
 }
 
-/* Place after place is the same as all at once; what another aligner has moved stays where it is, and the next place follows. */
+/* Place after place is the same as all at once; what another aligner has moved stays where it
+ * is, and the next place follows. */
 static void places_one_by_one(void **state)
 {
     cairn_place_map_params params = small_params();
@@ -276,7 +288,8 @@ static void places_one_by_one(void **state)
         b.scans = 0;
         for (int32_t place = 0; place < PLACES; place++) {
             add_place(&b, place);
-            assert_status(cairn_place_map_move_scan(b.map, b.scans - 1, at_once), CAIRN_BAD_ARGUMENT);
+            assert_status(cairn_place_map_move_scan(b.map, b.scans - 1, at_once),
+                          CAIRN_BAD_ARGUMENT);
             extend(&b, place % 2 ? 7 : CAIRN_UNBOUNDED);
             assert_int_equal(cairn_place_map_read(b.map).placed, place + 1);
             if (k == 0 || place != PLACES - 2)

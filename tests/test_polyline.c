@@ -23,8 +23,8 @@ static cairn_segment wall(double ax, double ay, double bx, double by)
 }
 
 /* What `beams` beams from (x, y), all around, hit, with range noise. */
-static void look(cloud *c, const cairn_segment *walls, int count, double x, double y, int beams, double noise,
-                 uint64_t seed)
+static void look(cloud *c, const cairn_segment *walls, int count, double x, double y, int beams,
+                 double noise, uint64_t seed)
 {
     cairn_random random = cairn_random_seed(seed, 2);
 
@@ -34,8 +34,10 @@ static void look(cloud *c, const cairn_segment *walls, int count, double x, doub
         int hit = -1;
 
         for (int k = 0; k < count; k++) {
-            double ex = (double)(walls[k].b.x - walls[k].a.x), ey = (double)(walls[k].b.y - walls[k].a.y);
-            double px = (double)walls[k].a.x - x, py = (double)walls[k].a.y - y, cross = dx * ey - dy * ex;
+            double ex = (double)(walls[k].b.x - walls[k].a.x),
+                   ey = (double)(walls[k].b.y - walls[k].a.y);
+            double px = (double)walls[k].a.x - x, py = (double)walls[k].a.y - y,
+                   cross = dx * ey - dy * ex;
             double r = (px * ey - py * ex) / cross, t = (px * dy - py * dx) / cross;
 
             if (fabs(cross) > 1e-12 && r > 0 && t >= 0 && t <= 1 && r < nearest) {
@@ -58,10 +60,11 @@ static void lay(cloud *c, cairn_segment s, int n, double noise, int label, cairn
     cairn_vec2 left = cairn_vec2_left(cairn_vec2_unit(cairn_vec2_sub(s.b, s.a)));
 
     for (int i = 0; i < n; i++) {
-        cairn_vec2 p =
-            cairn_vec2_add(s.a, cairn_vec2_scale(cairn_vec2_sub(s.b, s.a), (cairn_real)i / (cairn_real)(n - 1)));
+        cairn_vec2 p = cairn_vec2_add(
+            s.a, cairn_vec2_scale(cairn_vec2_sub(s.b, s.a), (cairn_real)i / (cairn_real)(n - 1)));
 
-        c->point[c->count] = cairn_vec2_add(p, cairn_vec2_scale(left, (cairn_real)noise * cairn_random_normal(random)));
+        c->point[c->count] = cairn_vec2_add(
+            p, cairn_vec2_scale(left, (cairn_real)noise * cairn_random_normal(random)));
         c->wall[c->count++] = label;
     }
 }
@@ -143,10 +146,12 @@ static cairn_segment plane(const cairn_polyline_segment *s)
     return segment;
 }
 
-/* Angle between two segments as lines, and the largest distance of an end of `s` from the line of `truth`. */
+/* Angle between two segments as lines, and the largest distance of an end of `s` from the line
+ * of `truth`. */
 static double angle_error(cairn_segment s, cairn_segment truth)
 {
-    cairn_vec2 u = cairn_vec2_unit(cairn_vec2_sub(s.b, s.a)), v = cairn_vec2_unit(cairn_vec2_sub(truth.b, truth.a));
+    cairn_vec2 u = cairn_vec2_unit(cairn_vec2_sub(s.b, s.a)),
+               v = cairn_vec2_unit(cairn_vec2_sub(truth.b, truth.a));
 
     return fabs(asin(fmax(-1, fmin(1, (double)cairn_vec2_cross(u, v)))));
 }
@@ -171,7 +176,8 @@ static int32_t find(cairn_polyline_view view, cairn_segment truth)
     return -1;
 }
 
-static void assert_found(cairn_polyline_view view, cairn_segment truth, double angle, double offset, double ends)
+static void assert_found(cairn_polyline_view view, cairn_segment truth, double angle, double offset,
+                         double ends)
 {
     int32_t i = find(view, truth);
     cairn_segment s;
@@ -202,11 +208,13 @@ static void assert_sound(cairn_polyline_view view, const cloud *c)
         if (label < 0)
             continue;
         counts[label]++;
-        squares[label] += pow((double)cairn_vec2_cross(cairn_vec2_unit(cairn_vec2_sub(plane(&view.segments[label]).b,
-                                                                                      plane(&view.segments[label]).a)),
-                                                       cairn_vec2_sub(c->point[i], plane(&view.segments[label]).a)),
+        squares[label] += pow((double)cairn_vec2_cross(
+                                  cairn_vec2_unit(cairn_vec2_sub(plane(&view.segments[label]).b,
+                                                                 plane(&view.segments[label]).a)),
+                                  cairn_vec2_sub(c->point[i], plane(&view.segments[label]).a)),
                               2);
-        assert_true(cairn_segment_distance(plane(&view.segments[label]), c->point[i]) <= CAIRN_REAL(0.0601));
+        assert_true(cairn_segment_distance(plane(&view.segments[label]), c->point[i]) <=
+                    CAIRN_REAL(0.0601));
     }
     for (int32_t i = 0; i < view.segment_count; i++) {
         assert_int_equal(view.segments[i].count, counts[i]);
@@ -245,10 +253,12 @@ static void test_room_from_inside(void **state)
 
             /* Beams are up to 0.17 m apart at the corners. */
             assert_found(view, walls[i], 0.003, 0.012, 0.2);
-            assert_true(cairn_line_intersection(plane(&view.segments[here]), plane(&view.segments[next]), &corner));
+            assert_true(cairn_line_intersection(plane(&view.segments[here]),
+                                                plane(&view.segments[next]), &corner));
             assert_near(cairn_vec2_norm(cairn_vec2_sub(corner, walls[i].b)), 0, 0.02);
             assert_in_range(view.segments[here].count, 20, 200);
-            assert_true(view.segments[here].rms > CAIRN_REAL(0.004) && view.segments[here].rms < CAIRN_REAL(0.02));
+            assert_true(view.segments[here].rms > CAIRN_REAL(0.004) &&
+                        view.segments[here].rms < CAIRN_REAL(0.02));
         }
         for (int32_t i = 0; i < c.count; i++)
             if (view.label[i] >= 0 &&
@@ -260,8 +270,8 @@ static void test_room_from_inside(void **state)
 
 static void test_box_from_outside(void **state)
 {
-    cairn_segment walls[4] = {wall(2, -0.4, 2.8, 0.2), wall(2.8, 0.2, 2.2, 1), wall(2.2, 1, 1.4, 0.4),
-                              wall(1.4, 0.4, 2, -0.4)};
+    cairn_segment walls[4] = {wall(2, -0.4, 2.8, 0.2), wall(2.8, 0.2, 2.2, 1),
+                              wall(2.2, 1, 1.4, 0.4), wall(1.4, 0.4, 2, -0.4)};
     cloud c;
     cairn_polyline_view view;
 
@@ -328,7 +338,8 @@ static void test_bends_and_steps_are_cut(void **state)
     assert_found(view, step[1], 0.006, 0.012, 0.1);
 }
 
-/* A hole is a gap when the points beside it are near each other, and none when they are as far apart themselves. */
+/* A hole is a gap when the points beside it are near each other, and none when they are as far
+ * apart themselves. */
 static void test_gaps(void **state)
 {
     cairn_random random = cairn_random_seed(6, 3);
@@ -396,7 +407,8 @@ static void test_near_parallel_walls_stay_apart(void **state)
     assert_found(view, walls[1], 0.01, 0.015, 0.05);
 }
 
-/* The error of a wall's angle and offset over many draws, against that of the regression of just its points. */
+/* The error of a wall's angle and offset over many draws, against that of the regression of just
+ * its points. */
 static void test_accuracy_is_that_of_regression(void **state)
 {
     cairn_segment truth = wall(1, 1, 2.6, 2.2);
@@ -426,8 +438,9 @@ static void test_accuracy_is_that_of_regression(void **state)
 
 /* ---- Order and noise ---- */
 
-static void assert_same(cairn_polyline_view view, const cloud *a, const cairn_polyline_segment *segments, int32_t count,
-                        const int32_t *label, const cloud *b)
+static void assert_same(cairn_polyline_view view, const cloud *a,
+                        const cairn_polyline_segment *segments, int32_t count, const int32_t *label,
+                        const cloud *b)
 {
     assert_int_equal(view.segment_count, count);
     assert_memory_equal(view.segments, segments, (size_t)count * sizeof *segments);
@@ -607,19 +620,19 @@ static void test_memory(void **state)
     test_every_pool_size(create, &params, cairn_polyline_memory(&params));
 }
 
-#define REFUSED(field, value)                                                                                          \
-    do {                                                                                                               \
-        cairn_polyline_params p = cairn_polyline_default();                                                            \
-        p.field = (value);                                                                                             \
-        assert_int_equal(cairn_polyline_memory(&p), 0);                                                                \
-        assert_status(cairn_polyline_create(&x, &pool, &p), CAIRN_BAD_ARGUMENT);                                       \
+#define REFUSED(field, value)                                                                      \
+    do {                                                                                           \
+        cairn_polyline_params p = cairn_polyline_default();                                        \
+        p.field = (value);                                                                         \
+        assert_int_equal(cairn_polyline_memory(&p), 0);                                            \
+        assert_status(cairn_polyline_create(&x, &pool, &p), CAIRN_BAD_ARGUMENT);                   \
     } while (0)
 
-#define TAKEN(field, value)                                                                                            \
-    do {                                                                                                               \
-        cairn_polyline_params p = cairn_polyline_default();                                                            \
-        p.field = (value);                                                                                             \
-        assert_true(cairn_polyline_memory(&p) > 0);                                                                    \
+#define TAKEN(field, value)                                                                        \
+    do {                                                                                           \
+        cairn_polyline_params p = cairn_polyline_default();                                        \
+        p.field = (value);                                                                         \
+        assert_true(cairn_polyline_memory(&p) > 0);                                                \
     } while (0)
 
 static void test_params(void **state)
@@ -691,17 +704,22 @@ static void test_begin_statuses(void **state)
     lay(&c, truth, 30, 0, 0, &random);
     assert_int_equal(fit(&c).segment_count, 1);
 
-    assert_fault(&fault, cairn_polyline_begin(NULL, &c.point[0].x, 1, &fault), CAIRN_BAD_ARGUMENT, -1);
+    assert_fault(&fault, cairn_polyline_begin(NULL, &c.point[0].x, 1, &fault), CAIRN_BAD_ARGUMENT,
+                 -1);
     assert_fault(&fault, cairn_polyline_begin(fitter, NULL, 1, &fault), CAIRN_BAD_ARGUMENT, -1);
-    assert_fault(&fault, cairn_polyline_begin(fitter, &c.point[0].x, -1, &fault), CAIRN_BAD_ARGUMENT, -1);
+    assert_fault(&fault, cairn_polyline_begin(fitter, &c.point[0].x, -1, &fault),
+                 CAIRN_BAD_ARGUMENT, -1);
     assert_non_null(fault.what);
-    assert_fault(&fault, cairn_polyline_begin(fitter, &c.point[0].x, MAX_POINTS + 1, &fault), CAIRN_FULL, MAX_POINTS);
+    assert_fault(&fault, cairn_polyline_begin(fitter, &c.point[0].x, MAX_POINTS + 1, &fault),
+                 CAIRN_FULL, MAX_POINTS);
     c.point[17].y = (cairn_real)INFINITY;
-    assert_fault(&fault, cairn_polyline_begin(fitter, &c.point[0].x, c.count, &fault), CAIRN_NOT_FINITE, 17);
+    assert_fault(&fault, cairn_polyline_begin(fitter, &c.point[0].x, c.count, &fault),
+                 CAIRN_NOT_FINITE, 17);
     assert_non_null(fault.what);
     c.point[17].y = 0;
     c.point[9].x = CAIRN_REAL(-1.01) * CAIRN_POLYLINE_EXTENT;
-    assert_fault(&fault, cairn_polyline_begin(fitter, &c.point[0].x, c.count, &fault), CAIRN_BAD_ARGUMENT, 9);
+    assert_fault(&fault, cairn_polyline_begin(fitter, &c.point[0].x, c.count, &fault),
+                 CAIRN_BAD_ARGUMENT, 9);
     assert_status(cairn_polyline_begin(fitter, &c.point[0].x, c.count, NULL), CAIRN_BAD_ARGUMENT);
     /* Nothing of that touched the last result. */
     assert_int_equal(cairn_polyline_read(fitter).segment_count, 1);
@@ -766,7 +784,8 @@ static void test_degenerate_points(void **state)
         c.point[i].x = 4;
     view = fit(&c);
     for (int32_t i = 0; i < view.segment_count; i++)
-        assert_true(cairn_is_finite(view.segments[i].a[0]) && cairn_is_finite(view.segments[i].rms));
+        assert_true(cairn_is_finite(view.segments[i].a[0]) &&
+                    cairn_is_finite(view.segments[i].rms));
     /* The far corners of what is allowed. */
     c.count = 5;
     c.point[0].x = CAIRN_POLYLINE_EXTENT;
@@ -873,8 +892,10 @@ static void test_few_segments(void **state)
 
 static void test_lines_in_space(void **state)
 {
-    static const double ENDS[4][2][3] = {
-        {{0, 0, 0}, {2, 1, 0.5}}, {{2, 1, 0.5}, {2, 3, 1.5}}, {{-1, 0, 1}, {-1, 0, 3}}, {{0, 0, 0.6}, {2, 1, 1.1}}};
+    static const double ENDS[4][2][3] = {{{0, 0, 0}, {2, 1, 0.5}},
+                                         {{2, 1, 0.5}, {2, 3, 1.5}},
+                                         {{-1, 0, 1}, {-1, 0, 3}},
+                                         {{0, 0, 0.6}, {2, 1, 1.1}}};
     static cairn_real points[400][3], mixed[400][3];
     static cairn_polyline_segment segments[64];
     cairn_polyline_params params = cairn_polyline_default();
@@ -894,8 +915,9 @@ static void test_lines_in_space(void **state)
     for (int k = 0; k < 4; k++)
         for (int i = 0; i < 80; i++)
             for (int j = 0; j < 3; j++)
-                points[80 * k + i][j] = (cairn_real)(ENDS[k][0][j] + (ENDS[k][1][j] - ENDS[k][0][j]) * i / 79) +
-                                        CAIRN_REAL(0.005) * cairn_random_normal(&random);
+                points[80 * k + i][j] =
+                    (cairn_real)(ENDS[k][0][j] + (ENDS[k][1][j] - ENDS[k][0][j]) * i / 79) +
+                    CAIRN_REAL(0.005) * cairn_random_normal(&random);
     for (int i = 320; i < 400; i++)
         for (int j = 0; j < 3; j++)
             points[i][j] = cairn_random_uniform(&random, -1, 3);
@@ -969,8 +991,9 @@ static void test_space_agrees_with_plane(void **state)
 
         for (int32_t k = 0; k < 4; k++) {
             const cairn_polyline_segment *s = &view.segments[k];
-            cairn_segment back = {{s->a[0], s->a[1] * CAIRN_REAL(0.86602540378443865) + s->a[2] / 2},
-                                  {s->b[0], s->b[1] * CAIRN_REAL(0.86602540378443865) + s->b[2] / 2}};
+            cairn_segment back = {
+                {s->a[0], s->a[1] * CAIRN_REAL(0.86602540378443865) + s->a[2] / 2},
+                {s->b[0], s->b[1] * CAIRN_REAL(0.86602540378443865) + s->b[2] / 2}};
 
             assert_near(s->a[2] * CAIRN_REAL(0.86602540378443865) - s->a[1] / 2, 0, 1e-4);
             assert_near(s->b[2] * CAIRN_REAL(0.86602540378443865) - s->b[1] / 2, 0, 1e-4);
@@ -983,8 +1006,8 @@ static void test_space_agrees_with_plane(void **state)
 
 /* ---- The same bits everywhere ---- */
 
-/* A scene of random walls around the origin, made with cairn's own functions alone, so that it has the same bits on
- * every machine too: rays all around, noise, clutter. */
+/* A scene of random walls around the origin, made with cairn's own functions alone, so that it
+ * has the same bits on every machine too: rays all around, noise, clutter. */
 static void random_scene(cloud *c, cairn_random *random)
 {
     cairn_segment walls[8];
@@ -1042,8 +1065,8 @@ static uint64_t hash_fit(uint64_t hash, cairn_polyline *x)
     return test_hash(hash, &cost.peak_segments, sizeof cost.peak_segments);
 }
 
-/* The hash of what this code gave where its results were looked at. A change of method changes it; a change of machine,
- * compiler or optimisation must not. */
+/* The hash of what this code gave where its results were looked at. A change of method changes
+ * it; a change of machine, compiler or optimisation must not. */
 static void test_same_bits(void **state)
 {
     cairn_random random = cairn_random_seed(2008, 1);
@@ -1092,8 +1115,9 @@ static void test_same_bits(void **state)
             for (int j = 0; j < 3; j++) {
                 cairn_real noise = cairn_random_normal(&random);
 
-                points[p][j] =
-                    k == lines ? 2 * noise : ends[k][j] + t * (ends[k + 1][j] - ends[k][j]) + CAIRN_REAL(0.008) * noise;
+                points[p][j] = k == lines ? 2 * noise
+                                          : ends[k][j] + t * (ends[k + 1][j] - ends[k][j]) +
+                                                CAIRN_REAL(0.008) * noise;
             }
         }
         assert_ok(cairn_polyline_begin(space, &points[0][0], 300, NULL));
@@ -1105,8 +1129,8 @@ static void test_same_bits(void **state)
     test_pool_free(&own);
 }
 
-/* Walls of an eighth of a metre on a grid, with holes and some points twice, and params on which holes, lengths and
- * distances lie exactly. */
+/* Walls of an eighth of a metre on a grid, with holes and some points twice, and params on which
+ * holes, lengths and distances lie exactly. */
 static void grid_scene(cloud *c, cairn_random *random)
 {
     int32_t walls = 2 + cairn_random_below(random, 4);

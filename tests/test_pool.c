@@ -62,8 +62,8 @@ static void flushing_to_zero_is_seen(void **state)
     status = cairn_pool_init(&pool, memory, sizeof memory);
     _mm_setcsr(control);
     assert_status(status, CAIRN_BAD_BUILD);
-    assert_true(pool.base == NULL && pool.size == 1 && pool.used == 2 && pool.peak == 3 && pool.refused == 4 &&
-                pool.marks == 5);
+    assert_true(pool.base == NULL && pool.size == 1 && pool.used == 2 && pool.peak == 3 &&
+                pool.refused == 4 && pool.marks == 5);
 }
 #endif
 
@@ -371,7 +371,8 @@ static void block_pool_in_every_size(void **state)
     test_pool_free(&pool);
 }
 
-static void assert_usage(const cairn_block_pool *blocks, int32_t used, int32_t peak, uint32_t refused)
+static void assert_usage(const cairn_block_pool *blocks, int32_t used, int32_t peak,
+                         uint32_t refused)
 {
     cairn_block_pool_usage usage = cairn_block_pool_read(blocks);
 
@@ -410,10 +411,13 @@ static void blocks_come_and_go(void **state)
     assert_ok(cairn_block_pool_give(blocks, block[3]));
     assert_ok(cairn_block_pool_give(blocks, block[0]));
     assert_usage(blocks, 3, 5, 2);
-    assert_status(cairn_block_pool_give(blocks, block[3]), CAIRN_BAD_ARGUMENT); /* twice */
+    /* twice */
+    assert_status(cairn_block_pool_give(blocks, block[3]), CAIRN_BAD_ARGUMENT);
     assert_status(cairn_block_pool_give(blocks, block[1] + 16), CAIRN_BAD_ARGUMENT);
-    assert_status(cairn_block_pool_give(blocks, block[4] + 32), CAIRN_BAD_ARGUMENT); /* behind the last */
-    assert_status(cairn_block_pool_give(blocks, block[0] - 32), CAIRN_BAD_ARGUMENT); /* before the first */
+    /* behind the last */
+    assert_status(cairn_block_pool_give(blocks, block[4] + 32), CAIRN_BAD_ARGUMENT);
+    /* before the first */
+    assert_status(cairn_block_pool_give(blocks, block[0] - 32), CAIRN_BAD_ARGUMENT);
     assert_status(cairn_block_pool_give(blocks, block[0] - 1), CAIRN_BAD_ARGUMENT);
     assert_status(cairn_block_pool_give(blocks, foreign), CAIRN_BAD_ARGUMENT);
     assert_status(cairn_block_pool_give(blocks, NULL), CAIRN_BAD_ARGUMENT);

@@ -8,7 +8,8 @@ enum { MAX_NODES = 40, MAX_HYPOTHESES = 1000 };
 
 static const cairn_real DEGREE = CAIRN_PI / 180;
 
-static cairn_pose_consensus *new_consensus(cairn_pool *pool, const cairn_pose_consensus_params *params)
+static cairn_pose_consensus *new_consensus(cairn_pool *pool,
+                                           const cairn_pose_consensus_params *params)
 {
     cairn_pose_consensus *consensus;
 
@@ -18,22 +19,24 @@ static cairn_pose_consensus *new_consensus(cairn_pool *pool, const cairn_pose_co
 }
 
 /* first_second, known to `sigma` m and `sigma_angle` rad. */
-static cairn_pose_hypothesis hypothesis_of(int32_t first, int32_t second, cairn_pose first_second, cairn_real sigma,
-                                           cairn_real sigma_angle, cairn_real score)
+static cairn_pose_hypothesis hypothesis_of(int32_t first, int32_t second, cairn_pose first_second,
+                                           cairn_real sigma, cairn_real sigma_angle,
+                                           cairn_real score)
 {
-    cairn_pose_hypothesis h = {first,
-                               second,
-                               first_second,
-                               {sigma * sigma, 0, 0, 0, sigma * sigma, 0, 0, 0, sigma_angle * sigma_angle},
-                               score};
+    cairn_pose_hypothesis h = {
+        first,
+        second,
+        first_second,
+        {sigma * sigma, 0, 0, 0, sigma * sigma, 0, 0, 0, sigma_angle * sigma_angle},
+        score};
     return h;
 }
 
-static void add(cairn_pose_consensus *consensus, int32_t first, int32_t second, cairn_pose first_second,
-                cairn_real score)
+static void add(cairn_pose_consensus *consensus, int32_t first, int32_t second,
+                cairn_pose first_second, cairn_real score)
 {
-    cairn_pose_hypothesis h =
-        hypothesis_of(first, second, first_second, CAIRN_REAL(0.01), CAIRN_REAL(0.3) * DEGREE, score);
+    cairn_pose_hypothesis h = hypothesis_of(first, second, first_second, CAIRN_REAL(0.01),
+                                            CAIRN_REAL(0.3) * DEGREE, score);
 
     assert_ok(cairn_pose_consensus_add(consensus, &h, NULL));
 }
@@ -65,7 +68,8 @@ static void assert_pose_near(cairn_pose pose, cairn_pose expected, double distan
     assert_near(cairn_wrap_angle(pose.theta - expected.theta), 0, angle);
 }
 
-/* A world of nodes with true hypotheses, each with noise of 1 cm and 0.3 degrees, and false ones. */
+/* A world of nodes with true hypotheses, each with noise of 1 cm and 0.3 degrees, and false
+ * ones. */
 struct world {
     cairn_pose truth[MAX_NODES];
     int32_t nodes;
@@ -74,12 +78,12 @@ struct world {
     int32_t count;
 };
 
-static void add_to_world(struct world *world, int32_t first, int32_t second, cairn_pose first_second, cairn_real score,
-                         int32_t is_true)
+static void add_to_world(struct world *world, int32_t first, int32_t second,
+                         cairn_pose first_second, cairn_real score, int32_t is_true)
 {
     assert_true(world->count < MAX_HYPOTHESES);
-    world->hypotheses[world->count] =
-        hypothesis_of(first, second, first_second, CAIRN_REAL(0.01), CAIRN_REAL(0.3) * DEGREE, score);
+    world->hypotheses[world->count] = hypothesis_of(first, second, first_second, CAIRN_REAL(0.01),
+                                                    CAIRN_REAL(0.3) * DEGREE, score);
     world->is_true[world->count++] = is_true;
 }
 
@@ -91,10 +95,10 @@ static cairn_pose noisy(cairn_pose pose, cairn_random *random)
     return pose;
 }
 
-/* Of each pair nearer than `reach` a share `known` has its true hypothesis, of score 10 ... 20; `lies` false ones of score
- * 10 ... 25 follow, at random pairs. */
-static void make_world(struct world *world, uint64_t seed, int32_t nodes, cairn_real reach, cairn_real known,
-                       int32_t lies)
+/* Of each pair nearer than `reach` a share `known` has its true hypothesis, of score 10 ... 20;
+ * `lies` false ones of score 10 ... 25 follow, at random pairs. */
+static void make_world(struct world *world, uint64_t seed, int32_t nodes, cairn_real reach,
+                       cairn_real known, int32_t lies)
 {
     cairn_random random = cairn_random_seed(seed, 1);
 
@@ -108,7 +112,8 @@ static void make_world(struct world *world, uint64_t seed, int32_t nodes, cairn_
             cairn_real score = cairn_random_uniform(&random, 10, 20);
 
             between = noisy(between, &random);
-            if (between.x * between.x + between.y * between.y <= reach * reach && cairn_random_unit(&random) < known) {
+            if (between.x * between.x + between.y * between.y <= reach * reach &&
+                cairn_random_unit(&random) < known) {
                 if (cairn_random_below(&random, 2) == 0)
                     add_to_world(world, i, j, between, score, 1);
                 else
@@ -132,8 +137,8 @@ static void load(cairn_pose_consensus *consensus, const struct world *world)
 }
 
 /* Nodes of part 0 that lie, seen from its first node, where they do in truth. */
-static int32_t count_right(const cairn_pose_consensus *consensus, const struct world *world, double metres,
-                           double radians)
+static int32_t count_right(const cairn_pose_consensus *consensus, const struct world *world,
+                           double metres, double radians)
 {
     int32_t right = 0, first = -1;
 
@@ -146,7 +151,8 @@ static int32_t count_right(const cairn_pose_consensus *consensus, const struct w
         if (first < 0)
             first = i;
         seen = cairn_pose_between(world->truth[first], world->truth[i]);
-        right += hypot((double)(node.map_node.x - seen.x), (double)(node.map_node.y - seen.y)) < metres &&
+        right += hypot((double)(node.map_node.x - seen.x), (double)(node.map_node.y - seen.y)) <
+                     metres &&
                  fabs((double)cairn_wrap_angle(node.map_node.theta - seen.theta)) < radians;
     }
     return right;
@@ -194,13 +200,16 @@ static void two_nodes(void **state)
     assert_int_equal(node.contradicting, 0);
     assert_int_equal(node.alternatives, 0);
 
-    /* Of node 0 given 1, in the frame of 1 it would be the covariance with the sigmas added; the frame is that of 0. */
+    /* Of node 0 given 1, in the frame of 1 it would be the covariance with the sigmas added; the
+     * frame is that of 0. */
     node = cairn_pose_consensus_node(consensus, 0);
     shift = (double)(params.sigma * params.sigma) + 5 * turn;
     x = cos(-0.5);
     y = sin(-0.5);
-    assert_near(node.covariance[0], x * x * (0.04 + shift) - 2 * x * y * 0.01 + y * y * (0.02 + shift), 1e-6);
-    assert_near(node.covariance[4], y * y * (0.04 + shift) + 2 * x * y * 0.01 + x * x * (0.02 + shift), 1e-6);
+    assert_near(node.covariance[0],
+                x * x * (0.04 + shift) - 2 * x * y * 0.01 + y * y * (0.02 + shift), 1e-6);
+    assert_near(node.covariance[4],
+                y * y * (0.04 + shift) + 2 * x * y * 0.01 + x * x * (0.02 + shift), 1e-6);
     assert_near(node.covariance[1], x * y * (0.04 - 0.02) + (x * x - y * y) * 0.01, 1e-6);
     assert_near(node.covariance[2], x * 0.002, 1e-6);
     assert_near(node.covariance[5], y * 0.002, 1e-6);
@@ -311,7 +320,8 @@ struct twin {
     double best;
 };
 
-static double plain_chi(const struct twin *twin, const cairn_pose_hypothesis *h, cairn_pose first, cairn_pose second)
+static double plain_chi(const struct twin *twin, const cairn_pose_hypothesis *h, cairn_pose first,
+                        cairn_pose second)
 {
     cairn_pose seen = cairn_pose_between(first, second);
     double x = (double)(seen.x - h->first_second.x), y = (double)(seen.y - h->first_second.y);
@@ -320,7 +330,8 @@ static double plain_chi(const struct twin *twin, const cairn_pose_hypothesis *h,
     double shift = (double)(twin->params->sigma * twin->params->sigma) +
                    turn * (pow((double)h->first_second.x, 2) + pow((double)h->first_second.y, 2));
 
-    return (x * x + y * y) / ((double)h->covariance[0] + shift) + theta * theta / ((double)h->covariance[8] + turn);
+    return (x * x + y * y) / ((double)h->covariance[0] + shift) +
+           theta * theta / ((double)h->covariance[8] + turn);
 }
 
 static double plain_total(const struct twin *twin)
@@ -329,7 +340,8 @@ static double plain_total(const struct twin *twin)
 
     for (int32_t k = 0; k < twin->world->count; k++) {
         const cairn_pose_hypothesis *h = &twin->world->hypotheses[k];
-        double share = 1 - plain_chi(twin, h, twin->pose[h->first], twin->pose[h->second]) / (double)twin->params->gate;
+        double share = 1 - plain_chi(twin, h, twin->pose[h->first], twin->pose[h->second]) /
+                               (double)twin->params->gate;
         int32_t i = h->first < h->second ? h->first : h->second, j = h->first + h->second - i;
 
         best[i][j] = fmax(best[i][j], share * (double)h->score);
@@ -356,9 +368,10 @@ static void hang_rest(struct twin *twin)
 
         if (twin->placed[h->first] == twin->placed[h->second])
             continue;
-        twin->pose[node] = node == h->second
-                               ? cairn_pose_compose(twin->pose[h->first], h->first_second)
-                               : cairn_pose_compose(twin->pose[h->second], cairn_pose_inverse(h->first_second));
+        twin->pose[node] =
+            node == h->second
+                ? cairn_pose_compose(twin->pose[h->first], h->first_second)
+                : cairn_pose_compose(twin->pose[h->second], cairn_pose_inverse(h->first_second));
         twin->placed[node] = 1;
         hang_rest(twin);
         twin->placed[node] = 0;
@@ -408,7 +421,8 @@ static void load_triangles(cairn_pose_consensus *consensus, const cairn_pose tru
                 add(consensus, i, j, cairn_pose_between(truth[i], truth[j]), 5);
 }
 
-static const cairn_pose TRIANGLES[7] = {{0, 0, 0}, {2, 0, 1}, {1, 2, 2}, {6, 0, 3}, {8, 0, -2}, {7, 2, -1}, {7, 1, 0}};
+static const cairn_pose TRIANGLES[7] = {{0, 0, 0},  {2, 0, 1},  {1, 2, 2}, {6, 0, 3},
+                                        {8, 0, -2}, {7, 2, -1}, {7, 1, 0}};
 
 static void what_does_not_hang_together_is_parts(void **state)
 {
@@ -430,7 +444,8 @@ static void what_does_not_hang_together_is_parts(void **state)
         /* the larger part is part 0 */
         assert_int_equal(node.part, i < 3 ? 1 : 0);
         assert_int_equal(node.agreeing, i < 3 ? 2 : 3);
-        assert_pose_near(node.map_node, cairn_pose_between(TRIANGLES[first], TRIANGLES[i]), 1e-3, 1e-3);
+        assert_pose_near(node.map_node, cairn_pose_between(TRIANGLES[first], TRIANGLES[i]), 1e-3,
+                         1e-3);
     }
     assert_int_equal(cairn_pose_consensus_node(consensus, 7).part, 2);
     assert_pose_near(cairn_pose_consensus_node(consensus, 7).map_node, cairn_pose_identity(), 0, 0);
@@ -454,7 +469,8 @@ static void parts_are_joined_as_wholes(void **state)
     add(consensus, 4, 1, cairn_pose_between(TRIANGLES[4], TRIANGLES[1]), 2);
     assert_int_equal(solve(consensus).parts, 2);
     for (int32_t i = 0; i < 7; i++)
-        assert_pose_near(cairn_pose_consensus_node(consensus, i).map_node, TRIANGLES[i], 2e-3, 1e-3);
+        assert_pose_near(cairn_pose_consensus_node(consensus, i).map_node, TRIANGLES[i], 2e-3,
+                         1e-3);
     assert_int_equal(cairn_pose_consensus_node(consensus, 7).part, 1);
     test_pool_free(&pool);
 }
@@ -483,7 +499,8 @@ static void nothing_is_placed_on_weak_evidence(void **state)
 
 /* ---- Ambiguity ---- */
 
-/* A pair of nodes that hangs by one ambiguous link: node by node nothing may move, but both could lie elsewhere. */
+/* A pair of nodes that hangs by one ambiguous link: node by node nothing may move, but both
+ * could lie elsewhere. */
 static void another_map_is_an_alternative(void **state)
 {
     cairn_pose_consensus_params params = cairn_pose_consensus_default();
@@ -531,8 +548,8 @@ static void another_map_is_an_alternative(void **state)
 
 /* ---- Blocks ---- */
 
-/* Two nodes hold each other and hang by one strong false hypothesis; two weak true ones outweigh it, but no node alone can go
- * there, and neither can the rest. */
+/* Two nodes hold each other and hang by one strong false hypothesis; two weak true ones outweigh
+ * it, but no node alone can go there, and neither can the rest. */
 static void load_pair_gone_astray(cairn_pose_consensus *consensus, const cairn_pose truth[5])
 {
     const cairn_pose astray = {-4, 0, 1};
@@ -578,19 +595,23 @@ static void blocks_are_laid_anew(void **state)
     test_pool_free(&pool);
 }
 
-/* A node whose true place each single vote speaks for less than for a false one: what the judge says of all decides. */
+/* A node whose true place each single vote speaks for less than for a false one: what the judge
+ * says of all decides. */
 struct jury {
     cairn_pose truth[4];
     cairn_real right;
 };
 
-static cairn_real likes_the_truth(void *context, int32_t first, int32_t second, cairn_pose first_second, int32_t *units)
+static cairn_real likes_the_truth(void *context, int32_t first, int32_t second,
+                                  cairn_pose first_second, int32_t *units)
 {
     struct jury *jury = context;
     cairn_pose seen = cairn_pose_between(jury->truth[first], jury->truth[second]);
 
     *units = 3;
-    return hypot((double)(seen.x - first_second.x), (double)(seen.y - first_second.y)) < 0.1 ? jury->right : 0;
+    return hypot((double)(seen.x - first_second.x), (double)(seen.y - first_second.y)) < 0.1
+               ? jury->right
+               : 0;
 }
 
 static void the_judge_may_say_more_than_a_hypothesis(void **state)
@@ -661,7 +682,8 @@ static void bounds_forbid(void **state)
     for (int32_t i = 0; i < 4; i++) {
         cairn_pose pose = cairn_pose_consensus_node(consensus, i).map_node;
 
-        assert_pose_near(cairn_pose_between(first, pose), cairn_pose_between(truth[0], truth[i]), 1e-3, 1e-3);
+        assert_pose_near(cairn_pose_between(first, pose), cairn_pose_between(truth[0], truth[i]),
+                         1e-3, 1e-3);
         assert_pose_near(pose, cairn_pose_compose(frame, truth[i]), 0.25, 0.1);
     }
 
@@ -681,7 +703,8 @@ struct court {
     cairn_real wrong; /* evidence for a pose that is not the truth */
 };
 
-static cairn_real judge(void *context, int32_t first, int32_t second, cairn_pose first_second, int32_t *units)
+static cairn_real judge(void *context, int32_t first, int32_t second, cairn_pose first_second,
+                        int32_t *units)
 {
     struct court *court = context;
     cairn_pose seen = cairn_pose_between(court->truth[first], court->truth[second]);
@@ -689,7 +712,9 @@ static cairn_real judge(void *context, int32_t first, int32_t second, cairn_pose
     assert_true(first < second);
     court->calls++;
     *units = 7;
-    return hypot((double)(seen.x - first_second.x), (double)(seen.y - first_second.y)) < 0.1 ? 1 : court->wrong;
+    return hypot((double)(seen.x - first_second.x), (double)(seen.y - first_second.y)) < 0.1
+               ? 1
+               : court->wrong;
 }
 
 static void a_judge_decides(void **state)
@@ -732,9 +757,11 @@ static void a_judge_decides(void **state)
     test_pool_free(&pool);
 }
 
-/* Says for a node what the judge of the court would say in sum, one nat less for every other node of the part. */
-static cairn_real whole_court(void *context, int32_t node, cairn_pose map_node, const cairn_pose *map_nodes,
-                              const int32_t *parts, int32_t part, cairn_real *against, int32_t *units)
+/* Says for a node what the judge of the court would say in sum, one nat less for every other
+ * node of the part. */
+static cairn_real whole_court(void *context, int32_t node, cairn_pose map_node,
+                              const cairn_pose *map_nodes, const int32_t *parts, int32_t part,
+                              cairn_real *against, int32_t *units)
 {
     struct court *court = context;
     cairn_real sum = 0;
@@ -746,7 +773,10 @@ static cairn_real whole_court(void *context, int32_t node, cairn_pose map_node, 
         if (i == node || parts[i] != part)
             continue;
         seen = cairn_pose_between(court->truth[i], court->truth[node]);
-        sum += (hypot((double)(seen.x - found.x), (double)(seen.y - found.y)) < 0.1 ? 4 : court->wrong) - 1;
+        sum +=
+            (hypot((double)(seen.x - found.x), (double)(seen.y - found.y)) < 0.1 ? 4
+                                                                                 : court->wrong) -
+            1;
     }
     court->calls++;
     *against = 0;
@@ -799,10 +829,12 @@ static void a_jury_decides(void **state)
     test_pool_free(&pool);
 }
 
-/* Node 3 has 22 nats where it lies and `elsewhere` at a pose that is off by `off`, where it contradicts two nodes of six nats
- * each, which costs three each; node 4 hangs by node 3 and by node 0. */
-static cairn_consensus_result solve_doubtful(cairn_pose_consensus *consensus, cairn_pose off, cairn_real elsewhere,
-                                             cairn_real by_third, cairn_real by_first)
+/* Node 3 has 22 nats where it lies and `elsewhere` at a pose that is off by `off`, where it
+ * contradicts two nodes of six nats each, which costs three each; node 4 hangs by node 3 and by
+ * node 0. */
+static cairn_consensus_result solve_doubtful(cairn_pose_consensus *consensus, cairn_pose off,
+                                             cairn_real elsewhere, cairn_real by_third,
+                                             cairn_real by_first)
 {
     const cairn_pose truth[5] = {{0, 0, 0}, {3, 0, 1}, {3, 3, 2}, {0, 3, 3}, {2, 2, 0}};
 
@@ -810,7 +842,8 @@ static cairn_consensus_result solve_doubtful(cairn_pose_consensus *consensus, ca
     for (int32_t i = 0; i < 4; i++)
         for (int32_t j = i + 1; j < 4; j++)
             add(consensus, i, j, cairn_pose_between(truth[i], truth[j]), i > 0 && j == 3 ? 6 : 10);
-    add(consensus, 0, 3, cairn_pose_compose(cairn_pose_between(truth[0], truth[3]), off), elsewhere);
+    add(consensus, 0, 3, cairn_pose_compose(cairn_pose_between(truth[0], truth[3]), off),
+        elsewhere);
     add(consensus, 3, 4, cairn_pose_between(truth[3], truth[4]), by_third);
     add(consensus, 0, 4, cairn_pose_between(truth[0], truth[4]), by_first);
     return solve(consensus);
@@ -818,7 +851,8 @@ static cairn_consensus_result solve_doubtful(cairn_pose_consensus *consensus, ca
 
 static void what_would_be_believed_elsewhere_is_ambiguous(void **state)
 {
-    const cairn_pose far = {CAIRN_REAL(1.2), 0, 0}, near = {CAIRN_REAL(0.8), 0, 0}, turned = {0, 0, CAIRN_REAL(0.7)};
+    const cairn_pose far = {CAIRN_REAL(1.2), 0, 0}, near = {CAIRN_REAL(0.8), 0, 0},
+                     turned = {0, 0, CAIRN_REAL(0.7)};
     cairn_pose_consensus_params params = cairn_pose_consensus_default();
     cairn_pool pool;
     cairn_pose_consensus *consensus;
@@ -828,9 +862,11 @@ static void what_would_be_believed_elsewhere_is_ambiguous(void **state)
     params.contradiction = CAIRN_REAL(0.5);
     params.ambiguous = CAIRN_REAL(1e-9);
     consensus = new_consensus(&pool, &params);
-    assert_int_equal(solve_doubtful(consensus, far, 17, 0.5, 5).ambiguous, 1); /* e^-12 weighs something */
+    /* e^-12 weighs something */
+    assert_int_equal(solve_doubtful(consensus, far, 17, 0.5, 5).ambiguous, 1);
     test_pool_free(&pool);
-    params.ambiguous = CAIRN_REAL(0.0004); /* of 7.8 nats */
+    /* of 7.8 nats */
+    params.ambiguous = CAIRN_REAL(0.0004);
     params.believed = 4;
     consensus = new_consensus(&pool, &params);
     assert_int_equal(solve_doubtful(consensus, far, 15, 0.5, 5).ambiguous, 0);
@@ -846,7 +882,8 @@ static void what_would_be_believed_elsewhere_is_ambiguous(void **state)
     test_pool_free(&pool);
     params.ambiguous = CAIRN_REAL(0.003);
     consensus = new_consensus(&pool, &params);
-    assert_int_equal(solve_doubtful(consensus, far, 17, 0.5, 5).ambiguous, 0); /* six nats against it are too much */
+    /* six nats against it are too much */
+    assert_int_equal(solve_doubtful(consensus, far, 17, 0.5, 5).ambiguous, 0);
     test_pool_free(&pool);
 }
 
@@ -909,8 +946,8 @@ static void a_node_that_hangs_by_too_little_is_an_island(void **state)
     test_pool_free(&pool);
 }
 
-/* Three groups of nodes that hold together by ten nats a pair; the second hangs at the first by one pair of `second`, the
- * third at the second by one of `third`. */
+/* Three groups of nodes that hold together by ten nats a pair; the second hangs at the first by
+ * one pair of `second`, the third at the second by one of `third`. */
 static void solve_groups(cairn_pose_consensus *consensus, cairn_real second, cairn_real third)
 {
     const cairn_pose at[9] = {{0, 0, 0}, {3, 0, 1},  {9, 0, 1},  {12, 0, 2}, {12, 3, 3},
@@ -934,7 +971,8 @@ static void solve_groups(cairn_pose_consensus *consensus, cairn_real second, cai
     }
 }
 
-static void assert_islands(const cairn_pose_consensus *consensus, int32_t first, int32_t second, int32_t third)
+static void assert_islands(const cairn_pose_consensus *consensus, int32_t first, int32_t second,
+                           int32_t third)
 {
     assert_int_equal(cairn_pose_consensus_node(consensus, 0).island, first);
     assert_int_equal(cairn_pose_consensus_node(consensus, 1).island, first);
@@ -944,7 +982,8 @@ static void assert_islands(const cairn_pose_consensus *consensus, int32_t first,
         assert_int_equal(cairn_pose_consensus_node(consensus, i).island, third);
 }
 
-/* Several nodes need four times as much as one, as they see by chance in several ways what they share. */
+/* Several nodes need four times as much as one, as they see by chance in several ways what they
+ * share. */
 static void blocks_that_hang_by_too_little_are_islands(void **state)
 {
     cairn_pose_consensus_params params = cairn_pose_consensus_default();
@@ -965,8 +1004,8 @@ static void blocks_that_hang_by_too_little_are_islands(void **state)
     test_pool_free(&pool);
 }
 
-/* Two parts, each of islands of three, three and two nodes, and a node that nothing places: islands are numbered within their
- * part, of equal ones that of the lower node first. */
+/* Two parts, each of islands of three, three and two nodes, and a node that nothing places:
+ * islands are numbered within their part, of equal ones that of the lower node first. */
 static void islands_are_numbered_within_their_parts(void **state)
 {
     static const int32_t island[17] = {2, 2, 0, 0, 0, 1, 1, 1, 2, 2, 0, 0, 0, 1, 1, 1, 0};
@@ -1036,18 +1075,22 @@ static void contradictions_cost(void **state)
 static uint64_t hash_of(const cairn_pose_consensus *consensus, int32_t hypotheses)
 {
     cairn_consensus_result r = cairn_pose_consensus_read(consensus);
-    int64_t counts[] = {r.nodes, r.placed, r.parts, r.ambiguous, r.start, r.starts, r.rounds, r.agreeing, r.units};
+    int64_t counts[] = {r.nodes,  r.placed, r.parts,    r.ambiguous, r.start,
+                        r.starts, r.rounds, r.agreeing, r.units};
     cairn_real totals[] = {r.total, r.rival};
-    uint64_t hash = test_hash(test_hash(TEST_HASH_START, counts, sizeof counts), totals, sizeof totals);
+    uint64_t hash =
+        test_hash(test_hash(TEST_HASH_START, counts, sizeof counts), totals, sizeof totals);
 
     for (int32_t i = 0; i < r.nodes; i++) {
         cairn_consensus_node node = cairn_pose_consensus_node(consensus, i);
 
-        hash = test_hash(hash, &node, offsetof(cairn_consensus_node, ambiguous) + sizeof node.ambiguous);
+        hash = test_hash(hash, &node,
+                         offsetof(cairn_consensus_node, ambiguous) + sizeof node.ambiguous);
         for (int32_t k = 0; k < node.alternatives; k++) {
             cairn_consensus_alternative other = cairn_pose_consensus_alternative(consensus, i, k);
 
-            hash = test_hash(hash, &other, offsetof(cairn_consensus_alternative, whole) + sizeof other.whole);
+            hash = test_hash(hash, &other,
+                             offsetof(cairn_consensus_alternative, whole) + sizeof other.whole);
         }
     }
     for (int32_t k = 0; k < hypotheses; k++) {
@@ -1059,7 +1102,8 @@ static uint64_t hash_of(const cairn_pose_consensus *consensus, int32_t hypothese
 }
 
 /* For poses that bring the nodes near, against others. */
-static cairn_real likes_them_near(void *context, int32_t first, int32_t second, cairn_pose first_second, int32_t *units)
+static cairn_real likes_them_near(void *context, int32_t first, int32_t second,
+                                  cairn_pose first_second, int32_t *units)
 {
     cairn_real square = first_second.x * first_second.x + first_second.y * first_second.y;
 
@@ -1092,10 +1136,12 @@ static uint64_t hash_of_scene(const struct scene *scene)
     params.max_alternatives = scene->alternatives;
     params.contradiction = (cairn_real)scene->contradiction;
     consensus = new_consensus(&pool, &params);
-    make_world(&world, scene->seed, scene->nodes, (cairn_real)scene->reach, (cairn_real)scene->known, scene->lies);
+    make_world(&world, scene->seed, scene->nodes, (cairn_real)scene->reach,
+               (cairn_real)scene->known, scene->lies);
     load(consensus, &world);
     for (int32_t i = 0; i < scene->bounded; i++)
-        assert_ok(cairn_pose_consensus_bound(consensus, i, world.truth[i], CAIRN_REAL(0.5), CAIRN_REAL(0.4)));
+        assert_ok(cairn_pose_consensus_bound(consensus, i, world.truth[i], CAIRN_REAL(0.5),
+                                             CAIRN_REAL(0.4)));
     if (scene->bounded > 0)
         cairn_pose_consensus_judge_by(consensus, likes_them_near, NULL);
     (void)solve(consensus);
@@ -1107,11 +1153,16 @@ static uint64_t hash_of_scene(const struct scene *scene)
 static void results_stay_as_they_are(void **state)
 {
     static const struct scene scenes[] = {
-        {31, 16, 600, 7, 0.8, 16, 10, 8, 4, 0, 0, UINT64_C(0xd0ab95622df1fca6), UINT64_C(0xc0e63e332165437c)},
-        {32, 24, 60, 3.2, 0.7, 16, 3, 3, 2, 0.3, 0, UINT64_C(0x14b8c4a98c4e176c), UINT64_C(0x34fd1ef6414b9a62)},
-        {33, 12, 120, 4, 0.5, 8, 4, 8, 8, 0, 3, UINT64_C(0xb88de4532c463bae), UINT64_C(0xc503487b8abd3d08)},
-        {34, 30, 30, 3, 0.4, 1, 0, 1, 1, 0, 0, UINT64_C(0x1580ef95e92f0c47), UINT64_C(0xb3d2799feea56752)},
-        {35, 6, 20, 20, 0.5, 16, 10, 8, 32, 0.1, 6, UINT64_C(0x29b110626b80d8b6), UINT64_C(0xcac7944b4c4e37cb)},
+        {31, 16, 600, 7, 0.8, 16, 10, 8, 4, 0, 0, UINT64_C(0xd0ab95622df1fca6),
+         UINT64_C(0xc0e63e332165437c)},
+        {32, 24, 60, 3.2, 0.7, 16, 3, 3, 2, 0.3, 0, UINT64_C(0x14b8c4a98c4e176c),
+         UINT64_C(0x34fd1ef6414b9a62)},
+        {33, 12, 120, 4, 0.5, 8, 4, 8, 8, 0, 3, UINT64_C(0xb88de4532c463bae),
+         UINT64_C(0xc503487b8abd3d08)},
+        {34, 30, 30, 3, 0.4, 1, 0, 1, 1, 0, 0, UINT64_C(0x1580ef95e92f0c47),
+         UINT64_C(0xb3d2799feea56752)},
+        {35, 6, 20, 20, 0.5, 16, 10, 8, 32, 0.1, 6, UINT64_C(0x29b110626b80d8b6),
+         UINT64_C(0xcac7944b4c4e37cb)},
     };
 
     (void)state;
@@ -1119,8 +1170,8 @@ static void results_stay_as_they_are(void **state)
         assert_golden(hash_of_scene(&scenes[k]), scenes[k].in_double, scenes[k].in_float);
 }
 
-/* Nodes on a grid without a turn, with scores that are whole numbers, hypotheses twice and bounds a metre wide: many of the
- * choices are between equals, and much lies on the very limits. */
+/* Nodes on a grid without a turn, with scores that are whole numbers, hypotheses twice and
+ * bounds a metre wide: many of the choices are between equals, and much lies on the very limits. */
 static uint64_t hash_of_ties(uint64_t seed)
 {
     cairn_random random = cairn_random_seed(seed, 2);
@@ -1128,7 +1179,8 @@ static uint64_t hash_of_ties(uint64_t seed)
 
     for (int32_t k = 0; k < 40; k++) {
         cairn_pose_consensus_params params = cairn_pose_consensus_default();
-        int32_t nodes = 3 + cairn_random_below(&random, 8), count = 3 * nodes + cairn_random_below(&random, 12);
+        int32_t nodes = 3 + cairn_random_below(&random, 8),
+                count = 3 * nodes + cairn_random_below(&random, 12);
         cairn_pool pool;
         cairn_pose_consensus *consensus;
 
@@ -1148,7 +1200,8 @@ static uint64_t hash_of_ties(uint64_t seed)
 
             if (cairn_random_below(&random, 3) == 0)
                 between.x += (cairn_real)(cairn_random_below(&random, 3) - 1);
-            add(consensus, first, second, between, (cairn_real)(2 << cairn_random_below(&random, 3)));
+            add(consensus, first, second, between,
+                (cairn_real)(2 << cairn_random_below(&random, 3)));
         }
         for (int32_t i = 0; i < nodes && k % 3 == 0; i += 2) {
             int32_t row = i / 3 + cairn_random_below(&random, 2);
@@ -1209,7 +1262,9 @@ static void the_result_does_not_depend_on_budgets(void **state)
         for (int32_t i = 0; i < 10; i++) {
             cairn_consensus_node node = cairn_pose_consensus_node(consensus, i);
 
-            hashes[b] = test_hash(hashes[b], &node, offsetof(cairn_consensus_node, ambiguous) + sizeof node.ambiguous);
+            hashes[b] =
+                test_hash(hashes[b], &node,
+                          offsetof(cairn_consensus_node, ambiguous) + sizeof node.ambiguous);
         }
         assert_true(hashes[b] == hashes[0]);
         test_pool_free(&pool);
@@ -1269,21 +1324,21 @@ static void memory_is_exact(void **state)
     test_every_pool_size(create, &params, cairn_pose_consensus_memory(&params));
 }
 
-#define REFUSED(field, value)                                                                                          \
-    do {                                                                                                               \
-        cairn_pose_consensus_params bad = cairn_pose_consensus_default();                                              \
-        cairn_pose_consensus *none = NULL;                                                                             \
-        bad.field = value;                                                                                             \
-        assert_int_equal(cairn_pose_consensus_memory(&bad), 0);                                                        \
-        assert_status(cairn_pose_consensus_create(&none, &pool, &bad), CAIRN_BAD_ARGUMENT);                            \
-        assert_null(none);                                                                                             \
+#define REFUSED(field, value)                                                                      \
+    do {                                                                                           \
+        cairn_pose_consensus_params bad = cairn_pose_consensus_default();                          \
+        cairn_pose_consensus *none = NULL;                                                         \
+        bad.field = value;                                                                         \
+        assert_int_equal(cairn_pose_consensus_memory(&bad), 0);                                    \
+        assert_status(cairn_pose_consensus_create(&none, &pool, &bad), CAIRN_BAD_ARGUMENT);        \
+        assert_null(none);                                                                         \
     } while (0)
 
-#define TAKEN(field, value)                                                                                            \
-    do {                                                                                                               \
-        cairn_pose_consensus_params good = cairn_pose_consensus_default();                                             \
-        good.field = value;                                                                                            \
-        assert_true(cairn_pose_consensus_memory(&good) > 0);                                                           \
+#define TAKEN(field, value)                                                                        \
+    do {                                                                                           \
+        cairn_pose_consensus_params good = cairn_pose_consensus_default();                         \
+        good.field = value;                                                                        \
+        assert_true(cairn_pose_consensus_memory(&good) > 0);                                       \
     } while (0)
 
 static void bad_params_are_refused(void **state)
@@ -1342,7 +1397,8 @@ static void bad_hypotheses_are_refused(void **state)
     const cairn_real nan = (cairn_real)NAN, infinity = (cairn_real)INFINITY;
     cairn_pose_consensus_params params = cairn_pose_consensus_default();
     cairn_pose pose = {1, 2, 3};
-    cairn_pose_hypothesis good = hypothesis_of(0, 1, pose, CAIRN_REAL(0.1), CAIRN_REAL(0.1), 5), bad;
+    cairn_pose_hypothesis good = hypothesis_of(0, 1, pose, CAIRN_REAL(0.1), CAIRN_REAL(0.1), 5),
+                          bad;
     cairn_pool pool;
     cairn_pose_consensus *consensus;
     cairn_fault fault;
@@ -1358,20 +1414,22 @@ static void bad_hypotheses_are_refused(void **state)
     assert_status(cairn_pose_consensus_clear(NULL, 1), CAIRN_BAD_ARGUMENT);
     assert_status(cairn_pose_consensus_clear(consensus, 0), CAIRN_BAD_ARGUMENT);
     assert_status(cairn_pose_consensus_clear(consensus, 4), CAIRN_FULL);
-    assert_fault(&fault, cairn_pose_consensus_add(consensus, &good, &fault), CAIRN_BAD_ARGUMENT, -1); /* no nodes yet */
+    /* no nodes yet */
+    assert_fault(&fault, cairn_pose_consensus_add(consensus, &good, &fault), CAIRN_BAD_ARGUMENT,
+                 -1);
     assert_ok(cairn_pose_consensus_clear(consensus, 3));
     assert_fault(&fault, cairn_pose_consensus_add(NULL, &good, &fault), CAIRN_BAD_ARGUMENT, -1);
     assert_fault(&fault, cairn_pose_consensus_add(consensus, NULL, &fault), CAIRN_BAD_ARGUMENT, -1);
-#define REFUSED_AS(field, value, status)                                                                               \
-    do {                                                                                                               \
-        bad = good;                                                                                                    \
-        bad.field = value;                                                                                             \
-        fault.what = NULL;                                                                                             \
-        fault.index = 7;                                                                                               \
-        assert_status(cairn_pose_consensus_add(consensus, &bad, &fault), status);                                      \
-        assert_non_null(fault.what);                                                                                   \
-        assert_int_equal(fault.index, -1);                                                                             \
-        assert_status(cairn_pose_consensus_add(consensus, &bad, NULL), status);                                        \
+#define REFUSED_AS(field, value, status)                                                           \
+    do {                                                                                           \
+        bad = good;                                                                                \
+        bad.field = value;                                                                         \
+        fault.what = NULL;                                                                         \
+        fault.index = 7;                                                                           \
+        assert_status(cairn_pose_consensus_add(consensus, &bad, &fault), status);                  \
+        assert_non_null(fault.what);                                                               \
+        assert_int_equal(fault.index, -1);                                                         \
+        assert_status(cairn_pose_consensus_add(consensus, &bad, NULL), status);                    \
     } while (0)
     REFUSED_AS(first, -1, CAIRN_BAD_ARGUMENT);
     REFUSED_AS(first, 3, CAIRN_BAD_ARGUMENT);

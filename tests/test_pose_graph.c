@@ -1,5 +1,5 @@
-/* Pose graphs against plain derivatives: minima by numeric gradients, covariances by a dense inverse; starts, kernels,
- * fixed poses, pieces; refusals and budgets. */
+/* Pose graphs against plain derivatives: minima by numeric gradients, covariances by a dense
+ * inverse; starts, kernels, fixed poses, pieces; refusals and budgets. */
 #include "tests/test.h"
 
 #include <math.h>
@@ -22,7 +22,8 @@ struct problem {
 
 static cairn_pose noisy(cairn_pose pose, double distance, double angle, cairn_random *random)
 {
-    cairn_real x = cairn_random_normal(random), y = cairn_random_normal(random), theta = cairn_random_normal(random);
+    cairn_real x = cairn_random_normal(random), y = cairn_random_normal(random),
+               theta = cairn_random_normal(random);
 
     pose.x += (cairn_real)distance * x;
     pose.y += (cairn_real)distance * y;
@@ -99,7 +100,8 @@ static struct made make_graph(const struct problem *p, const cairn_pose_graph_pa
         cairn_sym3 information, asked = p->link[l].information;
         cairn_pose z;
 
-        assert_ok(cairn_pose_graph_add_link(made.graph, p->link[l].first, p->link[l].second, p->link[l].z, asked));
+        assert_ok(cairn_pose_graph_add_link(made.graph, p->link[l].first, p->link[l].second,
+                                            p->link[l].z, asked));
         z = cairn_pose_graph_measured(made.graph, l, &information);
         assert_memory_equal(&z, &p->link[l].z, sizeof z);
         assert_near(information.xx, asked.xx, 1e-5 * (double)asked.xx);
@@ -205,7 +207,8 @@ static double twin_rho(cairn_pose_graph_kernel kernel, double c, double s)
     }
 }
 
-static double twin_cost(const struct twin *t, const struct problem *p, const cairn_pose_graph_params *params)
+static double twin_cost(const struct twin *t, const struct problem *p,
+                        const cairn_pose_graph_params *params)
 {
     double sum = 0;
 
@@ -214,9 +217,10 @@ static double twin_cost(const struct twin *t, const struct problem *p, const cai
     return sum;
 }
 
-/* The gradient vanishes at all poses but the fixed ones: compared with what one link alone pulls. */
-static void assert_minimum(const struct made *made, const struct problem *p, const cairn_pose_graph_params *params,
-                           const int32_t *fixed)
+/* The gradient vanishes at all poses but the fixed ones: compared with what one link alone
+ * pulls. */
+static void assert_minimum(const struct made *made, const struct problem *p,
+                           const cairn_pose_graph_params *params, const int32_t *fixed)
 {
     struct twin t = twin_of(made->graph, p->poses);
     double h = NUMBER(1e-5, 1e-3);
@@ -228,13 +232,15 @@ static void assert_minimum(const struct made *made, const struct problem *p, con
             continue;
         up.x[i / 3][i % 3] += h;
         down.x[i / 3][i % 3] -= h;
-        assert_near((twin_cost(&up, p, params) - twin_cost(&down, p, params)) / (2 * h), 0, NUMBER(2e-2, 3));
+        assert_near((twin_cost(&up, p, params) - twin_cost(&down, p, params)) / (2 * h), 0,
+                    NUMBER(2e-2, 3));
     }
 }
 
 static const int32_t FIRST_FIXED[POSES] = {1};
 
-static void assert_state(const struct made *made, const struct problem *p, const cairn_pose_graph_params *params)
+static void assert_state(const struct made *made, const struct problem *p,
+                         const cairn_pose_graph_params *params)
 {
     cairn_pose_graph_state state = cairn_pose_graph_read(made->graph);
     struct twin t = twin_of(made->graph, p->poses);
@@ -251,7 +257,8 @@ static void assert_state(const struct made *made, const struct problem *p, const
         assert_int_equal(link.second, p->link[l].second);
         assert_int_equal(link.outlier, s > (double)params->outlier);
         assert_near(link.chi2, s, NUMBER(1e-8, 2e-2) * (1 + s));
-        assert_near(link.weight, (twin_rho(params->kernel, c, s + step) - twin_rho(params->kernel, c, s)) / step,
+        assert_near(link.weight,
+                    (twin_rho(params->kernel, c, s + step) - twin_rho(params->kernel, c, s)) / step,
                     NUMBER(1e-4, 1e-2));
     }
     assert_near(state.chi2, chi2, NUMBER(1e-9, 1e-2) * (1 + chi2));
@@ -293,7 +300,8 @@ static void every_kernel_finds_its_minimum(void **state)
         }
 }
 
-/* From poses that are all wrong: the chordal start needs none; a given one that is right is kept. */
+/* From poses that are all wrong: the chordal start needs none; a given one that is right is
+ * kept. */
 static void chordal_start_needs_no_guess(void **state)
 {
     struct problem p = a_problem(2, 0);
@@ -322,7 +330,8 @@ static void chordal_start_needs_no_guess(void **state)
     test_pool_free(&made.pool);
 }
 
-/* The chordal start is bad with outliers; BEST takes the given one then, and the kernel names them. */
+/* The chordal start is bad with outliers; BEST takes the given one then, and the kernel names
+ * them. */
 static void outliers_are_named(void **state)
 {
     struct problem p = a_problem(3, 0.02);
@@ -359,13 +368,15 @@ static void outliers_are_named(void **state)
     params.kernel = CAIRN_POSE_GRAPH_SQUARE;
     p.links = good;
     assert_minimum(&made, &p, &params, FIRST_FIXED);
-    assert_near(s.chi2, twin_cost(&(struct twin[]){twin_of(made.graph, POSES)}[0], &p, &params), NUMBER(1e-6, 1));
+    assert_near(s.chi2, twin_cost(&(struct twin[]){twin_of(made.graph, POSES)}[0], &p, &params),
+                NUMBER(1e-6, 1));
     assert_ok(cairn_pose_graph_drop_link(made.graph, good, 0));
     assert_true(solve(made.graph).chi2 > 10 * s.chi2);
     test_pool_free(&made.pool);
 }
 
-/* Graduated: a chain that drifts agrees with itself, and the kernel alone keeps it and takes the rows' links for outliers. */
+/* Graduated: a chain that drifts agrees with itself, and the kernel alone keeps it and takes the
+ * rows' links for outliers. */
 static void graduated_widens_the_reach(void **state)
 {
     struct problem p = a_problem(4, 0);
@@ -521,7 +532,8 @@ static void covariances_are_those_of_the_dense_inverse(void **state)
         }
     assert_true(unsupported > 0);
     for (int32_t l = 0; l < p.links; l++)
-        assert_ok(cairn_pose_graph_covariance(made.graph, p.link[l].first, p.link[l].second, block));
+        assert_ok(
+            cairn_pose_graph_covariance(made.graph, p.link[l].first, p.link[l].second, block));
     /* Gone with the first change. */
     assert_ok(cairn_pose_graph_set_pose(made.graph, 4, p.truth[4]));
     assert_status(cairn_pose_graph_covariance(made.graph, 1, 1, block), CAIRN_EMPTY);
@@ -635,8 +647,8 @@ static int graphs_are_equal(const cairn_pose_graph *a, const cairn_pose_graph *b
     return memcmp(&s, &t, sizeof s) == 0;
 }
 
-/* A graph that has no room for a factor takes it when it knows how much, and goes on to the same bits; not before, not for
- * another graph, not beside a solver of the user's own. */
+/* A graph that has no room for a factor takes it when it knows how much, and goes on to the same
+ * bits; not before, not for another graph, not beside a solver of the user's own. */
 static void room_is_taken_when_the_fill_is_known(void **state)
 {
     struct problem p = a_problem(8, 0.05);
@@ -659,10 +671,12 @@ static void room_is_taken_when_the_fill_is_known(void **state)
     assert_status(cairn_pose_graph_extend(NULL, &more, fill), CAIRN_BAD_ARGUMENT);
     assert_status(cairn_pose_graph_extend(made.graph, &more, fill), CAIRN_BAD_ARGUMENT);
     assert_ok(cairn_pose_graph_solve(made.graph));
-    assert_status(cairn_pose_graph_extend(made.graph, &more, fill), CAIRN_BAD_ARGUMENT); /* it runs */
+    /* it runs */
+    assert_status(cairn_pose_graph_extend(made.graph, &more, fill), CAIRN_BAD_ARGUMENT);
     assert_status(run(made.graph, 3), CAIRN_FULL);
     assert_ok(cairn_pose_graph_set_pose(made.graph, 1, cairn_pose_graph_pose(made.graph, 1)));
-    assert_status(cairn_pose_graph_extend(made.graph, &more, fill), CAIRN_BAD_ARGUMENT); /* it has been changed */
+    /* it has been changed */
+    assert_status(cairn_pose_graph_extend(made.graph, &more, fill), CAIRN_BAD_ARGUMENT);
     for (int k = 0; k < 2; k++) {
         cairn_pool less = test_pool(bytes - 16);
 
@@ -675,7 +689,8 @@ static void room_is_taken_when_the_fill_is_known(void **state)
     assert_ok(cairn_pose_graph_extend(made.graph, &more, fill));
     assert_status(cairn_pose_graph_extend(made.graph, &more, fill), CAIRN_BAD_ARGUMENT);
     assert_ok(run(made.graph, 3));
-    assert_true(graphs_are_equal(made.graph, whole.graph, cairn_pose_graph_read(whole.graph).poses));
+    assert_true(
+        graphs_are_equal(made.graph, whole.graph, cairn_pose_graph_read(whole.graph).poses));
     assert_status(cairn_pose_graph_extend(made.graph, &more, fill), CAIRN_BAD_ARGUMENT);
     test_pool_free(&made.pool);
     test_pool_free(&more);
@@ -733,15 +748,18 @@ static void a_solver_of_ones_own(void **state)
     face.factor = outer_factor;
     face.read = outer_read;
     outer.refuse_from = -1;
-    params.max_fill = -5; /* of no use then */
+    /* of no use then */
+    params.max_fill = -5;
     assert_int_equal(cairn_pose_graph_memory(&params, NULL), 0);
     mine = make_graph(&p, &params, &face);
     t = solve(mine.graph);
     assert_memory_equal(&s, &t, sizeof s);
-    assert_int_equal(outer.factors, 3); /* headings, poses about them, and one that served all steps */
+    /* headings, poses about them, and one that served all steps */
+    assert_int_equal(outer.factors, 3);
     assert_true(t.iterations > NUMBER(1, 0));
     for (int32_t i = 0; i < POSES; i++) {
-        cairn_pose a = cairn_pose_graph_pose(mine.graph, i), b = cairn_pose_graph_pose(builtin.graph, i);
+        cairn_pose a = cairn_pose_graph_pose(mine.graph, i),
+                   b = cairn_pose_graph_pose(builtin.graph, i);
 
         assert_memory_equal(&a, &b, sizeof a);
     }
@@ -782,7 +800,8 @@ static cairn_pose disturbed(cairn_pose pose, cairn_real sigma, cairn_random *ran
     return pose;
 }
 
-/* Streets up and down, linked with the street beside every fourth metre: large parts turn at little cost. */
+/* Streets up and down, linked with the street beside every fourth metre: large parts turn at
+ * little cost. */
 static void add_streets(cairn_pose_graph *graph, cairn_real sigma, uint64_t seed)
 {
     const cairn_sym3 information = {100, 0, 0, 100, 0, 400};
@@ -808,13 +827,16 @@ static void add_streets(cairn_pose_graph *graph, cairn_real sigma, uint64_t seed
             int32_t beside = row * STREET - 1 - i % STREET;
 
             assert_ok(cairn_pose_graph_add_link(
-                graph, beside, i, disturbed(cairn_pose_between(truth[beside], truth[i]), sigma, &random), information));
+                graph, beside, i,
+                disturbed(cairn_pose_between(truth[beside], truth[i]), sigma, &random),
+                information));
         }
     }
 }
 
-/* Steps that bend such a graph make the cost higher by their second order: it is solved with few factors all the same, with
- * as many steps as known, and to the same minimum as with a factor for every step. */
+/* Steps that bend such a graph make the cost higher by their second order: it is solved with few
+ * factors all the same, with as many steps as known, and to the same minimum as with a factor
+ * for every step. */
 static void weak_motions_take_few_factors(void **state)
 {
     static const struct {
@@ -864,8 +886,9 @@ static void weak_motions_take_few_factors(void **state)
 
 /* ---- Old factors ---- */
 
-/* A solver around the built-in one whose factor, when it serves again, promises what is not there: it moves only that
- * coordinate on which the graph pulls least, and so far that the slope is 1. */
+/* A solver around the built-in one whose factor, when it serves again, promises what is not
+ * there: it moves only that coordinate on which the graph pulls least, and so far that the slope
+ * is 1. */
 static struct {
     cairn_pose_solver inner;
     int32_t solves; /* since the last factor */
@@ -902,7 +925,8 @@ static cairn_status stale_solution(const void *context, int32_t pose, cairn_real
     return CAIRN_OK;
 }
 
-/* A step that hardly changes the cost is no rest when an old factor made it: a new one goes on to the minimum. */
+/* A step that hardly changes the cost is no rest when an old factor made it: a new one goes on
+ * to the minimum. */
 static void old_factors_do_not_end_it(void **state)
 {
     struct problem p = a_problem(9, 0.2);
@@ -989,7 +1013,8 @@ static void budgets_do_not_matter(void **state)
     assert_true(hash_with(1000) == hash);
 }
 
-/* The path to the minimum: every kernel, start and width, with outliers; units, iterations, weights, covariances. */
+/* The path to the minimum: every kernel, start and width, with outliers; units, iterations,
+ * weights, covariances. */
 static uint64_t hash_of_path(cairn_pose_graph_params params, double noise, int32_t fixed)
 {
     struct problem p = a_problem(12, noise);
@@ -1046,16 +1071,16 @@ static void paths_stay_as_they_are(void **state)
         int32_t graduated, fixed;
         uint64_t in_double, in_float;
     } known[] = {
-        {CAIRN_POSE_GRAPH_SQUARE, CAIRN_POSE_GRAPH_GIVEN, 3, 0.2, 0, 0, UINT64_C(0x3d1980f24b9947bd),
-         UINT64_C(0x0dfe049c50f9284f)},
-        {CAIRN_POSE_GRAPH_HUBER, CAIRN_POSE_GRAPH_CHORDAL, 2, 0.1, 0, 7, UINT64_C(0xa74d5125e69f3b21),
-         UINT64_C(0x7ad781e210eb29c0)},
-        {CAIRN_POSE_GRAPH_CAUCHY, CAIRN_POSE_GRAPH_BEST, 1, 0.05, 0, 0, UINT64_C(0xd9fe2523bc525d01),
-         UINT64_C(0xc54e568bcbc2e343)},
-        {CAIRN_POSE_GRAPH_GEMAN_MCCLURE, CAIRN_POSE_GRAPH_GIVEN, 4, 0.1, 1, 0, UINT64_C(0xb4e0dcde8a619151),
-         UINT64_C(0xb505aeca867f7a98)},
-        {CAIRN_POSE_GRAPH_GEMAN_MCCLURE, CAIRN_POSE_GRAPH_BEST, 4, 0.4, 0, 20, UINT64_C(0x49bd01254f080bca),
-         UINT64_C(0xac4d17cb68abe0fe)},
+        {CAIRN_POSE_GRAPH_SQUARE, CAIRN_POSE_GRAPH_GIVEN, 3, 0.2, 0, 0,
+         UINT64_C(0x3d1980f24b9947bd), UINT64_C(0x0dfe049c50f9284f)},
+        {CAIRN_POSE_GRAPH_HUBER, CAIRN_POSE_GRAPH_CHORDAL, 2, 0.1, 0, 7,
+         UINT64_C(0xa74d5125e69f3b21), UINT64_C(0x7ad781e210eb29c0)},
+        {CAIRN_POSE_GRAPH_CAUCHY, CAIRN_POSE_GRAPH_BEST, 1, 0.05, 0, 0,
+         UINT64_C(0xd9fe2523bc525d01), UINT64_C(0xc54e568bcbc2e343)},
+        {CAIRN_POSE_GRAPH_GEMAN_MCCLURE, CAIRN_POSE_GRAPH_GIVEN, 4, 0.1, 1, 0,
+         UINT64_C(0xb4e0dcde8a619151), UINT64_C(0xb505aeca867f7a98)},
+        {CAIRN_POSE_GRAPH_GEMAN_MCCLURE, CAIRN_POSE_GRAPH_BEST, 4, 0.4, 0, 20,
+         UINT64_C(0x49bd01254f080bca), UINT64_C(0xac4d17cb68abe0fe)},
         {CAIRN_POSE_GRAPH_DCS, CAIRN_POSE_GRAPH_CHORDAL, 2, 0.1, 0, 0, UINT64_C(0x5b7de22a79679394),
          UINT64_C(0xd1c6971ec4ac273b)},
     };
@@ -1068,7 +1093,8 @@ static void paths_stay_as_they_are(void **state)
         params.start = known[k].start;
         params.width = (cairn_real)known[k].width;
         params.graduated = known[k].graduated;
-        assert_golden(hash_of_path(params, known[k].noise, known[k].fixed), known[k].in_double, known[k].in_float);
+        assert_golden(hash_of_path(params, known[k].noise, known[k].fixed), known[k].in_double,
+                      known[k].in_float);
     }
 }
 
@@ -1175,7 +1201,8 @@ static void refused_graphs(void **state)
             cairn_real *parts[] = {&pose.x, &pose.y, &pose.theta};
 
             *numbers[k / 2] = bad[k % 2];
-            assert_status(cairn_pose_graph_add_link(graph, 0, 1, zero, information), CAIRN_NOT_FINITE);
+            assert_status(cairn_pose_graph_add_link(graph, 0, 1, zero, information),
+                          CAIRN_NOT_FINITE);
             *parts[k / 2 % 3] = bad[k % 2];
             assert_status(cairn_pose_graph_add_link(graph, 0, 1, pose, one), CAIRN_NOT_FINITE);
             assert_status(cairn_pose_graph_set_link(graph, 0, 0, 1, pose, one), CAIRN_NOT_FINITE);
@@ -1228,7 +1255,8 @@ static void refused_graphs(void **state)
     test_pool_free(&pool);
 }
 
-/* Links and poses that are taken away or changed leave the graph that has always been without them, or with them so. */
+/* Links and poses that are taken away or changed leave the graph that has always been without
+ * them, or with them so. */
 static void what_goes_leaves_no_trace(void **state)
 {
     static struct problem p, without;
@@ -1273,17 +1301,19 @@ static void what_goes_leaves_no_trace(void **state)
             assert_ok(cairn_pose_graph_fix(plain.graph, 16 - (gone < 16), 1));
         assert_ok(cairn_pose_graph_fix(plain.graph, 9 - (gone < 9), 1));
         (void)solve(made.graph);
-        assert_ok(cairn_pose_graph_set_link(made.graph, 3, 23, 3, p.link[4].z, p.link[5].information));
+        assert_ok(
+            cairn_pose_graph_set_link(made.graph, 3, 23, 3, p.link[4].z, p.link[5].information));
         assert_ok(cairn_pose_graph_remove_pose(made.graph, gone));
         assert_int_equal(cairn_pose_graph_read(made.graph).poses, without.poses);
         assert_int_equal(cairn_pose_graph_read(made.graph).links, without.links);
         assert_status(cairn_pose_graph_marginals(made.graph), CAIRN_BAD_ARGUMENT);
         for (int32_t i = 0; i < without.poses; i++)
             assert_ok(cairn_pose_graph_set_pose(made.graph, i, without.guess[i]));
-        assert_memory_equal(&(cairn_real){solve(made.graph).chi2}, &(cairn_real){solve(plain.graph).chi2},
-                            sizeof(cairn_real));
+        assert_memory_equal(&(cairn_real){solve(made.graph).chi2},
+                            &(cairn_real){solve(plain.graph).chi2}, sizeof(cairn_real));
         for (int32_t i = 0; i < without.poses; i++) {
-            cairn_pose a = cairn_pose_graph_pose(made.graph, i), b = cairn_pose_graph_pose(plain.graph, i);
+            cairn_pose a = cairn_pose_graph_pose(made.graph, i),
+                       b = cairn_pose_graph_pose(plain.graph, i);
 
             assert_memory_equal(&a, &b, sizeof a);
         }

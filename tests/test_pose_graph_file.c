@@ -1,4 +1,5 @@
-/* g2o files: round trips, every fault with its line, chained poses; solving, dropped links, the picture, the command. */
+/* g2o files: round trips, every fault with its line, chained poses; solving, dropped links, the
+ * picture, the command. */
 #include "tests/programs.h"
 
 #include <math.h>
@@ -22,7 +23,8 @@ static void refuse(const char *text, cairn_status status, int64_t line, const ch
     cairn_pose_graph_file file;
     cairn_file_error error;
 
-    assert_status(cairn_pose_graph_file_read(&file, files_write_text("bad.g2o", text), &error), status);
+    assert_status(cairn_pose_graph_file_read(&file, files_write_text("bad.g2o", text), &error),
+                  status);
     assert_null(file.vertex);
     assert_null(file.edge);
     assert_int_equal(error.line, line);
@@ -42,10 +44,12 @@ static void every_fault_has_its_line(void **state)
     refuse("VERTEX_SE2 1 0 x 0\n", CAIRN_BAD_FORMAT, 1, "expected a number");
     refuse("VERTEX_SE2 1 0 0 nan\n", CAIRN_NOT_FINITE, 1, "expected a finite number");
     refuse("VERTEX_SE2 1 inf 0 0\n", CAIRN_NOT_FINITE, 1, "expected a finite number");
-    refuse(TWO "# a comment\nVERTEX_SE2 1 0 0 0\nEDGE_SE2 0 1 1 0 0" INFORMATION, CAIRN_BAD_FORMAT, 4,
-           "vertex 1 again, expected each once (first on line 2)");
-    refuse(TWO "EDGE_SE2 0 1 1 0 0 1 0 0 1 0\n", CAIRN_BAD_FORMAT, 3, "EDGE_SE2 with fields missing");
-    refuse(TWO "EDGE_SE2 0 1 1 0 0 1 0 0 1 0 1 1\n", CAIRN_BAD_FORMAT, 3, "EDGE_SE2 with fields missing");
+    refuse(TWO "# a comment\nVERTEX_SE2 1 0 0 0\nEDGE_SE2 0 1 1 0 0" INFORMATION, CAIRN_BAD_FORMAT,
+           4, "vertex 1 again, expected each once (first on line 2)");
+    refuse(TWO "EDGE_SE2 0 1 1 0 0 1 0 0 1 0\n", CAIRN_BAD_FORMAT, 3,
+           "EDGE_SE2 with fields missing");
+    refuse(TWO "EDGE_SE2 0 1 1 0 0 1 0 0 1 0 1 1\n", CAIRN_BAD_FORMAT, 3,
+           "EDGE_SE2 with fields missing");
     refuse(TWO "EDGE_SE2 0 1 1 nan 0" INFORMATION, CAIRN_NOT_FINITE, 3, "finite");
     refuse(TWO "EDGE_SE2 0 1 1 0 0 1 0 0 1 0 inf\n", CAIRN_NOT_FINITE, 3, "finite");
     refuse(TWO "EDGE_SE2 a 1 1 0 0" INFORMATION, CAIRN_BAD_FORMAT, 3, "no vertex");
@@ -53,13 +57,16 @@ static void every_fault_has_its_line(void **state)
     refuse(TWO "EDGE_SE2 1 1 1 0 0" INFORMATION, CAIRN_BAD_FORMAT, 3, "to itself");
     refuse(TWO "EDGE_SE2 0 1 1 0 0 1 1 0 1 0 1\n", CAIRN_BAD_FORMAT, 3, "singular");
     refuse(TWO "EDGE_SE2 0 1 1 0 0 1 0 0 -1 0 1\n", CAIRN_BAD_FORMAT, 3, "negative eigenvalue");
-    refuse(TWO "EDGE_SE2 0 1 1 0 0" INFORMATION "EDGE_SE2 0 7 1 0 0" INFORMATION, CAIRN_BAD_FORMAT, 4,
-           "an edge with vertex 7");
+    refuse(TWO "EDGE_SE2 0 1 1 0 0" INFORMATION "EDGE_SE2 0 7 1 0 0" INFORMATION, CAIRN_BAD_FORMAT,
+           4, "an edge with vertex 7");
     refuse(TWO "EDGE_SE2 9 1 1 0 0" INFORMATION, CAIRN_BAD_FORMAT, 3, "an edge with vertex 9");
-    refuse(TWO "EDGE_SE2 0 1 1 0 0" INFORMATION "FIX\n", CAIRN_BAD_FORMAT, 4, "FIX without a vertex");
-    refuse(TWO "EDGE_SE2 0 1 1 0 0" INFORMATION "FIX 0 5\n", CAIRN_BAD_FORMAT, 4, "FIX of vertex 5");
+    refuse(TWO "EDGE_SE2 0 1 1 0 0" INFORMATION "FIX\n", CAIRN_BAD_FORMAT, 4,
+           "FIX without a vertex");
+    refuse(TWO "EDGE_SE2 0 1 1 0 0" INFORMATION "FIX 0 5\n", CAIRN_BAD_FORMAT, 4,
+           "FIX of vertex 5");
     refuse(TWO "EDGE_SE2 0 1 1 0 0" INFORMATION "FIX x\n", CAIRN_BAD_FORMAT, 4, "no vertex");
-    refuse("VERTEX_SE3:QUAT 0 0 0 0 0 0 0 1\n", CAIRN_UNSUPPORTED, 1, "expected VERTEX_SE2, EDGE_SE2 or FIX");
+    refuse("VERTEX_SE3:QUAT 0 0 0 0 0 0 0 1\n", CAIRN_UNSUPPORTED, 1,
+           "expected VERTEX_SE2, EDGE_SE2 or FIX");
     refuse(TWO "VERTEX_SE2 2 0 0 0\nVERTEX_SE2 3 0 0 0\nEDGE_SE2 0 1 1 0 0" INFORMATION
                "EDGE_SE2 3 2 1 0 0" INFORMATION,
            CAIRN_BAD_FORMAT, 3, "in 2 pieces: no edges join vertex 2 to vertex 0");
@@ -102,7 +109,8 @@ static void files_come_back_as_they_were(void **state)
     assert_memory_equal(&back.edge[0].first_second, &file.edge[0].first_second, sizeof(cairn_pose));
     assert_memory_equal(&back.edge[0].information, &file.edge[0].information, sizeof(cairn_sym3));
     file.vertex[1].pose.x = (cairn_real)NAN;
-    assert_status(cairn_pose_graph_file_write(files_path("nan.g2o"), &file, NULL), CAIRN_NOT_FINITE);
+    assert_status(cairn_pose_graph_file_write(files_path("nan.g2o"), &file, NULL),
+                  CAIRN_NOT_FINITE);
     assert_int_equal(access(files_path("nan.g2o"), F_OK), -1);
     file.vertex[1].pose.x = 0;
     assert_status(cairn_pose_graph_file_write(files_path("none/out.g2o"), &file, NULL), CAIRN_IO);
@@ -111,12 +119,13 @@ static void files_come_back_as_they_were(void **state)
     cairn_pose_graph_file_free(&back);
 }
 
-/* Without vertices: edges between consecutive ids come first, wherever they stand, in either direction. */
+/* Without vertices: edges between consecutive ids come first, wherever they stand, in either
+ * direction. */
 static void poses_come_from_the_edges(void **state)
 {
-    cairn_pose_graph_file file =
-        read_text("EDGE_SE2 10 12 50 0 0" INFORMATION "EDGE_SE2 10 11 1 0 1.5707963267948966" INFORMATION
-                  "EDGE_SE2 12 11 -2 0 0" INFORMATION "EDGE_SE2 12 20 0 1 0" INFORMATION);
+    cairn_pose_graph_file file = read_text(
+        "EDGE_SE2 10 12 50 0 0" INFORMATION "EDGE_SE2 10 11 1 0 1.5707963267948966" INFORMATION
+        "EDGE_SE2 12 11 -2 0 0" INFORMATION "EDGE_SE2 12 20 0 1 0" INFORMATION);
     const double x[4] = {0, 1, 1, 0}, y[4] = {0, 0, 2, 2};
 
     (void)state;
@@ -131,8 +140,9 @@ static void poses_come_from_the_edges(void **state)
     cairn_pose_graph_file_free(&file);
 }
 
-/* Trees of steps along the axes, their edges shuffled and some against their way, with ids that leave gaps; behind them edges
- * from every vertex to the next, false unless their ids are consecutive, too, and they are taken first. */
+/* Trees of steps along the axes, their edges shuffled and some against their way, with ids that
+ * leave gaps; behind them edges from every vertex to the next, false unless their ids are
+ * consecutive, too, and they are taken first. */
 static void trees_are_chained(void **state)
 {
     enum { MOST = 40 };
@@ -140,7 +150,8 @@ static void trees_are_chained(void **state)
 
     (void)state;
     for (int32_t round = 0; round < 30; round++) {
-        int32_t count = 2 + cairn_random_below(&random, MOST - 1), id[MOST], x[MOST], y[MOST], order[MOST];
+        int32_t count = 2 + cairn_random_below(&random, MOST - 1), id[MOST], x[MOST], y[MOST],
+                order[MOST];
         char *text = malloc(20000), *end = text;
         cairn_pose_graph_file file;
 
@@ -155,10 +166,12 @@ static void trees_are_chained(void **state)
             order[swap] = i;
         }
         for (int32_t k = 1; k < count; k++)
-            x[k] = cairn_random_below(&random, 50) - 25, y[k] = cairn_random_below(&random, 50) - 25;
+            x[k] = cairn_random_below(&random, 50) - 25,
+            y[k] = cairn_random_below(&random, 50) - 25;
         for (int32_t twice = 0; twice < 2; twice++)
             for (int32_t k = 1; k < count; k++) {
-                int32_t to = order[k], from = twice ? to - 1 : cairn_random_below(&random, to), sign = 1;
+                int32_t to = order[k], from = twice ? to - 1 : cairn_random_below(&random, to),
+                        sign = 1;
 
                 if (!twice && to % 3 == 0) {
                     int32_t swapped = from;
@@ -168,8 +181,9 @@ static void trees_are_chained(void **state)
                 }
                 if (twice)
                     sign = id[to] == id[from] + 1 ? 1 : -1;
-                end += sprintf(end, "EDGE_SE2 %d %d %d %d 0" INFORMATION, (int)id[from], (int)id[to],
-                               (int)(sign * (x[to] - x[from])), (int)(sign * (y[to] - y[from])));
+                end +=
+                    sprintf(end, "EDGE_SE2 %d %d %d %d 0" INFORMATION, (int)id[from], (int)id[to],
+                            (int)(sign * (x[to] - x[from])), (int)(sign * (y[to] - y[from])));
             }
         file = read_text(text);
         assert_int_equal(file.vertex_count, count);
@@ -183,7 +197,8 @@ static void trees_are_chained(void **state)
     }
 }
 
-/* A ring of 20 poses, a metre apart, with links to the next and the next but one, and `bad` wrong ones behind. */
+/* A ring of 20 poses, a metre apart, with links to the next and the next but one, and `bad`
+ * wrong ones behind. */
 static char *a_ring(int32_t bad)
 {
     cairn_random random = cairn_random_seed(7, 0);
@@ -199,11 +214,13 @@ static char *a_ring(int32_t bad)
             }
             dx += 0.02 * (double)cairn_random_uniform(&random, -1, 1);
             dy += 0.02 * (double)cairn_random_uniform(&random, -1, 1);
-            end += sprintf(end, "EDGE_SE2 %d %d %.6f %.6f %.6f 2500 0 0 2500 0 10000\n", (int)i, (int)((i + k) % 20),
-                           dx, dy, turn * k + 0.01 * (double)cairn_random_uniform(&random, -1, 1));
+            end += sprintf(end, "EDGE_SE2 %d %d %.6f %.6f %.6f 2500 0 0 2500 0 10000\n", (int)i,
+                           (int)((i + k) % 20), dx, dy,
+                           turn * k + 0.01 * (double)cairn_random_uniform(&random, -1, 1));
         }
     for (int32_t i = 0; i < bad; i++)
-        end += sprintf(end, "EDGE_SE2 %d %d 0 0 %d.5 2500 0 0 2500 0 10000\n", (int)i, (int)(i + 9), (int)(i % 3));
+        end += sprintf(end, "EDGE_SE2 %d %d 0 0 %d.5 2500 0 0 2500 0 10000\n", (int)i, (int)(i + 9),
+                       (int)(i % 3));
     return text;
 }
 
@@ -245,16 +262,17 @@ static void bad_links_are_dropped(void **state)
         }
 }
 
-/* A chain of three whose ends are 3 m apart and whose links say 1 m each: what is FIXed stays, the rest is between. */
+/* A chain of three whose ends are 3 m apart and whose links say 1 m each: what is FIXed stays,
+ * the rest is between. */
 static void fixed_poses_stay(void **state)
 {
     (void)state;
     for (int both = 0; both < 2; both++) {
-        cairn_pose_graph_file file =
-            read_text(both ? "VERTEX_SE2 4 0 0 0\nVERTEX_SE2 5 1 1 0.2\nVERTEX_SE2 6 3 0 0\nFIX 4 6\n"
-                             "EDGE_SE2 4 5 1 0 0" INFORMATION "EDGE_SE2 5 6 1 0 0" INFORMATION
-                           : "VERTEX_SE2 4 0 0 0\nVERTEX_SE2 5 1 1 0.2\nVERTEX_SE2 6 3 0 0\nFIX 6\n"
-                             "EDGE_SE2 4 5 1 0 0" INFORMATION "EDGE_SE2 5 6 1 0 0" INFORMATION);
+        cairn_pose_graph_file file = read_text(
+            both ? "VERTEX_SE2 4 0 0 0\nVERTEX_SE2 5 1 1 0.2\nVERTEX_SE2 6 3 0 0\nFIX 4 6\n"
+                   "EDGE_SE2 4 5 1 0 0" INFORMATION "EDGE_SE2 5 6 1 0 0" INFORMATION
+                 : "VERTEX_SE2 4 0 0 0\nVERTEX_SE2 5 1 1 0.2\nVERTEX_SE2 6 3 0 0\nFIX 6\n"
+                   "EDGE_SE2 4 5 1 0 0" INFORMATION "EDGE_SE2 5 6 1 0 0" INFORMATION);
         cairn_pose_graph_solution out;
 
         memset(&out, 0, sizeof out);
@@ -270,17 +288,20 @@ static void fixed_poses_stay(void **state)
     }
 }
 
-/* A square of side x side poses, a metre apart and each with a heading of its own, with links to the right and upwards
- * that are right to the bit; the poses given are up to 0.2 m and 0.1 rad off, all but the first. */
+/* A square of side x side poses, a metre apart and each with a heading of its own, with links to
+ * the right and upwards that are right to the bit; the poses given are up to 0.2 m and 0.1 rad
+ * off, all but the first. */
 static cairn_pose_graph_file a_grid(int32_t side)
 {
     cairn_random random = cairn_random_seed(5, 0);
     cairn_pose *truth = malloc((size_t)(side * side) * sizeof *truth);
     cairn_pose_graph_file file = {calloc((size_t)(side * side), sizeof *file.vertex),
-                                  calloc((size_t)(2 * side * side), sizeof *file.edge), side * side, 0, 0};
+                                  calloc((size_t)(2 * side * side), sizeof *file.edge), side * side,
+                                  0, 0};
 
     for (int32_t i = 0; i < side * side; i++) {
-        cairn_pose off = {cairn_random_uniform(&random, -1, 1) / 5, cairn_random_uniform(&random, -1, 1) / 5,
+        cairn_pose off = {cairn_random_uniform(&random, -1, 1) / 5,
+                          cairn_random_uniform(&random, -1, 1) / 5,
                           cairn_random_uniform(&random, -1, 1) / 10};
         int32_t column = i % side, row = i / side;
         const int32_t before[2] = {column > 0 ? i - 1 : -1, i - side};
@@ -292,8 +313,12 @@ static cairn_pose_graph_file a_grid(int32_t side)
         file.vertex[i].pose = i == 0 ? truth[i] : cairn_pose_compose(truth[i], off);
         for (int32_t k = 0; k < 2; k++)
             if (before[k] >= 0)
-                file.edge[file.edge_count++] = (cairn_pose_graph_edge){
-                    before[k], i, 0, cairn_pose_between(truth[before[k]], truth[i]), {100, 0, 0, 100, 0, 400}};
+                file.edge[file.edge_count++] =
+                    (cairn_pose_graph_edge){before[k],
+                                            i,
+                                            0,
+                                            cairn_pose_between(truth[before[k]], truth[i]),
+                                            {100, 0, 0, 100, 0, 400}};
     }
     free(truth);
     return file;
@@ -343,7 +368,8 @@ static void the_picture_shows_dropped_links_in_red(void **state)
     picture = files_read(files_path("graph.svg"), NULL);
     assert_holds(picture, "a &lt;ring");
     assert_holds(picture, "without 3 links, red");
-    for (const char *c = strstr(picture, "class=\"dropped\""); c != NULL; c = strstr(c + 1, "class=\"dropped\""))
+    for (const char *c = strstr(picture, "class=\"dropped\""); c != NULL;
+         c = strstr(c + 1, "class=\"dropped\""))
         for (const char *d = strstr(c, "d=\"") + 3; *d != '"'; d++)
             moves += *d == 'M';
     assert_int_equal(moves, 2 * 3);
@@ -351,10 +377,11 @@ static void the_picture_shows_dropped_links_in_red(void **state)
     for (const char *d = picture; *d != '\0'; d++)
         moves += d[0] == 'M' && d[1] >= '0' && d[1] <= '9';
     assert_int_equal(moves, 2 * 43);
-    assert_golden(test_hash(TEST_HASH_START, picture, strlen(picture)), UINT64_C(0x19dcb992f42ca5b9),
-                  UINT64_C(0x72a72a4b731b20e7));
+    assert_golden(test_hash(TEST_HASH_START, picture, strlen(picture)),
+                  UINT64_C(0x19dcb992f42ca5b9), UINT64_C(0x72a72a4b731b20e7));
     free(picture);
-    assert_status(cairn_pose_graph_file_draw(files_path("none/graph.svg"), &file, &out, "", NULL), CAIRN_IO);
+    assert_status(cairn_pose_graph_file_draw(files_path("none/graph.svg"), &file, &out, "", NULL),
+                  CAIRN_IO);
     cairn_pose_graph_solution_free(&out);
     cairn_pose_graph_file_free(&file);
     free(text);
@@ -434,11 +461,16 @@ static void the_command(void **state)
 int main(int argc, char **argv)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(every_fault_has_its_line),  cmocka_unit_test(files_come_back_as_they_were),
-        cmocka_unit_test(poses_come_from_the_edges), cmocka_unit_test(trees_are_chained),
-        cmocka_unit_test(bad_links_are_dropped),     cmocka_unit_test(large_graphs_are_solved),
-        cmocka_unit_test(fixed_poses_stay),          cmocka_unit_test(the_picture_shows_dropped_links_in_red),
-        cmocka_unit_test(pictures_fit_their_panels), cmocka_unit_test(the_command),
+        cmocka_unit_test(every_fault_has_its_line),
+        cmocka_unit_test(files_come_back_as_they_were),
+        cmocka_unit_test(poses_come_from_the_edges),
+        cmocka_unit_test(trees_are_chained),
+        cmocka_unit_test(bad_links_are_dropped),
+        cmocka_unit_test(large_graphs_are_solved),
+        cmocka_unit_test(fixed_poses_stay),
+        cmocka_unit_test(the_picture_shows_dropped_links_in_red),
+        cmocka_unit_test(pictures_fit_their_panels),
+        cmocka_unit_test(the_command),
     };
 
     programs_find(argc, argv);

@@ -5,7 +5,9 @@
 
 #include "cairn/pose_table.h"
 
-#define HEADER "index,line,time,x,y,theta,var_x,var_y,var_theta,cov_xy,cov_xtheta,cov_ytheta,support,verdict\n"
+#define HEADER                                                                                     \
+    "index,line,time,x,y,theta,var_x,var_y,var_theta,cov_xy,cov_xtheta,cov_ytheta,support,"        \
+    "verdict\n"
 
 static int same(cairn_real a, cairn_real b)
 {
@@ -54,7 +56,8 @@ static void test_round_trip(void **state)
         pose.theta = cairn_random_uniform(&random, -3, 3);
         row[i] = cairn_pose_row_of(i - 3, pose);
         row[i].line = i % 3 == 0 ? 0 : 1000 + i;
-        row[i].stamp_ns = i % 5 == 0 ? CAIRN_POSE_NO_STAMP : INT64_C(1234567890123456789) * (i % 2 == 0 ? -1 : 1) + i;
+        row[i].stamp_ns = i % 5 == 0 ? CAIRN_POSE_NO_STAMP
+                                     : INT64_C(1234567890123456789) * (i % 2 == 0 ? -1 : 1) + i;
         if (i % 2 == 0)
             for (int k = 0; k < 9; k++)
                 row[i].covariance[k] = cairn_random_unit(&random);
@@ -88,8 +91,9 @@ static void test_round_trip(void **state)
 /* Columns in another order, some missing, some of others, blanks, comments, CRLF. */
 static void test_reads_by_name(void **state)
 {
-    const char *path =
-        files_write_text("named.csv", "# poses\r\n\r\ntheta, y ,x,colour,index\r\n 0.5,2,1,red, 9 \r\n#\r\n-1,0,0,,10");
+    const char *path = files_write_text(
+        "named.csv",
+        "# poses\r\n\r\ntheta, y ,x,colour,index\r\n 0.5,2,1,red, 9 \r\n#\r\n-1,0,0,,10");
     cairn_pose_row *row;
     int32_t count;
 
@@ -131,13 +135,16 @@ static void test_bad_tables(void **state)
         {"index,x,y,theta\n1,,2,3\n", CAIRN_BAD_FORMAT, 2, "x is \"\""},
         {"index,x,y,theta\n1,1,,3\n", CAIRN_BAD_FORMAT, 2, "y is \"\""},
         {"index,x,y,theta\n1,1,1,\n", CAIRN_BAD_FORMAT, 2, "theta is \"\""},
-        {"index,x,y,theta\n1.5,1,2,3\n", CAIRN_BAD_FORMAT, 2, "index is \"1.5\", expected a whole number"},
+        {"index,x,y,theta\n1.5,1,2,3\n", CAIRN_BAD_FORMAT, 2,
+         "index is \"1.5\", expected a whole number"},
         {"index,x,y,theta\n1,one,2,3\n", CAIRN_BAD_FORMAT, 2, "x is \"one\", expected a number"},
         {"index,x,y,theta\n1,1,nan,3\n", CAIRN_NOT_FINITE, 2, "y is nan"},
         {"index,x,y,theta,support\n1,1,1,3,inf\n", CAIRN_NOT_FINITE, 2, "support is inf"},
         {"index,x,y,theta,var_y\n1,1,1,3,x\n", CAIRN_BAD_FORMAT, 2, "var_y is \"x\""},
-        {"index,x,y,theta,time\n1,1,1,3,now\n", CAIRN_BAD_FORMAT, 2, "time is \"now\", expected seconds"},
-        {"index,x,y,theta,line\n1,1,1,3,-1\n", CAIRN_BAD_FORMAT, 2, "line is \"-1\", expected a whole number from 0"},
+        {"index,x,y,theta,time\n1,1,1,3,now\n", CAIRN_BAD_FORMAT, 2,
+         "time is \"now\", expected seconds"},
+        {"index,x,y,theta,line\n1,1,1,3,-1\n", CAIRN_BAD_FORMAT, 2,
+         "line is \"-1\", expected a whole number from 0"},
         {"index,x,y,theta,verdict\n1,1,1,3,0123456789012345678901234567890x\n", CAIRN_BAD_FORMAT, 2,
          "expected at most 31 bytes"},
         {"\x89PNG\r\n", CAIRN_BAD_FORMAT, 1, "no column"},
@@ -149,8 +156,8 @@ static void test_bad_tables(void **state)
 
     (void)state;
     for (size_t i = 0; i < sizeof sample / sizeof *sample; i++) {
-        if (cairn_pose_table_read(&row, &count, files_write_text("bad.csv", sample[i].text), &error) !=
-                sample[i].status ||
+        if (cairn_pose_table_read(&row, &count, files_write_text("bad.csv", sample[i].text),
+                                  &error) != sample[i].status ||
             error.line != sample[i].line || strstr(error.text, sample[i].piece) == NULL)
             fail_msg("table %zu: \"%s\"", i, error.text);
         assert_null(row);
@@ -161,18 +168,22 @@ static void test_bad_tables(void **state)
     strcpy(line, "index,x,y,theta");
     for (int i = 0; i < 60; i++)
         strcat(line, ",");
-    assert_status(cairn_pose_table_read(&row, &count, files_write_text("wide.csv", line), &error), CAIRN_EMPTY);
+    assert_status(cairn_pose_table_read(&row, &count, files_write_text("wide.csv", line), &error),
+                  CAIRN_EMPTY);
     strcat(line, ",");
-    assert_status(cairn_pose_table_read(&row, &count, files_write_text("wide.csv", line), &error), CAIRN_BAD_FORMAT);
+    assert_status(cairn_pose_table_read(&row, &count, files_write_text("wide.csv", line), &error),
+                  CAIRN_BAD_FORMAT);
     assert_non_null(strstr(error.text, "more than 64 columns"));
     /* So are fields. */
     for (int more = 0; more < 2; more++) {
         strcpy(line, "index,x,y,theta\n1,2,3,4");
         for (int i = 0; i < 60 + more; i++)
             strcat(line, ",");
-        assert_status(cairn_pose_table_read(&row, &count, files_write_text("wide.csv", line), &error),
-                      CAIRN_BAD_FORMAT);
-        assert_non_null(strstr(error.text, more ? ":2: more than 64 fields, expected 4" : ":2: 64 fields, expected 4"));
+        assert_status(
+            cairn_pose_table_read(&row, &count, files_write_text("wide.csv", line), &error),
+            CAIRN_BAD_FORMAT);
+        assert_non_null(strstr(error.text, more ? ":2: more than 64 fields, expected 4"
+                                                : ":2: 64 fields, expected 4"));
     }
 }
 
@@ -187,8 +198,9 @@ static void test_endless_line(void **state)
     (void)state;
     assert_non_null(bytes);
     memset(bytes, 'x', size);
-    assert_status(cairn_pose_table_read(&row, &count, files_write("endless.csv", bytes, size), &error),
-                  CAIRN_BAD_FORMAT);
+    assert_status(
+        cairn_pose_table_read(&row, &count, files_write("endless.csv", bytes, size), &error),
+        CAIRN_BAD_FORMAT);
     assert_int_equal(error.line, 1);
     free(bytes);
 }
@@ -241,11 +253,12 @@ static void test_heap(void **state)
 
         if (round == 1)
             heap = files_heap();
-        assert_ok(
-            cairn_pose_table_read(&row, &count, files_write_text("heap.csv", "index,x,y,theta\n1,2,3,4\n"), NULL));
+        assert_ok(cairn_pose_table_read(
+            &row, &count, files_write_text("heap.csv", "index,x,y,theta\n1,2,3,4\n"), NULL));
         cairn_pose_table_free(row);
         assert_status(
-            cairn_pose_table_read(&row, &count, files_write_text("heap.csv", "index,x,y,theta\n1,2,3,4\n1\n"), NULL),
+            cairn_pose_table_read(
+                &row, &count, files_write_text("heap.csv", "index,x,y,theta\n1,2,3,4\n1\n"), NULL),
             CAIRN_TRUNCATED);
     }
     assert_true(files_heap() < heap + FILES_HEAP_NOISE);

@@ -6,7 +6,8 @@
 static void reference_output(void **state)
 {
     /* pcg32-demo of the reference implementation: seed 42, stream 54. */
-    static const uint32_t expected[] = {0xa15c02b7, 0x7b47f409, 0xba1d3330, 0x83d2f293, 0xbfa4784b, 0xcbed606e};
+    static const uint32_t expected[] = {0xa15c02b7, 0x7b47f409, 0xba1d3330,
+                                        0x83d2f293, 0xbfa4784b, 0xcbed606e};
     cairn_random random = cairn_random_seed(42, 54);
 
     (void)state;
@@ -16,7 +17,8 @@ static void reference_output(void **state)
 
 static void seeds_and_streams_differ(void **state)
 {
-    cairn_random a = cairn_random_seed(1, 1), b = cairn_random_seed(1, 2), c = cairn_random_seed(2, 1), a_again;
+    cairn_random a = cairn_random_seed(1, 1), b = cairn_random_seed(1, 2),
+                 c = cairn_random_seed(2, 1), a_again;
     int equal_stream = 0, equal_seed = 0;
 
     (void)state;
@@ -92,12 +94,14 @@ static void uniform_keeps_its_bounds(void **state)
     }
     assert_near(least, -3, 0.01);
     assert_near(most, 5, 0.01);
-    /* Two neighbouring numbers: half of the draws round to the upper one, which is not in the interval. */
+    /* Two neighbouring numbers: half of the draws round to the upper one, which is not in the
+     * interval. */
     for (int i = 0; i < 100; i++)
         assert_true(cairn_random_uniform(&random, 1, 1 + CAIRN_REAL_EPSILON) == 1);
     assert_true(cairn_random_uniform(&random, 7, 7) == 7);
     {
-        cairn_real x = cairn_random_uniform(&random, 2, -2); /* the wrong way round still lies between */
+        /* the wrong way round still lies between */
+        cairn_real x = cairn_random_uniform(&random, 2, -2);
 
         assert_true(x <= 2 && x >= -2);
     }
@@ -151,8 +155,8 @@ static void normal_is_box_and_muller(void **state)
     for (int i = 0; i < 1000; i++) {
         double u = (double)cairn_random_unit(&twin), v = (double)cairn_random_unit(&twin);
 
-        assert_near(cairn_random_normal(&random), sqrt(-2 * log(1 - u)) * cos(6.283185307179586 * v),
-                    NUMBER(1e-14, 3e-6));
+        assert_near(cairn_random_normal(&random),
+                    sqrt(-2 * log(1 - u)) * cos(6.283185307179586 * v), NUMBER(1e-14, 3e-6));
     }
 }
 
@@ -191,7 +195,8 @@ static void below_is_unbiased(void **state)
 static void below_rejects_exactly(void **state)
 {
     cairn_random random = cairn_random_seed(10, 0), twin = random;
-    static const int32_t counts[] = {1, 2, 3, 10, 1000, 0x40000000, 0x55555556, 0x60000000, INT32_MAX};
+    static const int32_t counts[] = {1,          2,          3,          10,       1000,
+                                     0x40000000, 0x55555556, 0x60000000, INT32_MAX};
     int rejected = 0;
 
     (void)state;

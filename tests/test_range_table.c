@@ -24,7 +24,8 @@ static cairn_status load(cairn_carmen_scans *scans, int32_t *has_odometry, const
     params.range_max = range_max;
     params.on_fault = on_fault;
     told_count = 0;
-    return cairn_range_table_load(scans, has_odometry, files_write_text("table", text), kind, &params, error);
+    return cairn_range_table_load(scans, has_odometry, files_write_text("table", text), kind,
+                                  &params, error);
 }
 
 static void csv_fields(void **state)
@@ -121,7 +122,8 @@ static void damaged_lines_are_told_and_left_out(void **state)
     int32_t has_odometry;
 
     (void)state;
-    assert_ok(load(&s, &has_odometry, "time,0,1\n1,2,3\n2,3\n3,4,5,6\n4,x,5\ninf,1,1\n,1,1\n5,6,7\n",
+    assert_ok(load(&s, &has_odometry,
+                   "time,0,1\n1,2,3\n2,3\n3,4,5,6\n4,x,5\ninf,1,1\n,1,1\n5,6,7\n",
                    CAIRN_RANGE_TABLE_CSV, 0, NULL));
     assert_int_equal(s.count, 2);
     assert_int_equal(s.info.faults, 5);
@@ -157,15 +159,20 @@ static void bad_heads_and_files_are_refused(void **state)
 
     (void)state;
     for (size_t i = 0; i < sizeof bad / sizeof *bad; i++) {
-        assert_status(load(&s, &has_odometry, bad[i].text, CAIRN_RANGE_TABLE_CSV, 0, &error), bad[i].status);
+        assert_status(load(&s, &has_odometry, bad[i].text, CAIRN_RANGE_TABLE_CSV, 0, &error),
+                      bad[i].status);
         assert_non_null(strstr(error.text, "expected"));
         assert_null(s.record);
     }
-    assert_status(load(&s, &has_odometry, "time,0\n1,2\n", CAIRN_RANGE_TABLE_CSV, -1, &error), CAIRN_BAD_ARGUMENT);
-    assert_status(load(&s, &has_odometry, "time,0\n1,2\n", CAIRN_RANGE_TABLE_CSV, (double)NAN, &error),
+    assert_status(load(&s, &has_odometry, "time,0\n1,2\n", CAIRN_RANGE_TABLE_CSV, -1, &error),
                   CAIRN_BAD_ARGUMENT);
-    assert_status(load(&s, &has_odometry, "time,0\n1,2\n", CAIRN_RANGE_TABLE_CSV, 1e9, &error), CAIRN_BAD_ARGUMENT);
-    assert_status(cairn_range_table_load(&s, &has_odometry, files_path("none"), CAIRN_RANGE_TABLE_CSV, NULL, &error),
+    assert_status(
+        load(&s, &has_odometry, "time,0\n1,2\n", CAIRN_RANGE_TABLE_CSV, (double)NAN, &error),
+        CAIRN_BAD_ARGUMENT);
+    assert_status(load(&s, &has_odometry, "time,0\n1,2\n", CAIRN_RANGE_TABLE_CSV, 1e9, &error),
+                  CAIRN_BAD_ARGUMENT);
+    assert_status(cairn_range_table_load(&s, &has_odometry, files_path("none"),
+                                         CAIRN_RANGE_TABLE_CSV, NULL, &error),
                   CAIRN_IO);
 }
 
@@ -222,7 +229,8 @@ static char *add_rolling_urg(char *at, int microseconds, int left, int right)
     return at;
 }
 
-/* The wheels roll straight ahead for a second, then turn on the spot to the left; the scans are older than that by .17 s. */
+/* The wheels roll straight ahead for a second, then turn on the spot to the left; the scans are
+ * older than that by .17 s. */
 static void urg_wheels(void **state)
 {
     static const double tick = 2 * 3.14159265358979 * 0.077 / 2000;
@@ -254,7 +262,8 @@ static void urg_wheels(void **state)
     assert_near(r[20].laser.x, 1000 * tick + 0.145 * cos(830 * 2 * tick / 0.31), 1e-5);
     assert_near(r[20].scan.base_sensor.x, 0.145, 1e-6);
     assert_near(r[20].scan.time_step, 0.1 / 1024, 1e-9);
-    assert_near(r[20].scan.range_min, 0.02, 1e-9); /* what is below are the scanner's words of fault */
+    /* what is below are the scanner's words of fault */
+    assert_near(r[20].scan.range_min, 0.02, 1e-9);
     assert_near(s.info.base_sensor.x, 0.145, 1e-6);
     assert_near(s.info.odometry_length, 1000 * tick, 1e-5);
     cairn_carmen_scans_free(&s);

@@ -23,14 +23,16 @@ static int32_t slow_distance(const cairn_distance_map_input *input, int32_t x, i
             int32_t dx = abs(x - u), dy = abs(y - v);
             int32_t d = input->metric == CAIRN_DISTANCE_L1 ? dx + dy : dx * dx + dy * dy;
 
-            if ((input->pixels.data[v * input->pixels.stride + u] & input->mask) == input->match && d < best)
+            if ((input->pixels.data[v * input->pixels.stride + u] & input->mask) == input->match &&
+                d < best)
                 best = d;
         }
     return best;
 }
 
 /* Runs a map with budgets of `budget` units; returns the units spent. */
-static int64_t run_map(cairn_distance_map *map, const cairn_distance_map_input *input, int32_t budget)
+static int64_t run_map(cairn_distance_map *map, const cairn_distance_map_input *input,
+                       int32_t budget)
 {
     cairn_budget left;
     cairn_status status;
@@ -50,8 +52,8 @@ static int64_t run_map(cairn_distance_map *map, const cairn_distance_map_input *
 }
 
 /* Both metrics, several budgets, flipped and padded views, against the slow twin. */
-static void check_raster(cairn_distance_map *map, const uint8_t *pixels, int32_t width, int32_t height, uint8_t mask,
-                         uint8_t match)
+static void check_raster(cairn_distance_map *map, const uint8_t *pixels, int32_t width,
+                         int32_t height, uint8_t mask, uint8_t match)
 {
     static const int32_t budgets[] = {CAIRN_UNBOUNDED, 1, 7, 1000};
     static int32_t distances[ROOM];
@@ -75,7 +77,8 @@ static void check_raster(cairn_distance_map *map, const uint8_t *pixels, int32_t
             input.pixels.data = flipped ? padded + (height - 1) * in_stride : padded;
             input.pixels.stride = flipped ? -in_stride : in_stride;
             for (int32_t y = 0; y < height; y++)
-                memcpy(padded + (flipped ? height - 1 - y : y) * in_stride, pixels + y * width, (size_t)width);
+                memcpy(padded + (flipped ? height - 1 - y : y) * in_stride, pixels + y * width,
+                       (size_t)width);
             input.distances.data = distances + (flipped ? 0 : (height - 1) * out_stride);
             input.distances.stride = flipped ? out_stride : -out_stride;
             spent = run_map(map, &input, budgets[k]);
@@ -96,7 +99,8 @@ static void check_raster(cairn_distance_map *map, const uint8_t *pixels, int32_t
 
 static void test_distance_matches_brute_force(void **state)
 {
-    static const int32_t sizes[][2] = {{1, 1}, {2, 1}, {1, 2}, {1, 37}, {37, 1}, {2, 2}, {13, 29}, {40, 17}, {40, 40}};
+    static const int32_t sizes[][2] = {{1, 1}, {2, 1},   {1, 2},   {1, 37}, {37, 1},
+                                       {2, 2}, {13, 29}, {40, 17}, {40, 40}};
     cairn_random random = cairn_random_seed(5, 0);
     uint8_t pixels[SIDE * SIDE];
     cairn_pool pool;
@@ -108,7 +112,9 @@ static void test_distance_matches_brute_force(void **state)
             int32_t width = sizes[s][0], height = sizes[s][1];
 
             for (int32_t i = 0; i < width * height; i++)
-                pixels[i] = cairn_random_below(&random, rarity) == 0 ? 205 : (uint8_t)cairn_random_below(&random, 205);
+                pixels[i] = cairn_random_below(&random, rarity) == 0
+                                ? 205
+                                : (uint8_t)cairn_random_below(&random, 205);
             check_raster(map, pixels, width, height, 0xFF, 205);
         }
     test_pool_free(&pool);
@@ -175,8 +181,11 @@ static void test_distance_begins_anew(void **state)
     for (int32_t i = 0; i < SIDE * SIDE; i++)
         pixels[i] = (uint8_t)cairn_random_below(&random, 30);
     for (int32_t units = 0; units < 1300; units += 37) {
-        cairn_distance_map_input input = {
-            {pixels, SIDE, SIDE, SIDE}, {distances, SIDE, SIDE, SIDE}, 0xFF, 3, CAIRN_DISTANCE_L2_SQUARED};
+        cairn_distance_map_input input = {{pixels, SIDE, SIDE, SIDE},
+                                          {distances, SIDE, SIDE, SIDE},
+                                          0xFF,
+                                          3,
+                                          CAIRN_DISTANCE_L2_SQUARED};
         cairn_budget budget = {units};
 
         for (int32_t i = 0; i < SIDE * SIDE; i++)
@@ -208,7 +217,12 @@ static void test_distance_refusals(void **state)
     cairn_distance_map_params params = {9};
     uint8_t pixels[20] = {0};
     int32_t distances[20];
-    cairn_distance_map_input good = {{pixels, 5, 4, 5}, {distances, 5, 4, 5}, 0xFF, 0, CAIRN_DISTANCE_L1}, input;
+    cairn_distance_map_input good = {{pixels, 5, 4, 5},
+                                     {distances, 5, 4, 5},
+                                     0xFF,
+                                     0,
+                                     CAIRN_DISTANCE_L1},
+                             input;
     cairn_pool pool = test_pool(10000);
     cairn_distance_map *map;
     cairn_budget budget = {5};

@@ -1,5 +1,5 @@
-/* The elementary functions against libc math in long double, over dense seeded arguments: the table of real.h is measured
- * here. Golden hashes hold the bits. */
+/* The elementary functions against libc math in long double, over dense seeded arguments: the
+ * table of real.h is measured here. Golden hashes hold the bits. */
 #include "tests/test.h"
 
 #include <float.h>
@@ -50,7 +50,8 @@ static void assert_worst(const worst *w, double bound)
 {
     print_message("%-8s worst %.3f ulp at %.17g (bound %.0f)\n", w->name, w->error, w->at, bound);
     if (!(w->error <= bound + REFERENCE_ERROR))
-        fail_msg("%s is off by %.3f ulp at %.17g, documented are %.0f", w->name, w->error, w->at, bound);
+        fail_msg("%s is off by %.3f ulp at %.17g, documented are %.0f", w->name, w->error, w->at,
+                 bound);
     /* A sweep that sees no error at all has not compared anything. */
     assert_true(w->error > 0.4);
 }
@@ -86,7 +87,8 @@ static void sine_and_cosine(void **state)
             x = log_uniform(&random, NUMBER(-300, -120), 3);
             break;
         default: /* beside the multiples of pi/2, where most cancels */
-            x = cairn_rint(cairn_random_uniform(&random, -limit, limit) / (CAIRN_PI / 2)) * (CAIRN_PI / 2);
+            x = cairn_rint(cairn_random_uniform(&random, -limit, limit) / (CAIRN_PI / 2)) *
+                (CAIRN_PI / 2);
             if (cairn_random_below(&random, 2))
                 x = NEXT(x, 0);
         }
@@ -120,7 +122,8 @@ static void large_angles_stay_on_the_circle(void **state)
         assert_true(s == 0 && c == 1);
     }
     {
-        /* On both sides of the limit both reductions agree to what the rounding of 2 pi makes after so many turns. */
+        /* On both sides of the limit both reductions agree to what the rounding of 2 pi makes
+         * after so many turns. */
         cairn_real limit = NUMBER(1000000, 6000), s, c;
 
         for (int i = -5; i <= 5; i++) {
@@ -206,7 +209,8 @@ static void arc_tangent(void **state)
 
 static void arc_tangent_special(void **state)
 {
-    const cairn_real zero = 0, minus_zero = NUMBER(-0.0, -0.0f), inf = INFINITE, huge = CAIRN_REAL_MAX;
+    const cairn_real zero = 0, minus_zero = NUMBER(-0.0, -0.0f), inf = INFINITE,
+                     huge = CAIRN_REAL_MAX;
     const struct {
         cairn_real y, x;
         double angle;
@@ -256,7 +260,8 @@ static void arc_tangent_special(void **state)
 static void exponential(void **state)
 {
     cairn_random random = cairn_random_seed(4, 1);
-    const cairn_real top = NUMBER(709.78271289338397, 88.7228317f), bottom = NUMBER(-708.396, -87.336f);
+    const cairn_real top = NUMBER(709.78271289338397, 88.7228317f),
+                     bottom = NUMBER(-708.396, -87.336f);
     worst w = {"exp", 0, 0};
 
     (void)state;
@@ -283,8 +288,10 @@ static void exponential(void **state)
     assert_true(cairn_exp(top) > CAIRN_REAL_MAX / 2);
     assert_true(cairn_exp(NEXT(top, INFINITE)) == INFINITE);
     assert_true(cairn_exp(INFINITE) == INFINITE);
-    assert_true(cairn_exp(bottom) >= SMALLEST && cairn_exp(bottom) < NUMBER(1.001, 1.001f) * SMALLEST);
-    for (cairn_real x = NUMBER(-708.397, -87.337f); x > NUMBER(-746, -104); x -= NUMBER(0.125, 0.125f))
+    assert_true(cairn_exp(bottom) >= SMALLEST &&
+                cairn_exp(bottom) < NUMBER(1.001, 1.001f) * SMALLEST);
+    for (cairn_real x = NUMBER(-708.397, -87.337f); x > NUMBER(-746, -104);
+         x -= NUMBER(0.125, 0.125f))
         assert_true(cairn_exp(x) == 0);
     assert_true(cairn_exp(NUMBER(-800, -200)) == 0);
     assert_true(cairn_exp(-INFINITE) == 0);
@@ -325,7 +332,8 @@ static void logarithm(void **state)
     assert_true(isnan(cairn_log(-SMALLEST)));
     assert_true(isnan(cairn_log(-INFINITE)));
     assert_true(isnan(cairn_log(NOT_A_NUMBER)));
-    assert_near(cairn_log(CAIRN_REAL_MAX), NUMBER(709.782712893384, 88.7228394f), NUMBER(1e-12, 1e-5));
+    assert_near(cairn_log(CAIRN_REAL_MAX), NUMBER(709.782712893384, 88.7228394f),
+                NUMBER(1e-12, 1e-5));
 }
 
 static void complementary_error_function(void **state)
@@ -372,10 +380,12 @@ static void to_int_is_clamped(void **state)
     assert_int_equal(cairn_real_to_int(NUMBER(2.99, 2.99f)), 2);
     assert_int_equal(cairn_real_to_int(NUMBER(-2.99, -2.99f)), -2);
     assert_int_equal(cairn_real_to_int(NUMBER(-0.5, -0.5f)), 0);
-    assert_int_equal(cairn_real_to_int(NUMBER(2147483647.0, 2147483520.0f)), NUMBER(2147483647, 2147483520));
+    assert_int_equal(cairn_real_to_int(NUMBER(2147483647.0, 2147483520.0f)),
+                     NUMBER(2147483647, 2147483520));
     assert_int_equal(cairn_real_to_int(NUMBER(2147483647.9, 2147483648.0f)), INT32_MAX);
     assert_int_equal(cairn_real_to_int(NUMBER(2147483648.0, 2147483648.0f)), INT32_MAX);
-    assert_int_equal(cairn_real_to_int(NUMBER(-2147483647.0, -2147483520.0f)), NUMBER(-2147483647, -2147483520));
+    assert_int_equal(cairn_real_to_int(NUMBER(-2147483647.0, -2147483520.0f)),
+                     NUMBER(-2147483647, -2147483520));
     assert_int_equal(cairn_real_to_int(NUMBER(-2147483648.0, -2147483648.0f)), INT32_MIN);
     assert_int_equal(cairn_real_to_int(NUMBER(-3e9, -3e9f)), INT32_MIN);
     assert_int_equal(cairn_real_to_int(CAIRN_REAL_MAX), INT32_MAX);
@@ -421,7 +431,8 @@ static void small_functions(void **state)
     assert_true(cairn_rint(NUMBER(2.5, 2.5f)) == 2 && cairn_rint(NUMBER(3.5, 3.5f)) == 4);
     assert_true(cairn_min(1, 2) == 1 && cairn_min(2, 1) == 1);
     assert_true(cairn_max(1, 2) == 2 && cairn_max(2, 1) == 2);
-    assert_true(cairn_is_finite(CAIRN_REAL_MAX) && cairn_is_finite(-CAIRN_REAL_MAX) && cairn_is_finite(0));
+    assert_true(cairn_is_finite(CAIRN_REAL_MAX) && cairn_is_finite(-CAIRN_REAL_MAX) &&
+                cairn_is_finite(0));
     assert_false(cairn_is_finite(INFINITE));
     assert_false(cairn_is_finite(-INFINITE));
     assert_false(cairn_is_finite(NOT_A_NUMBER));
@@ -435,7 +446,8 @@ static void golden_bits(void **state)
 
     (void)state;
     for (int i = 0; i < 20000; i++) {
-        cairn_real a = cairn_random_uniform(&random, -30, 30), b = log_uniform(&random, -20, 20), out[8];
+        cairn_real a = cairn_random_uniform(&random, -30, 30), b = log_uniform(&random, -20, 20),
+                   out[8];
 
         cairn_sincos(a, &out[0], &out[1]);
         cairn_sincos(b, &out[2], &out[3]);

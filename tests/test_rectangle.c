@@ -47,7 +47,8 @@ static void add(struct scene *s, struct frame f, double ax, double ay, double bx
     s->segments[s->count++].b = placed(f, bx, by);
 }
 
-/* The four walls of a room from (0, 0) to (w, h), counter-clockwise with the free side inside, between two shares of each. */
+/* The four walls of a room from (0, 0) to (w, h), counter-clockwise with the free side inside,
+ * between two shares of each. */
 static void add_room(struct scene *s, struct frame f, double w, double h, double from, double to)
 {
     add(s, f, from * w, 0, to * w, 0);
@@ -66,7 +67,8 @@ static void turn_about(struct scene *s)
     }
 }
 
-static const cairn_rectangle *search(cairn_rectangle_set *set, const struct scene *s, int32_t *found)
+static const cairn_rectangle *search(cairn_rectangle_set *set, const struct scene *s,
+                                     int32_t *found)
 {
     cairn_budget budget = {CAIRN_UNBOUNDED};
 
@@ -337,9 +339,10 @@ struct slow_side {
 
 static struct slow_side slow_side_of(cairn_segment s)
 {
-    double dx = (double)s.b.x - (double)s.a.x, dy = (double)s.b.y - (double)s.a.y, length = hypot(dx, dy);
-    struct slow_side side = {((double)s.a.x + (double)s.b.x) / 2, ((double)s.a.y + (double)s.b.y) / 2, dx / length,
-                             dy / length, length};
+    double dx = (double)s.b.x - (double)s.a.x, dy = (double)s.b.y - (double)s.a.y,
+           length = hypot(dx, dy);
+    struct slow_side side = {((double)s.a.x + (double)s.b.x) / 2,
+                             ((double)s.a.y + (double)s.b.y) / 2, dx / length, dy / length, length};
 
     return side;
 }
@@ -358,13 +361,15 @@ static void meet(const struct slow_side *s, const struct slow_side *t, double *x
 static double share_of(const struct slow_side *s, double px, double py, double qx, double qy)
 {
     double length = hypot(qx - px, qy - py), ux = (qx - px) / length, uy = (qy - py) / length;
-    double middle = (s->mx - px) * ux + (s->my - py) * uy, half = s->length / 2 * fabs(s->dx * ux + s->dy * uy);
+    double middle = (s->mx - px) * ux + (s->my - py) * uy,
+           half = s->length / 2 * fabs(s->dx * ux + s->dy * uy);
 
     return fmax(fmin(middle + half, length) - fmax(middle - half, 0), 0) / length;
 }
 
 /* The quadrangle of lower, right, upper, left lines, when it is a rectangle by the params. */
-static int slow_rectangle(const cairn_rectangle_params *p, const struct slow_side *of[4], struct slow *r)
+static int slow_rectangle(const cairn_rectangle_params *p, const struct slow_side *of[4],
+                          struct slow *r)
 {
     double x[4], y[4], share[4], worst = 0, length, width, c = 0, s = 0, theta, sum;
 
@@ -381,7 +386,8 @@ static int slow_rectangle(const cairn_rectangle_params *p, const struct slow_sid
     if (sin(worst) > sin((double)p->angle))
         return 0;
     for (int i = 0; i < 4; i++)
-        meet(of[i], of[(i + 1) % 4], &x[i], &y[i]); /* lower right, upper right, upper left, lower left */
+        /* lower right, upper right, upper left, lower left */
+        meet(of[i], of[(i + 1) % 4], &x[i], &y[i]);
     length = (hypot(x[0] - x[3], y[0] - y[3]) + hypot(x[1] - x[2], y[1] - y[2])) / 2;
     width = (hypot(x[1] - x[0], y[1] - y[0]) + hypot(x[2] - x[3], y[2] - y[3])) / 2;
     if (fmin(length, width) < (double)p->min_side)
@@ -421,7 +427,8 @@ static int inside_or_out(const struct slow_side *of[4])
 }
 
 /* Opposite sides run against each other when both are free on the same side of the outline. */
-static int slow_quadruples(const cairn_rectangle_params *p, const struct scene *scene, struct slow *found)
+static int slow_quadruples(const cairn_rectangle_params *p, const struct scene *scene,
+                           struct slow *found)
 {
     static struct slow_side side[MANY];
     int32_t n = scene->count, count = 0;
@@ -437,7 +444,9 @@ static int slow_quadruples(const cairn_rectangle_params *p, const struct scene *
                     const struct slow_side *of[4] = {&side[i], &side[j], &side[k], &side[l]};
                     int free_side;
 
-                    if (i > j || fabs(side[j].dx * side[l].dx + side[j].dy * side[l].dy) < cos((double)p->angle) ||
+                    if (i > j ||
+                        fabs(side[j].dx * side[l].dx + side[j].dy * side[l].dy) <
+                            cos((double)p->angle) ||
                         fabs(side[i].dx * side[j].dx + side[i].dy * side[j].dy) > 0.5)
                         continue;
                     free_side = inside_or_out(of);
@@ -454,15 +463,19 @@ static int slow_quadruples(const cairn_rectangle_params *p, const struct scene *
 /* Whether the two are one rectangle: centre, and sides along theta and across it. */
 static int is_slow(const cairn_rectangle *r, const struct slow *s)
 {
-    double size = fmin(fabs(2 * (double)r->half_length - s->length) + fabs(2 * (double)r->half_width - s->width),
-                       fabs(2 * (double)r->half_length - s->width) + fabs(2 * (double)r->half_width - s->length));
+    double size = fmin(
+        fabs(2 * (double)r->half_length - s->length) + fabs(2 * (double)r->half_width - s->width),
+        fabs(2 * (double)r->half_length - s->width) + fabs(2 * (double)r->half_width - s->length));
 
-    return r->kind == s->kind && hypot((double)r->centre.x - s->x, (double)r->centre.y - s->y) < 0.05 && size < 0.1 &&
+    return r->kind == s->kind &&
+           hypot((double)r->centre.x - s->x, (double)r->centre.y - s->y) < 0.05 && size < 0.1 &&
            fabs(remainder((double)r->centre.theta - s->theta, PI / 2)) < 1e-3 &&
-           fabs((double)r->covered - s->covered) < 0.04 && fabs((double)r->strength - s->strength) < 0.05;
+           fabs((double)r->covered - s->covered) < 0.04 &&
+           fabs((double)r->strength - s->strength) < 0.05;
 }
 
-/* Walls in two directions at random, some off by a few degrees, none near enough to another to be merged. */
+/* Walls in two directions at random, some off by a few degrees, none near enough to another to
+ * be merged. */
 static void scatter(struct scene *s, uint64_t seed)
 {
     cairn_random random = cairn_random_seed(seed, 0);
@@ -535,18 +548,21 @@ static void finds_what_all_quadruples_give(void **state)
 
 /* ---- The bits ---- */
 
-/* Quarters of metres, so that lengths, gaps and distances tie and lie on the params' very limits. */
+/* Quarters of metres, so that lengths, gaps and distances tie and lie on the params' very
+ * limits. */
 static double quarter(cairn_random *random, int32_t below)
 {
     return 0.25 * cairn_random_below(random, below);
 }
 
-/* Rooms and boxes in pieces, walls for themselves and twice, along the axes or all turned a little. */
+/* Rooms and boxes in pieces, walls for themselves and twice, along the axes or all turned a
+ * little. */
 static void lay_quarters(struct scene *s, cairn_random *random)
 {
     struct frame at = {0, 0, 0};
     int32_t pieces = 12 + cairn_random_below(random, 20);
-    cairn_pose pose = {0, 0, cairn_random_below(random, 3) == 0 ? cairn_random_uniform(random, -4, 4) : 0};
+    cairn_pose pose = {
+        0, 0, cairn_random_below(random, 3) == 0 ? cairn_random_uniform(random, -4, 4) : 0};
 
     s->count = 0;
     for (int32_t i = 0; i < 3; i++) {
@@ -565,7 +581,8 @@ static void lay_quarters(struct scene *s, cairn_random *random)
         double x = quarter(random, 20);
         double y = quarter(random, 20);
         double length = quarter(random, 14) - 1.5;
-        double askew = cairn_random_below(random, 3) == 0 ? 0.25 * (cairn_random_below(random, 3) - 1) : 0;
+        double askew =
+            cairn_random_below(random, 3) == 0 ? 0.25 * (cairn_random_below(random, 3) - 1) : 0;
 
         if (cairn_random_below(random, 2) == 0)
             add(s, at, x, y, x + length, y + askew);
@@ -777,7 +794,8 @@ static void capacities(void **state)
     assert_int_equal(cairn_rectangle_dropped(f.set), 2);
     assert_near(r[0].covered, 1, 0.01);
     test_pool_free(&f.pool);
-    /* The longest walls make the sides that there is room for: of the second room all, of the third the long ones. */
+    /* The longest walls make the sides that there is room for: of the second room all, of the
+     * third the long ones. */
     p.max_rectangles = 3;
     p.max_sides = 7;
     f = set_with(p);
@@ -815,7 +833,8 @@ static void little_or_nothing(void **state)
     assert_ok(cairn_rectangle_step(f.set, &budget));
     (void)cairn_rectangle_list(f.set, &found);
     assert_int_equal(found, 0);
-    /* Points are no sides; parallels alone are no rectangle, many with one slope each a pair once. */
+    /* Points are no sides; parallels alone are no rectangle, many with one slope each a pair
+     * once. */
     for (int32_t i = 0; i < 5; i++)
         add(&s, at, i, i, i, i);
     for (int32_t i = 0; i < 6; i++)
@@ -892,18 +911,19 @@ static void memory_is_exact(void **state)
         p.max_sides = 2 * n;
         p.max_pairs = 11 * n;
         p.max_rectangles = n;
-        assert_true(cairn_rectangle_memory(&p) <=
-                    CAIRN_RECTANGLE_BYTES(p.max_segments, p.max_sides, p.max_pairs, p.max_rectangles));
+        assert_true(cairn_rectangle_memory(&p) <= CAIRN_RECTANGLE_BYTES(p.max_segments, p.max_sides,
+                                                                        p.max_pairs,
+                                                                        p.max_rectangles));
     }
 }
 
-#define REFUSED(change)                                                                                                \
-    do {                                                                                                               \
-        p = cairn_rectangle_default();                                                                                 \
-        change;                                                                                                        \
-        assert_int_equal(cairn_rectangle_memory(&p), 0);                                                               \
-        assert_status(cairn_rectangle_create(&set, &pool, &p), CAIRN_BAD_ARGUMENT);                                    \
-        assert_int_equal(pool.used, 0);                                                                                \
+#define REFUSED(change)                                                                            \
+    do {                                                                                           \
+        p = cairn_rectangle_default();                                                             \
+        change;                                                                                    \
+        assert_int_equal(cairn_rectangle_memory(&p), 0);                                           \
+        assert_status(cairn_rectangle_create(&set, &pool, &p), CAIRN_BAD_ARGUMENT);                \
+        assert_int_equal(pool.used, 0);                                                            \
     } while (0)
 
 static void bad_params_are_refused(void **state)

@@ -95,8 +95,8 @@ static void scans_are_found(void **state)
         row[k].timed = k % 4 != 0;
         row[k].first = row[k].timed ? 100 * (int64_t)cairn_random_below(&random, 440) - 22000
                                     : cairn_random_below(&random, SCANS + 2);
-        row[k].second =
-            row[k].timed ? stamp[k % SCANS] + (k % 3 - 1) * INT64_C(1000) : cairn_random_below(&random, SCANS + 2);
+        row[k].second = row[k].timed ? stamp[k % SCANS] + (k % 3 - 1) * INT64_C(1000)
+                                     : cairn_random_below(&random, SCANS + 2);
         wanted[k] = row[k];
         if (row[k].timed) {
             wanted[k].first = twin_find(stamp, SCANS, row[k].first);
@@ -130,7 +130,8 @@ static void bad_files(void **state)
         int64_t line;
         const char *wanted;
     } bad[] = {
-        {"1 2 3 4\n", CAIRN_BAD_FORMAT, 1, "4 words, expected t1 t2 x y z roll pitch yaw, or a b x y theta"},
+        {"1 2 3 4\n", CAIRN_BAD_FORMAT, 1,
+         "4 words, expected t1 t2 x y z roll pitch yaw, or a b x y theta"},
         {"# a\n1 2 3 4 5 6\n", CAIRN_BAD_FORMAT, 2, "6 words"},
         {"1 2 3 4 5 6 7 8 9\n", CAIRN_BAD_FORMAT, 1, "9 words"},
         {"1 2 3 4 5\n1.5 2 3 4 5\n", CAIRN_BAD_FORMAT, 2, "\"1.5\", expected the index of a scan"},

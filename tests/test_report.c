@@ -1,4 +1,5 @@
-/* Pictures of maps: where things are drawn, what becomes an image, refusals; every picture is well-formed XML. */
+/* Pictures of maps: where things are drawn, what becomes an image, refusals; every picture is
+ * well-formed XML. */
 #include "tests/files.h"
 #include "tests/xml.h"
 
@@ -35,7 +36,8 @@ static char *draw(const cairn_report_map *map)
     return svg;
 }
 
-/* The whole picture but the bytes of its images, which are zlib's, as a hash. Places in float are others. */
+/* The whole picture but the bytes of its images, which are zlib's, as a hash. Places in float
+ * are others. */
 static void assert_picture(const char *svg, uint64_t expected)
 {
 #ifndef CAIRN_FLOAT
@@ -49,7 +51,8 @@ static void assert_picture(const char *svg, uint64_t expected)
     }
     hash = test_hash(hash, svg, strlen(svg));
     if (hash != expected)
-        fail_msg("the hash is 0x%016llx instead of 0x%016llx", (unsigned long long)hash, (unsigned long long)expected);
+        fail_msg("the hash is 0x%016llx instead of 0x%016llx", (unsigned long long)hash,
+                 (unsigned long long)expected);
 #else
     (void)svg;
     (void)expected;
@@ -103,7 +106,8 @@ static void test_places(void **state)
     (void)state;
     make_sample(&s);
     svg = draw(&s.map);
-    /* Frame 952 wide at (24, 24), 18 within: (952 - 36)/10 = 91.6 pixels a metre, 5 * 91.6 + 36 = 494 high. */
+    /* Frame 952 wide at (24, 24), 18 within: (952 - 36)/10 = 91.6 pixels a metre, 5 * 91.6 + 36
+     * = 494 high. */
     assert_holds(svg, "width=\"1000\" height=\"562\"");
     assert_holds(svg, "x=\"24.0\" y=\"24.0\" width=\"952.0\" height=\"494.0\"");
     assert_holds(svg, "M42.0 500.0h0");
@@ -128,7 +132,8 @@ static void test_places(void **state)
 
     /* Segments take the place of points. */
     {
-        cairn_segment segment = {{-1, -1}, {0, -1}}, oblique = {{CAIRN_REAL(-0.5), -1}, {CAIRN_REAL(0.25), 1}};
+        cairn_segment segment = {{-1, -1}, {0, -1}},
+                      oblique = {{CAIRN_REAL(-0.5), -1}, {CAIRN_REAL(0.25), 1}};
 
         s.scan[0].segment = &segment;
         s.scan[0].segment_count = 1;
@@ -165,7 +170,8 @@ static void test_texts_and_panels(void **state)
     assert_holds(svg, ">Before</text>");
     assert_holds(svg, ">5 &lt; 6</text>");
     assert_holds(svg, ">After</text>");
-    /* Four frames of (952 - 60)/4 pixels, 20 apart, below the title (24 + 24 + 20 + 12) and the panels' titles (26). */
+    /* Four frames of (952 - 60)/4 pixels, 20 apart, below the title (24 + 24 + 20 + 12) and the
+     * panels' titles (26). */
     assert_int_equal(count_of(svg, "width=\"223.0\""), 4);
     assert_holds(svg, "x=\"24.0\" y=\"106.0\"");
     assert_holds(svg, "x=\"267.0\" y=\"106.0\"");
@@ -193,7 +199,8 @@ static void test_common_scale(void **state)
     s.map.scan = NULL;
     s.panel[1].pose = far_apart;
     svg = draw(&s.map);
-    /* (466 - 36)/40 = 10.75 pixels a metre; the first panel's path is 8 m by 3 m in the middle of its frame. */
+    /* (466 - 36)/40 = 10.75 pixels a metre; the first panel's path is 8 m by 3 m in the middle
+     * of its frame. */
     assert_holds(svg, "v7h107.5v-7");
     assert_holds(svg, ">10 m</text>");
     assert_holds(svg, "M528.0 ");
@@ -241,7 +248,8 @@ static void test_doubtful_and_colours(void **state)
     s.map.connect = 0;
     svg = draw(&s.map);
     assert_holds(svg, ">doubtful</text>");
-    assert_holds(svg, "translate(866.4 133.6) rotate(-90.0)\" d=\"M7 0L-4.5 4.6L-2.4 0L-4.5 -4.6Z\" fill=\"#dc2626\"");
+    assert_holds(svg, "translate(866.4 133.6) rotate(-90.0)\" d=\"M7 0L-4.5 4.6L-2.4 0L-4.5 "
+                      "-4.6Z\" fill=\"#dc2626\"");
     assert_holds(svg, "stroke=\"#dc2626\" stroke-opacity=\".45\">\n<path d=\"M958.0 42.0h0\"/>");
     assert_holds(svg, "stroke=\"#1e293b\" stroke-opacity=\".6\">\n<path d=\"M42.0 500.0h0\"/>");
     assert_holds(svg, ">start</text>");
@@ -346,7 +354,8 @@ static void take_image(const char *svg, cairn_image *image)
 
 static void test_many_points_become_an_image(void **state)
 {
-    cairn_segment segment = {{2, 2}, {2, CAIRN_REAL(3.5)}}, endless = {{3, 3}, {CAIRN_REAL(1e9), 3}};
+    cairn_segment segment = {{2, 2}, {2, CAIRN_REAL(3.5)}},
+                  endless = {{3, 3}, {CAIRN_REAL(1e9), 3}};
     cairn_image image;
     uint64_t hash;
     sample s;
@@ -361,7 +370,8 @@ static void test_many_points_become_an_image(void **state)
     take_image(svg, &image);
     assert_int_equal(image.width, 1904);
     assert_int_equal(image.height, 988);
-    /* (0, 0) is at pixel (42, 500) of the picture, the image begins at (24, 24) with two samples a pixel. */
+    /* (0, 0) is at pixel (42, 500) of the picture, the image begins at (24, 24) with two samples
+     * a pixel. */
     assert_int_equal(image.pixel[952 * 1904 + 36], 30);
     assert_int_equal(image.pixel[36 * 1904 + 1868], 30);
     {
@@ -384,7 +394,8 @@ static void test_many_points_become_an_image(void **state)
         svg = draw(&s.map);
         take_image(svg, &image);
         assert_int_equal(image.pixel[952 * 1904 + 36], 30);
-        /* One point where nine in ten samples hold up to 6: 255 - 225 log(1 + 1)/log(1 + 6) = 174.9. */
+        /* One point where nine in ten samples hold up to 6: 255 - 225 log(1 + 1)/log(1 + 6) =
+         * 174.9. */
         assert_int_equal(image.pixel[36 * 1904 + 1868], 174);
         cairn_image_free(&image);
         free(svg);
@@ -451,8 +462,10 @@ static void test_grid(void **state)
     make_sample(&s);
     s.panel[0].grid = &grid;
     svg = draw(&s.map);
-    /* The box is the grid's, x -1 .. 5, with the poses, x up to 9; y -2 .. 4. (952 - 36)/10 pixels a metre. */
-    assert_holds(svg, "width=\"3\" height=\"2\" transform=\"matrix(183.2 0 0 183.2 42.00 225.20)\"");
+    /* The box is the grid's, x -1 .. 5, with the poses, x up to 9; y -2 .. 4. (952 - 36)/10
+     * pixels a metre. */
+    assert_holds(svg,
+                 "width=\"3\" height=\"2\" transform=\"matrix(183.2 0 0 183.2 42.00 225.20)\"");
     assert_holds(svg, "image-rendering:pixelated");
     assert_lacks(svg, ">walls</text>");
     take_image(svg, &image);
@@ -470,7 +483,9 @@ static void test_grid(void **state)
         const char *at = strstr(svg, "matrix(");
 
         assert_non_null(at);
-        assert_int_equal(sscanf(at, "matrix(%lf %lf %lf %lf %lf %lf)", &m[0], &m[1], &m[2], &m[3], &m[4], &m[5]), 6);
+        assert_int_equal(
+            sscanf(at, "matrix(%lf %lf %lf %lf %lf %lf)", &m[0], &m[1], &m[2], &m[3], &m[4], &m[5]),
+            6);
         assert_near(m[0], 0, 1e-4);
         assert_true(m[1] < -1 && m[2] > 1);
         assert_near(m[1], -m[2], 1e-4);
@@ -521,19 +536,19 @@ static void test_refusals(void **state)
 
     (void)state;
     make_sample(&good);
-#define REFUSED(change, status, piece)                                                                                 \
-    do {                                                                                                               \
-        make_sample(&s);                                                                                               \
-        grid.width = 1;                                                                                                \
-        grid.height = 1;                                                                                               \
-        grid.resolution = 1;                                                                                           \
-        grid.pixel = &one;                                                                                             \
-        grid.origin = cairn_pose_identity();                                                                           \
-        change;                                                                                                        \
-        assert_status(cairn_report_map_write(path, &s.map, &error), status);                                           \
-        assert_holds(error.text, piece);                                                                               \
-        assert_int_equal(error.line, 0);                                                                               \
-        assert_int_equal(access(path, F_OK), -1);                                                                      \
+#define REFUSED(change, status, piece)                                                             \
+    do {                                                                                           \
+        make_sample(&s);                                                                           \
+        grid.width = 1;                                                                            \
+        grid.height = 1;                                                                           \
+        grid.resolution = 1;                                                                       \
+        grid.pixel = &one;                                                                         \
+        grid.origin = cairn_pose_identity();                                                       \
+        change;                                                                                    \
+        assert_status(cairn_report_map_write(path, &s.map, &error), status);                       \
+        assert_holds(error.text, piece);                                                           \
+        assert_int_equal(error.line, 0);                                                           \
+        assert_int_equal(access(path, F_OK), -1);                                                  \
     } while (0)
     REFUSED(s.map.panel = NULL, CAIRN_BAD_ARGUMENT, "panels");
     REFUSED(s.map.panel_count = 0, CAIRN_BAD_ARGUMENT, "0 panels");
@@ -553,18 +568,25 @@ static void test_refusals(void **state)
     {
         cairn_segment segment = {{0, 0}, {0, (cairn_real)NAN}};
 
-        REFUSED((s.scan[0].segment = &segment, s.scan[0].segment_count = 1), CAIRN_NOT_FINITE, "scan 0: segment 0");
+        REFUSED((s.scan[0].segment = &segment, s.scan[0].segment_count = 1), CAIRN_NOT_FINITE,
+                "scan 0: segment 0");
         segment.a.x = (cairn_real)INFINITY;
         segment.b.y = 0;
-        REFUSED((s.scan[0].segment = &segment, s.scan[0].segment_count = 1), CAIRN_NOT_FINITE, "scan 0: segment 0");
+        REFUSED((s.scan[0].segment = &segment, s.scan[0].segment_count = 1), CAIRN_NOT_FINITE,
+                "scan 0: segment 0");
     }
-    REFUSED((s.panel[0].grid = &grid, grid.width = 0), CAIRN_BAD_ARGUMENT, "panel 0 has a grid without");
-    REFUSED((s.panel[0].grid = &grid, grid.height = 0), CAIRN_BAD_ARGUMENT, "panel 0 has a grid without");
-    REFUSED((s.panel[0].grid = &grid, grid.pixel = NULL), CAIRN_BAD_ARGUMENT, "panel 0 has a grid without");
-    REFUSED((s.panel[0].grid = &grid, grid.resolution = 0), CAIRN_BAD_ARGUMENT, "panel 0 has a grid without");
+    REFUSED((s.panel[0].grid = &grid, grid.width = 0), CAIRN_BAD_ARGUMENT,
+            "panel 0 has a grid without");
+    REFUSED((s.panel[0].grid = &grid, grid.height = 0), CAIRN_BAD_ARGUMENT,
+            "panel 0 has a grid without");
+    REFUSED((s.panel[0].grid = &grid, grid.pixel = NULL), CAIRN_BAD_ARGUMENT,
+            "panel 0 has a grid without");
+    REFUSED((s.panel[0].grid = &grid, grid.resolution = 0), CAIRN_BAD_ARGUMENT,
+            "panel 0 has a grid without");
     REFUSED((s.panel[0].grid = &grid, grid.resolution = (cairn_real)INFINITY), CAIRN_BAD_ARGUMENT,
             "panel 0 has a grid");
-    REFUSED((s.panel[0].grid = &grid, grid.origin.y = (cairn_real)NAN), CAIRN_NOT_FINITE, "the grid's origin");
+    REFUSED((s.panel[0].grid = &grid, grid.origin.y = (cairn_real)NAN), CAIRN_NOT_FINITE,
+            "the grid's origin");
 #undef REFUSED
     for (int32_t k = 0; k < 2; k++) {
         make_sample(&s);

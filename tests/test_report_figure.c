@@ -1,4 +1,5 @@
-/* Figures: where points, lines, bars, numbers and the key stand; refusals; every figure is well-formed XML. */
+/* Figures: where points, lines, bars, numbers and the key stand; refusals; every figure is
+ * well-formed XML. */
 #include "tests/files.h"
 #include "tests/xml.h"
 
@@ -38,9 +39,10 @@ typedef struct sample {
 
 static void make_sample(sample *s)
 {
-    static const cairn_report_layer layers[3] = {{"dots", "#111111", CAIRN_REPORT_DOTS, 2, NULL, 4, 1},
-                                                 {"lines", "#222222", CAIRN_REPORT_LINES, 1, NULL, 2, 0.5},
-                                                 {"bars", "#333333", CAIRN_REPORT_BARS, 2, NULL, 1, 0.25}};
+    static const cairn_report_layer layers[3] = {
+        {"dots", "#111111", CAIRN_REPORT_DOTS, 2, NULL, 4, 1},
+        {"lines", "#222222", CAIRN_REPORT_LINES, 1, NULL, 2, 0.5},
+        {"bars", "#333333", CAIRN_REPORT_BARS, 2, NULL, 1, 0.25}};
 
     memset(s, 0, sizeof *s);
     s->dot[1].x = 10;
@@ -78,14 +80,16 @@ static void test_map(void **state)
     s.plot[0].title = "plot";
     s.plot[0].note = "note";
     svg = draw(&s.figure);
-    /* Frame 952 x 714 below 24 + 24 + 20 + 12 + 26; 16 within, so (952 - 32)/10 = 92 pixels a metre, in the middle. */
+    /* Frame 952 x 714 below 24 + 24 + 20 + 12 + 26; 16 within, so (952 - 32)/10 = 92 pixels a
+     * metre, in the middle. */
     assert_holds(svg, "width=\"1000\" height=\"864\"");
     assert_holds(svg, "x=\"24.0\" y=\"106.0\" width=\"952.0\" height=\"714.0\"");
     assert_holds(svg, "d=\"M40.0 693.0h0M960.0 233.0h0\"");
     assert_holds(svg, "d=\"M500.0 693.0L40.0 233.0\"");
-    assert_holds(svg, "stroke=\"#111111\" stroke-width=\"4.00\" stroke-linecap=\"round\" opacity=\"1\"");
     assert_holds(svg,
-                 "fill=\"none\" stroke=\"#222222\" stroke-width=\"2.00\" stroke-linecap=\"round\" opacity=\"0.5\"");
+                 "stroke=\"#111111\" stroke-width=\"4.00\" stroke-linecap=\"round\" opacity=\"1\"");
+    assert_holds(svg, "fill=\"none\" stroke=\"#222222\" stroke-width=\"2.00\" "
+                      "stroke-linecap=\"round\" opacity=\"0.5\"");
     /* 1 m is 92 pixels, 2 m more than 120. */
     assert_holds(svg, "M870.0 799.0v7h92.0v-7");
     assert_holds(svg, ">1 m</text>");
@@ -95,7 +99,8 @@ static void test_map(void **state)
     assert_holds(svg, "text-anchor=\"end\">note</text>");
     assert_holds(svg, "<text x=\"51.0\" y=\"848.0\" font-size=\"12\" fill=\"#475569\">dots</text>");
     /* Four letters, then 24 pixels. */
-    assert_holds(svg, "<text x=\"126.4\" y=\"848.0\" font-size=\"12\" fill=\"#475569\">lines</text>");
+    assert_holds(svg,
+                 "<text x=\"126.4\" y=\"848.0\" font-size=\"12\" fill=\"#475569\">lines</text>");
     assert_holds(svg, "<circle cx=\"35.0\" cy=\"844.0\" r=\"2.6\" fill=\"#111111\"/>");
     assert_holds(svg, "M101.4 844.0h18\" stroke=\"#222222\"");
     free(svg);
@@ -122,10 +127,11 @@ static void test_chart(void **state)
     s.plot[0].x_label = "x (m)";
     s.plot[0].y_label = "y < 1";
     svg = draw(&s.figure);
-    /* 952 x 380.8 at 24, 24; 62 and 16 beside, 46 and 16 below and above: 874/2 pixels by 318.8/8. */
+    /* 952 x 380.8 at 24, 24; 62 and 16 beside, 46 and 16 below and above: 874/2 pixels by
+     * 318.8/8. */
     assert_holds(svg, "width=\"1000\" height=\"449\"");
-    assert_holds(svg,
-                 "fill=\"#333333\" stroke=\"#fff\" stroke-width=\"0.80\" stroke-linecap=\"round\" opacity=\"0.25\"");
+    assert_holds(svg, "fill=\"#333333\" stroke=\"#fff\" stroke-width=\"0.80\" "
+                      "stroke-linecap=\"round\" opacity=\"0.25\"");
     assert_holds(svg, "M86.0 199.4V40.0H523.0V199.4ZM523.0 199.4V358.8H960.0V199.4Z");
     assert_holds(svg, ">x (m)</text>");
     assert_holds(svg, ">y &lt; 1</text>");
@@ -133,9 +139,10 @@ static void test_chart(void **state)
     /* Every 0.2 in x, 1 in y: 0.6 to 2.4, and -4 to 4. */
     assert_int_equal(count_of(svg, "V40.0\" stroke=\"#e8edf3\""), 10);
     assert_int_equal(count_of(svg, "H960.0\" stroke=\"#e8edf3\""), 9);
-    assert_holds(svg,
-                 "<text x=\"304.5\" y=\"375.8\" font-size=\"12\" fill=\"#475569\" text-anchor=\"middle\">1</text>");
-    assert_holds(svg, "<text x=\"79.0\" y=\"203.4\" font-size=\"12\" fill=\"#475569\" text-anchor=\"end\">0</text>");
+    assert_holds(svg, "<text x=\"304.5\" y=\"375.8\" font-size=\"12\" fill=\"#475569\" "
+                      "text-anchor=\"middle\">1</text>");
+    assert_holds(svg, "<text x=\"79.0\" y=\"203.4\" font-size=\"12\" fill=\"#475569\" "
+                      "text-anchor=\"end\">0</text>");
     assert_holds(svg, "text-anchor=\"end\">-4</text>");
     assert_holds(svg, "<rect x=\"29.0\" y=\"423.8\" width=\"12\" height=\"11\" fill=\"#333333\"/>");
     assert_int_equal(count_of(svg, " m</text>"), 0);
@@ -225,22 +232,25 @@ static void test_refusals(void **state)
     sample s;
 
     (void)state;
-#define REFUSED(change, piece)                                                                                         \
-    make_sample(&s);                                                                                                   \
-    s.change;                                                                                                          \
+#define REFUSED(change, piece)                                                                     \
+    make_sample(&s);                                                                               \
+    s.change;                                                                                      \
     refuse(&s.figure, CAIRN_BAD_ARGUMENT, piece)
-    REFUSED(figure.plot = NULL, "1 plots, width 1000: expected 1 to 4 plots, a width from 200 to 10000");
+    REFUSED(figure.plot = NULL,
+            "1 plots, width 1000: expected 1 to 4 plots, a width from 200 to 10000");
     REFUSED(figure.plot_count = 0, "0 plots");
     REFUSED(figure.plot_count = 5, "5 plots");
     REFUSED(figure.width = 199, "width 199");
     REFUSED(figure.width = 10001, "width 10001");
-    REFUSED(plot[0].layer_count = -1, "plot 0: expected layers, both labels or none, steps not below 0");
+    REFUSED(plot[0].layer_count = -1,
+            "plot 0: expected layers, both labels or none, steps not below 0");
     REFUSED(plot[0].layer = NULL, "plot 0: expected layers");
     REFUSED(plot[0].x_label = "x", "plot 0: expected layers");
     REFUSED(plot[0].y_label = "y", "plot 0: expected layers");
     REFUSED(plot[0].x_step = -1, "plot 0: expected layers");
     REFUSED(plot[0].y_step = (double)NAN, "plot 0: expected layers");
-    REFUSED(layer[1].count = -1, "plot 0, layer 1: expected points, a mark, a colour, a width and an opacity");
+    REFUSED(layer[1].count = -1,
+            "plot 0, layer 1: expected points, a mark, a colour, a width and an opacity");
     REFUSED(layer[1].count = INT32_MAX, "layer 1: expected points");
     REFUSED(layer[1].point = NULL, "layer 1: expected points");
     REFUSED(layer[1].mark = -1, "layer 1: expected points");
@@ -272,7 +282,8 @@ static void test_refusals(void **state)
     {
         cairn_file_error error;
 
-        assert_status(cairn_report_figure_write(files_path("missing/f.svg"), &s.figure, &error), CAIRN_IO);
+        assert_status(cairn_report_figure_write(files_path("missing/f.svg"), &s.figure, &error),
+                      CAIRN_IO);
         assert_status(cairn_report_figure_write("/dev/full", &s.figure, &error), CAIRN_IO);
     }
 }
@@ -318,8 +329,9 @@ static void figures_stay_as_they_are(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_map),        cmocka_unit_test(test_chart),    cmocka_unit_test(test_side_by_side),
-        cmocka_unit_test(test_degenerate), cmocka_unit_test(test_refusals), cmocka_unit_test(figures_stay_as_they_are),
+        cmocka_unit_test(test_map),          cmocka_unit_test(test_chart),
+        cmocka_unit_test(test_side_by_side), cmocka_unit_test(test_degenerate),
+        cmocka_unit_test(test_refusals),     cmocka_unit_test(figures_stay_as_they_are),
     };
     return cmocka_run_group_tests(tests, files_setup, files_teardown);
 }

@@ -1,5 +1,5 @@
-/* The player's page: well-formed, its data read back as the page reads them, thinned out to what was asked, the same bytes
- * for the same calls, whole or not there. */
+/* The player's page: well-formed, its data read back as the page reads them, thinned out to what
+ * was asked, the same bytes for the same calls, whole or not there. */
 #include "tests/files.h"
 
 #include <math.h>
@@ -128,7 +128,8 @@ static void read_frames(cairn_json *json, page *p)
                 (void)next(json, CAIRN_JSON_ARRAY);
                 while ((token = next(json, CAIRN_JSON_END)).kind != CAIRN_JSON_ARRAY_END) {
                     assert_true(token.kind == CAIRN_JSON_NUMBER || token.kind == CAIRN_JSON_NULL);
-                    p->value[f][p->values[f]++] = token.kind == CAIRN_JSON_NULL ? (double)NAN : token.number;
+                    p->value[f][p->values[f]++] =
+                        token.kind == CAIRN_JSON_NULL ? (double)NAN : token.number;
                 }
             }
         }
@@ -318,8 +319,9 @@ static page *read_page(const char *path)
 }
 
 /* All that the page is told, as a hash. */
-#define assert_data(p, in_double, in_float)                                                                            \
-    assert_golden(test_hash(TEST_HASH_START, (p)->data, strlen((p)->data)), UINT64_C(in_double), UINT64_C(in_float))
+#define assert_data(p, in_double, in_float)                                                        \
+    assert_golden(test_hash(TEST_HASH_START, (p)->data, strlen((p)->data)), UINT64_C(in_double),   \
+                  UINT64_C(in_float))
 
 static void free_page(page *p)
 {
@@ -365,7 +367,8 @@ static void add_scans(cairn_report_player *player, int32_t count)
         assert_ok(cairn_report_player_add_scan(player, &scan, i));
 }
 
-static cairn_status add_poses(cairn_report_player *player, int64_t step, const cairn_pose *pose, int32_t count)
+static cairn_status add_poses(cairn_report_player *player, int64_t step, const cairn_pose *pose,
+                              int32_t count)
 {
     cairn_report_frame frame;
 
@@ -386,7 +389,10 @@ static int32_t next_poses(page *p, int64_t (*pose)[3], int32_t before)
         for (uint64_t left = whole(&p->poses); left > 0; left--, i++) {
             assert_true(i < count);
             for (int c = 0; c < 3; c++)
-                pose[i][c] = (i < before ? pose[i][c] : i > 0 ? pose[i - 1][c] : 0) + signed_of(&p->poses);
+                pose[i][c] = (i < before ? pose[i][c]
+                              : i > 0    ? pose[i - 1][c]
+                                         : 0) +
+                             signed_of(&p->poses);
         }
     }
     assert_int_equal(i, count);
@@ -395,14 +401,16 @@ static int32_t next_poses(page *p, int64_t (*pose)[3], int32_t before)
 
 static void test_texts(void **state)
 {
-    static const cairn_report_curve curves[] = {{"potential \"P\"", "m", "a\nnote"}, {"<b>", NULL, NULL}};
+    static const cairn_report_curve curves[] = {{"potential \"P\"", "m", "a\nnote"},
+                                                {"<b>", NULL, NULL}};
     cairn_report_player_params params = cairn_report_player_default();
     cairn_report_player *player;
     page *p;
 
     (void)state;
     params.title = "a</script><b>\"&\\\x01 \xC3\xA9 \xFF \xE2\x82";
-    params.subtitle = "\xED\xA0\x80|\xC0\x80|\xF0\x80\x80\x80|\xF4\x90\x80\x80|\xE0\x80\x80|\xF5|\xF0\x9F\x98\x80";
+    params.subtitle = "\xED\xA0\x80|\xC0\x80|\xF0\x80\x80\x80|\xF4\x90\x80\x80|\xE0\x80\x80|\xF5|"
+                      "\xF0\x9F\x98\x80";
     params.step_name = "scan";
     params.curve = curves;
     params.curve_count = 2;
@@ -411,12 +419,13 @@ static void test_texts(void **state)
     player = open_player(&params);
     assert_ok(add_poses(player, -3, NULL, 0));
     p = write_page(player);
-    assert_string_equal(p->title, "a</script><b>\"&\\\x01 \xC3\xA9 \xEF\xBF\xBD \xEF\xBF\xBD\xEF\xBF\xBD");
-    assert_non_null(strstr(
-        p->html, "<title>\na&lt;/script>&lt;b>&quot;&amp;\\ \xC3\xA9 \xEF\xBF\xBD \xEF\xBF\xBD\xEF\xBF\xBD</title>"));
+    assert_string_equal(p->title,
+                        "a</script><b>\"&\\\x01 \xC3\xA9 \xEF\xBF\xBD \xEF\xBF\xBD\xEF\xBF\xBD");
+    assert_non_null(strstr(p->html, "<title>\na&lt;/script>&lt;b>&quot;&amp;\\ \xC3\xA9 "
+                                    "\xEF\xBF\xBD \xEF\xBF\xBD\xEF\xBF\xBD</title>"));
 #define BAD "\xEF\xBF\xBD"
-    assert_string_equal(p->subtitle, BAD BAD BAD "|" BAD BAD "|" BAD BAD BAD BAD "|" BAD BAD BAD BAD "|" BAD BAD BAD
-                                                 "|" BAD "|\xF0\x9F\x98\x80");
+    assert_string_equal(p->subtitle, BAD BAD BAD "|" BAD BAD "|" BAD BAD BAD BAD "|" BAD BAD BAD BAD
+                                                 "|" BAD BAD BAD "|" BAD "|\xF0\x9F\x98\x80");
     assert_string_equal(p->step_name, "scan");
     assert_int_equal(p->connect, 1);
     assert_near(p->region_radius, 0.25, 0);
@@ -455,12 +464,14 @@ static void test_texts(void **state)
 
 static void test_scans(void **state)
 {
-    cairn_vec2 point[3] = {{1, 2}, {CAIRN_REAL(1.1), CAIRN_REAL(-3.0031)}, {CAIRN_REAL(-1000.0), 0}};
+    cairn_vec2 point[3] = {
+        {1, 2}, {CAIRN_REAL(1.1), CAIRN_REAL(-3.0031)}, {CAIRN_REAL(-1000.0), 0}};
     cairn_segment segment[2] = {{{0, 1}, {2, 3}}, {{2, 3}, {-4, CAIRN_REAL(0.5)}}};
     static const double walls[8] = {0, 1, 2, 3, 2, 3, -4, 0.5};
     cairn_report_player_params params = cairn_report_player_default();
     cairn_report_player *player = open_player(&params);
-    cairn_report_scan scan = {point, segment, 3, 2}, empty = {NULL, NULL, 0, 0}, one = {point, NULL, 1, 0};
+    cairn_report_scan scan = {point, segment, 3, 2}, empty = {NULL, NULL, 0, 0},
+                      one = {point, NULL, 1, 0};
     int64_t x = 0, y = 0;
     page *p;
 
@@ -559,7 +570,8 @@ static void test_poses(void **state)
 /* The farthest pose that is taken is exact, and small steps from it. */
 static void test_far_poses(void **state)
 {
-    cairn_pose pose[2] = {{CAIRN_REAL(-1e9), CAIRN_REAL(1e9), CAIRN_REAL(-1e9)}, {CAIRN_REAL(-1e9), 5, 1}};
+    cairn_pose pose[2] = {{CAIRN_REAL(-1e9), CAIRN_REAL(1e9), CAIRN_REAL(-1e9)},
+                          {CAIRN_REAL(-1e9), 5, 1}};
     cairn_report_player_params params = cairn_report_player_default();
     cairn_report_player *player = open_player(&params);
     int64_t got[2][3];
@@ -807,8 +819,8 @@ static void test_grid(void **state)
 
 /* ---- Thinning ---- */
 
-/* The frames that stay of `count`: multiples of the least power of two that leaves few enough, and the last. Poses per frame
- * are `each`. */
+/* The frames that stay of `count`: multiples of the least power of two that leaves few enough,
+ * and the last. Poses per frame are `each`. */
 static int32_t twin_stride(int32_t count, int32_t frames_most, int64_t poses_most, int64_t each)
 {
     int32_t stride = 1;
@@ -826,8 +838,9 @@ static void test_thinned_frames(void **state)
     static const struct {
         int32_t count, most;
         int64_t poses;
-    } cases[] = {{5, 5, 100},   {6, 5, 100},  {7, 5, 100},      {1000, 5, 1000}, {5000, 600, 100000}, {1000, 2, 1000},
-                 {100, 50, 60}, {100, 50, 2}, {513, 512, 9999}, {1, 2, 2},       {2, 2, 2},           {3, 2, 2}};
+    } cases[] = {{5, 5, 100},         {6, 5, 100},     {7, 5, 100},   {1000, 5, 1000},
+                 {5000, 600, 100000}, {1000, 2, 1000}, {100, 50, 60}, {100, 50, 2},
+                 {513, 512, 9999},    {1, 2, 2},       {2, 2, 2},     {3, 2, 2}};
     cairn_pose pose[3];
 
     (void)state;
@@ -858,8 +871,9 @@ static void test_thinned_frames(void **state)
         } else {
             char note[128];
 
-            (void)snprintf(note, sizeof note, "%d of %d frames are shown: every %d%s and the last.", (int)f,
-                           (int)cases[k].count, (int)stride, stride % 10 == 2 && stride % 100 != 12 ? "nd" : "th");
+            (void)snprintf(note, sizeof note, "%d of %d frames are shown: every %d%s and the last.",
+                           (int)f, (int)cases[k].count, (int)stride,
+                           stride % 10 == 2 && stride % 100 != 12 ? "nd" : "th");
             assert_int_equal(p->notes, 1);
             assert_string_equal(p->note[0], note);
         }
@@ -916,7 +930,8 @@ static void test_thinned_points(void **state)
     for (int i = 0; i < 2; i++) {
         int64_t x = 0, wall = 0;
 
-        /* Points 0, 3, 6, 9 of the first, 1, 4, 7, 10 of the second scan: every third through both. */
+        /* Points 0, 3, 6, 9 of the first, 1, 4, 7, 10 of the second scan: every third through
+         * both. */
         assert_int_equal(whole(&p->points), 4);
         assert_int_equal(whole(&p->walls), 4);
         for (int k = 0; k < 4; k++, at += 3) {
@@ -1037,7 +1052,8 @@ static void test_write_failures(void **state)
     assert_status(cairn_report_player_write(player, files_path("none.html"), &error), CAIRN_EMPTY);
     assert_non_null(strstr(error.text, "no frame to show, expected at least one"));
     assert_ok(add_poses(player, 0, NULL, 0));
-    assert_status(cairn_report_player_write(player, files_path("missing/page.html"), &error), CAIRN_IO);
+    assert_status(cairn_report_player_write(player, files_path("missing/page.html"), &error),
+                  CAIRN_IO);
     assert_status(cairn_report_player_write(player, files_folder, &error), CAIRN_IO);
     assert_status(cairn_report_player_write(player, "/dev/full", &error), CAIRN_IO);
     assert_int_equal(files_count(), before);
@@ -1062,10 +1078,10 @@ static void test_open_refusals(void **state)
     assert_int_equal(good.poses_most, 2000000);
     assert_int_equal(good.points_most, 200000);
     assert_int_equal(good.forces_most, 150000);
-#define REFUSED(change)                                                                                                \
-    bad = good;                                                                                                        \
-    bad.change;                                                                                                        \
-    assert_status(cairn_report_player_open(&player, &bad), CAIRN_BAD_ARGUMENT);                                        \
+#define REFUSED(change)                                                                            \
+    bad = good;                                                                                    \
+    bad.change;                                                                                    \
+    assert_status(cairn_report_player_open(&player, &bad), CAIRN_BAD_ARGUMENT);                    \
     assert_null(player)
     REFUSED(curve_count = -1);
     REFUSED(curve_count = 5);
@@ -1096,9 +1112,9 @@ static void test_scan_refusals(void **state)
     (void)state;
     assert_status(cairn_report_player_add_scan(NULL, &good, 0), CAIRN_BAD_ARGUMENT);
     assert_status(cairn_report_player_add_scan(player, NULL, 0), CAIRN_BAD_ARGUMENT);
-#define REFUSED(change)                                                                                                \
-    bad = good;                                                                                                        \
-    bad.change;                                                                                                        \
+#define REFUSED(change)                                                                            \
+    bad = good;                                                                                    \
+    bad.change;                                                                                    \
     assert_status(cairn_report_player_add_scan(player, &bad, 0), CAIRN_BAD_ARGUMENT)
     REFUSED(point_count = -1);
     REFUSED(segment_count = -1);
@@ -1161,11 +1177,12 @@ static void test_frame_refusals(void **state)
     assert_status(cairn_report_player_add_frame(NULL, &good), CAIRN_BAD_ARGUMENT);
     assert_status(cairn_report_player_add_frame(player, NULL), CAIRN_BAD_ARGUMENT);
     assert_ok(cairn_report_player_add_frame(player, &good));
-    assert_status(cairn_report_player_add_frame(player, &good), CAIRN_BAD_ARGUMENT); /* the same step */
+    /* the same step */
+    assert_status(cairn_report_player_add_frame(player, &good), CAIRN_BAD_ARGUMENT);
     good.step = 6;
-#define REFUSED(change)                                                                                                \
-    bad = good;                                                                                                        \
-    bad.change;                                                                                                        \
+#define REFUSED(change)                                                                            \
+    bad = good;                                                                                    \
+    bad.change;                                                                                    \
     assert_status(cairn_report_player_add_frame(player, &bad), CAIRN_BAD_ARGUMENT)
     REFUSED(pose_count = -1);
     REFUSED(pose_count = 3);

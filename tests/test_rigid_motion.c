@@ -55,8 +55,9 @@ static void test_move(void **state)
         b = cairn_pose_point(motion.map_body, before.centre);
         assert_near(b.x - a.x, step[0], NUMBER(1e-12, 1e-5));
         assert_near(b.y - a.y, step[1], NUMBER(1e-12, 1e-5));
-        assert_near(cairn_wrap_angle(motion.map_body.theta - before.map_body.theta - step[2] / before.radius), 0,
-                    NUMBER(1e-12, 1e-5));
+        assert_near(cairn_wrap_angle(motion.map_body.theta - before.map_body.theta -
+                                     step[2] / before.radius),
+                    0, NUMBER(1e-12, 1e-5));
         assert_near(motion.transform.x, motion.map_body.x, 0);
         assert_near(motion.transform.y, motion.map_body.y, 0);
         assert_near(motion.transform.sine, sin((double)motion.map_body.theta), 1e-6);
@@ -91,7 +92,8 @@ static void test_row(void **state)
             cairn_rigid_motion_move(&plus, step);
             step[i] = -h;
             cairn_rigid_motion_move(&minus, step);
-            moved = cairn_vec2_sub(cairn_pose_point(plus.map_body, point), cairn_pose_point(minus.map_body, point));
+            moved = cairn_vec2_sub(cairn_pose_point(plus.map_body, point),
+                                   cairn_pose_point(minus.map_body, point));
             assert_near(cairn_vec2_dot(moved, axis) / (2 * h), row[i], NUMBER(1e-8, 2e-3));
         }
     }
@@ -101,8 +103,9 @@ static double prior_cost(const cairn_pose_prior *prior, cairn_pose pose)
 {
     cairn_pose off = cairn_pose_between(prior->mean, pose);
 
-    return 0.5 * (pow((double)(off.x / prior->sigma_x), 2) + pow((double)(off.y / prior->sigma_y), 2) +
-                  pow((double)(off.theta / prior->sigma_theta), 2));
+    return 0.5 *
+           (pow((double)(off.x / prior->sigma_x), 2) + pow((double)(off.y / prior->sigma_y), 2) +
+            pow((double)(off.theta / prior->sigma_theta), 2));
 }
 
 /* Gradient and information of the prior against differences of its cost. */
@@ -115,7 +118,8 @@ static void test_prior(void **state)
     for (int k = 0; k < 30; k++) {
         cairn_rigid_motion motion = random_motion(&random);
         cairn_pose off = {CAIRN_REAL(0.2), CAIRN_REAL(-0.1), CAIRN_REAL(0.15)};
-        cairn_pose_prior prior = {motion.map_body, CAIRN_REAL(0.5), CAIRN_REAL(0.8), CAIRN_REAL(0.3)};
+        cairn_pose_prior prior = {motion.map_body, CAIRN_REAL(0.5), CAIRN_REAL(0.8),
+                                  CAIRN_REAL(0.3)};
         cairn_normal_equations equations;
         cairn_real m[3][3];
 
@@ -144,7 +148,8 @@ static void test_prior(void **state)
             assert_near((cost[1] - cost[0]) / (2 * h), equations.gradient[i], NUMBER(1e-4, 0.2));
             /* At the mean the cost is its information. */
             if (k % 2 == 0)
-                assert_near((cost[1] + cost[0]) / (h * h), m[i][i], NUMBER(1e-3, 0.05) * (double)m[i][i]);
+                assert_near((cost[1] + cost[0]) / (h * h), m[i][i],
+                            NUMBER(1e-3, 0.05) * (double)m[i][i]);
             for (int j = 0; k % 2 == 0 && j < i; j++) {
                 cairn_rigid_motion moved = motion;
                 cairn_real step[3] = {0, 0, 0};
@@ -153,7 +158,8 @@ static void test_prior(void **state)
                 step[i] = step[j] = (cairn_real)h;
                 cairn_rigid_motion_move(&moved, step);
                 both = 2 * prior_cost(&prior, moved.map_body) / (h * h);
-                assert_near(both, m[i][i] + m[j][j] + 2 * m[i][j], NUMBER(1e-2, 0.2) * (double)(m[i][i] + m[j][j]));
+                assert_near(both, m[i][i] + m[j][j] + 2 * m[i][j],
+                            NUMBER(1e-2, 0.2) * (double)(m[i][i] + m[j][j]));
             }
         }
     }
@@ -166,7 +172,8 @@ static void multiply(cairn_sym3 m, const cairn_real v[3], cairn_real out[3])
     out[2] = m.xz * v[0] + m.yz * v[1] + m.zz * v[2];
 }
 
-/* Without weak directions the step solves the sum of the equations; a short limit keeps its direction. */
+/* Without weak directions the step solves the sum of the equations; a short limit keeps its
+ * direction. */
 static void test_solve(void **state)
 {
     cairn_random random = cairn_random_seed(44, 0);
@@ -175,7 +182,8 @@ static void test_solve(void **state)
     for (int k = 0; k < 30; k++) {
         cairn_normal_equations observed, prior;
         cairn_motion_basis basis;
-        cairn_real step[4] = {0, 0, 0, 9}, cut[4] = {0, 0, 0, 9}, left[3], more[3] = {0, 0, 0}, length, dot;
+        cairn_real step[4] = {0, 0, 0, 9}, cut[4] = {0, 0, 0, 9}, left[3], more[3] = {0, 0, 0},
+                   length, dot;
 
         observed.information = random_information(&random);
         prior.information = random_information(&random);
@@ -184,28 +192,33 @@ static void test_solve(void **state)
         basis = cairn_motion_basis_of(observed.information, CAIRN_REAL(0.001));
         assert_int_equal(basis.weak, 0);
         assert_true(basis.ratio > CAIRN_REAL(0.02) && basis.ratio <= 1);
-        assert_int_equal(cairn_motion_solve(&basis, &observed, k % 2 ? &prior : NULL, 1000, step), 1);
+        assert_int_equal(cairn_motion_solve(&basis, &observed, k % 2 ? &prior : NULL, 1000, step),
+                         1);
         multiply(observed.information, step, left);
         if (k % 2)
             multiply(prior.information, step, more);
         for (int i = 0; i < 3; i++)
-            assert_near(left[i] + more[i] + observed.gradient[i] + (k % 2 ? prior.gradient[i] : 0), 0,
-                        NUMBER(1e-11, 1e-4));
+            assert_near(left[i] + more[i] + observed.gradient[i] + (k % 2 ? prior.gradient[i] : 0),
+                        0, NUMBER(1e-11, 1e-4));
         length = cairn_sqrt(step[0] * step[0] + step[1] * step[1] + step[2] * step[2]);
         assert_true(cairn_motion_solve(&basis, &observed, k % 2 ? &prior : NULL, length / 4, cut));
         dot = cut[0] * step[0] + cut[1] * step[1] + cut[2] * step[2];
         assert_near(dot, length * length / 4, NUMBER(1e-11, 1e-4));
-        assert_near(cairn_sqrt(cut[0] * cut[0] + cut[1] * cut[1] + cut[2] * cut[2]), length / 4, NUMBER(1e-11, 1e-4));
+        assert_near(cairn_sqrt(cut[0] * cut[0] + cut[1] * cut[1] + cut[2] * cut[2]), length / 4,
+                    NUMBER(1e-11, 1e-4));
         assert_near(step[3] + cut[3], 18, 0); /* three numbers are written */
     }
 }
 
-/* Weak directions: no motion without a prior; with one the prior's own, whatever the gradient there. */
+/* Weak directions: no motion without a prior; with one the prior's own, whatever the gradient
+ * there. */
 static void test_weak_directions(void **state)
 {
     const cairn_real diagonal = cairn_sqrt(CAIRN_REAL(0.5));
-    const cairn_real u[3] = {diagonal, diagonal, 0}, v[3] = {diagonal, -diagonal, 0}, w[3] = {0, 0, 1};
-    cairn_normal_equations observed = {cairn_sym3_zero(), {3, -2, 5}}, prior = {cairn_sym3_zero(), {1, 3, 1}};
+    const cairn_real u[3] = {diagonal, diagonal, 0}, v[3] = {diagonal, -diagonal, 0},
+                     w[3] = {0, 0, 1};
+    cairn_normal_equations observed = {cairn_sym3_zero(), {3, -2, 5}},
+                           prior = {cairn_sym3_zero(), {1, 3, 1}};
     cairn_motion_basis basis;
     cairn_real step[3];
 
@@ -292,10 +305,12 @@ static void test_covariance(void **state)
             cairn_rigid_motion_move(&minus, step);
             by[0][i] = (double)(plus.map_body.x - minus.map_body.x) / (2 * h);
             by[1][i] = (double)(plus.map_body.y - minus.map_body.y) / (2 * h);
-            by[2][i] = (double)cairn_wrap_angle(plus.map_body.theta - minus.map_body.theta) / (2 * h);
+            by[2][i] =
+                (double)cairn_wrap_angle(plus.map_body.theta - minus.map_body.theta) / (2 * h);
         }
         covariance[9] = 7;
-        cairn_rigid_motion_covariance(&motion, &basis, &information, k % 2 ? &prior : NULL, covariance);
+        cairn_rigid_motion_covariance(&motion, &basis, &information, k % 2 ? &prior : NULL,
+                                      covariance);
         assert_near(covariance[9], 7, 0);
         for (int i = 0; i < 9; i++) {
             expected = 0;
@@ -328,7 +343,12 @@ static void test_covariance_of_the_unknown(void **state)
     assert_near(covariance[4], 1e4, 1e-2);
     cairn_rigid_motion_covariance(&motion, &basis, &information, NULL, covariance);
     for (int i = 0; i < 9; i++)
-        assert_near(covariance[i], i == 0 ? 1e4 : i == 4 ? 0.01 : i == 8 ? 1.0 / 1600 : 0, NUMBER(1e-9, 1e-2));
+        assert_near(covariance[i],
+                    i == 0   ? 1e4
+                    : i == 4 ? 0.01
+                    : i == 8 ? 1.0 / 1600
+                             : 0,
+                    NUMBER(1e-9, 1e-2));
     motion.map_body.theta = known.mean.theta = 0;
     motion.transform = cairn_transform_of(motion.map_body);
     prior = cairn_rigid_motion_prior(&motion, &known);

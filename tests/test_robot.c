@@ -19,7 +19,12 @@ typedef struct walk {
 static float range_to_wall(cairn_real x, cairn_real y, cairn_real angle)
 {
     cairn_real c = cairn_cos(angle), s = cairn_sin(angle);
-    cairn_real to_x = c > 0 ? (4 - x) / c : c < 0 ? -x / c : 100, to_y = s > 0 ? (3 - y) / s : s < 0 ? -y / s : 100;
+    cairn_real to_x = c > 0   ? (4 - x) / c
+                      : c < 0 ? -x / c
+                              : 100,
+               to_y = s > 0   ? (3 - y) / s
+                      : s < 0 ? -y / s
+                              : 100;
 
     return (float)cairn_min(to_x, to_y);
 }
@@ -38,14 +43,16 @@ static void make_walk(walk *w, uint64_t seed)
         sweep->angle_min = -3.0f;
         sweep->angle_step = 0.05f;
         for (int32_t k = 0; k < BEAMS; k++)
-            w->range[i][k] = range_to_wall(
-                x, y, theta + (cairn_real)sweep->angle_min + (cairn_real)k * (cairn_real)sweep->angle_step);
+            w->range[i][k] = range_to_wall(x, y,
+                                           theta + (cairn_real)sweep->angle_min +
+                                               (cairn_real)k * (cairn_real)sweep->angle_step);
         w->truth[i].x = x;
         w->truth[i].y = y;
         w->truth[i].theta = theta;
         sweep->pose.x = x + cairn_random_uniform(&random, -CAIRN_REAL(0.05), CAIRN_REAL(0.05));
         sweep->pose.y = y;
-        sweep->pose.theta = theta + cairn_random_uniform(&random, -CAIRN_REAL(0.03), CAIRN_REAL(0.03));
+        sweep->pose.theta =
+            theta + cairn_random_uniform(&random, -CAIRN_REAL(0.03), CAIRN_REAL(0.03));
     }
     w->range[1][7] = (float)INFINITY;
     w->range[2][9] = (float)NAN;
@@ -104,7 +111,8 @@ typedef struct flown {
     int32_t works[ROBOT_WORKS]; /* ticks of each kind */
 } flown;
 
-/* The whole run of a walk, a sweep every `arrival` ticks; budgets take turns when `second` differs. */
+/* The whole run of a walk, a sweep every `arrival` ticks; budgets take turns when `second`
+ * differs. */
 static flown fly(const walk *w, int32_t arrival, int32_t first, int32_t second, stream *s)
 {
     static const robot none;
@@ -197,15 +205,18 @@ static void poses_and_covariances_are_right(void **state)
             assert_true(a.covariance[0][k] == 0);
         for (int32_t i = 1; i < SWEEPS; i++) {
             cairn_pose found = cairn_pose_between(a.pose[0], a.pose[i]);
-            cairn_pose error = cairn_pose_between(cairn_pose_between(w.truth[0], w.truth[i]), found);
+            cairn_pose error =
+                cairn_pose_between(cairn_pose_between(w.truth[0], w.truth[i]), found);
             const cairn_real *covariance = a.covariance[i];
 
-            assert_true(cairn_abs(error.x) < CAIRN_REAL(0.006) && cairn_abs(error.y) < CAIRN_REAL(0.006));
+            assert_true(cairn_abs(error.x) < CAIRN_REAL(0.006) &&
+                        cairn_abs(error.y) < CAIRN_REAL(0.006));
             assert_true(cairn_abs(error.theta) < CAIRN_REAL(0.004));
             for (int32_t k = 0; k < 9; k += 4)
                 assert_true(covariance[k] > 0 && covariance[k] < CAIRN_REAL(1e-4));
             for (int32_t k = 0; k < 9; k++)
-                assert_true(cairn_abs(covariance[k] - covariance[k % 3 * 3 + k / 3]) < CAIRN_REAL(1e-7));
+                assert_true(cairn_abs(covariance[k] - covariance[k % 3 * 3 + k / 3]) <
+                            CAIRN_REAL(1e-7));
         }
     }
 }
@@ -320,7 +331,8 @@ static joint_params small_joint(void)
 }
 
 /* Solves from the given poses in steps of so many units; returns the units of all. */
-static int64_t solve_in(joint *x, const cairn_scan_set *set, const walk *w, int32_t count, int32_t units)
+static int64_t solve_in(joint *x, const cairn_scan_set *set, const walk *w, int32_t count,
+                        int32_t units)
 {
     cairn_pose given[SWEEPS];
     int64_t used = 0;
@@ -367,7 +379,8 @@ static void the_solution_does_not_depend_on_budgets(void **state)
     test_pool_free(&pool);
 }
 
-/* Scans that are held stay to the bit and are not compared with each other; the one that is free comes to lie among them. */
+/* Scans that are held stay to the bit and are not compared with each other; the one that is free
+ * comes to lie among them. */
 static void held_scans_stay(void **state)
 {
     static const int32_t units[] = {CAIRN_UNBOUNDED, 1, 7};
@@ -415,7 +428,8 @@ static void held_scans_stay(void **state)
             if (i != 2)
                 assert_memory_equal(&x.poses[i], &given[i], sizeof given[i]);
         }
-        assert_true(fabs((double)(x.poses[2].x - settled.x)) < 0.01 && fabs((double)(x.poses[2].y - settled.y)) < 0.01);
+        assert_true(fabs((double)(x.poses[2].x - settled.x)) < 0.01 &&
+                    fabs((double)(x.poses[2].y - settled.y)) < 0.01);
         if (b > 0)
             assert_memory_equal(&x.poses[2], &found, sizeof found);
         found = x.poses[2];
@@ -423,8 +437,10 @@ static void held_scans_stay(void **state)
     test_pool_free(&pool);
 }
 
-/* Information of the later of two scans held against the first, in the map, by differences of every point's error. */
-static void add_pair_information(const joint *x, const cairn_scan_set *set, double information[3][3])
+/* Information of the later of two scans held against the first, in the map, by differences of
+ * every point's error. */
+static void add_pair_information(const joint *x, const cairn_scan_set *set,
+                                 double information[3][3])
 {
     const cairn_scan_set_scan *first = &set->scans[0], *later = &set->scans[1];
     const double h = 1e-4, spread = (double)x->params.spread, sigma = (double)x->params.sigma;
@@ -450,7 +466,8 @@ static void add_pair_information(const joint *x, const cairn_scan_set *set, doub
                     moved.theta += (cairn_real)(m == 3 ? h : 0);
                     moved = cairn_pose_between(x->poses[0], moved);
                     p = cairn_vec2_sub(cairn_pose_point(moved, set->points[k]), wall->segment.a);
-                    direction = cairn_transform_direction(cairn_transform_of(moved), segment->direction);
+                    direction =
+                        cairn_transform_direction(cairn_transform_of(moved), segment->direction);
                     place = (double)cairn_vec2_dot(along, p);
                     error[m] = (double)cairn_vec2_cross(along, p);
                     is_on = is_on && place >= 0 && place <= (double)length &&
@@ -460,7 +477,8 @@ static void add_pair_information(const joint *x, const cairn_scan_set *set, doub
                 for (int32_t m = 0; m < 3; m++)
                     row[m] = (error[m + 1] - error[0]) / h;
                 for (int32_t m = 0; m < 9 && is_on; m++)
-                    information[m / 3][m % 3] += row[m / 3] * row[m % 3] / (sigma * sigma + error[0] * error[0] / 9);
+                    information[m / 3][m % 3] +=
+                        row[m / 3] * row[m % 3] / (sigma * sigma + error[0] * error[0] / 9);
             }
         }
     information[0][0] += 1 / (spread * spread);
@@ -468,7 +486,8 @@ static void add_pair_information(const joint *x, const cairn_scan_set *set, doub
     information[2][2] += 1 / (double)(x->params.spread_angle * x->params.spread_angle);
 }
 
-/* With two scans the covariance is the inverse of the information of their one link, but for what the last round moved. */
+/* With two scans the covariance is the inverse of the information of their one link, but for
+ * what the last round moved. */
 static void the_covariance_is_that_of_the_points(void **state)
 {
     cairn_pool pool = test_pool(MEMORY);
@@ -565,8 +584,8 @@ static void recordings_play_back(void **state)
     make_walk(&w, 4);
     a = fly(&w, 7, 300, 120, &s);
     files_write("flight.rec", s.bytes, s.used);
-    (void)snprintf(expected, sizeof expected, "ticks %u, recorded %u\nhash %08x", (unsigned)a.ticks, (unsigned)a.ticks,
-                   (unsigned)a.hash);
+    (void)snprintf(expected, sizeof expected, "ticks %u, recorded %u\nhash %08x", (unsigned)a.ticks,
+                   (unsigned)a.ticks, (unsigned)a.hash);
     /* Either program plays either recording. */
     for (int32_t i = 0; i < 2; i++) {
         o = programs_run("%s replay @/flight.rec", i == 0 ? program : "cairn");
@@ -615,7 +634,8 @@ static void damaged_recordings_are_refused(void **state)
         s.bytes[damage[i].at] = damage[i].byte;
         files_write("flight.rec", s.bytes, s.used);
         memcpy(s.bytes + damage[i].at, was, sizeof was);
-        o = programs_run("%s replay @/flight.rec", sizeof(cairn_real) == 8 ? "cairn" : "cairn-float");
+        o = programs_run("%s replay @/flight.rec",
+                         sizeof(cairn_real) == 8 ? "cairn" : "cairn-float");
         if (damage[i].at != 12) {
             assert_int_equal(o.code, 2);
             assert_holds(o.err, damage[i].said);

@@ -20,8 +20,10 @@ static double cast(const cairn_segment *walls, int count, double x, double y, do
     double dx = cos(angle), dy = sin(angle), nearest = (double)INFINITY;
 
     for (int k = 0; k < count; k++) {
-        double ex = (double)(walls[k].b.x - walls[k].a.x), ey = (double)(walls[k].b.y - walls[k].a.y);
-        double px = (double)walls[k].a.x - x, py = (double)walls[k].a.y - y, cross = dx * ey - dy * ex;
+        double ex = (double)(walls[k].b.x - walls[k].a.x),
+               ey = (double)(walls[k].b.y - walls[k].a.y);
+        double px = (double)walls[k].a.x - x, py = (double)walls[k].a.y - y,
+               cross = dx * ey - dy * ex;
         double r = (px * ey - py * ex) / cross, t = (px * dy - py * dx) / cross;
 
         if (fabs(cross) > 1e-12 && r > 0 && t >= 0 && t <= 1 && r < nearest)
@@ -30,7 +32,8 @@ static double cast(const cairn_segment *walls, int count, double x, double y, do
     return nearest;
 }
 
-/* The base after the fraction f of a motion of constant twist, by many small steps: the slow twin. */
+/* The base after the fraction f of a motion of constant twist, by many small steps: the slow
+ * twin. */
 static void drive(double v, double w, double f, double *x, double *y, double *theta)
 {
     enum { STEPS = 2000 };
@@ -45,9 +48,10 @@ static void drive(double v, double w, double f, double *x, double *y, double *th
     }
 }
 
-/* Sweeps while the base drives v forward and turns by w in all, the sensor mounted at (mx, my, mt). */
-static void look(sweep *s, const cairn_segment *walls, int count, int beams, double first, double step, double v,
-                 double w, const double mount[3])
+/* Sweeps while the base drives v forward and turns by w in all, the sensor mounted at (mx, my,
+ * mt). */
+static void look(sweep *s, const cairn_segment *walls, int count, int beams, double first,
+                 double step, double v, double w, const double mount[3])
 {
     double x, y, theta;
 
@@ -59,7 +63,8 @@ static void look(sweep *s, const cairn_segment *walls, int count, int beams, dou
         sx = x + mount[0] * cos(theta) - mount[1] * sin(theta);
         sy = y + mount[0] * sin(theta) + mount[1] * cos(theta);
         s->range[i] =
-            (float)cast(walls, count, sx, sy, theta + mount[2] + (double)((float)first + (float)i * (float)step));
+            (float)cast(walls, count, sx, sy,
+                        theta + mount[2] + (double)((float)first + (float)i * (float)step));
     }
     s->input.range = s->range;
     s->input.count = beams;
@@ -155,7 +160,8 @@ static void assert_sound(cairn_scan_view view, double spacing, double support)
         assert_true(cairn_vec2_dot(left, cairn_vec2_sub(view.sensor, s.a)) > 0);
         for (int32_t i = view.first_point[k]; i < view.first_point[k + 1]; i++) {
             cairn_oriented_point p = view.points[i];
-            double t = (double)cairn_vec2_dot(along, cairn_vec2_sub(p.position, s.a)), nearest = 1e9;
+            double t = (double)cairn_vec2_dot(along, cairn_vec2_sub(p.position, s.a)),
+                   nearest = 1e9;
             double place = (t - margin) / spacing;
 
             assert_near(cairn_segment_distance(s, p.position), 0, 1e-5);
@@ -167,8 +173,9 @@ static void assert_sound(cairn_scan_view view, double spacing, double support)
             for (int32_t b = 0; b < view.beam_count; b++)
                 if (view.beams[b].kind == CAIRN_BEAM_HIT &&
                     cairn_segment_distance(s, view.beams[b].to) < CAIRN_REAL(0.07))
-                    nearest =
-                        fmin(nearest, fabs((double)cairn_vec2_dot(along, cairn_vec2_sub(view.beams[b].to, s.a)) - t));
+                    nearest = fmin(nearest, fabs((double)cairn_vec2_dot(
+                                                     along, cairn_vec2_sub(view.beams[b].to, s.a)) -
+                                                 t));
             assert_true(nearest <= support + 1e-3);
         }
     }
@@ -203,9 +210,10 @@ static void test_kinds_of_beams(void **state)
 {
     static const float NOTHING = NAN, FAR = INFINITY;
     float range[9] = {NOTHING, FAR, -FAR, 0, -1, 0.0499F, 0.05F, 30, 30.01F};
-    static const cairn_beam_kind KIND[9] = {CAIRN_BEAM_UNKNOWN, CAIRN_BEAM_FREE,    CAIRN_BEAM_UNKNOWN,
-                                            CAIRN_BEAM_UNKNOWN, CAIRN_BEAM_UNKNOWN, CAIRN_BEAM_UNKNOWN,
-                                            CAIRN_BEAM_HIT,     CAIRN_BEAM_HIT,     CAIRN_BEAM_FREE};
+    static const cairn_beam_kind KIND[9] = {
+        CAIRN_BEAM_UNKNOWN, CAIRN_BEAM_FREE,    CAIRN_BEAM_UNKNOWN,
+        CAIRN_BEAM_UNKNOWN, CAIRN_BEAM_UNKNOWN, CAIRN_BEAM_UNKNOWN,
+        CAIRN_BEAM_HIT,     CAIRN_BEAM_HIT,     CAIRN_BEAM_FREE};
     cairn_scan_input input;
     cairn_scan_view view;
     cairn_scan_measure measure;
@@ -225,7 +233,9 @@ static void test_kinds_of_beams(void **state)
     assert_int_equal(view.segment_count, 0);
     assert_int_equal(view.point_count, 0);
     for (int i = 0; i < 9; i++) {
-        double length = KIND[i] == CAIRN_BEAM_FREE ? 30 : KIND[i] == CAIRN_BEAM_HIT ? (double)range[i] : 0;
+        double length = KIND[i] == CAIRN_BEAM_FREE  ? 30
+                        : KIND[i] == CAIRN_BEAM_HIT ? (double)range[i]
+                                                    : 0;
 
         assert_int_equal(view.beams[i].kind, KIND[i]);
         assert_near(view.beams[i].from.x, 1, 0);
@@ -263,12 +273,15 @@ static void test_scan_without_return(void **state)
     assert_near(view.beams[0].to.y, -30, 1e-4);
 }
 
-/* Where beams start and end while driving an arc, with a mounted sensor, against the small steps of the slow twin. */
+/* Where beams start and end while driving an arc, with a mounted sensor, against the small steps
+ * of the slow twin. */
 static void test_motion_of_beams(void **state)
 {
     static const double MOUNT[3] = {0.2, -0.1, 0.4};
-    static const double MOTIONS[6][2] = {{0, 0}, {0.5, 0}, {0, 1}, {0.5, -1.5}, {1, 1.9e-3}, {-0.4, 3}};
-    cairn_segment walls[4] = {wall(-4, -3, 4, -3), wall(4, -3, 4, 3), wall(4, 3, -4, 3), wall(-4, 3, -4, -3)};
+    static const double MOTIONS[6][2] = {{0, 0},      {0.5, 0},    {0, 1},
+                                         {0.5, -1.5}, {1, 1.9e-3}, {-0.4, 3}};
+    cairn_segment walls[4] = {wall(-4, -3, 4, -3), wall(4, -3, 4, 3), wall(4, 3, -4, 3),
+                              wall(-4, 3, -4, -3)};
     sweep s;
 
     (void)state;
@@ -288,13 +301,15 @@ static void test_motion_of_beams(void **state)
             assert_near(view.beams[i].from.x, x + 0.2 * cos(theta) + 0.1 * sin(theta), error);
             assert_near(view.beams[i].from.y, y + 0.2 * sin(theta) - 0.1 * cos(theta), error);
             /* On one of the walls. */
-            assert_near(fmin(fabs(fabs((double)view.beams[i].to.x) - 4), fabs(fabs((double)view.beams[i].to.y) - 3)), 0,
-                        NUMBER(2e-6, 2e-5));
+            assert_near(fmin(fabs(fabs((double)view.beams[i].to.x) - 4),
+                             fabs(fabs((double)view.beams[i].to.y) - 3)),
+                        0, NUMBER(2e-6, 2e-5));
         }
     }
 }
 
-/* A wall swept in 0.1 s at 1 rad/s is where the motionless scan has it, and 0.1 rad askew without the correction. */
+/* A wall swept in 0.1 s at 1 rad/s is where the motionless scan has it, and 0.1 rad askew
+ * without the correction. */
 static void test_wall_while_turning(void **state)
 {
     cairn_segment truth = wall(2, -1.5, 2, 1.5);
@@ -326,7 +341,8 @@ static void test_wall_while_turning(void **state)
 
 /* ---- Segments and points ---- */
 
-static const double ROOM[5][4] = {{-3, -2, 5, -2}, {5, -2, 5, 4}, {5, 4, -3, 4}, {-3, 4, -3, -2}, {1.2, 1.5, 2.2, 1.1}};
+static const double ROOM[5][4] = {
+    {-3, -2, 5, -2}, {5, -2, 5, 4}, {5, 4, -3, 4}, {-3, 4, -3, -2}, {1.2, 1.5, 2.2, 1.1}};
 
 static void make_room(cairn_segment walls[5])
 {
@@ -360,7 +376,8 @@ static void test_room(void **state)
         for (int32_t k = 0; k + 1 < view.segment_count; k++) {
             cairn_vec2 p = view.segments[k].a, q = view.segments[k + 1].a;
 
-            assert_true(atan2((double)p.y, (double)p.x) < atan2((double)q.y, (double)q.x) || k == 0);
+            assert_true(atan2((double)p.y, (double)p.x) < atan2((double)q.y, (double)q.x) ||
+                        k == 0);
         }
         assert_true(cairn_scan_measured(scanner).converged);
         assert_in_range(cairn_scan_measured(scanner).uncertain, 0, 20);
@@ -369,7 +386,8 @@ static void test_room(void **state)
     }
 }
 
-/* The same ranges in reverse, as an array of angles, and in no order: the same segments, to the last bit. */
+/* The same ranges in reverse, as an array of angles, and in no order: the same segments, to the
+ * last bit. */
 static void test_sense_and_order_of_beams(void **state)
 {
     static cairn_segment segments[128];
@@ -435,7 +453,8 @@ static void test_mounted_sensor(void **state)
     assert_int_equal(found, 31);
 }
 
-/* Places along walls of known length, and a hole of 0.22 m, which is no gap but has no support in its middle. */
+/* Places along walls of known length, and a hole of 0.22 m, which is no gap but has no support
+ * in its middle. */
 static void test_spacing_and_support(void **state)
 {
     cairn_segment one = wall(3, -1.03, 3, 1.03);
@@ -520,9 +539,10 @@ static void test_too_many_points(void **state)
     /* Turned by quarters, so that the walls are found in any order. */
     for (int quarter = 0; quarter < 4; quarter++) {
         double c = COSINE[quarter], d = COSINE[(quarter + 3) % 4];
-        cairn_segment walls[3] = {wall(2 * c + 2 * d, 2 * d - 2 * c, 2 * c + 0.95 * d, 2 * d - 0.95 * c),
-                                  wall(3 * c, 3 * d, 3 * c - 1.5 * d, 3 * d + 1.5 * c),
-                                  wall(-3 * d, 3 * c, -0.5 * c - 3 * d, -0.5 * d + 3 * c)};
+        cairn_segment walls[3] = {
+            wall(2 * c + 2 * d, 2 * d - 2 * c, 2 * c + 0.95 * d, 2 * d - 0.95 * c),
+            wall(3 * c, 3 * d, 3 * c - 1.5 * d, 3 * d + 1.5 * c),
+            wall(-3 * d, 3 * c, -0.5 * c - 3 * d, -0.5 * d + 3 * c)};
         int32_t places[3] = {0, 0, 0};
         cairn_scan_view view;
 
@@ -638,12 +658,12 @@ static void test_memory(void **state)
     test_every_pool_size(create, &params, cairn_scan_memory(&params));
 }
 
-#define REFUSED(field, value)                                                                                          \
-    do {                                                                                                               \
-        cairn_scan_params p = cairn_scan_default();                                                                    \
-        p.field = (value);                                                                                             \
-        assert_int_equal(cairn_scan_memory(&p), 0);                                                                    \
-        assert_status(cairn_scan_create(&x, &pool, &p), CAIRN_BAD_ARGUMENT);                                           \
+#define REFUSED(field, value)                                                                      \
+    do {                                                                                           \
+        cairn_scan_params p = cairn_scan_default();                                                \
+        p.field = (value);                                                                         \
+        assert_int_equal(cairn_scan_memory(&p), 0);                                                \
+        assert_status(cairn_scan_create(&x, &pool, &p), CAIRN_BAD_ARGUMENT);                       \
     } while (0)
 
 static void test_params(void **state)
@@ -688,11 +708,11 @@ static void assert_refused(const cairn_scan_input *input, cairn_status expected,
     assert_status(cairn_scan_begin(scanner, input, NULL), expected);
 }
 
-#define BAD(field, value, status)                                                                                      \
-    do {                                                                                                               \
-        cairn_scan_input in = s.input;                                                                                 \
-        in.field = (value);                                                                                            \
-        assert_refused(&in, status, -1);                                                                               \
+#define BAD(field, value, status)                                                                  \
+    do {                                                                                           \
+        cairn_scan_input in = s.input;                                                             \
+        in.field = (value);                                                                        \
+        assert_refused(&in, status, -1);                                                           \
     } while (0)
 
 static void test_begin_statuses(void **state)
@@ -782,7 +802,8 @@ static void test_hundred_thousand_beams(void **state)
         cairn_random random = cairn_random_seed(9, 1);
 
         for (int i = 0; i < BEAMS; i++)
-            range[i] = (float)(cast(walls, 5, 0, 0, (double)(input.angle_min + (float)i * input.angle_step)) +
+            range[i] = (float)(cast(walls, 5, 0, 0,
+                                    (double)(input.angle_min + (float)i * input.angle_step)) +
                                0.01 * (double)cairn_random_normal(&random));
     }
     assert_ok(cairn_scan_begin(large, &input, NULL));
@@ -795,13 +816,14 @@ static void test_hundred_thousand_beams(void **state)
         for (int i = 0; i < 5; i++)
             found |= (line_error(view.segments[k], walls[i]) < 0.01) << i;
     assert_int_equal(found, 31);
-    print_message("100,000 beams: %d segments, %d iterations, %.1f units a beam\n", view.segment_count,
-                  cairn_scan_measured(large).iterations, (double)cairn_scan_measured(large).units / BEAMS);
+    print_message("100,000 beams: %d segments, %d iterations, %.1f units a beam\n",
+                  view.segment_count, cairn_scan_measured(large).iterations,
+                  (double)cairn_scan_measured(large).units / BEAMS);
     test_pool_free(&own);
 }
 
-/* The hash of what this code gave where its results were looked at. A change of method changes it; a change of machine,
- * compiler or optimisation must not. */
+/* The hash of what this code gave where its results were looked at. A change of method changes
+ * it; a change of machine, compiler or optimisation must not. */
 static void test_same_bits(void **state)
 {
     static float range[400];
@@ -833,7 +855,8 @@ static void test_same_bits(void **state)
             cairn_real sine, cosine, r;
             int32_t kind = cairn_random_below(&random, 30);
 
-            cairn_sincos((cairn_real)input.angle_min + (cairn_real)b * (cairn_real)input.angle_step, &sine, &cosine);
+            cairn_sincos((cairn_real)input.angle_min + (cairn_real)b * (cairn_real)input.angle_step,
+                         &sine, &cosine);
             r = cairn_min(CAIRN_REAL(3.5) / cairn_max(cairn_abs(sine), CAIRN_REAL(0.01)),
                           3 / cairn_max(cairn_abs(cosine), CAIRN_REAL(0.01)));
             r += CAIRN_REAL(0.01) * cairn_random_normal(&random);
@@ -852,7 +875,8 @@ static void test_same_bits(void **state)
         }
         hash = test_hash(hash, view.segments, (size_t)view.segment_count * sizeof *view.segments);
         hash = test_hash(hash, view.points, (size_t)view.point_count * sizeof *view.points);
-        hash = test_hash(hash, view.first_point, (size_t)(view.segment_count + 1) * sizeof *view.first_point);
+        hash = test_hash(hash, view.first_point,
+                         (size_t)(view.segment_count + 1) * sizeof *view.first_point);
         hash = test_hash(hash, &view.sensor, sizeof view.sensor);
         hash = test_hash(hash, &cost.hits, sizeof cost.hits);
         hash = test_hash(hash, &cost.free, sizeof cost.free);

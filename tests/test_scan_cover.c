@@ -34,7 +34,8 @@ static void add_scan(world *w, cairn_random *random, int32_t walls, int32_t poin
         segment[k].a = start;
         segment[k].b = cairn_vec2_add(start, cairn_vec2_scale(along, (cairn_real)count / 10));
         for (int32_t i = 0; i < count; i++) {
-            point[first[k] + i].position = cairn_vec2_add(start, cairn_vec2_scale(along, (cairn_real)i / 10));
+            point[first[k] + i].position =
+                cairn_vec2_add(start, cairn_vec2_scale(along, (cairn_real)i / 10));
             point[first[k] + i].direction = along;
         }
     }
@@ -97,13 +98,16 @@ static void run(cairn_scan_cover *cover, int32_t units, int64_t *used)
 }
 
 /* 1 when a point of one segment shows one of another. */
-static int shows(const world *w, cairn_scan_cover_params params, int32_t s, int32_t i, int32_t t, int32_t j)
+static int shows(const world *w, cairn_scan_cover_params params, int32_t s, int32_t i, int32_t t,
+                 int32_t j)
 {
     const cairn_scan_set_segment *a = &w->set->segments[s], *b = &w->set->segments[t];
-    cairn_transform to_a = cairn_transform_of(w->pose[a->scan]), to_b = cairn_transform_of(w->pose[b->scan]);
+    cairn_transform to_a = cairn_transform_of(w->pose[a->scan]),
+                    to_b = cairn_transform_of(w->pose[b->scan]);
     cairn_vec2 p = cairn_transform_point(to_a, w->set->points[a->first_point + i]);
     cairn_vec2 q = cairn_transform_point(to_b, w->set->points[b->first_point + j]);
-    cairn_vec2 d = cairn_transform_direction(to_a, a->direction), e = cairn_transform_direction(to_b, b->direction);
+    cairn_vec2 d = cairn_transform_direction(to_a, a->direction),
+               e = cairn_transform_direction(to_b, b->direction);
 
     return cairn_vec2_norm_squared(cairn_vec2_sub(p, q)) <= params.radius * params.radius &&
            cairn_vec2_dot(d, e) >= cairn_cos(params.direction_gate);
@@ -114,13 +118,15 @@ static double loss_by_hand(const world *w, cairn_scan_cover_params params, int32
     double loss = 0;
 
     for (int32_t s = 0; s < w->set->segment_count; s++)
-        for (int32_t i = 0; i < w->set->segments[s].end_point - w->set->segments[s].first_point; i++) {
+        for (int32_t i = 0; i < w->set->segments[s].end_point - w->set->segments[s].first_point;
+             i++) {
             int32_t covering[SCANS + 1] = {0}, scans = 0;
 
             if (w->set->segments[s].scan != scan)
                 continue;
             for (int32_t t = 0; t < w->set->segment_count; t++)
-                for (int32_t j = 0; j < w->set->segments[t].end_point - w->set->segments[t].first_point; j++)
+                for (int32_t j = 0;
+                     j < w->set->segments[t].end_point - w->set->segments[t].first_point; j++)
                     if (w->set->segments[t].scan >= 0 && w->set->segments[t].scan != scan &&
                         shows(w, params, s, i, t, j))
                         covering[w->set->segments[t].scan] = 1;
@@ -160,7 +166,8 @@ static void losses_are_those_by_hand(void **state)
     }
 }
 
-/* Of three scans of one wall and two of another one of the three goes, the first; when it is spared the second. */
+/* Of three scans of one wall and two of another one of the three goes, the first; when it is
+ * spared the second. */
 static void the_best_covered_goes(void **state)
 {
     cairn_scan_cover_params params = small_params();
@@ -186,7 +193,8 @@ static void the_best_covered_goes(void **state)
     assert_true(cairn_scan_cover_loss(cover, 0) == cairn_scan_cover_loss(cover, 4));
     assert_int_equal(cairn_scan_cover_least(cover, -1), 0);
     assert_int_equal(cairn_scan_cover_least(cover, 0), 2);
-    /* When two of the three are gone the pair is covered best; slots that are empty have no loss. */
+    /* When two of the three are gone the pair is covered best; slots that are empty have no
+     * loss. */
     assert_ok(cairn_scan_set_remove(w.set, 0));
     assert_ok(cairn_scan_set_remove(w.set, 2));
     w.pose[0].x = (cairn_real)NAN;
@@ -347,7 +355,8 @@ static void what_begin_refuses(void **state)
     w.pose[3].y = CAIRN_REAL(1.1e6);
     assert_int_equal(cairn_scan_cover_begin(cover, w.set, w.pose), CAIRN_BAD_ARGUMENT);
     assert_true(cairn_scan_cover_loss(cover, 3) == known);
-    assert_true(cairn_scan_cover_loss(cover, -1) == -1 && cairn_scan_cover_loss(cover, SCANS) == -1);
+    assert_true(cairn_scan_cover_loss(cover, -1) == -1 &&
+                cairn_scan_cover_loss(cover, SCANS) == -1);
     params.max_scans = SCANS - 1;
     cover = make_cover(&w, params);
     assert_int_equal(cairn_scan_cover_begin(cover, w.set, w.pose), CAIRN_FULL);

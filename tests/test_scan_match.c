@@ -23,7 +23,8 @@ struct seen {
 };
 
 /* Distance along the ray to the wall, or `most`. */
-static cairn_real cast(const cairn_vec2 *corners, int32_t count, cairn_vec2 from, cairn_vec2 direction, cairn_real most)
+static cairn_real cast(const cairn_vec2 *corners, int32_t count, cairn_vec2 from,
+                       cairn_vec2 direction, cairn_real most)
 {
     for (int32_t i = 0; i < count; i++) {
         cairn_vec2 a = corners[i], along = cairn_vec2_sub(corners[(i + 1) % count], a);
@@ -39,9 +40,10 @@ static cairn_real cast(const cairn_vec2 *corners, int32_t count, cairn_vec2 from
     return most;
 }
 
-/* All walls' points every 0.1 m that are in sight within 12 m, beams around the circle, dense points of those. */
-static void look(struct seen *seen, const cairn_vec2 *corners, int32_t count, cairn_pose pose, cairn_real noise,
-                 cairn_random *random)
+/* All walls' points every 0.1 m that are in sight within 12 m, beams around the circle, dense
+ * points of those. */
+static void look(struct seen *seen, const cairn_vec2 *corners, int32_t count, cairn_pose pose,
+                 cairn_real noise, cairn_random *random)
 {
     cairn_transform to_sensor = cairn_transform_of(cairn_pose_inverse(pose));
     cairn_vec2 from = {pose.x, pose.y};
@@ -49,13 +51,16 @@ static void look(struct seen *seen, const cairn_vec2 *corners, int32_t count, ca
 
     memset(&seen->part, 0, sizeof seen->part);
     for (int32_t i = 0; i < count; i++) {
-        cairn_vec2 a = corners[i], along = cairn_vec2_sub(corners[(i + 1) % count], a), unit = cairn_vec2_unit(along);
+        cairn_vec2 a = corners[i], along = cairn_vec2_sub(corners[(i + 1) % count], a),
+                   unit = cairn_vec2_unit(along);
 
         for (cairn_real s = CAIRN_REAL(0.05); s < cairn_vec2_norm(along); s += CAIRN_REAL(0.1)) {
-            cairn_vec2 p = cairn_vec2_add(a, cairn_vec2_scale(unit, s)), ray = cairn_vec2_sub(p, from);
+            cairn_vec2 p = cairn_vec2_add(a, cairn_vec2_scale(unit, s)),
+                       ray = cairn_vec2_sub(p, from);
             cairn_real range = cairn_vec2_norm(ray);
 
-            if (range > 12 || cast(corners, count, from, cairn_vec2_unit(ray), 20) < range - CAIRN_REAL(0.01))
+            if (range > 12 ||
+                cast(corners, count, from, cairn_vec2_unit(ray), 20) < range - CAIRN_REAL(0.01))
                 continue;
             assert_true(seen->part.count < MAX_POINTS);
             seen->points[seen->part.count].position = cairn_transform_point(to_sensor, p);
@@ -91,8 +96,8 @@ static cairn_scan_match *make_match(cairn_pool *pool, cairn_scan_match_params pa
     return match;
 }
 
-static cairn_scan_match_result run(cairn_scan_match *match, const cairn_scan_match_part *query, cairn_pose start,
-                                   const cairn_scan_match_window *window)
+static cairn_scan_match_result run(cairn_scan_match *match, const cairn_scan_match_part *query,
+                                   cairn_pose start, const cairn_scan_match_window *window)
 {
     cairn_budget budget = {CAIRN_UNBOUNDED};
     cairn_scan_match_result result;
@@ -112,7 +117,8 @@ static cairn_scan_match_result run(cairn_scan_match *match, const cairn_scan_mat
         for (int k = 0; k < 9; k++) {
             assert_true(cairn_is_finite(h->covariance[k]));
             assert_near(h->covariance[k], h->covariance[k % 3 * 3 + k / 3],
-                        1e-9 + 1e-5 * sqrt((double)(h->covariance[4 * (k / 3)] * h->covariance[4 * (k % 3)])));
+                        1e-9 + 1e-5 * sqrt((double)(h->covariance[4 * (k / 3)] *
+                                                    h->covariance[4 * (k % 3)])));
         }
     }
     return result;
@@ -138,9 +144,11 @@ static cairn_pose draw(cairn_random *random, cairn_real distance, cairn_real ang
 }
 
 /* Matches what is seen of a room from two places. */
-static cairn_scan_match_result match_room(cairn_scan_match *match, const cairn_vec2 *corners, int32_t count,
-                                          cairn_pose a, cairn_pose b, const cairn_pose *start,
-                                          const cairn_scan_match_window *window, cairn_random *random)
+static cairn_scan_match_result match_room(cairn_scan_match *match, const cairn_vec2 *corners,
+                                          int32_t count, cairn_pose a, cairn_pose b,
+                                          const cairn_pose *start,
+                                          const cairn_scan_match_window *window,
+                                          cairn_random *random)
 {
     look(&first, corners, count, a, CAIRN_REAL(0.01), random);
     look(&second, corners, count, b, CAIRN_REAL(0.01), random);
@@ -157,15 +165,18 @@ static void finds_from_a_guess_and_from_none(void **state)
 
     (void)state;
     for (int trial = 0; trial < 12; trial++) {
-        cairn_pose a = draw(&random, CAIRN_REAL(0.8), CAIRN_PI), b = draw(&random, CAIRN_REAL(0.8), CAIRN_PI);
-        cairn_pose truth = cairn_pose_between(a, b), off = draw(&random, CAIRN_REAL(0.3), CAIRN_REAL(0.35)), start;
+        cairn_pose a = draw(&random, CAIRN_REAL(0.8), CAIRN_PI),
+                   b = draw(&random, CAIRN_REAL(0.8), CAIRN_PI);
+        cairn_pose truth = cairn_pose_between(a, b),
+                   off = draw(&random, CAIRN_REAL(0.3), CAIRN_REAL(0.35)), start;
         cairn_scan_match_window window = {CAIRN_REAL(0.3), CAIRN_REAL(0.35)};
         cairn_scan_match_result result;
 
         start.x = truth.x + off.x;
         start.y = truth.y + off.y;
         start.theta = cairn_wrap_angle(truth.theta + off.theta);
-        result = match_room(match, L_ROOM, 6, a, b, trial % 2 ? &start : NULL, trial % 2 ? &window : NULL, &random);
+        result = match_room(match, L_ROOM, 6, a, b, trial % 2 ? &start : NULL,
+                            trial % 2 ? &window : NULL, &random);
         assert_int_equal(result.verdict, CAIRN_SCAN_MATCH_FOUND);
         assert_pose_near(result.hypotheses[0].target_query, truth, 0.01, 0.004);
         assert_true(result.hypotheses[0].overlap > CAIRN_REAL(0.9));
@@ -181,7 +192,8 @@ static int is_listed(const cairn_scan_match_result *result, cairn_pose pose)
     for (int32_t i = 0; i < result->count; i++) {
         cairn_pose h = result->hypotheses[i].target_query;
 
-        if (cairn_abs(h.x - pose.x) < CAIRN_REAL(0.05) && cairn_abs(h.y - pose.y) < CAIRN_REAL(0.05) &&
+        if (cairn_abs(h.x - pose.x) < CAIRN_REAL(0.05) &&
+            cairn_abs(h.y - pose.y) < CAIRN_REAL(0.05) &&
             cairn_abs(cairn_wrap_angle(h.theta - pose.theta)) < CAIRN_REAL(0.02))
             return 1;
     }
@@ -193,11 +205,13 @@ static void lists_all_that_look_alike(void **state)
     cairn_random random = cairn_random_seed(2, 1);
     cairn_pool pool;
     cairn_scan_match *match = make_match(&pool, cairn_scan_match_default());
-    cairn_pose a = {CAIRN_REAL(0.3), CAIRN_REAL(-0.2), 1}, b = {CAIRN_REAL(-0.4), CAIRN_REAL(0.5), 2};
+    cairn_pose a = {CAIRN_REAL(0.3), CAIRN_REAL(-0.2), 1},
+               b = {CAIRN_REAL(-0.4), CAIRN_REAL(0.5), 2};
 
     (void)state;
     for (int turns = 2; turns <= 4; turns += 2) {
-        cairn_scan_match_result result = match_room(match, turns == 2 ? OBLONG : SQUARE, 4, a, b, NULL, NULL, &random);
+        cairn_scan_match_result result =
+            match_room(match, turns == 2 ? OBLONG : SQUARE, 4, a, b, NULL, NULL, &random);
 
         assert_int_equal(result.verdict, CAIRN_SCAN_MATCH_AMBIGUOUS);
         assert_true(result.count >= turns);
@@ -253,8 +267,9 @@ static void a_corner_alone_is_ambiguous(void **state)
     test_pool_free(&pool);
 }
 
-/* Two rooms that are the same, of which the target has seen one less than the other: that the other explains more of the
- * query does not make it the one. Where they differ by a piece of wall, it does. */
+/* Two rooms that are the same, of which the target has seen one less than the other: that the
+ * other explains more of the query does not make it the one. Where they differ by a piece of
+ * wall, it does. */
 static void a_twin_that_was_seen_less_of_is_ambiguous(void **state)
 {
     static const cairn_vec2 other_room[] = {{-3, -2}, {4, -2}, {4, 1}, {2, 1}, {2, 3}, {-3, 3}};
@@ -273,13 +288,16 @@ static void a_twin_that_was_seen_less_of_is_ambiguous(void **state)
         look(&first, L_ROOM, 6, a, CAIRN_REAL(0.01), &random);
         first.part.count = first.part.count * 3 / 4;
         first.part.dense_count = 0;
-        assert_ok(cairn_scan_match_add_target(match, &first.part, cairn_pose_compose(away, a), NULL));
+        assert_ok(
+            cairn_scan_match_add_target(match, &first.part, cairn_pose_compose(away, a), NULL));
         look(&second, L_ROOM, 6, b, CAIRN_REAL(0.01), &random);
         result = run(match, &second.part, cairn_pose_identity(), NULL);
-        assert_int_equal(result.verdict, differs ? CAIRN_SCAN_MATCH_FOUND : CAIRN_SCAN_MATCH_AMBIGUOUS);
+        assert_int_equal(result.verdict,
+                         differs ? CAIRN_SCAN_MATCH_FOUND : CAIRN_SCAN_MATCH_AMBIGUOUS);
         assert_true(is_listed(&result, cairn_pose_compose(away, b)));
         if (differs)
-            assert_pose_near(result.hypotheses[0].target_query, cairn_pose_compose(away, b), 0.02, 0.01);
+            assert_pose_near(result.hypotheses[0].target_query, cairn_pose_compose(away, b), 0.02,
+                             0.01);
         else
             assert_true(is_listed(&result, b) &&
                         result.hypotheses[1].score < CAIRN_REAL(0.9) * result.hypotheses[0].score);
@@ -287,12 +305,13 @@ static void a_twin_that_was_seen_less_of_is_ambiguous(void **state)
     test_pool_free(&pool);
 }
 
-/* Two rooms that are the same, of which the target saw one fifteen times and the other once: a wall is no likelier to be the
- * one that is seen because many have seen it. */
+/* Two rooms that are the same, of which the target saw one fifteen times and the other once: a
+ * wall is no likelier to be the one that is seen because many have seen it. */
 static void a_twin_that_was_seen_once_is_ambiguous(void **state)
 {
     enum { LOOKS = 15 };
-    const cairn_pose away = {20, 3, CAIRN_REAL(0.5)}, b = {CAIRN_REAL(0.3), CAIRN_REAL(-0.4), CAIRN_REAL(1.2)};
+    const cairn_pose away = {20, 3, CAIRN_REAL(0.5)},
+                     b = {CAIRN_REAL(0.3), CAIRN_REAL(-0.4), CAIRN_REAL(1.2)};
     cairn_scan_match_params params = cairn_scan_match_default();
     cairn_random random = cairn_random_seed(22, 1);
     cairn_pool pool;
@@ -306,7 +325,8 @@ static void a_twin_that_was_seen_once_is_ambiguous(void **state)
         cairn_pose a = draw(&random, CAIRN_REAL(0.8), CAIRN_PI);
 
         look(&first, L_ROOM, 6, a, CAIRN_REAL(0.01), &random);
-        assert_ok(cairn_scan_match_add_target(match, &first.part, k < LOOKS ? a : cairn_pose_compose(away, a), NULL));
+        assert_ok(cairn_scan_match_add_target(match, &first.part,
+                                              k < LOOKS ? a : cairn_pose_compose(away, a), NULL));
     }
     look(&second, L_ROOM, 6, b, CAIRN_REAL(0.01), &random);
     result = run(match, &second.part, cairn_pose_identity(), NULL);
@@ -330,7 +350,9 @@ static void names_what_is_not_observable(void **state)
     assert_int_equal(result.verdict, CAIRN_SCAN_MATCH_AMBIGUOUS);
     assert_int_equal(h->observable, 2);
     /* Along the corridor, as the target sees it. */
-    assert_near(cairn_abs(h->weak[0] * cairn_cos(CAIRN_REAL(0.5)) - h->weak[1] * cairn_sin(CAIRN_REAL(0.5))), 1, 0.02);
+    assert_near(cairn_abs(h->weak[0] * cairn_cos(CAIRN_REAL(0.5)) -
+                          h->weak[1] * cairn_sin(CAIRN_REAL(0.5))),
+                1, 0.02);
     assert_pose_near(h->target_query, truth, 0.4, 0.01); /* in the window */
     test_pool_free(&pool);
 }
@@ -351,13 +373,16 @@ static void says_no(void **state)
     one.count = one.dense_count = 1;
     look(&first, L_ROOM, 6, cairn_pose_identity(), 0, &random);
     assert_int_equal(cairn_scan_match_read(match).verdict, CAIRN_SCAN_MATCH_RUNNING);
-    assert_int_equal(run(match, &first.part, cairn_pose_identity(), NULL).verdict, CAIRN_SCAN_MATCH_NONE);
+    assert_int_equal(run(match, &first.part, cairn_pose_identity(), NULL).verdict,
+                     CAIRN_SCAN_MATCH_NONE);
     assert_ok(cairn_scan_match_add_target(match, &first.part, cairn_pose_identity(), NULL));
-    assert_int_equal(run(match, &empty, cairn_pose_identity(), NULL).verdict, CAIRN_SCAN_MATCH_NONE);
+    assert_int_equal(run(match, &empty, cairn_pose_identity(), NULL).verdict,
+                     CAIRN_SCAN_MATCH_NONE);
     result = run(match, &one, cairn_pose_identity(), NULL);
     assert_true(result.verdict != CAIRN_SCAN_MATCH_FOUND);
     look(&second, TRIANGLE, 3, cairn_pose_identity(), 0, &random);
-    assert_int_equal(run(match, &second.part, cairn_pose_identity(), NULL).verdict, CAIRN_SCAN_MATCH_NONE);
+    assert_int_equal(run(match, &second.part, cairn_pose_identity(), NULL).verdict,
+                     CAIRN_SCAN_MATCH_NONE);
     test_pool_free(&pool);
 }
 
@@ -367,7 +392,8 @@ static void joins_parts(void **state)
     cairn_scan_match_params params = cairn_scan_match_default();
     cairn_pool pool;
     cairn_scan_match *match;
-    cairn_pose places[] = {{CAIRN_REAL(3.4), CAIRN_REAL(-1.5), 1}, {-2, 3, 2}, {CAIRN_REAL(0.4), 0, 3}};
+    cairn_pose places[] = {
+        {CAIRN_REAL(3.4), CAIRN_REAL(-1.5), 1}, {-2, 3, 2}, {CAIRN_REAL(0.4), 0, 3}};
     cairn_scan_match_result result;
 
     (void)state;
@@ -493,8 +519,8 @@ static void takes_exactly_what_it_says(void **state)
 
 static void shape_finds_and_each_stage_brings_it_nearer(void **state)
 {
-    static const cairn_scan_match_mode modes[] = {CAIRN_SCAN_MATCH_SHAPE_COMMON, CAIRN_SCAN_MATCH_SHAPE_SEGMENTS,
-                                                  CAIRN_SCAN_MATCH_SHAPE};
+    static const cairn_scan_match_mode modes[] = {
+        CAIRN_SCAN_MATCH_SHAPE_COMMON, CAIRN_SCAN_MATCH_SHAPE_SEGMENTS, CAIRN_SCAN_MATCH_SHAPE};
     double errors[3] = {0, 0, 0};
 
     (void)state;
@@ -507,9 +533,11 @@ static void shape_finds_and_each_stage_brings_it_nearer(void **state)
         params.mode = modes[k];
         match = make_match(&pool, params);
         for (int trial = 0; trial < 3; trial++) {
-            cairn_pose a = draw(&random, CAIRN_REAL(0.6), CAIRN_PI), b = draw(&random, CAIRN_REAL(0.6), CAIRN_PI);
+            cairn_pose a = draw(&random, CAIRN_REAL(0.6), CAIRN_PI),
+                       b = draw(&random, CAIRN_REAL(0.6), CAIRN_PI);
             cairn_pose truth = cairn_pose_between(a, b), h;
-            cairn_scan_match_result result = match_room(match, L_ROOM, 6, a, b, NULL, NULL, &random);
+            cairn_scan_match_result result =
+                match_room(match, L_ROOM, 6, a, b, NULL, NULL, &random);
 
             assert_int_equal(result.count, 1);
             h = result.hypotheses[0].target_query;
@@ -595,7 +623,8 @@ static void free_space_speaks_against(void **state)
     assert_ok(cairn_scan_match_add_target(match, &first.part, cairn_pose_identity(), NULL));
     result = run(match, &second.part, cairn_pose_identity(), NULL);
     assert_true(result.count > 0);
-    assert_true(result.hypotheses[0].contradiction + result.hypotheses[0].target_contradiction > CAIRN_REAL(0.1));
+    assert_true(result.hypotheses[0].contradiction + result.hypotheses[0].target_contradiction >
+                CAIRN_REAL(0.1));
     assert_true(result.hypotheses[0].evidence < 0);
     /* Nothing is known of free space. */
     second.part.beam_count = first.part.beam_count = 0;
@@ -620,7 +649,8 @@ static void leaves_out_what_it_has_no_room_for(void **state)
     params.max_dense = params.max_views = 0;
     match = make_match(&pool, params);
     result = match_room(match, L_ROOM, 6, a, b, NULL, NULL, &random);
-    assert_int_equal(result.verdict, CAIRN_SCAN_MATCH_AMBIGUOUS); /* nothing speaks against the room turned about */
+    /* nothing speaks against the room turned about */
+    assert_int_equal(result.verdict, CAIRN_SCAN_MATCH_AMBIGUOUS);
     assert_pose_near(result.hypotheses[0].target_query, cairn_pose_between(a, b), 0.02, 0.008);
     assert_near(result.hypotheses[0].contradiction, 0, 0);
     test_pool_free(&pool);
@@ -637,9 +667,11 @@ static void covariance_holds(void **state)
 
     (void)state;
     for (int trial = 0; trial < trials; trial++) {
-        cairn_pose a = draw(&random, CAIRN_REAL(0.8), CAIRN_PI), b = draw(&random, CAIRN_REAL(0.8), CAIRN_PI);
+        cairn_pose a = draw(&random, CAIRN_REAL(0.8), CAIRN_PI),
+                   b = draw(&random, CAIRN_REAL(0.8), CAIRN_PI);
         cairn_pose truth = cairn_pose_between(a, b);
-        cairn_scan_match_result result = match_room(match, L_ROOM, 6, a, b, &truth, &window, &random);
+        cairn_scan_match_result result =
+            match_room(match, L_ROOM, 6, a, b, &truth, &window, &random);
         const cairn_scan_match_hypothesis *h = &result.hypotheses[0];
         const cairn_real *c = h->covariance;
         cairn_sym3 m = {c[0], c[1], c[2], c[4], c[5], c[8]}, inverse;
@@ -668,9 +700,9 @@ static void is_sure_of_nothing_in_a_round_room(void **state)
         circle[i].x = 3 * cairn_cos(angle);
         circle[i].y = 3 * cairn_sin(angle);
     }
-    assert_true(
-        match_room(match, circle, 60, cairn_pose_identity(), cairn_pose_identity(), NULL, NULL, &random).verdict !=
-        CAIRN_SCAN_MATCH_FOUND);
+    assert_true(match_room(match, circle, 60, cairn_pose_identity(), cairn_pose_identity(), NULL,
+                           NULL, &random)
+                    .verdict != CAIRN_SCAN_MATCH_FOUND);
     test_pool_free(&pool);
 }
 
@@ -688,8 +720,8 @@ static void dense_points_have_the_direction_of_their_wall(void **state)
     memset(&view, 0, sizeof view);
     view.beams = beams;
     view.beam_count = 43;
-    /* A corner at (2, 0.6), seen from the origin counter-clockwise: up along x = 2, then left along y = 0.6; then one hit
-     * alone, and one beam that hit nothing. */
+    /* A corner at (2, 0.6), seen from the origin counter-clockwise: up along x = 2, then left
+     * along y = 0.6; then one hit alone, and one beam that hit nothing. */
     for (int i = 0; i < 41; i++) {
         beams[i].kind = CAIRN_BEAM_HIT;
         beams[i].to.x = i < 21 ? 2 : 2 - (cairn_real)(i - 20) * CAIRN_REAL(0.03);
@@ -714,7 +746,8 @@ static void dense_points_have_the_direction_of_their_wall(void **state)
 
 /* ---- Few points ---- */
 
-/* A corner's points a metre apart: three pairs are too few to say anything, four make the corner. */
+/* A corner's points a metre apart: three pairs are too few to say anything, four make the
+ * corner. */
 static void four_pairs_are_enough(void **state)
 {
     static const cairn_oriented_point corner[] = {
@@ -756,23 +789,29 @@ static uint64_t hash_match(const cairn_scan_match *match)
 {
     cairn_scan_match_result result = cairn_scan_match_read(match);
     cairn_scan_match_measure cost = cairn_scan_match_measured(match);
-    int64_t numbers[] = {result.count, result.verdict, cost.units, cost.worst_step, cost.candidates, cost.fits};
-    uint64_t hash = test_hash(TEST_HASH_START, result.hypotheses, (size_t)result.count * sizeof *result.hypotheses);
+    int64_t numbers[] = {result.count,    result.verdict,  cost.units,
+                         cost.worst_step, cost.candidates, cost.fits};
+    uint64_t hash = test_hash(TEST_HASH_START, result.hypotheses,
+                              (size_t)result.count * sizeof *result.hypotheses);
 
     return test_hash(hash, numbers, sizeof numbers);
 }
 
-/* What is seen of one place is added as two parts, of what is seen of another every hypothesis is hashed. */
+/* What is seen of one place is added as two parts, of what is seen of another every hypothesis
+ * is hashed. */
 struct scene {
     cairn_scan_match_mode mode;
     const cairn_vec2 *target, *query;
     int32_t target_corners, query_corners;
-    int32_t bare;           /* 1: without dense points and beams, the parts of the target far apart */
-    double distance, angle; /* of the window; < 0: none */
+    /* 1: without dense points and beams, the parts of the target far apart */
+    int32_t bare;
+    /* of the window; < 0: none */
+    double distance, angle;
     uint64_t in_double, in_float;
 };
 
-/* Another target, elsewhere, of which a first match ends and a second is dropped while its points vote. */
+/* Another target, elsewhere, of which a first match ends and a second is dropped while its
+ * points vote. */
 static void leave_traces(cairn_scan_match *match)
 {
     const cairn_pose elsewhere = {-40, -30, 2};
@@ -806,10 +845,13 @@ static uint64_t hash_of_scene(const struct scene *scene)
     match = make_match(&pool, params);
     look(&first, scene->target, scene->target_corners, a, CAIRN_REAL(0.01), &random);
     look(&second, scene->query, scene->query_corners, b, CAIRN_REAL(0.01), &random);
-    hash = test_hash(TEST_HASH_START, second.dense, (size_t)second.part.dense_count * sizeof *second.dense);
+    hash = test_hash(TEST_HASH_START, second.dense,
+                     (size_t)second.part.dense_count * sizeof *second.dense);
     if (scene->bare) {
-        first.part.dense_count = second.part.dense_count = first.part.beam_count = second.part.beam_count = 0;
-        second.part.count = second.part.count / 48 * 48 + 1; /* one more than all of the first stage's */
+        first.part.dense_count = second.part.dense_count = first.part.beam_count =
+            second.part.beam_count = 0;
+        /* one more than all of the first stage's */
+        second.part.count = second.part.count / 48 * 48 + 1;
     }
     leave_traces(match);
     for (int32_t half = 0; half < 2; half++) {
@@ -817,9 +859,11 @@ static uint64_t hash_of_scene(const struct scene *scene)
 
         part.count = half ? first.part.count - first.part.count / 3 : first.part.count / 3;
         part.points += half * (first.part.count / 3);
-        part.dense_count = half ? first.part.dense_count - first.part.dense_count / 2 : first.part.dense_count / 2;
+        part.dense_count =
+            half ? first.part.dense_count - first.part.dense_count / 2 : first.part.dense_count / 2;
         part.dense += half * (first.part.dense_count / 2);
-        assert_ok(cairn_scan_match_add_target(match, &part, half && scene->bare ? away : home, NULL));
+        assert_ok(
+            cairn_scan_match_add_target(match, &part, half && scene->bare ? away : home, NULL));
     }
     start = cairn_pose_compose(home, cairn_pose_between(a, b));
     start.x += window.distance / 2;
@@ -834,46 +878,46 @@ static uint64_t hash_of_scene(const struct scene *scene)
 static void results_stay_as_they_are(void **state)
 {
     static const struct scene scenes[] = {
-        {CAIRN_SCAN_MATCH_CORRELATIVE, L_ROOM, L_ROOM, 6, 6, 0, -1, -1, UINT64_C(0xc1fcfa0d7292960a),
-         UINT64_C(0x585ea9bc54cbe4d1)},
-        {CAIRN_SCAN_MATCH_CORRELATIVE, L_ROOM, L_ROOM, 6, 6, 0, 0.3, 0.35, UINT64_C(0xf0e6627c16424ebb),
-         UINT64_C(0x2c347858192b9ae9)},
-        {CAIRN_SCAN_MATCH_CORRELATIVE, L_ROOM, L_ROOM, 6, 6, 1, 0.8, 0.2, UINT64_C(0x84d588d23fb9caf2),
-         UINT64_C(0xda00f9df2afd811e)},
-        {CAIRN_SCAN_MATCH_CORRELATIVE, L_ROOM, L_ROOM, 6, 6, 1, -1, -1, UINT64_C(0xbecb67994a7d57eb),
-         UINT64_C(0x67b6d85de858147a)},
-        {CAIRN_SCAN_MATCH_CORRELATIVE, OBLONG, OBLONG, 4, 4, 0, -1, -1, UINT64_C(0xd653091105bea6ba),
-         UINT64_C(0x9ffefb81da9f8c7f)},
-        {CAIRN_SCAN_MATCH_CORRELATIVE, OBLONG, TRIANGLE, 4, 3, 0, -1, -1, UINT64_C(0xdc817058b63794f2),
-         UINT64_C(0x5e8d4ee37230c669)},
-        {CAIRN_SCAN_MATCH_CORRELATIVE, CORRIDOR, CORRIDOR, 4, 4, 0, 1, 4, UINT64_C(0x0cc46fcb43c2257b),
-         UINT64_C(0xdcce13e45bc46d47)},
+        {CAIRN_SCAN_MATCH_CORRELATIVE, L_ROOM, L_ROOM, 6, 6, 0, -1, -1,
+         UINT64_C(0xc1fcfa0d7292960a), UINT64_C(0x585ea9bc54cbe4d1)},
+        {CAIRN_SCAN_MATCH_CORRELATIVE, L_ROOM, L_ROOM, 6, 6, 0, 0.3, 0.35,
+         UINT64_C(0xf0e6627c16424ebb), UINT64_C(0x2c347858192b9ae9)},
+        {CAIRN_SCAN_MATCH_CORRELATIVE, L_ROOM, L_ROOM, 6, 6, 1, 0.8, 0.2,
+         UINT64_C(0x84d588d23fb9caf2), UINT64_C(0xda00f9df2afd811e)},
+        {CAIRN_SCAN_MATCH_CORRELATIVE, L_ROOM, L_ROOM, 6, 6, 1, -1, -1,
+         UINT64_C(0xbecb67994a7d57eb), UINT64_C(0x67b6d85de858147a)},
+        {CAIRN_SCAN_MATCH_CORRELATIVE, OBLONG, OBLONG, 4, 4, 0, -1, -1,
+         UINT64_C(0xd653091105bea6ba), UINT64_C(0x9ffefb81da9f8c7f)},
+        {CAIRN_SCAN_MATCH_CORRELATIVE, OBLONG, TRIANGLE, 4, 3, 0, -1, -1,
+         UINT64_C(0xdc817058b63794f2), UINT64_C(0x5e8d4ee37230c669)},
+        {CAIRN_SCAN_MATCH_CORRELATIVE, CORRIDOR, CORRIDOR, 4, 4, 0, 1, 4,
+         UINT64_C(0x0cc46fcb43c2257b), UINT64_C(0xdcce13e45bc46d47)},
         {CAIRN_SCAN_MATCH_SHAPE, L_ROOM, L_ROOM, 6, 6, 0, -1, -1, UINT64_C(0xa7d5c6c568f8cbb7),
          UINT64_C(0x916383e54bdf5736)},
         {CAIRN_SCAN_MATCH_SHAPE, L_ROOM, L_ROOM, 6, 6, 0, 0.5, 0.05, UINT64_C(0x5284e75330d079de),
          UINT64_C(0xa3e72b23fdcba737)},
         {CAIRN_SCAN_MATCH_SHAPE, OBLONG, TRIANGLE, 4, 3, 1, 0.5, 0.2, UINT64_C(0x3d16e8f4aec3336b),
          UINT64_C(0xa7d31b4d74cbca9f)},
-        {CAIRN_SCAN_MATCH_SHAPE_COMMON, L_ROOM, L_ROOM, 6, 6, 0, 0.5, 0.2, UINT64_C(0xe9aae28392494163),
-         UINT64_C(0x82f7a23eca689267)},
-        {CAIRN_SCAN_MATCH_SHAPE_COLINEAR, L_ROOM, L_ROOM, 6, 6, 0, 0.5, 0.2, UINT64_C(0x6ada3da997cded35),
-         UINT64_C(0x41a21c3dc09fa172)},
-        {CAIRN_SCAN_MATCH_SHAPE_SEGMENTS, L_ROOM, L_ROOM, 6, 6, 0, 0.5, 0.2, UINT64_C(0x67ee08431f4f47b8),
-         UINT64_C(0x754f9af824c278b4)},
+        {CAIRN_SCAN_MATCH_SHAPE_COMMON, L_ROOM, L_ROOM, 6, 6, 0, 0.5, 0.2,
+         UINT64_C(0xe9aae28392494163), UINT64_C(0x82f7a23eca689267)},
+        {CAIRN_SCAN_MATCH_SHAPE_COLINEAR, L_ROOM, L_ROOM, 6, 6, 0, 0.5, 0.2,
+         UINT64_C(0x6ada3da997cded35), UINT64_C(0x41a21c3dc09fa172)},
+        {CAIRN_SCAN_MATCH_SHAPE_SEGMENTS, L_ROOM, L_ROOM, 6, 6, 0, 0.5, 0.2,
+         UINT64_C(0x67ee08431f4f47b8), UINT64_C(0x754f9af824c278b4)},
         {CAIRN_SCAN_MATCH_SHAPE, L_ROOM, OBLONG, 6, 4, 0, -1, -1, UINT64_C(0x4b8ff0c52ad44af6),
          UINT64_C(0x6893e86e471943ae)},
         {CAIRN_SCAN_MATCH_SHAPE, OBLONG, SQUARE, 4, 4, 0, 0.5, 0.3, UINT64_C(0xc833dab70d2ac55a),
          UINT64_C(0xc9ba8f9953559d31)},
-        {CAIRN_SCAN_MATCH_SHAPE_COMMON, SQUARE, L_ROOM, 4, 6, 0, -1, -1, UINT64_C(0x695a16bed7b072a9),
-         UINT64_C(0xbe262b0b58b97bd0)},
-        {CAIRN_SCAN_MATCH_SHAPE_COLINEAR, CORRIDOR, OBLONG, 4, 4, 0, -1, -1, UINT64_C(0x7aa012ff5e56fa9e),
-         UINT64_C(0xe0dbac0e19414f5e)},
-        {CAIRN_SCAN_MATCH_SHAPE_SEGMENTS, OBLONG, L_ROOM, 4, 6, 0, -1, -1, UINT64_C(0x7491ea8e506f62d1),
-         UINT64_C(0x7d8fe3b9a65d6e87)},
-        {CAIRN_SCAN_MATCH_CORRELATIVE, SQUARE, SQUARE, 4, 4, 1, -1, -1, UINT64_C(0x890a0b6cf4c078d6),
-         UINT64_C(0x644ce592a8b8f5c5)},
-        {CAIRN_SCAN_MATCH_CORRELATIVE, TRIANGLE, CORRIDOR, 3, 4, 0, 0.5, 0.5, UINT64_C(0xf669268c03ff8e63),
-         UINT64_C(0xdf09be5ee1e9e45e)},
+        {CAIRN_SCAN_MATCH_SHAPE_COMMON, SQUARE, L_ROOM, 4, 6, 0, -1, -1,
+         UINT64_C(0x695a16bed7b072a9), UINT64_C(0xbe262b0b58b97bd0)},
+        {CAIRN_SCAN_MATCH_SHAPE_COLINEAR, CORRIDOR, OBLONG, 4, 4, 0, -1, -1,
+         UINT64_C(0x7aa012ff5e56fa9e), UINT64_C(0xe0dbac0e19414f5e)},
+        {CAIRN_SCAN_MATCH_SHAPE_SEGMENTS, OBLONG, L_ROOM, 4, 6, 0, -1, -1,
+         UINT64_C(0x7491ea8e506f62d1), UINT64_C(0x7d8fe3b9a65d6e87)},
+        {CAIRN_SCAN_MATCH_CORRELATIVE, SQUARE, SQUARE, 4, 4, 1, -1, -1,
+         UINT64_C(0x890a0b6cf4c078d6), UINT64_C(0x644ce592a8b8f5c5)},
+        {CAIRN_SCAN_MATCH_CORRELATIVE, TRIANGLE, CORRIDOR, 3, 4, 0, 0.5, 0.5,
+         UINT64_C(0xf669268c03ff8e63), UINT64_C(0xdf09be5ee1e9e45e)},
     };
 
     (void)state;
@@ -883,12 +927,14 @@ static void results_stay_as_they_are(void **state)
 
 /* ---- Memory of the search ---- */
 
-/* A grid that just holds the window finds the same as the largest one, in less memory; what is too small holds its middle. */
+/* A grid that just holds the window finds the same as the largest one, in less memory; what is
+ * too small holds its middle. */
 static void a_small_grid_finds_the_same(void **state)
 {
     cairn_scan_match_params params = cairn_scan_match_default();
     cairn_scan_match_window window = {1, CAIRN_REAL(0.4)};
-    cairn_pose a = {CAIRN_REAL(0.3), 0, 0}, b = {CAIRN_REAL(-0.5), CAIRN_REAL(0.4), CAIRN_REAL(0.2)};
+    cairn_pose a = {CAIRN_REAL(0.3), 0, 0},
+               b = {CAIRN_REAL(-0.5), CAIRN_REAL(0.4), CAIRN_REAL(0.2)};
     size_t whole = cairn_scan_match_memory(&params);
     cairn_scan_match_hypothesis best = {0};
     int32_t sides[] = {0, 16, 5};
@@ -915,7 +961,8 @@ static void a_small_grid_finds_the_same(void **state)
             assert_pose_near(best.target_query, cairn_pose_between(a, b), 0.05, 0.02);
         } else if (i == 1) {
             assert_memory_equal(&best, &result.hypotheses[0], sizeof best);
-            assert_int_equal(cairn_scan_match_memory(&params), whole - (65536 - 256) * 2 * sizeof(uint16_t));
+            assert_int_equal(cairn_scan_match_memory(&params),
+                             whole - (65536 - 256) * 2 * sizeof(uint16_t));
         } else {
             assert_true(cairn_scan_match_measured(match).candidates < 25);
         }
@@ -949,39 +996,50 @@ static void refuses_input(void **state)
     params.max_dense = 2 * MAX_BEAMS;
     params.max_views = 2;
     match = make_match(&pool, params);
-    assert_fault(&fault, cairn_scan_match_add_target(NULL, &first.part, zero, &fault), CAIRN_BAD_ARGUMENT, -1);
+    assert_fault(&fault, cairn_scan_match_add_target(NULL, &first.part, zero, &fault),
+                 CAIRN_BAD_ARGUMENT, -1);
     assert_status(cairn_scan_match_add_target(match, NULL, zero, NULL), CAIRN_BAD_ARGUMENT);
-    assert_fault(&fault, cairn_scan_match_add_target(match, &first.part, lost, &fault), CAIRN_NOT_FINITE, -1);
-    assert_fault(&fault, cairn_scan_match_add_target(match, &first.part, far, &fault), CAIRN_NOT_FINITE, -1);
+    assert_fault(&fault, cairn_scan_match_add_target(match, &first.part, lost, &fault),
+                 CAIRN_NOT_FINITE, -1);
+    assert_fault(&fault, cairn_scan_match_add_target(match, &first.part, far, &fault),
+                 CAIRN_NOT_FINITE, -1);
     part = first.part;
     part.count = -1;
-    assert_fault(&fault, cairn_scan_match_add_target(match, &part, zero, &fault), CAIRN_BAD_ARGUMENT, -1);
+    assert_fault(&fault, cairn_scan_match_add_target(match, &part, zero, &fault),
+                 CAIRN_BAD_ARGUMENT, -1);
     part = first.part;
     part.dense = NULL;
-    assert_fault(&fault, cairn_scan_match_add_target(match, &part, zero, &fault), CAIRN_BAD_ARGUMENT, -1);
+    assert_fault(&fault, cairn_scan_match_add_target(match, &part, zero, &fault),
+                 CAIRN_BAD_ARGUMENT, -1);
     part = first.part;
     part.beams = NULL;
-    assert_fault(&fault, cairn_scan_match_add_target(match, &part, zero, &fault), CAIRN_BAD_ARGUMENT, -1);
+    assert_fault(&fault, cairn_scan_match_add_target(match, &part, zero, &fault),
+                 CAIRN_BAD_ARGUMENT, -1);
     kept = first.points[3];
     first.points[3].position.y = nan;
-    assert_fault(&fault, cairn_scan_match_add_target(match, &first.part, zero, &fault), CAIRN_NOT_FINITE, 3);
+    assert_fault(&fault, cairn_scan_match_add_target(match, &first.part, zero, &fault),
+                 CAIRN_NOT_FINITE, 3);
     first.points[3] = kept;
     first.points[3].direction.x *= CAIRN_REAL(1.1);
     first.points[3].direction.y *= CAIRN_REAL(1.1);
-    assert_fault(&fault, cairn_scan_match_add_target(match, &first.part, zero, &fault), CAIRN_BAD_ARGUMENT, 3);
+    assert_fault(&fault, cairn_scan_match_add_target(match, &first.part, zero, &fault),
+                 CAIRN_BAD_ARGUMENT, 3);
     first.points[3] = kept;
     kept = first.dense[5];
     first.dense[5].direction.x = nan;
-    assert_fault(&fault, cairn_scan_match_add_target(match, &first.part, zero, &fault), CAIRN_NOT_FINITE, 5);
+    assert_fault(&fault, cairn_scan_match_add_target(match, &first.part, zero, &fault),
+                 CAIRN_NOT_FINITE, 5);
     first.dense[5] = kept;
     beam = first.beams[7];
     first.beams[7].to.x = nan;
-    assert_fault(&fault, cairn_scan_match_add_target(match, &first.part, zero, &fault), CAIRN_NOT_FINITE, 7);
+    assert_fault(&fault, cairn_scan_match_add_target(match, &first.part, zero, &fault),
+                 CAIRN_NOT_FINITE, 7);
     first.beams[7] = beam;
     /* Nothing came in so far, then just as much as there is room for. */
     assert_int_equal(run(match, &first.part, zero, NULL).verdict, CAIRN_SCAN_MATCH_NONE);
     assert_ok(cairn_scan_match_add_target(match, &first.part, zero, &fault));
-    assert_fault(&fault, cairn_scan_match_add_target(match, &first.part, zero, &fault), CAIRN_FULL, -1);
+    assert_fault(&fault, cairn_scan_match_add_target(match, &first.part, zero, &fault), CAIRN_FULL,
+                 -1);
     part = first.part;
     part.count = 0;
     assert_ok(cairn_scan_match_add_target(match, &part, zero, &fault));
@@ -991,13 +1049,17 @@ static void refuses_input(void **state)
 
     assert_status(cairn_scan_match_begin(NULL, &first.part, zero, NULL, NULL), CAIRN_BAD_ARGUMENT);
     assert_status(cairn_scan_match_begin(match, NULL, zero, NULL, NULL), CAIRN_BAD_ARGUMENT);
-    assert_status(cairn_scan_match_begin(match, &first.part, lost, &window, NULL), CAIRN_NOT_FINITE);
-    assert_ok(cairn_scan_match_begin(match, &first.part, lost, NULL, NULL)); /* not used */
+    assert_status(cairn_scan_match_begin(match, &first.part, lost, &window, NULL),
+                  CAIRN_NOT_FINITE);
+    /* not used */
+    assert_ok(cairn_scan_match_begin(match, &first.part, lost, NULL, NULL));
     window.distance = -1;
-    assert_status(cairn_scan_match_begin(match, &first.part, zero, &window, NULL), CAIRN_BAD_ARGUMENT);
+    assert_status(cairn_scan_match_begin(match, &first.part, zero, &window, NULL),
+                  CAIRN_BAD_ARGUMENT);
     window.distance = 1;
     window.angle = nan;
-    assert_status(cairn_scan_match_begin(match, &first.part, zero, &window, NULL), CAIRN_BAD_ARGUMENT);
+    assert_status(cairn_scan_match_begin(match, &first.part, zero, &window, NULL),
+                  CAIRN_BAD_ARGUMENT);
     part = first.part;
     part.count++;
     first.points[count] = first.points[0];
@@ -1005,7 +1067,8 @@ static void refuses_input(void **state)
     assert_status(cairn_scan_match_step(NULL, &budget), CAIRN_BAD_ARGUMENT);
     assert_status(cairn_scan_match_step(match, NULL), CAIRN_BAD_ARGUMENT);
     assert_status(cairn_scan_match_step(match, &budget), CAIRN_MORE);
-    assert_status(cairn_scan_match_add_target(match, &part, zero, NULL), CAIRN_BAD_ARGUMENT); /* running */
+    /* running */
+    assert_status(cairn_scan_match_add_target(match, &part, zero, NULL), CAIRN_BAD_ARGUMENT);
     cairn_scan_match_clear_target(match);
     assert_int_equal(cairn_scan_match_read(match).verdict, CAIRN_SCAN_MATCH_RUNNING);
     assert_ok(cairn_scan_match_add_target(match, &first.part, zero, NULL));

@@ -41,12 +41,13 @@ static int is_colinear(const bed *b, cairn_scan_match_pair pair)
 {
     cairn_transform t = cairn_transform_of(b->start);
     const cairn_oriented_point *q = &b->query[pair.query], *p = &b->target[pair.target];
-    cairn_vec2 from = cairn_transform_point(t, q->position), along = cairn_vec2_sub(p->position, from);
+    cairn_vec2 from = cairn_transform_point(t, q->position),
+               along = cairn_vec2_sub(p->position, from);
     cairn_vec2 lines[2] = {cairn_transform_direction(t, q->direction), p->direction};
 
     for (int k = 0; k < 2; k++)
-        if (fabs(atan((double)cairn_vec2_cross(along, lines[k]) / (double)cairn_vec2_dot(along, lines[k]))) <
-            10 * (double)CAIRN_PI / 180)
+        if (fabs(atan((double)cairn_vec2_cross(along, lines[k]) /
+                      (double)cairn_vec2_dot(along, lines[k]))) < 10 * (double)CAIRN_PI / 180)
             return 1;
     return 0;
 }
@@ -81,9 +82,9 @@ static void pairs_and_their_stages(void **state)
 /* Without a filter nothing is dropped by it. */
 static void modes_up_to_a_stage(void **state)
 {
-    static const cairn_scan_match_mode modes[] = {CAIRN_SCAN_MATCH_SHAPE_COMMON, CAIRN_SCAN_MATCH_SHAPE_COLINEAR,
-                                                  CAIRN_SCAN_MATCH_SHAPE_SEGMENTS, CAIRN_SCAN_MATCH_SHAPE,
-                                                  CAIRN_SCAN_MATCH_SHAPE_LINES};
+    static const cairn_scan_match_mode modes[] = {
+        CAIRN_SCAN_MATCH_SHAPE_COMMON, CAIRN_SCAN_MATCH_SHAPE_COLINEAR,
+        CAIRN_SCAN_MATCH_SHAPE_SEGMENTS, CAIRN_SCAN_MATCH_SHAPE, CAIRN_SCAN_MATCH_SHAPE_LINES};
     int32_t dropped[5][3], counts[5];
 
     (void)state;
@@ -108,11 +109,13 @@ static void modes_up_to_a_stage(void **state)
     assert_true(dropped[4][CAIRN_SCAN_MATCH_APART] > 0 && dropped[4][CAIRN_SCAN_MATCH_KEPT] > 0);
 }
 
-/* Whether points within half a metre of a point, as many as a quarter of those in the fullest bin of 10 degrees, lie off the
- * line along its direction: 1, 0, or -1 where that hangs on a point at the border of bins or reach. */
+/* Whether points within half a metre of a point, as many as a quarter of those in the fullest
+ * bin of 10 degrees, lie off the line along its direction: 1, 0, or -1 where that hangs on a
+ * point at the border of bins or reach. */
 static int is_descriptive(const cairn_oriented_point *points, int32_t count, int32_t i, double turn)
 {
-    const double direction = atan2((double)points[i].direction.y, (double)points[i].direction.x) + turn;
+    const double direction =
+        atan2((double)points[i].direction.y, (double)points[i].direction.x) + turn;
     const double step = (double)CAIRN_PI / 18, circle = 2 * (double)CAIRN_PI;
     const int along = (int)(fmod(direction + 2 * circle, circle) / step);
     int bins[CAIRN_SCAN_MATCH_BINS] = {0}, most = 1, border = 0, off_line = 0;
@@ -138,7 +141,8 @@ static int is_descriptive(const cairn_oriented_point *points, int32_t count, int
     return border ? -1 : off_line;
 }
 
-/* Up to the colinear filter, points that have nothing but a straight line about them are dropped, too. */
+/* Up to the colinear filter, points that have nothing but a straight line about them are
+ * dropped, too. */
 static void points_of_straight_lines(void **state)
 {
     int32_t straight = 0, descriptive = 0;
@@ -155,7 +159,8 @@ static void points_of_straight_lines(void **state)
 
         if (first < 0 || second < 0 || is_colinear(&b, pair))
             continue;
-        assert_int_equal(pair.stage, first && second ? CAIRN_SCAN_MATCH_KEPT : CAIRN_SCAN_MATCH_COLINEAR);
+        assert_int_equal(pair.stage,
+                         first && second ? CAIRN_SCAN_MATCH_KEPT : CAIRN_SCAN_MATCH_COLINEAR);
         straight += !(first && second);
         descriptive += first && second;
     }
@@ -163,8 +168,9 @@ static void points_of_straight_lines(void **state)
     test_pool_free(&b.pool);
 }
 
-/* Pairs that the filters drop though their vector leads away from both lines, of those about which the test is sure, and
- * those that are kept though one of their points has only a straight line about it. */
+/* Pairs that the filters drop though their vector leads away from both lines, of those about
+ * which the test is sure, and those that are kept though one of their points has only a straight
+ * line about it. */
 static void count_strict(const bed *b, int *dropped, int *kept)
 {
     cairn_pose pose = cairn_scan_match_pair_pose(b->match);
@@ -182,7 +188,8 @@ static void count_strict(const bed *b, int *dropped, int *kept)
     }
 }
 
-/* The filters are applied without the points of straight lines and with them; all pairs are told by the one that won. */
+/* The filters are applied without the points of straight lines and with them; all pairs are told
+ * by the one that won. */
 static void pairs_of_one_pass(void **state)
 {
     int won[2] = {0, 0};
@@ -214,13 +221,15 @@ static int has_segment_of_mean(const bed *b, cairn_vec2 mean)
 
     for (int32_t i = 0; i <= count; i++) {
         cairn_scan_match_pair pair = cairn_scan_match_pair_at(b->match, i < count ? i : count - 1);
-        cairn_vec2 q = cairn_transform_point(t, b->query[pair.query].position), p = b->target[pair.target].position;
+        cairn_vec2 q = cairn_transform_point(t, b->query[pair.query].position),
+                   p = b->target[pair.target].position;
 
         if (i < count && pair.stage == CAIRN_SCAN_MATCH_COLINEAR)
             continue;
         if (n > 0 && (i == count || cairn_vec2_norm(cairn_vec2_sub(q, last_q)) >= CAIRN_REAL(0.3) ||
                       cairn_vec2_norm(cairn_vec2_sub(p, last_p)) >= CAIRN_REAL(0.3))) {
-            if (cairn_vec2_norm(cairn_vec2_sub(cairn_vec2_scale(sum, 1 / n), mean)) < CAIRN_REAL(1e-4))
+            if (cairn_vec2_norm(cairn_vec2_sub(cairn_vec2_scale(sum, 1 / n), mean)) <
+                CAIRN_REAL(1e-4))
                 return 1;
             n = 0;
             sum.x = sum.y = 0;
@@ -233,7 +242,8 @@ static int has_segment_of_mean(const bed *b, cairn_vec2 mean)
     return 0;
 }
 
-/* Of many rotations, the pairs are those that gave the pose: without ICP it is the mean of a segment's vectors. */
+/* Of many rotations, the pairs are those that gave the pose: without ICP it is the mean of a
+ * segment's vectors. */
 static void pairs_are_those_of_the_pose(void **state)
 {
     int turned = 0;
@@ -262,7 +272,8 @@ static void pairs_are_those_of_the_pose(void **state)
     test_pool_free(&b.pool);
 }
 
-/* Beside counting by angles; a point so near to a border of bins that rounding decides is passed over. */
+/* Beside counting by angles; a point so near to a border of bins that rounding decides is passed
+ * over. */
 static void histograms(void **state)
 {
     cairn_real share[CAIRN_SCAN_MATCH_BINS];
@@ -279,8 +290,10 @@ static void histograms(void **state)
 
         for (int32_t k = 0; k < b.query_part.count; k++) {
             cairn_vec2 d = cairn_vec2_sub(b.query[k].position, b.query[i].position);
-            double distance = hypot((double)d.x, (double)d.y), bearing = atan2((double)d.y, (double)d.x) + 0.5;
-            double place = fmod(bearing + 4 * (double)CAIRN_PI, 2 * (double)CAIRN_PI) * 18 / (double)CAIRN_PI;
+            double distance = hypot((double)d.x, (double)d.y),
+                   bearing = atan2((double)d.y, (double)d.x) + 0.5;
+            double place =
+                fmod(bearing + 4 * (double)CAIRN_PI, 2 * (double)CAIRN_PI) * 18 / (double)CAIRN_PI;
 
             if (k == i || distance > 0.51)
                 continue;
@@ -297,7 +310,8 @@ static void histograms(void **state)
     }
     assert_true(compared > b.query_part.count / 4);
     assert_status(cairn_scan_match_histogram(b.match, -1, share), CAIRN_BAD_ARGUMENT);
-    assert_status(cairn_scan_match_histogram(b.match, b.query_part.count, share), CAIRN_BAD_ARGUMENT);
+    assert_status(cairn_scan_match_histogram(b.match, b.query_part.count, share),
+                  CAIRN_BAD_ARGUMENT);
     assert_status(cairn_scan_match_histogram(b.match, 0, NULL), CAIRN_BAD_ARGUMENT);
     assert_status(cairn_scan_match_histogram(NULL, 0, share), CAIRN_BAD_ARGUMENT);
     test_pool_free(&b.pool);
@@ -329,28 +343,34 @@ static void nothing_to_show(void **state)
 
 static int32_t plain_bin(const cairn_oriented_point *p)
 {
-    double turns = atan2((double)p->direction.y, (double)p->direction.x) / (2 * (double)CAIRN_PI) * 65536;
+    double turns =
+        atan2((double)p->direction.y, (double)p->direction.x) / (2 * (double)CAIRN_PI) * 65536;
 
     return (int32_t)floor((turns < 0 ? turns + 65536 : turns) * MATCH_DIRECTIONS / 65536);
 }
 
-/* The cell of the grid that a pair of points votes for; -1: none. Positions are whole parts of a cell, as in the vote. */
+/* The cell of the grid that a pair of points votes for; -1: none. Positions are whole parts of a
+ * cell, as in the vote. */
 static int32_t plain_cell(const bed *b, int32_t query, int32_t target)
 {
     const match_votes *v = &b->match->votes;
     const cairn_oriented_point p = b->query[query], m = b->match->target[target];
     cairn_pose heading = {0, 0, v->first_angle + (cairn_real)v->rotation * v->angle_step};
     cairn_transform turn = cairn_transform_of(heading);
-    int32_t bin = cairn_match_turn_bin((uint16_t)(cairn_match_turn(cairn_atan2(p.direction.y, p.direction.x)) +
-                                                  cairn_match_turn(cairn_wrap_angle(heading.theta))));
+    int32_t bin = cairn_match_turn_bin(
+        (uint16_t)(cairn_match_turn(cairn_atan2(p.direction.y, p.direction.x)) +
+                   cairn_match_turn(cairn_wrap_angle(heading.theta))));
     int32_t apart = (bin - plain_bin(&m) + MATCH_DIRECTIONS) % MATCH_DIRECTIONS;
-    match_spot corner = cairn_match_spot(b->match, cairn_vec2_add(cairn_transform_point(turn, p.position), v->origin));
+    match_spot corner = cairn_match_spot(
+        b->match, cairn_vec2_add(cairn_transform_point(turn, p.position), v->origin));
     match_spot at = cairn_match_spot(b->match, m.position);
-    double x = floor((double)(at.x - corner.x) / MATCH_SPOTS), y = floor((double)(at.y - corner.y) / MATCH_SPOTS);
+    double x = floor((double)(at.x - corner.x) / MATCH_SPOTS),
+           y = floor((double)(at.y - corner.y) / MATCH_SPOTS);
 
     if (apart > 3 && apart < MATCH_DIRECTIONS - 3)
         return -1;
-    return x < 0 || y < 0 || x >= v->width || y >= v->height ? -1 : (int32_t)y * v->width + (int32_t)x;
+    return x < 0 || y < 0 || x >= v->width || y >= v->height ? -1
+                                                             : (int32_t)y * v->width + (int32_t)x;
 }
 
 /* Every query point that votes with every target point; `once`: no more than once for a cell. */
@@ -407,20 +427,22 @@ static void pass_peaks(bed *b)
     }
 }
 
-/* Peaks of this rotation by the plain votes, which are all told: a cell with votes whose window of two by two cells has more
- * votes than those about it, or as many and comes first. */
+/* Peaks of this rotation by the plain votes, which are all told: a cell with votes whose window
+ * of two by two cells has more votes than those about it, or as many and comes first. */
 static int32_t assert_peaks(const bed *b, const int32_t *cell, int32_t rotation, int32_t already)
 {
     const match_votes *v = &b->match->votes;
     int32_t peaks = 0;
 
     for (int32_t at = 0; at < v->width * v->height; at++) {
-        int32_t column = at % v->width, row = at / v->width, own = plain_window(v, cell, column, row), told = 0;
+        int32_t column = at % v->width, row = at / v->width,
+                own = plain_window(v, cell, column, row), told = 0;
         int32_t is_peak = cell[at] > 0;
 
         for (int32_t k = 0; k < 9 && is_peak; k++) {
             int32_t x = column + k % 3 - 1, y = row + k / 3 - 1;
-            int32_t other = x < 0 || y < 0 || x >= v->width || y >= v->height ? 0 : plain_window(v, cell, x, y);
+            int32_t other =
+                x < 0 || y < 0 || x >= v->width || y >= v->height ? 0 : plain_window(v, cell, x, y);
 
             is_peak = k < 4 ? other < own : other <= own;
         }
@@ -430,12 +452,11 @@ static int32_t assert_peaks(const bed *b, const int32_t *cell, int32_t rotation,
         for (int32_t i = 0; i < b->match->candidate_count; i++) {
             const match_candidate *c = &b->match->candidates[i];
 
-            told +=
-                fabs((double)(c->pose.x - v->origin.x) / (double)v->side - column - 1) < 1e-3 &&
-                fabs((double)(c->pose.y - v->origin.y) / (double)v->side - row - 1) < 1e-3 &&
-                fabs((double)cairn_wrap_angle(c->pose.theta - v->first_angle - (cairn_real)rotation * v->angle_step)) <
-                    1e-3 &&
-                fabs((double)c->score - own) < 0.5;
+            told += fabs((double)(c->pose.x - v->origin.x) / (double)v->side - column - 1) < 1e-3 &&
+                    fabs((double)(c->pose.y - v->origin.y) / (double)v->side - row - 1) < 1e-3 &&
+                    fabs((double)cairn_wrap_angle(c->pose.theta - v->first_angle -
+                                                  (cairn_real)rotation * v->angle_step)) < 1e-3 &&
+                    fabs((double)c->score - own) < 0.5;
         }
         assert_int_equal(told, 1);
     }
@@ -482,8 +503,9 @@ static void votes_of_everything_are_points(void **state)
 
     (void)state;
     make_bed_of(&b, CAIRN_SCAN_MATCH_CORRELATIVE, 3);
-    assert_ok(cairn_scan_match_add_target(b.match, &b.query_part,
-                                          (cairn_pose){CAIRN_REAL(1.03), CAIRN_REAL(0.02), CAIRN_REAL(0.11)}, NULL));
+    assert_ok(cairn_scan_match_add_target(
+        b.match, &b.query_part, (cairn_pose){CAIRN_REAL(1.03), CAIRN_REAL(0.02), CAIRN_REAL(0.11)},
+        NULL));
     assert_ok(cairn_scan_match_begin(b.match, &b.query_part, b.start, NULL, NULL));
     while (next_rotation(&b)) { /* all but those in which nobody votes */
         const match_votes *v = &b.match->votes;

@@ -7,12 +7,12 @@
 
 static const double DEGREE = 0.017453292519943295;
 
-#define assert_pose_near(actual, expected, metres, radians)                                                            \
-    do {                                                                                                               \
-        cairn_pose actual_pose = (actual), expected_pose = (expected);                                                 \
-        assert_near(actual_pose.x, expected_pose.x, metres);                                                           \
-        assert_near(actual_pose.y, expected_pose.y, metres);                                                           \
-        assert_near(cairn_wrap_angle(actual_pose.theta - expected_pose.theta), 0, radians);                            \
+#define assert_pose_near(actual, expected, metres, radians)                                        \
+    do {                                                                                           \
+        cairn_pose actual_pose = (actual), expected_pose = (expected);                             \
+        assert_near(actual_pose.x, expected_pose.x, metres);                                       \
+        assert_near(actual_pose.y, expected_pose.y, metres);                                       \
+        assert_near(cairn_wrap_angle(actual_pose.theta - expected_pose.theta), 0, radians);        \
     } while (0)
 
 static cairn_scan_match_params small_params(cairn_scan_match_mode mode)
@@ -25,7 +25,8 @@ static cairn_scan_match_params small_params(cairn_scan_match_mode mode)
     return params;
 }
 
-/* Target and query share seven walls of the room; the query is turned by 1.3 degrees and shifted. */
+/* Target and query share seven walls of the room; the query is turned by 1.3 degrees and
+ * shifted. */
 static void make_bed(bed *b, cairn_scan_match_mode mode)
 {
     static const cairn_pose from = {CAIRN_REAL(0.35), CAIRN_REAL(-0.15), CAIRN_REAL(0.3227)};
@@ -64,8 +65,9 @@ static void filter_pairs(const bed *b, reference *out, int32_t *dropped)
         double qy = s * (double)q->position.x + c * (double)q->position.y + (double)pose.y;
         double vx = (double)p->position.x - qx, vy = (double)p->position.y - qy;
         double one = between_lines(vx, vy, (double)p->direction.x, (double)p->direction.y);
-        double other = between_lines(vx, vy, c * (double)q->direction.x - s * (double)q->direction.y,
-                                     s * (double)q->direction.x + c * (double)q->direction.y);
+        double other =
+            between_lines(vx, vy, c * (double)q->direction.x - s * (double)q->direction.y,
+                          s * (double)q->direction.x + c * (double)q->direction.y);
         int drops = fmin(one, other) < 10 * DEGREE;
 
         if (fabs(fmin(one, other) - 10 * DEGREE) > 1e-4)
@@ -96,7 +98,8 @@ static void mean_vector(const reference *t, int32_t first, int32_t end, double m
 
 static double off(const reference *t, int32_t i, const double mean[2])
 {
-    return hypot(t->target[i][0] - t->query[i][0] - mean[0], t->target[i][1] - t->query[i][1] - mean[1]);
+    return hypot(t->target[i][0] - t->query[i][0] - mean[0],
+                 t->target[i][1] - t->query[i][1] - mean[1]);
 }
 
 static double mean_off(const reference *t, int32_t first, int32_t end, const double mean[2])
@@ -114,7 +117,8 @@ static void translate(reference *t)
     int32_t first[MOST + 1], segments = 0, best = -1, most = 0, agrees[MOST];
 
     for (int32_t i = 0; i < t->count; i++)
-        if (i == 0 || jump(t->query[i], t->query[i - 1]) >= 0.3 || jump(t->target[i], t->target[i - 1]) >= 0.3)
+        if (i == 0 || jump(t->query[i], t->query[i - 1]) >= 0.3 ||
+            jump(t->target[i], t->target[i - 1]) >= 0.3)
             first[segments++] = i;
     first[segments] = t->count;
     for (int32_t m = 0; m < segments; m++) {
@@ -163,7 +167,8 @@ static void translate(reference *t)
 
 typedef struct overlap {
     int32_t count;
-    double distance, mean[4], cross, dot; /* of the pairs within `gate`: from and to; about their means */
+    /* of the pairs within `gate`: from and to; about their means */
+    double distance, mean[4], cross, dot;
     int32_t pairs;
 } overlap;
 
@@ -187,7 +192,8 @@ static overlap look(const bed *b, cairn_pose pose, double reach, double gate)
             const cairn_oriented_point *p = &b->target[k];
             double distance = hypot((double)p->position.x - x, (double)p->position.y - y);
 
-            if (distance < nearest && dx * (double)p->direction.x + dy * (double)p->direction.y >= cos(10 * DEGREE)) {
+            if (distance < nearest &&
+                dx * (double)p->direction.x + dy * (double)p->direction.y >= cos(10 * DEGREE)) {
                 nearest = distance;
                 at = k;
             }
@@ -244,7 +250,8 @@ static cairn_pose icp(const bed *b, cairn_pose pose, double reach)
 
 static void finds_and_each_stage_follows_its_reference(void **state)
 {
-    static const cairn_pose starts[] = {{0, 0, 0}, {CAIRN_REAL(0.2), CAIRN_REAL(-0.1), 0}, {-1, 1, CAIRN_REAL(0.02)}};
+    static const cairn_pose starts[] = {
+        {0, 0, 0}, {CAIRN_REAL(0.2), CAIRN_REAL(-0.1), 0}, {-1, 1, CAIRN_REAL(0.02)}};
     const cairn_scan_match_window window = {2, 2 * CAIRN_PI / 180};
     int32_t all_dropped = 0, all_kept = 0;
 
@@ -275,7 +282,8 @@ static void finds_and_each_stage_follows_its_reference(void **state)
         found = run_in(&whole, &window);
         assert_int_equal(found.count, 1);
         expected = icp(&whole, pose, t.distance + 0.4);
-        assert_pose_near(found.hypotheses[0].target_query, expected, NUMBER(1e-9, 2e-2), NUMBER(1e-9, 1e-2));
+        assert_pose_near(found.hypotheses[0].target_query, expected, NUMBER(1e-9, 2e-2),
+                         NUMBER(1e-9, 1e-2));
         if (k < 2)
             assert_pose_near(found.hypotheses[0].target_query, b.truth, 0.15, 0.06);
         test_pool_free(&b.pool);
@@ -284,7 +292,8 @@ static void finds_and_each_stage_follows_its_reference(void **state)
     assert_true(all_dropped > 5 && all_kept > 20);
 }
 
-/* Points of bare walls that the other modes leave out are kept, when their vectors lead off the walls. */
+/* Points of bare walls that the other modes leave out are kept, when their vectors lead off the
+ * walls. */
 static void the_colinear_filter_stands_alone(void **state)
 {
     static bed b;
@@ -353,7 +362,8 @@ static void budgets_do_not_matter(void **state)
         int64_t used = 0;
 
         cairn_scan_match_clear_target(b.match);
-        assert_ok(cairn_scan_match_add_target(b.match, &b.target_part, cairn_pose_identity(), NULL));
+        assert_ok(
+            cairn_scan_match_add_target(b.match, &b.target_part, cairn_pose_identity(), NULL));
         assert_ok(cairn_scan_match_begin(b.match, &b.query_part, b.start, NULL, NULL));
         while (status == CAIRN_MORE) {
             cairn_budget budget = {each[k]};
@@ -369,7 +379,8 @@ static void budgets_do_not_matter(void **state)
     test_pool_free(&b.pool);
 }
 
-/* Of a scan matched as a whole each half finds its own pose, by the overlap distance of the whole. */
+/* Of a scan matched as a whole each half finds its own pose, by the overlap distance of the
+ * whole. */
 static void parts_by_icp_alone(void **state)
 {
     static bed b;
@@ -389,7 +400,8 @@ static void parts_by_icp_alone(void **state)
     assert_ok(cairn_scan_match_step(b.match, &budget));
     found = cairn_scan_match_read(b.match);
     assert_int_equal(found.count, 1);
-    assert_pose_near(found.hypotheses[0].target_query, expected, NUMBER(1e-9, 2e-2), NUMBER(1e-9, 1e-2));
+    assert_pose_near(found.hypotheses[0].target_query, expected, NUMBER(1e-9, 2e-2),
+                     NUMBER(1e-9, 1e-2));
     assert_int_equal(cairn_scan_match_pair_count(b.match), 0);
 
     (void)run_in(&b, NULL); /* the target is still known by its descriptors */
@@ -411,16 +423,20 @@ static void parts_by_icp_alone(void **state)
     assert_ok(cairn_scan_match_begin_icp(b.match, &half, start, NULL));
     assert_int_equal(cairn_scan_match_read(b.match).verdict, CAIRN_SCAN_MATCH_NONE);
     half.count = -1;
-    assert_fault(&fault, cairn_scan_match_begin_icp(b.match, &half, start, &fault), CAIRN_BAD_ARGUMENT, -1);
+    assert_fault(&fault, cairn_scan_match_begin_icp(b.match, &half, start, &fault),
+                 CAIRN_BAD_ARGUMENT, -1);
     half.count = MOST + 1;
     start.x = (cairn_real)NAN;
-    assert_fault(&fault, cairn_scan_match_begin_icp(b.match, &b.query_part, start, &fault), CAIRN_NOT_FINITE, -1);
-    assert_fault(&fault, cairn_scan_match_begin_icp(b.match, NULL, start, &fault), CAIRN_BAD_ARGUMENT, -1);
+    assert_fault(&fault, cairn_scan_match_begin_icp(b.match, &b.query_part, start, &fault),
+                 CAIRN_NOT_FINITE, -1);
+    assert_fault(&fault, cairn_scan_match_begin_icp(b.match, NULL, start, &fault),
+                 CAIRN_BAD_ARGUMENT, -1);
     assert_status(cairn_scan_match_begin_icp(NULL, &half, start, NULL), CAIRN_BAD_ARGUMENT);
     test_pool_free(&b.pool);
 
     make_bed(&b, CAIRN_SCAN_MATCH_SHAPE);
-    assert_fault(&fault, cairn_scan_match_begin_icp(b.match, &b.query_part, b.truth, &fault), CAIRN_BAD_ARGUMENT, -1);
+    assert_fault(&fault, cairn_scan_match_begin_icp(b.match, &b.query_part, b.truth, &fault),
+                 CAIRN_BAD_ARGUMENT, -1);
     test_pool_free(&b.pool);
 }
 
@@ -502,7 +518,8 @@ static void readings_have_the_direction_of_the_nearest_segment(void **state)
         assert_near(readings[at].position.x, view.beams[i].to.x, 0);
         assert_near(cairn_vec2_norm(readings[at].direction), 1, 1e-5);
         for (int32_t k = 0; k < view.segment_count; k++) {
-            cairn_vec2 along = cairn_vec2_unit(cairn_vec2_sub(view.segments[k].b, view.segments[k].a));
+            cairn_vec2 along =
+                cairn_vec2_unit(cairn_vec2_sub(view.segments[k].b, view.segments[k].a));
             cairn_vec2 foot = cairn_segment_nearest(view.segments[k], view.beams[i].to, NULL);
             double distance = (double)cairn_vec2_norm(cairn_vec2_sub(foot, view.beams[i].to));
 

@@ -60,10 +60,10 @@ static void test_params_and_memory(void **state)
     cairn_scan_set *set;
 
     (void)state;
-#define REFUSED(field, value)                                                                                          \
-    p = good;                                                                                                          \
-    p.field = value;                                                                                                   \
-    assert_int_equal(cairn_scan_set_memory(&p), 0);                                                                    \
+#define REFUSED(field, value)                                                                      \
+    p = good;                                                                                      \
+    p.field = value;                                                                               \
+    assert_int_equal(cairn_scan_set_memory(&p), 0);                                                \
     assert_status(cairn_scan_set_create(&set, &pool, &p), CAIRN_BAD_ARGUMENT)
     REFUSED(max_scans, 0);
     REFUSED(max_scans, (1 << 20) + 1);
@@ -99,8 +99,9 @@ static void test_params_and_memory(void **state)
                 assert_int_equal(cairn_scan_set_memory(&p),
                                  CAIRN_SCAN_SET_BYTES(p.max_scans, p.max_points, p.max_segments));
                 p.spacing = 1;
-                assert_int_equal(cairn_scan_set_memory(&p),
-                                 CAIRN_SCAN_SET_PLACES_BYTES(p.max_scans, p.max_points, p.max_segments));
+                assert_int_equal(
+                    cairn_scan_set_memory(&p),
+                    CAIRN_SCAN_SET_PLACES_BYTES(p.max_scans, p.max_points, p.max_segments));
             }
 }
 
@@ -139,7 +140,8 @@ static void test_scans_are_copied(void **state)
         assert_near(s->sensor.y, -1, 0);
         assert_near(s->centroid.x, 1.5, 1e-6);
         assert_near(s->centroid.y, 1, 1e-6);
-        /* (.25 + 1) + (.25 + 1) + (2.25 + 1) + (2.25 + 9) = 17; (0 + 1) + (1 + 1) + (4 + 1) + (1 + 25) = 34 */
+        /* (.25 + 1) + (.25 + 1) + (2.25 + 1) + (2.25 + 9) = 17; (0 + 1) + (1 + 1) + (4 + 1) + (1
+         * + 25) = 34 */
         assert_near(s->centroid_spread, 4.25, 1e-5);
         assert_near(s->sensor_spread, 8.5, 1e-5);
         for (int32_t i = 0; i < 3; i++) {
@@ -208,7 +210,8 @@ static void test_full(void **state)
 
 static void test_bad_scans_are_refused(void **state)
 {
-    const cairn_real nan = (cairn_real)NAN, infinity = (cairn_real)INFINITY, far = CAIRN_REAL(1.1e6);
+    const cairn_real nan = (cairn_real)NAN, infinity = (cairn_real)INFINITY,
+                     far = CAIRN_REAL(1.1e6);
     cairn_scan_set_params params = {3, 9, 12, 0};
     cairn_pool pool = test_pool(cairn_scan_set_memory(&params));
     cairn_scan_set *set;
@@ -217,14 +220,14 @@ static void test_bad_scans_are_refused(void **state)
 
     (void)state;
     assert_ok(cairn_scan_set_create(&set, &pool, &params));
-#define REFUSED(change, status, place)                                                                                 \
-    make_example(&e);                                                                                                  \
-    change;                                                                                                            \
-    fault.what = NULL;                                                                                                 \
-    assert_status(cairn_scan_set_add(set, &e.view, e.mass, &fault), status);                                           \
-    assert_non_null(fault.what);                                                                                       \
-    assert_int_equal(fault.index, place);                                                                              \
-    assert_status(cairn_scan_set_add(set, &e.view, e.mass, NULL), status);                                             \
+#define REFUSED(change, status, place)                                                             \
+    make_example(&e);                                                                              \
+    change;                                                                                        \
+    fault.what = NULL;                                                                             \
+    assert_status(cairn_scan_set_add(set, &e.view, e.mass, &fault), status);                       \
+    assert_non_null(fault.what);                                                                   \
+    assert_int_equal(fault.index, place);                                                          \
+    assert_status(cairn_scan_set_add(set, &e.view, e.mass, NULL), status);                         \
     assert_int_equal(set->scan_count + set->segment_count + set->point_count, 0)
     REFUSED(e.view.segment_count = -1, CAIRN_BAD_ARGUMENT, -1);
     REFUSED(e.view.point_count = -1, CAIRN_BAD_ARGUMENT, -1);
@@ -265,7 +268,8 @@ static void test_bad_scans_are_refused(void **state)
 
 enum { WALLS = 6, MOST = 400 };
 
-/* What the scan room makes of walls: points every `spacing`, centred, those of which a bit of `support` is set. */
+/* What the scan room makes of walls: points every `spacing`, centred, those of which a bit of
+ * `support` is set. */
 struct walls {
     cairn_segment segments[WALLS];
     int32_t first_point[WALLS + 1];
@@ -290,15 +294,17 @@ static void make_walls(struct walls *w, uint64_t seed, double spacing)
 
         w->segments[i].a.x = cairn_random_uniform(&random, -5, 5);
         w->segments[i].a.y = cairn_random_uniform(&random, -5, 5);
-        w->segments[i].b.x = w->segments[i].a.x + cairn_random_uniform(&random, -1, 1) * (cairn_real)(i + 1);
-        w->segments[i].b.y = w->segments[i].a.y + cairn_random_uniform(&random, -1, 1) * (cairn_real)(i + 1);
+        w->segments[i].b.x =
+            w->segments[i].a.x + cairn_random_uniform(&random, -1, 1) * (cairn_real)(i + 1);
+        w->segments[i].b.y =
+            w->segments[i].a.y + cairn_random_uniform(&random, -1, 1) * (cairn_real)(i + 1);
         along = cairn_vec2_sub(w->segments[i].b, w->segments[i].a);
         length = cairn_vec2_norm(along);
         direction = cairn_vec2_unit(along);
         places = (int32_t)floor((double)(length / (cairn_real)spacing)) + 1;
         for (int32_t k = 0; k < places; k++) {
-            cairn_real at =
-                (length - (cairn_real)(places - 1) * (cairn_real)spacing) / 2 + (cairn_real)k * (cairn_real)spacing;
+            cairn_real at = (length - (cairn_real)(places - 1) * (cairn_real)spacing) / 2 +
+                            (cairn_real)k * (cairn_real)spacing;
             cairn_oriented_point *p = &w->points[w->view.point_count];
 
             if (cairn_random_uniform(&random, 0, 1) < gaps)
@@ -343,9 +349,11 @@ static void assert_same_sets(const cairn_scan_set *kept, const cairn_scan_set *m
             int32_t some = (count - first) / (1 + first % 2);
 
             cairn_scan_set_read(made, i, first, some, points);
-            assert_memory_equal(points, kept->points + a->first_point + first, (size_t)some * sizeof *points);
+            assert_memory_equal(points, kept->points + a->first_point + first,
+                                (size_t)some * sizeof *points);
             cairn_scan_set_read(kept, i, first, some, points);
-            assert_memory_equal(points, kept->points + a->first_point + first, (size_t)some * sizeof *points);
+            assert_memory_equal(points, kept->points + a->first_point + first,
+                                (size_t)some * sizeof *points);
         }
     }
 }
@@ -384,18 +392,21 @@ static void test_points_are_made(void **state)
     assert_fault(&fault, cairn_scan_set_add(made, &w.view, NULL, &fault), CAIRN_BAD_ARGUMENT, 7);
     make_walls(&w, 1, 0.07);
     w.points[w.first_point[5] + 3].position.y += CAIRN_REAL(1e-3);
-    assert_fault(&fault, cairn_scan_set_add(made, &w.view, NULL, &fault), CAIRN_BAD_ARGUMENT, w.first_point[5] + 3);
+    assert_fault(&fault, cairn_scan_set_add(made, &w.view, NULL, &fault), CAIRN_BAD_ARGUMENT,
+                 w.first_point[5] + 3);
     make_walls(&w, 1, 0.07);
     { /* out of order */
         cairn_oriented_point swap = w.points[w.first_point[4]];
 
         w.points[w.first_point[4]] = w.points[w.first_point[4] + 1];
         w.points[w.first_point[4] + 1] = swap;
-        assert_fault(&fault, cairn_scan_set_add(made, &w.view, NULL, &fault), CAIRN_BAD_ARGUMENT, w.first_point[4] + 1);
+        assert_fault(&fault, cairn_scan_set_add(made, &w.view, NULL, &fault), CAIRN_BAD_ARGUMENT,
+                     w.first_point[4] + 1);
     }
     make_walls(&w, 1, 0.08);
     assert_fault(&fault, cairn_scan_set_add(made, &w.view, NULL, &fault), CAIRN_BAD_ARGUMENT, 0);
-    assert_int_equal(made->scan_count + made->segment_count + made->point_count + made->word_count, 0);
+    assert_int_equal(made->scan_count + made->segment_count + made->point_count + made->word_count,
+                     0);
     /* A wall without a point takes no words. */
     make_walls(&w, 1, 0.07);
     w.view.segment_count = 1;
@@ -522,7 +533,8 @@ static void test_scans_come_and_go(void **state)
                 }
             }
             for (int32_t i = 0; i < ledger.count; i++) /* readers see whole scans at all times */
-                assert_int_equal(set->segments[set->scans[ledger.slot[i]].first_segment].scan, ledger.slot[i]);
+                assert_int_equal(set->segments[set->scans[ledger.slot[i]].first_segment].scan,
+                                 ledger.slot[i]);
         }
         assert_true(seed > 500);
         assert_status(cairn_scan_set_remove(NULL, 0), CAIRN_BAD_ARGUMENT);

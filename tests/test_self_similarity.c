@@ -61,7 +61,8 @@ static double ends_off(const cairn_symmetry_axis *axis, double first, double sec
     double off[2];
 
     for (int flip = 0; flip < 2; flip++) {
-        double a = fabs((double)axis->place[flip] - first), b = fabs((double)axis->place[1 - flip] - second);
+        double a = fabs((double)axis->place[flip] - first),
+               b = fabs((double)axis->place[1 - flip] - second);
 
         off[flip] = fmax(fmin(a, 1 - a), fmin(b, 1 - b));
     }
@@ -70,9 +71,10 @@ static double ends_off(const cairn_symmetry_axis *axis, double first, double sec
 
 /* ---- Shapes ---- */
 
-/* A pear of 100 along its axis, from the first vertex to the middle one: bent by `bend`, then sheared. *half: the share of the outline
- * from the first to the middle vertex. */
-static cairn_curve pear(cairn_vec2 *p, int32_t count, double wide, double bend, double skew, double *half)
+/* A pear of 100 along its axis, from the first vertex to the middle one: bent by `bend`, then
+ * sheared. *half: the share of the outline from the first to the middle vertex. */
+static cairn_curve pear(cairn_vec2 *p, int32_t count, double wide, double bend, double skew,
+                        double *half)
 {
     double length[2] = {0, 0};
 
@@ -96,7 +98,8 @@ static cairn_curve pear(cairn_vec2 *p, int32_t count, double wide, double bend, 
 static cairn_curve regular(cairn_vec2 *p, int32_t count, double turn)
 {
     for (int32_t i = 0; i < count; i++)
-        p[i] = at(300 + 50 * cos(turn + 2 * PI * i / count), 200 + 50 * sin(turn + 2 * PI * i / count));
+        p[i] = at(300 + 50 * cos(turn + 2 * PI * i / count),
+                  200 + 50 * sin(turn + 2 * PI * i / count));
     return closed(p, count);
 }
 
@@ -180,8 +183,8 @@ static void slow_search(slow *s, const cairn_vec2 *samples, int32_t count)
 {
     cairn_inner_distance_params inner_params = {96, 0};
     cairn_curve_evolution_params evolution_params = {96};
-    cairn_pool pool =
-        test_pool(cairn_inner_distance_memory(&inner_params) + cairn_curve_evolution_memory(&evolution_params));
+    cairn_pool pool = test_pool(cairn_inner_distance_memory(&inner_params) +
+                                cairn_curve_evolution_memory(&evolution_params));
     cairn_budget budget = {INT32_MAX};
     cairn_curve outline = closed(samples, count);
     cairn_inner_distance *inner;
@@ -227,7 +230,8 @@ static void searches_as_the_obvious_way(void **state)
         static slow s;
 
         for (int32_t i = 0; i < 30; i++) {
-            double radius = 30 + (double)cairn_random_uniform(&random, -15, 15), turn = 2 * PI * i / 30;
+            double radius = 30 + (double)cairn_random_uniform(&random, -15, 15),
+                   turn = 2 * PI * i / 30;
 
             p[i] = at(1.5 * radius * cos(turn), radius * sin(turn));
         }
@@ -248,7 +252,8 @@ static void searches_as_the_obvious_way(void **state)
 /* What a result must always be. */
 static void assert_sound(const cairn_self_similarity_result *r, int32_t mode)
 {
-    assert_true(r->count >= 1 && r->count <= CAIRN_SYMMETRY_AXES && r->ties >= 1 && r->ties <= r->count);
+    assert_true(r->count >= 1 && r->count <= CAIRN_SYMMETRY_AXES && r->ties >= 1 &&
+                r->ties <= r->count);
     assert_int_equal(r->verdict, r->ties == 1        ? CAIRN_SYMMETRY_ONE
                                  : r->rotations == 0 ? CAIRN_SYMMETRY_ROUND
                                                      : CAIRN_SYMMETRY_MANY);
@@ -259,17 +264,21 @@ static void assert_sound(const cairn_self_similarity_result *r, int32_t mode)
         for (int32_t k = 0; k < 2; k++) {
             double place = (double)a->place[k] * r->sample_count;
             int32_t low = (int32_t)place;
-            cairn_vec2 from = r->samples[low % r->sample_count], to = r->samples[(low + 1) % r->sample_count];
+            cairn_vec2 from = r->samples[low % r->sample_count],
+                       to = r->samples[(low + 1) % r->sample_count];
 
             assert_true(a->place[k] >= 0 && a->place[k] < 1);
-            assert_near(a->end[k].x, from.x + (to.x - from.x) * (cairn_real)(place - low), NUMBER(1e-9, 1e-2));
-            assert_near(a->end[k].y, from.y + (to.y - from.y) * (cairn_real)(place - low), NUMBER(1e-9, 1e-2));
+            assert_near(a->end[k].x, from.x + (to.x - from.x) * (cairn_real)(place - low),
+                        NUMBER(1e-9, 1e-2));
+            assert_near(a->end[k].y, from.y + (to.y - from.y) * (cairn_real)(place - low),
+                        NUMBER(1e-9, 1e-2));
             assert_true(a->arc[k].from >= 0 && a->arc[k].from < 1 &&
                         (a->arc[k].to > a->arc[k].from || mode == CAIRN_MODE_AS_WRITTEN) &&
                         a->arc[k].to >= a->arc[k].from && a->arc[k].to <= a->arc[k].from + 1);
         }
         for (int32_t k = 0; k < i; k++)
-            assert_true(ends_off(a, (double)r->axes[k].place[0], (double)r->axes[k].place[1]) > 0.0499);
+            assert_true(ends_off(a, (double)r->axes[k].place[0], (double)r->axes[k].place[1]) >
+                        0.0499);
     }
 }
 
@@ -287,14 +296,16 @@ static void finds_a_plain_axis(void **state)
             c = pear(p, 200, 15 + 20 * wide, 0, 0, &half);
             r = look(&l, &c, 1);
             assert_sound(&r, mode);
-            assert_true(ends_off(&r.axes[0], 0, half) < (mode == CAIRN_MODE_DEFAULT ? 0.006 : 0.05));
+            assert_true(ends_off(&r.axes[0], 0, half) <
+                        (mode == CAIRN_MODE_DEFAULT ? 0.006 : 0.05));
             assert_int_equal(r.verdict, CAIRN_SYMMETRY_ONE);
             assert_int_equal(r.rotations, 1);
             if (mode == CAIRN_MODE_DEFAULT) {
                 assert_near(r.axes[0].bend, 0, 0.03);
                 assert_near(r.axes[0].skew, 0, 0.03);
                 assert_int_equal(r.axes[0].division, 0);
-                assert_near(r.axes[0].arc[0].to - r.axes[0].arc[0].from + r.axes[0].arc[1].to - r.axes[0].arc[1].from,
+                assert_near(r.axes[0].arc[0].to - r.axes[0].arc[0].from + r.axes[0].arc[1].to -
+                                r.axes[0].arc[1].from,
                             1, 1e-5);
             }
             test_pool_free(&l.pool);
@@ -357,7 +368,8 @@ static int32_t beast(cairn_vec2 *p, double fore, double hind, const double turn[
     }
     p[n++] = at(3, 10);
     for (int32_t i = 0; i < n; i++)
-        length[i >= middle] += hypot((double)(p[i].x - p[(i + 1) % n].x), (double)(p[i].y - p[(i + 1) % n].y));
+        length[i >= middle] +=
+            hypot((double)(p[i].x - p[(i + 1) % n].x), (double)(p[i].y - p[(i + 1) % n].y));
     *half = length[0] / (length[0] + length[1]);
     return n;
 }
@@ -386,8 +398,9 @@ static void joints_do_not_matter(void **state)
 /* Limbs in front nearly as long as those behind: the body might be divided between them. */
 static void like_limbs_in_front_and_behind_do_not_matter(void **state)
 {
-    static const double turns[][4] = {{0.7, -0.2, -0.1, -0.4}, {-0.8, 0.1, -0.4, 0.0}, {-0.4, -0.1, 0.5, -0.7},
-                                      {0.2, 0.9, -0.7, 0.7},   {0.3, -0.5, 0.8, 0.7},  {-0.7, -0.5, -0.7, 0.7}};
+    static const double turns[][4] = {{0.7, -0.2, -0.1, -0.4}, {-0.8, 0.1, -0.4, 0.0},
+                                      {-0.4, -0.1, 0.5, -0.7}, {0.2, 0.9, -0.7, 0.7},
+                                      {0.3, -0.5, 0.8, 0.7},   {-0.7, -0.5, -0.7, 0.7}};
     looking l = of_mode(CAIRN_MODE_DEFAULT);
 
     (void)state;
@@ -407,13 +420,15 @@ static void like_limbs_in_front_and_behind_do_not_matter(void **state)
 
 /* ---- Verdicts ---- */
 
-/* An egg, 100 high, slit from above along its axis down to 12 above the lower end; turned by `turn`. */
+/* An egg, 100 high, slit from above along its axis down to 12 above the lower end; turned by
+ * `turn`. */
 static cairn_curve slit_egg(cairn_vec2 *p, double turn)
 {
     const double half_slit = 2, slit_end = 12;
     int32_t side = 60, count = 0;
 
-    for (int32_t i = 0; i <= 2 * side; i++) { /* from the slit's left lip down and up to its right one */
+    /* from the slit's left lip down and up to its right one */
+    for (int32_t i = 0; i <= 2 * side; i++) {
         double share = -1 + (double)i / side, angle = PI * share, x = sin(angle), y = -cos(angle);
         double wide = 38 - 8 * y;
 
@@ -443,17 +458,20 @@ static void the_mirror_line_is_told_by_all_samples(void **state)
         double turn = 0.1 + 0.37 * k;
         cairn_curve egg = slit_egg(p, turn);
         cairn_self_similarity_result r = look(&l, &egg, 1), written;
-        cairn_vec2 along = at(-sin(turn), cos(turn)), chord = cairn_vec2_sub(r.axes[0].end[1], r.axes[0].end[0]);
+        cairn_vec2 along = at(-sin(turn), cos(turn)),
+                   chord = cairn_vec2_sub(r.axes[0].end[1], r.axes[0].end[0]);
 
         assert_true(r.count > 0);
         assert_near(cairn_vec2_norm(r.axes[0].mirror_along), 1, 1e-5);
         assert_near(cairn_vec2_cross(r.axes[0].mirror_along, along), 0, 0.004);
         assert_near(cairn_vec2_cross(r.axes[0].mirror_point, along), 0, 0.5);
-        worst_chord = fmax(worst_chord, fabs((double)cairn_vec2_cross(cairn_vec2_unit(chord), along)));
+        worst_chord =
+            fmax(worst_chord, fabs((double)cairn_vec2_cross(cairn_vec2_unit(chord), along)));
         written = look(&by_ends, &egg, 1);
         for (int32_t i = 0; i < written.count; i++) {
             chord = cairn_vec2_sub(written.axes[i].end[1], written.axes[i].end[0]);
-            assert_near(cairn_vec2_cross(written.axes[i].mirror_along, cairn_vec2_unit(chord)), 0, 1e-5);
+            assert_near(cairn_vec2_cross(written.axes[i].mirror_along, cairn_vec2_unit(chord)), 0,
+                        1e-5);
         }
     }
     assert_true(worst_chord > 0.01);
@@ -482,7 +500,8 @@ static void many_axes_are_said_so(void **state)
 
             /* Axes of a regular polygon: through opposite multiples of half a side. */
             for (int32_t corner = 0; corner < corners[i]; corner++)
-                best = fmin(best, ends_off(&r.axes[k], 0.5 * corner / corners[i], 0.5 * corner / corners[i] + 0.5));
+                best = fmin(best, ends_off(&r.axes[k], 0.5 * corner / corners[i],
+                                           0.5 * corner / corners[i] + 0.5));
             assert_true(best < 0.01);
         }
     }
@@ -526,7 +545,8 @@ static void a_bar_has_two(void **state)
     test_pool_free(&l.pool);
 }
 
-/* Holes change what the points see: without them a square has four axes; with one beside its middle one. */
+/* Holes change what the points see: without them a square has four axes; with one beside its
+ * middle one. */
 static void holes_count_unless_filled(void **state)
 {
     cairn_self_similarity_params params = cairn_self_similarity_default();
@@ -646,7 +666,8 @@ static void bad_outlines_are_refused(void **state)
     assert_status(cairn_self_similarity_begin(NULL, shape, 1), CAIRN_BAD_ARGUMENT);
     assert_status(cairn_self_similarity_begin(l.similarity, NULL, 1), CAIRN_BAD_ARGUMENT);
     assert_status(cairn_self_similarity_begin(l.similarity, shape, 0), CAIRN_BAD_ARGUMENT);
-    assert_status(cairn_self_similarity_begin(l.similarity, shape, CAIRN_SYMMETRY_OUTLINES + 1), CAIRN_FULL);
+    assert_status(cairn_self_similarity_begin(l.similarity, shape, CAIRN_SYMMETRY_OUTLINES + 1),
+                  CAIRN_FULL);
     for (int i = 0; i < 2; i++) {
         shape[i].points = NULL;
         assert_status(cairn_self_similarity_begin(l.similarity, shape, 2), CAIRN_BAD_ARGUMENT);
@@ -720,7 +741,8 @@ static void bad_params_are_refused(void **state)
     bad[n++].most_vertices = 17;
     for (int i = 0; i < n; i++) {
         assert_int_equal(cairn_self_similarity_memory(&bad[i]), 0);
-        assert_status(cairn_self_similarity_create(&similarity, &pool, &bad[i]), CAIRN_BAD_ARGUMENT);
+        assert_status(cairn_self_similarity_create(&similarity, &pool, &bad[i]),
+                      CAIRN_BAD_ARGUMENT);
     }
     assert_int_equal(cairn_self_similarity_memory(NULL), 0);
     assert_status(cairn_self_similarity_create(NULL, &pool, &good), CAIRN_BAD_ARGUMENT);

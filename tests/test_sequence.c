@@ -18,7 +18,9 @@ static double compared(const struct sequences *s, int32_t i, int32_t j)
 {
     double d = fabs(s->first[i] - s->second[j]);
 
-    return s->kind == CAIRN_SEQUENCE_COMMON ? d < 0.5 : s->kind == CAIRN_SEQUENCE_LOCAL ? 1.5 - d : d;
+    return s->kind == CAIRN_SEQUENCE_COMMON  ? d < 0.5
+           : s->kind == CAIRN_SEQUENCE_LOCAL ? 1.5 - d
+                                             : d;
 }
 
 static cairn_real compare(const void *context, int32_t i, int32_t j)
@@ -45,12 +47,14 @@ static double twin(const struct sequences *s, double gap)
             if (i == 0 || j == 0)
                 continue;
             if (s->kind == CAIRN_SEQUENCE_COMMON)
-                *t = fmax(fmax(table[i - 1][j], table[i][j - 1]), table[i - 1][j - 1] + compared(s, i - 1, j - 1));
+                *t = fmax(fmax(table[i - 1][j], table[i][j - 1]),
+                          table[i - 1][j - 1] + compared(s, i - 1, j - 1));
             else if (s->kind == CAIRN_SEQUENCE_LOCAL)
                 *t = fmax(fmax(0, table[i - 1][j - 1] + compared(s, i - 1, j - 1)),
                           fmax(table[i - 1][j], table[i][j - 1]) - gap);
             else
-                *t = compared(s, i - 1, j - 1) + fmin(fmin(table[i - 1][j], table[i][j - 1]), table[i - 1][j - 1]);
+                *t = compared(s, i - 1, j - 1) +
+                     fmin(fmin(table[i - 1][j], table[i][j - 1]), table[i - 1][j - 1]);
             best = fmax(best, *t);
         }
     return s->kind == CAIRN_SEQUENCE_LOCAL ? best : table[s->first_count][s->second_count];
@@ -115,7 +119,8 @@ static void gives_the_score_and_the_path_of_the_whole_table(void **state)
     (void)state;
     for (cairn_sequence_kind kind = CAIRN_SEQUENCE_COMMON; kind <= CAIRN_SEQUENCE_WARP; kind++)
         for (int trial = 0; trial < 300; trial++) {
-            cairn_sequence_params params = {kind, MOST, MOST, trial % 3 == 0 ? 0 : CAIRN_REAL(0.75)};
+            cairn_sequence_params params = {kind, MOST, MOST,
+                                            trial % 3 == 0 ? 0 : CAIRN_REAL(0.75)};
             cairn_budget budget = {CAIRN_UNBOUNDED};
             int64_t comparisons = 0;
             cairn_sequence_result result;
@@ -135,8 +140,8 @@ static void gives_the_score_and_the_path_of_the_whole_table(void **state)
             assert_near(result.score, expected, NUMBER(1e-12, 1e-4));
             assert_near(score_of(&s, &result, (double)params.gap), expected, NUMBER(1e-12, 1e-4));
             /* Halving: a table, half a table, a quarter ... */
-            assert_true(comparisons <=
-                        (int64_t)(s.first_count + 3) * (s.second_count + 3) * (kind == CAIRN_SEQUENCE_LOCAL ? 5 : 4));
+            assert_true(comparisons <= (int64_t)(s.first_count + 3) * (s.second_count + 3) *
+                                           (kind == CAIRN_SEQUENCE_LOCAL ? 5 : 4));
             test_pool_free(&pool);
         }
 }
@@ -180,7 +185,8 @@ static void takes_the_first_of_equal_paths_in_known_units(void **state)
         int32_t units, count;
         cairn_sequence_pair pairs[8];
     } knowns[] = {
-        /* take; two nodes forward, two backward, two joins; the move and the end of the walk; take */
+        /* take; two nodes forward, two backward, two joins; the move and the end of the walk;
+         * take */
         {CAIRN_SEQUENCE_COMMON, 1, 1, {1}, {1}, 10, 1, {{0, 0}}},
         {CAIRN_SEQUENCE_WARP, 1, 1, {1}, {3}, 10, 1, {{0, 0}}},
         /* and four nodes to find the end and four to find the start */
@@ -189,8 +195,22 @@ static void takes_the_first_of_equal_paths_in_known_units(void **state)
         {CAIRN_SEQUENCE_LOCAL, 1, 2, {1}, {1, 9}, 20, 1, {{0, 0}}},
         {CAIRN_SEQUENCE_LOCAL, 2, 2, {1, 2}, {1, 2}, 53, 2, {{0, 0}, {1, 1}}},
         {CAIRN_SEQUENCE_COMMON, 2, 2, {1, 2}, {2, 1}, 36, 1, {{1, 0}}},
-        {CAIRN_SEQUENCE_COMMON, 5, 6, {1, 2, 3, 4, 1}, {3, 4, 1, 2, 1, 3}, 189, 3, {{2, 0}, {3, 1}, {4, 2}}},
-        {CAIRN_SEQUENCE_LOCAL, 5, 6, {1, 2, 3, 4, 1}, {3, 4, 1, 2, 1, 3}, 135, 3, {{2, 0}, {3, 1}, {4, 2}}},
+        {CAIRN_SEQUENCE_COMMON,
+         5,
+         6,
+         {1, 2, 3, 4, 1},
+         {3, 4, 1, 2, 1, 3},
+         189,
+         3,
+         {{2, 0}, {3, 1}, {4, 2}}},
+        {CAIRN_SEQUENCE_LOCAL,
+         5,
+         6,
+         {1, 2, 3, 4, 1},
+         {3, 4, 1, 2, 1, 3},
+         135,
+         3,
+         {{2, 0}, {3, 1}, {4, 2}}},
         {CAIRN_SEQUENCE_WARP, 3, 3, {1, 1, 1}, {1, 1, 1}, 70, 4, {{0, 0}, {1, 0}, {2, 1}, {2, 2}}},
         {CAIRN_SEQUENCE_WARP,
          5,
@@ -219,7 +239,8 @@ static void takes_the_first_of_equal_paths_in_known_units(void **state)
         result = cairn_sequence_read(sequence);
         assert_int_equal(CAIRN_UNBOUNDED - budget.left, known->units);
         assert_int_equal(result.count, known->count);
-        assert_memory_equal(result.pairs, known->pairs, (size_t)known->count * sizeof *known->pairs);
+        assert_memory_equal(result.pairs, known->pairs,
+                            (size_t)known->count * sizeof *known->pairs);
         test_pool_free(&pool);
     }
 }

@@ -67,15 +67,22 @@ static double mean_distance(const cairn_vec2 *p, int32_t n)
     return sum / (n * (n - 1));
 }
 
-static void count_context(const cairn_vec2 *p, int32_t n, int32_t at, double mean, double context[BINS])
+static void count_context(const cairn_vec2 *p, int32_t n, int32_t at, double mean,
+                          double context[BINS])
 {
     double counted = 0;
 
     memset(context, 0, BINS * sizeof *context);
     for (int32_t k = 0; k < n; k++) {
-        double dx = (double)(p[k].x - p[at].x), dy = (double)(p[k].y - p[at].y), far = hypot(dx, dy) / mean;
+        double dx = (double)(p[k].x - p[at].x), dy = (double)(p[k].y - p[at].y),
+               far = hypot(dx, dy) / mean;
         double angle = atan2(dy, dx) * 180 / 3.14159265358979323846;
-        int32_t ring = far < 0.125 ? 0 : far < 0.25 ? 1 : far < 0.5 ? 2 : far < 1 ? 3 : far < 2 ? 4 : -1;
+        int32_t ring = far < 0.125  ? 0
+                       : far < 0.25 ? 1
+                       : far < 0.5  ? 2
+                       : far < 1    ? 3
+                       : far < 2    ? 4
+                                    : -1;
 
         if (k == at || ring < 0)
             continue;
@@ -90,7 +97,8 @@ static void reference_costs(const comparing *c, double cost[MOST][MOST])
 {
     const cairn_shape_context_input *in = &c->input;
     double second = mean_distance(c->second, in->second_count);
-    double first = in->kind == CAIRN_SHAPE_CONTEXT_PART ? second : mean_distance(c->first, in->first_count);
+    double first =
+        in->kind == CAIRN_SHAPE_CONTEXT_PART ? second : mean_distance(c->first, in->first_count);
 
     for (int32_t i = 0; i < in->first_count; i++)
         for (int32_t j = 0; j < in->second_count; j++) {
@@ -106,8 +114,8 @@ static void reference_costs(const comparing *c, double cost[MOST][MOST])
 }
 
 /* The cheapest pairing, by all of them. */
-static double least_of(double cost[MOST][MOST], int32_t rows, int32_t columns, int32_t row, uint32_t used,
-                       int32_t skips)
+static double least_of(double cost[MOST][MOST], int32_t rows, int32_t columns, int32_t row,
+                       uint32_t used, int32_t skips)
 {
     double least = 1e30;
 
@@ -117,7 +125,8 @@ static double least_of(double cost[MOST][MOST], int32_t rows, int32_t columns, i
         least = least_of(cost, rows, columns, row + 1, used, skips - 1);
     for (int32_t j = 0; j < columns; j++)
         if ((used >> j & 1) == 0)
-            least = fmin(least, cost[row][j] + least_of(cost, rows, columns, row + 1, used | 1U << j, skips));
+            least = fmin(least, cost[row][j] +
+                                    least_of(cost, rows, columns, row + 1, used | 1U << j, skips));
     return least;
 }
 
@@ -138,7 +147,8 @@ static void pairs_whole_shapes_at_the_least_cost(void **state)
         draw(&c, &random, n, m);
         c.input.missing_share = trial % 2 == 0 ? 1 : 0;
         reference_costs(&c, cost);
-        expected = (least_of(cost, n, m, 0, 0, n > m ? n - m : 0) + 0.75 * (n > m ? n - m : m - n)) / more;
+        expected =
+            (least_of(cost, n, m, 0, 0, n > m ? n - m : 0) + 0.75 * (n > m ? n - m : m - n)) / more;
         r = run(&c);
         assert_int_equal(r.count, n);
         assert_near(r.distance, expected, NUMBER(1e-12, 1e-5));
@@ -162,7 +172,8 @@ static void measures_both_ways(void **state)
     start(&c);
     for (int trial = 0; trial < 40; trial++) {
         static double cost[MOST][MOST];
-        int32_t n = 2 + cairn_random_below(&random, MOST - 1), m = 2 + cairn_random_below(&random, MOST - 1);
+        int32_t n = 2 + cairn_random_below(&random, MOST - 1),
+                m = 2 + cairn_random_below(&random, MOST - 1);
         cairn_shape_context_result r;
         double expected = 0;
 
@@ -205,7 +216,8 @@ static void takes_the_nearest_for_parts(void **state)
     c.input.kind = CAIRN_SHAPE_CONTEXT_PART;
     for (int trial = 0; trial < 60; trial++) {
         static double cost[MOST][MOST];
-        int32_t n = 2 + cairn_random_below(&random, MOST - 1), m = 2 + cairn_random_below(&random, MOST - 1);
+        int32_t n = 2 + cairn_random_below(&random, MOST - 1),
+                m = 2 + cairn_random_below(&random, MOST - 1);
         cairn_shape_context_result r;
         double expected = 0;
 
@@ -223,7 +235,8 @@ static void takes_the_nearest_for_parts(void **state)
             assert_near(cost[i][r.match[i]], least, NUMBER(1e-12, 1e-6));
             expected += least / n;
         }
-        assert_near(r.distance, expected + 0.75 * (double)c.input.missing_share, NUMBER(1e-12, 1e-5));
+        assert_near(r.distance, expected + 0.75 * (double)c.input.missing_share,
+                    NUMBER(1e-12, 1e-5));
     }
     test_pool_free(&c.pool);
 }
@@ -304,8 +317,8 @@ static uint64_t tell(void *context)
     comparing *c = context;
     cairn_shape_context_result r = cairn_shape_context_read(c->context);
 
-    return test_hash(test_hash(TEST_HASH_START, r.match, (size_t)r.count * sizeof *r.match), &r.distance,
-                     sizeof r.distance);
+    return test_hash(test_hash(TEST_HASH_START, r.match, (size_t)r.count * sizeof *r.match),
+                     &r.distance, sizeof r.distance);
 }
 
 static void does_not_depend_on_budgets(void **state)
@@ -322,7 +335,8 @@ static void does_not_depend_on_budgets(void **state)
     draw(&c, &random, 20, 24);
     assert_ok(begin_drawn(&c));
     assert_ok(step_drawn(&c, &all));
-    assert_in_range(INT32_MAX - all.left, 20 * 19 + 24 * 23 + 3 * 20 * 24, 2 * (20 * 19 + 24 * 23 + 3 * 20 * 24));
+    assert_in_range(INT32_MAX - all.left, 20 * 19 + 24 * 23 + 3 * 20 * 24,
+                    2 * (20 * 19 + 24 * 23 + 3 * 20 * 24));
     hash = tell(&c);
     for (int i = 0; i < 3; i++) {
         int32_t used = 0;
@@ -384,8 +398,8 @@ static void refuses_bad_params(void **state)
     bad[0].max_points = 2;
     bad[1].max_points = 1024;
     bad[7].missing = 0;
-    assert_true(cairn_shape_context_memory(&bad[0]) > 0 && cairn_shape_context_memory(&bad[1]) > 0 &&
-                cairn_shape_context_memory(&bad[7]) > 0);
+    assert_true(cairn_shape_context_memory(&bad[0]) > 0 &&
+                cairn_shape_context_memory(&bad[1]) > 0 && cairn_shape_context_memory(&bad[7]) > 0);
     good.max_points = 6;
     test_every_pool_size(create, &good, cairn_shape_context_memory(&good));
     test_pool_free(&pool);

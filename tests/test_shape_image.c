@@ -1,4 +1,5 @@
-/* Outlines from pictures: silhouettes and drawings of known objects, their gaps, parts and holes; what is no object. */
+/* Outlines from pictures: silhouettes and drawings of known objects, their gaps, parts and
+ * holes; what is no object. */
 #include "tests/test.h"
 
 #include <math.h>
@@ -49,7 +50,8 @@ static cairn_shape_image trace(void)
     return image;
 }
 
-static void assert_refused(const cairn_shape_image_params *params, cairn_status status, const char *piece)
+static void assert_refused(const cairn_shape_image_params *params, cairn_status status,
+                           const char *piece)
 {
     cairn_shape_image image;
 
@@ -272,7 +274,8 @@ static void test_gaps(void **state)
     assert_refused(&params, CAIRN_BAD_FORMAT, "enclose nothing");
 }
 
-/* Of the faces of a drawing the largest is the object, the others are holes: a mug and the hole of its handle. */
+/* Of the faces of a drawing the largest is the object, the others are holes: a mug and the hole
+ * of its handle. */
 static void test_faces_of_a_drawing(void **state)
 {
     cairn_shape_image image;
@@ -313,7 +316,8 @@ static void test_refusals(void **state)
 {
     cairn_shape_image_params params = cairn_shape_image_default(), bad;
     cairn_shape_image image;
-    cairn_raster_u8_view wide = {grey, CAIRN_SHAPE_IMAGE_SIDE_MOST + 1, 1, CAIRN_SHAPE_IMAGE_SIDE_MOST + 1};
+    cairn_raster_u8_view wide = {grey, CAIRN_SHAPE_IMAGE_SIDE_MOST + 1, 1,
+                                 CAIRN_SHAPE_IMAGE_SIDE_MOST + 1};
     cairn_raster_u8_view one = {grey, 1, 1, 1};
 
     (void)state;

@@ -62,7 +62,8 @@ static int32_t box_with_leg(cairn_vec2 *v, double leg)
     return n;
 }
 
-/* A bar: its middle line, half as far from either side as it is wide, sides and shares as they are. */
+/* A bar: its middle line, half as far from either side as it is wide, sides and shares as they
+ * are. */
 static void a_bar_has_its_middle_line(void **state)
 {
     shape s = new_shape(1);
@@ -89,20 +90,25 @@ static void a_bar_has_its_middle_line(void **state)
         assert_near(d->radius, 20 / size, 0.01);
         for (int32_t side = 0; side < 2; side++) {
             assert_near(fabs((double)d->side[side].position.y), 20 / size, 1e-3);
-            assert_near(cairn_vec2_norm(cairn_vec2_sub(d->side[side].position, d->centre)), d->radius, 1e-3);
+            assert_near(cairn_vec2_norm(cairn_vec2_sub(d->side[side].position, d->centre)),
+                        d->radius, 1e-3);
         }
         /* To the left with y down, and both in the sense of the walk. */
-        assert_true(cairn_vec2_cross(d->side[0].direction, cairn_vec2_sub(d->side[0].position, d->centre)) < 0);
-        assert_true(cairn_vec2_cross(d->side[1].direction, cairn_vec2_sub(d->side[1].position, d->centre)) > 0);
+        assert_true(cairn_vec2_cross(d->side[0].direction,
+                                     cairn_vec2_sub(d->side[0].position, d->centre)) < 0);
+        assert_true(cairn_vec2_cross(d->side[1].direction,
+                                     cairn_vec2_sub(d->side[1].position, d->centre)) > 0);
         assert_true(cairn_vec2_dot(d->side[0].direction, d->side[1].direction) > (cairn_real)0.9);
     }
     assert_true(on_middle >= 3);
     assert_near(cairn_shape_displacement(&m, 0, 0).x, 0, 0);
-    assert_near(cairn_shape_displacement(&m, 0, 3).x, m.samples[3].centre.x - m.samples[0].centre.x, 0);
+    assert_near(cairn_shape_displacement(&m, 0, 3).x, m.samples[3].centre.x - m.samples[0].centre.x,
+                0);
     test_pool_free(&s.pool);
 }
 
-/* The whole outline of a disc belongs to its path, at its one centre, sides opposite to each other in turn. */
+/* The whole outline of a disc belongs to its path, at its one centre, sides opposite to each
+ * other in turn. */
 static void a_disc_is_swept_once(void **state)
 {
     shape s = new_shape(8);
@@ -123,8 +129,9 @@ static void a_disc_is_swept_once(void **state)
     test_pool_free(&s.pool);
 }
 
-/* The longest path comes up the leg into the body; each corner that it leaves out has a path of its own, from where it branches
- * off to its tip, and all together hold the outline but for the tips. */
+/* The longest path comes up the leg into the body; each corner that it leaves out has a path of
+ * its own, from where it branches off to its tip, and all together hold the outline but for the
+ * tips. */
 static void corners_are_branches(void **state)
 {
     shape one = new_shape(1), s = new_shape(8);
@@ -144,7 +151,8 @@ static void corners_are_branches(void **state)
     assert_true(in_leg >= 4);
     assert_int_equal(m.path_count, 4);
     for (int32_t p = 1; p < m.path_count; p++) {
-        const cairn_shape_sample *from = &m.samples[m.paths[p].first], *to = from + m.paths[p].count - 1;
+        const cairn_shape_sample *from = &m.samples[m.paths[p].first],
+                                 *to = from + m.paths[p].count - 1;
         const cairn_shape_sample *root = &m.samples[m.paths[0].first + m.paths[p].branch];
 
         assert_int_equal(m.paths[p].parent, 0);
@@ -161,7 +169,8 @@ static void corners_are_branches(void **state)
 static void outlines_are_joined(void **state)
 {
     shape s = new_shape(8);
-    cairn_vec2 v[2][4] = {{{0, 0}, {60, 0}, {60, 20}, {0, 20}}, {{80, 0}, {80, 30}, {70, 30}, {70, 0}}};
+    cairn_vec2 v[2][4] = {{{0, 0}, {60, 0}, {60, 20}, {0, 20}},
+                          {{80, 0}, {80, 30}, {70, 30}, {70, 0}}};
     cairn_curve outlines[2] = {{v[0], 4, 1}, {v[1], 4, 1}};
     cairn_shape_model m = build(&s, outlines, 2);
     int32_t joined = 0;
@@ -171,7 +180,8 @@ static void outlines_are_joined(void **state)
     for (int32_t p = 1; p < m.path_count; p++)
         joined += m.samples[m.paths[p].first].centre.x * m.size > 25 && m.paths[p].parent == 0;
     assert_int_equal(joined, 1);
-    /* Samples are even: of 128 those along 160 of 240 px; the second outline lies more than 10 px off. */
+    /* Samples are even: of 128 those along 160 of 240 px; the second outline lies more than 10
+     * px off. */
     assert_int_equal(cairn_shape_first_outline(&m), 85);
     m.outline_count = 1;
     assert_int_equal(cairn_shape_first_outline(&m), 1);
@@ -180,7 +190,8 @@ static void outlines_are_joined(void **state)
     test_pool_free(&s.pool);
 }
 
-/* Where an outline lies, how large it is and in which sense it runs makes no difference to the model. */
+/* Where an outline lies, how large it is and in which sense it runs makes no difference to the
+ * model. */
 static void size_place_and_sense_do_not_matter(void **state)
 {
     shape s = new_shape(8), t = new_shape(8);
@@ -206,7 +217,8 @@ static void size_place_and_sense_do_not_matter(void **state)
     for (int32_t i = 0; i < n.outline_count; i++) {
         cairn_vec2 in = cairn_vec2_left(n.outline[i].direction), p = n.outline[i].position;
         cairn_vec2 probe = cairn_vec2_add(
-            n.origin, cairn_vec2_scale(cairn_vec2_add(p, cairn_vec2_scale(in, (cairn_real)0.03)), n.size));
+            n.origin,
+            cairn_vec2_scale(cairn_vec2_add(p, cairn_vec2_scale(in, (cairn_real)0.03)), n.size));
 
         assert_int_equal(cairn_polygon_contains(v, outline.count, probe), 1);
     }
@@ -218,8 +230,9 @@ static uint64_t hash_of(shape *s)
 {
     cairn_shape_model m = cairn_shape_builder_read(s->builder);
 
-    return test_hash(test_hash(TEST_HASH_START, m.samples, (size_t)m.sample_count * sizeof *m.samples), m.paths,
-                     (size_t)m.path_count * sizeof *m.paths);
+    return test_hash(
+        test_hash(TEST_HASH_START, m.samples, (size_t)m.sample_count * sizeof *m.samples), m.paths,
+        (size_t)m.path_count * sizeof *m.paths);
 }
 
 static void budgets_do_not_matter(void **state)
@@ -262,7 +275,8 @@ static void bad_outlines_are_refused(void **state)
 {
     shape s = new_shape(8);
     cairn_vec2 v[4] = {{0, 0}, {10, 0}, {10, 4}, {0, 4}}, flat[3] = {{0, 0}, {5, 5}, {9, 9}};
-    cairn_curve outline = {v, 4, 1}, open = {v, 4, 0}, two = {v, 2, 1}, none = {NULL, 4, 1}, line = {flat, 3, 1};
+    cairn_curve outline = {v, 4, 1}, open = {v, 4, 0}, two = {v, 2, 1}, none = {NULL, 4, 1},
+                line = {flat, 3, 1};
     cairn_budget budget = {INT32_MAX};
 
     (void)state;
@@ -270,7 +284,8 @@ static void bad_outlines_are_refused(void **state)
     assert_status(cairn_shape_builder_begin(NULL, &outline, 1), CAIRN_BAD_ARGUMENT);
     assert_status(cairn_shape_builder_begin(s.builder, NULL, 1), CAIRN_BAD_ARGUMENT);
     assert_status(cairn_shape_builder_begin(s.builder, &outline, 0), CAIRN_BAD_ARGUMENT);
-    assert_status(cairn_shape_builder_begin(s.builder, &outline, CAIRN_SHAPE_OUTLINES + 1), CAIRN_BAD_ARGUMENT);
+    assert_status(cairn_shape_builder_begin(s.builder, &outline, CAIRN_SHAPE_OUTLINES + 1),
+                  CAIRN_BAD_ARGUMENT);
     assert_status(cairn_shape_builder_begin(s.builder, &open, 1), CAIRN_BAD_ARGUMENT);
     assert_status(cairn_shape_builder_begin(s.builder, &two, 1), CAIRN_BAD_ARGUMENT);
     assert_status(cairn_shape_builder_begin(s.builder, &none, 1), CAIRN_BAD_ARGUMENT);
@@ -300,10 +315,10 @@ static void bad_params_are_refused(void **state)
     cairn_pool pool = test_pool(64);
 
     (void)state;
-#define REFUSED(field, bad)                                                                                            \
-    p = good;                                                                                                          \
-    p.field = bad;                                                                                                     \
-    assert_int_equal(cairn_shape_builder_memory(&p), 0);                                                               \
+#define REFUSED(field, bad)                                                                        \
+    p = good;                                                                                      \
+    p.field = bad;                                                                                 \
+    assert_int_equal(cairn_shape_builder_memory(&p), 0);                                           \
     assert_status(cairn_shape_builder_create(&b, &pool, &p), CAIRN_BAD_ARGUMENT)
     REFUSED(points, 15);
     REFUSED(points, 1025);
@@ -342,15 +357,15 @@ static void models_are_checked(void **state)
 
     (void)state;
     assert_true(good.path_count >= 2);
-#define CHANGED(change, status, where)                                                                                 \
-    memcpy(samples, good.samples, (size_t)good.sample_count * sizeof *samples);                                        \
-    memcpy(points, good.outline, (size_t)good.outline_count * sizeof *points);                                         \
-    memcpy(paths, good.paths, (size_t)good.path_count * sizeof *paths);                                                \
-    m = good;                                                                                                          \
-    m.samples = samples;                                                                                               \
-    m.paths = paths;                                                                                                   \
-    m.outline = points;                                                                                                \
-    change;                                                                                                            \
+#define CHANGED(change, status, where)                                                             \
+    memcpy(samples, good.samples, (size_t)good.sample_count * sizeof *samples);                    \
+    memcpy(points, good.outline, (size_t)good.outline_count * sizeof *points);                     \
+    memcpy(paths, good.paths, (size_t)good.path_count * sizeof *paths);                            \
+    m = good;                                                                                      \
+    m.samples = samples;                                                                           \
+    m.paths = paths;                                                                               \
+    m.outline = points;                                                                            \
+    change;                                                                                        \
     assert_fault(&fault, cairn_shape_model_check(&m, &fault), status, where)
     CHANGED(m.samples = NULL, CAIRN_BAD_ARGUMENT, -1);
     CHANGED(m.paths = NULL, CAIRN_BAD_ARGUMENT, -1);

@@ -1,4 +1,5 @@
-/* Models of shapes as files: what is written comes back bit by bit, every line is looked at, pictures show all, mirrors turn back. */
+/* Models of shapes as files: what is written comes back bit by bit, every line is looked at,
+ * pictures show all, mirrors turn back. */
 #include "tests/test.h"
 
 #include <math.h>
@@ -13,8 +14,9 @@ static cairn_file_error error;
 /* A cross of two bars. */
 static cairn_shape_model_file make(void)
 {
-    static const cairn_vec2 corners[] = {{40, 0},   {60, 0},   {60, 50}, {120, 50}, {120, 80}, {60, 80},
-                                         {60, 200}, {40, 200}, {40, 80}, {0, 80},   {0, 50},   {40, 50}};
+    static const cairn_vec2 corners[] = {{40, 0},   {60, 0},  {60, 50},  {120, 50},
+                                         {120, 80}, {60, 80}, {60, 200}, {40, 200},
+                                         {40, 80},  {0, 80},  {0, 50},   {40, 50}};
     cairn_curve outline = {corners, 12, 1};
     cairn_shape_builder_params params = cairn_shape_builder_default();
     cairn_shape_model_file file;
@@ -63,9 +65,11 @@ static void assert_refused(const char *text, cairn_status status, int64_t line, 
     cairn_shape_model_file file;
 
     memset(&error, 0, sizeof error);
-    assert_status(cairn_shape_model_file_read(&file, files_write_text("bad.shape", text), &error), status);
+    assert_status(cairn_shape_model_file_read(&file, files_write_text("bad.shape", text), &error),
+                  status);
     assert_null(file.samples);
-    if (error.line != line || strstr(error.text, piece) == NULL || strstr(error.text, "expected") == NULL)
+    if (error.line != line || strstr(error.text, piece) == NULL ||
+        strstr(error.text, "expected") == NULL)
         fail_msg("\"%s\" does not say \"%s\" of line %d", error.text, piece, (int)line);
 }
 
@@ -76,7 +80,8 @@ static void test_smallest_and_comments(void **state)
     (void)state;
     assert_ok(cairn_shape_model_file_read(
         &file,
-        files_write_text("small.shape", "# a model\n\n" HEAD OUTLINE "  # a path\r\npath -1 -1 1 1 # of one\n" SAMPLE
+        files_write_text("small.shape", "# a model\n\n" HEAD OUTLINE
+                                        "  # a path\r\npath -1 -1 1 1 # of one\n" SAMPLE
                                         "path 0 0 0.5 1\n" SAMPLE),
         &error));
     assert_int_equal(file.model.path_count, 2);
@@ -116,8 +121,8 @@ static void test_every_line_is_looked_at(void **state)
     assert_refused(HEAD OUTLINE "path -1 -1 1 1025\n", CAIRN_FULL, 7, "1025 samples");
     assert_refused(HEAD OUTLINE "path -1 -1 1 2\n" SAMPLE, CAIRN_TRUNCATED, 8, "14 numbers");
     assert_refused(HEAD OUTLINE "path -1 -1 1 1\n1 2 3\n", CAIRN_BAD_FORMAT, 8, "3 numbers");
-    assert_refused(HEAD OUTLINE "path -1 -1 1 1\n1 2 3 4 5 6 7 8 9 10 11 12 13 14 15 16 17\n", CAIRN_BAD_FORMAT, 8,
-                   "more than 16");
+    assert_refused(HEAD OUTLINE "path -1 -1 1 1\n1 2 3 4 5 6 7 8 9 10 11 12 13 14 15 16 17\n",
+                   CAIRN_BAD_FORMAT, 8, "more than 16");
 }
 
 /* What the library refuses is told with its line. */
@@ -126,14 +131,17 @@ static void test_faults_of_the_model(void **state)
     char paths[2048] = HEAD OUTLINE;
 
     (void)state;
-    assert_refused("cairn-shape 1\nsize 0\norigin 1 2\n" OUTLINE "path -1 -1 1 1\n" SAMPLE, CAIRN_BAD_ARGUMENT, 0,
-                   "size");
-    assert_refused(HEAD "outline 2\n-0.5 0 1 0\n0.5 0 3 0\npath -1 -1 1 1\n" SAMPLE, CAIRN_BAD_ARGUMENT, 6, "outline");
-    assert_refused(HEAD OUTLINE "path -1 -1 1 1\n" SAMPLE "path 1 0 1 1\n" SAMPLE, CAIRN_BAD_ARGUMENT, 9, "path");
-    assert_refused(HEAD OUTLINE "path -1 -1 1 2\n" SAMPLE "0 0 -1 0  0 0.1 1 0 0.5  0 -0.1 1 0 0.5\n",
+    assert_refused("cairn-shape 1\nsize 0\norigin 1 2\n" OUTLINE "path -1 -1 1 1\n" SAMPLE,
+                   CAIRN_BAD_ARGUMENT, 0, "size");
+    assert_refused(HEAD "outline 2\n-0.5 0 1 0\n0.5 0 3 0\npath -1 -1 1 1\n" SAMPLE,
+                   CAIRN_BAD_ARGUMENT, 6, "outline");
+    assert_refused(HEAD OUTLINE "path -1 -1 1 1\n" SAMPLE "path 1 0 1 1\n" SAMPLE,
+                   CAIRN_BAD_ARGUMENT, 9, "path");
+    assert_refused(HEAD OUTLINE "path -1 -1 1 2\n" SAMPLE
+                                "0 0 -1 0  0 0.1 1 0 0.5  0 -0.1 1 0 0.5\n",
                    CAIRN_BAD_ARGUMENT, 9, "radius");
-    assert_refused(HEAD OUTLINE "path -1 -1 1 1\n0 0 inf 0  0 0.1 1 0 0.5  0 -0.1 1 0 0.5\n", CAIRN_NOT_FINITE, 8,
-                   "finite");
+    assert_refused(HEAD OUTLINE "path -1 -1 1 1\n0 0 inf 0  0 0.1 1 0 0.5  0 -0.1 1 0 0.5\n",
+                   CAIRN_NOT_FINITE, 8, "finite");
     for (int i = 0; i < 9; i++)
         strcat(paths, "path -1 -1 0 1\n" SAMPLE);
     assert_refused(paths, CAIRN_FULL, 23, "one more path");
@@ -148,17 +156,22 @@ static void test_what_cannot_be_read_or_written(void **state)
     (void)state;
     assert_status(cairn_shape_model_file_read(&file, files_path("missing"), &error), CAIRN_IO);
     before = files_count();
-    assert_status(cairn_shape_model_file_write(&made.model, files_path("none/a.shape"), &error), CAIRN_IO);
-    assert_status(cairn_shape_model_file_draw(&made.model, "a", files_path("none/a.svg"), &error), CAIRN_IO);
+    assert_status(cairn_shape_model_file_write(&made.model, files_path("none/a.shape"), &error),
+                  CAIRN_IO);
+    assert_status(cairn_shape_model_file_draw(&made.model, "a", files_path("none/a.svg"), &error),
+                  CAIRN_IO);
     bad.size = (cairn_real)NAN;
-    assert_status(cairn_shape_model_file_write(&bad, files_path("a.shape"), &error), CAIRN_BAD_ARGUMENT);
-    assert_status(cairn_shape_model_file_draw(&bad, "a", files_path("a.svg"), &error), CAIRN_BAD_ARGUMENT);
+    assert_status(cairn_shape_model_file_write(&bad, files_path("a.shape"), &error),
+                  CAIRN_BAD_ARGUMENT);
+    assert_status(cairn_shape_model_file_draw(&bad, "a", files_path("a.svg"), &error),
+                  CAIRN_BAD_ARGUMENT);
     bad = made.model;
     bad.outline_count = CAIRN_SHAPE_FILE_OUTLINE_MOST + 1;
     bad.outline = calloc((size_t)bad.outline_count, sizeof *bad.outline);
     for (int32_t i = 0; i < bad.outline_count; i++)
         ((cairn_oriented_point *)bad.outline)[i].direction.x = 1;
-    assert_status(cairn_shape_model_file_write(&bad, files_path("a.shape"), &error), CAIRN_BAD_ARGUMENT);
+    assert_status(cairn_shape_model_file_write(&bad, files_path("a.shape"), &error),
+                  CAIRN_BAD_ARGUMENT);
     assert_non_null(strstr(error.text, "4097"));
     free((void *)bad.outline);
     assert_int_equal(files_count(), before);
@@ -173,12 +186,15 @@ static void test_outlines_that_make_no_model(void **state)
     cairn_shape_model_file file;
 
     (void)state;
-    assert_status(cairn_shape_model_file_build(&file, &flat, 1, &params, "name", &error), CAIRN_EMPTY);
+    assert_status(cairn_shape_model_file_build(&file, &flat, 1, &params, "name", &error),
+                  CAIRN_EMPTY);
     assert_non_null(strstr(error.text, "name: no model"));
     assert_null(file.samples);
-    assert_status(cairn_shape_model_file_build(&file, &flat, 0, &params, "name", &error), CAIRN_BAD_ARGUMENT);
+    assert_status(cairn_shape_model_file_build(&file, &flat, 0, &params, "name", &error),
+                  CAIRN_BAD_ARGUMENT);
     params.points = 1;
-    assert_status(cairn_shape_model_file_build(&file, &flat, 1, &params, "name", &error), CAIRN_BAD_ARGUMENT);
+    assert_status(cairn_shape_model_file_build(&file, &flat, 1, &params, "name", &error),
+                  CAIRN_BAD_ARGUMENT);
 }
 
 /* ---- From pictures ---- */
@@ -233,9 +249,12 @@ static void test_gaps(void **state)
     cairn_shape_model_file_free(&again);
     cairn_shape_model_file_free(&file);
     assert_refused(HEAD OUTLINE "gap 1\npath -1 -1 1 1\n" SAMPLE, CAIRN_BAD_FORMAT, 7, "no gap");
-    assert_refused(HEAD OUTLINE "path -1 -1 1 1\n" SAMPLE "gap 1 2\n", CAIRN_BAD_FORMAT, 9, "no gap");
-    assert_refused(HEAD OUTLINE "gap 0 0\ngap 0 0\ngap 0 0\ngap 0 0\ngap 0 0\ngap 0 0\ngap 0 0\ngap 0 0\ngap 0 0\n",
-                   CAIRN_FULL, 15, "one more gap");
+    assert_refused(HEAD OUTLINE "path -1 -1 1 1\n" SAMPLE "gap 1 2\n", CAIRN_BAD_FORMAT, 9,
+                   "no gap");
+    assert_refused(
+        HEAD OUTLINE
+        "gap 0 0\ngap 0 0\ngap 0 0\ngap 0 0\ngap 0 0\ngap 0 0\ngap 0 0\ngap 0 0\ngap 0 0\n",
+        CAIRN_FULL, 15, "one more gap");
 }
 
 static void test_load(void **state)
@@ -246,7 +265,8 @@ static void test_load(void **state)
     cairn_shape_image traced;
 
     (void)state;
-    assert_ok(cairn_shape_model_file_load(&file, write_picture(), &image, &builder, &traced, &error));
+    assert_ok(
+        cairn_shape_model_file_load(&file, write_picture(), &image, &builder, &traced, &error));
     assert_int_equal(traced.count, 1);
     assert_int_equal(traced.is_drawing, 0);
     assert_null(traced.points);
@@ -254,14 +274,17 @@ static void test_load(void **state)
     assert_near(file.model.size, sqrt(70 * 70 + 20 * 20), 0.5);
     assert_near(file.model.origin.x, 44.5, 1e-4);
     assert_ok(cairn_shape_model_file_write(&file.model, files_path("bar.shape"), &error));
-    assert_ok(cairn_shape_model_file_load(&again, files_path("bar.shape"), &image, &builder, &traced, &error));
+    assert_ok(cairn_shape_model_file_load(&again, files_path("bar.shape"), &image, &builder,
+                                          &traced, &error));
     assert_int_equal(traced.count, 0);
     assert_same(&file.model, &again.model);
     cairn_shape_model_file_free(&again);
     cairn_shape_model_file_free(&file);
-    assert_status(cairn_shape_model_file_load(&file, files_path("missing"), &image, &builder, NULL, &error), CAIRN_IO);
-    assert_status(cairn_shape_model_file_load(&file, files_write_text("x.pgm", "P2\n1 1\n255\n0\n"), &image, &builder,
-                                              NULL, &error),
+    assert_status(
+        cairn_shape_model_file_load(&file, files_path("missing"), &image, &builder, NULL, &error),
+        CAIRN_IO);
+    assert_status(cairn_shape_model_file_load(&file, files_write_text("x.pgm", "P2\n1 1\n255\n0\n"),
+                                              &image, &builder, NULL, &error),
                   CAIRN_EMPTY);
 }
 
@@ -285,13 +308,17 @@ static void test_mirror(void **state)
         if (i + 1 < m->paths[0].count) {
             cairn_vec2 along = cairn_vec2_sub(twice.samples[i + 1].centre, b->centre);
             cairn_vec2 was = cairn_vec2_sub(m->samples[i + 1].centre, a->centre);
-            cairn_real side = cairn_vec2_cross(along, cairn_vec2_sub(b->side[0].position, b->centre));
+            cairn_real side =
+                cairn_vec2_cross(along, cairn_vec2_sub(b->side[0].position, b->centre));
 
-            assert_near(side, cairn_vec2_cross(was, cairn_vec2_sub(a->side[1].position, a->centre)) * -1, 1e-6);
+            assert_near(side,
+                        cairn_vec2_cross(was, cairn_vec2_sub(a->side[1].position, a->centre)) * -1,
+                        1e-6);
         }
     }
     for (int32_t i = 0; i < m->outline_count; i++) {
-        const cairn_oriented_point *a = &m->outline[i], *b = &twice.outline[m->outline_count - 1 - i];
+        const cairn_oriented_point *a = &m->outline[i],
+                                   *b = &twice.outline[m->outline_count - 1 - i];
 
         assert_near(a->position.x, -b->position.x, 0);
         assert_near(a->direction.x, b->direction.x, 0);
@@ -324,7 +351,8 @@ static void test_parts_drawn(void **state)
     char *text;
 
     (void)state;
-    assert_ok(cairn_shape_model_file_draw_parts(&made.model, NULL, 0, "a <cross>", files_path("parts.svg"), &error));
+    assert_ok(cairn_shape_model_file_draw_parts(&made.model, NULL, 0, "a <cross>",
+                                                files_path("parts.svg"), &error));
     text = files_read(files_path("parts.svg"), NULL);
     assert_non_null(text);
     assert_well_formed(text);
@@ -338,38 +366,55 @@ static void test_parts_drawn(void **state)
 
         two[i].direction.x = 1;
         two[i].direction.y = 0;
-        two[i].position.x = (cairn_real)(side == 0 ? step : side == 1 ? 8 : side == 2 ? 8 - step : 0) / 10;
-        two[i].position.y = (cairn_real)(side == 0 ? 0 : side == 1 ? step : side == 2 ? 8 : 8 - step) / 10;
+        two[i].position.x = (cairn_real)(side == 0   ? step
+                                         : side == 1 ? 8
+                                         : side == 2 ? 8 - step
+                                                     : 0) /
+                            10;
+        two[i].position.y = (cairn_real)(side == 0   ? 0
+                                         : side == 1 ? step
+                                         : side == 2 ? 8
+                                                     : 8 - step) /
+                            10;
         two[i].position.x += i < 32 ? 0 : 10;
     }
     bad.outline = two;
     bad.outline_count = 34;
-    assert_ok(cairn_shape_model_file_draw_parts(&bad, NULL, 0, "two", files_path("parts.svg"), &error));
+    assert_ok(
+        cairn_shape_model_file_draw_parts(&bad, NULL, 0, "two", files_path("parts.svg"), &error));
     text = files_read(files_path("parts.svg"), NULL);
     assert_non_null(text);
     assert_int_equal(count_of_pieces(text, "class=\"fragment\""), 24);
     free(text);
     /* By hand: two sides in one bundle, a third in another; a sample that is not there. */
-    assert_ok(cairn_shape_model_file_draw_parts(&bad, by_hand, 3, "three", files_path("parts.svg"), &error));
+    assert_ok(cairn_shape_model_file_draw_parts(&bad, by_hand, 3, "three", files_path("parts.svg"),
+                                                &error));
     text = files_read(files_path("parts.svg"), NULL);
     assert_non_null(text);
     assert_non_null(strstr(text, "3 fragments in 2 bundles"));
     assert_int_equal(count_of_pieces(text, "class=\"fragment\""), 3);
     free(text);
     by_hand[1].to = 32;
-    assert_status(cairn_shape_model_file_draw_parts(&bad, by_hand, 3, "three", files_path("a.svg"), &error),
-                  CAIRN_BAD_ARGUMENT);
+    assert_status(
+        cairn_shape_model_file_draw_parts(&bad, by_hand, 3, "three", files_path("a.svg"), &error),
+        CAIRN_BAD_ARGUMENT);
     assert_non_null(strstr(error.text, "expected fragments by hand of the first outline"));
     bad.outline_count = 2;
-    assert_status(cairn_shape_model_file_draw_parts(&bad, NULL, 0, "a", files_path("a.svg"), &error), CAIRN_EMPTY);
+    assert_status(
+        cairn_shape_model_file_draw_parts(&bad, NULL, 0, "a", files_path("a.svg"), &error),
+        CAIRN_EMPTY);
     for (int32_t i = 0; i < 5; i++)
         two[i].position = two[0].position;
     bad.outline_count = 5;
-    assert_status(cairn_shape_model_file_draw_parts(&bad, NULL, 0, "a", files_path("a.svg"), &error), CAIRN_EMPTY);
+    assert_status(
+        cairn_shape_model_file_draw_parts(&bad, NULL, 0, "a", files_path("a.svg"), &error),
+        CAIRN_EMPTY);
     bad.size = 0;
-    assert_status(cairn_shape_model_file_draw_parts(&bad, NULL, 0, "a", files_path("a.svg"), &error),
-                  CAIRN_BAD_ARGUMENT);
-    assert_status(cairn_shape_model_file_draw_parts(&made.model, NULL, 0, "a", files_path("none/a.svg"), &error),
+    assert_status(
+        cairn_shape_model_file_draw_parts(&bad, NULL, 0, "a", files_path("a.svg"), &error),
+        CAIRN_BAD_ARGUMENT);
+    assert_status(cairn_shape_model_file_draw_parts(&made.model, NULL, 0, "a",
+                                                    files_path("none/a.svg"), &error),
                   CAIRN_IO);
     cairn_shape_model_file_free(&made);
 }
@@ -380,7 +425,8 @@ static void test_drawn(void **state)
     char *text;
 
     (void)state;
-    assert_ok(cairn_shape_model_file_draw(&made.model, "a <cross>", files_path("cross.svg"), &error));
+    assert_ok(
+        cairn_shape_model_file_draw(&made.model, "a <cross>", files_path("cross.svg"), &error));
     text = files_read(files_path("cross.svg"), NULL);
     assert_non_null(text);
     assert_well_formed(text);
@@ -404,7 +450,8 @@ static void test_nothing_is_lost(void **state)
     (void)state;
     (void)write_picture();
     for (int round = 0; round < FILES_HEAP_ROUNDS; round++) {
-        assert_ok(cairn_shape_model_file_load(&file, files_path("bar.png"), &image, &builder, NULL, &error));
+        assert_ok(cairn_shape_model_file_load(&file, files_path("bar.png"), &image, &builder, NULL,
+                                              &error));
         cairn_shape_model_file_free(&file);
         assert_refused(HEAD OUTLINE, CAIRN_TRUNCATED, 6, "a path");
         if (round == 4)

@@ -1,4 +1,5 @@
-/* Libraries that are loaded when they are needed: zlib stands for one, whose "table" is its version's text. */
+/* Libraries that are loaded when they are needed: zlib stands for one, whose "table" is its
+ * version's text. */
 #include "src/host/shim.h"
 
 #include <stdlib.h>

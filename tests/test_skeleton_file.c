@@ -1,4 +1,5 @@
-/* Skeletons as JSON and as pictures: every key, what was seen and what was carried on, joints, and nothing found. */
+/* Skeletons as JSON and as pictures: every key, what was seen and what was carried on, joints,
+ * and nothing found. */
 #include "tests/test.h"
 
 #include "cairn/json_text.h"
@@ -68,10 +69,13 @@ static void assert_json(const char *text)
 static void test_json(void **state)
 {
     static const char expected[] =
-        "{\"image\": \"a \\u0022\\u003cimage\\u003e\\u0022.png\", \"width\": 60, \"height\": 50, \"min_radius\": 2.00, "
+        "{\"image\": \"a \\u0022\\u003cimage\\u003e\\u0022.png\", \"width\": 60, \"height\": 50, "
+        "\"min_radius\": 2.00, "
         "\"max_radius\": 6.50, \"proposed\": true,\n"
-        " \"edgels\": 11, \"centres\": 21, \"lines\": 4, \"starts\": 6, \"left_out\": 0, \"verdict\": \"found\",\n"
-        " \"objects\": [\n  {\"log_odds\": 15.75, \"parts\": 2, \"free_ends\": 3}],\n \"parts\": [\n"
+        " \"edgels\": 11, \"centres\": 21, \"lines\": 4, \"starts\": 6, \"left_out\": 0, "
+        "\"verdict\": \"found\",\n"
+        " \"objects\": [\n  {\"log_odds\": 15.75, \"parts\": 2, \"free_ends\": 3}],\n \"parts\": "
+        "[\n"
         "  {\"log_odds\": 12.50, \"object\": 0, \"joints\": [-1, -1], \"first\": 0,\n"
         "   \"axis\": [[10.00, 20.00, 4.00], [20.00, 20.00, 5.00], [30.00, 20.00, 6.00]],\n"
         "   \"left\": [[10.00, 16.00, true], [20.00, 15.00, true], [30.00, 14.00, true]],\n"
@@ -81,9 +85,11 @@ static void test_json(void **state)
         "   \"left\": [[18.00, 40.00, false], [17.00, 30.00, true]],\n"
         "   \"right\": [[22.00, 40.00, false], [23.00, 30.00, true]]}],\n"
         " \"contours\": [\n"
-        "  {\"strength\": 5.00, \"level\": 2.50, \"closed\": true, \"points\": [[2.5, 3.5], [4.5, 3.5], [4.5, 5.5], "
+        "  {\"strength\": 5.00, \"level\": 2.50, \"closed\": true, \"points\": [[2.5, 3.5], [4.5, "
+        "3.5], [4.5, 5.5], "
         "[2.5, 5.5]]},\n"
-        "  {\"strength\": 1.50, \"level\": 1.00, \"closed\": false, \"points\": [[6.5, 0.5], [8.5, 0.5], [8.5, "
+        "  {\"strength\": 1.50, \"level\": 1.00, \"closed\": false, \"points\": [[6.5, 0.5], [8.5, "
+        "0.5], [8.5, "
         "1.5]]}]}\n";
     cairn_skeleton_picture p = picture(1);
     char *text;
@@ -107,17 +113,26 @@ static void test_picture(void **state)
     assert_well_formed(text);
     assert_int_equal(count_of(text, "<image x"), 1);
     /* What lies over the image ends with it. */
-    assert_int_equal(count_of(text, ".over path,.over circle,.over .box{clip-path:url(#frame)}"), 1);
-    assert_int_equal(count_of(text, "<g class=\"over\""), 1);
-    assert_int_equal(count_of(text, "<clipPath id=\"frame\"><rect x=\"-0.5\" y=\"-0.5\" width=\"60\" height=\"50\"/>"),
+    assert_int_equal(count_of(text, ".over path,.over circle,.over .box{clip-path:url(#frame)}"),
                      1);
+    assert_int_equal(count_of(text, "<g class=\"over\""), 1);
+    assert_int_equal(
+        count_of(text,
+                 "<clipPath id=\"frame\"><rect x=\"-0.5\" y=\"-0.5\" width=\"60\" height=\"50\"/>"),
+        1);
     assert_int_equal(count_of(text, "class=\"axis\" d=\"M10.0 20.0L20.0 20.0L30.0 20.0\""), 1);
-    assert_int_equal(count_of(text, "class=\"axis\" d=\"M20.0 40.0L20.0 30.0M20.0 30.0L20.0 20.0\""), 1);
-    assert_int_equal(count_of(text, "class=\"contour\" d=\"M10.0 16.0L20.0 15.0M20.0 15.0L30.0 14.0\""), 1);
-    assert_int_equal(count_of(text, "class=\"carried\" d=\"M10.0 24.0L20.0 25.0M20.0 25.0L30.0 26.0\""), 1);
+    assert_int_equal(
+        count_of(text, "class=\"axis\" d=\"M20.0 40.0L20.0 30.0M20.0 30.0L20.0 20.0\""), 1);
+    assert_int_equal(
+        count_of(text, "class=\"contour\" d=\"M10.0 16.0L20.0 15.0M20.0 15.0L30.0 14.0\""), 1);
+    assert_int_equal(
+        count_of(text, "class=\"carried\" d=\"M10.0 24.0L20.0 25.0M20.0 25.0L30.0 26.0\""), 1);
     assert_int_equal(count_of(text, "class=\"carried\" d=\"M18.0 40.0L17.0 30.0\""), 1);
     assert_int_equal(
-        count_of(text, "class=\"boundary\" d=\"M2.5 3.5L4.5 3.5L4.5 5.5L2.5 5.5ZM6.5 0.5L8.5 0.5L8.5 1.5\""), 1);
+        count_of(
+            text,
+            "class=\"boundary\" d=\"M2.5 3.5L4.5 3.5L4.5 5.5L2.5 5.5ZM6.5 0.5L8.5 0.5L8.5 1.5\""),
+        1);
     assert_int_equal(count_of(text, "2 parts of 1 objects, radii 2.0 to 6.5 px, 11 edgels"), 1);
     free(text);
 }
@@ -154,11 +169,13 @@ static void test_folders_are_named(void **state)
     assert_non_null(strstr(error.text, "none/a.json"));
     assert_status(cairn_skeleton_file_draw(&p, files_path("none/a.svg"), &error), CAIRN_IO);
     assert_non_null(strstr(error.text, "none/a.svg"));
-    assert_status(cairn_skeleton_file_draw_lines(&p, NULL, files_path("none/b.svg"), &error), CAIRN_IO);
+    assert_status(cairn_skeleton_file_draw_lines(&p, NULL, files_path("none/b.svg"), &error),
+                  CAIRN_IO);
     assert_non_null(strstr(error.text, "none/b.svg"));
 }
 
-/* Two facing lines of edgels: their CPs, all of the same radius, and the line through them; without a skeleton only the image. */
+/* Two facing lines of edgels: their CPs, all of the same radius, and the line through them;
+ * without a skeleton only the image. */
 static void test_lines(void **state)
 {
     cairn_skeleton_params params = cairn_skeleton_as_written();

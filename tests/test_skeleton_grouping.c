@@ -56,7 +56,8 @@ static void check(const cairn_skeleton_result *r, const cairn_skeleton_params *p
         for (int32_t end = 0; end < 2; end++)
             assert_true(part->joint[end] == -1 ||
                         (part->joint[end] >= 0 && part->joint[end] < r->point_count &&
-                         (part->joint[end] < part->first || part->joint[end] >= part->first + part->count)));
+                         (part->joint[end] < part->first ||
+                          part->joint[end] >= part->first + part->count)));
         points += part->count;
     }
     assert_int_equal(points, r->point_count);
@@ -67,7 +68,8 @@ static void check(const cairn_skeleton_result *r, const cairn_skeleton_params *p
         for (int32_t side = 0; side < 2; side++) {
             assert_true(q->edgel[side] >= -1 && q->edgel[side] < edgel_count);
             if (q->edgel[side] >= 0)
-                assert_memory_equal(&q->touch[side], &edgels[q->edgel[side]].position, sizeof q->touch[side]);
+                assert_memory_equal(&q->touch[side], &edgels[q->edgel[side]].position,
+                                    sizeof q->touch[side]);
         }
     }
     for (int32_t o = 0; o < r->object_count; o++) {
@@ -100,7 +102,8 @@ static void a_bar_has_its_axis(void **state)
 
     (void)state;
     for (int32_t k = 0; k < 6; k++) {
-        double turn = 0.5 * k, r = 5 + 1.5 * k, c = cos(turn), s = sin(turn), least = 1e9, most = -1e9;
+        double turn = 0.5 * k, r = 5 + 1.5 * k, c = cos(turn), s = sin(turn), least = 1e9,
+               most = -1e9;
         cairn_skeleton_result found;
 
         edgel_count = 0;
@@ -128,7 +131,8 @@ static void a_bar_has_its_axis(void **state)
             cairn_vec2 way = cairn_vec2_sub(found.points[i + 1].centre, found.points[i].centre);
 
             for (int32_t side = 0; side < 2; side++) {
-                cairn_vec2 out = cairn_vec2_sub(found.points[i].touch[side], found.points[i].centre);
+                cairn_vec2 out =
+                    cairn_vec2_sub(found.points[i].touch[side], found.points[i].centre);
 
                 assert_true(cairn_vec2_cross(way, out) * (side == 0 ? 1 : -1) > 0);
             }
@@ -151,7 +155,8 @@ static void a_bent_band_has_a_bent_axis(void **state)
     check(&found, &params);
     assert_int_equal(found.part_count, 1);
     for (int32_t i = 0; i < found.point_count; i++) {
-        double x = (double)found.points[i].centre.x - 100, y = (double)found.points[i].centre.y - 20;
+        double x = (double)found.points[i].centre.x - 100,
+               y = (double)found.points[i].centre.y - 20;
 
         assert_near(hypot(x, y), 55, 0.7);
         assert_near(found.points[i].radius, 7, 0.5);
@@ -228,7 +233,8 @@ static void gaps_are_bridged(void **state)
     test_pool_free(&f.pool);
 }
 
-/* A contour has one inside: of the spaces between three lines the one that the range likes is taken. */
+/* A contour has one inside: of the spaces between three lines the one that the range likes is
+ * taken. */
 static void a_contour_belongs_to_one_part(void **state)
 {
     cairn_skeleton_params params = small_params();
@@ -257,13 +263,15 @@ static void the_range_is_proposed(void **state)
     add_bar(20, 110, 180, 120, 9);
     found = run(f.skeleton, 0, 0);
     check(&found, &params);
-    assert_true(found.min_radius >= 3 && found.min_radius < 9 && found.max_radius > 9 && found.max_radius < 25);
+    assert_true(found.min_radius >= 3 && found.min_radius < 9 && found.max_radius > 9 &&
+                found.max_radius < 25);
     assert_int_equal(found.part_count, 2);
     assert_near(found.points[5].radius, 9, 0.5);
     test_pool_free(&f.pool);
 }
 
-/* The further a radius lies off the range the less its part is worth; beyond the room about it there is none. */
+/* The further a radius lies off the range the less its part is worth; beyond the room about it
+ * there is none. */
 static void the_range_counts(void **state)
 {
     cairn_skeleton_params params = small_params();
@@ -304,7 +312,8 @@ static void noise_is_no_object(void **state)
 }
 
 /* Two bars, the second one with slopes of its own: log odds of the parts of both. */
-static void run_two_bars(const cairn_skeleton_params *params, double slope, double other, double log_odds[2])
+static void run_two_bars(const cairn_skeleton_params *params, double slope, double other,
+                         double log_odds[2])
 {
     struct fixture f = with(*params);
     cairn_skeleton_result found;
@@ -319,12 +328,14 @@ static void run_two_bars(const cairn_skeleton_params *params, double slope, doub
     check(&found, params);
     log_odds[0] = log_odds[1] = 0;
     for (int32_t i = 0; i < found.part_count; i++)
-        log_odds[found.points[found.parts[i].first].centre.y > 80] += (double)found.parts[i].log_odds;
+        log_odds[found.points[found.parts[i].first].centre.y > 80] +=
+            (double)found.parts[i].log_odds;
     assert_true(log_odds[0] > 0 && log_odds[1] > 0);
     test_pool_free(&f.pool);
 }
 
-/* The steeper one is likelier, by what the slopes say and no more, where slopes are known and used. */
+/* The steeper one is likelier, by what the slopes say and no more, where slopes are known and
+ * used. */
 static void steep_edges_stand_out(void **state)
 {
     static const double unknown[3][2] = {{0, 0}, {0, -1}, {-1, 90}};
@@ -339,7 +350,8 @@ static void steep_edges_stand_out(void **state)
         assert_near(odds[0], even[0], 1e-3 * even[0]);
         assert_near(odds[1], even[1], 1e-3 * even[1]);
     }
-    /* The mean is 30: log 3 more for one and less for the other, twice, for every 3 px of the axis at least. */
+    /* The mean is 30: log 3 more for one and less for the other, twice, for every 3 px of the
+     * axis at least. */
     run_two_bars(&params, 10, 90, odds);
     assert_true(odds[1] > even[1] + 2 * log(3) * 38);
     assert_true(odds[0] < even[0] - 2 * log(3) * 38);
@@ -349,8 +361,8 @@ static void steep_edges_stand_out(void **state)
     assert_near(odds[1], even[1], 1e-3 * even[1]);
 }
 
-/* Starts on lone pairs of edgels, far apart in a draughtboard, after such as are all alike: the slopes of the white squares' pairs, and
- * of both sides of the black ones'. */
+/* Starts on lone pairs of edgels, far apart in a draughtboard, after such as are all alike: the
+ * slopes of the white squares' pairs, and of both sides of the black ones'. */
 static int32_t starts_of(double contrast, double white, double left, double right)
 {
     cairn_skeleton_params params = small_params();
@@ -374,7 +386,8 @@ static int32_t starts_of(double contrast, double white, double left, double righ
     return found.starts;
 }
 
-/* Dull CPs do not take the starts from those with steep edges on both sides; where slopes do not count they are all the same. */
+/* Dull CPs do not take the starts from those with steep edges on both sides; where slopes do not
+ * count they are all the same. */
 static void walks_start_where_edges_are_steep(void **state)
 {
     int32_t all = starts_of(6, 10, 10, 10);
@@ -390,10 +403,13 @@ static void walks_start_where_edges_are_steep(void **state)
 /* ---- The twin: every edgel with every other ---- */
 
 /* The cost of a pair by the book; 4: none. */
-static double twin_cost(const cairn_edgel *a, double sense, const cairn_edgel *b, double low, double high, double sigma)
+static double twin_cost(const cairn_edgel *a, double sense, const cairn_edgel *b, double low,
+                        double high, double sigma)
 {
-    double dx = (double)(b->position.x - a->position.x), dy = (double)(b->position.y - a->position.y);
-    double length = hypot(dx, dy), nx = sense * (double)a->normal.x, ny = sense * (double)a->normal.y;
+    double dx = (double)(b->position.x - a->position.x),
+           dy = (double)(b->position.y - a->position.y);
+    double length = hypot(dx, dy), nx = sense * (double)a->normal.x,
+           ny = sense * (double)a->normal.y;
     double mx = (double)b->normal.x, my = (double)b->normal.y, p, q, r, other = 1, along;
 
     if (!(length > 0))
@@ -411,8 +427,8 @@ static double twin_cost(const cairn_edgel *a, double sense, const cairn_edgel *b
     if (r < low || r > high)
         return 4;
     along = 2 * p / length;
-    return (1 - (nx - along * dx) * mx - (ny - along * dy) * my) / (4 * sigma * sigma) + (other != sense ? 1.5 : 0) +
-           (r - low) / (high - low + 1);
+    return (1 - (nx - along * dx) * mx - (ny - along * dy) * my) / (4 * sigma * sigma) +
+           (other != sense ? 1.5 : 0) + (r - low) / (high - low + 1);
 }
 
 static void centres_are_those_of_all_pairs(void **state)
@@ -432,8 +448,8 @@ static void centres_are_those_of_all_pairs(void **state)
                 double best = 4;
 
                 for (int32_t j = 0; j < edgel_count; j++)
-                    best =
-                        fmin(best, twin_cost(&edgels[i], k ? 1 : -1, &edgels[j], low, high, (double)params.symmetry));
+                    best = fmin(best, twin_cost(&edgels[i], k ? 1 : -1, &edgels[j], low, high,
+                                                (double)params.symmetry));
                 expected += best < 4;
             }
         assert_true(expected > 20);
@@ -477,7 +493,9 @@ static void circles_and_squares(void **state)
     found = run(f.skeleton, 9, 15);
     check(&found, &params);
     for (int32_t i = 0; i < found.point_count; i++)
-        assert_near(hypot((double)found.points[i].centre.x - 100, (double)found.points[i].centre.y - 80), 0, 12);
+        assert_near(
+            hypot((double)found.points[i].centre.x - 100, (double)found.points[i].centre.y - 80), 0,
+            12);
     edgel_count = 0;
     add_line(80, 60, 120, 60);
     add_line(120, 60, 120, 100);
@@ -670,8 +688,8 @@ static void bad_input_is_refused(void **state)
     assert_int_equal(cairn_skeleton_read(NULL).part_count, 0);
     assert_true(tell(f.skeleton) == before);
     for (int32_t k = 0; k < 5; k++) {
-        cairn_real *field[] = {&edgels[9].position.x, &edgels[9].position.y, &edgels[9].normal.x, &edgels[9].normal.y,
-                               &edgels[9].slope};
+        cairn_real *field[] = {&edgels[9].position.x, &edgels[9].position.y, &edgels[9].normal.x,
+                               &edgels[9].normal.y, &edgels[9].slope};
         cairn_real kept = *field[k];
 
         *field[k] = (cairn_real)(k % 2 ? NAN : INFINITY);

@@ -1,4 +1,5 @@
-/* Skeletons as Adluru 2008, chapter 3, has them: what is found and its weights, what is culled; little and very much; budgets. */
+/* Skeletons as Adluru 2008, chapter 3, has them: what is found and its weights, what is culled;
+ * little and very much; budgets. */
 #include "tests/skeleton_reference.h"
 
 /* ---- What is found ---- */
@@ -11,7 +12,8 @@ static void a_bar_has_its_axis(void **state)
 
     (void)state;
     for (int32_t k = 0; k < 4; k++) {
-        double turn = 0.7 * k, r = 6 + 1.5 * k, c = cos(turn), s = sin(turn), least = 1e9, most = -1e9;
+        double turn = 0.7 * k, r = 6 + 1.5 * k, c = cos(turn), s = sin(turn), least = 1e9,
+               most = -1e9;
         cairn_polyline_segment line;
         cairn_skeleton_result found;
 
@@ -21,7 +23,8 @@ static void a_bar_has_its_axis(void **state)
         check(&found, &params);
         assert_true(found.part_count >= 1 && found.left_out == 0);
         for (int32_t i = 0; i < found.point_count; i++) {
-            double x = (double)found.points[i].centre.x - 100, y = (double)found.points[i].centre.y - 80;
+            double x = (double)found.points[i].centre.x - 100,
+                   y = (double)found.points[i].centre.y - 80;
 
             assert_near(c * y - s * x, 0, 1.5);
             assert_near(found.points[i].radius, r, 1.5);
@@ -49,7 +52,8 @@ static void clutter_and_bends_are_checked(void **state)
         edgel_count = 0;
         add_bar(30, 40, 130, 60, 7, seed);
         for (double t = 0.2; t < 2.6; t += 0.02) {
-            double wobble = (double)cairn_random_uniform(&random, CAIRN_REAL(-0.2), CAIRN_REAL(0.2));
+            double wobble =
+                (double)cairn_random_uniform(&random, CAIRN_REAL(-0.2), CAIRN_REAL(0.2));
 
             add(100 + (50 + wobble) * cos(t), 70 + (50 + wobble) * sin(t), cos(t), sin(t));
             add(100 + (64 + wobble) * cos(t), 70 + (64 + wobble) * sin(t), -cos(t), -sin(t));
@@ -132,7 +136,8 @@ static void all_particles_die(void **state)
     test_pool_free(&f.pool);
 }
 
-/* Tens of thousands of CPs, evenly thinned, and circles full of edgels: bounded, and what it says is true. */
+/* Tens of thousands of CPs, evenly thinned, and circles full of edgels: bounded, and what it
+ * says is true. */
 static void crowds_are_thinned(void **state)
 {
     cairn_skeleton_params params = small_params();

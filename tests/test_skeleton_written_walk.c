@@ -1,11 +1,13 @@
-/* Skeletons as Adluru 2008, chapter 3, has them, against a slow reference implementation: every centre point, and whole walks. */
+/* Skeletons as Adluru 2008, chapter 3, has them, against a slow reference implementation: every
+ * centre point, and whole walks. */
 #include "tests/skeleton_reference.h"
 
 /* 1: an edgel lies in the look-ahead circle of a side. */
-static int is_ahead(const reference_pose *last, const double heading[2], int32_t side, const cairn_edgel *e,
-                    double reach)
+static int is_ahead(const reference_pose *last, const double heading[2], int32_t side,
+                    const cairn_edgel *e, double reach)
 {
-    double tx = -last->ny[side], ty = last->nx[side], sign = tx * heading[0] + ty * heading[1] < 0 ? -1 : 1;
+    double tx = -last->ny[side], ty = last->nx[side],
+           sign = tx * heading[0] + ty * heading[1] < 0 ? -1 : 1;
 
     return hypot((double)e->position.x - last->x[side] - sign * reach * tx,
                  (double)e->position.y - last->y[side] - sign * reach * ty) <= reach;
@@ -13,20 +15,22 @@ static int is_ahead(const reference_pose *last, const double heading[2], int32_t
 
 /* The heaviest of all followers. 0: there is none. */
 static int best_follower(const reference_pose *walk, int32_t count, const double heading[2],
-                         const cairn_skeleton_params *p, double least, double most, reference_pose *best,
-                         double *weight)
+                         const cairn_skeleton_params *p, double least, double most,
+                         reference_pose *best, double *weight)
 {
     const reference_pose *last = &walk[count - 1];
     double margin = 3 * (double)p->radius;
     int32_t followers = 0;
 
     for (int32_t i = 0; i < edgel_count; i++)
-        for (int32_t j = 0; j < edgel_count && is_ahead(last, heading, 0, &edgels[i], (double)p->reach); j++) {
+        for (int32_t j = 0;
+             j < edgel_count && is_ahead(last, heading, 0, &edgels[i], (double)p->reach); j++) {
             reference_pose next;
             double way[2], w;
 
             if (i == j || !is_ahead(last, heading, 1, &edgels[j], (double)p->reach) ||
-                !reference_of(i, j, fmax(least - margin, 1), most + margin, (double)p->symmetry, &next) ||
+                !reference_of(i, j, fmax(least - margin, 1), most + margin, (double)p->symmetry,
+                              &next) ||
                 !put_in_order(last, &next, way) || !may_follow(walk, count, &next))
                 continue;
             w = reference_weight(last, &next, p, least, most);
@@ -40,8 +44,9 @@ static int best_follower(const reference_pose *walk, int32_t count, const double
 }
 
 /* Poses of the walk of one particle from a pose on; 0: not these. */
-static int is_walk_of(const cairn_skeleton_result *r, const cairn_skeleton_part *part, const double way[2],
-                      const cairn_skeleton_params *p, double least, double most)
+static int is_walk_of(const cairn_skeleton_result *r, const cairn_skeleton_part *part,
+                      const double way[2], const cairn_skeleton_params *p, double least,
+                      double most)
 {
     static reference_pose walk[64];
     const cairn_skeleton_point *points = &r->points[part->first];
@@ -50,7 +55,8 @@ static int is_walk_of(const cairn_skeleton_result *r, const cairn_skeleton_part 
 
     assert_true(reference_of(first, second, 1, 1000, PI, &walk[0]));
     for (; count <= p->max_steps; count++) {
-        if (!best_follower(walk, count, heading, p, least, most, &walk[count], &weight) || weight < -(double)p->stop)
+        if (!best_follower(walk, count, heading, p, least, most, &walk[count], &weight) ||
+            weight < -(double)p->stop)
             break;
         (void)put_in_order(&walk[count - 1], &walk[count], heading);
         sum += weight + REFERENCE;
@@ -59,7 +65,8 @@ static int is_walk_of(const cairn_skeleton_result *r, const cairn_skeleton_part 
         return 0;
     for (int32_t i = 0; i < count; i++)
         if (fabs((double)points[i].centre.x - walk[i].cx) > 1e-6 ||
-            fabs((double)points[i].centre.y - walk[i].cy) > 1e-6 || fabs((double)points[i].radius - walk[i].r) > 1e-6)
+            fabs((double)points[i].centre.y - walk[i].cy) > 1e-6 ||
+            fabs((double)points[i].radius - walk[i].r) > 1e-6)
             return 0;
     return 1;
 }
@@ -121,7 +128,8 @@ static void walks_are_those_of_the_reference(void **state)
 
             for (int32_t k = 0; !known && cairn_skeleton_mirror_line(f.skeleton, k, &line); k++)
                 for (int32_t sign = -1; sign <= 1; sign += 2) {
-                    double way[2] = {sign * (double)(line.b[0] - line.a[0]), sign * (double)(line.b[1] - line.a[1])};
+                    double way[2] = {sign * (double)(line.b[0] - line.a[0]),
+                                     sign * (double)(line.b[1] - line.a[1])};
 
                     known |= is_walk_of(&found, &found.parts[i], way, &params, 6, 8);
                 }

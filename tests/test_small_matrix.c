@@ -1,4 +1,5 @@
-/* Solves, inverses and eigenvectors: each result is put back into its equation; degenerate matrices are refused. */
+/* Solves, inverses and eigenvectors: each result is put back into its equation; degenerate
+ * matrices are refused. */
 #include "tests/test.h"
 
 #include <math.h>
@@ -65,7 +66,8 @@ static void outer_products_and_forms(void **state)
 
     (void)state;
     cairn_sym3_add_outer(&m, v, 10);
-    assert_true(m.xx == 41 && m.xy == 62 && m.xz == 103 && m.yy == 94 && m.yz == 155 && m.zz == 256);
+    assert_true(m.xx == 41 && m.xy == 62 && m.xz == 103 && m.yy == 94 && m.yz == 155 &&
+                m.zz == 256);
     {
         double a[3][3], sum = 0;
 
@@ -87,8 +89,10 @@ static void check_sym2(cairn_sym2 m)
     cairn_sym2_eigen(m, values, &axis[0], &axis[1]);
     assert_true(values[0] <= values[1]);
     for (int i = 0; i < 2; i++) {
-        assert_near(m.xx * axis[i].x + m.xy * axis[i].y, values[i] * axis[i].x, 4 * TOLERANCE * scale);
-        assert_near(m.xy * axis[i].x + m.yy * axis[i].y, values[i] * axis[i].y, 4 * TOLERANCE * scale);
+        assert_near(m.xx * axis[i].x + m.xy * axis[i].y, values[i] * axis[i].x,
+                    4 * TOLERANCE * scale);
+        assert_near(m.xy * axis[i].x + m.yy * axis[i].y, values[i] * axis[i].y,
+                    4 * TOLERANCE * scale);
         assert_near(cairn_vec2_norm(axis[i]), 1, TOLERANCE);
     }
     assert_near(cairn_vec2_dot(axis[0], axis[1]), 0, TOLERANCE);
@@ -181,16 +185,17 @@ static void refused(cairn_sym3 m)
     assert_int_equal(cairn_sym3_solve(m, b, x), 0);
     assert_true(x[0] == 7 && x[1] == 8 && x[2] == 9);
     assert_int_equal(cairn_sym3_inverse(m, &inverse), 0);
-    assert_true(inverse.xx == 1 && inverse.xy == 2 && inverse.xz == 3 && inverse.yy == 4 && inverse.yz == 5 &&
-                inverse.zz == 6);
+    assert_true(inverse.xx == 1 && inverse.xy == 2 && inverse.xz == 3 && inverse.yy == 4 &&
+                inverse.yz == 5 && inverse.zz == 6);
 }
 
 static void not_positive_definite(void **state)
 {
     static const cairn_sym3 bad[] = {
-        {0, 0, 0, 0, 0, 0}, {-1, 0, 0, 1, 0, 1}, {1, 0, 0, -1, 0, 1}, {1, 0, 0, 1, 0, -1}, {0, 0, 0, 1, 0, 1},
-        {1, 0, 0, 0, 0, 1}, {1, 0, 0, 1, 0, 0},  {1, 1, 1, 1, 1, 1},  {1, 2, 0, 1, 0, 1},  {1, 0, 2, 1, 0, 1},
-        {1, 0, 0, 1, 2, 1}, {4, 2, 6, 1, 3, 9},  {2, 1, 3, 2, 3, 6}, /* rank 2: z = x + y */
+        {0, 0, 0, 0, 0, 0}, {-1, 0, 0, 1, 0, 1}, {1, 0, 0, -1, 0, 1}, {1, 0, 0, 1, 0, -1},
+        {0, 0, 0, 1, 0, 1}, {1, 0, 0, 0, 0, 1},  {1, 0, 0, 1, 0, 0},  {1, 1, 1, 1, 1, 1},
+        {1, 2, 0, 1, 0, 1}, {1, 0, 2, 1, 0, 1},  {1, 0, 0, 1, 2, 1},  {4, 2, 6, 1, 3, 9},
+        {2, 1, 3, 2, 3, 6}, /* rank 2: z = x + y */
     };
     const cairn_real not_a_number = (cairn_real)NAN, infinite = (cairn_real)INFINITY;
 

@@ -47,7 +47,8 @@ static cairn_status run(const cairn_pose_solver *face)
     return status;
 }
 
-/* A random positive definite system, the same in every solver; pairs are linked in both directions and twice. */
+/* A random positive definite system, the same in every solver; pairs are linked in both
+ * directions and twice. */
 static void give_system(const cairn_pose_solver *face, uint64_t seed, cairn_real prior)
 {
     cairn_random random = cairn_random_seed(seed, 0);
@@ -55,7 +56,8 @@ static void give_system(const cairn_pose_solver *face, uint64_t seed, cairn_real
     assert_ok(face->begin(face->context, POSES));
     for (int32_t l = 0; l < LINKS; l++) {
         int32_t a = l < POSES - 1 ? l : cairn_random_below(&random, POSES);
-        int32_t b = l < POSES - 1 ? l + 1 : (a + 1 + cairn_random_below(&random, POSES - 1)) % POSES;
+        int32_t b =
+            l < POSES - 1 ? l + 1 : (a + 1 + cairn_random_below(&random, POSES - 1)) % POSES;
 
         if (l % 7 == 6)
             assert_ok(face->add_link(face->context, 1 + l % (POSES - 1), l % (POSES - 1)));
@@ -72,7 +74,8 @@ static void give_system(const cairn_pose_solver *face, uint64_t seed, cairn_real
     }
     for (int32_t l = 0; l < LINKS; l++) {
         int32_t a = l < POSES - 1 ? l : cairn_random_below(&random, POSES);
-        int32_t b = l < POSES - 1 ? l + 1 : (a + 1 + cairn_random_below(&random, POSES - 1)) % POSES;
+        int32_t b =
+            l < POSES - 1 ? l + 1 : (a + 1 + cairn_random_below(&random, POSES - 1)) % POSES;
         cairn_sym3 first = cairn_sym3_zero(), second = cairn_sym3_zero();
         cairn_real block[9] = {0};
         cairn_random values = cairn_random_seed(seed, (uint64_t)l + 1);
@@ -208,7 +211,8 @@ static void same_poses(void **state)
 static void refusals(void **state)
 {
     const cairn_real nan = (cairn_real)NAN;
-    const cairn_sym3 one = {1, 0, 0, 1, 0, 1}, bad = {1, 0, 0, nan, 0, 1}, flat = {1, 0, 0, 0, 0, 1};
+    const cairn_sym3 one = {1, 0, 0, 1, 0, 1}, bad = {1, 0, 0, nan, 0, 1},
+                     flat = {1, 0, 0, 0, 0, 1};
     cairn_real b[6] = {0}, x[9] = {0};
     cairn_sparse_solver *sparse;
     cairn_pose_solver f;
@@ -278,7 +282,8 @@ static cairn_block_solver_state state_of_pose(const cairn_pose_solver *f, cairn_
     return f->read(f->context).state;
 }
 
-/* Every unknown is measured by its own diagonal, and a solution beyond what a cairn_real holds is told. */
+/* Every unknown is measured by its own diagonal, and a solution beyond what a cairn_real holds
+ * is told. */
 static void one_pose(void **state)
 {
     const cairn_sym3 uneven = {CAIRN_REAL(1e-18), 0, 0, 1, 0, CAIRN_REAL(1e18)};
@@ -322,7 +327,8 @@ static void small_pivots(void **state)
     f = cairn_sparse_solver_face(sparse);
     for (int k = 0; k < 6; k++) {
         const cairn_real left = (cairn_real)(k < 3 ? 48 : 96) * (cairn_real)DBL_EPSILON;
-        const cairn_sym3 rest = {k % 3 == 0 ? left : 1, 0, 0, k % 3 == 1 ? left : 1, 0, k % 3 == 2 ? left : 1};
+        const cairn_sym3 rest = {k % 3 == 0 ? left : 1, 0, 0,
+                                 k % 3 == 1 ? left : 1, 0, k % 3 == 2 ? left : 1};
         const cairn_real minus[9] = {-1, 0, 0, 0, -1, 0, 0, 0, -1};
 
         assert_ok(f.begin(f.context, 2));
@@ -344,7 +350,8 @@ static void small_pivots(void **state)
 /* What is held, and that its lack is told. */
 static void memory(void **state)
 {
-    const size_t numbers = 8 * sizeof(int) + 3 * sizeof(double), entries = sizeof(int) + sizeof(double);
+    const size_t numbers = 8 * sizeof(int) + 3 * sizeof(double),
+                 entries = sizeof(int) + sizeof(double);
     cairn_sparse_solver *sparse;
     cairn_pose_solver f;
     size_t empty;

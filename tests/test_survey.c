@@ -27,12 +27,14 @@ static sim_survey *survey_of(const sim_arena *arena, const sim_survey_options *o
 
 static sim_pose compose(sim_pose a, sim_pose b)
 {
-    sim_pose c = {a.x + cos(a.theta) * b.x - sin(a.theta) * b.y, a.y + sin(a.theta) * b.x + cos(a.theta) * b.y,
+    sim_pose c = {a.x + cos(a.theta) * b.x - sin(a.theta) * b.y,
+                  a.y + sin(a.theta) * b.x + cos(a.theta) * b.y,
                   remainder(a.theta + b.theta, 2 * pi)};
     return c;
 }
 
-/* The slow twin: distance along a ray to the nearest edge, by cutting it with every edge; 1e9 when there is none. */
+/* The slow twin: distance along a ray to the nearest edge, by cutting it with every edge; 1e9
+ * when there is none. */
 static double cast(const sim_arena *arena, sim_pose from, double angle, int32_t *which)
 {
     int32_t count;
@@ -45,7 +47,8 @@ static double cast(const sim_arena *arena, sim_pose from, double angle, int32_t 
         double ax = e->a.x - from.x, ay = e->a.y - from.y, t;
 
         if (e->radius > 0) {
-            double along = ax * dx + ay * dy, off = ax * dy - ay * dx, half = e->radius * e->radius - off * off;
+            double along = ax * dx + ay * dy, off = ax * dy - ay * dx,
+                   half = e->radius * e->radius - off * off;
 
             if (half < 0)
                 continue;
@@ -90,7 +93,8 @@ static void test_ranges_against_slow_twin(void **state)
             assert_near(scans[i].angle_step, 0.25 * pi / 180, 1e-12);
             for (int32_t k = 0; k < scans[i].count; k++, beams++) {
                 int32_t edge;
-                double expected = cast(arena, scans[i].truth, scans[i].angle_min + k * scans[i].angle_step, &edge);
+                double expected = cast(arena, scans[i].truth,
+                                       scans[i].angle_min + k * scans[i].angle_step, &edge);
                 double range = (double)scans[i].range[k];
 
                 if (scans[i].edge[k] == SIM_NOTHING) {
@@ -105,19 +109,22 @@ static void test_ranges_against_slow_twin(void **state)
                 if (scans[i].edge[k] != edge) {
                     /* The same point on another edge: where bodies cross. */
                     const sim_edge *e = &edges[scans[i].edge[k]];
-                    double angle = scans[i].truth.theta + scans[i].angle_min + k * scans[i].angle_step;
-                    double x = scans[i].truth.x + range * cos(angle), y = scans[i].truth.y + range * sin(angle);
+                    double angle =
+                        scans[i].truth.theta + scans[i].angle_min + k * scans[i].angle_step;
+                    double x = scans[i].truth.x + range * cos(angle),
+                           y = scans[i].truth.y + range * sin(angle);
 
                     other_edge++;
                     if (e->radius == 0 && fabs(range - expected) <= 1e-4)
-                        assert_near((x - e->a.x) * e->normal.x + (y - e->a.y) * e->normal.y, 0, 1e-4);
+                        assert_near((x - e->a.x) * e->normal.x + (y - e->a.y) * e->normal.y, 0,
+                                    1e-4);
                 }
             }
         }
         /* Beams that graze a corner may go either way in float and double. */
         if (odd > beams / 5000 || other_edge > beams / 500)
-            fail_msg("%s: %d ranges and %d edges differ of %d", sim_scene_name(scene), (int)odd, (int)other_edge,
-                     (int)beams);
+            fail_msg("%s: %d ranges and %d edges differ of %d", sim_scene_name(scene), (int)odd,
+                     (int)other_edge, (int)beams);
         assert_true(scene == SIM_CORRIDOR ? none > 100 : none < beams / 3);
         sim_survey_free(survey);
         sim_arena_free(arena);
@@ -155,7 +162,8 @@ static void test_places(void **state)
                 assert_true(sim_arena_clearance(arena, p) > 0.22);
                 assert_true(hypot(p.x - places[i / 4].x, p.y - places[i / 4].y) <= 0.075);
                 if (i % 4) {
-                    double turn = remainder(s->truth.theta - scans[i - 1].truth.theta - pi / 2, 2 * pi);
+                    double turn =
+                        remainder(s->truth.theta - scans[i - 1].truth.theta - pi / 2, 2 * pi);
 
                     assert_near(turn, 0, 5 * pi / 180);
                     assert_true(turn != 0);
@@ -166,7 +174,8 @@ static void test_places(void **state)
             }
             for (int32_t a = 0; a < place_count; a++)
                 for (int32_t b = 0; b < a; b++)
-                    assert_true(hypot(places[a].x - places[b].x, places[a].y - places[b].y) >= 0.299);
+                    assert_true(hypot(places[a].x - places[b].x, places[a].y - places[b].y) >=
+                                0.299);
             /* All scans hang together: by common edges, each seen by five beams of both. */
             while (merged) {
                 merged = 0;
@@ -192,8 +201,8 @@ static void test_places(void **state)
             for (int32_t i = 0; i < count; i++)
                 all += group[i] == 0;
             if (all < count - 2)
-                fail_msg("%s %d: only %d of %d scans hang together", sim_scene_name(scene), (int)seed, (int)all,
-                         (int)count);
+                fail_msg("%s %d: only %d of %d scans hang together", sim_scene_name(scene),
+                         (int)seed, (int)all, (int)count);
             sim_survey_free(survey);
             sim_arena_free(arena);
         }
@@ -245,7 +254,8 @@ static void test_same_options_same_scans(void **state)
     sim_arena_free(twin);
 }
 
-/* Errors of the scanner do not move the robot, nor each other. Their shares and sizes are those asked for. */
+/* Errors of the scanner do not move the robot, nor each other. Their shares and sizes are those
+ * asked for. */
 static void test_noise_and_dropouts(void **state)
 {
     sim_arena *arena = arena_of(SIM_RESCUE, 3);
@@ -304,7 +314,8 @@ static void test_noise_and_dropouts(void **state)
     sim_arena_free(arena);
 }
 
-/* Tilted scans see the floor in one run, short of the walls, along d / cos: 1/r is a cosine of the bearing. */
+/* Tilted scans see the floor in one run, short of the walls, along d / cos: 1/r is a cosine of
+ * the bearing. */
 static void test_tilt(void **state)
 {
     sim_arena *arena = arena_of(SIM_RESCUE, 3);
@@ -333,7 +344,8 @@ static void test_tilt(void **state)
             here++;
             runs += k == 0 || b[i].edge[k - 1] != SIM_FLOOR;
             assert_true(b[i].range[k] < 0.91f * a[i].range[k]);
-            if (k > 0 && k + 1 < a[i].count && b[i].edge[k - 1] == SIM_FLOOR && b[i].edge[k + 1] == SIM_FLOOR)
+            if (k > 0 && k + 1 < a[i].count && b[i].edge[k - 1] == SIM_FLOOR &&
+                b[i].edge[k + 1] == SIM_FLOOR)
                 assert_near(1 / (double)b[i].range[k - 1] + 1 / (double)b[i].range[k + 1],
                             2 * cos(a[i].angle_step) / (double)b[i].range[k], 1e-5);
         }
@@ -484,8 +496,8 @@ static void test_sweep_motion(void **state)
         assert_true(s[i].odometry_motion.theta != s[i].motion.theta);
         for (int32_t k = 0; k < s[i].count; k++) {
             double t = time * k / (s[i].count - 1), angle = s[i].angle_min + k * s[i].angle_step;
-            sim_pose moved = {speed / turn_rate * sin(turn_rate * t), speed / turn_rate * (1 - cos(turn_rate * t)),
-                              turn_rate * t};
+            sim_pose moved = {speed / turn_rate * sin(turn_rate * t),
+                              speed / turn_rate * (1 - cos(turn_rate * t)), turn_rate * t};
             double expected = cast(arena, compose(compose(poses[i], moved), sensor), angle, &edge);
 
             if (expected < 8)
@@ -565,20 +577,22 @@ static void test_odometry(void **state)
     scans = sim_survey_scans(survey, &count);
     assert_memory_equal(&scans[0].odometry, &scans[0].truth, sizeof scans[0].truth);
     for (int32_t i = 1; i < count; i++) {
-        double off = hypot(scans[i].odometry.x - scans[i].truth.x, scans[i].odometry.y - scans[i].truth.y);
+        double off =
+            hypot(scans[i].odometry.x - scans[i].truth.x, scans[i].odometry.y - scans[i].truth.y);
 
         assert_true(off > 0 && off < 12);
         drift = off > drift ? off : drift;
         if (scans[i].place == scans[i - 1].place) /* from scan to scan it is good */
-            assert_near(remainder(scans[i].odometry.theta - scans[i - 1].odometry.theta - scans[i].truth.theta +
-                                      scans[i - 1].truth.theta,
+            assert_near(remainder(scans[i].odometry.theta - scans[i - 1].odometry.theta -
+                                      scans[i].truth.theta + scans[i - 1].truth.theta,
                                   2 * pi),
                         0, 0.2);
     }
     assert_true(drift > 0.1);
     sim_survey_free(survey);
 
-    options.slip_distance = options.slip_turn = options.slip_drift = options.bias_scale = options.bias_drift = 0;
+    options.slip_distance = options.slip_turn = options.slip_drift = options.bias_scale =
+        options.bias_drift = 0;
     survey = survey_of(arena, &options);
     scans = sim_survey_scans(survey, &count);
     for (int32_t i = 0; i < count; i++) {
@@ -620,15 +634,20 @@ static void test_drive(void **state)
         }
         for (int32_t i = 0; i < count; i++) {
             assert_int_equal(scans[i].place, -1);
-            if (!(fabs(scans[i].motion.theta) < 0.3 && hypot(scans[i].motion.x, scans[i].motion.y) < 0.08))
-                printf("%s %d %g %g %g\n", sim_scene_name(scene), i, scans[i].motion.x, scans[i].motion.y,
-                       scans[i].motion.theta);
-            off = hypot(scans[i].truth.x - scans[i].odometry.x, scans[i].truth.y - scans[i].odometry.y);
+            if (!(fabs(scans[i].motion.theta) < 0.3 &&
+                  hypot(scans[i].motion.x, scans[i].motion.y) < 0.08))
+                printf("%s %d %g %g %g\n", sim_scene_name(scene), i, scans[i].motion.x,
+                       scans[i].motion.y, scans[i].motion.theta);
+            off = hypot(scans[i].truth.x - scans[i].odometry.x,
+                        scans[i].truth.y - scans[i].odometry.y);
             if (i == 0)
                 continue;
-            way += hypot(scans[i].truth.x - scans[i - 1].truth.x, scans[i].truth.y - scans[i - 1].truth.y);
-            assert_true(hypot(scans[i].truth.x - scans[i - 1].truth.x, scans[i].truth.y - scans[i - 1].truth.y) < 0.48);
-            assert_true(fabs(remainder(scans[i].truth.theta - scans[i - 1].truth.theta, 2 * pi)) < 0.65);
+            way += hypot(scans[i].truth.x - scans[i - 1].truth.x,
+                         scans[i].truth.y - scans[i - 1].truth.y);
+            assert_true(hypot(scans[i].truth.x - scans[i - 1].truth.x,
+                              scans[i].truth.y - scans[i - 1].truth.y) < 0.48);
+            assert_true(fabs(remainder(scans[i].truth.theta - scans[i - 1].truth.theta, 2 * pi)) <
+                        0.65);
             assert_true(scans[i].stamp_ns > scans[i - 1].stamp_ns + 100000000);
         }
         assert_true(way > 20);
@@ -651,7 +670,8 @@ static void test_drive_without_slip(void **state)
 
     (void)state;
     options.drive = 60;
-    options.slip_distance = options.slip_turn = options.slip_drift = options.bias_scale = options.bias_drift = 0;
+    options.slip_distance = options.slip_turn = options.slip_drift = options.bias_scale =
+        options.bias_drift = 0;
     survey = survey_of(arena, &options);
     scans = sim_survey_scans(survey, &count);
     assert_int_equal(sim_survey_bumps(survey), 0);
@@ -661,7 +681,8 @@ static void test_drive_without_slip(void **state)
     sim_arena_free(arena);
 }
 
-/* Scene `rooms`: five places; none sees more than three sides of the lower right room, together they see all of three. */
+/* Scene `rooms`: five places; none sees more than three sides of the lower right room, together
+ * they see all of three. */
 static void test_rooms_scene(void **state)
 {
     (void)state;
@@ -696,7 +717,8 @@ static void test_rooms_scene(void **state)
                 double x = scans[i].truth.x + r * cos(angle), y = scans[i].truth.y + r * sin(angle);
                 const sim_edge *e;
 
-                /* Inside the lower right room: y below the hallway's lower wall, x right of the dividing wall. */
+                /* Inside the lower right room: y below the hallway's lower wall, x right of the
+                 * dividing wall. */
                 if (scans[i].edge[k] < 0 || !(y < -0.9 - 0.0499) || !(x > -0.04 * 12 - 0.01))
                     continue;
                 e = &edges[scans[i].edge[k]];
@@ -794,7 +816,8 @@ static void test_bad_options(void **state)
         {offsetof(sim_survey_options, bias_scale), 2, "bias_scale is 2"},
         {offsetof(sim_survey_options, bias_drift), 2, "bias_drift is 2"},
         {offsetof(sim_survey_options, base_sensor.x), 0.16, "base_sensor is 0.16 m"},
-        {offsetof(sim_survey_options, base_sensor.theta), (double)INFINITY, "base_sensor.theta is inf"},
+        {offsetof(sim_survey_options, base_sensor.theta), (double)INFINITY,
+         "base_sensor.theta is inf"},
     };
     const struct {
         size_t offset;

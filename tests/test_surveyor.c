@@ -1,4 +1,5 @@
-/* The surveyor of the firmware: the mapper in a loop of ticks gives the poses that it gives by itself. */
+/* The surveyor of the firmware: the mapper in a loop of ticks gives the poses that it gives by
+ * itself. */
 #include <math.h>
 
 #include "firmware/surveyor.h"
@@ -17,16 +18,18 @@ typedef struct drive {
 
 static cairn_real range_to_wall(cairn_vec2 at, cairn_real angle)
 {
-    static const cairn_vec2 corner[] = {{0, 0}, {4, 0}, {4, 3}, {3, 3}, {3, CAIRN_REAL(3.5)}, {2, CAIRN_REAL(3.5)},
-                                        {2, 3}, {0, 3}};
+    static const cairn_vec2 corner[] = {
+        {0, 0}, {4, 0}, {4, 3}, {3, 3}, {3, CAIRN_REAL(3.5)}, {2, CAIRN_REAL(3.5)}, {2, 3}, {0, 3}};
     enum { CORNERS = sizeof corner / sizeof *corner };
     cairn_vec2 along = {cairn_cos(angle), cairn_sin(angle)};
     cairn_real nearest = 100;
 
     for (int32_t i = 0; i < CORNERS; i++) {
-        cairn_vec2 a = corner[i], wall = cairn_vec2_sub(corner[(i + 1) % CORNERS], a), to = cairn_vec2_sub(a, at);
+        cairn_vec2 a = corner[i], wall = cairn_vec2_sub(corner[(i + 1) % CORNERS], a),
+                   to = cairn_vec2_sub(a, at);
         cairn_real slope = cairn_vec2_cross(along, wall);
-        cairn_real range = cairn_vec2_cross(to, wall) / slope, share = cairn_vec2_cross(to, along) / slope;
+        cairn_real range = cairn_vec2_cross(to, wall) / slope,
+                   share = cairn_vec2_cross(to, along) / slope;
 
         if (slope != 0 && range > 0 && share >= 0 && share <= 1)
             nearest = cairn_min(nearest, range);
@@ -40,7 +43,8 @@ static void make_drive(drive *d)
 
     for (int32_t i = 0; i < SWEEPS; i++) {
         robot_sweep *sweep = &d->sweep[i];
-        cairn_pose at = {1 + CAIRN_REAL(0.15) * (cairn_real)i, CAIRN_REAL(1.2), CAIRN_REAL(0.1) * (cairn_real)i};
+        cairn_pose at = {1 + CAIRN_REAL(0.15) * (cairn_real)i, CAIRN_REAL(1.2),
+                         CAIRN_REAL(0.1) * (cairn_real)i};
         cairn_vec2 from = {at.x, at.y};
 
         d->truth[i] = sweep->pose = at;
@@ -53,14 +57,16 @@ static void make_drive(drive *d)
         sweep->angle_min = -3.0f;
         sweep->angle_step = 0.05f;
         for (int32_t k = 0; k < BEAMS; k++)
-            d->range[i][k] = (float)(range_to_wall(from, at.theta - 3 + CAIRN_REAL(0.05) * (cairn_real)k) +
-                                     cairn_random_uniform(&random, -CAIRN_REAL(0.01), CAIRN_REAL(0.01)));
+            d->range[i][k] =
+                (float)(range_to_wall(from, at.theta - 3 + CAIRN_REAL(0.05) * (cairn_real)k) +
+                        cairn_random_uniform(&random, -CAIRN_REAL(0.01), CAIRN_REAL(0.01)));
     }
 }
 
 static surveyor_params room_params(void)
 {
-    surveyor_params params = {.range_max = 8, .range_sigma = 0.01f, .mapper = cairn_mapper_default_for(KEYS, BEAMS)};
+    surveyor_params params = {
+        .range_max = 8, .range_sigma = 0.01f, .mapper = cairn_mapper_default_for(KEYS, BEAMS)};
 
     return params;
 }
@@ -83,7 +89,8 @@ static void tick(surveyor *s, int32_t units, surveyor_work expected)
     assert_int_equal(work, expected);
 }
 
-/* The whole drive, ticks of so many units, each sweep when the one before is done or, early, as soon as it may wait. */
+/* The whole drive, ticks of so many units, each sweep when the one before is done or, early, as
+ * soon as it may wait. */
 static void fly(surveyor *s, const drive *d, int32_t units, int32_t early)
 {
     int32_t next = 0;
@@ -210,7 +217,8 @@ static void what_is_refused(void **state)
     surveyor s;
 
     (void)state;
-    assert_int_equal(surveyor_create(&s, memory, cairn_mapper_memory(&params.mapper) / 2, &params), CAIRN_NO_MEMORY);
+    assert_int_equal(surveyor_create(&s, memory, cairn_mapper_memory(&params.mapper) / 2, &params),
+                     CAIRN_NO_MEMORY);
     assert_int_equal(surveyor_create(&s, NULL, MEMORY, &params), CAIRN_BAD_ARGUMENT);
     params.mapper.max_keys = 0;
     assert_int_equal(surveyor_create(&s, memory, MEMORY, &params), CAIRN_BAD_ARGUMENT);
@@ -236,7 +244,9 @@ typedef struct shuttle {
 static void drive_on(shuttle *d, int32_t turn)
 {
     int32_t at = turn % LAP < LAP / 2 ? turn % LAP : LAP - 1 - turn % LAP;
-    cairn_pose next = {1 + CAIRN_REAL(0.15) * (cairn_real)at, CAIRN_REAL(1.2), CAIRN_REAL(0.1) * (cairn_real)at}, step;
+    cairn_pose next = {1 + CAIRN_REAL(0.15) * (cairn_real)at, CAIRN_REAL(1.2),
+                       CAIRN_REAL(0.1) * (cairn_real)at},
+               step;
     cairn_vec2 from = {next.x, next.y};
 
     step = cairn_pose_between(turn > 0 ? d->truth : next, next);
@@ -249,8 +259,9 @@ static void drive_on(shuttle *d, int32_t turn)
     d->sweep.angle_min = -3.0f;
     d->sweep.angle_step = 0.05f;
     for (int32_t k = 0; k < BEAMS; k++)
-        d->range[k] = (float)(range_to_wall(from, next.theta - 3 + CAIRN_REAL(0.05) * (cairn_real)k) +
-                              cairn_random_uniform(&d->random, -CAIRN_REAL(0.01), CAIRN_REAL(0.01)));
+        d->range[k] =
+            (float)(range_to_wall(from, next.theta - 3 + CAIRN_REAL(0.05) * (cairn_real)k) +
+                    cairn_random_uniform(&d->random, -CAIRN_REAL(0.01), CAIRN_REAL(0.01)));
 }
 
 /* The loop of the firmware, in fixed memory: no sweep is refused, and laps are all alike. */
@@ -258,7 +269,8 @@ static void it_goes_on_and_on(void **state)
 {
     static shuttle d;
     surveyor_params params = room_params();
-    double off[LAPS] = {0}, sum[2] = {0, 0}; /* units of the earlier and of the later laps in full memory */
+    /* units of the earlier and of the later laps in full memory */
+    double off[LAPS] = {0}, sum[2] = {0, 0};
     int64_t units[LAPS] = {0};
     int32_t full = LAPS;
     surveyor s;
@@ -282,7 +294,8 @@ static void it_goes_on_and_on(void **state)
             units[turn / LAP] += 1000 - budget.left;
         }
         found = cairn_mapper_read(s.mapper).map_scan;
-        off[turn / LAP] += hypot((double)(found.x - d.truth.x), (double)(found.y - d.truth.y)) / LAP;
+        off[turn / LAP] +=
+            hypot((double)(found.x - d.truth.x), (double)(found.y - d.truth.y)) / LAP;
         assert_int_equal(s.pool.used, used);
         assert_true(cairn_mapper_measure(s.mapper).keys < FEW_KEYS);
         if (full == LAPS && cairn_mapper_measure(s.mapper).releases > 0)
@@ -294,7 +307,8 @@ static void it_goes_on_and_on(void **state)
     for (int32_t lap = full; lap < LAPS; lap++) {
         assert_true(off[lap] < 0.02);
         sum[lap >= (full + LAPS) / 2] +=
-            (double)units[lap] / (lap >= (full + LAPS) / 2 ? LAPS - (full + LAPS) / 2 : (full + LAPS) / 2 - full);
+            (double)units[lap] /
+            (lap >= (full + LAPS) / 2 ? LAPS - (full + LAPS) / 2 : (full + LAPS) / 2 - full);
     }
     assert_near(sum[1] / sum[0], 1, 0.05);
     assert_true(off[LAPS - 1] < off[full] + 0.005);

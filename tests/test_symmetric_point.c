@@ -11,7 +11,8 @@ enum { MANY = 150, ALL_PAIRS = MANY * (MANY - 1) / 2 };
 
 static cairn_oriented_point edgel(double x, double y, double angle)
 {
-    cairn_oriented_point p = {{(cairn_real)x, (cairn_real)y}, {(cairn_real)cos(angle), (cairn_real)sin(angle)}};
+    cairn_oriented_point p = {{(cairn_real)x, (cairn_real)y},
+                              {(cairn_real)cos(angle), (cairn_real)sin(angle)}};
 
     return p;
 }
@@ -23,7 +24,8 @@ static cairn_segment segment(double ax, double ay, double bx, double by)
     return s;
 }
 
-static int32_t point_of(cairn_oriented_point p, cairn_oriented_point q, cairn_symmetric_point *point)
+static int32_t point_of(cairn_oriented_point p, cairn_oriented_point q,
+                        cairn_symmetric_point *point)
 {
     memset(point, 0, sizeof *point);
     return cairn_symmetric_point_of(p, q, (cairn_real)(60 * DEGREE), point);
@@ -38,10 +40,13 @@ static void of_a_circle_it_is_the_centre(void **state)
 
     (void)state;
     for (int32_t i = 0; i < 500; i++) {
-        double x = (double)cairn_random_uniform(&random, -50, 50), y = (double)cairn_random_uniform(&random, -50, 50);
-        double r = (double)cairn_random_uniform(&random, 2, 40), at = (double)cairn_random_uniform(&random, -3, 3);
+        double x = (double)cairn_random_uniform(&random, -50, 50),
+               y = (double)cairn_random_uniform(&random, -50, 50);
+        double r = (double)cairn_random_uniform(&random, 2, 40),
+               at = (double)cairn_random_uniform(&random, -3, 3);
         double apart = (double)cairn_random_uniform(&random, (cairn_real)1.1, (cairn_real)PI);
-        double tangent = at + PI / 2 + (i % 2 ? PI : 0), other = at + apart + PI / 2 + (i % 4 < 2 ? PI : 0);
+        double tangent = at + PI / 2 + (i % 2 ? PI : 0),
+               other = at + apart + PI / 2 + (i % 4 < 2 ? PI : 0);
         cairn_oriented_point p = edgel(x + r * cos(at), y + r * sin(at), tangent);
         cairn_oriented_point q = edgel(x + r * cos(at + apart), y + r * sin(at + apart), other);
         cairn_symmetric_point sp;
@@ -58,16 +63,17 @@ static void of_a_circle_it_is_the_centre(void **state)
     }
 }
 
-/* As printed: both normals meet the bisector, at c/2 tan a and c/2 tan b. The centre lies between them, the normals deviate
- * from the way to it alike, and the mean of the printed deviations is the same. */
+/* As printed: both normals meet the bisector, at c/2 tan a and c/2 tan b. The centre lies
+ * between them, the normals deviate from the way to it alike, and the mean of the printed
+ * deviations is the same. */
 static void it_lies_between_the_normals(void **state)
 {
     cairn_random random = cairn_random_seed(2, 0);
 
     (void)state;
     for (int32_t i = 0; i < 500; i++) {
-        double a = (double)cairn_random_uniform(&random, -1, 1), b = (double)cairn_random_uniform(&random, -1, 1),
-               c = 10;
+        double a = (double)cairn_random_uniform(&random, -1, 1),
+               b = (double)cairn_random_uniform(&random, -1, 1), c = 10;
         double low = c / 2 * fmin(tan(a), tan(b)), high = c / 2 * fmax(tan(a), tan(b)), phi;
         cairn_symmetric_point sp;
 
@@ -143,9 +149,11 @@ static int slow_pair(const cairn_symmetric_point_params *p, cairn_segment s, cai
     int found = 0;
 
     for (int k = 0; k < 2; k++) {
-        double length = hypot((double)both[k]->b.x - (double)both[k]->a.x, (double)both[k]->b.y - (double)both[k]->a.y);
+        double length = hypot((double)both[k]->b.x - (double)both[k]->a.x,
+                              (double)both[k]->b.y - (double)both[k]->a.y);
 
-        count[k] = length == 0 ? 0 : (int32_t)fmin(ceil(length / (double)p->sample_step), p->samples);
+        count[k] =
+            length == 0 ? 0 : (int32_t)fmin(ceil(length / (double)p->sample_step), p->samples);
     }
     for (int32_t i = 0; i < count[0]; i++)
         for (int32_t j = 0; j < count[1]; j++) {
@@ -158,10 +166,12 @@ static int slow_pair(const cairn_symmetric_point_params *p, cairn_segment s, cai
                 double dx = (double)both[k]->b.x - (double)both[k]->a.x,
                        dy = (double)both[k]->b.y - (double)both[k]->a.y;
 
-                e[k] = edgel((double)both[k]->a.x + share * dx, (double)both[k]->a.y + share * dy, atan2(dy, dx));
+                e[k] = edgel((double)both[k]->a.x + share * dx, (double)both[k]->a.y + share * dy,
+                             atan2(dy, dx));
             }
-            if (!cairn_symmetric_point_of(e[0], e[1], p->max_angle, &sp) || sp.radius < p->min_radius ||
-                sp.radius > p->max_radius || sp.deviation > p->max_deviation)
+            if (!cairn_symmetric_point_of(e[0], e[1], p->max_angle, &sp) ||
+                sp.radius < p->min_radius || sp.radius > p->max_radius ||
+                sp.deviation > p->max_deviation)
                 continue;
             off = hypot((double)(sp.centre.x - (sp.touch[0].x + sp.touch[1].x) / 2),
                         (double)(sp.centre.y - (sp.touch[0].y + sp.touch[1].y) / 2));
@@ -178,8 +188,10 @@ static int slow_pair(const cairn_symmetric_point_params *p, cairn_segment s, cai
 
 static cairn_segment random_segment(cairn_random *random)
 {
-    double x = (double)cairn_random_uniform(random, 0, 200), y = (double)cairn_random_uniform(random, 0, 150);
-    double length = (double)cairn_random_uniform(random, 1, 40), angle = (double)cairn_random_uniform(random, -3, 3);
+    double x = (double)cairn_random_uniform(random, 0, 200),
+           y = (double)cairn_random_uniform(random, 0, 150);
+    double length = (double)cairn_random_uniform(random, 1, 40),
+           angle = (double)cairn_random_uniform(random, -3, 3);
 
     return segment(x, y, x + length * cos(angle), y + length * sin(angle));
 }
@@ -209,19 +221,24 @@ static void of_segments_the_best_pair_of_samples(void **state)
     assert_true(found > 300 && found < 1800);
 }
 
-/* Of parallel sides that face each other all samples are as good: the one opposite counts, and of those the first. */
+/* Of parallel sides that face each other all samples are as good: the one opposite counts, and
+ * of those the first. */
 static void equally_good_pairs(void **state)
 {
     cairn_symmetric_point_params params = cairn_symmetric_point_default();
     cairn_symmetric_point sp;
 
     (void)state;
-    assert_int_equal(cairn_symmetric_point_of_segments(&params, segment(0, 0, 20, 0), segment(0, 10, 20, 10), &sp), 1);
+    assert_int_equal(cairn_symmetric_point_of_segments(&params, segment(0, 0, 20, 0),
+                                                       segment(0, 10, 20, 10), &sp),
+                     1);
     assert_near(sp.centre.x, 2, NUMBER(1e-12, 1e-5));
     assert_near(sp.centre.y, 5, NUMBER(1e-12, 1e-5));
     assert_near(sp.deviation, 0, 0);
-    /* A wedge: all pairs at equal heights are perfect, the innermost has its centre nearest to its chord. */
-    assert_int_equal(cairn_symmetric_point_of_segments(&params, segment(2, 2, 22, 12), segment(2, -2, 22, -12), &sp),
+    /* A wedge: all pairs at equal heights are perfect, the innermost has its centre nearest to
+     * its chord. */
+    assert_int_equal(cairn_symmetric_point_of_segments(&params, segment(2, 2, 22, 12),
+                                                       segment(2, -2, 22, -12), &sp),
                      1);
     assert_near(sp.touch[0].x, 4, NUMBER(1e-12, 1e-5));
     assert_near(sp.touch[1].x, 4, NUMBER(1e-12, 1e-5));
@@ -238,9 +255,10 @@ static void samples_follow_the_length(void **state)
     for (size_t k = 0; k < sizeof cases / sizeof *cases; k++) {
         cairn_symmetric_point sp;
 
-        assert_int_equal(cairn_symmetric_point_of_segments(&params, segment(0, 0, cases[k].length, 0),
-                                                           segment(0, 30, cases[k].length, 30), &sp),
-                         1);
+        assert_int_equal(
+            cairn_symmetric_point_of_segments(&params, segment(0, 0, cases[k].length, 0),
+                                              segment(0, 30, cases[k].length, 30), &sp),
+            1);
         assert_near(sp.touch[0].x, cases[k].at, NUMBER(1e-12, 1e-5));
     }
 }
@@ -255,15 +273,22 @@ static void limits_hold(void **state)
     params.min_radius = 5;
     params.max_radius = 6;
     params.max_deviation = (cairn_real)(10 * DEGREE);
-    assert_int_equal(cairn_symmetric_point_of_segments(&params, s, segment(0, 9.99, 4, 9.99), &sp), 0);
-    assert_int_equal(cairn_symmetric_point_of_segments(&params, s, segment(0, 10.01, 4, 10.01), &sp), 1);
-    assert_int_equal(cairn_symmetric_point_of_segments(&params, s, segment(0, 11.99, 4, 11.99), &sp), 1);
-    assert_int_equal(cairn_symmetric_point_of_segments(&params, s, segment(0, 12.01, 4, 12.01), &sp), 0);
-    assert_int_equal(cairn_symmetric_point_of_segments(&params, s, segment(1.9, 11, 5.9, 11), &sp), 1);
+    assert_int_equal(cairn_symmetric_point_of_segments(&params, s, segment(0, 9.99, 4, 9.99), &sp),
+                     0);
+    assert_int_equal(
+        cairn_symmetric_point_of_segments(&params, s, segment(0, 10.01, 4, 10.01), &sp), 1);
+    assert_int_equal(
+        cairn_symmetric_point_of_segments(&params, s, segment(0, 11.99, 4, 11.99), &sp), 1);
+    assert_int_equal(
+        cairn_symmetric_point_of_segments(&params, s, segment(0, 12.01, 4, 12.01), &sp), 0);
+    assert_int_equal(cairn_symmetric_point_of_segments(&params, s, segment(1.9, 11, 5.9, 11), &sp),
+                     1);
     assert_near(sp.deviation, atan2(1.9, 11), NUMBER(1e-12, 1e-5));
     assert_int_equal(cairn_symmetric_point_of_segments(&params, s, segment(2, 11, 6, 11), &sp), 0);
     assert_int_equal(cairn_symmetric_point_of_segments(&params, s, segment(0, 11, 0, 11), &sp), 0);
-    assert_int_equal(cairn_symmetric_point_of_segments(&params, segment(2, 0, 2, 0), segment(0, 11, 4, 11), &sp), 0);
+    assert_int_equal(
+        cairn_symmetric_point_of_segments(&params, segment(2, 0, 2, 0), segment(0, 11, 4, 11), &sp),
+        0);
 }
 
 /* ---- All pairs ---- */
@@ -292,8 +317,8 @@ static struct fixture set_with(cairn_symmetric_point_params params)
     return f;
 }
 
-static const cairn_symmetric_point *search(cairn_symmetric_point_set *set, const cairn_segment *segments, int32_t count,
-                                           int32_t *found)
+static const cairn_symmetric_point *
+search(cairn_symmetric_point_set *set, const cairn_segment *segments, int32_t count, int32_t *found)
 {
     cairn_budget budget = {CAIRN_UNBOUNDED};
 
@@ -326,7 +351,8 @@ static void finds_all_pairs_in_reach(void **state)
         segments[i] = i % 5 == 4 ? segments[i - 1] : random_segment(&random);
     for (int32_t i = 0; i < MANY; i++)
         for (int32_t j = i + 1; j < MANY; j++)
-            if (cairn_symmetric_point_of_segments(&params, segments[i], segments[j], &slow[expected])) {
+            if (cairn_symmetric_point_of_segments(&params, segments[i], segments[j],
+                                                  &slow[expected])) {
                 slow[expected].first = i;
                 slow[expected++].second = j;
             }
@@ -448,11 +474,21 @@ static void bad_params_are_refused(void **state)
         cairn_real *field;
         double bad;
     } reals[] = {
-        {&p.sample_step, 0},    {&p.sample_step, (double)NAN},   {&p.sample_step, (double)INFINITY},
-        {&p.min_radius, -1},    {&p.min_radius, (double)NAN},    {&p.min_radius, 31},
-        {&p.max_radius, 1},     {&p.max_radius, (double)NAN},    {&p.max_radius, (double)INFINITY},
-        {&p.max_angle, 0},      {&p.max_angle, PI / 2 + 1e-6},   {&p.max_angle, (double)NAN},
-        {&p.max_deviation, -1}, {&p.max_deviation, (double)NAN}, {&p.max_deviation, (double)INFINITY},
+        {&p.sample_step, 0},
+        {&p.sample_step, (double)NAN},
+        {&p.sample_step, (double)INFINITY},
+        {&p.min_radius, -1},
+        {&p.min_radius, (double)NAN},
+        {&p.min_radius, 31},
+        {&p.max_radius, 1},
+        {&p.max_radius, (double)NAN},
+        {&p.max_radius, (double)INFINITY},
+        {&p.max_angle, 0},
+        {&p.max_angle, PI / 2 + 1e-6},
+        {&p.max_angle, (double)NAN},
+        {&p.max_deviation, -1},
+        {&p.max_deviation, (double)NAN},
+        {&p.max_deviation, (double)INFINITY},
     };
     const struct {
         int32_t *field, bad;

@@ -1,4 +1,5 @@
-/* Whole paths through the programs: an arena, its log, poses and a map; and what they say to bad input. */
+/* Whole paths through the programs: an arena, its log, poses and a map; and what they say to bad
+ * input. */
 #include <sys/stat.h>
 
 #include <math.h>
@@ -53,7 +54,8 @@ static void assert_same_files(const char *first, const char *second, const char 
 {
     for (int i = 0; i < FILES; i++) {
         size_t a = 0, b = 0;
-        char *one = files_read(in_folder(first, names[i]), &a), *two = files_read(in_folder(second, names[i]), &b);
+        char *one = files_read(in_folder(first, names[i]), &a),
+             *two = files_read(in_folder(second, names[i]), &b);
 
         assert_non_null(one);
         assert_non_null(two);
@@ -81,7 +83,8 @@ static void assert_refused(outcome o, const char *start, const char *piece)
     (void)snprintf(whole, sizeof whole, "%s%s", start[0] == '/' ? files_folder : "", start);
     if (o.code != 2 || lines_of(o.err) != 1 || strncmp(o.err, whole, strlen(whole)) != 0 ||
         strstr(o.err, piece) == NULL || strstr(o.err, "expected") == NULL)
-        fail_msg("exit code %d, \"%s\", where 2 and one line \"%s...%s...\" was expected", o.code, o.err, whole, piece);
+        fail_msg("exit code %d, \"%s\", where 2 and one line \"%s...%s...\" was expected", o.code,
+                 o.err, whole, piece);
     assert_string_equal(o.out, "");
 }
 
@@ -116,8 +119,10 @@ static double room_range(double half, double x, double y, double angle)
     return fmin(to_x, to_y);
 }
 
-/* A line of `beams` beams around a whole circle from (x, 0); what: the word instead of each range, or NULL. */
-static void add_room_scan_elsewhere(text *t, double half, int beams, double x, double told, const char *what, int stamp)
+/* A line of `beams` beams around a whole circle from (x, 0); what: the word instead of each
+ * range, or NULL. */
+static void add_room_scan_elsewhere(text *t, double half, int beams, double x, double told,
+                                    const char *what, int stamp)
 {
     double step = 6.283185307179586 / beams;
 
@@ -145,8 +150,8 @@ static void write_text(const char *name, text *t)
 
 static int is_name(char c)
 {
-    return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9') || c == '-' || c == ':' ||
-           c == '_';
+    return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9') || c == '-' ||
+           c == ':' || c == '_';
 }
 
 /* What '&' begins, up to its ';'; NULL when it is no entity. */
@@ -261,7 +266,8 @@ static void assert_picture(const char *folder, const char *name)
     assert_holds(bytes, "<svg xmlns=\"http://www.w3.org/2000/svg\"");
     fault = xml_fault(bytes);
     if (fault != NULL)
-        fail_msg("%s/%s is not well formed at byte %d: %.60s", folder, name, (int)(fault - bytes), fault);
+        fail_msg("%s/%s is not well formed at byte %d: %.60s", folder, name, (int)(fault - bytes),
+                 fault);
     free(bytes);
 }
 
@@ -294,21 +300,25 @@ static void the_xml_checker_sees_faults(void **state)
     for (size_t i = 0; i < sizeof bad / sizeof *bad; i++)
         if (xml_fault(bad[i]) == NULL)
             fail_msg("'%s' passes", bad[i]);
-    assert_null(xml_fault("<?xml version=\"1.0\"?>\n<a x=\"1 &lt; 2\" y:z=\"\">t &amp;&#160; t<b/><c>\n</c></a>\n"));
+    assert_null(xml_fault(
+        "<?xml version=\"1.0\"?>\n<a x=\"1 &lt; 2\" y:z=\"\">t &amp;&#160; t<b/><c>\n</c></a>\n"));
 }
 
 /* ---- Good input ---- */
 
-/* One arena for many tests: a drive in "drive", scans at places from disturbed poses in "places". */
+/* One arena for many tests: a drive in "drive", scans at places from disturbed poses in
+ * "places". */
 static void make_arenas(void **state)
 {
-    outcome o = programs_run("cairn-arena rooms --seed 3 --drive 30 --fov 180 --beams 91 --movers 1 -o @/drive");
+    outcome o = programs_run(
+        "cairn-arena rooms --seed 3 --drive 30 --fov 180 --beams 91 --movers 1 -o @/drive");
 
     (void)state;
     assert_done(o);
     assert_string_equal(o.err, "");
     assert_int_equal(count_in("drive"), FILES);
-    o = programs_run("cairn-arena apartment --seed 5 --places 4 --headings 3 --beams 121 --disturb 0.1,5 -o @/places");
+    o = programs_run("cairn-arena apartment --seed 5 --places 4 --headings 3 --beams 121 --disturb "
+                     "0.1,5 -o @/places");
     assert_done(o);
     assert_picture("drive", "arena.svg");
     assert_picture("places", "arena.svg");
@@ -319,9 +329,11 @@ static void same_seed_same_bytes(void **state)
     char *one, *two;
 
     (void)state;
-    assert_done(programs_run("cairn-arena rooms --seed 3 --drive 30 --fov 180 --beams 91 --movers 1 -o @/drive-again"));
+    assert_done(programs_run(
+        "cairn-arena rooms --seed 3 --drive 30 --fov 180 --beams 91 --movers 1 -o @/drive-again"));
     assert_same_files("drive", "drive-again", arena_files);
-    assert_done(programs_run("cairn-arena rooms --seed 4 --drive 30 --fov 180 --beams 91 --movers 1 -o @/drive-4"));
+    assert_done(programs_run(
+        "cairn-arena rooms --seed 4 --drive 30 --fov 180 --beams 91 --movers 1 -o @/drive-4"));
     one = files_read(in_folder("drive", "truth.csv"), NULL);
     two = files_read(in_folder("drive-4", "truth.csv"), NULL);
     assert_string_not_equal(one, two);
@@ -329,10 +341,12 @@ static void same_seed_same_bytes(void **state)
     free(two);
 
     assert_done(programs_run("cairn map @/drive/scans.log -o @/map --seed 1"));
-    assert_done(programs_run("cairn map @/drive/scans.log -o @/map-again/new/folder --seed 1 --quiet"));
+    assert_done(
+        programs_run("cairn map @/drive/scans.log -o @/map-again/new/folder --seed 1 --quiet"));
     assert_same_files("map", "map-again/new/folder", map_files);
     assert_done(programs_run("cairn align @/places/scans.log -o @/align --seed 1 --steps 20"));
-    assert_done(programs_run("cairn align @/places/scans.log -o @/align-again --seed 1 --steps=20 --pool 64M"));
+    assert_done(programs_run(
+        "cairn align @/places/scans.log -o @/align-again --seed 1 --steps=20 --pool 64M"));
     assert_same_files("align", "align-again", map_files);
     assert_int_equal(count_in("map"), FILES + 2);
     assert_same_files("map", "map-again/new/folder", graph_files);
@@ -344,8 +358,10 @@ static void same_seed_same_bytes(void **state)
     assert_int_equal(count_in("drive"), FILES);
 }
 
-/* Mean distance of poses.csv from the true positions, the first one laid over its truth when `relative`. */
-static double mean_error(const cairn_pose_row *row, int32_t count, const char *truth_path, int32_t relative)
+/* Mean distance of poses.csv from the true positions, the first one laid over its truth when
+ * `relative`. */
+static double mean_error(const cairn_pose_row *row, int32_t count, const char *truth_path,
+                         int32_t relative)
 {
     cairn_pose_row *truth;
     cairn_pose shift = cairn_pose_identity();
@@ -373,18 +389,25 @@ static void a_pose_for_every_scan(void **state)
         int32_t relative;
         double error;
     } sample[] = {
-        {"drive/scans.log", "map/poses.csv", "drive/truth.csv", "first matched predicted blind ", 1, 0.1},
-        {"places/scans.log", "align/poses.csv", "places/truth.csv", "placed uncertain apart blind ", 0, 0.05},
+        {"drive/scans.log", "map/poses.csv", "drive/truth.csv", "first matched predicted blind ", 1,
+         0.1},
+        {"places/scans.log", "align/poses.csv", "places/truth.csv", "placed uncertain apart blind ",
+         0, 0.05},
         {"places/scans.log", "lum/poses.csv", "places/truth.csv", "aligned apart blind ", 1, 0.2},
-        {"places/scans.log", "virtual/poses.csv", "places/truth.csv", "placed uncertain apart guessed blind ", 0, 0.05},
+        {"places/scans.log", "virtual/poses.csv", "places/truth.csv",
+         "placed uncertain apart guessed blind ", 0, 0.05},
         {"places/scans.log", "written/poses.csv", "places/truth.csv", "aligned blind ", 1, 0.5},
-        {"places/scans.log", "written-lum/poses.csv", "places/truth.csv", "aligned apart blind ", 1, 1.0}};
+        {"places/scans.log", "written-lum/poses.csv", "places/truth.csv", "aligned apart blind ", 1,
+         1.0}};
 
     (void)state;
-    assert_done(programs_run("cairn align @/places/scans.log --as-written --virtual --steps 8 -o @/written"));
-    assert_done(programs_run("cairn align @/places/scans.log --method gradient --virtual --steps 8 -o @/written-2"));
+    assert_done(programs_run(
+        "cairn align @/places/scans.log --as-written --virtual --steps 8 -o @/written"));
+    assert_done(programs_run(
+        "cairn align @/places/scans.log --method gradient --virtual --steps 8 -o @/written-2"));
     assert_same_files("written", "written-2", map_files);
-    assert_done(programs_run("cairn align @/places/scans.log --method lum --as-written --steps 8 -o @/written-lum"));
+    assert_done(programs_run(
+        "cairn align @/places/scans.log --method lum --as-written --steps 8 -o @/written-lum"));
     assert_done(programs_run("cairn align @/places/scans.log --method lum -o @/lum"));
     assert_done(programs_run("cairn align @/places/scans.log --virtual -o @/virtual"));
     for (size_t k = 0; k < sizeof sample / sizeof *sample; k++) {
@@ -394,10 +417,11 @@ static void a_pose_for_every_scan(void **state)
         int32_t count;
 
         assert_non_null(bytes);
-        assert_memory_equal(bytes,
-                            "index,line,time,x,y,theta,var_x,var_y,var_theta,cov_xy,cov_xtheta,cov_ytheta,support,"
-                            "verdict\n",
-                            92);
+        assert_memory_equal(
+            bytes,
+            "index,line,time,x,y,theta,var_x,var_y,var_theta,cov_xy,cov_xtheta,cov_ytheta,support,"
+            "verdict\n",
+            92);
         free(bytes);
         assert_ok(cairn_carmen_load(&scans, files_path(sample[k].log), NULL, NULL));
         assert_ok(cairn_pose_table_read(&row, &count, files_path(sample[k].poses), NULL));
@@ -418,7 +442,8 @@ static void a_pose_for_every_scan(void **state)
         }
         if (k == 1)
             assert_true((double)row[0].covariance[0] >= 0); /* the aligner tells it */
-        if (!(mean_error(row, count, files_path(sample[k].truth), sample[k].relative) < sample[k].error))
+        if (!(mean_error(row, count, files_path(sample[k].truth), sample[k].relative) <
+              sample[k].error))
             fail_msg("%s is off by %g m", sample[k].poses,
                      mean_error(row, count, files_path(sample[k].truth), sample[k].relative));
         cairn_pose_table_free(row);
@@ -443,7 +468,9 @@ static void the_map_reads_back(void **state)
         assert_int_equal(map.mode, CAIRN_MAP_TRINARY);
         for (size_t i = 0; i < count; i++) {
             assert_true(map.pixel[i] == 0 || map.pixel[i] == 205 || map.pixel[i] == 254);
-            assert_int_equal(map.occupancy[i], map.pixel[i] == 0 ? 100 : map.pixel[i] == 254 ? 0 : -1);
+            assert_int_equal(map.occupancy[i], map.pixel[i] == 0     ? 100
+                                               : map.pixel[i] == 254 ? 0
+                                                                     : -1);
             occupied += map.occupancy[i] == 100;
             open += map.occupancy[i] == 0;
             unknown += map.occupancy[i] < 0;
@@ -460,7 +487,8 @@ static void the_map_reads_back(void **state)
     {
         cairn_map_file map;
 
-        assert_done(programs_run("cairn map @/drive/scans.log -o @/coarse --resolution 0.2 --range 2"));
+        assert_done(
+            programs_run("cairn map @/drive/scans.log -o @/coarse --resolution 0.2 --range 2"));
         assert_ok(cairn_map_file_read(&map, in_folder("coarse", "map.yaml"), NULL));
         assert_near(map.resolution, 0.2, 1e-7);
         cairn_map_file_free(&map);
@@ -507,10 +535,12 @@ static void quiet_and_pipes(void **state)
     assert_string_equal(o.out, "");
 }
 
-/* With --filter: the same files but for the graph, the same bytes by the same seed and others by another, a page, refusals. */
+/* With --filter: the same files but for the graph, the same bytes by the same seed and others by
+ * another, a page, refusals. */
 static void maps_by_particles(void **state)
 {
-    outcome o = programs_run("cairn map @/drive/scans.log -o @/filter --filter 3 --seed 5 --report @/filter.html");
+    outcome o = programs_run(
+        "cairn map @/drive/scans.log -o @/filter --filter 3 --seed 5 --report @/filter.html");
     cairn_file_error error;
     cairn_pose_row *row;
     int32_t count;
@@ -529,17 +559,22 @@ static void maps_by_particles(void **state)
     assert_holds(one, "{\"name\":\"support\"");
     assert_holds(one, "N_eff");
     free(one);
-    assert_done(programs_run("cairn map @/drive/scans.log -o @/filter-again --filter 3 --seed 5 --quiet"));
+    assert_done(
+        programs_run("cairn map @/drive/scans.log -o @/filter-again --filter 3 --seed 5 --quiet"));
     assert_same_files("filter", "filter-again", map_files);
-    assert_done(programs_run("cairn map @/drive/scans.log -o @/filter-6 --filter 3 --seed 6 --quiet"));
+    assert_done(
+        programs_run("cairn map @/drive/scans.log -o @/filter-6 --filter 3 --seed 6 --quiet"));
     one = files_read(in_folder("filter", "poses.csv"), NULL);
     two = files_read(in_folder("filter-6", "poses.csv"), NULL);
     assert_string_not_equal(one, two);
     free(one);
     free(two);
-    assert_done(programs_run("cairn map @/drive/scans.log -o @/filter-alone --filter 2 --no-odometry --quiet"));
-    assert_refused(programs_run("cairn map @/drive/scans.log -o @/filter-few --filter 2 --max-keys 2"),
-                   "cairn map: ", "scans.log: needs more than 2 key scans, expected at most that: raise --max-keys");
+    assert_done(programs_run(
+        "cairn map @/drive/scans.log -o @/filter-alone --filter 2 --no-odometry --quiet"));
+    assert_refused(
+        programs_run("cairn map @/drive/scans.log -o @/filter-few --filter 2 --max-keys 2"),
+        "cairn map: ",
+        "scans.log: needs more than 2 key scans, expected at most that: raise --max-keys");
     assert_refused(programs_run("cairn map @/drive/scans.log -o @/filter-few --filter 2 --pool 1K"),
                    "cairn map: ", "--pool");
     assert_refused(programs_run("cairn map @/drive/scans.log -o @/filter-few --filter 4097"),
@@ -551,19 +586,22 @@ static void help_and_version(void **state)
 {
     static const char *const commands[] = {"align", "map", "info", "match"};
     static const char *const common[] = {"--quiet", "--range-max M", "--help"};
-    static const char *const both[] = {"-o DIR", "--resolution M", "--pool BYTES", "--seed N", "--report FILE"};
+    static const char *const both[] = {"-o DIR", "--resolution M", "--pool BYTES", "--seed N",
+                                       "--report FILE"};
     outcome o = programs_run("cairn --help");
 
     (void)state;
     assert_done(o);
     for (int k = 0; k < 4; k++) {
         char line[64];
-        outcome help = programs_run("cairn %s --help", commands[k]), brief = programs_run("cairn %s -h", commands[k]);
+        outcome help = programs_run("cairn %s --help", commands[k]),
+                brief = programs_run("cairn %s -h", commands[k]);
 
         assert_done(help);
         assert_string_equal(help.err, "");
         assert_string_equal(help.out, brief.out);
-        (void)snprintf(line, sizeof line, "usage: cairn %s %s", commands[k], k < 3 ? "LOG" : "A B [options]");
+        (void)snprintf(line, sizeof line, "usage: cairn %s %s", commands[k],
+                       k < 3 ? "LOG" : "A B [options]");
         assert_memory_equal(help.out, line, strlen(line));
         (void)snprintf(line, sizeof line, "\n  %s ", commands[k]);
         assert_holds(o.out, line);
@@ -583,24 +621,30 @@ static void help_and_version(void **state)
     assert_string_equal(o.err, "");
 }
 
-/* The page that --report asks for: beside the other files, in a folder that is made, or in that at hand. */
+/* The page that --report asks for: beside the other files, in a folder that is made, or in that
+ * at hand. */
 static void pages(void **state)
 {
-    static const char *const commands[] = {"map @/drive/scans.log",
-                                           "align @/places/scans.log --method gradient --steps 20",
-                                           "align @/places/scans.log",
-                                           "align @/places/scans.log --method lum",
-                                           "align @/places/scans.log --virtual --spread 0.05,1",
-                                           "align @/places/scans.log --as-written --virtual --steps 3",
-                                           "align @/places/scans.log --method lum --as-written --steps 3"};
+    static const char *const commands[] = {
+        "map @/drive/scans.log",
+        "align @/places/scans.log --method gradient --steps 20",
+        "align @/places/scans.log",
+        "align @/places/scans.log --method lum",
+        "align @/places/scans.log --virtual --spread 0.05,1",
+        "align @/places/scans.log --as-written --virtual --steps 3",
+        "align @/places/scans.log --method lum --as-written --steps 3"};
     static const char *const pieces[][3] = {
-        {"{\"title\":\"scans.log, mapped\"", "\"step_name\":\"scan\"", "\n{\"step\":29,\"label\":\""},
-        {"{\"title\":\"scans.log, aligned\"", "\"step_name\":\"step\"", "\n{\"step\":20,\"label\":\"end\""},
+        {"{\"title\":\"scans.log, mapped\"", "\"step_name\":\"scan\"",
+         "\n{\"step\":29,\"label\":\""},
+        {"{\"title\":\"scans.log, aligned\"", "\"step_name\":\"step\"",
+         "\n{\"step\":20,\"label\":\"end\""},
         {"{\"title\":\"scans.log, aligned\"", "\"label\":\"12 parts, the largest of 1 scans\"",
          "scans placed, the others in red\""},
-        {"\"label\":\"start\"", " scans registered one after the other\"", "\"label\":\"iteration 1\""},
+        {"\"label\":\"start\"", " scans registered one after the other\"",
+         "\"label\":\"iteration 1\""},
         {"\"name\":\"hypotheses\"", " scans placed, the others in red\"", "\"label\":\"end: "},
-        {"force field simulation with virtual scans", "\"name\":\"hypotheses\"", "\"label\":\"end: 3 iterations\""},
+        {"force field simulation with virtual scans", "\"name\":\"hypotheses\"",
+         "\"label\":\"end: 3 iterations\""},
         {"Lu and Milios as written", "\"label\":\"start\"", "\"label\":\"iteration 1\""}};
     outcome o;
 
@@ -612,11 +656,14 @@ static void pages(void **state)
         o = programs_run("cairn %s -o @/paged --report @/paged/map.html", commands[k]);
         assert_done(o);
         assert_string_equal(o.err, "");
-        assert_int_equal(count_in("paged"), FILES + 3); /* the first command's graph and its other poses stay */
-        assert_done(programs_run("cairn %s -o @/paged --quiet --report @/elsewhere/a/map.html", commands[k]));
+        /* the first command's graph and its other poses stay */
+        assert_int_equal(count_in("paged"), FILES + 3);
+        assert_done(programs_run("cairn %s -o @/paged --quiet --report @/elsewhere/a/map.html",
+                                 commands[k]));
         assert_int_equal(count_in("elsewhere/a"), 1);
         for (int i = 0; i < 2; i++) {
-            page[i] = files_read(files_path(i == 0 ? "paged/map.html" : "elsewhere/a/map.html"), &count[i]);
+            page[i] = files_read(files_path(i == 0 ? "paged/map.html" : "elsewhere/a/map.html"),
+                                 &count[i]);
             assert_non_null(page[i]);
         }
         assert_int_equal(count[0], count[1]);
@@ -628,7 +675,8 @@ static void pages(void **state)
         free(page[1]);
     }
     /* With no window there is no potential. */
-    assert_done(programs_run("cairn map @/drive/scans.log --window 0 -o @/paged --report @/paged/map.html"));
+    assert_done(programs_run(
+        "cairn map @/drive/scans.log --window 0 -o @/paged --report @/paged/map.html"));
     {
         char *page = files_read(files_path("paged/map.html"), NULL);
 
@@ -646,7 +694,8 @@ static void pages(void **state)
         (void)snprintf(programs_folder, sizeof programs_folder, "%s", programs);
         free(programs);
         (void)snprintf(before, sizeof before, "cd '%s' && ", files_path("elsewhere"));
-        o = programs_run_shell(before, "cairn map ../drive/scans.log -o b --quiet --report here.html", NULL);
+        o = programs_run_shell(
+            before, "cairn map ../drive/scans.log -o b --quiet --report here.html", NULL);
         assert_done(o);
         assert_int_equal(access(files_path("elsewhere/here.html"), F_OK), 0);
     }
@@ -678,11 +727,14 @@ static match_result read_match(const char *bytes)
             name = token;
         else if (token.kind == CAIRN_JSON_STRING && cairn_json_is(&name, "verdict"))
             (void)cairn_json_copy(&token, result.verdict, sizeof result.verdict);
-        else if (token.kind == CAIRN_JSON_NUMBER && cairn_json_is(&name, "x") && result.hypotheses++ == 0)
+        else if (token.kind == CAIRN_JSON_NUMBER && cairn_json_is(&name, "x") &&
+                 result.hypotheses++ == 0)
             result.x = token.number;
-        else if (token.kind == CAIRN_JSON_NUMBER && cairn_json_is(&name, "y") && result.hypotheses == 1)
+        else if (token.kind == CAIRN_JSON_NUMBER && cairn_json_is(&name, "y") &&
+                 result.hypotheses == 1)
             result.y = token.number;
-        else if (token.kind == CAIRN_JSON_NUMBER && cairn_json_is(&name, "theta") && result.hypotheses == 1)
+        else if (token.kind == CAIRN_JSON_NUMBER && cairn_json_is(&name, "theta") &&
+                 result.hypotheses == 1)
             result.theta = token.number;
     }
 }
@@ -700,7 +752,8 @@ static void matches(void **state)
     assert_ok(cairn_pose_table_read(&truth, &count, files_path("drive/truth.csv"), NULL));
     expected = cairn_pose_between(truth[18].pose, truth[20].pose);
     cairn_pose_table_free(truth);
-    o = programs_run("cairn match @/drive/scans.log:18 @/drive/scans.log:20 --json -o @/match/new --pictures");
+    o = programs_run(
+        "cairn match @/drive/scans.log:18 @/drive/scans.log:20 --json -o @/match/new --pictures");
     assert_done(o);
     assert_string_equal(o.err, "");
     assert_int_equal(count_in("match/new"), 3);
@@ -717,13 +770,15 @@ static void matches(void **state)
     assert_near(result.theta, expected.theta, 0.02);
 
     /* In words, with a start that is not far; the same bytes again; without a word. */
-    o = programs_run("cairn match @/drive/scans.log:18 @/drive/scans.log:20 --start %.2f,%.2f,%.1f --window 0.5,20",
-                     (double)expected.x + 0.1, (double)expected.y - 0.1, (double)expected.theta * 57.3 + 5);
+    o = programs_run("cairn match @/drive/scans.log:18 @/drive/scans.log:20 --start %.2f,%.2f,%.1f "
+                     "--window 0.5,20",
+                     (double)expected.x + 0.1, (double)expected.y - 0.1,
+                     (double)expected.theta * 57.3 + 5);
     assert_done(o);
     assert_holds(o.out, "verdict    found\n");
     assert_holds(o.out, "\n   1  ");
-    assert_done(
-        programs_run("cairn match @/drive/scans.log:18 @/drive/scans.log:20 -o @/match/again --pictures --quiet"));
+    assert_done(programs_run("cairn match @/drive/scans.log:18 @/drive/scans.log:20 -o "
+                             "@/match/again --pictures --quiet"));
     for (int k = 0; k < 2; k++) {
         static const char *const names[] = {"match.json", "match.svg"};
         char *one = files_read(in_folder("match/new", names[k]), NULL);
@@ -743,7 +798,8 @@ static void matches(void **state)
     assert_near(hypot(result.x, result.y) + fabs(result.theta), 0, 1e-3);
 }
 
-/* A copy of a log of FLASER lines in which every pose, the robot's and the laser's alike, is noise. */
+/* A copy of a log of FLASER lines in which every pose, the robot's and the laser's alike, is
+ * noise. */
 static void overwrite_poses(const char *from, const char *to)
 {
     cairn_random random = cairn_random_seed(17, 1);
@@ -763,7 +819,8 @@ static void overwrite_poses(const char *from, const char *to)
         for (char *c = line; c < (count > 0 ? field : line + strlen(line)); c++)
             add(&t, "%c", *c);
         if (count > 0) {
-            double x = (double)cairn_random_uniform(&random, -9, 9), y = (double)cairn_random_uniform(&random, -9, 9);
+            double x = (double)cairn_random_uniform(&random, -9, 9),
+                   y = (double)cairn_random_uniform(&random, -9, 9);
             double theta = (double)cairn_random_uniform(&random, -3, 3);
 
             for (int k = 0; k < 6; k++)
@@ -789,14 +846,16 @@ static void poses_of_a_log_have_no_say(void **state)
         outcome o;
 
         (void)files_write_text("told.log", log);
-        assert_done(programs_run("cairn match @/told.log:14 @/told.log:16 --method %s -o @/told --pictures --quiet",
-                                 methods[k]));
+        assert_done(programs_run(
+            "cairn match @/told.log:14 @/told.log:16 --method %s -o @/told --pictures --quiet",
+            methods[k]));
         overwrite_poses("drive/scans.log", "told.log");
         noise = files_read(files_path("told.log"), NULL);
         assert_true(strcmp(log, noise) != 0);
         free(noise);
-        o = programs_run("cairn match @/told.log:14 @/told.log:16 --method %s -o @/untold --pictures --json",
-                         methods[k]);
+        o = programs_run(
+            "cairn match @/told.log:14 @/told.log:16 --method %s -o @/untold --pictures --json",
+            methods[k]);
         assert_done(o);
         assert_true(read_match(o.out).hypotheses > 0);
         for (int i = 0; i < 2; i++) {
@@ -815,14 +874,17 @@ static void poses_of_a_log_have_no_say(void **state)
 /* By shape, with a picture of every stage; poor scans too. */
 static void matches_by_shape(void **state)
 {
-    static const char *const pictures[] = {"match.svg", "tangents.svg", "histogram.svg", "pairs.svg", "filters.svg"};
-    static const char *const scans[][2] = {
-        {"drive/scans.log:14", "drive/scans.log:15"}, {"poor.json:2", "poor.json:1"}, {"poor.json:2", "poor.json:2"}};
+    static const char *const pictures[] = {"match.svg", "tangents.svg", "histogram.svg",
+                                           "pairs.svg", "filters.svg"};
+    static const char *const scans[][2] = {{"drive/scans.log:14", "drive/scans.log:15"},
+                                           {"poor.json:2", "poor.json:1"},
+                                           {"poor.json:2", "poor.json:2"}};
 
     (void)state;
     for (int k = 0; k < 3; k++) {
         outcome o =
-            programs_run("cairn match @/%s @/%s --method shape --json -o @/shape --pictures", scans[k][0], scans[k][1]);
+            programs_run("cairn match @/%s @/%s --method shape --json -o @/shape --pictures",
+                         scans[k][0], scans[k][1]);
 
         assert_done(o);
         assert_holds("found ambiguous none", read_match(o.out).verdict);
@@ -838,13 +900,15 @@ static void matches_of_poor_scans(void **state)
 {
     static const struct {
         const char *a, *b, *verdict;
-    } sample[] = {{"poor.json:0", "poor.json:0", "none"},      {"poor.json:1", "poor.json:0", "none"},
-                  {"poor.json:2", "poor.json:2", "ambiguous"}, {"poor.json:2", "poor.json:1", "none"},
-                  {"drive/scans.log", "poor.json", "none"},    {"poor:7.json", "poor:7.json:0", "none"}};
+    } sample[] = {
+        {"poor.json:0", "poor.json:0", "none"},      {"poor.json:1", "poor.json:0", "none"},
+        {"poor.json:2", "poor.json:2", "ambiguous"}, {"poor.json:2", "poor.json:1", "none"},
+        {"drive/scans.log", "poor.json", "none"},    {"poor:7.json", "poor:7.json:0", "none"}};
     text t = {NULL, 0, 0};
 
     (void)state;
-    add(&t, "{\"nrays\":1,\"theta\":[0],\"readings\":[1]}\n{\"nrays\":3,\"theta\":[0,1,2],\"readings\":[null,null,null]"
+    add(&t, "{\"nrays\":1,\"theta\":[0],\"readings\":[1]}\n{\"nrays\":3,\"theta\":[0,1,2],"
+            "\"readings\":[null,null,null]"
             "}\n");
     add(&t, "{\"nrays\":360,\"min_theta\":-3.14,\"max_theta\":3.14,\"readings\":[2");
     for (int i = 1; i < 360; i++)
@@ -853,7 +917,8 @@ static void matches_of_poor_scans(void **state)
     write_text("poor.json", &t);
     (void)files_write_text("poor:7.json", "{\"nrays\":1,\"theta\":[0],\"readings\":[1]}");
     for (size_t i = 0; i < sizeof sample / sizeof *sample; i++) {
-        outcome o = programs_run("cairn match @/%s @/%s --json -o @/poor --pictures", sample[i].a, sample[i].b);
+        outcome o = programs_run("cairn match @/%s @/%s --json -o @/poor --pictures", sample[i].a,
+                                 sample[i].b);
 
         assert_done(o);
         assert_string_equal(read_match(o.out).verdict, sample[i].verdict);
@@ -901,7 +966,8 @@ static void a_damaged_scan_is_left_out(void **state)
     {
         char place[128];
 
-        (void)snprintf(place, sizeof place, "%s/damaged.log:%d: reading ", files_folder, (int)all[4].line);
+        (void)snprintf(place, sizeof place, "%s/damaged.log:%d: reading ", files_folder,
+                       (int)all[4].line);
         assert_memory_equal(o.err, place, strlen(place));
         assert_holds(o.err, "expected a number");
     }
@@ -956,12 +1022,13 @@ static void tables_of_ranges_and_several_logs(void **state)
     add(&t, "time,x,y,theta");
     for (int32_t k = 0; k < log.record[0].count; k++)
         add(&t, ",%.9g",
-            (double)(log.record[0].scan.angle_min + (float)k * log.record[0].scan.angle_step) * 57.29577951308232);
+            (double)(log.record[0].scan.angle_min + (float)k * log.record[0].scan.angle_step) *
+                57.29577951308232);
     for (int32_t i = 0; i < log.count; i++) {
         const cairn_carmen_record *r = &log.record[i];
 
-        add(&t, "\n%.6f,%.9g,%.9g,%.9g", (double)r->stamp_ns * 1e-9, (double)r->robot.x, (double)r->robot.y,
-            (double)r->robot.theta);
+        add(&t, "\n%.6f,%.9g,%.9g,%.9g", (double)r->stamp_ns * 1e-9, (double)r->robot.x,
+            (double)r->robot.y, (double)r->robot.theta);
         for (int32_t k = 0; k < r->count; k++)
             add(&t, ",%.9g", (double)r->range[k]);
     }
@@ -1020,8 +1087,8 @@ static void damage_of_all_kinds_among_good_scans(void **state)
     o = programs_run("cairn map @/mixed.log -o @/mixed");
     assert_done(o);
     assert_int_equal(lines_of(o.err), 3);
-    assert_holds(o.err,
-                 "/mixed.log:2: the number of readings is \"100001\", expected a whole number from 1 to 100000\n");
+    assert_holds(o.err, "/mixed.log:2: the number of readings is \"100001\", expected a whole "
+                        "number from 1 to 100000\n");
     assert_holds(o.err, "/mixed.log:6: the FLASER line ends early, expected reading 4\n");
     assert_holds(o.err, "/mixed.log:8: the ROBOTLASER1 line ends early, expected ");
     assert_holds(o.out, "scans      5 (3 damaged lines left out)\n");
@@ -1055,7 +1122,8 @@ static void aligned_as_written(void **state)
     o = programs_run("cairn align @/places/scans.log -o @/gradient --method gradient --steps 4");
     assert_done(o);
     assert_holds(o.out, "steps      4 (out of steps)\n");
-    assert_done(programs_run("cairn align @/places/scans.log -o @/written --as-written --steps 4 --quiet"));
+    assert_done(
+        programs_run("cairn align @/places/scans.log -o @/written --as-written --steps 4 --quiet"));
     assert_same_files("gradient", "written", map_files);
     o = programs_run("cairn align @/places/scans.log -o @/online --as-written --online --steps 4");
     assert_done(o);
@@ -1065,7 +1133,8 @@ static void aligned_as_written(void **state)
     assert_string_not_equal(of_all, online);
     free(of_all);
     free(online);
-    assert_done(programs_run("cairn align @/places/scans.log -o @/online-again --method gradient --online --steps 4"));
+    assert_done(programs_run(
+        "cairn align @/places/scans.log -o @/online-again --method gradient --online --steps 4"));
     assert_same_files("online", "online-again", map_files);
 }
 
@@ -1092,11 +1161,13 @@ static void a_log_without_walls(void **state)
     add(&t, "FLASER 1 2 0 0 0 0 0 0 1 h 1\n");
     write_text("single.log", &t);
     assert_done(programs_run("cairn map @/single.log -o @/single"));
-    assert_refused(programs_run("cairn align @/single.log -o @/blind-align"), "cairn align: ", "no scan shows a wall");
+    assert_refused(programs_run("cairn align @/single.log -o @/blind-align"),
+                   "cairn align: ", "no scan shows a wall");
     free(t.bytes);
 }
 
-/* Key scans with more points than there is room for at first: all begins anew, and nothing of that is seen. */
+/* Key scans with more points than there is room for at first: all begins anew, and nothing of
+ * that is seen. */
 static void large_rooms_get_more_room(void **state)
 {
     text t = {NULL, 0, 0};
@@ -1116,8 +1187,9 @@ static void large_rooms_get_more_room(void **state)
     for (int i = 0; i < 12; i++)
         assert_near(row[i].pose.x - row[0].pose.x, 0.55 * i, 0.05);
     cairn_pose_table_free(row);
-    assert_refused(programs_run("cairn map @/large.log -o @/too-few --max-keys 5"),
-                   "cairn map: ", "large.log: needs more than 5 key scans, expected at most that: raise --max-keys");
+    assert_refused(
+        programs_run("cairn map @/large.log -o @/too-few --max-keys 5"), "cairn map: ",
+        "large.log: needs more than 5 key scans, expected at most that: raise --max-keys");
     assert_int_equal(count_in("too-few"), -1);
     free(t.bytes);
 }
@@ -1139,7 +1211,8 @@ static void key_scans_that_go_leave_their_scans(void **state)
     write_text("to-and-fro.log", &t);
     assert_refused(programs_run("cairn map @/to-and-fro.log -o @/goes --max-keys 40"),
                    "cairn map: ", "needs more than 40 key scans");
-    o = programs_run("cairn map @/to-and-fro.log -o @/goes --max-keys 40 --release --report @/goes.html");
+    o = programs_run(
+        "cairn map @/to-and-fro.log -o @/goes --max-keys 40 --release --report @/goes.html");
     assert_done(o);
     assert_null(strstr(o.out, "(0 released)"));
     assert_ok(cairn_pose_table_read(&row, &count, files_path("goes/poses.csv"), NULL));
@@ -1171,7 +1244,8 @@ static void poses_far_away(void **state)
     add_room_scan(&t, 2, 60, 0, NULL, 0);
     add_room_scan(&t, 2, 60, 2e6, "2", 1);
     write_text("far.log", &t);
-    assert_done(programs_run("cairn map @/far.log -o @/far")); /* no robot leaps so far: that tells nothing */
+    /* no robot leaps so far: that tells nothing */
+    assert_done(programs_run("cairn map @/far.log -o @/far"));
     o = programs_run("cairn align @/far.log -o @/far-align");
     assert_int_equal(o.code, 2);
     assert_holds(o.err, "/far.log:2: the scan cannot be used: the pose is farther than 1e6 m");
@@ -1192,8 +1266,10 @@ static void refuse_scan(const char *name, const char *piece)
     char start[64];
 
     (void)snprintf(start, sizeof start, "/%s:", name);
-    assert_refused(programs_run("cairn match @/%s @/drive/scans.log -o @/refused", name), start, piece);
-    assert_refused(programs_run("cairn match @/drive/scans.log @/%s -o @/refused", name), start, piece);
+    assert_refused(programs_run("cairn match @/%s @/drive/scans.log -o @/refused", name), start,
+                   piece);
+    assert_refused(programs_run("cairn match @/drive/scans.log @/%s -o @/refused", name), start,
+                   piece);
     assert_int_equal(count_in("refused"), -1);
 }
 
@@ -1221,10 +1297,12 @@ static void scans_that_are_none(void **state)
     }
     /* The folder is looked at before the scans. */
     (void)files_write_text("plain", "kept");
-    assert_refused(programs_run("cairn match @/missing.json b -o @/plain"), "/plain: ", "is a file, expected a folder");
+    assert_refused(programs_run("cairn match @/missing.json b -o @/plain"),
+                   "/plain: ", "is a file, expected a folder");
 }
 
-/* Two lines for a log that has both a damaged line and no scan: the second one is checked by `piece`. */
+/* Two lines for a log that has both a damaged line and no scan: the second one is checked by
+ * `piece`. */
 static void refuse_log(const char *name, int warnings, const char *first, const char *piece)
 {
     static const char *const commands[] = {"align", "map", "info"};
@@ -1235,7 +1313,8 @@ static void refuse_log(const char *name, int warnings, const char *first, const 
         char start[256];
 
         (void)snprintf(start, sizeof start, "%s/%s:", files_folder, name);
-        if (o.code != 2 || lines_of(o.err) != warnings + 1 || strncmp(o.err, start, strlen(start)) != 0)
+        if (o.code != 2 || lines_of(o.err) != warnings + 1 ||
+            strncmp(o.err, start, strlen(start)) != 0)
             fail_msg("cairn %s: exit code %d: %s", commands[k], o.code, o.err);
         assert_holds(o.err, first);
         assert_holds(o.err, piece);
@@ -1247,7 +1326,8 @@ static void refuse_log(const char *name, int warnings, const char *first, const 
 static void logs_that_are_none(void **state)
 {
     char *whole = files_read(files_path("drive/scans.log"), NULL);
-    const char *none = "no whole scan in 1 lines (1 damaged), expected FLASER or ROBOTLASER1 lines of a CARMEN log\n";
+    const char *none = "no whole scan in 1 lines (1 damaged), expected FLASER or ROBOTLASER1 lines "
+                       "of a CARMEN log\n";
     gzFile zip;
     size_t count = 0;
 
@@ -1258,11 +1338,14 @@ static void logs_that_are_none(void **state)
     (void)files_write_text("cut.log", "FLASER 5 1.5 2.5 3");
     refuse_log("cut.log", 1, "cut.log:1: the FLASER line ends early, expected reading 4\n", none);
     (void)files_write_text("few.log", "FLASER 2 1.5 2.5 0 0 0 0 0 0 1.5 host\n");
-    refuse_log("few.log", 1, "few.log:1: the FLASER line ends early, expected the logger's stamp\n", none);
+    refuse_log("few.log", 1, "few.log:1: the FLASER line ends early, expected the logger's stamp\n",
+               none);
     (void)files_write_text("nan.log", "FLASER 1 1 nan 0 0 0 0 0 1 h 1\n");
-    refuse_log("nan.log", 1, "nan.log:1: the laser's pose is nan, expected a finite number\n", none);
+    refuse_log("nan.log", 1, "nan.log:1: the laser's pose is nan, expected a finite number\n",
+               none);
     (void)files_write_text("beams.log", "FLASER 100001 1 1 1\n");
-    refuse_log("beams.log", 1, "beams.log:1: the number of readings is \"100001\", expected a whole number", none);
+    refuse_log("beams.log", 1,
+               "beams.log:1: the number of readings is \"100001\", expected a whole number", none);
     (void)files_write_text("prose.log", "Call me Ishmael.\n");
     refuse_log("prose.log", 0, "", "no whole scan in 1 lines (0 damaged), expected FLASER");
     assert_int_equal(mkdir(files_path("folder.log"), 0777), 0);
@@ -1282,7 +1365,9 @@ static void logs_that_are_none(void **state)
         outcome o = programs_run("cairn map @/cut.log.gz -o @/cut-map");
 
         assert_done(o);
-        assert_holds(o.err, "the gzip data end after this line, expected the end of the stream: the file is cut\n");
+        assert_holds(
+            o.err,
+            "the gzip data end after this line, expected the end of the stream: the file is cut\n");
         assert_holds(o.err, "/cut.log.gz:");
         assert_null(strstr(o.out, "scans      30 "));
     }
@@ -1298,21 +1383,25 @@ static void command_lines(void **state)
         {"cairn align @/drive/scans.log", "cairn align: ", "no folder to write to (-o)"},
         {"cairn map @/drive/scans.log -o", "cairn map: ", "nothing after '-o'"},
         {"cairn map @/drive/scans.log -o ''", "cairn map: ", "-o is ''"},
-        {"cairn map @/drive/scans.log -o @/refused --fast", "cairn map: ", "unknown option '--fast'"},
+        {"cairn map @/drive/scans.log -o @/refused --fast",
+         "cairn map: ", "unknown option '--fast'"},
         {"cairn align @/drive/scans.log -o @/refused -x", "cairn align: ", "unknown option '-x'"},
         {"cairn align @/drive/scans.log -o @/refused --method magic",
          "cairn align: ", "unknown method 'magic', expected default, gradient or lum"},
         {"cairn align @/drive/scans.log -o @/refused --method lum --virtual", "cairn align: ",
-         "--virtual with --method lum: hypotheses go with default or gradient; expected one of the two"},
+         "--virtual with --method lum: hypotheses go with default or gradient; expected one of the "
+         "two"},
         {"cairn align @/drive/scans.log -o @/refused --method default --as-written",
          "cairn align: ", "--as-written with --method default: the thesis has gradient and lum"},
         {"cairn align @/drive/scans.log -o @/refused --as-written --virtual --spread 0.1,5",
-         "cairn align: ", "--spread with --as-written: the thesis's methods do not ask how far off poses are"},
+         "cairn align: ",
+         "--spread with --as-written: the thesis's methods do not ask how far off poses are"},
         {"cairn align @/drive/scans.log -o @/refused --method lum --as-written --spacing 0.1",
          "cairn align: ", "--spacing with --as-written: method lum pairs the scans' own points"},
         {"cairn align @/drive/scans.log -o @/refused --online",
          "cairn align: ", "--online with a method other than gradient"},
-        {"cairn align @/drive/scans.log -o @/refused --as-written --online --report @/refused/map.html",
+        {"cairn align @/drive/scans.log -o @/refused --as-written --online --report "
+         "@/refused/map.html",
          "cairn align: ", "--report with --online: the player needs all scans at first"},
         {"cairn align @/drive/scans.log -o @/refused --headings 4",
          "cairn align: ", "--headings with the poses of the log"},
@@ -1320,43 +1409,56 @@ static void command_lines(void **state)
          "cairn align: ", "--spread with --no-poses: there is no start that is off"},
         {"cairn align @/drive/scans.log -o @/refused --no-poses --as-written --spacing 0.1",
          "cairn align: ", "--spacing with --as-written: it takes the readings as they come"},
-        {"cairn align @/drive/scans.log -o @/refused --spread 0,1", "cairn align: ", "--spread is '0,1'"},
+        {"cairn align @/drive/scans.log -o @/refused --spread 0,1",
+         "cairn align: ", "--spread is '0,1'"},
         {"cairn align @/drive/scans.log -o @/refused --steps 0",
          "cairn align: ", "--steps is '0', expected a whole number from 1 to 100000"},
-        {"cairn align @/drive/scans.log -o @/refused --steps 1.5", "cairn align: ", "--steps is '1.5'"},
-        {"cairn align @/drive/scans.log -o @/refused --spacing nan", "cairn align: ", "--spacing is 'nan'"},
-        {"cairn map @/drive/scans.log -o @/refused --window 1", "cairn map: ", "expected 0 or 2 to 64"},
+        {"cairn align @/drive/scans.log -o @/refused --steps 1.5",
+         "cairn align: ", "--steps is '1.5'"},
+        {"cairn align @/drive/scans.log -o @/refused --spacing nan",
+         "cairn align: ", "--spacing is 'nan'"},
+        {"cairn map @/drive/scans.log -o @/refused --window 1",
+         "cairn map: ", "expected 0 or 2 to 64"},
         {"cairn map @/drive/scans.log -o @/refused --window=65", "cairn map: ", "--window is '65'"},
-        {"cairn map @/drive/scans.log -o @/refused --resolution 0", "cairn map: ", "--resolution is '0'"},
-        {"cairn map @/drive/scans.log -o @/refused --resolution 1e-3x", "cairn map: ", "--resolution is '1e-3x'"},
+        {"cairn map @/drive/scans.log -o @/refused --resolution 0",
+         "cairn map: ", "--resolution is '0'"},
+        {"cairn map @/drive/scans.log -o @/refused --resolution 1e-3x",
+         "cairn map: ", "--resolution is '1e-3x'"},
         {"cairn map @/drive/scans.log -o @/refused --range inf", "cairn map: ", "--range is 'inf'"},
-        {"cairn map @/drive/scans.log -o @/refused --max-keys 1", "cairn map: ", "--max-keys is '1'"},
-        {"cairn map @/drive/scans.log -o @/refused --filter 3 --release", "cairn map: ", "--release with --filter"},
+        {"cairn map @/drive/scans.log -o @/refused --max-keys 1",
+         "cairn map: ", "--max-keys is '1'"},
+        {"cairn map @/drive/scans.log -o @/refused --filter 3 --release",
+         "cairn map: ", "--release with --filter"},
         {"cairn map @/drive/scans.log -o @/refused --seed=-1", "cairn map: ", "--seed is '-1'"},
         {"cairn map @/drive/scans.log -o @/refused --quiet=yes", "cairn map: ", "'--quiet=yes'"},
-        {"cairn map @/drive/scans.log -o @/refused --pool 64", "cairn map: ", "--pool is '64', expected at least "},
+        {"cairn map @/drive/scans.log -o @/refused --pool 64",
+         "cairn map: ", "--pool is '64', expected at least "},
         {"cairn align @/drive/scans.log -o @/refused --pool 64K",
          "cairn align: ", "--pool is '64K', expected at least "},
         {"cairn map @/drive/scans.log -o @/refused --pool 2T",
          "cairn map: ", "--pool is '2T', expected a number of bytes such as"},
         {"cairn map @/drive/scans.log -o @/refused --pool K", "cairn map: ", "--pool is 'K'"},
         {"cairn map @/drive/scans.log -o @/refused --pool 0", "cairn map: ", "--pool is '0'"},
-        {"cairn align @/drive/scans.log -o @/refused --max-scans 29",
-         "cairn align: ", "holds 30 scans, expected at most 29: raise --max-scans, or use cairn map"},
+        {"cairn align @/drive/scans.log -o @/refused --max-scans 29", "cairn align: ",
+         "holds 30 scans, expected at most 29: raise --max-scans, or use cairn map"},
         {"cairn map @/drive/scans.log -o @/refused --resolution 0.001",
          "map: ", "cells are too many, expected up to 67108864: choose a coarser --resolution"},
         {"cairn match", "cairn match: ", "no scans, expected A and B"},
         {"cairn match @/drive/scans.log", "cairn match: ", "only one scan, expected A and B"},
         {"cairn match a b c", "cairn match: ", "one word too many, 'c'"},
-        {"cairn match a b --method magic", "cairn match: ", "unknown method 'magic', expected default or shape"},
-        {"cairn match a b --start 1,2", "cairn match: ", "--start is '1,2', expected three numbers X,Y,DEG"},
+        {"cairn match a b --method magic",
+         "cairn match: ", "unknown method 'magic', expected default or shape"},
+        {"cairn match a b --start 1,2",
+         "cairn match: ", "--start is '1,2', expected three numbers X,Y,DEG"},
         {"cairn match a b --start 1,2,3,4", "cairn match: ", "--start is '1,2,3,4'"},
         {"cairn match a b --start 1,nan,3", "cairn match: ", "--start is '1,nan,3'"},
         {"cairn match a b --start 2e5,0,0", "cairn match: ", "--start is '2e5,0,0'"},
-        {"cairn match a b --window 1,1", "cairn match: ", "--window without --start, expected both or none"},
+        {"cairn match a b --window 1,1",
+         "cairn match: ", "--window without --start, expected both or none"},
         {"cairn match a b --start 0,0,0 --window 1", "cairn match: ", "--window is '1'"},
         {"cairn match a b --start 0,0,0 --window 1,-1", "cairn match: ", "--window is '1,-1'"},
-        {"cairn match a b --pictures", "cairn match: ", "--pictures without a folder to write to, expected -o DIR"},
+        {"cairn match a b --pictures",
+         "cairn match: ", "--pictures without a folder to write to, expected -o DIR"},
         {"cairn match a b --spacing 0", "cairn match: ", "--spacing is '0'"},
         {"cairn match @/drive/scans.log:30 @/drive/scans.log",
          "cairn match: ", "holds 30 scans, expected an index from 0 to 29, not 30"},
@@ -1414,7 +1516,8 @@ static void folders_that_cannot_be_written(void **state)
 
     (void)state;
     (void)files_write_text("file", "kept");
-    assert_refused(programs_run("cairn map @/drive/scans.log -o @/file"), "/file: ", "is a file, expected a folder");
+    assert_refused(programs_run("cairn map @/drive/scans.log -o @/file"),
+                   "/file: ", "is a file, expected a folder");
     assert_refused(programs_run("cairn align @/drive/scans.log -o @/file/inner"), "/file",
                    "is a file, expected a folder");
     assert_refused(programs_run("cairn-arena rooms -o @/file"), "cairn-arena: ", "expected");
@@ -1423,12 +1526,14 @@ static void folders_that_cannot_be_written(void **state)
     /* A folder where a file shall be: nothing else is written either. */
     assert_int_equal(mkdir(files_path("taken"), 0777), 0);
     assert_int_equal(mkdir(files_path("taken/map.svg"), 0777), 0);
-    assert_refused(programs_run("cairn map @/drive/scans.log -o @/taken"), "/taken/map.svg: ", "is a folder, expected");
+    assert_refused(programs_run("cairn map @/drive/scans.log -o @/taken"),
+                   "/taken/map.svg: ", "is a folder, expected");
     assert_int_equal(count_in("taken"), 1);
 
     /* A page that cannot be written is told before the work. */
-    assert_refused(programs_run("cairn map @/drive/scans.log -o @/unpaged --report @/file/map.html"), "/file",
-                   "is a file, expected a folder");
+    assert_refused(
+        programs_run("cairn map @/drive/scans.log -o @/unpaged --report @/file/map.html"), "/file",
+        "is a file, expected a folder");
     assert_refused(programs_run("cairn align @/drive/scans.log -o @/unpaged --report @/taken"),
                    "/taken: ", "is a folder, expected");
     assert_refused(programs_run("cairn map @/drive/scans.log -o @/unpaged --report @/taken/"),
@@ -1439,10 +1544,10 @@ static void folders_that_cannot_be_written(void **state)
     {
         char command[1024], *kept;
 
-        (void)snprintf(
-            command, sizeof command,
-            "cairn map '%s/drive/scans.log' --resolution 0.2 --quiet -o '%s/unpaged' --report '%s/kept.html'",
-            files_folder, files_folder, files_folder);
+        (void)snprintf(command, sizeof command,
+                       "cairn map '%s/drive/scans.log' --resolution 0.2 --quiet -o '%s/unpaged' "
+                       "--report '%s/kept.html'",
+                       files_folder, files_folder, files_folder);
         o = programs_run_shell("trap '' XFSZ; ulimit -f 80;", command, NULL);
         assert_int_equal(o.code, 2);
         assert_int_equal(lines_of(o.err), 1);
@@ -1469,8 +1574,8 @@ static void folders_that_cannot_be_written(void **state)
     for (int k = 0; k < 2; k++) {
         char command[1024];
 
-        (void)snprintf(command, sizeof command, "cairn map '%s/drive/scans.log' --quiet -o '%s/%s'", files_folder,
-                       files_folder, k == 0 ? "old" : "new/deep");
+        (void)snprintf(command, sizeof command, "cairn map '%s/drive/scans.log' --quiet -o '%s/%s'",
+                       files_folder, files_folder, k == 0 ? "old" : "new/deep");
         o = programs_run_shell("trap '' XFSZ; ulimit -f 40;", command, NULL);
         assert_int_equal(o.code, 2);
         assert_int_equal(lines_of(o.err), 1);
@@ -1483,9 +1588,10 @@ static void folders_that_cannot_be_written(void **state)
 /* A refused run leaves what an earlier one has written. */
 static void a_refused_run_leaves_the_folder(void **state)
 {
-    static const char *const arguments[] = {"cairn map @/missing.log", "cairn align @/drive/scans.log --max-scans 3",
-                                            "cairn map @/drive/scans.log --resolution 0.001", "cairn align @/blind.log",
-                                            "cairn map @/large.log --max-keys 3"};
+    static const char *const arguments[] = {
+        "cairn map @/missing.log", "cairn align @/drive/scans.log --max-scans 3",
+        "cairn map @/drive/scans.log --resolution 0.001", "cairn align @/blind.log",
+        "cairn map @/large.log --max-keys 3"};
 
     (void)state;
     for (size_t i = 0; i < sizeof arguments / sizeof *arguments; i++) {

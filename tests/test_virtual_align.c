@@ -45,7 +45,8 @@ static void rooms_come_together(void **state)
         assert_int_equal(result.active, result.iterations);
         assert_true(result.align_units > 0);
         assert_int_equal(result.hypotheses > 0, result.rounds > 0);
-        assert_int_equal(result.hypothesis_units > result.slide.units + 2 * SCANS + 1, result.rounds > 0);
+        assert_int_equal(result.hypothesis_units > result.slide.units + 2 * SCANS + 1,
+                         result.rounds > 0);
         assert_true(result.field_units > 0);
         test_pool_free(&bed.pool);
         bed = bed_with(&without);
@@ -95,7 +96,8 @@ static void settled_scans_stay(void **state)
     }
     for (int32_t i = 0; i < SCANS; i++) {
         moved += moves[i];
-        assert_int_equal(moves[i], !cairn_aligner_pose_of(cairn_virtual_align_aligner(bed.align), i).placed);
+        assert_int_equal(moves[i],
+                         !cairn_aligner_pose_of(cairn_virtual_align_aligner(bed.align), i).placed);
     }
     assert_int_equal(moved, cairn_virtual_align_read(bed.align).moved);
     assert_in_range(moved, 1, SCANS - 2);
@@ -270,8 +272,9 @@ static struct twin twin_of(const cairn_virtual_align_params *p, const struct roo
     t.p.field.max_points = t.p.hypotheses.max_points = p->aligner.max_points;
     t.p.field.max_extra = p->hypotheses.max_virtual;
     t.p.field.max_bonds = SCANS * (SCANS + 1) / 2;
-    t.pool = test_pool(cairn_aligner_memory(&t.p.aligner) + cairn_force_field_memory(&t.p.field) +
-                       cairn_virtual_scan_memory(&t.p.hypotheses) + cairn_wall_slide_memory(&t.p.slide));
+    t.pool =
+        test_pool(cairn_aligner_memory(&t.p.aligner) + cairn_force_field_memory(&t.p.field) +
+                  cairn_virtual_scan_memory(&t.p.hypotheses) + cairn_wall_slide_memory(&t.p.slide));
     t.start = r->start;
     assert_ok(cairn_aligner_create(&t.aligner, &t.pool, &t.p.aligner));
     assert_ok(cairn_force_field_create(&t.field, &t.pool, &t.p.field));
@@ -321,8 +324,8 @@ static double twin_across(const struct twin *t, int32_t scan)
 
         for (int32_t k = set->scans[scan].first_segment; k < set->scans[scan].end_segment; k++) {
             cairn_segment s = set->segments[k].segment;
-            double across =
-                cos(angle) * (double)set->segments[k].direction.y - sin(angle) * (double)set->segments[k].direction.x;
+            double across = cos(angle) * (double)set->segments[k].direction.y -
+                            sin(angle) * (double)set->segments[k].direction.x;
 
             sum += (double)cairn_segment_length(s) * across * across;
         }
@@ -360,7 +363,8 @@ static void twin_takes_in(struct twin *t)
     t->result.field_units += 1 + (int64_t)t->count;
 }
 
-/* 1: the aligner has placed more than before; else what shares nothing with its largest part stays where the field left it. */
+/* 1: the aligner has placed more than before; else what shares nothing with its largest part
+ * stays where the field left it. */
 static int twin_judges(struct twin *t)
 {
     if (cairn_aligner_read(t->aligner).placed > t->result.aligner.placed) {
@@ -386,8 +390,9 @@ static void twin_places(struct twin *t)
     for (int32_t i = 0; i < t->count; i++) {
         cairn_aligner_pose at = t->kept[i];
 
-        t->moves[i] = !t->p.align || t->result.aligner.placed < 2 ||
-                      (!at.placed && !cairn_wall_slide_is_loose(t->slide, &at) && twin_across(t, i) >= 0.1);
+        t->moves[i] =
+            !t->p.align || t->result.aligner.placed < 2 ||
+            (!at.placed && !cairn_wall_slide_is_loose(t->slide, &at) && twin_across(t, i) >= 0.1);
         t->result.field_units += 2 + (cairn_force_field_scans(t->field)->scans[i].end_segment -
                                       cairn_force_field_scans(t->field)->scans[i].first_segment) /
                                          4;
@@ -410,7 +415,8 @@ static void twin_makes_hypotheses(struct twin *t, cairn_real sigma)
     assert_ok(cairn_virtual_scan_begin(t->hypotheses, sigma));
     for (int32_t i = 0; i < t->count; i++) {
         if (t->result.aligner.placed < 2 || !t->p.align || !t->moves[i])
-            assert_ok(cairn_virtual_scan_add_scan(t->hypotheses, set, i, cairn_force_field_pose(t->field, i)));
+            assert_ok(cairn_virtual_scan_add_scan(t->hypotheses, set, i,
+                                                  cairn_force_field_pose(t->field, i)));
         t->result.hypothesis_units += 1 + (set->scans[i].end_point - set->scans[i].first_point) / 4;
     }
     assert_ok(cairn_virtual_scan_step(t->hypotheses, &budget));
@@ -424,12 +430,15 @@ static void twin_makes_hypotheses(struct twin *t, cairn_real sigma)
 static void twin_relaxes(struct twin *t)
 {
     t->result.rounds++;
-    for (int32_t since = 0; since == 0 || cairn_force_field_read(t->field).verdict == CAIRN_FORCE_FIELD_RUNNING;
+    for (int32_t since = 0;
+         since == 0 || cairn_force_field_read(t->field).verdict == CAIRN_FORCE_FIELD_RUNNING;
          since++) {
         cairn_budget budget = {CAIRN_UNBOUNDED};
 
-        if (since == 0 || (since % t->p.every == 0 && (!t->p.align || t->result.aligner.placed < 2)))
-            twin_makes_hypotheses(t, since == 0 ? t->p.field.sigma_start : cairn_force_field_read(t->field).sigma);
+        if (since == 0 ||
+            (since % t->p.every == 0 && (!t->p.align || t->result.aligner.placed < 2)))
+            twin_makes_hypotheses(t, since == 0 ? t->p.field.sigma_start
+                                                : cairn_force_field_read(t->field).sigma);
         assert_ok(cairn_force_field_iterate(t->field, &budget));
         t->result.field_units += CAIRN_UNBOUNDED - budget.left;
         t->result.iterations++;
@@ -476,7 +485,8 @@ static void twin_slides(struct twin *t)
 {
     cairn_budget budget = {CAIRN_UNBOUNDED};
 
-    assert_ok(cairn_wall_slide_begin(t->slide, t->aligner, cairn_force_field_scans(t->field), t->spread));
+    assert_ok(
+        cairn_wall_slide_begin(t->slide, t->aligner, cairn_force_field_scans(t->field), t->spread));
     for (int32_t i = 0; i < t->count; i++) {
         cairn_aligner_pose aligned = t->kept[i];
 
@@ -561,8 +571,8 @@ static void does_what_is_done_by_hand(void **state)
         assert_same(&t, bed.align);
         slid += t.result.slide.slid;
         if (r.narrow < SCANS)
-            stayed += !t.kept[r.narrow].placed && !cairn_wall_slide_is_loose(t.slide, &t.kept[r.narrow]) &&
-                      !t.moves[r.narrow];
+            stayed += !t.kept[r.narrow].placed &&
+                      !cairn_wall_slide_is_loose(t.slide, &t.kept[r.narrow]) && !t.moves[r.narrow];
         test_pool_free(&t.pool);
         test_pool_free(&bed.pool);
         leave(&r);
@@ -594,7 +604,8 @@ static void bad_calls_are_refused(void **state)
         bad.hypotheses.stride = i == 4 ? 0 : 1;
         bad.slide.step = i == 6 ? 0 : 1;
         assert_int_equal(cairn_virtual_align_memory(i == 5 ? NULL : &bad), 0);
-        assert_status(cairn_virtual_align_create(&align, &pool, i == 5 ? NULL : &bad), CAIRN_BAD_ARGUMENT);
+        assert_status(cairn_virtual_align_create(&align, &pool, i == 5 ? NULL : &bad),
+                      CAIRN_BAD_ARGUMENT);
         assert_int_equal(pool.used, 0);
     }
     assert_status(cairn_virtual_align_create(NULL, &pool, &p), CAIRN_BAD_ARGUMENT);

@@ -1,7 +1,9 @@
-/* Virtual scans as written: algorithm 2 by hand, with a virtual scan in every step; lines as strong as they have points; rooms. */
+/* Virtual scans as written: algorithm 2 by hand, with a virtual scan in every step; lines as
+ * strong as they have points; rooms. */
 #include "tests/four_rooms.h"
 
-/* Algorithm 2 for rooms: the constants of section 7.4.2 with all lengths six times as great, 30 units of 0.03 m for 15 cm. */
+/* Algorithm 2 for rooms: the constants of section 7.4.2 with all lengths six times as great, 30
+ * units of 0.03 m for 15 cm. */
 static cairn_virtual_align_params rooms_params(int32_t steps)
 {
     cairn_virtual_align_params p = cairn_virtual_align_as_written();
@@ -28,7 +30,8 @@ struct reference {
     int32_t with_hypotheses; /* iterations */
 };
 
-static void reference_runs(struct reference *t, const cairn_virtual_align_params *params, const struct rooms *r)
+static void reference_runs(struct reference *t, const cairn_virtual_align_params *params,
+                           const struct rooms *r)
 {
     cairn_force_field_params field = params->field;
     cairn_virtual_scan_params hypotheses = params->hypotheses;
@@ -57,8 +60,8 @@ static void reference_runs(struct reference *t, const cairn_virtual_align_params
         budget.left = CAIRN_UNBOUNDED;
         assert_ok(cairn_virtual_scan_begin(t->hypotheses, cairn_force_field_read(t->field).sigma));
         for (int32_t i = 0; i < SCANS; i++) /* 5 */
-            assert_ok(cairn_virtual_scan_add_scan(t->hypotheses, cairn_force_field_scans(t->field), i,
-                                                  cairn_force_field_pose(t->field, i)));
+            assert_ok(cairn_virtual_scan_add_scan(t->hypotheses, cairn_force_field_scans(t->field),
+                                                  i, cairn_force_field_pose(t->field, i)));
         assert_ok(cairn_virtual_scan_step(t->hypotheses, &budget)); /* 6 */
         points = cairn_virtual_scan_points(t->hypotheses, &weights, &count);
         assert_ok(cairn_force_field_set_extra(t->field, points, weights, count));    /* 7 */
@@ -157,7 +160,8 @@ static void wall(cairn_scan_view *view, double ax, double ay, double bx, double 
     view->points = points;
 }
 
-/* One scan alone makes lines, of all directions of points, each as strong as it has points by the most. */
+/* One scan alone makes lines, of all directions of points, each as strong as it has points by
+ * the most. */
 static void lines_are_as_strong_as_they_have_points(void **state)
 {
     cairn_virtual_scan_params p = cairn_virtual_scan_as_written();
@@ -202,9 +206,9 @@ static void lines_are_as_strong_as_they_have_points(void **state)
         assert_near(h[i].strength, votes[i] / 100, 1e-6);
         for (int32_t k = h[i].first_point; k < h[i].end_point; k++)
             assert_near(weights[k], votes[i] / 200, 1e-6); /* weight 0.5 of strength 1 */
-        assert_near(
-            cairn_vec2_norm(cairn_vec2_sub(points[h[i].first_point + 1].position, points[h[i].first_point].position)),
-            0.1, 1e-5);
+        assert_near(cairn_vec2_norm(cairn_vec2_sub(points[h[i].first_point + 1].position,
+                                                   points[h[i].first_point].position)),
+                    0.1, 1e-5);
     }
     test_pool_free(&pool);
     test_pool_free(&set_pool);

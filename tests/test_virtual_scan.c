@@ -43,8 +43,8 @@ static void wall(struct drawing *d, double ax, double ay, double bx, double by)
     d->segments[d->walls].b = cairn_transform_point(scan_map, b);
     for (double t = 0.05; t < length; t += 0.1, at++) {
         assert_true(at < MOST_POINTS);
-        d->points[at].position =
-            cairn_transform_point(scan_map, cairn_vec2_add(a, cairn_vec2_scale(along, (cairn_real)t)));
+        d->points[at].position = cairn_transform_point(
+            scan_map, cairn_vec2_add(a, cairn_vec2_scale(along, (cairn_real)t)));
         d->points[at].direction = cairn_transform_direction(scan_map, along);
     }
     d->first[++d->walls] = at;
@@ -163,14 +163,16 @@ static void walls_of_two_scans_make_a_line(void **state)
     }
 }
 
-/* The more the scans may be off, the farther apart walls may be of which a line is made: 0.3 sigma to each side. */
+/* The more the scans may be off, the farther apart walls may be of which a line is made: 0.3
+ * sigma to each side. */
 static void tolerances_follow_sigma(void **state)
 {
     static const struct {
         double sigma, apart, turn;
         int32_t lines;
-    } cases[] = {{0, 0.04, 0, 1}, {0, 0.2, 0, 0}, {0.5, 0.2, 0, 1}, {0.5, 0.5, 0, 0}, {1.0, 0.4, 0, 1},
-                 {0, 0, 8, 0},    {0.8, 0, 8, 1}, {0.8, 0, 14, 0},  {1e5, 0, 25, 1}};
+    } cases[] = {{0, 0.04, 0, 1},  {0, 0.2, 0, 0},   {0.5, 0.2, 0, 1},
+                 {0.5, 0.5, 0, 0}, {1.0, 0.4, 0, 1}, {0, 0, 8, 0},
+                 {0.8, 0, 8, 1},   {0.8, 0, 14, 0},  {1e5, 0, 25, 1}};
 
     (void)state;
     for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
@@ -197,7 +199,8 @@ static void short_walls_do_not_count(void **state)
 {
     cairn_virtual_scan_params p = cairn_virtual_scan_default();
     struct fixture f = fixture_with(&p);
-    struct drawing one = drawing_at(0, -1, 0), other = drawing_at(4, -1, 0), third = drawing_at(1, 1, 1);
+    struct drawing one = drawing_at(0, -1, 0), other = drawing_at(4, -1, 0),
+                   third = drawing_at(1, 1, 1);
     const cairn_hypothesis *h;
     int32_t count;
 
@@ -278,7 +281,8 @@ static void rooms_are_rectangles(void **state)
         for (int32_t i = 0; i < point_count; i++) {
             double x = (double)points[i].position.x, y = (double)points[i].position.y;
             /* The free side is on the left: inside of a room. */
-            double to_left = (double)points[i].direction.x * (1.5 - y) - (double)points[i].direction.y * (2 - x);
+            double to_left =
+                (double)points[i].direction.x * (1.5 - y) - (double)points[i].direction.y * (2 - x);
 
             assert_true(is_box ? to_left < 0 : to_left > 0);
             on[0] += fabs(y) < 1e-4;
@@ -304,7 +308,8 @@ static void draw_arc(struct drawing *d, double radius, double from, double to)
 
     for (int32_t i = 0; i <= count; i++, at++) {
         double angle = from + (to - from) * i / count;
-        cairn_vec2 p = {(cairn_real)(1 + radius * cos(angle)), (cairn_real)(2 + radius * sin(angle))};
+        cairn_vec2 p = {(cairn_real)(1 + radius * cos(angle)),
+                        (cairn_real)(2 + radius * sin(angle))};
         cairn_vec2 along = {(cairn_real)-sin(angle), (cairn_real)cos(angle)};
 
         d->points[at].position = cairn_transform_point(scan_map, p);
@@ -315,7 +320,8 @@ static void draw_arc(struct drawing *d, double radius, double from, double to)
     d->first[++d->walls] = at;
 }
 
-/* Three scans of a third of a round room each make an ellipse, which goes all around; one scan alone does not. */
+/* Three scans of a third of a round room each make an ellipse, which goes all around; one scan
+ * alone does not. */
 static void round_rooms_are_ellipses(void **state)
 {
     cairn_virtual_scan_params p = cairn_virtual_scan_default();
@@ -334,7 +340,8 @@ static void round_rooms_are_ellipses(void **state)
             struct drawing d = drawing_at(i, 2, i);
 
             for (int k = 0; k < walls; k++) /* short, each of about one direction */
-                draw_arc(&d, 1.5, 2 * PI * (i + k / (double)walls) / scans, 2 * PI * (i + (k + 1.0) / walls) / scans);
+                draw_arc(&d, 1.5, 2 * PI * (i + k / (double)walls) / scans,
+                         2 * PI * (i + (k + 1.0) / walls) / scans);
             put(&f, &d);
         }
         h = detect(&f, 0.05, &count);
@@ -353,7 +360,8 @@ static void round_rooms_are_ellipses(void **state)
 
             assert_near(hypot(x, y), 1.5, 0.03);
             assert_near(weights[i], h->weight, 0);
-            assert_true((double)points[i].direction.x * -y + (double)points[i].direction.y * x > 1.45);
+            assert_true((double)points[i].direction.x * -y + (double)points[i].direction.y * x >
+                        1.45);
         }
         end_fixture(&f);
         if (scans == 3) { /* room for half of it; then no room for it; then not asked for */
@@ -367,7 +375,8 @@ static void round_rooms_are_ellipses(void **state)
                     struct drawing d = drawing_at(i, 2, i);
 
                     for (int j = 0; j < 8; j++)
-                        draw_arc(&d, 1.5, 2 * PI * (i + j / 8.0) / 3, 2 * PI * (i + (j + 1) / 8.0) / 3);
+                        draw_arc(&d, 1.5, 2 * PI * (i + j / 8.0) / 3,
+                                 2 * PI * (i + (j + 1) / 8.0) / 3);
                     put(&f, &d);
                 }
                 (void)detect(&f, 0.05, &count);
@@ -474,8 +483,8 @@ static int32_t count_discs(const void *state)
     return ((const struct discs *)state)->done;
 }
 
-static int32_t outline_disc(const void *state, int32_t i, cairn_real spacing, cairn_oriented_point *points,
-                            int32_t room, cairn_real *strength)
+static int32_t outline_disc(const void *state, int32_t i, cairn_real spacing,
+                            cairn_oriented_point *points, int32_t room, cairn_real *strength)
 {
     int32_t count = room < 3 ? room : 3;
 
@@ -496,7 +505,8 @@ static void kinds_of_the_caller(void **state)
     struct fixture f;
     struct discs discs = {5, 0, 0, 0, {NULL, NULL, NULL, NULL, 0, 0, 0}},
                  others = {2, 0, 0, 0, {NULL, NULL, NULL, NULL, 0, 0, 0}};
-    cairn_hypothesis_detector d = {&discs, begin_discs, step_discs, count_discs, outline_disc}, e = d, bad;
+    cairn_hypothesis_detector d = {&discs, begin_discs, step_discs, count_discs, outline_disc},
+                              e = d, bad;
     const cairn_hypothesis *h;
     const cairn_oriented_point *points;
     const cairn_real *weights;
@@ -661,7 +671,8 @@ static void the_budget_does_not_matter(void **state)
 
 /* ---- The bits ---- */
 
-/* Rooms in pieces and walls for themselves on a grid of a quarter of a metre, each in one of the scans at hand. */
+/* Rooms in pieces and walls for themselves on a grid of a quarter of a metre, each in one of the
+ * scans at hand. */
 static void draw_quarters(struct fixture *f, cairn_random *random)
 {
     int32_t scans = 2 + cairn_random_below(random, 3);
@@ -669,7 +680,8 @@ static void draw_quarters(struct fixture *f, cairn_random *random)
     for (int32_t k = 0; k < scans; k++) {
         double x = 0.25 * cairn_random_below(random, 8);
         double y = 0.25 * cairn_random_below(random, 8);
-        double theta = cairn_random_below(random, 2) == 0 ? (double)cairn_random_uniform(random, -3, 3) : 0;
+        double theta =
+            cairn_random_below(random, 2) == 0 ? (double)cairn_random_uniform(random, -3, 3) : 0;
         struct drawing d = drawing_at(x, y, theta);
 
         for (int32_t i = 0; i < 5; i++) {
@@ -830,9 +842,11 @@ static void bad_calls_are_refused(void **state)
     (void)state;
     (void)cairn_virtual_scan_hypotheses(f.v, &count);
     assert_int_equal(count, 0);
-    assert_ok(cairn_virtual_scan_step(f.v, &budget)); /* nothing was begun */
+    /* nothing was begun */
+    assert_ok(cairn_virtual_scan_step(f.v, &budget));
     draw_room(&f, 4, 0);
-    assert_status(cairn_virtual_scan_add_scan(f.v, f.set, 0, f.poses[0]), CAIRN_BAD_ARGUMENT); /* not begun */
+    /* not begun */
+    assert_status(cairn_virtual_scan_add_scan(f.v, f.set, 0, f.poses[0]), CAIRN_BAD_ARGUMENT);
     assert_status(cairn_virtual_scan_begin(NULL, 0), CAIRN_BAD_ARGUMENT);
     assert_status(cairn_virtual_scan_begin(f.v, CAIRN_REAL(-0.1)), CAIRN_BAD_ARGUMENT);
     assert_status(cairn_virtual_scan_begin(f.v, (cairn_real)NAN), CAIRN_BAD_ARGUMENT);
@@ -852,7 +866,8 @@ static void bad_calls_are_refused(void **state)
     assert_status(cairn_virtual_scan_add_scan(f.v, f.set, 1, f.poses[1]), CAIRN_BAD_ARGUMENT);
     assert_ok(cairn_virtual_scan_add_scan(f.v, f.set, 0, f.poses[0]));
     assert_status(cairn_virtual_scan_step(f.v, &budget), CAIRN_MORE);
-    assert_status(cairn_virtual_scan_add_scan(f.v, f.set, 0, f.poses[0]), CAIRN_BAD_ARGUMENT); /* too late */
+    /* too late */
+    assert_status(cairn_virtual_scan_add_scan(f.v, f.set, 0, f.poses[0]), CAIRN_BAD_ARGUMENT);
     assert_status(cairn_virtual_scan_step(NULL, &budget), CAIRN_BAD_ARGUMENT);
     assert_status(cairn_virtual_scan_step(f.v, NULL), CAIRN_BAD_ARGUMENT);
     end_fixture(&f);
@@ -865,13 +880,13 @@ static cairn_status create(void *context, cairn_pool *pool)
     return cairn_virtual_scan_create(&v, pool, context);
 }
 
-#define REFUSED(change)                                                                                                \
-    do {                                                                                                               \
-        p = cairn_virtual_scan_default();                                                                              \
-        change;                                                                                                        \
-        assert_int_equal(cairn_virtual_scan_memory(&p), 0);                                                            \
-        assert_status(cairn_virtual_scan_create(&v, &pool, &p), CAIRN_BAD_ARGUMENT);                                   \
-        assert_int_equal(pool.used, 0);                                                                                \
+#define REFUSED(change)                                                                            \
+    do {                                                                                           \
+        p = cairn_virtual_scan_default();                                                          \
+        change;                                                                                    \
+        assert_int_equal(cairn_virtual_scan_memory(&p), 0);                                        \
+        assert_status(cairn_virtual_scan_create(&v, &pool, &p), CAIRN_BAD_ARGUMENT);               \
+        assert_int_equal(pool.used, 0);                                                            \
     } while (0)
 
 static void bad_params_are_refused(void **state)

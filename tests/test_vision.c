@@ -1,5 +1,5 @@
-/* Images through OpenCV: what is written comes back, edges and slopes of known pictures; damaged, giant and foreign files; and life
- * without OpenCV. */
+/* Images through OpenCV: what is written comes back, edges and slopes of known pictures;
+ * damaged, giant and foreign files; and life without OpenCV. */
 #include "tests/test.h"
 
 #include <math.h>
@@ -63,8 +63,9 @@ static void test_what_is_written_comes_back(void **state)
     static const struct {
         const char *name;
         int32_t channels, bytes;
-    } cases[] = {{"a.tif", 1, 1}, {"a.tif", 1, 2}, {"a.tiff", 3, 1}, {"a.tif", 3, 2}, {"a.tif", 4, 1}, {"a.png", 1, 1},
-                 {"a.png", 1, 2}, {"a.png", 3, 1}, {"a.png", 3, 2},  {"a.png", 4, 1}, {"a.pgm", 1, 1}, {"a.pgm", 1, 2}};
+    } cases[] = {{"a.tif", 1, 1}, {"a.tif", 1, 2}, {"a.tiff", 3, 1}, {"a.tif", 3, 2},
+                 {"a.tif", 4, 1}, {"a.png", 1, 1}, {"a.png", 1, 2},  {"a.png", 3, 1},
+                 {"a.png", 3, 2}, {"a.png", 4, 1}, {"a.pgm", 1, 1},  {"a.pgm", 1, 2}};
 
     (void)state;
     need_opencv();
@@ -78,7 +79,8 @@ static void test_what_is_written_comes_back(void **state)
         assert_int_equal(got.height, HEIGHT);
         assert_int_equal(got.channels, cases[i].channels);
         assert_int_equal(got.sample_bytes, cases[i].bytes);
-        assert_memory_equal(got.samples, made.samples, (size_t)(PIXELS * cases[i].channels * cases[i].bytes));
+        assert_memory_equal(got.samples, made.samples,
+                            (size_t)(PIXELS * cases[i].channels * cases[i].bytes));
         cairn_vision_free(&got);
         assert_null(got.samples);
         assert_int_equal(remove(path), 0);
@@ -136,7 +138,8 @@ static void test_nothing_half_written(void **state)
 
 static void test_grey(void **state)
 {
-    static const uint8_t colours[5][3] = {{255, 0, 0}, {0, 255, 0}, {0, 0, 255}, {255, 255, 255}, {10, 20, 30}};
+    static const uint8_t colours[5][3] = {
+        {255, 0, 0}, {0, 255, 0}, {0, 0, 255}, {255, 255, 255}, {10, 20, 30}};
     static const int32_t wanted[5] = {29, 150, 76, 255, 22};
 
     (void)state;
@@ -149,7 +152,8 @@ static void test_grey(void **state)
                     if (bytes == 1)
                         ((uint8_t *)image.samples)[i * channels + k] = colours[i][k];
                     else
-                        ((uint16_t *)image.samples)[i * channels + k] = (uint16_t)(257 * colours[i][k]);
+                        ((uint16_t *)image.samples)[i * channels + k] =
+                            (uint16_t)(257 * colours[i][k]);
             assert_ok(cairn_vision_make_grey(&image));
             assert_int_equal(image.channels, 1);
             assert_int_equal(image.sample_bytes, 1);
@@ -230,14 +234,15 @@ static void test_refused_edges(void **state)
     uint8_t grey[PIXELS] = {0}, strengths[PIXELS];
     float x[PIXELS];
     cairn_vision_image image = {WIDTH, HEIGHT, 1, 1, grey}, deep = make(1, 2), colour = make(3, 1);
-    static const cairn_vision_canny_params bad[] = {{-1, 3, 8},          {51, 3, 8},          {(double)NAN, 3, 8},
-                                                    {1, 0, 8},           {1, (double)NAN, 8}, {1, 3, 2.9},
-                                                    {1, 3, (double)NAN}, {1, 3, 1001}};
+    static const cairn_vision_canny_params bad[] = {
+        {-1, 3, 8},          {51, 3, 8},  {(double)NAN, 3, 8}, {1, 0, 8},
+        {1, (double)NAN, 8}, {1, 3, 2.9}, {1, 3, (double)NAN}, {1, 3, 1001}};
     cairn_vision_canny_params good = cairn_vision_canny_default();
 
     (void)state;
     for (size_t i = 0; i < sizeof bad / sizeof *bad; i++) {
-        assert_status(cairn_vision_canny(&image, &bad[i], strengths, "name", &error), CAIRN_BAD_ARGUMENT);
+        assert_status(cairn_vision_canny(&image, &bad[i], strengths, "name", &error),
+                      CAIRN_BAD_ARGUMENT);
         assert_said("name", "sigma");
     }
     assert_status(cairn_vision_canny(&deep, &good, strengths, "name", NULL), CAIRN_BAD_ARGUMENT);
@@ -247,7 +252,8 @@ static void test_refused_edges(void **state)
     assert_status(cairn_vision_canny(&image, &good, NULL, "name", NULL), CAIRN_BAD_ARGUMENT);
     assert_status(cairn_vision_gradients(&image, -1, x, x, "name", NULL), CAIRN_BAD_ARGUMENT);
     assert_status(cairn_vision_gradients(&image, 51, x, x, "name", NULL), CAIRN_BAD_ARGUMENT);
-    assert_status(cairn_vision_gradients(&image, (double)NAN, x, x, "name", NULL), CAIRN_BAD_ARGUMENT);
+    assert_status(cairn_vision_gradients(&image, (double)NAN, x, x, "name", NULL),
+                  CAIRN_BAD_ARGUMENT);
     assert_status(cairn_vision_gradients(&image, 1, NULL, x, "name", NULL), CAIRN_BAD_ARGUMENT);
     assert_status(cairn_vision_gradients(&image, 1, x, NULL, "name", NULL), CAIRN_BAD_ARGUMENT);
     assert_status(cairn_vision_gradients(&deep, 1, x, x, "name", &error), CAIRN_BAD_ARGUMENT);
@@ -274,7 +280,8 @@ static void test_every_cut_is_told(void **state)
             const char *shorter = files_write("cut", bytes, cut);
             cairn_status status = cairn_vision_read(&got, shorter, &error);
 
-            /* What lies behind the pixels of a TIFF may go, and a reader of TIFF may keep the rows that are there. */
+            /* What lies behind the pixels of a TIFF may go, and a reader of TIFF may keep the
+             * rows that are there. */
             if (status == CAIRN_OK && i == 0)
                 cairn_vision_free(&got);
             else if (status != CAIRN_TRUNCATED && status != CAIRN_BAD_FORMAT)
@@ -320,21 +327,24 @@ static void test_damage_is_survived(void **state)
 /* Heads of images beyond the limits, with nothing behind them. */
 static void test_giants_are_refused_unread(void **state)
 {
-    static const uint8_t png[] =
-        "\x89PNG\r\n\x1A\n\0\0\0\x0DIHDR\0\0\x80\x01\0\0\0\x01\x08\0\0\0\0\0\0\0\0\0\0\0\0IEND\0\0\0\0";
-    static const uint8_t jpeg[] =
-        "\xFF\xD8\xFF\xE0\0\x04xx\xFF\xFF\xC0\0\x0B\x08\xFF\xFF\xFF\xFE\x01\x01\x11\0\xFF\xDA\0\x02xx\xFF\xD9";
-    static const uint8_t little[] =
-        "II*\0\x08\0\0\0\x02\0\0\x01\x03\0\x01\0\0\0\x10\x80\0\0\x01\x01\x04\0\x01\0\0\0\x05\0\0\0\0\0\0\0";
-    static const uint8_t big[] =
-        "MM\0*\0\0\0\x08\0\x02\x01\0\0\x04\0\0\0\x01\0\0\x40\0\x01\x01\0\x03\0\0\0\x01\x40\0\0\0\0\0\0\0";
+    static const uint8_t png[] = "\x89PNG\r\n\x1A\n\0\0\0\x0DIHDR\0\0\x80\x01\0\0\0\x01\x08\0\0\0\0"
+                                 "\0\0\0\0\0\0\0\0IEND\0\0\0\0";
+    static const uint8_t jpeg[] = "\xFF\xD8\xFF\xE0\0\x04xx\xFF\xFF\xC0\0\x0B\x08\xFF\xFF\xFF\xFE"
+                                  "\x01\x01\x11\0\xFF\xDA\0\x02xx\xFF\xD9";
+    static const uint8_t little[] = "II*"
+                                    "\0\x08\0\0\0\x02\0\0\x01\x03\0\x01\0\0\0\x10\x80\0\0\x01\x01"
+                                    "\x04\0\x01\0\0\0\x05\0\0\0\0\0\0\0";
+    static const uint8_t big[] = "MM\0*"
+                                 "\0\0\0\x08\0\x02\x01\0\0\x04\0\0\0\x01\0\0\x40\0\x01\x01\0\x03\0"
+                                 "\0\0\x01\x40\0\0\0\0\0\0\0";
 
     (void)state;
     assert_refused(files_write("a.png", png, sizeof png - 1), CAIRN_FULL, "32769 x 1");
     assert_refused(files_write("a.jpg", jpeg, sizeof jpeg - 1), CAIRN_FULL, "65534 x 65535");
     assert_refused(files_write("a.tif", little, sizeof little - 1), CAIRN_FULL, "32784 x 5");
     assert_refused(files_write("b.tif", big, sizeof big - 1), CAIRN_FULL, "16384 x 16384");
-    assert_refused(files_write_text("a.pgm", "P5 # wide\n 99999999999999 1\n255\nxxxx"), CAIRN_FULL, "9999999999 x 1");
+    assert_refused(files_write_text("a.pgm", "P5 # wide\n 99999999999999 1\n255\nxxxx"), CAIRN_FULL,
+                   "9999999999 x 1");
     assert_refused(files_write_text("b.pgm", "P5\n1 32769\n255\nxxxxx"), CAIRN_FULL, "1 x 32769");
 }
 
@@ -354,17 +364,20 @@ static void test_what_is_no_image(void **state)
     assert_refused(files_write_text("b.pgm", "P5\n# long"), CAIRN_TRUNCATED, "PGM");
     assert_refused(files_write_text("c.pgm", "P5\n0 4\n255\nxxxx"), CAIRN_BAD_FORMAT, "0 x 4");
     assert_refused(files_write("a.tif", none, sizeof none - 1), CAIRN_BAD_FORMAT, "16 x 0");
-    assert_refused(files_write("b.tif", long_entries, sizeof long_entries - 1), CAIRN_TRUNCATED, "TIFF");
+    assert_refused(files_write("b.tif", long_entries, sizeof long_entries - 1), CAIRN_TRUNCATED,
+                   "TIFF");
     assert_refused(files_write("c.tif", "II*\0\0\0\0\0\0\0", 10), CAIRN_TRUNCATED, "TIFF");
-    assert_refused(files_write("a.jpg", "\xFF\xD8\xFF\xE0\0\x04xx\xFF\xDA\0\x02xxxx", 16), CAIRN_TRUNCATED, "JPEG");
+    assert_refused(files_write("a.jpg", "\xFF\xD8\xFF\xE0\0\x04xx\xFF\xDA\0\x02xxxx", 16),
+                   CAIRN_TRUNCATED, "JPEG");
     assert_refused(files_write("b.jpg", "\xFF\xD8xxxxxxxxxx", 12), CAIRN_TRUNCATED, "JPEG");
-    assert_refused(files_write("c.jpg", "\xFF\xD8\xFF\xE0\0\x01xx\xFF\xD9", 10), CAIRN_TRUNCATED, "JPEG");
+    assert_refused(files_write("c.jpg", "\xFF\xD8\xFF\xE0\0\x01xx\xFF\xD9", 10), CAIRN_TRUNCATED,
+                   "JPEG");
 }
 
 static void test_refusals_in_the_words_of_opencv(void **state)
 {
-    static const uint8_t png[] =
-        "\x89PNG\r\n\x1A\n\0\0\0\x0DIHDR\0\0\0\x01\0\0\0\x01\x08\0\0\0\0\0\0\0\0\0\0\0\0IEND\0\0\0\0";
+    static const uint8_t png[] = "\x89PNG\r\n\x1A\n\0\0\0\x0DIHDR\0\0\0\x01\0\0\0\x01\x08\0\0\0\0\0"
+                                 "\0\0\0\0\0\0\0IEND\0\0\0\0";
 
     (void)state;
     need_opencv();
@@ -375,8 +388,9 @@ static void test_refusals_in_the_words_of_opencv(void **state)
 
 static void test_without_the_library(void **state)
 {
-    static const uint8_t tiff[] =
-        "II*\0\x08\0\0\0\x02\0\0\x01\x03\0\x01\0\0\0\x01\0\0\0\x01\x01\x03\0\x01\0\0\0\x01\0\0\0\0\0\0\0";
+    static const uint8_t tiff[] = "II*"
+                                  "\0\x08\0\0\0\x02\0\0\x01\x03\0\x01\0\0\0\x01\0\0\0\x01\x01\x03\0"
+                                  "\x01\0\0\0\x01\0\0\0\0\0\0\0";
     uint8_t grey[PIXELS] = {0}, strengths[PIXELS];
     float x[PIXELS];
     cairn_vision_image image = {WIDTH, HEIGHT, 1, 1, grey}, got;
@@ -386,8 +400,10 @@ static void test_without_the_library(void **state)
     assert_int_equal(setenv("CAIRN_VISION", files_path("nowhere.so"), 1), 0);
     assert_status(cairn_vision_load(&error), CAIRN_UNSUPPORTED);
     assert_said("libcairn-vision.so", "make vision");
-    assert_refused(files_write("a.tif", tiff, sizeof tiff - 1), CAIRN_UNSUPPORTED, "image reading needs");
-    assert_status(cairn_vision_canny(&image, &params, strengths, "name", &error), CAIRN_UNSUPPORTED);
+    assert_refused(files_write("a.tif", tiff, sizeof tiff - 1), CAIRN_UNSUPPORTED,
+                   "image reading needs");
+    assert_status(cairn_vision_canny(&image, &params, strengths, "name", &error),
+                  CAIRN_UNSUPPORTED);
     assert_said("name", "OpenCV 4");
     assert_status(cairn_vision_gradients(&image, 1, x, x, "name", &error), CAIRN_UNSUPPORTED);
     assert_status(cairn_vision_write(&image, files_path("a.png"), &error), CAIRN_UNSUPPORTED);
@@ -428,8 +444,9 @@ static void test_nothing_is_lost(void **state)
     for (int round = 0; round < FILES_HEAP_ROUNDS; round++) {
         assert_ok(cairn_vision_read_grey(&got, files_path("a.tif"), &error));
         cairn_vision_free(&got);
-        assert_status(cairn_vision_read_grey(&got, files_write_text("a.pgm", "P5\n9 9\n255\nx"), &error),
-                      CAIRN_BAD_FORMAT);
+        assert_status(
+            cairn_vision_read_grey(&got, files_write_text("a.pgm", "P5\n9 9\n255\nx"), &error),
+            CAIRN_BAD_FORMAT);
         assert_ok(cairn_vision_write(&made, files_path("b.png"), &error));
         if (round == 4)
             before = files_heap();

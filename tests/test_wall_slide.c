@@ -1,4 +1,5 @@
-/* Parts that slide along walls: rooms on a hallway seen by scans of half a circle, against the obvious way to do it. */
+/* Parts that slide along walls: rooms on a hallway seen by scans of half a circle, against the
+ * obvious way to do it. */
 #include "tests/test.h"
 
 #include <math.h>
@@ -41,11 +42,12 @@ static cairn_vec2 hallway_of(const struct scene *s)
     return way;
 }
 
-/* As if the last four scans were firm, and of the others four each known alike but for one direction: that of the hallway,
- * turned. */
+/* As if the last four scans were firm, and of the others four each known alike but for one
+ * direction: that of the hallway, turned. */
 static void loosen(struct scene *s, double degrees)
 {
-    cairn_transform turn = {0, 0, (cairn_real)cos(degrees * DEGREE), (cairn_real)sin(degrees * DEGREE)};
+    cairn_transform turn = {0, 0, (cairn_real)cos(degrees * DEGREE),
+                            (cairn_real)sin(degrees * DEGREE)};
     cairn_vec2 way = cairn_transform_direction(turn, hallway_of(s));
 
     for (int32_t i = 0; i < SCANS; i++) {
@@ -62,7 +64,8 @@ static void loosen(struct scene *s, double degrees)
     }
 }
 
-/* Rooms on a hallway, six places with two scans of 180 degrees, poses off by up to 0.5 m and 20 degrees; aligned. */
+/* Rooms on a hallway, six places with two scans of 180 degrees, poses off by up to 0.5 m and 20
+ * degrees; aligned. */
 static struct scene open_scene(uint64_t seed)
 {
     sim_arena_options arena_options = sim_arena_default();
@@ -105,8 +108,8 @@ static struct scene open_scene(uint64_t seed)
         s.truth[i] = scans[i].truth;
         s.start[i].x = (cairn_real)s.truth[i].x + cairn_random_uniform(&random, -1, 1) / 2;
         s.start[i].y = (cairn_real)s.truth[i].y + cairn_random_uniform(&random, -1, 1) / 2;
-        s.start[i].theta =
-            (cairn_real)s.truth[i].theta + cairn_random_uniform(&random, -1, 1) * (cairn_real)(20 * DEGREE);
+        s.start[i].theta = (cairn_real)s.truth[i].theta +
+                           cairn_random_uniform(&random, -1, 1) * (cairn_real)(20 * DEGREE);
         budget.left = CAIRN_UNBOUNDED;
         assert_ok(cairn_scan_begin(scan, &input, NULL));
         assert_ok(cairn_scan_step(scan, &budget));
@@ -242,8 +245,10 @@ static void twin_ties(struct twin *t)
 
                 if (t->part[i] < 0 || t->part[j] < 0 || t->part[i] == t->part[j] ||
                     fabs(dot(t->along[i], t->along[j])) < 0.99 ||
-                    fabs(t->deviation[i] - t->deviation[j]) > 0.03 * fmax(t->deviation[i], t->deviation[j]) ||
-                    !cairn_aligner_share_wall(t->s->aligner, i, j, cairn_pose_between(t->s->aligned[j].map_scan, pose),
+                    fabs(t->deviation[i] - t->deviation[j]) >
+                        0.03 * fmax(t->deviation[i], t->deviation[j]) ||
+                    !cairn_aligner_share_wall(t->s->aligner, i, j,
+                                              cairn_pose_between(t->s->aligned[j].map_scan, pose),
                                               cairn_transform_direction(back, t->along[i]), NULL))
                     continue;
                 t->part[i] = t->part[j] = t->part[i] < t->part[j] ? t->part[i] : t->part[j];
@@ -263,9 +268,12 @@ static cairn_vec2 way_of(const struct twin_wall *w)
 
 static double overlap(const struct twin_wall *v, const struct twin_wall *w)
 {
-    cairn_vec2 way = way_of(v), middle = cairn_vec2_scale(cairn_vec2_add(w->a, w->b), CAIRN_REAL(0.5));
-    double half = (double)cairn_vec2_norm(cairn_vec2_sub(w->b, w->a)) / 2, at = dot(way, cairn_vec2_sub(middle, v->a));
-    double low = fmax(at - half, 0), high = fmin(at + half, (double)cairn_vec2_norm(cairn_vec2_sub(v->b, v->a)));
+    cairn_vec2 way = way_of(v),
+               middle = cairn_vec2_scale(cairn_vec2_add(w->a, w->b), CAIRN_REAL(0.5));
+    double half = (double)cairn_vec2_norm(cairn_vec2_sub(w->b, w->a)) / 2,
+           at = dot(way, cairn_vec2_sub(middle, v->a));
+    double low = fmax(at - half, 0),
+           high = fmin(at + half, (double)cairn_vec2_norm(cairn_vec2_sub(v->b, v->a)));
 
     return high - low;
 }
@@ -290,10 +298,11 @@ static void twin_draws_walls(struct twin *t)
     for (int32_t i = 0; i < SCANS; i++) {
         cairn_transform pose = cairn_transform_of(t->s->aligned[i].map_scan);
 
-        for (int32_t k = t->s->set->scans[i].first_segment; k < t->s->set->scans[i].end_segment && t->part[i] >= -1;
-             k++) {
+        for (int32_t k = t->s->set->scans[i].first_segment;
+             k < t->s->set->scans[i].end_segment && t->part[i] >= -1; k++) {
             struct twin_wall w = {cairn_transform_point(pose, t->s->set->segments[k].segment.a),
-                                  cairn_transform_point(pose, t->s->set->segments[k].segment.b), 0, i};
+                                  cairn_transform_point(pose, t->s->set->segments[k].segment.b), 0,
+                                  i};
 
             if (cairn_vec2_norm(cairn_vec2_sub(w.b, w.a)) >= CAIRN_REAL(0.2))
                 t->walls[t->wall_count++] = w;
@@ -310,8 +319,8 @@ static void twin_shares(struct twin *t)
         for (int32_t k = 0; k < t->wall_count; k++) {
             const struct twin_wall *w = &t->walls[k];
 
-            same += t->part[v->scan] == t->part[w->scan] && dot(way_of(v), way_of(w)) >= 0.99 && overlap(v, w) > -0.1 &&
-                    fabs(across(v, w)) < 0.03;
+            same += t->part[v->scan] == t->part[w->scan] && dot(way_of(v), way_of(w)) >= 0.99 &&
+                    overlap(v, w) > -0.1 && fabs(across(v, w)) < 0.03;
         }
         t->walls[i].share = 1.0 / same;
     }
@@ -327,7 +336,8 @@ static void twin_learns(struct twin *t)
         for (int32_t k = 0; k < i; k++) {
             const struct twin_wall *v = &t->walls[i], *w = &t->walls[k];
 
-            if (t->part[v->scan] != t->part[w->scan] || !faces(v, w) || across(v, w) <= 0.02 || across(v, w) >= 0.5)
+            if (t->part[v->scan] != t->part[w->scan] || !faces(v, w) || across(v, w) <= 0.02 ||
+                across(v, w) >= 0.5)
                 continue;
             assert_true(count < WALLS * 4);
             gaps[count] = across(v, w);
@@ -374,9 +384,10 @@ static double thickness_nats(const struct twin *t, int32_t moving, int32_t fixed
             gap = across(&moved, &w);
             off = (gap - t->thickness) / (double)t->p.tolerance;
             if (gap > -0.03 && gap < 0.5)
-                best = fmax(best, log(1 - t->alike +
-                                      t->alike * 0.5 / ((double)t->p.tolerance * sqrt(8 * atan(1))) *
-                                          (fabs(off) < 4 ? exp(-off * off / 2) : 0)));
+                best =
+                    fmax(best, log(1 - t->alike +
+                                   t->alike * 0.5 / ((double)t->p.tolerance * sqrt(8 * atan(1))) *
+                                       (fabs(off) < 4 ? exp(-off * off / 2) : 0)));
         }
         if (best > -HUGE_VAL)
             sum += v.share * best;
@@ -392,13 +403,15 @@ static double objection_nats(const struct twin *t, int32_t moving, int32_t fixed
         for (int32_t j = 0; j < SCANS; j++) {
             cairn_pose a = t->s->aligned[i].map_scan, b = t->s->aligned[j].map_scan;
 
-            if (t->part[i] != moving || t->part[j] != fixed || !cairn_aligner_are_partners(t->s->aligner, i, j))
+            if (t->part[i] != moving || t->part[j] != fixed ||
+                !cairn_aligner_are_partners(t->s->aligner, i, j))
                 continue;
             a.x += t->shift[i].x + shift.x;
             a.y += t->shift[i].y + shift.y;
             b.x += t->shift[j].x;
             b.y += t->shift[j].y;
-            sum += (double)cairn_aligner_objection(t->s->aligner, i, j, cairn_pose_between(b, a), NULL);
+            sum += (double)cairn_aligner_objection(t->s->aligner, i, j, cairn_pose_between(b, a),
+                                                   NULL);
         }
     return sum;
 }
@@ -420,23 +433,28 @@ static double expected_off(const struct twin *t, int32_t part, cairn_vec2 along,
     return sum / *scans;
 }
 
-static double shift_nats(const struct twin *t, int32_t moving, int32_t fixed, double shift, double off, double variance)
+static double shift_nats(const struct twin *t, int32_t moving, int32_t fixed, double shift,
+                         double off, double variance)
 {
     cairn_vec2 way = cairn_vec2_scale(t->along[moving], (cairn_real)shift);
-    double nats = objection_nats(t, moving, fixed, way) - (shift - off) * (shift - off) / (2 * variance);
+    double nats =
+        objection_nats(t, moving, fixed, way) - (shift - off) * (shift - off) / (2 * variance);
 
     return t->p.thickness && t->thickness > 0 ? nats + thickness_nats(t, moving, fixed, way) : nats;
 }
 
-/* The best shift of a part against another, and by how much it is. The last that is tried is to stay. */
+/* The best shift of a part against another, and by how much it is. The last that is tried is to
+ * stay. */
 static double best_shift(const struct twin *t, int32_t moving, int32_t fixed, double *shift)
 {
     int32_t own, others;
-    double off = expected_off(t, moving, t->along[moving], &own) - expected_off(t, fixed, t->along[moving], &others);
+    double off = expected_off(t, moving, t->along[moving], &own) -
+                 expected_off(t, fixed, t->along[moving], &others);
     double spread = (double)t->s->spread;
     double variance = spread * spread * (1.0 / own + 1.0 / others), far = 3 * sqrt(variance);
     double step = fmax((double)t->p.step, 2 * far / 399), nats[403], at[403], second = -HUGE_VAL;
-    int32_t first = (int32_t)ceil((off - far) / step), count = (int32_t)floor((off + far) / step) - first + 1, best = 0;
+    int32_t first = (int32_t)ceil((off - far) / step),
+            count = (int32_t)floor((off + far) / step) - first + 1, best = 0;
 
     if (count < 1) {
         first = (int32_t)rint(off / step);
@@ -727,7 +745,8 @@ static void what_is_known_stays(void **state)
     close_scene(&s);
 }
 
-/* Starts that are taken for exact, more so than a square can tell: the parts go where they say, to the step. */
+/* Starts that are taken for exact, more so than a square can tell: the parts go where they say,
+ * to the step. */
 static void starts_may_be_exact(void **state)
 {
     cairn_wall_slide_params p = cairn_wall_slide_default();
@@ -816,7 +835,8 @@ static void bad_params_are_refused(void **state)
         else if (i < 21)
             *lengths[i - 16] = CAIRN_REAL(1.1e6);
         assert_int_equal(cairn_wall_slide_memory(i == 21 ? NULL : &bad), 0);
-        assert_status(cairn_wall_slide_create(&slide, &pool, i == 21 ? NULL : &bad), CAIRN_BAD_ARGUMENT);
+        assert_status(cairn_wall_slide_create(&slide, &pool, i == 21 ? NULL : &bad),
+                      CAIRN_BAD_ARGUMENT);
         assert_int_equal(pool.used, 0);
         if (i >= 3 && i < 6) {
             *counts[i - 3] = most[i - 3];
@@ -879,9 +899,11 @@ static void bad_calls_are_refused(void **state)
     assert_status(cairn_wall_slide_step(small.slide, &budget), CAIRN_MORE);
     assert_status(cairn_wall_slide_add(small.slide, s.start[0], &s.aligned[0]), CAIRN_BAD_ARGUMENT);
     assert_ok(cairn_aligner_begin(s.aligner));
-    assert_status(cairn_wall_slide_begin(bed.slide, s.aligner, s.set, s.spread), CAIRN_BAD_ARGUMENT);
+    assert_status(cairn_wall_slide_begin(bed.slide, s.aligner, s.set, s.spread),
+                  CAIRN_BAD_ARGUMENT);
     cairn_aligner_clear(s.aligner);
-    assert_status(cairn_wall_slide_begin(bed.slide, s.aligner, s.set, s.spread), CAIRN_BAD_ARGUMENT);
+    assert_status(cairn_wall_slide_begin(bed.slide, s.aligner, s.set, s.spread),
+                  CAIRN_BAD_ARGUMENT);
     test_pool_free(&small.pool);
     test_pool_free(&bed.pool);
     close_scene(&s);

@@ -1,4 +1,5 @@
-/* Votes, a configurator of parts with a pool of its own, and what it makes of them with any budget: what the tests of both modes share. */
+/* Votes, a configurator of parts with a pool of its own, and what it makes of them with any
+ * budget: what the tests of both modes share. */
 #ifndef CAIRN_TESTS_VOTING_H
 #define CAIRN_TESTS_VOTING_H
 
@@ -58,12 +59,14 @@ static inline uint64_t tell(void *context)
 
     for (int32_t k = 0; k < r.count; k++) {
         hash = test_hash(hash, &r.found[k].score, 5 * sizeof(cairn_real));
-        hash = test_hash(hash, &r.votes[r.found[k].first], (size_t)r.found[k].count * sizeof(int32_t));
+        hash =
+            test_hash(hash, &r.votes[r.found[k].first], (size_t)r.found[k].count * sizeof(int32_t));
     }
     return hash;
 }
 
-/* The votes give the same configurations with any budget, for the same units, and when the search is begun anew. */
+/* The votes give the same configurations with any budget, for the same units, and when the
+ * search is begun anew. */
 static inline void assert_any_budget(voting *v)
 {
     static const int32_t budgets[] = {1, 7, 1000};

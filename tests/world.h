@@ -66,7 +66,8 @@ static inline world rooms(uint64_t seed)
         double x = -4.5 + 3 * i + uniform(&random, -1, 1), length = uniform(&random, 0.8, 1.6);
 
         add_box(&w, x, i % 2 ? w.top - length : w.bottom + length, 0.05, length, 0);
-        add_box(&w, x + uniform(&random, -0.8, 0.8), uniform(&random, -1.5, 1.5), length / 2, 0.05, 0);
+        add_box(&w, x + uniform(&random, -0.8, 0.8), uniform(&random, -1.5, 1.5), length / 2, 0.05,
+                0);
     }
     for (int i = 0; i < 22; i++) {
         double x = uniform(&random, -6.5, 6.5), y = uniform(&random, -3.5, 3.5);
@@ -126,12 +127,14 @@ static inline uint8_t look(const world *w, double x, double y, double cell)
         nearest = fmin(nearest, outside(&w->box[i], x, y));
     if (fabs(x) > 7.1 || y > w->top + 0.1 || y < w->bottom - 0.1)
         return CAIRN_CELL_UNKNOWN;
-    return nearest > cell / 2 ? CAIRN_CELL_FREE : nearest > -cell / 2 ? CAIRN_CELL_OCCUPIED : CAIRN_CELL_UNKNOWN;
+    return nearest > cell / 2    ? CAIRN_CELL_FREE
+           : nearest > -cell / 2 ? CAIRN_CELL_OCCUPIED
+                                 : CAIRN_CELL_UNKNOWN;
 }
 
 /* Draws the part of the world with low <= x <= high. */
-static inline view *draw(const world *w, double x, double y, double theta, double low, double high, double resolution,
-                         int32_t mirrored)
+static inline view *draw(const world *w, double x, double y, double theta, double low, double high,
+                         double resolution, int32_t mirrored)
 {
     view *v = calloc(1, sizeof *v);
 

@@ -35,10 +35,10 @@ static void print_help(FILE *stream)
     fprintf(stream, "usage: cairn COMMAND [options] ...\n\ncommands:\n");
     for (size_t i = 0; i < COMMANDS; i++)
         fprintf(stream, "  %-10s %s\n", commands[i].name, commands[i].summary);
-    fprintf(stream,
-            "\n  cairn COMMAND --help   what a command takes\n"
-            "  cairn --version        the version\n\n"
-            "exit codes: 0 done, 1 no memory or nowhere to print, 2 bad input, output folder or command line\n");
+    fprintf(stream, "\n  cairn COMMAND --help   what a command takes\n"
+                    "  cairn --version        the version\n\n"
+                    "exit codes: 0 done, 1 no memory or nowhere to print, 2 bad input, output "
+                    "folder or command line\n");
 }
 
 /* What was printed must have arrived: a full disk behind a pipe is a failure. */

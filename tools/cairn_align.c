@@ -15,12 +15,15 @@
 /* m, degrees: how far poses in the log are off when nothing else is said. */
 static const double SPREAD_M = 0.6, SPREAD_DEG = 35;
 
-/* Lu and Milios pair points of scans one by one: those spaced evenly lock into each other at half their spacing. */
+/* Lu and Milios pair points of scans one by one: those spaced evenly lock into each other at
+ * half their spacing. */
 static const struct align_method {
     const char *name;
     int (*run)(align_job *job);
     double spacing; /* m, of the points */
-} methods[] = {{"default", align_by_default, 0.1}, {"gradient", align_by_field, 0.1}, {"lum", align_by_lum, 0.03}};
+} methods[] = {{"default", align_by_default, 0.1},
+               {"gradient", align_by_field, 0.1},
+               {"lum", align_by_lum, 0.03}};
 
 static const struct align_method *method_of(const align_settings *s)
 {
@@ -47,7 +50,8 @@ static int32_t is_given(const option *table, size_t count, const char *name)
     return 0;
 }
 
-/* 1 when the settings go together, else 0 after a line on standard error. Sets what follows from them. */
+/* 1 when the settings go together, else 0 after a line on standard error. Sets what follows from
+ * them. */
 static int check_settings(align_settings *s, const option *table, size_t count)
 {
     int32_t is_lum, is_gradient;
@@ -55,7 +59,8 @@ static int check_settings(align_settings *s, const option *table, size_t count)
     if (s->method == NULL)
         s->method = s->as_written && (!s->no_poses || s->online) ? "gradient" : methods[0].name;
     if (method_of(s) == NULL) {
-        (void)options_refuse(ALIGN_PROGRAM, "unknown method '%s', expected default, gradient or lum", s->method);
+        (void)options_refuse(ALIGN_PROGRAM,
+                             "unknown method '%s', expected default, gradient or lum", s->method);
         return 0;
     }
     is_lum = strcmp(s->method, "lum") == 0;
@@ -64,31 +69,37 @@ static int check_settings(align_settings *s, const option *table, size_t count)
     s->chain = s->no_poses && s->as_written && is_gradient;
     const align_rule rules[] = {
         {s->no_poses && !s->chain, "--method", "--no-poses",
-         "places are matched as wholes, which is a method of its own (as written gradient may follow)"},
+         "places are matched as wholes, which is a method of its own (as written gradient may "
+         "follow)"},
         {s->no_poses, "--spread", "--no-poses", "there is no start that is off"},
         {s->no_poses, "--virtual", "--no-poses", "no scan has a start to be guessed from"},
-        {s->no_poses && !s->chain, "--online", "--no-poses", "no scan has a start to be moved from"},
+        {s->no_poses && !s->chain, "--online", "--no-poses",
+         "no scan has a start to be moved from"},
         {s->no_poses && !s->chain, "--steps", "--no-poses", "it does not go in steps"},
         {s->no_poses && !s->chain, "--report", "--no-poses", "it has no steps to play"},
         {!s->no_poses, "--headings", "the poses of the log",
          "it says how many scans a place has where no poses are read (--no-poses)"},
-        {s->as_written && !s->no_poses && !is_lum && !is_gradient, "--as-written", "--method default",
-         "the thesis has gradient and lum"},
-        {s->as_written, "--spread", "--as-written", "the thesis's methods do not ask how far off poses are"},
-        {s->as_written && is_lum, "--spacing", "--as-written", "method lum pairs the scans' own points"},
-        {s->as_written && s->no_poses && !s->chain, "--spacing", "--as-written", "it takes the readings as they come"},
+        {s->as_written && !s->no_poses && !is_lum && !is_gradient, "--as-written",
+         "--method default", "the thesis has gradient and lum"},
+        {s->as_written, "--spread", "--as-written",
+         "the thesis's methods do not ask how far off poses are"},
+        {s->as_written && is_lum, "--spacing", "--as-written",
+         "method lum pairs the scans' own points"},
+        {s->as_written && s->no_poses && !s->chain, "--spacing", "--as-written",
+         "it takes the readings as they come"},
         {!(s->no_poses && s->as_written), "--pictures", "a map other than --no-poses --as-written",
          "they show the stages of that"},
         {s->chain, "--pictures", "gradient", "they show places matched by shape alone"},
         {is_lum, "--virtual", "--method lum", "hypotheses go with default or gradient"},
-        {!is_gradient, "--online", "a method other than gradient", "scan after scan is a mode of gradient"},
+        {!is_gradient, "--online", "a method other than gradient",
+         "scan after scan is a mode of gradient"},
         {s->online, "--virtual", "--online", "hypotheses are made of all scans"},
         {s->online, "--report", "--online", "the player needs all scans at first"},
     };
     for (size_t i = 0; i < sizeof rules / sizeof *rules; i++)
         if (rules[i].is_broken && is_given(table, count, rules[i].option)) {
-            (void)options_refuse(ALIGN_PROGRAM, "%s with %s: %s; expected one of the two", rules[i].option,
-                                 rules[i].with, rules[i].why);
+            (void)options_refuse(ALIGN_PROGRAM, "%s with %s: %s; expected one of the two",
+                                 rules[i].option, rules[i].with, rules[i].why);
             return 0;
         }
     if (s->as_written && !is_given(table, count, "--steps"))
@@ -105,53 +116,65 @@ static option_result read_settings(align_settings *s, int argc, char **argv)
     int32_t given[OPTIONS_MOST] = {0};
     option table[] = {
         OPTION_TEXT("-o", &s->folder, "DIR", "folder for poses.csv, map.pgm, map.yaml and map.svg"),
-        OPTION_TEXT("--method", &s->method, "NAME",
-                    "default, gradient (force field simulation as in the thesis) or lum (Lu and Milios)"),
-        OPTION_FLAG(
-            "--as-written", &s->as_written,
-            "as the thesis is printed, with its constants: chapter 7 (gradient, then the default), 8 (--virtual), 10 "
-            "(lum), 6 (--no-poses: each place with the three before, headings known to 2 degrees; with --method "
-            "gradient or "
-            "--online 7 from there)"),
+        OPTION_TEXT(
+            "--method", &s->method, "NAME",
+            "default, gradient (force field simulation as in the thesis) or lum (Lu and Milios)"),
+        OPTION_FLAG("--as-written", &s->as_written,
+                    "as the thesis is printed, with its constants: chapter 7 (gradient, then the "
+                    "default), 8 (--virtual), 10 "
+                    "(lum), 6 (--no-poses: each place with the three before, headings known to 2 "
+                    "degrees; with --method "
+                    "gradient or "
+                    "--online 7 from there)"),
         OPTION_FLAG("--online", &s->online,
-                    "scan after scan, each against all before, --steps iterations each (gradient); with --no-poses "
+                    "scan after scan, each against all before, --steps iterations each (gradient); "
+                    "with --no-poses "
                     "place after place, each matched by shape first"),
-        OPTION_PAIR("--spread", s->spread, 0.001, 360, "M,DEG",
-                    "poses in the log are off by at most about so much, m in x and y, degrees (default)"),
+        OPTION_PAIR(
+            "--spread", s->spread, 0.001, 360, "M,DEG",
+            "poses in the log are off by at most about so much, m in x and y, degrees (default)"),
         OPTION_FLAG("--virtual", &s->by_hypotheses,
-                    "scans that find no place go by lines and rooms that the map suggests (default); with gradient: "
+                    "scans that find no place go by lines and rooms that the map suggests "
+                    "(default); with gradient: "
                     "algorithm 2 of the thesis"),
-        OPTION_FLAG("--no-poses", &s->no_poses,
-                    "how places lie is not read from the log: they are matched, all with all, as wholes"),
-        OPTION_INTEGER(
-            "--headings", &s->headings, 1, 64, "N",
-            "N scans a place, evenly around, no pose of the log is read; else the log says which scans are of one "
-            "place, and how they lie in it (--no-poses)"),
+        OPTION_FLAG(
+            "--no-poses", &s->no_poses,
+            "how places lie is not read from the log: they are matched, all with all, as wholes"),
+        OPTION_INTEGER("--headings", &s->headings, 1, 64, "N",
+                       "N scans a place, evenly around, no pose of the log is read; else the log "
+                       "says which scans are of one "
+                       "place, and how they lie in it (--no-poses)"),
         OPTION_FLAG("--pictures", &s->pictures,
-                    "draws errors.svg and stages.svg, too: poses and maps after each stage (--no-poses --as-written)"),
-        OPTION_INTEGER("--steps", &s->steps, 1, 100000, "N",
-                       "iterations at most (gradient, lum); as written 100 with --virtual, 500 with lum"),
+                    "draws errors.svg and stages.svg, too: poses and maps after each stage "
+                    "(--no-poses --as-written)"),
+        OPTION_INTEGER(
+            "--steps", &s->steps, 1, 100000, "N",
+            "iterations at most (gradient, lum); as written 100 with --virtual, 500 with lum"),
         OPTION_INTEGER("--max-scans", &s->max_scans, 1, 100000, "N", "scans at most"),
         OPTION_NUMBER("--spacing", &s->spacing, 0.01, 1, "M",
                       "distance of the points along walls, m; 0.03 for lum if not given (0.1)"),
-        OPTION_NUMBER("--resolution", &s->resolution, 0.001, 10, "M", "side of a cell of the map, m"),
+        OPTION_NUMBER("--resolution", &s->resolution, 0.001, 10, "M",
+                      "side of a cell of the map, m"),
         OPTION_NUMBER("--range", &s->range, 0.1, 1000, "M", "beams enter the map up to here, m"),
         OPTION_NUMBER("--range-max", &s->range_max, 0.1, 1000, "M",
                       "ranges from here on are no return, m (by the log)"),
-        OPTION_INTEGER("--seed", &s->seed, 0, 9e15, "N", "for methods that draw at random; these do not"),
+        OPTION_INTEGER("--seed", &s->seed, 0, 9e15, "N",
+                       "for methods that draw at random; these do not"),
         OPTION_TEXT("--report", &s->report, "FILE", PLAYER_HELP),
         OPTION_TEXT("--pool", &s->pool, "BYTES", "memory of the alignment (just what it needs)"),
         OPTION_FLAG("--quiet", &s->quiet, "no progress, no summary"),
     };
-    const option_set set = {
-        ALIGN_PROGRAM, "LOG -o DIR [options]",
-        "Aligns all scans of a CARMEN log (plain or gzipped) at once. Their order does not matter; the\n"
-        "poses in the log are the start; with --no-poses they only say which scans are of one place, and how they\n"
-        "lie in it (with --headings not even that).",
-        table, sizeof table / sizeof *table};
+    const option_set set = {ALIGN_PROGRAM, "LOG -o DIR [options]",
+                            "Aligns all scans of a CARMEN log (plain or gzipped) at once. Their "
+                            "order does not matter; the\n"
+                            "poses in the log are the start; with --no-poses they only say which "
+                            "scans are of one place, and how they\n"
+                            "lie in it (with --headings not even that).",
+                            table, sizeof table / sizeof *table};
     option_result result;
 
-    _Static_assert(sizeof table / sizeof *table <= OPTIONS_MOST, "an option has no room for whether it was given");
+    _Static_assert(sizeof table / sizeof *table <= OPTIONS_MOST,
+                   "an option has no room for whether it was given");
     for (size_t i = 0; i < sizeof table / sizeof *table; i++)
         table[i].given = &given[i];
     result = tool_read_options(&set, argc, argv, &s->log, &s->folder);
@@ -169,7 +192,8 @@ int align_refuse(const align_job *job, cairn_status status)
 }
 
 /* Fits one scan. */
-static cairn_status fit(cairn_scan *scan, const cairn_scan_input *input, cairn_scan_view *view, cairn_fault *fault)
+static cairn_status fit(cairn_scan *scan, const cairn_scan_input *input, cairn_scan_view *view,
+                        cairn_fault *fault)
 {
     cairn_budget budget = {CAIRN_UNBOUNDED};
     cairn_status status = cairn_scan_begin(scan, input, fault);
@@ -182,7 +206,8 @@ static cairn_status fit(cairn_scan *scan, const cairn_scan_input *input, cairn_s
     return status;
 }
 
-int align_add_range(align_job *job, cairn_scan *scan, int32_t first, int32_t end, align_add add, void *aligner)
+int align_add_range(align_job *job, cairn_scan *scan, int32_t first, int32_t end, align_add add,
+                    void *aligner)
 {
     for (int32_t i = first; i < end; i++) {
         const cairn_carmen_record *record = &job->log->record[i];
@@ -251,11 +276,13 @@ static int survey(align_job *job, cairn_scan *scan)
     }
     tool_progress_end(&progress);
     if (points == 0)
-        return options_refuse(ALIGN_PROGRAM, "%s: no scan shows a wall, expected at least one", log);
+        return options_refuse(ALIGN_PROGRAM, "%s: no scan shows a wall, expected at least one",
+                              log);
     if (points > ALIGN_POINTS_MOST || segments > ALIGN_POINTS_MOST)
         return options_refuse(ALIGN_PROGRAM,
-                              "%s: the scans have %" PRId64 " points, expected at most %d: widen --spacing", log,
-                              points, ALIGN_POINTS_MOST);
+                              "%s: the scans have %" PRId64
+                              " points, expected at most %d: widen --spacing",
+                              log, points, ALIGN_POINTS_MOST);
     job->segments = (int32_t)segments;
     job->points = (int32_t)points;
     return TOOL_OK;
@@ -311,7 +338,8 @@ static int run(align_job *job)
     if (code == TOOL_OK && job->settings->no_poses)
         code = job->settings->chain ? align_by_chain(job) : align_by_places(job);
     else if (code == TOOL_OK)
-        code = job->settings->by_hypotheses ? align_by_hypotheses(job) : method_of(job->settings)->run(job);
+        code = job->settings->by_hypotheses ? align_by_hypotheses(job)
+                                            : method_of(job->settings)->run(job);
     if (code == TOOL_OK)
         code = write_all(job);
     if (code == TOOL_OK && job->settings->pictures)
@@ -321,7 +349,8 @@ static int run(align_job *job)
                "seconds    %.3f\n"
                "pool       %zu bytes at most\n"
                "%s",
-               job->log->count, job->log->info.faults, tool_seconds() - start, job->pool_bytes, job->summary);
+               job->log->count, job->log->info.faults, tool_seconds() - start, job->pool_bytes,
+               job->summary);
     cairn_report_player_free(job->player);
     return code;
 }
@@ -345,7 +374,8 @@ int tool_align(int argc, char **argv)
     if (result != OPTIONS_READ)
         return result;
     if (map_output_check(s.folder, 0, s.report, &error) != CAIRN_OK ||
-        (s.pictures && cairn_output_set_check(s.folder, align_picture_names, 2, &error) != CAIRN_OK))
+        (s.pictures &&
+         cairn_output_set_check(s.folder, align_picture_names, 2, &error) != CAIRN_OK))
         return tool_report(&error);
     code = tool_load(&log, s.log, s.range_max, s.quiet);
     if (code != TOOL_OK)

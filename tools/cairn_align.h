@@ -18,34 +18,48 @@ typedef struct align_settings {
     const char *log, *folder, *method, *pool, *report;
     int64_t max_scans, steps, seed;
     double resolution, range, range_max, spacing;
-    double spread[2]; /* m, degrees */
+    /* m, degrees */
+    double spread[2];
     int32_t quiet, by_hypotheses;
     int32_t no_poses;
-    int32_t as_written; /* the method as the thesis prints it; with hypotheses, method gradient is that */
-    int32_t online;     /* of gradient */
-    int32_t chain;      /* gradient from places matched as written */
-    int32_t pictures;   /* figures 6.6 and 6.7 */
-    int64_t headings;   /* scans of a place; 0: by the poses of the log */
+    /* the method as the thesis prints it; with hypotheses, method gradient is that */
+    int32_t as_written;
+    /* of gradient */
+    int32_t online;
+    /* gradient from places matched as written */
+    int32_t chain;
+    /* figures 6.6 and 6.7 */
+    int32_t pictures;
+    /* scans of a place; 0: by the poses of the log */
+    int64_t headings;
 } align_settings;
 
 typedef struct align_job {
     const align_settings *settings;
     const cairn_carmen_scans *log;
-    map_scan *scans; /* before is given; a method sets what comes after, the verdict and what is known of it */
+    /* before is given; a method sets what comes after, the verdict and what is known of it */
+    map_scan *scans;
     cairn_scan_params scan;
-    int32_t segments, points;    /* of all scans, above 0 */
-    cairn_report_player *player; /* from align_open_player(); NULL: nobody watches */
-    char subtitle[128];          /* for the picture: how it was done */
-    char summary[384];           /* whole lines: how it went */
-    size_t pool_bytes;           /* at most used */
+    /* of all scans, above 0 */
+    int32_t segments, points;
+    /* from align_open_player(); NULL: nobody watches */
+    cairn_report_player *player;
+    /* for the picture: how it was done */
+    char subtitle[128];
+    /* whole lines: how it went */
+    char summary[384];
+    /* at most used */
+    size_t pool_bytes;
 } align_job;
 
 /* Opens the job's player, which holds all scans then, if --report asks for one. CAIRN_NO_MEMORY. */
-CAIRN_CHECKED cairn_status align_open_player(align_job *job, cairn_report_player_params params, const char *how);
+CAIRN_CHECKED cairn_status align_open_player(align_job *job, cairn_report_player_params params,
+                                             const char *how);
 
-/* Fits all scans with an object of the job's params and hands them over one by one. TOOL_OK, or another exit code after a
- * line on standard error. */
-typedef cairn_status (*align_add)(void *aligner, const cairn_scan_view *view, cairn_pose start, cairn_fault *fault);
+/* Fits all scans with an object of the job's params and hands them over one by one. TOOL_OK, or
+ * another exit code after a line on standard error. */
+typedef cairn_status (*align_add)(void *aligner, const cairn_scan_view *view, cairn_pose start,
+                                  cairn_fault *fault);
 int align_add_scans(align_job *job, cairn_scan *scan, align_add add, void *aligner);
 
 /* A line on standard error about a status; its exit code. */
@@ -60,19 +74,24 @@ void align_read_pose(align_job *job, int32_t i, const cairn_aligner_pose *pose);
 /* The last lines of the summary: how the alignment ended. */
 void align_summarize(align_job *job, const cairn_aligner_result *result);
 
-/* The methods, each with a pool of its own. TOOL_OK, or another exit code after a line on standard error. */
+/* The methods, each with a pool of its own. TOOL_OK, or another exit code after a line on
+ * standard error. */
 int align_by_default(align_job *job);
-int align_by_hypotheses(align_job *job); /* default, and virtual scans for what it leaves */
+/* default, and virtual scans for what it leaves */
+int align_by_hypotheses(align_job *job);
 int align_by_field(align_job *job);
 int align_by_lum(align_job *job);
-int align_by_places(align_job *job); /* without poses: places matched as wholes */
-int align_by_chain(align_job *job);  /* as written: places matched by shape, then the field from there */
+/* without poses: places matched as wholes */
+int align_by_places(align_job *job);
+/* as written: places matched by shape, then the field from there */
+int align_by_chain(align_job *job);
 
 /* ---- Places, for those who add them one by one ---- */
 
 typedef struct align_places align_places;
 
-/* Which scans of a job are of one place. TOOL_OK; or another exit code after a line on standard error, and *places is NULL. */
+/* Which scans of a job are of one place. TOOL_OK; or another exit code after a line on standard
+ * error, and *places is NULL. */
 int align_places_new(const align_job *job, align_places **places);
 void align_places_free(align_places *places);
 
@@ -83,15 +102,17 @@ int32_t align_places_range(const align_places *places, int32_t place, int32_t *f
 cairn_place_map_params align_places_params(const align_job *job, const align_places *places);
 cairn_pose align_places_scan(const align_places *places, int32_t i);
 
-/* Opens a pool for the map and `more` bytes. TOOL_OK, or another exit code after a line on standard error. */
-int align_places_open(const align_job *job, const align_places *places, const cairn_place_map_params *params,
-                      size_t more, cairn_pool *pool);
+/* Opens a pool for the map and `more` bytes. TOOL_OK, or another exit code after a line on
+ * standard error. */
+int align_places_open(const align_job *job, const align_places *places,
+                      const cairn_place_map_params *params, size_t more, cairn_pool *pool);
 
 /* Steps a map to its end. */
 cairn_status align_places_run(cairn_place_map *map);
 
 /* Scans first ... end - 1 of the job, fitted and handed over; as align_add_scans(). */
-int align_add_range(align_job *job, cairn_scan *scan, int32_t first, int32_t end, align_add add, void *aligner);
+int align_add_range(align_job *job, cairn_scan *scan, int32_t first, int32_t end, align_add add,
+                    void *aligner);
 
 /* ---- The field, for those who start it themselves ---- */
 
@@ -99,7 +120,8 @@ int align_add_range(align_job *job, cairn_scan *scan, int32_t first, int32_t end
 cairn_force_field_params align_field_params(const align_job *job);
 
 /* Lets the field run to its end; first_potential: of the poses at the start. */
-cairn_status align_field_run(const align_job *job, cairn_force_field *field, cairn_real *first_potential);
+cairn_status align_field_run(const align_job *job, cairn_force_field *field,
+                             cairn_real *first_potential);
 
 /* Takes the poses of the field, and appends to the summary how it went. */
 void align_field_read(align_job *job, const cairn_force_field *field, cairn_real first_potential);
@@ -108,8 +130,9 @@ void align_field_read(align_job *job, const cairn_force_field *field, cairn_real
 
 extern const char *const align_picture_names[2];
 
-/* After align_by_places(): maps the places again up to the stages before, and draws. Poses of the log are the actual ones, and no more. TOOL_OK,
- * or another exit code after a line on standard error. */
+/* After align_by_places(): maps the places again up to the stages before, and draws. Poses of
+ * the log are the actual ones, and no more. TOOL_OK, or another exit code after a line on
+ * standard error. */
 int align_draw_places(align_job *job);
 
 #endif

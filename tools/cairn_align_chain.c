@@ -1,5 +1,6 @@
-/* cairn align --no-poses --as-written with gradient: shape finds where the places lie (Adluru 2008, chapter 6 and section 7.3.7), then the force
- * field simulation of chapter 7 moves all scans; all places first, or with --online place after place (7.3.6). */
+/* cairn align --no-poses --as-written with gradient: shape finds where the places lie (Adluru
+ * 2008, chapter 6 and section 7.3.7), then the force field simulation of chapter 7 moves all
+ * scans; all places first, or with --online place after place (7.3.6). */
 #include <inttypes.h>
 #include <stdio.h>
 #include <string.h>
@@ -17,16 +18,19 @@ typedef struct chain {
     int32_t place, at; /* the place at work, and its next scan to be added */
 } chain;
 
-static cairn_status add_to_map(void *to, const cairn_scan_view *view, cairn_pose start, cairn_fault *fault)
+static cairn_status add_to_map(void *to, const cairn_scan_view *view, cairn_pose start,
+                               cairn_fault *fault)
 {
     chain *c = to;
 
     (void)start;
-    return cairn_place_map_add_scan(c->map, c->place, view, align_places_scan(c->places, c->at++), fault);
+    return cairn_place_map_add_scan(c->map, c->place, view, align_places_scan(c->places, c->at++),
+                                    fault);
 }
 
 /* Where shape has put the scan. */
-static cairn_status add_to_field(void *to, const cairn_scan_view *view, cairn_pose start, cairn_fault *fault)
+static cairn_status add_to_field(void *to, const cairn_scan_view *view, cairn_pose start,
+                                 cairn_fault *fault)
 {
     chain *c = to;
     cairn_pose pose = cairn_place_map_scan_pose(c->map, c->at);
@@ -36,7 +40,8 @@ static cairn_status add_to_field(void *to, const cairn_scan_view *view, cairn_po
     return cairn_force_field_add_scan(c->field, view, NULL, pose, fault);
 }
 
-/* The field runs on all scans that are there, and the map of places has them where it leaves them. */
+/* The field runs on all scans that are there, and the map of places has them where it leaves
+ * them. */
 static cairn_status run_field(chain *c, int32_t scans)
 {
     cairn_status status;
@@ -85,8 +90,9 @@ static int add_places(chain *c)
     if (code != TOOL_OK)
         return code;
     result = cairn_place_map_read(c->map);
-    snprintf(job->summary, sizeof job->summary, "places     %" PRId32 ", %" PRId32 " of them matched by shape\n",
-             result.places, result.placed);
+    snprintf(job->summary, sizeof job->summary,
+             "places     %" PRId32 ", %" PRId32 " of them matched by shape\n", result.places,
+             result.placed);
     align_field_read(job, c->field, c->first_potential);
     return code;
 }
@@ -104,7 +110,8 @@ static int run_online(align_job *job)
         return code;
     map = align_places_params(job, c.places);
     code =
-        align_places_open(job, c.places, &map, cairn_scan_memory(&job->scan) + cairn_force_field_memory(&field), &pool);
+        align_places_open(job, c.places, &map,
+                          cairn_scan_memory(&job->scan) + cairn_force_field_memory(&field), &pool);
     if (code == TOOL_OK) {
         status = cairn_scan_create(&c.scan, &pool, &job->scan);
         if (status == CAIRN_OK)

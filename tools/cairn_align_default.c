@@ -9,7 +9,8 @@
 
 #define DEGREES (180 / 3.14159265358979323846)
 
-static cairn_status add_to_aligner(void *aligner, const cairn_scan_view *view, cairn_pose start, cairn_fault *fault)
+static cairn_status add_to_aligner(void *aligner, const cairn_scan_view *view, cairn_pose start,
+                                   cairn_fault *fault)
 {
     return cairn_aligner_add_scan(aligner, view, start, fault);
 }
@@ -36,7 +37,10 @@ static cairn_status run(align_job *job, cairn_aligner *aligner)
 
 static const char *verdict_of(const align_job *job, int32_t i, const cairn_aligner_pose *pose)
 {
-    return job->scans[i].point_count == 0 ? "blind" : pose->placed ? "placed" : pose->part > 0 ? "apart" : "uncertain";
+    return job->scans[i].point_count == 0 ? "blind"
+           : pose->placed                 ? "placed"
+           : pose->part > 0               ? "apart"
+                                          : "uncertain";
 }
 
 static const char *verdict_text(cairn_aligner_verdict verdict)
@@ -63,10 +67,11 @@ void align_summarize(align_job *job, const cairn_aligner_result *result)
     size_t used = strlen(job->summary);
 
     snprintf(job->summary + used, sizeof job->summary - used,
-             "parts      %" PRId32 " (%s), the largest of %" PRId32 " scans, of which %" PRId32 " are placed\n"
+             "parts      %" PRId32 " (%s), the largest of %" PRId32 " scans, of which %" PRId32
+             " are placed\n"
              "spread     %.3g m and %.3g degrees of the poses in the log (standard deviation)\n",
-             result->parts, verdict_text(result->verdict), result->largest, result->placed, (double)result->spread,
-             (double)result->spread_angle * DEGREES);
+             result->parts, verdict_text(result->verdict), result->largest, result->placed,
+             (double)result->spread, (double)result->spread_angle * DEGREES);
 }
 
 static void read_result(align_job *job, const cairn_aligner *aligner)

@@ -1,17 +1,19 @@
-/* cairn align --as-written, --method gradient: force field simulation, of all scans at once or, with --online, of those before
- * and each scan that comes. */
+/* cairn align --as-written, --method gradient: force field simulation, of all scans at once or,
+ * with --online, of those before and each scan that comes. */
 #include <inttypes.h>
 #include <stdio.h>
 #include <string.h>
 
 #include "tools/cairn_align.h"
 
-static cairn_status add_to_field(void *field, const cairn_scan_view *view, cairn_pose start, cairn_fault *fault)
+static cairn_status add_to_field(void *field, const cairn_scan_view *view, cairn_pose start,
+                                 cairn_fault *fault)
 {
     return cairn_force_field_add_scan(field, view, NULL, start, fault);
 }
 
-/* Lets the field run; the record, when not NULL, sees every iteration. first_potential: of the poses at the last start. */
+/* Lets the field run; the record, when not NULL, sees every iteration. first_potential: of the
+ * poses at the last start. */
 static cairn_status iterate(const align_job *job, cairn_force_field *field, player_field *record,
                             cairn_real *first_potential)
 {
@@ -37,12 +39,14 @@ static cairn_status iterate(const align_job *job, cairn_force_field *field, play
     return status >= 0 && record != NULL ? player_field_end(record) : status;
 }
 
-cairn_status align_field_run(const align_job *job, cairn_force_field *field, cairn_real *first_potential)
+cairn_status align_field_run(const align_job *job, cairn_force_field *field,
+                             cairn_real *first_potential)
 {
     return iterate(job, field, NULL, first_potential);
 }
 
-static cairn_status iterate_and_record(align_job *job, cairn_force_field *field, cairn_real *first_potential)
+static cairn_status iterate_and_record(align_job *job, cairn_force_field *field,
+                                       cairn_real *first_potential)
 {
     player_field record;
     cairn_status status;
@@ -64,8 +68,10 @@ typedef struct online {
     cairn_real first_potential;
 } online;
 
-/* Section 7.3.6: the scan is added where its log has it, and all scans that are there are aligned. */
-static cairn_status add_online(void *to, const cairn_scan_view *view, cairn_pose start, cairn_fault *fault)
+/* Section 7.3.6: the scan is added where its log has it, and all scans that are there are
+ * aligned. */
+static cairn_status add_online(void *to, const cairn_scan_view *view, cairn_pose start,
+                               cairn_fault *fault)
 {
     online *o = to;
     cairn_status status = cairn_force_field_add_scan(o->field, view, NULL, start, fault);
@@ -78,7 +84,8 @@ static cairn_status add_online(void *to, const cairn_scan_view *view, cairn_pose
     return status < 0 ? status : CAIRN_OK;
 }
 
-static int align_online(align_job *job, cairn_scan *scan, cairn_force_field *field, cairn_real *first_potential)
+static int align_online(align_job *job, cairn_scan *scan, cairn_force_field *field,
+                        cairn_real *first_potential)
 {
     online o = {.job = job, .field = field};
     int code;
@@ -111,14 +118,16 @@ void align_field_read(align_job *job, const cairn_force_field *field, cairn_real
         job->scans[i].doubtful = job->scans[i].point_count == 0;
         job->scans[i].verdict = job->scans[i].doubtful ? "blind" : "aligned";
     }
-    snprintf(job->subtitle, sizeof job->subtitle, "%" PRId32 " steps of force field simulation%s%s", state.iterations,
-             job->settings->chain ? " from places matched by shape" : "", job->settings->online ? ", online" : "");
+    snprintf(job->subtitle, sizeof job->subtitle, "%" PRId32 " steps of force field simulation%s%s",
+             state.iterations, job->settings->chain ? " from places matched by shape" : "",
+             job->settings->online ? ", online" : "");
     snprintf(job->summary + used, sizeof job->summary - used,
              "steps      %" PRId32 " (%s)\n"
              "potential  %.6g at sigma %.3g m -> %.6g at sigma %.3g m\n",
-             state.iterations, state.verdict == CAIRN_FORCE_FIELD_CONVERGED ? "converged" : "out of steps",
-             (double)first_potential, (double)cairn_force_field_as_written().sigma_start, (double)state.potential,
-             (double)state.sigma);
+             state.iterations,
+             state.verdict == CAIRN_FORCE_FIELD_CONVERGED ? "converged" : "out of steps",
+             (double)first_potential, (double)cairn_force_field_as_written().sigma_start,
+             (double)state.potential, (double)state.sigma);
 }
 
 int align_by_field(align_job *job)

@@ -1,4 +1,5 @@
-/* cairn align --method lum: sequential registration, then Lu and Milios; as written Lu and Milios alone. */
+/* cairn align --method lum: sequential registration, then Lu and Milios; as written Lu and
+ * Milios alone. */
 #include <inttypes.h>
 #include <math.h>
 #include <stdio.h>
@@ -10,13 +11,15 @@
 /* Iterations between two searches for links. */
 #define REBUILD 5
 
-static cairn_status add_to_lum(void *lum, const cairn_scan_view *view, cairn_pose start, cairn_fault *fault)
+static cairn_status add_to_lum(void *lum, const cairn_scan_view *view, cairn_pose start,
+                               cairn_fault *fault)
 {
     return cairn_lum_add_scan(lum, view->points, view->point_count, start, fault);
 }
 
 /* As written: the hits of the beams, whose directions are not asked for. */
-static cairn_status add_hits(void *lum, const cairn_scan_view *view, cairn_pose start, cairn_fault *fault)
+static cairn_status add_hits(void *lum, const cairn_scan_view *view, cairn_pose start,
+                             cairn_fault *fault)
 {
     cairn_oriented_point *hit = malloc(((size_t)view->beam_count + 1) * sizeof *hit);
     cairn_status status = CAIRN_NO_MEMORY;
@@ -50,7 +53,8 @@ static cairn_report_player_params player_params(void)
 }
 
 /* The poses at a commit point. */
-static cairn_status record(const align_job *job, const cairn_lum *lum, int64_t step, cairn_pose *pose)
+static cairn_status record(const align_job *job, const cairn_lum *lum, int64_t step,
+                           cairn_pose *pose)
 {
     cairn_lum_state state = cairn_lum_read(lum);
     double value[3] = {(double)NAN, (double)NAN, (double)NAN};
@@ -65,7 +69,8 @@ static cairn_status record(const align_job *job, const cairn_lum *lum, int64_t s
         value[2] = 1000 * (double)state.motion;
         snprintf(label, sizeof label, "iteration %" PRId32, state.iterations);
     } else {
-        snprintf(label, sizeof label, step > 0 ? "%" PRId32 " scans registered one after the other" : "start",
+        snprintf(label, sizeof label,
+                 step > 0 ? "%" PRId32 " scans registered one after the other" : "start",
                  state.registered);
     }
     frame.step = step;
@@ -78,7 +83,8 @@ static cairn_status record(const align_job *job, const cairn_lum *lum, int64_t s
 
 static cairn_status iterate(const align_job *job, cairn_lum *lum)
 {
-    tool_progress progress = tool_progress_begin("align", job->settings->steps, job->settings->quiet);
+    tool_progress progress =
+        tool_progress_begin("align", job->settings->steps, job->settings->quiet);
     cairn_pose *pose = malloc((size_t)job->log->count * sizeof *pose);
     cairn_status status = pose != NULL ? cairn_lum_begin(lum) : CAIRN_NO_MEMORY;
     int64_t step = 0;
@@ -111,10 +117,11 @@ static void read_result(align_job *job, const cairn_lum *lum)
         scan->doubtful = (uint8_t)(blind || apart);
         scan->verdict = blind ? "blind" : apart ? "apart" : "aligned";
     }
-    snprintf(job->subtitle, sizeof job->subtitle, "%" PRId32 " iterations of Lu and Milios", state.iterations);
+    snprintf(job->subtitle, sizeof job->subtitle, "%" PRId32 " iterations of Lu and Milios",
+             state.iterations);
     if (job->settings->as_written)
-        snprintf(job->subtitle, sizeof job->subtitle, "%" PRId32 " iterations of Lu and Milios as written",
-                 state.iterations);
+        snprintf(job->subtitle, sizeof job->subtitle,
+                 "%" PRId32 " iterations of Lu and Milios as written", state.iterations);
     snprintf(job->summary, sizeof job->summary,
              "registered %" PRId32 " scans, one after the other\n"
              "links      %" PRId32 ", which join the scans to %" PRId32 " parts\n"
@@ -125,7 +132,8 @@ static void read_result(align_job *job, const cairn_lum *lum)
                                                    : "out of steps");
 }
 
-/* Room for the links of all pairs of scans would be square: scans see so many others at most, as a rule. */
+/* Room for the links of all pairs of scans would be square: scans see so many others at most, as
+ * a rule. */
 static int32_t links_most(int32_t scans)
 {
     int64_t all = (int64_t)scans * (scans - 1) / 2, most = (int64_t)scans * 256;
@@ -167,7 +175,8 @@ int align_by_lum(align_job *job)
     if (status == CAIRN_OK)
         status = cairn_lum_create(&lum, &pool, &params);
     if (status == CAIRN_OK)
-        status = align_open_player(job, player_params(), as_written ? "Lu and Milios as written" : "Lu and Milios");
+        status = align_open_player(job, player_params(),
+                                   as_written ? "Lu and Milios as written" : "Lu and Milios");
     if (status == CAIRN_OK)
         code = align_add_scans(job, scan, as_written ? add_hits : add_to_lum, lum);
     if (status == CAIRN_OK && code == TOOL_OK)

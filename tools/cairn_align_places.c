@@ -1,4 +1,5 @@
-/* cairn align --no-poses: places matched as wholes, with no odometry; with --as-written as in Adluru 2008, chapter 6. */
+/* cairn align --no-poses: places matched as wholes, with no odometry; with --as-written as in
+ * Adluru 2008, chapter 6. */
 #include <inttypes.h>
 #include <math.h>
 #include <stdio.h>
@@ -40,7 +41,8 @@ static cairn_pose pose_in_place(const align_job *job, int32_t first, int32_t i)
     cairn_pose a = job->log->record[first].robot, pose = cairn_pose_identity();
 
     if (s->headings > 0) {
-        pose.theta = cairn_wrap_angle((cairn_real)(i - first) * 2 * CAIRN_PI / (cairn_real)s->headings);
+        pose.theta =
+            cairn_wrap_angle((cairn_real)(i - first) * 2 * CAIRN_PI / (cairn_real)s->headings);
         return pose;
     }
     if (s->as_written)
@@ -73,22 +75,25 @@ static int check_grouping(const align_job *job, const align_places *g)
     const align_settings *s = job->settings;
 
     if (s->headings > 0 && job->log->count % s->headings != 0)
-        return options_refuse(ALIGN_PROGRAM, "%s holds %" PRId32 " scans, expected a multiple of --headings %" PRId64,
-                              s->log, job->log->count, s->headings);
+        return options_refuse(
+            ALIGN_PROGRAM, "%s holds %" PRId32 " scans, expected a multiple of --headings %" PRId64,
+            s->log, job->log->count, s->headings);
     if (g->places < 2)
-        return options_refuse(ALIGN_PROGRAM, "%s holds one place, expected two or more%s", s->log,
-                              s->headings > 0 ? ""
-                                              : ": scans within 0.5 m by the log are of one, or give --headings N");
+        return options_refuse(
+            ALIGN_PROGRAM, "%s holds one place, expected two or more%s", s->log,
+            s->headings > 0 ? ""
+                            : ": scans within 0.5 m by the log are of one, or give --headings N");
     if (g->places > PLACES_MOST)
-        return options_refuse(ALIGN_PROGRAM, "%s holds %" PRId32 " places, expected at most %d", s->log, g->places,
-                              PLACES_MOST);
+        return options_refuse(ALIGN_PROGRAM, "%s holds %" PRId32 " places, expected at most %d",
+                              s->log, g->places, PLACES_MOST);
     return TOOL_OK;
 }
 
 cairn_place_map_params align_places_params(const align_job *job, const align_places *g)
 {
     int as_written = job->settings->as_written;
-    cairn_place_map_params params = as_written ? cairn_place_map_as_written() : cairn_place_map_default();
+    cairn_place_map_params params =
+        as_written ? cairn_place_map_as_written() : cairn_place_map_default();
     int32_t pairs = g->places * (g->places - 1) / 2, wanted = HYPOTHESES_OF_PAIR * pairs;
 
     params.max_places = g->places;
@@ -100,7 +105,8 @@ cairn_place_map_params align_places_params(const align_job *job, const align_pla
     if (as_written)
         return params;
     params.match.spacing = (cairn_real)job->settings->spacing;
-    params.decoupled = CAIRN_PLACE_MAP_JOINTLY; /* how scans lie in their places is known by odometry at best */
+    /* how scans lie in their places is known by odometry at best */
+    params.decoupled = CAIRN_PLACE_MAP_JOINTLY;
     params.aligner = align_params_of(job);
     params.aligner.spread = cairn_aligner_default().spread;
     params.aligner.spread_angle = cairn_aligner_default().spread_angle;
@@ -115,13 +121,15 @@ typedef struct adding {
     int32_t at;
 } adding;
 
-static cairn_status add_to_map(void *context, const cairn_scan_view *view, cairn_pose start, cairn_fault *fault)
+static cairn_status add_to_map(void *context, const cairn_scan_view *view, cairn_pose start,
+                               cairn_fault *fault)
 {
     adding *to = context;
     int32_t i = to->at++;
 
     (void)start;
-    return cairn_place_map_add_scan(to->map, to->grouping->place[i], view, to->grouping->place_scan[i], fault);
+    return cairn_place_map_add_scan(to->map, to->grouping->place[i], view,
+                                    to->grouping->place_scan[i], fault);
 }
 
 cairn_status align_places_run(cairn_place_map *map)
@@ -148,7 +156,8 @@ static cairn_status run(const align_job *job, cairn_place_map *map)
 }
 
 /* is_told: the scan's own pose is known, and not just that of its place. */
-static const char *verdict_of(const map_scan *scan, const cairn_place_map_place *place, int32_t is_told)
+static const char *verdict_of(const map_scan *scan, const cairn_place_map_place *place,
+                              int32_t is_told)
 {
     return scan->point_count == 0         ? "blind"
            : place->part > 0              ? "apart"
@@ -157,7 +166,8 @@ static const char *verdict_of(const map_scan *scan, const cairn_place_map_place 
 }
 
 /* Poses of all scans; those of other parts are in frames of their own and are not drawn. */
-static void read_result(align_job *job, const align_places *g, const cairn_place_map *map, void *unused)
+static void read_result(align_job *job, const align_places *g, const cairn_place_map *map,
+                        void *unused)
 {
     cairn_place_map_result result = cairn_place_map_read(map);
 
@@ -175,17 +185,19 @@ static void read_result(align_job *job, const align_places *g, const cairn_place
         if (place.part > 0 && !job->settings->chain)
             scan->beam_count = scan->point_count = scan->segment_count = 0;
     }
-    snprintf(job->subtitle, sizeof job->subtitle, "%" PRId32 " places without odometry%s", result.places,
-             job->settings->as_written ? ", as written" : "");
+    snprintf(job->subtitle, sizeof job->subtitle, "%" PRId32 " places without odometry%s",
+             result.places, job->settings->as_written ? ", as written" : "");
     snprintf(job->summary, sizeof job->summary,
-             "places     %" PRId32 ", %" PRId32 " in the largest of %" PRId32 " parts, %" PRId32 " ambiguous; %" PRId32
-             " scans aligned by themselves\n%s",
+             "places     %" PRId32 ", %" PRId32 " in the largest of %" PRId32 " parts, %" PRId32
+             " ambiguous; %" PRId32 " scans aligned by themselves\n%s",
              result.places, result.placed, result.parts, result.ambiguous, result.decoupled,
-             job->settings->as_written ? "           as written: places that lie wrongly are not told\n" : "");
+             job->settings->as_written
+                 ? "           as written: places that lie wrongly are not told\n"
+                 : "");
 }
 
-int align_places_open(const align_job *job, const align_places *g, const cairn_place_map_params *params, size_t more,
-                      cairn_pool *pool)
+int align_places_open(const align_job *job, const align_places *g,
+                      const cairn_place_map_params *params, size_t more, cairn_pool *pool)
 {
     size_t need = cairn_place_map_memory(params);
 
@@ -193,13 +205,15 @@ int align_places_open(const align_job *job, const align_places *g, const cairn_p
         return options_refuse(ALIGN_PROGRAM,
                               "%s: %" PRId32 " places of up to %" PRId32 " points and %" PRId32
                               " beams are too many, expected at most %d of each in all",
-                              job->settings->log, g->places, params->max_place_points, g->beams_most, 1 << 20);
+                              job->settings->log, g->places, params->max_place_points,
+                              g->beams_most, 1 << 20);
     return tool_pool_open(pool, ALIGN_PROGRAM, job->settings->pool, need + more);
 }
 
 /* Maps the places with these params and gives the map to `read` while it is there. */
 static int map_places(align_job *job, const align_places *g, const cairn_place_map_params *params,
-                      void (*read)(align_job *job, const align_places *g, const cairn_place_map *map, void *to),
+                      void (*read)(align_job *job, const align_places *g,
+                                   const cairn_place_map *map, void *to),
                       void *to_read)
 {
     adding to = {NULL, g, 0};
@@ -295,8 +309,8 @@ cairn_pose align_places_scan(const align_places *g, int32_t i)
 
 const char *const align_picture_names[2] = {"errors.svg", "stages.svg"};
 
-/* Poses of the places and the scans after each stage, and those of the log, in the frame of the first place. Of places after the last stage
- * there are none. */
+/* Poses of the places and the scans after each stage, and those of the log, in the frame of the
+ * first place. Of places after the last stage there are none. */
 typedef struct stage_poses {
     cairn_pose *place, *scan; /* [PLACES_PANELS][places], [PLACES_PANELS][scans] */
     places_stage stage;
@@ -316,7 +330,8 @@ static void read_stage(align_job *job, const align_places *g, const cairn_place_
 static void read_rest(const align_job *job, const align_places *g, stage_poses *poses)
 {
     int32_t n = job->log->count;
-    cairn_pose log_map = cairn_pose_compose(job->log->record[0].robot, cairn_pose_inverse(align_places_scan(g, 0)));
+    cairn_pose log_map =
+        cairn_pose_compose(job->log->record[0].robot, cairn_pose_inverse(align_places_scan(g, 0)));
 
     for (int32_t k = n - 1; k >= 0; k--) {
         cairn_pose scan = cairn_pose_between(log_map, job->log->record[k].robot);
@@ -328,12 +343,13 @@ static void read_rest(const align_job *job, const align_places *g, stage_poses *
     }
 }
 
-static cairn_status draw(const align_job *job, const align_places *g, const stage_poses *poses, cairn_file_error *error)
+static cairn_status draw(const align_job *job, const align_places *g, const stage_poses *poses,
+                         cairn_file_error *error)
 {
     size_t n = (size_t)job->log->count, places = (size_t)g->places;
     places_errors errors = {"pose in the log", poses->place + PLACES_STAGES * places,
-                            poses->place + PLACES_BY_SHAPE * places, poses->place + PLACES_WITH_ICP * places,
-                            g->places};
+                            poses->place + PLACES_BY_SHAPE * places,
+                            poses->place + PLACES_WITH_ICP * places, g->places};
     places_maps maps = {.title = "Fig. 6.7: maps without odometry", .count = job->log->count};
     cairn_report_scan *seen = calloc(n, sizeof *seen);
     cairn_output_set *files = NULL;
@@ -349,7 +365,8 @@ static cairn_status draw(const align_job *job, const align_places *g, const stag
     }
     maps.scan = seen;
     if (seen != NULL)
-        status = cairn_output_set_open(&files, job->settings->folder, align_picture_names, 2, error);
+        status =
+            cairn_output_set_open(&files, job->settings->folder, align_picture_names, 2, error);
     else
         (void)cairn_file_error_set(error, status, "stages.svg", 0, "no memory for the picture");
     if (status == CAIRN_OK)
@@ -380,7 +397,8 @@ int align_draw_places(align_job *job)
         code = TOOL_FAILED;
     }
     for (; poses.stage < PLACES_DECOUPLED && code == TOOL_OK; poses.stage++) {
-        cairn_place_map_params params = align_places_params(job, g), stage = places_stage_params(poses.stage);
+        cairn_place_map_params params = align_places_params(job, g),
+                               stage = places_stage_params(poses.stage);
 
         params.decoupled = stage.decoupled;
         params.match.mode = stage.match.mode;

@@ -1,5 +1,5 @@
-/* cairn align --virtual: method default, and virtual scans for what it finds no place for; with method gradient the algorithm 2 of the
- * thesis. */
+/* cairn align --virtual: method default, and virtual scans for what it finds no place for; with
+ * method gradient the algorithm 2 of the thesis. */
 #include <inttypes.h>
 #include <math.h>
 #include <stdio.h>
@@ -21,7 +21,8 @@ typedef struct virtual_record {
     int64_t step;
 } virtual_record;
 
-static cairn_status add_to_align(void *align, const cairn_scan_view *view, cairn_pose start, cairn_fault *fault)
+static cairn_status add_to_align(void *align, const cairn_scan_view *view, cairn_pose start,
+                                 cairn_fault *fault)
 {
     return cairn_virtual_align_add_scan(align, view, start, fault);
 }
@@ -61,7 +62,8 @@ static cairn_virtual_align_params params_of(const align_job *job)
     return params;
 }
 
-static cairn_status record_begin(virtual_record *record, const align_job *job, const cairn_virtual_align *align)
+static cairn_status record_begin(virtual_record *record, const align_job *job,
+                                 const cairn_virtual_align *align)
 {
     size_t scans = (size_t)job->log->count + 1;
 
@@ -73,7 +75,9 @@ static cairn_status record_begin(virtual_record *record, const align_job *job, c
     record->pose = malloc(scans * sizeof *record->pose);
     record->doubtful = calloc(scans, 1);
     record->guess = malloc((size_t)record->guess_room * sizeof *record->guess);
-    return record->pose != NULL && record->doubtful != NULL && record->guess != NULL ? CAIRN_OK : CAIRN_NO_MEMORY;
+    return record->pose != NULL && record->doubtful != NULL && record->guess != NULL
+               ? CAIRN_OK
+               : CAIRN_NO_MEMORY;
 }
 
 static void record_free(virtual_record *record)
@@ -88,7 +92,8 @@ static int is_straight_on(const cairn_oriented_point *a, const cairn_oriented_po
     return a->direction.x == b->direction.x && a->direction.y == b->direction.y;
 }
 
-/* The virtual scan as pieces: points of one direction are one, a lone one is as long as they are apart. */
+/* The virtual scan as pieces: points of one direction are one, a lone one is as long as they are
+ * apart. */
 static int32_t take_guesses(virtual_record *record)
 {
     const cairn_virtual_scan *from = cairn_virtual_align_hypotheses(record->align);
@@ -129,7 +134,8 @@ static double take_poses(virtual_record *record)
         record->pose[i] = pose.aligned.map_scan;
         record->doubtful[i] = !record->as_written && !pose.aligned.placed;
         if (pose.moved && record->step > 0) {
-            way += hypot((double)(record->pose[i].x - last.x), (double)(record->pose[i].y - last.y));
+            way +=
+                hypot((double)(record->pose[i].x - last.x), (double)(record->pose[i].y - last.y));
             moving++;
         }
     }
@@ -151,7 +157,8 @@ static cairn_status record_frame(virtual_record *record)
     value[0] = in_field ? result.hypotheses : (double)NAN;
     value[1] = in_field ? sigma : (double)NAN;
     if (in_field) {
-        snprintf(label, sizeof label, "%" PRId32 " scans move with %" PRId32 " hypotheses, sigma %.2f m", result.moved,
+        snprintf(label, sizeof label,
+                 "%" PRId32 " scans move with %" PRId32 " hypotheses, sigma %.2f m", result.moved,
                  result.hypotheses, sigma);
         frame.guess = record->guess;
         frame.guess_count = take_guesses(record);
@@ -201,13 +208,14 @@ static void read_result(align_job *job, const cairn_virtual_align *align)
         cairn_virtual_align_pose pose = cairn_virtual_align_pose_of(align, i);
 
         align_read_pose(job, i, &pose.aligned);
-        if (pose.moved && pose.aligned.part != 0 && job->scans[i].doubtful && job->scans[i].point_count > 0) {
+        if (pose.moved && pose.aligned.part != 0 && job->scans[i].doubtful &&
+            job->scans[i].point_count > 0) {
             job->scans[i].verdict = "guessed";
             guessed++;
         }
     }
-    snprintf(job->subtitle, sizeof job->subtitle, "%" PRId32 " placed, %" PRId32 " by hypotheses alone",
-             result.aligner.placed, guessed);
+    snprintf(job->subtitle, sizeof job->subtitle,
+             "%" PRId32 " placed, %" PRId32 " by hypotheses alone", result.aligner.placed, guessed);
     snprintf(job->summary, sizeof job->summary,
              "virtual    %" PRId32 " scans went by hypotheses in %" PRId32 " iterations, %" PRId32
              " slid along walls, %" PRId32 " found no other ground\n",
@@ -228,10 +236,13 @@ static void read_as_written(align_job *job, const cairn_virtual_align *align)
         scan->doubtful = scan->point_count == 0;
         scan->verdict = scan->doubtful ? "blind" : "aligned";
     }
-    snprintf(job->subtitle, sizeof job->subtitle, "%" PRId32 " steps of algorithm 2", result.iterations);
+    snprintf(job->subtitle, sizeof job->subtitle, "%" PRId32 " steps of algorithm 2",
+             result.iterations);
     snprintf(job->summary, sizeof job->summary,
-             "steps      %" PRId32 " (%s), %" PRId32 " with a virtual scan, the last of %" PRId32 " hypotheses\n",
-             result.iterations, state.verdict == CAIRN_FORCE_FIELD_CONVERGED ? "converged" : "out of steps",
+             "steps      %" PRId32 " (%s), %" PRId32 " with a virtual scan, the last of %" PRId32
+             " hypotheses\n",
+             result.iterations,
+             state.verdict == CAIRN_FORCE_FIELD_CONVERGED ? "converged" : "out of steps",
              result.active, result.hypotheses);
 }
 
@@ -253,8 +264,9 @@ int align_by_hypotheses(align_job *job)
         status = cairn_virtual_align_create(&align, &pool, &params);
     if (status == CAIRN_OK)
         status = align_open_player(job, player_params(),
-                                   job->settings->as_written ? "force field simulation with virtual scans"
-                                                             : "scans without a place go by hypotheses");
+                                   job->settings->as_written
+                                       ? "force field simulation with virtual scans"
+                                       : "scans without a place go by hypotheses");
     if (status == CAIRN_OK)
         code = align_add_scans(job, scan, add_to_align, align);
     if (status == CAIRN_OK && code == TOOL_OK)

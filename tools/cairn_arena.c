@@ -32,25 +32,39 @@ static void make_table(command *c, option *table)
         OPTION_TEXT("-o", &c->folder, "DIR", "folder to write to; it is made when it is not there"),
         OPTION_SEED("--seed", &c->arena.seed, "same seed and options, same bytes"),
         OPTION_PAIR("--size", c->size, 1, 60, "WxH", "m, at most 60x60; else the scene's own"),
-        OPTION_NUMBER("--turn", &c->turn, -360, 360, "DEG", "turn of the scene in the world; else at random"),
-        OPTION_NUMBER("--rubble", &c->arena.rubble, 0, 3, "SHARE", "amount of loose bodies, 0 to 3"),
-        OPTION_COUNT("--places", &s->places, 0, 1000, "N", "places to scan from; 0: the scene's own"),
+        OPTION_NUMBER("--turn", &c->turn, -360, 360, "DEG",
+                      "turn of the scene in the world; else at random"),
+        OPTION_NUMBER("--rubble", &c->arena.rubble, 0, 3, "SHARE",
+                      "amount of loose bodies, 0 to 3"),
+        OPTION_COUNT("--places", &s->places, 0, 1000, "N",
+                     "places to scan from; 0: the scene's own"),
         OPTION_COUNT("--headings", &s->headings, 1, 64, "N", "scans at each place, evenly around"),
-        OPTION_FLAG("--same-headings", &s->same_headings, "every place has the headings of the first one"),
-        OPTION_PAIR("--jitter", c->jitter, 0, 360, "M,DEG", "how far scans of one place lie apart, m and degrees"),
-        OPTION_COUNT("--drive", &s->drive, 0, 100000, "N", "N scans while a robot drives along the places instead"),
-        OPTION_NUMBER("--drive-every", &s->drive_distance, 0.01, 100, "M", "m between two scans of a drive"),
-        OPTION_NUMBER("--fov", &c->fov, 0.1, 360, "DEG", "field of view, degrees; 360 is a full circle"),
+        OPTION_FLAG("--same-headings", &s->same_headings,
+                    "every place has the headings of the first one"),
+        OPTION_PAIR("--jitter", c->jitter, 0, 360, "M,DEG",
+                    "how far scans of one place lie apart, m and degrees"),
+        OPTION_COUNT("--drive", &s->drive, 0, 100000, "N",
+                     "N scans while a robot drives along the places instead"),
+        OPTION_NUMBER("--drive-every", &s->drive_distance, 0.01, 100, "M",
+                      "m between two scans of a drive"),
+        OPTION_NUMBER("--fov", &c->fov, 0.1, 360, "DEG",
+                      "field of view, degrees; 360 is a full circle"),
         OPTION_COUNT("--beams", &s->beams, 2, 100000, "N", "beams of a scan"),
         OPTION_NUMBER("--range", &s->range_max, 1, 200, "M", "greatest range, m"),
         OPTION_NUMBER("--noise", &s->noise, 0, 1, "M", "standard deviation of a range, m"),
-        OPTION_NUMBER("--dropout", &s->dropout, 0, 1, "SHARE", "share of beams that are lost, 0 to 1"),
-        OPTION_NUMBER("--tilt", &s->tilt, 0, 0.3, "SHARE", "share of beams that read short on the floor, 0 to 0.3"),
+        OPTION_NUMBER("--dropout", &s->dropout, 0, 1, "SHARE",
+                      "share of beams that are lost, 0 to 1"),
+        OPTION_NUMBER("--tilt", &s->tilt, 0, 0.3, "SHARE",
+                      "share of beams that read short on the floor, 0 to 0.3"),
         OPTION_COUNT("--movers", &s->movers, 0, 100, "N", "bodies that walk about, 0 to 100"),
-        OPTION_NUMBER("--crowd", &s->crowd, 0, 0.5, "SHARE", "of the beams of each scan at a place end on people"),
-        OPTION_NUMBER("--scan-time", &s->scan_time, 0, 2, "S", "s from the first to the last beam, 0 to 2"),
-        OPTION_PAIR("--sweep", c->sweep, 0, 20, "V,W", "m/s and rad/s, at most, of a robot that sweeps at a place"),
-        OPTION_PAIR("--disturb", c->disturb, 0, 360, "M,DEG", "poses in the log: the truth +-M m and +-DEG degrees"),
+        OPTION_NUMBER("--crowd", &s->crowd, 0, 0.5, "SHARE",
+                      "of the beams of each scan at a place end on people"),
+        OPTION_NUMBER("--scan-time", &s->scan_time, 0, 2, "S",
+                      "s from the first to the last beam, 0 to 2"),
+        OPTION_PAIR("--sweep", c->sweep, 0, 20, "V,W",
+                    "m/s and rad/s, at most, of a robot that sweeps at a place"),
+        OPTION_PAIR("--disturb", c->disturb, 0, 360, "M,DEG",
+                    "poses in the log: the truth +-M m and +-DEG degrees"),
     };
 
     memcpy(table, options, sizeof options);
@@ -59,28 +73,33 @@ static void make_table(command *c, option *table)
 /* What the scenes are, for the help. */
 static void about(char *text, size_t size)
 {
-    size_t used = (size_t)snprintf(
-        text, size,
-        "Makes an arena and scans of it: DIR/scans.log (CARMEN), DIR/truth.csv, DIR/arena.json (all walls with their\n"
-        "numbers), DIR/arena.svg (a picture). The poses in the log are the robot's drifting odometry. In the log a\n"
-        "beam that met nothing reads the greatest range, a lost one 0. A field of view of 180 degrees gives FLASER\n"
-        "lines, any other ROBOTLASER1. Exit: 0 done, 2 refused; nothing is half-written.\n\nscenes:");
+    size_t used = (size_t)snprintf(text, size,
+                                   "Makes an arena and scans of it: DIR/scans.log (CARMEN), "
+                                   "DIR/truth.csv, DIR/arena.json (all walls with their\n"
+                                   "numbers), DIR/arena.svg (a picture). The poses in the log are "
+                                   "the robot's drifting odometry. In the log a\n"
+                                   "beam that met nothing reads the greatest range, a lost one 0. "
+                                   "A field of view of 180 degrees gives FLASER\n"
+                                   "lines, any other ROBOTLASER1. Exit: 0 done, 2 refused; nothing "
+                                   "is half-written.\n\nscenes:");
 
     for (sim_scene scene = 0; scene < SIM_SCENES && used < size; scene++) {
         double width, height;
 
         sim_scene_size(scene, &width, &height);
-        used +=
-            (size_t)snprintf(text + used, size - used, "\n  %-10s %s [%.9gx%.9g m, %d places]", sim_scene_name(scene),
-                             sim_scene_about(scene), width, height, (int)sim_scene_places(scene));
+        used += (size_t)snprintf(text + used, size - used, "\n  %-10s %s [%.9gx%.9g m, %d places]",
+                                 sim_scene_name(scene), sim_scene_about(scene), width, height,
+                                 (int)sim_scene_places(scene));
     }
 }
 
 /* What is written: all of it beside, under a name of its own, then moved to its place. */
 enum { LOG, TRUTH, JSON, PICTURE, FILE_COUNT };
-static const char *const file_names[FILE_COUNT] = {"scans.log", "truth.csv", "arena.json", "arena.svg"};
+static const char *const file_names[FILE_COUNT] = {"scans.log", "truth.csv", "arena.json",
+                                                   "arena.svg"};
 
-static int32_t write_one(int32_t which, const sim_survey *survey, const sim_pose *poses, const char *line, FILE *file)
+static int32_t write_one(int32_t which, const sim_survey *survey, const sim_pose *poses,
+                         const char *line, FILE *file)
 {
     switch (which) {
     case LOG:
@@ -99,7 +118,8 @@ static void path_of(char *path, size_t size, const char *folder, int32_t which, 
     snprintf(path, size, "%s/%s%s", folder, file_names[which], ending);
 }
 
-static int write_all(const char *folder, const sim_survey *survey, const sim_pose *poses, const char *line)
+static int write_all(const char *folder, const sim_survey *survey, const sim_pose *poses,
+                     const char *line)
 {
     size_t size = strlen(folder) + 32;
     char *part = malloc(size), *final = malloc(size);
@@ -115,18 +135,21 @@ static int write_all(const char *folder, const sim_survey *survey, const sim_pos
         path_of(part, size, folder, done, ".part");
         file = fopen(part, "wb");
         if (file == NULL) {
-            status = options_refuse(PROGRAM, "%s: %s, expected a folder that can be written to", part, strerror(errno));
+            status = options_refuse(PROGRAM, "%s: %s, expected a folder that can be written to",
+                                    part, strerror(errno));
             break;
         }
         bad = write_one(done, survey, poses, line, file) != 0;
         if (fclose(file) != 0 || bad)
-            status = options_refuse(PROGRAM, "%s: %s, expected room for the file", part, strerror(errno));
+            status = options_refuse(PROGRAM, "%s: %s, expected room for the file", part,
+                                    strerror(errno));
     }
     for (int32_t i = 0; status == 0 && i < FILE_COUNT; i++) {
         path_of(part, size, folder, i, ".part");
         path_of(final, size, folder, i, "");
         if (rename(part, final) != 0)
-            status = options_refuse(PROGRAM, "%s: %s, expected a file that can be replaced", final, strerror(errno));
+            status = options_refuse(PROGRAM, "%s: %s, expected a file that can be replaced", final,
+                                    strerror(errno));
     }
     for (int32_t i = 0; status != 0 && part != NULL && i < done; i++) {
         path_of(part, size, folder, i, ".part");
@@ -139,7 +162,8 @@ static int write_all(const char *folder, const sim_survey *survey, const sim_pos
     return status;
 }
 
-/* The command line again, for the comment in the log, without the folder: same options, same bytes. */
+/* The command line again, for the comment in the log, without the folder: same options, same
+ * bytes. */
 static void repeat(char *line, size_t size, const char *folder, int argc, char **argv)
 {
     size_t used = (size_t)snprintf(line, size, "cairn-arena");
@@ -169,7 +193,8 @@ static int run(command *c, const char *scene, int argc, char **argv)
 
     c->arena.scene = sim_scene_find(scene);
     if (c->arena.scene < 0)
-        return options_refuse(PROGRAM, "there is no scene '%s', expected one of those that --help lists", scene);
+        return options_refuse(
+            PROGRAM, "there is no scene '%s', expected one of those that --help lists", scene);
     if (c->folder == NULL)
         return options_refuse(PROGRAM, "no output folder, expected -o DIR");
     if (c->jitter[0] > 1)
@@ -198,7 +223,8 @@ static int run(command *c, const char *scene, int argc, char **argv)
     if (c->disturb[0] > 0 || c->disturb[1] > 0) {
         poses = malloc((size_t)count * sizeof *poses);
         if (poses == NULL)
-            status = options_refuse(PROGRAM, "no memory for %d scans, expected some more", (int)count);
+            status =
+                options_refuse(PROGRAM, "no memory for %d scans, expected some more", (int)count);
         else
             sim_survey_disturb(survey, c->arena.seed, c->disturb[0], c->disturb[1] * degree, poses);
     }
@@ -214,7 +240,15 @@ static int run(command *c, const char *scene, int argc, char **argv)
 
 int main(int argc, char **argv)
 {
-    command c = {sim_arena_default(), sim_survey_default(), {0, 0}, {0, 0}, {0, 0}, {0, 0}, 0, (double)NAN, NULL};
+    command c = {sim_arena_default(),
+                 sim_survey_default(),
+                 {0, 0},
+                 {0, 0},
+                 {0, 0},
+                 {0, 0},
+                 0,
+                 (double)NAN,
+                 NULL};
     option table[TABLE];
     char text[3000];
     option_set set = {PROGRAM, "SCENE -o DIR [options]", text, table, TABLE};

@@ -18,7 +18,8 @@
 #define PROGRAM "cairn detect"
 
 enum { IMAGES_MOST = 4096, JOBS_MOST = 64 };
-/* Between what is said of one image and the next; before its detections, and before what they are by the truth; in no text of them. */
+/* Between what is said of one image and the next; before its detections, and before what they
+ * are by the truth; in no text of them. */
 /* RECORD_END begins a line of its own: what follows TRUTH_BEGIN is read by lines. */
 enum { RECORD_END = '\f', TABLE_BEGIN = '\v', TRUTH_BEGIN = '\b', LINE_BYTES = 64 };
 
@@ -39,17 +40,20 @@ typedef struct settings {
 /* 0: a line says which option the thesis does not have. */
 static int check_as_written(const settings *s)
 {
-    const char *other = s->method != NULL && strcmp(s->method, "parts") != 0 ? "--method other than parts"
-                        : s->bundles != NULL                                 ? "--bundles"
-                        : s->modes                                           ? "--modes"
-                        : s->occluded                                        ? "--occluded"
-                        : s->candidates > 0                                  ? "--candidates"
-                        : s->verify >= 0                                     ? "--verify"
-                                                                             : NULL;
+    const char *other = s->method != NULL && strcmp(s->method, "parts") != 0
+                            ? "--method other than parts"
+                        : s->bundles != NULL ? "--bundles"
+                        : s->modes           ? "--modes"
+                        : s->occluded        ? "--occluded"
+                        : s->candidates > 0  ? "--candidates"
+                        : s->verify >= 0     ? "--verify"
+                                             : NULL;
 
     if (other == NULL)
         return 1;
-    (void)options_refuse(PROGRAM, "%s with --as-written, which the thesis does not have, expected one of them", other);
+    (void)options_refuse(
+        PROGRAM, "%s with --as-written, which the thesis does not have, expected one of them",
+        other);
     return 0;
 }
 
@@ -58,52 +62,71 @@ static option_result read_settings(settings *s, int argc, char **argv)
     const option table[] = {
         OPTION_TEXT("--model", &s->model, "SHAPE",
                     "what to look for: a model (cairn model), a silhouette or a drawing"),
-        OPTION_TEXT("-o", &s->folder, "DIR", "folder to write NAME.svg and NAME.json to, for each image NAME.*"),
+        OPTION_TEXT("-o", &s->folder, "DIR",
+                    "folder to write NAME.svg and NAME.json to, for each image NAME.*"),
         OPTION_TEXT("--detections", &s->table, "FILE", "also all detections as one table (CSV)"),
         OPTION_TEXT("--truth", &s->truth_path, "FILE",
-                    "all objects' boxes in the images (CSV: image, left, top, right, bottom); with --curves"),
+                    "all objects' boxes in the images (CSV: image, left, top, right, bottom); with "
+                    "--curves"),
         OPTION_TEXT("--curves", &s->curves, "STEM",
-                    "STEM.csv and STEM.svg: precision over recall, detection rate over false positives per image"),
+                    "STEM.csv and STEM.svg: precision over recall, detection rate over false "
+                    "positives per image"),
         OPTION_TEXT("--edges", &s->pictures.edges, "FILE",
-                    "the image's edges, strengths 0 ... 255, from a detector of your own; of one image only"),
+                    "the image's edges, strengths 0 ... 255, from a detector of your own; of one "
+                    "image only"),
         OPTION_INTEGER("--jobs", &s->jobs, 1, JOBS_MOST, "N",
                        "images at once; without it as many as there are processors"),
         OPTION_NUMBER("--min-score", &s->score, -100, 100, "S",
                       "of a detection that is reported, by its outline alone"),
         OPTION_TEXT("--method", &s->method, "NAME",
-                    "evidence: every place and size by its edges; parts: fragments of the outline that agree"),
+                    "evidence: every place and size by its edges; parts: fragments of the outline "
+                    "that agree"),
         OPTION_FLAG("--as-written", &s->as_written,
                     "by parts as in the thesis: all configurations, boxes about the fragments"),
-        OPTION_INTEGER("--nearest", &s->nearest, 1, 64, "K", "of parts: votes that configurations are made of"),
-        OPTION_INTEGER("--matches", &s->matches, 1, 64, "N", "of parts: chains that vote for each fragment"),
-        OPTION_TEXT("--bundles", &s->bundles, "HOW",
-                    "of parts: rule; one: the longest fragment of each; none: each fragment is a bundle"),
-        OPTION_TEXT("--cuts", &s->cuts, "FILE", "of parts: fragments by hand: sample, sample and bundle a line"),
-        OPTION_FLAG("--modes", &s->modes, "of parts: configurations near the modes of the votes only"),
-        OPTION_TEXT("--appearance", &s->appearance, "FILE",
-                    "what the class looks like (cairn train): detections that look unlike it score less"),
-        OPTION_NUMBER("--lambda", &s->weight, 0, 1000, "L", "so much less, when they surely do not"),
-        OPTION_INTEGER("--candidates", &s->candidates, 1, 64, "N", "places of an image that are looked at closely"),
-        OPTION_NUMBER("--overlap", &s->overlap, 0, 1, "SHARE",
-                      "of two detections whose boxes share more, over their union, the better one stays"),
+        OPTION_INTEGER("--nearest", &s->nearest, 1, 64, "K",
+                       "of parts: votes that configurations are made of"),
+        OPTION_INTEGER("--matches", &s->matches, 1, 64, "N",
+                       "of parts: chains that vote for each fragment"),
+        OPTION_TEXT(
+            "--bundles", &s->bundles, "HOW",
+            "of parts: rule; one: the longest fragment of each; none: each fragment is a bundle"),
+        OPTION_TEXT("--cuts", &s->cuts, "FILE",
+                    "of parts: fragments by hand: sample, sample and bundle a line"),
+        OPTION_FLAG("--modes", &s->modes,
+                    "of parts: configurations near the modes of the votes only"),
+        OPTION_TEXT(
+            "--appearance", &s->appearance, "FILE",
+            "what the class looks like (cairn train): detections that look unlike it score less"),
+        OPTION_NUMBER("--lambda", &s->weight, 0, 1000, "L",
+                      "so much less, when they surely do not"),
+        OPTION_INTEGER("--candidates", &s->candidates, 1, 64, "N",
+                       "places of an image that are looked at closely"),
+        OPTION_NUMBER(
+            "--overlap", &s->overlap, 0, 1, "SHARE",
+            "of two detections whose boxes share more, over their union, the better one stays"),
         OPTION_FLAG("--occluded", &s->occluded,
                     "of evidence: objects have the model's own shape and may be hidden in part"),
         OPTION_NUMBER("--verify", &s->verify, 0, 100, "WEIGHT",
-                      "of evidence: of the evidence of contours grouped at the same place; 0: they are not grouped"),
+                      "of evidence: of the evidence of contours grouped at the same place; 0: they "
+                      "are not grouped"),
         OPTION_FLAG("--no-mirror", &s->no_mirror, "the model only as it is, not its mirror image"),
-        OPTION_INTEGER("--min-strength", &s->strength, 1, 255, "N", "of edges: weaker ones are passed over"),
-        OPTION_NUMBER("--sigma", &s->pictures.canny.sigma, 0, 50, "PX", "blur before edges are looked for (Canny)"),
+        OPTION_INTEGER("--min-strength", &s->strength, 1, 255, "N",
+                       "of edges: weaker ones are passed over"),
+        OPTION_NUMBER("--sigma", &s->pictures.canny.sigma, 0, 50, "PX",
+                      "blur before edges are looked for (Canny)"),
         OPTION_NUMBER("--low", &s->pictures.canny.low, 0.01, 1000, "G",
                       "grey levels per pixel: an edge goes on while its slope is above"),
-        OPTION_NUMBER("--high", &s->pictures.canny.high, 0.01, 1000, "G", "and has this slope once"),
-        OPTION_INTEGER("--max-side", &s->pictures.side, 16, 8192, "PX", "larger images are halved until they fit"),
+        OPTION_NUMBER("--high", &s->pictures.canny.high, 0.01, 1000, "G",
+                      "and has this slope once"),
+        OPTION_INTEGER("--max-side", &s->pictures.side, 16, 8192, "PX",
+                       "larger images are halved until they fit"),
         OPTION_FLAG("--quiet", &s->quiet, "no summary"),
     };
-    const option_set set = {
-        PROGRAM, "IMAGE... --model SHAPE -o DIR [options]",
-        "Detects objects of a class in images (TIFF, PNG, JPEG, PGM) by one model of their outline:\n"
-        "boxes, outlines, scores.",
-        table, sizeof table / sizeof *table};
+    const option_set set = {PROGRAM, "IMAGE... --model SHAPE -o DIR [options]",
+                            "Detects objects of a class in images (TIFF, PNG, JPEG, PGM) by one "
+                            "model of their outline:\n"
+                            "boxes, outlines, scores.",
+                            table, sizeof table / sizeof *table};
     option_result result;
 
     s->count = IMAGES_MOST;
@@ -120,19 +143,28 @@ static option_result read_settings(settings *s, int argc, char **argv)
         return OPTIONS_BAD;
     s->method = s->method != NULL ? s->method : s->as_written ? "parts" : "evidence";
     s->bundles = s->bundles != NULL ? s->bundles : "rule";
-    s->candidates = s->candidates > 0 ? s->candidates : cairn_object_detect_default(1, 1).candidates;
-    s->verify = s->as_written ? 0 : s->verify >= 0 ? s->verify : (double)cairn_object_detect_default(1, 1).verify;
+    s->candidates =
+        s->candidates > 0 ? s->candidates : cairn_object_detect_default(1, 1).candidates;
+    s->verify = s->as_written    ? 0
+                : s->verify >= 0 ? s->verify
+                                 : (double)cairn_object_detect_default(1, 1).verify;
     if (strcmp(s->method, "evidence") != 0 && strcmp(s->method, "parts") != 0)
-        return (option_result)options_refuse(PROGRAM, "--method %s, expected evidence or parts", s->method);
-    if (strcmp(s->bundles, "rule") != 0 && strcmp(s->bundles, "one") != 0 && strcmp(s->bundles, "none") != 0)
-        return (option_result)options_refuse(PROGRAM, "--bundles %s, expected rule, one or none", s->bundles);
+        return (option_result)options_refuse(PROGRAM, "--method %s, expected evidence or parts",
+                                             s->method);
+    if (strcmp(s->bundles, "rule") != 0 && strcmp(s->bundles, "one") != 0 &&
+        strcmp(s->bundles, "none") != 0)
+        return (option_result)options_refuse(PROGRAM, "--bundles %s, expected rule, one or none",
+                                             s->bundles);
     if ((s->truth_path == NULL) != (s->curves == NULL))
-        return (option_result)options_refuse(PROGRAM, "%s alone, expected --truth and --curves together",
+        return (option_result)options_refuse(PROGRAM,
+                                             "%s alone, expected --truth and --curves together",
                                              s->curves == NULL ? "--truth" : "--curves");
     if (s->pictures.edges != NULL && s->count > 1)
-        return (option_result)options_refuse(PROGRAM, "--edges with %zu images, expected one", s->count);
+        return (option_result)options_refuse(PROGRAM, "--edges with %zu images, expected one",
+                                             s->count);
     if (s->pictures.canny.low > s->pictures.canny.high)
-        return (option_result)options_refuse(PROGRAM, "--low %g is above --high %g, expected it below",
+        return (option_result)options_refuse(PROGRAM,
+                                             "--low %g is above --high %g, expected it below",
                                              s->pictures.canny.low, s->pictures.canny.high);
     return OPTIONS_READ;
 }
@@ -147,16 +179,19 @@ typedef struct work {
     cairn_detections detections;
 } work;
 
-static cairn_status detect(const settings *s, work *w, const cairn_shape_model *model, cairn_file_error *error)
+static cairn_status detect(const settings *s, work *w, const cairn_shape_model *model,
+                           cairn_file_error *error)
 {
     const cairn_vision_image *edges = &w->picture.edges;
     cairn_raster_u8_view view = {edges->samples, edges->width, edges->height, edges->width};
-    cairn_object_detect_params params = s->as_written ? cairn_object_detect_as_written(edges->width, edges->height)
-                                                      : cairn_object_detect_default(edges->width, edges->height);
+    cairn_object_detect_params params =
+        s->as_written ? cairn_object_detect_as_written(edges->width, edges->height)
+                      : cairn_object_detect_default(edges->width, edges->height);
     const cairn_vision_image *grey = &w->picture.grey;
     cairn_appearance_field *look = NULL;
     cairn_detect_field *field;
-    cairn_status status = cairn_contour_tokens_find(&w->tokens, view, (int32_t)s->strength, 0, w->path, error);
+    cairn_status status =
+        cairn_contour_tokens_find(&w->tokens, view, (int32_t)s->strength, 0, w->path, error);
 
     params.method = s->method[0] == 'p' ? CAIRN_DETECT_PARTS : CAIRN_DETECT_EVIDENCE;
     params.mirror = !s->no_mirror;
@@ -175,7 +210,8 @@ static cairn_status detect(const settings *s, work *w, const cairn_shape_model *
                                             : CAIRN_DETECT_BUNDLES;
     params.appearance_weight = (cairn_real)s->weight;
     if (status == CAIRN_OK && s->appearance != NULL)
-        status = cairn_appearance_field_make(&look, &s->look, grey->samples, grey->width, grey->height, w->path, error);
+        status = cairn_appearance_field_make(&look, &s->look, grey->samples, grey->width,
+                                             grey->height, w->path, error);
     params.appearance = look;
     if (status == CAIRN_OK)
         status = cairn_detect_field_make(&field, &w->tokens, &params, w->path, error);
@@ -214,7 +250,8 @@ static cairn_status write_all(const settings *s, const work *w, cairn_file_error
     return status;
 }
 
-/* A field of the table: in quotes, with those in it doubled, where it would not be one field without. */
+/* A field of the table: in quotes, with those in it doubled, where it would not be one field
+ * without. */
 static void print_field(const char *text, FILE *record)
 {
     int is_quoted = strpbrk(text, ",\"") != NULL;
@@ -231,22 +268,26 @@ static void print_field(const char *text, FILE *record)
     fputc(',', record);
 }
 
-static void print_row(const settings *s, const work *w, const cairn_detection *d, const double box[4], FILE *record)
+static void print_row(const settings *s, const work *w, const cairn_detection *d,
+                      const double box[4], FILE *record)
 {
     print_field(cairn_path_name(w->path), record);
     print_field(cairn_path_name(s->model), record);
-    fprintf(record, "%.2f,%.2f,%.2f,%.2f,%.6f,%" PRId32 "\n", box[0], box[1], box[2], box[3], (double)d->score,
-            d->mirrored);
+    fprintf(record, "%.2f,%.2f,%.2f,%.2f,%.6f,%" PRId32 "\n", box[0], box[1], box[2], box[3],
+            (double)d->score, d->mirrored);
 }
 
-/* What is said of an image: a summary for the eye, its lines of the table, what it is by the truth. */
-static cairn_status print_record(const settings *s, const work *w, FILE *record, cairn_file_error *error)
+/* What is said of an image: a summary for the eye, its lines of the table, what it is by the
+ * truth. */
+static cairn_status print_record(const settings *s, const work *w, FILE *record,
+                                 cairn_file_error *error)
 {
     cairn_detection_picture p = {.shrink = w->picture.shrink, .detections = &w->detections};
     cairn_status status = CAIRN_OK;
 
-    fprintf(record, "%s: %" PRId32 " detection%s; %" PRId32 " segments of %" PRId32 " chains\n", w->path,
-            w->detections.count, w->detections.count == 1 ? "" : "s", w->tokens.count, w->tokens.chains);
+    fprintf(record, "%s: %" PRId32 " detection%s; %" PRId32 " segments of %" PRId32 " chains\n",
+            w->path, w->detections.count, w->detections.count == 1 ? "" : "s", w->tokens.count,
+            w->tokens.chains);
     for (int pass = 0; pass < 2; pass++) {
         if (pass == 1)
             fputc(TABLE_BEGIN, record);
@@ -256,8 +297,8 @@ static cairn_status print_record(const settings *s, const work *w, FILE *record,
 
             cairn_detection_box(&p, d, box);
             if (pass == 0)
-                fprintf(record, "  %.2f  (%.0f, %.0f) to (%.0f, %.0f)%s\n", (double)d->score, box[0], box[1], box[2],
-                        box[3], d->mirrored ? ", mirrored" : "");
+                fprintf(record, "  %.2f  (%.0f, %.0f) to (%.0f, %.0f)%s\n", (double)d->score,
+                        box[0], box[1], box[2], box[3], d->mirrored ? ", mirrored" : "");
             else
                 print_row(s, w, d, box, record);
         }
@@ -269,7 +310,8 @@ static cairn_status print_record(const settings *s, const work *w, FILE *record,
     return status;
 }
 
-static int run_image(const settings *s, const char *path, const cairn_shape_model *model, FILE *record)
+static int run_image(const settings *s, const char *path, const cairn_shape_model *model,
+                     FILE *record)
 {
     cairn_file_error error;
     cairn_status status;
@@ -331,8 +373,10 @@ static int run_jobs(const settings *s, const cairn_shape_model *model, FILE **re
     return code;
 }
 
-/* The record of an image: its summary to standard output, its rows to the table, what they are to the truth. */
-static cairn_status merge_record(const settings *s, FILE *record, cairn_output *table, detect_truth *truth)
+/* The record of an image: its summary to standard output, its rows to the table, what they are
+ * to the truth. */
+static cairn_status merge_record(const settings *s, FILE *record, cairn_output *table,
+                                 detect_truth *truth)
 {
     char line[LINE_BYTES];
     int c, part = 0;
@@ -355,7 +399,8 @@ static cairn_status merge_record(const settings *s, FILE *record, cairn_output *
 }
 
 /* The records in the order of the images. */
-static int merge_records(const settings *s, FILE **records, cairn_output *table, detect_truth *truth)
+static int merge_records(const settings *s, FILE **records, cairn_output *table,
+                         detect_truth *truth)
 {
     cairn_status status = CAIRN_OK;
 
@@ -371,7 +416,8 @@ static int merge_records(const settings *s, FILE **records, cairn_output *table,
     return status == CAIRN_OK ? TOOL_OK : TOOL_FAILED;
 }
 
-static int run_all(const settings *s, const cairn_shape_model *model, cairn_output *table, detect_truth *truth)
+static int run_all(const settings *s, const cairn_shape_model *model, cairn_output *table,
+                   detect_truth *truth)
 {
     FILE *records[JOBS_MOST] = {NULL};
     int code = TOOL_OK;
@@ -404,7 +450,8 @@ static int run(const settings *s, const cairn_shape_model *model, detect_truth *
         return tool_report(&error);
     code = run_all(s, model, table, truth);
     if (code == TOOL_OK && s->curves != NULL &&
-        detect_truth_write(truth, s->images, s->count, s->curves, cairn_path_name(s->model), &error) != CAIRN_OK)
+        detect_truth_write(truth, s->images, s->count, s->curves, cairn_path_name(s->model),
+                           &error) != CAIRN_OK)
         code = tool_report(&error);
     if (code != TOOL_OK)
         cairn_output_discard(table);
@@ -448,10 +495,12 @@ int tool_detect(int argc, char **argv)
         return code;
     if (cairn_shape_model_file_load(&model, s.model, &image, &builder, NULL, &error) != CAIRN_OK)
         return tool_report(&error);
-    if ((s.cuts != NULL && cairn_part_cut_file_read(s.cut, &s.cut_count, s.cuts, &error) != CAIRN_OK) ||
+    if ((s.cuts != NULL &&
+         cairn_part_cut_file_read(s.cut, &s.cut_count, s.cuts, &error) != CAIRN_OK) ||
         (s.truth_path != NULL && detect_truth_read(&s.truth, s.truth_path, &error) != CAIRN_OK) ||
-        (s.appearance != NULL && (cairn_appearance_read(&s.look, s.appearance, &error) != CAIRN_OK ||
-                                  cairn_appearance_load(&error) != CAIRN_OK)))
+        (s.appearance != NULL &&
+         (cairn_appearance_read(&s.look, s.appearance, &error) != CAIRN_OK ||
+          cairn_appearance_load(&error) != CAIRN_OK)))
         code = tool_report(&error);
     else
         code = run(&s, &model.model, &s.truth);

@@ -10,8 +10,8 @@
 #define LEAST_OVERLAP 0.5
 
 /* The best detection takes its object first, each is taken once. */
-static void print_hits(const cairn_detection_picture *picture, const double (*objects)[4], int32_t count,
-                       int32_t *taken, FILE *record)
+static void print_hits(const cairn_detection_picture *picture, const double (*objects)[4],
+                       int32_t count, int32_t *taken, FILE *record)
 {
     const cairn_detections *found = picture->detections;
 
@@ -28,10 +28,12 @@ static void print_hits(const cairn_detection_picture *picture, const double (*ob
     }
 }
 
-cairn_status detect_truth_print(const detect_truth *truth, const char *path, const cairn_detection_picture *picture,
-                                FILE *record, cairn_file_error *error)
+cairn_status detect_truth_print(const detect_truth *truth, const char *path,
+                                const cairn_detection_picture *picture, FILE *record,
+                                cairn_file_error *error)
 {
-    int32_t count, first = cairn_box_table_find(truth->rows, truth->count, cairn_path_name(path), &count);
+    int32_t count,
+        first = cairn_box_table_find(truth->rows, truth->count, cairn_path_name(path), &count);
     double(*objects)[4] = malloc(((size_t)count + 1) * sizeof *objects);
     int32_t *taken = calloc((size_t)count + 1, sizeof *taken);
     cairn_status status = CAIRN_OK;
@@ -90,16 +92,16 @@ static int32_t count_objects(const detect_truth *truth, const char *const *image
     return objects;
 }
 
-cairn_status detect_truth_write(detect_truth *truth, const char *const *images, size_t count, const char *stem,
-                                const char *title, cairn_file_error *error)
+cairn_status detect_truth_write(detect_truth *truth, const char *const *images, size_t count,
+                                const char *stem, const char *title, cairn_file_error *error)
 {
     cairn_detection_point *points = malloc(((size_t)truth->event_count + 1) * sizeof *points);
     cairn_status status;
 
     if (points == NULL)
         return cairn_file_error_system(error, stem, "curves", ENOMEM);
-    cairn_detection_curve(truth->events, truth->event_count, (int32_t)count, count_objects(truth, images, count),
-                          points);
+    cairn_detection_curve(truth->events, truth->event_count, (int32_t)count,
+                          count_objects(truth, images, count), points);
     status = cairn_detection_curve_write(stem, title, points, truth->event_count, error);
     free(points);
     return status;

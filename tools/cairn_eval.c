@@ -33,8 +33,9 @@ int eval_read_poses(const char *program, const char *path, cairn_pose_row **row,
             int64_t index = (*row)[i].index;
 
             cairn_pose_table_free(*row);
-            return options_refuse(program, "%s: index %" PRId64 " is there twice, expected every scan once", path,
-                                  index);
+            return options_refuse(program,
+                                  "%s: index %" PRId64 " is there twice, expected every scan once",
+                                  path, index);
         }
     return TOOL_OK;
 }
@@ -54,8 +55,8 @@ static void free_pairs(pose_pairs *pairs)
 }
 
 /* 0 when there is no memory. Both tables are sorted. */
-static int pair_up(const cairn_pose_row *a, int32_t a_count, const cairn_pose_row *b, int32_t b_count,
-                   pose_pairs *pairs)
+static int pair_up(const cairn_pose_row *a, int32_t a_count, const cairn_pose_row *b,
+                   int32_t b_count, pose_pairs *pairs)
 {
     pairs->count = 0;
     pairs->estimate = malloc((size_t)a_count * sizeof *pairs->estimate);
@@ -82,7 +83,8 @@ typedef struct pose_figures {
 static cairn_status measure_poses(pose_pairs *pairs, pose_figures *f)
 {
     cairn_pose motion = cairn_pose_fit(pairs->estimate, pairs->truth, NULL, pairs->count, 1);
-    cairn_status status = cairn_pose_errors_of(pairs->estimate, pairs->truth, pairs->count, &f->first);
+    cairn_status status =
+        cairn_pose_errors_of(pairs->estimate, pairs->truth, pairs->count, &f->first);
 
     memset(&f->common, 0, sizeof f->common);
     f->distance_mean = f->distance_most = 0;
@@ -105,10 +107,12 @@ static void print_poses(const pose_figures *f, int32_t count, int32_t left_out, 
     if (json) {
         printf("{\"poses\": %" PRId32 ", \"left_out\": %" PRId32
                ", \"e_x_m\": %.9g, \"e_y_m\": %.9g, \"e_theta_rad\": %.9g"
-               ", \"distance_mean_m\": %.9g, \"distance_most_m\": %.9g, \"first_e_x_m\": %.9g, \"first_e_y_m\": %.9g"
+               ", \"distance_mean_m\": %.9g, \"distance_most_m\": %.9g, \"first_e_x_m\": %.9g, "
+               "\"first_e_y_m\": %.9g"
                ", \"first_e_theta_rad\": %.9g}\n",
-               count, left_out, (double)f->common.x, (double)f->common.y, (double)f->common.theta, f->distance_mean,
-               f->distance_most, (double)f->first.x, (double)f->first.y, (double)f->first.theta);
+               count, left_out, (double)f->common.x, (double)f->common.y, (double)f->common.theta,
+               f->distance_mean, f->distance_most, (double)f->first.x, (double)f->first.y,
+               (double)f->first.theta);
         return;
     }
     printf("poses      %" PRId32 " (%" PRId32 " in only one of the tables left out)\n"
@@ -121,13 +125,13 @@ static void print_poses(const pose_figures *f, int32_t count, int32_t left_out, 
            "  E(x)     %.4f m\n"
            "  E(y)     %.4f m\n"
            "  E(theta) %.4f degrees\n",
-           count, left_out, (double)f->common.x, (double)f->common.y, (double)f->common.theta * DEGREES,
-           f->distance_mean, f->distance_most, (double)f->first.x, (double)f->first.y,
-           (double)f->first.theta * DEGREES);
+           count, left_out, (double)f->common.x, (double)f->common.y,
+           (double)f->common.theta * DEGREES, f->distance_mean, f->distance_most,
+           (double)f->first.x, (double)f->first.y, (double)f->first.theta * DEGREES);
 }
 
-static int compare_poses(const char *const words[2], const cairn_pose_row *a, int32_t a_count, const cairn_pose_row *b,
-                         int32_t b_count, int32_t json)
+static int compare_poses(const char *const words[2], const cairn_pose_row *a, int32_t a_count,
+                         const cairn_pose_row *b, int32_t b_count, int32_t json)
 {
     pose_pairs pairs;
     pose_figures figures;
@@ -137,7 +141,8 @@ static int compare_poses(const char *const words[2], const cairn_pose_row *a, in
         (void)options_refuse(POSES_PROGRAM, "no memory for %" PRId32 " poses", a_count);
         code = TOOL_FAILED;
     } else if (pairs.count == 0) {
-        code = options_refuse(POSES_PROGRAM, "%s and %s have no index in common, expected poses of the same scans",
+        code = options_refuse(POSES_PROGRAM,
+                              "%s and %s have no index in common, expected poses of the same scans",
                               words[0], words[1]);
     } else if (measure_poses(&pairs, &figures) != CAIRN_OK) {
         code = options_refuse(POSES_PROGRAM, "%s: the poses cannot be compared", words[0]);
@@ -152,11 +157,12 @@ int eval_poses(int argc, char **argv)
 {
     int32_t json = 0, a_count, b_count;
     const option table[] = {OPTION_FLAG("--json", &json, "one JSON object in place of words")};
-    const option_set set = {POSES_PROGRAM, "POSES.csv TRUTH.csv [options]",
-                            "Errors of poses against the truth: mean absolute differences E(x), E(y), E(theta) of the\n"
-                            "scans that both tables have, after the best common motion (least squares) and after a\n"
-                            "common first pose, as in the thesis.",
-                            table, sizeof table / sizeof *table};
+    const option_set set = {
+        POSES_PROGRAM, "POSES.csv TRUTH.csv [options]",
+        "Errors of poses against the truth: mean absolute differences E(x), E(y), E(theta) of the\n"
+        "scans that both tables have, after the best common motion (least squares) and after a\n"
+        "common first pose, as in the thesis.",
+        table, sizeof table / sizeof *table};
     const char *words[2] = {NULL, NULL};
     size_t count = 2;
     option_result result = options_read(&set, argc, argv, words, &count);
@@ -166,7 +172,8 @@ int eval_poses(int argc, char **argv)
     if (result != OPTIONS_READ)
         return (int)result;
     if (count < 2)
-        return options_refuse(POSES_PROGRAM, "%s, expected %s", count == 0 ? "no poses" : "no truth", set.synopsis);
+        return options_refuse(POSES_PROGRAM, "%s, expected %s",
+                              count == 0 ? "no poses" : "no truth", set.synopsis);
     code = eval_read_poses(POSES_PROGRAM, words[0], &a, &a_count);
     if (code != TOOL_OK)
         return code;
@@ -181,7 +188,8 @@ int eval_poses(int argc, char **argv)
 
 /* ---- relations ---- */
 
-/* Poses of scans with their times, by index; an index that is not there has no time and is not `known`. */
+/* Poses of scans with their times, by index; an index that is not there has no time and is not
+ * `known`. */
 typedef struct timed_poses {
     cairn_pose *pose;
     int64_t *stamp_ns;
@@ -219,7 +227,8 @@ static int poses_of_table(const char *path, timed_poses *t)
     if (code != TOOL_OK)
         return code;
     if (row[0].index < 0 || row[count - 1].index >= INT32_MAX)
-        code = options_refuse(RELATIONS_PROGRAM, "%s: index %" PRId64 ", expected indices of scans from 0", path,
+        code = options_refuse(RELATIONS_PROGRAM,
+                              "%s: index %" PRId64 ", expected indices of scans from 0", path,
                               row[0].index < 0 ? row[0].index : row[count - 1].index);
     if (code == TOOL_OK)
         code = new_timed(t, row[count - 1].index + 1);
@@ -260,7 +269,8 @@ static int move_to_sensors(const char *path, timed_poses *t)
         return code;
     if (t->count > log.count)
         code =
-            options_refuse(RELATIONS_PROGRAM, "%s holds %" PRId32 " scans, expected one for each of %" PRId32 " poses",
+            options_refuse(RELATIONS_PROGRAM,
+                           "%s holds %" PRId32 " scans, expected one for each of %" PRId32 " poses",
                            path, log.count, t->count);
     for (int32_t i = 0; i < t->count && code == TOOL_OK; i++)
         t->pose[i] = cairn_pose_compose(t->pose[i], log.record[i].scan.base_sensor);
@@ -275,27 +285,29 @@ static int is_table(const char *path)
     return length > 4 && strcmp(path + length - 4, ".csv") == 0;
 }
 
-static void print_relations(const cairn_relation_errors *e, int64_t used, int64_t left_out, int32_t json)
+static void print_relations(const cairn_relation_errors *e, int64_t used, int64_t left_out,
+                            int32_t json)
 {
     if (json) {
-        printf(
-            "{\"relations\": %" PRId64 ", \"left_out\": %" PRId64 ", \"trans_mean_m\": %.9g, \"trans_sd_m\": %.9g"
-            ", \"trans_squared_m2\": %.9g, \"rot_mean_deg\": %.9g, \"rot_sd_deg\": %.9g, \"rot_squared_deg2\": %.9g}\n",
-            used, left_out, (double)e->distance_mean, (double)e->distance_sd, (double)e->distance_squared,
-            (double)e->angle_mean * DEGREES, (double)e->angle_sd * DEGREES,
-            (double)e->angle_squared * DEGREES * DEGREES);
+        printf("{\"relations\": %" PRId64 ", \"left_out\": %" PRId64
+               ", \"trans_mean_m\": %.9g, \"trans_sd_m\": %.9g"
+               ", \"trans_squared_m2\": %.9g, \"rot_mean_deg\": %.9g, \"rot_sd_deg\": %.9g, "
+               "\"rot_squared_deg2\": %.9g}\n",
+               used, left_out, (double)e->distance_mean, (double)e->distance_sd,
+               (double)e->distance_squared, (double)e->angle_mean * DEGREES,
+               (double)e->angle_sd * DEGREES, (double)e->angle_squared * DEGREES * DEGREES);
         return;
     }
     printf("relations  %" PRId64 " (%" PRId64 " without both scans left out)\n"
            "distance   %.4f +- %.4f m, %.4f m^2 squared\n"
            "angle      %.4f +- %.4f degrees, %.4f degrees^2 squared\n",
-           used, left_out, (double)e->distance_mean, (double)e->distance_sd, (double)e->distance_squared,
-           (double)e->angle_mean * DEGREES, (double)e->angle_sd * DEGREES,
-           (double)e->angle_squared * DEGREES * DEGREES);
+           used, left_out, (double)e->distance_mean, (double)e->distance_sd,
+           (double)e->distance_squared, (double)e->angle_mean * DEGREES,
+           (double)e->angle_sd * DEGREES, (double)e->angle_squared * DEGREES * DEGREES);
 }
 
-static int compare_relations(const char *const words[2], const timed_poses *t, cairn_relation_row *row, int32_t count,
-                             int32_t json)
+static int compare_relations(const char *const words[2], const timed_poses *t,
+                             cairn_relation_row *row, int32_t count, int32_t json)
 {
     cairn_relation_sums sums = {0, 0, 0, 0, 0};
     cairn_relation_errors errors;
@@ -309,15 +321,18 @@ static int compare_relations(const char *const words[2], const timed_poses *t, c
 
         if (r->first < 0 || !t->known[r->first] || !t->known[r->second])
             continue;
-        if (cairn_relation_add(&sums, r->reference, t->pose[r->first], t->pose[r->second]) != CAIRN_OK)
+        if (cairn_relation_add(&sums, r->reference, t->pose[r->first], t->pose[r->second]) !=
+            CAIRN_OK)
             return options_refuse(RELATIONS_PROGRAM,
-                                  "%s:%" PRId64 ": the relation cannot be compared, expected finite poses", words[1],
-                                  r->line);
+                                  "%s:%" PRId64
+                                  ": the relation cannot be compared, expected finite poses",
+                                  words[1], r->line);
     }
     if (sums.count == 0)
-        return options_refuse(RELATIONS_PROGRAM,
-                              "%s has no scan that %s tells of, expected relations between its scans", words[0],
-                              words[1]);
+        return options_refuse(
+            RELATIONS_PROGRAM,
+            "%s has no scan that %s tells of, expected relations between its scans", words[0],
+            words[1]);
     errors = cairn_relation_errors_of(&sums);
     print_relations(&errors, sums.count, count - sums.count, json);
     return TOOL_OK;
@@ -328,14 +343,17 @@ int eval_relations(int argc, char **argv)
     const char *log = NULL;
     int32_t json = 0;
     const option table[] = {
-        OPTION_TEXT("--log", &log, "LOG", "the log of the table: where the sensor sat on the robot (at its origin)"),
+        OPTION_TEXT("--log", &log, "LOG",
+                    "the log of the table: where the sensor sat on the robot (at its origin)"),
         OPTION_FLAG("--json", &json, "one JSON object in place of words"),
     };
     const option_set set = {
         RELATIONS_PROGRAM, "POSES.csv|LOG FILE.relations [options]",
         "Errors of relative poses against reference relations (Kuemmerle et al. 2009): lines\n"
-        "\"t1 t2 x y z roll pitch yaw\" or \"a b x y theta\". The poses are those of a table, found by its\n"
-        "times or indices, or those that a log has. Relations are between sensors: poses of a robot\n"
+        "\"t1 t2 x y z roll pitch yaw\" or \"a b x y theta\". The poses are those of a table, "
+        "found by its\n"
+        "times or indices, or those that a log has. Relations are between sensors: poses of a "
+        "robot\n"
         "whose sensor sits elsewhere need --log.",
         table, sizeof table / sizeof *table};
     const char *words[2] = {NULL, NULL};
@@ -350,8 +368,8 @@ int eval_relations(int argc, char **argv)
     if (result != OPTIONS_READ)
         return (int)result;
     if (count < 2)
-        return options_refuse(RELATIONS_PROGRAM, "%s, expected %s", count == 0 ? "no poses" : "no relations",
-                              set.synopsis);
+        return options_refuse(RELATIONS_PROGRAM, "%s, expected %s",
+                              count == 0 ? "no poses" : "no relations", set.synopsis);
     if (cairn_relation_table_read(&row, &rows, words[1], &error) != CAIRN_OK)
         return tool_report(&error);
     code = is_table(words[0]) ? poses_of_table(words[0], &poses) : poses_of_log(words[0], &poses);
@@ -390,6 +408,7 @@ int tool_eval(int argc, char **argv)
         return TOOL_OK;
     }
     if (word == NULL)
-        return options_refuse("cairn eval", "nothing to evaluate, expected map, poses or relations");
+        return options_refuse("cairn eval",
+                              "nothing to evaluate, expected map, poses or relations");
     return options_refuse("cairn eval", "unknown '%s', expected map, poses or relations", word);
 }

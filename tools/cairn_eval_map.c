@@ -29,20 +29,25 @@ static const char *const quadrant_name[CAIRN_QUADRANTS] = {"nw", "ne", "se", "sw
 static option_result read_settings(settings *s, int argc, char **argv)
 {
     const option table[] = {
-        OPTION_TEXT("--map", &s->map, "FILE.yaml", "a map whose cells and borders the grid takes (by the beams)"),
-        OPTION_NUMBER("--resolution", &s->resolution, 0.001, 10, "M", "side of a cell, m, without --map"),
+        OPTION_TEXT("--map", &s->map, "FILE.yaml",
+                    "a map whose cells and borders the grid takes (by the beams)"),
+        OPTION_NUMBER("--resolution", &s->resolution, 0.001, 10, "M",
+                      "side of a cell, m, without --map"),
         OPTION_NUMBER("--range", &s->range, 0.1, 1000, "M", "beams enter the grid up to here, m"),
         OPTION_NUMBER("--range-max", &s->range_max, 0.1, 1000, "M",
                       "ranges from here on are no return, m (by the log)"),
-        OPTION_NUMBER("--least", &s->least, 1e-9, 0.5, "P", "probability of a beam that no map explains"),
+        OPTION_NUMBER("--least", &s->least, 1e-9, 0.5, "P",
+                      "probability of a beam that no map explains"),
         OPTION_FLAG("--json", &s->json, "one JSON object in place of words"),
         OPTION_FLAG("--quiet", &s->quiet, "no progress, no warnings"),
     };
     const option_set set = {
         PROGRAM, "LOG [POSES.csv] [options]",
         "Draws all beams of a CARMEN log at the poses of a table, or at those of the log, into an\n"
-        "occupancy grid with beam penetration. Gives its entropy (lower is better; compare maps of one\n"
-        "resolution only) and the log-likelihood of the beams (higher is better), of the whole map and of\n"
+        "occupancy grid with beam penetration. Gives its entropy (lower is better; compare maps of "
+        "one\n"
+        "resolution only) and the log-likelihood of the beams (higher is better), of the whole map "
+        "and of\n"
         "its quadrants; a beam belongs to the quadrant in which it ends.",
         table, sizeof table / sizeof *table};
     const char *words[2] = {NULL, NULL};
@@ -76,14 +81,17 @@ static int set_poses(const settings *s, const cairn_carmen_scans *log, map_scan 
         k++;
     for (int32_t i = 0; i < log->count && code == TOOL_OK; i++, k++) {
         if (k == count || row[k].index != i)
-            code = options_refuse(PROGRAM, "%s has no pose of scan %" PRId32 " (%s:%" PRId64 "), expected one of each",
+            code = options_refuse(PROGRAM,
+                                  "%s has no pose of scan %" PRId32 " (%s:%" PRId64
+                                  "), expected one of each",
                                   s->poses, i, s->log, log->record[i].line);
         else
             scan[i].after = row[k].pose;
     }
     if (code == TOOL_OK && k < count)
-        code = options_refuse(PROGRAM, "%s has a pose of scan %" PRId64 ", but %s holds %" PRId32 " scans", s->poses,
-                              row[k].index, s->log, log->count);
+        code = options_refuse(PROGRAM,
+                              "%s has a pose of scan %" PRId64 ", but %s holds %" PRId32 " scans",
+                              s->poses, row[k].index, s->log, log->count);
     cairn_pose_table_free(row);
     return code;
 }
@@ -143,12 +151,14 @@ static int lay_out(const settings *s, const map_output *output, cairn_occupancy_
     params->origin.y = map.origin.y;
     cairn_map_file_free(&map);
     if (map.origin.theta != 0)
-        return options_refuse(PROGRAM, "%s: the map is turned by %g rad, expected an origin without a turn", s->map,
-                              (double)map.origin.theta);
+        return options_refuse(PROGRAM,
+                              "%s: the map is turned by %g rad, expected an origin without a turn",
+                              s->map, (double)map.origin.theta);
     if (cairn_occupancy_grid_memory(params) == 0)
         return options_refuse(PROGRAM,
-                              "%s: the map has sides of %" PRId32 " and %" PRId32 " cells, expected at most %d", s->map,
-                              params->width, params->height, (int)CAIRN_RASTER_MAX_SIDE);
+                              "%s: the map has sides of %" PRId32 " and %" PRId32
+                              " cells, expected at most %d",
+                              s->map, params->width, params->height, (int)CAIRN_RASTER_MAX_SIDE);
     return TOOL_OK;
 }
 
@@ -158,10 +168,13 @@ static int quadrant_of(const cairn_occupancy_grid_params *grid, cairn_vec2 p)
     int east = p.x >= grid->origin.x + (cairn_real)column * grid->resolution;
     int north = p.y >= grid->origin.y + (cairn_real)row * grid->resolution;
 
-    return north ? (east ? CAIRN_QUADRANT_NE : CAIRN_QUADRANT_NW) : east ? CAIRN_QUADRANT_SE : CAIRN_QUADRANT_SW;
+    return north  ? (east ? CAIRN_QUADRANT_NE : CAIRN_QUADRANT_NW)
+           : east ? CAIRN_QUADRANT_SE
+                  : CAIRN_QUADRANT_SW;
 }
 
-static cairn_status measure(const settings *s, const map_output *output, const cairn_occupancy_grid *grid, figures *f)
+static cairn_status measure(const settings *s, const map_output *output,
+                            const cairn_occupancy_grid *grid, figures *f)
 {
     cairn_status status = cairn_map_entropy_add(grid, 0, f->grid.height, &f->entropy);
 
@@ -188,13 +201,14 @@ static cairn_status measure(const settings *s, const map_output *output, const c
 
 static void print_json(const figures *f, int32_t scans)
 {
-    printf("{\"scans\": %" PRId32 ", \"beams\": %" PRId64 ", \"hits\": %" PRId64 ", \"cells\": %" PRId64
+    printf("{\"scans\": %" PRId32 ", \"beams\": %" PRId64 ", \"hits\": %" PRId64
+           ", \"cells\": %" PRId64
            ", \"resolution_m\": %.9g, \"entropy\": %.9g, \"log_likelihood\": %.9g",
-           scans, f->beams, f->hits, f->entropy.cells, (double)f->grid.resolution, (double)f->entropy.whole,
-           f->likelihood);
+           scans, f->beams, f->hits, f->entropy.cells, (double)f->grid.resolution,
+           (double)f->entropy.whole, f->likelihood);
     for (int q = 0; q < CAIRN_QUADRANTS; q++)
-        printf(", \"entropy_%s\": %.9g, \"log_likelihood_%s\": %.9g", quadrant_name[q], (double)f->entropy.quadrant[q],
-               quadrant_name[q], f->quadrant[q]);
+        printf(", \"entropy_%s\": %.9g, \"log_likelihood_%s\": %.9g", quadrant_name[q],
+               (double)f->entropy.quadrant[q], quadrant_name[q], f->quadrant[q]);
     printf("}\n");
 }
 
@@ -205,11 +219,12 @@ static void print_words(const figures *f, int32_t scans)
            "cells      %" PRId64 " seen, of %.3g m\n"
            "entropy    %.2f nat (%.5f a cell)\n"
            "likelihood %.1f (%.5f a beam; logarithm)\n",
-           scans, f->beams, f->hits, f->entropy.cells, (double)f->grid.resolution, (double)f->entropy.whole,
-           (double)f->entropy.whole / (double)f->entropy.cells, f->likelihood, f->likelihood / (double)f->beams);
+           scans, f->beams, f->hits, f->entropy.cells, (double)f->grid.resolution,
+           (double)f->entropy.whole, (double)f->entropy.whole / (double)f->entropy.cells,
+           f->likelihood, f->likelihood / (double)f->beams);
     for (int q = 0; q < CAIRN_QUADRANTS; q++)
-        printf("%s         entropy %.2f nat, likelihood %.1f\n", quadrant_name[q], (double)f->entropy.quadrant[q],
-               f->quadrant[q]);
+        printf("%s         entropy %.2f nat, likelihood %.1f\n", quadrant_name[q],
+               (double)f->entropy.quadrant[q], f->quadrant[q]);
 }
 
 static int evaluate(const settings *s, const map_output *output)
@@ -226,7 +241,8 @@ static int evaluate(const settings *s, const map_output *output)
     if (measure(s, output, made.grid, &f) != CAIRN_OK)
         code = options_refuse(PROGRAM, "%s: the beams cannot be followed", s->log);
     else if (f.beams == 0 || f.entropy.cells == 0)
-        code = options_refuse(PROGRAM, "%s: no beam lies in the map, expected at least one", s->log);
+        code =
+            options_refuse(PROGRAM, "%s: no beam lies in the map, expected at least one", s->log);
     else if (s->json)
         print_json(&f, output->count);
     else

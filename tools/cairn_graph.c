@@ -20,7 +20,8 @@ static option_result read_settings(settings *s, int argc, char **argv)
     const option table[] = {
         OPTION_TEXT("-o", &s->output, "FILE", "the graph with its new poses, as g2o"),
         OPTION_FLAG("--report", &s->report,
-                    "names every link that was dropped, and draws the graph before and after beside the output\n"
+                    "names every link that was dropped, and draws the graph before and after "
+                    "beside the output\n"
                     "(FILE.svg)"),
         OPTION_FLAG("--keep-all", &s->keep_all, "least squares of all links, none is dropped"),
         OPTION_TEXT("--solver", &s->solver, "NAME", "builtin, or sparse: SuiteSparse"),
@@ -29,7 +30,8 @@ static option_result read_settings(settings *s, int argc, char **argv)
     const option_set set = {
         PROGRAM, "FILE.g2o -o FILE.g2o [options]",
         "Solves a pose graph in the plane (g2o: VERTEX_SE2, EDGE_SE2, FIX), from the poses of the\n"
-        "file or from a chordal start, whichever is nearer. Links that cannot be met are found with a\n"
+        "file or from a chordal start, whichever is nearer. Links that cannot be met are found "
+        "with a\n"
         "robust kernel, named and left out.",
         table, sizeof table / sizeof *table};
     const char *words[1] = {NULL};
@@ -41,9 +43,11 @@ static option_result read_settings(settings *s, int argc, char **argv)
     if (count < 1)
         return (option_result)options_refuse(PROGRAM, "no graph, expected %s", set.synopsis);
     if (s->output == NULL && s->report)
-        return (option_result)options_refuse(PROGRAM, "--report without -o, expected where to write");
+        return (option_result)options_refuse(PROGRAM,
+                                             "--report without -o, expected where to write");
     if (strcmp(s->solver, "builtin") != 0 && strcmp(s->solver, "sparse") != 0)
-        return (option_result)options_refuse(PROGRAM, "--solver %s, expected builtin or sparse", s->solver);
+        return (option_result)options_refuse(PROGRAM, "--solver %s, expected builtin or sparse",
+                                             s->solver);
     s->graph = words[0];
     return OPTIONS_READ;
 }
@@ -62,8 +66,8 @@ static const char *verdict_text(const cairn_pose_graph_state *state)
     }
 }
 
-static void print_summary(const settings *s, const cairn_pose_graph_file *file, const cairn_pose_graph_solution *out,
-                          double seconds)
+static void print_summary(const settings *s, const cairn_pose_graph_file *file,
+                          const cairn_pose_graph_solution *out, double seconds)
 {
     printf("poses      %" PRId32 "%s\n"
            "links      %" PRId32 "\n"
@@ -73,19 +77,21 @@ static void print_summary(const settings *s, const cairn_pose_graph_file *file, 
            "steps      %" PRId32 " (%s)\n"
            "seconds    %.3f\n"
            "memory     %zu bytes (%s)\n",
-           file->vertex_count, file->chained ? " (from the links: the file has none)" : "", file->edge_count,
-           out->chi2_initial, (double)out->state.chi2, out->outliers,
+           file->vertex_count, file->chained ? " (from the links: the file has none)" : "",
+           file->edge_count, out->chi2_initial, (double)out->state.chi2, out->outliers,
            out->outliers > 0 ? " links dropped; chi2 is that of the others" : "",
-           out->state.chordal ? "chordal" : "as given", out->state.iterations, verdict_text(&out->state), seconds,
-           out->pool_bytes, s->solver);
+           out->state.chordal ? "chordal" : "as given", out->state.iterations,
+           verdict_text(&out->state), seconds, out->pool_bytes, s->solver);
 }
 
-static void print_outliers(const settings *s, const cairn_pose_graph_file *file, const cairn_pose_graph_solution *out)
+static void print_outliers(const settings *s, const cairn_pose_graph_file *file,
+                           const cairn_pose_graph_solution *out)
 {
     for (int32_t e = 0; e < file->edge_count; e++)
         if (out->outlier[e])
-            printf("%s:%" PRId64 ": link %" PRId64 " -> %" PRId64 " dropped\n", s->graph, file->edge[e].line,
-                   file->vertex[file->edge[e].first].id, file->vertex[file->edge[e].second].id);
+            printf("%s:%" PRId64 ": link %" PRId64 " -> %" PRId64 " dropped\n", s->graph,
+                   file->edge[e].line, file->vertex[file->edge[e].first].id,
+                   file->vertex[file->edge[e].second].id);
 }
 
 /* "map.g2o" -> "map.svg"; to be freed. */
@@ -101,7 +107,8 @@ static char *picture_path(const char *output)
     return path;
 }
 
-static int draw(const settings *s, const cairn_pose_graph_file *file, const cairn_pose_graph_solution *out)
+static int draw(const settings *s, const cairn_pose_graph_file *file,
+                const cairn_pose_graph_solution *out)
 {
     char *path = picture_path(s->output);
     cairn_file_error error;
@@ -114,7 +121,8 @@ static int draw(const settings *s, const cairn_pose_graph_file *file, const cair
     return status == CAIRN_OK ? TOOL_OK : tool_report(&error);
 }
 
-static int write_all(const settings *s, cairn_pose_graph_file *file, const cairn_pose_graph_solution *out)
+static int write_all(const settings *s, cairn_pose_graph_file *file,
+                     const cairn_pose_graph_solution *out)
 {
     cairn_file_error error;
     int code = TOOL_OK;
@@ -127,7 +135,8 @@ static int write_all(const settings *s, cairn_pose_graph_file *file, const cairn
         return code;
     for (int32_t v = 0; v < file->vertex_count; v++)
         file->vertex[v].pose = out->pose[v];
-    return cairn_pose_graph_file_write(s->output, file, &error) == CAIRN_OK ? TOOL_OK : tool_report(&error);
+    return cairn_pose_graph_file_write(s->output, file, &error) == CAIRN_OK ? TOOL_OK
+                                                                            : tool_report(&error);
 }
 
 int tool_graph(int argc, char **argv)
@@ -146,15 +155,17 @@ int tool_graph(int argc, char **argv)
     if (cairn_pose_graph_file_read(&file, s.graph, &error) != CAIRN_OK)
         return tool_report(&error);
     memset(&out, 0, sizeof out);
-    out.solver = strcmp(s.solver, "sparse") == 0 ? CAIRN_POSE_GRAPH_SPARSE : CAIRN_POSE_GRAPH_BUILTIN;
+    out.solver =
+        strcmp(s.solver, "sparse") == 0 ? CAIRN_POSE_GRAPH_SPARSE : CAIRN_POSE_GRAPH_BUILTIN;
     out.keep_all = s.keep_all;
     start = tool_seconds();
     status = cairn_pose_graph_file_solve(&file, &out);
     if (status != CAIRN_OK) {
-        (void)options_refuse(PROGRAM, "%s: %s", s.graph,
-                             status == CAIRN_UNSUPPORTED
-                                 ? "SuiteSparse is not installed (tools/deps.sh solver), expected --solver builtin"
-                                 : cairn_status_text(status));
+        (void)options_refuse(
+            PROGRAM, "%s: %s", s.graph,
+            status == CAIRN_UNSUPPORTED
+                ? "SuiteSparse is not installed (tools/deps.sh solver), expected --solver builtin"
+                : cairn_status_text(status));
         code = tool_exit_code(status);
     } else {
         double seconds = tool_seconds() - start;

@@ -54,16 +54,19 @@ static option_result check_written(const settings *s)
 
     if (s->as_written && other != NULL)
         return (option_result)options_refuse(
-            PROGRAM, "%s with --as-written, expected it without: the thesis has nothing of the kind", other);
+            PROGRAM,
+            "%s with --as-written, expected it without: the thesis has nothing of the kind", other);
     if (!s->as_written && s->strong_given)
         return (option_result)options_refuse(
             PROGRAM, "--strong without --as-written, expected with it: only its walks start so");
     if (s->as_written && s->no_mirror)
         return (option_result)options_refuse(
-            PROGRAM, "--no-mirror with --as-written, expected it without: the thesis mirrors nothing");
+            PROGRAM,
+            "--no-mirror with --as-written, expected it without: the thesis mirrors nothing");
     if (s->as_written && s->scale == NULL)
         return (option_result)options_refuse(
-            PROGRAM, "--as-written without --scale, expected the object's size: the thesis sets it by hand");
+            PROGRAM,
+            "--as-written without --scale, expected the object's size: the thesis sets it by hand");
     return OPTIONS_READ;
 }
 
@@ -75,18 +78,22 @@ static option_result check_settings(settings *s)
                                              : s->model == NULL ? "no model (--model)"
                                                                 : "no folder to write to (-o)");
     if (s->edges != NULL && s->count > 1)
-        return (option_result)options_refuse(PROGRAM, "--edges with %zu images, expected one", s->count);
-    if (s->scale != NULL && (!read_range(s->scale, &s->least_size, &s->most_size) || s->least_size < 1))
-        return (option_result)options_refuse(PROGRAM, "--scale %s, expected A:B in pixels, 1 <= A <= B", s->scale);
-    if (s->rotation != NULL &&
-        (!read_range(s->rotation, &s->least_turn, &s->most_turn) || s->least_turn < -180 || s->most_turn > 180))
-        return (option_result)options_refuse(PROGRAM, "--rotation %s, expected A:B in degrees, -180 <= A <= B <= 180",
-                                             s->rotation);
+        return (option_result)options_refuse(PROGRAM, "--edges with %zu images, expected one",
+                                             s->count);
+    if (s->scale != NULL &&
+        (!read_range(s->scale, &s->least_size, &s->most_size) || s->least_size < 1))
+        return (option_result)options_refuse(
+            PROGRAM, "--scale %s, expected A:B in pixels, 1 <= A <= B", s->scale);
+    if (s->rotation != NULL && (!read_range(s->rotation, &s->least_turn, &s->most_turn) ||
+                                s->least_turn < -180 || s->most_turn > 180))
+        return (option_result)options_refuse(
+            PROGRAM, "--rotation %s, expected A:B in degrees, -180 <= A <= B <= 180", s->rotation);
     if (strcmp(s->tokens, "segments") != 0 && strcmp(s->tokens, "edgels") != 0)
-        return (option_result)options_refuse(PROGRAM, "--tokens %s, expected segments or edgels", s->tokens);
+        return (option_result)options_refuse(PROGRAM, "--tokens %s, expected segments or edgels",
+                                             s->tokens);
     if (s->low > s->high)
-        return (option_result)options_refuse(PROGRAM, "--low %g is above --high %g, expected it below", s->low,
-                                             s->high);
+        return (option_result)options_refuse(
+            PROGRAM, "--low %g is above --high %g, expected it below", s->low, s->high);
     return check_written(s);
 }
 
@@ -95,39 +102,52 @@ static option_result read_settings(settings *s, int argc, char **argv)
     option table[] = {
         OPTION_TEXT("--model", &s->model, "SHAPE",
                     "what to look for: a model (cairn model), a silhouette or a drawing"),
-        OPTION_TEXT("-o", &s->folder, "DIR", "folder to write NAME.svg and NAME.json to, for each image NAME.*"),
+        OPTION_TEXT("-o", &s->folder, "DIR",
+                    "folder to write NAME.svg and NAME.json to, for each image NAME.*"),
         OPTION_TEXT("--edges", &s->edges, "FILE",
-                    "the image's edges, strengths 0 ... 255, from a detector of your own; of one image only"),
+                    "the image's edges, strengths 0 ... 255, from a detector of your own; of one "
+                    "image only"),
         OPTION_TEXT("--scale", &s->scale, "A:B",
                     "pixels: of the diagonal of the object's box; without it a tenth of the\n"
                     "image's diagonal to all of it"),
-        OPTION_TEXT("--rotation", &s->rotation, "A:B", "degrees: from the model to the object, clockwise (-15:15)"),
+        OPTION_TEXT("--rotation", &s->rotation, "A:B",
+                    "degrees: from the model to the object, clockwise (-15:15)"),
         OPTION_INTEGER("--particles", &s->particles, 1, 4096, "N", "of the filter"),
         OPTION_TEXT("--tokens", &s->tokens, "NAME", "what is grouped: segments, or edgels"),
         OPTION_INTEGER("--paths", &s->paths, 1, CAIRN_SHAPE_PATHS, "N",
                        "of a model that is made from a picture, at most"),
-        OPTION_FLAG("--as-written", &s->as_written,
-                    "the method of the thesis: particles walk from symmetric point to symmetric point,\n"
-                    "along the longest path of the model, at the middle of --scale, unturned and unmirrored"),
-        OPTION_NUMBER("--strong", &s->strong, 0, 100, "F",
-                      "of --as-written: walks start about the ends of chains of F times the mean strength"),
+        OPTION_FLAG(
+            "--as-written", &s->as_written,
+            "the method of the thesis: particles walk from symmetric point to symmetric point,\n"
+            "along the longest path of the model, at the middle of --scale, unturned and "
+            "unmirrored"),
+        OPTION_NUMBER(
+            "--strong", &s->strong, 0, 100, "F",
+            "of --as-written: walks start about the ends of chains of F times the mean strength"),
         OPTION_FLAG("--no-mirror", &s->no_mirror, "the model only as it is, not its mirror image"),
-        OPTION_NUMBER("--min-score", &s->score, 0, 1, "S", "of an object that is reported; without it the library's"),
-        OPTION_NUMBER("--min-evidence", &s->evidence, 0, 1000, "E",
-                      "of an object that is reported, for each size of outline; without it the library's"),
-        OPTION_INTEGER("--min-strength", &s->strength, 1, 255, "N", "of edges: weaker ones are passed over"),
-        OPTION_NUMBER("--sigma", &s->sigma, 0, 50, "PX", "blur before edges are looked for (Canny)"),
+        OPTION_NUMBER("--min-score", &s->score, 0, 1, "S",
+                      "of an object that is reported; without it the library's"),
+        OPTION_NUMBER(
+            "--min-evidence", &s->evidence, 0, 1000, "E",
+            "of an object that is reported, for each size of outline; without it the library's"),
+        OPTION_INTEGER("--min-strength", &s->strength, 1, 255, "N",
+                       "of edges: weaker ones are passed over"),
+        OPTION_NUMBER("--sigma", &s->sigma, 0, 50, "PX",
+                      "blur before edges are looked for (Canny)"),
         OPTION_NUMBER("--low", &s->low, 0.01, 1000, "G",
                       "grey levels per pixel: an edge goes on while its slope is above"),
         OPTION_NUMBER("--high", &s->high, 0.01, 1000, "G", "and has this slope once"),
-        OPTION_INTEGER("--max-side", &s->side, 16, 8192, "PX", "larger images are halved until they fit"),
+        OPTION_INTEGER("--max-side", &s->side, 16, 8192, "PX",
+                       "larger images are halved until they fit"),
         {"--seed", OPTION_IS_SEED, &s->seed, 0, 0, "N", "of the filter", NULL},
-        OPTION_FLAG("--report", &s->report, "also NAME.html, a page that plays every step of the particles"),
+        OPTION_FLAG("--report", &s->report,
+                    "also NAME.html, a page that plays every step of the particles"),
         OPTION_FLAG("--quiet", &s->quiet, "no summary"),
     };
     const option_set set = {
         PROGRAM, "IMAGE... --model SHAPE -o DIR [options]",
-        "Finds the contours of a known object in images (TIFF, PNG, JPEG, PGM): edge segments of the image,\n"
+        "Finds the contours of a known object in images (TIFF, PNG, JPEG, PGM): edge segments of "
+        "the image,\n"
         "grouped by fitting the model's outline to them wherever pairs of them suit its axis.",
         table, sizeof table / sizeof *table};
     option_result result;
@@ -158,17 +178,21 @@ static void free_work(work *w)
     group_record_free(&w->record);
 }
 
-static cairn_status search(const settings *s, work *w, const cairn_shape_model *model, cairn_file_error *error)
+static cairn_status search(const settings *s, work *w, const cairn_shape_model *model,
+                           cairn_file_error *error)
 {
-    cairn_raster_u8_view view = {w->picture.edges.samples, w->picture.edges.width, w->picture.edges.height,
-                                 w->picture.edges.width};
-    int32_t width = w->picture.edges.width, height = w->picture.edges.height, edgels = s->tokens[0] == 'e';
-    cairn_contour_search_params p =
-        s->as_written ? cairn_contour_search_as_written(width, height) : cairn_contour_search_default(width, height);
+    cairn_raster_u8_view view = {w->picture.edges.samples, w->picture.edges.width,
+                                 w->picture.edges.height, w->picture.edges.width};
+    int32_t width = w->picture.edges.width, height = w->picture.edges.height,
+            edgels = s->tokens[0] == 'e';
+    cairn_contour_search_params p = s->as_written ? cairn_contour_search_as_written(width, height)
+                                                  : cairn_contour_search_default(width, height);
     cairn_status status =
-        s->as_written ? cairn_contour_tokens_find_written(&w->tokens, view, (int32_t)s->strength, edgels,
-                                                          (cairn_real)s->strong, w->path, error)
-                      : cairn_contour_tokens_find(&w->tokens, view, (int32_t)s->strength, edgels, w->path, error);
+        s->as_written
+            ? cairn_contour_tokens_find_written(&w->tokens, view, (int32_t)s->strength, edgels,
+                                                (cairn_real)s->strong, w->path, error)
+            : cairn_contour_tokens_find(&w->tokens, view, (int32_t)s->strength, edgels, w->path,
+                                        error);
 
     if (status != CAIRN_OK)
         return status;
@@ -198,7 +222,8 @@ static cairn_status search(const settings *s, work *w, const cairn_shape_model *
 
 /* ---- Output ---- */
 
-static cairn_status write_all(const settings *s, const work *w, const cairn_shape_model *model, cairn_file_error *error)
+static cairn_status write_all(const settings *s, const work *w, const cairn_shape_model *model,
+                              cairn_file_error *error)
 {
     static const char *const endings[FILES] = {"svg", "json", "html"};
     cairn_contour_picture picture = {cairn_path_name(w->path),
@@ -238,17 +263,19 @@ static void print_summary(const work *w, double seconds)
     if (r->object_count == 0)
         printf("%s: no object, best score %.2f", w->path, (double)r->best);
     else
-        printf("%s: %" PRId32 " object%s, best score %.2f", w->path, r->object_count, r->object_count > 1 ? "s" : "",
-               (double)r->best);
-    printf("; %" PRId32 " segments of %" PRId32 " chains, %zu bytes, %.2f s\n", w->tokens.count, w->tokens.chains,
-           r->pool_bytes, seconds);
+        printf("%s: %" PRId32 " object%s, best score %.2f", w->path, r->object_count,
+               r->object_count > 1 ? "s" : "", (double)r->best);
+    printf("; %" PRId32 " segments of %" PRId32 " chains, %zu bytes, %.2f s\n", w->tokens.count,
+           w->tokens.chains, r->pool_bytes, seconds);
     for (int32_t i = 0; i < r->object_count; i++) {
         const cairn_contour_object *o = &r->objects[i];
 
-        printf("  %.2f  at (%.0f, %.0f), size %.0f px, turned %.0f degrees%s, %" PRId32 " segments\n",
+        printf("  %.2f  at (%.0f, %.0f), size %.0f px, turned %.0f degrees%s, %" PRId32
+               " segments\n",
                (double)o->found.score, (double)o->found.origin.x * w->picture.shrink,
-               (double)o->found.origin.y * w->picture.shrink, (double)o->found.size * w->picture.shrink,
-               (double)o->found.turn / DEGREE, o->mirrored ? ", mirrored" : "", o->found.count);
+               (double)o->found.origin.y * w->picture.shrink,
+               (double)o->found.size * w->picture.shrink, (double)o->found.turn / DEGREE,
+               o->mirrored ? ", mirrored" : "", o->found.count);
     }
 }
 

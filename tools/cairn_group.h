@@ -19,13 +19,15 @@ typedef struct group_record {
 } group_record;
 
 /* For cairn_contour_search_params.on_step; the context is a group_record, all 0 at first. */
-void group_record_step(void *context, const cairn_grouping_particle *particles, int32_t count, int32_t mirrored);
+void group_record_step(void *context, const cairn_grouping_particle *particles, int32_t count,
+                       int32_t mirrored);
 /* For on_walk. */
 void group_record_walk(void *context, const cairn_grouping_disc *discs, int32_t count);
 void group_record_free(group_record *record);
 
 /* Writes the page. CAIRN_IO, CAIRN_NO_MEMORY. */
-CAIRN_CHECKED cairn_status group_record_write(const group_record *record, const cairn_contour_picture *picture,
+CAIRN_CHECKED cairn_status group_record_write(const group_record *record,
+                                              const cairn_contour_picture *picture,
                                               const char *path, cairn_file_error *error);
 
 #endif

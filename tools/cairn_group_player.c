@@ -1,5 +1,5 @@
-/* The page that plays a search: edges as walls, every particle a robot on the axis, the model of the heaviest one. Lengths are pixels,
- * y up, as the page has it. */
+/* The page that plays a search: edges as walls, every particle a robot on the axis, the model of
+ * the heaviest one. Lengths are pixels, y up, as the page has it. */
 #include <errno.h>
 #include <math.h>
 #include <stdio.h>
@@ -17,7 +17,8 @@
 #define PI                3.14159265358979323846
 enum { MODELS_SHOWN = 6, CIRCLE = 48 };
 
-void group_record_step(void *context, const cairn_grouping_particle *particles, int32_t count, int32_t mirrored)
+void group_record_step(void *context, const cairn_grouping_particle *particles, int32_t count,
+                       int32_t mirrored)
 {
     group_record *r = context;
     int32_t used = r->steps > 0 ? r->first[r->steps] : 0;
@@ -48,7 +49,8 @@ void group_record_step(void *context, const cairn_grouping_particle *particles, 
 }
 
 /* Grows a list until it holds `more` items behind `used`. 0: there is no memory. */
-static int grow(group_record *r, void **items, int32_t *capacity, int32_t used, int32_t more, size_t size)
+static int grow(group_record *r, void **items, int32_t *capacity, int32_t used, int32_t more,
+                size_t size)
 {
     void *grown;
 
@@ -97,7 +99,8 @@ static cairn_vec2 flipped(cairn_vec2 p)
 }
 
 /* The edges, which do not move, as scan 0; the others are the particles. */
-static cairn_status add_scans(cairn_report_player *player, const cairn_contour_tokens *tokens, int32_t most)
+static cairn_status add_scans(cairn_report_player *player, const cairn_contour_tokens *tokens,
+                              int32_t most)
 {
     cairn_segment *lines = malloc(((size_t)tokens->count + 1) * sizeof *lines);
     cairn_report_scan scan = {NULL, lines, 0, tokens->count};
@@ -120,14 +123,15 @@ static cairn_vec2 place(const cairn_grouping_particle *p, cairn_vec2 m, int mirr
 {
     double c = (double)p->size * cos((double)p->turn), s = (double)p->size * sin((double)p->turn);
     double x = mirrored ? -(double)m.x : (double)m.x, y = (double)m.y;
-    cairn_vec2 out = {p->origin.x + (cairn_real)(c * x - s * y), -(p->origin.y + (cairn_real)(s * x + c * y))};
+    cairn_vec2 out = {p->origin.x + (cairn_real)(c * x - s * y),
+                      -(p->origin.y + (cairn_real)(s * x + c * y))};
 
     return out;
 }
 
 /* A model's outline as dashes; their number. */
-static int32_t add_outline(const cairn_shape_model *m, const cairn_grouping_particle *p, int mirrored, double strength,
-                           cairn_report_guess *guesses)
+static int32_t add_outline(const cairn_shape_model *m, const cairn_grouping_particle *p,
+                           int mirrored, double strength, cairn_report_guess *guesses)
 {
     int32_t count = 0;
 
@@ -147,7 +151,8 @@ static int32_t add_dash(cairn_report_guess *guess, cairn_vec2 a, cairn_vec2 b, d
     return 1;
 }
 
-/* The walk of the heaviest particle: its contour and skeleton, and the circles about both open ends in which it looks ahead; their number. */
+/* The walk of the heaviest particle: its contour and skeleton, and the circles about both open
+ * ends in which it looks ahead; their number. */
 static int32_t add_walk(const group_record *r, const cairn_contour_picture *p, int32_t step,
                         cairn_report_guess *guesses)
 {
@@ -169,19 +174,23 @@ static int32_t add_walk(const group_record *r, const cairn_contour_picture *p, i
             cairn_vec2 at = d[count - 1].open[k];
             cairn_vec2 a = {at.x + (cairn_real)(r->look_ahead * cos(from)),
                             at.y + (cairn_real)(r->look_ahead * sin(from))};
-            cairn_vec2 b = {at.x + (cairn_real)(r->look_ahead * cos(to)), at.y + (cairn_real)(r->look_ahead * sin(to))};
+            cairn_vec2 b = {at.x + (cairn_real)(r->look_ahead * cos(to)),
+                            at.y + (cairn_real)(r->look_ahead * sin(to))};
 
             n += add_dash(&guesses[n], a, b, OTHER_STRENGTH);
         }
     return n;
 }
 
-static cairn_pose pose_of(const cairn_shape_model *m, const cairn_grouping_particle *p, int mirrored)
+static cairn_pose pose_of(const cairn_shape_model *m, const cairn_grouping_particle *p,
+                          int mirrored)
 {
     int32_t before = p->sample > 0 ? p->sample - 1 : 0,
             after = p->sample + 1 < m->sample_count ? p->sample + 1 : p->sample;
-    cairn_vec2 a = place(p, m->samples[before].centre, mirrored), b = place(p, m->samples[after].centre, mirrored);
-    cairn_pose pose = {p->centre.x, -p->centre.y, (cairn_real)atan2((double)(b.y - a.y), (double)(b.x - a.x))};
+    cairn_vec2 a = place(p, m->samples[before].centre, mirrored),
+               b = place(p, m->samples[after].centre, mirrored);
+    cairn_pose pose = {p->centre.x, -p->centre.y,
+                       (cairn_real)atan2((double)(b.y - a.y), (double)(b.x - a.x))};
 
     return pose;
 }
@@ -192,15 +201,16 @@ typedef struct frame_memory {
     cairn_report_guess *guess;
 } frame_memory;
 
-static cairn_status add_frame(cairn_report_player *player, const group_record *r, const cairn_contour_picture *p,
-                              int32_t step, frame_memory *memory)
+static cairn_status add_frame(cairn_report_player *player, const group_record *r,
+                              const cairn_contour_picture *p, int32_t step, frame_memory *memory)
 {
     int mirrored = step >= r->mirrored_from;
-    int32_t own = mirrored ? step - r->mirrored_from : step, count = r->first[step + 1] - r->first[step], best = 0;
+    int32_t own = mirrored ? step - r->mirrored_from : step,
+            count = r->first[step + 1] - r->first[step], best = 0;
     const cairn_grouping_particle *particles = &r->particles[r->first[step]];
     const cairn_grouping_trace *t = &p->result->trace[mirrored][own];
-    double values[4] = {(double)t->n_eff, exp((double)t->log_likelihood), (double)p->result->modes[mirrored][own],
-                        (double)t->followers};
+    double values[4] = {(double)t->n_eff, exp((double)t->log_likelihood),
+                        (double)p->result->modes[mirrored][own], (double)t->followers};
     cairn_report_frame frame = {.step = step + 1,
                                 .pose = memory->pose,
                                 .doubtful = memory->doubtful,
@@ -219,40 +229,49 @@ static cairn_status add_frame(cairn_report_player *player, const group_record *r
     if (r->walks > 0)
         frame.guess_count = add_walk(r, p, step, memory->guess);
     for (int32_t k = 1; k < MODELS_SHOWN && count > MODELS_SHOWN && r->walks == 0; k++)
-        frame.guess_count += add_outline(p->model, &particles[k * (count / MODELS_SHOWN)], mirrored, OTHER_STRENGTH,
-                                         &memory->guess[frame.guess_count]);
+        frame.guess_count += add_outline(p->model, &particles[k * (count / MODELS_SHOWN)], mirrored,
+                                         OTHER_STRENGTH, &memory->guess[frame.guess_count]);
     if (count > 0 && r->walks == 0)
-        frame.guess_count +=
-            add_outline(p->model, &particles[best], mirrored, BEST_STRENGTH, &memory->guess[frame.guess_count]);
+        frame.guess_count += add_outline(p->model, &particles[best], mirrored, BEST_STRENGTH,
+                                         &memory->guess[frame.guess_count]);
     if (r->walks > 0)
         (void)snprintf(label, sizeof label, "%d symmetric points, sample %d%s",
-                       (int)(r->walk[step + 1] - r->walk[step]), count > 0 ? (int)particles[best].sample : 0,
+                       (int)(r->walk[step + 1] - r->walk[step]),
+                       count > 0 ? (int)particles[best].sample : 0,
                        t->resampled ? ", resampled" : "");
     else
-        (void)snprintf(label, sizeof label, "%s, sample %d%s", mirrored ? "mirrored model" : "model",
-                       count > 0 ? (int)particles[best].sample : 0, t->resampled ? ", resampled" : "");
+        (void)snprintf(
+            label, sizeof label, "%s, sample %d%s", mirrored ? "mirrored model" : "model",
+            count > 0 ? (int)particles[best].sample : 0, t->resampled ? ", resampled" : "");
     frame.label = label;
     return cairn_report_player_add_frame(player, &frame);
 }
 
-static cairn_status add_frames(cairn_report_player *player, const group_record *r, const cairn_contour_picture *p,
-                               int32_t most)
+static cairn_status add_frames(cairn_report_player *player, const group_record *r,
+                               const cairn_contour_picture *p, int32_t most)
 {
     int32_t discs = 0;
-    frame_memory memory = {malloc(((size_t)most + 1) * sizeof *memory.pose), malloc((size_t)most + 1), NULL};
+    frame_memory memory = {malloc(((size_t)most + 1) * sizeof *memory.pose),
+                           malloc((size_t)most + 1), NULL};
     cairn_status status;
 
     for (int32_t step = 0; step < r->walks; step++)
-        discs = r->walk[step + 1] - r->walk[step] > discs ? r->walk[step + 1] - r->walk[step] : discs;
-    memory.guess = malloc(((size_t)MODELS_SHOWN * (size_t)p->model->outline_count + 3 * (size_t)discs + CIRCLE) *
-                          sizeof *memory.guess);
-    status = memory.pose != NULL && memory.doubtful != NULL && memory.guess != NULL ? CAIRN_OK : CAIRN_NO_MEMORY;
+        discs =
+            r->walk[step + 1] - r->walk[step] > discs ? r->walk[step + 1] - r->walk[step] : discs;
+    memory.guess = malloc(
+        ((size_t)MODELS_SHOWN * (size_t)p->model->outline_count + 3 * (size_t)discs + CIRCLE) *
+        sizeof *memory.guess);
+    status = memory.pose != NULL && memory.doubtful != NULL && memory.guess != NULL
+                 ? CAIRN_OK
+                 : CAIRN_NO_MEMORY;
     for (int32_t step = 0; step < r->steps && status == CAIRN_OK; step++)
         status = add_frame(player, r, p, step, &memory);
     /* Where no walk was begun there are the edges to see. */
     if (r->steps == 0 && status == CAIRN_OK) {
-        cairn_report_frame frame = {
-            .step = 1, .label = "nothing looks like the model", .pose = memory.pose, .pose_count = 1};
+        cairn_report_frame frame = {.step = 1,
+                                    .label = "nothing looks like the model",
+                                    .pose = memory.pose,
+                                    .pose_count = 1};
 
         memset(memory.pose, 0, sizeof *memory.pose);
         status = cairn_report_player_add_frame(player, &frame);
@@ -281,7 +300,8 @@ static cairn_status set_grid(cairn_report_player *player, const cairn_contour_pi
     return status;
 }
 
-static cairn_status record(cairn_report_player *player, const group_record *r, const cairn_contour_picture *p)
+static cairn_status record(cairn_report_player *player, const group_record *r,
+                           const cairn_contour_picture *p)
 {
     int32_t most = 0;
     cairn_status status;
@@ -294,8 +314,8 @@ static cairn_status record(cairn_report_player *player, const group_record *r, c
     return status == CAIRN_OK && p->grey != NULL ? set_grid(player, p) : status;
 }
 
-cairn_status group_record_write(const group_record *r, const cairn_contour_picture *picture, const char *path,
-                                cairn_file_error *error)
+cairn_status group_record_write(const group_record *r, const cairn_contour_picture *picture,
+                                const char *path, cairn_file_error *error)
 {
     static const cairn_report_curve curves[] = {
         {"N_eff", NULL, "particles that carry the weight"},
@@ -309,8 +329,8 @@ cairn_status group_record_write(const group_record *r, const cairn_contour_pictu
     cairn_status status;
 
     (void)snprintf(subtitle, sizeof subtitle,
-                   "%.120s: each robot a particle on the axis of the object; 1 m stands for %d px", picture->model_name,
-                   (int)picture->shrink);
+                   "%.120s: each robot a particle on the axis of the object; 1 m stands for %d px",
+                   picture->model_name, (int)picture->shrink);
     params.title = picture->image;
     params.subtitle = subtitle;
     params.curve = curves;

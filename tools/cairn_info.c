@@ -20,7 +20,8 @@ static void count_beams(beam_counts *counts, const cairn_carmen_record *record, 
 {
     if (first) {
         counts->angle_min = record->scan.angle_min;
-        counts->angle_last = record->scan.angle_min + (float)(record->count - 1) * record->scan.angle_step;
+        counts->angle_last =
+            record->scan.angle_min + (float)(record->count - 1) * record->scan.angle_step;
     }
     counts->range_max = fmaxf(counts->range_max, record->scan.range_max);
     for (int32_t i = 0; i < record->count; i++) {
@@ -39,7 +40,8 @@ static void count_beams(beam_counts *counts, const cairn_carmen_record *record, 
 
 static int read_beams(cairn_carmen_log *log, beam_counts *counts, int32_t quiet)
 {
-    tool_progress progress = tool_progress_begin("reading", cairn_carmen_log_info(log).scans, quiet);
+    tool_progress progress =
+        tool_progress_begin("reading", cairn_carmen_log_info(log).scans, quiet);
     cairn_carmen_record record;
     cairn_file_error error;
     cairn_status status;
@@ -82,9 +84,10 @@ static void print_text(const char *path, const cairn_carmen_info *info, const be
     printf("%-12s %s\n", "log", path);
     printf("%-12s %" PRId64 " in %" PRId64 " lines\n", "scans", info->scans, info->lines);
     print_range("beams", info->beams_least, info->beams_most, "a scan");
-    printf("%-12s %.2f to %.2f degrees in the first scan\n", "bearings", (double)beams->angle_min * DEGREES,
-           (double)beams->angle_last * DEGREES);
-    printf("%-12s up to %.2f m; no return from %.2f m on\n", "ranges", beams->farthest, (double)beams->range_max);
+    printf("%-12s %.2f to %.2f degrees in the first scan\n", "bearings",
+           (double)beams->angle_min * DEGREES, (double)beams->angle_last * DEGREES);
+    printf("%-12s up to %.2f m; no return from %.2f m on\n", "ranges", beams->farthest,
+           (double)beams->range_max);
     printf("%-12s %.1f %% returns, %.1f %% without return, %.1f %% unknown\n", "of beams",
            percent(beams->returns, info->beams), percent(beams->no_returns, info->beams),
            percent(beams->unknown, info->beams));
@@ -94,16 +97,18 @@ static void print_text(const char *path, const cairn_carmen_info *info, const be
         printf(", %.2f scans/s", (double)(info->scans - 1) / seconds);
     printf("\n");
     if (info->stamps_back > 0)
-        printf("%-12s %" PRId64 " scans are stamped earlier than the one before\n", "", info->stamps_back);
-    printf("%-12s %.1f m, %.0f degrees of turning, from the scans' odometry\n", "path", info->odometry_length,
-           info->odometry_turn * DEGREES);
+        printf("%-12s %" PRId64 " scans are stamped earlier than the one before\n", "",
+               info->stamps_back);
+    printf("%-12s %.1f m, %.0f degrees of turning, from the scans' odometry\n", "path",
+           info->odometry_length, info->odometry_turn * DEGREES);
     if (info->fixed_mounting)
-        printf("%-12s %.3f m, %.3f m, %.2f degrees on the robot\n", "sensor", tidy((double)info->base_sensor.x),
-               tidy((double)info->base_sensor.y), tidy((double)info->base_sensor.theta * DEGREES));
+        printf("%-12s %.3f m, %.3f m, %.2f degrees on the robot\n", "sensor",
+               tidy((double)info->base_sensor.x), tidy((double)info->base_sensor.y),
+               tidy((double)info->base_sensor.theta * DEGREES));
     else
         printf("%-12s not at a fixed place on the robot\n", "sensor");
-    printf("%-12s %" PRId64 " odometry lines, %" PRId64 " of other kinds, %" PRId64 " damaged\n", "messages",
-           info->odometry, info->ignored, info->faults);
+    printf("%-12s %" PRId64 " odometry lines, %" PRId64 " of other kinds, %" PRId64 " damaged\n",
+           "messages", info->odometry, info->ignored, info->faults);
 }
 
 int tool_info(int argc, char **argv)
@@ -116,11 +121,11 @@ int tool_info(int argc, char **argv)
                       "ranges from here on are no return, in m (default: found in the log)"),
         OPTION_FLAG("--quiet", &quiet, "no progress bar, no warnings"),
     };
-    const option_set set = {
-        "cairn info", "LOG [options]",
-        "What a CARMEN log (plain or gzipped) holds: scans, beams, time, path, the sensor's place, and\n"
-        "which lines are damaged.",
-        table, sizeof table / sizeof *table};
+    const option_set set = {"cairn info", "LOG [options]",
+                            "What a CARMEN log (plain or gzipped) holds: scans, beams, time, path, "
+                            "the sensor's place, and\n"
+                            "which lines are damaged.",
+                            table, sizeof table / sizeof *table};
     const char *words[1] = {NULL};
     size_t word_count = 1;
     beam_counts beams = {0, 0, 0, 0, 0, 0, 0};

@@ -20,29 +20,40 @@
 static option_result read_settings(map_settings *s, int argc, char **argv)
 {
     const option table[] = {
-        OPTION_TEXT("-o", &s->folder, "DIR", "folder for poses.csv, poses.tum, graph.g2o, map.pgm, map.yaml, map.svg"),
-        OPTION_FLAG("--no-odometry", &s->no_odometry, "use the ranges alone; poses are then the sensor's"),
+        OPTION_TEXT("-o", &s->folder, "DIR",
+                    "folder for poses.csv, poses.tum, graph.g2o, map.pgm, map.yaml, map.svg"),
+        OPTION_FLAG("--no-odometry", &s->no_odometry,
+                    "use the ranges alone; poses are then the sensor's"),
         OPTION_INTEGER("--max-keys", &s->max_keys, 2, 1000000, "N", "key scans at most"),
-        OPTION_FLAG("--release", &s->release, "when these are not enough, the best covered ones are released"),
-        OPTION_INTEGER("--window", &s->window, 0, 64, "N", "key scans that the force field runs over, 0: none"),
-        OPTION_NUMBER("--resolution", &s->resolution, 0.001, 10, "M", "side of a cell of the map, m"),
+        OPTION_FLAG("--release", &s->release,
+                    "when these are not enough, the best covered ones are released"),
+        OPTION_INTEGER("--window", &s->window, 0, 64, "N",
+                       "key scans that the force field runs over, 0: none"),
+        OPTION_NUMBER("--resolution", &s->resolution, 0.001, 10, "M",
+                      "side of a cell of the map, m"),
         OPTION_NUMBER("--range", &s->range, 0.1, 1000, "M", "beams enter the map up to here, m"),
         OPTION_NUMBER("--range-max", &s->range_max, 0.1, 1000, "M",
                       "ranges from here on are no return, m (by the log)"),
         OPTION_NUMBER("--sweep", &s->sweep, 0, 2, "S",
-                      "from the first beam of a scan to its last, where the log does not say it; 0: all at once"),
-        OPTION_INTEGER("--filter", &s->particles, 0, 4096, "N",
-                       "by a Rao-Blackwellized filter of N particles: no loops, no graph (0: by the mapper)"),
-        OPTION_INTEGER("--seed", &s->seed, 0, 9e15, "N", "of what the particles draw; the mapper draws nothing"),
+                      "from the first beam of a scan to its last, where the log does not say it; "
+                      "0: all at once"),
+        OPTION_INTEGER(
+            "--filter", &s->particles, 0, 4096, "N",
+            "by a Rao-Blackwellized filter of N particles: no loops, no graph (0: by the mapper)"),
+        OPTION_INTEGER("--seed", &s->seed, 0, 9e15, "N",
+                       "of what the particles draw; the mapper draws nothing"),
         OPTION_TEXT("--report", &s->report, "FILE", PLAYER_HELP),
         OPTION_TEXT("--pool", &s->pool, "BYTES", "memory of the mapper (just what it needs)"),
         OPTION_FLAG("--quiet", &s->quiet, "no progress, no summary"),
     };
     const option_set set = {
         MAP_PROGRAM, "LOG [LOG ...] -o DIR [options]",
-        "Maps a log (CARMEN, or a table of ranges, plain or gzipped), scan by scan: every scan is matched\n"
-        "against the key scans near by, force field simulation runs over a window of the last key scans, and\n"
-        "loops are closed. Of several logs each goes on where the one before ended. With --filter every particle\n"
+        "Maps a log (CARMEN, or a table of ranges, plain or gzipped), scan by scan: every scan is "
+        "matched\n"
+        "against the key scans near by, force field simulation runs over a window of the last key "
+        "scans, and\n"
+        "loops are closed. Of several logs each goes on where the one before ended. With --filter "
+        "every particle\n"
         "has a map of its own, and the one whose path explains the scans best is written.",
         table, sizeof table / sizeof *table};
     size_t words = MAP_LOGS_MOST;
@@ -58,7 +69,9 @@ static option_result read_settings(map_settings *s, int argc, char **argv)
     s->log = s->logs[0];
     s->log_count = (int32_t)words;
     if (s->release && s->particles > 0) {
-        (void)options_refuse(MAP_PROGRAM, "--release with --filter, expected one of them: particles release nothing");
+        (void)options_refuse(
+            MAP_PROGRAM,
+            "--release with --filter, expected one of them: particles release nothing");
         return OPTIONS_BAD;
     }
     if (s->window == 1) {
@@ -75,7 +88,8 @@ static const char *verdict_text(cairn_mapper_verdict verdict)
     return texts[verdict];
 }
 
-int map_keep(const map_input *input, const cairn_mapper *mapper, int32_t index, map_scan *scan, map_place *place)
+int map_keep(const map_input *input, const cairn_mapper *mapper, int32_t index, map_scan *scan,
+             map_place *place)
 {
     const cairn_carmen_record *record = &input->record[index];
     cairn_mapper_result result = cairn_mapper_read(mapper);
@@ -109,7 +123,8 @@ cairn_scan_input map_scan_input(const map_settings *s, const map_input *input, i
     if (s->sweep > 0 && scan.count > 1)
         scan.time_step = (float)(s->sweep / (scan.count - 1));
     if (s->no_odometry)
-        scan.base_sensor = cairn_pose_identity(); /* the mounting, too, follows from the log's poses */
+        /* the mounting, too, follows from the log's poses */
+        scan.base_sensor = cairn_pose_identity();
     return scan;
 }
 
@@ -137,7 +152,8 @@ static void key_list_free(key_list *keys)
 }
 
 /* Takes scans 0 ... count - 1 through the releases since the last time. */
-static void follow_releases(key_list *keys, const cairn_mapper *mapper, map_place *places, int32_t count)
+static void follow_releases(key_list *keys, const cairn_mapper *mapper, map_place *places,
+                            int32_t count)
 {
     cairn_mapper_state state = cairn_mapper_measure(mapper);
 
@@ -162,8 +178,8 @@ static void list_key(key_list *keys, int32_t index)
 /* ---- The player ---- */
 
 /* A frame of the player: the key scans after scan `index` of the log. */
-static cairn_status add_frame(cairn_report_player *player, const cairn_mapper *mapper, const key_list *keys,
-                              const map_place *places, int32_t index)
+static cairn_status add_frame(cairn_report_player *player, const cairn_mapper *mapper,
+                              const key_list *keys, const map_place *places, int32_t index)
 {
     cairn_mapper_state state = cairn_mapper_measure(mapper);
     cairn_mapper_result result = cairn_mapper_read(mapper);
@@ -190,9 +206,10 @@ static cairn_status add_frame(cairn_report_player *player, const cairn_mapper *m
     return status;
 }
 
-/* Shows the closures that came to be since the last time; what waits for others, and what found nothing, is not shown. */
-static cairn_status add_closures(cairn_report_player *player, const cairn_mapper *mapper, const key_list *keys,
-                                 int32_t *shown)
+/* Shows the closures that came to be since the last time; what waits for others, and what found
+ * nothing, is not shown. */
+static cairn_status add_closures(cairn_report_player *player, const cairn_mapper *mapper,
+                                 const key_list *keys, int32_t *shown)
 {
     cairn_status status = CAIRN_OK;
 
@@ -200,15 +217,17 @@ static cairn_status add_closures(cairn_report_player *player, const cairn_mapper
         cairn_mapper_loop loop = cairn_mapper_loop_at(mapper, *shown);
 
         if (loop.verdict != CAIRN_MAPPER_LOOP_WAITING && loop.verdict != CAIRN_MAPPER_LOOP_NONE)
-            status = cairn_report_player_add_link(player, keys->number[loop.first], keys->number[loop.second],
+            status = cairn_report_player_add_link(player, keys->number[loop.first],
+                                                  keys->number[loop.second],
                                                   loop.verdict == CAIRN_MAPPER_LOOP_ACCEPTED);
     }
     return status;
 }
 
 /* Records a key scan, and the map after it. */
-static cairn_status record_key(cairn_report_player *player, const cairn_mapper *mapper, const key_list *keys,
-                               const map_scan *scan, const map_place *places, int32_t index)
+static cairn_status record_key(cairn_report_player *player, const cairn_mapper *mapper,
+                               const key_list *keys, const map_scan *scan, const map_place *places,
+                               int32_t index)
 {
     cairn_status status = player_add_scan(player, scan, index);
 
@@ -216,8 +235,8 @@ static cairn_status record_key(cairn_report_player *player, const cairn_mapper *
 }
 
 /* Lets the mapper finish its loops; the last frame shows what came of it. */
-static int settle(const map_settings *s, cairn_mapper *mapper, cairn_report_player *player, key_list *keys,
-                  map_place *places, int32_t shown, int32_t index)
+static int settle(const map_settings *s, cairn_mapper *mapper, cairn_report_player *player,
+                  key_list *keys, map_place *places, int32_t shown, int32_t index)
 {
     cairn_status status;
 
@@ -238,10 +257,12 @@ static int settle(const map_settings *s, cairn_mapper *mapper, cairn_report_play
     return tool_exit_code(status);
 }
 
-/* Feeds all scans to the mapper; keeps what is drawn. TOOL_OK, or another exit code after a line on standard error; *full
- * is set, and no line printed, when the mapper had no room for a key scan. */
-static int feed(const map_settings *s, const map_input *input, cairn_mapper *mapper, map_scan *scans, map_place *places,
-                key_list *keys, cairn_report_player *player, int32_t *full)
+/* Feeds all scans to the mapper; keeps what is drawn. TOOL_OK, or another exit code after a line
+ * on standard error; *full is set, and no line printed, when the mapper had no room for a key
+ * scan. */
+static int feed(const map_settings *s, const map_input *input, cairn_mapper *mapper,
+                map_scan *scans, map_place *places, key_list *keys, cairn_report_player *player,
+                int32_t *full)
 {
     tool_progress progress = tool_progress_begin("map", input->count, s->quiet);
     cairn_status status = CAIRN_OK;
@@ -254,7 +275,8 @@ static int feed(const map_settings *s, const map_input *input, cairn_mapper *map
         cairn_mapper_result result;
         cairn_scan_input scan = map_scan_input(s, input, i);
 
-        status = cairn_mapper_add(mapper, &scan, s->no_odometry ? NULL : map_input_odometry(input, i), &fault);
+        status = cairn_mapper_add(mapper, &scan,
+                                  s->no_odometry ? NULL : map_input_odometry(input, i), &fault);
         while (status == CAIRN_OK || status == CAIRN_MORE) {
             cairn_budget budget = {CAIRN_UNBOUNDED};
 
@@ -265,7 +287,9 @@ static int feed(const map_settings *s, const map_input *input, cairn_mapper *map
         if (status != CAIRN_OK) {
             tool_progress_end(&progress);
             *full = status == CAIRN_FULL;
-            return *full ? TOOL_BAD : tool_report_scan(map_input_log(input, i)->path, record->line, status, &fault);
+            return *full ? TOOL_BAD
+                         : tool_report_scan(map_input_log(input, i)->path, record->line, status,
+                                            &fault);
         }
         result = cairn_mapper_read(mapper);
         follow_releases(keys, mapper, places, i);
@@ -289,7 +313,8 @@ static int feed(const map_settings *s, const map_input *input, cairn_mapper *map
 }
 
 /* The player for --report; NULL without it. */
-static cairn_status open_player(const map_settings *s, const map_input *input, cairn_report_player **player)
+static cairn_status open_player(const map_settings *s, const map_input *input,
+                                cairn_report_player **player)
 {
     static const cairn_report_curve curves[] = {
         {"support", "", "share of the scan's points that found partners"},
@@ -313,7 +338,8 @@ static cairn_status open_player(const map_settings *s, const map_input *input, c
     return cairn_report_player_open(player, &params);
 }
 
-/* The graph of the key scans as it is now; links that were dropped are left out. 0 when there is no memory. */
+/* The graph of the key scans as it is now; links that were dropped are left out. 0 when there is
+ * no memory. */
 static int graph_of(const cairn_mapper *mapper, cairn_pose_graph_file *graph)
 {
     int32_t keys = cairn_mapper_measure(mapper).keys, links = cairn_mapper_link_count(mapper);
@@ -328,7 +354,8 @@ static int graph_of(const cairn_mapper *mapper, cairn_pose_graph_file *graph)
     }
     for (; graph->vertex_count < keys; graph->vertex_count++) {
         graph->vertex[graph->vertex_count].id = graph->vertex_count;
-        graph->vertex[graph->vertex_count].pose = cairn_mapper_key_pose(mapper, graph->vertex_count);
+        graph->vertex[graph->vertex_count].pose =
+            cairn_mapper_key_pose(mapper, graph->vertex_count);
     }
     for (int32_t i = 0; i < links; i++) {
         cairn_mapper_link link = cairn_mapper_link_at(mapper, i);
@@ -360,8 +387,8 @@ map_output map_output_of(const map_settings *s, map_scan *scans, int32_t count)
     return output;
 }
 
-static int write_all(const map_settings *s, const map_input *input, const cairn_mapper *mapper, map_scan *scans,
-                     const map_place *places, cairn_report_player *player)
+static int write_all(const map_settings *s, const map_input *input, const cairn_mapper *mapper,
+                     map_scan *scans, const map_place *places, cairn_report_player *player)
 {
     cairn_file_error error;
     map_output output;
@@ -390,8 +417,8 @@ static int write_all(const map_settings *s, const map_input *input, const cairn_
     return code;
 }
 
-static void print_summary(const map_input *input, const cairn_mapper *mapper, size_t pool_bytes, double seconds,
-                          double seconds_to_map)
+static void print_summary(const map_input *input, const cairn_mapper *mapper, size_t pool_bytes,
+                          double seconds, double seconds_to_map)
 {
     cairn_mapper_state state = cairn_mapper_measure(mapper);
 
@@ -402,12 +429,14 @@ static void print_summary(const map_input *input, const cairn_mapper *mapper, si
            "loops      %" PRId32 " closed, %" PRId32 " corrections%s\n"
            "unmatched  %" PRId64 " (pose by prediction)\n"
            "in doubt   %" PRId64 ", hardly observable in some direction %" PRId64 "\n"
-           "odometry   contradicted by %" PRId64 " matches, %" PRId64 " better from the last motion\n"
+           "odometry   contradicted by %" PRId64 " matches, %" PRId64
+           " better from the last motion\n"
            "potential  %.6g\n",
-           input->count, input->faults, input->stamps_back > 0 ? ", some times run back" : "", seconds,
-           input->count / seconds_to_map, pool_bytes, state.keys, state.releases, state.loops, state.solutions,
-           state.lacks_room ? ", no room for more" : "", state.predicted, state.doubtful, state.unobservable,
-           state.odometry_contradicted, state.odometry_rejected, (double)state.potential);
+           input->count, input->faults, input->stamps_back > 0 ? ", some times run back" : "",
+           seconds, input->count / seconds_to_map, pool_bytes, state.keys, state.releases,
+           state.loops, state.solutions, state.lacks_room ? ", no room for more" : "",
+           state.predicted, state.doubtful, state.unobservable, state.odometry_contradicted,
+           state.odometry_rejected, (double)state.potential);
 }
 
 static int32_t least(int64_t a, int32_t b)
@@ -418,14 +447,16 @@ static int32_t least(int64_t a, int32_t b)
 /* With room for so many points a key scan. */
 static cairn_mapper_params params_for(const map_settings *s, const map_input *input, int32_t points)
 {
-    cairn_mapper_params params = cairn_mapper_default_for(least(s->max_keys, input->count), input->beams_most);
+    cairn_mapper_params params =
+        cairn_mapper_default_for(least(s->max_keys, input->count), input->beams_most);
 
     params.release = s->release && s->max_keys < input->count;
     params.window = (int32_t)s->window;
     params.field.potential = 1;
     if (params.window > 0 && params.window_free >= params.window)
         params.window_free = params.window - 1;
-    params.max_key_points = least((int64_t)params.max_keys * points + params.scan.max_points, KEY_CAPACITY_MOST);
+    params.max_key_points =
+        least((int64_t)params.max_keys * points + params.scan.max_points, KEY_CAPACITY_MOST);
     params.max_key_segments =
         least((int64_t)params.max_keys * points / 4 + params.scan.max_segments, KEY_CAPACITY_MOST);
     return params;
@@ -434,13 +465,15 @@ static cairn_mapper_params params_for(const map_settings *s, const map_input *in
 int map_refuse_keys(const map_settings *s, int32_t max_keys)
 {
     return options_refuse(MAP_PROGRAM,
-                          "%s: needs more than %" PRId32 " key scans, expected at most that: raise --max-keys", s->log,
-                          max_keys);
+                          "%s: needs more than %" PRId32
+                          " key scans, expected at most that: raise --max-keys",
+                          s->log, max_keys);
 }
 
-/* Maps and writes with room for so many points a key scan. *full is set, and no line printed, when that is too few. */
-static int map_with_room(const map_settings *s, const map_input *input, map_scan *scans, map_place *places,
-                         int32_t points, int32_t *full)
+/* Maps and writes with room for so many points a key scan. *full is set, and no line printed,
+ * when that is too few. */
+static int map_with_room(const map_settings *s, const map_input *input, map_scan *scans,
+                         map_place *places, int32_t points, int32_t *full)
 {
     cairn_mapper_params params = params_for(s, input, points);
     double start = tool_seconds(), fed;
@@ -453,13 +486,15 @@ static int map_with_room(const map_settings *s, const map_input *input, map_scan
 
     *full = 0;
     if (params.release && cairn_mapper_memory(&params) == 0)
-        return options_refuse(MAP_PROGRAM, "--max-keys is '%" PRId64 "', expected more with --release", s->max_keys);
+        return options_refuse(
+            MAP_PROGRAM, "--max-keys is '%" PRId64 "', expected more with --release", s->max_keys);
     if (s->particles > 0)
         return map_by_filter(s, input, &params, scans, places, full);
     code = tool_pool_open(&pool, MAP_PROGRAM, s->pool, cairn_mapper_memory(&params));
     if (code != TOOL_OK)
         return code;
-    status = key_list_new(&keys, input->count) ? cairn_mapper_create(&mapper, &pool, &params) : CAIRN_NO_MEMORY;
+    status = key_list_new(&keys, input->count) ? cairn_mapper_create(&mapper, &pool, &params)
+                                               : CAIRN_NO_MEMORY;
     if (status == CAIRN_OK)
         status = open_player(s, input, &player);
     if (status != CAIRN_OK) {
@@ -484,8 +519,8 @@ static int map_with_room(const map_settings *s, const map_input *input, map_scan
     return code;
 }
 
-/* Key scans in buildings have some 100 points and 30 segments each; where there are more, all begins anew with twice the
- * room. */
+/* Key scans in buildings have some 100 points and 30 segments each; where there are more, all
+ * begins anew with twice the room. */
 static int run(const map_settings *s, const map_input *input, map_scan *scans, map_place *places)
 {
     int32_t most = cairn_mapper_default().scan.max_points, full = 1;
@@ -494,8 +529,9 @@ static int run(const map_settings *s, const map_input *input, map_scan *scans, m
     for (int32_t points = 160; full && points < 2 * most; points *= 2)
         code = map_with_room(s, input, scans, places, points, &full);
     if (full)
-        code = options_refuse(MAP_PROGRAM, "%s: the key scans have more than %d points or segments, expected fewer",
-                              s->log, KEY_CAPACITY_MOST);
+        code = options_refuse(
+            MAP_PROGRAM, "%s: the key scans have more than %d points or segments, expected fewer",
+            s->log, KEY_CAPACITY_MOST);
     return code;
 }
 

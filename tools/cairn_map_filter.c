@@ -25,10 +25,12 @@ typedef struct filter_run {
 /* The path of the best particle as it is now; how many key scans it has. */
 static int32_t read_best(filter_run *run)
 {
-    return cairn_filter_mapper_path(run->mapper, cairn_filter_mapper_best(run->mapper), run->path, run->max_keys);
+    return cairn_filter_mapper_path(run->mapper, cairn_filter_mapper_best(run->mapper), run->path,
+                                    run->max_keys);
 }
 
-/* A frame of the player: the best path after scan `index` of the log, which may be another one than before. */
+/* A frame of the player: the best path after scan `index` of the log, which may be another one
+ * than before. */
 static cairn_status add_frame(filter_run *run, int32_t index)
 {
     cairn_mapper_result result = cairn_mapper_read(cairn_filter_mapper_front(run->mapper));
@@ -49,13 +51,14 @@ static cairn_status add_frame(filter_run *run, int32_t index)
 }
 
 /* Maps one scan, and keeps what is drawn of it. */
-static cairn_status map_scan_at(filter_run *run, int32_t index, map_scan *scan, map_place *place, cairn_fault *fault)
+static cairn_status map_scan_at(filter_run *run, int32_t index, map_scan *scan, map_place *place,
+                                cairn_fault *fault)
 {
     const map_settings *s = run->settings;
     const cairn_mapper *front = cairn_filter_mapper_front(run->mapper);
     cairn_scan_input input = map_scan_input(s, run->input, index);
-    cairn_status status = cairn_filter_mapper_add(run->mapper, &input,
-                                                  s->no_odometry ? NULL : map_input_odometry(run->input, index), fault);
+    cairn_status status = cairn_filter_mapper_add(
+        run->mapper, &input, s->no_odometry ? NULL : map_input_odometry(run->input, index), fault);
 
     if (status == CAIRN_OK) {
         do {
@@ -93,7 +96,8 @@ static int feed(filter_run *run, map_scan *scans, map_place *places, int32_t *fu
     if (status == CAIRN_OK)
         return TOOL_OK;
     if (!*full)
-        return tool_report_scan(map_input_log(input, i)->path, input->record[i].line, status, &fault);
+        return tool_report_scan(map_input_log(input, i)->path, input->record[i].line, status,
+                                &fault);
     if (cairn_mapper_measure(cairn_filter_mapper_front(run->mapper)).keys < run->max_keys)
         return TOOL_BAD;
     *full = 0;
@@ -113,8 +117,8 @@ static cairn_status open_player(filter_run *run)
     if (run->settings->report == NULL)
         return CAIRN_OK;
     snprintf(title, sizeof title, "%s, mapped", cairn_path_name(run->settings->log));
-    snprintf(subtitle, sizeof subtitle, "%" PRId32 " scans, the best of %" PRId64 " particles", run->input->count,
-             run->settings->particles);
+    snprintf(subtitle, sizeof subtitle, "%" PRId32 " scans, the best of %" PRId64 " particles",
+             run->input->count, run->settings->particles);
     params.title = title;
     params.subtitle = subtitle;
     params.step_name = "scan";
@@ -134,12 +138,15 @@ static int write_all(filter_run *run, map_scan *scans, const map_place *places)
     for (int32_t i = 0; i < count; i++)
         scans[i].after = cairn_pose_compose(run->path[places[i].key], places[i].key_scan);
     snprintf(title, sizeof title, "%s, mapped", cairn_path_name(run->settings->log));
-    snprintf(subtitle, sizeof subtitle, "%" PRId32 " scans, %" PRId32 " key scans, the best of %" PRId64 " particles",
-             count, keys, run->settings->particles);
+    snprintf(subtitle, sizeof subtitle,
+             "%" PRId32 " scans, %" PRId32 " key scans, the best of %" PRId64 " particles", count,
+             keys, run->settings->particles);
     output.title = title;
     output.subtitle = subtitle;
     output.player = run->player;
-    return map_output_write(&output, run->settings->folder, &error) == CAIRN_OK ? TOOL_OK : tool_report(&error);
+    return map_output_write(&output, run->settings->folder, &error) == CAIRN_OK
+               ? TOOL_OK
+               : tool_report(&error);
 }
 
 static void print_summary(const filter_run *run, double seconds, double seconds_to_map)
@@ -154,13 +161,15 @@ static void print_summary(const filter_run *run, double seconds, double seconds_
            "particles  %" PRId32 ", resampled %" PRId32 " times\n"
            "nodes      %" PRId32 " in all paths together, %" PRId32 " at most\n"
            "unmatched  %" PRId64 " (pose by prediction)\n",
-           run->input->count, run->input->faults, run->input->stamps_back > 0 ? ", some times run back" : "", seconds,
-           run->input->count / seconds_to_map, run->pool.peak, state.keys, cairn_filter_mapper_count(run->mapper),
-           state.resamplings, state.nodes, state.nodes_peak, front.predicted);
+           run->input->count, run->input->faults,
+           run->input->stamps_back > 0 ? ", some times run back" : "", seconds,
+           run->input->count / seconds_to_map, run->pool.peak, state.keys,
+           cairn_filter_mapper_count(run->mapper), state.resamplings, state.nodes, state.nodes_peak,
+           front.predicted);
 }
 
-int map_by_filter(const map_settings *s, const map_input *input, const cairn_mapper_params *front, map_scan *scans,
-                  map_place *places, int32_t *full)
+int map_by_filter(const map_settings *s, const map_input *input, const cairn_mapper_params *front,
+                  map_scan *scans, map_place *places, int32_t *full)
 {
     cairn_filter_mapper_params params = cairn_filter_mapper_default();
     filter_run run = {s, input, NULL, {0}, NULL, NULL, front->max_keys};
@@ -176,7 +185,8 @@ int map_by_filter(const map_settings *s, const map_input *input, const cairn_map
     if (code != TOOL_OK)
         return code;
     run.path = malloc((size_t)front->max_keys * sizeof *run.path);
-    status = run.path == NULL ? CAIRN_NO_MEMORY : cairn_filter_mapper_create(&run.mapper, &run.pool, &params);
+    status = run.path == NULL ? CAIRN_NO_MEMORY
+                              : cairn_filter_mapper_create(&run.mapper, &run.pool, &params);
     if (status == CAIRN_OK)
         status = open_player(&run);
     if (status == CAIRN_OK) {

@@ -25,7 +25,8 @@ static int load_log(map_log *log, double range_max, int32_t quiet)
     if (kind == CAIRN_RANGE_TABLE_NONE)
         status = cairn_carmen_load(&log->scans, log->path, &params, &error);
     else
-        status = cairn_range_table_load(&log->scans, &log->has_odometry, log->path, kind, &params, &error);
+        status = cairn_range_table_load(&log->scans, &log->has_odometry, log->path, kind, &params,
+                                        &error);
     tool_faults_end(&faults);
     return status == CAIRN_OK ? TOOL_OK : tool_report(&error);
 }
@@ -45,9 +46,11 @@ static int join(map_input *input)
         const cairn_carmen_info *info = &log->scans.info;
 
         log->first = input->count;
-        memcpy(&input->record[input->count], log->scans.record, (size_t)log->scans.count * sizeof *input->record);
+        memcpy(&input->record[input->count], log->scans.record,
+               (size_t)log->scans.count * sizeof *input->record);
         input->count += log->scans.count;
-        input->beams_most = info->beams_most > input->beams_most ? info->beams_most : input->beams_most;
+        input->beams_most =
+            info->beams_most > input->beams_most ? info->beams_most : input->beams_most;
         input->has_odometry |= log->has_odometry;
         input->faults += info->faults;
         input->stamps_back += info->stamps_back;
@@ -55,7 +58,8 @@ static int join(map_input *input)
     return 1;
 }
 
-int map_input_load(map_input *input, const char *const *path, int32_t count, double range_max, int32_t quiet)
+int map_input_load(map_input *input, const char *const *path, int32_t count, double range_max,
+                   int32_t quiet)
 {
     int code = TOOL_OK;
 

@@ -23,15 +23,17 @@ typedef struct map_input {
     int64_t faults, stamps_back;
 } map_input;
 
-/* Reads logs of any kind, and prints their faults. TOOL_OK, or another exit code after a line on standard error; then there is
- * nothing to free. */
-int map_input_load(map_input *input, const char *const *path, int32_t count, double range_max, int32_t quiet);
+/* Reads logs of any kind, and prints their faults. TOOL_OK, or another exit code after a line on
+ * standard error; then there is nothing to free. */
+int map_input_load(map_input *input, const char *const *path, int32_t count, double range_max,
+                   int32_t quiet);
 void map_input_free(map_input *input);
 
 /* The log of a scan. */
 const map_log *map_input_log(const map_input *input, int32_t scan);
 
-/* Where odometry sees the robot; NULL: its log has none, or it is the first scan of a further log, whose odometry starts anew. */
+/* Where odometry sees the robot; NULL: its log has none, or it is the first scan of a further
+ * log, whose odometry starts anew. */
 const cairn_pose *map_input_odometry(const map_input *input, int32_t scan);
 
 #endif

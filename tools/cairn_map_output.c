@@ -75,8 +75,8 @@ int32_t map_scan_keep(map_scan *scan, const cairn_scan_view *view)
 
 /* ---- The grid ---- */
 
-int32_t map_beam(const map_output *output, const map_scan *scan, int32_t i, cairn_transform map_s, cairn_vec2 *from,
-                 cairn_vec2 *to, int32_t *hit)
+int32_t map_beam(const map_output *output, const map_scan *scan, int32_t i, cairn_transform map_s,
+                 cairn_vec2 *from, cairn_vec2 *to, int32_t *hit)
 {
     cairn_vec2 end = {(cairn_real)scan->beam[2 * i], (cairn_real)scan->beam[2 * i + 1]};
     cairn_vec2 along = cairn_vec2_sub(end, scan->sensor);
@@ -186,7 +186,8 @@ static cairn_status read_grid(const cairn_occupancy_grid *grid, cairn_map_file *
     return status;
 }
 
-cairn_status map_grid_layout(const map_output *output, cairn_occupancy_grid_params *params, cairn_file_error *error)
+cairn_status map_grid_layout(const map_output *output, cairn_occupancy_grid_params *params,
+                             cairn_file_error *error)
 {
     double width, height;
     cairn_box box;
@@ -195,10 +196,12 @@ cairn_status map_grid_layout(const map_output *output, cairn_occupancy_grid_para
         return cairn_file_error_set(error, CAIRN_NO_MEMORY, "map", 0, "no memory for the map");
     width = ceil((double)(box.max.x - box.min.x) / output->resolution);
     height = ceil((double)(box.max.y - box.min.y) / output->resolution);
-    if (!(width * height <= CELLS_MOST) || width > CAIRN_RASTER_MAX_SIDE || height > CAIRN_RASTER_MAX_SIDE)
-        return cairn_file_error_set(error, CAIRN_FULL, "map", 0,
-                                    "%.0f x %.0f cells are too many, expected up to %d: choose a coarser --resolution",
-                                    width, height, CELLS_MOST);
+    if (!(width * height <= CELLS_MOST) || width > CAIRN_RASTER_MAX_SIDE ||
+        height > CAIRN_RASTER_MAX_SIDE)
+        return cairn_file_error_set(
+            error, CAIRN_FULL, "map", 0,
+            "%.0f x %.0f cells are too many, expected up to %d: choose a coarser --resolution",
+            width, height, CELLS_MOST);
     *params = cairn_occupancy_grid_default();
     params->resolution = (cairn_real)output->resolution;
     params->origin = box.min;
@@ -207,8 +210,8 @@ cairn_status map_grid_layout(const map_output *output, cairn_occupancy_grid_para
     return CAIRN_OK;
 }
 
-cairn_status map_grid_make(const map_output *output, const cairn_occupancy_grid_params *params, map_grid *made,
-                           cairn_file_error *error)
+cairn_status map_grid_make(const map_output *output, const cairn_occupancy_grid_params *params,
+                           map_grid *made, cairn_file_error *error)
 {
     size_t bytes = cairn_occupancy_grid_memory(params) + CAIRN_ALIGN;
     cairn_pool pool;
@@ -224,8 +227,9 @@ cairn_status map_grid_make(const map_output *output, const cairn_occupancy_grid_
         return status;
     free(made->memory);
     made->memory = NULL;
-    return status == CAIRN_NO_MEMORY ? cairn_file_error_set(error, status, "map", 0, "no memory for the map")
-                                     : cairn_file_error_set(error, status, "map", 0, "%s", cairn_status_text(status));
+    return status == CAIRN_NO_MEMORY
+               ? cairn_file_error_set(error, status, "map", 0, "no memory for the map")
+               : cairn_file_error_set(error, status, "map", 0, "%s", cairn_status_text(status));
 }
 
 static cairn_status make_map(const map_output *output, cairn_map_file *map, cairn_file_error *error)
@@ -262,7 +266,8 @@ static cairn_status write_poses(const map_output *output, const char *path, cair
     cairn_status status;
 
     if (row == NULL)
-        return cairn_file_error_set(error, CAIRN_NO_MEMORY, path, 0, "no memory for %d poses", output->count);
+        return cairn_file_error_set(error, CAIRN_NO_MEMORY, path, 0, "no memory for %d poses",
+                                    output->count);
     for (int32_t i = 0; i < output->count; i++) {
         const map_scan *scan = &output->scan[i];
 
@@ -278,7 +283,8 @@ static cairn_status write_poses(const map_output *output, const char *path, cair
     return status;
 }
 
-/* A line a pose: time, position and quaternion, as the benchmarks of the Technical University of Munich have them. */
+/* A line a pose: time, position and quaternion, as the benchmarks of the Technical University of
+ * Munich have them. */
 static cairn_status write_tum(const map_output *output, const char *path, cairn_file_error *error)
 {
     cairn_output *file;
@@ -293,9 +299,10 @@ static cairn_status write_tum(const map_output *output, const char *path, cairn_
         cairn_real s, c;
 
         cairn_sincos(scan->after.theta / 2, &s, &c);
-        cairn_output_print(file, "%s %s %s 0 0 0 %s %s\n", cairn_number_write_stamp(time, scan->stamp_ns),
-                           cairn_number_write(x, scan->after.x), cairn_number_write(y, scan->after.y),
-                           cairn_number_write(z, s), cairn_number_write(w, c));
+        cairn_output_print(
+            file, "%s %s %s 0 0 0 %s %s\n", cairn_number_write_stamp(time, scan->stamp_ns),
+            cairn_number_write(x, scan->after.x), cairn_number_write(y, scan->after.y),
+            cairn_number_write(z, s), cairn_number_write(w, c));
     }
     return cairn_output_commit(file, error);
 }
@@ -312,8 +319,8 @@ static cairn_report_grid grid_of(const cairn_map_file *map)
     return grid;
 }
 
-static cairn_status write_picture(const map_output *output, const cairn_map_file *map, const char *path,
-                                  cairn_file_error *error)
+static cairn_status write_picture(const map_output *output, const cairn_map_file *map,
+                                  const char *path, cairn_file_error *error)
 {
     cairn_report_map picture = cairn_report_map_default();
     cairn_report_panel panel[2];
@@ -368,14 +375,17 @@ enum { POSES, IMAGE, YAML, PICTURE, FILES, TUM = FILES, GRAPH, FILES_WITH_GRAPH 
 static const char *const file_names[FILES_WITH_GRAPH] = {"poses.csv", "map.pgm",   "map.yaml",
                                                          "map.svg",   "poses.tum", "graph.g2o"};
 
-cairn_status map_output_check(const char *folder, int32_t with_graph, const char *report, cairn_file_error *error)
+cairn_status map_output_check(const char *folder, int32_t with_graph, const char *report,
+                              cairn_file_error *error)
 {
-    cairn_status status = cairn_output_set_check(folder, file_names, with_graph ? FILES_WITH_GRAPH : FILES, error);
+    cairn_status status =
+        cairn_output_set_check(folder, file_names, with_graph ? FILES_WITH_GRAPH : FILES, error);
 
     return status == CAIRN_OK && report != NULL ? player_check(report, error) : status;
 }
 
-static cairn_status write_page(const map_output *output, const cairn_map_file *map, cairn_file_error *error)
+static cairn_status write_page(const map_output *output, const cairn_map_file *map,
+                               cairn_file_error *error)
 {
     cairn_report_grid grid = grid_of(map);
     cairn_status status = cairn_report_player_set_grid(output->player, &grid);
@@ -393,17 +403,20 @@ cairn_status map_output_write(const map_output *output, const char *folder, cair
 
     if (status != CAIRN_OK)
         return status;
-    status = cairn_output_set_open(&files, folder, file_names, output->graph != NULL ? FILES_WITH_GRAPH : FILES, error);
+    status = cairn_output_set_open(&files, folder, file_names,
+                                   output->graph != NULL ? FILES_WITH_GRAPH : FILES, error);
     if (status == CAIRN_OK)
         status = write_poses(output, cairn_output_set_path(files, POSES), error);
     if (status == CAIRN_OK)
-        status = cairn_map_file_write(&map, cairn_output_set_path(files, YAML), CAIRN_MAP_PGM, error);
+        status =
+            cairn_map_file_write(&map, cairn_output_set_path(files, YAML), CAIRN_MAP_PGM, error);
     if (status == CAIRN_OK)
         status = write_picture(output, &map, cairn_output_set_path(files, PICTURE), error);
     if (status == CAIRN_OK && output->graph != NULL)
         status = write_tum(output, cairn_output_set_path(files, TUM), error);
     if (status == CAIRN_OK && output->graph != NULL)
-        status = cairn_pose_graph_file_write(cairn_output_set_path(files, GRAPH), output->graph, error);
+        status =
+            cairn_pose_graph_file_write(cairn_output_set_path(files, GRAPH), output->graph, error);
     if (status == CAIRN_OK)
         status = cairn_output_set_commit(files, error);
     else

@@ -1,5 +1,5 @@
-/* cairn_map_output: what cairn align and cairn map write: poses.csv, map.pgm with map.yaml, map.svg, the page of --report, and
- * of a mapped log poses.tum and graph.g2o. */
+/* cairn_map_output: what cairn align and cairn map write: poses.csv, map.pgm with map.yaml,
+ * map.svg, the page of --report, and of a mapped log poses.tum and graph.g2o. */
 #ifndef CAIRN_TOOLS_CAIRN_MAP_OUTPUT_H
 #define CAIRN_TOOLS_CAIRN_MAP_OUTPUT_H
 
@@ -30,16 +30,25 @@ typedef struct map_scan {
 
 typedef struct map_output {
     const char *title, *subtitle;
-    map_scan *scan; /* [count] */
+    /* [count] */
+    map_scan *scan;
     int32_t count;
-    const char *before;                 /* what the poses before are; NULL: those of the log */
-    int32_t in_order;                   /* 1: the poses are a path */
-    int32_t grid_panel;                 /* 1: the picture after shows the grid, otherwise the walls of the scans */
-    double resolution;                  /* m */
-    double range;                       /* m, the grid takes beams up to here */
-    cairn_report_player *player;        /* gets the grid; NULL: no page */
-    const char *report;                 /* the page; may lie in the folder or elsewhere */
-    const cairn_pose_graph_file *graph; /* with it poses.tum and graph.g2o are written; NULL: they are not */
+    /* what the poses before are; NULL: those of the log */
+    const char *before;
+    /* 1: the poses are a path */
+    int32_t in_order;
+    /* 1: the picture after shows the grid, otherwise the walls of the scans */
+    int32_t grid_panel;
+    /* m */
+    double resolution;
+    /* m, the grid takes beams up to here */
+    double range;
+    /* gets the grid; NULL: no page */
+    cairn_report_player *player;
+    /* the page; may lie in the folder or elsewhere */
+    const char *report;
+    /* with it poses.tum and graph.g2o are written; NULL: they are not */
+    const cairn_pose_graph_file *graph;
 } map_output;
 
 /* Arrays for `count` scans, all unknown; NULL when there is no memory. */
@@ -49,9 +58,10 @@ void map_scans_free(map_scan *scan, int32_t count);
 /* Copies what a scan saw, in place of what was kept before. 0 when there is no memory. */
 int32_t map_scan_keep(map_scan *scan, const cairn_scan_view *view);
 
-/* A beam of a scan in the map, cut at the output's range; *hit as it counts then. 0: nothing to enter. */
-int32_t map_beam(const map_output *output, const map_scan *scan, int32_t i, cairn_transform map_s, cairn_vec2 *from,
-                 cairn_vec2 *to, int32_t *hit);
+/* A beam of a scan in the map, cut at the output's range; *hit as it counts then. 0: nothing to
+ * enter. */
+int32_t map_beam(const map_output *output, const map_scan *scan, int32_t i, cairn_transform map_s,
+                 cairn_vec2 *from, cairn_vec2 *to, int32_t *hit);
 
 /* A grid on the heap: memory goes back to free(). */
 typedef struct map_grid {
@@ -59,21 +69,26 @@ typedef struct map_grid {
     void *memory;
 } map_grid;
 
-/* The grid that holds all poses and nearly all hits, of the output's resolution. CAIRN_FULL: too many cells;
- * CAIRN_NO_MEMORY. */
-CAIRN_CHECKED cairn_status map_grid_layout(const map_output *output, cairn_occupancy_grid_params *params,
+/* The grid that holds all poses and nearly all hits, of the output's resolution. CAIRN_FULL: too
+ * many cells; CAIRN_NO_MEMORY. */
+CAIRN_CHECKED cairn_status map_grid_layout(const map_output *output,
+                                           cairn_occupancy_grid_params *params,
                                            cairn_file_error *error);
 
 /* Makes it and adds all beams. CAIRN_NO_MEMORY, and the grid's statuses. */
-CAIRN_CHECKED cairn_status map_grid_make(const map_output *output, const cairn_occupancy_grid_params *params,
-                                         map_grid *made, cairn_file_error *error);
+CAIRN_CHECKED cairn_status map_grid_make(const map_output *output,
+                                         const cairn_occupancy_grid_params *params, map_grid *made,
+                                         cairn_file_error *error);
 
-/* Whether map_output_write could write there: to be asked before the work. Makes nothing. report: NULL for none. */
-CAIRN_CHECKED cairn_status map_output_check(const char *folder, int32_t with_graph, const char *report,
+/* Whether map_output_write could write there: to be asked before the work. Makes nothing.
+ * report: NULL for none. */
+CAIRN_CHECKED cairn_status map_output_check(const char *folder, int32_t with_graph,
+                                            const char *report, cairn_file_error *error);
+
+/* Writes all files into the folder, which is made when it is missing; on failure it is as it
+ * was. Then writes the page; on failure the files of the folder are new and the page is as it
+ * was. */
+CAIRN_CHECKED cairn_status map_output_write(const map_output *output, const char *folder,
                                             cairn_file_error *error);
-
-/* Writes all files into the folder, which is made when it is missing; on failure it is as it was. Then writes the page; on
- * failure the files of the folder are new and the page is as it was. */
-CAIRN_CHECKED cairn_status map_output_write(const map_output *output, const char *folder, cairn_file_error *error);
 
 #endif

@@ -1,4 +1,5 @@
-/* What the two ways of cairn map share: by the mapper (cairn_map.c) and by its particles (cairn_map_filter.c). */
+/* What the two ways of cairn map share: by the mapper (cairn_map.c) and by its particles
+ * (cairn_map_filter.c). */
 #ifndef CAIRN_TOOLS_CAIRN_MAP_WORK_H
 #define CAIRN_TOOLS_CAIRN_MAP_WORK_H
 
@@ -26,7 +27,8 @@ typedef struct map_place {
 } map_place;
 
 /* Keeps what the mapper made of scan `index`, which is done. 0 when there is no memory. */
-int map_keep(const map_input *input, const cairn_mapper *mapper, int32_t index, map_scan *scan, map_place *place);
+int map_keep(const map_input *input, const cairn_mapper *mapper, int32_t index, map_scan *scan,
+             map_place *place);
 
 /* The scan that the mapper is given. */
 cairn_scan_input map_scan_input(const map_settings *s, const map_input *input, int32_t index);
@@ -37,9 +39,9 @@ map_output map_output_of(const map_settings *s, map_scan *scans, int32_t count);
 /* Too many key scans: says so, and how to have more. */
 int map_refuse_keys(const map_settings *s, int32_t max_keys);
 
-/* Maps and writes by particles; front: the mapper that goes ahead. *full is set, and no line printed, when its key scans have more
- * points or segments than there is room for. */
-int map_by_filter(const map_settings *s, const map_input *input, const cairn_mapper_params *front, map_scan *scans,
-                  map_place *places, int32_t *full);
+/* Maps and writes by particles; front: the mapper that goes ahead. *full is set, and no line
+ * printed, when its key scans have more points or segments than there is room for. */
+int map_by_filter(const map_settings *s, const map_input *input, const cairn_mapper_params *front,
+                  map_scan *scans, map_place *places, int32_t *full);
 
 #endif

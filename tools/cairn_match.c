@@ -46,7 +46,8 @@ static int read_start(const char *text, double start[3])
     for (int i = 0; i < 3; i++) {
         const char *end = i < 2 ? strchr(text, ',') : text + strlen(text);
 
-        if (end == NULL || !cairn_number_read(text, (size_t)(end - text), &start[i]) || !(fabs(start[i]) <= START_MOST))
+        if (end == NULL || !cairn_number_read(text, (size_t)(end - text), &start[i]) ||
+            !(fabs(start[i]) <= START_MOST))
             return 0;
         text = end + 1;
     }
@@ -56,14 +57,17 @@ static int read_start(const char *text, double start[3])
 static option_result check_settings(settings *s, size_t count)
 {
     if (count < 2) {
-        (void)options_refuse(PROGRAM, "%s, expected A and B", count == 0 ? "no scans" : "only one scan");
+        (void)options_refuse(PROGRAM, "%s, expected A and B",
+                             count == 0 ? "no scans" : "only one scan");
         return OPTIONS_BAD;
     }
     if (s->as_written && (s->method_given || s->spacing_given)) {
-        (void)options_refuse(PROGRAM, s->method_given
-                                          ? "--as-written with --method, expected one of them: it is a method"
-                                          : "--as-written with --spacing, expected without: it takes the readings as "
-                                            "they come");
+        (void)options_refuse(
+            PROGRAM,
+            s->method_given
+                ? "--as-written with --method, expected one of them: it is a method"
+                : "--as-written with --spacing, expected without: it takes the readings as "
+                  "they come");
         return OPTIONS_BAD;
     }
     if (s->as_written)
@@ -73,7 +77,8 @@ static option_result check_settings(settings *s, size_t count)
         return OPTIONS_BAD;
     }
     if (s->start_text != NULL && !read_start(s->start_text, s->start)) {
-        (void)options_refuse(PROGRAM, "--start is '%s', expected three numbers X,Y,DEG within 1e5", s->start_text);
+        (void)options_refuse(PROGRAM, "--start is '%s', expected three numbers X,Y,DEG within 1e5",
+                             s->start_text);
         return OPTIONS_BAD;
     }
     if (s->window_given && s->start_text == NULL) {
@@ -92,28 +97,34 @@ static option_result read_settings(settings *s, int argc, char **argv)
     option table[] = {
         OPTION_TEXT("-o", &s->folder, "DIR", "folder for match.json and the pictures"),
         OPTION_FLAG("--pictures", &s->pictures,
-                    "draw A and B before and after, the directions of B; by shape also what each stage does"),
-        OPTION_TEXT("--method", &s->method, "NAME", "default, or shape: sequences of directions, as in the thesis"),
-        OPTION_FLAG(
-            "--as-written", &s->as_written,
-            "the method of the thesis as printed: the heading is that of --start (0) to 2 degrees, or by --window"),
-        OPTION_TEXT("--start", &s->start_text, "X,Y,DEG", "where B may be as seen from A, m, m, degrees (anywhere)"),
+                    "draw A and B before and after, the directions of B; by shape also what each "
+                    "stage does"),
+        OPTION_TEXT("--method", &s->method, "NAME",
+                    "default, or shape: sequences of directions, as in the thesis"),
+        OPTION_FLAG("--as-written", &s->as_written,
+                    "the method of the thesis as printed: the heading is that of --start (0) to 2 "
+                    "degrees, or by --window"),
+        OPTION_TEXT("--start", &s->start_text, "X,Y,DEG",
+                    "where B may be as seen from A, m, m, degrees (anywhere)"),
         OPTION_PAIR("--window", s->window, 0, 1000, "M,DEG",
                     "B is at most so far from --start in x, y, m, and heading, degrees"),
-        OPTION_NUMBER("--spacing", &s->spacing, 0.01, 1, "M", "distance of the points along walls, m"),
+        OPTION_NUMBER("--spacing", &s->spacing, 0.01, 1, "M",
+                      "distance of the points along walls, m"),
         OPTION_NUMBER("--range-max", &s->range_max, 0.1, 1000, "M",
                       "ranges from here on are no return, m (by the log; CSM: 80)"),
         OPTION_TEXT("--pool", &s->pool, "BYTES", "memory of the match (just what it needs)"),
         OPTION_FLAG("--json", &s->json, "print JSON in place of words"),
         OPTION_FLAG("--quiet", &s->quiet, "print nothing but faults"),
     };
-    const option_set set = {
-        PROGRAM, "A B [options]",
-        "Finds where scan B was taken, as seen from scan A: hypotheses, best first, with their standard\n"
-        "deviations, and a verdict: found, ambiguous (others fit as well, or a motion is not told) or none.\n"
-        "A and B: FILE or FILE:INDEX, a CARMEN log or scans of CSM (JSON), plain or gzipped; INDEX counts\n"
-        "the scans of the file from 0, which is also the default.",
-        table, sizeof table / sizeof *table};
+    const option_set set = {PROGRAM, "A B [options]",
+                            "Finds where scan B was taken, as seen from scan A: hypotheses, best "
+                            "first, with their standard\n"
+                            "deviations, and a verdict: found, ambiguous (others fit as well, or a "
+                            "motion is not told) or none.\n"
+                            "A and B: FILE or FILE:INDEX, a CARMEN log or scans of CSM (JSON), "
+                            "plain or gzipped; INDEX counts\n"
+                            "the scans of the file from 0, which is also the default.",
+                            table, sizeof table / sizeof *table};
     size_t count = 2;
     option_result result;
 
@@ -177,7 +188,8 @@ static int32_t at_least_1(int32_t count)
 
 static cairn_scan_match_params params_of(const settings *s, const match_record *record)
 {
-    cairn_scan_match_params params = s->as_written ? cairn_scan_match_as_written() : cairn_scan_match_default();
+    cairn_scan_match_params params =
+        s->as_written ? cairn_scan_match_as_written() : cairn_scan_match_default();
 
     params.max_target = at_least_1(record->target.view.point_count);
     if (s->as_written) {
@@ -193,8 +205,8 @@ static cairn_scan_match_params params_of(const settings *s, const match_record *
     return params;
 }
 
-static cairn_status match_query(const match_record *record, cairn_scan_match *match, cairn_pose start,
-                                const cairn_scan_match_window *window)
+static cairn_status match_query(const match_record *record, cairn_scan_match *match,
+                                cairn_pose start, const cairn_scan_match_window *window)
 {
     cairn_scan_match_part query = part_of(&record->query);
     cairn_budget budget = {CAIRN_UNBOUNDED};
@@ -210,7 +222,8 @@ static cairn_status match_query(const match_record *record, cairn_scan_match *ma
 static cairn_status run_match(const settings *s, match_record *record, cairn_scan_match *match)
 {
     cairn_scan_match_part target = part_of(&record->target);
-    cairn_scan_match_window window = {(cairn_real)s->window[0], (cairn_real)(s->window[1] * RADIANS)};
+    cairn_scan_match_window window = {(cairn_real)s->window[0],
+                                      (cairn_real)(s->window[1] * RADIANS)};
     cairn_status status = cairn_scan_match_add_target(match, &target, cairn_pose_identity(), NULL);
 
     if (s->as_written && !s->window_given)
@@ -242,10 +255,16 @@ static cairn_status write_json(const char *path, const char *json, cairn_file_er
 static cairn_status write_files(const settings *s, const match_record *record, const char *json,
                                 cairn_file_error *error)
 {
-    static cairn_status (*const draw[FILES])(const match_record *record, const char *path, cairn_file_error *error) = {
-        NULL, match_draw_overlay, match_draw_tangents, match_draw_histogram, match_draw_pairs, match_draw_filters};
+    static cairn_status (*const draw[FILES])(const match_record *record, const char *path,
+                                             cairn_file_error *error) = {NULL,
+                                                                         match_draw_overlay,
+                                                                         match_draw_tangents,
+                                                                         match_draw_histogram,
+                                                                         match_draw_pairs,
+                                                                         match_draw_filters};
     cairn_output_set *files = NULL;
-    cairn_status status = cairn_output_set_open(&files, s->folder, file_names, file_count(s), error);
+    cairn_status status =
+        cairn_output_set_open(&files, s->folder, file_names, file_count(s), error);
 
     if (status == CAIRN_OK)
         status = write_json(cairn_output_set_path(files, JSON), json, error);
@@ -293,7 +312,8 @@ static int match_and_give_out(const settings *s, match_record *record)
     if (status == CAIRN_OK) {
         code = give_out(s, record);
     } else {
-        (void)options_refuse(PROGRAM, "%s and %s: %s", s->word[0], s->word[1], cairn_status_text(status));
+        (void)options_refuse(PROGRAM, "%s and %s: %s", s->word[0], s->word[1],
+                             cairn_status_text(status));
         code = tool_exit_code(status);
     }
     tool_pool_close(&pool);
@@ -320,8 +340,9 @@ static int run(const settings *s, match_record *record)
     for (int i = 0; i < 2 && code == TOOL_OK; i++) {
         cairn_status status = cairn_scan_create(&scan, &pool, &params[i]);
 
-        code = status == CAIRN_OK ? prepare(side[i], scan, s->as_written)
-                                  : tool_report_scan(side[i]->input.path, side[i]->input.line, status, NULL);
+        code = status == CAIRN_OK
+                   ? prepare(side[i], scan, s->as_written)
+                   : tool_report_scan(side[i]->input.path, side[i]->input.line, status, NULL);
     }
     if (code == TOOL_OK)
         code = match_and_give_out(s, record);
@@ -339,7 +360,8 @@ int tool_match(int argc, char **argv)
 
     if (result != OPTIONS_READ)
         return result;
-    if (s.folder != NULL && cairn_output_set_check(s.folder, file_names, file_count(&s), &error) != CAIRN_OK)
+    if (s.folder != NULL &&
+        cairn_output_set_check(s.folder, file_names, file_count(&s), &error) != CAIRN_OK)
         return tool_report(&error);
     memset(&record, 0, sizeof record);
     record.method = s.method;

@@ -8,7 +8,8 @@
 /* The most hypotheses that are told. */
 #define MATCH_HYPOTHESES_MOST 8
 
-/* A scan, fitted; dense: its hits with directions; readings: as written the points of the view, otherwise NULL. */
+/* A scan, fitted; dense: its hits with directions; readings: as written the points of the view,
+ * otherwise NULL. */
 typedef struct match_side {
     match_input input;
     cairn_scan_view view; /* valid as long as the pool */

@@ -25,7 +25,8 @@ static int split(match_input *input, const char *word)
     return 1;
 }
 
-/* Whether the first character that is no blank opens an object. What cannot be read is left to the readers, who say so. */
+/* Whether the first character that is no blank opens an object. What cannot be read is left to
+ * the readers, who say so. */
 static int is_json(const char *path)
 {
     gzFile file = gzopen(path, "rb");
@@ -41,7 +42,9 @@ static int is_json(const char *path)
 
 static int refuse_index(const match_input *input, const char *program, int32_t count)
 {
-    return options_refuse(program, "%s holds %" PRId32 " scans, expected an index from 0 to %" PRId32 ", not %" PRId64,
+    return options_refuse(program,
+                          "%s holds %" PRId32 " scans, expected an index from 0 to %" PRId32
+                          ", not %" PRId64,
                           input->path, count, count - 1, input->index);
 }
 
@@ -74,14 +77,16 @@ static int load_carmen(match_input *input, const char *program, double range_max
     return TOOL_OK;
 }
 
-int match_input_load(match_input *input, const char *program, const char *word, double range_max, int32_t quiet)
+int match_input_load(match_input *input, const char *program, const char *word, double range_max,
+                     int32_t quiet)
 {
     memset(input, 0, sizeof *input);
     if (!split(input, word)) {
         (void)options_refuse(program, "no memory");
         return TOOL_FAILED;
     }
-    return is_json(input->path) ? load_csm(input, program, range_max) : load_carmen(input, program, range_max, quiet);
+    return is_json(input->path) ? load_csm(input, program, range_max)
+                                : load_carmen(input, program, range_max, quiet);
 }
 
 void match_input_free(match_input *input)

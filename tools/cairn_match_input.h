@@ -14,10 +14,11 @@ typedef struct match_input {
     cairn_csm_scans csm;
 } match_input;
 
-/* Reads FILE or FILE:INDEX, a CARMEN log or scans of CSM, told apart by the first character. range_max: m, ranges from here
- * on are no return; 0: by the file. TOOL_OK, or another exit code after a line on standard error; to be freed in any
- * case. */
-int match_input_load(match_input *input, const char *program, const char *word, double range_max, int32_t quiet);
+/* Reads FILE or FILE:INDEX, a CARMEN log or scans of CSM, told apart by the first character.
+ * range_max: m, ranges from here on are no return; 0: by the file. TOOL_OK, or another exit code
+ * after a line on standard error; to be freed in any case. */
+int match_input_load(match_input *input, const char *program, const char *word, double range_max,
+                     int32_t quiet);
 void match_input_free(match_input *input);
 
 #endif

@@ -14,8 +14,8 @@
 
 /* ---- layers ---- */
 
-cairn_report_layer match_layer(const char *name, const char *colour, cairn_report_mark mark, double width,
-                               double opacity)
+cairn_report_layer match_layer(const char *name, const char *colour, cairn_report_mark mark,
+                               double width, double opacity)
 {
     cairn_report_layer layer = {name, colour, mark, 0, NULL, width, opacity};
 
@@ -62,19 +62,22 @@ cairn_status match_no_memory(const char *path, cairn_file_error *error)
 
 void match_names(const match_record *record, char *title, size_t size)
 {
-    (void)snprintf(title, size, "%s:%" PRId64 " and %s:%" PRId64, cairn_path_name(record->target.input.path),
-                   record->target.input.index, cairn_path_name(record->query.input.path), record->query.input.index);
+    (void)snprintf(title, size, "%s:%" PRId64 " and %s:%" PRId64,
+                   cairn_path_name(record->target.input.path), record->target.input.index,
+                   cairn_path_name(record->query.input.path), record->query.input.index);
 }
 
 /* ---- overlay ---- */
 
-cairn_status match_draw_overlay(const match_record *record, const char *path, cairn_file_error *error)
+cairn_status match_draw_overlay(const match_record *record, const char *path,
+                                cairn_file_error *error)
 {
     const cairn_scan_match_result *result = &record->result;
     cairn_pose after = result->count > 0 ? result->hypotheses[0].target_query : record->start;
     cairn_vec2 *a = hits_of(&record->target, cairn_pose_identity());
     cairn_vec2 *b[2] = {hits_of(&record->query, record->start), hits_of(&record->query, after)};
-    cairn_vec2 sensor[3] = {record->target.view.sensor, cairn_pose_point(record->start, record->query.view.sensor),
+    cairn_vec2 sensor[3] = {record->target.view.sensor,
+                            cairn_pose_point(record->start, record->query.view.sensor),
                             cairn_pose_point(after, record->query.view.sensor)};
     cairn_report_figure figure = cairn_report_figure_default();
     cairn_report_layer layer[2][4];
@@ -105,17 +108,19 @@ cairn_status match_draw_overlay(const match_record *record, const char *path, ca
     plot[1].note = match_verdict_text(result->verdict);
     match_names(record, title, sizeof title);
     if (result->count > 0)
-        (void)snprintf(subtitle, sizeof subtitle, "%s: B at x %.3f m, y %.3f m, %.2f\xC2\xB0; overlap %.0f %%",
-                       match_verdict_text(result->verdict), (double)after.x, (double)after.y,
-                       (double)(after.theta * DEGREES), 100 * (double)result->hypotheses[0].overlap);
+        (void)snprintf(
+            subtitle, sizeof subtitle, "%s: B at x %.3f m, y %.3f m, %.2f\xC2\xB0; overlap %.0f %%",
+            match_verdict_text(result->verdict), (double)after.x, (double)after.y,
+            (double)(after.theta * DEGREES), 100 * (double)result->hypotheses[0].overlap);
     else
         (void)snprintf(subtitle, sizeof subtitle, "%s", match_verdict_text(result->verdict));
     figure.title = title;
     figure.subtitle = subtitle;
     figure.plot = plot;
     figure.plot_count = 2;
-    status = a != NULL && b[0] != NULL && b[1] != NULL ? cairn_report_figure_write(path, &figure, error)
-                                                       : match_no_memory(path, error);
+    status = a != NULL && b[0] != NULL && b[1] != NULL
+                 ? cairn_report_figure_write(path, &figure, error)
+                 : match_no_memory(path, error);
     free(a);
     free(b[0]);
     free(b[1]);
@@ -124,10 +129,12 @@ cairn_status match_draw_overlay(const match_record *record, const char *path, ca
 
 /* ---- tangent directions ---- */
 
-cairn_status match_draw_tangents(const match_record *record, const char *path, cairn_file_error *error)
+cairn_status match_draw_tangents(const match_record *record, const char *path,
+                                 cairn_file_error *error)
 {
     const cairn_scan_view *view = &record->query.view;
-    cairn_vec2 *hits = hits_of(&record->query, cairn_pose_identity()), *walls = walls_of(&record->query);
+    cairn_vec2 *hits = hits_of(&record->query, cairn_pose_identity()),
+               *walls = walls_of(&record->query);
     cairn_vec2 *sequence = malloc(((size_t)view->point_count + 1) * sizeof *sequence);
     cairn_report_figure figure = cairn_report_figure_default();
     cairn_report_layer map[2], chart;
@@ -137,7 +144,8 @@ cairn_status match_draw_tangents(const match_record *record, const char *path, c
 
     for (int32_t i = 0; i < view->point_count && sequence != NULL; i++) {
         sequence[i].x = (cairn_real)i;
-        sequence[i].y = cairn_atan2(view->points[i].direction.y, view->points[i].direction.x) * DEGREES;
+        sequence[i].y =
+            cairn_atan2(view->points[i].direction.y, view->points[i].direction.x) * DEGREES;
     }
     map[0] = match_layer("hits of B", COLOUR_B, CAIRN_REPORT_DOTS, 2.4, 0.7);
     map[0].point = hits;
@@ -164,14 +172,15 @@ cairn_status match_draw_tangents(const match_record *record, const char *path, c
     plot[1].box.max.x = (cairn_real)(view->point_count > 1 ? view->point_count - 1 : 1);
     (void)snprintf(title, sizeof title, "%s:%" PRId64, cairn_path_name(record->query.input.path),
                    record->query.input.index);
-    (void)snprintf(subtitle, sizeof subtitle, "%" PRId32 " points on %" PRId32 " walls", view->point_count,
-                   view->segment_count);
+    (void)snprintf(subtitle, sizeof subtitle, "%" PRId32 " points on %" PRId32 " walls",
+                   view->point_count, view->segment_count);
     figure.title = title;
     figure.subtitle = subtitle;
     figure.plot = plot;
     figure.plot_count = 2;
-    status = hits != NULL && walls != NULL && sequence != NULL ? cairn_report_figure_write(path, &figure, error)
-                                                               : match_no_memory(path, error);
+    status = hits != NULL && walls != NULL && sequence != NULL
+                 ? cairn_report_figure_write(path, &figure, error)
+                 : match_no_memory(path, error);
     free(hits);
     free(walls);
     free(sequence);

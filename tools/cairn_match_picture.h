@@ -10,21 +10,27 @@
 #define COLOUR_PAIR "#2563eb"
 
 /* A and B before the match (at the start pose, or as they come) and after it. */
-CAIRN_CHECKED cairn_status match_draw_overlay(const match_record *record, const char *path, cairn_file_error *error);
+CAIRN_CHECKED cairn_status match_draw_overlay(const match_record *record, const char *path,
+                                              cairn_file_error *error);
 
 /* The walls of B and the directions of its points in their order (Adluru 2008, fig. 6.1). */
-CAIRN_CHECKED cairn_status match_draw_tangents(const match_record *record, const char *path, cairn_file_error *error);
+CAIRN_CHECKED cairn_status match_draw_tangents(const match_record *record, const char *path,
+                                               cairn_file_error *error);
 
-/* Matched by shape: the angular histogram of the point of B that sees most (fig. 6.2); all correspondences of the common
- * subsequence (fig. 6.4); these after each filter, and B aligned (fig. 6.5). B is drawn turned and shifted by the start. */
-CAIRN_CHECKED cairn_status match_draw_histogram(const match_record *record, const char *path, cairn_file_error *error);
-CAIRN_CHECKED cairn_status match_draw_pairs(const match_record *record, const char *path, cairn_file_error *error);
-CAIRN_CHECKED cairn_status match_draw_filters(const match_record *record, const char *path, cairn_file_error *error);
+/* Matched by shape: the angular histogram of the point of B that sees most (fig. 6.2); all
+ * correspondences of the common subsequence (fig. 6.4); these after each filter, and B aligned
+ * (fig. 6.5). B is drawn turned and shifted by the start. */
+CAIRN_CHECKED cairn_status match_draw_histogram(const match_record *record, const char *path,
+                                                cairn_file_error *error);
+CAIRN_CHECKED cairn_status match_draw_pairs(const match_record *record, const char *path,
+                                            cairn_file_error *error);
+CAIRN_CHECKED cairn_status match_draw_filters(const match_record *record, const char *path,
+                                              cairn_file_error *error);
 
 /* ---- What the pictures share ---- */
 
-cairn_report_layer match_layer(const char *name, const char *colour, cairn_report_mark mark, double width,
-                               double opacity);
+cairn_report_layer match_layer(const char *name, const char *colour, cairn_report_mark mark,
+                               double width, double opacity);
 
 /* The evenly spaced points of a side, mapped, from the heap; NULL: no memory. */
 cairn_vec2 *match_points(const match_side *side, cairn_pose map_side);

@@ -1,4 +1,5 @@
-/* Pictures of a match by shape: an angular histogram, correspondences and what the filters leave of them. */
+/* Pictures of a match by shape: an angular histogram, correspondences and what the filters leave
+ * of them. */
 #include "tools/cairn_match_picture.h"
 
 #include <inttypes.h>
@@ -53,11 +54,12 @@ static void draw_frame(cairn_vec2 centre, cairn_vec2 line[4 * BINS])
     }
 }
 
-cairn_status match_draw_histogram(const match_record *record, const char *path, cairn_file_error *error)
+cairn_status match_draw_histogram(const match_record *record, const char *path,
+                                  cairn_file_error *error)
 {
     cairn_real share[BINS] = {0};
-    cairn_vec2 *points = match_points(&record->query, cairn_scan_match_pair_pose(record->match)), line[4 * BINS],
-               bar[BINS];
+    cairn_vec2 *points = match_points(&record->query, cairn_scan_match_pair_pose(record->match)),
+               line[4 * BINS], bar[BINS];
     int32_t point = richest_point(record, share);
     cairn_report_figure figure = cairn_report_figure_default();
     cairn_report_layer map[3], chart;
@@ -105,7 +107,8 @@ cairn_status match_draw_histogram(const match_record *record, const char *path, 
     plot[1].box.max.y = 1;
     (void)snprintf(title, sizeof title, "%s:%" PRId64, cairn_path_name(record->query.input.path),
                    record->query.input.index);
-    (void)snprintf(subtitle, sizeof subtitle, "point %" PRId32 " of %" PRId32, point, record->query.view.point_count);
+    (void)snprintf(subtitle, sizeof subtitle, "point %" PRId32 " of %" PRId32, point,
+                   record->query.view.point_count);
     figure.title = title;
     figure.subtitle = subtitle;
     figure.plot = plot;
@@ -117,9 +120,10 @@ cairn_status match_draw_histogram(const match_record *record, const char *path, 
 
 /* ---- mode shape: correspondences (figs. 6.4, 6.5) ---- */
 
-/* The lines of all pairs that came so far, or just of those that ended at a stage; *count of them. NULL: no memory. */
-static cairn_vec2 *pair_lines(const match_record *record, const cairn_vec2 *a, const cairn_vec2 *b, int32_t stage,
-                              int beyond, int32_t *count)
+/* The lines of all pairs that came so far, or just of those that ended at a stage; *count of
+ * them. NULL: no memory. */
+static cairn_vec2 *pair_lines(const match_record *record, const cairn_vec2 *a, const cairn_vec2 *b,
+                              int32_t stage, int beyond, int32_t *count)
 {
     int32_t pairs = cairn_scan_match_pair_count(record->match);
     cairn_vec2 *line = malloc((2 * (size_t)pairs + 1) * sizeof *line);
@@ -171,7 +175,8 @@ cairn_status match_draw_pairs(const match_record *record, const char *path, cair
         plot.layer_count = 5;
         plot.box = cairn_box_empty();
         match_names(record, title, sizeof title);
-        (void)snprintf(subtitle, sizeof subtitle, "%" PRId32 " pairs, of which %" PRId32 " are kept",
+        (void)snprintf(subtitle, sizeof subtitle,
+                       "%" PRId32 " pairs, of which %" PRId32 " are kept",
                        cairn_scan_match_pair_count(record->match), layer[2].count);
         figure.title = title;
         figure.subtitle = subtitle;
@@ -186,9 +191,11 @@ cairn_status match_draw_pairs(const match_record *record, const char *path, cair
     return whole ? status : match_no_memory(path, error);
 }
 
-cairn_status match_draw_filters(const match_record *record, const char *path, cairn_file_error *error)
+cairn_status match_draw_filters(const match_record *record, const char *path,
+                                cairn_file_error *error)
 {
-    static const char *const titles[] = {"common subsequence", "colinear filter", "segment filter", "aligned"};
+    static const char *const titles[] = {"common subsequence", "colinear filter", "segment filter",
+                                         "aligned"};
     cairn_pose after = record->result.count > 0 ? record->result.hypotheses[0].target_query
                                                 : cairn_scan_match_pair_pose(record->match);
     cairn_vec2 *a = match_points(&record->target, cairn_pose_identity()),

@@ -11,16 +11,18 @@
 
 const char *match_verdict_text(cairn_scan_match_verdict verdict)
 {
-    return verdict == CAIRN_SCAN_MATCH_FOUND ? "found" : verdict == CAIRN_SCAN_MATCH_AMBIGUOUS ? "ambiguous" : "none";
+    return verdict == CAIRN_SCAN_MATCH_FOUND       ? "found"
+           : verdict == CAIRN_SCAN_MATCH_AMBIGUOUS ? "ambiguous"
+                                                   : "none";
 }
 
 /* ---- words ---- */
 
 static void print_side(FILE *out, const char *name, const match_side *side)
 {
-    fprintf(out, "%s%s:%" PRId64 ", %" PRId32 " beams, %" PRId32 " points on %" PRId32 " walls\n", name,
-            side->input.path, side->input.line, side->input.scan.count, side->view.point_count,
-            side->view.segment_count);
+    fprintf(out, "%s%s:%" PRId64 ", %" PRId32 " beams, %" PRId32 " points on %" PRId32 " walls\n",
+            name, side->input.path, side->input.line, side->input.scan.count,
+            side->view.point_count, side->view.segment_count);
 }
 
 static double deviation(const cairn_scan_match_hypothesis *h, int which)
@@ -28,7 +30,8 @@ static double deviation(const cairn_scan_match_hypothesis *h, int which)
     return sqrt((double)h->covariance[4 * which]);
 }
 
-/* The standard deviation of headings that are equally likely all round, degrees: beyond it a heading is not known. */
+/* The standard deviation of headings that are equally likely all round, degrees: beyond it a
+ * heading is not known. */
 #define ANY_HEADING 103.92
 
 static void print_hypothesis(FILE *out, const cairn_scan_match_hypothesis *h, int32_t rank)
@@ -36,27 +39,31 @@ static void print_hypothesis(FILE *out, const cairn_scan_match_hypothesis *h, in
     double heading = deviation(h, 2) * DEGREES;
 
     fprintf(out, "%4" PRId32 "  %9.4f %9.4f %9.3f  %9.4f %8.4f ", rank, (double)h->target_query.x,
-            (double)h->target_query.y, (double)h->target_query.theta * DEGREES, deviation(h, 0), deviation(h, 1));
+            (double)h->target_query.y, (double)h->target_query.theta * DEGREES, deviation(h, 0),
+            deviation(h, 1));
     if (heading < ANY_HEADING)
         fprintf(out, "%8.3f", heading);
     else
         fprintf(out, "%8s", "any");
-    fprintf(out, "  %7.3f %7.3f %6.3f  %3" PRId32 "\n", (double)h->overlap, (double)h->contradiction, (double)h->score,
-            h->observable);
+    fprintf(out, "  %7.3f %7.3f %6.3f  %3" PRId32 "\n", (double)h->overlap,
+            (double)h->contradiction, (double)h->score, h->observable);
 }
 
 /* The motion that the best hypothesis tells the least about, when that is too little. */
 static void print_weak(FILE *out, const cairn_scan_match_hypothesis *h)
 {
-    double x = (double)h->weak[0], y = (double)h->weak[1], turn = (double)h->weak[2], shift = hypot(x, y);
+    double x = (double)h->weak[0], y = (double)h->weak[1], turn = (double)h->weak[2],
+           shift = hypot(x, y);
 
     if (h->observable >= 3)
         return;
     if (shift >= fabs(turn))
-        fprintf(out, "not told   motion along (%.2f, %.2f)%s: information %.2g of the best motion's\n", x / shift,
-                y / shift, fabs(turn) > 0.2 ? " with a turn" : "", (double)h->weak_ratio);
+        fprintf(
+            out, "not told   motion along (%.2f, %.2f)%s: information %.2g of the best motion's\n",
+            x / shift, y / shift, fabs(turn) > 0.2 ? " with a turn" : "", (double)h->weak_ratio);
     else
-        fprintf(out, "not told   turn about the middle of B: information %.2g of the best motion's\n",
+        fprintf(out,
+                "not told   turn about the middle of B: information %.2g of the best motion's\n",
                 (double)h->weak_ratio);
 }
 
@@ -69,9 +76,10 @@ static void print_words(FILE *out, const match_record *record)
     fprintf(out, "verdict    %s\n", match_verdict_text(result->verdict));
     if (result->count > 0) {
         print_weak(out, &result->hypotheses[0]);
-        fprintf(out,
-                "rank        x (m)     y (m) theta (deg)    sd x     sd y  sd (deg)  overlap contra-  score  told\n"
-                "                                            (m)      (m)                     diction\n");
+        fprintf(out, "rank        x (m)     y (m) theta (deg)    sd x     sd y  sd (deg)  overlap "
+                     "contra-  score  told\n"
+                     "                                            (m)      (m)                     "
+                     "diction\n");
     }
     for (int32_t i = 0; i < result->count; i++)
         print_hypothesis(out, &result->hypotheses[i], i + 1);
@@ -105,23 +113,25 @@ static void print_json_side(FILE *out, const char *name, const match_side *side)
     fprintf(out, "  \"%s\": {\"file\": ", name);
     print_string(out, side->input.path);
     fprintf(out,
-            ", \"index\": %" PRId64 ", \"line\": %" PRId64 ", \"beams\": %" PRId32 ", \"points\": %" PRId32
-            ", \"walls\": %" PRId32 "},\n",
+            ", \"index\": %" PRId64 ", \"line\": %" PRId64 ", \"beams\": %" PRId32
+            ", \"points\": %" PRId32 ", \"walls\": %" PRId32 "},\n",
             side->input.index, side->input.line, side->input.scan.count, side->view.point_count,
             side->view.segment_count);
 }
 
 static void print_json_hypothesis(FILE *out, const cairn_scan_match_hypothesis *h)
 {
-    fprintf(out, "    {\"x\": %.9g, \"y\": %.9g, \"theta\": %.9g", (double)h->target_query.x, (double)h->target_query.y,
-            (double)h->target_query.theta);
+    fprintf(out, "    {\"x\": %.9g, \"y\": %.9g, \"theta\": %.9g", (double)h->target_query.x,
+            (double)h->target_query.y, (double)h->target_query.theta);
     print_numbers(out, "covariance", h->covariance, 9);
     fprintf(out,
-            ", \"overlap\": %.9g, \"contradiction\": %.9g, \"score\": %.9g, \"sigma\": %.9g, \"pairs\": %" PRId32
-            ", \"observable\": %" PRId32,
-            (double)h->overlap, (double)h->contradiction, (double)h->score, (double)h->sigma, h->pairs, h->observable);
+            ", \"overlap\": %.9g, \"contradiction\": %.9g, \"score\": %.9g, \"sigma\": %.9g, "
+            "\"pairs\": %" PRId32 ", \"observable\": %" PRId32,
+            (double)h->overlap, (double)h->contradiction, (double)h->score, (double)h->sigma,
+            h->pairs, h->observable);
     print_numbers(out, "weak", h->weak, 3);
-    fprintf(out, ", \"weak_ratio\": %.9g, \"radius\": %.9g}", (double)h->weak_ratio, (double)h->radius);
+    fprintf(out, ", \"weak_ratio\": %.9g, \"radius\": %.9g}", (double)h->weak_ratio,
+            (double)h->radius);
 }
 
 static void print_json(FILE *out, const match_record *record)
@@ -133,22 +143,25 @@ static void print_json(FILE *out, const match_record *record)
     print_json_side(out, "b", &record->query);
     fprintf(out, "  \"method\": \"%s\",\n", record->method);
     if (record->has_start)
-        fprintf(out, "  \"start\": [%.9g, %.9g, %.9g],\n", (double)record->start.x, (double)record->start.y,
-                (double)record->start.theta);
-    fprintf(out, "  \"verdict\": \"%s\",\n  \"hypotheses\": [", match_verdict_text(result->verdict));
+        fprintf(out, "  \"start\": [%.9g, %.9g, %.9g],\n", (double)record->start.x,
+                (double)record->start.y, (double)record->start.theta);
+    fprintf(out, "  \"verdict\": \"%s\",\n  \"hypotheses\": [",
+            match_verdict_text(result->verdict));
     for (int32_t i = 0; i < result->count; i++) {
         fputs(i > 0 ? ",\n" : "\n", out);
         print_json_hypothesis(out, &result->hypotheses[i]);
     }
     fprintf(out,
-            "],\n  \"units\": %" PRId64 ", \"worst_step\": %" PRId32 ", \"candidates\": %" PRId32 ", \"fits\": %" PRId32
-            "\n}\n",
-            record->measure.units, record->measure.worst_step, record->measure.candidates, record->measure.fits);
+            "],\n  \"units\": %" PRId64 ", \"worst_step\": %" PRId32 ", \"candidates\": %" PRId32
+            ", \"fits\": %" PRId32 "\n}\n",
+            record->measure.units, record->measure.worst_step, record->measure.candidates,
+            record->measure.fits);
 }
 
 /* ---- to the heap ---- */
 
-static char *printed(const match_record *record, void (*print)(FILE *out, const match_record *record))
+static char *printed(const match_record *record,
+                     void (*print)(FILE *out, const match_record *record))
 {
     char *text = NULL;
     size_t count = 0;

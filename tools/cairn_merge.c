@@ -15,25 +15,30 @@ enum { YAML, IMAGE, TRANSFORMS_YAML, TRANSFORMS_CSV, PLACES, PICTURE, FILES };
 static const char *const file_names[FILES] = {"map.yaml",       "map.pgm",    "transforms.yaml",
                                               "transforms.csv", "places.csv", "map.svg"};
 
-/* Options that chapter 9 does not have, or that name nothing, are refused; with it come its own number of particles and its
- * perception. OPTIONS_READ when all is well. */
+/* Options that chapter 9 does not have, or that name nothing, are refused; with it come its own
+ * number of particles and its perception. OPTIONS_READ when all is well. */
 static option_result settle_mode(merge_settings *s)
 {
-    const char *other = s->start != NULL ? "--start" : s->gave_coarsen ? "--coarsen" : "--min-score";
+    const char *other = s->start != NULL  ? "--start"
+                        : s->gave_coarsen ? "--coarsen"
+                                          : "--min-score";
 
-    if (s->perception != NULL && strcmp(s->perception, "images") != 0 && strcmp(s->perception, "evidence") != 0)
-        return (option_result)options_refuse(MERGE_PROGRAM, "--perception %s, expected evidence or images",
-                                             s->perception);
+    if (s->perception != NULL && strcmp(s->perception, "images") != 0 &&
+        strcmp(s->perception, "evidence") != 0)
+        return (option_result)options_refuse(
+            MERGE_PROGRAM, "--perception %s, expected evidence or images", s->perception);
     if (!s->as_written)
         return OPTIONS_READ;
     if (s->perception != NULL && strcmp(s->perception, "images") != 0)
-        return (option_result)options_refuse(MERGE_PROGRAM,
-                                             "--perception %s with --as-written: the thesis weighs places by images, "
-                                             "expected one of both",
-                                             s->perception);
+        return (option_result)options_refuse(
+            MERGE_PROGRAM,
+            "--perception %s with --as-written: the thesis weighs places by images, "
+            "expected one of both",
+            s->perception);
     if (s->start != NULL || s->gave_coarsen || s->gave_min_score)
         return (option_result)options_refuse(
-            MERGE_PROGRAM, "%s with --as-written: the thesis has no such thing, expected one of both", other);
+            MERGE_PROGRAM,
+            "%s with --as-written: the thesis has no such thing, expected one of both", other);
     if (!s->gave_particles)
         s->particles = cairn_map_merge_as_written().particles;
     s->coarsen = 1;
@@ -44,24 +49,30 @@ static option_result read_settings(merge_settings *s, int argc, char **argv)
 {
     const option table[] = {
         OPTION_TEXT("-o", &s->folder, "DIR",
-                    "folder for map.pgm, map.yaml, transforms.yaml, transforms.csv,\nplaces.csv and map.svg"),
+                    "folder for map.pgm, map.yaml, transforms.yaml, transforms.csv,\nplaces.csv "
+                    "and map.svg"),
         OPTION_INTEGER("--reference", &s->reference, 0, MERGE_TOOL_MAPS - 1, "I",
                        "the map, counted from 0, whose frame all others are placed in"),
-        OPTION_TEXT("--order", &s->order, "I,I,...", "merge in this order, all maps, the reference first"),
-        OPTION_TEXT("--scale", &s->scale, "M,M,...", "side of a cell of each map in m, in place of what its file says"),
+        OPTION_TEXT("--order", &s->order, "I,I,...",
+                    "merge in this order, all maps, the reference first"),
+        OPTION_TEXT("--scale", &s->scale, "M,M,...",
+                    "side of a cell of each map in m, in place of what its file says"),
         {"--coarsen", OPTION_IS_INTEGER, &s->coarsen, 0, 64, "K",
          "make one cell of K by K, for maps that are bent (0: as\nneeded)", &s->gave_coarsen},
-        {"--min-score", OPTION_IS_NUMBER, &s->min_score, 0.1, 1000, "NATS", "maps with less support are refused",
-         &s->gave_min_score},
+        {"--min-score", OPTION_IS_NUMBER, &s->min_score, 0.1, 1000, "NATS",
+         "maps with less support are refused", &s->gave_min_score},
         OPTION_TEXT("--start", &s->start, "FILE",
                     "transforms.csv of an earlier merging: kept unless others are better"),
         OPTION_TEXT("--perception", &s->perception, "NAME",
-                    "what places are weighed by: evidence, or images: Psi and\ngamma of the thesis (9.5, 9.6)"),
+                    "what places are weighed by: evidence, or images: Psi and\ngamma of the thesis "
+                    "(9.5, 9.6)"),
         OPTION_FLAG("--as-written", &s->as_written,
-                    "chapter 9 of the thesis as written: corners alone, images\nalone, 50 particles; no map is refused "
+                    "chapter 9 of the thesis as written: corners alone, images\nalone, 50 "
+                    "particles; no map is refused "
                     "that has a corner like\nanother one's"),
         {"--particles", OPTION_IS_INTEGER, &s->particles, 1, 4096, "N",
-         "of the filter; more than a few tell rival places apart that\nonly a later map decides between",
+         "of the filter; more than a few tell rival places apart that\nonly a later map decides "
+         "between",
          &s->gave_particles},
         OPTION_INTEGER("--seed", &s->seed, 0, 9e15, "N", "of its random numbers"),
         OPTION_TEXT("--pool", &s->pool, "BYTES", "memory of the merging (just what it needs)"),
@@ -69,7 +80,8 @@ static option_result read_settings(merge_settings *s, int argc, char **argv)
     };
     const option_set set = {
         MERGE_PROGRAM, "MAP.yaml MAP.yaml ... -o DIR [options]",
-        "Merges occupancy maps as the map_server of ROS keeps them (YAML with PGM or PNG). Nothing is\n"
+        "Merges occupancy maps as the map_server of ROS keeps them (YAML with PGM or PNG). Nothing "
+        "is\n"
         "known of how they lie to each other; maps that nothing supports are refused and listed.",
         table, sizeof table / sizeof *table};
     size_t count = MERGE_TOOL_MAPS;
@@ -83,12 +95,14 @@ static option_result read_settings(merge_settings *s, int argc, char **argv)
     if (s->folder == NULL)
         return (option_result)options_refuse(MERGE_PROGRAM, "no -o DIR, expected %s", set.synopsis);
     if (s->reference >= s->count)
-        return (option_result)options_refuse(MERGE_PROGRAM, "--reference %" PRId64 ", expected at most %" PRId32,
+        return (option_result)options_refuse(MERGE_PROGRAM,
+                                             "--reference %" PRId64 ", expected at most %" PRId32,
                                              s->reference, s->count - 1);
     return settle_mode(s);
 }
 
-/* Reads as many numbers, with commas between, as there are maps. 0 after a line on standard error. */
+/* Reads as many numbers, with commas between, as there are maps. 0 after a line on standard
+ * error. */
 static int read_list(const merge_settings *s, const char *name, const char *text, double *list)
 {
     const char *from = text;
@@ -97,8 +111,9 @@ static int read_list(const merge_settings *s, const char *name, const char *text
         const char *end = i + 1 < s->count ? strchr(from, ',') : from + strlen(from);
 
         if (end == NULL || !cairn_number_read(from, (size_t)(end - from), &list[i])) {
-            (void)options_refuse(MERGE_PROGRAM, "%s %s, expected %" PRId32 " numbers with commas between", name, text,
-                                 s->count);
+            (void)options_refuse(MERGE_PROGRAM,
+                                 "%s %s, expected %" PRId32 " numbers with commas between", name,
+                                 text, s->count);
             return 0;
         }
         from = end + 1;
@@ -167,7 +182,8 @@ static int load_maps(merge_job *job)
         job->map[i].loaded = 1;
         if (s->scale != NULL) {
             if (!(scale[i] > 0 && scale[i] < 1e6))
-                return options_refuse(MERGE_PROGRAM, "--scale: %g is not a size of a cell, expected m above 0",
+                return options_refuse(MERGE_PROGRAM,
+                                      "--scale: %g is not a size of a cell, expected m above 0",
                                       scale[i]);
             job->map[i].file.resolution = (cairn_real)scale[i];
         }
@@ -184,7 +200,8 @@ static int load_maps(merge_job *job)
 static cairn_map_merge_params params_for(const merge_job *job)
 {
     const merge_settings *s = job->settings;
-    cairn_map_merge_params p = s->as_written ? cairn_map_merge_as_written() : cairn_map_merge_default();
+    cairn_map_merge_params p =
+        s->as_written ? cairn_map_merge_as_written() : cairn_map_merge_default();
     int64_t cells = 0, most = 0;
 
     for (int32_t i = 0; i < job->settings->count; i++) {
@@ -217,7 +234,8 @@ static int add_start(const merge_job *job)
     if (cairn_pose_table_read(&row, &count, job->settings->start, &error) != CAIRN_OK)
         return tool_report(&error);
     for (int32_t i = 0; i < count; i++)
-        if (row[i].index >= 0 && row[i].index < job->settings->count && row[i].index != job->settings->reference &&
+        if (row[i].index >= 0 && row[i].index < job->settings->count &&
+            row[i].index != job->settings->reference &&
             (row[i].verdict[0] == 0 || strcmp(row[i].verdict, "placed") == 0) &&
             cairn_map_merge_guess(job->merge, (int32_t)row[i].index, row[i].pose) != CAIRN_OK)
             break;
@@ -234,8 +252,9 @@ static int begin(merge_job *job)
 
     for (int32_t i = 0; i < s->count; i++) {
         merge_tool_map *map = &job->map[i];
-        cairn_merge_map input = {
-            {map->cells, map->width, map->height, map->width}, (cairn_real)map->resolution, map->file.origin};
+        cairn_merge_map input = {{map->cells, map->width, map->height, map->width},
+                                 (cairn_real)map->resolution,
+                                 map->file.origin};
         cairn_fault fault = {-1, "refused"};
 
         if (cairn_map_merge_add(job->merge, &input, &fault) != CAIRN_OK)
@@ -248,11 +267,15 @@ static int begin(merge_job *job)
         if (!read_list(s, "--order", s->order, list))
             return TOOL_BAD;
         for (int32_t i = 0; i < s->count; i++)
-            order[i] = list[i] >= 0 && list[i] < s->count && list[i] == floor(list[i]) ? (int32_t)list[i] : -1;
+            order[i] = list[i] >= 0 && list[i] < s->count && list[i] == floor(list[i])
+                           ? (int32_t)list[i]
+                           : -1;
     }
-    if (cairn_map_merge_begin(job->merge, (int32_t)s->reference, s->order != NULL ? order : NULL) != CAIRN_OK)
-        return options_refuse(MERGE_PROGRAM, "--order %s, expected every map once, the reference %" PRId64 " first",
-                              s->order, s->reference);
+    if (cairn_map_merge_begin(job->merge, (int32_t)s->reference, s->order != NULL ? order : NULL) !=
+        CAIRN_OK)
+        return options_refuse(
+            MERGE_PROGRAM, "--order %s, expected every map once, the reference %" PRId64 " first",
+            s->order, s->reference);
     return TOOL_OK;
 }
 
@@ -285,7 +308,8 @@ static int merge_once(merge_job *job, int32_t k)
     coarsen(job, k);
     params = params_for(job);
     if (params.max_cells == 0)
-        return options_refuse(MERGE_PROGRAM, "more than %d cells in all, expected fewer: use --coarsen",
+        return options_refuse(MERGE_PROGRAM,
+                              "more than %d cells in all, expected fewer: use --coarsen",
                               (int)CAIRN_MAP_FILE_CELLS_MOST);
     job->pool_bytes = cairn_map_merge_memory(&params);
     code = tool_pool_open(&pool, MERGE_PROGRAM, job->settings->pool, job->pool_bytes);
@@ -329,12 +353,12 @@ static int32_t longest_side(const merge_job *job)
     return most;
 }
 
-/* With cells as --coarsen says; otherwise as they are, or coarser where they are very many, and while maps are refused or
- * doubtful with coarser ones, too. */
+/* With cells as --coarsen says; otherwise as they are, or coarser where they are very many, and
+ * while maps are refused or doubtful with coarser ones, too. */
 static int merge_all(merge_job *job)
 {
-    int32_t k =
-        job->settings->coarsen > 0 ? (int32_t)job->settings->coarsen : (longest_side(job) - 1) / MERGE_MOST_SIDE + 1;
+    int32_t k = job->settings->coarsen > 0 ? (int32_t)job->settings->coarsen
+                                           : (longest_side(job) - 1) / MERGE_MOST_SIDE + 1;
     int code = merge_once(job, k);
 
     while (code == TOOL_OK && job->settings->coarsen == 0 && !is_sure(job) &&
@@ -360,7 +384,8 @@ static int write_files(merge_job *job)
         return tool_report(&error);
     status = cairn_output_set_open(&set, job->settings->folder, file_names, FILES, &error);
     if (status == CAIRN_OK) {
-        status = cairn_map_file_write(&merged, cairn_output_set_path(set, YAML), CAIRN_MAP_PGM, &error);
+        status =
+            cairn_map_file_write(&merged, cairn_output_set_path(set, YAML), CAIRN_MAP_PGM, &error);
         if (status == CAIRN_OK)
             status = merge_write_yaml(job, cairn_output_set_path(set, TRANSFORMS_YAML), &error);
         if (status == CAIRN_OK)
@@ -392,18 +417,21 @@ static void print_summary(const merge_job *job, double seconds)
         const cairn_merge_placed *p = &job->map[i].placed;
 
         if (p->verdict == CAIRN_MERGE_PLACED)
-            printf("%-10" PRId32 " %.3f %.3f %.4f  wrong with probability %.2g  %s\n", i, (double)p->reference_map.x,
-                   (double)p->reference_map.y, (double)p->reference_map.theta, (double)p->wrong, s->map[i]);
+            printf("%-10" PRId32 " %.3f %.3f %.4f  wrong with probability %.2g  %s\n", i,
+                   (double)p->reference_map.x, (double)p->reference_map.y,
+                   (double)p->reference_map.theta, (double)p->wrong, s->map[i]);
         else
-            printf("%-10" PRId32 " refused: %s  %s\n", i, cairn_merge_verdict_text(p->verdict), s->map[i]);
+            printf("%-10" PRId32 " refused: %s  %s\n", i, cairn_merge_verdict_text(p->verdict),
+                   s->map[i]);
     }
-    printf("cells      of %" PRId32 " by %" PRId32 "\nseconds    %.3f\npool       %zu bytes\n", job->k, job->k, seconds,
-           job->pool_bytes);
+    printf("cells      of %" PRId32 " by %" PRId32 "\nseconds    %.3f\npool       %zu bytes\n",
+           job->k, job->k, seconds, job->pool_bytes);
 }
 
 int tool_merge(int argc, char **argv)
 {
-    merge_settings s = {.particles = 100, .min_score = (double)cairn_map_merge_default().min_score, .seed = 1};
+    merge_settings s = {
+        .particles = 100, .min_score = (double)cairn_map_merge_default().min_score, .seed = 1};
     cairn_file_error error;
     option_result result = read_settings(&s, argc, argv);
     merge_job job;

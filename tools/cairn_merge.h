@@ -54,8 +54,8 @@ typedef struct merge_job {
     int32_t k; /* cells of the result: of k by k; 0: there is none */
 } merge_job;
 
-/* All maps placed, in the frame of the reference and with its cells. Where they contradict each other the majority holds,
- * and a wall among equals. CAIRN_NO_MEMORY, CAIRN_FULL. */
+/* All maps placed, in the frame of the reference and with its cells. Where they contradict each
+ * other the majority holds, and a wall among equals. CAIRN_NO_MEMORY, CAIRN_FULL. */
 cairn_status merge_draw_map(const merge_job *job, cairn_map_file *merged, cairn_file_error *error);
 
 /* The places of all maps, from job->merge. 0: no memory. */

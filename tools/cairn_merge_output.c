@@ -32,7 +32,8 @@ static cairn_box extent_of(const merge_job *job)
         const merge_tool_map *map = &job->map[i];
 
         for (int k = 0; k < 4 && is_placed(job, i); k++)
-            box = cairn_box_extend(box, cell_in_reference(map, k % 2 ? map->width : 0, k / 2 ? map->height : 0));
+            box = cairn_box_extend(
+                box, cell_in_reference(map, k % 2 ? map->width : 0, k / 2 ? map->height : 0));
     }
     return box;
 }
@@ -49,16 +50,18 @@ static uint8_t cell_at(const merge_tool_map *map, cairn_transform grid_reference
 }
 
 /* Adds the map's vote to every cell: +1 occupied, -1 free; `known` counts the votes. */
-static void vote(const merge_tool_map *map, const cairn_map_file *merged, int8_t *sum, uint8_t *known)
+static void vote(const merge_tool_map *map, const cairn_map_file *merged, int8_t *sum,
+                 uint8_t *known)
 {
-    cairn_transform t =
-        cairn_transform_of(cairn_pose_inverse(cairn_pose_compose(map->placed.reference_map, map->file.origin)));
+    cairn_transform t = cairn_transform_of(
+        cairn_pose_inverse(cairn_pose_compose(map->placed.reference_map, map->file.origin)));
 
     for (int32_t y = 0; y < merged->height; y++)
         for (int32_t x = 0; x < merged->width; x++) {
             size_t at = (size_t)y * (size_t)merged->width + (size_t)x;
-            cairn_vec2 p = {merged->origin.x + ((cairn_real)x + CAIRN_REAL(0.5)) * merged->resolution,
-                            merged->origin.y + ((cairn_real)y + CAIRN_REAL(0.5)) * merged->resolution};
+            cairn_vec2 p = {
+                merged->origin.x + ((cairn_real)x + CAIRN_REAL(0.5)) * merged->resolution,
+                merged->origin.y + ((cairn_real)y + CAIRN_REAL(0.5)) * merged->resolution};
             uint8_t cell = cell_at(map, t, p);
 
             sum[at] = (int8_t)(sum[at] + (cell == CAIRN_CELL_OCCUPIED) - (cell == CAIRN_CELL_FREE));
@@ -83,14 +86,16 @@ cairn_status merge_draw_map(const merge_job *job, cairn_map_file *merged, cairn_
     width = ceil((double)((box.max.x - box.min.x) / merged->resolution));
     height = ceil((double)((box.max.y - box.min.y) / merged->resolution));
     if (!(width >= 1 && height >= 1 && width * height <= CAIRN_MAP_FILE_CELLS_MOST))
-        return cairn_file_error_set(error, CAIRN_FULL, folder, 0, "the merged map has %g by %g cells, expected fewer",
-                                    width, height);
+        return cairn_file_error_set(error, CAIRN_FULL, folder, 0,
+                                    "the merged map has %g by %g cells, expected fewer", width,
+                                    height);
     status = cairn_map_file_allocate(merged, (int32_t)width, (int32_t)height);
     cells = (size_t)width * (size_t)height;
     sum = calloc(cells, 1);
     known = calloc(cells, 1);
     if (status != CAIRN_OK || sum == NULL || known == NULL) {
-        status = cairn_file_error_set(error, CAIRN_NO_MEMORY, folder, 0, "no memory for the merged map");
+        status =
+            cairn_file_error_set(error, CAIRN_NO_MEMORY, folder, 0, "no memory for the merged map");
     } else {
         for (int32_t i = 0; i < job->settings->count; i++)
             if (is_placed(job, i))
@@ -144,12 +149,14 @@ cairn_status merge_write_yaml(const merge_job *job, const char *path, cairn_file
         print_quoted(out, s->map[i]);
         cairn_output_print(out, "\n    placed: %s\n", is_placed(job, i) ? "true" : "false");
         if (is_placed(job, i))
-            cairn_output_print(out, "    transform: {x: %.9g, y: %.9g, yaw: %.9g}\n    wrong: %.3g\n",
-                               (double)p->reference_map.x, (double)p->reference_map.y, (double)p->reference_map.theta,
-                               (double)p->wrong);
+            cairn_output_print(out,
+                               "    transform: {x: %.9g, y: %.9g, yaw: %.9g}\n    wrong: %.3g\n",
+                               (double)p->reference_map.x, (double)p->reference_map.y,
+                               (double)p->reference_map.theta, (double)p->wrong);
         else
             cairn_output_print(out, "    reason: %s\n", cairn_merge_verdict_text(p->verdict));
-        cairn_output_print(out, "    support: %.9g\n    rival: %.9g\n", (double)p->support, (double)p->rival);
+        cairn_output_print(out, "    support: %.9g\n    rival: %.9g\n", (double)p->support,
+                           (double)p->rival);
     }
     return cairn_output_commit(out, error);
 }
@@ -157,7 +164,8 @@ cairn_status merge_write_yaml(const merge_job *job, const char *path, cairn_file
 /* A word for each verdict, without spaces. */
 static const char *verdict_word(cairn_merge_verdict verdict)
 {
-    static const char *const words[] = {"placed", "empty", "no-overlap", "weak", "ambiguous", "slides", "no-corner"};
+    static const char *const words[] = {"placed",    "empty",  "no-overlap", "weak",
+                                        "ambiguous", "slides", "no-corner"};
 
     return words[verdict];
 }
@@ -174,9 +182,9 @@ cairn_status merge_write_csv(const merge_job *job, const char *path, cairn_file_
         const cairn_merge_placed *p = &job->map[i].placed;
 
         cairn_output_print(out, "%" PRId32 ",%.9g,%.9g,%.9g,%s,%.3g,%.9g,%.9g,%" PRId32 "\n", i,
-                           (double)p->reference_map.x, (double)p->reference_map.y, (double)p->reference_map.theta,
-                           verdict_word(p->verdict), (double)p->wrong, (double)p->support, (double)p->rival,
-                           p->neighbours);
+                           (double)p->reference_map.x, (double)p->reference_map.y,
+                           (double)p->reference_map.theta, verdict_word(p->verdict),
+                           (double)p->wrong, (double)p->support, (double)p->rival, p->neighbours);
     }
     return cairn_output_commit(out, error);
 }
@@ -186,7 +194,9 @@ cairn_status merge_write_csv(const merge_job *job, const char *path, cairn_file_
 /* Hues a golden angle apart, in three depths. */
 static void colour_of(int32_t index, char colour[8])
 {
-    double hue = fmod(index * 137.508, 360) / 60, value = index % 3 == 0 ? 200 : index % 3 == 1 ? 150 : 225;
+    double hue = fmod(index * 137.508, 360) / 60, value = index % 3 == 0   ? 200
+                                                          : index % 3 == 1 ? 150
+                                                                           : 225;
     double low = value * 0.25, x = low + (value - low) * (1 - fabs(fmod(hue, 2) - 1));
     const double table[6][3] = {{value, x, low}, {x, value, low}, {low, value, x},
                                 {low, x, value}, {x, low, value}, {value, low, x}};
@@ -216,14 +226,14 @@ static cairn_vec2 *walls_of(const merge_tool_map *map, int32_t *count)
 
 static void list_refused(const merge_job *job, char *text, size_t size)
 {
-    size_t used = (size_t)snprintf(text, size, "%" PRId32 " of %" PRId32 " maps placed", job->result.placed,
-                                   job->settings->count);
+    size_t used = (size_t)snprintf(text, size, "%" PRId32 " of %" PRId32 " maps placed",
+                                   job->result.placed, job->settings->count);
 
     for (int32_t i = 0; i < job->settings->count && used < size; i++)
         if (!is_placed(job, i))
-            used +=
-                (size_t)snprintf(text + used, size - used, "; %s refused: %s", cairn_path_name(job->settings->map[i]),
-                                 cairn_merge_verdict_text(job->map[i].placed.verdict));
+            used += (size_t)snprintf(text + used, size - used, "; %s refused: %s",
+                                     cairn_path_name(job->settings->map[i]),
+                                     cairn_merge_verdict_text(job->map[i].placed.verdict));
 }
 
 cairn_status merge_write_picture(const merge_job *job, const char *path, cairn_file_error *error)
@@ -253,7 +263,8 @@ cairn_status merge_write_picture(const merge_job *job, const char *path, cairn_f
         l->point = points[i];
         plot.layer_count++;
         if (points[i] == NULL)
-            status = cairn_file_error_set(error, CAIRN_NO_MEMORY, path, 0, "no memory for the picture");
+            status =
+                cairn_file_error_set(error, CAIRN_NO_MEMORY, path, 0, "no memory for the picture");
     }
     plot.layer = layer;
     plot.box = cairn_box_empty();

@@ -1,4 +1,5 @@
-/* The rival places of each map, as the thesis lists them (fig. 9.5): Psi, gamma and their product over all that were found. */
+/* The rival places of each map, as the thesis lists them (fig. 9.5): Psi, gamma and their
+ * product over all that were found. */
 #include <inttypes.h>
 #include <stdlib.h>
 #include <string.h>
@@ -29,7 +30,8 @@ static int add_place(merge_job *job, const merge_place *place)
     return 1;
 }
 
-/* Shares of Psi and of gamma above the least one among places first ... place_count - 1; a single one has 1. */
+/* Shares of Psi and of gamma above the least one among places first ... place_count - 1; a
+ * single one has 1. */
 static void share_out(merge_job *job, int32_t first)
 {
     double psi = 0, gamma = 0, least = 0, products = 0;
@@ -44,7 +46,8 @@ static void share_out(merge_job *job, int32_t first)
         gamma += (double)list[i].score.gamma - least;
     for (int32_t i = 0; i < n; i++) {
         list[i].psi_share = n > 1 && psi > 0 ? (double)list[i].score.psi / psi : 1;
-        list[i].gamma_share = n > 1 && gamma > 0 ? ((double)list[i].score.gamma - least) / gamma : 1;
+        list[i].gamma_share =
+            n > 1 && gamma > 0 ? ((double)list[i].score.gamma - least) / gamma : 1;
         products += list[i].psi_share * list[i].gamma_share;
     }
     for (int32_t i = 0; i < n; i++)
@@ -82,13 +85,16 @@ cairn_status merge_write_places(const merge_job *job, const char *path, cairn_fi
 
     if (status != CAIRN_OK)
         return status;
-    cairn_output_print(out, "map,beside,x,y,theta,evidence,psi,gamma,psi_share,gamma_share,product\n");
+    cairn_output_print(out,
+                       "map,beside,x,y,theta,evidence,psi,gamma,psi_share,gamma_share,product\n");
     for (int32_t i = 0; i < job->place_count; i++) {
         const merge_place *p = &job->place[i];
 
-        cairn_output_print(out, "%" PRId32 ",%" PRId32 ",%.9g,%.9g,%.9g,%.6g,%.6g,%.6g,%.6g,%.6g,%.6g\n", p->map,
-                           p->beside, (double)p->pose.x, (double)p->pose.y, (double)p->pose.theta, (double)p->evidence,
-                           (double)p->score.psi, (double)p->score.gamma, p->psi_share, p->gamma_share, p->product);
+        cairn_output_print(out,
+                           "%" PRId32 ",%" PRId32 ",%.9g,%.9g,%.9g,%.6g,%.6g,%.6g,%.6g,%.6g,%.6g\n",
+                           p->map, p->beside, (double)p->pose.x, (double)p->pose.y,
+                           (double)p->pose.theta, (double)p->evidence, (double)p->score.psi,
+                           (double)p->score.gamma, p->psi_share, p->gamma_share, p->product);
     }
     return cairn_output_commit(out, error);
 }

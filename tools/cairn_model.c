@@ -22,24 +22,30 @@ static option_result read_settings(settings *s, int argc, char **argv)
     const option table[] = {
         OPTION_TEXT("-o", &s->output, "FILE", "the model, a text file"),
         OPTION_TEXT("--svg", &s->picture, "FILE", "draws it: outline, axes, radii"),
-        OPTION_TEXT("--parts", &s->parts, "FILE", "draws the fragments of its outline, in bundles (SVG)"),
-        OPTION_TEXT("--cuts", &s->cuts, "FILE", "of --parts: fragments by hand: sample, sample and bundle a line"),
+        OPTION_TEXT("--parts", &s->parts, "FILE",
+                    "draws the fragments of its outline, in bundles (SVG)"),
+        OPTION_TEXT("--cuts", &s->cuts, "FILE",
+                    "of --parts: fragments by hand: sample, sample and bundle a line"),
         OPTION_INTEGER("--points", &s->points, 16, 1024, "N", "samples of the outline"),
-        OPTION_INTEGER("--samples", &s->samples, 4, 256, "N", "of a path that holds all of the outline"),
-        OPTION_INTEGER("--paths", &s->paths, 1, CAIRN_SHAPE_PATHS, "N", "at most; 1: the longest alone"),
+        OPTION_INTEGER("--samples", &s->samples, 4, 256, "N",
+                       "of a path that holds all of the outline"),
+        OPTION_INTEGER("--paths", &s->paths, 1, CAIRN_SHAPE_PATHS, "N",
+                       "at most; 1: the longest alone"),
         OPTION_TEXT("--holes", &s->holes, "NAME", "keep: outlines of their own; fill, or refuse"),
         OPTION_NUMBER("--gap", &s->gap, 0, 1, "SHARE",
                       "of the drawing's diagonal: loose ends of lines so near are joined"),
-        OPTION_NUMBER("--part", &s->part, 0, 1, "SHARE", "of the largest part's area: smaller ones are left out"),
+        OPTION_NUMBER("--part", &s->part, 0, 1, "SHARE",
+                      "of the largest part's area: smaller ones are left out"),
         OPTION_FLAG("--mirror", &s->mirror, "left and right exchanged"),
         OPTION_FLAG("--quiet", &s->quiet, "no summary"),
     };
-    const option_set set = {
-        PROGRAM, "SHAPE -o FILE [options]",
-        "Makes the model of a shape from a picture of one object, a silhouette or a drawing of its\n"
-        "outline (TIFF, PNG, JPEG, PGM): the axes of its symmetry with the radii along them. SHAPE may be a\n"
-        "model as well, to be drawn or mirrored.",
-        table, sizeof table / sizeof *table};
+    const option_set set = {PROGRAM, "SHAPE -o FILE [options]",
+                            "Makes the model of a shape from a picture of one object, a silhouette "
+                            "or a drawing of its\n"
+                            "outline (TIFF, PNG, JPEG, PGM): the axes of its symmetry with the "
+                            "radii along them. SHAPE may be a\n"
+                            "model as well, to be drawn or mirrored.",
+                            table, sizeof table / sizeof *table};
     const char *words[1] = {NULL};
     size_t count = 1;
     option_result result = options_read(&set, argc, argv, words, &count);
@@ -48,11 +54,15 @@ static option_result read_settings(settings *s, int argc, char **argv)
         return result;
     if (count < 1 || s->output == NULL)
         return (option_result)options_refuse(PROGRAM, "%s, expected %s",
-                                             count < 1 ? "no picture" : "no file to write to (-o)", set.synopsis);
-    if (strcmp(s->holes, "keep") != 0 && strcmp(s->holes, "fill") != 0 && strcmp(s->holes, "refuse") != 0)
-        return (option_result)options_refuse(PROGRAM, "--holes %s, expected keep, fill or refuse", s->holes);
+                                             count < 1 ? "no picture" : "no file to write to (-o)",
+                                             set.synopsis);
+    if (strcmp(s->holes, "keep") != 0 && strcmp(s->holes, "fill") != 0 &&
+        strcmp(s->holes, "refuse") != 0)
+        return (option_result)options_refuse(PROGRAM, "--holes %s, expected keep, fill or refuse",
+                                             s->holes);
     if (s->cuts != NULL && s->parts == NULL)
-        return (option_result)options_refuse(PROGRAM, "--cuts without --parts, expected a picture to draw them in");
+        return (option_result)options_refuse(
+            PROGRAM, "--cuts without --parts, expected a picture to draw them in");
     s->shape = words[0];
     return OPTIONS_READ;
 }
@@ -84,32 +94,36 @@ static void print_summary(const cairn_shape_model *m, const cairn_shape_image *t
         printf("picture    %s, outlines %" PRId32 ", holes %" PRId32 "\n"
                "gaps       %" PRId32 " joined\n"
                "specks     %" PRId32 " left out\n",
-               traced->is_drawing ? "a drawing" : "a silhouette", traced->count, traced->holes, traced->joined,
-               traced->specks);
+               traced->is_drawing ? "a drawing" : "a silhouette", traced->count, traced->holes,
+               traced->joined, traced->specks);
     printf("size       %.6g\n"
            "outline    %" PRId32 " samples, %.0f %% of it on the sides of paths\n"
            "paths      %" PRId32 ", %" PRId32 " samples\n",
            (double)m->size, m->outline_count, 100 * share, m->path_count, m->sample_count);
     for (int32_t i = 0; i < m->path_count; i++)
-        printf("  %" PRId32 "        %" PRId32 " samples, %.0f %% of the outline%s\n", i, m->paths[i].count,
-               100 * (double)m->paths[i].share, m->paths[i].parent < 0 ? "" : ", a branch");
+        printf("  %" PRId32 "        %" PRId32 " samples, %.0f %% of the outline%s\n", i,
+               m->paths[i].count, 100 * (double)m->paths[i].share,
+               m->paths[i].parent < 0 ? "" : ", a branch");
 }
 
-static cairn_status draw_parts(const settings *s, const cairn_shape_model *model, cairn_file_error *error)
+static cairn_status draw_parts(const settings *s, const cairn_shape_model *model,
+                               cairn_file_error *error)
 {
     cairn_part_cut cut[CAIRN_PART_FRAGMENTS];
     int32_t count = 0;
-    cairn_status status = s->cuts == NULL ? CAIRN_OK : cairn_part_cut_file_read(cut, &count, s->cuts, error);
+    cairn_status status =
+        s->cuts == NULL ? CAIRN_OK : cairn_part_cut_file_read(cut, &count, s->cuts, error);
 
     if (status != CAIRN_OK)
         return status;
-    return cairn_shape_model_file_draw_parts(model, s->cuts != NULL ? cut : NULL, count, cairn_path_name(s->shape),
-                                             s->parts, error);
+    return cairn_shape_model_file_draw_parts(model, s->cuts != NULL ? cut : NULL, count,
+                                             cairn_path_name(s->shape), s->parts, error);
 }
 
 int tool_model(int argc, char **argv)
 {
-    settings s = {NULL, NULL, NULL, NULL, NULL, "keep", 128, 32, CAIRN_SHAPE_PATHS, 0.1, 0.01, 0, 0};
+    settings s = {NULL, NULL, NULL, NULL, NULL, "keep", 128, 32, CAIRN_SHAPE_PATHS,
+                  0.1,  0.01, 0,    0};
     option_result result = read_settings(&s, argc, argv);
     cairn_shape_model_file file;
     cairn_shape_image traced;
@@ -123,7 +137,8 @@ int tool_model(int argc, char **argv)
     if (s.mirror)
         cairn_shape_model_file_mirror(&file);
     status = s.picture == NULL ? CAIRN_OK
-                               : cairn_shape_model_file_draw(&file.model, cairn_path_name(s.shape), s.picture, &error);
+                               : cairn_shape_model_file_draw(&file.model, cairn_path_name(s.shape),
+                                                             s.picture, &error);
     if (status == CAIRN_OK && s.parts != NULL)
         status = draw_parts(&s, &file.model, &error);
     if (status == CAIRN_OK)

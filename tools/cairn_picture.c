@@ -9,11 +9,13 @@
 #include "tools/cairn_picture.h"
 #include "tools/cairn_tool.h"
 
-/* Halves an 8-bit grey image in place: of two by two pixels the mean, or the most. Odd last rows and columns go. */
+/* Halves an 8-bit grey image in place: of two by two pixels the mean, or the most. Odd last rows
+ * and columns go. */
 static void halve(cairn_vision_image *grey, int32_t take_most)
 {
     uint8_t *p = grey->samples;
-    int32_t w = grey->width, width = w > 1 ? w / 2 : 1, height = grey->height > 1 ? grey->height / 2 : 1;
+    int32_t w = grey->width, width = w > 1 ? w / 2 : 1,
+            height = grey->height > 1 ? grey->height / 2 : 1;
 
     for (int32_t y = 0; y < height; y++)
         for (int32_t x = 0; x < width; x++) {
@@ -59,10 +61,11 @@ cairn_status picture_read(searched_picture *p, const char *path, const picture_s
         status = cairn_vision_read_grey(&p->edges, settings->edges, error);
     if (status != CAIRN_OK)
         return status;
-    if (settings->edges != NULL && (p->edges.width != p->grey.width || p->edges.height != p->grey.height))
+    if (settings->edges != NULL &&
+        (p->edges.width != p->grey.width || p->edges.height != p->grey.height))
         return cairn_file_error_set(error, CAIRN_BAD_FORMAT, settings->edges, 0,
-                                    "%" PRId32 " x %" PRId32 " pixels, expected %" PRId32 " x %" PRId32
-                                    " as of the image",
+                                    "%" PRId32 " x %" PRId32 " pixels, expected %" PRId32
+                                    " x %" PRId32 " as of the image",
                                     p->edges.width, p->edges.height, p->grey.width, p->grey.height);
     p->shrink = picture_shrink(&p->grey, settings->side);
     if (settings->edges != NULL) {
@@ -103,7 +106,9 @@ int picture_check_name(const char *program, const char *path)
         }
     return is_plain
                ? TOOL_OK
-               : options_refuse(program, "'%s' holds a control character (shown as ?), expected a name without", shown);
+               : options_refuse(
+                     program,
+                     "'%s' holds a control character (shown as ?), expected a name without", shown);
 }
 
 int picture_check_names(const char *program, const char *const *paths, size_t count)
@@ -117,8 +122,9 @@ int picture_check_names(const char *program, const char *const *paths, size_t co
             return TOOL_BAD;
         for (size_t k = 0; k < i; k++)
             if (picture_stem(paths[k], other) && strcmp(stem, other) == 0)
-                return options_refuse(program, "%s and %s are both named '%s', expected different names", paths[k],
-                                      paths[i], stem);
+                return options_refuse(program,
+                                      "%s and %s are both named '%s', expected different names",
+                                      paths[k], paths[i], stem);
     }
     return TOOL_OK;
 }

@@ -1,4 +1,5 @@
-/* cairn_picture: images for the subcommands that look for known objects: read, made smaller, with their edges; names for what is written. */
+/* cairn_picture: images for the subcommands that look for known objects: read, made smaller,
+ * with their edges; names for what is written. */
 #ifndef CAIRN_TOOLS_CAIRN_PICTURE_H
 #define CAIRN_TOOLS_CAIRN_PICTURE_H
 
@@ -19,25 +20,27 @@ typedef struct searched_picture {
 } searched_picture;
 
 /* Reads an image and its edges. On failure, too, picture_free frees what is there. */
-CAIRN_CHECKED cairn_status picture_read(searched_picture *p, const char *path, const picture_settings *settings,
-                                        cairn_file_error *error);
+CAIRN_CHECKED cairn_status picture_read(searched_picture *p, const char *path,
+                                        const picture_settings *settings, cairn_file_error *error);
 void picture_free(searched_picture *p);
 
-/* Larger images are halved until they fit, so that what is learnt is of the scale of what is searched (px a side). */
+/* Larger images are halved until they fit, so that what is learnt is of the scale of what is
+ * searched (px a side). */
 enum { PICTURE_SIDE = 800 };
 
-/* Halves an 8-bit grey image in place until neither side is longer than `side`: 1, 2, 4 ... of its pixels are one now. */
+/* Halves an 8-bit grey image in place until neither side is longer than `side`: 1, 2, 4 ... of
+ * its pixels are one now. */
 int32_t picture_shrink(cairn_vision_image *grey, int64_t side);
 
 /* "folder/swan.jpg" -> "swan"; 0: there is no such name. */
 int picture_stem(const char *path, char stem[PICTURE_NAME_BYTES]);
 
-/* TOOL_OK, or after a line on standard error another exit code: the path holds a control character, which would break what is written
- * about it into lines. */
+/* TOOL_OK, or after a line on standard error another exit code: the path holds a control
+ * character, which would break what is written about it into lines. */
 int picture_check_name(const char *program, const char *path);
 
-/* TOOL_OK, or after a line on standard error another exit code: a path that picture_check_name() refuses, an image without a name, or
- * two whose files would overwrite each other. */
+/* TOOL_OK, or after a line on standard error another exit code: a path that picture_check_name()
+ * refuses, an image without a name, or two whose files would overwrite each other. */
 int picture_check_names(const char *program, const char *const *paths, size_t count);
 
 #endif

@@ -14,7 +14,8 @@
 
 enum { CIRCLE = 24 }; /* sides of a circle */
 
-const char *const places_stage_titles[PLACES_STAGES] = {"(a) by shape", "(b) + ICP", "(c) decoupled"};
+const char *const places_stage_titles[PLACES_STAGES] = {"(a) by shape", "(b) + ICP",
+                                                        "(c) decoupled"};
 
 cairn_place_map_params places_stage_params(places_stage stage)
 {
@@ -50,8 +51,8 @@ static void fill_marks(const places_errors *e, cairn_vec2 *plus, cairn_vec2 *cir
             int corner = (k + 1) / 2;
             double angle = corner * (2 * PI / CIRCLE);
 
-            *circle++ =
-                point_at((double)e->by_shape[i].x + MARK * cos(angle), (double)e->by_shape[i].y + MARK * sin(angle));
+            *circle++ = point_at((double)e->by_shape[i].x + MARK * cos(angle),
+                                 (double)e->by_shape[i].y + MARK * sin(angle));
         }
     }
 }
@@ -72,7 +73,8 @@ static void fill_errors(const places_errors *e, const cairn_pose *found, cairn_v
 cairn_status places_draw_errors(const char *path, const places_errors *e, cairn_file_error *error)
 {
     int32_t n = e->count;
-    cairn_vec2 *plus = malloc(4 * (size_t)n * sizeof *plus), *circle = malloc(2 * CIRCLE * (size_t)n * sizeof *circle);
+    cairn_vec2 *plus = malloc(4 * (size_t)n * sizeof *plus),
+               *circle = malloc(2 * CIRCLE * (size_t)n * sizeof *circle);
     cairn_vec2 *line = malloc(4 * (size_t)n * sizeof *line);
     cairn_report_figure figure = cairn_report_figure_default();
     cairn_status status;
@@ -117,13 +119,15 @@ cairn_status places_draw_errors(const char *path, const places_errors *e, cairn_
 /* ---- Figure 6.7 ---- */
 
 /* "error 0.123 m, 4.5 deg": means over the scans. */
-static void describe(const cairn_pose *pose, const cairn_pose *actual, int32_t count, char *note, size_t size)
+static void describe(const cairn_pose *pose, const cairn_pose *actual, int32_t count, char *note,
+                     size_t size)
 {
     double metres = 0, degrees = 0;
 
     for (int32_t k = 0; k < count; k++) {
         metres += distance_of(pose[k], actual[k]) / count;
-        degrees += fabs(remainder((double)(pose[k].theta - actual[k].theta), 2 * PI)) * DEGREES / count;
+        degrees +=
+            fabs(remainder((double)(pose[k].theta - actual[k].theta), 2 * PI)) * DEGREES / count;
     }
     (void)snprintf(note, size, "error %.3f m, %.1f deg", metres, degrees);
 }
@@ -136,7 +140,8 @@ cairn_status places_draw_maps(const char *path, const places_maps *maps, cairn_f
 
     memset(panel, 0, sizeof panel);
     for (int k = 0; k < PLACES_PANELS; k++) {
-        describe(maps->pose[k], maps->pose[PLACES_PANELS - 1], maps->count, note[k], sizeof note[k]);
+        describe(maps->pose[k], maps->pose[PLACES_PANELS - 1], maps->count, note[k],
+                 sizeof note[k]);
         panel[k].title = maps->panel_title[k];
         panel[k].note = note[k];
         panel[k].pose = maps->pose[k];

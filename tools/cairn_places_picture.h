@@ -1,4 +1,5 @@
-/* cairn_places_picture: figures 6.6 and 6.7 of Adluru 2008, of places mapped without odometry: for the command and the benches. */
+/* cairn_places_picture: figures 6.6 and 6.7 of Adluru 2008, of places mapped without odometry:
+ * for the command and the benches. */
 #ifndef CAIRN_TOOLS_CAIRN_PLACES_PICTURE_H
 #define CAIRN_TOOLS_CAIRN_PLACES_PICTURE_H
 
@@ -19,8 +20,10 @@ typedef struct places_errors {
     int32_t count;
 } places_errors;
 
-/* Figure 6.6: actual and estimated poses, and how far these are off, place by place. Statuses of cairn_report_figure_write(). */
-CAIRN_CHECKED cairn_status places_draw_errors(const char *path, const places_errors *errors, cairn_file_error *error);
+/* Figure 6.6: actual and estimated poses, and how far these are off, place by place. Statuses of
+ * cairn_report_figure_write(). */
+CAIRN_CHECKED cairn_status places_draw_errors(const char *path, const places_errors *errors,
+                                              cairn_file_error *error);
 
 enum { PLACES_PANELS = 4 };
 
@@ -28,13 +31,18 @@ enum { PLACES_PANELS = 4 };
 typedef struct places_maps {
     const char *title;
     const char *panel_title[PLACES_PANELS];
-    const cairn_pose *pose[PLACES_PANELS]; /* [count] each; the last are those that the notes measure errors from */
-    const cairn_report_scan *scan;         /* [count] */
-    int32_t count;                         /* above 0 */
+    /* [count] each; the last are those that the notes measure errors from */
+    const cairn_pose *pose[PLACES_PANELS];
+    /* [count] */
+    const cairn_report_scan *scan;
+    /* above 0 */
+    int32_t count;
 } places_maps;
 
-/* Figure 6.7: maps side by side, each with its mean errors. Statuses of cairn_report_map_write(). */
-CAIRN_CHECKED cairn_status places_draw_maps(const char *path, const places_maps *maps, cairn_file_error *error);
+/* Figure 6.7: maps side by side, each with its mean errors. Statuses of
+ * cairn_report_map_write(). */
+CAIRN_CHECKED cairn_status places_draw_maps(const char *path, const places_maps *maps,
+                                            cairn_file_error *error);
 
 /* The titles of figure 6.7, where the thesis has another program's map in (b). */
 extern const char *const places_stage_titles[PLACES_STAGES];

@@ -34,14 +34,16 @@ cairn_status player_check(const char *path, cairn_file_error *error)
     if (folder == NULL)
         return cairn_file_error_set(error, CAIRN_NO_MEMORY, path, 0, "no memory");
     if (name[0] == '\0')
-        status = cairn_file_error_set(error, CAIRN_IO, path, 0, "is a folder, expected the name of a page (HTML)");
+        status = cairn_file_error_set(error, CAIRN_IO, path, 0,
+                                      "is a folder, expected the name of a page (HTML)");
     else
         status = cairn_output_set_check(folder, &name, 1, error);
     free(folder);
     return status;
 }
 
-cairn_status player_write(const cairn_report_player *player, const char *path, cairn_file_error *error)
+cairn_status player_write(const cairn_report_player *player, const char *path,
+                          cairn_file_error *error)
 {
     const char *name = cairn_path_name(path);
     char *folder = folder_of(path);
@@ -89,7 +91,8 @@ cairn_report_player_params player_field_params(const cairn_force_field_params *f
     return params;
 }
 
-cairn_status player_field_begin(player_field *record, cairn_report_player *player, const cairn_force_field *field)
+cairn_status player_field_begin(player_field *record, cairn_report_player *player,
+                                const cairn_force_field *field)
 {
     int32_t scans = cairn_force_field_pose_count(field);
 
@@ -130,8 +133,9 @@ static int32_t forces_of(const player_field *record)
             cairn_report_force *force = &record->force[count];
             cairn_real mass;
 
-            if (p % every == 0 && cairn_force_field_point_force(record->field, s, p - scan->first_point, &force->force,
-                                                                &mass) == CAIRN_OK) {
+            if (p % every == 0 &&
+                cairn_force_field_point_force(record->field, s, p - scan->first_point,
+                                              &force->force, &mass) == CAIRN_OK) {
                 force->at = cairn_pose_point(record->pose[s], set->points[p]);
                 count++;
             }
@@ -166,8 +170,8 @@ cairn_status player_field_after(player_field *record)
     char label[96];
 
     memset(&frame, 0, sizeof frame);
-    snprintf(label, sizeof label, "\xCF\x83 %.4g m, \xCE\x94t %.3g, %" PRId64 " pairs of points", (double)state.sigma,
-             (double)state.dt, state.pairs);
+    snprintf(label, sizeof label, "\xCF\x83 %.4g m, \xCE\x94t %.3g, %" PRId64 " pairs of points",
+             (double)state.sigma, (double)state.dt, state.pairs);
     frame.step = state.iterations - 1;
     frame.label = label;
     frame.pose = record->pose;
@@ -216,7 +220,8 @@ cairn_report_player_params player_aligner_params(void)
     return params;
 }
 
-cairn_status player_aligner_begin(player_aligner *record, cairn_report_player *player, const cairn_aligner *aligner)
+cairn_status player_aligner_begin(player_aligner *record, cairn_report_player *player,
+                                  const cairn_aligner *aligner)
 {
     size_t scans = (size_t)cairn_aligner_scan_count(aligner) + 1;
 
@@ -226,7 +231,9 @@ cairn_status player_aligner_begin(player_aligner *record, cairn_report_player *p
     record->pose = malloc(scans * sizeof *record->pose);
     record->part = malloc(scans * sizeof *record->part);
     record->doubtful = calloc(scans, 1);
-    return record->pose != NULL && record->part != NULL && record->doubtful != NULL ? CAIRN_OK : CAIRN_NO_MEMORY;
+    return record->pose != NULL && record->part != NULL && record->doubtful != NULL
+               ? CAIRN_OK
+               : CAIRN_NO_MEMORY;
 }
 
 void player_aligner_free(player_aligner *record)
@@ -236,7 +243,8 @@ void player_aligner_free(player_aligner *record)
     free(record->doubtful);
 }
 
-/* Takes the poses and parts as they are; 1 when that can be seen. *way: m, the mean over the scans. */
+/* Takes the poses and parts as they are; 1 when that can be seen. *way: m, the mean over the
+ * scans. */
 static int take_commit(player_aligner *record, double *way)
 {
     int32_t scans = cairn_aligner_scan_count(record->aligner);
@@ -246,10 +254,12 @@ static int take_commit(player_aligner *record, double *way)
     for (int32_t i = 0; i < scans; i++) {
         int32_t part;
         cairn_pose pose = cairn_aligner_pose_now(record->aligner, i, &part), last = record->pose[i];
-        double moved = record->step > 0 ? hypot((double)(pose.x - last.x), (double)(pose.y - last.y)) : 0;
+        double moved =
+            record->step > 0 ? hypot((double)(pose.x - last.x), (double)(pose.y - last.y)) : 0;
 
-        seen |= record->step > 0 && (part != record->part[i] || moved > LEAST_WAY ||
-                                     fabs((double)cairn_wrap_angle(pose.theta - last.theta)) > LEAST_WAY);
+        seen |= record->step > 0 &&
+                (part != record->part[i] || moved > LEAST_WAY ||
+                 fabs((double)cairn_wrap_angle(pose.theta - last.theta)) > LEAST_WAY);
         *way += moved / scans;
     }
     for (int32_t i = 0; i < scans && seen; i++)
@@ -289,13 +299,16 @@ cairn_status player_aligner_commit(player_aligner *record)
     value[2] = record->step > 0 ? 1000 * value[2] : (double)NAN;
     memset(&frame, 0, sizeof frame);
     if (!cairn_aligner_running(record->aligner)) {
-        snprintf(label, sizeof label, "end: %" PRId32 " scans placed, the others in red", result.placed);
+        snprintf(label, sizeof label, "end: %" PRId32 " scans placed, the others in red",
+                 result.placed);
         for (int32_t i = 0; i < cairn_aligner_scan_count(record->aligner); i++)
             record->doubtful[i] = !cairn_aligner_pose_of(record->aligner, i).placed;
     } else if (result.rounds > 0) {
-        snprintf(label, sizeof label, "all poses and walls at once, iteration %" PRId32, result.rounds);
+        snprintf(label, sizeof label, "all poses and walls at once, iteration %" PRId32,
+                 result.rounds);
     } else {
-        snprintf(label, sizeof label, "%" PRId32 " parts, the largest of %.0f scans", parts, value[1]);
+        snprintf(label, sizeof label, "%" PRId32 " parts, the largest of %.0f scans", parts,
+                 value[1]);
     }
     frame.step = record->step++;
     frame.label = label;

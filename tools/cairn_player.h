@@ -14,13 +14,16 @@
 CAIRN_CHECKED cairn_status player_check(const char *path, cairn_file_error *error);
 
 /* Writes the page; folders that are missing are made. On failure all is as it was. */
-CAIRN_CHECKED cairn_status player_write(const cairn_report_player *player, const char *path, cairn_file_error *error);
+CAIRN_CHECKED cairn_status player_write(const cairn_report_player *player, const char *path,
+                                        cairn_file_error *error);
 
 /* Adds what scan `index` of a log saw. CAIRN_NO_MEMORY. */
-CAIRN_CHECKED cairn_status player_add_scan(cairn_report_player *player, const map_scan *scan, int32_t index);
+CAIRN_CHECKED cairn_status player_add_scan(cairn_report_player *player, const map_scan *scan,
+                                           int32_t index);
 
-/* Records a force field: before() every iteration, after() it with the forces and regions that moved the scans from
- * there, end() with the last poses. Statuses of cairn_report_player_add_frame. */
+/* Records a force field: before() every iteration, after() it with the forces and regions that
+ * moved the scans from there, end() with the last poses. Statuses of
+ * cairn_report_player_add_frame. */
 typedef struct player_field {
     cairn_report_player *player;
     const cairn_force_field *field;
@@ -31,8 +34,8 @@ typedef struct player_field {
     double relocation; /* mm, by the last iteration; NaN before the first */
 } player_field;
 
-/* Records an aligner: commit() after every commit point; what changes nothing that can be seen is passed over. Statuses of
- * cairn_report_player_add_frame. */
+/* Records an aligner: commit() after every commit point; what changes nothing that can be seen
+ * is passed over. Statuses of cairn_report_player_add_frame. */
 typedef struct player_aligner {
     cairn_report_player *player;
     const cairn_aligner *aligner;

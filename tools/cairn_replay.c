@@ -40,8 +40,10 @@ static option_result read_settings(settings *s, int argc, char **argv)
     };
     const option_set set = {
         PROGRAM, "FILE [options]",
-        "Plays the recording of a flight recorder (firmware/recorder.h) back: offers the robot the same\n"
-        "sweeps between the same ticks, prints the poses, and says whether the hash of all states is the\n"
+        "Plays the recording of a flight recorder (firmware/recorder.h) back: offers the robot the "
+        "same\n"
+        "sweeps between the same ticks, prints the poses, and says whether the hash of all states "
+        "is the\n"
         "recorded one. Recordings in float are played by cairn-float, which stands beside cairn.",
         table, sizeof table / sizeof *table};
     const char *words[1];
@@ -93,7 +95,9 @@ static int play_elsewhere(const recording *in, uint32_t real_bytes, char **argv)
     (void)snprintf(slash == NULL ? path : slash + 1, 16, "%s", name);
     argv[0] = path;
     (void)execvp(path, argv);
-    fprintf(stderr, "%s: recorded with reals of %" PRIu32 " bytes, expected %s to play it beside this program\n",
+    fprintf(stderr,
+            "%s: recorded with reals of %" PRIu32
+            " bytes, expected %s to play it beside this program\n",
             in->path, real_bytes, name);
     return TOOL_BAD;
 }
@@ -118,7 +122,8 @@ static int begin(run *r, recording *in, char **argv)
     if (real_bytes != sizeof(cairn_real))
         return play_elsewhere(in, real_bytes, argv);
     if (params_bytes != sizeof params || !take(in, &params, sizeof params))
-        return refuse(in, "parameters of another size, expected a recording of this version of cairn");
+        return refuse(in,
+                      "parameters of another size, expected a recording of this version of cairn");
     r->memory = malloc(memory > 0 ? memory : 1);
     if (r->memory == NULL) {
         fprintf(stderr, "%s: no memory for a pool of %" PRIu32 " bytes\n", in->path, memory);
@@ -139,8 +144,8 @@ static int play_sweep(run *r, recording *in)
     cairn_status status;
     float *range;
 
-    if (!take_word(in, &count) || !take(in, &sweep.angle_min, 4) || !take(in, &sweep.angle_step, 4) ||
-        !take(in, pose, sizeof pose))
+    if (!take_word(in, &count) || !take(in, &sweep.angle_min, 4) ||
+        !take(in, &sweep.angle_step, 4) || !take(in, pose, sizeof pose))
         return refuse(in, "cut in a sweep");
     if (count < 1 || count > BEAMS_MOST || r->robot.offered == ROBOT_SCANS)
         return refuse(in, "too many beams or sweeps");
@@ -156,7 +161,8 @@ static int play_sweep(run *r, recording *in)
     sweep.pose.y = pose[1];
     sweep.pose.theta = pose[2];
     status = robot_offer(&r->robot, &sweep);
-    return status == CAIRN_OK ? TOOL_OK : refuse(in, "a sweep that the robot cannot have taken there");
+    return status == CAIRN_OK ? TOOL_OK
+                              : refuse(in, "a sweep that the robot cannot have taken there");
 }
 
 static int play_ticks(run *r, recording *in)
@@ -193,8 +199,9 @@ static int play(run *r, recording *in)
         else if (letter == 'F')
             robot_finish(&r->robot);
         else if (letter == 'E')
-            return take_word(in, &r->recorded_ticks) && take_word(in, &r->recorded_hash) ? TOOL_OK
-                                                                                         : refuse(in, "cut in its end");
+            return take_word(in, &r->recorded_ticks) && take_word(in, &r->recorded_hash)
+                       ? TOOL_OK
+                       : refuse(in, "cut in its end");
         else
             return refuse(in, "an unknown record, expected S, T, F or E");
         if (code != TOOL_OK)
@@ -210,10 +217,13 @@ static int say(const run *r, const settings *s)
     for (int32_t i = 0; !s->quiet && i < cairn_force_field_pose_count(played->field); i++) {
         cairn_pose pose = robot_pose(played, i);
 
-        printf("pose %" PRId32 " %.4f %.4f m %.4f rad\n", i, (double)pose.x, (double)pose.y, (double)pose.theta);
+        printf("pose %" PRId32 " %.4f %.4f m %.4f rad\n", i, (double)pose.x, (double)pose.y,
+               (double)pose.theta);
     }
-    printf("ticks %" PRIu32 ", recorded %" PRIu32 "\nhash %08" PRIx32 ", recorded %08" PRIx32 ": %s\n", played->ticks,
-           r->recorded_ticks, r->hash, r->recorded_hash, same ? "the same run" : "NOT the same run");
+    printf("ticks %" PRIu32 ", recorded %" PRIu32 "\nhash %08" PRIx32 ", recorded %08" PRIx32
+           ": %s\n",
+           played->ticks, r->recorded_ticks, r->hash, r->recorded_hash,
+           same ? "the same run" : "NOT the same run");
     return same ? TOOL_OK : TOOL_BAD;
 }
 

@@ -1,5 +1,5 @@
-/* cairn skeleton: the contours and axes of the symmetric parts of images, and contours between their regions, with no model of what they
- * are of. */
+/* cairn skeleton: the contours and axes of the symmetric parts of images, and contours between
+ * their regions, with no model of what they are of. */
 #include <dirent.h>
 #include <errno.h>
 #include <inttypes.h>
@@ -41,22 +41,25 @@ static int read_range(const char *text, double *least, double *most)
     const char *colon = strchr(text, ':');
 
     return colon != NULL && cairn_number_read(text, (size_t)(colon - text), least) &&
-           cairn_number_read(colon + 1, strlen(colon + 1), most) && isfinite(*least) && isfinite(*most) &&
-           *least >= 1 && *least <= *most && *most <= 8192;
+           cairn_number_read(colon + 1, strlen(colon + 1), most) && isfinite(*least) &&
+           isfinite(*most) && *least >= 1 && *least <= *most && *most <= 8192;
 }
 
 /* --weight as-written is --as-written; what the thesis does not have is refused beside it. */
 static option_result check_written(settings *s)
 {
     if (s->weight != NULL && strcmp(s->weight, "evidence") == 0 && s->written)
-        return (option_result)options_refuse(PROGRAM, "--as-written and --weight evidence, expected one of them");
+        return (option_result)options_refuse(
+            PROGRAM, "--as-written and --weight evidence, expected one of them");
     s->written |= s->weight != NULL && strcmp(s->weight, "as-written") == 0;
     if (s->written && !isnan(s->contrast))
-        return (option_result)options_refuse(
-            PROGRAM, "--contrast with --as-written: the thesis does not use how steep edges are, expected one of them");
+        return (option_result)options_refuse(PROGRAM,
+                                             "--contrast with --as-written: the thesis does not "
+                                             "use how steep edges are, expected one of them");
     if (s->written && !isnan(s->strength))
-        return (option_result)options_refuse(PROGRAM, "--min-strength with --as-written: the thesis has no contours "
-                                                      "between regions, expected one of them");
+        return (option_result)options_refuse(
+            PROGRAM, "--min-strength with --as-written: the thesis has no contours "
+                     "between regions, expected one of them");
     return OPTIONS_READ;
 }
 
@@ -64,48 +67,61 @@ static option_result check_settings(settings *s)
 {
     if (s->count < 1 || s->folder == NULL)
         return (option_result)options_refuse(PROGRAM, "%s, expected IMAGE... -o DIR",
-                                             s->count < 1 ? "no image" : "no folder to write to (-o)");
+                                             s->count < 1 ? "no image"
+                                                          : "no folder to write to (-o)");
     if (s->radius != NULL && s->learn != NULL)
         return (option_result)options_refuse(PROGRAM, "--radius and --learn, expected one of them");
     if (s->radius != NULL && !read_range(s->radius, &s->least, &s->most))
-        return (option_result)options_refuse(PROGRAM, "--radius %s, expected A:B in pixels, 1 <= A <= B <= 8192",
-                                             s->radius);
-    if (s->weight != NULL && strcmp(s->weight, "evidence") != 0 && strcmp(s->weight, "as-written") != 0)
-        return (option_result)options_refuse(PROGRAM, "--weight %s, expected evidence or as-written", s->weight);
+        return (option_result)options_refuse(
+            PROGRAM, "--radius %s, expected A:B in pixels, 1 <= A <= B <= 8192", s->radius);
+    if (s->weight != NULL && strcmp(s->weight, "evidence") != 0 &&
+        strcmp(s->weight, "as-written") != 0)
+        return (option_result)options_refuse(
+            PROGRAM, "--weight %s, expected evidence or as-written", s->weight);
     return check_written(s);
 }
 
 static option_result read_settings(settings *s, int argc, char **argv)
 {
     const option table[] = {
-        OPTION_TEXT("-o", &s->folder, "DIR", "folder to write NAME.svg and NAME.json to, for each image NAME.*"),
-        OPTION_TEXT("--radius", &s->radius, "A:B",
-                    "pixels: half the width of what is looked for; without it proposed from each image"),
+        OPTION_TEXT("-o", &s->folder, "DIR",
+                    "folder to write NAME.svg and NAME.json to, for each image NAME.*"),
+        OPTION_TEXT(
+            "--radius", &s->radius, "A:B",
+            "pixels: half the width of what is looked for; without it proposed from each image"),
         OPTION_TEXT("--learn", &s->learn, "DIR",
-                    "the range of radii is that of the objects in DIR, silhouettes or drawings of outlines,\n"
+                    "the range of radii is that of the objects in DIR, silhouettes or drawings of "
+                    "outlines,\n"
                     "in the scale of the images"),
-        OPTION_FLAG("--as-written", &s->written,
-                    "the method of Adluru 2008, chapter 3, as it is printed: particles start on the\n"
-                    "centre points of every pair of edges about lines, weights 3.7 to 3.9"),
-        OPTION_TEXT("--weight", &s->weight, "NAME", "evidence, or as-written, which is --as-written"),
+        OPTION_FLAG(
+            "--as-written", &s->written,
+            "the method of Adluru 2008, chapter 3, as it is printed: particles start on the\n"
+            "centre points of every pair of edges about lines, weights 3.7 to 3.9"),
+        OPTION_TEXT("--weight", &s->weight, "NAME",
+                    "evidence, or as-written, which is --as-written"),
         OPTION_NUMBER("--min-log-odds", &s->log_odds, 0, 1e6, "L",
                       "of a part that is reported (20; as written the logarithm of p_min, 12)"),
         OPTION_NUMBER("--min-strength", &s->strength, 0, 1e6, "S",
                       "of a contour between regions that is reported (2); not as written"),
         OPTION_NUMBER("--sigma", &s->sigma, 0.7, 8, "PX", "blur before edges are looked for"),
-        OPTION_NUMBER("--min-slope", &s->slope, 0.01, 1000, "G", "grey levels per pixel, of an edge"),
-        OPTION_NUMBER("--contrast", &s->contrast, 0, 100, "L",
-                      "log odds of an edge e times as steep as the mean one; 0: all edges are the same\n"
-                      "(6); not as written"),
-        OPTION_INTEGER("--particles", &s->particles, 1, 1024, "N", "of the filter (16; as written 50)"),
+        OPTION_NUMBER("--min-slope", &s->slope, 0.01, 1000, "G",
+                      "grey levels per pixel, of an edge"),
+        OPTION_NUMBER(
+            "--contrast", &s->contrast, 0, 100, "L",
+            "log odds of an edge e times as steep as the mean one; 0: all edges are the same\n"
+            "(6); not as written"),
+        OPTION_INTEGER("--particles", &s->particles, 1, 1024, "N",
+                       "of the filter (16; as written 50)"),
         {"--seed", OPTION_IS_SEED, &s->seed, 0, 0, "N", "of the filter", NULL},
         OPTION_FLAG("--lines", &s->lines,
-                    "also NAME-lines.svg: centre points of edges that face each other, and lines through them"),
+                    "also NAME-lines.svg: centre points of edges that face each other, and lines "
+                    "through them"),
         OPTION_FLAG("--quiet", &s->quiet, "no summary"),
     };
     const option_set set = {
         PROGRAM, "IMAGE... -o DIR [options]",
-        "Groups the contours and axes of the symmetric parts of images (TIFF, PNG, JPEG, PGM) at once,\n"
+        "Groups the contours and axes of the symmetric parts of images (TIFF, PNG, JPEG, PGM) at "
+        "once,\n"
         "with no model: walks between edges that face each other. Contours between regions\n"
         "of different colours are ranked by how much parts the two sides.",
         table, sizeof table / sizeof *table};
@@ -126,7 +142,8 @@ static int compare(const void *a, const void *b)
 }
 
 /* Adds the radii along the axes of one object. */
-static cairn_status learn_from(const char *path, double *radii, int32_t *count, cairn_file_error *error)
+static cairn_status learn_from(const char *path, double *radii, int32_t *count,
+                               cairn_file_error *error)
 {
     cairn_shape_image_params image = cairn_shape_image_default();
     cairn_shape_builder_params builder = cairn_shape_builder_default();
@@ -154,7 +171,8 @@ static int learn(settings *s)
     if (radii == NULL || open == NULL) {
         int code = radii == NULL ? TOOL_FAILED : TOOL_BAD;
 
-        fprintf(stderr, "%s: %s, expected a folder of outlines\n", s->learn, strerror(radii == NULL ? ENOMEM : errno));
+        fprintf(stderr, "%s: %s, expected a folder of outlines\n", s->learn,
+                strerror(radii == NULL ? ENOMEM : errno));
         free(radii);
         if (open != NULL)
             (void)closedir(open);
@@ -163,7 +181,8 @@ static int learn(settings *s)
     while (status == CAIRN_OK && (entry = readdir(open)) != NULL) {
         char path[PATH_BYTES];
 
-        if (entry->d_name[0] != '.' && snprintf(path, sizeof path, "%s/%s", s->learn, entry->d_name) < PATH_BYTES)
+        if (entry->d_name[0] != '.' &&
+            snprintf(path, sizeof path, "%s/%s", s->learn, entry->d_name) < PATH_BYTES)
             status = learn_from(path, radii, &count, &error);
     }
     (void)closedir(open);
@@ -177,7 +196,9 @@ static int learn(settings *s)
         return tool_report(&error);
     return count > 0
                ? TOOL_OK
-               : options_refuse(PROGRAM, "--learn %s holds no outlines, expected silhouettes or drawings", s->learn);
+               : options_refuse(PROGRAM,
+                                "--learn %s holds no outlines, expected silhouettes or drawings",
+                                s->learn);
 }
 
 /* ---- One image ---- */
@@ -198,7 +219,8 @@ typedef struct work {
 static cairn_status open_rooms(const settings *s, work *w)
 {
     cairn_edgel_params edgel = cairn_edgel_default();
-    cairn_skeleton_params skeleton = s->written ? cairn_skeleton_as_written() : cairn_skeleton_default();
+    cairn_skeleton_params skeleton =
+        s->written ? cairn_skeleton_as_written() : cairn_skeleton_default();
     cairn_boundary_params boundary = cairn_boundary_default();
     size_t need;
 
@@ -260,7 +282,8 @@ static cairn_status run_skeleton(cairn_skeleton *skeleton)
 static cairn_status run_boundary(work *w)
 {
     const cairn_vision_image *of = w->colour.sample_bytes == 1 ? &w->colour : &w->grey;
-    cairn_boundary_image in = {of->samples, of->width, of->height, of->channels, (ptrdiff_t)of->width * of->channels};
+    cairn_boundary_image in = {of->samples, of->width, of->height, of->channels,
+                               (ptrdiff_t)of->width * of->channels};
     cairn_status status = cairn_boundary_begin(w->boundary, &in);
 
     while (status == CAIRN_OK || status == CAIRN_MORE) {
@@ -326,7 +349,8 @@ static cairn_status write_all(const settings *s, const work *w, cairn_file_error
     if (status == CAIRN_OK)
         status = cairn_skeleton_file_write(&w->picture, cairn_output_set_path(set, 1), error);
     if (status == CAIRN_OK && s->lines)
-        status = cairn_skeleton_file_draw_lines(&w->picture, w->skeleton, cairn_output_set_path(set, 2), error);
+        status = cairn_skeleton_file_draw_lines(&w->picture, w->skeleton,
+                                                cairn_output_set_path(set, 2), error);
     if (status == CAIRN_OK)
         return cairn_output_set_commit(set, error);
     cairn_output_set_discard(set);
@@ -339,10 +363,11 @@ static void print_summary(const work *w, double seconds)
 
     printf("%s: %" PRId32 " part%s of %" PRId32 " object%s, radii %.1f to %.1f px%s; %" PRId32
            " contour%s between regions; %" PRId32 " edgels, %zu bytes, %.2f s\n",
-           w->path, r->part_count, r->part_count == 1 ? "" : "s", r->object_count, r->object_count == 1 ? "" : "s",
-           (double)r->min_radius, (double)r->max_radius, w->picture.proposed ? " (proposed)" : "",
-           w->picture.boundary.contour_count, w->picture.boundary.contour_count == 1 ? "" : "s", w->picture.edgel_count,
-           w->pool.peak, seconds);
+           w->path, r->part_count, r->part_count == 1 ? "" : "s", r->object_count,
+           r->object_count == 1 ? "" : "s", (double)r->min_radius, (double)r->max_radius,
+           w->picture.proposed ? " (proposed)" : "", w->picture.boundary.contour_count,
+           w->picture.boundary.contour_count == 1 ? "" : "s", w->picture.edgel_count, w->pool.peak,
+           seconds);
 }
 
 /* "folder/swan.jpg" -> "swan"; 0: there is no such name. */
@@ -372,9 +397,10 @@ static int run_image(const settings *s, const char *path)
     if (status == CAIRN_OK)
         status = cairn_vision_read(&w.colour, path, &error);
     if (status == CAIRN_OK && (w.grey.width > 8192 || w.grey.height > 8192))
-        status = cairn_file_error_set(&error, CAIRN_FULL, path, 0,
-                                      "%" PRId32 " x %" PRId32 " pixels, expected at most 8192 x 8192", w.grey.width,
-                                      w.grey.height);
+        status =
+            cairn_file_error_set(&error, CAIRN_FULL, path, 0,
+                                 "%" PRId32 " x %" PRId32 " pixels, expected at most 8192 x 8192",
+                                 w.grey.width, w.grey.height);
     if (status == CAIRN_OK) {
         status = group(s, &w);
         if (status != CAIRN_OK)
@@ -408,13 +434,16 @@ static int check_names(const settings *s)
         if (!stem_of(s->images[i], stem))
             return options_refuse(PROGRAM, "'%s', expected the name of an image", s->images[i]);
         for (size_t k = 0; k < i; k++)
-            if (stem_of(s->images[k], other) && (is_its_lines(s, stem, other) || is_its_lines(s, other, stem)))
-                return options_refuse(PROGRAM,
-                                      "--lines: a picture of %s would overwrite one of %s, expected other names",
-                                      s->images[k], s->images[i]);
+            if (stem_of(s->images[k], other) &&
+                (is_its_lines(s, stem, other) || is_its_lines(s, other, stem)))
+                return options_refuse(
+                    PROGRAM,
+                    "--lines: a picture of %s would overwrite one of %s, expected other names",
+                    s->images[k], s->images[i]);
             else if (strcmp(stem, other) == 0)
-                return options_refuse(PROGRAM, "%s and %s are both named '%s', expected different names", s->images[k],
-                                      s->images[i], stem);
+                return options_refuse(PROGRAM,
+                                      "%s and %s are both named '%s', expected different names",
+                                      s->images[k], s->images[i], stem);
     }
     return TOOL_OK;
 }

@@ -26,24 +26,29 @@ typedef struct settings {
 static option_result read_settings(settings *s, int argc, char **argv)
 {
     const option table[] = {
-        OPTION_TEXT("-o", &s->folder, "DIR", "folder to write NAME.svg and NAME.json to, for each shape NAME.*"),
+        OPTION_TEXT("-o", &s->folder, "DIR",
+                    "folder to write NAME.svg and NAME.json to, for each shape NAME.*"),
         OPTION_FLAG("--as-written", &s->as_written,
                     "the thesis's method: cuts at critical points alone, by the least sum"),
         OPTION_TEXT("--mode", &s->mode, "NAME", "re-ranked, or as-written, which is --as-written"),
-        OPTION_INTEGER("--points", &s->points, 16, SYMMETRY_POINTS_MOST, "N", "samples of the outline"),
+        OPTION_INTEGER("--points", &s->points, 16, SYMMETRY_POINTS_MOST, "N",
+                       "samples of the outline"),
         OPTION_TEXT("--holes", &s->holes, "NAME", "keep: they are outside; fill, or refuse"),
         OPTION_NUMBER("--gap", &s->gap, 0, 1, "SHARE",
                       "of the drawing's diagonal: loose ends of lines so near are joined"),
-        OPTION_NUMBER("--part", &s->part, 0, 1, "SHARE", "of the largest part's area: smaller ones are left out"),
+        OPTION_NUMBER("--part", &s->part, 0, 1, "SHARE",
+                      "of the largest part's area: smaller ones are left out"),
         OPTION_FLAG("--sheet", &s->sheet, "also sheet.svg, all shapes side by side"),
         OPTION_FLAG("--quiet", &s->quiet, "no summary"),
     };
-    const option_set set = {
-        PROGRAM, "SHAPE... -o DIR [options]",
-        "Finds the axes that divide a shape into two parts most alike, from pictures of one object each\n"
-        "(silhouettes or drawings; TIFF, PNG, JPEG, PGM): of mirror symmetry, also of shapes that are\n"
-        "skewed, bent, noisy, or turned at their joints. Of an object of several parts the largest is taken.",
-        table, sizeof table / sizeof *table};
+    const option_set set = {PROGRAM, "SHAPE... -o DIR [options]",
+                            "Finds the axes that divide a shape into two parts most alike, from "
+                            "pictures of one object each\n"
+                            "(silhouettes or drawings; TIFF, PNG, JPEG, PGM): of mirror symmetry, "
+                            "also of shapes that are\n"
+                            "skewed, bent, noisy, or turned at their joints. Of an object of "
+                            "several parts the largest is taken.",
+                            table, sizeof table / sizeof *table};
     option_result result;
 
     s->count = SHAPES_MOST;
@@ -51,16 +56,21 @@ static option_result read_settings(settings *s, int argc, char **argv)
     if (result != OPTIONS_READ)
         return result;
     if (s->count < 1 || s->folder == NULL)
-        return (option_result)options_refuse(PROGRAM, "%s, expected %s",
-                                             s->count < 1 ? "no picture" : "no folder to write to (-o)", set.synopsis);
+        return (option_result)options_refuse(
+            PROGRAM, "%s, expected %s", s->count < 1 ? "no picture" : "no folder to write to (-o)",
+            set.synopsis);
     if (s->mode != NULL && strcmp(s->mode, "re-ranked") != 0 && strcmp(s->mode, "as-written") != 0)
-        return (option_result)options_refuse(PROGRAM, "--mode %s, expected re-ranked or as-written", s->mode);
+        return (option_result)options_refuse(PROGRAM, "--mode %s, expected re-ranked or as-written",
+                                             s->mode);
     if (s->as_written && s->mode != NULL && strcmp(s->mode, "as-written") != 0)
         return (option_result)options_refuse(
-            PROGRAM, "--mode %s with --as-written, which is another method, expected one of them", s->mode);
+            PROGRAM, "--mode %s with --as-written, which is another method, expected one of them",
+            s->mode);
     s->as_written |= s->mode != NULL && strcmp(s->mode, "as-written") == 0;
-    if (strcmp(s->holes, "keep") != 0 && strcmp(s->holes, "fill") != 0 && strcmp(s->holes, "refuse") != 0)
-        return (option_result)options_refuse(PROGRAM, "--holes %s, expected keep, fill or refuse", s->holes);
+    if (strcmp(s->holes, "keep") != 0 && strcmp(s->holes, "fill") != 0 &&
+        strcmp(s->holes, "refuse") != 0)
+        return (option_result)options_refuse(PROGRAM, "--holes %s, expected keep, fill or refuse",
+                                             s->holes);
     return OPTIONS_READ;
 }
 
@@ -86,8 +96,9 @@ static int check_names(const settings *s, symmetry_found *found)
             return options_refuse(PROGRAM, "'%s', expected the name of a picture", s->shapes[i]);
         for (size_t k = 0; k < i; k++)
             if (strcmp(found[i].stem, found[k].stem) == 0)
-                return options_refuse(PROGRAM, "%s and %s are both named '%s', expected different names", s->shapes[k],
-                                      s->shapes[i], found[i].stem);
+                return options_refuse(PROGRAM,
+                                      "%s and %s are both named '%s', expected different names",
+                                      s->shapes[k], s->shapes[i], found[i].stem);
         if (s->sheet && strcmp(found[i].stem, "sheet") == 0)
             return options_refuse(PROGRAM, "%s with --sheet, expected another name", s->shapes[i]);
     }
@@ -117,17 +128,20 @@ static cairn_status read_shape(const settings *s, symmetry_found *f, cairn_file_
     f->parts = f->image.count - f->image.holes;
     f->shape[0] = f->image.outlines[0];
     for (int32_t i = f->parts; i < f->image.count; i++)
-        if (cairn_polygon_contains(f->shape[0].points, f->shape[0].count, f->image.outlines[i].points[0]))
+        if (cairn_polygon_contains(f->shape[0].points, f->shape[0].count,
+                                   f->image.outlines[i].points[0]))
             f->shape[1 + f->holes++] = f->image.outlines[i];
     return CAIRN_OK;
 }
 
-static cairn_status find_axes(cairn_self_similarity *similarity, symmetry_found *f, cairn_file_error *error)
+static cairn_status find_axes(cairn_self_similarity *similarity, symmetry_found *f,
+                              cairn_file_error *error)
 {
     cairn_status status = cairn_self_similarity_begin(similarity, f->shape, 1 + f->holes);
 
     if (status != CAIRN_OK)
-        return cairn_file_error_set(error, status, f->path, 0, "no outline with an area, expected an object");
+        return cairn_file_error_set(error, status, f->path, 0,
+                                    "no outline with an area, expected an object");
     do {
         cairn_budget budget = {INT32_MAX};
 
@@ -150,14 +164,17 @@ static void print_summary(const symmetry_found *f, double seconds)
     if (r->verdict != CAIRN_SYMMETRY_ONE)
         printf(" (%" PRId32 " as good as the best)", r->ties);
     if (r->rotations != 1)
-        printf(r->rotations == 0 ? ", the same after any turn" : ", the same after a turn by 1/%" PRId32, r->rotations);
+        printf(r->rotations == 0 ? ", the same after any turn"
+                                 : ", the same after a turn by 1/%" PRId32,
+               r->rotations);
     if (f->parts > 1)
         printf(", the largest of %" PRId32 " parts", f->parts);
     printf("; %.3f s\n", seconds);
     if (r->count > 0)
-        printf("  %.4f  from (%.1f, %.1f) to (%.1f, %.1f), bend %.0f degrees, skew %.2f\n", (double)a->dissimilarity,
-               (double)a->end[0].x, (double)a->end[0].y, (double)a->end[1].x, (double)a->end[1].y,
-               57.29577951308232 * (double)a->bend, (double)a->skew);
+        printf("  %.4f  from (%.1f, %.1f) to (%.1f, %.1f), bend %.0f degrees, skew %.2f\n",
+               (double)a->dissimilarity, (double)a->end[0].x, (double)a->end[0].y,
+               (double)a->end[1].x, (double)a->end[1].y, 57.29577951308232 * (double)a->bend,
+               (double)a->skew);
 }
 
 static cairn_status write_shape(const settings *s, const symmetry_found *f, cairn_file_error *error)
@@ -181,20 +198,22 @@ static cairn_status write_shape(const settings *s, const symmetry_found *f, cair
     return status;
 }
 
-static cairn_status write_sheet(const settings *s, const symmetry_found *found, cairn_file_error *error)
+static cairn_status write_sheet(const settings *s, const symmetry_found *found,
+                                cairn_file_error *error)
 {
     char *path = cairn_path_join(s->folder, "sheet.svg");
     cairn_status status;
 
     if (path == NULL)
-        return cairn_file_error_set(error, CAIRN_NO_MEMORY, s->folder, 0, "no memory for the sheet");
+        return cairn_file_error_set(error, CAIRN_NO_MEMORY, s->folder, 0,
+                                    "no memory for the sheet");
     status = symmetry_draw_sheet(found, (int32_t)s->count, path, error);
     free(path);
     return status;
 }
 
-static cairn_status run(const settings *s, cairn_self_similarity *similarity, int32_t mode, symmetry_found *found,
-                        cairn_file_error *error)
+static cairn_status run(const settings *s, cairn_self_similarity *similarity, int32_t mode,
+                        symmetry_found *found, cairn_file_error *error)
 {
     cairn_status status = CAIRN_OK;
 
@@ -237,7 +256,8 @@ int tool_symmetry(int argc, char **argv)
     if (s.as_written)
         params = cairn_self_similarity_as_written();
     params.points = (int32_t)s.points;
-    params.most_vertices = params.points < params.most_vertices ? params.points : params.most_vertices;
+    params.most_vertices =
+        params.points < params.most_vertices ? params.points : params.most_vertices;
     found = calloc(s.count, sizeof *found);
     if (found == NULL)
         return options_refuse(PROGRAM, "no memory for %zu shapes", s.count), TOOL_FAILED;

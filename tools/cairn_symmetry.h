@@ -28,13 +28,15 @@ const char *symmetry_mode_name(int32_t mode);
 const char *symmetry_verdict_name(cairn_symmetry_verdict verdict);
 
 /* The picture of one shape: its two arcs red and blue, what lies between them grey, its axes. */
-CAIRN_CHECKED cairn_status symmetry_draw(const symmetry_found *found, const char *path, cairn_file_error *error);
+CAIRN_CHECKED cairn_status symmetry_draw(const symmetry_found *found, const char *path,
+                                         cairn_file_error *error);
 
 /* Several in one picture, side by side; found: [count]. */
-CAIRN_CHECKED cairn_status symmetry_draw_sheet(const symmetry_found *found, int32_t count, const char *path,
-                                               cairn_file_error *error);
+CAIRN_CHECKED cairn_status symmetry_draw_sheet(const symmetry_found *found, int32_t count,
+                                               const char *path, cairn_file_error *error);
 
 /* The same as JSON (docs/formats.md). */
-CAIRN_CHECKED cairn_status symmetry_write(const symmetry_found *found, const char *path, cairn_file_error *error);
+CAIRN_CHECKED cairn_status symmetry_write(const symmetry_found *found, const char *path,
+                                          cairn_file_error *error);
 
 #endif

@@ -77,8 +77,8 @@ static void print_filled(cairn_output *output, const symmetry_found *f, const vi
 }
 
 /* The outline from one place to another, in shares of its length. */
-static void print_arc(cairn_output *output, const symmetry_found *f, const view *v, cairn_symmetry_arc arc,
-                      const char *name)
+static void print_arc(cairn_output *output, const symmetry_found *f, const view *v,
+                      cairn_symmetry_arc arc, const char *name)
 {
     int32_t n = f->result.sample_count, first = (int32_t)ceil((double)arc.from * n);
     int32_t last = (int32_t)floor((double)arc.to * n);
@@ -89,7 +89,8 @@ static void print_arc(cairn_output *output, const symmetry_found *f, const view 
     cairn_output_print(output, "\"/>\n");
 }
 
-static void print_axis(cairn_output *output, const view *v, const cairn_symmetry_axis *a, const char *name)
+static void print_axis(cairn_output *output, const view *v, const cairn_symmetry_axis *a,
+                       const char *name)
 {
     double chord = hypot((double)(a->end[1].x - a->end[0].x), (double)(a->end[1].y - a->end[0].y)),
            bend = (double)a->bend;
@@ -123,17 +124,18 @@ static void print_shape(cairn_output *output, const symmetry_found *f, const vie
         print_axis(output, v, &f->axes[i], "tie");
     print_axis(output, v, best, "axis");
     for (int k = 0; k < 2; k++)
-        cairn_output_print(output, "<circle cx=\"%.1f\" cy=\"%.1f\" r=\"4\"/>\n", x_of(v, best->end[k]),
-                           y_of(v, best->end[k]));
+        cairn_output_print(output, "<circle cx=\"%.1f\" cy=\"%.1f\" r=\"4\"/>\n",
+                           x_of(v, best->end[k]), y_of(v, best->end[k]));
 }
 
 static void print_style(cairn_output *output)
 {
-    cairn_output_print(output,
-                       "<style>path{fill:none;stroke-width:3;stroke-linejoin:round}.shape{fill:#f1f5f9;"
-                       "fill-rule:evenodd;stroke:#cbd5e1;stroke-width:1}.skipped{stroke:#94a3b8}"
-                       ".first{stroke:#dc2626}.second{stroke:#2563eb}.axis{stroke:#0f172a;stroke-width:2}"
-                       ".tie{stroke:#64748b;stroke-width:1.5;stroke-dasharray:6 4}circle{fill:#0f172a}</style>\n");
+    cairn_output_print(
+        output,
+        "<style>path{fill:none;stroke-width:3;stroke-linejoin:round}.shape{fill:#f1f5f9;"
+        "fill-rule:evenodd;stroke:#cbd5e1;stroke-width:1}.skipped{stroke:#94a3b8}"
+        ".first{stroke:#dc2626}.second{stroke:#2563eb}.axis{stroke:#0f172a;stroke-width:2}"
+        ".tie{stroke:#64748b;stroke-width:1.5;stroke-dasharray:6 4}circle{fill:#0f172a}</style>\n");
 }
 
 static void describe(const symmetry_found *f, char *text, size_t size)
@@ -163,15 +165,16 @@ cairn_status symmetry_draw(const symmetry_found *f, const char *path, cairn_file
     status = cairn_output_open(&output, path, error);
     if (status != CAIRN_OK)
         return status;
-    cairn_report_print_head(output, PANEL + 2 * CAIRN_REPORT_MARGIN, head + PANEL + 2 * CAIRN_REPORT_MARGIN, title,
-                            subtitle);
+    cairn_report_print_head(output, PANEL + 2 * CAIRN_REPORT_MARGIN,
+                            head + PANEL + 2 * CAIRN_REPORT_MARGIN, title, subtitle);
     print_style(output);
     print_shape(output, f, &v);
     cairn_output_print(output, "</svg>\n");
     return cairn_output_commit(output, error);
 }
 
-cairn_status symmetry_draw_sheet(const symmetry_found *found, int32_t count, const char *path, cairn_file_error *error)
+cairn_status symmetry_draw_sheet(const symmetry_found *found, int32_t count, const char *path,
+                                 cairn_file_error *error)
 {
     int32_t columns = count < COLUMNS ? count : COLUMNS, rows = (count + columns - 1) / columns;
     double step = SMALL + CAIRN_REPORT_MARGIN, head;
@@ -183,19 +186,23 @@ cairn_status symmetry_draw_sheet(const symmetry_found *found, int32_t count, con
         return status;
     head = cairn_report_head_height("Axes of self-similarity", subtitle);
     cairn_report_print_head(output, CAIRN_REPORT_MARGIN + columns * step,
-                            head + CAIRN_REPORT_MARGIN + rows * (step + FOOT), "Axes of self-similarity", subtitle);
+                            head + CAIRN_REPORT_MARGIN + rows * (step + FOOT),
+                            "Axes of self-similarity", subtitle);
     print_style(output);
     for (int32_t i = 0; i < count; i++) {
         int32_t row = i / columns, column = i % columns;
-        double left = CAIRN_REPORT_MARGIN + column * step, top = head + CAIRN_REPORT_MARGIN + row * (step + FOOT);
+        double left = CAIRN_REPORT_MARGIN + column * step,
+               top = head + CAIRN_REPORT_MARGIN + row * (step + FOOT);
         view v = view_of(&found[i], left, top, SMALL);
         char text[160];
 
         describe(&found[i], text, sizeof text);
         print_shape(output, &found[i], &v);
-        cairn_report_print_text(output, left, top + SMALL + LINE, "font-size=\"14\" fill=\"#0f172a\"",
+        cairn_report_print_text(output, left, top + SMALL + LINE,
+                                "font-size=\"14\" fill=\"#0f172a\"",
                                 cairn_path_name(found[i].path));
-        cairn_report_print_text(output, left, top + SMALL + 2 * LINE, "font-size=\"12\" fill=\"#475569\"", text);
+        cairn_report_print_text(output, left, top + SMALL + 2 * LINE,
+                                "font-size=\"12\" fill=\"#475569\"", text);
     }
     cairn_output_print(output, "</svg>\n");
     return cairn_output_commit(output, error);
@@ -207,14 +214,18 @@ static void write_axis(cairn_output *output, const cairn_symmetry_axis *a)
 {
     cairn_output_print(
         output,
-        "  {\"ends\": [[%.2f, %.2f], [%.2f, %.2f]], \"places\": [%.5f, %.5f], \"arcs\": [[%.5f, %.5f], "
-        "[%.5f, %.5f]],\n   \"dissimilarity\": %.6f, \"misfit\": %.6f, \"warp\": %.6f, \"bend_deg\": %.2f, "
+        "  {\"ends\": [[%.2f, %.2f], [%.2f, %.2f]], \"places\": [%.5f, %.5f], \"arcs\": [[%.5f, "
+        "%.5f], "
+        "[%.5f, %.5f]],\n   \"dissimilarity\": %.6f, \"misfit\": %.6f, \"warp\": %.6f, "
+        "\"bend_deg\": %.2f, "
         "\"skew\": %.4f,\n   \"mirror\": [%.2f, %.2f, %.3f], \"vertices\": %d, \"division\": %d}",
-        (double)a->end[0].x, (double)a->end[0].y, (double)a->end[1].x, (double)a->end[1].y, (double)a->place[0],
-        (double)a->place[1], (double)a->arc[0].from, (double)a->arc[0].to, (double)a->arc[1].from, (double)a->arc[1].to,
-        (double)a->dissimilarity, (double)a->misfit, (double)a->warp, DEGREES * (double)a->bend, (double)a->skew,
-        (double)a->mirror_point.x, (double)a->mirror_point.y,
-        DEGREES * atan2((double)a->mirror_along.y, (double)a->mirror_along.x), (int)a->vertices, (int)a->division);
+        (double)a->end[0].x, (double)a->end[0].y, (double)a->end[1].x, (double)a->end[1].y,
+        (double)a->place[0], (double)a->place[1], (double)a->arc[0].from, (double)a->arc[0].to,
+        (double)a->arc[1].from, (double)a->arc[1].to, (double)a->dissimilarity, (double)a->misfit,
+        (double)a->warp, DEGREES * (double)a->bend, (double)a->skew, (double)a->mirror_point.x,
+        (double)a->mirror_point.y,
+        DEGREES * atan2((double)a->mirror_along.y, (double)a->mirror_along.x), (int)a->vertices,
+        (int)a->division);
 }
 
 cairn_status symmetry_write(const symmetry_found *f, const char *path, cairn_file_error *error)
@@ -226,11 +237,12 @@ cairn_status symmetry_write(const symmetry_found *f, const char *path, cairn_fil
         return status;
     cairn_output_print(output, "{\"shape\": ");
     cairn_report_print_json(output, cairn_path_name(f->path));
-    cairn_output_print(output,
-                       ", \"mode\": \"%s\", \"parts\": %d, \"holes\": %d,\n \"verdict\": \"%s\", \"ties\": %d, "
-                       "\"rotations\": %d,\n \"axes\": [",
-                       symmetry_mode_name(f->mode), (int)f->parts, (int)f->holes,
-                       symmetry_verdict_name(f->result.verdict), (int)f->result.ties, (int)f->result.rotations);
+    cairn_output_print(
+        output,
+        ", \"mode\": \"%s\", \"parts\": %d, \"holes\": %d,\n \"verdict\": \"%s\", \"ties\": %d, "
+        "\"rotations\": %d,\n \"axes\": [",
+        symmetry_mode_name(f->mode), (int)f->parts, (int)f->holes,
+        symmetry_verdict_name(f->result.verdict), (int)f->result.ties, (int)f->result.rotations);
     for (int32_t i = 0; i < f->result.count; i++) {
         cairn_output_print(output, "%s\n", i > 0 ? "," : "");
         write_axis(output, &f->axes[i]);

@@ -28,7 +28,8 @@ option_result tool_read_options(const option_set *set, int argc, char **argv, co
 
     if (result != OPTIONS_READ || (count > 0 && *folder != NULL))
         return result;
-    (void)options_refuse(set->program, "%s, expected LOG -o DIR", count == 0 ? "no log" : "no folder to write to (-o)");
+    (void)options_refuse(set->program, "%s, expected LOG -o DIR",
+                         count == 0 ? "no log" : "no folder to write to (-o)");
     return OPTIONS_BAD;
 }
 
@@ -40,7 +41,8 @@ int tool_report(const cairn_file_error *error)
 
 int tool_report_scan(const char *path, int64_t line, cairn_status status, const cairn_fault *fault)
 {
-    const char *what = fault != NULL && fault->what != NULL ? fault->what : cairn_status_text(status);
+    const char *what =
+        fault != NULL && fault->what != NULL ? fault->what : cairn_status_text(status);
 
     fprintf(stderr, "%s:%" PRId64 ": the scan cannot be used: %s\n", path, line, what);
     return tool_exit_code(status);
@@ -143,7 +145,8 @@ int tool_pool_open(cairn_pool *pool, const char *program, const char *asked, siz
     cairn_status status;
 
     if (asked != NULL && !tool_read_bytes(asked, &bytes))
-        return options_refuse(program, "--pool is '%s', expected a number of bytes such as 65536, 64K or 2M", asked);
+        return options_refuse(
+            program, "--pool is '%s', expected a number of bytes such as 65536, 64K or 2M", asked);
     bytes = bytes / CAIRN_ALIGN * CAIRN_ALIGN;
     if (bytes < need)
         return options_refuse(program, "--pool is '%s', expected at least %zu bytes", asked, need);

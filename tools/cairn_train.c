@@ -27,20 +27,25 @@ static option_result read_settings(settings *s, int argc, char **argv)
 {
     const option table[] = {
         OPTION_TEXT("--boxes", &s->boxes, "FILE",
-                    "the class's objects (CSV: image,left,top,right,bottom; px), images by their names without folder"),
-        OPTION_TEXT("-o", &s->output, "FILE", "what was learnt, a text file for cairn detect --appearance"),
-        OPTION_INTEGER("--words", &s->words, 2, CAIRN_APPEARANCE_WORDS_MOST, "N", "of the dictionary"),
-        OPTION_INTEGER("--negatives", &s->negatives, 1, 100, "N", "windows beside the objects, for each box"),
+                    "the class's objects (CSV: image,left,top,right,bottom; px), images by their "
+                    "names without folder"),
+        OPTION_TEXT("-o", &s->output, "FILE",
+                    "what was learnt, a text file for cairn detect --appearance"),
+        OPTION_INTEGER("--words", &s->words, 2, CAIRN_APPEARANCE_WORDS_MOST, "N",
+                       "of the dictionary"),
+        OPTION_INTEGER("--negatives", &s->negatives, 1, 100, "N",
+                       "windows beside the objects, for each box"),
         OPTION_INTEGER("--max-side", &s->side, 16, CAIRN_APPEARANCE_SIDE_MOST, "PX",
                        "larger images are halved until they fit, as cairn detect does"),
         OPTION_NUMBER("--cost", &s->cost, 1e-6, 1e6, "C", "of a window on the wrong side"),
         OPTION_SEED("--seed", &s->seed, "of the dictionary and of the windows"),
         OPTION_FLAG("--quiet", &s->quiet, "no progress, no summary"),
     };
-    const option_set set = {PROGRAM, "IMAGE... --boxes FILE -o MODEL [options]",
-                            "Learns what a class of objects looks like: a dictionary of patches and a support vector\n"
-                            "machine. An image without a box shows what the class is not.",
-                            table, sizeof table / sizeof *table};
+    const option_set set = {
+        PROGRAM, "IMAGE... --boxes FILE -o MODEL [options]",
+        "Learns what a class of objects looks like: a dictionary of patches and a support vector\n"
+        "machine. An image without a box shows what the class is not.",
+        table, sizeof table / sizeof *table};
     option_result result;
 
     s->count = IMAGES_MOST;
@@ -56,7 +61,8 @@ static option_result read_settings(settings *s, int argc, char **argv)
     return OPTIONS_READ;
 }
 
-/* Every box must be of an image, or it would be missed in silence: the first in the file that is of none. Rows are sorted. */
+/* Every box must be of an image, or it would be missed in silence: the first in the file that is
+ * of none. Rows are sorted. */
 static int check_rows(const settings *s, const cairn_box_row *row, int32_t count)
 {
     uint8_t *is_known = calloc((size_t)count + 1, sizeof *is_known);
@@ -77,14 +83,15 @@ static int check_rows(const settings *s, const cairn_box_row *row, int32_t count
     free(is_known);
     if (unknown == NULL)
         return TOOL_OK;
-    fprintf(stderr, "%s:%lld: a box in '%s', expected one of the images given\n", s->boxes, (long long)unknown->line,
-            unknown->image);
+    fprintf(stderr, "%s:%lld: a box in '%s', expected one of the images given\n", s->boxes,
+            (long long)unknown->line, unknown->image);
     return TOOL_BAD;
 }
 
 /* The image may be halved, and its boxes with it. */
-static cairn_status add_image(const settings *s, cairn_appearance_trainer *trainer, const char *path,
-                              const cairn_box_row *row, int32_t count, cairn_file_error *error)
+static cairn_status add_image(const settings *s, cairn_appearance_trainer *trainer,
+                              const char *path, const cairn_box_row *row, int32_t count,
+                              cairn_file_error *error)
 {
     int32_t own, first = cairn_box_table_find(row, count, cairn_path_name(path), &own);
     double *boxes = malloc(((size_t)own + 1) * 4 * sizeof *boxes);
@@ -99,7 +106,8 @@ static cairn_status add_image(const settings *s, cairn_appearance_trainer *train
 
         for (int32_t i = 0; i < 4 * own; i++)
             boxes[i] = row[first + i / 4].box[i % 4] / shrink;
-        status = cairn_appearance_trainer_add(trainer, grey.samples, grey.width, grey.height, boxes, own, path, error);
+        status = cairn_appearance_trainer_add(trainer, grey.samples, grey.width, grey.height, boxes,
+                                              own, path, error);
         cairn_vision_free(&grey);
     }
     free(boxes);
@@ -126,7 +134,8 @@ static int run(const settings *s, const cairn_box_row *row, int32_t count)
     cairn_appearance_model model = {0};
     cairn_file_error error;
     cairn_status status =
-        trainer != NULL ? CAIRN_OK : cairn_file_error_set(&error, CAIRN_NO_MEMORY, s->output, 0, "no memory");
+        trainer != NULL ? CAIRN_OK
+                        : cairn_file_error_set(&error, CAIRN_NO_MEMORY, s->output, 0, "no memory");
 
     params.words = (int32_t)s->words;
     params.negatives = (int32_t)s->negatives;
@@ -143,8 +152,9 @@ static int run(const settings *s, const cairn_box_row *row, int32_t count)
     if (status == CAIRN_OK)
         status = cairn_appearance_write(&model, s->output, &error);
     if (status == CAIRN_OK && !s->quiet)
-        printf("%zu image%s, %d box%s: %d words, %d support vectors\n", s->count, s->count == 1 ? "" : "s", (int)count,
-               count == 1 ? "" : "es", (int)model.word_count, (int)model.support_count);
+        printf("%zu image%s, %d box%s: %d words, %d support vectors\n", s->count,
+               s->count == 1 ? "" : "s", (int)count, count == 1 ? "" : "es", (int)model.word_count,
+               (int)model.support_count);
     cairn_appearance_free(&model);
     return status == CAIRN_OK ? TOOL_OK : tool_report(&error);
 }

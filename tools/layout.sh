@@ -4,7 +4,7 @@
 #   sh tools/layout.sh > tests/layout.h       after a change of an open struct
 #   sh tools/layout.sh | diff tests/layout.h -
 #
-# Open structs are found as `typedef struct cairn_name {` ... `} cairn_name;`, one declaration a line.
+# Open structs are found as `typedef struct cairn_name {` ... `} cairn_name;`, at most one declaration a line.
 set -e
 export LC_ALL=C
 cc=${CC:-cc}
@@ -38,6 +38,10 @@ line ~ /^typedef struct cairn_[a-z0-9_]+ *\{/ {
     next
 }
 name != "" && line ~ /^}/ { name = ""; next }
+name != "" { # a declaration ends with its semicolon
+    line = held " " line
+    held = line ~ /;/ ? "" : line
+}
 name != "" && line ~ /;/ {
     if (line ~ /[{}]/) { print "tools/layout.sh: nested struct in " name > "/dev/stderr"; exit 1 }
     if (match(line, /\( *\*[a-z0-9_]+ *\)/)) { # a pointer to a function
@@ -72,7 +76,8 @@ $cc -std=c11 -Iinclude -DCAIRN_FLOAT "$work/layout.c" -o "$work/float" -lm
 "$work/double" >"$work/double.txt"
 "$work/float" >"$work/float.txt"
 
-echo '/* Sizes and offsets of the open structs in bytes, double and float, on a 64-bit ABI. Made by tools/layout.sh. */'
+echo '/* Sizes and offsets of the open structs in bytes, double and float, on a 64-bit ABI: made by'
+echo ' * tools/layout.sh. */'
 echo '/* clang-format off */'
 for header in include/cairn/*.h; do
     echo "#include \"cairn/${header##*/}\""

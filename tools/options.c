@@ -9,7 +9,8 @@
 #include "cairn/number_text.h"
 #include "cairn/version.h"
 
-/* The default in brackets, from the value as it stands; nothing for 0 and NaN, whose meaning the help text says. */
+/* The default in brackets, from the value as it stands; nothing for 0 and NaN, whose meaning the
+ * help text says. */
 static void print_default(const option *o)
 {
     const double *pair = o->value;
@@ -45,7 +46,8 @@ void options_help(const option_set *set)
         const option *o = &set->table[i];
         char left[64];
 
-        snprintf(left, sizeof left, "%s%s%s", o->name, o->placeholder[0] != '\0' ? " " : "", o->placeholder);
+        snprintf(left, sizeof left, "%s%s%s", o->name, o->placeholder[0] != '\0' ? " " : "",
+                 o->placeholder);
         printf("  %-22s %s", left, o->help);
         print_default(o);
         putchar('\n');
@@ -72,7 +74,8 @@ int options_refuse(const char *program, const char *format, ...)
     return 2;
 }
 
-static option_result bad(const option_set *set, const char *what, const char *word, const char *expected)
+static option_result bad(const option_set *set, const char *what, const char *word,
+                         const char *expected)
 {
     (void)options_refuse(set->program, "%s '%s', expected %s", what, word, expected);
     return OPTIONS_BAD;
@@ -121,12 +124,14 @@ static int store(const option *o, const char *text)
 
     switch (o->kind) {
     case OPTION_IS_INTEGER:
-        if (!cairn_number_read_integer(text, strlen(text), &integer) || !in_range(o, (double)integer))
+        if (!cairn_number_read_integer(text, strlen(text), &integer) ||
+            !in_range(o, (double)integer))
             return 0;
         *(int64_t *)o->value = integer;
         return 1;
     case OPTION_IS_COUNT:
-        if (!cairn_number_read_integer(text, strlen(text), &integer) || !in_range(o, (double)integer))
+        if (!cairn_number_read_integer(text, strlen(text), &integer) ||
+            !in_range(o, (double)integer))
             return 0;
         *(int32_t *)o->value = (int32_t)integer;
         return 1;
@@ -140,7 +145,8 @@ static int store(const option *o, const char *text)
     case OPTION_IS_PAIR:
         middle = strcspn(text, ",x");
         if (text[middle] == '\0' || !cairn_number_read(text, middle, &a) ||
-            !cairn_number_read(text + middle + 1, strlen(text + middle + 1), &b) || !in_range(o, a) || !in_range(o, b))
+            !cairn_number_read(text + middle + 1, strlen(text + middle + 1), &b) ||
+            !in_range(o, a) || !in_range(o, b))
             return 0;
         ((double *)o->value)[0] = a;
         ((double *)o->value)[1] = b;
@@ -156,9 +162,12 @@ static int store(const option *o, const char *text)
 static void describe(const option *o, char *text, size_t size)
 {
     static const char *const names[] = {
-        [OPTION_IS_FLAG] = "nothing",         [OPTION_IS_INTEGER] = "a whole number",
-        [OPTION_IS_COUNT] = "a whole number", [OPTION_IS_SEED] = "a whole number from 0 to 18446744073709551615",
-        [OPTION_IS_NUMBER] = "a number",      [OPTION_IS_PAIR] = "two numbers A,B",
+        [OPTION_IS_FLAG] = "nothing",
+        [OPTION_IS_INTEGER] = "a whole number",
+        [OPTION_IS_COUNT] = "a whole number",
+        [OPTION_IS_SEED] = "a whole number from 0 to 18446744073709551615",
+        [OPTION_IS_NUMBER] = "a number",
+        [OPTION_IS_PAIR] = "two numbers A,B",
         [OPTION_IS_TEXT] = "a word",
     };
     const char *what = names[o->kind];
@@ -198,7 +207,8 @@ static option_result read_option(const option_set *set, int argc, char **argv, i
     return OPTIONS_READ;
 }
 
-option_result options_read(const option_set *set, int argc, char **argv, const char **words, size_t *word_count)
+option_result options_read(const option_set *set, int argc, char **argv, const char **words,
+                           size_t *word_count)
 {
     size_t capacity = *word_count;
     int only_words = 0;

@@ -7,8 +7,9 @@
  *       OPTION_FLAG("--quiet", &quiet, "no progress, no summary"),
  *   };
  *
- * An option takes its value from the next word or after "=". "--" ends the options. Numbers are read without the locale;
- * what is not a number, or out of range, is refused with a line that says what was expected. */
+ * An option takes its value from the next word or after "=". "--" ends the options. Numbers are
+ * read without the locale; what is not a number, or out of range, is refused with a line that
+ * says what was expected. */
 #ifndef CAIRN_TOOLS_OPTIONS_H
 #define CAIRN_TOOLS_OPTIONS_H
 
@@ -37,33 +38,33 @@ typedef struct option {
     int32_t *given;          /* set to 1 when the option was given; NULL: nobody asks */
 } option;
 
-#define OPTION_FLAG(name, value, help)                                                                                 \
-    {                                                                                                                  \
-        name, OPTION_IS_FLAG, value, 0, 0, "", help, NULL                                                              \
+#define OPTION_FLAG(name, value, help)                                                             \
+    {                                                                                              \
+        name, OPTION_IS_FLAG, value, 0, 0, "", help, NULL                                          \
     }
-#define OPTION_INTEGER(name, value, least, most, placeholder, help)                                                    \
-    {                                                                                                                  \
-        name, OPTION_IS_INTEGER, value, least, most, placeholder, help, NULL                                           \
+#define OPTION_INTEGER(name, value, least, most, placeholder, help)                                \
+    {                                                                                              \
+        name, OPTION_IS_INTEGER, value, least, most, placeholder, help, NULL                       \
     }
-#define OPTION_COUNT(name, value, least, most, placeholder, help)                                                      \
-    {                                                                                                                  \
-        name, OPTION_IS_COUNT, value, least, most, placeholder, help, NULL                                             \
+#define OPTION_COUNT(name, value, least, most, placeholder, help)                                  \
+    {                                                                                              \
+        name, OPTION_IS_COUNT, value, least, most, placeholder, help, NULL                         \
     }
-#define OPTION_SEED(name, value, help)                                                                                 \
-    {                                                                                                                  \
-        name, OPTION_IS_SEED, value, 0, 0, "N", help, NULL                                                             \
+#define OPTION_SEED(name, value, help)                                                             \
+    {                                                                                              \
+        name, OPTION_IS_SEED, value, 0, 0, "N", help, NULL                                         \
     }
-#define OPTION_NUMBER(name, value, least, most, placeholder, help)                                                     \
-    {                                                                                                                  \
-        name, OPTION_IS_NUMBER, value, least, most, placeholder, help, NULL                                            \
+#define OPTION_NUMBER(name, value, least, most, placeholder, help)                                 \
+    {                                                                                              \
+        name, OPTION_IS_NUMBER, value, least, most, placeholder, help, NULL                        \
     }
-#define OPTION_PAIR(name, value, least, most, placeholder, help)                                                       \
-    {                                                                                                                  \
-        name, OPTION_IS_PAIR, value, least, most, placeholder, help, NULL                                              \
+#define OPTION_PAIR(name, value, least, most, placeholder, help)                                   \
+    {                                                                                              \
+        name, OPTION_IS_PAIR, value, least, most, placeholder, help, NULL                          \
     }
-#define OPTION_TEXT(name, value, placeholder, help)                                                                    \
-    {                                                                                                                  \
-        name, OPTION_IS_TEXT, value, 0, 0, placeholder, help, NULL                                                     \
+#define OPTION_TEXT(name, value, placeholder, help)                                                \
+    {                                                                                              \
+        name, OPTION_IS_TEXT, value, 0, 0, placeholder, help, NULL                                 \
     }
 
 /* What a tool is, for its help and its errors. */
@@ -88,8 +89,9 @@ void options_help(const option_set *set);
 /* "program: ..." on standard error; returns 2, the exit code of a refused command line. */
 int options_refuse(const char *program, const char *format, ...) CAIRN_FORMAT(2, 3);
 
-/* Reads argv[1 ... argc-1]. Words that are no options are collected, in order, in words[0 ... *word_count-1]; *word_count
- * is their capacity before; one more is refused. */
-option_result options_read(const option_set *set, int argc, char **argv, const char **words, size_t *word_count);
+/* Reads argv[1 ... argc-1]. Words that are no options are collected, in order, in words[0 ...
+ * *word_count-1]; *word_count is their capacity before; one more is refused. */
+option_result options_read(const option_set *set, int argc, char **argv, const char **words,
+                           size_t *word_count);
 
 #endif

@@ -1,14 +1,17 @@
-/* What objects take of a pool, as a formula of their capacities: rows for docs/memory-and-time.md, written by tools/footprint.sh.
+/* What objects take of a pool, as a formula of their capacities: rows for docs/memory-and-time.md,
+ * written by tools/footprint.sh.
  *
- * A formula is fitted to _memory() with all its capacities at 1024 and one of them at 2048; capacities that it does not name
- * are the default. Where memory grows in powers of two (hash grids) or with pairs, it holds between these. */
+ * A formula is fitted to _memory() with all its capacities at 1024 and one of them at 2048;
+ * capacities that it does not name are the default. Where memory grows in powers of two (hash
+ * grids) or with pairs, it holds between these. */
 #include <stdio.h>
 
 #include "tools/pool_objects.h"
 
 enum { FIRST = 1024, SECOND = 2048 };
 
-/* Bytes with all capacities of the formula at FIRST, but for `other`, which has SECOND; -1: none. */
+/* Bytes with all capacities of the formula at FIRST, but for `other`, which has SECOND; -1:
+ * none. */
 static double bytes_with(const pool_object *o, int other)
 {
     int32_t values[POOL_CAPACITIES];
@@ -18,7 +21,8 @@ static double bytes_with(const pool_object *o, int other)
         values[k] = k == other ? SECOND : FIRST;
     bytes = pool_object_bytes(o, values, o->linear);
     if (bytes == 0)
-        fprintf(stderr, "pool_formulas: %s refuses capacities of %d and %d\n", o->name, FIRST, SECOND);
+        fprintf(stderr, "pool_formulas: %s refuses capacities of %d and %d\n", o->name, FIRST,
+                SECOND);
     return (double)bytes;
 }
 

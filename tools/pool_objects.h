@@ -1,4 +1,5 @@
-/* What takes memory of a pool, and the capacities that say how much: for tools/pool_formulas.c and tests/test_memory.c. */
+/* What takes memory of a pool, and the capacities that say how much: for tools/pool_formulas.c
+ * and tests/test_memory.c. */
 #ifndef CAIRN_TOOLS_POOL_OBJECTS_H
 #define CAIRN_TOOLS_POOL_OBJECTS_H
 

@@ -1,12 +1,15 @@
-/* csm_scan: laser scans as the Canonical Scan Matcher (CSM) keeps them, one JSON object after another, plain or gzipped:
+/* csm_scan: laser scans as the Canonical Scan Matcher (CSM) keeps them, one JSON object after
+ * another, plain or gzipped:
  *
- *   {"nrays": 3, "min_theta": -1.57, "max_theta": 1.57, "theta": [-1.57, 0, 1.57], "readings": [2.5, null, 3.1],
- *    "valid": [1, 0, 1], "odometry": [0, 0, 0], "estimate": [0, 0, 0], "true_pose": [null, null, null],
- *    "timestamp": [1147713122, 541201]}
+ *   {"nrays": 3, "min_theta": -1.57, "max_theta": 1.57, "theta": [-1.57, 0, 1.57], "readings":
+ *   [2.5, null, 3.1],
+ *    "valid": [1, 0, 1], "odometry": [0, 0, 0], "estimate": [0, 0, 0], "true_pose": [null, null,
+ *    null], "timestamp": [1147713122, 541201]}
  *
- * Ranges are in m, angles in rad, a timestamp is s and us, or s with decimals. Needed are nrays, readings, and theta or both
- * of min_theta and max_theta, between which the beams are then spread evenly. A reading that is null, 0 or negative, or
- * whose `valid` is 0, null or false, says nothing; one from params.range_max on says that nothing came back. A pose with a null is
+ * Ranges are in m, angles in rad, a timestamp is s and us, or s with decimals. Needed are nrays,
+ * readings, and theta or both of min_theta and max_theta, between which the beams are then
+ * spread evenly. A reading that is null, 0 or negative, or whose `valid` is 0, null or false,
+ * says nothing; one from params.range_max on says that nothing came back. A pose with a null is
  * not known. Fields of other names are passed over; one that stands twice is refused. */
 #ifndef CAIRN_CSM_SCAN_H
 #define CAIRN_CSM_SCAN_H
@@ -42,11 +45,12 @@ typedef struct cairn_csm_scans {
     int32_t rays_most; /* of one scan */
 } cairn_csm_scans;
 
-/* Reads a whole file. CAIRN_BAD_FORMAT, CAIRN_TRUNCATED: not as said above, the error names file and line; CAIRN_EMPTY: no
- * scan in it; CAIRN_UNSUPPORTED, CAIRN_IO, CAIRN_FULL (more rays, or nested deeper, than can be), CAIRN_NO_MEMORY;
- * CAIRN_BAD_ARGUMENT: params. params NULL: the default. On failure there is nothing to free. */
-CAIRN_CHECKED cairn_status cairn_csm_load(cairn_csm_scans *scans, const char *path, const cairn_csm_params *params,
-                                          cairn_file_error *error);
+/* Reads a whole file. CAIRN_BAD_FORMAT, CAIRN_TRUNCATED: not as said above, the error names file
+ * and line; CAIRN_EMPTY: no scan in it; CAIRN_UNSUPPORTED, CAIRN_IO, CAIRN_FULL (more rays, or
+ * nested deeper, than can be), CAIRN_NO_MEMORY; CAIRN_BAD_ARGUMENT: params. params NULL: the
+ * default. On failure there is nothing to free. */
+CAIRN_CHECKED cairn_status cairn_csm_load(cairn_csm_scans *scans, const char *path,
+                                          const cairn_csm_params *params, cairn_file_error *error);
 
 void cairn_csm_scans_free(cairn_csm_scans *scans);
 

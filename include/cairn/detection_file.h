@@ -1,4 +1,5 @@
-/* detection_file: detections in an image as SVG over it, and as JSON. docs/formats.md says what is in it. */
+/* detection_file: detections in an image as SVG over it, and as JSON. docs/formats.md says what
+ * is in it. */
 #ifndef CAIRN_DETECTION_FILE_H
 #define CAIRN_DETECTION_FILE_H
 
@@ -18,15 +19,17 @@ typedef struct cairn_detection_picture {
 } cairn_detection_picture;
 
 /* The box of a detection in pixels of the image: left, top, right, bottom. */
-void cairn_detection_box(const cairn_detection_picture *picture, const cairn_detection *detection, double box[4]);
+void cairn_detection_box(const cairn_detection_picture *picture, const cairn_detection *detection,
+                         double box[4]);
 
-/* SVG: the image, boxes with scores, segments, the bent outlines, dashed where nothing is seen. CAIRN_IO, CAIRN_NO_MEMORY. */
-CAIRN_CHECKED cairn_status cairn_detection_file_draw(const cairn_detection_picture *picture, const char *path,
-                                                     cairn_file_error *error);
+/* SVG: the image, boxes with scores, segments, the bent outlines, dashed where nothing is seen.
+ * CAIRN_IO, CAIRN_NO_MEMORY. */
+CAIRN_CHECKED cairn_status cairn_detection_file_draw(const cairn_detection_picture *picture,
+                                                     const char *path, cairn_file_error *error);
 
 /* JSON, in pixels of the image. CAIRN_IO, CAIRN_NO_MEMORY. */
-CAIRN_CHECKED cairn_status cairn_detection_file_write(const cairn_detection_picture *picture, const char *path,
-                                                      cairn_file_error *error);
+CAIRN_CHECKED cairn_status cairn_detection_file_write(const cairn_detection_picture *picture,
+                                                      const char *path, cairn_file_error *error);
 
 #ifdef __cplusplus
 }

@@ -1,7 +1,7 @@
 /* geometry: vectors, poses in SE(2), segments, boxes and polygons in the plane.
  *
- * Metres and radians, counter-clockwise. A pose that maps b into a is called a_b (map_scan maps scan points into the
- * map). Small values are passed by value. */
+ * Metres and radians, counter-clockwise. A pose that maps b into a is called a_b (map_scan maps
+ * scan points into the map). Small values are passed by value. */
 #ifndef CAIRN_GEOMETRY_H
 #define CAIRN_GEOMETRY_H
 
@@ -34,8 +34,8 @@ typedef struct cairn_box {
     cairn_vec2 min, max;
 } cairn_box;
 
-/* A point of a curve with the unit direction of the curve there. On scans the direction runs counter-clockwise as the
- * sensor sees it, so that the free side is on the left. */
+/* A point of a curve with the unit direction of the curve there. On scans the direction runs
+ * counter-clockwise as the sensor sees it, so that the free side is on the left. */
 typedef struct cairn_oriented_point {
     cairn_vec2 position;
     cairn_vec2 direction;
@@ -132,7 +132,8 @@ cairn_vec2 cairn_pose_point(cairn_pose a_b, cairn_vec2 b_point);
 /* 1 when x, y and theta are finite. */
 int32_t cairn_pose_is_finite(cairn_pose pose);
 
-/* A motion of constant twist: (velocity, turn) is the logarithm of the pose in SE(2) to which it leads. */
+/* A motion of constant twist: (velocity, turn) is the logarithm of the pose in SE(2) to which it
+ * leads. */
 typedef struct cairn_twist {
     cairn_vec2 velocity; /* m, over the whole motion, in the moving frame */
     cairn_real turn;     /* rad, in [-pi, pi) */
@@ -141,29 +142,32 @@ typedef struct cairn_twist {
 /* The twist that leads to a pose, by half a turn at most. */
 cairn_twist cairn_twist_of(cairn_pose motion);
 
-/* Where it has led at a fraction of the motion: exp(fraction * twist). A fraction above 1 goes on. */
+/* Where it has led at a fraction of the motion: exp(fraction * twist). A fraction above 1 goes
+ * on. */
 cairn_pose cairn_twist_at(cairn_twist twist, cairn_real fraction);
 
-/* The motion that brings `from` onto `to` and turns by the angle of (dot, cross). With the centroids of pairs of points, and the
- * sums of the dot and cross products of their offsets from these, the motion of least squares of the pairs, in closed form. */
+/* The motion that brings `from` onto `to` and turns by the angle of (dot, cross). With the
+ * centroids of pairs of points, and the sums of the dot and cross products of their offsets from
+ * these, the motion of least squares of the pairs, in closed form. */
 cairn_pose cairn_pose_about(cairn_vec2 from, cairn_vec2 to, cairn_real dot, cairn_real cross);
 
-/* The motion of least squares that brings from[i] onto to[i] for all i below count with use[i] (NULL: all); a heading
- * counts as a point `ahead` m ahead of the pose's origin, > 0. Identity when there is none. Cost: linear. */
-cairn_pose cairn_pose_fit(const cairn_pose *from, const cairn_pose *to, const int32_t *use, int32_t count,
-                          cairn_real ahead);
+/* The motion of least squares that brings from[i] onto to[i] for all i below count with use[i]
+ * (NULL: all); a heading counts as a point `ahead` m ahead of the pose's origin, > 0. Identity
+ * when there is none. Cost: linear. */
+cairn_pose cairn_pose_fit(const cairn_pose *from, const cairn_pose *to, const int32_t *use,
+                          int32_t count, cairn_real ahead);
 
 cairn_real cairn_segment_length(cairn_segment segment);
 
-/* The point of the segment nearest to p. *parameter, when not NULL, is its place from a (0) to b (1). A segment without
- * length is its point a. */
+/* The point of the segment nearest to p. *parameter, when not NULL, is its place from a (0) to b
+ * (1). A segment without length is its point a. */
 cairn_vec2 cairn_segment_nearest(cairn_segment segment, cairn_vec2 p, cairn_real *parameter);
 
 /* Distance from p to the segment, in m. */
 cairn_real cairn_segment_distance(cairn_segment segment, cairn_vec2 p);
 
-/* 1 and *point set when the lines through two segments meet; 0 when they are parallel (their sine is below 1e-6) or
- * one of them has no length. */
+/* 1 and *point set when the lines through two segments meet; 0 when they are parallel (their
+ * sine is below 1e-6) or one of them has no length. */
 int32_t cairn_line_intersection(cairn_segment first, cairn_segment second, cairn_vec2 *point);
 
 /* 1 when the closed segments share a point. */
@@ -177,8 +181,8 @@ int32_t cairn_box_overlap(cairn_box a, cairn_box b);
 /* Signed area, positive when the vertices run counter-clockwise. vertices: [count]. */
 cairn_real cairn_polygon_area(const cairn_vec2 *vertices, int32_t count);
 
-/* 1 when p is inside by the even-odd rule. Points on the border are inside or outside, but in exactly one of two polygons
- * that share that border. vertices: [count]. */
+/* 1 when p is inside by the even-odd rule. Points on the border are inside or outside, but in
+ * exactly one of two polygons that share that border. vertices: [count]. */
 int32_t cairn_polygon_contains(const cairn_vec2 *vertices, int32_t count, cairn_vec2 p);
 
 #ifdef __cplusplus

@@ -1,7 +1,8 @@
 /* part_bundle: the parts of an outline, and which of them stand for the same piece of it.
  *
- * Discrete curve evolution leaves the vertices that matter; the arcs between them are the outline's fragments, longer ones overlapping
- * shorter ones. A bundle holds fragments that compete: of each bundle at most one is in an image (Adluru 2008, section 5.2.1). */
+ * Discrete curve evolution leaves the vertices that matter; the arcs between them are the
+ * outline's fragments, longer ones overlapping shorter ones. A bundle holds fragments that
+ * compete: of each bundle at most one is in an image (Adluru 2008, section 5.2.1). */
 #ifndef CAIRN_PART_BUNDLE_H
 #define CAIRN_PART_BUNDLE_H
 
@@ -18,23 +19,34 @@ extern "C" {
 #define CAIRN_PART_FRAGMENTS 96
 
 typedef struct cairn_part_fragment {
-    int32_t from, to;  /* vertices of the outline as it was given: from one to the other, on in their order */
-    int32_t bundle;    /* 0 ... bundles - 1 */
-    uint32_t pieces;   /* bit i: it runs over piece i, from vertex i of the model to the next */
-    int32_t first;     /* samples[first ... first + samples_each - 1] */
-    cairn_real length; /* in the unit of the outline */
+    /* vertices of the outline as it was given: from one to the other, on in their order */
+    int32_t from, to;
+    /* 0 ... bundles - 1 */
+    int32_t bundle;
+    /* bit i: it runs over piece i, from vertex i of the model to the next */
+    uint32_t pieces;
+    /* samples[first ... first + samples_each - 1] */
+    int32_t first;
+    /* in the unit of the outline */
+    cairn_real length;
 } cairn_part_fragment;
 
 /* A model, open: valid until the builder's next begin(). */
 typedef struct cairn_part_model {
-    /* [fragment_count] by their first vertex, then by length; those by hand in the order of the cuts. */
+    /* [fragment_count] by their first vertex, then by length; those by hand in the order of the
+     * cuts. */
     const cairn_part_fragment *fragments;
-    const cairn_oriented_point *samples; /* even ones of each fragment, with the outline's direction */
-    const int32_t *vertices;             /* [vertex_count] of the outline, in its order: where pieces begin */
-    const cairn_real *piece_length;      /* [vertex_count] in the unit of the outline */
+    /* even ones of each fragment, with the outline's direction */
+    const cairn_oriented_point *samples;
+    /* [vertex_count] of the outline, in its order: where pieces begin */
+    const int32_t *vertices;
+    /* [vertex_count] in the unit of the outline */
+    const cairn_real *piece_length;
     int32_t fragment_count, samples_each, vertex_count, bundles;
-    cairn_real length;   /* of the outline */
-    cairn_vec2 centroid; /* of the outline, by length */
+    /* of the outline */
+    cairn_real length;
+    /* of the outline, by length */
+    cairn_vec2 centroid;
 } cairn_part_model;
 
 typedef struct cairn_part_bundle_params {
@@ -59,21 +71,29 @@ CAIRN_CHECKED cairn_status cairn_part_bundle_create(cairn_part_builder **builder
 
 /* A fragment by hand. */
 typedef struct cairn_part_cut {
-    int32_t from, to; /* vertices of the outline, not the same */
-    int32_t bundle;   /* 0 ... CAIRN_PART_BUNDLES - 1: there are none without a fragment below the last */
+    /* vertices of the outline, not the same */
+    int32_t from, to;
+    /* 0 ... CAIRN_PART_BUNDLES - 1: there are none without a fragment below the last */
+    int32_t bundle;
 } cairn_part_cut;
 
-/* Starts on a closed outline, copied. cuts: [cut_count] fragments by hand, whose ends are the model's vertices; NULL: by rule: the arcs of
- * one to `longest` consecutive pieces, in the bundle in whose share of the outline their middle lies; shares are counted from the
- * model's first vertex. What ran before is dropped. CAIRN_BAD_ARGUMENT: NULL, fewer than 3 points; cuts that are not as said above, or no
- * cut. CAIRN_FULL: more points than the params say, more than CAIRN_PART_FRAGMENTS cuts or CAIRN_PART_PIECES vertices of them.
- * CAIRN_NOT_FINITE: a coordinate that is not finite, or beyond 1e9. CAIRN_EMPTY: an outline or a cut without length. Cost: linear in points, times cuts. */
-CAIRN_CHECKED cairn_status cairn_part_bundle_begin(cairn_part_builder *builder, const cairn_vec2 *points, int32_t count,
+/* Starts on a closed outline, copied. cuts: [cut_count] fragments by hand, whose ends are the
+ * model's vertices; NULL: by rule: the arcs of one to `longest` consecutive pieces, in the
+ * bundle in whose share of the outline their middle lies; shares are counted from the model's
+ * first vertex. What ran before is dropped. CAIRN_BAD_ARGUMENT: NULL, fewer than 3 points; cuts
+ * that are not as said above, or no cut. CAIRN_FULL: more points than the params say, more than
+ * CAIRN_PART_FRAGMENTS cuts or CAIRN_PART_PIECES vertices of them. CAIRN_NOT_FINITE: a
+ * coordinate that is not finite, or beyond 1e9. CAIRN_EMPTY: an outline or a cut without length.
+ * Cost: linear in points, times cuts. */
+CAIRN_CHECKED cairn_status cairn_part_bundle_begin(cairn_part_builder *builder,
+                                                   const cairn_vec2 *points, int32_t count,
                                                    const cairn_part_cut *cuts, int32_t cut_count);
 
-/* Goes on. CAIRN_MORE: the budget is used up. CAIRN_OK: the model stands, or nothing was begun. By rule the units of
- * curve_evolution, and one for four of the points and three times the vertices; for each fragment one for four points and samples. */
-CAIRN_CHECKED cairn_status cairn_part_bundle_step(cairn_part_builder *builder, cairn_budget *budget);
+/* Goes on. CAIRN_MORE: the budget is used up. CAIRN_OK: the model stands, or nothing was begun.
+ * By rule the units of curve_evolution, and one for four of the points and three times the
+ * vertices; for each fragment one for four points and samples. */
+CAIRN_CHECKED cairn_status cairn_part_bundle_step(cairn_part_builder *builder,
+                                                  cairn_budget *budget);
 
 /* All zero until step() returns CAIRN_OK. */
 cairn_part_model cairn_part_bundle_read(const cairn_part_builder *builder);

@@ -1,7 +1,7 @@
 /* random: seeded random numbers, the same on every machine.
  *
- * PCG32 (O'Neill 2014, XSH-RR 64/32). Draw one number per full expression: the order in which arguments are evaluated is
- * free in C. */
+ * PCG32 (O'Neill 2014, XSH-RR 64/32). Draw one number per full expression: the order in which
+ * arguments are evaluated is free in C. */
 #ifndef CAIRN_RANDOM_H
 #define CAIRN_RANDOM_H
 

@@ -1,21 +1,22 @@
 /* real: the number type and the few elementary functions that cairn computes itself.
  *
- * cairn_real is double, or float when CAIRN_FLOAT is defined (for the library and for all that includes its headers; the
- * pkg-config file of libcairn-float does so). sin, cos, atan2, exp, log and erfc are cairn's own in both builds, because
- * they are the functions in which math libraries differ: built by any conforming compiler they give the same bits. The
- * others are the correctly rounded ones of libc math.
+ * cairn_real is double, or float when CAIRN_FLOAT is defined (for the library and for all that
+ * includes its headers; the pkg-config file of libcairn-float does so). sin, cos, atan2, exp, log
+ * and erfc are cairn's own in both builds, because they are the functions in which math libraries
+ * differ: built by any conforming compiler they give the same bits. The others are the correctly
+ * rounded ones of libc math.
  *
- * Errors, in units in the last place against the exact value, as tests/test_real.c measures them against libc math:
+ * Errors, in units in the last place against the exact value, as tests/test_real.c measures them
+ * against libc math:
  *
  *              double   float   range
- *   sin, cos     3        2     |x| <= 1e5 (double), 1e3 (float); beyond it the argument is first reduced by fmod
- *   atan2        2        2     all
- *   exp          2        2     all
- *   log          2        2     all positive
- *   erfc         5        5     all
+ *   sin, cos     3        2     |x| <= 1e5 (double), 1e3 (float); beyond it the argument is first
+ *   reduced by fmod atan2        2        2     all exp          2        2     all log          2
+ *   2     all positive erfc         5        5     all
  *
- * Results below the least normal number are 0 (exp below -708.39 and -87.33, erfc above 26.54 and 9.19): there arithmetic
- * in software and math libraries differ. A NaN gives a NaN; sin and cos of an infinity are NaN. */
+ * Results below the least normal number are 0 (exp below -708.39 and -87.33, erfc above 26.54
+ * and 9.19): there arithmetic in software and math libraries differ. A NaN gives a NaN; sin and
+ * cos of an infinity are NaN. */
 #ifndef CAIRN_REAL_H
 #define CAIRN_REAL_H
 
@@ -51,7 +52,8 @@ cairn_real cairn_exp(cairn_real x);
 cairn_real cairn_log(cairn_real x);
 cairn_real cairn_erfc(cairn_real x);
 
-/* Toward zero, clamped to the range of int32_t; NaN gives 0. The only way in cairn from a real to an integer. */
+/* Toward zero, clamped to the range of int32_t; NaN gives 0. The only way in cairn from a real
+ * to an integer. */
 static inline int32_t cairn_real_to_int(cairn_real x)
 {
     if (!(x > CAIRN_REAL(-2147483648.0)))

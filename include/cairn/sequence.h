@@ -1,7 +1,9 @@
-/* sequence: longest common subsequence, local alignment (Smith and Waterman), dynamic time warping: one core.
+/* sequence: longest common subsequence, local alignment (Smith and Waterman), dynamic time warping:
+ * one core.
  *
- * All three look for the best path through the table of two sequences. The core needs memory linear in the sequences and
- * still gives the path (Hirschberg 1975), with a stack of its own, in steps. */
+ * All three look for the best path through the table of two sequences. The core needs memory
+ * linear in the sequences and still gives the path (Hirschberg 1975), with a stack of its own,
+ * in steps. */
 #ifndef CAIRN_SEQUENCE_H
 #define CAIRN_SEQUENCE_H
 
@@ -16,13 +18,17 @@ typedef struct cairn_sequence cairn_sequence;
 
 typedef int32_t cairn_sequence_kind;
 enum {
-    CAIRN_SEQUENCE_COMMON = 0, /* longest common subsequence: as many pairs that are alike as can be, in order */
-    CAIRN_SEQUENCE_LOCAL = 1,  /* Smith and Waterman 1981: the best pieces of both, pairs by score, gaps cost */
-    CAIRN_SEQUENCE_WARP = 2    /* dynamic time warping: every element paired at least once, least sum of distances */
+    /* longest common subsequence: as many pairs that are alike as can be, in order */
+    CAIRN_SEQUENCE_COMMON = 0,
+    /* Smith and Waterman 1981: the best pieces of both, pairs by score, gaps cost */
+    CAIRN_SEQUENCE_LOCAL = 1,
+    /* dynamic time warping: every element paired at least once, least sum of distances */
+    CAIRN_SEQUENCE_WARP = 2
 };
 
-/* Compares first[i] with second[j]: COMMON: > 0 when they are alike; LOCAL: the score of the pair, of either sign; WARP: their
- * distance, >= 0. Must be finite, below 1e9 in size, and always the same. */
+/* Compares first[i] with second[j]: COMMON: > 0 when they are alike; LOCAL: the score of the
+ * pair, of either sign; WARP: their distance, >= 0. Must be finite, below 1e9 in size, and
+ * always the same. */
 typedef cairn_real (*cairn_sequence_compare)(const void *context, int32_t i, int32_t j);
 
 typedef struct cairn_sequence_params {
@@ -40,9 +46,11 @@ typedef struct cairn_sequence_pair {
 } cairn_sequence_pair;
 
 typedef struct cairn_sequence_result {
-    const cairn_sequence_pair *pairs; /* [count], in order; valid until the next begin() */
+    /* [count], in order; valid until the next begin() */
+    const cairn_sequence_pair *pairs;
     int32_t count;
-    cairn_real score; /* COMMON: the number of pairs; LOCAL: scores less gaps; WARP: the sum of distances */
+    /* COMMON: the number of pairs; LOCAL: scores less gaps; WARP: the sum of distances */
+    cairn_real score;
 } cairn_sequence_result;
 
 /* 0 for params that create() would refuse. */
@@ -52,13 +60,16 @@ size_t cairn_sequence_memory(const cairn_sequence_params *params);
 CAIRN_CHECKED cairn_status cairn_sequence_create(cairn_sequence **sequence, cairn_pool *pool,
                                                  const cairn_sequence_params *params);
 
-/* Starts; what ran before is dropped. `context` must stay until step() returns CAIRN_OK. CAIRN_BAD_ARGUMENT: NULL (context may
- * be NULL), a negative count. CAIRN_FULL: more elements than the params say. Constant time. */
-CAIRN_CHECKED cairn_status cairn_sequence_begin(cairn_sequence *sequence, int32_t first_count, int32_t second_count,
-                                                cairn_sequence_compare compare, const void *context);
+/* Starts; what ran before is dropped. `context` must stay until step() returns CAIRN_OK.
+ * CAIRN_BAD_ARGUMENT: NULL (context may be NULL), a negative count. CAIRN_FULL: more elements
+ * than the params say. Constant time. */
+CAIRN_CHECKED cairn_status cairn_sequence_begin(cairn_sequence *sequence, int32_t first_count,
+                                                int32_t second_count,
+                                                cairn_sequence_compare compare,
+                                                const void *context);
 
-/* CAIRN_OK: the result stands. CAIRN_MORE: go on. CAIRN_BAD_ARGUMENT: NULL. One unit is one comparison: about twice as many as
- * there are cells in the table, three times for LOCAL. */
+/* CAIRN_OK: the result stands. CAIRN_MORE: go on. CAIRN_BAD_ARGUMENT: NULL. One unit is one
+ * comparison: about twice as many as there are cells in the table, three times for LOCAL. */
 CAIRN_CHECKED cairn_status cairn_sequence_step(cairn_sequence *sequence, cairn_budget *budget);
 
 /* Empty until step() returns CAIRN_OK. Of equally good paths always the same one is given. */

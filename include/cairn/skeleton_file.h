@@ -1,5 +1,5 @@
-/* skeleton_file: axes and contours that skeleton_grouping has found, and contours between regions (boundary), as JSON and as pictures
- * over the image. */
+/* skeleton_file: axes and contours that skeleton_grouping has found, and contours between
+ * regions (boundary), as JSON and as pictures over the image. */
 #ifndef CAIRN_SKELETON_FILE_H
 #define CAIRN_SKELETON_FILE_H
 
@@ -23,17 +23,20 @@ typedef struct cairn_skeleton_picture {
 } cairn_skeleton_picture;
 
 /* As JSON; docs/formats.md says its keys. CAIRN_IO, CAIRN_NO_MEMORY. */
-CAIRN_CHECKED cairn_status cairn_skeleton_file_write(const cairn_skeleton_picture *picture, const char *path,
-                                                     cairn_file_error *error);
+CAIRN_CHECKED cairn_status cairn_skeleton_file_write(const cairn_skeleton_picture *picture,
+                                                     const char *path, cairn_file_error *error);
 
-/* Over the image (SVG): contours between regions green; contours of parts blue, dashed where none was seen; axes red. CAIRN_IO, CAIRN_NO_MEMORY. */
-CAIRN_CHECKED cairn_status cairn_skeleton_file_draw(const cairn_skeleton_picture *picture, const char *path,
-                                                    cairn_file_error *error);
+/* Over the image (SVG): contours between regions green; contours of parts blue, dashed where
+ * none was seen; axes red. CAIRN_IO, CAIRN_NO_MEMORY. */
+CAIRN_CHECKED cairn_status cairn_skeleton_file_draw(const cairn_skeleton_picture *picture,
+                                                    const char *path, cairn_file_error *error);
 
-/* Centre points as dots, the larger their radius the redder, and the mirror symmetric lines through them in cyan, over the image (SVG; Adluru
- * 2008, fig. 3.3). The skeleton is the one that has found picture->result. CAIRN_IO, CAIRN_NO_MEMORY. */
+/* Centre points as dots, the larger their radius the redder, and the mirror symmetric lines
+ * through them in cyan, over the image (SVG; Adluru 2008, fig. 3.3). The skeleton is the one
+ * that has found picture->result. CAIRN_IO, CAIRN_NO_MEMORY. */
 CAIRN_CHECKED cairn_status cairn_skeleton_file_draw_lines(const cairn_skeleton_picture *picture,
-                                                          const cairn_skeleton *skeleton, const char *path,
+                                                          const cairn_skeleton *skeleton,
+                                                          const char *path,
                                                           cairn_file_error *error);
 
 #ifdef __cplusplus

@@ -18,8 +18,9 @@ typedef struct cairn_sym3 {
     cairn_real xx, xy, xz, yy, yz, zz;
 } cairn_sym3;
 
-/* Eigenvalues in ascending order with unit eigenvectors: *minor belongs to values[0], *major to values[1]. Every
- * symmetric matrix has them; of a multiple of the identity the axes are returned. */
+/* Eigenvalues in ascending order with unit eigenvectors: *minor belongs to values[0], *major to
+ * values[1]. Every symmetric matrix has them; of a multiple of the identity the axes are
+ * returned. */
 void cairn_sym2_eigen(cairn_sym2 m, cairn_real values[2], cairn_vec2 *minor, cairn_vec2 *major);
 
 /* Solves m x = b by LDL^T. 0 and *x unchanged when m is not positive definite to rounding. */
@@ -28,7 +29,8 @@ int32_t cairn_sym3_solve(cairn_sym3 m, const cairn_real b[3], cairn_real x[3]);
 /* Inverse of a positive definite m; 0 and *inverse unchanged when it is not. */
 int32_t cairn_sym3_inverse(cairn_sym3 m, cairn_sym3 *inverse);
 
-/* Eigenvalues in ascending order, vectors[i] the unit eigenvector of values[i]; Jacobi rotations, at most 12 sweeps. */
+/* Eigenvalues in ascending order, vectors[i] the unit eigenvector of values[i]; Jacobi
+ * rotations, at most 12 sweeps. */
 void cairn_sym3_eigen(cairn_sym3 m, cairn_real values[3], cairn_real vectors[3][3]);
 
 static inline cairn_sym3 cairn_sym3_zero(void)

@@ -16,7 +16,8 @@ extern "C" {
 /* Version of the library that is linked, as 10000 * major + 100 * minor + patch. */
 int32_t cairn_version(void);
 
-/* The same as text, "major.minor.patch", followed by " float" in the float build. Constant storage. */
+/* The same as text, "major.minor.patch", followed by " float" in the float build. Constant
+ * storage. */
 const char *cairn_version_text(void);
 
 #ifdef __cplusplus

@@ -1,12 +1,15 @@
 /* Boundaries of regions: the room itself.
  *
- * Phases: colours; for each map and scale its windows and its change (boundary_measure.c); strengths; basins and their borders
- * (boundary_region.c); cuts (boundary_spectral.c); joints, each way anew (boundary_joint.c); contours and their ranks (boundary_contour.c).
+ * Phases: colours; for each map and scale its windows and its change (boundary_measure.c);
+ * strengths; basins and their borders (boundary_region.c); cuts (boundary_spectral.c); joints, each
+ * way anew (boundary_joint.c); contours and their ranks (boundary_contour.c).
  *
- * Layout: pictures of reals for the colours, a map and its average, and the tensors; labels and queues; borders and regions; vectors.
+ * Layout: pictures of reals for the colours, a map and its average, and the tensors; labels and
+ * queues; borders and regions; vectors.
  *
- * Limits: strengths above 8 are told apart no more when basins are made. Contours run along pixels' sides, not between them: the place of
- * an edge is known to half a pixel at best, of a soft one to about the half width of the windows; edgel is exact there. */
+ * Limits: strengths above 8 are told apart no more when basins are made. Contours run along
+ * pixels' sides, not between them: the place of an edge is known to half a pixel at best, of a
+ * soft one to about the half width of the windows; edgel is exact there. */
 #include "src/core/build.h"
 
 #include <string.h>
@@ -14,8 +17,9 @@
 #include "src/contour/boundary_work.h"
 
 enum { MAX_SIDE = 8192, MAX_REGIONS = 1 << 22, MAX_POINTS = 1 << 28, MAX_HALF = 32 };
-/* Regions of a plane have at most so many borders, and as many stretches of these from junction to junction: with the image's border every
- * junction has three, so of V junctions, E stretches and C pieces 3 V <= 2 E, and Euler's V - E + regions = C leaves E <= 3 regions. */
+/* Regions of a plane have at most so many borders, and as many stretches of these from junction
+ * to junction: with the image's border every junction has three, so of V junctions, E stretches
+ * and C pieces 3 V <= 2 E, and Euler's V - E + regions = C leaves E <= 3 regions. */
 enum { BORDERS_EACH = 3 };
 
 cairn_boundary_params cairn_boundary_default(void)
@@ -44,9 +48,10 @@ static int within(int32_t value, int32_t most)
 static int params_are_valid(const cairn_boundary_params *p)
 {
     return p != NULL && within(p->max_width, MAX_SIDE) && within(p->max_height, MAX_SIDE) &&
-           within(p->max_regions, MAX_REGIONS) && within(p->max_points, MAX_POINTS) && within(p->fine, MAX_HALF) &&
-           within(p->coarse, MAX_HALF) && p->distribution >= 0 && cairn_is_finite(p->distribution) && p->global >= 0 &&
-           cairn_is_finite(p->global) && p->small >= 0 && p->small <= 1 && p->contrast >= 0 && p->contrast <= 1 &&
+           within(p->max_regions, MAX_REGIONS) && within(p->max_points, MAX_POINTS) &&
+           within(p->fine, MAX_HALF) && within(p->coarse, MAX_HALF) && p->distribution >= 0 &&
+           cairn_is_finite(p->distribution) && p->global >= 0 && cairn_is_finite(p->global) &&
+           p->small >= 0 && p->small <= 1 && p->contrast >= 0 && p->contrast <= 1 &&
            p->min_strength >= 0 && cairn_is_finite(p->min_strength);
 }
 
@@ -116,10 +121,12 @@ static cairn_real light_of(int32_t sample)
 
     return s <= CAIRN_REAL(0.04045)
                ? s / CAIRN_REAL(12.92)
-               : cairn_exp(CAIRN_REAL(2.4) * cairn_log((s + CAIRN_REAL(0.055)) / CAIRN_REAL(1.055)));
+               : cairn_exp(CAIRN_REAL(2.4) *
+                           cairn_log((s + CAIRN_REAL(0.055)) / CAIRN_REAL(1.055)));
 }
 
-cairn_status cairn_boundary_create(cairn_boundary **boundary, cairn_pool *pool, const cairn_boundary_params *params)
+cairn_status cairn_boundary_create(cairn_boundary **boundary, cairn_pool *pool,
+                                   const cairn_boundary_params *params)
 {
     size_t need = cairn_boundary_memory(params);
 
@@ -143,8 +150,8 @@ static int image_is_valid(const cairn_boundary_image *image)
         (image->channels != 1 && image->channels != 3 && image->channels != 4))
         return 0;
     stride = image->stride;
-    return image->height == 1 ||
-           (stride >= (ptrdiff_t)image->width * image->channels && stride <= PTRDIFF_MAX / image->height);
+    return image->height == 1 || (stride >= (ptrdiff_t)image->width * image->channels &&
+                                  stride <= PTRDIFF_MAX / image->height);
 }
 
 cairn_status cairn_boundary_begin(cairn_boundary *b, const cairn_boundary_image *image)

@@ -1,8 +1,9 @@
 /* Contours: walks along the sides of pixels that part regions, ranked.
  *
- * Method: from each corner where other than two such sides meet (a junction, or an end at the image's border) walks go along each side
- * that was not walked yet, to the next such corner; what is left after that are closed contours. A contour takes the level of its
- * border, and the mean of the stronger pixels beside it. */
+ * Method: from each corner where other than two such sides meet (a junction, or an end at the
+ * image's border) walks go along each side that was not walked yet, to the next such corner;
+ * what is left after that are closed contours. A contour takes the level of its border, and the
+ * mean of the stronger pixels beside it. */
 #include "src/core/build.h"
 
 #include "src/contour/boundary_work.h"
@@ -108,7 +109,8 @@ static cairn_status begin_walk(cairn_boundary *b)
 
     CAIRN_ASSERT(b->contour_count < b->max_borders);
     side_ahead(b, &s);
-    none.level = b->borders[cairn_boundary_border_of(b, b->label[s.pixel], b->label[s.other])].level;
+    none.level =
+        b->borders[cairn_boundary_border_of(b, b->label[s.pixel], b->label[s.other])].level;
     b->found[b->contour_count] = none;
     b->walk_sum = 0;
     b->walking = 1;
@@ -184,7 +186,8 @@ cairn_status cairn_boundary_trace_side(cairn_boundary *b)
 /* Of two equal contours the one found first. */
 static int ahead(const cairn_boundary *b, int32_t p, int32_t q)
 {
-    return b->found[p].strength > b->found[q].strength || (p < q && b->found[p].strength >= b->found[q].strength);
+    return b->found[p].strength > b->found[q].strength ||
+           (p < q && b->found[p].strength >= b->found[q].strength);
 }
 
 static void rise(const cairn_boundary *b, int32_t contour)

@@ -1,18 +1,23 @@
 /* Regions join until all is one: at which level each border goes.
  *
- * Method: the borders of the regions are kept in a heap by their strength times the share that the smaller region has of the image, to a
- * power; the weakest joins its regions, and where both bordered on a third these borders become one. What a border had to be raised to is
- * its level. Which power is right differs from image to image, and whether the colours of the regions that are being joined should count: so
- * all is joined in five ways, each anew, and then once more by the geometric mean of the levels, whose contours are closed at every level.
+ * Method: the borders of the regions are kept in a heap by their strength times the share that the
+ * smaller region has of the image, to a power; the weakest joins its regions, and where both
+ * bordered on a third these borders become one. What a border had to be raised to is its level.
+ * Which power is right differs from image to image, and whether the colours of the regions that are
+ * being joined should count: so all is joined in five ways, each anew, and then once more by the
+ * geometric mean of the levels, whose contours are closed at every level.
  *
- * Layout: a border is in the lists of both its regions; those of the larger region are marked at their other regions.
+ * Layout: a border is in the lists of both its regions; those of the larger region are marked at
+ * their other regions.
  *
- * Source: Arbelaez, Maire, Fowlkes and Malik 2011, section 4; the mean of several ways is this project's. */
+ * Source: Arbelaez, Maire, Fowlkes and Malik 2011, section 4; the mean of several ways is this
+ * project's. */
 #include "src/core/build.h"
 
 #include "src/contour/boundary_work.h"
 
-/* Half-borders that are passed over for a unit, and what it costs more when histograms are compared. */
+/* Half-borders that are passed over for a unit, and what it costs more when histograms are
+ * compared. */
 enum { HALVES_A_UNIT = 2, HISTOGRAM_UNITS = 8 };
 /* A level below it counts as it. */
 #define LEAST_LEVEL CAIRN_REAL(1e-9)
@@ -28,7 +33,8 @@ static const struct {
 
 static int before(const cairn_boundary *b, int32_t p, int32_t q)
 {
-    return b->borders[p].key < b->borders[q].key || (p < q && b->borders[p].key <= b->borders[q].key);
+    return b->borders[p].key < b->borders[q].key ||
+           (p < q && b->borders[p].key <= b->borders[q].key);
 }
 
 static void put(const cairn_boundary *b, int32_t at, int32_t border)
@@ -87,7 +93,8 @@ static cairn_real contrast_of(const cairn_boundary *b)
 /* The square of the Hellinger distance of two regions' colours, the mean of the channels. */
 static cairn_real apart2(const cairn_boundary *b, int32_t p, int32_t q)
 {
-    const cairn_real *u = b->bins + (ptrdiff_t)p * BOUNDARY_BINS, *v = b->bins + (ptrdiff_t)q * BOUNDARY_BINS;
+    const cairn_real *u = b->bins + (ptrdiff_t)p * BOUNDARY_BINS,
+                     *v = b->bins + (ptrdiff_t)q * BOUNDARY_BINS;
     int32_t count = b->channels > 1 ? BOUNDARY_BINS : BOUNDARY_L_BINS;
     cairn_real sum = 0;
 
@@ -105,7 +112,9 @@ static cairn_real key_of(const cairn_boundary *b, const boundary_border *border)
     if (contrast > 0 && mean > 0) {
         cairn_real apart = apart2(b, border->region[0], border->region[1]);
 
-        mean = apart > 0 ? cairn_exp((1 - contrast) * cairn_log(mean) + contrast / 2 * cairn_log(apart)) : 0;
+        mean = apart > 0
+                   ? cairn_exp((1 - contrast) * cairn_log(mean) + contrast / 2 * cairn_log(apart))
+                   : 0;
     }
     return mean * cairn_min(p->share, q->share);
 }
@@ -177,7 +186,8 @@ static void feed(cairn_boundary *b)
 /* Marks at the regions about this one by which border, or wipes the marks. */
 static void mark_about(const cairn_boundary *b, int32_t region, int wipe)
 {
-    for (int32_t half = b->regions[region].first; half >= 0; half = b->borders[half / 2].next[half % 2])
+    for (int32_t half = b->regions[region].first; half >= 0;
+         half = b->borders[half / 2].next[half % 2])
         b->regions[b->borders[half / 2].region[1 - half % 2]].mark = wipe ? -1 : half / 2;
 }
 
@@ -220,9 +230,11 @@ static void join(cairn_boundary *b)
     mark_about(b, stays, 1);
     b->regions[stays].size += b->regions[goes].size;
     for (int32_t k = 0; k < BOUNDARY_BINS && contrast_of(b) > 0; k++)
-        b->bins[(ptrdiff_t)stays * BOUNDARY_BINS + k] += b->bins[(ptrdiff_t)goes * BOUNDARY_BINS + k];
+        b->bins[(ptrdiff_t)stays * BOUNDARY_BINS + k] +=
+            b->bins[(ptrdiff_t)goes * BOUNDARY_BINS + k];
     b->regions[stays].share = share_of(b, stays);
-    for (int32_t half = b->regions[stays].first; half >= 0; half = b->borders[half / 2].next[half % 2]) {
+    for (int32_t half = b->regions[stays].first; half >= 0;
+         half = b->borders[half / 2].next[half % 2]) {
         b->borders[half / 2].key = key_of(b, &b->borders[half / 2]);
         settle(b, half / 2);
     }
@@ -251,7 +263,8 @@ static void clear_region(const cairn_boundary *b, int32_t region)
     r->count = 0;
     r->size = r->pixels;
     for (int32_t k = 0; k < BOUNDARY_BINS && contrast_of(b) > 0; k++)
-        b->bins[(ptrdiff_t)region * BOUNDARY_BINS + k] = b->first_bins[(ptrdiff_t)region * BOUNDARY_BINS + k];
+        b->bins[(ptrdiff_t)region * BOUNDARY_BINS + k] =
+            b->first_bins[(ptrdiff_t)region * BOUNDARY_BINS + k];
 }
 
 static void clear_border(const cairn_boundary *b, int32_t border)
@@ -289,7 +302,8 @@ static int32_t root_of(const cairn_boundary *b, int32_t border)
 int cairn_boundary_tell_next(cairn_boundary *b)
 {
     if (b->fed < b->border_count) {
-        b->borders[b->fed].logs += cairn_log(cairn_max(b->borders[root_of(b, b->fed)].level, LEAST_LEVEL));
+        b->borders[b->fed].logs +=
+            cairn_log(cairn_max(b->borders[root_of(b, b->fed)].level, LEAST_LEVEL));
         b->fed++;
         return 1;
     }

@@ -1,8 +1,10 @@
 /* How much an image changes at each pixel.
  *
- * Method: samples become L, a, b (D65). Of each channel come maps, its values and the bins of its histogram, to which a value belongs
- * in part when it lies between two; a map is averaged by a window passed over it thrice (nearly a Gaussian of the deviation half the
- * width + 1/2), the root is taken of a histogram's bin, and its slope, times that deviation, adds to the tensor of the pixel.
+ * Method: samples become L, a, b (D65). Of each channel come maps, its values and the bins of its
+ * histogram, to which a value belongs in part when it lies between two; a map is averaged by a
+ * window passed over it thrice (nearly a Gaussian of the deviation half the width + 1/2), the root
+ * is taken of a histogram's bin, and its slope, times that deviation, adds to the tensor of the
+ * pixel.
  *
  * Source: Martin, Fowlkes and Malik 2004, section 3; the tensor: Di Zenzo 1986. */
 #include "src/core/build.h"
@@ -54,7 +56,8 @@ static map_name name_of(const cairn_boundary *b)
 /* The cube root, and below it the line that touches it. */
 static cairn_real lightness(cairn_real t)
 {
-    return t > CAIRN_REAL(216.0) / 24389 ? cairn_exp(cairn_log(t) / 3) : (CAIRN_REAL(24389.0) / 27 * t + 16) / 116;
+    return t > CAIRN_REAL(216.0) / 24389 ? cairn_exp(cairn_log(t) / 3)
+                                         : (CAIRN_REAL(24389.0) / 27 * t + 16) / 116;
 }
 
 static void colour_row(const cairn_boundary *b)
@@ -71,10 +74,13 @@ static void colour_row(const cairn_boundary *b)
         }
         green = b->linear[sample[1]];
         red = b->linear[sample[2]];
-        fx = lightness((CAIRN_REAL(0.412453) * red + CAIRN_REAL(0.357580) * green + CAIRN_REAL(0.180423) * blue) /
+        fx = lightness((CAIRN_REAL(0.412453) * red + CAIRN_REAL(0.357580) * green +
+                        CAIRN_REAL(0.180423) * blue) /
                        CAIRN_REAL(0.950456));
-        fy = lightness(CAIRN_REAL(0.212671) * red + CAIRN_REAL(0.715160) * green + CAIRN_REAL(0.072169) * blue);
-        fz = lightness((CAIRN_REAL(0.019334) * red + CAIRN_REAL(0.119193) * green + CAIRN_REAL(0.950227) * blue) /
+        fy = lightness(CAIRN_REAL(0.212671) * red + CAIRN_REAL(0.715160) * green +
+                       CAIRN_REAL(0.072169) * blue);
+        fz = lightness((CAIRN_REAL(0.019334) * red + CAIRN_REAL(0.119193) * green +
+                        CAIRN_REAL(0.950227) * blue) /
                        CAIRN_REAL(1.088754));
         b->colour[at] = 116 * fy - 16;
         b->colour[b->pixels + at] = 500 * (fx - fy);
@@ -108,7 +114,8 @@ static void average_row(const cairn_real *from, cairn_real *to, int32_t width, i
 /* How far a value belongs to a bin. */
 static cairn_real belongs(const map_name *name, cairn_real value)
 {
-    cairn_real most = name->channel == 0 ? 100 : BOUNDARY_AB_MOST, least = name->channel == 0 ? 0 : -BOUNDARY_AB_MOST;
+    cairn_real most = name->channel == 0 ? 100 : BOUNDARY_AB_MOST,
+               least = name->channel == 0 ? 0 : -BOUNDARY_AB_MOST;
     cairn_real last = (cairn_real)((name->channel == 0 ? L_BINS : AB_BINS) - 1);
     cairn_real at = (cairn_max(least, cairn_min(most, value)) - least) / (most - least) * last;
 
@@ -122,7 +129,8 @@ static void fill_row(cairn_boundary *b)
     int32_t width = b->image.width, some = 0;
     cairn_real *line[2] = {b->line, b->line + b->params.max_width};
     cairn_real *to = b->one + (ptrdiff_t)b->row * width;
-    const cairn_real *from = b->colour + ((ptrdiff_t)name.channel * b->pixels + (ptrdiff_t)b->row * width);
+    const cairn_real *from =
+        b->colour + ((ptrdiff_t)name.channel * b->pixels + (ptrdiff_t)b->row * width);
 
     for (int32_t x = 0; x < width; x++) {
         line[0][x] = name.bin < 0 ? from[x] / MEAN_UNIT : belongs(&name, from[x]);
@@ -177,7 +185,8 @@ static void change_row(const cairn_boundary *b)
     map_name name = name_of(b);
     int32_t width = b->image.width, last = b->image.height - 1;
     const cairn_real *row = b->other + (ptrdiff_t)b->row * width;
-    const cairn_real *above = b->row > 0 ? row - width : row, *below = b->row < last ? row + width : row;
+    const cairn_real *above = b->row > 0 ? row - width : row,
+                     *below = b->row < last ? row + width : row;
     boundary_change *change = b->change + (ptrdiff_t)b->row * width;
     cairn_real deviation = (cairn_real)name.half + CAIRN_REAL(0.5);
     cairn_real weight = (name.bin < 0 ? 1 : b->params.distribution) * deviation * deviation / 4;
@@ -187,7 +196,8 @@ static void change_row(const cairn_boundary *b)
         b->line[x] = value_of(&name, row[x]);
     for (int32_t x = 0; x < width; x++) {
         cairn_real u = b->line[x + 1 < width ? x + 1 : x] - b->line[x > 0 ? x - 1 : x];
-        cairn_real v = below[x] == above[x] ? 0 : value_of(&name, below[x]) - value_of(&name, above[x]);
+        cairn_real v =
+            below[x] == above[x] ? 0 : value_of(&name, below[x]) - value_of(&name, above[x]);
 
         change[x].xx += weight * u * u;
         change[x].xy += weight * u * v;
@@ -202,7 +212,8 @@ static void strength_row(const cairn_boundary *b)
         const boundary_change *c = &b->change[at];
         cairn_real apart = c->xx - c->yy;
 
-        b->one[at] = cairn_sqrt((c->xx + c->yy + cairn_sqrt(apart * apart + 4 * c->xy * c->xy)) / 2);
+        b->one[at] =
+            cairn_sqrt((c->xx + c->yy + cairn_sqrt(apart * apart + 4 * c->xy * c->xy)) / 2);
     }
 }
 

@@ -1,7 +1,8 @@
 /* Regions: basins of the strengths, their borders and colours.
  *
- * Method: pixels are taken in the order of their strengths, in steps of 1/512; one that no basin has reached is the bottom of a new one,
- * and basins grow over what borders on them, first come first served (Meyer 1991). A table of pairs of regions finds borders. */
+ * Method: pixels are taken in the order of their strengths, in steps of 1/512; one that no basin
+ * has reached is the bottom of a new one, and basins grow over what borders on them, first come
+ * first served (Meyer 1991). A table of pairs of regions finds borders. */
 #include "src/core/build.h"
 
 #include "src/contour/boundary_work.h"
@@ -53,7 +54,8 @@ static void spread(cairn_boundary *b, int32_t pixel)
 {
     int32_t x = pixel % b->image.width, y = pixel / b->image.width;
     int32_t near[4] = {x > 0 ? pixel - 1 : -1, x + 1 < b->image.width ? pixel + 1 : -1,
-                       y > 0 ? pixel - b->image.width : -1, y + 1 < b->image.height ? pixel + b->image.width : -1};
+                       y > 0 ? pixel - b->image.width : -1,
+                       y + 1 < b->image.height ? pixel + b->image.width : -1};
 
     for (int32_t k = 0; k < 4; k++)
         if (near[k] >= 0 && b->label[near[k]] < 0) {
@@ -100,7 +102,8 @@ static int32_t place_of(const cairn_boundary *b, int32_t p, int32_t q)
     uint32_t mask = (uint32_t)b->table_size - 1;
     uint32_t at = ((uint32_t)p * UINT32_C(2654435761) ^ (uint32_t)q * UINT32_C(2246822519)) & mask;
 
-    while (b->table[at] >= 0 && (b->borders[b->table[at]].first[0] != p || b->borders[b->table[at]].first[1] != q))
+    while (b->table[at] >= 0 &&
+           (b->borders[b->table[at]].first[0] != p || b->borders[b->table[at]].first[1] != q))
         at = (at + 1) & mask;
     return (int32_t)at;
 }
@@ -127,7 +130,8 @@ static void add_side(cairn_boundary *b, int32_t pixel, int32_t other)
     border->sides++;
 }
 
-/* A pixel's colour becomes its region's: of each channel it is shared by the two bins that it lies between. */
+/* A pixel's colour becomes its region's: of each channel it is shared by the two bins that it
+ * lies between. */
 static void add_colour(const cairn_boundary *b, int32_t pixel)
 {
     cairn_real *bins = b->first_bins + (ptrdiff_t)b->label[pixel] * BOUNDARY_BINS;
@@ -135,7 +139,9 @@ static void add_colour(const cairn_boundary *b, int32_t pixel)
     for (int32_t c = 0; c < b->channels; c++) {
         int32_t count = c == 0 ? BOUNDARY_L_BINS : BOUNDARY_AB_BINS, low;
         cairn_real most = c == 0 ? 100 : BOUNDARY_AB_MOST, least = c == 0 ? 0 : -BOUNDARY_AB_MOST;
-        cairn_real value = cairn_max(least, cairn_min(most, b->colour[(ptrdiff_t)c * b->pixels + pixel])), at;
+        cairn_real value = cairn_max(least,
+                                     cairn_min(most, b->colour[(ptrdiff_t)c * b->pixels + pixel])),
+                   at;
 
         at = (value - least) / (most - least) * (cairn_real)(count - 1);
         low = cairn_real_to_int(at);

@@ -1,14 +1,18 @@
 /* What the whole image says of a border: the cuts that part it best.
  *
- * Method: neighbouring regions belong together by exp(- strength / scale) a side of their border. The eigenvectors of least positive value of
- * the normalised Laplacian of that graph are nearly constant where regions belong together and change where few and weak ties are cut (Shi
- * and Malik 2000). The change of the first ones across a border, each divided by the root of its value, adds to the border's
- * strength: it goes up where a closed outline runs, and not at a strong edge that ends within a region.
+ * Method: neighbouring regions belong together by exp(- strength / scale) a side of their border.
+ * The eigenvectors of least positive value of the normalised Laplacian of that graph are nearly
+ * constant where regions belong together and change where few and weak ties are cut (Shi and Malik
+ * 2000). The change of the first ones across a border, each divided by the root of its value, adds
+ * to the border's strength: it goes up where a closed outline runs, and not at a strong edge that
+ * ends within a region.
  *
- * The vectors come from subspace iteration: each is passed through a Chebyshev polynomial that damps all but the wanted end of the
- * spectrum, then they are made orthonormal and turned to the eigenvectors within their span.
+ * The vectors come from subspace iteration: each is passed through a Chebyshev polynomial that
+ * damps all but the wanted end of the spectrum, then they are made orthonormal and turned to the
+ * eigenvectors within their span.
  *
- * Source: Arbelaez, Maire, Fowlkes and Malik 2011, section 3.2, there with pixels in place of regions. */
+ * Source: Arbelaez, Maire, Fowlkes and Malik 2011, section 3.2, there with pixels in place of
+ * regions. */
 #include "src/core/build.h"
 
 #include "cairn/random.h"
@@ -60,12 +64,14 @@ void cairn_boundary_ties_begin(cairn_boundary *b)
         sum += b->borders[i].own;
     }
     b->mean_strength = sum / (cairn_real)(b->border_count > 0 ? b->border_count : 1);
-    b->block = b->region_count >= 2 * BLOCK && b->params.global > 0 && b->mean_strength > 0 ? BLOCK : 0;
+    b->block =
+        b->region_count >= 2 * BLOCK && b->params.global > 0 && b->mean_strength > 0 ? BLOCK : 0;
     b->turn = b->member = b->degree = 0;
     b->cut = 0;
 }
 
-/* Ties, what they come to at each region, and the vectors to begin with: nothing but noise, the same each time. */
+/* Ties, what they come to at each region, and the vectors to begin with: nothing but noise, the
+ * same each time. */
 static void tie(cairn_boundary *b)
 {
     cairn_random random = cairn_random_seed(1, 1);
@@ -90,15 +96,18 @@ static void tie(cairn_boundary *b)
 
 /* ---- Subspace iteration ---- */
 
-/* One degree of the polynomial, of the vector at hand: T(k + 1) = 2 x T(k) - T(k - 1), where x maps -1 ... cut to -1 ... 1. */
+/* One degree of the polynomial, of the vector at hand: T(k + 1) = 2 x T(k) - T(k - 1), where x
+ * maps -1 ... cut to -1 ... 1. */
 static void damp(cairn_boundary *b)
 {
-    cairn_real *now = vector_at(b, b->member), *before = vector_at(b, BLOCK), *next = vector_at(b, BLOCK + 1);
+    cairn_real *now = vector_at(b, b->member), *before = vector_at(b, BLOCK),
+               *next = vector_at(b, BLOCK + 1);
     cairn_real half = (b->cut + 1) / 2, middle = (b->cut - 1) / 2, twice = b->degree == 0 ? 1 : 2;
 
     multiply(b, now, next);
     for (int32_t i = 0; i < b->region_count; i++) {
-        cairn_real value = twice * (next[i] - middle * now[i]) / half - (b->degree == 0 ? 0 : before[i]);
+        cairn_real value =
+            twice * (next[i] - middle * now[i]) / half - (b->degree == 0 ? 0 : before[i]);
 
         before[i] = now[i];
         now[i] = value;
@@ -134,10 +143,12 @@ static void project(cairn_boundary *b)
         b->small_matrix[b->member][k] = dot(vector_at(b, k), image, b->region_count);
 }
 
-/* One rotation of Jacobi's method that makes element p, q of the small matrix 0; of the vectors, too. */
+/* One rotation of Jacobi's method that makes element p, q of the small matrix 0; of the vectors,
+ * too. */
 static void rotate(cairn_boundary *b, int32_t p, int32_t q)
 {
-    cairn_real(*m)[BLOCK] = b->small_matrix, apart = (m[q][q] - m[p][p]) / 2, off = m[p][q], t, c, s;
+    cairn_real(*m)[BLOCK] = b->small_matrix, apart = (m[q][q] - m[p][p]) / 2, off = m[p][q], t, c,
+    s;
 
     t = off / (cairn_abs(apart) + cairn_sqrt(apart * apart + off * off));
     t = apart < 0 ? -t : t;
@@ -169,7 +180,8 @@ static void solve_small(cairn_boundary *b, int32_t order[BLOCK])
     for (int32_t p = 0; p < BLOCK; p++)
         for (int32_t q = 0; q < BLOCK; q++) {
             b->basis[p][q] = p == q;
-            b->small_matrix[p][q] = p < q ? (b->small_matrix[p][q] + b->small_matrix[q][p]) / 2 : b->small_matrix[p][q];
+            b->small_matrix[p][q] =
+                p < q ? (b->small_matrix[p][q] + b->small_matrix[q][p]) / 2 : b->small_matrix[p][q];
             b->small_matrix[p][q] = p > q ? b->small_matrix[q][p] : b->small_matrix[p][q];
         }
     for (int32_t sweep = 0; sweep < SWEEPS; sweep++)
@@ -180,7 +192,8 @@ static void solve_small(cairn_boundary *b, int32_t order[BLOCK])
     for (int32_t p = 0; p < BLOCK; p++) {
         int32_t at = p;
 
-        for (; at > 0 && b->small_matrix[order[at - 1]][order[at - 1]] < b->small_matrix[p][p]; at--)
+        for (; at > 0 && b->small_matrix[order[at - 1]][order[at - 1]] < b->small_matrix[p][p];
+             at--)
             order[at] = order[at - 1];
         order[at] = p;
     }
@@ -239,7 +252,8 @@ static void add_changes(const cairn_boundary *b)
         for (int32_t i = 0; i < b->border_count; i++) {
             boundary_border *e = &b->borders[i];
 
-            e->key += scale * cairn_abs(b->root[e->first[0]] * v[e->first[0]] - b->root[e->first[1]] * v[e->first[1]]);
+            e->key += scale * cairn_abs(b->root[e->first[0]] * v[e->first[0]] -
+                                        b->root[e->first[1]] * v[e->first[1]]);
         }
     }
     for (int32_t i = 0; i < b->border_count; i++)

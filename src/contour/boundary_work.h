@@ -6,7 +6,11 @@
 
 enum { BOUNDARY_CHANNELS = 3, BOUNDARY_LEVELS = 4096 };
 /* Bins of a region's histograms, of L, a and b: all of them, of L alone, of a and of b. */
-enum { BOUNDARY_L_BINS = 9, BOUNDARY_AB_BINS = 7, BOUNDARY_BINS = BOUNDARY_L_BINS + 2 * BOUNDARY_AB_BINS };
+enum {
+    BOUNDARY_L_BINS = 9,
+    BOUNDARY_AB_BINS = 7,
+    BOUNDARY_BINS = BOUNDARY_L_BINS + 2 * BOUNDARY_AB_BINS
+};
 /* Vectors that are iterated at once. */
 enum { BOUNDARY_BLOCK = 12 };
 #define BOUNDARY_AB_MOST CAIRN_REAL(45.0) /* a and b beyond it fall into the last bins */
@@ -34,19 +38,31 @@ enum {
 typedef int32_t boundary_stage;
 enum { BOUNDARY_TIE, BOUNDARY_DAMP, BOUNDARY_STRAIGHTEN, BOUNDARY_PROJECT, BOUNDARY_TURN };
 
-/* The common border of two regions. Sides 0 and 1 of border e are the half-borders 2 e and 2 e + 1, each in the list of its region. */
+/* The common border of two regions. Sides 0 and 1 of border e are the half-borders 2 e and 2 e +
+ * 1, each in the list of its region. */
 typedef struct boundary_border {
-    int32_t first[2];  /* regions that it parted at first, the smaller number first: what the table knows it by */
-    int32_t region[2]; /* and does now */
-    int32_t next[2], before[2]; /* half-borders of the same region; -1: none */
-    int32_t sides, length;      /* of pixels: at first, and with those that became part of it */
-    int32_t at;                 /* in the heap; -1: no longer */
-    int32_t into;               /* the border that it became part of; itself */
-    cairn_real own;             /* mean strength at first, with what the whole image says of it */
-    cairn_real sum;             /* of strengths along it */
-    cairn_real logs;            /* of its levels, each way of joining */
-    cairn_real key;             /* in the heap */
-    cairn_real level;           /* at which the two became one */
+    /* regions that it parted at first, the smaller number first: what the table knows it by */
+    int32_t first[2];
+    /* and does now */
+    int32_t region[2];
+    /* half-borders of the same region; -1: none */
+    int32_t next[2], before[2];
+    /* of pixels: at first, and with those that became part of it */
+    int32_t sides, length;
+    /* in the heap; -1: no longer */
+    int32_t at;
+    /* the border that it became part of; itself */
+    int32_t into;
+    /* mean strength at first, with what the whole image says of it */
+    cairn_real own;
+    /* of strengths along it */
+    cairn_real sum;
+    /* of its levels, each way of joining */
+    cairn_real logs;
+    /* in the heap */
+    cairn_real key;
+    /* at which the two became one */
+    cairn_real level;
 } boundary_border;
 
 typedef struct boundary_region {
@@ -73,19 +89,30 @@ struct cairn_boundary {
     boundary_change *change; /* [pixels] */
     cairn_real *line;        /* [2][max_width]: a row on its way, sums of columns */
     /* Flooding. */
-    int32_t *label;       /* [pixels], -1: none yet */
-    int32_t *queue;       /* [pixels]: the next one of the same level to go on from */
-    int32_t *same;        /* [pixels]: the next pixel of the same level */
-    uint8_t *walked;      /* [pixels]: upper side 1, left side 2 */
-    int32_t *head, *tail; /* [BOUNDARY_LEVELS]: of queues; tail: of the level's pixels before it is flooded */
-    int32_t *first;       /* [BOUNDARY_LEVELS]: of the level's pixels */
+    /* [pixels], -1: none yet */
+    int32_t *label;
+    /* [pixels]: the next one of the same level to go on from */
+    int32_t *queue;
+    /* [pixels]: the next pixel of the same level */
+    int32_t *same;
+    /* [pixels]: upper side 1, left side 2 */
+    uint8_t *walked;
+    /* [BOUNDARY_LEVELS]: of queues; tail: of the level's pixels before it is flooded */
+    int32_t *head, *tail;
+    /* [BOUNDARY_LEVELS]: of the level's pixels */
+    int32_t *first;
     /* Joining. */
-    boundary_region *regions; /* [max_regions] */
-    boundary_border *borders; /* [max_borders] */
-    int32_t *table;           /* [table_size]: borders by their regions, -1: free */
-    int32_t *heap;            /* [max_borders]: of borders by their keys, then of contours by strength */
+    /* [max_regions] */
+    boundary_region *regions;
+    /* [max_borders] */
+    boundary_border *borders;
+    /* [table_size]: borders by their regions, -1: free */
+    int32_t *table;
+    /* [max_borders]: of borders by their keys, then of contours by strength */
+    int32_t *heap;
     cairn_real *first_bins,
-        *bins; /* [max_regions][BOUNDARY_BINS]: how much of each colour a region has, at first and now */
+        /* [max_regions][BOUNDARY_BINS]: how much of each colour a region has, at first and now */
+        *bins;
     /* Cuts. */
     cairn_real *root;    /* [max_regions]: 1 / the root of what a region's ties come to */
     cairn_real *vectors; /* [BOUNDARY_BLOCK + 2][regions]: and two that are at work */
@@ -100,18 +127,26 @@ struct cairn_boundary {
 
     int32_t max_borders, table_size;
     int32_t pixels, channels;
-    int32_t map, row, pass; /* of the change at hand */
-    int32_t some;           /* the map at hand is not 0 everywhere */
+    /* of the change at hand */
+    int32_t map, row, pass;
+    /* the map at hand is not 0 everywhere */
+    int32_t some;
     int32_t level;
     int32_t region_count, border_count, heap_count;
-    int32_t fed; /* borders that have come to the heap; regions and borders that are cleared or told */
-    int32_t way; /* of joining */
+    /* borders that have come to the heap; regions and borders that are cleared or told */
+    int32_t fed;
+    /* of joining */
+    int32_t way;
     int32_t contour_count, corner_count, ranked_count;
-    int32_t x, y, heading, walking; /* corner of a walk, 0 ... 3: right, down, left, up */
-    int32_t from_x, from_y;         /* corner where walks are looked for */
-    int32_t loops;                  /* 1: only closed contours are left */
+    /* corner of a walk, 0 ... 3: right, down, left, up */
+    int32_t x, y, heading, walking;
+    /* corner where walks are looked for */
+    int32_t from_x, from_y;
+    /* 1: only closed contours are left */
+    int32_t loops;
     cairn_real walk_sum;
-    cairn_real joined; /* the highest key so far */
+    /* the highest key so far */
+    cairn_real joined;
     boundary_phase phase;
     int32_t paid;
 };
@@ -132,13 +167,13 @@ void cairn_boundary_flood_row(cairn_boundary *b, int32_t row);
 /* One pixel. 0: all are labelled. */
 int cairn_boundary_flood_pixel(cairn_boundary *b);
 void cairn_boundary_border_row(cairn_boundary *b);
-/* The strengths of borders before anything is joined, and the cuts of the whole image that add to them: an item, what it costs. 0: it
- * was the last one. */
+/* The strengths of borders before anything is joined, and the cuts of the whole image that add
+ * to them: an item, what it costs. 0: it was the last one. */
 void cairn_boundary_ties_begin(cairn_boundary *b);
 int cairn_boundary_cuts_next(cairn_boundary *b);
 int32_t cairn_boundary_cuts_cost(const cairn_boundary *b);
-/* Regions and borders become what they were before they were joined, and afterwards say at which level they were; one of them.
- * 0: it was the last one. */
+/* Regions and borders become what they were before they were joined, and afterwards say at which
+ * level they were; one of them. 0: it was the last one. */
 int cairn_boundary_clear_next(cairn_boundary *b);
 int cairn_boundary_tell_next(cairn_boundary *b);
 /* 1: borders are joined once more after this way. */

@@ -1,17 +1,21 @@
 /* Contour grouping by contour-skeleton duality.
  *
- * Method: segments are cut into tokens. First sight (contour_grouping_sight.c) finds the places where a walk may begin: at any
- * sample of the model, so that an object with both ends hidden can be found, and of any size within the range. The walk
- * (contour_grouping_walk.c) is a particle filter; its particles are hypotheses about one object or several. In the end
- * (contour_grouping_object.c) every particle's model is laid onto its segments, and the best that share no place are the objects.
+ * Method: segments are cut into tokens. First sight (contour_grouping_sight.c) finds the places
+ * where a walk may begin: at any sample of the model, so that an object with both ends hidden can
+ * be found, and of any size within the range. The walk (contour_grouping_walk.c) is a particle
+ * filter; its particles are hypotheses about one object or several. In the end
+ * (contour_grouping_object.c) every particle's model is laid onto its segments, and the best that
+ * share no place are the objects.
  *
- * Layout: tokens in cells, the map of first sight, starts, the filter with the last two states of each walk, the segments found.
+ * Layout: tokens in cells, the map of first sight, starts, the filter with the last two states of
+ * each walk, the segments found.
  *
- * Limits: objects of one image that lie closer than a third of their size to each other are one. A segment that is symmetric with
- * itself is cut into tokens, and so is none that is shorter than a token.
+ * Limits: objects of one image that lie closer than a third of their size to each other are one. A
+ * segment that is symmetric with itself is cut into tokens, and so is none that is shorter than a
+ * token.
  *
- * Source: Adluru 2008, chapter 2; the similarity in place of the displacement from the start, the search over sizes, and
- * starts within the path are this project's. */
+ * Source: Adluru 2008, chapter 2; the similarity in place of the displacement from the start,
+ * the search over sizes, and starts within the path are this project's. */
 #include "src/core/build.h"
 
 #include <string.h>
@@ -62,16 +66,20 @@ static int is_share(cairn_real x)
 
 static int params_are_valid(const cairn_grouping_params *p)
 {
-    return p != NULL && p->max_width >= 1 && p->max_width <= 8192 && p->max_height >= 1 && p->max_height <= 8192 &&
-           p->max_tokens >= 1 && p->max_tokens <= 1 << 20 && p->max_samples >= 1 && p->max_samples <= 1024 &&
-           p->max_outline >= 1 && p->max_outline <= 4096 && p->particles >= 1 && p->particles <= 4096 &&
-           p->max_objects >= 1 && p->max_objects <= 64 && p->token > 0 && cairn_is_finite(p->token) && p->deform > 0 &&
-           cairn_is_finite(p->deform) && p->turn > 0 && cairn_is_finite(p->turn) && p->symmetry > 0 &&
-           cairn_is_finite(p->symmetry) && is_share(p->missing) && is_share(p->stop) && p->min_score >= 0 &&
-           p->min_score <= 1 && p->min_evidence >= 0 && cairn_is_finite(p->min_evidence) &&
-           (p->mode == CAIRN_MODE_DEFAULT || p->mode == CAIRN_MODE_AS_WRITTEN) && p->max_points >= 1 &&
-           p->max_points <= 1 << 22 && p->max_steps >= 2 && p->max_steps <= 1024 && p->path_sigma > 0 &&
-           cairn_is_finite(p->path_sigma) && p->radius_sigma > 0 && cairn_is_finite(p->radius_sigma);
+    return p != NULL && p->max_width >= 1 && p->max_width <= 8192 && p->max_height >= 1 &&
+           p->max_height <= 8192 && p->max_tokens >= 1 && p->max_tokens <= 1 << 20 &&
+           p->max_samples >= 1 && p->max_samples <= 1024 && p->max_outline >= 1 &&
+           p->max_outline <= 4096 && p->particles >= 1 && p->particles <= 4096 &&
+           p->max_objects >= 1 && p->max_objects <= 64 && p->token > 0 &&
+           cairn_is_finite(p->token) && p->deform > 0 && cairn_is_finite(p->deform) &&
+           p->turn > 0 && cairn_is_finite(p->turn) && p->symmetry > 0 &&
+           cairn_is_finite(p->symmetry) && is_share(p->missing) && is_share(p->stop) &&
+           p->min_score >= 0 && p->min_score <= 1 && p->min_evidence >= 0 &&
+           cairn_is_finite(p->min_evidence) &&
+           (p->mode == CAIRN_MODE_DEFAULT || p->mode == CAIRN_MODE_AS_WRITTEN) &&
+           p->max_points >= 1 && p->max_points <= 1 << 22 && p->max_steps >= 2 &&
+           p->max_steps <= 1024 && p->path_sigma > 0 && cairn_is_finite(p->path_sigma) &&
+           p->radius_sigma > 0 && cairn_is_finite(p->radius_sigma);
 }
 
 static cairn_particle_filter_params filter_params(const cairn_grouping_params *p)
@@ -93,7 +101,8 @@ static int32_t cells(int32_t side, int32_t cell)
     return (side + cell - 1) / cell;
 }
 
-static cairn_particle_filter *carve_filter(cairn_pool *pool, const cairn_grouping_params *p, cairn_grouping *g)
+static cairn_particle_filter *carve_filter(cairn_pool *pool, const cairn_grouping_params *p,
+                                           cairn_grouping *g)
 {
     cairn_particle_filter_params f = filter_params(p);
     cairn_particle_model model = cairn_grouping_model(g);
@@ -112,8 +121,10 @@ static cairn_particle_filter *carve_filter(cairn_pool *pool, const cairn_groupin
 
 static cairn_grouping *carve_default(cairn_pool *pool, const cairn_grouping_params *p)
 {
-    size_t lists = (size_t)cells(p->max_width, GROUPING_CELL) * (size_t)cells(p->max_height, GROUPING_CELL);
-    size_t sights = (size_t)cells(p->max_width, GROUPING_SIGHT) * (size_t)cells(p->max_height, GROUPING_SIGHT);
+    size_t lists =
+        (size_t)cells(p->max_width, GROUPING_CELL) * (size_t)cells(p->max_height, GROUPING_CELL);
+    size_t sights =
+        (size_t)cells(p->max_width, GROUPING_SIGHT) * (size_t)cells(p->max_height, GROUPING_SIGHT);
     cairn_grouping *g = cairn_pool_take_one(pool, sizeof *g);
     grouping_token *tokens = cairn_pool_take(pool, (size_t)p->max_tokens, sizeof *tokens);
     grouping_near *near = cairn_pool_take(pool, (size_t)p->max_tokens, sizeof *near);
@@ -121,16 +132,19 @@ static cairn_grouping *carve_default(cairn_pool *pool, const cairn_grouping_para
     uint8_t *sight = cairn_pool_take(pool, sights, 1);
     grouping_start *starts = cairn_pool_take(pool, (size_t)p->particles, sizeof *starts);
     cairn_grouping_trace *trace = cairn_pool_take(pool, (size_t)p->max_samples, sizeof *trace);
-    int32_t *segments = cairn_pool_take(pool, (size_t)p->max_objects * (size_t)p->max_outline, sizeof *segments);
+    int32_t *segments =
+        cairn_pool_take(pool, (size_t)p->max_objects * (size_t)p->max_outline, sizeof *segments);
     cairn_grouped_object *objects = cairn_pool_take(pool, (size_t)p->max_objects, sizeof *objects);
-    int32_t *along = cairn_pool_take(pool, (size_t)p->max_objects * (size_t)p->max_outline, sizeof *along);
+    int32_t *along =
+        cairn_pool_take(pool, (size_t)p->max_objects * (size_t)p->max_outline, sizeof *along);
     int32_t *match = cairn_pool_take(pool, (size_t)p->max_outline, sizeof *match);
     cairn_real *cost = cairn_pool_take(pool, (size_t)p->max_outline, sizeof *cost);
     cairn_vec2 *shift = cairn_pool_take(pool, (size_t)p->max_outline, sizeof *shift);
     cairn_vec2 *bent = cairn_pool_take(pool, (size_t)p->max_outline, sizeof *bent);
     int32_t *apart = cairn_pool_take(pool, (size_t)p->max_outline, sizeof *apart);
     cairn_real *bend = cairn_pool_take(pool, (size_t)p->max_outline, sizeof *bend);
-    grouping_cell *way = cairn_pool_take(pool, (size_t)p->max_outline * GROUPING_CELLS, sizeof *way);
+    grouping_cell *way =
+        cairn_pool_take(pool, (size_t)p->max_outline * GROUPING_CELLS, sizeof *way);
     cairn_particle_filter *filter = carve_filter(pool, p, g);
 
     if (g != NULL) {
@@ -183,7 +197,8 @@ size_t cairn_grouping_memory(const cairn_grouping_params *params)
     return cairn_pool_counted(&counting);
 }
 
-cairn_status cairn_grouping_create(cairn_grouping **grouping, cairn_pool *pool, const cairn_grouping_params *params)
+cairn_status cairn_grouping_create(cairn_grouping **grouping, cairn_pool *pool,
+                                   const cairn_grouping_params *params)
 {
     size_t need = cairn_grouping_memory(params);
     cairn_grouping *made;
@@ -200,17 +215,19 @@ cairn_status cairn_grouping_create(cairn_grouping **grouping, cairn_pool *pool, 
 
 static cairn_status check_input(const cairn_grouping *g, const cairn_grouping_input *in)
 {
-    if (in->count < 0 || (in->segments == NULL && in->count > 0) || in->width < 1 || in->height < 1 ||
-        cairn_shape_model_check(in->model, NULL) != CAIRN_OK)
+    if (in->count < 0 || (in->segments == NULL && in->count > 0) || in->width < 1 ||
+        in->height < 1 || cairn_shape_model_check(in->model, NULL) != CAIRN_OK)
         return CAIRN_BAD_ARGUMENT;
-    if (!cairn_is_finite(in->max_size) || !cairn_is_finite(in->mean_length) || !cairn_is_finite(in->min_turn) ||
-        !cairn_is_finite(in->max_turn))
+    if (!cairn_is_finite(in->max_size) || !cairn_is_finite(in->mean_length) ||
+        !cairn_is_finite(in->min_turn) || !cairn_is_finite(in->max_turn))
         return CAIRN_NOT_FINITE;
     if (!(in->min_size > 0) || !(in->max_size >= in->min_size) || !(in->mean_length > 0) ||
-        !(in->min_turn >= -CAIRN_PI) || !(in->max_turn <= CAIRN_PI) || !(in->max_turn >= in->min_turn))
+        !(in->min_turn >= -CAIRN_PI) || !(in->max_turn <= CAIRN_PI) ||
+        !(in->max_turn >= in->min_turn))
         return CAIRN_BAD_ARGUMENT;
     if (in->width > g->params.max_width || in->height > g->params.max_height ||
-        in->model->sample_count > g->params.max_samples || in->model->outline_count > g->params.max_outline)
+        in->model->sample_count > g->params.max_samples ||
+        in->model->outline_count > g->params.max_outline)
         return CAIRN_FULL;
     return g->written != NULL ? cairn_grouping_written_check(g, in) : CAIRN_OK;
 }
@@ -237,11 +254,12 @@ cairn_status cairn_grouping_begin(cairn_grouping *g, const cairn_grouping_input 
     for (int32_t i = 0; i < input->model->sample_count; i++) {
         const cairn_shape_sample *s = &input->model->samples[i];
 
-        widest = cairn_max(widest, cairn_vec2_norm(cairn_vec2_sub(s->side[1].position, s->side[0].position)));
+        widest = cairn_max(
+            widest, cairn_vec2_norm(cairn_vec2_sub(s->side[1].position, s->side[0].position)));
     }
     g->reach = widest * input->max_size + 1;
-    g->piece_count = g->pieces_cut = g->token_count = g->start_count = g->object_count = g->segment_count = g->steps =
-        g->looked = 0;
+    g->piece_count = g->pieces_cut = g->token_count = g->start_count = g->object_count =
+        g->segment_count = g->steps = g->looked = 0;
     g->best = g->best_evidence = 0;
     g->cursor = g->other = g->paid = g->stage = g->has_walked = 0;
     g->link = -1;
@@ -266,7 +284,8 @@ static int32_t cell_of(const cairn_grouping *g, cairn_vec2 p)
     return y * g->columns + x;
 }
 
-/* The chain of a segment's tokens: that of the token before where the one ends and the other begins. */
+/* The chain of a segment's tokens: that of the token before where the one ends and the other
+ * begins. */
 static int32_t chain_of(const cairn_grouping *g, int32_t segment)
 {
     const grouping_token *before = &g->tokens[g->token_count - 1];
@@ -286,7 +305,8 @@ static int32_t pieces_of(const cairn_grouping *g, int32_t segment)
     return cairn_real_to_int(cairn_min(cairn_ceil(length / g->params.token), MOST_PIECES));
 }
 
-/* 1 when piece number `piece` of all becomes a token: all of them, or as many as there is room for, evenly. */
+/* 1 when piece number `piece` of all becomes a token: all of them, or as many as there is room
+ * for, evenly. */
 static int is_kept(const cairn_grouping *g, int32_t piece)
 {
     int64_t most = g->params.max_tokens, all = g->piece_count;
@@ -308,7 +328,8 @@ static void cut(cairn_grouping *g, int32_t index, int32_t piece)
 
         if (!is_kept(g, piece + i))
             continue;
-        t->at = cairn_vec2_add(s.a, cairn_vec2_scale(along, ((cairn_real)i + CAIRN_REAL(0.5)) / (cairn_real)parts));
+        t->at = cairn_vec2_add(
+            s.a, cairn_vec2_scale(along, ((cairn_real)i + CAIRN_REAL(0.5)) / (cairn_real)parts));
         t->direction = cairn_vec2_scale(along, 1 / length);
         t->half = length / (2 * (cairn_real)parts);
         t->segment = index;
@@ -322,7 +343,8 @@ static void cut(cairn_grouping *g, int32_t index, int32_t piece)
 
 static int is_finite_segment(const cairn_segment *s)
 {
-    return cairn_is_finite(s->a.x) && cairn_is_finite(s->a.y) && cairn_is_finite(s->b.x) && cairn_is_finite(s->b.y);
+    return cairn_is_finite(s->a.x) && cairn_is_finite(s->a.y) && cairn_is_finite(s->b.x) &&
+           cairn_is_finite(s->b.y);
 }
 
 /* Empties the lists, counts the pieces, makes them. */
@@ -356,7 +378,8 @@ static cairn_status step_cut(cairn_grouping *g, cairn_budget *budget)
     return CAIRN_OK;
 }
 
-/* Lays the tokens side by side, cell by cell: `cursor` cells have been begun, `other` tokens lie there, `link` is next. */
+/* Lays the tokens side by side, cell by cell: `cursor` cells have been begun, `other` tokens lie
+ * there, `link` is next. */
 static cairn_status step_sort(cairn_grouping *g, cairn_budget *budget)
 {
     int32_t lists = g->columns * g->rows;
@@ -384,21 +407,24 @@ cairn_vec2 cairn_grouping_touch(const cairn_grouping *g, int32_t token, cairn_ve
     const grouping_token *t = &g->tokens[token];
     cairn_real along = cairn_vec2_dot(t->direction, cairn_vec2_sub(p, t->at));
 
-    return cairn_vec2_add(t->at, cairn_vec2_scale(t->direction, cairn_max(-t->half, cairn_min(along, t->half))));
+    return cairn_vec2_add(
+        t->at, cairn_vec2_scale(t->direction, cairn_max(-t->half, cairn_min(along, t->half))));
 }
 
-/* A place of the contour, and by how much a token may lie off it: 1 / sigma^2 across it and of the sine of the turn; sigmas of the gap
- * along it are twice as wide. */
+/* A place of the contour, and by how much a token may lie off it: 1 / sigma^2 across it and of
+ * the sine of the turn; sigmas of the gap along it are twice as wide. */
 typedef struct near_place {
     cairn_vec2 at, along;
     cairn_real across, turn;
 } near_place;
 
-/* Half the squares of sigmas that a token lies off a place; more than limit as soon as its turn alone or the least that it may lie across
- * come to that, which few products tell of most tokens. */
+/* Half the squares of sigmas that a token lies off a place; more than limit as soon as its turn
+ * alone or the least that it may lie across come to that, which few products tell of most
+ * tokens. */
 static cairn_real cost_of(const near_place *p, const grouping_near *t, cairn_real limit)
 {
-    cairn_real sine = cairn_vec2_cross(p->along, t->direction), turned = sine * sine * p->turn, across, middle, gap;
+    cairn_real sine = cairn_vec2_cross(p->along, t->direction), turned = sine * sine * p->turn,
+               across, middle, gap;
     cairn_vec2 off = cairn_vec2_sub(t->at, p->at);
 
     if (turned > 2 * limit)
@@ -409,14 +435,16 @@ static cairn_real cost_of(const near_place *p, const grouping_near *t, cairn_rea
         return CAIRN_REAL_MAX;
     gap = cairn_max(-t->half, cairn_min(-cairn_vec2_dot(t->direction, off), t->half));
     across = middle + sine * gap;
-    gap = CAIRN_REAL(0.5) * (cairn_vec2_dot(p->along, off) + cairn_vec2_dot(p->along, t->direction) * gap);
+    gap = CAIRN_REAL(0.5) *
+          (cairn_vec2_dot(p->along, off) + cairn_vec2_dot(p->along, t->direction) * gap);
     return CAIRN_REAL(0.5) * ((across * across + gap * gap) * p->across + turned);
 }
 
-int32_t cairn_grouping_near(const cairn_grouping *g, cairn_vec2 at, cairn_vec2 direction, cairn_real sigma,
-                            int32_t most, int32_t *token, cairn_real *cost)
+int32_t cairn_grouping_near(const cairn_grouping *g, cairn_vec2 at, cairn_vec2 direction,
+                            cairn_real sigma, int32_t most, int32_t *token, cairn_real *cost)
 {
-    cairn_real reach = cairn_min(cairn_max(3 * sigma, 4) + g->params.token / 2, 64), limit = CAIRN_REAL(4.5);
+    cairn_real reach = cairn_min(cairn_max(3 * sigma, 4) + g->params.token / 2, 64),
+               limit = CAIRN_REAL(4.5);
     cairn_vec2 low = {at.x - reach, at.y - reach}, high = {at.x + reach, at.y + reach};
     near_place place = {at, cairn_vec2_unit(direction), 0, 1 / (g->params.turn * g->params.turn)};
     int32_t from = cell_of(g, low), to = cell_of(g, high), columns = g->columns, count = 0;

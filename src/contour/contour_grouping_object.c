@@ -1,6 +1,7 @@
-/* From walks to objects: the outline is laid onto the tokens where the walks have ended and where they began, and the places with
- * most evidence that are apart from each other are the objects, each with the segments that it goes along. No token belongs
- * to two of them: what the better one has taken is no evidence for the next. */
+/* From walks to objects: the outline is laid onto the tokens where the walks have ended and
+ * where they began, and the places with most evidence that are apart from each other are the
+ * objects, each with the segments that it goes along. No token belongs to two of them: what the
+ * better one has taken is no evidence for the next. */
 #include "src/core/build.h"
 
 #include <string.h>
@@ -25,7 +26,8 @@ static int is_wanted(const cairn_grouping *g, const grouping_pose *pose)
 {
     cairn_real size = grouping_size(pose);
 
-    return size >= CAIRN_REAL(0.9) * g->input.min_size && size <= CAIRN_REAL(1.1) * g->input.max_size;
+    return size >= CAIRN_REAL(0.9) * g->input.min_size &&
+           size <= CAIRN_REAL(1.1) * g->input.max_size;
 }
 
 static int are_one(const cairn_grouped_object *a, const cairn_grouped_object *b)
@@ -43,10 +45,13 @@ static void take_out(cairn_grouping *g, int32_t at)
         g->objects[at] = g->objects[at + 1];
 }
 
-/* Puts a place among the objects by its evidence, unless a better one is the same; worse ones that are the same go. */
-static void consider(cairn_grouping *g, const grouping_pose *pose, cairn_real evidence, int32_t start)
+/* Puts a place among the objects by its evidence, unless a better one is the same; worse ones
+ * that are the same go. */
+static void consider(cairn_grouping *g, const grouping_pose *pose, cairn_real evidence,
+                     int32_t start)
 {
-    cairn_grouped_object o = {.evidence = evidence, .origin = pose->t, .size = grouping_size(pose), .start = start};
+    cairn_grouped_object o = {
+        .evidence = evidence, .origin = pose->t, .size = grouping_size(pose), .start = start};
     int32_t at;
 
     if (!(evidence > 0) || !is_wanted(g, pose))
@@ -209,7 +214,8 @@ cairn_status cairn_grouping_weigh(cairn_grouping *g, cairn_budget *budget)
     return CAIRN_OK;
 }
 
-/* 1 when a walk before has ended where the pose at hand is; 0: it is a new end. The starts, which the walk has done with, keep them. */
+/* 1 when a walk before has ended where the pose at hand is; 0: it is a new end. The starts,
+ * which the walk has done with, keep them. */
 static int has_ended_here(cairn_grouping *g)
 {
     cairn_real size = grouping_size(&g->pose), least = SAME_END * SAME_END * size * size;

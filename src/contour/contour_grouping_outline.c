@@ -1,15 +1,19 @@
-/* The whole outline of the model is laid onto the tokens in a pose, and the pose moved to where it lies best.
+/* The whole outline of the model is laid onto the tokens in a pose, and the pose moved to where it
+ * lies best.
  *
- * Method: dynamic programming along the outline (Viterbi). A sample of the outline goes along one of the tokens near it, or is
- * hidden. What is added up is about the logarithm of how much likelier the tokens are with the object than by chance. A piece of
- * the outline that is seen is worth the more the closer it lies, by one of two widths, whichever explains it better: that of the
- * same object and that of another of its kind. A straight piece is worth less than a bent one, and following a chain round a bend
- * more, since few chains bend there by chance. To begin, to end and to change chains costs something; most of all to leave a
- * chain that goes on elsewhere, which an object's own contour does not. What is hidden costs little: a part of an object is
- * evidence as well.
+ * Method: dynamic programming along the outline (Viterbi). A sample of the outline goes along one
+ * of the tokens near it, or is hidden. What is added up is about the logarithm of how much likelier
+ * the tokens are with the object than by chance. A piece of the outline that is seen is worth the
+ * more the closer it lies, by one of two widths, whichever explains it better: that of the same
+ * object and that of another of its kind. A straight piece is worth less than a bent one, and
+ * following a chain round a bend more, since few chains bend there by chance. To begin, to end and
+ * to change chains costs something; most of all to leave a chain that goes on elsewhere, which an
+ * object's own contour does not. What is hidden costs little: a part of an object is evidence as
+ * well.
  *
- * Source: the search over all of a path by dynamic programming is this project's, in place of the likelihood of Adluru 2008
- * (2.13), which cannot tell a part that is hidden from an object that is not there. */
+ * Source: the search over all of a path by dynamic programming is this project's, in place of
+ * the likelihood of Adluru 2008 (2.13), which cannot tell a part that is hidden from an object
+ * that is not there. */
 #include "src/core/build.h"
 
 #include <string.h>
@@ -18,7 +22,8 @@
 
 /* Of the object's size: pieces of the outline of this length are independent of each other. */
 #define PIECE CAIRN_REAL(0.08)
-/* What a piece is worth that lies as in the model: if it is the same object, or another of its kind, whose sigmas are WIDER. */
+/* What a piece is worth that lies as in the model: if it is the same object, or another of its
+ * kind, whose sigmas are WIDER. */
 #define SAME    CAIRN_REAL(2.14)
 #define SIMILAR CAIRN_REAL(0.5)
 #define WIDER   CAIRN_REAL(2.5)
@@ -27,7 +32,8 @@
 /* Edges, in px a px^2, that are usual, and what a piece loses when there are e times as many. */
 #define USUAL CAIRN_REAL(0.035)
 #define DENSE CAIRN_REAL(0.25)
-/* What it costs to hide a piece, to begin or end what is seen, to change to another chain, and to leave one that goes on. */
+/* What it costs to hide a piece, to begin or end what is seen, to change to another chain, and
+ * to leave one that goes on. */
 #define HIDE   CAIRN_REAL(0.15)
 #define BORDER CAIRN_REAL(0.4)
 #define CHANGE CAIRN_REAL(0.8)
@@ -36,9 +42,11 @@
 #define BEND 1
 /* 1 - cosine of the turn between the neighbours but one of a sample that makes a bend. */
 #define BEND_TURN CAIRN_REAL(0.0667)
-/* Tokens of a chain that a step may go on by, and that a chain must have left to go on elsewhere. */
+/* Tokens of a chain that a step may go on by, and that a chain must have left to go on
+ * elsewhere. */
 enum { STEPS_ON = 3, LEFT_OVER = 2 };
-/* Rounds; places with less than one part in so many of the most evidence so far get no further round. */
+/* Rounds; places with less than one part in so many of the most evidence so far get no further
+ * round. */
 enum { ROUNDS = 5 };
 static const int32_t hope[ROUNDS] = {12, 6, 4, 3, 0};
 /* Samples on either side that shift with a sample. */
@@ -50,7 +58,8 @@ enum { AROUND = 3 };
 /* Of one sample: its tokens, and its ways. */
 enum { UNITS_A_SAMPLE = 12 };
 
-/* How much less a piece is worth in an image with more edges than usual, where more is near any place by chance. */
+/* How much less a piece is worth in an image with more edges than usual, where more is near any
+ * place by chance. */
 void cairn_grouping_outline_chance(cairn_grouping *g)
 {
     cairn_real length = 0, area = (cairn_real)g->input.width * (cairn_real)g->input.height;
@@ -64,12 +73,14 @@ void cairn_grouping_outline_chance(cairn_grouping *g)
 static cairn_real bend_at(const cairn_shape_model *m, int32_t i)
 {
     cairn_vec2 before = m->outline[i >= 2 ? i - 2 : 0].direction;
-    cairn_vec2 after = m->outline[i + 2 < m->outline_count ? i + 2 : m->outline_count - 1].direction;
+    cairn_vec2 after =
+        m->outline[i + 2 < m->outline_count ? i + 2 : m->outline_count - 1].direction;
 
     return 1 - cairn_exp((cairn_vec2_dot(before, after) - 1) / BEND_TURN);
 }
 
-/* 1 when an edge from token `from` to token `to` goes on along a chain, in the sense in which the outline runs. */
+/* 1 when an edge from token `from` to token `to` goes on along a chain, in the sense in which
+ * the outline runs. */
 static int goes_on(const cairn_grouping *g, int32_t from, int32_t to, cairn_vec2 direction)
 {
     int32_t ahead = cairn_vec2_dot(g->tokens[to].direction, direction) >= 0 ? to - from : from - to;
@@ -77,20 +88,25 @@ static int goes_on(const cairn_grouping *g, int32_t from, int32_t to, cairn_vec2
     return g->tokens[from].chain == g->tokens[to].chain && ahead >= 0 && ahead <= STEPS_ON;
 }
 
-/* What it costs that the chain of a token goes on ahead of it (ahead 1) or behind it (-1), as the outline runs. */
-static cairn_real cost_of_leaving(const cairn_grouping *g, int32_t token, cairn_vec2 direction, int32_t ahead)
+/* What it costs that the chain of a token goes on ahead of it (ahead 1) or behind it (-1), as
+ * the outline runs. */
+static cairn_real cost_of_leaving(const cairn_grouping *g, int32_t token, cairn_vec2 direction,
+                                  int32_t ahead)
 {
     int32_t sense = cairn_vec2_dot(g->tokens[token].direction, direction) >= 0 ? ahead : -ahead;
     int32_t next = token + LEFT_OVER * sense;
 
-    return !g->is_listing && next >= 0 && next < g->token_count && g->tokens[next].chain == g->tokens[token].chain
+    return !g->is_listing && next >= 0 && next < g->token_count &&
+                   g->tokens[next].chain == g->tokens[token].chain
                ? LEAVE
                : 0;
 }
 
-/* What it costs to come from one cell to another; what it costs to leave the chain of the one, and to come upon that of the other. */
-static cairn_real cost_of_step(const cairn_grouping *g, const grouping_cell *from, const grouping_cell *to,
-                               cairn_vec2 direction, cairn_real bend, cairn_real leave, cairn_real come)
+/* What it costs to come from one cell to another; what it costs to leave the chain of the one,
+ * and to come upon that of the other. */
+static cairn_real cost_of_step(const cairn_grouping *g, const grouping_cell *from,
+                               const grouping_cell *to, cairn_vec2 direction, cairn_real bend,
+                               cairn_real leave, cairn_real come)
 {
     cairn_real jump;
 
@@ -107,11 +123,13 @@ static cairn_real cost_of_step(const cairn_grouping *g, const grouping_cell *fro
 }
 
 /* The cells of a sample: hidden, and the tokens near it; their number. */
-static int32_t look_around(const cairn_grouping *g, const grouping_pose *pose, const cairn_oriented_point *o,
-                           cairn_real bend, grouping_cell *row)
+static int32_t look_around(const cairn_grouping *g, const grouping_pose *pose,
+                           const cairn_oriented_point *o, cairn_real bend, grouping_cell *row)
 {
-    cairn_vec2 at = grouping_place(pose, o->position), direction = grouping_direction(pose, o->direction);
-    cairn_real size = grouping_size(pose), sigma = g->params.deform * size, cost[GROUPING_CELLS - 1];
+    cairn_vec2 at = grouping_place(pose, o->position),
+               direction = grouping_direction(pose, o->direction);
+    cairn_real size = grouping_size(pose), sigma = g->params.deform * size,
+               cost[GROUPING_CELLS - 1];
     cairn_real pieces = g->spacing / PIECE, worth = g->is_listing ? 1 : 1 - STRAIGHT * (1 - bend);
     int32_t token[GROUPING_CELLS - 1];
     int32_t count;
@@ -129,7 +147,8 @@ static int32_t look_around(const cairn_grouping *g, const grouping_pose *pose, c
         row[k + 1].cost = cost[k];
         row[k + 1].off = cairn_vec2_cross(direction, off) / (size * sigma);
         row[k + 1].value =
-            pieces * (cairn_max(SAME * worth - WIDER * WIDER * cost[k], SIMILAR * worth - cost[k]) - g->chance);
+            pieces * (cairn_max(SAME * worth - WIDER * WIDER * cost[k], SIMILAR * worth - cost[k]) -
+                      g->chance);
     }
     return count + 1;
 }
@@ -150,7 +169,8 @@ static void lay_sample(cairn_grouping *g, int32_t i)
         cairn_real come = row[k].token < 0 ? 0 : cost_of_leaving(g, row[k].token, direction, -1);
 
         for (int32_t j = 0; j < g->cell_count; j++) {
-            cairn_real value = before[j].value - cost_of_step(g, &before[j], &row[k], direction, bend, leave[j], come);
+            cairn_real value = before[j].value - cost_of_step(g, &before[j], &row[k], direction,
+                                                              bend, leave[j], come);
 
             if (value > most) {
                 most = value;
@@ -207,7 +227,8 @@ static void move(cairn_grouping *g)
         cairn_vec2 place = m->outline[i].position;
 
         if (g->match[i] >= 0)
-            cairn_grouping_sum(&sums, place, cairn_grouping_touch(g, g->match[i], grouping_place(&was, place)),
+            cairn_grouping_sum(&sums, place,
+                               cairn_grouping_touch(g, g->match[i], grouping_place(&was, place)),
                                cairn_exp(-g->cost[i]));
     }
     g->pose = cairn_grouping_fit(&sums, &was);
@@ -230,7 +251,8 @@ cairn_status cairn_grouping_refine(cairn_grouping *g, cairn_budget *budget)
     return CAIRN_OK;
 }
 
-/* Sums of the shifts of the samples from i - AROUND to i + AROUND that are seen, and their number. */
+/* Sums of the shifts of the samples from i - AROUND to i + AROUND that are seen, and their
+ * number. */
 static int32_t shifts_around(const cairn_grouping *g, int32_t i, cairn_vec2 *sum)
 {
     const cairn_shape_model *m = g->input.model;
@@ -242,13 +264,15 @@ static int32_t shifts_around(const cairn_grouping *g, int32_t i, cairn_vec2 *sum
             cairn_vec2 place = grouping_place(&g->pose, m->outline[k].position);
             cairn_vec2 from = cairn_vec2_add(place, g->shift[k]);
 
-            *sum = cairn_vec2_add(*sum, cairn_vec2_sub(cairn_grouping_touch(g, g->match[k], from), place));
+            *sum = cairn_vec2_add(
+                *sum, cairn_vec2_sub(cairn_grouping_touch(g, g->match[k], from), place));
             count++;
         }
     return count;
 }
 
-/* Where nothing is seen around, the shift is that of the nearest sample where something is, the less the farther it is. */
+/* Where nothing is seen around, the shift is that of the nearest sample where something is, the
+ * less the farther it is. */
 static void carry(cairn_vec2 *shift, int32_t *apart, int32_t count, int32_t step)
 {
     int32_t at = step > 0 ? 0 : count - 1;

@@ -3,8 +3,8 @@
 
 #include "src/contour/contour_grouping_written.h"
 
-int32_t cairn_grouping_particles(const cairn_grouping *g, cairn_grouping_particle *particles, int32_t most,
-                                 int32_t *steps)
+int32_t cairn_grouping_particles(const cairn_grouping *g, cairn_grouping_particle *particles,
+                                 int32_t most, int32_t *steps)
 {
     int32_t count = g != NULL && g->has_walked ? cairn_particle_filter_count(g->filter) : 0;
 

@@ -1,12 +1,14 @@
 /* The walk: the filter's callbacks.
  *
- * A particle has a similarity that lays the model onto what it has grouped so far (the sums of the fit are its memory, so that the
- * past need not be read again), and how far the contour lies off the model on either side. Its next step looks for the next
- * sample of the model: tokens near where both touches should be, or none, in all pairs. Masses are those of the gaps and of
- * the symmetry (2.11), likelihoods those of the skeleton's place and of the radius (2.13).
+ * A particle has a similarity that lays the model onto what it has grouped so far (the sums of the
+ * fit are its memory, so that the past need not be read again), and how far the contour lies off
+ * the model on either side. Its next step looks for the next sample of the model: tokens near where
+ * both touches should be, or none, in all pairs. Masses are those of the gaps and of the symmetry
+ * (2.11), likelihoods those of the skeleton's place and of the radius (2.13).
  *
- * From the sample where it began a walk goes on to the end of the path, then back from there to the path's start, then along the
- * other paths, each from where it branches off: after as many steps all particles have seen as much of the model. */
+ * From the sample where it began a walk goes on to the end of the path, then back from there to
+ * the path's start, then along the other paths, each from where it branches off: after as many
+ * steps all particles have seen as much of the model. */
 #include "src/core/build.h"
 
 #include "cairn/symmetric_point.h"
@@ -62,14 +64,17 @@ static void take_sides(const cairn_grouping *g, grouping_state *s, const cairn_v
         edgel[side].position = cairn_grouping_touch(g, s->token[side], at[side]);
         edgel[side].direction = g->tokens[s->token[side]].direction;
         /* Along the contour a token lies where it likes; only across it says something. */
-        s->off[side] = cairn_vec2_sub(edgel[side].position, grouping_place(&s->pose, d->side[side].position));
-        s->gap += CAIRN_REAL(0.5) * cairn_abs(cairn_vec2_norm(cairn_vec2_sub(edgel[side].position, s->last[side])) -
-                                              cairn_vec2_norm(cairn_vec2_sub(at[side], s->last[side])));
+        s->off[side] =
+            cairn_vec2_sub(edgel[side].position, grouping_place(&s->pose, d->side[side].position));
+        s->gap += CAIRN_REAL(0.5) *
+                  cairn_abs(cairn_vec2_norm(cairn_vec2_sub(edgel[side].position, s->last[side])) -
+                            cairn_vec2_norm(cairn_vec2_sub(at[side], s->last[side])));
         s->last[side] = edgel[side].position;
     }
     s->centre = grouping_place(&s->pose, d->centre);
     s->radius = grouping_size(&s->pose) * d->radius;
-    if (s->token[0] >= 0 && s->token[1] >= 0 && cairn_symmetric_point_of(edgel[0], edgel[1], CAIRN_REAL(1.5), &sp)) {
+    if (s->token[0] >= 0 && s->token[1] >= 0 &&
+        cairn_symmetric_point_of(edgel[0], edgel[1], CAIRN_REAL(1.5), &sp)) {
         s->centre = sp.centre;
         s->radius = sp.radius;
         s->deviation = sp.deviation;
@@ -77,7 +82,8 @@ static void take_sides(const cairn_grouping *g, grouping_state *s, const cairn_v
 }
 
 /* (2.11): the gaps, and what symmetry was lost. */
-static cairn_real log_mass(const cairn_grouping *g, const grouping_state *before, const grouping_state *s)
+static cairn_real log_mass(const cairn_grouping *g, const grouping_state *before,
+                           const grouping_state *s)
 {
     cairn_real loss = cairn_max(s->deviation - before->deviation, 0);
     cairn_real mass = -cairn_half_square(s->gap / g->input.mean_length);
@@ -85,7 +91,8 @@ static cairn_real log_mass(const cairn_grouping *g, const grouping_state *before
     return g->params.use_skeleton ? mass - cairn_half_square(loss / g->params.symmetry) : mass;
 }
 
-static cairn_status propose(void *context, cairn_particle_filter *filter, int32_t index, cairn_budget *budget)
+static cairn_status propose(void *context, cairn_particle_filter *filter, int32_t index,
+                            cairn_budget *budget)
 {
     cairn_grouping *g = context;
     const grouping_state *before = cairn_particle_filter_particle(filter, index).state;
@@ -102,9 +109,9 @@ static cairn_status propose(void *context, cairn_particle_filter *filter, int32_
     for (int32_t side = 0; side < 2; side++) {
         s.off[side] = cairn_vec2_scale(before->off[side], CARRY);
         at[side] = cairn_vec2_add(grouping_place(&s.pose, d->side[side].position), s.off[side]);
-        count[side] =
-            cairn_grouping_near(g, at[side], grouping_direction(&s.pose, d->side[side].direction),
-                                g->params.deform * grouping_size(&s.pose), GROUPING_CHOICE, token[side], cost[side]);
+        count[side] = cairn_grouping_near(
+            g, at[side], grouping_direction(&s.pose, d->side[side].direction),
+            g->params.deform * grouping_size(&s.pose), GROUPING_CHOICE, token[side], cost[side]);
         token[side][count[side]] = -1;
     }
     for (int32_t i = 0; i <= count[0]; i++)
@@ -127,22 +134,26 @@ static cairn_status propose(void *context, cairn_particle_filter *filter, int32_
 /* Half the squares of what a side lies off the model, across it, and of its turn. */
 static cairn_real side_cost(const cairn_grouping *g, const grouping_state *s, int32_t side)
 {
-    cairn_vec2 wanted = grouping_direction(&s->pose, g->input.model->samples[s->sample].side[side].direction);
+    cairn_vec2 wanted =
+        grouping_direction(&s->pose, g->input.model->samples[s->sample].side[side].direction);
     cairn_real size = grouping_size(&s->pose), sigma = g->params.deform * size;
     cairn_real across = cairn_vec2_cross(wanted, s->off[side]) / (size * sigma);
-    cairn_real sine = cairn_vec2_cross(wanted, g->tokens[s->token[side]].direction) / (size * g->params.turn);
+    cairn_real sine =
+        cairn_vec2_cross(wanted, g->tokens[s->token[side]].direction) / (size * g->params.turn);
 
     return cairn_half_square(across * CAIRN_REAL(0.5)) + cairn_half_square(sine);
 }
 
-/* (2.13) where both sides are seen, with the directions of the sides; a side that is not seen has a price of its own. */
-static cairn_status likelihood(void *context, const cairn_particle_filter *filter, int32_t index, const void *state,
-                               cairn_real *log_likelihood, cairn_budget *budget)
+/* (2.13) where both sides are seen, with the directions of the sides; a side that is not seen
+ * has a price of its own. */
+static cairn_status likelihood(void *context, const cairn_particle_filter *filter, int32_t index,
+                               const void *state, cairn_real *log_likelihood, cairn_budget *budget)
 {
     cairn_grouping *g = context;
     const grouping_state *s = state;
     const cairn_shape_sample *d = &g->input.model->samples[s->sample];
-    cairn_real missing = g->missing, sigma = g->params.deform * grouping_size(&s->pose), place, radius;
+    cairn_real missing = g->missing, sigma = g->params.deform * grouping_size(&s->pose), place,
+               radius;
 
     (void)filter;
     (void)index;
@@ -150,14 +161,17 @@ static cairn_status likelihood(void *context, const cairn_particle_filter *filte
     *log_likelihood = 0;
     for (int32_t side = 0; side < 2; side++)
         *log_likelihood +=
-            CAIRN_REAL(0.5) * (s->token[side] < 0 ? missing : cairn_max(-side_cost(g, s, side), missing));
+            CAIRN_REAL(0.5) *
+            (s->token[side] < 0 ? missing : cairn_max(-side_cost(g, s, side), missing));
     if (!g->params.use_model) {
-        *log_likelihood = CAIRN_REAL(0.5) * missing * (cairn_real)((s->token[0] < 0) + (s->token[1] < 0));
+        *log_likelihood =
+            CAIRN_REAL(0.5) * missing * (cairn_real)((s->token[0] < 0) + (s->token[1] < 0));
         return CAIRN_OK;
     }
     if (s->token[0] < 0 || s->token[1] < 0)
         return CAIRN_OK;
-    place = cairn_vec2_norm(cairn_vec2_sub(s->centre, grouping_place(&s->pose, d->centre))) / (PLACE_SIGMA * 2 * sigma);
+    place = cairn_vec2_norm(cairn_vec2_sub(s->centre, grouping_place(&s->pose, d->centre))) /
+            (PLACE_SIGMA * 2 * sigma);
     radius = (s->radius - d->radius * grouping_size(&s->pose)) / (RADIUS_SIGMA * sigma);
     *log_likelihood += cairn_max(cairn_log(CAIRN_REAL(0.5) * cairn_exp(-cairn_half_square(place)) +
                                            CAIRN_REAL(0.5) * cairn_exp(-cairn_half_square(radius))),
@@ -182,7 +196,8 @@ static void append(void *context, const cairn_particle_filter *filter, int32_t i
     /* What the new similarity explains is no deviation. */
     for (int32_t side = 0; side < 2; side++)
         if (s->token[side] >= 0)
-            s->off[side] = cairn_vec2_sub(s->last[side], grouping_place(&s->pose, d->side[side].position));
+            s->off[side] =
+                cairn_vec2_sub(s->last[side], grouping_place(&s->pose, d->side[side].position));
 }
 
 cairn_particle_model cairn_grouping_model(cairn_grouping *g)
@@ -202,7 +217,8 @@ cairn_status cairn_grouping_walk_begin(cairn_grouping *g)
     g->has_walked = g->start_count > 0;
     for (int32_t i = 0; i < g->start_count && status == CAIRN_OK; i++) {
         const cairn_shape_sample *d = &g->input.model->samples[g->starts[i].sample];
-        grouping_state s = {.pose = g->starts[i].pose, .sample = g->starts[i].sample, .start = g->starts[i].sample};
+        grouping_state s = {
+            .pose = g->starts[i].pose, .sample = g->starts[i].sample, .start = g->starts[i].sample};
 
         s.sums = cairn_grouping_hold(&s.pose, HELD);
         s.centre = grouping_place(&s.pose, d->centre);
@@ -211,7 +227,8 @@ cairn_status cairn_grouping_walk_begin(cairn_grouping *g)
         s.token[0] = s.token[1] = -1;
         for (int32_t side = 0; side < 2; side++)
             s.last[side] = grouping_place(&s.pose, d->side[side].position);
-        status = cairn_particle_filter_start(g->filter, &s, (g->starts[i].score - g->most) / TEMPER);
+        status =
+            cairn_particle_filter_start(g->filter, &s, (g->starts[i].score - g->most) / TEMPER);
     }
     if (status == CAIRN_OK && g->start_count > 0)
         status = cairn_particle_filter_begin(g->filter);

@@ -33,7 +33,8 @@ typedef struct grouping_token {
     int32_t taken; /* 1: by an object */
 } grouping_token;
 
-/* What is looked at of a token near a place; those of a cell lie side by side, and so do those of the cells of a row. */
+/* What is looked at of a token near a place; those of a cell lie side by side, and so do those
+ * of the cells of a row. */
 typedef struct grouping_near {
     cairn_vec2 at, direction;
     cairn_real half;
@@ -83,50 +84,77 @@ typedef struct grouping_state {
 struct cairn_grouping {
     cairn_grouping_params params;
     cairn_grouping_input input;
-    struct grouping_written *written; /* of the mode as written; NULL in the default one */
+    /* of the mode as written; NULL in the default one */
+    struct grouping_written *written;
     cairn_particle_filter *filter;
     grouping_token *tokens;
-    grouping_near *near;    /* [max_tokens] by cells */
-    int32_t *head;          /* [cells + 1] first of each cell in near; first token, -1: none, until they are there */
-    uint8_t *sight;         /* bits of the directions near each cell */
-    grouping_start *starts; /* [particles] */
-    cairn_grouping_trace *trace; /* [max_samples] */
-    int32_t *segments;           /* [max_objects * max_outline] */
+    /* [max_tokens] by cells */
+    grouping_near *near;
+    /* [cells + 1] first of each cell in near; first token, -1: none, until they are there */
+    int32_t *head;
+    /* bits of the directions near each cell */
+    uint8_t *sight;
+    /* [particles] */
+    grouping_start *starts;
+    /* [max_samples] */
+    cairn_grouping_trace *trace;
+    /* [max_objects * max_outline] */
+    int32_t *segments;
     cairn_grouped_object *objects;
-    int32_t *along;                /* [max_objects * max_outline] segment of each sample of an object's outline */
-    int32_t *match;                /* [max_outline] token of each sample of the outline, -1: none */
-    cairn_real *cost;              /* [max_outline] and how well it fits */
-    cairn_vec2 *shift, *bent;      /* [max_outline] px: how far the contour lies off the pose; the next ones */
-    int32_t *apart;                /* [max_outline] samples to the nearest one that is seen */
-    cairn_real *bend;              /* [max_outline] how much the outline bends there, 0 ... 1 */
-    grouping_cell *cells;          /* [max_outline * GROUPING_CELLS] */
-    cairn_vec2 turn_axis;          /* the middle of the turns that are searched, and the cosine of half their range */
-    cairn_real turn_cosine, reach; /* px, between two sides */
-    cairn_real least2, most2;      /* squares of the sizes that are searched, with room for rounding */
-    cairn_real
-        cosine2; /* least square of the cosine of a turn that is searched, with room for rounding; < 0: any turn is */
+    /* [max_objects * max_outline] segment of each sample of an object's outline */
+    int32_t *along;
+    /* [max_outline] token of each sample of the outline, -1: none */
+    int32_t *match;
+    /* [max_outline] and how well it fits */
+    cairn_real *cost;
+    /* [max_outline] px: how far the contour lies off the pose; the next ones */
+    cairn_vec2 *shift, *bent;
+    /* [max_outline] samples to the nearest one that is seen */
+    int32_t *apart;
+    /* [max_outline] how much the outline bends there, 0 ... 1 */
+    cairn_real *bend;
+    /* [max_outline * GROUPING_CELLS] */
+    grouping_cell *cells;
+    /* the middle of the turns that are searched, and the cosine of half their range */
+    cairn_vec2 turn_axis;
+    /* px, between two sides */
+    cairn_real turn_cosine, reach;
+    /* squares of the sizes that are searched, with room for rounding */
+    cairn_real least2, most2;
+    /* least square of the cosine of a turn that is searched, with room for rounding; < 0: any
+     * turn is */
+    cairn_real cosine2;
     grouping_way ways[GROUPING_WAYS];
-    int32_t piece_count, pieces_cut; /* of all segments, more than tokens where there are too many */
+    /* of all segments, more than tokens where there are too many */
+    int32_t piece_count, pieces_cut;
     int32_t token_count, columns, rows, sight_columns, sight_rows;
-    int32_t has_walked; /* 1: the filter holds the walks of this image */
+    /* 1: the filter holds the walks of this image */
+    int32_t has_walked;
     int32_t start_count, object_count, segment_count, steps, looked;
     cairn_real best, best_evidence;
-    cairn_real missing; /* the log of the parameter */
+    /* the log of the parameter */
+    cairn_real missing;
     /* How the outline lies: the pose at hand, its evidence, the most of any so far. */
     grouping_pose pose;
     cairn_real evidence, most;
-    cairn_real chance;                            /* what a piece is worth less because edges are dense */
-    cairn_real spacing;                           /* of the outline's samples, of the size */
-    int32_t sample, round, cell_count, is_laying; /* cell_count: cells of the sample before */
-    int32_t is_listing;                           /* 1: it is there, and what matters is which tokens are its own */
+    /* what a piece is worth less because edges are dense */
+    cairn_real chance;
+    /* of the outline's samples, of the size */
+    cairn_real spacing;
+    /* cell_count: cells of the sample before */
+    int32_t sample, round, cell_count, is_laying;
+    /* 1: it is there, and what matters is which tokens are its own */
+    int32_t is_listing;
     int32_t cursor, other, link;
     int32_t phase, paid;
-    int32_t stage; /* of a callback: 0: not paid */
+    /* of a callback: 0: not paid */
+    int32_t stage;
 };
 
 static inline cairn_vec2 grouping_place(const grouping_pose *pose, cairn_vec2 m)
 {
-    cairn_vec2 p = {pose->t.x + pose->a * m.x - pose->b * m.y, pose->t.y + pose->b * m.x + pose->a * m.y};
+    cairn_vec2 p = {pose->t.x + pose->a * m.x - pose->b * m.y,
+                    pose->t.y + pose->b * m.x + pose->a * m.y};
 
     return p;
 }
@@ -150,10 +178,10 @@ grouping_pose cairn_grouping_fit(const grouping_sums *sums, const grouping_pose 
 /* Sums that hold a pose in place like `weight` points. */
 grouping_sums cairn_grouping_hold(const grouping_pose *pose, cairn_real weight);
 
-/* The tokens that fit best to a place and direction of the contour, at most `most`, the best first: their costs, half squares of
- * sigmas. The number of them. */
-int32_t cairn_grouping_near(const cairn_grouping *g, cairn_vec2 at, cairn_vec2 direction, cairn_real sigma,
-                            int32_t most, int32_t *token, cairn_real *cost);
+/* The tokens that fit best to a place and direction of the contour, at most `most`, the best
+ * first: their costs, half squares of sigmas. The number of them. */
+int32_t cairn_grouping_near(const cairn_grouping *g, cairn_vec2 at, cairn_vec2 direction,
+                            cairn_real sigma, int32_t most, int32_t *token, cairn_real *cost);
 
 /* The point of a token nearest to p. */
 cairn_vec2 cairn_grouping_touch(const cairn_grouping *g, int32_t token, cairn_vec2 p);
@@ -167,14 +195,15 @@ cairn_particle_model cairn_grouping_model(cairn_grouping *g);
 cairn_status cairn_grouping_walk_begin(cairn_grouping *g);
 cairn_status cairn_grouping_walk(cairn_grouping *g, cairn_budget *budget);
 
-/* The outline: what is needed of the model; g->pose laid onto the tokens, match[], cost[] and evidence; and moved to where it
- * lies best, in a few rounds. */
+/* The outline: what is needed of the model; g->pose laid onto the tokens, match[], cost[] and
+ * evidence; and moved to where it lies best, in a few rounds. */
 void cairn_grouping_outline_begin(cairn_grouping *g);
 void cairn_grouping_outline_chance(cairn_grouping *g);
 cairn_status cairn_grouping_lay(cairn_grouping *g, cairn_budget *budget);
 cairn_status cairn_grouping_refine(cairn_grouping *g, cairn_budget *budget);
 
-/* The outline follows what it was laid onto, sample by sample, for the next time that it is laid while listing. */
+/* The outline follows what it was laid onto, sample by sample, for the next time that it is laid
+ * while listing. */
 void cairn_grouping_bend(cairn_grouping *g);
 
 /* The objects: at the starts, at the ends of the walks, and what is left of them side by side. */

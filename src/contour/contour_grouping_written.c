@@ -1,12 +1,16 @@
-/* Contour grouping as Adluru 2008, chapter 2, has it: a particle filter in the space of symmetric points.
+/* Contour grouping as Adluru 2008, chapter 2, has it: a particle filter in the space of symmetric
+ * points.
  *
  * Method:
- * 1. The symmetric point of every pair of segments whose discs have radii of the model (cairn_symmetric_point_set), in a hash by pair.
- * 2. The first particles: points of segments about the end points of strong chains, in both senses of the walk and of the model's path,
- *    drawn by quality (2.10) and likelihood (2.13).
- * 3. The walk (contour_grouping_written_walk.c): prior proposal, prior boosting, residual resampling when N_eff < N / 2.
- * 4. After each step the best walk of every mode is kept (contour_grouping_written_mode.c). The walk ends when the greatest posterior is below
- *    that of `stop` a step, or no particle can go on.
+ * 1. The symmetric point of every pair of segments whose discs have radii of the model
+ *    (cairn_symmetric_point_set), in a hash by pair.
+ * 2. The first particles: points of segments about the end points of strong chains, in both senses
+ *    of the walk and of the model's path, drawn by quality (2.10) and likelihood (2.13).
+ * 3. The walk (contour_grouping_written_walk.c): prior proposal, prior boosting, residual
+ *    resampling when N_eff < N / 2.
+ * 4. After each step the best walk of every mode is kept (contour_grouping_written_mode.c). The
+ *    walk ends when the greatest posterior is below that of `stop` a step, or no particle can go
+ *    on.
  *
  * Source: Adluru 2008, chapter 2; choices: contour_grouping.h. */
 #include "src/core/build.h"
@@ -64,7 +68,8 @@ static cairn_particle_filter_params filter_params(const cairn_grouping_params *p
 
 /* ---- Memory ---- */
 
-static void carve_parts(cairn_pool *pool, const cairn_grouping_params *p, cairn_grouping *g, struct grouping_written *w)
+static void carve_parts(cairn_pool *pool, const cairn_grouping_params *p, cairn_grouping *g,
+                        struct grouping_written *w)
 {
     cairn_symmetric_point_params points = point_params(p);
     cairn_point_grid_params ends = {2 * p->max_tokens, CELL};
@@ -87,23 +92,26 @@ static void carve_parts(cairn_pool *pool, const cairn_grouping_params *p, cairn_
     (void)status;
 }
 
-struct grouping_written *cairn_grouping_written_carve(cairn_pool *pool, const cairn_grouping_params *p,
-                                                      cairn_grouping *g)
+struct grouping_written *
+cairn_grouping_written_carve(cairn_pool *pool, const cairn_grouping_params *p, cairn_grouping *g)
 {
     struct grouping_written *w = cairn_pool_take_one(pool, sizeof *w);
     int32_t *slot = cairn_pool_take(pool, (size_t)slots_of(p->max_points), sizeof *slot);
     uint8_t *is_start = cairn_pool_take(pool, (size_t)p->max_tokens, 1);
     int32_t *stamp = cairn_pool_take(pool, (size_t)p->max_tokens, sizeof *stamp);
-    cairn_grouping_disc *walk = cairn_pool_take(pool, (size_t)p->max_objects * (size_t)p->max_steps, sizeof *walk);
+    cairn_grouping_disc *walk =
+        cairn_pool_take(pool, (size_t)p->max_objects * (size_t)p->max_steps, sizeof *walk);
     const grouping_written_state **past =
         cairn_pool_take(pool, (size_t)p->max_steps, sizeof(const grouping_written_state *));
     cairn_vec2 *side = cairn_pool_take(pool, 4 * (size_t)p->max_steps, sizeof *side);
     cairn_vec2 *polygon = cairn_pool_take(pool, 4 * (size_t)p->max_steps, sizeof *polygon);
     cairn_grouping_trace *trace = cairn_pool_take(pool, (size_t)p->max_steps, sizeof *trace);
     int32_t *place = cairn_pool_take(pool, (size_t)p->max_objects, sizeof *place);
-    int32_t *segments = cairn_pool_take(pool, 2 * (size_t)p->max_objects * (size_t)p->max_steps, sizeof *segments);
+    int32_t *segments =
+        cairn_pool_take(pool, 2 * (size_t)p->max_objects * (size_t)p->max_steps, sizeof *segments);
     cairn_grouped_object *objects = cairn_pool_take(pool, (size_t)p->max_objects, sizeof *objects);
-    int32_t *along = cairn_pool_take(pool, (size_t)p->max_objects * (size_t)p->max_outline, sizeof *along);
+    int32_t *along =
+        cairn_pool_take(pool, (size_t)p->max_objects * (size_t)p->max_outline, sizeof *along);
 
     if (w != NULL) {
         memset(w, 0, sizeof *w);
@@ -176,7 +184,8 @@ cairn_status cairn_grouping_written_points(cairn_grouping *g, cairn_budget *budg
     struct grouping_written *w = g->written;
 
     if (!w->is_set) {
-        cairn_status status = cairn_symmetric_point_set_radii(w->set, w->points.min_radius, w->points.max_radius);
+        cairn_status status =
+            cairn_symmetric_point_set_radii(w->set, w->points.min_radius, w->points.max_radius);
 
         if (status == CAIRN_OK)
             status = cairn_symmetric_point_begin(w->set, g->input.segments, g->input.count);
@@ -189,16 +198,19 @@ cairn_status cairn_grouping_written_points(cairn_grouping *g, cairn_budget *budg
 
 static int32_t slot_of(const struct grouping_written *w, int32_t first, int32_t second)
 {
-    uint32_t h = ((uint32_t)first * UINT32_C(2654435761)) ^ ((uint32_t)second * UINT32_C(2246822519));
+    uint32_t h =
+        ((uint32_t)first * UINT32_C(2654435761)) ^ ((uint32_t)second * UINT32_C(2246822519));
 
     return (int32_t)((h ^ (h >> 15)) & (uint32_t)(w->slots - 1));
 }
 
-const cairn_symmetric_point *cairn_grouping_written_point(const cairn_grouping *g, int32_t first, int32_t second)
+const cairn_symmetric_point *cairn_grouping_written_point(const cairn_grouping *g, int32_t first,
+                                                          int32_t second)
 {
     const struct grouping_written *w = g->written;
     const cairn_symmetric_point *points = cairn_symmetric_point_list(w->set, NULL);
-    int32_t low = first < second ? first : second, high = first < second ? second : first, at = slot_of(w, low, high);
+    int32_t low = first < second ? first : second, high = first < second ? second : first,
+            at = slot_of(w, low, high);
 
     for (; w->slot[at] >= 0; at = (at + 1) & (w->slots - 1)) {
         const cairn_symmetric_point *p = &points[w->slot[at]];
@@ -209,7 +221,8 @@ const cairn_symmetric_point *cairn_grouping_written_point(const cairn_grouping *
     return NULL;
 }
 
-/* Fills the hash and the grid of ends; marks the segments about the ends of strong chains. `cursor` counts all items. */
+/* Fills the hash and the grid of ends; marks the segments about the ends of strong chains.
+ * `cursor` counts all items. */
 cairn_status cairn_grouping_written_index(cairn_grouping *g, cairn_budget *budget)
 {
     struct grouping_written *w = g->written;
@@ -256,7 +269,8 @@ cairn_status cairn_grouping_written_index(cairn_grouping *g, cairn_budget *budge
             return CAIRN_MORE;
         if (!cairn_is_finite(near.centre.x) || !cairn_is_finite(near.centre.y))
             return CAIRN_NOT_FINITE;
-        for (int32_t e = cairn_point_grid_next(w->ends, &near); e >= 0; e = cairn_point_grid_next(w->ends, &near))
+        for (int32_t e = cairn_point_grid_next(w->ends, &near); e >= 0;
+             e = cairn_point_grid_next(w->ends, &near))
             w->is_start[e / 2] = 1;
     }
     return CAIRN_OK;
@@ -264,7 +278,8 @@ cairn_status cairn_grouping_written_index(cairn_grouping *g, cairn_budget *budge
 
 /* ---- First particles ---- */
 
-/* One of the four walks that may start at a point: its sense, and that of the model's path; the log of its mass. */
+/* One of the four walks that may start at a point: its sense, and that of the model's path; the
+ * log of its mass. */
 static cairn_real start_at(const cairn_grouping *g, const cairn_symmetric_point *p, int32_t which,
                            grouping_written_state *s)
 {
@@ -286,11 +301,14 @@ static cairn_real start_at(const cairn_grouping *g, const cairn_symmetric_point 
     for (int32_t side = 0; side < 2; side++) {
         const cairn_segment *line = &lines[s->segment[side]];
 
-        s->end[side] = 2 * s->segment[side] + (cairn_vec2_dot(ahead, cairn_vec2_sub(line->b, line->a)) > 0);
+        s->end[side] =
+            2 * s->segment[side] + (cairn_vec2_dot(ahead, cairn_vec2_sub(line->b, line->a)) > 0);
     }
     likelihood = cairn_grouping_written_likelihood(g, s, &s->sample);
     s->log_posterior = likelihood - g->written->log_stop;
-    return likelihood + (g->params.use_skeleton ? cairn_log(cairn_symmetric_point_quality(p, g->params.symmetry)) : 0);
+    return likelihood + (g->params.use_skeleton
+                             ? cairn_log(cairn_symmetric_point_quality(p, g->params.symmetry))
+                             : 0);
 }
 
 static int is_seed(const struct grouping_written *w, const cairn_symmetric_point *p)
@@ -298,7 +316,8 @@ static int is_seed(const struct grouping_written *w, const cairn_symmetric_point
     return w->is_start[p->first] || w->is_start[p->second];
 }
 
-/* Adds up the masses of all starts; then draws as many as there are particles, at even steps of the sum. */
+/* Adds up the masses of all starts; then draws as many as there are particles, at even steps of
+ * the sum. */
 cairn_status cairn_grouping_written_seed(cairn_grouping *g, cairn_budget *budget)
 {
     struct grouping_written *w = g->written;
@@ -311,7 +330,8 @@ cairn_status cairn_grouping_written_seed(cairn_grouping *g, cairn_budget *budget
         const cairn_symmetric_point *p = &points[g->cursor / STARTS_A_POINT];
         grouping_written_state s;
 
-        if (!cairn_budget_pay(budget, &g->paid, is_seed(w, p) ? UNITS_A_START + cairn_grouping_written_units(g) : 1))
+        if (!cairn_budget_pay(budget, &g->paid,
+                              is_seed(w, p) ? UNITS_A_START + cairn_grouping_written_units(g) : 1))
             return CAIRN_MORE;
         if (!is_seed(w, p))
             continue;
@@ -329,7 +349,8 @@ cairn_status cairn_grouping_written_seed(cairn_grouping *g, cairn_budget *budget
         const cairn_symmetric_point *p = &points[g->other / STARTS_A_POINT];
         grouping_written_state s;
 
-        if (!cairn_budget_pay(budget, &g->paid, is_seed(w, p) ? UNITS_A_START + cairn_grouping_written_units(g) : 1))
+        if (!cairn_budget_pay(budget, &g->paid,
+                              is_seed(w, p) ? UNITS_A_START + cairn_grouping_written_units(g) : 1))
             return CAIRN_MORE;
         if (!is_seed(w, p))
             continue;
@@ -371,7 +392,8 @@ static int take_step(cairn_grouping *g)
         return 0;
     g->steps++;
     trace->n_eff = t.n_eff;
-    trace->log_likelihood = greatest_posterior(g) / (cairn_real)(g->steps + 1) + g->written->log_stop;
+    trace->log_likelihood =
+        greatest_posterior(g) / (cairn_real)(g->steps + 1) + g->written->log_stop;
     trace->followers = t.followers;
     trace->resampled = t.resampled;
     trace->particles = t.particles;

@@ -1,7 +1,9 @@
-/* The modes of the posterior: the best walk of each, over all steps so far, and the objects that they are in the end.
+/* The modes of the posterior: the best walk of each, over all steps so far, and the objects that
+ * they are in the end.
  *
- * Two walks are of one mode when at least half of the segments of the shorter one are also of the other. A walk is kept when no better one of
- * its mode is there; of the worse ones of its mode none stays. */
+ * Two walks are of one mode when at least half of the segments of the shorter one are also of
+ * the other. A walk is kept when no better one of its mode is there; of the worse ones of its
+ * mode none stays. */
 #include "src/core/build.h"
 
 #include <string.h>
@@ -49,7 +51,8 @@ static int32_t free_slot(const cairn_grouping *g)
     }
 }
 
-static void set_disc(const cairn_grouping *g, cairn_grouping_disc *d, const grouping_written_state *s)
+static void set_disc(const cairn_grouping *g, cairn_grouping_disc *d,
+                     const grouping_written_state *s)
 {
     d->centre = s->centre;
     d->radius = s->radius;
@@ -79,8 +82,10 @@ static int32_t mark(cairn_grouping *g, const grouping_written_state *last)
     return count;
 }
 
-/* Lists the segments of a walk from first on, each once: those of the left in order, then those of the right backwards. */
-static void list_segments(cairn_grouping *g, cairn_grouped_object *o, const cairn_grouping_disc *walk)
+/* Lists the segments of a walk from first on, each once: those of the left in order, then those
+ * of the right backwards. */
+static void list_segments(cairn_grouping *g, cairn_grouped_object *o,
+                          const cairn_grouping_disc *walk)
 {
     struct grouping_written *w = g->written;
     int32_t steps = o->seen;
@@ -97,7 +102,8 @@ static void list_segments(cairn_grouping *g, cairn_grouped_object *o, const cair
 }
 
 /* Writes a walk into its place. */
-static void write_walk(cairn_grouping *g, cairn_grouped_object *o, const grouping_written_state *last, int32_t steps)
+static void write_walk(cairn_grouping *g, cairn_grouped_object *o,
+                       const grouping_written_state *last, int32_t steps)
 {
     cairn_grouping_disc *walk = &g->written->walk[g->params.max_steps * slot_of(g, o)];
 
@@ -116,7 +122,8 @@ void cairn_grouping_written_keep(cairn_grouping *g, int32_t index)
     cairn_grouped_object o = {.evidence = s->log_posterior};
     int32_t count, at;
 
-    if (g->object_count == g->params.max_objects && g->objects[g->object_count - 1].evidence >= o.evidence)
+    if (g->object_count == g->params.max_objects &&
+        g->objects[g->object_count - 1].evidence >= o.evidence)
         return;
     count = mark(g, s);
     for (int32_t i = g->object_count - 1; i >= 0; i--)
@@ -136,8 +143,10 @@ void cairn_grouping_written_keep(cairn_grouping *g, int32_t index)
 
 /* ---- The end ---- */
 
-/* Which segment is at each sample of the model's outline: that of the side of a step's sample, at the nearest one. */
-static void set_along(cairn_grouping *g, cairn_grouped_object *o, const cairn_grouping_disc *walk, int32_t steps)
+/* Which segment is at each sample of the model's outline: that of the side of a step's sample,
+ * at the nearest one. */
+static void set_along(cairn_grouping *g, cairn_grouped_object *o, const cairn_grouping_disc *walk,
+                      int32_t steps)
 {
     const cairn_shape_model *m = g->input.model;
     int32_t back = walk[0].sample > walk[steps - 1].sample;
@@ -146,12 +155,14 @@ static void set_along(cairn_grouping *g, cairn_grouped_object *o, const cairn_gr
         g->along[o->along + i] = -1;
     for (int32_t i = 0; i < steps; i++)
         for (int32_t k = 0; k < 2; k++) {
-            cairn_vec2 at = m->samples[m->paths[0].first + walk[i].sample].side[back ? 1 - k : k].position;
+            cairn_vec2 at =
+                m->samples[m->paths[0].first + walk[i].sample].side[back ? 1 - k : k].position;
             cairn_real least = CAIRN_REAL_MAX;
             int32_t nearest = 0;
 
             for (int32_t j = 0; j < m->outline_count; j++) {
-                cairn_real off = cairn_vec2_norm_squared(cairn_vec2_sub(m->outline[j].position, at));
+                cairn_real off =
+                    cairn_vec2_norm_squared(cairn_vec2_sub(m->outline[j].position, at));
 
                 if (off < least) {
                     least = off;
@@ -173,7 +184,8 @@ static void set_place(cairn_grouping *g, cairn_grouped_object *o, int32_t index)
     for (int32_t i = 0; i < steps; i++) {
         cairn_vec2 c = m->samples[m->paths[0].first + walk[i].sample].centre;
 
-        o->origin = cairn_vec2_add(o->origin, cairn_vec2_sub(walk[i].centre, cairn_vec2_scale(c, w->size)));
+        o->origin =
+            cairn_vec2_add(o->origin, cairn_vec2_sub(walk[i].centre, cairn_vec2_scale(c, w->size)));
         least = walk[i].sample < least ? walk[i].sample : least;
         most = walk[i].sample > most ? walk[i].sample : most;
     }
@@ -196,7 +208,8 @@ cairn_status cairn_grouping_written_finish(cairn_grouping *g, cairn_budget *budg
 
         if (!cairn_budget_pay(budget, &g->paid, 1 + o->seen * g->input.model->outline_count / 16))
             return CAIRN_MORE;
-        /* Lists are written anew, one after the other: what they lay in is no longer needed, but the places of the walks are. */
+        /* Lists are written anew, one after the other: what they lay in is no longer needed, but
+         * the places of the walks are. */
         for (int32_t i = 0; i < g->object_count && g->cursor == 0; i++)
             w->place[i] = slot_of(g, &g->objects[i]);
         o->first = g->segment_count;
@@ -213,20 +226,26 @@ cairn_status cairn_grouping_written_finish(cairn_grouping *g, cairn_budget *budg
 
 /* ---- Reading ---- */
 
-cairn_grouping_particle cairn_grouping_written_particle(const cairn_grouping *g, const cairn_particle *p)
+cairn_grouping_particle cairn_grouping_written_particle(const cairn_grouping *g,
+                                                        const cairn_particle *p)
 {
     const grouping_written_state *s = p->state;
     const cairn_shape_model *m = g->input.model;
     const cairn_shape_path *path = &m->paths[0];
-    cairn_grouping_particle particle = {
-        .size = g->written->size, .centre = s->centre, .radius = s->radius, .log_weight = p->log_weight, .sides = 2};
+    cairn_grouping_particle particle = {.size = g->written->size,
+                                        .centre = s->centre,
+                                        .radius = s->radius,
+                                        .log_weight = p->log_weight,
+                                        .sides = 2};
 
     particle.sample = path->first + (s->way ? path->count - 1 - s->sample : s->sample);
-    particle.origin = cairn_vec2_sub(s->centre, cairn_vec2_scale(m->samples[particle.sample].centre, g->written->size));
+    particle.origin = cairn_vec2_sub(
+        s->centre, cairn_vec2_scale(m->samples[particle.sample].centre, g->written->size));
     return particle;
 }
 
-int32_t cairn_grouping_history(const cairn_grouping *g, int32_t particle, cairn_grouping_disc *discs, int32_t most)
+int32_t cairn_grouping_history(const cairn_grouping *g, int32_t particle,
+                               cairn_grouping_disc *discs, int32_t most)
 {
     const grouping_written_state *s;
     int32_t count;
@@ -244,7 +263,8 @@ int32_t cairn_grouping_history(const cairn_grouping *g, int32_t particle, cairn_
     return count;
 }
 
-int32_t cairn_grouping_skeleton(const cairn_grouping *g, int32_t object, cairn_grouping_disc *discs, int32_t most)
+int32_t cairn_grouping_skeleton(const cairn_grouping *g, int32_t object, cairn_grouping_disc *discs,
+                                int32_t most)
 {
     cairn_grouping_result r = cairn_grouping_read(g);
     int32_t count;

@@ -1,17 +1,19 @@
 /* The walk of the mode as written: the filter's callbacks.
  *
- * Method: a particle looks ahead about the open ends of both sides (2.4.2): segments with an end within L of the open one, outside the
- * region that its contour encloses, are paired. Pairs are culled that cross the contour or the skeleton, or have no symmetric point of the
- * model's radii outside that region. Masses are those of the gaps and of the loss of symmetry (2.11); likelihoods those of the displacement
- * and of the radius (2.12, 2.13), which no proposal has seen. The past of a particle is read from its history.
+ * Method: a particle looks ahead about the open ends of both sides (2.4.2): segments with an end
+ * within L of the open one, outside the region that its contour encloses, are paired. Pairs are
+ * culled that cross the contour or the skeleton, or have no symmetric point of the model's radii
+ * outside that region. Masses are those of the gaps and of the loss of symmetry (2.11); likelihoods
+ * those of the displacement and of the radius (2.12, 2.13), which no proposal has seen. The past of
+ * a particle is read from its history.
  *
  * Source: Adluru 2008, sections 2.3 to 2.5. */
 #include "src/core/build.h"
 
 #include "src/contour/contour_grouping_written.h"
 
-/* Units: of a proposal, of a step of its past; steps of the past that an end in a look-ahead circle, and a pair,
- * is checked against in one unit. */
+/* Units: of a proposal, of a step of its past; steps of the past that an end in a look-ahead
+ * circle, and a pair, is checked against in one unit. */
 enum { UNITS_A_PROPOSAL = 60, UNITS_A_STEP = 12, STEPS_AN_END = 1, STEPS_A_PAIR = 2 };
 
 /* ---- The model ---- */
@@ -30,18 +32,21 @@ static const cairn_shape_sample *sample_of(const cairn_shape_model *m, int32_t w
     return &m->samples[path->first + (way ? path->count - 1 - k : k)];
 }
 
-/* ds of (2.12), of two displacements in sizes: the angle between them, rad, and the difference of their lengths in mean radii of the model. Of
- * displacements shorter than a mean radius the angle counts in proportion. */
+/* ds of (2.12), of two displacements in sizes: the angle between them, rad, and the difference
+ * of their lengths in mean radii of the model. Of displacements shorter than a mean radius the
+ * angle counts in proportion. */
 static cairn_real dissimilarity(const struct grouping_written *w, cairn_vec2 model, cairn_vec2 seen)
 {
     cairn_real length = cairn_vec2_norm(seen), expected = cairn_vec2_norm(model);
-    cairn_real angle = cairn_abs(cairn_atan2(cairn_vec2_cross(model, seen), cairn_vec2_dot(model, seen)));
+    cairn_real angle =
+        cairn_abs(cairn_atan2(cairn_vec2_cross(model, seen), cairn_vec2_dot(model, seen)));
 
     return angle * cairn_min(1, cairn_min(length, expected) / w->mean_radius) +
            cairn_abs(length - expected) / w->mean_radius;
 }
 
-cairn_real cairn_grouping_written_likelihood(const cairn_grouping *g, const grouping_written_state *s, int32_t *sample)
+cairn_real cairn_grouping_written_likelihood(const cairn_grouping *g,
+                                             const grouping_written_state *s, int32_t *sample)
 {
     const struct grouping_written *w = g->written;
     const cairn_shape_model *m = g->input.model;
@@ -51,7 +56,8 @@ cairn_real cairn_grouping_written_likelihood(const cairn_grouping *g, const grou
 
     *sample = 0;
     for (int32_t k = 0; k < m->paths[0].count; k++) {
-        cairn_real d = dissimilarity(w, cairn_vec2_sub(sample_of(m, s->way, k)->centre, origin), seen);
+        cairn_real d =
+            dissimilarity(w, cairn_vec2_sub(sample_of(m, s->way, k)->centre, origin), seen);
 
         if (d < least) {
             least = d;
@@ -117,7 +123,8 @@ static int crosses_side(const written_side *side, cairn_segment line, int32_t bu
 
 /* ---- Extensions ---- */
 
-/* Whether a side may be extended by a segment: it lies outside the explored region, and neither it nor the gap to it crosses the contour. */
+/* Whether a side may be extended by a segment: it lies outside the explored region, and neither
+ * it nor the gap to it crosses the contour. */
 static int is_open(const cairn_grouping *g, int32_t s, int32_t from, int32_t joined)
 {
     const struct grouping_written *w = g->written;
@@ -125,12 +132,13 @@ static int is_open(const cairn_grouping *g, int32_t s, int32_t from, int32_t joi
                   line = {bridge.b, grouping_written_end(g, joined ^ 1)};
     cairn_vec2 middle = cairn_vec2_scale(cairn_vec2_add(line.a, line.b), CAIRN_REAL(0.5));
 
-    return !cairn_polygon_contains(w->polygon, w->polygon_count, middle) && !crosses_side(&w->side[s], line, 4) &&
-           !crosses_side(&w->side[s], bridge, 4) && !crosses_side(&w->side[1 - s], line, 0) &&
-           !crosses_side(&w->side[1 - s], bridge, 0);
+    return !cairn_polygon_contains(w->polygon, w->polygon_count, middle) &&
+           !crosses_side(&w->side[s], line, 4) && !crosses_side(&w->side[s], bridge, 4) &&
+           !crosses_side(&w->side[1 - s], line, 0) && !crosses_side(&w->side[1 - s], bridge, 0);
 }
 
-/* Puts an extension into the list, the nearest first; of one segment only that from its nearer end. */
+/* Puts an extension into the list, the nearest first; of one segment only that from its nearer
+ * end. */
 static void insert(written_extension *list, int32_t *count, written_extension e)
 {
     int32_t at = 0;
@@ -149,17 +157,20 @@ static void insert(written_extension *list, int32_t *count, written_extension e)
     list[at] = e;
 }
 
-/* What side s may be extended by, within the circle about its open end: list[WRITTEN_CHOICE]; their number. */
-static int32_t find_extensions(const cairn_grouping *g, const grouping_written_state *before, int32_t s,
-                               written_extension *list)
+/* What side s may be extended by, within the circle about its open end: list[WRITTEN_CHOICE];
+ * their number. */
+static int32_t find_extensions(const cairn_grouping *g, const grouping_written_state *before,
+                               int32_t s, written_extension *list)
 {
     const struct grouping_written *w = g->written;
     cairn_vec2 open = grouping_written_end(g, before->end[s]);
     cairn_point_grid_cursor near = cairn_point_grid_begin(w->ends, open, g->input.look_ahead);
     int32_t count = 0;
 
-    for (int32_t e = cairn_point_grid_next(w->ends, &near); e >= 0; e = cairn_point_grid_next(w->ends, &near)) {
-        written_extension x = {cairn_vec2_norm(cairn_vec2_sub(grouping_written_end(g, e), open)), e ^ 1};
+    for (int32_t e = cairn_point_grid_next(w->ends, &near); e >= 0;
+         e = cairn_point_grid_next(w->ends, &near)) {
+        written_extension x = {cairn_vec2_norm(cairn_vec2_sub(grouping_written_end(g, e), open)),
+                               e ^ 1};
 
         if (w->stamp[e / 2] == w->look || (count == WRITTEN_CHOICE && x.gap >= list[count - 1].gap))
             continue;
@@ -169,8 +180,10 @@ static int32_t find_extensions(const cairn_grouping *g, const grouping_written_s
     return count;
 }
 
-/* Whether the step of the skeleton to a point crosses the contour or the skeleton, or turns back by more than a right angle. */
-static int crosses_past(const cairn_grouping *g, const grouping_written_state *before, cairn_vec2 centre)
+/* Whether the step of the skeleton to a point crosses the contour or the skeleton, or turns back
+ * by more than a right angle. */
+static int crosses_past(const cairn_grouping *g, const grouping_written_state *before,
+                        cairn_vec2 centre)
 {
     const struct grouping_written *w = g->written;
     cairn_segment step = {before->centre, centre};
@@ -183,8 +196,9 @@ static int crosses_past(const cairn_grouping *g, const grouping_written_state *b
         if (cairn_segments_cross(piece, step))
             return 1;
     }
-    return w->past_count > 1 && cairn_vec2_dot(cairn_vec2_sub(step.b, step.a),
-                                               cairn_vec2_sub(step.a, w->past[w->past_count - 2]->centre)) < 0;
+    return w->past_count > 1 &&
+           cairn_vec2_dot(cairn_vec2_sub(step.b, step.a),
+                          cairn_vec2_sub(step.a, w->past[w->past_count - 2]->centre)) < 0;
 }
 
 /* Whether the extensions of both sides cross each other. */
@@ -216,14 +230,17 @@ static cairn_real log_mass(const cairn_grouping *g, const grouping_written_state
 }
 
 /* Offers the pair of two extensions, unless it is culled. */
-static cairn_status offer(cairn_grouping *g, cairn_particle_filter *filter, const grouping_written_state *before,
-                          const written_extension *left, const written_extension *right)
+static cairn_status offer(cairn_grouping *g, cairn_particle_filter *filter,
+                          const grouping_written_state *before, const written_extension *left,
+                          const written_extension *right)
 {
-    const cairn_symmetric_point *p = cairn_grouping_written_point(g, left->open / 2, right->open / 2);
+    const cairn_symmetric_point *p =
+        cairn_grouping_written_point(g, left->open / 2, right->open / 2);
     grouping_written_state next = *before;
     cairn_status status;
 
-    if (p == NULL || cairn_polygon_contains(g->written->polygon, g->written->polygon_count, p->centre) ||
+    if (p == NULL ||
+        cairn_polygon_contains(g->written->polygon, g->written->polygon_count, p->centre) ||
         crosses_past(g, before, p->centre) || cross_each_other(g, before, left, right))
         return CAIRN_OK;
     next.centre = p->centre;
@@ -233,8 +250,8 @@ static cairn_status offer(cairn_grouping *g, cairn_particle_filter *filter, cons
     next.end[1] = right->open;
     next.segment[0] = left->open / 2;
     next.segment[1] = right->open / 2;
-    status = cairn_particle_filter_offer(filter, &next,
-                                         log_mass(g, before, &next, CAIRN_REAL(0.5) * (left->gap + right->gap)));
+    status = cairn_particle_filter_offer(
+        filter, &next, log_mass(g, before, &next, CAIRN_REAL(0.5) * (left->gap + right->gap)));
     return status == CAIRN_FULL ? CAIRN_OK : status;
 }
 
@@ -242,7 +259,8 @@ static cairn_status offer(cairn_grouping *g, cairn_particle_filter *filter, cons
 static int32_t ends_ahead(const cairn_grouping *g, const grouping_written_state *before, int32_t s)
 {
     cairn_vec2 open = grouping_written_end(g, before->end[s]);
-    cairn_point_grid_cursor near = cairn_point_grid_begin(g->written->ends, open, g->input.look_ahead);
+    cairn_point_grid_cursor near =
+        cairn_point_grid_begin(g->written->ends, open, g->input.look_ahead);
     int32_t count = 0;
 
     while (cairn_point_grid_next(g->written->ends, &near) >= 0)
@@ -251,17 +269,20 @@ static int32_t ends_ahead(const cairn_grouping *g, const grouping_written_state 
 }
 
 /* Units of a proposal. */
-static int32_t cost_of_proposal(const cairn_grouping *g, const grouping_written_state *before, int32_t steps)
+static int32_t cost_of_proposal(const cairn_grouping *g, const grouping_written_state *before,
+                                int32_t steps)
 {
     int32_t left = ends_ahead(g, before, 0), right = ends_ahead(g, before, 1);
-    int32_t pairs = (left < WRITTEN_CHOICE ? left : WRITTEN_CHOICE) * (right < WRITTEN_CHOICE ? right : WRITTEN_CHOICE);
+    int32_t pairs = (left < WRITTEN_CHOICE ? left : WRITTEN_CHOICE) *
+                    (right < WRITTEN_CHOICE ? right : WRITTEN_CHOICE);
     int64_t units = UNITS_A_PROPOSAL + UNITS_A_STEP * steps + pairs * (1 + steps / STEPS_A_PAIR) +
                     ((int64_t)left + right) * (1 + steps / STEPS_AN_END);
 
     return units < INT32_MAX ? (int32_t)units : INT32_MAX;
 }
 
-static cairn_status propose(void *context, cairn_particle_filter *filter, int32_t index, cairn_budget *budget)
+static cairn_status propose(void *context, cairn_particle_filter *filter, int32_t index,
+                            cairn_budget *budget)
 {
     cairn_grouping *g = context;
     cairn_particle particle = cairn_particle_filter_particle(filter, index);
@@ -288,8 +309,8 @@ static cairn_status propose(void *context, cairn_particle_filter *filter, int32_
     return CAIRN_OK;
 }
 
-static cairn_status likelihood(void *context, const cairn_particle_filter *filter, int32_t index, const void *state,
-                               cairn_real *log_likelihood, cairn_budget *budget)
+static cairn_status likelihood(void *context, const cairn_particle_filter *filter, int32_t index,
+                               const void *state, cairn_real *log_likelihood, cairn_budget *budget)
 {
     cairn_grouping *g = context;
     int32_t sample;

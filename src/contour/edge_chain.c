@@ -1,18 +1,22 @@
 /* Chains of edge pixels by ordered thinning.
  *
- * Method: edge pixels are taken in order of their strength, those of equal strength in order of their distance to the nearest
- * pixel without an edge, and removed when that neither parts a line, nor closes a hole, nor shortens a line from its end. A
- * removal brings the neighbours that had to stay back into the queue. What is left is one pixel wide and runs along the
- * crests of the strengths, or along the middle of what is equally strong. Pixels are then linked to their four neighbours,
- * and to a diagonal one where no shorter way leads: the number of links tells ends (1), lines (2) and junctions (3 or more)
- * apart. Lines are followed from the ends and junctions; what has none is a closed line.
+ * Method: edge pixels are taken in order of their strength, those of equal strength in order of
+ * their distance to the nearest pixel without an edge, and removed when that neither parts a line,
+ * nor closes a hole, nor shortens a line from its end. A removal brings the neighbours that had to
+ * stay back into the queue. What is left is one pixel wide and runs along the crests of the
+ * strengths, or along the middle of what is equally strong. Pixels are then linked to their four
+ * neighbours, and to a diagonal one where no shorter way leads: the number of links tells ends (1),
+ * lines (2) and junctions (3 or more) apart. Lines are followed from the ends and junctions; what
+ * has none is a closed line.
  *
- * Layout: one byte a pixel with a border of one pixel, so that no neighbour is outside; queues, one for each strength and
- * distance, as lists through the edge pixels.
+ * Layout: one byte a pixel with a border of one pixel, so that no neighbour is outside; queues, one
+ * for each strength and distance, as lists through the edge pixels.
  *
- * Limits: edges more than twice MAX_DISTANCE wide and of one strength are thinned to a line that need not be in the middle.
+ * Limits: edges more than twice MAX_DISTANCE wide and of one strength are thinned to a line that
+ * need not be in the middle.
  *
- * Source: Adluru 2008, section 2; simple pixels: Yokoi, Toriwaki and Fukumura 1975; order by distance: Pudney 1998. */
+ * Source: Adluru 2008, section 2; simple pixels: Yokoi, Toriwaki and Fukumura 1975; order by
+ * distance: Pudney 1998. */
 #include "src/core/build.h"
 
 #include <string.h>
@@ -35,25 +39,38 @@ typedef struct queue_entry {
 
 struct cairn_edge_chain_set {
     cairn_edge_chain_params params;
-    uint8_t *flags;       /* [(max_height + 2) * (max_width + 2)] */
-    int32_t *head, *tail; /* [QUEUES], -1: empty */
-    queue_entry *entries; /* [max_edges]; a pixel is in one queue at most */
-    cairn_edge_pixel
-        *pixels; /* [max_edges + 2 * max_chains + 2]: all once, ends again, and those of the chain at hand */
-    cairn_edge_chain *chains; /* [max_chains] */
+    /* [(max_height + 2) * (max_width + 2)] */
+    uint8_t *flags;
+    /* [QUEUES], -1: empty */
+    int32_t *head, *tail;
+    /* [max_edges]; a pixel is in one queue at most */
+    queue_entry *entries;
+    /* [max_edges + 2 * max_chains + 2]: all once, ends again, and those of the chain at hand */
+    cairn_edge_pixel *pixels;
+    /* [max_chains] */
+    cairn_edge_chain *chains;
     cairn_raster_u8_view strengths;
-    int32_t stride;    /* of flags */
-    int32_t ring[8];   /* offsets of the neighbours: east, then clockwise on the screen */
-    int32_t vacant;    /* first of the free entries, linked by next; -1: none */
-    int32_t queue;     /* THIN: lowest that may have a pixel */
-    int32_t cursor;    /* next pixel of the picture, row by row */
-    int32_t direction; /* FOLLOW_LINES: next neighbour of the pixel at the cursor to be followed */
-    int32_t following; /* 1: a chain is being followed, from `start` over `before` to `at` */
+    /* of flags */
+    int32_t stride;
+    /* offsets of the neighbours: east, then clockwise on the screen */
+    int32_t ring[8];
+    /* first of the free entries, linked by next; -1: none */
+    int32_t vacant;
+    /* THIN: lowest that may have a pixel */
+    int32_t queue;
+    /* next pixel of the picture, row by row */
+    int32_t cursor;
+    /* FOLLOW_LINES: next neighbour of the pixel at the cursor to be followed */
+    int32_t direction;
+    /* 1: a chain is being followed, from `start` over `before` to `at` */
+    int32_t following;
     int32_t start, before, at;
-    int64_t strength; /* sum of the chain being followed */
+    /* sum of the chain being followed */
+    int64_t strength;
     int32_t chain_count, pixel_count, edge_count, short_count;
     link_phase phase;
-    int32_t paid; /* units towards the item at hand */
+    /* units towards the item at hand */
+    int32_t paid;
 };
 
 cairn_edge_chain_params cairn_edge_chain_default(void)
@@ -72,10 +89,11 @@ cairn_edge_chain_params cairn_edge_chain_default(void)
 
 static int params_are_valid(const cairn_edge_chain_params *p)
 {
-    return p != NULL && p->max_width >= 1 && p->max_width <= CAIRN_RASTER_MAX_SIDE && p->max_height >= 1 &&
-           p->max_height <= CAIRN_RASTER_MAX_SIDE && p->max_edges >= 1 && p->max_edges <= MAX_COUNT &&
-           p->max_chains >= 1 && p->max_chains <= MAX_COUNT && p->min_strength >= 1 && p->min_strength <= 255 &&
-           p->min_length >= 2 && p->max_spur >= 0 && p->max_spur <= MAX_SPUR;
+    return p != NULL && p->max_width >= 1 && p->max_width <= CAIRN_RASTER_MAX_SIDE &&
+           p->max_height >= 1 && p->max_height <= CAIRN_RASTER_MAX_SIDE && p->max_edges >= 1 &&
+           p->max_edges <= MAX_COUNT && p->max_chains >= 1 && p->max_chains <= MAX_COUNT &&
+           p->min_strength >= 1 && p->min_strength <= 255 && p->min_length >= 2 &&
+           p->max_spur >= 0 && p->max_spur <= MAX_SPUR;
 }
 
 static cairn_edge_chain_set *carve(cairn_pool *pool, const cairn_edge_chain_params *params)
@@ -199,7 +217,8 @@ static int32_t count_of(uint32_t mask)
     return count;
 }
 
-/* 1 when the neighbours hang together without the pixel and it touches the outside: its removal changes no line's course. */
+/* 1 when the neighbours hang together without the pixel and it touches the outside: its removal
+ * changes no line's course. */
 static int is_simple(uint32_t mask)
 {
     int32_t crossings = 0;
@@ -222,7 +241,8 @@ static int is_tip(uint32_t mask)
     return 0;
 }
 
-/* The neighbours that a pixel is linked to: diagonal ones only where no pixel beside both leads there. */
+/* The neighbours that a pixel is linked to: diagonal ones only where no pixel beside both leads
+ * there. */
 static uint32_t links_of(const cairn_edge_chain_set *set, int32_t cell)
 {
     uint32_t mask = neighbours_of(set, cell), links = mask;
@@ -253,7 +273,8 @@ static int32_t beyond(const cairn_edge_chain_set *set, int32_t before, int32_t a
     return at + set->ring[k];
 }
 
-/* Moves the cursor on to the next edge pixel: 1 there, 0 the budget is used up, -1 there is none. */
+/* Moves the cursor on to the next edge pixel: 1 there, 0 the budget is used up, -1 there is
+ * none. */
 static int32_t find_edge(cairn_edge_chain_set *set, cairn_budget *budget)
 {
     int32_t cells = cell_count(set);
@@ -327,10 +348,12 @@ static void enqueue(cairn_edge_chain_set *set, int32_t cell, int32_t queue)
 static void enqueue_pixel(cairn_edge_chain_set *set, int32_t cell)
 {
     if (set->flags[cell] & EDGE)
-        enqueue(set, cell, strength_at(set, cell) * (MAX_DISTANCE + 1) + (set->flags[cell] & DISTANCE_BITS));
+        enqueue(set, cell,
+                strength_at(set, cell) * (MAX_DISTANCE + 1) + (set->flags[cell] & DISTANCE_BITS));
 }
 
-/* Four pixels a unit: those from the cursor on in the order of the phase. CAIRN_OK when all are done. */
+/* Four pixels a unit: those from the cursor on in the order of the phase. CAIRN_OK when all are
+ * done. */
 static cairn_status step_pixels(cairn_edge_chain_set *set, cairn_budget *budget)
 {
     int32_t cells = cell_count(set);
@@ -397,7 +420,8 @@ static cairn_status step_thin(cairn_edge_chain_set *set, cairn_budget *budget)
             return CAIRN_MORE;
         budget->left--;
         if (entry < 0) {
-            for (int32_t k = 0; k < PIXELS_A_UNIT && set->queue < QUEUES && set->head[set->queue] < 0; k++)
+            for (int32_t k = 0;
+                 k < PIXELS_A_UNIT && set->queue < QUEUES && set->head[set->queue] < 0; k++)
                 set->queue++;
             continue;
         }
@@ -525,7 +549,8 @@ static cairn_status follow(cairn_edge_chain_set *set)
     return CAIRN_OK;
 }
 
-/* The next line from the end or junction at the cursor that has not been followed from its other end. 0: none is left. */
+/* The next line from the end or junction at the cursor that has not been followed from its other
+ * end. 0: none is left. */
 static int start_line(cairn_edge_chain_set *set)
 {
     uint32_t links = links_of(set, set->cursor);

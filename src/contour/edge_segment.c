@@ -1,10 +1,12 @@
 /* Straight segments of edge chains.
  *
- * Method: a chain is halved at its pixel farthest from the chord, until none is farther than the tolerance (with a stack of
- * the right ends that wait). The pixels of a piece give its line by orthogonal regression; its ends are the projections
- * of the first and the last. All ends go into a hash grid. Each line is then walked in stretches of 64 px: ends near it
- * set the bits of the pixels that they project to, and the bits are taken as cuts from one end to the other, as far as
- * pieces do not become too short. Last, ends near each other whose lines cross near both give the virtual segments.
+ * Method: a chain is halved at its pixel farthest from the chord, until none is farther than the
+ * tolerance (with a stack of the right ends that wait). The pixels of a piece give its line by
+ * orthogonal regression; its ends are the projections of the first and the last. All ends go into a
+ * hash grid. Each line is then walked in stretches of 64 px: ends near it set the bits of the
+ * pixels that they project to, and the bits are taken as cuts from one end to the other, as far as
+ * pieces do not become too short. Last, ends near each other whose lines cross near both give the
+ * virtual segments.
  *
  * Layout: lines, segments, the stack, the grid over the ends (2 i and 2 i + 1 are those of line i).
  *
@@ -17,7 +19,13 @@
 
 #include "cairn/edge_segment.h"
 
-enum { MAX_LINES = 1 << 26, MAX_SEGMENTS = 1 << 28, PIXELS_A_UNIT = 4, CELLS_A_UNIT = 4, STRETCH = 64 };
+enum {
+    MAX_LINES = 1 << 26,
+    MAX_SEGMENTS = 1 << 28,
+    PIXELS_A_UNIT = 4,
+    CELLS_A_UNIT = 4,
+    STRETCH = 64
+};
 
 /* Side of a cell of the grid, and the least look-ahead and mean length, in pixels. */
 #define CELL  CAIRN_REAL(16.0)
@@ -26,8 +34,8 @@ enum { MAX_LINES = 1 << 26, MAX_SEGMENTS = 1 << 28, PIXELS_A_UNIT = 4, CELLS_A_U
 typedef int32_t segment_phase;
 enum { IDLE, SPLIT, FIT, INDEX, CUT, JOIN, DONE };
 
-/* A piece of a chain from position `low` to position `high`, counted from the chain's first pixel; in a closed chain high may
- * be the number of pixels, which is the first again. */
+/* A piece of a chain from position `low` to position `high`, counted from the chain's first
+ * pixel; in a closed chain high may be the number of pixels, which is the first again. */
 typedef struct edge_line {
     cairn_segment line;
     int32_t chain, low, high;
@@ -42,26 +50,40 @@ typedef struct moments {
 struct cairn_edge_segment_set {
     cairn_edge_segment_params params;
     cairn_real cos_turn;
-    edge_line *lines;             /* [max_lines] */
-    cairn_edge_segment *segments; /* [max_segments] */
-    int32_t *waiting;             /* [max_lines], right ends */
+    /* [max_lines] */
+    edge_line *lines;
+    /* [max_segments] */
+    cairn_edge_segment *segments;
+    /* [max_lines], right ends */
+    int32_t *waiting;
     cairn_point_grid *grid;
     cairn_edge_chain_result chains;
     int32_t line_count, segment_count, virtual_count;
-    cairn_real sum, sum_squared; /* of lengths of lines, then sum of those of segments */
+    /* of lengths of lines, then sum of those of segments */
+    cairn_real sum, sum_squared;
     cairn_real look_ahead, mean_length;
     segment_phase phase;
-    int32_t chain;                   /* SPLIT */
-    int32_t low, high, at, farthest; /* SPLIT: positions */
+    /* SPLIT */
+    int32_t chain;
+    /* SPLIT: positions */
+    int32_t low, high, at, farthest;
     int32_t waiting_count;
-    cairn_real distance_squared; /* SPLIT: of the farthest */
-    moments sums;                /* FIT */
-    int32_t cursor;              /* FIT, INDEX, CUT: line; JOIN: end */
-    int32_t is_started;          /* FIT: the line at the cursor; INDEX: the grid is empty */
-    int32_t stretch;             /* CUT: px from the start of the line */
-    uint64_t cuts;               /* CUT: bit k: a cut at stretch + k */
-    cairn_real cut;              /* CUT: px, the last one */
-    int32_t searching;           /* CUT: 1 while ends are looked for, 2 while bits are taken; JOIN: 1 */
+    /* SPLIT: of the farthest */
+    cairn_real distance_squared;
+    /* FIT */
+    moments sums;
+    /* FIT, INDEX, CUT: line; JOIN: end */
+    int32_t cursor;
+    /* FIT: the line at the cursor; INDEX: the grid is empty */
+    int32_t is_started;
+    /* CUT: px from the start of the line */
+    int32_t stretch;
+    /* CUT: bit k: a cut at stretch + k */
+    uint64_t cuts;
+    /* CUT: px, the last one */
+    cairn_real cut;
+    /* CUT: 1 while ends are looked for, 2 while bits are taken; JOIN: 1 */
+    int32_t searching;
     cairn_point_grid_cursor near;
     int32_t paid;
 };
@@ -83,9 +105,10 @@ cairn_edge_segment_params cairn_edge_segment_default(void)
 static int params_are_valid(const cairn_edge_segment_params *p)
 {
     return p != NULL && p->max_lines >= 1 && p->max_lines <= MAX_LINES && p->max_segments >= 1 &&
-           p->max_segments <= MAX_SEGMENTS && p->tolerance > 0 && cairn_is_finite(p->tolerance) && p->min_piece >= 2 &&
-           cairn_is_finite(p->min_piece) && p->look_ahead >= 0 && cairn_is_finite(p->look_ahead) && p->junction >= 0 &&
-           cairn_is_finite(p->junction) && p->junction_turn >= 0 && p->junction_turn <= CAIRN_PI;
+           p->max_segments <= MAX_SEGMENTS && p->tolerance > 0 && cairn_is_finite(p->tolerance) &&
+           p->min_piece >= 2 && cairn_is_finite(p->min_piece) && p->look_ahead >= 0 &&
+           cairn_is_finite(p->look_ahead) && p->junction >= 0 && cairn_is_finite(p->junction) &&
+           p->junction_turn >= 0 && p->junction_turn <= CAIRN_PI;
 }
 
 static cairn_point_grid *carve_grid(cairn_pool *pool, int32_t max_points)
@@ -109,7 +132,8 @@ static cairn_edge_segment_set *carve(cairn_pool *pool, const cairn_edge_segment_
 {
     cairn_edge_segment_set *set = cairn_pool_take_one(pool, sizeof *set);
     edge_line *lines = cairn_pool_take(pool, (size_t)params->max_lines, sizeof *lines);
-    cairn_edge_segment *segments = cairn_pool_take(pool, (size_t)params->max_segments, sizeof *segments);
+    cairn_edge_segment *segments =
+        cairn_pool_take(pool, (size_t)params->max_segments, sizeof *segments);
     int32_t *waiting = cairn_pool_take(pool, (size_t)params->max_lines, sizeof *waiting);
     cairn_point_grid *grid = carve_grid(pool, 2 * params->max_lines);
 
@@ -151,7 +175,8 @@ cairn_status cairn_edge_segment_create(cairn_edge_segment_set **set, cairn_pool 
     return CAIRN_OK;
 }
 
-cairn_status cairn_edge_segment_begin(cairn_edge_segment_set *set, const cairn_edge_chain_result *chains)
+cairn_status cairn_edge_segment_begin(cairn_edge_segment_set *set,
+                                      const cairn_edge_chain_result *chains)
 {
     if (set == NULL || chains == NULL || chains->chain_count < 0 || chains->pixel_count < 0 ||
         (chains->chain_count > 0 && (chains->chains == NULL || chains->pixels == NULL)))
@@ -196,7 +221,8 @@ static cairn_vec2 point_of(const cairn_edge_segment_set *set, int32_t chain, int
 
 static int chain_is_good(const cairn_edge_segment_set *set, const cairn_edge_chain *chain)
 {
-    return chain->count >= 2 && chain->first >= 0 && chain->first <= set->chains.pixel_count - chain->count;
+    return chain->count >= 2 && chain->first >= 0 &&
+           chain->first <= set->chains.pixel_count - chain->count;
 }
 
 /* Looks at the positions between low and high from a new chord. */
@@ -211,11 +237,13 @@ static void start_chord(cairn_edge_segment_set *set, int32_t low, int32_t high)
 
 static void measure(cairn_edge_segment_set *set)
 {
-    cairn_segment chord = {point_of(set, set->chain, set->low), point_of(set, set->chain, set->high)};
+    cairn_segment chord = {point_of(set, set->chain, set->low),
+                           point_of(set, set->chain, set->high)};
 
     for (int32_t k = 0; k < PIXELS_A_UNIT && set->at < set->high; k++, set->at++) {
         cairn_vec2 p = point_of(set, set->chain, set->at);
-        cairn_real squared = cairn_vec2_norm_squared(cairn_vec2_sub(p, cairn_segment_nearest(chord, p, NULL)));
+        cairn_real squared =
+            cairn_vec2_norm_squared(cairn_vec2_sub(p, cairn_segment_nearest(chord, p, NULL)));
 
         if (squared > set->distance_squared) {
             set->distance_squared = squared;
@@ -233,8 +261,8 @@ static void add_line(cairn_edge_segment_set *set)
     line->high = set->high;
 }
 
-/* All pixels of the chord have been measured: halves it, or keeps it as a line and goes on with what waits. A chord that ends
- * where it starts is halved as long as there is anything between. */
+/* All pixels of the chord have been measured: halves it, or keeps it as a line and goes on with
+ * what waits. A chord that ends where it starts is halved as long as there is anything between. */
 static cairn_status end_chord(cairn_edge_segment_set *set)
 {
     int32_t first = index_of(&set->chains.chains[set->chain], set->low);
@@ -285,19 +313,22 @@ static cairn_status step_split(cairn_edge_segment_set *set, cairn_budget *budget
     return CAIRN_OK;
 }
 
-/* The orthogonal regression of the sums of n pixels, cut at the projections of the first and the last; their chord where those
- * fall together, as on a hook. */
+/* The orthogonal regression of the sums of n pixels, cut at the projections of the first and the
+ * last; their chord where those fall together, as on a hook. */
 static cairn_segment regression(const moments *sums, int32_t n, cairn_vec2 first, cairn_vec2 last)
 {
-    cairn_real count = (cairn_real)n, x = (cairn_real)sums->x / count, y = (cairn_real)sums->y / count;
+    cairn_real count = (cairn_real)n, x = (cairn_real)sums->x / count,
+               y = (cairn_real)sums->y / count;
     cairn_real xx = (cairn_real)sums->xx / count - x * x, yy = (cairn_real)sums->yy / count - y * y;
     cairn_real xy = (cairn_real)sums->xy / count - x * y;
     cairn_vec2 mean = {first.x + x, first.y + y}, direction;
     cairn_segment line, chord = {first, last};
 
     cairn_sincos(cairn_atan2(2 * xy, xx - yy) / 2, &direction.y, &direction.x);
-    line.a = cairn_vec2_add(mean, cairn_vec2_scale(direction, cairn_vec2_dot(cairn_vec2_sub(first, mean), direction)));
-    line.b = cairn_vec2_add(mean, cairn_vec2_scale(direction, cairn_vec2_dot(cairn_vec2_sub(last, mean), direction)));
+    line.a = cairn_vec2_add(
+        mean, cairn_vec2_scale(direction, cairn_vec2_dot(cairn_vec2_sub(first, mean), direction)));
+    line.b = cairn_vec2_add(
+        mean, cairn_vec2_scale(direction, cairn_vec2_dot(cairn_vec2_sub(last, mean), direction)));
     return 2 * cairn_segment_length(line) < cairn_segment_length(chord) ? chord : line;
 }
 
@@ -334,7 +365,8 @@ static cairn_status step_fit(cairn_edge_segment_set *set, cairn_budget *budget)
         add_pixels(set, line);
         if (set->at <= line->high)
             continue;
-        line->line = regression(&set->sums, line->high - line->low + 1, point_of(set, line->chain, line->low),
+        line->line = regression(&set->sums, line->high - line->low + 1,
+                                point_of(set, line->chain, line->low),
                                 point_of(set, line->chain, line->high));
         length = cairn_segment_length(line->line);
         set->sum += length;
@@ -393,7 +425,8 @@ static cairn_vec2 along(cairn_segment line, cairn_real share)
     return cairn_vec2_add(line.a, cairn_vec2_scale(cairn_vec2_sub(line.b, line.a), share));
 }
 
-/* Units of a search among the ends: one for every CELLS_A_UNIT cells that the radius touches, or ends, if those are fewer. */
+/* Units of a search among the ends: one for every CELLS_A_UNIT cells that the radius touches, or
+ * ends, if those are fewer. */
 static int32_t search_cost(const cairn_edge_segment_set *set, cairn_real radius)
 {
     cairn_real side = 2 * radius / CELL + 2;
@@ -403,7 +436,8 @@ static int32_t search_cost(const cairn_edge_segment_set *set, cairn_real radius)
 }
 
 /* Starts to look for the ends near a piece of the line at hand. 0: the budget is used up. */
-static int start_search(cairn_edge_segment_set *set, cairn_vec2 centre, cairn_real radius, cairn_budget *budget)
+static int start_search(cairn_edge_segment_set *set, cairn_vec2 centre, cairn_real radius,
+                        cairn_budget *budget)
 {
     if (!cairn_budget_pay(budget, &set->paid, search_cost(set, radius)))
         return 0;
@@ -413,19 +447,21 @@ static int start_search(cairn_edge_segment_set *set, cairn_vec2 centre, cairn_re
 }
 
 /* Sets the bit of the pixel that an end projects to, when it is near the stretch at hand. */
-static void mark_cut(cairn_edge_segment_set *set, cairn_segment line, cairn_real length, cairn_vec2 end)
+static void mark_cut(cairn_edge_segment_set *set, cairn_segment line, cairn_real length,
+                     cairn_vec2 end)
 {
     cairn_vec2 direction = cairn_vec2_scale(cairn_vec2_sub(line.b, line.a), 1 / length),
                from = cairn_vec2_sub(end, line.a);
     cairn_real place = cairn_vec2_dot(from, direction) - (cairn_real)set->stretch;
 
-    if (place >= 0 && place < STRETCH && cairn_abs(cairn_vec2_cross(direction, from)) <= 2 * set->look_ahead)
+    if (place >= 0 && place < STRETCH &&
+        cairn_abs(cairn_vec2_cross(direction, from)) <= 2 * set->look_ahead)
         set->cuts |= (uint64_t)1 << cairn_real_to_int(place);
 }
 
 /* A piece of a line from `from` to `to`, in px from its start. */
-static cairn_status add_segment(cairn_edge_segment_set *set, const edge_line *line, cairn_real length, cairn_real from,
-                                cairn_real to)
+static cairn_status add_segment(cairn_edge_segment_set *set, const edge_line *line,
+                                cairn_real length, cairn_real from, cairn_real to)
 {
     const cairn_edge_chain *chain = &set->chains.chains[line->chain];
     cairn_real pixels = (cairn_real)(line->high - line->low) / length;
@@ -486,7 +522,8 @@ static cairn_status cut_line(cairn_edge_segment_set *set, edge_line *line, cairn
         if (set->stretch == 0)
             line->first = set->segment_count;
         set->cuts = 0;
-        return start_search(set, along(line->line, middle / length), radius, budget) ? CAIRN_OK : CAIRN_MORE;
+        return start_search(set, along(line->line, middle / length), radius, budget) ? CAIRN_OK
+                                                                                     : CAIRN_MORE;
     }
     if (budget->left <= 0)
         return CAIRN_MORE;
@@ -515,7 +552,9 @@ static cairn_status step_cut(cairn_edge_segment_set *set, cairn_budget *budget)
         if (status != CAIRN_OK)
             return status;
     }
-    set->mean_length = set->segment_count > 0 ? cairn_max(set->sum / (cairn_real)set->segment_count, FLOOR) : FLOOR;
+    set->mean_length = set->segment_count > 0
+                           ? cairn_max(set->sum / (cairn_real)set->segment_count, FLOOR)
+                           : FLOOR;
     return CAIRN_OK;
 }
 
@@ -526,12 +565,14 @@ static cairn_vec2 inwards(const cairn_edge_segment_set *set, int32_t end)
 {
     cairn_segment line = set->lines[end / 2].line;
 
-    return cairn_vec2_unit(end % 2 == 0 ? cairn_vec2_sub(line.b, line.a) : cairn_vec2_sub(line.a, line.b));
+    return cairn_vec2_unit(end % 2 == 0 ? cairn_vec2_sub(line.b, line.a)
+                                        : cairn_vec2_sub(line.a, line.b));
 }
 
 static int is_near(const cairn_edge_segment_set *set, int32_t end, cairn_vec2 point)
 {
-    return cairn_vec2_norm(cairn_vec2_sub(cairn_point_grid_point(set->grid, end), point)) <= set->params.junction;
+    return cairn_vec2_norm(cairn_vec2_sub(cairn_point_grid_point(set->grid, end), point)) <=
+           set->params.junction;
 }
 
 static int32_t segment_at(const cairn_edge_segment_set *set, int32_t end)
@@ -551,14 +592,16 @@ static cairn_status join(cairn_edge_segment_set *set, int32_t end, int32_t other
         return CAIRN_OK;
     if (set->segment_count == set->params.max_segments)
         return CAIRN_FULL;
-    half = cairn_vec2_scale(cairn_vec2_unit(cairn_vec2_sub(v, u)), CAIRN_REAL(0.5) * set->params.min_piece);
+    half = cairn_vec2_scale(cairn_vec2_unit(cairn_vec2_sub(v, u)),
+                            CAIRN_REAL(0.5) * set->params.min_piece);
     segment = &set->segments[set->segment_count++];
     segment->line.a = cairn_vec2_sub(crossing, half);
     segment->line.b = cairn_vec2_add(crossing, half);
     segment->chain = -1;
     segment->first = segment_at(set, end);
     segment->last = segment_at(set, other);
-    segment->strength = cairn_min(set->segments[segment->first].strength, set->segments[segment->last].strength);
+    segment->strength =
+        cairn_min(set->segments[segment->first].strength, set->segments[segment->last].strength);
     set->virtual_count++;
     return CAIRN_OK;
 }
@@ -570,7 +613,8 @@ static cairn_status step_join(cairn_edge_segment_set *set, cairn_budget *budget)
         cairn_status status = CAIRN_OK;
 
         if (set->searching == 0 &&
-            !start_search(set, cairn_point_grid_point(set->grid, set->cursor), 2 * set->params.junction, budget))
+            !start_search(set, cairn_point_grid_point(set->grid, set->cursor),
+                          2 * set->params.junction, budget))
             return CAIRN_MORE;
         if (budget->left <= 0)
             return CAIRN_MORE;

@@ -1,17 +1,21 @@
 /* Edgels by third-order derivatives.
  *
- * Method: the picture is correlated with a Gaussian and its first three derivatives along the rows, then along the columns; of
- * the products nine derivatives of the smoothed picture are made, of these F and its gradient. Where F changes its sign between
- * two pixels beside each other its zero is interpolated, with all that belongs to it: between pixels of a row for edges
- * that are rather upright, of a column for the others, so that an edge is met once in each row or column. At a maximum of the
- * slope F falls in the direction of the slope; where it rises there is a minimum and no edge.
+ * Method: the picture is correlated with a Gaussian and its first three derivatives along the rows,
+ * then along the columns; of the products nine derivatives of the smoothed picture are made, of
+ * these F and its gradient. Where F changes its sign between two pixels beside each other its zero
+ * is interpolated, with all that belongs to it: between pixels of a row for edges that are rather
+ * upright, of a column for the others, so that an edge is met once in each row or column. At a
+ * maximum of the slope F falls in the direction of the slope; where it rises there is a minimum and
+ * no edge.
  *
- * Layout: a ring of rows that are smoothed along themselves, as many as the filter is high; F and what belongs to it for the
- * row at hand and the one before it; the edgels.
+ * Layout: a ring of rows that are smoothed along themselves, as many as the filter is high; F and
+ * what belongs to it for the row at hand and the one before it; the edgels.
  *
- * Limits: below sigma .7 the sampled filters no longer are derivatives. Edges closer than two sigma move apart.
+ * Limits: below sigma .7 the sampled filters no longer are derivatives. Edges closer than two sigma
+ * move apart.
  *
- * Source: Adluru 2008, section 3.1; Tamrakar and Kimia 2007, "No grouping left behind: from edges to curve fragments". */
+ * Source: Adluru 2008, section 3.1; Tamrakar and Kimia 2007, "No grouping left behind: from
+ * edges to curve fragments". */
 #include "src/core/build.h"
 
 #include <string.h>
@@ -66,10 +70,11 @@ cairn_edgel_params cairn_edgel_default(void)
 
 static int params_are_valid(const cairn_edgel_params *p)
 {
-    return p != NULL && p->max_width >= 1 && p->max_width <= CAIRN_RASTER_MAX_SIDE && p->max_height >= 1 &&
-           p->max_height <= CAIRN_RASTER_MAX_SIDE && p->max_edgels >= 1 && p->max_edgels <= MAX_EDGELS &&
-           p->sigma >= CAIRN_REAL(0.7) && p->sigma <= 8 && p->min_slope > 0 && cairn_is_finite(p->min_slope) &&
-           p->max_turn > 0 && p->max_turn <= CAIRN_PI / 2;
+    return p != NULL && p->max_width >= 1 && p->max_width <= CAIRN_RASTER_MAX_SIDE &&
+           p->max_height >= 1 && p->max_height <= CAIRN_RASTER_MAX_SIDE && p->max_edgels >= 1 &&
+           p->max_edgels <= MAX_EDGELS && p->sigma >= CAIRN_REAL(0.7) && p->sigma <= 8 &&
+           p->min_slope > 0 && cairn_is_finite(p->min_slope) && p->max_turn > 0 &&
+           p->max_turn <= CAIRN_PI / 2;
 }
 
 static int32_t reach_of(const cairn_edgel_params *params)
@@ -129,8 +134,9 @@ static void add_filter(cairn_edgel_set *set, int32_t order, cairn_real factor, i
         set->filter[order][i] += factor * set->filter[other][i];
 }
 
-/* The Gaussian and its derivatives, cut off and sampled, are mended so that they are exact for polynomials of third degree: of
- * x^order the derivative of that order is order!, and of lower powers it is 0. */
+/* The Gaussian and its derivatives, cut off and sampled, are mended so that they are exact for
+ * polynomials of third degree: of x^order the derivative of that order is order!, and of lower
+ * powers it is 0. */
 static void make_filters(cairn_edgel_set *set)
 {
     static const cairn_real factorial[ORDERS] = {1, 1, 2, 6};
@@ -146,12 +152,15 @@ static void make_filters(cairn_edgel_set *set)
     }
     for (int32_t order = 0; order < ORDERS; order++) {
         if (order >= 2)
-            add_filter(set, order, -moment(set, order, order - 2) / moment(set, order - 2, order - 2), order - 2);
+            add_filter(set, order,
+                       -moment(set, order, order - 2) / moment(set, order - 2, order - 2),
+                       order - 2);
         add_filter(set, order, factorial[order] / moment(set, order, order) - 1, order);
     }
 }
 
-cairn_status cairn_edgel_create(cairn_edgel_set **set, cairn_pool *pool, const cairn_edgel_params *params)
+cairn_status cairn_edgel_create(cairn_edgel_set **set, cairn_pool *pool,
+                                const cairn_edgel_params *params)
 {
     size_t need = cairn_edgel_memory(params);
     cairn_edgel_set *made;
@@ -256,7 +265,8 @@ static cairn_vec2 between(cairn_vec2 a, cairn_vec2 b, cairn_real share)
     return cairn_vec2_add(a, cairn_vec2_scale(cairn_vec2_sub(b, a), share));
 }
 
-/* The second derivative along the slope over the slope itself: across a step it is linear, so that its zero can be interpolated. */
+/* The second derivative along the slope over the slope itself: across a step it is linear, so
+ * that its zero can be interpolated. */
 static cairn_real fall_of(const edgel_sample *s)
 {
     cairn_real slope = cairn_vec2_norm(s->slope);
@@ -265,8 +275,8 @@ static cairn_real fall_of(const edgel_sample *s)
 }
 
 /* The edgel between a pixel and the next one to the right or below. 0: there is none. */
-static int edgel_between(const cairn_edgel_set *set, const edgel_sample *a, const edgel_sample *b, int upright,
-                         cairn_edgel *edgel, cairn_real *share)
+static int edgel_between(const cairn_edgel_set *set, const edgel_sample *a, const edgel_sample *b,
+                         int upright, cairn_edgel *edgel, cairn_real *share)
 {
     cairn_real fall = fall_of(a);
     cairn_vec2 slope, normal;
@@ -278,7 +288,8 @@ static int edgel_between(const cairn_edgel_set *set, const edgel_sample *a, cons
     normal = cairn_vec2_unit(between(a->f_slope, b->f_slope, *share));
     edgel->normal = cairn_vec2_scale(normal, -1);
     edgel->slope = cairn_vec2_norm(slope);
-    return edgel->slope >= set->params.min_slope && (cairn_abs(normal.x) >= cairn_abs(normal.y)) == upright &&
+    return edgel->slope >= set->params.min_slope &&
+           (cairn_abs(normal.x) >= cairn_abs(normal.y)) == upright &&
            cairn_vec2_dot(edgel->normal, slope) >= set->cos_turn * edgel->slope;
 }
 
@@ -299,7 +310,8 @@ static cairn_status find_pixel(cairn_edgel_set *set)
     cairn_real x = (cairn_real)set->x, y = (cairn_real)set->y, share;
     cairn_edgel edgel;
 
-    if (set->y > 0 && edgel_between(set, &sample_row(set, set->y - 1)[set->x], here, 0, &edgel, &share)) {
+    if (set->y > 0 &&
+        edgel_between(set, &sample_row(set, set->y - 1)[set->x], here, 0, &edgel, &share)) {
         cairn_status status = keep(set, &edgel, x, y - 1 + share);
 
         if (status != CAIRN_OK)
@@ -334,7 +346,8 @@ static cairn_status do_pixel(cairn_edgel_set *set)
     return CAIRN_OK;
 }
 
-/* What comes after a row of this phase: rows are smoothed until the filter has all that it reaches. */
+/* What comes after a row of this phase: rows are smoothed until the filter has all that it
+ * reaches. */
 static void end_row(cairn_edgel_set *set)
 {
     set->x = 0;
@@ -345,7 +358,8 @@ static void end_row(cairn_edgel_set *set)
     else if (set->y == set->grey.height)
         set->phase = DONE;
     else
-        set->phase = set->next < set->grey.height && set->next <= set->y + set->reach ? SMOOTH : DERIVE;
+        set->phase =
+            set->next < set->grey.height && set->next <= set->y + set->reach ? SMOOTH : DERIVE;
 }
 
 cairn_status cairn_edgel_step(cairn_edgel_set *set, cairn_budget *budget)

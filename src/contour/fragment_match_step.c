@@ -17,7 +17,8 @@ static void measure_chain(cairn_fragment_matcher *m)
 {
     int32_t steps = cairn_real_to_int(m->length[m->chain] / m->step);
 
-    m->closed = m->chains[m->chain].closed && steps >= LEAST_CLOSED && steps >= m->model.samples_each;
+    m->closed =
+        m->chains[m->chain].closed && steps >= LEAST_CLOSED && steps >= m->model.samples_each;
     m->samples = m->closed ? steps : steps + 1;
 }
 
@@ -34,7 +35,8 @@ static int32_t cost_of_sampling(const cairn_fragment_matcher *m)
 
 static void sample_chain(cairn_fragment_matcher *m)
 {
-    int32_t round_again = m->model.samples_each - 1, opened = m->chains[m->chain].closed && !m->closed;
+    int32_t round_again = m->model.samples_each - 1,
+            opened = m->chains[m->chain].closed && !m->closed;
     const cairn_curve *chain = &m->chains[m->chain];
     cairn_curve samples = {m->places, m->samples, m->closed};
     cairn_status status;
@@ -63,7 +65,8 @@ static int is_better(const kept_match *a, const kept_match *b)
     return a->chain != b->chain ? a->chain < b->chain : a->reversed < b->reversed;
 }
 
-/* Takes a match into the order of the fragment's, unless its chain has a better one or there are so many better ones. */
+/* Takes a match into the order of the fragment's, unless its chain has a better one or there are
+ * so many better ones. */
 static void keep(cairn_fragment_matcher *m, const kept_match *found)
 {
     kept_match *kept = &m->kept[(size_t)m->fragment * (size_t)m->params.matches_each];
@@ -113,7 +116,8 @@ static cairn_real scale_of(const cairn_fragment_matcher *m, int32_t fragment)
     return length > 0 ? m->step * (cairn_real)(m->model.samples_each - 1) / length : 0;
 }
 
-/* Within the limits; where these are nearer to each other than two steps, they lie apart as far as these. */
+/* Within the limits; where these are nearer to each other than two steps, they lie apart as far
+ * as these. */
 static int is_allowed(const cairn_fragment_matcher *m, cairn_real scale)
 {
     return scale * m->slack >= m->params.min_scale && scale <= m->params.max_scale * m->slack;
@@ -178,7 +182,8 @@ static int do_sample(cairn_fragment_matcher *m, cairn_budget *budget)
 
 static int do_align(cairn_fragment_matcher *m, cairn_budget *budget)
 {
-    int32_t n = m->model.samples_each, left = m->columns - m->at, block = left < BLOCK ? left : BLOCK;
+    int32_t n = m->model.samples_each, left = m->columns - m->at,
+            block = left < BLOCK ? left : BLOCK;
     const int16_t *codes = cairn_fragment_match_codes(m, m->fragment, m->reversed);
 
     if (!is_allowed(m, scale_of(m, m->fragment))) {
@@ -221,10 +226,12 @@ static cairn_real compare(const void *context, int32_t i, int32_t j)
 {
     const cairn_fragment_matcher *m = context;
     const kept_match *k = kept_next(m);
-    int32_t at = window_start(m, k) + j, code = m->chain_code[at < m->samples ? at : at - m->samples];
+    int32_t at = window_start(m, k) + j,
+            code = m->chain_code[at < m->samples ? at : at - m->samples];
 
-    return (cairn_real)m->gain[(uint32_t)(cairn_fragment_match_codes(m, m->fragment, k->reversed)[i] - code) &
-                               (FRAGMENT_DIRECTIONS - 1)];
+    return (cairn_real)
+        m->gain[(uint32_t)(cairn_fragment_match_codes(m, m->fragment, k->reversed)[i] - code) &
+                (FRAGMENT_DIRECTIONS - 1)];
 }
 
 /* Samples the chain of the next kept match again, at its step. */
@@ -251,7 +258,8 @@ static int do_trace(cairn_fragment_matcher *m, cairn_budget *budget)
     if (!cairn_budget_pay(budget, &m->paid, 1 + cost_of_sampling(m)))
         return 0;
     sample_chain(m);
-    status = cairn_sequence_begin(m->pairing, m->model.samples_each, k->column + 1 - window_start(m, k), compare, m);
+    status = cairn_sequence_begin(m->pairing, m->model.samples_each,
+                                  k->column + 1 - window_start(m, k), compare, m);
     CAIRN_ASSERT(status == CAIRN_OK);
     (void)status;
     m->phase = FRAGMENT_PAIR;
@@ -259,8 +267,8 @@ static int do_trace(cairn_fragment_matcher *m, cairn_budget *budget)
 }
 
 /* The fragment's sample and the place on the chain of a pair. */
-static void places_of(const cairn_fragment_matcher *m, const kept_match *k, cairn_sequence_pair pair,
-                      cairn_vec2 places[2])
+static void places_of(const cairn_fragment_matcher *m, const kept_match *k,
+                      cairn_sequence_pair pair, cairn_vec2 places[2])
 {
     int32_t n = m->model.samples_each, own = k->reversed ? n - 1 - pair.first : pair.first;
     int32_t at = window_start(m, k) + pair.second;
@@ -269,9 +277,10 @@ static void places_of(const cairn_fragment_matcher *m, const kept_match *k, cair
     places[1] = m->places[at < m->samples ? at : at - m->samples];
 }
 
-/* Scale and centre of least squares (Adluru 2008, section 5.2.2, without rotation): s = sum (f - mean)(e - mean) / sum (f - mean)^2. */
-static void fit(const cairn_fragment_matcher *m, const kept_match *k, const cairn_sequence_result *r,
-                cairn_fragment_match *match)
+/* Scale and centre of least squares (Adluru 2008, section 5.2.2, without rotation): s = sum (f -
+ * mean)(e - mean) / sum (f - mean)^2. */
+static void fit(const cairn_fragment_matcher *m, const kept_match *k,
+                const cairn_sequence_result *r, cairn_fragment_match *match)
 {
     cairn_vec2 place[2], mean[2] = {{0, 0}, {0, 0}};
     cairn_real both = 0, own = 0, off = 0;
@@ -292,11 +301,13 @@ static void fit(const cairn_fragment_matcher *m, const kept_match *k, const cair
         own += cairn_vec2_norm_squared(f);
     }
     match->scale = own > 0 ? both / own : 0;
-    match->centre = cairn_vec2_add(mean[1], cairn_vec2_scale(cairn_vec2_sub(m->model.centroid, mean[0]), match->scale));
+    match->centre = cairn_vec2_add(
+        mean[1], cairn_vec2_scale(cairn_vec2_sub(m->model.centroid, mean[0]), match->scale));
     for (int32_t i = 0; i < r->count; i++) {
         places_of(m, k, r->pairs[i], place);
-        off += cairn_vec2_norm_squared(cairn_vec2_sub(
-            cairn_vec2_sub(place[1], mean[1]), cairn_vec2_scale(cairn_vec2_sub(place[0], mean[0]), match->scale)));
+        off += cairn_vec2_norm_squared(
+            cairn_vec2_sub(cairn_vec2_sub(place[1], mean[1]),
+                           cairn_vec2_scale(cairn_vec2_sub(place[0], mean[0]), match->scale)));
     }
     match->off = cairn_sqrt(off / (cairn_real)r->count);
 }
@@ -326,7 +337,8 @@ static int do_fit(cairn_fragment_matcher *m, cairn_budget *budget)
         match->chain = k->chain;
         match->reversed = k->reversed;
         match->pairs = r.count;
-        match->similarity = (cairn_real)k->score / (cairn_real)(FRAGMENT_UNIT * m->model.samples_each);
+        match->similarity =
+            (cairn_real)k->score / (cairn_real)(FRAGMENT_UNIT * m->model.samples_each);
         match->from = (cairn_real)first * step_of(m);
         match->to = (cairn_real)last * step_of(m);
         m->match_count++;

@@ -1,13 +1,17 @@
 /* Shortest ways within a polygon with holes.
  *
- * Method: two vertices see each other when they are neighbours of an outline, or when the segment between them leaves both into the
- * shape and touches no side of other vertices. A segment that only grazes a vertex counts as blocked: the way over that vertex is as
- * long, and no rounding decides on which side it passes. Shortest ways bend at reflex vertices alone, so those are all that Floyd's
- * sums over intermediate vertices must visit; straight vertices are taken along, for ways that graze them.
+ * Method: two vertices see each other when they are neighbours of an outline, or when the segment
+ * between them leaves both into the shape and touches no side of other vertices. A segment that
+ * only grazes a vertex counts as blocked: the way over that vertex is as long, and no rounding
+ * decides on which side it passes. Shortest ways bend at reflex vertices alone, so those are all
+ * that Floyd's sums over intermediate vertices must visit; straight vertices are taken along, for
+ * ways that graze them.
  *
- * Layout: vertices with the directions of the sides behind them, neighbours, flags, the square of distances.
+ * Layout: vertices with the directions of the sides behind them, neighbours, flags, the square of
+ * distances.
  *
- * Limits: what is nearer than TOUCH (of the size) touches. Vertices must not coincide but for neighbours.
+ * Limits: what is nearer than TOUCH (of the size) touches. Vertices must not coincide but for
+ * neighbours.
  *
  * Source: Lozano-Perez & Wesley 1979 (ways along vertices); Adluru 2008, section 4.5. */
 #include "src/core/build.h"
@@ -30,9 +34,11 @@ enum { UNITS_A_PAIR = 1, SIDES_A_UNIT = 8, SUMS_A_UNIT = 24 };
 #endif
 
 typedef struct inner_vertex {
-    cairn_vec2 at, along; /* along: unit direction of the side to the next; the shape lies to its left */
+    /* along: unit direction of the side to the next; the shape lies to its left */
+    cairn_vec2 at, along;
     int32_t before, after;
-    int32_t bends; /* 1: shortest ways may bend or graze here */
+    /* 1: shortest ways may bend or graze here */
+    int32_t bends;
 } inner_vertex;
 
 struct cairn_inner_distance {
@@ -99,8 +105,8 @@ cairn_status cairn_inner_distance_create(cairn_inner_distance **inner, cairn_poo
 /* ---- The outlines ---- */
 
 /* *reach: the greatest coordinate; *whole: the length of all outlines. */
-static cairn_status check_outlines(const cairn_inner_distance *d, const cairn_curve *outlines, int32_t count,
-                                   cairn_real *reach, cairn_real *whole)
+static cairn_status check_outlines(const cairn_inner_distance *d, const cairn_curve *outlines,
+                                   int32_t count, cairn_real *reach, cairn_real *whole)
 {
     int32_t points = 0;
 
@@ -120,7 +126,8 @@ static cairn_status check_outlines(const cairn_inner_distance *d, const cairn_cu
         for (int32_t k = 0; k < c->count; k++) {
             if (!cairn_is_finite(c->points[k].x) || !cairn_is_finite(c->points[k].y))
                 return CAIRN_NOT_FINITE;
-            *reach = cairn_max(*reach, cairn_max(cairn_abs(c->points[k].x), cairn_abs(c->points[k].y)));
+            *reach =
+                cairn_max(*reach, cairn_max(cairn_abs(c->points[k].x), cairn_abs(c->points[k].y)));
         }
         *whole += cairn_curve_length(c);
         if (!cairn_is_finite(4 * *whole) || !cairn_is_finite(*reach * *reach))
@@ -147,13 +154,15 @@ static void add_outline(cairn_inner_distance *d, const cairn_curve *curve, int32
     }
     d->count += n;
     for (int32_t i = first; i < d->count; i++)
-        d->vertices[i].along = cairn_vec2_unit(cairn_vec2_sub(d->vertices[d->vertices[i].after].at, d->vertices[i].at));
+        d->vertices[i].along = cairn_vec2_unit(
+            cairn_vec2_sub(d->vertices[d->vertices[i].after].at, d->vertices[i].at));
     for (int32_t i = first; i < d->count; i++)
-        d->vertices[i].bends =
-            cairn_vec2_cross(d->vertices[d->vertices[i].before].along, d->vertices[i].along) <= STRAIGHT;
+        d->vertices[i].bends = cairn_vec2_cross(d->vertices[d->vertices[i].before].along,
+                                                d->vertices[i].along) <= STRAIGHT;
 }
 
-cairn_status cairn_inner_distance_begin(cairn_inner_distance *d, const cairn_curve *outlines, int32_t count)
+cairn_status cairn_inner_distance_begin(cairn_inner_distance *d, const cairn_curve *outlines,
+                                        int32_t count)
 {
     cairn_real reach, whole;
     cairn_status status;
@@ -210,7 +219,8 @@ static int is_within(const sight *s, cairn_real place)
 }
 
 /* 1 when the segment meets a side, whose ends lie `a` and `b` aside of it. */
-static int meets(const sight *s, cairn_vec2 from, cairn_vec2 to, cairn_real a, cairn_real b, cairn_real touch)
+static int meets(const sight *s, cairn_vec2 from, cairn_vec2 to, cairn_real a, cairn_real b,
+                 cairn_real touch)
 {
     if ((a > touch && b > touch) || (a < -touch && b < -touch))
         return 0;
@@ -261,7 +271,8 @@ static cairn_status step_sight(cairn_inner_distance *d, cairn_budget *budget)
             if (!cairn_budget_pay(budget, &d->paid, UNITS_A_PAIR + n / SIDES_A_UNIT))
                 return CAIRN_MORE;
             if (are_in_sight(d, d->i, d->k))
-                length = cairn_vec2_norm(cairn_vec2_sub(d->vertices[d->i].at, d->vertices[d->k].at));
+                length =
+                    cairn_vec2_norm(cairn_vec2_sub(d->vertices[d->i].at, d->vertices[d->k].at));
             d->distance[d->i * n + d->k] = d->distance[d->k * n + d->i] = length;
         }
         d->distance[d->i * n + d->i] = 0;

@@ -1,13 +1,16 @@
 /* Fragments of an outline, in bundles.
  *
- * Method: by rule the vertices are those of the level of bundles * pieces_each of the outline's evolution, fewer when it has fewer; the
- * fragments are all arcs of consecutive pieces that leave at least one piece out. By hand the vertices are all ends of cuts.
+ * Method: by rule the vertices are those of the level of bundles * pieces_each of the outline's
+ * evolution, fewer when it has fewer; the fragments are all arcs of consecutive pieces that leave
+ * at least one piece out. By hand the vertices are all ends of cuts.
  *
- * Layout: the outline with its length up to each point, the evolution, the model's arrays, the arc that is sampled.
+ * Layout: the outline with its length up to each point, the evolution, the model's arrays, the arc
+ * that is sampled.
  *
  * Limits: one outline; holes are models of their own.
  *
- * Source: Adluru 2008, section 5.2.1; the rule is this project's, where the thesis bundles by hand. */
+ * Source: Adluru 2008, section 5.2.1; the rule is this project's, where the thesis bundles by
+ * hand. */
 #include "src/core/build.h"
 
 #include <string.h>
@@ -16,7 +19,13 @@
 #include "cairn/curve_evolution.h"
 #include "cairn/part_bundle.h"
 
-enum { POINTS_MOST = 4096, PIECES_EACH_MOST = 4, LONGEST_MOST = 3, SAMPLES_MOST = 64, PLACES_A_UNIT = 4 };
+enum {
+    POINTS_MOST = 4096,
+    PIECES_EACH_MOST = 4,
+    LONGEST_MOST = 3,
+    SAMPLES_MOST = 64,
+    PLACES_A_UNIT = 4
+};
 enum { IDLE, EVOLVE, LAY, CUT, DONE };
 
 static const cairn_real FAR = CAIRN_REAL(1e9);
@@ -48,8 +57,9 @@ cairn_part_bundle_params cairn_part_bundle_default(void)
 static int params_are_good(const cairn_part_bundle_params *p)
 {
     return p != NULL && p->max_points >= 3 && p->max_points <= POINTS_MOST && p->bundles >= 1 &&
-           p->bundles <= CAIRN_PART_BUNDLES && p->pieces_each >= 1 && p->pieces_each <= PIECES_EACH_MOST &&
-           p->longest >= 1 && p->longest <= LONGEST_MOST && p->samples_each >= 2 && p->samples_each <= SAMPLES_MOST;
+           p->bundles <= CAIRN_PART_BUNDLES && p->pieces_each >= 1 &&
+           p->pieces_each <= PIECES_EACH_MOST && p->longest >= 1 && p->longest <= LONGEST_MOST &&
+           p->samples_each >= 2 && p->samples_each <= SAMPLES_MOST;
 }
 
 static cairn_curve_evolution_params evolution_params(const cairn_part_bundle_params *p)
@@ -178,7 +188,8 @@ static void add_fragment(cairn_part_builder *b, int32_t from, int32_t to, int32_
 static void measure_pieces(cairn_part_builder *b)
 {
     for (int32_t i = 0; i < b->vertex_count; i++)
-        b->piece_length[i] = arc_length(b, b->vertices[i], b->vertices[i + 1 < b->vertex_count ? i + 1 : 0]);
+        b->piece_length[i] =
+            arc_length(b, b->vertices[i], b->vertices[i + 1 < b->vertex_count ? i + 1 : 0]);
 }
 
 /* The level of the outline's evolution whose vertices are the model's. */
@@ -203,12 +214,14 @@ static void cut_by_rule(cairn_part_builder *b)
     for (int32_t i = 0; i < n; i++)
         for (int32_t pieces = 1; pieces <= b->params.longest && pieces < n; pieces++) {
             int32_t from = b->vertices[i], to = b->vertices[(i + pieces) % n];
-            cairn_real middle = b->reached[from] - b->reached[b->vertices[0]] + arc_length(b, from, to) / 2;
+            cairn_real middle =
+                b->reached[from] - b->reached[b->vertices[0]] + arc_length(b, from, to) / 2;
             cairn_real share = (middle < whole ? middle : middle - whole) / whole;
             int32_t bundle = cairn_real_to_int(share * (cairn_real)b->params.bundles);
 
             if (arc_length(b, from, to) > 0)
-                add_fragment(b, from, to, bundle < b->params.bundles ? bundle : b->params.bundles - 1);
+                add_fragment(b, from, to,
+                             bundle < b->params.bundles ? bundle : b->params.bundles - 1);
         }
     b->bundles = b->params.bundles;
     b->phase = CUT;
@@ -257,7 +270,8 @@ static void sample_fragment(cairn_part_builder *b, const cairn_part_fragment *f)
 
 /* ---- Calls ---- */
 
-static cairn_status check_outline(const cairn_part_builder *b, const cairn_vec2 *points, int32_t count)
+static cairn_status check_outline(const cairn_part_builder *b, const cairn_vec2 *points,
+                                  int32_t count)
 {
     if (count > b->params.max_points)
         return CAIRN_FULL;
@@ -285,7 +299,8 @@ static cairn_real cut_length(const cairn_vec2 *points, int32_t count, const cair
     return length;
 }
 
-static cairn_status check_cuts(const cairn_vec2 *points, int32_t count, const cairn_part_cut *cuts, int32_t cut_count)
+static cairn_status check_cuts(const cairn_vec2 *points, int32_t count, const cairn_part_cut *cuts,
+                               int32_t cut_count)
 {
     int32_t vertices = 0;
     uint32_t bundles = 0;
@@ -294,7 +309,8 @@ static cairn_status check_cuts(const cairn_vec2 *points, int32_t count, const ca
         return CAIRN_BAD_ARGUMENT;
     for (int32_t k = 0; k < cut_count; k++)
         if (cuts[k].from < 0 || cuts[k].from >= count || cuts[k].to < 0 || cuts[k].to >= count ||
-            cuts[k].from == cuts[k].to || cuts[k].bundle < 0 || cuts[k].bundle >= CAIRN_PART_BUNDLES)
+            cuts[k].from == cuts[k].to || cuts[k].bundle < 0 ||
+            cuts[k].bundle >= CAIRN_PART_BUNDLES)
             return CAIRN_BAD_ARGUMENT;
     for (int32_t k = 0; k < cut_count; k++)
         bundles |= UINT32_C(1) << cuts[k].bundle;
@@ -348,7 +364,8 @@ cairn_status cairn_part_bundle_step(cairn_part_builder *b, cairn_budget *budget)
         b->phase = LAY;
     }
     if (b->phase == LAY) {
-        if (!cairn_budget_pay(budget, &b->paid, 1 + (b->count + LONGEST_MOST * level_of(&b->params)) / PLACES_A_UNIT))
+        if (!cairn_budget_pay(budget, &b->paid,
+                              1 + (b->count + LONGEST_MOST * level_of(&b->params)) / PLACES_A_UNIT))
             return CAIRN_MORE;
         cut_by_rule(b);
     }
@@ -357,7 +374,8 @@ cairn_status cairn_part_bundle_step(cairn_part_builder *b, cairn_budget *budget)
             b->phase = DONE;
             break;
         }
-        if (!cairn_budget_pay(budget, &b->paid, 1 + (b->count + b->params.samples_each) / PLACES_A_UNIT))
+        if (!cairn_budget_pay(budget, &b->paid,
+                              1 + (b->count + b->params.samples_each) / PLACES_A_UNIT))
             return CAIRN_MORE;
         sample_fragment(b, &b->fragments[b->next++]);
     }

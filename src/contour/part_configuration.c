@@ -1,22 +1,26 @@
 /* Configurations of parts that agree.
  *
- * Method: distances of votes are those of their centres, over the scale of the one that is looked around, and of the logarithms of their scales,
- * in tolerances. The K nearest within reach come from a hash grid: layers of scales as high as the reach, in each square cells as wide as
- * the reach of its largest scale, so that three layers and a few cells of each hold all that may be near. Of these votes a tree of
- * configurations is gone through, level by level a bundle: one of its votes or none. A configuration's score is its gain less half of what its
- * votes scatter about their mean, by gain. Scatter never falls when a vote is added, so that below a node no score is above its own and the
- * greatest gain of each bundle that is left: what is not better so is left out, and nothing is lost.
+ * Method: distances of votes are those of their centres, over the scale of the one that is looked
+ * around, and of the logarithms of their scales, in tolerances. The K nearest within reach come
+ * from a hash grid: layers of scales as high as the reach, in each square cells as wide as the
+ * reach of its largest scale, so that three layers and a few cells of each hold all that may be
+ * near. Of these votes a tree of configurations is gone through, level by level a bundle: one of
+ * its votes or none. A configuration's score is its gain less half of what its votes scatter about
+ * their mean, by gain. Scatter never falls when a vote is added, so that below a node no score is
+ * above its own and the greatest gain of each bundle that is left: what is not better so is left
+ * out, and nothing is lost.
  *
- * MODES: the place looked around moves to the mean of the K nearest votes by gain exp(-d^2 / 2) until it moves no more, and is left
- * out when an earlier one is within half a tolerance.
+ * MODES: the place looked around moves to the mean of the K nearest votes by gain exp(-d^2 / 2)
+ * until it moves no more, and is left out when an earlier one is within half a tolerance.
  *
- * As written: the K nearest come from all votes, one by one, by their centres; the tree is gone through whole, but for branches below the
- * threshold (part_configuration_every.c).
+ * As written: the K nearest come from all votes, one by one, by their centres; the tree is gone
+ * through whole, but for branches below the threshold (part_configuration_every.c).
  *
- * Layout: the index; the votes near the seed in groups; one node for each level; the best configurations, in order by their slots.
+ * Layout: the index; the votes near the seed in groups; one node for each level; the best
+ * configurations, in order by their slots.
  *
- * Limits: the tree is exponential in the bundles, (K / bundles + 1)^bundles nodes at most; max_nodes bounds it, and is told. One configuration
- * for each seed.
+ * Limits: the tree is exponential in the bundles, (K / bundles + 1)^bundles nodes at most;
+ * max_nodes bounds it, and is told. One configuration for each seed.
  *
  * Source: Adluru 2008, section 5.2.2; distance, score and bound: this project's. */
 #include "src/core/build.h"
@@ -72,22 +76,24 @@ static int mode_is_good(const cairn_part_configuration_params *p)
 {
     return (p->mode == CAIRN_MODE_DEFAULT || p->mode == CAIRN_MODE_AS_WRITTEN) && p->min_sum >= 0 &&
            p->min_sum <= FAR &&
-           (p->mode == CAIRN_MODE_DEFAULT || (p->max_votes <= WRITTEN_MOST && p->seek == CAIRN_PART_SEEK_NEAREST));
+           (p->mode == CAIRN_MODE_DEFAULT ||
+            (p->max_votes <= WRITTEN_MOST && p->seek == CAIRN_PART_SEEK_NEAREST));
 }
 
 static int capacities_are_good(const cairn_part_configuration_params *p)
 {
-    return p->max_votes >= 1 && p->max_votes <= VOTES_MOST && p->nearest >= 1 && p->nearest <= PARTS &&
-           p->min_parts >= 1 && p->min_parts <= PARTS && p->max_found >= 1 && p->max_found <= FOUND_MOST &&
-           p->max_nodes >= 1 && p->max_nodes <= NODES_MOST;
+    return p->max_votes >= 1 && p->max_votes <= VOTES_MOST && p->nearest >= 1 &&
+           p->nearest <= PARTS && p->min_parts >= 1 && p->min_parts <= PARTS && p->max_found >= 1 &&
+           p->max_found <= FOUND_MOST && p->max_nodes >= 1 && p->max_nodes <= NODES_MOST;
 }
 
 static int params_are_good(const cairn_part_configuration_params *p)
 {
-    return p != NULL && capacities_are_good(p) && mode_is_good(p) && p->seek >= CAIRN_PART_SEEK_NEAREST &&
-           p->seek <= CAIRN_PART_SEEK_MODES && p->centre >= CAIRN_REAL(1e-4) && p->centre <= 10 &&
-           p->ratio >= CAIRN_REAL(0.01) && p->ratio <= 1 && p->reach >= CAIRN_REAL(0.5) && p->reach <= 4 &&
-           p->overlap >= 0 && p->overlap <= 1;
+    return p != NULL && capacities_are_good(p) && mode_is_good(p) &&
+           p->seek >= CAIRN_PART_SEEK_NEAREST && p->seek <= CAIRN_PART_SEEK_MODES &&
+           p->centre >= CAIRN_REAL(1e-4) && p->centre <= 10 && p->ratio >= CAIRN_REAL(0.01) &&
+           p->ratio <= 1 && p->reach >= CAIRN_REAL(0.5) && p->reach <= 4 && p->overlap >= 0 &&
+           p->overlap <= 1;
 }
 
 static uint32_t bucket_count(int32_t max_votes)
@@ -101,7 +107,8 @@ static uint32_t bucket_count(int32_t max_votes)
 
 static cairn_part_configurator *carve(cairn_pool *pool, const cairn_part_configuration_params *p)
 {
-    size_t votes = (size_t)p->max_votes, found = (size_t)p->max_found, buckets = bucket_count(p->max_votes);
+    size_t votes = (size_t)p->max_votes, found = (size_t)p->max_found,
+           buckets = bucket_count(p->max_votes);
     cairn_part_configurator *c = cairn_pool_take_one(pool, sizeof *c);
     int32_t *next = cairn_pool_take(pool, 2 * votes, sizeof *next);
     int32_t *heads = cairn_pool_take(pool, 2 * buckets, sizeof *heads);
@@ -138,7 +145,8 @@ size_t cairn_part_configuration_memory(const cairn_part_configuration_params *pa
     return cairn_pool_counted(&counting);
 }
 
-cairn_status cairn_part_configuration_create(cairn_part_configurator **configurator, cairn_pool *pool,
+cairn_status cairn_part_configuration_create(cairn_part_configurator **configurator,
+                                             cairn_pool *pool,
                                              const cairn_part_configuration_params *params)
 {
     size_t need = cairn_part_configuration_memory(params);
@@ -162,7 +170,8 @@ static int32_t *votes_of(const cairn_part_configurator *c, int32_t slot)
 static int is_same(const cairn_part_configurator *c, int32_t slot)
 {
     return c->found[slot].count == c->best_count &&
-           memcmp(votes_of(c, slot), c->best_votes, (size_t)c->best_count * sizeof *c->best_votes) == 0;
+           memcmp(votes_of(c, slot), c->best_votes,
+                  (size_t)c->best_count * sizeof *c->best_votes) == 0;
 }
 
 static void sort_votes(cairn_part_configurator *c)
@@ -176,7 +185,8 @@ static void sort_votes(cairn_part_configurator *c)
     }
 }
 
-cairn_part_configuration cairn_part_configuration_describe(cairn_part_configurator *c, int32_t first)
+cairn_part_configuration cairn_part_configuration_describe(cairn_part_configurator *c,
+                                                           int32_t first)
 {
     const configuration_node *n = &c->best_node;
     cairn_part_configuration made;
@@ -194,7 +204,8 @@ cairn_part_configuration cairn_part_configuration_describe(cairn_part_configurat
     return made;
 }
 
-/* The seed's best configuration among those found; the place of its votes stays with the slot that it takes. */
+/* The seed's best configuration among those found; the place of its votes stays with the slot
+ * that it takes. */
 static void keep(cairn_part_configurator *c)
 {
     cairn_part_configuration made;
@@ -263,7 +274,8 @@ static int is_new_mode(const cairn_part_configurator *c)
     cairn_real size = c->params.centre * c->query.at.scale, scale = cairn_log(c->query.at.scale);
 
     for (int32_t i = 0; i < c->modes_count; i++) {
-        cairn_vec2 apart = cairn_vec2_scale(cairn_vec2_sub(c->modes[i].centre, c->query.at.centre), 1 / size);
+        cairn_vec2 apart =
+            cairn_vec2_scale(cairn_vec2_sub(c->modes[i].centre, c->query.at.centre), 1 / size);
         cairn_real ratio = (cairn_log(c->modes[i].scale) - scale) / c->params.ratio;
 
         if (cairn_vec2_norm_squared(apart) + ratio * ratio < SAME_MODE)
@@ -295,7 +307,8 @@ static void end_gathering(cairn_part_configurator *c)
 static int do_gather(cairn_part_configurator *c, cairn_budget *budget)
 {
     int32_t cost = cairn_part_configuration_query_cost(c);
-    int32_t end = c->params.nearest + (c->params.seek == CAIRN_PART_SEEK_MODES ? c->modes_count : 0);
+    int32_t end =
+        c->params.nearest + (c->params.seek == CAIRN_PART_SEEK_MODES ? c->modes_count : 0);
 
     if (!cairn_budget_pay(budget, &c->paid, cost > 0 ? cost : 1 + end))
         return 0;
@@ -333,7 +346,8 @@ static int do_index(cairn_part_configurator *c, cairn_budget *budget)
 {
     int32_t buckets = (int32_t)c->mask + 1;
 
-    if (!cairn_budget_pay(budget, &c->paid, c->every != NULL ? cairn_part_configuration_every_units(c) : 1))
+    if (!cairn_budget_pay(budget, &c->paid,
+                          c->every != NULL ? cairn_part_configuration_every_units(c) : 1))
         return 0;
     if (c->indexed < buckets) {
         c->heads[c->indexed] = -1;
@@ -364,20 +378,24 @@ static int do_sort(cairn_part_configurator *c, cairn_budget *budget)
 
 static cairn_status check_vote(const cairn_part_vote *v, int64_t index, cairn_fault *fault)
 {
-    if (!(cairn_abs(v->centre.x) <= FAR) || !(cairn_abs(v->centre.y) <= FAR) || !(cairn_abs(v->from) <= FAR) ||
-        !(cairn_abs(v->to) <= FAR) || !(cairn_abs(v->round) <= FAR))
-        return cairn_refuse(fault, index, "a place that is not finite or beyond 1e6", CAIRN_NOT_FINITE);
+    if (!(cairn_abs(v->centre.x) <= FAR) || !(cairn_abs(v->centre.y) <= FAR) ||
+        !(cairn_abs(v->from) <= FAR) || !(cairn_abs(v->to) <= FAR) || !(cairn_abs(v->round) <= FAR))
+        return cairn_refuse(fault, index, "a place that is not finite or beyond 1e6",
+                            CAIRN_NOT_FINITE);
     if (!(v->scale >= 1 / FAR && v->scale <= FAR))
         return cairn_refuse(fault, index, "a scale outside 1e-6 ... 1e6", CAIRN_NOT_FINITE);
     if (!(v->gain <= FAR))
-        return cairn_refuse(fault, index, "a gain that is not finite or above 1e6", CAIRN_NOT_FINITE);
+        return cairn_refuse(fault, index, "a gain that is not finite or above 1e6",
+                            CAIRN_NOT_FINITE);
     if (v->bundle < 0 || !(v->gain > 0) || v->to < v->from || v->round < 0)
-        return cairn_refuse(fault, index, "no vote, expected a bundle, a gain above 0 and a piece of a chain",
+        return cairn_refuse(fault, index,
+                            "no vote, expected a bundle, a gain above 0 and a piece of a chain",
                             CAIRN_BAD_ARGUMENT);
     return CAIRN_OK;
 }
 
-cairn_status cairn_part_configuration_begin(cairn_part_configurator *c, const cairn_part_vote *votes, int32_t count,
+cairn_status cairn_part_configuration_begin(cairn_part_configurator *c,
+                                            const cairn_part_vote *votes, int32_t count,
                                             cairn_fault *fault)
 {
     cairn_status status = CAIRN_OK;

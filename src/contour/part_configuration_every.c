@@ -1,9 +1,10 @@
 /* part_configuration as written: every configuration of the nearest of every vote, each once.
  *
- * Method: a configuration that an earlier seed had is one all of whose votes are among that seed's nearest. Each vote has a row of bits, one for each
- * seed that it is near to; the rows of a configuration's votes, and-ed as parts are added, tell which seeds have it, and it is taken from the
- * first of them. Those found are a heap with the worst at its root, which goes when there is a better one and the heap is full; at the end
- * it is sorted.
+ * Method: a configuration that an earlier seed had is one all of whose votes are among that seed's
+ * nearest. Each vote has a row of bits, one for each seed that it is near to; the rows of a
+ * configuration's votes, and-ed as parts are added, tell which seeds have it, and it is taken from
+ * the first of them. Those found are a heap with the worst at its root, which goes when there is a
+ * better one and the heap is full; at the end it is sorted.
  *
  * Source: Adluru 2008, section 5.2.2. */
 #include "src/core/build.h"
@@ -13,10 +14,12 @@
 #include "src/contour/part_configuration_work.h"
 
 enum { BITS = 32, PARTS = CONFIGURATION_PARTS };
-/* Of a node: its arithmetic and the way through the heap, 16 levels at most; words of a row for one more. */
+/* Of a node: its arithmetic and the way through the heap, 16 levels at most; words of a row for
+ * one more. */
 enum { UNITS_A_NODE = 12, WORDS_A_UNIT = 16 };
 
-void cairn_part_configuration_every_carve(cairn_pool *pool, const cairn_part_configuration_params *p,
+void cairn_part_configuration_every_carve(cairn_pool *pool,
+                                          const cairn_part_configuration_params *p,
                                           configuration_every **every)
 {
     size_t words = ((size_t)p->max_votes + BITS - 1) / BITS;
@@ -53,7 +56,8 @@ void cairn_part_configuration_every_clear(cairn_part_configurator *c, int32_t vo
 void cairn_part_configuration_every_plant(cairn_part_configurator *c)
 {
     for (int32_t i = 0; i < c->near_count; i++)
-        row_of(c, c->every->seeds, c->near[i].vote)[c->seed / BITS] |= UINT32_C(1) << (c->seed % BITS);
+        row_of(c, c->every->seeds, c->near[i].vote)[c->seed / BITS] |= UINT32_C(1)
+                                                                       << (c->seed % BITS);
 }
 
 void cairn_part_configuration_every_take(cairn_part_configurator *c, int32_t parts)
@@ -116,12 +120,14 @@ static void rise(cairn_part_configurator *c, int32_t at)
         swap(c, at, (at - 1) / 2);
 }
 
-void cairn_part_configuration_every_offer(cairn_part_configurator *c, const configuration_node *node)
+void cairn_part_configuration_every_offer(cairn_part_configurator *c,
+                                          const configuration_node *node)
 {
     configuration_every *e = c->every;
     int32_t at = c->found_count < c->params.max_found ? c->found_count : 0;
 
-    if (node->parts < c->params.min_parts || node->gain < c->params.min_sum || was_made(c, node->parts))
+    if (node->parts < c->params.min_parts || node->gain < c->params.min_sum ||
+        was_made(c, node->parts))
         return;
     e->made++;
     if (c->found_count == c->params.max_found && !(node->gain > c->found[0].score))
@@ -131,8 +137,8 @@ void cairn_part_configuration_every_offer(cairn_part_configurator *c, const conf
     c->best_count = node->parts;
     for (int32_t i = 0; i < node->parts; i++)
         c->best_votes[i] = c->near[c->chosen[i]].vote;
-    c->found[at] =
-        cairn_part_configuration_describe(c, c->found_count < c->params.max_found ? at * PARTS : c->found[0].first);
+    c->found[at] = cairn_part_configuration_describe(
+        c, c->found_count < c->params.max_found ? at * PARTS : c->found[0].first);
     e->age[at] = e->made;
     if (c->found_count < c->params.max_found)
         rise(c, c->found_count++);

@@ -1,4 +1,5 @@
-/* part_configuration: the votes near a place, by a hash grid over centre and logarithm of the scale. part_configuration.c says how. */
+/* part_configuration: the votes near a place, by a hash grid over centre and logarithm of the
+ * scale. part_configuration.c says how. */
 #include "src/core/build.h"
 
 #include "src/contour/part_configuration_work.h"
@@ -23,7 +24,8 @@ static int32_t layer_of(const cairn_part_configurator *c, cairn_real scale)
 
 static cairn_real cell_of_layer(const cairn_part_configurator *c, int32_t layer)
 {
-    return c->params.reach * c->params.centre * cairn_exp((cairn_real)(layer + 1) * layer_height(c));
+    return c->params.reach * c->params.centre *
+           cairn_exp((cairn_real)(layer + 1) * layer_height(c));
 }
 
 static uint32_t bucket_of(const cairn_part_configurator *c, int32_t layer, int32_t x, int32_t y)
@@ -39,7 +41,8 @@ void cairn_part_configuration_insert(cairn_part_configurator *c, int32_t vote)
     const cairn_part_vote *v = &c->votes[vote];
     int32_t layer = layer_of(c, v->scale);
     cairn_real cell = cell_of_layer(c, layer);
-    uint32_t bucket = bucket_of(c, layer, floor_of(v->centre.x / cell), floor_of(v->centre.y / cell));
+    uint32_t bucket =
+        bucket_of(c, layer, floor_of(v->centre.x / cell), floor_of(v->centre.y / cell));
 
     c->layer[vote] = layer;
     c->next[vote] = c->heads[bucket];
@@ -63,7 +66,8 @@ static void enter_cell(cairn_part_configurator *c)
 static void enter_layer(cairn_part_configurator *c)
 {
     vote_query *q = &c->query;
-    cairn_real cell = cell_of_layer(c, q->layer), reach = MORE * c->params.reach * c->params.centre * q->at.scale;
+    cairn_real cell = cell_of_layer(c, q->layer),
+               reach = MORE * c->params.reach * c->params.centre * q->at.scale;
 
     q->cell = cell;
     q->min_x = q->x = floor_of((q->at.centre.x - reach) / cell);
@@ -111,8 +115,9 @@ static void offer(cairn_part_configurator *c, int32_t vote)
     n.x = (v->centre.x - c->query.at.centre.x) / size;
     n.y = (v->centre.y - c->query.at.centre.y) / size;
     n.ratio = (cairn_log(v->scale) - cairn_log(c->query.at.scale)) / c->params.ratio;
-    n.squared = c->every == NULL ? n.x * n.x + n.y * n.y + n.ratio * n.ratio
-                                 : cairn_vec2_norm_squared(cairn_vec2_sub(v->centre, c->query.at.centre));
+    n.squared = c->every == NULL
+                    ? n.x * n.x + n.y * n.y + n.ratio * n.ratio
+                    : cairn_vec2_norm_squared(cairn_vec2_sub(v->centre, c->query.at.centre));
     n.vote = vote;
     c->pairs++;
     if (c->every == NULL && !(n.squared <= reach * reach))
@@ -129,7 +134,8 @@ static void offer(cairn_part_configurator *c, int32_t vote)
     c->near[at] = n;
 }
 
-/* 1 when a vote of the bucket lies in the query's cell: others of the same bucket come with their own. */
+/* 1 when a vote of the bucket lies in the query's cell: others of the same bucket come with
+ * their own. */
 static int is_in_cell(const cairn_part_configurator *c, int32_t vote)
 {
     const vote_query *q = &c->query;
@@ -164,7 +170,8 @@ void cairn_part_configuration_query_next(cairn_part_configurator *c)
         offer(c, q->x++);
         return;
     }
-    for (int32_t i = 0; i < VOTES_OF_ITEM && q->left > 0; i++, q->left--, q->vote = c->next[q->vote])
+    for (int32_t i = 0; i < VOTES_OF_ITEM && q->left > 0;
+         i++, q->left--, q->vote = c->next[q->vote])
         if (is_in_cell(c, q->vote))
             offer(c, q->vote);
     if (q->left == 0)

@@ -1,4 +1,5 @@
-/* part_configuration: the best configuration of the votes near a seed. part_configuration.c says how. */
+/* part_configuration: the best configuration of the votes near a seed. part_configuration.c says
+ * how. */
 #include "src/core/build.h"
 
 #include "src/contour/part_configuration_work.h"
@@ -21,7 +22,8 @@ static int is_before(const cairn_part_configurator *c, int32_t a, int32_t b)
     return v->gain > u->gain || (v->gain >= u->gain && a < b);
 }
 
-/* Groups with the greatest gain first: the sooner there is a good configuration, the less is left of the tree. */
+/* Groups with the greatest gain first: the sooner there is a good configuration, the less is
+ * left of the tree. */
 static void sort_groups(cairn_part_configurator *c)
 {
     cairn_real rest = 0;
@@ -74,7 +76,8 @@ void cairn_part_configuration_plant(cairn_part_configurator *c)
 /* Adding a vote: the mean by gain moves, and scatter grows by what both were apart. */
 static configuration_node add(const configuration_node *node, const near_vote *n, cairn_real gain)
 {
-    cairn_real sum = node->gain + gain, x = n->x - node->x, y = n->y - node->y, ratio = n->ratio - node->ratio;
+    cairn_real sum = node->gain + gain, x = n->x - node->x, y = n->y - node->y,
+               ratio = n->ratio - node->ratio;
     configuration_node added = *node;
 
     added.scatter += node->gain * gain / sum * (x * x + y * y + ratio * ratio);
@@ -97,8 +100,8 @@ static cairn_real score_of(const configuration_node *node)
     return node->gain - node->scatter / 2;
 }
 
-/* What two pieces of one chain share, over the shorter; of a closed chain either may lie a round on, and they may
- * meet at both ends. */
+/* What two pieces of one chain share, over the shorter; of a closed chain either may lie a round
+ * on, and they may meet at both ends. */
 static cairn_real shared(const cairn_part_vote *a, const cairn_part_vote *b)
 {
     cairn_real shorter = cairn_min(a->to - a->from, b->to - b->from), sum = 0;
@@ -112,7 +115,8 @@ static cairn_real shared(const cairn_part_vote *a, const cairn_part_vote *b)
     return shorter > 0 ? sum / shorter : 0;
 }
 
-static int is_free(const cairn_part_configurator *c, const configuration_node *node, const cairn_part_vote *v)
+static int is_free(const cairn_part_configurator *c, const configuration_node *node,
+                   const cairn_part_vote *v)
 {
     for (int32_t i = 0; i < node->parts; i++) {
         const cairn_part_vote *u = vote_of(c, c->chosen[i]);
@@ -134,8 +138,8 @@ static void take_best(cairn_part_configurator *c, const configuration_node *node
         c->best_votes[i] = c->near[c->chosen[i]].vote;
 }
 
-/* 1 when nothing below the node can be better: each group that is left adds its greatest gain at most, for scatter never falls. As written
- * when nothing below it reaches the threshold. */
+/* 1 when nothing below the node can be better: each group that is left adds its greatest gain at
+ * most, for scatter never falls. As written when nothing below it reaches the threshold. */
 static int is_hopeless(const cairn_part_configurator *c, const configuration_node *node)
 {
     cairn_real rest = c->groups[c->depth].most, bound = score_of(node) + rest;

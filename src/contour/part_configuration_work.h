@@ -21,7 +21,8 @@ typedef struct vote_place {
     cairn_real scale;
 } vote_place;
 
-/* A vote near the seed: its place from there in tolerances; squared: its distance, as written that of the centres in px^2. */
+/* A vote near the seed: its place from there in tolerances; squared: its distance, as written
+ * that of the centres in px^2. */
 typedef struct near_vote {
     cairn_real x, y, ratio, squared;
     int32_t vote;
@@ -33,7 +34,8 @@ typedef struct vote_group {
     cairn_real most; /* gain of this group and those behind it, each its greatest */
 } vote_group;
 
-/* A partial configuration: sums of gain, the mean by it, what its votes scatter about it (sum of gain d^2). */
+/* A partial configuration: sums of gain, the mean by it, what its votes scatter about it (sum of
+ * gain d^2). */
 typedef struct configuration_node {
     cairn_real gain, x, y, ratio, scatter;
     int32_t choice; /* of the next group: votes of it that were tried; count: none of them */
@@ -43,41 +45,56 @@ typedef struct configuration_node {
 /* Where a query of the index is. */
 typedef struct vote_query {
     vote_place at;
-    cairn_real cell; /* px, of the layer */
+    /* px, of the layer */
+    cairn_real cell;
     int32_t layer, last_layer, x, y, min_x, max_x, max_y;
-    int32_t vote, left; /* of the cell's bucket: the next, and how many are not looked at */
-    int32_t all;        /* 1: the cells are more than the votes, which are looked at one by one; the next in x */
+    /* of the cell's bucket: the next, and how many are not looked at */
+    int32_t vote, left;
+    /* 1: the cells are more than the votes, which are looked at one by one; the next in x */
+    int32_t all;
 } vote_query;
 
-/* As written: what tells a configuration that an earlier seed had, and the order of those found. A row of bits has one for each seed. */
+/* As written: what tells a configuration that an earlier seed had, and the order of those found.
+ * A row of bits has one for each seed. */
 typedef struct configuration_every {
-    uint32_t *
-        seeds; /* [max_votes * words] of each vote: the seeds among whose nearest it is, up to the one that is looked around */
-    uint32_t
-        *both;    /* [(PARTS + 1) * words] row k: the seeds that have the first k parts of the partial configuration */
-    int64_t *age; /* [max_found] of each one found: how many were made before */
+    /* [max_votes * words] of each vote: the seeds among whose nearest it is, up to the one that
+     * is looked around */
+    uint32_t *seeds;
+    /* [(PARTS + 1) * words] row k: the seeds that have the first k parts of the partial
+     * configuration */
+    uint32_t *both;
+    /* [max_found] of each one found: how many were made before */
+    int64_t *age;
     int64_t made;
-    int32_t words, sorted; /* sorted: how many of found are in their place, from the end */
+    /* sorted: how many of found are in their place, from the end */
+    int32_t words, sorted;
 } configuration_every;
 
 struct cairn_part_configurator {
     cairn_part_configuration_params params;
     const cairn_part_vote *votes;
-    int32_t *next, *layer;           /* [max_votes] the next of its bucket; its layer */
-    int32_t *heads, *sizes;          /* [mask + 1] */
-    vote_place *modes;               /* [max_votes] */
-    cairn_part_configuration *found; /* [max_found] */
-    int32_t *found_votes;            /* [max_found * CONFIGURATION_PARTS] of slot k those from k * PARTS on */
+    /* [max_votes] the next of its bucket; its layer */
+    int32_t *next, *layer;
+    /* [mask + 1] */
+    int32_t *heads, *sizes;
+    /* [max_votes] */
+    vote_place *modes;
+    /* [max_found] */
+    cairn_part_configuration *found;
+    /* [max_found * CONFIGURATION_PARTS] of slot k those from k * PARTS on */
+    int32_t *found_votes;
     uint32_t mask;
     int32_t count, indexed, seed, modes_count, climbs;
     vote_query query;
     near_vote near[CONFIGURATION_PARTS];
     int32_t near_count;
-    int32_t order[CONFIGURATION_PARTS]; /* of near */
+    /* of near */
+    int32_t order[CONFIGURATION_PARTS];
     vote_group groups[CONFIGURATION_PARTS];
     int32_t group_count;
     configuration_node nodes[CONFIGURATION_PARTS + 1];
-    int32_t chosen[CONFIGURATION_PARTS]; /* of near, for each part */
+    /* of near, for each part */
+    int32_t chosen[CONFIGURATION_PARTS];
     int32_t depth, visited;
     cairn_real best;
     configuration_node best_node;
@@ -85,10 +102,12 @@ struct cairn_part_configurator {
     int32_t found_count, seeds, cut;
     int64_t all_nodes, pairs;
     int32_t phase, paid;
-    configuration_every *every; /* NULL: not as written */
+    /* NULL: not as written */
+    configuration_every *every;
 };
 
-/* The index. A layer holds the scales within one reach, its cells are as wide as the reach of its largest. */
+/* The index. A layer holds the scales within one reach, its cells are as wide as the reach of
+ * its largest. */
 void cairn_part_configuration_insert(cairn_part_configurator *c, int32_t vote);
 void cairn_part_configuration_query(cairn_part_configurator *c, vote_place at);
 /* Units of the query's next item; 0: there is none. */
@@ -100,12 +119,15 @@ void cairn_part_configuration_query_next(cairn_part_configurator *c);
 void cairn_part_configuration_plant(cairn_part_configurator *c);
 /* Visits a node; 0: there are no more. */
 int cairn_part_configuration_visit(cairn_part_configurator *c);
-/* What is found: the votes of best_votes, sorted here, with best_node; its votes go to found_votes[first ...]. */
-cairn_part_configuration cairn_part_configuration_describe(cairn_part_configurator *c, int32_t first);
+/* What is found: the votes of best_votes, sorted here, with best_node; its votes go to
+ * found_votes[first ...]. */
+cairn_part_configuration cairn_part_configuration_describe(cairn_part_configurator *c,
+                                                           int32_t first);
 
 /* ---- As written (part_configuration_every.c) ---- */
 
-void cairn_part_configuration_every_carve(cairn_pool *pool, const cairn_part_configuration_params *p,
+void cairn_part_configuration_every_carve(cairn_pool *pool,
+                                          const cairn_part_configuration_params *p,
                                           configuration_every **every);
 /* A vote has no seeds yet. */
 void cairn_part_configuration_every_clear(cairn_part_configurator *c, int32_t vote);
@@ -114,7 +136,8 @@ void cairn_part_configuration_every_plant(cairn_part_configurator *c);
 /* The partial configuration has one more part: the last of chosen[0 ... parts - 1]. */
 void cairn_part_configuration_every_take(cairn_part_configurator *c, int32_t parts);
 /* Keeps the configuration unless an earlier seed had it or max_found better ones are there. */
-void cairn_part_configuration_every_offer(cairn_part_configurator *c, const configuration_node *node);
+void cairn_part_configuration_every_offer(cairn_part_configurator *c,
+                                          const configuration_node *node);
 /* Puts one more of found in its place; 0: all are. */
 int cairn_part_configuration_every_sort(cairn_part_configurator *c);
 /* Units of a node, of one that is sorted. */

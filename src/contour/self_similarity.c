@@ -1,16 +1,20 @@
 /* Axes of self-similarity.
  *
- * Method: the outline is sampled evenly. Every sample is described by its inner distances to all samples, in both senses of
- * rotation; two samples are alike when what one sees ahead the other sees behind. Arcs between two cuts are compared by warping
- * the one, walked forward, onto the other, walked backward; as written by the sum along the warp, by default divided by its length, so
- * that long and short arcs compare. Cuts are sought on all levels of the discrete curve evolution, whose vertices are samples.
+ * Method: the outline is sampled evenly. Every sample is described by its inner distances to all
+ * samples, in both senses of rotation; two samples are alike when what one sees ahead the other
+ * sees behind. Arcs between two cuts are compared by warping the one, walked forward, onto the
+ * other, walked backward; as written by the sum along the warp, by default divided by its length,
+ * so that long and short arcs compare. Cuts are sought on all levels of the discrete curve
+ * evolution, whose vertices are samples.
  *
- * Layout: samples, the square of differences, two rows of a warp, cuts, axes; the inner distances and the evolution own theirs.
+ * Layout: samples, the square of differences, two rows of a warp, cuts, axes; the inner distances
+ * and the evolution own theirs.
  *
- * Limits: one outline: other parts of an object are not looked at. Holes that are small against the spacing of samples, and more of
- * them than fit, are taken for filled.
+ * Limits: one outline: other parts of an object are not looked at. Holes that are small against the
+ * spacing of samples, and more of them than fit, are taken for filled.
  *
- * Source: Adluru 2008, chapter 4 (eq. 4.2 to 4.4); eq. 4.3 is read as aligned with 4.2: both begin at the point itself. */
+ * Source: Adluru 2008, chapter 4 (eq. 4.2 to 4.4); eq. 4.3 is read as aligned with 4.2: both
+ * begin at the point itself. */
 #include "src/core/build.h"
 
 #include <string.h>
@@ -50,11 +54,12 @@ static int params_are_valid(const cairn_self_similarity_params *p)
 {
     return p != NULL && (p->mode == CAIRN_MODE_DEFAULT || p->mode == CAIRN_MODE_AS_WRITTEN) &&
            p->points >= LEAST_POINTS && p->points <= MOST_POINTS &&
-           (p->hole_points == 0 || (p->hole_points >= LEAST_HOLE && p->hole_points <= MOST_POINTS)) &&
+           (p->hole_points == 0 ||
+            (p->hole_points >= LEAST_HOLE && p->hole_points <= MOST_POINTS)) &&
            p->least_vertices >= LEAST_VERTICES && p->most_vertices >= p->least_vertices &&
-           p->most_vertices <= SIMILARITY_VERTICES && p->most_vertices <= p->points && p->tie >= 0 &&
-           cairn_is_finite(p->tie) && p->tie_floor >= 0 && cairn_is_finite(p->tie_floor) && p->separation > 0 &&
-           p->separation <= CAIRN_REAL(0.25);
+           p->most_vertices <= SIMILARITY_VERTICES && p->most_vertices <= p->points &&
+           p->tie >= 0 && cairn_is_finite(p->tie) && p->tie_floor >= 0 &&
+           cairn_is_finite(p->tie_floor) && p->separation > 0 && p->separation <= CAIRN_REAL(0.25);
 }
 
 static cairn_inner_distance_params inner_params(const cairn_self_similarity_params *p)
@@ -163,8 +168,10 @@ static cairn_status check_outlines(const cairn_curve *outlines, int32_t count)
     return CAIRN_OK;
 }
 
-/* Samples the holes as densely as the outline, or as there is room; those that come out without area are left out. */
-static int32_t sample_holes(cairn_self_similarity *s, const cairn_curve *outlines, int32_t count, cairn_curve *sampled)
+/* Samples the holes as densely as the outline, or as there is room; those that come out without
+ * area are left out. */
+static int32_t sample_holes(cairn_self_similarity *s, const cairn_curve *outlines, int32_t count,
+                            cairn_curve *sampled)
 {
     int32_t n = s->params.points, most = s->params.hole_points, taken = 1;
     cairn_real spacing = cairn_curve_length(&outlines[0]) / (cairn_real)n, all = 0, room, dense;
@@ -176,7 +183,8 @@ static int32_t sample_holes(cairn_self_similarity *s, const cairn_curve *outline
     room = (cairn_real)(most - (count - 1) * LEAST_HOLE);
     dense = all > room * spacing ? room / all : 1 / spacing;
     for (int32_t i = 1; i < count; i++) {
-        int32_t points = LEAST_HOLE + cairn_real_to_int(cairn_floor(dense * cairn_curve_length(&outlines[i])));
+        int32_t points =
+            LEAST_HOLE + cairn_real_to_int(cairn_floor(dense * cairn_curve_length(&outlines[i])));
         cairn_curve hole = {to, points, 1};
 
         if (cairn_curve_resample(&outlines[i], to, NULL, points) == CAIRN_OK &&
@@ -188,7 +196,8 @@ static int32_t sample_holes(cairn_self_similarity *s, const cairn_curve *outline
     return taken;
 }
 
-cairn_status cairn_self_similarity_begin(cairn_self_similarity *s, const cairn_curve *outlines, int32_t count)
+cairn_status cairn_self_similarity_begin(cairn_self_similarity *s, const cairn_curve *outlines,
+                                         int32_t count)
 {
     cairn_curve sampled[CAIRN_SYMMETRY_OUTLINES];
     cairn_vec2 *to_swap;
@@ -232,7 +241,8 @@ cairn_status cairn_self_similarity_begin(cairn_self_similarity *s, const cairn_c
 /* Eq. 4.4, as a root of the mean square in units of the greatest distance. */
 static cairn_real compare(const cairn_inner_distance_result *inner, int32_t i, int32_t k)
 {
-    const cairn_real *ahead = &inner->distance[i * inner->stride], *behind = &inner->distance[k * inner->stride];
+    const cairn_real *ahead = &inner->distance[i * inner->stride],
+                     *behind = &inner->distance[k * inner->stride];
     int32_t n = inner->count, to = i, back = k;
     cairn_real sum = 0;
 
@@ -269,15 +279,18 @@ static cairn_real apart(cairn_real a, cairn_real b, cairn_real round)
     return cairn_min(d, round - d);
 }
 
-static int are_near(const cairn_self_similarity *s, const similarity_cut *a, const similarity_cut *b)
+static int are_near(const cairn_self_similarity *s, const similarity_cut *a,
+                    const similarity_cut *b)
 {
     cairn_real n = (cairn_real)s->params.points, near = s->params.separation * n;
 
-    return (apart(a->place[0], b->place[0], n) < near && apart(a->place[1], b->place[1], n) < near) ||
+    return (apart(a->place[0], b->place[0], n) < near &&
+            apart(a->place[1], b->place[1], n) < near) ||
            (apart(a->place[0], b->place[1], n) < near && apart(a->place[1], b->place[0], n) < near);
 }
 
-void cairn_similarity_offer(const cairn_self_similarity *s, similarity_list *list, const similarity_cut *cut)
+void cairn_similarity_offer(const cairn_self_similarity *s, similarity_list *list,
+                            const similarity_cut *cut)
 {
     int32_t kept = 0, at;
 
@@ -301,7 +314,8 @@ void cairn_similarity_offer(const cairn_self_similarity *s, similarity_list *lis
 
 /* ---- The verdict ---- */
 
-cairn_vec2 cairn_similarity_point(const cairn_self_similarity *s, const cairn_vec2 *samples, cairn_real place)
+cairn_vec2 cairn_similarity_point(const cairn_self_similarity *s, const cairn_vec2 *samples,
+                                  cairn_real place)
 {
     int32_t n = s->params.points, i = cairn_real_to_int(cairn_floor(place));
     cairn_vec2 a = samples[i % n], b = samples[(i + 1) % n];
@@ -349,13 +363,16 @@ static cairn_status step_judge(cairn_self_similarity *s, cairn_budget *budget)
         s->ties += s->axes[s->i].dissimilarity <= good;
         s->axis_count = s->i + 1;
     }
-    s->verdict = s->ties < 2 ? CAIRN_SYMMETRY_ONE : s->rotations == 0 ? CAIRN_SYMMETRY_ROUND : CAIRN_SYMMETRY_MANY;
+    s->verdict = s->ties < 2         ? CAIRN_SYMMETRY_ONE
+                 : s->rotations == 0 ? CAIRN_SYMMETRY_ROUND
+                                     : CAIRN_SYMMETRY_MANY;
     return CAIRN_OK;
 }
 
 /* ---- All of it ---- */
 
-/* What comes behind a phase: as written, nothing of the ranking; where no joints moved, nothing of the nearby warps. */
+/* What comes behind a phase: as written, nothing of the ranking; where no joints moved, nothing
+ * of the nearby warps. */
 static similarity_phase phase_after(const cairn_self_similarity *s)
 {
     if (s->phase == SIMILARITY_SPLIT && s->params.mode == CAIRN_MODE_AS_WRITTEN)

@@ -1,8 +1,9 @@
 /* The axis near a cut under which the arcs fit best.
  *
- * Method: Levenberg and Marquardt over the places of both ends, bend and skew, on the distances of all samples to the line of the
- * side that is nearest, outliers weighted down (Geman and McClure): a limb that moved at its joint does not turn the axis. Which
- * side is nearest is found anew for each trial; a trial that is no better is dropped. */
+ * Method: Levenberg and Marquardt over the places of both ends, bend and skew, on the distances
+ * of all samples to the line of the side that is nearest, outliers weighted down (Geman and
+ * McClure): a limb that moved at its joint does not turn the axis. Which side is nearest is
+ * found anew for each trial; a trial that is no better is dropped. */
 #include "src/core/build.h"
 
 #include "src/contour/self_similarity_work.h"
@@ -28,7 +29,8 @@ static cairn_real *variable(similarity_cut *cut, int32_t i)
 }
 
 /* The distances of all samples to the lines of the sides that are nearest. */
-static void measure(const cairn_self_similarity *s, const similarity_flat *flat, const int32_t *near, cairn_real *to)
+static void measure(const cairn_self_similarity *s, const similarity_flat *flat,
+                    const int32_t *near, cairn_real *to)
 {
     for (int32_t arc = 0; arc < 2; arc++)
         for (int32_t i = 1; i + 1 < flat->count[arc]; i++, near++, to++) {
@@ -58,7 +60,8 @@ static int32_t differentiate(cairn_self_similarity *s, const similarity_trial *t
 
         *variable(&moved, v) += NUDGE * unit[v];
         for (int32_t i = 0; i < 2; i++)
-            moved.place[i] -= moved.place[i] >= (cairn_real)s->params.points ? (cairn_real)s->params.points : 0;
+            moved.place[i] -=
+                moved.place[i] >= (cairn_real)s->params.points ? (cairn_real)s->params.points : 0;
         nudged = cairn_similarity_lay(s, &moved, &t->sides, s->nudged);
         measure(s, &nudged, t->near, change);
         for (int32_t i = 0; i < count; i++)
@@ -80,7 +83,8 @@ static void set_equations(const cairn_self_similarity *s, const similarity_cut *
             a[v][u] = 0;
     }
     for (int32_t i = 0; i < count; i++) {
-        cairn_real scaled = here[i] / OUTLIER, share = 1 / (1 + scaled * scaled), weight = share * share;
+        cairn_real scaled = here[i] / OUTLIER, share = 1 / (1 + scaled * scaled),
+                   weight = share * share;
 
         for (int32_t v = 0; v < VARIABLES; v++) {
             cairn_real change = weight * row_of(s, 1 + v)[i];

@@ -1,8 +1,9 @@
 /* Two arcs as mirror images of each other.
  *
- * An axis from end to end may bend evenly, and its ribs may lean. Taken back to a straight axis and upright ribs, the arcs of a
- * symmetric shape lie one on the other when one of them is turned over. What is left between them, from each sample to the other
- * arc, is the misfit; bend and skew cost a little, so that they are found only where they explain something. */
+ * An axis from end to end may bend evenly, and its ribs may lean. Taken back to a straight axis
+ * and upright ribs, the arcs of a symmetric shape lie one on the other when one of them is
+ * turned over. What is left between them, from each sample to the other arc, is the misfit; bend
+ * and skew cost a little, so that they are found only where they explain something. */
 #include "src/core/build.h"
 
 #include "src/contour/self_similarity_work.h"
@@ -13,11 +14,13 @@
 #define STRAIGHT  CAIRN_REAL(1e-3)
 #define MOST_BEND CAIRN_REAL(3.0)
 #define MOST_SKEW CAIRN_REAL(1.0)
-/* In spans: no sample counts for more: of what lies close, of a fit where joints moved, elsewhere. */
+/* In spans: no sample counts for more: of what lies close, of a fit where joints moved,
+ * elsewhere. */
 #define CLOSE       CAIRN_REAL(0.01)
 #define ROBUST      CAIRN_REAL(0.02)
 #define MOST_MISFIT CAIRN_REAL(0.1)
-/* In spans a rad, the first degrees of a bend the most, and spans for ribs that lean by 45 degrees. */
+/* In spans a rad, the first degrees of a bend the most, and spans for ribs that lean by 45
+ * degrees. */
 #define BEND_COST CAIRN_REAL(0.03)
 #define BEND_HALF CAIRN_REAL(0.25)
 #define SKEW_COST CAIRN_REAL(0.008)
@@ -27,15 +30,19 @@ enum { PAIRS = 12 };
 /* ---- The axis ---- */
 
 typedef struct frame {
-    cairn_vec2 origin, along; /* straight: the first end; bent: the centre, and from there to the middle of the axis */
-    cairn_real radius;        /* of the axis, < 0: it turns right; 0: it is straight */
-    cairn_real half;          /* of its length */
+    /* straight: the first end; bent: the centre, and from there to the middle of the axis */
+    cairn_vec2 origin, along;
+    /* of the axis, < 0: it turns right; 0: it is straight */
+    cairn_real radius;
+    /* of its length */
+    cairn_real half;
     cairn_real skew;
 } frame;
 
 static frame frame_of(cairn_vec2 from, cairn_vec2 to, cairn_real bend, cairn_real skew)
 {
-    cairn_vec2 chord = cairn_vec2_sub(to, from), along = cairn_vec2_unit(chord), across = cairn_vec2_left(along);
+    cairn_vec2 chord = cairn_vec2_sub(to, from), along = cairn_vec2_unit(chord),
+               across = cairn_vec2_left(along);
     cairn_real length = cairn_vec2_norm(chord), sine, cosine;
     frame f = {from, along, 0, length / 2, skew};
 
@@ -50,7 +57,8 @@ static frame frame_of(cairn_vec2 from, cairn_vec2 to, cairn_real bend, cairn_rea
     return f;
 }
 
-/* Where a point lies along the axis, from its middle, and aside of it to the left, its ribs upright. */
+/* Where a point lies along the axis, from its middle, and aside of it to the left, its ribs
+ * upright. */
 static cairn_vec2 flatten(const frame *f, cairn_vec2 p)
 {
     cairn_vec2 v = cairn_vec2_sub(p, f->origin), flat;
@@ -59,7 +67,8 @@ static cairn_vec2 flatten(const frame *f, cairn_vec2 p)
         flat.x = cairn_vec2_dot(f->along, v) - f->half;
         flat.y = cairn_vec2_cross(f->along, v);
     } else {
-        flat.x = f->radius * cairn_atan2(cairn_vec2_cross(f->along, v), cairn_vec2_dot(f->along, v));
+        flat.x =
+            f->radius * cairn_atan2(cairn_vec2_cross(f->along, v), cairn_vec2_dot(f->along, v));
         flat.y = f->radius + (f->radius > 0 ? -cairn_vec2_norm(v) : cairn_vec2_norm(v));
     }
     flat.x -= f->skew * flat.y;
@@ -68,7 +77,8 @@ static cairn_vec2 flatten(const frame *f, cairn_vec2 p)
 
 /* ---- Arcs ---- */
 
-similarity_sides cairn_similarity_sides(const cairn_self_similarity *s, const similarity_cut *cut, int32_t stride)
+similarity_sides cairn_similarity_sides(const cairn_self_similarity *s, const similarity_cut *cut,
+                                        int32_t stride)
 {
     similarity_sides sides = {{0, 0}, {0, 0}, stride};
 
@@ -99,7 +109,8 @@ similarity_flat cairn_similarity_lay(const cairn_self_similarity *s, const simil
         flat.points[arc] = room;
         flat.count[arc] = count;
         for (int32_t k = 0; k < count; k++) {
-            int32_t i = (sides->first[arc] + (k - 1) * sides->stride + s->params.points) % s->params.points;
+            int32_t i =
+                (sides->first[arc] + (k - 1) * sides->stride + s->params.points) % s->params.points;
             cairn_vec2 p = flatten(&f, k == 0 ? end[arc] : k == last ? end[1 - arc] : s->smooth[i]);
 
             p.y = arc == 0 ? p.y : -p.y;
@@ -123,13 +134,17 @@ static cairn_real squared_distance(cairn_vec2 a, cairn_vec2 b, cairn_vec2 p)
     return along * along / length;
 }
 
-/* The side of the other arc that is nearest to point i of an arc, among those at about the same share of it. */
-static int32_t nearest_side(const similarity_flat *flat, int32_t arc, int32_t i, cairn_real *distance)
+/* The side of the other arc that is nearest to point i of an arc, among those at about the same
+ * share of it. */
+static int32_t nearest_side(const similarity_flat *flat, int32_t arc, int32_t i,
+                            cairn_real *distance)
 {
     const cairn_vec2 *other = flat->points[1 - arc];
-    int32_t sides = flat->count[1 - arc] - 1, reach = 2 + cairn_real_to_int(WINDOW * (cairn_real)sides);
+    int32_t sides = flat->count[1 - arc] - 1,
+            reach = 2 + cairn_real_to_int(WINDOW * (cairn_real)sides);
     int32_t middle = i * sides / (flat->count[arc] - 1), best = 0;
-    int32_t first = middle > reach ? middle - reach : 0, last = middle + reach < sides ? middle + reach : sides;
+    int32_t first = middle > reach ? middle - reach : 0,
+            last = middle + reach < sides ? middle + reach : sides;
     cairn_real least = 0;
 
     for (int32_t k = first; k < last; k++) {
@@ -153,9 +168,10 @@ int32_t cairn_similarity_hole_samples(const cairn_self_similarity *s)
     return sum;
 }
 
-/* The sum over the samples of all holes of the distance of their mirror images to the nearest side of any. *count grows by their
- * number. */
-static cairn_real misfit_of_holes(cairn_self_similarity *s, const similarity_cut *cut, cairn_real most, int32_t *count)
+/* The sum over the samples of all holes of the distance of their mirror images to the nearest
+ * side of any. *count grows by their number. */
+static cairn_real misfit_of_holes(cairn_self_similarity *s, const similarity_cut *cut,
+                                  cairn_real most, int32_t *count)
 {
     frame f = frame_of(cairn_similarity_point(s, s->smooth, cut->place[0]),
                        cairn_similarity_point(s, s->smooth, cut->place[1]), cut->bend, cut->skew);
@@ -171,8 +187,9 @@ static cairn_real misfit_of_holes(cairn_self_similarity *s, const similarity_cut
 
         for (int32_t h = 0; h < s->holes; hole += s->hole_count[h++])
             for (int32_t k = 0; k < s->hole_count[h]; k++)
-                least =
-                    cairn_min(least, squared_distance(hole[k], hole[k + 1 < s->hole_count[h] ? k + 1 : 0], mirrored));
+                least = cairn_min(
+                    least, squared_distance(hole[k], hole[k + 1 < s->hole_count[h] ? k + 1 : 0],
+                                            mirrored));
         sum += cairn_sqrt(least);
     }
     *count += all;
@@ -233,7 +250,8 @@ void cairn_similarity_limit(const cairn_self_similarity *s, similarity_cut *cut)
 void cairn_similarity_guess(const cairn_self_similarity *s, similarity_cut *cut)
 {
     cairn_real n = (cairn_real)s->params.points, low = cut->place[0], high = cut->place[1];
-    cairn_vec2 from = cairn_similarity_point(s, s->smooth, low), to = cairn_similarity_point(s, s->smooth, high);
+    cairn_vec2 from = cairn_similarity_point(s, s->smooth, low),
+               to = cairn_similarity_point(s, s->smooth, high);
     cairn_real there = high < low ? high + n - low : high - low, back = n - there;
     cairn_real rise = 0, weights = 0, lean = 0, wide = 0;
     cairn_vec2 left[PAIRS], right[PAIRS];
@@ -243,7 +261,8 @@ void cairn_similarity_guess(const cairn_self_similarity *s, similarity_cut *cut)
     if (!(f.half > 0))
         return;
     for (int32_t i = 0; i < PAIRS; i++) {
-        cairn_real share = (cairn_real)(i + 1) / (PAIRS + 1), a = low + share * there, b = low - share * back;
+        cairn_real share = (cairn_real)(i + 1) / (PAIRS + 1), a = low + share * there,
+                   b = low - share * back;
         cairn_real x, weight;
         cairn_vec2 p, q;
 

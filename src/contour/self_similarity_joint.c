@@ -1,15 +1,19 @@
 /* Cuts of shapes whose limbs turned at their joints.
  *
- * A limb that turned is as it was: what lies together on one rigid part looks the same from both sides, up to a motion. So two
- * samples are compared by the stretches of the outline about them, the one mirrored and laid on the other as well as a rigid motion
- * can, and a stretch may lie to either side of its sample: one beside a joint is told by the part that it belongs to. One arc is
- * warped onto the other by that. What did not turn, the body between the limbs, lies close when one arc is mirrored: the mirror line is
- * fitted once more, straight at first, so that what lies far counts little.
+ * A limb that turned is as it was: what lies together on one rigid part looks the same from both
+ * sides, up to a motion. So two samples are compared by the stretches of the outline about them,
+ * the one mirrored and laid on the other as well as a rigid motion can, and a stretch may lie to
+ * either side of its sample: one beside a joint is told by the part that it belongs to. One arc is
+ * warped onto the other by that. What did not turn, the body between the limbs, lies close when one
+ * arc is mirrored: the mirror line is fitted once more, straight at first, so that what lies far
+ * counts little.
  *
- * Method: all pairs of every other sample are warped and tried; the best, and those that were best before, are fitted, and ranked by the
- * weighted geometric mean of the warp and what lies close; that is blended with the first judgement.
+ * Method: all pairs of every other sample are warped and tried; the best, and those that were best
+ * before, are fitted, and ranked by the weighted geometric mean of the warp and what lies close;
+ * that is blended with the first judgement.
  *
- * Limits: where limbs in front and behind are as alike as those left and right, the body alone tells its axis. */
+ * Limits: where limbs in front and behind are as alike as those left and right, the body alone
+ * tells its axis. */
 #include "src/core/build.h"
 
 #include "src/contour/self_similarity_work.h"
@@ -55,14 +59,17 @@ static cairn_real left_by_motion(const motion_sums *sums)
 {
     cairn_real n = (cairn_real)sums->count, dot, cross, squares;
 
-    squares = sums->squares - (cairn_vec2_norm_squared(sums->first) + cairn_vec2_norm_squared(sums->second)) / n;
+    squares = sums->squares -
+              (cairn_vec2_norm_squared(sums->first) + cairn_vec2_norm_squared(sums->second)) / n;
     dot = sums->dot - cairn_vec2_dot(sums->first, sums->second) / n;
     cross = sums->cross - cairn_vec2_cross(sums->first, sums->second) / n;
     return cairn_max(0, squares - 2 * cairn_sqrt(dot * dot + cross * cross)) / n;
 }
 
-/* The stretch about sample i and the mirror image of that about k, halfway on to the neighbour that `step` leads to. */
-static cairn_real compare_halfway(const cairn_self_similarity *s, int32_t i, int32_t k, int32_t step)
+/* The stretch about sample i and the mirror image of that about k, halfway on to the neighbour
+ * that `step` leads to. */
+static cairn_real compare_halfway(const cairn_self_similarity *s, int32_t i, int32_t k,
+                                  int32_t step)
 {
     int32_t n = s->params.points, reach = reach_of(s);
     motion_sums sums = {{0, 0}, {0, 0}, 0, 0, 0, 0};
@@ -86,7 +93,8 @@ static int32_t stretch_units(const cairn_self_similarity *s)
     return 1 + reach_of(s);
 }
 
-/* Samples lie anywhere on the outline: the second is tried where it is and halfway to its neighbours. */
+/* Samples lie anywhere on the outline: the second is tried where it is and halfway to its
+ * neighbours. */
 cairn_status cairn_similarity_near_step(cairn_self_similarity *s, cairn_budget *budget)
 {
     int32_t n = s->params.points;
@@ -97,14 +105,17 @@ cairn_status cairn_similarity_near_step(cairn_self_similarity *s, cairn_budget *
 
             if (!cairn_budget_pay(budget, &s->paid, 3 * stretch_units(s)))
                 return CAIRN_MORE;
-            least = cairn_min(compare_halfway(s, s->i, s->k, 0),
-                              cairn_min(compare_halfway(s, s->i, s->k, -1), compare_halfway(s, s->i, s->k, 1)));
-            s->unlike[s->i * n + s->k] = s->unlike[s->k * n + s->i] = cairn_sqrt(least) / (STRETCH * s->span);
+            least = cairn_min(
+                compare_halfway(s, s->i, s->k, 0),
+                cairn_min(compare_halfway(s, s->i, s->k, -1), compare_halfway(s, s->i, s->k, 1)));
+            s->unlike[s->i * n + s->k] = s->unlike[s->k * n + s->i] =
+                cairn_sqrt(least) / (STRETCH * s->span);
         }
     return CAIRN_OK;
 }
 
-/* The best of the stretches that lie a little off both samples by the same: a row a time of those that do. s->i: the sum of the samples. */
+/* The best of the stretches that lie a little off both samples by the same: a row a time of
+ * those that do. s->i: the sum of the samples. */
 cairn_status cairn_similarity_slide_step(cairn_self_similarity *s, cairn_budget *budget)
 {
     int32_t n = s->params.points, reach = reach_of(s);
@@ -156,7 +167,8 @@ static cairn_real blend(cairn_real first, cairn_real second, cairn_real share)
 {
     const cairn_real least = CAIRN_REAL(1e-6);
 
-    return cairn_exp((1 - share) * cairn_log(cairn_max(least, first)) + share * cairn_log(cairn_max(least, second)));
+    return cairn_exp((1 - share) * cairn_log(cairn_max(least, first)) +
+                     share * cairn_log(cairn_max(least, second)));
 }
 
 void cairn_similarity_scan_near_begin(cairn_self_similarity *s)
@@ -167,7 +179,8 @@ void cairn_similarity_scan_near_begin(cairn_self_similarity *s)
 
 cairn_status cairn_similarity_scan_near_step(cairn_self_similarity *s, cairn_budget *budget)
 {
-    int32_t units = warp_units(s, SIMILARITY_STRIDE) + cairn_similarity_trial_units(s, SIMILARITY_STRIDE);
+    int32_t units =
+        warp_units(s, SIMILARITY_STRIDE) + cairn_similarity_trial_units(s, SIMILARITY_STRIDE);
 
     for (; s->i < s->params.points; s->i += SIMILARITY_STRIDE, s->k = 0)
         for (; s->k < s->i; s->k += SIMILARITY_STRIDE) {
@@ -180,7 +193,8 @@ cairn_status cairn_similarity_scan_near_step(cairn_self_similarity *s, cairn_bud
                 continue;
             straight->cut = cairn_similarity_cut_at(s->i, s->k);
             cairn_similarity_try(s, straight, SIMILARITY_STRIDE);
-            straight->cut.cost = blend(straight->cut.cost, warp_of(s, &straight->cut, SIMILARITY_STRIDE), SCAN_SHARE);
+            straight->cut.cost = blend(straight->cut.cost,
+                                       warp_of(s, &straight->cut, SIMILARITY_STRIDE), SCAN_SHARE);
             cairn_similarity_offer(s, &s->scanned, &straight->cut);
         }
     return CAIRN_OK;
@@ -211,13 +225,14 @@ cairn_status cairn_similarity_blend_step(cairn_self_similarity *s, cairn_budget 
         if (s->k == 0)
             cairn_similarity_fit_begin(s, &straight);
         s->k = 1;
-        if (cairn_similarity_fit_step(s, budget) != CAIRN_OK || !cairn_budget_pay(budget, &s->paid, units))
+        if (cairn_similarity_fit_step(s, budget) != CAIRN_OK ||
+            !cairn_budget_pay(budget, &s->paid, units))
             return CAIRN_MORE;
         s->k = 0;
         cut = s->trial[s->current].cut;
         cut.warp = warp_of(s, &cut, 1);
-        cut.cost =
-            blend(s->i < s->warped ? cut.whole : before->whole, blend(cut.close, cut.warp, WARP_SHARE), s->jointed);
+        cut.cost = blend(s->i < s->warped ? cut.whole : before->whole,
+                         blend(cut.close, cut.warp, WARP_SHARE), s->jointed);
         if (s->i >= s->warped && s->jointed < MOVED) {
             before->cost = cut.cost;
             before->warp = cut.warp;

@@ -1,8 +1,10 @@
 /* Cuts ranked once more.
  *
- * Method: all pairs of every other sample are judged by their misfit, as they are and with the bend and skew that pairs of points
- * between them speak for. The best of these, and the best of the thesis's search, are fitted. Where even the best of all leaves more
- * than a bend and a skew explain, limbs have moved at their joints, and cuts are judged for joints, too (self_similarity_joint.c). */
+ * Method: all pairs of every other sample are judged by their misfit, as they are and with the
+ * bend and skew that pairs of points between them speak for. The best of these, and the best of
+ * the thesis's search, are fitted. Where even the best of all leaves more than a bend and a skew
+ * explain, limbs have moved at their joints, and cuts are judged for joints, too
+ * (self_similarity_joint.c). */
 #include "src/core/build.h"
 
 #include "src/contour/self_similarity_work.h"
@@ -20,7 +22,8 @@ void cairn_similarity_scan_begin(cairn_self_similarity *s)
     int32_t n = s->params.points;
 
     for (int32_t i = 0; i < n; i++) {
-        cairn_vec2 before = s->samples[i > 0 ? i - 1 : n - 1], after = s->samples[i + 1 < n ? i + 1 : 0];
+        cairn_vec2 before = s->samples[i > 0 ? i - 1 : n - 1],
+                   after = s->samples[i + 1 < n ? i + 1 : 0];
         cairn_vec2 beside = cairn_vec2_scale(cairn_vec2_add(before, after), CAIRN_REAL(0.25));
 
         s->smooth[i] = cairn_vec2_add(beside, cairn_vec2_scale(s->samples[i], CAIRN_REAL(0.5)));
@@ -56,7 +59,8 @@ cairn_status cairn_similarity_scan_step(cairn_self_similarity *s, cairn_budget *
         for (; s->k < s->i; s->k += SIMILARITY_STRIDE) {
             similarity_trial *straight = &s->trial[0], *bent = &s->trial[1];
 
-            if (!cairn_budget_pay(budget, &s->paid, cairn_similarity_makes_cut(s, s->i, s->k) ? units : 1))
+            if (!cairn_budget_pay(budget, &s->paid,
+                                  cairn_similarity_makes_cut(s, s->i, s->k) ? units : 1))
                 return CAIRN_MORE;
             if (!cairn_similarity_makes_cut(s, s->i, s->k))
                 continue;
@@ -64,14 +68,16 @@ cairn_status cairn_similarity_scan_step(cairn_self_similarity *s, cairn_budget *
             cairn_similarity_guess(s, &bent->cut);
             cairn_similarity_try(s, straight, SIMILARITY_STRIDE);
             cairn_similarity_try(s, bent, SIMILARITY_STRIDE);
-            cairn_similarity_offer(s, &s->scanned, bent->cut.cost < straight->cut.cost ? &bent->cut : &straight->cut);
+            cairn_similarity_offer(
+                s, &s->scanned, bent->cut.cost < straight->cut.cost ? &bent->cut : &straight->cut);
         }
     return CAIRN_OK;
 }
 
 /* ---- The best of them fitted ---- */
 
-void cairn_similarity_line_up(cairn_self_similarity *s, int32_t kept, const similarity_list *list, int32_t most)
+void cairn_similarity_line_up(cairn_self_similarity *s, int32_t kept, const similarity_list *list,
+                              int32_t most)
 {
     s->scanned.count = s->scanned.count < kept ? s->scanned.count : kept;
     for (int32_t i = 0; i < list->count && i < most; i++)

@@ -6,8 +6,9 @@
 /* Units: cells of a warp's table. */
 enum { CELLS_A_UNIT = 8, VERTICES_A_UNIT = 32, DIVISIONS = 4 };
 
-similarity_warp cairn_similarity_warp(cairn_self_similarity *s, const int32_t *first, int32_t first_count,
-                                      const int32_t *second, int32_t second_count)
+similarity_warp cairn_similarity_warp(cairn_self_similarity *s, const int32_t *first,
+                                      int32_t first_count, const int32_t *second,
+                                      int32_t second_count)
 {
     similarity_warp warp;
     cairn_real *above = s->sum, *sum = s->sum + s->params.points;
@@ -163,8 +164,10 @@ cairn_status cairn_similarity_split_step(cairn_self_similarity *s, cairn_budget 
             continue;
         }
         divide(m, s->i, s->k, s->division, &first, &second);
-        /* Neighbours are no cut; the second division is the same from i to k and from k to i. An arc of one vertex is one as written. */
-        if (gap > 1 && gap < m - 1 && (second.count > 1 || is_as_written(s)) && (s->division != 2 || s->i < s->k)) {
+        /* Neighbours are no cut; the second division is the same from i to k and from k to i. An
+         * arc of one vertex is one as written. */
+        if (gap > 1 && gap < m - 1 && (second.count > 1 || is_as_written(s)) &&
+            (s->division != 2 || s->i < s->k)) {
             if (!cairn_budget_pay(budget, &s->paid, 2 + first.count * second.count / CELLS_A_UNIT))
                 return CAIRN_MORE;
             try_division(s, first, second);

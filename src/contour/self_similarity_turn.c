@@ -1,8 +1,9 @@
 /* Rotations after which a shape looks the same.
  *
- * Method: the outline is turned about its centre of area by the k-th part of a whole turn, k = 2 ... MOST_TURNS, and measured against
- * itself, from each sample to the nearest
- * side, samples of holes to those of holes. The greatest k that fits is the shape's; where every k fits, any turn does. */
+ * Method: the outline is turned about its centre of area by the k-th part of a whole turn, k = 2
+ * ... MOST_TURNS, and measured against itself, from each sample to the nearest side, samples of
+ * holes to those of holes. The greatest k that fits is the shape's; where every k fits, any turn
+ * does. */
 #include "src/core/build.h"
 
 #include "src/contour/self_similarity_work.h"
@@ -45,7 +46,8 @@ static cairn_real nearest(const cairn_vec2 *points, int32_t count, cairn_vec2 p)
 static cairn_real nearest_of_kind(const cairn_self_similarity *s, int is_hole, cairn_vec2 p)
 {
     const cairn_vec2 *hole = s->samples + s->params.points;
-    cairn_real least = is_hole ? nearest(hole, s->hole_count[0], p) : nearest(s->samples, s->params.points, p);
+    cairn_real least =
+        is_hole ? nearest(hole, s->hole_count[0], p) : nearest(s->samples, s->params.points, p);
 
     for (int32_t h = 1; h < s->holes && is_hole; h++) {
         hole += s->hole_count[h - 1];
@@ -70,7 +72,8 @@ cairn_status cairn_similarity_turn_step(cairn_self_similarity *s, cairn_budget *
             if (!cairn_budget_pay(budget, &s->paid, 1 + n / SIDES_A_UNIT))
                 return CAIRN_MORE;
             s->size += cairn_vec2_norm(arm);
-            s->turned += nearest_of_kind(s, s->k >= n, cairn_vec2_add(centre, cairn_transform_direction(turn, arm)));
+            s->turned += nearest_of_kind(
+                s, s->k >= n, cairn_vec2_add(centre, cairn_transform_direction(turn, arm)));
         }
         if (s->turned <= FITS * s->size) {
             s->rotations = s->i;

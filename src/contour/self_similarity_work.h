@@ -56,7 +56,8 @@ typedef struct similarity_sides {
     int32_t stride;
 } similarity_sides;
 
-/* Both arcs taken back to a straight axis, the second turned over and walked backward, each with the ends of the axis. */
+/* Both arcs taken back to a straight axis, the second turned over and walked backward, each with
+ * the ends of the axis. */
 typedef struct similarity_flat {
     cairn_vec2 *points[2]; /* [count] */
     int32_t count[2];
@@ -75,17 +76,25 @@ struct cairn_self_similarity {
     cairn_self_similarity_params params;
     cairn_inner_distance *inner;
     cairn_curve_evolution *evolution;
-    cairn_vec2 *samples;                                /* [points + hole_points] */
-    cairn_vec2 *next;                                   /* the same, of a shape that may be refused yet */
-    int32_t holes, hole_count[CAIRN_SYMMETRY_OUTLINES]; /* samples[points ...]: those of holes */
-    cairn_real *unlike;                                 /* [points * points] c(i, k) of eq. 4.4 */
-    cairn_real *sum;                                    /* [2 * points] two rows of a warp */
-    int32_t *steps;                                     /* [2 * points] */
-    int32_t *walk;                                      /* [points] samples of both arcs as they are warped */
+    /* [points + hole_points] */
+    cairn_vec2 *samples;
+    /* the same, of a shape that may be refused yet */
+    cairn_vec2 *next;
+    /* samples[points ...]: those of holes */
+    int32_t holes, hole_count[CAIRN_SYMMETRY_OUTLINES];
+    /* [points * points] c(i, k) of eq. 4.4 */
+    cairn_real *unlike;
+    /* [2 * points] two rows of a warp */
+    cairn_real *sum;
+    /* [2 * points] */
+    int32_t *steps;
+    /* [points] samples of both arcs as they are warped */
+    int32_t *walk;
     similarity_list list;
     similarity_phase phase;
     int32_t paid;
-    int32_t i, k; /* what the phase is at */
+    /* what the phase is at */
+    int32_t i, k;
     /* The level that is searched. */
     int32_t level, division;
     int32_t vertex[SIMILARITY_VERTICES];
@@ -113,19 +122,24 @@ struct cairn_self_similarity {
     int64_t comparisons;
 };
 
-/* The least warp of first[] onto second[], lists of samples, each of 1 ... points: its sum and its pairs. */
+/* The least warp of first[] onto second[], lists of samples, each of 1 ... points: its sum and
+ * its pairs. */
 typedef struct similarity_warp {
     cairn_real sum;
     int32_t pairs;
 } similarity_warp;
-similarity_warp cairn_similarity_warp(cairn_self_similarity *s, const int32_t *first, int32_t first_count,
-                                      const int32_t *second, int32_t second_count);
+similarity_warp cairn_similarity_warp(cairn_self_similarity *s, const int32_t *first,
+                                      int32_t first_count, const int32_t *second,
+                                      int32_t second_count);
 
 /* Keeps a cut unless a better one is near, in place of worse ones that are. */
-void cairn_similarity_offer(const cairn_self_similarity *s, similarity_list *list, const similarity_cut *cut);
+void cairn_similarity_offer(const cairn_self_similarity *s, similarity_list *list,
+                            const similarity_cut *cut);
 
-/* Where the outline is at a place, 0 <= place < points; samples: [points], those of the outline or the smoothed ones. */
-cairn_vec2 cairn_similarity_point(const cairn_self_similarity *s, const cairn_vec2 *samples, cairn_real place);
+/* Where the outline is at a place, 0 <= place < points; samples: [points], those of the outline
+ * or the smoothed ones. */
+cairn_vec2 cairn_similarity_point(const cairn_self_similarity *s, const cairn_vec2 *samples,
+                                  cairn_real place);
 
 /* Samples of all holes together. */
 int32_t cairn_similarity_hole_samples(const cairn_self_similarity *s);
@@ -136,7 +150,8 @@ cairn_status cairn_similarity_split_step(cairn_self_similarity *s, cairn_budget 
 
 /* ---- Arcs as mirror images of each other ---- */
 
-similarity_sides cairn_similarity_sides(const cairn_self_similarity *s, const similarity_cut *cut, int32_t stride);
+similarity_sides cairn_similarity_sides(const cairn_self_similarity *s, const similarity_cut *cut,
+                                        int32_t stride);
 similarity_flat cairn_similarity_lay(const cairn_self_similarity *s, const similarity_cut *cut,
                                      const similarity_sides *sides, cairn_vec2 *room);
 
@@ -157,7 +172,8 @@ void cairn_similarity_fit_begin(cairn_self_similarity *s, const similarity_cut *
 cairn_status cairn_similarity_fit_step(cairn_self_similarity *s, cairn_budget *budget);
 
 /* Fits the mirror line of an axis from where it lies; and its units. Needs the span. */
-void cairn_similarity_mirror(const cairn_self_similarity *s, const similarity_cut *cut, cairn_symmetry_axis *axis);
+void cairn_similarity_mirror(const cairn_self_similarity *s, const similarity_cut *cut,
+                             cairn_symmetry_axis *axis);
 int32_t cairn_similarity_mirror_units(const cairn_self_similarity *s);
 
 /* ---- Re-ranking: one function for each of its phases ---- */
@@ -171,8 +187,10 @@ cairn_status cairn_similarity_fits_step(cairn_self_similarity *s, cairn_budget *
 int cairn_similarity_makes_cut(const cairn_self_similarity *s, int32_t i, int32_t k);
 similarity_cut cairn_similarity_cut_at(int32_t i, int32_t k);
 
-/* Puts the first `most` cuts of a list behind the first `kept` of those that are to be looked at. */
-void cairn_similarity_line_up(cairn_self_similarity *s, int32_t kept, const similarity_list *list, int32_t most);
+/* Puts the first `most` cuts of a list behind the first `kept` of those that are to be looked
+ * at. */
+void cairn_similarity_line_up(cairn_self_similarity *s, int32_t kept, const similarity_list *list,
+                              int32_t most);
 
 /* Makes the cut between the places of its ends a division of all of the outline. */
 void cairn_similarity_set_arcs(const cairn_self_similarity *s, similarity_cut *cut);

@@ -1,14 +1,18 @@
 /* Shape contexts.
  *
- * Method: rings are bounded by radii in geometric steps from `inner` to `outer`, in units of the mean distance of two points: of each
- * shape's own, and for a part of the whole's, because a part's mean says nothing of the whole's size. The first ring reaches to the
- * point itself, what lies beyond the last one is not counted. Contexts are shares of the points counted. Sectors begin at the x axis.
+ * Method: rings are bounded by radii in geometric steps from `inner` to `outer`, in units of the
+ * mean distance of two points: of each shape's own, and for a part of the whole's, because a part's
+ * mean says nothing of the whole's size. The first ring reaches to the point itself, what lies
+ * beyond the last one is not counted. Contexts are shares of the points counted. Sectors begin at
+ * the x axis.
  *
  * Layout: points and contexts of both shapes, the table of costs, the assignment.
  *
- * Limits: not invariant to rotation; points at the bound of two sectors change their bin by rounding.
+ * Limits: not invariant to rotation; points at the bound of two sectors change their bin by
+ * rounding.
  *
- * Source: Belongie, Malik & Puzicha 2002; the asymmetric form: this project's, for Adluru 2008, section 5.3.1. */
+ * Source: Belongie, Malik & Puzicha 2002; the asymmetric form: this project's, for Adluru 2008,
+ * section 5.3.1. */
 #include "src/core/build.h"
 
 #include <string.h>
@@ -16,7 +20,11 @@
 #include "cairn/assignment.h"
 #include "cairn/shape_context.h"
 
-enum { POINTS_MOST = 1024, RINGS = CAIRN_SHAPE_CONTEXT_RINGS, SECTORS = CAIRN_SHAPE_CONTEXT_SECTORS };
+enum {
+    POINTS_MOST = 1024,
+    RINGS = CAIRN_SHAPE_CONTEXT_RINGS,
+    SECTORS = CAIRN_SHAPE_CONTEXT_SECTORS
+};
 enum { BINS = CAIRN_SHAPE_CONTEXT_BINS };
 /* Units of a row: distances, contexts and costs. */
 enum { DISTANCES_A_UNIT = 6, UNITS_A_COST = 3, NEAREST_A_UNIT = 16 };
@@ -47,8 +55,8 @@ cairn_shape_context_params cairn_shape_context_default(void)
 
 static int params_are_good(const cairn_shape_context_params *p)
 {
-    return p != NULL && p->max_points >= 2 && p->max_points <= POINTS_MOST && p->inner > 0 && p->outer > p->inner &&
-           p->outer <= FAR && p->missing >= 0 && p->missing <= FAR;
+    return p != NULL && p->max_points >= 2 && p->max_points <= POINTS_MOST && p->inner > 0 &&
+           p->outer > p->inner && p->outer <= FAR && p->missing >= 0 && p->missing <= FAR;
 }
 
 static cairn_assignment_params assignment_params(const cairn_shape_context_params *p)
@@ -118,15 +126,18 @@ static int are_usable(const cairn_vec2 *points, int32_t count)
     return 1;
 }
 
-cairn_status cairn_shape_context_begin(cairn_shape_context *c, const cairn_shape_context_input *input)
+cairn_status cairn_shape_context_begin(cairn_shape_context *c,
+                                       const cairn_shape_context_input *input)
 {
-    if (c == NULL || input == NULL || input->first == NULL || input->second == NULL || input->first_count < 2 ||
-        input->second_count < 2 || !(input->missing_share >= 0 && input->missing_share <= 1) ||
+    if (c == NULL || input == NULL || input->first == NULL || input->second == NULL ||
+        input->first_count < 2 || input->second_count < 2 ||
+        !(input->missing_share >= 0 && input->missing_share <= 1) ||
         input->kind < CAIRN_SHAPE_CONTEXT_WHOLE || input->kind > CAIRN_SHAPE_CONTEXT_PART)
         return CAIRN_BAD_ARGUMENT;
     if (input->first_count > c->params.max_points || input->second_count > c->params.max_points)
         return CAIRN_FULL;
-    if (!are_usable(input->first, input->first_count) || !are_usable(input->second, input->second_count))
+    if (!are_usable(input->first, input->first_count) ||
+        !are_usable(input->second, input->second_count))
         return CAIRN_NOT_FINITE;
     memcpy(c->points[0], input->first, (size_t)input->first_count * sizeof *input->first);
     memcpy(c->points[1], input->second, (size_t)input->second_count * sizeof *input->second);
@@ -163,9 +174,10 @@ static int take_means(cairn_shape_context *c)
 static int32_t bin_of(const cairn_shape_context *c, cairn_vec2 d, cairn_real mean)
 {
     cairn_real far = cairn_vec2_norm(d) / mean, angle = cairn_atan2(d.y, d.x);
-    cairn_real step = cairn_sqrt(cairn_sqrt(c->params.outer / c->params.inner)), bound = c->params.inner;
-    int32_t ring = 0,
-            sector = cairn_real_to_int((angle < 0 ? angle + 2 * CAIRN_PI : angle) * (SECTORS / (2 * CAIRN_PI)));
+    cairn_real step = cairn_sqrt(cairn_sqrt(c->params.outer / c->params.inner)),
+               bound = c->params.inner;
+    int32_t ring = 0, sector = cairn_real_to_int((angle < 0 ? angle + 2 * CAIRN_PI : angle) *
+                                                 (SECTORS / (2 * CAIRN_PI)));
 
     while (ring < RINGS && far >= bound) {
         ring++;
@@ -183,7 +195,8 @@ static void count_row(cairn_shape_context *c)
     for (int32_t k = 0; k < BINS; k++)
         context[k] = 0;
     for (int32_t k = 0; k < c->count[c->shape]; k++) {
-        int32_t bin = k != c->row ? bin_of(c, cairn_vec2_sub(p[k], p[c->row]), c->mean[c->shape]) : -1;
+        int32_t bin =
+            k != c->row ? bin_of(c, cairn_vec2_sub(p[k], p[c->row]), c->mean[c->shape]) : -1;
 
         if (bin >= 0) {
             context[bin] += 1;
@@ -222,8 +235,8 @@ static few_bins few_of(const cairn_real *context)
     return few;
 }
 
-/* The same as cost_of(), for (a - b)^2 / (a + b) = a + b - 4 a b / (a + b), and shares sum to 1 where anything was counted: only bins that hold
- * something of both count. */
+/* The same as cost_of(), for (a - b)^2 / (a + b) = a + b - 4 a b / (a + b), and shares sum to 1
+ * where anything was counted: only bins that hold something of both count. */
 static cairn_real cost_of_few(const few_bins *a, const cairn_real *b)
 {
     cairn_real both = 0;
@@ -250,7 +263,8 @@ static void compare_row(cairn_shape_context *c)
     for (int32_t k = 0; k < c->count[1]; k++) {
         const cairn_real *other = &c->context[1][(size_t)k * BINS];
 
-        cost[k] = c->kind == CAIRN_SHAPE_CONTEXT_PART ? cost_of(own, other) : cost_of_few(&few, other);
+        cost[k] =
+            c->kind == CAIRN_SHAPE_CONTEXT_PART ? cost_of(own, other) : cost_of_few(&few, other);
         if (cost[k] < cost[least])
             least = k;
     }
@@ -274,7 +288,8 @@ static void finish_whole(cairn_shape_context *c)
     int32_t more = c->count[0] > c->count[1] ? c->count[0] : c->count[1];
 
     memcpy(c->match, pairs.column, (size_t)c->count[0] * sizeof *c->match);
-    c->distance = (pairs.cost + c->params.missing * (cairn_real)(more - pairs.pairs)) / (cairn_real)more;
+    c->distance =
+        (pairs.cost + c->params.missing * (cairn_real)(more - pairs.pairs)) / (cairn_real)more;
     c->phase = DONE;
 }
 

@@ -1,16 +1,18 @@
 /* Models of shapes from outlines.
  *
- * Method: an outline is sampled evenly. Two samples with the disc that touches it at both are a place of the symmetry set. A path
- * through the set goes from pair to pair while one sample moves on and the other back, or one of them stays; it is worth
- * the length of outline that it passes times how symmetric the pairs are, less a toll for every length, so that places
- * without symmetry are passed only where more comes behind them. The most valuable path of all is found by dynamic
- * programming over (place, gap). Stretches that one side passes alone, and what lies beyond the ends of the path, are looked
- * at in the same way, the longest first.
+ * Method: an outline is sampled evenly. Two samples with the disc that touches it at both are a
+ * place of the symmetry set. A path through the set goes from pair to pair while one sample moves
+ * on and the other back, or one of them stays; it is worth the length of outline that it passes
+ * times how symmetric the pairs are, less a toll for every length, so that places without symmetry
+ * are passed only where more comes behind them. The most valuable path of all is found by dynamic
+ * programming over (place, gap). Stretches that one side passes alone, and what lies beyond the
+ * ends of the path, are looked at in the same way, the longest first.
  *
  * Layout: outlines, the square of gains, three rows of values, the square of moves, samples, paths.
  *
- * Limits: outlines of one object do not see each other; a hole is an outline like any other, its inside taken for the
- * object. "Longest" counts the outline passed, not the way of the centre, so that a disc, whose centre stays, has a path, too.
+ * Limits: outlines of one object do not see each other; a hole is an outline like any other, its
+ * inside taken for the object. "Longest" counts the outline passed, not the way of the centre, so
+ * that a disc, whose centre stays, has a path, too.
  *
  * Source: Adluru 2008, sections 2.3.2 and 2.5. */
 #include "src/core/build.h"
@@ -48,10 +50,11 @@ cairn_shape_builder_params cairn_shape_builder_default(void)
 
 static int params_are_valid(const cairn_shape_builder_params *p)
 {
-    return p != NULL && p->points >= SHAPE_LEAST_POINTS && p->points <= 1024 && p->samples >= 4 && p->samples <= 256 &&
-           p->max_paths >= 1 && p->max_paths <= CAIRN_SHAPE_PATHS && p->max_deviation > 0 &&
-           p->max_deviation < CAIRN_PI / 2 && p->sigma > 0 && cairn_is_finite(p->sigma) && p->overlap >= 0 &&
-           p->overlap <= 1 && p->min_share > 0 && p->min_share <= 1;
+    return p != NULL && p->points >= SHAPE_LEAST_POINTS && p->points <= 1024 && p->samples >= 4 &&
+           p->samples <= 256 && p->max_paths >= 1 && p->max_paths <= CAIRN_SHAPE_PATHS &&
+           p->max_deviation > 0 && p->max_deviation < CAIRN_PI / 2 && p->sigma > 0 &&
+           cairn_is_finite(p->sigma) && p->overlap >= 0 && p->overlap <= 1 && p->min_share > 0 &&
+           p->min_share <= 1;
 }
 
 /* Paths share an outline, and each has its least number. */
@@ -74,7 +77,8 @@ static cairn_shape_builder *carve(cairn_pool *pool, const cairn_shape_builder_pa
     cairn_real *value = cairn_pool_take(pool, 3 * side, sizeof *value);
     uint8_t *move = cairn_pool_take(pool, side * side, sizeof *move);
     shape_pair *way = cairn_pool_take(pool, 2 * side, sizeof *way);
-    cairn_shape_sample *samples = cairn_pool_take(pool, (size_t)cairn_shape_most_samples(p), sizeof *samples);
+    cairn_shape_sample *samples =
+        cairn_pool_take(pool, (size_t)cairn_shape_most_samples(p), sizeof *samples);
     cairn_shape_path *paths = cairn_pool_take(pool, CAIRN_SHAPE_PATHS, sizeof *paths);
 
     if (b != NULL) {
@@ -119,7 +123,8 @@ cairn_status cairn_shape_builder_create(cairn_shape_builder **builder, cairn_poo
 
 /* ---- The outlines ---- */
 
-static cairn_status check_outlines(const cairn_curve *outlines, int32_t count, cairn_box *box, cairn_real *whole)
+static cairn_status check_outlines(const cairn_curve *outlines, int32_t count, cairn_box *box,
+                                   cairn_real *whole)
 {
     *box = cairn_box_empty();
     *whole = 0;
@@ -134,7 +139,8 @@ static cairn_status check_outlines(const cairn_curve *outlines, int32_t count, c
             *box = cairn_box_extend(*box, c->points[k]);
         }
         *whole += cairn_curve_length(c);
-        if (!cairn_is_finite(cairn_vec2_norm_squared(cairn_vec2_sub(box->max, box->min))) || !cairn_is_finite(*whole))
+        if (!cairn_is_finite(cairn_vec2_norm_squared(cairn_vec2_sub(box->max, box->min))) ||
+            !cairn_is_finite(*whole))
             return CAIRN_NOT_FINITE;
         if (!(cairn_abs(cairn_polygon_area(c->points, c->count)) > 0))
             return CAIRN_EMPTY;
@@ -142,8 +148,10 @@ static cairn_status check_outlines(const cairn_curve *outlines, int32_t count, c
     return CAIRN_OK;
 }
 
-/* Samples one outline into outline[first ...], in units of the size, round so that its inside lies to the left. */
-static void sample_outline(cairn_shape_builder *b, const cairn_curve *curve, cairn_oriented_point *to, int32_t count)
+/* Samples one outline into outline[first ...], in units of the size, round so that its inside
+ * lies to the left. */
+static void sample_outline(cairn_shape_builder *b, const cairn_curve *curve,
+                           cairn_oriented_point *to, int32_t count)
 {
     int turned = cairn_polygon_area(curve->points, curve->count) < 0;
     cairn_vec2 *even = (cairn_vec2 *)(void *)b->gain, *tangent = even + count;
@@ -164,7 +172,8 @@ static void sample_outline(cairn_shape_builder *b, const cairn_curve *curve, cai
     }
 }
 
-cairn_status cairn_shape_builder_begin(cairn_shape_builder *b, const cairn_curve *outlines, int32_t count)
+cairn_status cairn_shape_builder_begin(cairn_shape_builder *b, const cairn_curve *outlines,
+                                       int32_t count)
 {
     cairn_real whole;
     cairn_status status;
@@ -183,7 +192,8 @@ cairn_status cairn_shape_builder_begin(cairn_shape_builder *b, const cairn_curve
     b->first[0] = 0;
     for (int32_t i = 0; i < count; i++) {
         cairn_real length = cairn_curve_length(&outlines[i]);
-        int32_t points = cairn_real_to_int(cairn_rint((cairn_real)b->params.points * (length / whole)));
+        int32_t points =
+            cairn_real_to_int(cairn_rint((cairn_real)b->params.points * (length / whole)));
 
         points = points < SHAPE_LEAST_POINTS ? SHAPE_LEAST_POINTS : points;
         b->length[i] = length / b->size;
@@ -196,7 +206,8 @@ cairn_status cairn_shape_builder_begin(cairn_shape_builder *b, const cairn_curve
 
 /* ---- The symmetry set ---- */
 
-int cairn_shape_disc(const cairn_shape_builder *b, int32_t low, int32_t high, cairn_shape_sample *disc)
+int cairn_shape_disc(const cairn_shape_builder *b, int32_t low, int32_t high,
+                     cairn_shape_sample *disc)
 {
     cairn_oriented_point p = b->outline[low], q = b->outline[high];
     cairn_symmetric_point sp;
@@ -224,7 +235,8 @@ cairn_real cairn_shape_gain(const cairn_shape_builder *b, int32_t low, int32_t h
         return -TOLL;
     clear = b->params.overlap * disc.radius;
     for (int32_t i = b->first[b->at]; i < b->first[b->at + 1]; i++)
-        if (cairn_vec2_norm_squared(cairn_vec2_sub(b->outline[i].position, disc.centre)) < clear * clear)
+        if (cairn_vec2_norm_squared(cairn_vec2_sub(b->outline[i].position, disc.centre)) <
+            clear * clear)
             return -TOLL;
     scaled = disc.deviation / b->params.sigma;
     return cairn_exp(CAIRN_REAL(-0.5) * scaled * scaled) - TOLL;
@@ -340,15 +352,19 @@ static int is_oriented(cairn_oriented_point p)
 
 static cairn_status check_sample(const cairn_shape_sample *s, int64_t index, cairn_fault *fault)
 {
-    if (!cairn_is_finite(s->centre.x) || !cairn_is_finite(s->centre.y) || !cairn_is_finite(s->radius) ||
-        !cairn_is_finite(s->deviation))
-        return cairn_refuse(fault, index, "a sample that is not finite, expected finite ones", CAIRN_NOT_FINITE);
+    if (!cairn_is_finite(s->centre.x) || !cairn_is_finite(s->centre.y) ||
+        !cairn_is_finite(s->radius) || !cairn_is_finite(s->deviation))
+        return cairn_refuse(fault, index, "a sample that is not finite, expected finite ones",
+                            CAIRN_NOT_FINITE);
     if (!(s->radius > 0) || s->deviation < 0 || !is_share(s->share[0]) || !is_share(s->share[1]))
-        return cairn_refuse(fault, index, "a sample out of range, expected a radius above 0 and shares from 0 to 1",
-                            CAIRN_BAD_ARGUMENT);
+        return cairn_refuse(
+            fault, index, "a sample out of range, expected a radius above 0 and shares from 0 to 1",
+            CAIRN_BAD_ARGUMENT);
     if (!is_oriented(s->side[0]) || !is_oriented(s->side[1]))
-        return cairn_refuse(fault, index, "a side out of range, expected a finite place and a direction of length 1",
-                            CAIRN_BAD_ARGUMENT);
+        return cairn_refuse(
+            fault, index,
+            "a side out of range, expected a finite place and a direction of length 1",
+            CAIRN_BAD_ARGUMENT);
     return CAIRN_OK;
 }
 
@@ -356,13 +372,16 @@ static cairn_status check_path(const cairn_shape_model *m, int32_t index, cairn_
 {
     const cairn_shape_path *p = &m->paths[index];
 
-    if (p->first < 0 || p->count < 1 || p->first > m->sample_count || p->count > m->sample_count - p->first)
-        return cairn_refuse(fault, index, "a path beyond the samples, expected at least one of them",
+    if (p->first < 0 || p->count < 1 || p->first > m->sample_count ||
+        p->count > m->sample_count - p->first)
+        return cairn_refuse(fault, index,
+                            "a path beyond the samples, expected at least one of them",
                             CAIRN_BAD_ARGUMENT);
     if (p->parent < -1 || p->parent >= index || (p->parent < 0) != (p->branch < 0) ||
         (p->parent >= 0 && p->branch >= m->paths[p->parent].count) || !is_share(p->share))
-        return cairn_refuse(fault, index, "a path that branches off nowhere, expected a sample of a path before it",
-                            CAIRN_BAD_ARGUMENT);
+        return cairn_refuse(
+            fault, index, "a path that branches off nowhere, expected a sample of a path before it",
+            CAIRN_BAD_ARGUMENT);
     return CAIRN_OK;
 }
 
@@ -379,20 +398,24 @@ cairn_status cairn_shape_model_check(const cairn_shape_model *m, cairn_fault *fa
 {
     cairn_status status = CAIRN_OK;
 
-    if (m == NULL || m->samples == NULL || m->paths == NULL || m->outline == NULL || m->sample_count < 1 ||
-        m->path_count < 1 || m->path_count > CAIRN_SHAPE_PATHS || m->outline_count < 1 || !(m->size > 0) ||
-        !cairn_is_finite(m->size) || !cairn_is_finite(m->origin.x) || !cairn_is_finite(m->origin.y))
-        return cairn_refuse(fault, -1, "no model, expected a size, paths, samples and an outline", CAIRN_BAD_ARGUMENT);
+    if (m == NULL || m->samples == NULL || m->paths == NULL || m->outline == NULL ||
+        m->sample_count < 1 || m->path_count < 1 || m->path_count > CAIRN_SHAPE_PATHS ||
+        m->outline_count < 1 || !(m->size > 0) || !cairn_is_finite(m->size) ||
+        !cairn_is_finite(m->origin.x) || !cairn_is_finite(m->origin.y))
+        return cairn_refuse(fault, -1, "no model, expected a size, paths, samples and an outline",
+                            CAIRN_BAD_ARGUMENT);
     if (!are_gaps(m))
-        return cairn_refuse(fault, -1, "gaps out of range, expected at most 8 finite places", CAIRN_BAD_ARGUMENT);
+        return cairn_refuse(fault, -1, "gaps out of range, expected at most 8 finite places",
+                            CAIRN_BAD_ARGUMENT);
     for (int32_t i = 0; i < m->sample_count && status == CAIRN_OK; i++)
         status = check_sample(&m->samples[i], i, fault);
     for (int32_t i = 0; i < m->path_count && status == CAIRN_OK; i++)
         status = check_path(m, i, fault);
     for (int32_t i = 0; i < m->outline_count && status == CAIRN_OK; i++)
         if (!is_oriented(m->outline[i]))
-            status = cairn_refuse(fault, i, "an outline out of range, expected finite places and unit directions",
-                                  CAIRN_BAD_ARGUMENT);
+            status = cairn_refuse(
+                fault, i, "an outline out of range, expected finite places and unit directions",
+                CAIRN_BAD_ARGUMENT);
     return status;
 }
 
@@ -402,10 +425,12 @@ int32_t cairn_shape_first_outline(const cairn_shape_model *m)
     int32_t count = m->outline_count > 0;
 
     for (int32_t i = 1; i < m->outline_count; i++)
-        mean += cairn_vec2_norm(cairn_vec2_sub(m->outline[i].position, m->outline[i - 1].position)) /
-                (cairn_real)m->outline_count;
+        mean +=
+            cairn_vec2_norm(cairn_vec2_sub(m->outline[i].position, m->outline[i - 1].position)) /
+            (cairn_real)m->outline_count;
     while (count < m->outline_count &&
-           cairn_vec2_norm(cairn_vec2_sub(m->outline[count].position, m->outline[count - 1].position)) <= APART * mean)
+           cairn_vec2_norm(cairn_vec2_sub(m->outline[count].position,
+                                          m->outline[count - 1].position)) <= APART * mean)
         count++;
     return count;
 }

@@ -1,8 +1,8 @@
 /* The longest path through the symmetry set of an arc.
  *
- * A path that has come to `low` and `high`, `gap` places apart, came from one of (low, high - 1), (low + 1, high) and
- * (low + 1, high - 1); values[gap][low] is the most that any path to it is worth. Ties: both sides first, then the one
- * that moves on. */
+ * A path that has come to `low` and `high`, `gap` places apart, came from one of (low, high -
+ * 1), (low + 1, high) and (low + 1, high - 1); values[gap][low] is the most that any path to it
+ * is worth. Ties: both sides first, then the one that moves on. */
 #include "src/core/build.h"
 
 #include "src/contour/shape_model_work.h"
@@ -23,7 +23,8 @@ static cairn_real *row(cairn_shape_builder *b, int32_t gap)
     return &b->value[(gap % 3) * side_of(b)];
 }
 
-static cairn_real gain_at(const cairn_shape_builder *b, const shape_arc *arc, int32_t low, int32_t high)
+static cairn_real gain_at(const cairn_shape_builder *b, const shape_arc *arc, int32_t low,
+                          int32_t high)
 {
     int32_t n = shape_points(b), first = b->first[b->at];
 
@@ -100,7 +101,8 @@ static void trace_back(cairn_shape_builder *b, const shape_arc *arc)
     b->way_count = count;
 }
 
-cairn_status cairn_shape_walk_step(cairn_shape_builder *b, const shape_arc *arc, cairn_budget *budget)
+cairn_status cairn_shape_walk_step(cairn_shape_builder *b, const shape_arc *arc,
+                                   cairn_budget *budget)
 {
     int32_t cells = arc->count * arc->count;
 
@@ -131,7 +133,8 @@ static int32_t passed(const cairn_shape_builder *b, int32_t i)
 }
 
 /* The most symmetric pair of way[from ... to-1] in its middle half, -1: none is symmetric. */
-static int32_t best_pair(const cairn_shape_builder *b, const shape_arc *arc, int32_t from, int32_t to)
+static int32_t best_pair(const cairn_shape_builder *b, const shape_arc *arc, int32_t from,
+                         int32_t to)
 {
     int32_t best = -1;
     cairn_real most = 0;
@@ -141,7 +144,9 @@ static int32_t best_pair(const cairn_shape_builder *b, const shape_arc *arc, int
         int32_t off = 2 * i - from - to + 1;
 
         /* Of equally symmetric ones that nearest the middle. */
-        gain -= gain > 0 ? CAIRN_REAL(0.01) * (cairn_real)(off < 0 ? -off : off) / (cairn_real)(to - from) : 0;
+        gain -= gain > 0 ? CAIRN_REAL(0.01) * (cairn_real)(off < 0 ? -off : off) /
+                               (cairn_real)(to - from)
+                         : 0;
         if (gain > most) {
             most = gain;
             best = i;
@@ -168,7 +173,8 @@ static void add_shares(const cairn_shape_builder *b, const shape_arc *arc, int32
     sample->share[1] = cairn_min(sample->share[1], 1);
 }
 
-/* Stretches that one side passes alone and without symmetry, where a part branches off; and the rests beyond both ends. */
+/* Stretches that one side passes alone and without symmetry, where a part branches off; and the
+ * rests beyond both ends. */
 static void add_arcs(cairn_shape_builder *b, const shape_arc *arc, int32_t path)
 {
     shape_pair first = b->way[0], last = b->way[b->way_count - 1];
@@ -187,7 +193,8 @@ static void add_arcs(cairn_shape_builder *b, const shape_arc *arc, int32_t path)
         if (i < b->way_count && gain_at(b, arc, b->way[i].low, b->way[i].high) < 0)
             continue;
         if (i - from > 1) {
-            const shape_pair *a = &b->way[from], *z = &b->way[i < b->way_count ? i : b->way_count - 1];
+            const shape_pair *a = &b->way[from],
+                             *z = &b->way[i < b->way_count ? i : b->way_count - 1];
             int32_t up = z->high - a->high, down = a->low - z->low;
 
             part.start = arc->start + (up >= down ? a->high : z->low);
@@ -199,7 +206,8 @@ static void add_arcs(cairn_shape_builder *b, const shape_arc *arc, int32_t path)
 }
 
 /* The sample of a path nearest to a point. */
-static int32_t nearest_sample(const cairn_shape_builder *b, const cairn_shape_path *path, cairn_vec2 p)
+static int32_t nearest_sample(const cairn_shape_builder *b, const cairn_shape_path *path,
+                              cairn_vec2 p)
 {
     int32_t best = 0;
 
@@ -223,7 +231,8 @@ static void turn_path(cairn_shape_builder *b, const cairn_shape_path *path)
 
             for (int32_t side = 0; side < 2; side++) {
                 turned.side[side].position = pair[e].side[1 - side].position;
-                turned.side[side].direction = cairn_vec2_scale(pair[e].side[1 - side].direction, -1);
+                turned.side[side].direction =
+                    cairn_vec2_scale(pair[e].side[1 - side].direction, -1);
                 turned.share[side] = pair[e].share[1 - side];
             }
             s[e == 0 ? j : i] = turned;
@@ -239,7 +248,8 @@ void cairn_shape_add_path(cairn_shape_builder *b, const shape_arc *arc)
 
     if ((cairn_real)length < b->params.min_share * (cairn_real)shape_points(b))
         return;
-    wanted = cairn_real_to_int(cairn_rint((cairn_real)b->params.samples * each * (cairn_real)length));
+    wanted =
+        cairn_real_to_int(cairn_rint((cairn_real)b->params.samples * each * (cairn_real)length));
     wanted = wanted < SHAPE_LEAST_SAMPLES ? SHAPE_LEAST_SAMPLES : wanted;
     for (int32_t k = 0; k < wanted && b->sample_count < cairn_shape_most_samples(&b->params); k++) {
         cairn_shape_sample *sample = &b->samples[b->sample_count];

@@ -1,20 +1,23 @@
 /* Skeletons and contours without a model.
  *
- * Method: edgels are sorted into cells; each looks along its normal, to both sides, for the one that faces it best: their centre
- * point (skeleton_grouping_centre.c). Lines through the CPs in (x, y, radius) by EM, of which those count whose CPs are mirror
- * images, give the starts (skeleton_grouping_start.c). From each start particles walk the axis to both ends
- * (skeleton_grouping_walk.c). The walks rival for the edgels by their log odds; the winners that lead into each other are objects
- * (skeleton_grouping_part.c).
+ * Method: edgels are sorted into cells; each looks along its normal, to both sides, for the one
+ * that faces it best: their centre point (skeleton_grouping_centre.c). Lines through the CPs in (x,
+ * y, radius) by EM, of which those count whose CPs are mirror images, give the starts
+ * (skeleton_grouping_start.c). From each start particles walk the axis to both ends
+ * (skeleton_grouping_walk.c). The walks rival for the edgels by their log odds; the winners that
+ * lead into each other are objects (skeleton_grouping_part.c).
  *
- * As written: CPs of all pairs (skeleton_grouping_written.c), and a filter for each line (skeleton_grouping_written_walk.c).
+ * As written: CPs of all pairs (skeleton_grouping_written.c), and a filter for each line
+ * (skeleton_grouping_written_walk.c).
  *
- * Layout: edgels in order of their cells, CPs, starts, the filter with the whole past of its walks, the discs of all walks.
+ * Layout: edgels in order of their cells, CPs, starts, the filter with the whole past of its walks,
+ * the discs of all walks.
  *
- * Limits: an axis is found from its sides: round blobs, which have no direction, are found in part. Contours closer than two
- * steps are one.
+ * Limits: an axis is found from its sides: round blobs, which have no direction, are found in part.
+ * Contours closer than two steps are one.
  *
- * Source: Adluru 2008, chapter 3. The odds in place of the product of kernels, the rivalry for edgels and the objects are
- * this project's. */
+ * Source: Adluru 2008, chapter 3. The odds in place of the product of kernels, the rivalry for
+ * edgels and the objects are this project's. */
 #include "src/core/build.h"
 
 #include <string.h>
@@ -86,12 +89,15 @@ static int is_count(int32_t n, int32_t most)
 static int params_are_valid(const cairn_skeleton_params *p)
 {
     return p != NULL && is_count(p->max_width, 8192) && is_count(p->max_height, 8192) &&
-           is_count(p->max_edgels, 1 << 24) && is_count(p->max_centres, 1 << 20) && is_count(p->max_lines, 4096) &&
-           is_count(p->max_parts, 4096) && is_count(p->max_points, 1 << 20) && is_count(p->max_steps, 1024) &&
-           is_count(p->particles, 1024) && (p->mode == CAIRN_MODE_DEFAULT || p->mode == CAIRN_MODE_AS_WRITTEN) &&
-           is_positive(p->duality) && is_positive(p->reach) && is_positive(p->radius) && is_positive(p->symmetry) &&
-           is_share(p->detection) && is_share(p->flip) && p->contrast >= 0 && cairn_is_finite(p->contrast) &&
-           is_positive(p->stop) && p->min_log_odds >= 0 && cairn_is_finite(p->min_log_odds) && p->min_mirror >= 0 &&
+           is_count(p->max_edgels, 1 << 24) && is_count(p->max_centres, 1 << 20) &&
+           is_count(p->max_lines, 4096) && is_count(p->max_parts, 4096) &&
+           is_count(p->max_points, 1 << 20) && is_count(p->max_steps, 1024) &&
+           is_count(p->particles, 1024) &&
+           (p->mode == CAIRN_MODE_DEFAULT || p->mode == CAIRN_MODE_AS_WRITTEN) &&
+           is_positive(p->duality) && is_positive(p->reach) && is_positive(p->radius) &&
+           is_positive(p->symmetry) && is_share(p->detection) && is_share(p->flip) &&
+           p->contrast >= 0 && cairn_is_finite(p->contrast) && is_positive(p->stop) &&
+           p->min_log_odds >= 0 && cairn_is_finite(p->min_log_odds) && p->min_mirror >= 0 &&
            p->min_mirror <= 1;
 }
 
@@ -144,11 +150,12 @@ static int32_t cells(int32_t side)
     return (side + SKELETON_CELL - 1) / SKELETON_CELL;
 }
 
-static cairn_particle_filter *carve_filter(cairn_pool *pool, const cairn_skeleton_params *p, cairn_skeleton *g)
+static cairn_particle_filter *carve_filter(cairn_pool *pool, const cairn_skeleton_params *p,
+                                           cairn_skeleton *g)
 {
     cairn_particle_filter_params f = filter_params(p);
-    cairn_particle_model model =
-        p->mode == CAIRN_MODE_AS_WRITTEN ? cairn_skeleton_written_model(g) : cairn_skeleton_model(g);
+    cairn_particle_model model = p->mode == CAIRN_MODE_AS_WRITTEN ? cairn_skeleton_written_model(g)
+                                                                  : cairn_skeleton_model(g);
     cairn_particle_filter *filter = NULL;
     cairn_status status;
 
@@ -188,7 +195,8 @@ static cairn_skeleton *carve(cairn_pool *pool, const cairn_skeleton_params *p)
     int32_t *first = cairn_pool_take(pool, lists, sizeof *first);
     skeleton_centre *centres = cairn_pool_take(pool, (size_t)p->max_centres, sizeof *centres);
     skeleton_start *starts = cairn_pool_take(pool, (size_t)p->max_lines, sizeof *starts);
-    skeleton_state *path = written ? NULL : cairn_pool_take(pool, (size_t)p->max_steps + 1, sizeof *path);
+    skeleton_state *path =
+        written ? NULL : cairn_pool_take(pool, (size_t)p->max_steps + 1, sizeof *path);
     skeleton_written *work = written ? cairn_pool_take_one(pool, sizeof *work) : NULL;
     skeleton_disc *discs = cairn_pool_take(pool, points, sizeof *discs);
     skeleton_part *candidates = cairn_pool_take(pool, parts, sizeof *candidates);
@@ -232,7 +240,8 @@ size_t cairn_skeleton_memory(const cairn_skeleton_params *params)
     return cairn_pool_counted(&counting);
 }
 
-cairn_status cairn_skeleton_create(cairn_skeleton **skeleton, cairn_pool *pool, const cairn_skeleton_params *params)
+cairn_status cairn_skeleton_create(cairn_skeleton **skeleton, cairn_pool *pool,
+                                   const cairn_skeleton_params *params)
 {
     size_t need = cairn_skeleton_memory(params);
     cairn_skeleton *made;
@@ -253,9 +262,11 @@ static cairn_status check_input(const cairn_skeleton *g, const cairn_skeleton_in
         return CAIRN_BAD_ARGUMENT;
     if (!cairn_is_finite(in->min_radius) || !cairn_is_finite(in->max_radius))
         return CAIRN_NOT_FINITE;
-    if ((in->min_radius != 0 || in->max_radius != 0) && !(in->min_radius >= 1 && in->max_radius >= in->min_radius))
+    if ((in->min_radius != 0 || in->max_radius != 0) &&
+        !(in->min_radius >= 1 && in->max_radius >= in->min_radius))
         return CAIRN_BAD_ARGUMENT;
-    if (in->width > g->params.max_width || in->height > g->params.max_height || in->count > g->params.max_edgels)
+    if (in->width > g->params.max_width || in->height > g->params.max_height ||
+        in->count > g->params.max_edgels)
         return CAIRN_FULL;
     return CAIRN_OK;
 }
@@ -273,7 +284,8 @@ cairn_status cairn_skeleton_begin(cairn_skeleton *g, const cairn_skeleton_input 
     g->columns = cells(input->width);
     g->rows = cells(input->height);
     g->edgel_count = input->count;
-    g->centre_count = g->centres_seen = g->start_count = g->line_count = g->walked = g->line_starts = 0;
+    g->centre_count = g->centres_seen = g->start_count = g->line_count = g->walked =
+        g->line_starts = 0;
     g->disc_count = g->candidate_count = g->point_count = g->part_count = g->object_count = 0;
     g->start = g->direction = g->is_walking = 0;
     g->cursor = g->other = g->sense = g->item = g->paid = g->stage = 0;
@@ -310,8 +322,9 @@ static int32_t cell_of(const cairn_skeleton *g, cairn_vec2 p)
 
 static int is_finite_edgel(const cairn_edgel *e)
 {
-    return cairn_is_finite(e->position.x) && cairn_is_finite(e->position.y) && cairn_is_finite(e->normal.x) &&
-           cairn_is_finite(e->normal.y) && cairn_is_finite(e->slope);
+    return cairn_is_finite(e->position.x) && cairn_is_finite(e->position.y) &&
+           cairn_is_finite(e->normal.x) && cairn_is_finite(e->normal.y) &&
+           cairn_is_finite(e->slope);
 }
 
 static void count(cairn_skeleton *g, const cairn_edgel *e)
@@ -333,8 +346,8 @@ static void place(cairn_skeleton *g, int32_t source)
     e->taken = 0;
 }
 
-/* A counting sort: how many there are in each cell and their mean slope, where each cell begins, the edgels. first[] of a cell so ends up where the
- * next one begins, and is moved on by one. */
+/* A counting sort: how many there are in each cell and their mean slope, where each cell begins,
+ * the edgels. first[] of a cell so ends up where the next one begins, and is moved on by one. */
 cairn_status cairn_skeleton_index(cairn_skeleton *g, cairn_budget *budget)
 {
     int32_t lists = g->columns * g->rows, n = g->edgel_count;
@@ -373,8 +386,10 @@ cairn_status cairn_skeleton_index(cairn_skeleton *g, cairn_budget *budget)
 cairn_real cairn_skeleton_density(const cairn_skeleton *g, cairn_vec2 at)
 {
     enum { ABOUT = 2, LEAST = 3 };
-    int32_t x = cairn_skeleton_column(g, at.x), y = cairn_skeleton_line(g, at.y), count = LEAST, area = 0;
-    int32_t x0 = x > ABOUT ? x - ABOUT : 0, x1 = x + ABOUT < g->columns ? x + ABOUT : g->columns - 1;
+    int32_t x = cairn_skeleton_column(g, at.x), y = cairn_skeleton_line(g, at.y), count = LEAST,
+            area = 0;
+    int32_t x0 = x > ABOUT ? x - ABOUT : 0,
+            x1 = x + ABOUT < g->columns ? x + ABOUT : g->columns - 1;
 
     for (int32_t row = y > ABOUT ? y - ABOUT : 0; row <= y + ABOUT && row < g->rows; row++) {
         int32_t from, end;
@@ -391,10 +406,12 @@ cairn_real cairn_skeleton_density(const cairn_skeleton *g, cairn_vec2 at)
 static cairn_status step_phase(cairn_skeleton *g, cairn_budget *budget)
 {
     static cairn_status (*const phase[2][DONE])(cairn_skeleton *, cairn_budget *) = {
-        {NULL, cairn_skeleton_index, cairn_skeleton_centres, cairn_skeleton_propose_range, cairn_skeleton_lines,
-         cairn_skeleton_mirror, cairn_skeleton_walks, cairn_skeleton_choose, cairn_skeleton_join},
-        {NULL, cairn_skeleton_index, cairn_skeleton_written_centres, cairn_skeleton_written_range, cairn_skeleton_lines,
-         cairn_skeleton_mirror, cairn_skeleton_written_walks, cairn_skeleton_choose, cairn_skeleton_join},
+        {NULL, cairn_skeleton_index, cairn_skeleton_centres, cairn_skeleton_propose_range,
+         cairn_skeleton_lines, cairn_skeleton_mirror, cairn_skeleton_walks, cairn_skeleton_choose,
+         cairn_skeleton_join},
+        {NULL, cairn_skeleton_index, cairn_skeleton_written_centres, cairn_skeleton_written_range,
+         cairn_skeleton_lines, cairn_skeleton_mirror, cairn_skeleton_written_walks,
+         cairn_skeleton_choose, cairn_skeleton_join},
     };
 
     return phase[g->params.mode == CAIRN_MODE_AS_WRITTEN][g->phase](g, budget);
@@ -439,7 +456,8 @@ cairn_skeleton_result cairn_skeleton_read(const cairn_skeleton *g)
     return r;
 }
 
-int32_t cairn_skeleton_centre_point(const cairn_skeleton *g, int32_t index, cairn_vec2 *at, cairn_real *radius)
+int32_t cairn_skeleton_centre_point(const cairn_skeleton *g, int32_t index, cairn_vec2 *at,
+                                    cairn_real *radius)
 {
     if (g == NULL || g->phase != DONE || index < 0 || index >= g->centre_count)
         return 0;
@@ -448,7 +466,8 @@ int32_t cairn_skeleton_centre_point(const cairn_skeleton *g, int32_t index, cair
     return 1;
 }
 
-int32_t cairn_skeleton_mirror_line(const cairn_skeleton *g, int32_t index, cairn_polyline_segment *line)
+int32_t cairn_skeleton_mirror_line(const cairn_skeleton *g, int32_t index,
+                                   cairn_polyline_segment *line)
 {
     cairn_polyline_view view;
     int32_t start;

@@ -1,8 +1,10 @@
-/* Centre points: each edgel and the one that faces it best, on either side; and the range of radii that they propose.
+/* Centre points: each edgel and the one that faces it best, on either side; and the range of radii
+ * that they propose.
  *
- * An edgel's partner lies in a wedge about its normal; only the cells that the wedge touches are looked at. Of those in it the one
- * wins that is most symmetric, near ones before far ones and such with the object on the same side of their contrast before others: a
- * disc that touches two edges is to be empty, and an object mostly is darker than all about it, or brighter. */
+ * An edgel's partner lies in a wedge about its normal; only the cells that the wedge touches are
+ * looked at. Of those in it the one wins that is most symmetric, near ones before far ones and
+ * such with the object on the same side of their contrast before others: a disc that touches two
+ * edges is to be empty, and an object mostly is darker than all about it, or brighter. */
 #include "src/core/build.h"
 
 #include "cairn/symmetric_point.h"
@@ -10,11 +12,13 @@
 
 /* Of a normal with the chord, cosine: 35 degrees. */
 #define FACING CAIRN_REAL(0.82)
-/* What an other sense costs, and the largest radius against the least, in half squares of sigmas of the deviation. */
+/* What an other sense costs, and the largest radius against the least, in half squares of sigmas
+ * of the deviation. */
 #define OTHER_SENSE CAIRN_REAL(1.5)
 #define LARGE       CAIRN_REAL(1.0)
 #define COST_MOST   CAIRN_REAL(4.0)
-/* Radii that are looked for below and above the range: large discs are the ones that lie between objects. */
+/* Radii that are looked for below and above the range: large discs are the ones that lie between
+ * objects. */
 #define MARGIN_BELOW CAIRN_REAL(1.6)
 #define MARGIN_ABOVE CAIRN_REAL(1.25)
 /* Radii where none are given, px and share of the image's shorter side. */
@@ -32,8 +36,10 @@ typedef struct wedge {
 void cairn_skeleton_set_limits(cairn_skeleton *g)
 {
     int written = g->params.mode == CAIRN_MODE_AS_WRITTEN;
-    cairn_real side = (cairn_real)(g->input.width < g->input.height ? g->input.width : g->input.height);
-    int32_t room = g->params.max_centres > 1 ? g->params.max_centres / 2 : 1; /* of edgels, with two CPs each */
+    cairn_real side =
+        (cairn_real)(g->input.width < g->input.height ? g->input.width : g->input.height);
+    /* of edgels, with two CPs each */
+    int32_t room = g->params.max_centres > 1 ? g->params.max_centres / 2 : 1;
 
     g->stride = (int32_t)(((int64_t)g->edgel_count + room - 1) / room);
     g->stride = g->stride > 0 ? g->stride : 1;
@@ -71,11 +77,12 @@ static int32_t cost_of_wedge(const cairn_skeleton *g, const wedge *w)
 }
 
 /* How ill a pair fits, in half squares of sigmas; COST_MOST: not at all. */
-static cairn_real cost_of_pair(const cairn_skeleton *g, const wedge *w, const skeleton_edgel *other, int32_t *sense)
+static cairn_real cost_of_pair(const cairn_skeleton *g, const wedge *w, const skeleton_edgel *other,
+                               int32_t *sense)
 {
     cairn_vec2 chord = cairn_vec2_sub(other->at, w->at), mirrored;
-    cairn_real along = cairn_vec2_dot(w->inward, chord), squared = cairn_vec2_norm_squared(chord), facing, radius,
-               cosine;
+    cairn_real along = cairn_vec2_dot(w->inward, chord), squared = cairn_vec2_norm_squared(chord),
+               facing, radius, cosine;
 
     if (along <= 0 || along * along < FACING * FACING * squared || squared > 4 * g->high * g->high)
         return COST_MOST;
@@ -90,7 +97,8 @@ static cairn_real cost_of_pair(const cairn_skeleton *g, const wedge *w, const sk
     /* The normal in the mirror between the two; from it to the other's is twice the deviation. */
     mirrored = cairn_vec2_sub(w->inward, cairn_vec2_scale(chord, 2 * along / squared));
     cosine = cairn_vec2_dot(mirrored, skeleton_inward(other, *sense));
-    return (1 - cosine) / (4 * g->params.symmetry * g->params.symmetry) + (*sense != w->sense ? OTHER_SENSE : 0) +
+    return (1 - cosine) / (4 * g->params.symmetry * g->params.symmetry) +
+           (*sense != w->sense ? OTHER_SENSE : 0) +
            LARGE * (radius - g->low) / (g->high - g->low + 1);
 }
 
@@ -125,13 +133,15 @@ static cairn_oriented_point oriented(const skeleton_edgel *e)
     return p;
 }
 
-static void keep_centre(cairn_skeleton *g, int32_t first, int32_t sense, int32_t second, int32_t other_sense)
+static void keep_centre(cairn_skeleton *g, int32_t first, int32_t sense, int32_t second,
+                        int32_t other_sense)
 {
     skeleton_centre *c = &g->centres[g->centre_count];
     cairn_symmetric_point sp;
 
     if (g->centre_count == g->params.max_centres ||
-        !cairn_symmetric_point_of(oriented(&g->edgels[first]), oriented(&g->edgels[second]), 1, &sp))
+        !cairn_symmetric_point_of(oriented(&g->edgels[first]), oriented(&g->edgels[second]), 1,
+                                  &sp))
         return;
     c->at = sp.centre;
     c->radius = sp.radius;
@@ -168,7 +178,8 @@ cairn_status cairn_skeleton_centres(cairn_skeleton *g, cairn_budget *budget)
 
 static int32_t bin_of(const cairn_skeleton *g, cairn_real radius)
 {
-    int32_t bin = cairn_real_to_int(cairn_log(radius / g->low) * (BINS_AN_OCTAVE / CAIRN_REAL(0.6931471805599453)));
+    int32_t bin = cairn_real_to_int(cairn_log(radius / g->low) *
+                                    (BINS_AN_OCTAVE / CAIRN_REAL(0.6931471805599453)));
 
     return bin < 0 ? 0 : bin >= SKELETON_BINS ? SKELETON_BINS - 1 : bin;
 }
@@ -180,8 +191,9 @@ static cairn_real radius_of(const cairn_skeleton *g, int32_t bin)
 
 static cairn_real smoothed(const cairn_skeleton *g, int32_t bin)
 {
-    return g->histogram[bin] + CAIRN_REAL(0.5) * ((bin > 0 ? g->histogram[bin - 1] : 0) +
-                                                  (bin + 1 < SKELETON_BINS ? g->histogram[bin + 1] : 0));
+    return g->histogram[bin] +
+           CAIRN_REAL(0.5) * ((bin > 0 ? g->histogram[bin - 1] : 0) +
+                              (bin + 1 < SKELETON_BINS ? g->histogram[bin + 1] : 0));
 }
 
 /* The octaves about the fullest bin where there are at least a third as many CPs. */

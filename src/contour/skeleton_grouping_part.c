@@ -1,7 +1,9 @@
-/* Parts: walks rival for edgels, the winners are smoothed, and those whose axes lead into each other are joined to objects.
+/* Parts: walks rival for edgels, the winners are smoothed, and those whose axes lead into each
+ * other are joined to objects.
  *
- * In each round every walk is valued anew by the stretch of most log odds that is left of it when places where the contour belongs to a
- * part already are losses; the best one becomes a part and takes its edgels, until none is worth min_log_odds. */
+ * In each round every walk is valued anew by the stretch of most log odds that is left of it
+ * when places where the contour belongs to a part already are losses; the best one becomes a
+ * part and takes its edgels, until none is worth min_log_odds. */
 #include "src/core/build.h"
 
 #include <string.h>
@@ -14,7 +16,8 @@
 /* Edgels so near a part's contour, px, and so much along it, are its own. */
 #define OWN        CAIRN_REAL(2.5)
 #define OWN_COSINE CAIRN_REAL(0.7)
-/* An end leads to an axis that is no farther than so many of its own radii beyond the other's disc, and so much ahead. */
+/* An end leads to an axis that is no farther than so many of its own radii beyond the other's
+ * disc, and so much ahead. */
 #define LEAD        CAIRN_REAL(1.2)
 #define LEAD_COSINE CAIRN_REAL(0.5)
 /* px: edgels so near a way lie across it, if there are so many. */
@@ -117,13 +120,15 @@ static void take(cairn_skeleton *g, const skeleton_part *p)
 /* The disc's place in its part, smoothed along the axis; as written as it is. */
 static cairn_skeleton_point shown(const cairn_skeleton *g, const skeleton_part *p, int32_t i)
 {
-    const skeleton_disc *d = &g->discs[i], *a = i > p->from ? d - 1 : d, *b = i + 1 < p->end ? d + 1 : d;
+    const skeleton_disc *d = &g->discs[i], *a = i > p->from ? d - 1 : d,
+                        *b = i + 1 < p->end ? d + 1 : d;
     cairn_skeleton_point q;
 
     if (a == d || b == d || is_written(g))
         a = b = d;
-    q.centre = cairn_vec2_add(cairn_vec2_scale(d->centre, CAIRN_REAL(0.5)),
-                              cairn_vec2_scale(cairn_vec2_add(a->centre, b->centre), CAIRN_REAL(0.25)));
+    q.centre =
+        cairn_vec2_add(cairn_vec2_scale(d->centre, CAIRN_REAL(0.5)),
+                       cairn_vec2_scale(cairn_vec2_add(a->centre, b->centre), CAIRN_REAL(0.25)));
     q.radius = CAIRN_REAL(0.5) * d->radius + CAIRN_REAL(0.25) * (a->radius + b->radius);
     for (int32_t side = 0; side < 2; side++) {
         q.touch[side] = d->touch[side];
@@ -158,12 +163,14 @@ static int32_t best_of(const cairn_skeleton *g)
     int32_t best = -1;
 
     for (int32_t i = 0; i < g->candidate_count; i++)
-        if (g->candidates[i].state == 0 && (best < 0 || g->candidates[i].log_odds > g->candidates[best].log_odds))
+        if (g->candidates[i].state == 0 &&
+            (best < 0 || g->candidates[i].log_odds > g->candidates[best].log_odds))
             best = i;
     return best;
 }
 
-/* Round by round: the cursor counts candidates, and is beyond them while the best one's part is paid for. */
+/* Round by round: the cursor counts candidates, and is beyond them while the best one's part is
+ * paid for. */
 cairn_status cairn_skeleton_choose(cairn_skeleton *g, cairn_budget *budget)
 {
     for (;;) {
@@ -175,7 +182,8 @@ cairn_status cairn_skeleton_choose(cairn_skeleton *g, cairn_budget *budget)
             if (!cairn_budget_pay(budget, &g->paid, 1 + p->count / 8))
                 return CAIRN_MORE;
             value(g, p);
-            if (p->log_odds < g->params.min_log_odds || (!is_written(g) && p->end - p->from < LEAST_DISCS))
+            if (p->log_odds < g->params.min_log_odds ||
+                (!is_written(g) && p->end - p->from < LEAST_DISCS))
                 p->state = -1;
         }
         if (g->cursor == g->candidate_count) {
@@ -186,7 +194,8 @@ cairn_status cairn_skeleton_choose(cairn_skeleton *g, cairn_budget *budget)
                 return CAIRN_OK;
             g->cursor++;
         }
-        if (!cairn_budget_pay(budget, &g->paid, 1 + 8 * (g->candidates[g->other].end - g->candidates[g->other].from)))
+        if (!cairn_budget_pay(budget, &g->paid,
+                              1 + 8 * (g->candidates[g->other].end - g->candidates[g->other].from)))
             return CAIRN_MORE;
         if (!is_written(g))
             take(g, &g->candidates[g->other]);
@@ -234,7 +243,8 @@ static int is_crossed(cairn_skeleton *g, cairn_vec2 from, cairn_vec2 to)
 {
     cairn_segment way = {from, to};
     cairn_vec2 unit = cairn_vec2_unit(cairn_vec2_sub(to, from));
-    cairn_box box = cairn_box_grow(cairn_box_extend(cairn_box_extend(cairn_box_empty(), from), to), ACROSS);
+    cairn_box box =
+        cairn_box_grow(cairn_box_extend(cairn_box_extend(cairn_box_empty(), from), to), ACROSS);
     int32_t x0 = cairn_skeleton_column(g, box.min.x), x1 = cairn_skeleton_column(g, box.max.x);
     int32_t y1 = cairn_skeleton_line(g, box.max.y), count = 0;
 
@@ -310,7 +320,8 @@ static int is_behind(const cairn_skeleton *g, int32_t a, int32_t b)
     return x < y || (x <= y && a > b);
 }
 
-/* Restores the heap of group[0 ... count - 1], whose root stands behind all others, below a place. */
+/* Restores the heap of group[0 ... count - 1], whose root stands behind all others, below a
+ * place. */
 static void sift(cairn_skeleton *g, int32_t place, int32_t count)
 {
     for (;;) {

@@ -1,4 +1,5 @@
-/* Bootstrapping: lines through the CPs in (x, y, radius), and the CP in the middle of each that is an axis of mirror symmetry. */
+/* Bootstrapping: lines through the CPs in (x, y, radius), and the CP in the middle of each that
+ * is an axis of mirror symmetry. */
 #include "src/core/build.h"
 
 #include "src/contour/skeleton_grouping_written.h"
@@ -39,9 +40,11 @@ cairn_status cairn_skeleton_lines(cairn_skeleton *g, cairn_budget *budget)
     return status;
 }
 
-int cairn_skeleton_is_mirrored(const cairn_skeleton *g, const skeleton_centre *c, const cairn_polyline_segment *s)
+int cairn_skeleton_is_mirrored(const cairn_skeleton *g, const skeleton_centre *c,
+                               const cairn_polyline_segment *s)
 {
-    cairn_vec2 a = {s->a[0], s->a[1]}, b = {s->b[0], s->b[1]}, along = cairn_vec2_unit(cairn_vec2_sub(b, a));
+    cairn_vec2 a = {s->a[0], s->a[1]}, b = {s->b[0], s->b[1]},
+               along = cairn_vec2_unit(cairn_vec2_sub(b, a));
     cairn_real first = cairn_vec2_cross(along, cairn_vec2_sub(g->edgels[c->edgel[0]].at, a));
     cairn_real second = cairn_vec2_cross(along, cairn_vec2_sub(g->edgels[c->edgel[1]].at, a));
 
@@ -77,15 +80,17 @@ static void sort_in(cairn_skeleton *g, const skeleton_start *start)
     g->starts[i] = *start;
 }
 
-/* 1: a CP of its own may be a start: short and bent parts have no line. It is symmetric, the object lies on the same side of both
- * contrasts, and both are no less than the mean one. */
+/* 1: a CP of its own may be a start: short and bent parts have no line. It is symmetric, the
+ * object lies on the same side of both contrasts, and both are no less than the mean one. */
 static int may_start(const cairn_skeleton *g, const skeleton_centre *c)
 {
     return c->deviation <= g->params.symmetry && c->sense[0] == c->sense[1] &&
-           (g->params.contrast == 0 || (g->edgels[c->edgel[0]].contrast >= 0 && g->edgels[c->edgel[1]].contrast >= 0));
+           (g->params.contrast == 0 ||
+            (g->edgels[c->edgel[0]].contrast >= 0 && g->edgels[c->edgel[1]].contrast >= 0));
 }
 
-/* The room that is left goes to them, evenly over the image: they are counted, and one in so many is taken. */
+/* The room that is left goes to them, evenly over the image: they are counted, and one in so
+ * many is taken. */
 static cairn_status add_loose(cairn_skeleton *g, cairn_budget *budget)
 {
     int32_t n = g->centre_count, room;
@@ -137,7 +142,8 @@ cairn_status cairn_skeleton_mirror(cairn_skeleton *g, cairn_budget *budget)
         /* As written the line is where walks begin, from all of its CPs. */
         if (start.centre >= 0 && g->params.mode == CAIRN_MODE_AS_WRITTEN)
             start.centre = g->cursor;
-        if (start.centre >= 0 && (cairn_real)start.support >= g->params.min_mirror * (cairn_real)s->count)
+        if (start.centre >= 0 &&
+            (cairn_real)start.support >= g->params.min_mirror * (cairn_real)s->count)
             sort_in(g, &start);
     }
     if (g->params.mode != CAIRN_MODE_AS_WRITTEN)

@@ -1,9 +1,11 @@
 /* The walk: the filter's callbacks, and the runs from each start to both ends of its axis.
- * A step looks ahead of both ends of the contour, along their tangents, for edgels, or carries a side on where none is seen; of all
- * pairs those remain whose disc lies ahead, whose axis does not come back upon itself and whose radius is near the range. The gain
- * of a side is the logarithm of how many times likelier its edgel is as the contour's next one than as one of those strewn about
- * here: for a chord that turns by b and a normal that turns by t a contour of steady bend has t = 2 b. That of a pair is how much
- * likelier its symmetry and its change of radius are than by chance. Of strewn edgels few are steep: the slope of an edgel is evidence,
+ * A step looks ahead of both ends of the contour, along their tangents, for edgels, or carries a
+ * side on where none is seen; of all pairs those remain whose disc lies ahead, whose axis does
+ * not come back upon itself and whose radius is near the range. The gain of a side is the
+ * logarithm of how many times likelier its edgel is as the contour's next one than as one of
+ * those strewn about here: for a chord that turns by b and a normal that turns by t a contour of
+ * steady bend has t = 2 b. That of a pair is how much likelier its symmetry and its change of
+ * radius are than by chance. Of strewn edgels few are steep: the slope of an edgel is evidence,
  * too. */
 #include "src/core/build.h"
 
@@ -26,7 +28,8 @@
 /* Losses are no larger than this. */
 #define LOSS_MOST       CAIRN_REAL(-4.0)
 #define RANGE_LOSS_MOST CAIRN_REAL(-2.0)
-/* The inside of a disc, of its radius; how many edgels lie there, of those in the background; what that counts. */
+/* The inside of a disc, of its radius; how many edgels lie there, of those in the background;
+ * what that counts. */
 #define CORE    CAIRN_REAL(0.6)
 #define EMPTIER CAIRN_REAL(0.3)
 #define HOLLOW  CAIRN_REAL(0.4)
@@ -74,8 +77,8 @@ static cairn_vec2 wanted_of(const skeleton_state *s, int32_t side, cairn_real st
 }
 
 /* The gain of an edgel as the next one of a side. */
-static cairn_real side_gain(const cairn_skeleton *g, const skeleton_state *s, int32_t side, const choice *c,
-                            cairn_vec2 ahead, cairn_real log_density)
+static cairn_real side_gain(const cairn_skeleton *g, const skeleton_state *s, int32_t side,
+                            const choice *c, cairn_vec2 ahead, cairn_real log_density)
 {
     cairn_vec2 chord = cairn_vec2_sub(c->at, s->touch[side]);
     cairn_real bend = angle_from(ahead, chord), turn = angle_from(s->inward[side], c->inward);
@@ -83,8 +86,8 @@ static cairn_real side_gain(const cairn_skeleton *g, const skeleton_state *s, in
 
     if (cairn_abs(bend) > TURN_MOST)
         return -CAIRN_REAL_MAX;
-    return cairn_log(g->params.detection * 2 * flip * 2 * CAIRN_PI / cairn_max(c->chord, 1)) - log_density +
-           log_normal(bend, CAIRN_REAL(0.75) * g->params.duality) +
+    return cairn_log(g->params.detection * 2 * flip * 2 * CAIRN_PI / cairn_max(c->chord, 1)) -
+           log_density + log_normal(bend, CAIRN_REAL(0.75) * g->params.duality) +
            log_normal(turn - 2 * bend, CAIRN_REAL(0.5) * g->params.duality) +
            g->params.contrast * g->edgels[c->edgel].contrast;
 }
@@ -113,13 +116,16 @@ static void offer_choice(choice *list, int32_t *count, const choice *c)
 }
 
 /* The edgels that a side may go on with, and none. */
-static int32_t choices_of(const cairn_skeleton *g, const skeleton_state *s, int32_t side, cairn_real step, choice *list)
+static int32_t choices_of(const cairn_skeleton *g, const skeleton_state *s, int32_t side,
+                          cairn_real step, choice *list)
 {
     cairn_vec2 ahead = ahead_of(s, side), wanted = wanted_of(s, side, step);
     cairn_real look = LOOK * step, log_density = cairn_log(cairn_skeleton_density(g, wanted));
-    int32_t x0 = cairn_skeleton_column(g, wanted.x - look), x1 = cairn_skeleton_column(g, wanted.x + look);
+    int32_t x0 = cairn_skeleton_column(g, wanted.x - look),
+            x1 = cairn_skeleton_column(g, wanted.x + look);
     int32_t y1 = cairn_skeleton_line(g, wanted.y + look), count = 0;
-    choice none = {wanted, s->inward[side], cairn_log(1 - g->params.detection), step, -1, s->sense[side]};
+    choice none = {wanted, s->inward[side], cairn_log(1 - g->params.detection), step,
+                   -1,     s->sense[side]};
 
     for (int32_t y = cairn_skeleton_line(g, wanted.y - look); y <= y1; y++) {
         int32_t from, end;
@@ -148,43 +154,51 @@ static int32_t choices_of(const cairn_skeleton *g, const skeleton_state *s, int3
 /* The log odds of a radius against the range. */
 static cairn_real range_gain(const cairn_skeleton *g, cairn_real radius)
 {
-    cairn_real off = cairn_max(cairn_max(g->input.min_radius - radius, radius - g->input.max_radius), 0);
+    cairn_real off =
+        cairn_max(cairn_max(g->input.min_radius - radius, radius - g->input.max_radius), 0);
 
     return cairn_max(-cairn_half_square(off / (g->params.radius * radius)), RANGE_LOSS_MOST);
 }
 
-static cairn_real pair_gain(const cairn_skeleton *g, const skeleton_state *before, const skeleton_state *s)
+static cairn_real pair_gain(const cairn_skeleton *g, const skeleton_state *before,
+                            const skeleton_state *s)
 {
     cairn_real along = cairn_max(cairn_vec2_norm(cairn_vec2_sub(s->centre, before->centre)), 1);
-    cairn_real symmetry = log_normal(s->deviation, g->params.symmetry) + cairn_log(2 * CAIRN_PI / 3);
+    cairn_real symmetry =
+        log_normal(s->deviation, g->params.symmetry) + cairn_log(2 * CAIRN_PI / 3);
     cairn_real slope = log_normal((s->radius - before->radius) / along, SLOPE) + cairn_log(2);
 
     return cairn_max(symmetry, LOSS_MOST) + cairn_max(slope, LOSS_MOST);
 }
 
-static cairn_real gain_of(const cairn_skeleton *g, const skeleton_state *before, const skeleton_state *s,
-                          const choice *left, const choice *right)
+static cairn_real gain_of(const cairn_skeleton *g, const skeleton_state *before,
+                          const skeleton_state *s, const choice *left, const choice *right)
 {
     cairn_real range = range_gain(g, s->radius);
 
     /* A contour on one side alone says nothing of an axis. */
     if (left->edgel < 0 || right->edgel < 0)
-        return SIDES * ((left->edgel < 0 ? left->gain : 0) + (right->edgel < 0 ? right->gain : 0)) + range;
+        return SIDES * ((left->edgel < 0 ? left->gain : 0) + (right->edgel < 0 ? right->gain : 0)) +
+               range;
     return SIDES * (left->gain + right->gain) + pair_gain(g, before, s) + range;
 }
 
 /* Units for the edgels within a distance of a place. */
 static int32_t cost_about(const cairn_skeleton *g, cairn_vec2 place, cairn_real reach)
 {
-    return skeleton_cost(g, cairn_skeleton_column(g, place.x - reach), cairn_skeleton_column(g, place.x + reach),
-                         cairn_skeleton_line(g, place.y - reach), cairn_skeleton_line(g, place.y + reach));
+    return skeleton_cost(
+        g, cairn_skeleton_column(g, place.x - reach), cairn_skeleton_column(g, place.x + reach),
+        cairn_skeleton_line(g, place.y - reach), cairn_skeleton_line(g, place.y + reach));
 }
 
-/* What the inside of the next disc says: it is emptier than the background, where it is an object's. */
+/* What the inside of the next disc says: it is emptier than the background, where it is an
+ * object's. */
 static cairn_real hollow_gain(const cairn_skeleton *g, cairn_vec2 centre, cairn_real radius)
 {
-    cairn_real core = CORE * radius, expected = cairn_skeleton_density(g, centre) * CAIRN_PI * core * core;
-    int32_t x0 = cairn_skeleton_column(g, centre.x - core), x1 = cairn_skeleton_column(g, centre.x + core);
+    cairn_real core = CORE * radius,
+               expected = cairn_skeleton_density(g, centre) * CAIRN_PI * core * core;
+    int32_t x0 = cairn_skeleton_column(g, centre.x - core),
+            x1 = cairn_skeleton_column(g, centre.x + core);
     int32_t y1 = cairn_skeleton_line(g, centre.y + core), count = 0;
 
     for (int32_t y = cairn_skeleton_line(g, centre.y - core); y <= y1; y++) {
@@ -194,12 +208,13 @@ static cairn_real hollow_gain(const cairn_skeleton *g, cairn_vec2 centre, cairn_
         for (int32_t i = from; i < end; i++)
             count += cairn_vec2_norm_squared(cairn_vec2_sub(g->edgels[i].at, centre)) < core * core;
     }
-    return HOLLOW * ((1 - EMPTIER) * expected + (cairn_real)count * cairn_log(EMPTIER)) * STEP_LEAST / (2 * core);
+    return HOLLOW * ((1 - EMPTIER) * expected + (cairn_real)count * cairn_log(EMPTIER)) *
+           STEP_LEAST / (2 * core);
 }
 
 /* The state that two choices make; 0: there is none. */
-static int make_state(const cairn_skeleton *g, const skeleton_state *before, const choice *left, const choice *right,
-                      cairn_real step, cairn_real hollow, skeleton_state *s)
+static int make_state(const cairn_skeleton *g, const skeleton_state *before, const choice *left,
+                      const choice *right, cairn_real step, cairn_real hollow, skeleton_state *s)
 {
     cairn_oriented_point first = {left->at, cairn_vec2_left(left->inward)};
     cairn_oriented_point second = {right->at, cairn_vec2_left(right->inward)};
@@ -207,14 +222,17 @@ static int make_state(const cairn_skeleton *g, const skeleton_state *before, con
     cairn_vec2 moved;
     cairn_real along;
 
-    if ((left->edgel >= 0 && left->edgel == right->edgel) || !cairn_symmetric_point_of(first, second, 1, &sp) ||
-        sp.radius < g->low || sp.radius > g->high)
+    if ((left->edgel >= 0 && left->edgel == right->edgel) ||
+        !cairn_symmetric_point_of(first, second, 1, &sp) || sp.radius < g->low ||
+        sp.radius > g->high)
         return 0;
     moved = cairn_vec2_sub(sp.centre, before->centre);
     along = cairn_vec2_dot(moved, before->heading);
     if (along < CAIRN_REAL(0.2) * step || along > 3 * step ||
-        cairn_vec2_dot(left->inward, cairn_vec2_sub(sp.centre, left->at)) < CAIRN_REAL(0.5) * sp.radius ||
-        cairn_vec2_dot(right->inward, cairn_vec2_sub(sp.centre, right->at)) < CAIRN_REAL(0.5) * sp.radius)
+        cairn_vec2_dot(left->inward, cairn_vec2_sub(sp.centre, left->at)) <
+            CAIRN_REAL(0.5) * sp.radius ||
+        cairn_vec2_dot(right->inward, cairn_vec2_sub(sp.centre, right->at)) <
+            CAIRN_REAL(0.5) * sp.radius)
         return 0;
     *s = *before;
     s->touch[0] = left->at;
@@ -229,8 +247,8 @@ static int make_state(const cairn_skeleton *g, const skeleton_state *before, con
     s->radius = sp.radius;
     s->deviation = sp.deviation;
     /* Steps are short and their directions rough: the heading follows them slowly. */
-    s->heading =
-        cairn_vec2_unit(cairn_vec2_add(before->heading, cairn_vec2_scale(cairn_vec2_unit(moved), CAIRN_REAL(0.7))));
+    s->heading = cairn_vec2_unit(
+        cairn_vec2_add(before->heading, cairn_vec2_scale(cairn_vec2_unit(moved), CAIRN_REAL(0.7))));
     if (cairn_vec2_cross(s->heading, cairn_vec2_sub(left->at, sp.centre)) <= 0 ||
         cairn_vec2_cross(s->heading, cairn_vec2_sub(right->at, sp.centre)) >= 0)
         return 0;
@@ -248,7 +266,8 @@ static int has_been(const skeleton_state *last, cairn_vec2 next)
     const skeleton_state *s = last;
 
     for (int32_t i = 0; s != NULL; i++, s = cairn_particle_state_before(s))
-        if (i > NEAR_PAST && cairn_vec2_norm_squared(cairn_vec2_sub(s->centre, next)) < cairn_half_square(s->radius))
+        if (i > NEAR_PAST &&
+            cairn_vec2_norm_squared(cairn_vec2_sub(s->centre, next)) < cairn_half_square(s->radius))
             return 1;
     return 0;
 }
@@ -257,14 +276,16 @@ static int has_been(const skeleton_state *last, cairn_vec2 next)
 static int32_t cost_of(const cairn_skeleton *g, const skeleton_state *s, cairn_real step)
 {
     cairn_vec2 next = cairn_vec2_add(s->centre, cairn_vec2_scale(s->heading, step));
-    int32_t cost = UNITS_A_PROPOSAL + s->length / HISTORY_A_UNIT + cost_about(g, next, CORE * s->radius);
+    int32_t cost =
+        UNITS_A_PROPOSAL + s->length / HISTORY_A_UNIT + cost_about(g, next, CORE * s->radius);
 
     for (int32_t side = 0; side < 2; side++)
         cost += cost_about(g, wanted_of(s, side, step), LOOK * step);
     return cost;
 }
 
-static cairn_status propose(void *context, cairn_particle_filter *filter, int32_t index, cairn_budget *budget)
+static cairn_status propose(void *context, cairn_particle_filter *filter, int32_t index,
+                            cairn_budget *budget)
 {
     cairn_skeleton *g = context;
     const skeleton_state *before = cairn_particle_filter_particle(filter, index).state;
@@ -277,7 +298,8 @@ static cairn_status propose(void *context, cairn_particle_filter *filter, int32_
     if (before->best - before->total > g->params.stop ||
         has_been(before, cairn_vec2_add(before->centre, cairn_vec2_scale(before->heading, step))))
         return CAIRN_OK;
-    hollow = hollow_gain(g, cairn_vec2_add(before->centre, cairn_vec2_scale(before->heading, step)), before->radius);
+    hollow = hollow_gain(g, cairn_vec2_add(before->centre, cairn_vec2_scale(before->heading, step)),
+                         before->radius);
     for (int32_t side = 0; side < 2; side++)
         count[side] = choices_of(g, before, side, step, list[side]);
     for (int32_t i = 0; i < count[0]; i++)
@@ -294,8 +316,8 @@ static cairn_status propose(void *context, cairn_particle_filter *filter, int32_
     return CAIRN_OK;
 }
 
-static cairn_status likelihood(void *context, const cairn_particle_filter *filter, int32_t index, const void *state,
-                               cairn_real *log_likelihood, cairn_budget *budget)
+static cairn_status likelihood(void *context, const cairn_particle_filter *filter, int32_t index,
+                               const void *state, cairn_real *log_likelihood, cairn_budget *budget)
 {
     const skeleton_state *s = state;
 
@@ -367,14 +389,16 @@ static int is_known(const cairn_skeleton *g, const skeleton_centre *c)
     for (int32_t i = 0; i < g->disc_count; i++) {
         const skeleton_disc *d = &g->discs[i];
 
-        if (cairn_vec2_norm_squared(cairn_vec2_sub(d->centre, c->at)) < CAIRN_REAL(0.25) * c->radius * c->radius &&
+        if (cairn_vec2_norm_squared(cairn_vec2_sub(d->centre, c->at)) <
+                CAIRN_REAL(0.25) * c->radius * c->radius &&
             cairn_abs(d->radius - c->radius) < CAIRN_REAL(0.3) * c->radius)
             return 1;
     }
     return 0;
 }
 
-/* Discs of the walk to one end: those of the first run turn round, and lie in front of the start. */
+/* Discs of the walk to one end: those of the first run turn round, and lie in front of the
+ * start. */
 static void take_discs(cairn_skeleton *g)
 {
     int32_t reversed = g->direction == 0;
@@ -397,7 +421,8 @@ static void take_discs(cairn_skeleton *g)
 static cairn_status begin_run(cairn_skeleton *g)
 {
     skeleton_state s = first_state(g);
-    cairn_status status = cairn_particle_filter_clear(g->filter, g->params.seed + (uint64_t)g->start);
+    cairn_status status =
+        cairn_particle_filter_clear(g->filter, g->params.seed + (uint64_t)g->start);
 
     g->path_best = 0;
     g->path_count = 0;

@@ -41,12 +41,16 @@ typedef struct skeleton_start {
 
 /* One step of a walk. */
 typedef struct skeleton_state {
-    cairn_vec2 touch[2], inward[2]; /* on the left and on the right of the heading */
+    /* on the left and on the right of the heading */
+    cairn_vec2 touch[2], inward[2];
     cairn_vec2 centre, heading;
     cairn_real radius, deviation;
-    cairn_real gain, total, best; /* log odds of this step, of the walk so far, and the most on its way */
-    int32_t edgel[2], sense[2];   /* edgel -1: none seen */
-    int32_t length;               /* states before this one */
+    /* log odds of this step, of the walk so far, and the most on its way */
+    cairn_real gain, total, best;
+    /* edgel -1: none seen */
+    int32_t edgel[2], sense[2];
+    /* states before this one */
+    int32_t length;
 } skeleton_state;
 
 /* A disc of a part that may yet lose against others. */
@@ -71,23 +75,38 @@ struct cairn_skeleton {
     cairn_skeleton_input input;
     cairn_particle_filter *filter;
     cairn_polyline *polyline;
-    skeleton_edgel *edgels;         /* [max_edgels] */
-    int32_t *first;                 /* [cells + 1] of each cell in edgels[] */
-    skeleton_centre *centres;       /* [max_centres] */
-    skeleton_start *starts;         /* [max_lines] */
-    skeleton_state *path;           /* [max_steps + 1] the best walk; NULL as written */
-    skeleton_written *written;      /* NULL unless as written */
-    skeleton_disc *discs;           /* [max_points] of all candidates */
-    skeleton_part *candidates;      /* [max_parts] */
-    cairn_skeleton_point *points;   /* [max_points] */
-    cairn_skeleton_part *parts;     /* [max_parts] */
-    cairn_skeleton_object *objects; /* [max_parts] */
-    int32_t *group;                 /* [max_parts] another part of the same object; at last, the objects' order */
-    int32_t *
-        bright; /* [max_parts] places of the contour with the brighter side inside, less the others; at last, objects' places */
+    /* [max_edgels] */
+    skeleton_edgel *edgels;
+    /* [cells + 1] of each cell in edgels[] */
+    int32_t *first;
+    /* [max_centres] */
+    skeleton_centre *centres;
+    /* [max_lines] */
+    skeleton_start *starts;
+    /* [max_steps + 1] the best walk; NULL as written */
+    skeleton_state *path;
+    /* NULL unless as written */
+    skeleton_written *written;
+    /* [max_points] of all candidates */
+    skeleton_disc *discs;
+    /* [max_parts] */
+    skeleton_part *candidates;
+    /* [max_points] */
+    cairn_skeleton_point *points;
+    /* [max_parts] */
+    cairn_skeleton_part *parts;
+    /* [max_parts] */
+    cairn_skeleton_object *objects;
+    /* [max_parts] another part of the same object; at last, the objects' order */
+    int32_t *group;
+    /* [max_parts] places of the contour with the brighter side inside, less the others; at last,
+     * objects' places */
+    int32_t *bright;
     cairn_real histogram[SKELETON_BINS];
-    cairn_real log_slope; /* mean of the edgels' whose slope is known */
-    cairn_real low, high; /* px, of radii that are looked for: the range with room on both sides */
+    /* mean of the edgels' whose slope is known */
+    cairn_real log_slope;
+    /* px, of radii that are looked for: the range with room on both sides */
+    cairn_real low, high;
     int32_t columns, rows, edgel_count, steep_count, stride;
     int32_t centre_count, centres_seen, start_count, line_starts, line_count, walked;
     int32_t disc_count, candidate_count, point_count, part_count, object_count;
@@ -99,14 +118,16 @@ struct cairn_skeleton {
 };
 
 /* Edgels of the cells in columns x0 ... x1 of row y: indices *from ... *end - 1. */
-static inline void skeleton_row(const cairn_skeleton *g, int32_t y, int32_t x0, int32_t x1, int32_t *from, int32_t *end)
+static inline void skeleton_row(const cairn_skeleton *g, int32_t y, int32_t x0, int32_t x1,
+                                int32_t *from, int32_t *end)
 {
     *from = g->first[y * g->columns + x0];
     *end = g->first[y * g->columns + x1 + 1];
 }
 
 /* Units for looking at the edgels of cells. */
-static inline int32_t skeleton_cost(const cairn_skeleton *g, int32_t x0, int32_t x1, int32_t y0, int32_t y1)
+static inline int32_t skeleton_cost(const cairn_skeleton *g, int32_t x0, int32_t x1, int32_t y0,
+                                    int32_t y1)
 {
     int32_t count = 0, from, end;
 

@@ -1,13 +1,15 @@
 /* Centre points of all pairs of edgels, as Adluru 2008 has them (section 3.3, fig. 3.2).
  *
- * Method: the normals of both edgels meet the bisector of their chord in a place each; the CP lies in the middle of the two, the
- * radius is its distance to both edgels. Pairs whose radius lies in the range and whose disc is about tangential are CPs, all of
- * them: when there are more than max_centres, every other one is dropped and from then on one in twice as many is kept. */
+ * Method: the normals of both edgels meet the bisector of their chord in a place each; the CP
+ * lies in the middle of the two, the radius is its distance to both edgels. Pairs whose radius
+ * lies in the range and whose disc is about tangential are CPs, all of them: when there are more
+ * than max_centres, every other one is dropped and from then on one in twice as many is kept. */
 #include "src/core/build.h"
 
 #include "src/contour/skeleton_grouping_written.h"
 
-/* Normals that are farther from the chord than this (cosine: 75 degrees) have no projection onto its bisector. */
+/* Normals that are farther from the chord than this (cosine: 75 degrees) have no projection onto
+ * its bisector. */
 #define LEAST_COSINE CAIRN_REAL(0.26)
 /* Pairs of edgels that are looked at, and CPs that are moved, in one unit. */
 enum { PAIRS_A_UNIT = 2, MOVED_A_UNIT = 16 };
@@ -23,7 +25,8 @@ written_rule cairn_skeleton_written_rule(const cairn_skeleton *g, cairn_real mar
     return rule;
 }
 
-/* How far along the bisector, from the chord's middle, a normal meets it, of the chord's length. 0: too far. */
+/* How far along the bisector, from the chord's middle, a normal meets it, of the chord's length.
+ * 0: too far. */
 static int projection_of(cairn_vec2 normal, cairn_vec2 along, cairn_real *share)
 {
     cairn_real facing = cairn_vec2_dot(normal, along);
@@ -34,9 +37,10 @@ static int projection_of(cairn_vec2 normal, cairn_vec2 along, cairn_real *share)
     return 1;
 }
 
-/* The normal turned towards the centre, and how far it deviates from the way there. 0: by more than the rule allows of any. */
-static int deviation_of(const written_rule *rule, cairn_vec2 normal, cairn_vec2 way, cairn_real radius,
-                        cairn_vec2 *inward, cairn_real *deviation)
+/* The normal turned towards the centre, and how far it deviates from the way there. 0: by more
+ * than the rule allows of any. */
+static int deviation_of(const written_rule *rule, cairn_vec2 normal, cairn_vec2 way,
+                        cairn_real radius, cairn_vec2 *inward, cairn_real *deviation)
 {
     cairn_real along = cairn_vec2_dot(normal, way);
 
@@ -47,8 +51,8 @@ static int deviation_of(const written_rule *rule, cairn_vec2 normal, cairn_vec2 
     return 1;
 }
 
-int cairn_skeleton_written_pair(const cairn_skeleton *g, const written_rule *rule, int32_t first, int32_t second,
-                                written_pair *pair)
+int cairn_skeleton_written_pair(const cairn_skeleton *g, const written_rule *rule, int32_t first,
+                                int32_t second, written_pair *pair)
 {
     const skeleton_edgel *a = &g->edgels[first], *b = &g->edgels[second];
     cairn_vec2 chord = cairn_vec2_sub(b->at, a->at), along, middle;
@@ -68,10 +72,10 @@ int cairn_skeleton_written_pair(const cairn_skeleton *g, const written_rule *rul
         return 0;
     middle = cairn_vec2_scale(cairn_vec2_add(a->at, b->at), CAIRN_REAL(0.5));
     pair->centre = cairn_vec2_add(middle, cairn_vec2_scale(cairn_vec2_left(along), up));
-    if (!deviation_of(rule, a->normal, cairn_vec2_sub(pair->centre, a->at), pair->radius, &pair->inward[0],
-                      &pair->deviation[0]) ||
-        !deviation_of(rule, b->normal, cairn_vec2_sub(pair->centre, b->at), pair->radius, &pair->inward[1],
-                      &pair->deviation[1]))
+    if (!deviation_of(rule, a->normal, cairn_vec2_sub(pair->centre, a->at), pair->radius,
+                      &pair->inward[0], &pair->deviation[0]) ||
+        !deviation_of(rule, b->normal, cairn_vec2_sub(pair->centre, b->at), pair->radius,
+                      &pair->inward[1], &pair->deviation[1]))
         return 0;
     pair->touch[0] = a->at;
     pair->touch[1] = b->at;
@@ -109,12 +113,14 @@ static void keep(cairn_skeleton *g, const written_pair *pair)
     }
 }
 
-/* Pairs of one edgel with those behind it in the list, as far as discs of the largest radius reach. */
+/* Pairs of one edgel with those behind it in the list, as far as discs of the largest radius
+ * reach. */
 static int pairs_of(cairn_skeleton *g, int32_t edgel, cairn_budget *budget)
 {
     cairn_vec2 at = g->edgels[edgel].at;
     cairn_real reach = 2 * g->high;
-    int32_t x0 = cairn_skeleton_column(g, at.x - reach), x1 = cairn_skeleton_column(g, at.x + reach);
+    int32_t x0 = cairn_skeleton_column(g, at.x - reach),
+            x1 = cairn_skeleton_column(g, at.x + reach);
     int32_t y0 = cairn_skeleton_line(g, at.y), y1 = cairn_skeleton_line(g, at.y + reach);
     int32_t cost = 2 + SKELETON_EDGELS_A_UNIT / PAIRS_A_UNIT * skeleton_cost(g, x0, x1, y0, y1);
     written_rule rule;
@@ -158,7 +164,8 @@ cairn_status cairn_skeleton_written_centres(cairn_skeleton *g, cairn_budget *bud
     return step_pairs(g, budget);
 }
 
-/* Where no range is given it is proposed from those CPs, and the CPs are looked for anew within it. */
+/* Where no range is given it is proposed from those CPs, and the CPs are looked for anew within
+ * it. */
 cairn_status cairn_skeleton_written_range(cairn_skeleton *g, cairn_budget *budget)
 {
     cairn_status status = CAIRN_OK;

@@ -1,4 +1,5 @@
-/* What the parts of skeleton_grouping that follow the thesis as it is printed share (CAIRN_MODE_AS_WRITTEN). */
+/* What the parts of skeleton_grouping that follow the thesis as it is printed share
+ * (CAIRN_MODE_AS_WRITTEN). */
 #ifndef CAIRN_CONTOUR_SKELETON_GROUPING_WRITTEN_H
 #define CAIRN_CONTOUR_SKELETON_GROUPING_WRITTEN_H
 
@@ -26,10 +27,14 @@ typedef struct written_rule {
 
 /* One pose of the virtual robot, x_t. */
 typedef struct skeleton_written_state {
-    written_pair pair;        /* touch[0] of one contour, touch[1] of the other, all along a walk */
-    cairn_vec2 heading;       /* of length 1: sum of the four vectors between the edgels before and these */
-    cairn_real log_step;      /* logarithm of (3.7), of its greatest value; 0 for the first pose */
-    cairn_real log_followers; /* logarithm of the number of followers that the pose before has */
+    /* touch[0] of one contour, touch[1] of the other, all along a walk */
+    written_pair pair;
+    /* of length 1: sum of the four vectors between the edgels before and these */
+    cairn_vec2 heading;
+    /* logarithm of (3.7), of its greatest value; 0 for the first pose */
+    cairn_real log_step;
+    /* logarithm of the number of followers that the pose before has */
+    cairn_real log_followers;
 } skeleton_written_state;
 
 /* An edgel in a look-ahead circle. */
@@ -51,8 +56,8 @@ struct skeleton_written {
 written_rule cairn_skeleton_written_rule(const cairn_skeleton *g, cairn_real margin);
 
 /* 1: two edgels have a centre point. About two units. */
-int cairn_skeleton_written_pair(const cairn_skeleton *g, const written_rule *rule, int32_t first, int32_t second,
-                                written_pair *pair);
+int cairn_skeleton_written_pair(const cairn_skeleton *g, const written_rule *rule, int32_t first,
+                                int32_t second, written_pair *pair);
 
 /* The phases that differ from the default's. */
 cairn_status cairn_skeleton_written_centres(cairn_skeleton *g, cairn_budget *budget);
@@ -60,7 +65,8 @@ cairn_status cairn_skeleton_written_range(cairn_skeleton *g, cairn_budget *budge
 cairn_status cairn_skeleton_written_walks(cairn_skeleton *g, cairn_budget *budget);
 
 /* 1: the CP's edgels lie on both sides of its line, about equally far. */
-int cairn_skeleton_is_mirrored(const cairn_skeleton *g, const skeleton_centre *c, const cairn_polyline_segment *s);
+int cairn_skeleton_is_mirrored(const cairn_skeleton *g, const skeleton_centre *c,
+                               const cairn_polyline_segment *s);
 
 cairn_particle_model cairn_skeleton_written_model(cairn_skeleton *g);
 

@@ -1,15 +1,17 @@
 /* Symmetric points of edgels and of segments.
  *
- * Method: with u the direction of the chord from the first edgel to the second, v to the left of it and c its length, the
- * normals, turned towards each other, make the angles a and b with the chord, to the side of v. The centre lies on the
- * bisector at c/2 tan((a + b) / 2) from its middle: there both deviate by |a - b| / 2 from their way to it, as much as the
- * printed mean of the two tangents deviates on average, but without its large share on one side and its poles. Boxes of the
- * segments, grown by the largest radius, overlap wherever one disc can touch both; the sweep reports these pairs. The best
- * points go through a heap with the least symmetric at its root.
+ * Method: with u the direction of the chord from the first edgel to the second, v to the left of it
+ * and c its length, the normals, turned towards each other, make the angles a and b with the chord,
+ * to the side of v. The centre lies on the bisector at c/2 tan((a + b) / 2) from its middle: there
+ * both deviate by |a - b| / 2 from their way to it, as much as the printed mean of the two tangents
+ * deviates on average, but without its large share on one side and its poles. Boxes of the
+ * segments, grown by the largest radius, overlap wherever one disc can touch both; the sweep
+ * reports these pairs. The best points go through a heap with the least symmetric at its root.
  *
  * Layout: the boxes of the segments, the heap, the sweep.
  *
- * Limits: one SP for a pair of segments: a long pair that is symmetric in two places needs to be cut first.
+ * Limits: one SP for a pair of segments: a long pair that is symmetric in two places needs to be
+ * cut first.
  *
  * Source: Adluru 2008, section 2.3, equation 2.10. */
 #include "src/core/build.h"
@@ -18,7 +20,13 @@
 
 #include "cairn/symmetric_point.h"
 
-enum { MAX_SEGMENTS = 1 << 26, MAX_POINTS = 1 << 28, MAX_SAMPLES = 16, UNITS_A_PAIR = 3, UNITS_A_SIFT = 4 };
+enum {
+    MAX_SEGMENTS = 1 << 26,
+    MAX_POINTS = 1 << 28,
+    MAX_SAMPLES = 16,
+    UNITS_A_PAIR = 3,
+    UNITS_A_SIFT = 4
+};
 
 /* Relative growth of boxes beyond what exact arithmetic needs. */
 #define SLACK CAIRN_REAL(1.001)
@@ -56,10 +64,11 @@ cairn_symmetric_point_params cairn_symmetric_point_default(void)
 
 static int params_are_valid(const cairn_symmetric_point_params *p)
 {
-    return p != NULL && p->max_segments >= 1 && p->max_segments <= MAX_SEGMENTS && p->max_points >= 1 &&
-           p->max_points <= MAX_POINTS && p->samples >= 1 && p->samples <= MAX_SAMPLES && p->sample_step > 0 &&
-           cairn_is_finite(p->sample_step) && p->min_radius >= 0 && p->max_radius >= p->min_radius &&
-           cairn_is_finite(p->max_radius) && p->max_angle > 0 && p->max_angle < CAIRN_PI / 2 && p->max_deviation >= 0 &&
+    return p != NULL && p->max_segments >= 1 && p->max_segments <= MAX_SEGMENTS &&
+           p->max_points >= 1 && p->max_points <= MAX_POINTS && p->samples >= 1 &&
+           p->samples <= MAX_SAMPLES && p->sample_step > 0 && cairn_is_finite(p->sample_step) &&
+           p->min_radius >= 0 && p->max_radius >= p->min_radius && cairn_is_finite(p->max_radius) &&
+           p->max_angle > 0 && p->max_angle < CAIRN_PI / 2 && p->max_deviation >= 0 &&
            cairn_is_finite(p->max_deviation);
 }
 
@@ -80,7 +89,8 @@ static cairn_box_sweep *carve_sweep(cairn_pool *pool, int32_t max_boxes)
     return sweep;
 }
 
-static cairn_symmetric_point_set *carve(cairn_pool *pool, const cairn_symmetric_point_params *params)
+static cairn_symmetric_point_set *carve(cairn_pool *pool,
+                                        const cairn_symmetric_point_params *params)
 {
     cairn_symmetric_point_set *set = cairn_pool_take_one(pool, sizeof *set);
     cairn_box *boxes = cairn_pool_take(pool, (size_t)params->max_segments, sizeof *boxes);
@@ -140,7 +150,8 @@ cairn_status cairn_symmetric_point_set_radii(cairn_symmetric_point_set *set, cai
     return CAIRN_OK;
 }
 
-cairn_status cairn_symmetric_point_begin(cairn_symmetric_point_set *set, const cairn_segment *segments, int32_t count)
+cairn_status cairn_symmetric_point_begin(cairn_symmetric_point_set *set,
+                                         const cairn_segment *segments, int32_t count)
 {
     cairn_status status;
 
@@ -155,7 +166,8 @@ cairn_status cairn_symmetric_point_begin(cairn_symmetric_point_set *set, const c
     set->first = -1;
     set->paid = 0;
     set->phase = BOXES;
-    /* The segments are others than those of the last search: their order is no start for this one. */
+    /* The segments are others than those of the last search: their order is no start for this
+     * one. */
     status = cairn_box_sweep_begin(set->sweep, NULL, 0);
     CAIRN_ASSERT(status == CAIRN_OK);
     (void)status;
@@ -164,12 +176,15 @@ cairn_status cairn_symmetric_point_begin(cairn_symmetric_point_set *set, const c
 
 /* ---- One pair ---- */
 
-/* The angle of an edgel's normal with the chord, from u towards v, in (-pi/2, pi/2). 0: it is beyond max_angle. */
-static int angle_with_chord(cairn_vec2 direction, cairn_vec2 u, cairn_real cos_max, cairn_real *angle)
+/* The angle of an edgel's normal with the chord, from u towards v, in (-pi/2, pi/2). 0: it is
+ * beyond max_angle. */
+static int angle_with_chord(cairn_vec2 direction, cairn_vec2 u, cairn_real cos_max,
+                            cairn_real *angle)
 {
     cairn_real across = cairn_vec2_cross(direction, u), beside = cairn_vec2_dot(direction, u);
 
-    /* Of the normal, which is the direction turned to the left: its part along u, and that along v. */
+    /* Of the normal, which is the direction turned to the left: its part along u, and that along
+     * v. */
     if (across < 0) {
         across = -across;
         beside = -beside;
@@ -189,14 +204,16 @@ static int point_of(cairn_oriented_point first, cairn_oriented_point second, cai
     if (half == 0)
         return 0;
     u = cairn_vec2_scale(chord, CAIRN_REAL(0.5) / half);
-    /* The second angle is measured from -u; turning its normal round turns that of u to v into one from v to u. */
-    if (!angle_with_chord(first.direction, u, cos_max, &a) || !angle_with_chord(second.direction, u, cos_max, &b))
+    /* The second angle is measured from -u; turning its normal round turns that of u to v into
+     * one from v to u. */
+    if (!angle_with_chord(first.direction, u, cos_max, &a) ||
+        !angle_with_chord(second.direction, u, cos_max, &b))
         return 0;
     cairn_sincos(CAIRN_REAL(0.5) * (a - b), &sine, &cosine);
     up = half * (sine / cosine);
     bisector = cairn_vec2_left(u);
-    point->centre =
-        cairn_vec2_add(cairn_vec2_add(first.position, cairn_vec2_scale(u, half)), cairn_vec2_scale(bisector, up));
+    point->centre = cairn_vec2_add(cairn_vec2_add(first.position, cairn_vec2_scale(u, half)),
+                                   cairn_vec2_scale(bisector, up));
     point->radius = cairn_sqrt(half * half + up * up);
     point->deviation = CAIRN_REAL(0.5) * cairn_abs(a + b);
     point->touch[0] = first.position;
@@ -206,8 +223,8 @@ static int point_of(cairn_oriented_point first, cairn_oriented_point second, cai
     return 1;
 }
 
-int32_t cairn_symmetric_point_of(cairn_oriented_point first, cairn_oriented_point second, cairn_real max_angle,
-                                 cairn_symmetric_point *point)
+int32_t cairn_symmetric_point_of(cairn_oriented_point first, cairn_oriented_point second,
+                                 cairn_real max_angle, cairn_symmetric_point *point)
 {
     return point_of(first, second, cairn_cos(max_angle), point);
 }
@@ -225,7 +242,8 @@ static int32_t sample_count(const cairn_symmetric_point_params *params, cairn_re
 }
 
 /* The middle of part i of `count`. */
-static cairn_oriented_point sample(cairn_segment segment, cairn_real length, int32_t i, int32_t count)
+static cairn_oriented_point sample(cairn_segment segment, cairn_real length, int32_t i,
+                                   int32_t count)
 {
     cairn_vec2 along = cairn_vec2_sub(segment.b, segment.a);
     cairn_real share = ((cairn_real)i + CAIRN_REAL(0.5)) / (cairn_real)count;
@@ -242,19 +260,23 @@ static cairn_real off_chord(const cairn_symmetric_point *p)
     return cairn_vec2_norm_squared(cairn_vec2_sub(p->centre, middle));
 }
 
-int32_t cairn_symmetric_point_of_segments(const cairn_symmetric_point_params *params, cairn_segment first,
-                                          cairn_segment second, cairn_symmetric_point *point)
+int32_t cairn_symmetric_point_of_segments(const cairn_symmetric_point_params *params,
+                                          cairn_segment first, cairn_segment second,
+                                          cairn_symmetric_point *point)
 {
     cairn_real length = cairn_segment_length(first), other_length = cairn_segment_length(second);
     cairn_real cos_max = cairn_cos(params->max_angle);
-    int32_t count = sample_count(params, length), other_count = sample_count(params, other_length), found = 0;
+    int32_t count = sample_count(params, length), other_count = sample_count(params, other_length),
+            found = 0;
 
     for (int32_t i = 0; i < count; i++)
         for (int32_t j = 0; j < other_count; j++) {
             cairn_symmetric_point p;
 
-            if (!point_of(sample(first, length, i, count), sample(second, other_length, j, other_count), cos_max, &p) ||
-                p.radius < params->min_radius || p.radius > params->max_radius || p.deviation > params->max_deviation)
+            if (!point_of(sample(first, length, i, count),
+                          sample(second, other_length, j, other_count), cos_max, &p) ||
+                p.radius < params->min_radius || p.radius > params->max_radius ||
+                p.deviation > params->max_deviation)
                 continue;
             if (!found || p.deviation < point->deviation ||
                 (p.deviation == point->deviation && off_chord(&p) < off_chord(point)))
@@ -281,8 +303,10 @@ static int is_better(const cairn_symmetric_point *a, const cairn_symmetric_point
     return a->first != b->first ? a->first < b->first : a->second < b->second;
 }
 
-/* Puts a point into the heap of `count` from the vacant place `hole` down; no point is worse than its parent. */
-static void sift_down(cairn_symmetric_point *heap, int32_t count, int32_t hole, const cairn_symmetric_point *point)
+/* Puts a point into the heap of `count` from the vacant place `hole` down; no point is worse
+ * than its parent. */
+static void sift_down(cairn_symmetric_point *heap, int32_t count, int32_t hole,
+                      const cairn_symmetric_point *point)
 {
     for (int32_t child = 2 * hole + 1; child < count; child = 2 * hole + 1) {
         if (child + 1 < count && is_better(&heap[child], &heap[child + 1]))
@@ -320,9 +344,11 @@ static cairn_status step_boxes(cairn_symmetric_point_set *set, cairn_budget *bud
         if (budget->left <= 0)
             return CAIRN_MORE;
         budget->left--;
-        if (!cairn_is_finite(s.a.x) || !cairn_is_finite(s.a.y) || !cairn_is_finite(s.b.x) || !cairn_is_finite(s.b.y))
+        if (!cairn_is_finite(s.a.x) || !cairn_is_finite(s.a.y) || !cairn_is_finite(s.b.x) ||
+            !cairn_is_finite(s.b.y))
             return CAIRN_NOT_FINITE;
-        set->boxes[set->cursor] = cairn_box_grow(cairn_box_extend(box, s.b), set->params.max_radius * SLACK);
+        set->boxes[set->cursor] =
+            cairn_box_grow(cairn_box_extend(box, s.b), set->params.max_radius * SLACK);
     }
     set->cursor = 0;
     return cairn_box_sweep_begin(set->sweep, set->boxes, set->segment_count);
@@ -330,8 +356,10 @@ static cairn_status step_boxes(cairn_symmetric_point_set *set, cairn_budget *bud
 
 static int32_t pair_cost(const cairn_symmetric_point_set *set)
 {
-    return UNITS_A_SIFT + UNITS_A_PAIR * sample_count(&set->params, cairn_segment_length(set->segments[set->first])) *
-                              sample_count(&set->params, cairn_segment_length(set->segments[set->second]));
+    return UNITS_A_SIFT +
+           UNITS_A_PAIR *
+               sample_count(&set->params, cairn_segment_length(set->segments[set->first])) *
+               sample_count(&set->params, cairn_segment_length(set->segments[set->second]));
 }
 
 static cairn_status step_pairs(cairn_symmetric_point_set *set, cairn_budget *budget)
@@ -340,7 +368,8 @@ static cairn_status step_pairs(cairn_symmetric_point_set *set, cairn_budget *bud
         cairn_symmetric_point point;
 
         if (set->first < 0) {
-            cairn_status status = cairn_box_sweep_next(set->sweep, budget, &set->first, &set->second);
+            cairn_status status =
+                cairn_box_sweep_next(set->sweep, budget, &set->first, &set->second);
 
             if (status != CAIRN_OK) {
                 set->first = -1;
@@ -349,8 +378,8 @@ static cairn_status step_pairs(cairn_symmetric_point_set *set, cairn_budget *bud
         }
         if (!cairn_budget_pay(budget, &set->paid, pair_cost(set)))
             return CAIRN_MORE;
-        if (cairn_symmetric_point_of_segments(&set->params, set->segments[set->first], set->segments[set->second],
-                                              &point)) {
+        if (cairn_symmetric_point_of_segments(&set->params, set->segments[set->first],
+                                              set->segments[set->second], &point)) {
             point.first = set->first;
             point.second = set->second;
             keep(set, &point);
@@ -392,7 +421,8 @@ cairn_status cairn_symmetric_point_step(cairn_symmetric_point_set *set, cairn_bu
     return CAIRN_OK;
 }
 
-const cairn_symmetric_point *cairn_symmetric_point_list(const cairn_symmetric_point_set *set, int32_t *count)
+const cairn_symmetric_point *cairn_symmetric_point_list(const cairn_symmetric_point_set *set,
+                                                        int32_t *count)
 {
     int has = set != NULL && set->phase == DONE;
 

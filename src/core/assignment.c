@@ -1,16 +1,18 @@
 /* Linear assignment by shortest augmenting paths.
  *
- * Method: rows of the smaller side are added one after another. From the new row the shortest path to a free column is grown
- * as Dijkstra grows it, over costs reduced by the duals, which are never negative; along it all pairs are exchanged, and the duals
- * of what was reached are moved so that they stay so. Of columns equally near the first one is reached first.
+ * Method: rows of the smaller side are added one after another. From the new row the shortest path
+ * to a free column is grown as Dijkstra grows it, over costs reduced by the duals, which are never
+ * negative; along it all pairs are exchanged, and the duals of what was reached are moved so that
+ * they stay so. Of columns equally near the first one is reached first.
  *
- * Layout: duals, pairs both ways, and of the path under way each column's distance and the row before it. A table with more rows
- * than columns is read crosswise: `short` and `long` are its sides.
+ * Layout: duals, pairs both ways, and of the path under way each column's distance and the row
+ * before it. A table with more rows than columns is read crosswise: `short` and `long` are its
+ * sides.
  *
  * Limits: rounding can make one of two nearly equal pairings the cheaper one.
  *
- * Source: Jonker & Volgenant 1987, their augmentation, without the reductions before it, which need square tables; for
- * rectangular ones Crouse 2016. */
+ * Source: Jonker & Volgenant 1987, their augmentation, without the reductions before it, which
+ * need square tables; for rectangular ones Crouse 2016. */
 #include "src/core/build.h"
 
 #include <string.h>
@@ -117,7 +119,8 @@ static void start_path(cairn_assignment *a, int32_t row)
     memset(a->reached, 0, (size_t)a->long_count);
 }
 
-cairn_status cairn_assignment_begin(cairn_assignment *a, const cairn_real *cost, int32_t rows, int32_t columns)
+cairn_status cairn_assignment_begin(cairn_assignment *a, const cairn_real *cost, int32_t rows,
+                                    int32_t columns)
 {
     if (a == NULL || cost == NULL || rows < 1 || columns < 1)
         return CAIRN_BAD_ARGUMENT;
@@ -148,7 +151,8 @@ static cairn_real cost_of(const cairn_assignment *a, int32_t i, int32_t j)
                                  : a->cost[(size_t)j * (size_t)a->columns + (size_t)i];
 }
 
-/* Brings every column's distance up to date with the path's end, and reaches the nearest one. 0: a cost cannot be used. */
+/* Brings every column's distance up to date with the path's end, and reaches the nearest one. 0:
+ * a cost cannot be used. */
 static int grow(cairn_assignment *a)
 {
     int32_t nearest = -1;

@@ -1,12 +1,13 @@
-/* Block-sparse LDL^T of pose systems: structure, values and steps. The parts are in files of their own: the ordering
- * (block_solver_order.c), pattern of the factor (block_solver_pattern.c), factor and solution (block_solver_factor.c), selected
- * inverse (block_solver_inverse.c).
+/* Block-sparse LDL^T of pose systems: structure, values and steps. The parts are in files of their
+ * own: the ordering (block_solver_order.c), pattern of the factor (block_solver_pattern.c), factor
+ * and solution (block_solver_factor.c), selected inverse (block_solver_inverse.c).
  *
- * Method: every link knows the block of the factor in which its own block comes to lie, and values are added there at
- * once: H is stored nowhere else, the factor and later the inverse take its place.
+ * Method: every link knows the block of the factor in which its own block comes to lie, and values
+ * are added there at once: H is stored nowhere else, the factor and later the inverse take its
+ * place.
  *
- * Limits: no pivoting and no refinement, as positive definite systems need none; in float a system whose pivots fall
- * below 1e-5 of its diagonal is refused. */
+ * Limits: no pivoting and no refinement, as positive definite systems need none; in float a
+ * system whose pivots fall below 1e-5 of its diagonal is refused. */
 #include "src/core/build.h"
 
 #include <string.h>
@@ -23,15 +24,18 @@ cairn_block_solver_params cairn_block_solver_default(void)
 
 static int params_are_good(const cairn_block_solver_params *params)
 {
-    return params != NULL && params->max_poses >= 1 && params->max_poses <= MAX_POSES && params->max_links >= 0 &&
-           params->max_links <= MAX_LINKS && params->max_fill >= 0 && params->max_fill <= MAX_FILL;
+    return params != NULL && params->max_poses >= 1 && params->max_poses <= MAX_POSES &&
+           params->max_links >= 0 && params->max_links <= MAX_LINKS && params->max_fill >= 0 &&
+           params->max_fill <= MAX_FILL;
 }
 
-static void carve_order(struct cairn_block_order *o, cairn_pool *pool, const cairn_block_solver_params *params)
+static void carve_order(struct cairn_block_order *o, cairn_pool *pool,
+                        const cairn_block_solver_params *params)
 {
     size_t poses = (size_t)params->max_poses;
-    int32_t **const arrays[] = {&o->length, &o->elements, &o->degree, &o->size,     &o->mark,  &o->member,
-                                &o->tail,   &o->head,     &o->next,   &o->previous, &o->hashes};
+    int32_t **const arrays[] = {&o->length, &o->elements, &o->degree, &o->size,
+                                &o->mark,   &o->member,   &o->tail,   &o->head,
+                                &o->next,   &o->previous, &o->hashes};
 
     o->graph = cairn_pool_take(pool, 2 * (size_t)params->max_links + poses, sizeof *o->graph);
     o->start = cairn_pool_take(pool, poses + 1, sizeof *o->start);
@@ -46,9 +50,11 @@ static void carve_fill(cairn_block_solver *s, cairn_pool *pool, size_t fill)
 }
 
 /* Sets the pointers of *s, which is then to be copied to the first piece that was taken. */
-static cairn_block_solver *carve(cairn_block_solver *s, cairn_pool *pool, const cairn_block_solver_params *params)
+static cairn_block_solver *carve(cairn_block_solver *s, cairn_pool *pool,
+                                 const cairn_block_solver_params *params)
 {
-    size_t poses = (size_t)params->max_poses, links = (size_t)params->max_links, fill = (size_t)params->max_fill;
+    size_t poses = (size_t)params->max_poses, links = (size_t)params->max_links,
+           fill = (size_t)params->max_fill;
     cairn_block_solver *made = cairn_pool_take_one(pool, sizeof *made);
 
     s->first = cairn_pool_take(pool, links, sizeof *s->first);
@@ -142,7 +148,8 @@ cairn_status cairn_block_solver_add_link(cairn_block_solver *solver, int32_t fir
 {
     int32_t link;
 
-    if (solver == NULL || solver->closed || !has_pose(solver, first) || !has_pose(solver, second) || first == second)
+    if (solver == NULL || solver->closed || !has_pose(solver, first) || !has_pose(solver, second) ||
+        first == second)
         return CAIRN_BAD_ARGUMENT;
     link = solver->result.links;
     if (link == solver->params.max_links)
@@ -174,7 +181,8 @@ size_t cairn_block_solver_extend_memory(int32_t max_fill)
     return cairn_pool_counted(&counting);
 }
 
-cairn_status cairn_block_solver_extend(cairn_block_solver *solver, cairn_pool *pool, int32_t max_fill)
+cairn_status cairn_block_solver_extend(cairn_block_solver *solver, cairn_pool *pool,
+                                       int32_t max_fill)
 {
     size_t need = cairn_block_solver_extend_memory(max_fill);
 
@@ -211,7 +219,8 @@ cairn_status cairn_block_solver_clear(cairn_block_solver *solver)
     return CAIRN_OK;
 }
 
-cairn_status cairn_block_solver_add_pose_block(cairn_block_solver *solver, int32_t pose, cairn_sym3 block)
+cairn_status cairn_block_solver_add_pose_block(cairn_block_solver *solver, int32_t pose,
+                                               cairn_sym3 block)
 {
     cairn_sym3 *to;
 
@@ -240,9 +249,11 @@ static void add_block(cairn_real a[9], const cairn_real b[9], int transposed)
             a[3 * r + c] += transposed ? b[3 * c + r] : b[3 * r + c];
 }
 
-cairn_status cairn_block_solver_add_link_block(cairn_block_solver *solver, int32_t link, const cairn_real block[9])
+cairn_status cairn_block_solver_add_link_block(cairn_block_solver *solver, int32_t link,
+                                               const cairn_real block[9])
 {
-    if (!is_in(solver, CAIRN_BLOCK_SOLVER_ANALYZED) || link < 0 || link >= solver->result.links || block == NULL)
+    if (!is_in(solver, CAIRN_BLOCK_SOLVER_ANALYZED) || link < 0 || link >= solver->result.links ||
+        block == NULL)
         return CAIRN_BAD_ARGUMENT;
     for (int k = 0; k < 9; k++)
         if (!cairn_is_finite(block[k]))
@@ -250,7 +261,8 @@ cairn_status cairn_block_solver_add_link_block(cairn_block_solver *solver, int32
     solver->empty = 0;
     add_block(solver->blocks[solver->slot[link]], block,
               solver->place[solver->first[link]] < solver->place[solver->second[link]]);
-    solver->coupled |= block[2] != 0 || block[5] != 0 || block[6] != 0 || block[7] != 0 || block[8] != 0;
+    solver->coupled |=
+        block[2] != 0 || block[5] != 0 || block[6] != 0 || block[7] != 0 || block[8] != 0;
     return CAIRN_OK;
 }
 
@@ -280,7 +292,8 @@ cairn_status cairn_block_solver_solve(cairn_block_solver *solver, const cairn_re
     return CAIRN_OK;
 }
 
-cairn_status cairn_block_solver_solution(const cairn_block_solver *solver, int32_t pose, cairn_real x[3])
+cairn_status cairn_block_solver_solution(const cairn_block_solver *solver, int32_t pose,
+                                         cairn_real x[3])
 {
     if (solver == NULL || x == NULL || !has_pose(solver, pose))
         return CAIRN_BAD_ARGUMENT;
@@ -298,8 +311,8 @@ cairn_status cairn_block_solver_invert(cairn_block_solver *solver)
     return CAIRN_OK;
 }
 
-cairn_status cairn_block_solver_covariance(const cairn_block_solver *solver, int32_t first, int32_t second,
-                                           cairn_real block[9])
+cairn_status cairn_block_solver_covariance(const cairn_block_solver *solver, int32_t first,
+                                           int32_t second, cairn_real block[9])
 {
     int32_t a, b, at;
 

@@ -1,19 +1,22 @@
 /* LDL^T by blocks, and solutions.
  *
- * Factor: H = L D L^T column by column (left-looking). In a column stands C = L D, so that nothing has to be scaled: column
- * k takes C_ik D_k^-1 C_jk^T from the block (i, j). Columns that follow each other and have the same rows below are a run (a
- * supernode) and are subtracted together from a panel of up to four columns of another: the blocks of two columns in one row
- * stay in registers while the products of the run's columns are added up. The runs that are to be subtracted from a panel
- * are in lists that hang on its rows, and move on to the list of their next row behind it (George and Liu 1981; Ng and Peyton
- * 1993). When nothing couples third unknowns, the blocks' third rows and columns stay zero and are left out, and what is left
- * of the blocks of all four columns stays in registers.
+ * Factor: H = L D L^T column by column (left-looking). In a column stands C = L D, so that nothing
+ * has to be scaled: column k takes C_ik D_k^-1 C_jk^T from the block (i, j). Columns that follow
+ * each other and have the same rows below are a run (a supernode) and are subtracted together from
+ * a panel of up to four columns of another: the blocks of two columns in one row stay in registers
+ * while the products of the run's columns are added up. The runs that are to be subtracted from a
+ * panel are in lists that hang on its rows, and move on to the list of their next row behind it
+ * (George and Liu 1981; Ng and Peyton 1993). When nothing couples third unknowns, the blocks' third
+ * rows and columns stay zero and are left out, and what is left of the blocks of all four columns
+ * stays in registers.
  *
- * Layout: columns of blocks, row-major 3 x 3, rows ascending; D^-1 in `diagonal`. The factors D_k^-1 C_jk^T of a panel:
- * [PANEL / 2] pairs of targets j, [WIDTH] source columns k, [3][6], the two targets side by side; without third unknowns
- * [WIDTH][2][8], all four side by side. What has no target is zero.
+ * Layout: columns of blocks, row-major 3 x 3, rows ascending; D^-1 in `diagonal`. The factors
+ * D_k^-1 C_jk^T of a panel: [PANEL / 2] pairs of targets j, [WIDTH] source columns k, [3][6], the
+ * two targets side by side; without third unknowns [WIDTH][2][8], all four side by side. What has
+ * no target is zero.
  *
- * Source: George and Liu, Computer Solution of Large Sparse Positive Definite Systems, 1981; Ng and Peyton, Block sparse
- * Cholesky algorithms on advanced uniprocessor computers, 1993. */
+ * Source: George and Liu, Computer Solution of Large Sparse Positive Definite Systems, 1981; Ng
+ * and Peyton, Block sparse Cholesky algorithms on advanced uniprocessor computers, 1993. */
 #include "src/core/build.h"
 
 #include <string.h>
@@ -24,16 +27,18 @@ enum { PAIR = 6, PAIR_FACTOR = 3 * PAIR, FOUR = 8, FOUR_FACTOR = 2 * FOUR };
 
 /* ---- Factor ---- */
 
-/* Of the ordering's arrays the factor uses `size` as the first column of the run that a column is in, `tail` as the last one
- * of the run that begins with a column, `head` and `next` as the lists of runs by their next row, `start` as that row's block
- * of the last column and `mark` as the place of a row in the columns of the run that is made, counted from their end. */
+/* Of the ordering's arrays the factor uses `size` as the first column of the run that a column
+ * is in, `tail` as the last one of the run that begins with a column, `head` and `next` as the
+ * lists of runs by their next row, `start` as that row's block of the last column and `mark` as
+ * the place of a row in the columns of the run that is made, counted from their end. */
 void cairn_block_factor_begin(cairn_block_solver *s)
 {
     struct cairn_block_order *o = &s->o;
 
     for (int32_t j = 0; j < s->result.poses; j++) {
         int32_t count = s->column[j + 1] - s->column[j];
-        int joins = j > 0 && s->column[j] - s->column[j - 1] == count + 1 && s->rows[s->column[j - 1]] == j;
+        int joins =
+            j > 0 && s->column[j] - s->column[j - 1] == count + 1 && s->rows[s->column[j - 1]] == j;
 
         o->head[j] = -1;
         o->size[j] = joins ? o->size[j - 1] : j;
@@ -59,20 +64,24 @@ static void move_on(cairn_block_solver *s, int32_t run, int32_t block)
     o->head[row] = run;
 }
 
-/* D^-1 from D, which came from the diagonal block H; 0 when D is not positive definite to rounding. */
+/* D^-1 from D, which came from the diagonal block H; 0 when D is not positive definite to
+ * rounding. */
 static int invert_pivot(cairn_sym3 *d, const cairn_real h[3])
 {
     const cairn_real least = 64 * CAIRN_REAL_EPSILON;
     cairn_sym3 inverse;
 
-    if (!(d->xx > least * h[0] && d->yy > least * h[1] && d->zz > least * h[2]) || !cairn_sym3_inverse(*d, &inverse) ||
-        !(inverse.xx <= CAIRN_REAL_MAX && inverse.yy <= CAIRN_REAL_MAX && inverse.zz <= CAIRN_REAL_MAX))
+    if (!(d->xx > least * h[0] && d->yy > least * h[1] && d->zz > least * h[2]) ||
+        !cairn_sym3_inverse(*d, &inverse) ||
+        !(inverse.xx <= CAIRN_REAL_MAX && inverse.yy <= CAIRN_REAL_MAX &&
+          inverse.zz <= CAIRN_REAL_MAX))
         return 0;
     *d = inverse;
     return 1;
 }
 
-/* The next run to be subtracted from the panel: from those of its columns in whose rows the run has blocks. */
+/* The next run to be subtracted from the panel: from those of its columns in whose rows the run
+ * has blocks. */
 static int32_t begin_run(cairn_block_solver *s)
 {
     struct cairn_block_order *o = &s->o;
@@ -90,8 +99,10 @@ static int32_t begin_run(cairn_block_solver *s)
     return 1;
 }
 
-/* The columns of the run at hand before column `end` are to be subtracted from columns first ... last. */
-static void begin_own_run(cairn_block_solver *s, int32_t source, int32_t end, int32_t first, int32_t last)
+/* The columns of the run at hand before column `end` are to be subtracted from columns first ...
+ * last. */
+static void begin_own_run(cairn_block_solver *s, int32_t source, int32_t end, int32_t first,
+                          int32_t last)
 {
     struct block_solver_panel *p = &s->p;
 
@@ -154,8 +165,9 @@ static int32_t next_column(cairn_block_solver *s)
 /* ---- Products ---- */
 
 #if defined(__GNUC__) && !defined(__clang__)
-/* At -O2 gcc would keep the rows of a sum as loops in memory, which takes twice the time: with this it unrolls them and holds
- * them in vector registers. No other function is meant, and no result depends on it. */
+/* At -O2 gcc would keep the rows of a sum as loops in memory, which takes twice the time: with
+ * this it unrolls them and holds them in vector registers. No other function is meant, and no
+ * result depends on it. */
 #pragma GCC push_options
 #pragma GCC optimize("vect-cost-model=dynamic", "peel-loops")
 #endif
@@ -167,8 +179,10 @@ static inline void add_row(cairn_real a[PAIR], const cairn_real x[PAIR], cairn_r
         a[k] += x[k] * by;
 }
 
-/* The sum over the source columns of C_ik (D_k^-1 C_jk^T) for two targets j side by side; m: the factors. */
-static void sum_products(const cairn_block_solver *s, int32_t from_end, const cairn_real *m, cairn_real sum[3 * PAIR])
+/* The sum over the source columns of C_ik (D_k^-1 C_jk^T) for two targets j side by side; m: the
+ * factors. */
+static void sum_products(const cairn_block_solver *s, int32_t from_end, const cairn_real *m,
+                         cairn_real sum[3 * PAIR])
 {
     cairn_real a[PAIR] = {0}, b[PAIR] = {0}, c[PAIR] = {0};
 
@@ -194,7 +208,8 @@ static inline void add_plane_row(cairn_real a[FOUR], const cairn_real x[FOUR], c
 }
 
 /* The same of blocks whose third rows and columns are zero, for four targets. */
-static void sum_plane_products(const cairn_block_solver *s, int32_t from_end, cairn_real sum[2 * FOUR])
+static void sum_plane_products(const cairn_block_solver *s, int32_t from_end,
+                               cairn_real sum[2 * FOUR])
 {
     cairn_real a[FOUR] = {0}, b[FOUR] = {0};
     const cairn_real *m = s->p.factor;
@@ -234,8 +249,9 @@ static void subtract_diagonal(cairn_sym3 *d, const cairn_real *sum)
     d->zz -= sum[2 * PAIR + 2];
 }
 
-/* Subtracts the products of a row's blocks from the targets' blocks in the row, the row's place in whose columns is `place`,
- * and from its diagonal where it is a target itself. Returns how many products were made. */
+/* Subtracts the products of a row's blocks from the targets' blocks in the row, the row's place
+ * in whose columns is `place`, and from its diagonal where it is a target itself. Returns how
+ * many products were made. */
 static int32_t subtract_pairs(cairn_block_solver *s, int32_t from_end, int32_t row, int32_t place)
 {
     const struct block_solver_panel *p = &s->p;
@@ -321,7 +337,8 @@ static void multiply_plane_sym(cairn_sym3 d, const cairn_real c[9], cairn_real *
     }
 }
 
-/* The factors D_k^-1 C_jk^T of the source columns k for a target j, in whose row their blocks are C_jk. */
+/* The factors D_k^-1 C_jk^T of the source columns k for a target j, in whose row their blocks
+ * are C_jk. */
 static void begin_target(cairn_block_solver *s, int32_t t)
 {
     struct block_solver_panel *p = &s->p;
@@ -331,7 +348,8 @@ static void begin_target(cairn_block_solver *s, int32_t t)
         cairn_sym3 d = s->diagonal[s->source + k];
 
         if (s->coupled)
-            multiply_sym(d, c, p->factor + (t / 2 * BLOCK_SOLVER_WIDTH + k) * PAIR_FACTOR + t % 2 * 3);
+            multiply_sym(d, c,
+                         p->factor + (t / 2 * BLOCK_SOLVER_WIDTH + k) * PAIR_FACTOR + t % 2 * 3);
         else
             multiply_plane_sym(d, c, p->factor + k * FOUR_FACTOR + t * 2);
     }
@@ -394,8 +412,9 @@ static void solve_forward(cairn_block_solver *s, int32_t j)
     memcpy(s->x[j], z, sizeof z);
 }
 
-/* x_j -= D_j^-1 C_j^T x of the later rows; 0 when it overflows. Columns and rows alike are walked backwards: a
- * factor that is larger than the cache comes in twice as fast when its addresses only fall. */
+/* x_j -= D_j^-1 C_j^T x of the later rows; 0 when it overflows. Columns and rows alike are
+ * walked backwards: a factor that is larger than the cache comes in twice as fast when its
+ * addresses only fall. */
 static int solve_backward(cairn_block_solver *s, int32_t j)
 {
     cairn_real sum[3] = {0, 0, 0}, z[3];
@@ -409,7 +428,8 @@ static int solve_backward(cairn_block_solver *s, int32_t j)
     multiply_vector(s->diagonal[j], sum, z);
     for (int k = 0; k < 3; k++)
         s->x[j][k] -= z[k];
-    return cairn_is_finite(s->x[j][0]) && cairn_is_finite(s->x[j][1]) && cairn_is_finite(s->x[j][2]);
+    return cairn_is_finite(s->x[j][0]) && cairn_is_finite(s->x[j][1]) &&
+           cairn_is_finite(s->x[j][2]);
 }
 
 int32_t cairn_block_solve_item(cairn_block_solver *s)

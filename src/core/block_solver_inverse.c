@@ -1,23 +1,26 @@
 /* Selected inverse.
  *
- * Method: with H = L D L^T the inverse Z obeys Z L = L^-T D^-1, of which the part on and below the diagonal needs only
- * entries of Z within the pattern of L (Takahashi, Fagan and Chen 1973). From the last column to the first,
+ * Method: with H = L D L^T the inverse Z obeys Z L = L^-T D^-1, of which the part on and below the
+ * diagonal needs only entries of Z within the pattern of L (Takahashi, Fagan and Chen 1973). From
+ * the last column to the first,
  *
- *     Z_ij = - sum over rows k of column j of Z_ik L_kj,    Z_jj = D_j^-1 - sum over k of L_kj^T Z_kj
+ *     Z_ij = - sum over rows k of column j of Z_ik L_kj,    Z_jj = D_j^-1 - sum over k of L_kj^T
+ *     Z_kj
  *
  * and column j of Z takes the place of column j of the factor, which no earlier column needs.
  *
  * Layout: `sums` holds the sums of column j, one block for each of its rows.
  *
- * Source: Takahashi, Fagan and Chen, Formation of a sparse bus impedance matrix, 1973; Erisman and Tinney, On computing
- * certain elements of the inverse of a sparse matrix, 1975. */
+ * Source: Takahashi, Fagan and Chen, Formation of a sparse bus impedance matrix, 1973; Erisman
+ * and Tinney, On computing certain elements of the inverse of a sparse matrix, 1975. */
 #include "src/core/build.h"
 
 #include <string.h>
 
 #include "src/core/block_solver_work.h"
 
-/* Of the ordering's arrays this uses `mark` as the place of a row in `sums` and `head` as the column it is valid for. */
+/* Of the ordering's arrays this uses `mark` as the place of a row in `sums` and `head` as the
+ * column it is valid for. */
 void cairn_block_inverse_begin(cairn_block_solver *s)
 {
     for (int32_t j = 0; j < s->result.poses; j++)

@@ -1,36 +1,41 @@
 /* Approximate minimum mean fill.
  *
- * Method: a pose that is eliminated leaves its neighbours as a clique, which is kept as one element in place of its edges
- * (quotient graph). Degrees are bounded from above: the pivot's list, plus for every element of a variable the poses that
- * it has outside that list, plus the other variables (Amestoy, Davis and Duff 1996). Elements without poses outside the
- * pivot's list are absorbed; variables whose lists are equal are merged, and one that has nothing outside the pivot's list
- * is eliminated with it.
+ * Method: a pose that is eliminated leaves its neighbours as a clique, which is kept as one element
+ * in place of its edges (quotient graph). Degrees are bounded from above: the pivot's list, plus
+ * for every element of a variable the poses that it has outside that list, plus the other variables
+ * (Amestoy, Davis and Duff 1996). Elements without poses outside the pivot's list are absorbed;
+ * variables whose lists are equal are merged, and one that has nothing outside the pivot's list is
+ * eliminated with it.
  *
- * First comes the variable of the lowest score: how many blocks a column of it would have, and how many pairs of its
- * neighbours it would link anew, divided by its poses; the clique that was made last is known, of the others none is
- * counted (Rothberg and Eisenstat 1998). On a grid of 100,000 poses the factor takes a third fewer products than in the
- * order of the lowest degree, on small graphs as many.
+ * First comes the variable of the lowest score: how many blocks a column of it would have, and how
+ * many pairs of its neighbours it would link anew, divided by its poses; the clique that was made
+ * last is known, of the others none is counted (Rothberg and Eisenstat 1998). On a grid of 100,000
+ * poses the factor takes a third fewer products than in the order of the lowest degree, on small
+ * graphs as many.
  *
- * A pivot takes five phases. PIVOT gathers its list; then for every variable of the list SCAN counts the poses of its
- * elements outside the list, UPDATE cleans its list and bounds its degree, MERGE looks for equal ones of the same hash,
- * FINISH puts it back among the scores.
+ * A pivot takes five phases. PIVOT gathers its list; then for every variable of the list SCAN
+ * counts the poses of its elements outside the list, UPDATE cleans its list and bounds its degree,
+ * MERGE looks for equal ones of the same hash, FINISH puts it back among the scores.
  *
- * Layout: all lists lie in one array, new elements at its end. When it is full, it is compacted: elements never take more
- * room than what they replace, so that there is room for one more list of all poses.
+ * Layout: all lists lie in one array, new elements at its end. When it is full, it is compacted:
+ * elements never take more room than what they replace, so that there is room for one more list of
+ * all poses.
  *
  * Limits: a pose that is linked to nearly all others makes this quadratic.
  *
- * Source: Amestoy, Davis and Duff, An approximate minimum degree ordering algorithm, 1996; Rothberg and Eisenstat, Node
- * selection strategies for bottom-up sparse matrix ordering, 1998. */
+ * Source: Amestoy, Davis and Duff, An approximate minimum degree ordering algorithm, 1996;
+ * Rothberg and Eisenstat, Node selection strategies for bottom-up sparse matrix ordering, 1998. */
 #include "src/core/build.h"
 
 #include "src/core/block_solver_work.h"
 
-/* Of a variable of a clique that has so many other poses, in a graph of n poses; below n. Beyond n / 2 only the degree
- * counts. */
-static int32_t score_of(const struct cairn_block_order *o, int32_t variable, int32_t clique, int32_t n)
+/* Of a variable of a clique that has so many other poses, in a graph of n poses; below n. Beyond
+ * n / 2 only the degree counts. */
+static int32_t score_of(const struct cairn_block_order *o, int32_t variable, int32_t clique,
+                        int32_t n)
 {
-    int64_t degree = o->degree[variable], pairs = (degree * (degree - 1) - (int64_t)clique * (clique - 1)) / 2;
+    int64_t degree = o->degree[variable],
+            pairs = (degree * (degree - 1) - (int64_t)clique * (clique - 1)) / 2;
     int64_t score = degree + (pairs > 0 ? pairs / o->size[variable] : 0);
 
     return (int32_t)(score < n / 2 ? score : n / 2 + degree / 2);
@@ -136,7 +141,8 @@ void cairn_block_order_begin(cairn_block_solver *s)
     s->phase = BLOCK_SOLVER_PIVOT;
 }
 
-/* Moves all lists to the front. The first entry of each is put aside in `start`, its place names the owner. */
+/* Moves all lists to the front. The first entry of each is put aside in `start`, its place names
+ * the owner. */
 static void compact(struct cairn_block_order *o, int32_t poses)
 {
     int32_t write = 0;
@@ -198,8 +204,8 @@ static int32_t gather(struct cairn_block_order *o, const int32_t *list, int32_t 
     return poses;
 }
 
-/* Takes the variable of the lowest score and makes it an element with its neighbours; where there are many scores that none
- * has, the next item goes on looking. */
+/* Takes the variable of the lowest score and makes it an element with its neighbours; where
+ * there are many scores that none has, the next item goes on looking. */
 static int32_t pivot_item(cairn_block_solver *s)
 {
     struct cairn_block_order *o = &s->o;
@@ -244,7 +250,8 @@ static int32_t pivot_item(cairn_block_solver *s)
     return walked;
 }
 
-/* mark - tag of every element of the variable becomes the number of its poses outside the pivot's list. */
+/* mark - tag of every element of the variable becomes the number of its poses outside the
+ * pivot's list. */
 static int32_t scan_item(struct cairn_block_order *o, int32_t i)
 {
     const int32_t *list = &o->graph[o->start[i]];
@@ -269,7 +276,8 @@ static void merge(struct cairn_block_order *o, int32_t i, int32_t j)
     o->length[j] = 0;
 }
 
-/* Drops from the variable's list what the pivot's covers; bounds its degree outside the pivot's list. */
+/* Drops from the variable's list what the pivot's covers; bounds its degree outside the pivot's
+ * list. */
 static int32_t update_item(cairn_block_solver *s, int32_t i)
 {
     struct cairn_block_order *o = &s->o;
@@ -305,7 +313,8 @@ static int32_t update_item(cairn_block_solver *s, int32_t i)
         merge(o, o->pivot, i);
         return length + 1;
     }
-    /* The pivot goes first. The list had one of its elements or the pivot itself, so that there is room. */
+    /* The pivot goes first. The list had one of its elements or the pivot itself, so that there
+     * is room. */
     list[kept] = list[elements];
     list[elements] = list[0];
     list[0] = o->pivot;

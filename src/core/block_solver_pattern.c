@@ -1,18 +1,19 @@
 /* Pattern of the factor.
  *
- * Method: the row r of the factor has a block in every column on the paths of the elimination tree from the columns of H
- * in that row up to r (Liu 1990). Rows are walked twice: to count, and to write their numbers into the columns, which come
- * out ascending.
+ * Method: the row r of the factor has a block in every column on the paths of the elimination tree
+ * from the columns of H in that row up to r (Liu 1990). Rows are walked twice: to count, and to
+ * write their numbers into the columns, which come out ascending.
  *
- * Source: Liu, The role of elimination trees in sparse factorization, 1990; Davis, Algorithm 849: a concise sparse Cholesky
- * factorization package, 2005. */
+ * Source: Liu, The role of elimination trees in sparse factorization, 1990; Davis, Algorithm
+ * 849: a concise sparse Cholesky factorization package, 2005. */
 #include "src/core/build.h"
 
 #include <string.h>
 
 #include "src/core/block_solver_work.h"
 
-/* Lists the columns of H left of the diagonal, by rows: row r has graph[start[r] ... start[r + 1] - 1]. */
+/* Lists the columns of H left of the diagonal, by rows: row r has graph[start[r] ... start[r +
+ * 1] - 1]. */
 static void list_rows(cairn_block_solver *s)
 {
     struct cairn_block_order *o = &s->o;
@@ -35,8 +36,8 @@ static void list_rows(cairn_block_solver *s)
     }
 }
 
-/* Of the ordering's arrays the pattern uses `previous` as the tree's parents, `length` as the blocks of a column and
- * `mark` as the row in which a column was met last. */
+/* Of the ordering's arrays the pattern uses `previous` as the tree's parents, `length` as the
+ * blocks of a column and `mark` as the row in which a column was met last. */
 void cairn_block_pattern_begin(cairn_block_solver *s)
 {
     list_rows(s);
@@ -81,7 +82,8 @@ static int32_t fill_row(cairn_block_solver *s, int32_t r)
     return walked;
 }
 
-/* The children of a column in the tree, that of the most blocks last: `head` has the first one, `next` the others. */
+/* The children of a column in the tree, that of the most blocks last: `head` has the first one,
+ * `next` the others. */
 static void list_children(struct cairn_block_order *o, int32_t n)
 {
     int32_t *last = o->tail; /* by parent: the child of the most blocks */
@@ -106,13 +108,14 @@ static void list_children(struct cairn_block_order *o, int32_t n)
         }
 }
 
-/* Numbers the columns so that those of a subtree stand together and every column behind its children: fill and counts stay,
- * but what is multiplied stands close by, and more columns of the same rows follow each other. */
+/* Numbers the columns so that those of a subtree stand together and every column behind its
+ * children: fill and counts stay, but what is multiplied stands close by, and more columns of
+ * the same rows follow each other. */
 static void postorder(cairn_block_solver *s)
 {
     struct cairn_block_order *o = &s->o;
-    int32_t n = s->result.poses, *post = o->size, *parent = o->degree, *count = o->elements, *order = o->member,
-            next = 0;
+    int32_t n = s->result.poses, *post = o->size, *parent = o->degree, *count = o->elements,
+            *order = o->member, next = 0;
 
     list_children(o, n);
     for (int32_t root = 0; root < n; root++)

@@ -1,9 +1,10 @@
 /* Polylines by their arc length.
  *
- * Method: one walk along the sides. A sample's place is its share of the whole length, not the sum of steps, so that the last one
- * of an open curve does not drift off its end.
+ * Method: one walk along the sides. A sample's place is its share of the whole length, not the sum
+ * of steps, so that the last one of an open curve does not drift off its end.
  *
- * Limits: the length is summed in order; on curves of very many tiny sides samples are even to within its rounding. */
+ * Limits: the length is summed in order; on curves of very many tiny sides samples are even to
+ * within its rounding. */
 #include "src/core/build.h"
 
 #include "cairn/curve.h"
@@ -44,12 +45,14 @@ cairn_real cairn_curve_length(const cairn_curve *curve)
     return length;
 }
 
-cairn_status cairn_curve_resample(const cairn_curve *curve, cairn_vec2 *samples, cairn_vec2 *directions, int32_t count)
+cairn_status cairn_curve_resample(const cairn_curve *curve, cairn_vec2 *samples,
+                                  cairn_vec2 *directions, int32_t count)
 {
     cairn_real whole, before = 0, own;
     int32_t side = 0, parts;
 
-    if (!is_good(curve) || samples == NULL || count < (curve->closed ? 1 : 2) || count > MAX_SAMPLES)
+    if (!is_good(curve) || samples == NULL || count < (curve->closed ? 1 : 2) ||
+        count > MAX_SAMPLES)
         return CAIRN_BAD_ARGUMENT;
     if (!is_finite(curve))
         return CAIRN_NOT_FINITE;
@@ -72,14 +75,18 @@ cairn_status cairn_curve_resample(const cairn_curve *curve, cairn_vec2 *samples,
         }
         s = side_of(curve, side);
         along = cairn_vec2_sub(s.b, s.a);
-        samples[i] = own > 0 ? cairn_vec2_add(s.a, cairn_vec2_scale(along, cairn_min((place - before) / own, 1))) : s.a;
+        samples[i] =
+            own > 0
+                ? cairn_vec2_add(s.a, cairn_vec2_scale(along, cairn_min((place - before) / own, 1)))
+                : s.a;
         if (directions != NULL)
             directions[i] = own > 0 || i == 0 ? cairn_vec2_unit(along) : directions[i - 1];
     }
     return CAIRN_OK;
 }
 
-/* Vertex i of a closed curve, from -count to 2 count - 1; of an open one that or the end that it lies beyond. */
+/* Vertex i of a closed curve, from -count to 2 count - 1; of an open one that or the end that it
+ * lies beyond. */
 static cairn_vec2 vertex_at(const cairn_curve *curve, int32_t i)
 {
     if (curve->closed)

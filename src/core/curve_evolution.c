@@ -1,12 +1,14 @@
 /* Discrete curve evolution.
  *
- * Method: vertices stand in a ring; each has its relevance, which a removal changes for two of them only. The least one goes, of
- * equals that of the lowest index, unless the side that takes its place touches another side; then the next in that order is
- * tried. A vertex that could not go is tried again after the next removal.
+ * Method: vertices stand in a ring; each has its relevance, which a removal changes for two of them
+ * only. The least one goes, of equals that of the lowest index, unless the side that takes its
+ * place touches another side; then the next in that order is tried. A vertex that could not go is
+ * tried again after the next removal.
  *
  * Layout: vertices, relevances, the ring's links both ways, ranks.
  *
- * Limits: a polyline that touches itself from the start is evolved as well; what touches then mostly stays.
+ * Limits: a polyline that touches itself from the start is evolved as well; what touches then
+ * mostly stays.
  *
  * Source: Latecki & Lakaemper 1999; Adluru 2008, section 4.3. */
 #include "src/core/build.h"
@@ -97,10 +99,12 @@ cairn_real cairn_curve_relevance(cairn_vec2 before, cairn_vec2 vertex, cairn_vec
 
 static void weigh(cairn_curve_evolution *e, int32_t i)
 {
-    e->relevance[i] = cairn_curve_relevance(e->points[e->before[i]], e->points[i], e->points[e->after[i]]);
+    e->relevance[i] =
+        cairn_curve_relevance(e->points[e->before[i]], e->points[i], e->points[e->after[i]]);
 }
 
-cairn_status cairn_curve_evolution_begin(cairn_curve_evolution *e, const cairn_vec2 *points, int32_t count)
+cairn_status cairn_curve_evolution_begin(cairn_curve_evolution *e, const cairn_vec2 *points,
+                                         int32_t count)
 {
     if (e == NULL || points == NULL || count < LEAST_POINTS)
         return CAIRN_BAD_ARGUMENT;
@@ -164,7 +168,8 @@ static int would_touch(const cairn_curve_evolution *e, int32_t i)
         if (cairn_segments_cross(side, other))
             return 1;
     }
-    return runs_back(p[from], p[to], p[e->after[to]]) || runs_back(p[to], p[from], p[e->before[from]]);
+    return runs_back(p[from], p[to], p[e->after[to]]) ||
+           runs_back(p[to], p[from], p[e->before[from]]);
 }
 
 static void remove_vertex(cairn_curve_evolution *e, int32_t i)
@@ -195,7 +200,8 @@ cairn_status cairn_curve_evolution_step(cairn_curve_evolution *e, cairn_budget *
     if (e == NULL || budget == NULL)
         return CAIRN_BAD_ARGUMENT;
     while (e->phase == SEARCH || e->phase == CHECK) {
-        int32_t cost = e->phase == SEARCH ? 1 + e->left / LOOKS_A_UNIT : UNITS_A_REMOVAL + e->left / TESTS_A_UNIT;
+        int32_t cost = e->phase == SEARCH ? 1 + e->left / LOOKS_A_UNIT
+                                          : UNITS_A_REMOVAL + e->left / TESTS_A_UNIT;
 
         if (!cairn_budget_pay(budget, &e->paid, cost))
             return CAIRN_MORE;

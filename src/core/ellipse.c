@@ -1,15 +1,19 @@
 /* Votes for centres, radii about the greatest of them, and the ellipses that come of these circles.
  *
- * Method: a point votes, in a square of cells, for all centres along its normal between the least and the greatest radius; rooms
- * are sought on its free side and columns on the other, each in a square of their own. The square is smoothed, as normals
- * are poorly known far from their points. About every peak a histogram of distances, of points whose normals pass by it,
- * gives a circle (ellipse_refine.c). Three passes of least squares over conics (ellipse_fit.c), each with a narrower gate, make it an ellipse;
- * a last pass measures what covers it. Ellipses that came to lie on a stronger one are dropped.
+ * Method: a point votes, in a square of cells, for all centres along its normal between the least
+ * and the greatest radius; rooms are sought on its free side and columns on the other, each in a
+ * square of their own. The square is smoothed, as normals are poorly known far from their points.
+ * About every peak a histogram of distances, of points whose normals pass by it, gives a circle
+ * (ellipse_refine.c). Three passes of least squares over conics (ellipse_fit.c), each with a
+ * narrower gate, make it an ellipse; a last pass measures what covers it. Ellipses that came to lie
+ * on a stronger one are dropped.
  *
- * Layout: the squares of votes, room after room; the peaks; two lists of ellipses, one in work, one that readers see.
+ * Layout: the squares of votes, room after room; the peaks; two lists of ellipses, one in work, one
+ * that readers see.
  *
- * Limits: one radius for a peak and kind; of concentric walls that with the most points. Ellipses of more than one to two have
- * normals that pass their centre too far off to peak there. Cells get wider when points reach too far for them.
+ * Limits: one radius for a peak and kind; of concentric walls that with the most points. Ellipses
+ * of more than one to two have normals that pass their centre too far off to peak there. Cells get
+ * wider when points reach too far for them.
  *
  * Source: Duda and Hart 1972; Ballard 1981. */
 #include "src/core/build.h"
@@ -47,11 +51,12 @@ static int is_length(cairn_real x)
 
 static int params_are_valid(const cairn_ellipse_params *p)
 {
-    return p != NULL && p->max_ellipses >= 1 && p->max_ellipses <= 256 && p->cells >= 8 && p->cells <= 1024 &&
-           is_length(p->cell) && is_length(p->least_radius) && p->most_radius > p->least_radius &&
-           is_length(p->most_radius) && p->most_ratio >= 1 && p->most_ratio <= LIMIT && p->angle_tolerance > 0 &&
-           p->angle_tolerance <= CAIRN_PI / 4 && is_length(p->support_distance) && is_length(p->spacing) &&
-           p->least_votes > 0 && cairn_is_finite(p->least_votes) && p->least_covered >= 0 && p->least_covered <= 1 &&
+    return p != NULL && p->max_ellipses >= 1 && p->max_ellipses <= 256 && p->cells >= 8 &&
+           p->cells <= 1024 && is_length(p->cell) && is_length(p->least_radius) &&
+           p->most_radius > p->least_radius && is_length(p->most_radius) && p->most_ratio >= 1 &&
+           p->most_ratio <= LIMIT && p->angle_tolerance > 0 && p->angle_tolerance <= CAIRN_PI / 4 &&
+           is_length(p->support_distance) && is_length(p->spacing) && p->least_votes > 0 &&
+           cairn_is_finite(p->least_votes) && p->least_covered >= 0 && p->least_covered <= 1 &&
            is_length(p->separation);
 }
 
@@ -96,7 +101,8 @@ static void take_params(cairn_ellipse_set *set, const cairn_ellipse_params *para
     set->sine = cairn_sin(params->angle_tolerance);
 }
 
-cairn_status cairn_ellipse_create(cairn_ellipse_set **set, cairn_pool *pool, const cairn_ellipse_params *params)
+cairn_status cairn_ellipse_create(cairn_ellipse_set **set, cairn_pool *pool,
+                                  const cairn_ellipse_params *params)
 {
     size_t need = cairn_ellipse_memory(params);
     cairn_ellipse_set *made;
@@ -114,16 +120,17 @@ cairn_status cairn_ellipse_create(cairn_ellipse_set **set, cairn_pool *pool, con
 
 cairn_status cairn_ellipse_adjust(cairn_ellipse_set *set, const cairn_ellipse_params *params)
 {
-    if (set == NULL || !params_are_valid(params) || params->max_ellipses != set->params.max_ellipses ||
-        params->cells != set->params.cells || (params->oriented != 0) != (set->params.oriented != 0))
+    if (set == NULL || !params_are_valid(params) ||
+        params->max_ellipses != set->params.max_ellipses || params->cells != set->params.cells ||
+        (params->oriented != 0) != (set->params.oriented != 0))
         return CAIRN_BAD_ARGUMENT;
     set->phase = ELLIPSE_IDLE;
     take_params(set, params);
     return CAIRN_OK;
 }
 
-cairn_status cairn_ellipse_begin(cairn_ellipse_set *set, const cairn_oriented_point *points, const cairn_real *weights,
-                                 int32_t count)
+cairn_status cairn_ellipse_begin(cairn_ellipse_set *set, const cairn_oriented_point *points,
+                                 const cairn_real *weights, int32_t count)
 {
     if (set == NULL || count < 0 || (points == NULL && count > 0))
         return CAIRN_BAD_ARGUMENT;
@@ -141,10 +148,12 @@ cairn_status cairn_ellipse_begin(cairn_ellipse_set *set, const cairn_oriented_po
 
 static cairn_status check(const cairn_oriented_point *p, cairn_real weight)
 {
-    if (!cairn_is_finite(p->position.x) || !cairn_is_finite(p->position.y) || !cairn_is_finite(p->direction.x) ||
-        !cairn_is_finite(p->direction.y) || !cairn_is_finite(weight))
+    if (!cairn_is_finite(p->position.x) || !cairn_is_finite(p->position.y) ||
+        !cairn_is_finite(p->direction.x) || !cairn_is_finite(p->direction.y) ||
+        !cairn_is_finite(weight))
         return CAIRN_NOT_FINITE;
-    if (cairn_abs(p->position.x) > LIMIT || cairn_abs(p->position.y) > LIMIT || weight < 0 || weight > LIMIT)
+    if (cairn_abs(p->position.x) > LIMIT || cairn_abs(p->position.y) > LIMIT || weight < 0 ||
+        weight > LIMIT)
         return CAIRN_BAD_ARGUMENT;
     return CAIRN_OK;
 }
@@ -164,7 +173,8 @@ static void lay_cells(cairn_ellipse_set *set)
     half = set->cell * (cairn_real)(p->cells - 1) / 2;
     set->corner.x = middle.x - half;
     set->corner.y = middle.y - half;
-    set->reach = cairn_real_to_int(cairn_min(cairn_ceil(p->separation / set->cell), (cairn_real)p->cells));
+    set->reach =
+        cairn_real_to_int(cairn_min(cairn_ceil(p->separation / set->cell), (cairn_real)p->cells));
 }
 
 static cairn_status step_bounds(cairn_ellipse_set *set, cairn_budget *budget)
@@ -213,10 +223,12 @@ static int32_t steps_of(const cairn_ellipse_set *set)
 }
 
 /* The centres from a place on, along a unit normal, a cell apart. */
-static void vote_along(cairn_ellipse_set *set, int32_t square, cairn_vec2 from, cairn_vec2 normal, cairn_real weight)
+static void vote_along(cairn_ellipse_set *set, int32_t square, cairn_vec2 from, cairn_vec2 normal,
+                       cairn_real weight)
 {
     int32_t cells = set->params.cells, steps = steps_of(set);
-    cairn_real *votes = &set->votes[square * cells * cells], least = set->params.least_radius / set->cell;
+    cairn_real *votes = &set->votes[square * cells * cells],
+               least = set->params.least_radius / set->cell;
     cairn_real x = (from.x - set->corner.x) / set->cell + CAIRN_REAL(0.5) + normal.x * least;
     cairn_real y = (from.y - set->corner.y) / set->cell + CAIRN_REAL(0.5) + normal.y * least;
 
@@ -315,7 +327,8 @@ static void keep(cairn_ellipse_set *set, int32_t cell)
     set->peaks[at] = p;
 }
 
-/* Smoothing has multiplied votes that fall into one cell by 4; from those that spread over four by four one is left. */
+/* Smoothing has multiplied votes that fall into one cell by 4; from those that spread over four
+ * by four one is left. */
 static int may_be_peak(const cairn_ellipse_set *set, int32_t cell)
 {
     return set->votes[cell] >= set->params.least_votes;
@@ -330,7 +343,8 @@ static cairn_status step_peaks(cairn_ellipse_set *set, cairn_budget *budget)
             return CAIRN_MORE;
         if (!may_be_peak(set, set->cursor)) {
             budget->left--;
-            for (int32_t i = 0; i < 32 && set->cursor < cells && !may_be_peak(set, set->cursor); i++)
+            for (int32_t i = 0; i < 32 && set->cursor < cells && !may_be_peak(set, set->cursor);
+                 i++)
                 set->cursor++;
             continue;
         }

@@ -1,8 +1,9 @@
 /* The shape of an ellipse, and the conic of least squares through oriented points.
  *
- * Method: algebraic least squares in a frame in which the ellipse is about the unit circle, where the algebraic error is twice
- * the distance; that the gradient is across the direction of a point gives a second equation of it, which is what tells the
- * shape of a short arc. A little weight is on the circle, for arcs that tell no axes.
+ * Method: algebraic least squares in a frame in which the ellipse is about the unit circle, where
+ * the algebraic error is twice the distance; that the gradient is across the direction of a point
+ * gives a second equation of it, which is what tells the shape of a short arc. A little weight is
+ * on the circle, for arcs that tell no axes.
  *
  * Source: Bookstein 1979 for the algebraic fit. */
 #include "src/core/build.h"
@@ -12,9 +13,12 @@
 #include "cairn/small_matrix.h"
 #include "src/core/ellipse_work.h"
 
-static const cairn_real DIRECTION_WEIGHT = CAIRN_REAL(0.1); /* of a direction's equation beside that of the place */
-static const cairn_real ROUNDED = CAIRN_REAL(1e-3);         /* more than what rounding makes of a distance, over it */
-static const cairn_real CIRCLE_WEIGHT = CAIRN_REAL(1e-3);   /* of the circle beside a point */
+/* of a direction's equation beside that of the place */
+static const cairn_real DIRECTION_WEIGHT = CAIRN_REAL(0.1);
+/* more than what rounding makes of a distance, over it */
+static const cairn_real ROUNDED = CAIRN_REAL(1e-3);
+/* of the circle beside a point */
+static const cairn_real CIRCLE_WEIGHT = CAIRN_REAL(1e-3);
 
 /* ---- The shape ---- */
 
@@ -44,8 +48,8 @@ cairn_real cairn_ellipse_length(const cairn_ellipse *ellipse)
     return CAIRN_PI * (3 * (a + b) - cairn_sqrt((3 * a + b) * (a + 3 * b)));
 }
 
-static cairn_real distance_in(const cairn_ellipse *ellipse, cairn_transform map_ellipse, cairn_vec2 point,
-                              cairn_vec2 *normal)
+static cairn_real distance_in(const cairn_ellipse *ellipse, cairn_transform map_ellipse,
+                              cairn_vec2 point, cairn_vec2 *normal)
 {
     cairn_real a = ellipse->half_length, b = ellipse->half_width, radius, length;
     cairn_vec2 from = {point.x - map_ellipse.x, point.y - map_ellipse.y}, q, gradient = {0, 1};
@@ -64,14 +68,16 @@ static cairn_real distance_in(const cairn_ellipse *ellipse, cairn_transform map_
     return (radius - 1) / length;
 }
 
-cairn_real cairn_ellipse_distance(const cairn_ellipse *ellipse, cairn_vec2 point, cairn_vec2 *normal)
+cairn_real cairn_ellipse_distance(const cairn_ellipse *ellipse, cairn_vec2 point,
+                                  cairn_vec2 *normal)
 {
     return distance_in(ellipse, cairn_transform_of(ellipse->centre), point, normal);
 }
 
-/* With r from the centre, r / a <= radius <= r / b, and the gradient is 1 / b at most: outside a point is off by
- * b (r / a - 1) at least, inside by b - r. */
-cairn_ellipse_gate cairn_ellipse_gate_of(const cairn_ellipse *ellipse, cairn_real distance, cairn_real sine)
+/* With r from the centre, r / a <= radius <= r / b, and the gradient is 1 / b at most: outside a
+ * point is off by b (r / a - 1) at least, inside by b - r. */
+cairn_ellipse_gate cairn_ellipse_gate_of(const cairn_ellipse *ellipse, cairn_real distance,
+                                         cairn_real sine)
 {
     cairn_real a = ellipse->half_length, b = ellipse->half_width;
     cairn_ellipse_gate gate = {*ellipse, cairn_transform_of(ellipse->centre), distance, sine, 0, 0};
@@ -83,7 +89,8 @@ cairn_ellipse_gate cairn_ellipse_gate_of(const cairn_ellipse *ellipse, cairn_rea
     return gate;
 }
 
-int32_t cairn_ellipse_lets_in(const cairn_ellipse_gate *gate, const cairn_oriented_point *point, cairn_real *off)
+int32_t cairn_ellipse_lets_in(const cairn_ellipse_gate *gate, const cairn_oriented_point *point,
+                              cairn_real *off)
 {
     cairn_vec2 normal, along;
     cairn_real same;
@@ -99,8 +106,8 @@ int32_t cairn_ellipse_lets_in(const cairn_ellipse_gate *gate, const cairn_orient
            cairn_abs(cairn_vec2_cross(along, point->direction)) <= gate->sine;
 }
 
-int32_t cairn_ellipse_has(const cairn_ellipse *ellipse, const cairn_oriented_point *point, cairn_real distance,
-                          cairn_real sine)
+int32_t cairn_ellipse_has(const cairn_ellipse *ellipse, const cairn_oriented_point *point,
+                          cairn_real distance, cairn_real sine)
 {
     cairn_ellipse_gate gate = cairn_ellipse_gate_of(ellipse, distance, sine);
     cairn_real off;
@@ -121,7 +128,8 @@ cairn_conic_sums cairn_conic_begin(const cairn_ellipse *about)
     return sums;
 }
 
-static void add_row(cairn_conic_sums *sums, const cairn_real row[ELLIPSE_UNKNOWNS], cairn_real value, cairn_real weight)
+static void add_row(cairn_conic_sums *sums, const cairn_real row[ELLIPSE_UNKNOWNS],
+                    cairn_real value, cairn_real weight)
 {
     for (int i = 0; i < ELLIPSE_UNKNOWNS; i++) {
         for (int k = 0; k <= i; k++)
@@ -136,7 +144,8 @@ void cairn_conic_add(cairn_conic_sums *sums, const cairn_oriented_point *point, 
     cairn_real u = (point->position.x - sums->origin.x) / sums->scale;
     cairn_real v = (point->position.y - sums->origin.y) / sums->scale;
     const cairn_real place[ELLIPSE_UNKNOWNS] = {u * u, u * v, v * v, u, v};
-    const cairn_real across[ELLIPSE_UNKNOWNS] = {2 * u * d.x, u * d.y + v * d.x, 2 * v * d.y, d.x, d.y};
+    const cairn_real across[ELLIPSE_UNKNOWNS] = {2 * u * d.x, u * d.y + v * d.x, 2 * v * d.y, d.x,
+                                                 d.y};
 
     add_row(sums, place, 1, weight);
     add_row(sums, across, 0, weight * DIRECTION_WEIGHT);
@@ -175,7 +184,8 @@ static int solve(const cairn_conic_sums *sums, cairn_real x[ELLIPSE_UNKNOWNS])
 
 int32_t cairn_conic_solve(const cairn_conic_sums *sums, cairn_ellipse *ellipse)
 {
-    static const cairn_real round[ELLIPSE_UNKNOWNS] = {1, 0, -1, 0, 0}, straight[ELLIPSE_UNKNOWNS] = {0, 1, 0, 0, 0};
+    static const cairn_real round[ELLIPSE_UNKNOWNS] = {1, 0, -1, 0, 0},
+                            straight[ELLIPSE_UNKNOWNS] = {0, 1, 0, 0, 0};
     cairn_conic_sums held = *sums;
     cairn_real x[ELLIPSE_UNKNOWNS], values[2], determinant, level;
     cairn_vec2 minor, major, centre;

@@ -1,11 +1,13 @@
-/* From the peaks of the votes to ellipses: a radius, then least squares over conics, then what covers the outline. */
+/* From the peaks of the votes to ellipses: a radius, then least squares over conics, then what
+ * covers the outline. */
 #include "src/core/build.h"
 
 #include <string.h>
 
 #include "src/core/ellipse_work.h"
 
-/* Units of a point that is on the ellipse at hand, beside those of looking at it: owed to the next item. */
+/* Units of a point that is on the ellipse at hand, beside those of looking at it: owed to the
+ * next item. */
 enum { INSIDE_COST = 2 };
 
 /* How far off the ellipse at hand a point may be in this pass. */
@@ -19,7 +21,8 @@ static cairn_real distance_of_pass(const cairn_ellipse_set *set)
 /* How many arcs the outline at hand has. */
 static int32_t arcs_of(const cairn_ellipse_set *set)
 {
-    cairn_real arcs = cairn_min(cairn_ellipse_length(&set->fit) / (2 * set->params.spacing), ELLIPSE_ARCS);
+    cairn_real arcs =
+        cairn_min(cairn_ellipse_length(&set->fit) / (2 * set->params.spacing), ELLIPSE_ARCS);
 
     return cairn_real_to_int(cairn_max(arcs, ELLIPSE_LEAST_ARCS));
 }
@@ -63,14 +66,16 @@ void cairn_ellipse_start_peak(cairn_ellipse_set *set)
 static void add_radius(cairn_ellipse_set *set, const cairn_oriented_point *p, cairn_real weight)
 {
     cairn_vec2 to = {set->fit.centre.x - p->position.x, set->fit.centre.y - p->position.y};
-    cairn_real radius = cairn_vec2_cross(p->direction, to), off = cairn_abs(cairn_vec2_dot(p->direction, to)), at;
+    cairn_real radius = cairn_vec2_cross(p->direction, to),
+               off = cairn_abs(cairn_vec2_dot(p->direction, to)), at;
     int32_t bin;
 
     if (set->fit.kind == CAIRN_ELLIPSE_COLUMN)
         radius = -radius;
     if (set->fit.kind == CAIRN_ELLIPSE_ANY)
         radius = cairn_abs(radius);
-    if (!(radius > 0) || radius > set->params.most_radius || off > set->sine * radius + 2 * set->cell)
+    if (!(radius > 0) || radius > set->params.most_radius ||
+        off > set->sine * radius + 2 * set->cell)
         return;
     at = radius / set->params.most_radius * (ELLIPSE_RADII - 1);
     bin = (int32_t)at;
@@ -86,7 +91,8 @@ static void take_radius(cairn_ellipse_set *set)
     cairn_real most = -1;
 
     for (int32_t i = 1; i < ELLIPSE_RADII; i++) {
-        cairn_real sum = set->radii[i - 1] + 2 * set->radii[i] + (i + 1 < ELLIPSE_RADII ? set->radii[i + 1] : 0);
+        cairn_real sum =
+            set->radii[i - 1] + 2 * set->radii[i] + (i + 1 < ELLIPSE_RADII ? set->radii[i + 1] : 0);
 
         if (sum > most) {
             most = sum;
@@ -94,7 +100,8 @@ static void take_radius(cairn_ellipse_set *set)
         }
     }
     set->fit.half_length = set->fit.half_width =
-        cairn_max((cairn_real)best * (set->params.most_radius / (ELLIPSE_RADII - 1)), set->params.least_radius);
+        cairn_max((cairn_real)best * (set->params.most_radius / (ELLIPSE_RADII - 1)),
+                  set->params.least_radius);
 }
 
 /* The arc, counted from the longer axis, in which a point lies. */
@@ -105,7 +112,8 @@ static void mark_arc(cairn_ellipse_set *set, cairn_vec2 p)
     cairn_real along = (t.cosine * from.x + t.sine * from.y) / set->fit.half_length;
     cairn_real across = (t.cosine * from.y - t.sine * from.x) / set->fit.half_width;
     int32_t arcs = set->arc_count;
-    cairn_real place = (cairn_atan2(across, along) / (2 * CAIRN_PI) + CAIRN_REAL(0.5)) * (cairn_real)arcs;
+    cairn_real place =
+        (cairn_atan2(across, along) / (2 * CAIRN_PI) + CAIRN_REAL(0.5)) * (cairn_real)arcs;
     int32_t arc = cairn_real_to_int(cairn_min(cairn_floor(place), (cairn_real)(arcs - 1)));
 
     set->arcs[arc / 32] |= (uint32_t)1 << (arc % 32);
@@ -117,7 +125,8 @@ static void add_point(cairn_ellipse_set *set, const cairn_oriented_point *point,
     cairn_oriented_point p;
     cairn_real off;
 
-    if (!(weight > 0) || (set->pass != ELLIPSE_RADIUS && cairn_ellipse_is_far(&set->gate, point->position)))
+    if (!(weight > 0) ||
+        (set->pass != ELLIPSE_RADIUS && cairn_ellipse_is_far(&set->gate, point->position)))
         return;
     p.position = point->position;
     p.direction = cairn_vec2_unit(point->direction);
@@ -155,7 +164,8 @@ static void measure(cairn_ellipse_set *set)
     e->covered = (cairn_real)marked / (cairn_real)arcs;
     e->votes = set->weight;
     e->rms = cairn_sqrt(off);
-    e->strength = e->covered * (1 - off / (set->params.support_distance * set->params.support_distance));
+    e->strength =
+        e->covered * (1 - off / (set->params.support_distance * set->params.support_distance));
     e->strength = cairn_max(e->strength, 0);
 }
 

@@ -6,7 +6,8 @@
 
 enum { ELLIPSE_UNKNOWNS = 5 };
 
-/* Normal equations of a conic A u^2 + B u v + C v^2 + D u + E v = 1, (u, v) from `origin` in units of `scale`. */
+/* Normal equations of a conic A u^2 + B u v + C v^2 + D u + E v = 1, (u, v) from `origin` in
+ * units of `scale`. */
 typedef struct cairn_conic_sums {
     cairn_vec2 origin;
     cairn_real scale; /* m */
@@ -19,9 +20,12 @@ typedef struct cairn_conic_sums {
 typedef struct cairn_ellipse_gate {
     cairn_ellipse ellipse;
     cairn_transform map_ellipse;
-    cairn_real distance;     /* m from the outline */
-    cairn_real sine;         /* of the angle between directions */
-    cairn_real inner, outer; /* m^2 from the centre: what is nearer or farther is off by more than the distance */
+    /* m from the outline */
+    cairn_real distance;
+    /* of the angle between directions */
+    cairn_real sine;
+    /* m^2 from the centre: what is nearer or farther is off by more than the distance */
+    cairn_real inner, outer;
 } cairn_ellipse_gate;
 
 typedef int32_t ellipse_phase;
@@ -67,15 +71,20 @@ struct cairn_ellipse_set {
     int32_t reach;     /* cells about a peak */
     cairn_real sine;   /* of the angle tolerance */
 
-    int32_t item; /* peak at hand */
+    /* peak at hand */
+    int32_t item;
     int32_t pass;
     cairn_ellipse fit;
-    cairn_real radii[ELLIPSE_RADII]; /* weight by distance from the peak, the last for most_radius */
-    cairn_ellipse_gate gate;         /* of the fit, in this pass */
+    /* weight by distance from the peak, the last for most_radius */
+    cairn_real radii[ELLIPSE_RADII];
+    /* of the fit, in this pass */
+    cairn_ellipse_gate gate;
     cairn_conic_sums sums;
     int32_t arc_count;
-    cairn_real weight, squared;       /* ELLIPSE_SUPPORT: of points on the ellipse, and their squared distances */
-    uint32_t arcs[ELLIPSE_ARCS / 32]; /* of the outline that points cover */
+    /* ELLIPSE_SUPPORT: of points on the ellipse, and their squared distances */
+    cairn_real weight, squared;
+    /* of the outline that points cover */
+    uint32_t arcs[ELLIPSE_ARCS / 32];
 };
 
 static inline cairn_real cairn_ellipse_weight(const cairn_ellipse_set *set, int32_t i)
@@ -93,10 +102,12 @@ cairn_status cairn_ellipse_refine(cairn_ellipse_set *set, cairn_budget *budget);
 
 /* ---- ellipse_fit.c ---- */
 
-cairn_ellipse_gate cairn_ellipse_gate_of(const cairn_ellipse *ellipse, cairn_real distance, cairn_real sine);
+cairn_ellipse_gate cairn_ellipse_gate_of(const cairn_ellipse *ellipse, cairn_real distance,
+                                         cairn_real sine);
 
 /* As cairn_ellipse_has(); *off: m from the outline. */
-int32_t cairn_ellipse_lets_in(const cairn_ellipse_gate *gate, const cairn_oriented_point *point, cairn_real *off);
+int32_t cairn_ellipse_lets_in(const cairn_ellipse_gate *gate, const cairn_oriented_point *point,
+                              cairn_real *off);
 
 /* 1: a point lies too far off whatever its direction. 0: it may belong to the ellipse. */
 static inline int32_t cairn_ellipse_is_far(const cairn_ellipse_gate *gate, cairn_vec2 point)

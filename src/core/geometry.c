@@ -23,7 +23,8 @@ cairn_pose cairn_pose_compose(cairn_pose a_b, cairn_pose b_c)
 cairn_pose cairn_pose_inverse(cairn_pose a_b)
 {
     cairn_transform t = cairn_transform_of(a_b);
-    cairn_pose b_a = {-(t.cosine * t.x + t.sine * t.y), t.sine * t.x - t.cosine * t.y, cairn_wrap_angle(-a_b.theta)};
+    cairn_pose b_a = {-(t.cosine * t.x + t.sine * t.y), t.sine * t.x - t.cosine * t.y,
+                      cairn_wrap_angle(-a_b.theta)};
 
     return b_a;
 }
@@ -32,7 +33,8 @@ cairn_pose cairn_pose_between(cairn_pose a_b, cairn_pose a_c)
 {
     cairn_transform t = cairn_transform_of(a_b);
     cairn_real x = a_c.x - t.x, y = a_c.y - t.y;
-    cairn_pose b_c = {t.cosine * x + t.sine * y, t.cosine * y - t.sine * x, cairn_wrap_angle(a_c.theta - a_b.theta)};
+    cairn_pose b_c = {t.cosine * x + t.sine * y, t.cosine * y - t.sine * x,
+                      cairn_wrap_angle(a_c.theta - a_b.theta)};
 
     return b_c;
 }
@@ -48,7 +50,8 @@ int32_t cairn_pose_is_finite(cairn_pose pose)
 }
 
 /* Mean position of the poses in use; their number. */
-static int32_t mean_position(const cairn_pose *poses, const int32_t *use, int32_t count, cairn_vec2 *mean)
+static int32_t mean_position(const cairn_pose *poses, const int32_t *use, int32_t count,
+                             cairn_vec2 *mean)
 {
     int32_t used = 0;
 
@@ -114,8 +117,8 @@ cairn_pose cairn_pose_about(cairn_vec2 from, cairn_vec2 to, cairn_real dot, cair
     return motion;
 }
 
-cairn_pose cairn_pose_fit(const cairn_pose *from, const cairn_pose *to, const int32_t *use, int32_t count,
-                          cairn_real ahead)
+cairn_pose cairn_pose_fit(const cairn_pose *from, const cairn_pose *to, const int32_t *use,
+                          int32_t count, cairn_real ahead)
 {
     cairn_real sine = 0, cosine = 0;
     cairn_vec2 a, b;
@@ -165,8 +168,9 @@ int32_t cairn_line_intersection(cairn_segment first, cairn_segment second, cairn
 
     if (!(cairn_abs(cross) > sine_limit))
         return 0;
-    *point =
-        cairn_vec2_add(first.a, cairn_vec2_scale(u, cairn_vec2_cross(cairn_vec2_sub(second.a, first.a), v) / cross));
+    *point = cairn_vec2_add(
+        first.a,
+        cairn_vec2_scale(u, cairn_vec2_cross(cairn_vec2_sub(second.a, first.a), v) / cross));
     return 1;
 }
 
@@ -180,8 +184,8 @@ static int turn(cairn_vec2 a, cairn_vec2 b, cairn_vec2 c)
 
 static int within_box(cairn_segment s, cairn_vec2 p)
 {
-    return p.x >= cairn_min(s.a.x, s.b.x) && p.x <= cairn_max(s.a.x, s.b.x) && p.y >= cairn_min(s.a.y, s.b.y) &&
-           p.y <= cairn_max(s.a.y, s.b.y);
+    return p.x >= cairn_min(s.a.x, s.b.x) && p.x <= cairn_max(s.a.x, s.b.x) &&
+           p.y >= cairn_min(s.a.y, s.b.y) && p.y <= cairn_max(s.a.y, s.b.y);
 }
 
 int32_t cairn_segments_cross(cairn_segment first, cairn_segment second)
@@ -229,8 +233,8 @@ cairn_real cairn_polygon_area(const cairn_vec2 *vertices, int32_t count)
     cairn_real twice = 0;
 
     for (int32_t i = 2; i < count; i++)
-        twice +=
-            cairn_vec2_cross(cairn_vec2_sub(vertices[i - 1], vertices[0]), cairn_vec2_sub(vertices[i], vertices[0]));
+        twice += cairn_vec2_cross(cairn_vec2_sub(vertices[i - 1], vertices[0]),
+                                  cairn_vec2_sub(vertices[i], vertices[0]));
     return twice / 2;
 }
 

@@ -1,17 +1,20 @@
 /* Weighted votes for directed lines, their peaks, and the lines that fit the points at the peaks.
  *
- * Method: rows of the accumulator are directions, columns signed distances from the middle of the points' box. A point
- * votes in all rows about its own direction, less the farther, and in each row for the two columns that its distance lies
- * between, so that peaks are smooth. Without orientation a row and the one half a turn away are the same with the columns
- * reversed. A peak is refined by two weighted regressions across its line, in the line's own frame, where float has digits
- * to spare; a last pass measures the support. Lines that came to lie on a stronger one are dropped (hough_lines.c). As written
- * a point votes for one column of every row, and the points of a peak's bin are its support.
+ * Method: rows of the accumulator are directions, columns signed distances from the middle of the
+ * points' box. A point votes in all rows about its own direction, less the farther, and in each row
+ * for the two columns that its distance lies between, so that peaks are smooth. Without orientation
+ * a row and the one half a turn away are the same with the columns reversed. A peak is refined by
+ * two weighted regressions across its line, in the line's own frame, where float has digits to
+ * spare; a last pass measures the support. Lines that came to lie on a stronger one are dropped
+ * (hough_lines.c). As written a point votes for one column of every row, and the points of a peak's
+ * bin are its support.
  *
- * Layout: directions of the rows; the votes; a bit for each place along the line at hand; the peaks; two lists of lines, one
- * in work, one that readers see.
+ * Layout: directions of the rows; the votes; a bit for each place along the line at hand; the
+ * peaks; two lists of lines, one in work, one that readers see.
  *
- * Limits: the columns get wider when the points reach too far for them. Votes are sums of reals in the order of the
- * points. Lines through hundreds of metres of points with an error of half a row's angle do not peak; choose more rows.
+ * Limits: the columns get wider when the points reach too far for them. Votes are sums of reals in
+ * the order of the points. Lines through hundreds of metres of points with an error of half a row's
+ * angle do not peak; choose more rows.
  *
  * Source: Hough 1962; Ballard 1981; Adluru 2008, section 8.4.1. */
 #include "src/core/build.h"
@@ -79,9 +82,10 @@ static int is_angle(cairn_real x)
 
 static int params_are_valid(const cairn_hough_params *p)
 {
-    return p->max_lines >= 1 && p->max_lines <= 256 && p->angles >= 8 && p->angles <= 1 << 12 && p->distances >= 8 &&
-           p->distances <= 1 << 14 && is_length(p->distance_step) && is_angle(p->angle_tolerance) &&
-           is_length(p->separation) && is_angle(p->separation_angle) && is_length(p->support_distance) &&
+    return p->max_lines >= 1 && p->max_lines <= 256 && p->angles >= 8 && p->angles <= 1 << 12 &&
+           p->distances >= 8 && p->distances <= 1 << 14 && is_length(p->distance_step) &&
+           is_angle(p->angle_tolerance) && is_length(p->separation) &&
+           is_angle(p->separation_angle) && is_length(p->support_distance) &&
            is_length(p->spacing) && p->least_votes > 0 && cairn_is_finite(p->least_votes) &&
            (p->mode == CAIRN_MODE_DEFAULT || p->mode == CAIRN_MODE_AS_WRITTEN);
 }
@@ -93,7 +97,8 @@ static int32_t rows_of(const cairn_hough_params *params)
 
 static cairn_hough *carve(cairn_pool *pool, const cairn_hough_params *params)
 {
-    size_t rows = (size_t)rows_of(params), columns = (size_t)params->distances, lines = (size_t)params->max_lines;
+    size_t rows = (size_t)rows_of(params), columns = (size_t)params->distances,
+           lines = (size_t)params->max_lines;
     cairn_hough *hough = cairn_pool_take_one(pool, sizeof *hough);
     cairn_vec2 *direction = cairn_pool_take(pool, rows, sizeof *direction);
     cairn_real *votes = cairn_pool_take(pool, rows * columns, sizeof *votes);
@@ -136,7 +141,8 @@ static void take_params(cairn_hough *hough, const cairn_hough_params *params)
     hough->sine_separation = cairn_sin(params->separation_angle);
 }
 
-cairn_status cairn_hough_create(cairn_hough **hough, cairn_pool *pool, const cairn_hough_params *params)
+cairn_status cairn_hough_create(cairn_hough **hough, cairn_pool *pool,
+                                const cairn_hough_params *params)
 {
     size_t need = cairn_hough_memory(params);
     cairn_hough_params used;
@@ -152,7 +158,8 @@ cairn_status cairn_hough_create(cairn_hough **hough, cairn_pool *pool, const cai
     made->rows = rows_of(&used);
     made->turn = CAIRN_PI / (cairn_real)used.angles;
     for (int32_t row = 0; row < made->rows; row++)
-        cairn_sincos((cairn_real)row * made->turn, &made->direction[row].y, &made->direction[row].x);
+        cairn_sincos((cairn_real)row * made->turn, &made->direction[row].y,
+                     &made->direction[row].x);
     *hough = made;
     return CAIRN_OK;
 }
@@ -164,17 +171,17 @@ cairn_status cairn_hough_adjust(cairn_hough *hough, const cairn_hough_params *pa
     if (hough == NULL || params == NULL)
         return CAIRN_BAD_ARGUMENT;
     used = in_mode(params);
-    if (!params_are_valid(&used) || used.max_lines != hough->params.max_lines || used.angles != hough->params.angles ||
-        used.distances != hough->params.distances || (used.oriented != 0) != (hough->params.oriented != 0) ||
-        used.mode != hough->params.mode)
+    if (!params_are_valid(&used) || used.max_lines != hough->params.max_lines ||
+        used.angles != hough->params.angles || used.distances != hough->params.distances ||
+        (used.oriented != 0) != (hough->params.oriented != 0) || used.mode != hough->params.mode)
         return CAIRN_BAD_ARGUMENT;
     hough->phase = IDLE;
     take_params(hough, &used);
     return CAIRN_OK;
 }
 
-cairn_status cairn_hough_begin(cairn_hough *hough, const cairn_oriented_point *points, const cairn_real *weights,
-                               int32_t count)
+cairn_status cairn_hough_begin(cairn_hough *hough, const cairn_oriented_point *points,
+                               const cairn_real *weights, int32_t count)
 {
     if (hough == NULL || count < 0 || (points == NULL && count > 0))
         return CAIRN_BAD_ARGUMENT;
@@ -195,10 +202,12 @@ cairn_status cairn_hough_begin(cairn_hough *hough, const cairn_oriented_point *p
 
 static cairn_status check(const cairn_oriented_point *p, cairn_real weight)
 {
-    if (!cairn_is_finite(p->position.x) || !cairn_is_finite(p->position.y) || !cairn_is_finite(p->direction.x) ||
-        !cairn_is_finite(p->direction.y) || !cairn_is_finite(weight))
+    if (!cairn_is_finite(p->position.x) || !cairn_is_finite(p->position.y) ||
+        !cairn_is_finite(p->direction.x) || !cairn_is_finite(p->direction.y) ||
+        !cairn_is_finite(weight))
         return CAIRN_NOT_FINITE;
-    if (cairn_abs(p->position.x) > LIMIT || cairn_abs(p->position.y) > LIMIT || weight < 0 || weight > LIMIT)
+    if (cairn_abs(p->position.x) > LIMIT || cairn_abs(p->position.y) > LIMIT || weight < 0 ||
+        weight > LIMIT)
         return CAIRN_BAD_ARGUMENT;
     return CAIRN_OK;
 }
@@ -207,7 +216,8 @@ static cairn_status check(const cairn_oriented_point *p, cairn_real weight)
 static void lay_columns(cairn_hough *hough)
 {
     const cairn_hough_params *p = &hough->params;
-    cairn_vec2 half = cairn_vec2_scale(cairn_vec2_sub(hough->box.max, hough->box.min), CAIRN_REAL(0.5));
+    cairn_vec2 half =
+        cairn_vec2_scale(cairn_vec2_sub(hough->box.max, hough->box.min), CAIRN_REAL(0.5));
     cairn_real radius = hough->count > 0 ? cairn_vec2_norm(half) : 0;
 
     hough->middle = cairn_vec2_add(hough->box.min, half);
@@ -260,7 +270,8 @@ static cairn_status step_clear(cairn_hough *hough, cairn_budget *budget)
 
 static void vote(cairn_hough *hough, int32_t row, cairn_vec2 p, cairn_real weight)
 {
-    cairn_real at = cairn_hough_column(hough, cairn_vec2_cross(hough->direction[row], p)), low = cairn_floor(at);
+    cairn_real at = cairn_hough_column(hough, cairn_vec2_cross(hough->direction[row], p)),
+               low = cairn_floor(at);
     cairn_real *bin = &hough->votes[row * hough->params.distances + cairn_real_to_int(low)];
 
     CAIRN_ASSERT(low >= 0 && low < (cairn_real)(hough->params.distances - 1));
@@ -268,8 +279,10 @@ static void vote(cairn_hough *hough, int32_t row, cairn_vec2 p, cairn_real weigh
     bin[1] += weight * (at - low);
 }
 
-/* The rows that a point of a direction votes in: first ... last, which may be below 0 or beyond the last row. */
-static cairn_real rows_about(const cairn_hough *hough, cairn_vec2 direction, int32_t *first, int32_t *last)
+/* The rows that a point of a direction votes in: first ... last, which may be below 0 or beyond
+ * the last row. */
+static cairn_real rows_about(const cairn_hough *hough, cairn_vec2 direction, int32_t *first,
+                             int32_t *last)
 {
     cairn_real centre = cairn_atan2(direction.y, direction.x) / hough->turn;
     cairn_real reach = hough->params.angle_tolerance / hough->turn;
@@ -279,8 +292,8 @@ static cairn_real rows_about(const cairn_hough *hough, cairn_vec2 direction, int
     return centre;
 }
 
-static void vote_all(cairn_hough *hough, cairn_vec2 p, cairn_real weight, cairn_real centre, int32_t first,
-                     int32_t last)
+static void vote_all(cairn_hough *hough, cairn_vec2 p, cairn_real weight, cairn_real centre,
+                     int32_t first, int32_t last)
 {
     cairn_real reach = hough->params.angle_tolerance / hough->turn;
 
@@ -329,7 +342,8 @@ static cairn_status step_vote(cairn_hough *hough, cairn_budget *budget)
         if (!cairn_budget_pay(budget, &hough->paid, 2 + (last - first) / 4))
             return CAIRN_MORE;
         if (weight > 0 && cairn_vec2_norm_squared(p->direction) > 0)
-            vote_all(hough, cairn_vec2_sub(p->position, hough->middle), weight, centre, first, last);
+            vote_all(hough, cairn_vec2_sub(p->position, hough->middle), weight, centre, first,
+                     last);
     }
     return CAIRN_OK;
 }
@@ -347,7 +361,8 @@ static int is_peak(const cairn_hough *hough, int32_t row, int32_t column)
         int32_t reversed = !hough->params.oriented && other != row + i;
         int32_t about = reversed ? columns - 1 - column : column;
         int32_t from = about > hough->column_reach ? about - hough->column_reach : 0;
-        int32_t to = columns - 1 - about > hough->column_reach ? about + hough->column_reach : columns - 1;
+        int32_t to =
+            columns - 1 - about > hough->column_reach ? about + hough->column_reach : columns - 1;
 
         for (int32_t j = other * columns + from; j <= other * columns + to; j++)
             if (hough->votes[j] > votes || (j < self && hough->votes[j] == votes))
@@ -375,7 +390,8 @@ static void keep(cairn_hough *hough, int32_t row, int32_t column)
     hough->peaks[at] = p;
 }
 
-/* A line between two columns loses half of its votes to the other one, and some more between two rows; as written it keeps them. */
+/* A line between two columns loses half of its votes to the other one, and some more between two
+ * rows; as written it keeps them. */
 static int may_be_peak(const cairn_hough *hough, int32_t bin)
 {
     cairn_real share = cairn_hough_is_as_written(hough) ? 1 : CAIRN_REAL(0.4);
@@ -393,7 +409,8 @@ static cairn_status step_peaks(cairn_hough *hough, cairn_budget *budget)
             return CAIRN_MORE;
         if (!may_be_peak(hough, hough->cursor)) {
             budget->left--;
-            for (int32_t i = 0; i < 32 && hough->cursor < bins && !may_be_peak(hough, hough->cursor); i++)
+            for (int32_t i = 0;
+                 i < 32 && hough->cursor < bins && !may_be_peak(hough, hough->cursor); i++)
                 hough->cursor++;
             continue;
         }
@@ -416,7 +433,8 @@ static cairn_status step_phase(cairn_hough *hough, cairn_budget *budget)
     case CLEAR:
         return step_clear(hough, budget);
     case VOTE:
-        return cairn_hough_is_as_written(hough) ? step_vote_as_written(hough, budget) : step_vote(hough, budget);
+        return cairn_hough_is_as_written(hough) ? step_vote_as_written(hough, budget)
+                                                : step_vote(hough, budget);
     case PEAKS:
         return step_peaks(hough, budget);
     case FIT:
@@ -459,7 +477,8 @@ int32_t cairn_hough_dropped(const cairn_hough *hough)
 
 cairn_segment cairn_hough_segment(const cairn_hough_line *line)
 {
-    cairn_segment segment = {cairn_vec2_add(line->point, cairn_vec2_scale(line->direction, line->low)),
-                             cairn_vec2_add(line->point, cairn_vec2_scale(line->direction, line->high))};
+    cairn_segment segment = {
+        cairn_vec2_add(line->point, cairn_vec2_scale(line->direction, line->low)),
+        cairn_vec2_add(line->point, cairn_vec2_scale(line->direction, line->high))};
     return segment;
 }

@@ -1,5 +1,6 @@
-/* The line at each peak: fitted to the points by two weighted regressions across it, then measured, and dropped when it has come
- * to lie on a stronger one. As written it is the middle of its bin, and measured alone. */
+/* The line at each peak: fitted to the points by two weighted regressions across it, then
+ * measured, and dropped when it has come to lie on a stronger one. As written it is the middle
+ * of its bin, and measured alone. */
 #include "src/core/build.h"
 
 #include <string.h>
@@ -18,7 +19,8 @@ static void start_pass(cairn_hough *hough)
     hough->fit.low = CAIRN_REAL_MAX;
     hough->fit.high = -CAIRN_REAL_MAX;
     if (hough->pass == SUPPORT)
-        memset(hough->places, 0, (size_t)((hough->params.distances + 31) / 32) * sizeof *hough->places);
+        memset(hough->places, 0,
+               (size_t)((hough->params.distances + 31) / 32) * sizeof *hough->places);
 }
 
 static void start_line(cairn_hough *hough)
@@ -26,10 +28,12 @@ static void start_line(cairn_hough *hough)
     const peak *p = &hough->peaks[hough->line];
     cairn_vec2 direction = hough->direction[p->row];
     cairn_real distance =
-        ((cairn_real)p->column - (cairn_real)(hough->params.distances - 1) * CAIRN_REAL(0.5)) * hough->step;
+        ((cairn_real)p->column - (cairn_real)(hough->params.distances - 1) * CAIRN_REAL(0.5)) *
+        hough->step;
 
     hough->fit.direction = direction;
-    hough->fit.point = cairn_vec2_add(hough->middle, cairn_vec2_scale(cairn_vec2_left(direction), distance));
+    hough->fit.point =
+        cairn_vec2_add(hough->middle, cairn_vec2_scale(cairn_vec2_left(direction), distance));
     hough->pass = cairn_hough_is_as_written(hough) ? SUPPORT : COARSE;
     start_pass(hough);
 }
@@ -43,7 +47,8 @@ static void mark_place(cairn_hough *hough, cairn_vec2 p)
     hough->places[place / 32] |= (uint32_t)1 << (place % 32);
 }
 
-/* 1 when the point belongs to the current line, from which it is s away. As written: when it has voted for it. */
+/* 1 when the point belongs to the current line, from which it is s away. As written: when it has
+ * voted for it. */
 static int belongs(const cairn_hough *hough, const cairn_oriented_point *p, cairn_real s)
 {
     cairn_real reach = hough->params.support_distance, along, across;
@@ -51,7 +56,8 @@ static int belongs(const cairn_hough *hough, const cairn_oriented_point *p, cair
     if (cairn_hough_is_as_written(hough)) {
         const peak *at = &hough->peaks[hough->line];
 
-        return cairn_hough_bin(hough, at->row, cairn_vec2_sub(p->position, hough->middle)) == at->column;
+        return cairn_hough_bin(hough, at->row, cairn_vec2_sub(p->position, hough->middle)) ==
+               at->column;
     }
     along = cairn_vec2_dot(hough->fit.direction, p->direction);
     across = cairn_vec2_cross(hough->fit.direction, p->direction);
@@ -85,7 +91,8 @@ static void add_point(cairn_hough *hough, const cairn_oriented_point *p, cairn_r
     }
 }
 
-/* Moves the line at hand to the regression of s over t. 0 when the points have no extent along it. */
+/* Moves the line at hand to the regression of s over t. 0 when the points have no extent along
+ * it. */
 static int refit(cairn_hough *hough)
 {
     const moments *m = &hough->sum;
@@ -100,8 +107,8 @@ static int refit(cairn_hough *hough)
     if (!(tt > 0))
         return 0;
     slope = (m->ts / m->w - t * s) / tt;
-    hough->fit.point =
-        cairn_vec2_add(hough->fit.point, cairn_vec2_add(cairn_vec2_scale(d, t), cairn_vec2_scale(left, s)));
+    hough->fit.point = cairn_vec2_add(
+        hough->fit.point, cairn_vec2_add(cairn_vec2_scale(d, t), cairn_vec2_scale(left, s)));
     hough->fit.direction = cairn_vec2_unit(cairn_vec2_add(d, cairn_vec2_scale(left, slope)));
     return 1;
 }
@@ -134,7 +141,8 @@ static void measure(cairn_hough *hough)
     l->covered = cairn_min(covered(hough), l->high - l->low);
     l->votes = m->w;
     l->rms = cairn_sqrt(cairn_max(m->ss / m->w - s * s, 0));
-    if (!hough->params.oriented && (l->direction.x < 0 || (l->direction.x == 0 && l->direction.y < 0))) {
+    if (!hough->params.oriented &&
+        (l->direction.x < 0 || (l->direction.x == 0 && l->direction.y < 0))) {
         cairn_real low = l->low;
 
         l->direction = cairn_vec2_scale(l->direction, -1);
@@ -147,8 +155,9 @@ static void measure(cairn_hough *hough)
 static int is_same(const cairn_hough *hough, const cairn_hough_line *a, const cairn_hough_line *b)
 {
     cairn_real along = cairn_vec2_dot(a->direction, b->direction), sign = along < 0 ? -1 : 1;
-    cairn_real apart = cairn_vec2_cross(a->direction, cairn_vec2_sub(a->point, hough->middle)) -
-                       sign * cairn_vec2_cross(b->direction, cairn_vec2_sub(b->point, hough->middle));
+    cairn_real apart =
+        cairn_vec2_cross(a->direction, cairn_vec2_sub(a->point, hough->middle)) -
+        sign * cairn_vec2_cross(b->direction, cairn_vec2_sub(b->point, hough->middle));
 
     if (hough->params.oriented && along < 0)
         return 0;
@@ -174,7 +183,8 @@ static void end_pass(cairn_hough *hough)
         start_pass(hough);
         return;
     }
-    if (hough->pass == SUPPORT && hough->sum.w >= hough->params.least_votes && hough->fit.high > hough->fit.low) {
+    if (hough->pass == SUPPORT && hough->sum.w >= hough->params.least_votes &&
+        hough->fit.high > hough->fit.low) {
         measure(hough);
         insert(hough);
     }
@@ -198,9 +208,11 @@ cairn_status cairn_hough_fit_lines(cairn_hough *hough, cairn_budget *budget)
                 return CAIRN_MORE;
             budget->left--;
             for (int32_t i = 0; i < 4 && hough->cursor < hough->count; i++, hough->cursor++)
-                add_point(hough, &hough->points[hough->cursor], cairn_hough_weight(hough, hough->cursor));
+                add_point(hough, &hough->points[hough->cursor],
+                          cairn_hough_weight(hough, hough->cursor));
         }
-        if (!cairn_budget_pay(budget, &hough->paid, 4 + hough->params.distances / 16 + hough->work_count / 2))
+        if (!cairn_budget_pay(budget, &hough->paid,
+                              4 + hough->params.distances / 16 + hough->work_count / 2))
             return CAIRN_MORE;
         end_pass(hough);
     }

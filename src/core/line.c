@@ -1,7 +1,9 @@
-/* Orthogonal regression (total least squares) by the principal axis of the weighted scatter about the weighted mean.
+/* Orthogonal regression (total least squares) by the principal axis of the weighted scatter about
+ * the weighted mean.
  *
- * Sums are taken about the first point of weight > 0 and then about the mean, so that places far from the origin
- * cost no digits. Limits: the squares of all coordinates and of the weights' sum must be representable. */
+ * Sums are taken about the first point of weight > 0 and then about the mean, so that places far
+ * from the origin cost no digits. Limits: the squares of all coordinates and of the weights' sum
+ * must be representable. */
 #include "src/core/build.h"
 
 #include <stddef.h>
@@ -27,7 +29,8 @@ static cairn_status check_points(const cairn_vec2 *points, const cairn_real *wei
     for (int32_t i = 0; i < count; i++) {
         cairn_real weight = weight_of(weights, i);
 
-        if (!cairn_is_finite(points[i].x) || !cairn_is_finite(points[i].y) || !cairn_is_finite(weight))
+        if (!cairn_is_finite(points[i].x) || !cairn_is_finite(points[i].y) ||
+            !cairn_is_finite(weight))
             return CAIRN_NOT_FINITE;
         if (weight < 0)
             return CAIRN_BAD_ARGUMENT;
@@ -35,7 +38,8 @@ static cairn_status check_points(const cairn_vec2 *points, const cairn_real *wei
     return CAIRN_OK;
 }
 
-cairn_status cairn_line_fit(const cairn_vec2 *points, const cairn_real *weights, int32_t count, cairn_line *line)
+cairn_status cairn_line_fit(const cairn_vec2 *points, const cairn_real *weights, int32_t count,
+                            cairn_line *line)
 {
     cairn_line fit = {{0, 0}, {1, 0}, CAIRN_REAL_MAX, -CAIRN_REAL_MAX, 0, 0};
     cairn_sym2 scatter = {0, 0, 0};
@@ -81,12 +85,14 @@ cairn_status cairn_line_fit(const cairn_vec2 *points, const cairn_real *weights,
 
 cairn_segment cairn_line_segment(const cairn_line *line)
 {
-    cairn_segment segment = {cairn_vec2_add(line->mean, cairn_vec2_scale(line->direction, line->low)),
-                             cairn_vec2_add(line->mean, cairn_vec2_scale(line->direction, line->high))};
+    cairn_segment segment = {
+        cairn_vec2_add(line->mean, cairn_vec2_scale(line->direction, line->low)),
+        cairn_vec2_add(line->mean, cairn_vec2_scale(line->direction, line->high))};
     return segment;
 }
 
-/* Scatter of a mass laid uniformly on a segment, about a point: that about its middle, and the middle's. */
+/* Scatter of a mass laid uniformly on a segment, about a point: that about its middle, and the
+ * middle's. */
 static cairn_sym2 segment_scatter(cairn_sym2 m, cairn_segment s, cairn_real mass, cairn_vec2 about)
 {
     cairn_vec2 middle = cairn_vec2_scale(cairn_vec2_add(s.a, s.b), CAIRN_REAL(0.5));
@@ -97,7 +103,8 @@ static cairn_sym2 segment_scatter(cairn_sym2 m, cairn_segment s, cairn_real mass
 
 static int segment_is_finite(cairn_segment s)
 {
-    return cairn_is_finite(s.a.x) && cairn_is_finite(s.a.y) && cairn_is_finite(s.b.x) && cairn_is_finite(s.b.y);
+    return cairn_is_finite(s.a.x) && cairn_is_finite(s.a.y) && cairn_is_finite(s.b.x) &&
+           cairn_is_finite(s.b.y);
 }
 
 cairn_status cairn_segment_merge(cairn_segment first, cairn_real first_mass, cairn_segment second,
@@ -110,7 +117,8 @@ cairn_status cairn_segment_merge(cairn_segment first, cairn_real first_mass, cai
 
     if (merged == NULL || !(first_mass > 0) || !(second_mass > 0))
         return CAIRN_BAD_ARGUMENT;
-    if (!segment_is_finite(first) || !segment_is_finite(second) || !cairn_is_finite(first_mass + second_mass))
+    if (!segment_is_finite(first) || !segment_is_finite(second) ||
+        !cairn_is_finite(first_mass + second_mass))
         return CAIRN_NOT_FINITE;
     ends[0] = first.a;
     ends[1] = first.b;
@@ -118,7 +126,8 @@ cairn_status cairn_segment_merge(cairn_segment first, cairn_real first_mass, cai
     ends[3] = second.b;
     share = second_mass / (first_mass + second_mass) / 2;
     mean = first.a;
-    mean = cairn_vec2_add(mean, cairn_vec2_scale(cairn_vec2_sub(first.b, first.a), CAIRN_REAL(0.5) - share));
+    mean = cairn_vec2_add(
+        mean, cairn_vec2_scale(cairn_vec2_sub(first.b, first.a), CAIRN_REAL(0.5) - share));
     mean = cairn_vec2_add(mean, cairn_vec2_scale(cairn_vec2_sub(second.a, first.a), share));
     mean = cairn_vec2_add(mean, cairn_vec2_scale(cairn_vec2_sub(second.b, first.a), share));
     scatter = segment_scatter(scatter, first, first_mass, mean);

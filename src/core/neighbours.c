@@ -1,19 +1,22 @@
 /* Hash grid and sweep-and-prune.
  *
- * Hash grid: the plane is cut into square cells; the points of the cells that share a bucket form a chain (heads, next),
- * the last one inserted first. A query visits the buckets of the cells that its radius touches and judges every candidate
- * by its distance, so that points of other cells in the same bucket do no harm; the walk over all neighbours also
- * compares cells, so that it meets each point once. The nearest point is searched in rings of cells around the query; the
- * box of cells to visit shrinks to the distance found. A query that touches more cells than there are points looks at the
- * points one by one instead, which bounds its cost.
+ * Hash grid: the plane is cut into square cells; the points of the cells that share a bucket form a
+ * chain (heads, next), the last one inserted first. A query visits the buckets of the cells that
+ * its radius touches and judges every candidate by its distance, so that points of other cells in
+ * the same bucket do no harm; the walk over all neighbours also compares cells, so that it meets
+ * each point once. The nearest point is searched in rings of cells around the query; the box of
+ * cells to visit shrinks to the distance found. A query that touches more cells than there are
+ * points looks at the points one by one instead, which bounds its cost.
  *
- * Sweep and prune (Cohen, Lin, Manocha and Ponamgi 1995): boxes sorted by the left side, ties by index; each is tested
- * against those after it that start before it ends. The order of the last sweep is sorted again by insertion, linear
- * when the boxes moved little; after many new boxes coarser strides go first (Shell 1959). The sort swaps in place: the
- * order is a permutation at all times, and a sweep may be begun anew in the middle of another.
+ * Sweep and prune (Cohen, Lin, Manocha and Ponamgi 1995): boxes sorted by the left side, ties by
+ * index; each is tested against those after it that start before it ends. The order of the last
+ * sweep is sorted again by insertion, linear when the boxes moved little; after many new boxes
+ * coarser strides go first (Shell 1959). The sort swaps in place: the order is a permutation at all
+ * times, and a sweep may be begun anew in the middle of another.
  *
- * Limits: cell numbers are clamped to +-2^30, so points farther than that many cells share the outermost ones: slower,
- * not wrong. Boxes that are empty or hold a NaN are sorted last and overlap none. */
+ * Limits: cell numbers are clamped to +-2^30, so points farther than that many cells share the
+ * outermost ones: slower, not wrong. Boxes that are empty or hold a NaN are sorted last and
+ * overlap none. */
 #include "src/core/build.h"
 
 #include "cairn/neighbours.h"
@@ -58,8 +61,8 @@ static uint32_t bucket_count(int32_t max_points)
 
 static int point_grid_params_are_good(const cairn_point_grid_params *params)
 {
-    return params != NULL && params->max_points >= 1 && params->max_points <= MAX_COUNT && params->cell > 0 &&
-           params->cell <= CAIRN_REAL_MAX && 1 / params->cell <= CAIRN_REAL_MAX;
+    return params != NULL && params->max_points >= 1 && params->max_points <= MAX_COUNT &&
+           params->cell > 0 && params->cell <= CAIRN_REAL_MAX && 1 / params->cell <= CAIRN_REAL_MAX;
 }
 
 static cairn_point_grid *carve_point_grid(cairn_pool *pool, const cairn_point_grid_params *params)
@@ -88,7 +91,8 @@ size_t cairn_point_grid_memory(const cairn_point_grid_params *params)
     return cairn_pool_counted(&counting);
 }
 
-cairn_status cairn_point_grid_create(cairn_point_grid **grid, cairn_pool *pool, const cairn_point_grid_params *params)
+cairn_status cairn_point_grid_create(cairn_point_grid **grid, cairn_pool *pool,
+                                     const cairn_point_grid_params *params)
 {
     size_t need = cairn_point_grid_memory(params);
     cairn_point_grid *made;
@@ -129,13 +133,14 @@ static uint32_t bucket_of(const cairn_point_grid *grid, int32_t x, int32_t y)
     return (hash ^ hash >> 15) & grid->mask;
 }
 
-/* The cells of all points whose computed distance from p is at most `radius`. The radius grows by more than the rounding
- * and the underflow of that distance; rounding the sums is monotone, so no point is lost at a border. */
+/* The cells of all points whose computed distance from p is at most `radius`. The radius grows
+ * by more than the rounding and the underflow of that distance; rounding the sums is monotone,
+ * so no point is lost at a border. */
 static struct cell_box cells_within(const cairn_point_grid *grid, cairn_vec2 p, cairn_real radius)
 {
     cairn_real reach = radius * (1 + 8 * CAIRN_REAL_EPSILON) + CAIRN_REAL(1e-19);
-    struct cell_box box = {cell_of(grid, p.x - reach), cell_of(grid, p.x + reach), cell_of(grid, p.y - reach),
-                           cell_of(grid, p.y + reach)};
+    struct cell_box box = {cell_of(grid, p.x - reach), cell_of(grid, p.x + reach),
+                           cell_of(grid, p.y - reach), cell_of(grid, p.y + reach)};
     return box;
 }
 
@@ -171,7 +176,8 @@ void cairn_point_grid_remove_last(cairn_point_grid *grid)
         return;
     grid->count--;
     point = grid->points[grid->count];
-    grid->heads[bucket_of(grid, cell_of(grid, point.x), cell_of(grid, point.y))] = grid->next[grid->count];
+    grid->heads[bucket_of(grid, cell_of(grid, point.x), cell_of(grid, point.y))] =
+        grid->next[grid->count];
 }
 
 int32_t cairn_point_grid_count(const cairn_point_grid *grid)
@@ -196,7 +202,8 @@ struct nearest {
 
 static int faces(const cairn_point_grid_facing *facing, int32_t i)
 {
-    return facing == NULL || cairn_vec2_dot(facing->directions[i], facing->direction) >= facing->least_cosine;
+    return facing == NULL ||
+           cairn_vec2_dot(facing->directions[i], facing->direction) >= facing->least_cosine;
 }
 
 static void try_point(const cairn_point_grid *grid, int32_t i, struct nearest *best)
@@ -204,7 +211,8 @@ static void try_point(const cairn_point_grid *grid, int32_t i, struct nearest *b
     cairn_real d = cairn_vec2_norm_squared(cairn_vec2_sub(grid->points[i], best->p));
 
     best->looked_at++;
-    if ((d < best->distance_squared || (d == best->distance_squared && (best->index == NONE || i < best->index))) &&
+    if ((d < best->distance_squared ||
+         (d == best->distance_squared && (best->index == NONE || i < best->index))) &&
         faces(best->facing, i)) {
         best->distance_squared = d;
         best->index = i;
@@ -219,8 +227,8 @@ static void try_cell(const cairn_point_grid *grid, int32_t x, int32_t y, struct 
 }
 
 /* The cells at Chebyshev distance k from (cx, cy) that lie in the box. */
-static void try_ring(const cairn_point_grid *grid, int32_t cx, int32_t cy, int32_t k, struct cell_box box,
-                     struct nearest *best)
+static void try_ring(const cairn_point_grid *grid, int32_t cx, int32_t cy, int32_t k,
+                     struct cell_box box, struct nearest *best)
 {
     int32_t low_x = larger(cx - k, box.min_x), high_x = smaller(cx + k, box.max_x);
     int32_t low_y = larger(cy - k, box.min_y), high_y = smaller(cy + k, box.max_y);
@@ -277,8 +285,9 @@ int32_t cairn_point_grid_nearest(const cairn_point_grid *grid, cairn_vec2 p, cai
     return best.index;
 }
 
-int32_t cairn_point_grid_nearest_facing(const cairn_point_grid *grid, cairn_vec2 p, cairn_real radius,
-                                        const cairn_point_grid_facing *facing, int32_t *looked_at)
+int32_t cairn_point_grid_nearest_facing(const cairn_point_grid *grid, cairn_vec2 p,
+                                        cairn_real radius, const cairn_point_grid_facing *facing,
+                                        int32_t *looked_at)
 {
     struct nearest best = {.p = p, .index = NONE, .facing = facing};
 
@@ -304,9 +313,11 @@ int32_t cairn_point_grid_has(const cairn_point_grid *grid, cairn_vec2 p, cairn_r
     return 0;
 }
 
-cairn_point_grid_cursor cairn_point_grid_begin(const cairn_point_grid *grid, cairn_vec2 p, cairn_real radius)
+cairn_point_grid_cursor cairn_point_grid_begin(const cairn_point_grid *grid, cairn_vec2 p,
+                                               cairn_real radius)
 {
-    cairn_point_grid_cursor cursor = {.centre = p, .radius_squared = radius * radius, .max_y = -1, .next = NONE};
+    cairn_point_grid_cursor cursor = {
+        .centre = p, .radius_squared = radius * radius, .max_y = -1, .next = NONE};
     struct cell_box box;
 
     if (grid->count == 0 || !(radius >= 0) || !cairn_is_finite(p.x) || !cairn_is_finite(p.y))
@@ -328,7 +339,8 @@ cairn_point_grid_cursor cairn_point_grid_begin(const cairn_point_grid *grid, cai
 
 static int is_near(const cairn_point_grid *grid, const cairn_point_grid_cursor *cursor, int32_t i)
 {
-    return cairn_vec2_norm_squared(cairn_vec2_sub(grid->points[i], cursor->centre)) <= cursor->radius_squared;
+    return cairn_vec2_norm_squared(cairn_vec2_sub(grid->points[i], cursor->centre)) <=
+           cursor->radius_squared;
 }
 
 int32_t cairn_point_grid_next(const cairn_point_grid *grid, cairn_point_grid_cursor *cursor)
@@ -410,7 +422,8 @@ size_t cairn_box_sweep_memory(const cairn_box_sweep_params *params)
     return cairn_pool_counted(&counting);
 }
 
-cairn_status cairn_box_sweep_create(cairn_box_sweep **sweep, cairn_pool *pool, const cairn_box_sweep_params *params)
+cairn_status cairn_box_sweep_create(cairn_box_sweep **sweep, cairn_pool *pool,
+                                    const cairn_box_sweep_params *params)
 {
     size_t need = cairn_box_sweep_memory(params);
     cairn_box_sweep *made;
@@ -453,7 +466,8 @@ cairn_status cairn_box_sweep_begin(cairn_box_sweep *sweep, const cairn_box *boxe
     return CAIRN_OK;
 }
 
-cairn_status cairn_box_sweep_begin_in(cairn_box_sweep *sweep, const cairn_box *boxes, int32_t count, cairn_box window)
+cairn_status cairn_box_sweep_begin_in(cairn_box_sweep *sweep, const cairn_box *boxes, int32_t count,
+                                      cairn_box window)
 {
     cairn_status status = cairn_box_sweep_begin(sweep, boxes, count);
 
@@ -534,7 +548,8 @@ static int test_some(cairn_box_sweep *sweep, int64_t *operations, int32_t *first
             if (other->min.x > right)
                 break;
             /* One comparison, as neither half of it can be guessed. */
-            if (cairn_max(other->min.y, low) <= cairn_min(other->max.y, high) && is_in_window(sweep, other)) {
+            if (cairn_max(other->min.y, low) <= cairn_min(other->max.y, high) &&
+                is_in_window(sweep, other)) {
                 *first = a < order[at] ? a : order[at];
                 *second = a < order[at] ? order[at] : a;
                 *operations = left - (at + 1 - sweep->second);
@@ -554,7 +569,8 @@ static int test_some(cairn_box_sweep *sweep, int64_t *operations, int32_t *first
     return 0;
 }
 
-/* Charges operations, which are paid for two at a time; what is left of a unit serves the next call. */
+/* Charges operations, which are paid for two at a time; what is left of a unit serves the next
+ * call. */
 static void charge(cairn_box_sweep *sweep, cairn_budget *budget, int64_t operations)
 {
     int64_t due = operations - sweep->credit;
@@ -568,9 +584,12 @@ static void charge(cairn_box_sweep *sweep, cairn_budget *budget, int64_t operati
     sweep->credit = (int32_t)-due;
 }
 
-cairn_status cairn_box_sweep_next(cairn_box_sweep *sweep, cairn_budget *budget, int32_t *first, int32_t *second)
+cairn_status cairn_box_sweep_next(cairn_box_sweep *sweep, cairn_budget *budget, int32_t *first,
+                                  int32_t *second)
 {
-    int64_t most = sweep->credit + (int64_t)(budget->left > 0 ? budget->left : 0) * OPERATIONS_PER_UNIT, left = most;
+    int64_t most = sweep->credit +
+                   (int64_t)(budget->left > 0 ? budget->left : 0) * OPERATIONS_PER_UNIT,
+            left = most;
     int found = 0;
 
     for (; sweep->stride > 0 && left >= OPERATIONS_OF_MOVE; left -= OPERATIONS_OF_MOVE)

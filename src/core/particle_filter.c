@@ -1,23 +1,28 @@
 /* Sequential importance resampling.
  *
- * Method. A step proposes for every particle, then goes through the particles' groups of candidates one by one: the prior
- * masses are normalised, candidates are weighed and drawn, each drawn one becomes a follower. n followers are drawn by
- * residual sampling, m_k copies of candidate k; copies of one candidate are one follower with the weight of all of them,
+ * Method. A step proposes for every particle, then goes through the particles' groups of candidates
+ * one by one: the prior masses are normalised, candidates are weighed and drawn, each drawn one
+ * becomes a follower. n followers are drawn by residual sampling, m_k copies of candidate k; copies
+ * of one candidate are one follower with the weight of all of them,
  *
- *     prior:    w m_k / n p(z | x_k)                    optimal:  w m_k / n sum_l p(z | x_l) p(x_l | x)
+ *     prior:    w m_k / n p(z | x_k)                    optimal:  w m_k / n sum_l p(z | x_l) p(x_l
+ *     | x)
  *
- * which is unbiased because E[m_k] is n times the mass of k. Where there is room for all candidates none is drawn: each is a
- * follower of weight w p(z | x_k) p(x_k | x). The heaviest followers up to max_particles are kept in a heap. Then weights are
- * normalised, and by N_eff = 1 / sum w^2 the population is resampled, by residuals as well: floor(N w) copies of each, the
- * rest drawn by what is left of N w.
+ * which is unbiased because E[m_k] is n times the mass of k. Where there is room for all candidates
+ * none is drawn: each is a follower of weight w p(z | x_k) p(x_k | x). The heaviest followers up to
+ * max_particles are kept in a heap. Then weights are normalised, and by N_eff = 1 / sum w^2 the
+ * population is resampled, by residuals as well: floor(N w) copies of each, the rest drawn by what
+ * is left of N w.
  *
  * Weights are logarithms throughout; only ratios to the largest are ever exponentials.
  *
- * Layout. A node of the tree of histories is a header and the caller's state behind it, in a block pool. A node is referred to
- * by its children and by the particles that end in it; when nobody does it is given back, and so on towards the root. There
- * are three populations: that which readers see, the followers, and what is resampled from them.
+ * Layout. A node of the tree of histories is a header and the caller's state behind it, in a block
+ * pool. A node is referred to by its children and by the particles that end in it; when nobody does
+ * it is given back, and so on towards the root. There are three populations: that which readers
+ * see, the followers, and what is resampled from them.
  *
- * Source: Adluru 2008, sections 2.3, 9.2.2 and 9.3; residual resampling: Liu and Chen 1998; N_eff: Kong, Liu and Wong 1994. */
+ * Source: Adluru 2008, sections 2.3, 9.2.2 and 9.3; residual resampling: Liu and Chen 1998;
+ * N_eff: Kong, Liu and Wong 1994. */
 #include "src/core/build.h"
 
 #include <string.h>
@@ -49,11 +54,13 @@ static int is_count(int32_t n)
 
 static int params_are_valid(const cairn_particle_filter_params *p)
 {
-    return p != NULL && p->particles >= 1 && is_count(p->max_particles) && p->particles <= p->max_particles &&
-           is_count(p->max_followers) && is_count(p->max_candidates) && p->max_blocks >= 1 &&
-           p->max_blocks <= BLOCKS_MOST && is_count(p->state_bytes) && p->proposal >= CAIRN_PROPOSAL_PRIOR &&
-           p->proposal <= CAIRN_PROPOSAL_OPTIMAL && p->by_entropy >= 0 && p->by_entropy <= 1 && p->past >= 0 &&
-           p->past <= COUNT_MOST && p->resample_below >= 0 && p->resample_below <= 1;
+    return p != NULL && p->particles >= 1 && is_count(p->max_particles) &&
+           p->particles <= p->max_particles && is_count(p->max_followers) &&
+           is_count(p->max_candidates) && p->max_blocks >= 1 && p->max_blocks <= BLOCKS_MOST &&
+           is_count(p->state_bytes) && p->proposal >= CAIRN_PROPOSAL_PRIOR &&
+           p->proposal <= CAIRN_PROPOSAL_OPTIMAL && p->by_entropy >= 0 && p->by_entropy <= 1 &&
+           p->past >= 0 && p->past <= COUNT_MOST && p->resample_below >= 0 &&
+           p->resample_below <= 1;
 }
 
 static size_t stride_of(const cairn_particle_filter_params *p)
@@ -89,7 +96,8 @@ static cairn_particle_filter *carve(cairn_pool *pool, const cairn_particle_filte
     int32_t *first = cairn_pool_take(pool, particles + 1, sizeof *first);
     cairn_real *mass = cairn_pool_take(pool, most, sizeof *mass);
     int32_t *copies = cairn_pool_take(pool, most, sizeof *copies);
-    cairn_block_pool *blocks = carve_blocks(pool, FILTER_HEADER + stride_of(p), (size_t)p->max_blocks);
+    cairn_block_pool *blocks =
+        carve_blocks(pool, FILTER_HEADER + stride_of(p), (size_t)p->max_blocks);
 
     if (f == NULL)
         return NULL;
@@ -120,7 +128,8 @@ size_t cairn_particle_filter_memory(const cairn_particle_filter_params *params)
 }
 
 cairn_status cairn_particle_filter_create(cairn_particle_filter **filter, cairn_pool *pool,
-                                          const cairn_particle_filter_params *params, const cairn_particle_model *model)
+                                          const cairn_particle_filter_params *params,
+                                          const cairn_particle_model *model)
 {
     size_t need = cairn_particle_filter_memory(params);
     cairn_particle_filter *made;
@@ -139,7 +148,8 @@ cairn_status cairn_particle_filter_create(cairn_particle_filter **filter, cairn_
 
 /* ---- The tree of histories ---- */
 
-/* A node behind `parent` with a copy of the state, referred to once; NULL when there is no block. */
+/* A node behind `parent` with a copy of the state, referred to once; NULL when there is no
+ * block. */
 static filter_node *grow(cairn_particle_filter *f, filter_node *parent, const void *state)
 {
     filter_node *n = cairn_block_pool_take(f->blocks);
@@ -195,7 +205,8 @@ int cairn_particle_is_lighter(const filter_particle *a, const filter_particle *b
     return a->log_weight < b->log_weight || (a->log_weight == b->log_weight && a->born > b->born);
 }
 
-/* Puts `p` into the heap from the vacant place `hole` down; no particle is lighter than its parent. */
+/* Puts `p` into the heap from the vacant place `hole` down; no particle is lighter than its
+ * parent. */
 static void sift_down(filter_population *heap, int32_t hole, filter_particle p)
 {
     for (;;) {
@@ -203,7 +214,8 @@ static void sift_down(filter_population *heap, int32_t hole, filter_particle p)
 
         if (child >= heap->count)
             break;
-        if (child + 1 < heap->count && cairn_particle_is_lighter(&heap->list[child + 1], &heap->list[child]))
+        if (child + 1 < heap->count &&
+            cairn_particle_is_lighter(&heap->list[child + 1], &heap->list[child]))
             child++;
         if (!cairn_particle_is_lighter(&heap->list[child], &p))
             break;
@@ -222,8 +234,8 @@ static void sift_up(filter_population *heap, int32_t hole, filter_particle p)
     heap->list[hole] = p;
 }
 
-cairn_status cairn_particle_follow(cairn_particle_filter *f, filter_particle follower, filter_node *parent,
-                                   const void *state)
+cairn_status cairn_particle_follow(cairn_particle_filter *f, filter_particle follower,
+                                   filter_node *parent, const void *state)
 {
     int full = f->next.count == f->params.max_particles;
 
@@ -277,7 +289,8 @@ cairn_status cairn_particle_filter_clear(cairn_particle_filter *filter, uint64_t
     return CAIRN_OK;
 }
 
-cairn_status cairn_particle_filter_start(cairn_particle_filter *filter, const void *state, cairn_real log_weight)
+cairn_status cairn_particle_filter_start(cairn_particle_filter *filter, const void *state,
+                                         cairn_real log_weight)
 {
     filter_particle p = {NULL, log_weight, 0, 0};
 
@@ -316,7 +329,8 @@ cairn_status cairn_particle_filter_begin(cairn_particle_filter *filter)
     return CAIRN_OK;
 }
 
-cairn_status cairn_particle_filter_offer(cairn_particle_filter *filter, const void *state, cairn_real log_mass)
+cairn_status cairn_particle_filter_offer(cairn_particle_filter *filter, const void *state,
+                                         cairn_real log_mass)
 {
     int32_t at;
 

@@ -13,12 +13,14 @@ static void begin_draw(cairn_particle_filter *f, int32_t count, int32_t wanted, 
 }
 
 /* mass[] becomes the running sum of what is left over of each, by which the rest is drawn. */
-static int step_draw(cairn_particle_filter *f, cairn_real *mass, int32_t *copies, cairn_budget *budget)
+static int step_draw(cairn_particle_filter *f, cairn_real *mass, int32_t *copies,
+                     cairn_budget *budget)
 {
     filter_sampler *s = &f->sample;
 
     for (; s->cursor < s->count; s->cursor++) {
-        cairn_real expected = mass[s->cursor] / s->total * (cairn_real)s->wanted, whole = cairn_floor(expected);
+        cairn_real expected = mass[s->cursor] / s->total * (cairn_real)s->wanted,
+                   whole = cairn_floor(expected);
 
         if (!cairn_budget_pay(budget, &f->paid, 1))
             return 0;
@@ -93,7 +95,8 @@ static int32_t group_size(const cairn_particle_filter *f)
     return f->first[f->index + 1] - f->first[f->index];
 }
 
-/* The largest of the logarithms was found beforehand: exponentials of their differences are added up. */
+/* The largest of the logarithms was found beforehand: exponentials of their differences are
+ * added up. */
 static void add_mass(cairn_particle_filter *f, int32_t k, cairn_real log_mass)
 {
     cairn_real below = log_mass - f->top;
@@ -103,8 +106,8 @@ static void add_mass(cairn_particle_filter *f, int32_t k, cairn_real log_mass)
     f->entropy -= f->mass[k] > 0 ? f->mass[k] * below : 0;
 }
 
-/* exp(H) of the masses added up, rounded up: H = log total - sum m log m / total. A hair less, so that two equal masses are
- * two modes in spite of rounding. */
+/* exp(H) of the masses added up, rounded up: H = log total - sum m log m / total. A hair less,
+ * so that two equal masses are two modes in spite of rounding. */
 static int32_t modes_of(const cairn_particle_filter *f)
 {
     cairn_real h = f->entropy / f->total + cairn_log(f->total);
@@ -125,7 +128,8 @@ static void decide_followers(cairn_particle_filter *f)
     f->drawn = f->alive > f->wanted;
 }
 
-/* Passes over the group: the largest prior mass, their sum, their logarithms normalised. Three visits of a candidate. */
+/* Passes over the group: the largest prior mass, their sum, their logarithms normalised. Three
+ * visits of a candidate. */
 static cairn_status step_priors(cairn_particle_filter *f, cairn_budget *budget)
 {
     filter_candidate *c = f->candidates + f->first[f->index];
@@ -161,14 +165,16 @@ static cairn_status step_weigh(cairn_particle_filter *f, cairn_budget *budget)
         filter_candidate *c = &f->candidates[at];
         cairn_status status;
 
-        if (c->log_prior <= FILTER_IMPOSSIBLE || (is_drawn_by_prior(f) && f->copies[f->cursor] == 0)) {
+        if (c->log_prior <= FILTER_IMPOSSIBLE ||
+            (is_drawn_by_prior(f) && f->copies[f->cursor] == 0)) {
             c->log_likelihood = FILTER_IMPOSSIBLE;
             continue;
         }
         if (!enter(f, budget))
             return CAIRN_MORE;
-        status = f->model.likelihood(f->model.context, f, f->index, f->states + (size_t)at * f->stride,
-                                     &c->log_likelihood, budget);
+        status =
+            f->model.likelihood(f->model.context, f, f->index, f->states + (size_t)at * f->stride,
+                                &c->log_likelihood, budget);
         if (status != CAIRN_OK)
             return status;
         f->entered = 0;
@@ -180,8 +186,9 @@ static cairn_status step_weigh(cairn_particle_filter *f, cairn_budget *budget)
 
 static cairn_real log_mass_of(const filter_candidate *c)
 {
-    return c->log_likelihood > FILTER_IMPOSSIBLE && c->log_prior > FILTER_IMPOSSIBLE ? c->log_prior + c->log_likelihood
-                                                                                     : FILTER_IMPOSSIBLE;
+    return c->log_likelihood > FILTER_IMPOSSIBLE && c->log_prior > FILTER_IMPOSSIBLE
+               ? c->log_prior + c->log_likelihood
+               : FILTER_IMPOSSIBLE;
 }
 
 /* As step_priors(), of prior mass times likelihood; `alive` counts those that are possible. */
@@ -234,7 +241,8 @@ static cairn_status step_follow(cairn_particle_filter *f, cairn_budget *budget)
         follower.log_likelihood += c->log_likelihood;
         f->heaviest = cairn_max(f->heaviest, follower.log_weight);
         f->alive++;
-        status = cairn_particle_follow(f, follower, parent.leaf, f->states + (size_t)at * f->stride);
+        status =
+            cairn_particle_follow(f, follower, parent.leaf, f->states + (size_t)at * f->stride);
         if (status != CAIRN_OK)
             return status;
     }
@@ -341,7 +349,8 @@ static cairn_status step_normalise(cairn_particle_filter *f, cairn_budget *budge
     f->trace.n_eff = 1 / f->squares;
     f->trace.log_evidence += shift;
     f->cursor = 0;
-    f->trace.resampled = f->trace.n_eff < f->params.resample_below * (cairn_real)f->params.particles;
+    f->trace.resampled =
+        f->trace.n_eff < f->params.resample_below * (cairn_real)f->params.particles;
     return CAIRN_OK;
 }
 

@@ -1,4 +1,5 @@
-/* What the files of the particle filter share: the tree of histories, the populations, and the state between steps. */
+/* What the files of the particle filter share: the tree of histories, the populations, and the
+ * state between steps. */
 #ifndef CAIRN_CORE_PARTICLE_FILTER_WORK_H
 #define CAIRN_CORE_PARTICLE_FILTER_WORK_H
 
@@ -65,11 +66,16 @@ struct cairn_particle_filter {
     cairn_random random;
     cairn_block_pool *blocks;
     filter_population now, next, spare;
-    filter_candidate *candidates; /* [max_candidates] */
-    unsigned char *states;        /* [max_candidates] of `stride` bytes */
-    int32_t *first;               /* [max_particles + 1]: candidates of particle i are first[i] ... first[i + 1] - 1 */
-    cairn_real *mass;             /* [max_candidates or max_particles, whichever is more] */
-    int32_t *copies;              /* likewise */
+    /* [max_candidates] */
+    filter_candidate *candidates;
+    /* [max_candidates] of `stride` bytes */
+    unsigned char *states;
+    /* [max_particles + 1]: candidates of particle i are first[i] ... first[i + 1] - 1 */
+    int32_t *first;
+    /* [max_candidates or max_particles, whichever is more] */
+    cairn_real *mass;
+    /* likewise */
+    int32_t *copies;
     size_t stride;
 
     filter_phase phase;
@@ -97,14 +103,16 @@ static inline void *filter_state(filter_node *n)
     return (unsigned char *)n + FILTER_HEADER;
 }
 
-/* Takes a reference from a node. When that was the last one the node goes, and its parent, which is returned, loses one. */
+/* Takes a reference from a node. When that was the last one the node goes, and its parent, which
+ * is returned, loses one. */
 filter_node *cairn_particle_node_drop(cairn_particle_filter *f, filter_node *n);
 
 /* 1 when a goes before b. */
 int cairn_particle_is_lighter(const filter_particle *a, const filter_particle *b);
 
-/* Adds a follower of particle f->index, in place of the lightest when the population is full. CAIRN_FULL: no block. */
-cairn_status cairn_particle_follow(cairn_particle_filter *f, filter_particle follower, filter_node *parent,
-                                   const void *state);
+/* Adds a follower of particle f->index, in place of the lightest when the population is full.
+ * CAIRN_FULL: no block. */
+cairn_status cairn_particle_follow(cairn_particle_filter *f, filter_particle follower,
+                                   filter_node *parent, const void *state);
 
 #endif

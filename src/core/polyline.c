@@ -1,13 +1,15 @@
 /* Extended EM line fitting: the object, and the order of its phases.
  *
- * Method: points are sorted by Morton code (polyline_order.c), so that nothing after that depends on their order and
- * neighbours in memory are neighbours in space. Cells of the quadtree that the code spells give the first pieces
- * (polyline_initial.c). Then, until nothing changes: E-step, M-step (polyline_em.c), cuts at gaps and bends
- * (polyline_support.c), merging (polyline_merge.c); s shrinks meanwhile.
+ * Method: points are sorted by Morton code (polyline_order.c), so that nothing after that depends
+ * on their order and neighbours in memory are neighbours in space. Cells of the quadtree that the
+ * code spells give the first pieces (polyline_initial.c). Then, until nothing changes: E-step,
+ * M-step (polyline_em.c), cuts at gaps and bends (polyline_support.c), merging (polyline_merge.c);
+ * s shrinks meanwhile.
  *
- * Layout: one pool piece per array; a point is three reals also in the plane, z = 0 there. Limits: coordinates up to
- * CAIRN_POLYLINE_EXTENT; points nearer than 2^-20 of the whole extent are still told apart. Source: Adluru 2008,
- * section 2 and refs 168, 170 (Lakaemper and Latecki, extended EM); the quadtree start is ours. */
+ * Layout: one pool piece per array; a point is three reals also in the plane, z = 0 there.
+ * Limits: coordinates up to CAIRN_POLYLINE_EXTENT; points nearer than 2^-20 of the whole extent
+ * are still told apart. Source: Adluru 2008, section 2 and refs 168, 170 (Lakaemper and Latecki,
+ * extended EM); the quadtree start is ours. */
 #include "src/core/build.h"
 
 #include <string.h>
@@ -46,18 +48,21 @@ static int positive(cairn_real value)
 
 static int acceptable(const cairn_polyline_params *p)
 {
-    return p != NULL && (p->dim == 2 || p->dim == 3) && p->max_points >= 1 && p->max_points <= INT32_C(1) << 26 &&
-           p->max_segments >= 1 && p->max_segments <= INT32_C(1) << 20 && p->min_points >= 3 &&
-           p->max_iterations >= 1 && p->min_length >= 0 && cairn_is_finite(p->min_length) && positive(p->sigma) &&
-           positive(p->s_last) && p->s_first >= p->s_last && cairn_is_finite(p->s_first) && p->shrink > 0 &&
-           p->shrink <= 1 && positive(p->gap) && p->gap_factor >= 1 && cairn_is_finite(p->gap_factor) &&
-           p->gap_max >= p->gap && cairn_is_finite(p->gap_max) && p->merge_angle >= 0 &&
-           p->merge_angle <= CAIRN_PI / 2 && positive(p->merge_distance) && positive(p->bend) && positive(p->tolerance);
+    return p != NULL && (p->dim == 2 || p->dim == 3) && p->max_points >= 1 &&
+           p->max_points <= INT32_C(1) << 26 && p->max_segments >= 1 &&
+           p->max_segments <= INT32_C(1) << 20 && p->min_points >= 3 && p->max_iterations >= 1 &&
+           p->min_length >= 0 && cairn_is_finite(p->min_length) && positive(p->sigma) &&
+           positive(p->s_last) && p->s_first >= p->s_last && cairn_is_finite(p->s_first) &&
+           p->shrink > 0 && p->shrink <= 1 && positive(p->gap) && p->gap_factor >= 1 &&
+           cairn_is_finite(p->gap_factor) && p->gap_max >= p->gap && cairn_is_finite(p->gap_max) &&
+           p->merge_angle >= 0 && p->merge_angle <= CAIRN_PI / 2 && positive(p->merge_distance) &&
+           positive(p->bend) && positive(p->tolerance);
 }
 
 static cairn_polyline *carve(cairn_pool *pool, const cairn_polyline_params *p)
 {
-    size_t n = (size_t)p->max_points, m = (size_t)p->max_segments, blocks = (n + POLYLINE_BLOCK - 1) / POLYLINE_BLOCK;
+    size_t n = (size_t)p->max_points, m = (size_t)p->max_segments,
+           blocks = (n + POLYLINE_BLOCK - 1) / POLYLINE_BLOCK;
     cairn_polyline *x = cairn_pool_take_one(pool, sizeof *x);
     cairn_real(*raw)[3] = cairn_pool_take(pool, n, sizeof *raw);
     cairn_real(*point)[3] = cairn_pool_take(pool, n, sizeof *point);
@@ -115,7 +120,8 @@ size_t cairn_polyline_memory(const cairn_polyline_params *params)
     return cairn_pool_counted(&counting);
 }
 
-cairn_status cairn_polyline_create(cairn_polyline **polyline, cairn_pool *pool, const cairn_polyline_params *params)
+cairn_status cairn_polyline_create(cairn_polyline **polyline, cairn_pool *pool,
+                                   const cairn_polyline_params *params)
 {
     size_t need = cairn_polyline_memory(params);
 
@@ -141,7 +147,8 @@ static cairn_status check_point(const cairn_real *point, int32_t dim, const char
     return CAIRN_OK;
 }
 
-static cairn_status check_points(const cairn_polyline *x, const cairn_real *points, int32_t count, cairn_fault *fault)
+static cairn_status check_points(const cairn_polyline *x, const cairn_real *points, int32_t count,
+                                 cairn_fault *fault)
 {
     cairn_status status = CAIRN_OK;
 
@@ -156,7 +163,8 @@ static cairn_status check_points(const cairn_polyline *x, const cairn_real *poin
     fault->what = NULL;
     for (int32_t i = 0; i < count && status == CAIRN_OK; i++) {
         fault->index = i;
-        status = check_point(points + (size_t)i * (size_t)x->params.dim, x->params.dim, &fault->what);
+        status =
+            check_point(points + (size_t)i * (size_t)x->params.dim, x->params.dim, &fault->what);
     }
     return status;
 }
@@ -213,7 +221,8 @@ cairn_status cairn_polyline_add(cairn_polyline *x, const cairn_real *point)
     return status;
 }
 
-cairn_status cairn_polyline_begin(cairn_polyline *x, const cairn_real *points, int32_t count, cairn_fault *fault)
+cairn_status cairn_polyline_begin(cairn_polyline *x, const cairn_real *points, int32_t count,
+                                  cairn_fault *fault)
 {
     cairn_fault found;
     cairn_status status = check_points(x, points, count, &found);
@@ -305,8 +314,9 @@ static int write_result(cairn_polyline *x, cairn_budget *budget)
     return 1;
 }
 
-/* The end of an iteration: what merging left becomes the pieces of the next. Returns the phase to go on with: when s
- * is at its end, points without a piece are twice looked at again, in shifted cells. */
+/* The end of an iteration: what merging left becomes the pieces of the next. Returns the phase
+ * to go on with: when s is at its end, points without a piece are twice looked at again, in
+ * shifted cells. */
 static polyline_phase turn_over(cairn_polyline *x)
 {
     polyline_piece *swap = x->pieces;
@@ -391,7 +401,8 @@ cairn_status cairn_polyline_step(cairn_polyline *x, cairn_budget *budget)
 
 cairn_polyline_view cairn_polyline_read(const cairn_polyline *x)
 {
-    cairn_polyline_view view = {x->segments, x->label, x->shown_segments, x->shown_points, x->converged, x->left_out};
+    cairn_polyline_view view = {x->segments,     x->label,     x->shown_segments,
+                                x->shown_points, x->converged, x->left_out};
     return view;
 }
 

@@ -1,15 +1,15 @@
 /* E-step and M-step of the line fit.
  *
- * Points go in blocks of neighbours in canonical order; a block's box is tested against those of the pieces, and its
- * points look only at the pieces that it meets. */
+ * Points go in blocks of neighbours in canonical order; a block's box is tested against those of
+ * the pieces, and its points look only at the pieces that it meets. */
 #include "src/core/build.h"
 
 #include <string.h>
 
 #include "src/core/polyline_work.h"
 
-/* Half width in s of the band beyond an end: less than POLYLINE_CLAIM, so that a point once adopted is not lost at
- * once. */
+/* Half width in s of the band beyond an end: less than POLYLINE_CLAIM, so that a point once
+ * adopted is not lost at once. */
 #define ADOPT 2
 
 static int block_meets(const cairn_polyline *x, int32_t block, const polyline_piece *k)
@@ -17,13 +17,14 @@ static int block_meets(const cairn_polyline *x, int32_t block, const polyline_pi
     cairn_real by = POLYLINE_CLAIM * x->s;
 
     for (int j = 0; j < 3; j++)
-        if (x->block_min[block][j] > k->box_max[j] + by || x->block_max[block][j] < k->box_min[j] - by)
+        if (x->block_min[block][j] > k->box_max[j] + by ||
+            x->block_max[block][j] < k->box_min[j] - by)
             return 0;
     return 1;
 }
 
-/* exp(-z) for 0 <= z <= 4.5, at most 4 % too small: (1 - z / 256)^256. A weight need not be better, and this takes a
- * quarter of the time. */
+/* exp(-z) for 0 <= z <= 4.5, at most 4 % too small: (1 - z / 256)^256. A weight need not be
+ * better, and this takes a quarter of the time. */
 static cairn_real decay(cairn_real z)
 {
     cairn_real power = 1 - z / 256;
@@ -33,8 +34,9 @@ static cairn_real decay(cairn_real z)
     return power;
 }
 
-/* What one piece is to a point: weight exp(-d^2 / 2s^2), d the distance to the segment, when that is within 3 s;
- * else the piece may adopt the point when that lies in the band beyond an end, no farther than the end reaches. */
+/* What one piece is to a point: weight exp(-d^2 / 2s^2), d the distance to the segment, when
+ * that is within 3 s; else the piece may adopt the point when that lies in the band beyond an
+ * end, no farther than the end reaches. */
 static void weigh(cairn_polyline *x, int32_t c, const cairn_real p[3])
 {
     const polyline_piece *k = &x->pieces[x->candidate[c]];
@@ -70,8 +72,9 @@ static void share(cairn_polyline *x, int32_t c)
         cairn_polyline_sum(&x->pieces[x->candidate[c]].soft, x->local[c], part);
 }
 
-/* Stage 0 collects the candidates of block `at`; then each point `first` weighs them (inner < candidates) and is
- * shared. In the last pass, POLYLINE_CLAIM_POINTS, points are claimed and not shared, and none is adopted. */
+/* Stage 0 collects the candidates of block `at`; then each point `first` weighs them (inner <
+ * candidates) and is shared. In the last pass, POLYLINE_CLAIM_POINTS, points are claimed and not
+ * shared, and none is adopted. */
 int cairn_polyline_expect(cairn_polyline *x, cairn_budget *budget)
 {
     int final = x->phase == POLYLINE_CLAIM_POINTS;
@@ -79,7 +82,8 @@ int cairn_polyline_expect(cairn_polyline *x, cairn_budget *budget)
     x->adopting = !final && x->measure.iterations < x->params.max_iterations / 2;
 
     for (; x->at * POLYLINE_BLOCK < x->count; x->at++, x->stage = 0) {
-        int32_t end = cairn_real_to_int(cairn_min((cairn_real)x->count, (cairn_real)(x->at + 1) * POLYLINE_BLOCK));
+        int32_t end = cairn_real_to_int(
+            cairn_min((cairn_real)x->count, (cairn_real)(x->at + 1) * POLYLINE_BLOCK));
 
         if (x->stage == 0) {
             x->inner = x->candidates = 0;

@@ -1,11 +1,12 @@
-/* The first pieces of a fit: cells of the quadtree (octree) that the Morton order spells, from coarse to fine, the
- * first on each branch in which all but a few points lie in a band.
+/* The first pieces of a fit: cells of the quadtree (octree) that the Morton order spells, from
+ * coarse to fine, the first on each branch in which all but a few points lie in a band.
  *
- * Cells are runs of the sorted points, and the next cell follows from the codes at its border: there is no stack and
- * no tree. A wall that falls into cells with too few points each is found in one of two later rounds, in which the
- * points that no piece claims are listed again in cells shifted by a third (Chan 1998: two points that are near each
- * other share a small cell of one of three such trees). A cell is fitted three times, the last twice to the points
- * in the band alone, so that clutter does not turn it. */
+ * Cells are runs of the sorted points, and the next cell follows from the codes at its border:
+ * there is no stack and no tree. A wall that falls into cells with too few points each is found
+ * in one of two later rounds, in which the points that no piece claims are listed again in cells
+ * shifted by a third (Chan 1998: two points that are near each other share a small cell of one
+ * of three such trees). A cell is fitted three times, the last twice to the points in the band
+ * alone, so that clutter does not turn it. */
 #include "src/core/build.h"
 
 #include <string.h>
@@ -23,7 +24,8 @@ static int sum_cell(cairn_polyline *x, cairn_budget *budget)
 {
     cairn_real local[3];
 
-    for (; x->last < x->count && cell_of(x, x->last, x->level) == cell_of(x, x->first, x->level); x->last++) {
+    for (; x->last < x->count && cell_of(x, x->last, x->level) == cell_of(x, x->first, x->level);
+         x->last++) {
         if (!polyline_pay_four(x, budget, x->last - x->first, x->count - x->first, 9))
             return 0;
         cairn_polyline_local(&x->made, x->params.dim, x->point[x->order[x->last]], local);
@@ -49,7 +51,8 @@ static int fit_band(cairn_polyline *x, cairn_budget *budget)
         x->made.high = -CAIRN_REAL_MAX;
     }
     for (; x->other < x->last; x->other++) {
-        if (x->other > x->first && !polyline_pay_four(x, budget, x->other - x->first, x->last - x->first, 8))
+        if (x->other > x->first &&
+            !polyline_pay_four(x, budget, x->other - x->first, x->last - x->first, 8))
             return 0;
         cairn_polyline_local(&x->made, x->params.dim, x->point[x->order[x->other]], local);
         if (local[1] * local[1] + local[2] * local[2] > x->least * x->least)
@@ -62,7 +65,8 @@ static int fit_band(cairn_polyline *x, cairn_budget *budget)
     return 1;
 }
 
-/* 1 when the line of the band may stand for the cell. Fewer points outside than make a segment: none is passed over. */
+/* 1 when the line of the band may stand for the cell. Fewer points outside than make a segment:
+ * none is passed over. */
 static int is_line(const cairn_polyline *x)
 {
     int32_t count = x->last - x->first, inside = cairn_real_to_int(x->sum.n);
@@ -105,7 +109,8 @@ int cairn_polyline_initial(cairn_polyline *x, cairn_budget *budget)
             }
             x->stage = 2;
         }
-        while (x->stage < 5 && (x->other > x->first || x->sum.n >= (cairn_real)x->params.min_points)) {
+        while (x->stage < 5 &&
+               (x->other > x->first || x->sum.n >= (cairn_real)x->params.min_points)) {
             if (!fit_band(x, budget))
                 return 0;
             x->stage++;

@@ -3,7 +3,8 @@
 
 #include "src/core/polyline_work.h"
 
-void cairn_polyline_local(const polyline_piece *k, int32_t dim, const cairn_real p[3], cairn_real local[3])
+void cairn_polyline_local(const polyline_piece *k, int32_t dim, const cairn_real p[3],
+                          cairn_real local[3])
 {
     cairn_real dx = p[0] - k->mid[0], dy = p[1] - k->mid[1], dz;
 
@@ -87,14 +88,18 @@ static void complete(polyline_piece *k, int32_t dim)
         w[i] = u[(i + 1) % 3] * v[(i + 2) % 3] - u[(i + 2) % 3] * v[(i + 1) % 3];
 }
 
-/* Moves the origin to `mean` and turns the frame so that its first axis is `along`; both in the frame of the piece. */
-static void reframe(polyline_piece *k, const cairn_real mean[3], const cairn_real along[3], int32_t dim)
+/* Moves the origin to `mean` and turns the frame so that its first axis is `along`; both in the
+ * frame of the piece. */
+static void reframe(polyline_piece *k, const cairn_real mean[3], const cairn_real along[3],
+                    int32_t dim)
 {
     cairn_real mid[3], direction[3];
 
     for (int i = 0; i < 3; i++) {
-        mid[i] = k->mid[i] + k->axis[0][i] * mean[0] + k->axis[1][i] * mean[1] + k->axis[2][i] * mean[2];
-        direction[i] = k->axis[0][i] * along[0] + k->axis[1][i] * along[1] + k->axis[2][i] * along[2];
+        mid[i] =
+            k->mid[i] + k->axis[0][i] * mean[0] + k->axis[1][i] * mean[1] + k->axis[2][i] * mean[2];
+        direction[i] =
+            k->axis[0][i] * along[0] + k->axis[1][i] * along[1] + k->axis[2][i] * along[2];
     }
     for (int i = 0; i < 3; i++) {
         k->mid[i] = mid[i];
@@ -171,11 +176,13 @@ cairn_real cairn_polyline_worth(const cairn_polyline *x, cairn_real n, cairn_rea
     cairn_real freedom = cairn_max(n - 4, 1) * (cairn_real)(x->params.dim - 1);
     cairn_real variance = cairn_max(x->sigma * x->sigma, sse / freedom);
 
-    /* Many points tell bends far below sigma; half a sigma, root mean square, is as fine as a map needs. */
+    /* Many points tell bends far below sigma; half a sigma, root mean square, is as fine as a
+     * map needs. */
     return cairn_max(x->params.bend * variance, n * x->sigma * x->sigma / 4);
 }
 
-void cairn_polyline_keep(cairn_polyline *x, polyline_piece *list, int32_t *count, const polyline_piece *k)
+void cairn_polyline_keep(cairn_polyline *x, polyline_piece *list, int32_t *count,
+                         const polyline_piece *k)
 {
     int32_t place = *count;
 

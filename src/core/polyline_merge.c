@@ -1,8 +1,9 @@
 /* Merging: two pieces become one when a single line does nearly as well for the points of both.
  *
- * The sums of squares of both together follow from those of each and their means, in the frame of the longer one,
- * where what matters is small. A cut must save half as much again as would forbid joining, so that no pair is cut
- * and joined by turns. A pass over all pairs is repeated until it joins none. */
+ * The sums of squares of both together follow from those of each and their means, in the frame
+ * of the longer one, where what matters is small. A cut must save half as much again as would
+ * forbid joining, so that no pair is cut and joined by turns. A pass over all pairs is repeated
+ * until it joins none. */
 #include "src/core/build.h"
 
 #include <string.h>
@@ -18,8 +19,8 @@ static int boxes_meet(const polyline_piece *a, const polyline_piece *b, cairn_re
 }
 
 /* Own points of `light` added to those of `heavy`, as sums in the frame of heavy. */
-static polyline_sums sums_of_both(const polyline_piece *heavy, const polyline_piece *light, const cairn_real along[3],
-                                  const cairn_real mean[3])
+static polyline_sums sums_of_both(const polyline_piece *heavy, const polyline_piece *light,
+                                  const cairn_real along[3], const cairn_real mean[3])
 {
     cairn_real n1 = (cairn_real)heavy->count, n2 = (cairn_real)light->count;
     cairn_real across = cairn_max(1 - along[0] * along[0], 0);
@@ -34,14 +35,16 @@ static polyline_sums sums_of_both(const polyline_piece *heavy, const polyline_pi
     return both;
 }
 
-/* Ends of a piece in the frame of another, the lower one there first, and how far beyond them it reaches. */
+/* Ends of a piece in the frame of another, the lower one there first, and how far beyond them it
+ * reaches. */
 typedef struct ends {
     cairn_real lower[3], upper[3];
     cairn_real reach_lower, reach_upper;
     cairn_real across; /* square of the larger distance from the other's line */
 } ends;
 
-static ends ends_in(const cairn_polyline *x, const polyline_piece *heavy, const polyline_piece *light)
+static ends ends_in(const cairn_polyline *x, const polyline_piece *heavy,
+                    const polyline_piece *light)
 {
     ends e = {{0, 0, 0}, {0, 0, 0}, light->reach_low, light->reach_high, 0};
     cairn_real low[3], high[3], local[2][3];
@@ -92,13 +95,15 @@ static int join(cairn_polyline *x, polyline_piece *a, polyline_piece *b)
     if (e.across > x->params.merge_distance * x->params.merge_distance || !adjoin(heavy, &e))
         return 0;
     for (int i = 0; i < 3; i++)
-        world[i] = light->mid[i] + light->own[0] * light->axis[0][i] + light->own[1] * light->axis[1][i] +
-                   light->own[2] * light->axis[2][i];
+        world[i] = light->mid[i] + light->own[0] * light->axis[0][i] +
+                   light->own[1] * light->axis[1][i] + light->own[2] * light->axis[2][i];
     cairn_polyline_local(heavy, x->params.dim, world, mean);
     m = sums_of_both(heavy, light, along, mean);
     saved = cairn_polyline_residual(&m) - heavy->sse - light->sse;
-    /* Of two pieces that lie in each other's noise, each has taken the points on its side: their sums say nothing. */
-    within = e.lower[0] > heavy->low && e.upper[0] < heavy->high && e.across < x->s_last * x->s_last;
+    /* Of two pieces that lie in each other's noise, each has taken the points on its side: their
+     * sums say nothing. */
+    within =
+        e.lower[0] > heavy->low && e.upper[0] < heavy->high && e.across < x->s_last * x->s_last;
     if (!within && saved > cairn_polyline_worth(x, m.n, heavy->sse + light->sse))
         return 0;
     if (e.lower[0] < heavy->low) {

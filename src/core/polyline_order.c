@@ -1,7 +1,9 @@
-/* Orders of the points of a fit: the canonical one, that of unclaimed points in shifted cells, that by piece and place.
+/* Orders of the points of a fit: the canonical one, that of unclaimed points in shifted cells, that
+ * by piece and place.
  *
- * All are total and come from one merge sort in steps. Morton codes interleave the bits of cell numbers; points in
- * one cell are told apart by their coordinates, so that the canonical order does not depend on that of the input. */
+ * All are total and come from one merge sort in steps. Morton codes interleave the bits of cell
+ * numbers; points in one cell are told apart by their coordinates, so that the canonical order
+ * does not depend on that of the input. */
 #include "src/core/build.h"
 
 #include "src/core/polyline_work.h"
@@ -49,8 +51,8 @@ int cairn_polyline_keys(cairn_polyline *x, cairn_budget *budget)
     return 1;
 }
 
-/* Keys of the listed points, in cells that are shifted anew; in round 0 they are the codes by which all points are
- * sorted already. */
+/* Keys of the listed points, in cells that are shifted anew; in round 0 they are the codes by
+ * which all points are sorted already. */
 int cairn_polyline_list(cairn_polyline *x, cairn_budget *budget)
 {
     for (; x->base + x->at < x->count; x->at++) {
@@ -96,9 +98,9 @@ static int before(const cairn_polyline *x, int32_t a, int32_t b)
     return x->phase == POLYLINE_SORT_POINTS ? point_before(x, a, b) : unclaimed_before(x, a, b);
 }
 
-/* Natural merge sort of order[base ... count-1]: linear when the order of the last iteration still nearly holds.
- * Stage 0 looks for the end of a run, 1 for that of the next, 2 merges both from one array into the other, 3 copies
- * the end back. */
+/* Natural merge sort of order[base ... count-1]: linear when the order of the last iteration
+ * still nearly holds. Stage 0 looks for the end of a run, 1 for that of the next, 2 merges both
+ * from one array into the other, 3 copies the end back. */
 int cairn_polyline_sort(cairn_polyline *x, cairn_budget *budget)
 {
     int32_t n = x->count - x->base;
@@ -108,7 +110,8 @@ int cairn_polyline_sort(cairn_polyline *x, cairn_budget *budget)
         int32_t *to = (x->sort.swapped ? x->order : x->spare) + x->base;
 
         if (x->sort.stage == 0) {
-            while (x->sort.middle < n && !before(x, from[x->sort.middle], from[x->sort.middle - 1])) {
+            while (x->sort.middle < n &&
+                   !before(x, from[x->sort.middle], from[x->sort.middle - 1])) {
                 if (!polyline_pay_four(x, budget, x->sort.middle, n, 4))
                     return 0;
                 x->sort.middle++;
@@ -132,7 +135,8 @@ int cairn_polyline_sort(cairn_polyline *x, cairn_budget *budget)
 
             if (!polyline_pay_four(x, budget, x->sort.out, x->sort.end, 6))
                 return 0;
-            if (left < x->sort.middle && (right >= x->sort.end || !before(x, from[right], from[left]))) {
+            if (left < x->sort.middle &&
+                (right >= x->sort.end || !before(x, from[right], from[left]))) {
                 to[x->sort.out++] = from[left];
                 x->sort.left++;
             } else {

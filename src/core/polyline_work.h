@@ -1,4 +1,5 @@
-/* What the files of the polyline room share: the pieces that are fitted, and the state between steps. */
+/* What the files of the polyline room share: the pieces that are fitted, and the state between
+ * steps. */
 #ifndef CAIRN_CORE_POLYLINE_WORK_H
 #define CAIRN_CORE_POLYLINE_WORK_H
 
@@ -14,8 +15,8 @@
 /* Searches for first pieces: of all points, then twice of those without one. */
 #define POLYLINE_ROUNDS 3
 
-/* Half width of the band in which a piece claims points, in s. exp(-POLYLINE_CLAIM^2 / 2) is the weight of "no piece
- * at all". */
+/* Half width of the band in which a piece claims points, in s. exp(-POLYLINE_CLAIM^2 / 2) is the
+ * weight of "no piece at all". */
 #define POLYLINE_CLAIM 3
 #define POLYLINE_NOISE CAIRN_REAL(0.011108996538242306)
 
@@ -26,9 +27,9 @@ typedef struct polyline_sums {
     cairn_sym3 vv;
 } polyline_sums;
 
-/* A line with its extent: points mid + t axis[0], low <= t <= high. axis[1] and axis[2] complete a right-handed
- * frame; in the plane axis[2] is (0, 0, 1). All sums are taken in this frame, where distances to the line are small
- * numbers. */
+/* A line with its extent: points mid + t axis[0], low <= t <= high. axis[1] and axis[2] complete
+ * a right-handed frame; in the plane axis[2] is (0, 0, 1). All sums are taken in this frame,
+ * where distances to the line are small numbers. */
 typedef struct polyline_piece {
     cairn_real mid[3], axis[3][3];
     cairn_real low, high;
@@ -65,12 +66,18 @@ struct cairn_polyline {
     /* Points: as given, then in canonical order. */
     cairn_real (*raw)[3];
     cairn_real (*point)[3];
-    uint64_t *key;     /* [max_points] Morton code of raw points */
-    int32_t *order;    /* [max_points] raw indices in canonical order, later canonical indices by piece and place */
-    int32_t *spare;    /* [max_points] the other half of the merge sort */
-    int32_t *source;   /* [max_points] raw index of each point */
-    int32_t *owner;    /* [max_points] piece that claims a point, -1 none */
-    cairn_real *along; /* [max_points] place on that piece */
+    /* [max_points] Morton code of raw points */
+    uint64_t *key;
+    /* [max_points] raw indices in canonical order, later canonical indices by piece and place */
+    int32_t *order;
+    /* [max_points] the other half of the merge sort */
+    int32_t *spare;
+    /* [max_points] raw index of each point */
+    int32_t *source;
+    /* [max_points] piece that claims a point, -1 none */
+    int32_t *owner;
+    /* [max_points] place on that piece */
+    cairn_real *along;
     cairn_real (*block_min)[3], (*block_max)[3];
     /* Pieces of this and of the next iteration. */
     polyline_piece *pieces, *next;
@@ -93,7 +100,8 @@ struct cairn_polyline {
     int32_t unclaimed; /* where that of the points without a piece starts */
     cairn_polyline_measure measure;
 
-    /* Where the phase at hand stands. Its cursors start at 0; what they count is said where they are used. */
+    /* Where the phase at hand stands. Its cursors start at 0; what they count is said where they
+     * are used. */
     polyline_phase phase;
     int32_t stage, at, other, inner, first, last, level;
     int32_t part; /* eighths of a unit that are used but not yet charged */
@@ -124,26 +132,29 @@ static inline int polyline_pay(cairn_polyline *x, cairn_budget *budget, int32_t 
     return 1;
 }
 
-/* The same for up to four items, at every fourth of those that cost so little that asking for each would show: `i` is the
- * one at hand, before `end`. */
-static inline int polyline_pay_four(cairn_polyline *x, cairn_budget *budget, int32_t i, int32_t end, int32_t eighths)
+/* The same for up to four items, at every fourth of those that cost so little that asking for
+ * each would show: `i` is the one at hand, before `end`. */
+static inline int polyline_pay_four(cairn_polyline *x, cairn_budget *budget, int32_t i, int32_t end,
+                                    int32_t eighths)
 {
     return i % 4 != 0 || polyline_pay(x, budget, (end - i < 4 ? end - i : 4) * eighths);
 }
 
 /* Coordinates of a point in the frame of a piece. */
-void cairn_polyline_local(const polyline_piece *k, int32_t dim, const cairn_real p[3], cairn_real local[3]);
+void cairn_polyline_local(const polyline_piece *k, int32_t dim, const cairn_real p[3],
+                          cairn_real local[3]);
 
 void cairn_polyline_sum(polyline_sums *m, const cairn_real v[3], cairn_real weight);
 
 /* Sum of squares across the regression line of sums taken in a frame nearly along that line. */
 cairn_real cairn_polyline_residual(const polyline_sums *m);
 
-/* Turns the frame of a piece to the principal axis of sums taken in that frame, keeping its sense; its ends stay. */
+/* Turns the frame of a piece to the principal axis of sums taken in that frame, keeping its
+ * sense; its ends stay. */
 void cairn_polyline_fit(polyline_piece *k, const polyline_sums *m, int32_t dim);
 
-/* Makes a piece of sums of its own points, taken in its frame: regression on t, then own, tt, sse, count. low and
- * high are places in the old frame and are carried over. */
+/* Makes a piece of sums of its own points, taken in its frame: regression on t, then own, tt,
+ * sse, count. low and high are places in the old frame and are carried over. */
 void cairn_polyline_fit_own(polyline_piece *k, const polyline_sums *m, int32_t dim);
 
 /* Sets box_min and box_max. */
@@ -156,7 +167,8 @@ void cairn_polyline_place(const polyline_piece *k, cairn_real t, cairn_real plac
 cairn_real cairn_polyline_worth(const cairn_polyline *x, cairn_real n, cairn_real sse);
 
 /* Appends to list[*count]; when it is full, the piece of fewest points gives way. */
-void cairn_polyline_keep(cairn_polyline *x, polyline_piece *list, int32_t *count, const polyline_piece *k);
+void cairn_polyline_keep(cairn_polyline *x, polyline_piece *list, int32_t *count,
+                         const polyline_piece *k);
 
 /* The phases; each returns 1 when it is through and 0 when the budget is used up. */
 int cairn_polyline_keys(cairn_polyline *x, cairn_budget *budget);

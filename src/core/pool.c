@@ -1,7 +1,7 @@
 /* Bump pool and block pool.
  *
- * A counting pool has base NULL and size SIZE_MAX: the same carve() of a room that lays an object out in memory, run over
- * it, gives the object's size. */
+ * A counting pool has base NULL and size SIZE_MAX: the same carve() of a room that lays an
+ * object out in memory, run over it, gives the object's size. */
 #include "src/core/build.h"
 
 #include <float.h>
@@ -29,7 +29,8 @@ static int piece_bytes(size_t count, size_t size, size_t *bytes)
     return 1;
 }
 
-/* 1 when neither a * b + c is contracted nor small results are flushed; volatile keeps the compiler from folding. */
+/* 1 when neither a * b + c is contracted nor small results are flushed; volatile keeps the
+ * compiler from folding. */
 static int arithmetic_is_faithful(void)
 {
     volatile cairn_real a = 1 + CAIRN_REAL_EPSILON;
@@ -73,7 +74,8 @@ void cairn_pool_init_counting(cairn_pool *pool)
 
 void cairn_pool_count(cairn_pool *counting, size_t need)
 {
-    counting->used = need != 0 && need < SIZE_MAX - counting->used ? counting->used + need : SIZE_MAX;
+    counting->used =
+        need != 0 && need < SIZE_MAX - counting->used ? counting->used + need : SIZE_MAX;
 }
 
 size_t cairn_pool_counted(const cairn_pool *counting)
@@ -144,14 +146,17 @@ cairn_status cairn_pool_split(cairn_pool *pool, cairn_pool *child, size_t bytes)
 
     if (pool == NULL || child == NULL || pool->base == NULL || bytes == 0)
         return CAIRN_BAD_ARGUMENT;
-    rounded = bytes > SIZE_MAX - CAIRN_ALIGN ? SIZE_MAX : (bytes + CAIRN_ALIGN - 1) / CAIRN_ALIGN * CAIRN_ALIGN;
+    rounded = bytes > SIZE_MAX - CAIRN_ALIGN
+                  ? SIZE_MAX
+                  : (bytes + CAIRN_ALIGN - 1) / CAIRN_ALIGN * CAIRN_ALIGN;
     memory = cairn_pool_take(pool, rounded, 1);
     if (memory == NULL)
         return CAIRN_NO_MEMORY;
     return cairn_pool_init(child, memory, rounded);
 }
 
-/* Block pool: next[i] links free blocks by index; a block in use is marked, so that giving it twice is seen. */
+/* Block pool: next[i] links free blocks by index; a block in use is marked, so that giving it
+ * twice is seen. */
 
 enum { END = -1, IN_USE = -2 };
 
@@ -189,14 +194,16 @@ size_t cairn_block_pool_memory(size_t block_bytes, size_t count)
 {
     cairn_pool counting;
 
-    if (block_bytes == 0 || count == 0 || count >= INT32_MAX || block_bytes > SIZE_MAX - CAIRN_ALIGN)
+    if (block_bytes == 0 || count == 0 || count >= INT32_MAX ||
+        block_bytes > SIZE_MAX - CAIRN_ALIGN)
         return 0;
     cairn_pool_init_counting(&counting);
     (void)carve_blocks(&counting, block_stride(block_bytes), count);
     return cairn_pool_counted(&counting);
 }
 
-cairn_status cairn_block_pool_create(cairn_block_pool **blocks, cairn_pool *pool, size_t block_bytes, size_t count)
+cairn_status cairn_block_pool_create(cairn_block_pool **blocks, cairn_pool *pool,
+                                     size_t block_bytes, size_t count)
 {
     size_t need = cairn_block_pool_memory(block_bytes, count);
     cairn_block_pool *made;
@@ -248,7 +255,8 @@ cairn_status cairn_block_pool_give(cairn_block_pool *blocks, void *block)
         return CAIRN_BAD_ARGUMENT;
     offset = (uintptr_t)block - (uintptr_t)blocks->blocks;
     index = offset / blocks->stride;
-    if (index >= (size_t)blocks->count || offset % blocks->stride != 0 || blocks->next[index] != IN_USE)
+    if (index >= (size_t)blocks->count || offset % blocks->stride != 0 ||
+        blocks->next[index] != IN_USE)
         return CAIRN_BAD_ARGUMENT;
     blocks->next[index] = blocks->free;
     blocks->free = (int32_t)index;

@@ -1,26 +1,29 @@
 /* Views and distance maps.
  *
- * Method (Meijster, Roerdink and Hesselink 2000): a pass down and a pass up leave in each pixel the distance g to the
- * nearest match in its column. Then each row by itself: for L1 a pass to the right and one to the left, d = min(d, d' + 1);
- * for L2 the lower envelope of the parabolas (x - i)^2 + g(i)^2, built from the left on a stack of columns i with the place
- * from which each is the lowest, and read off from the right. All in integers.
+ * Method (Meijster, Roerdink and Hesselink 2000): a pass down and a pass up leave in each pixel the
+ * distance g to the nearest match in its column. Then each row by itself: for L1 a pass to the
+ * right and one to the left, d = min(d, d' + 1); for L2 the lower envelope of the parabolas (x -
+ * i)^2 + g(i)^2, built from the left on a stack of columns i with the place from which each is the
+ * lowest, and read off from the right. All in integers.
  *
  * The passes go along rows, in order of the memory, and can stop after any pixel.
  *
- * Limits: sides of at most 32768 keep (x - i)^2 + g^2 below 2^31. Columns without a match are left out of the envelope, so
- * CAIRN_DISTANCE_FAR enters no sum. */
+ * Limits: sides of at most 32768 keep (x - i)^2 + g^2 below 2^31. Columns without a match are
+ * left out of the envelope, so CAIRN_DISTANCE_FAR enters no sum. */
 #include "src/core/build.h"
 
 #include "cairn/raster.h"
 
 /* ---- Views ---- */
 
-static cairn_status check_view(const void *data, int32_t width, int32_t height, ptrdiff_t stride, size_t element)
+static cairn_status check_view(const void *data, int32_t width, int32_t height, ptrdiff_t stride,
+                               size_t element)
 {
     ptrdiff_t limit = PTRDIFF_MAX / (ptrdiff_t)element;
     ptrdiff_t step;
 
-    if (data == NULL || width < 1 || width > CAIRN_RASTER_MAX_SIDE || height < 1 || height > CAIRN_RASTER_MAX_SIDE)
+    if (data == NULL || width < 1 || width > CAIRN_RASTER_MAX_SIDE || height < 1 ||
+        height > CAIRN_RASTER_MAX_SIDE)
         return CAIRN_BAD_ARGUMENT;
     if (height == 1)
         return CAIRN_OK;
@@ -112,11 +115,13 @@ cairn_status cairn_distance_map_create(cairn_distance_map **map, cairn_pool *poo
     return CAIRN_OK;
 }
 
-cairn_status cairn_distance_map_begin(cairn_distance_map *map, const cairn_distance_map_input *input)
+cairn_status cairn_distance_map_begin(cairn_distance_map *map,
+                                      const cairn_distance_map_input *input)
 {
     if (map == NULL || input == NULL || cairn_raster_u8_check(input->pixels) != CAIRN_OK ||
         cairn_raster_i32_check(cairn_raster_i32_read(input->distances)) != CAIRN_OK ||
-        input->pixels.width != input->distances.width || input->pixels.height != input->distances.height ||
+        input->pixels.width != input->distances.width ||
+        input->pixels.height != input->distances.height ||
         (input->metric != CAIRN_DISTANCE_L1 && input->metric != CAIRN_DISTANCE_L2_SQUARED))
         return CAIRN_BAD_ARGUMENT;
     if (input->pixels.width > map->max_width)
@@ -215,7 +220,8 @@ static int64_t build_envelope(cairn_distance_map *map, int64_t operations)
             map->held--;
             continue;
         }
-        /* x is at or above i at start[top]: the last place where it still is lies there or to the right, not below 0. */
+        /* x is at or above i at start[top]: the last place where it still is lies there or to
+         * the right, not below 0. */
         i = (x * x - i * i + d[x] * d[x] - map->column[i] * map->column[i]) / (2 * (x - i)) + 1;
         if (i < width) {
             map->stack[map->held] = x;
@@ -281,7 +287,8 @@ cairn_status cairn_distance_map_step(cairn_distance_map *map, cairn_budget *budg
 {
     while (map->pass != DONE) {
         int32_t width = map->input.pixels.width;
-        int64_t affordable = budget->left > 0 ? map->credit + (int64_t)budget->left * OPERATIONS_PER_UNIT : 0;
+        int64_t affordable =
+            budget->left > 0 ? map->credit + (int64_t)budget->left * OPERATIONS_PER_UNIT : 0;
         int64_t used, units;
         int32_t end;
 
@@ -310,7 +317,9 @@ cairn_status cairn_distance_map_step(cairn_distance_map *map, cairn_budget *budg
             read_envelope(map, end);
             break;
         }
-        units = used > map->credit ? (used - map->credit + OPERATIONS_PER_UNIT - 1) / OPERATIONS_PER_UNIT : 0;
+        units = used > map->credit
+                    ? (used - map->credit + OPERATIONS_PER_UNIT - 1) / OPERATIONS_PER_UNIT
+                    : 0;
         map->credit += (int32_t)(units * OPERATIONS_PER_UNIT - used);
         budget->left -= (int32_t)units;
         map->x = end;

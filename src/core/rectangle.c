@@ -1,12 +1,13 @@
 /* Rectangles from segments: the object, and the merging of segments to sides.
  *
- * Method: the longest segment first, each joins the side that it fits best, which is then the regression of both, or begins
- * a side of its own. Sides sorted by slope give the pairs that face each other, pairs sorted by slope those that stand on
- * each other; of these only what can reach the least cover is laid out as a rectangle and measured with the segments
- * themselves (rectangle_match.c).
+ * Method: the longest segment first, each joins the side that it fits best, which is then the
+ * regression of both, or begins a side of its own. Sides sorted by slope give the pairs that face
+ * each other, pairs sorted by slope those that stand on each other; of these only what can reach
+ * the least cover is laid out as a rectangle and measured with the segments themselves
+ * (rectangle_match.c).
  *
- * Layout: an order of the segments, first by length, then by side; the side of each; sides and pairs with their orders; two
- * lists of rectangles, one in work, one that readers see.
+ * Layout: an order of the segments, first by length, then by side; the side of each; sides and
+ * pairs with their orders; two lists of rectangles, one in work, one that readers see.
  *
  * Limits: a side is one line; segments that bend away from it begin another.
  *
@@ -63,9 +64,10 @@ static int is_share(cairn_real x)
 static int params_are_valid(const cairn_rectangle_params *p)
 {
     return p != NULL && is_count(p->max_segments, 1 << 20) && is_count(p->max_sides, 1 << 16) &&
-           is_count(p->max_pairs, 1 << 20) && is_count(p->max_rectangles, 256) && is_length(p->merge_distance) &&
-           is_angle(p->merge_angle) && p->merge_gap >= 0 && p->merge_gap <= LIMIT && is_angle(p->angle) &&
-           is_length(p->min_side) && is_share(p->least_side) && is_share(p->least_covered) && is_length(p->separation);
+           is_count(p->max_pairs, 1 << 20) && is_count(p->max_rectangles, 256) &&
+           is_length(p->merge_distance) && is_angle(p->merge_angle) && p->merge_gap >= 0 &&
+           p->merge_gap <= LIMIT && is_angle(p->angle) && is_length(p->min_side) &&
+           is_share(p->least_side) && is_share(p->least_covered) && is_length(p->separation);
 }
 
 static cairn_rectangle_set *carve(cairn_pool *pool, const cairn_rectangle_params *params)
@@ -113,7 +115,8 @@ size_t cairn_rectangle_memory(const cairn_rectangle_params *params)
     return cairn_pool_counted(&counting);
 }
 
-cairn_status cairn_rectangle_create(cairn_rectangle_set **set, cairn_pool *pool, const cairn_rectangle_params *params)
+cairn_status cairn_rectangle_create(cairn_rectangle_set **set, cairn_pool *pool,
+                                    const cairn_rectangle_params *params)
 {
     size_t need = cairn_rectangle_memory(params);
     cairn_rectangle_set *made;
@@ -130,7 +133,8 @@ cairn_status cairn_rectangle_create(cairn_rectangle_set **set, cairn_pool *pool,
     return CAIRN_OK;
 }
 
-cairn_status cairn_rectangle_begin(cairn_rectangle_set *set, const cairn_segment *segments, int32_t count)
+cairn_status cairn_rectangle_begin(cairn_rectangle_set *set, const cairn_segment *segments,
+                                   int32_t count)
 {
     if (set == NULL || count < 0 || (segments == NULL && count > 0))
         return CAIRN_BAD_ARGUMENT;
@@ -211,9 +215,11 @@ static cairn_status step_sort(sorter *s, int32_t *paid, cairn_budget *budget)
 
 static cairn_status check(cairn_segment s)
 {
-    if (!cairn_is_finite(s.a.x) || !cairn_is_finite(s.a.y) || !cairn_is_finite(s.b.x) || !cairn_is_finite(s.b.y))
+    if (!cairn_is_finite(s.a.x) || !cairn_is_finite(s.a.y) || !cairn_is_finite(s.b.x) ||
+        !cairn_is_finite(s.b.y))
         return CAIRN_NOT_FINITE;
-    if (cairn_abs(s.a.x) > LIMIT || cairn_abs(s.a.y) > LIMIT || cairn_abs(s.b.x) > LIMIT || cairn_abs(s.b.y) > LIMIT)
+    if (cairn_abs(s.a.x) > LIMIT || cairn_abs(s.a.y) > LIMIT || cairn_abs(s.b.x) > LIMIT ||
+        cairn_abs(s.b.y) > LIMIT)
         return CAIRN_BAD_ARGUMENT;
     return CAIRN_OK;
 }
@@ -242,17 +248,19 @@ static cairn_status step_lengths(cairn_rectangle_set *set, cairn_budget *budget)
 /* How far a segment is from a side's line; beyond merge_distance when it does not belong to it. */
 static cairn_real misfit(const cairn_rectangle_set *set, const side *s, cairn_segment segment)
 {
-    cairn_vec2 a = cairn_vec2_sub(segment.a, s->segment.a), b = cairn_vec2_sub(segment.b, s->segment.a);
+    cairn_vec2 a = cairn_vec2_sub(segment.a, s->segment.a),
+               b = cairn_vec2_sub(segment.b, s->segment.a);
     cairn_vec2 run = cairn_vec2_sub(b, a);
     cairn_real length = cairn_vec2_norm(run), along = cairn_vec2_dot(s->direction, run);
     cairn_real from = cairn_vec2_dot(s->direction, a), to = cairn_vec2_dot(s->direction, b);
     cairn_real extent = cairn_vec2_dot(s->direction, cairn_vec2_sub(s->segment.b, s->segment.a));
     cairn_real gap = cairn_max(cairn_min(from, to) - extent, -cairn_max(from, to));
 
-    if (cairn_abs(cairn_vec2_cross(s->direction, run)) > set->sine_merge * length || gap > set->params.merge_gap ||
-        (set->params.oriented && along < 0))
+    if (cairn_abs(cairn_vec2_cross(s->direction, run)) > set->sine_merge * length ||
+        gap > set->params.merge_gap || (set->params.oriented && along < 0))
         return CAIRN_REAL_MAX;
-    return cairn_max(cairn_abs(cairn_vec2_cross(s->direction, a)), cairn_abs(cairn_vec2_cross(s->direction, b)));
+    return cairn_max(cairn_abs(cairn_vec2_cross(s->direction, a)),
+                     cairn_abs(cairn_vec2_cross(s->direction, b)));
 }
 
 static void set_segment(side *s, cairn_segment segment)
@@ -266,7 +274,8 @@ static void join(cairn_rectangle_set *set, int32_t segment, int32_t to)
     side *s = &set->sides[to];
     cairn_real length = -set->key[segment];
     cairn_segment merged = s->segment;
-    cairn_status status = cairn_segment_merge(s->segment, s->mass, set->segments[segment], length, &merged);
+    cairn_status status =
+        cairn_segment_merge(s->segment, s->mass, set->segments[segment], length, &merged);
 
     CAIRN_ASSERT(status == CAIRN_OK);
     (void)status;
@@ -301,7 +310,8 @@ static cairn_status step_merge(cairn_rectangle_set *set, cairn_budget *budget)
         for (int32_t i = 0; i < 2 && set->against < set->side_count; i++, set->against++) {
             cairn_real distance = misfit(set, &set->sides[set->against], set->segments[segment]);
 
-            if (distance < set->params.merge_distance && (set->best < 0 || distance < set->best_distance)) {
+            if (distance < set->params.merge_distance &&
+                (set->best < 0 || distance < set->best_distance)) {
                 set->best = set->against;
                 set->best_distance = distance;
             }
@@ -349,7 +359,8 @@ static cairn_status step_members(cairn_rectangle_set *set, cairn_budget *budget)
 
 /* ---- Pairs ---- */
 
-/* Every side with those that come after it in the order of slopes, around, as long as they are near to parallel. */
+/* Every side with those that come after it in the order of slopes, around, as long as they are
+ * near to parallel. */
 static cairn_status step_pairs(cairn_rectangle_set *set, cairn_budget *budget)
 {
     while (set->cursor < set->side_count) {
@@ -360,7 +371,8 @@ static cairn_status step_pairs(cairn_rectangle_set *set, cairn_budget *budget)
             return CAIRN_MORE;
         budget->left--;
         for (int32_t i = 0; i < 4 && !is_last; i++) {
-            int32_t place = set->cursor + ++set->against, next = set->side_order[place % set->side_count];
+            int32_t place = set->cursor + ++set->against,
+                    next = set->side_order[place % set->side_count];
             pair made;
 
             is_last = (place >= set->side_count && set->sides[next].slope >= s->slope) ||
@@ -465,7 +477,8 @@ void cairn_rectangle_corners(const cairn_rectangle *rectangle, cairn_vec2 corner
     cairn_transform t = cairn_transform_of(rectangle->centre);
 
     for (int32_t i = 0; i < 4; i++) {
-        cairn_vec2 corner = {signs[i][0] * rectangle->half_length, signs[i][1] * rectangle->half_width};
+        cairn_vec2 corner = {signs[i][0] * rectangle->half_length,
+                             signs[i][1] * rectangle->half_width};
 
         corners[i] = cairn_transform_point(t, corner);
     }

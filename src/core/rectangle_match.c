@@ -18,11 +18,14 @@ static cairn_vec2 turned_like(cairn_vec2 d, cairn_vec2 like)
     return cairn_vec2_dot(d, like) < 0 ? cairn_vec2_scale(d, -1) : d;
 }
 
-int cairn_rectangle_pair(const struct cairn_rectangle_set *set, int32_t first, int32_t second, pair *made)
+int cairn_rectangle_pair(const struct cairn_rectangle_set *set, int32_t first, int32_t second,
+                         pair *made)
 {
     const side *s = &set->sides[first], *t = &set->sides[second];
-    cairn_vec2 u = cairn_vec2_unit(cairn_vec2_add(s->direction, turned_like(t->direction, s->direction)));
-    cairn_vec2 across = cairn_vec2_left(u), to = cairn_vec2_sub(middle_of(t->segment), middle_of(s->segment));
+    cairn_vec2 u =
+        cairn_vec2_unit(cairn_vec2_add(s->direction, turned_like(t->direction, s->direction)));
+    cairn_vec2 across = cairn_vec2_left(u),
+               to = cairn_vec2_sub(middle_of(t->segment), middle_of(s->segment));
     cairn_real apart = cairn_vec2_dot(across, to), slope = cairn_atan2(u.y, u.x);
     int32_t is_above = apart > 0;
 
@@ -42,7 +45,8 @@ int cairn_rectangle_pair(const struct cairn_rectangle_set *set, int32_t first, i
 /* ---- A rectangle: two pairs that stand on each other ---- */
 
 /* The direction of the four sides modulo a right angle, by their lengths, in [0, pi/2). */
-static cairn_real common_direction(const struct cairn_rectangle_set *set, const pair *p, const pair *q)
+static cairn_real common_direction(const struct cairn_rectangle_set *set, const pair *p,
+                                   const pair *q)
 {
     cairn_real c = 0, s = 0, theta;
 
@@ -62,7 +66,8 @@ static cairn_real common_direction(const struct cairn_rectangle_set *set, const 
 static cairn_real offset_at(const side *s, cairn_vec2 axis, cairn_vec2 other, cairn_vec2 at)
 {
     cairn_vec2 from = middle_of(s->segment);
-    cairn_real t = cairn_vec2_dot(other, cairn_vec2_sub(at, from)) / cairn_vec2_dot(other, s->direction);
+    cairn_real t =
+        cairn_vec2_dot(other, cairn_vec2_sub(at, from)) / cairn_vec2_dot(other, s->direction);
 
     return cairn_vec2_dot(axis, cairn_vec2_add(from, cairn_vec2_scale(s->direction, t)));
 }
@@ -90,7 +95,8 @@ static void swap_to_rise(cairn_real *low, cairn_real *high, int32_t sides[2])
     sides[1] = first;
 }
 
-/* Lays the rectangle through the lines of its four sides. 0 when they do not stand on each other. */
+/* Lays the rectangle through the lines of its four sides. 0 when they do not stand on each
+ * other. */
 static int lay(const struct cairn_rectangle_set *set, const pair *p, const pair *q, candidate *c)
 {
     cairn_rectangle *r = &c->rectangle;
@@ -112,8 +118,10 @@ static int lay(const struct cairn_rectangle_set *set, const pair *p, const pair 
         r->side[i] = i < 2 ? p->side[i] : q->side[i - 2];
         s[i] = &set->sides[r->side[i]];
         c->deviation = cairn_max(c->deviation,
-                                 cairn_abs(cairn_vec2_cross(i < 2 ? c->u : c->v, s[i]->direction)) / set->sine_angle);
-        centre = cairn_vec2_add(centre, cairn_vec2_scale(middle_of(s[i]->segment), CAIRN_REAL(0.25)));
+                                 cairn_abs(cairn_vec2_cross(i < 2 ? c->u : c->v, s[i]->direction)) /
+                                     set->sine_angle);
+        centre =
+            cairn_vec2_add(centre, cairn_vec2_scale(middle_of(s[i]->segment), CAIRN_REAL(0.25)));
     }
     if (c->deviation > 1)
         return 0;
@@ -122,8 +130,8 @@ static int lay(const struct cairn_rectangle_set *set, const pair *p, const pair 
         high_v = offset_at(s[1], c->v, c->u, centre);
         low_u = offset_at(s[2], c->u, c->v, centre);
         high_u = offset_at(s[3], c->u, c->v, centre);
-        centre =
-            cairn_vec2_add(cairn_vec2_scale(c->u, (low_u + high_u) / 2), cairn_vec2_scale(c->v, (low_v + high_v) / 2));
+        centre = cairn_vec2_add(cairn_vec2_scale(c->u, (low_u + high_u) / 2),
+                                cairn_vec2_scale(c->v, (low_v + high_v) / 2));
     }
     swap_to_rise(&low_v, &high_v, &r->side[0]);
     swap_to_rise(&low_u, &high_u, &r->side[2]);
@@ -169,10 +177,13 @@ static int can_be_covered(const struct cairn_rectangle_set *set, const candidate
 /* Marks the places of side `at` whose middle a segment covers. */
 static void cover(candidate *c, cairn_segment segment)
 {
-    cairn_vec2 axis = c->at < 2 ? c->u : c->v, centre = {c->rectangle.centre.x, c->rectangle.centre.y};
+    cairn_vec2 axis = c->at < 2 ? c->u : c->v,
+               centre = {c->rectangle.centre.x, c->rectangle.centre.y};
     cairn_real scale = COVER_BITS / (2 * half_of(&c->rectangle, c->at));
-    cairn_real a = cairn_vec2_dot(axis, cairn_vec2_sub(segment.a, centre)) * scale + CAIRN_REAL(0.5) * COVER_BITS;
-    cairn_real b = cairn_vec2_dot(axis, cairn_vec2_sub(segment.b, centre)) * scale + CAIRN_REAL(0.5) * COVER_BITS;
+    cairn_real a = cairn_vec2_dot(axis, cairn_vec2_sub(segment.a, centre)) * scale +
+                   CAIRN_REAL(0.5) * COVER_BITS;
+    cairn_real b = cairn_vec2_dot(axis, cairn_vec2_sub(segment.b, centre)) * scale +
+                   CAIRN_REAL(0.5) * COVER_BITS;
     cairn_real low = cairn_max(cairn_min(a, b), 0), high = cairn_min(cairn_max(a, b), COVER_BITS);
     int32_t from = cairn_real_to_int(cairn_floor(low + CAIRN_REAL(0.5)));
     int32_t to = cairn_real_to_int(cairn_floor(high + CAIRN_REAL(0.5))); /* one behind the last */
@@ -180,7 +191,8 @@ static void cover(candidate *c, cairn_segment segment)
     if (to - from == COVER_BITS)
         c->cover[c->at] = ~(uint64_t)0;
     else if (to > from)
-        c->cover[c->at] |= (((uint64_t)1 << ((uint32_t)(to - from) % COVER_BITS)) - 1) << ((uint32_t)from % COVER_BITS);
+        c->cover[c->at] |= (((uint64_t)1 << ((uint32_t)(to - from) % COVER_BITS)) - 1)
+                           << ((uint32_t)from % COVER_BITS);
 }
 
 static int32_t bits_of(uint64_t bits)
@@ -215,7 +227,8 @@ static cairn_status step_cover(struct cairn_rectangle_set *set, cairn_budget *bu
 
 /* ---- The list ---- */
 
-/* The farthest that a corner of one is from the nearest of the other; in a square any corner may be the first. */
+/* The farthest that a corner of one is from the nearest of the other; in a square any corner may
+ * be the first. */
 static cairn_real apart(const cairn_rectangle *a, const cairn_rectangle *b)
 {
     cairn_vec2 of_a[4], of_b[4];
@@ -233,7 +246,8 @@ static cairn_real apart(const cairn_rectangle *a, const cairn_rectangle *b)
     return cairn_sqrt(farthest);
 }
 
-static int is_same(const struct cairn_rectangle_set *set, const cairn_rectangle *a, const cairn_rectangle *b)
+static int is_same(const struct cairn_rectangle_set *set, const cairn_rectangle *a,
+                   const cairn_rectangle *b)
 {
     return a->kind == b->kind && apart(a, b) < set->params.separation;
 }
@@ -325,7 +339,8 @@ cairn_status cairn_rectangle_match(struct cairn_rectangle_set *set, cairn_budget
         cairn_real from;
 
         if (set->is_open) {
-            if (step_cover(set, budget) == CAIRN_MORE || !cairn_budget_pay(budget, &set->paid, 8 + 4 * set->list_count))
+            if (step_cover(set, budget) == CAIRN_MORE ||
+                !cairn_budget_pay(budget, &set->paid, 8 + 4 * set->list_count))
                 return CAIRN_MORE;
             judge(set);
             set->is_open = 0;
@@ -342,7 +357,8 @@ cairn_status cairn_rectangle_match(struct cairn_rectangle_set *set, cairn_budget
             q = pair_at(set, set->best + set->against);
             set->against++;
             if (cairn_rectangle_turn(q->slope, from) <= 2 * set->params.angle) {
-                set->is_open = q > p && open_candidate(set, p, q); /* of the two that see each other the first */
+                /* of the two that see each other the first */
+                set->is_open = q > p && open_candidate(set, p, q);
                 continue;
             }
         }

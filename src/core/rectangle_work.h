@@ -34,10 +34,13 @@ typedef struct pair {
 /* A rectangle in the making. */
 typedef struct candidate {
     cairn_rectangle rectangle;
-    cairn_vec2 u, v;      /* its axes */
-    cairn_real deviation; /* sine of the largest angle by which a side is off, in that of params.angle */
+    /* its axes */
+    cairn_vec2 u, v;
+    /* sine of the largest angle by which a side is off, in that of params.angle */
+    cairn_real deviation;
     uint64_t cover[4];
-    int32_t at, cursor; /* side and segment to be laid on it next */
+    /* side and segment to be laid on it next */
+    int32_t at, cursor;
 } candidate;
 
 typedef int32_t search_phase;
@@ -82,7 +85,8 @@ struct cairn_rectangle_set {
 };
 
 /* Whether the two sides make a pair. */
-int cairn_rectangle_pair(const struct cairn_rectangle_set *set, int32_t first, int32_t second, pair *made);
+int cairn_rectangle_pair(const struct cairn_rectangle_set *set, int32_t first, int32_t second,
+                         pair *made);
 
 /* Matches pairs of pairs; the last phase of a search. */
 cairn_status cairn_rectangle_match(struct cairn_rectangle_set *set, cairn_budget *budget);

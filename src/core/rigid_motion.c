@@ -1,7 +1,8 @@
 /* Gauss-Newton for one pose.
  *
- * The observed information is turned into the basis of its eigenvectors, where weak directions are its first rows and
- * columns. There they are set to zero, the prior is added, and the sum is solved or inverted. */
+ * The observed information is turned into the basis of its eigenvectors, where weak directions
+ * are its first rows and columns. There they are set to zero, the prior is added, and the sum is
+ * solved or inverted. */
 #include "src/core/build.h"
 
 #include <string.h>
@@ -22,9 +23,11 @@ cairn_rigid_motion cairn_rigid_motion_at(cairn_pose map_body, cairn_vec2 centre,
     return motion;
 }
 
-void cairn_rigid_motion_row(const cairn_rigid_motion *motion, cairn_vec2 axis, cairn_vec2 body_point, cairn_real row[3])
+void cairn_rigid_motion_row(const cairn_rigid_motion *motion, cairn_vec2 axis,
+                            cairn_vec2 body_point, cairn_real row[3])
 {
-    cairn_vec2 arm = cairn_transform_direction(motion->transform, cairn_vec2_sub(body_point, motion->centre));
+    cairn_vec2 arm =
+        cairn_transform_direction(motion->transform, cairn_vec2_sub(body_point, motion->centre));
 
     row[0] = axis.x;
     row[1] = axis.y;
@@ -44,7 +47,8 @@ cairn_motion_basis cairn_motion_basis_of(cairn_sym3 information, cairn_real weak
     return basis;
 }
 
-cairn_normal_equations cairn_rigid_motion_prior(const cairn_rigid_motion *motion, const cairn_pose_prior *prior)
+cairn_normal_equations cairn_rigid_motion_prior(const cairn_rigid_motion *motion,
+                                                const cairn_pose_prior *prior)
 {
     const cairn_vec2 origin = {0, 0};
     cairn_transform mean = cairn_transform_of(prior->mean);
@@ -74,14 +78,16 @@ cairn_normal_equations cairn_rigid_motion_prior(const cairn_rigid_motion *motion
 static void to_basis(const cairn_motion_basis *basis, const cairn_real v[3], cairn_real out[3])
 {
     for (int i = 0; i < 3; i++)
-        out[i] = basis->vectors[i][0] * v[0] + basis->vectors[i][1] * v[1] + basis->vectors[i][2] * v[2];
+        out[i] =
+            basis->vectors[i][0] * v[0] + basis->vectors[i][1] * v[1] + basis->vectors[i][2] * v[2];
 }
 
 /* A vector of the basis in motions. */
 static void from_basis(const cairn_motion_basis *basis, const cairn_real v[3], cairn_real out[3])
 {
     for (int k = 0; k < 3; k++)
-        out[k] = basis->vectors[0][k] * v[0] + basis->vectors[1][k] * v[1] + basis->vectors[2][k] * v[2];
+        out[k] =
+            basis->vectors[0][k] * v[0] + basis->vectors[1][k] * v[1] + basis->vectors[2][k] * v[2];
 }
 
 static cairn_sym3 sym3_to_basis(const cairn_motion_basis *basis, cairn_sym3 m)
@@ -91,7 +97,8 @@ static cairn_sym3 sym3_to_basis(const cairn_motion_basis *basis, cairn_sym3 m)
 
     for (int i = 0; i < 3; i++) {
         const cairn_real *v = basis->vectors[i];
-        cairn_real product[3] = {m.xx * v[0] + m.xy * v[1] + m.xz * v[2], m.xy * v[0] + m.yy * v[1] + m.yz * v[2],
+        cairn_real product[3] = {m.xx * v[0] + m.xy * v[1] + m.xz * v[2],
+                                 m.xy * v[0] + m.yy * v[1] + m.yz * v[2],
                                  m.xz * v[0] + m.yz * v[1] + m.zz * v[2]};
 
         to_basis(basis, product, columns[i]);
@@ -124,7 +131,8 @@ static cairn_sym3 strong_part(const cairn_motion_basis *basis, cairn_sym3 inform
 }
 
 int32_t cairn_motion_solve(const cairn_motion_basis *basis, const cairn_normal_equations *observed,
-                           const cairn_normal_equations *prior, cairn_real limit, cairn_real step[3])
+                           const cairn_normal_equations *prior, cairn_real limit,
+                           cairn_real step[3])
 {
     cairn_sym3 information = strong_part(basis, observed->information);
     cairn_real right[3], turned[3], length;
@@ -170,9 +178,9 @@ void cairn_rigid_motion_move(cairn_rigid_motion *motion, const cairn_real step[3
     motion->transform.y = pose->y;
 }
 
-void cairn_rigid_motion_covariance(const cairn_rigid_motion *motion, const cairn_motion_basis *basis,
-                                   const cairn_sym3 *observed, const cairn_normal_equations *prior,
-                                   cairn_real covariance[9])
+void cairn_rigid_motion_covariance(const cairn_rigid_motion *motion,
+                                   const cairn_motion_basis *basis, const cairn_sym3 *observed,
+                                   const cairn_normal_equations *prior, cairn_real covariance[9])
 {
     static const cairn_motion_basis axes = {{{1, 0, 0}, {0, 1, 0}, {0, 0, 1}}, 0, 0};
     cairn_vec2 arm = cairn_vec2_left(cairn_transform_direction(motion->transform, motion->centre));

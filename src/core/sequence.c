@@ -1,16 +1,18 @@
 /* The best path through the table of two sequences, in linear memory.
  *
- * Method. Nodes (i, j), 0 <= i <= n, 0 <= j <= m, stand for prefixes of i and j elements. A move arrives at a node diagonally
- * (elements i - 1 and j - 1 are paired), from above, or from the left, and gains something: COMMON 1 for a pair that is
- * alike; LOCAL the pair's score, or minus the gap; WARP minus the distance of elements i - 1 and j - 1 for any move. The
- * path of the greatest sum is found by halving (Hirschberg 1975): best sums from the start to the nodes of the middle row, best
- * sums from there to the end, and the node where both together are greatest is on the path. Halves wait on a stack of
- * their own; the upper one is done first, so that pairs come out in order.
+ * Method. Nodes (i, j), 0 <= i <= n, 0 <= j <= m, stand for prefixes of i and j elements. A move
+ * arrives at a node diagonally (elements i - 1 and j - 1 are paired), from above, or from the left,
+ * and gains something: COMMON 1 for a pair that is alike; LOCAL the pair's score, or minus the gap;
+ * WARP minus the distance of elements i - 1 and j - 1 for any move. The path of the greatest sum is
+ * found by halving (Hirschberg 1975): best sums from the start to the nodes of the middle row, best
+ * sums from there to the end, and the node where both together are greatest is on the path. Halves
+ * wait on a stack of their own; the upper one is done first, so that pairs come out in order.
  *
- * LOCAL first finds where the best piece ends (sums that are never below 0), then, backwards from there, where it starts.
+ * LOCAL first finds where the best piece ends (sums that are never below 0), then, backwards from
+ * there, where it starts.
  *
- * Layout: one row of sums from the start and one to the end. A backward sum of WARP includes the arrival at its own node, since
- * all moves gain the same there.
+ * Layout: one row of sums from the start and one to the end. A backward sum of WARP includes the
+ * arrival at its own node, since all moves gain the same there.
  *
  * Limits: no affine gaps, no band. */
 #include "src/core/build.h"
@@ -70,16 +72,17 @@ cairn_sequence_params cairn_sequence_default(void)
 
 static int params_are_good(const cairn_sequence_params *p)
 {
-    return p != NULL && p->kind >= CAIRN_SEQUENCE_COMMON && p->kind <= CAIRN_SEQUENCE_WARP && p->max_first >= 1 &&
-           p->max_first <= ELEMENTS_MOST && p->max_second >= 1 && p->max_second <= ELEMENTS_MOST && p->gap >= 0 &&
-           p->gap <= CAIRN_REAL(1e9);
+    return p != NULL && p->kind >= CAIRN_SEQUENCE_COMMON && p->kind <= CAIRN_SEQUENCE_WARP &&
+           p->max_first >= 1 && p->max_first <= ELEMENTS_MOST && p->max_second >= 1 &&
+           p->max_second <= ELEMENTS_MOST && p->gap >= 0 && p->gap <= CAIRN_REAL(1e9);
 }
 
 /* The object with its arrays; NULL from a counting pool. */
 static cairn_sequence *carve(cairn_pool *pool, const cairn_sequence_params *p)
 {
     cairn_sequence *x = cairn_pool_take(pool, 1, sizeof *x);
-    cairn_sequence_pair *pairs = cairn_pool_take(pool, (size_t)p->max_first + (size_t)p->max_second, sizeof *pairs);
+    cairn_sequence_pair *pairs =
+        cairn_pool_take(pool, (size_t)p->max_first + (size_t)p->max_second, sizeof *pairs);
     cairn_real *forward = cairn_pool_take(pool, (size_t)p->max_second + 1, sizeof *forward);
     cairn_real *backward = cairn_pool_take(pool, (size_t)p->max_second + 1, sizeof *backward);
 
@@ -104,7 +107,8 @@ size_t cairn_sequence_memory(const cairn_sequence_params *params)
     return counting.used == SIZE_MAX ? 0 : counting.used;
 }
 
-cairn_status cairn_sequence_create(cairn_sequence **sequence, cairn_pool *pool, const cairn_sequence_params *params)
+cairn_status cairn_sequence_create(cairn_sequence **sequence, cairn_pool *pool,
+                                   const cairn_sequence_params *params)
 {
     size_t need = cairn_sequence_memory(params);
 
@@ -190,7 +194,8 @@ static cairn_real leave(cairn_sequence *x, int32_t i1, int32_t j1)
 {
     int32_t i = x->i, j = x->j;
     int32_t warp = x->params.kind == CAIRN_SEQUENCE_WARP;
-    cairn_real pair = 0, skip = 0, below = i < i1 ? x->backward[j] : NEVER, best = i == i1 && j == j1 ? 0 : NEVER;
+    cairn_real pair = 0, skip = 0, below = i < i1 ? x->backward[j] : NEVER,
+               best = i == i1 && j == j1 ? 0 : NEVER;
 
     if (warp)
         gains(x, i, j, &pair, &skip);
@@ -360,7 +365,8 @@ static void emit(cairn_sequence *x)
 static void walk(cairn_sequence *x)
 {
     const sequence_job *job = &x->job;
-    int32_t warp = x->params.kind == CAIRN_SEQUENCE_WARP, over = x->i < job->i1 && x->j == x->best_j;
+    int32_t warp = x->params.kind == CAIRN_SEQUENCE_WARP,
+            over = x->i < job->i1 && x->j == x->best_j;
 
     if (x->i == job->i1 && x->j == job->j1) {
         x->phase = SEQUENCE_TAKE;

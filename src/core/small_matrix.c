@@ -8,7 +8,8 @@ void cairn_sym2_eigen(cairn_sym2 m, cairn_real values[2], cairn_vec2 *minor, cai
     cairn_real radius = cairn_sqrt(half * half + m.xy * m.xy);
     cairn_vec2 axis = {1, 0};
 
-    /* The major axis, computed from the larger of the two equivalent expressions so that nothing cancels. */
+    /* The major axis, computed from the larger of the two equivalent expressions so that nothing
+     * cancels. */
     if (radius > 0) {
         if (half >= 0) {
             axis.x = radius + half;
@@ -44,7 +45,8 @@ static int factor(cairn_sym3 m, cairn_real l[3], cairn_real d[3])
     return d[2] > floor && d[2] > 4 * CAIRN_REAL_EPSILON * m.zz && d[2] <= CAIRN_REAL_MAX;
 }
 
-static void substitute(const cairn_real l[3], const cairn_real d[3], const cairn_real b[3], cairn_real x[3])
+static void substitute(const cairn_real l[3], const cairn_real d[3], const cairn_real b[3],
+                       cairn_real x[3])
 {
     cairn_real y0 = b[0];
     cairn_real y1 = b[1] - l[0] * y0;

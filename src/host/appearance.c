@@ -1,8 +1,9 @@
 /* What is in a box, by the words of its patches.
  *
- * Method: patches of about 24 px every 6 px, and of about 48 px every 12 px, upright (objects are). Each is taken for the nearest word; the
- * shares of all words in the box are its histogram. Words are whole numbers, so that nearest is the same everywhere. The machine's
- * kernel is exp(-gamma chi2); its value becomes a probability after Platt 2000.
+ * Method: patches of about 24 px every 6 px, and of about 48 px every 12 px, upright (objects are).
+ * Each is taken for the nearest word; the shares of all words in the box are its histogram. Words
+ * are whole numbers, so that nearest is the same everywhere. The machine's kernel is exp(-gamma
+ * chi2); its value becomes a probability after Platt 2000.
  *
  * Source: Adluru 2008, section 5.3.2, where patches and kernel are left open. */
 #include "src/core/build.h"
@@ -17,7 +18,8 @@
 
 #define LIBRARY "libcairn-appearance.so"
 
-/* px between patches of the image, and their size for SIFT, whose patch is six times as wide; twice that in the image of half the size. */
+/* px between patches of the image, and their size for SIFT, whose patch is six times as wide;
+ * twice that in the image of half the size. */
 enum { STEP = 6, SIZE = 4, OCTAVES = 2, EARLY = 32 };
 
 /* Of a box without a patch. */
@@ -34,13 +36,14 @@ struct cairn_appearance_field {
 
 const cairn_appearance_shim *cairn_appearance_need_shim(const char *path, cairn_file_error *error)
 {
-    const cairn_appearance_shim *shim =
-        cairn_shim_find(LIBRARY, "CAIRN_APPEARANCE", "cairn_appearance_shim_table", CAIRN_APPEARANCE_SHIM_VERSION);
+    const cairn_appearance_shim *shim = cairn_shim_find(
+        LIBRARY, "CAIRN_APPEARANCE", "cairn_appearance_shim_table", CAIRN_APPEARANCE_SHIM_VERSION);
 
     if (shim == NULL)
-        (void)cairn_file_error_set(error, CAIRN_UNSUPPORTED, path, 0,
-                                   "appearance needs " LIBRARY " of this version, expected it beside the program "
-                                   "(built by `make appearance`, OpenCV 4: tools/deps.sh appearance)");
+        (void)cairn_file_error_set(
+            error, CAIRN_UNSUPPORTED, path, 0,
+            "appearance needs " LIBRARY " of this version, expected it beside the program "
+            "(built by `make appearance`, OpenCV 4: tools/deps.sh appearance)");
     return shim;
 }
 
@@ -71,8 +74,8 @@ static size_t most_places(int32_t width, int32_t height)
     return 2 * ((size_t)width / STEP + 1) * ((size_t)height / STEP + 1);
 }
 
-cairn_status cairn_appearance_describe(appearance_patches *p, const uint8_t *grey, int32_t width, int32_t height,
-                                       const char *path, cairn_file_error *error)
+cairn_status cairn_appearance_describe(appearance_patches *p, const uint8_t *grey, int32_t width,
+                                       int32_t height, const char *path, cairn_file_error *error)
 {
     char words[CAIRN_APPEARANCE_SHIM_WORDS] = "";
     const cairn_appearance_shim *shim;
@@ -82,8 +85,8 @@ cairn_status cairn_appearance_describe(appearance_patches *p, const uint8_t *gre
     if (grey == NULL || width < 1 || height < 1 || width > CAIRN_APPEARANCE_SIDE_MOST ||
         height > CAIRN_APPEARANCE_SIDE_MOST)
         return cairn_file_error_set(error, CAIRN_BAD_ARGUMENT, path, 0,
-                                    "an image of %d x %d, expected 8-bit grey of at most %d a side", (int)width,
-                                    (int)height, CAIRN_APPEARANCE_SIDE_MOST);
+                                    "an image of %d x %d, expected 8-bit grey of at most %d a side",
+                                    (int)width, (int)height, CAIRN_APPEARANCE_SIDE_MOST);
     shim = cairn_appearance_need_shim(path, error);
     if (shim == NULL)
         return CAIRN_UNSUPPORTED;
@@ -94,9 +97,11 @@ cairn_status cairn_appearance_describe(appearance_patches *p, const uint8_t *gre
     lay_places(p, width, height);
     if (p->count == 0)
         return CAIRN_OK;
-    status = shim->describe(grey, width, height, p->places, p->count, p->descriptors, words, sizeof words);
+    status = shim->describe(grey, width, height, p->places, p->count, p->descriptors, words,
+                            sizeof words);
     if (status != CAIRN_OK)
-        return cairn_file_error_set(error, status, path, 0, "OpenCV: %s, expected patches of an image", words);
+        return cairn_file_error_set(error, status, path, 0,
+                                    "OpenCV: %s, expected patches of an image", words);
     return CAIRN_OK;
 }
 
@@ -115,7 +120,8 @@ int cairn_appearance_is_in(const cairn_appearance_shim_place *place, const doubl
 
 /* ---- Words ---- */
 
-int32_t cairn_appearance_word(const uint8_t *words, int32_t count, const uint8_t *descriptor, int32_t *distance)
+int32_t cairn_appearance_word(const uint8_t *words, int32_t count, const uint8_t *descriptor,
+                              int32_t *distance)
 {
     int32_t best = 0, least = INT32_MAX;
 
@@ -166,8 +172,10 @@ double cairn_appearance_decide(const cairn_appearance_model *m, const float *his
     double sum = -m->rho;
 
     for (int32_t i = 0; i < m->support_count; i++)
-        sum += m->weights[i] * exp(-m->gamma * cairn_appearance_chi2(&m->histograms[(size_t)i * (size_t)m->word_count],
-                                                                     histogram, m->word_count));
+        sum +=
+            m->weights[i] *
+            exp(-m->gamma * cairn_appearance_chi2(&m->histograms[(size_t)i * (size_t)m->word_count],
+                                                  histogram, m->word_count));
     return sum;
 }
 
@@ -176,8 +184,9 @@ double cairn_appearance_judge(const cairn_appearance_model *m, const float *hist
     return 1 / (1 + exp(fmin(700, m->slope * cairn_appearance_decide(m, histogram) + m->offset)));
 }
 
-cairn_status cairn_appearance_field_make(cairn_appearance_field **field, const cairn_appearance_model *model,
-                                         const uint8_t *grey, int32_t width, int32_t height, const char *path,
+cairn_status cairn_appearance_field_make(cairn_appearance_field **field,
+                                         const cairn_appearance_model *model, const uint8_t *grey,
+                                         int32_t width, int32_t height, const char *path,
                                          cairn_file_error *error)
 {
     appearance_patches patches;
@@ -199,8 +208,9 @@ cairn_status cairn_appearance_field_make(cairn_appearance_field **field, const c
         f->model = model;
         f->count = patches.count;
         for (int32_t i = 0; i < patches.count; i++)
-            f->words[i] = cairn_appearance_word(model->words, model->word_count,
-                                                &patches.descriptors[(size_t)i * APPEARANCE_NUMBERS], NULL);
+            f->words[i] =
+                cairn_appearance_word(model->words, model->word_count,
+                                      &patches.descriptors[(size_t)i * APPEARANCE_NUMBERS], NULL);
         f->places = patches.places;
         patches.places = NULL;
         *field = f;

@@ -48,7 +48,8 @@ static cairn_status next_line(appearance_reader *r, const char *what)
             return cairn_file_error_set(r->error, CAIRN_TRUNCATED, r->path, line_of(r),
                                         "the file ends here, expected %s", what);
         if (status == CAIRN_FULL)
-            return cairn_file_error_set(r->error, CAIRN_FULL, r->path, line_of(r), "a giant line, expected %s", what);
+            return cairn_file_error_set(r->error, CAIRN_FULL, r->path, line_of(r),
+                                        "a giant line, expected %s", what);
         if (status != CAIRN_OK)
             return status;
         comment = memchr(line, '#', length);
@@ -67,8 +68,9 @@ static cairn_status take_word(appearance_reader *r, const char *word)
 
     if (length == strlen(word) && memcmp(token, word, length) == 0)
         return CAIRN_OK;
-    return cairn_file_error_set(r->error, CAIRN_BAD_FORMAT, r->path, line_of(r), "%s, expected '%s'",
-                                length > 0 ? cairn_token_text(shown, token, length) : "nothing", word);
+    return cairn_file_error_set(
+        r->error, CAIRN_BAD_FORMAT, r->path, line_of(r), "%s, expected '%s'",
+        length > 0 ? cairn_token_text(shown, token, length) : "nothing", word);
 }
 
 static cairn_status take_number(appearance_reader *r, double least, double most, double *value)
@@ -79,8 +81,9 @@ static cairn_status take_number(appearance_reader *r, double least, double most,
 
     if (length > 0 && cairn_number_read(token, length, value) && *value >= least && *value <= most)
         return CAIRN_OK;
-    return cairn_file_error_set(r->error, CAIRN_BAD_FORMAT, r->path, line_of(r), "%s, expected a number of %g ... %g",
-                                length > 0 ? cairn_token_text(shown, token, length) : "nothing", least, most);
+    return cairn_file_error_set(
+        r->error, CAIRN_BAD_FORMAT, r->path, line_of(r), "%s, expected a number of %g ... %g",
+        length > 0 ? cairn_token_text(shown, token, length) : "nothing", least, most);
 }
 
 static cairn_status take_whole(appearance_reader *r, int32_t least, int32_t most, int32_t *value)
@@ -92,8 +95,8 @@ static cairn_status take_whole(appearance_reader *r, int32_t least, int32_t most
         return status;
     *value = (int32_t)number;
     if (*value != number)
-        return cairn_file_error_set(r->error, CAIRN_BAD_FORMAT, r->path, line_of(r), "%g, expected a whole number",
-                                    number);
+        return cairn_file_error_set(r->error, CAIRN_BAD_FORMAT, r->path, line_of(r),
+                                    "%g, expected a whole number", number);
     return status;
 }
 
@@ -105,7 +108,8 @@ static cairn_status end_line(appearance_reader *r)
 
     if (length == 0)
         return CAIRN_OK;
-    return cairn_file_error_set(r->error, CAIRN_BAD_FORMAT, r->path, line_of(r), "%s, expected the line to end",
+    return cairn_file_error_set(r->error, CAIRN_BAD_FORMAT, r->path, line_of(r),
+                                "%s, expected the line to end",
                                 cairn_token_text(shown, token, length));
 }
 
@@ -120,7 +124,8 @@ static cairn_status read_head(appearance_reader *r)
         status = take_number(r, 0, 1e9, &version);
     if (status == CAIRN_OK && version != VERSION)
         return cairn_file_error_set(r->error, CAIRN_UNSUPPORTED, r->path, line_of(r),
-                                    "a model of version %g, expected %d (cairn train makes it)", version, VERSION);
+                                    "a model of version %g, expected %d (cairn train makes it)",
+                                    version, VERSION);
     return status == CAIRN_OK ? end_line(r) : status;
 }
 
@@ -184,7 +189,8 @@ static cairn_status read_machine(appearance_reader *r, cairn_appearance_model *m
         status = end_line(r);
     if (status != CAIRN_OK)
         return status;
-    m->histograms = malloc((size_t)m->support_count * (size_t)m->word_count * sizeof *m->histograms);
+    m->histograms =
+        malloc((size_t)m->support_count * (size_t)m->word_count * sizeof *m->histograms);
     m->weights = malloc((size_t)m->support_count * sizeof *m->weights);
     if (m->histograms == NULL || m->weights == NULL)
         return no_memory(r);
@@ -193,7 +199,8 @@ static cairn_status read_machine(appearance_reader *r, cairn_appearance_model *m
     return status;
 }
 
-cairn_status cairn_appearance_read(cairn_appearance_model *model, const char *path, cairn_file_error *error)
+cairn_status cairn_appearance_read(cairn_appearance_model *model, const char *path,
+                                   cairn_file_error *error)
 {
     appearance_reader r = {.path = path, .error = error};
     cairn_status status;
@@ -227,9 +234,11 @@ static int is_within(double value, double least, double most)
 /* 1 when what is written can be read again. */
 static int is_writable(const cairn_appearance_model *m)
 {
-    int ok = m->word_count >= 2 && m->word_count <= CAIRN_APPEARANCE_WORDS_MOST && m->support_count >= 1 &&
-             m->support_count <= CAIRN_APPEARANCE_SUPPORT_MOST && is_within(m->gamma, LEAST_GAMMA, NUMBER_MOST) &&
-             is_within(m->rho, -NUMBER_MOST, NUMBER_MOST) && is_within(m->slope, -NUMBER_MOST, NUMBER_MOST) &&
+    int ok = m->word_count >= 2 && m->word_count <= CAIRN_APPEARANCE_WORDS_MOST &&
+             m->support_count >= 1 && m->support_count <= CAIRN_APPEARANCE_SUPPORT_MOST &&
+             is_within(m->gamma, LEAST_GAMMA, NUMBER_MOST) &&
+             is_within(m->rho, -NUMBER_MOST, NUMBER_MOST) &&
+             is_within(m->slope, -NUMBER_MOST, NUMBER_MOST) &&
              is_within(m->offset, -NUMBER_MOST, NUMBER_MOST);
 
     for (int32_t i = 0; ok && i < m->support_count; i++)
@@ -239,26 +248,31 @@ static int is_writable(const cairn_appearance_model *m)
     return ok;
 }
 
-cairn_status cairn_appearance_write(const cairn_appearance_model *m, const char *path, cairn_file_error *error)
+cairn_status cairn_appearance_write(const cairn_appearance_model *m, const char *path,
+                                    cairn_file_error *error)
 {
     cairn_output *output;
     cairn_status status;
 
     if (!is_writable(m))
-        return cairn_file_error_set(error, CAIRN_BAD_ARGUMENT, path, 0,
-                                    "a model beyond what is read again, expected one that was trained");
+        return cairn_file_error_set(
+            error, CAIRN_BAD_ARGUMENT, path, 0,
+            "a model beyond what is read again, expected one that was trained");
     status = cairn_output_open(&output, path, error);
     if (status != CAIRN_OK)
         return status;
     cairn_output_print(output, HEAD " %d\nwords %d\n", VERSION, (int)m->word_count);
     for (int32_t i = 0; i < m->word_count * APPEARANCE_NUMBERS; i++)
-        cairn_output_print(output, "%d%c", (int)m->words[i], (i + 1) % APPEARANCE_NUMBERS == 0 ? '\n' : ' ');
-    cairn_output_print(output, "machine %.17g %.17g %.17g %.17g %d\n", m->gamma, m->rho, m->slope, m->offset,
-                       (int)m->support_count);
+        cairn_output_print(output, "%d%c", (int)m->words[i],
+                           (i + 1) % APPEARANCE_NUMBERS == 0 ? '\n' : ' ');
+    cairn_output_print(output, "machine %.17g %.17g %.17g %.17g %d\n", m->gamma, m->rho, m->slope,
+                       m->offset, (int)m->support_count);
     for (int32_t i = 0; i < m->support_count; i++) {
         cairn_output_print(output, "%.17g", m->weights[i]);
         for (int32_t k = 0; k < m->word_count; k++)
-            cairn_output_print(output, " %.9g", (double)m->histograms[(size_t)i * (size_t)m->word_count + (size_t)k]);
+            cairn_output_print(
+                output, " %.9g",
+                (double)m->histograms[(size_t)i * (size_t)m->word_count + (size_t)k]);
         cairn_output_print(output, "\n");
     }
     cairn_output_print(output, "end\n");

@@ -30,12 +30,14 @@ int32_t fail(int32_t status, const std::string &text, char *words, size_t room)
     return status;
 }
 
-// Meanwhile OpenCV prints nothing and stays on one processor: cairn shares images out among processes. Then it is as the program that calls
-// had it.
+// Meanwhile OpenCV prints nothing and stays on one processor: cairn shares images out among
+// processes. Then it is as the program that calls had it.
 class Quiet
 {
   public:
-    Quiet() : level(cv::utils::logging::setLogLevel(cv::utils::logging::LOG_LEVEL_SILENT)), threads(cv::getNumThreads())
+    Quiet()
+        : level(cv::utils::logging::setLogLevel(cv::utils::logging::LOG_LEVEL_SILENT)),
+          threads(cv::getNumThreads())
     {
         cv::setNumThreads(0);
     }
@@ -60,7 +62,8 @@ template <typename Work> int32_t guarded(char *words, size_t room, const Work &w
 
         return work();
     } catch (const cv::Exception &e) {
-        return fail(e.code == cv::Error::StsNoMem ? CAIRN_NO_MEMORY : CAIRN_BAD_ARGUMENT, e.err, words, room);
+        return fail(e.code == cv::Error::StsNoMem ? CAIRN_NO_MEMORY : CAIRN_BAD_ARGUMENT, e.err,
+                    words, room);
     } catch (const std::bad_alloc &) {
         return fail(CAIRN_NO_MEMORY, "no memory", words, room);
     } catch (const std::exception &e) {
@@ -70,8 +73,9 @@ template <typename Work> int32_t guarded(char *words, size_t room, const Work &w
     }
 }
 
-int32_t describe(const uint8_t *grey, int32_t width, int32_t height, const cairn_appearance_shim_place *places,
-                 int32_t count, uint8_t *descriptors, char *words, size_t room)
+int32_t describe(const uint8_t *grey, int32_t width, int32_t height,
+                 const cairn_appearance_shim_place *places, int32_t count, uint8_t *descriptors,
+                 char *words, size_t room)
 {
     return guarded(words, room, [&]() -> int32_t {
         // OpenCV takes only what may be written; this is not.
@@ -80,11 +84,12 @@ int32_t describe(const uint8_t *grey, int32_t width, int32_t height, const cairn
         cv::Mat large, found, bytes(count, numbers, CV_8U, descriptors);
 
         // OpenCV 4.6 writes beyond its buffer where the image is smaller than a patch.
-        cv::copyMakeBorder(picture, large, 0, std::max(0, least_side - height), 0, std::max(0, least_side - width),
-                           cv::BORDER_REPLICATE);
+        cv::copyMakeBorder(picture, large, 0, std::max(0, least_side - height), 0,
+                           std::max(0, least_side - width), cv::BORDER_REPLICATE);
         points.reserve(static_cast<size_t>(count));
         for (int32_t i = 0; i < count; i++)
-            points.emplace_back(places[i].x, places[i].y, places[i].size, 0.0F, 1.0F, places[i].octave, i);
+            points.emplace_back(places[i].x, places[i].y, places[i].size, 0.0F, 1.0F,
+                                places[i].octave, i);
         cv::SIFT::create()->compute(large, points, found);
         if (found.rows != count || found.cols != numbers)
             return fail(CAIRN_BAD_ARGUMENT, "descriptors are missing", words, room);
@@ -93,8 +98,9 @@ int32_t describe(const uint8_t *grey, int32_t width, int32_t height, const cairn
     });
 }
 
-int32_t train(const float *samples, const int32_t *is_class, int32_t count, int32_t width, double cost, double gamma,
-              cairn_appearance_shim_machine *machine, char *words, size_t room)
+int32_t train(const float *samples, const int32_t *is_class, int32_t count, int32_t width,
+              double cost, double gamma, cairn_appearance_shim_machine *machine, char *words,
+              size_t room)
 {
     return guarded(words, room, [&]() -> int32_t {
         const cv::Mat table(count, width, CV_32F, const_cast<float *>(samples));
@@ -107,7 +113,8 @@ int32_t train(const float *samples, const int32_t *is_class, int32_t count, int3
         svm->setKernel(cv::ml::SVM::CHI2);
         svm->setC(cost);
         svm->setGamma(gamma);
-        svm->setTermCriteria(cv::TermCriteria(cv::TermCriteria::MAX_ITER + cv::TermCriteria::EPS, 100000, 1e-7));
+        svm->setTermCriteria(
+            cv::TermCriteria(cv::TermCriteria::MAX_ITER + cv::TermCriteria::EPS, 100000, 1e-7));
         if (!svm->train(table, cv::ml::ROW_SAMPLE, labels))
             return fail(CAIRN_BAD_ARGUMENT, "nothing was learnt", words, room);
         // OpenCV's sum is above rho for the lower label.
@@ -119,7 +126,8 @@ int32_t train(const float *samples, const int32_t *is_class, int32_t count, int3
 
             machine->weight[i] = -alpha.at<double>(i);
             for (int32_t k = 0; k < width; k++)
-                machine->support[static_cast<size_t>(i) * static_cast<size_t>(width) + static_cast<size_t>(k)] = row[k];
+                machine->support[static_cast<size_t>(i) * static_cast<size_t>(width) +
+                                 static_cast<size_t>(k)] = row[k];
         }
         return CAIRN_OK;
     });

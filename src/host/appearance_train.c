@@ -1,8 +1,10 @@
 /* What a class looks like, learnt from boxes about its objects.
  *
- * Method: k-means (Lloyd 1982, started as Arthur and Vassilvitskii 2007 do) of the patches in the boxes, evenly chosen where there are many; its means are
- * rounded to whole numbers. Windows of what is not the class have the sizes of boxes, at places by chance. gamma is 1 over the mean chi2
- * of pairs of histograms. Sigmoid after Lin, Lin and Weng 2007, from machines that did not see the images they judge (folds of images).
+ * Method: k-means (Lloyd 1982, started as Arthur and Vassilvitskii 2007 do) of the patches in the
+ * boxes, evenly chosen where there are many; its means are rounded to whole numbers. Windows of
+ * what is not the class have the sizes of boxes, at places by chance. gamma is 1 over the mean chi2
+ * of pairs of histograms. Sigmoid after Lin, Lin and Weng 2007, from machines that did not see the
+ * images they judge (folds of images).
  *
  * Source: Adluru 2008, section 5.3.2, which says what the steps are. */
 #include "src/core/build.h"
@@ -24,7 +26,8 @@ enum { PAIRED_MOST = 1000 };
 /* Windows share less with every box, over their union. */
 #define APART 0.2
 /* Of one seed, numbers for different ends. */
-enum { WINDOWS_MOST = 10 * CAIRN_APPEARANCE_SUPPORT_MOST }; /* that are drawn; not all of them are kept */
+/* that are drawn; not all of them are kept */
+enum { WINDOWS_MOST = 10 * CAIRN_APPEARANCE_SUPPORT_MOST };
 enum { STREAM_WORDS = 11, STREAM_WINDOWS = 12 };
 
 typedef struct trained_image {
@@ -85,28 +88,32 @@ static cairn_status no_memory(const char *path, cairn_file_error *error)
 
 static int is_box(const double b[4], int32_t width, int32_t height)
 {
-    return b[2] - b[0] >= 1 && b[3] - b[1] >= 1 && b[0] < width && b[1] < height && b[2] > 0 && b[3] > 0 &&
-           b[2] - b[0] <= 2.0 * CAIRN_APPEARANCE_SIDE_MOST && b[3] - b[1] <= 2.0 * CAIRN_APPEARANCE_SIDE_MOST;
+    return b[2] - b[0] >= 1 && b[3] - b[1] >= 1 && b[0] < width && b[1] < height && b[2] > 0 &&
+           b[3] > 0 && b[2] - b[0] <= 2.0 * CAIRN_APPEARANCE_SIDE_MOST &&
+           b[3] - b[1] <= 2.0 * CAIRN_APPEARANCE_SIDE_MOST;
 }
 
-cairn_status cairn_appearance_trainer_add(cairn_appearance_trainer *t, const uint8_t *grey, int32_t width,
-                                          int32_t height, const double *boxes, int32_t count, const char *path,
-                                          cairn_file_error *error)
+cairn_status cairn_appearance_trainer_add(cairn_appearance_trainer *t, const uint8_t *grey,
+                                          int32_t width, int32_t height, const double *boxes,
+                                          int32_t count, const char *path, cairn_file_error *error)
 {
     trained_image *image = &t->images[t->count];
     cairn_status status;
 
     if (t->count == CAIRN_APPEARANCE_IMAGES_MOST)
-        return cairn_file_error_set(error, CAIRN_FULL, path, 0, "one image more, expected at most %d",
+        return cairn_file_error_set(error, CAIRN_FULL, path, 0,
+                                    "one image more, expected at most %d",
                                     CAIRN_APPEARANCE_IMAGES_MOST);
     if (count < 0 || (boxes == NULL && count > 0))
-        return cairn_file_error_set(error, CAIRN_BAD_ARGUMENT, path, 0, "%d boxes, expected none or more", (int)count);
+        return cairn_file_error_set(error, CAIRN_BAD_ARGUMENT, path, 0,
+                                    "%d boxes, expected none or more", (int)count);
     for (int32_t i = 0; i < count; i++)
         if (!is_box(&boxes[4 * i], width, height))
-            return cairn_file_error_set(
-                error, CAIRN_BAD_ARGUMENT, path, 0,
-                "a box from (%g, %g) to (%g, %g), expected left, top, right, bottom in the image of %d x %d",
-                boxes[4 * i], boxes[4 * i + 1], boxes[4 * i + 2], boxes[4 * i + 3], (int)width, (int)height);
+            return cairn_file_error_set(error, CAIRN_BAD_ARGUMENT, path, 0,
+                                        "a box from (%g, %g) to (%g, %g), expected left, top, "
+                                        "right, bottom in the image of %d x %d",
+                                        boxes[4 * i], boxes[4 * i + 1], boxes[4 * i + 2],
+                                        boxes[4 * i + 3], (int)width, (int)height);
     memset(image, 0, sizeof *image);
     status = cairn_appearance_describe(&image->patches, grey, width, height, path, error);
     if (status == CAIRN_OK) {
@@ -163,15 +170,16 @@ static const uint8_t **choose_patches(const cairn_appearance_trainer *t, int32_t
                 }
                 most = all < PATCHES_MOST ? all : PATCHES_MOST;
                 if (all > 0 && (seen + 1) * most / all > seen * most / all)
-                    chosen[(*count)++] = &t->images[i].patches.descriptors[(size_t)k * APPEARANCE_NUMBERS];
+                    chosen[(*count)++] =
+                        &t->images[i].patches.descriptors[(size_t)k * APPEARANCE_NUMBERS];
                 seen++;
             }
     return chosen;
 }
 
 /* First words: each by chance, the likelier the farther a patch is from those before. */
-static void start_words(uint8_t *words, int32_t count, const uint8_t *const *patches, int32_t patch_count,
-                        int32_t *distance, cairn_random *random)
+static void start_words(uint8_t *words, int32_t count, const uint8_t *const *patches,
+                        int32_t patch_count, int32_t *distance, cairn_random *random)
 {
     for (int32_t w = 0; w < count; w++) {
         double sum = 0, at;
@@ -181,7 +189,8 @@ static void start_words(uint8_t *words, int32_t count, const uint8_t *const *pat
             int32_t d = 1;
 
             if (w > 0)
-                (void)cairn_appearance_word(&words[(size_t)(w - 1) * APPEARANCE_NUMBERS], 1, patches[i], &d);
+                (void)cairn_appearance_word(&words[(size_t)(w - 1) * APPEARANCE_NUMBERS], 1,
+                                            patches[i], &d);
             distance[i] = w > 1 && distance[i] < d ? distance[i] : d;
             sum += distance[i];
         }
@@ -192,7 +201,8 @@ static void start_words(uint8_t *words, int32_t count, const uint8_t *const *pat
     }
 }
 
-/* Words to the means of the patches nearest to them; one that is nearest to none stays. 0: nothing moved. */
+/* Words to the means of the patches nearest to them; one that is nearest to none stays. 0:
+ * nothing moved. */
 static int move_words(uint8_t *words, int32_t count, const int32_t *sum, const int32_t *members)
 {
     int moved = 0;
@@ -201,7 +211,8 @@ static int move_words(uint8_t *words, int32_t count, const int32_t *sum, const i
         for (int32_t k = 0; k < APPEARANCE_NUMBERS && members[w] > 0; k++) {
             uint8_t *value = &words[(size_t)w * APPEARANCE_NUMBERS + (size_t)k];
             uint8_t mean =
-                (uint8_t)((2 * sum[(size_t)w * APPEARANCE_NUMBERS + (size_t)k] + members[w]) / (2 * members[w]));
+                (uint8_t)((2 * sum[(size_t)w * APPEARANCE_NUMBERS + (size_t)k] + members[w]) /
+                          (2 * members[w]));
 
             moved |= mean != *value;
             *value = mean;
@@ -210,7 +221,8 @@ static int move_words(uint8_t *words, int32_t count, const int32_t *sum, const i
 }
 
 static cairn_status make_words(cairn_appearance_model *m, const cairn_appearance_trainer *t,
-                               const cairn_appearance_params *params, const char *path, cairn_file_error *error)
+                               const cairn_appearance_params *params, const char *path,
+                               cairn_file_error *error)
 {
     cairn_random random = cairn_random_seed(params->seed, STREAM_WORDS);
     size_t numbers = (size_t)params->words * APPEARANCE_NUMBERS;
@@ -225,8 +237,9 @@ static cairn_status make_words(cairn_appearance_model *m, const cairn_appearance
     if (patches == NULL || sum == NULL || members == NULL || distance == NULL || m->words == NULL) {
         status = no_memory(path, error);
     } else if (patch_count < params->words) {
-        status = cairn_file_error_set(error, CAIRN_EMPTY, path, 0, "%d patches in boxes, expected at least %d",
-                                      (int)patch_count, (int)params->words);
+        status = cairn_file_error_set(error, CAIRN_EMPTY, path, 0,
+                                      "%d patches in boxes, expected at least %d", (int)patch_count,
+                                      (int)params->words);
     } else {
         start_words(m->words, m->word_count, patches, patch_count, distance, &random);
         for (int32_t round = 0; round < ROUNDS; round++) {
@@ -260,8 +273,8 @@ static double overlap(const double a[4], const double b[4])
     return both / ((a[2] - a[0]) * (a[3] - a[1]) + (b[2] - b[0]) * (b[3] - b[1]) - both);
 }
 
-static void add_sample(samples *s, const trained_image *image, const int32_t *word_of, const double box[4],
-                       int32_t is_class, int32_t index)
+static void add_sample(samples *s, const trained_image *image, const int32_t *word_of,
+                       const double box[4], int32_t is_class, int32_t index)
 {
     float *histogram = &s->histograms[(size_t)s->count * (size_t)s->words];
 
@@ -274,7 +287,8 @@ static void add_sample(samples *s, const trained_image *image, const int32_t *wo
     s->image[s->count++] = index;
 }
 
-/* A window of the size of some box, made smaller where it must be to fit, that lies apart from this image's boxes. 0: none was found. */
+/* A window of the size of some box, made smaller where it must be to fit, that lies apart from
+ * this image's boxes. 0: none was found. */
 static int draw_window(const cairn_appearance_trainer *t, const trained_image *image, int32_t boxes,
                        cairn_random *random, double window[4])
 {
@@ -318,7 +332,8 @@ static int64_t windows_of(const cairn_appearance_trainer *t, const cairn_appeara
     return (params->negatives + 1) * (count_boxes(t) + t->count);
 }
 
-static int new_samples(samples *s, const cairn_appearance_trainer *t, const cairn_appearance_params *params)
+static int new_samples(samples *s, const cairn_appearance_trainer *t,
+                       const cairn_appearance_params *params)
 {
     s->room = (int32_t)windows_of(t, params);
     s->words = params->words;
@@ -338,8 +353,8 @@ static void free_samples(samples *s)
 }
 
 /* 0: there is no memory. */
-static int take_samples(samples *s, const cairn_appearance_model *m, const cairn_appearance_trainer *t,
-                        const cairn_appearance_params *params)
+static int take_samples(samples *s, const cairn_appearance_model *m,
+                        const cairn_appearance_trainer *t, const cairn_appearance_params *params)
 {
     cairn_random random = cairn_random_seed(params->seed, STREAM_WINDOWS);
     int32_t boxes = (int32_t)count_boxes(t);
@@ -355,8 +370,9 @@ static int take_samples(samples *s, const cairn_appearance_model *m, const cairn
         if (word_of == NULL)
             return 0;
         for (int32_t k = 0; k < image->patches.count; k++)
-            word_of[k] = cairn_appearance_word(m->words, m->word_count,
-                                               &image->patches.descriptors[(size_t)k * APPEARANCE_NUMBERS], NULL);
+            word_of[k] = cairn_appearance_word(
+                m->words, m->word_count,
+                &image->patches.descriptors[(size_t)k * APPEARANCE_NUMBERS], NULL);
         for (int32_t k = 0; k < image->box_count; k++)
             add_sample(s, image, word_of, image->boxes[k], 1, i);
         for (int32_t k = 0; k < wanted && draw_window(t, image, boxes, &random, window); k++)
@@ -382,8 +398,8 @@ static const float *evenly(const samples *s, int32_t index, int32_t count)
     return &s->histograms[(size_t)((int64_t)index * s->count / count) * (size_t)s->words];
 }
 
-/* 1 over the mean of chi2 of the pairs of at most PAIRED_MOST samples, evenly chosen; of all pairs that are the same no more can be learnt,
- * whatever it is. */
+/* 1 over the mean of chi2 of the pairs of at most PAIRED_MOST samples, evenly chosen; of all
+ * pairs that are the same no more can be learnt, whatever it is. */
 static double gamma_of(const samples *s)
 {
     int32_t count = s->count < PAIRED_MOST ? s->count : PAIRED_MOST;
@@ -395,9 +411,10 @@ static double gamma_of(const samples *s)
     return sum > 0 ? fmin(GAMMA_MOST, count * (count - 1.0) / 2 / sum) : 1;
 }
 
-/* Learns from the samples whose images are not of the fold (-1: from all). CAIRN_EMPTY: of one kind there are none. */
-static cairn_status learn(cairn_appearance_model *m, const samples *s, double cost, int32_t fold, int32_t folds,
-                          const char *path, cairn_file_error *error)
+/* Learns from the samples whose images are not of the fold (-1: from all). CAIRN_EMPTY: of one
+ * kind there are none. */
+static cairn_status learn(cairn_appearance_model *m, const samples *s, double cost, int32_t fold,
+                          int32_t folds, const char *path, cairn_file_error *error)
 {
     const cairn_appearance_shim *shim = cairn_appearance_need_shim(path, error);
     char words[CAIRN_APPEARANCE_SHIM_WORDS] = "";
@@ -414,16 +431,19 @@ static cairn_status learn(cairn_appearance_model *m, const samples *s, double co
     }
     for (int32_t i = 0; i < s->count && status == CAIRN_OK; i++)
         if (fold < 0 || s->image[i] % folds != fold) {
-            memcpy(&table[(size_t)count * row], &s->histograms[(size_t)i * row], row * sizeof *table);
+            memcpy(&table[(size_t)count * row], &s->histograms[(size_t)i * row],
+                   row * sizeof *table);
             of_class += s->is_class[i];
             is_class[count++] = s->is_class[i];
         }
     if (status == CAIRN_OK && (of_class == 0 || of_class == count))
         status = CAIRN_EMPTY;
     if (status == CAIRN_OK) {
-        status = shim->train(table, is_class, count, s->words, cost, m->gamma, &machine, words, sizeof words);
+        status = shim->train(table, is_class, count, s->words, cost, m->gamma, &machine, words,
+                             sizeof words);
         if (status != CAIRN_OK)
-            (void)cairn_file_error_set(error, status, path, 0, "OpenCV: %s, expected histograms of both kinds", words);
+            (void)cairn_file_error_set(error, status, path, 0,
+                                       "OpenCV: %s, expected histograms of both kinds", words);
     }
     m->support_count = machine.count;
     m->rho = machine.rho;
@@ -432,9 +452,10 @@ static cairn_status learn(cairn_appearance_model *m, const samples *s, double co
     return status;
 }
 
-/* f of every sample by a machine that did not see its image; where that cannot be, by the one that saw all. */
-static cairn_status decide(cairn_appearance_model *m, samples *s, const cairn_appearance_trainer *t, double cost,
-                           const char *path, cairn_file_error *error)
+/* f of every sample by a machine that did not see its image; where that cannot be, by the one
+ * that saw all. */
+static cairn_status decide(cairn_appearance_model *m, samples *s, const cairn_appearance_trainer *t,
+                           double cost, const char *path, cairn_file_error *error)
 {
     int32_t folds = t->count < FOLDS ? t->count : FOLDS;
     cairn_status status = CAIRN_OK;
@@ -445,7 +466,8 @@ static cairn_status decide(cairn_appearance_model *m, samples *s, const cairn_ap
             status = learn(m, s, cost, -1, folds, path, error);
         for (int32_t i = 0; i < s->count && status == CAIRN_OK; i++)
             if (s->image[i] % folds == fold)
-                s->decided[i] = cairn_appearance_decide(m, &s->histograms[(size_t)i * (size_t)s->words]);
+                s->decided[i] =
+                    cairn_appearance_decide(m, &s->histograms[(size_t)i * (size_t)s->words]);
     }
     return status;
 }
@@ -491,8 +513,9 @@ static void fit_sigmoid(cairn_appearance_model *m, const samples *s)
         a = -(h22 * g1 - h21 * g2) / det;
         b = -(h11 * g2 - h21 * g1) / det;
         now = entropy(s, target, m->slope, m->offset);
-        for (int32_t k = 0; k < HALVINGS && !(entropy(s, target, m->slope + size * a, m->offset + size * b) <
-                                              now + 1e-4 * size * (g1 * a + g2 * b));
+        for (int32_t k = 0;
+             k < HALVINGS && !(entropy(s, target, m->slope + size * a, m->offset + size * b) <
+                               now + 1e-4 * size * (g1 * a + g2 * b));
              k++)
             size /= 2;
         m->slope += size * a;
@@ -500,8 +523,9 @@ static void fit_sigmoid(cairn_appearance_model *m, const samples *s)
     }
 }
 
-static cairn_status make_machine(cairn_appearance_model *m, samples *s, const cairn_appearance_trainer *t, double cost,
-                                 const char *path, cairn_file_error *error)
+static cairn_status make_machine(cairn_appearance_model *m, samples *s,
+                                 const cairn_appearance_trainer *t, double cost, const char *path,
+                                 cairn_file_error *error)
 {
     cairn_status status;
 
@@ -517,25 +541,29 @@ static cairn_status make_machine(cairn_appearance_model *m, samples *s, const ca
     return learn(m, s, cost, -1, 1, path, error);
 }
 
-static cairn_status check(const cairn_appearance_trainer *t, const cairn_appearance_params *p, const char *path,
-                          cairn_file_error *error)
+static cairn_status check(const cairn_appearance_trainer *t, const cairn_appearance_params *p,
+                          const char *path, cairn_file_error *error)
 {
-    if (p->words < 2 || p->words > CAIRN_APPEARANCE_WORDS_MOST || p->negatives < 1 || p->negatives > 100 ||
-        !(p->cost > 0) || p->cost > 1e6)
+    if (p->words < 2 || p->words > CAIRN_APPEARANCE_WORDS_MOST || p->negatives < 1 ||
+        p->negatives > 100 || !(p->cost > 0) || p->cost > 1e6)
         return cairn_file_error_set(
             error, CAIRN_BAD_ARGUMENT, path, 0,
-            "%d words, %d windows a box, cost %g, expected 2 to %d, 1 to 100, above 0 to 1000000", (int)p->words,
-            (int)p->negatives, p->cost, CAIRN_APPEARANCE_WORDS_MOST);
+            "%d words, %d windows a box, cost %g, expected 2 to %d, 1 to 100, above 0 to 1000000",
+            (int)p->words, (int)p->negatives, p->cost, CAIRN_APPEARANCE_WORDS_MOST);
     if (count_boxes(t) == 0)
-        return cairn_file_error_set(error, CAIRN_EMPTY, path, 0, "no box in any image, expected at least one");
+        return cairn_file_error_set(error, CAIRN_EMPTY, path, 0,
+                                    "no box in any image, expected at least one");
     if (windows_of(t, p) > WINDOWS_MOST)
-        return cairn_file_error_set(error, CAIRN_FULL, path, 0, "%" PRId64 " windows to try, expected at most %d",
+        return cairn_file_error_set(error, CAIRN_FULL, path, 0,
+                                    "%" PRId64 " windows to try, expected at most %d",
                                     windows_of(t, p), WINDOWS_MOST);
     return CAIRN_OK;
 }
 
-cairn_status cairn_appearance_train(cairn_appearance_model *model, const cairn_appearance_trainer *t,
-                                    const cairn_appearance_params *params, const char *path, cairn_file_error *error)
+cairn_status cairn_appearance_train(cairn_appearance_model *model,
+                                    const cairn_appearance_trainer *t,
+                                    const cairn_appearance_params *params, const char *path,
+                                    cairn_file_error *error)
 {
     cairn_status status = check(t, params, path, error);
     samples s;
@@ -547,11 +575,12 @@ cairn_status cairn_appearance_train(cairn_appearance_model *model, const cairn_a
     if (status == CAIRN_OK && !take_samples(&s, model, t, params))
         status = no_memory(path, error);
     if (status == CAIRN_OK && count_class(&s) == s.count)
-        status = cairn_file_error_set(error, CAIRN_EMPTY, path, 0,
-                                      "boxes leave no room for windows beside them, expected images that show more");
+        status = cairn_file_error_set(
+            error, CAIRN_EMPTY, path, 0,
+            "boxes leave no room for windows beside them, expected images that show more");
     if (status == CAIRN_OK && s.count > CAIRN_APPEARANCE_SUPPORT_MOST)
-        status = cairn_file_error_set(error, CAIRN_FULL, path, 0, "%d windows, expected at most %d", (int)s.count,
-                                      CAIRN_APPEARANCE_SUPPORT_MOST);
+        status = cairn_file_error_set(error, CAIRN_FULL, path, 0, "%d windows, expected at most %d",
+                                      (int)s.count, CAIRN_APPEARANCE_SUPPORT_MOST);
     if (status == CAIRN_OK)
         status = make_machine(model, &s, t, params->cost, path, error);
     free_samples(&s);

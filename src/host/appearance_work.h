@@ -17,16 +17,20 @@ typedef struct appearance_patches {
 /* NULL after a line in the error: it is not there. */
 const cairn_appearance_shim *cairn_appearance_need_shim(const char *path, cairn_file_error *error);
 
-/* CAIRN_BAD_ARGUMENT, CAIRN_UNSUPPORTED, CAIRN_NO_MEMORY; on failure, too, there is something to free. */
-CAIRN_CHECKED cairn_status cairn_appearance_describe(appearance_patches *patches, const uint8_t *grey, int32_t width,
-                                                     int32_t height, const char *path, cairn_file_error *error);
+/* CAIRN_BAD_ARGUMENT, CAIRN_UNSUPPORTED, CAIRN_NO_MEMORY; on failure, too, there is something to
+ * free. */
+CAIRN_CHECKED cairn_status cairn_appearance_describe(appearance_patches *patches,
+                                                     const uint8_t *grey, int32_t width,
+                                                     int32_t height, const char *path,
+                                                     cairn_file_error *error);
 void cairn_appearance_patches_free(appearance_patches *patches);
 
 /* Whether the middle of a patch lies in a box. */
 int cairn_appearance_is_in(const cairn_appearance_shim_place *place, const double box[4]);
 
 /* The nearest of `count` words, of equal ones the first; *distance, when not NULL: its square. */
-int32_t cairn_appearance_word(const uint8_t *words, int32_t count, const uint8_t *descriptor, int32_t *distance);
+int32_t cairn_appearance_word(const uint8_t *words, int32_t count, const uint8_t *descriptor,
+                              int32_t *distance);
 
 /* Counts to shares of all. */
 void cairn_appearance_share(float *histogram, int32_t count);

@@ -18,7 +18,8 @@ typedef struct box_reader {
     cairn_line_reader *lines;
     const char *path;
     cairn_file_error *error;
-    char field[CAIRN_BOX_TABLE_FIELDS_MOST][CAIRN_BOX_TABLE_NAME_BYTES]; /* of the line, without quotes */
+    /* of the line, without quotes */
+    char field[CAIRN_BOX_TABLE_FIELDS_MOST][CAIRN_BOX_TABLE_NAME_BYTES];
     int32_t fields, place[COLUMNS];
 } box_reader;
 
@@ -85,7 +86,8 @@ static cairn_status read_head(box_reader *r)
                 r->place[k] = i;
         if (r->place[k] < 0)
             return cairn_file_error_set(r->error, CAIRN_BAD_FORMAT, r->path, line_of(r),
-                                        "no column '%s', expected image,left,top,right,bottom", names[k]);
+                                        "no column '%s', expected image,left,top,right,bottom",
+                                        names[k]);
     }
     return CAIRN_OK;
 }
@@ -102,7 +104,8 @@ static cairn_status take_row(const box_reader *r, cairn_box_row *row)
     for (int32_t k = 0; k < 4; k++) {
         const char *text = r->field[r->place[LEFT + k]];
 
-        if (!cairn_number_read(text, strlen(text), &row->box[k]) || !(fabs(row->box[k]) <= FARTHEST))
+        if (!cairn_number_read(text, strlen(text), &row->box[k]) ||
+            !(fabs(row->box[k]) <= FARTHEST))
             return bad(r, "a side of a box is not a number of pixels, expected one within 1e6");
     }
     if (!(row->box[0] < row->box[2] && row->box[1] < row->box[3]))
@@ -130,7 +133,8 @@ static cairn_status read_rows(box_reader *r, cairn_box_row **row, int32_t *count
             continue;
         }
         if (*count == CAIRN_BOX_TABLE_ROWS_MOST)
-            return cairn_file_error_set(r->error, CAIRN_FULL, r->path, line_of(r), "one row more, expected at most %d",
+            return cairn_file_error_set(r->error, CAIRN_FULL, r->path, line_of(r),
+                                        "one row more, expected at most %d",
                                         CAIRN_BOX_TABLE_ROWS_MOST);
         if (*count == room) {
             cairn_box_row *grown = realloc(*row, (size_t)(2 * room + 16) * sizeof *grown);
@@ -185,7 +189,8 @@ static int32_t bound_of(const cairn_box_row *row, int32_t count, const char *ima
     return low;
 }
 
-int32_t cairn_box_table_find(const cairn_box_row *row, int32_t count, const char *image, int32_t *own)
+int32_t cairn_box_table_find(const cairn_box_row *row, int32_t count, const char *image,
+                             int32_t *own)
 {
     int32_t first = bound_of(row, count, image, 0);
 
@@ -193,7 +198,8 @@ int32_t cairn_box_table_find(const cairn_box_row *row, int32_t count, const char
     return first;
 }
 
-cairn_status cairn_box_table_read(const char *path, cairn_box_row **row, int32_t *count, cairn_file_error *error)
+cairn_status cairn_box_table_read(const char *path, cairn_box_row **row, int32_t *count,
+                                  cairn_file_error *error)
 {
     box_reader *r = malloc(sizeof *r);
     cairn_status status;

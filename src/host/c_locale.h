@@ -9,8 +9,8 @@ typedef struct cairn_c_locale {
     locale_t before;
 } cairn_c_locale;
 
-/* libcs keep one constant object for "C", so this costs next to nothing. When there is no memory for one where a libc
- * does make a new object, the locale stays as it is. */
+/* libcs keep one constant object for "C", so this costs next to nothing. When there is no memory
+ * for one where a libc does make a new object, the locale stays as it is. */
 static inline cairn_c_locale cairn_c_locale_enter(void)
 {
     cairn_c_locale scope = {newlocale(LC_ALL_MASK, "C", (locale_t)0), (locale_t)0};

@@ -1,14 +1,14 @@
 /* CARMEN logs.
  *
- * Two passes over the file. The first checks every line, reports what is damaged and surveys the log: how many scans,
- * where the ranges pile up (the scanner's limit), whether the sensor's place on the robot is fixed. The second hands
- * out the records with what the first has found.
+ * Two passes over the file. The first checks every line, reports what is damaged and surveys the
+ * log: how many scans, where the ranges pile up (the scanner's limit), whether the sensor's place
+ * on the robot is fixed. The second hands out the records with what the first has found.
  *
- * Layout: a histogram of the FLASER ranges in bins of 1 cm up to 1000 m, in which longer ranges count at the end;
- * counts and sums.
+ * Layout: a histogram of the FLASER ranges in bins of 1 cm up to 1000 m, in which longer ranges
+ * count at the end; counts and sums.
  *
- * Limits: 100,000 ranges a scan, lines of 16 MiB, regular files. A file that changes between the passes gives the
- * records that it holds in the second. */
+ * Limits: 100,000 ranges a scan, lines of 16 MiB, regular files. A file that changes between the
+ * passes gives the records that it holds in the second. */
 #include "src/core/build.h"
 
 #include <errno.h>
@@ -32,12 +32,17 @@
 
 /* What the first pass gathers beyond the info. */
 typedef struct survey {
-    uint64_t *bin;       /* [BINS + 1 + WINDOW_BINS] ranges per bin, later ranges from this bin on; then zeros */
-    double param_max;    /* 0: no PARAM tells it */
-    cairn_pose place;    /* of the sensor on the robot, in the first scan */
-    double place_sum[3]; /* of the differences to it */
+    /* [BINS + 1 + WINDOW_BINS] ranges per bin, later ranges from this bin on; then zeros */
+    uint64_t *bin;
+    /* 0: no PARAM tells it */
+    double param_max;
+    /* of the sensor on the robot, in the first scan */
+    cairn_pose place;
+    /* of the differences to it */
+    double place_sum[3];
     bool place_varies;
-    cairn_pose last; /* the robot in the last scan */
+    /* the robot in the last scan */
+    cairn_pose last;
 } survey;
 
 struct cairn_carmen_log {
@@ -101,7 +106,8 @@ static void survey_poses(survey *s, cairn_carmen_info *info, const cairn_carmen_
     off.theta = cairn_wrap_angle(place.theta - s->place.theta);
     if (!(cairn_abs(place.x) <= CAIRN_SCAN_EXTENT && cairn_abs(place.y) <= CAIRN_SCAN_EXTENT))
         s->place_varies = true;
-    if (!(cairn_abs(off.x) <= SAME_PLACE && cairn_abs(off.y) <= SAME_PLACE && cairn_abs(off.theta) <= SAME_PLACE))
+    if (!(cairn_abs(off.x) <= SAME_PLACE && cairn_abs(off.y) <= SAME_PLACE &&
+          cairn_abs(off.theta) <= SAME_PLACE))
         s->place_varies = true;
     s->place_sum[0] += (double)off.x;
     s->place_sum[1] += (double)off.y;
@@ -131,8 +137,8 @@ static void survey_scan(survey *s, cairn_carmen_info *info, const cairn_carmen_m
     info->scans++;
 }
 
-/* The window of 0.2 m from `from` on that holds the most ranges: its first bin, the higher one of equals. `bin` holds
- * the numbers of ranges from each bin on. */
+/* The window of 0.2 m from `from` on that holds the most ranges: its first bin, the higher one
+ * of equals. `bin` holds the numbers of ranges from each bin on. */
 static size_t fullest_window(const uint64_t *bin, size_t from, uint64_t *count)
 {
     size_t best = BINS, b = BINS;
@@ -161,7 +167,8 @@ static double find_limit(survey *s)
             return s->param_max;
     }
     b = fullest_window(s->bin, PILE_FROM_BIN, &held);
-    if (held >= PILE_LEAST && held * 10 >= s->bin[b] * 9 && held > s->bin[b - BELOW_BINS] - s->bin[b])
+    if (held >= PILE_LEAST && held * 10 >= s->bin[b] * 9 &&
+        held > s->bin[b - BELOW_BINS] - s->bin[b])
         return (double)b / BINS_PER_METRE;
     return FLASER_LIMIT;
 }
@@ -188,8 +195,8 @@ static void report(cairn_carmen_log *log, const cairn_file_error *fault)
         log->params.on_fault(log->params.context, fault);
 }
 
-/* The next line that can be read as a message. Lines that cannot are reported in the first pass. CAIRN_EMPTY at the
- * end. */
+/* The next line that can be read as a message. Lines that cannot are reported in the first pass.
+ * CAIRN_EMPTY at the end. */
 static cairn_status next_message(cairn_carmen_log *log, int32_t first_pass, cairn_file_error *error)
 {
     const char *path = cairn_line_reader_path(log->reader), *line;
@@ -201,10 +208,11 @@ static cairn_status next_message(cairn_carmen_log *log, int32_t first_pass, cair
         status = cairn_line_reader_next(log->reader, &line, &length, &fault);
         if (status == CAIRN_FULL)
             (void)cairn_file_error_set(&fault, status, path, cairn_line_reader_number(log->reader),
-                                       "the line has %zu bytes, expected at most %d", length, CAIRN_LINE_LONGEST);
+                                       "the line has %zu bytes, expected at most %d", length,
+                                       CAIRN_LINE_LONGEST);
         if (status == CAIRN_OK)
-            status = cairn_carmen_message_read(&log->message, line, length, path, cairn_line_reader_number(log->reader),
-                                               &fault);
+            status = cairn_carmen_message_read(&log->message, line, length, path,
+                                               cairn_line_reader_number(log->reader), &fault);
         if (status == CAIRN_OK || status == CAIRN_EMPTY)
             return status;
         if (status == CAIRN_IO || status == CAIRN_NO_MEMORY) {
@@ -246,18 +254,20 @@ static cairn_status run_survey(cairn_carmen_log *log, survey *s, cairn_file_erro
         return status;
     info->lines = cairn_line_reader_number(log->reader);
     if (info->lines == 0)
-        return cairn_file_error_set(error, CAIRN_EMPTY, path, 0, "the file is empty, expected a CARMEN log");
-    if (info->scans == 0)
         return cairn_file_error_set(error, CAIRN_EMPTY, path, 0,
-                                    "no whole scan in %lld lines (%lld damaged), expected FLASER or ROBOTLASER1 lines "
-                                    "of a CARMEN log",
-                                    (long long)info->lines, (long long)info->faults);
+                                    "the file is empty, expected a CARMEN log");
+    if (info->scans == 0)
+        return cairn_file_error_set(
+            error, CAIRN_EMPTY, path, 0,
+            "no whole scan in %lld lines (%lld damaged), expected FLASER or ROBOTLASER1 lines "
+            "of a CARMEN log",
+            (long long)info->lines, (long long)info->faults);
     finish_survey(log, s);
     return cairn_line_reader_rewind(log->reader, error);
 }
 
-cairn_status cairn_carmen_log_open(cairn_carmen_log **log, const char *path, const cairn_carmen_params *params,
-                                   cairn_file_error *error)
+cairn_status cairn_carmen_log_open(cairn_carmen_log **log, const char *path,
+                                   const cairn_carmen_params *params, cairn_file_error *error)
 {
     cairn_carmen_params p = params != NULL ? *params : cairn_carmen_default();
     cairn_carmen_log *l;
@@ -266,12 +276,14 @@ cairn_status cairn_carmen_log_open(cairn_carmen_log **log, const char *path, con
 
     *log = NULL;
     if (!(p.range_max >= 0 && p.range_max <= (double)CAIRN_SCAN_EXTENT))
-        return cairn_file_error_set(error, CAIRN_BAD_ARGUMENT, path, 0,
-                                    "the range limit is %g, expected a number from 0 (find it) to %g", p.range_max,
-                                    (double)CAIRN_SCAN_EXTENT);
+        return cairn_file_error_set(
+            error, CAIRN_BAD_ARGUMENT, path, 0,
+            "the range limit is %g, expected a number from 0 (find it) to %g", p.range_max,
+            (double)CAIRN_SCAN_EXTENT);
     if (!(p.range_sigma >= 0 && p.range_sigma <= (double)FLT_MAX))
         return cairn_file_error_set(error, CAIRN_BAD_ARGUMENT, path, 0,
-                                    "the deviation of ranges is %g, expected a number from 0", p.range_sigma);
+                                    "the deviation of ranges is %g, expected a number from 0",
+                                    p.range_sigma);
     memset(&s, 0, sizeof s);
     l = calloc(1, sizeof *l);
     s.bin = calloc(BINS + 1 + WINDOW_BINS, sizeof *s.bin);
@@ -331,7 +343,8 @@ static void convert_ranges(const cairn_carmen_message *m, double limit, float *r
 static void fill_scan(const cairn_carmen_log *log, cairn_carmen_record *record)
 {
     const cairn_carmen_message *m = &log->message;
-    double limit = m->range_max > 0 && !(log->params.range_max > 0) ? m->range_max : log->info.range_max;
+    double limit =
+        m->range_max > 0 && !(log->params.range_max > 0) ? m->range_max : log->info.range_max;
 
     convert_ranges(m, limit, log->range);
     record->count = m->count;
@@ -346,7 +359,8 @@ static void fill_scan(const cairn_carmen_log *log, cairn_carmen_record *record)
     record->scan.base_sensor = log->info.base_sensor;
 }
 
-cairn_status cairn_carmen_log_next(cairn_carmen_log *log, cairn_carmen_record *record, cairn_file_error *error)
+cairn_status cairn_carmen_log_next(cairn_carmen_log *log, cairn_carmen_record *record,
+                                   cairn_file_error *error)
 {
     const cairn_carmen_message *m = &log->message;
     cairn_status status;
@@ -360,7 +374,8 @@ cairn_status cairn_carmen_log_next(cairn_carmen_log *log, cairn_carmen_record *r
     if (m->count > log->range_capacity) {
         grown = realloc(log->range, (size_t)m->count * sizeof *grown);
         if (grown == NULL)
-            return cairn_file_error_system(error, cairn_line_reader_path(log->reader), "read", ENOMEM);
+            return cairn_file_error_system(error, cairn_line_reader_path(log->reader), "read",
+                                           ENOMEM);
         log->range = grown;
         log->range_capacity = m->count;
     }
@@ -378,7 +393,8 @@ cairn_status cairn_carmen_log_next(cairn_carmen_log *log, cairn_carmen_record *r
 }
 
 /* Copies all scans into arrays of the size that the first pass has counted. */
-static cairn_status collect(cairn_carmen_log *log, cairn_carmen_scans *scans, cairn_file_error *error)
+static cairn_status collect(cairn_carmen_log *log, cairn_carmen_scans *scans,
+                            cairn_file_error *error)
 {
     size_t beams = 0, most = (size_t)scans->info.beams;
     cairn_carmen_record record = {.kind = CAIRN_CARMEN_ODOMETRY};
@@ -401,8 +417,8 @@ static cairn_status collect(cairn_carmen_log *log, cairn_carmen_scans *scans, ca
     return status == CAIRN_EMPTY ? CAIRN_OK : status;
 }
 
-cairn_status cairn_carmen_load(cairn_carmen_scans *scans, const char *path, const cairn_carmen_params *params,
-                               cairn_file_error *error)
+cairn_status cairn_carmen_load(cairn_carmen_scans *scans, const char *path,
+                               const cairn_carmen_params *params, cairn_file_error *error)
 {
     cairn_carmen_log *log;
     cairn_status status;

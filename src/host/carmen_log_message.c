@@ -1,5 +1,5 @@
-/* One line of a CARMEN log, token by token. The first thing that is wrong is the fault; what is taken after it is
- * nothing. */
+/* One line of a CARMEN log, token by token. The first thing that is wrong is the fault; what is
+ * taken after it is nothing. */
 #include "src/core/build.h"
 
 #include <errno.h>
@@ -57,7 +57,8 @@ static void refuse(cursor *c, const char *token, size_t length, const char *expe
 {
     char shown[CAIRN_TOKEN_TEXT_BYTES];
 
-    c->status = cairn_file_error_set(c->fault, CAIRN_BAD_FORMAT, c->path, c->number, "%s is %s, expected %s", words(c),
+    c->status = cairn_file_error_set(c->fault, CAIRN_BAD_FORMAT, c->path, c->number,
+                                     "%s is %s, expected %s", words(c),
                                      cairn_token_text(shown, token, length), expected);
 }
 
@@ -84,11 +85,13 @@ static void take_finite(cursor *c, const char *wanted, double *value, int32_t co
         if (!take_number(c, wanted, 0, &value[i]))
             return;
         if (!(fabs(value[i]) <= DBL_MAX))
-            c->status = cairn_file_error_set(c->fault, CAIRN_NOT_FINITE, c->path, c->number,
-                                             "%s is %g, expected a finite number", wanted, value[i]);
+            c->status =
+                cairn_file_error_set(c->fault, CAIRN_NOT_FINITE, c->path, c->number,
+                                     "%s is %g, expected a finite number", wanted, value[i]);
         else if (fabs(value[i]) > LARGEST)
             c->status = cairn_file_error_set(c->fault, CAIRN_BAD_FORMAT, c->path, c->number,
-                                             "%s is %g, expected a number up to %g", wanted, value[i], LARGEST);
+                                             "%s is %g, expected a number up to %g", wanted,
+                                             value[i], LARGEST);
     }
 }
 
@@ -101,11 +104,13 @@ static void take_count(cursor *c, const char *wanted, int32_t least, int32_t *co
 
     if (token == NULL)
         return;
-    if (cairn_number_read_integer(token, length, &value) && value >= least && value <= CAIRN_CARMEN_BEAMS_MOST) {
+    if (cairn_number_read_integer(token, length, &value) && value >= least &&
+        value <= CAIRN_CARMEN_BEAMS_MOST) {
         *count = (int32_t)value;
         return;
     }
-    (void)snprintf(expected, sizeof expected, "a whole number from %d to %d", (int)least, CAIRN_CARMEN_BEAMS_MOST);
+    (void)snprintf(expected, sizeof expected, "a whole number from %d to %d", (int)least,
+                   CAIRN_CARMEN_BEAMS_MOST);
     refuse(c, token, length, expected);
 }
 
@@ -124,10 +129,11 @@ static void take_tail(cursor *c, int64_t *stamp_ns)
     take_number(c, "the logger's stamp", 0, &logger_stamp);
     length = cairn_token_next(&c->at, c->end, &token);
     if (c->status == CAIRN_OK && length > 0)
-        c->status = cairn_file_error_set(c->fault, CAIRN_BAD_FORMAT, c->path, c->number,
-                                         "%s follows the last field of the %s message, expected its end: is the "
-                                         "number of readings right?",
-                                         cairn_token_text(shown, token, length), c->name);
+        c->status = cairn_file_error_set(
+            c->fault, CAIRN_BAD_FORMAT, c->path, c->number,
+            "%s follows the last field of the %s message, expected its end: is the "
+            "number of readings right?",
+            cairn_token_text(shown, token, length), c->name);
 }
 
 static void take_ranges(cursor *c, cairn_carmen_message *m)
@@ -170,7 +176,8 @@ static void read_flaser(cursor *c, cairn_carmen_message *m)
 
 static void read_robotlaser(cursor *c, cairn_carmen_message *m)
 {
-    /* laser_type start_angle field_of_view angular_resolution maximum_range accuracy remission_mode */
+    /* laser_type start_angle field_of_view angular_resolution maximum_range accuracy
+     * remission_mode */
     double scanner[7] = {0}, motion[5], value;
     int32_t remissions = 0, i;
 
@@ -186,8 +193,8 @@ static void read_robotlaser(cursor *c, cairn_carmen_message *m)
         return;
     if (scanner[4] > (double)CAIRN_SCAN_EXTENT)
         c->status = cairn_file_error_set(c->fault, CAIRN_BAD_FORMAT, c->path, c->number,
-                                         "the maximum range is %g, expected at most %g m", scanner[4],
-                                         (double)CAIRN_SCAN_EXTENT);
+                                         "the maximum range is %g, expected at most %g m",
+                                         scanner[4], (double)CAIRN_SCAN_EXTENT);
     m->angle_min = scanner[1];
     m->angle_step = scanner[3];
     if (!(fabs(m->angle_step) > 0) && m->count > 1)
@@ -215,7 +222,8 @@ static void read_param(cursor *c, cairn_carmen_message *m)
 {
     const char *token;
     size_t length = cairn_token_next(&c->at, c->end, &token);
-    bool known = is_name(token, length, "robot_frontlaser_max") || is_name(token, length, "robot_front_laser_max");
+    bool known = is_name(token, length, "robot_frontlaser_max") ||
+                 is_name(token, length, "robot_front_laser_max");
 
     length = cairn_token_next(&c->at, c->end, &token);
     m->kind = CAIRN_MESSAGE_OTHER;
@@ -235,10 +243,16 @@ static const message_reader readers[] = {{"FLASER", CAIRN_MESSAGE_SCAN, read_fla
                                          {"ODOM", CAIRN_MESSAGE_ODOMETRY, read_odometry},
                                          {"PARAM", CAIRN_MESSAGE_OTHER, read_param}};
 
-cairn_status cairn_carmen_message_read(cairn_carmen_message *message, const char *line, size_t length, const char *path,
-                                       int64_t number, cairn_file_error *fault)
+cairn_status cairn_carmen_message_read(cairn_carmen_message *message, const char *line,
+                                       size_t length, const char *path, int64_t number,
+                                       cairn_file_error *fault)
 {
-    cursor c = {.at = line, .end = line + length, .path = path, .number = number, .fault = fault, .status = CAIRN_OK};
+    cursor c = {.at = line,
+                .end = line + length,
+                .path = path,
+                .number = number,
+                .fault = fault,
+                .status = CAIRN_OK};
     const char *token;
     size_t name = cairn_token_next(&c.at, c.end, &token), i;
 

@@ -1,4 +1,5 @@
-/* carmen_log_message: one line of a CARMEN log. Internal to the host library; the formats are in cairn/carmen_log.h. */
+/* carmen_log_message: one line of a CARMEN log. Internal to the host library; the formats are in
+ * cairn/carmen_log.h. */
 #ifndef CAIRN_HOST_CARMEN_LOG_MESSAGE_H
 #define CAIRN_HOST_CARMEN_LOG_MESSAGE_H
 
@@ -25,9 +26,11 @@ typedef struct cairn_carmen_message {
     int64_t stamp_ns;
 } cairn_carmen_message;
 
-/* Reads line[0 .. length), the line `number` of `path`. CAIRN_BAD_FORMAT, CAIRN_TRUNCATED, CAIRN_NOT_FINITE and the
- * fault: the line is damaged; CAIRN_NO_MEMORY. The fault may be NULL. */
-CAIRN_CHECKED cairn_status cairn_carmen_message_read(cairn_carmen_message *message, const char *line, size_t length,
-                                                     const char *path, int64_t number, cairn_file_error *fault);
+/* Reads line[0 .. length), the line `number` of `path`. CAIRN_BAD_FORMAT, CAIRN_TRUNCATED,
+ * CAIRN_NOT_FINITE and the fault: the line is damaged; CAIRN_NO_MEMORY. The fault may be NULL. */
+CAIRN_CHECKED cairn_status cairn_carmen_message_read(cairn_carmen_message *message,
+                                                     const char *line, size_t length,
+                                                     const char *path, int64_t number,
+                                                     cairn_file_error *fault);
 
 #endif

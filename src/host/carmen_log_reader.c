@@ -1,8 +1,8 @@
 /* Lines of a plain or gzipped file.
  *
- * One buffer holds what was read and not yet handed out: [begin, end). It doubles when a line does not fit. Gzip is
- * inflated here and not by zlib's file functions, which drop what they have just inflated when the data turn out to be
- * damaged. */
+ * One buffer holds what was read and not yet handed out: [begin, end). It doubles when a line
+ * does not fit. Gzip is inflated here and not by zlib's file functions, which drop what they
+ * have just inflated when the data turn out to be damaged. */
 #include "src/core/build.h"
 
 #include <errno.h>
@@ -40,7 +40,8 @@ struct cairn_line_reader {
     unsigned char *input; /* [INPUT_BYTES] */
 };
 
-cairn_status cairn_line_reader_open(cairn_line_reader **reader, const char *path, cairn_file_error *error)
+cairn_status cairn_line_reader_open(cairn_line_reader **reader, const char *path,
+                                    cairn_file_error *error)
 {
     cairn_line_reader *r;
     struct stat about;
@@ -51,7 +52,8 @@ cairn_status cairn_line_reader_open(cairn_line_reader **reader, const char *path
         return cairn_file_error_system(error, path, "open", errno);
     if (fstat(file, &about) != 0 || !S_ISREG(about.st_mode)) {
         (void)close(file);
-        return cairn_file_error_set(error, CAIRN_UNSUPPORTED, path, 0, "is a %s, expected a regular file",
+        return cairn_file_error_set(error, CAIRN_UNSUPPORTED, path, 0,
+                                    "is a %s, expected a regular file",
                                     S_ISDIR(about.st_mode) ? "folder" : "pipe or device");
     }
     r = calloc(1, sizeof *r);
@@ -153,7 +155,8 @@ static size_t read_bytes(cairn_line_reader *r, void *bytes, size_t most)
     return 0;
 }
 
-/* More gzipped input when there is none. 0 at the end of the file: cut, unless a member has just ended. */
+/* More gzipped input when there is none. 0 at the end of the file: cut, unless a member has just
+ * ended. */
 static bool have_input(cairn_line_reader *r)
 {
     if (r->stream.avail_in > 0)
@@ -165,7 +168,8 @@ static bool have_input(cairn_line_reader *r)
     return !r->at_end;
 }
 
-/* Inflates into the room behind `end`. Members may follow one another; what else follows one is not looked at. */
+/* Inflates into the room behind `end`. Members may follow one another; what else follows one is
+ * not looked at. */
 static void inflate_more(cairn_line_reader *r)
 {
     size_t room = r->capacity - r->end;
@@ -235,14 +239,16 @@ static cairn_status tell_end(cairn_line_reader *r, cairn_file_error *error)
             error, cause, r->path, r->number,
             "the gzip data end after this line, expected the end of the stream: the file is cut");
     if (cause == CAIRN_BAD_FORMAT)
-        return cairn_file_error_set(error, cause, r->path, r->number,
-                                    "the gzip data are damaged after this line (%s), expected an unbroken stream",
-                                    r->stream.msg != NULL ? r->stream.msg : "no reason given");
+        return cairn_file_error_set(
+            error, cause, r->path, r->number,
+            "the gzip data are damaged after this line (%s), expected an unbroken stream",
+            r->stream.msg != NULL ? r->stream.msg : "no reason given");
     return cairn_file_error_system(error, r->path, "read", r->code);
 }
 
 /* Hands out [begin, begin + length), or says that it is too long, and moves on by `step`. */
-static cairn_status hand_out(cairn_line_reader *r, size_t length, size_t step, const char **line, size_t *found)
+static cairn_status hand_out(cairn_line_reader *r, size_t length, size_t step, const char **line,
+                             size_t *found)
 {
     cairn_status status = length > CAIRN_LINE_LONGEST ? CAIRN_FULL : CAIRN_OK;
 
@@ -256,7 +262,8 @@ static cairn_status hand_out(cairn_line_reader *r, size_t length, size_t step, c
 }
 
 /* Drops what is left of a line that is too long, of which `dropped` bytes are in the buffer. */
-static cairn_status skip_line(cairn_line_reader *r, size_t dropped, const char **line, size_t *length)
+static cairn_status skip_line(cairn_line_reader *r, size_t dropped, const char **line,
+                              size_t *length)
 {
     const char *newline = NULL;
 

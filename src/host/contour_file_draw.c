@@ -9,7 +9,8 @@
 static const char *const side_names[3] = {"left", "right", "other"};
 
 /* 0 left, 1 right, 2 neither. */
-static int32_t side_of(const cairn_contour_picture *p, const cairn_contour_object *o, int32_t segment)
+static int32_t side_of(const cairn_contour_picture *p, const cairn_contour_object *o,
+                       int32_t segment)
 {
     for (int32_t k = 0; k < o->disc_count; k++)
         for (int32_t side = 0; side < 2; side++)
@@ -18,7 +19,8 @@ static int32_t side_of(const cairn_contour_picture *p, const cairn_contour_objec
     return 2;
 }
 
-static void print_segments(cairn_output *output, const cairn_contour_picture *p, const cairn_contour_object *o)
+static void print_segments(cairn_output *output, const cairn_contour_picture *p,
+                           const cairn_contour_object *o)
 {
     for (int32_t side = 0; side < 3; side++) {
         cairn_output_print(output, "<path class=\"%s\" d=\"", side_names[side]);
@@ -27,14 +29,15 @@ static void print_segments(cairn_output *output, const cairn_contour_picture *p,
             cairn_segment line = p->tokens->lines[segment];
 
             if (side_of(p, o, segment) == side)
-                cairn_output_print(output, "M%.1f %.1fL%.1f %.1f", (double)line.a.x, (double)line.a.y, (double)line.b.x,
-                                   (double)line.b.y);
+                cairn_output_print(output, "M%.1f %.1fL%.1f %.1f", (double)line.a.x,
+                                   (double)line.a.y, (double)line.b.x, (double)line.b.y);
         }
         cairn_output_print(output, "\"/>\n");
     }
 }
 
-static void print_skeleton(cairn_output *output, const cairn_contour_picture *p, const cairn_contour_object *o)
+static void print_skeleton(cairn_output *output, const cairn_contour_picture *p,
+                           const cairn_contour_object *o)
 {
     const cairn_shape_path walk = {.count = o->disc_count};
     int32_t count = o->outline_count > 0 ? p->model->path_count : 1;
@@ -50,64 +53,82 @@ static void print_skeleton(cairn_output *output, const cairn_contour_picture *p,
         cairn_output_print(output, "\"/>\n");
         for (int32_t k = 0; k < path->count; k++)
             if (discs[k].side[0] >= 0 && discs[k].side[1] >= 0)
-                cairn_output_print(output, "<circle class=\"disc\" cx=\"%.1f\" cy=\"%.1f\" r=\"%.1f\"/>\n",
-                                   (double)discs[k].centre.x, (double)discs[k].centre.y, (double)discs[k].radius);
+                cairn_output_print(
+                    output, "<circle class=\"disc\" cx=\"%.1f\" cy=\"%.1f\" r=\"%.1f\"/>\n",
+                    (double)discs[k].centre.x, (double)discs[k].centre.y, (double)discs[k].radius);
     }
 }
 
-/* Where the bent outline lies: never part of the result, for the eye alone; dashed where nothing is seen. */
-static void print_model(cairn_output *output, const cairn_contour_picture *p, const cairn_contour_object *o)
+/* Where the bent outline lies: never part of the result, for the eye alone; dashed where nothing
+ * is seen. */
+static void print_model(cairn_output *output, const cairn_contour_picture *p,
+                        const cairn_contour_object *o)
 {
     const cairn_contour_place *outline = &p->result->outline[o->first_outline];
     int32_t first, count;
 
     cairn_output_print(output, "<path class=\"model\" d=\"");
     for (int32_t i = 0; i < o->outline_count; i++)
-        cairn_output_print(output, "M%.1f %.1fh0", (double)outline[i].at.position.x, (double)outline[i].at.position.y);
+        cairn_output_print(output, "M%.1f %.1fh0", (double)outline[i].at.position.x,
+                           (double)outline[i].at.position.y);
     cairn_output_print(output, "\"/>\n<path class=\"completed\" d=\"");
-    for (int32_t from = 0; cairn_contour_completed(p->result, o, from, &first, &count); from = first + count)
+    for (int32_t from = 0; cairn_contour_completed(p->result, o, from, &first, &count);
+         from = first + count)
         for (int32_t i = first; i < first + count; i++)
-            cairn_output_print(output, "%s%.1f %.1f", i == first ? "M" : "L", (double)outline[i].at.position.x,
-                               (double)outline[i].at.position.y);
+            cairn_output_print(output, "%s%.1f %.1f", i == first ? "M" : "L",
+                               (double)outline[i].at.position.x, (double)outline[i].at.position.y);
     cairn_output_print(output, "\"/>\n");
 }
 
-static void print_object(cairn_output *output, const cairn_contour_picture *p, const cairn_contour_object *o)
+static void print_object(cairn_output *output, const cairn_contour_picture *p,
+                         const cairn_contour_object *o)
 {
     print_skeleton(output, p, o);
     print_model(output, p, o);
     print_segments(output, p, o);
-    cairn_output_print(output, "<text class=\"score\" x=\"%.1f\" y=\"%.1f\">%.2f</text>\n", (double)o->found.origin.x,
-                       (double)o->found.origin.y, (double)o->found.score);
+    cairn_output_print(output, "<text class=\"score\" x=\"%.1f\" y=\"%.1f\">%.2f</text>\n",
+                       (double)o->found.origin.x, (double)o->found.origin.y,
+                       (double)o->found.score);
 }
 
-cairn_status cairn_contour_file_draw(const cairn_contour_picture *p, const char *path, cairn_file_error *error)
+cairn_status cairn_contour_file_draw(const cairn_contour_picture *p, const char *path,
+                                     cairn_file_error *error)
 {
-    static const cairn_report_key keys[] = {{"left side", "stroke=\"#2563eb\""},
-                                            {"right side", "stroke=\"#ea580c\""},
-                                            {"ends and others", "stroke=\"#16a34a\""},
-                                            {"skeleton", "stroke=\"#dc2626\""},
-                                            {"outline, bent; dashed where not seen", "stroke=\"#7c3aed\""}};
+    static const cairn_report_key keys[] = {
+        {"left side", "stroke=\"#2563eb\""},
+        {"right side", "stroke=\"#ea580c\""},
+        {"ends and others", "stroke=\"#16a34a\""},
+        {"skeleton", "stroke=\"#dc2626\""},
+        {"outline, bent; dashed where not seen", "stroke=\"#7c3aed\""}};
     char subtitle[256], style[640];
-    const cairn_report_overlay overlay = {
-        p->image, subtitle, p->grey, p->tokens->width, p->tokens->height, 960, keys, sizeof keys / sizeof *keys, 160};
+    const cairn_report_overlay overlay = {p->image,
+                                          subtitle,
+                                          p->grey,
+                                          p->tokens->width,
+                                          p->tokens->height,
+                                          960,
+                                          keys,
+                                          sizeof keys / sizeof *keys,
+                                          160};
     double scale = cairn_report_overlay_scale(&overlay);
     cairn_output *output;
     cairn_status status = cairn_output_open(&output, path, error);
 
     if (status != CAIRN_OK)
         return status;
-    (void)snprintf(subtitle, sizeof subtitle, "%d of %.120s, best score %.2f; %d segments of %d chains",
-                   (int)p->result->object_count, p->model_name, (double)p->result->best, (int)p->tokens->count,
-                   (int)p->tokens->chains);
-    (void)snprintf(
-        style, sizeof style,
-        "path{fill:none}.left,.right,.other{stroke-width:%.2f;stroke-linecap:round}"
-        ".left{stroke:#2563eb}.right{stroke:#ea580c}.other{stroke:#16a34a}.axis{stroke:#dc2626;stroke-width:%.2f}"
-        ".completed{stroke:#7c3aed;stroke-width:%.2f;stroke-dasharray:%.2f}.disc{fill:none;stroke:#dc2626;stroke-width:"
-        "%.2f;opacity:.35}.model{stroke:#7c3aed;stroke-width:%.2f;"
-        "stroke-linecap:round}.score{font-size:%.1fpx;fill:#dc2626}",
-        2.6 / scale, 2 / scale, 2 / scale, 6 / scale, 1 / scale, 2 / scale, 18 / scale);
+    (void)snprintf(subtitle, sizeof subtitle,
+                   "%d of %.120s, best score %.2f; %d segments of %d chains",
+                   (int)p->result->object_count, p->model_name, (double)p->result->best,
+                   (int)p->tokens->count, (int)p->tokens->chains);
+    (void)snprintf(style, sizeof style,
+                   "path{fill:none}.left,.right,.other{stroke-width:%.2f;stroke-linecap:round}"
+                   ".left{stroke:#2563eb}.right{stroke:#ea580c}.other{stroke:#16a34a}.axis{stroke:#"
+                   "dc2626;stroke-width:%.2f}"
+                   ".completed{stroke:#7c3aed;stroke-width:%.2f;stroke-dasharray:%.2f}.disc{fill:"
+                   "none;stroke:#dc2626;stroke-width:"
+                   "%.2f;opacity:.35}.model{stroke:#7c3aed;stroke-width:%.2f;"
+                   "stroke-linecap:round}.score{font-size:%.1fpx;fill:#dc2626}",
+                   2.6 / scale, 2 / scale, 2 / scale, 6 / scale, 1 / scale, 2 / scale, 18 / scale);
     status = cairn_report_overlay_begin(output, &overlay, style);
     for (int32_t i = 0; i < p->result->object_count; i++)
         print_object(output, p, &p->result->objects[i]);

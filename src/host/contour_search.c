@@ -1,11 +1,13 @@
 /* Objects among the edges of a picture.
  *
- * Method: the grouping runs with the model, and with its mirror image when that is asked for, in one band of sizes after the other. What it
- * finds, with little evidence as well, is looked at again: the model's outline is bent onto the edges there (contour_search_fit.c), the
- * segments along it are the contour (contour_search_complete.c). The evidence of both outlines, for each size of outline, with how well the
- * bent one fits as it was drawn (contour_search_shape.c), decides what is reported; of objects that lie on each other the better one stays.
- * Each sample of the model's axis has its sides where the bent outline has them, and where both are seen the disc is that of their
- * symmetric point. */
+ * Method: the grouping runs with the model, and with its mirror image when that is asked for, in
+ * one band of sizes after the other. What it finds, with little evidence as well, is looked at
+ * again: the model's outline is bent onto the edges there (contour_search_fit.c), the segments
+ * along it are the contour (contour_search_complete.c). The evidence of both outlines, for each
+ * size of outline, with how well the bent one fits as it was drawn (contour_search_shape.c),
+ * decides what is reported; of objects that lie on each other the better one stays. Each sample
+ * of the model's axis has its sides where the bent outline has them, and where both are seen the
+ * disc is that of their symmetric point. */
 #include "src/core/build.h"
 
 #include <errno.h>
@@ -19,24 +21,28 @@
 
 /* Objects whose middles are closer, of their size, are one. */
 #define APART 0.3
-/* A segment of the contour lies at most so far from a place of the outline, of the size, but at least so many pixels, and turned by so much. */
+/* A segment of the contour lies at most so far from a place of the outline, of the size, but at
+ * least so many pixels, and turned by so much. */
 #define REACH_SHARE  0.04
 #define LEAST_REACH  3
 #define TURN_COSINE  0.7
 #define LEAST_TOKENS 64
 /* What the evidence of the outline as it is is worth, beside that of the bent one. */
 #define RIGID 2
-/* And how near edges are to the bent outline, how far it is turned and, squared, strained against the drawn one (contour_search_shape.c), and
- * how much of it is seen: among many edges evidence forgives what a drawing would not. */
+/* And how near edges are to the bent outline, how far it is turned and, squared, strained
+ * against the drawn one (contour_search_shape.c), and how much of it is seen: among many edges
+ * evidence forgives what a drawing would not. */
 #define CLOSE    20
 #define TURNED   100
 #define STRAINED 4500
 #define SEEN     60
 /* What these come to where the evidence of both outlines alone would just do. */
 #define COMMON 58
-/* Sizes that are searched at once differ by this factor at most: of sizes at one place a search keeps the best alone. */
+/* Sizes that are searched at once differ by this factor at most: of sizes at one place a search
+ * keeps the best alone. */
 #define BAND 2.2
-/* Evidence of an object, and of one that is looked at again; and how many of these there are at most. */
+/* Evidence of an object, and of one that is looked at again; and how many of these there are at
+ * most. */
 #define MIN_EVIDENCE   34
 #define MIN_SCORE      CAIRN_REAL(0.3)
 #define FIRST_EVIDENCE 2
@@ -92,7 +98,8 @@ void cairn_contour_result_free(cairn_contour_result *result)
 
 cairn_vec2 cairn_contour_turned(const cairn_grouped_object *o, cairn_vec2 m)
 {
-    cairn_real c = o->size * (cairn_real)cos((double)o->turn), s = o->size * (cairn_real)sin((double)o->turn);
+    cairn_real c = o->size * (cairn_real)cos((double)o->turn),
+               s = o->size * (cairn_real)sin((double)o->turn);
     cairn_vec2 p = {c * m.x - s * m.y, s * m.x + c * m.y};
 
     return p;
@@ -101,14 +108,16 @@ cairn_vec2 cairn_contour_turned(const cairn_grouped_object *o, cairn_vec2 m)
 cairn_real cairn_contour_distance(cairn_segment line, cairn_vec2 p)
 {
     cairn_vec2 along = cairn_vec2_sub(line.b, line.a), to = cairn_vec2_sub(p, line.a);
-    cairn_real share = cairn_vec2_dot(along, to) / cairn_max(cairn_vec2_norm_squared(along), CAIRN_REAL(1e-6));
+    cairn_real share =
+        cairn_vec2_dot(along, to) / cairn_max(cairn_vec2_norm_squared(along), CAIRN_REAL(1e-6));
 
     share = cairn_max(0, cairn_min(share, 1));
     return cairn_vec2_norm(cairn_vec2_sub(to, cairn_vec2_scale(along, share)));
 }
 
 /* The object's segment nearest to a place, in a direction there; -1: none is near. */
-static int32_t segment_at(const searcher *s, const cairn_grouped_object *o, cairn_oriented_point place)
+static int32_t segment_at(const searcher *s, const cairn_grouped_object *o,
+                          cairn_oriented_point place)
 {
     cairn_real nearest = cairn_max(LEAST_REACH, (cairn_real)REACH_SHARE * o->size);
     int32_t found = -1;
@@ -118,8 +127,9 @@ static int32_t segment_at(const searcher *s, const cairn_grouped_object *o, cair
         cairn_segment line = s->tokens->lines[index];
         cairn_real distance = cairn_contour_distance(line, place.position);
 
-        if (distance < nearest && cairn_abs(cairn_vec2_dot(cairn_vec2_unit(cairn_vec2_sub(line.b, line.a)),
-                                                           place.direction)) >= (cairn_real)TURN_COSINE) {
+        if (distance < nearest &&
+            cairn_abs(cairn_vec2_dot(cairn_vec2_unit(cairn_vec2_sub(line.b, line.a)),
+                                     place.direction)) >= (cairn_real)TURN_COSINE) {
             nearest = distance;
             found = index;
         }
@@ -144,9 +154,10 @@ static int32_t nearest_sample(const cairn_shape_model *m, cairn_vec2 place)
     return nearest;
 }
 
-/* The disc of a sample where the bent outline has its sides, or of the symmetric point of the segments on both. */
-static cairn_contour_disc disc_of(const searcher *s, const cairn_contour_object *object, const cairn_shape_model *model,
-                                  int32_t index)
+/* The disc of a sample where the bent outline has its sides, or of the symmetric point of the
+ * segments on both. */
+static cairn_contour_disc disc_of(const searcher *s, const cairn_contour_object *object,
+                                  const cairn_shape_model *model, int32_t index)
 {
     const cairn_contour_place *outline = &s->result->outline[object->first_outline];
     const cairn_shape_sample *sample = &model->samples[index];
@@ -156,7 +167,8 @@ static cairn_contour_disc disc_of(const searcher *s, const cairn_contour_object 
     cairn_symmetric_point sp;
 
     for (int32_t k = 0; k < 2; k++) {
-        const cairn_contour_place *place = &outline[nearest_sample(model, sample->side[k].position)];
+        const cairn_contour_place *place =
+            &outline[nearest_sample(model, sample->side[k].position)];
 
         disc.side[k] = place->segment;
         side[k] = place->at.position;
@@ -166,9 +178,10 @@ static cairn_contour_disc disc_of(const searcher *s, const cairn_contour_object 
     params.max_radius = 2 * disc.radius;
     params.min_radius = disc.radius / 2;
     if (disc.side[0] >= 0 && disc.side[1] >= 0 && disc.side[0] != disc.side[1] &&
-        cairn_symmetric_point_of_segments(&params, s->tokens->lines[disc.side[0]], s->tokens->lines[disc.side[1]],
-                                          &sp) &&
-        cairn_vec2_norm(cairn_vec2_sub(sp.centre, disc.centre)) <= (cairn_real)REACH_SHARE * object->found.size) {
+        cairn_symmetric_point_of_segments(&params, s->tokens->lines[disc.side[0]],
+                                          s->tokens->lines[disc.side[1]], &sp) &&
+        cairn_vec2_norm(cairn_vec2_sub(sp.centre, disc.centre)) <=
+            (cairn_real)REACH_SHARE * object->found.size) {
         disc.centre = sp.centre;
         disc.radius = sp.radius;
     }
@@ -202,8 +215,10 @@ static int reserve_object(cairn_contour_result *r, int32_t segments, const cairn
     return ok;
 }
 
-/* The share of the outline's samples that have a segment, and their number as samples of the skeleton. */
-static void count_seen(const cairn_contour_result *r, cairn_contour_object *o, const cairn_shape_model *model)
+/* The share of the outline's samples that have a segment, and their number as samples of the
+ * skeleton. */
+static void count_seen(const cairn_contour_result *r, cairn_contour_object *o,
+                       const cairn_shape_model *model)
 {
     int32_t seen = 0;
 
@@ -212,7 +227,8 @@ static void count_seen(const cairn_contour_result *r, cairn_contour_object *o, c
     o->found.score = (cairn_real)seen / (cairn_real)model->outline_count;
     o->found.seen = 0;
     for (int32_t k = 0; k < model->sample_count; k++)
-        o->found.seen += r->discs[o->first_disc + k].side[0] >= 0 || r->discs[o->first_disc + k].side[1] >= 0;
+        o->found.seen +=
+            r->discs[o->first_disc + k].side[0] >= 0 || r->discs[o->first_disc + k].side[1] >= 0;
 }
 
 /* Where the bent outline is at the gaps of the model's drawing. */
@@ -228,7 +244,8 @@ static contour_gaps gaps_of(const contour_fit *fit, const cairn_shape_model *mod
 static cairn_contour_shape shape_of(const searcher *s, const contour_laid *laid, cairn_real turn,
                                     const cairn_shape_model *model)
 {
-    const contour_drawn drawn = {model->outline, {(cairn_real)cos((double)turn), (cairn_real)sin((double)turn)}};
+    const contour_drawn drawn = {model->outline,
+                                 {(cairn_real)cos((double)turn), (cairn_real)sin((double)turn)}};
 
     return cairn_contour_shape_of(s->tokens, laid, s->fit.part, &drawn, s->near, NULL);
 }
@@ -241,10 +258,10 @@ static cairn_real evidence_of(const cairn_contour_object *o)
            STRAINED * shape->strained * shape->strained + SEEN * o->found.score - COMMON;
 }
 
-/* Bends the model onto the edges about an object of the grouping, and lists the segments along it. Objects with too little evidence are
- * not added. 0: there is no memory. */
-static int add_object(searcher *s, const cairn_grouping_result *found, int32_t index, const cairn_shape_model *model,
-                      int32_t mirrored)
+/* Bends the model onto the edges about an object of the grouping, and lists the segments along
+ * it. Objects with too little evidence are not added. 0: there is no memory. */
+static int add_object(searcher *s, const cairn_grouping_result *found, int32_t index,
+                      const cairn_shape_model *model, int32_t mirrored)
 {
     cairn_contour_result *r = s->result;
     cairn_contour_object o = {.found = found->objects[index],
@@ -266,7 +283,8 @@ static int add_object(searcher *s, const cairn_grouping_result *found, int32_t i
     laid.origin = o.found.origin;
     laid.size = o.found.size;
     gaps = gaps_of(&s->fit, model);
-    if (!cairn_contour_collect_open(s->tokens, &laid, &gaps, &r->segments[o.found.first], &o.found.count))
+    if (!cairn_contour_collect_open(s->tokens, &laid, &gaps, &r->segments[o.found.first],
+                                    &o.found.count))
         return 0;
     o.rigid = found->objects[index].evidence / s->fit.length;
     o.bent = s->fit.evidence / s->fit.length;
@@ -323,8 +341,8 @@ static void keep_best(cairn_contour_result *r)
     r->object_count = kept;
 }
 
-int cairn_contour_completed(const cairn_contour_result *result, const cairn_contour_object *object, int32_t from,
-                            int32_t *first, int32_t *count)
+int cairn_contour_completed(const cairn_contour_result *result, const cairn_contour_object *object,
+                            int32_t from, int32_t *first, int32_t *count)
 {
     const cairn_contour_place *outline = &result->outline[object->first_outline];
     int32_t i = from;
@@ -332,7 +350,8 @@ int cairn_contour_completed(const cairn_contour_result *result, const cairn_cont
     while (i < object->outline_count && outline[i].segment >= 0)
         i++;
     *first = i;
-    while (i < object->outline_count && outline[i].segment < 0 && outline[i].part == outline[*first].part)
+    while (i < object->outline_count && outline[i].segment < 0 &&
+           outline[i].part == outline[*first].part)
         i++;
     *count = i - *first;
     return *count > 0;
@@ -370,7 +389,8 @@ typedef struct watcher {
     int32_t most, seen;                 /* particles, steps */
 } watcher;
 
-static void look(const searcher *s, const cairn_grouping *grouping, int32_t mirrored, int32_t most_steps, watcher *w)
+static void look(const searcher *s, const cairn_grouping *grouping, int32_t mirrored,
+                 int32_t most_steps, watcher *w)
 {
     int32_t steps, count = cairn_grouping_particles(grouping, NULL, 0, &steps);
 
@@ -379,25 +399,28 @@ static void look(const searcher *s, const cairn_grouping *grouping, int32_t mirr
     w->seen = steps;
     (void)cairn_grouping_particles(grouping, w->particles, w->most, NULL);
     count = count < w->most ? count : w->most;
-    s->result->modes[mirrored][s->result->steps[mirrored] + steps - 1] = count_modes(w->particles, count, w->mode);
+    s->result->modes[mirrored][s->result->steps[mirrored] + steps - 1] =
+        count_modes(w->particles, count, w->mode);
     if (s->params->on_step != NULL)
         s->params->on_step(s->params->context, w->particles, count, mirrored);
 }
 
-static cairn_status walk(const searcher *s, cairn_grouping *grouping, int32_t mirrored, int32_t samples,
-                         int32_t particles)
+static cairn_status walk(const searcher *s, cairn_grouping *grouping, int32_t mirrored,
+                         int32_t samples, int32_t particles)
 {
-    watcher w = {malloc((size_t)particles * sizeof *w.particles), malloc((size_t)particles * sizeof *w.mode), particles,
-                 0};
+    watcher w = {malloc((size_t)particles * sizeof *w.particles),
+                 malloc((size_t)particles * sizeof *w.mode), particles, 0};
     void *modes = s->result->modes[mirrored];
     cairn_status status =
-        w.particles != NULL && w.mode != NULL && reserve(&modes, s->result->steps[mirrored], samples, sizeof(int32_t))
+        w.particles != NULL && w.mode != NULL &&
+                reserve(&modes, s->result->steps[mirrored], samples, sizeof(int32_t))
             ? CAIRN_MORE
             : CAIRN_NO_MEMORY;
 
     s->result->modes[mirrored] = modes;
     if (status == CAIRN_MORE)
-        memset(&s->result->modes[mirrored][s->result->steps[mirrored]], 0, (size_t)samples * sizeof(int32_t));
+        memset(&s->result->modes[mirrored][s->result->steps[mirrored]], 0,
+               (size_t)samples * sizeof(int32_t));
     while (status == CAIRN_MORE) {
         cairn_budget budget = {LOOK_EVERY};
 
@@ -411,7 +434,8 @@ static cairn_status walk(const searcher *s, cairn_grouping *grouping, int32_t mi
 }
 
 /* The trace of a walk, behind those of the bands before, and its objects. */
-static int take_result(searcher *s, const cairn_grouping *grouping, const cairn_shape_model *model, int32_t mirrored)
+static int take_result(searcher *s, const cairn_grouping *grouping, const cairn_shape_model *model,
+                       int32_t mirrored)
 {
     cairn_grouping_result found = cairn_grouping_read(grouping);
     cairn_contour_result *r = s->result;
@@ -421,7 +445,8 @@ static int take_result(searcher *s, const cairn_grouping *grouping, const cairn_
         return 0;
     r->trace[mirrored] = trace;
     if (found.steps > 0)
-        memcpy(&r->trace[mirrored][r->steps[mirrored]], found.trace, (size_t)found.steps * sizeof *found.trace);
+        memcpy(&r->trace[mirrored][r->steps[mirrored]], found.trace,
+               (size_t)found.steps * sizeof *found.trace);
     r->steps[mirrored] += found.steps;
     r->starts[mirrored] += found.starts;
     for (int32_t i = 0; i < found.object_count; i++)
@@ -431,8 +456,8 @@ static int take_result(searcher *s, const cairn_grouping *grouping, const cairn_
 }
 
 /* Looks for the model in sizes of one band after the other. */
-static cairn_status search(searcher *s, const cairn_shape_model *model, int32_t mirrored, cairn_pool *pool,
-                           const cairn_grouping_params *params)
+static cairn_status search(searcher *s, const cairn_shape_model *model, int32_t mirrored,
+                           cairn_pool *pool, const cairn_grouping_params *params)
 {
     const cairn_contour_search_params *p = s->params;
     cairn_grouping_input input = {.segments = s->tokens->lines,
@@ -444,8 +469,10 @@ static cairn_status search(searcher *s, const cairn_shape_model *model, int32_t 
                                   .max_size = p->max_size,
                                   .min_turn = p->min_turn,
                                   .max_turn = p->max_turn,
-                                  .mean_length = s->tokens->mean_length > 0 ? s->tokens->mean_length : 5};
-    double range = p->min_size > 0 && p->max_size > p->min_size ? log((double)(p->max_size / p->min_size)) : 0;
+                                  .mean_length =
+                                      s->tokens->mean_length > 0 ? s->tokens->mean_length : 5};
+    double range =
+        p->min_size > 0 && p->max_size > p->min_size ? log((double)(p->max_size / p->min_size)) : 0;
     int32_t bands = 1 + (int32_t)(range / log(BAND));
     cairn_grouping *grouping;
     cairn_status status = cairn_grouping_create(&grouping, pool, params);
@@ -498,9 +525,11 @@ static cairn_status search_both(searcher *s, const cairn_shape_model *model, cai
     return status;
 }
 
-cairn_status cairn_contour_search_run(cairn_contour_result *result, const cairn_contour_tokens *tokens,
-                                      const cairn_shape_model *model, const cairn_contour_search_params *params,
-                                      const char *path, cairn_file_error *error)
+cairn_status cairn_contour_search_run(cairn_contour_result *result,
+                                      const cairn_contour_tokens *tokens,
+                                      const cairn_shape_model *model,
+                                      const cairn_contour_search_params *params, const char *path,
+                                      cairn_file_error *error)
 {
     searcher s = {.result = result, .tokens = tokens, .params = params};
     cairn_grouping_params grouping = params->grouping;
@@ -520,7 +549,8 @@ cairn_status cairn_contour_search_run(cairn_contour_result *result, const cairn_
     memory = malloc(result->pool_bytes);
     s.field = cairn_contour_field_new();
     s.near = malloc(((size_t)tokens->count + 1) * sizeof *s.near);
-    if (memory == NULL || s.field == NULL || s.near == NULL || !cairn_contour_fit_new(&s.fit, model->outline_count)) {
+    if (memory == NULL || s.field == NULL || s.near == NULL ||
+        !cairn_contour_fit_new(&s.fit, model->outline_count)) {
         free(memory);
         free(s.near);
         cairn_contour_field_free(s.field);
@@ -535,7 +565,8 @@ cairn_status cairn_contour_search_run(cairn_contour_result *result, const cairn_
     cairn_contour_fit_free(&s.fit);
     if (status != CAIRN_OK) {
         cairn_contour_result_free(result);
-        return cairn_file_error_set(error, status, path, 0, "%s, expected a model, sizes above 0 and turns in range",
+        return cairn_file_error_set(error, status, path, 0,
+                                    "%s, expected a model, sizes above 0 and turns in range",
                                     cairn_status_text(status));
     }
     keep_best(result);

@@ -1,9 +1,11 @@
 /* The segments of a contour: those along the bent outline, completed along their chains.
  *
- * Method: a segment belongs to the contour when most of it runs near the outline and in its direction. Segments between two of one chain
- * lie on the same edge. Behind its last ones a chain is followed as long as it keeps to the outline, and across junctions to other chains
- * that begin there; how far an edge lies off the outline may grow slowly on the way. About the gaps
- * of a drawing, where the object goes on that was not drawn, edges are followed round any corner. */
+ * Method: a segment belongs to the contour when most of it runs near the outline and in its
+ * direction. Segments between two of one chain lie on the same edge. Behind its last ones a
+ * chain is followed as long as it keeps to the outline, and across junctions to other chains
+ * that begin there; how far an edge lies off the outline may grow slowly on the way. About the
+ * gaps of a drawing, where the object goes on that was not drawn, edges are followed round any
+ * corner. */
 #include "src/core/build.h"
 
 #include <stdlib.h>
@@ -14,24 +16,27 @@
 
 /* Of the object's size: a gap within a chain that is closed, whatever lies in it. */
 #define GAP_SHARE 0.15
-/* Beyond its ends a chain is followed so near to the model, or, from a segment that lay farther off, so much farther, but never farther than
- * the last; and turned by so little. Of the size. */
+/* Beyond its ends a chain is followed so near to the model, or, from a segment that lay farther
+ * off, so much farther, but never farther than the last; and turned by so little. Of the size. */
 #define NEAR_SHARE  0.05
 #define DRIFT_SHARE 0.03
 #define FAR_SHARE   0.1
 #define TURN_COSINE 0.8
-/* A segment is along the outline within such a share of the size, but at least so many pixels; looked at in such steps, px. */
+/* A segment is along the outline within such a share of the size, but at least so many pixels;
+ * looked at in such steps, px. */
 #define REACH_SHARE 0.045
 #define LEAST_REACH 3
 #define STEP        3
-/* Where an edge leaves the outline it is followed by so much of the size, round bends of a chain, and across junctions about straight on. */
+/* Where an edge leaves the outline it is followed by so much of the size, round bends of a
+ * chain, and across junctions about straight on. */
 #define EXTEND_SHARE 0.35
-/* And out of the box about the outline by so much of it: a drawing may end where the object goes on, as at legs. */
+/* And out of the box about the outline by so much of it: a drawing may end where the object goes
+ * on, as at legs. */
 #define BEYOND_SHARE 0.2
 #define BEND_COSINE  0.5
 #define ON_COSINE    0.6
-/* Within such a share of the size of a gap of the drawing the object goes on: there edges are followed round bends like these, and between
- * ends so many pixels apart in any direction. */
+/* Within such a share of the size of a gap of the drawing the object goes on: there edges are
+ * followed round bends like these, and between ends so many pixels apart in any direction. */
 #define OPEN_SHARE    0.3
 #define OPEN_COSINE   0.3
 #define OPEN_JUNCTION 10
@@ -71,7 +76,8 @@ static int runs_along(const contour_laid *c, int32_t sample, cairn_segment line)
 {
     cairn_vec2 along = cairn_vec2_unit(cairn_vec2_sub(line.b, line.a));
 
-    return cairn_abs(cairn_vec2_dot(c->outline[sample].direction, along)) >= (cairn_real)TURN_COSINE;
+    return cairn_abs(cairn_vec2_dot(c->outline[sample].direction, along)) >=
+           (cairn_real)TURN_COSINE;
 }
 
 /* Whether the contour goes on with a segment from one that was taken. */
@@ -82,7 +88,8 @@ static int goes_on(const contour_laid *c, cairn_segment from, cairn_segment line
 
     (void)nearest_sample(c, middle_of(from), &before);
     return distance <= (cairn_real)FAR_SHARE * c->size &&
-           distance <= cairn_max((cairn_real)NEAR_SHARE * c->size, before + (cairn_real)DRIFT_SHARE * c->size) &&
+           distance <= cairn_max((cairn_real)NEAR_SHARE * c->size,
+                                 before + (cairn_real)DRIFT_SHARE * c->size) &&
            runs_along(c, sample, line);
 }
 
@@ -95,7 +102,8 @@ static int lies_along(const contour_laid *c, cairn_segment line)
     for (int32_t k = 0; k <= steps; k++) {
         cairn_real share = (cairn_real)k / (cairn_real)steps, distance;
         int32_t sample = nearest_sample(
-            c, cairn_vec2_add(line.a, cairn_vec2_scale(cairn_vec2_sub(line.b, line.a), share)), &distance);
+            c, cairn_vec2_add(line.a, cairn_vec2_scale(cairn_vec2_sub(line.b, line.a), share)),
+            &distance);
 
         near += distance <= most && runs_along(c, sample, line);
     }
@@ -103,7 +111,8 @@ static int lies_along(const contour_laid *c, cairn_segment line)
 }
 
 /* Closes the gaps of one chain, segments[from ... to - 1]. */
-static void close_gaps(const cairn_contour_tokens *t, const contour_laid *c, int32_t from, int32_t to, uint8_t *taken)
+static void close_gaps(const cairn_contour_tokens *t, const contour_laid *c, int32_t from,
+                       int32_t to, uint8_t *taken)
 {
     cairn_real gap = 0;
     int32_t before = -1;
@@ -121,7 +130,8 @@ static void close_gaps(const cairn_contour_tokens *t, const contour_laid *c, int
 }
 
 /* Follows one chain on from what was taken, either way. */
-static void follow(const cairn_contour_tokens *t, const contour_laid *c, int32_t from, int32_t to, uint8_t *taken)
+static void follow(const cairn_contour_tokens *t, const contour_laid *c, int32_t from, int32_t to,
+                   uint8_t *taken)
 {
     for (int32_t i = from + 1; i < to; i++)
         if (!taken[i] && taken[i - 1])
@@ -141,7 +151,8 @@ static int32_t end_of(const cairn_contour_tokens *t, int32_t from)
 }
 
 /* Takes the ends of chains that go on where one that was taken ends; how many. */
-static int32_t cross_junctions(const cairn_contour_tokens *t, const contour_laid *c, contour_ends *ends, uint8_t *taken)
+static int32_t cross_junctions(const cairn_contour_tokens *t, const contour_laid *c,
+                               contour_ends *ends, uint8_t *taken)
 {
     int32_t crossed = 0;
 
@@ -201,8 +212,8 @@ static int compare_placed(const void *a, const void *b)
 }
 
 /* All that is taken, in the order of the outline. */
-static int list_taken(const cairn_contour_tokens *t, const contour_laid *c, const uint8_t *taken, int32_t *list,
-                      int32_t *count)
+static int list_taken(const cairn_contour_tokens *t, const contour_laid *c, const uint8_t *taken,
+                      int32_t *list, int32_t *count)
 {
     placed *order = malloc(((size_t)t->count + 1) * sizeof *order);
     cairn_real distance;
@@ -226,7 +237,8 @@ static int list_taken(const cairn_contour_tokens *t, const contour_laid *c, cons
 static void collect(const cairn_contour_tokens *t, const contour_laid *c, uint8_t *taken)
 {
     for (int32_t i = 0; i < t->count; i++)
-        taken[i] = (uint8_t)(cairn_vec2_norm(cairn_vec2_sub(middle_of(t->lines[i]), c->origin)) <= c->size &&
+        taken[i] = (uint8_t)(cairn_vec2_norm(cairn_vec2_sub(middle_of(t->lines[i]), c->origin)) <=
+                                 c->size &&
                              lies_along(c, t->lines[i]));
 }
 
@@ -238,12 +250,15 @@ static int bends_little(cairn_segment from, cairn_segment to, cairn_real cosine)
                           cairn_vec2_unit(cairn_vec2_sub(to.b, to.a))) >= cosine;
 }
 
-/* 1 when the second line goes on from an end of the first, at most so many pixels off and turned by so little. */
+/* 1 when the second line goes on from an end of the first, at most so many pixels off and turned
+ * by so little. */
 static int continues(cairn_segment from, cairn_segment to, cairn_real junction, cairn_real cosine)
 {
     for (int32_t k = 0; k < 4; k++) {
-        cairn_vec2 end = k % 2 == 0 ? from.b : from.a, out = cairn_vec2_sub(end, k % 2 == 0 ? from.a : from.b);
-        cairn_vec2 start = k / 2 == 0 ? to.a : to.b, on = cairn_vec2_sub(k / 2 == 0 ? to.b : to.a, start);
+        cairn_vec2 end = k % 2 == 0 ? from.b : from.a,
+                   out = cairn_vec2_sub(end, k % 2 == 0 ? from.a : from.b);
+        cairn_vec2 start = k / 2 == 0 ? to.a : to.b,
+                   on = cairn_vec2_sub(k / 2 == 0 ? to.b : to.a, start);
 
         if (cairn_vec2_norm_squared(cairn_vec2_sub(start, end)) <= junction * junction &&
             cairn_vec2_dot(cairn_vec2_unit(out), cairn_vec2_unit(on)) >= cosine)
@@ -254,13 +269,19 @@ static int continues(cairn_segment from, cairn_segment to, cairn_real junction, 
 
 typedef struct extender {
     const cairn_contour_tokens *tokens;
-    cairn_vec2 least, most;   /* px, of the middles of segments */
-    cairn_real limit;         /* px */
-    cairn_real bend, on;      /* cosines along a chain and between chains */
-    const contour_gaps *gaps; /* only about these; NULL: anywhere */
-    cairn_real reach;         /* px, of a gap */
-    cairn_real *
-        beyond; /* [tokens->count] px of edges from the outline to the end of each segment; CAIRN_REAL_MAX: not taken */
+    /* px, of the middles of segments */
+    cairn_vec2 least, most;
+    /* px */
+    cairn_real limit;
+    /* cosines along a chain and between chains */
+    cairn_real bend, on;
+    /* only about these; NULL: anywhere */
+    const contour_gaps *gaps;
+    /* px, of a gap */
+    cairn_real reach;
+    /* [tokens->count] px of edges from the outline to the end of each segment; CAIRN_REAL_MAX:
+     * not taken */
+    cairn_real *beyond;
     int32_t grown;
 } extender;
 
@@ -282,8 +303,8 @@ static void extend(extender *e, int32_t from, int32_t to)
     if (!(e->beyond[from] < CAIRN_REAL_MAX) || e->beyond[to] == 0)
         return;
     beyond = e->beyond[from] + cairn_segment_length(e->tokens->lines[to]);
-    if (beyond <= e->limit && beyond < e->beyond[to] && at.x >= e->least.x && at.y >= e->least.y && at.x <= e->most.x &&
-        at.y <= e->most.y && is_open(e, at)) {
+    if (beyond <= e->limit && beyond < e->beyond[to] && at.x >= e->least.x && at.y >= e->least.y &&
+        at.x <= e->most.x && at.y <= e->most.y && is_open(e, at)) {
         e->beyond[to] = beyond;
         e->grown = 1;
     }
@@ -311,10 +332,12 @@ static void extend_all(extender *e, contour_ends *ends)
             extend_chain(e, from, to);
         }
         for (int32_t i = 0; i < ends->count; i++) {
-            int32_t own = ends->listed[i], near = e->beyond[own] < e->limit ? cairn_contour_ends_near(ends, i) : 0;
+            int32_t own = ends->listed[i],
+                    near = e->beyond[own] < e->limit ? cairn_contour_ends_near(ends, i) : 0;
 
             for (int32_t k = 0; k < near; k++)
-                if (continues(e->tokens->lines[own], e->tokens->lines[ends->listed[ends->near[k]]], ends->apart, e->on))
+                if (continues(e->tokens->lines[own], e->tokens->lines[ends->listed[ends->near[k]]],
+                              ends->apart, e->on))
                     extend(e, own, ends->listed[ends->near[k]]);
         }
         if (!e->grown)
@@ -339,8 +362,8 @@ static int extend_gaps(extender *e, const contour_gaps *gaps, const contour_ends
     return 1;
 }
 
-static int extend_taken(const cairn_contour_tokens *t, const contour_laid *c, const contour_gaps *gaps,
-                        contour_ends *ends, uint8_t *taken)
+static int extend_taken(const cairn_contour_tokens *t, const contour_laid *c,
+                        const contour_gaps *gaps, contour_ends *ends, uint8_t *taken)
 {
     cairn_real beyond = (cairn_real)BEYOND_SHARE * c->size;
     cairn_box box = cairn_box_empty();
@@ -369,8 +392,8 @@ static int extend_taken(const cairn_contour_tokens *t, const contour_laid *c, co
     return ok;
 }
 
-int cairn_contour_collect_open(const cairn_contour_tokens *t, const contour_laid *c, const contour_gaps *gaps,
-                               int32_t *list, int32_t *count)
+int cairn_contour_collect_open(const cairn_contour_tokens *t, const contour_laid *c,
+                               const contour_gaps *gaps, int32_t *list, int32_t *count)
 {
     uint8_t *taken = calloc((size_t)t->count + 1, 1);
     int32_t *listed = malloc(((size_t)t->count + 1) * sizeof *listed);
@@ -391,7 +414,8 @@ int cairn_contour_collect_open(const cairn_contour_tokens *t, const contour_laid
     return ok;
 }
 
-int cairn_contour_collect(const cairn_contour_tokens *t, const contour_laid *c, int32_t *list, int32_t *count)
+int cairn_contour_collect(const cairn_contour_tokens *t, const contour_laid *c, int32_t *list,
+                          int32_t *count)
 {
     const contour_gaps none = {.count = 0};
 

@@ -1,5 +1,5 @@
-/* Segments that meet: ends in the cells of a grid as wide as the farthest that they may lie apart, or wider where that were many more
- * cells than ends. */
+/* Segments that meet: ends in the cells of a grid as wide as the farthest that they may lie
+ * apart, or wider where that were many more cells than ends. */
 #include "src/core/build.h"
 
 #include <stdlib.h>
@@ -30,8 +30,8 @@ static int32_t cell_of(cairn_real offset, cairn_real cell)
     return cairn_real_to_int(offset / cell);
 }
 
-int cairn_contour_ends_make(contour_ends *ends, const cairn_segment *lines, const int32_t *listed, int32_t count,
-                            cairn_real apart)
+int cairn_contour_ends_make(contour_ends *ends, const cairn_segment *lines, const int32_t *listed,
+                            int32_t count, cairn_real apart)
 {
     cairn_box box = cairn_box_empty();
     contour_ends e = {.lines = lines, .listed = listed, .count = count, .apart = apart};
@@ -58,7 +58,8 @@ int cairn_contour_ends_make(contour_ends *ends, const cairn_segment *lines, cons
     }
     for (int32_t i = 0; i < 2 * count; i++) {
         cairn_vec2 at = cairn_vec2_sub(place_of(&e, i), e.origin);
-        int32_t *head = &e.heads[(size_t)cell_of(at.y, e.cell) * (size_t)e.columns + (size_t)cell_of(at.x, e.cell)];
+        int32_t *head = &e.heads[(size_t)cell_of(at.y, e.cell) * (size_t)e.columns +
+                                 (size_t)cell_of(at.x, e.cell)];
 
         e.next[i] = *head;
         *head = i + 1;
@@ -84,12 +85,14 @@ int32_t cairn_contour_ends_near(contour_ends *e, int32_t place)
         int32_t x = cell_of(at.x, e->cell), y = cell_of(at.y, e->cell);
 
         for (int32_t row = y > 0 ? y - 1 : 0; row <= y + 1 && row < e->rows; row++)
-            for (int32_t column = x > 0 ? x - 1 : 0; column <= x + 1 && column < e->columns; column++)
+            for (int32_t column = x > 0 ? x - 1 : 0; column <= x + 1 && column < e->columns;
+                 column++)
                 for (int32_t i = e->heads[row * e->columns + column]; i > 0; i = e->next[i - 1]) {
                     int32_t other = (i - 1) / 2;
 
                     if (other == place || e->seen[other] == e->queries ||
-                        !cairn_contour_meet(e->lines[e->listed[place]], e->lines[e->listed[other]], e->apart))
+                        !cairn_contour_meet(e->lines[e->listed[place]], e->lines[e->listed[other]],
+                                            e->apart))
                         continue;
                     e->seen[other] = e->queries;
                     e->near[count++] = other;

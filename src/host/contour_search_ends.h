@@ -1,4 +1,5 @@
-/* contour_search_ends: which segments meet, by a grid over their ends. Internal to the host library. */
+/* contour_search_ends: which segments meet, by a grid over their ends. Internal to the host
+ * library. */
 #ifndef CAIRN_HOST_CONTOUR_SEARCH_ENDS_H
 #define CAIRN_HOST_CONTOUR_SEARCH_ENDS_H
 
@@ -9,23 +10,30 @@ int cairn_contour_meet(cairn_segment a, cairn_segment b, cairn_real apart);
 
 typedef struct contour_ends {
     const cairn_segment *lines;
-    const int32_t *listed; /* [count] of lines */
+    /* [count] of lines */
+    const int32_t *listed;
     int32_t count, columns, rows;
     cairn_vec2 origin;
-    cairn_real apart, cell; /* px: of ends that meet; of the grid */
-    int32_t *heads;         /* [columns * rows] 1 + an end: 2 * place in the list, + 1 for b; 0: none */
-    int32_t *next;          /* [2 * count] */
-    int32_t *seen;          /* [count] by which query it was met last */
+    /* px: of ends that meet; of the grid */
+    cairn_real apart, cell;
+    /* [columns * rows] 1 + an end: 2 * place in the list, + 1 for b; 0: none */
+    int32_t *heads;
+    /* [2 * count] */
+    int32_t *next;
+    /* [count] by which query it was met last */
+    int32_t *seen;
     int32_t queries;
-    int32_t *near; /* [count] */
+    /* [count] */
+    int32_t *near;
 } contour_ends;
 
-/* lines and listed must stay; finite, within 1e6 px; apart: px, > 0, of ends that meet. Cost: linear. 0: no memory, and nothing to free. */
-int cairn_contour_ends_make(contour_ends *ends, const cairn_segment *lines, const int32_t *listed, int32_t count,
-                            cairn_real apart);
+/* lines and listed must stay; finite, within 1e6 px; apart: px, > 0, of ends that meet. Cost:
+ * linear. 0: no memory, and nothing to free. */
+int cairn_contour_ends_make(contour_ends *ends, const cairn_segment *lines, const int32_t *listed,
+                            int32_t count, cairn_real apart);
 
-/* The places in the list whose segments meet that of another place, ascending, in ends->near; how many. Cost: those in the cells about
- * its ends. */
+/* The places in the list whose segments meet that of another place, ascending, in ends->near;
+ * how many. Cost: those in the cells about its ends. */
 int32_t cairn_contour_ends_near(contour_ends *ends, int32_t place);
 
 void cairn_contour_ends_free(contour_ends *ends);

@@ -1,8 +1,9 @@
 /* How near an edge of each direction is, everywhere about an object.
  *
- * Method: a window about the object in cells that are a share of its size, so that all objects cost the same. Every segment enters the
- * directions near its own at a cost of the turn and of its strength; least costs spread over a few sigmas in rows, then in columns, as in a
- * distance transform. What a direction's edges come to by chance is the mean over the window. */
+ * Method: a window about the object in cells that are a share of its size, so that all objects
+ * cost the same. Every segment enters the directions near its own at a cost of the turn and of
+ * its strength; least costs spread over a few sigmas in rows, then in columns, as in a distance
+ * transform. What a direction's edges come to by chance is the mean over the window. */
 #include "src/core/build.h"
 
 #include <math.h>
@@ -20,7 +21,8 @@
 #define TURN_MOST 2.2
 /* Cells that a cost spreads. */
 enum { SPREAD = 5 };
-/* An edge stronger than a share s of all is 2 s times as likely on an object as elsewhere, but never less than this. */
+/* An edge stronger than a share s of all is 2 s times as likely on an object as elsewhere, but
+ * never less than this. */
 #define WEAKEST 0.2
 /* Of the window's cells: so many are near an edge at least. */
 #define LEAST_CHANCE 0.02
@@ -41,8 +43,8 @@ static void mark(contour_field *f, cairn_segment line, cairn_real *cost, cairn_r
     int32_t steps = 1 + (int32_t)(2 * length / f->cell);
 
     for (int32_t k = 0; k <= steps; k++) {
-        cairn_vec2 p =
-            cairn_vec2_add(line.a, cairn_vec2_scale(cairn_vec2_sub(line.b, line.a), (cairn_real)k / (cairn_real)steps));
+        cairn_vec2 p = cairn_vec2_add(line.a, cairn_vec2_scale(cairn_vec2_sub(line.b, line.a),
+                                                               (cairn_real)k / (cairn_real)steps));
         int32_t x = (int32_t)floor((double)((p.x - f->corner.x) / f->cell)),
                 y = (int32_t)floor((double)((p.y - f->corner.y) / f->cell));
 
@@ -55,8 +57,10 @@ static int is_outside(const contour_field *f, cairn_segment line)
 {
     cairn_real side = SIDE * f->cell;
 
-    return cairn_max(line.a.x, line.b.x) < f->corner.x || cairn_min(line.a.x, line.b.x) > f->corner.x + side ||
-           cairn_max(line.a.y, line.b.y) < f->corner.y || cairn_min(line.a.y, line.b.y) > f->corner.y + side;
+    return cairn_max(line.a.x, line.b.x) < f->corner.x ||
+           cairn_min(line.a.x, line.b.x) > f->corner.x + side ||
+           cairn_max(line.a.y, line.b.y) < f->corner.y ||
+           cairn_min(line.a.y, line.b.y) > f->corner.y + side;
 }
 
 /* Enters a segment into all directions near its own. */
@@ -66,10 +70,13 @@ static void enter(contour_field *f, cairn_segment line, cairn_real strength)
     double strong = -log(fmax(WEAKEST, 2 * (double)strength));
 
     for (int32_t bin = 0; bin < BINS; bin++) {
-        double turn = remainder(angle - ((double)bin + 0.5) * ((double)CAIRN_PI / BINS), (double)CAIRN_PI) / TURN;
+        double turn =
+            remainder(angle - ((double)bin + 0.5) * ((double)CAIRN_PI / BINS), (double)CAIRN_PI) /
+            TURN;
 
         if (fabs(turn) <= TURN_MOST)
-            mark(f, line, &f->cost[(size_t)bin * SIDE * SIDE], (cairn_real)(strong + turn * turn / 2));
+            mark(f, line, &f->cost[(size_t)bin * SIDE * SIDE],
+                 (cairn_real)(strong + turn * turn / 2));
     }
 }
 
@@ -96,7 +103,8 @@ static int is_marked(const cairn_real *cost, int32_t count)
     return i < count;
 }
 
-/* Along every row of cells, then across all of them; plane: [(SIDE + 2 * SPREAD) * SIDE] is overwritten. */
+/* Along every row of cells, then across all of them; plane: [(SIDE + 2 * SPREAD) * SIDE] is
+ * overwritten. */
 static void spread_both(cairn_real *cost, cairn_real *plane)
 {
     cairn_real line[SIDE + 2 * SPREAD];
@@ -154,7 +162,8 @@ void cairn_contour_field_free(contour_field *field)
     free(field);
 }
 
-void cairn_contour_field_fill(contour_field *f, const cairn_contour_tokens *tokens, const cairn_grouped_object *o)
+void cairn_contour_field_fill(contour_field *f, const cairn_contour_tokens *tokens,
+                              const cairn_grouped_object *o)
 {
     cairn_real half;
 

@@ -1,15 +1,19 @@
 /* The outline of a model bent onto edges.
  *
- * Method: members of a class differ in their proportions, and by more than a similarity of their outlines can follow. Every sample of the
- * outline may lie beside its place by one of a grid of shifts. What a sample is worth is the logarithm of how much likelier the edges
- * there are with the object than by chance, in the mean over the window; that neighbours lie beside their places by different shifts
- * costs in proportion to the difference. Dynamic programming finds the best shifts of a whole outline, coarsely at first; the affine
- * map that follows them best is the next base, then the bent outline itself is, each time on a finer grid. An outline goes round: it
- * is followed twice, and the middle of both rounds is read.
+ * Method: members of a class differ in their proportions, and by more than a similarity of their
+ * outlines can follow. Every sample of the outline may lie beside its place by one of a grid of
+ * shifts. What a sample is worth is the logarithm of how much likelier the edges there are with the
+ * object than by chance, in the mean over the window; that neighbours lie beside their places by
+ * different shifts costs in proportion to the difference. Dynamic programming finds the best shifts
+ * of a whole outline, coarsely at first; the affine map that follows them best is the next base,
+ * then the bent outline itself is, each time on a finer grid. An outline goes round: it is followed
+ * twice, and the middle of both rounds is read.
  *
- * Limits: a part that lies farther than the widest grid from its place is not found; outlines of one model bend each for itself.
+ * Limits: a part that lies farther than the widest grid from its place is not found; outlines of
+ * one model bend each for itself.
  *
- * Source: this project's, for the deformations that the displacements of Adluru 2008 (2.9) allow along a skeleton. */
+ * Source: this project's, for the deformations that the displacements of Adluru 2008 (2.9) allow
+ * along a skeleton. */
 #include "src/core/build.h"
 
 #include <math.h>
@@ -34,7 +38,12 @@
 /* Neighbours farther apart than so many spacings are of two outlines. */
 #define BREAK 3
 
-enum { REACH_MOST = 8, WIDTH_MOST = 2 * REACH_MOST + 1, LABELS_MOST = WIDTH_MOST * WIDTH_MOST, ROUNDS = 4 };
+enum {
+    REACH_MOST = 8,
+    WIDTH_MOST = 2 * REACH_MOST + 1,
+    LABELS_MOST = WIDTH_MOST * WIDTH_MOST,
+    ROUNDS = 4
+};
 enum { PADDED_MOST = (WIDTH_MOST + 2) * (WIDTH_MOST + 2) };
 
 /* Shifts of the rounds: so many steps either way, each of such a share of the size. */
@@ -47,14 +56,22 @@ typedef struct bender {
     const contour_field *field;
     const cairn_shape_model *model;
     contour_fit *fit;
-    cairn_vec2 *base;                       /* [outline_count] px */
-    cairn_real *value;                      /* [(2 * outline_count + 1) * LABELS_MOST] of the best ways to each label */
-    cairn_real *gain;                       /* [outline_count * LABELS_MOST] what each sample is worth at each label */
-    cairn_real no_edge[CONTOUR_FIELD_BINS]; /* what a place is worth that no edge is near */
-    cairn_real size, spacing;               /* px; of the size, of the samples */
-    cairn_real bending;                     /* what all moves have cost */
-    int32_t reach, width, labels;           /* of the round */
-    cairn_real step;                        /* px */
+    /* [outline_count] px */
+    cairn_vec2 *base;
+    /* [(2 * outline_count + 1) * LABELS_MOST] of the best ways to each label */
+    cairn_real *value;
+    /* [outline_count * LABELS_MOST] what each sample is worth at each label */
+    cairn_real *gain;
+    /* what a place is worth that no edge is near */
+    cairn_real no_edge[CONTOUR_FIELD_BINS];
+    /* px; of the size, of the samples */
+    cairn_real size, spacing;
+    /* what all moves have cost */
+    cairn_real bending;
+    /* of the round */
+    int32_t reach, width, labels;
+    /* px */
+    cairn_real step;
 } bender;
 
 int cairn_contour_fit_new(contour_fit *fit, int32_t outline_count)
@@ -77,10 +94,12 @@ void cairn_contour_fit_free(contour_fit *fit)
     memset(fit, 0, sizeof *fit);
 }
 
-/* The log of how much likelier edges of such a cost are with an outline in a direction there than by chance. */
+/* The log of how much likelier edges of such a cost are with an outline in a direction there
+ * than by chance. */
 static cairn_real worth_at(const contour_field *f, cairn_real cost, int32_t bin)
 {
-    return cairn_log((cairn_real)HIDDEN + (1 - (cairn_real)HIDDEN) * cairn_exp(-cost) / f->chance[bin]);
+    return cairn_log((cairn_real)HIDDEN +
+                     (1 - (cairn_real)HIDDEN) * cairn_exp(-cost) / f->chance[bin]);
 }
 
 static int32_t cell_at(cairn_real from_corner, cairn_real cell)
@@ -94,7 +113,8 @@ static cairn_real worth_in(const bender *b, int32_t x, int32_t y, int32_t bin)
     const contour_field *f = b->field;
     size_t cell = ((size_t)bin * CONTOUR_FIELD_SIDE + (size_t)y) * CONTOUR_FIELD_SIDE + (size_t)x;
 
-    if (x < 0 || y < 0 || x >= CONTOUR_FIELD_SIDE || y >= CONTOUR_FIELD_SIDE || !(f->cost[cell] < CONTOUR_FIELD_MOST))
+    if (x < 0 || y < 0 || x >= CONTOUR_FIELD_SIDE || y >= CONTOUR_FIELD_SIDE ||
+        !(f->cost[cell] < CONTOUR_FIELD_MOST))
         return b->no_edge[bin];
     if (f->worth[cell] == CAIRN_REAL_MAX)
         f->worth[cell] = worth_at(f, f->cost[cell], bin);
@@ -105,7 +125,8 @@ static cairn_real worth_of(const bender *b, cairn_vec2 at, int32_t bin)
 {
     const contour_field *f = b->field;
 
-    return worth_in(b, cell_at(at.x - f->corner.x, f->cell), cell_at(at.y - f->corner.y, f->cell), bin);
+    return worth_in(b, cell_at(at.x - f->corner.x, f->cell), cell_at(at.y - f->corner.y, f->cell),
+                    bin);
 }
 
 static cairn_vec2 shift_of(const bender *b, int32_t label)
@@ -121,11 +142,15 @@ static cairn_vec2 shift_of(const bender *b, int32_t label)
 /* What a step costs: to a neighbour on the grid of shifts, and to one across its corner. */
 static cairn_real cost_of_move(const bender *b, int32_t move)
 {
-    return (move == 4 ? 0 : move % 2 == 0 ? CAIRN_REAL(1.4142) : 1) * ((cairn_real)STRETCH * b->step / b->size);
+    return (move == 4       ? 0
+            : move % 2 == 0 ? CAIRN_REAL(1.4142)
+                            : 1) *
+           ((cairn_real)STRETCH * b->step / b->size);
 }
 
-/* The value of the best way to each label of a sample from those of the sample before. About the labels there is a border that no way
- * comes from; of the moves, which are alike to the left and to the right, the better one is taken first. */
+/* The value of the best way to each label of a sample from those of the sample before. About the
+ * labels there is a border that no way comes from; of the moves, which are alike to the left and
+ * to the right, the better one is taken first. */
 static void take_ways(const bender *b, const cairn_real *before, cairn_real *now)
 {
     cairn_real near = cost_of_move(b, 1), far = cost_of_move(b, 0), padded[PADDED_MOST] = {0},
@@ -135,7 +160,8 @@ static void take_ways(const bender *b, const cairn_real *before, cairn_real *now
     for (int32_t i = 0; i < row * row; i++)
         padded[i] = -CAIRN_REAL_MAX;
     for (int32_t y = 0; y < b->width; y++)
-        memcpy(&padded[(y + 1) * row + 1], &before[y * b->width], (size_t)b->width * sizeof *before);
+        memcpy(&padded[(y + 1) * row + 1], &before[y * b->width],
+               (size_t)b->width * sizeof *before);
     for (int32_t i = 1; i < row * row - 1; i++)
         beside[i] = cairn_max(padded[i - 1], padded[i + 1]);
     for (int32_t y = 0; y < b->width; y++) {
@@ -150,7 +176,8 @@ static void take_ways(const bender *b, const cairn_real *before, cairn_real *now
     }
 }
 
-/* The move that leads best to a label from the values of the sample before: (dy + 1) * 3 + dx + 1. */
+/* The move that leads best to a label from the values of the sample before: (dy + 1) * 3 + dx +
+ * 1. */
 static int32_t best_move(const bender *b, const cairn_real *before, int32_t label)
 {
     int32_t x = label % b->width, y = label / b->width, best = 4;
@@ -171,10 +198,12 @@ static int32_t best_move(const bender *b, const cairn_real *before, int32_t labe
     return best;
 }
 
-/* What a sample is worth at each label: the cells of the grid's columns and rows are looked up once. */
+/* What a sample is worth at each label: the cells of the grid's columns and rows are looked up
+ * once. */
 static void find_gain(const bender *b, int32_t sample, cairn_real *gain)
 {
-    int32_t bin = cairn_contour_field_bin(b->fit->outline[sample].direction), column[WIDTH_MOST], row[WIDTH_MOST];
+    int32_t bin = cairn_contour_field_bin(b->fit->outline[sample].direction), column[WIDTH_MOST],
+            row[WIDTH_MOST];
 
     for (int32_t i = 0; i < b->width; i++) {
         cairn_real shift = b->step * (cairn_real)(i - b->reach);
@@ -196,7 +225,8 @@ static void bend_outline(bender *b, int32_t first, int32_t count)
 
     memset(b->value, 0, labels * sizeof *b->value);
     for (int32_t k = 0; k < 2 * count; k++) {
-        cairn_real *now = &b->value[((size_t)k + 1) * labels], *gain = &b->gain[(size_t)(k % count) * labels];
+        cairn_real *now = &b->value[((size_t)k + 1) * labels],
+                   *gain = &b->gain[(size_t)(k % count) * labels];
 
         take_ways(b, now - labels, now);
         if (k < count)
@@ -207,7 +237,8 @@ static void bend_outline(bender *b, int32_t first, int32_t count)
     for (int32_t i = 0; i < b->labels; i++)
         label = last[i] > last[label] ? i : label;
     for (int32_t k = 2 * count - 1; k >= count / 2; k--) {
-        int32_t move = best_move(b, &b->value[(size_t)k * labels], label), sample = first + k % count;
+        int32_t move = best_move(b, &b->value[(size_t)k * labels], label),
+                sample = first + k % count;
 
         if (k < count / 2 + count) {
             b->fit->outline[sample].position = cairn_vec2_add(b->base[sample], shift_of(b, label));
@@ -224,7 +255,8 @@ static int32_t end_of_outline(const bender *b, int32_t first)
     int32_t end = first + 1;
 
     while (end < b->model->outline_count &&
-           cairn_vec2_norm(cairn_vec2_sub(o[end].position, o[end - 1].position)) < BREAK * b->spacing)
+           cairn_vec2_norm(cairn_vec2_sub(o[end].position, o[end - 1].position)) <
+               BREAK * b->spacing)
         end++;
     return end;
 }
@@ -238,19 +270,23 @@ static void smooth_outline(bender *b, const cairn_grouped_object *o, int32_t fir
     cairn_oriented_point *outline = b->fit->outline;
 
     for (int32_t i = 0; i < count; i++) {
-        int32_t before = first + (i + count - 1) % count, at = first + i, after = first + (i + 1) % count;
+        int32_t before = first + (i + count - 1) % count, at = first + i,
+                after = first + (i + 1) % count;
         cairn_vec2 sum = cairn_vec2_add(cairn_vec2_sub(outline[before].position, b->base[before]),
                                         cairn_vec2_sub(outline[after].position, b->base[after]));
 
-        sum = cairn_vec2_add(sum, cairn_vec2_scale(cairn_vec2_sub(outline[at].position, b->base[at]), 2));
+        sum = cairn_vec2_add(
+            sum, cairn_vec2_scale(cairn_vec2_sub(outline[at].position, b->base[at]), 2));
         b->base[at] = cairn_vec2_add(b->base[at], cairn_vec2_scale(sum, CAIRN_REAL(0.25)));
     }
     for (int32_t i = 0; i < count; i++) {
         int32_t before = first + (i + count - AROUND) % count, after = first + (i + AROUND) % count;
-        cairn_vec2 was = cairn_vec2_unit(cairn_contour_turned(
-                       o, cairn_vec2_sub(b->model->outline[after].position, b->model->outline[before].position))),
+        cairn_vec2 was = cairn_vec2_unit(
+                       cairn_contour_turned(o, cairn_vec2_sub(b->model->outline[after].position,
+                                                              b->model->outline[before].position))),
                    is = cairn_vec2_unit(cairn_vec2_sub(b->base[after], b->base[before])),
-                   d = cairn_vec2_unit(cairn_contour_turned(o, b->model->outline[first + i].direction));
+                   d = cairn_vec2_unit(
+                       cairn_contour_turned(o, b->model->outline[first + i].direction));
         cairn_real cosine = cairn_vec2_dot(was, is), sine = cairn_vec2_cross(was, is);
 
         outline[first + i].direction.x = cosine * d.x - sine * d.y;
@@ -293,21 +329,23 @@ static void smooth_all(bender *b, const cairn_grouped_object *o)
 static void weigh(bender *b)
 {
     for (int32_t i = 0; i < b->model->outline_count; i++)
-        b->fit->worth[i] =
-            worth_of(b, b->fit->outline[i].position, cairn_contour_field_bin(b->fit->outline[i].direction));
+        b->fit->worth[i] = worth_of(b, b->fit->outline[i].position,
+                                    cairn_contour_field_bin(b->fit->outline[i].direction));
 }
 
 /* What it costs that an affine map stretches one direction more than the other. */
 static cairn_real cost_of_aspect(cairn_real map[2][3])
 {
-    double p = (double)map[0][0], q = (double)map[0][1], r = (double)map[1][0], s = (double)map[1][1];
+    double p = (double)map[0][0], q = (double)map[0][1], r = (double)map[1][0],
+           s = (double)map[1][1];
     double turned = hypot(p + s, r - q), mirrored = hypot(p - s, r + q);
     double aspect = log((turned + mirrored) / fmax(1e-6, fabs(turned - mirrored))) / ASPECT;
 
     return (cairn_real)(aspect * aspect / 2);
 }
 
-/* The affine map of the model that follows the outline best becomes the base; what its aspect costs. */
+/* The affine map of the model that follows the outline best becomes the base; what its aspect
+ * costs. */
 static cairn_real follow_affinely(bender *b)
 {
     const cairn_shape_model *m = b->model;
@@ -321,8 +359,10 @@ static cairn_real follow_affinely(bender *b)
 
         cairn_sym3_add_outer(&sums, v, weight + (cairn_real)HELD);
         for (int32_t k = 0; k < 3; k++) {
-            right[0][k] += v[k] * (weight * b->fit->outline[i].position.x + (cairn_real)HELD * b->base[i].x);
-            right[1][k] += v[k] * (weight * b->fit->outline[i].position.y + (cairn_real)HELD * b->base[i].y);
+            right[0][k] +=
+                v[k] * (weight * b->fit->outline[i].position.x + (cairn_real)HELD * b->base[i].x);
+            right[1][k] +=
+                v[k] * (weight * b->fit->outline[i].position.y + (cairn_real)HELD * b->base[i].y);
         }
     }
     if (!cairn_sym3_solve(sums, right[0], map[0]) || !cairn_sym3_solve(sums, right[1], map[1]))
@@ -368,9 +408,11 @@ static void move_object(const bender *b, cairn_grouped_object *o)
 static void lay(bender *b, const cairn_grouped_object *o)
 {
     for (int32_t i = 0; i < b->model->outline_count; i++) {
-        b->base[i] = cairn_vec2_add(o->origin, cairn_contour_turned(o, b->model->outline[i].position));
+        b->base[i] =
+            cairn_vec2_add(o->origin, cairn_contour_turned(o, b->model->outline[i].position));
         b->fit->outline[i].position = b->base[i];
-        b->fit->outline[i].direction = cairn_vec2_unit(cairn_contour_turned(o, b->model->outline[i].direction));
+        b->fit->outline[i].direction =
+            cairn_vec2_unit(cairn_contour_turned(o, b->model->outline[i].direction));
     }
 }
 
@@ -405,7 +447,8 @@ static cairn_real spacing_of(const cairn_shape_model *m)
         cairn_real sum = 0, count = 0;
 
         for (int32_t i = 1; i < m->outline_count; i++) {
-            cairn_real apart = cairn_vec2_norm(cairn_vec2_sub(m->outline[i].position, m->outline[i - 1].position));
+            cairn_real apart =
+                cairn_vec2_norm(cairn_vec2_sub(m->outline[i].position, m->outline[i - 1].position));
 
             sum += apart < most ? apart : 0;
             count += apart < most;
@@ -416,10 +459,14 @@ static cairn_real spacing_of(const cairn_shape_model *m)
     return mean;
 }
 
-int cairn_contour_fit_run(contour_fit *fit, const contour_field *field, const cairn_shape_model *model,
-                          cairn_grouped_object *object)
+int cairn_contour_fit_run(contour_fit *fit, const contour_field *field,
+                          const cairn_shape_model *model, cairn_grouped_object *object)
 {
-    bender b = {.field = field, .model = model, .fit = fit, .size = object->size, .spacing = spacing_of(model)};
+    bender b = {.field = field,
+                .model = model,
+                .fit = fit,
+                .size = object->size,
+                .spacing = spacing_of(model)};
     size_t count = (size_t)model->outline_count;
     int ok;
 

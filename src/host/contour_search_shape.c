@@ -1,9 +1,11 @@
 /* How well a bent outline fits, whatever lies round it.
  *
- * Method: evidence is by what edges come to by chance, and bending pays for its steps one by one; among many edges both forgive much. So
- * three means over the outline's samples are taken of where it came to lie: how near to it an edge of its direction is, on a scale finer
- * than the one it was bent by; how far it is turned from the drawing; and what is left of its places after the affine map of the drawing
- * that is nearest to them: a part that was moved against the others, a bend where there was none.
+ * Method: evidence is by what edges come to by chance, and bending pays for its steps one by one;
+ * among many edges both forgive much. So three means over the outline's samples are taken of where
+ * it came to lie: how near to it an edge of its direction is, on a scale finer than the one it was
+ * bent by; how far it is turned from the drawing; and what is left of its places after the affine
+ * map of the drawing that is nearest to them: a part that was moved against the others, a bend
+ * where there was none.
  *
  * Source: this project's. */
 #include "src/core/build.h"
@@ -28,7 +30,8 @@ static cairn_real cost_of(cairn_segment line, cairn_oriented_point place, cairn_
     cairn_real far = cairn_contour_distance(line, place.position) / ((cairn_real)CLOSE * size);
     cairn_real turn = cairn_vec2_cross(along, place.direction) / (cairn_real)TURN;
 
-    return far <= CLOSE_MOST && cairn_abs(turn) <= TURN_MOST ? (far * far + turn * turn) / 2 : CAIRN_REAL_MAX;
+    return far <= CLOSE_MOST && cairn_abs(turn) <= TURN_MOST ? (far * far + turn * turn) / 2
+                                                             : CAIRN_REAL_MAX;
 }
 
 /* The lines that come near enough to the box of an outline. */
@@ -43,15 +46,18 @@ static int32_t list_near(const cairn_contour_tokens *tokens, const contour_laid 
     for (int32_t i = 0; i < tokens->count; i++) {
         cairn_segment l = tokens->lines[i];
 
-        if (cairn_max(l.a.x, l.b.x) >= box.min.x - reach && cairn_min(l.a.x, l.b.x) <= box.max.x + reach &&
-            cairn_max(l.a.y, l.b.y) >= box.min.y - reach && cairn_min(l.a.y, l.b.y) <= box.max.y + reach)
+        if (cairn_max(l.a.x, l.b.x) >= box.min.x - reach &&
+            cairn_min(l.a.x, l.b.x) <= box.max.x + reach &&
+            cairn_max(l.a.y, l.b.y) >= box.min.y - reach &&
+            cairn_min(l.a.y, l.b.y) <= box.max.y + reach)
             list[count++] = i;
     }
     return count;
 }
 
 /* near: of each sample; NULL: nobody asks. */
-static cairn_real close_of(const cairn_contour_tokens *tokens, const contour_laid *c, int32_t *list, cairn_real *near)
+static cairn_real close_of(const cairn_contour_tokens *tokens, const contour_laid *c, int32_t *list,
+                           cairn_real *near)
 {
     int32_t count = list_near(tokens, c, list);
     cairn_real sum = 0;
@@ -90,9 +96,11 @@ static cairn_real turned_of(const contour_laid *c, const int32_t *part, const co
         end = end_of_part(part, first, c->outline_count);
         length = end - first;
         for (int32_t i = 0; i < length; i++) {
-            int32_t from = first + (i + AROUND * (length - 1)) % length, to = first + (i + AROUND) % length;
+            int32_t from = first + (i + AROUND * (length - 1)) % length,
+                    to = first + (i + AROUND) % length;
             cairn_vec2 was = cairn_vec2_sub(d[to].position, d[from].position),
-                       is = cairn_vec2_sub(c->outline[to].position, c->outline[from].position), turned;
+                       is = cairn_vec2_sub(c->outline[to].position, c->outline[from].position),
+                       turned;
 
             turned.x = drawn->turn.x * was.x - drawn->turn.y * was.y;
             turned.y = drawn->turn.y * was.x + drawn->turn.x * was.y;
@@ -104,7 +112,8 @@ static cairn_real turned_of(const contour_laid *c, const int32_t *part, const co
 }
 
 /* The affine map by least squares; 0: there is none. */
-static int32_t solve_map(const contour_laid *c, const cairn_oriented_point *drawn, cairn_real map[2][3])
+static int32_t solve_map(const contour_laid *c, const cairn_oriented_point *drawn,
+                         cairn_real map[2][3])
 {
     cairn_sym3 sums = cairn_sym3_zero();
     cairn_real right[2][3] = {{0}};
@@ -129,7 +138,8 @@ static cairn_real strained_of(const contour_laid *c, const cairn_oriented_point 
     if (!solve_map(c, drawn, map))
         return 1;
     for (int32_t i = 0; i < c->outline_count; i++) {
-        cairn_vec2 p = drawn[i].position, at = cairn_vec2_sub(c->outline[i].position, c->origin), laid;
+        cairn_vec2 p = drawn[i].position, at = cairn_vec2_sub(c->outline[i].position, c->origin),
+                   laid;
 
         laid.x = map[0][0] * p.x + map[0][1] * p.y + map[0][2];
         laid.y = map[1][0] * p.x + map[1][1] * p.y + map[1][2];
@@ -139,8 +149,9 @@ static cairn_real strained_of(const contour_laid *c, const cairn_oriented_point 
     return area > 0 ? cairn_min(1, cairn_sqrt(sum / ((cairn_real)c->outline_count * area))) : 1;
 }
 
-cairn_contour_shape cairn_contour_shape_of(const cairn_contour_tokens *tokens, const contour_laid *laid,
-                                           const int32_t *part, const contour_drawn *drawn, int32_t *list,
+cairn_contour_shape cairn_contour_shape_of(const cairn_contour_tokens *tokens,
+                                           const contour_laid *laid, const int32_t *part,
+                                           const contour_drawn *drawn, int32_t *list,
                                            cairn_real *near)
 {
     cairn_contour_shape shape;

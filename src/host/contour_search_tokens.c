@@ -10,7 +10,8 @@
 
 /* The shortest piece of the mode as written, px: of shorter ones a walk has too many that fit. */
 #define WRITTEN_PIECE 10
-/* Edgels stand so many pixels apart, each with the direction between the pixels so far before and behind it. */
+/* Edgels stand so many pixels apart, each with the direction between the pixels so far before
+ * and behind it. */
 enum { EDGEL_STEP = 3, EDGEL_REACH = 3 };
 /* px: length of an edgel, which stands for mean length and look-ahead of segments. */
 #define EDGEL_LENGTH 5
@@ -50,10 +51,13 @@ static cairn_status take_edgels(cairn_contour_tokens *t, const cairn_edge_chain_
         int32_t last = r->chains[c].count - 1;
 
         for (int32_t i = EDGEL_STEP / 2; i <= last; i += EDGEL_STEP) {
-            int32_t from = i < EDGEL_REACH ? 0 : i - EDGEL_REACH, to = i + EDGEL_REACH > last ? last : i + EDGEL_REACH;
+            int32_t from = i < EDGEL_REACH ? 0 : i - EDGEL_REACH,
+                    to = i + EDGEL_REACH > last ? last : i + EDGEL_REACH;
             cairn_vec2 at = place_of(&pixels[i]),
-                       along = cairn_vec2_scale(
-                           cairn_vec2_unit(cairn_vec2_sub(place_of(&pixels[to]), place_of(&pixels[from]))), half);
+                       along =
+                           cairn_vec2_scale(cairn_vec2_unit(cairn_vec2_sub(
+                                                place_of(&pixels[to]), place_of(&pixels[from]))),
+                                            half);
 
             if (!(cairn_vec2_norm_squared(along) > 0))
                 continue;
@@ -102,7 +106,8 @@ static cairn_status take_segments(cairn_contour_tokens *t, cairn_edge_segment_se
 }
 
 /* The end points of strong chains. */
-static cairn_status take_ends(cairn_contour_tokens *t, const cairn_edge_chain_result *r, cairn_real strong)
+static cairn_status take_ends(cairn_contour_tokens *t, const cairn_edge_chain_result *r,
+                              cairn_real strong)
 {
     double sum = 0, pixels = 0;
 
@@ -124,9 +129,9 @@ static cairn_status take_ends(cairn_contour_tokens *t, const cairn_edge_chain_re
     return CAIRN_OK;
 }
 
-static cairn_status find(cairn_contour_tokens *t, cairn_raster_u8_view strengths, const token_kind *kind,
-                         const cairn_edge_chain_params *chain, const cairn_edge_segment_params *segment,
-                         cairn_pool *pool)
+static cairn_status find(cairn_contour_tokens *t, cairn_raster_u8_view strengths,
+                         const token_kind *kind, const cairn_edge_chain_params *chain,
+                         const cairn_edge_segment_params *segment, cairn_pool *pool)
 {
     cairn_edge_segment_set *segments;
     cairn_edge_chain_set *chains;
@@ -171,8 +176,9 @@ static int32_t strength_of(cairn_raster_u8_view view, cairn_segment line)
     int32_t steps = 1 + (int32_t)(cairn_segment_length(line) / 2), sum = 0;
 
     for (int32_t k = 0; k <= steps; k++)
-        sum += strength_at(view, cairn_vec2_add(line.a, cairn_vec2_scale(cairn_vec2_sub(line.b, line.a),
-                                                                         (cairn_real)k / (cairn_real)steps)));
+        sum += strength_at(
+            view, cairn_vec2_add(line.a, cairn_vec2_scale(cairn_vec2_sub(line.b, line.a),
+                                                          (cairn_real)k / (cairn_real)steps)));
     return sum / (steps + 1);
 }
 
@@ -188,7 +194,8 @@ static void rank_strengths(cairn_contour_tokens *t, cairn_raster_u8_view view)
         all += length[level];
     }
     for (int32_t i = 0; i < t->count; i++)
-        t->strength[i] = all > 0 ? (cairn_real)(weaker[strength_of(view, t->lines[i])] / all) : CAIRN_REAL(0.5);
+        t->strength[i] =
+            all > 0 ? (cairn_real)(weaker[strength_of(view, t->lines[i])] / all) : CAIRN_REAL(0.5);
 }
 
 static int32_t count_edges(cairn_raster_u8_view strengths, int32_t min_strength)
@@ -201,8 +208,9 @@ static int32_t count_edges(cairn_raster_u8_view strengths, int32_t min_strength)
     return count;
 }
 
-static cairn_status find_tokens(cairn_contour_tokens *tokens, cairn_raster_u8_view strengths, int32_t min_strength,
-                                const token_kind *kind, const char *path, cairn_file_error *error)
+static cairn_status find_tokens(cairn_contour_tokens *tokens, cairn_raster_u8_view strengths,
+                                int32_t min_strength, const token_kind *kind, const char *path,
+                                cairn_file_error *error)
 {
     cairn_edge_chain_params chain = cairn_edge_chain_default();
     cairn_edge_segment_params segment = cairn_edge_segment_default();
@@ -218,10 +226,11 @@ static cairn_status find_tokens(cairn_contour_tokens *tokens, cairn_raster_u8_vi
     edges = count_edges(strengths, min_strength);
     if (strengths.width > CAIRN_CONTOUR_SIDE_MOST || strengths.height > CAIRN_CONTOUR_SIDE_MOST ||
         edges > CAIRN_CONTOUR_EDGES_MOST)
-        return cairn_file_error_set(error, CAIRN_FULL, path, 0,
-                                    "%d x %d pixels, %d of them edges, expected at most %d a side and %d of edges",
-                                    (int)strengths.width, (int)strengths.height, (int)edges, CAIRN_CONTOUR_SIDE_MOST,
-                                    (int)CAIRN_CONTOUR_EDGES_MOST);
+        return cairn_file_error_set(
+            error, CAIRN_FULL, path, 0,
+            "%d x %d pixels, %d of them edges, expected at most %d a side and %d of edges",
+            (int)strengths.width, (int)strengths.height, (int)edges, CAIRN_CONTOUR_SIDE_MOST,
+            (int)CAIRN_CONTOUR_EDGES_MOST);
     chain.max_width = strengths.width;
     chain.max_height = strengths.height;
     chain.max_edges = chain.max_chains = edges + 1;
@@ -230,7 +239,8 @@ static cairn_status find_tokens(cairn_contour_tokens *tokens, cairn_raster_u8_vi
         segment.min_piece = WRITTEN_PIECE;
     segment.max_lines = kind->edgels ? 1 : edges + 1;
     segment.max_segments = kind->edgels ? 1 : 3 * (edges + 1);
-    tokens->pool_bytes = cairn_edge_chain_memory(&chain) + cairn_edge_segment_memory(&segment) + CAIRN_ALIGN;
+    tokens->pool_bytes =
+        cairn_edge_chain_memory(&chain) + cairn_edge_segment_memory(&segment) + CAIRN_ALIGN;
     memory = malloc(tokens->pool_bytes);
     if (memory == NULL)
         return cairn_file_error_system(error, path, "find edges of", ENOMEM);
@@ -244,30 +254,34 @@ static cairn_status find_tokens(cairn_contour_tokens *tokens, cairn_raster_u8_vi
     tokens->height = strengths.height;
     if (status != CAIRN_OK) {
         cairn_contour_tokens_free(tokens);
-        return cairn_file_error_set(error, status, path, 0, "%s, expected edges that can be followed",
+        return cairn_file_error_set(error, status, path, 0,
+                                    "%s, expected edges that can be followed",
                                     cairn_status_text(status));
     }
     return CAIRN_OK;
 }
 
 cairn_status cairn_contour_tokens_find(cairn_contour_tokens *tokens, cairn_raster_u8_view strengths,
-                                       int32_t min_strength, int32_t edgels, const char *path, cairn_file_error *error)
+                                       int32_t min_strength, int32_t edgels, const char *path,
+                                       cairn_file_error *error)
 {
     token_kind kind = {edgels, 0, 0};
 
     return find_tokens(tokens, strengths, min_strength, &kind, path, error);
 }
 
-cairn_status cairn_contour_tokens_find_written(cairn_contour_tokens *tokens, cairn_raster_u8_view strengths,
-                                               int32_t min_strength, int32_t edgels, cairn_real strong,
-                                               const char *path, cairn_file_error *error)
+cairn_status cairn_contour_tokens_find_written(cairn_contour_tokens *tokens,
+                                               cairn_raster_u8_view strengths, int32_t min_strength,
+                                               int32_t edgels, cairn_real strong, const char *path,
+                                               cairn_file_error *error)
 {
     token_kind kind = {edgels, 1, strong};
 
     memset(tokens, 0, sizeof *tokens);
     if (!isfinite((double)strong) || strong < 0)
-        return cairn_file_error_set(error, CAIRN_BAD_ARGUMENT, path, 0,
-                                    "strong chains of %g times the mean strength, expected a number from 0 on",
-                                    (double)strong);
+        return cairn_file_error_set(
+            error, CAIRN_BAD_ARGUMENT, path, 0,
+            "strong chains of %g times the mean strength, expected a number from 0 on",
+            (double)strong);
     return find_tokens(tokens, strengths, min_strength, &kind, path, error);
 }

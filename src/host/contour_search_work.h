@@ -19,8 +19,10 @@ typedef struct contour_laid {
 } contour_laid;
 
 /* cairn_contour_search_run() in the mode as written. */
-cairn_status cairn_contour_search_written(cairn_contour_result *result, const cairn_contour_tokens *tokens,
-                                          const cairn_shape_model *model, const cairn_contour_search_params *params,
+cairn_status cairn_contour_search_written(cairn_contour_result *result,
+                                          const cairn_contour_tokens *tokens,
+                                          const cairn_shape_model *model,
+                                          const cairn_contour_search_params *params,
                                           const char *path, cairn_file_error *error);
 
 /* Where a drawing's outline is open: places of the bent outline. */
@@ -29,12 +31,14 @@ typedef struct contour_gaps {
     int32_t count;
 } contour_gaps;
 
-/* The segments of an outline: those along it, what lies between two of them on one chain, and what goes on behind the last ones along the
- * outline. list: [tokens->count] in the order of the outline, *count of them. 0: no memory. */
-int cairn_contour_collect(const cairn_contour_tokens *tokens, const contour_laid *laid, int32_t *list, int32_t *count);
+/* The segments of an outline: those along it, what lies between two of them on one chain, and
+ * what goes on behind the last ones along the outline. list: [tokens->count] in the order of the
+ * outline, *count of them. 0: no memory. */
+int cairn_contour_collect(const cairn_contour_tokens *tokens, const contour_laid *laid,
+                          int32_t *list, int32_t *count);
 
 /* The same, and about the gaps whatever goes on from them, in any direction. */
-int cairn_contour_collect_open(const cairn_contour_tokens *tokens, const contour_laid *laid, const contour_gaps *gaps,
-                               int32_t *list, int32_t *count);
+int cairn_contour_collect_open(const cairn_contour_tokens *tokens, const contour_laid *laid,
+                               const contour_gaps *gaps, int32_t *list, int32_t *count);
 
 #endif

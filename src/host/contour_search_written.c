@@ -1,5 +1,6 @@
-/* The search in the mode as written: one run of contour_grouping at one size; the segments of its walks are the contours, and their symmetric
- * points the skeletons. No outline is fitted or bent. */
+/* The search in the mode as written: one run of contour_grouping at one size; the segments of
+ * its walks are the contours, and their symmetric points the skeletons. No outline is fitted or
+ * bent. */
 #include "src/core/build.h"
 
 #include <errno.h>
@@ -12,8 +13,9 @@
 enum { POINTS_A_SEGMENT = 160, POINTS_MOST = 1 << 18, LEAST_TOKENS = 64 };
 /* Segments that a search takes at most. */
 enum { TOKENS_MOST = 1 << 20 };
-/* Units between two looks at the walk, and at most for each of N particles: a step costs more than 50 for each particle, and fewer than N / 2
- * are resampled, so that no two steps are made between two looks. */
+/* Units between two looks at the walk, and at most for each of N particles: a step costs more
+ * than 50 for each particle, and fewer than N / 2 are resampled, so that no two steps are made
+ * between two looks. */
 enum { LOOK_EVERY = 2000, LOOK_UNITS_A_PARTICLE = 25 };
 
 cairn_contour_search_params cairn_contour_search_as_written(int32_t width, int32_t height)
@@ -29,7 +31,8 @@ cairn_contour_search_params cairn_contour_search_as_written(int32_t width, int32
 
 const char *cairn_contour_end_text(int32_t end)
 {
-    static const char *const text[] = {"no start", "posterior", "no follower", "steps", "histories"};
+    static const char *const text[] = {"no start", "posterior", "no follower", "steps",
+                                       "histories"};
 
     return end >= 0 && end < (int32_t)(sizeof text / sizeof *text) ? text[end] : "";
 }
@@ -39,10 +42,14 @@ typedef struct written_run {
     cairn_contour_result *result;
     const cairn_contour_search_params *params;
     cairn_grouping *grouping;
-    cairn_grouping_particle *particles; /* [params->grouping.particles] */
-    cairn_grouping_disc *discs;         /* [max_steps] */
-    cairn_vec2 *starts;                 /* [params->grouping.particles] of the groups of particles */
-    int32_t seen;                       /* steps */
+    /* [params->grouping.particles] */
+    cairn_grouping_particle *particles;
+    /* [max_steps] */
+    cairn_grouping_disc *discs;
+    /* [params->grouping.particles] of the groups of particles */
+    cairn_vec2 *starts;
+    /* steps */
+    int32_t seen;
 } written_run;
 
 /* Groups of particles whose walks began at the same symmetric point. */
@@ -77,8 +84,9 @@ static void look(written_run *r)
     for (int32_t i = 1; i < count; i++)
         best = r->particles[i].log_weight > r->particles[best].log_weight ? i : best;
     if (r->params->on_walk != NULL)
-        r->params->on_walk(r->params->context, r->discs,
-                           cairn_grouping_history(r->grouping, best, r->discs, r->params->grouping.max_steps));
+        r->params->on_walk(
+            r->params->context, r->discs,
+            cairn_grouping_history(r->grouping, best, r->discs, r->params->grouping.max_steps));
 }
 
 /* One object's segments and discs. */
@@ -92,7 +100,8 @@ static void take_object(written_run *r, const cairn_grouping_result *found, int3
     o->found.first = out->segment_count;
     o->found.along = 0;
     o->first_disc = out->disc_count;
-    o->disc_count = cairn_grouping_skeleton(r->grouping, index, r->discs, r->params->grouping.max_steps);
+    o->disc_count =
+        cairn_grouping_skeleton(r->grouping, index, r->discs, r->params->grouping.max_steps);
     for (int32_t i = 0; i < o->found.count; i++)
         out->segments[out->segment_count++] = found->segments[found->objects[index].first + i];
     for (int32_t i = 0; i < o->disc_count; i++) {
@@ -106,14 +115,16 @@ static void take_object(written_run *r, const cairn_grouping_result *found, int3
 static cairn_status take_result(written_run *r)
 {
     cairn_grouping_result found = cairn_grouping_read(r->grouping);
-    size_t most = (size_t)r->params->grouping.max_objects, steps = (size_t)r->params->grouping.max_steps;
+    size_t most = (size_t)r->params->grouping.max_objects,
+           steps = (size_t)r->params->grouping.max_steps;
     cairn_contour_result *out = r->result;
 
     out->objects = malloc(most * sizeof *out->objects);
     out->segments = malloc(2 * most * steps * sizeof *out->segments);
     out->discs = malloc(most * steps * sizeof *out->discs);
     out->trace[0] = malloc(steps * sizeof *out->trace[0]);
-    if (out->objects == NULL || out->segments == NULL || out->discs == NULL || out->trace[0] == NULL)
+    if (out->objects == NULL || out->segments == NULL || out->discs == NULL ||
+        out->trace[0] == NULL)
         return CAIRN_NO_MEMORY;
     if (found.steps > 0)
         memcpy(out->trace[0], found.trace, (size_t)found.steps * sizeof *found.trace);
@@ -153,7 +164,8 @@ static cairn_status run(written_run *r, cairn_pool *pool, const cairn_grouping_p
 }
 
 /* What a search was refused for: the first argument that is out of its range; NULL: none is. */
-static const char *bad_argument(const cairn_grouping_params *grouping, const cairn_grouping_input *input)
+static const char *bad_argument(const cairn_grouping_params *grouping,
+                                const cairn_grouping_input *input)
 {
     cairn_fault fault = {-1, NULL};
 
@@ -170,25 +182,29 @@ static const char *bad_argument(const cairn_grouping_params *grouping, const cai
 }
 
 static cairn_status refuse(cairn_status status, const cairn_grouping_params *grouping,
-                           const cairn_grouping_input *input, const char *path, cairn_file_error *error)
+                           const cairn_grouping_input *input, const char *path,
+                           cairn_file_error *error)
 {
     const char *what = cairn_status_text(status);
 
     if (status == CAIRN_NO_MEMORY)
         return cairn_file_error_system(error, path, "search", ENOMEM);
     if (status == CAIRN_FULL)
-        return cairn_file_error_set(error, status, path, 0, "%d segments, expected at most %d", (int)input->count,
-                                    TOKENS_MOST);
+        return cairn_file_error_set(error, status, path, 0, "%d segments, expected at most %d",
+                                    (int)input->count, TOKENS_MOST);
     if (status == CAIRN_NOT_FINITE)
-        what = cairn_is_finite(input->max_size) ? "a segment or an end of a chain is not finite, expected finite places"
-                                                : "max_size is not finite, expected a finite one";
+        what = cairn_is_finite(input->max_size)
+                   ? "a segment or an end of a chain is not finite, expected finite places"
+                   : "max_size is not finite, expected a finite one";
     else if (status == CAIRN_BAD_ARGUMENT && bad_argument(grouping, input) != NULL)
         what = bad_argument(grouping, input);
     return cairn_file_error_set(error, status, path, 0, "%s", what);
 }
 
-cairn_status cairn_contour_search_written(cairn_contour_result *result, const cairn_contour_tokens *tokens,
-                                          const cairn_shape_model *model, const cairn_contour_search_params *params,
+cairn_status cairn_contour_search_written(cairn_contour_result *result,
+                                          const cairn_contour_tokens *tokens,
+                                          const cairn_shape_model *model,
+                                          const cairn_contour_search_params *params,
                                           const char *path, cairn_file_error *error)
 {
     cairn_grouping_params grouping = params->grouping;
@@ -218,11 +234,14 @@ cairn_status cairn_contour_search_written(cairn_contour_result *result, const ca
     grouping.max_points = points < 1 ? 1 : points > POINTS_MOST ? POINTS_MOST : (int32_t)points;
     result->pool_bytes = cairn_grouping_memory(&grouping) + CAIRN_ALIGN;
     memory = malloc(result->pool_bytes);
-    r.particles = malloc((size_t)(grouping.particles > 0 ? grouping.particles : 1) * sizeof *r.particles);
+    r.particles =
+        malloc((size_t)(grouping.particles > 0 ? grouping.particles : 1) * sizeof *r.particles);
     r.discs = malloc((size_t)(grouping.max_steps > 0 ? grouping.max_steps : 1) * sizeof *r.discs);
     r.starts = malloc((size_t)(grouping.particles > 0 ? grouping.particles : 1) * sizeof *r.starts);
-    result->modes[0] = calloc((size_t)(grouping.max_steps > 0 ? grouping.max_steps : 1), sizeof *result->modes[0]);
-    status = memory != NULL && r.particles != NULL && r.discs != NULL && r.starts != NULL && result->modes[0] != NULL
+    result->modes[0] =
+        calloc((size_t)(grouping.max_steps > 0 ? grouping.max_steps : 1), sizeof *result->modes[0]);
+    status = memory != NULL && r.particles != NULL && r.discs != NULL && r.starts != NULL &&
+                     result->modes[0] != NULL
                  ? CAIRN_OK
                  : CAIRN_NO_MEMORY;
     if (status == CAIRN_OK && tokens->count > TOKENS_MOST)

@@ -1,7 +1,7 @@
 /* Laser scans in CSM's JSON.
  *
- * Method: the file is read whole, its values token by token; the numbers of an object are gathered in lists that serve all
- * objects, and checked against each other at its end. */
+ * Method: the file is read whole, its values token by token; the numbers of an object are
+ * gathered in lists that serve all objects, and checked against each other at its end. */
 #include "src/core/build.h"
 
 #include <stdlib.h>
@@ -59,13 +59,15 @@ static cairn_status read_text(text *t, const char *path, cairn_file_error *error
         return status;
     while ((status = cairn_line_reader_next(reader, &line, &length, error)) == CAIRN_OK) {
         if (!append(t, line, length)) {
-            status = cairn_file_error_set(error, CAIRN_NO_MEMORY, path, 0, "no memory for the file");
+            status =
+                cairn_file_error_set(error, CAIRN_NO_MEMORY, path, 0, "no memory for the file");
             break;
         }
     }
     if (status == CAIRN_FULL)
         status = cairn_file_error_set(error, CAIRN_FULL, path, cairn_line_reader_number(reader),
-                                      "a line of %zu bytes, expected at most %d", length, CAIRN_LINE_LONGEST);
+                                      "a line of %zu bytes, expected at most %d", length,
+                                      CAIRN_LINE_LONGEST);
     cairn_line_reader_close(reader);
     t->count -= t->count > 0; /* what ends too early ends in the last line */
     return status == CAIRN_EMPTY ? CAIRN_OK : status;
@@ -73,7 +75,19 @@ static cairn_status read_text(text *t, const char *path, cairn_file_error *error
 
 /* ---- fields ---- */
 
-enum { NRAYS, MIN_THETA, MAX_THETA, THETA, READINGS, VALID, ODOMETRY, ESTIMATE, TRUE_POSE, TIMESTAMP, FIELDS };
+enum {
+    NRAYS,
+    MIN_THETA,
+    MAX_THETA,
+    THETA,
+    READINGS,
+    VALID,
+    ODOMETRY,
+    ESTIMATE,
+    TRUE_POSE,
+    TIMESTAMP,
+    FIELDS
+};
 
 typedef struct field_rule {
     const char *name;
@@ -83,8 +97,9 @@ typedef struct field_rule {
 } field_rule;
 
 static const field_rule rules[FIELDS] = {
-    {"nrays", 1, 0, 0}, {"min_theta", 1, 0, 0}, {"max_theta", 1, 0, 0}, {"theta", 0, 0, 0},     {"readings", 0, 1, 0},
-    {"valid", 0, 1, 1}, {"odometry", 0, 1, 0},  {"estimate", 0, 1, 0},  {"true_pose", 0, 1, 0}, {"timestamp", 2, 0, 0}};
+    {"nrays", 1, 0, 0},     {"min_theta", 1, 0, 0}, {"max_theta", 1, 0, 0}, {"theta", 0, 0, 0},
+    {"readings", 0, 1, 0},  {"valid", 0, 1, 1},     {"odometry", 0, 1, 0},  {"estimate", 0, 1, 0},
+    {"true_pose", 0, 1, 0}, {"timestamp", 2, 0, 0}};
 
 typedef struct field {
     double *value; /* [count] */
@@ -112,9 +127,10 @@ static cairn_status no_memory(const loader *l)
 static cairn_status push(const loader *l, field *f, int32_t which, double value)
 {
     if (f->count == CAIRN_CSM_RAYS_MOST)
-        return cairn_file_error_set(l->error, CAIRN_FULL, l->path, l->json.line,
-                                    "%s holds more numbers than a scan has rays, expected at most %d",
-                                    rules[which].name, CAIRN_CSM_RAYS_MOST);
+        return cairn_file_error_set(
+            l->error, CAIRN_FULL, l->path, l->json.line,
+            "%s holds more numbers than a scan has rays, expected at most %d", rules[which].name,
+            CAIRN_CSM_RAYS_MOST);
     if (f->count == f->room) {
         int32_t room = 2 * f->room + 512;
         double *grown = realloc(f->value, (size_t)room * sizeof *grown);
@@ -131,7 +147,9 @@ static cairn_status push(const loader *l, field *f, int32_t which, double value)
 /* What a number of a field may be. */
 static const char *expected_of(const field_rule *rule)
 {
-    return rule->truth ? "0, 1, true, false or null" : rule->nullable ? "a number or null" : "a number";
+    return rule->truth      ? "0, 1, true, false or null"
+           : rule->nullable ? "a number or null"
+                            : "a number";
 }
 
 static cairn_status take(const loader *l, field *f, int32_t which, const cairn_json_token *token)
@@ -145,7 +163,8 @@ static cairn_status take(const loader *l, field *f, int32_t which, const cairn_j
     if ((token->kind == CAIRN_JSON_TRUE || token->kind == CAIRN_JSON_FALSE) && rule->truth)
         return push(l, f, which, token->kind == CAIRN_JSON_TRUE);
     return cairn_file_error_set(l->error, CAIRN_BAD_FORMAT, l->path, token->line,
-                                "%s holds something else, expected %s", rule->name, expected_of(rule));
+                                "%s holds something else, expected %s", rule->name,
+                                expected_of(rule));
 }
 
 static cairn_status read_field(loader *l, int32_t which)
@@ -165,14 +184,15 @@ static cairn_status read_field(loader *l, int32_t which)
     f->line = token.line;
     f->is_list = token.kind == CAIRN_JSON_ARRAY;
     if (f->is_list && rule->single == 1)
-        return cairn_file_error_set(l->error, CAIRN_BAD_FORMAT, l->path, token.line, "%s is a list, expected a number",
-                                    rule->name);
+        return cairn_file_error_set(l->error, CAIRN_BAD_FORMAT, l->path, token.line,
+                                    "%s is a list, expected a number", rule->name);
     if (!f->is_list && rule->single == 0)
         return cairn_file_error_set(l->error, CAIRN_BAD_FORMAT, l->path, token.line,
                                     "%s is not a list, expected [ and numbers", rule->name);
     if (!f->is_list)
         return take(l, f, which, &token);
-    while ((status = cairn_json_next(&l->json, &token, l->error)) == CAIRN_OK && token.kind != CAIRN_JSON_ARRAY_END) {
+    while ((status = cairn_json_next(&l->json, &token, l->error)) == CAIRN_OK &&
+           token.kind != CAIRN_JSON_ARRAY_END) {
         status = take(l, f, which, &token);
         if (status != CAIRN_OK)
             break;
@@ -188,7 +208,8 @@ static cairn_status read_object(loader *l)
 
     for (i = 0; i < FIELDS; i++)
         l->field[i].given = 0;
-    while ((status = cairn_json_next(&l->json, &token, l->error)) == CAIRN_OK && token.kind == CAIRN_JSON_NAME) {
+    while ((status = cairn_json_next(&l->json, &token, l->error)) == CAIRN_OK &&
+           token.kind == CAIRN_JSON_NAME) {
         for (i = 0; i < FIELDS && !cairn_json_is(&token, rules[i].name); i++)
             continue;
         status = i < FIELDS ? read_field(l, i) : cairn_json_skip(&l->json, l->error);
@@ -206,8 +227,9 @@ static cairn_status check_count(const loader *l, int32_t which, int32_t count)
 
     if (!f->given || f->count == count)
         return CAIRN_OK;
-    return cairn_file_error_set(l->error, CAIRN_BAD_FORMAT, l->path, f->line, "%s holds %d numbers, expected %d",
-                                rules[which].name, (int)f->count, (int)count);
+    return cairn_file_error_set(l->error, CAIRN_BAD_FORMAT, l->path, f->line,
+                                "%s holds %d numbers, expected %d", rules[which].name,
+                                (int)f->count, (int)count);
 }
 
 static cairn_status check_size(const loader *l, int32_t which)
@@ -218,7 +240,8 @@ static cairn_status check_size(const loader *l, int32_t which)
     for (i = 0; i < f->count && f->given; i++)
         if (fabs(f->value[i]) > COORDINATE_MOST)
             return cairn_file_error_set(l->error, CAIRN_BAD_FORMAT, l->path, f->line,
-                                        "%s holds %g, expected at most 1e9 either way", rules[which].name, f->value[i]);
+                                        "%s holds %g, expected at most 1e9 either way",
+                                        rules[which].name, f->value[i]);
     return CAIRN_OK;
 }
 
@@ -229,16 +252,18 @@ static cairn_status check_object(const loader *l, int64_t line)
     int32_t i, rays;
 
     if (!f[NRAYS].given || !f[READINGS].given)
-        return cairn_file_error_set(l->error, CAIRN_BAD_FORMAT, l->path, line, "a scan without %s, expected one",
+        return cairn_file_error_set(l->error, CAIRN_BAD_FORMAT, l->path, line,
+                                    "a scan without %s, expected one",
                                     f[NRAYS].given ? "readings" : "nrays");
     if (!f[THETA].given && !(f[MIN_THETA].given && f[MAX_THETA].given))
-        return cairn_file_error_set(l->error, CAIRN_BAD_FORMAT, l->path, line,
-                                    "a scan without directions, expected theta or min_theta and max_theta");
+        return cairn_file_error_set(
+            l->error, CAIRN_BAD_FORMAT, l->path, line,
+            "a scan without directions, expected theta or min_theta and max_theta");
     if (!(f[NRAYS].value[0] >= 1 && f[NRAYS].value[0] <= CAIRN_CSM_RAYS_MOST) ||
         f[NRAYS].value[0] != floor(f[NRAYS].value[0]))
         return cairn_file_error_set(l->error, CAIRN_BAD_FORMAT, l->path, f[NRAYS].line,
-                                    "nrays is %g, expected a whole number from 1 to %d", f[NRAYS].value[0],
-                                    CAIRN_CSM_RAYS_MOST);
+                                    "nrays is %g, expected a whole number from 1 to %d",
+                                    f[NRAYS].value[0], CAIRN_CSM_RAYS_MOST);
     rays = (int32_t)f[NRAYS].value[0];
     for (i = THETA; i <= VALID && status == CAIRN_OK; i++)
         status = check_count(l, i, rays);
@@ -254,7 +279,8 @@ static cairn_status check_object(const loader *l, int64_t line)
 static int32_t pose_of(const field *f, cairn_pose *pose)
 {
     *pose = cairn_pose_identity();
-    if (!f->given || !(fabs(f->value[0]) >= 0) || !(fabs(f->value[1]) >= 0) || !(fabs(f->value[2]) >= 0))
+    if (!f->given || !(fabs(f->value[0]) >= 0) || !(fabs(f->value[1]) >= 0) ||
+        !(fabs(f->value[2]) >= 0))
         return 0;
     pose->x = (cairn_real)f->value[0];
     pose->y = (cairn_real)f->value[1];
@@ -278,7 +304,8 @@ static cairn_status stamp_of(const loader *l, cairn_csm_scan *scan)
                                     "timestamp holds %g, expected s and us within 9e9",
                                     fabs(seconds) <= SECONDS_MOST ? micros : seconds);
     scan->has_stamp = 1;
-    scan->scan.stamp_ns = (int64_t)floor(seconds) * 1000000000 + (int64_t)rint((seconds - floor(seconds)) * 1e9) +
+    scan->scan.stamp_ns = (int64_t)floor(seconds) * 1000000000 +
+                          (int64_t)rint((seconds - floor(seconds)) * 1e9) +
                           (int64_t)rint(micros * 1000);
     return CAIRN_OK;
 }
@@ -286,7 +313,8 @@ static cairn_status stamp_of(const loader *l, cairn_csm_scan *scan)
 /* Ranges, then angles, in one array. */
 static float *beams_of(const loader *l, int32_t rays)
 {
-    const field *reading = &l->field[READINGS], *theta = &l->field[THETA], *valid = &l->field[VALID];
+    const field *reading = &l->field[READINGS], *theta = &l->field[THETA],
+                *valid = &l->field[VALID];
     double first = l->field[MIN_THETA].given ? l->field[MIN_THETA].value[0] : 0;
     double span = l->field[MAX_THETA].given ? l->field[MAX_THETA].value[0] - first : 0;
     float *beam = malloc(2 * (size_t)rays * sizeof *beam);
@@ -300,7 +328,9 @@ static float *beams_of(const loader *l, int32_t rays)
         else if (range >= l->params->range_max)
             range = (double)INFINITY;
         beam[i] = (float)range;
-        beam[rays + i] = (float)(theta->given ? theta->value[i] : rays > 1 ? first + span * i / (rays - 1) : first);
+        beam[rays + i] = (float)(theta->given ? theta->value[i]
+                                 : rays > 1   ? first + span * i / (rays - 1)
+                                              : first);
     }
     return beam;
 }
@@ -353,7 +383,8 @@ static cairn_status read_scans(loader *l)
     cairn_json_token token;
     cairn_status status;
 
-    while ((status = cairn_json_next(&l->json, &token, l->error)) == CAIRN_OK && token.kind != CAIRN_JSON_END) {
+    while ((status = cairn_json_next(&l->json, &token, l->error)) == CAIRN_OK &&
+           token.kind != CAIRN_JSON_END) {
         if (token.kind != CAIRN_JSON_OBJECT)
             return cairn_file_error_set(l->error, CAIRN_BAD_FORMAT, l->path, token.line,
                                         "not an object, expected { and the fields of a scan");
@@ -364,12 +395,13 @@ static cairn_status read_scans(loader *l)
             return status;
     }
     if (status == CAIRN_OK && l->scans->count == 0)
-        return cairn_file_error_set(l->error, CAIRN_EMPTY, l->path, 0, "no scan, expected at least one");
+        return cairn_file_error_set(l->error, CAIRN_EMPTY, l->path, 0,
+                                    "no scan, expected at least one");
     return status;
 }
 
-cairn_status cairn_csm_load(cairn_csm_scans *scans, const char *path, const cairn_csm_params *params,
-                            cairn_file_error *error)
+cairn_status cairn_csm_load(cairn_csm_scans *scans, const char *path,
+                            const cairn_csm_params *params, cairn_file_error *error)
 {
     cairn_csm_params standard = cairn_csm_default();
     text t = {NULL, 0, 0};
@@ -385,9 +417,10 @@ cairn_status cairn_csm_load(cairn_csm_scans *scans, const char *path, const cair
     l.error = error;
     if (!(l.params->range_max > 0) || !(l.params->range_max <= (double)CAIRN_SCAN_EXTENT) ||
         !(l.params->range_sigma >= 0) || !(l.params->range_sigma <= (double)CAIRN_SCAN_EXTENT))
-        return cairn_file_error_set(error, CAIRN_BAD_ARGUMENT, path, 0,
-                                    "range_max %g and range_sigma %g, expected above 0 and not below 0",
-                                    l.params->range_max, l.params->range_sigma);
+        return cairn_file_error_set(
+            error, CAIRN_BAD_ARGUMENT, path, 0,
+            "range_max %g and range_sigma %g, expected above 0 and not below 0",
+            l.params->range_max, l.params->range_sigma);
     status = read_text(&t, path, error);
     if (status == CAIRN_OK) {
         l.json = cairn_json_begin(path, t.bytes != NULL ? t.bytes : "", t.count);

@@ -1,7 +1,7 @@
 /* What detections are worth against the truth.
  *
- * Method: the protocol of the ETHZ shape classes and of PASCAL VOC 2007: each object is taken once, by the best detection that shares enough
- * with it; average precision over eleven recalls.
+ * Method: the protocol of the ETHZ shape classes and of PASCAL VOC 2007: each object is taken once,
+ * by the best detection that shares enough with it; average precision over eleven recalls.
  *
  * Source: Everingham et al. 2010 (11 points); Wilson 1927 (intervals). */
 #include "src/core/build.h"
@@ -26,8 +26,8 @@ double cairn_detection_overlap(const double a[4], const double b[4])
     return both / ((a[2] - a[0]) * (a[3] - a[1]) + (b[2] - b[0]) * (b[3] - b[1]) - both);
 }
 
-int32_t cairn_detection_object(const double (*objects)[4], const int32_t *taken, int32_t count, const double box[4],
-                               double *share)
+int32_t cairn_detection_object(const double (*objects)[4], const int32_t *taken, int32_t count,
+                               const double box[4], double *share)
 {
     int32_t best = -1;
 
@@ -52,8 +52,8 @@ static int compare_events(const void *a, const void *b)
     return x->hit - y->hit;
 }
 
-void cairn_detection_curve(cairn_detection_event *events, int32_t count, int32_t images, int32_t instances,
-                           cairn_detection_point *points)
+void cairn_detection_curve(cairn_detection_event *events, int32_t count, int32_t images,
+                           int32_t instances, cairn_detection_point *points)
 {
     int32_t hits = 0;
 
@@ -70,7 +70,8 @@ void cairn_detection_curve(cairn_detection_event *events, int32_t count, int32_t
     }
 }
 
-double cairn_detection_rate_at(const cairn_detection_point *points, int32_t count, double false_per_image)
+double cairn_detection_rate_at(const cairn_detection_point *points, int32_t count,
+                               double false_per_image)
 {
     double rate = 0;
 
@@ -79,7 +80,8 @@ double cairn_detection_rate_at(const cairn_detection_point *points, int32_t coun
     return rate;
 }
 
-double cairn_detection_precision_at(const cairn_detection_point *points, int32_t count, double recall)
+double cairn_detection_precision_at(const cairn_detection_point *points, int32_t count,
+                                    double recall)
 {
     double best = 0;
 
@@ -100,7 +102,8 @@ double cairn_detection_average_precision(const cairn_detection_point *points, in
 
 void cairn_detection_interval(double share, int32_t count, double *low, double *high)
 {
-    double n = count > 0 ? count : 1, z2 = WILSON_Z * WILSON_Z, centre = (share + z2 / (2 * n)) / (1 + z2 / n);
+    double n = count > 0 ? count : 1, z2 = WILSON_Z * WILSON_Z,
+           centre = (share + z2 / (2 * n)) / (1 + z2 / n);
     double half = WILSON_Z / (1 + z2 / n) * sqrt(share * (1 - share) / n + z2 / (4 * n * n));
 
     *low = fmax(0, centre - half);
@@ -115,27 +118,29 @@ static void print_point(cairn_output *output, const cairn_detection_point *p)
 
     cairn_detection_interval(p->recall, p->instances, &low[0], &high[0]);
     cairn_detection_interval(p->precision, p->detections, &low[1], &high[1]);
-    cairn_output_print(output, "%.6f,%.6f,%.6f,%.6f,%.6f,%.6f,%.6f,%.6f\n", p->score, p->recall, low[0], high[0],
-                       p->precision, low[1], high[1], p->false_per_image);
+    cairn_output_print(output, "%.6f,%.6f,%.6f,%.6f,%.6f,%.6f,%.6f,%.6f\n", p->score, p->recall,
+                       low[0], high[0], p->precision, low[1], high[1], p->false_per_image);
 }
 
-static cairn_status write_table(const char *path, const cairn_detection_point *points, int32_t count,
-                                cairn_file_error *error)
+static cairn_status write_table(const char *path, const cairn_detection_point *points,
+                                int32_t count, cairn_file_error *error)
 {
     cairn_output *output;
     cairn_status status = cairn_output_open(&output, path, error);
 
     if (status != CAIRN_OK)
         return status;
-    cairn_output_print(output,
-                       "score,recall,recall_low,recall_high,precision,precision_low,precision_high,false_per_image\n");
+    cairn_output_print(output, "score,recall,recall_low,recall_high,precision,precision_low,"
+                               "precision_high,false_per_image\n");
     for (int32_t i = 0; i < count; i++)
         print_point(output, &points[i]);
     return cairn_output_commit(output, error);
 }
 
-/* Lines from point to point; by_recall: precision over recall, otherwise recall over false positives. bound: -1, 1: its interval's. */
-static void lay_lines(cairn_vec2 *line, const cairn_detection_point *points, int32_t count, int by_recall, int bound)
+/* Lines from point to point; by_recall: precision over recall, otherwise recall over false
+ * positives. bound: -1, 1: its interval's. */
+static void lay_lines(cairn_vec2 *line, const cairn_detection_point *points, int32_t count,
+                      int by_recall, int bound)
 {
     for (int32_t i = 0; i + 1 < count; i++)
         for (int32_t k = 0; k < 2; k++) {
@@ -148,22 +153,26 @@ static void lay_lines(cairn_vec2 *line, const cairn_detection_point *points, int
         }
 }
 
-static cairn_status draw(const char *path, const char *title, const cairn_detection_point *points, int32_t count,
-                         cairn_file_error *error)
+static cairn_status draw(const char *path, const char *title, const cairn_detection_point *points,
+                         int32_t count, cairn_file_error *error)
 {
-    static const char *const colours[LINES] = {"#2563eb", "#93c5fd", "#93c5fd", "#dc2626", "#fca5a5", "#fca5a5"};
+    static const char *const colours[LINES] = {"#2563eb", "#93c5fd", "#93c5fd",
+                                               "#dc2626", "#fca5a5", "#fca5a5"};
     static const int bounds[] = {0, -1, 1};
     size_t room = 2 * (size_t)count;
     cairn_vec2 *lines = calloc(LINES * room + 1, sizeof *lines);
     cairn_report_figure figure = cairn_report_figure_default();
     cairn_report_layer layer[LINES];
-    cairn_report_plot plot[2] = {
-        {.x_label = "recall", .y_label = "precision", .layer = &layer[0], .layer_count = 3, .box = {{0, 0}, {1, 1}}},
-        {.x_label = "false positives per image",
-         .y_label = "detection rate",
-         .layer = &layer[3],
-         .layer_count = 3,
-         .box = {{0, 0}, {CAIRN_REAL(1.5), 1}}}};
+    cairn_report_plot plot[2] = {{.x_label = "recall",
+                                  .y_label = "precision",
+                                  .layer = &layer[0],
+                                  .layer_count = 3,
+                                  .box = {{0, 0}, {1, 1}}},
+                                 {.x_label = "false positives per image",
+                                  .y_label = "detection rate",
+                                  .layer = &layer[3],
+                                  .layer_count = 3,
+                                  .box = {{0, 0}, {CAIRN_REAL(1.5), 1}}}};
     cairn_status status;
 
     if (lines == NULL)
@@ -188,8 +197,9 @@ static cairn_status draw(const char *path, const char *title, const cairn_detect
     return status;
 }
 
-cairn_status cairn_detection_curve_write(const char *stem, const char *title, const cairn_detection_point *points,
-                                         int32_t count, cairn_file_error *error)
+cairn_status cairn_detection_curve_write(const char *stem, const char *title,
+                                         const cairn_detection_point *points, int32_t count,
+                                         cairn_file_error *error)
 {
     char path[PATH_BYTES];
     cairn_status status;

@@ -13,8 +13,8 @@
 /* So much of the text is kept free for what follows the path. */
 #define WORDS_BYTES 512
 
-cairn_status cairn_file_error_set(cairn_file_error *error, cairn_status status, const char *path, int64_t line,
-                                  const char *format, ...)
+cairn_status cairn_file_error_set(cairn_file_error *error, cairn_status status, const char *path,
+                                  int64_t line, const char *format, ...)
 {
     size_t length = strlen(path), keep = CAIRN_FILE_ERROR_BYTES - WORDS_BYTES, used;
     const char *mark = "";
@@ -42,12 +42,13 @@ cairn_status cairn_file_error_set(cairn_file_error *error, cairn_status status, 
     return status;
 }
 
-cairn_status cairn_file_error_system(cairn_file_error *error, const char *path, const char *what, int32_t code)
+cairn_status cairn_file_error_system(cairn_file_error *error, const char *path, const char *what,
+                                     int32_t code)
 {
     char text[256];
 
     if (strerror_r(code, text, sizeof text) != 0)
         (void)snprintf(text, sizeof text, "error %d", (int)code);
-    return cairn_file_error_set(error, code == ENOMEM ? CAIRN_NO_MEMORY : CAIRN_IO, path, 0, "cannot %s: %s", what,
-                                text);
+    return cairn_file_error_set(error, code == ENOMEM ? CAIRN_NO_MEMORY : CAIRN_IO, path, 0,
+                                "cannot %s: %s", what, text);
 }

@@ -1,7 +1,8 @@
 /* JSON piece by piece.
  *
- * Method: a state says what may come next; whether an object or an array is open at each depth is a bit. No recursion, no
- * memory. Strings are checked as they are passed over, so that undoing their escapes cannot fail. */
+ * Method: a state says what may come next; whether an object or an array is open at each depth
+ * is a bit. No recursion, no memory. Strings are checked as they are passed over, so that
+ * undoing their escapes cannot fail. */
 #include "src/core/build.h"
 
 #include <string.h>
@@ -34,7 +35,8 @@ cairn_json cairn_json_begin(const char *path, const char *text, size_t length)
 
 /* ---- errors ---- */
 
-/* Says what is there in place of what was expected. What is wrong is found again by every later call. */
+/* Says what is there in place of what was expected. What is wrong is found again by every later
+ * call. */
 static cairn_status refuse(const cairn_json *json, cairn_file_error *error, const char *expected)
 {
     const char *within = json->depth == 0                         ? ""
@@ -42,13 +44,14 @@ static cairn_status refuse(const cairn_json *json, cairn_file_error *error, cons
                                                                   : " within an array";
 
     if (json->at == json->end)
-        return cairn_file_error_set(error, CAIRN_TRUNCATED, json->path, json->line, "the text ends%s, expected %s",
-                                    within, expected);
+        return cairn_file_error_set(error, CAIRN_TRUNCATED, json->path, json->line,
+                                    "the text ends%s, expected %s", within, expected);
     if (*json->at > ' ' && *json->at <= '~')
-        return cairn_file_error_set(error, CAIRN_BAD_FORMAT, json->path, json->line, "'%c'%s, expected %s", *json->at,
-                                    within, expected);
-    return cairn_file_error_set(error, CAIRN_BAD_FORMAT, json->path, json->line, "byte 0x%02x%s, expected %s",
-                                (unsigned)(unsigned char)*json->at, within, expected);
+        return cairn_file_error_set(error, CAIRN_BAD_FORMAT, json->path, json->line,
+                                    "'%c'%s, expected %s", *json->at, within, expected);
+    return cairn_file_error_set(error, CAIRN_BAD_FORMAT, json->path, json->line,
+                                "byte 0x%02x%s, expected %s", (unsigned)(unsigned char)*json->at,
+                                within, expected);
 }
 
 /* ---- lexical ---- */
@@ -128,7 +131,8 @@ static cairn_status read_string(cairn_json *json, cairn_json_token *token, cairn
         cairn_status status;
 
         if ((unsigned char)*json->at < ' ')
-            return refuse(json, error, "no control character in a string: an escape, or the closing quote");
+            return refuse(json, error,
+                          "no control character in a string: an escape, or the closing quote");
         if (*json->at != '\\') {
             json->at++;
             continue;
@@ -177,8 +181,9 @@ static cairn_status read_number(cairn_json *json, cairn_json_token *token, cairn
     }
     token->length = (size_t)(json->at - token->text);
     if (!cairn_number_read(token->text, token->length, &token->number))
-        return cairn_file_error_set(error, CAIRN_BAD_FORMAT, json->path, json->line,
-                                    "a number that is too large or too long, expected one that a double can hold");
+        return cairn_file_error_set(
+            error, CAIRN_BAD_FORMAT, json->path, json->line,
+            "a number that is too large or too long, expected one that a double can hold");
     return CAIRN_OK;
 }
 
@@ -193,7 +198,8 @@ static cairn_status read_word(cairn_json *json, cairn_json_token *token, cairn_f
     for (i = 0; i < sizeof words / sizeof *words; i++) {
         size_t length = strlen(words[i].word);
 
-        if ((size_t)(json->end - json->at) >= length && memcmp(json->at, words[i].word, length) == 0) {
+        if ((size_t)(json->end - json->at) >= length &&
+            memcmp(json->at, words[i].word, length) == 0) {
             token->kind = words[i].kind;
             json->at += length;
             return CAIRN_OK;
@@ -214,13 +220,14 @@ static void end_value(cairn_json *json)
     json->state = json->depth > 0 ? COMMA_OR_CLOSE : VALUE;
 }
 
-static cairn_status open_level(cairn_json *json, cairn_json_token *token, int object, cairn_file_error *error)
+static cairn_status open_level(cairn_json *json, cairn_json_token *token, int object,
+                               cairn_file_error *error)
 {
     uint64_t bit;
 
     if (json->depth == CAIRN_JSON_DEPTH_MOST)
-        return cairn_file_error_set(error, CAIRN_FULL, json->path, json->line, "nested too deep, expected at most %d",
-                                    CAIRN_JSON_DEPTH_MOST);
+        return cairn_file_error_set(error, CAIRN_FULL, json->path, json->line,
+                                    "nested too deep, expected at most %d", CAIRN_JSON_DEPTH_MOST);
     json->at++;
     bit = UINT64_C(1) << json->depth++;
     json->objects = object ? json->objects | bit : json->objects & ~bit;
@@ -246,7 +253,8 @@ static cairn_status read_name(cairn_json *json, cairn_json_token *token, cairn_f
     cairn_status status;
 
     if (json->at == json->end || *json->at != '"')
-        return refuse(json, error, json->state == NAME ? "a name in quotes" : "a name in quotes or }");
+        return refuse(json, error,
+                      json->state == NAME ? "a name in quotes" : "a name in quotes or }");
     status = read_string(json, token, error);
     token->kind = CAIRN_JSON_NAME;
     json->state = COLON;
@@ -273,7 +281,8 @@ static cairn_status read_value(cairn_json *json, cairn_json_token *token, cairn_
     return status;
 }
 
-/* Moves behind the comma or colon that must stand here; the state is then that of what must follow. */
+/* Moves behind the comma or colon that must stand here; the state is then that of what must
+ * follow. */
 static cairn_status pass_separator(cairn_json *json, cairn_file_error *error)
 {
     if (json->state == COLON) {
@@ -297,7 +306,8 @@ static cairn_status read_token(cairn_json *json, cairn_json_token *token, cairn_
     token->line = json->line;
     if (json->depth == 0 && json->at == json->end)
         return CAIRN_OK;
-    if ((json->state == COMMA_OR_CLOSE || json->state == VALUE_OR_CLOSE || json->state == NAME_OR_CLOSE) &&
+    if ((json->state == COMMA_OR_CLOSE || json->state == VALUE_OR_CLOSE ||
+         json->state == NAME_OR_CLOSE) &&
         pass_close(json, token))
         return CAIRN_OK;
     status = pass_separator(json, error);
@@ -328,9 +338,10 @@ cairn_status cairn_json_skip(cairn_json *json, cairn_file_error *error)
     cairn_json_token token;
     cairn_status status = cairn_json_next(json, &token, error);
 
-    if (status == CAIRN_OK &&
-        (token.kind == CAIRN_JSON_END || token.kind == CAIRN_JSON_NAME || json->depth < before.depth))
-        status = cairn_file_error_set(error, CAIRN_BAD_FORMAT, json->path, token.line, "no value here, expected one");
+    if (status == CAIRN_OK && (token.kind == CAIRN_JSON_END || token.kind == CAIRN_JSON_NAME ||
+                               json->depth < before.depth))
+        status = cairn_file_error_set(error, CAIRN_BAD_FORMAT, json->path, token.line,
+                                      "no value here, expected one");
     while (status == CAIRN_OK && json->depth > before.depth)
         status = cairn_json_next(json, &token, error);
     if (status != CAIRN_OK)

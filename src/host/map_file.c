@@ -1,4 +1,5 @@
-/* Maps of map_server: the YAML file through libyaml's document tree, whose nodes know their lines. */
+/* Maps of map_server: the YAML file through libyaml's document tree, whose nodes know their
+ * lines. */
 #include "src/core/build.h"
 
 #include <errno.h>
@@ -72,7 +73,8 @@ static cairn_real probability_of(const cairn_map_file *map, int32_t pixel)
 
 static int8_t occupancy_of(const cairn_map_file *map, uint8_t pixel)
 {
-    cairn_real occupied = map->occupied_threshold, open = map->free_threshold, p = probability_of(map, pixel);
+    cairn_real occupied = map->occupied_threshold, open = map->free_threshold,
+               p = probability_of(map, pixel);
 
     if (map->mode == CAIRN_MAP_RAW)
         return (int8_t)(pixel <= 100 ? pixel : -1);
@@ -85,8 +87,8 @@ static int8_t occupancy_of(const cairn_map_file *map, uint8_t pixel)
     return (int8_t)(occupied > open ? 1 + 98 * (p - open) / (occupied - open) : 1);
 }
 
-/* The grey level that is neither free nor occupied: the usual one, or one halfway where the thresholds do not admit
- * it. */
+/* The grey level that is neither free nor occupied: the usual one, or one halfway where the
+ * thresholds do not admit it. */
 static int32_t unknown_pixel(const cairn_map_file *map)
 {
     int32_t pixel = map->negate ? 255 - PIXEL_UNKNOWN : PIXEL_UNKNOWN;
@@ -94,7 +96,8 @@ static int32_t unknown_pixel(const cairn_map_file *map)
 
     if (p >= map->free_threshold && p <= map->occupied_threshold)
         return pixel;
-    pixel = cairn_real_to_int(255 * (map->free_threshold + map->occupied_threshold) / 2 + CAIRN_REAL(0.5));
+    pixel = cairn_real_to_int(255 * (map->free_threshold + map->occupied_threshold) / 2 +
+                              CAIRN_REAL(0.5));
     return map->negate ? pixel : 255 - pixel;
 }
 
@@ -142,15 +145,18 @@ static const char *scalar(const yaml_node_t *node)
     return (const char *)node->data.scalar.value;
 }
 
-static cairn_status bad_value(const yaml_view *view, int key, const yaml_node_t *node, const char *wanted)
+static cairn_status bad_value(const yaml_view *view, int key, const yaml_node_t *node,
+                              const char *wanted)
 {
     char shown[CAIRN_TOKEN_TEXT_BYTES];
 
     if (node->type != YAML_SCALAR_NODE)
-        return cairn_file_error_set(view->error, CAIRN_BAD_FORMAT, view->path, line_of(node), "%s is a %s, expected %s",
-                                    key_name[key], node->type == YAML_SEQUENCE_NODE ? "list" : "mapping", wanted);
-    return cairn_file_error_set(view->error, CAIRN_BAD_FORMAT, view->path, line_of(node), "%s is %s, expected %s",
-                                key_name[key], cairn_token_text(shown, scalar(node), node->data.scalar.length), wanted);
+        return cairn_file_error_set(view->error, CAIRN_BAD_FORMAT, view->path, line_of(node),
+                                    "%s is a %s, expected %s", key_name[key],
+                                    node->type == YAML_SEQUENCE_NODE ? "list" : "mapping", wanted);
+    return cairn_file_error_set(
+        view->error, CAIRN_BAD_FORMAT, view->path, line_of(node), "%s is %s, expected %s",
+        key_name[key], cairn_token_text(shown, scalar(node), node->data.scalar.length), wanted);
 }
 
 /* Finds the keys of the topmost mapping; those of others are passed over. */
@@ -187,12 +193,13 @@ static cairn_status find_keys(yaml_view *view)
     return CAIRN_OK;
 }
 
-static cairn_status take_number(const yaml_view *view, int key, const yaml_node_t *node, double least, double most,
-                                const char *wanted, cairn_real *value)
+static cairn_status take_number(const yaml_view *view, int key, const yaml_node_t *node,
+                                double least, double most, const char *wanted, cairn_real *value)
 {
     double number;
 
-    if (node->type != YAML_SCALAR_NODE || !cairn_number_read(scalar(node), node->data.scalar.length, &number) ||
+    if (node->type != YAML_SCALAR_NODE ||
+        !cairn_number_read(scalar(node), node->data.scalar.length, &number) ||
         !(number >= least && number <= most))
         return bad_value(view, key, node, wanted);
     *value = (cairn_real)number;
@@ -213,11 +220,11 @@ static cairn_status take_origin(yaml_view *view, cairn_pose *origin)
     item = node->data.sequence.items.start;
     if (node->data.sequence.items.top - item != 3)
         return cairn_file_error_set(view->error, CAIRN_BAD_FORMAT, view->path, line_of(node),
-                                    "origin has %d elements, expected %s", (int)(node->data.sequence.items.top - item),
-                                    wanted);
+                                    "origin has %d elements, expected %s",
+                                    (int)(node->data.sequence.items.top - item), wanted);
     for (i = 0; i < 3; i++) {
-        status = take_number(view, KEY_ORIGIN, yaml_document_get_node(&view->document, item[i]), -(double)FLT_MAX,
-                             (double)FLT_MAX, wanted, part[i]);
+        status = take_number(view, KEY_ORIGIN, yaml_document_get_node(&view->document, item[i]),
+                             -(double)FLT_MAX, (double)FLT_MAX, wanted, part[i]);
         if (status != CAIRN_OK)
             return status;
     }
@@ -256,13 +263,14 @@ static cairn_status take_numbers(yaml_view *view, cairn_map_file *map)
 {
     cairn_status status;
 
-    status = take_number(view, KEY_RESOLUTION, view->value[KEY_RESOLUTION], (double)FLT_MIN, (double)FLT_MAX,
-                         "metres per pixel above 0", &map->resolution);
+    status = take_number(view, KEY_RESOLUTION, view->value[KEY_RESOLUTION], (double)FLT_MIN,
+                         (double)FLT_MAX, "metres per pixel above 0", &map->resolution);
     if (status == CAIRN_OK)
-        status = take_number(view, KEY_OCCUPIED, view->value[KEY_OCCUPIED], 0, 1, "a number from 0 to 1",
-                             &map->occupied_threshold);
+        status = take_number(view, KEY_OCCUPIED, view->value[KEY_OCCUPIED], 0, 1,
+                             "a number from 0 to 1", &map->occupied_threshold);
     if (status == CAIRN_OK)
-        status = take_number(view, KEY_FREE, view->value[KEY_FREE], 0, 1, "a number from 0 to 1", &map->free_threshold);
+        status = take_number(view, KEY_FREE, view->value[KEY_FREE], 0, 1, "a number from 0 to 1",
+                             &map->free_threshold);
     if (status == CAIRN_OK && map->free_threshold > map->occupied_threshold)
         status = bad_value(view, KEY_FREE, view->value[KEY_FREE], "at most occupied_thresh");
     if (status == CAIRN_OK)
@@ -293,18 +301,20 @@ static cairn_status take_image(const yaml_view *view, cairn_map_file *map)
     status = cairn_image_read(&image, path, &fault);
     free(path);
     if (status != CAIRN_OK)
-        return cairn_file_error_set(view->error, status, view->path, line_of(node), "no image to be had: %s",
-                                    fault.text);
+        return cairn_file_error_set(view->error, status, view->path, line_of(node),
+                                    "no image to be had: %s", fault.text);
     status = cairn_map_file_allocate(map, image.width, image.height);
     if (status != CAIRN_OK)
         (void)cairn_file_error_system(view->error, view->path, "read", ENOMEM);
     for (y = 0; y < map->height; y++) {
-        size_t from = (size_t)(map->height - 1 - y) * (size_t)map->width, to = (size_t)y * (size_t)map->width;
+        size_t from = (size_t)(map->height - 1 - y) * (size_t)map->width,
+               to = (size_t)y * (size_t)map->width;
 
         for (x = 0; x < map->width; x++, from++, to++) {
             map->pixel[to] = image.pixel[from];
-            map->occupancy[to] =
-                (int8_t)(image.alpha != NULL && image.alpha[from] == 0 ? -1 : occupancy_of(map, image.pixel[from]));
+            map->occupancy[to] = (int8_t)(image.alpha != NULL && image.alpha[from] == 0
+                                              ? -1
+                                              : occupancy_of(map, image.pixel[from]));
         }
     }
     cairn_image_free(&image);
@@ -323,15 +333,16 @@ static cairn_status read_document(yaml_view *view, FILE *file)
         if (ferror(file))
             status = cairn_file_error_system(view->error, view->path, "read", errno);
         else
-            status =
-                cairn_file_error_set(view->error, CAIRN_BAD_FORMAT, view->path, (int64_t)parser.problem_mark.line + 1,
-                                     "%s, expected YAML", parser.problem != NULL ? parser.problem : "cannot be parsed");
+            status = cairn_file_error_set(
+                view->error, CAIRN_BAD_FORMAT, view->path, (int64_t)parser.problem_mark.line + 1,
+                "%s, expected YAML", parser.problem != NULL ? parser.problem : "cannot be parsed");
     }
     yaml_parser_delete(&parser);
     return status;
 }
 
-cairn_status cairn_map_file_read(cairn_map_file *map, const char *yaml_path, cairn_file_error *error)
+cairn_status cairn_map_file_read(cairn_map_file *map, const char *yaml_path,
+                                 cairn_file_error *error)
 {
     cairn_map_file read = cairn_map_file_default();
     yaml_view view;
@@ -361,8 +372,8 @@ cairn_status cairn_map_file_read(cairn_map_file *map, const char *yaml_path, cai
 
 /* ---- writing ---- */
 
-static cairn_status write_image(const cairn_map_file *map, const char *path, cairn_map_file_image format,
-                                cairn_file_error *error)
+static cairn_status write_image(const cairn_map_file *map, const char *path,
+                                cairn_map_file_image format, cairn_file_error *error)
 {
     size_t width = (size_t)map->width, count = width * (size_t)map->height, y;
     uint8_t *flipped = malloc(count);
@@ -372,8 +383,9 @@ static cairn_status write_image(const cairn_map_file *map, const char *path, cai
         return cairn_file_error_system(error, path, "write", ENOMEM);
     for (y = 0; y < (size_t)map->height; y++)
         memcpy(flipped + ((size_t)map->height - 1 - y) * width, map->pixel + y * width, width);
-    status = format == CAIRN_MAP_PNG ? cairn_image_write_png(path, flipped, map->width, map->height, error)
-                                     : cairn_image_write_pgm(path, flipped, map->width, map->height, error);
+    status = format == CAIRN_MAP_PNG
+                 ? cairn_image_write_png(path, flipped, map->width, map->height, error)
+                 : cairn_image_write_pgm(path, flipped, map->width, map->height, error);
     free(flipped);
     return status;
 }
@@ -387,7 +399,8 @@ static void print_quoted(cairn_output *output, const char *text)
     cairn_output_print(output, "'");
 }
 
-static cairn_status write_yaml(const cairn_map_file *map, const char *path, const char *image, cairn_file_error *error)
+static cairn_status write_yaml(const cairn_map_file *map, const char *path, const char *image,
+                               cairn_file_error *error)
 {
     char a[CAIRN_NUMBER_TEXT_BYTES], b[CAIRN_NUMBER_TEXT_BYTES], c[CAIRN_NUMBER_TEXT_BYTES];
     cairn_output *output;
@@ -397,12 +410,13 @@ static cairn_status write_yaml(const cairn_map_file *map, const char *path, cons
         return status;
     cairn_output_print(output, "image: ");
     print_quoted(output, image);
-    cairn_output_print(output, "\nresolution: %s\norigin: [%s, %s, ", cairn_number_write(a, map->resolution),
-                       cairn_number_write(b, map->origin.x), cairn_number_write(c, map->origin.y));
+    cairn_output_print(output, "\nresolution: %s\norigin: [%s, %s, ",
+                       cairn_number_write(a, map->resolution), cairn_number_write(b, map->origin.x),
+                       cairn_number_write(c, map->origin.y));
     cairn_output_print(output, "%s]\nnegate: %d\noccupied_thresh: %s\nfree_thresh: %s\nmode: %s\n",
                        cairn_number_write(a, map->origin.theta), (int)map->negate,
-                       cairn_number_write(b, map->occupied_threshold), cairn_number_write(c, map->free_threshold),
-                       mode_name[map->mode]);
+                       cairn_number_write(b, map->occupied_threshold),
+                       cairn_number_write(c, map->free_threshold), mode_name[map->mode]);
     return cairn_output_commit(output, error);
 }
 
@@ -418,19 +432,21 @@ static cairn_status check(const cairn_map_file *map, const char *path, cairn_map
     else if (!(map->free_threshold >= 0 && map->free_threshold <= map->occupied_threshold &&
                map->occupied_threshold <= 1))
         wrong = "thresholds that are not 0 <= free <= occupied <= 1";
-    else if (map->mode < CAIRN_MAP_TRINARY || map->mode > CAIRN_MAP_RAW || (map->negate != 0 && map->negate != 1))
+    else if (map->mode < CAIRN_MAP_TRINARY || map->mode > CAIRN_MAP_RAW ||
+             (map->negate != 0 && map->negate != 1))
         wrong = "an unknown mode";
     else if (format != CAIRN_MAP_PGM && format != CAIRN_MAP_PNG)
         wrong = "an unknown image format";
     if (wrong != NULL)
         return cairn_file_error_set(error, CAIRN_BAD_ARGUMENT, path, 0, "not written: %s", wrong);
     if (!cairn_pose_is_finite(map->origin))
-        return cairn_file_error_set(error, CAIRN_NOT_FINITE, path, 0, "not written: an origin that is not finite");
+        return cairn_file_error_set(error, CAIRN_NOT_FINITE, path, 0,
+                                    "not written: an origin that is not finite");
     return CAIRN_OK;
 }
 
-cairn_status cairn_map_file_write(const cairn_map_file *map, const char *yaml_path, cairn_map_file_image format,
-                                  cairn_file_error *error)
+cairn_status cairn_map_file_write(const cairn_map_file *map, const char *yaml_path,
+                                  cairn_map_file_image format, cairn_file_error *error)
 {
     const char *name = cairn_path_name(yaml_path), *dot = strrchr(name, '.');
     size_t stem = dot != NULL && dot != name ? (size_t)(dot - yaml_path) : strlen(yaml_path);

@@ -1,4 +1,5 @@
-/* Grey images. PNG goes through libpng, whose errors come back by longjmp: what must survive one is in a struct. */
+/* Grey images. PNG goes through libpng, whose errors come back by longjmp: what must survive one
+ * is in a struct. */
 #include "src/core/build.h"
 
 #include <errno.h>
@@ -11,17 +12,17 @@
 
 #include "src/host/map_file_image.h"
 
-static cairn_status reserve(cairn_image *image, int64_t width, int64_t height, const char *path, int64_t line,
-                            cairn_file_error *error)
+static cairn_status reserve(cairn_image *image, int64_t width, int64_t height, const char *path,
+                            int64_t line, cairn_file_error *error)
 {
     if (width < 1 || height < 1)
         return cairn_file_error_set(error, CAIRN_BAD_FORMAT, path, line,
-                                    "the image has %lld x %lld pixels, expected some", (long long)width,
-                                    (long long)height);
+                                    "the image has %lld x %lld pixels, expected some",
+                                    (long long)width, (long long)height);
     if (width > CAIRN_IMAGE_PIXELS_MOST || height > CAIRN_IMAGE_PIXELS_MOST / width)
         return cairn_file_error_set(error, CAIRN_FULL, path, line,
-                                    "the image has %lld x %lld pixels, expected at most %d", (long long)width,
-                                    (long long)height, CAIRN_IMAGE_PIXELS_MOST);
+                                    "the image has %lld x %lld pixels, expected at most %d",
+                                    (long long)width, (long long)height, CAIRN_IMAGE_PIXELS_MOST);
     image->width = (int32_t)width;
     image->height = (int32_t)height;
     image->pixel = malloc((size_t)width * (size_t)height);
@@ -52,7 +53,8 @@ static int next_byte(pgm_reader *r)
     return c;
 }
 
-/* The next whole number; the one byte behind it is taken too. A number that is too large stays so. */
+/* The next whole number; the one byte behind it is taken too. A number that is too large stays
+ * so. */
 static cairn_status pgm_number(pgm_reader *r, const char *what, int64_t *value)
 {
     int c = next_byte(r);
@@ -65,11 +67,11 @@ static cairn_status pgm_number(pgm_reader *r, const char *what, int64_t *value)
             c = next_byte(r);
     }
     if (c == EOF)
-        return cairn_file_error_set(r->error, CAIRN_TRUNCATED, r->path, r->line, "the file ends early, expected %s",
-                                    what);
+        return cairn_file_error_set(r->error, CAIRN_TRUNCATED, r->path, r->line,
+                                    "the file ends early, expected %s", what);
     if (c < '0' || c > '9')
-        return cairn_file_error_set(r->error, CAIRN_BAD_FORMAT, r->path, r->line, "byte 0x%02x, expected %s",
-                                    (unsigned)c, what);
+        return cairn_file_error_set(r->error, CAIRN_BAD_FORMAT, r->path, r->line,
+                                    "byte 0x%02x, expected %s", (unsigned)c, what);
     for (*value = 0; c >= '0' && c <= '9'; c = next_byte(r))
         if (*value < INT32_MAX)
             *value = *value * 10 + (c - '0');
@@ -88,7 +90,8 @@ static cairn_status read_plain_pixels(pgm_reader *r, cairn_image *image)
             return status;
         if (value > 255)
             return cairn_file_error_set(r->error, CAIRN_BAD_FORMAT, r->path, r->line,
-                                        "pixel %zu is %lld, expected at most 255", i + 1, (long long)value);
+                                        "pixel %zu is %lld, expected at most 255", i + 1,
+                                        (long long)value);
         image->pixel[i] = (uint8_t)value;
     }
     return CAIRN_OK;
@@ -106,8 +109,9 @@ static cairn_status read_pgm(cairn_image *image, pgm_reader *r, int plain)
     if (status == CAIRN_OK)
         status = pgm_number(r, "the highest grey level", &levels);
     if (status == CAIRN_OK && levels != 255)
-        status = cairn_file_error_set(r->error, CAIRN_UNSUPPORTED, r->path, r->line,
-                                      "the highest grey level is %lld, expected 255", (long long)levels);
+        status =
+            cairn_file_error_set(r->error, CAIRN_UNSUPPORTED, r->path, r->line,
+                                 "the highest grey level is %lld, expected 255", (long long)levels);
     if (status == CAIRN_OK)
         status = reserve(image, width, height, r->path, r->line, r->error);
     if (status != CAIRN_OK)
@@ -117,8 +121,8 @@ static cairn_status read_pgm(cairn_image *image, pgm_reader *r, int plain)
     count = (size_t)width * (size_t)height;
     got = fread(image->pixel, 1, count, r->file);
     if (got < count)
-        return cairn_file_error_set(r->error, CAIRN_TRUNCATED, r->path, 0, "the file ends after %zu of %zu pixels", got,
-                                    count);
+        return cairn_file_error_set(r->error, CAIRN_TRUNCATED, r->path, 0,
+                                    "the file ends after %zu of %zu pixels", got, count);
     return CAIRN_OK;
 }
 
@@ -174,12 +178,13 @@ static cairn_status decode_png(cairn_image *image, png_work *work, FILE *file, c
     cairn_status status;
 
     if (setjmp(png_jmpbuf(work->png)) != 0)
-        return cairn_file_error_set(error, feof(file) ? CAIRN_TRUNCATED : CAIRN_BAD_FORMAT, path, 0,
-                                    "the PNG data are damaged or cut (%s), expected a whole PNG image", work->problem);
+        return cairn_file_error_set(
+            error, feof(file) ? CAIRN_TRUNCATED : CAIRN_BAD_FORMAT, path, 0,
+            "the PNG data are damaged or cut (%s), expected a whole PNG image", work->problem);
     png_init_io(work->png, file);
     png_read_info(work->png, work->info);
-    status = reserve(image, png_get_image_width(work->png, work->info), png_get_image_height(work->png, work->info),
-                     path, 0, error);
+    status = reserve(image, png_get_image_width(work->png, work->info),
+                     png_get_image_height(work->png, work->info), path, 0, error);
     if (status != CAIRN_OK)
         return status;
     png_set_expand(work->png);
@@ -202,7 +207,8 @@ static cairn_status decode_png(cairn_image *image, png_work *work, FILE *file, c
     return CAIRN_OK;
 }
 
-static cairn_status read_png(cairn_image *image, FILE *file, const char *path, cairn_file_error *error)
+static cairn_status read_png(cairn_image *image, FILE *file, const char *path,
+                             cairn_file_error *error)
 {
     png_work work;
     cairn_status status = CAIRN_NO_MEMORY;
@@ -241,12 +247,13 @@ cairn_status cairn_image_read(cairn_image *image, const char *path, cairn_file_e
         rewind(file);
         status = read_png(image, file, path, error);
     } else if (got < 2) {
-        status =
-            cairn_file_error_set(error, CAIRN_TRUNCATED, path, 0, "the file has %zu bytes, expected an image", got);
+        status = cairn_file_error_set(error, CAIRN_TRUNCATED, path, 0,
+                                      "the file has %zu bytes, expected an image", got);
     } else {
-        status = cairn_file_error_set(error, CAIRN_BAD_FORMAT, path, 0,
-                                      "begins with the bytes 0x%02x%02x, expected a PGM (P5 or P2) or PNG image",
-                                      magic[0], magic[1]);
+        status = cairn_file_error_set(
+            error, CAIRN_BAD_FORMAT, path, 0,
+            "begins with the bytes 0x%02x%02x, expected a PGM (P5 or P2) or PNG image", magic[0],
+            magic[1]);
     }
     (void)fclose(file);
     if (status != CAIRN_OK)
@@ -254,8 +261,8 @@ cairn_status cairn_image_read(cairn_image *image, const char *path, cairn_file_e
     return status;
 }
 
-cairn_status cairn_image_write_pgm(const char *path, const uint8_t *pixel, int32_t width, int32_t height,
-                                   cairn_file_error *error)
+cairn_status cairn_image_write_pgm(const char *path, const uint8_t *pixel, int32_t width,
+                                   int32_t height, cairn_file_error *error)
 {
     cairn_output *output;
     cairn_status status = cairn_output_open(&output, path, error);
@@ -284,7 +291,8 @@ static void on_png_flush(png_structp png)
     (void)png;
 }
 
-static bool encode(png_work *work, const uint8_t *pixel, int32_t width, int32_t height, int32_t channels)
+static bool encode(png_work *work, const uint8_t *pixel, int32_t width, int32_t height,
+                   int32_t channels)
 {
     int32_t y;
 
@@ -304,8 +312,8 @@ static bool encode(png_work *work, const uint8_t *pixel, int32_t width, int32_t 
     return true;
 }
 
-cairn_status cairn_image_encode_png(uint8_t **bytes, size_t *count, const uint8_t *pixel, int32_t width, int32_t height,
-                                    int32_t channels)
+cairn_status cairn_image_encode_png(uint8_t **bytes, size_t *count, const uint8_t *pixel,
+                                    int32_t width, int32_t height, int32_t channels)
 {
     png_work work;
     bool whole;
@@ -326,8 +334,8 @@ cairn_status cairn_image_encode_png(uint8_t **bytes, size_t *count, const uint8_
     return whole ? CAIRN_OK : CAIRN_NO_MEMORY;
 }
 
-cairn_status cairn_image_write_png(const char *path, const uint8_t *pixel, int32_t width, int32_t height,
-                                   cairn_file_error *error)
+cairn_status cairn_image_write_png(const char *path, const uint8_t *pixel, int32_t width,
+                                   int32_t height, cairn_file_error *error)
 {
     cairn_output *output;
     uint8_t *bytes;

@@ -1,8 +1,8 @@
 /* Numbers from and to text.
  *
- * Reading: a decimal of at most 19 digits is an integer m times 10^e. When m < 2^53 and |e| <= 22 both m and 10^|e| are
- * doubles without error, so one multiplication or division gives the nearest double (Clinger 1990). All others, which
- * are rare, go to strtod under the "C" locale. */
+ * Reading: a decimal of at most 19 digits is an integer m times 10^e. When m < 2^53 and |e| <=
+ * 22 both m and 10^|e| are doubles without error, so one multiplication or division gives the
+ * nearest double (Clinger 1990). All others, which are rare, go to strtod under the "C" locale. */
 #include "src/core/build.h"
 
 #include <errno.h>
@@ -14,7 +14,8 @@
 #include "cairn/number_text.h"
 #include "src/host/c_locale.h"
 
-/* (-1)^negative * mantissa * 10^exponent; `cut`: digits other than 0 were dropped behind the mantissa. */
+/* (-1)^negative * mantissa * 10^exponent; `cut`: digits other than 0 were dropped behind the
+ * mantissa. */
 typedef struct decimal {
     uint64_t mantissa;
     int32_t exponent;
@@ -23,11 +24,13 @@ typedef struct decimal {
 } decimal;
 
 #define MANTISSA_DIGITS 19
-/* Exponents are held within these bounds; far outside those of any double or stamp, even with a thousand digits. */
+/* Exponents are held within these bounds; far outside those of any double or stamp, even with a
+ * thousand digits. */
 #define EXPONENT_BOUND 100000
 
-static const double power_of_ten[] = {1e0,  1e1,  1e2,  1e3,  1e4,  1e5,  1e6,  1e7,  1e8,  1e9,  1e10, 1e11,
-                                      1e12, 1e13, 1e14, 1e15, 1e16, 1e17, 1e18, 1e19, 1e20, 1e21, 1e22};
+static const double power_of_ten[] = {1e0,  1e1,  1e2,  1e3,  1e4,  1e5,  1e6,  1e7,
+                                      1e8,  1e9,  1e10, 1e11, 1e12, 1e13, 1e14, 1e15,
+                                      1e16, 1e17, 1e18, 1e19, 1e20, 1e21, 1e22};
 
 static int is_digit(char c)
 {
@@ -123,16 +126,19 @@ int32_t cairn_number_read(const char *text, size_t length, double *value)
         sign = length > 0 && (text[0] == '+' || text[0] == '-');
         if (is_word(text + sign, length - sign, "nan"))
             *value = (double)NAN;
-        else if (is_word(text + sign, length - sign, "inf") || is_word(text + sign, length - sign, "infinity"))
+        else if (is_word(text + sign, length - sign, "inf") ||
+                 is_word(text + sign, length - sign, "infinity"))
             *value = text[0] == '-' ? -(double)INFINITY : (double)INFINITY;
         else
             return 0;
         return 1;
     }
-    if (number.cut || number.mantissa > (UINT64_C(1) << 53) || number.exponent < -22 || number.exponent > 22)
+    if (number.cut || number.mantissa > (UINT64_C(1) << 53) || number.exponent < -22 ||
+        number.exponent > 22)
         return read_slowly(text, length, value);
     read = (double)number.mantissa;
-    read = number.exponent < 0 ? read / power_of_ten[-number.exponent] : read * power_of_ten[number.exponent];
+    read = number.exponent < 0 ? read / power_of_ten[-number.exponent]
+                               : read * power_of_ten[number.exponent];
     *value = number.negative ? -read : read;
     return 1;
 }
@@ -197,7 +203,10 @@ char *cairn_number_write(char text[CAIRN_NUMBER_TEXT_BYTES], cairn_real value)
     double back;
 
     if (!cairn_is_finite(value)) {
-        (void)snprintf(text, CAIRN_NUMBER_TEXT_BYTES, "%s", value > 0 ? "inf" : value < 0 ? "-inf" : "nan");
+        (void)snprintf(text, CAIRN_NUMBER_TEXT_BYTES, "%s",
+                       value > 0   ? "inf"
+                       : value < 0 ? "-inf"
+                                   : "nan");
         return text;
     }
     scope = cairn_c_locale_enter();
@@ -217,8 +226,8 @@ char *cairn_number_write_stamp(char text[CAIRN_NUMBER_TEXT_BYTES], int64_t nanos
     uint64_t size = nanoseconds < 0 ? (uint64_t)0 - (uint64_t)nanoseconds : (uint64_t)nanoseconds;
     size_t length;
 
-    (void)snprintf(text, CAIRN_NUMBER_TEXT_BYTES, "%s%" PRIu64 ".%09" PRIu64, nanoseconds < 0 ? "-" : "",
-                   size / 1000000000, size % 1000000000);
+    (void)snprintf(text, CAIRN_NUMBER_TEXT_BYTES, "%s%" PRIu64 ".%09" PRIu64,
+                   nanoseconds < 0 ? "-" : "", size / 1000000000, size % 1000000000);
     length = strlen(text);
     while (text[length - 1] == '0')
         length--;

@@ -1,15 +1,18 @@
 /* Objects of a class, by their outlines.
  *
- * Method: for each size, the model and its mirror image, and three proportions of each, a map of the mean worth of the outline's samples
- * (object_detect_field.c) for every place of its middle: sums of shifted planes. Of the peaks of all maps the best are taken that do not
- * lie on better ones, and looked at again: the outline is bent onto the edges about them (contour_search_fit.c). Both means, before and
- * after, make the score, with how the bent outline fits (contour_search_shape.c) and what contour grouping finds there
- * (object_detect_group.c); boxes are those of the bent outlines. Of detections that overlap the best stays.
+ * Method: for each size, the model and its mirror image, and three proportions of each, a map of
+ * the mean worth of the outline's samples (object_detect_field.c) for every place of its middle:
+ * sums of shifted planes. Of the peaks of all maps the best are taken that do not lie on better
+ * ones, and looked at again: the outline is bent onto the edges about them (contour_search_fit.c).
+ * Both means, before and after, make the score, with how the bent outline fits
+ * (contour_search_shape.c) and what contour grouping finds there (object_detect_group.c); boxes are
+ * those of the bent outlines. Of detections that overlap the best stays.
  *
- * PARTS: the candidates are configurations of parts (object_detect_parts.c) and keep their scores; bending gives the box only. As written
- * nothing is bent (object_detect_written.c).
+ * PARTS: the candidates are configurations of parts (object_detect_parts.c) and keep their scores;
+ * bending gives the box only. As written nothing is bent (object_detect_written.c).
  *
- * Source: this project's, but for PARTS; of Adluru 2008, section 5, only that there are two steps, coarse then fine. */
+ * Source: this project's, but for PARTS; of Adluru 2008, section 5, only that there are two
+ * steps, coarse then fine. */
 #include "src/core/build.h"
 
 #include <errno.h>
@@ -28,29 +31,35 @@ enum { ASPECTS = sizeof aspects / sizeof *aspects, PEAKS_MOST = 1 << 16 };
 #define CANDIDATE_OVERLAP 0.5F
 /* Of bent outlines evidence is counted in pieces of this length (contour_search_fit.c). */
 #define PIECE 0.08
-/* What the outline before bending and the logarithm of the size, to the picture's diagonal, count beside the bent one. A piece of a small
- * outline is a few pixels, along which chance lays an edge more easily. */
+/* What the outline before bending and the logarithm of the size, to the picture's diagonal,
+ * count beside the bent one. A piece of a small outline is a few pixels, along which chance lays
+ * an edge more easily. */
 #define RIGID 2
 #define SIZE  1
-/* And how near edges are to the bent outline, how far it is turned and strained against the drawn one (contour_search_shape.c). */
+/* And how near edges are to the bent outline, how far it is turned and strained against the
+ * drawn one (contour_search_shape.c). */
 #define NEAR     12
 #define TURNED   32
 #define STRAINED 16
-/* What all that comes to where there is no object, so that 0 is where most pictures without one have none left (docs/accuracy.md). */
+/* What all that comes to where there is no object, so that 0 is where most pictures without one
+ * have none left (docs/accuracy.md). */
 #define NOTHING 10.7
 /* And the square of the logarithm of how much wider its box is, to its height, than the model's. */
 #define PROPORTION 1
-/* Where objects may be hidden in part: what of the outline agrees on one similarity map counts, as what is hidden was bent onto what hides
- * it, with the evidence of what is grouped there, the size, and nothing else. Scores have the same 0. */
+/* Where objects may be hidden in part: what of the outline agrees on one similarity map counts,
+ * as what is hidden was bent onto what hides it, with the evidence of what is grouped there, the
+ * size, and nothing else. Scores have the same 0. */
 #define OCCLUDED_AGREED  20
 #define OCCLUDED_GROUPED CAIRN_REAL(0.5)
 #define OCCLUDED_SIZE    2
 #define OCCLUDED_NOTHING 8
 /* What the logarithm of the size counts beside the outline before bending, for candidates. */
 #define FIRST_SIZE 0.4F
-/* Of two detections one goes, too, when more of the smaller box than this lies in the other: parts of an object look like small ones. */
+/* Of two detections one goes, too, when more of the smaller box than this lies in the other:
+ * parts of an object look like small ones. */
 #define INSIDE 0.8F
-/* A segment stands for a place so near, of the size, but at least so many pixels; and turned by so much. */
+/* A segment stands for a place so near, of the size, but at least so many pixels; and turned by
+ * so much. */
 #define REACH_SHARE 0.04
 #define LEAST_REACH 3
 #define TURN_COSINE 0.7
@@ -135,7 +144,8 @@ static void add_variant(detector *d, int32_t mirrored, double aspect)
     v->right = v->bottom = -1e9F;
     for (int32_t i = 0; i < m->outline_count; i++) {
         cairn_oriented_point *o = &v->outline[i];
-        cairn_vec2 along = {(cairn_real)wide * m->outline[i].direction.x, (cairn_real)tall * m->outline[i].direction.y};
+        cairn_vec2 along = {(cairn_real)wide * m->outline[i].direction.x,
+                            (cairn_real)tall * m->outline[i].direction.y};
 
         o->position.x = (cairn_real)wide * m->outline[i].position.x;
         o->position.y = (cairn_real)tall * m->outline[i].position.y;
@@ -190,8 +200,8 @@ static void add_peaks(detector *d, const detect_plane *p, const float *sum, int3
 {
     int32_t w = p->width, h = p->height;
     float share = 1 / (float)d->model->outline_count;
-    float bonus =
-        FIRST_SIZE * logf((float)p->size / hypotf((float)d->field->tokens->width, (float)d->field->tokens->height));
+    float bonus = FIRST_SIZE * logf((float)p->size / hypotf((float)d->field->tokens->width,
+                                                            (float)d->field->tokens->height));
 
     for (int32_t y = 0; y < h; y++)
         for (int32_t x = 0; x < w; x++) {
@@ -232,8 +242,8 @@ static void correlate(const detector *d, const detect_plane *p, const variant *v
         const float *layer = &p->worth[(size_t)bin * cairn_detect_layer(p)];
 
         for (int32_t y = 0; y < h; y++) {
-            const float *from =
-                &layer[(size_t)(y + dy + DETECT_MARGIN) * cairn_detect_row(p) + (size_t)(DETECT_MARGIN + dx)];
+            const float *from = &layer[(size_t)(y + dy + DETECT_MARGIN) * cairn_detect_row(p) +
+                                       (size_t)(DETECT_MARGIN + dx)];
             float *to = &sum[y * w];
 
             for (int32_t x = 0; x < w; x++)
@@ -242,9 +252,11 @@ static void correlate(const detector *d, const detect_plane *p, const variant *v
     }
 }
 
-static float overlap_of(float al, float at, float ar, float ab, float bl, float bt, float br, float bb)
+static float overlap_of(float al, float at, float ar, float ab, float bl, float bt, float br,
+                        float bb)
 {
-    float w = fminf(ar, br) - fmaxf(al, bl), h = fminf(ab, bb) - fmaxf(at, bt), both = w > 0 && h > 0 ? w * h : 0;
+    float w = fminf(ar, br) - fmaxf(al, bl), h = fminf(ab, bb) - fmaxf(at, bt),
+          both = w > 0 && h > 0 ? w * h : 0;
 
     return both / ((ar - al) * (ab - at) + (br - bl) * (bb - bt) - both);
 }
@@ -254,8 +266,8 @@ static float inside_of(const cairn_detection *a, const cairn_detection *b)
 {
     cairn_real w = cairn_min(a->right, b->right) - cairn_max(a->left, b->left),
                h = cairn_min(a->bottom, b->bottom) - cairn_max(a->top, b->top),
-               least =
-                   cairn_min((a->right - a->left) * (a->bottom - a->top), (b->right - b->left) * (b->bottom - b->top));
+               least = cairn_min((a->right - a->left) * (a->bottom - a->top),
+                                 (b->right - b->left) * (b->bottom - b->top));
 
     return w > 0 && h > 0 ? (float)(w * h / least) : 0;
 }
@@ -337,14 +349,17 @@ static int find_candidates(detector *d)
     return 1;
 }
 
-/* With `occluded` what is grouped makes as many candidates more, at most. PEAKS_MOST leaves room for them. */
+/* With `occluded` what is grouped makes as many candidates more, at most. PEAKS_MOST leaves room
+ * for them. */
 static cairn_status group(detector *d)
 {
     const cairn_object_detect_params *p = &d->field->params;
-    cairn_status status =
-        p->occluded || p->verify > 0 ? cairn_detect_group(&d->groupings, d->field, d->model) : CAIRN_OK;
+    cairn_status status = p->occluded || p->verify > 0
+                              ? cairn_detect_group(&d->groupings, d->field, d->model)
+                              : CAIRN_OK;
 
-    for (int32_t i = 0; status == CAIRN_OK && p->occluded && i < d->groupings.count && i < p->candidates; i++) {
+    for (int32_t i = 0;
+         status == CAIRN_OK && p->occluded && i < d->groupings.count && i < p->candidates; i++) {
         const detect_grouping *g = &d->groupings.list[i];
         peak *q = &d->peaks[d->count++];
 
@@ -382,8 +397,8 @@ static void take_outline(const detector *d, cairn_detections *found, cairn_detec
 }
 
 /* The segment nearest to a place of the outline and about in its direction; -1: none is near. */
-static int32_t segment_at(const detector *d, const int32_t *list, int32_t count, cairn_oriented_point place,
-                          cairn_real size)
+static int32_t segment_at(const detector *d, const int32_t *list, int32_t count,
+                          cairn_oriented_point place, cairn_real size)
 {
     cairn_real nearest = cairn_max(LEAST_REACH, (cairn_real)REACH_SHARE * size);
     int32_t found = -1;
@@ -393,7 +408,8 @@ static int32_t segment_at(const detector *d, const int32_t *list, int32_t count,
         cairn_real distance = cairn_contour_distance(line, place.position);
         cairn_vec2 along = cairn_vec2_unit(cairn_vec2_sub(line.b, line.a));
 
-        if (distance < nearest && cairn_abs(cairn_vec2_dot(along, place.direction)) >= (cairn_real)TURN_COSINE) {
+        if (distance < nearest &&
+            cairn_abs(cairn_vec2_dot(along, place.direction)) >= (cairn_real)TURN_COSINE) {
             nearest = distance;
             found = list[i];
         }
@@ -406,7 +422,8 @@ static int take_segments(const detector *d, cairn_detections *found, cairn_detec
 {
     const cairn_contour_tokens *tokens = d->field->tokens;
     contour_laid laid = {d->fit.outline, d->model->outline_count, o->origin, o->size};
-    int32_t *list = realloc(found->segments, ((size_t)found->segment_count + (size_t)tokens->count + 1) * sizeof *list);
+    int32_t *list = realloc(
+        found->segments, ((size_t)found->segment_count + (size_t)tokens->count + 1) * sizeof *list);
     cairn_real length = 0;
 
     if (list == NULL)
@@ -434,12 +451,14 @@ static const cairn_oriented_point *drawn_outline(const detector *d, const cairn_
     return d->variant[o->mirrored ? ASPECTS : 0].outline;
 }
 
-/* Objects stand upright: a turn of the whole counts as bending does. map: see cairn_detect_agreed(). */
+/* Objects stand upright: a turn of the whole counts as bending does. map: see
+ * cairn_detect_agreed(). */
 static void measure_shape(const detector *d, cairn_detection *o, detect_similarity *map)
 {
     const contour_laid laid = {d->fit.outline, o->outline_count, o->origin, o->size};
     const contour_drawn drawn = {drawn_outline(d, o), {1, 0}};
-    cairn_contour_shape shape = cairn_contour_shape_of(d->field->tokens, &laid, d->fit.part, &drawn, d->near, d->room);
+    cairn_contour_shape shape =
+        cairn_contour_shape_of(d->field->tokens, &laid, d->fit.part, &drawn, d->near, d->room);
 
     o->close = shape.close;
     o->turned = shape.turned;
@@ -457,10 +476,10 @@ static cairn_real score_of(const detector *d, const cairn_detection *o)
     if (d->field->params.occluded)
         return OCCLUDED_AGREED * o->agreed + OCCLUDED_GROUPED * o->grouped +
                (cairn_real)(OCCLUDED_SIZE * log((double)o->size / diagonal) - OCCLUDED_NOTHING);
-    return o->bent + RIGID * o->rigid + d->field->params.verify * o->grouped + NEAR * o->close - TURNED * o->turned -
-           STRAINED * o->strained +
-           (cairn_real)(SIZE * log((double)o->size / diagonal) - PROPORTION * log(proportion) * log(proportion) -
-                        NOTHING);
+    return o->bent + RIGID * o->rigid + d->field->params.verify * o->grouped + NEAR * o->close -
+           TURNED * o->turned - STRAINED * o->strained +
+           (cairn_real)(SIZE * log((double)o->size / diagonal) -
+                        PROPORTION * log(proportion) * log(proportion) - NOTHING);
 }
 
 /* What the thesis says of a hypothesis by its parts. */
@@ -473,7 +492,8 @@ static void take_parts(const detect_hypothesis *h, cairn_detection *o)
     o->part_count = h->part_count;
 }
 
-/* What is in the box (Adluru 2008, eq. 5.1, with how unlikely it shows the class as the distance of appearance). */
+/* What is in the box (Adluru 2008, eq. 5.1, with how unlikely it shows the class as the distance
+ * of appearance). */
 static void look_at(const detector *d, cairn_detection *o)
 {
     const double box[4] = {(double)o->left, (double)o->top, (double)o->right, (double)o->bottom};
@@ -531,7 +551,8 @@ static int compare_detections(const void *a, const void *b)
 
     if (x->score != y->score)
         return x->score < y->score ? 1 : -1;
-    return x->first_outline != y->first_outline ? x->first_outline - y->first_outline : x->first_part - y->first_part;
+    return x->first_outline != y->first_outline ? x->first_outline - y->first_outline
+                                                : x->first_part - y->first_part;
 }
 
 static void keep_best(const detector *d, cairn_detections *found)
@@ -547,8 +568,9 @@ static void keep_best(const detector *d, cairn_detections *found)
         for (int32_t k = 0; k < kept && apart; k++) {
             const cairn_detection *b = &found->found[k];
 
-            apart = overlap_of((float)o->left, (float)o->top, (float)o->right, (float)o->bottom, (float)b->left,
-                               (float)b->top, (float)b->right, (float)b->bottom) <= (float)d->field->params.overlap &&
+            apart = overlap_of((float)o->left, (float)o->top, (float)o->right, (float)o->bottom,
+                               (float)b->left, (float)b->top, (float)b->right,
+                               (float)b->bottom) <= (float)d->field->params.overlap &&
                     (cairn_detect_is_as_written(d->field) || inside_of(o, b) <= INSIDE);
         }
         if (apart)
@@ -603,11 +625,13 @@ static cairn_status detect(detector *d, cairn_detections *found)
         return status;
     take_configurations(d, found);
     found->found = malloc(((size_t)d->count + 1) * sizeof *found->found);
-    found->outline = malloc(((size_t)d->count + 1) * (size_t)d->model->outline_count * sizeof *found->outline);
+    found->outline =
+        malloc(((size_t)d->count + 1) * (size_t)d->model->outline_count * sizeof *found->outline);
     if (found->found == NULL || found->outline == NULL)
         return CAIRN_NO_MEMORY;
-    cairn_detect_tell(d->field,
-                      d->field->params.method == CAIRN_DETECT_PARTS ? CAIRN_DETECT_BOXES : CAIRN_DETECT_SCORES);
+    cairn_detect_tell(d->field, d->field->params.method == CAIRN_DETECT_PARTS
+                                    ? CAIRN_DETECT_BOXES
+                                    : CAIRN_DETECT_SCORES);
     for (int32_t i = 0; i < d->count; i++)
         if (!verify(d, &d->peaks[i], found))
             return CAIRN_NO_MEMORY;
@@ -645,19 +669,23 @@ static cairn_status check_model(const cairn_shape_model *model, cairn_fault *fau
     cairn_status status = cairn_shape_model_check(model, fault);
 
     if (status == CAIRN_OK && model->outline_count < 3)
-        status = cairn_refuse(fault, -1, "a model of fewer than 3 places, expected an outline", CAIRN_BAD_ARGUMENT);
-    if (status == CAIRN_OK && !has_area(model))
-        status = cairn_refuse(fault, -1, "an outline along one straight line, expected one with a width and a height",
+        status = cairn_refuse(fault, -1, "a model of fewer than 3 places, expected an outline",
                               CAIRN_BAD_ARGUMENT);
+    if (status == CAIRN_OK && !has_area(model))
+        status = cairn_refuse(
+            fault, -1, "an outline along one straight line, expected one with a width and a height",
+            CAIRN_BAD_ARGUMENT);
     if (status == CAIRN_OK && !is_within_margins(model))
-        status =
-            cairn_refuse(fault, -1, "the outline lies farther from its middle than half its size, expected it within",
-                         CAIRN_BAD_ARGUMENT);
+        status = cairn_refuse(
+            fault, -1,
+            "the outline lies farther from its middle than half its size, expected it within",
+            CAIRN_BAD_ARGUMENT);
     return status;
 }
 
 cairn_status cairn_object_detect(cairn_detections *detections, const cairn_detect_field *field,
-                                 const cairn_shape_model *model, const char *path, cairn_file_error *error)
+                                 const cairn_shape_model *model, const char *path,
+                                 cairn_file_error *error)
 {
     detector d = {.field = field, .model = model};
     cairn_fault fault = {0, NULL};
@@ -666,7 +694,8 @@ cairn_status cairn_object_detect(cairn_detections *detections, const cairn_detec
     memset(detections, 0, sizeof *detections);
     if (status != CAIRN_OK)
         return cairn_file_error_set(error, status, path, 0, "%s", fault.what);
-    status = cairn_detect_is_as_written(field) ? detect_as_written(&d, detections) : detect(&d, detections);
+    status = cairn_detect_is_as_written(field) ? detect_as_written(&d, detections)
+                                               : detect(&d, detections);
     cairn_detect_parts_free(&d.hypotheses);
     cairn_detect_group_free(&d.groupings);
     free(d.outlines);
@@ -679,10 +708,12 @@ cairn_status cairn_object_detect(cairn_detections *detections, const cairn_detec
         return CAIRN_OK;
     cairn_detections_free(detections);
     if (status != CAIRN_NO_MEMORY && field->params.cuts != NULL)
-        return cairn_file_error_set(error, status, path, 0, "%s, expected fragments by hand of its first outline",
+        return cairn_file_error_set(error, status, path, 0,
+                                    "%s, expected fragments by hand of its first outline",
                                     cairn_status_text(status));
     if (status != CAIRN_NO_MEMORY)
-        return cairn_file_error_set(error, status, path, 0, "%s, expected an outline with length of 3 to 4096 samples",
+        return cairn_file_error_set(error, status, path, 0,
+                                    "%s, expected an outline with length of 3 to 4096 samples",
                                     cairn_status_text(status));
     return cairn_file_error_system(error, path, "detect", ENOMEM);
 }

@@ -1,20 +1,22 @@
-/* How much of a bent outline agrees on one similarity map of the drawing, and where that lays it: for objects of the model's own shape
- * that are hidden in part.
+/* How much of a bent outline agrees on one similarity map of the drawing, and where that lays it:
+ * for objects of the model's own shape that are hidden in part.
  *
- * Method: from each half of the outline, and from all of it, a map is fitted by least squares, samples are weighed by how near they lie to
- * where it lays them, and it is fitted again. What lies behind something else was bent along that, and does not count; what a bend made
- * fit does not, either.
+ * Method: from each half of the outline, and from all of it, a map is fitted by least squares,
+ * samples are weighed by how near they lie to where it lays them, and it is fitted again. What lies
+ * behind something else was bent along that, and does not count; what a bend made fit does not,
+ * either.
  *
  * Source: this project's. */
 #include "src/core/build.h"
 
 #include "src/host/object_detect_work.h"
 
-/* Sigma, in sizes, of how far samples lie from the similarity map that they agree on, at last; wider at first. */
+/* Sigma, in sizes, of how far samples lie from the similarity map that they agree on, at last;
+ * wider at first. */
 #define AGREED 0.012
 static const double widening[] = {4, 2, 1, 1};
-/* Halves of the outline that such a map is looked for from, besides the whole; and how much larger or smaller than the outline it makes it,
- * most. */
+/* Halves of the outline that such a map is looked for from, besides the whole; and how much
+ * larger or smaller than the outline it makes it, most. */
 enum { HALVES = 8, ROUNDS = sizeof widening / sizeof *widening };
 #define SCALE_MOST 2
 
@@ -32,8 +34,8 @@ static cairn_vec2 place_of(const contour_laid *c, int32_t i)
 }
 
 /* By least squares with weights; 0: there is none within SCALE_MOST. */
-static int32_t solve_similarity(const contour_laid *c, const cairn_oriented_point *drawn, const cairn_real *weight,
-                                detect_similarity *s)
+static int32_t solve_similarity(const contour_laid *c, const cairn_oriented_point *drawn,
+                                const cairn_real *weight, detect_similarity *s)
 {
     cairn_vec2 from = {0, 0}, to = {0, 0};
     cairn_real sum = 0, spread = 0, scale;
@@ -49,7 +51,8 @@ static int32_t solve_similarity(const contour_laid *c, const cairn_oriented_poin
     to = cairn_vec2_scale(to, 1 / sum);
     s->a = s->b = 0;
     for (int32_t i = 0; i < c->outline_count; i++) {
-        cairn_vec2 p = cairn_vec2_sub(drawn[i].position, from), q = cairn_vec2_sub(place_of(c, i), to);
+        cairn_vec2 p = cairn_vec2_sub(drawn[i].position, from),
+                   q = cairn_vec2_sub(place_of(c, i), to);
 
         s->a += weight[i] * cairn_vec2_dot(p, q);
         s->b += weight[i] * cairn_vec2_cross(p, q);
@@ -65,9 +68,11 @@ static int32_t solve_similarity(const contour_laid *c, const cairn_oriented_poin
     return scale > (cairn_real)1 / (SCALE_MOST * SCALE_MOST) && scale < SCALE_MOST * SCALE_MOST;
 }
 
-/* Weighs samples by how near an edge is to each, and how near it lies to where the map lays it; the mean weight. */
-static cairn_real weigh(const contour_laid *c, const cairn_oriented_point *drawn, const detect_similarity *s,
-                        cairn_real sigma, const cairn_real *near, cairn_real *weight)
+/* Weighs samples by how near an edge is to each, and how near it lies to where the map lays it;
+ * the mean weight. */
+static cairn_real weigh(const contour_laid *c, const cairn_oriented_point *drawn,
+                        const detect_similarity *s, cairn_real sigma, const cairn_real *near,
+                        cairn_real *weight)
 {
     cairn_real sum = 0, far = 2 * sigma * sigma * (s->a * s->a + s->b * s->b);
 
@@ -80,8 +85,8 @@ static cairn_real weigh(const contour_laid *c, const cairn_oriented_point *drawn
     return sum / (cairn_real)c->outline_count;
 }
 
-cairn_real cairn_detect_agreed(const contour_laid *laid, const cairn_oriented_point *drawn, const cairn_real *near,
-                               cairn_real *weight, detect_similarity *map)
+cairn_real cairn_detect_agreed(const contour_laid *laid, const cairn_oriented_point *drawn,
+                               const cairn_real *near, cairn_real *weight, detect_similarity *map)
 {
     cairn_real most = 0;
 
@@ -108,8 +113,8 @@ cairn_real cairn_detect_agreed(const contour_laid *laid, const cairn_oriented_po
     return most;
 }
 
-void cairn_detect_lay(const detect_similarity *laid, const cairn_oriented_point *drawn, contour_fit *fit,
-                      cairn_detection *o)
+void cairn_detect_lay(const detect_similarity *laid, const cairn_oriented_point *drawn,
+                      contour_fit *fit, cairn_detection *o)
 {
     const cairn_vec2 none = {0, 0};
     cairn_vec2 middle = lay(laid, none);
@@ -118,7 +123,8 @@ void cairn_detect_lay(const detect_similarity *laid, const cairn_oriented_point 
         cairn_vec2 at = cairn_vec2_scale(lay(laid, drawn[i].position), o->size);
 
         fit->outline[i].position = cairn_vec2_add(o->origin, at);
-        fit->outline[i].direction = cairn_vec2_unit(cairn_vec2_sub(lay(laid, drawn[i].direction), middle));
+        fit->outline[i].direction =
+            cairn_vec2_unit(cairn_vec2_sub(lay(laid, drawn[i].direction), middle));
     }
     o->origin = cairn_vec2_add(o->origin, cairn_vec2_scale(middle, o->size));
     o->size *= cairn_sqrt(laid->a * laid->a + laid->b * laid->b);

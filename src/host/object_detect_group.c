@@ -1,7 +1,9 @@
-/* Detections verified by contour grouping (chapter 2), and those that are hidden in part found by it.
+/* Detections verified by contour grouping (chapter 2), and those that are hidden in part found by
+ * it.
  *
- * Method: the grouping looks for the model as it is and mirrored, in one band of sizes after the other. Its evidence is of what is seen
- * along chains of edges, whatever is hidden, and objects may be turned: what a bent outline has not counted.
+ * Method: the grouping looks for the model as it is and mirrored, in one band of sizes after the
+ * other. Its evidence is of what is seen along chains of edges, whatever is hidden, and objects may
+ * be turned: what a bent outline has not counted.
  *
  * Source: Adluru 2008, chapter 2 (contour_grouping). */
 #include "src/core/build.h"
@@ -15,7 +17,8 @@
 #include "cairn/shape_model_file.h"
 #include "src/host/object_detect_work.h"
 
-/* Sizes that are searched at once differ by this factor at most: of sizes at one place a search keeps the best alone. */
+/* Sizes that are searched at once differ by this factor at most: of sizes at one place a search
+ * keeps the best alone. */
 #define BAND 2.2
 /* Least evidence of what is kept: chance has more about every object. */
 #define EVIDENCE 2
@@ -41,7 +44,8 @@ static int32_t count_tokens(const cairn_contour_tokens *tokens, cairn_real token
     return (int32_t)fmax(LEAST_TOKENS, fmin(count, CAIRN_CONTOUR_TOKENS_MOST));
 }
 
-static cairn_grouping_params params_for(const cairn_contour_tokens *tokens, const cairn_shape_model *model)
+static cairn_grouping_params params_for(const cairn_contour_tokens *tokens,
+                                        const cairn_shape_model *model)
 {
     cairn_grouping_params params = cairn_grouping_default();
 
@@ -66,7 +70,8 @@ static void lay_box(const cairn_shape_model *m, detect_grouping *g)
     g->box[2] = g->box[3] = -HUGE_VAL;
     for (int32_t i = 0; i < m->outline_count; i++) {
         double px = (double)m->outline[i].position.x, py = (double)m->outline[i].position.y;
-        double x = (double)g->found.origin.x + c * px - s * py, y = (double)g->found.origin.y + s * px + c * py;
+        double x = (double)g->found.origin.x + c * px - s * py,
+               y = (double)g->found.origin.y + s * px + c * py;
 
         g->box[0] = fmin(g->box[0], x);
         g->box[1] = fmin(g->box[1], y);
@@ -75,8 +80,8 @@ static void lay_box(const cairn_shape_model *m, detect_grouping *g)
     }
 }
 
-static void take(detect_groupings *made, const cairn_grouping *grouping, const cairn_shape_model *model,
-                 int32_t mirrored)
+static void take(detect_groupings *made, const cairn_grouping *grouping,
+                 const cairn_shape_model *model, int32_t mirrored)
 {
     cairn_grouping_result r = cairn_grouping_read(grouping);
 
@@ -115,10 +120,12 @@ static cairn_status search_band(cairn_grouping *grouping, const cairn_contour_to
     return status;
 }
 
-static cairn_status search(detect_groupings *made, const cairn_detect_field *field, const cairn_shape_model *model,
-                           int32_t mirrored, cairn_grouping *grouping)
+static cairn_status search(detect_groupings *made, const cairn_detect_field *field,
+                           const cairn_shape_model *model, int32_t mirrored,
+                           cairn_grouping *grouping)
 {
-    double least = (double)field->params.min_size, range = log((double)field->params.max_size / least);
+    double least = (double)field->params.min_size,
+           range = log((double)field->params.max_size / least);
     int32_t bands = 1 + (int32_t)(range / log(BAND));
     cairn_status status = CAIRN_OK;
 
@@ -158,7 +165,8 @@ static int compare_groupings(const void *a, const void *b)
     return x->found.origin.x < y->found.origin.x ? -1 : x->found.origin.x > y->found.origin.x;
 }
 
-cairn_status cairn_detect_group(detect_groupings *made, const cairn_detect_field *field, const cairn_shape_model *model)
+cairn_status cairn_detect_group(detect_groupings *made, const cairn_detect_field *field,
+                                const cairn_shape_model *model)
 {
     cairn_grouping_params params = params_for(field->tokens, model);
     size_t bytes = cairn_grouping_memory(&params) + CAIRN_ALIGN;
@@ -169,7 +177,8 @@ cairn_status cairn_detect_group(detect_groupings *made, const cairn_detect_field
 
     made->count = 0;
     made->list = malloc(DETECT_GROUPINGS * sizeof *made->list);
-    status = memory != NULL && made->list != NULL ? cairn_pool_init(&pool, memory, bytes) : CAIRN_NO_MEMORY;
+    status = memory != NULL && made->list != NULL ? cairn_pool_init(&pool, memory, bytes)
+                                                  : CAIRN_NO_MEMORY;
     if (status == CAIRN_OK)
         status = cairn_grouping_create(&grouping, &pool, &params);
     if (status == CAIRN_OK)

@@ -1,12 +1,15 @@
 /* Hypotheses of an object by the parts of its outline (Adluru 2008, chapter 5).
  *
- * Method: the polylines of the edges' chains are matched with the fragments of the model's outline (fragment_match), also with those of its mirror
- * image. Every match votes for a place and a size; its gain is its similarity times the share of the outline that it stands for. Of the
- * votes near each one the best configuration is taken (part_configuration). What of the chains it is made of is laid into the frame of the
- * model and compared with the whole outline by its shape contexts, what no part stands for counted as missing: score = 1 - distance.
+ * Method: the polylines of the edges' chains are matched with the fragments of the model's outline
+ * (fragment_match), also with those of its mirror image. Every match votes for a place and a size;
+ * its gain is its similarity times the share of the outline that it stands for. Of the votes near
+ * each one the best configuration is taken (part_configuration). What of the chains it is made of
+ * is laid into the frame of the model and compared with the whole outline by its shape contexts,
+ * what no part stands for counted as missing: score = 1 - distance.
  *
- * As written (CAIRN_MODE_AS_WRITTEN): all configurations of the K nearest of all votes whose similarities sum to LEAST_SUM or more; the whole edge
- * fragments of each are compared with the whole outline (object_detect_written.c).
+ * As written (CAIRN_MODE_AS_WRITTEN): all configurations of the K nearest of all votes whose
+ * similarities sum to LEAST_SUM or more; the whole edge fragments of each are compared with the
+ * whole outline (object_detect_written.c).
  *
  * Source: Adluru 2008, sections 5.2.2 and 5.3.1; as settled in the heads of the rooms. */
 #include "src/core/build.h"
@@ -20,7 +23,8 @@
 #include "cairn/shape_context.h"
 #include "src/host/object_detect_work.h"
 
-/* Points of the outline that are compared, as written of a hypothesis, too; and of all parts of a configuration. */
+/* Points of the outline that are compared, as written of a hypothesis, too; and of all parts of
+ * a configuration. */
 enum { OUTLINE_POINTS = 64, PART_POINTS = 128 };
 /* Two ends of a chain so near, in pixels, are one: the chain is closed. */
 #define CLOSED 3
@@ -29,7 +33,8 @@ enum { OUTLINE_POINTS = 64, PART_POINTS = 128 };
 /* Configurations that are visited near one vote, at most. */
 enum { NODES_MOST = 100000 };
 
-/* As written: the threshold of summed similarities (section 5.3.1 names none); matches of any similarity vote. */
+/* As written: the threshold of summed similarities (section 5.3.1 names none); matches of any
+ * similarity vote. */
 #define LEAST_SUM      CAIRN_REAL(0.75)
 #define ANY_SIMILARITY CAIRN_REAL(1e-3)
 
@@ -41,7 +46,8 @@ static cairn_vec2 middle_of(cairn_vec2 a, cairn_vec2 b)
 }
 
 /* The polyline through the segments `from` ... `to` - 1 of a chain, which follow each other. */
-static void add_chain(detect_chains *c, const cairn_contour_tokens *t, int32_t from, int32_t to, cairn_vec2 *points)
+static void add_chain(detect_chains *c, const cairn_contour_tokens *t, int32_t from, int32_t to,
+                      cairn_vec2 *points)
 {
     cairn_curve *curve = &c->curves[t->chain[from]];
     cairn_vec2 first = t->lines[from].a, last = t->lines[to - 1].b;
@@ -166,13 +172,15 @@ static cairn_status create(searcher *s, cairn_pool *pool, void **memory)
     cairn_fragment_match_params match = match_params(s);
     cairn_part_configuration_params configuration = configuration_params(s);
     cairn_shape_context_params context = context_params();
-    size_t bytes = CAIRN_ALIGN + cairn_part_bundle_memory(&bundle) + cairn_fragment_match_memory(&match) +
-                   cairn_part_configuration_memory(&configuration) + cairn_shape_context_memory(&context);
+    size_t bytes =
+        CAIRN_ALIGN + cairn_part_bundle_memory(&bundle) + cairn_fragment_match_memory(&match) +
+        cairn_part_configuration_memory(&configuration) + cairn_shape_context_memory(&context);
     cairn_status status;
 
     *memory = malloc(bytes);
     s->votes = malloc((size_t)configuration.max_votes * sizeof *s->votes);
-    s->samples = malloc((size_t)CAIRN_PART_FRAGMENTS * (size_t)bundle.samples_each * sizeof *s->samples);
+    s->samples =
+        malloc((size_t)CAIRN_PART_FRAGMENTS * (size_t)bundle.samples_each * sizeof *s->samples);
     if (cairn_part_bundle_memory(&bundle) == 0)
         return bundle.max_points < 3 ? CAIRN_EMPTY : CAIRN_FULL;
     if (*memory == NULL || s->votes == NULL || s->samples == NULL)
@@ -200,7 +208,8 @@ static cairn_status cut_outline(searcher *s)
     for (int32_t i = 0; i < count && points != NULL; i++)
         points[i] = s->model->outline[i].position;
     if (status == CAIRN_OK)
-        status = cairn_part_bundle_begin(s->builder, points, count, s->field->params.cuts, s->field->params.cut_count);
+        status = cairn_part_bundle_begin(s->builder, points, count, s->field->params.cuts,
+                                         s->field->params.cut_count);
     free(points);
     if (status != CAIRN_OK)
         return status;
@@ -245,7 +254,8 @@ static cairn_status match(searcher *s, cairn_fragment_match_result *found)
 {
     const detect_chains *chains = &s->field->chains;
     cairn_budget budget;
-    cairn_status status = cairn_fragment_match_begin(s->matcher, &s->parts, chains->curves, chains->count);
+    cairn_status status =
+        cairn_fragment_match_begin(s->matcher, &s->parts, chains->curves, chains->count);
 
     if (status != CAIRN_OK)
         return status;
@@ -265,7 +275,8 @@ static int is_longest(const searcher *s, int32_t fragment)
     for (int32_t i = 0; i < s->parts.fragment_count; i++) {
         const cairn_part_fragment *f = &s->parts.fragments[i];
 
-        if (f->bundle == own->bundle && (i < fragment ? f->length >= own->length : f->length > own->length))
+        if (f->bundle == own->bundle &&
+            (i < fragment ? f->length >= own->length : f->length > own->length))
             return 0;
     }
     return 1;
@@ -288,7 +299,9 @@ static int32_t vote(searcher *s, const cairn_fragment_match_result *found, int32
         v->chain = m->chain;
         v->centre = m->centre;
         v->scale = m->scale;
-        v->gain = cairn_detect_is_as_written(s->field) ? m->similarity : m->similarity * f->length / s->parts.length;
+        v->gain = cairn_detect_is_as_written(s->field)
+                      ? m->similarity
+                      : m->similarity * f->length / s->parts.length;
         v->from = m->from;
         v->to = m->to;
         v->round = chain->closed ? cairn_curve_length(chain) : 0;
@@ -320,11 +333,13 @@ static cairn_vec2 point_along(const cairn_curve *chain, cairn_real along)
     int32_t sides = chain->closed ? chain->count : chain->count - 1;
 
     for (int32_t i = 0; i < 2 * sides; i++) {
-        cairn_segment side = {chain->points[i % chain->count], chain->points[(i + 1) % chain->count]};
+        cairn_segment side = {chain->points[i % chain->count],
+                              chain->points[(i + 1) % chain->count]};
         cairn_real length = cairn_segment_length(side);
 
         if (along <= length && length > 0)
-            return cairn_vec2_add(side.a, cairn_vec2_scale(cairn_vec2_sub(side.b, side.a), along / length));
+            return cairn_vec2_add(side.a,
+                                  cairn_vec2_scale(cairn_vec2_sub(side.b, side.a), along / length));
         if (!chain->closed && i + 1 == sides)
             break;
         along -= length;
@@ -332,8 +347,8 @@ static cairn_vec2 point_along(const cairn_curve *chain, cairn_real along)
     return chain->points[chain->closed ? 0 : chain->count - 1];
 }
 
-/* What of the chains a configuration is made of, as points in the frame of the model, as close as those of its outline, or as room
- * allows for all of them. */
+/* What of the chains a configuration is made of, as points in the frame of the model, as close
+ * as those of its outline, or as room allows for all of them. */
 static int32_t lay_parts(const searcher *s, const detect_hypothesis *h, cairn_vec2 *points)
 {
     cairn_real step = s->parts.length * h->size / (cairn_real)s->outline_count, all = 0;
@@ -349,8 +364,9 @@ static int32_t lay_parts(const searcher *s, const detect_hypothesis *h, cairn_ve
         int32_t here = room > 0 ? 1 + (int32_t)((double)(p->to - p->from) / (double)step) : 1;
 
         for (int32_t k = 0; k <= here && count < PART_POINTS; k++) {
-            cairn_vec2 at = point_along(&s->field->chains.curves[p->chain],
-                                        p->from + (p->to - p->from) * ((cairn_real)k / (cairn_real)here));
+            cairn_vec2 at =
+                point_along(&s->field->chains.curves[p->chain],
+                            p->from + (p->to - p->from) * ((cairn_real)k / (cairn_real)here));
 
             points[count++] = cairn_vec2_scale(cairn_vec2_sub(at, h->origin), 1 / h->size);
         }
@@ -396,7 +412,8 @@ static cairn_status compare_whole(searcher *s, detect_hypothesis *h)
                                        .second_count = s->outline_count};
     cairn_status status;
 
-    if (!cairn_detect_written_lay(s->field, h, &s->made->parts[h->first_part], points, OUTLINE_POINTS))
+    if (!cairn_detect_written_lay(s->field, h, &s->made->parts[h->first_part], points,
+                                  OUTLINE_POINTS))
         return CAIRN_EMPTY;
     status = run_context(s, &input);
     h->distance = cairn_shape_context_read(s->context).symmetric;
@@ -419,8 +436,9 @@ static cairn_status compare_shapes(searcher *s, detect_hypothesis *h)
     return status;
 }
 
-static cairn_status add_hypothesis(searcher *s, const cairn_part_configuration *c, const int32_t *votes,
-                                   const cairn_fragment_match *matches, const int32_t *match_of)
+static cairn_status add_hypothesis(searcher *s, const cairn_part_configuration *c,
+                                   const int32_t *votes, const cairn_fragment_match *matches,
+                                   const int32_t *match_of)
 {
     detect_hypothesis *h = &s->made->list[s->made->count];
     cairn_status status;
@@ -468,7 +486,8 @@ static cairn_status search(searcher *s, int32_t mirrored, int32_t *match_of)
         status = configure(s, vote(s, &matches, match_of), &configurations);
     cairn_detect_tell(s->field, CAIRN_DETECT_SCORES);
     for (int32_t i = 0; status == CAIRN_OK && i < configurations.count; i++)
-        status = add_hypothesis(s, &configurations.found[i], configurations.votes, matches.matches, match_of);
+        status = add_hypothesis(s, &configurations.found[i], configurations.votes, matches.matches,
+                                match_of);
     return status;
 }
 
@@ -478,19 +497,22 @@ cairn_status cairn_detect_parts(detect_hypotheses *made, const cairn_detect_fiel
     searcher s = {.field = field, .model = model, .made = made};
     int written = cairn_detect_is_as_written(field);
     size_t most = written ? 2 * DETECT_WRITTEN : DETECT_HYPOTHESES;
-    int32_t *match_of = malloc((size_t)CAIRN_PART_FRAGMENTS * (size_t)field->params.matches * sizeof *match_of);
+    int32_t *match_of =
+        malloc((size_t)CAIRN_PART_FRAGMENTS * (size_t)field->params.matches * sizeof *match_of);
     cairn_status status = CAIRN_NO_MEMORY;
     void *memory = NULL;
     cairn_pool pool;
 
     memset(made, 0, sizeof *made);
     made->list = malloc(most * sizeof *made->list);
-    made->parts = malloc(most * (written ? CAIRN_PART_BUNDLES : DETECT_PARTS_MOST) * sizeof *made->parts);
+    made->parts =
+        malloc(most * (written ? CAIRN_PART_BUNDLES : DETECT_PARTS_MOST) * sizeof *made->parts);
     if (made->list != NULL && made->parts != NULL && match_of != NULL)
         status = create(&s, &pool, &memory);
     if (status == CAIRN_OK)
         status = cut_outline(&s);
-    for (int32_t mirrored = 0; status == CAIRN_OK && mirrored < (field->params.mirror ? 2 : 1); mirrored++)
+    for (int32_t mirrored = 0; status == CAIRN_OK && mirrored < (field->params.mirror ? 2 : 1);
+         mirrored++)
         status = search(&s, mirrored, match_of);
     made->bundles = s.parts.bundles;
     free(match_of);

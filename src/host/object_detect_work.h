@@ -6,8 +6,9 @@
 #include "cairn/object_detect.h"
 #include "src/host/contour_search_fit.h"
 
-/* Directions over half a turn; cells along an object's size, and round the picture, where no edge is known; sizes from the least to the
- * largest that there may be; cells along a picture's side at most. */
+/* Directions over half a turn; cells along an object's size, and round the picture, where no
+ * edge is known; sizes from the least to the largest that there may be; cells along a picture's
+ * side at most. */
 enum {
     DETECT_BINS = CONTOUR_FIELD_BINS,
     DETECT_CELLS = 40,
@@ -23,7 +24,8 @@ typedef struct detect_plane {
     float *worth;          /* [BINS][height + 2 MARGIN][width + 2 MARGIN] */
 } detect_plane;
 
-/* PARTS: the chains of the edges as polylines, by their numbers; those that are too short for segments have no points. */
+/* PARTS: the chains of the edges as polylines, by their numbers; those that are too short for
+ * segments have no points. */
 typedef struct detect_chains {
     cairn_curve *curves; /* [count] */
     cairn_vec2 *points;
@@ -83,7 +85,8 @@ typedef struct detect_grouping {
     int32_t mirrored;
 } detect_grouping;
 
-/* Objects of one search of the grouping, and searches (bands of sizes, the model as it is and mirrored) at most. */
+/* Objects of one search of the grouping, and searches (bands of sizes, the model as it is and
+ * mirrored) at most. */
 enum { DETECT_GROUPED_EACH = 12, DETECT_GROUPINGS = 22 * DETECT_GROUPED_EACH };
 
 typedef struct detect_groupings {
@@ -91,8 +94,8 @@ typedef struct detect_groupings {
     int32_t count;
 } detect_groupings;
 
-/* Groups the model's contour among the edges of a field, in the sizes of its params. CAIRN_NO_MEMORY, or as cairn_grouping_begin(). On
- * failure there is something to free, too. */
+/* Groups the model's contour among the edges of a field, in the sizes of its params.
+ * CAIRN_NO_MEMORY, or as cairn_grouping_begin(). On failure there is something to free, too. */
 cairn_status cairn_detect_group(detect_groupings *made, const cairn_detect_field *field,
                                 const cairn_shape_model *model);
 void cairn_detect_group_free(detect_groupings *made);
@@ -110,15 +113,17 @@ typedef struct detect_similarity {
     cairn_vec2 shift;
 } detect_similarity;
 
-/* How much of an outline agrees on one map of the drawn one, 0 ... 1 (object_detect_agree.c). near: [outline_count] how near an edge is to
- * each sample; weight: [outline_count] is overwritten. map: where most of the outline agrees that it lies, from its origin in its sizes,
+/* How much of an outline agrees on one map of the drawn one, 0 ... 1 (object_detect_agree.c).
+ * near: [outline_count] how near an edge is to each sample; weight: [outline_count] is
+ * overwritten. map: where most of the outline agrees that it lies, from its origin in its sizes,
  * when it is > 0. Cost: some 40 passes over the samples. */
-cairn_real cairn_detect_agreed(const contour_laid *laid, const cairn_oriented_point *drawn, const cairn_real *near,
-                               cairn_real *weight, detect_similarity *map);
+cairn_real cairn_detect_agreed(const contour_laid *laid, const cairn_oriented_point *drawn,
+                               const cairn_real *near, cairn_real *weight, detect_similarity *map);
 
-/* Lays the drawn outline there in place of the bent one; origin and size of the detection become those. */
-void cairn_detect_lay(const detect_similarity *laid, const cairn_oriented_point *drawn, contour_fit *fit,
-                      cairn_detection *o);
+/* Lays the drawn outline there in place of the bent one; origin and size of the detection become
+ * those. */
+void cairn_detect_lay(const detect_similarity *laid, const cairn_oriented_point *drawn,
+                      contour_fit *fit, cairn_detection *o);
 
 /* CAIRN_NO_MEMORY, CAIRN_EMPTY: an outline without length. On failure there is nothing to free. */
 cairn_status cairn_detect_parts(detect_hypotheses *made, const cairn_detect_field *field,
@@ -130,14 +135,15 @@ static inline int cairn_detect_is_as_written(const cairn_detect_field *f)
     return f->params.mode == CAIRN_MODE_AS_WRITTEN;
 }
 
-/* As written (object_detect_written.c). The fragments of a hypothesis: its box, and points[count] at even steps along all of them. 0: they have
- * no length. */
-int cairn_detect_written_lay(const cairn_detect_field *field, detect_hypothesis *h, const cairn_detected_part *parts,
-                             cairn_vec2 *points, int32_t count);
+/* As written (object_detect_written.c). The fragments of a hypothesis: its box, and
+ * points[count] at even steps along all of them. 0: they have no length. */
+int cairn_detect_written_lay(const cairn_detect_field *field, detect_hypothesis *h,
+                             const cairn_detected_part *parts, cairn_vec2 *points, int32_t count);
 /* Detections of all hypotheses: found->found alone, from the heap. */
 cairn_status cairn_detect_written_take(cairn_detections *found, const detect_hypotheses *made,
                                        const cairn_detect_field *field);
-/* The lines of the fragments, and the model's outline where its centroid was voted to be; for those in found->found. */
+/* The lines of the fragments, and the model's outline where its centroid was voted to be; for
+ * those in found->found. */
 cairn_status cairn_detect_written_draw(cairn_detections *found, const cairn_detect_field *field,
                                        const cairn_shape_model *model);
 

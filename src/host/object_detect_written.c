@@ -1,10 +1,14 @@
-/* Detection by parts as written: hypotheses are groups of whole edge fragments, boxes are those about them.
+/* Detection by parts as written: hypotheses are groups of whole edge fragments, boxes are those
+ * about them.
  *
- * Choices, where the text is silent: the shape of a hypothesis is that of its whole edge fragments, as linked (section 5.3.1: configurations are
- * groups of edge fragments), sampled at 64 even steps, as many as the outline; it is not warped onto the model before it is
- * measured, for nothing is said of that and a straight edge warps onto anything; the distance is the sum of both directions' mean costs of the best
- * matches; with appearance lambda times what is missing to a probability of 1 is added (eq. 5.1). Of hypotheses whose boxes share more than
- * `overlap` of their union the one of the least distance stays: the best of an image's place, for images hold several objects or none.
+ * Choices, where the text is silent: the shape of a hypothesis is that of its whole edge fragments,
+ * as linked (section 5.3.1: configurations are groups of edge fragments), sampled at 64 even steps,
+ * as many as the outline; it is not warped onto the model before it is measured, for nothing is
+ * said of that and a straight edge warps onto anything; the distance is the sum of both directions'
+ * mean costs of the best matches; with appearance lambda times what is missing to a probability of
+ * 1 is added (eq. 5.1). Of hypotheses whose boxes share more than `overlap` of their union the one
+ * of the least distance stays: the best of an image's place, for images hold several objects or
+ * none.
  *
  * Source: Adluru 2008, section 5.3. */
 #include "src/core/build.h"
@@ -27,7 +31,8 @@ cairn_object_detect_params cairn_object_detect_as_written(int32_t width, int32_t
 /* ---- The shape of a hypothesis ---- */
 
 /* Adds what of even steps falls on a chain; *at: px from its first point to the next step. */
-static int32_t lay_chain(const cairn_curve *chain, cairn_real step, cairn_real *at, cairn_vec2 *points, int32_t room)
+static int32_t lay_chain(const cairn_curve *chain, cairn_real step, cairn_real *at,
+                         cairn_vec2 *points, int32_t room)
 {
     int32_t sides = chain->closed ? chain->count : chain->count - 1, count = 0;
 
@@ -36,7 +41,8 @@ static int32_t lay_chain(const cairn_curve *chain, cairn_real step, cairn_real *
         cairn_real length = cairn_segment_length(side);
 
         while (*at < length && count < room) {
-            points[count++] = cairn_vec2_add(side.a, cairn_vec2_scale(cairn_vec2_sub(side.b, side.a), *at / length));
+            points[count++] = cairn_vec2_add(
+                side.a, cairn_vec2_scale(cairn_vec2_sub(side.b, side.a), *at / length));
             *at += step;
         }
         *at -= length;
@@ -44,8 +50,8 @@ static int32_t lay_chain(const cairn_curve *chain, cairn_real step, cairn_real *
     return count;
 }
 
-int cairn_detect_written_lay(const cairn_detect_field *field, detect_hypothesis *h, const cairn_detected_part *parts,
-                             cairn_vec2 *points, int32_t count)
+int cairn_detect_written_lay(const cairn_detect_field *field, detect_hypothesis *h,
+                             const cairn_detected_part *parts, cairn_vec2 *points, int32_t count)
 {
     cairn_real all = 0, step, at;
     cairn_box box = cairn_box_empty();
@@ -67,7 +73,8 @@ int cairn_detect_written_lay(const cairn_detect_field *field, detect_hypothesis 
     step = all / (cairn_real)count;
     at = step / 2;
     for (int32_t i = 0; i < h->part_count; i++)
-        laid += lay_chain(&field->chains.curves[parts[i].chain], step, &at, points + laid, count - laid);
+        laid += lay_chain(&field->chains.curves[parts[i].chain], step, &at, points + laid,
+                          count - laid);
     for (; laid < count && laid > 0; laid++)
         points[laid] = points[laid - 1];
     return laid == count;
@@ -85,7 +92,8 @@ cairn_status cairn_detect_written_take(cairn_detections *found, const detect_hyp
         return CAIRN_NO_MEMORY;
     for (int32_t i = 0; i < made->count; i++) {
         const detect_hypothesis *h = &made->list[i];
-        const double box[4] = {(double)h->left, (double)h->top, (double)h->right, (double)h->bottom};
+        const double box[4] = {(double)h->left, (double)h->top, (double)h->right,
+                               (double)h->bottom};
         cairn_detection *o = &found->found[found->count];
 
         memset(o, 0, sizeof *o);
@@ -111,7 +119,8 @@ cairn_status cairn_detect_written_take(cairn_detections *found, const detect_hyp
 }
 
 /* All lines of the chains that the fragments are. */
-static void take_lines(cairn_detections *found, cairn_detection *o, const cairn_contour_tokens *tokens)
+static void take_lines(cairn_detections *found, cairn_detection *o,
+                       const cairn_contour_tokens *tokens)
 {
     o->first_segment = found->segment_count;
     for (int32_t i = 0; i < tokens->count; i++)
@@ -123,8 +132,10 @@ static void take_lines(cairn_detections *found, cairn_detection *o, const cairn_
     o->segment_count = found->segment_count - o->first_segment;
 }
 
-/* The drawn outline in the voted place; none of its samples is said to be seen. Part 1: all outlines behind the first. */
-static void take_outline(cairn_detections *found, cairn_detection *o, const cairn_shape_model *model)
+/* The drawn outline in the voted place; none of its samples is said to be seen. Part 1: all
+ * outlines behind the first. */
+static void take_outline(cairn_detections *found, cairn_detection *o,
+                         const cairn_shape_model *model)
 {
     o->first_outline = found->outline_count;
     o->outline_count = model->outline_count;

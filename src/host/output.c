@@ -1,4 +1,5 @@
-/* Files that are either whole or not there: written under a name of their own in the target's folder, then renamed. */
+/* Files that are either whole or not there: written under a name of their own in the target's
+ * folder, then renamed. */
 #define _XOPEN_SOURCE 700 /* realpath */
 #include "src/core/build.h"
 
@@ -59,7 +60,8 @@ static void free_output(cairn_output *output)
     free(output);
 }
 
-/* Opens a file that was not there beside the target; the mode is that of any new file of the user. -1 and errno. */
+/* Opens a file that was not there beside the target; the mode is that of any new file of the
+ * user. -1 and errno. */
 static int open_temporary(cairn_output *o)
 {
     size_t length = strlen(o->target);
@@ -142,7 +144,8 @@ cairn_status cairn_output_commit(cairn_output *output, cairn_file_error *error)
     cairn_status status = CAIRN_OK;
 
     keep_failure(output, fflush(output->stream) != 0);
-    /* On disk before the rename: after a power cut the target is the old file or the new one, not an empty one. */
+    /* On disk before the rename: after a power cut the target is the old file or the new one,
+     * not an empty one. */
     if (output->temporary != NULL)
         keep_failure(output, fsync(fileno(output->stream)) != 0);
     keep_failure(output, fclose(output->stream) != 0);

@@ -1,8 +1,8 @@
 /* Several files, all or none.
  *
- * The stage is a folder "<folder>/.cairn-<process>-<n>.part", on the file system of the targets, so that every file is
- * moved by one rename. Before a target is replaced the stage gets a hard link to it, from which it comes back when a
- * later rename is refused.
+ * The stage is a folder "<folder>/.cairn-<process>-<n>.part", on the file system of the targets, so
+ * that every file is moved by one rename. Before a target is replaced the stage gets a hard link to
+ * it, from which it comes back when a later rename is refused.
  *
  * Limits: a process that is killed leaves its stage behind. */
 #include "src/core/build.h"
@@ -47,8 +47,8 @@ static size_t parent_length(const char *path, size_t length)
     return length;
 }
 
-/* Length of the longest part of the path that is there, 0 for the current folder; *first_missing: that of the part one
- * name longer, 0 when nothing is missing. */
+/* Length of the longest part of the path that is there, 0 for the current folder;
+ * *first_missing: that of the part one name longer, 0 when nothing is missing. */
 static size_t find_existing(char *path, size_t *first_missing)
 {
     size_t length = strlen(path);
@@ -90,7 +90,8 @@ static cairn_status check_target(const char *path, cairn_file_error *error)
     struct stat about;
 
     if (lstat(path, &about) == 0 && S_ISDIR(about.st_mode))
-        return cairn_file_error_set(error, CAIRN_IO, path, 0, "is a folder, expected a file or nothing");
+        return cairn_file_error_set(error, CAIRN_IO, path, 0,
+                                    "is a folder, expected a file or nothing");
     return CAIRN_OK;
 }
 
@@ -106,7 +107,8 @@ cairn_status cairn_output_set_check(const char *folder, const char *const *names
         return cairn_file_error_system(error, folder, "write", ENOMEM);
     if (folder[0] == 0) {
         free(path);
-        return cairn_file_error_set(error, CAIRN_IO, "\"\"", 0, "is no name, expected that of a folder");
+        return cairn_file_error_set(error, CAIRN_IO, "\"\"", 0,
+                                    "is no name, expected that of a folder");
     }
     there = find_existing(path, &missing);
     path[there] = 0;
@@ -115,7 +117,8 @@ cairn_status cairn_output_set_check(const char *folder, const char *const *names
     for (i = 0; i < count && missing == 0 && status == CAIRN_OK; i++) {
         char *target = cairn_path_join(folder, names[i]);
 
-        status = target != NULL ? check_target(target, error) : cairn_file_error_system(error, folder, "write", ENOMEM);
+        status = target != NULL ? check_target(target, error)
+                                : cairn_file_error_system(error, folder, "write", ENOMEM);
         free(target);
     }
     return status;
@@ -127,8 +130,8 @@ static int32_t make_stage(cairn_output_set *set)
     int32_t i;
 
     for (i = 0; i < 100; i++) {
-        (void)snprintf(set->stage, strlen(set->folder) + STAGE_BYTES, "%s/.cairn-%ld-%d.part", set->folder,
-                       (long)getpid(), (int)i);
+        (void)snprintf(set->stage, strlen(set->folder) + STAGE_BYTES, "%s/.cairn-%ld-%d.part",
+                       set->folder, (long)getpid(), (int)i);
         if (mkdir(set->stage, 0777) == 0) {
             set->staged = true;
             return 0;
@@ -166,8 +169,8 @@ static cairn_status name_files(cairn_output_set *set, const char *const *names)
     return CAIRN_OK;
 }
 
-cairn_status cairn_output_set_open(cairn_output_set **set, const char *folder, const char *const *names, int32_t count,
-                                   cairn_file_error *error)
+cairn_status cairn_output_set_open(cairn_output_set **set, const char *folder,
+                                   const char *const *names, int32_t count, cairn_file_error *error)
 {
     cairn_output_set *s;
     cairn_status status;
@@ -175,7 +178,8 @@ cairn_status cairn_output_set_open(cairn_output_set **set, const char *folder, c
 
     *set = NULL;
     if (count < 1 || count > CAIRN_OUTPUT_SET_MOST)
-        return cairn_file_error_set(error, CAIRN_BAD_ARGUMENT, folder, 0, "%d files, expected 1 to %d", (int)count,
+        return cairn_file_error_set(error, CAIRN_BAD_ARGUMENT, folder, 0,
+                                    "%d files, expected 1 to %d", (int)count,
                                     CAIRN_OUTPUT_SET_MOST);
     status = cairn_output_set_check(folder, names, count, error);
     if (status != CAIRN_OK)
@@ -247,7 +251,8 @@ static void remove_made_folders(cairn_output_set *set)
 
     while (set->made > 0 && length >= set->made) {
         set->folder[length] = 0;
-        (void)rmdir(set->folder); /* stays, as those above it do, when somebody else has put something there */
+        /* stays, as those above it do, when somebody else has put something there */
+        (void)rmdir(set->folder);
         length = parent_length(set->folder, length);
     }
 }
@@ -285,7 +290,9 @@ cairn_status cairn_output_set_commit(cairn_output_set *set, cairn_file_error *er
         staged_file *file = &set->file[i];
         struct stat about;
 
-        file->kept = link(file->target, file->old) == 0 ? 1 : lstat(file->target, &about) == 0 ? -1 : 0;
+        file->kept = link(file->target, file->old) == 0 ? 1
+                     : lstat(file->target, &about) == 0 ? -1
+                                                        : 0;
         if (rename(file->part, file->target) != 0) {
             cairn_status status = cairn_file_error_system(error, file->target, "write", errno);
 

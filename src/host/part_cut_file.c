@@ -25,14 +25,15 @@ static void read_numbers(const char *line, size_t length, int64_t number[NUMBERS
         }
 }
 
-static cairn_status read_lines(cairn_line_reader *lines, cairn_part_cut *cuts, int32_t *count, const char *path,
-                               cairn_file_error *error)
+static cairn_status read_lines(cairn_line_reader *lines, cairn_part_cut *cuts, int32_t *count,
+                               const char *path, cairn_file_error *error)
 {
     const char *line;
     size_t length;
     cairn_status status;
 
-    while ((status = cairn_line_reader_next(lines, &line, &length, error)) == CAIRN_OK || status == CAIRN_FULL) {
+    while ((status = cairn_line_reader_next(lines, &line, &length, error)) == CAIRN_OK ||
+           status == CAIRN_FULL) {
         int64_t number[NUMBERS] = {0}, at = cairn_line_reader_number(lines);
         int32_t numbers = -1;
 
@@ -41,10 +42,13 @@ static cairn_status read_lines(cairn_line_reader *lines, cairn_part_cut *cuts, i
         if (numbers == 0)
             continue;
         if (numbers != NUMBERS || number[0] < 0 || number[0] > SAMPLES_MOST || number[1] < 0 ||
-            number[1] > SAMPLES_MOST || number[0] == number[1] || number[2] < 0 || number[2] >= CAIRN_PART_BUNDLES)
-            return cairn_file_error_set(error, CAIRN_BAD_FORMAT, path, at, "not a fragment, " EXPECTED);
+            number[1] > SAMPLES_MOST || number[0] == number[1] || number[2] < 0 ||
+            number[2] >= CAIRN_PART_BUNDLES)
+            return cairn_file_error_set(error, CAIRN_BAD_FORMAT, path, at,
+                                        "not a fragment, " EXPECTED);
         if (*count == CAIRN_PART_FRAGMENTS)
-            return cairn_file_error_set(error, CAIRN_FULL, path, at, "one fragment more, expected at most %d",
+            return cairn_file_error_set(error, CAIRN_FULL, path, at,
+                                        "one fragment more, expected at most %d",
                                         CAIRN_PART_FRAGMENTS);
         cuts[*count].from = (int32_t)number[0];
         cuts[*count].to = (int32_t)number[1];
@@ -52,11 +56,12 @@ static cairn_status read_lines(cairn_line_reader *lines, cairn_part_cut *cuts, i
     }
     if (status != CAIRN_EMPTY)
         return status;
-    return *count > 0 ? CAIRN_OK : cairn_file_error_set(error, CAIRN_EMPTY, path, 0, "no fragment, " EXPECTED);
+    return *count > 0 ? CAIRN_OK
+                      : cairn_file_error_set(error, CAIRN_EMPTY, path, 0, "no fragment, " EXPECTED);
 }
 
-cairn_status cairn_part_cut_file_read(cairn_part_cut cuts[CAIRN_PART_FRAGMENTS], int32_t *count, const char *path,
-                                      cairn_file_error *error)
+cairn_status cairn_part_cut_file_read(cairn_part_cut cuts[CAIRN_PART_FRAGMENTS], int32_t *count,
+                                      const char *path, cairn_file_error *error)
 {
     cairn_line_reader *lines;
     cairn_status status = cairn_line_reader_open(&lines, path, error);

@@ -1,7 +1,8 @@
-/* g2o files: reading, checking, writing. Solving and drawing are in pose_graph_file_solve.c and pose_graph_file_draw.c.
+/* g2o files: reading, checking, writing. Solving and drawing are in pose_graph_file_solve.c and
+ * pose_graph_file_draw.c.
  *
- * Method: lines become vertices and edges that hold ids; when all are there, vertices are sorted by id and edges get
- * indices. Pieces are found by union-find over the edges. */
+ * Method: lines become vertices and edges that hold ids; when all are there, vertices are sorted
+ * by id and edges get indices. Pieces are found by union-find over the edges. */
 #include "src/core/build.h"
 
 #include <errno.h>
@@ -38,11 +39,13 @@ typedef struct graph_reader {
 
 static cairn_status bad_line(const graph_reader *r, const char *what)
 {
-    return cairn_file_error_set(r->error, CAIRN_BAD_FORMAT, r->path, cairn_line_reader_number(r->lines), "%s", what);
+    return cairn_file_error_set(r->error, CAIRN_BAD_FORMAT, r->path,
+                                cairn_line_reader_number(r->lines), "%s", what);
 }
 
 /* Room for one more element of an array that doubles. */
-static cairn_status make_room(const graph_reader *r, void *array, int32_t count, int32_t *capacity, size_t size)
+static cairn_status make_room(const graph_reader *r, void *array, int32_t count, int32_t *capacity,
+                              size_t size)
 {
     int32_t more = *capacity == 0 ? 1024 : *capacity < INT32_MAX / 2 ? 2 * *capacity : INT32_MAX;
     void *old, *grown;
@@ -64,25 +67,28 @@ static cairn_status read_id(const graph_reader *r, token t, int64_t *id)
 
     if (cairn_number_read_integer(t.text, t.length, id) && *id >= 0)
         return CAIRN_OK;
-    return cairn_file_error_set(r->error, CAIRN_BAD_FORMAT, r->path, cairn_line_reader_number(r->lines),
+    return cairn_file_error_set(r->error, CAIRN_BAD_FORMAT, r->path,
+                                cairn_line_reader_number(r->lines),
                                 "%s is no vertex, expected a whole number from 0",
                                 cairn_token_text(shown, t.text, t.length));
 }
 
-static cairn_status read_numbers(const graph_reader *r, const token *t, int32_t count, cairn_real *value)
+static cairn_status read_numbers(const graph_reader *r, const token *t, int32_t count,
+                                 cairn_real *value)
 {
     char shown[CAIRN_TOKEN_TEXT_BYTES];
     double number;
 
     for (int32_t k = 0; k < count; k++) {
         if (!cairn_number_read(t[k].text, t[k].length, &number))
-            return cairn_file_error_set(r->error, CAIRN_BAD_FORMAT, r->path, cairn_line_reader_number(r->lines),
-                                        "%s, expected a number", cairn_token_text(shown, t[k].text, t[k].length));
+            return cairn_file_error_set(r->error, CAIRN_BAD_FORMAT, r->path,
+                                        cairn_line_reader_number(r->lines), "%s, expected a number",
+                                        cairn_token_text(shown, t[k].text, t[k].length));
         value[k] = (cairn_real)number;
         if (!cairn_is_finite(value[k]))
-            return cairn_file_error_set(r->error, CAIRN_NOT_FINITE, r->path, cairn_line_reader_number(r->lines),
-                                        "%s, expected a finite number",
-                                        cairn_token_text(shown, t[k].text, t[k].length));
+            return cairn_file_error_set(
+                r->error, CAIRN_NOT_FINITE, r->path, cairn_line_reader_number(r->lines),
+                "%s, expected a finite number", cairn_token_text(shown, t[k].text, t[k].length));
     }
     return CAIRN_OK;
 }
@@ -118,9 +124,9 @@ static cairn_status read_edge(graph_reader *r, const token *t, int32_t count)
 
     memset(&raw, 0, sizeof raw);
     if (count != 12)
-        return bad_line(r,
-                        "an EDGE_SE2 with fields missing or too many, expected two ids, x y theta and six numbers of "
-                        "the information matrix");
+        return bad_line(r, "an EDGE_SE2 with fields missing or too many, expected two ids, x y "
+                           "theta and six numbers of "
+                           "the information matrix");
     status = read_id(r, t[1], &raw.first);
     if (status == CAIRN_OK)
         status = read_id(r, t[2], &raw.second);
@@ -141,7 +147,8 @@ static cairn_status read_edge(graph_reader *r, const token *t, int32_t count)
     raw.edge.information.yz = value[7];
     raw.edge.information.zz = value[8];
     if (!cairn_sym3_inverse(raw.edge.information, &inverse))
-        return bad_line(r, "an information matrix that is singular or has a negative eigenvalue, expected a positive "
+        return bad_line(r, "an information matrix that is singular or has a negative eigenvalue, "
+                           "expected a positive "
                            "definite one");
     status = make_room(r, &r->edge, r->edges, &r->edge_capacity, sizeof raw);
     if (status == CAIRN_OK)
@@ -178,7 +185,8 @@ static cairn_status read_line(graph_reader *r, const char *line, size_t length)
     token t[FIELDS_MOST + 1];
     int32_t count = 0;
 
-    while (count <= FIELDS_MOST && (t[count].length = cairn_token_next(&line, end, &t[count].text)) > 0)
+    while (count <= FIELDS_MOST &&
+           (t[count].length = cairn_token_next(&line, end, &t[count].text)) > 0)
         count++;
     if (count == 0 || t[0].text[0] == '#')
         return CAIRN_OK;
@@ -188,7 +196,8 @@ static cairn_status read_line(graph_reader *r, const char *line, size_t length)
         return read_edge(r, t, count);
     if (is_word(t[0], "FIX"))
         return read_fix(r, t, count);
-    return cairn_file_error_set(r->error, CAIRN_UNSUPPORTED, r->path, cairn_line_reader_number(r->lines),
+    return cairn_file_error_set(r->error, CAIRN_UNSUPPORTED, r->path,
+                                cairn_line_reader_number(r->lines),
                                 "%s, expected VERTEX_SE2, EDGE_SE2 or FIX",
                                 cairn_token_text(shown, t[0].text, t[0].length));
 }
@@ -225,9 +234,12 @@ static cairn_status vertices_of_edges(graph_reader *r)
     int32_t kept = 0;
 
     for (int32_t e = 0; e < 2 * r->edges; e++) {
-        cairn_pose_graph_vertex vertex = {
-            e % 2 == 0 ? r->edge[e / 2].first : r->edge[e / 2].second, r->edge[e / 2].edge.line, {0, 0, 0}, 0};
-        cairn_status status = make_room(r, &r->vertex, r->vertices, &r->vertex_capacity, sizeof vertex);
+        cairn_pose_graph_vertex vertex = {e % 2 == 0 ? r->edge[e / 2].first : r->edge[e / 2].second,
+                                          r->edge[e / 2].edge.line,
+                                          {0, 0, 0},
+                                          0};
+        cairn_status status =
+            make_room(r, &r->vertex, r->vertices, &r->vertex_capacity, sizeof vertex);
 
         if (status != CAIRN_OK)
             return status;
@@ -246,16 +258,18 @@ static cairn_status sort_vertices(graph_reader *r)
     qsort(r->vertex, (size_t)r->vertices, sizeof *r->vertex, compare_vertices);
     for (int32_t v = 1; v < r->vertices; v++)
         if (r->vertex[v].id == r->vertex[v - 1].id)
-            return cairn_file_error_set(r->error, CAIRN_BAD_FORMAT, r->path, r->vertex[v].line,
-                                        "vertex %lld again, expected each once (first on line %lld)",
-                                        (long long)r->vertex[v].id, (long long)r->vertex[v - 1].line);
+            return cairn_file_error_set(
+                r->error, CAIRN_BAD_FORMAT, r->path, r->vertex[v].line,
+                "vertex %lld again, expected each once (first on line %lld)",
+                (long long)r->vertex[v].id, (long long)r->vertex[v - 1].line);
     return CAIRN_OK;
 }
 
 static cairn_status missing(const graph_reader *r, int64_t line, const char *what, int64_t id)
 {
     return cairn_file_error_set(r->error, CAIRN_BAD_FORMAT, r->path, line,
-                                "%s vertex %lld, expected one that a VERTEX_SE2 line gives", what, (long long)id);
+                                "%s vertex %lld, expected one that a VERTEX_SE2 line gives", what,
+                                (long long)id);
 }
 
 /* Ids become indices. */
@@ -267,7 +281,8 @@ static cairn_status resolve(graph_reader *r)
         raw->edge.first = find_vertex(r, raw->first);
         raw->edge.second = find_vertex(r, raw->second);
         if (raw->edge.first < 0 || raw->edge.second < 0)
-            return missing(r, raw->edge.line, "an edge with", raw->edge.first < 0 ? raw->first : raw->second);
+            return missing(r, raw->edge.line, "an edge with",
+                           raw->edge.first < 0 ? raw->first : raw->second);
     }
     for (int32_t f = 0; f < r->fixes; f++) {
         int32_t v = find_vertex(r, r->fix[f].id);
@@ -301,7 +316,8 @@ static int join(int32_t *root, const cairn_pose_graph_edge *edge)
     return 1;
 }
 
-/* Marks a spanning tree, of edges between consecutive ids as far as they go; *pieces: how many there are. */
+/* Marks a spanning tree, of edges between consecutive ids as far as they go; *pieces: how many
+ * there are. */
 static void span(const graph_reader *r, int32_t *root, uint8_t *in_tree, int32_t *pieces)
 {
     *pieces = r->vertices;
@@ -318,9 +334,10 @@ static void span(const graph_reader *r, int32_t *root, uint8_t *in_tree, int32_t
         }
 }
 
-/* Poses along the tree, from the first vertex at the origin: neighbours of the vertices that have one, in turn. */
-static void chain(const graph_reader *r, const uint8_t *in_tree, int32_t *start, int32_t *list, int32_t *queue,
-                  int32_t *via)
+/* Poses along the tree, from the first vertex at the origin: neighbours of the vertices that
+ * have one, in turn. */
+static void chain(const graph_reader *r, const uint8_t *in_tree, int32_t *start, int32_t *list,
+                  int32_t *queue, int32_t *via)
 {
     int32_t known = 1;
 
@@ -345,7 +362,8 @@ static void chain(const graph_reader *r, const uint8_t *in_tree, int32_t *start,
         for (int32_t k = start[queue[at]]; k < start[queue[at] + 1]; k++) {
             const cairn_pose_graph_edge *edge = &r->edge[list[k]].edge;
             int32_t from = queue[at], to = edge->first == from ? edge->second : edge->first;
-            cairn_pose step = edge->first == from ? edge->first_second : cairn_pose_inverse(edge->first_second);
+            cairn_pose step =
+                edge->first == from ? edge->first_second : cairn_pose_inverse(edge->first_second);
 
             if (list[k] == via[from])
                 continue;
@@ -358,8 +376,10 @@ static void chain(const graph_reader *r, const uint8_t *in_tree, int32_t *start,
 static cairn_status join_up(graph_reader *r, int32_t chained)
 {
     size_t vertices = (size_t)r->vertices, edges = (size_t)r->edges;
-    int32_t *root = malloc((vertices + 1) * sizeof *root), *queue = malloc((vertices + 1) * sizeof *queue);
-    int32_t *list = malloc(2 * (edges + 1) * sizeof *list), *via = malloc((vertices + 1) * sizeof *via), pieces;
+    int32_t *root = malloc((vertices + 1) * sizeof *root),
+            *queue = malloc((vertices + 1) * sizeof *queue);
+    int32_t *list = malloc(2 * (edges + 1) * sizeof *list),
+            *via = malloc((vertices + 1) * sizeof *via), pieces;
     uint8_t *in_tree = calloc(edges + 1, 1);
     cairn_status status = CAIRN_OK;
 
@@ -369,10 +389,11 @@ static cairn_status join_up(graph_reader *r, int32_t chained)
         span(r, root, in_tree, &pieces);
         for (int32_t v = 0; v < r->vertices && pieces > 1; v++)
             if (root_of(root, v) != 0) {
-                status = cairn_file_error_set(r->error, CAIRN_BAD_FORMAT, r->path, r->vertex[v].line,
-                                              "the graph is in %d pieces: no edges join vertex %lld to vertex %lld, "
-                                              "expected one piece",
-                                              (int)pieces, (long long)r->vertex[v].id, (long long)r->vertex[0].id);
+                status = cairn_file_error_set(
+                    r->error, CAIRN_BAD_FORMAT, r->path, r->vertex[v].line,
+                    "the graph is in %d pieces: no edges join vertex %lld to vertex %lld, "
+                    "expected one piece",
+                    (int)pieces, (long long)r->vertex[v].id, (long long)r->vertex[0].id);
                 break;
             }
         if (status == CAIRN_OK && chained)
@@ -414,7 +435,8 @@ static cairn_status finish(graph_reader *r, cairn_pose_graph_file *file)
     return CAIRN_OK;
 }
 
-cairn_status cairn_pose_graph_file_read(cairn_pose_graph_file *file, const char *path, cairn_file_error *error)
+cairn_status cairn_pose_graph_file_read(cairn_pose_graph_file *file, const char *path,
+                                        cairn_file_error *error)
 {
     graph_reader r;
     cairn_status status;
@@ -461,16 +483,18 @@ static void print_numbers(cairn_output *output, const cairn_real *value, int32_t
         cairn_output_print(output, " %s", cairn_number_write(text, value[k]));
 }
 
-cairn_status cairn_pose_graph_file_write(const char *path, const cairn_pose_graph_file *file, cairn_file_error *error)
+cairn_status cairn_pose_graph_file_write(const char *path, const cairn_pose_graph_file *file,
+                                         cairn_file_error *error)
 {
     cairn_output *output;
     cairn_status status;
 
     for (int32_t v = 0; v < file->vertex_count; v++)
         if (!cairn_pose_is_finite(file->vertex[v].pose))
-            return cairn_file_error_set(error, CAIRN_NOT_FINITE, path, 0,
-                                        "vertex %lld has a pose that is not finite, expected finite ones",
-                                        (long long)file->vertex[v].id);
+            return cairn_file_error_set(
+                error, CAIRN_NOT_FINITE, path, 0,
+                "vertex %lld has a pose that is not finite, expected finite ones",
+                (long long)file->vertex[v].id);
     status = cairn_output_open(&output, path, error);
     if (status != CAIRN_OK)
         return status;
@@ -486,9 +510,10 @@ cairn_status cairn_pose_graph_file_write(const char *path, const cairn_pose_grap
     }
     for (int32_t e = 0; e < file->edge_count; e++) {
         const cairn_pose_graph_edge *edge = &file->edge[e];
-        const cairn_real value[9] = {edge->first_second.x, edge->first_second.y, edge->first_second.theta,
-                                     edge->information.xx, edge->information.xy, edge->information.xz,
-                                     edge->information.yy, edge->information.yz, edge->information.zz};
+        const cairn_real value[9] = {
+            edge->first_second.x, edge->first_second.y, edge->first_second.theta,
+            edge->information.xx, edge->information.xy, edge->information.xz,
+            edge->information.yy, edge->information.yz, edge->information.zz};
 
         cairn_output_print(output, "EDGE_SE2 %lld %lld", (long long)file->vertex[edge->first].id,
                            (long long)file->vertex[edge->second].id);

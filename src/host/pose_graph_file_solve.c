@@ -1,7 +1,9 @@
-/* Solving graphs from files: least squares, and the links that it cannot explain found by a robust kernel.
+/* Solving graphs from files: least squares, and the links that it cannot explain found by a robust
+ * kernel.
  *
- * Source: the test of the whole graph is that of chi2 with its degrees of freedom; the kernel is that of Geman and McClure,
- * which from the poses of the file lets links that disagree with their neighbourhood go. */
+ * Source: the test of the whole graph is that of chi2 with its degrees of freedom; the kernel is
+ * that of Geman and McClure, which from the poses of the file lets links that disagree with
+ * their neighbourhood go. */
 #include "src/core/build.h"
 
 #include <stdlib.h>
@@ -22,8 +24,9 @@ struct solving {
     void *memory, *fill_memory;
 };
 
-/* Much memory begins where a large page does and is asked for in such pages: of 100,000 poses a tenth of the time went into
- * pages that were touched for the first time, 4 KiB each. To be freed. */
+/* Much memory begins where a large page does and is asked for in such pages: of 100,000 poses a
+ * tenth of the time went into pages that were touched for the first time, 4 KiB each. To be
+ * freed. */
 static void *take_memory(size_t bytes)
 {
 #ifdef MADV_HUGEPAGE
@@ -85,7 +88,8 @@ static cairn_status fill_graph(struct solving *s)
     for (int32_t e = 0; e < s->file->edge_count && status == CAIRN_OK; e++) {
         const cairn_pose_graph_edge *edge = &s->file->edge[e];
 
-        status = cairn_pose_graph_add_link(s->graph, edge->first, edge->second, edge->first_second, edge->information);
+        status = cairn_pose_graph_add_link(s->graph, edge->first, edge->second, edge->first_second,
+                                           edge->information);
     }
     return status;
 }
@@ -108,7 +112,8 @@ static cairn_status extend(struct solving *s)
 static cairn_status solve_once(struct solving *s, cairn_pose_graph_kernel kernel)
 {
     cairn_budget budget = {CAIRN_UNBOUNDED};
-    cairn_status status = cairn_pose_graph_set_kernel(s->graph, kernel, cairn_pose_graph_default().width);
+    cairn_status status =
+        cairn_pose_graph_set_kernel(s->graph, kernel, cairn_pose_graph_default().width);
 
     if (status == CAIRN_OK)
         status = cairn_pose_graph_solve(s->graph);
@@ -164,8 +169,8 @@ static void keep_poses(struct solving *s)
         s->out->chi2_all += (double)cairn_pose_graph_link_of(s->graph, e).chi2;
 }
 
-/* The links that the kernel drops leave a graph in one piece, because a link that joins two pieces alone can always be
- * met; should they not, the poses of the kernel stand. */
+/* The links that the kernel drops leave a graph in one piece, because a link that joins two
+ * pieces alone can always be met; should they not, the poses of the kernel stand. */
 static cairn_status solve_robustly(struct solving *s)
 {
     cairn_status status = from_the_files_poses(s);
@@ -203,7 +208,8 @@ static cairn_status solve(struct solving *s)
     return status;
 }
 
-cairn_status cairn_pose_graph_file_solve(const cairn_pose_graph_file *file, cairn_pose_graph_solution *solution)
+cairn_status cairn_pose_graph_file_solve(const cairn_pose_graph_file *file,
+                                         cairn_pose_graph_solution *solution)
 {
     struct solving s = {file, solution, NULL, NULL, NULL, NULL};
     cairn_pose_graph_solution fresh;

@@ -10,12 +10,20 @@
 #include "cairn/pose_table.h"
 #include "src/host/carmen_log_reader.h"
 
-enum { COLUMN_INDEX, COLUMN_LINE, COLUMN_TIME, COLUMN_X, COLUMN_Y, COLUMN_THETA, COLUMN_FIRST_COVARIANCE };
+enum {
+    COLUMN_INDEX,
+    COLUMN_LINE,
+    COLUMN_TIME,
+    COLUMN_X,
+    COLUMN_Y,
+    COLUMN_THETA,
+    COLUMN_FIRST_COVARIANCE
+};
 enum { COLUMN_SUPPORT = 12, COLUMN_VERDICT = 13, COLUMNS = 14, COLUMNS_READ = 64, COVARIANCES = 6 };
 
-static const char *const column_name[COLUMNS] = {"index",      "line",       "time",    "x",         "y",
-                                                 "theta",      "var_x",      "var_y",   "var_theta", "cov_xy",
-                                                 "cov_xtheta", "cov_ytheta", "support", "verdict"};
+static const char *const column_name[COLUMNS] = {
+    "index", "line",      "time",   "x",          "y",          "theta",   "var_x",
+    "var_y", "var_theta", "cov_xy", "cov_xtheta", "cov_ytheta", "support", "verdict"};
 
 /* Element of the covariance behind each of its columns, and the one mirrored to it. */
 static const int covariance_element[COVARIANCES] = {0, 4, 8, 1, 2, 5};
@@ -41,7 +49,8 @@ static int is_infinite(cairn_real x)
     return cairn_abs(x) > CAIRN_REAL_MAX;
 }
 
-static cairn_status check_row(const char *path, const cairn_pose_row *row, int64_t number, cairn_file_error *error)
+static cairn_status check_row(const char *path, const cairn_pose_row *row, int64_t number,
+                              cairn_file_error *error)
 {
     int infinite = is_infinite(row->support), i;
     const char *c;
@@ -52,11 +61,13 @@ static cairn_status check_row(const char *path, const cairn_pose_row *row, int64
         return cairn_file_error_set(error, CAIRN_NOT_FINITE, path, number,
                                     "a row with a number that is not finite, expected finite ones");
     if (memchr(row->verdict, 0, sizeof row->verdict) == NULL)
-        return cairn_file_error_set(error, CAIRN_BAD_ARGUMENT, path, number, "a verdict without an end");
+        return cairn_file_error_set(error, CAIRN_BAD_ARGUMENT, path, number,
+                                    "a verdict without an end");
     for (c = row->verdict; *c != 0; c++)
         if (*c == ',' || *c == '"' || (unsigned char)*c < ' ')
-            return cairn_file_error_set(error, CAIRN_BAD_ARGUMENT, path, number,
-                                        "a verdict with a comma, quote or control character, expected a word");
+            return cairn_file_error_set(
+                error, CAIRN_BAD_ARGUMENT, path, number,
+                "a verdict with a comma, quote or control character, expected a word");
     return CAIRN_OK;
 }
 
@@ -65,7 +76,8 @@ static void print_known(cairn_output *output, cairn_real value)
 {
     char text[CAIRN_NUMBER_TEXT_BYTES];
 
-    cairn_output_print(output, ",%s", cairn_is_finite(value) ? cairn_number_write(text, value) : "");
+    cairn_output_print(output, ",%s",
+                       cairn_is_finite(value) ? cairn_number_write(text, value) : "");
 }
 
 static void print_row(cairn_output *output, const cairn_pose_row *row)
@@ -76,8 +88,9 @@ static void print_row(cairn_output *output, const cairn_pose_row *row)
     cairn_output_print(output, "%lld,", (long long)row->index);
     if (row->line > 0)
         cairn_output_print(output, "%lld", (long long)row->line);
-    cairn_output_print(output, ",%s",
-                       row->stamp_ns != CAIRN_POSE_NO_STAMP ? cairn_number_write_stamp(text, row->stamp_ns) : "");
+    cairn_output_print(
+        output, ",%s",
+        row->stamp_ns != CAIRN_POSE_NO_STAMP ? cairn_number_write_stamp(text, row->stamp_ns) : "");
     print_known(output, row->pose.x);
     print_known(output, row->pose.y);
     print_known(output, row->pose.theta);
@@ -87,7 +100,8 @@ static void print_row(cairn_output *output, const cairn_pose_row *row)
     cairn_output_print(output, ",%s\n", row->verdict);
 }
 
-cairn_status cairn_pose_table_write(const char *path, const cairn_pose_row *row, int32_t count, cairn_file_error *error)
+cairn_status cairn_pose_table_write(const char *path, const cairn_pose_row *row, int32_t count,
+                                    cairn_file_error *error)
 {
     cairn_output *output;
     cairn_status status;
@@ -114,7 +128,8 @@ typedef struct field {
     size_t length;
 } field;
 
-/* Cuts a line at its commas, blanks around the fields off. The number of fields, at most COLUMNS_READ + 1. */
+/* Cuts a line at its commas, blanks around the fields off. The number of fields, at most
+ * COLUMNS_READ + 1. */
 static int32_t split(const char *line, size_t length, field fields[COLUMNS_READ + 1])
 {
     const char *end = line + length, *comma, *last;
@@ -156,7 +171,8 @@ static cairn_status read_header(table_reader *t, const char *line, size_t length
     t->columns = split(line, length, fields);
     if (t->columns > COLUMNS_READ)
         return cairn_file_error_set(t->error, CAIRN_BAD_FORMAT, t->path, number,
-                                    "more than %d columns, expected the header of a table of poses", COLUMNS_READ);
+                                    "more than %d columns, expected the header of a table of poses",
+                                    COLUMNS_READ);
     for (i = 0; i < t->columns; i++) {
         t->column[i] = -1;
         for (k = 0; k < COLUMNS; k++)
@@ -170,9 +186,9 @@ static cairn_status read_header(table_reader *t, const char *line, size_t length
     }
     for (k = 0; k < COLUMNS; k++)
         if (!seen[k] && (k == COLUMN_INDEX || k == COLUMN_X || k == COLUMN_Y || k == COLUMN_THETA))
-            return cairn_file_error_set(t->error, CAIRN_BAD_FORMAT, t->path, number,
-                                        "no column \"%s\", expected a header with index, x, y and theta",
-                                        column_name[k]);
+            return cairn_file_error_set(
+                t->error, CAIRN_BAD_FORMAT, t->path, number,
+                "no column \"%s\", expected a header with index, x, y and theta", column_name[k]);
     return CAIRN_OK;
 }
 
@@ -180,8 +196,9 @@ static cairn_status bad_field(const table_reader *t, int32_t column, field f, co
 {
     char shown[CAIRN_TOKEN_TEXT_BYTES];
 
-    return cairn_file_error_set(t->error, CAIRN_BAD_FORMAT, t->path, cairn_line_reader_number(t->lines),
-                                "%s is %s, expected %s", column_name[column], cairn_token_text(shown, f.text, f.length),
+    return cairn_file_error_set(t->error, CAIRN_BAD_FORMAT, t->path,
+                                cairn_line_reader_number(t->lines), "%s is %s, expected %s",
+                                column_name[column], cairn_token_text(shown, f.text, f.length),
                                 wanted);
 }
 
@@ -192,8 +209,9 @@ static cairn_status read_real(const table_reader *t, int32_t column, field f, ca
     if (!cairn_number_read(f.text, f.length, &number))
         return bad_field(t, column, f, "a number");
     if (!cairn_is_finite((cairn_real)number))
-        return cairn_file_error_set(t->error, CAIRN_NOT_FINITE, t->path, cairn_line_reader_number(t->lines),
-                                    "%s is %g, expected a finite number", column_name[column], number);
+        return cairn_file_error_set(
+            t->error, CAIRN_NOT_FINITE, t->path, cairn_line_reader_number(t->lines),
+            "%s is %g, expected a finite number", column_name[column], number);
     *value = (cairn_real)number;
     return CAIRN_OK;
 }
@@ -203,21 +221,24 @@ static cairn_status read_field(const table_reader *t, int32_t column, field f, c
     cairn_real *place;
 
     if (f.length == 0) {
-        if (column == COLUMN_INDEX || column == COLUMN_X || column == COLUMN_Y || column == COLUMN_THETA)
+        if (column == COLUMN_INDEX || column == COLUMN_X || column == COLUMN_Y ||
+            column == COLUMN_THETA)
             return bad_field(t, column, f, "a number");
         return CAIRN_OK;
     }
     switch (column) {
     case COLUMN_INDEX:
-        return cairn_number_read_integer(f.text, f.length, &row->index) ? CAIRN_OK
-                                                                        : bad_field(t, column, f, "a whole number");
+        return cairn_number_read_integer(f.text, f.length, &row->index)
+                   ? CAIRN_OK
+                   : bad_field(t, column, f, "a whole number");
     case COLUMN_LINE:
         return cairn_number_read_integer(f.text, f.length, &row->line) && row->line >= 0
                    ? CAIRN_OK
                    : bad_field(t, column, f, "a whole number from 0");
     case COLUMN_TIME:
-        return cairn_number_read_stamp(f.text, f.length, &row->stamp_ns) ? CAIRN_OK
-                                                                         : bad_field(t, column, f, "seconds");
+        return cairn_number_read_stamp(f.text, f.length, &row->stamp_ns)
+                   ? CAIRN_OK
+                   : bad_field(t, column, f, "seconds");
     case COLUMN_VERDICT:
         if (f.length >= sizeof row->verdict)
             return bad_field(t, column, f, "at most 31 bytes");
@@ -242,17 +263,19 @@ static cairn_status read_field(const table_reader *t, int32_t column, field f, c
     return read_real(t, column, f, place);
 }
 
-static cairn_status read_row(const table_reader *t, const char *line, size_t length, cairn_pose_row *row)
+static cairn_status read_row(const table_reader *t, const char *line, size_t length,
+                             cairn_pose_row *row)
 {
     field fields[COLUMNS_READ + 1];
     int32_t count = split(line, length, fields), i;
     cairn_status status;
 
     if (count != t->columns)
-        return cairn_file_error_set(t->error, count < t->columns ? CAIRN_TRUNCATED : CAIRN_BAD_FORMAT, t->path,
-                                    cairn_line_reader_number(t->lines), "%s%d fields, expected %d as in the header",
-                                    count > COLUMNS_READ ? "more than " : "",
-                                    (int)(count > COLUMNS_READ ? COLUMNS_READ : count), (int)t->columns);
+        return cairn_file_error_set(
+            t->error, count < t->columns ? CAIRN_TRUNCATED : CAIRN_BAD_FORMAT, t->path,
+            cairn_line_reader_number(t->lines), "%s%d fields, expected %d as in the header",
+            count > COLUMNS_READ ? "more than " : "",
+            (int)(count > COLUMNS_READ ? COLUMNS_READ : count), (int)t->columns);
     *row = cairn_pose_row_of(0, cairn_pose_identity());
     for (i = 0; i < count; i++) {
         if (t->column[i] < 0)
@@ -267,8 +290,8 @@ static cairn_status read_row(const table_reader *t, const char *line, size_t len
 }
 
 /* Appends to an array that doubles. */
-static cairn_status append(table_reader *t, cairn_pose_row **rows, int32_t *count, int32_t *capacity,
-                           const cairn_pose_row *row)
+static cairn_status append(table_reader *t, cairn_pose_row **rows, int32_t *count,
+                           int32_t *capacity, const cairn_pose_row *row)
 {
     int32_t more = *capacity == 0 ? 256 : *capacity < INT32_MAX / 2 ? 2 * *capacity : INT32_MAX;
     cairn_pose_row *grown;
@@ -284,7 +307,8 @@ static cairn_status append(table_reader *t, cairn_pose_row **rows, int32_t *coun
     return CAIRN_OK;
 }
 
-cairn_status cairn_pose_table_read(cairn_pose_row **row, int32_t *count, const char *path, cairn_file_error *error)
+cairn_status cairn_pose_table_read(cairn_pose_row **row, int32_t *count, const char *path,
+                                   cairn_file_error *error)
 {
     table_reader t = {NULL, path, {0}, 0, error};
     int32_t capacity = 0;
@@ -312,12 +336,14 @@ cairn_status cairn_pose_table_read(cairn_pose_row **row, int32_t *count, const c
             break;
     }
     if (status == CAIRN_FULL)
-        status = cairn_file_error_set(error, CAIRN_BAD_FORMAT, path, cairn_line_reader_number(t.lines),
-                                      "a line of %zu bytes, expected a table of poses", length);
+        status =
+            cairn_file_error_set(error, CAIRN_BAD_FORMAT, path, cairn_line_reader_number(t.lines),
+                                 "a line of %zu bytes, expected a table of poses", length);
     if (status == CAIRN_EMPTY && *count > 0)
         status = CAIRN_OK;
     else if (status == CAIRN_EMPTY)
-        status = cairn_file_error_set(error, status, path, 0, "no row, expected a header and rows of poses");
+        status = cairn_file_error_set(error, status, path, 0,
+                                      "no row, expected a header and rows of poses");
     cairn_line_reader_close(t.lines);
     if (status != CAIRN_OK) {
         free(*row);

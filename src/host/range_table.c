@@ -1,7 +1,7 @@
 /* Tables of ranges as logs.
  *
- * Layout: the bearings stand once in front of all ranges, in one array that the scans give back; records point into it when
- * all is read, as it moves while it grows. */
+ * Layout: the bearings stand once in front of all ranges, in one array that the scans give back;
+ * records point into it when all is read, as it moves while it grows. */
 #include "src/core/build.h"
 
 #include <errno.h>
@@ -15,12 +15,16 @@
 
 enum { URG_FIELDS = 707, URG_FIRST = 25, URG_MIDDLE = 341, PROBED_LINES = 100 };
 
-static const double URG_STEP = 360.0 / 1024, URG_RANGE_MIN = 0.02, URG_RANGE_MAX = 5.6, URG_TURN = 0.1,
-                    CSV_RANGE_MAX = 80, RADIANS = 0.017453292519943295;
-/* The robot of these logs, see the header: m that a wheel rolls in a tick, m between the wheels, m of the scanner before their axle. */
-static const double URG_TICK = 2 * 3.141592653589793 * 0.077 / 2000, URG_AXLE = 0.31, URG_AHEAD = 0.145;
-static const int64_t URG_LATE_NS = 170000000; /* a line's scan was made so long before its ticks were read */
-static const int64_t SCAN_NS = 100000000;     /* between scans whose time is not known */
+static const double URG_STEP = 360.0 / 1024, URG_RANGE_MIN = 0.02, URG_RANGE_MAX = 5.6,
+                    URG_TURN = 0.1, CSV_RANGE_MAX = 80, RADIANS = 0.017453292519943295;
+/* The robot of these logs, see the header: m that a wheel rolls in a tick, m between the wheels,
+ * m of the scanner before their axle. */
+static const double URG_TICK = 2 * 3.141592653589793 * 0.077 / 2000, URG_AXLE = 0.31,
+                    URG_AHEAD = 0.145;
+/* a line's scan was made so long before its ticks were read */
+static const int64_t URG_LATE_NS = 170000000;
+/* between scans whose time is not known */
+static const int64_t SCAN_NS = 100000000;
 
 /* What a column holds; a head of CSV can name those before NAMED, and bearings. */
 enum { TIME, X, Y, THETA, NAMED, LEFT = NAMED, RIGHT, BEARING, PASSED };
@@ -85,7 +89,8 @@ static int next_cell(const char **at, const char *end, const char **cell, size_t
     return 1;
 }
 
-static int next_field(const table *t, const char **at, const char *end, const char **field, size_t *length)
+static int next_field(const table *t, const char **at, const char *end, const char **field,
+                      size_t *length)
 {
     if (t->kind == CAIRN_RANGE_TABLE_CSV)
         return next_cell(at, end, field, length);
@@ -160,9 +165,10 @@ static cairn_status read_head(loading *l, const char *line, size_t length, cairn
         int32_t column = column_of(cell, n, &degrees);
 
         if (column < 0 || (column < NAMED && seen[column]++ > 0))
-            return cairn_file_error_set(error, CAIRN_BAD_FORMAT, l->path, number,
-                                        "column %s, expected time, x, y, theta, each once, or a bearing in degrees",
-                                        cairn_token_text(text, cell, n));
+            return cairn_file_error_set(
+                error, CAIRN_BAD_FORMAT, l->path, number,
+                "column %s, expected time, x, y, theta, each once, or a bearing in degrees",
+                cairn_token_text(text, cell, n));
         t->column[i] = column;
         if (column == BEARING)
             t->bearing[t->beams++] = (float)(degrees * RADIANS);
@@ -171,7 +177,8 @@ static cairn_status read_head(loading *l, const char *line, size_t length, cairn
         return cairn_file_error_set(error, CAIRN_BAD_FORMAT, l->path, number,
                                     "only some of x, y and theta, expected all");
     if (t->beams == 0 || t->beams > CAIRN_CARMEN_BEAMS_MOST)
-        return cairn_file_error_set(error, CAIRN_BAD_FORMAT, l->path, number, "%d bearings, expected 1 to %d", t->beams,
+        return cairn_file_error_set(error, CAIRN_BAD_FORMAT, l->path, number,
+                                    "%d bearings, expected 1 to %d", t->beams,
                                     CAIRN_CARMEN_BEAMS_MOST);
     t->has_time = seen[TIME];
     t->has_odometry = seen[X];
@@ -247,7 +254,8 @@ static int grow(loading *l)
     return record != NULL && range != NULL;
 }
 
-static void survey(cairn_carmen_info *info, const cairn_carmen_record *r, const cairn_carmen_record *before)
+static void survey(cairn_carmen_info *info, const cairn_carmen_record *r,
+                   const cairn_carmen_record *before)
 {
     if (before == NULL) {
         info->first_ns = info->least_ns = info->most_ns = r->stamp_ns;
@@ -265,7 +273,8 @@ static void survey(cairn_carmen_info *info, const cairn_carmen_record *r, const 
     info->beams += r->count;
 }
 
-/* Where the wheels have rolled since the scan before, on an arc; the pose is kept in double, as it adds up. */
+/* Where the wheels have rolled since the scan before, on an arc; the pose is kept in double, as
+ * it adds up. */
 static void roll(table *t, double *named)
 {
     double left = named[LEFT] - t->wheels[0], right = named[RIGHT] - t->wheels[1];
@@ -303,7 +312,8 @@ static cairn_status take_scan(loading *l, cairn_file_error *error)
         if (t->column[i] < BEARING)
             named[t->column[i]] = v;
         else if (t->column[i] == BEARING)
-            range[beam++] = v >= s->info.range_max / t->range_unit ? INFINITY : (float)(v * t->range_unit);
+            range[beam++] =
+                v >= s->info.range_max / t->range_unit ? INFINITY : (float)(v * t->range_unit);
     }
     r->kind = CAIRN_CARMEN_SCAN;
     r->count = t->beams;
@@ -325,8 +335,9 @@ static void tell_fault(loading *l, const char *what)
     cairn_file_error fault;
 
     l->scans->info.faults++;
-    (void)cairn_file_error_set(&fault, CAIRN_BAD_FORMAT, l->path, cairn_line_reader_number(l->reader),
-                               "%s, expected %d numbers", what, l->table.fields);
+    (void)cairn_file_error_set(&fault, CAIRN_BAD_FORMAT, l->path,
+                               cairn_line_reader_number(l->reader), "%s, expected %d numbers", what,
+                               l->table.fields);
     if (l->params->on_fault != NULL)
         l->params->on_fault(l->params->context, &fault);
 }
@@ -347,7 +358,8 @@ static cairn_status take_line(loading *l, const char *line, size_t length, cairn
     return CAIRN_OK;
 }
 
-/* The pose of the wheels at a time before record i, or the first one since which the times run on. */
+/* The pose of the wheels at a time before record i, or the first one since which the times run
+ * on. */
 static cairn_pose wheels_at(const cairn_carmen_record *record, int32_t i, int64_t time)
 {
     cairn_pose step;
@@ -361,8 +373,9 @@ static cairn_pose wheels_at(const cairn_carmen_record *record, int32_t i, int64_
     step = cairn_pose_between(record[k].robot, record[k + 1].robot);
     return cairn_pose_compose(
         record[k].robot,
-        cairn_twist_at(cairn_twist_of(step), (cairn_real)(time - record[k].stamp_ns) /
-                                                 (cairn_real)(record[k + 1].stamp_ns - record[k].stamp_ns)));
+        cairn_twist_at(cairn_twist_of(step),
+                       (cairn_real)(time - record[k].stamp_ns) /
+                           (cairn_real)(record[k + 1].stamp_ns - record[k].stamp_ns)));
 }
 
 /* The records point to their ranges. */
@@ -389,7 +402,8 @@ static void finish(loading *l)
         r->scan.range_min = t->kind == CAIRN_RANGE_TABLE_URG ? (float)URG_RANGE_MIN : 0;
         r->scan.range_max = (float)info->range_max;
         r->scan.range_sigma = (float)l->params->range_sigma;
-        r->scan.time_step = t->kind == CAIRN_RANGE_TABLE_URG ? (float)(URG_TURN * URG_STEP / 360) : 0;
+        r->scan.time_step =
+            t->kind == CAIRN_RANGE_TABLE_URG ? (float)(URG_TURN * URG_STEP / 360) : 0;
         r->scan.stamp_ns = r->stamp_ns;
         r->scan.base_sensor = info->base_sensor;
     }
@@ -409,7 +423,8 @@ static cairn_status read_lines(loading *l, cairn_file_error *error)
             break;
         if (status == CAIRN_OK) {
             status = take_line(l, line, length, error);
-        } else if (status == CAIRN_FULL || status == CAIRN_TRUNCATED || status == CAIRN_BAD_FORMAT) {
+        } else if (status == CAIRN_FULL || status == CAIRN_TRUNCATED ||
+                   status == CAIRN_BAD_FORMAT) {
             tell_fault(l, status == CAIRN_FULL ? "a line without end" : "damaged gzip data");
             status = CAIRN_OK;
         } else if (error != NULL) {
@@ -419,14 +434,15 @@ static cairn_status read_lines(loading *l, cairn_file_error *error)
     if (status != CAIRN_EMPTY)
         return status;
     if (l->scans->count == 0)
-        return cairn_file_error_set(error, CAIRN_EMPTY, l->path, 0, "no scan in it, expected a table of ranges");
+        return cairn_file_error_set(error, CAIRN_EMPTY, l->path, 0,
+                                    "no scan in it, expected a table of ranges");
     finish(l);
     return CAIRN_OK;
 }
 
-cairn_status cairn_range_table_load(cairn_carmen_scans *scans, int32_t *has_odometry, const char *path,
-                                    cairn_range_table_kind kind, const cairn_carmen_params *params,
-                                    cairn_file_error *error)
+cairn_status cairn_range_table_load(cairn_carmen_scans *scans, int32_t *has_odometry,
+                                    const char *path, cairn_range_table_kind kind,
+                                    const cairn_carmen_params *params, cairn_file_error *error)
 {
     cairn_carmen_params defaults = cairn_carmen_default();
     loading l;
@@ -439,7 +455,8 @@ cairn_status cairn_range_table_load(cairn_carmen_scans *scans, int32_t *has_odom
     l.path = path;
     l.table.kind = kind;
     if (!(l.params->range_max >= 0 && l.params->range_max <= (double)CAIRN_SCAN_EXTENT))
-        return cairn_file_error_set(error, CAIRN_BAD_ARGUMENT, path, 0, "the greatest range is %g, expected 0 to %g",
+        return cairn_file_error_set(error, CAIRN_BAD_ARGUMENT, path, 0,
+                                    "the greatest range is %g, expected 0 to %g",
                                     l.params->range_max, (double)CAIRN_SCAN_EXTENT);
     scans->info.range_max = kind == CAIRN_RANGE_TABLE_URG ? URG_RANGE_MAX : CSV_RANGE_MAX;
     if (l.params->range_max > 0)
@@ -459,7 +476,8 @@ cairn_status cairn_range_table_load(cairn_carmen_scans *scans, int32_t *has_odom
     return status;
 }
 
-cairn_status cairn_range_table_find_kind(cairn_range_table_kind *kind, const char *path, cairn_file_error *error)
+cairn_status cairn_range_table_find_kind(cairn_range_table_kind *kind, const char *path,
+                                         cairn_file_error *error)
 {
     cairn_line_reader *reader;
     cairn_status status = cairn_line_reader_open(&reader, path, error);
@@ -477,7 +495,8 @@ cairn_status cairn_range_table_find_kind(cairn_range_table_kind *kind, const cha
             continue;
         if (is_head(line, length))
             *kind = CAIRN_RANGE_TABLE_CSV;
-        else if (count_fields(line, length) == URG_FIELDS && (line[0] == '-' || (line[0] >= '0' && line[0] <= '9')))
+        else if (count_fields(line, length) == URG_FIELDS &&
+                 (line[0] == '-' || (line[0] >= '0' && line[0] <= '9')))
             *kind = CAIRN_RANGE_TABLE_URG;
     }
     cairn_line_reader_close(reader);

@@ -1,4 +1,5 @@
-/* Relations from text. Times are kept as whole nanoseconds; scans are found among the sorted stamps. */
+/* Relations from text. Times are kept as whole nanoseconds; scans are found among the sorted
+ * stamps. */
 #include "src/core/build.h"
 
 #include <errno.h>
@@ -39,7 +40,8 @@ static cairn_status read_real(const place *p, word w, cairn_real *value)
         return bad_word(p, w, "a number");
     *value = (cairn_real)number;
     if (!cairn_is_finite(*value))
-        return cairn_file_error_set(p->error, CAIRN_NOT_FINITE, p->path, p->line, "%s, expected a finite number",
+        return cairn_file_error_set(p->error, CAIRN_NOT_FINITE, p->path, p->line,
+                                    "%s, expected a finite number",
                                     cairn_token_text(shown, w.text, w.length));
     return CAIRN_OK;
 }
@@ -47,12 +49,15 @@ static cairn_status read_real(const place *p, word w, cairn_real *value)
 static cairn_status read_end(const place *p, word w, int32_t timed, int64_t *end)
 {
     if (timed)
-        return cairn_number_read_stamp(w.text, w.length, end) ? CAIRN_OK : bad_word(p, w, "a time in seconds");
-    return cairn_number_read_integer(w.text, w.length, end) && *end >= 0 ? CAIRN_OK
-                                                                         : bad_word(p, w, "the index of a scan");
+        return cairn_number_read_stamp(w.text, w.length, end) ? CAIRN_OK
+                                                              : bad_word(p, w, "a time in seconds");
+    return cairn_number_read_integer(w.text, w.length, end) && *end >= 0
+               ? CAIRN_OK
+               : bad_word(p, w, "the index of a scan");
 }
 
-static cairn_status read_row(const place *p, const char *line, size_t length, cairn_relation_row *row)
+static cairn_status read_row(const place *p, const char *line, size_t length,
+                             cairn_relation_row *row)
 {
     const char *end = line + length;
     word words[WORDS_TIMED + 1];
@@ -60,11 +65,13 @@ static cairn_status read_row(const place *p, const char *line, size_t length, ca
     int32_t count = 0;
     cairn_status status;
 
-    while (count <= WORDS_TIMED && (words[count].length = cairn_token_next(&line, end, &words[count].text)) > 0)
+    while (count <= WORDS_TIMED &&
+           (words[count].length = cairn_token_next(&line, end, &words[count].text)) > 0)
         count++;
     if (count != WORDS_TIMED && count != WORDS_INDEXED)
-        return cairn_file_error_set(p->error, CAIRN_BAD_FORMAT, p->path, p->line,
-                                    "%d words, expected t1 t2 x y z roll pitch yaw, or a b x y theta", (int)count);
+        return cairn_file_error_set(
+            p->error, CAIRN_BAD_FORMAT, p->path, p->line,
+            "%d words, expected t1 t2 x y z roll pitch yaw, or a b x y theta", (int)count);
     row->line = p->line;
     row->timed = count == WORDS_TIMED;
     status = read_end(p, words[0], row->timed, &row->first);
@@ -80,12 +87,13 @@ static cairn_status read_row(const place *p, const char *line, size_t length, ca
 }
 
 /* Appends to an array that doubles. */
-static cairn_status append(const place *p, cairn_relation_row **rows, int32_t *count, int32_t *capacity,
-                           const cairn_relation_row *row)
+static cairn_status append(const place *p, cairn_relation_row **rows, int32_t *count,
+                           int32_t *capacity, const cairn_relation_row *row)
 {
     if (*count == *capacity) {
         int32_t more = *capacity == 0 ? 256 : *capacity < INT32_MAX / 2 ? 2 * *capacity : INT32_MAX;
-        cairn_relation_row *grown = *count < INT32_MAX ? realloc(*rows, (size_t)more * sizeof *grown) : NULL;
+        cairn_relation_row *grown =
+            *count < INT32_MAX ? realloc(*rows, (size_t)more * sizeof *grown) : NULL;
 
         if (grown == NULL)
             return cairn_file_error_system(p->error, p->path, "read", ENOMEM);
@@ -125,12 +133,14 @@ cairn_status cairn_relation_table_read(cairn_relation_row **row, int32_t *count,
             break;
     }
     if (status == CAIRN_FULL)
-        status = cairn_file_error_set(error, CAIRN_BAD_FORMAT, path, cairn_line_reader_number(lines),
-                                      "a line of %zu bytes, expected relations", length);
+        status =
+            cairn_file_error_set(error, CAIRN_BAD_FORMAT, path, cairn_line_reader_number(lines),
+                                 "a line of %zu bytes, expected relations", length);
     if (status == CAIRN_EMPTY && *count > 0)
         status = CAIRN_OK;
     else if (status == CAIRN_EMPTY)
-        status = cairn_file_error_set(error, status, path, 0, "no relation, expected lines t1 t2 x y z roll pitch yaw");
+        status = cairn_file_error_set(error, status, path, 0,
+                                      "no relation, expected lines t1 t2 x y z roll pitch yaw");
     cairn_line_reader_close(lines);
     if (status != CAIRN_OK) {
         free(*row);
@@ -180,14 +190,16 @@ static int64_t find(const stamped *table, int32_t count, int64_t stamp_ns)
             high = middle;
     }
     best = low;
-    if (low > 0 && (low == count || gap(table[low - 1].stamp_ns, stamp_ns) <= gap(table[low].stamp_ns, stamp_ns)))
+    if (low > 0 && (low == count ||
+                    gap(table[low - 1].stamp_ns, stamp_ns) <= gap(table[low].stamp_ns, stamp_ns)))
         best = low - 1;
     while (best > 0 && table[best - 1].stamp_ns == table[best].stamp_ns)
         best--;
     return count > 0 && gap(table[best].stamp_ns, stamp_ns) <= MICROSECOND ? table[best].scan : -1;
 }
 
-int32_t cairn_relation_table_find(cairn_relation_row *row, int32_t count, const int64_t *stamp_ns, int32_t scans)
+int32_t cairn_relation_table_find(cairn_relation_row *row, int32_t count, const int64_t *stamp_ns,
+                                  int32_t scans)
 {
     stamped *table = malloc(((size_t)scans + 1) * sizeof *table);
     int32_t found = 0;

@@ -1,4 +1,5 @@
-/* Pictures of maps as SVG: the drawing. Where things stand is in report_layout, images are in report_picture. */
+/* Pictures of maps as SVG: the drawing. Where things stand is in report_layout, images are in
+ * report_picture. */
 #include "src/core/build.h"
 
 #include <errno.h>
@@ -46,17 +47,19 @@ static int is_doubtful(const cairn_report_panel *panel, int32_t i)
     return panel->doubtful != NULL && panel->doubtful[i] != 0;
 }
 
-static void draw_scan(cairn_output *output, const cairn_report_view *view, const cairn_report_scan *scan,
-                      cairn_pose pose)
+static void draw_scan(cairn_output *output, const cairn_report_view *view,
+                      const cairn_report_scan *scan, cairn_pose pose)
 {
     cairn_transform t = cairn_transform_of(pose);
     int32_t k;
 
     for (k = 0; k < scan->segment_count; k++) {
-        cairn_vec2 a = cairn_transform_point(t, scan->segment[k].a), b = cairn_transform_point(t, scan->segment[k].b);
+        cairn_vec2 a = cairn_transform_point(t, scan->segment[k].a),
+                   b = cairn_transform_point(t, scan->segment[k].b);
 
         cairn_output_print(output, "M%.1f %.1fL%.1f %.1f", cairn_report_view_x(view, (double)a.x),
-                           cairn_report_view_y(view, (double)a.y), cairn_report_view_x(view, (double)b.x),
+                           cairn_report_view_y(view, (double)a.y),
+                           cairn_report_view_x(view, (double)b.x),
                            cairn_report_view_y(view, (double)b.y));
     }
     for (k = 0; k < scan->point_count && scan->segment_count == 0; k++) {
@@ -68,30 +71,32 @@ static void draw_scan(cairn_output *output, const cairn_report_view *view, const
 }
 
 /* Walls one by one; doubtful scans last, in red. */
-static void draw_walls(cairn_output *output, const cairn_report_view *view, const cairn_report_map *map,
-                       const cairn_report_panel *panel)
+static void draw_walls(cairn_output *output, const cairn_report_view *view,
+                       const cairn_report_map *map, const cairn_report_panel *panel)
 {
     int32_t doubtful, i;
     int rgb[3];
 
     for (doubtful = 0; doubtful <= 1; doubtful++) {
-        cairn_output_print(output,
-                           "<g fill=\"none\" stroke-linecap=\"round\" stroke-width=\"1.5\" stroke=\"%s\" "
-                           "stroke-opacity=\"%s\">\n",
-                           doubtful ? "#dc2626" : "#1e293b",
-                           doubtful            ? ".45"
-                           : map->colour_scans ? ".75"
-                                               : ".6");
+        cairn_output_print(
+            output,
+            "<g fill=\"none\" stroke-linecap=\"round\" stroke-width=\"1.5\" stroke=\"%s\" "
+            "stroke-opacity=\"%s\">\n",
+            doubtful ? "#dc2626" : "#1e293b",
+            doubtful            ? ".45"
+            : map->colour_scans ? ".75"
+                                : ".6");
         for (i = 0; i < map->scan_count; i++) {
-            if (is_doubtful(panel, i) != doubtful || map->scan[i].point_count + map->scan[i].segment_count == 0)
+            if (is_doubtful(panel, i) != doubtful ||
+                map->scan[i].point_count + map->scan[i].segment_count == 0)
                 continue;
             cairn_output_print(output, "<path d=\"");
             draw_scan(output, view, &map->scan[i], panel->pose[i]);
             cairn_output_print(output, "\"");
             if (map->colour_scans && !doubtful) {
                 colour_at(place_of(map, i), rgb);
-                cairn_output_print(output, " stroke=\"#%02x%02x%02x\"", (unsigned)rgb[0], (unsigned)rgb[1],
-                                   (unsigned)rgb[2]);
+                cairn_output_print(output, " stroke=\"#%02x%02x%02x\"", (unsigned)rgb[0],
+                                   (unsigned)rgb[1], (unsigned)rgb[2]);
             }
             cairn_output_print(output, "/>\n");
         }
@@ -99,11 +104,13 @@ static void draw_walls(cairn_output *output, const cairn_report_view *view, cons
     }
 }
 
-/* The path in pieces of one colour each; poses that lie within half a pixel of the last one drawn are passed over. */
-static void draw_path(cairn_output *output, const cairn_report_view *view, const cairn_report_map *map,
-                      const cairn_report_panel *panel)
+/* The path in pieces of one colour each; poses that lie within half a pixel of the last one
+ * drawn are passed over. */
+static void draw_path(cairn_output *output, const cairn_report_view *view,
+                      const cairn_report_map *map, const cairn_report_panel *panel)
 {
-    int32_t pieces = map->scan_count - 1 < PATH_PIECES ? map->scan_count - 1 : PATH_PIECES, piece, i;
+    int32_t pieces = map->scan_count - 1 < PATH_PIECES ? map->scan_count - 1 : PATH_PIECES, piece,
+            i;
     int rgb[3];
 
     cairn_output_print(output, "<g fill=\"none\" stroke-width=\"1.8\" stroke-linecap=\"round\" "
@@ -114,8 +121,8 @@ static void draw_path(cairn_output *output, const cairn_report_view *view, const
         double drawn_x = 0, drawn_y = 0;
 
         colour_at((piece + 0.5) / pieces, rgb);
-        cairn_output_print(output, "<path stroke=\"#%02x%02x%02x\" d=\"", (unsigned)rgb[0], (unsigned)rgb[1],
-                           (unsigned)rgb[2]);
+        cairn_output_print(output, "<path stroke=\"#%02x%02x%02x\" d=\"", (unsigned)rgb[0],
+                           (unsigned)rgb[1], (unsigned)rgb[2]);
         for (i = first; i <= last; i++) {
             double x = cairn_report_view_x(view, (double)panel->pose[i].x);
             double y = cairn_report_view_y(view, (double)panel->pose[i].y);
@@ -134,14 +141,16 @@ static void draw_path(cairn_output *output, const cairn_report_view *view, const
 /* An arrowhead for a robot that points along +x, turned to its heading. */
 static void draw_robot(cairn_output *output, double x, double y, double theta, const char *fill)
 {
-    cairn_output_print(output,
-                       "<path transform=\"translate(%.1f %.1f) rotate(%.1f)\" d=\"M7 0L-4.5 4.6L-2.4 0L-4.5 -4.6Z\" "
-                       "fill=\"%s\" stroke=\"#fff\" stroke-width=\".9\" stroke-linejoin=\"round\"/>\n",
-                       x, y, 0 - theta * 180 / (double)CAIRN_PI, fill);
+    cairn_output_print(
+        output,
+        "<path transform=\"translate(%.1f %.1f) rotate(%.1f)\" d=\"M7 0L-4.5 4.6L-2.4 0L-4.5 "
+        "-4.6Z\" "
+        "fill=\"%s\" stroke=\"#fff\" stroke-width=\".9\" stroke-linejoin=\"round\"/>\n",
+        x, y, 0 - theta * 180 / (double)CAIRN_PI, fill);
 }
 
-static void draw_robots(cairn_output *output, const cairn_report_view *view, const cairn_report_map *map,
-                        const cairn_report_panel *panel)
+static void draw_robots(cairn_output *output, const cairn_report_view *view,
+                        const cairn_report_map *map, const cairn_report_panel *panel)
 {
     int32_t step = (map->scan_count + MARKERS_MOST - 1) / MARKERS_MOST, i;
     char fill[8] = "#dc2626";
@@ -150,7 +159,8 @@ static void draw_robots(cairn_output *output, const cairn_report_view *view, con
     for (i = 0; i < map->scan_count; i++) {
         cairn_pose pose = panel->pose[i];
 
-        /* With more poses than markers, the path shows where the others are; doubtful ones are shown if any can be. */
+        /* With more poses than markers, the path shows where the others are; doubtful ones are
+         * shown if any can be. */
         if (i % step != 0 && i != map->scan_count - 1)
             continue;
         if (is_doubtful(panel, i)) {
@@ -162,13 +172,13 @@ static void draw_robots(cairn_output *output, const cairn_report_view *view, con
                 fill[1 + c] = "0123456789abcdef"[digit];
             }
         }
-        draw_robot(output, cairn_report_view_x(view, (double)pose.x), cairn_report_view_y(view, (double)pose.y),
-                   (double)pose.theta, fill);
+        draw_robot(output, cairn_report_view_x(view, (double)pose.x),
+                   cairn_report_view_y(view, (double)pose.y), (double)pose.theta, fill);
     }
 }
 
-static cairn_status draw_panel(cairn_output *output, const cairn_report_map *map, const cairn_report_layout *l,
-                               int32_t index)
+static cairn_status draw_panel(cairn_output *output, const cairn_report_map *map,
+                               const cairn_report_layout *l, int32_t index)
 {
     const cairn_report_panel *panel = &map->panel[index];
     cairn_report_view view = cairn_report_view_of(l, index);
@@ -176,16 +186,20 @@ static cairn_status draw_panel(cairn_output *output, const cairn_report_map *map
 
     if (panel->title != NULL)
         cairn_report_print_text(output, view.frame_left + 2, l->top - 9,
-                                "font-size=\"14\" font-weight=\"600\" fill=\"#334155\"", panel->title);
+                                "font-size=\"14\" font-weight=\"600\" fill=\"#334155\"",
+                                panel->title);
     if (panel->note != NULL)
         cairn_report_print_text(output, view.frame_left + view.width - 2, l->top - 9,
-                                "font-size=\"12\" fill=\"#64748b\" text-anchor=\"end\"", panel->note);
+                                "font-size=\"12\" fill=\"#64748b\" text-anchor=\"end\"",
+                                panel->note);
     cairn_output_print(
         output,
         "<rect id=\"frame%d\" x=\"%.1f\" y=\"%.1f\" width=\"%.1f\" height=\"%.1f\" rx=\"8\" "
-        "fill=\"#fff\" stroke=\"#dbe2ea\"/>\n<clipPath id=\"clip%d\"><use href=\"#frame%d\"/></clipPath>\n"
+        "fill=\"#fff\" stroke=\"#dbe2ea\"/>\n<clipPath id=\"clip%d\"><use "
+        "href=\"#frame%d\"/></clipPath>\n"
         "<g clip-path=\"url(#clip%d)\">\n",
-        (int)index, view.frame_left, view.frame_top, view.width, view.height, (int)index, (int)index, (int)index);
+        (int)index, view.frame_left, view.frame_top, view.width, view.height, (int)index,
+        (int)index, (int)index);
     if (panel->grid != NULL)
         status = cairn_report_draw_grid(output, &view, panel->grid);
     else if (cairn_report_elements(map) > map->elements_most)
@@ -199,10 +213,12 @@ static cairn_status draw_panel(cairn_output *output, const cairn_report_map *map
     return status;
 }
 
-static void draw_foot(cairn_output *output, const cairn_report_map *map, const cairn_report_layout *l, double right)
+static void draw_foot(cairn_output *output, const cairn_report_map *map,
+                      const cairn_report_layout *l, double right)
 {
     const char *style = "font-size=\"12\" fill=\"#475569\"";
-    double y = l->top + l->height + 28, x = CAIRN_REPORT_MARGIN + 2, bar = cairn_report_round_down(150 / l->scale);
+    double y = l->top + l->height + 28, x = CAIRN_REPORT_MARGIN + 2,
+           bar = cairn_report_round_down(150 / l->scale);
     int32_t i, k, doubtful = 0, grids = 0;
     int rgb[3];
 
@@ -223,12 +239,14 @@ static void draw_foot(cairn_output *output, const cairn_report_map *map, const c
     cairn_report_print_text(output, x + 20, y, style, "robot");
     x += 72;
     x += map->connect ? 66 : 32;
-    cairn_output_print(output, "<text x=\"%.1f\" y=\"%.1f\" %s text-anchor=\"end\">%s</text>\n", x - 6, y, style,
-                       map->connect ? "path: start" : "start");
+    cairn_output_print(output, "<text x=\"%.1f\" y=\"%.1f\" %s text-anchor=\"end\">%s</text>\n",
+                       x - 6, y, style, map->connect ? "path: start" : "start");
     for (i = 0; i < 24; i++) {
         colour_at((i + 0.5) / 24, rgb);
-        cairn_output_print(output, "<rect x=\"%.1f\" y=\"%.1f\" width=\"3.5\" height=\"5\" fill=\"#%02x%02x%02x\"/>\n",
-                           x + 3 * i, y - 6.5, (unsigned)rgb[0], (unsigned)rgb[1], (unsigned)rgb[2]);
+        cairn_output_print(
+            output,
+            "<rect x=\"%.1f\" y=\"%.1f\" width=\"3.5\" height=\"5\" fill=\"#%02x%02x%02x\"/>\n",
+            x + 3 * i, y - 6.5, (unsigned)rgb[0], (unsigned)rgb[1], (unsigned)rgb[2]);
     }
     cairn_report_print_text(output, x + 79, y, style, "end");
     x += 122;
@@ -237,13 +255,15 @@ static void draw_foot(cairn_output *output, const cairn_report_map *map, const c
         cairn_report_print_text(output, x + 20, y, style, "doubtful");
     }
     cairn_output_print(output,
-                       "<path d=\"M%.1f %.1fv7h%.1fv-7\" fill=\"none\" stroke=\"#334155\" stroke-width=\"1.4\"/>\n",
+                       "<path d=\"M%.1f %.1fv7h%.1fv-7\" fill=\"none\" stroke=\"#334155\" "
+                       "stroke-width=\"1.4\"/>\n",
                        right - 2 - bar * l->scale, y - 8, bar * l->scale);
     cairn_output_print(output, "<text x=\"%.1f\" y=\"%.1f\" %s text-anchor=\"end\">%g m</text>\n",
                        right - 10 - bar * l->scale, y, style, bar);
 }
 
-static cairn_status draw(cairn_output *output, const cairn_report_map *map, const cairn_report_layout *l)
+static cairn_status draw(cairn_output *output, const cairn_report_map *map,
+                         const cairn_report_layout *l)
 {
     double height = l->top + l->height + FOOT;
     cairn_status status = CAIRN_OK;
@@ -257,7 +277,8 @@ static cairn_status draw(cairn_output *output, const cairn_report_map *map, cons
     return status;
 }
 
-cairn_status cairn_report_map_write(const char *path, const cairn_report_map *map, cairn_file_error *error)
+cairn_status cairn_report_map_write(const char *path, const cairn_report_map *map,
+                                    cairn_file_error *error)
 {
     cairn_output *output;
     cairn_report_layout l;

@@ -44,50 +44,60 @@ static int box_is_empty(cairn_box box)
     return !(box.min.x <= box.max.x && box.min.y <= box.max.y);
 }
 
-static cairn_status check_layer(const char *path, const cairn_report_layer *layer, int plot, int index,
-                                cairn_file_error *error)
+static cairn_status check_layer(const char *path, const cairn_report_layer *layer, int plot,
+                                int index, cairn_file_error *error)
 {
     int32_t i;
 
-    if (layer->count < 0 || layer->count > INT32_MAX / 2 || (layer->count > 0 && layer->point == NULL) ||
-        layer->mark < CAIRN_REPORT_DOTS || layer->mark > CAIRN_REPORT_BARS || layer->colour == NULL ||
-        !(layer->width > 0) || !(layer->opacity > 0 && layer->opacity <= 1))
-        return cairn_file_error_set(error, CAIRN_BAD_ARGUMENT, path, 0,
-                                    "plot %d, layer %d: expected points, a mark, a colour, a width and an opacity",
-                                    plot, index);
+    if (layer->count < 0 || layer->count > INT32_MAX / 2 ||
+        (layer->count > 0 && layer->point == NULL) || layer->mark < CAIRN_REPORT_DOTS ||
+        layer->mark > CAIRN_REPORT_BARS || layer->colour == NULL || !(layer->width > 0) ||
+        !(layer->opacity > 0 && layer->opacity <= 1))
+        return cairn_file_error_set(
+            error, CAIRN_BAD_ARGUMENT, path, 0,
+            "plot %d, layer %d: expected points, a mark, a colour, a width and an opacity", plot,
+            index);
     for (i = 0; i < points_of(layer); i++)
         if (!is_within(layer->point[i]))
-            return cairn_file_error_set(error, CAIRN_NOT_FINITE, path, 0, "plot %d, layer %d: point %d is not finite",
-                                        plot, index, (int)i);
+            return cairn_file_error_set(error, CAIRN_NOT_FINITE, path, 0,
+                                        "plot %d, layer %d: point %d is not finite", plot, index,
+                                        (int)i);
     return CAIRN_OK;
 }
 
-static cairn_status check_plot(const char *path, const cairn_report_plot *plot, int index, cairn_file_error *error)
+static cairn_status check_plot(const char *path, const cairn_report_plot *plot, int index,
+                               cairn_file_error *error)
 {
     cairn_status status = CAIRN_OK;
     int32_t i;
 
     if (plot->layer_count < 0 || (plot->layer_count > 0 && plot->layer == NULL) ||
-        (plot->x_label == NULL) != (plot->y_label == NULL) || !(plot->x_step >= 0) || !(plot->y_step >= 0))
-        return cairn_file_error_set(error, CAIRN_BAD_ARGUMENT, path, 0,
-                                    "plot %d: expected layers, both labels or none, steps not below 0", index);
+        (plot->x_label == NULL) != (plot->y_label == NULL) || !(plot->x_step >= 0) ||
+        !(plot->y_step >= 0))
+        return cairn_file_error_set(
+            error, CAIRN_BAD_ARGUMENT, path, 0,
+            "plot %d: expected layers, both labels or none, steps not below 0", index);
     if (!box_is_empty(plot->box) && (!is_within(plot->box.min) || !is_within(plot->box.max)))
-        return cairn_file_error_set(error, CAIRN_NOT_FINITE, path, 0, "plot %d: its box is not finite", index);
+        return cairn_file_error_set(error, CAIRN_NOT_FINITE, path, 0,
+                                    "plot %d: its box is not finite", index);
     for (i = 0; i < plot->layer_count && status == CAIRN_OK; i++)
         status = check_layer(path, &plot->layer[i], index, (int)i, error);
     return status;
 }
 
-static cairn_status check(const char *path, const cairn_report_figure *figure, cairn_file_error *error)
+static cairn_status check(const char *path, const cairn_report_figure *figure,
+                          cairn_file_error *error)
 {
     cairn_status status = CAIRN_OK;
     int32_t i;
 
-    if (figure->plot == NULL || figure->plot_count < 1 || figure->plot_count > CAIRN_REPORT_PLOTS_MOST ||
-        figure->width < 200 || figure->width > 10000)
-        return cairn_file_error_set(error, CAIRN_BAD_ARGUMENT, path, 0,
-                                    "%d plots, width %d: expected 1 to %d plots, a width from 200 to 10000",
-                                    (int)figure->plot_count, (int)figure->width, CAIRN_REPORT_PLOTS_MOST);
+    if (figure->plot == NULL || figure->plot_count < 1 ||
+        figure->plot_count > CAIRN_REPORT_PLOTS_MOST || figure->width < 200 ||
+        figure->width > 10000)
+        return cairn_file_error_set(
+            error, CAIRN_BAD_ARGUMENT, path, 0,
+            "%d plots, width %d: expected 1 to %d plots, a width from 200 to 10000",
+            (int)figure->plot_count, (int)figure->width, CAIRN_REPORT_PLOTS_MOST);
     for (i = 0; i < figure->plot_count && status == CAIRN_OK; i++)
         status = check_plot(path, &figure->plot[i], (int)i, error);
     return status;
@@ -95,7 +105,8 @@ static cairn_status check(const char *path, const cairn_report_figure *figure, c
 
 /* ---- layout ---- */
 
-/* A plot's place, and from its units to pixels: x = left + (px - min_x) scale_x, y = bottom - (py - min_y) scale_y. */
+/* A plot's place, and from its units to pixels: x = left + (px - min_x) scale_x, y = bottom -
+ * (py - min_y) scale_y. */
 typedef struct plot_view {
     double frame_left, frame_top, frame_width, frame_height;
     double left, bottom, width, height; /* of what is drawn */
@@ -149,7 +160,8 @@ static void take_box(plot_view *view, cairn_box box, int map)
     view->max_y += view->min_y;
 }
 
-static plot_view view_of(const cairn_report_plot *plot, double left, double top, double width, double height)
+static plot_view view_of(const cairn_report_plot *plot, double left, double top, double width,
+                         double height)
 {
     int map = is_map(plot);
     double wide, high;
@@ -196,9 +208,11 @@ static void draw_layer(cairn_output *output, const plot_view *view, const cairn_
 
     if (layer->count == 0)
         return;
-    cairn_output_print(
-        output, "<path fill=\"%s\" stroke=\"%s\" stroke-width=\"%.2f\" stroke-linecap=\"round\" opacity=\"%.3g\" d=\"",
-        bars ? layer->colour : "none", bars ? "#fff" : layer->colour, bars ? 0.8 : layer->width, layer->opacity);
+    cairn_output_print(output,
+                       "<path fill=\"%s\" stroke=\"%s\" stroke-width=\"%.2f\" "
+                       "stroke-linecap=\"round\" opacity=\"%.3g\" d=\"",
+                       bars ? layer->colour : "none", bars ? "#fff" : layer->colour,
+                       bars ? 0.8 : layer->width, layer->opacity);
     for (i = 0; i < points_of(layer); i++) {
         double x = to_x(view, (double)layer->point[i].x), y = to_y(view, (double)layer->point[i].y);
 
@@ -207,8 +221,8 @@ static void draw_layer(cairn_output *output, const plot_view *view, const cairn_
         else if (layer->mark == CAIRN_REPORT_LINES)
             cairn_output_print(output, "%s%.1f %.1f", i % 2 == 0 ? "M" : "L", x, y);
         else
-            cairn_output_print(output, "M%.1f %.1fV%.1fH%.1fV%.1fZ", x - half, to_y(view, 0), y, x + half,
-                               to_y(view, 0));
+            cairn_output_print(output, "M%.1f %.1fV%.1fH%.1fV%.1fZ", x - half, to_y(view, 0), y,
+                               x + half, to_y(view, 0));
     }
     cairn_output_print(output, "\"/>\n");
 }
@@ -216,64 +230,77 @@ static void draw_layer(cairn_output *output, const plot_view *view, const cairn_
 static void draw_scale_bar(cairn_output *output, const plot_view *view)
 {
     double bar = cairn_report_round_down(BAR_PIXELS / view->scale_x), length = bar * view->scale_x;
-    double x = view->frame_left + view->frame_width - 14, y = view->frame_top + view->frame_height - 14;
+    double x = view->frame_left + view->frame_width - 14,
+           y = view->frame_top + view->frame_height - 14;
 
     cairn_output_print(output,
-                       "<path d=\"M%.1f %.1fv7h%.1fv-7\" fill=\"none\" stroke=\"#334155\" stroke-width=\"1.4\"/>\n",
+                       "<path d=\"M%.1f %.1fv7h%.1fv-7\" fill=\"none\" stroke=\"#334155\" "
+                       "stroke-width=\"1.4\"/>\n",
                        x - length, y - 7, length);
-    cairn_output_print(output, "<text x=\"%.1f\" y=\"%.1f\" " TEXT_SMALL " text-anchor=\"middle\">%g m</text>\n",
-                       x - length / 2, y - 6, bar);
+    cairn_output_print(
+        output, "<text x=\"%.1f\" y=\"%.1f\" " TEXT_SMALL " text-anchor=\"middle\">%g m</text>\n",
+        x - length / 2, y - 6, bar);
 }
 
 /* What was asked for unless the numbers would stand too close, or as many as have room. */
 static double step_of(double asked, double extent, double pixels, double tick_pixels)
 {
-    return asked * pixels / extent > tick_pixels / 4 ? asked : cairn_report_round_down(extent * tick_pixels / pixels);
+    return asked * pixels / extent > tick_pixels / 4
+               ? asked
+               : cairn_report_round_down(extent * tick_pixels / pixels);
 }
 
 /* Ruled lines with their numbers, and the labels. */
 static void draw_axes(cairn_output *output, const plot_view *view, const cairn_report_plot *plot)
 {
-    double step_x = step_of(plot->x_step, view->max_x - view->min_x, view->width, 1.6 * TICK_PIXELS);
+    double step_x =
+        step_of(plot->x_step, view->max_x - view->min_x, view->width, 1.6 * TICK_PIXELS);
     double step_y = step_of(plot->y_step, view->max_y - view->min_y, view->height, TICK_PIXELS);
     double top = view->bottom - view->height, at;
     double first_x = ceil(view->min_x / step_x - 1e-9), first_y = ceil(view->min_y / step_y - 1e-9);
 
     for (int32_t i = 0; (at = (first_x + i) * step_x) <= view->max_x + step_x * 1e-9; i++)
-        cairn_output_print(output,
-                           "<path d=\"M%.1f %.1fV%.1f\" stroke=\"#e8edf3\"/>\n"
-                           "<text x=\"%.1f\" y=\"%.1f\" " TEXT_SMALL " text-anchor=\"middle\">%g</text>\n",
-                           to_x(view, at), view->bottom, top, to_x(view, at), view->bottom + 17, at + 0);
+        cairn_output_print(
+            output,
+            "<path d=\"M%.1f %.1fV%.1f\" stroke=\"#e8edf3\"/>\n"
+            "<text x=\"%.1f\" y=\"%.1f\" " TEXT_SMALL " text-anchor=\"middle\">%g</text>\n",
+            to_x(view, at), view->bottom, top, to_x(view, at), view->bottom + 17, at + 0);
     for (int32_t i = 0; (at = (first_y + i) * step_y) <= view->max_y + step_y * 1e-9; i++)
         cairn_output_print(output,
                            "<path d=\"M%.1f %.1fH%.1f\" stroke=\"#e8edf3\"/>\n"
-                           "<text x=\"%.1f\" y=\"%.1f\" " TEXT_SMALL " text-anchor=\"end\">%g</text>\n",
-                           view->left, to_y(view, at), view->left + view->width, view->left - 7, to_y(view, at) + 4,
-                           at + 0);
+                           "<text x=\"%.1f\" y=\"%.1f\" " TEXT_SMALL
+                           " text-anchor=\"end\">%g</text>\n",
+                           view->left, to_y(view, at), view->left + view->width, view->left - 7,
+                           to_y(view, at) + 4, at + 0);
     cairn_report_print_text(output, view->left + view->width / 2, view->bottom + 36,
                             TEXT_SMALL " text-anchor=\"middle\"", plot->x_label);
-    cairn_output_print(output, "<g transform=\"translate(%.1f %.1f) rotate(-90)\">", view->frame_left + 17,
-                       top + view->height / 2);
+    cairn_output_print(output, "<g transform=\"translate(%.1f %.1f) rotate(-90)\">",
+                       view->frame_left + 17, top + view->height / 2);
     cairn_report_print_text(output, 0, 0, TEXT_SMALL " text-anchor=\"middle\"", plot->y_label);
     cairn_output_print(output, "</g>\n");
 }
 
-static void draw_plot(cairn_output *output, const plot_view *view, const cairn_report_plot *plot, int index)
+static void draw_plot(cairn_output *output, const plot_view *view, const cairn_report_plot *plot,
+                      int index)
 {
     int32_t i;
 
     if (plot->title != NULL)
         cairn_report_print_text(output, view->frame_left + 2, view->frame_top - 9,
-                                "font-size=\"14\" font-weight=\"600\" fill=\"#334155\"", plot->title);
+                                "font-size=\"14\" font-weight=\"600\" fill=\"#334155\"",
+                                plot->title);
     if (plot->note != NULL)
-        cairn_report_print_text(output, view->frame_left + view->frame_width - 2, view->frame_top - 9,
-                                "font-size=\"12\" fill=\"#64748b\" text-anchor=\"end\"", plot->note);
+        cairn_report_print_text(
+            output, view->frame_left + view->frame_width - 2, view->frame_top - 9,
+            "font-size=\"12\" fill=\"#64748b\" text-anchor=\"end\"", plot->note);
     cairn_output_print(
         output,
-        "<rect id=\"frame%d\" x=\"%.1f\" y=\"%.1f\" width=\"%.1f\" height=\"%.1f\" rx=\"8\" fill=\"#fff\" "
+        "<rect id=\"frame%d\" x=\"%.1f\" y=\"%.1f\" width=\"%.1f\" height=\"%.1f\" rx=\"8\" "
+        "fill=\"#fff\" "
         "stroke=\"#dbe2ea\"/>\n<clipPath id=\"clip%d\"><use href=\"#frame%d\"/></clipPath>\n"
         "<g clip-path=\"url(#clip%d)\">\n",
-        index, view->frame_left, view->frame_top, view->frame_width, view->frame_height, index, index, index);
+        index, view->frame_left, view->frame_top, view->frame_width, view->frame_height, index,
+        index, index);
     if (!is_map(plot))
         draw_axes(output, view, plot);
     for (i = 0; i < plot->layer_count; i++)
@@ -293,7 +320,8 @@ static int is_named_before(const cairn_report_figure *figure, int32_t plot, int3
 
     for (p = 0; p <= plot; p++)
         for (i = 0; i < (p < plot ? figure->plot[p].layer_count : layer); i++)
-            if (figure->plot[p].layer[i].name != NULL && strcmp(figure->plot[p].layer[i].name, name) == 0)
+            if (figure->plot[p].layer[i].name != NULL &&
+                strcmp(figure->plot[p].layer[i].name, name) == 0)
                 return 1;
     return 0;
 }
@@ -308,18 +336,21 @@ static double text_width(const char *text)
     return width;
 }
 
-static double draw_key_entry(cairn_output *output, const cairn_report_layer *layer, double x, double y)
+static double draw_key_entry(cairn_output *output, const cairn_report_layer *layer, double x,
+                             double y)
 {
     if (layer->mark == CAIRN_REPORT_DOTS)
-        cairn_output_print(output, "<circle cx=\"%.1f\" cy=\"%.1f\" r=\"%.1f\" fill=\"%s\"/>\n", x + 9, y - 4,
-                           fmax(2.6, fmin(layer->width / 2, 6)), layer->colour);
+        cairn_output_print(output, "<circle cx=\"%.1f\" cy=\"%.1f\" r=\"%.1f\" fill=\"%s\"/>\n",
+                           x + 9, y - 4, fmax(2.6, fmin(layer->width / 2, 6)), layer->colour);
     else if (layer->mark == CAIRN_REPORT_LINES)
         cairn_output_print(output,
-                           "<path d=\"M%.1f %.1fh18\" stroke=\"%s\" stroke-width=\"2.2\" stroke-linecap=\"round\"/>\n",
+                           "<path d=\"M%.1f %.1fh18\" stroke=\"%s\" stroke-width=\"2.2\" "
+                           "stroke-linecap=\"round\"/>\n",
                            x, y - 4, layer->colour);
     else
-        cairn_output_print(output, "<rect x=\"%.1f\" y=\"%.1f\" width=\"12\" height=\"11\" fill=\"%s\"/>\n", x + 3,
-                           y - 9, layer->colour);
+        cairn_output_print(output,
+                           "<rect x=\"%.1f\" y=\"%.1f\" width=\"12\" height=\"11\" fill=\"%s\"/>\n",
+                           x + 3, y - 9, layer->colour);
     cairn_report_print_text(output, x + 25, y, TEXT_SMALL, layer->name);
     return x + 25 + text_width(layer->name) + 24;
 }
@@ -335,7 +366,8 @@ static void draw_key(cairn_output *output, const cairn_report_figure *figure, do
                 x = draw_key_entry(output, &figure->plot[p].layer[i], x, y);
 }
 
-cairn_status cairn_report_figure_write(const char *path, const cairn_report_figure *figure, cairn_file_error *error)
+cairn_status cairn_report_figure_write(const char *path, const cairn_report_figure *figure,
+                                       cairn_file_error *error)
 {
     double head = cairn_report_head_height(figure->title, figure->subtitle), width, height;
     int titles = 0, maps = 0;
@@ -352,12 +384,18 @@ cairn_status cairn_report_figure_write(const char *path, const cairn_report_figu
         titles |= figure->plot[i].title != NULL || figure->plot[i].note != NULL;
         maps += is_map(&figure->plot[i]);
     }
-    width = (figure->width - 2 * CAIRN_REPORT_MARGIN - GAP * (figure->plot_count - 1)) / figure->plot_count;
-    height = width * (maps > 0 && figure->plot_count > 1 ? 1.0 : maps > 0 ? 0.75 : figure->plot_count > 1 ? 0.7 : 0.4);
+    width = (figure->width - 2 * CAIRN_REPORT_MARGIN - GAP * (figure->plot_count - 1)) /
+            figure->plot_count;
+    height = width * (maps > 0 && figure->plot_count > 1 ? 1.0
+                      : maps > 0                         ? 0.75
+                      : figure->plot_count > 1           ? 0.7
+                                                         : 0.4);
     head += titles ? 26 : 0;
-    cairn_report_print_head(output, figure->width, head + height + FOOT, figure->title, figure->subtitle);
+    cairn_report_print_head(output, figure->width, head + height + FOOT, figure->title,
+                            figure->subtitle);
     for (i = 0; i < figure->plot_count; i++) {
-        plot_view view = view_of(&figure->plot[i], CAIRN_REPORT_MARGIN + i * (width + GAP), head, width, height);
+        plot_view view =
+            view_of(&figure->plot[i], CAIRN_REPORT_MARGIN + i * (width + GAP), head, width, height);
 
         draw_plot(output, &view, &figure->plot[i], (int)i);
     }

@@ -1,8 +1,8 @@
 /* Where the panels of a map picture stand.
  *
- * All panels share one scale: the largest at which the box of each fits its frame. The box of a panel is the middle 99
- * % of its points (all of them, or an even choice of 200,000) with its poses and grid. Frames are as high as the
- * highest box needs, within limits. */
+ * All panels share one scale: the largest at which the box of each fits its frame. The box of a
+ * panel is the middle 99 % of its points (all of them, or an even choice of 200,000) with its
+ * poses and grid. Frames are as high as the highest box needs, within limits. */
 #include "src/core/build.h"
 
 #include <stdlib.h>
@@ -21,40 +21,45 @@ static int is_finite_vec(cairn_vec2 p)
     return cairn_is_finite(p.x) && cairn_is_finite(p.y);
 }
 
-static cairn_status check_scans(const char *path, const cairn_report_map *map, cairn_file_error *error)
+static cairn_status check_scans(const char *path, const cairn_report_map *map,
+                                cairn_file_error *error)
 {
     int32_t i, k;
 
     for (i = 0; i < map->scan_count && map->scan != NULL; i++) {
         const cairn_report_scan *scan = &map->scan[i];
 
-        if (scan->point_count < 0 || scan->segment_count < 0 || (scan->point_count > 0 && scan->point == NULL) ||
+        if (scan->point_count < 0 || scan->segment_count < 0 ||
+            (scan->point_count > 0 && scan->point == NULL) ||
             (scan->segment_count > 0 && scan->segment == NULL))
-            return cairn_file_error_set(error, CAIRN_BAD_ARGUMENT, path, 0, "scan %d: bad arrays", (int)i);
+            return cairn_file_error_set(error, CAIRN_BAD_ARGUMENT, path, 0, "scan %d: bad arrays",
+                                        (int)i);
         for (k = 0; k < scan->point_count; k++)
             if (!is_finite_vec(scan->point[k]))
-                return cairn_file_error_set(error, CAIRN_NOT_FINITE, path, 0, "scan %d: point %d is not finite", (int)i,
-                                            (int)k);
+                return cairn_file_error_set(error, CAIRN_NOT_FINITE, path, 0,
+                                            "scan %d: point %d is not finite", (int)i, (int)k);
         for (k = 0; k < scan->segment_count; k++)
             if (!is_finite_vec(scan->segment[k].a) || !is_finite_vec(scan->segment[k].b))
-                return cairn_file_error_set(error, CAIRN_NOT_FINITE, path, 0, "scan %d: segment %d is not finite",
-                                            (int)i, (int)k);
+                return cairn_file_error_set(error, CAIRN_NOT_FINITE, path, 0,
+                                            "scan %d: segment %d is not finite", (int)i, (int)k);
     }
     return CAIRN_OK;
 }
 
-static cairn_status check_panel(const char *path, const cairn_report_map *map, int32_t index, cairn_file_error *error)
+static cairn_status check_panel(const char *path, const cairn_report_map *map, int32_t index,
+                                cairn_file_error *error)
 {
     const cairn_report_panel *panel = &map->panel[index];
     const cairn_report_grid *grid = panel->grid;
     int32_t i;
 
     if (panel->pose == NULL)
-        return cairn_file_error_set(error, CAIRN_BAD_ARGUMENT, path, 0, "panel %d has no poses", (int)index);
+        return cairn_file_error_set(error, CAIRN_BAD_ARGUMENT, path, 0, "panel %d has no poses",
+                                    (int)index);
     for (i = 0; i < map->scan_count; i++)
         if (!cairn_pose_is_finite(panel->pose[i]))
-            return cairn_file_error_set(error, CAIRN_NOT_FINITE, path, 0, "panel %d: pose %d is not finite", (int)index,
-                                        (int)i);
+            return cairn_file_error_set(error, CAIRN_NOT_FINITE, path, 0,
+                                        "panel %d: pose %d is not finite", (int)index, (int)i);
     if (grid == NULL)
         return CAIRN_OK;
     if (grid->pixel == NULL || grid->width < 1 || grid->height < 1 || !(grid->resolution > 0) ||
@@ -62,12 +67,13 @@ static cairn_status check_panel(const char *path, const cairn_report_map *map, i
         return cairn_file_error_set(error, CAIRN_BAD_ARGUMENT, path, 0,
                                     "panel %d has a grid without cells or resolution", (int)index);
     if (!cairn_pose_is_finite(grid->origin))
-        return cairn_file_error_set(error, CAIRN_NOT_FINITE, path, 0, "panel %d: the grid's origin is not finite",
-                                    (int)index);
+        return cairn_file_error_set(error, CAIRN_NOT_FINITE, path, 0,
+                                    "panel %d: the grid's origin is not finite", (int)index);
     return CAIRN_OK;
 }
 
-cairn_status cairn_report_check(const char *path, const cairn_report_map *map, cairn_file_error *error)
+cairn_status cairn_report_check(const char *path, const cairn_report_map *map,
+                                cairn_file_error *error)
 {
     cairn_status status;
     int32_t i;
@@ -93,7 +99,8 @@ int64_t cairn_report_elements(const cairn_report_map *map)
     int32_t i;
 
     for (i = 0; i < map->scan_count && map->scan != NULL; i++)
-        sum += map->scan[i].segment_count > 0 ? map->scan[i].segment_count : map->scan[i].point_count;
+        sum +=
+            map->scan[i].segment_count > 0 ? map->scan[i].segment_count : map->scan[i].point_count;
     return sum;
 }
 
@@ -112,9 +119,10 @@ static void middle(cairn_real *value, size_t count, cairn_real *least, cairn_rea
     *most = value[count - 1 - count / 200];
 }
 
-/* Every `step`th point, or middle of a segment, of a panel's walls, mapped; returns their number. */
-static size_t sample_walls(const cairn_report_map *map, const cairn_pose *pose, int64_t step, cairn_real *x,
-                           cairn_real *y)
+/* Every `step`th point, or middle of a segment, of a panel's walls, mapped; returns their
+ * number. */
+static size_t sample_walls(const cairn_report_map *map, const cairn_pose *pose, int64_t step,
+                           cairn_real *x, cairn_real *y)
 {
     int64_t next = 0, at = 0;
     size_t count = 0;
@@ -132,7 +140,8 @@ static size_t sample_walls(const cairn_report_map *map, const cairn_pose *pose, 
             next = at + step;
             p = scan->segment_count == 0
                     ? scan->point[k]
-                    : cairn_vec2_scale(cairn_vec2_add(scan->segment[k].a, scan->segment[k].b), CAIRN_REAL(0.5));
+                    : cairn_vec2_scale(cairn_vec2_add(scan->segment[k].a, scan->segment[k].b),
+                                       CAIRN_REAL(0.5));
             p = cairn_pose_point(pose[i], p);
             x[count] = p.x;
             y[count++] = p.y;
@@ -141,9 +150,11 @@ static size_t sample_walls(const cairn_report_map *map, const cairn_pose *pose, 
     return count;
 }
 
-static cairn_status box_of_panel(const cairn_report_map *map, const cairn_report_panel *panel, cairn_box *box)
+static cairn_status box_of_panel(const cairn_report_map *map, const cairn_report_panel *panel,
+                                 cairn_box *box)
 {
-    int64_t all = panel->grid == NULL ? cairn_report_elements(map) : 0, step = (all + SAMPLES_MOST - 1) / SAMPLES_MOST;
+    int64_t all = panel->grid == NULL ? cairn_report_elements(map) : 0,
+            step = (all + SAMPLES_MOST - 1) / SAMPLES_MOST;
     cairn_real *x, *y;
     size_t count;
     int32_t i;
@@ -169,8 +180,9 @@ static cairn_status box_of_panel(const cairn_report_map *map, const cairn_report
         *box = cairn_box_extend(*box, p);
     }
     for (i = 0; i < 4 && panel->grid != NULL; i++) {
-        cairn_vec2 corner = {panel->grid->resolution * (cairn_real)(i % 2 == 0 ? 0 : panel->grid->width),
-                             panel->grid->resolution * (cairn_real)(i < 2 ? 0 : panel->grid->height)};
+        cairn_vec2 corner = {
+            panel->grid->resolution * (cairn_real)(i % 2 == 0 ? 0 : panel->grid->width),
+            panel->grid->resolution * (cairn_real)(i < 2 ? 0 : panel->grid->height)};
 
         *box = cairn_box_extend(*box, cairn_pose_point(panel->grid->origin, corner));
     }
@@ -193,7 +205,8 @@ cairn_status cairn_report_lay_out(const cairn_report_map *map, cairn_report_layo
     }
     l->head = cairn_report_head_height(map->title, map->subtitle);
     l->top = l->head + (titles ? 26 : 0);
-    l->width = (map->width - 2 * CAIRN_REPORT_MARGIN - GAP * (map->panel_count - 1)) / map->panel_count;
+    l->width =
+        (map->width - 2 * CAIRN_REPORT_MARGIN - GAP * (map->panel_count - 1)) / map->panel_count;
     least = 0.3 * l->width;
     most = 1.25 * l->width;
     l->scale = fmin((l->width - 2 * PAD) / wide, (most - 2 * PAD) / high);
@@ -215,6 +228,7 @@ cairn_report_view cairn_report_view_of(const cairn_report_layout *l, int32_t ind
     view.frame_top = l->top;
     /* The box in the middle of its frame. */
     view.left = view.frame_left + (l->width - (double)(box->max.x - box->min.x) * l->scale) / 2;
-    view.bottom = view.frame_top + l->height - (l->height - (double)(box->max.y - box->min.y) * l->scale) / 2;
+    view.bottom =
+        view.frame_top + l->height - (l->height - (double)(box->max.y - box->min.y) * l->scale) / 2;
     return view;
 }

@@ -1,4 +1,5 @@
-/* report_layout: where the panels of a map picture stand, and whether it can be drawn. Internal to the host library. */
+/* report_layout: where the panels of a map picture stand, and whether it can be drawn. Internal
+ * to the host library. */
 #ifndef CAIRN_HOST_REPORT_LAYOUT_H
 #define CAIRN_HOST_REPORT_LAYOUT_H
 
@@ -14,7 +15,8 @@ typedef struct cairn_report_layout {
     cairn_box box[CAIRN_REPORT_PANELS_MOST];
 } cairn_report_layout;
 
-/* From metres of a map to pixels of the SVG: x = left + (mx - min_x) scale, y = top - (my - min_y) scale. */
+/* From metres of a map to pixels of the SVG: x = left + (mx - min_x) scale, y = top - (my -
+ * min_y) scale. */
 typedef struct cairn_report_view {
     double min_x, min_y;
     double left, bottom;
@@ -34,10 +36,12 @@ static inline double cairn_report_view_y(const cairn_report_view *view, double y
 }
 
 /* CAIRN_BAD_ARGUMENT, CAIRN_NOT_FINITE as said for cairn_report_map_write. */
-CAIRN_CHECKED cairn_status cairn_report_check(const char *path, const cairn_report_map *map, cairn_file_error *error);
+CAIRN_CHECKED cairn_status cairn_report_check(const char *path, const cairn_report_map *map,
+                                              cairn_file_error *error);
 
 /* CAIRN_NO_MEMORY. */
-CAIRN_CHECKED cairn_status cairn_report_lay_out(const cairn_report_map *map, cairn_report_layout *layout);
+CAIRN_CHECKED cairn_status cairn_report_lay_out(const cairn_report_map *map,
+                                                cairn_report_layout *layout);
 
 /* The view of panel `index`. */
 cairn_report_view cairn_report_view_of(const cairn_report_layout *layout, int32_t index);

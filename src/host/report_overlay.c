@@ -19,10 +19,10 @@ static cairn_status print_image(cairn_output *output, const cairn_report_overlay
 
     if (status != CAIRN_OK)
         return status;
-    cairn_output_print(
-        output,
-        "<image x=\"-0.5\" y=\"-0.5\" width=\"%d\" height=\"%d\" opacity=\"0.55\" href=\"data:image/png;base64,",
-        (int)o->width, (int)o->height);
+    cairn_output_print(output,
+                       "<image x=\"-0.5\" y=\"-0.5\" width=\"%d\" height=\"%d\" opacity=\"0.55\" "
+                       "href=\"data:image/png;base64,",
+                       (int)o->width, (int)o->height);
     cairn_report_print_base64(output, png, count);
     cairn_output_print(output, "\"/>\n");
     free(png);
@@ -44,28 +44,36 @@ static double height_of(const cairn_report_overlay *o)
     return head_of(o) + cairn_report_overlay_scale(o) * o->height + FOOT;
 }
 
-cairn_status cairn_report_overlay_begin(cairn_output *output, const cairn_report_overlay *overlay, const char *style)
+cairn_status cairn_report_overlay_begin(cairn_output *output, const cairn_report_overlay *overlay,
+                                        const char *style)
 {
     double scale = cairn_report_overlay_scale(overlay);
 
-    cairn_report_print_head(output, fmax(overlay->least_width, 2 * CAIRN_REPORT_MARGIN + scale * overlay->width),
-                            height_of(overlay), overlay->title, overlay->subtitle);
-    cairn_output_print(output, "<style>.over path,.over circle,.over .box{clip-path:url(#frame)}%s</style>\n", style);
-    cairn_output_print(output, "<g class=\"over\" transform=\"translate(%.1f %.1f) scale(%.6f)\">\n",
+    cairn_report_print_head(
+        output, fmax(overlay->least_width, 2 * CAIRN_REPORT_MARGIN + scale * overlay->width),
+        height_of(overlay), overlay->title, overlay->subtitle);
+    cairn_output_print(
+        output, "<style>.over path,.over circle,.over .box{clip-path:url(#frame)}%s</style>\n",
+        style);
+    cairn_output_print(output,
+                       "<g class=\"over\" transform=\"translate(%.1f %.1f) scale(%.6f)\">\n",
                        CAIRN_REPORT_MARGIN + 0.5 * scale, head_of(overlay) + 0.5 * scale, scale);
     cairn_output_print(output,
-                       "<clipPath id=\"frame\"><rect x=\"-0.5\" y=\"-0.5\" width=\"%d\" height=\"%d\"/></clipPath>\n"
+                       "<clipPath id=\"frame\"><rect x=\"-0.5\" y=\"-0.5\" width=\"%d\" "
+                       "height=\"%d\"/></clipPath>\n"
                        "<rect x=\"-0.5\" y=\"-0.5\" width=\"%d\" height=\"%d\" fill=\"#fff\"/>\n",
-                       (int)overlay->width, (int)overlay->height, (int)overlay->width, (int)overlay->height);
+                       (int)overlay->width, (int)overlay->height, (int)overlay->width,
+                       (int)overlay->height);
     return overlay->grey != NULL ? print_image(output, overlay) : CAIRN_OK;
 }
 
-cairn_status cairn_report_overlay_end(cairn_output *output, const cairn_report_overlay *overlay, cairn_status status,
-                                      const char *path, cairn_file_error *error)
+cairn_status cairn_report_overlay_end(cairn_output *output, const cairn_report_overlay *overlay,
+                                      cairn_status status, const char *path,
+                                      cairn_file_error *error)
 {
     cairn_output_print(output, "</g>\n");
-    cairn_report_print_keys(output, height_of(overlay) - CAIRN_REPORT_MARGIN, overlay->key_step, overlay->keys,
-                            overlay->key_count);
+    cairn_report_print_keys(output, height_of(overlay) - CAIRN_REPORT_MARGIN, overlay->key_step,
+                            overlay->keys, overlay->key_count);
     cairn_output_print(output, "</svg>\n");
     if (status != CAIRN_OK) {
         cairn_output_discard(output);

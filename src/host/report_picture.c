@@ -1,4 +1,5 @@
-/* Images within a map picture: counts of points per sample as grey levels, and grids; both as PNG in base 64. */
+/* Images within a map picture: counts of points per sample as grey levels, and grids; both as
+ * PNG in base 64. */
 #include "src/core/build.h"
 
 #include <stdlib.h>
@@ -12,10 +13,10 @@
 #define PAPER             255.0
 #define INK               30.0
 
-/* An image under the transform (x, y) -> (m0 x + m2 y + m4, m1 x + m3 y + m5). `crisp`: samples keep their edges when
- * they are enlarged. */
-static cairn_status print_image(cairn_output *output, const uint8_t *pixel, int32_t width, int32_t height,
-                                const double m[6], int crisp)
+/* An image under the transform (x, y) -> (m0 x + m2 y + m4, m1 x + m3 y + m5). `crisp`: samples
+ * keep their edges when they are enlarged. */
+static cairn_status print_image(cairn_output *output, const uint8_t *pixel, int32_t width,
+                                int32_t height, const double m[6], int crisp)
 {
     uint8_t *bytes;
     size_t count;
@@ -23,9 +24,12 @@ static cairn_status print_image(cairn_output *output, const uint8_t *pixel, int3
 
     if (status != CAIRN_OK)
         return status;
-    cairn_output_print(output, "<image width=\"%d\" height=\"%d\" transform=\"matrix(%.6g %.6g %.6g %.6g %.2f %.2f)\"",
-                       (int)width, (int)height, m[0], m[1], m[2], m[3], m[4], m[5]);
-    cairn_output_print(output, "%s href=\"data:image/png;base64,", crisp ? " style=\"image-rendering:pixelated\"" : "");
+    cairn_output_print(
+        output,
+        "<image width=\"%d\" height=\"%d\" transform=\"matrix(%.6g %.6g %.6g %.6g %.2f %.2f)\"",
+        (int)width, (int)height, m[0], m[1], m[2], m[3], m[4], m[5]);
+    cairn_output_print(output, "%s href=\"data:image/png;base64,",
+                       crisp ? " style=\"image-rendering:pixelated\"" : "");
     cairn_report_print_base64(output, bytes, count);
     cairn_output_print(output, "\"/>\n");
     free(bytes);
@@ -41,21 +45,26 @@ typedef struct density {
 
 static void add_point(density *d, cairn_vec2 p)
 {
-    double x = (cairn_report_view_x(d->view, (double)p.x) - d->view->frame_left) * SAMPLES_PER_PIXEL;
+    double x =
+        (cairn_report_view_x(d->view, (double)p.x) - d->view->frame_left) * SAMPLES_PER_PIXEL;
     double y = (cairn_report_view_y(d->view, (double)p.y) - d->view->frame_top) * SAMPLES_PER_PIXEL;
 
     if (x >= 0 && y >= 0 && x < d->width && y < d->height)
         d->count[(size_t)y * (size_t)d->width + (size_t)x]++;
 }
 
-/* One point a sample along the segment; of a very long one only as many as cross the frame twice over. */
+/* One point a sample along the segment; of a very long one only as many as cross the frame twice
+ * over. */
 static void add_segment(density *d, cairn_vec2 a, cairn_vec2 b)
 {
-    double length = (double)cairn_vec2_norm(cairn_vec2_sub(b, a)) * d->view->scale * SAMPLES_PER_PIXEL;
-    int32_t most = 4 * (d->width + d->height), steps = length < most ? (int32_t)length + 1 : most, i;
+    double length =
+        (double)cairn_vec2_norm(cairn_vec2_sub(b, a)) * d->view->scale * SAMPLES_PER_PIXEL;
+    int32_t most = 4 * (d->width + d->height), steps = length < most ? (int32_t)length + 1 : most,
+            i;
 
     for (i = 0; i <= steps; i++)
-        add_point(d, cairn_vec2_add(a, cairn_vec2_scale(cairn_vec2_sub(b, a), (cairn_real)i / (cairn_real)steps)));
+        add_point(d, cairn_vec2_add(a, cairn_vec2_scale(cairn_vec2_sub(b, a),
+                                                        (cairn_real)i / (cairn_real)steps)));
 }
 
 static void count_walls(density *d, const cairn_report_map *map, const cairn_pose *pose)
@@ -67,7 +76,8 @@ static void count_walls(density *d, const cairn_report_map *map, const cairn_pos
         cairn_transform t = cairn_transform_of(pose[i]);
 
         for (k = 0; k < scan->segment_count; k++)
-            add_segment(d, cairn_transform_point(t, scan->segment[k].a), cairn_transform_point(t, scan->segment[k].b));
+            add_segment(d, cairn_transform_point(t, scan->segment[k].a),
+                        cairn_transform_point(t, scan->segment[k].b));
         for (k = 0; k < scan->point_count && scan->segment_count == 0; k++)
             add_point(d, cairn_transform_point(t, scan->point[k]));
     }
@@ -88,11 +98,13 @@ static double full_count(const density *d)
     return (double)(k > 0 ? k : 1);
 }
 
-cairn_status cairn_report_draw_density(cairn_output *output, const cairn_report_view *view, const cairn_report_map *map,
-                                       const cairn_pose *pose)
+cairn_status cairn_report_draw_density(cairn_output *output, const cairn_report_view *view,
+                                       const cairn_report_map *map, const cairn_pose *pose)
 {
-    density d = {NULL, (int32_t)(view->width * SAMPLES_PER_PIXEL), (int32_t)(view->height * SAMPLES_PER_PIXEL), view};
-    double m[6] = {1.0 / SAMPLES_PER_PIXEL, 0, 0, 1.0 / SAMPLES_PER_PIXEL, view->frame_left, view->frame_top};
+    density d = {NULL, (int32_t)(view->width * SAMPLES_PER_PIXEL),
+                 (int32_t)(view->height * SAMPLES_PER_PIXEL), view};
+    double m[6] = {1.0 / SAMPLES_PER_PIXEL, 0, 0, 1.0 / SAMPLES_PER_PIXEL, view->frame_left,
+                   view->frame_top};
     size_t samples = (size_t)d.width * (size_t)d.height, i;
     uint8_t *pixel = malloc(samples);
     cairn_status status = CAIRN_NO_MEMORY;
@@ -114,11 +126,13 @@ cairn_status cairn_report_draw_density(cairn_output *output, const cairn_report_
     return status;
 }
 
-cairn_status cairn_report_coarsen_grid(const cairn_report_grid *grid, cairn_report_grid *coarse, uint8_t **pixel)
+cairn_status cairn_report_coarsen_grid(const cairn_report_grid *grid, cairn_report_grid *coarse,
+                                       uint8_t **pixel)
 {
     int32_t side = grid->width > grid->height ? grid->width : grid->height;
     int32_t step = (side + GRID_SIDE_MOST - 1) / GRID_SIDE_MOST;
-    int32_t width = (grid->width + step - 1) / step, height = (grid->height + step - 1) / step, x, y;
+    int32_t width = (grid->width + step - 1) / step, height = (grid->height + step - 1) / step, x,
+            y;
 
     *coarse = *grid;
     coarse->width = width;
@@ -142,7 +156,8 @@ cairn_status cairn_report_coarsen_grid(const cairn_report_grid *grid, cairn_repo
     return CAIRN_OK;
 }
 
-cairn_status cairn_report_draw_grid(cairn_output *output, const cairn_report_view *view, const cairn_report_grid *grid)
+cairn_status cairn_report_draw_grid(cairn_output *output, const cairn_report_view *view,
+                                    const cairn_report_grid *grid)
 {
     cairn_transform t = cairn_transform_of(grid->origin);
     cairn_report_grid coarse;

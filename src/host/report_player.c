@@ -1,7 +1,8 @@
 /* The player's record of scans, frames and links.
  *
- * Frames are kept at a stride that doubles whenever there are too many of them, or of their poses: the kept ones lie
- * evenly over all that were added, whose number need not be known. The last one is kept besides. */
+ * Frames are kept at a stride that doubles whenever there are too many of them, or of their
+ * poses: the kept ones lie evenly over all that were added, whose number need not be known. The
+ * last one is kept besides. */
 #include "src/core/build.h"
 
 #include <stdlib.h>
@@ -29,7 +30,8 @@ cairn_report_player_params cairn_report_player_default(void)
 
 /* ---- memory ---- */
 
-/* A copy of count items, or *failed. One byte more than needed, so that nothing to copy is not mistaken for no memory. */
+/* A copy of count items, or *failed. One byte more than needed, so that nothing to copy is not
+ * mistaken for no memory. */
 static void *copy_of(const void *items, int32_t count, size_t size, int *failed)
 {
     void *copy = malloc((size_t)count * size + 1);
@@ -43,7 +45,8 @@ static void *copy_of(const void *items, int32_t count, size_t size, int *failed)
 
 static char *copy_of_text(const char *text, int *failed)
 {
-    return copy_of(text != NULL ? text : "", text != NULL ? (int32_t)strlen(text) + 1 : 1, 1, failed);
+    return copy_of(text != NULL ? text : "", text != NULL ? (int32_t)strlen(text) + 1 : 1, 1,
+                   failed);
 }
 
 /* Makes room for one more of count items. 0: no memory. */
@@ -99,14 +102,16 @@ static int copy_params(cairn_report_player *player, const cairn_report_player_pa
     return !failed;
 }
 
-cairn_status cairn_report_player_open(cairn_report_player **player, const cairn_report_player_params *params)
+cairn_status cairn_report_player_open(cairn_report_player **player,
+                                      const cairn_report_player_params *params)
 {
     cairn_report_player *fresh;
 
-    if (player == NULL || params == NULL || params->curve_count < 0 || params->curve_count > CAIRN_REPORT_CURVES_MOST ||
-        (params->curve_count > 0 && params->curve == NULL) || params->frames_most < 2 || params->poses_most < 2 ||
-        params->points_most < 1 || params->forces_most < 1 || !(params->region_radius >= 0) ||
-        !(params->region_radius <= COORDINATE_MOST))
+    if (player == NULL || params == NULL || params->curve_count < 0 ||
+        params->curve_count > CAIRN_REPORT_CURVES_MOST ||
+        (params->curve_count > 0 && params->curve == NULL) || params->frames_most < 2 ||
+        params->poses_most < 2 || params->points_most < 1 || params->forces_most < 1 ||
+        !(params->region_radius >= 0) || !(params->region_radius <= COORDINATE_MOST))
         return CAIRN_BAD_ARGUMENT;
     fresh = calloc(1, sizeof *fresh);
     if (fresh == NULL)
@@ -165,13 +170,15 @@ static int scan_is_within(const cairn_report_scan *scan)
     return 1;
 }
 
-cairn_status cairn_report_player_add_scan(cairn_report_player *player, const cairn_report_scan *scan, int64_t index)
+cairn_status cairn_report_player_add_scan(cairn_report_player *player,
+                                          const cairn_report_scan *scan, int64_t index)
 {
     cairn_player_scan fresh;
     int failed = 0;
 
     if (player == NULL || scan == NULL || scan->point_count < 0 || scan->segment_count < 0 ||
-        (scan->point_count > 0 && scan->point == NULL) || (scan->segment_count > 0 && scan->segment == NULL))
+        (scan->point_count > 0 && scan->point == NULL) ||
+        (scan->segment_count > 0 && scan->segment == NULL))
         return CAIRN_BAD_ARGUMENT;
     if (!scan_is_within(scan))
         return CAIRN_NOT_FINITE;
@@ -180,7 +187,8 @@ cairn_status cairn_report_player_add_scan(cairn_report_player *player, const cai
     fresh.point_count = scan->point_count;
     fresh.segment_count = scan->segment_count;
     fresh.index = index;
-    if (failed || !grow((void **)&player->scan, player->scan_count, &player->scan_room, sizeof fresh)) {
+    if (failed ||
+        !grow((void **)&player->scan, player->scan_count, &player->scan_room, sizeof fresh)) {
         free_scan(&fresh);
         return CAIRN_NO_MEMORY;
     }
@@ -194,9 +202,11 @@ static cairn_status check_frame(const cairn_report_player *player, const cairn_r
 {
     int32_t i;
 
-    if (frame->pose_count < 0 || frame->pose_count > player->scan_count || frame->region_count < 0 ||
-        frame->force_count < 0 || frame->guess_count < 0 || (frame->pose_count > 0 && frame->pose == NULL) ||
-        (frame->region_count > 0 && frame->region == NULL) || (frame->force_count > 0 && frame->force == NULL) ||
+    if (frame->pose_count < 0 || frame->pose_count > player->scan_count ||
+        frame->region_count < 0 || frame->force_count < 0 || frame->guess_count < 0 ||
+        (frame->pose_count > 0 && frame->pose == NULL) ||
+        (frame->region_count > 0 && frame->region == NULL) ||
+        (frame->force_count > 0 && frame->force == NULL) ||
         (frame->guess_count > 0 && frame->guess == NULL) ||
         (player->frame_count > 0 && frame->step <= player->frame[player->frame_count - 1].step))
         return CAIRN_BAD_ARGUMENT;
@@ -223,7 +233,8 @@ static cairn_status check_frame(const cairn_report_player *player, const cairn_r
     return CAIRN_OK;
 }
 
-static int copy_frame(cairn_player_frame *fresh, const cairn_report_player *player, const cairn_report_frame *frame)
+static int copy_frame(cairn_player_frame *fresh, const cairn_report_player *player,
+                      const cairn_report_frame *frame)
 {
     int32_t i;
     int failed = 0;
@@ -235,7 +246,9 @@ static int copy_frame(cairn_player_frame *fresh, const cairn_report_player *play
     fresh->region = copy_of(frame->region, frame->region_count, sizeof *frame->region, &failed);
     fresh->force = copy_of(frame->force, frame->force_count, sizeof *frame->force, &failed);
     fresh->guess = copy_of(frame->guess, frame->guess_count, sizeof *frame->guess, &failed);
-    fresh->part = frame->part != NULL ? copy_of(frame->part, frame->pose_count, sizeof *frame->part, &failed) : NULL;
+    fresh->part = frame->part != NULL
+                      ? copy_of(frame->part, frame->pose_count, sizeof *frame->part, &failed)
+                      : NULL;
     fresh->pose_count = frame->pose_count;
     fresh->region_count = frame->region_count;
     fresh->force_count = frame->force_count;
@@ -263,8 +276,8 @@ static void drop_frame(cairn_report_player *player, int32_t index)
 /* Drops every second frame until few enough are left; the first and the last one stay. */
 static void thin_out(cairn_report_player *player)
 {
-    while (player->frame_count > 2 &&
-           (player->frame_count > player->params.frames_most || player->pose_count > player->params.poses_most)) {
+    while (player->frame_count > 2 && (player->frame_count > player->params.frames_most ||
+                                       player->pose_count > player->params.poses_most)) {
         int32_t kept = 0, i;
 
         player->stride *= 2;
@@ -278,10 +291,12 @@ static void thin_out(cairn_report_player *player)
     }
 }
 
-cairn_status cairn_report_player_add_frame(cairn_report_player *player, const cairn_report_frame *frame)
+cairn_status cairn_report_player_add_frame(cairn_report_player *player,
+                                           const cairn_report_frame *frame)
 {
     cairn_player_frame fresh;
-    cairn_status status = player != NULL && frame != NULL ? check_frame(player, frame) : CAIRN_BAD_ARGUMENT;
+    cairn_status status =
+        player != NULL && frame != NULL ? check_frame(player, frame) : CAIRN_BAD_ARGUMENT;
 
     if (status != CAIRN_OK)
         return status;
@@ -291,7 +306,8 @@ cairn_status cairn_report_player_add_frame(cairn_report_player *player, const ca
         return CAIRN_NO_MEMORY;
     }
     /* The last frame was kept for being the last. */
-    if (player->frame_count > 0 && player->frame[player->frame_count - 1].ordinal % player->stride != 0)
+    if (player->frame_count > 0 &&
+        player->frame[player->frame_count - 1].ordinal % player->stride != 0)
         drop_frame(player, --player->frame_count);
     player->frame[player->frame_count++] = fresh;
     player->pose_count += fresh.pose_count;
@@ -302,7 +318,8 @@ cairn_status cairn_report_player_add_frame(cairn_report_player *player, const ca
 
 /* ---- links and grid ---- */
 
-cairn_status cairn_report_player_add_link(cairn_report_player *player, int32_t a, int32_t b, int32_t accepted)
+cairn_status cairn_report_player_add_link(cairn_report_player *player, int32_t a, int32_t b,
+                                          int32_t accepted)
 {
     cairn_player_link *link;
 
@@ -318,15 +335,16 @@ cairn_status cairn_report_player_add_link(cairn_report_player *player, int32_t a
     return CAIRN_OK;
 }
 
-cairn_status cairn_report_player_set_grid(cairn_report_player *player, const cairn_report_grid *grid)
+cairn_status cairn_report_player_set_grid(cairn_report_player *player,
+                                          const cairn_report_grid *grid)
 {
     cairn_report_grid coarse;
     uint8_t *pixel = NULL, *bytes = NULL;
     size_t count = 0;
     cairn_status status;
 
-    if (player == NULL || grid == NULL || grid->pixel == NULL || grid->width < 1 || grid->height < 1 ||
-        !(grid->resolution > 0) || !(grid->resolution <= COORDINATE_MOST))
+    if (player == NULL || grid == NULL || grid->pixel == NULL || grid->width < 1 ||
+        grid->height < 1 || !(grid->resolution > 0) || !(grid->resolution <= COORDINATE_MOST))
         return CAIRN_BAD_ARGUMENT;
     if (!cairn_pose_is_finite(grid->origin))
         return CAIRN_NOT_FINITE;

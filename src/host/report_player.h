@@ -36,19 +36,25 @@ struct cairn_report_player {
     cairn_report_player_params params;
     cairn_report_curve curve[CAIRN_REPORT_CURVES_MOST];
     cairn_player_scan *scan;
-    cairn_player_frame *frame; /* those that are kept: ordinals are multiples of the stride, but for the last one */
+    /* those that are kept: ordinals are multiples of the stride, but for the last one */
+    cairn_player_frame *frame;
     cairn_player_link *link;
     int32_t scan_count, frame_count, link_count;
     int32_t scan_room, frame_room, link_room;
-    int64_t ordinals; /* frames that were added */
+    /* frames that were added */
+    int64_t ordinals;
     int64_t stride;
-    int64_t pose_count; /* of all frames */
-    uint8_t *grid_png;  /* NULL: no grid */
+    /* of all frames */
+    int64_t pose_count;
+    /* NULL: no grid */
+    uint8_t *grid_png;
     size_t grid_bytes;
-    cairn_report_grid grid; /* without its pixels */
+    /* without its pixels */
+    cairn_report_grid grid;
 };
 
-/* The lines of the page, the last one NULL. "@title@\n" and "@data@\n" stand for the title and the data. */
+/* The lines of the page, the last one NULL. "@title@\n" and "@data@\n" stand for the title and
+ * the data. */
 extern const char *const cairn_report_player_page[];
 
 #endif

@@ -1,18 +1,21 @@
 /* The player's page from its record.
  *
- * Numbers that come in thousands stand as streams: whole numbers of 7 bits a byte, the lowest first, in base 64; signed n
- * as 2 n, or -2 n - 1 below 0. What moves little from one to the next (poses from frame to frame, points along a scan)
- * stands as differences, of which most take one byte. report_player.html reads them.
+ * Numbers that come in thousands stand as streams: whole numbers of 7 bits a byte, the lowest
+ * first, in base 64; signed n as 2 n, or -2 n - 1 below 0. What moves little from one to the next
+ * (poses from frame to frame, points along a scan) stands as differences, of which most take one
+ * byte. report_player.html reads them.
  *
- *   points, walls   per scan: count, then x, y (ax, ay, bx, by) each as the difference to the last x, y
- *   poses           per frame: count of scans; then runs of scans to leave as they are and of scans that move, each with the
- *                   differences of x, y, theta to the frame before, of a new scan to the scan before
- *   marks           per frame: count of doubtful scans, differences of their indices; count of regions, differences of
- *                   x, y; count of forces, differences of x, y, then the angle in 1/128 turns and the size in 1/127 of
- *                   the largest of the frame; count of guesses, differences of ax, ay, bx, by, strength in 1/127
- *   parts           per frame: count of scans whose part is another one than before (none at first); each: difference of its
- *                   index, part + 1
- *   links           count; each: frame, a, b, accepted */
+ *   points, walls   per scan: count, then x, y (ax, ay, bx, by) each as the difference to the last
+ *   x, y poses           per frame: count of scans; then runs of scans to leave as they are and of
+ *   scans that move, each with the
+ *                   differences of x, y, theta to the frame before, of a new scan to the scan
+ *                   before marks           per frame: count of doubtful scans, differences of
+ *                   their indices; count of regions, differences of x, y; count of forces,
+ *                   differences of x, y, then the angle in 1/128 turns and the size in 1/127 of
+ *                   the largest of the frame; count of guesses, differences of ax, ay, bx, by,
+ *                   strength in 1/127 parts           per frame: count of scans whose part is
+ *                   another one than before (none at first); each: difference of its index, part
+ *                   + 1 links           count; each: frame, a, b, accepted */
 #include "src/core/build.h"
 
 #include <errno.h>
@@ -147,7 +150,8 @@ static unit_pose pose_in_units(cairn_pose pose)
 }
 
 /* Scans from i on that have (same 1) or have not (same 0) the poses that the page knows. */
-static int32_t run_of(const cairn_player_frame *frame, const unit_pose *known, int32_t known_count, int32_t i, int same)
+static int32_t run_of(const cairn_player_frame *frame, const unit_pose *known, int32_t known_count,
+                      int32_t i, int same)
 {
     int32_t first = i;
 
@@ -160,7 +164,8 @@ static int32_t run_of(const cairn_player_frame *frame, const unit_pose *known, i
     return i - first;
 }
 
-static void put_poses(stream *s, const cairn_player_frame *frame, unit_pose *known, int32_t known_count)
+static void put_poses(stream *s, const cairn_player_frame *frame, unit_pose *known,
+                      int32_t known_count)
 {
     int32_t i = 0, left, c;
 
@@ -374,15 +379,20 @@ static thinning thinning_of(const cairn_report_player *player)
 
 static const char *ordinal_end(int64_t n)
 {
-    return n % 100 / 10 == 1 ? "th" : n % 10 == 1 ? "st" : n % 10 == 2 ? "nd" : n % 10 == 3 ? "rd" : "th";
+    return n % 100 / 10 == 1 ? "th"
+           : n % 10 == 1     ? "st"
+           : n % 10 == 2     ? "nd"
+           : n % 10 == 3     ? "rd"
+                             : "th";
 }
 
 /* "every 3rd of 1234 points is shown" as one more of the notes. */
-static void print_note(cairn_output *output, int *notes, int64_t every, int64_t count, const char *what)
+static void print_note(cairn_output *output, int *notes, int64_t every, int64_t count,
+                       const char *what)
 {
     if (every > 1)
-        cairn_output_print(output, "%s\"Every %" PRId64 "%s of %" PRId64 " %s is shown.\"", (*notes)++ > 0 ? "," : "",
-                           every, ordinal_end(every), count, what);
+        cairn_output_print(output, "%s\"Every %" PRId64 "%s of %" PRId64 " %s is shown.\"",
+                           (*notes)++ > 0 ? "," : "", every, ordinal_end(every), count, what);
 }
 
 static void print_notes(cairn_output *output, const cairn_report_player *player, const thinning *t)
@@ -392,7 +402,9 @@ static void print_notes(cairn_output *output, const cairn_report_player *player,
 
     cairn_output_print(output, ",\n\"notes\":[");
     if (kept < player->ordinals)
-        cairn_output_print(output, "\"%" PRId64 " of %" PRId64 " frames are shown: every %" PRId64 "%s and the last.\"",
+        cairn_output_print(output,
+                           "\"%" PRId64 " of %" PRId64 " frames are shown: every %" PRId64
+                           "%s and the last.\"",
                            kept, player->ordinals, player->stride, ordinal_end(player->stride));
     notes = kept < player->ordinals;
     print_note(output, &notes, t->every_point, t->points, "points");
@@ -428,7 +440,8 @@ static void print_frames(cairn_output *output, const cairn_report_player *player
     for (i = 0; i < player->frame_count; i++) {
         const cairn_player_frame *frame = &player->frame[i];
 
-        cairn_output_print(output, "%s\n{\"step\":%" PRId64 ",\"label\":", i > 0 ? "," : "", frame->step);
+        cairn_output_print(output, "%s\n{\"step\":%" PRId64 ",\"label\":", i > 0 ? "," : "",
+                           frame->step);
         cairn_report_print_json(output, frame->label);
         cairn_output_print(output, ",\"values\":[");
         for (c = 0; c < player->params.curve_count; c++) {
@@ -462,10 +475,11 @@ static void print_grid(cairn_output *output, const cairn_report_player *player)
         return;
     }
     cairn_output_print(output,
-                       ",\n\"grid\":{\"height\":%" PRId32 ",\"resolution\":%.9g,\"x\":%.9g,\"y\":%.9g,\"theta\":%.9g,"
+                       ",\n\"grid\":{\"height\":%" PRId32
+                       ",\"resolution\":%.9g,\"x\":%.9g,\"y\":%.9g,\"theta\":%.9g,"
                        "\"png\":\"",
-                       grid->height, (double)grid->resolution, (double)grid->origin.x, (double)grid->origin.y,
-                       (double)grid->origin.theta);
+                       grid->height, (double)grid->resolution, (double)grid->origin.x,
+                       (double)grid->origin.y, (double)grid->origin.theta);
     cairn_report_print_base64(output, player->grid_png, player->grid_bytes);
     cairn_output_print(output, "\"}");
 }
@@ -483,11 +497,12 @@ static int print_data(cairn_output *output, const cairn_report_player *player)
     cairn_report_print_json(output, player->params.subtitle);
     cairn_output_print(output, ",\n\"step_name\":");
     cairn_report_print_json(output, player->params.step_name);
-    cairn_output_print(output,
-                       ",\n\"connect\":%s,\"pose_unit\":%g,\"turn_unit\":%g,\"point_unit\":%g,\"mark_unit\":%g,"
-                       "\"region_radius\":%.9g,\"scans\":%" PRId32 ",\n\"names\":[",
-                       player->params.connect ? "true" : "false", POSE_UNIT, TURN_UNIT, POINT_UNIT, MARK_UNIT,
-                       (double)player->params.region_radius, player->scan_count);
+    cairn_output_print(
+        output,
+        ",\n\"connect\":%s,\"pose_unit\":%g,\"turn_unit\":%g,\"point_unit\":%g,\"mark_unit\":%g,"
+        "\"region_radius\":%.9g,\"scans\":%" PRId32 ",\n\"names\":[",
+        player->params.connect ? "true" : "false", POSE_UNIT, TURN_UNIT, POINT_UNIT, MARK_UNIT,
+        (double)player->params.region_radius, player->scan_count);
     for (i = 0; i < player->scan_count; i++)
         cairn_output_print(output, "%s%" PRId64, i > 0 ? "," : "", player->scan[i].index);
     cairn_output_print(output, "]");
@@ -505,7 +520,8 @@ static int print_data(cairn_output *output, const cairn_report_player *player)
     return whole;
 }
 
-cairn_status cairn_report_player_write(const cairn_report_player *player, const char *path, cairn_file_error *error)
+cairn_status cairn_report_player_write(const cairn_report_player *player, const char *path,
+                                       cairn_file_error *error)
 {
     cairn_output *output;
     cairn_status status;
@@ -513,7 +529,8 @@ cairn_status cairn_report_player_write(const cairn_report_player *player, const 
     int whole = 1;
 
     if (player->frame_count == 0)
-        return cairn_file_error_set(error, CAIRN_EMPTY, path, 0, "no frame to show, expected at least one");
+        return cairn_file_error_set(error, CAIRN_EMPTY, path, 0,
+                                    "no frame to show, expected at least one");
     status = cairn_output_open(&output, path, error);
     if (status != CAIRN_OK)
         return status;

@@ -36,20 +36,24 @@ void cairn_report_print_json(cairn_output *output, const char *text)
     cairn_output_bytes(output, "\"", 1);
 }
 
-void cairn_report_print_text(cairn_output *output, double x, double y, const char *style, const char *text)
+void cairn_report_print_text(cairn_output *output, double x, double y, const char *style,
+                             const char *text)
 {
     cairn_output_print(output, "<text x=\"%.1f\" y=\"%.1f\" %s>", x, y, style);
     cairn_report_print_escaped(output, text);
     cairn_output_print(output, "</text>\n");
 }
 
-void cairn_report_print_keys(cairn_output *output, double y, double step, const cairn_report_key *keys, int32_t count)
+void cairn_report_print_keys(cairn_output *output, double y, double step,
+                             const cairn_report_key *keys, int32_t count)
 {
     for (int32_t i = 0; i < count; i++) {
         double x = CAIRN_REPORT_MARGIN + 2 + step * i;
 
-        cairn_output_print(output, "<path %s stroke-width=\"3\" d=\"M%.1f %.1fh22\"/>\n", keys[i].style, x, y - 4);
-        cairn_report_print_text(output, x + 30, y, "font-size=\"13\" fill=\"#334155\"", keys[i].words);
+        cairn_output_print(output, "<path %s stroke-width=\"3\" d=\"M%.1f %.1fh22\"/>\n",
+                           keys[i].style, x, y - 4);
+        cairn_report_print_text(output, x + 30, y, "font-size=\"13\" fill=\"#334155\"",
+                                keys[i].words);
     }
 }
 
@@ -59,20 +63,25 @@ double cairn_report_head_height(const char *title, const char *subtitle)
            (title != NULL || subtitle != NULL ? 12 : 0);
 }
 
-void cairn_report_print_head(cairn_output *output, double width, double height, const char *title, const char *subtitle)
+void cairn_report_print_head(cairn_output *output, double width, double height, const char *title,
+                             const char *subtitle)
 {
     double x = CAIRN_REPORT_MARGIN + 2, y = CAIRN_REPORT_MARGIN + 18;
 
     cairn_output_print(output,
-                       "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"%.0f\" height=\"%.0f\" viewBox=\"0 0 %.0f "
+                       "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"%.0f\" height=\"%.0f\" "
+                       "viewBox=\"0 0 %.0f "
                        "%.0f\" font-family=\"" FONT "\">\n<title>",
                        width, height, width, height);
     cairn_report_print_escaped(output, title != NULL ? title : "Map");
-    cairn_output_print(output, "</title>\n<rect width=\"100%%\" height=\"100%%\" rx=\"10\" fill=\"#f6f8fa\"/>\n");
+    cairn_output_print(
+        output, "</title>\n<rect width=\"100%%\" height=\"100%%\" rx=\"10\" fill=\"#f6f8fa\"/>\n");
     if (title != NULL)
-        cairn_report_print_text(output, x, y, "font-size=\"20\" font-weight=\"650\" fill=\"#0f172a\"", title);
+        cairn_report_print_text(output, x, y,
+                                "font-size=\"20\" font-weight=\"650\" fill=\"#0f172a\"", title);
     if (subtitle != NULL)
-        cairn_report_print_text(output, x, title != NULL ? y + 22 : y, "font-size=\"13\" fill=\"#64748b\"", subtitle);
+        cairn_report_print_text(output, x, title != NULL ? y + 22 : y,
+                                "font-size=\"13\" fill=\"#64748b\"", subtitle);
 }
 
 double cairn_report_round_down(double most)

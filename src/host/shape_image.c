@@ -1,10 +1,12 @@
 /* Outlines of an object from a picture of it.
  *
- * Method: ink is told from background at the middle between the darkest and the brightest pixel, drawings from silhouettes by the
- * greatest thickness of their ink. The outside is flooded from the rim; other faces of the background are holes, but for the largest
- * face of each part of a drawing, which is its inside. Outlines run along the sides of the pixels, outside of a drawing's lines.
+ * Method: ink is told from background at the middle between the darkest and the brightest pixel,
+ * drawings from silhouettes by the greatest thickness of their ink. The outside is flooded from the
+ * rim; other faces of the background are holes, but for the largest face of each part of a drawing,
+ * which is its inside. Outlines run along the sides of the pixels, outside of a drawing's lines.
  *
- * Limits: one object a picture: all its parts are the object's. A drawing within a drawing (spots of a giraffe) makes holes. */
+ * Limits: one object a picture: all its parts are the object's. A drawing within a drawing
+ * (spots of a giraffe) makes holes. */
 #include "src/core/build.h"
 
 #include <errno.h>
@@ -57,7 +59,8 @@ static int has_bright_rim(cairn_raster_u8_view grey, int32_t middle)
 /* Ink in the middle of the rim, and the box about it; 0: there is none. */
 static int find_ink(shape_picture *p, cairn_raster_u8_view grey, double *diagonal)
 {
-    int32_t least = 255, most = 0, left = grey.width, right = -1, top = grey.height, bottom = -1, middle, bright;
+    int32_t least = 255, most = 0, left = grey.width, right = -1, top = grey.height, bottom = -1,
+            middle, bright;
 
     for (int32_t y = 0; y < grey.height; y++)
         for (int32_t x = 0; x < grey.width; x++) {
@@ -82,13 +85,15 @@ static int find_ink(shape_picture *p, cairn_raster_u8_view grey, double *diagona
     return right >= 0;
 }
 
-/* The greatest distance (L1) of ink from what is none, in pixels; distances are laid out in part[]. */
+/* The greatest distance (L1) of ink from what is none, in pixels; distances are laid out in
+ * part[]. */
 static int32_t thickness(const shape_picture *p)
 {
     int32_t most = 0, n = p->width * p->height, *far = p->part;
 
     for (int32_t i = 0; i < n; i++)
-        far[i] = !p->ink[i] ? 0 : 1 + (far[i - 1] < far[i - p->width] ? far[i - 1] : far[i - p->width]);
+        far[i] =
+            !p->ink[i] ? 0 : 1 + (far[i - 1] < far[i - p->width] ? far[i - 1] : far[i - p->width]);
     for (int32_t i = n - 1; i >= 0; i--)
         if (p->ink[i]) {
             int32_t near = 1 + (far[i + 1] < far[i + p->width] ? far[i + 1] : far[i + p->width]);
@@ -102,9 +107,11 @@ static int32_t thickness(const shape_picture *p)
 /* ---- Regions ---- */
 
 /* Labels a region from a pixel: all pixels whose label is `from`, over sides or corners, too. */
-static void flood(const shape_picture *p, int32_t *labels, int32_t at, int32_t from, int32_t to, int32_t corners)
+static void flood(const shape_picture *p, int32_t *labels, int32_t at, int32_t from, int32_t to,
+                  int32_t corners)
 {
-    static const int8_t near[8][2] = {{1, 0}, {-1, 0}, {0, 1}, {0, -1}, {1, 1}, {-1, 1}, {1, -1}, {-1, -1}};
+    static const int8_t near[8][2] = {{1, 0}, {-1, 0}, {0, 1},  {0, -1},
+                                      {1, 1}, {-1, 1}, {1, -1}, {-1, -1}};
     int32_t waiting = 0;
 
     labels[at] = to;
@@ -166,7 +173,8 @@ typedef struct census {
     int32_t part;        /* of a face */
 } census;
 
-static void count_labels(const shape_picture *p, census *part, int32_t parts, census *face, int32_t faces)
+static void count_labels(const shape_picture *p, census *part, int32_t parts, census *face,
+                         int32_t faces)
 {
     for (int32_t i = 0; i <= parts; i++)
         part[i].first = -1;
@@ -197,14 +205,16 @@ static int is_closed(const census *part, const census *face)
 
 static cairn_status not_closed(const shape_picture *p)
 {
-    return cairn_file_error_set(p->error, CAIRN_BAD_FORMAT, p->path, 0,
-                                "lines that enclose nothing, expected a silhouette, or an outline that closes but for "
-                                "small gaps");
+    return cairn_file_error_set(
+        p->error, CAIRN_BAD_FORMAT, p->path, 0,
+        "lines that enclose nothing, expected a silhouette, or an outline that closes but for "
+        "small gaps");
 }
 
 /* Which regions get outlines: parts, then holes. */
-static cairn_status choose(const shape_picture *p, const cairn_shape_image_params *params, const census *part,
-                           int32_t parts, const census *face, int32_t faces, cairn_shape_image *image, region *regions)
+static cairn_status choose(const shape_picture *p, const cairn_shape_image_params *params,
+                           const census *part, int32_t parts, const census *face, int32_t faces,
+                           cairn_shape_image *image, region *regions)
 {
     int32_t largest = 0, beyond = 0;
 
@@ -216,7 +226,8 @@ static cairn_status choose(const shape_picture *p, const cairn_shape_image_param
     for (int32_t i = 1; i <= parts; i++) {
         region r = {i, part[i].first, part[i].area, 0};
 
-        if (part[i].area < params->min_part * largest || (image->is_drawing && !is_closed(&part[i], face)))
+        if (part[i].area < params->min_part * largest ||
+            (image->is_drawing && !is_closed(&part[i], face)))
             image->specks++;
         else
             add_region(regions, &image->count, &beyond, r);
@@ -231,9 +242,10 @@ static cairn_status choose(const shape_picture *p, const cairn_shape_image_param
             continue;
         }
         if (params->holes == CAIRN_SHAPE_HOLES_REFUSE)
-            return cairn_file_error_set(p->error, CAIRN_UNSUPPORTED, p->path, 0,
-                                        "a hole of %d pixels at (%d, %d), expected an object without holes",
-                                        (int)r.area, (int)(r.first % p->width - 1), (int)(r.first / p->width - 1));
+            return cairn_file_error_set(
+                p->error, CAIRN_UNSUPPORTED, p->path, 0,
+                "a hole of %d pixels at (%d, %d), expected an object without holes", (int)r.area,
+                (int)(r.first % p->width - 1), (int)(r.first / p->width - 1));
         image->holes += image->count < CAIRN_SHAPE_OUTLINES;
         add_region(regions, &image->count, &beyond, r);
     }
@@ -246,14 +258,16 @@ static cairn_status choose(const shape_picture *p, const cairn_shape_image_param
 
 /* ---- All of it ---- */
 
-static cairn_status trace_regions(const shape_picture *p, const region *regions, cairn_shape_image *image)
+static cairn_status trace_regions(const shape_picture *p, const region *regions,
+                                  cairn_shape_image *image)
 {
     int32_t counts[CAIRN_SHAPE_OUTLINES], sum = 0;
 
     for (int32_t i = 0; i < image->count; i++) {
         const region *r = &regions[i];
 
-        counts[i] = cairn_shape_image_outline(p, r->is_hole ? p->face : p->part, r->label, !r->is_hole, r->first, NULL);
+        counts[i] = cairn_shape_image_outline(p, r->is_hole ? p->face : p->part, r->label,
+                                              !r->is_hole, r->first, NULL);
         sum += counts[i];
     }
     image->points = malloc(((size_t)sum + 1) * sizeof *image->points);
@@ -264,7 +278,8 @@ static cairn_status trace_regions(const shape_picture *p, const region *regions,
         const region *r = &regions[i];
         cairn_vec2 *points = &image->points[sum];
 
-        sum += cairn_shape_image_outline(p, r->is_hole ? p->face : p->part, r->label, !r->is_hole, r->first, points);
+        sum += cairn_shape_image_outline(p, r->is_hole ? p->face : p->part, r->label, !r->is_hole,
+                                         r->first, points);
         image->outlines[i].points = points;
         image->outlines[i].count = counts[i];
         image->outlines[i].closed = 1;
@@ -272,7 +287,8 @@ static cairn_status trace_regions(const shape_picture *p, const region *regions,
     return CAIRN_OK;
 }
 
-static cairn_status choose_and_trace(shape_picture *p, const cairn_shape_image_params *params, cairn_shape_image *image)
+static cairn_status choose_and_trace(shape_picture *p, const cairn_shape_image_params *params,
+                                     cairn_shape_image *image)
 {
     region regions[CAIRN_SHAPE_OUTLINES] = {{0, 0, 0, 0}};
     int32_t parts, faces;
@@ -293,20 +309,22 @@ static cairn_status choose_and_trace(shape_picture *p, const cairn_shape_image_p
     return status == CAIRN_OK ? trace_regions(p, regions, image) : status;
 }
 
-static cairn_status trace_picture(shape_picture *p, cairn_raster_u8_view grey, const cairn_shape_image_params *params,
-                                  cairn_shape_image *image)
+static cairn_status trace_picture(shape_picture *p, cairn_raster_u8_view grey,
+                                  const cairn_shape_image_params *params, cairn_shape_image *image)
 {
     double diagonal;
     cairn_status status = CAIRN_OK;
 
     if (!find_ink(p, grey, &diagonal))
-        return cairn_file_error_set(p->error, CAIRN_EMPTY, p->path, 0,
-                                    "%d x %d pixels of one colour, expected a silhouette or a drawing", (int)grey.width,
-                                    (int)grey.height);
+        return cairn_file_error_set(
+            p->error, CAIRN_EMPTY, p->path, 0,
+            "%d x %d pixels of one colour, expected a silhouette or a drawing", (int)grey.width,
+            (int)grey.height);
     if (diagonal < LEAST_DIAGONAL)
-        return cairn_file_error_set(p->error, CAIRN_EMPTY, p->path, 0,
-                                    "an object of %.0f pixels along its diagonal, expected at least %d", diagonal,
-                                    LEAST_DIAGONAL);
+        return cairn_file_error_set(
+            p->error, CAIRN_EMPTY, p->path, 0,
+            "an object of %.0f pixels along its diagonal, expected at least %d", diagonal,
+            LEAST_DIAGONAL);
     image->is_drawing = thickness(p) <= fmax(2, LINE_SHARE * diagonal);
     if (image->is_drawing)
         status = cairn_shape_image_join(p, params->max_gap * diagonal, image);
@@ -314,21 +332,25 @@ static cairn_status trace_picture(shape_picture *p, cairn_raster_u8_view grey, c
 }
 
 cairn_status cairn_shape_image_trace(cairn_shape_image *image, cairn_raster_u8_view grey,
-                                     const cairn_shape_image_params *params, const char *path, cairn_file_error *error)
+                                     const cairn_shape_image_params *params, const char *path,
+                                     cairn_file_error *error)
 {
     shape_picture p = {0, 0, NULL, NULL, NULL, NULL, path, error};
     cairn_status status;
     size_t pixels;
 
     memset(image, 0, sizeof *image);
-    if (cairn_raster_u8_check(grey) != CAIRN_OK || params == NULL || params->holes < CAIRN_SHAPE_HOLES_KEEP ||
-        params->holes > CAIRN_SHAPE_HOLES_REFUSE || !(params->max_gap >= 0) || !(params->max_gap <= 1) ||
-        !(params->min_part >= 0) || !(params->min_part <= 1))
-        return cairn_file_error_set(error, CAIRN_BAD_ARGUMENT, path, 0,
-                                    "not to be traced, expected a picture, gaps and parts from 0 to 1");
+    if (cairn_raster_u8_check(grey) != CAIRN_OK || params == NULL ||
+        params->holes < CAIRN_SHAPE_HOLES_KEEP || params->holes > CAIRN_SHAPE_HOLES_REFUSE ||
+        !(params->max_gap >= 0) || !(params->max_gap <= 1) || !(params->min_part >= 0) ||
+        !(params->min_part <= 1))
+        return cairn_file_error_set(
+            error, CAIRN_BAD_ARGUMENT, path, 0,
+            "not to be traced, expected a picture, gaps and parts from 0 to 1");
     if (grey.width > CAIRN_SHAPE_IMAGE_SIDE_MOST || grey.height > CAIRN_SHAPE_IMAGE_SIDE_MOST)
-        return cairn_file_error_set(error, CAIRN_FULL, path, 0, "%d x %d pixels, expected at most %d a side",
-                                    (int)grey.width, (int)grey.height, CAIRN_SHAPE_IMAGE_SIDE_MOST);
+        return cairn_file_error_set(error, CAIRN_FULL, path, 0,
+                                    "%d x %d pixels, expected at most %d a side", (int)grey.width,
+                                    (int)grey.height, CAIRN_SHAPE_IMAGE_SIDE_MOST);
     p.width = grey.width + 2;
     p.height = grey.height + 2;
     pixels = (size_t)p.width * (size_t)p.height;

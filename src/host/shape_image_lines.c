@@ -14,7 +14,8 @@ enum { ENDS_MOST = 256, SMOOTH = 2 };
 /* ---- Loose ends ---- */
 
 /* Thins the ink and follows its lines; their loose ends. */
-static cairn_status find_ends(const shape_picture *p, cairn_edge_chain_set *set, cairn_edge_pixel *ends, int32_t *count)
+static cairn_status find_ends(const shape_picture *p, cairn_edge_chain_set *set,
+                              cairn_edge_pixel *ends, int32_t *count)
 {
     cairn_raster_u8_view view = {p->ink, p->width, p->height, p->width};
     cairn_budget budget = {0};
@@ -34,9 +35,10 @@ static cairn_status find_ends(const shape_picture *p, cairn_edge_chain_set *set,
         const cairn_edge_chain *c = &r.chains[i];
 
         if (*count + 2 > ENDS_MOST)
-            return cairn_file_error_set(p->error, CAIRN_BAD_FORMAT, p->path, 0,
-                                        "more than %d loose ends of lines, expected a drawing of one outline",
-                                        ENDS_MOST - 2);
+            return cairn_file_error_set(
+                p->error, CAIRN_BAD_FORMAT, p->path, 0,
+                "more than %d loose ends of lines, expected a drawing of one outline",
+                ENDS_MOST - 2);
         if (c->from == CAIRN_EDGE_OPEN)
             ends[(*count)++] = r.pixels[c->first];
         if (c->to == CAIRN_EDGE_OPEN)
@@ -57,8 +59,10 @@ static void draw_line(shape_picture *p, cairn_edge_pixel a, cairn_edge_pixel b)
     }
 }
 
-/* gaps: [CAIRN_SHAPE_GAPS] the middles of the first ones that are joined, without the ink's frame of one pixel. */
-static int32_t join_ends(shape_picture *p, cairn_edge_pixel *ends, int32_t count, double reach, cairn_vec2 *gaps)
+/* gaps: [CAIRN_SHAPE_GAPS] the middles of the first ones that are joined, without the ink's
+ * frame of one pixel. */
+static int32_t join_ends(shape_picture *p, cairn_edge_pixel *ends, int32_t count, double reach,
+                         cairn_vec2 *gaps)
 {
     int32_t joined = 0;
 
@@ -123,17 +127,20 @@ cairn_status cairn_shape_image_join(shape_picture *p, double reach, cairn_shape_
 
 /* ---- The way round ---- */
 
-/* A corner of pixels, and the way on from it: 0 east, 1 south, 2 west, 3 north; the region lies to the right. */
+/* A corner of pixels, and the way on from it: 0 east, 1 south, 2 west, 3 north; the region lies
+ * to the right. */
 typedef struct crack {
     int32_t x, y, heading;
 } crack;
 
-static int is_region(const shape_picture *p, const int32_t *labels, int32_t label, int32_t x, int32_t y)
+static int is_region(const shape_picture *p, const int32_t *labels, int32_t label, int32_t x,
+                     int32_t y)
 {
     return x >= 0 && y >= 0 && x < p->width && y < p->height && labels[y * p->width + x] == label;
 }
 
-static crack go_on(const shape_picture *p, const int32_t *labels, int32_t label, int32_t corners, crack c)
+static crack go_on(const shape_picture *p, const int32_t *labels, int32_t label, int32_t corners,
+                   crack c)
 {
     static const int8_t ahead[4][2] = {{1, 0}, {0, 1}, {-1, 0}, {0, -1}};
     /* The pixels that touch a corner on the right and on the left of the way on. */
@@ -170,8 +177,8 @@ static void smooth(cairn_vec2 *points, int32_t count)
     free(even);
 }
 
-int32_t cairn_shape_image_outline(const shape_picture *p, const int32_t *labels, int32_t label, int32_t corners,
-                                  int32_t first, cairn_vec2 *points)
+int32_t cairn_shape_image_outline(const shape_picture *p, const int32_t *labels, int32_t label,
+                                  int32_t corners, int32_t first, cairn_vec2 *points)
 {
     static const double half_x[4] = {0.5, 0, -0.5, 0}, half_y[4] = {0, 0.5, 0, -0.5};
     crack start = {first % p->width, first / p->width, 0}, at = start;

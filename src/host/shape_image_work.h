@@ -15,12 +15,16 @@ typedef struct shape_picture {
     cairn_file_error *error;
 } shape_picture;
 
-/* Joins loose ends of lines that are at most `reach` pixels apart, the nearest first. *joined: how many pairs. */
-CAIRN_CHECKED cairn_status cairn_shape_image_join(shape_picture *picture, double reach, cairn_shape_image *image);
+/* Joins loose ends of lines that are at most `reach` pixels apart, the nearest first. *joined:
+ * how many pairs. */
+CAIRN_CHECKED cairn_status cairn_shape_image_join(shape_picture *picture, double reach,
+                                                  cairn_shape_image *image);
 
-/* The outline of the pixels of one label, from its first pixel in the order of rows: middles of the pixels' sides, smoothed.
- * corners: 1: pixels that meet in a corner are neighbours. points: NULL: counts only. The number of points. */
-int32_t cairn_shape_image_outline(const shape_picture *picture, const int32_t *labels, int32_t label, int32_t corners,
-                                  int32_t first, cairn_vec2 *points);
+/* The outline of the pixels of one label, from its first pixel in the order of rows: middles of
+ * the pixels' sides, smoothed. corners: 1: pixels that meet in a corner are neighbours. points:
+ * NULL: counts only. The number of points. */
+int32_t cairn_shape_image_outline(const shape_picture *picture, const int32_t *labels,
+                                  int32_t label, int32_t corners, int32_t first,
+                                  cairn_vec2 *points);
 
 #endif

@@ -72,9 +72,9 @@ static cairn_status build(cairn_shape_builder *builder, const cairn_curve *outli
     return status;
 }
 
-cairn_status cairn_shape_model_file_build(cairn_shape_model_file *file, const cairn_curve *outlines, int32_t count,
-                                          const cairn_shape_builder_params *params, const char *path,
-                                          cairn_file_error *error)
+cairn_status cairn_shape_model_file_build(cairn_shape_model_file *file, const cairn_curve *outlines,
+                                          int32_t count, const cairn_shape_builder_params *params,
+                                          const char *path, cairn_file_error *error)
 {
     size_t bytes = cairn_shape_builder_memory(params) + CAIRN_ALIGN;
     cairn_shape_builder *builder;
@@ -94,7 +94,8 @@ cairn_status cairn_shape_model_file_build(cairn_shape_model_file *file, const ca
     if (status != CAIRN_OK) {
         (void)cairn_file_error_set(error, status, path, 0, "no model can be made (%s), expected %s",
                                    cairn_status_text(status),
-                                   status == CAIRN_EMPTY ? "an object with symmetric parts" : "outlines of one object");
+                                   status == CAIRN_EMPTY ? "an object with symmetric parts"
+                                                         : "outlines of one object");
     } else {
         model = cairn_shape_builder_read(builder);
         status = cairn_shape_model_file_copy(file, &model);
@@ -136,7 +137,8 @@ static cairn_status read_numbers(shape_reader *r, const char *at, const char *en
             return cairn_file_error_set(r->error, CAIRN_BAD_FORMAT, r->path, line_of(r),
                                         "more than %d numbers, expected one sample", NUMBERS_MOST);
         if (!cairn_number_read(token, length, &r->number[r->count]))
-            return cairn_file_error_set(r->error, CAIRN_BAD_FORMAT, r->path, line_of(r), "%s, expected a number",
+            return cairn_file_error_set(r->error, CAIRN_BAD_FORMAT, r->path, line_of(r),
+                                        "%s, expected a number",
                                         cairn_token_text(shown, token, length));
     }
     return CAIRN_OK;
@@ -166,9 +168,10 @@ static cairn_status next_line(shape_reader *r, int named)
 
 static cairn_status ended(const shape_reader *r, cairn_status status, const char *wanted)
 {
-    return status != CAIRN_EMPTY ? status
-                                 : cairn_file_error_set(r->error, CAIRN_TRUNCATED, r->path, line_of(r),
-                                                        "the file ends, expected %s", wanted);
+    return status != CAIRN_EMPTY
+               ? status
+               : cairn_file_error_set(r->error, CAIRN_TRUNCATED, r->path, line_of(r),
+                                      "the file ends, expected %s", wanted);
 }
 
 static int is_word(const shape_reader *r, const char *word)
@@ -185,8 +188,9 @@ static cairn_status next_named(shape_reader *r, const char *word, int32_t count,
     if (status != CAIRN_OK)
         return ended(r, status, wanted);
     if (!is_word(r, word) || r->count != count)
-        return cairn_file_error_set(r->error, CAIRN_BAD_FORMAT, r->path, line_of(r), "%s and %d numbers, expected %s",
-                                    cairn_token_text(shown, r->word, r->length), (int)r->count, wanted);
+        return cairn_file_error_set(
+            r->error, CAIRN_BAD_FORMAT, r->path, line_of(r), "%s and %d numbers, expected %s",
+            cairn_token_text(shown, r->word, r->length), (int)r->count, wanted);
     return CAIRN_OK;
 }
 
@@ -198,8 +202,8 @@ static cairn_status next_sample(shape_reader *r, int32_t count, const char *want
     if (status != CAIRN_OK)
         return ended(r, status, wanted);
     if (r->count != count)
-        return cairn_file_error_set(r->error, CAIRN_BAD_FORMAT, r->path, line_of(r), "%d numbers, expected %s",
-                                    (int)r->count, wanted);
+        return cairn_file_error_set(r->error, CAIRN_BAD_FORMAT, r->path, line_of(r),
+                                    "%d numbers, expected %s", (int)r->count, wanted);
     return CAIRN_OK;
 }
 
@@ -211,7 +215,8 @@ static int is_whole(double number, double least, double most)
 
 static cairn_oriented_point point_of(const double *n)
 {
-    cairn_oriented_point p = {{(cairn_real)n[0], (cairn_real)n[1]}, {(cairn_real)n[2], (cairn_real)n[3]}};
+    cairn_oriented_point p = {{(cairn_real)n[0], (cairn_real)n[1]},
+                              {(cairn_real)n[2], (cairn_real)n[3]}};
 
     return p;
 }
@@ -221,8 +226,8 @@ static cairn_status read_head(shape_reader *r, cairn_shape_model *m)
     cairn_status status = next_named(r, HEAD, 1, "\"" HEAD " 1\", the head of a model of a shape");
 
     if (status == CAIRN_OK && !(r->number[0] == VERSION))
-        return cairn_file_error_set(r->error, CAIRN_UNSUPPORTED, r->path, line_of(r), "version %g, expected %d",
-                                    r->number[0], VERSION);
+        return cairn_file_error_set(r->error, CAIRN_UNSUPPORTED, r->path, line_of(r),
+                                    "version %g, expected %d", r->number[0], VERSION);
     if (status == CAIRN_OK)
         status = next_named(r, "size", 1, "\"size\" and a number");
     m->size = (cairn_real)r->number[0];
@@ -240,11 +245,13 @@ static cairn_status read_outline(shape_reader *r, cairn_shape_model_file *f)
     if (status != CAIRN_OK)
         return status;
     if (!is_whole(r->number[0], 1, CAIRN_SHAPE_FILE_OUTLINE_MOST))
-        return cairn_file_error_set(r->error, CAIRN_FULL, r->path, line_of(r), "%g samples, expected 1 ... %d",
-                                    r->number[0], CAIRN_SHAPE_FILE_OUTLINE_MOST);
+        return cairn_file_error_set(r->error, CAIRN_FULL, r->path, line_of(r),
+                                    "%g samples, expected 1 ... %d", r->number[0],
+                                    CAIRN_SHAPE_FILE_OUTLINE_MOST);
     f->model.outline_count = (int32_t)r->number[0];
     for (int32_t i = 0; i < f->model.outline_count && status == CAIRN_OK; i++) {
-        status = next_sample(r, OUTLINE_NUMBERS, "x y and direction x y of a sample of the outline");
+        status =
+            next_sample(r, OUTLINE_NUMBERS, "x y and direction x y of a sample of the outline");
         f->outline[i] = point_of(r->number);
         r->outline_line[i] = line_of(r);
     }
@@ -271,17 +278,19 @@ static cairn_status read_path(shape_reader *r, cairn_shape_model_file *f)
     cairn_status status = CAIRN_OK;
 
     if (m->path_count == CAIRN_SHAPE_PATHS)
-        return cairn_file_error_set(r->error, CAIRN_FULL, r->path, line_of(r), "one more path, expected at most %d",
-                                    CAIRN_SHAPE_PATHS);
+        return cairn_file_error_set(r->error, CAIRN_FULL, r->path, line_of(r),
+                                    "one more path, expected at most %d", CAIRN_SHAPE_PATHS);
     if (!is_word(r, "path") || r->count != 4 || !is_whole(r->number[0], -1, CAIRN_SHAPE_PATHS) ||
         !is_whole(r->number[1], -1, CAIRN_SHAPE_FILE_SAMPLES_MOST))
-        return cairn_file_error_set(r->error, CAIRN_BAD_FORMAT, r->path, line_of(r),
-                                    "no path, expected \"path\", its parent, the sample there (-1 -1: none), its share "
-                                    "and the number of its samples");
+        return cairn_file_error_set(
+            r->error, CAIRN_BAD_FORMAT, r->path, line_of(r),
+            "no path, expected \"path\", its parent, the sample there (-1 -1: none), its share "
+            "and the number of its samples");
     if (!is_whole(r->number[3], 1, CAIRN_SHAPE_FILE_SAMPLES_MOST - m->sample_count))
-        return cairn_file_error_set(r->error, CAIRN_FULL, r->path, line_of(r),
-                                    "%g samples, expected at least one, and at most %d of all paths", r->number[3],
-                                    CAIRN_SHAPE_FILE_SAMPLES_MOST);
+        return cairn_file_error_set(
+            r->error, CAIRN_FULL, r->path, line_of(r),
+            "%g samples, expected at least one, and at most %d of all paths", r->number[3],
+            CAIRN_SHAPE_FILE_SAMPLES_MOST);
     p->parent = (int32_t)r->number[0];
     p->branch = (int32_t)r->number[1];
     p->share = (cairn_real)r->number[2];
@@ -321,8 +330,8 @@ static cairn_status read_gap(const shape_reader *r, cairn_shape_model *m)
         return cairn_file_error_set(r->error, CAIRN_BAD_FORMAT, r->path, line_of(r),
                                     "no gap, expected \"gap\" and x y, before the paths");
     if (m->gap_count == CAIRN_SHAPE_GAPS)
-        return cairn_file_error_set(r->error, CAIRN_FULL, r->path, line_of(r), "one more gap, expected at most %d",
-                                    CAIRN_SHAPE_GAPS);
+        return cairn_file_error_set(r->error, CAIRN_FULL, r->path, line_of(r),
+                                    "one more gap, expected at most %d", CAIRN_SHAPE_GAPS);
     m->gaps[m->gap_count++] = gap;
     return CAIRN_OK;
 }
@@ -345,7 +354,8 @@ static cairn_status read_all(shape_reader *r, cairn_shape_model_file *f)
     return check(r, &f->model);
 }
 
-cairn_status cairn_shape_model_file_read(cairn_shape_model_file *file, const char *path, cairn_file_error *error)
+cairn_status cairn_shape_model_file_read(cairn_shape_model_file *file, const char *path,
+                                         cairn_file_error *error)
 {
     shape_reader r;
     cairn_status status;
@@ -441,7 +451,8 @@ static void print_model(cairn_output *output, const cairn_shape_model *m)
     }
 }
 
-cairn_status cairn_shape_model_file_write(const cairn_shape_model *model, const char *path, cairn_file_error *error)
+cairn_status cairn_shape_model_file_write(const cairn_shape_model *model, const char *path,
+                                          cairn_file_error *error)
 {
     cairn_fault fault = {-1, NULL};
     cairn_status status = cairn_shape_model_check(model, &fault);
@@ -449,11 +460,13 @@ cairn_status cairn_shape_model_file_write(const cairn_shape_model *model, const 
 
     if (status != CAIRN_OK)
         return cairn_file_error_set(error, status, path, 0, "%s", fault.what);
-    if (model->outline_count > CAIRN_SHAPE_FILE_OUTLINE_MOST || model->sample_count > CAIRN_SHAPE_FILE_SAMPLES_MOST)
-        return cairn_file_error_set(error, CAIRN_BAD_ARGUMENT, path, 0,
-                                    "a model of %d and %d samples, expected at most %d of the outline and %d of paths",
-                                    (int)model->outline_count, (int)model->sample_count, CAIRN_SHAPE_FILE_OUTLINE_MOST,
-                                    CAIRN_SHAPE_FILE_SAMPLES_MOST);
+    if (model->outline_count > CAIRN_SHAPE_FILE_OUTLINE_MOST ||
+        model->sample_count > CAIRN_SHAPE_FILE_SAMPLES_MOST)
+        return cairn_file_error_set(
+            error, CAIRN_BAD_ARGUMENT, path, 0,
+            "a model of %d and %d samples, expected at most %d of the outline and %d of paths",
+            (int)model->outline_count, (int)model->sample_count, CAIRN_SHAPE_FILE_OUTLINE_MOST,
+            CAIRN_SHAPE_FILE_SAMPLES_MOST);
     status = cairn_output_open(&output, path, error);
     if (status != CAIRN_OK)
         return status;

@@ -14,9 +14,10 @@ static void take_gaps(cairn_shape_model *m, const cairn_shape_image *shape)
         m->gaps[i] = cairn_vec2_scale(cairn_vec2_sub(shape->gaps[i], m->origin), 1 / m->size);
 }
 
-static cairn_status load_picture(cairn_shape_model_file *file, const char *path, const cairn_shape_image_params *image,
-                                 const cairn_shape_builder_params *builder, cairn_shape_image *traced,
-                                 cairn_file_error *error)
+static cairn_status load_picture(cairn_shape_model_file *file, const char *path,
+                                 const cairn_shape_image_params *image,
+                                 const cairn_shape_builder_params *builder,
+                                 cairn_shape_image *traced, cairn_file_error *error)
 {
     cairn_vision_image grey;
     cairn_raster_u8_view view;
@@ -47,8 +48,8 @@ static cairn_status load_picture(cairn_shape_model_file *file, const char *path,
 
 cairn_status cairn_shape_model_file_load(cairn_shape_model_file *file, const char *path,
                                          const cairn_shape_image_params *image,
-                                         const cairn_shape_builder_params *builder, cairn_shape_image *traced,
-                                         cairn_file_error *error)
+                                         const cairn_shape_builder_params *builder,
+                                         cairn_shape_image *traced, cairn_file_error *error)
 {
     memset(file, 0, sizeof *file);
     if (traced != NULL)

@@ -26,14 +26,16 @@ typedef struct sheet {
 } sheet;
 
 /* Samples from one on to another, round the outline. */
-static void print_arc(cairn_output *output, const sheet *s, int32_t from, int32_t to, double x, double y)
+static void print_arc(cairn_output *output, const sheet *s, int32_t from, int32_t to, double x,
+                      double y)
 {
     int32_t i = from, begins = 1;
 
     do {
         cairn_vec2 p = s->model->outline[i].position;
 
-        cairn_output_print(output, "%s%.1f %.1f", begins ? "M" : "L", x + SIZE * (double)p.x, y + SIZE * (double)p.y);
+        cairn_output_print(output, "%s%.1f %.1f", begins ? "M" : "L", x + SIZE * (double)p.x,
+                           y + SIZE * (double)p.y);
         begins = 0;
         if (i == to)
             return;
@@ -41,13 +43,15 @@ static void print_arc(cairn_output *output, const sheet *s, int32_t from, int32_
     } while (i != from);
 }
 
-static void print_fragment(cairn_output *output, const sheet *s, const cairn_part_fragment *f, int32_t row)
+static void print_fragment(cairn_output *output, const sheet *s, const cairn_part_fragment *f,
+                           int32_t row)
 {
     double x = CAIRN_REPORT_MARGIN + CELL * (f->bundle + 0.5), y = s->head + CELL * (row + 0.5);
 
     cairn_output_print(output, "<path class=\"outline\" d=\"");
     print_arc(output, s, 0, -1, x, y);
-    cairn_output_print(output, "Z\"/>\n<path class=\"fragment\" stroke=\"%s\" d=\"", colours[f->bundle]);
+    cairn_output_print(output, "Z\"/>\n<path class=\"fragment\" stroke=\"%s\" d=\"",
+                       colours[f->bundle]);
     print_arc(output, s, f->from, f->to, x, y);
     cairn_output_print(output, "\"/>\n");
 }
@@ -63,7 +67,8 @@ static int32_t most_rows(const cairn_part_model *m)
     return most;
 }
 
-static cairn_status print_sheet(sheet *s, const char *title, const char *path, cairn_file_error *error)
+static cairn_status print_sheet(sheet *s, const char *title, const char *path,
+                                cairn_file_error *error)
 {
     int32_t row[CAIRN_PART_BUNDLES] = {0};
     char subtitle[128];
@@ -72,13 +77,17 @@ static cairn_status print_sheet(sheet *s, const char *title, const char *path, c
 
     if (status != CAIRN_OK)
         return status;
-    (void)snprintf(subtitle, sizeof subtitle, "%d fragments in %d bundles, of each of which one is in an image at most",
+    (void)snprintf(subtitle, sizeof subtitle,
+                   "%d fragments in %d bundles, of each of which one is in an image at most",
                    (int)s->parts.fragment_count, (int)s->parts.bundles);
     s->head = cairn_report_head_height(title, subtitle) + CAIRN_REPORT_MARGIN;
     cairn_report_print_head(output, 2 * CAIRN_REPORT_MARGIN + CELL * fmax(5, s->parts.bundles),
-                            s->head + CELL * most_rows(&s->parts) + CAIRN_REPORT_MARGIN, title, subtitle);
-    cairn_output_print(output, "<style>path{fill:none}.outline{stroke:#cbd5e1}.fragment{stroke-width:3;stroke-linecap:"
-                               "round}</style>\n");
+                            s->head + CELL * most_rows(&s->parts) + CAIRN_REPORT_MARGIN, title,
+                            subtitle);
+    cairn_output_print(
+        output,
+        "<style>path{fill:none}.outline{stroke:#cbd5e1}.fragment{stroke-width:3;stroke-linecap:"
+        "round}</style>\n");
     for (int32_t i = 0; i < s->parts.fragment_count; i++)
         print_fragment(output, s, &s->parts.fragments[i], row[s->parts.fragments[i].bundle]++);
     cairn_output_print(output, "</svg>\n");
@@ -86,8 +95,8 @@ static cairn_status print_sheet(sheet *s, const char *title, const char *path, c
 }
 
 /* The fragments, in memory that the builder stands in. */
-static cairn_status find_parts(sheet *s, void *memory, size_t bytes, const cairn_part_bundle_params *params,
-                               cairn_vec2 *points)
+static cairn_status find_parts(sheet *s, void *memory, size_t bytes,
+                               const cairn_part_bundle_params *params, cairn_vec2 *points)
 {
     cairn_part_builder *builder;
     cairn_budget budget;
@@ -110,8 +119,9 @@ static cairn_status find_parts(sheet *s, void *memory, size_t bytes, const cairn
     return status;
 }
 
-cairn_status cairn_shape_model_file_draw_parts(const cairn_shape_model *model, const cairn_part_cut *cuts,
-                                               int32_t cut_count, const char *title, const char *path,
+cairn_status cairn_shape_model_file_draw_parts(const cairn_shape_model *model,
+                                               const cairn_part_cut *cuts, int32_t cut_count,
+                                               const char *title, const char *path,
                                                cairn_file_error *error)
 {
     cairn_fault fault = {-1, NULL};
@@ -126,19 +136,22 @@ cairn_status cairn_shape_model_file_draw_parts(const cairn_shape_model *model, c
         return cairn_file_error_set(error, status, path, 0, "%s", fault.what);
     s.outline = cairn_shape_first_outline(model);
     if (s.outline < 3)
-        return cairn_file_error_set(error, CAIRN_EMPTY, path, 0,
-                                    "a model without an outline, expected one of 3 samples at least");
+        return cairn_file_error_set(
+            error, CAIRN_EMPTY, path, 0,
+            "a model without an outline, expected one of 3 samples at least");
     params.max_points = s.outline;
     bytes = cairn_part_bundle_memory(&params) + CAIRN_ALIGN;
     memory = malloc(bytes);
     points = malloc((size_t)s.outline * sizeof *points);
-    status = memory != NULL && points != NULL ? find_parts(&s, memory, bytes, &params, points) : CAIRN_NO_MEMORY;
+    status = memory != NULL && points != NULL ? find_parts(&s, memory, bytes, &params, points)
+                                              : CAIRN_NO_MEMORY;
     if (status == CAIRN_OK)
         status = print_sheet(&s, title, path, error);
     else
-        status = cairn_file_error_set(error, status, path, 0, "%s, expected %s", cairn_status_text(status),
-                                      cuts != NULL ? "fragments by hand of the first outline, which has a length"
-                                                   : "an outline with length");
+        status = cairn_file_error_set(
+            error, status, path, 0, "%s, expected %s", cairn_status_text(status),
+            cuts != NULL ? "fragments by hand of the first outline, which has a length"
+                         : "an outline with length");
     free(memory);
     free(points);
     return status;

@@ -40,7 +40,8 @@ static void find_program(char folder[PATH_BYTES])
 }
 
 /* dlopen counts how often a library was asked for, and loads it once. */
-const void *cairn_shim_find(const char *library, const char *variable, const char *function, int32_t version)
+const void *cairn_shim_find(const char *library, const char *variable, const char *function,
+                            int32_t version)
 {
     static const char *const places[] = {"", "/..", "/../lib"};
     const char *given = getenv(variable);
@@ -50,7 +51,8 @@ const void *cairn_shim_find(const char *library, const char *variable, const cha
     if (given != NULL)
         return table_at(given, function, version);
     find_program(folder);
-    for (size_t i = 0; i < sizeof places / sizeof *places && table == NULL && *folder != '\0'; i++) {
+    for (size_t i = 0; i < sizeof places / sizeof *places && table == NULL && *folder != '\0';
+         i++) {
         (void)snprintf(path, sizeof path, "%s%s/%s", folder, places[i], library);
         table = table_at(path, function, version);
     }

@@ -1,10 +1,11 @@
 /* SuiteSparse behind the interface of pose graphs.
  *
- * Method: the poses are ordered by AMD, three scalars each; H is kept as columns of scalars, both halves, of which LDL
- * reads what is above the diagonal in its order. Links that are repeated share their entries.
+ * Method: the poses are ordered by AMD, three scalars each; H is kept as columns of scalars, both
+ * halves, of which LDL reads what is above the diagonal in its order. Links that are repeated share
+ * their entries.
  *
- * Source: Davis, Algorithm 849: a concise sparse Cholesky factorization package, 2005; Amestoy, Davis and Duff, Algorithm
- * 837: AMD, 2004. */
+ * Source: Davis, Algorithm 849: a concise sparse Cholesky factorization package, 2005; Amestoy,
+ * Davis and Duff, Algorithm 837: AMD, 2004. */
 #include "src/core/build.h"
 
 #include <dlfcn.h>
@@ -16,9 +17,11 @@
 /* The functions as their libraries declare them. */
 struct libraries {
     int (*amd_order)(int n, const int *ap, const int *ai, int *p, double *control, double *info);
-    void (*ldl_symbolic)(int n, int *ap, int *ai, int *lp, int *parent, int *lnz, int *flag, int *p, int *pinv);
-    int (*ldl_numeric)(int n, int *ap, int *ai, double *ax, int *lp, int *parent, int *lnz, int *li, double *lx,
-                       double *d, double *y, int *pattern, int *flag, int *p, int *pinv);
+    void (*ldl_symbolic)(int n, int *ap, int *ai, int *lp, int *parent, int *lnz, int *flag, int *p,
+                         int *pinv);
+    int (*ldl_numeric)(int n, int *ap, int *ai, double *ax, int *lp, int *parent, int *lnz, int *li,
+                       double *lx, double *d, double *y, int *pattern, int *flag, int *p,
+                       int *pinv);
     void (*ldl_lsolve)(int n, double *x, int *lp, int *li, double *lx);
     void (*ldl_dsolve)(int n, double *x, double *d);
     void (*ldl_ltsolve)(int n, double *x, int *lp, int *li, double *lx);
@@ -28,7 +31,8 @@ enum { NOTHING, ANALYZE, FACTOR, SOLVE, INVERT };
 
 struct link {
     int32_t pose[2];
-    int32_t block[2]; /* of the columns of pose[1], that of the rows of pose[0]; and the other way round */
+    /* of the columns of pose[1], that of the rows of pose[0]; and the other way round */
+    int32_t block[2];
 };
 
 /* One direction of a link: the rows of one pose in the columns of the other. */
@@ -82,7 +86,8 @@ static int find_libraries(struct libraries *call)
     return find_function(amd, "amd_order", &call->amd_order) &&
            find_function(ldl, "ldl_symbolic", &call->ldl_symbolic) &&
            find_function(ldl, "ldl_numeric", &call->ldl_numeric) &&
-           find_function(ldl, "ldl_lsolve", &call->ldl_lsolve) && find_function(ldl, "ldl_dsolve", &call->ldl_dsolve) &&
+           find_function(ldl, "ldl_lsolve", &call->ldl_lsolve) &&
+           find_function(ldl, "ldl_dsolve", &call->ldl_dsolve) &&
            find_function(ldl, "ldl_ltsolve", &call->ldl_ltsolve);
 }
 
@@ -105,12 +110,14 @@ cairn_status cairn_sparse_solver_open(cairn_sparse_solver **solver)
 
 static void free_arrays(cairn_sparse_solver *s)
 {
-    void *const arrays[] = {s->column, s->row,     s->value, s->order,   s->place, s->start, s->parent, s->count,
-                            s->flag,   s->pattern, s->l_row, s->l_value, s->d,     s->y,     s->x};
+    void *const arrays[] = {s->column, s->row,     s->value, s->order, s->place,
+                            s->start,  s->parent,  s->count, s->flag,  s->pattern,
+                            s->l_row,  s->l_value, s->d,     s->y,     s->x};
 
     for (size_t k = 0; k < sizeof arrays / sizeof *arrays; k++)
         free(arrays[k]);
-    s->column = s->row = s->order = s->place = s->start = s->parent = s->count = s->flag = s->pattern = s->l_row = NULL;
+    s->column = s->row = s->order = s->place = s->start = s->parent = s->count = s->flag =
+        s->pattern = s->l_row = NULL;
     s->value = s->l_value = s->d = s->y = s->x = NULL;
     s->bytes = 0;
     s->lacking = 0;
@@ -228,7 +235,8 @@ static struct half *sorted_halves(const cairn_sparse_solver *s)
     return half;
 }
 
-/* The three columns of each pose. `half` keeps one of each block. Returns the blocks beside the diagonal. */
+/* The three columns of each pose. `half` keeps one of each block. Returns the blocks beside the
+ * diagonal. */
 static int32_t fill_columns(cairn_sparse_solver *s, struct half *half)
 {
     int32_t entry = 0, kept = 0, next = 0;
@@ -267,7 +275,8 @@ static cairn_status order_poses(cairn_sparse_solver *s, const struct half *half,
         }
         for (int j = 0; j < poses; j++)
             start[j + 1] += start[j];
-        status = s->call.amd_order(poses, start, list, p, NULL, NULL) >= 0 ? CAIRN_OK : CAIRN_NO_MEMORY;
+        status =
+            s->call.amd_order(poses, start, list, p, NULL, NULL) >= 0 ? CAIRN_OK : CAIRN_NO_MEMORY;
         for (int k = 0; k < 3 * poses && status == CAIRN_OK; k++)
             s->order[k] = 3 * p[k / 3] + k % 3;
     }
@@ -307,10 +316,12 @@ static cairn_status analyze(cairn_sparse_solver *s)
     free(half);
     if (status != CAIRN_OK)
         return status;
-    s->call.ldl_symbolic(s->n, s->column, s->row, s->start, s->parent, s->count, s->flag, s->order, s->place);
+    s->call.ldl_symbolic(s->n, s->column, s->row, s->start, s->parent, s->count, s->flag, s->order,
+                         s->place);
     s->l_row = new_array(s, (size_t)s->start[s->n], sizeof(int));
     s->l_value = new_array(s, (size_t)s->start[s->n], sizeof(double));
-    s->result.fill = (s->start[s->n] - s->n) / 9; /* three scalars of each pose lie below its own diagonal */
+    /* three scalars of each pose lie below its own diagonal */
+    s->result.fill = (s->start[s->n] - s->n) / 9;
     return s->lacking ? CAIRN_NO_MEMORY : CAIRN_OK;
 }
 
@@ -358,8 +369,10 @@ static cairn_status sparse_add_link_block(void *context, int32_t link, const cai
     l = &s->links[link];
     for (int r = 0; r < 3; r++)
         for (int c = 0; c < 3; c++) {
-            s->value[s->column[3 * l->pose[1] + c] + 3 * l->block[0] + r] += (double)block[3 * r + c];
-            s->value[s->column[3 * l->pose[0] + r] + 3 * l->block[1] + c] += (double)block[3 * r + c];
+            s->value[s->column[3 * l->pose[1] + c] + 3 * l->block[0] + r] +=
+                (double)block[3 * r + c];
+            s->value[s->column[3 * l->pose[0] + r] + 3 * l->block[1] + c] +=
+                (double)block[3 * r + c];
         }
     return CAIRN_OK;
 }
@@ -399,15 +412,18 @@ static cairn_status sparse_solve(void *context, const cairn_real *b)
     return status;
 }
 
-/* The pivot must be above 64 rounding errors of the diagonal that it came from, as in block_solver. */
+/* The pivot must be above 64 rounding errors of the diagonal that it came from, as in
+ * block_solver. */
 static void factor(cairn_sparse_solver *s)
 {
-    int done = s->call.ldl_numeric(s->n, s->column, s->row, s->value, s->start, s->parent, s->count, s->l_row,
-                                   s->l_value, s->d, s->y, s->pattern, s->flag, s->order, s->place);
+    int done = s->call.ldl_numeric(s->n, s->column, s->row, s->value, s->start, s->parent, s->count,
+                                   s->l_row, s->l_value, s->d, s->y, s->pattern, s->flag, s->order,
+                                   s->place);
     int bad = done < s->n ? done : -1;
 
     for (int k = 0; k < done && bad < 0; k++)
-        if (!(s->d[k] > 64 * DBL_EPSILON * s->value[s->column[s->order[k] + 1] - 3 + s->order[k] % 3]))
+        if (!(s->d[k] >
+              64 * DBL_EPSILON * s->value[s->column[s->order[k] + 1] - 3 + s->order[k] % 3]))
             bad = k;
     s->result.pose = bad >= 0 ? s->order[bad] / 3 : -1;
     s->result.state = bad >= 0 ? CAIRN_BLOCK_SOLVER_NOT_POSITIVE : CAIRN_BLOCK_SOLVER_FACTORED;
@@ -465,7 +481,8 @@ static cairn_status sparse_solution(const void *context, int32_t pose, cairn_rea
     return CAIRN_OK;
 }
 
-static cairn_status sparse_covariance(const void *context, int32_t first, int32_t second, cairn_real block[9])
+static cairn_status sparse_covariance(const void *context, int32_t first, int32_t second,
+                                      cairn_real block[9])
 {
     const cairn_sparse_solver *s = context;
     double *x;

@@ -1,9 +1,11 @@
 /* Images and edges through OpenCV, which is loaded when it is first needed.
  *
- * Method: a file is read whole, its head tells whether the image is one and of what size, then the shim decodes it from memory: so
- * a giant or cut file never comes to a decoder, and errors of the system are told as such.
+ * Method: a file is read whole, its head tells whether the image is one and of what size, then the
+ * shim decodes it from memory: so a giant or cut file never comes to a decoder, and errors of the
+ * system are told as such.
  *
- * Limits: decoders of JPEG keep what can be seen of a damaged one; only where its end is missing it is refused. */
+ * Limits: decoders of JPEG keep what can be seen of a damaged one; only where its end is missing
+ * it is refused. */
 #include "src/core/build.h"
 
 #include <errno.h>
@@ -28,7 +30,8 @@
 
 static const cairn_vision_shim *find_shim(void)
 {
-    return cairn_shim_find(LIBRARY, "CAIRN_VISION", "cairn_vision_shim_table", CAIRN_VISION_SHIM_VERSION);
+    return cairn_shim_find(LIBRARY, "CAIRN_VISION", "cairn_vision_shim_table",
+                           CAIRN_VISION_SHIM_VERSION);
 }
 
 static const cairn_vision_shim *need_shim(const char *path, cairn_file_error *error)
@@ -37,7 +40,8 @@ static const cairn_vision_shim *need_shim(const char *path, cairn_file_error *er
 
     if (shim == NULL)
         (void)cairn_file_error_set(error, CAIRN_UNSUPPORTED, path, 0,
-                                   "image reading needs " LIBRARY " of this version, expected it beside the program "
+                                   "image reading needs " LIBRARY
+                                   " of this version, expected it beside the program "
                                    "(built by `make vision`, OpenCV 4: tools/deps.sh vision)");
     return shim;
 }
@@ -48,8 +52,8 @@ cairn_status cairn_vision_load(cairn_file_error *error)
 }
 
 /* What OpenCV says. */
-static cairn_status refused(cairn_status status, const char *path, const char *what, const char *words,
-                            cairn_file_error *error)
+static cairn_status refused(cairn_status status, const char *path, const char *what,
+                            const char *words, cairn_file_error *error)
 {
     return cairn_file_error_set(error, status, path, 0, "OpenCV: %s, expected %s", words, what);
 }
@@ -68,7 +72,8 @@ static cairn_status read_open_file(FILE *file, const char *path, uint8_t **bytes
         return cairn_file_error_set(error, CAIRN_UNSUPPORTED, path, 0,
                                     "a folder, pipe or device, expected an image file");
     if (about.st_size > FILE_BYTES_MOST)
-        return cairn_file_error_set(error, CAIRN_FULL, path, 0, "%lld bytes, expected an image of at most %lld",
+        return cairn_file_error_set(error, CAIRN_FULL, path, 0,
+                                    "%lld bytes, expected an image of at most %lld",
                                     (long long)about.st_size, (long long)FILE_BYTES_MOST);
     *bytes = malloc((size_t)about.st_size + 1);
     if (*bytes == NULL)
@@ -82,7 +87,8 @@ static cairn_status read_open_file(FILE *file, const char *path, uint8_t **bytes
     return status;
 }
 
-static cairn_status read_file(const char *path, uint8_t **bytes, size_t *count, cairn_file_error *error)
+static cairn_status read_file(const char *path, uint8_t **bytes, size_t *count,
+                              cairn_file_error *error)
 {
     FILE *file = fopen(path, "rb");
     cairn_status status;
@@ -97,7 +103,8 @@ static cairn_status read_file(const char *path, uint8_t **bytes, size_t *count, 
 }
 
 /* PGM and PNG without OpenCV. */
-static cairn_status read_without(cairn_vision_image *image, const char *path, cairn_file_error *error)
+static cairn_status read_without(cairn_vision_image *image, const char *path,
+                                 cairn_file_error *error)
 {
     cairn_image plain;
     cairn_status status = cairn_image_read(&plain, path, error);
@@ -113,8 +120,8 @@ static cairn_status read_without(cairn_vision_image *image, const char *path, ca
     return CAIRN_OK;
 }
 
-static cairn_status decode(cairn_vision_image *image, const uint8_t *bytes, size_t count, const char *path,
-                           cairn_file_error *error)
+static cairn_status decode(cairn_vision_image *image, const uint8_t *bytes, size_t count,
+                           const char *path, cairn_file_error *error)
 {
     const cairn_vision_shim *shim;
     cairn_vision_shim_image decoded;
@@ -127,8 +134,10 @@ static cairn_status decode(cairn_vision_image *image, const uint8_t *bytes, size
     if (head.width > CAIRN_VISION_SIDE_MOST || head.height > CAIRN_VISION_SIDE_MOST ||
         head.width * head.height > CAIRN_VISION_PIXELS_MOST)
         return cairn_file_error_set(
-            error, CAIRN_FULL, path, 0, "the image has %lld x %lld pixels, expected at most %d a side and %d in all",
-            (long long)head.width, (long long)head.height, CAIRN_VISION_SIDE_MOST, CAIRN_VISION_PIXELS_MOST);
+            error, CAIRN_FULL, path, 0,
+            "the image has %lld x %lld pixels, expected at most %d a side and %d in all",
+            (long long)head.width, (long long)head.height, CAIRN_VISION_SIDE_MOST,
+            CAIRN_VISION_PIXELS_MOST);
     shim = find_shim();
     if (shim == NULL && (head.format == CAIRN_VISION_PNG || head.format == CAIRN_VISION_PNM))
         return read_without(image, path, error);
@@ -159,7 +168,8 @@ cairn_status cairn_vision_read(cairn_vision_image *image, const char *path, cair
     return status;
 }
 
-cairn_status cairn_vision_read_grey(cairn_vision_image *image, const char *path, cairn_file_error *error)
+cairn_status cairn_vision_read_grey(cairn_vision_image *image, const char *path,
+                                    cairn_file_error *error)
 {
     cairn_status status = cairn_vision_read(image, path, error);
 
@@ -218,7 +228,9 @@ cairn_status cairn_vision_make_grey(cairn_vision_image *image)
         uint32_t value = sample_of(image, at);
 
         if (image->channels > 1)
-            value = (114 * value + 587 * sample_of(image, at + 1) + 299 * sample_of(image, at + 2) + 500) / 1000;
+            value = (114 * value + 587 * sample_of(image, at + 1) + 299 * sample_of(image, at + 2) +
+                     500) /
+                    1000;
         grey[i] = (uint8_t)(image->sample_bytes == 1 ? value : value >> 8);
     }
     free(image->samples);
@@ -241,7 +253,8 @@ static const char *ending_of(const char *path)
     return NULL;
 }
 
-static cairn_status write_bytes(const char *path, const uint8_t *bytes, size_t count, cairn_file_error *error)
+static cairn_status write_bytes(const char *path, const uint8_t *bytes, size_t count,
+                                cairn_file_error *error)
 {
     cairn_output *output;
     cairn_status status = cairn_output_open(&output, path, error);
@@ -252,7 +265,8 @@ static cairn_status write_bytes(const char *path, const uint8_t *bytes, size_t c
     return cairn_output_commit(output, error);
 }
 
-cairn_status cairn_vision_write(const cairn_vision_image *image, const char *path, cairn_file_error *error)
+cairn_status cairn_vision_write(const cairn_vision_image *image, const char *path,
+                                cairn_file_error *error)
 {
     const char *ending = ending_of(path);
     const cairn_vision_shim *shim;
@@ -264,8 +278,9 @@ cairn_status cairn_vision_write(const cairn_vision_image *image, const char *pat
 
     if (!is_image(image) || ending == NULL || (ending[1] == 'j' && image->sample_bytes > 1) ||
         (ending[2] == 'g' && image->channels > 1))
-        return cairn_file_error_set(error, CAIRN_BAD_ARGUMENT, path, 0,
-                                    "not an image of this ending, expected .tif, .png, .jpg (8 bits) or .pgm (grey)");
+        return cairn_file_error_set(
+            error, CAIRN_BAD_ARGUMENT, path, 0,
+            "not an image of this ending, expected .tif, .png, .jpg (8 bits) or .pgm (grey)");
     shim = need_shim(path, error);
     if (shim == NULL)
         return CAIRN_UNSUPPORTED;
@@ -291,39 +306,44 @@ cairn_vision_canny_params cairn_vision_canny_default(void)
     return params;
 }
 
-cairn_status cairn_vision_gradients(const cairn_vision_image *grey, double sigma, float *x, float *y, const char *name,
-                                    cairn_file_error *error)
+cairn_status cairn_vision_gradients(const cairn_vision_image *grey, double sigma, float *x,
+                                    float *y, const char *name, cairn_file_error *error)
 {
     char words[CAIRN_VISION_SHIM_WORDS] = "";
     const cairn_vision_shim *shim;
     cairn_status status;
 
     if (!is_grey(grey) || x == NULL || y == NULL || !(sigma >= 0) || sigma > SIGMA_MOST)
-        return cairn_file_error_set(error, CAIRN_BAD_ARGUMENT, name, 0,
-                                    "not to be differentiated, expected 8-bit grey and sigma 0 ... %d", SIGMA_MOST);
+        return cairn_file_error_set(
+            error, CAIRN_BAD_ARGUMENT, name, 0,
+            "not to be differentiated, expected 8-bit grey and sigma 0 ... %d", SIGMA_MOST);
     shim = need_shim(name, error);
     if (shim == NULL)
         return CAIRN_UNSUPPORTED;
-    status = shim->gradients(grey->samples, grey->width, grey->height, sigma, x, y, words, sizeof words);
+    status =
+        shim->gradients(grey->samples, grey->width, grey->height, sigma, x, y, words, sizeof words);
     return status == CAIRN_OK ? CAIRN_OK : refused(status, name, "gradients", words, error);
 }
 
-cairn_status cairn_vision_canny(const cairn_vision_image *grey, const cairn_vision_canny_params *params,
-                                uint8_t *strengths, const char *name, cairn_file_error *error)
+cairn_status cairn_vision_canny(const cairn_vision_image *grey,
+                                const cairn_vision_canny_params *params, uint8_t *strengths,
+                                const char *name, cairn_file_error *error)
 {
     char words[CAIRN_VISION_SHIM_WORDS] = "";
     const cairn_vision_shim *shim;
     cairn_status status;
 
-    if (!is_grey(grey) || params == NULL || strengths == NULL || !(params->sigma >= 0) || params->sigma > SIGMA_MOST ||
-        !(params->low > 0) || !(params->high >= params->low) || params->high > SLOPE_MOST)
-        return cairn_file_error_set(error, CAIRN_BAD_ARGUMENT, name, 0,
-                                    "no edges of it, expected 8-bit grey, sigma 0 ... %d, 0 < low <= high <= %d",
-                                    SIGMA_MOST, SLOPE_MOST);
+    if (!is_grey(grey) || params == NULL || strengths == NULL || !(params->sigma >= 0) ||
+        params->sigma > SIGMA_MOST || !(params->low > 0) || !(params->high >= params->low) ||
+        params->high > SLOPE_MOST)
+        return cairn_file_error_set(
+            error, CAIRN_BAD_ARGUMENT, name, 0,
+            "no edges of it, expected 8-bit grey, sigma 0 ... %d, 0 < low <= high <= %d",
+            SIGMA_MOST, SLOPE_MOST);
     shim = need_shim(name, error);
     if (shim == NULL)
         return CAIRN_UNSUPPORTED;
-    status = shim->canny(grey->samples, grey->width, grey->height, params->sigma, params->low, params->high, strengths,
-                         words, sizeof words);
+    status = shim->canny(grey->samples, grey->width, grey->height, params->sigma, params->low,
+                         params->high, strengths, words, sizeof words);
     return status == CAIRN_OK ? CAIRN_OK : refused(status, name, "edges", words, error);
 }

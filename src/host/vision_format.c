@@ -1,4 +1,5 @@
-/* Formats and sizes of images from their first bytes, so that a giant or a cut one is refused before a decoder sees it. */
+/* Formats and sizes of images from their first bytes, so that a giant or a cut one is refused
+ * before a decoder sees it. */
 #include "src/core/build.h"
 
 #include <string.h>
@@ -25,11 +26,13 @@ static int64_t number_at(const byte_reader *r, uint64_t at, int width)
 
 static cairn_status cut(const char *path, const char *what, cairn_file_error *error)
 {
-    return cairn_file_error_set(error, CAIRN_TRUNCATED, path, 0, "the file ends early, expected a whole %s", what);
+    return cairn_file_error_set(error, CAIRN_TRUNCATED, path, 0,
+                                "the file ends early, expected a whole %s", what);
 }
 
 /* Chunks of a length, a name, data and a sum, from IHDR to IEND. */
-static cairn_status read_png(cairn_vision_head *head, const byte_reader *r, const char *path, cairn_file_error *error)
+static cairn_status read_png(cairn_vision_head *head, const byte_reader *r, const char *path,
+                             cairn_file_error *error)
 {
     uint64_t at = 8;
 
@@ -53,7 +56,8 @@ static int begins_frame(int64_t marker)
 }
 
 /* Segments of a marker and a length up to the scan, then the marker of the end. */
-static cairn_status read_jpeg(cairn_vision_head *head, const byte_reader *r, const char *path, cairn_file_error *error)
+static cairn_status read_jpeg(cairn_vision_head *head, const byte_reader *r, const char *path,
+                              cairn_file_error *error)
 {
     uint64_t at = 2;
 
@@ -81,7 +85,8 @@ static cairn_status read_jpeg(cairn_vision_head *head, const byte_reader *r, con
 }
 
 /* The first directory: entries of tag, type, count and value. */
-static cairn_status read_tiff(cairn_vision_head *head, const byte_reader *r, const char *path, cairn_file_error *error)
+static cairn_status read_tiff(cairn_vision_head *head, const byte_reader *r, const char *path,
+                              cairn_file_error *error)
 {
     enum { WIDTH = 256, HEIGHT = 257, IS_SHORT = 3 };
     uint64_t at = (uint64_t)(number_at(r, 4, 4) > 0 ? number_at(r, 4, 4) : 0);
@@ -90,7 +95,8 @@ static cairn_status read_tiff(cairn_vision_head *head, const byte_reader *r, con
     if (at < 8 || entries < 0 || number_at(r, at + 2 + 12 * (uint64_t)entries, 4) < 0)
         return cut(path, "TIFF image", error);
     for (at += 2; entries-- > 0; at += 12) {
-        int64_t tag = number_at(r, at, 2), value = number_at(r, at + 8, number_at(r, at + 2, 2) == IS_SHORT ? 2 : 4);
+        int64_t tag = number_at(r, at, 2),
+                value = number_at(r, at + 8, number_at(r, at + 2, 2) == IS_SHORT ? 2 : 4);
 
         if (tag == WIDTH)
             head->width = value;
@@ -123,7 +129,8 @@ static int64_t pnm_number(const byte_reader *r, size_t *at)
     return *at > start ? value : -1;
 }
 
-static cairn_status read_pnm(cairn_vision_head *head, const byte_reader *r, const char *path, cairn_file_error *error)
+static cairn_status read_pnm(cairn_vision_head *head, const byte_reader *r, const char *path,
+                             cairn_file_error *error)
 {
     size_t at = 2;
 
@@ -132,20 +139,21 @@ static cairn_status read_pnm(cairn_vision_head *head, const byte_reader *r, cons
     if (head->width < 0 || head->height < 0)
         return at >= r->count ? cut(path, "PGM image", error)
                               : cairn_file_error_set(error, CAIRN_BAD_FORMAT, path, 0,
-                                                     "byte 0x%02x, expected the size of the image", r->bytes[at]);
+                                                     "byte 0x%02x, expected the size of the image",
+                                                     r->bytes[at]);
     return CAIRN_OK;
 }
 
-cairn_status cairn_vision_head_read(cairn_vision_head *head, const uint8_t *bytes, size_t count, const char *path,
-                                    cairn_file_error *error)
+cairn_status cairn_vision_head_read(cairn_vision_head *head, const uint8_t *bytes, size_t count,
+                                    const char *path, cairn_file_error *error)
 {
     byte_reader r = {bytes, count, 0};
     cairn_status status;
 
     memset(head, 0, sizeof *head);
     if (count < 8)
-        return cairn_file_error_set(error, CAIRN_TRUNCATED, path, 0, "the file has %zu bytes, expected an image",
-                                    count);
+        return cairn_file_error_set(error, CAIRN_TRUNCATED, path, 0,
+                                    "the file has %zu bytes, expected an image", count);
     if (memcmp(bytes, "\x89PNG\r\n\x1A\n", 8) == 0) {
         head->format = CAIRN_VISION_PNG;
         status = read_png(head, &r, path, error);
@@ -160,13 +168,14 @@ cairn_status cairn_vision_head_read(cairn_vision_head *head, const uint8_t *byte
         head->format = CAIRN_VISION_PNM;
         status = read_pnm(head, &r, path, error);
     } else {
-        status = cairn_file_error_set(error, CAIRN_BAD_FORMAT, path, 0,
-                                      "begins with the bytes 0x%02x%02x, expected a TIFF, PNG, JPEG or PGM image",
-                                      bytes[0], bytes[1]);
+        status = cairn_file_error_set(
+            error, CAIRN_BAD_FORMAT, path, 0,
+            "begins with the bytes 0x%02x%02x, expected a TIFF, PNG, JPEG or PGM image", bytes[0],
+            bytes[1]);
     }
     if (status == CAIRN_OK && (head->width < 1 || head->height < 1))
-        status =
-            cairn_file_error_set(error, CAIRN_BAD_FORMAT, path, 0, "the image has %lld x %lld pixels, expected some",
-                                 (long long)head->width, (long long)head->height);
+        status = cairn_file_error_set(error, CAIRN_BAD_FORMAT, path, 0,
+                                      "the image has %lld x %lld pixels, expected some",
+                                      (long long)head->width, (long long)head->height);
     return status;
 }

@@ -18,9 +18,10 @@ typedef struct cairn_vision_head {
     int64_t width, height;
 } cairn_vision_head;
 
-/* Tells the format and the size of an image from its bytes, without decoding it. CAIRN_BAD_FORMAT, CAIRN_TRUNCATED (a PNG or JPEG
- * also where its end is missing). */
-CAIRN_CHECKED cairn_status cairn_vision_head_read(cairn_vision_head *head, const uint8_t *bytes, size_t count,
-                                                  const char *path, cairn_file_error *error);
+/* Tells the format and the size of an image from its bytes, without decoding it.
+ * CAIRN_BAD_FORMAT, CAIRN_TRUNCATED (a PNG or JPEG also where its end is missing). */
+CAIRN_CHECKED cairn_status cairn_vision_head_read(cairn_vision_head *head, const uint8_t *bytes,
+                                                  size_t count, const char *path,
+                                                  cairn_file_error *error);
 
 #endif

@@ -1,6 +1,7 @@
 // OpenCV behind vision_shim.h: the whole of libcairn-vision.so.
 //
-// OpenCV throws, and prints what it has thrown where it catches it itself; both become a status with its words.
+// OpenCV throws, and prints what it has thrown where it catches it itself; both become a status
+// with its words.
 #include <cmath>
 #include <cstdio>
 #include <cstdlib>
@@ -81,7 +82,8 @@ class Quiet
 };
 
 // Runs the work, which may throw; its status.
-template <typename Work> int32_t guarded(char *words, size_t room, int32_t refused, const Work &work) noexcept
+template <typename Work>
+int32_t guarded(char *words, size_t room, int32_t refused, const Work &work) noexcept
 {
     try {
         const Quiet quiet;
@@ -98,7 +100,8 @@ template <typename Work> int32_t guarded(char *words, size_t room, int32_t refus
     }
 }
 
-int32_t decode(const uint8_t *bytes, size_t count, cairn_vision_shim_image *image, char *words, size_t room)
+int32_t decode(const uint8_t *bytes, size_t count, cairn_vision_shim_image *image, char *words,
+               size_t room)
 {
     return guarded(words, room, CAIRN_BAD_FORMAT, [&]() -> int32_t {
         const std::vector<uint8_t> buffer(bytes, bytes + count);
@@ -106,11 +109,13 @@ int32_t decode(const uint8_t *bytes, size_t count, cairn_vision_shim_image *imag
         cv::Mat picture = cv::imdecode(buffer, cv::IMREAD_UNCHANGED);
 
         if (picture.empty())
-            return fail(CAIRN_BAD_FORMAT, overheard.words().empty() ? "it cannot be decoded" : overheard.words(), words,
-                        room);
+            return fail(CAIRN_BAD_FORMAT,
+                        overheard.words().empty() ? "it cannot be decoded" : overheard.words(),
+                        words, room);
         if ((picture.depth() != CV_8U && picture.depth() != CV_16U) ||
             (picture.channels() != 1 && picture.channels() != 3 && picture.channels() != 4))
-            return fail(CAIRN_UNSUPPORTED, "samples of type " + cv::typeToString(picture.type()), words, room);
+            return fail(CAIRN_UNSUPPORTED, "samples of type " + cv::typeToString(picture.type()),
+                        words, room);
         if (!picture.isContinuous())
             picture = picture.clone();
         const size_t size = picture.total() * picture.elemSize();
@@ -126,8 +131,8 @@ int32_t decode(const uint8_t *bytes, size_t count, cairn_vision_shim_image *imag
     });
 }
 
-int32_t encode(const cairn_vision_shim_image *image, const char *ending, uint8_t **bytes, size_t *count, char *words,
-               size_t room)
+int32_t encode(const cairn_vision_shim_image *image, const char *ending, uint8_t **bytes,
+               size_t *count, char *words, size_t room)
 {
     return guarded(words, room, CAIRN_BAD_ARGUMENT, [&]() -> int32_t {
         const int type = CV_MAKETYPE(image->sample_bytes == 1 ? CV_8U : CV_16U, image->channels);
@@ -136,7 +141,8 @@ int32_t encode(const cairn_vision_shim_image *image, const char *ending, uint8_t
         const Overheard overheard;
 
         if (!cv::imencode(ending, picture, buffer))
-            return fail(CAIRN_BAD_ARGUMENT, overheard.words().empty() ? "it cannot be encoded" : overheard.words(),
+            return fail(CAIRN_BAD_ARGUMENT,
+                        overheard.words().empty() ? "it cannot be encoded" : overheard.words(),
                         words, room);
         *bytes = static_cast<uint8_t *>(std::malloc(buffer.size() + 1));
         if (*bytes == nullptr)
@@ -160,8 +166,8 @@ cv::Mat blurred(const uint8_t *grey, int32_t width, int32_t height, double sigma
     return smooth;
 }
 
-int32_t gradients(const uint8_t *grey, int32_t width, int32_t height, double sigma, float *x, float *y, char *words,
-                  size_t room)
+int32_t gradients(const uint8_t *grey, int32_t width, int32_t height, double sigma, float *x,
+                  float *y, char *words, size_t room)
 {
     return guarded(words, room, CAIRN_BAD_ARGUMENT, [&]() -> int32_t {
         const cv::Mat smooth = blurred(grey, width, height, sigma);
@@ -173,8 +179,8 @@ int32_t gradients(const uint8_t *grey, int32_t width, int32_t height, double sig
     });
 }
 
-int32_t canny(const uint8_t *grey, int32_t width, int32_t height, double sigma, double low, double high,
-              uint8_t *strengths, char *words, size_t room)
+int32_t canny(const uint8_t *grey, int32_t width, int32_t height, double sigma, double low,
+              double high, uint8_t *strengths, char *words, size_t room)
 {
     return guarded(words, room, CAIRN_BAD_ARGUMENT, [&]() -> int32_t {
         const cv::Mat smooth = blurred(grey, width, height, sigma);
@@ -189,7 +195,9 @@ int32_t canny(const uint8_t *grey, int32_t width, int32_t height, double sigma, 
                                                 static_cast<double>(along_y.at<int16_t>(v, u))) /
                                      sobel_gain;
 
-                *strengths++ = edges.at<uint8_t>(v, u) == 0 ? 0 : cv::saturate_cast<uint8_t>(std::fmax(1, 2 * slope));
+                *strengths++ = edges.at<uint8_t>(v, u) == 0
+                                   ? 0
+                                   : cv::saturate_cast<uint8_t>(std::fmax(1, 2 * slope));
             }
         return CAIRN_OK;
     });

@@ -1,20 +1,23 @@
 /* Alignment of many scans at once.
  *
- * Method: aligner_partner.c finds which scans are held against which, aligner_pairs.c relative poses of pairs of them, aligner_merge.c merges clusters by the surest of these, aligner_cluster.c
- * looks at two clusters, aligner_repair.c looks for single scans in all the rest, aligner_joint.c solves for all poses and
- * shared walls (aligner_wall.c), and aligner_slide.c moves along their walls the scans that nothing else holds. aligner_beams.c
- * keeps scans, aligner_scan.c says what two of them tell of their relative pose.
+ * Method: aligner_partner.c finds which scans are held against which, aligner_pairs.c relative
+ * poses of pairs of them, aligner_merge.c merges clusters by the surest of these, aligner_cluster.c
+ * looks at two clusters, aligner_repair.c looks for single scans in all the rest, aligner_joint.c
+ * solves for all poses and shared walls (aligner_wall.c), and aligner_slide.c moves along their
+ * walls the scans that nothing else holds. aligner_beams.c keeps scans, aligner_scan.c says what
+ * two of them tell of their relative pose.
  *
- * Layout: scans keep segments with the moments of their hits, points along them, and a table of bearings. The work is a
- * sequence of items, each of which charges its units; a debt is paid by the budgets that follow. A scan is only ever held
- * against its partners, the ones nearest to it by the initial poses (aligner_partner.c), so that the cost is near linear in
- * the scans of one density.
+ * Layout: scans keep segments with the moments of their hits, points along them, and a table of
+ * bearings. The work is a sequence of items, each of which charges its units; a debt is paid by the
+ * budgets that follow. A scan is only ever held against its partners, the ones nearest to it by the
+ * initial poses (aligner_partner.c), so that the cost is near linear in the scans of one density.
  *
- * Limits: a scan without a segment is not aligned. Two scans that share neither a surface nor a view are joined by others
- * only. Segments beyond the 255th of a scan are not seen in its table.
+ * Limits: a scan without a segment is not aligned. Two scans that share neither a surface nor a
+ * view are joined by others only. Segments beyond the 255th of a scan are not seen in its table.
  *
- * Source: the field of all scans at once after Adluru 2008, chapter 7; look-ups in free space and the growth by rival
- * hypotheses are this room's own; robust weights after Geman and McClure 1987. */
+ * Source: the field of all scans at once after Adluru 2008, chapter 7; look-ups in free space
+ * and the growth by rival hypotheses are this room's own; robust weights after Geman and McClure
+ * 1987. */
 #include "src/core/build.h"
 
 #include <string.h>
@@ -60,13 +63,15 @@ static int is_capacity(int32_t count, int32_t most)
 
 static int params_are_good(const cairn_aligner_params *p)
 {
-    return p != NULL && is_capacity(p->max_scans, MAX_SCANS) && is_capacity(p->max_segments, MAX_COUNT) &&
-           p->max_stubs >= 0 && p->max_stubs <= MAX_COUNT && is_capacity(p->max_points, MAX_COUNT) &&
+    return p != NULL && is_capacity(p->max_scans, MAX_SCANS) &&
+           is_capacity(p->max_segments, MAX_COUNT) && p->max_stubs >= 0 &&
+           p->max_stubs <= MAX_COUNT && is_capacity(p->max_points, MAX_COUNT) &&
            is_capacity(p->max_hypotheses, MAX_COUNT) && is_capacity(p->max_fill, MAX_COUNT) &&
-           is_capacity(p->max_cells, MAX_COUNT) && p->max_cells >= LEAST_CELLS && is_positive(p->spread) &&
-           is_positive(p->spread_angle) && p->spread_angle <= CAIRN_PI && is_positive(p->reach) && p->reach <= EXTENT &&
-           is_positive(p->sigma) && p->contradiction >= 0 && p->contradiction <= CAIRN_REAL_MAX &&
-           p->max_repairs >= 0 && p->max_rounds >= 0 && is_positive(p->least_evidence) && is_positive(p->observable) &&
+           is_capacity(p->max_cells, MAX_COUNT) && p->max_cells >= LEAST_CELLS &&
+           is_positive(p->spread) && is_positive(p->spread_angle) && p->spread_angle <= CAIRN_PI &&
+           is_positive(p->reach) && p->reach <= EXTENT && is_positive(p->sigma) &&
+           p->contradiction >= 0 && p->contradiction <= CAIRN_REAL_MAX && p->max_repairs >= 0 &&
+           p->max_rounds >= 0 && is_positive(p->least_evidence) && is_positive(p->observable) &&
            is_positive(p->observable_angle);
 }
 
@@ -81,7 +86,9 @@ static cairn_block_solver_params solver_params(const cairn_aligner_params *p)
 /* Bytes of an array, rounded up; those of two such cannot overflow. */
 static size_t bytes_of(size_t count, size_t size)
 {
-    return count > SIZE_MAX / 4 / size ? SIZE_MAX / 4 : (count * size + CAIRN_ALIGN - 1) / CAIRN_ALIGN * CAIRN_ALIGN;
+    return count > SIZE_MAX / 4 / size
+               ? SIZE_MAX / 4
+               : (count * size + CAIRN_ALIGN - 1) / CAIRN_ALIGN * CAIRN_ALIGN;
 }
 
 /* The walls come when scans are no longer looked for: they lie where the raster was. */
@@ -114,10 +121,12 @@ static cairn_aligner *carve(cairn_pool *pool, const cairn_aligner_params *p)
     arrays.segments = cairn_pool_take(pool, segments, sizeof *arrays.segments);
     arrays.points = cairn_pool_take(pool, (size_t)p->max_points, sizeof *arrays.points);
     arrays.partners = cairn_pool_take(pool, scans * ALIGNER_PARTNERS, sizeof *arrays.partners);
-    arrays.patches = cairn_pool_take(pool, (size_t)p->max_points / ALIGNER_PATCH + scans, sizeof *arrays.patches);
+    arrays.patches = cairn_pool_take(pool, (size_t)p->max_points / ALIGNER_PATCH + scans,
+                                     sizeof *arrays.patches);
     arrays.hypotheses = cairn_pool_take(pool, (size_t)p->max_hypotheses, sizeof *arrays.hypotheses);
     arrays.links = cairn_pool_take(pool, scans, sizeof *arrays.links);
-    arrays.surest = cairn_pool_take(pool, (size_t)p->max_hypotheses / ALIGNER_BLOCK + 1, sizeof *arrays.surest);
+    arrays.surest =
+        cairn_pool_take(pool, (size_t)p->max_hypotheses / ALIGNER_BLOCK + 1, sizeof *arrays.surest);
     carve_shared(&arrays, pool, segments, (size_t)p->max_cells);
     arrays.rhs = cairn_pool_take(pool, 3 * (scans + (segments + 1) / 2), sizeof *arrays.rhs);
     arrays.bearings = cairn_pool_take(pool, ALIGNER_BINS, sizeof *arrays.bearings);
@@ -154,7 +163,8 @@ static void fill_bearings(cairn_vec2 *bearings)
     }
 }
 
-cairn_status cairn_aligner_create(cairn_aligner **aligner, cairn_pool *pool, const cairn_aligner_params *params)
+cairn_status cairn_aligner_create(cairn_aligner **aligner, cairn_pool *pool,
+                                  const cairn_aligner_params *params)
 {
     size_t need = cairn_aligner_memory(params);
     cairn_block_solver_params solver;
@@ -199,16 +209,19 @@ static cairn_status check_arrays(const cairn_scan_view *view, cairn_fault *fault
 {
     if (view->beam_count < 0 || view->segment_count < 0 || view->point_count < 0)
         return refuse(fault, -1, "a count is below 0", CAIRN_BAD_ARGUMENT);
-    if ((view->beam_count > 0 && view->beams == NULL) || (view->point_count > 0 && view->points == NULL) ||
+    if ((view->beam_count > 0 && view->beams == NULL) ||
+        (view->point_count > 0 && view->points == NULL) ||
         (view->segment_count > 0 && (view->segments == NULL || view->first_point == NULL)))
         return refuse(fault, -1, "a count without its array", CAIRN_BAD_ARGUMENT);
     if (view->point_count > 0 && view->segment_count == 0)
         return refuse(fault, 0, "a point without a segment", CAIRN_BAD_ARGUMENT);
     for (int32_t i = 0; i < view->segment_count; i++)
-        if (view->first_point[i] > view->first_point[i + 1] || (i == 0 && view->first_point[0] != 0))
+        if (view->first_point[i] > view->first_point[i + 1] ||
+            (i == 0 && view->first_point[0] != 0))
             return refuse(fault, i, "first_point does not rise from 0", CAIRN_BAD_ARGUMENT);
     if (view->segment_count > 0 && view->first_point[view->segment_count] != view->point_count)
-        return refuse(fault, view->segment_count, "first_point does not end at point_count", CAIRN_BAD_ARGUMENT);
+        return refuse(fault, view->segment_count, "first_point does not end at point_count",
+                      CAIRN_BAD_ARGUMENT);
     return CAIRN_OK;
 }
 
@@ -264,8 +277,8 @@ static void forget_result(cairn_aligner *x)
         show_initial(x, i);
 }
 
-cairn_status cairn_aligner_add_scan(cairn_aligner *aligner, const cairn_scan_view *view, cairn_pose map_scan,
-                                    cairn_fault *fault)
+cairn_status cairn_aligner_add_scan(cairn_aligner *aligner, const cairn_scan_view *view,
+                                    cairn_pose map_scan, cairn_fault *fault)
 {
     cairn_vec2 place = {map_scan.x, map_scan.y};
     cairn_status status;
@@ -283,7 +296,8 @@ cairn_status cairn_aligner_add_scan(cairn_aligner *aligner, const cairn_scan_vie
         return refuse(fault, -1, "the pose is farther than 1e6 m", CAIRN_BAD_ARGUMENT);
     if (aligner->scan_count == aligner->params.max_scans)
         return refuse(fault, -1, "more than max_scans scans", CAIRN_FULL);
-    if (view->segment_count > aligner->params.max_segments - (aligner->segment_count - aligner->stub_count))
+    if (view->segment_count >
+        aligner->params.max_segments - (aligner->segment_count - aligner->stub_count))
         return refuse(fault, -1, "more than max_segments segments", CAIRN_FULL);
     if (view->point_count > aligner->params.max_points - aligner->point_count)
         return refuse(fault, -1, "more than max_points points", CAIRN_FULL);
@@ -490,7 +504,8 @@ cairn_pose cairn_aligner_pose_now(const cairn_aligner *aligner, int32_t scan, in
     if (!known)
         return cairn_pose_identity();
     own = aligner->scans[scan].part;
-    if (!cairn_aligner_running(aligner) && aligner->result.verdict == CAIRN_ALIGNER_RUNNING) /* not begun */
+    if (!cairn_aligner_running(aligner) &&
+        aligner->result.verdict == CAIRN_ALIGNER_RUNNING) /* not begun */
         return aligner->results[scan].map_scan;
     if (part != NULL && own < aligner->scan_count)
         *part = own;

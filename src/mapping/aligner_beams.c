@@ -1,7 +1,9 @@
-/* What the aligner keeps of a scan: segments with the moments of their hits, points along them, a table of bearings.
+/* What the aligner keeps of a scan: segments with the moments of their hits, points along them, a
+ * table of bearings.
  *
- * Hits that follow each other on no segment are a surface that is too short to be one, a stub: the few beams of a wall that
- * the edge of the view just reaches. Its direction is poor, but it holds a scan that slides along another wall. */
+ * Hits that follow each other on no segment are a surface that is too short to be one, a stub:
+ * the few beams of a wall that the edge of the view just reaches. Its direction is poor, but it
+ * holds a scan that slides along another wall. */
 #include "src/core/build.h"
 
 #include <string.h>
@@ -17,7 +19,8 @@ enum { LEAST_HITS = 4 };
 
 /* ---- Segments of beams ---- */
 
-static void mark_bins(aligner_table *table, int32_t first, int32_t last, uint16_t range, uint8_t segment)
+static void mark_bins(aligner_table *table, int32_t first, int32_t last, uint16_t range,
+                      uint8_t segment)
 {
     for (int32_t bin = first;; bin = (bin + 1) & (ALIGNER_BINS - 1)) {
         if (table->range[bin] == 0 || range < table->range[bin]) {
@@ -30,12 +33,14 @@ static void mark_bins(aligner_table *table, int32_t first, int32_t last, uint16_
 }
 
 /* The segment on which a hit lies, counted from the scan's first, and its distance. */
-static int32_t segment_of(const cairn_aligner *x, const aligner_scan *scan, cairn_vec2 hit, cairn_real *distance)
+static int32_t segment_of(const cairn_aligner *x, const aligner_scan *scan, cairn_vec2 hit,
+                          cairn_real *distance)
 {
     int32_t best = ALIGNER_NO_SEGMENT;
 
     *distance = LABEL_GATE;
-    for (int32_t k = scan->first_segment; k < scan->end_segment && k - scan->first_segment < ALIGNER_NO_SEGMENT; k++) {
+    for (int32_t k = scan->first_segment;
+         k < scan->end_segment && k - scan->first_segment < ALIGNER_NO_SEGMENT; k++) {
         const aligner_segment *s = &x->segments[k];
         cairn_vec2 from = cairn_vec2_sub(hit, s->a);
         cairn_real along = cairn_vec2_dot(s->direction, from);
@@ -53,11 +58,14 @@ static int32_t segment_of(const cairn_aligner *x, const aligner_scan *scan, cair
     return best;
 }
 
-/* A hit on a segment: its weight is that of the error of its range across the line. Called twice, first for the mean. */
-static void add_hit(cairn_aligner *x, aligner_segment *s, const cairn_beam *beam, int32_t about_mean)
+/* A hit on a segment: its weight is that of the error of its range across the line. Called
+ * twice, first for the mean. */
+static void add_hit(cairn_aligner *x, aligner_segment *s, const cairn_beam *beam,
+                    int32_t about_mean)
 {
     cairn_vec2 ray = cairn_vec2_sub(beam->to, beam->from), d;
-    cairn_real incidence = cairn_abs(cairn_vec2_cross(s->direction, ray)) / cairn_vec2_norm(ray), deviation, weight;
+    cairn_real incidence = cairn_abs(cairn_vec2_cross(s->direction, ray)) / cairn_vec2_norm(ray),
+               deviation, weight;
 
     deviation = x->params.sigma * cairn_max(incidence, LEAST_INCIDENCE);
     weight = 1 / (deviation * deviation);
@@ -105,20 +113,23 @@ typedef struct run {
     int32_t count;
 } run;
 
-/* A new segment of a run that is straight and there is room for; its moments come with the second pass. */
+/* A new segment of a run that is straight and there is room for; its moments come with the
+ * second pass. */
 static void add_stub(cairn_aligner *x, aligner_scan *scan, const run *r)
 {
     aligner_segment *s = &x->segments[x->segment_count];
     cairn_real share = 1 / (cairn_real)r->count, values[2], half;
     cairn_vec2 mean = cairn_vec2_scale(r->sum, share), minor, major;
-    cairn_sym2 spread = {r->squares.xx * share - mean.x * mean.x, r->squares.xy * share - mean.x * mean.y,
+    cairn_sym2 spread = {r->squares.xx * share - mean.x * mean.x,
+                         r->squares.xy * share - mean.x * mean.y,
                          r->squares.yy * share - mean.y * mean.y};
 
     if (x->stub_count == x->params.max_stubs)
         return;
     cairn_sym2_eigen(spread, values, &minor, &major);
-    half = cairn_max(cairn_abs(cairn_vec2_dot(major, mean)),
-                     cairn_abs(cairn_vec2_dot(major, cairn_vec2_sub(cairn_vec2_sub(r->last, r->first), mean))));
+    half = cairn_max(
+        cairn_abs(cairn_vec2_dot(major, mean)),
+        cairn_abs(cairn_vec2_dot(major, cairn_vec2_sub(cairn_vec2_sub(r->last, r->first), mean))));
     if (values[0] > STRAIGHT * x->params.sigma * x->params.sigma || !(half > 0))
         return;
     mean = cairn_vec2_add(mean, r->first);
@@ -141,7 +152,8 @@ static void go_on_run(cairn_aligner *x, aligner_scan *scan, run *r, const cairn_
 {
     cairn_vec2 d;
 
-    if (r->count > 0 && (hit == NULL || cairn_vec2_norm(cairn_vec2_sub(hit->to, r->last)) > RUN_GAP)) {
+    if (r->count > 0 &&
+        (hit == NULL || cairn_vec2_norm(cairn_vec2_sub(hit->to, r->last)) > RUN_GAP)) {
         if (r->count >= LEAST_HITS)
             add_stub(x, scan, r);
         r->count = 0;
@@ -169,14 +181,16 @@ static void find_stubs(cairn_aligner *x, aligner_scan *scan, const cairn_scan_vi
     memset(&r, 0, sizeof r);
     for (int32_t i = 0; i < view->beam_count; i++) {
         const cairn_beam *beam = &view->beams[i];
-        int free_hit = beam->kind == CAIRN_BEAM_HIT && segment_of(x, scan, beam->to, &distance) == ALIGNER_NO_SEGMENT;
+        int free_hit = beam->kind == CAIRN_BEAM_HIT &&
+                       segment_of(x, scan, beam->to, &distance) == ALIGNER_NO_SEGMENT;
 
         go_on_run(x, scan, &r, free_hit ? beam : NULL);
     }
     go_on_run(x, scan, &r, NULL);
 }
 
-/* Tables and moments. Bins between neighbouring beams belong to the later one, over gaps of up to a hundredth of a turn. */
+/* Tables and moments. Bins between neighbouring beams belong to the later one, over gaps of up
+ * to a hundredth of a turn. */
 static void read_beams(cairn_aligner *x, int32_t index, const cairn_scan_view *view)
 {
     aligner_scan *scan = &x->scans[index];
@@ -190,7 +204,8 @@ static void read_beams(cairn_aligner *x, int32_t index, const cairn_scan_view *v
             const cairn_beam *beam = &view->beams[i];
             cairn_vec2 ray = cairn_vec2_sub(beam->to, beam->from);
             cairn_real range = cairn_vec2_norm(ray);
-            int32_t bin = cairn_aligner_bin_of(ray.x, ray.y), segment = ALIGNER_NO_SEGMENT, first = bin, gap;
+            int32_t bin = cairn_aligner_bin_of(ray.x, ray.y), segment = ALIGNER_NO_SEGMENT,
+                    first = bin, gap;
 
             if (!(range > 0)) { /* unknown */
                 last = -1;
@@ -209,7 +224,8 @@ static void read_beams(cairn_aligner *x, int32_t index, const cairn_scan_view *v
                     first = (last + 1) & (ALIGNER_BINS - 1);
                 gap = (last - bin) & (ALIGNER_BINS - 1);
                 if (last >= 0 && gap > 0 && gap <= 6)
-                    mark_bins(table, bin, (last - 1) & (ALIGNER_BINS - 1), scaled, (uint8_t)segment);
+                    mark_bins(table, bin, (last - 1) & (ALIGNER_BINS - 1), scaled,
+                              (uint8_t)segment);
                 else
                     mark_bins(table, first, bin, scaled, (uint8_t)segment);
                 last = bin;
@@ -242,9 +258,10 @@ static void measure_view(cairn_aligner *x, int32_t index)
     if (widest < ALIGNER_BINS / 2 || widest >= ALIGNER_BINS)
         return;
     /* Less than half a turn is seen: the axis halves it. */
-    scan->axis = cairn_vec2_unit(
-        cairn_vec2_add(x->bearings[(end + 1) & (ALIGNER_BINS - 1)], x->bearings[(end - widest) & (ALIGNER_BINS - 1)]));
-    scan->view_cosine = cairn_vec2_dot(scan->axis, x->bearings[(end + 1) & (ALIGNER_BINS - 1)]) - CAIRN_REAL(0.02);
+    scan->axis = cairn_vec2_unit(cairn_vec2_add(x->bearings[(end + 1) & (ALIGNER_BINS - 1)],
+                                                x->bearings[(end - widest) & (ALIGNER_BINS - 1)]));
+    scan->view_cosine =
+        cairn_vec2_dot(scan->axis, x->bearings[(end + 1) & (ALIGNER_BINS - 1)]) - CAIRN_REAL(0.02);
     scan->view_sine = cairn_sqrt(cairn_max(0, 1 - scan->view_cosine * scan->view_cosine));
 }
 
@@ -268,7 +285,8 @@ static void measure_patches(cairn_aligner *x, aligner_scan *scan)
 {
     scan->first_patch = x->patch_count;
     for (int32_t first = scan->first_point; first < scan->end_point; first += ALIGNER_PATCH) {
-        int32_t end = first + ALIGNER_PATCH < scan->end_point ? first + ALIGNER_PATCH : scan->end_point;
+        int32_t end =
+            first + ALIGNER_PATCH < scan->end_point ? first + ALIGNER_PATCH : scan->end_point;
         aligner_patch *patch = &x->patches[x->patch_count++];
 
         patch->middle.x = patch->middle.y = patch->radius = 0;
@@ -277,7 +295,8 @@ static void measure_patches(cairn_aligner *x, aligner_scan *scan)
         patch->middle = cairn_vec2_scale(patch->middle, 1 / (cairn_real)(end - first));
         for (int32_t i = first; i < end; i++)
             patch->radius =
-                cairn_max(patch->radius, cairn_vec2_norm(cairn_vec2_sub(x->points[i].position, patch->middle)));
+                cairn_max(patch->radius,
+                          cairn_vec2_norm(cairn_vec2_sub(x->points[i].position, patch->middle)));
     }
 }
 
@@ -291,7 +310,8 @@ static void measure_circle(cairn_aligner *x, aligner_scan *scan)
         scan->middle = cairn_vec2_add(scan->middle, cairn_vec2_scale(x->points[i].position, share));
     scan->radius = cairn_vec2_norm(cairn_vec2_sub(scan->sensor, scan->middle));
     for (int32_t i = scan->first_point; i < scan->end_point; i++)
-        scan->radius = cairn_max(scan->radius, cairn_vec2_norm(cairn_vec2_sub(x->points[i].position, scan->middle)));
+        scan->radius = cairn_max(
+            scan->radius, cairn_vec2_norm(cairn_vec2_sub(x->points[i].position, scan->middle)));
     scan->extent = scan->radius + cairn_vec2_norm(scan->middle);
 }
 

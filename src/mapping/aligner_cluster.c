@@ -1,9 +1,10 @@
 /* Clusters of the aligner: scans whose poses are known to each other, in a frame of their own.
  *
- * A look at one cluster from another refines their relative pose by Gauss-Newton on all pairs of scans that may meet and
- * then counts the evidence of these. The initial poses are evidence, too (aligner_prior.c): how much worse the initial poses
- * of both fit a common motion than those of each alone. Their standard deviations are learnt from the clusters themselves,
- * starting from what the params expect. */
+ * A look at one cluster from another refines their relative pose by Gauss-Newton on all pairs of
+ * scans that may meet and then counts the evidence of these. The initial poses are evidence, too
+ * (aligner_prior.c): how much worse the initial poses of both fit a common motion than those of
+ * each alone. Their standard deviations are learnt from the clusters themselves, starting from
+ * what the params expect. */
 #include "src/core/build.h"
 
 #include <string.h>
@@ -11,8 +12,10 @@
 #include "src/mapping/aligner_work.h"
 
 static const cairn_real COUNT_GATE = CAIRN_REAL(0.07);
-static const cairn_real ARM = CAIRN_REAL(1.5);       /* m: makes turns comparable to shifts */
-static const cairn_real AT_REST = CAIRN_REAL(0.006); /* m: a scan that moves by less does not stir others */
+/* m: makes turns comparable to shifts */
+static const cairn_real ARM = CAIRN_REAL(1.5);
+/* m: a scan that moves by less does not stir others */
+static const cairn_real AT_REST = CAIRN_REAL(0.006);
 
 void cairn_aligner_insert(cairn_aligner *x, int32_t scan, int32_t cluster)
 {
@@ -71,8 +74,8 @@ void cairn_aligner_begin_clusters(cairn_aligner *x)
 
 /* ---- Looks ---- */
 
-void cairn_aligner_begin_look(cairn_aligner *x, int32_t moving, int32_t fixed, cairn_transform pose, int32_t rounds,
-                              cairn_real least)
+void cairn_aligner_begin_look(cairn_aligner *x, int32_t moving, int32_t fixed, cairn_transform pose,
+                              int32_t rounds, cairn_real least)
 {
     aligner_look *look = &x->look;
     int32_t first = x->clusters[moving].head;
@@ -87,7 +90,8 @@ void cairn_aligner_begin_look(cairn_aligner *x, int32_t moving, int32_t fixed, c
     look->outer = x->clusters[moving].size <= x->clusters[fixed].size ? moving : fixed;
     look->inner = look->outer == moving ? fixed : moving;
     look->at = x->clusters[look->outer].head;
-    look->centre = cairn_transform_point(cairn_aligner_compose(pose, x->poses[first]), x->scans[first].middle);
+    look->centre =
+        cairn_transform_point(cairn_aligner_compose(pose, x->poses[first]), x->scans[first].middle);
 }
 
 static cairn_real refine_gate(int32_t round)
@@ -133,21 +137,25 @@ static void end_look(cairn_aligner *x)
 }
 
 /* The points of a pair, a of the outer cluster; returns how many were looked up. */
-static int32_t look_at_pair(cairn_aligner *x, int32_t a, int32_t b, cairn_transform pose_a, cairn_transform pose_b)
+static int32_t look_at_pair(cairn_aligner *x, int32_t a, int32_t b, cairn_transform pose_a,
+                            cairn_transform pose_b)
 {
     aligner_look *look = &x->look;
     int32_t turn = look->outer != look->moving, i = turn ? b : a, j = turn ? a : b;
     cairn_transform pose_i = turn ? pose_b : pose_a, pose_j = turn ? pose_a : pose_b;
 
     if (look->round < look->rounds)
-        return cairn_aligner_pull(x, i, j, pose_i, pose_j, refine_gate(look->round), 1, look->centre, &look->sums);
-    return cairn_aligner_count_pair(x, i, j, cairn_aligner_between(pose_j, pose_i), COUNT_GATE, &look->count);
+        return cairn_aligner_pull(x, i, j, pose_i, pose_j, refine_gate(look->round), 1,
+                                  look->centre, &look->sums);
+    return cairn_aligner_count_pair(x, i, j, cairn_aligner_between(pose_j, pose_i), COUNT_GATE,
+                                    &look->count);
 }
 
 /* 1 when the rest of the points is not worth counting. */
 static int is_decided(const cairn_aligner *x)
 {
-    return x->look.round >= x->look.rounds && cairn_aligner_evidence(x, x->look.count) <= x->look.least;
+    return x->look.round >= x->look.rounds &&
+           cairn_aligner_evidence(x, x->look.count) <= x->look.least;
 }
 
 /* A scan of the outer cluster from its partner at hand on, up to the next that it may meet. */
@@ -188,7 +196,8 @@ int32_t cairn_aligner_look_item(cairn_aligner *x)
 
 /* ---- Relaxation ---- */
 
-void cairn_aligner_begin_relax(cairn_aligner *x, int32_t cluster, cairn_real gate, int32_t rounds, int32_t all)
+void cairn_aligner_begin_relax(cairn_aligner *x, int32_t cluster, cairn_real gate, int32_t rounds,
+                               int32_t all)
 {
     aligner_relax *relax = &x->relax;
 
@@ -216,7 +225,8 @@ static void end_round(cairn_aligner *x)
 
 static int is_move(const cairn_real motion[3])
 {
-    return cairn_max(cairn_abs(motion[0]), cairn_abs(motion[1])) + ARM * cairn_abs(motion[2]) > AT_REST;
+    return cairn_max(cairn_abs(motion[0]), cairn_abs(motion[1])) + ARM * cairn_abs(motion[2]) >
+           AT_REST;
 }
 
 static void add_sums(aligner_sums *to, const aligner_sums *from)
@@ -241,9 +251,10 @@ static int have_met(const cairn_aligner *x, int32_t i, int32_t j)
     return x->scans[i].stirred != ALIGNER_JOINED || x->scans[i].joined == x->scans[j].joined;
 }
 
-/* Adds to the pull on scan j what has changed of that between scan i and it: by the motion of i, and, when they have not met
- * before, all of it. j is stirred when that would move it. */
-static void pass_on(cairn_aligner *x, int32_t i, int32_t j, const aligner_sums *pair, const cairn_real motion[3])
+/* Adds to the pull on scan j what has changed of that between scan i and it: by the motion of i,
+ * and, when they have not met before, all of it. j is stirred when that would move it. */
+static void pass_on(cairn_aligner *x, int32_t i, int32_t j, const aligner_sums *pair,
+                    const cairn_real motion[3])
 {
     const aligner_scan *scan = &x->scans[i];
     aligner_scan *partner = &x->scans[j];
@@ -295,8 +306,8 @@ static void end_scan(cairn_aligner *x, const cairn_real motion[3])
     next_scan(x);
 }
 
-/* All new partners of the scan at hand are known. When what they add to the pull that it knows of would not move it, that is
- * all; else, its old ones follow. */
+/* All new partners of the scan at hand are known. When what they add to the pull that it knows
+ * of would not move it, that is all; else, its old ones follow. */
 static void end_new_partners(cairn_aligner *x)
 {
     static const cairn_real still[3] = {0, 0, 0};
@@ -334,7 +345,8 @@ static int32_t pass_still(cairn_aligner *x)
     return 1 + passed / ALIGNER_FAR_OF_UNIT;
 }
 
-/* A scan of the cluster from its partner at hand on, up to the next that it may meet: first those that it has not met. */
+/* A scan of the cluster from its partner at hand on, up to the next that it may meet: first
+ * those that it has not met. */
 int32_t cairn_aligner_relax_item(cairn_aligner *x)
 {
     aligner_relax *relax = &x->relax;
@@ -365,7 +377,8 @@ int32_t cairn_aligner_relax_item(cairn_aligner *x)
             !cairn_aligner_may_meet(x, i, j, x->poses[i], x->poses[j]))
             continue;
         work = cairn_aligner_pull(x, i, j, x->poses[i], x->poses[j], relax->gate, 1, centre, pair);
-        work += cairn_aligner_pull(x, j, i, x->poses[j], x->poses[i], relax->gate, -1, centre, pair);
+        work +=
+            cairn_aligner_pull(x, j, i, x->poses[j], x->poses[i], relax->gate, -1, centre, pair);
         add_sums(&relax->sums, pair);
     }
     return 1 + passed / ALIGNER_FAR_OF_UNIT + work / ALIGNER_POINTS_OF_UNIT;

@@ -1,13 +1,16 @@
-/* The joint solution of the aligner: the poses of the largest cluster and the walls that its scans share (aligner_wall.c),
- * each of unknown offset and angle. The hits of a segment enter by their moments alone: with the error e = n p - rho of a hit at p, the sums of J J^T
- * and J e over all hits of a segment follow from its weight, mean and spread about the mean, since J is linear in p; so
- * every beam counts and none is kept. Segments that fit their wall worse than noise can explain lose weight (Geman and
- * McClure), the sooner the further the iteration. The standard deviations learnt of the initial poses hold, weakly, where it
- * stands what nothing else does: evidence has put it there.
+/* The joint solution of the aligner: the poses of the largest cluster and the walls that its scans
+ * share (aligner_wall.c), each of unknown offset and angle. The hits of a segment enter by their
+ * moments alone: with the error e = n p - rho of a hit at p, the sums of J J^T and J e over all
+ * hits of a segment follow from its weight, mean and spread about the mean, since J is linear in p;
+ * so every beam counts and none is kept. Segments that fit their wall worse than noise can explain
+ * lose weight (Geman and McClure), the sooner the further the iteration. The standard deviations
+ * learnt of the initial poses hold, weakly, where it stands what nothing else does: evidence has
+ * put it there.
  *
- * The inverse of the same system, one scan held, is the Cramer-Rao bound of the poses at the solution, by which they are
- * judged observable; their covariance is that times chi-squared per degree of freedom, since segments of two surfaces in one
- * and walls that only look like one are no noise. */
+ * The inverse of the same system, one scan held, is the Cramer-Rao bound of the poses at the
+ * solution, by which they are judged observable; their covariance is that times chi-squared per
+ * degree of freedom, since segments of two surfaces in one and walls that only look like one are
+ * no noise. */
 #include "src/core/build.h"
 
 #include <string.h>
@@ -25,11 +28,12 @@ enum { AGAIN_FROM = 6 }; /* round that follows when scans have slid: the others 
 enum { TOLERATED = 4 };  /* round whose tolerance the covariances have */
 enum { OF_ITEM = 64 };   /* segments, scans or walls that one item adds */
 
-/* How far a segment may be from its wall before it loses weight: in standard deviations, and, as long as the poses are poor,
- * in metres, however well a long segment is known. */
+/* How far a segment may be from its wall before it loses weight: in standard deviations, and, as
+ * long as the poses are poor, in metres, however well a long segment is known. */
 static void set_tolerance(cairn_aligner *x, int32_t round)
 {
-    static const cairn_real metres[] = {CAIRN_REAL(0.08), CAIRN_REAL(0.08), CAIRN_REAL(0.05), CAIRN_REAL(0.03)};
+    static const cairn_real metres[] = {CAIRN_REAL(0.08), CAIRN_REAL(0.08), CAIRN_REAL(0.05),
+                                        CAIRN_REAL(0.03)};
 
     x->tolerance = tolerances[round < 6 ? round : 6];
     x->loose = round < 4 ? metres[round] * metres[round] : 0;
@@ -53,12 +57,13 @@ static int is_shared(const cairn_aligner *x, const aligner_segment *s)
     return s->wall >= 0 && x->walls[s->wall].node >= 0;
 }
 
-/* The numbers, then the links of some segments, then the order of elimination; these are what they were where segments keep
- * their walls. */
+/* The numbers, then the links of some segments, then the order of elimination; these are what
+ * they were where segments keep their walls. */
 static int32_t link_some(cairn_aligner *x)
 {
     cairn_status status = CAIRN_OK;
-    int32_t end = x->at + OF_ITEM < x->segment_count ? x->at + OF_ITEM : x->segment_count, units = 1;
+    int32_t end = x->at + OF_ITEM < x->segment_count ? x->at + OF_ITEM : x->segment_count,
+            units = 1;
 
     if (x->at == 0) {
         number_walls(x);
@@ -89,11 +94,16 @@ static int32_t link_some(cairn_aligner *x)
 
 /* A segment on its wall. */
 typedef struct term {
-    cairn_real error;          /* m, of the mean of its hits */
-    cairn_real row[3];         /* of the error over its scan's pose, ... */
-    cairn_real column[3];      /* ... and over its wall's offset and angle */
-    cairn_real along, oblique; /* spread along the wall, and of both directions; these move the angles only */
-    cairn_real chi, scale;     /* chi-squared, and what is left of the weight */
+    /* m, of the mean of its hits */
+    cairn_real error;
+    /* of the error over its scan's pose, ... */
+    cairn_real row[3];
+    /* ... and over its wall's offset and angle */
+    cairn_real column[3];
+    /* spread along the wall, and of both directions; these move the angles only */
+    cairn_real along, oblique;
+    /* chi-squared, and what is left of the weight */
+    cairn_real chi, scale;
 } term;
 
 static term term_of(const cairn_aligner *x, const aligner_segment *s)
@@ -112,7 +122,8 @@ static term term_of(const cairn_aligner *x, const aligner_segment *s)
     t.y = -n.x;
     m.along = s->spread.xx * t.x * t.x + 2 * s->spread.xy * t.x * t.y + s->spread.yy * t.y * t.y;
     across = s->spread.xx * n.x * n.x + 2 * s->spread.xy * n.x * n.y + s->spread.yy * n.y * n.y;
-    m.oblique = s->spread.xx * t.x * n.x + s->spread.xy * (t.x * n.y + t.y * n.x) + s->spread.yy * t.y * n.y;
+    m.oblique = s->spread.xx * t.x * n.x + s->spread.xy * (t.x * n.y + t.y * n.x) +
+                s->spread.yy * t.y * n.y;
     m.error = cairn_vec2_dot(wall->normal, mean) - wall->offset;
     m.chi = s->weight * m.error * m.error + cairn_max(across - s->least, 0);
     m.scale = 1 / (1 + m.chi / cairn_max(x->tolerance, s->weight * x->loose));
@@ -143,9 +154,10 @@ static void out_of_frame(cairn_vec2 frame, cairn_real shift[2])
     shift[0] = first;
 }
 
-/* The direction of a scan's first unknown: along that in which its walls tell least. The shift of a scan of one wall is known
- * ten thousand times better across than along; by axes that lie askew, the inverse of its block has entries as great as the
- * one in all places, and what is left of the other in their difference is, in float, mostly rounding. */
+/* The direction of a scan's first unknown: along that in which its walls tell least. The shift
+ * of a scan of one wall is known ten thousand times better across than along; by axes that lie
+ * askew, the inverse of its block has entries as great as the one in all places, and what is
+ * left of the other in their difference is, in float, mostly rounding. */
 static cairn_vec2 frame_of(const cairn_aligner *x, int32_t scan)
 {
     cairn_sym3 own = cairn_aligner_own_information(x, scan);
@@ -161,7 +173,8 @@ static cairn_status add_segment(cairn_aligner *x, const aligner_segment *s, int3
 {
     int32_t node = x->walls[s->wall].node;
     term m = term_of(x, s);
-    cairn_real *b = &x->rhs[3 * s->scan], *c = &x->rhs[3 * node], block[9], weight = m.scale * s->weight;
+    cairn_real *b = &x->rhs[3 * s->scan], *c = &x->rhs[3 * node], block[9],
+               weight = m.scale * s->weight;
     cairn_sym3 own = cairn_sym3_zero(), walls = cairn_sym3_zero();
     cairn_status status;
 
@@ -219,7 +232,8 @@ static cairn_status add_wall_prior(cairn_aligner *x, const aligner_wall *wall)
     cairn_real loose = CAIRN_REAL_EPSILON * 256 * wall->weight + CAIRN_REAL(0.01);
     cairn_sym3 block = {loose, 0, 0, loose + 1, 0, 1};
 
-    return wall->node >= 0 ? cairn_block_solver_add_pose_block(x->solver, wall->node, block) : CAIRN_OK;
+    return wall->node >= 0 ? cairn_block_solver_add_pose_block(x->solver, wall->node, block)
+                           : CAIRN_OK;
 }
 
 /* The k-th of the values: segments, then scans, then walls. */
@@ -232,13 +246,16 @@ static cairn_status add_value(cairn_aligner *x, int32_t k, int32_t anchor)
             x->scans[scan].frame = frame_of(x, scan);
             x->debt += (x->scans[scan].end_segment - k) / 2;
         }
-        return is_shared(x, &x->segments[k]) ? add_segment(x, &x->segments[k], x->link++) : CAIRN_OK;
+        return is_shared(x, &x->segments[k]) ? add_segment(x, &x->segments[k], x->link++)
+                                             : CAIRN_OK;
     }
     k -= x->segment_count;
-    return k < x->scan_count ? add_prior(x, k, anchor) : add_wall_prior(x, &x->walls[k - x->scan_count]);
+    return k < x->scan_count ? add_prior(x, k, anchor)
+                             : add_wall_prior(x, &x->walls[k - x->scan_count]);
 }
 
-/* Some of the values; after the last the solver starts to factor. The anchor is held in the last round only. */
+/* Some of the values; after the last the solver starts to factor. The anchor is held in the last
+ * round only. */
 static int32_t build_some(cairn_aligner *x, int32_t anchor)
 {
     int32_t count = x->segment_count + x->scan_count + x->wall_count;
@@ -271,7 +288,8 @@ static void move_scans(cairn_aligner *x)
         cairn_vec2 centre = {pose->x, pose->y};
         cairn_real motion[3];
 
-        if (x->scans[i].part != x->home || cairn_block_solver_solution(x->solver, i, motion) != CAIRN_OK)
+        if (x->scans[i].part != x->home ||
+            cairn_block_solver_solution(x->solver, i, motion) != CAIRN_OK)
             continue;
         out_of_frame(x->scans[i].frame, motion);
         x->moved = cairn_max(x->moved, cairn_max(cairn_abs(motion[0]), cairn_abs(motion[1])));
@@ -295,7 +313,8 @@ static int32_t best_known(const cairn_aligner *x)
         if (x->scans[i].part != x->home)
             continue;
         own = cairn_aligner_own_information(x, i);
-        determinant = own.xx * (own.yy * own.zz - own.yz * own.yz) - own.xy * (own.xy * own.zz - own.yz * own.xz) +
+        determinant = own.xx * (own.yy * own.zz - own.yz * own.yz) -
+                      own.xy * (own.xy * own.zz - own.yz * own.xz) +
                       own.xz * (own.xy * own.yz - own.yy * own.xz);
         if (determinant > most) {
             most = determinant;
@@ -315,7 +334,8 @@ static void turn_covariance(cairn_transform gauge, const cairn_real m[9], cairn_
             half[3 * i + j] = r[3 * i] * m[j] + r[3 * i + 1] * m[3 + j] + r[3 * i + 2] * m[6 + j];
     for (int i = 0; i < 3; i++)
         for (int j = 0; j < 3; j++)
-            out[3 * i + j] = half[3 * i] * r[3 * j] + half[3 * i + 1] * r[3 * j + 1] + half[3 * i + 2] * r[3 * j + 2];
+            out[3 * i + j] = half[3 * i] * r[3 * j] + half[3 * i + 1] * r[3 * j + 1] +
+                             half[3 * i + 2] * r[3 * j + 2];
 }
 
 static void judge(cairn_aligner *x, int32_t i)
@@ -324,10 +344,11 @@ static void judge(cairn_aligner *x, int32_t i)
     const cairn_real *c = r->covariance;
     cairn_real far = x->params.observable, turned = x->params.observable_angle;
 
-    r->observable = (cairn_sqrt(c[0]) < far ? CAIRN_ALIGNER_X : 0) | (cairn_sqrt(c[4]) < far ? CAIRN_ALIGNER_Y : 0) |
+    r->observable = (cairn_sqrt(c[0]) < far ? CAIRN_ALIGNER_X : 0) |
+                    (cairn_sqrt(c[4]) < far ? CAIRN_ALIGNER_Y : 0) |
                     (cairn_sqrt(c[8]) < turned ? CAIRN_ALIGNER_THETA : 0);
-    r->placed =
-        r->part == 0 && r->support >= LEAST_SUPPORT && cairn_sqrt(c[0] + c[4]) < far && cairn_sqrt(c[8]) < turned;
+    r->placed = r->part == 0 && r->support >= LEAST_SUPPORT && cairn_sqrt(c[0] + c[4]) < far &&
+                cairn_sqrt(c[8]) < turned;
 }
 
 /* The number of the cluster of a scan: by size, ties by index. */
@@ -336,8 +357,9 @@ static int32_t number_of(const cairn_aligner *x, int32_t i)
     int32_t own = x->scans[i].part, before = 0;
 
     for (int32_t c = 0; c < x->scan_count; c++)
-        before += x->clusters[c].size > x->clusters[own].size ||
-                  (x->clusters[c].size == x->clusters[own].size && x->clusters[c].size > 0 && c < own);
+        before +=
+            x->clusters[c].size > x->clusters[own].size ||
+            (x->clusters[c].size == x->clusters[own].size && x->clusters[c].size > 0 && c < own);
     return own == x->home ? 0 : before;
 }
 
@@ -352,9 +374,11 @@ static int32_t count_parts(const cairn_aligner *x)
     return parts;
 }
 
-static void read_covariance(const cairn_aligner *x, int32_t i, cairn_transform gauge, cairn_real covariance[9])
+static void read_covariance(const cairn_aligner *x, int32_t i, cairn_transform gauge,
+                            cairn_real covariance[9])
 {
-    cairn_real block[9], prior = 2 * x->sigma * x->sigma, turn = 2 * x->sigma_angle * x->sigma_angle;
+    cairn_real block[9], prior = 2 * x->sigma * x->sigma,
+                         turn = 2 * x->sigma_angle * x->sigma_angle;
 
     memset(covariance, 0, 9 * sizeof *covariance);
     covariance[0] = covariance[4] = prior;
@@ -371,7 +395,8 @@ static void read_covariance(const cairn_aligner *x, int32_t i, cairn_transform g
     }
 }
 
-/* Chi-squared of some of the segments on shared walls, each by its mean and its direction; of all, per degree of freedom. */
+/* Chi-squared of some of the segments on shared walls, each by its mean and its direction; of
+ * all, per degree of freedom. */
 static int32_t add_misfits(cairn_aligner *x)
 {
     int32_t end = x->at + OF_ITEM < x->segment_count ? x->at + OF_ITEM : x->segment_count;
@@ -404,7 +429,8 @@ static int32_t finish(cairn_aligner *x)
     x->result.spread = x->sigma;
     x->result.spread_angle = x->sigma_angle;
     if (x->result.verdict == CAIRN_ALIGNER_RUNNING) {
-        x->result.verdict = x->moved <= AT_REST ? CAIRN_ALIGNER_CONVERGED : CAIRN_ALIGNER_OUT_OF_STEPS;
+        x->result.verdict =
+            x->moved <= AT_REST ? CAIRN_ALIGNER_CONVERGED : CAIRN_ALIGNER_OUT_OF_STEPS;
         if (x->result.parts > 1 || x->result.largest < 2)
             x->result.verdict = CAIRN_ALIGNER_SPLIT;
     }
@@ -465,9 +491,11 @@ static int32_t support_item(cairn_aligner *x)
         return 1;
     }
     j = cairn_aligner_partner(x, i, x->j++);
-    if (j > i || x->scans[i].part != x->scans[j].part || !cairn_aligner_may_meet(x, i, j, x->poses[i], x->poses[j]))
+    if (j > i || x->scans[i].part != x->scans[j].part ||
+        !cairn_aligner_may_meet(x, i, j, x->poses[i], x->poses[j]))
         return 1;
-    work = cairn_aligner_count_pair(x, i, j, cairn_aligner_between(x->poses[j], x->poses[i]), CAIRN_REAL(0.07), &count);
+    work = cairn_aligner_count_pair(x, i, j, cairn_aligner_between(x->poses[j], x->poses[i]),
+                                    CAIRN_REAL(0.07), &count);
     evidence = cairn_aligner_evidence(x, count);
     x->scans[i].support += evidence;
     x->scans[j].support += evidence;
@@ -501,7 +529,8 @@ static void begin_marginals(cairn_aligner *x)
 
 static int is_over(const cairn_aligner *x)
 {
-    return x->round >= x->params.max_rounds || (cairn_aligner_keeps_walls(x) && x->moved <= AT_REST);
+    return x->round >= x->params.max_rounds ||
+           (cairn_aligner_keeps_walls(x) && x->moved <= AT_REST);
 }
 
 void cairn_aligner_end_slides(cairn_aligner *x, int32_t changed)
@@ -515,7 +544,8 @@ void cairn_aligner_end_slides(cairn_aligner *x, int32_t changed)
         begin_marginals(x);
 }
 
-/* As long as scans may slide, no more is asked than the walls; only then do the poses come to rest on them. */
+/* As long as scans may slide, no more is asked than the walls; only then do the poses come to
+ * rest on them. */
 static void end_round(cairn_aligner *x)
 {
     x->at = x->stage = 0;
@@ -538,8 +568,9 @@ static int32_t solve(cairn_aligner *x)
         return build_some(x, -1);
     }
     if (x->stage == 1) {
-        cairn_status status = state.state == CAIRN_BLOCK_SOLVER_FACTORED ? cairn_block_solver_solve(x->solver, x->rhs)
-                                                                         : CAIRN_UNSUPPORTED;
+        cairn_status status = state.state == CAIRN_BLOCK_SOLVER_FACTORED
+                                  ? cairn_block_solver_solve(x->solver, x->rhs)
+                                  : CAIRN_UNSUPPORTED;
 
         x->stage = 2;
         if (status != CAIRN_OK)
@@ -558,9 +589,10 @@ static int32_t marginals(cairn_aligner *x)
     if (x->stage == 0)
         return build_some(x, x->result.anchor);
     if (x->stage == 1) {
-        cairn_status status = cairn_block_solver_read(x->solver).state == CAIRN_BLOCK_SOLVER_FACTORED
-                                  ? cairn_block_solver_invert(x->solver)
-                                  : CAIRN_UNSUPPORTED;
+        cairn_status status =
+            cairn_block_solver_read(x->solver).state == CAIRN_BLOCK_SOLVER_FACTORED
+                ? cairn_block_solver_invert(x->solver)
+                : CAIRN_UNSUPPORTED;
 
         x->stage = 2;
         x->i = x->j = 0;

@@ -1,20 +1,28 @@
-/* How clusters of the aligner grow: merging by the surest hypotheses of pairs of scans (aligner_pairs.c).
+/* How clusters of the aligner grow: merging by the surest hypotheses of pairs of scans
+ * (aligner_pairs.c).
  *
- * Every hypothesis stands for a relative pose of the clusters that its scans belong to. The best is taken off the list time
- * and again: looked at anew when its clusters have changed, compared with its rivals, shifted along the direction that it
- * knows least of, and, when it is still the best after all that, carried out. */
+ * Every hypothesis stands for a relative pose of the clusters that its scans belong to. The best
+ * is taken off the list time and again: looked at anew when its clusters have changed, compared
+ * with its rivals, shifted along the direction that it knows least of, and, when it is still the
+ * best after all that, carried out. */
 #include "src/core/build.h"
 
 #include <string.h>
 
 #include "src/mapping/aligner_work.h"
 
-static const cairn_real HOPELESS = -15, FAR_OFF = -40;     /* nats, ... */
-static const cairn_real SHIFTED_OFF = -10;                 /* ... of a shifted pose, which matters only above 0 */
-static const cairn_real SAME_PLACE = CAIRN_REAL(0.15);     /* m */
-static const cairn_real SAME_HEADING = CAIRN_REAL(0.9986); /* cosine of 3 degrees */
-static const cairn_real SHIFT = CAIRN_REAL(0.25);          /* m */
-static const cairn_real RIVAL = 8;                         /* nats below which a rival does not matter */
+/* nats, ... */
+static const cairn_real HOPELESS = -15, FAR_OFF = -40;
+/* ... of a shifted pose, which matters only above 0 */
+static const cairn_real SHIFTED_OFF = -10;
+/* m */
+static const cairn_real SAME_PLACE = CAIRN_REAL(0.15);
+/* cosine of 3 degrees */
+static const cairn_real SAME_HEADING = CAIRN_REAL(0.9986);
+/* m */
+static const cairn_real SHIFT = CAIRN_REAL(0.25);
+/* nats below which a rival does not matter */
+static const cairn_real RIVAL = 8;
 enum { LOOK_ROUNDS = 3, UNKNOWN = -2 };
 enum { OPEN_OF_ITEM = 128, LINKS_OF_ITEM = 64, LINKS_OF_UNIT = 8 };
 
@@ -38,12 +46,14 @@ static void touch(cairn_aligner *x, const aligner_hypothesis *h)
 /* The pose of the cluster of the first scan as seen from that of the second. */
 static cairn_transform clusters_pose(const cairn_aligner *x, const aligner_hypothesis *h)
 {
-    cairn_transform first = cairn_aligner_compose(x->poses[h->second], cairn_transform_of(h->second_first));
+    cairn_transform first =
+        cairn_aligner_compose(x->poses[h->second], cairn_transform_of(h->second_first));
 
     return cairn_aligner_compose(first, cairn_aligner_inverse(x->poses[h->first]));
 }
 
-/* Begins a look; 0, and the hypothesis is out, when the initial poses speak against it as no points could speak for it. */
+/* Begins a look; 0, and the hypothesis is out, when the initial poses speak against it as no
+ * points could speak for it. */
 static int look_at(cairn_aligner *x, aligner_hypothesis *h)
 {
     int32_t first = cluster_of(x, h->first), second = cluster_of(x, h->second);
@@ -125,7 +135,8 @@ static int32_t surest(cairn_aligner *x)
 }
 
 /* 1 when two hypotheses join the same clusters. */
-static int is_rival(const cairn_aligner *x, const aligner_hypothesis *h, const aligner_hypothesis *g)
+static int is_rival(const cairn_aligner *x, const aligner_hypothesis *h,
+                    const aligner_hypothesis *g)
 {
     int32_t a = cluster_of(x, h->first), b = cluster_of(x, h->second);
     int32_t c = cluster_of(x, g->first), d = cluster_of(x, g->second);
@@ -134,7 +145,8 @@ static int is_rival(const cairn_aligner *x, const aligner_hypothesis *h, const a
 }
 
 /* The pose of h's clusters by g. */
-static cairn_transform rival_pose(const cairn_aligner *x, const aligner_hypothesis *h, const aligner_hypothesis *g)
+static cairn_transform rival_pose(const cairn_aligner *x, const aligner_hypothesis *h,
+                                  const aligner_hypothesis *g)
 {
     cairn_transform pose = clusters_pose(x, g);
 
@@ -151,7 +163,8 @@ static void begin_rivals(cairn_aligner *x)
     x->rival_link = x->links[x->rival_scan];
 }
 
-/* The next rival, unless `most` hypotheses have been passed before; NULL: none, and rival_scan < 0 when that was the last. */
+/* The next rival, unless `most` hypotheses have been passed before; NULL: none, and rival_scan <
+ * 0 when that was the last. */
 static aligner_hypothesis *next_rival(cairn_aligner *x, int32_t *passed, int32_t most)
 {
     const aligner_hypothesis *h = &x->hypotheses[x->chosen];
@@ -173,7 +186,8 @@ static aligner_hypothesis *next_rival(cairn_aligner *x, int32_t *passed, int32_t
     return NULL;
 }
 
-/* The pose of the chosen one's first scan, in the other cluster's frame, by that hypothesis and by a rival. */
+/* The pose of the chosen one's first scan, in the other cluster's frame, by that hypothesis and
+ * by a rival. */
 static cairn_transform pose_by(const cairn_aligner *x, const aligner_hypothesis *g)
 {
     const aligner_hypothesis *h = &x->hypotheses[x->chosen];
@@ -181,8 +195,8 @@ static cairn_transform pose_by(const cairn_aligner *x, const aligner_hypothesis 
     return cairn_aligner_compose(rival_pose(x, h, g), x->poses[h->first]);
 }
 
-/* Looks at rivals that have to be, one after the other; a look at one that says the same as the chosen one would tell
- * nothing new. */
+/* Looks at rivals that have to be, one after the other; a look at one that says the same as the
+ * chosen one would tell nothing new. */
 static int32_t look_at_rivals(cairn_aligner *x)
 {
     const aligner_hypothesis *h = &x->hypotheses[x->chosen];
@@ -219,7 +233,8 @@ static int32_t compare(cairn_aligner *x)
 
         if (is_fresh(x, g) && !cairn_aligner_near(pose, rival, SAME_PLACE, SAME_HEADING)) {
             x->odds += cairn_exp(cairn_min(g->score, 60));
-        } else if (g->score <= h->score && cairn_aligner_near(pose, rival, SAME_PLACE / 3, CAIRN_REAL(0.9998))) {
+        } else if (g->score <= h->score &&
+                   cairn_aligner_near(pose, rival, SAME_PLACE / 3, CAIRN_REAL(0.9998))) {
             g->state = ALIGNER_OUT;
             touch(x, g);
         }
@@ -241,7 +256,8 @@ static void begin_shifted(cairn_aligner *x)
     for (int k = 0; k < 3; k++)
         motion[k] = (x->side == 1 ? SHIFT : -SHIFT) * x->shift[k];
     cairn_aligner_begin_look(x, cluster_of(x, h->first), cluster_of(x, h->second),
-                             cairn_aligner_moved(clusters_pose(x, h), x->shift_centre, motion), 0, SHIFTED_OFF);
+                             cairn_aligner_moved(clusters_pose(x, h), x->shift_centre, motion), 0,
+                             SHIFTED_OFF);
 }
 
 /* The look for the weak direction, then those at both shifted poses. */
@@ -282,7 +298,9 @@ static void link_to(cairn_aligner *x, int32_t hypothesis, int32_t side, int32_t 
 /* Some hypotheses: those that join clusters are open. */
 static int32_t open_some(cairn_aligner *x)
 {
-    int32_t end = x->k + OPEN_OF_ITEM < x->hypothesis_count ? x->k + OPEN_OF_ITEM : x->hypothesis_count, units = 1;
+    int32_t end = x->k + OPEN_OF_ITEM < x->hypothesis_count ? x->k + OPEN_OF_ITEM
+                                                            : x->hypothesis_count,
+            units = 1;
 
     if (x->k == 0) {
         for (int32_t i = 0; i < x->scan_count; i++)
@@ -296,7 +314,8 @@ static int32_t open_some(cairn_aligner *x)
             h->key = cairn_max(h->score, x->params.least_evidence * 2);
             h->first_stamp = -1;
         }
-        h->state = cluster_of(x, h->first) != cluster_of(x, h->second) ? ALIGNER_LOOKED : ALIGNER_OUT;
+        h->state =
+            cluster_of(x, h->first) != cluster_of(x, h->second) ? ALIGNER_LOOKED : ALIGNER_OUT;
         link_to(x, x->k, 0, h->first);
         link_to(x, x->k, 1, h->second);
         touch(x, h);
@@ -306,7 +325,8 @@ static int32_t open_some(cairn_aligner *x)
     return units;
 }
 
-/* Hypotheses of a scan that has joined another cluster: those that join nothing any more are out. */
+/* Hypotheses of a scan that has joined another cluster: those that join nothing any more are
+ * out. */
 static int32_t close_some(cairn_aligner *x)
 {
     int32_t passed = 0, link;
@@ -366,8 +386,8 @@ static void pick(cairn_aligner *x)
         x->phase = ALIGNER_RIVALS;
     } else if (h->state == ALIGNER_COMPARED) {
         x->side = 0;
-        cairn_aligner_begin_look(x, cluster_of(x, h->first), cluster_of(x, h->second), clusters_pose(x, h), 1,
-                                 CAIRN_REAL_MAX);
+        cairn_aligner_begin_look(x, cluster_of(x, h->first), cluster_of(x, h->second),
+                                 clusters_pose(x, h), 1, CAIRN_REAL_MAX);
         x->phase = ALIGNER_SHIFTED;
     } else {
         carry_out(x);

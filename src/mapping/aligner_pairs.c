@@ -1,7 +1,8 @@
 /* Relative poses of pairs of scans, from which clusters of the aligner grow.
  *
- * A hypothesis lays an end of a segment of one scan on the same end of a segment of the other. What a pair of scans says
- * for it is one look-up of all their points; the best few of a pair are refined and kept. */
+ * A hypothesis lays an end of a segment of one scan on the same end of a segment of the other.
+ * What a pair of scans says for it is one look-up of all their points; the best few of a pair
+ * are refined and kept. */
 #include "src/core/build.h"
 
 #include <string.h>
@@ -9,10 +10,14 @@
 #include "src/mapping/aligner_work.h"
 
 static const cairn_real TRIAL_GATE = CAIRN_REAL(0.15), COUNT_GATE = CAIRN_REAL(0.07);
-static const cairn_real LEAST_LENGTH = CAIRN_REAL(0.15);               /* m, of a segment that gives a direction */
-static const cairn_real LEAST_TRIAL = CAIRN_REAL(0.5), LEAST_KEPT = 1; /* nats, ... */
-static const cairn_real LEAST_HALF = 0;                                /* ... by the points of one scan of the two */
-static const cairn_real SAME_PLACE = CAIRN_REAL(0.15);                 /* m */
+/* m, of a segment that gives a direction */
+static const cairn_real LEAST_LENGTH = CAIRN_REAL(0.15);
+/* nats, ... */
+static const cairn_real LEAST_TRIAL = CAIRN_REAL(0.5), LEAST_KEPT = 1;
+/* ... by the points of one scan of the two */
+static const cairn_real LEAST_HALF = 0;
+/* m */
+static const cairn_real SAME_PLACE = CAIRN_REAL(0.15);
 
 enum { TRIAL_ROUNDS = 4, CLOSEST = 12 };
 
@@ -21,7 +26,8 @@ static void keep_trial(cairn_aligner *x, cairn_transform pose, cairn_real score)
     int32_t worst = 0, i;
 
     for (i = 0; i < x->trial_count; i++) {
-        if (cairn_aligner_near(pose, cairn_transform_of(x->trial[i].second_first), CAIRN_REAL(0.2), CAIRN_REAL(0.9962)))
+        if (cairn_aligner_near(pose, cairn_transform_of(x->trial[i].second_first), CAIRN_REAL(0.2),
+                               CAIRN_REAL(0.9962)))
             break;
         if (x->trial[i].score < x->trial[worst].score)
             worst = i;
@@ -44,15 +50,16 @@ static void keep_trial(cairn_aligner *x, cairn_transform pose, cairn_real score)
 }
 
 /* Lays end `end` of segment k on that of l; returns units. */
-static int32_t try_end(cairn_aligner *x, const aligner_segment *k, const aligner_segment *l, int32_t end,
-                       cairn_transform expected)
+static int32_t try_end(cairn_aligner *x, const aligner_segment *k, const aligner_segment *l,
+                       int32_t end, cairn_transform expected)
 {
     cairn_vec2 from = cairn_vec2_add(k->a, cairn_vec2_scale(k->direction, end ? k->length : 0));
     cairn_vec2 to = cairn_vec2_add(l->a, cairn_vec2_scale(l->direction, end ? l->length : 0));
     cairn_transform pose = {0, 0, cairn_vec2_dot(k->direction, l->direction),
                             cairn_vec2_cross(k->direction, l->direction)};
-    cairn_real far = CAIRN_REAL(1.6) * x->params.spread +
-                     x->params.spread_angle * cairn_sqrt(expected.x * expected.x + expected.y * expected.y);
+    cairn_real far =
+        CAIRN_REAL(1.6) * x->params.spread +
+        x->params.spread_angle * cairn_sqrt(expected.x * expected.x + expected.y * expected.y);
     int32_t first = x->i, second = x->second, work;
     aligner_count count = {0, 0, 0};
     cairn_real score;
@@ -63,8 +70,8 @@ static int32_t try_end(cairn_aligner *x, const aligner_segment *k, const aligner
         return 1;
     work = cairn_aligner_count_points(x, first, second, pose, TRIAL_GATE, LEAST_HALF, &count);
     if (cairn_aligner_evidence(x, count) > LEAST_HALF)
-        work +=
-            cairn_aligner_count_points(x, second, first, cairn_aligner_inverse(pose), TRIAL_GATE, LEAST_TRIAL, &count);
+        work += cairn_aligner_count_points(x, second, first, cairn_aligner_inverse(pose),
+                                           TRIAL_GATE, LEAST_TRIAL, &count);
     score = cairn_aligner_evidence(x, count);
     if (score > LEAST_TRIAL)
         keep_trial(x, pose, score);
@@ -80,10 +87,12 @@ static void next_pair(cairn_aligner *x)
     x->trial_count = 0;
 }
 
-/* 1 when two segments of the pair at hand are long enough and the headings that lay one on the other are expected. */
+/* 1 when two segments of the pair at hand are long enough and the headings that lay one on the
+ * other are expected. */
 static int may_fit(const cairn_aligner *x, const aligner_segment *k, const aligner_segment *l)
 {
-    cairn_real cosine = cairn_vec2_dot(k->direction, l->direction), sine = cairn_vec2_cross(k->direction, l->direction);
+    cairn_real cosine = cairn_vec2_dot(k->direction, l->direction),
+               sine = cairn_vec2_cross(k->direction, l->direction);
 
     return k->length >= LEAST_LENGTH && l->length >= LEAST_LENGTH &&
            cosine * x->expected.cosine + sine * x->expected.sine >= x->least_cosine;
@@ -97,7 +106,8 @@ static int begin_pair(cairn_aligner *x, int32_t second)
     x->second = second;
     x->least_cosine = cairn_cos(cairn_min(CAIRN_REAL(1.6) * x->params.spread_angle, CAIRN_PI));
     x->expected = cairn_transform_of(cairn_pose_between(b->initial, a->initial));
-    return second < x->i && (x->j < CLOSEST || cairn_aligner_has_partner(x, second, x->i, CLOSEST)) &&
+    return second < x->i &&
+           (x->j < CLOSEST || cairn_aligner_has_partner(x, second, x->i, CLOSEST)) &&
            a->end_segment > a->first_segment && b->end_segment > b->first_segment;
 }
 
@@ -155,7 +165,8 @@ static int32_t refine_trial(cairn_aligner *x, aligner_hypothesis *trial)
         aligner_sums sums;
 
         memset(&sums, 0, sizeof sums);
-        work += cairn_aligner_pull(x, trial->first, trial->second, pose, same, gate, 1, centre, &sums);
+        work +=
+            cairn_aligner_pull(x, trial->first, trial->second, pose, same, gate, 1, centre, &sums);
         if (!cairn_aligner_solve(&sums, motion))
             break;
         pose = cairn_aligner_moved(pose, centre, motion);
@@ -201,7 +212,8 @@ static void enter_best(cairn_aligner *x)
         enter(x, best);
         pose = cairn_transform_of(best->second_first);
         for (int32_t i = 0; i < x->trial_count; i++)
-            if (cairn_aligner_near(pose, cairn_transform_of(x->trial[i].second_first), SAME_PLACE, CAIRN_REAL(0.9976)))
+            if (cairn_aligner_near(pose, cairn_transform_of(x->trial[i].second_first), SAME_PLACE,
+                                   CAIRN_REAL(0.9976)))
                 x->trial[i].score = -1;
     }
 }

@@ -1,9 +1,10 @@
 /* The partners of the scans: those that each is held against.
  *
- * By the initial poses, two scans are the nearer the more of the points of one the other may show, patch by patch, and the
- * closer what they see lies. Each scan has the nearest as its partners, and with them the scans that it is among the
- * nearest of, as far as there is room; so a scan that few are near to has partners as well, and one among many has not
- * more than it can be compared with. Nothing is ever looked up between scans that are no partners. */
+ * By the initial poses, two scans are the nearer the more of the points of one the other may
+ * show, patch by patch, and the closer what they see lies. Each scan has the nearest as its
+ * partners, and with them the scans that it is among the nearest of, as far as there is room; so
+ * a scan that few are near to has partners as well, and one among many has not more than it can
+ * be compared with. Nothing is ever looked up between scans that are no partners. */
 #include "src/core/build.h"
 
 #include "src/mapping/aligner_work.h"
@@ -17,7 +18,8 @@ static int may_ever_meet(const cairn_aligner *x, int32_t i, int32_t j)
     return dx * dx + dy * dy <= reach * reach;
 }
 
-/* Nearness of two scans by their initial poses; negative: they cannot meet, or it is no more than `least`. */
+/* Nearness of two scans by their initial poses; negative: they cannot meet, or it is no more
+ * than `least`. */
 static cairn_real nearness_of(const cairn_aligner *x, int32_t i, int32_t j, cairn_real least)
 {
     cairn_transform map_i = x->poses[i], map_j = x->poses[j];
@@ -59,7 +61,8 @@ static int32_t find_nearest(cairn_aligner *x)
 
     for (int32_t k = 0; k < SCANS_OF_ITEM && x->j < x->scan_count; k++, x->j++)
         if (x->j != x->i) {
-            cairn_real least = x->nearest_count == ALIGNER_NEAREST ? x->nearest[ALIGNER_NEAREST - 1].nearness : -1;
+            cairn_real least =
+                x->nearest_count == ALIGNER_NEAREST ? x->nearest[ALIGNER_NEAREST - 1].nearness : -1;
             cairn_real nearness = nearness_of(x, x->i, x->j, least);
 
             units += nearness < 1 ? 1 : 4;

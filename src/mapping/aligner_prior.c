@@ -1,11 +1,12 @@
 /* What the initial poses say of the clusters of the aligner.
  *
- * The poses of a cluster and its initial poses differ by a motion of the cluster as a whole, its gauge, and by what is left
- * over of each scan. Sums of what is left at one gauge are kept for each cluster (aligner_fit), about an origin amid its
- * scans, so that all numbers stay small. From them follows what is left at any other gauge, and of two clusters at their
- * common one, without looking at a single scan: with e the error of a scan, u its place from the origin, and a further
- * motion by s and a turn R, the error is e + s + (R - I) u. Only when some scan may lie outside the box in which errors are
- * expected, the scans are looked at one by one.
+ * The poses of a cluster and its initial poses differ by a motion of the cluster as a whole, its
+ * gauge, and by what is left over of each scan. Sums of what is left at one gauge are kept for each
+ * cluster (aligner_fit), about an origin amid its scans, so that all numbers stay small. From them
+ * follows what is left at any other gauge, and of two clusters at their common one, without looking
+ * at a single scan: with e the error of a scan, u its place from the origin, and a further motion
+ * by s and a turn R, the error is e + s + (R - I) u. Only when some scan may lie outside the box in
+ * which errors are expected, the scans are looked at one by one.
  *
  * The sums follow scans that come and go, and are found anew when poses have changed. */
 #include "src/core/build.h"
@@ -14,10 +15,14 @@
 
 #include "src/mapping/aligner_work.h"
 
-static const cairn_real BOX = CAIRN_REAL(1.25); /* of the params' spread: hardly anything lies farther off */
-static const cairn_real EXPECTED_SCANS = 2;     /* what the params' spread weighs against what is learnt */
-static const cairn_real ARM = CAIRN_REAL(1.5);  /* m: makes turns comparable to shifts */
-static const cairn_real BEYOND_NATS = 100;      /* a metre */
+/* of the params' spread: hardly anything lies farther off */
+static const cairn_real BOX = CAIRN_REAL(1.25);
+/* what the params' spread weighs against what is learnt */
+static const cairn_real EXPECTED_SCANS = 2;
+/* m: makes turns comparable to shifts */
+static const cairn_real ARM = CAIRN_REAL(1.5);
+/* a metre */
+static const cairn_real BEYOND_NATS = 100;
 
 enum { SCANS_OF_UNIT = 2, CLUSTERS_OF_UNIT = 32 };
 
@@ -44,7 +49,8 @@ static cairn_transform gauge_of(cairn_real cosine, cairn_real sine, cairn_vec2 p
 
 cairn_transform cairn_aligner_gauge(const cairn_aligner *x, int32_t cluster)
 {
-    cairn_real heading = heading_weight(x), sine = 0, cosine = 0, share = 1 / (cairn_real)x->clusters[cluster].size;
+    cairn_real heading = heading_weight(x), sine = 0, cosine = 0,
+               share = 1 / (cairn_real)x->clusters[cluster].size;
     cairn_vec2 p = {0, 0}, q = {0, 0};
 
     for (int32_t i = x->clusters[cluster].head; i >= 0; i = x->scans[i].next) {
@@ -57,8 +63,10 @@ cairn_transform cairn_aligner_gauge(const cairn_aligner *x, int32_t cluster)
         cairn_transform pose = x->poses[i], initial = cairn_transform_of(x->scans[i].initial);
         cairn_vec2 u = {pose.x - p.x, pose.y - p.y}, v = {initial.x - q.x, initial.y - q.y};
 
-        cosine += heading * (pose.cosine * initial.cosine + pose.sine * initial.sine) + cairn_vec2_dot(u, v);
-        sine += heading * (pose.cosine * initial.sine - pose.sine * initial.cosine) + cairn_vec2_cross(u, v);
+        cosine += heading * (pose.cosine * initial.cosine + pose.sine * initial.sine) +
+                  cairn_vec2_dot(u, v);
+        sine += heading * (pose.cosine * initial.sine - pose.sine * initial.cosine) +
+                cairn_vec2_cross(u, v);
     }
     return gauge_of(cosine, sine, p, q);
 }
@@ -75,7 +83,9 @@ static leftover leftover_of(const cairn_aligner *x, int32_t scan, cairn_transfor
 {
     const cairn_pose *initial = &x->scans[scan].initial;
     cairn_pose at = cairn_aligner_to_pose(cairn_aligner_compose(gauge, x->poses[scan]));
-    leftover m = {{at.x, at.y}, {at.x - initial->x, at.y - initial->y}, cairn_wrap_angle(at.theta - initial->theta)};
+    leftover m = {{at.x, at.y},
+                  {at.x - initial->x, at.y - initial->y},
+                  cairn_wrap_angle(at.theta - initial->theta)};
 
     return m;
 }
@@ -160,7 +170,8 @@ static party party_of(cairn_aligner *x, int32_t cluster, cairn_transform motion)
     return m;
 }
 
-/* The common gauge of parties: least squares over positions and headings, weighted by their variances. */
+/* The common gauge of parties: least squares over positions and headings, weighted by their
+ * variances. */
 static cairn_transform common_gauge(const cairn_aligner *x, const party *parties, int32_t count)
 {
     cairn_real heading = heading_weight(x), cosine = 0, sine = 0, scans = 0;
@@ -176,13 +187,17 @@ static cairn_transform common_gauge(const cairn_aligner *x, const party *parties
     for (int32_t k = 0; k < count; k++) {
         const aligner_fit *f = parties[k].fit;
         cairn_real c = parties[k].moved.cosine, s = parties[k].moved.sine, n = f->count;
-        cairn_vec2 a = cairn_vec2_sub(parties[k].place, p), b = cairn_vec2_sub(parties[k].placement, q);
+        cairn_vec2 a = cairn_vec2_sub(parties[k].place, p),
+                   b = cairn_vec2_sub(parties[k].placement, q);
         /* About the means of this party. */
         cairn_real uu = f->uu - cairn_vec2_norm_squared(f->u) / n;
-        cairn_real ue = f->ue - cairn_vec2_dot(f->u, f->e) / n, uxe = f->uxe - cairn_vec2_cross(f->u, f->e) / n;
+        cairn_real ue = f->ue - cairn_vec2_dot(f->u, f->e) / n,
+                   uxe = f->uxe - cairn_vec2_cross(f->u, f->e) / n;
 
-        cosine += c * uu - (c * ue + s * uxe) + n * cairn_vec2_dot(a, b) + heading * (c * f->cosine - s * f->sine);
-        sine += -s * uu - (c * uxe - s * ue) + n * cairn_vec2_cross(a, b) - heading * (s * f->cosine + c * f->sine);
+        cosine += c * uu - (c * ue + s * uxe) + n * cairn_vec2_dot(a, b) +
+                  heading * (c * f->cosine - s * f->sine);
+        sine += -s * uu - (c * uxe - s * ue) + n * cairn_vec2_cross(a, b) -
+                heading * (s * f->cosine + c * f->sine);
     }
     return gauge_of(cosine, sine, p, q);
 }
@@ -193,7 +208,8 @@ typedef struct remains {
     cairn_real beyond; /* m outside the box; turns times ARM */
 } remains;
 
-static cairn_real beyond_box(const cairn_aligner *x, cairn_real x_error, cairn_real y_error, cairn_real turn)
+static cairn_real beyond_box(const cairn_aligner *x, cairn_real x_error, cairn_real y_error,
+                             cairn_real turn)
 {
     cairn_real far = BOX * x->params.spread, turned = BOX * x->params.spread_angle;
 
@@ -223,17 +239,21 @@ static remains remains_of(cairn_aligner *x, const party *own, cairn_transform co
     const aligner_fit *f = own->fit;
     cairn_transform motion = cairn_aligner_compose(common, own->moved);
     cairn_vec2 s = cairn_vec2_sub(cairn_transform_point(motion, f->origin), f->origin), turned;
-    cairn_real sine = motion.sine, lost = motion.cosine > 0 ? sine * sine / (1 + motion.cosine) : 1 - motion.cosine;
-    cairn_real turn = cairn_atan2(sine, motion.cosine), stray = cairn_vec2_norm(s) + cairn_abs(turn) * f->radius;
+    cairn_real sine = motion.sine,
+               lost = motion.cosine > 0 ? sine * sine / (1 + motion.cosine) : 1 - motion.cosine;
+    cairn_real turn = cairn_atan2(sine, motion.cosine),
+               stray = cairn_vec2_norm(s) + cairn_abs(turn) * f->radius;
     remains m;
 
     if (beyond_box(x, f->far + stray, 0, f->turned + cairn_abs(turn)) > 0)
-        return look_through(x, own->cluster,
-                            cairn_aligner_compose(common, cairn_aligner_compose(own->moved, f->gauge)));
+        return look_through(
+            x, own->cluster,
+            cairn_aligner_compose(common, cairn_aligner_compose(own->moved, f->gauge)));
     turned.x = -lost * f->u.x - sine * f->u.y;
     turned.y = sine * f->u.x - lost * f->u.y;
-    m.squares = f->ee + f->count * cairn_vec2_norm_squared(s) + 2 * cairn_vec2_dot(s, f->e) + 2 * lost * f->uu +
-                2 * cairn_vec2_dot(s, turned) + 2 * (sine * f->uxe - lost * f->ue);
+    m.squares = f->ee + f->count * cairn_vec2_norm_squared(s) + 2 * cairn_vec2_dot(s, f->e) +
+                2 * lost * f->uu + 2 * cairn_vec2_dot(s, turned) +
+                2 * (sine * f->uxe - lost * f->ue);
     m.squares_angle = f->turns + 2 * turn * f->turn + f->count * turn * turn;
     m.beyond = 0;
     return m;
@@ -241,8 +261,8 @@ static remains remains_of(cairn_aligner *x, const party *own, cairn_transform co
 
 static cairn_real chi_squared(const cairn_aligner *x, const remains *m)
 {
-    return m->squares / (x->sigma * x->sigma) + m->squares_angle / (x->sigma_angle * x->sigma_angle) +
-           2 * BEYOND_NATS * m->beyond;
+    return m->squares / (x->sigma * x->sigma) +
+           m->squares_angle / (x->sigma_angle * x->sigma_angle) + 2 * BEYOND_NATS * m->beyond;
 }
 
 /* What is left of a cluster by itself. */
@@ -264,7 +284,8 @@ static cairn_real own_misfit(cairn_aligner *x, int32_t cluster)
     return chi_squared(x, &m);
 }
 
-cairn_real cairn_aligner_prior(cairn_aligner *x, int32_t moving, int32_t fixed, cairn_transform pose)
+cairn_real cairn_aligner_prior(cairn_aligner *x, int32_t moving, int32_t fixed,
+                               cairn_transform pose)
 {
     cairn_transform same = {0, 0, 1, 0}, common;
     cairn_real together = 0;
@@ -282,7 +303,8 @@ cairn_real cairn_aligner_prior(cairn_aligner *x, int32_t moving, int32_t fixed, 
     return -(together - own_misfit(x, moving) - own_misfit(x, fixed)) / 2;
 }
 
-/* What is left of a cluster by itself at the standard deviations that the params expect; found anew when it has changed. */
+/* What is left of a cluster by itself at the standard deviations that the params expect; found
+ * anew when it has changed. */
 static const aligner_fit *learn_from(cairn_aligner *x, int32_t cluster)
 {
     aligner_fit *fit = &x->fits[cluster];
@@ -302,7 +324,8 @@ void cairn_aligner_learn_spread(cairn_aligner *x)
 {
     cairn_real expected = x->params.spread * x->params.spread / 3;
     cairn_real expected_angle = x->params.spread_angle * x->params.spread_angle / 3;
-    cairn_real squares = EXPECTED_SCANS * 2 * expected, squares_angle = EXPECTED_SCANS * expected_angle;
+    cairn_real squares = EXPECTED_SCANS * 2 * expected,
+               squares_angle = EXPECTED_SCANS * expected_angle;
     cairn_real count = EXPECTED_SCANS;
 
     x->debt += x->scan_count / CLUSTERS_OF_UNIT;

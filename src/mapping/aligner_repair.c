@@ -1,12 +1,14 @@
 /* Scans that lie badly, or nowhere, are looked for in all the rest.
  *
- * The rest is drawn into a raster about the place where the scan is expected: a bit for each direction of a surface, one
- * for free space. For every turn, all shifts within the window are voted for at once, a point giving its vote to the shifts
- * that bring it onto a surface of its direction, and two votes against those that bring it into free space. The best few
- * are refined and compared by their evidence, also with where the scan was. All scans are looked for once, later those that
- * lie badly. Scans that something else has moved since, as walls that attract each other do, lie parallel to the rest before
- * they meet it: they are looked for in fewer turns, by every second point. A cluster beside the largest is looked for as a
- * whole, by each of its scans; in the last round its scans are looked for one by one. */
+ * The rest is drawn into a raster about the place where the scan is expected: a bit for each
+ * direction of a surface, one for free space. For every turn, all shifts within the window are
+ * voted for at once, a point giving its vote to the shifts that bring it onto a surface of its
+ * direction, and two votes against those that bring it into free space. The best few are refined
+ * and compared by their evidence, also with where the scan was. All scans are looked for once,
+ * later those that lie badly. Scans that something else has moved since, as walls that attract
+ * each other do, lie parallel to the rest before they meet it: they are looked for in fewer
+ * turns, by every second point. A cluster beside the largest is looked for as a whole, by each
+ * of its scans; in the last round its scans are looked for one by one. */
 #include "src/core/build.h"
 
 #include <string.h>
@@ -14,21 +16,36 @@
 #include "src/mapping/aligner_work.h"
 
 enum { DIRECTIONS = 15, FREE_CELL = 1 << DIRECTIONS, TRY_ROUNDS = 3 };
-/* Of one item of the search: so many votes, or cells whose votes are counted as far as the units go. */
-enum { VOTES_OF_ITEM = 2400, VOTES_OF_UNIT = 24, CELLS_OF_UNIT = 16, FIND_COST = 3, UNITS_OF_COUNT = 100 };
+/* Of one item of the search: so many votes, or cells whose votes are counted as far as the units
+ * go. */
+enum {
+    VOTES_OF_ITEM = 2400,
+    VOTES_OF_UNIT = 24,
+    CELLS_OF_UNIT = 16,
+    FIND_COST = 3,
+    UNITS_OF_COUNT = 100
+};
 
-/* Votes, halves of a point, that a find has at least; where scans are looked for again every so-manieth point votes, for as many,
- * and a find may have one vote less. */
+/* Votes, halves of a point, that a find has at least; where scans are looked for again every
+ * so-manieth point votes, for as many, and a find may have one vote less. */
 enum { LEAST_VOTES = 3, AGAIN_STRIDE = 2 };
 
-static const cairn_real CELL = CAIRN_REAL(0.1);         /* m */
-static const cairn_real CLEARANCE = CAIRN_REAL(0.2);    /* m before a surface that is not drawn free */
-static const cairn_real TURN = CAIRN_REAL(0.0349);      /* rad: 2 degrees */
-static const cairn_real WINDOW = CAIRN_REAL(2.2);       /* standard deviations */
-static const cairn_real WIDEST = CAIRN_REAL(1.875);     /* of the params' spread */
-static const cairn_real STILL_TURNED = CAIRN_REAL(0.4); /* of the turns, where looked for again */
-static const cairn_real LIES_WELL = 10, LIES_SURELY = 40, BETTER = 2, ATTACHED = -2, TORN_OFF = 4, JOINED = 4,
-                        CLEARLY = 3, HOPELESS = -40; /* nats */
+/* m */
+static const cairn_real CELL = CAIRN_REAL(0.1);
+/* m before a surface that is not drawn free */
+static const cairn_real CLEARANCE = CAIRN_REAL(0.2);
+/* rad: 2 degrees */
+static const cairn_real TURN = CAIRN_REAL(0.0349);
+/* standard deviations */
+static const cairn_real WINDOW = CAIRN_REAL(2.2);
+/* of the params' spread */
+static const cairn_real WIDEST = CAIRN_REAL(1.875);
+/* of the turns, where looked for again */
+static const cairn_real STILL_TURNED = CAIRN_REAL(0.4);
+static const cairn_real LIES_WELL = 10, LIES_SURELY = 40, BETTER = 2, ATTACHED = -2, TORN_OFF = 4,
+                        JOINED = 4,
+                        /* nats */
+    CLEARLY = 3, HOPELESS = -40;
 
 /* ---- Which scan ---- */
 
@@ -83,21 +100,25 @@ static void expect(cairn_aligner *x, int32_t rest)
 {
     const aligner_scan *scan = &x->scans[x->i];
     cairn_transform gauge = cairn_aligner_inverse(cairn_aligner_gauge(x, rest));
-    cairn_real factor =
-        cairn_sqrt(1 / (cairn_real)x->clusters[x->moving].size + 1 / (cairn_real)x->clusters[rest].size);
+    cairn_real factor = cairn_sqrt(1 / (cairn_real)x->clusters[x->moving].size +
+                                   1 / (cairn_real)x->clusters[rest].size);
     cairn_real window = cairn_min(WINDOW * x->sigma * factor, WIDEST * x->params.spread);
-    cairn_real turned = cairn_min(WINDOW * x->sigma_angle * factor, WIDEST * x->params.spread_angle);
+    cairn_real turned =
+        cairn_min(WINDOW * x->sigma_angle * factor, WIDEST * x->params.spread_angle);
     cairn_real half = scan->radius + cairn_vec2_norm(scan->middle) + window + CAIRN_REAL(0.3);
-    int32_t most = cairn_real_to_int(cairn_sqrt((cairn_real)x->params.max_cells)), most_window = most / 4 - 1;
+    int32_t most = cairn_real_to_int(cairn_sqrt((cairn_real)x->params.max_cells)),
+            most_window = most / 4 - 1;
 
     if (x->moving == x->scan_count)
         gauge = cairn_aligner_compose(gauge, cairn_transform_of(scan->initial));
     else
-        gauge = cairn_aligner_compose(gauge, cairn_aligner_compose(cairn_aligner_gauge(x, x->moving), x->poses[x->i]));
+        gauge = cairn_aligner_compose(
+            gauge, cairn_aligner_compose(cairn_aligner_gauge(x, x->moving), x->poses[x->i]));
     x->predicted = cairn_aligner_to_pose(gauge);
     x->cell = cairn_max(CELL, 2 * half / (cairn_real)(most - 1));
     x->side_cells = cairn_real_to_int(cairn_ceil(2 * half / x->cell));
-    x->half_window = cairn_real_to_int(cairn_min(cairn_ceil(window / x->cell), (cairn_real)most_window));
+    x->half_window =
+        cairn_real_to_int(cairn_min(cairn_ceil(window / x->cell), (cairn_real)most_window));
     if (x->again)
         turned *= STILL_TURNED;
     x->turns = cairn_real_to_int(cairn_ceil(cairn_min(turned, CAIRN_PI) / TURN));
@@ -114,11 +135,13 @@ static void expect(cairn_aligner *x, int32_t rest)
 /* Takes the scan out of its cluster to look for it; 0 when there is nothing to look for. */
 static int take_out(cairn_aligner *x)
 {
-    int32_t rest = cairn_aligner_largest(x), home = x->scans[x->i].part, points = cairn_aligner_points_of(x, x->i);
+    int32_t rest = cairn_aligner_largest(x), home = x->scans[x->i].part,
+            points = cairn_aligner_points_of(x, x->i);
 
     x->largest = rest;
     x->home = home == rest ? -1 : home;
-    if (points == 0 || x->clusters[rest].size < 3 || (x->home < 0 && x->scans[x->i].evidence > LIES_SURELY))
+    if (points == 0 || x->clusters[rest].size < 3 ||
+        (x->home < 0 && x->scans[x->i].evidence > LIES_SURELY))
         return 0;
     x->before = x->poses[x->i];
     x->moving = home;
@@ -150,7 +173,8 @@ static void end_round(cairn_aligner *x)
         return;
     }
     /* All scans once; later those that have been placed anew, and those that meet them. */
-    cairn_aligner_begin_relax(x, cairn_aligner_largest(x), CAIRN_REAL(0.07), 5, !x->again && x->repairs == 1);
+    cairn_aligner_begin_relax(x, cairn_aligner_largest(x), CAIRN_REAL(0.07), 5,
+                              !x->again && x->repairs == 1);
     if (x->changed == 0 || x->repairs >= x->params.max_repairs) {
         x->phase = ALIGNER_SETTLE;
         x->round = x->stage = x->at = 0;
@@ -181,7 +205,8 @@ static int32_t choose_scan(cairn_aligner *x)
 
 static int32_t direction_bin(cairn_vec2 direction, cairn_real *rest)
 {
-    cairn_real place = cairn_atan2(direction.y, direction.x) * (DIRECTIONS / (2 * CAIRN_PI)) + DIRECTIONS;
+    cairn_real place =
+        cairn_atan2(direction.y, direction.x) * (DIRECTIONS / (2 * CAIRN_PI)) + DIRECTIONS;
     cairn_real whole = cairn_floor(place);
 
     *rest = place - whole;
@@ -211,8 +236,10 @@ static cairn_real cells_to(cairn_real from, cairn_real step, cairn_real side)
     return 0;
 }
 
-/* The cells of one ray from place (x, y) on, from the first-th to before the last-th of it; returns how many. */
-static int32_t draw_ray(cairn_aligner *x, cairn_vec2 from, cairn_vec2 step, int32_t first, int32_t last)
+/* The cells of one ray from place (x, y) on, from the first-th to before the last-th of it;
+ * returns how many. */
+static int32_t draw_ray(cairn_aligner *x, cairn_vec2 from, cairn_vec2 step, int32_t first,
+                        int32_t last)
 {
     cairn_real side = (cairn_real)x->side_cells;
     cairn_real enter = cairn_max(cells_to(from.x, step.x, side), cells_to(from.y, step.y, side));
@@ -231,10 +258,12 @@ static int32_t draw_ray(cairn_aligner *x, cairn_vec2 from, cairn_vec2 step, int3
     return k - begin;
 }
 
-/* Free space of scan j along its bearings, near the sensor along every second or fourth; returns units. */
+/* Free space of scan j along its bearings, near the sensor along every second or fourth; returns
+ * units. */
 static int32_t draw_free(cairn_aligner *x, int32_t j)
 {
-    static const int32_t first[4] = {0, 45, 22, 45}; /* cells: from there on, bearings are a cell apart */
+    /* cells: from there on, bearings are a cell apart */
+    static const int32_t first[4] = {0, 45, 22, 45};
     const aligner_table *table = &x->tables[j];
     cairn_vec2 sensor = cairn_transform_point(x->poses[j], x->scans[j].sensor);
     cairn_vec2 from = {(sensor.x - x->corner.x) / x->cell, (sensor.y - x->corner.y) / x->cell};
@@ -253,8 +282,8 @@ static int32_t draw_free(cairn_aligner *x, int32_t j)
         steps = cairn_real_to_int((cairn_real)least * cells - CLEARANCE / x->cell);
         work += 2;
         if (steps > first[bin & 3])
-            work +=
-                2 + draw_ray(x, from, cairn_transform_direction(x->poses[j], x->bearings[bin]), first[bin & 3], steps);
+            work += 2 + draw_ray(x, from, cairn_transform_direction(x->poses[j], x->bearings[bin]),
+                                 first[bin & 3], steps);
     }
     return 8 + work / 16;
 }
@@ -271,7 +300,8 @@ static int32_t draw_points(cairn_aligner *x, int32_t j)
         int32_t iy = cairn_real_to_int(cairn_floor((p.y - x->corner.y) / x->cell));
 
         if (point->segment != segment) {
-            cairn_vec2 direction = cairn_transform_direction(x->poses[j], x->segments[point->segment].direction);
+            cairn_vec2 direction =
+                cairn_transform_direction(x->poses[j], x->segments[point->segment].direction);
 
             segment = point->segment;
             bits = direction_bits(direction);
@@ -293,8 +323,10 @@ static int is_drawn(const cairn_aligner *x, int32_t j)
     cairn_real window = (cairn_real)x->half_window * x->cell;
     cairn_real far = scan->radius + cairn_vec2_norm(scan->middle) + other->radius + window;
 
-    return cairn_abs(middle.x - x->predicted.x) <= far && cairn_abs(middle.y - x->predicted.y) <= far &&
-           cairn_aligner_may_see(scan, cairn_transform_of(x->predicted), (cairn_real)x->turns * TURN, middle,
+    return cairn_abs(middle.x - x->predicted.x) <= far &&
+           cairn_abs(middle.y - x->predicted.y) <= far &&
+           cairn_aligner_may_see(scan, cairn_transform_of(x->predicted),
+                                 (cairn_real)x->turns * TURN, middle,
                                  other->radius + window * CAIRN_REAL(1.5));
 }
 
@@ -355,11 +387,13 @@ static void vote(cairn_aligner *x, cairn_transform pose, int32_t width, int32_t 
     for (int32_t i = first; i < end; i += stride_of(x)) {
         const aligner_point *point = &x->points[i];
         cairn_vec2 p = cairn_transform_point(pose, point->position);
-        cairn_vec2 direction = cairn_transform_direction(pose, x->segments[point->segment].direction);
+        cairn_vec2 direction =
+            cairn_transform_direction(pose, x->segments[point->segment].direction);
         int32_t ix = cairn_real_to_int(cairn_floor((p.x - x->corner.x) / x->cell)) - x->half_window;
         int32_t iy = cairn_real_to_int(cairn_floor((p.y - x->corner.y) / x->cell)) - x->half_window;
         cairn_real rest;
-        int32_t bin = direction_bin(direction, &rest), mask = 1 << (bin + (rest >= CAIRN_REAL(0.5))) % DIRECTIONS;
+        int32_t bin = direction_bin(direction, &rest),
+                mask = 1 << (bin + (rest >= CAIRN_REAL(0.5))) % DIRECTIONS;
 
         if (ix < 0 || iy < 0 || ix + width > side || iy + width > side)
             continue;
@@ -377,19 +411,23 @@ static void vote(cairn_aligner *x, cairn_transform pose, int32_t width, int32_t 
 static void take_votes(cairn_aligner *x, cairn_pose at, int32_t cell, int32_t width, int32_t votes)
 {
     int32_t column = cell % width - x->half_window, row = cell / width - x->half_window;
-    cairn_real dx = (cairn_real)column * x->cell, dy = (cairn_real)row * x->cell, turned = (cairn_real)x->turn * TURN;
-    cairn_real off = (dx * dx + dy * dy) / (x->sigma * x->sigma) + turned * turned / (x->sigma_angle * x->sigma_angle);
+    cairn_real dx = (cairn_real)column * x->cell, dy = (cairn_real)row * x->cell,
+               turned = (cairn_real)x->turn * TURN;
+    cairn_real off = (dx * dx + dy * dy) / (x->sigma * x->sigma) +
+                     turned * turned / (x->sigma_angle * x->sigma_angle);
     cairn_pose pose = {at.x + dx, at.y + dy, at.theta};
 
     keep_find(x, pose, (cairn_real)votes / 2 - off / 2);
 }
 
-/* The shifts that have found most votes at one turn: some, and after the last of them the next turn. */
+/* The shifts that have found most votes at one turn: some, and after the last of them the next
+ * turn. */
 static int32_t count_votes(cairn_aligner *x, cairn_pose at, int32_t width)
 {
     int32_t stride = stride_of(x), units = 1, begin = x->k;
 
-    for (; x->k < width * width && units + (x->k - begin) / CELLS_OF_UNIT < UNITS_OF_COUNT; x->k++) {
+    for (; x->k < width * width && units + (x->k - begin) / CELLS_OF_UNIT < UNITS_OF_COUNT;
+         x->k++) {
         int32_t votes = x->votes[x->k] * stride;
 
         if (votes <= LEAST_VOTES - stride)
@@ -405,11 +443,14 @@ static int32_t count_votes(cairn_aligner *x, cairn_pose at, int32_t width)
     return units;
 }
 
-/* All shifts at one turn: votes of some points, or, when all have voted, a look at some of the votes. */
+/* All shifts at one turn: votes of some points, or, when all have voted, a look at some of the
+ * votes. */
 static int32_t search_turn(cairn_aligner *x)
 {
-    int32_t width = 2 * x->half_window + 1, first = x->scans[x->i].first_point + x->l, last = x->scans[x->i].end_point;
-    int32_t stride = stride_of(x), end = first + stride * (1 + VOTES_OF_ITEM / (width * width)), voted;
+    int32_t width = 2 * x->half_window + 1, first = x->scans[x->i].first_point + x->l,
+            last = x->scans[x->i].end_point;
+    int32_t stride = stride_of(x), end = first + stride * (1 + VOTES_OF_ITEM / (width * width)),
+            voted;
     cairn_pose at = x->predicted;
 
     if (x->turn > x->turns) {
@@ -434,7 +475,8 @@ static void take_find(cairn_aligner *x)
     cairn_real score = x->look.evidence + x->look.prior;
     cairn_transform found = cairn_aligner_compose(x->look.pose, x->poses[x->i]);
     cairn_transform best = cairn_aligner_compose(x->best, x->poses[x->i]);
-    int same = x->best_score > -CAIRN_REAL_MAX && cairn_aligner_near(found, best, CAIRN_REAL(0.15), CAIRN_REAL(0.9986));
+    int same = x->best_score > -CAIRN_REAL_MAX &&
+               cairn_aligner_near(found, best, CAIRN_REAL(0.15), CAIRN_REAL(0.9986));
 
     if (score > x->best_score) {
         x->rest = same ? x->rest : x->best_score;
@@ -445,7 +487,8 @@ static void take_find(cairn_aligner *x)
     }
 }
 
-/* Tries the finds, poses of the scan at hand, one by one; what moves with it is the scan alone or its whole cluster. */
+/* Tries the finds, poses of the scan at hand, one by one; what moves with it is the scan alone
+ * or its whole cluster. */
 static int32_t try_find(cairn_aligner *x)
 {
     cairn_transform found;
@@ -458,7 +501,8 @@ static int32_t try_find(cairn_aligner *x)
     }
     found = cairn_transform_of(x->find[x->find_at++].pose);
     cairn_aligner_begin_look(x, x->moving, x->largest,
-                             cairn_aligner_compose(found, cairn_aligner_inverse(x->poses[x->i])), TRY_ROUNDS, HOPELESS);
+                             cairn_aligner_compose(found, cairn_aligner_inverse(x->poses[x->i])),
+                             TRY_ROUNDS, HOPELESS);
     return 1;
 }
 
@@ -482,7 +526,8 @@ static int32_t place(cairn_aligner *x)
         if (better)
             (void)cairn_aligner_join(x, x->moving, rest, x->best);
     } else {
-        cairn_aligner_put_back(x, better || x->home < 0 ? rest : x->home, better ? x->best : x->before);
+        cairn_aligner_put_back(x, better || x->home < 0 ? rest : x->home,
+                               better ? x->best : x->before);
         if (better) {
             memset(&x->scans[x->i].pull, 0, sizeof x->scans[x->i].pull);
             x->scans[x->i].stirred = ALIGNER_JOINED;

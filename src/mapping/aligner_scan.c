@@ -1,12 +1,14 @@
 /* Scans of the aligner, and what two of them say of their relative pose.
  *
- * Every scan has a table of bearings: how far it saw, and which segment there. A point of another scan is looked up by its
- * bearing as the scan's sensor would see it, in constant time: on the same surface when its distance from the segment's
- * line is within a gate and the directions agree; in free space when the scan saw well beyond it; else behind something,
- * which is no wonder for the far side of a wall, or unseen. Bearings are places on the diamond |x| + |y| = 1, which takes a division and no arc tangent.
+ * Every scan has a table of bearings: how far it saw, and which segment there. A point of another
+ * scan is looked up by its bearing as the scan's sensor would see it, in constant time: on the same
+ * surface when its distance from the segment's line is within a gate and the directions agree; in
+ * free space when the scan saw well beyond it; else behind something, which is no wonder for the
+ * far side of a wall, or unseen. Bearings are places on the diamond |x| + |y| = 1, which takes a
+ * division and no arc tangent.
  *
- * Points of one surface are not independent: a long wall that lies on a long wall says little more than a short one. So
- * what the points of a segment say saturates. */
+ * Points of one surface are not independent: a long wall that lies on a long wall says little
+ * more than a short one. So what the points of a segment say saturates. */
 #include "src/core/build.h"
 
 #include <string.h>
@@ -18,16 +20,25 @@ typedef int32_t finding;
 enum { UNSEEN = 0, SAME = 1, OTHER = 2, BEHIND = 3, THROUGH = 4 };
 
 static const cairn_real SAME_NATS = CAIRN_REAL(0.5), OTHER_NATS = CAIRN_REAL(0.15);
-static const cairn_real SOON = 8; /* points that may still turn what the others say */
+/* points that may still turn what the others say */
+static const cairn_real SOON = 8;
 static const cairn_real FULL_POINTS = 6, MORE_POINTS = CAIRN_REAL(0.1);
-static const cairn_real LEAST_COSINE = CAIRN_REAL(0.85);    /* of the directions of one surface */
-static const cairn_real BEYOND_END = CAIRN_REAL(0.1);       /* m */
-static const cairn_real CLEAR = CAIRN_REAL(0.12);           /* m, and ... */
-static const cairn_real CLEAR_SHARE = CAIRN_REAL(0.02);     /* ... share of the range that must lie behind a point */
-static const cairn_real SURFACE = CAIRN_REAL(0.15);         /* m */
-static const cairn_real SINE_OF_SECTOR = CAIRN_REAL(0.14);  /* of the width of the narrowest sector, ... */
-static const cairn_real SINE_OF_TWO = CAIRN_REAL(0.27);     /* ... and of two */
-static const cairn_real BEYOND_FARTHEST = CAIRN_REAL(0.35); /* m, at which nothing is on a surface any more */
+/* of the directions of one surface */
+static const cairn_real LEAST_COSINE = CAIRN_REAL(0.85);
+/* m */
+static const cairn_real BEYOND_END = CAIRN_REAL(0.1);
+/* m, and ... */
+static const cairn_real CLEAR = CAIRN_REAL(0.12);
+/* ... share of the range that must lie behind a point */
+static const cairn_real CLEAR_SHARE = CAIRN_REAL(0.02);
+/* m */
+static const cairn_real SURFACE = CAIRN_REAL(0.15);
+/* of the width of the narrowest sector, ... */
+static const cairn_real SINE_OF_SECTOR = CAIRN_REAL(0.14);
+/* ... and of two */
+static const cairn_real SINE_OF_TWO = CAIRN_REAL(0.27);
+/* m, at which nothing is on a surface any more */
+static const cairn_real BEYOND_FARTHEST = CAIRN_REAL(0.35);
 
 /* ---- Poses as transforms ---- */
 
@@ -65,14 +76,16 @@ cairn_pose cairn_aligner_to_pose(cairn_transform t)
     return pose;
 }
 
-int32_t cairn_aligner_near(cairn_transform a, cairn_transform b, cairn_real metres, cairn_real cosine)
+int32_t cairn_aligner_near(cairn_transform a, cairn_transform b, cairn_real metres,
+                           cairn_real cosine)
 {
     cairn_real dx = a.x - b.x, dy = a.y - b.y;
 
     return dx * dx + dy * dy < metres * metres && a.cosine * b.cosine + a.sine * b.sine > cosine;
 }
 
-cairn_transform cairn_aligner_moved(cairn_transform pose, cairn_vec2 centre, const cairn_real motion[3])
+cairn_transform cairn_aligner_moved(cairn_transform pose, cairn_vec2 centre,
+                                    const cairn_real motion[3])
 {
     cairn_transform turn = {0, 0, 1, 0}, moved;
     cairn_real norm;
@@ -101,19 +114,20 @@ int32_t cairn_aligner_points_of(const cairn_aligner *x, int32_t scan)
 
 /* ---- Pairs ---- */
 
-static int is_in_cone(const aligner_scan *scan, cairn_transform map_scan, cairn_real cosine, cairn_real sine,
-                      cairn_vec2 middle, cairn_real radius)
+static int is_in_cone(const aligner_scan *scan, cairn_transform map_scan, cairn_real cosine,
+                      cairn_real sine, cairn_vec2 middle, cairn_real radius)
 {
     cairn_vec2 sensor = cairn_transform_point(map_scan, scan->sensor);
-    cairn_vec2 axis = cairn_transform_direction(map_scan, scan->axis), to = cairn_vec2_sub(middle, sensor);
+    cairn_vec2 axis = cairn_transform_direction(map_scan, scan->axis),
+               to = cairn_vec2_sub(middle, sensor);
     cairn_real along = cairn_vec2_dot(axis, to), across = cairn_abs(cairn_vec2_cross(axis, to));
 
     /* Distance from the side of the cone that is nearer to the middle. */
     return cosine <= 0 || cosine * across - sine * along < radius;
 }
 
-int cairn_aligner_may_see(const aligner_scan *scan, cairn_transform map_scan, cairn_real turned, cairn_vec2 middle,
-                          cairn_real radius)
+int cairn_aligner_may_see(const aligner_scan *scan, cairn_transform map_scan, cairn_real turned,
+                          cairn_vec2 middle, cairn_real radius)
 {
     cairn_real cosine, sine;
 
@@ -124,7 +138,8 @@ int cairn_aligner_may_see(const aligner_scan *scan, cairn_transform map_scan, ca
                       scan->view_sine * cosine + scan->view_cosine * sine, middle, radius);
 }
 
-static int may_see(const aligner_scan *a, cairn_transform map_a, cairn_vec2 middle, cairn_real radius)
+static int may_see(const aligner_scan *a, cairn_transform map_a, cairn_vec2 middle,
+                   cairn_real radius)
 {
     return is_in_cone(a, map_a, a->view_cosine, a->view_sine, middle, radius);
 }
@@ -133,7 +148,8 @@ int32_t cairn_aligner_may_meet(const cairn_aligner *x, int32_t i, int32_t j, cai
                                cairn_transform map_j)
 {
     const aligner_scan *a = &x->scans[i], *b = &x->scans[j];
-    cairn_vec2 p = cairn_transform_point(map_i, a->middle), q = cairn_transform_point(map_j, b->middle);
+    cairn_vec2 p = cairn_transform_point(map_i, a->middle),
+               q = cairn_transform_point(map_j, b->middle);
     cairn_real sum = a->radius + b->radius + CAIRN_REAL(0.2);
 
     if (cairn_vec2_norm_squared(cairn_vec2_sub(p, q)) >= sum * sum)
@@ -149,8 +165,8 @@ static int same_way(const cairn_aligner *x, cairn_vec2 a, cairn_vec2 b)
 }
 
 /* The surface near bin whose line is nearest to p and within the gate; ALIGNER_NO_SEGMENT. */
-static int32_t surface_at(const cairn_aligner *x, int32_t scan, int32_t bin, cairn_vec2 p, cairn_vec2 direction,
-                          cairn_real gate, cairn_real *error)
+static int32_t surface_at(const cairn_aligner *x, int32_t scan, int32_t bin, cairn_vec2 p,
+                          cairn_vec2 direction, cairn_real gate, cairn_real *error)
 {
     const aligner_table *table = &x->tables[scan];
     int32_t best = -1, before = ALIGNER_NO_SEGMENT;
@@ -172,7 +188,8 @@ static int32_t surface_at(const cairn_aligner *x, int32_t scan, int32_t bin, cai
         from = cairn_vec2_sub(p, s->a);
         across = cairn_vec2_cross(s->direction, from);
         along = cairn_vec2_dot(s->direction, from);
-        if (cairn_abs(across) < cairn_abs(*error) && along > -margin && along < s->length + margin) {
+        if (cairn_abs(across) < cairn_abs(*error) && along > -margin &&
+            along < s->length + margin) {
             *error = across;
             best = x->scans[scan].first_segment + id;
         }
@@ -181,7 +198,8 @@ static int32_t surface_at(const cairn_aligner *x, int32_t scan, int32_t bin, cai
 }
 
 /* What scan says of a point with a direction, both in its frame. */
-static finding look_up(const cairn_aligner *x, int32_t scan, cairn_vec2 p, cairn_vec2 direction, cairn_real gate)
+static finding look_up(const cairn_aligner *x, int32_t scan, cairn_vec2 p, cairn_vec2 direction,
+                       cairn_real gate)
 {
     const aligner_table *table = &x->tables[scan];
     cairn_vec2 ray = cairn_vec2_sub(p, x->scans[scan].sensor);
@@ -209,7 +227,8 @@ static finding look_up(const cairn_aligner *x, int32_t scan, cairn_vec2 p, cairn
     return squared < range * range ? OTHER : BEHIND;
 }
 
-/* 1 when what lies in a circle, in the frame of scan, may be at or before something that it sees. */
+/* 1 when what lies in a circle, in the frame of scan, may be at or before something that it
+ * sees. */
 static int may_show(const cairn_aligner *x, int32_t scan, cairn_vec2 middle, cairn_real radius)
 {
     cairn_vec2 ray = cairn_vec2_sub(middle, x->scans[scan].sensor);
@@ -242,7 +261,8 @@ typedef struct patch_walk {
 static patch_walk begin_patches(const cairn_aligner *x, int32_t from, int32_t to)
 {
     const aligner_scan *scan = &x->scans[from];
-    patch_walk w = {x, to, scan->first_patch, scan->first_point, scan->first_point, scan->end_point, 0};
+    patch_walk w = {x, to, scan->first_patch, scan->first_point, scan->first_point, scan->end_point,
+                    0};
 
     return w;
 }
@@ -270,7 +290,8 @@ static int32_t shown_of(const cairn_aligner *x, int32_t from, int32_t to, cairn_
     int32_t end = first + (cairn_aligner_points_of(x, from) + ALIGNER_PATCH - 1) / ALIGNER_PATCH;
 
     for (int32_t k = first; k < end; k++)
-        shown += may_show(x, to, cairn_transform_point(to_from, x->patches[k].middle), x->patches[k].radius);
+        shown += may_show(x, to, cairn_transform_point(to_from, x->patches[k].middle),
+                          x->patches[k].radius);
     return shown;
 }
 
@@ -286,15 +307,17 @@ static cairn_real saturated(int32_t points)
     return n <= FULL_POINTS ? n : FULL_POINTS + MORE_POINTS * (n - FULL_POINTS);
 }
 
-/* 1 when the evidence stays at `least` or below even when the next SOON of the `left` points are all on the same surface. */
+/* 1 when the evidence stays at `least` or below even when the next SOON of the `left` points are
+ * all on the same surface. */
 static int is_hopeless(const cairn_aligner *x, aligner_count count, int32_t left, cairn_real least)
 {
     count.same += cairn_min((cairn_real)left, SOON);
     return cairn_aligner_evidence(x, count) <= least;
 }
 
-int32_t cairn_aligner_count_points(const cairn_aligner *x, int32_t from, int32_t to, cairn_transform to_from,
-                                   cairn_real gate, cairn_real least, aligner_count *count)
+int32_t cairn_aligner_count_points(const cairn_aligner *x, int32_t from, int32_t to,
+                                   cairn_transform to_from, cairn_real gate, cairn_real least,
+                                   aligner_count *count)
 {
     patch_walk w = begin_patches(x, from, to);
     int32_t segment = -1, same = 0;
@@ -310,7 +333,8 @@ int32_t cairn_aligner_count_points(const cairn_aligner *x, int32_t from, int32_t
                 segment = point->segment;
                 direction = cairn_transform_direction(to_from, x->segments[segment].direction);
             }
-            switch (look_up(x, to, cairn_transform_point(to_from, point->position), direction, gate)) {
+            switch (
+                look_up(x, to, cairn_transform_point(to_from, point->position), direction, gate)) {
             case SAME:
                 same++;
                 break;
@@ -330,27 +354,33 @@ int32_t cairn_aligner_count_points(const cairn_aligner *x, int32_t from, int32_t
 
 cairn_real cairn_aligner_evidence(const cairn_aligner *x, aligner_count count)
 {
-    return SAME_NATS * count.same - OTHER_NATS * count.other - x->params.contradiction * count.through;
+    return SAME_NATS * count.same - OTHER_NATS * count.other -
+           x->params.contradiction * count.through;
 }
 
-int32_t cairn_aligner_count_pair(const cairn_aligner *x, int32_t first, int32_t second, cairn_transform second_first,
-                                 cairn_real gate, aligner_count *count)
+int32_t cairn_aligner_count_pair(const cairn_aligner *x, int32_t first, int32_t second,
+                                 cairn_transform second_first, cairn_real gate,
+                                 aligner_count *count)
 {
     const cairn_real least = -CAIRN_REAL_MAX;
     int32_t work = cairn_aligner_count_points(x, first, second, second_first, gate, least, count);
 
-    return work + cairn_aligner_count_points(x, second, first, cairn_aligner_inverse(second_first), gate, least, count);
+    return work + cairn_aligner_count_points(x, second, first, cairn_aligner_inverse(second_first),
+                                             gate, least, count);
 }
 
 /* Adds the row of a point of `from` against the surface of `to` that it lies on, if any. */
-static void pull_point(const cairn_aligner *x, const aligner_point *point, int32_t to, cairn_transform to_from,
-                       cairn_transform map_to, cairn_real gate, cairn_real sign, cairn_vec2 centre, aligner_sums *sums)
+static void pull_point(const cairn_aligner *x, const aligner_point *point, int32_t to,
+                       cairn_transform to_from, cairn_transform map_to, cairn_real gate,
+                       cairn_real sign, cairn_vec2 centre, aligner_sums *sums)
 {
     cairn_vec2 p = cairn_transform_point(to_from, point->position), normal, arm;
     cairn_vec2 ray = cairn_vec2_sub(p, x->scans[to].sensor);
-    cairn_vec2 direction = cairn_transform_direction(to_from, x->segments[point->segment].direction);
+    cairn_vec2 direction =
+        cairn_transform_direction(to_from, x->segments[point->segment].direction);
     cairn_real error, weight, row[3];
-    int32_t surface = surface_at(x, to, cairn_aligner_bin_of(ray.x, ray.y), p, direction, gate, &error);
+    int32_t surface =
+        surface_at(x, to, cairn_aligner_bin_of(ray.x, ray.y), p, direction, gate, &error);
 
     if (surface < 0)
         return;
@@ -366,9 +396,9 @@ static void pull_point(const cairn_aligner *x, const aligner_point *point, int32
     sums->pairs++;
 }
 
-int32_t cairn_aligner_pull(const cairn_aligner *x, int32_t from, int32_t to, cairn_transform map_from,
-                           cairn_transform map_to, cairn_real gate, cairn_real sign, cairn_vec2 centre,
-                           aligner_sums *sums)
+int32_t cairn_aligner_pull(const cairn_aligner *x, int32_t from, int32_t to,
+                           cairn_transform map_from, cairn_transform map_to, cairn_real gate,
+                           cairn_real sign, cairn_vec2 centre, aligner_sums *sums)
 {
     cairn_transform to_from = cairn_aligner_between(map_to, map_from);
     patch_walk w = begin_patches(x, from, to);

@@ -1,9 +1,11 @@
 /* Scans that slide along what they see.
  *
- * A scan of one long wall may lie anywhere along it as far as the surfaces go that others see, too. What is left are its
- * other surfaces, which no other scan has seen at that place: they lie, more often than not, on the straight continuation of
- * a wall of the map. Every shift along the weak direction that brings one of them there is tried, and that to where the
- * initial pose says; evidence and initial poses are weighed as ever, and a surface that continues a wall adds to it. */
+ * A scan of one long wall may lie anywhere along it as far as the surfaces go that others see,
+ * too. What is left are its other surfaces, which no other scan has seen at that place: they
+ * lie, more often than not, on the straight continuation of a wall of the map. Every shift along
+ * the weak direction that brings one of them there is tried, and that to where the initial pose
+ * says; evidence and initial poses are weighed as ever, and a surface that continues a wall adds
+ * to it. */
 #include "src/core/build.h"
 
 #include <string.h>
@@ -12,10 +14,14 @@
 
 enum { MOST_PASSES = 2 };
 
-static const cairn_real WEAK = CAIRN_REAL(0.03);        /* m, standard deviation */
-static const cairn_real ARM = CAIRN_REAL(1.5);          /* m: makes turns comparable to shifts */
-static const cairn_real LEAST_ACROSS = CAIRN_REAL(0.5); /* of the weak direction and a surface's normal */
-static const cairn_real SAME_SHIFT = CAIRN_REAL(0.03), NEAR_LINE = CAIRN_REAL(0.05), GAP = 6; /* m */
+/* m, standard deviation */
+static const cairn_real WEAK = CAIRN_REAL(0.03);
+/* m: makes turns comparable to shifts */
+static const cairn_real ARM = CAIRN_REAL(1.5);
+/* of the weak direction and a surface's normal */
+static const cairn_real LEAST_ACROSS = CAIRN_REAL(0.5);
+/* m */
+static const cairn_real SAME_SHIFT = CAIRN_REAL(0.03), NEAR_LINE = CAIRN_REAL(0.05), GAP = 6;
 static const cairn_real LINE_NATS = 3, FULL_LENGTH = CAIRN_REAL(0.3);
 
 void cairn_aligner_begin_slides(cairn_aligner *x)
@@ -55,7 +61,8 @@ typedef struct placed {
 
 static placed place_at(const aligner_segment *s, cairn_transform pose)
 {
-    placed p = {s, cairn_transform_direction(pose, s->direction), cairn_transform_point(pose, s->mean)};
+    placed p = {s, cairn_transform_direction(pose, s->direction),
+                cairn_transform_point(pose, s->mean)};
 
     return p;
 }
@@ -66,7 +73,8 @@ static int shift_to(const placed *p, cairn_vec2 along, const aligner_wall *wall,
     cairn_real across = cairn_vec2_dot(wall->normal, along), place, half;
     cairn_vec2 way = cairn_aligner_along(wall);
 
-    if (cairn_abs(across) < LEAST_ACROSS || (wall->scans == 1 && wall->first_scan == p->segment->scan) ||
+    if (cairn_abs(across) < LEAST_ACROSS ||
+        (wall->scans == 1 && wall->first_scan == p->segment->scan) ||
         !cairn_aligner_same_line(wall, p->segment, p->direction))
         return 0;
     *shift = (wall->offset - cairn_vec2_dot(wall->normal, p->mean)) / across;
@@ -107,7 +115,8 @@ static void find_shifts(cairn_aligner *x)
         placed p = place_at(&x->segments[k], x->before);
 
         for (int32_t w = 0; w < x->wall_count && p.segment->weight > 0; w++)
-            if (shift_to(&p, x->along, &x->walls[w], &shift) && cairn_abs(shift) <= x->params.spread)
+            if (shift_to(&p, x->along, &x->walls[w], &shift) &&
+                cairn_abs(shift) <= x->params.spread)
                 keep_shift(x, shift);
     }
 }
@@ -129,7 +138,8 @@ static cairn_real line_nats(const cairn_aligner *x, cairn_transform pose)
             if (shift_to(&p, x->along, &x->walls[w], &shift))
                 least = cairn_min(least, cairn_abs(shift));
         least /= NEAR_LINE;
-        sum += LINE_NATS * (s->stub ? CAIRN_REAL(0.5) : cairn_min(s->length / FULL_LENGTH, 1)) * (1 - least * least);
+        sum += LINE_NATS * (s->stub ? CAIRN_REAL(0.5) : cairn_min(s->length / FULL_LENGTH, 1)) *
+               (1 - least * least);
     }
     return sum;
 }
@@ -143,7 +153,8 @@ static int32_t choose(cairn_aligner *x)
         return 1;
     }
     units = 1 + x->scans[x->i].end_segment - x->scans[x->i].first_segment;
-    if (x->scans[x->i].part != home || x->clusters[home].size < 3 || !find_weak(x, x->i, &x->along)) {
+    if (x->scans[x->i].part != home || x->clusters[home].size < 3 ||
+        !find_weak(x, x->i, &x->along)) {
         x->i++;
         return units;
     }
@@ -167,7 +178,8 @@ static int32_t try_shift(cairn_aligner *x)
 {
     if (x->find_at > 0) {
         aligner_count count = {.other = x->look.count.other, .through = x->look.count.through};
-        cairn_real score = cairn_aligner_evidence(x, count) + x->look.prior + line_nats(x, x->look.pose);
+        cairn_real score =
+            cairn_aligner_evidence(x, count) + x->look.prior + line_nats(x, x->look.pose);
 
         if (score > x->best_score) {
             x->best_score = score;
@@ -175,7 +187,8 @@ static int32_t try_shift(cairn_aligner *x)
         }
     }
     if (x->find_at < x->find_count) {
-        cairn_aligner_begin_look(x, x->scan_count, x->home, cairn_transform_of(x->find[x->find_at++].pose), 0,
+        cairn_aligner_begin_look(x, x->scan_count, x->home,
+                                 cairn_transform_of(x->find[x->find_at++].pose), 0,
                                  -CAIRN_REAL_MAX);
         return 1 + x->wall_count / 16;
     }

@@ -1,26 +1,35 @@
-/* The walls of the aligner: segments of several scans on one line, with overlapping or neighbouring extents.
+/* The walls of the aligner: segments of several scans on one line, with overlapping or neighbouring
+ * extents.
  *
- * Segments are taken in the order of what they say, the most first; each goes to the wall that it fits best, or becomes a
- * new one. A wall keeps the moments of all hits on it in the map. A scan that little else holds may have its surfaces on
- * walls whose extent ends some metres away.
+ * Segments are taken in the order of what they say, the most first; each goes to the wall that it
+ * fits best, or becomes a new one. A wall keeps the moments of all hits on it in the map. A scan
+ * that little else holds may have its surfaces on walls whose extent ends some metres away.
  *
- * Walls are found by their direction and by the tile in which their middle lies, in lists of hashed tiles; walls longer than
- * a tile are in a list of their own for each direction. */
+ * Walls are found by their direction and by the tile in which their middle lies, in lists of
+ * hashed tiles; walls longer than a tile are in a list of their own for each direction. */
 #include "src/core/build.h"
 
 #include <string.h>
 
 #include "src/mapping/aligner_work.h"
 
-static const cairn_real LEAST_COSINE = CAIRN_REAL(0.94); /* of the directions of one wall */
+/* of the directions of one wall */
+static const cairn_real LEAST_COSINE = CAIRN_REAL(0.94);
 static const cairn_real LEAST_COSINE_STUB = CAIRN_REAL(0.7);
-static const cairn_real LONG = CAIRN_REAL(0.3);       /* m, of a wall that gives a stub its direction */
-static const cairn_real GAP = 1;                      /* m between the extents on one wall, ... */
-static const cairn_real GAP_WEAK = 6;                 /* ... of one of a scan that little else holds */
-static const cairn_real GAP_LONG = 2;                 /* times the shorter extent, when that is more */
-static const cairn_real GAP_STRICT = CAIRN_REAL(0.6); /* ... over which the gate is that share of itself */
+/* m, of a wall that gives a stub its direction */
+static const cairn_real LONG = CAIRN_REAL(0.3);
+/* m between the extents on one wall, ... */
+static const cairn_real GAP = 1;
+/* ... of one of a scan that little else holds */
+static const cairn_real GAP_WEAK = 6;
+/* times the shorter extent, when that is more */
+static const cairn_real GAP_LONG = 2;
+/* ... over which the gate is that share of itself */
+static const cairn_real GAP_STRICT = CAIRN_REAL(0.6);
 static const cairn_real GAP_COST = CAIRN_REAL(0.05);
-static const cairn_real SHORT = CAIRN_REAL(0.3), SHORT_EXTRA = CAIRN_REAL(0.01), SHORTEST = CAIRN_REAL(0.08); /* m */
+/* m */
+static const cairn_real SHORT = CAIRN_REAL(0.3), SHORT_EXTRA = CAIRN_REAL(0.01),
+                        SHORTEST = CAIRN_REAL(0.08);
 
 /* m, of the association. */
 static const cairn_real gates[] = {CAIRN_REAL(0.08), CAIRN_REAL(0.07), CAIRN_REAL(0.06),
@@ -122,7 +131,8 @@ static void add_to_wall(cairn_aligner *x, aligner_wall *wall, const aligner_segm
 {
     cairn_transform pose = x->poses[s->scan];
     cairn_vec2 mean = cairn_transform_point(pose, s->mean), along;
-    cairn_real c = pose.cosine, si = pose.sine, sum = wall->weight + s->weight, share = wall->weight * s->weight / sum;
+    cairn_real c = pose.cosine, si = pose.sine, sum = wall->weight + s->weight,
+               share = wall->weight * s->weight / sum;
     cairn_real dx = mean.x - wall->middle.x, dy = mean.y - wall->middle.y, low, high;
     cairn_sym2 m = s->spread;
 
@@ -144,11 +154,13 @@ static void add_to_wall(cairn_aligner *x, aligner_wall *wall, const aligner_segm
         wall->scans++;
 }
 
-int cairn_aligner_same_line(const aligner_wall *wall, const aligner_segment *s, cairn_vec2 direction)
+int cairn_aligner_same_line(const aligner_wall *wall, const aligner_segment *s,
+                            cairn_vec2 direction)
 {
     cairn_real cosine = cairn_vec2_dot(cairn_aligner_along(wall), direction);
 
-    return s->stub ? cosine >= LEAST_COSINE_STUB && wall->high - wall->low >= LONG : cosine >= LEAST_COSINE;
+    return s->stub ? cosine >= LEAST_COSINE_STUB && wall->high - wall->low >= LONG
+                   : cosine >= LEAST_COSINE;
 }
 
 /* A segment in the map. */
@@ -196,7 +208,8 @@ static cairn_real fits_wall(const aligner_wall *wall, const placed *p)
     return error + GAP_COST * cairn_max(gap, 0);
 }
 
-cairn_real cairn_aligner_misfit(const cairn_aligner *x, const aligner_segment *s, const aligner_wall *wall)
+cairn_real cairn_aligner_misfit(const cairn_aligner *x, const aligner_segment *s,
+                                const aligner_wall *wall)
 {
     placed p = place_segment(x, s);
 
@@ -231,7 +244,8 @@ static int32_t place_of(const aligner_wall *wall)
 
     if (wall->high - wall->low > TILE)
         return ALIGNER_TILES + way;
-    p = cairn_vec2_add(cairn_vec2_scale(wall->normal, wall->offset), cairn_vec2_scale(along, middle));
+    p = cairn_vec2_add(cairn_vec2_scale(wall->normal, wall->offset),
+                       cairn_vec2_scale(along, middle));
     return tile_of(step_of(p.x), step_of(p.y), way);
 }
 
@@ -279,12 +293,13 @@ static void look_through(const cairn_aligner *x, int32_t tile, fitting *f)
     }
 }
 
-/* 0 when no wall that has its middle in a tile can fit: its line passes the segment's end by less than the gate, and leaves
- * the segment's own line by the slope of the cone at most. */
+/* 0 when no wall that has its middle in a tile can fit: its line passes the segment's end by
+ * less than the gate, and leaves the segment's own line by the slope of the cone at most. */
 static int may_hold(const fitting *f, int32_t u, int32_t v)
 {
     const placed *p = &f->segment;
-    cairn_vec2 middle = {((cairn_real)u + CAIRN_REAL(0.5)) * TILE, ((cairn_real)v + CAIRN_REAL(0.5)) * TILE};
+    cairn_vec2 middle = {((cairn_real)u + CAIRN_REAL(0.5)) * TILE,
+                         ((cairn_real)v + CAIRN_REAL(0.5)) * TILE};
     cairn_vec2 from = cairn_vec2_sub(middle, p->a);
     cairn_real far = TILE / 2 * (cairn_abs(p->direction.x) + cairn_abs(p->direction.y)) + SLACK;
     cairn_real along = cairn_abs(cairn_vec2_dot(p->direction, from));
@@ -297,10 +312,13 @@ int32_t cairn_aligner_find_wall(const cairn_aligner *x, const aligner_segment *s
     cairn_transform cone = s->stub ? CONE_STUB : CONE;
     fitting f = {place_segment(x, s), cone.sine / cone.cosine, CAIRN_REAL_MAX, -1, 0};
     const placed *p = &f.segment;
-    cairn_real gap = cairn_min(cairn_max(p->far, GAP_LONG * s->length), cairn_max(p->far, GAP_LONG * TILE));
+    cairn_real gap =
+        cairn_min(cairn_max(p->far, GAP_LONG * s->length), cairn_max(p->far, GAP_LONG * TILE));
     cairn_real reach = gap + TILE / 2 + SLACK;
-    int32_t west = step_of(cairn_min(p->a.x, p->b.x) - reach), east = step_of(cairn_max(p->a.x, p->b.x) + reach);
-    int32_t south = step_of(cairn_min(p->a.y, p->b.y) - reach), north = step_of(cairn_max(p->a.y, p->b.y) + reach);
+    int32_t west = step_of(cairn_min(p->a.x, p->b.x) - reach),
+            east = step_of(cairn_max(p->a.x, p->b.x) + reach);
+    int32_t south = step_of(cairn_min(p->a.y, p->b.y) - reach),
+            north = step_of(cairn_max(p->a.y, p->b.y) + reach);
     int32_t last = way_of(cairn_transform_direction(cone, p->direction)), first, ways;
 
     cone.sine = -cone.sine;

@@ -3,8 +3,10 @@
 
 #include "src/mapping/aligner_work.h"
 
-static const cairn_real ON_WALL = CAIRN_REAL(0.03), GATE = CAIRN_REAL(0.07); /* m */
-static const cairn_real LEAST_ACROSS = CAIRN_REAL(0.5);                      /* sine of 30 degrees */
+/* m */
+static const cairn_real ON_WALL = CAIRN_REAL(0.03), GATE = CAIRN_REAL(0.07);
+/* sine of 30 degrees */
+static const cairn_real LEAST_ACROSS = CAIRN_REAL(0.5);
 
 enum { TESTS_OF_UNIT = 16 }; /* of two segments */
 
@@ -13,8 +15,10 @@ static int has_scan(const cairn_aligner *x, int32_t scan)
     return x != NULL && scan >= 0 && scan < x->scan_count;
 }
 
-/* 1 when two segments of one wall also lie on one line, the first seen from the scan of the second as second_first. */
-static int is_same_wall(const aligner_segment *a, const aligner_segment *b, cairn_transform second_first)
+/* 1 when two segments of one wall also lie on one line, the first seen from the scan of the
+ * second as second_first. */
+static int is_same_wall(const aligner_segment *a, const aligner_segment *b,
+                        cairn_transform second_first)
 {
     cairn_vec2 direction, way;
 
@@ -25,11 +29,12 @@ static int is_same_wall(const aligner_segment *a, const aligner_segment *b, cair
     return cairn_abs(cairn_vec2_cross(direction, way)) <= ON_WALL;
 }
 
-int32_t cairn_aligner_share_wall(const cairn_aligner *aligner, int32_t first, int32_t second, cairn_pose second_first,
-                                 cairn_vec2 along, int32_t *units)
+int32_t cairn_aligner_share_wall(const cairn_aligner *aligner, int32_t first, int32_t second,
+                                 cairn_pose second_first, cairn_vec2 along, int32_t *units)
 {
     const cairn_aligner *x = aligner;
-    int32_t tests = 0, found = 0, end = has_scan(x, first) && x->has_ended ? x->scans[first].end_segment : 0;
+    int32_t tests = 0, found = 0,
+            end = has_scan(x, first) && x->has_ended ? x->scans[first].end_segment : 0;
     cairn_transform pose = cairn_transform_of(second_first);
 
     if (!has_scan(x, second))
@@ -37,7 +42,8 @@ int32_t cairn_aligner_share_wall(const cairn_aligner *aligner, int32_t first, in
     for (int32_t i = end > 0 ? x->scans[first].first_segment : 0; i < end && !found; i++, tests++) {
         if (cairn_abs(cairn_vec2_cross(x->segments[i].direction, along)) < LEAST_ACROSS)
             continue;
-        for (int32_t j = x->scans[second].first_segment; j < x->scans[second].end_segment && !found; j++, tests++)
+        for (int32_t j = x->scans[second].first_segment; j < x->scans[second].end_segment && !found;
+             j++, tests++)
             found = is_same_wall(&x->segments[i], &x->segments[j], pose);
     }
     if (units != NULL)
@@ -51,8 +57,8 @@ int32_t cairn_aligner_are_partners(const cairn_aligner *aligner, int32_t first, 
            cairn_aligner_has_partner(aligner, first, second, ALIGNER_PARTNERS);
 }
 
-cairn_real cairn_aligner_objection(const cairn_aligner *aligner, int32_t first, int32_t second, cairn_pose second_first,
-                                   int32_t *units)
+cairn_real cairn_aligner_objection(const cairn_aligner *aligner, int32_t first, int32_t second,
+                                   cairn_pose second_first, int32_t *units)
 {
     static const cairn_transform same = {0, 0, 1, 0};
     cairn_transform pose = cairn_transform_of(second_first);

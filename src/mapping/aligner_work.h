@@ -6,24 +6,40 @@
 #include "cairn/rigid_motion.h"
 
 enum {
-    ALIGNER_BINS = 512,       /* bearings of a table, evenly over the diamond |x| + |y| = 1 */
-    ALIGNER_SECTORS = 32,     /* of them, as coarse bearings */
-    ALIGNER_WAYS = 16,        /* directions by which walls are found */
-    ALIGNER_TILES = 1024,     /* lists of walls by direction and place */
-    ALIGNER_BLOCK = 32,       /* hypotheses of which the surest is kept */
-    ALIGNER_PATCH = 8,        /* points of a scan that follow each other, in one circle */
-    ALIGNER_NO_SEGMENT = 255, /* also the most segments of a scan that a table can name */
-    ALIGNER_TRIALS = 12,      /* relative poses of one pair that are compared */
-    ALIGNER_KEPT = 4,         /* of these enter the list at most */
-    ALIGNER_NEAREST = 24,     /* scans that one is held against, ... */
-    ALIGNER_PARTNERS = 48,    /* ... and with those that it is among the nearest of, at most */
-    ALIGNER_VOTES = 4,        /* times as many cells as shifts */
-    ALIGNER_FINDS = 12,       /* places of a scan in the raster that are tried, ... */
-    ALIGNER_SLIDES = 16,      /* ... and along its walls */
-    ALIGNER_KEEP_FROM = 7     /* round of the joint solution from which on segments keep their walls */
+    /* bearings of a table, evenly over the diamond |x| + |y| = 1 */
+    ALIGNER_BINS = 512,
+    /* of them, as coarse bearings */
+    ALIGNER_SECTORS = 32,
+    /* directions by which walls are found */
+    ALIGNER_WAYS = 16,
+    /* lists of walls by direction and place */
+    ALIGNER_TILES = 1024,
+    /* hypotheses of which the surest is kept */
+    ALIGNER_BLOCK = 32,
+    /* points of a scan that follow each other, in one circle */
+    ALIGNER_PATCH = 8,
+    /* also the most segments of a scan that a table can name */
+    ALIGNER_NO_SEGMENT = 255,
+    /* relative poses of one pair that are compared */
+    ALIGNER_TRIALS = 12,
+    /* of these enter the list at most */
+    ALIGNER_KEPT = 4,
+    /* scans that one is held against, ... */
+    ALIGNER_NEAREST = 24,
+    /* ... and with those that it is among the nearest of, at most */
+    ALIGNER_PARTNERS = 48,
+    /* times as many cells as shifts */
+    ALIGNER_VOTES = 4,
+    /* places of a scan in the raster that are tried, ... */
+    ALIGNER_FINDS = 12,
+    /* ... and along its walls */
+    ALIGNER_SLIDES = 16,
+    /* round of the joint solution from which on segments keep their walls */
+    ALIGNER_KEEP_FROM = 7
 };
 
-/* Units of budget: a unit is about three points looked up, or eight pairs of scans that are far from each other. */
+/* Units of budget: a unit is about three points looked up, or eight pairs of scans that are far
+ * from each other. */
 enum { ALIGNER_POINTS_OF_UNIT = 3, ALIGNER_FAR_OF_UNIT = 8 };
 
 enum { MOST_PASSED = 64 }; /* scans far from the one at hand, in one item */
@@ -72,21 +88,33 @@ typedef struct aligner_sums {
 
 typedef struct aligner_scan {
     int32_t first_point, end_point, first_segment, end_segment, first_patch;
-    cairn_vec2 sensor, middle; /* of the circle about sensor and points */
+    /* of the circle about sensor and points */
+    cairn_vec2 sensor, middle;
     cairn_real radius;
-    cairn_real extent;                 /* from the origin of its frame to the far side of the circle */
-    cairn_vec2 axis;                   /* middle of the directions that are seen, from the sensor */
-    cairn_real view_cosine, view_sine; /* of what is seen to either side of it; cosine <= 0: half a turn or more */
+    /* from the origin of its frame to the far side of the circle */
+    cairn_real extent;
+    /* middle of the directions that are seen, from the sensor */
+    cairn_vec2 axis;
+    /* of what is seen to either side of it; cosine <= 0: half a turn or more */
+    cairn_real view_cosine, view_sine;
     cairn_pose initial;
-    int32_t part, next; /* cluster; next member of it, -1 */
-    int32_t weak;       /* 1: it could be slid along what it shared with others */
-    int32_t stirred;    /* ALIGNER_JOINED, ... */
-    int32_t joined;     /* equal for scans that have joined another cluster together */
-    cairn_vec2 frame;   /* unit direction of the first unknown of the joint solution */
-    aligner_sums pull;  /* information when it was relaxed last, and the gradient that has come upon it since */
-    int32_t held;       /* 1: placed by the last alignment that has ended */
+    /* cluster; next member of it, -1 */
+    int32_t part, next;
+    /* 1: it could be slid along what it shared with others */
+    int32_t weak;
+    /* ALIGNER_JOINED, ... */
+    int32_t stirred;
+    /* equal for scans that have joined another cluster together */
+    int32_t joined;
+    /* unit direction of the first unknown of the joint solution */
+    cairn_vec2 frame;
+    /* information when it was relaxed last, and the gradient that has come upon it since */
+    aligner_sums pull;
+    /* 1: placed by the last alignment that has ended */
+    int32_t held;
     cairn_real support;
-    cairn_real evidence; /* nats for its place in the largest cluster, when that was looked at last */
+    /* nats for its place in the largest cluster, when that was looked at last */
+    cairn_real evidence;
     int32_t partner_count;
 } aligner_scan;
 
@@ -96,7 +124,8 @@ typedef struct aligner_cluster {
     int32_t stamp; /* changes with every change of its poses */
 } aligner_cluster;
 
-/* What is left of the initial poses of a cluster after its motion as a whole: sums over its scans. */
+/* What is left of the initial poses of a cluster after its motion as a whole: sums over its
+ * scans. */
 typedef struct aligner_fit {
     int32_t stamp;         /* of the cluster then */
     cairn_transform gauge; /* that motion: near the best, but not quite */
@@ -116,10 +145,14 @@ typedef struct aligner_fit {
 typedef struct aligner_hypothesis {
     int32_t first, second;
     cairn_pose second_first;
-    cairn_real score, key;             /* nats; by the last look, and with its rivals taken into account */
-    int32_t first_stamp, second_stamp; /* of the clusters at that look; -1: none yet */
+    /* nats; by the last look, and with its rivals taken into account */
+    cairn_real score, key;
+    /* of the clusters at that look; -1: none yet */
+    int32_t first_stamp, second_stamp;
     int32_t state;
-    int32_t next[2]; /* links to more hypotheses of the first and of the second scan, -1; a link is 2 * index + side */
+    /* links to more hypotheses of the first and of the second scan, -1; a link is 2 * index +
+     * side */
+    int32_t next[2];
 } aligner_hypothesis;
 
 /* A scan that has joined another cluster, and one that others pull at. */
@@ -132,7 +165,8 @@ typedef struct aligner_count {
     cairn_real same, other, through; /* points on the same surface, at another one, in free space */
 } aligner_count;
 
-/* A look at cluster (or single scan) `moving` against cluster `fixed`, through the pose fixed_moving. */
+/* A look at cluster (or single scan) `moving` against cluster `fixed`, through the pose
+ * fixed_moving. */
 typedef struct aligner_look {
     int32_t active;
     int32_t moving, fixed; /* clusters */
@@ -149,7 +183,8 @@ typedef struct aligner_look {
     cairn_real weak[3];  /* unit motion about the centre that the points tell least of: m, m, rad */
 } aligner_look;
 
-/* Relaxation of the scans of a cluster, one by one: all, or those that have joined it and those that meet them. */
+/* Relaxation of the scans of a cluster, one by one: all, or those that have joined it and those
+ * that meet them. */
 typedef struct aligner_relax {
     int32_t active, all;
     int32_t old; /* partners at hand: 0: those that the scan has not met yet, 1: the others */
@@ -208,32 +243,53 @@ typedef struct aligner_wall {
 struct cairn_aligner {
     cairn_aligner_params params;
     aligner_scan *scans;
-    cairn_transform *poses; /* [max_scans + 1] in the frame of the cluster; the last for a scan that is tried */
+    /* [max_scans + 1] in the frame of the cluster; the last for a scan that is tried */
+    cairn_transform *poses;
     aligner_table *tables;
-    aligner_cluster *clusters; /* [max_scans + 1] */
-    aligner_fit *fits;         /* [max_scans + 1] */
+    /* [max_scans + 1] */
+    aligner_cluster *clusters;
+    /* [max_scans + 1] */
+    aligner_fit *fits;
     aligner_segment *segments;
     aligner_point *points;
-    uint16_t *partners;             /* [max_scans * ALIGNER_PARTNERS] */
-    aligner_patch *patches;         /* [max_points / ALIGNER_PATCH + max_scans] */
-    aligner_hypothesis *hypotheses; /* [max_hypotheses] */
-    int32_t *links;                 /* [max_scans] to the first hypothesis of a scan, -1 */
-    int32_t *surest;                /* [max_hypotheses / ALIGNER_BLOCK + 1] of each block, -1: none */
-    aligner_wall *walls;            /* [max_segments + max_stubs] */
-    int32_t *order;                 /* [max_segments + max_stubs] */
-    uint16_t *cells;                /* [max_cells] */
-    int32_t *votes;                 /* [max_cells / ALIGNER_VOTES] */
-    cairn_real *rhs;                /* [3 * nodes] */
-    cairn_vec2 *bearings;           /* [ALIGNER_BINS] unit directions of the bins */
-    cairn_aligner_pose *results;    /* [max_scans] */
+    /* [max_scans * ALIGNER_PARTNERS] */
+    uint16_t *partners;
+    /* [max_points / ALIGNER_PATCH + max_scans] */
+    aligner_patch *patches;
+    /* [max_hypotheses] */
+    aligner_hypothesis *hypotheses;
+    /* [max_scans] to the first hypothesis of a scan, -1 */
+    int32_t *links;
+    /* [max_hypotheses / ALIGNER_BLOCK + 1] of each block, -1: none */
+    int32_t *surest;
+    /* [max_segments + max_stubs] */
+    aligner_wall *walls;
+    /* [max_segments + max_stubs] */
+    int32_t *order;
+    /* [max_cells] */
+    uint16_t *cells;
+    /* [max_cells / ALIGNER_VOTES] */
+    int32_t *votes;
+    /* [3 * nodes] */
+    cairn_real *rhs;
+    /* [ALIGNER_BINS] unit directions of the bins */
+    cairn_vec2 *bearings;
+    /* [max_scans] */
+    cairn_aligner_pose *results;
     cairn_block_solver *solver;
 
-    int32_t scan_count, segment_count, stub_count, point_count, patch_count, hypothesis_count, wall_count, node_count;
-    cairn_real sigma, sigma_angle; /* of the initial poses, as learnt */
-    int32_t has_ended;             /* clusters and poses are those of an alignment of the scans that are there */
-    int32_t again;                 /* only scans that are not held are looked for */
-    int32_t changes;               /* gives stamps */
-    int32_t shown;                 /* the commit point that iterate() returned at last */
+    int32_t scan_count, segment_count, stub_count, point_count, patch_count, hypothesis_count,
+        wall_count, node_count;
+    /* of the initial poses, as learnt */
+    cairn_real sigma, sigma_angle;
+    /* clusters and poses are those of an alignment of the scans that are there */
+    int32_t has_ended;
+    /* only scans that are not held are looked for */
+    int32_t again;
+    /* gives stamps */
+    int32_t changes;
+    /* the commit point that iterate() returned at last */
+    int32_t shown;
 
     aligner_phase phase;
     int32_t debt;
@@ -256,28 +312,40 @@ struct cairn_aligner {
     cairn_vec2 shift_centre;
     /* Search. */
     int32_t side_cells, half_window, turns, turn, repairs, slides, changed;
-    cairn_vec2 along;  /* in which a scan slides */
-    cairn_vec2 corner; /* of the raster */
+    /* in which a scan slides */
+    cairn_vec2 along;
+    /* of the raster */
+    cairn_vec2 corner;
     cairn_real cell;
     cairn_pose predicted;
     aligner_find find[ALIGNER_SLIDES];
     int32_t find_count, find_at;
-    cairn_transform before, best; /* of the scan looked for */
+    /* of the scan looked for */
+    cairn_transform before, best;
     cairn_real before_score, best_score;
-    int32_t largest; /* the rest: the largest cluster when the search began */
-    int32_t home;    /* its cluster, -1: part of the rest */
-    int32_t moving;  /* the cluster that is moved: home as a whole, or scan_count for the scan alone */
+    /* the rest: the largest cluster when the search began */
+    int32_t largest;
+    /* its cluster, -1: part of the rest */
+    int32_t home;
+    /* the cluster that is moved: home as a whole, or scan_count for the scan alone */
+    int32_t moving;
     int32_t round, stage, at;
-    int32_t
-        tiles[ALIGNER_TILES + ALIGNER_WAYS]; /* a wall of each list, -1; at the end the long ones of each direction */
-    cairn_real moved;                        /* m, largest step of the joint solution */
-    int32_t settled;                         /* 1: no scan slides any more */
-    int32_t link;                            /* of the segment that is added next */
-    cairn_transform gauge;                   /* of the part gauge_part */
+    /* a wall of each list, -1; at the end the long ones of each direction */
+    int32_t tiles[ALIGNER_TILES + ALIGNER_WAYS];
+    /* m, largest step of the joint solution */
+    cairn_real moved;
+    /* 1: no scan slides any more */
+    int32_t settled;
+    /* of the segment that is added next */
+    int32_t link;
+    /* of the part gauge_part */
+    cairn_transform gauge;
     int32_t gauge_part;
-    cairn_real margin; /* chi-squared of the solution per degree of freedom, >= 1 */
+    /* chi-squared of the solution per degree of freedom, >= 1 */
+    cairn_real margin;
     int32_t freedom;
-    cairn_real tolerance, loose; /* chi-squared and m^2 beyond which a segment loses weight */
+    /* chi-squared and m^2 beyond which a segment loses weight */
+    cairn_real tolerance, loose;
     cairn_aligner_result result;
 };
 
@@ -305,30 +373,36 @@ cairn_transform cairn_aligner_compose(cairn_transform a_b, cairn_transform b_c);
 cairn_transform cairn_aligner_inverse(cairn_transform a_b);
 cairn_pose cairn_aligner_to_pose(cairn_transform t);
 
-/* Points of `from` (its frame seen from `to` as to_from) in the view of `to`; returns how many were looked up, those that
- * were passed over counted in part. Stops when the evidence cannot come above `least` any more. */
-int32_t cairn_aligner_count_points(const cairn_aligner *x, int32_t from, int32_t to, cairn_transform to_from,
-                                   cairn_real gate, cairn_real least, aligner_count *count);
+/* Points of `from` (its frame seen from `to` as to_from) in the view of `to`; returns how many
+ * were looked up, those that were passed over counted in part. Stops when the evidence cannot
+ * come above `least` any more. */
+int32_t cairn_aligner_count_points(const cairn_aligner *x, int32_t from, int32_t to,
+                                   cairn_transform to_from, cairn_real gate, cairn_real least,
+                                   aligner_count *count);
 cairn_real cairn_aligner_evidence(const cairn_aligner *x, aligner_count count);
 
 /* Both ways. */
-int32_t cairn_aligner_count_pair(const cairn_aligner *x, int32_t first, int32_t second, cairn_transform second_first,
-                                 cairn_real gate, aligner_count *count);
-/* Adds the rows of the points of `from`, which move with sign +1, against the surfaces of `to`; with sign -1 `to` moves.
- * Both poses in one frame, in which centre is, too. Returns as count_points. */
-int32_t cairn_aligner_pull(const cairn_aligner *x, int32_t from, int32_t to, cairn_transform map_from,
-                           cairn_transform map_to, cairn_real gate, cairn_real sign, cairn_vec2 centre,
-                           aligner_sums *sums);
+int32_t cairn_aligner_count_pair(const cairn_aligner *x, int32_t first, int32_t second,
+                                 cairn_transform second_first, cairn_real gate,
+                                 aligner_count *count);
+/* Adds the rows of the points of `from`, which move with sign +1, against the surfaces of `to`;
+ * with sign -1 `to` moves. Both poses in one frame, in which centre is, too. Returns as
+ * count_points. */
+int32_t cairn_aligner_pull(const cairn_aligner *x, int32_t from, int32_t to,
+                           cairn_transform map_from, cairn_transform map_to, cairn_real gate,
+                           cairn_real sign, cairn_vec2 centre, aligner_sums *sums);
 
 /* Moves a pose by (x, y, turn) about a centre. */
-cairn_transform cairn_aligner_moved(cairn_transform pose, cairn_vec2 centre, const cairn_real motion[3]);
+cairn_transform cairn_aligner_moved(cairn_transform pose, cairn_vec2 centre,
+                                    const cairn_real motion[3]);
 
 /* Solves for the motion; 0 when there is too little. */
 int32_t cairn_aligner_solve(const aligner_sums *sums, cairn_real motion[3]);
 
-/* 0 when a circle in the map lies wholly outside of what a scan sees, also when it is turned by up to `turned` either way. */
-int cairn_aligner_may_see(const aligner_scan *scan, cairn_transform map_scan, cairn_real turned, cairn_vec2 middle,
-                          cairn_real radius);
+/* 0 when a circle in the map lies wholly outside of what a scan sees, also when it is turned by
+ * up to `turned` either way. */
+int cairn_aligner_may_see(const aligner_scan *scan, cairn_transform map_scan, cairn_real turned,
+                          cairn_vec2 middle, cairn_real radius);
 
 /* The k-th scan that a scan is held against; each is a partner of the other. */
 static inline int32_t cairn_aligner_partner(const cairn_aligner *x, int32_t scan, int32_t k)
@@ -346,7 +420,8 @@ int32_t cairn_aligner_may_meet(const cairn_aligner *x, int32_t i, int32_t j, cai
 /* How many patches of two scans the other one may show, j seen from i as i_j. */
 int32_t cairn_aligner_shown(const cairn_aligner *x, int32_t i, int32_t j, cairn_transform i_j);
 int32_t cairn_aligner_points_of(const cairn_aligner *x, int32_t scan);
-int32_t cairn_aligner_near(cairn_transform a, cairn_transform b, cairn_real metres, cairn_real cosine);
+int32_t cairn_aligner_near(cairn_transform a, cairn_transform b, cairn_real metres,
+                           cairn_real cosine);
 
 /* ---- Items: each does a bounded piece of work and returns its units ---- */
 
@@ -356,8 +431,8 @@ int32_t cairn_aligner_look_item(cairn_aligner *x);
 int32_t cairn_aligner_relax_item(cairn_aligner *x);
 int32_t cairn_aligner_merge_item(cairn_aligner *x);
 
-/* All hypotheses that join clusters are open, and then the surest is picked; again: what has moved may let clusters join that
- * could not before. */
+/* All hypotheses that join clusters are open, and then the surest is picked; again: what has
+ * moved may let clusters join that could not before. */
 void cairn_aligner_begin_open(cairn_aligner *x, int32_t again);
 int32_t cairn_aligner_repair_item(cairn_aligner *x);
 int32_t cairn_aligner_joint_item(cairn_aligner *x);
@@ -374,16 +449,19 @@ static inline int cairn_aligner_keeps_walls(const cairn_aligner *x)
 }
 
 /* How badly a segment fits a wall, m; negative: it does not. */
-cairn_real cairn_aligner_misfit(const cairn_aligner *x, const aligner_segment *s, const aligner_wall *wall);
+cairn_real cairn_aligner_misfit(const cairn_aligner *x, const aligner_segment *s,
+                                const aligner_wall *wall);
 
-/* The wall that a segment fits best, of equal ones the first; -1: it fits none. *passed: lists and walls looked at. */
+/* The wall that a segment fits best, of equal ones the first; -1: it fits none. *passed: lists
+ * and walls looked at. */
 int32_t cairn_aligner_find_wall(const cairn_aligner *x, const aligner_segment *s, int32_t *passed);
 
 /* The direction along a wall, free side on the left. */
 cairn_vec2 cairn_aligner_along(const aligner_wall *wall);
 
 /* 1 when a segment, with that direction in the map, may be part of a wall. */
-int cairn_aligner_same_line(const aligner_wall *wall, const aligner_segment *s, cairn_vec2 direction);
+int cairn_aligner_same_line(const aligner_wall *wall, const aligner_segment *s,
+                            cairn_vec2 direction);
 
 /* ---- aligner_joint.c and aligner_slide.c ---- */
 
@@ -400,10 +478,12 @@ void cairn_aligner_give_up(cairn_aligner *x, cairn_status status);
 
 /* aligner_cluster.c */
 void cairn_aligner_begin_clusters(cairn_aligner *x);
-/* least: nats; counting ends when the evidence has fallen to it, and what is left would hardly bring it back. */
-void cairn_aligner_begin_look(cairn_aligner *x, int32_t moving, int32_t fixed, cairn_transform pose, int32_t rounds,
-                              cairn_real least);
-void cairn_aligner_begin_relax(cairn_aligner *x, int32_t cluster, cairn_real gate, int32_t rounds, int32_t all);
+/* least: nats; counting ends when the evidence has fallen to it, and what is left would hardly
+ * bring it back. */
+void cairn_aligner_begin_look(cairn_aligner *x, int32_t moving, int32_t fixed, cairn_transform pose,
+                              int32_t rounds, cairn_real least);
+void cairn_aligner_begin_relax(cairn_aligner *x, int32_t cluster, cairn_real gate, int32_t rounds,
+                               int32_t all);
 void cairn_aligner_insert(cairn_aligner *x, int32_t scan, int32_t cluster);
 void cairn_aligner_remove(cairn_aligner *x, int32_t scan);
 int32_t cairn_aligner_largest(const cairn_aligner *x);
@@ -412,12 +492,14 @@ int32_t cairn_aligner_join(cairn_aligner *x, int32_t moving, int32_t fixed, cair
 /* ---- aligner_prior.c ---- */
 
 /* Nats of the initial poses for the pose of cluster `moving` in `fixed`; charges for it. */
-cairn_real cairn_aligner_prior(cairn_aligner *x, int32_t moving, int32_t fixed, cairn_transform pose);
+cairn_real cairn_aligner_prior(cairn_aligner *x, int32_t moving, int32_t fixed,
+                               cairn_transform pose);
 
 /* Learns the standard deviations of the initial poses from all clusters; charges for it. */
 void cairn_aligner_learn_spread(cairn_aligner *x);
 
-/* The motion of a cluster as a whole that brings its scans nearest to their initial poses. Linear in the cluster. */
+/* The motion of a cluster as a whole that brings its scans nearest to their initial poses.
+ * Linear in the cluster. */
 cairn_transform cairn_aligner_gauge(const cairn_aligner *x, int32_t cluster);
 
 /* Called before a scan enters a cluster (sign 1) or leaves it (-1). */

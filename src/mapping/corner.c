@@ -1,14 +1,17 @@
 /* Corners by sweep and prune.
  *
- * Method: all segments are made longer by the end distance at both ends and boxed, so that the boxes of two segments that
- * make a corner, which lies on both lines, hold it both; the sweep reports the candidates. The lines of a candidate are tested for their angle first (no root
- * needed), then intersected. Found corners go through a heap with the weakest at its root, which makes room for stronger
- * ones when the capacity is used up; the emptied heap is the sorted result, which is then thinned out.
+ * Method: all segments are made longer by the end distance at both ends and boxed, so that the
+ * boxes of two segments that make a corner, which lies on both lines, hold it both; the sweep
+ * reports the candidates. The lines of a candidate are tested for their angle first (no root
+ * needed), then intersected. Found corners go through a heap with the weakest at its root, which
+ * makes room for stronger ones when the capacity is used up; the emptied heap is the sorted result,
+ * which is then thinned out.
  *
- * Layout: two lists of corners, one in work, one that readers see; the boxes of the segments; the sweep.
+ * Layout: two lists of corners, one in work, one that readers see; the boxes of the segments; the
+ * sweep.
  *
- * Limits: corners are dropped by strength before near ones are merged, so many copies of a strong corner can displace a
- * weak one; choose max_corners for the copies too.
+ * Limits: corners are dropped by strength before near ones are merged, so many copies of a strong
+ * corner can displace a weak one; choose max_corners for the copies too.
  *
  * Source: Adluru 2008, sections 7.3.4 and 9. */
 #include "src/core/build.h"
@@ -67,11 +70,11 @@ cairn_corner_params cairn_corner_default(void)
 
 static int params_are_valid(const cairn_corner_params *p)
 {
-    return p != NULL && p->max_segments >= 1 && p->max_segments <= MAX_COUNT && p->max_corners >= 1 &&
-           p->max_corners <= MAX_COUNT && p->min_opening > 0 && p->max_opening >= p->min_opening &&
-           p->max_opening < CAIRN_PI && p->end_distance > 0 && cairn_is_finite(p->end_distance) &&
-           p->merge_radius >= 0 && cairn_is_finite(p->merge_radius) && p->merge_angle >= 0 &&
-           p->merge_angle <= CAIRN_PI;
+    return p != NULL && p->max_segments >= 1 && p->max_segments <= MAX_COUNT &&
+           p->max_corners >= 1 && p->max_corners <= MAX_COUNT && p->min_opening > 0 &&
+           p->max_opening >= p->min_opening && p->max_opening < CAIRN_PI && p->end_distance > 0 &&
+           cairn_is_finite(p->end_distance) && p->merge_radius >= 0 &&
+           cairn_is_finite(p->merge_radius) && p->merge_angle >= 0 && p->merge_angle <= CAIRN_PI;
 }
 
 static cairn_box_sweep *carve_sweep(cairn_pool *pool, int32_t max_boxes)
@@ -121,7 +124,8 @@ size_t cairn_corner_memory(const cairn_corner_params *params)
     return cairn_pool_counted(&counting);
 }
 
-cairn_status cairn_corner_create(cairn_corner_set **set, cairn_pool *pool, const cairn_corner_params *params)
+cairn_status cairn_corner_create(cairn_corner_set **set, cairn_pool *pool,
+                                 const cairn_corner_params *params)
 {
     size_t need = cairn_corner_memory(params);
     cairn_corner_set *made;
@@ -134,7 +138,8 @@ cairn_status cairn_corner_create(cairn_corner_set **set, cairn_pool *pool, const
     made->params = *params;
     made->cos_min = cairn_cos(params->min_opening);
     made->cos_max = cairn_cos(params->max_opening);
-    made->cos_squared = cairn_max(made->cos_min * made->cos_min, made->cos_max * made->cos_max) * SLACK;
+    made->cos_squared =
+        cairn_max(made->cos_min * made->cos_min, made->cos_max * made->cos_max) * SLACK;
     made->cos_merge = cairn_cos(params->merge_angle);
     *set = made;
     return CAIRN_OK;
@@ -186,7 +191,8 @@ static int is_stronger(const cairn_corner *a, const cairn_corner *b)
     return higher(a) < higher(b);
 }
 
-/* Puts `c` into the heap of `count` corners from the vacant place `hole` down; no corner is weaker than its parent. */
+/* Puts `c` into the heap of `count` corners from the vacant place `hole` down; no corner is
+ * weaker than its parent. */
 static void sift_down(cairn_corner *heap, int32_t count, int32_t hole, const cairn_corner *c)
 {
     for (;;) {
@@ -225,10 +231,10 @@ static void keep(cairn_corner_set *set, const cairn_corner *c)
         sift_down(set->work, set->work_count, 0, c);
 }
 
-/* The leg of a corner at p, on the line of a segment: *forward when it runs as a -> b. 0 when p is too far from both ends or,
- * where crossings count, from the segment. */
-static int find_leg(const cairn_corner_params *params, cairn_segment segment, cairn_vec2 p, cairn_vec2 *leg,
-                    cairn_real *length, int *forward)
+/* The leg of a corner at p, on the line of a segment: *forward when it runs as a -> b. 0 when p
+ * is too far from both ends or, where crossings count, from the segment. */
+static int find_leg(const cairn_corner_params *params, cairn_segment segment, cairn_vec2 p,
+                    cairn_vec2 *leg, cairn_real *length, int *forward)
 {
     cairn_vec2 along = cairn_vec2_sub(segment.b, segment.a);
     cairn_real to_a = cairn_vec2_norm(cairn_vec2_sub(segment.a, p));
@@ -268,7 +274,8 @@ static int find_corner(const cairn_corner_set *set, int32_t first, int32_t secon
     c->segment[1] = left ? second : first;
     c->opening = cairn_atan2(cairn_vec2_cross(c->leg[0], c->leg[1]), cosine);
     c->strength = cairn_min(length_s, length_t);
-    /* The free side is on the left of a -> b: between the legs when leg[0] runs along its segment and leg[1] against. */
+    /* The free side is on the left of a -> b: between the legs when leg[0] runs along its
+     * segment and leg[1] against. */
     if (forward_s == forward_t)
         c->kind = CAIRN_CORNER_MIXED;
     else
@@ -297,7 +304,8 @@ static cairn_status step_boxes(cairn_corner_set *set, cairn_budget *budget)
         if (budget->left <= 0)
             return CAIRN_MORE;
         budget->left--;
-        if (!cairn_is_finite(s.a.x) || !cairn_is_finite(s.a.y) || !cairn_is_finite(s.b.x) || !cairn_is_finite(s.b.y))
+        if (!cairn_is_finite(s.a.x) || !cairn_is_finite(s.a.y) || !cairn_is_finite(s.b.x) ||
+            !cairn_is_finite(s.b.y))
             return CAIRN_NOT_FINITE;
         set->boxes[set->cursor] = box_of(s, set->params.end_distance);
     }
@@ -364,7 +372,8 @@ static int is_same(const cairn_corner_set *set, const cairn_corner *a, const cai
 {
     cairn_real radius = set->params.merge_radius;
 
-    return a->kind == b->kind && cairn_vec2_norm_squared(cairn_vec2_sub(a->position, b->position)) < radius * radius &&
+    return a->kind == b->kind &&
+           cairn_vec2_norm_squared(cairn_vec2_sub(a->position, b->position)) < radius * radius &&
            cairn_vec2_dot(a->leg[0], b->leg[0]) >= set->cos_merge &&
            cairn_vec2_dot(a->leg[1], b->leg[1]) >= set->cos_merge;
 }

@@ -1,22 +1,26 @@
 /* Params and memory of the mapper by particles, and its way from scan to scan.
  *
- * Method. A mapper goes ahead and turns scans into key scans and motions between them: scan matching makes a better odometry
- * (Haehnel et al. 2003). At every key scan the particle filter makes a step, as it is; what a particle proposes is in
- * filter_mapper_propose.c. Of N particles that of the largest likelihood along its own path is the result.
+ * Method. A mapper goes ahead and turns scans into key scans and motions between them: scan
+ * matching makes a better odometry (Haehnel et al. 2003). At every key scan the particle filter
+ * makes a step, as it is; what a particle proposes is in filter_mapper_propose.c. Of N particles
+ * that of the largest likelihood along its own path is the result.
  *
- * Layout. A particle's map is made of key scans and of nothing else: the points of a key scan are there once, for all
- * particles, in the mapper that goes ahead; a particle adds one pose for each of them, and these are the filter's tree of
- * histories, in which particles that share a past share it in memory. So nothing is copied when particles are resampled, a
- * key scan costs N nodes at most, and all there can ever be fits into the pool beforehand. Grids, even with tiles
- * that particles share, would need room for what N maps may differ in, which nobody knows before, and would have to be
- * written anew for every candidate.
+ * Layout. A particle's map is made of key scans and of nothing else: the points of a key scan are
+ * there once, for all particles, in the mapper that goes ahead; a particle adds one pose for each
+ * of them, and these are the filter's tree of histories, in which particles that share a past share
+ * it in memory. So nothing is copied when particles are resampled, a key scan costs N nodes at
+ * most, and all there can ever be fits into the pool beforehand. Grids, even with tiles that
+ * particles share, would need room for what N maps may differ in, which nobody knows before, and
+ * would have to be written anew for every candidate.
  *
- * Limits. The evidence of a key scan is used twice, for the motion and for the weight; the motion's covariance is wider
- * for that. Paths are walked back to their beginning at every key scan, so that a step grows with the path. What no particle
- * has drawn is not found: with too few of them a long loop stays open.
+ * Limits. The evidence of a key scan is used twice, for the motion and for the weight; the motion's
+ * covariance is wider for that. Paths are walked back to their beginning at every key scan, so that
+ * a step grows with the path. What no particle has drawn is not found: with too few of them a long
+ * loop stays open.
  *
- * Source: Murphy 1999; Grisetti, Stachniss and Burgard 2007 (improved proposals); Haehnel, Burgard, Fox and Thrun 2003; the filter
- * is that of Adluru 2008, sections 2.3 and 9.2.2, the match against a map by shape and points its chapter 6. */
+ * Source: Murphy 1999; Grisetti, Stachniss and Burgard 2007 (improved proposals); Haehnel,
+ * Burgard, Fox and Thrun 2003; the filter is that of Adluru 2008, sections 2.3 and 9.2.2, the
+ * match against a map by shape and points its chapter 6. */
 #include "src/core/build.h"
 
 #include <string.h>
@@ -52,7 +56,8 @@ cairn_filter_mapper_params cairn_filter_mapper_default(void)
     return params;
 }
 
-cairn_filter_mapper_params cairn_filter_mapper_default_for(int32_t max_keys, int32_t max_beams, int32_t particles)
+cairn_filter_mapper_params cairn_filter_mapper_default_for(int32_t max_keys, int32_t max_beams,
+                                                           int32_t particles)
 {
     cairn_filter_mapper_params params = cairn_filter_mapper_default();
 
@@ -104,13 +109,15 @@ static cairn_particle_filter_params filter_params(const cairn_filter_mapper_para
 /* What the rooms' own params are not asked for. */
 static int is_valid(const cairn_filter_mapper_params *p)
 {
-    return p != NULL && p->particles >= 1 && p->particles <= PARTICLES_MOST && p->front.max_keys >= 1 &&
-           p->front.max_keys <= NODES_MOST / p->particles && p->candidates >= 1 &&
-           p->candidates <= CAIRN_FILTER_MAPPER_CANDIDATES_MOST && p->points >= 1 && p->local_keys >= 1 &&
+    return p != NULL && p->particles >= 1 && p->particles <= PARTICLES_MOST &&
+           p->front.max_keys >= 1 && p->front.max_keys <= NODES_MOST / p->particles &&
+           p->candidates >= 1 && p->candidates <= CAIRN_FILTER_MAPPER_CANDIDATES_MOST &&
+           p->points >= 1 && p->local_keys >= 1 &&
            p->local_keys <= CAIRN_FILTER_MAPPER_LOCAL_MOST && p->max_local_points >= 1 &&
-           p->max_local_points <= LOCAL_POINTS_MOST && p->span >= 1 && p->local_radius > 0 && p->motion_distance >= 0 &&
-           p->motion_turn >= 0 && p->motion_distance_min > 0 && p->motion_turn_min > 0 && p->match_sigma > 0 &&
-           p->match_sigma_turn > 0 && p->min_support >= 0 && p->min_support <= 1 && p->sigma > 0 && p->outlier > 0 &&
+           p->max_local_points <= LOCAL_POINTS_MOST && p->span >= 1 && p->local_radius > 0 &&
+           p->motion_distance >= 0 && p->motion_turn >= 0 && p->motion_distance_min > 0 &&
+           p->motion_turn_min > 0 && p->match_sigma > 0 && p->match_sigma_turn > 0 &&
+           p->min_support >= 0 && p->min_support <= 1 && p->sigma > 0 && p->outlier > 0 &&
            p->weight > 0;
 }
 
@@ -133,11 +140,13 @@ static void count_parts(cairn_pool *counting, const cairn_filter_mapper_params *
 static cairn_filter_mapper *carve(cairn_pool *pool, const cairn_filter_mapper_params *params)
 {
     cairn_filter_mapper *mapper = cairn_pool_take_one(pool, sizeof *mapper);
-    cairn_oriented_point *oriented = cairn_pool_take(pool, (size_t)params->front.scan.max_points, sizeof *oriented);
+    cairn_oriented_point *oriented =
+        cairn_pool_take(pool, (size_t)params->front.scan.max_points, sizeof *oriented);
     cairn_vec2 *direction[LOCAL_MAPS];
 
     for (int which = 0; which < LOCAL_MAPS; which++)
-        direction[which] = cairn_pool_take(pool, (size_t)params->max_local_points, sizeof *direction[which]);
+        direction[which] =
+            cairn_pool_take(pool, (size_t)params->max_local_points, sizeof *direction[which]);
     if (mapper == NULL)
         return NULL;
     memset(mapper, 0, sizeof *mapper);
@@ -159,7 +168,8 @@ size_t cairn_filter_mapper_memory(const cairn_filter_mapper_params *params)
     return cairn_pool_counted(&counting);
 }
 
-static cairn_status create_parts(cairn_filter_mapper *made, cairn_pool *pool, const cairn_filter_mapper_params *params)
+static cairn_status create_parts(cairn_filter_mapper *made, cairn_pool *pool,
+                                 const cairn_filter_mapper_params *params)
 {
     cairn_mapper_params front = front_params(params);
     cairn_icp_params icp = icp_params(params);
@@ -231,8 +241,10 @@ static cairn_status start_paths(cairn_filter_mapper *mapper)
 static void find_motion(cairn_filter_mapper *mapper, const cairn_mapper_result *result)
 {
     const cairn_filter_mapper_params *p = &mapper->params;
-    cairn_pose motion = cairn_pose_between(cairn_mapper_key_pose(mapper->front, result->key - 1), result->map_scan);
-    cairn_real way = cairn_sqrt(motion.x * motion.x + motion.y * motion.y), turn = cairn_abs(motion.theta);
+    cairn_pose motion =
+        cairn_pose_between(cairn_mapper_key_pose(mapper->front, result->key - 1), result->map_scan);
+    cairn_real way = cairn_sqrt(motion.x * motion.x + motion.y * motion.y),
+               turn = cairn_abs(motion.theta);
 
     mapper->motion = motion;
     mapper->sigma_distance = p->motion_distance_min + p->motion_distance * way;
@@ -243,7 +255,8 @@ static void find_motion(cairn_filter_mapper *mapper, const cairn_mapper_result *
     }
 }
 
-/* The mapper that goes ahead is done with the scan: when it is a key scan, the filter makes a step. */
+/* The mapper that goes ahead is done with the scan: when it is a key scan, the filter makes a
+ * step. */
 static cairn_status begin_filter(cairn_filter_mapper *mapper)
 {
     cairn_mapper_result result = cairn_mapper_read(mapper->front);
@@ -329,7 +342,8 @@ cairn_pose cairn_filter_mapper_last(const cairn_filter_mapper *mapper, int32_t p
     return state == NULL ? cairn_pose_identity() : state->map_key;
 }
 
-int32_t cairn_filter_mapper_path(const cairn_filter_mapper *mapper, int32_t particle, cairn_pose *poses, int32_t room)
+int32_t cairn_filter_mapper_path(const cairn_filter_mapper *mapper, int32_t particle,
+                                 cairn_pose *poses, int32_t room)
 {
     const path_state *state = cairn_particle_filter_particle(mapper->filter, particle).state;
     int32_t count = 0;

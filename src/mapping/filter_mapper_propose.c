@@ -1,28 +1,40 @@
 /* What a particle makes of a key scan: where it may be, and how well it fits there.
  *
- * Method. The path is walked back; of the key scans near the expected pose those of the last while are the recent map, the
- * others the old one. The scan is matched against each alone (icp, with the motion as prior): a particle that comes back to a
- * place it knows has two opinions of where it is, and against both maps together the nearer, recent one would always win. From
- * a normal distribution around every match, with its covariance, candidates x are drawn, and each is weighed by
+ * Method. The path is walked back; of the key scans near the expected pose those of the last while
+ * are the recent map, the others the old one. The scan is matched against each alone (icp, with the
+ * motion as prior): a particle that comes back to a place it knows has two opinions of where it is,
+ * and against both maps together the nearer, recent one would always win. From a normal
+ * distribution around every match, with its covariance, candidates x are drawn, and each is weighed
+ * by
  *
  *     p(z | recent map, x) p(z | old map, x) p(x | motion).
  *
- * Their mean is the weight of the particle, as in Grisetti et al., eq. 18: the candidates stand for the region in which the product has
- * its mass. To divide by the density from which they were drawn would make that an unbiased estimate, but a noisy one: a few
- * draws from narrow distributions then decide which particles live (seen: half of all steps resampled, and not one in ten
- * without). p(z | map, x) is a likelihood field (Thrun, Burgard and Fox 2005, section 6.4) of the distances along the normals of the
- * nearest points: a scan of n points counts as `weight` independent ones. A path whose ends do not meet has its scan on the one
- * map or on the other, never on both.
+ * Their mean is the weight of the particle, as in Grisetti et al., eq. 18: the candidates stand for
+ * the region in which the product has its mass. To divide by the density from which they were drawn
+ * would make that an unbiased estimate, but a noisy one: a few draws from narrow distributions then
+ * decide which particles live (seen: half of all steps resampled, and not one in ten without). p(z
+ * | map, x) is a likelihood field (Thrun, Burgard and Fox 2005, section 6.4) of the distances along
+ * the normals of the nearest points: a scan of n points counts as `weight` independent ones. A path
+ * whose ends do not meet has its scan on the one map or on the other, never on both.
  *
- * Source: Grisetti, Stachniss and Burgard 2007, section III-B, with the mixture of Adluru 2008, section 9.2.2. */
+ * Source: Grisetti, Stachniss and Burgard 2007, section III-B, with the mixture of Adluru 2008,
+ * section 9.2.2. */
 #include "src/core/build.h"
 
 #include "src/mapping/filter_mapper_work.h"
 
-enum { WALKED_PER_UNIT = 8, POINTS_PER_UNIT = 2, CLEARED_PER_UNIT = 64, EMPTIED_PER_UNIT = 4, DRAW_COST = 8 };
+enum {
+    WALKED_PER_UNIT = 8,
+    POINTS_PER_UNIT = 2,
+    CLEARED_PER_UNIT = 64,
+    EMPTIED_PER_UNIT = 4,
+    DRAW_COST = 8
+};
 
-static const cairn_real GATE = 3;                 /* sigmas, to the point of the map that a point is compared with */
-static const cairn_real FACING = CAIRN_REAL(0.5); /* cosine, and at least so much is the same side of a wall */
+/* sigmas, to the point of the map that a point is compared with */
+static const cairn_real GATE = 3;
+/* cosine, and at least so much is the same side of a wall */
+static const cairn_real FACING = CAIRN_REAL(0.5);
 
 static int pay(proposing *at, cairn_budget *budget, int32_t cost)
 {
@@ -89,7 +101,8 @@ static int walk_path(cairn_filter_mapper *m, cairn_budget *budget)
             local_key key = {s->map_key, x * x + y * y, s->key};
 
             if (key.distance <= p->local_radius * p->local_radius)
-                keep_nearest(&at->map[s->key < m->keys - p->span ? OLD : RECENT], p->local_keys, key);
+                keep_nearest(&at->map[s->key < m->keys - p->span ? OLD : RECENT], p->local_keys,
+                             key);
             at->ancestor = cairn_particle_state_before(s);
         }
     }
@@ -126,7 +139,8 @@ static int add_key(cairn_filter_mapper *m, local_map *map, const local_key *key)
     for (int32_t i = 0; i < count; i++) {
         map->direction[cairn_point_grid_count(map->points)] =
             cairn_transform_direction(map_key, m->oriented[i].direction);
-        status = cairn_point_grid_insert(map->points, cairn_transform_point(map_key, m->oriented[i].position));
+        status = cairn_point_grid_insert(map->points,
+                                         cairn_transform_point(map_key, m->oriented[i].position));
         CAIRN_ASSERT(status == CAIRN_OK);
     }
     (void)status;
@@ -164,7 +178,8 @@ static int begin_match(cairn_filter_mapper *m)
     cairn_scan_view view = cairn_mapper_view(m->front);
     cairn_pose_prior prior = {m->at.expected, m->sigma_distance, m->sigma_distance, m->sigma_turn};
 
-    return cairn_icp_begin(m->icp, view.points, view.point_count, m->at.expected, &prior, NULL) == CAIRN_OK;
+    return cairn_icp_begin(m->icp, view.points, view.point_count, m->at.expected, &prior, NULL) ==
+           CAIRN_OK;
 }
 
 static void add_place(cairn_filter_mapper *m, cairn_pose mean, cairn_sym3 covariance)
@@ -184,9 +199,12 @@ static void end_match(cairn_filter_mapper *m)
     const cairn_filter_mapper_params *p = &m->params;
     cairn_icp_result match = cairn_icp_read(m->icp);
     const cairn_real *c = match.covariance;
-    cairn_sym3 covariance = {
-        c[0] + p->match_sigma * p->match_sigma, c[1], c[2],
-        c[4] + p->match_sigma * p->match_sigma, c[5], c[8] + p->match_sigma_turn * p->match_sigma_turn};
+    cairn_sym3 covariance = {c[0] + p->match_sigma * p->match_sigma,
+                             c[1],
+                             c[2],
+                             c[4] + p->match_sigma * p->match_sigma,
+                             c[5],
+                             c[8] + p->match_sigma_turn * p->match_sigma_turn};
 
     if (match.verdict == CAIRN_ICP_TOO_FEW_PAIRS || match.overlap < p->min_support)
         return;
@@ -199,7 +217,8 @@ static void end_match(cairn_filter_mapper *m)
 /* Without a match there is the motion alone. */
 static void end_matches(cairn_filter_mapper *m)
 {
-    cairn_real distance = m->sigma_distance * m->sigma_distance, turn = m->sigma_turn * m->sigma_turn;
+    cairn_real distance = m->sigma_distance * m->sigma_distance,
+               turn = m->sigma_turn * m->sigma_turn;
     cairn_sym3 motion = {distance, 0, 0, distance, 0, turn};
 
     if (m->at.place_count == 0)
@@ -257,8 +276,8 @@ static int32_t stride_of(const cairn_filter_mapper *m, int32_t count)
 }
 
 /* What a point tells against a map, 0 ... outlier. */
-static cairn_real point_cost(const cairn_filter_mapper *m, const local_map *map, cairn_transform map_scan,
-                             cairn_oriented_point point)
+static cairn_real point_cost(const cairn_filter_mapper *m, const local_map *map,
+                             cairn_transform map_scan, cairn_oriented_point point)
 {
     cairn_vec2 p = cairn_transform_point(map_scan, point.position);
     cairn_vec2 direction = cairn_transform_direction(map_scan, point.direction);
@@ -267,9 +286,9 @@ static cairn_real point_cost(const cairn_filter_mapper *m, const local_map *map,
 
     if (nearest < 0 || cairn_vec2_dot(direction, map->direction[nearest]) < FACING)
         return m->params.outlier;
-    across =
-        cairn_vec2_cross(map->direction[nearest], cairn_vec2_sub(p, cairn_point_grid_point(map->points, nearest))) /
-        m->params.sigma;
+    across = cairn_vec2_cross(map->direction[nearest],
+                              cairn_vec2_sub(p, cairn_point_grid_point(map->points, nearest))) /
+             m->params.sigma;
     return cairn_min(across * across / 2, m->params.outlier);
 }
 
@@ -279,7 +298,8 @@ static int weigh_candidate(cairn_filter_mapper *m, cairn_scan_view view, cairn_b
     proposing *at = &m->at;
     path_state *s = &at->candidates[at->candidate];
     cairn_transform map_scan = cairn_transform_of(s->map_key);
-    int32_t stride = stride_of(m, view.point_count), weighed = (view.point_count + stride - 1) / stride;
+    int32_t stride = stride_of(m, view.point_count),
+            weighed = (view.point_count + stride - 1) / stride;
 
     for (; at->cursor < view.point_count; at->cursor += stride) {
         if (!pay(at, budget, 2 * LOCAL_MAPS))
@@ -374,7 +394,8 @@ static int advance(cairn_filter_mapper *m, cairn_budget *budget)
     }
 }
 
-static cairn_status propose(void *context, cairn_particle_filter *filter, int32_t index, cairn_budget *budget)
+static cairn_status propose(void *context, cairn_particle_filter *filter, int32_t index,
+                            cairn_budget *budget)
 {
     cairn_filter_mapper *m = context;
 
@@ -396,8 +417,8 @@ static cairn_status propose(void *context, cairn_particle_filter *filter, int32_
 }
 
 /* Weighed when they were drawn: the local maps are those of one particle at a time. */
-static cairn_status likelihood(void *context, const cairn_particle_filter *filter, int32_t index, const void *state,
-                               cairn_real *log_likelihood, cairn_budget *budget)
+static cairn_status likelihood(void *context, const cairn_particle_filter *filter, int32_t index,
+                               const void *state, cairn_real *log_likelihood, cairn_budget *budget)
 {
     const path_state *s = state;
 

@@ -1,5 +1,5 @@
-/* What the parts of filter_mapper share: filter_mapper.c (params, memory, scan by scan) and filter_mapper_propose.c (what a particle
- * makes of a key scan). */
+/* What the parts of filter_mapper share: filter_mapper.c (params, memory, scan by scan) and
+ * filter_mapper_propose.c (what a particle makes of a key scan). */
 #ifndef CAIRN_MAPPING_FILTER_MAPPER_WORK_H
 #define CAIRN_MAPPING_FILTER_MAPPER_WORK_H
 

@@ -1,13 +1,16 @@
-/* Force field simulation: memory, inputs, readers. Parameters are in force_field_params.c; what an iteration does is in
- * force_field_iteration.c, force_field_pairs.c, force_field_springs.c and force_field_move.c.
+/* Force field simulation: memory, inputs, readers. Parameters are in force_field_params.c; what an
+ * iteration does is in force_field_iteration.c, force_field_pairs.c, force_field_springs.c and
+ * force_field_move.c.
  *
- * Layout: the scans as they came in a scan set; beside it arrays of segments and, unless they are made on the fly, points in
- * the map. Poses and motions are held twice: readers see one, the iteration under way fills the other. Scans that arrive
- * during an iteration lie behind those that it works on; released ones are removed, and the gaps closed, between iterations.
- * Points from outside are held twice as well.
+ * Layout: the scans as they came in a scan set; beside it arrays of segments and, unless they are
+ * made on the fly, points in the map. Poses and motions are held twice: readers see one, the
+ * iteration under way fills the other. Scans that arrive during an iteration lie behind those that
+ * it works on; released ones are removed, and the gaps closed, between iterations. Points from
+ * outside are held twice as well.
  *
- * Limits: in float the map should not be larger than about 100 m. The time of an iteration grows with the pairs of points
- * within reach. The force on a single point is not kept: cairn_force_field_point_force sums it up again.
+ * Limits: in float the map should not be larger than about 100 m. The time of an iteration grows
+ * with the pairs of points within reach. The force on a single point is not kept:
+ * cairn_force_field_point_force sums it up again.
  *
  * Source: Adluru 2008, chapter 7. */
 #include "src/core/build.h"
@@ -49,7 +52,8 @@ static cairn_point_grid_params grid_params(const cairn_force_field_params *p)
     return params;
 }
 
-/* Objects within the object: counted on a counting pool, created on a real one, which has been asked for room. */
+/* Objects within the object: counted on a counting pool, created on a real one, which has been
+ * asked for room. */
 static int only_counted(cairn_pool *pool, size_t need)
 {
     if (pool->base != NULL)
@@ -121,7 +125,8 @@ static cairn_force_field *carve(cairn_pool *pool, const cairn_force_field_params
 {
     size_t scans = (size_t)params->max_scans, points = (size_t)params->max_points;
     size_t extra_count = (size_t)params->max_extra, segment_count = (size_t)params->max_segments;
-    int32_t is_kept = !(params->spacing > 0), has_masses = is_kept && params->roi, has_bits = !is_kept && params->roi;
+    int32_t is_kept = !(params->spacing > 0), has_masses = is_kept && params->roi,
+            has_bits = !is_kept && params->roi;
     cairn_force_field *field = cairn_pool_take_one(pool, sizeof *field);
     struct cairn_force_placement *front = cairn_pool_take(pool, scans, sizeof *front);
     struct cairn_force_placement *back = cairn_pool_take(pool, scans, sizeof *back);
@@ -131,8 +136,10 @@ static cairn_force_field *carve(cairn_pool *pool, const cairn_force_field_params
     cairn_box *boxes = cairn_pool_take(pool, extra_count + segment_count, sizeof *boxes);
     cairn_vec2 *position = is_kept ? cairn_pool_take(pool, points, sizeof *position) : NULL;
     cairn_real *mass = has_masses ? cairn_pool_take(pool, points, sizeof *mass) : NULL;
-    uint32_t *in_region = has_bits ? cairn_pool_take(pool, points / 32 + 1, sizeof *in_region) : NULL;
-    struct cairn_force_extra extra[2] = {carve_extra(pool, extra_count), carve_extra(pool, extra_count)};
+    uint32_t *in_region =
+        has_bits ? cairn_pool_take(pool, points / 32 + 1, sizeof *in_region) : NULL;
+    struct cairn_force_extra extra[2] = {carve_extra(pool, extra_count),
+                                         carve_extra(pool, extra_count)};
     cairn_scan_set *set = carve_set(pool, params);
     cairn_box_sweep *sweep = carve_sweep(pool, params);
     cairn_corner_set *corners = params->roi ? carve_corners(pool, params) : NULL;
@@ -215,8 +222,9 @@ static uint32_t next_commit(const cairn_force_field *field)
     return cairn_force_iteration_is_between(field) ? field->commits : field->commits + 1;
 }
 
-cairn_status cairn_force_field_add_scan(cairn_force_field *field, const cairn_scan_view *view, const cairn_real *mass,
-                                        cairn_pose map_scan, cairn_fault *fault)
+cairn_status cairn_force_field_add_scan(cairn_force_field *field, const cairn_scan_view *view,
+                                        const cairn_real *mass, cairn_pose map_scan,
+                                        cairn_fault *fault)
 {
     cairn_fault pose_fault = {-1, NULL};
     cairn_status status = CAIRN_OK;
@@ -267,8 +275,8 @@ int32_t cairn_force_field_next(const cairn_force_field *field)
 
 static int is_there(const cairn_force_field *field, int32_t scan)
 {
-    return field != NULL && scan >= 0 && scan < field->set->scan_count && field->set->scans[scan].in_use &&
-           !field->bodies[scan].leaves;
+    return field != NULL && scan >= 0 && scan < field->set->scan_count &&
+           field->set->scans[scan].in_use && !field->bodies[scan].leaves;
 }
 
 cairn_status cairn_force_field_fix(cairn_force_field *field, int32_t scan, int32_t yes)
@@ -326,19 +334,21 @@ static cairn_status check_extra(const cairn_force_field *field, const cairn_orie
     for (int32_t i = 0; i < count; i++) {
         cairn_vec2 p = points[i].position, d = points[i].direction;
 
-        if (!cairn_is_finite(p.x) || !cairn_is_finite(p.y) || !cairn_is_finite(d.x) || !cairn_is_finite(d.y) ||
-            !cairn_is_finite(weights[i]))
+        if (!cairn_is_finite(p.x) || !cairn_is_finite(p.y) || !cairn_is_finite(d.x) ||
+            !cairn_is_finite(d.y) || !cairn_is_finite(weights[i]))
             return CAIRN_NOT_FINITE;
-        if (cairn_abs(p.x) > MAX_VALUE || cairn_abs(p.y) > MAX_VALUE || cairn_abs(d.x) > MAX_VALUE ||
-            cairn_abs(d.y) > MAX_VALUE || !is_not_negative(weights[i]))
+        if (cairn_abs(p.x) > MAX_VALUE || cairn_abs(p.y) > MAX_VALUE ||
+            cairn_abs(d.x) > MAX_VALUE || cairn_abs(d.y) > MAX_VALUE ||
+            !is_not_negative(weights[i]))
             return CAIRN_BAD_ARGUMENT;
     }
     return CAIRN_OK;
 }
 
-/* Cuts the points into runs of one direction, so that they can be treated as the points of a segment. */
-static void copy_extra(struct cairn_force_extra *extra, const cairn_oriented_point *points, const cairn_real *weights,
-                       int32_t count)
+/* Cuts the points into runs of one direction, so that they can be treated as the points of a
+ * segment. */
+static void copy_extra(struct cairn_force_extra *extra, const cairn_oriented_point *points,
+                       const cairn_real *weights, int32_t count)
 {
     extra->runs = 0;
     extra->count = count;
@@ -356,7 +366,8 @@ static void copy_extra(struct cairn_force_extra *extra, const cairn_oriented_poi
         extra->first[extra->runs] = count;
 }
 
-cairn_status cairn_force_field_set_extra(cairn_force_field *field, const cairn_oriented_point *points,
+cairn_status cairn_force_field_set_extra(cairn_force_field *field,
+                                         const cairn_oriented_point *points,
                                          const cairn_real *weights, int32_t count)
 {
     cairn_status status = check_extra(field, points, weights, count);
@@ -520,13 +531,14 @@ static int32_t segment_of(const cairn_scan_set *set, const cairn_scan_set_scan *
     return low;
 }
 
-cairn_status cairn_force_field_point_force(const cairn_force_field *field, int32_t scan, int32_t index,
-                                           cairn_vec2 *force, cairn_real *mass)
+cairn_status cairn_force_field_point_force(const cairn_force_field *field, int32_t scan,
+                                           int32_t index, cairn_vec2 *force, cairn_real *mass)
 {
     const cairn_scan_set_scan *from;
     int32_t point, segment;
 
-    if (field == NULL || force == NULL || mass == NULL || !cairn_force_field_has(field, scan) || index < 0 ||
+    if (field == NULL || force == NULL || mass == NULL || !cairn_force_field_has(field, scan) ||
+        index < 0 ||
         index >= field->set->scans[scan].end_point - field->set->scans[scan].first_point)
         return CAIRN_BAD_ARGUMENT;
     if (field->phase != PHASE_AT_COMMIT || !field->reported || !field->bodies[scan].reported)
@@ -534,7 +546,8 @@ cairn_status cairn_force_field_point_force(const cairn_force_field *field, int32
     from = &field->set->scans[scan];
     point = from->first_point + index;
     segment = segment_of(field->set, from, point);
-    *force = cairn_force_at(field, segment, point - field->set->segments[segment].first_point, mass);
+    *force =
+        cairn_force_at(field, segment, point - field->set->segments[segment].first_point, mass);
     return CAIRN_OK;
 }
 

@@ -11,9 +11,10 @@
  *   commit       buffers swapped, cooling (section 7.3.2), verdict
  * Without regions of interest CORNERS to MASSES are left out.
  *
- * A scan whose neighbours stood still keeps its forces. Neighbours are the scans with segments in near boxes: MARK_OLD walks
- * over those as they were, MARK_NEW as they are, and every scan near one that has moved is dirty; only dirty scans are
- * summed up anew. When sigma has changed, as it does while the field cools, all are.
+ * A scan whose neighbours stood still keeps its forces. Neighbours are the scans with segments in
+ * near boxes: MARK_OLD walks over those as they were, MARK_NEW as they are, and every scan near one
+ * that has moved is dirty; only dirty scans are summed up anew. When sigma has changed, as it does
+ * while the field cools, all are.
  *
  * Source: Adluru 2008, chapter 7. */
 #include "src/core/build.h"
@@ -80,8 +81,8 @@ void cairn_force_iteration_begin(cairn_force_field *field)
     if (field->fresh)
         field->free_box = cairn_box_empty();
     /* A little below, so that rounding does not decide where the two meet. */
-    field->by_sensor =
-        cairn_force_has_springs(field) || field->sigma < p->sensor_below * p->sigma_start * CAIRN_REAL(0.9999);
+    field->by_sensor = cairn_force_has_springs(field) ||
+                       field->sigma < p->sensor_below * p->sigma_start * CAIRN_REAL(0.9999);
     field->margin = p->reach * field->sigma / 2 * SLACK;
     cairn_force_kernel_set(&field->kernel, field->sigma, p->reach);
     field->scan = 0;
@@ -109,7 +110,8 @@ static cairn_status step_pack(cairn_force_field *field, cairn_budget *budget)
         struct cairn_force_body *body = &field->bodies[field->leaving];
         const cairn_scan_set_scan *scan = &field->set->scans[field->leaving];
 
-        if (!cairn_budget_pay(budget, &field->paid, 1 + (scan->end_segment - scan->first_segment) / 16))
+        if (!cairn_budget_pay(budget, &field->paid,
+                              1 + (scan->end_segment - scan->first_segment) / 16))
             return CAIRN_MORE;
         must_be_ok(cairn_scan_set_remove(field->set, field->leaving));
         field->leaving = body->next_leaving;
@@ -128,8 +130,9 @@ static cairn_status step_compare(cairn_force_field *field, cairn_budget *budget)
 
             if (!cairn_force_iteration_has(field, field->scan))
                 continue;
-            body->moved = field->fresh || body->is_new || is_fixed != body->is_fixed ||
-                          !is_same_pose(body->placed, field->placements[field->front][field->scan].map_scan);
+            body->moved =
+                field->fresh || body->is_new || is_fixed != body->is_fixed ||
+                !is_same_pose(body->placed, field->placements[field->front][field->scan].map_scan);
             body->is_fixed = is_fixed;
             body->dirty = body->moved;
             field->moved += body->moved;
@@ -228,7 +231,8 @@ static cairn_status step_place_extra(cairn_force_field *field, cairn_budget *bud
 
             if (!cairn_budget_pay(budget, &field->paid, 1))
                 return CAIRN_MORE;
-            for (; field->point < end && field->point < extra->first[field->segment + 1]; field->point++)
+            for (; field->point < end && field->point < extra->first[field->segment + 1];
+                 field->point++)
                 extend(box, extra->position[field->point]);
         }
         grow(box, field->margin);
@@ -238,7 +242,8 @@ static cairn_status step_place_extra(cairn_force_field *field, cairn_budget *bud
     return CAIRN_OK;
 }
 
-/* Segment by segment in the order in which they lie; `point` is -1 before the segment's ends are placed. */
+/* Segment by segment in the order in which they lie; `point` is -1 before the segment's ends are
+ * placed. */
 static cairn_status step_place(cairn_force_field *field, cairn_budget *budget)
 {
     for (; field->segment < field->segment_count; field->segment++, field->point = -1) {
@@ -289,7 +294,8 @@ static cairn_status step_grid(cairn_force_field *field, cairn_budget *budget)
         if (!cairn_budget_pay(budget, &field->paid, 2))
             return CAIRN_MORE;
         /* As many places as corners. */
-        must_be_ok(cairn_point_grid_insert(field->grid, corners[cairn_point_grid_count(field->grid)].position));
+        must_be_ok(cairn_point_grid_insert(field->grid,
+                                           corners[cairn_point_grid_count(field->grid)].position));
     }
     field->segment = field->point = 0;
     return CAIRN_OK;
@@ -319,13 +325,15 @@ static int find_regions(cairn_force_field *field)
 {
     const cairn_scan_set_segment *segment = &field->set->segments[field->segment];
     cairn_vec2 points[FEW];
-    int32_t left = segment->end_point - segment->first_point - field->point, count = left < FEW ? left : FEW;
+    int32_t left = segment->end_point - segment->first_point - field->point,
+            count = left < FEW ? left : FEW;
     int changed = 0;
 
     cairn_force_points(field, field->segment, field->point, count, points);
     for (int32_t i = 0; i < count; i++)
-        changed |= set_mass(field, segment->first_point + field->point + i,
-                            cairn_point_grid_has(field->grid, points[i], field->params.roi_radius) != 0);
+        changed |=
+            set_mass(field, segment->first_point + field->point + i,
+                     cairn_point_grid_has(field->grid, points[i], field->params.roi_radius) != 0);
     field->point += count;
     return changed;
 }
@@ -353,7 +361,8 @@ static cairn_status step_reset(cairn_force_field *field, cairn_budget *budget)
     const cairn_vec2 none = {0, 0};
 
     while (field->scan < field->slots) {
-        if (!cairn_budget_pay(budget, &field->paid, cairn_force_has_springs(field) ? GROUP : GROUP / 2))
+        if (!cairn_budget_pay(budget, &field->paid,
+                              cairn_force_has_springs(field) ? GROUP : GROUP / 2))
             return CAIRN_MORE;
         for (int32_t i = 0; i < GROUP && field->scan < field->slots; i++, field->scan++) {
             struct cairn_force_body *body = &field->bodies[field->scan];
@@ -393,15 +402,16 @@ static void commit(cairn_force_field *field)
     }
     state->sigma = field->sigma;
     state->dt = field->dt;
-    state->mean_relocation = field->free_scans > 0 ? field->relocation / (cairn_real)field->free_scans : 0;
+    state->mean_relocation =
+        field->free_scans > 0 ? field->relocation / (cairn_real)field->free_scans : 0;
     if (state->mean_relocation < p->stop_relocation)
         state->verdict = CAIRN_FORCE_FIELD_CONVERGED;
     else if (state->start_iterations >= p->max_steps)
         state->verdict = CAIRN_FORCE_FIELD_OUT_OF_STEPS;
 
     field->sigma_scale *= p->sigma_factor;
-    field->sigma = cairn_max(p->sigma_end,
-                             p->sigma_start * field->sigma_scale - (cairn_real)state->start_iterations * p->sigma_step);
+    field->sigma = cairn_max(p->sigma_end, p->sigma_start * field->sigma_scale -
+                                               (cairn_real)state->start_iterations * p->sigma_step);
     field->dt = cairn_max(p->dt_end, field->dt * p->dt_factor);
     field->front = 1 - field->front;
     field->commits++;
@@ -501,7 +511,8 @@ static cairn_status begin_phase(cairn_force_field *field)
         memset(&field->pair.cursor, 0, sizeof field->pair.cursor);
         field->tiles[0].line = field->tiles[1].line = -1;
         field->bond_count = field->bonds_dropped = 0;
-        return cairn_box_sweep_begin_in(field->sweep, field->boxes, boxes_of(field), field->free_box);
+        return cairn_box_sweep_begin_in(field->sweep, field->boxes, boxes_of(field),
+                                        field->free_box);
     case PHASE_BALANCE:
         cairn_force_balance_begin(field);
         return CAIRN_OK;

@@ -1,11 +1,13 @@
-/* force_field_iteration: one iteration of a force field, and the field's state, which the parts of force_field share. */
+/* force_field_iteration: one iteration of a force field, and the field's state, which the parts
+ * of force_field share. */
 #ifndef CAIRN_MAPPING_FORCE_FIELD_ITERATION_H
 #define CAIRN_MAPPING_FORCE_FIELD_ITERATION_H
 
 #include "cairn/force_field.h"
 #include "cairn/small_matrix.h"
 
-/* In the order of an iteration. Between iterations the field is AT_COMMIT or, when scans have been released, in PACK. */
+/* In the order of an iteration. Between iterations the field is AT_COMMIT or, when scans have
+ * been released, in PACK. */
 typedef int32_t cairn_force_phase;
 enum {
     PHASE_AT_COMMIT,
@@ -30,26 +32,38 @@ struct cairn_force_placement {
     cairn_force_field_motion motion;
 };
 
-/* What the field holds of a scan, beside its placements. Forces and the like stay from one iteration to the next as long as
- * nothing near the scan changes. */
+/* What the field holds of a scan, beside its placements. Forces and the like stay from one
+ * iteration to the next as long as nothing near the scan changes. */
 struct cairn_force_body {
-    cairn_transform transform; /* of `placed` */
-    cairn_pose placed;         /* where the scan was when its segments and points were last put into the map */
+    /* of `placed` */
+    cairn_transform transform;
+    /* where the scan was when its segments and points were last put into the map */
+    cairn_pose placed;
     cairn_vec2 centre, force;
     cairn_real torque;
-    cairn_real potential; /* of all pairs that the scan takes part in */
+    /* of all pairs that the scan takes part in */
+    cairn_real potential;
     int64_t pairs;
     int32_t segment_pairs;
-    uint32_t since, until; /* commit points from which on the scan is there, and is no longer */
-    uint32_t fixed_from;   /* iteration from which on `fixed_after` holds, `fixed_before` until then */
-    int32_t next_leaving;  /* the scan released before this one, -1: none */
+    /* commit points from which on the scan is there, and is no longer */
+    uint32_t since, until;
+    /* iteration from which on `fixed_after` holds, `fixed_before` until then */
+    uint32_t fixed_from;
+    /* the scan released before this one, -1: none */
+    int32_t next_leaving;
     uint8_t fixed_before, fixed_after;
-    uint8_t leaves;   /* until counts */
-    uint8_t is_new;   /* not yet put into the map */
-    uint8_t is_fixed; /* in the last iteration */
-    uint8_t reported; /* took part in the last iteration */
-    uint8_t moved;    /* this iteration: its pose, masses or fixing are not those of the last one */
-    uint8_t dirty;    /* this iteration: its forces are computed anew */
+    /* until counts */
+    uint8_t leaves;
+    /* not yet put into the map */
+    uint8_t is_new;
+    /* in the last iteration */
+    uint8_t is_fixed;
+    /* took part in the last iteration */
+    uint8_t reported;
+    /* this iteration: its pose, masses or fixing are not those of the last one */
+    uint8_t moved;
+    /* this iteration: its forces are computed anew */
+    uint8_t dirty;
 };
 
 /* No scan: of points from outside. */
@@ -57,10 +71,14 @@ enum { CAIRN_FORCE_NOBODY = -1 };
 
 /* All springs between two scans. */
 struct cairn_force_bond {
-    int32_t first, second; /* scans; first may be NOBODY */
-    int32_t next;          /* another bond with this second scan, -1: none */
-    cairn_sym3 stiffness;  /* against a motion (x, y, turn) of first against second, about the centre of second */
-    cairn_real pull[3];    /* force and torque on first; second feels the opposite */
+    /* scans; first may be NOBODY */
+    int32_t first, second;
+    /* another bond with this second scan, -1: none */
+    int32_t next;
+    /* against a motion (x, y, turn) of first against second, about the centre of second */
+    cairn_sym3 stiffness;
+    /* force and torque on first; second feels the opposite */
+    cairn_real pull[3];
 };
 
 /* A scan in the system of all springs; motions are (x, y, turn) about the centre. */
@@ -124,19 +142,32 @@ struct cairn_force_field {
     cairn_force_kernel kernel;
     cairn_scan_set *set;
     cairn_box_sweep *sweep;
-    cairn_corner_set *corners;                   /* NULL without roi */
-    cairn_point_grid *grid;                      /* of the corners; NULL without roi */
-    struct cairn_force_placement *placements[2]; /* [max_scans] each; placements[front] is committed */
-    struct cairn_force_body *bodies;             /* [max_scans] */
-    cairn_segment *segments;                     /* [max_segments], in the map */
-    cairn_vec2 *directions;                      /* [max_segments], in the map */
-    cairn_box *boxes;     /* [max_extra + max_segments], of the runs, then of the segments with their points, grown */
-    cairn_vec2 *position; /* [max_points], in the map; NULL with spacing */
-    cairn_real *mass;     /* [max_points], in the forces; NULL with spacing, that of the set without roi */
-    uint32_t *in_region;  /* [max_points / 32 + 1], a bit for each point; NULL but with spacing and roi */
-    struct cairn_force_extra extra[2];    /* extra[extra_front] is in use */
-    struct cairn_force_bond *bonds;       /* [max_bonds]; NULL without springs */
-    struct cairn_force_balance *balances; /* [max_scans]; NULL without springs */
+    /* NULL without roi */
+    cairn_corner_set *corners;
+    /* of the corners; NULL without roi */
+    cairn_point_grid *grid;
+    /* [max_scans] each; placements[front] is committed */
+    struct cairn_force_placement *placements[2];
+    /* [max_scans] */
+    struct cairn_force_body *bodies;
+    /* [max_segments], in the map */
+    cairn_segment *segments;
+    /* [max_segments], in the map */
+    cairn_vec2 *directions;
+    /* [max_extra + max_segments], of the runs, then of the segments with their points, grown */
+    cairn_box *boxes;
+    /* [max_points], in the map; NULL with spacing */
+    cairn_vec2 *position;
+    /* [max_points], in the forces; NULL with spacing, that of the set without roi */
+    cairn_real *mass;
+    /* [max_points / 32 + 1], a bit for each point; NULL but with spacing and roi */
+    uint32_t *in_region;
+    /* extra[extra_front] is in use */
+    struct cairn_force_extra extra[2];
+    /* [max_bonds]; NULL without springs */
+    struct cairn_force_bond *bonds;
+    /* [max_scans]; NULL without springs */
+    struct cairn_force_balance *balances;
 
     int32_t front, extra_front;
     int32_t extra_waits; /* the other extra is to be used from the next iteration on */
@@ -152,28 +183,46 @@ struct cairn_force_field {
 
     /* The iteration under way. */
     cairn_force_phase phase;
-    int32_t paid;            /* units towards the item at hand */
-    int32_t segment_count;   /* those of the scans that have taken effect */
-    int32_t placed_segments; /* whose boxes are those of their last iteration */
-    int32_t fresh;           /* all is computed anew */
-    int32_t mixed;           /* some scans have moved, some have not */
-    int32_t by_sensor;       /* rotations are about the sensor */
+    /* units towards the item at hand */
+    int32_t paid;
+    /* those of the scans that have taken effect */
+    int32_t segment_count;
+    /* whose boxes are those of their last iteration */
+    int32_t placed_segments;
+    /* all is computed anew */
+    int32_t fresh;
+    /* some scans have moved, some have not */
+    int32_t mixed;
+    /* rotations are about the sensor */
+    int32_t by_sensor;
     cairn_real sigma, dt;
-    cairn_real sigma_scale;       /* product of the factors so far */
-    cairn_real placed_sigma;      /* of the boxes */
-    cairn_real margin;            /* m, half the reach: growth of boxes */
-    cairn_box free_box;           /* about the boxes of scans that are not fixed: only there anything attracts */
-    int32_t scan, segment, point; /* cursors */
-    int32_t moved, still;         /* COMPARE: scans */
-    struct cairn_force_pair pair; /* PAIRS; MARK_OLD and MARK_NEW: scans and is_begun */
+    /* product of the factors so far */
+    cairn_real sigma_scale;
+    /* of the boxes */
+    cairn_real placed_sigma;
+    /* m, half the reach: growth of boxes */
+    cairn_real margin;
+    /* about the boxes of scans that are not fixed: only there anything attracts */
+    cairn_box free_box;
+    /* cursors */
+    int32_t scan, segment, point;
+    /* COMPARE: scans */
+    int32_t moved, still;
+    /* PAIRS; MARK_OLD and MARK_NEW: scans and is_begun */
+    struct cairn_force_pair pair;
     struct cairn_force_tile tiles[2];
-    int32_t bond_count, bonds_dropped; /* PAIRS */
-    struct cairn_force_solver solver;  /* BALANCE */
-    int64_t pairs;                     /* MOVE: sums over the scans */
+    /* PAIRS */
+    int32_t bond_count, bonds_dropped;
+    /* BALANCE */
+    struct cairn_force_solver solver;
+    /* MOVE: sums over the scans */
+    int64_t pairs;
     int64_t segment_pairs;
     cairn_real potential;
-    cairn_real relocation; /* over the free scans */
-    int32_t free_scans;    /* with points */
+    /* over the free scans */
+    cairn_real relocation;
+    /* with points */
+    int32_t free_scans;
 };
 
 /* Lets all scans that were added take effect. */
@@ -194,7 +243,8 @@ int32_t cairn_force_iteration_is_fixed(const cairn_force_field *field, int32_t s
 void cairn_force_iteration_begin(cairn_force_field *field);
 
 /* One phase, or what the budget allows of it (CAIRN_MORE); the last one commits. */
-CAIRN_CHECKED cairn_status cairn_force_iteration_step(cairn_force_field *field, cairn_budget *budget);
+CAIRN_CHECKED cairn_status cairn_force_iteration_step(cairn_force_field *field,
+                                                      cairn_budget *budget);
 
 /* ---- force_field_params ---- */
 
@@ -229,9 +279,10 @@ CAIRN_CHECKED cairn_status cairn_force_balance_step(cairn_force_field *field, ca
 
 /* ---- force_field_pairs ---- */
 
-/* points[0 ... count-1] = the points first ... of a segment in the map, where the last PLACE put their scan. */
-void cairn_force_points(const cairn_force_field *field, int32_t segment, int32_t first, int32_t count,
-                        cairn_vec2 *points);
+/* points[0 ... count-1] = the points first ... of a segment in the map, where the last PLACE put
+ * their scan. */
+void cairn_force_points(const cairn_force_field *field, int32_t segment, int32_t first,
+                        int32_t count, cairn_vec2 *points);
 
 /* Marks the scans that are near one that has moved. */
 CAIRN_CHECKED cairn_status cairn_force_mark(cairn_force_field *field, cairn_budget *budget);
@@ -240,6 +291,7 @@ CAIRN_CHECKED cairn_status cairn_force_mark(cairn_force_field *field, cairn_budg
 CAIRN_CHECKED cairn_status cairn_force_pairs(cairn_force_field *field, cairn_budget *budget);
 
 /* The force on a point of a segment in the last iteration, and its mass. */
-cairn_vec2 cairn_force_at(const cairn_force_field *field, int32_t segment, int32_t index, cairn_real *mass);
+cairn_vec2 cairn_force_at(const cairn_force_field *field, int32_t segment, int32_t index,
+                          cairn_real *mass);
 
 #endif

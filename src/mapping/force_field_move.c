@@ -1,5 +1,6 @@
-/* The motion of the scans of a force field: from rest through the time dt with constant acceleration (Adluru 2008, eqs. 7.6
- * to 7.9), all points of mass 1; or, with springs, by 1/2 dt^2 times what the springs ask for. */
+/* The motion of the scans of a force field: from rest through the time dt with constant
+ * acceleration (Adluru 2008, eqs. 7.6 to 7.9), all points of mass 1; or, with springs, by 1/2
+ * dt^2 times what the springs ask for. */
 #include "src/core/build.h"
 
 #include "src/mapping/force_field_iteration.h"
@@ -21,7 +22,8 @@ void cairn_force_place_scan(cairn_force_field *field, int32_t index)
     body->placed = field->placements[field->front][index].map_scan;
     body->is_new = 0;
     body->transform = cairn_transform_of(body->placed);
-    body->centre = cairn_transform_point(body->transform, field->by_sensor ? scan->sensor : scan->centroid);
+    body->centre =
+        cairn_transform_point(body->transform, field->by_sensor ? scan->sensor : scan->centroid);
 }
 
 static struct motion thesis_motion(const cairn_force_field *field, int32_t index)
@@ -35,7 +37,8 @@ static struct motion thesis_motion(const cairn_force_field *field, int32_t index
 
     motion.shift = cairn_vec2_scale(body->force, half_square / mass);
     motion.turn = spread > MIN_SPREAD ? body->torque / (mass * spread) * half_square : 0;
-    motion.relocation = cairn_sqrt(cairn_vec2_norm_squared(motion.shift) + motion.turn * motion.turn * spread);
+    motion.relocation =
+        cairn_sqrt(cairn_vec2_norm_squared(motion.shift) + motion.turn * motion.turn * spread);
     return motion;
 }
 
@@ -45,13 +48,16 @@ static struct motion springs_motion(const cairn_force_field *field, int32_t inde
     const struct cairn_force_body *body = &field->bodies[index];
     const struct cairn_force_balance *balance = &field->balances[index];
     cairn_real half_square = field->dt * field->dt / 2, share = half_square;
-    cairn_vec2 arm = cairn_vec2_sub(cairn_transform_point(body->transform, scan->centroid), body->centre), mean;
+    cairn_vec2 arm = cairn_vec2_sub(cairn_transform_point(body->transform, scan->centroid),
+                                    body->centre),
+               mean;
     struct motion motion;
 
     motion.turn = balance->motion[2];
     mean.x = balance->motion[0] - motion.turn * arm.y;
     mean.y = balance->motion[1] + motion.turn * arm.x;
-    motion.relocation = cairn_sqrt(cairn_vec2_norm_squared(mean) + motion.turn * motion.turn * scan->centroid_spread);
+    motion.relocation = cairn_sqrt(cairn_vec2_norm_squared(mean) +
+                                   motion.turn * motion.turn * scan->centroid_spread);
     if (motion.relocation * share > field->params.max_relocation)
         share = field->params.max_relocation / motion.relocation;
     motion.shift.x = share * balance->motion[0];
@@ -77,7 +83,8 @@ static void move_scan(cairn_force_field *field, int32_t index)
     report->relocation = 0;
     if (body->is_fixed || scan->end_point == scan->first_point)
         return;
-    motion = cairn_force_has_springs(field) ? springs_motion(field, index) : thesis_motion(field, index);
+    motion =
+        cairn_force_has_springs(field) ? springs_motion(field, index) : thesis_motion(field, index);
 
     /* A scan that nothing pulls keeps its pose to the bit. */
     if (motion.shift.x != 0 || motion.shift.y != 0 || motion.turn != 0) {
@@ -104,7 +111,8 @@ cairn_status cairn_force_move(cairn_force_field *field, cairn_budget *budget)
         if (!body->reported)
             continue;
         /* A scan without segments was not placed. */
-        if (body->moved && field->set->scans[field->scan].first_segment == field->set->scans[field->scan].end_segment)
+        if (body->moved && field->set->scans[field->scan].first_segment ==
+                               field->set->scans[field->scan].end_segment)
             cairn_force_place_scan(field, field->scan);
         move_scan(field, field->scan);
         field->pairs += body->pairs;

@@ -1,12 +1,13 @@
 /* The pairs of a force field: who is near whom, and how they pull.
  *
- * Method: the boxes of all lines, grown by half the reach each, are swept (Adluru 2008, section 7.3.5); a line is a segment
- * of a scan or a run of points from outside. Points of two near lines of different scans are taken in tiles, each of
- * the one against each of the other. Only the sum of the forces on the first line is formed: as each pair pulls along
- * the line through its two points, the other scan gets the same force and torque with the opposite sign.
+ * Method: the boxes of all lines, grown by half the reach each, are swept (Adluru 2008, section
+ * 7.3.5); a line is a segment of a scan or a run of points from outside. Points of two near lines
+ * of different scans are taken in tiles, each of the one against each of the other. Only the sum of
+ * the forces on the first line is formed: as each pair pulls along the line through its two points,
+ * the other scan gets the same force and torque with the opposite sign.
  *
- * Layout: lines are numbered as their boxes, runs first. Two tiles, kept from pair to pair where they serve again; a tile
- * points to the points in the map or holds those that are made on the fly.
+ * Layout: lines are numbered as their boxes, runs first. Two tiles, kept from pair to pair where
+ * they serve again; a tile points to the points in the map or holds those that are made on the fly.
  *
  * Source: Adluru 2008, sections 7.3.1 and 7.3.5. */
 #include "src/core/build.h"
@@ -15,7 +16,8 @@
 
 #include "src/mapping/force_field_iteration.h"
 
-/* Units of a pair that is found and passed over, of one that is summed up, beside its tiles, and of a tile that is there. */
+/* Units of a pair that is found and passed over, of one that is summed up, beside its tiles, and
+ * of a tile that is there. */
 enum { FOUND_COST = 2, PAIR_COST = 7, TILE_COST = 2 };
 
 static inline struct cairn_force_line line_of(const cairn_force_field *field, int32_t index)
@@ -41,8 +43,8 @@ static inline struct cairn_force_line line_of(const cairn_force_field *field, in
 
 /* ---- Tiles ---- */
 
-void cairn_force_points(const cairn_force_field *field, int32_t segment, int32_t first, int32_t count,
-                        cairn_vec2 *points)
+void cairn_force_points(const cairn_force_field *field, int32_t segment, int32_t first,
+                        int32_t count, cairn_vec2 *points)
 {
     const cairn_scan_set_segment *from = &field->set->segments[segment];
     cairn_transform transform;
@@ -58,10 +60,13 @@ void cairn_force_points(const cairn_force_field *field, int32_t segment, int32_t
         points[i] = cairn_transform_point(transform, points[i]);
 }
 
-/* Units for the tile of a line that begins at its point `first`: its points may have to be made, and to be boxed. */
-static int32_t tile_cost(const cairn_force_field *field, const struct cairn_force_line *line, int32_t first)
+/* Units for the tile of a line that begins at its point `first`: its points may have to be made,
+ * and to be boxed. */
+static int32_t tile_cost(const cairn_force_field *field, const struct cairn_force_line *line,
+                         int32_t first)
 {
-    int32_t left = line->count - first, points = left < CAIRN_FORCE_STRIP ? left : CAIRN_FORCE_STRIP;
+    int32_t left = line->count - first,
+            points = left < CAIRN_FORCE_STRIP ? left : CAIRN_FORCE_STRIP;
     int32_t is_long = line->count > CAIRN_FORCE_STRIP;
 
     return TILE_COST + (field->position != NULL ? 0 : points / 4) + (is_long ? points / 4 : 0);
@@ -114,8 +119,8 @@ static inline cairn_box grown(cairn_box box, cairn_real by)
     return larger;
 }
 
-static void load_tile(const cairn_force_field *field, const struct cairn_force_line *line, int32_t first,
-                      struct cairn_force_tile *tile)
+static void load_tile(const cairn_force_field *field, const struct cairn_force_line *line,
+                      int32_t first, struct cairn_force_tile *tile)
 {
     int32_t left = line->count - first;
     cairn_box box;
@@ -210,8 +215,8 @@ static void add_to_scan(cairn_force_field *field, int32_t scan, cairn_real sign,
     int32_t shares = other == CAIRN_FORCE_NOBODY ? 2 : 1;
 
     body->force = cairn_vec2_add(body->force, force);
-    body->torque +=
-        strength * pair->sum.torque + cairn_vec2_cross(cairn_vec2_sub(pair->sum.centre, body->centre), force);
+    body->torque += strength * pair->sum.torque +
+                    cairn_vec2_cross(cairn_vec2_sub(pair->sum.centre, body->centre), force);
     body->potential -= (cairn_real)shares * (pair->cosine / 2 * pair->sum.potential);
     body->pairs += shares * pair->sum.pairs;
     body->segment_pairs += shares;
@@ -230,7 +235,8 @@ static void end_pair(cairn_force_field *field)
     field->pair.is_begun = 0;
 }
 
-/* Loads what the pair needs of its two tiles, each where it may already be; 0 when the budget is used up. */
+/* Loads what the pair needs of its two tiles, each where it may already be; 0 when the budget is
+ * used up. */
 static int load_tiles(cairn_force_field *field, cairn_budget *budget)
 {
     struct cairn_force_pair *pair = &field->pair;
@@ -238,9 +244,11 @@ static int load_tiles(cairn_force_field *field, cairn_budget *budget)
     for (; pair->loaded < 2; pair->loaded++) {
         const struct cairn_force_line *line = &pair->line[pair->loaded];
         struct cairn_force_tile *tile = &field->tiles[pair->loaded];
-        int32_t first = pair->tile[pair->loaded], is_there = tile->line == line->index && tile->first == first;
+        int32_t first = pair->tile[pair->loaded],
+                is_there = tile->line == line->index && tile->first == first;
 
-        if (!cairn_budget_pay(budget, &field->paid, is_there ? TILE_COST : tile_cost(field, line, first)))
+        if (!cairn_budget_pay(budget, &field->paid,
+                              is_there ? TILE_COST : tile_cost(field, line, first)))
             return 0;
         if (!is_there)
             load_tile(field, line, first, tile);
@@ -253,7 +261,8 @@ static cairn_real gap(cairn_real low, cairn_real high, cairn_real other_low, cai
     return cairn_max(cairn_max(other_low - high, low - other_high), 0);
 }
 
-/* 1 when no points of the two tiles at hand are within reach, as most are not where two long lines meet. */
+/* 1 when no points of the two tiles at hand are within reach, as most are not where two long
+ * lines meet. */
 static int are_far(const cairn_force_field *field)
 {
     const struct cairn_force_pair *pair = &field->pair;
@@ -289,8 +298,9 @@ static cairn_status sum_up(cairn_force_field *field, cairn_budget *budget)
         if (!load_tiles(field, budget))
             return CAIRN_MORE;
         if (!are_far(field))
-            status = cairn_force_kernel_strips(&field->kernel, &field->tiles[0].strip, &field->tiles[1].strip,
-                                               &pair->cursor, field->params.potential, &pair->sum, budget);
+            status = cairn_force_kernel_strips(&field->kernel, &field->tiles[0].strip,
+                                               &field->tiles[1].strip, &pair->cursor,
+                                               field->params.potential, &pair->sum, budget);
         if (status != CAIRN_OK)
             return status;
     } while (next_tiles(pair));
@@ -304,7 +314,8 @@ static cairn_status step_pair(cairn_force_field *field, cairn_budget *budget)
 
     if (status != CAIRN_OK)
         return status;
-    if (cairn_force_has_springs(field) && !cairn_budget_pay(budget, &field->paid, cairn_force_bind_cost(field)))
+    if (cairn_force_has_springs(field) &&
+        !cairn_budget_pay(budget, &field->paid, cairn_force_bind_cost(field)))
         return CAIRN_MORE;
     end_pair(field);
     return CAIRN_OK;
@@ -377,7 +388,8 @@ cairn_status cairn_force_mark(cairn_force_field *field, cairn_budget *budget)
 
 /* Adds the force of the points of a line on a point of a line. */
 static void add_force(const cairn_force_field *field, const struct cairn_force_line *of,
-                      const struct cairn_force_line *from, const cairn_force_strip *point, cairn_vec2 *force)
+                      const struct cairn_force_line *from, const cairn_force_strip *point,
+                      cairn_vec2 *force)
 {
     cairn_real strength = likeness(field, of, from) * field->kernel.norm;
     cairn_force_sum sum;
@@ -391,7 +403,8 @@ static void add_force(const cairn_force_field *field, const struct cairn_force_l
 
         memset(&cursor, 0, sizeof cursor);
         load_tile(field, from, first, &tile);
-        status = cairn_force_kernel_strips(&field->kernel, point, &tile.strip, &cursor, 0, &sum, &budget);
+        status = cairn_force_kernel_strips(&field->kernel, point, &tile.strip, &cursor, 0, &sum,
+                                           &budget);
         CAIRN_ASSERT(status == CAIRN_OK);
         (void)status;
     }
@@ -399,7 +412,8 @@ static void add_force(const cairn_force_field *field, const struct cairn_force_l
     force->y += strength * sum.force.y;
 }
 
-cairn_vec2 cairn_force_at(const cairn_force_field *field, int32_t segment, int32_t index, cairn_real *mass)
+cairn_vec2 cairn_force_at(const cairn_force_field *field, int32_t segment, int32_t index,
+                          cairn_real *mass)
 {
     int32_t runs = field->extra[field->extra_front].runs;
     struct cairn_force_line line = line_of(field, runs + segment);

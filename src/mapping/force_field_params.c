@@ -80,7 +80,8 @@ cairn_force_field_params cairn_force_field_springs(cairn_real sigma_start, int32
     params.sigma_end = cairn_min(sigma_start, CAIRN_REAL(0.03));
     params.sigma_step = 0;
     if (steps > 1)
-        params.sigma_factor = cairn_exp(cairn_log(params.sigma_end / sigma_start) / (cairn_real)(steps - 1));
+        params.sigma_factor =
+            cairn_exp(cairn_log(params.sigma_end / sigma_start) / (cairn_real)(steps - 1));
     params.sides_below = CAIRN_REAL(0.15);
     /* 1/2 dt^2 is 5, and 0.7 times that in every iteration until it is 1. */
     params.dt_start = cairn_sqrt(10);
@@ -123,7 +124,8 @@ static const struct {
 
 static int are_in_range(const cairn_force_field_params *p)
 {
-    int32_t unused = (p->roi ? 0 : OF_ROI) | (p->mode == CAIRN_FORCE_FIELD_SPRINGS ? 0 : OF_SPRINGS);
+    int32_t unused =
+        (p->roi ? 0 : OF_ROI) | (p->mode == CAIRN_FORCE_FIELD_SPRINGS ? 0 : OF_SPRINGS);
 
     for (size_t i = 0; i < sizeof ranges / sizeof *ranges; i++) {
         int32_t asked = ranges[i].asked;
@@ -138,9 +140,11 @@ static int are_in_range(const cairn_force_field_params *p)
 
 int32_t cairn_force_params_are_valid(const cairn_force_field_params *p)
 {
-    return p != NULL && p->mode >= CAIRN_FORCE_FIELD_GRADIENT && p->mode <= CAIRN_FORCE_FIELD_SPRINGS &&
-           are_in_range(p) && p->sigma_end <= p->sigma_start && p->dt_end <= p->dt_start &&
-           p->reach <= CAIRN_FORCE_KERNEL_REACH && (!p->roi || p->max_corners <= MAX_CORNERS) && p->max_steps >= 1 &&
-           p->max_extra >= 0 && p->max_extra <= MAX_EXTRA &&
-           (p->mode == CAIRN_FORCE_FIELD_GRADIENT || (p->max_bonds >= 0 && p->max_bonds <= MAX_BONDS));
+    return p != NULL && p->mode >= CAIRN_FORCE_FIELD_GRADIENT &&
+           p->mode <= CAIRN_FORCE_FIELD_SPRINGS && are_in_range(p) &&
+           p->sigma_end <= p->sigma_start && p->dt_end <= p->dt_start &&
+           p->reach <= CAIRN_FORCE_KERNEL_REACH && (!p->roi || p->max_corners <= MAX_CORNERS) &&
+           p->max_steps >= 1 && p->max_extra >= 0 && p->max_extra <= MAX_EXTRA &&
+           (p->mode == CAIRN_FORCE_FIELD_GRADIENT ||
+            (p->max_bonds >= 0 && p->max_bonds <= MAX_BONDS));
 }

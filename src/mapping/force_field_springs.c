@@ -1,24 +1,28 @@
 /* The springs of a force field: all scans moved together.
  *
- * Method: a pair of points pulls like a spring of stiffness force / distance; near an optimum that is the second derivative
- * of its potential across the lines, up to a factor. Along the lines of its points a spring has only a share of its
- * stiffness, as points stand there wherever the sampling put them. The springs between two scans add up to a bond: a
- * stiffness against motions of the one scan against the other, and a pull. A motion is (x, y, turn) about the centre of its
- * scan, the turn to first order. What brings all bonds to rest is a sparse symmetric system of the motions of all scans,
- * solved by conjugate gradients with the inverses of the 3 x 3 blocks of the diagonal before them. One scan on its own
- * would follow its neighbours, which follow theirs: errors that many scans share, like a bend, would take very many
- * iterations.
+ * Method: a pair of points pulls like a spring of stiffness force / distance; near an optimum that
+ * is the second derivative of its potential across the lines, up to a factor. Along the lines of
+ * its points a spring has only a share of its stiffness, as points stand there wherever the
+ * sampling put them. The springs between two scans add up to a bond: a stiffness against motions of
+ * the one scan against the other, and a pull. A motion is (x, y, turn) about the centre of its
+ * scan, the turn to first order. What brings all bonds to rest is a sparse symmetric system of the
+ * motions of all scans, solved by conjugate gradients with the inverses of the 3 x 3 blocks of the
+ * diagonal before them. One scan on its own would follow its neighbours, which follow theirs:
+ * errors that many scans share, like a bend, would take very many iterations.
  *
- * What holds a scan where it is: a thousandth of its own stiffness against shifts and turns, so that the system is positive
- * definite; and, while sigma is large, a multiple of it against shifts of the sensor.
+ * What holds a scan where it is: a thousandth of its own stiffness against shifts and turns, so
+ * that the system is positive definite; and, while sigma is large, a multiple of it against shifts
+ * of the sensor.
  *
- * Layout: bonds in the order in which the sweep meets them; those of a scan with earlier ones in a list of its own.
+ * Layout: bonds in the order in which the sweep meets them; those of a scan with earlier ones in a
+ * list of its own.
  *
- * Limits: 48 rounds of the solver, less when the residual has fallen to 1e-4 in the solver's metric; what is left is done in
- * the next iteration.
+ * Limits: 48 rounds of the solver, less when the residual has fallen to 1e-4 in the solver's
+ * metric; what is left is done in the next iteration.
  *
- * Source: in place of Adluru 2008, eqs. 7.6 and 7.7, with the freedom that section 7.3.4 takes: masses in the motion need
- * not be those in the forces. Hestenes and Stiefel 1952 for the solver. */
+ * Source: in place of Adluru 2008, eqs. 7.6 and 7.7, with the freedom that section 7.3.4 takes:
+ * masses in the motion need not be those in the forces. Hestenes and Stiefel 1952 for the
+ * solver. */
 #include "src/core/build.h"
 
 #include <string.h>
@@ -27,11 +31,20 @@
 
 enum { ROUNDS = 48, CHAIN = 8 };
 
-/* Fall of the squared residual at which the solver stops, and the share of its stiffness that holds a scan. */
+/* Fall of the squared residual at which the solver stops, and the share of its stiffness that
+ * holds a scan. */
 #define ENOUGH CAIRN_REAL(1e-8)
 #define HOLD   CAIRN_REAL(0.001)
 
-enum { STAGE_GATHER, STAGE_PREPARE, STAGE_PULL, STAGE_MEASURE, STAGE_ADVANCE, STAGE_TURN, STAGE_DONE };
+enum {
+    STAGE_GATHER,
+    STAGE_PREPARE,
+    STAGE_PULL,
+    STAGE_MEASURE,
+    STAGE_ADVANCE,
+    STAGE_TURN,
+    STAGE_DONE
+};
 
 int32_t cairn_force_has_springs(const cairn_force_field *field)
 {
@@ -74,7 +87,8 @@ static struct cairn_force_bond *find_bond(cairn_force_field *field, int32_t firs
     return bond;
 }
 
-/* Sum of the stiffness of a spring whose points have these directions, for 1 across: 1 across a line and `slide` along it. */
+/* Sum of the stiffness of a spring whose points have these directions, for 1 across: 1 across a
+ * line and `slide` along it. */
 static cairn_sym2 shape_of(cairn_vec2 a, cairn_vec2 b, cairn_real slide)
 {
     cairn_sym2 shape;
@@ -92,13 +106,15 @@ static cairn_vec2 times(cairn_sym2 m, cairn_vec2 v)
     return product;
 }
 
-/* Turns the two lines parallel: P(g) falls with the angle between them, too, which eq. 7.7 leaves out. */
+/* Turns the two lines parallel: P(g) falls with the angle between them, too, which eq. 7.7
+ * leaves out. */
 static void add_twist(const cairn_force_field *field, struct cairn_force_bond *bond)
 {
     const struct cairn_force_pair *pair = &field->pair;
     cairn_vec2 a = pair->line[0].direction, b = pair->line[1].direction;
     cairn_real cosine = cairn_vec2_dot(a, b);
-    cairn_real torque = field->params.twist / 2 * pair->sum.potential / field->kernel.norm * (cosine * cosine);
+    cairn_real torque =
+        field->params.twist / 2 * pair->sum.potential / field->kernel.norm * (cosine * cosine);
 
     bond->stiffness.zz += torque * (cosine * cosine);
     bond->pull[2] += torque * (cosine * cairn_vec2_cross(a, b));
@@ -108,7 +124,8 @@ void cairn_force_bind(cairn_force_field *field)
 {
     const struct cairn_force_pair *pair = &field->pair;
     const cairn_force_springs *s = &pair->springs;
-    cairn_sym2 shape = shape_of(pair->line[0].direction, pair->line[1].direction, field->params.slide);
+    cairn_sym2 shape =
+        shape_of(pair->line[0].direction, pair->line[1].direction, field->params.slide);
     struct cairn_force_bond *bond = find_bond(field, pair->line[0].scan, pair->line[1].scan);
     cairn_real weight = pair->cosine;
     cairn_vec2 arm, pull;
@@ -125,7 +142,8 @@ void cairn_force_bind(cairn_force_field *field)
     bond->stiffness.yy += weight * shape.yy * s->stiffness;
     bond->stiffness.xz += weight * arm.x;
     bond->stiffness.yz += weight * arm.y;
-    bond->stiffness.zz += weight * (shape.xx * s->middle_yy - 2 * shape.xy * s->middle_xy + shape.yy * s->middle_xx);
+    bond->stiffness.zz +=
+        weight * (shape.xx * s->middle_yy - 2 * shape.xy * s->middle_xy + shape.yy * s->middle_xx);
     bond->pull[0] += weight * pull.x;
     bond->pull[1] += weight * pull.y;
     bond->pull[2] += weight * (shape.xy * s->middle_pull_xx + shape.yy * s->middle_pull_xy -
@@ -135,7 +153,8 @@ void cairn_force_bind(cairn_force_field *field)
 
 /* ---- The system ---- */
 
-/* The motion that a turn of a scan about its own centre is about the centre of a bond: turn * arm, and the turn. */
+/* The motion that a turn of a scan about its own centre is about the centre of a bond: turn *
+ * arm, and the turn. */
 static cairn_vec2 arm_of(const cairn_force_field *field, const struct cairn_force_bond *bond)
 {
     cairn_vec2 centre = field->bodies[bond->second].centre;
@@ -179,8 +198,8 @@ static cairn_sym3 seen_from(cairn_sym3 m, cairn_vec2 arm)
 }
 
 /* Gives a force and torque about the centre of a bond to its two scans. */
-static void spread(const cairn_force_field *field, const struct cairn_force_bond *bond, const cairn_real force[3],
-                   cairn_real first[3], cairn_real second[3])
+static void spread(const cairn_force_field *field, const struct cairn_force_bond *bond,
+                   const cairn_real force[3], cairn_real first[3], cairn_real second[3])
 {
     if (first != NULL) {
         cairn_vec2 arm = arm_of(field, bond);
@@ -193,14 +212,16 @@ static void spread(const cairn_force_field *field, const struct cairn_force_bond
         second[i] -= force[i];
 }
 
-static struct cairn_force_balance *first_of(const cairn_force_field *field, const struct cairn_force_bond *bond)
+static struct cairn_force_balance *first_of(const cairn_force_field *field,
+                                            const struct cairn_force_bond *bond)
 {
     return bond->first == CAIRN_FORCE_NOBODY ? NULL : &field->balances[bond->first];
 }
 
 static void gather(cairn_force_field *field, const struct cairn_force_bond *bond)
 {
-    struct cairn_force_balance *first = first_of(field, bond), *second = &field->balances[bond->second];
+    struct cairn_force_balance *first = first_of(field, bond),
+                               *second = &field->balances[bond->second];
 
     add_diagonal(&second->diagonal, &bond->stiffness);
     if (first != NULL) {
@@ -214,7 +235,8 @@ static void gather(cairn_force_field *field, const struct cairn_force_bond *bond
 /* image += what the bond answers to the direction. */
 static void answer(cairn_force_field *field, const struct cairn_force_bond *bond)
 {
-    struct cairn_force_balance *first = first_of(field, bond), *second = &field->balances[bond->second];
+    struct cairn_force_balance *first = first_of(field, bond),
+                               *second = &field->balances[bond->second];
     cairn_real against[3], force[3];
 
     for (int32_t i = 0; i < 3; i++)
@@ -327,7 +349,8 @@ static int32_t next_stage(struct cairn_force_solver *solver)
         solver->next_length = 0;
         return solver->curvature > 0 ? STAGE_ADVANCE : STAGE_DONE;
     case STAGE_ADVANCE:
-        return ++solver->round < ROUNDS && solver->next_length > solver->least_length ? STAGE_TURN : STAGE_DONE;
+        return ++solver->round < ROUNDS && solver->next_length > solver->least_length ? STAGE_TURN
+                                                                                      : STAGE_DONE;
     case STAGE_TURN:
         solver->length = solver->next_length;
         return STAGE_PULL;

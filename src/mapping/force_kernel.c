@@ -1,10 +1,11 @@
 /* The pair loop of force field simulation.
  *
- * Method: exp(-s) = exp(-i) exp(-j/64) exp(d) with s = i + j/64 - d, from two tables and a short Taylor series; s is at
- * most reach^2 / 2 = 18, so neither underflow nor scaling can occur. The potential takes erfc(x) = erfc(x0) - 2/sqrt(pi)
- * times the integral of exp(-t^2) from the nearest node x0 of a table to x, by the two-point Hermite rule with two
- * derivatives, whose end values are in the table and at hand: no second exponential. What a point feels is
- * summed up row by row; the torque and the opposite force on the other strip come from these sums.
+ * Method: exp(-s) = exp(-i) exp(-j/64) exp(d) with s = i + j/64 - d, from two tables and a short
+ * Taylor series; s is at most reach^2 / 2 = 18, so neither underflow nor scaling can occur. The
+ * potential takes erfc(x) = erfc(x0) - 2/sqrt(pi) times the integral of exp(-t^2) from the nearest
+ * node x0 of a table to x, by the two-point Hermite rule with two derivatives, whose end values are
+ * in the table and at hand: no second exponential. What a point feels is summed up row by row; the
+ * torque and the opposite force on the other strip come from these sums.
  *
  * Source: Adluru 2008, section 7.3.1. */
 #include "src/core/build.h"
@@ -23,13 +24,14 @@ enum { COMPARED = 8 };
 #define SIXTH            (CAIRN_REAL(1.0) / 6)
 #define INVERSE_SQRT_PI  CAIRN_REAL(0.56418958354775628695)
 
-cairn_vec2 cairn_force_kernel_pair(cairn_oriented_point p1, cairn_oriented_point p2, cairn_real m1, cairn_real m2,
-                                   cairn_real sigma, cairn_real *potential)
+cairn_vec2 cairn_force_kernel_pair(cairn_oriented_point p1, cairn_oriented_point p2, cairn_real m1,
+                                   cairn_real m2, cairn_real sigma, cairn_real *potential)
 {
     cairn_vec2 to = cairn_vec2_sub(p2.position, p1.position), none = {0, 0};
     cairn_real r = cairn_vec2_norm(to);
     cairn_real weight = m1 * m2 * cairn_abs(cairn_vec2_dot(p1.direction, p2.direction));
-    cairn_real strength = weight * cairn_exp(-r * r / (2 * sigma * sigma)) * INVERSE_SQRT_2PI / sigma;
+    cairn_real strength =
+        weight * cairn_exp(-r * r / (2 * sigma * sigma)) * INVERSE_SQRT_2PI / sigma;
 
     if (potential != NULL)
         *potential = -weight / 2 * cairn_erfc(r * INVERSE_SQRT_2 / sigma);
@@ -73,13 +75,17 @@ static inline cairn_real decay(const cairn_force_kernel *kernel, cairn_real s)
 #ifdef CAIRN_FLOAT
     series = 1 + (d + d * d * CAIRN_REAL(0.5));
 #else
-    series = 1 + (d + d * d * (CAIRN_REAL(1.0) / 2 + d * (CAIRN_REAL(1.0) / 6 + d * (CAIRN_REAL(1.0) / 24))));
+    series =
+        1 +
+        (d +
+         d * d * (CAIRN_REAL(1.0) / 2 + d * (CAIRN_REAL(1.0) / 6 + d * (CAIRN_REAL(1.0) / 24))));
 #endif
     return kernel->coarse[(uint32_t)k / FINE] * kernel->fine[(uint32_t)k % FINE] * series;
 }
 
 /* erfc(x), 0 <= x < NODES / 16, with square = x^2 and e = exp(-x^2). */
-static inline cairn_real complementary(const cairn_force_kernel *kernel, cairn_real x, cairn_real square, cairn_real e)
+static inline cairn_real complementary(const cairn_force_kernel *kernel, cairn_real x,
+                                       cairn_real square, cairn_real e)
 {
     int32_t k = cairn_real_to_int(x * 16 + CAIRN_REAL(0.5));
     cairn_real d = x - (cairn_real)k * (CAIRN_REAL(1.0) / 16), slopes, curvatures;
@@ -89,12 +95,13 @@ static inline cairn_real complementary(const cairn_force_kernel *kernel, cairn_r
     node = kernel->erfc[k];
     curvatures = node[3] + (2 * square - 1) * e;
     slopes = 2 * x * e - node[2];
-    return node[0] - INVERSE_SQRT_PI * d * (node[1] + e + d * FIFTH * (slopes + d * SIXTH * curvatures));
+    return node[0] -
+           INVERSE_SQRT_PI * d * (node[1] + e + d * FIFTH * (slopes + d * SIXTH * curvatures));
 }
 
 /* The pair as a spring that pulls as hard, but is no stiffer than at least_length. */
-static inline void add_spring(const cairn_force_kernel *kernel, cairn_real x, cairn_real y, cairn_real r,
-                              cairn_real strength, cairn_force_pull *pull)
+static inline void add_spring(const cairn_force_kernel *kernel, cairn_real x, cairn_real y,
+                              cairn_real r, cairn_real strength, cairn_force_pull *pull)
 {
     cairn_real stiffness = strength / cairn_max(r, kernel->least_length);
 
@@ -106,10 +113,12 @@ static inline void add_spring(const cairn_force_kernel *kernel, cairn_real x, ca
     pull->spring_yy += stiffness * y * y;
 }
 
-static inline void add_pair(const cairn_force_kernel *kernel, cairn_real x, cairn_real y, cairn_real square,
-                            cairn_real mass, int32_t with_potential, int32_t with_springs, cairn_force_pull *pull)
+static inline void add_pair(const cairn_force_kernel *kernel, cairn_real x, cairn_real y,
+                            cairn_real square, cairn_real mass, int32_t with_potential,
+                            int32_t with_springs, cairn_force_pull *pull)
 {
-    cairn_real r = cairn_sqrt(square), scaled = square * kernel->scale, e = decay(kernel, scaled), strength;
+    cairn_real r = cairn_sqrt(square), scaled = square * kernel->scale, e = decay(kernel, scaled),
+               strength;
 
     if (with_potential)
         pull->potential += mass * complementary(kernel, r * kernel->root_scale, scaled, e);
@@ -121,15 +130,16 @@ static inline void add_pair(const cairn_force_kernel *kernel, cairn_real x, cair
 }
 
 /* What a point at p feels from the points *next ... of a strip, as far as *left units allow. */
-static inline void add_row(const cairn_force_kernel *kernel, cairn_vec2 p, const cairn_force_strip *strip,
-                           int32_t *next, int32_t *left, int32_t with_potential, int32_t with_springs,
-                           cairn_force_pull *pull)
+static inline void add_row(const cairn_force_kernel *kernel, cairn_vec2 p,
+                           const cairn_force_strip *strip, int32_t *next, int32_t *left,
+                           int32_t with_potential, int32_t with_springs, cairn_force_pull *pull)
 {
     cairn_real limit = kernel->limit_squared;
     int32_t j = *next;
 
     for (; j < strip->count; j++) {
-        cairn_real x = strip->position[j].x - p.x, y = strip->position[j].y - p.y, square = x * x + y * y;
+        cairn_real x = strip->position[j].x - p.x, y = strip->position[j].y - p.y,
+                   square = x * x + y * y;
 
         if (square > limit)
             continue;
@@ -141,11 +151,14 @@ static inline void add_row(const cairn_force_kernel *kernel, cairn_vec2 p, const
     *next = j;
 }
 
-/* Adds the springs of a point of a mass at p, seen from the centre. The middle of a spring is p + d / 2. */
-static void add_springs(cairn_force_springs *springs, cairn_vec2 p, cairn_real mass, const cairn_force_pull *pull)
+/* Adds the springs of a point of a mass at p, seen from the centre. The middle of a spring is p
+ * + d / 2. */
+static void add_springs(cairn_force_springs *springs, cairn_vec2 p, cairn_real mass,
+                        const cairn_force_pull *pull)
 {
     cairn_real k = mass * pull->stiffness, x = mass * pull->spring_x, y = mass * pull->spring_y;
-    cairn_real xx = mass * pull->spring_xx, xy = mass * pull->spring_xy, yy = mass * pull->spring_yy;
+    cairn_real xx = mass * pull->spring_xx, xy = mass * pull->spring_xy,
+               yy = mass * pull->spring_yy;
 
     springs->stiffness += k;
     springs->middle.x += k * p.x + x / 2;
@@ -167,8 +180,9 @@ static int is_outside(const cairn_box *zone, cairn_vec2 p)
 }
 
 static inline cairn_status add_strips(const cairn_force_kernel *kernel, const cairn_force_strip *a,
-                                      const cairn_force_strip *b, cairn_force_cursor *cursor, int32_t with_potential,
-                                      int32_t with_springs, cairn_force_sum *sum, cairn_budget *budget)
+                                      const cairn_force_strip *b, cairn_force_cursor *cursor,
+                                      int32_t with_potential, int32_t with_springs,
+                                      cairn_force_sum *sum, cairn_budget *budget)
 {
     static const cairn_force_pull none = {0, 0, 0, 0, 0, 0, 0, 0, 0};
     const int32_t near_cost = 1 + (b->count + COMPARED - 1) / COMPARED;
@@ -222,8 +236,9 @@ static inline cairn_status add_strips(const cairn_force_kernel *kernel, const ca
 }
 
 cairn_status cairn_force_kernel_strips(const cairn_force_kernel *kernel, const cairn_force_strip *a,
-                                       const cairn_force_strip *b, cairn_force_cursor *cursor, int32_t with_potential,
-                                       cairn_force_sum *sum, cairn_budget *budget)
+                                       const cairn_force_strip *b, cairn_force_cursor *cursor,
+                                       int32_t with_potential, cairn_force_sum *sum,
+                                       cairn_budget *budget)
 {
     if (sum->springs != NULL)
         return add_strips(kernel, a, b, cursor, with_potential, 1, sum, budget);

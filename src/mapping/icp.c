@@ -1,17 +1,20 @@
 /* Iterative closest points.
  *
- * Motions are taken about the query's centroid, with the rotation multiplied by the query's radius, so that all three
- * components are metres and comparable. In these coordinates a pair of mapped query point p and target point m with normal
- * n has the residual e = n (p - m) and the row J = (n_x, n_y, n R'(q - c) / r).
+ * Motions are taken about the query's centroid, with the rotation multiplied by the query's radius,
+ * so that all three components are metres and comparable. In these coordinates a pair of mapped
+ * query point p and target point m with normal n has the residual e = n (p - m) and the row J =
+ * (n_x, n_y, n R'(q - c) / r).
  *
- * One iteration: every query point is paired and its terms are added to the sums at once, no pairs are kept. Then the
- * eigenvectors of the point-to-line information sum(w J J^T) are found. Those with little information are taken out of the
- * normal equations (Zhang, Kaess and Singh 2016): the prior decides there, or the pose stays. Weights are Cauchy's,
- * 1 / (1 + (e / (2.385 sigma))^2), with sigma from the last iteration's residuals. A step is cut to the length of the
- * gate, as pairs reach no farther.
+ * One iteration: every query point is paired and its terms are added to the sums at once, no pairs
+ * are kept. Then the eigenvectors of the point-to-line information sum(w J J^T) are found. Those
+ * with little information are taken out of the normal equations (Zhang, Kaess and Singh 2016): the
+ * prior decides there, or the pose stays. Weights are Cauchy's, 1 / (1 + (e / (2.385 sigma))^2),
+ * with sigma from the last iteration's residuals. A step is cut to the length of the gate, as pairs
+ * reach no farther.
  *
- * Covariance: that of an M-estimator (Huber 1981, section 7.6) with the weighted information in place of the plain one,
- * sum(psi^2)/(n - 3) * (sum(w)/n) / (sum(psi')/n)^2 * (sum(w J J^T))^-1, psi(e) = w e.
+ * Covariance: that of an M-estimator (Huber 1981, section 7.6) with the weighted information in
+ * place of the plain one, sum(psi^2)/(n - 3) * (sum(w)/n) / (sum(psi')/n)^2 * (sum(w J J^T))^-1,
+ * psi(e) = w e.
  *
  * Limits: the start must lie within about a gate of the truth; nothing is searched. */
 #include "src/core/build.h"
@@ -23,8 +26,8 @@
 
 enum { MAX_TARGET = 1 << 24, UNITS_PAIR = 5, LOOKS_OF_UNIT = 6, UNITS_SOLVE = 12 };
 
-/* Cauchy weights of this scale lose 5 % of the information of normal residuals; the weighted mean square of these is 1 /
- * 1.26 of their variance. */
+/* Cauchy weights of this scale lose 5 % of the information of normal residuals; the weighted
+ * mean square of these is 1 / 1.26 of their variance. */
 static const cairn_real CAUCHY = CAIRN_REAL(2.385);
 static const cairn_real CAUCHY_VARIANCE = CAIRN_REAL(1.26);
 
@@ -101,10 +104,11 @@ static int params_are_good(const cairn_icp_params *params)
     return params != NULL && params->max_target >= 1 && params->max_target <= MAX_TARGET &&
            params->max_iterations >= 1 && params->min_pairs >= 4 &&
            (params->mode == CAIRN_ICP_POINT_TO_POINT || params->mode == CAIRN_ICP_POINT_TO_LINE) &&
-           is_positive(params->gate_start) && is_positive(params->gate_end) && params->gate_end <= params->gate_start &&
-           is_positive(params->gate_factor) && is_positive(params->direction_gate) &&
-           params->direction_gate <= CAIRN_PI && is_positive(params->sigma) &&
-           is_positive(params->converged_distance) && is_positive(params->converged_angle) && params->weak_ratio >= 0 &&
+           is_positive(params->gate_start) && is_positive(params->gate_end) &&
+           params->gate_end <= params->gate_start && is_positive(params->gate_factor) &&
+           is_positive(params->direction_gate) && params->direction_gate <= CAIRN_PI &&
+           is_positive(params->sigma) && is_positive(params->converged_distance) &&
+           is_positive(params->converged_angle) && params->weak_ratio >= 0 &&
            params->weak_ratio < 1 && (params->roll_back == 0 || params->roll_back == 1);
 }
 
@@ -167,12 +171,14 @@ void cairn_icp_clear_target(cairn_icp *icp)
     icp->running = 0;
 }
 
-static cairn_status check_points(const cairn_oriented_point *points, int32_t count, cairn_fault *fault)
+static cairn_status check_points(const cairn_oriented_point *points, int32_t count,
+                                 cairn_fault *fault)
 {
     for (int32_t i = 0; i < count; i++) {
         cairn_real norm = cairn_vec2_norm_squared(points[i].direction);
 
-        if (!cairn_is_finite(points[i].position.x) || !cairn_is_finite(points[i].position.y) || norm != norm)
+        if (!cairn_is_finite(points[i].position.x) || !cairn_is_finite(points[i].position.y) ||
+            norm != norm)
             return cairn_refuse(fault, i, "a coordinate is not finite", CAIRN_NOT_FINITE);
         if (!(norm > CAIRN_REAL(0.98) && norm < CAIRN_REAL(1.02)))
             return cairn_refuse(fault, i, "a direction is not of length 1", CAIRN_BAD_ARGUMENT);
@@ -207,7 +213,8 @@ cairn_status cairn_icp_add_target(cairn_icp *icp, const cairn_oriented_point *po
     for (int32_t i = 0; i < count; i++) {
         int32_t index = cairn_point_grid_count(icp->grid);
 
-        status = cairn_point_grid_insert(icp->grid, cairn_transform_point(transform, points[i].position));
+        status = cairn_point_grid_insert(icp->grid,
+                                         cairn_transform_point(transform, points[i].position));
         CAIRN_ASSERT(status == CAIRN_OK);
         icp->directions[index] = cairn_transform_direction(transform, points[i].direction);
     }
@@ -228,7 +235,8 @@ static cairn_status check_prior(const cairn_pose_prior *prior, cairn_fault *faul
         return CAIRN_OK;
     if (!cairn_pose_is_finite(prior->mean))
         return cairn_refuse(fault, -1, "the prior's pose is not finite", CAIRN_NOT_FINITE);
-    if (!is_positive(prior->sigma_x) || !is_positive(prior->sigma_y) || !is_positive(prior->sigma_theta))
+    if (!is_positive(prior->sigma_x) || !is_positive(prior->sigma_y) ||
+        !is_positive(prior->sigma_theta))
         return cairn_refuse(fault, -1, "the prior's sigmas must be positive", CAIRN_BAD_ARGUMENT);
     return CAIRN_OK;
 }
@@ -243,11 +251,12 @@ static cairn_rigid_motion measure_query(const cairn_icp *icp, cairn_pose start)
         centroid = cairn_vec2_add(centroid, cairn_vec2_scale(icp->query[i].position, 1 / count));
     for (int32_t i = 0; i < icp->query_count; i++)
         squares += cairn_vec2_norm_squared(cairn_vec2_sub(icp->query[i].position, centroid));
-    return cairn_rigid_motion_at(start, centroid, cairn_max(cairn_sqrt(squares / count), icp->params.sigma));
+    return cairn_rigid_motion_at(start, centroid,
+                                 cairn_max(cairn_sqrt(squares / count), icp->params.sigma));
 }
 
-cairn_status cairn_icp_begin(cairn_icp *icp, const cairn_oriented_point *query, int32_t count, cairn_pose start,
-                             const cairn_pose_prior *prior, cairn_fault *fault)
+cairn_status cairn_icp_begin(cairn_icp *icp, const cairn_oriented_point *query, int32_t count,
+                             cairn_pose start, const cairn_pose_prior *prior, cairn_fault *fault)
 {
     cairn_status status;
 
@@ -293,7 +302,8 @@ cairn_status cairn_icp_set_weak_ratio(cairn_icp *icp, cairn_real weak_ratio)
 static int32_t find_pair(cairn_icp *icp, cairn_vec2 p, cairn_vec2 direction)
 {
     const cairn_point_grid_facing facing = {icp->directions, direction, icp->least_cosine};
-    int32_t looked_at, best = cairn_point_grid_nearest_facing(icp->grid, p, icp->gate, &facing, &looked_at);
+    int32_t looked_at,
+        best = cairn_point_grid_nearest_facing(icp->grid, p, icp->gate, &facing, &looked_at);
 
     icp->debt += looked_at / LOOKS_OF_UNIT;
     return best;
@@ -312,7 +322,8 @@ static void add_gradient(cairn_real gradient[3], const cairn_real row[3], cairn_
         gradient[k] += by * row[k];
 }
 
-static void add_point_terms(cairn_icp *icp, const cairn_oriented_point *q, cairn_vec2 difference, cairn_real squared)
+static void add_point_terms(cairn_icp *icp, const cairn_oriented_point *q, cairn_vec2 difference,
+                            cairn_real squared)
 {
     static const cairn_vec2 axes[2] = {{1, 0}, {0, 1}};
     struct sums *sums = &icp->sums;
@@ -347,7 +358,8 @@ static void add_query_point(cairn_icp *icp, const cairn_oriented_point *q)
 {
     struct sums *sums = &icp->sums;
     cairn_vec2 p = cairn_transform_point(icp->motion.transform, q->position);
-    int32_t target = find_pair(icp, p, cairn_transform_direction(icp->motion.transform, q->direction));
+    int32_t target =
+        find_pair(icp, p, cairn_transform_direction(icp->motion.transform, q->direction));
     cairn_vec2 difference, normal;
     cairn_real error, squared, weight, row[3];
 
@@ -413,10 +425,12 @@ static void update_sigmas(cairn_icp *icp)
 {
     const struct sums *sums = &icp->sums;
 
-    icp->sigma = cairn_max(icp->params.sigma, cairn_sqrt(CAUCHY_VARIANCE * sums->squares / sums->weight));
+    icp->sigma =
+        cairn_max(icp->params.sigma, cairn_sqrt(CAUCHY_VARIANCE * sums->squares / sums->weight));
     if (icp->params.mode == CAIRN_ICP_POINT_TO_POINT)
         icp->point_sigma =
-            cairn_max(icp->params.sigma, cairn_sqrt(CAUCHY_VARIANCE * sums->point_squares / (2 * sums->point_weight)));
+            cairn_max(icp->params.sigma,
+                      cairn_sqrt(CAUCHY_VARIANCE * sums->point_squares / (2 * sums->point_weight)));
 }
 
 /* The step of this iteration; 0 when there is none. */
@@ -489,7 +503,8 @@ static void end_iteration(cairn_icp *icp)
     cairn_rigid_motion_move(&icp->motion, step);
     result->target_query = icp->motion.map_body;
     moved = cairn_sqrt(step[0] * step[0] + step[1] * step[1]);
-    gate = cairn_min(icp->gate, cairn_max(params->gate_end, params->gate_factor * result->mean_distance));
+    gate = cairn_min(icp->gate,
+                     cairn_max(params->gate_end, params->gate_factor * result->mean_distance));
     converged = moved < params->converged_distance &&
                 cairn_abs(step[2]) < params->converged_angle * icp->motion.radius &&
                 gate > CAIRN_REAL(0.99) * icp->gate && icp->sigma > CAIRN_REAL(0.9) * sigma;

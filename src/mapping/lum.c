@@ -1,24 +1,28 @@
 /* Lu and Milios.
  *
- * Method: a small motion (t, phi) of a scan about the map's centre c moves its point p by t + phi (p - c) turned left, to
- * first order M (t, phi) with M = [1 0 -y; 0 1 x]. Pairs (a_k, b_k) of the scans i and j at m_k = (a_k + b_k) / 2 with
- * z_k = a_k - b_k then ask for the difference of their motions
+ * Method: a small motion (t, phi) of a scan about the map's centre c moves its point p by t + phi
+ * (p - c) turned left, to first order M (t, phi) with M = [1 0 -y; 0 1 x]. Pairs (a_k, b_k) of the
+ * scans i and j at m_k = (a_k + b_k) / 2 with z_k = a_k - b_k then ask for the difference of their
+ * motions
  *
  *     D = -(M^T M)^-1 M^T Z,  covariance C = s^2 (M^T M)^-1,  s^2 = |Z + M D|^2 / (2 n - 3)
  *
- * and W = sum (xi_i - xi_j - D)^T C^-1 (xi_i - xi_j - D) is least for the solution of G xi = B, where G has the C^-1 of
- * links and B the C^-1 D = -M^T Z / s^2: D itself is needed for s^2 alone.
+ * and W = sum (xi_i - xi_j - D)^T C^-1 (xi_i - xi_j - D) is least for the solution of G xi = B,
+ * where G has the C^-1 of links and B the C^-1 D = -M^T Z / s^2: D itself is needed for s^2 alone.
  *
- * Registration (lum_register.c) is no part of Lu and Milios: it brings the scans near enough for the links to be right.
+ * Registration (lum_register.c) is no part of Lu and Milios: it brings the scans near enough for
+ * the links to be right.
  *
- * Layout: the points of each scan lie in buckets by the hash of their search cells, in the scan's own frame, so that they
- * never move: heads[2 first ... ] of a scan whose points begin at `first`, two buckets a point.
+ * Layout: the points of each scan lie in buckets by the hash of their search cells, in the scan's
+ * own frame, so that they never move: heads[2 first ... ] of a scan whose points begin at `first`,
+ * two buckets a point.
  *
- * Limits: nearest points need not be the same places, and a link whose wrong pairs agree by chance is believed: from errors
- * of more than a few degrees the scans often come to rest in a wrong place. Points that are spaced evenly lock into each
- * other at half their spacing.
+ * Limits: nearest points need not be the same places, and a link whose wrong pairs agree by chance
+ * is believed: from errors of more than a few degrees the scans often come to rest in a wrong
+ * place. Points that are spaced evenly lock into each other at half their spacing.
  *
- * Source: Lu and Milios, Globally consistent range scan alignment for environment mapping, 1997; Adluru 2008, chapter 10. */
+ * Source: Lu and Milios, Globally consistent range scan alignment for environment mapping, 1997;
+ * Adluru 2008, chapter 10. */
 #include "src/core/build.h"
 
 #include <string.h>
@@ -29,7 +33,8 @@ enum { MAX_SCANS = 1 << 16, MAX_POINTS = 1 << 24, MAX_LINKS = 1 << 24 };
 
 static const cairn_real FARTHEST = CAIRN_REAL(1e6);
 
-/* m: standard deviation of a pair of points below which one is not believed to be, as written: pairs that fit exactly have none. */
+/* m: standard deviation of a pair of points below which one is not believed to be, as written:
+ * pairs that fit exactly have none. */
 static const cairn_real LEAST_SIGMA = CAIRN_REAL(0.0001);
 
 cairn_lum_params cairn_lum_default(void)
@@ -86,13 +91,16 @@ static int is_length(cairn_real x)
 
 static int params_are_good(const cairn_lum_params *p)
 {
-    return p->max_scans >= 1 && p->max_scans <= MAX_SCANS && p->max_points >= 1 && p->max_points <= MAX_POINTS &&
-           p->max_links >= 1 && p->max_links <= MAX_LINKS && p->min_pairs >= 2 && p->max_iterations >= 1 &&
-           p->rebuild >= 0 && is_length(p->distance) && p->direction_gate > 0 && p->direction_gate <= CAIRN_PI &&
-           is_length(p->sigma) && is_length(p->converged) && (p->registers == 0 || p->registers == 1) &&
-           (p->mode == CAIRN_MODE_DEFAULT || p->mode == CAIRN_MODE_AS_WRITTEN) && p->register_gate >= p->distance &&
-           is_length(p->register_gate) && p->register_turn >= 0 && p->register_turn <= CAIRN_PI &&
-           p->register_spacing >= 0 && p->register_spacing <= FARTHEST;
+    return p->max_scans >= 1 && p->max_scans <= MAX_SCANS && p->max_points >= 1 &&
+           p->max_points <= MAX_POINTS && p->max_links >= 1 && p->max_links <= MAX_LINKS &&
+           p->min_pairs >= 2 && p->max_iterations >= 1 && p->rebuild >= 0 &&
+           is_length(p->distance) && p->direction_gate > 0 && p->direction_gate <= CAIRN_PI &&
+           is_length(p->sigma) && is_length(p->converged) &&
+           (p->registers == 0 || p->registers == 1) &&
+           (p->mode == CAIRN_MODE_DEFAULT || p->mode == CAIRN_MODE_AS_WRITTEN) &&
+           p->register_gate >= p->distance && is_length(p->register_gate) &&
+           p->register_turn >= 0 && p->register_turn <= CAIRN_PI && p->register_spacing >= 0 &&
+           p->register_spacing <= FARTHEST;
 }
 
 static cairn_block_solver_params solver_params(const cairn_lum_params *params)
@@ -164,7 +172,8 @@ cairn_status cairn_lum_create(cairn_lum **lum, cairn_pool *pool, const cairn_lum
     layout.params = in_mode(params);
     made = carve(&layout, pool, &layout.params);
     /* As written any: no rounding of two opposite directions may exclude a pair. */
-    layout.least_cosine = params->mode == CAIRN_MODE_AS_WRITTEN ? -2 : cairn_cos(params->direction_gate);
+    layout.least_cosine =
+        params->mode == CAIRN_MODE_AS_WRITTEN ? -2 : cairn_cos(params->direction_gate);
     inner = solver_params(&layout.params);
     status = cairn_block_solver_create(&layout.solver, pool, &inner);
     if (status == CAIRN_OK && layout.params.registers) {
@@ -193,7 +202,8 @@ static int is_running(const cairn_lum *l)
     return l->stage != LUM_IDLE || l->debt > 0 || l->outcome != CAIRN_OK;
 }
 
-static cairn_status check_points(const cairn_oriented_point *points, int32_t count, cairn_fault *fault)
+static cairn_status check_points(const cairn_oriented_point *points, int32_t count,
+                                 cairn_fault *fault)
 {
     for (int32_t k = 0; k < count; k++) {
         cairn_vec2 p = points[k].position;
@@ -211,8 +221,8 @@ static cairn_status check_points(const cairn_oriented_point *points, int32_t cou
     return CAIRN_OK;
 }
 
-cairn_status cairn_lum_add_scan(cairn_lum *lum, const cairn_oriented_point *points, int32_t count, cairn_pose map_scan,
-                                cairn_fault *fault)
+cairn_status cairn_lum_add_scan(cairn_lum *lum, const cairn_oriented_point *points, int32_t count,
+                                cairn_pose map_scan, cairn_fault *fault)
 {
     struct lum_scan *scan;
     cairn_status status;
@@ -413,7 +423,8 @@ static void end_part(cairn_lum *l, cairn_status status)
         end(l, CAIRN_LUM_RUNNING, CAIRN_FULL);
     } else if (l->stage == LUM_ANALYZE) {
         begin_measure(l);
-    } else if (status != CAIRN_OK || cairn_block_solver_read(l->solver).state == CAIRN_BLOCK_SOLVER_NOT_POSITIVE) {
+    } else if (status != CAIRN_OK ||
+               cairn_block_solver_read(l->solver).state == CAIRN_BLOCK_SOLVER_NOT_POSITIVE) {
         end(l, CAIRN_LUM_SINGULAR, CAIRN_OK);
     } else if (l->stage == LUM_FACTOR) {
         status = cairn_block_solver_solve(l->solver, l->right[0]);

@@ -1,5 +1,5 @@
-/* The links of Lu and Milios: nearest points of two scans, and the difference of their poses that these ask for. The method
- * is told in lum.c. */
+/* The links of Lu and Milios: nearest points of two scans, and the difference of their poses
+ * that these ask for. The method is told in lum.c. */
 #include "src/core/build.h"
 
 #include <string.h>
@@ -32,15 +32,17 @@ void cairn_lum_fill_buckets(cairn_lum *l, const struct lum_scan *scan)
     }
 }
 
-/* The point of the scan nearest to p (in its frame) within the distance whose direction agrees, the lowest index among
- * equals; -1: none. */
-static int32_t nearest(const cairn_lum *l, const struct lum_scan *scan, cairn_vec2 p, cairn_vec2 direction)
+/* The point of the scan nearest to p (in its frame) within the distance whose direction agrees,
+ * the lowest index among equals; -1: none. */
+static int32_t nearest(const cairn_lum *l, const struct lum_scan *scan, cairn_vec2 p,
+                       cairn_vec2 direction)
 {
     cairn_real best = l->params.distance * l->params.distance;
     int32_t cx = cell_of(l, p.x), cy = cell_of(l, p.y), found = -1;
 
     for (int32_t c = 0; c < 9; c++)
-        for (int32_t k = l->heads[bucket_of(scan, cx - 1 + c % 3, cy - 1 + c / 3)]; k >= 0; k = l->next[k]) {
+        for (int32_t k = l->heads[bucket_of(scan, cx - 1 + c % 3, cy - 1 + c / 3)]; k >= 0;
+             k = l->next[k]) {
             cairn_real away = cairn_vec2_norm_squared(cairn_vec2_sub(l->points[k], p));
 
             if ((away < best || (away == best && (found < 0 || k < found))) &&
@@ -59,14 +61,16 @@ void cairn_lum_begin_pairs(cairn_lum *l, int32_t first, int32_t second)
     l->point = l->scans[second].first;
     memset(&l->sums, 0, sizeof l->sums);
     l->map_first = cairn_transform_of(l->scans[first].pose);
-    l->second_first = cairn_transform_of(cairn_pose_between(l->scans[first].pose, l->scans[second].pose));
+    l->second_first =
+        cairn_transform_of(cairn_pose_between(l->scans[first].pose, l->scans[second].pose));
 }
 
 void cairn_lum_add_pair(cairn_lum *l)
 {
     const struct lum_scan *first = &l->scans[l->first];
     cairn_vec2 own = cairn_transform_point(l->second_first, l->points[l->point]), a, b;
-    int32_t found = nearest(l, first, own, cairn_transform_direction(l->second_first, l->directions[l->point++]));
+    int32_t found = nearest(l, first, own,
+                            cairn_transform_direction(l->second_first, l->directions[l->point++]));
     struct lum_sums *s = &l->sums;
     cairn_real x, y, zx, zy;
 
@@ -104,7 +108,8 @@ cairn_status cairn_lum_add_link(cairn_lum *l, int32_t index)
     if (cairn_sym3_solve(m, mz, d))
         explained = d[0] * mz[0] + d[1] * mz[1] + d[2] * mz[2];
     by = 1 / cairn_max((s->miss - explained) / (2 * n - 3), l->params.sigma * l->params.sigma);
-    l->error += by * explained; /* D^T C^-1 D, as C^-1 = M^T M / s^2 and the poses have not moved yet */
+    /* D^T C^-1 D, as C^-1 = M^T M / s^2 and the poses have not moved yet */
+    l->error += by * explained;
     l->pairs += s->pairs;
     m.xx *= by;
     m.xz *= by;

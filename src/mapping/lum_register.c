@@ -1,16 +1,18 @@
 /* Sequential registration before Lu and Milios.
  *
- * Method: the scan with the most points is the first that is placed, and the next of those that are left when none of them
- * finds a match. In every round each scan that is left is matched
- * against all that are placed (icp), from where it should be by the common motion of those, and from that pose turned
- * left and right; the match with the highest score, the overlap over the mean distance of the pairs, weighted by the root
- * of the points, is placed. At the end all scans are moved together so that the first stays.
+ * Method: the scan with the most points is the first that is placed, and the next of those that are
+ * left when none of them finds a match. In every round each scan that is left is matched against
+ * all that are placed (icp), from where it should be by the common motion of those, and from that
+ * pose turned left and right; the match with the highest score, the overlap over the mean distance
+ * of the pairs, weighted by the root of the points, is placed. At the end all scans are moved
+ * together so that the first stays.
  *
- * Limits: a scan that is placed wrongly draws others with it. Where the poses are right within a few degrees already the
- * links alone do better. Matches grow with the square of the scans.
+ * Limits: a scan that is placed wrongly draws others with it. Where the poses are right within a
+ * few degrees already the links alone do better. Matches grow with the square of the scans.
  *
- * Source: the sequence of Borrmann et al. 2008, Globally consistent 3D mapping with scan matching: ICP scan by scan, then
- * global relaxation; best first instead of in the order of the file, which is not known here. */
+ * Source: the sequence of Borrmann et al. 2008, Globally consistent 3D mapping with scan
+ * matching: ICP scan by scan, then global relaxation; best first instead of in the order of the
+ * file, which is not known here. */
 #include "src/core/build.h"
 
 #include "src/mapping/lum_work.h"
@@ -36,7 +38,8 @@ cairn_icp_params cairn_lum_register_icp(const cairn_lum_params *params)
     return icp;
 }
 
-void cairn_lum_register_carve(struct lum_register *r, cairn_pool *pool, const cairn_lum_params *params)
+void cairn_lum_register_carve(struct lum_register *r, cairn_pool *pool,
+                              const cairn_lum_params *params)
 {
     size_t scans = (size_t)params->max_scans;
 
@@ -82,7 +85,8 @@ static void begin_round(struct lum_register *r)
 static void place(cairn_lum *l, int32_t scan, cairn_pose pose)
 {
     struct lum_register *r = &l->registers;
-    cairn_status status = cairn_icp_add_target(r->icp, r->points + r->first[scan], count_of(r, scan), pose, NULL);
+    cairn_status status =
+        cairn_icp_add_target(r->icp, r->points + r->first[scan], count_of(r, scan), pose, NULL);
 
     CAIRN_ASSERT(status == CAIRN_OK);
     (void)status;
@@ -122,7 +126,8 @@ void cairn_lum_register_begin(cairn_lum *l)
     begin_round(r);
 }
 
-/* Places the best match of the round, or without one the first scan of a new piece; 0: there is none. */
+/* Places the best match of the round, or without one the first scan of a new piece; 0: there is
+ * none. */
 static int32_t end_round(cairn_lum *l)
 {
     struct lum_register *r = &l->registers;
@@ -139,7 +144,8 @@ static int32_t end_round(cairn_lum *l)
     return seed >= 0;
 }
 
-/* All that was placed becomes the map's, moved so that the first scan stays; the others go with it. */
+/* All that was placed becomes the map's, moved so that the first scan stays; the others go with
+ * it. */
 static void commit(cairn_lum *l)
 {
     struct lum_register *r = &l->registers;
@@ -160,7 +166,8 @@ int32_t cairn_lum_register_next(cairn_lum *l, int32_t *units)
     cairn_pose start;
     int32_t points, target = cairn_icp_target_count(r->icp);
 
-    while (r->scan < l->state.scans && (r->placed_count == 0 || r->is_placed[r->scan] || count_of(r, r->scan) == 0))
+    while (r->scan < l->state.scans &&
+           (r->placed_count == 0 || r->is_placed[r->scan] || count_of(r, r->scan) == 0))
         r->scan++;
     *units = 1 + l->state.scans / UNITS_SCANS;
     if (r->scan == l->state.scans) {
@@ -173,7 +180,8 @@ int32_t cairn_lum_register_next(cairn_lum *l, int32_t *units)
     }
     points = count_of(r, r->scan);
     start = cairn_pose_compose(r->motion, r->start[r->scan]);
-    start.theta = cairn_wrap_angle(start.theta + (cairn_real)TURNS[r->turn] * l->params.register_turn);
+    start.theta =
+        cairn_wrap_angle(start.theta + (cairn_real)TURNS[r->turn] * l->params.register_turn);
     status = cairn_icp_begin(r->icp, r->points + r->first[r->scan], points, start, NULL, NULL);
     CAIRN_ASSERT(status == CAIRN_OK);
     (void)status;
@@ -186,8 +194,8 @@ void cairn_lum_register_matched(cairn_lum *l)
 {
     struct lum_register *r = &l->registers;
     cairn_icp_result result = cairn_icp_read(r->icp);
-    cairn_real score =
-        result.overlap * cairn_sqrt((cairn_real)count_of(r, r->scan)) / (result.mean_distance + l->params.sigma);
+    cairn_real score = result.overlap * cairn_sqrt((cairn_real)count_of(r, r->scan)) /
+                       (result.mean_distance + l->params.sigma);
 
     r->matching = 0;
     if (result.verdict != CAIRN_ICP_TOO_FEW_PAIRS && score > r->best.score) {

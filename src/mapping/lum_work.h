@@ -7,7 +7,16 @@
 
 enum { LUM_UNITS_POINT = 4, LUM_UNITS_LINK = 4 };
 
-enum { LUM_IDLE, LUM_REGISTER, LUM_SEARCH, LUM_ANALYZE, LUM_MEASURE, LUM_FACTOR, LUM_SOLVE, LUM_MOVE };
+enum {
+    LUM_IDLE,
+    LUM_REGISTER,
+    LUM_SEARCH,
+    LUM_ANALYZE,
+    LUM_MEASURE,
+    LUM_FACTOR,
+    LUM_SOLVE,
+    LUM_MOVE
+};
 
 struct lum_scan {
     int32_t first, end; /* of its points */
@@ -24,16 +33,25 @@ struct lum_sums {
 
 /* One scan after the other against those that are placed. */
 struct lum_register {
-    cairn_icp *icp;               /* NULL: no registration; its target are the scans that are placed */
-    cairn_oriented_point *points; /* [max_points] of all scans, thinned */
-    int32_t *first;               /* [max_scans + 1] of a scan's thinned points */
-    cairn_pose *start;            /* [max_scans] as they were */
-    cairn_pose *placed;           /* [max_scans] */
-    int32_t *is_placed;           /* [max_scans] */
-    cairn_pose motion;            /* of start onto placed */
-    int32_t scan, turn;           /* trial at hand */
+    /* NULL: no registration; its target are the scans that are placed */
+    cairn_icp *icp;
+    /* [max_points] of all scans, thinned */
+    cairn_oriented_point *points;
+    /* [max_scans + 1] of a scan's thinned points */
+    int32_t *first;
+    /* [max_scans] as they were */
+    cairn_pose *start;
+    /* [max_scans] */
+    cairn_pose *placed;
+    /* [max_scans] */
+    int32_t *is_placed;
+    /* of start onto placed */
+    cairn_pose motion;
+    /* trial at hand */
+    int32_t scan, turn;
     int32_t placed_count;
-    int32_t matching; /* 1: icp runs */
+    /* 1: icp runs */
+    int32_t matching;
     struct {
         cairn_real score;
         cairn_pose pose;
@@ -55,16 +73,20 @@ struct cairn_lum {
     int32_t *next;          /* [max_points] */
     struct lum_link {
         int32_t first, second;
-    } * links; /* [max_links] */
+        /* [max_links] */
+    } * links;
     cairn_real (*right)[3];
     cairn_vec2 centre;
     struct lum_sums sums;
-    cairn_transform second_first; /* of the pair of scans at hand: the first scan's frame from the second's */
+    /* of the pair of scans at hand: the first scan's frame from the second's */
+    cairn_transform second_first;
     cairn_transform map_first;
     int32_t point_count;
     int32_t stage, debt, committed;
-    int32_t first, second, point; /* pair of scans and point at hand */
-    int32_t at;                   /* link or scan at hand */
+    /* pair of scans and point at hand */
+    int32_t first, second, point;
+    /* link or scan at hand */
+    int32_t at;
     int64_t pairs;
     cairn_real error, motion;
     cairn_status outcome;
@@ -81,14 +103,15 @@ void cairn_lum_begin_pairs(cairn_lum *lum, int32_t first, int32_t second);
 /* ... with the next point of the second ... */
 void cairn_lum_add_pair(cairn_lum *lum);
 
-/* ... and adds the equations of the link of this index, once all points have been looked at. CAIRN_NOT_FINITE,
- * CAIRN_BAD_ARGUMENT: of the solver. */
+/* ... and adds the equations of the link of this index, once all points have been looked at.
+ * CAIRN_NOT_FINITE, CAIRN_BAD_ARGUMENT: of the solver. */
 CAIRN_CHECKED cairn_status cairn_lum_add_link(cairn_lum *lum, int32_t index);
 
 /* ---- lum_register.c ---- */
 
 /* Sets the pointers but that of the ICP. */
-void cairn_lum_register_carve(struct lum_register *r, cairn_pool *pool, const cairn_lum_params *params);
+void cairn_lum_register_carve(struct lum_register *r, cairn_pool *pool,
+                              const cairn_lum_params *params);
 
 cairn_icp_params cairn_lum_register_icp(const cairn_lum_params *params);
 
@@ -97,8 +120,8 @@ void cairn_lum_register_add(cairn_lum *lum, const cairn_oriented_point *points, 
 
 void cairn_lum_register_begin(cairn_lum *lum);
 
-/* Begins the next match or ends a round, while none is running; 1 when all scans have been placed that can be, and their
- * poses are those of the map. */
+/* Begins the next match or ends a round, while none is running; 1 when all scans have been
+ * placed that can be, and their poses are those of the map. */
 int32_t cairn_lum_register_next(cairn_lum *lum, int32_t *units);
 
 /* The ICP has ended. */

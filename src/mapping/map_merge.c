@@ -1,13 +1,15 @@
 /* Maps of many robots merged by a virtual robot.
  *
- * Method: maps are made ready one by one (map_merge_prepare.c), rival places of all pairs are found (map_merge_pairs.c), a
- * particle filter puts the maps together (map_merge_filter.c) and the result is checked (map_merge_check.c).
+ * Method: maps are made ready one by one (map_merge_prepare.c), rival places of all pairs are found
+ * (map_merge_pairs.c), a particle filter puts the maps together (map_merge_filter.c) and the result
+ * is checked (map_merge_check.c).
  *
- * Layout: a packed cell of two bytes for each cell of all maps; points, free cells, corners, lines and bends of each map; a list of modes
- * for each pair of maps; the filter; a table of what pairs said about places.
+ * Layout: a packed cell of two bytes for each cell of all maps; points, free cells, corners, lines
+ * and bends of each map; a list of modes for each pair of maps; the filter; a table of what pairs
+ * said about places.
  *
- * Limits: a pair needs some metres of wall in its overlap that are not one straight line; maps of one scale; walls that are bent by
- * more than a few cells between the maps do not agree.
+ * Limits: a pair needs some metres of wall in its overlap that are not one straight line; maps of
+ * one scale; walls that are bent by more than a few cells between the maps do not agree.
  *
  * Source: Adluru 2008, chapter 9. */
 #include "src/core/build.h"
@@ -59,14 +61,16 @@ static int is_count(int32_t n, int32_t least, int32_t most)
 
 static int params_are_valid(const cairn_map_merge_params *p)
 {
-    return p != NULL && is_count(p->max_maps, 1, MERGE_MAPS_MOST) && is_count(p->max_cells, 1, CELLS_MOST) &&
-           is_count(p->max_map_cells, 1, p->max_cells) && is_count(p->max_points, POINTS_LEAST, POINTS_MOST) &&
-           is_count(p->max_segments, 1, 4096) && is_count(p->max_corners, 1, 1024) && is_count(p->max_modes, 1, 32) &&
-           is_count(p->particles, 1, 4096) && is_count(p->mode, CAIRN_MODE_DEFAULT, CAIRN_MODE_AS_WRITTEN) &&
+    return p != NULL && is_count(p->max_maps, 1, MERGE_MAPS_MOST) &&
+           is_count(p->max_cells, 1, CELLS_MOST) && is_count(p->max_map_cells, 1, p->max_cells) &&
+           is_count(p->max_points, POINTS_LEAST, POINTS_MOST) &&
+           is_count(p->max_segments, 1, 4096) && is_count(p->max_corners, 1, 1024) &&
+           is_count(p->max_modes, 1, 32) && is_count(p->particles, 1, 4096) &&
+           is_count(p->mode, CAIRN_MODE_DEFAULT, CAIRN_MODE_AS_WRITTEN) &&
            (p->mode == CAIRN_MODE_DEFAULT || p->perception == CAIRN_MERGE_IMAGES) &&
-           p->perception >= CAIRN_MERGE_EVIDENCE && p->perception <= CAIRN_MERGE_IMAGES && p->correlation > 0 &&
-           cairn_is_finite(p->correlation) && p->min_score > 0 && cairn_is_finite(p->min_score) && p->min_margin >= 0 &&
-           cairn_is_finite(p->min_margin);
+           p->perception >= CAIRN_MERGE_EVIDENCE && p->perception <= CAIRN_MERGE_IMAGES &&
+           p->correlation > 0 && cairn_is_finite(p->correlation) && p->min_score > 0 &&
+           cairn_is_finite(p->min_score) && p->min_margin >= 0 && cairn_is_finite(p->min_margin);
 }
 
 static cairn_corner_params corner_params(const cairn_map_merge_params *p)
@@ -96,7 +100,8 @@ static int32_t image_cells(const cairn_map_merge_params *p)
 /* An image's side is at most that of a raster, or all its cells in one row. */
 static cairn_distance_map_params distance_params(const cairn_map_merge_params *p)
 {
-    cairn_distance_map_params d = {image_cells(p) < CAIRN_RASTER_MAX_SIDE ? image_cells(p) : CAIRN_RASTER_MAX_SIDE};
+    cairn_distance_map_params d = {image_cells(p) < CAIRN_RASTER_MAX_SIDE ? image_cells(p)
+                                                                          : CAIRN_RASTER_MAX_SIDE};
 
     return d;
 }
@@ -179,7 +184,8 @@ static cairn_map_merge *carve(cairn_pool *pool, const cairn_map_merge_params *p)
     cairn_segment *lines = cairn_pool_take(pool, maps * (size_t)p->max_segments, sizeof *lines);
     merge_mode *modes = cairn_pool_take(pool, pairs_of(p) * (size_t)p->max_modes, sizeof *modes);
     int32_t *mode_count = cairn_pool_take(pool, pairs_of(p), sizeof *mode_count);
-    merge_memory *memory = merge_is_written(p) ? NULL : cairn_pool_take(pool, MERGE_MEMORY, sizeof *memory);
+    merge_memory *memory =
+        merge_is_written(p) ? NULL : cairn_pool_take(pool, MERGE_MEMORY, sizeof *memory);
 
     if (m != NULL) {
         memset(m, 0, sizeof *m);
@@ -225,7 +231,8 @@ size_t cairn_map_merge_memory(const cairn_map_merge_params *params)
     return cairn_pool_counted(&counting);
 }
 
-cairn_status cairn_map_merge_create(cairn_map_merge **merge, cairn_pool *pool, const cairn_map_merge_params *params)
+cairn_status cairn_map_merge_create(cairn_map_merge **merge, cairn_pool *pool,
+                                    const cairn_map_merge_params *params)
 {
     size_t need = cairn_map_merge_memory(params);
     cairn_map_merge *made;
@@ -246,16 +253,19 @@ cairn_status cairn_map_merge_create(cairn_map_merge **merge, cairn_pool *pool, c
 
 cairn_status cairn_map_merge_coarsen(cairn_raster_u8_view cells, int32_t k, cairn_raster_u8 out)
 {
-    if (cairn_raster_u8_check(cells) != CAIRN_OK || cairn_raster_u8_check(cairn_raster_u8_read(out)) != CAIRN_OK ||
-        k < 1 || out.width != (cells.width - 1) / k + 1 || out.height != (cells.height - 1) / k + 1)
+    if (cairn_raster_u8_check(cells) != CAIRN_OK ||
+        cairn_raster_u8_check(cairn_raster_u8_read(out)) != CAIRN_OK || k < 1 ||
+        out.width != (cells.width - 1) / k + 1 || out.height != (cells.height - 1) / k + 1)
         return CAIRN_BAD_ARGUMENT;
     for (int32_t y = 0; y < out.height; y++)
         memset(out.data + y * out.stride, CAIRN_CELL_UNKNOWN, (size_t)out.width);
     for (int32_t y = 0; y < cells.height; y++)
         for (int32_t x = 0; x < cells.width; x++) {
-            uint8_t cell = cells.data[y * cells.stride + x], *to = &out.data[y / k * out.stride + x / k];
+            uint8_t cell = cells.data[y * cells.stride + x],
+                    *to = &out.data[y / k * out.stride + x / k];
 
-            if (cell == CAIRN_CELL_OCCUPIED || (cell == CAIRN_CELL_FREE && *to != CAIRN_CELL_OCCUPIED))
+            if (cell == CAIRN_CELL_OCCUPIED ||
+                (cell == CAIRN_CELL_FREE && *to != CAIRN_CELL_OCCUPIED))
                 *to = cell;
         }
     return CAIRN_OK;
@@ -276,7 +286,8 @@ static cairn_pose scaled(cairn_pose pose, cairn_real by)
     return pose;
 }
 
-cairn_status cairn_map_merge_add(cairn_map_merge *merge, const cairn_merge_map *map, cairn_fault *fault)
+cairn_status cairn_map_merge_add(cairn_map_merge *merge, const cairn_merge_map *map,
+                                 cairn_fault *fault)
 {
     merge_map *m;
     int64_t cells;
@@ -284,7 +295,8 @@ cairn_status cairn_map_merge_add(cairn_map_merge *merge, const cairn_merge_map *
     if (merge == NULL || map == NULL)
         return cairn_refuse(fault, -1, "NULL, expected a map", CAIRN_BAD_ARGUMENT);
     if (merge->phase != MERGE_IDLE)
-        return cairn_refuse(fault, -1, "a merging is under way, expected its end", CAIRN_BAD_ARGUMENT);
+        return cairn_refuse(fault, -1, "a merging is under way, expected its end",
+                            CAIRN_BAD_ARGUMENT);
     if (cairn_raster_u8_check(map->cells) != CAIRN_OK)
         return cairn_refuse(fault, -1, "not a raster of cells", CAIRN_BAD_ARGUMENT);
     if (!cairn_is_finite(map->resolution) || !cairn_pose_is_finite(map->origin))
@@ -364,7 +376,8 @@ cairn_status cairn_map_merge_begin(cairn_map_merge *merge, int32_t reference, co
         return CAIRN_BAD_ARGUMENT;
     if (merge->map_count == 0)
         return CAIRN_EMPTY;
-    if (reference < 0 || reference >= merge->map_count || (order != NULL && !is_order(merge, reference, order)))
+    if (reference < 0 || reference >= merge->map_count ||
+        (order != NULL && !is_order(merge, reference, order)))
         return CAIRN_BAD_ARGUMENT;
     merge->reference = reference;
     merge->has_order = order != NULL;
@@ -396,7 +409,8 @@ static void finish(cairn_map_merge *m)
     r->hypotheses = m->tried;
     r->resamplings = cairn_particle_filter_read(m->filter).resamplings;
     r->n_eff = cairn_particle_filter_read(m->filter).n_eff;
-    r->most_particles = merge_is_written(&m->params) ? m->written->most_particles : m->params.particles;
+    r->most_particles =
+        merge_is_written(&m->params) ? m->written->most_particles : m->params.particles;
     for (int32_t i = 0; i < m->map_count; i++) {
         cairn_merge_placed *p = &m->placed[i];
 
@@ -440,8 +454,8 @@ cairn_status cairn_map_merge_step(cairn_map_merge *merge, cairn_budget *budget)
         return CAIRN_OK;
     before = budget->left;
     while (merge->stage < MERGE_FINISHED) {
-        cairn_status status =
-            merge_is_written(&merge->params) ? step_written(merge, budget) : step_default(merge, budget);
+        cairn_status status = merge_is_written(&merge->params) ? step_written(merge, budget)
+                                                               : step_default(merge, budget);
 
         if (status != CAIRN_OK) {
             merge->units += before - budget->left;
@@ -457,8 +471,8 @@ cairn_status cairn_map_merge_step(cairn_map_merge *merge, cairn_budget *budget)
 
 /* ---- Reading ---- */
 
-cairn_status cairn_map_merge_score(const cairn_map_merge *merge, int32_t a, int32_t b, cairn_pose a_b,
-                                   cairn_merge_score *score)
+cairn_status cairn_map_merge_score(const cairn_map_merge *merge, int32_t a, int32_t b,
+                                   cairn_pose a_b, cairn_merge_score *score)
 {
     if (merge == NULL || score == NULL || !merge->done || a < 0 || b < 0 || a >= merge->map_count ||
         b >= merge->map_count)
@@ -507,19 +521,21 @@ cairn_merge_placed cairn_map_merge_of(const cairn_map_merge *merge, int32_t map)
     return merge->done && map >= 0 && map < merge->map_count ? merge->placed[map] : none;
 }
 
-int32_t cairn_map_merge_mode(const cairn_map_merge *merge, int32_t a, int32_t b, int32_t index, cairn_pose *a_b,
-                             cairn_real *evidence)
+int32_t cairn_map_merge_mode(const cairn_map_merge *merge, int32_t a, int32_t b, int32_t index,
+                             cairn_pose *a_b, cairn_real *evidence)
 {
     const merge_mode *mode;
     int32_t pair;
 
-    if (!merge->done || a < 0 || b < 0 || a == b || a >= merge->map_count || b >= merge->map_count || index < 0)
+    if (!merge->done || a < 0 || b < 0 || a == b || a >= merge->map_count ||
+        b >= merge->map_count || index < 0)
         return 0;
     pair = a < b ? merge_pair(a, b) : merge_pair(b, a);
     if (index >= merge->mode_count[pair])
         return 0;
     mode = &merge->modes[(size_t)pair * (size_t)merge->params.max_modes + (size_t)index];
     *evidence = mode->evidence;
-    *a_b = frames_of(merge, a, b, a < b ? mode->first_second : cairn_pose_inverse(mode->first_second));
+    *a_b =
+        frames_of(merge, a, b, a < b ? mode->first_second : cairn_pose_inverse(mode->first_second));
     return 1;
 }

@@ -1,15 +1,17 @@
 /* The check of what the particle filter found.
  *
- * The maps of the best particle are refined by lines, in turn, beside all others. Evidence between every two of them makes a
- * graph; while a cut through it has less than the least score, the side without the reference is cut off. A map that has a
- * rival place with nearly as much support, or could slide along its walls, is refused, and the rest is looked at again. */
+ * The maps of the best particle are refined by lines, in turn, beside all others. Evidence
+ * between every two of them makes a graph; while a cut through it has less than the least score,
+ * the side without the reference is cut off. A map that has a rival place with nearly as much
+ * support, or could slide along its walls, is refused, and the rest is looked at again. */
 #include "src/core/build.h"
 
 #include <string.h>
 
 #include "src/mapping/map_merge_work.h"
 
-/* Nats that a place has by chance, as the best of many, and by which an e-fold less is to be expected. */
+/* Nats that a place has by chance, as the best of many, and by which an e-fold less is to be
+ * expected. */
 #define CHANCE CAIRN_REAL(5.0)
 #define SPREAD CAIRN_REAL(1.5)
 /* Nobody has counted rarer faults. */
@@ -43,7 +45,8 @@ static const void *best_of(const cairn_map_merge *m)
     return best;
 }
 
-/* near[] in the order of merging, but the reference first, in whose frame they are now; alone when it has not been merged. */
+/* near[] in the order of merging, but the reference first, in whose frame they are now; alone
+ * when it has not been merged. */
 static void begin_at_reference(cairn_map_merge *m)
 {
     cairn_pose reference = cairn_pose_identity();
@@ -72,7 +75,8 @@ static void begin_check(cairn_map_merge *m)
     for (int32_t i = 0; i < m->map_count; i++) {
         cairn_merge_placed *p = &m->placed[i];
 
-        p->verdict = m->maps[i].point_count == 0 || m->maps[i].free == 0 ? CAIRN_MERGE_EMPTY : CAIRN_MERGE_NO_OVERLAP;
+        p->verdict = m->maps[i].point_count == 0 || m->maps[i].free == 0 ? CAIRN_MERGE_EMPTY
+                                                                         : CAIRN_MERGE_NO_OVERLAP;
         p->corners = m->maps[i].corner_count;
         p->wrong = 1;
         p->rank = -1;
@@ -142,7 +146,8 @@ static cairn_status step_links(cairn_map_merge *m, cairn_budget *budget)
             }
             if (!cairn_merge_go_on_total(m, budget))
                 return CAIRN_MORE;
-            m->check.link[merge_pair(other < map ? other : map, other < map ? map : other)] = m->total.evidence;
+            m->check.link[merge_pair(other < map ? other : map, other < map ? map : other)] =
+                m->total.evidence;
             m->inner++;
         }
     return CAIRN_OK;
@@ -153,8 +158,9 @@ static cairn_real link_of(const cairn_map_merge *m, int32_t a, int32_t b)
     return m->check.link[a < b ? merge_pair(a, b) : merge_pair(b, a)];
 }
 
-/* Of what is accepted the part without the reference that has least evidence in common with the rest (Stoer and Wagner 1997):
- * side[] of those maps is 1. Evidence against is none. Returns that evidence, or a huge number for a single map. */
+/* Of what is accepted the part without the reference that has least evidence in common with the
+ * rest (Stoer and Wagner 1997): side[] of those maps is 1. Evidence against is none. Returns
+ * that evidence, or a huge number for a single map. */
 static cairn_real least_cut(const cairn_map_merge *m, int32_t *side)
 {
     int32_t group[MERGE_MAPS_MOST], added[MERGE_MAPS_MOST], best_group[MERGE_MAPS_MOST] = {0};
@@ -232,7 +238,8 @@ static cairn_pose shifted(cairn_pose pose, int32_t direction)
     return pose;
 }
 
-/* Place `index` of a map to be looked at beside all others: its own, then rivals, then shifted ones. */
+/* Place `index` of a map to be looked at beside all others: its own, then rivals, then shifted
+ * ones. */
 static cairn_pose place_at(const cairn_map_merge *m, int32_t map, int32_t index)
 {
     cairn_pose pose = m->check.pose[map];

@@ -1,9 +1,11 @@
-/* Registration of pairs of similar corners in closed form: the motion update of the virtual robot as written.
+/* Registration of pairs of similar corners in closed form: the motion update of the virtual robot
+ * as written.
  *
- * Method. Every corner of a map is compared with every corner of another one of the same kind and opening; the pairs whose legs
- * are most alike in length are kept. Each of them fixes a rigid motion by three correspondences: the vertex, and a point on each leg
- * as far from it as both corners have that leg. The motion is that of least squares (Horn 1987, Arun 1987, in the plane).
- * Source: Adluru 2008, section 9.3. */
+ * Method. Every corner of a map is compared with every corner of another one of the same kind
+ * and opening; the pairs whose legs are most alike in length are kept. Each of them fixes a
+ * rigid motion by three correspondences: the vertex, and a point on each leg as far from it as
+ * both corners have that leg. The motion is that of least squares (Horn 1987, Arun 1987, in the
+ * plane). Source: Adluru 2008, section 9.3. */
 #include "src/core/build.h"
 
 #include "src/mapping/map_merge_work.h"
@@ -11,7 +13,8 @@
 /* rad: openings of similar corners differ by at most so much. */
 #define SIMILAR_OPENING (10 * (CAIRN_PI / 180))
 
-/* m: by so much a leg's length is uncertain; short legs, which are alike by chance, are less similar for it. */
+/* m: by so much a leg's length is uncertain; short legs, which are alike by chance, are less
+ * similar for it. */
 #define LEG_NOISE CAIRN_REAL(0.20)
 
 /* m: how far a leg of a corner reaches. */
@@ -24,10 +27,10 @@ static cairn_real leg_length(const merge_map *map, const cairn_corner *c, int32_
     return cairn_max(a, b);
 }
 
-/* How alike two corners are, 0 ... 1: the mean over both legs of the shorter length by the longer one with its noise. Below 0: not
- * similar. */
-static cairn_real similarity_of(const merge_map *first, const cairn_corner *a, const merge_map *second,
-                                const cairn_corner *b)
+/* How alike two corners are, 0 ... 1: the mean over both legs of the shorter length by the
+ * longer one with its noise. Below 0: not similar. */
+static cairn_real similarity_of(const merge_map *first, const cairn_corner *a,
+                                const merge_map *second, const cairn_corner *b)
 {
     cairn_real sum = 0;
 
@@ -59,10 +62,11 @@ cairn_pose cairn_merge_motion_of(const cairn_vec2 *to, const cairn_vec2 *from)
     return cairn_pose_about(q, p, cosine, sine);
 }
 
-static cairn_pose registration_of(const merge_map *first, const cairn_corner *a, const merge_map *second,
-                                  const cairn_corner *b)
+static cairn_pose registration_of(const merge_map *first, const cairn_corner *a,
+                                  const merge_map *second, const cairn_corner *b)
 {
-    cairn_vec2 to[MERGE_CORRESPONDENCES] = {a->position}, from[MERGE_CORRESPONDENCES] = {b->position};
+    cairn_vec2 to[MERGE_CORRESPONDENCES] = {a->position},
+               from[MERGE_CORRESPONDENCES] = {b->position};
 
     for (int32_t leg = 0; leg < 2; leg++) {
         cairn_real length = cairn_min(leg_length(first, a, leg), leg_length(second, b, leg));

@@ -1,10 +1,10 @@
 /* The virtual robot: a particle filter over where maps lie.
  *
- * A state says where one map was put. A particle proposes the next map, the one whose best place has most evidence (or that
- * which the order names), at each of its rival places beside the maps placed so far, or that it is put aside until all others had
- * their turn; evidence
- * against all placed maps is the likelihood, tempered because neighbouring walls are not independent. What one pair of maps
- * says about a place is remembered, since particles mostly agree. */
+ * A state says where one map was put. A particle proposes the next map, the one whose best place
+ * has most evidence (or that which the order names), at each of its rival places beside the maps
+ * placed so far, or that it is put aside until all others had their turn; evidence against all
+ * placed maps is the likelihood, tempered because neighbouring walls are not independent. What
+ * one pair of maps says about a place is remembered, since particles mostly agree. */
 #include "src/core/build.h"
 
 #include <string.h>
@@ -76,8 +76,8 @@ static int mode_of(const cairn_map_merge *m, int32_t a, int32_t b, int32_t index
     return 1;
 }
 
-/* The map that comes next, of those that were put aside so often: by the order, or the one whose best mode beside any placed map
- * is best. -1: none. */
+/* The map that comes next, of those that were put aside so often: by the order, or the one whose
+ * best mode beside any placed map is best. -1: none. */
 static int32_t next_map(const cairn_map_merge *m, int32_t aside)
 {
     cairn_real best = 0;
@@ -145,7 +145,8 @@ static void count_images(cairn_map_merge *m, const merge_state *s)
 {
     m->offer.psi_sum += s->psi;
     m->offer.gamma_sum += s->gamma;
-    m->offer.gamma_least = m->offer.offered == 0 ? s->gamma : cairn_min(m->offer.gamma_least, s->gamma);
+    m->offer.gamma_least =
+        m->offer.offered == 0 ? s->gamma : cairn_min(m->offer.gamma_least, s->gamma);
     m->offer.offered++;
 }
 
@@ -158,7 +159,8 @@ static void see_images(cairn_map_merge *m, merge_state *s)
     for (int32_t i = 0; i < m->near_count && s->map >= 0; i++) {
         cairn_merge_score score;
 
-        cairn_merge_score_at(m, m->near[i], s->map, cairn_pose_between(m->near_pose[i], s->reference_map), &score);
+        cairn_merge_score_at(m, m->near[i], s->map,
+                             cairn_pose_between(m->near_pose[i], s->reference_map), &score);
         if (score.overlap > most) {
             most = score.overlap;
             s->psi = score.psi;
@@ -189,7 +191,8 @@ static merge_offer *offer_for(cairn_map_merge *m, const merge_state *state)
     merge_offer *fresh;
 
     for (int32_t i = 0; i < MERGE_OFFERS; i++)
-        if (m->offer.made[i].state != NULL && cairn_merge_is_same_history(m->offer.made[i].state, state))
+        if (m->offer.made[i].state != NULL &&
+            cairn_merge_is_same_history(m->offer.made[i].state, state))
             return &m->offer.made[i];
     fresh = &m->offer.made[m->offer.count++ % MERGE_OFFERS];
     fresh->state = state;
@@ -235,7 +238,8 @@ static int step_candidate(cairn_map_merge *m, merge_state *s, cairn_budget *budg
     return 1;
 }
 
-static cairn_status propose(void *context, cairn_particle_filter *filter, int32_t index, cairn_budget *budget)
+static cairn_status propose(void *context, cairn_particle_filter *filter, int32_t index,
+                            cairn_budget *budget)
 {
     cairn_map_merge *m = context;
     merge_offer *offer;
@@ -247,7 +251,8 @@ static cairn_status propose(void *context, cairn_particle_filter *filter, int32_
     }
     offer = m->offer.now;
     for (; m->offer.at < offer->count; m->offer.at++)
-        if (offer->list[m->offer.at].map >= 0 && !step_candidate(m, &offer->list[m->offer.at], budget))
+        if (offer->list[m->offer.at].map >= 0 &&
+            !step_candidate(m, &offer->list[m->offer.at], budget))
             return CAIRN_MORE;
     for (int32_t i = 0; i < offer->count; i++) {
         cairn_status status = cairn_particle_filter_offer(filter, &offer->list[i], 0);
@@ -272,8 +277,8 @@ static cairn_real log_images(const cairn_map_merge *m, const merge_state *s)
     return psi * gamma > 0 ? cairn_log(psi * gamma) : -CAIRN_REAL_MAX;
 }
 
-static cairn_status likelihood(void *context, const cairn_particle_filter *filter, int32_t index, const void *state,
-                               cairn_real *log_likelihood, cairn_budget *budget)
+static cairn_status likelihood(void *context, const cairn_particle_filter *filter, int32_t index,
+                               const void *state, cairn_real *log_likelihood, cairn_budget *budget)
 {
     const cairn_map_merge *m = context;
     const merge_state *s = state;
@@ -297,8 +302,8 @@ cairn_particle_model cairn_merge_model(cairn_map_merge *m)
     return model;
 }
 
-/* Where the merging starts: at a map of the pair that has most evidence, so that what is weak meets many maps at once; at the
- * reference when an order or an earlier merging is given. */
+/* Where the merging starts: at a map of the pair that has most evidence, so that what is weak
+ * meets many maps at once; at the reference when an order or an earlier merging is given. */
 static int32_t first_map(const cairn_map_merge *m)
 {
     int32_t first = m->reference;

@@ -1,12 +1,14 @@
 /* Psi and gamma of two images as written (9.5, 9.6), and the image of the maps merged so far.
  *
- * Method. For each known cell of an image the Manhattan distances to the nearest occupied and to the nearest free cell of the
- * other one are looked up in its distance maps; a cell beside the image is as far as its nearest cell within, and as that
- * one's distance. The kernel of the distance to the own class goes into Psi, of that to the other class into d. All cells count,
- * but those that lie farther from the other image than the kernel reaches are passed over: they add nothing.
+ * Method. For each known cell of an image the Manhattan distances to the nearest occupied and to
+ * the nearest free cell of the other one are looked up in its distance maps; a cell beside the
+ * image is as far as its nearest cell within, and as that one's distance. The kernel of the
+ * distance to the own class goes into Psi, of that to the other class into d. All cells count, but
+ * those that lie farther from the other image than the kernel reaches are passed over: they add
+ * nothing.
  *
- * The merged image has the cells of the reference, row by row; each map is looked up at the middle of every cell and has one
- * vote. Source: Adluru 2008, section 9.4. */
+ * The merged image has the cells of the reference, row by row; each map is looked up at the
+ * middle of every cell and has one vote. Source: Adluru 2008, section 9.4. */
 #include "src/core/build.h"
 
 #include <string.h>
@@ -90,7 +92,8 @@ static void set_window(merge_images *c, int32_t k, cairn_pose own_other)
     }
 }
 
-void cairn_merge_begin_images(merge_images *c, const merge_map *a, const merge_map *b, cairn_pose a_b)
+void cairn_merge_begin_images(merge_images *c, const merge_map *a, const merge_map *b,
+                              cairn_pose a_b)
 {
     cairn_pose b_a = cairn_pose_inverse(a_b);
 
@@ -104,7 +107,8 @@ void cairn_merge_begin_images(merge_images *c, const merge_map *a, const merge_m
     c->row = c->begin[0][1];
 }
 
-/* The cell of an image that is nearest to one that may lie beside it; *beside grows by their distance. */
+/* The cell of an image that is nearest to one that may lie beside it; *beside grows by their
+ * distance. */
 static int32_t cut(int32_t at, int32_t side, int32_t *beside)
 {
     int32_t within = at < 0 ? 0 : at < side ? at : side - 1;
@@ -113,13 +117,14 @@ static int32_t cut(int32_t at, int32_t side, int32_t *beside)
     return within;
 }
 
-/* Keeps of columns *begin ... *end - 1 those where start + column * step lies in low ... high, and at most `spare` more on
- * either side; with a negative number so many fewer. */
-static void clip(cairn_real start, cairn_real step, cairn_real low, cairn_real high, int32_t spare, int32_t *begin,
-                 int32_t *end)
+/* Keeps of columns *begin ... *end - 1 those where start + column * step lies in low ... high,
+ * and at most `spare` more on either side; with a negative number so many fewer. */
+static void clip(cairn_real start, cairn_real step, cairn_real low, cairn_real high, int32_t spare,
+                 int32_t *begin, int32_t *end)
 {
     cairn_real a = (low - start) / step, b = (high - start) / step;
-    int32_t first = cell_index(cairn_min(a, b), *end) + 1 - spare, last = cell_index(cairn_max(a, b), *end) + spare;
+    int32_t first = cell_index(cairn_min(a, b), *end) + 1 - spare,
+            last = cell_index(cairn_max(a, b), *end) + spare;
 
     *begin = *begin > first ? *begin : first;
     *end = *end < last + 1 ? *end : last + 1;
@@ -134,7 +139,8 @@ typedef struct image_row {
     int32_t known;
 } image_row;
 
-static void add_cell(image_row *r, uint16_t own, uint16_t cell, int32_t beside, const cairn_real *kernel)
+static void add_cell(image_row *r, uint16_t own, uint16_t cell, int32_t beside,
+                     const cairn_real *kernel)
 {
     int32_t to_occupied = beside + merge_to_occupied(cell), to_free = beside + merge_to_free(cell);
 
@@ -160,9 +166,12 @@ static void add_outside(image_row *r, int32_t begin, int32_t end, const cairn_re
 
         if (merge_class(r->cells[column]) == MERGE_UNKNOWN)
             continue;
-        u = cut(cell_index(r->first.x + (cairn_real)column * r->step.x, width + REACH), width, &beside);
-        v = cut(cell_index(r->first.y + (cairn_real)column * r->step.y, height + REACH), height, &beside);
-        add_cell(r, r->cells[column], r->other->grid[(size_t)v * (size_t)width + (size_t)u], beside, kernel);
+        u = cut(cell_index(r->first.x + (cairn_real)column * r->step.x, width + REACH), width,
+                &beside);
+        v = cut(cell_index(r->first.y + (cairn_real)column * r->step.y, height + REACH), height,
+                &beside);
+        add_cell(r, r->cells[column], r->other->grid[(size_t)v * (size_t)width + (size_t)u], beside,
+                 kernel);
     }
 }
 
@@ -180,18 +189,25 @@ static void add_inside(image_row *r, int32_t begin, int32_t end, const cairn_rea
     }
 }
 
-/* Adds a row of image k: the cells that come to lie within the kernel's reach of the other image, as the rest adds nothing. */
+/* Adds a row of image k: the cells that come to lie within the kernel's reach of the other
+ * image, as the rest adds nothing. */
 static void add_row(merge_images *c, int32_t k, const cairn_real *kernel)
 {
     const merge_map *own = c->map[k], *other = c->map[1 - k];
-    cairn_real width = (cairn_real)other->input.cells.width, height = (cairn_real)other->input.cells.height;
-    cairn_real scale = 1 / other->input.resolution, size = own->input.resolution, row = (cairn_real)c->row;
-    cairn_vec2 first = {own->corner.x + size / 2, own->corner.y + (row + CAIRN_REAL(0.5)) * size}, along = {size, 0};
+    cairn_real width = (cairn_real)other->input.cells.width,
+               height = (cairn_real)other->input.cells.height;
+    cairn_real scale = 1 / other->input.resolution, size = own->input.resolution,
+               row = (cairn_real)c->row;
+    cairn_vec2 first = {own->corner.x + size / 2, own->corner.y + (row + CAIRN_REAL(0.5)) * size},
+               along = {size, 0};
     int32_t begin = c->begin[k][0], end = c->end[k][0], from, to;
-    image_row r = {other, own->grid + (size_t)c->row * (size_t)own->input.cells.width, {0, 0}, {0, 0}, {0, 0}, {0, 0},
+    image_row r = {other,  own->grid + (size_t)c->row * (size_t)own->input.cells.width,
+                   {0, 0}, {0, 0},
+                   {0, 0}, {0, 0},
                    0};
 
-    r.first = cairn_vec2_scale(cairn_vec2_sub(cairn_transform_point(c->to_other[k], first), other->corner), scale);
+    r.first = cairn_vec2_scale(
+        cairn_vec2_sub(cairn_transform_point(c->to_other[k], first), other->corner), scale);
     r.step = cairn_vec2_scale(cairn_transform_direction(c->to_other[k], along), scale);
     if (cairn_abs(r.step.x) < LEVEL || cairn_abs(r.step.y) < LEVEL) {
         add_outside(&r, begin, end, kernel);
@@ -216,7 +232,8 @@ static void add_row(merge_images *c, int32_t k, const cairn_real *kernel)
     c->known += k == 1 ? r.known : 0;
 }
 
-int cairn_merge_go_on_images(merge_images *c, const cairn_real *kernel, int32_t *paid, cairn_budget *budget)
+int cairn_merge_go_on_images(merge_images *c, const cairn_real *kernel, int32_t *paid,
+                             cairn_budget *budget)
 {
     for (; c->turn < 2; c->turn++, c->row = c->turn < 2 ? c->begin[c->turn][1] : 0)
         for (; c->row < c->end[c->turn][1]; c->row++) {
@@ -236,7 +253,8 @@ void cairn_merge_end_images(const merge_images *c, cairn_merge_score *score)
         cairn_real free = (cairn_real)c->map[k]->free, occupied = (cairn_real)c->map[k]->occupied;
 
         score->psi += c->same[k][0] / cairn_max(free, 1) + c->same[k][1] / cairn_max(occupied, 1);
-        score->disagreement += c->other[k][0] / cairn_max(free, 1) + c->other[k][1] / cairn_max(occupied, 1);
+        score->disagreement +=
+            c->other[k][0] / cairn_max(free, 1) + c->other[k][1] / cairn_max(occupied, 1);
     }
     {
         int32_t a = c->map[0]->free, b = c->map[1]->free;
@@ -249,9 +267,10 @@ void cairn_merge_end_images(const merge_images *c, cairn_merge_score *score)
 
 /* ---- The merged image ---- */
 
-/* First cell and end of an image of the box, along x or y, in cells of the reference; a hair less, which rounding is. */
-static void lattice(const cairn_map_merge *m, cairn_real low, cairn_real high, cairn_real corner, int32_t *first,
-                    int32_t *end)
+/* First cell and end of an image of the box, along x or y, in cells of the reference; a hair
+ * less, which rounding is. */
+static void lattice(const cairn_map_merge *m, cairn_real low, cairn_real high, cairn_real corner,
+                    int32_t *first, int32_t *end)
 {
     const cairn_real hair = CAIRN_REAL(1e-3);
     cairn_real scale = 1 / m->maps[m->reference].input.resolution;
@@ -281,7 +300,8 @@ static void begin_merged(cairn_map_merge *m)
 
     w->box = cairn_box_empty();
     for (int32_t i = 0; i < m->near_count; i++)
-        w->box = cairn_merge_join(w->box, cairn_merge_box_of(&m->maps[m->near[i]], m->near_pose[i]));
+        w->box =
+            cairn_merge_join(w->box, cairn_merge_box_of(&m->maps[m->near[i]], m->near_pose[i]));
     lattice(m, w->box.min.x, w->box.max.x, reference->corner.x, &x, &right);
     lattice(m, w->box.min.y, w->box.max.y, reference->corner.y, &y, &top);
     map->input.resolution = reference->input.resolution;
@@ -307,12 +327,16 @@ static void vote_row(cairn_map_merge *m, int32_t near, int32_t row)
 
     for (int32_t column = 0; column < to->input.cells.width; column++) {
         cairn_real x = (cairn_real)column + CAIRN_REAL(0.5), y = (cairn_real)row + CAIRN_REAL(0.5);
-        cairn_vec2 p = {to->corner.x + x * to->input.resolution, to->corner.y + y * to->input.resolution};
+        cairn_vec2 p = {to->corner.x + x * to->input.resolution,
+                        to->corner.y + y * to->input.resolution};
         int32_t class;
 
         p = cairn_transform_point(t, p);
-        class = merge_class(merge_cell_at(from, (p.x - from->corner.x) * scale, (p.y - from->corner.y) * scale));
-        votes[column] = (uint16_t)(votes[column] + (class == MERGE_OCCUPIED ? 1 : class == MERGE_FREE ? 1 << 8 : 0));
+        class = merge_class(
+            merge_cell_at(from, (p.x - from->corner.x) * scale, (p.y - from->corner.y) * scale));
+        votes[column] = (uint16_t)(votes[column] + (class == MERGE_OCCUPIED ? 1
+                                                    : class == MERGE_FREE   ? 1 << 8
+                                                                            : 0));
     }
 }
 
@@ -340,7 +364,8 @@ static int step_votes(cairn_map_merge *m, cairn_budget *budget)
             if (!cairn_budget_pay(budget, &m->paid, 1 + width / CELLS_PER_UNIT))
                 return 0;
             if (w->map < 0)
-                memset(w->merged.grid + (size_t)w->cursor * (size_t)width, 0, (size_t)width * sizeof(uint16_t));
+                memset(w->merged.grid + (size_t)w->cursor * (size_t)width, 0,
+                       (size_t)width * sizeof(uint16_t));
             else if (w->map < m->near_count)
                 vote_row(m, w->map, w->cursor);
             else
@@ -364,10 +389,12 @@ int cairn_merge_draw_merged(cairn_map_merge *m, cairn_budget *budget)
         if (w->stage == VOTES)
             status = step_votes(m, budget) ? CAIRN_OK : CAIRN_MORE;
         else if (w->stage == TO_OCCUPIED || w->stage == TO_FREE)
-            status = cairn_merge_measure(m, &w->merged, w->stage == TO_FREE ? CAIRN_CELL_FREE : CAIRN_CELL_OCCUPIED,
-                                         &w->cursor, budget);
+            status = cairn_merge_measure(
+                m, &w->merged, w->stage == TO_FREE ? CAIRN_CELL_FREE : CAIRN_CELL_OCCUPIED,
+                &w->cursor, budget);
         else
-            status = cairn_merge_pack(m, &w->merged, w->stage == PACK_FREE ? 7 : 0, &w->cursor, budget);
+            status =
+                cairn_merge_pack(m, &w->merged, w->stage == PACK_FREE ? 7 : 0, &w->cursor, budget);
         if (status != CAIRN_OK)
             return 0;
         w->stage++;

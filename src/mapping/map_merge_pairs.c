@@ -1,16 +1,18 @@
 /* Rival places of two maps beside each other.
  *
- * Method. Every pair of corners of the same kind and opening fixes a rigid motion. It is judged first by a few points of each
- * map, looked up in the distance map of the other, softly; the best ones that differ are refined by a pattern search
- * about the middle of their overlap (x, y and rotation, steps halved from two cells to a quarter), and then judged by all
- * points. Evidence is counted in lengths of wall: what lies on a wall of the other map speaks for a place, what lies in its
- * free space against it, what lies where it knows nothing says nothing. No image is ever resampled: a point is rotated and looked
- * up. */
+ * Method. Every pair of corners of the same kind and opening fixes a rigid motion. It is judged
+ * first by a few points of each map, looked up in the distance map of the other, softly; the
+ * best ones that differ are refined by a pattern search about the middle of their overlap (x, y
+ * and rotation, steps halved from two cells to a quarter), and then judged by all points.
+ * Evidence is counted in lengths of wall: what lies on a wall of the other map speaks for a
+ * place, what lies in its free space against it, what lies where it knows nothing says nothing.
+ * No image is ever resampled: a point is rotated and looked up. */
 #include "src/core/build.h"
 
 #include "src/mapping/map_merge_work.h"
 
-/* Nats for a stretch of wall that agrees: log(0.85 / 0.15); against one that does not: log(0.75 / 0.014). */
+/* Nats for a stretch of wall that agrees: log(0.85 / 0.15); against one that does not: log(0.75
+ * / 0.014). */
 #define FOR     CAIRN_REAL(1.7)
 #define AGAINST CAIRN_REAL(4.0)
 /* Two corners match when their openings differ by at most so much, rad. */
@@ -31,7 +33,8 @@
 #define NEIGHBOUR CAIRN_REAL(3.0)
 /* Cells within which a wall is felt. */
 #define NEAR 6
-/* rad: rotations to either side from which a place is refined again; nats from which on that is worth it. */
+/* rad: rotations to either side from which a place is refined again; nats from which on that is
+ * worth it. */
 #define VARIANT CAIRN_REAL(0.025)
 #define WORTH   CAIRN_REAL(1.0)
 enum { VARIANTS = 3 };
@@ -44,7 +47,8 @@ int cairn_merge_is_same(cairn_pose a, cairn_pose b, cairn_real metres, cairn_rea
 {
     cairn_real x = a.x - b.x, y = a.y - b.y;
 
-    return x * x + y * y < metres * metres && cairn_abs(cairn_wrap_angle(a.theta - b.theta)) < radians;
+    return x * x + y * y < metres * metres &&
+           cairn_abs(cairn_wrap_angle(a.theta - b.theta)) < radians;
 }
 
 /* ---- Comparing ---- */
@@ -54,11 +58,12 @@ static uint16_t cell_of(const merge_map *to, cairn_vec2 p, cairn_real scale)
     return merge_cell_at(to, (p.x - to->corner.x) * scale, (p.y - to->corner.y) * scale);
 }
 
-/* Adds points begin ... end - 1 of `from`, mapped by t, in the grid of `to`. A point agrees that lies on a wall
- * and has free space before it, as in its own map: the two faces of a wall do not. One that lies two cells beside a wall may be on
- * its other face or be moved by noise: it counts half, a third one says nothing. */
-void cairn_merge_sum(const cairn_map_merge *m, const merge_map *to, const merge_map *from, const cairn_transform *t,
-                     int32_t begin, int32_t end, merge_sums *s)
+/* Adds points begin ... end - 1 of `from`, mapped by t, in the grid of `to`. A point agrees that
+ * lies on a wall and has free space before it, as in its own map: the two faces of a wall do
+ * not. One that lies two cells beside a wall may be on its other face or be moved by noise: it
+ * counts half, a third one says nothing. */
+void cairn_merge_sum(const cairn_map_merge *m, const merge_map *to, const merge_map *from,
+                     const cairn_transform *t, int32_t begin, int32_t end, merge_sums *s)
 {
     cairn_real scale = 1 / to->input.resolution;
 
@@ -75,7 +80,8 @@ void cairn_merge_sum(const cairn_map_merge *m, const merge_map *to, const merge_
             s->conflict += 1;
             s->against += d > 5;
         }
-        if (d > NEAR || merge_class(cell_of(to, cairn_transform_point(*t, from->points[i].front), scale)) != MERGE_FREE)
+        if (d > NEAR || merge_class(cell_of(to, cairn_transform_point(*t, from->points[i].front),
+                                            scale)) != MERGE_FREE)
             continue;
         s->soft += m->soft[d];
         if (d <= 2)
@@ -83,7 +89,8 @@ void cairn_merge_sum(const cairn_map_merge *m, const merge_map *to, const merge_
     }
 }
 
-static void begin_comparing(cairn_map_merge *m, int32_t first, int32_t second, cairn_pose first_second, int32_t points)
+static void begin_comparing(cairn_map_merge *m, int32_t first, int32_t second,
+                            cairn_pose first_second, int32_t points)
 {
     merge_comparison *c = &m->comparison;
     const merge_sums none = {0, 0, 0, 0, {0, 0}, 0};
@@ -105,7 +112,8 @@ static int go_on_comparing(cairn_map_merge *m, cairn_budget *budget)
     merge_comparison *c = &m->comparison;
 
     for (; c->direction < 2; c->direction++, c->cursor = 0) {
-        int32_t to = c->direction == 0 ? c->first : c->second, from = c->direction == 0 ? c->second : c->first;
+        int32_t to = c->direction == 0 ? c->first : c->second,
+                from = c->direction == 0 ? c->second : c->first;
 
         while (c->cursor < c->points[c->direction]) {
             int32_t end = c->cursor + MERGE_POINTS_PER_UNIT;
@@ -113,7 +121,8 @@ static int go_on_comparing(cairn_map_merge *m, cairn_budget *budget)
             if (!cairn_budget_pay(budget, &m->paid, 1))
                 return 0;
             end = end < c->points[c->direction] ? end : c->points[c->direction];
-            cairn_merge_sum(m, &m->maps[to], &m->maps[from], c->direction == 0 ? &c->there : &c->back, c->cursor, end,
+            cairn_merge_sum(m, &m->maps[to], &m->maps[from],
+                            c->direction == 0 ? &c->there : &c->back, c->cursor, end,
                             &c->sums[c->direction]);
             c->cursor = end;
         }
@@ -122,7 +131,8 @@ static int go_on_comparing(cairn_map_merge *m, cairn_budget *budget)
 }
 
 /* m of wall for one of the points that were compared. */
-static cairn_real wall_of_point(const cairn_map_merge *m, const merge_comparison *c, int32_t direction)
+static cairn_real wall_of_point(const cairn_map_merge *m, const merge_comparison *c,
+                                int32_t direction)
 {
     const merge_map *from = &m->maps[direction == 0 ? c->second : c->first];
 
@@ -157,8 +167,8 @@ static cairn_real soft_score(const cairn_map_merge *m)
 
 /* ---- Hypotheses ---- */
 
-void cairn_merge_keep(merge_mode *list, int32_t *count, int32_t most, merge_mode mode, cairn_real metres,
-                      cairn_real radians)
+void cairn_merge_keep(merge_mode *list, int32_t *count, int32_t most, merge_mode mode,
+                      cairn_real metres, cairn_real radians)
 {
     int32_t at;
 
@@ -220,7 +230,8 @@ static cairn_status step_hypotheses(cairn_map_merge *m, cairn_budget *budget)
         {
             merge_mode mode = {m->comparison.first_second, soft_score(m)};
 
-            cairn_merge_keep(m->kept, &m->kept_count, MERGE_KEPT, mode, MERGE_COARSE_M, MERGE_COARSE_RAD);
+            cairn_merge_keep(m->kept, &m->kept_count, MERGE_KEPT, mode, MERGE_COARSE_M,
+                             MERGE_COARSE_RAD);
         }
     }
     return CAIRN_OK;
@@ -235,8 +246,9 @@ static int32_t rounded(cairn_real x, cairn_real step)
 
 static merge_memory *slot_of(const cairn_map_merge *m, const merge_memory *key)
 {
-    uint32_t h = (uint32_t)key->first * 73856093U ^ (uint32_t)key->second * 19349663U ^ (uint32_t)key->x * 83492791U ^
-                 (uint32_t)key->y * 2654435761U ^ (uint32_t)key->theta * 40503U;
+    uint32_t h = (uint32_t)key->first * 73856093U ^ (uint32_t)key->second * 19349663U ^
+                 (uint32_t)key->x * 83492791U ^ (uint32_t)key->y * 2654435761U ^
+                 (uint32_t)key->theta * 40503U;
 
     return &m->memory[(h ^ h >> 15) & (MERGE_MEMORY - 1)];
 }
@@ -255,8 +267,8 @@ static merge_memory key_of(int32_t first, int32_t second, cairn_pose pose)
 
 static int is_remembered(const merge_memory *slot, const merge_memory *key)
 {
-    return slot->first == key->first && slot->second == key->second && slot->x == key->x && slot->y == key->y &&
-           slot->theta == key->theta;
+    return slot->first == key->first && slot->second == key->second && slot->x == key->x &&
+           slot->y == key->y && slot->theta == key->theta;
 }
 
 static cairn_real reach_of(const merge_map *map)
@@ -264,7 +276,8 @@ static cairn_real reach_of(const merge_map *map)
     return cairn_vec2_norm(map->corner);
 }
 
-int cairn_merge_is_apart(const cairn_map_merge *m, int32_t first, int32_t second, cairn_pose first_second)
+int cairn_merge_is_apart(const cairn_map_merge *m, int32_t first, int32_t second,
+                         cairn_pose first_second)
 {
     cairn_real reach = reach_of(&m->maps[first]) + reach_of(&m->maps[second]);
 
@@ -293,7 +306,8 @@ static void add_comparison(cairn_map_merge *m, cairn_real evidence)
 
     m->total.soft += soft_score(m);
     m->total.known += known;
-    m->total.middle = cairn_vec2_add(m->total.middle, cairn_vec2_scale(cairn_transform_point(t, middle), known));
+    m->total.middle =
+        cairn_vec2_add(m->total.middle, cairn_vec2_scale(cairn_transform_point(t, middle), known));
     m->total.evidence += evidence;
     m->total.neighbours += evidence > NEIGHBOUR;
 }
@@ -367,8 +381,8 @@ static void set_step(cairn_map_merge *m, cairn_real cells)
     m->climb.turn = m->climb.step / LEVER;
 }
 
-static void begin_climb(cairn_map_merge *m, int32_t map, cairn_pose start, int32_t points, cairn_real first,
-                        cairn_real last)
+static void begin_climb(cairn_map_merge *m, int32_t map, cairn_pose start, int32_t points,
+                        cairn_real first, cairn_real last)
 {
     m->climb.best = start;
     m->climb.points = points;
@@ -423,7 +437,8 @@ static cairn_status step_sift(cairn_map_merge *m, cairn_budget *budget)
             return CAIRN_MORE;
         m->comparing = 0;
         mode.evidence = soft_score(m);
-        cairn_merge_keep(m->refined, &m->refined_count, MERGE_REFINED, mode, MERGE_COARSE_M, MERGE_COARSE_RAD);
+        cairn_merge_keep(m->refined, &m->refined_count, MERGE_REFINED, mode, MERGE_COARSE_M,
+                         MERGE_COARSE_RAD);
     }
     return CAIRN_OK;
 }
@@ -454,7 +469,8 @@ static int step_place(cairn_map_merge *m, cairn_budget *budget)
         if (m->climb.score < WORTH_FINE)
             m->inner = 3;
         else
-            begin_climb(m, m->other, m->climb.best, m->params.max_points + 1, FINE_FIRST, FINE_LAST);
+            begin_climb(m, m->other, m->climb.best, m->params.max_points + 1, FINE_FIRST,
+                        FINE_LAST);
     }
     if (m->inner == 2 && !go_on_climbing(m, budget))
         return 0;
@@ -484,8 +500,8 @@ static cairn_status step_refine(cairn_map_merge *m, cairn_budget *budget)
         mode.first_second = m->climb.best;
         mode.evidence = m->total.evidence;
         if (mode.evidence > 0)
-            cairn_merge_keep(m->modes + (size_t)pair * (size_t)m->params.max_modes, &m->mode_count[pair],
-                             m->params.max_modes, mode, FINE_M, FINE_RAD);
+            cairn_merge_keep(m->modes + (size_t)pair * (size_t)m->params.max_modes,
+                             &m->mode_count[pair], m->params.max_modes, mode, FINE_M, FINE_RAD);
         if (m->climb.variant == 0) {
             m->climb.base = m->climb.best;
             m->climb.base_pivot = m->climb.pivot;

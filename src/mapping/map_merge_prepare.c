@@ -1,8 +1,10 @@
-/* A map made ready: distances to walls and to free space, points of its surface with normals, lines and corners.
+/* A map made ready: distances to walls and to free space, points of its surface with normals, lines
+ * and corners.
  *
- * The surface is made of occupied cells beside free ones. A normal stands across the occupied cells around, on their free side; lines
- * grow from cell to neighbouring cell of the same normal, so that the two faces of a thin wall stay two, and again beside their
- * fit; corners are those of the room `corner`. */
+ * The surface is made of occupied cells beside free ones. A normal stands across the occupied
+ * cells around, on their free side; lines grow from cell to neighbouring cell of the same
+ * normal, so that the two faces of a thin wall stay two, and again beside their fit; corners are
+ * those of the room `corner`. */
 #include "src/core/build.h"
 
 #include <string.h>
@@ -59,8 +61,8 @@ static cairn_status begin_distance(cairn_map_merge *m, const merge_map *map, uin
     return cairn_distance_map_begin(m->distances, &input);
 }
 
-cairn_status cairn_merge_measure(cairn_map_merge *m, const merge_map *map, uint8_t match, int32_t *cursor,
-                                 cairn_budget *budget)
+cairn_status cairn_merge_measure(cairn_map_merge *m, const merge_map *map, uint8_t match,
+                                 int32_t *cursor, cairn_budget *budget)
 {
     if (*cursor == 0) {
         cairn_status status = begin_distance(m, map, match);
@@ -74,10 +76,13 @@ cairn_status cairn_merge_measure(cairn_map_merge *m, const merge_map *map, uint8
 
 static uint16_t class_of(uint8_t value)
 {
-    return value == CAIRN_CELL_OCCUPIED ? MERGE_OCCUPIED : value == CAIRN_CELL_FREE ? MERGE_FREE : MERGE_UNKNOWN;
+    return value == CAIRN_CELL_OCCUPIED ? MERGE_OCCUPIED
+           : value == CAIRN_CELL_FREE   ? MERGE_FREE
+                                        : MERGE_UNKNOWN;
 }
 
-cairn_status cairn_merge_pack(cairn_map_merge *m, merge_map *map, int32_t shift, int32_t *cursor, cairn_budget *budget)
+cairn_status cairn_merge_pack(cairn_map_merge *m, merge_map *map, int32_t shift, int32_t *cursor,
+                              cairn_budget *budget)
 {
     int32_t count = width_of(map) * height_of(map);
 
@@ -118,7 +123,8 @@ static cairn_vec2 centre_of_cell(const merge_map *map, int32_t cell)
 {
     int32_t column = cell % width_of(map), row = cell / width_of(map);
     cairn_real x = (cairn_real)column + CAIRN_REAL(0.5), y = (cairn_real)row + CAIRN_REAL(0.5);
-    cairn_vec2 p = {map->corner.x + x * map->input.resolution, map->corner.y + y * map->input.resolution};
+    cairn_vec2 p = {map->corner.x + x * map->input.resolution,
+                    map->corner.y + y * map->input.resolution};
 
     return p;
 }
@@ -126,7 +132,8 @@ static cairn_vec2 centre_of_cell(const merge_map *map, int32_t cell)
 /* 1 for `most` of `count` things, evenly, when there are more. */
 static int is_chosen(int32_t index, int32_t count, int32_t most)
 {
-    return count <= most || count <= 0 || (int64_t)(index + 1) * most / count > (int64_t)index * most / count;
+    return count <= most || count <= 0 ||
+           (int64_t)(index + 1) * most / count > (int64_t)index * most / count;
 }
 
 /* Two passes over the cells: counted, then chosen. Free cells are chosen on the way. */
@@ -156,7 +163,8 @@ static cairn_status step_surface(cairn_map_merge *m, cairn_budget *budget)
         }
     }
     if (map->point_count > 0)
-        map->spacing = map->input.resolution * (cairn_real)m->surface / (cairn_real)map->point_count;
+        map->spacing =
+            map->input.resolution * (cairn_real)m->surface / (cairn_real)map->point_count;
     return CAIRN_OK;
 }
 
@@ -180,7 +188,8 @@ static cairn_vec2 free_side(const merge_map *map, int32_t x0, int32_t y0)
 /* Across the occupied cells around, when they lie along a line, on the side that is free. */
 static cairn_vec2 normal_at(const merge_map *map, int32_t cell)
 {
-    int32_t x0 = cell % width_of(map), y0 = cell / width_of(map), n = 0, x = 0, y = 0, xx = 0, xy = 0, yy = 0;
+    int32_t x0 = cell % width_of(map), y0 = cell / width_of(map), n = 0, x = 0, y = 0, xx = 0,
+            xy = 0, yy = 0;
     cairn_vec2 side = free_side(map, x0, y0), normal;
     cairn_real a, b, c, spread;
 
@@ -201,7 +210,8 @@ static cairn_vec2 normal_at(const merge_map *map, int32_t cell)
     spread = cairn_sqrt((a - c) * (a - c) + 4 * b * b);
     if (!(spread > LONG * (a + c)))
         return side;
-    /* The axis of the greater spread, turned by a right angle; of its two forms the one that does not cancel. */
+    /* The axis of the greater spread, turned by a right angle; of its two forms the one that
+     * does not cancel. */
     if (a >= c) {
         normal.x = -2 * b;
         normal.y = a - c + spread;
@@ -223,7 +233,8 @@ static cairn_status step_normals(cairn_map_merge *m, cairn_budget *budget)
         if (!cairn_budget_pay(budget, &m->paid, 4))
             return CAIRN_MORE;
         p->normal = normal_at(map, p->cell);
-        p->front = cairn_vec2_add(p->at, cairn_vec2_scale(p->normal, FRONT * map->input.resolution));
+        p->front =
+            cairn_vec2_add(p->at, cairn_vec2_scale(p->normal, FRONT * map->input.resolution));
         m->label[m->cursor] = 0;
     }
     return CAIRN_OK;
@@ -256,8 +267,8 @@ static void grow_line(cairn_map_merge *m)
         }
 }
 
-/* The line through the points in the queue, and again through those that lie well on it: ends of walls have normals of both
- * sides. */
+/* The line through the points in the queue, and again through those that lie well on it: ends of
+ * walls have normals of both sides. */
 static int fit_line(cairn_map_merge *m, cairn_line *line)
 {
     const merge_map *map = current(m);
@@ -274,7 +285,8 @@ static int fit_line(cairn_map_merge *m, cairn_line *line)
     return kept >= LINE_POINTS && cairn_line_fit(m->line, NULL, kept, line) == CAIRN_OK;
 }
 
-/* The points in the queue become a segment with the free side on its left, when they lie on a line that is long enough. */
+/* The points in the queue become a segment with the free side on its left, when they lie on a
+ * line that is long enough. */
 static void end_line(cairn_map_merge *m, int32_t seed)
 {
     merge_map *map = current(m);
@@ -283,7 +295,8 @@ static void end_line(cairn_map_merge *m, int32_t seed)
 
     if (m->queued < LINE_POINTS || map->line_count == m->params.max_segments)
         return;
-    if (!fit_line(m, &line) || line.high - line.low < LINE_LENGTH || line.rms > LINE_RMS * map->input.resolution)
+    if (!fit_line(m, &line) || line.high - line.low < LINE_LENGTH ||
+        line.rms > LINE_RMS * map->input.resolution)
         return;
     segment = cairn_line_segment(&line);
     for (int32_t i = 0; i < m->queued; i++) {
@@ -320,8 +333,8 @@ static void begin_line(cairn_map_merge *m, int32_t seed)
     m->line_normal = first->normal;
 }
 
-/* A line that has grown by half since it was fitted is fitted again and may go on growing beside the fit: the normal of its
- * first point alone leads astray after a metre. 1 when it goes on. */
+/* A line that has grown by half since it was fitted is fitted again and may go on growing beside
+ * the fit: the normal of its first point alone leads astray after a metre. 1 when it goes on. */
 static int refit_line(cairn_map_merge *m)
 {
     cairn_line line;
@@ -333,7 +346,8 @@ static int refit_line(cairn_map_merge *m)
     m->fitted = m->queued;
     m->inner = 0;
     m->line_at = line.mean;
-    m->line_normal = cairn_vec2_dot(normal, m->line_normal) < 0 ? cairn_vec2_scale(normal, -1) : normal;
+    m->line_normal =
+        cairn_vec2_dot(normal, m->line_normal) < 0 ? cairn_vec2_scale(normal, -1) : normal;
     return 1;
 }
 
@@ -343,7 +357,8 @@ static cairn_status step_segments(cairn_map_merge *m, cairn_budget *budget)
 
     while (m->cursor < map->point_count) {
         if (m->queued == 0) {
-            if (m->label[m->cursor] != 0 || cairn_vec2_norm_squared(map->points[m->cursor].normal) < CAIRN_REAL(0.5)) {
+            if (m->label[m->cursor] != 0 ||
+                cairn_vec2_norm_squared(map->points[m->cursor].normal) < CAIRN_REAL(0.5)) {
                 if (!cairn_budget_pay(budget, &m->paid, 1))
                     return CAIRN_MORE;
                 m->cursor++;
@@ -405,8 +420,8 @@ static int32_t golden_step(int32_t count)
     }
 }
 
-/* Puts the points and the free cells into an order any beginning of which is an even choice; m->line and m->queue hold what
- * is moved. */
+/* Puts the points and the free cells into an order any beginning of which is an even choice;
+ * m->line and m->queue hold what is moved. */
 static void shuffle(cairn_map_merge *m)
 {
     merge_map *map = current(m);
@@ -465,7 +480,8 @@ static cairn_status step_phase(cairn_map_merge *m, cairn_budget *budget)
     case MERGE_BENT:
         return cairn_merge_choose_bends(m, current(m), budget);
     default:
-        if (!cairn_budget_pay(budget, &m->paid, 1 + (current(m)->point_count + current(m)->open_count) / 8))
+        if (!cairn_budget_pay(budget, &m->paid,
+                              1 + (current(m)->point_count + current(m)->open_count) / 8))
             return CAIRN_MORE;
         shuffle(m);
         return CAIRN_OK;

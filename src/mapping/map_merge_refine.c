@@ -1,9 +1,10 @@
 /* A place refined far below the size of a cell, by lines, and by surfaces where there are none.
  *
- * Gauss and Newton over the lines of one map on those of the maps around it: where two run the same way, near each other and
- * beside each other, both ends of what they share are drawn onto the other line. Lines are fitted to many cells and so much finer
- * than these. Points off all lines are drawn onto the surface that they meet along their normals. What neither tells stays as
- * it was. */
+ * Gauss and Newton over the lines of one map on those of the maps around it: where two run the
+ * same way, near each other and beside each other, both ends of what they share are drawn onto
+ * the other line. Lines are fitted to many cells and so much finer than these. Points off all
+ * lines are drawn onto the surface that they meet along their normals. What neither tells stays
+ * as it was. */
 #include "src/core/build.h"
 
 #include <string.h>
@@ -18,7 +19,8 @@
 /* m: error of a line, and the length of wall that has it once. */
 #define SIGMA  CAIRN_REAL(0.02)
 #define LENGTH CAIRN_REAL(0.2)
-/* rad: by which the two pictures of a straight wall differ in direction at least, and where they may be two walls. */
+/* rad: by which the two pictures of a straight wall differ in direction at least, and where they
+ * may be two walls. */
 #define STRAIGHT CAIRN_REAL(0.002)
 #define BENT     CAIRN_REAL(0.03)
 /* m and rad: how far the place at hand may be off. */
@@ -40,7 +42,8 @@ static cairn_segment mapped(cairn_transform t, cairn_segment s)
 }
 
 /* The body's point `body`, which lies at p, drawn onto the line through `at` with normal n. */
-static void add_end(merge_fit *f, cairn_vec2 p, cairn_vec2 at, cairn_vec2 n, cairn_vec2 body, cairn_real weight)
+static void add_end(merge_fit *f, cairn_vec2 p, cairn_vec2 at, cairn_vec2 n, cairn_vec2 body,
+                    cairn_real weight)
 {
     cairn_real r = cairn_vec2_dot(n, cairn_vec2_sub(p, at)), row[3];
 
@@ -57,7 +60,8 @@ static cairn_real variance_of(cairn_real length)
     return 12 * SIGMA * SIGMA * LENGTH / (length * length * length);
 }
 
-/* The direction of the body's line on that of the map's: known far better of long walls than from what they share. */
+/* The direction of the body's line on that of the map's: known far better of long walls than
+ * from what they share. */
 static void add_direction(merge_fit *f, cairn_real turn, cairn_real length, cairn_real own_length)
 {
     cairn_real row = 1 / f->motion.radius;
@@ -73,7 +77,8 @@ static void add_lines(merge_fit *f, cairn_segment own, cairn_segment t)
 {
     cairn_segment s = mapped(f->motion.transform, own);
     cairn_vec2 along = cairn_vec2_sub(t.b, t.a), way = cairn_vec2_sub(s.b, s.a);
-    cairn_real length = cairn_vec2_norm(along), own_length = cairn_vec2_norm(way), low, high, from, to, share, weight;
+    cairn_real length = cairn_vec2_norm(along), own_length = cairn_vec2_norm(way), low, high, from,
+               to, share, weight;
     cairn_vec2 u = cairn_vec2_scale(along, 1 / length), v = cairn_vec2_scale(way, 1 / own_length),
                n = cairn_vec2_left(u);
     int near = 0;
@@ -92,7 +97,8 @@ static void add_lines(merge_fit *f, cairn_segment own, cairn_segment t)
     for (int end = 0; end < 2; end++) {
         share = ((end == 0 ? low : high) - from) / (to - from);
         {
-            cairn_vec2 body = cairn_vec2_add(own.a, cairn_vec2_scale(cairn_vec2_sub(own.b, own.a), share));
+            cairn_vec2 body =
+                cairn_vec2_add(own.a, cairn_vec2_scale(cairn_vec2_sub(own.b, own.a), share));
             cairn_vec2 p = cairn_transform_point(f->motion.transform, body);
 
             if (cairn_abs(cairn_vec2_dot(n, cairn_vec2_sub(p, t.a))) >= SAME_CELLS * f->cell)
@@ -123,7 +129,8 @@ static cairn_real weight_of_bend(const merge_map *map)
 static void add_bend(merge_fit *f, const merge_map *body, const merge_map *other, int32_t index)
 {
     const merge_bend *bend = &body->bends[index];
-    cairn_vec2 p = cairn_transform_point(f->there, bend->at), n = cairn_transform_direction(f->there, bend->normal);
+    cairn_vec2 p = cairn_transform_point(f->there, bend->at),
+               n = cairn_transform_direction(f->there, bend->normal);
     cairn_real along;
 
     if (cairn_merge_surface_along(other, p, n, &along))
@@ -133,15 +140,18 @@ static void add_bend(merge_fit *f, const merge_map *body, const merge_map *other
 }
 
 /* A bend of the neighbour on the surface of the body. */
-static void add_bend_around(merge_fit *f, const merge_map *body, const merge_map *other, int32_t index)
+static void add_bend_around(merge_fit *f, const merge_map *body, const merge_map *other,
+                            int32_t index)
 {
     const merge_bend *bend = &other->bends[index];
-    cairn_vec2 p = cairn_transform_point(f->here, bend->at), n = cairn_transform_direction(f->here, bend->normal);
+    cairn_vec2 p = cairn_transform_point(f->here, bend->at),
+               n = cairn_transform_direction(f->here, bend->normal);
     cairn_real along;
 
     if (cairn_merge_surface_along(body, p, n, &along)) {
         p = cairn_vec2_add(p, cairn_vec2_scale(n, along));
-        add_end(f, cairn_transform_point(f->motion.transform, p), cairn_transform_point(f->at, bend->at),
+        add_end(f, cairn_transform_point(f->motion.transform, p),
+                cairn_transform_point(f->at, bend->at),
                 cairn_transform_direction(f->at, bend->normal), p, weight_of_bend(other));
     }
 }
@@ -165,7 +175,8 @@ static int next_neighbour(cairn_map_merge *m)
         cairn_pose pose = m->near_pose[f->near];
         const merge_map *body = &m->maps[m->total.map], *other = &m->maps[m->near[f->near]];
 
-        if (cairn_merge_is_apart(m, m->near[f->near], m->total.map, cairn_pose_between(pose, m->climb.best)))
+        if (cairn_merge_is_apart(m, m->near[f->near], m->total.map,
+                                 cairn_pose_between(pose, m->climb.best)))
             continue;
         f->at = cairn_transform_of(pose);
         f->there = cairn_transform_of(cairn_pose_between(pose, m->climb.best));
@@ -186,7 +197,8 @@ static int add_neighbour(cairn_map_merge *m, cairn_budget *budget)
 
     for (; f->item < count; f->item++) {
         if (!cairn_budget_pay(budget, &m->paid,
-                              f->item < other->line_count ? 1 + body->line_count / LINES_PER_UNIT : UNITS_PER_BEND))
+                              f->item < other->line_count ? 1 + body->line_count / LINES_PER_UNIT
+                                                          : UNITS_PER_BEND))
             return 0;
         if (f->item < other->line_count)
             add_line(f, body, other, f->item);
@@ -218,7 +230,8 @@ static int end_fit(cairn_map_merge *m)
     return step[0] * step[0] + step[1] * step[1] + step[2] * step[2] < SETTLED * SETTLED;
 }
 
-void cairn_merge_begin_lines(cairn_map_merge *m, int32_t map, cairn_pose start, cairn_pose pose, int32_t rounds)
+void cairn_merge_begin_lines(cairn_map_merge *m, int32_t map, cairn_pose start, cairn_pose pose,
+                             int32_t rounds)
 {
     m->total.map = map;
     m->climb.best = pose;

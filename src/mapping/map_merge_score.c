@@ -1,7 +1,7 @@
 /* What two maps say of a place of one in the other: agreement, conflict, Psi and gamma.
  *
- * Psi and gamma are the sums of equations 9.5 and 9.6, by default over an even choice of the cells of both maps and with exact disagreement,
- * as written over all cells (map_merge_image.c).
+ * Psi and gamma are the sums of equations 9.5 and 9.6, by default over an even choice of the
+ * cells of both maps and with exact disagreement, as written over all cells (map_merge_image.c).
  * Source: Adluru 2008, section 9.4. */
 #include "src/core/build.h"
 
@@ -9,7 +9,8 @@
 
 #include "src/mapping/map_merge_work.h"
 
-/* Points of one class of a map in the other one's grid: sums of the kernels of Psi and d, which count the whole map. */
+/* Points of one class of a map in the other one's grid: sums of the kernels of Psi and d, which
+ * count the whole map. */
 typedef struct image_sums {
     cairn_real same, other;
     int32_t known;
@@ -22,19 +23,22 @@ static cairn_real kernel_of(int32_t cells)
 
 static void add_image(const merge_map *to, cairn_vec2 p, int32_t class, image_sums *s)
 {
-    uint16_t cell =
-        merge_cell_at(to, (p.x - to->corner.x) / to->input.resolution, (p.y - to->corner.y) / to->input.resolution);
+    uint16_t cell = merge_cell_at(to, (p.x - to->corner.x) / to->input.resolution,
+                                  (p.y - to->corner.y) / to->input.resolution);
 
     s->known += merge_class(cell) != MERGE_UNKNOWN;
     s->same += kernel_of(class == MERGE_OCCUPIED ? merge_to_occupied(cell) : merge_to_free(cell));
     s->other += merge_class(cell) != MERGE_UNKNOWN && merge_class(cell) != class;
 }
 
-/* Both classes of `from` in the grid of `to`: adds to psi and d; the known share of the free cells. */
-static cairn_real add_images(const merge_map *to, const merge_map *from, cairn_transform t, cairn_merge_score *score)
+/* Both classes of `from` in the grid of `to`: adds to psi and d; the known share of the free
+ * cells. */
+static cairn_real add_images(const merge_map *to, const merge_map *from, cairn_transform t,
+                             cairn_merge_score *score)
 {
     image_sums walls = {0, 0, 0}, open = {0, 0, 0};
-    cairn_real points = cairn_max((cairn_real)from->point_count, 1), cells = cairn_max((cairn_real)from->open_count, 1);
+    cairn_real points = cairn_max((cairn_real)from->point_count, 1),
+               cells = cairn_max((cairn_real)from->open_count, 1);
 
     for (int32_t i = 0; i < from->point_count; i++)
         add_image(to, cairn_transform_point(t, from->points[i].at), MERGE_OCCUPIED, &walls);
@@ -45,10 +49,12 @@ static cairn_real add_images(const merge_map *to, const merge_map *from, cairn_t
     return (cairn_real)open.known / cells;
 }
 
-void cairn_merge_score_at(const cairn_map_merge *m, int32_t a, int32_t b, cairn_pose centres, cairn_merge_score *score)
+void cairn_merge_score_at(const cairn_map_merge *m, int32_t a, int32_t b, cairn_pose centres,
+                          cairn_merge_score *score)
 {
     const merge_map *first = &m->maps[a], *second = &m->maps[b];
-    cairn_transform there = cairn_transform_of(centres), back = cairn_transform_of(cairn_pose_inverse(centres));
+    cairn_transform there = cairn_transform_of(centres),
+                    back = cairn_transform_of(cairn_pose_inverse(centres));
     merge_sums s[2] = {{0, 0, 0, 0, {0, 0}, 0}, {0, 0, 0, 0, {0, 0}, 0}};
     cairn_real share[2], d;
 

@@ -1,9 +1,11 @@
-/* The second structure of maps, where corners are few: the directions of their lines, and the walls as such.
+/* The second structure of maps, where corners are few: the directions of their lines, and the walls
+ * as such.
  *
- * Method. The directions of lines of both maps, weighted by length, are correlated on the circle: its peaks are the rotations
- * (Carpin 2008 does so with the spectra of Hough transforms). In each rotation every translation is tried, two cells
- * apart: points of each map, turned beforehand, are shifted and looked up in the other; most translations end after the first
- * few points. */
+ * Method. The directions of lines of both maps, weighted by length, are correlated on the
+ * circle: its peaks are the rotations (Carpin 2008 does so with the spectra of Hough
+ * transforms). In each rotation every translation is tried, two cells apart: points of each map,
+ * turned beforehand, are shifted and looked up in the other; most translations end after the
+ * first few points. */
 #include "src/core/build.h"
 
 #include <string.h>
@@ -45,7 +47,8 @@ static cairn_real smooth_bin(const cairn_real *bins, int32_t at)
     cairn_real sum = 0;
 
     for (int32_t i = -SMOOTH; i <= SMOOTH; i++)
-        sum += (cairn_real)(SMOOTH + 1 - (i < 0 ? -i : i)) * bins[(at + i + MERGE_BINS) % MERGE_BINS];
+        sum +=
+            (cairn_real)(SMOOTH + 1 - (i < 0 ? -i : i)) * bins[(at + i + MERGE_BINS) % MERGE_BINS];
     return sum;
 }
 
@@ -112,14 +115,16 @@ static void turn_points(cairn_map_merge *m, cairn_real turn)
 
         at = cairn_box_extend(at, first->points[i].at);
         m->search.first[i] = in_cells(second, cairn_transform_point(back, first->points[i].at));
-        m->search.first_front[i] = in_cells(second, cairn_transform_point(back, first->points[i].front));
+        m->search.first_front[i] =
+            in_cells(second, cairn_transform_point(back, first->points[i].front));
     }
     for (int32_t i = 0; i < m->search.seconds; i++) {
         cairn_vec2 p = cairn_transform_point(t, second->points[i].at);
 
         turned = cairn_box_extend(turned, p);
         m->search.second[i] = in_cells(first, p);
-        m->search.second_front[i] = in_cells(first, cairn_transform_point(t, second->points[i].front));
+        m->search.second_front[i] =
+            in_cells(first, cairn_transform_point(t, second->points[i].front));
     }
     m->search.columns = m->search.rows = 0;
     if (m->search.firsts > 0 && m->search.seconds > 0) {
@@ -129,14 +134,17 @@ static void turn_points(cairn_map_merge *m, cairn_real turn)
         m->search.shifts.min.y = at.min.y - turned.max.y + LEAST_OVERLAP;
         m->search.shifts.max.x = at.max.x - turned.min.x - LEAST_OVERLAP;
         m->search.shifts.max.y = at.max.y - turned.min.y - LEAST_OVERLAP;
-        m->search.columns = 1 + cairn_real_to_int((m->search.shifts.max.x - m->search.shifts.min.x) / stride);
-        m->search.rows = 1 + cairn_real_to_int((m->search.shifts.max.y - m->search.shifts.min.y) / stride);
+        m->search.columns =
+            1 + cairn_real_to_int((m->search.shifts.max.x - m->search.shifts.min.x) / stride);
+        m->search.rows =
+            1 + cairn_real_to_int((m->search.shifts.max.y - m->search.shifts.min.y) / stride);
     }
 }
 
 /* Adds points begin ... end - 1, shifted by so many cells, in a grid. */
-static void look(const cairn_map_merge *m, const merge_map *to, const cairn_vec2 *points, const cairn_vec2 *fronts,
-                 cairn_vec2 shift, int32_t begin, int32_t end, merge_sums *s)
+static void look(const cairn_map_merge *m, const merge_map *to, const cairn_vec2 *points,
+                 const cairn_vec2 *fronts, cairn_vec2 shift, int32_t begin, int32_t end,
+                 merge_sums *s)
 {
     for (int32_t i = begin; i < end; i++) {
         uint16_t cell = merge_cell_at(to, points[i].x + shift.x, points[i].y + shift.y);
@@ -146,7 +154,8 @@ static void look(const cairn_map_merge *m, const merge_map *to, const cairn_vec2
             continue;
         if (d > NEAR)
             s->against += merge_class(cell) == MERGE_FREE;
-        else if (merge_class(merge_cell_at(to, fronts[i].x + shift.x, fronts[i].y + shift.y)) == MERGE_FREE)
+        else if (merge_class(merge_cell_at(to, fronts[i].x + shift.x, fronts[i].y + shift.y)) ==
+                 MERGE_FREE)
             s->soft += m->soft[d];
     }
 }
@@ -156,7 +165,8 @@ static cairn_pose shift_at(const cairn_map_merge *m, int32_t index)
     cairn_real stride = STRIDE * m->maps[m->map].input.resolution;
     int32_t column = index % m->search.columns, row = index / m->search.columns;
     cairn_pose pose = {m->search.shifts.min.x + stride * (cairn_real)column,
-                       m->search.shifts.min.y + stride * (cairn_real)row, m->search.turns[m->search.at]};
+                       m->search.shifts.min.y + stride * (cairn_real)row,
+                       m->search.turns[m->search.at]};
 
     return pose;
 }
@@ -166,8 +176,9 @@ static int step_shift(cairn_map_merge *m, cairn_pose pose, cairn_budget *budget)
 {
     const merge_map *first = &m->maps[m->map], *second = &m->maps[m->other];
     cairn_vec2 there = {pose.x / first->input.resolution, pose.y / first->input.resolution};
-    cairn_vec2 back = {-(m->search.cosine * pose.x + m->search.sine * pose.y) / second->input.resolution,
-                       -(m->search.cosine * pose.y - m->search.sine * pose.x) / second->input.resolution};
+    cairn_vec2 back = {
+        -(m->search.cosine * pose.x + m->search.sine * pose.y) / second->input.resolution,
+        -(m->search.cosine * pose.y - m->search.sine * pose.x) / second->input.resolution};
 
     while (m->inner < MERGE_FIRST_POINTS) {
         int32_t end = m->inner + LOOKS_PER_UNIT;
@@ -200,7 +211,8 @@ static cairn_status step_shifts(cairn_map_merge *m, cairn_budget *budget)
         m->inner = 0;
         m->tried++;
         if (mode.evidence > 0)
-            cairn_merge_keep(m->kept, &m->kept_count, MERGE_KEPT, mode, MERGE_COARSE_M, MERGE_COARSE_RAD);
+            cairn_merge_keep(m->kept, &m->kept_count, MERGE_KEPT, mode, MERGE_COARSE_M,
+                             MERGE_COARSE_RAD);
     }
     return CAIRN_OK;
 }

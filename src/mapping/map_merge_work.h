@@ -1,7 +1,8 @@
-/* What the files of the map merging room share: the maps made ready, rival places of pairs, and the state between steps.
+/* What the files of the map merging room share: the maps made ready, rival places of pairs, and the
+ * state between steps.
  *
- * All poses inside are between the centres of the maps' grids (the middle of the raster, along its rows), where errors of
- * rotation move cells least. */
+ * All poses inside are between the centres of the maps' grids (the middle of the raster, along
+ * its rows), where errors of rotation move cells least. */
 #ifndef CAIRN_MAPPING_MAP_MERGE_WORK_H
 #define CAIRN_MAPPING_MAP_MERGE_WORK_H
 
@@ -104,13 +105,17 @@ typedef struct merge_mode {
 
 /* What the points of one map are in the grid of another. */
 typedef struct merge_sums {
-    cairn_real agree, conflict; /* points */
-    cairn_real soft, against;   /* likewise, felt from farther away */
-    cairn_vec2 middle;          /* sum of the points that are known there, in the frame of the grid */
+    /* points */
+    cairn_real agree, conflict;
+    /* likewise, felt from farther away */
+    cairn_real soft, against;
+    /* sum of the points that are known there, in the frame of the grid */
+    cairn_vec2 middle;
     int32_t known;
 } merge_sums;
 
-/* A pair of maps being compared at one place: points of each in the grid of the other, some at a time. */
+/* A pair of maps being compared at one place: points of each in the grid of the other, some at a
+ * time. */
 typedef struct merge_comparison {
     int32_t first, second;
     cairn_pose first_second;
@@ -142,9 +147,12 @@ typedef struct merge_offer {
 typedef struct merge_fit {
     cairn_rigid_motion motion;
     cairn_normal_equations equations;
-    cairn_transform at, there, here; /* of the neighbour at hand; body to neighbour; neighbour to body */
-    cairn_real cell;                 /* m: the larger of both maps' */
-    int32_t near, item;              /* the neighbour, and its lines and bends that are done */
+    /* of the neighbour at hand; body to neighbour; neighbour to body */
+    cairn_transform at, there, here;
+    /* m: the larger of both maps' */
+    cairn_real cell;
+    /* the neighbour, and its lines and bends that are done */
+    int32_t near, item;
     int32_t under_way;
 } merge_fit;
 
@@ -154,11 +162,15 @@ typedef struct merge_fit {
 typedef struct merge_images {
     const merge_map *map[2];
     cairn_transform to_other[2];
-    int32_t begin[2][2], end[2][2]; /* columns and rows of map k that the other one can feel: [k][0 column, 1 row] */
-    int32_t turn, row;              /* the map whose rows are added, and the next one */
+    /* columns and rows of map k that the other one can feel: [k][0 column, 1 row] */
+    int32_t begin[2][2], end[2][2];
+    /* the map whose rows are added, and the next one */
+    int32_t turn, row;
     cairn_real same[2][2],
-        other[2][2]; /* sums of the kernel, [map][class - MERGE_FREE]: to cells of that class, of the other */
-    int32_t known;   /* free cells of the second map that the first one knows */
+        /* sums of the kernel, [map][class - MERGE_FREE]: to cells of that class, of the other */
+        other[2][2];
+    /* free cells of the second map that the first one knows */
+    int32_t known;
 } merge_images;
 
 /* The candidates of a particle: those of an earlier one when both have the same history. */
@@ -169,19 +181,27 @@ typedef struct merge_places {
 
 /* What the mode as written needs besides. */
 typedef struct merge_written {
-    merge_map merged; /* of the particle under way, in the frame of the reference's centre */
-    uint8_t *cells;   /* [most_cells] its classes */
+    /* of the particle under way, in the frame of the reference's centre */
+    merge_map merged;
+    /* [most_cells] its classes */
+    uint8_t *cells;
     int32_t most_cells;
-    cairn_box box; /* m, of the maps merged */
+    /* m, of the maps merged */
+    cairn_box box;
     cairn_real kernel[MERGE_FAR + 1];
-    merge_state *list; /* [most_listed] candidates of this step; `evidence` is the log of their prior mass */
+    /* [most_listed] candidates of this step; `evidence` is the log of their prior mass */
+    merge_state *list;
     int32_t listed, most_listed;
-    merge_places *places; /* [max_particles] of the filter */
+    /* [max_particles] of the filter */
+    merge_places *places;
     int32_t stage, map, cursor, at;
-    cairn_real psi_sum, gamma_first, gamma_sum, gamma_least; /* over all candidates; of gamma beyond the first one's */
+    /* over all candidates; of gamma beyond the first one's */
+    cairn_real psi_sum, gamma_first, gamma_sum, gamma_least;
     int32_t offered;
-    int32_t steps;          /* of the filter */
-    int32_t most_particles; /* at the end of a step */
+    /* of the filter */
+    int32_t steps;
+    /* at the end of a step */
+    int32_t most_particles;
     merge_images images;
 } merge_written;
 
@@ -219,26 +239,38 @@ enum {
 
 struct cairn_map_merge {
     cairn_map_merge_params params;
-    merge_map *maps; /* [max_maps] */
+    /* [max_maps] */
+    merge_map *maps;
     int32_t map_count;
-    int64_t cells; /* of all maps */
-    cairn_real
-        unit; /* m of a length of 1 inside, where a cell of the first map has MERGE_CELL: all limits are in cells */
+    /* of all maps */
+    int64_t cells;
+    /* m of a length of 1 inside, where a cell of the first map has MERGE_CELL: all limits are in
+     * cells */
+    cairn_real unit;
     int32_t reference;
     int32_t order[MERGE_MAPS_MOST];
     int32_t has_order;
-    uint16_t *grid; /* [max_cells] */
+    /* [max_cells] */
+    uint16_t *grid;
 
     /* Preparation of one map. */
     cairn_distance_map *distances;
-    int32_t *scratch;                         /* [max_map_cells] distances, then 1 + index of the point in a cell */
-    int32_t *queue;                           /* [max_points] the line that grows */
-    int32_t *label;                           /* [max_points] */
-    cairn_vec2 *line;                         /* [max_points] */
-    merge_point *shuffled;                    /* [max_points] */
-    int32_t queued, fitted;                   /* points of it, and so many when it was fitted last */
-    cairn_vec2 line_at, line_normal;          /* what the line's points are compared with */
-    int32_t surface, seen_surface, seen_free; /* cells */
+    /* [max_map_cells] distances, then 1 + index of the point in a cell */
+    int32_t *scratch;
+    /* [max_points] the line that grows */
+    int32_t *queue;
+    /* [max_points] */
+    int32_t *label;
+    /* [max_points] */
+    cairn_vec2 *line;
+    /* [max_points] */
+    merge_point *shuffled;
+    /* points of it, and so many when it was fitted last */
+    int32_t queued, fitted;
+    /* what the line's points are compared with */
+    cairn_vec2 line_at, line_normal;
+    /* cells */
+    int32_t surface, seen_surface, seen_free;
     cairn_corner_set *corners;
 
     /* Places of pairs. */
@@ -252,16 +284,21 @@ struct cairn_map_merge {
         cairn_real turns[MERGE_TURNS_MOST];
         int32_t count, at;
         cairn_real cosine, sine;
-        cairn_real wall;                                                  /* m for one of these points */
-        cairn_vec2 first[MERGE_FIRST_POINTS], second[MERGE_FIRST_POINTS]; /* points turned, in the other's cells */
+        /* m for one of these points */
+        cairn_real wall;
+        /* points turned, in the other's cells */
+        cairn_vec2 first[MERGE_FIRST_POINTS], second[MERGE_FIRST_POINTS];
         cairn_vec2 first_front[MERGE_FIRST_POINTS], second_front[MERGE_FIRST_POINTS];
         int32_t firsts, seconds;
-        cairn_box shifts; /* m */
+        /* m */
+        cairn_box shifts;
         int32_t columns, rows;
-        merge_sums sums; /* of the shift under way */
+        /* of the shift under way */
+        merge_sums sums;
     } search;
     merge_comparison comparison;
-    cairn_real soft[MERGE_FAR + 1]; /* how much a distance in cells counts as agreement while searching */
+    /* how much a distance in cells counts as agreement while searching */
+    cairn_real soft[MERGE_FAR + 1];
     struct {
         cairn_pose best, start;
         cairn_real score, cells, step, turn;
@@ -333,17 +370,20 @@ struct cairn_map_merge {
 /* The packed cell of a point in cells of the grid; that of something unknown outside. */
 static inline uint16_t merge_cell_at(const merge_map *map, cairn_real x, cairn_real y)
 {
-    if (!(x >= 0 && y >= 0 && x < (cairn_real)map->input.cells.width && y < (cairn_real)map->input.cells.height))
+    if (!(x >= 0 && y >= 0 && x < (cairn_real)map->input.cells.width &&
+          y < (cairn_real)map->input.cells.height))
         return MERGE_FAR | MERGE_FAR << 7 | MERGE_UNKNOWN << 14;
     return map->grid[cairn_real_to_int(y) * map->input.cells.width + cairn_real_to_int(x)];
 }
 
-/* ---- The search of places: what a few points of each map, counted in cells around, say of one ---- */
+/* ---- The search of places: what a few points of each map, counted in cells around, say of one
+ * ---- */
 
 /* m of wall that each of the first points stands for, of both maps in the mean. */
 static inline cairn_real merge_search_wall(const merge_map *first, const merge_map *second)
 {
-    return (first->spacing * (cairn_real)first->point_count + second->spacing * (cairn_real)second->point_count) /
+    return (first->spacing * (cairn_real)first->point_count +
+            second->spacing * (cairn_real)second->point_count) /
            (cairn_real)(2 * MERGE_FIRST_POINTS);
 }
 
@@ -368,17 +408,20 @@ static inline int32_t merge_pair(int32_t first, int32_t second)
 
 cairn_status cairn_merge_prepare(cairn_map_merge *m, cairn_budget *budget);
 
-/* Distances in the cells of a map to those of a class, into m->scratch; *cursor is 0 before the first call. */
-cairn_status cairn_merge_measure(cairn_map_merge *m, const merge_map *map, uint8_t match, int32_t *cursor,
-                                 cairn_budget *budget);
+/* Distances in the cells of a map to those of a class, into m->scratch; *cursor is 0 before the
+ * first call. */
+cairn_status cairn_merge_measure(cairn_map_merge *m, const merge_map *map, uint8_t match,
+                                 int32_t *cursor, cairn_budget *budget);
 
-/* Packs the distances at hand into the grid, 16 cells a unit: `shift` 0: to occupied cells, with the class, which is counted;
- * 7: to free ones. */
-cairn_status cairn_merge_pack(cairn_map_merge *m, merge_map *map, int32_t shift, int32_t *cursor, cairn_budget *budget);
+/* Packs the distances at hand into the grid, 16 cells a unit: `shift` 0: to occupied cells, with
+ * the class, which is counted; 7: to free ones. */
+cairn_status cairn_merge_pack(cairn_map_merge *m, merge_map *map, int32_t shift, int32_t *cursor,
+                              cairn_budget *budget);
 
 /* ---- map_merge_pairs.c ---- */
 
-/* A map placed beside another one by all rotations that their lines suggest and all translations. */
+/* A map placed beside another one by all rotations that their lines suggest and all
+ * translations. */
 cairn_status cairn_merge_correlate(cairn_map_merge *m, cairn_budget *budget);
 
 /* ---- map_merge_bend.c ---- */
@@ -386,32 +429,38 @@ cairn_status cairn_merge_correlate(cairn_map_merge *m, cairn_budget *budget);
 /* Points off all lines, from the even order in which they are; a phase of the preparation. */
 cairn_status cairn_merge_choose_bends(cairn_map_merge *m, merge_map *map, cairn_budget *budget);
 
-/* How far along a normal from p free cells end at occupied ones, within 2.5 cells; 1 when they do. */
-int cairn_merge_surface_along(const merge_map *map, cairn_vec2 p, cairn_vec2 normal, cairn_real *along);
+/* How far along a normal from p free cells end at occupied ones, within 2.5 cells; 1 when they
+ * do. */
+int cairn_merge_surface_along(const merge_map *map, cairn_vec2 p, cairn_vec2 normal,
+                              cairn_real *along);
 
 /* A map placed beside another one by all pairs of such points. */
 cairn_status cairn_merge_try_bends(cairn_map_merge *m, cairn_budget *budget);
 
 cairn_status cairn_merge_find_modes(cairn_map_merge *m, cairn_budget *budget);
-void cairn_merge_sum(const cairn_map_merge *m, const merge_map *to, const merge_map *from, const cairn_transform *t,
-                     int32_t begin, int32_t end, merge_sums *s);
+void cairn_merge_sum(const cairn_map_merge *m, const merge_map *to, const merge_map *from,
+                     const cairn_transform *t, int32_t begin, int32_t end, merge_sums *s);
 
 /* 1 when two places of a map differ by less than so much. */
 int cairn_merge_is_same(cairn_pose a, cairn_pose b, cairn_real metres, cairn_real radians);
 
-/* Keeps a place among the best `most` ones, best first; of places that are the same the better one. */
-void cairn_merge_keep(merge_mode *list, int32_t *count, int32_t most, merge_mode mode, cairn_real metres,
-                      cairn_real radians);
+/* Keeps a place among the best `most` ones, best first; of places that are the same the better
+ * one. */
+void cairn_merge_keep(merge_mode *list, int32_t *count, int32_t most, merge_mode mode,
+                      cairn_real metres, cairn_real radians);
 
 /* Compares map `map` at a pose with all of near[]; go_on returns 1 when m->total is complete. */
 void cairn_merge_begin_total(cairn_map_merge *m, int32_t map, cairn_pose pose, int32_t points);
 int cairn_merge_go_on_total(cairn_map_merge *m, cairn_budget *budget);
 
 /* 1 when two maps are too far apart to have anything in common. */
-int cairn_merge_is_apart(const cairn_map_merge *m, int32_t first, int32_t second, cairn_pose first_second);
+int cairn_merge_is_apart(const cairn_map_merge *m, int32_t first, int32_t second,
+                         cairn_pose first_second);
 
-/* Refines a pose of `map`, which is near `start`, beside near[] by lines and bends, `rounds` times at most; go_on returns 1 when m->climb.best is it. */
-void cairn_merge_begin_lines(cairn_map_merge *m, int32_t map, cairn_pose start, cairn_pose pose, int32_t rounds);
+/* Refines a pose of `map`, which is near `start`, beside near[] by lines and bends, `rounds`
+ * times at most; go_on returns 1 when m->climb.best is it. */
+void cairn_merge_begin_lines(cairn_map_merge *m, int32_t map, cairn_pose start, cairn_pose pose,
+                             int32_t rounds);
 int cairn_merge_go_on_lines(cairn_map_merge *m, cairn_budget *budget);
 
 /* Nats for so many m of wall that agree, and that do not. */
@@ -424,8 +473,10 @@ static inline int merge_is_written(const cairn_map_merge_params *p)
 
 /* ---- map_merge_score.c ---- */
 
-/* The score of map b whose centre lies at `centres` seen from that of map a; lengths in units of the merging. */
-void cairn_merge_score_at(const cairn_map_merge *m, int32_t a, int32_t b, cairn_pose centres, cairn_merge_score *score);
+/* The score of map b whose centre lies at `centres` seen from that of map a; lengths in units of
+ * the merging. */
+void cairn_merge_score_at(const cairn_map_merge *m, int32_t a, int32_t b, cairn_pose centres,
+                          cairn_merge_score *score);
 
 /* ---- map_merge_filter.c ---- */
 
@@ -444,9 +495,12 @@ int cairn_merge_is_same_history(const merge_state *a, const merge_state *b);
 
 /* ---- map_merge_image.c ---- */
 
-/* Compares image b, placed at a_b, with image a; go_on returns 1 when all is added up. Four cells a unit. */
-void cairn_merge_begin_images(merge_images *c, const merge_map *a, const merge_map *b, cairn_pose a_b);
-int cairn_merge_go_on_images(merge_images *c, const cairn_real *kernel, int32_t *paid, cairn_budget *budget);
+/* Compares image b, placed at a_b, with image a; go_on returns 1 when all is added up. Four
+ * cells a unit. */
+void cairn_merge_begin_images(merge_images *c, const merge_map *a, const merge_map *b,
+                              cairn_pose a_b);
+int cairn_merge_go_on_images(merge_images *c, const cairn_real *kernel, int32_t *paid,
+                             cairn_budget *budget);
 
 /* psi, disagreement, gamma and overlap. */
 void cairn_merge_end_images(const merge_images *c, cairn_merge_score *score);
@@ -454,7 +508,8 @@ void cairn_merge_end_images(const merge_images *c, cairn_merge_score *score);
 /* exp(x (2 mu - x) / (2 sigma^2)) of distances 0 ... MERGE_FAR in cells. */
 void cairn_merge_set_kernel(cairn_real *kernel);
 
-/* Draws the maps near[] into one image, as m->written->merged; 1 when it is done. Begins with written->stage 0. */
+/* Draws the maps near[] into one image, as m->written->merged; 1 when it is done. Begins with
+ * written->stage 0. */
 int cairn_merge_draw_merged(cairn_map_merge *m, cairn_budget *budget);
 
 /* The box of a map's cells at a pose; that of both boxes; 1 when an image of it has room. */
@@ -466,7 +521,8 @@ int cairn_merge_has_room(const cairn_map_merge *m, cairn_box box);
 
 enum { MERGE_CORRESPONDENCES = 3 };
 
-/* The motion from the frame of from[MERGE_CORRESPONDENCES] into that of to[] with the least sum of squared distances. */
+/* The motion from the frame of from[MERGE_CORRESPONDENCES] into that of to[] with the least sum
+ * of squared distances. */
 cairn_pose cairn_merge_motion_of(const cairn_vec2 *to, const cairn_vec2 *from);
 
 /* As the modes of every pair of maps: the registrations of their most similar corners. */
@@ -475,9 +531,12 @@ cairn_status cairn_merge_register_corners(cairn_map_merge *m, cairn_budget *budg
 /* ---- map_merge_written.c ---- */
 
 enum {
-    MERGE_GROWTH = 2,        /* times the particles asked for: so many while N_eff is at least half of them */
-    MERGE_MERGED = 6,        /* times max_cells: cells of the box about all maps merged, at most */
-    MERGE_PLACES_MOST = 1024 /* registrations that a particle draws from, at most */
+    /* times the particles asked for: so many while N_eff is at least half of them */
+    MERGE_GROWTH = 2,
+    /* times max_cells: cells of the box about all maps merged, at most */
+    MERGE_MERGED = 6,
+    /* registrations that a particle draws from, at most */
+    MERGE_PLACES_MOST = 1024
 };
 
 cairn_particle_filter_params cairn_merge_written_params(const cairn_map_merge_params *p);

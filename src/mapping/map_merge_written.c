@@ -1,8 +1,9 @@
 /* The particle filter of map merging as written.
  *
- * A state says where one map was put. A particle proposes every registration of every map not merged yet (or of that which the
- * order names) with a map that it has merged; the prior mass of a place is the sum of Gaussians about all registrations of its
- * map; its likelihood is Psi~ gamma~ against the image of all maps merged. The best particle in the end is the result.
+ * A state says where one map was put. A particle proposes every registration of every map not
+ * merged yet (or of that which the order names) with a map that it has merged; the prior mass of
+ * a place is the sum of Gaussians about all registrations of its map; its likelihood is Psi~
+ * gamma~ against the image of all maps merged. The best particle in the end is the result.
  * Source: Adluru 2008, sections 9.2 and 9.3. */
 #include "src/core/build.h"
 
@@ -74,7 +75,8 @@ static int is_within_reach(const cairn_map_merge *m, int32_t map)
     return 0;
 }
 
-/* With a known order the first map of it that can be registered; -1 without an order, or when there is none. */
+/* With a known order the first map of it that can be registered; -1 without an order, or when
+ * there is none. */
 static int32_t next_in_order(const cairn_map_merge *m)
 {
     for (int32_t n = 0; n < m->map_count && m->has_order; n++)
@@ -96,15 +98,18 @@ static void list_places(cairn_map_merge *m, merge_places *places, int32_t map, i
         memset(s, 0, sizeof *s);
         s->map = map;
         s->beside = m->near[i];
-        s->reference_map = cairn_pose_compose(m->near_pose[i], registration_at(m, m->near[i], map, index));
-        if (!cairn_merge_has_room(m, cairn_merge_join(w->box, cairn_merge_box_of(&m->maps[map], s->reference_map))))
+        s->reference_map =
+            cairn_pose_compose(m->near_pose[i], registration_at(m, m->near[i], map, index));
+        if (!cairn_merge_has_room(
+                m, cairn_merge_join(w->box, cairn_merge_box_of(&m->maps[map], s->reference_map))))
             continue;
         w->listed++;
         places->count++;
     }
 }
 
-/* The most similar corners of all pairs first, then the next ones, so that what has no room is least similar. */
+/* The most similar corners of all pairs first, then the next ones, so that what has no room is
+ * least similar. */
 static void list_candidates(cairn_map_merge *m, merge_places *places)
 {
     int32_t next = next_in_order(m);
@@ -118,7 +123,8 @@ static void list_candidates(cairn_map_merge *m, merge_places *places)
 }
 
 /* The sum of the Gaussians about all registrations of a candidate's map. */
-static cairn_real log_prior(const cairn_map_merge *m, const merge_places *places, const merge_state *s)
+static cairn_real log_prior(const cairn_map_merge *m, const merge_places *places,
+                            const merge_state *s)
 {
     const merge_state *list = m->written->list + places->first;
     cairn_real sum = 0;
@@ -126,7 +132,8 @@ static cairn_real log_prior(const cairn_map_merge *m, const merge_places *places
     for (int32_t i = 0; i < places->count; i++) {
         cairn_real x = (list[i].reference_map.x - s->reference_map.x) / PLACE_SIGMA;
         cairn_real y = (list[i].reference_map.y - s->reference_map.y) / PLACE_SIGMA;
-        cairn_real turn = cairn_wrap_angle(list[i].reference_map.theta - s->reference_map.theta) / TURN_SIGMA;
+        cairn_real turn =
+            cairn_wrap_angle(list[i].reference_map.theta - s->reference_map.theta) / TURN_SIGMA;
         cairn_real squared = x * x + y * y + turn * turn;
 
         if (list[i].map == s->map && squared < 50)
@@ -178,7 +185,8 @@ static int weigh_places(cairn_map_merge *m, const merge_places *places, cairn_bu
     return 1;
 }
 
-/* Gamma is counted from that of the first candidate on: the sum of equal ones is 0 in spite of rounding. */
+/* Gamma is counted from that of the first candidate on: the sum of equal ones is 0 in spite of
+ * rounding. */
 static void count_images(merge_written *w, const merge_state *s)
 {
     if (w->offered == 0) {
@@ -191,7 +199,8 @@ static void count_images(merge_written *w, const merge_state *s)
     w->offered++;
 }
 
-/* The logarithm of Psi~ gamma~, each normalised over the candidates of all particles; where a sum is 0 all have 1. */
+/* The logarithm of Psi~ gamma~, each normalised over the candidates of all particles; where a
+ * sum is 0 all have 1. */
 static cairn_real log_images(const merge_written *w, const merge_state *s)
 {
     cairn_real gammas = w->gamma_sum - (cairn_real)w->offered * w->gamma_least;
@@ -203,7 +212,8 @@ static cairn_real log_images(const merge_written *w, const merge_state *s)
     return psi * gamma > 0 ? cairn_log(psi * gamma) : -CAIRN_REAL_MAX;
 }
 
-static cairn_status propose(void *context, cairn_particle_filter *filter, int32_t index, cairn_budget *budget)
+static cairn_status propose(void *context, cairn_particle_filter *filter, int32_t index,
+                            cairn_budget *budget)
 {
     cairn_map_merge *m = context;
     merge_written *w = m->written;
@@ -225,7 +235,8 @@ static cairn_status propose(void *context, cairn_particle_filter *filter, int32_
         m->offer.stage = OFFER_LIST;
     }
     if (m->offer.stage == OFFER_LIST) {
-        if (!cairn_budget_pay(budget, &m->paid, 1 + m->near_count * m->map_count + 2 * places_of(&m->params)))
+        if (!cairn_budget_pay(budget, &m->paid,
+                              1 + m->near_count * m->map_count + 2 * places_of(&m->params)))
             return CAIRN_MORE;
         list_candidates(m, places);
         m->offer.stage = OFFER_WEIGH;
@@ -249,8 +260,8 @@ static cairn_status propose(void *context, cairn_particle_filter *filter, int32_
     return CAIRN_OK;
 }
 
-static cairn_status likelihood(void *context, const cairn_particle_filter *filter, int32_t index, const void *state,
-                               cairn_real *log_likelihood, cairn_budget *budget)
+static cairn_status likelihood(void *context, const cairn_particle_filter *filter, int32_t index,
+                               const void *state, cairn_real *log_likelihood, cairn_budget *budget)
 {
     const cairn_map_merge *m = context;
 
@@ -346,8 +357,8 @@ static cairn_real weight_of(const cairn_map_merge *m, int32_t map)
         cairn_particle p = cairn_particle_filter_particle(m->filter, i);
 
         for (const merge_state *s = p.state; s != NULL; s = cairn_particle_state_before(s))
-            if (s->map == map &&
-                cairn_merge_is_same(s->reference_map, m->check.pose[map], MERGE_SAME_M, MERGE_SAME_RAD))
+            if (s->map == map && cairn_merge_is_same(s->reference_map, m->check.pose[map],
+                                                     MERGE_SAME_M, MERGE_SAME_RAD))
                 sum += cairn_exp(p.log_weight);
     }
     return sum;
@@ -363,9 +374,10 @@ static void take_best(cairn_map_merge *m)
     memset(&m->check, 0, sizeof m->check);
     memset(m->placed, 0, sizeof m->placed);
     for (int32_t i = 0; i < m->map_count; i++) {
-        m->placed[i].verdict = m->maps[i].point_count == 0 || m->maps[i].free == 0 ? CAIRN_MERGE_EMPTY
-                               : is_near(m, i) || is_within_reach(m, i)            ? CAIRN_MERGE_NO_OVERLAP
-                                                                                   : CAIRN_MERGE_NO_CORNER;
+        m->placed[i].verdict = m->maps[i].point_count == 0 || m->maps[i].free == 0
+                                   ? CAIRN_MERGE_EMPTY
+                               : is_near(m, i) || is_within_reach(m, i) ? CAIRN_MERGE_NO_OVERLAP
+                                                                        : CAIRN_MERGE_NO_CORNER;
         m->placed[i].corners = m->maps[i].corner_count;
         m->placed[i].wrong = 1;
     }
@@ -395,7 +407,8 @@ cairn_status cairn_merge_end_written(cairn_map_merge *m, cairn_budget *budget)
     for (; m->cursor < m->check.count; m->cursor++) {
         int32_t map = m->check.list[m->cursor];
 
-        if (!cairn_budget_pay(budget, &m->paid, 1 + cairn_particle_filter_count(m->filter) * m->check.count))
+        if (!cairn_budget_pay(budget, &m->paid,
+                              1 + cairn_particle_filter_count(m->filter) * m->check.count))
             return CAIRN_MORE;
         m->placed[map].wrong = cairn_max(0, cairn_min(1, 1 - weight_of(m, map)));
     }

@@ -2,7 +2,8 @@
  *
  * Method: as the header says, cell by cell, beam by beam, pose by pose; nothing is kept.
  *
- * Limits: entropy falls with every cell that is never seen and depends on the resolution; a map may be sharp and wrong. */
+ * Limits: entropy falls with every cell that is never seen and depends on the resolution; a map
+ * may be sharp and wrong. */
 #include "src/core/build.h"
 
 #include "cairn/map_quality.h"
@@ -24,8 +25,8 @@ static int quadrant_of(const cairn_occupancy_grid_params *params, int32_t x, int
     return east ? CAIRN_QUADRANT_SE : CAIRN_QUADRANT_SW;
 }
 
-cairn_status cairn_map_entropy_add(const cairn_occupancy_grid *grid, int32_t first_row, int32_t rows,
-                                   cairn_map_entropy *entropy)
+cairn_status cairn_map_entropy_add(const cairn_occupancy_grid *grid, int32_t first_row,
+                                   int32_t rows, cairn_map_entropy *entropy)
 {
     cairn_occupancy_grid_params params;
 
@@ -48,7 +49,8 @@ cairn_status cairn_map_entropy_add(const cairn_occupancy_grid *grid, int32_t fir
     return CAIRN_OK;
 }
 
-/* -log of the probability that a beam passes a chord; INFINITY is avoided: a cell of hits without any length stops all. */
+/* -log of the probability that a beam passes a chord; INFINITY is avoided: a cell of hits
+ * without any length stops all. */
 static cairn_real resistance(const cairn_occupancy_grid *grid, const cairn_occupancy_chord *chord)
 {
     cairn_occupancy_cell cell = cairn_occupancy_grid_cell(grid, chord->x, chord->y);
@@ -60,8 +62,9 @@ static cairn_real resistance(const cairn_occupancy_grid *grid, const cairn_occup
     return chord->length * (cairn_real)cell.hits / (cairn_real)cell.length;
 }
 
-cairn_status cairn_map_beam_likelihood(const cairn_occupancy_grid *grid, cairn_vec2 from, cairn_vec2 to, int32_t hit,
-                                       cairn_real least, cairn_real *log_likelihood)
+cairn_status cairn_map_beam_likelihood(const cairn_occupancy_grid *grid, cairn_vec2 from,
+                                       cairn_vec2 to, int32_t hit, cairn_real least,
+                                       cairn_real *log_likelihood)
 {
     cairn_real passed = 0, last = 0, p;
     cairn_occupancy_chord chord;
@@ -89,8 +92,8 @@ cairn_status cairn_map_beam_likelihood(const cairn_occupancy_grid *grid, cairn_v
     return CAIRN_OK;
 }
 
-cairn_status cairn_pose_errors_of(const cairn_pose *estimate, const cairn_pose *truth, int32_t count,
-                                  cairn_pose_errors *errors)
+cairn_status cairn_pose_errors_of(const cairn_pose *estimate, const cairn_pose *truth,
+                                  int32_t count, cairn_pose_errors *errors)
 {
     cairn_pose_errors sum = {0, 0, 0};
 
@@ -115,15 +118,16 @@ cairn_status cairn_pose_errors_of(const cairn_pose *estimate, const cairn_pose *
     return CAIRN_OK;
 }
 
-cairn_status cairn_relation_add(cairn_relation_sums *sums, cairn_pose reference, cairn_pose map_first,
-                                cairn_pose map_second)
+cairn_status cairn_relation_add(cairn_relation_sums *sums, cairn_pose reference,
+                                cairn_pose map_first, cairn_pose map_second)
 {
     cairn_pose off;
     cairn_real distance, angle;
 
     if (sums == NULL)
         return CAIRN_BAD_ARGUMENT;
-    if (!cairn_pose_is_finite(reference) || !cairn_pose_is_finite(map_first) || !cairn_pose_is_finite(map_second))
+    if (!cairn_pose_is_finite(reference) || !cairn_pose_is_finite(map_first) ||
+        !cairn_pose_is_finite(map_second))
         return CAIRN_NOT_FINITE;
     off = cairn_pose_between(reference, cairn_pose_between(map_first, map_second));
     distance = cairn_sqrt(off.x * off.x + off.y * off.y);

@@ -1,14 +1,15 @@
 /* Scan by scan: predict, fit, match, keep.
  *
- * Method. Where a scan is, is in mapper_front.c. Points are evenly spaced along the surfaces, not one a beam: near
- * walls would otherwise outvote all others, and their small systematic errors turn the map.
+ * Method. Where a scan is, is in mapper_front.c. Points are evenly spaced along the surfaces, not
+ * one a beam: near walls would otherwise outvote all others, and their small systematic errors turn
+ * the map.
  *
- * The local map is made of the last key scans and of the nearest ones among those of the last while: what is older is joined
- * by loops (mapper_loop.c, mapper_graph.c), which spread the error over the path, while a match would put all of it into one
- * link.
+ * The local map is made of the last key scans and of the nearest ones among those of the last
+ * while: what is older is joined by loops (mapper_loop.c, mapper_graph.c), which spread the error
+ * over the path, while a match would put all of it into one link.
  *
- * Layout: key scans in a scan_set with a pose each; the local map in the icp object, made anew when a key scan was added or
- * moved, or the robot has left the place for which it was made.
+ * Layout: key scans in a scan_set with a pose each; the local map in the icp object, made anew when
+ * a key scan was added or moved, or the robot has left the place for which it was made.
  *
  * Limits: key scans are forgotten only when they are released (mapper_release.c). */
 #include "src/core/build.h"
@@ -35,8 +36,8 @@ static cairn_pose last_pose(const cairn_mapper *mapper)
     return cairn_pose_compose(mapper->key_pose[mapper->result.key], mapper->result.key_scan);
 }
 
-cairn_status cairn_mapper_add(cairn_mapper *mapper, const cairn_scan_input *input, const cairn_pose *odometry,
-                              cairn_fault *fault)
+cairn_status cairn_mapper_add(cairn_mapper *mapper, const cairn_scan_input *input,
+                              const cairn_pose *odometry, cairn_fault *fault)
 {
     cairn_pose last, by_odometry = cairn_pose_identity();
     cairn_scan_input sweep;
@@ -51,7 +52,8 @@ cairn_status cairn_mapper_add(cairn_mapper *mapper, const cairn_scan_input *inpu
         return CAIRN_FULL;
     if (odometry != NULL && !cairn_pose_is_finite(*odometry))
         return CAIRN_NOT_FINITE;
-    if (odometry != NULL && !(cairn_abs(odometry->x) <= ODOMETRY_EXTENT && cairn_abs(odometry->y) <= ODOMETRY_EXTENT))
+    if (odometry != NULL &&
+        !(cairn_abs(odometry->x) <= ODOMETRY_EXTENT && cairn_abs(odometry->y) <= ODOMETRY_EXTENT))
         return CAIRN_BAD_ARGUMENT;
     has_odometry = odometry != NULL && (mapper->had_odometry || mapper->state.scans == 0);
     if (has_odometry && mapper->state.scans > 0)
@@ -106,7 +108,8 @@ static cairn_status begin_pose(cairn_mapper *mapper)
 /* 1 when it may be elsewhere, which the next scan will tell. */
 static int waits_for_the_next(const cairn_mapper *mapper)
 {
-    return !mapper->has_match && mapper->rumour_is_new && mapper->rumour_scan == mapper->state.scans + 1;
+    return !mapper->has_match && mapper->rumour_is_new &&
+           mapper->rumour_scan == mapper->state.scans + 1;
 }
 
 /* 1 when the scan shows what the local map does not: it moved on, or most of it has no partners. */
@@ -126,8 +129,8 @@ static int is_key_scan(const cairn_mapper *mapper, cairn_pose map_scan)
            cairn_abs(key_scan.theta) > mapper->params.key_turn;
 }
 
-/* Makes the scan at hand a key scan. The force field that is still at work on those before gives what it has, and the scan moves
- * along. */
+/* Makes the scan at hand a key scan. The force field that is still at work on those before gives
+ * what it has, and the scan moves along. */
 static cairn_status keep_key(cairn_mapper *mapper, const cairn_scan_view *view)
 {
     cairn_mapper_result *result = &mapper->result;
@@ -188,10 +191,13 @@ static cairn_status keep(cairn_mapper *mapper)
         result->verdict = CAIRN_MAPPER_BLIND;
     else
         result->verdict = first ? CAIRN_MAPPER_FIRST : CAIRN_MAPPER_PREDICTED;
-    mapper->state.predicted += result->verdict == CAIRN_MAPPER_PREDICTED || result->verdict == CAIRN_MAPPER_BLIND;
+    mapper->state.predicted +=
+        result->verdict == CAIRN_MAPPER_PREDICTED || result->verdict == CAIRN_MAPPER_BLIND;
 
-    mapper->last_motion = cairn_mapper_next_motion(mapper, cairn_pose_between(last, result->map_scan));
-    /* The first scan of all is a key scan even when it shows nothing: something must carry the scans that hang on it. */
+    mapper->last_motion =
+        cairn_mapper_next_motion(mapper, cairn_pose_between(last, result->map_scan));
+    /* The first scan of all is a key scan even when it shows nothing: something must carry the
+     * scans that hang on it. */
     result->is_key = (first || view.point_count > 0) && is_key_scan(mapper, result->map_scan);
     if (result->is_key)
         status = keep_key(mapper, &view);
@@ -209,8 +215,8 @@ static cairn_status keep(cairn_mapper *mapper)
 
 /* ---- Steps ---- */
 
-/* The units that are left for what is to be done next: the force field goes first. Until there is room for one more key scan loops
- * go on. */
+/* The units that are left for what is to be done next: the force field goes first. Until there
+ * is room for one more key scan loops go on. */
 static int32_t quota_left(const cairn_mapper *mapper)
 {
     if (cairn_mapper_must_release(mapper))
@@ -220,7 +226,8 @@ static int32_t quota_left(const cairn_mapper *mapper)
     return mapper->loop.graph != NULL ? mapper->loop.quota : 0;
 }
 
-/* The scan has its pose: force field, loops and graph get their shares, or what a search has left of them. */
+/* The scan has its pose: force field, loops and graph get their shares, or what a search has
+ * left of them. */
 static void begin_share(cairn_mapper *mapper)
 {
     mapper->window_quota = mapper->params.window_units - mapper->spent;
@@ -232,14 +239,16 @@ static void begin_share(cairn_mapper *mapper)
     mapper->phase = quota_left(mapper) > 0 ? SHARE : IDLE;
 }
 
-/* Goes on with force field, loops and graph until there is nothing to do, or the scan's share of units is used up. */
+/* Goes on with force field, loops and graph until there is nothing to do, or the scan's share of
+ * units is used up. */
 static cairn_status take_share(cairn_mapper *mapper, cairn_budget *budget)
 {
     int32_t quota = quota_left(mapper), most = budget->left < quota ? budget->left : quota;
     int32_t is_window = mapper->window_phase != WINDOW_IDLE;
     cairn_budget share = {most};
-    cairn_status status = is_window ? cairn_mapper_window_step(mapper, &share)
-                                    : cairn_mapper_loop_step(mapper, &share, cairn_mapper_must_release(mapper));
+    cairn_status status =
+        is_window ? cairn_mapper_window_step(mapper, &share)
+                  : cairn_mapper_loop_step(mapper, &share, cairn_mapper_must_release(mapper));
 
     budget->left -= most - share.left;
     mapper->window_quota -= most - share.left;
@@ -258,7 +267,8 @@ static cairn_status match_step(cairn_mapper *mapper, cairn_budget *budget)
     return status;
 }
 
-/* One item of the phase at hand. CAIRN_OK: the phase may have changed; CAIRN_MORE: the budget ended within a part. */
+/* One item of the phase at hand. CAIRN_OK: the phase may have changed; CAIRN_MORE: the budget
+ * ended within a part. */
 static cairn_status advance(cairn_mapper *mapper, cairn_budget *budget)
 {
     cairn_status status = CAIRN_OK;
@@ -273,7 +283,8 @@ static cairn_status advance(cairn_mapper *mapper, cairn_budget *budget)
         budget->left--;
         if (cairn_mapper_select_local(mapper)) {
             cairn_icp_clear_target(mapper->icp);
-            budget->left -= 1 + cairn_mapper_local_points(&mapper->params, mapper->params.local_keys) / 64;
+            budget->left -=
+                1 + cairn_mapper_local_points(&mapper->params, mapper->params.local_keys) / 64;
             mapper->phase = TARGET;
             mapper->cursor = 0;
         }

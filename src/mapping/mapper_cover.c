@@ -1,10 +1,12 @@
 /* Which key scan could go?
  *
- * Method. Of what a key scan saw, every fourth bearing is a sample of a surface, at its end, and of free space, half-way. A key
- * scan covers a sample when it saw free space there, or a surface as far away in that bearing. Loss of a key scan: the
- * sum over its samples of 1 / (1 + n), when n of the nearest key scans before it cover it. The one with the least loss is the
- * best covered. Only those before it count: of two that show the same the older one stays, from which the map has been
- * built, and what a robot sees that drives round and round is measured against the first round for ever.
+ * Method. Of what a key scan saw, every fourth bearing is a sample of a surface, at its end, and of
+ * free space, half-way. A key scan covers a sample when it saw free space there, or a surface as
+ * far away in that bearing. Loss of a key scan: the sum over its samples of 1 / (1 + n), when n of
+ * the nearest key scans before it cover it. The one with the least loss is the best covered. Only
+ * those before it count: of two that show the same the older one stays, from which the map has been
+ * built, and what a robot sees that drives round and round is measured against the first round for
+ * ever.
  *
  * Layout: losses are kept until the key scans move or one that counted goes.
  *
@@ -31,7 +33,8 @@ static cairn_vec2 sensor_in_map(const cairn_mapper *mapper, int32_t key)
 
 static cairn_real apart_squared(const cairn_mapper *mapper, int32_t a, int32_t b)
 {
-    return cairn_vec2_norm_squared(cairn_vec2_sub(sensor_in_map(mapper, a), sensor_in_map(mapper, b)));
+    return cairn_vec2_norm_squared(
+        cairn_vec2_sub(sensor_in_map(mapper, a), sensor_in_map(mapper, b)));
 }
 
 void cairn_mapper_forget_cover(cairn_mapper *mapper)
@@ -77,7 +80,8 @@ static void find_near(cairn_mapper *mapper)
     cover->near_count = cover->at = 0;
     for (int32_t key = 0; key < cover->key; key++)
         take_near(cover, key, apart_squared(mapper, cover->key, key));
-    cover->reach[cover->key] = cover->near_count == MAPPER_COVERING ? cover->distance[MAPPER_COVERING - 1] : NOWHERE;
+    cover->reach[cover->key] =
+        cover->near_count == MAPPER_COVERING ? cover->distance[MAPPER_COVERING - 1] : NOWHERE;
     memset(cover->covered, 0, sizeof cover->covered);
 }
 
@@ -88,7 +92,8 @@ static int32_t sees(const cairn_mapper *mapper, int32_t key, cairn_vec2 point, i
 {
     const uint16_t *sight = &mapper->sight[(size_t)mapper->slot[key] * MAPPER_BEARINGS];
     cairn_vec2 d = cairn_vec2_sub(point, cairn_mapper_key_scan(mapper, key)->sensor);
-    cairn_real range = (cairn_real)sight[cairn_mapper_bearing_of(d)] / 100, distance = cairn_vec2_norm(d);
+    cairn_real range = (cairn_real)sight[cairn_mapper_bearing_of(d)] / 100,
+               distance = cairn_vec2_norm(d);
 
     return surface ? range > 0 && cairn_abs(range - distance) <= NEAR : distance <= range;
 }
@@ -98,16 +103,17 @@ static void count_covered(cairn_mapper *mapper, int32_t other)
 {
     mapper_cover *cover = &mapper->loop.cover;
     const uint16_t *sight = &mapper->sight[(size_t)mapper->slot[cover->key] * MAPPER_BEARINGS];
-    cairn_transform other_key =
-        cairn_transform_of(cairn_pose_between(mapper->key_pose[other], mapper->key_pose[cover->key]));
+    cairn_transform other_key = cairn_transform_of(
+        cairn_pose_between(mapper->key_pose[other], mapper->key_pose[cover->key]));
     cairn_vec2 sensor = cairn_mapper_key_scan(mapper, cover->key)->sensor;
 
     for (int32_t i = 0; i < MAPPER_SAMPLES / 2; i++) {
         int32_t bearing = i * BEARING_STEP;
-        cairn_vec2 way = cairn_vec2_scale(cairn_mapper_bearing_direction(bearing), (cairn_real)sight[bearing] / 100);
+        cairn_vec2 way = cairn_vec2_scale(cairn_mapper_bearing_direction(bearing),
+                                          (cairn_real)sight[bearing] / 100);
         cairn_vec2 end = cairn_transform_point(other_key, cairn_vec2_add(sensor, way));
-        cairn_vec2 half =
-            cairn_transform_point(other_key, cairn_vec2_add(sensor, cairn_vec2_scale(way, CAIRN_REAL(0.5))));
+        cairn_vec2 half = cairn_transform_point(
+            other_key, cairn_vec2_add(sensor, cairn_vec2_scale(way, CAIRN_REAL(0.5))));
 
         if (sight[bearing] == 0)
             continue;

@@ -1,15 +1,21 @@
 /* Params of the mapper and of the rooms that it uses, and its memory.
  *
- * Layout: what is needed once (the scan at hand, the local map, the search, the window of the force field) grows with the
- * capacities of scan and local map; key scans, links and the factor of the graph grow with max_keys, max_loops and max_fill. One
- * scan_match serves both the search of a scan in doubt and that for loops. */
+ * Layout: what is needed once (the scan at hand, the local map, the search, the window of the
+ * force field) grows with the capacities of scan and local map; key scans, links and the factor
+ * of the graph grow with max_keys, max_loops and max_fill. One scan_match serves both the search
+ * of a scan in doubt and that for loops. */
 #include "src/core/build.h"
 
 #include <string.h>
 
 #include "src/mapping/mapper_work.h"
 
-enum { KEYS_MOST = 1 << 20, KEY_CAPACITY_MOST = 1 << 24, LOOPS_MOST = 1 << 22, FILL_MOST = 1 << 26 };
+enum {
+    KEYS_MOST = 1 << 20,
+    KEY_CAPACITY_MOST = 1 << 24,
+    LOOPS_MOST = 1 << 22,
+    FILL_MOST = 1 << 26
+};
 
 cairn_mapper_params cairn_mapper_default(void)
 {
@@ -84,7 +90,8 @@ cairn_mapper_params cairn_mapper_default_for(int32_t max_keys, int32_t max_beams
     params.scan.max_beams = max_beams;
     params.max_keys = max_keys;
     params.max_key_points = in_proportion(max_keys, 160, params.scan.max_points, KEY_CAPACITY_MOST);
-    params.max_key_segments = in_proportion(max_keys, 40, params.scan.max_segments, KEY_CAPACITY_MOST);
+    params.max_key_segments =
+        in_proportion(max_keys, 40, params.scan.max_segments, KEY_CAPACITY_MOST);
     params.loop.max_loops = in_proportion(max_keys, 4, 0, LOOPS_MOST);
     params.loop.max_fill = in_proportion(max_keys, 40, 0, FILL_MOST);
     return params;
@@ -129,7 +136,8 @@ static cairn_force_field_params field_params(const cairn_mapper_params *params)
 
 static cairn_scan_set_params key_params(const cairn_mapper_params *params)
 {
-    cairn_scan_set_params keys = {params->max_keys, params->max_key_segments, params->max_key_points, 0};
+    cairn_scan_set_params keys = {params->max_keys, params->max_key_segments,
+                                  params->max_key_points, 0};
 
     return keys;
 }
@@ -185,18 +193,21 @@ static int loop_is_valid(const cairn_mapper_params *params)
 
     if (p->max_loops == 0)
         return 1;
-    return p->max_loops > 0 && p->max_loops <= LOOPS_MOST && p->max_fill >= 0 && p->max_fill <= FILL_MOST &&
-           p->units >= 1 && p->keys >= 1 && p->keys <= 64 && p->gap >= 1 && p->agree >= 1 && p->agree <= 8 &&
-           p->radius > 0 && p->window > 0 && p->window_near > 0 && p->evidence == p->evidence &&
-           p->contradiction >= 0 && p->contradiction <= 1 && p->sigma > 0 && p->sigma_turn > 0 && p->outlier > 0;
+    return p->max_loops > 0 && p->max_loops <= LOOPS_MOST && p->max_fill >= 0 &&
+           p->max_fill <= FILL_MOST && p->units >= 1 && p->keys >= 1 && p->keys <= 64 &&
+           p->gap >= 1 && p->agree >= 1 && p->agree <= 8 && p->radius > 0 && p->window > 0 &&
+           p->window_near > 0 && p->evidence == p->evidence && p->contradiction >= 0 &&
+           p->contradiction <= 1 && p->sigma > 0 && p->sigma_turn > 0 && p->outlier > 0;
 }
 
-/* What goes is joined to what stays by the graph, and the last key scans, which the mapper works with, stay. */
+/* What goes is joined to what stays by the graph, and the last key scans, which the mapper works
+ * with, stay. */
 static int release_is_valid(const cairn_mapper_params *p)
 {
     if (p->release == 0)
         return 1;
-    return p->release == 1 && has_loops(p) && p->local_span > 0 && p->max_keys > cairn_mapper_last_kept(p) + 1;
+    return p->release == 1 && has_loops(p) && p->local_span > 0 &&
+           p->max_keys > cairn_mapper_last_kept(p) + 1;
 }
 
 static int is_valid(const cairn_mapper_params *p)
@@ -206,13 +217,14 @@ static int is_valid(const cairn_mapper_params *p)
     if (p->local_keys < 1 || p->local_keys > CAIRN_MAPPER_LOCAL_MOST || p->local_recent < 1 ||
         p->local_recent > p->local_keys)
         return 0;
-    if (!loop_is_valid(p) || p->local_span < 0 || (p->local_span > 0 && p->local_span < p->local_recent))
+    if (!loop_is_valid(p) || p->local_span < 0 ||
+        (p->local_span > 0 && p->local_span < p->local_recent))
         return 0;
     if (p->scan.max_points < 1 || p->scan.max_points > 1 << 17 || p->scan.max_segments < 1 ||
         p->scan.max_segments > 1 << 17)
         return 0;
-    if (p->window != 0 &&
-        (p->window < 2 || p->window > 64 || p->window_free < 1 || p->window_free >= p->window || p->window_units < 1))
+    if (p->window != 0 && (p->window < 2 || p->window > 64 || p->window_free < 1 ||
+                           p->window_free >= p->window || p->window_units < 1))
         return 0;
     if (p->max_local_points < 1 || p->max_local_points > 1 << 20)
         return 0;
@@ -220,9 +232,10 @@ static int is_valid(const cairn_mapper_params *p)
     if (p->max_key_points < p->scan.max_points || p->max_key_segments < p->scan.max_segments)
         return 0;
     return release_is_valid(p) && p->local_radius > 0 && p->key_distance > 0 && p->key_turn > 0 &&
-           p->key_support >= 0 && p->key_support <= 1 && p->odometry_distance >= 0 && p->odometry_turn >= 0 &&
-           p->odometry_distance_min > 0 && p->odometry_turn_min > 0 && p->motion_distance >= 0 && p->motion_turn >= 0 &&
-           p->motion_distance_min > 0 && p->motion_turn_min > 0 && p->min_support >= 0 && p->min_support <= 1 &&
+           p->key_support >= 0 && p->key_support <= 1 && p->odometry_distance >= 0 &&
+           p->odometry_turn >= 0 && p->odometry_distance_min > 0 && p->odometry_turn_min > 0 &&
+           p->motion_distance >= 0 && p->motion_turn >= 0 && p->motion_distance_min > 0 &&
+           p->motion_turn_min > 0 && p->min_support >= 0 && p->min_support <= 1 &&
            (p->search == 0 || (p->search == 1 && p->search_units >= 1));
 }
 
@@ -254,14 +267,16 @@ static void count_parts(cairn_pool *counting, const cairn_mapper_params *params)
 static void carve_loop(mapper_loop *loop, cairn_pool *pool, const cairn_mapper_params *params)
 {
     size_t keys = (size_t)params->max_keys, covered = params->release ? keys : 0;
-    mapper_link *links = cairn_pool_take(pool, keys + (size_t)params->loop.max_loops, sizeof *links);
+    mapper_link *links =
+        cairn_pool_take(pool, keys + (size_t)params->loop.max_loops, sizeof *links);
     int32_t *first_link = cairn_pool_take(pool, keys, sizeof *first_link);
     mapper_tie *ties = cairn_pool_take(pool, keys, sizeof *ties);
     cairn_real *variance = cairn_pool_take(pool, keys, sizeof *variance);
     cairn_real *turn_variance = cairn_pool_take(pool, keys, sizeof *turn_variance);
     int32_t *heap = cairn_pool_take(pool, keys, sizeof *heap);
     int32_t *heap_at = cairn_pool_take(pool, keys, sizeof *heap_at);
-    cairn_oriented_point *points = cairn_pool_take(pool, (size_t)params->scan.max_points, sizeof *points);
+    cairn_oriented_point *points =
+        cairn_pool_take(pool, (size_t)params->scan.max_points, sizeof *points);
     cairn_beam *beams = cairn_pool_take(pool, MAPPER_BEARINGS, sizeof *beams);
     cairn_real *loss = cairn_pool_take(pool, covered, sizeof *loss);
     cairn_real *reach = cairn_pool_take(pool, covered, sizeof *reach);
@@ -286,9 +301,12 @@ static cairn_mapper *carve(cairn_pool *pool, const cairn_mapper_params *params)
     cairn_mapper *mapper = cairn_pool_take_one(pool, sizeof *mapper);
     int32_t *slot = cairn_pool_take(pool, (size_t)params->max_keys, sizeof *slot);
     cairn_pose *key_pose = cairn_pool_take(pool, (size_t)params->max_keys, sizeof *key_pose);
-    cairn_oriented_point *oriented = cairn_pool_take(pool, (size_t)params->scan.max_points, sizeof *oriented);
-    cairn_segment *segments = cairn_pool_take(pool, (size_t)params->scan.max_segments, sizeof *segments);
-    int32_t *first_point = cairn_pool_take(pool, (size_t)params->scan.max_segments + 1, sizeof *first_point);
+    cairn_oriented_point *oriented =
+        cairn_pool_take(pool, (size_t)params->scan.max_points, sizeof *oriented);
+    cairn_segment *segments =
+        cairn_pool_take(pool, (size_t)params->scan.max_segments, sizeof *segments);
+    int32_t *first_point =
+        cairn_pool_take(pool, (size_t)params->scan.max_segments + 1, sizeof *first_point);
     size_t bearings = has_match(params) ? MAPPER_BEARINGS : 0;
     uint16_t *sight = cairn_pool_take(pool, (size_t)params->max_keys * bearings, sizeof *sight);
     cairn_beam *beams = cairn_pool_take(pool, bearings, sizeof *beams);
@@ -321,7 +339,8 @@ size_t cairn_mapper_memory(const cairn_mapper_params *params)
     return cairn_pool_counted(&counting);
 }
 
-cairn_status cairn_mapper_create(cairn_mapper **mapper, cairn_pool *pool, const cairn_mapper_params *params)
+cairn_status cairn_mapper_create(cairn_mapper **mapper, cairn_pool *pool,
+                                 const cairn_mapper_params *params)
 {
     size_t need = cairn_mapper_memory(params);
     cairn_icp_params icp;

@@ -1,46 +1,65 @@
 /* Where is the scan, seen from the key scans of the last while?
  *
- * Method. The pose is predicted from the odometry since the last scan, or by repeating the last motion when there is none or
- * when it is not believed. The match (icp) starts there. Where another motion (the other one of the two; standing still,
- * without odometry) leads elsewhere, it is run from there, too, and the better result stands.
+ * Method. The pose is predicted from the odometry since the last scan, or by repeating the last
+ * motion when there is none or when it is not believed. The match (icp) starts there. Where another
+ * motion (the other one of the two; standing still, without odometry) leads elsewhere, it is run
+ * from there, too, and the better result stands.
  *
- * A match is in doubt when it is clearly worse than those before it, when it would be a sudden motion, or when there is
- * none. Then scan_match searches the window about the prediction. Where its best hypothesis is the match at hand, that stands;
- * else the match is run from the hypothesis that fits best, of equal ones that with the least sudden motion, and held to it
- * where the scan tells nothing. What stays in doubt gets a covariance that says so.
+ * A match is in doubt when it is clearly worse than those before it, when it would be a sudden
+ * motion, or when there is none. Then scan_match searches the window about the prediction. Where
+ * its best hypothesis is the match at hand, that stands; else the match is run from the hypothesis
+ * that fits best, of equal ones that with the least sudden motion, and held to it where the scan
+ * tells nothing. What stays in doubt gets a covariance that says so.
  *
- * A sudden motion may be a collision, or people who push; or a few points may be on somebody who walks along. So where few
- * points tell of it, the match is run once more with odometry deciding there, and the two compete: points that fit against
- * standard deviations of odometry.
+ * A sudden motion may be a collision, or people who push; or a few points may be on somebody who
+ * walks along. So where few points tell of it, the match is run once more with odometry deciding
+ * there, and the two compete: points that fit against standard deviations of odometry.
  *
- * Odometry that the matches contradict again and again is not believed any more until they agree with it again. After each
- * contradiction it is believed less exactly for a while: who pushes goes on. */
+ * Odometry that the matches contradict again and again is not believed any more until they agree
+ * with it again. After each contradiction it is believed less exactly for a while: who pushes
+ * goes on. */
 #include "src/core/build.h"
 
 #include <string.h>
 
 #include "src/mapping/mapper_work.h"
 
-/* Than the match from the prediction one from another motion must be: who lags behind overlaps more. */
+/* Than the match from the prediction one from another motion must be: who lags behind overlaps
+ * more. */
 static const cairn_real BETTER = CAIRN_REAL(1.2);
-static const cairn_real SUDDEN = CAIRN_REAL(0.1); /* m beyond the prediction, ... */
+/* m beyond the prediction, ... */
+static const cairn_real SUDDEN = CAIRN_REAL(0.1);
 static const cairn_real SUDDEN_TURN = CAIRN_REAL(0.08);
-static const cairn_real SUDDEN_SHARE = CAIRN_REAL(0.2); /* ... and this share of the motion */
-static const cairn_real WORSE = CAIRN_REAL(0.8);        /* than the mean quality */
-static const cairn_real STRANGE_COST = CAIRN_REAL(0.1); /* ... of the log of the quality */
-static const cairn_real LOOSE = CAIRN_REAL(0.1);        /* m, deviation of the points of what is no match */
-static const cairn_real HELD = CAIRN_REAL(0.15); /* share of information along a direction of which few points tell */
-static const cairn_real FARTHEST = 10;           /* squared standard deviations from odometry: wheels may slip by any */
-/* Standard deviations, fewer after it was wrong: what odometry is off by beyond, and not by turning, it is off by again. */
+/* ... and this share of the motion */
+static const cairn_real SUDDEN_SHARE = CAIRN_REAL(0.2);
+/* than the mean quality */
+static const cairn_real WORSE = CAIRN_REAL(0.8);
+/* ... of the log of the quality */
+static const cairn_real STRANGE_COST = CAIRN_REAL(0.1);
+/* m, deviation of the points of what is no match */
+static const cairn_real LOOSE = CAIRN_REAL(0.1);
+/* share of information along a direction of which few points tell */
+static const cairn_real HELD = CAIRN_REAL(0.15);
+/* squared standard deviations from odometry: wheels may slip by any */
+static const cairn_real FARTHEST = 10;
+/* Standard deviations, fewer after it was wrong: what odometry is off by beyond, and not by
+ * turning, it is off by again. */
 static const cairn_real DRAGGED = CAIRN_REAL(1.5);
-static const cairn_real SLIP_MOST = 4;                /* times what odometry may be wrong by, ... */
-static const cairn_real SLIP_FADES = CAIRN_REAL(0.8); /* ... and how that ends, by each scan that agrees */
-static const cairn_real FADES = CAIRN_REAL(0.99);     /* pace, by each scan that does not tell it */
-static const cairn_real ADAPTS = CAIRN_REAL(0.1);     /* by each scan, of mean quality and trust */
-static const cairn_real TRUSTED = CAIRN_REAL(0.5);    /* odometry whose trust is above is believed */
+/* times what odometry may be wrong by, ... */
+static const cairn_real SLIP_MOST = 4;
+/* ... and how that ends, by each scan that agrees */
+static const cairn_real SLIP_FADES = CAIRN_REAL(0.8);
+/* pace, by each scan that does not tell it */
+static const cairn_real FADES = CAIRN_REAL(0.99);
+/* by each scan, of mean quality and trust */
+static const cairn_real ADAPTS = CAIRN_REAL(0.1);
+/* odometry whose trust is above is believed */
+static const cairn_real TRUSTED = CAIRN_REAL(0.5);
 
-static const cairn_real STEADY = CAIRN_REAL(0.5); /* by each scan */
-static const int64_t LONGEST_SPAN = 1000000000;   /* ns: after a longer one nobody knows how the robot moves */
+/* by each scan */
+static const cairn_real STEADY = CAIRN_REAL(0.5);
+/* ns: after a longer one nobody knows how the robot moves */
+static const int64_t LONGEST_SPAN = 1000000000;
 
 /* ---- Prediction ---- */
 
@@ -49,18 +68,21 @@ static int32_t has_motion(const cairn_scan_input *input)
     return input->motion.x != 0 || input->motion.y != 0 || input->motion.theta != 0;
 }
 
-/* Who moves while he scans sees the world wound up: a scanner that turns once in a tenth of a second makes every turn of a robot
- * at 45 degrees/s wrong by 1.25 %, always to the same side, and a path that turns much bends. So where nobody tells the motion
- * but how long the sweep takes, the motion since the scan before goes on: that of odometry when it is believed, else that of the
- * matches, smoothed, or their noise would wind up the next scan. */
+/* Who moves while he scans sees the world wound up: a scanner that turns once in a tenth of a
+ * second makes every turn of a robot at 45 degrees/s wrong by 1.25 %, always to the same side,
+ * and a path that turns much bends. So where nobody tells the motion but how long the sweep
+ * takes, the motion since the scan before goes on: that of odometry when it is believed, else
+ * that of the matches, smoothed, or their noise would wind up the next scan. */
 cairn_pose cairn_mapper_sweep_motion(const cairn_mapper *mapper, const cairn_scan_input *input,
                                      const cairn_pose *by_odometry)
 {
     int32_t by_wheels = by_odometry != NULL && mapper->trust > TRUSTED;
     int64_t span = by_wheels ? input->stamp_ns - mapper->last_stamp : mapper->last_span;
-    cairn_real sweep = (cairn_real)input->time_step * (cairn_real)(input->count - 1) * CAIRN_REAL(1e9);
+    cairn_real sweep =
+        (cairn_real)input->time_step * (cairn_real)(input->count - 1) * CAIRN_REAL(1e9);
 
-    if (!(sweep > 0) || has_motion(input) || mapper->state.scans < 2 || !(span > 0 && span < LONGEST_SPAN))
+    if (!(sweep > 0) || has_motion(input) || mapper->state.scans < 2 ||
+        !(span > 0 && span < LONGEST_SPAN))
         return input->motion;
     return cairn_twist_at(cairn_twist_of(by_wheels ? *by_odometry : mapper->steady),
                           cairn_min(1, sweep / (cairn_real)span));
@@ -87,7 +109,8 @@ void cairn_mapper_predict(cairn_mapper *mapper, cairn_pose last, cairn_pose by_o
     mapper->spent = mapper->matched = mapper->searches = 0;
 }
 
-cairn_pose_prior cairn_mapper_prior_of(const cairn_mapper *mapper, cairn_pose motion, int32_t is_odometry)
+cairn_pose_prior cairn_mapper_prior_of(const cairn_mapper *mapper, cairn_pose motion,
+                                       int32_t is_odometry)
 {
     const cairn_mapper_params *p = &mapper->params;
     cairn_real way = cairn_mapper_way(motion);
@@ -97,7 +120,8 @@ cairn_pose_prior cairn_mapper_prior_of(const cairn_mapper *mapper, cairn_pose mo
     if (is_odometry) {
         prior.sigma_x = mapper->slip * (p->odometry_distance_min + p->odometry_distance * way);
         prior.sigma_theta =
-            mapper->slip * (p->odometry_turn_min + p->odometry_turn * (cairn_abs(motion.theta) + way / 10));
+            mapper->slip *
+            (p->odometry_turn_min + p->odometry_turn * (cairn_abs(motion.theta) + way / 10));
     } else {
         prior.sigma_x = p->motion_distance_min + p->motion_distance * way;
         prior.sigma_theta = p->motion_turn_min + p->motion_turn * cairn_abs(motion.theta);
@@ -117,13 +141,15 @@ cairn_status cairn_mapper_begin_match(cairn_mapper *mapper)
     cairn_pose_prior prior = cairn_mapper_prior_of(mapper, mapper->motion, mapper->believed);
 
     mapper->phase = MATCH;
-    return cairn_icp_begin(mapper->icp, view.points, view.point_count, mapper->predicted, &prior, NULL);
+    return cairn_icp_begin(mapper->icp, view.points, view.point_count, mapper->predicted, &prior,
+                           NULL);
 }
 
 static cairn_status begin_other(cairn_mapper *mapper)
 {
     cairn_scan_view view = cairn_scan_read(mapper->scan);
-    cairn_pose_prior prior = cairn_mapper_prior_of(mapper, mapper->other, mapper->has_odometry && !mapper->believed);
+    cairn_pose_prior prior =
+        cairn_mapper_prior_of(mapper, mapper->other, mapper->has_odometry && !mapper->believed);
 
     mapper->phase = MATCH_OTHER;
     return cairn_icp_begin(mapper->icp, view.points, view.point_count, prior.mean, &prior, NULL);
@@ -131,16 +157,19 @@ static cairn_status begin_other(cairn_mapper *mapper)
 
 /* ---- Matches ---- */
 
-/* A match is as good as its overlap, less for every 5 cm by which its points deviate from their lines. */
+/* A match is as good as its overlap, less for every 5 cm by which its points deviate from their
+ * lines. */
 static cairn_real quality(const cairn_icp_result *match)
 {
     return match->overlap * cairn_exp(-match->sigma / CAIRN_REAL(0.05));
 }
 
-/* How much a motion to a pose is out of the way of both the prediction and standing still, in so many m or rad, squared, up to 4. */
+/* How much a motion to a pose is out of the way of both the prediction and standing still, in so
+ * many m or rad, squared, up to 4. */
 cairn_real cairn_mapper_out_of_the_way(const cairn_mapper *mapper, cairn_pose pose, cairn_real unit)
 {
-    cairn_pose a = cairn_pose_between(mapper->predicted, pose), b = cairn_pose_between(mapper->last, pose);
+    cairn_pose a = cairn_pose_between(mapper->predicted, pose),
+               b = cairn_pose_between(mapper->last, pose);
     cairn_real way = cairn_min(a.x * a.x + a.y * a.y, b.x * b.x + b.y * b.y);
     cairn_real turn = cairn_min(a.theta * a.theta, b.theta * b.theta);
 
@@ -160,10 +189,12 @@ static cairn_real value_of(const cairn_mapper *mapper, cairn_real q, cairn_pose 
 
 static int32_t counts(const cairn_icp_result *match, cairn_real support)
 {
-    return match->verdict != CAIRN_ICP_TOO_FEW_PAIRS && match->overlap >= support && match->sigma < LOOSE;
+    return match->verdict != CAIRN_ICP_TOO_FEW_PAIRS && match->overlap >= support &&
+           match->sigma < LOOSE;
 }
 
-/* Takes the match that has ended when it counts and is clearly better than what there is. 1: taken. */
+/* Takes the match that has ended when it counts and is clearly better than what there is. 1:
+ * taken. */
 static int32_t take_match(cairn_mapper *mapper)
 {
     cairn_icp_result match = cairn_icp_read(mapper->icp);
@@ -196,8 +227,8 @@ static cairn_real found_support(const cairn_mapper *mapper, const cairn_icp_resu
     return mapper->params.min_support / (cairn_mapper_is_far(mapper, match->target_query) ? 1 : 2);
 }
 
-/* Takes the match from what the search found when more speaks for it; else what there is stays, in doubt when it is
- * elsewhere. */
+/* Takes the match from what the search found when more speaks for it; else what there is stays,
+ * in doubt when it is elsewhere. */
 static void take_found(cairn_mapper *mapper)
 {
     cairn_icp_result match = cairn_icp_read(mapper->icp);
@@ -208,9 +239,11 @@ static void take_found(cairn_mapper *mapper)
         return;
     }
     apart = cairn_pose_between(match.target_query, mapper->match.target_query);
-    if (mapper->has_match && value_of(mapper, quality(&match), match.target_query) <=
-                                 value_of(mapper, quality(&mapper->match), mapper->match.target_query)) {
-        mapper->doubtful |= (cairn_mapper_way(apart) > MAPPER_APART || cairn_abs(apart.theta) > MAPPER_APART_TURN) &&
+    if (mapper->has_match &&
+        value_of(mapper, quality(&match), match.target_query) <=
+            value_of(mapper, quality(&mapper->match), mapper->match.target_query)) {
+        mapper->doubtful |= (cairn_mapper_way(apart) > MAPPER_APART ||
+                             cairn_abs(apart.theta) > MAPPER_APART_TURN) &&
                             (!mapper->believed || is_sudden(mapper));
         return;
     }
@@ -224,12 +257,14 @@ static int32_t motions_differ(const cairn_mapper *mapper)
 {
     cairn_pose d = cairn_pose_between(mapper->motion, mapper->other);
 
-    return d.x * d.x + d.y * d.y > MAPPER_APART * MAPPER_APART || cairn_abs(d.theta) > MAPPER_APART_TURN;
+    return d.x * d.x + d.y * d.y > MAPPER_APART * MAPPER_APART ||
+           cairn_abs(d.theta) > MAPPER_APART_TURN;
 }
 
 static int32_t is_doubtful(const cairn_mapper *mapper)
 {
-    return !mapper->has_match || is_sudden(mapper) || quality(&mapper->match) < WORSE * mapper->mean_quality;
+    return !mapper->has_match || is_sudden(mapper) ||
+           quality(&mapper->match) < WORSE * mapper->mean_quality;
 }
 
 /* ---- Few points against the odometry ---- */
@@ -237,7 +272,8 @@ static int32_t is_doubtful(const cairn_mapper *mapper)
 /* 1 when odometry is contradicted by what few points tell: somebody who walks along, say. */
 static int32_t is_outvoted(const cairn_mapper *mapper)
 {
-    return mapper->has_match && mapper->believed && is_sudden(mapper) && mapper->match.weak_ratio < HELD;
+    return mapper->has_match && mapper->believed && is_sudden(mapper) &&
+           mapper->match.weak_ratio < HELD;
 }
 
 static cairn_status begin_held(cairn_mapper *mapper)
@@ -249,7 +285,8 @@ static cairn_status begin_held(cairn_mapper *mapper)
     mapper->phase = MATCH_HELD;
     if (status != CAIRN_OK)
         return status;
-    return cairn_icp_begin(mapper->icp, view.points, view.point_count, mapper->predicted, &prior, NULL);
+    return cairn_icp_begin(mapper->icp, view.points, view.point_count, mapper->predicted, &prior,
+                           NULL);
 }
 
 cairn_status cairn_mapper_end_choice(cairn_mapper *mapper)
@@ -277,7 +314,8 @@ static void take_held(cairn_mapper *mapper)
 
     if (!counts(&match, found_support(mapper, &match)) ||
         points * (quality(&mapper->match) - quality(&match)) >
-            off_odometry(mapper, mapper->match.target_query) - off_odometry(mapper, match.target_query))
+            off_odometry(mapper, mapper->match.target_query) -
+                off_odometry(mapper, match.target_query))
         return;
     mapper->match = match;
     mapper->held = 1;
@@ -324,16 +362,17 @@ static void weigh_odometry(cairn_mapper *mapper)
 {
     cairn_pose_prior prior = cairn_mapper_prior_of(mapper, mapper->by_odometry, 1);
     cairn_pose e = cairn_pose_between(prior.mean, mapper->match.target_query);
-    cairn_real off =
-        mapper->slip * cairn_max(cairn_mapper_way(e) / prior.sigma_x, cairn_abs(e.theta) / prior.sigma_theta);
+    cairn_real off = mapper->slip * cairn_max(cairn_mapper_way(e) / prior.sigma_x,
+                                              cairn_abs(e.theta) / prior.sigma_theta);
     cairn_vec2 way = {e.x, e.y};
     int32_t contradicted = off > 2;
 
     if (mapper->match.weak_ratio >= MAPPER_SLIPPERY && !mapper->held) {
-        mapper->slip = cairn_max(1, cairn_max(mapper->slip * SLIP_FADES, cairn_min(off, SLIP_MOST)));
+        mapper->slip =
+            cairn_max(1, cairn_max(mapper->slip * SLIP_FADES, cairn_min(off, SLIP_MOST)));
         mapper->drag.x = mapper->drag.y = 0;
-        if (mapper->slip * cairn_mapper_way(e) > DRAGGED * prior.sigma_x && cairn_abs(e.theta) < SUDDEN_TURN &&
-            cairn_mapper_way(e) > SUDDEN)
+        if (mapper->slip * cairn_mapper_way(e) > DRAGGED * prior.sigma_x &&
+            cairn_abs(e.theta) < SUDDEN_TURN && cairn_mapper_way(e) > SUDDEN)
             mapper->drag = way;
     } else {
         mapper->drag = cairn_vec2_scale(mapper->drag, SLIP_FADES);
@@ -372,7 +411,8 @@ void cairn_mapper_learn(cairn_mapper *mapper)
         mapper->doubt[0] = mapper->doubt[4] = MAPPER_DOUBT * MAPPER_DOUBT;
         mapper->doubt[8] = MAPPER_DOUBT_TURN * MAPPER_DOUBT_TURN;
     }
-    if (mapper->has_match && (mapper->held || (!mapper->believed && mapper->match.weak_ratio < MAPPER_SLIPPERY)))
+    if (mapper->has_match &&
+        (mapper->held || (!mapper->believed && mapper->match.weak_ratio < MAPPER_SLIPPERY)))
         doubt_weak_direction(mapper);
     for (int k = 0; k < 9 && mapper->has_match; k++)
         mapper->match.covariance[k] += mapper->doubt[k];
@@ -388,8 +428,9 @@ void cairn_mapper_learn(cairn_mapper *mapper)
         weigh_odometry(mapper);
 }
 
-/* The motion that the next scan is expected to repeat. Of a sudden one half, which may have been a slip. Along a wall that
- * tells little of it the pace of before, which fades: what such matches tell of it is mostly that of the prediction. */
+/* The motion that the next scan is expected to repeat. Of a sudden one half, which may have been
+ * a slip. Along a wall that tells little of it the pace of before, which fades: what such
+ * matches tell of it is mostly that of the prediction. */
 cairn_pose cairn_mapper_next_motion(cairn_mapper *mapper, cairn_pose motion)
 {
     cairn_pose before = mapper->last_motion;
@@ -404,7 +445,8 @@ cairn_pose cairn_mapper_next_motion(cairn_mapper *mapper, cairn_pose motion)
     if (is_sudden(mapper)) {
         motion.x = (motion.x + before.x) / 2;
         motion.y = (motion.y + before.y) / 2;
-        motion.theta = cairn_wrap_angle(before.theta + cairn_wrap_angle(motion.theta - before.theta) / 2);
+        motion.theta =
+            cairn_wrap_angle(before.theta + cairn_wrap_angle(motion.theta - before.theta) / 2);
     }
     if (mapper->match.weak_ratio >= MAPPER_SLIPPERY) {
         mapper->pace.x += ADAPTS * (motion.x - mapper->pace.x);
@@ -413,7 +455,8 @@ cairn_pose cairn_mapper_next_motion(cairn_mapper *mapper, cairn_pose motion)
     }
     weak.x = mapper->match.weak[0];
     weak.y = mapper->match.weak[1];
-    weak = cairn_transform_direction(cairn_transform_of(cairn_pose_inverse(mapper->match.target_query)), weak);
+    weak = cairn_transform_direction(
+        cairn_transform_of(cairn_pose_inverse(mapper->match.target_query)), weak);
     lost.x = mapper->pace.x - motion.x;
     lost.y = mapper->pace.y - motion.y;
     motion.x += weak.x * cairn_vec2_dot(weak, lost);

@@ -1,22 +1,26 @@
 /* The graph of key scans and their correction.
  *
- * Method. Every key scan is linked to those on which it hangs (mapper_tie.c) by how the local map and the force field left them;
- * closures join those that are far apart in time. A correction solves for all key scans (pose_graph), is
- * taken over as a whole, and moves the key scans that came since along with the last one that it knows. A closure that is an
- * outlier afterwards is dropped, and the correction repeated. */
+ * Method. Every key scan is linked to those on which it hangs (mapper_tie.c) by how the local
+ * map and the force field left them; closures join those that are far apart in time. A
+ * correction solves for all key scans (pose_graph), is taken over as a whole, and moves the key
+ * scans that came since along with the last one that it knows. A closure that is an outlier
+ * afterwards is dropped, and the correction repeated. */
 #include "src/core/build.h"
 
 #include "src/mapping/mapper_work.h"
 
-/* A correction costs about as much as looking for so many key scans, in parts of those in the graph. */
+/* A correction costs about as much as looking for so many key scans, in parts of those in the
+ * graph. */
 enum { SOLVE_SHARE = 48 };
 
 static const cairn_real STRAINED = 100; /* chi2 of a closure that asks for a correction at once */
 
-cairn_sym3 cairn_mapper_own_covariance(const cairn_mapper *mapper, const cairn_real covariance[9], cairn_real theta)
+cairn_sym3 cairn_mapper_own_covariance(const cairn_mapper *mapper, const cairn_real covariance[9],
+                                       cairn_real theta)
 {
     const cairn_mapper_loop_params *p = &mapper->params.loop;
-    cairn_sym3 own, in_map = {covariance[0], covariance[1], covariance[2], covariance[4], covariance[5], covariance[8]};
+    cairn_sym3 own, in_map = {covariance[0], covariance[1], covariance[2],
+                              covariance[4], covariance[5], covariance[8]};
     cairn_real s, c;
 
     cairn_sincos(-theta, &s, &c);
@@ -40,8 +44,8 @@ void cairn_mapper_hang_link(mapper_loop *loop, int32_t link, int32_t end)
     loop->first_link[key] = link;
 }
 
-static cairn_status add_link(cairn_mapper *mapper, int32_t first, int32_t second, cairn_pose first_second,
-                             cairn_sym3 covariance, int32_t is_loop)
+static cairn_status add_link(cairn_mapper *mapper, int32_t first, int32_t second,
+                             cairn_pose first_second, cairn_sym3 covariance, int32_t is_loop)
 {
     mapper_loop *loop = &mapper->loop;
     mapper_link *link = &loop->links[loop->link_count];
@@ -75,24 +79,26 @@ cairn_status cairn_mapper_enter(cairn_mapper *mapper)
     loop->first_link[key] = -1;
     loop->entered++;
     if (key > 0)
-        status = add_link(mapper, key - 1, key, cairn_pose_between(mapper->key_pose[key - 1], mapper->key_pose[key]),
+        status = add_link(mapper, key - 1, key,
+                          cairn_pose_between(mapper->key_pose[key - 1], mapper->key_pose[key]),
                           loop->ties[key].covariance, 0);
     for (int32_t i = 0; i < loop->ties[key].anchor_count && status == CAIRN_OK; i++) {
         int32_t anchor = loop->ties[key].anchors[i];
 
         if (loop->link_count - loop->entered + 1 >= mapper->params.loop.max_loops)
             break;
-        status = add_link(mapper, anchor, key, cairn_pose_between(mapper->key_pose[anchor], mapper->key_pose[key]),
+        status = add_link(mapper, anchor, key,
+                          cairn_pose_between(mapper->key_pose[anchor], mapper->key_pose[key]),
                           loop->ties[key].anchor_covariance[i], 0);
     }
     return status;
 }
 
-cairn_real cairn_mapper_strain_of(const cairn_mapper *mapper, int32_t first, int32_t second, cairn_pose first_second,
-                                  cairn_sym3 covariance)
+cairn_real cairn_mapper_strain_of(const cairn_mapper *mapper, int32_t first, int32_t second,
+                                  cairn_pose first_second, cairn_sym3 covariance)
 {
-    cairn_pose e =
-        cairn_pose_between(first_second, cairn_pose_between(mapper->key_pose[first], mapper->key_pose[second]));
+    cairn_pose e = cairn_pose_between(
+        first_second, cairn_pose_between(mapper->key_pose[first], mapper->key_pose[second]));
     cairn_real error[3], solved[3];
 
     error[0] = e.x;
@@ -103,8 +109,8 @@ cairn_real cairn_mapper_strain_of(const cairn_mapper *mapper, int32_t first, int
     return error[0] * solved[0] + error[1] * solved[1] + error[2] * solved[2];
 }
 
-cairn_status cairn_mapper_add_closure(cairn_mapper *mapper, int32_t first, int32_t second, cairn_pose first_second,
-                                      cairn_sym3 covariance)
+cairn_status cairn_mapper_add_closure(cairn_mapper *mapper, int32_t first, int32_t second,
+                                      cairn_pose first_second, cairn_sym3 covariance)
 {
     mapper_loop *loop = &mapper->loop;
     cairn_status status;
@@ -114,7 +120,8 @@ cairn_status cairn_mapper_add_closure(cairn_mapper *mapper, int32_t first, int32
     status = add_link(mapper, first, second, first_second, covariance, 1);
     if (status != CAIRN_OK)
         return status;
-    loop->strain = cairn_max(loop->strain, cairn_mapper_strain_of(mapper, first, second, first_second, covariance));
+    loop->strain = cairn_max(
+        loop->strain, cairn_mapper_strain_of(mapper, first, second, first_second, covariance));
     loop->fresh++;
     mapper->state.loops++;
     return CAIRN_OK;
@@ -139,7 +146,8 @@ static void correct_keys(cairn_mapper *mapper)
     for (int32_t key = 0; key <= last; key++)
         mapper->key_pose[key] = cairn_pose_graph_pose(loop->graph, key);
     for (int32_t key = last + 1; key < mapper->key_count; key++)
-        mapper->key_pose[key] = cairn_pose_compose(after, cairn_pose_between(before, mapper->key_pose[key]));
+        mapper->key_pose[key] =
+            cairn_pose_compose(after, cairn_pose_between(before, mapper->key_pose[key]));
     mapper->target_stale = 1;
     if (mapper->params.release)
         cairn_mapper_forget_cover(mapper);
@@ -160,7 +168,8 @@ static int32_t drop_outliers(cairn_mapper *mapper)
             cairn_pose_graph_drop_link(loop->graph, i, 1) != CAIRN_OK)
             continue;
         link->dropped = 1;
-        cairn_mapper_loop_tell(mapper, link->first, link->second, cairn_pose_identity(), CAIRN_MAPPER_LOOP_DROPPED);
+        cairn_mapper_loop_tell(mapper, link->first, link->second, cairn_pose_identity(),
+                               CAIRN_MAPPER_LOOP_DROPPED);
         dropped++;
     }
     mapper->state.loops -= dropped;

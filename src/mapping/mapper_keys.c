@@ -51,14 +51,17 @@ int32_t cairn_mapper_select_local(cairn_mapper *mapper)
     else if (distance <= mapper->params.local_radius)
         take_local(mapper, key, distance);
     mapper->cursor++;
-    return mapper->cursor == mapper->key_count || is_old(mapper, mapper->key_count - 1 - mapper->cursor);
+    return mapper->cursor == mapper->key_count ||
+           is_old(mapper, mapper->key_count - 1 - mapper->cursor);
 }
 
 int32_t cairn_mapper_needs_local(const cairn_mapper *mapper)
 {
-    cairn_real x = mapper->predicted.x - mapper->target_pose.x, y = mapper->predicted.y - mapper->target_pose.y;
+    cairn_real x = mapper->predicted.x - mapper->target_pose.x,
+               y = mapper->predicted.y - mapper->target_pose.y;
 
-    return mapper->target_stale || x * x + y * y > mapper->params.key_distance * mapper->params.key_distance;
+    return mapper->target_stale ||
+           x * x + y * y > mapper->params.key_distance * mapper->params.key_distance;
 }
 
 cairn_scan_view cairn_mapper_key_view(cairn_mapper *mapper, int32_t key)
@@ -88,7 +91,8 @@ cairn_status cairn_mapper_add_local(cairn_mapper *mapper, cairn_budget *budget)
     int32_t key = mapper->local[mapper->cursor];
     cairn_scan_view view = cairn_mapper_key_view(mapper, key);
 
-    cairn_status status = cairn_icp_add_target(mapper->icp, view.points, view.point_count, mapper->key_pose[key], NULL);
+    cairn_status status = cairn_icp_add_target(mapper->icp, view.points, view.point_count,
+                                               mapper->key_pose[key], NULL);
 
     mapper->cursor++;
     budget->left -= 1 + view.point_count;
@@ -100,7 +104,8 @@ cairn_status cairn_mapper_add_local(cairn_mapper *mapper, cairn_budget *budget)
 
 /* ---- Key scans as parts of a match ---- */
 
-int32_t cairn_mapper_key_points(const cairn_mapper *mapper, int32_t key, cairn_oriented_point *points)
+int32_t cairn_mapper_key_points(const cairn_mapper *mapper, int32_t key,
+                                cairn_oriented_point *points)
 {
     const cairn_scan_set_scan *scan = cairn_mapper_key_scan(mapper, key);
     int32_t count = 0;
@@ -117,7 +122,8 @@ int32_t cairn_mapper_key_points(const cairn_mapper *mapper, int32_t key, cairn_o
     return count;
 }
 
-/* Bearings by the pseudo angle y / (|x| + |y|), which grows with the angle and needs no arc tangent. */
+/* Bearings by the pseudo angle y / (|x| + |y|), which grows with the angle and needs no arc
+ * tangent. */
 int32_t cairn_mapper_bearing_of(cairn_vec2 d)
 {
     cairn_real sum = cairn_abs(d.x) + cairn_abs(d.y), turn; /* 0 ... 4 */
@@ -130,7 +136,8 @@ int32_t cairn_mapper_bearing_of(cairn_vec2 d)
 
 cairn_vec2 cairn_mapper_bearing_direction(int32_t bearing)
 {
-    cairn_real turn = 4 * ((cairn_real)bearing + CAIRN_REAL(0.5)) / MAPPER_BEARINGS, within = turn - cairn_floor(turn);
+    cairn_real turn = 4 * ((cairn_real)bearing + CAIRN_REAL(0.5)) / MAPPER_BEARINGS,
+               within = turn - cairn_floor(turn);
     cairn_vec2 d = {1 - within, within};
     int32_t quarter = cairn_real_to_int(turn);
 
@@ -166,16 +173,16 @@ int32_t cairn_mapper_sight(const cairn_mapper *mapper, int32_t key, cairn_beam *
         if (sight[i] == 0)
             continue;
         beams[count].from = sensor;
-        beams[count].to =
-            cairn_vec2_add(sensor, cairn_vec2_scale(cairn_mapper_bearing_direction(i), (cairn_real)sight[i] / 100));
+        beams[count].to = cairn_vec2_add(sensor, cairn_vec2_scale(cairn_mapper_bearing_direction(i),
+                                                                  (cairn_real)sight[i] / 100));
         beams[count].kind = CAIRN_BEAM_HIT;
         count++;
     }
     return count;
 }
 
-cairn_scan_match_part cairn_mapper_key_part(const cairn_mapper *mapper, int32_t key, cairn_oriented_point *points,
-                                            cairn_beam *beams)
+cairn_scan_match_part cairn_mapper_key_part(const cairn_mapper *mapper, int32_t key,
+                                            cairn_oriented_point *points, cairn_beam *beams)
 {
     cairn_scan_match_part part;
 

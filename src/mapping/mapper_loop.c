@@ -2,17 +2,21 @@
  *
  * Method. For each key scan, once the force field is done with it:
  *
- * 1. How far can the path have gone astray between it and every other key scan? The least sum over all paths through the
- *    graph (Dijkstra 1959) of each link's variance of position, and its variance of heading times the squared distance from
- *    the key scan, where that error swings the rest of the path.
- * 2. Candidates: older key scans that may see the same things within three of these standard deviations, the nearest of each
- *    run of successive ones.
- *    Those that hang loosely on others (mapper_tie.c) are avoided: what is found there says little of the rest.
- * 3. scan_match against the union of the key scans around the candidate, in the window that 1. leaves.
- * 4. What has no rival and does not put points into free space is a closure, at once when the window is small and holds no
- *    other place. In a wide one it needs evidence for the way that it leads from where the path led, too, as the variances have
- *    that (buildings repeat themselves, and the true place may not be in the map), and closures wait until several of them agree
- *    with each other and outnumber those that do not (as Olson 2009 asks of loops: what is wrong is seldom wrong alike).
+ * 1. How far can the path have gone astray between it and every other key scan? The least sum over
+ *    all paths through the graph (Dijkstra 1959) of each link's variance of position, and its
+ *    variance of heading times the squared distance from the key scan, where that error swings the
+ *    rest of the path.
+ * 2. Candidates: older key scans that may see the same things within three of these standard
+ *    deviations, the nearest of each run of successive ones. Those that hang loosely on others
+ *    (mapper_tie.c) are avoided: what is found there says little of the rest.
+ * 3. scan_match against the union of the key scans around the candidate, in the window that 1.
+ *    leaves.
+ * 4. What has no rival and does not put points into free space is a closure, at once when the
+ *    window is small and holds no other place. In a wide one it needs evidence for the way that it
+ *    leads from where the path led, too, as the variances have that (buildings repeat themselves,
+ *    and the true place may not be in the map), and closures wait until several of them agree with
+ *    each other and outnumber those that do not (as Olson 2009 asks of loops: what is wrong is
+ *    seldom wrong alike).
  *
  * Limits: a place is recognised only where the uncertainty of the path reaches it. */
 #include "src/core/build.h"
@@ -23,12 +27,15 @@
 
 enum { KEYS_A_UNIT = 16 };
 
-static const cairn_real LOOSELY = CAIRN_REAL(0.2); /* m: what hangs more loosely is not matched against, ... */
-static const cairn_real SPREAD_COST = 5; /* ... and so many metres farther away for every metre of standard deviation */
-static const cairn_real FAR = CAIRN_REAL(1e6); /* m^2: no path */
+/* m: what hangs more loosely is not matched against, ... */
+static const cairn_real LOOSELY = CAIRN_REAL(0.2);
+/* ... and so many metres farther away for every metre of standard deviation */
+static const cairn_real SPREAD_COST = 5;
+/* m^2: no path */
+static const cairn_real FAR = CAIRN_REAL(1e6);
 
-void cairn_mapper_loop_tell(cairn_mapper *mapper, int32_t first, int32_t second, cairn_pose first_second,
-                            cairn_mapper_loop_verdict verdict)
+void cairn_mapper_loop_tell(cairn_mapper *mapper, int32_t first, int32_t second,
+                            cairn_pose first_second, cairn_mapper_loop_verdict verdict)
 {
     cairn_mapper_loop *event = &mapper->loop.events[mapper->state.loop_events % MAPPER_LOOP_EVENTS];
 
@@ -36,14 +43,16 @@ void cairn_mapper_loop_tell(cairn_mapper *mapper, int32_t first, int32_t second,
     event->second = second;
     event->first_second = first_second;
     event->verdict = verdict;
-    mapper->state.loop_events = mapper->state.loop_events == INT32_MAX ? 0 : mapper->state.loop_events + 1;
+    mapper->state.loop_events =
+        mapper->state.loop_events == INT32_MAX ? 0 : mapper->state.loop_events + 1;
 }
 
 /* ---- How far a path can have gone astray ---- */
 
 static int32_t is_before(const mapper_loop *loop, int32_t a, int32_t b)
 {
-    return loop->variance[a] < loop->variance[b] || (!(loop->variance[b] < loop->variance[a]) && a < b);
+    return loop->variance[a] < loop->variance[b] ||
+           (!(loop->variance[b] < loop->variance[a]) && a < b);
 }
 
 static void put(mapper_loop *loop, int32_t at, int32_t key)
@@ -69,7 +78,8 @@ static int32_t take_first(mapper_loop *loop)
     while (2 * at + 1 < loop->heap_count) {
         int32_t child = 2 * at + 1;
 
-        if (child + 1 < loop->heap_count && is_before(loop, loop->heap[child + 1], loop->heap[child]))
+        if (child + 1 < loop->heap_count &&
+            is_before(loop, loop->heap[child + 1], loop->heap[child]))
             child++;
         if (!is_before(loop, loop->heap[child], key))
             break;
@@ -180,9 +190,11 @@ static int32_t choose_item(cairn_mapper *mapper)
     cairn_vec2 apart = cairn_vec2_sub(seen(mapper, key), seen(mapper, loop->query));
     cairn_real distance = cairn_vec2_norm(apart);
 
-    if (cairn_mapper_point_count(mapper, key) > 0 && distance < mapper->params.loop.radius + reach_of(mapper, key)) {
-        distance += cairn_sqrt(distance_squared(mapper->key_pose[key], mapper->key_pose[loop->query])) / 2 +
-                    SPREAD_COST * loop->ties[key].spread;
+    if (cairn_mapper_point_count(mapper, key) > 0 &&
+        distance < mapper->params.loop.radius + reach_of(mapper, key)) {
+        distance +=
+            cairn_sqrt(distance_squared(mapper->key_pose[key], mapper->key_pose[loop->query])) / 2 +
+            SPREAD_COST * loop->ties[key].spread;
         if (!loop->in_run || distance < loop->run.distance) {
             loop->run.key = key;
             loop->run.distance = distance;
@@ -214,7 +226,8 @@ static void begin_candidate(cairn_mapper *mapper)
     loop->phase = LOOP_TARGET;
 }
 
-/* Farther from the candidate than the path goes there: those between were released, or the path was broken. */
+/* Farther from the candidate than the path goes there: those between were released, or the path
+ * was broken. */
 static int32_t is_elsewhere(const cairn_mapper *mapper, int32_t key, int32_t candidate)
 {
     cairn_real most = (cairn_real)mapper->params.loop.keys * mapper->params.key_distance;
@@ -230,7 +243,8 @@ static void target_item(cairn_mapper *mapper, cairn_budget *budget)
     cairn_scan_match_part part;
 
     budget->left -= 1;
-    if (key != candidate && (loop->ties[key].spread > LOOSELY || is_elsewhere(mapper, key, candidate)))
+    if (key != candidate &&
+        (loop->ties[key].spread > LOOSELY || is_elsewhere(mapper, key, candidate)))
         return;
     part = cairn_mapper_key_part(mapper, key, mapper->oriented, mapper->beams);
     budget->left -= 1 + part.count + part.beam_count;
@@ -245,12 +259,13 @@ static void begin_match(cairn_mapper *mapper, cairn_budget *budget)
     int32_t key = loop->candidates[loop->candidate].key;
     cairn_scan_match_window window;
 
-    window.distance = cairn_min(reach_of(mapper, key) + CAIRN_REAL(0.2), mapper->params.loop.window);
+    window.distance =
+        cairn_min(reach_of(mapper, key) + CAIRN_REAL(0.2), mapper->params.loop.window);
     window.angle = 3 * cairn_sqrt(loop->turn_variance[key]) + CAIRN_REAL(0.1);
     loop->phase = LOOP_MATCH;
     budget->left -= 2 + loop->query_part.count / 4;
-    if (cairn_scan_match_begin(mapper->search, &loop->query_part, mapper->key_pose[loop->query], &window, NULL) !=
-        CAIRN_OK)
+    if (cairn_scan_match_begin(mapper->search, &loop->query_part, mapper->key_pose[loop->query],
+                               &window, NULL) != CAIRN_OK)
         cairn_scan_match_clear_target(mapper->search);
 }
 
@@ -262,24 +277,29 @@ void cairn_mapper_yield_match(cairn_mapper *mapper)
 
 /* ---- The verdict ---- */
 
-/* 1 when two closures lead around the same loop, up to what a path of so many key scans may go astray. */
+/* 1 when two closures lead around the same loop, up to what a path of so many key scans may go
+ * astray. */
 static int32_t agree(const cairn_mapper *mapper, const mapper_pending *a, const mapper_pending *b)
 {
-    cairn_pose second = cairn_pose_between(mapper->key_pose[a->second], mapper->key_pose[b->second]);
+    cairn_pose second =
+        cairn_pose_between(mapper->key_pose[a->second], mapper->key_pose[b->second]);
     cairn_pose first = cairn_pose_between(mapper->key_pose[a->first], mapper->key_pose[b->first]);
-    cairn_pose one = cairn_pose_compose(a->first_second, second), other = cairn_pose_compose(first, b->first_second);
+    cairn_pose one = cairn_pose_compose(a->first_second, second),
+               other = cairn_pose_compose(first, b->first_second);
     cairn_pose apart = cairn_pose_between(one, other);
-    int32_t path = b->second - a->second + (b->first > a->first ? b->first - a->first : a->first - b->first);
+    int32_t path =
+        b->second - a->second + (b->first > a->first ? b->first - a->first : a->first - b->first);
     cairn_real distance = CAIRN_REAL(0.15) + CAIRN_REAL(0.01) * (cairn_real)path;
     cairn_real angle = CAIRN_REAL(0.05) + CAIRN_REAL(0.003) * (cairn_real)path;
 
-    return apart.x * apart.x + apart.y * apart.y < distance * distance && cairn_abs(apart.theta) < angle;
+    return apart.x * apart.x + apart.y * apart.y < distance * distance &&
+           cairn_abs(apart.theta) < angle;
 }
 
 static void accept(cairn_mapper *mapper, mapper_pending *closure)
 {
-    cairn_status status =
-        cairn_mapper_add_closure(mapper, closure->first, closure->second, closure->first_second, closure->covariance);
+    cairn_status status = cairn_mapper_add_closure(mapper, closure->first, closure->second,
+                                                   closure->first_second, closure->covariance);
 
     closure->accepted = 1;
     if (status == CAIRN_FULL)
@@ -289,7 +309,8 @@ static void accept(cairn_mapper *mapper, mapper_pending *closure)
                                CAIRN_MAPPER_LOOP_ACCEPTED);
 }
 
-/* A closure in a wide search: with those that wait and agree, when they outnumber those that do not. */
+/* A closure in a wide search: with those that wait and agree, when they outnumber those that do
+ * not. */
 static void weigh(cairn_mapper *mapper, const mapper_pending *closure)
 {
     mapper_loop *loop = &mapper->loop;
@@ -327,14 +348,17 @@ static void weigh(cairn_mapper *mapper, const mapper_pending *closure)
 
 int32_t cairn_mapper_has_rival(const cairn_scan_match_result *result)
 {
-    return result->count > 1 && result->hypotheses[1].score > CAIRN_REAL(0.9) * result->hypotheses[0].score;
+    return result->count > 1 &&
+           result->hypotheses[1].score > CAIRN_REAL(0.9) * result->hypotheses[0].score;
 }
 
-/* What speaks against a closure before anything is seen, in log odds: it leads so far from where the path led. */
+/* What speaks against a closure before anything is seen, in log odds: it leads so far from where
+ * the path led. */
 static cairn_real distance_cost(const cairn_mapper *mapper, const mapper_pending *closure)
 {
     const mapper_loop *loop = &mapper->loop;
-    cairn_pose now = cairn_pose_between(mapper->key_pose[closure->first], mapper->key_pose[closure->second]);
+    cairn_pose now =
+        cairn_pose_between(mapper->key_pose[closure->first], mapper->key_pose[closure->second]);
     cairn_pose off = cairn_pose_between(closure->first_second, now);
 
     return (off.x * off.x + off.y * off.y) / loop->variance[closure->first] +
@@ -342,7 +366,8 @@ static cairn_real distance_cost(const cairn_mapper *mapper, const mapper_pending
 }
 
 /* Along a wall of which few points tell the way, these may be of somebody who stands there. */
-static cairn_sym3 closure_covariance(const cairn_mapper *mapper, const cairn_scan_match_hypothesis *h)
+static cairn_sym3 closure_covariance(const cairn_mapper *mapper,
+                                     const cairn_scan_match_hypothesis *h)
 {
     cairn_real covariance[9], x = MAPPER_DOUBT * h->weak[0], y = MAPPER_DOUBT * h->weak[1];
 
@@ -373,15 +398,19 @@ static void judge(cairn_mapper *mapper)
         closure.covariance = closure_covariance(mapper, h);
     }
     if (result.count == 0 || result.verdict == CAIRN_SCAN_MATCH_NONE || h->evidence < p->evidence)
-        cairn_mapper_loop_tell(mapper, key, loop->query, closure.first_second, CAIRN_MAPPER_LOOP_NONE);
+        cairn_mapper_loop_tell(mapper, key, loop->query, closure.first_second,
+                               CAIRN_MAPPER_LOOP_NONE);
     else if (cairn_mapper_has_rival(&result))
-        cairn_mapper_loop_tell(mapper, key, loop->query, closure.first_second, CAIRN_MAPPER_LOOP_AMBIGUOUS);
+        cairn_mapper_loop_tell(mapper, key, loop->query, closure.first_second,
+                               CAIRN_MAPPER_LOOP_AMBIGUOUS);
     else if (h->contradiction > p->contradiction || h->target_contradiction > p->contradiction)
-        cairn_mapper_loop_tell(mapper, key, loop->query, closure.first_second, CAIRN_MAPPER_LOOP_CONTRADICTED);
+        cairn_mapper_loop_tell(mapper, key, loop->query, closure.first_second,
+                               CAIRN_MAPPER_LOOP_CONTRADICTED);
     else if (reach_of(mapper, key) < p->window_near)
         accept(mapper, &closure);
     else if (h->evidence - distance_cost(mapper, &closure) < p->evidence)
-        cairn_mapper_loop_tell(mapper, key, loop->query, closure.first_second, CAIRN_MAPPER_LOOP_UNLIKELY);
+        cairn_mapper_loop_tell(mapper, key, loop->query, closure.first_second,
+                               CAIRN_MAPPER_LOOP_UNLIKELY);
     else
         weigh(mapper, &closure);
 }
@@ -419,7 +448,8 @@ static cairn_status begin_next(cairn_mapper *mapper, cairn_budget *budget)
         status = cairn_mapper_enter(mapper);
         budget->left -= 4;
         loop->searched++;
-        if (loop->query > mapper->params.loop.gap && cairn_mapper_point_count(mapper, loop->query) > 0)
+        if (loop->query > mapper->params.loop.gap &&
+            cairn_mapper_point_count(mapper, loop->query) > 0)
             loop->phase = LOOP_CLEAR;
     }
     return status;
@@ -449,7 +479,8 @@ static cairn_status loop_item(cairn_mapper *mapper, cairn_budget *budget)
         loop->candidate = 0;
         loop->phase = LOOP_IDLE;
         if (loop->candidate_count > 0) {
-            loop->query_part = cairn_mapper_key_part(mapper, loop->query, loop->query_points, loop->query_beams);
+            loop->query_part =
+                cairn_mapper_key_part(mapper, loop->query, loop->query_points, loop->query_beams);
             budget->left -= 2 + loop->query_part.count / 4 + loop->query_part.beam_count / 4;
             loop->phase = LOOP_CANDIDATE;
         }
@@ -477,8 +508,8 @@ static cairn_status loop_item(cairn_mapper *mapper, cairn_budget *budget)
     case LOOP_COVER:
         if (!cairn_mapper_cover_item(mapper, cairn_mapper_release_end(mapper), budget))
             break;
-        status = cairn_mapper_release_key(mapper, cairn_mapper_best_covered(mapper, cairn_mapper_release_end(mapper)),
-                                          budget);
+        status = cairn_mapper_release_key(
+            mapper, cairn_mapper_best_covered(mapper, cairn_mapper_release_end(mapper)), budget);
         loop->phase = LOOP_PACK;
         break;
     case LOOP_PACK:

@@ -1,21 +1,23 @@
 /* Key scans that go, so that others have room.
  *
- * Method. When little room is left, closures that no correction knows yet get theirs, and then the best covered key scan goes
- * (mapper_cover.c), one after the other until there is some room again. It is contracted into a neighbour of the graph: that
- * to which its best link leads. Each other link of it becomes one of that neighbour, by way of the best one: measurements are
- * composed, and their covariances added in the frame of the far end, which is what marginalising a key scan of two links gives, and
- * for more differs by the best link's covariance, the least there is. A link that is there already takes the other
- * one in, weighted by their information, but gets no better than `sigma` and `sigma_turn`, which all measurements share. Of
- * two that contradict each other the one stands that agrees with the poses as they are.
+ * Method. When little room is left, closures that no correction knows yet get theirs, and then the
+ * best covered key scan goes (mapper_cover.c), one after the other until there is some room again.
+ * It is contracted into a neighbour of the graph: that to which its best link leads. Each other
+ * link of it becomes one of that neighbour, by way of the best one: measurements are composed, and
+ * their covariances added in the frame of the far end, which is what marginalising a key scan of
+ * two links gives, and for more differs by the best link's covariance, the least there is. A link
+ * that is there already takes the other one in, weighted by their information, but gets no better
+ * than `sigma` and `sigma_turn`, which all measurements share. Of two that contradict each other
+ * the one stands that agrees with the poses as they are.
  *
- * Layout: key scans count from 0 in the order in which they came, so those after the one that goes count one less in all
- * that numbers them. Only slots of the set keep their numbers.
+ * Layout: key scans count from 0 in the order in which they came, so those after the one that goes
+ * count one less in all that numbers them. Only slots of the set keep their numbers.
  *
- * Only what has been looked for at older ones may go. So when loops are far behind, the force field rests, and loops take its
- * share of the units. When there is no room at all, it ends where it is.
+ * Only what has been looked for at older ones may go. So when loops are far behind, the force field
+ * rests, and loops take its share of the units. When there is no room at all, it ends where it is.
  *
- * Limits: the first key scan, which holds the map, and the last ones never go. Where links have little room, closures are
- * taken in by links that are there, but add no others. */
+ * Limits: the first key scan, which holds the map, and the last ones never go. Where links have
+ * little room, closures are taken in by links that are there, but add no others. */
 #include "src/core/build.h"
 
 #include <string.h>
@@ -24,7 +26,8 @@
 
 enum { FEW_PARTS = 32, SOME_PARTS = 16 };
 
-static const cairn_real MANY_SHARE = CAIRN_REAL(0.01); /* of the variance of one measurement, what many have at least */
+/* of the variance of one measurement, what many have at least */
+static const cairn_real MANY_SHARE = CAIRN_REAL(0.01);
 
 /* ---- Room ---- */
 
@@ -36,8 +39,10 @@ static int32_t has_room(const cairn_mapper *mapper, int32_t others)
     int64_t keys = mapper->key_count > 0 ? mapper->key_count : 1;
 
     return mapper->key_count + others < p->max_keys &&
-           set->segment_count + others * (set->segment_count / keys) <= p->max_key_segments - p->scan.max_segments &&
-           set->point_count + others * (set->point_count / keys) <= p->max_key_points - p->scan.max_points;
+           set->segment_count + others * (set->segment_count / keys) <=
+               p->max_key_segments - p->scan.max_segments &&
+           set->point_count + others * (set->point_count / keys) <=
+               p->max_key_points - p->scan.max_points;
 }
 
 int32_t cairn_mapper_release_end(const cairn_mapper *mapper)
@@ -77,7 +82,8 @@ typedef struct measured {
     cairn_sym3 covariance;
 } measured;
 
-/* The covariance of a motion in the frame that is seen from there as `a_b`: Ad C Ad^T, Ad = (R, (y, -x)^T; 0, 1) of a_b. */
+/* The covariance of a motion in the frame that is seen from there as `a_b`: Ad C Ad^T, Ad = (R,
+ * (y, -x)^T; 0, 1) of a_b. */
 static cairn_sym3 carried(cairn_pose a_b, cairn_sym3 m)
 {
     cairn_sym3 out;
@@ -144,8 +150,8 @@ static cairn_sym3 floored(const cairn_mapper *mapper, cairn_sym3 m)
     return out;
 }
 
-/* The mean of two measurements of the same, weighted by their information, up to first order. 0: they contradict each other, or
- * there is none. */
+/* The mean of two measurements of the same, weighted by their information, up to first order. 0:
+ * they contradict each other, or there is none. */
 static int32_t fuse(const cairn_mapper *mapper, measured a, measured b, measured *out)
 {
     cairn_pose off = cairn_pose_between(a.pose, b.pose);
@@ -199,14 +205,16 @@ static int32_t best_link(const cairn_mapper *mapper, int32_t key)
 /* The link between two key scans that is in use; -1: none. */
 static int32_t link_between(const mapper_loop *loop, int32_t a, int32_t b)
 {
-    for (int32_t link = loop->first_link[a]; link >= 0; link = loop->links[link].next[loop->links[link].second == a])
+    for (int32_t link = loop->first_link[a]; link >= 0;
+         link = loop->links[link].next[loop->links[link].second == a])
         if (other_end(&loop->links[link], a) == b && !loop->links[link].dropped)
             return link;
     return -1;
 }
 
 /* Gives a link a measurement; its first end is the older one. */
-static cairn_status set_link(cairn_mapper *mapper, int32_t link, int32_t from, int32_t to, measured m)
+static cairn_status set_link(cairn_mapper *mapper, int32_t link, int32_t from, int32_t to,
+                             measured m)
 {
     mapper_link *l = &mapper->loop.links[link];
     measured forth = from < to ? m : inverse(m);
@@ -218,11 +226,13 @@ static cairn_status set_link(cairn_mapper *mapper, int32_t link, int32_t from, i
     l->second = from < to ? to : from;
     l->variance = forth.covariance.xx + forth.covariance.yy;
     l->turn_variance = forth.covariance.zz;
-    return cairn_pose_graph_set_link(mapper->loop.graph, link, l->first, l->second, forth.pose, information);
+    return cairn_pose_graph_set_link(mapper->loop.graph, link, l->first, l->second, forth.pose,
+                                     information);
 }
 
 /* A link takes in one that measures the same. */
-static cairn_status take_in(cairn_mapper *mapper, int32_t link, int32_t from, int32_t to, measured m, int32_t is_loop)
+static cairn_status take_in(cairn_mapper *mapper, int32_t link, int32_t from, int32_t to,
+                            measured m, int32_t is_loop)
 {
     mapper_link *l = &mapper->loop.links[link];
     measured there, both;
@@ -230,20 +240,25 @@ static cairn_status take_in(cairn_mapper *mapper, int32_t link, int32_t from, in
     if (!seen_from(mapper, link, from, &there))
         return CAIRN_BAD_ARGUMENT;
     if (!fuse(mapper, there, m, &both)) {
-        cairn_real of_there = cairn_mapper_strain_of(mapper, from, to, there.pose, there.covariance);
+        cairn_real of_there =
+            cairn_mapper_strain_of(mapper, from, to, there.pose, there.covariance);
 
-        both = cairn_mapper_strain_of(mapper, from, to, m.pose, m.covariance) < of_there ? m : there;
+        both =
+            cairn_mapper_strain_of(mapper, from, to, m.pose, m.covariance) < of_there ? m : there;
     }
     l->is_loop &= is_loop;
     return set_link(mapper, link, from, to, both);
 }
 
-/* A link from the key scan that goes leads from its neighbour now, which is hung on it in the other's place. */
-static cairn_status bend_link(cairn_mapper *mapper, int32_t link, int32_t key, int32_t onto, measured onto_key)
+/* A link from the key scan that goes leads from its neighbour now, which is hung on it in the
+ * other's place. */
+static cairn_status bend_link(cairn_mapper *mapper, int32_t link, int32_t key, int32_t onto,
+                              measured onto_key)
 {
     mapper_loop *loop = &mapper->loop;
     mapper_link *l = &loop->links[link];
-    int32_t far = other_end(l, key), next = l->next[l->first == key], there = link_between(loop, onto, far);
+    int32_t far = other_end(l, key), next = l->next[l->first == key],
+            there = link_between(loop, onto, far);
     measured key_far, onto_far;
     cairn_status status;
 
@@ -262,7 +277,8 @@ static cairn_status bend_link(cairn_mapper *mapper, int32_t link, int32_t key, i
     return status;
 }
 
-/* Takes away the links that the key scan still has; those that stay are counted, and hung up, anew. */
+/* Takes away the links that the key scan still has; those that stay are counted, and hung up,
+ * anew. */
 static void remove_links(cairn_mapper *mapper, int32_t key)
 {
     mapper_loop *loop = &mapper->loop;
@@ -340,7 +356,8 @@ static void move_up(cairn_mapper *mapper, const cairn_mapper_release *release)
     }
 }
 
-/* Closures that wait hang on the neighbour now. Those that lead to the key scan itself are long past. */
+/* Closures that wait hang on the neighbour now. Those that lead to the key scan itself are long
+ * past. */
 static void rename_pending(mapper_loop *loop, const cairn_mapper_release *release)
 {
     int32_t count = loop->pending_count < MAPPER_PENDING ? loop->pending_count : MAPPER_PENDING;

@@ -1,11 +1,12 @@
 /* On what does a key scan hang?
  *
- * Method. A match is against the whole local map, but its key scans are not all sure of their places among each other: one that
- * came along a bare wall hangs loosely, and what came later and saw more must not hang on it. So key scans whose place
- * is told well by earlier ones form rigid pieces. The information of a match is split by the pieces that have its pairs (icp). A
- * key scan is tied to the one before by what the pairs with that one's piece tell, and by odometry since; and to the last
- * key scan of up to two other pieces, where these tell much that is not known. What is tied firmly becomes part of the
- * piece, what is not begins one of its own.
+ * Method. A match is against the whole local map, but its key scans are not all sure of their
+ * places among each other: one that came along a bare wall hangs loosely, and what came later and
+ * saw more must not hang on it. So key scans whose place is told well by earlier ones form rigid
+ * pieces. The information of a match is split by the pieces that have its pairs (icp). A key scan
+ * is tied to the one before by what the pairs with that one's piece tell, and by odometry since;
+ * and to the last key scan of up to two other pieces, where these tell much that is not known. What
+ * is tied firmly becomes part of the piece, what is not begins one of its own.
  *
  * Limits: a piece is taken as rigid also where it has been led astray unnoticed. */
 #include "src/core/build.h"
@@ -14,10 +15,14 @@
 
 #include "src/mapping/mapper_work.h"
 
-static const cairn_real LOOSE = 1;                     /* m and rad: of what a piece tells nothing */
-static const cairn_real TELLS_MUCH = 4;                /* times the information, of all directions together */
-static const cairn_real LEAST_SHARE = CAIRN_REAL(0.1); /* of all information, that a piece must tell */
-static const cairn_real RIGID = CAIRN_REAL(0.05), RIGID_TURN = CAIRN_REAL(0.03); /* m and rad, within a piece */
+/* m and rad: of what a piece tells nothing */
+static const cairn_real LOOSE = 1;
+/* times the information, of all directions together */
+static const cairn_real TELLS_MUCH = 4;
+/* of all information, that a piece must tell */
+static const cairn_real LEAST_SHARE = CAIRN_REAL(0.1);
+/* m and rad, within a piece */
+static const cairn_real RIGID = CAIRN_REAL(0.05), RIGID_TURN = CAIRN_REAL(0.03);
 
 static int32_t piece_of(const cairn_mapper *mapper, int32_t part)
 {
@@ -48,10 +53,11 @@ static cairn_sym3 told_by(const cairn_mapper *mapper, int32_t piece)
     return told;
 }
 
-/* Covariance of the scan at hand seen from a piece of the map, by its pairs with that and by the prior, with
- * a doubt added (NULL: none), in its own frame. Where the pairs tell little, that little is noise of their normals. */
-static cairn_sym3 seen_from(const cairn_mapper *mapper, int32_t piece, const cairn_pose_prior *prior,
-                            const cairn_real *doubt)
+/* Covariance of the scan at hand seen from a piece of the map, by its pairs with that and by the
+ * prior, with a doubt added (NULL: none), in its own frame. Where the pairs tell little, that
+ * little is noise of their normals. */
+static cairn_sym3 seen_from(const cairn_mapper *mapper, int32_t piece,
+                            const cairn_pose_prior *prior, const cairn_real *doubt)
 {
     cairn_sym3 told = told_by(mapper, piece);
     const cairn_rigid_motion *motion = &mapper->parts.motion;
@@ -62,7 +68,8 @@ static cairn_sym3 seen_from(const cairn_mapper *mapper, int32_t piece, const cai
 
     if (has_pairs)
         basis = cairn_motion_basis_of(told, mapper->params.icp.weak_ratio);
-    cairn_rigid_motion_covariance(motion, has_pairs ? &basis : NULL, has_pairs ? &told : NULL, &known, covariance);
+    cairn_rigid_motion_covariance(motion, has_pairs ? &basis : NULL, has_pairs ? &told : NULL,
+                                  &known, covariance);
     for (int k = 0; k < 9 && doubt != NULL; k++)
         covariance[k] += doubt[k];
     return cairn_mapper_own_covariance(mapper, covariance, motion->map_body.theta);
@@ -70,7 +77,8 @@ static cairn_sym3 seen_from(const cairn_mapper *mapper, int32_t piece, const cai
 
 static cairn_real determinant(cairn_sym3 m)
 {
-    return m.xx * (m.yy * m.zz - m.yz * m.yz) - m.xy * (m.xy * m.zz - m.yz * m.xz) + m.xz * (m.xy * m.yz - m.yy * m.xz);
+    return m.xx * (m.yy * m.zz - m.yz * m.yz) - m.xy * (m.xy * m.zz - m.yz * m.xz) +
+           m.xz * (m.xy * m.yz - m.yy * m.xz);
 }
 
 /* The last key scan of the local map that is of a piece. */
@@ -84,8 +92,8 @@ static int32_t last_of(const cairn_mapper *mapper, int32_t piece)
     return last;
 }
 
-/* 1 when a part is the first one of its piece, which is none in doubt, and enough pairs are with that: a few may be with
- * somebody who walks there. */
+/* 1 when a part is the first one of its piece, which is none in doubt, and enough pairs are with
+ * that: a few may be with somebody who walks there. */
 static int32_t is_anchor(const cairn_mapper *mapper, int32_t part)
 {
     int32_t piece = piece_of(mapper, part);
@@ -96,7 +104,8 @@ static int32_t is_anchor(const cairn_mapper *mapper, int32_t part)
             return 0;
         all = joined(all, mapper->parts.information[i]);
     }
-    return !mapper->loop.ties[piece].doubtful && told.xx + told.yy > LEAST_SHARE * (all.xx + all.yy);
+    return !mapper->loop.ties[piece].doubtful &&
+           told.xx + told.yy > LEAST_SHARE * (all.xx + all.yy);
 }
 
 static int32_t is_anchored(const mapper_tie *tie, int32_t key)
@@ -107,9 +116,10 @@ static int32_t is_anchored(const mapper_tie *tie, int32_t key)
     return 0;
 }
 
-/* Hangs the scan at hand on one more piece of the map, that which tells most of what is not known; 0 when none tells
- * much. known: information so far. */
-static int32_t add_anchor(const cairn_mapper *mapper, mapper_tie *tie, int32_t piece_before, cairn_sym3 *known)
+/* Hangs the scan at hand on one more piece of the map, that which tells most of what is not
+ * known; 0 when none tells much. known: information so far. */
+static int32_t add_anchor(const cairn_mapper *mapper, mapper_tie *tie, int32_t piece_before,
+                          cairn_sym3 *known)
 {
     cairn_pose_prior loose = {mapper->match.target_query, LOOSE, LOOSE, LOOSE};
     cairn_real best = TELLS_MUCH * determinant(*known);
@@ -119,10 +129,12 @@ static int32_t add_anchor(const cairn_mapper *mapper, mapper_tie *tie, int32_t p
     for (int32_t part = 0; part < part_count(mapper); part++) {
         int32_t piece = piece_of(mapper, part);
 
-        if (piece == piece_before || !is_anchor(mapper, part) || is_anchored(tie, last_of(mapper, piece)))
+        if (piece == piece_before || !is_anchor(mapper, part) ||
+            is_anchored(tie, last_of(mapper, piece)))
             continue;
         covariance = seen_from(mapper, piece, &loose, NULL);
-        if (!cairn_sym3_inverse(covariance, &information) || !(determinant(joined(*known, information)) > best))
+        if (!cairn_sym3_inverse(covariance, &information) ||
+            !(determinant(joined(*known, information)) > best))
             continue;
         best = determinant(joined(*known, information));
         told = information;
@@ -199,7 +211,8 @@ void cairn_mapper_tie(const cairn_mapper *mapper, mapper_tie *tie)
 {
     int32_t key = mapper->key_count - 1, before = key - 1, piece;
     cairn_real gap = cairn_sqrt(mapper->gap_variance);
-    cairn_pose_prior prior = {mapper->match.target_query, gap, gap, cairn_sqrt(mapper->gap_turn_variance)};
+    cairn_pose_prior prior = {mapper->match.target_query, gap, gap,
+                              cairn_sqrt(mapper->gap_turn_variance)};
     cairn_sym3 known;
 
     memset(tie, 0, sizeof *tie);
@@ -220,7 +233,8 @@ void cairn_mapper_tie(const cairn_mapper *mapper, mapper_tie *tie)
     tie->spread = spread_of(tie->covariance);
     if (tie->doubtful || !cairn_sym3_inverse(tie->covariance, &known))
         return;
-    while (tie->anchor_count < MAPPER_ANCHORS && add_anchor(mapper, tie, mapper->loop.ties[before].piece, &known))
+    while (tie->anchor_count < MAPPER_ANCHORS &&
+           add_anchor(mapper, tie, mapper->loop.ties[before].piece, &known))
         continue;
     if (cairn_sym3_inverse(known, &known))
         tie->spread = spread_of(known);

@@ -1,10 +1,12 @@
 /* The force field over the last key scans (Adluru 2008, section 7.3.6, online FFS).
  *
- * It starts with every new key scan and takes a share of the units of each scan that follows. Poses are taken over when it has
- * stopped, or as far as it came when the next key scan is there. Loops rest meanwhile: no correction comes between.
+ * It starts with every new key scan and takes a share of the units of each scan that follows. Poses
+ * are taken over when it has stopped, or as far as it came when the next key scan is there. Loops
+ * rest meanwhile: no correction comes between.
  *
- * Limits: where the points of the window have no room together (max_local_points), its oldest key scans are left out. Where a
- * key scan lies farther away than the force field takes (1e6 m), the window rests. */
+ * Limits: where the points of the window have no room together (max_local_points), its oldest
+ * key scans are left out. Where a key scan lies farther away than the force field takes (1e6 m),
+ * the window rests. */
 #include "src/core/build.h"
 
 #include "src/mapping/mapper_work.h"
@@ -12,7 +14,8 @@
 /* Key scans of the window, the last ones, as far as there is room for their points. */
 static int32_t window_begin(const cairn_mapper *mapper)
 {
-    int32_t end = mapper->key_count, first = end - 1, points = cairn_mapper_point_count(mapper, first);
+    int32_t end = mapper->key_count, first = end - 1,
+            points = cairn_mapper_point_count(mapper, first);
     int32_t room = cairn_mapper_local_points(&mapper->params, mapper->params.window);
 
     for (; first > 0 && end - first < mapper->params.window; first--) {
@@ -36,11 +39,14 @@ static cairn_status fill_item(cairn_mapper *mapper, cairn_budget *budget)
 {
     int32_t key = mapper->window_cursor++;
     cairn_scan_view view = cairn_mapper_key_view(mapper, key);
-    cairn_status status = cairn_force_field_add_scan(mapper->field, &view, NULL, mapper->key_pose[key], NULL);
+    cairn_status status =
+        cairn_force_field_add_scan(mapper->field, &view, NULL, mapper->key_pose[key], NULL);
 
-    /* The first one always stays: something must hold the window in its place. So do those whose links are measured. */
-    if (status == CAIRN_OK && (key == mapper->window_first || key < mapper->window_end - mapper->params.window_free ||
-                               key < mapper->loop.entered))
+    /* The first one always stays: something must hold the window in its place. So do those whose
+     * links are measured. */
+    if (status == CAIRN_OK &&
+        (key == mapper->window_first || key < mapper->window_end - mapper->params.window_free ||
+         key < mapper->loop.entered))
         status = cairn_force_field_fix(mapper->field, key - mapper->window_first, 1);
     budget->left -= 2 + view.point_count / 2;
     if (mapper->window_cursor == mapper->window_end)
@@ -66,7 +72,8 @@ void cairn_mapper_end_window(cairn_mapper *mapper)
 {
     if (mapper->window_phase == WINDOW_RUN) {
         cairn_mapper_read_window(mapper);
-        mapper->result.map_scan = cairn_pose_compose(mapper->key_pose[mapper->result.key], mapper->result.key_scan);
+        mapper->result.map_scan =
+            cairn_pose_compose(mapper->key_pose[mapper->result.key], mapper->result.key_scan);
     }
     mapper->window_phase = WINDOW_IDLE;
 }

@@ -1,7 +1,9 @@
-/* What the parts of mapper share: mapper.c (scan by scan), mapper_create.c (params and memory), mapper_front.c (its match),
- * mapper_search.c (the search of one in doubt), mapper_keys.c (key scans, local map), mapper_window.c (force field over the last
- * key scans), mapper_loop.c (loops that close), mapper_tie.c (on what key scans hang), mapper_graph.c (correction of all key
- * scans), mapper_cover.c (how well key scans are covered by others), mapper_release.c (key scans that go). */
+/* What the parts of mapper share: mapper.c (scan by scan), mapper_create.c (params and memory),
+ * mapper_front.c (its match), mapper_search.c (the search of one in doubt), mapper_keys.c (key
+ * scans, local map), mapper_window.c (force field over the last key scans), mapper_loop.c (loops
+ * that close), mapper_tie.c (on what key scans hang), mapper_graph.c (correction of all key
+ * scans), mapper_cover.c (how well key scans are covered by others), mapper_release.c (key scans
+ * that go). */
 #ifndef CAIRN_MAPPING_MAPPER_WORK_H
 #define CAIRN_MAPPING_MAPPER_WORK_H
 
@@ -10,27 +12,41 @@
 #include "cairn/scan_match.h"
 
 enum {
-    MAPPER_BEARINGS = 256,        /* of what a key scan saw free */
-    MAPPER_CANDIDATES = 3,        /* places at which a key scan is looked for */
-    MAPPER_ANCHORS = 2,           /* key scans on which one hangs besides the one before */
-    MAPPER_PENDING = 32,          /* closures that wait for others to agree */
-    MAPPER_LOOP_EVENTS = 64,      /* that can be read */
-    MAPPER_RELEASES = 64,         /* likewise */
-    MAPPER_COVERING = 8,          /* key scans by which one may be covered */
-    MAPPER_SAMPLES = 128,         /* of what a key scan saw, free and surfaces */
-    MAPPER_SEARCH_KEYS = 5,       /* key scans of the local map in which a scan in doubt is searched for */
-    MAPPER_SEARCH_CANDIDATES = 32 /* places that a search refines */
+    /* of what a key scan saw free */
+    MAPPER_BEARINGS = 256,
+    /* places at which a key scan is looked for */
+    MAPPER_CANDIDATES = 3,
+    /* key scans on which one hangs besides the one before */
+    MAPPER_ANCHORS = 2,
+    /* closures that wait for others to agree */
+    MAPPER_PENDING = 32,
+    /* that can be read */
+    MAPPER_LOOP_EVENTS = 64,
+    /* likewise */
+    MAPPER_RELEASES = 64,
+    /* key scans by which one may be covered */
+    MAPPER_COVERING = 8,
+    /* of what a key scan saw, free and surfaces */
+    MAPPER_SAMPLES = 128,
+    /* key scans of the local map in which a scan in doubt is searched for */
+    MAPPER_SEARCH_KEYS = 5,
+    /* places that a search refines */
+    MAPPER_SEARCH_CANDIDATES = 32
 };
 
 /* Standard deviations of what is in doubt, m and rad. */
 static const cairn_real MAPPER_DOUBT = CAIRN_REAL(0.3), MAPPER_DOUBT_TURN = CAIRN_REAL(0.15);
 static const cairn_real MAPPER_SLIPPERY =
-    CAIRN_REAL(0.05);                           /* share of information along a direction that is hardly told */
-static const cairn_real MAPPER_WIDE_WINDOW = 1; /* m, of the widest search of a scan in doubt, beyond its motion */
+    /* share of information along a direction that is hardly told */
+    CAIRN_REAL(0.05);
+/* m, of the widest search of a scan in doubt, beyond its motion */
+static const cairn_real MAPPER_WIDE_WINDOW = 1;
 
-static const cairn_real MAPPER_APART = CAIRN_REAL(0.05); /* m: motions that lead so far apart are tried both */
+/* m: motions that lead so far apart are tried both */
+static const cairn_real MAPPER_APART = CAIRN_REAL(0.05);
 static const cairn_real MAPPER_APART_TURN = CAIRN_REAL(0.02);
-static const cairn_real MAPPER_STRANGE = CAIRN_REAL(0.1); /* m and rad out of the way */
+/* m and rad out of the way */
+static const cairn_real MAPPER_STRANGE = CAIRN_REAL(0.1);
 
 typedef int32_t phase;
 enum {
@@ -91,8 +107,8 @@ typedef struct mapper_pending {
     cairn_sym3 covariance; /* in the frame of second */
 } mapper_pending;
 
-/* How a key scan hangs on others: on the one before, and on those that tell what that one does not. Covariances are in its own
- * frame. See mapper_tie.c. */
+/* How a key scan hangs on others: on the one before, and on those that tell what that one does
+ * not. Covariances are in its own frame. See mapper_tie.c. */
 typedef struct mapper_tie {
     cairn_sym3 covariance; /* seen from the one before */
     int32_t anchors[MAPPER_ANCHORS];
@@ -103,15 +119,20 @@ typedef struct mapper_tie {
     cairn_real spread; /* m, standard deviation of its place by all of them */
 } mapper_tie;
 
-/* How well key scans are covered by others, and which one is being looked at. See mapper_cover.c. */
+/* How well key scans are covered by others, and which one is being looked at. See
+ * mapper_cover.c. */
 typedef struct mapper_cover {
-    cairn_real *loss;  /* [max_keys] of what a key scan shows, what would go with it; -1: not known */
-    cairn_real *reach; /* [max_keys] m^2, to the farthest key scan that may cover it */
+    /* [max_keys] of what a key scan shows, what would go with it; -1: not known */
+    cairn_real *loss;
+    /* [max_keys] m^2, to the farthest key scan that may cover it */
+    cairn_real *reach;
     int32_t key;
-    int32_t near[MAPPER_COVERING]; /* key scans before it, the nearest first */
+    /* key scans before it, the nearest first */
+    int32_t near[MAPPER_COVERING];
     cairn_real distance[MAPPER_COVERING];
     int32_t near_count, at;
-    uint8_t covered[MAPPER_SAMPLES]; /* by so many of them */
+    /* by so many of them */
+    uint8_t covered[MAPPER_SAMPLES];
 } mapper_cover;
 
 typedef struct mapper_loop {
@@ -162,11 +183,17 @@ struct cairn_mapper {
     int32_t *slot;        /* [max_keys] of a key scan in the set */
     cairn_pose *key_pose; /* [max_keys] map_key */
     /* One key scan on its way into the local map or the force field. */
-    cairn_oriented_point *oriented; /* [scan.max_points] */
-    cairn_segment *segments;        /* [scan.max_segments] */
-    int32_t *first_point;           /* [scan.max_segments + 1] */
-    cairn_beam *beams;              /* [MAPPER_BEARINGS] */
-    uint16_t *sight; /* [max_keys * MAPPER_BEARINGS] by slot, cm by bearing, 0: nothing known; NULL when nobody asks */
+    /* [scan.max_points] */
+    cairn_oriented_point *oriented;
+    /* [scan.max_segments] */
+    cairn_segment *segments;
+    /* [scan.max_segments + 1] */
+    int32_t *first_point;
+    /* [MAPPER_BEARINGS] */
+    cairn_beam *beams;
+    /* [max_keys * MAPPER_BEARINGS] by slot, cm by bearing, 0: nothing known; NULL when nobody
+     * asks */
+    uint16_t *sight;
 
     phase phase;
     int32_t cursor;       /* within the phase */
@@ -177,19 +204,30 @@ struct cairn_mapper {
     int32_t full;
     int32_t since_key; /* scans since the last key scan */
 
-    int32_t has_odometry; /* of the scan at hand */
+    /* of the scan at hand */
+    int32_t has_odometry;
     cairn_pose by_odometry;
-    cairn_pose last;   /* where the scan before is */
-    cairn_pose motion; /* that is predicted */
-    cairn_pose other;  /* that is tried, too */
+    /* where the scan before is */
+    cairn_pose last;
+    /* that is predicted */
+    cairn_pose motion;
+    /* that is tried, too */
+    cairn_pose other;
     cairn_pose predicted;
-    int32_t believed;                           /* 1: the odometry is what is predicted */
-    cairn_real trust;                           /* in odometry, 0 ... 1 */
-    cairn_real slip;                            /* >= 1: so many times what odometry may be wrong by, after it was */
-    cairn_vec2 drag;                            /* m: what is added to odometry, after it was wrong */
-    cairn_real gap_variance, gap_turn_variance; /* m^2, rad^2: of the motion since the last key scan */
-    cairn_vec2 pace;                            /* m, a scan, in its own frame */
-    cairn_real mean_quality;                    /* of matches; 0: none yet */
+    /* 1: the odometry is what is predicted */
+    int32_t believed;
+    /* in odometry, 0 ... 1 */
+    cairn_real trust;
+    /* >= 1: so many times what odometry may be wrong by, after it was */
+    cairn_real slip;
+    /* m: what is added to odometry, after it was wrong */
+    cairn_vec2 drag;
+    /* m^2, rad^2: of the motion since the last key scan */
+    cairn_real gap_variance, gap_turn_variance;
+    /* m, a scan, in its own frame */
+    cairn_vec2 pace;
+    /* of matches; 0: none yet */
+    cairn_real mean_quality;
 
     int32_t tells_odometry;   /* 1: the last scan that is done came with odometry, ... */
     cairn_pose told_odometry; /* ... this one */
@@ -201,19 +239,28 @@ struct cairn_mapper {
     cairn_pose steady;             /* the same, smoothed */
     int64_t last_stamp, last_span; /* ns: of the scan before, and since the one before that */
 
-    int32_t local[CAIRN_MAPPER_LOCAL_MOST]; /* key scans of the local map, the last ones first, then by distance */
+    /* key scans of the local map, the last ones first, then by distance */
+    int32_t local[CAIRN_MAPPER_LOCAL_MOST];
     cairn_real local_distance[CAIRN_MAPPER_LOCAL_MOST];
     int32_t local_count;
-    int32_t target_stale; /* 1: key scans were added or moved since the local map was made */
+    /* 1: key scans were added or moved since the local map was made */
+    int32_t target_stale;
     cairn_pose target_pose;
-    cairn_icp_result match; /* the better one so far ... */
-    cairn_icp_parts parts;  /* ... and which key scan of the local map told what of it */
+    /* the better one so far ... */
+    cairn_icp_result match;
+    /* ... and which key scan of the local map told what of it */
+    cairn_icp_parts parts;
     int32_t has_match;
-    int32_t held;             /* 1: few points spoke against the odometry, which stands */
-    int32_t doubtful;         /* 1: also after a search */
-    cairn_scan_match *search; /* of the scan in doubt, and for loops; NULL when nobody searches */
-    cairn_real doubt[9];      /* covariance in the map that the doubt adds */
-    int32_t searches;         /* of this scan */
+    /* 1: few points spoke against the odometry, which stands */
+    int32_t held;
+    /* 1: also after a search */
+    int32_t doubtful;
+    /* of the scan in doubt, and for loops; NULL when nobody searches */
+    cairn_scan_match *search;
+    /* covariance in the map that the doubt adds */
+    cairn_real doubt[9];
+    /* of this scan */
+    int32_t searches;
     /* Where the last search would have placed its scan, too far from where odometry leads. */
     cairn_pose rumour;
     cairn_real rumour_evidence; /* log odds */
@@ -238,7 +285,8 @@ int32_t cairn_mapper_last_kept(const cairn_mapper_params *params);
 
 /* ---- mapper_keys.c ---- */
 
-static inline const cairn_scan_set_scan *cairn_mapper_key_scan(const cairn_mapper *mapper, int32_t key)
+static inline const cairn_scan_set_scan *cairn_mapper_key_scan(const cairn_mapper *mapper,
+                                                               int32_t key)
 {
     return &mapper->keys->scans[mapper->slot[key]];
 }
@@ -253,7 +301,8 @@ static inline int32_t cairn_mapper_point_count(const cairn_mapper *mapper, int32
 /* A key scan as it was when it came, but without its beams; valid until the next call. */
 cairn_scan_view cairn_mapper_key_view(cairn_mapper *mapper, int32_t key);
 
-/* Begins to choose the key scans of the local map; one key scan a call then. 1 when all have been looked at. */
+/* Begins to choose the key scans of the local map; one key scan a call then. 1 when all have
+ * been looked at. */
 void cairn_mapper_begin_local(cairn_mapper *mapper);
 int32_t cairn_mapper_select_local(cairn_mapper *mapper);
 
@@ -264,7 +313,8 @@ int32_t cairn_mapper_needs_local(const cairn_mapper *mapper);
 cairn_status cairn_mapper_add_local(cairn_mapper *mapper, cairn_budget *budget);
 
 /* Copies the points of a key scan, in its own frame; returns how many. */
-int32_t cairn_mapper_key_points(const cairn_mapper *mapper, int32_t key, cairn_oriented_point *points);
+int32_t cairn_mapper_key_points(const cairn_mapper *mapper, int32_t key,
+                                cairn_oriented_point *points);
 
 /* Keeps what a key scan saw free; gives it back as beams: [MAPPER_BEARINGS]. Returns how many. */
 void cairn_mapper_keep_sight(cairn_mapper *mapper, int32_t key, const cairn_scan_view *view);
@@ -275,8 +325,8 @@ int32_t cairn_mapper_bearing_of(cairn_vec2 d);
 cairn_vec2 cairn_mapper_bearing_direction(int32_t bearing);
 
 /* A key scan as a part of a match, its points and beams copied to the arrays. */
-cairn_scan_match_part cairn_mapper_key_part(const cairn_mapper *mapper, int32_t key, cairn_oriented_point *points,
-                                            cairn_beam *beams);
+cairn_scan_match_part cairn_mapper_key_part(const cairn_mapper *mapper, int32_t key,
+                                            cairn_oriented_point *points, cairn_beam *beams);
 
 /* ---- mapper_window.c ---- */
 
@@ -300,7 +350,8 @@ static inline cairn_real cairn_mapper_way(cairn_pose motion)
     return cairn_sqrt(motion.x * motion.x + motion.y * motion.y);
 }
 
-/* The motion during the sweep of the next scan, which is by_odometry (NULL: none) away from the last one. */
+/* The motion during the sweep of the next scan, which is by_odometry (NULL: none) away from the
+ * last one. */
 cairn_pose cairn_mapper_sweep_motion(const cairn_mapper *mapper, const cairn_scan_input *input,
                                      const cairn_pose *by_odometry);
 
@@ -315,10 +366,13 @@ cairn_status cairn_mapper_end_match(cairn_mapper *mapper);
 cairn_status cairn_mapper_end_choice(cairn_mapper *mapper);
 
 /* Where the scan may be after a motion that is told by odometry (or by the motion before). */
-cairn_pose_prior cairn_mapper_prior_of(const cairn_mapper *mapper, cairn_pose motion, int32_t is_odometry);
+cairn_pose_prior cairn_mapper_prior_of(const cairn_mapper *mapper, cairn_pose motion,
+                                       int32_t is_odometry);
 
-/* Squared distance of a pose from the prediction or from standing still, whichever is nearer, in units of m and rad; 4 at most. */
-cairn_real cairn_mapper_out_of_the_way(const cairn_mapper *mapper, cairn_pose pose, cairn_real unit);
+/* Squared distance of a pose from the prediction or from standing still, whichever is nearer, in
+ * units of m and rad; 4 at most. */
+cairn_real cairn_mapper_out_of_the_way(const cairn_mapper *mapper, cairn_pose pose,
+                                       cairn_real unit);
 
 /* 1 when a pose is farther from the prediction than motions change from scan to scan. */
 int32_t cairn_mapper_is_far(const cairn_mapper *mapper, cairn_pose pose);
@@ -346,14 +400,14 @@ cairn_status cairn_mapper_search_step(cairn_mapper *mapper, cairn_budget *budget
 int32_t cairn_mapper_has_rival(const cairn_scan_match_result *result);
 
 /* Writes down what became of a closure. */
-void cairn_mapper_loop_tell(cairn_mapper *mapper, int32_t first, int32_t second, cairn_pose first_second,
-                            cairn_mapper_loop_verdict verdict);
+void cairn_mapper_loop_tell(cairn_mapper *mapper, int32_t first, int32_t second,
+                            cairn_pose first_second, cairn_mapper_loop_verdict verdict);
 
 /* Gives the match to the search of a scan in doubt; that of a candidate begins anew later. */
 void cairn_mapper_yield_match(cairn_mapper *mapper);
 
-/* Goes on with what loops and graph have to do; with until_room no longer than there is no room for one more key scan. CAIRN_OK:
- * nothing for now. */
+/* Goes on with what loops and graph have to do; with until_room no longer than there is no room
+ * for one more key scan. CAIRN_OK: nothing for now. */
 cairn_status cairn_mapper_loop_step(cairn_mapper *mapper, cairn_budget *budget, int32_t until_room);
 
 /* ---- mapper_tie.c ---- */
@@ -369,9 +423,10 @@ void cairn_mapper_tie(const cairn_mapper *mapper, mapper_tie *tie);
 /* Puts the next key scan into the graph, linked to the one before. */
 cairn_status cairn_mapper_enter(cairn_mapper *mapper);
 
-/* Adds a link that closes a loop. covariance: of first_second, in the frame of second. CAIRN_FULL: no room for links. */
-cairn_status cairn_mapper_add_closure(cairn_mapper *mapper, int32_t first, int32_t second, cairn_pose first_second,
-                                      cairn_sym3 covariance);
+/* Adds a link that closes a loop. covariance: of first_second, in the frame of second.
+ * CAIRN_FULL: no room for links. */
+cairn_status cairn_mapper_add_closure(cairn_mapper *mapper, int32_t first, int32_t second,
+                                      cairn_pose first_second, cairn_sym3 covariance);
 
 /* 1 when it is time to correct the key scans. */
 int32_t cairn_mapper_wants_solution(const cairn_mapper *mapper);
@@ -381,15 +436,18 @@ cairn_status cairn_mapper_solve_step(cairn_mapper *mapper, cairn_budget *budget)
 void cairn_mapper_hang_link(mapper_loop *loop, int32_t link, int32_t end);
 
 /* e^T Omega e of a measured pose at the poses as they are. */
-cairn_real cairn_mapper_strain_of(const cairn_mapper *mapper, int32_t first, int32_t second, cairn_pose first_second,
-                                  cairn_sym3 covariance);
+cairn_real cairn_mapper_strain_of(const cairn_mapper *mapper, int32_t first, int32_t second,
+                                  cairn_pose first_second, cairn_sym3 covariance);
 
-/* Row-major covariance of a pose in the map, turned into the pose's own frame, with what all measurements share added. */
-cairn_sym3 cairn_mapper_own_covariance(const cairn_mapper *mapper, const cairn_real covariance[9], cairn_real theta);
+/* Row-major covariance of a pose in the map, turned into the pose's own frame, with what all
+ * measurements share added. */
+cairn_sym3 cairn_mapper_own_covariance(const cairn_mapper *mapper, const cairn_real covariance[9],
+                                       cairn_real theta);
 
 /* ---- mapper_cover.c ---- */
 
-/* Begins with the first key scan; goes on with the next item of work. 1 when all key scans before `end` have their loss. */
+/* Begins with the first key scan; goes on with the next item of work. 1 when all key scans
+ * before `end` have their loss. */
 void cairn_mapper_begin_cover(cairn_mapper *mapper);
 int32_t cairn_mapper_cover_item(cairn_mapper *mapper, int32_t end, cairn_budget *budget);
 
@@ -408,7 +466,8 @@ int32_t cairn_mapper_must_release(const cairn_mapper *mapper);
 /* 1 when there is little room and some may go; once some go, until there is more of it. */
 int32_t cairn_mapper_may_release(cairn_mapper *mapper);
 
-/* 1 when loops are so far behind that key scans may soon lack room for want of others that may go. */
+/* 1 when loops are so far behind that key scans may soon lack room for want of others that may
+ * go. */
 int32_t cairn_mapper_is_behind(const cairn_mapper *mapper);
 
 /* Key scans before this one may go. */

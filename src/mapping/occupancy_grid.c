@@ -1,12 +1,12 @@
 /* Beam-penetration grid.
  *
- * Method: beams are clipped to the grid (Liang and Barsky 1984) and walked cell by cell (Amanatides and Woo 1987), in cell
- * units; places on a beam are shares of its length. Where the beam leaves a cell follows from that cell's border alone,
- * not from a running sum; the number of cells to go in x and y is fixed beforehand by the last cell, so that the walk ends
- * there whatever the rounding.
+ * Method: beams are clipped to the grid (Liang and Barsky 1984) and walked cell by cell (Amanatides
+ * and Woo 1987), in cell units; places on a beam are shares of its length. Where the beam leaves a
+ * cell follows from that cell's border alone, not from a running sum; the number of cells to go in
+ * x and y is fixed beforehand by the last cell, so that the walk ends there whatever the rounding.
  *
- * Layout: cells row by row from the lower left, 8 bytes each. Lengths are float in both builds: relative error about 6e-8
- * times the square root of the beams.
+ * Layout: cells row by row from the lower left, 8 bytes each. Lengths are float in both builds:
+ * relative error about 6e-8 times the square root of the beams.
  *
  * Limits: hits stop at INT32_MAX; lengths stop growing when a cell holds 1.6e7 times its chord. */
 #include "src/core/build.h"
@@ -39,9 +39,9 @@ cairn_occupancy_grid_params cairn_occupancy_grid_default(void)
 
 static int params_are_good(const cairn_occupancy_grid_params *params)
 {
-    return params != NULL && params->width >= 1 && params->width <= CAIRN_RASTER_MAX_SIDE && params->height >= 1 &&
-           params->height <= CAIRN_RASTER_MAX_SIDE && params->resolution > 0 &&
-           1 / params->resolution <= CAIRN_REAL_MAX &&
+    return params != NULL && params->width >= 1 && params->width <= CAIRN_RASTER_MAX_SIDE &&
+           params->height >= 1 && params->height <= CAIRN_RASTER_MAX_SIDE &&
+           params->resolution > 0 && 1 / params->resolution <= CAIRN_REAL_MAX &&
            cairn_is_finite(params->origin.x + (cairn_real)params->width * params->resolution) &&
            cairn_is_finite(params->origin.y + (cairn_real)params->height * params->resolution);
 }
@@ -49,7 +49,8 @@ static int params_are_good(const cairn_occupancy_grid_params *params)
 static cairn_occupancy_grid *carve(cairn_pool *pool, const cairn_occupancy_grid_params *params)
 {
     cairn_occupancy_grid *grid = cairn_pool_take_one(pool, sizeof *grid);
-    cairn_occupancy_cell *cells = cairn_pool_take(pool, (size_t)params->width * (size_t)params->height, sizeof *cells);
+    cairn_occupancy_cell *cells =
+        cairn_pool_take(pool, (size_t)params->width * (size_t)params->height, sizeof *cells);
 
     if (grid != NULL)
         grid->cells = cells;
@@ -102,7 +103,8 @@ static cairn_vec2 in_cells(const cairn_occupancy_grid *grid, cairn_vec2 p)
 }
 
 /* Length of the beam; 0 and nothing set when it cannot be walked in finite numbers. */
-static int can_walk(const cairn_occupancy_grid *grid, cairn_vec2 from, cairn_vec2 to, cairn_real *length)
+static int can_walk(const cairn_occupancy_grid *grid, cairn_vec2 from, cairn_vec2 to,
+                    cairn_real *length)
 {
     cairn_vec2 a = in_cells(grid, from), b = in_cells(grid, to);
     cairn_real norm = cairn_vec2_norm(cairn_vec2_sub(to, from));
@@ -139,8 +141,8 @@ static int32_t cell_of(cairn_real coordinate, int32_t size)
     return cairn_real_to_int(cairn_min(cairn_max(coordinate, 0), (cairn_real)(size - 1)));
 }
 
-cairn_status cairn_occupancy_grid_walk(const cairn_occupancy_grid *grid, cairn_vec2 from, cairn_vec2 to,
-                                       cairn_occupancy_walk *walk)
+cairn_status cairn_occupancy_grid_walk(const cairn_occupancy_grid *grid, cairn_vec2 from,
+                                       cairn_vec2 to, cairn_occupancy_walk *walk)
 {
     int32_t width = grid->params.width, height = grid->params.height;
     cairn_real start = 0, end = 1, length;
@@ -184,8 +186,10 @@ int32_t cairn_occupancy_walk_next(cairn_occupancy_walk *walk, cairn_occupancy_ch
         walk->done = 1;
     } else {
         /* Shares at which the beam meets the next border in x and in y. */
-        cairn_real next_x = ((cairn_real)(walk->x + (walk->step_x > 0)) - walk->from_x) * walk->inverse_x;
-        cairn_real next_y = ((cairn_real)(walk->y + (walk->step_y > 0)) - walk->from_y) * walk->inverse_y;
+        cairn_real next_x =
+            ((cairn_real)(walk->x + (walk->step_x > 0)) - walk->from_x) * walk->inverse_x;
+        cairn_real next_y =
+            ((cairn_real)(walk->y + (walk->step_y > 0)) - walk->from_y) * walk->inverse_y;
 
         in_x = walk->y == walk->end_y || (walk->x != walk->end_x && next_x <= next_y);
         leave = cairn_min(in_x ? next_x : next_y, walk->share_end);
@@ -223,7 +227,8 @@ static int is_busy(const cairn_occupancy_grid *grid)
     return grid->cleared < grid->count || grid->beams_left > 0;
 }
 
-cairn_status cairn_occupancy_grid_add_beam(cairn_occupancy_grid *grid, cairn_vec2 from, cairn_vec2 to, int32_t hit)
+cairn_status cairn_occupancy_grid_add_beam(cairn_occupancy_grid *grid, cairn_vec2 from,
+                                           cairn_vec2 to, int32_t hit)
 {
     cairn_occupancy_walk walk;
     cairn_status status;
@@ -237,8 +242,8 @@ cairn_status cairn_occupancy_grid_add_beam(cairn_occupancy_grid *grid, cairn_vec
     return CAIRN_OK;
 }
 
-cairn_status cairn_occupancy_grid_begin_scan(cairn_occupancy_grid *grid, const cairn_beam *beams, int32_t count,
-                                             cairn_pose map_scan, cairn_fault *fault)
+cairn_status cairn_occupancy_grid_begin_scan(cairn_occupancy_grid *grid, const cairn_beam *beams,
+                                             int32_t count, cairn_pose map_scan, cairn_fault *fault)
 {
     cairn_transform transform;
     cairn_real length;
@@ -251,11 +256,15 @@ cairn_status cairn_occupancy_grid_begin_scan(cairn_occupancy_grid *grid, const c
         return cairn_refuse(fault, -1, "the pose is not finite", CAIRN_NOT_FINITE);
     transform = cairn_transform_of(map_scan);
     for (int32_t i = 0; i < count; i++) {
-        if (beams[i].kind != CAIRN_BEAM_HIT && beams[i].kind != CAIRN_BEAM_FREE && beams[i].kind != CAIRN_BEAM_UNKNOWN)
-            return cairn_refuse(fault, i, "unknown kind of beam, expected hit, free or unknown", CAIRN_BAD_ARGUMENT);
-        if (beams[i].kind != CAIRN_BEAM_UNKNOWN && !can_walk(grid, cairn_transform_point(transform, beams[i].from),
-                                                             cairn_transform_point(transform, beams[i].to), &length))
-            return cairn_refuse(fault, i, "a beam that ends nowhere, expected finite coordinates", CAIRN_NOT_FINITE);
+        if (beams[i].kind != CAIRN_BEAM_HIT && beams[i].kind != CAIRN_BEAM_FREE &&
+            beams[i].kind != CAIRN_BEAM_UNKNOWN)
+            return cairn_refuse(fault, i, "unknown kind of beam, expected hit, free or unknown",
+                                CAIRN_BAD_ARGUMENT);
+        if (beams[i].kind != CAIRN_BEAM_UNKNOWN &&
+            !can_walk(grid, cairn_transform_point(transform, beams[i].from),
+                      cairn_transform_point(transform, beams[i].to), &length))
+            return cairn_refuse(fault, i, "a beam that ends nowhere, expected finite coordinates",
+                                CAIRN_NOT_FINITE);
     }
     grid->beams = beams;
     grid->beams_left = count;
@@ -294,7 +303,8 @@ static void add_some(cairn_occupancy_grid *grid)
             return;
     } else if (beam->kind != CAIRN_BEAM_UNKNOWN &&
                cairn_occupancy_grid_walk(grid, cairn_transform_point(grid->map_scan, beam->from),
-                                         cairn_transform_point(grid->map_scan, beam->to), &grid->walk) == CAIRN_OK) {
+                                         cairn_transform_point(grid->map_scan, beam->to),
+                                         &grid->walk) == CAIRN_OK) {
         grid->walking = 1;
         return;
     }
@@ -320,18 +330,21 @@ cairn_status cairn_occupancy_grid_step(cairn_occupancy_grid *grid, cairn_budget 
 
 /* ---- Reading ---- */
 
-int32_t cairn_occupancy_grid_locate(const cairn_occupancy_grid *grid, cairn_vec2 point, int32_t *x, int32_t *y)
+int32_t cairn_occupancy_grid_locate(const cairn_occupancy_grid *grid, cairn_vec2 point, int32_t *x,
+                                    int32_t *y)
 {
     cairn_vec2 p = in_cells(grid, point);
 
-    if (!(p.x >= 0 && p.x < (cairn_real)grid->params.width && p.y >= 0 && p.y < (cairn_real)grid->params.height))
+    if (!(p.x >= 0 && p.x < (cairn_real)grid->params.width && p.y >= 0 &&
+          p.y < (cairn_real)grid->params.height))
         return 0;
     *x = cairn_real_to_int(p.x);
     *y = cairn_real_to_int(p.y);
     return 1;
 }
 
-cairn_occupancy_cell cairn_occupancy_grid_cell(const cairn_occupancy_grid *grid, int32_t x, int32_t y)
+cairn_occupancy_cell cairn_occupancy_grid_cell(const cairn_occupancy_grid *grid, int32_t x,
+                                               int32_t y)
 {
     cairn_occupancy_cell none = {0, 0};
 
@@ -353,7 +366,8 @@ cairn_real cairn_occupancy_grid_probability(const cairn_occupancy_grid *grid, in
         return -1;
     if (!(cell.length > 0))
         return 1;
-    return 1 - cairn_exp(-grid->params.resolution * (cairn_real)cell.hits / (cairn_real)cell.length);
+    return 1 -
+           cairn_exp(-grid->params.resolution * (cairn_real)cell.hits / (cairn_real)cell.length);
 }
 
 cairn_occupancy_thresholds cairn_occupancy_thresholds_default(void)
@@ -362,14 +376,16 @@ cairn_occupancy_thresholds cairn_occupancy_thresholds_default(void)
     return thresholds;
 }
 
-cairn_status cairn_occupancy_grid_classify(const cairn_occupancy_grid *grid, cairn_occupancy_thresholds thresholds,
-                                           int32_t first_row, cairn_raster_u8 out)
+cairn_status cairn_occupancy_grid_classify(const cairn_occupancy_grid *grid,
+                                           cairn_occupancy_thresholds thresholds, int32_t first_row,
+                                           cairn_raster_u8 out)
 {
     cairn_real occupied, free;
 
     if (grid == NULL || cairn_raster_u8_check(cairn_raster_u8_read(out)) != CAIRN_OK ||
-        out.width != grid->params.width || first_row < 0 || first_row > grid->params.height - out.height ||
-        !(thresholds.free > 0) || !(thresholds.free <= thresholds.occupied) || !(thresholds.occupied < 1))
+        out.width != grid->params.width || first_row < 0 ||
+        first_row > grid->params.height - out.height || !(thresholds.free > 0) ||
+        !(thresholds.free <= thresholds.occupied) || !(thresholds.occupied < 1))
         return CAIRN_BAD_ARGUMENT;
     /* p >= t is res h >= -log(1 - t) d: two logarithms in place of one exponential a cell. */
     occupied = -cairn_log(1 - thresholds.occupied);

@@ -1,24 +1,30 @@
 /* Mapping of places without odometry.
  *
- * Round 0 matches all pairs of places, the full circle and all positions. Every hypothesis is weighed by what the two places
- * saw (place_map_sight.c) and goes into the consensus as so many nats; the same evidence judges pairs for which no
- * hypothesis agrees with the poses that a map gives them, so that a place cannot come to lie where it contradicts others
- * that it was never matched with. Before it is weighed a hypothesis goes to the nearest pose of more evidence: matches align
- * faces of walls, and their other sides, rough surfaces and bodies tell where the faces that are shared are few. In each further round, while the
- * map changes, every place is matched with the map of all others of its part, which
- * shows more of what the place saw than any one of them, and every other part as a whole; what is found becomes hypotheses
- * of the pairs that support it, and the consensus is asked again. At the end the places are aligned by ICP, each with all
- * others, in turn, and on request their scans each by itself, one after the other or all at once.
+ * Round 0 matches all pairs of places, the full circle and all positions. Every hypothesis is
+ * weighed by what the two places saw (place_map_sight.c) and goes into the consensus as so many
+ * nats; the same evidence judges pairs for which no hypothesis agrees with the poses that a map
+ * gives them, so that a place cannot come to lie where it contradicts others that it was never
+ * matched with. Before it is weighed a hypothesis goes to the nearest pose of more evidence:
+ * matches align faces of walls, and their other sides, rough surfaces and bodies tell where the
+ * faces that are shared are few. In each further round, while the map changes, every place is
+ * matched with the map of all others of its part, which shows more of what the place saw than any
+ * one of them, and every other part as a whole; what is found becomes hypotheses of the pairs that
+ * support it, and the consensus is asked again. At the end the places are aligned by ICP, each with
+ * all others, in turn, and on request their scans each by itself, one after the other or all at
+ * once.
  *
- * Layout: points and beams of all scans side by side, in the frames of the scans. Scratch for one query.
+ * Layout: points and beams of all scans side by side, in the frames of the scans. Scratch for one
+ * query.
  *
- * Hypotheses are weighed pair by pair, a place in a map by what all others of its part saw together, each surface once
- * (place_map_among.c).
+ * Hypotheses are weighed pair by pair, a place in a map by what all others of its part saw
+ * together, each surface once (place_map_among.c).
  *
- * Limits: the pairs grow with the square of the places. Evidence counts every point by itself, though points of one wall
- * hang together: nats are worth comparing, not to be taken as odds; about four of them are one.
+ * Limits: the pairs grow with the square of the places. Evidence counts every point by itself,
+ * though points of one wall hang together: nats are worth comparing, not to be taken as odds; about
+ * four of them are one.
  *
- * Source: Adluru 2008, chapter 6; the sequential mode is its order of matching, mode as_written all of it (place_map_written.c). */
+ * Source: Adluru 2008, chapter 6; the sequential mode is its order of matching, mode as_written
+ * all of it (place_map_written.c). */
 #include "src/core/build.h"
 
 #include <string.h>
@@ -53,10 +59,12 @@ cairn_place_map_params cairn_place_map_default(void)
     params.match = cairn_scan_match_default();
     params.match.max_candidates = 768;
     params.match.max_hypotheses = 40;
-    params.match.once = 0; /* among so many candidates, sharper peaks count more */
+    /* among so many candidates, sharper peaks count more */
+    params.match.once = 0;
     params.consensus = cairn_pose_consensus_default();
     params.consensus.max_hypotheses = 4096;
-    params.consensus.ambiguous = CAIRN_REAL(1e-5); /* nats of points that hang together are worth less */
+    /* nats of points that hang together are worth less */
+    params.consensus.ambiguous = CAIRN_REAL(1e-5);
     params.consensus.believed = 12;
     params.aligner = cairn_aligner_default();
     params.aligner.max_segments = 4096;
@@ -84,10 +92,13 @@ static int is_written(const cairn_place_map_params *p)
 static int written_is_good(const cairn_place_map_params *p)
 {
     cairn_scan_match_mode match = p->match.mode;
-    int has_icp = match == CAIRN_SCAN_MATCH_AS_WRITTEN || match == CAIRN_SCAN_MATCH_AS_WRITTEN_LINES;
+    int has_icp =
+        match == CAIRN_SCAN_MATCH_AS_WRITTEN || match == CAIRN_SCAN_MATCH_AS_WRITTEN_LINES;
 
-    return (has_icp || (match >= CAIRN_SCAN_MATCH_AS_WRITTEN_COMMON && match <= CAIRN_SCAN_MATCH_AS_WRITTEN_LINES)) &&
-           (p->decoupled == CAIRN_PLACE_MAP_COUPLED || (has_icp && p->decoupled == CAIRN_PLACE_MAP_BY_ICP));
+    return (has_icp || (match >= CAIRN_SCAN_MATCH_AS_WRITTEN_COMMON &&
+                        match <= CAIRN_SCAN_MATCH_AS_WRITTEN_LINES)) &&
+           (p->decoupled == CAIRN_PLACE_MAP_COUPLED ||
+            (has_icp && p->decoupled == CAIRN_PLACE_MAP_BY_ICP));
 }
 
 static int is_positive(cairn_real x)
@@ -97,22 +108,24 @@ static int is_positive(cairn_real x)
 
 static int counts_are_good(const cairn_place_map_params *p)
 {
-    return p->mode >= CAIRN_PLACE_MAP_CONSENSUS && p->mode <= CAIRN_PLACE_MAP_SEQUENTIAL && p->max_places >= 2 &&
-           p->max_places <= MAX_PLACES && p->max_scans >= p->max_places && p->max_scans <= MAX_COUNT &&
-           p->max_place_points >= 1 && p->max_place_points <= MAX_MATCHED_POINTS / p->max_places &&
-           p->max_place_beams >= 1 && p->max_place_beams <= MAX_MATCHED_POINTS / p->max_places && p->recent >= 1 &&
+    return p->mode >= CAIRN_PLACE_MAP_CONSENSUS && p->mode <= CAIRN_PLACE_MAP_SEQUENTIAL &&
+           p->max_places >= 2 && p->max_places <= MAX_PLACES && p->max_scans >= p->max_places &&
+           p->max_scans <= MAX_COUNT && p->max_place_points >= 1 &&
+           p->max_place_points <= MAX_MATCHED_POINTS / p->max_places && p->max_place_beams >= 1 &&
+           p->max_place_beams <= MAX_MATCHED_POINTS / p->max_places && p->recent >= 1 &&
            p->rounds >= 0 && p->sweeps >= 0 && p->decoupled >= CAIRN_PLACE_MAP_COUPLED &&
            p->decoupled <= CAIRN_PLACE_MAP_JOINTLY;
 }
 
 static int params_are_good(const cairn_place_map_params *p)
 {
-    return p != NULL && counts_are_good(p) && (!is_written(p) || written_is_good(p)) && is_positive(p->sight_reach) &&
-           is_positive(p->sight_cell) && is_positive(p->sight_margin) && p->sight_margin <= 20 * p->sight_cell &&
+    return p != NULL && counts_are_good(p) && (!is_written(p) || written_is_good(p)) &&
+           is_positive(p->sight_reach) && is_positive(p->sight_cell) &&
+           is_positive(p->sight_margin) && p->sight_margin <= 20 * p->sight_cell &&
            is_positive(p->for_point) && is_positive(p->for_floating) && is_positive(p->for_back) &&
            is_positive(p->for_rough) && is_positive(p->against_point) && p->for_free >= 0 &&
-           p->for_free <= CAIRN_REAL(1e6) && p->floating >= 0 && p->floating <= 1 && p->chance >= 0 &&
-           p->chance <= CAIRN_REAL(1e6) && cairn_place_map_side(p) > 0;
+           p->for_free <= CAIRN_REAL(1e6) && p->floating >= 0 && p->floating <= 1 &&
+           p->chance >= 0 && p->chance <= CAIRN_REAL(1e6) && cairn_place_map_side(p) > 0;
 }
 
 /* Places that mode as_written matches with. */
@@ -189,7 +202,8 @@ static cairn_place_map *carve(cairn_pool *pool, const cairn_place_map_params *pa
         return map;
     }
     made.doubt = cairn_pool_take(pool, places * points, sizeof *made.doubt);
-    made.hypotheses = cairn_pool_take(pool, (size_t)params->consensus.max_hypotheses, sizeof *made.hypotheses);
+    made.hypotheses =
+        cairn_pool_take(pool, (size_t)params->consensus.max_hypotheses, sizeof *made.hypotheses);
     made.beams = cairn_pool_take(pool, places * beams, sizeof *made.beams);
     made.sight = cairn_pool_take(pool, places * side, side);
     made.free_cells = cairn_pool_take(pool, places * sampled, sampled * sizeof *made.free_cells);
@@ -210,8 +224,8 @@ static int count_objects(cairn_pool *counting, const cairn_place_map_params *par
     cairn_icp_params icp = icp_params(params);
     cairn_aligner_params aligner = aligner_params(params);
     int jointly = params->decoupled == CAIRN_PLACE_MAP_JOINTLY;
-    size_t bytes[] = {cairn_scan_match_memory(&match), cairn_pose_consensus_memory(&consensus), cairn_icp_memory(&icp),
-                      jointly ? cairn_aligner_memory(&aligner) : 0};
+    size_t bytes[] = {cairn_scan_match_memory(&match), cairn_pose_consensus_memory(&consensus),
+                      cairn_icp_memory(&icp), jointly ? cairn_aligner_memory(&aligner) : 0};
     int count = is_written(params) ? 1 : jointly ? 4 : 3;
 
     for (int i = 0; i < count; i++) {
@@ -233,7 +247,8 @@ size_t cairn_place_map_memory(const cairn_place_map_params *params)
     return count_objects(&counting, params) ? cairn_pool_counted(&counting) : 0;
 }
 
-cairn_status cairn_place_map_create(cairn_place_map **map, cairn_pool *pool, const cairn_place_map_params *params)
+cairn_status cairn_place_map_create(cairn_place_map **map, cairn_pool *pool,
+                                    const cairn_place_map_params *params)
 {
     size_t need = cairn_place_map_memory(params);
     cairn_scan_match_params match;
@@ -298,33 +313,42 @@ static int32_t beams_of(const cairn_place_map *map, const cairn_scan_view *view)
     return is_written(&map->params) ? 0 : view->beam_count;
 }
 
-static cairn_status check_scan(const cairn_place_map *map, int32_t place, const cairn_scan_view *view,
-                               cairn_pose place_scan, cairn_fault *fault)
+static cairn_status check_scan(const cairn_place_map *map, int32_t place,
+                               const cairn_scan_view *view, cairn_pose place_scan,
+                               cairn_fault *fault)
 {
     const cairn_place_map_params *params = &map->params;
     int is_new = place == map->place_count;
-    int32_t points = is_new ? 0 : map->places[place].point_count, beams = is_new ? 0 : map->places[place].beam_count;
+    int32_t points = is_new ? 0 : map->places[place].point_count,
+            beams = is_new ? 0 : map->places[place].beam_count;
 
     if (!cairn_pose_is_finite(place_scan))
         return cairn_refuse(fault, -1, "the pose is not finite", CAIRN_NOT_FINITE);
-    if (!(cairn_abs(place_scan.x) <= CAIRN_SCAN_EXTENT && cairn_abs(place_scan.y) <= CAIRN_SCAN_EXTENT))
+    if (!(cairn_abs(place_scan.x) <= CAIRN_SCAN_EXTENT &&
+          cairn_abs(place_scan.y) <= CAIRN_SCAN_EXTENT))
         return cairn_refuse(fault, -1, "the pose is too far off", CAIRN_BAD_ARGUMENT);
     if (place == params->max_places || map->scan_count == params->max_scans)
-        return cairn_refuse(fault, -1, "more places or scans than max_places and max_scans", CAIRN_FULL);
+        return cairn_refuse(fault, -1, "more places or scans than max_places and max_scans",
+                            CAIRN_FULL);
     if (points_of(map, view) > params->max_place_points - points ||
         beams_of(map, view) > params->max_place_beams - beams)
-        return cairn_refuse(fault, -1, "more points or beams than max_place_points and max_place_beams", CAIRN_FULL);
+        return cairn_refuse(fault, -1,
+                            "more points or beams than max_place_points and max_place_beams",
+                            CAIRN_FULL);
     return CAIRN_OK;
 }
 
-cairn_status cairn_place_map_add_scan(cairn_place_map *map, int32_t place, const cairn_scan_view *view,
-                                      cairn_pose place_scan, cairn_fault *fault)
+cairn_status cairn_place_map_add_scan(cairn_place_map *map, int32_t place,
+                                      const cairn_scan_view *view, cairn_pose place_scan,
+                                      cairn_fault *fault)
 {
     cairn_place_scan *scan;
     cairn_status status;
 
-    if (map == NULL || view == NULL || place < 0 || place < map->place_count - 1 || place > map->place_count)
-        return cairn_refuse(fault, -1, "no object, no scan, or not the last place or the next", CAIRN_BAD_ARGUMENT);
+    if (map == NULL || view == NULL || place < 0 || place < map->place_count - 1 ||
+        place > map->place_count)
+        return cairn_refuse(fault, -1, "no object, no scan, or not the last place or the next",
+                            CAIRN_BAD_ARGUMENT);
     status = check_scan(map, place, view, place_scan, fault);
     if (status == CAIRN_OK && map->aligner != NULL)
         status = cairn_aligner_add_scan(map->aligner, view, place_scan, fault);
@@ -346,10 +370,13 @@ cairn_status cairn_place_map_add_scan(cairn_place_map *map, int32_t place, const
     if (is_written(&map->params)) {
         (void)cairn_scan_match_readings(view, map->points + map->point_count);
         scan->map_scan =
-            cairn_pose_compose(map->places[place].map_place, place_scan); /* of a place that was mapped before */
+            /* of a place that was mapped before */
+            cairn_pose_compose(map->places[place].map_place, place_scan);
     } else {
-        memcpy(map->points + map->point_count, view->points, (size_t)view->point_count * sizeof *map->points);
-        memcpy(map->beams + map->beam_count, view->beams, (size_t)view->beam_count * sizeof *map->beams);
+        memcpy(map->points + map->point_count, view->points,
+               (size_t)view->point_count * sizeof *map->points);
+        memcpy(map->beams + map->beam_count, view->beams,
+               (size_t)view->beam_count * sizeof *map->beams);
         cairn_place_map_find_floating(map, scan, view);
     }
     map->point_count += scan->point_count;
@@ -374,7 +401,8 @@ cairn_status cairn_place_map_begin(cairn_place_map *map)
     for (int32_t i = 0; i < map->point_count && map->doubt != NULL; i++)
         map->doubt[i] &= CAIRN_POINT_FLOATING;
     map->hypothesis_count = map->polished = 0;
-    map->next = map->place = map->query = map->round = map->sweep = map->running = map->is_judged = map->debt = 0;
+    map->next = map->place = map->query = map->round = map->sweep = map->running = map->is_judged =
+        map->debt = 0;
     if (is_written(&map->params))
         map->query = 1; /* the first place is where the map begins */
     for (int32_t i = 0; i < map->place_count; i++) {
@@ -416,7 +444,8 @@ cairn_status cairn_place_map_step(cairn_place_map *map, cairn_budget *budget)
 {
     if (map == NULL || budget == NULL)
         return CAIRN_BAD_ARGUMENT;
-    while ((map->phase != CAIRN_PLACE_MAP_IDLE && map->phase != CAIRN_PLACE_MAP_DONE) || map->debt > 0) {
+    while ((map->phase != CAIRN_PLACE_MAP_IDLE && map->phase != CAIRN_PLACE_MAP_DONE) ||
+           map->debt > 0) {
         int32_t before = budget->left;
 
         if (before <= 0)
@@ -469,7 +498,8 @@ cairn_place_map_place cairn_place_map_place_of(const cairn_place_map *map, int32
     return out;
 }
 
-cairn_consensus_alternative cairn_place_map_alternative(const cairn_place_map *map, int32_t place, int32_t index)
+cairn_consensus_alternative cairn_place_map_alternative(const cairn_place_map *map, int32_t place,
+                                                        int32_t index)
 {
     cairn_consensus_alternative none;
 
@@ -481,7 +511,8 @@ cairn_consensus_alternative cairn_place_map_alternative(const cairn_place_map *m
 
 cairn_pose cairn_place_map_scan_pose(const cairn_place_map *map, int32_t scan)
 {
-    return has_result(map) && scan >= 0 && scan < map->scan_count ? map->scans[scan].map_scan : cairn_pose_identity();
+    return has_result(map) && scan >= 0 && scan < map->scan_count ? map->scans[scan].map_scan
+                                                                  : cairn_pose_identity();
 }
 
 int32_t cairn_place_map_scan_is_aligned(const cairn_place_map *map, int32_t scan)

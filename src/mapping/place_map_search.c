@@ -11,7 +11,8 @@ enum { POINTS_TO_UNIT = 16, CELLS_TO_UNIT = 1024, DECOUPLED_SWEEPS = 10 };
 static const cairn_real SUB_SIGMA = CAIRN_REAL(0.03);
 static const cairn_real SUB_SIGMA_ANGLE = CAIRN_REAL(0.02);
 
-/* Nats of a pair that are worth keeping: bodies that have walked speak against a pose until the map tells. */
+/* Nats of a pair that are worth keeping: bodies that have walked speak against a pose until the
+ * map tells. */
 static const cairn_real LEAST_EVIDENCE = -3;
 
 /* m: a place that the consensus moves farther has changed the map. */
@@ -49,15 +50,17 @@ static void see_item(cairn_place_map *map)
 
 /* ---- Matching ---- */
 
-/* The points of a scan that are worth matching: not those on bodies, until a map tells which of them have stayed. */
-static int32_t copy_points(const cairn_place_map *map, const cairn_place_scan *scan, cairn_pose pose,
-                           cairn_oriented_point *out)
+/* The points of a scan that are worth matching: not those on bodies, until a map tells which of
+ * them have stayed. */
+static int32_t copy_points(const cairn_place_map *map, const cairn_place_scan *scan,
+                           cairn_pose pose, cairn_oriented_point *out)
 {
     cairn_transform t = cairn_transform_of(pose);
     int32_t count = 0;
 
     for (int32_t i = scan->first_point; i < scan->first_point + scan->point_count; i++)
-        if (map->round > 0 ? map->doubt[i] < CAIRN_POINT_SUSPECT : map->doubt[i] == CAIRN_POINT_SOUND) {
+        if (map->round > 0 ? map->doubt[i] < CAIRN_POINT_SUSPECT
+                           : map->doubt[i] == CAIRN_POINT_SOUND) {
             out[count].position = cairn_transform_point(t, map->points[i].position);
             out[count++].direction = cairn_transform_direction(t, map->points[i].direction);
         }
@@ -70,12 +73,13 @@ static void add_to_target(cairn_place_map *map, int32_t place, cairn_pose target
 
     for (int32_t s = here->first_scan; s < here->first_scan + here->scan_count; s++) {
         const cairn_place_scan *scan = &map->scans[s];
-        cairn_scan_match_part part = {map->query_points, NULL, map->beams + scan->first_beam, 0, 0, scan->beam_count};
+        cairn_scan_match_part part = {map->query_points, NULL, map->beams + scan->first_beam, 0, 0,
+                                      scan->beam_count};
         cairn_status status;
 
         part.count = copy_points(map, scan, cairn_pose_identity(), map->query_points);
-        status =
-            cairn_scan_match_add_target(map->match, &part, cairn_pose_compose(target_place, scan->place_scan), NULL);
+        status = cairn_scan_match_add_target(
+            map->match, &part, cairn_pose_compose(target_place, scan->place_scan), NULL);
 
         CAIRN_ASSERT(status == CAIRN_OK);
         (void)status;
@@ -88,7 +92,8 @@ static int is_target(const cairn_place_map *map, int32_t place)
 {
     if (map->params.mode == CAIRN_PLACE_MAP_SEQUENTIAL)
         return place < map->query && place >= map->query - map->params.recent;
-    return map->round == 0 ? place == map->place : place != map->query && map->places[place].part == 0;
+    return map->round == 0 ? place == map->place
+                           : place != map->query && map->places[place].part == 0;
 }
 
 static void make_target(cairn_place_map *map)
@@ -118,18 +123,18 @@ static void add_to_query(cairn_place_map *map, const cairn_place_scan *scan, cai
     }
 }
 
-/* Whether a place goes with the query: it is the query, or one of the same part beside the largest, which is looked for as a
- * whole. */
+/* Whether a place goes with the query: it is the query, or one of the same part beside the
+ * largest, which is looked for as a whole. */
 static int is_asked(const cairn_place_map *map, int32_t place)
 {
     int32_t part = map->places[map->query].part;
 
-    return place == map->query ||
-           (map->phase == CAIRN_PLACE_MAP_MATCH && map->round > 0 && part > 0 && map->places[place].part == part);
+    return place == map->query || (map->phase == CAIRN_PLACE_MAP_MATCH && map->round > 0 &&
+                                   part > 0 && map->places[place].part == part);
 }
 
-/* The points of the query in the frame of its place, with those of all places that go with it; beams are its own, as free
- * space is known from one place at a time. */
+/* The points of the query in the frame of its place, with those of all places that go with it;
+ * beams are its own, as free space is known from one place at a time. */
 static cairn_scan_match_part query_part(cairn_place_map *map)
 {
     cairn_scan_match_part part = {map->query_points, NULL, map->query_beams, 0, 0, 0};
@@ -137,25 +142,29 @@ static cairn_scan_match_part query_part(cairn_place_map *map)
 
     for (int32_t i = 0; i < map->place_count; i++) {
         const cairn_place *here = &map->places[i];
-        cairn_pose query_place =
-            i == map->query ? cairn_pose_identity() : cairn_pose_between(map_query, here->map_place);
+        cairn_pose query_place = i == map->query ? cairn_pose_identity()
+                                                 : cairn_pose_between(map_query, here->map_place);
 
         if (!is_asked(map, i))
             continue;
         for (int32_t s = here->first_scan; s < here->first_scan + here->scan_count; s++)
-            add_to_query(map, &map->scans[s], cairn_pose_compose(query_place, map->scans[s].place_scan), &part);
+            add_to_query(map, &map->scans[s],
+                         cairn_pose_compose(query_place, map->scans[s].place_scan), &part);
     }
     map->debt += (part.count + part.beam_count) / POINTS_TO_UNIT;
     return part;
 }
 
-/* Of a match with a map: what it says about two places, one of the map and one that was asked for, if they have evidence for
- * it. */
-static void take_pair(cairn_place_map *map, int32_t target, int32_t asked, const cairn_scan_match_hypothesis *h)
+/* Of a match with a map: what it says about two places, one of the map and one that was asked
+ * for, if they have evidence for it. */
+static void take_pair(cairn_place_map *map, int32_t target, int32_t asked,
+                      const cairn_scan_match_hypothesis *h)
 {
     cairn_pose map_target = map->places[target].map_place;
-    cairn_pose query_asked = cairn_pose_between(map->places[map->query].map_place, map->places[asked].map_place);
-    cairn_pose map_asked = asked == map->query ? h->target_query : cairn_pose_compose(h->target_query, query_asked);
+    cairn_pose query_asked =
+        cairn_pose_between(map->places[map->query].map_place, map->places[asked].map_place);
+    cairn_pose map_asked =
+        asked == map->query ? h->target_query : cairn_pose_compose(h->target_query, query_asked);
     cairn_pose seen = cairn_pose_between(map_target, map_asked);
     cairn_real covariance[9];
 
@@ -188,7 +197,8 @@ static void take_result(cairn_place_map *map)
 
         if (map->round > 0)
             take_in_map(map, h);
-        else if (cairn_place_map_weigh(map, map->place, map->query, h->target_query) > LEAST_EVIDENCE)
+        else if (cairn_place_map_weigh(map, map->place, map->query, h->target_query) >
+                 LEAST_EVIDENCE)
             cairn_place_map_keep(map, map->place, map->query, h->target_query, h->covariance);
     }
 }
@@ -217,13 +227,14 @@ static void next_match(cairn_place_map *map)
         map->query = map->place + 1;
     }
     if (map->query < map->place_count) {
-        cairn_place_map_enter(map,
-                              is_pair && map->query > map->place + 1 ? CAIRN_PLACE_MAP_MATCH : CAIRN_PLACE_MAP_TARGET);
+        cairn_place_map_enter(map, is_pair && map->query > map->place + 1 ? CAIRN_PLACE_MAP_MATCH
+                                                                          : CAIRN_PLACE_MAP_TARGET);
         return;
     }
     map->place = 0;
-    cairn_place_map_enter(map, map->params.mode == CAIRN_PLACE_MAP_SEQUENTIAL ? CAIRN_PLACE_MAP_REFINE
-                                                                              : CAIRN_PLACE_MAP_WEIGH);
+    cairn_place_map_enter(map, map->params.mode == CAIRN_PLACE_MAP_SEQUENTIAL
+                                   ? CAIRN_PLACE_MAP_REFINE
+                                   : CAIRN_PLACE_MAP_WEIGH);
     if (map->params.mode == CAIRN_PLACE_MAP_SEQUENTIAL)
         map->sweep = map->params.sweeps;
 }
@@ -254,7 +265,8 @@ static void match_item(cairn_place_map *map, cairn_budget *budget)
 /* ---- Consensus ---- */
 
 /* Evidence of two places, for the consensus. */
-static cairn_real judge(void *context, int32_t first, int32_t second, cairn_pose first_second, int32_t *units)
+static cairn_real judge(void *context, int32_t first, int32_t second, cairn_pose first_second,
+                        int32_t *units)
 {
     const cairn_place_map *map = context;
 
@@ -263,10 +275,12 @@ static cairn_real judge(void *context, int32_t first, int32_t second, cairn_pose
 }
 
 /* Evidence of a place among all others of a part, for the consensus. */
-static cairn_real judge_among(void *context, int32_t place, cairn_pose map_place, const cairn_pose *map_places,
-                              const int32_t *parts, int32_t part, cairn_real *against, int32_t *units)
+static cairn_real judge_among(void *context, int32_t place, cairn_pose map_place,
+                              const cairn_pose *map_places, const int32_t *parts, int32_t part,
+                              cairn_real *against, int32_t *units)
 {
-    return cairn_place_map_among(context, place, map_place, map_places, parts, part, against, units);
+    return cairn_place_map_among(context, place, map_place, map_places, parts, part, against,
+                                 units);
 }
 
 /* Everything is weighed anew in each round, as fewer points are trusted. */
@@ -289,8 +303,9 @@ static void weigh_item(cairn_place_map *map)
         cairn_place_map_enter(map, CAIRN_PLACE_MAP_AGREE);
         return;
     }
-    h->score = (map->next < map->polished ? cairn_place_map_weigh(map, h->first, h->second, h->first_second)
-                                          : cairn_place_map_polish(map, h)) -
+    h->score = (map->next < map->polished
+                    ? cairn_place_map_weigh(map, h->first, h->second, h->first_second)
+                    : cairn_place_map_polish(map, h)) -
                map->params.chance;
     map->next++;
     if (h->score > 0 && cairn_pose_consensus_add(map->consensus, h, NULL) == CAIRN_OK)
@@ -309,8 +324,9 @@ static void take_consensus(cairn_place_map *map)
         cairn_consensus_node node = cairn_pose_consensus_node(map->consensus, i);
         cairn_pose before = map->places[i].map_place;
 
-        map->moved += node.part != map->places[i].part ||
-                      cairn_abs(node.map_node.x - before.x) + cairn_abs(node.map_node.y - before.y) > MOVED;
+        map->moved +=
+            node.part != map->places[i].part ||
+            cairn_abs(node.map_node.x - before.x) + cairn_abs(node.map_node.y - before.y) > MOVED;
         map->places[i].map_place = node.map_node;
         map->places[i].part = node.part;
     }
@@ -322,7 +338,8 @@ static int is_last_round(const cairn_place_map *map)
     return map->round >= map->params.rounds || map->moved == 0;
 }
 
-/* Where the last map may hang together by chance is told; before, what hangs by little may yet be found to hang by more. */
+/* Where the last map may hang together by chance is told; before, what hangs by little may yet
+ * be found to hang by more. */
 static void agree_item(cairn_place_map *map, cairn_budget *budget)
 {
     if (!map->running) {
@@ -373,7 +390,8 @@ static void doubt_item(cairn_place_map *map)
 
 /* ---- Refinement ---- */
 
-/* Points of all scans of a place's part become the target, but those of the place, or of the one scan, and those in doubt. */
+/* Points of all scans of a place's part become the target, but those of the place, or of the one
+ * scan, and those in doubt. */
 static void target_others(cairn_place_map *map, int32_t place, int32_t only_scan)
 {
     cairn_icp_clear_target(map->icp);
@@ -446,7 +464,8 @@ static void refine_item(cairn_place_map *map, cairn_budget *budget)
         if (map->params.decoupled == CAIRN_PLACE_MAP_COUPLED)
             cairn_place_map_finish(map);
         else
-            cairn_place_map_enter(map, map->aligner != NULL ? CAIRN_PLACE_MAP_JOIN : CAIRN_PLACE_MAP_DECOUPLE);
+            cairn_place_map_enter(map, map->aligner != NULL ? CAIRN_PLACE_MAP_JOIN
+                                                            : CAIRN_PLACE_MAP_DECOUPLE);
         return;
     }
     if (!map->running) {
@@ -455,7 +474,8 @@ static void refine_item(cairn_place_map *map, cairn_budget *budget)
         target_others(map, map->place, -1);
         map->query = map->place;
         part = query_part(map);
-        map->running = cairn_icp_begin(map->icp, part.points, part.count, here->map_place, NULL, NULL) == CAIRN_OK;
+        map->running = cairn_icp_begin(map->icp, part.points, part.count, here->map_place, NULL,
+                                       NULL) == CAIRN_OK;
         if (map->running)
             return;
     } else if (cairn_icp_step(map->icp, budget) == CAIRN_OK) {
@@ -485,8 +505,8 @@ static void decouple_item(cairn_place_map *map, cairn_budget *budget)
         cairn_pose_prior prior = {scan->map_scan, SUB_SIGMA, SUB_SIGMA, SUB_SIGMA_ANGLE};
 
         target_others(map, scan->place, map->place);
-        map->running = cairn_icp_begin(map->icp, map->points + scan->first_point, scan->point_count, scan->map_scan,
-                                       &prior, NULL) == CAIRN_OK;
+        map->running = cairn_icp_begin(map->icp, map->points + scan->first_point, scan->point_count,
+                                       scan->map_scan, &prior, NULL) == CAIRN_OK;
         if (map->running)
             return;
     } else if (cairn_icp_step(map->icp, budget) == CAIRN_OK) {
@@ -525,7 +545,8 @@ static void take_aligned(cairn_place_map *map)
         scan->map_scan = found.map_scan;
         map->result.decoupled += found.placed;
         if (s == here->first_scan)
-            here->map_place = cairn_pose_compose(found.map_scan, cairn_pose_inverse(scan->place_scan));
+            here->map_place =
+                cairn_pose_compose(found.map_scan, cairn_pose_inverse(scan->place_scan));
     }
     map->debt += map->scan_count;
 }

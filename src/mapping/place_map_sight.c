@@ -1,14 +1,16 @@
 /* place_map: what places saw, by cells, and what two of them say for a relative pose.
  *
- * A beam clears the cells that it crosses up to a margin before its end; cells within the margin of a hit are surface, with
- * the direction of the nearest line where there is one, and what no beam cleared just behind a surface may be the inside
- * of a wall. A point of another place on a surface of its direction speaks for the pose, one in a cell that was seen free
- * against it, as walls cannot stand where another scan saw through; what tells most between places that see little in
+ * A beam clears the cells that it crosses up to a margin before its end; cells within the margin of
+ * a hit are surface, with the direction of the nearest line where there is one, and what no beam
+ * cleared just behind a surface may be the inside of a wall. A point of another place on a surface
+ * of its direction speaks for the pose, one in a cell that was seen free against it, as walls
+ * cannot stand where another scan saw through; what tells most between places that see little in
  * common is the other side of a wall, which hardly ever comes to lie behind a surface by chance.
  *
- * Small round things with free space beside them may be people: in another place's free space they say next to nothing, on
- * one another much, as those that stay are few and apart. What a point weighs follows a logistic regression of right
- * against wrong hypotheses in simulated arenas, bare, with tilted scans and with people. */
+ * Small round things with free space beside them may be people: in another place's free space
+ * they say next to nothing, on one another much, as those that stay are few and apart. What a
+ * point weighs follows a logistic regression of right against wrong hypotheses in simulated
+ * arenas, bare, with tilted scans and with people. */
 #include "src/core/build.h"
 
 #include <string.h>
@@ -17,17 +19,19 @@
 
 enum { MOST_CELLS = 4096, CELLS_TO_UNIT = 16, POINTS_TO_UNIT = 32 };
 
-/* Surfaces agree when their directions differ by less than this cosine and half a bin, and are the two sides of a wall when
- * one of them turned about would agree. */
+/* Surfaces agree when their directions differ by less than this cosine and half a bin, and are
+ * the two sides of a wall when one of them turned about would agree. */
 static const cairn_real LEAST_COSINE = CAIRN_REAL(0.8);
-/* Of so many points on other sides of walls each counts half: those of one wall tell no more than that there is one. */
+/* Of so many points on other sides of walls each counts half: those of one wall tell no more
+ * than that there is one. */
 static const cairn_real MANY = 16;
 static const cairn_real BACKS_MOST = 4; /* times the rest that speaks for a pose */
 /* Walls may be so thick, m. */
 static const cairn_real THICKEST = CAIRN_REAL(0.25);
 /* Neighbouring beams that end farther apart in depth than this, m, are on different surfaces. */
 static const cairn_real JUMP = CAIRN_REAL(0.15);
-/* What is no broader than this, m, may be a body that walks, or two of them that stand together and are seen whole. */
+/* What is no broader than this, m, may be a body that walks, or two of them that stand together
+ * and are seen whole. */
 static const cairn_real BODY = CAIRN_REAL(0.6), PAIR = 1;
 /* A body bulges from its chord by this share, and what is smaller, m, has too few hits to tell. */
 static const cairn_real BULGE = CAIRN_REAL(0.1), SMALL = CAIRN_REAL(0.2);
@@ -47,7 +51,8 @@ int32_t cairn_place_map_side(const cairn_place_map_params *params)
 static int32_t cell_of(const cairn_place_map *map, cairn_vec2 p)
 {
     cairn_real by = 1 / map->params.sight_cell, half = (cairn_real)map->side / 2;
-    int32_t x = cairn_real_to_int(cairn_floor(p.x * by + half)), y = cairn_real_to_int(cairn_floor(p.y * by + half));
+    int32_t x = cairn_real_to_int(cairn_floor(p.x * by + half)),
+            y = cairn_real_to_int(cairn_floor(p.y * by + half));
 
     return x < 0 || y < 0 || x >= map->side || y >= map->side ? -1 : y * map->side + x;
 }
@@ -63,11 +68,13 @@ static void clear_beam(cairn_place_map *map, int32_t place, const cairn_beam *be
     uint8_t *sight = sight_of(map, place);
     cairn_vec2 along = cairn_vec2_sub(beam->to, beam->from), unit = cairn_vec2_unit(along);
     cairn_real step = map->params.sight_cell * CAIRN_REAL(0.7);
-    cairn_real end = cairn_min(cairn_vec2_norm(along) - map->params.sight_margin, 2 * map->params.sight_reach);
+    cairn_real end =
+        cairn_min(cairn_vec2_norm(along) - map->params.sight_margin, 2 * map->params.sight_reach);
     int32_t steps = cairn_real_to_int(cairn_ceil(end / step));
 
     for (int32_t k = 0; k < steps; k++) {
-        int32_t cell = cell_of(map, cairn_vec2_add(beam->from, cairn_vec2_scale(unit, (cairn_real)k * step)));
+        int32_t cell =
+            cell_of(map, cairn_vec2_add(beam->from, cairn_vec2_scale(unit, (cairn_real)k * step)));
 
         if (cell >= 0)
             sight[cell] = CAIRN_SIGHT_FREE;
@@ -75,7 +82,8 @@ static void clear_beam(cairn_place_map *map, int32_t place, const cairn_beam *be
     map->debt += steps / CELLS_TO_UNIT;
 }
 
-/* A cell shows the most telling of what was seen there; of surfaces of known direction the first. */
+/* A cell shows the most telling of what was seen there; of surfaces of known direction the
+ * first. */
 static void mark(cairn_place_map *map, int32_t place, cairn_vec2 p, uint8_t value)
 {
     int32_t at = cell_of(map, p);
@@ -101,10 +109,13 @@ static void mark_surface(cairn_place_map *map, int32_t place, cairn_vec2 p, uint
     map->debt += 1 + (2 * reach + 1) * (2 * reach + 1) / CELLS_TO_UNIT;
 }
 
-/* What no beam cleared behind a surface may be the inside of a wall, whose other side another place sees. */
-static void mark_behind(cairn_place_map *map, int32_t place, const cairn_oriented_point *point, uint8_t value)
+/* What no beam cleared behind a surface may be the inside of a wall, whose other side another
+ * place sees. */
+static void mark_behind(cairn_place_map *map, int32_t place, const cairn_oriented_point *point,
+                        uint8_t value)
 {
-    cairn_vec2 back = cairn_vec2_scale(cairn_vec2_left(point->direction), -map->params.sight_cell / 2);
+    cairn_vec2 back =
+        cairn_vec2_scale(cairn_vec2_left(point->direction), -map->params.sight_cell / 2);
     cairn_vec2 along = cairn_vec2_scale(point->direction, map->params.sight_cell / 2);
     int32_t steps = cairn_real_to_int(cairn_ceil(THICKEST / map->params.sight_cell * 2));
 
@@ -113,7 +124,8 @@ static void mark_behind(cairn_place_map *map, int32_t place, const cairn_oriente
             cairn_vec2 p = cairn_vec2_add(point->position, cairn_vec2_scale(back, (cairn_real)k));
 
             p = cairn_vec2_add(p, cairn_vec2_scale(along, (cairn_real)i));
-            if (cell_of(map, p) >= 0 && sight_of(map, place)[cell_of(map, p)] == CAIRN_SIGHT_UNKNOWN)
+            if (cell_of(map, p) >= 0 &&
+                sight_of(map, place)[cell_of(map, p)] == CAIRN_SIGHT_UNKNOWN)
                 mark(map, place, p, value);
         }
     map->debt += 1 + 3 * steps / CELLS_TO_UNIT;
@@ -125,7 +137,8 @@ static uint8_t code_of(const cairn_place_map *map, cairn_vec2 direction)
     int32_t best = 0;
 
     for (int32_t k = 1; k < CAIRN_SIGHT_DIRECTIONS; k++)
-        if (cairn_vec2_dot(map->directions[k], direction) > cairn_vec2_dot(map->directions[best], direction))
+        if (cairn_vec2_dot(map->directions[k], direction) >
+            cairn_vec2_dot(map->directions[best], direction))
             best = k;
     return (uint8_t)best;
 }
@@ -137,7 +150,8 @@ static cairn_beam placed_beam(cairn_transform transform, cairn_beam beam)
     return beam;
 }
 
-/* 1 when a hit, in the frame of its scan, belongs to a surface that has points: only others are rough. */
+/* 1 when a hit, in the frame of its scan, belongs to a surface that has points: only others are
+ * rough. */
 static int has_point_near(cairn_place_map *map, const cairn_place_scan *scan, cairn_vec2 hit)
 {
     const cairn_oriented_point *points = &map->points[scan->first_point];
@@ -151,8 +165,9 @@ static int has_point_near(cairn_place_map *map, const cairn_place_scan *scan, ca
 
 static void see_point(cairn_place_map *map, int32_t place, int32_t index, cairn_transform transform)
 {
-    cairn_oriented_point point = {cairn_transform_point(transform, map->points[index].position),
-                                  cairn_transform_direction(transform, map->points[index].direction)};
+    cairn_oriented_point point = {
+        cairn_transform_point(transform, map->points[index].position),
+        cairn_transform_direction(transform, map->points[index].direction)};
     uint8_t code = code_of(map, point.direction);
 
     if (map->doubt[index] & CAIRN_POINT_FLOATING) {
@@ -167,7 +182,9 @@ static void see_point(cairn_place_map *map, int32_t place, int32_t index, cairn_
 int32_t cairn_place_map_see(cairn_place_map *map, int32_t place, int32_t item)
 {
     const cairn_place *here = &map->places[place];
-    int32_t pass = item < here->beam_count ? 0 : item < here->beam_count + here->point_count ? 1 : 2;
+    int32_t pass = item < here->beam_count                       ? 0
+                   : item < here->beam_count + here->point_count ? 1
+                                                                 : 2;
     int32_t index = item - (pass > 0 ? here->beam_count : 0) - (pass > 1 ? here->point_count : 0);
     int32_t s = here->first_scan;
     cairn_transform transform;
@@ -180,11 +197,13 @@ int32_t cairn_place_map_see(cairn_place_map *map, int32_t place, int32_t item)
     if (pass == 1) {
         see_point(map, place, map->scans[s].first_point + index, transform);
     } else {
-        cairn_beam in_scan = map->beams[map->scans[s].first_beam + index], beam = placed_beam(transform, in_scan);
+        cairn_beam in_scan = map->beams[map->scans[s].first_beam + index],
+                   beam = placed_beam(transform, in_scan);
 
         if (pass == 0 && beam.kind != CAIRN_BEAM_UNKNOWN)
             clear_beam(map, place, &beam);
-        if (pass == 2 && beam.kind == CAIRN_BEAM_HIT && !has_point_near(map, &map->scans[s], in_scan.to))
+        if (pass == 2 && beam.kind == CAIRN_BEAM_HIT &&
+            !has_point_near(map, &map->scans[s], in_scan.to))
             mark_surface(map, place, beam.to, CAIRN_SIGHT_ROUGH);
     }
     map->debt++;
@@ -232,9 +251,11 @@ cairn_real cairn_place_map_free_area(const cairn_place_map *map)
     return spacing * spacing;
 }
 
-int32_t cairn_place_map_saw(const cairn_place_map *map, int32_t place, cairn_vec2 point, cairn_vec2 direction)
+int32_t cairn_place_map_saw(const cairn_place_map *map, int32_t place, cairn_vec2 point,
+                            cairn_vec2 direction)
 {
-    int32_t cell = cell_of(map, point), code = cell >= 0 ? sight_of(map, place)[cell] : CAIRN_SIGHT_UNKNOWN;
+    int32_t cell = cell_of(map, point),
+            code = cell >= 0 ? sight_of(map, place)[cell] : CAIRN_SIGHT_UNKNOWN;
     int32_t is_behind = code < CAIRN_SIGHT_ROUGH;
     cairn_real cosine;
 
@@ -244,8 +265,9 @@ int32_t cairn_place_map_saw(const cairn_place_map *map, int32_t place, cairn_vec
         return CAIRN_SAW_FREE;
     if (code == CAIRN_SIGHT_ROUGH || code == CAIRN_SIGHT_BODY)
         return code == CAIRN_SIGHT_ROUGH ? CAIRN_SAW_ROUGH : CAIRN_SAW_BODY;
-    cosine =
-        cairn_vec2_dot(map->directions[code - (is_behind ? CAIRN_SIGHT_BEHIND : CAIRN_SIGHT_DIRECTION)], direction);
+    cosine = cairn_vec2_dot(
+        map->directions[code - (is_behind ? CAIRN_SIGHT_BEHIND : CAIRN_SIGHT_DIRECTION)],
+        direction);
     if (cosine < -LEAST_COSINE)
         return CAIRN_SAW_BACK;
     if (is_behind)
@@ -260,10 +282,12 @@ struct evidence {
 };
 
 /* A point of known direction on a surface that stays, or just behind one. */
-static void weigh_on_surface(const cairn_place_map *map, uint8_t code, cairn_vec2 direction, struct evidence *evidence)
+static void weigh_on_surface(const cairn_place_map *map, uint8_t code, cairn_vec2 direction,
+                             struct evidence *evidence)
 {
     int32_t is_behind = code < CAIRN_SIGHT_ROUGH;
-    cairn_vec2 seen = map->directions[code - (is_behind ? CAIRN_SIGHT_BEHIND : CAIRN_SIGHT_DIRECTION)];
+    cairn_vec2 seen =
+        map->directions[code - (is_behind ? CAIRN_SIGHT_BEHIND : CAIRN_SIGHT_DIRECTION)];
     cairn_real cosine = cairn_vec2_dot(seen, direction);
 
     evidence->backs += cosine < -LEAST_COSINE;
@@ -299,27 +323,31 @@ static void weigh_half(const cairn_place_map *map, int32_t seer, int32_t seen, c
     for (int32_t s = place->first_scan; s < place->first_scan + place->scan_count; s++) {
         const cairn_oriented_point *points = &map->points[map->scans[s].first_point];
         const uint8_t *doubt = &map->doubt[map->scans[s].first_point];
-        cairn_transform transform = cairn_transform_of(cairn_pose_compose(seer_seen, map->scans[s].place_scan));
+        cairn_transform transform =
+            cairn_transform_of(cairn_pose_compose(seer_seen, map->scans[s].place_scan));
 
         for (int32_t i = 0; i < map->scans[s].point_count; i++) {
             int32_t cell = cell_of(map, cairn_transform_point(transform, points[i].position));
 
             if (cell >= 0 && doubt[i] < CAIRN_POINT_SUSPECT)
-                weigh_point(map, sight[cell], cairn_transform_direction(transform, points[i].direction),
+                weigh_point(map, sight[cell],
+                            cairn_transform_direction(transform, points[i].direction),
                             doubt[i] == CAIRN_POINT_FLOATING, evidence);
         }
     }
 }
 
 /* Square metres of what one place saw free that another one saw free too. */
-static cairn_real shared_space(const cairn_place_map *map, int32_t seer, int32_t seen, cairn_pose seer_seen)
+static cairn_real shared_space(const cairn_place_map *map, int32_t seer, int32_t seen,
+                               cairn_pose seer_seen)
 {
     const uint8_t *sight = sight_of(map, seer);
     cairn_transform transform = cairn_transform_of(seer_seen);
     int32_t shared = 0;
 
     for (int32_t i = 0; i < map->places[seen].free_count; i++) {
-        int32_t at = cell_of(map, cairn_transform_point(transform, cairn_place_map_free_point(map, seen, i)));
+        int32_t at = cell_of(
+            map, cairn_transform_point(transform, cairn_place_map_free_point(map, seen, i)));
 
         shared += at >= 0 && sight[at] == CAIRN_SIGHT_FREE;
     }
@@ -334,9 +362,10 @@ int32_t cairn_place_map_weighing(const cairn_place_map *map, int32_t first, int3
     return 1 + (a->point_count + b->point_count + samples) / 6;
 }
 
-/* Other sides of walls tell much where places see something in common, but whole rooms can be laid back to back: they count no
- * more than the rest that speaks for the pose so many times. */
-cairn_real cairn_place_map_evidence(const cairn_place_map *map, int32_t first, int32_t second, cairn_pose first_second)
+/* Other sides of walls tell much where places see something in common, but whole rooms can be
+ * laid back to back: they count no more than the rest that speaks for the pose so many times. */
+cairn_real cairn_place_map_evidence(const cairn_place_map *map, int32_t first, int32_t second,
+                                    cairn_pose first_second)
 {
     cairn_pose second_first = cairn_pose_inverse(first_second);
     struct evidence evidence = {0, 0, 0};
@@ -347,8 +376,10 @@ cairn_real cairn_place_map_evidence(const cairn_place_map *map, int32_t first, i
     shared = map->places[first].free_count < map->places[second].free_count
                  ? shared_space(map, second, first, second_first)
                  : shared_space(map, first, second, first_second);
-    backs = map->params.for_back * (cairn_real)evidence.backs / (1 + (cairn_real)evidence.backs / MANY);
-    return evidence.pro + cairn_min(backs, BACKS_MOST * evidence.pro) + map->params.for_free * shared - evidence.contra;
+    backs =
+        map->params.for_back * (cairn_real)evidence.backs / (1 + (cairn_real)evidence.backs / MANY);
+    return evidence.pro + cairn_min(backs, BACKS_MOST * evidence.pro) +
+           map->params.for_free * shared - evidence.contra;
 }
 
 /* ---- Doubt ---- */
@@ -356,7 +387,8 @@ cairn_real cairn_place_map_evidence(const cairn_place_map *map, int32_t first, i
 /* m; -1: nothing was hit. */
 static cairn_real range_of(const cairn_beam *beam)
 {
-    return beam->kind == CAIRN_BEAM_HIT ? cairn_vec2_norm(cairn_vec2_sub(beam->to, beam->from)) : -1;
+    return beam->kind == CAIRN_BEAM_HIT ? cairn_vec2_norm(cairn_vec2_sub(beam->to, beam->from))
+                                        : -1;
 }
 
 /* 1 when the beam beside a run shows free space behind it. */
@@ -364,16 +396,18 @@ static int is_open_beside(const cairn_scan_view *view, int32_t beside, cairn_rea
 {
     if (beside < 0 || beside >= view->beam_count)
         return 0;
-    return view->beams[beside].kind == CAIRN_BEAM_FREE || range_of(&view->beams[beside]) > range + JUMP;
+    return view->beams[beside].kind == CAIRN_BEAM_FREE ||
+           range_of(&view->beams[beside]) > range + JUMP;
 }
 
-/* 1 when the hits of a run, beams [from, to), all lie within a body's breadth of the first, and bulge towards the sensor or
- * are too few to tell: flat ones are pieces of walls. */
+/* 1 when the hits of a run, beams [from, to), all lie within a body's breadth of the first, and
+ * bulge towards the sensor or are too few to tell: flat ones are pieces of walls. */
 static int is_body(const cairn_scan_view *view, int32_t from, int32_t to, cairn_real breadth)
 {
     cairn_vec2 first = view->beams[from].to, chord = cairn_vec2_sub(view->beams[to - 1].to, first);
     cairn_real length = cairn_vec2_norm(chord), bulge = 0;
-    cairn_real side = cairn_vec2_cross(chord, cairn_vec2_sub(view->beams[from].from, first)) > 0 ? 1 : -1;
+    cairn_real side =
+        cairn_vec2_cross(chord, cairn_vec2_sub(view->beams[from].from, first)) > 0 ? 1 : -1;
 
     for (int32_t b = from + 1; b < to; b++) {
         cairn_vec2 off = cairn_vec2_sub(view->beams[b].to, first);
@@ -385,16 +419,18 @@ static int is_body(const cairn_scan_view *view, int32_t from, int32_t to, cairn_
     return length < SMALL || bulge > BULGE * length * length;
 }
 
-static void doubt_run(cairn_place_map *map, const cairn_place_scan *scan, const cairn_scan_view *view, int32_t from,
-                      int32_t to)
+static void doubt_run(cairn_place_map *map, const cairn_place_scan *scan,
+                      const cairn_scan_view *view, int32_t from, int32_t to)
 {
     for (int32_t i = 0; i < view->point_count; i++)
         for (int32_t b = from; b < to; b++)
-            if (cairn_vec2_norm_squared(cairn_vec2_sub(view->beams[b].to, view->points[i].position)) < NEAR * NEAR)
+            if (cairn_vec2_norm_squared(
+                    cairn_vec2_sub(view->beams[b].to, view->points[i].position)) < NEAR * NEAR)
                 map->doubt[scan->first_point + i] = CAIRN_POINT_FLOATING;
 }
 
-void cairn_place_map_find_floating(cairn_place_map *map, const cairn_place_scan *scan, const cairn_scan_view *view)
+void cairn_place_map_find_floating(cairn_place_map *map, const cairn_place_scan *scan,
+                                   const cairn_scan_view *view)
 {
     memset(map->doubt + scan->first_point, CAIRN_POINT_SOUND, (size_t)view->point_count);
     for (int32_t from = 0, to; from < view->beam_count; from = to) {
@@ -416,7 +452,8 @@ void cairn_place_map_find_floating(cairn_place_map *map, const cairn_place_scan 
     }
 }
 
-/* How many other places of the part see a point as surface, less those that see free space there. */
+/* How many other places of the part see a point as surface, less those that see free space
+ * there. */
 static int32_t balance_of(const cairn_place_map *map, int32_t place, cairn_vec2 map_point)
 {
     int32_t balance = 0;
@@ -427,7 +464,8 @@ static int32_t balance_of(const cairn_place_map *map, int32_t place, cairn_vec2 
         if (k == place || map->places[k].part != map->places[place].part)
             continue;
         cell = cell_of(
-            map, cairn_transform_point(cairn_transform_of(cairn_pose_inverse(map->places[k].map_place)), map_point));
+            map, cairn_transform_point(
+                     cairn_transform_of(cairn_pose_inverse(map->places[k].map_place)), map_point));
         if (cell >= 0 && sight_of(map, k)[cell] == CAIRN_SIGHT_FREE)
             balance--;
         else if (cell >= 0 && sight_of(map, k)[cell] >= CAIRN_SIGHT_ROUGH)
@@ -442,15 +480,18 @@ void cairn_place_map_doubt(cairn_place_map *map, int32_t place, int32_t is_last)
 
     for (int32_t s = here->first_scan; s < here->first_scan + here->scan_count; s++) {
         const cairn_place_scan *scan = &map->scans[s];
-        cairn_transform transform = cairn_transform_of(cairn_pose_compose(here->map_place, scan->place_scan));
+        cairn_transform transform =
+            cairn_transform_of(cairn_pose_compose(here->map_place, scan->place_scan));
 
         for (int32_t i = 0; i < scan->point_count; i++) {
             const cairn_oriented_point *point = &map->points[scan->first_point + i];
             uint8_t *doubt = &map->doubt[scan->first_point + i];
             int32_t least = is_last && (*doubt & CAIRN_POINT_FLOATING) ? 1 : 0;
-            int is_suspect = balance_of(map, place, cairn_transform_point(transform, point->position)) < least;
+            int is_suspect =
+                balance_of(map, place, cairn_transform_point(transform, point->position)) < least;
 
-            *doubt = (uint8_t)((*doubt & CAIRN_POINT_FLOATING) | (is_suspect ? CAIRN_POINT_SUSPECT : 0));
+            *doubt =
+                (uint8_t)((*doubt & CAIRN_POINT_FLOATING) | (is_suspect ? CAIRN_POINT_SUSPECT : 0));
         }
     }
     map->debt += 1 + here->point_count * map->place_count / 2;

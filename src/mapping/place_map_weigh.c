@@ -9,13 +9,15 @@
 /* Standard deviations within which evidence changes little, m and rad. */
 static const cairn_real WEIGHED = CAIRN_REAL(0.05), WEIGHED_ANGLE = CAIRN_REAL(0.02);
 
-/* A hypothesis is polished by steps of so much, m and rad, that are halved so often, in at most so many moves, and only for so
- * many nats: where matches are good they are more exact than evidence. */
+/* A hypothesis is polished by steps of so much, m and rad, that are halved so often, in at most
+ * so many moves, and only for so many nats: where matches are good they are more exact than
+ * evidence. */
 static const cairn_real POLISH_STEP = CAIRN_REAL(0.08), POLISH_TURN = CAIRN_REAL(0.02), WORTH = 1;
 enum { POLISH_HALVINGS = 3, POLISH_MOVES = 10 };
 
-/* The evidence of a hypothesis holds where it was weighed: directions in which the match left the pose open are bounded, so
- * that it does not speak for poses along a wall or about a round body that were never looked at. */
+/* The evidence of a hypothesis holds where it was weighed: directions in which the match left
+ * the pose open are bounded, so that it does not speak for poses along a wall or about a round
+ * body that were never looked at. */
 static void bound_covariance(const cairn_real in[9], cairn_real out[9])
 {
     cairn_sym3 covariance = {in[0], in[1], in[2], in[4], in[5], in[8]}, information, bounded;
@@ -36,8 +38,8 @@ static void bound_covariance(const cairn_real in[9], cairn_real out[9])
     out[8] = bounded.zz;
 }
 
-void cairn_place_map_keep(cairn_place_map *map, int32_t first, int32_t second, cairn_pose first_second,
-                          const cairn_real covariance[9])
+void cairn_place_map_keep(cairn_place_map *map, int32_t first, int32_t second,
+                          cairn_pose first_second, const cairn_real covariance[9])
 {
     cairn_pose_hypothesis *kept = &map->hypotheses[map->hypothesis_count];
 
@@ -50,7 +52,8 @@ void cairn_place_map_keep(cairn_place_map *map, int32_t first, int32_t second, c
     map->hypothesis_count++;
 }
 
-cairn_real cairn_place_map_weigh(cairn_place_map *map, int32_t first, int32_t second, cairn_pose first_second)
+cairn_real cairn_place_map_weigh(cairn_place_map *map, int32_t first, int32_t second,
+                                 cairn_pose first_second)
 {
     map->debt += cairn_place_map_weighing(map, first, second);
     return cairn_place_map_evidence(map, first, second, first_second);

@@ -72,20 +72,34 @@ struct cairn_place_map {
     cairn_scan_match *match;
     cairn_pose_consensus *consensus;
     cairn_icp *icp;
-    cairn_aligner *aligner;             /* NULL unless scans are aligned jointly */
-    cairn_place *places;                /* [max_places] */
-    cairn_place_scan *scans;            /* [max_scans] */
-    cairn_oriented_point *points;       /* [max_places * max_place_points] of scans, in their frames */
-    uint8_t *doubt;                     /* [as points] */
-    cairn_pose_hypothesis *hypotheses;  /* [consensus.max_hypotheses] all that matches gave */
-    cairn_beam *beams;                  /* [max_places * max_place_beams] */
-    uint8_t *sight;                     /* [max_places][side][side] */
-    int32_t *free_cells;                /* [max_places][(side / CAIRN_SIGHT_STRIDE)^2] sample of those seen free */
-    int32_t *seers;                     /* [max_places] places among which one is weighed, ... */
-    cairn_transform *seers_map;         /* ... and the map seen from them */
-    cairn_oriented_point *query_points; /* [max_places * max_place_points] of the query, in its place's frame */
-    cairn_beam *query_beams;            /* [max_place_beams] */
-    int32_t side;                       /* cells of a place's sight */
+    /* NULL unless scans are aligned jointly */
+    cairn_aligner *aligner;
+    /* [max_places] */
+    cairn_place *places;
+    /* [max_scans] */
+    cairn_place_scan *scans;
+    /* [max_places * max_place_points] of scans, in their frames */
+    cairn_oriented_point *points;
+    /* [as points] */
+    uint8_t *doubt;
+    /* [consensus.max_hypotheses] all that matches gave */
+    cairn_pose_hypothesis *hypotheses;
+    /* [max_places * max_place_beams] */
+    cairn_beam *beams;
+    /* [max_places][side][side] */
+    uint8_t *sight;
+    /* [max_places][(side / CAIRN_SIGHT_STRIDE)^2] sample of those seen free */
+    int32_t *free_cells;
+    /* [max_places] places among which one is weighed, ... */
+    int32_t *seers;
+    /* ... and the map seen from them */
+    cairn_transform *seers_map;
+    /* [max_places * max_place_points] of the query, in its place's frame */
+    cairn_oriented_point *query_points;
+    /* [max_place_beams] */
+    cairn_beam *query_beams;
+    /* cells of a place's sight */
+    int32_t side;
     cairn_vec2 directions[CAIRN_SIGHT_DIRECTIONS];
     int32_t place_count, scan_count, point_count, beam_count, hypothesis_count;
 
@@ -107,10 +121,12 @@ struct cairn_place_map {
 int32_t cairn_place_map_side(const cairn_place_map_params *params);
 
 /* Marks the points of a scan, added last, that float. */
-void cairn_place_map_find_floating(cairn_place_map *map, const cairn_place_scan *scan, const cairn_scan_view *view);
+void cairn_place_map_find_floating(cairn_place_map *map, const cairn_place_scan *scan,
+                                   const cairn_scan_view *view);
 
-/* Marks the points of a place that other places of its part see through, and none that they see as surface as often; for
- * is_last also those on bodies that no other place sees where they stood. */
+/* Marks the points of a place that other places of its part see through, and none that they see
+ * as surface as often; for is_last also those on bodies that no other place sees where they
+ * stood. */
 void cairn_place_map_doubt(cairn_place_map *map, int32_t place, int32_t is_last);
 
 /* One beam or point of a place into its sight; 0 when there are none left. */
@@ -124,10 +140,12 @@ int32_t cairn_place_map_weighing(const cairn_place_map *map, int32_t first, int3
 
 /* Nats for two places to lie so: of the points of each on surfaces of the other and of space that
  * both saw free, less points in the other's free space. */
-cairn_real cairn_place_map_evidence(const cairn_place_map *map, int32_t first, int32_t second, cairn_pose first_second);
+cairn_real cairn_place_map_evidence(const cairn_place_map *map, int32_t first, int32_t second,
+                                    cairn_pose first_second);
 
 /* What a place saw at a point in its own frame. */
-int32_t cairn_place_map_saw(const cairn_place_map *map, int32_t place, cairn_vec2 point, cairn_vec2 direction);
+int32_t cairn_place_map_saw(const cairn_place_map *map, int32_t place, cairn_vec2 point,
+                            cairn_vec2 direction);
 
 /* Point `i` of the sample of free space, in the place's frame. */
 cairn_vec2 cairn_place_map_free_point(const cairn_place_map *map, int32_t place, int32_t i);
@@ -135,24 +153,26 @@ cairn_vec2 cairn_place_map_free_point(const cairn_place_map *map, int32_t place,
 /* Square metres that a point of the sample of free space stands for. */
 cairn_real cairn_place_map_free_area(const cairn_place_map *map);
 
-/* Nats for a place to lie so among all others of a part, each surface counted once however many saw it, and what of that
- * speaks against it: the jury of the consensus. */
+/* Nats for a place to lie so among all others of a part, each surface counted once however many
+ * saw it, and what of that speaks against it: the jury of the consensus. */
 cairn_real cairn_place_map_among(const cairn_place_map *map, int32_t place, cairn_pose map_place,
-                                 const cairn_pose *map_places, const int32_t *parts, int32_t part, cairn_real *against,
-                                 int32_t *units);
+                                 const cairn_pose *map_places, const int32_t *parts, int32_t part,
+                                 cairn_real *against, int32_t *units);
 
 /* Evidence of two places, charged. */
-cairn_real cairn_place_map_weigh(cairn_place_map *map, int32_t first, int32_t second, cairn_pose first_second);
+cairn_real cairn_place_map_weigh(cairn_place_map *map, int32_t first, int32_t second,
+                                 cairn_pose first_second);
 
 /* Covariance of map_query seen from a place that is turned by theta in the map. */
 void cairn_place_map_turn(const cairn_real in[9], cairn_real theta, cairn_real out[9]);
 
-/* Keeps a hypothesis, its covariance bounded to where its evidence holds. When the store is full no more is taken: what came
- * first came from better matches. */
-void cairn_place_map_keep(cairn_place_map *map, int32_t first, int32_t second, cairn_pose first_second,
-                          const cairn_real covariance[9]);
+/* Keeps a hypothesis, its covariance bounded to where its evidence holds. When the store is full
+ * no more is taken: what came first came from better matches. */
+void cairn_place_map_keep(cairn_place_map *map, int32_t first, int32_t second,
+                          cairn_pose first_second, const cairn_real covariance[9]);
 
-/* Moves a hypothesis to a pose near it that has more evidence, if there is one, and returns the evidence. */
+/* Moves a hypothesis to a pose near it that has more evidence, if there is one, and returns the
+ * evidence. */
 cairn_real cairn_place_map_polish(cairn_place_map *map, cairn_pose_hypothesis *hypothesis);
 
 /* ---- Shared by the modes ---- */
@@ -169,7 +189,8 @@ void cairn_place_map_finish(cairn_place_map *map);
 void cairn_place_map_written_extend(cairn_place_map *map);
 void cairn_place_map_written_item(cairn_place_map *map, cairn_budget *budget);
 
-/* Does one item and adds its cost to the debt; items of the match, the consensus and icp take from the budget instead. */
+/* Does one item and adds its cost to the debt; items of the match, the consensus and icp take
+ * from the budget instead. */
 void cairn_place_map_item(cairn_place_map *map, cairn_budget *budget);
 
 #endif

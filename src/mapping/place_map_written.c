@@ -1,10 +1,14 @@
 /* The map of Adluru 2008, chapter 6, as written: place after place, each with the last few.
  *
- * Method. 1. The target is the union of the last `recent` places that were placed, each one part in the order of its readings.
- * 2. The place, its scans one after the other, is matched with it by shape and ICP (scan_match, mode as_written), from the position of the
- * place before and the heading of the first. 3. On request each of its scans is aligned by itself by the same ICP with the same target.
+ * Method. 1. The target is the union of the last `recent` places that were placed, each one part in
+ * the order of its readings.
+ * 2. The place, its scans one after the other, is matched with it by shape and ICP (scan_match,
+ *    mode as_written), from the position of the
+ * place before and the heading of the first. 3. On request each of its scans is aligned by itself
+ * by the same ICP with the same target.
  *
- * `next` counts the scans of the place that are decoupled; `place` is the number of places of the last complete map. */
+ * `next` counts the scans of the place that are decoupled; `place` is the number of places of
+ * the last complete map. */
 #include "src/core/build.h"
 
 #include "src/mapping/place_map_work.h"
@@ -12,13 +16,15 @@
 enum { POINTS_TO_UNIT = 16 };
 
 /* The points of a scan, moved, behind what is there. Returns the number of points then. */
-static int32_t append_scan(cairn_place_map *map, const cairn_place_scan *scan, cairn_pose pose, int32_t count)
+static int32_t append_scan(cairn_place_map *map, const cairn_place_scan *scan, cairn_pose pose,
+                           int32_t count)
 {
     cairn_transform t = cairn_transform_of(pose);
 
     for (int32_t i = scan->first_point; i < scan->first_point + scan->point_count; i++) {
         map->query_points[count].position = cairn_transform_point(t, map->points[i].position);
-        map->query_points[count++].direction = cairn_transform_direction(t, map->points[i].direction);
+        map->query_points[count++].direction =
+            cairn_transform_direction(t, map->points[i].direction);
     }
     map->debt += scan->point_count / POINTS_TO_UNIT;
     return count;
@@ -153,10 +159,12 @@ static void decouple_item(cairn_place_map *map, cairn_budget *budget)
         map->debt++;
         next_place(map);
     } else {
-        cairn_scan_match_part part = {map->points + scan->first_point, NULL, NULL, scan->point_count, 0, 0};
+        cairn_scan_match_part part = {
+            map->points + scan->first_point, NULL, NULL, scan->point_count, 0, 0};
 
         map->debt++;
-        map->running = cairn_scan_match_begin_icp(map->match, &part, scan->map_scan, NULL) == CAIRN_OK;
+        map->running =
+            cairn_scan_match_begin_icp(map->match, &part, scan->map_scan, NULL) == CAIRN_OK;
         map->next += !map->running;
     }
 }

@@ -1,25 +1,30 @@
 /* Consensus over rival relative poses.
  *
- * A hypothesis earns its score times 1 - chi^2 / gate when two poses agree with it, and a pair earns the best of its
- * hypotheses. That of a node is the sum over the pairs with the placed nodes of its part; that of a map the sum over all
- * pairs. The growth from one start is greedy in this sum, to which the choice of the next node adds what the ways round by
- * third nodes say for the hypothesis that proposes it: with few nodes placed, that is what tells a true hypothesis from a
- * strong one. After each placement the poses are relaxed, node by node, so that errors do not add up along chains. Parts
- * that single nodes could not join are then laid together as wholes, and every node is chosen again given all others (iterated
- * conditional modes, Besag 1986) until nothing changes. At last the best map is cut at every pair that its strongest pairs alone hold it
- * together by, and the smaller side is laid where all hypotheses and the judge give it most (pose_consensus_block.c), as
- * nodes that hold each other never move alone. A growth starts from the strongest hypothesis that
- * no map found so far agrees with, so that the starts differ where it matters, and the sum of the map decides between them.
+ * A hypothesis earns its score times 1 - chi^2 / gate when two poses agree with it, and a pair
+ * earns the best of its hypotheses. That of a node is the sum over the pairs with the placed nodes
+ * of its part; that of a map the sum over all pairs. The growth from one start is greedy in this
+ * sum, to which the choice of the next node adds what the ways round by third nodes say for the
+ * hypothesis that proposes it: with few nodes placed, that is what tells a true hypothesis from a
+ * strong one. After each placement the poses are relaxed, node by node, so that errors do not add
+ * up along chains. Parts that single nodes could not join are then laid together as wholes, and
+ * every node is chosen again given all others (iterated conditional modes, Besag 1986) until
+ * nothing changes. At last the best map is cut at every pair that its strongest pairs alone hold it
+ * together by, and the smaller side is laid where all hypotheses and the judge give it most
+ * (pose_consensus_block.c), as nodes that hold each other never move alone. A growth starts from
+ * the strongest hypothesis that no map found so far agrees with, so that the starts differ where it
+ * matters, and the sum of the map decides between them.
  *
- * Layout: hypotheses in the order of their coming; links sorted by node, other node and hypothesis, so that a node's evidence
- * is one run and that of a pair a run within it. Three maps: the one that grows, the best, and the best other one.
+ * Layout: hypotheses in the order of their coming; links sorted by node, other node and hypothesis,
+ * so that a node's evidence is one run and that of a pair a run within it. Three maps: the one that
+ * grows, the best, and the best other one.
  *
- * Limits: the sum has many local maxima and the search is greedy; a map is found when from one of the starts every step of
- * the growth finds more evidence for the true candidate than for false ones. Whether evidence of several pairs is
- * independent is for the caller to know: weights are as good as the scores.
+ * Limits: the sum has many local maxima and the search is greedy; a map is found when from one of
+ * the starts every step of the growth finds more evidence for the true candidate than for false
+ * ones. Whether evidence of several pairs is independent is for the caller to know: weights are as
+ * good as the scores.
  *
- * Source: after the set-maximal consistent measurements of Mangelsdorf et al. 2018 and the growth by voting of map merging
- * (Adluru 2008, chapter 9), with rival hypotheses of one pair. */
+ * Source: after the set-maximal consistent measurements of Mangelsdorf et al. 2018 and the
+ * growth by voting of map merging (Adluru 2008, chapter 9), with rival hypotheses of one pair. */
 #include "src/core/build.h"
 
 #include <string.h>
@@ -28,7 +33,8 @@
 
 enum { MAX_NODES = 1 << 16, MAX_HYPOTHESES = 1 << 20, MAX_LISTED = 32 };
 
-/* Coordinates, variances and scores beyond this are refused, so that no square overflows in float. */
+/* Coordinates, variances and scores beyond this are refused, so that no square overflows in
+ * float. */
 static const cairn_real LIMIT = CAIRN_REAL(1e6);
 
 cairn_pose_consensus_params cairn_pose_consensus_default(void)
@@ -45,11 +51,13 @@ static int is_positive(cairn_real x)
 
 static int params_are_good(const cairn_pose_consensus_params *params)
 {
-    return params != NULL && params->max_nodes >= 1 && params->max_nodes <= MAX_NODES && params->max_hypotheses >= 1 &&
-           params->max_hypotheses <= MAX_HYPOTHESES && params->max_starts >= 1 && params->max_rounds >= 0 &&
-           params->max_candidates >= 1 && params->max_candidates <= MAX_LISTED && params->max_alternatives >= 0 &&
-           params->max_alternatives <= MAX_LISTED && is_positive(params->sigma) && is_positive(params->sigma_angle) &&
-           is_positive(params->gate) && params->contradiction >= 0 && params->contradiction <= LIMIT &&
+    return params != NULL && params->max_nodes >= 1 && params->max_nodes <= MAX_NODES &&
+           params->max_hypotheses >= 1 && params->max_hypotheses <= MAX_HYPOTHESES &&
+           params->max_starts >= 1 && params->max_rounds >= 0 && params->max_candidates >= 1 &&
+           params->max_candidates <= MAX_LISTED && params->max_alternatives >= 0 &&
+           params->max_alternatives <= MAX_LISTED && is_positive(params->sigma) &&
+           is_positive(params->sigma_angle) && is_positive(params->gate) &&
+           params->contradiction >= 0 && params->contradiction <= LIMIT &&
            is_positive(params->min_support) && params->ambiguous > 0 && params->ambiguous < 1 &&
            params->believed >= 0 && params->believed <= LIMIT;
 }
@@ -72,10 +80,12 @@ static cairn_pose_consensus *carve(cairn_pool *pool, const cairn_pose_consensus_
     made.rival = cairn_pool_take(pool, nodes, sizeof *made.rival);
     made.tree = cairn_pool_take(pool, nodes, sizeof *made.tree);
     made.nodes = cairn_pool_take(pool, nodes, sizeof *made.nodes);
-    made.alternatives = cairn_pool_take(pool, nodes * (size_t)params->max_alternatives, sizeof *made.alternatives);
+    made.alternatives =
+        cairn_pool_take(pool, nodes * (size_t)params->max_alternatives, sizeof *made.alternatives);
     made.jury_poses = cairn_pool_take(pool, nodes, sizeof *made.jury_poses);
     made.jury_parts = cairn_pool_take(pool, nodes, sizeof *made.jury_parts);
-    made.candidates = cairn_pool_take(pool, (size_t)params->max_candidates, sizeof *made.candidates);
+    made.candidates =
+        cairn_pool_take(pool, (size_t)params->max_candidates, sizeof *made.candidates);
     if (c != NULL)
         *c = made;
     return c;
@@ -133,12 +143,13 @@ static int is_beyond_limit(cairn_pose pose)
     return !(cairn_abs(pose.x) <= LIMIT && cairn_abs(pose.y) <= LIMIT);
 }
 
-static cairn_status check_hypothesis(const cairn_pose_consensus *consensus, const cairn_pose_hypothesis *h,
-                                     cairn_fault *fault)
+static cairn_status check_hypothesis(const cairn_pose_consensus *consensus,
+                                     const cairn_pose_hypothesis *h, cairn_fault *fault)
 {
-    if (h->first < 0 || h->second < 0 || h->first >= consensus->node_count || h->second >= consensus->node_count ||
-        h->first == h->second)
-        return cairn_refuse(fault, -1, "the hypothesis is not about two of the nodes", CAIRN_BAD_ARGUMENT);
+    if (h->first < 0 || h->second < 0 || h->first >= consensus->node_count ||
+        h->second >= consensus->node_count || h->first == h->second)
+        return cairn_refuse(fault, -1, "the hypothesis is not about two of the nodes",
+                            CAIRN_BAD_ARGUMENT);
     if (!cairn_pose_is_finite(h->first_second))
         return cairn_refuse(fault, -1, "the relative pose is not finite", CAIRN_NOT_FINITE);
     for (int k = 0; k < 9; k++)
@@ -151,19 +162,21 @@ static cairn_status check_hypothesis(const cairn_pose_consensus *consensus, cons
 }
 
 /* The inverse of the covariance with the nodes' own sigmas; 0 when it has none. */
-static int32_t information_of(const cairn_pose_consensus_params *params, const cairn_pose_hypothesis *h,
-                              cairn_sym3 *information)
+static int32_t information_of(const cairn_pose_consensus_params *params,
+                              const cairn_pose_hypothesis *h, cairn_sym3 *information)
 {
     const cairn_real *c = h->covariance;
-    cairn_real x = h->first_second.x, y = h->first_second.y, turn = params->sigma_angle * params->sigma_angle;
+    cairn_real x = h->first_second.x, y = h->first_second.y,
+               turn = params->sigma_angle * params->sigma_angle;
     cairn_real shift = params->sigma * params->sigma + turn * (x * x + y * y);
-    cairn_sym3 sum = {c[0] + shift, (c[1] + c[3]) / 2, (c[2] + c[6]) / 2, c[4] + shift, (c[5] + c[7]) / 2, c[8] + turn};
+    cairn_sym3 sum = {c[0] + shift, (c[1] + c[3]) / 2, (c[2] + c[6]) / 2,
+                      c[4] + shift, (c[5] + c[7]) / 2, c[8] + turn};
 
     return c[0] <= LIMIT && c[4] <= LIMIT && c[8] <= LIMIT && cairn_sym3_inverse(sum, information);
 }
 
-cairn_status cairn_pose_consensus_add(cairn_pose_consensus *consensus, const cairn_pose_hypothesis *hypothesis,
-                                      cairn_fault *fault)
+cairn_status cairn_pose_consensus_add(cairn_pose_consensus *consensus,
+                                      const cairn_pose_hypothesis *hypothesis, cairn_fault *fault)
 {
     cairn_kept_hypothesis kept;
     cairn_status status;
@@ -174,7 +187,8 @@ cairn_status cairn_pose_consensus_add(cairn_pose_consensus *consensus, const cai
     if (status != CAIRN_OK)
         return status;
     if (!information_of(&consensus->params, hypothesis, &kept.information))
-        return cairn_refuse(fault, -1, "the covariance is not positive, or above 1e6", CAIRN_BAD_ARGUMENT);
+        return cairn_refuse(fault, -1, "the covariance is not positive, or above 1e6",
+                            CAIRN_BAD_ARGUMENT);
     if (consensus->hypothesis_count == consensus->params.max_hypotheses)
         return cairn_refuse(fault, -1, "more hypotheses than max_hypotheses", CAIRN_FULL);
     kept.first = hypothesis->first;
@@ -189,8 +203,8 @@ cairn_status cairn_pose_consensus_add(cairn_pose_consensus *consensus, const cai
     return CAIRN_OK;
 }
 
-cairn_status cairn_pose_consensus_bound(cairn_pose_consensus *consensus, int32_t node, cairn_pose map_node,
-                                        cairn_real metres, cairn_real radians)
+cairn_status cairn_pose_consensus_bound(cairn_pose_consensus *consensus, int32_t node,
+                                        cairn_pose map_node, cairn_real metres, cairn_real radians)
 {
     cairn_node_bound bound = {map_node, metres, radians};
 
@@ -206,14 +220,16 @@ cairn_status cairn_pose_consensus_bound(cairn_pose_consensus *consensus, int32_t
     return CAIRN_OK;
 }
 
-void cairn_pose_consensus_judge_by(cairn_pose_consensus *consensus, cairn_pose_judge judge, void *context)
+void cairn_pose_consensus_judge_by(cairn_pose_consensus *consensus, cairn_pose_judge judge,
+                                   void *context)
 {
     consensus->judge = judge;
     consensus->judge_context = context;
     reset(consensus);
 }
 
-void cairn_pose_consensus_jury_by(cairn_pose_consensus *consensus, cairn_pose_jury jury, void *context)
+void cairn_pose_consensus_jury_by(cairn_pose_consensus *consensus, cairn_pose_jury jury,
+                                  void *context)
 {
     consensus->jury = jury;
     consensus->jury_context = context;
@@ -304,7 +320,8 @@ cairn_status cairn_pose_consensus_begin(cairn_pose_consensus *consensus)
 
 static int has_result(const cairn_pose_consensus *consensus)
 {
-    return consensus->phase == CAIRN_CONSENSUS_IDLE && consensus->debt == 0 && consensus->result.nodes > 0;
+    return consensus->phase == CAIRN_CONSENSUS_IDLE && consensus->debt == 0 &&
+           consensus->result.nodes > 0;
 }
 
 cairn_status cairn_pose_consensus_islands(cairn_pose_consensus *consensus)
@@ -355,11 +372,13 @@ cairn_consensus_node cairn_pose_consensus_node(const cairn_pose_consensus *conse
     cairn_consensus_node none;
 
     memset(&none, 0, sizeof none);
-    return has_result(consensus) && node >= 0 && node < consensus->node_count ? consensus->nodes[node] : none;
+    return has_result(consensus) && node >= 0 && node < consensus->node_count
+               ? consensus->nodes[node]
+               : none;
 }
 
-cairn_consensus_alternative cairn_pose_consensus_alternative(const cairn_pose_consensus *consensus, int32_t node,
-                                                             int32_t index)
+cairn_consensus_alternative cairn_pose_consensus_alternative(const cairn_pose_consensus *consensus,
+                                                             int32_t node, int32_t index)
 {
     cairn_consensus_alternative none;
 
@@ -378,5 +397,6 @@ int32_t cairn_pose_consensus_agrees(const cairn_pose_consensus *consensus, int32
     h = &consensus->hypotheses[hypothesis];
     return consensus->nodes[h->first].part == consensus->nodes[h->second].part &&
            cairn_consensus_chi(h, cairn_turned_of(consensus->nodes[h->first].map_node),
-                               cairn_turned_of(consensus->nodes[h->second].map_node), NULL) < consensus->params.gate;
+                               cairn_turned_of(consensus->nodes[h->second].map_node),
+                               NULL) < consensus->params.gate;
 }

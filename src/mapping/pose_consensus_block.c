@@ -1,10 +1,11 @@
 /* pose_consensus: blocks of nodes that hang by a single pair are laid anew as wholes.
  *
- * Choosing node by node cannot move two nodes that hold each other where they are. The tree of the strongest pairs of the best
- * map (Prim 1957) says where it could come apart: cut at any of its pairs, the smaller side is a block, every hypothesis
- * between the block and the rest proposes where it could lie instead, and it goes where evidence of all pairs is most. On
- * request blocks whose evidence could be chance are told as islands in the end: what has nothing in common lies nowhere to each
- * other, however well it can be fitted. */
+ * Choosing node by node cannot move two nodes that hold each other where they are. The tree of
+ * the strongest pairs of the best map (Prim 1957) says where it could come apart: cut at any of
+ * its pairs, the smaller side is a block, every hypothesis between the block and the rest
+ * proposes where it could lie instead, and it goes where evidence of all pairs is most. On
+ * request blocks whose evidence could be chance are told as islands in the end: what has nothing
+ * in common lies nowhere to each other, however well it can be fitted. */
 #include "src/core/build.h"
 
 #include <string.h>
@@ -14,8 +15,8 @@
 /* A block moves only for more support than rounding makes. */
 static const cairn_real MOVE = CAIRN_REAL(1e-4);
 
-/* Times what one node needs to be believed, for a block of several: what it shares with the rest by chance is seen, and so
- * counted, by several of its nodes, and there are more ways to lay it. */
+/* Times what one node needs to be believed, for a block of several: what it shares with the rest
+ * by chance is seen, and so counted, by several of its nodes, and there are more ways to lay it. */
 static const cairn_real SEVERAL = 4;
 
 void cairn_consensus_begin_tree(cairn_pose_consensus *c)
@@ -34,7 +35,8 @@ void cairn_consensus_begin_tree(cairn_pose_consensus *c)
 
 void cairn_consensus_begin_blocks(cairn_pose_consensus *c)
 {
-    if (c->result.starts == 0 || c->passes >= c->params.max_rounds || (c->passes > 0 && c->total < c->result.total)) {
+    if (c->result.starts == 0 || c->passes >= c->params.max_rounds ||
+        (c->passes > 0 && c->total < c->result.total)) {
         cairn_consensus_begin_report(c);
         return;
     }
@@ -52,8 +54,8 @@ static int32_t next_branch(const cairn_pose_consensus *c)
 
         if (branch->is_in)
             continue;
-        if (best < 0 ||
-            (branch->parent >= 0 && (c->tree[best].parent < 0 || branch->evidence > c->tree[best].evidence)))
+        if (best < 0 || (branch->parent >= 0 &&
+                         (c->tree[best].parent < 0 || branch->evidence > c->tree[best].evidence)))
             best = i;
     }
     return best;
@@ -101,8 +103,8 @@ static int hangs_by(const cairn_pose_consensus *c, int32_t node, int32_t branch)
     return node == branch;
 }
 
-/* Makes the smaller side of the cut above a node a part of its own; of a root, its whole part unless that holds most nodes.
- * Returns its size. */
+/* Makes the smaller side of the cut above a node a part of its own; of a root, its whole part
+ * unless that holds most nodes. Returns its size. */
 static int32_t cut_off(cairn_pose_consensus *c, int32_t branch)
 {
     int32_t below = 0, all = 0, takes_below, size, is_root = c->tree[branch].parent < 0;
@@ -167,8 +169,8 @@ static void lay_block(cairn_pose_consensus *c)
     cairn_consensus_enter(c, CAIRN_CONSENSUS_BLOCK, 0);
 }
 
-/* Where the next hypothesis would lay the block. All pairs of the block are weighed only when those of its own node speak for
- * it. */
+/* Where the next hypothesis would lay the block. All pairs of the block are weighed only when
+ * those of its own node speak for it. */
 void cairn_consensus_propose_item(cairn_pose_consensus *c)
 {
     const cairn_kept_hypothesis *h = &c->hypotheses[c->next];
@@ -184,12 +186,14 @@ void cairn_consensus_propose_item(cairn_pose_consensus *c)
     c->next++;
     inside = c->chart[h->first].part == c->parts ? h->first : h->second;
     outside = inside == h->first ? h->second : h->first;
-    if (c->chart[inside].part != c->parts || c->chart[outside].part < 0 || c->chart[outside].part == c->parts)
+    if (c->chart[inside].part != c->parts || c->chart[outside].part < 0 ||
+        c->chart[outside].part == c->parts)
         return;
     memset(&merge, 0, sizeof merge);
     merge.node = c->parts;
     merge.part = c->chart[outside].part;
-    merge.pose = cairn_turned_compose(c->chart[outside].pose, cairn_consensus_seen_from(h, outside));
+    merge.pose =
+        cairn_turned_compose(c->chart[outside].pose, cairn_consensus_seen_from(h, outside));
     own = cairn_consensus_support_of(c, inside, merge.pose, merge.part, 1);
     c->debt += own.units;
     if (!(own.sum > 0))
@@ -202,8 +206,9 @@ void cairn_consensus_propose_item(cairn_pose_consensus *c)
 
 /* ---- What is not believed ---- */
 
-/* Nats that the block lacks to be believed where it lies; not above 0: none. Of several nodes all that speaks for them counts:
- * contradictions are those of people who walked there where a block is right, and few where chance was chosen for it. */
+/* Nats that the block lacks to be believed where it lies; not above 0: none. Of several nodes
+ * all that speaks for them counts: contradictions are those of people who walked there where a
+ * block is right, and few where chance was chosen for it. */
 static cairn_real lack_of_block(cairn_pose_consensus *c)
 {
     cairn_real support = 0, against = 0;
@@ -211,14 +216,16 @@ static cairn_real lack_of_block(cairn_pose_consensus *c)
 
     for (int32_t i = 0; i < c->node_count; i++)
         if (c->chart[i].part == c->parts) {
-            cairn_consensus_support of = cairn_consensus_support_of(c, i, c->chart[i].pose, c->whole, 1);
+            cairn_consensus_support of =
+                cairn_consensus_support_of(c, i, c->chart[i].pose, c->whole, 1);
 
             support += of.sum;
             against += of.against;
             size++;
             c->debt += of.units;
         }
-    return size > 1 ? SEVERAL * c->params.believed - (support + against) : c->params.believed - (support - against);
+    return size > 1 ? SEVERAL * c->params.believed - (support + against)
+                    : c->params.believed - (support - against);
 }
 
 /* What hangs at a node becomes an island of its own. */
@@ -228,7 +235,8 @@ static void part_from(cairn_pose_consensus *c, int32_t node)
     memcpy(c->best, c->chart, (size_t)c->node_count * sizeof *c->best);
 }
 
-/* Finds the first node of the next node's island, and how many nodes it has; a node that is not placed is one by itself. */
+/* Finds the first node of the next node's island, and how many nodes it has; a node that is not
+ * placed is one by itself. */
 void cairn_consensus_island_item(cairn_pose_consensus *c)
 {
     int32_t node = c->next, size = 0, first = node;
@@ -249,8 +257,8 @@ void cairn_consensus_island_item(cairn_pose_consensus *c)
     c->fill[node] = size;
 }
 
-/* Numbers the island of the next node within its part of the result: larger ones come first, of equal ones that of the lower
- * node. Nodes of all but the first are in doubt. */
+/* Numbers the island of the next node within its part of the result: larger ones come first, of
+ * equal ones that of the lower node. Nodes of all but the first are in doubt. */
 void cairn_consensus_number_item(cairn_pose_consensus *c)
 {
     int32_t own = c->next, first;

@@ -3,8 +3,8 @@
 
 #include "src/mapping/pose_consensus_work.h"
 
-/* Nodes lie within this many times their bounds after the best common motion, which least squares find, not the least of
- * the largest error. */
+/* Nodes lie within this many times their bounds after the best common motion, which least
+ * squares find, not the least of the largest error. */
 static const cairn_real BOUND_SLACK = CAIRN_REAL(1.5);
 static const cairn_real SAME = 5;
 /* Ways round by a third node carry the errors of two hypotheses more. */
@@ -26,11 +26,12 @@ cairn_pose cairn_turned_pose_of(cairn_turned_pose turned)
     return pose;
 }
 
-/* Angles are taken from the sums of theta, so that sines and cosines that are multiplied many times cannot drift: they are
- * made anew. */
+/* Angles are taken from the sums of theta, so that sines and cosines that are multiplied many
+ * times cannot drift: they are made anew. */
 cairn_turned_pose cairn_turned_compose(cairn_turned_pose a_b, cairn_turned_pose b_c)
 {
-    cairn_vec2 origin = {b_c.transform.x, b_c.transform.y}, moved = cairn_transform_point(a_b.transform, origin);
+    cairn_vec2 origin = {b_c.transform.x, b_c.transform.y},
+               moved = cairn_transform_point(a_b.transform, origin);
     cairn_pose a_c = {moved.x, moved.y, cairn_wrap_angle(a_b.theta + b_c.theta)};
 
     return cairn_turned_of(a_c);
@@ -41,7 +42,8 @@ cairn_turned_pose cairn_turned_inverse(cairn_turned_pose a_b)
     return cairn_turned_of(cairn_pose_inverse(cairn_turned_pose_of(a_b)));
 }
 
-int32_t cairn_consensus_same(const cairn_pose_consensus *consensus, cairn_turned_pose a, cairn_turned_pose b)
+int32_t cairn_consensus_same(const cairn_pose_consensus *consensus, cairn_turned_pose a,
+                             cairn_turned_pose b)
 {
     cairn_real x = a.transform.x - b.transform.x, y = a.transform.y - b.transform.y;
     cairn_real reach = SAME * consensus->params.sigma;
@@ -55,8 +57,9 @@ cairn_real cairn_consensus_chi(const cairn_kept_hypothesis *hypothesis, cairn_tu
 {
     cairn_transform a = map_first.transform, z = hypothesis->first_second.transform;
     cairn_real x = map_second.transform.x - a.x, y = map_second.transform.y - a.y;
-    cairn_real error[3] = {a.cosine * x + a.sine * y - z.x, a.cosine * y - a.sine * x - z.y,
-                           cairn_wrap_angle(map_second.theta - map_first.theta - hypothesis->first_second.theta)};
+    cairn_real error[3] = {
+        a.cosine * x + a.sine * y - z.x, a.cosine * y - a.sine * x - z.y,
+        cairn_wrap_angle(map_second.theta - map_first.theta - hypothesis->first_second.theta)};
 
     for (int k = 0; k < 3 && residual != NULL; k++)
         residual[k] = error[k];
@@ -69,9 +72,9 @@ static cairn_real share_of(const cairn_pose_consensus *consensus, cairn_real chi
     return cairn_max(1 - chi / consensus->params.gate, 0);
 }
 
-int32_t cairn_consensus_pair(const cairn_pose_consensus *consensus, int32_t node, cairn_turned_pose map_node,
-                             int32_t from, cairn_turned_pose map_other, int32_t *to, cairn_real *earned,
-                             cairn_real *strongest)
+int32_t cairn_consensus_pair(const cairn_pose_consensus *consensus, int32_t node,
+                             cairn_turned_pose map_node, int32_t from, cairn_turned_pose map_other,
+                             int32_t *to, cairn_real *earned, cairn_real *strongest)
 {
     const cairn_consensus_link *links = consensus->links;
     int32_t other = links[from].other, best = -1, l = from;
@@ -94,14 +97,16 @@ int32_t cairn_consensus_pair(const cairn_pose_consensus *consensus, int32_t node
 }
 
 /* Evidence of the judge. */
-static cairn_real judge_pair(const cairn_pose_consensus *consensus, int32_t node, cairn_turned_pose map_node,
-                             int32_t other, int32_t *units)
+static cairn_real judge_pair(const cairn_pose_consensus *consensus, int32_t node,
+                             cairn_turned_pose map_node, int32_t other, int32_t *units)
 {
     int32_t first = node < other ? node : other, second = node < other ? other : node, cost = 1;
     cairn_pose here = cairn_turned_pose_of(map_node);
     cairn_pose there = cairn_turned_pose_of(consensus->chart[other].pose);
-    cairn_pose first_second = node < other ? cairn_pose_between(here, there) : cairn_pose_between(there, here);
-    cairn_real evidence = consensus->judge(consensus->judge_context, first, second, first_second, &cost);
+    cairn_pose first_second =
+        node < other ? cairn_pose_between(here, there) : cairn_pose_between(there, here);
+    cairn_real evidence =
+        consensus->judge(consensus->judge_context, first, second, first_second, &cost);
 
     *units += cost > 1 ? cost : 1;
     return cairn_is_finite(evidence) ? evidence : 0;
@@ -116,29 +121,33 @@ static void add_support(cairn_consensus_support *support, cairn_real evidence)
 }
 
 /* What hypotheses alone say. */
-static void support_by_links(const cairn_pose_consensus *consensus, int32_t node, cairn_turned_pose map_node,
-                             int32_t part, cairn_consensus_support *support)
+static void support_by_links(const cairn_pose_consensus *consensus, int32_t node,
+                             cairn_turned_pose map_node, int32_t part,
+                             cairn_consensus_support *support)
 {
     for (int32_t l = consensus->first_link[node], to; l < consensus->first_link[node + 1]; l = to) {
         const cairn_chart_node *other = &consensus->chart[consensus->links[l].other];
         cairn_real earned, strongest;
 
-        (void)cairn_consensus_pair(consensus, node, map_node, l, other->pose, &to, &earned, &strongest);
+        (void)cairn_consensus_pair(consensus, node, map_node, l, other->pose, &to, &earned,
+                                   &strongest);
         if (other->part == part)
-            add_support(support, earned > 0 ? earned : -consensus->params.contradiction * strongest);
+            add_support(support,
+                        earned > 0 ? earned : -consensus->params.contradiction * strongest);
     }
 }
 
-cairn_real cairn_consensus_evidence(const cairn_pose_consensus *consensus, int32_t node, cairn_turned_pose map_node,
-                                    int32_t other, int32_t *link, int32_t *units)
+cairn_real cairn_consensus_evidence(const cairn_pose_consensus *consensus, int32_t node,
+                                    cairn_turned_pose map_node, int32_t other, int32_t *link,
+                                    int32_t *units)
 {
     cairn_real earned = 0, strongest;
 
     while (*link < consensus->first_link[node + 1] && consensus->links[*link].other < other)
         ++*link;
     if (*link < consensus->first_link[node + 1] && consensus->links[*link].other == other)
-        (void)cairn_consensus_pair(consensus, node, map_node, *link, consensus->chart[other].pose, link, &earned,
-                                   &strongest);
+        (void)cairn_consensus_pair(consensus, node, map_node, *link, consensus->chart[other].pose,
+                                   link, &earned, &strongest);
     if (consensus->judge != NULL) {
         cairn_real judged = judge_pair(consensus, node, map_node, other, units);
 
@@ -148,19 +157,22 @@ cairn_real cairn_consensus_evidence(const cairn_pose_consensus *consensus, int32
 }
 
 /* What hypotheses and the judge say. */
-static void support_by_judge(const cairn_pose_consensus *consensus, int32_t node, cairn_turned_pose map_node,
-                             int32_t part, cairn_consensus_support *support)
+static void support_by_judge(const cairn_pose_consensus *consensus, int32_t node,
+                             cairn_turned_pose map_node, int32_t part,
+                             cairn_consensus_support *support)
 {
     int32_t link = consensus->first_link[node];
 
     for (int32_t other = 0; other < consensus->node_count; other++)
         if (other != node && consensus->chart[other].part == part)
-            add_support(support, cairn_consensus_evidence(consensus, node, map_node, other, &link, &support->units));
+            add_support(support, cairn_consensus_evidence(consensus, node, map_node, other, &link,
+                                                          &support->units));
 }
 
 /* What the jury says; who agrees is known from hypotheses. */
-static void support_by_jury(const cairn_pose_consensus *consensus, int32_t node, cairn_turned_pose map_node,
-                            int32_t part, cairn_consensus_support *support)
+static void support_by_jury(const cairn_pose_consensus *consensus, int32_t node,
+                            cairn_turned_pose map_node, int32_t part,
+                            cairn_consensus_support *support)
 {
     int32_t cost = 1;
     cairn_real evidence, against = 0;
@@ -170,15 +182,16 @@ static void support_by_jury(const cairn_pose_consensus *consensus, int32_t node,
         consensus->jury_poses[i] = cairn_turned_pose_of(consensus->chart[i].pose);
         consensus->jury_parts[i] = consensus->chart[i].part;
     }
-    evidence = consensus->jury(consensus->jury_context, node, cairn_turned_pose_of(map_node), consensus->jury_poses,
-                               consensus->jury_parts, part, &against, &cost);
+    evidence = consensus->jury(consensus->jury_context, node, cairn_turned_pose_of(map_node),
+                               consensus->jury_poses, consensus->jury_parts, part, &against, &cost);
     support->sum = cairn_is_finite(evidence) ? evidence : 0;
     support->against = cairn_is_finite(against) ? against : 0;
     support->units += consensus->node_count / 4 + (cost > 1 ? cost : 1);
 }
 
-cairn_consensus_support cairn_consensus_support_of(const cairn_pose_consensus *consensus, int32_t node,
-                                                   cairn_turned_pose map_node, int32_t part, int32_t judged)
+cairn_consensus_support cairn_consensus_support_of(const cairn_pose_consensus *consensus,
+                                                   int32_t node, cairn_turned_pose map_node,
+                                                   int32_t part, int32_t judged)
 {
     cairn_consensus_support support = {0, 0, 0, 0, 1};
 
@@ -192,7 +205,8 @@ cairn_consensus_support cairn_consensus_support_of(const cairn_pose_consensus *c
     return support;
 }
 
-int32_t cairn_consensus_is_believed(const cairn_pose_consensus *consensus, cairn_real support, cairn_real against)
+int32_t cairn_consensus_is_believed(const cairn_pose_consensus *consensus, cairn_real support,
+                                    cairn_real against)
 {
     return support - against >= consensus->params.believed;
 }
@@ -214,10 +228,10 @@ static int32_t end_of_pair(const cairn_pose_consensus *c, int32_t node, int32_t 
     return to;
 }
 
-/* The best way from the first to the second node of h over links [from_a, to_a) of the first and [from_b, to_b) of the
- * second to one third node. */
-static cairn_real best_way(cairn_pose_consensus *c, const cairn_kept_hypothesis *h, const int32_t a[2],
-                           const int32_t b[2])
+/* The best way from the first to the second node of h over links [from_a, to_a) of the first and
+ * [from_b, to_b) of the second to one third node. */
+static cairn_real best_way(cairn_pose_consensus *c, const cairn_kept_hypothesis *h,
+                           const int32_t a[2], const int32_t b[2])
 {
     const cairn_turned_pose here = {{0, 0, 1, 0}, 0};
     cairn_real best = 0;
@@ -284,7 +298,8 @@ static void add_centre(struct fit *fit, const cairn_node_bound *bound, cairn_tur
 
 static void add_turn(struct fit *fit, const cairn_node_bound *bound, cairn_turned_pose pose)
 {
-    cairn_real weight = 1 / (bound->metres * bound->metres), turns = 1 / (bound->radians * bound->radians);
+    cairn_real weight = 1 / (bound->metres * bound->metres),
+               turns = 1 / (bound->radians * bound->radians);
     cairn_vec2 from = {pose.transform.x - fit->from.x, pose.transform.y - fit->from.y};
     cairn_vec2 to = {bound->centre.x - fit->to.x, bound->centre.y - fit->to.y};
     cairn_real by = bound->centre.theta - pose.theta;
@@ -296,22 +311,26 @@ static void add_turn(struct fit *fit, const cairn_node_bound *bound, cairn_turne
 static int is_within(const cairn_node_bound *bound, cairn_pose map_part, cairn_turned_pose pose)
 {
     cairn_pose placed = cairn_pose_compose(map_part, cairn_turned_pose_of(pose));
-    cairn_real x = placed.x - bound->centre.x, y = placed.y - bound->centre.y, reach = BOUND_SLACK * bound->metres;
+    cairn_real x = placed.x - bound->centre.x, y = placed.y - bound->centre.y,
+               reach = BOUND_SLACK * bound->metres;
 
     return x * x + y * y <= reach * reach &&
-           cairn_abs(cairn_wrap_angle(placed.theta - bound->centre.theta)) <= BOUND_SLACK * bound->radians;
+           cairn_abs(cairn_wrap_angle(placed.theta - bound->centre.theta)) <=
+               BOUND_SLACK * bound->radians;
 }
 
-/* The bounded pose of a node of the part, or that of the candidate; 0 when it is neither, or has no bound. */
-static int bounded_pose(const cairn_pose_consensus *consensus, int32_t i, int32_t part, int32_t node,
-                        cairn_turned_pose candidate, cairn_turned_pose *pose)
+/* The bounded pose of a node of the part, or that of the candidate; 0 when it is neither, or has
+ * no bound. */
+static int bounded_pose(const cairn_pose_consensus *consensus, int32_t i, int32_t part,
+                        int32_t node, cairn_turned_pose candidate, cairn_turned_pose *pose)
 {
     *pose = i == node ? candidate : consensus->chart[i].pose;
     return consensus->bounds[i].metres > 0 && (i == node || consensus->chart[i].part == part);
 }
 
-int32_t cairn_consensus_within_bounds(const cairn_pose_consensus *consensus, int32_t part, int32_t node,
-                                      cairn_turned_pose candidate, cairn_pose *map_part)
+int32_t cairn_consensus_within_bounds(const cairn_pose_consensus *consensus, int32_t part,
+                                      int32_t node, cairn_turned_pose candidate,
+                                      cairn_pose *map_part)
 {
     struct fit fit = {{0, 0}, {0, 0}, 0, 0, 0};
     cairn_pose motion = {0, 0, 0};
@@ -341,12 +360,14 @@ int32_t cairn_consensus_within_bounds(const cairn_pose_consensus *consensus, int
 
 /* ---- Relaxation ---- */
 
-/* Columns of the derivative of a hypothesis' residual by (x, y, theta) of one of its nodes in the map. */
-static void residual_columns(cairn_turned_pose map_first, cairn_turned_pose map_second, int32_t of_first,
-                             cairn_real columns[3][3])
+/* Columns of the derivative of a hypothesis' residual by (x, y, theta) of one of its nodes in
+ * the map. */
+static void residual_columns(cairn_turned_pose map_first, cairn_turned_pose map_second,
+                             int32_t of_first, cairn_real columns[3][3])
 {
     cairn_transform a = map_first.transform;
-    cairn_real x = map_second.transform.x - a.x, y = map_second.transform.y - a.y, sign = of_first ? -1 : 1;
+    cairn_real x = map_second.transform.x - a.x, y = map_second.transform.y - a.y,
+               sign = of_first ? -1 : 1;
     cairn_real seen_x = a.cosine * x + a.sine * y, seen_y = a.cosine * y - a.sine * x;
 
     columns[0][0] = sign * a.cosine;
@@ -373,10 +394,11 @@ static cairn_real dot3(const cairn_real a[3], const cairn_real b[3])
 }
 
 /* Adds the normal equations of one hypothesis for one of its nodes. */
-static void add_terms(const cairn_pose_consensus *consensus, const cairn_kept_hypothesis *h, int32_t node,
-                      cairn_sym3 *information, cairn_real gradient[3])
+static void add_terms(const cairn_pose_consensus *consensus, const cairn_kept_hypothesis *h,
+                      int32_t node, cairn_sym3 *information, cairn_real gradient[3])
 {
-    cairn_turned_pose first = consensus->chart[h->first].pose, second = consensus->chart[h->second].pose;
+    cairn_turned_pose first = consensus->chart[h->first].pose,
+                      second = consensus->chart[h->second].pose;
     cairn_real columns[3][3], weighted[3][3], residual[3];
     cairn_real weight = share_of(consensus, cairn_consensus_chi(h, first, second, residual));
 
@@ -393,7 +415,8 @@ static void add_terms(const cairn_pose_consensus *consensus, const cairn_kept_hy
     information->zz += weight * dot3(weighted[2], columns[2]);
 }
 
-cairn_sym3 cairn_consensus_information(const cairn_pose_consensus *consensus, int32_t node, cairn_real gradient[3])
+cairn_sym3 cairn_consensus_information(const cairn_pose_consensus *consensus, int32_t node,
+                                       cairn_real gradient[3])
 {
     const cairn_chart_node *here = &consensus->chart[node];
     cairn_sym3 information = cairn_sym3_zero();
@@ -402,7 +425,8 @@ cairn_sym3 cairn_consensus_information(const cairn_pose_consensus *consensus, in
     for (int32_t l = consensus->first_link[node], to; l < consensus->first_link[node + 1]; l = to) {
         const cairn_chart_node *other = &consensus->chart[consensus->links[l].other];
         cairn_real earned, strongest;
-        int32_t h = cairn_consensus_pair(consensus, node, here->pose, l, other->pose, &to, &earned, &strongest);
+        int32_t h = cairn_consensus_pair(consensus, node, here->pose, l, other->pose, &to, &earned,
+                                         &strongest);
 
         if (h >= 0 && other->part == here->part)
             add_terms(consensus, &consensus->hypotheses[h], node, &information, gradient);

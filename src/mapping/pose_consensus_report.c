@@ -1,4 +1,5 @@
-/* pose_consensus: the best map as the result: frames of its parts, their order, and what other maps say. */
+/* pose_consensus: the best map as the result: frames of its parts, their order, and what other
+ * maps say. */
 #include "src/core/build.h"
 
 #include <string.h>
@@ -17,16 +18,18 @@ static int32_t first_of_part(const cairn_chart_node *chart, int32_t node)
     return first;
 }
 
-/* Where the rival map has a node, in the frame of the chart: laid onto it by the first node of the node's part that both have
- * placed. 0 when the rival says nothing else. */
+/* Where the rival map has a node, in the frame of the chart: laid onto it by the first node of
+ * the node's part that both have placed. 0 when the rival says nothing else. */
 static int rival_pose(const cairn_pose_consensus *c, int32_t node, cairn_turned_pose *pose)
 {
     int32_t anchor = first_of_part(c->chart, node);
 
-    if (!(c->result.rival > 0) || c->rival[node].part < 0 || c->rival[node].part != c->rival[anchor].part)
+    if (!(c->result.rival > 0) || c->rival[node].part < 0 ||
+        c->rival[node].part != c->rival[anchor].part)
         return 0;
     *pose = cairn_turned_compose(
-        c->chart[anchor].pose, cairn_turned_compose(cairn_turned_inverse(c->rival[anchor].pose), c->rival[node].pose));
+        c->chart[anchor].pose,
+        cairn_turned_compose(cairn_turned_inverse(c->rival[anchor].pose), c->rival[node].pose));
     return !cairn_consensus_same(c, *pose, c->chart[node].pose);
 }
 
@@ -56,7 +59,8 @@ static void weigh(cairn_pose_consensus *c, int32_t node)
     cairn_real sum = 1;
 
     for (int32_t i = 0; i < chosen->alternatives; i++) {
-        list[i].weight = cairn_exp(cairn_min(list[i].support - (list[i].whole ? c->result.total : chosen->support), 0));
+        list[i].weight = cairn_exp(
+            cairn_min(list[i].support - (list[i].whole ? c->result.total : chosen->support), 0));
         sum += list[i].weight;
     }
     for (int32_t i = 0; i < chosen->alternatives; i++)
@@ -82,7 +86,8 @@ static int32_t size_of_part(const cairn_pose_consensus *c, int32_t part)
     return size;
 }
 
-/* Numbers the parts by size, those of equal size by their first node, and nodes that nothing supports behind them. */
+/* Numbers the parts by size, those of equal size by their first node, and nodes that nothing
+ * supports behind them. */
 static void number_parts(cairn_pose_consensus *c)
 {
     for (int32_t i = 0; i < c->node_count; i++)
@@ -91,7 +96,9 @@ static void number_parts(cairn_pose_consensus *c)
         int32_t best = -1, size = 0;
 
         for (int32_t i = 0; i < c->node_count; i++) {
-            int32_t here = c->nodes[i].part >= 0 ? 0 : c->chart[i].part < 0 ? 1 : size_of_part(c, c->chart[i].part);
+            int32_t here = c->nodes[i].part >= 0  ? 0
+                           : c->chart[i].part < 0 ? 1
+                                                  : size_of_part(c, c->chart[i].part);
 
             if (here > size) {
                 best = i;
@@ -114,7 +121,8 @@ static cairn_pose frame_of(const cairn_pose_consensus *c, int32_t node)
     cairn_pose frame;
 
     if (c->bound_count == 0)
-        return cairn_pose_inverse(cairn_turned_pose_of(c->chart[first_of_part(c->chart, node)].pose));
+        return cairn_pose_inverse(
+            cairn_turned_pose_of(c->chart[first_of_part(c->chart, node)].pose));
     (void)cairn_consensus_within_bounds(c, c->chart[node].part, -1, c->chart[node].pose, &frame);
     return frame;
 }
@@ -160,13 +168,16 @@ static void write_covariance(cairn_pose_consensus *c, int32_t node)
     covariance[8] = inverse.zz;
 }
 
-/* 1 when a candidate lies elsewhere and would be believed there, were nothing known of where its node lies. */
+/* 1 when a candidate lies elsewhere and would be believed there, were nothing known of where its
+ * node lies. */
 static int is_believed(const cairn_pose_consensus *c, const cairn_candidate *candidate)
 {
     cairn_turned_pose here = c->chart[candidate->node].pose;
-    cairn_real x = candidate->pose.transform.x - here.transform.x, y = candidate->pose.transform.y - here.transform.y;
+    cairn_real x = candidate->pose.transform.x - here.transform.x,
+               y = candidate->pose.transform.y - here.transform.y;
 
-    return c->params.believed > 0 && cairn_consensus_is_believed(c, candidate->support, candidate->against) &&
+    return c->params.believed > 0 &&
+           cairn_consensus_is_believed(c, candidate->support, candidate->against) &&
            cairn_exp(-candidate->against) >= c->params.ambiguous &&
            (x * x + y * y > ELSEWHERE * ELSEWHERE ||
             cairn_abs(cairn_wrap_angle(candidate->pose.theta - here.theta)) > ELSEWHERE_ANGLE);
@@ -178,7 +189,8 @@ void cairn_consensus_report_node(cairn_pose_consensus *c)
     cairn_consensus_node *node = &c->nodes[c->subject];
     const cairn_chart_node *chart = &c->chart[c->subject];
     cairn_consensus_alternative *list = &c->alternatives[c->subject * c->params.max_alternatives];
-    cairn_consensus_support support = cairn_consensus_support_of(c, c->subject, chart->pose, chart->part, 1);
+    cairn_consensus_support support =
+        cairn_consensus_support_of(c, c->subject, chart->pose, chart->part, 1);
 
     c->debt += 2 * support.units;
     write_covariance(c, c->subject);
@@ -213,7 +225,8 @@ void cairn_consensus_spread_item(cairn_pose_consensus *c)
 
     c->debt++;
     if (c->next == c->end) {
-        cairn_consensus_enter(c, c->changed > 0 ? CAIRN_CONSENSUS_SPREAD : CAIRN_CONSENSUS_IDLE, c->node_count);
+        cairn_consensus_enter(c, c->changed > 0 ? CAIRN_CONSENSUS_SPREAD : CAIRN_CONSENSUS_IDLE,
+                              c->node_count);
         c->changed = 0;
         return;
     }
@@ -223,7 +236,8 @@ void cairn_consensus_spread_item(cairn_pose_consensus *c)
     link = c->first_link[node];
     for (int32_t i = 0; i < c->node_count; i++)
         if (i != node && c->chart[i].part == c->chart[node].part) {
-            cairn_real evidence = cairn_consensus_evidence(c, node, c->chart[node].pose, i, &link, &units);
+            cairn_real evidence =
+                cairn_consensus_evidence(c, node, c->chart[node].pose, i, &link, &units);
 
             all += cairn_max(evidence, 0);
             doubtful += c->nodes[i].ambiguous ? cairn_max(evidence, 0) : 0;
@@ -253,8 +267,9 @@ void cairn_consensus_finish(cairn_pose_consensus *c)
         const cairn_kept_hypothesis *kept = &c->hypotheses[h];
         const cairn_chart_node *first = &c->chart[kept->first], *second = &c->chart[kept->second];
 
-        c->result.agreeing += first->part >= 0 && first->part == second->part &&
-                              cairn_consensus_chi(kept, first->pose, second->pose, NULL) < c->params.gate;
+        c->result.agreeing +=
+            first->part >= 0 && first->part == second->part &&
+            cairn_consensus_chi(kept, first->pose, second->pose, NULL) < c->params.gate;
     }
     c->debt += c->hypothesis_count / 2;
 }

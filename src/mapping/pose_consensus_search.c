@@ -1,4 +1,5 @@
-/* pose_consensus: growth, merging of parts, choosing again, and the comparison of maps, item by item. */
+/* pose_consensus: growth, merging of parts, choosing again, and the comparison of maps, item by
+ * item. */
 #include "src/core/build.h"
 
 #include <string.h>
@@ -19,8 +20,8 @@ void cairn_consensus_enter(cairn_pose_consensus *c, cairn_consensus_phase phase,
 
 /* ---- Starts ---- */
 
-/* The strongest hypothesis between unplaced nodes, counting the ways round that agree; for a new map only those that no map
- * explains. -1: none that could place a node. */
+/* The strongest hypothesis between unplaced nodes, counting the ways round that agree; for a new
+ * map only those that no map explains. -1: none that could place a node. */
 static int32_t strongest_hypothesis(cairn_pose_consensus *c, int32_t for_new_map)
 {
     cairn_real best = 0;
@@ -29,8 +30,9 @@ static int32_t strongest_hypothesis(cairn_pose_consensus *c, int32_t for_new_map
     for (int32_t i = 0; i < c->hypothesis_count; i++) {
         const cairn_kept_hypothesis *h = &c->hypotheses[i];
 
-        if (c->chart[h->first].part < 0 && c->chart[h->second].part < 0 && !(for_new_map && h->is_explained) &&
-            h->score >= c->params.min_support && h->score + h->cycles > best) {
+        if (c->chart[h->first].part < 0 && c->chart[h->second].part < 0 &&
+            !(for_new_map && h->is_explained) && h->score >= c->params.min_support &&
+            h->score + h->cycles > best) {
             best = h->score + h->cycles;
             index = i;
         }
@@ -49,14 +51,16 @@ static void search(cairn_pose_consensus *c, cairn_consensus_choice choice, int32
 {
     int32_t all = choice == CAIRN_CHOOSE_NEXT;
 
-    cairn_consensus_enter(c, CAIRN_CONSENSUS_SEARCH, all ? c->first_link[c->node_count] : c->first_link[subject + 1]);
+    cairn_consensus_enter(c, CAIRN_CONSENSUS_SEARCH,
+                          all ? c->first_link[c->node_count] : c->first_link[subject + 1]);
     c->next = all ? 0 : c->first_link[subject];
     c->subject = subject;
     c->choice = choice;
     c->candidate_count = 0;
 }
 
-/* Places the two nodes of a hypothesis as a new part; only the first when bounds forbid the second. */
+/* Places the two nodes of a hypothesis as a new part; only the first when bounds forbid the
+ * second. */
 static void begin_part(cairn_pose_consensus *c, int32_t hypothesis)
 {
     const cairn_kept_hypothesis *h = &c->hypotheses[hypothesis];
@@ -110,13 +114,15 @@ static cairn_real rank_of(const cairn_candidate *candidate)
     return candidate->support + candidate->cycles;
 }
 
-/* 1 when a candidate stays in the list before another one: where a node lies already is always judged. */
+/* 1 when a candidate stays in the list before another one: where a node lies already is always
+ * judged. */
 static int is_before(const cairn_candidate *a, const cairn_candidate *b)
 {
     return a->current || (!b->current && rank_of(a) >= rank_of(b));
 }
 
-/* Into the list of the best; of two for one pose of a node the better stays, or the one where it lies already. */
+/* Into the list of the best; of two for one pose of a node the better stays, or the one where it
+ * lies already. */
 static void keep_candidate(cairn_pose_consensus *c, const cairn_candidate *candidate)
 {
     cairn_candidate *list = c->candidates;
@@ -129,7 +135,8 @@ static void keep_candidate(cairn_pose_consensus *c, const cairn_candidate *candi
     if (same >= 0 && is_before(&list[same], candidate))
         return;
     if (same >= 0) {
-        memmove(&list[same], &list[same + 1], (size_t)(c->candidate_count - same - 1) * sizeof *list);
+        memmove(&list[same], &list[same + 1],
+                (size_t)(c->candidate_count - same - 1) * sizeof *list);
         c->candidate_count--;
     }
     while (at < c->candidate_count && is_before(&list[at], candidate))
@@ -165,7 +172,8 @@ static void propose(cairn_pose_consensus *c, int32_t link)
     memset(&candidate, 0, sizeof candidate);
     candidate.node = c->subject;
     candidate.part = other->part;
-    candidate.pose = cairn_turned_compose(other->pose, cairn_consensus_seen_from(h, c->links[link].other));
+    candidate.pose =
+        cairn_turned_compose(other->pose, cairn_consensus_seen_from(h, c->links[link].other));
     candidate.cycles = c->choice == CAIRN_CHOOSE_NEXT ? h->cycles : 0;
     vote(c, &candidate);
 }
@@ -182,8 +190,8 @@ static int is_open(const cairn_pose_consensus *c, int32_t link)
 static void search_item(cairn_pose_consensus *c)
 {
     c->debt++;
-    if (c->choice != CAIRN_CHOOSE_NEXT && c->next == c->first_link[c->subject] && c->candidate_count == 0 &&
-        c->chart[c->subject].part >= 0) {
+    if (c->choice != CAIRN_CHOOSE_NEXT && c->next == c->first_link[c->subject] &&
+        c->candidate_count == 0 && c->chart[c->subject].part >= 0) {
         cairn_candidate current;
 
         memset(&current, 0, sizeof current);
@@ -281,7 +289,8 @@ static void judge_item(cairn_pose_consensus *c)
 
 /* ---- Rounds ---- */
 
-cairn_real cairn_consensus_merged_support(cairn_pose_consensus *c, const cairn_candidate *merge, int32_t judged)
+cairn_real cairn_consensus_merged_support(cairn_pose_consensus *c, const cairn_candidate *merge,
+                                          int32_t judged)
 {
     cairn_real sum = 0;
 
@@ -304,8 +313,8 @@ static void propose_merge(cairn_pose_consensus *c, const cairn_kept_hypothesis *
     memset(&merge, 0, sizeof merge);
     merge.node = second->part;
     merge.part = first->part;
-    merge.pose =
-        cairn_turned_compose(cairn_turned_compose(first->pose, h->first_second), cairn_turned_inverse(second->pose));
+    merge.pose = cairn_turned_compose(cairn_turned_compose(first->pose, h->first_second),
+                                      cairn_turned_inverse(second->pose));
     merge.support = cairn_consensus_merged_support(c, &merge, 0);
     if (merge.support > c->merge.support)
         c->merge = merge;
@@ -339,12 +348,14 @@ static void merge_item(cairn_pose_consensus *c)
         c->next++;
         if (first >= 0 && second >= 0 && first != second)
             propose_merge(c, h);
-    } else if (c->merge.support > 0 && cairn_consensus_merged_support(c, &c->merge, 1) >= c->params.min_support &&
+    } else if (c->merge.support > 0 &&
+               cairn_consensus_merged_support(c, &c->merge, 1) >= c->params.min_support &&
                cairn_consensus_lay(c, &c->merge)) {
         cairn_consensus_begin_rounds(c);
     } else {
         c->changed = 0;
-        cairn_consensus_enter(c, CAIRN_CONSENSUS_AGAIN, c->rounds < c->params.max_rounds ? c->node_count : 0);
+        cairn_consensus_enter(c, CAIRN_CONSENSUS_AGAIN,
+                              c->rounds < c->params.max_rounds ? c->node_count : 0);
         c->rounds++;
     }
 }
@@ -383,7 +394,8 @@ static void relax_item(cairn_pose_consensus *c)
 /* ---- Comparison ---- */
 
 /* 1 when two maps have the same parts, and nodes lie alike in them. */
-static int same_map(const cairn_pose_consensus *c, const cairn_chart_node *a, const cairn_chart_node *b)
+static int same_map(const cairn_pose_consensus *c, const cairn_chart_node *a,
+                    const cairn_chart_node *b)
 {
     for (int32_t i = 0; i < c->node_count; i++) {
         int32_t anchor = 0;
@@ -396,14 +408,16 @@ static int same_map(const cairn_pose_consensus *c, const cairn_chart_node *a, co
         while (a[anchor].part != a[i].part)
             anchor++;
         if (b[anchor].part != b[i].part ||
-            !cairn_consensus_same(c, cairn_turned_compose(cairn_turned_inverse(a[anchor].pose), a[i].pose),
-                                  cairn_turned_compose(cairn_turned_inverse(b[anchor].pose), b[i].pose)))
+            !cairn_consensus_same(
+                c, cairn_turned_compose(cairn_turned_inverse(a[anchor].pose), a[i].pose),
+                cairn_turned_compose(cairn_turned_inverse(b[anchor].pose), b[i].pose)))
             return 0;
     }
     return 1;
 }
 
-static void copy_map(const cairn_pose_consensus *c, cairn_chart_node *to, const cairn_chart_node *from)
+static void copy_map(const cairn_pose_consensus *c, cairn_chart_node *to,
+                     const cairn_chart_node *from)
 {
     memcpy(to, from, (size_t)c->node_count * sizeof *to);
 }
@@ -412,7 +426,8 @@ static void copy_map(const cairn_pose_consensus *c, cairn_chart_node *to, const 
 static void compare(cairn_pose_consensus *c)
 {
     cairn_consensus_result *result = &c->result;
-    int is_first = result->starts == 1 && c->passes == 0, is_other = !is_first && !same_map(c, c->chart, c->best);
+    int is_first = result->starts == 1 && c->passes == 0,
+        is_other = !is_first && !same_map(c, c->chart, c->best);
     int is_better = is_first || c->total > result->total;
 
     if (is_better && is_other) {
@@ -450,7 +465,8 @@ static void tally_item(cairn_pose_consensus *c)
         const cairn_chart_node *node = &c->chart[c->next];
 
         if (node->part >= 0) {
-            cairn_consensus_support support = cairn_consensus_support_of(c, c->next, node->pose, node->part, 1);
+            cairn_consensus_support support =
+                cairn_consensus_support_of(c, c->next, node->pose, node->part, 1);
 
             c->total += support.sum / 2;
             c->debt += support.units;
@@ -482,7 +498,9 @@ static void report_item(cairn_pose_consensus *c)
     } else {
         cairn_consensus_finish(c);
         c->changed = 0;
-        cairn_consensus_enter(c, c->params.believed > 0 ? CAIRN_CONSENSUS_SPREAD : CAIRN_CONSENSUS_IDLE, c->node_count);
+        cairn_consensus_enter(
+            c, c->params.believed > 0 ? CAIRN_CONSENSUS_SPREAD : CAIRN_CONSENSUS_IDLE,
+            c->node_count);
     }
 }
 

@@ -1,4 +1,5 @@
-/* What the parts of pose_consensus share: hypotheses as they are kept, maps in the making, and evidence. */
+/* What the parts of pose_consensus share: hypotheses as they are kept, maps in the making, and
+ * evidence. */
 #ifndef CAIRN_MAPPING_POSE_CONSENSUS_WORK_H
 #define CAIRN_MAPPING_POSE_CONSENSUS_WORK_H
 
@@ -14,13 +15,17 @@ typedef struct cairn_turned_pose {
 typedef struct cairn_kept_hypothesis {
     int32_t first, second;
     cairn_turned_pose first_second, second_first;
-    cairn_sym3 information; /* of first_second with the nodes' own sigmas, in the frame of the first */
+    /* of first_second with the nodes' own sigmas, in the frame of the first */
+    cairn_sym3 information;
     cairn_real score;
-    cairn_real cycles;    /* score of the ways round by a third node that agree with it */
-    int32_t is_explained; /* 1: a map that was found agrees, or a growth began with it */
+    /* score of the ways round by a third node that agree with it */
+    cairn_real cycles;
+    /* 1: a map that was found agrees, or a growth began with it */
+    int32_t is_explained;
 } cairn_kept_hypothesis;
 
-/* A hypothesis as one of its nodes sees it; those of a node stand together, sorted by the other node. */
+/* A hypothesis as one of its nodes sees it; those of a node stand together, sorted by the other
+ * node. */
 typedef struct cairn_consensus_link {
     int32_t other, hypothesis;
 } cairn_consensus_link;
@@ -47,9 +52,11 @@ typedef struct cairn_node_bound {
 typedef struct cairn_candidate {
     cairn_turned_pose pose;
     cairn_real support, against;
-    cairn_real cycles; /* in growth what ways round say for the hypothesis: it counts with the support in the choice */
+    /* in growth what ways round say for the hypothesis: it counts with the support in the choice */
+    cairn_real cycles;
     int32_t node, part;
-    int32_t current; /* 1: where the node lies already */
+    /* 1: where the node lies already */
+    int32_t current;
 } cairn_candidate;
 
 /* What all pairs of a node say for a pose of it. */
@@ -90,41 +97,68 @@ enum {
 
 struct cairn_pose_consensus {
     cairn_pose_consensus_params params;
-    cairn_kept_hypothesis *hypotheses;         /* [max_hypotheses] */
-    cairn_consensus_link *links;               /* [2 * max_hypotheses] */
-    int32_t *first_link;                       /* [max_nodes + 1] */
-    int32_t *fill;                             /* [max_nodes] for the links while they are built; sizes of islands */
-    cairn_node_bound *bounds;                  /* [max_nodes] */
-    cairn_chart_node *chart, *best, *rival;    /* [max_nodes] */
-    cairn_consensus_branch *tree;              /* [max_nodes] */
-    cairn_consensus_node *nodes;               /* [max_nodes] */
-    cairn_consensus_alternative *alternatives; /* [max_nodes * max_alternatives] */
-    cairn_candidate *candidates;               /* [max_candidates] of the search, the best first */
-    cairn_pose *jury_poses;                    /* [max_nodes] of the chart, for the jury, ... */
-    int32_t *jury_parts;                       /* ... and its parts */
+    /* [max_hypotheses] */
+    cairn_kept_hypothesis *hypotheses;
+    /* [2 * max_hypotheses] */
+    cairn_consensus_link *links;
+    /* [max_nodes + 1] */
+    int32_t *first_link;
+    /* [max_nodes] for the links while they are built; sizes of islands */
+    int32_t *fill;
+    /* [max_nodes] */
+    cairn_node_bound *bounds;
+    /* [max_nodes] */
+    cairn_chart_node *chart, *best, *rival;
+    /* [max_nodes] */
+    cairn_consensus_branch *tree;
+    /* [max_nodes] */
+    cairn_consensus_node *nodes;
+    /* [max_nodes * max_alternatives] */
+    cairn_consensus_alternative *alternatives;
+    /* [max_candidates] of the search, the best first */
+    cairn_candidate *candidates;
+    /* [max_nodes] of the chart, for the jury, ... */
+    cairn_pose *jury_poses;
+    /* ... and its parts */
+    int32_t *jury_parts;
     cairn_pose_judge judge;
     cairn_pose_jury jury;
     void *judge_context, *jury_context;
     int32_t node_count, hypothesis_count, bound_count;
 
-    cairn_consensus_phase phase, after; /* after: that follows relaxation */
+    /* after: that follows relaxation */
+    cairn_consensus_phase phase, after;
     cairn_consensus_choice choice;
-    int32_t next, end;  /* hypothesis, link, candidate or node that the phase comes to, and where it ends */
-    int32_t subject;    /* node of the link, or the one that is chosen again or reported */
-    int32_t part;       /* that grows */
-    int32_t parts;      /* begun so far */
-    int32_t block;      /* node that the block hangs by, ... */
-    int32_t whole;      /* ... the part it is of, ... */
-    int32_t passes;     /* ... and how often all blocks have been laid */
-    int32_t is_settled; /* nothing moves any more: islands are looked for */
-    int32_t sweeps;     /* of relaxation that are left */
-    int32_t rounds;     /* of this growth */
-    int32_t changed;    /* nodes in this round */
-    int32_t debt;       /* units of items done that are not yet paid for */
+    /* hypothesis, link, candidate or node that the phase comes to, and where it ends */
+    int32_t next, end;
+    /* node of the link, or the one that is chosen again or reported */
+    int32_t subject;
+    /* that grows */
+    int32_t part;
+    /* begun so far */
+    int32_t parts;
+    /* node that the block hangs by, ... */
+    int32_t block;
+    /* ... the part it is of, ... */
+    int32_t whole;
+    /* ... and how often all blocks have been laid */
+    int32_t passes;
+    /* nothing moves any more: islands are looked for */
+    int32_t is_settled;
+    /* of relaxation that are left */
+    int32_t sweeps;
+    /* of this growth */
+    int32_t rounds;
+    /* nodes in this round */
+    int32_t changed;
+    /* units of items done that are not yet paid for */
+    int32_t debt;
     int32_t candidate_count;
-    cairn_candidate merge; /* best so far: its pose maps part `node` into `part` */
+    /* best so far: its pose maps part `node` into `part` */
+    cairn_candidate merge;
     cairn_real total;
-    int32_t start; /* hypothesis from which this map grew */
+    /* hypothesis from which this map grew */
+    int32_t start;
     cairn_consensus_result result;
 };
 
@@ -134,54 +168,64 @@ cairn_turned_pose cairn_turned_compose(cairn_turned_pose a_b, cairn_turned_pose 
 cairn_turned_pose cairn_turned_inverse(cairn_turned_pose a_b);
 
 /* 1 when two poses are the same for all purposes: within five of the nodes' own sigmas. */
-int32_t cairn_consensus_same(const cairn_pose_consensus *consensus, cairn_turned_pose a, cairn_turned_pose b);
+int32_t cairn_consensus_same(const cairn_pose_consensus *consensus, cairn_turned_pose a,
+                             cairn_turned_pose b);
 
-/* Chi-squared of a hypothesis given two poses; of the second only its position and angle are read. residual, when not NULL,
- * is its error in the frame of the first node. */
+/* Chi-squared of a hypothesis given two poses; of the second only its position and angle are
+ * read. residual, when not NULL, is its error in the frame of the first node. */
 cairn_real cairn_consensus_chi(const cairn_kept_hypothesis *hypothesis, cairn_turned_pose map_first,
                                cairn_turned_pose map_second, cairn_real residual[3]);
 
-/* The hypothesis of the pair (node, other) that the poses agree with best, and what it earns; -1: none. `from` is the first
- * link of the pair, *to is set behind its last. *strongest: best score of the pair, agreeing or not. */
-int32_t cairn_consensus_pair(const cairn_pose_consensus *consensus, int32_t node, cairn_turned_pose map_node,
-                             int32_t from, cairn_turned_pose map_other, int32_t *to, cairn_real *earned,
-                             cairn_real *strongest);
+/* The hypothesis of the pair (node, other) that the poses agree with best, and what it earns;
+ * -1: none. `from` is the first link of the pair, *to is set behind its last. *strongest: best
+ * score of the pair, agreeing or not. */
+int32_t cairn_consensus_pair(const cairn_pose_consensus *consensus, int32_t node,
+                             cairn_turned_pose map_node, int32_t from, cairn_turned_pose map_other,
+                             int32_t *to, cairn_real *earned, cairn_real *strongest);
 
-/* Support of a pose of a node by the placed nodes of a part; the judge is asked when judged is 1. */
-cairn_consensus_support cairn_consensus_support_of(const cairn_pose_consensus *consensus, int32_t node,
-                                                   cairn_turned_pose map_node, int32_t part, int32_t judged);
+/* Support of a pose of a node by the placed nodes of a part; the judge is asked when judged is
+ * 1. */
+cairn_consensus_support cairn_consensus_support_of(const cairn_pose_consensus *consensus,
+                                                   int32_t node, cairn_turned_pose map_node,
+                                                   int32_t part, int32_t judged);
 
 /* 1 when a pose with such support would be believed by itself. */
-int32_t cairn_consensus_is_believed(const cairn_pose_consensus *consensus, cairn_real support, cairn_real against);
+int32_t cairn_consensus_is_believed(const cairn_pose_consensus *consensus, cairn_real support,
+                                    cairn_real against);
 
-/* 1 when some common motion of the part brings its nodes and the candidate within their bounds; *map_part, when not NULL,
- * is that motion (identity without bounds). node -1: no candidate. */
-int32_t cairn_consensus_within_bounds(const cairn_pose_consensus *consensus, int32_t part, int32_t node,
-                                      cairn_turned_pose pose, cairn_pose *map_part);
+/* 1 when some common motion of the part brings its nodes and the candidate within their bounds;
+ * *map_part, when not NULL, is that motion (identity without bounds). node -1: no candidate. */
+int32_t cairn_consensus_within_bounds(const cairn_pose_consensus *consensus, int32_t part,
+                                      int32_t node, cairn_turned_pose pose, cairn_pose *map_part);
 
 /* The other node's pose in the frame of `node`. */
 cairn_turned_pose cairn_consensus_seen_from(const cairn_kept_hypothesis *hypothesis, int32_t node);
 
-/* What the ways round by third nodes say for the next hypothesis, which is then the one after it. */
+/* What the ways round by third nodes say for the next hypothesis, which is then the one after
+ * it. */
 void cairn_consensus_add_cycles(cairn_pose_consensus *consensus);
 
 /* Writes down the node whose alternatives have been searched. */
 void cairn_consensus_report_node(cairn_pose_consensus *consensus);
 
-/* Information about a node given the others, by the hypotheses that agree, and the gradient of half their chi-squared. */
-cairn_sym3 cairn_consensus_information(const cairn_pose_consensus *consensus, int32_t node, cairn_real gradient[3]);
+/* Information about a node given the others, by the hypotheses that agree, and the gradient of
+ * half their chi-squared. */
+cairn_sym3 cairn_consensus_information(const cairn_pose_consensus *consensus, int32_t node,
+                                       cairn_real gradient[3]);
 
 /* One Gauss-Newton step of a node given the others. */
 void cairn_consensus_relax(cairn_pose_consensus *consensus, int32_t node);
 
-/* Evidence of the pair of a node and another one, both placed: what a hypothesis earns or the judge says, whichever is more.
- * *link: the first link of the node that is not to a lower node than `other`; it is moved on. */
-cairn_real cairn_consensus_evidence(const cairn_pose_consensus *consensus, int32_t node, cairn_turned_pose map_node,
-                                    int32_t other, int32_t *link, int32_t *units);
+/* Evidence of the pair of a node and another one, both placed: what a hypothesis earns or the
+ * judge says, whichever is more. *link: the first link of the node that is not to a lower node
+ * than `other`; it is moved on. */
+cairn_real cairn_consensus_evidence(const cairn_pose_consensus *consensus, int32_t node,
+                                    cairn_turned_pose map_node, int32_t other, int32_t *link,
+                                    int32_t *units);
 
 /* Support for laying part `merge->node` into `merge->part` by `merge->pose`. */
-cairn_real cairn_consensus_merged_support(cairn_pose_consensus *consensus, const cairn_candidate *merge,
-                                          int32_t judged);
+cairn_real cairn_consensus_merged_support(cairn_pose_consensus *consensus,
+                                          const cairn_candidate *merge, int32_t judged);
 
 /* Lays one part into the other as `merge` says; 0 and nothing changed when bounds forbid it. */
 int32_t cairn_consensus_lay(cairn_pose_consensus *consensus, const cairn_candidate *merge);
@@ -211,7 +255,8 @@ void cairn_consensus_island_item(cairn_pose_consensus *consensus);
 void cairn_consensus_number_item(cairn_pose_consensus *consensus);
 
 /* Goes to a phase of `end` items. */
-void cairn_consensus_enter(cairn_pose_consensus *consensus, cairn_consensus_phase phase, int32_t end);
+void cairn_consensus_enter(cairn_pose_consensus *consensus, cairn_consensus_phase phase,
+                           int32_t end);
 
 /* Does one item of the search and adds its cost to the debt. */
 void cairn_consensus_item(cairn_pose_consensus *consensus);

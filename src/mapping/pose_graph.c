@@ -1,7 +1,7 @@
 /* Pose graphs: what the user gives and reads. The iterations are in pose_graph_solve.c.
  *
- * Layout: links keep their information matrix turned into the frame of their first pose, where the residual is
- * R_i^T (t_j - t_i) - t_z. */
+ * Layout: links keep their information matrix turned into the frame of their first pose, where
+ * the residual is R_i^T (t_j - t_i) - t_z. */
 #include "src/core/build.h"
 
 #include <string.h>
@@ -20,7 +20,8 @@ cairn_pose_graph_params cairn_pose_graph_default(void)
                                       3,
                                       0,
                                       100,
-                                      CAIRN_REAL_EPSILON < CAIRN_REAL(1e-10) ? CAIRN_REAL(1e-9) : CAIRN_REAL(1e-5),
+                                      CAIRN_REAL_EPSILON < CAIRN_REAL(1e-10) ? CAIRN_REAL(1e-9)
+                                                                             : CAIRN_REAL(1e-5),
                                       CAIRN_REAL(16.27)};
     return params;
 }
@@ -77,7 +78,8 @@ static cairn_status builtin_invert(void *context)
     return cairn_block_solver_invert(context);
 }
 
-static cairn_status builtin_covariance(const void *context, int32_t first, int32_t second, cairn_real block[9])
+static cairn_status builtin_covariance(const void *context, int32_t first, int32_t second,
+                                       cairn_real block[9])
 {
     return cairn_block_solver_covariance(context, first, second, block);
 }
@@ -115,11 +117,12 @@ cairn_pose_solver cairn_pose_solver_of(cairn_block_solver *solver)
 
 static int params_are_good(const cairn_pose_graph_params *params)
 {
-    return params != NULL && params->max_poses >= 1 && params->max_poses <= MAX_POSES && params->max_links >= 1 &&
-           params->max_links <= MAX_LINKS && params->start >= CAIRN_POSE_GRAPH_GIVEN &&
-           params->start <= CAIRN_POSE_GRAPH_BEST && params->kernel >= CAIRN_POSE_GRAPH_SQUARE &&
-           params->kernel <= CAIRN_POSE_GRAPH_DCS && params->width > 0 && params->width <= CAIRN_REAL(1e6) &&
-           params->max_iterations >= 1 && params->converged > 0 && params->converged < 1 && params->outlier > 0;
+    return params != NULL && params->max_poses >= 1 && params->max_poses <= MAX_POSES &&
+           params->max_links >= 1 && params->max_links <= MAX_LINKS &&
+           params->start >= CAIRN_POSE_GRAPH_GIVEN && params->start <= CAIRN_POSE_GRAPH_BEST &&
+           params->kernel >= CAIRN_POSE_GRAPH_SQUARE && params->kernel <= CAIRN_POSE_GRAPH_DCS &&
+           params->width > 0 && params->width <= CAIRN_REAL(1e6) && params->max_iterations >= 1 &&
+           params->converged > 0 && params->converged < 1 && params->outlier > 0;
 }
 
 static cairn_block_solver_params solver_params(const cairn_pose_graph_params *params)
@@ -129,7 +132,8 @@ static cairn_block_solver_params solver_params(const cairn_pose_graph_params *pa
 }
 
 /* Sets the pointers of *g, which is then to be copied to the first piece that was taken. */
-static cairn_pose_graph *carve(cairn_pose_graph *g, cairn_pool *pool, const cairn_pose_graph_params *params)
+static cairn_pose_graph *carve(cairn_pose_graph *g, cairn_pool *pool,
+                               const cairn_pose_graph_params *params)
 {
     size_t poses = (size_t)params->max_poses, links = (size_t)params->max_links;
     cairn_pose_graph *made = cairn_pool_take_one(pool, sizeof *made);
@@ -146,7 +150,8 @@ static cairn_pose_graph *carve(cairn_pose_graph *g, cairn_pool *pool, const cair
     return made;
 }
 
-size_t cairn_pose_graph_memory(const cairn_pose_graph_params *params, const cairn_pose_solver *solver)
+size_t cairn_pose_graph_memory(const cairn_pose_graph_params *params,
+                               const cairn_pose_solver *solver)
 {
     cairn_block_solver_params inner;
     cairn_pose_graph layout;
@@ -163,7 +168,8 @@ size_t cairn_pose_graph_memory(const cairn_pose_graph_params *params, const cair
     return cairn_pool_counted(&counting);
 }
 
-cairn_status cairn_pose_graph_create(cairn_pose_graph **graph, cairn_pool *pool, const cairn_pose_graph_params *params,
+cairn_status cairn_pose_graph_create(cairn_pose_graph **graph, cairn_pool *pool,
+                                     const cairn_pose_graph_params *params,
                                      const cairn_pose_solver *solver)
 {
     size_t need = cairn_pose_graph_memory(params, solver);
@@ -283,23 +289,25 @@ cairn_status cairn_pose_graph_fix(cairn_pose_graph *graph, int32_t pose, int32_t
 }
 
 /* What speaks against a link with such a measurement. */
-static cairn_status check_link(const cairn_pose_graph *graph, int32_t first, int32_t second, cairn_pose first_second,
-                               cairn_sym3 information)
+static cairn_status check_link(const cairn_pose_graph *graph, int32_t first, int32_t second,
+                               cairn_pose first_second, cairn_sym3 information)
 {
     cairn_sym3 inverse;
 
-    if (!may_change(graph) || !has_pose(graph, first) || !has_pose(graph, second) || first == second)
+    if (!may_change(graph) || !has_pose(graph, first) || !has_pose(graph, second) ||
+        first == second)
         return CAIRN_BAD_ARGUMENT;
-    if (!cairn_pose_is_finite(first_second) || !cairn_is_finite(information.xx) || !cairn_is_finite(information.xy) ||
-        !cairn_is_finite(information.xz) || !cairn_is_finite(information.yy) || !cairn_is_finite(information.yz) ||
+    if (!cairn_pose_is_finite(first_second) || !cairn_is_finite(information.xx) ||
+        !cairn_is_finite(information.xy) || !cairn_is_finite(information.xz) ||
+        !cairn_is_finite(information.yy) || !cairn_is_finite(information.yz) ||
         !cairn_is_finite(information.zz))
         return CAIRN_NOT_FINITE;
     return cairn_sym3_inverse(information, &inverse) ? CAIRN_OK : CAIRN_BAD_ARGUMENT;
 }
 
 /* Links that are there may get other ends: the solver has to begin anew. */
-static void put_link(cairn_pose_graph *graph, int32_t index, int32_t first, int32_t second, cairn_pose first_second,
-                     cairn_sym3 information)
+static void put_link(cairn_pose_graph *graph, int32_t index, int32_t first, int32_t second,
+                     cairn_pose first_second, cairn_sym3 information)
 {
     struct pose_graph_link *link = &graph->links[index];
 
@@ -314,8 +322,8 @@ static void put_link(cairn_pose_graph *graph, int32_t index, int32_t first, int3
     changed(graph);
 }
 
-cairn_status cairn_pose_graph_add_link(cairn_pose_graph *graph, int32_t first, int32_t second, cairn_pose first_second,
-                                       cairn_sym3 information)
+cairn_status cairn_pose_graph_add_link(cairn_pose_graph *graph, int32_t first, int32_t second,
+                                       cairn_pose first_second, cairn_sym3 information)
 {
     cairn_status status = check_link(graph, first, second, first_second, information);
 
@@ -327,8 +335,9 @@ cairn_status cairn_pose_graph_add_link(cairn_pose_graph *graph, int32_t first, i
     return CAIRN_OK;
 }
 
-cairn_status cairn_pose_graph_set_link(cairn_pose_graph *graph, int32_t link, int32_t first, int32_t second,
-                                       cairn_pose first_second, cairn_sym3 information)
+cairn_status cairn_pose_graph_set_link(cairn_pose_graph *graph, int32_t link, int32_t first,
+                                       int32_t second, cairn_pose first_second,
+                                       cairn_sym3 information)
 {
     cairn_status status = check_link(graph, first, second, first_second, information);
 
@@ -376,7 +385,8 @@ cairn_status cairn_pose_graph_drop_link(cairn_pose_graph *graph, int32_t link, i
     return CAIRN_OK;
 }
 
-cairn_status cairn_pose_graph_set_kernel(cairn_pose_graph *graph, cairn_pose_graph_kernel kernel, cairn_real width)
+cairn_status cairn_pose_graph_set_kernel(cairn_pose_graph *graph, cairn_pose_graph_kernel kernel,
+                                         cairn_real width)
 {
     cairn_pose_graph_params params;
 
@@ -407,12 +417,14 @@ cairn_pose cairn_pose_graph_pose(const cairn_pose_graph *graph, int32_t pose)
 cairn_pose_graph_link cairn_pose_graph_link_of(const cairn_pose_graph *graph, int32_t link)
 {
     const struct pose_graph_link *l = &graph->links[link];
-    cairn_pose_graph_link out = {l->first, l->second, l->chi2, l->weight, l->chi2 > graph->params.outlier, l->dropped};
+    cairn_pose_graph_link out = {
+        l->first, l->second, l->chi2, l->weight, l->chi2 > graph->params.outlier, l->dropped};
 
     return out;
 }
 
-cairn_pose cairn_pose_graph_measured(const cairn_pose_graph *graph, int32_t link, cairn_sym3 *information)
+cairn_pose cairn_pose_graph_measured(const cairn_pose_graph *graph, int32_t link,
+                                     cairn_sym3 *information)
 {
     const struct pose_graph_link *l = &graph->links[link];
 
@@ -420,8 +432,8 @@ cairn_pose cairn_pose_graph_measured(const cairn_pose_graph *graph, int32_t link
     return l->measured;
 }
 
-cairn_status cairn_pose_graph_covariance(const cairn_pose_graph *graph, int32_t first, int32_t second,
-                                         cairn_real block[9])
+cairn_status cairn_pose_graph_covariance(const cairn_pose_graph *graph, int32_t first,
+                                         int32_t second, cairn_real block[9])
 {
     if (graph == NULL || block == NULL || !has_pose(graph, first) || !has_pose(graph, second))
         return CAIRN_BAD_ARGUMENT;

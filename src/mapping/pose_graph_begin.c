@@ -1,4 +1,5 @@
-/* What a solution of a pose graph begins with: whether its poses hang together, and the solver's structure. */
+/* What a solution of a pose graph begins with: whether its poses hang together, and the solver's
+ * structure. */
 #include "src/core/build.h"
 
 #include <string.h>
@@ -93,7 +94,8 @@ cairn_status cairn_pose_graph_solve(cairn_pose_graph *graph)
     graph->length = 1;
     graph->ahead = 0;
     memcpy(graph->trial, graph->poses, (size_t)fresh.poses * sizeof *graph->trial);
-    cairn_pose_graph_enter(graph, POSE_GRAPH_AS_GIVEN, graph->analyzed ? POSE_GRAPH_COST : POSE_GRAPH_ANALYZE);
+    cairn_pose_graph_enter(graph, POSE_GRAPH_AS_GIVEN,
+                           graph->analyzed ? POSE_GRAPH_COST : POSE_GRAPH_ANALYZE);
     return CAIRN_OK;
 }
 

@@ -1,5 +1,5 @@
-/* Links of a pose graph: residuals, the kernel's weights, what they add to the normal equations. The method is told in
- * pose_graph_solve.c. */
+/* Links of a pose graph: residuals, the kernel's weights, what they add to the normal equations.
+ * The method is told in pose_graph_solve.c. */
 #include "src/core/build.h"
 
 #include "src/mapping/pose_graph_work.h"
@@ -57,7 +57,8 @@ static cairn_real rho(const cairn_pose_graph *g, cairn_real s, cairn_real *weigh
 }
 
 /* Residual and information of a link in the map's frame. */
-static void residual(const struct pose_graph_link *link, const cairn_pose *poses, cairn_real e[3], cairn_sym3 *w)
+static void residual(const struct pose_graph_link *link, const cairn_pose *poses, cairn_real e[3],
+                     cairn_sym3 *w)
 {
     cairn_pose a = poses[link->first], b = poses[link->second];
     cairn_real s, c;
@@ -70,10 +71,11 @@ static void residual(const struct pose_graph_link *link, const cairn_pose *poses
 }
 
 /* The same of the unit vectors of headings; *turn is R_z. */
-static void heading_residual(const struct pose_graph_link *link, const cairn_pose *poses, cairn_real e[3],
-                             cairn_sym3 *w, cairn_real turn[9])
+static void heading_residual(const struct pose_graph_link *link, const cairn_pose *poses,
+                             cairn_real e[3], cairn_sym3 *w, cairn_real turn[9])
 {
-    cairn_transform a = cairn_transform_of(poses[link->first]), b = cairn_transform_of(poses[link->second]);
+    cairn_transform a = cairn_transform_of(poses[link->first]),
+                    b = cairn_transform_of(poses[link->second]);
     cairn_real s, c;
 
     cairn_sincos(link->measured.theta, &s, &c);
@@ -136,7 +138,8 @@ static void add_blocks(cairn_pose_graph *g, int32_t index, cairn_sym3 w, const c
 {
     const struct pose_graph_link *link = &g->links[index];
     cairn_real aw[9];
-    int moves_first = !cairn_pose_graph_stays(g, link->first), moves_second = !cairn_pose_graph_stays(g, link->second);
+    int moves_first = !cairn_pose_graph_stays(g, link->first),
+        moves_second = !cairn_pose_graph_stays(g, link->second);
 
     multiply_transposed(a, w, aw);
     if (moves_second)
@@ -151,10 +154,11 @@ static void add_blocks(cairn_pose_graph *g, int32_t index, cairn_sym3 w, const c
     }
 }
 
-static void add_right_side(cairn_pose_graph *g, const struct pose_graph_link *link, const cairn_real e[3], cairn_sym3 w,
-                           const cairn_real a[9])
+static void add_right_side(cairn_pose_graph *g, const struct pose_graph_link *link,
+                           const cairn_real e[3], cairn_sym3 w, const cairn_real a[9])
 {
-    const cairn_real we[3] = {w.xx * e[0] + w.xy * e[1] + w.xz * e[2], w.xy * e[0] + w.yy * e[1] + w.yz * e[2],
+    const cairn_real we[3] = {w.xx * e[0] + w.xy * e[1] + w.xz * e[2],
+                              w.xy * e[0] + w.yy * e[1] + w.yz * e[2],
                               w.xz * e[0] + w.yz * e[1] + w.zz * e[2]};
 
     if (!cairn_pose_graph_stays(g, link->second))
@@ -166,7 +170,8 @@ static void add_right_side(cairn_pose_graph *g, const struct pose_graph_link *li
 }
 
 /* Adds a link to the right side and to the matrix. */
-static void add_link(cairn_pose_graph *g, int32_t index, const cairn_real e[3], cairn_sym3 w, const cairn_real a[9])
+static void add_link(cairn_pose_graph *g, int32_t index, const cairn_real e[3], cairn_sym3 w,
+                     const cairn_real a[9])
 {
     add_right_side(g, &g->links[index], e, w, a);
     add_blocks(g, index, w, a);
@@ -219,8 +224,8 @@ cairn_real cairn_pose_graph_curvature_of_link(const cairn_pose_graph *g, int32_t
     return link->weight * cairn_sym3_form(cairn_pose_graph_turned(link->information, a.theta), e);
 }
 
-static void cost_of_link(cairn_pose_graph *g, struct pose_graph_link *link, const cairn_pose *poses, cairn_real e[3],
-                         cairn_sym3 *w)
+static void cost_of_link(cairn_pose_graph *g, struct pose_graph_link *link, const cairn_pose *poses,
+                         cairn_real e[3], cairn_sym3 *w)
 {
     residual(link, poses, e, w);
     link->chi2 = cairn_sym3_form(*w, e);

@@ -1,28 +1,33 @@
 /* Iterations of a pose graph.
  *
- * Method: Levenberg and Marquardt with the kernel's weights (iteratively reweighted). In the map's frame a link has the
- * residual g = (t_j - t_i - R_i t_z, theta_j - theta_i - theta_z) and the information W = R_i Omega R_i^T; its derivative by
- * the second pose is the identity and by the first -A, A = [1 0 -v_y; 0 1 v_x; 0 0 1] with v = t_j - t_i. So a link adds W,
- * A^T W A and -A^T W. A fixed pose has the identity for its block and no links.
+ * Method: Levenberg and Marquardt with the kernel's weights (iteratively reweighted). In the map's
+ * frame a link has the residual g = (t_j - t_i - R_i t_z, theta_j - theta_i - theta_z) and the
+ * information W = R_i Omega R_i^T; its derivative by the second pose is the identity and by the
+ * first -A, A = [1 0 -v_y; 0 1 v_x; 0 0 1] with v = t_j - t_i. So a link adds W, A^T W A and -A^T
+ * W. A fixed pose has the identity for its block and no links.
  *
- * The chordal start has the same form. Headings: g = r_j - R_z r_i for the unit vectors r, of the information of the
- * angle alone, which is linear; then the poses with v = R_i t_z of the headings that came out, linear again.
+ * The chordal start has the same form. Headings: g = r_j - R_z r_i for the unit vectors r, of the
+ * information of the angle alone, which is linear; then the poses with v = R_i t_z of the headings
+ * that came out, linear again.
  *
- * Near the minimum the factor of earlier poses preconditions conjugate gradients (Fletcher and Reeves 1964): what a link asks
- * for hardly changes in the frames of its poses, so right sides and solutions are turned between the headings of then and of
- * now. How far to go tells the curvature along the step, and when to end the slope, which is the decrease that the factor
- * promises. A full step across which weak motions bend the graph may make the cost higher by their second order, which the
- * next such step takes away: it is judged after that one.
+ * Near the minimum the factor of earlier poses preconditions conjugate gradients (Fletcher and
+ * Reeves 1964): what a link asks for hardly changes in the frames of its poses, so right sides and
+ * solutions are turned between the headings of then and of now. How far to go tells the curvature
+ * along the step, and when to end the slope, which is the decrease that the factor promises. A full
+ * step across which weak motions bend the graph may make the cost higher by their second order,
+ * which the next such step takes away: it is judged after that one.
  *
- * Graduated: c^2 is multiplied by 2 max(e^T Omega e) / c^2 at first and by 1 / 1.4 from iteration to iteration (Yang,
- * Antonante, Tzoumas and Carlone 2020).
+ * Graduated: c^2 is multiplied by 2 max(e^T Omega e) / c^2 at first and by 1 / 1.4 from iteration
+ * to iteration (Yang, Antonante, Tzoumas and Carlone 2020).
  *
- * Limits: local; the chordal start is least squares and suffers from outliers, BEST then stays with the given one.
+ * Limits: local; the chordal start is least squares and suffers from outliers, BEST then stays with
+ * the given one.
  *
- * Source: Grisetti et al., A tutorial on graph-based SLAM, 2010; Carlone, Tron, Daniilidis and Dellaert, Initialization
- * techniques for 3D SLAM, 2015; Carlone, Aragues, Castellanos and Bona, A fast and accurate approximation for planar pose
- * graph optimization, 2014; Chamberlain, Powell, Lemarechal and Pedersen, The watchdog technique for forcing convergence,
- * 1982; Agarwal et al., Robust map optimization using dynamic covariance scaling, 2013. */
+ * Source: Grisetti et al., A tutorial on graph-based SLAM, 2010; Carlone, Tron, Daniilidis and
+ * Dellaert, Initialization techniques for 3D SLAM, 2015; Carlone, Aragues, Castellanos and Bona,
+ * A fast and accurate approximation for planar pose graph optimization, 2014; Chamberlain,
+ * Powell, Lemarechal and Pedersen, The watchdog technique for forcing convergence, 1982; Agarwal
+ * et al., Robust map optimization using dynamic covariance scaling, 2013. */
 #include "src/core/build.h"
 
 #include <string.h>
@@ -31,14 +36,20 @@
 
 enum { UNITS_LINK = 4, UNITS_EQUATIONS = 9, UNITS_POSE = 1, POSES_A_UNIT = 8 };
 
-/* The weakest motions of large graphs have 1e-10 of the diagonal; in float that is below rounding. */
+/* The weakest motions of large graphs have 1e-10 of the diagonal; in float that is below
+ * rounding. */
 static const cairn_real LEAST_DAMPING = CAIRN_REAL(1e-12) + CAIRN_REAL_EPSILON;
 static const cairn_real MOST_DAMPING = CAIRN_REAL(1e6);
-static const cairn_real RAISING = 1000;                /* of the damping after a refused step */
-static const cairn_real EASING = CAIRN_REAL(0.01);     /* ... after a step that was taken at once */
-static const cairn_real SHORTEST = CAIRN_REAL(0.25);   /* of a step, in parts of the whole, before it is damped */
-static const cairn_real SMALL_STEP = CAIRN_REAL(0.01); /* change of the cost after which the factor serves again */
-static const cairn_real SLOWING = CAIRN_REAL(0.3);     /* ... of such a step, by that of the step before */
+/* of the damping after a refused step */
+static const cairn_real RAISING = 1000;
+/* ... after a step that was taken at once */
+static const cairn_real EASING = CAIRN_REAL(0.01);
+/* of a step, in parts of the whole, before it is damped */
+static const cairn_real SHORTEST = CAIRN_REAL(0.25);
+/* change of the cost after which the factor serves again */
+static const cairn_real SMALL_STEP = CAIRN_REAL(0.01);
+/* ... of such a step, by that of the step before */
+static const cairn_real SLOWING = CAIRN_REAL(0.3);
 static const cairn_real NARROWING = CAIRN_REAL(1.4);
 
 /* ---- Stages ---- */
@@ -108,8 +119,8 @@ static cairn_real little(const cairn_pose_graph *g)
     return g->params.converged * (g->base_cost + (cairn_real)g->state.links);
 }
 
-/* Whether the factor serves the next step, too, after one that made the cost less by `better`: not where that was little and
- * the factor had promised more. */
+/* Whether the factor serves the next step, too, after one that made the cost less by `better`:
+ * not where that was little and the factor had promised more. */
 static int serves_again(const cairn_pose_graph *g, cairn_real better)
 {
     if (g->widening > 1 || g->length < 1)
@@ -125,8 +136,8 @@ static int goes_ahead(const cairn_pose_graph *g, cairn_real better)
     return !g->reuse && g->length == 1 && g->widening <= 1 && -better <= SMALL_STEP * g->base_cost;
 }
 
-/* The next step begins at the poses that were tried, whose right sides are there, with the factor at hand; or with one of its
- * own. */
+/* The next step begins at the poses that were tried, whose right sides are there, with the
+ * factor at hand; or with one of its own. */
 static void begin_step(cairn_pose_graph *g)
 {
     if (g->reuse && !g->ahead)
@@ -135,12 +146,13 @@ static void begin_step(cairn_pose_graph *g)
     cairn_pose_graph_enter(g, POSE_GRAPH_NEWTON, g->reuse ? POSE_GRAPH_TURN : POSE_GRAPH_CLEAR);
 }
 
-/* A step has been tried: its cost is g->cost, that of the base g->base_cost, both with the same kernel. One with an old
- * factor tells nothing about rest; its slope does, see end_slope(). */
+/* A step has been tried: its cost is g->cost, that of the base g->base_cost, both with the same
+ * kernel. One with an old factor tells nothing about rest; its slope does, see end_slope(). */
 static void judge_step(cairn_pose_graph *g)
 {
     cairn_real better = g->base_cost - g->cost;
-    int at_rest = !g->reuse && cairn_abs(better) <= little(g) && g->widening <= 1, damped = g->damping > LEAST_DAMPING;
+    int at_rest = !g->reuse && cairn_abs(better) <= little(g) && g->widening <= 1,
+        damped = g->damping > LEAST_DAMPING;
     int shorter = 0;
 
     g->state.iterations++;
@@ -150,7 +162,8 @@ static void judge_step(cairn_pose_graph *g)
             lower_damping(g);
         if (!g->reuse || g->ahead)
             g->last_slope = 0;
-        g->reuse = !damped && serves_again(g, better); /* what is damped hides how far there is to go */
+        /* what is damped hides how far there is to go */
+        g->reuse = !damped && serves_again(g, better);
         g->ahead = 0;
         g->better = better;
         g->length = 1;
@@ -254,10 +267,12 @@ static void solution_of(const cairn_pose_graph *g, int32_t index, cairn_real x[3
     (void)status;
 }
 
-/* Turns a displacement of a pose from its heading now to that at which the matrix was factored, or back. */
+/* Turns a displacement of a pose from its heading now to that at which the matrix was factored,
+ * or back. */
 static void turn(const cairn_pose_graph *g, int32_t index, int back, cairn_real x[3])
 {
-    cairn_real angle = g->heading[index] - cairn_pose_graph_base(g)[index].theta, s, c, first = x[0];
+    cairn_real angle = g->heading[index] - cairn_pose_graph_base(g)[index].theta, s, c,
+               first = x[0];
 
     cairn_sincos(back ? -angle : angle, &s, &c);
     x[0] = c * first - s * x[1];
@@ -279,7 +294,8 @@ static void set_direction(cairn_pose_graph *g, int32_t index)
 {
     for (int k = 0; k < 3; k++)
         g->direction[index][k] =
-            g->right[index][k] + (g->last_slope > 0 ? g->slope / g->last_slope * g->direction[index][k] : 0);
+            g->right[index][k] +
+            (g->last_slope > 0 ? g->slope / g->last_slope * g->direction[index][k] : 0);
 }
 
 static void move_pose(cairn_pose_graph *g, int32_t index)
@@ -322,7 +338,8 @@ static int32_t clear_equations(cairn_pose_graph *g)
     return g->state.poses + g->state.fill;
 }
 
-/* The slope is by how much the cost would become less if the factor were that of the matrix here. */
+/* The slope is by how much the cost would become less if the factor were that of the matrix
+ * here. */
 static void end_slope(cairn_pose_graph *g)
 {
     if (!g->ahead && cairn_abs(g->slope) <= little(g))
@@ -368,7 +385,8 @@ static void end_part(cairn_pose_graph *g, cairn_status status)
         g->analyzed = status == CAIRN_OK;
         g->full = status == CAIRN_FULL;
         if (status == CAIRN_OK)
-            cairn_pose_graph_enter(g, g->mode, g->mode == POSE_GRAPH_AS_GIVEN ? POSE_GRAPH_COST : POSE_GRAPH_CLEAR);
+            cairn_pose_graph_enter(
+                g, g->mode, g->mode == POSE_GRAPH_AS_GIVEN ? POSE_GRAPH_COST : POSE_GRAPH_CLEAR);
         else
             end(g, status);
     } else if (result.state == CAIRN_BLOCK_SOLVER_NOT_POSITIVE || status != CAIRN_OK) {

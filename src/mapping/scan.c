@@ -1,11 +1,11 @@
 /* A sweep becomes beams in one frame and a line fit of its hits; the object of the room.
  *
- * Method: the base moves on an arc of constant twist: with (v, w) the logarithm of the motion in SE(2), it is at
- * exp(f (v, w)) at the fraction f of the sweep. The hits go through the line fit of the polyline room; what becomes of its
- * segments is in scan_points.c.
+ * Method: the base moves on an arc of constant twist: with (v, w) the logarithm of the motion in
+ * SE(2), it is at exp(f (v, w)) at the fraction f of the sweep. The hits go through the line fit of
+ * the polyline room; what becomes of its segments is in scan_points.c.
  *
- * Layout: one pool piece per array, the polyline object behind them. Limits: the motion turns by at most half a
- * turn. Source: Adluru 2008, sections 6.2 and 7.3 (pre-processing). */
+ * Layout: one pool piece per array, the polyline object behind them. Limits: the motion turns by
+ * at most half a turn. Source: Adluru 2008, sections 6.2 and 7.3 (pre-processing). */
 #include "src/core/build.h"
 
 #include <string.h>
@@ -45,8 +45,8 @@ static int acceptable(const cairn_scan_params *p)
 {
     cairn_polyline_params fit;
 
-    if (p == NULL || p->max_beams < 1 || p->max_beams > 100000 || p->max_points < 1 || p->max_points >= INT32_MAX ||
-        !positive(p->spacing) || !positive(p->support))
+    if (p == NULL || p->max_beams < 1 || p->max_beams > 100000 || p->max_points < 1 ||
+        p->max_points >= INT32_MAX || !positive(p->spacing) || !positive(p->support))
         return 0;
     fit = fit_params(p);
     return cairn_polyline_memory(&fit) > 0;
@@ -141,10 +141,12 @@ static cairn_status check_input(const cairn_scan *x, const cairn_scan_input *in,
     if (in->count > x->params.max_beams)
         return CAIRN_FULL;
     fault->what = "range_min, range_max, range_sigma: expected finite numbers";
-    if (!finite_float(in->range_min) || !finite_float(in->range_max) || !finite_float(in->range_sigma))
+    if (!finite_float(in->range_min) || !finite_float(in->range_max) ||
+        !finite_float(in->range_sigma))
         return CAIRN_NOT_FINITE;
     fault->what = "range_min, range_max: expected 0 <= range_min < range_max <= CAIRN_SCAN_EXTENT";
-    if (in->range_min < 0 || in->range_max <= in->range_min || (cairn_real)in->range_max > CAIRN_SCAN_EXTENT)
+    if (in->range_min < 0 || in->range_max <= in->range_min ||
+        (cairn_real)in->range_max > CAIRN_SCAN_EXTENT)
         return CAIRN_BAD_ARGUMENT;
     fault->what = "range_sigma: expected >= 0";
     if (in->range_sigma < 0)
@@ -200,7 +202,8 @@ cairn_status cairn_scan_begin(cairn_scan *x, const cairn_scan_input *input, cair
     x->part = 0;
     x->phase = SCAN_BEAMS;
     x->at = x->other = x->stage = x->running = 0;
-    return cairn_polyline_clear(x->polyline, cairn_max(1, (cairn_real)input->range_sigma / x->params.fit.sigma));
+    return cairn_polyline_clear(x->polyline,
+                                cairn_max(1, (cairn_real)input->range_sigma / x->params.fit.sigma));
 }
 
 static int32_t *kind_count(cairn_scan *x, cairn_beam_kind kind)

@@ -1,11 +1,14 @@
 /* The cover of scans by each other.
  *
- * Method: the points of all scans are put into a hash grid in the map; then each looks for points of other scans around it.
- * Scans are counted once however many near points they have: `seen` holds for each scan the last point that it covered.
+ * Method: the points of all scans are put into a hash grid in the map; then each looks for points
+ * of other scans around it. Scans are counted once however many near points they have: `seen` holds
+ * for each scan the last point that it covered.
  *
- * Layout: points in the order of the segments of the set, with the number of their segment beside the grid.
+ * Layout: points in the order of the segments of the set, with the number of their segment beside
+ * the grid.
  *
- * Limits: points stand for what they show, whether or not the scan that also shows it lies right. */
+ * Limits: points stand for what they show, whether or not the scan that also shows it lies
+ * right. */
 #include "src/core/build.h"
 
 #include <string.h>
@@ -41,8 +44,8 @@ cairn_scan_cover_params cairn_scan_cover_default(void)
 static int params_are_good(const cairn_scan_cover_params *p)
 {
     return p != NULL && p->max_scans >= 1 && p->max_scans <= MAX_SCANS && p->max_points >= 1 &&
-           p->max_points <= MAX_POINTS && p->radius > 0 && p->radius <= FARTHEST && p->direction_gate > 0 &&
-           p->direction_gate <= CAIRN_PI;
+           p->max_points <= MAX_POINTS && p->radius > 0 && p->radius <= FARTHEST &&
+           p->direction_gate > 0 && p->direction_gate <= CAIRN_PI;
 }
 
 static cairn_point_grid_params grid_params(const cairn_scan_cover_params *params)
@@ -52,7 +55,8 @@ static cairn_point_grid_params grid_params(const cairn_scan_cover_params *params
 }
 
 /* Sets the pointers of *c, which is then to be copied to the piece that is returned. */
-static cairn_scan_cover *carve(cairn_scan_cover *c, cairn_pool *pool, const cairn_scan_cover_params *params)
+static cairn_scan_cover *carve(cairn_scan_cover *c, cairn_pool *pool,
+                               const cairn_scan_cover_params *params)
 {
     size_t scans = (size_t)params->max_scans, points = (size_t)params->max_points;
     cairn_scan_cover *made = cairn_pool_take_one(pool, sizeof *made);
@@ -79,7 +83,8 @@ size_t cairn_scan_cover_memory(const cairn_scan_cover_params *params)
     return cairn_pool_counted(&counting);
 }
 
-cairn_status cairn_scan_cover_create(cairn_scan_cover **cover, cairn_pool *pool, const cairn_scan_cover_params *params)
+cairn_status cairn_scan_cover_create(cairn_scan_cover **cover, cairn_pool *pool,
+                                     const cairn_scan_cover_params *params)
 {
     size_t need = cairn_scan_cover_memory(params);
     cairn_point_grid_params grid;
@@ -102,7 +107,8 @@ cairn_status cairn_scan_cover_create(cairn_scan_cover **cover, cairn_pool *pool,
     return status;
 }
 
-cairn_status cairn_scan_cover_begin(cairn_scan_cover *cover, const cairn_scan_set *set, const cairn_pose *map_scan)
+cairn_status cairn_scan_cover_begin(cairn_scan_cover *cover, const cairn_scan_set *set,
+                                    const cairn_pose *map_scan)
 {
     if (cover == NULL || set == NULL || map_scan == NULL)
         return CAIRN_BAD_ARGUMENT;
@@ -111,7 +117,8 @@ cairn_status cairn_scan_cover_begin(cairn_scan_cover *cover, const cairn_scan_se
     for (int32_t i = 0; i < set->scan_count; i++) {
         if (set->scans[i].in_use && !cairn_pose_is_finite(map_scan[i]))
             return CAIRN_NOT_FINITE;
-        if (set->scans[i].in_use && !(cairn_abs(map_scan[i].x) <= FARTHEST && cairn_abs(map_scan[i].y) <= FARTHEST))
+        if (set->scans[i].in_use &&
+            !(cairn_abs(map_scan[i].x) <= FARTHEST && cairn_abs(map_scan[i].y) <= FARTHEST))
             return CAIRN_BAD_ARGUMENT;
     }
     for (int32_t i = 0; i < set->scan_count; i++) {
@@ -192,12 +199,14 @@ static int32_t count_scans(cairn_scan_cover *c)
         return 1;
     }
     direction = direction_at(c, c->at, &own);
-    cursor = cairn_point_grid_begin(c->grid, cairn_point_grid_point(c->grid, c->at), c->params.radius);
+    cursor =
+        cairn_point_grid_begin(c->grid, cairn_point_grid_point(c->grid, c->at), c->params.radius);
     while ((found = cairn_point_grid_next(c->grid, &cursor)) >= 0) {
         cairn_vec2 its = direction_at(c, found, &other);
 
         near++;
-        if (other != own && c->seen[other] != c->at && cairn_vec2_dot(direction, its) >= c->least_cosine) {
+        if (other != own && c->seen[other] != c->at &&
+            cairn_vec2_dot(direction, its) >= c->least_cosine) {
             c->seen[other] = c->at;
             scans++;
         }
@@ -247,7 +256,8 @@ int32_t cairn_scan_cover_least(const cairn_scan_cover *cover, int32_t spared)
     if (!is_done(cover))
         return -1;
     for (int32_t i = 0; i < cover->scans; i++)
-        if (i != spared && cover->loss[i] >= 0 && (least < 0 || cover->loss[i] < cover->loss[least]))
+        if (i != spared && cover->loss[i] >= 0 &&
+            (least < 0 || cover->loss[i] < cover->loss[least]))
             least = i;
     return least;
 }

@@ -1,16 +1,19 @@
 /* Scan matching.
  *
- * Method. Search: all pairs of points of like direction vote for a position, heading by heading (scan_match_vote.c). The
- * peaks, those of neighbouring headings as one, are refined in stages (scan_match_fit.c): few points and wide gates first, at the end every beam. After each stage
- * the poses are scored by what they explain and what speaks against them, poses that have met are joined, and the worse
- * ones are left behind (scan_match_rank.c). The verdict is a measured rule over the scores of the last ones.
+ * Method. Search: all pairs of points of like direction vote for a position, heading by heading
+ * (scan_match_vote.c). The peaks, those of neighbouring headings as one, are refined in stages
+ * (scan_match_fit.c): few points and wide gates first, at the end every beam. After each stage the
+ * poses are scored by what they explain and what speaks against them, poses that have met are
+ * joined, and the worse ones are left behind (scan_match_rank.c). The verdict is a measured rule
+ * over the scores of the last ones.
  *
- * Layout: the target's points in the order in which they came; sorted by cell (scan_match_index.c); their positions
- * sorted by direction and strips of their box (scan_match_spots.c). Both are made at the first match after the target changed. Of
- * beams, the least range by bearing is kept (scan_match_free.c).
+ * Layout: the target's points in the order in which they came; sorted by cell (scan_match_index.c);
+ * their positions sorted by direction and strips of their box (scan_match_spots.c). Both are made
+ * at the first match after the target changed. Of beams, the least range by bearing is kept
+ * (scan_match_free.c).
  *
- * The number of operations is bounded: by the points of query and target that vote, by the number of headings, and by fixed
- * numbers of candidates, iterations and points of each stage.
+ * The number of operations is bounded: by the points of query and target that vote, by the number
+ * of headings, and by fixed numbers of candidates, iterations and points of each stage.
  *
  * Limits: positions farther than 256 cells of two spacings apart are not searched. */
 #include "src/core/build.h"
@@ -23,7 +26,8 @@ enum { POINTS_MOST = 1 << 20, VIEWS_MOST = 4096, HYPOTHESES_MOST = 64, CANDIDATE
 
 enum { WRITTEN_READINGS = 1604 }; /* of a scan in the thesis: 4 x 401 */
 
-static const cairn_real LEAST_SPACING = CAIRN_REAL(1e-3); /* m: cells as small as that can still be counted */
+/* m: cells as small as that can still be counted */
+static const cairn_real LEAST_SPACING = CAIRN_REAL(1e-3);
 
 cairn_scan_match_params cairn_scan_match_default(void)
 {
@@ -66,13 +70,15 @@ static int is_within(int32_t n, int32_t least, int32_t most)
 
 static int params_are_good(const cairn_scan_match_params *p)
 {
-    return p != NULL && is_within(p->mode, CAIRN_SCAN_MATCH_CORRELATIVE, CAIRN_SCAN_MATCH_AS_WRITTEN_LINES) &&
+    return p != NULL &&
+           is_within(p->mode, CAIRN_SCAN_MATCH_CORRELATIVE, CAIRN_SCAN_MATCH_AS_WRITTEN_LINES) &&
            is_within(p->max_target, 1, POINTS_MOST) && is_within(p->max_dense, 0, POINTS_MOST) &&
            is_within(p->max_views, 0, VIEWS_MOST) && is_within(p->max_query, 1, POINTS_MOST) &&
-           is_within(p->max_hypotheses, 1, HYPOTHESES_MOST) && is_within(p->max_candidates, 1, CANDIDATES_MOST) &&
-           is_within(p->max_cells, MATCH_CELLS_LEAST, MATCH_CELLS_MOST) && is_within(p->once, 0, 1) &&
-           is_positive(p->spacing) && p->spacing >= LEAST_SPACING && is_positive(p->sigma) && p->weak_ratio >= 0 &&
-           p->weak_ratio < 1;
+           is_within(p->max_hypotheses, 1, HYPOTHESES_MOST) &&
+           is_within(p->max_candidates, 1, CANDIDATES_MOST) &&
+           is_within(p->max_cells, MATCH_CELLS_LEAST, MATCH_CELLS_MOST) &&
+           is_within(p->once, 0, 1) && is_positive(p->spacing) && p->spacing >= LEAST_SPACING &&
+           is_positive(p->sigma) && p->weak_ratio >= 0 && p->weak_ratio < 1;
 }
 
 static cairn_sequence_params sequence_params(const cairn_scan_match_params *p)
@@ -111,14 +117,17 @@ static cairn_scan_match *carve(cairn_pool *pool, const cairn_scan_match_params *
     made.params = *p;
     made.target = cairn_pool_take(pool, (size_t)p->max_target, sizeof *made.target);
     made.dense = cairn_pool_take(pool, (size_t)p->max_dense, sizeof *made.dense);
-    made.dense_index.points = cairn_pool_take(pool, (size_t)p->max_dense, sizeof *made.dense_index.points);
-    made.dense_index.start =
-        cairn_pool_take(pool, cairn_match_index_cells(p->max_dense) + 1, sizeof *made.dense_index.start);
+    made.dense_index.points =
+        cairn_pool_take(pool, (size_t)p->max_dense, sizeof *made.dense_index.points);
+    made.dense_index.start = cairn_pool_take(pool, cairn_match_index_cells(p->max_dense) + 1,
+                                             sizeof *made.dense_index.start);
     made.views = cairn_pool_take(pool, (size_t)p->max_views, sizeof *made.views);
     made.query_profile = cairn_pool_take_one(pool, sizeof *made.query_profile);
     made.index.points = cairn_pool_take(pool, (size_t)p->max_target, sizeof *made.index.points);
-    made.index.start = cairn_pool_take(pool, cairn_match_index_cells(p->max_target) + 1, sizeof *made.index.start);
-    made.by_direction = cairn_pool_take(pool, cells > 0 ? (size_t)p->max_target : 0, sizeof *made.by_direction);
+    made.index.start =
+        cairn_pool_take(pool, cairn_match_index_cells(p->max_target) + 1, sizeof *made.index.start);
+    made.by_direction =
+        cairn_pool_take(pool, cells > 0 ? (size_t)p->max_target : 0, sizeof *made.by_direction);
     made.query_turn = cairn_pool_take(pool, cells > 0 ? MATCH_VOTERS : 0, sizeof *made.query_turn);
     made.votes.cell = cairn_pool_take(pool, cells, sizeof *made.votes.cell);
     made.votes.touched = cairn_pool_take(pool, cells, sizeof *made.votes.touched);
@@ -147,7 +156,8 @@ size_t cairn_scan_match_memory(const cairn_scan_match_params *params)
     return cairn_pool_counted(&counting);
 }
 
-cairn_status cairn_scan_match_create(cairn_scan_match **match, cairn_pool *pool, const cairn_scan_match_params *params)
+cairn_status cairn_scan_match_create(cairn_scan_match **match, cairn_pool *pool,
+                                     const cairn_scan_match_params *params)
 {
     size_t need = cairn_scan_match_memory(params);
     cairn_sequence_params sequence;
@@ -170,7 +180,8 @@ cairn_status cairn_scan_match_create(cairn_scan_match **match, cairn_pool *pool,
 
 cairn_scan_match_part cairn_scan_match_part_of(const cairn_scan_view *view)
 {
-    cairn_scan_match_part part = {view->points, NULL, view->beams, view->point_count, 0, view->beam_count};
+    cairn_scan_match_part part = {view->points,      NULL, view->beams,
+                                  view->point_count, 0,    view->beam_count};
 
     return part;
 }
@@ -205,13 +216,15 @@ static int is_near(cairn_vec2 p)
     return cairn_abs(p.x) <= CAIRN_SCAN_EXTENT && cairn_abs(p.y) <= CAIRN_SCAN_EXTENT;
 }
 
-static cairn_status check_points(const cairn_oriented_point *points, int32_t count, cairn_fault *fault)
+static cairn_status check_points(const cairn_oriented_point *points, int32_t count,
+                                 cairn_fault *fault)
 {
     for (int32_t i = 0; i < count; i++) {
         cairn_real norm = cairn_vec2_norm_squared(points[i].direction);
 
         if (!is_near(points[i].position) || norm != norm)
-            return cairn_refuse(fault, i, "a point is not finite or too far away", CAIRN_NOT_FINITE);
+            return cairn_refuse(fault, i, "a point is not finite or too far away",
+                                CAIRN_NOT_FINITE);
         if (!(norm > CAIRN_REAL(0.98) && norm < CAIRN_REAL(1.02)))
             return cairn_refuse(fault, i, "a direction is not of length 1", CAIRN_BAD_ARGUMENT);
     }
@@ -223,14 +236,16 @@ static int is_array(const void *array, int32_t count)
     return count >= 0 && (array != NULL || count == 0);
 }
 
-static cairn_status check_part(const cairn_scan_match_part *part, cairn_pose pose, cairn_fault *fault)
+static cairn_status check_part(const cairn_scan_match_part *part, cairn_pose pose,
+                               cairn_fault *fault)
 {
     cairn_status status;
 
     if (!is_array(part->points, part->count) || !is_array(part->dense, part->dense_count) ||
         !is_array(part->beams, part->beam_count))
         return cairn_refuse(fault, -1, "a negative count, or no array", CAIRN_BAD_ARGUMENT);
-    if (!cairn_pose_is_finite(pose) || cairn_abs(pose.x) > CAIRN_SCAN_EXTENT || cairn_abs(pose.y) > CAIRN_SCAN_EXTENT)
+    if (!cairn_pose_is_finite(pose) || cairn_abs(pose.x) > CAIRN_SCAN_EXTENT ||
+        cairn_abs(pose.y) > CAIRN_SCAN_EXTENT)
         return cairn_refuse(fault, -1, "the pose is not finite or too far away", CAIRN_NOT_FINITE);
     status = check_points(part->points, part->count, fault);
     if (status == CAIRN_OK)
@@ -242,7 +257,8 @@ static cairn_status check_part(const cairn_scan_match_part *part, cairn_pose pos
 }
 
 /* The free space of a part; 0 when none of its beams says anything. */
-static int32_t make_profile(match_profile *profile, const cairn_scan_match_part *part, cairn_transform transform)
+static int32_t make_profile(match_profile *profile, const cairn_scan_match_part *part,
+                            cairn_transform transform)
 {
     int32_t known = 0;
 
@@ -259,8 +275,8 @@ static int32_t make_profile(match_profile *profile, const cairn_scan_match_part 
     return known;
 }
 
-cairn_status cairn_scan_match_add_target(cairn_scan_match *x, const cairn_scan_match_part *part, cairn_pose target_part,
-                                         cairn_fault *fault)
+cairn_status cairn_scan_match_add_target(cairn_scan_match *x, const cairn_scan_match_part *part,
+                                         cairn_pose target_part, cairn_fault *fault)
 {
     cairn_transform transform;
     cairn_status status;
@@ -326,7 +342,8 @@ static void measure_query(cairn_scan_match *x)
 }
 
 /* The window as a prior: uniform in it, so that what the scans do not tell stays at the start. */
-static void take_window(cairn_scan_match *x, cairn_pose start, const cairn_scan_match_window *window)
+static void take_window(cairn_scan_match *x, cairn_pose start,
+                        const cairn_scan_match_window *window)
 {
     const cairn_real share = CAIRN_REAL(0.577), least = CAIRN_REAL(0.1) * x->params.spacing;
 
@@ -336,13 +353,14 @@ static void take_window(cairn_scan_match *x, cairn_pose start, const cairn_scan_
     x->window = *window;
     x->start = start;
     x->prior.mean = start;
-    x->prior.sigma_x = x->prior.sigma_y = cairn_max(share * cairn_min(window->distance, CAIRN_SCAN_EXTENT), least);
+    x->prior.sigma_x = x->prior.sigma_y =
+        cairn_max(share * cairn_min(window->distance, CAIRN_SCAN_EXTENT), least);
     x->prior.sigma_theta = cairn_max(share * cairn_min(window->angle, CAIRN_PI), CAIRN_REAL(0.01));
 }
 
 /* Checks a query and makes it the one at work; MATCH_DONE when there is nothing to match. */
-static cairn_status take_query(cairn_scan_match *x, const cairn_scan_match_part *query, cairn_pose start,
-                               cairn_fault *fault)
+static cairn_status take_query(cairn_scan_match *x, const cairn_scan_match_part *query,
+                               cairn_pose start, cairn_fault *fault)
 {
     cairn_status status = check_part(query, start, fault);
 
@@ -353,7 +371,8 @@ static cairn_status take_query(cairn_scan_match *x, const cairn_scan_match_part 
     stop(x);
     memset(&x->measure, 0, sizeof x->measure);
     x->query = *query;
-    x->query_sees = make_profile(x->query_profile, query, cairn_transform_of(cairn_pose_identity()));
+    x->query_sees =
+        make_profile(x->query_profile, query, cairn_transform_of(cairn_pose_identity()));
     x->candidate_count = x->hypothesis_count = 0;
     x->at = x->other = x->stage = 0;
     if (query->count == 0 || x->target_count == 0) {
@@ -364,8 +383,9 @@ static cairn_status take_query(cairn_scan_match *x, const cairn_scan_match_part 
     return CAIRN_OK;
 }
 
-cairn_status cairn_scan_match_begin(cairn_scan_match *x, const cairn_scan_match_part *query, cairn_pose start,
-                                    const cairn_scan_match_window *window, cairn_fault *fault)
+cairn_status cairn_scan_match_begin(cairn_scan_match *x, const cairn_scan_match_part *query,
+                                    cairn_pose start, const cairn_scan_match_window *window,
+                                    cairn_fault *fault)
 {
     cairn_status status;
 
@@ -386,8 +406,8 @@ cairn_status cairn_scan_match_begin(cairn_scan_match *x, const cairn_scan_match_
     return CAIRN_OK;
 }
 
-cairn_status cairn_scan_match_begin_icp(cairn_scan_match *x, const cairn_scan_match_part *query, cairn_pose start,
-                                        cairn_fault *fault)
+cairn_status cairn_scan_match_begin_icp(cairn_scan_match *x, const cairn_scan_match_part *query,
+                                        cairn_pose start, cairn_fault *fault)
 {
     cairn_status status;
 

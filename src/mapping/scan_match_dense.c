@@ -1,7 +1,8 @@
 /* Points at full resolution: the ends of the beams, with the direction of the surface there.
  *
- * The line is fitted to the hits beside each hit, and not that of the scan's line fit, so that what is smaller than a
- * segment (door frames, posts) keeps its shape: along bare walls it is all that tells how far along one is. */
+ * The line is fitted to the hits beside each hit, and not that of the scan's line fit, so that
+ * what is smaller than a segment (door frames, posts) keeps its shape: along bare walls it is
+ * all that tells how far along one is. */
 #include "src/core/build.h"
 
 #include "cairn/scan_match.h"
@@ -13,11 +14,14 @@ static const cairn_real BENT = CAIRN_REAL(0.013); /* m from a line, root mean sq
 
 static int is_hit_near(const cairn_beam *beam, cairn_vec2 p, cairn_real reach)
 {
-    return beam->kind == CAIRN_BEAM_HIT && cairn_vec2_norm_squared(cairn_vec2_sub(beam->to, p)) < reach * reach;
+    return beam->kind == CAIRN_BEAM_HIT &&
+           cairn_vec2_norm_squared(cairn_vec2_sub(beam->to, p)) < reach * reach;
 }
 
-/* The line through the ends of beams[low ... high]: its direction and the mean squared distance from it; -1: they are one point. */
-static cairn_real line_through(const cairn_scan_view *view, int32_t low, int32_t high, cairn_vec2 *direction)
+/* The line through the ends of beams[low ... high]: its direction and the mean squared distance
+ * from it; -1: they are one point. */
+static cairn_real line_through(const cairn_scan_view *view, int32_t low, int32_t high,
+                               cairn_vec2 *direction)
 {
     cairn_vec2 origin = view->beams[low].to, sum = {0, 0}, minor;
     cairn_sym2 spread = {0, 0, 0};
@@ -38,8 +42,9 @@ static cairn_real line_through(const cairn_scan_view *view, int32_t low, int32_t
     return values[1] > 0 ? cairn_max(values[0], 0) / n : -1;
 }
 
-/* The direction of the surface at the end of a beam, the sensor on its left, from the hits beside it; 0: there are none.
- * Where the hits of both sides do not make a line, near a corner, those of the straighter side decide. */
+/* The direction of the surface at the end of a beam, the sensor on its left, from the hits
+ * beside it; 0: there are none. Where the hits of both sides do not make a line, near a corner,
+ * those of the straighter side decide. */
 static int surface_direction(const cairn_scan_view *view, int32_t i, cairn_vec2 *direction)
 {
     const cairn_beam *beam = &view->beams[i];
@@ -49,7 +54,8 @@ static int surface_direction(const cairn_scan_view *view, int32_t i, cairn_vec2 
 
     while (low > 0 && i - low < NEIGHBOURS && is_hit_near(&view->beams[low - 1], beam->to, reach))
         low--;
-    while (high + 1 < view->beam_count && high - i < NEIGHBOURS && is_hit_near(&view->beams[high + 1], beam->to, reach))
+    while (high + 1 < view->beam_count && high - i < NEIGHBOURS &&
+           is_hit_near(&view->beams[high + 1], beam->to, reach))
         high++;
     spread = line_through(view, low, high, direction);
     if (spread > BENT * BENT) {
@@ -76,7 +82,8 @@ int32_t cairn_scan_match_dense(const cairn_scan_view *view, cairn_oriented_point
     int32_t count = 0;
 
     for (int32_t i = 0; i < view->beam_count; i++) {
-        if (view->beams[i].kind != CAIRN_BEAM_HIT || !surface_direction(view, i, &dense[count].direction))
+        if (view->beams[i].kind != CAIRN_BEAM_HIT ||
+            !surface_direction(view, i, &dense[count].direction))
             continue;
         dense[count++].position = view->beams[i].to;
     }

@@ -1,13 +1,15 @@
 /* Refinement of one pose by point-to-line distances, and what speaks for and against it.
  *
- * Gauss-Newton as in icp: robust weights (Cauchy) with the scale of the residuals, directions of motion that the pairs do
- * not tell left alone. Poses go through stages of more and more points, the last with one point a beam, so that every
- * range counts as much as it should; whoever does badly stays behind.
+ * Gauss-Newton as in icp: robust weights (Cauchy) with the scale of the residuals, directions of
+ * motion that the pairs do not tell left alone. Poses go through stages of more and more points,
+ * the last with one point a beam, so that every range counts as much as it should; whoever does
+ * badly stays behind.
  *
- * Covariance: that of an M-estimator (Huber 1981, section 7.6). Its information is made of the products of the normals of
- * both points of a pair, as Gauss-Newton's would be of those of one: noise of the normals of a bare wall adds up in
- * squares and feigns information along the wall, while in products of independent normals it cancels. What does not average
- * out (bent surfaces, the choice of pairs) is a floor: with a thousand beams it is most of the error. */
+ * Covariance: that of an M-estimator (Huber 1981, section 7.6). Its information is made of the
+ * products of the normals of both points of a pair, as Gauss-Newton's would be of those of one:
+ * noise of the normals of a bare wall adds up in squares and feigns information along the wall,
+ * while in products of independent normals it cancels. What does not average out (bent surfaces,
+ * the choice of pairs) is a floor: with a thousand beams it is most of the error. */
 #include "src/core/build.h"
 
 #include <string.h>
@@ -16,17 +18,25 @@
 
 static const cairn_real CAUCHY = CAIRN_REAL(2.385);
 static const cairn_real CAUCHY_VARIANCE = CAIRN_REAL(1.26);
-static const cairn_real LEAST_COSINE = CAIRN_REAL(0.7);  /* of the directions of a pair */
-static const cairn_real TALLY_COSINE = CAIRN_REAL(0.85); /* ... of a point that is explained */
-static const cairn_real TALLY_GATE = CAIRN_REAL(1.5);    /* spacings */
-static const cairn_real CLOSE = CAIRN_REAL(0.3);         /* spacings from the surface at which a point counts half */
-static const cairn_real FLOOR = CAIRN_REAL(0.015);       /* spacings, standard deviation */
-static const cairn_real LEAST_RATIO = CAIRN_REAL(3e-4);  /* of the information of a direction in which a step goes */
-static const cairn_real MARGIN = 1;                      /* spacings by which a point stands before a surface */
+/* of the directions of a pair */
+static const cairn_real LEAST_COSINE = CAIRN_REAL(0.7);
+/* ... of a point that is explained */
+static const cairn_real TALLY_COSINE = CAIRN_REAL(0.85);
+/* spacings */
+static const cairn_real TALLY_GATE = CAIRN_REAL(1.5);
+/* spacings from the surface at which a point counts half */
+static const cairn_real CLOSE = CAIRN_REAL(0.3);
+/* spacings, standard deviation */
+static const cairn_real FLOOR = CAIRN_REAL(0.015);
+/* of the information of a direction in which a step goes */
+static const cairn_real LEAST_RATIO = CAIRN_REAL(3e-4);
+/* spacings by which a point stands before a surface */
+static const cairn_real MARGIN = 1;
 
 enum { LEAST_PAIRS = 4 };
 
-/* Points, iterations, poses kept (at least twice the hypotheses asked for; 0: those), dense, gates. */
+/* Points, iterations, poses kept (at least twice the hypotheses asked for; 0: those), dense,
+ * gates. */
 static const match_stage STAGES[MATCH_STAGES + 1] = {
     {48, 3, 16, 0, 5, 3},
     {128, 6, 0, 0, 3, CAIRN_REAL(1.5)},
@@ -58,8 +68,8 @@ void cairn_match_fit_begin(cairn_scan_match *x, cairn_pose pose)
 }
 
 /* Adds what the pair tells as both normals see it: the symmetric product of their rows. */
-static void add_cross(cairn_scan_match *x, const cairn_real row[3], cairn_vec2 direction, cairn_vec2 position,
-                      cairn_real weight)
+static void add_cross(cairn_scan_match *x, const cairn_real row[3], cairn_vec2 direction,
+                      cairn_vec2 position, cairn_real weight)
 {
     cairn_real other[3], sum[3], difference[3];
 
@@ -102,7 +112,8 @@ static void add_pair(cairn_scan_match *x, const cairn_oriented_point *q)
     sums->weight += weight;
     sums->squares += weight * squared;
     sums->psi_squares += weight * weight * squared;
-    sums->slopes += weight * weight * (2 - 1 / weight); /* psi = w e, psi' = 1 - (e / scale)^2 over (...)^2 */
+    /* psi = w e, psi' = 1 - (e / scale)^2 over (...)^2 */
+    sums->slopes += weight * weight * (2 - 1 / weight);
     sums->pairs++;
 }
 
@@ -111,7 +122,8 @@ static cairn_real information_scale(const cairn_scan_match *x)
 {
     const match_sums *sums = &x->fit.sums;
     cairn_real n = (cairn_real)sums->pairs, slope = cairn_max(sums->slopes / n, CAIRN_REAL(0.1));
-    cairn_real scale = sums->psi_squares / cairn_max(n - 3, 1) * (sums->weight / n) / (slope * slope);
+    cairn_real scale =
+        sums->psi_squares / cairn_max(n - 3, 1) * (sums->weight / n) / (slope * slope);
 
     return 1 / cairn_max(scale, x->params.sigma * x->params.sigma);
 }
@@ -122,7 +134,8 @@ static cairn_sym3 scaled(cairn_sym3 m, cairn_real by)
     return out;
 }
 
-/* Adds the errors that do not average out with the number of points: FLOOR spacings of any motion about the centroid. */
+/* Adds the errors that do not average out with the number of points: FLOOR spacings of any
+ * motion about the centroid. */
 static void add_floor(const cairn_scan_match *x, cairn_real covariance[9])
 {
     cairn_real by = 1 / (FLOOR * x->params.spacing * (FLOOR * x->params.spacing)), more[9];
@@ -167,13 +180,15 @@ static void conclude(cairn_scan_match *x, const cairn_motion_basis *basis)
     add_floor(x, h->covariance);
 }
 
-/* In the early stages, of which the scale of the residuals is that of the search, the prior would pull candidates of a wide
- * window together; it counts there only when all of the window lies within the gate. */
+/* In the early stages, of which the scale of the residuals is that of the search, the prior
+ * would pull candidates of a wide window together; it counts there only when all of the window
+ * lies within the gate. */
 static int32_t prior_counts(const cairn_scan_match *x)
 {
     const match_stage *stage = &STAGES[x->stage];
 
-    return x->has_window && (stage->dense || 2 * x->window.distance <= stage->gate_start * x->params.spacing);
+    return x->has_window &&
+           (stage->dense || 2 * x->window.distance <= stage->gate_start * x->params.spacing);
 }
 
 /* One Gauss-Newton step; 1 when the fit is through. */
@@ -184,7 +199,8 @@ static int32_t end_iteration(cairn_scan_match *x)
     match_fit *fit = &x->fit;
     cairn_normal_equations equations, prior;
     cairn_motion_basis basis;
-    cairn_real step[3], moved, by, gate_end = stage->gate_end * x->params.spacing, sigma = fit->sigma;
+    cairn_real step[3], moved, by, gate_end = stage->gate_end * x->params.spacing,
+                                   sigma = fit->sigma;
 
     cairn_match_charge(x, 24 * MATCH_PART);
     fit->iteration++;
@@ -192,7 +208,8 @@ static int32_t end_iteration(cairn_scan_match *x)
         conclude(x, NULL);
         return 1;
     }
-    fit->sigma = cairn_max(x->params.sigma, cairn_sqrt(CAUCHY_VARIANCE * fit->sums.squares / fit->sums.weight));
+    fit->sigma = cairn_max(x->params.sigma,
+                           cairn_sqrt(CAUCHY_VARIANCE * fit->sums.squares / fit->sums.weight));
     by = 1 / (2 * fit->sigma * fit->sigma);
     basis = cairn_motion_basis_of(fit->sums.lines, LEAST_RATIO);
     if (stage->iterations == 0) {
@@ -210,8 +227,9 @@ static int32_t end_iteration(cairn_scan_match *x)
     }
     cairn_rigid_motion_move(&fit->motion, step);
     moved = cairn_sqrt(step[0] * step[0] + step[1] * step[1] + step[2] * step[2]);
-    if (fit->iteration == stage->iterations || (moved < CAIRN_REAL(1e-3) * x->params.spacing && fit->gate <= gate_end &&
-                                                fit->sigma > CAIRN_REAL(0.95) * sigma)) {
+    if (fit->iteration == stage->iterations ||
+        (moved < CAIRN_REAL(1e-3) * x->params.spacing && fit->gate <= gate_end &&
+         fit->sigma > CAIRN_REAL(0.95) * sigma)) {
         conclude(x, &basis);
         return 1;
     }
@@ -258,8 +276,9 @@ static void ask_query_point(cairn_scan_match *x, const cairn_oriented_point *q)
     x->tally.asked++;
     m = cairn_match_index_nearest(x->fit.index, &search, TALLY_GATE * x->params.spacing, &parts);
     if (m != NULL) {
-        cairn_real e = cairn_vec2_dot(cairn_vec2_left(m->direction), cairn_vec2_sub(search.p, m->position)) /
-                       (CLOSE * x->params.spacing);
+        cairn_real e =
+            cairn_vec2_dot(cairn_vec2_left(m->direction), cairn_vec2_sub(search.p, m->position)) /
+            (CLOSE * x->params.spacing);
 
         x->tally.closeness += 1 / (1 + e * e);
         x->tally.explained++;
@@ -278,7 +297,8 @@ static void ask_query_point(cairn_scan_match *x, const cairn_oriented_point *q)
 
 static void ask_target_point(cairn_scan_match *x, const cairn_oriented_point *p)
 {
-    int32_t says = cairn_match_profile_ask(x->query_profile, cairn_transform_point(x->tally_inverse, p->position),
+    int32_t says = cairn_match_profile_ask(x->query_profile,
+                                           cairn_transform_point(x->tally_inverse, p->position),
                                            MARGIN * x->params.spacing);
 
     x->tally.target_explained += says < 0;

@@ -1,8 +1,9 @@
 /* What a sensor saw free, by bearing.
  *
- * Bearings are those of the pseudo angle y / (|x| + |y|), which grows with the angle and needs no arc tangent. A bin holds the
- * least range of the beams that fall into it; a point is asked in its bin and both neighbours, so that a grazing beam that
- * passes beyond a wall's end does not make the wall stand in free space. */
+ * Bearings are those of the pseudo angle y / (|x| + |y|), which grows with the angle and needs
+ * no arc tangent. A bin holds the least range of the beams that fall into it; a point is asked
+ * in its bin and both neighbours, so that a grazing beam that passes beyond a wall's end does
+ * not make the wall stand in free space. */
 #include "src/core/build.h"
 
 #include "src/mapping/scan_match_work.h"

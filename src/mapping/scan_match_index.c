@@ -1,7 +1,8 @@
-/* Where the target's points are: a grid of cells, wrapped around, with the points of a cell side by side.
+/* Where the target's points are: a grid of cells, wrapped around, with the points of a cell side by
+ * side.
  *
- * Layout: as for counting sort: start[c] is the first point of cell c, points of one row of cells follow each other. A point
- * far away may share a cell with a near one; its distance tells.
+ * Layout: as for counting sort: start[c] is the first point of cell c, points of one row of cells
+ * follow each other. A point far away may share a cell with a near one; its distance tells.
  *
  * Limits: with many more points in a cell than an even spacing gives, a search costs as many. */
 #include "src/core/build.h"
@@ -73,7 +74,8 @@ static int32_t search(const match_index *index, int32_t first, int32_t end, matc
         const cairn_oriented_point *point = &index->points[i];
         cairn_real d = cairn_vec2_norm_squared(cairn_vec2_sub(point->position, asked->p));
 
-        if (d <= asked->nearest && cairn_vec2_dot(point->direction, asked->direction) >= asked->cosine) {
+        if (d <= asked->nearest &&
+            cairn_vec2_dot(point->direction, asked->direction) >= asked->cosine) {
             asked->nearest = d;
             asked->best = point;
         }
@@ -81,21 +83,26 @@ static int32_t search(const match_index *index, int32_t first, int32_t end, matc
     return end > first ? 3 * (end - first) : 0;
 }
 
-/* Looks at the cells of a row that may hold something nearer than what there is; returns the cost. */
-static int32_t search_row(const match_index *index, int32_t y, cairn_real reach, match_search *asked)
+/* Looks at the cells of a row that may hold something nearer than what there is; returns the
+ * cost. */
+static int32_t search_row(const match_index *index, int32_t y, cairn_real reach,
+                          match_search *asked)
 {
     int32_t mask = index->side - 1, row = (y & mask) * index->side;
-    int32_t low = coordinate(index, asked->p.x - reach) & mask, high = coordinate(index, asked->p.x + reach) & mask;
+    int32_t low = coordinate(index, asked->p.x - reach) & mask,
+            high = coordinate(index, asked->p.x + reach) & mask;
 
     if (low <= high)
-        return ROW_COST + search(index, index->start[row + low], index->start[row + high + 1], asked);
-    return ROW_COST + search(index, index->start[row + low], index->start[row + index->side], asked) +
+        return ROW_COST +
+               search(index, index->start[row + low], index->start[row + high + 1], asked);
+    return ROW_COST +
+           search(index, index->start[row + low], index->start[row + index->side], asked) +
            search(index, index->start[row], index->start[row + high + 1], asked);
 }
 
 /* From the point's own row outwards, until the next one is farther than what was found. */
-const cairn_oriented_point *cairn_match_index_nearest(const match_index *index, match_search *asked, cairn_real gate,
-                                                      int32_t *parts)
+const cairn_oriented_point *cairn_match_index_nearest(const match_index *index, match_search *asked,
+                                                      cairn_real gate, int32_t *parts)
 {
     int32_t up = coordinate(index, asked->p.y), down = up - 1;
     cairn_real above = 0, below = asked->p.y - (cairn_real)up * index->cell;

@@ -1,12 +1,13 @@
-/* What matching by shape saw, for pictures: correspondences, how far each came, and angular histograms. */
+/* What matching by shape saw, for pictures: correspondences, how far each came, and angular
+ * histograms. */
 #include "src/core/build.h"
 
 #include "src/mapping/scan_match_shape.h"
 
 static int is_done(const cairn_scan_match *x)
 {
-    return x != NULL && x->shape != NULL && x->phase == MATCH_DONE && x->query.count > 0 && x->target_count > 0 &&
-           x->shape->rotations > 0;
+    return x != NULL && x->shape != NULL && x->phase == MATCH_DONE && x->query.count > 0 &&
+           x->target_count > 0 && x->shape->rotations > 0;
 }
 
 int32_t cairn_scan_match_pair_count(const cairn_scan_match *match)

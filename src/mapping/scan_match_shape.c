@@ -1,23 +1,26 @@
 /* Scan matching by shape, as in Adluru 2008, chapter 6, with no guess needed.
  *
- * Method. A point is described by its direction and by the bearings of the points of its scan within 0.5 m, in 36 bins
- * divided by the largest (6.2.1, 6.2.2). For each rotation of the query: the longest common subsequence of the two
- * sequences (6.2.3); correspondences whose vector runs along the line of one of their points are dropped, as are segments
- * of the list that disagree with the best segment (6.2.4); the translation of the segment that most pairs follow is taken;
- * the rotation with the largest scan overlap wins (6.3). ICP with gates, rolled back when overlap and distance both get
- * worse, ends it (6.4).
+ * Method. A point is described by its direction and by the bearings of the points of its scan
+ * within 0.5 m, in 36 bins divided by the largest (6.2.1, 6.2.2). For each rotation of the query:
+ * the longest common subsequence of the two sequences (6.2.3); correspondences whose vector runs
+ * along the line of one of their points are dropped, as are segments of the list that disagree with
+ * the best segment (6.2.4); the translation of the segment that most pairs follow is taken; the
+ * rotation with the largest scan overlap wins (6.3). ICP with gates, rolled back when overlap and
+ * distance both get worse, ends it (6.4).
  *
- * The colinear filter is there because the shape of a straight line tells little. While the frames are not aligned, where a
- * vector points tells little of that, and all points of walls pass it alike. So the filters are applied twice, and the overlap
- * decides as it does between rotations: first without the points that have nothing but a straight line about them, then
- * with them, as written. What the pictures show is the rotation and the filters that won: they are gone through once more.
+ * The colinear filter is there because the shape of a straight line tells little. While the frames
+ * are not aligned, where a vector points tells little of that, and all points of walls pass it
+ * alike. So the filters are applied twice, and the overlap decides as it does between rotations:
+ * first without the points that have nothing but a straight line about them, then with them, as
+ * written. What the pictures show is the rotation and the filters that won: they are gone through
+ * once more.
  *
- * Choices that the thesis leaves open: headings every 5 degrees over the window (every 1 when it is at most 5 wide), then
- * every 1 about the best; ICP point to point in closed form, its gate the mean distance of its pairs but at least 1.5
- * spacings.
+ * Choices that the thesis leaves open: headings every 5 degrees over the window (every 1 when it is
+ * at most 5 wide), then every 1 about the best; ICP point to point in closed form, its gate the
+ * mean distance of its pairs but at least 1.5 spacings.
  *
- * Mode as_written takes the readings themselves, every degree, and applies each filter once, as printed; its ICP stands in
- * scan_match_written.c, its choices in the header.
+ * Mode as_written takes the readings themselves, every degree, and applies each filter once, as
+ * printed; its ICP stands in scan_match_written.c, its choices in the header.
  *
  * Layout: descriptors in bytes, 0 ... 255 for 0 ... 1. */
 #include "src/core/build.h"
@@ -42,14 +45,15 @@ enum { BIN_DIFFERS = 64, BINS_DIFFER = 2, COARSE = 5, ITERATIONS = 20, LEAST_PAI
 
 static int32_t bearing_bin(cairn_vec2 d)
 {
-    int32_t bin = cairn_real_to_int(cairn_floor(cairn_atan2(d.y, d.x) * (SHAPE_BINS / (2 * CAIRN_PI))));
+    int32_t bin =
+        cairn_real_to_int(cairn_floor(cairn_atan2(d.y, d.x) * (SHAPE_BINS / (2 * CAIRN_PI))));
 
     return (bin + SHAPE_BINS) % SHAPE_BINS;
 }
 
 /* The descriptor of points[i] among points[first ... end-1], turned. */
-static void describe(cairn_scan_match *x, const cairn_oriented_point *points, int32_t i, int32_t first, int32_t end,
-                     cairn_transform turn, shape_descriptor *descriptor)
+static void describe(cairn_scan_match *x, const cairn_oriented_point *points, int32_t i,
+                     int32_t first, int32_t end, cairn_transform turn, shape_descriptor *descriptor)
 {
     int32_t count[SHAPE_BINS] = {0}, most = 1;
 
@@ -115,7 +119,8 @@ void cairn_match_shape_begin(cairn_scan_match *x)
     s->shift.x = x->has_window ? x->start.x : 0;
     s->shift.y = x->has_window ? x->start.y : 0;
     s->step = half <= COARSE * DEGREE || cairn_match_is_as_written(x) ? DEGREE : COARSE * DEGREE;
-    steps = cairn_real_to_int(cairn_floor(half / s->step + (cairn_match_is_as_written(x) ? STEP_SLACK : 0)));
+    steps = cairn_real_to_int(
+        cairn_floor(half / s->step + (cairn_match_is_as_written(x) ? STEP_SLACK : 0)));
     s->rotations = 2 * steps + 1;
     s->first_angle = (x->has_window ? x->start.theta : 0) - s->step * (cairn_real)steps;
     if (half >= CAIRN_PI)
@@ -143,7 +148,8 @@ int32_t cairn_match_shape_turn(cairn_scan_match *x)
         turn.theta = s->turned_angle = angle_of(s);
         s->turn = cairn_transform_of(turn);
     }
-    p->position = cairn_vec2_add(cairn_transform_point(s->turn, x->query.points[x->at].position), s->shift);
+    p->position =
+        cairn_vec2_add(cairn_transform_point(s->turn, x->query.points[x->at].position), s->shift);
     p->direction = cairn_transform_direction(s->turn, x->query.points[x->at].direction);
     describe(x, x->query.points, x->at, 0, x->query.count, s->turn, &s->query[x->at]);
     if (++x->at < x->query.count)
@@ -206,8 +212,9 @@ static int32_t is_dropped(const cairn_scan_match *x, cairn_sequence_pair pair)
     if (cairn_match_is_as_written(x))
         return is_colinear(x, pair);
     return is_colinear(x, pair) ||
-           (!s->with_lines && (is_straight(&s->query[pair.first], s->turned[pair.first].direction) ||
-                               is_straight(&s->target[pair.second], x->target[pair.second].direction)));
+           (!s->with_lines &&
+            (is_straight(&s->query[pair.first], s->turned[pair.first].direction) ||
+             is_straight(&s->target[pair.second], x->target[pair.second].direction)));
 }
 
 static cairn_real gap_between(cairn_vec2 a, cairn_vec2 b)
@@ -230,8 +237,10 @@ int32_t cairn_match_shape_filter(cairn_scan_match *x)
         if (!is_dropped(x, pair)) {
             last = s->pairs[s->pair_count > 0 ? s->pair_count - 1 : 0];
             if (s->pair_count == 0 ||
-                gap_between(s->turned[pair.first].position, s->turned[last.first].position) >= JUMP ||
-                gap_between(x->target[pair.second].position, x->target[last.second].position) >= JUMP)
+                gap_between(s->turned[pair.first].position, s->turned[last.first].position) >=
+                    JUMP ||
+                gap_between(x->target[pair.second].position, x->target[last.second].position) >=
+                    JUMP)
                 s->segments[s->segment_count++].first = s->pair_count;
             s->pairs[s->pair_count++] = pair;
         }
@@ -252,7 +261,8 @@ static cairn_vec2 mean_of(const cairn_scan_match *x, int32_t first, int32_t end)
     return cairn_vec2_scale(sum, 1 / (cairn_real)(end > first ? end - first : 1));
 }
 
-static cairn_real mean_distance(const cairn_scan_match *x, int32_t first, int32_t end, cairn_vec2 shift)
+static cairn_real mean_distance(const cairn_scan_match *x, int32_t first, int32_t end,
+                                cairn_vec2 shift)
 {
     cairn_real sum = 0;
 
@@ -261,7 +271,8 @@ static cairn_real mean_distance(const cairn_scan_match *x, int32_t first, int32_
     return sum / (cairn_real)(end > first ? end - first : 1);
 }
 
-/* One segment as the main one: which others agree with it? The choice that leaves most pairs is kept. */
+/* One segment as the main one: which others agree with it? The choice that leaves most pairs is
+ * kept. */
 int32_t cairn_match_shape_segment(cairn_scan_match *x)
 {
     match_shape *s = x->shape;
@@ -279,7 +290,8 @@ int32_t cairn_match_shape_segment(cairn_scan_match *x)
     for (int32_t k = 0; k < s->segment_count; k++) {
         shape_segment *other = &s->segments[k];
 
-        other->agrees = k == x->at || mean_distance(x, other[0].first, other[1].first, shift) <= most;
+        other->agrees =
+            k == x->at || mean_distance(x, other[0].first, other[1].first, shift) <= most;
         left += other->agrees ? other[1].first - other[0].first : 0;
     }
     if (left > s->most_pairs) {
@@ -321,8 +333,10 @@ int32_t cairn_match_shape_translate(cairn_scan_match *x)
         cairn_real distance = mean_distance(x, own[0].first, own[1].first, shift);
 
         for (int32_t k = 0; k < s->segment_count; k++)
-            for (int32_t i = s->segments[k].first; s->segments[k].kept && i < s->segments[k + 1].first; i++)
-                left += gap_between(vector_of(x, s->pairs[i]), shift) <= distance + CAIRN_REAL(1e-6);
+            for (int32_t i = s->segments[k].first;
+                 s->segments[k].kept && i < s->segments[k + 1].first; i++)
+                left +=
+                    gap_between(vector_of(x, s->pairs[i]), shift) <= distance + CAIRN_REAL(1e-6);
         if (left > s->most_pairs) {
             s->most_pairs = left;
             s->best_shift = shift;
@@ -334,9 +348,10 @@ int32_t cairn_match_shape_translate(cairn_scan_match *x)
 
 /* ---- Overlap ---- */
 
-const cairn_oriented_point *cairn_match_shape_partner(cairn_scan_match *x, const cairn_oriented_point *q,
-                                                      cairn_transform transform, cairn_real gate, cairn_vec2 *p,
-                                                      cairn_real *distance)
+const cairn_oriented_point *cairn_match_shape_partner(cairn_scan_match *x,
+                                                      const cairn_oriented_point *q,
+                                                      cairn_transform transform, cairn_real gate,
+                                                      cairn_vec2 *p, cairn_real *distance)
 {
     match_search search;
     int32_t parts = 8;
@@ -356,8 +371,8 @@ static void next_rotation(cairn_scan_match *x)
 {
     match_shape *s = x->shape;
 
-    s->with_lines = !s->with_lines &&
-                    (x->params.mode == CAIRN_SCAN_MATCH_SHAPE || x->params.mode == CAIRN_SCAN_MATCH_SHAPE_SEGMENTS);
+    s->with_lines = !s->with_lines && (x->params.mode == CAIRN_SCAN_MATCH_SHAPE ||
+                                       x->params.mode == CAIRN_SCAN_MATCH_SHAPE_SEGMENTS);
     if (s->with_lines)
         return;
     if (++s->rotation < s->rotations || s->is_fine || s->best_overlap < 0)
@@ -382,8 +397,9 @@ int32_t cairn_match_shape_overlap(cairn_scan_match *x)
     at.x = s->shift.x + s->best_shift.x;
     at.y = s->shift.y + s->best_shift.y;
     if (s->most_pairs > 0)
-        s->overlap += cairn_match_shape_partner(x, &x->query.points[x->at], at, s->best_distance + OVERLAP_SLACK, &p,
-                                                &distance) != NULL;
+        s->overlap +=
+            cairn_match_shape_partner(x, &x->query.points[x->at], at,
+                                      s->best_distance + OVERLAP_SLACK, &p, &distance) != NULL;
     cairn_match_charge(x, 2);
     if (++x->at < x->query.count)
         return 0;
@@ -447,7 +463,8 @@ cairn_pose cairn_match_shape_moved(const shape_sums *sums, cairn_pose pose)
 {
     cairn_real n = (cairn_real)sums->pairs;
     cairn_vec2 from = cairn_vec2_scale(sums->from, 1 / n), to = cairn_vec2_scale(sums->to, 1 / n);
-    cairn_real sine = sums->cross - n * cairn_vec2_cross(from, to), cosine = sums->dot - n * cairn_vec2_dot(from, to);
+    cairn_real sine = sums->cross - n * cairn_vec2_cross(from, to),
+               cosine = sums->dot - n * cairn_vec2_dot(from, to);
 
     return cairn_pose_compose(cairn_pose_about(from, to, cosine, sine), pose);
 }
@@ -471,7 +488,8 @@ static int32_t end_iteration(cairn_scan_match *x)
     s->last = s->best;
     s->last_overlap = sums->overlap;
     s->last_mean = mean;
-    s->gate = cairn_max(sums->distance / (cairn_real)sums->pairs, CAIRN_REAL(1.5) * x->params.spacing);
+    s->gate =
+        cairn_max(sums->distance / (cairn_real)sums->pairs, CAIRN_REAL(1.5) * x->params.spacing);
     s->best = moved;
     memset(&s->sums, 0, sizeof s->sums);
     x->at = 0;
@@ -501,7 +519,8 @@ int32_t cairn_match_shape_icp(cairn_scan_match *x)
         s->turn = cairn_transform_of(s->best);
     if (x->at == x->query.count)
         return end_iteration(x);
-    found = cairn_match_shape_partner(x, &x->query.points[x->at++], s->turn, s->overlap_gate, &p, &distance);
+    found = cairn_match_shape_partner(x, &x->query.points[x->at++], s->turn, s->overlap_gate, &p,
+                                      &distance);
     if (found == NULL)
         return 0;
     sums->overlap++;

@@ -26,19 +26,29 @@ typedef struct shape_sums {
 
 struct match_shape {
     cairn_sequence *sequence;
-    shape_descriptor *target, *query; /* [max_target], [max_query] */
-    int32_t *part_of;                 /* [max_target] number of the part of a target point */
-    int32_t part_first;               /* first point of the part at work */
-    int32_t is_summing;           /* as written: 1: pairs of an iteration are summed up, 0: its quality is measured */
-    cairn_oriented_point *turned; /* [max_query] the query as it lies now */
-    cairn_sequence_pair *pairs;   /* [max_query] */
-    shape_segment *segments;      /* [max_query + 1] */
+    /* [max_target], [max_query] */
+    shape_descriptor *target, *query;
+    /* [max_target] number of the part of a target point */
+    int32_t *part_of;
+    /* first point of the part at work */
+    int32_t part_first;
+    /* as written: 1: pairs of an iteration are summed up, 0: its quality is measured */
+    int32_t is_summing;
+    /* [max_query] the query as it lies now */
+    cairn_oriented_point *turned;
+    /* [max_query] */
+    cairn_sequence_pair *pairs;
+    /* [max_query + 1] */
+    shape_segment *segments;
     int32_t pair_count, segment_count;
-    int32_t with_lines; /* 1: points with nothing but a straight line about them pass the colinear filter, too */
+    /* 1: points with nothing but a straight line about them pass the colinear filter, too */
+    int32_t with_lines;
     /* Rotations. */
-    cairn_vec2 shift; /* of the start */
+    /* of the start */
+    cairn_vec2 shift;
     cairn_transform turn;
-    cairn_real first_angle, step, turned_angle; /* the last: of the rotation whose common subsequence is known */
+    /* the last: of the rotation whose common subsequence is known */
+    cairn_real first_angle, step, turned_angle;
     int32_t rotation, rotations, is_fine;
     /* The translation of this rotation. */
     cairn_vec2 best_shift;
@@ -48,7 +58,8 @@ struct match_shape {
     cairn_pose best, last;
     cairn_real best_angle;
     int32_t best_overlap, best_with_lines, last_overlap;
-    int32_t is_again; /* 1: the best of the rotations is gone through once more, for the pairs that pictures show */
+    /* 1: the best of the rotations is gone through once more, for the pairs that pictures show */
+    int32_t is_again;
     cairn_real last_mean;
     cairn_real gate, overlap_gate;
     int32_t iteration;
@@ -58,26 +69,32 @@ struct match_shape {
 /* What the mode does; the modes after AS_WRITTEN_COMMON are parts of AS_WRITTEN. */
 static inline int32_t cairn_match_is_as_written(const cairn_scan_match *x)
 {
-    return x->params.mode == CAIRN_SCAN_MATCH_AS_WRITTEN || x->params.mode >= CAIRN_SCAN_MATCH_AS_WRITTEN_COMMON;
+    return x->params.mode == CAIRN_SCAN_MATCH_AS_WRITTEN ||
+           x->params.mode >= CAIRN_SCAN_MATCH_AS_WRITTEN_COMMON;
 }
 
 static inline int32_t cairn_match_has_colinear_filter(const cairn_scan_match *x)
 {
-    return x->params.mode != CAIRN_SCAN_MATCH_SHAPE_COMMON && x->params.mode != CAIRN_SCAN_MATCH_SHAPE_LINES &&
-           x->params.mode != CAIRN_SCAN_MATCH_AS_WRITTEN_COMMON && x->params.mode != CAIRN_SCAN_MATCH_AS_WRITTEN_LINES;
+    return x->params.mode != CAIRN_SCAN_MATCH_SHAPE_COMMON &&
+           x->params.mode != CAIRN_SCAN_MATCH_SHAPE_LINES &&
+           x->params.mode != CAIRN_SCAN_MATCH_AS_WRITTEN_COMMON &&
+           x->params.mode != CAIRN_SCAN_MATCH_AS_WRITTEN_LINES;
 }
 
 static inline int32_t cairn_match_has_segment_filter(const cairn_scan_match *x)
 {
-    return x->params.mode != CAIRN_SCAN_MATCH_SHAPE_COMMON && x->params.mode != CAIRN_SCAN_MATCH_SHAPE_COLINEAR &&
+    return x->params.mode != CAIRN_SCAN_MATCH_SHAPE_COMMON &&
+           x->params.mode != CAIRN_SCAN_MATCH_SHAPE_COLINEAR &&
            x->params.mode != CAIRN_SCAN_MATCH_AS_WRITTEN_COMMON &&
            x->params.mode != CAIRN_SCAN_MATCH_AS_WRITTEN_COLINEAR;
 }
 
 static inline int32_t cairn_match_has_icp(const cairn_scan_match *x)
 {
-    return x->params.mode == CAIRN_SCAN_MATCH_SHAPE || x->params.mode == CAIRN_SCAN_MATCH_SHAPE_LINES ||
-           x->params.mode == CAIRN_SCAN_MATCH_AS_WRITTEN || x->params.mode == CAIRN_SCAN_MATCH_AS_WRITTEN_LINES;
+    return x->params.mode == CAIRN_SCAN_MATCH_SHAPE ||
+           x->params.mode == CAIRN_SCAN_MATCH_SHAPE_LINES ||
+           x->params.mode == CAIRN_SCAN_MATCH_AS_WRITTEN ||
+           x->params.mode == CAIRN_SCAN_MATCH_AS_WRITTEN_LINES;
 }
 
 int32_t cairn_match_shape_target(cairn_scan_match *x);
@@ -89,15 +106,17 @@ int32_t cairn_match_shape_segment(cairn_scan_match *x);
 int32_t cairn_match_shape_translate(cairn_scan_match *x);
 int32_t cairn_match_shape_overlap(cairn_scan_match *x);
 int32_t cairn_match_shape_is_turned(const cairn_scan_match *x);
-/* Back to the rotation and the filters that won. 1: its common subsequence is at hand, the filters are all there is to do. */
+/* Back to the rotation and the filters that won. 1: its common subsequence is at hand, the
+ * filters are all there is to do. */
 int32_t cairn_match_shape_again(cairn_scan_match *x);
 void cairn_match_shape_icp_begin(cairn_scan_match *x);
 int32_t cairn_match_shape_icp(cairn_scan_match *x);
-/* The target point nearest to a query point that lies transformed by `transform`, of a direction within 10 degrees and within the
- * gate; NULL: none. *p: the query point in the target's frame. */
-const cairn_oriented_point *cairn_match_shape_partner(cairn_scan_match *x, const cairn_oriented_point *q,
-                                                      cairn_transform transform, cairn_real gate, cairn_vec2 *p,
-                                                      cairn_real *distance);
+/* The target point nearest to a query point that lies transformed by `transform`, of a direction
+ * within 10 degrees and within the gate; NULL: none. *p: the query point in the target's frame. */
+const cairn_oriented_point *cairn_match_shape_partner(cairn_scan_match *x,
+                                                      const cairn_oriented_point *q,
+                                                      cairn_transform transform, cairn_real gate,
+                                                      cairn_vec2 *p, cairn_real *distance);
 /* Adds a pair of ICP. */
 void cairn_match_shape_add(shape_sums *sums, cairn_vec2 p, cairn_vec2 partner, cairn_real distance);
 /* The pose moved by the motion that brings the pairs together. */

@@ -1,5 +1,6 @@
-/* The target's points as the votes want them: by direction, and within a bin of directions by strips of the longer side of the
- * target's box, so that a search in a window meets few that lie outside. Positions are whole parts of a cell. */
+/* The target's points as the votes want them: by direction, and within a bin of directions by
+ * strips of the longer side of the target's box, so that a search in a window meets few that lie
+ * outside. Positions are whole parts of a cell. */
 #include "src/core/build.h"
 
 #include <string.h>
@@ -8,7 +9,8 @@
 
 enum { TURN = 65536 };
 
-static const cairn_real FARTHEST = 1 << 30; /* of a spot: of a box so wide only the near part is resolved */
+/* of a spot: of a box so wide only the near part is resolved */
+static const cairn_real FARTHEST = 1 << 30;
 
 static int32_t whole(cairn_real v)
 {
@@ -18,7 +20,8 @@ static int32_t whole(cairn_real v)
 match_spot cairn_match_spot(const cairn_scan_match *x, cairn_vec2 p)
 {
     cairn_real per_metre = MATCH_SPOTS / (MATCH_CELL * x->params.spacing);
-    match_spot spot = {whole((p.x - x->target_low.x) * per_metre), whole((p.y - x->target_low.y) * per_metre)};
+    match_spot spot = {whole((p.x - x->target_low.x) * per_metre),
+                       whole((p.y - x->target_low.y) * per_metre)};
 
     return spot;
 }
@@ -45,9 +48,11 @@ int32_t cairn_match_turn_bin(uint16_t turn)
 
 static int32_t *start_of(cairn_scan_match *x, const cairn_oriented_point *p)
 {
-    int32_t bin = cairn_match_turn_bin(cairn_match_turn(cairn_atan2(p->direction.y, p->direction.x)));
+    int32_t bin =
+        cairn_match_turn_bin(cairn_match_turn(cairn_atan2(p->direction.y, p->direction.x)));
 
-    return &x->direction_start[bin * MATCH_COLUMNS + cairn_match_column(x, cairn_match_spot(x, p->position))];
+    return &x->direction_start[bin * MATCH_COLUMNS +
+                               cairn_match_column(x, cairn_match_spot(x, p->position))];
 }
 
 void cairn_match_spots_reset(cairn_scan_match *x)

@@ -30,10 +30,13 @@ static int32_t fills_spots(const cairn_scan_match *x)
 
 static void reset_item(cairn_scan_match *x)
 {
-    cairn_match_index_reset(&x->index, x->params.max_target, x->target_count, CELL * x->params.spacing);
-    cairn_match_index_reset(&x->dense_index, x->params.max_dense, x->dense_count, CELL * x->params.spacing);
+    cairn_match_index_reset(&x->index, x->params.max_target, x->target_count,
+                            CELL * x->params.spacing);
+    cairn_match_index_reset(&x->dense_index, x->params.max_dense, x->dense_count,
+                            CELL * x->params.spacing);
     cairn_match_spots_reset(x);
-    cairn_match_charge(x, (x->index.side * x->index.side + x->dense_index.side * x->dense_index.side) / 16);
+    cairn_match_charge(
+        x, (x->index.side * x->index.side + x->dense_index.side * x->dense_index.side) / 16);
     x->other = 0;
     enter(x, MATCH_COUNT);
 }
@@ -58,7 +61,8 @@ static void sum_item(cairn_scan_match *x)
 {
     const cairn_oriented_point *points;
     match_index *index = index_at_work(x, &points);
-    int32_t cells = index->side * index->side + 1, end = x->at + SUM_BLOCK < cells ? x->at + SUM_BLOCK : cells;
+    int32_t cells = index->side * index->side + 1,
+            end = x->at + SUM_BLOCK < cells ? x->at + SUM_BLOCK : cells;
 
     cairn_match_index_sum(index, x->at, end);
     x->at = end;
@@ -217,7 +221,8 @@ static void run_correlative(cairn_scan_match *x)
     }
 }
 
-/* The best rotation becomes the one hypothesis, of which only the covariance is still to be found. */
+/* The best rotation becomes the one hypothesis, of which only the covariance is still to be
+ * found. */
 static void start_last_stage(cairn_scan_match *x)
 {
     x->hypothesis_count = x->shape->best_overlap > 0;

@@ -1,13 +1,16 @@
-/* Where could the query's origin be? Every pair of a query point and a target point of like direction votes.
+/* Where could the query's origin be? Every pair of a query point and a target point of like
+ * direction votes.
  *
- * The correlation of two sparse sets of oriented points, for all positions at once: for each heading of the window, a query
- * point turned by it and a target point whose direction agrees name the position that would bring them together. The
- * votes of a cell are the correlation there, summed over the pairs that exist instead of over all cells of the plane, and
- * nothing is pruned. Peaks (local maxima of two by two cells) compete over all headings for a fixed number of places.
+ * The correlation of two sparse sets of oriented points, for all positions at once: for each
+ * heading of the window, a query point turned by it and a target point whose direction agrees name
+ * the position that would bring them together. The votes of a cell are the correlation there,
+ * summed over the pairs that exist instead of over all cells of the plane, and nothing is pruned.
+ * Peaks (local maxima of two by two cells) compete over all headings for a fixed number of places.
  *
- * A wall that many parts of the target saw has as many points at each of its places. In a search of everything a query point
- * therefore votes for a cell once (params.once): its vote says that it is explained there. Else the poses where the target was seen most
- * often would take all places, and of two equal rooms the one seen less would not be looked at.
+ * A wall that many parts of the target saw has as many points at each of its places. In a search of
+ * everything a query point therefore votes for a cell once (params.once): its vote says that it is
+ * explained there. Else the poses where the target was seen most often would take all places, and
+ * of two equal rooms the one seen less would not be looked at.
  *
  * Layout: of a cell the votes, or votes << 8 | number of the query point that voted last. */
 #include "src/core/build.h"
@@ -37,7 +40,8 @@ int32_t cairn_scan_match_cells(cairn_real distance, cairn_real spacing)
     return side < MATCH_SIDE_MOST ? side * side : MATCH_CELLS_MOST;
 }
 
-/* The translations of the window: about the start, or all that can bring the query to the target. */
+/* The translations of the window: about the start, or all that can bring the query to the
+ * target. */
 static void place_grid(cairn_scan_match *x)
 {
     match_votes *v = &x->votes;
@@ -109,10 +113,10 @@ void cairn_match_votes_begin(cairn_scan_match *x)
     }
 }
 
-/* Votes of a query point, of which the grid's corner is at `corner`, with the target points by_direction[first ... end-1];
- * where the bits of the mask name the voter, it has voted. */
-static inline void vote_unless(cairn_scan_match *x, match_spot corner, int32_t first, int32_t end, int32_t mask,
-                               int32_t voter)
+/* Votes of a query point, of which the grid's corner is at `corner`, with the target points
+ * by_direction[first ... end-1]; where the bits of the mask name the voter, it has voted. */
+static inline void vote_unless(cairn_scan_match *x, match_spot corner, int32_t first, int32_t end,
+                               int32_t mask, int32_t voter)
 {
     match_votes *v = &x->votes;
     const match_spot *at = x->by_direction;
@@ -149,7 +153,8 @@ static void vote(cairn_scan_match *x, match_spot corner, int32_t first, int32_t 
         vote_unless(x, corner, first, end, VOTER_MASK, x->at / x->votes.stride);
 }
 
-/* One query point votes with all target points of like direction that bring the query's origin into the grid. */
+/* One query point votes with all target points of like direction that bring the query's origin
+ * into the grid. */
 int32_t cairn_match_vote(cairn_scan_match *x)
 {
     match_votes *v = &x->votes;
@@ -162,14 +167,15 @@ int32_t cairn_match_vote(cairn_scan_match *x)
         v->turn = cairn_transform_of(turn);
         v->heading = cairn_match_turn(cairn_wrap_angle(turn.theta));
     }
-    corner =
-        cairn_match_spot(x, cairn_vec2_add(cairn_transform_point(v->turn, x->query.points[x->at].position), v->origin));
+    corner = cairn_match_spot(
+        x,
+        cairn_vec2_add(cairn_transform_point(v->turn, x->query.points[x->at].position), v->origin));
     opposite.x = corner.x + v->width * MATCH_SPOTS;
     opposite.y = corner.y + v->height * MATCH_SPOTS;
     first = cairn_match_column(x, corner);
     last = cairn_match_column(x, opposite);
-    bin = cairn_match_turn_bin((uint16_t)(x->query_turn[x->at / v->stride] + v->heading)) + MATCH_DIRECTIONS -
-          DIRECTION_REACH;
+    bin = cairn_match_turn_bin((uint16_t)(x->query_turn[x->at / v->stride] + v->heading)) +
+          MATCH_DIRECTIONS - DIRECTION_REACH;
     for (int32_t k = 0; k <= 2 * DIRECTION_REACH; k++, bin++) {
         const int32_t *start = &x->direction_start[bin % MATCH_DIRECTIONS * MATCH_COLUMNS];
 
@@ -245,7 +251,8 @@ int32_t cairn_match_peaks(cairn_scan_match *x)
     x->measure.candidates++;
     candidate.pose.x = v->origin.x + v->side * (cairn_real)(column + 1);
     candidate.pose.y = v->origin.y + v->side * (cairn_real)(row + 1);
-    candidate.pose.theta = cairn_wrap_angle(v->first_angle + (cairn_real)v->rotation * v->angle_step);
+    candidate.pose.theta =
+        cairn_wrap_angle(v->first_angle + (cairn_real)v->rotation * v->angle_step);
     cairn_match_keep(x, &candidate, v->most);
     return 0;
 }

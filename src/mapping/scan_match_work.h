@@ -6,23 +6,31 @@
 #include "cairn/scan_match.h"
 
 enum {
-    MATCH_DIRECTIONS = 72, /* bins of the full circle by which points vote */
-    MATCH_COLUMNS = 16,    /* strips of the target's box by which they are sorted, too */
-    MATCH_SPOTS = 256,     /* parts of a cell of the votes */
-    MATCH_BEARINGS = 256,  /* bins of a profile */
+    /* bins of the full circle by which points vote */
+    MATCH_DIRECTIONS = 72,
+    /* strips of the target's box by which they are sorted, too */
+    MATCH_COLUMNS = 16,
+    /* parts of a cell of the votes */
+    MATCH_SPOTS = 256,
+    /* bins of a profile */
+    MATCH_BEARINGS = 256,
     MATCH_SIDE_MOST = 256,
     MATCH_CELLS_MOST = MATCH_SIDE_MOST * MATCH_SIDE_MOST,
-    MATCH_CELLS_LEAST = 25, /* of a window without extent */
-    MATCH_VOTERS = 256,     /* query points that vote, at most */
-    MATCH_WITNESSES = 192,  /* target points that are looked for in the query's free space, at most */
+    /* of a window without extent */
+    MATCH_CELLS_LEAST = 25,
+    /* query points that vote, at most */
+    MATCH_VOTERS = 256,
+    /* target points that are looked for in the query's free space, at most */
+    MATCH_WITNESSES = 192,
     MATCH_STAGES = 3,
-    MATCH_PART = 16 /* parts of a unit */
+    /* parts of a unit */
+    MATCH_PART = 16
 };
 
 static const cairn_real MATCH_CELL = 2; /* spacings, side of a cell of the votes */
 
-/* Oriented points by cells of a grid that is wrapped around: point sets of any extent in fixed memory, points of one cell and
- * of the cells of a row side by side. */
+/* Oriented points by cells of a grid that is wrapped around: point sets of any extent in fixed
+ * memory, points of one cell and of the cells of a row side by side. */
 typedef struct match_index {
     cairn_oriented_point *points; /* [count], sorted by cell */
     int32_t *start;               /* [side * side + 1] */
@@ -45,7 +53,8 @@ typedef struct match_profile {
     float range[MATCH_BEARINGS]; /* m, the least of the bin; negative: nothing known */
 } match_profile;
 
-/* A position in parts of a cell of the votes: whole numbers, so that a vote costs a few integer operations. */
+/* A position in parts of a cell of the votes: whole numbers, so that a vote costs a few integer
+ * operations. */
 typedef struct match_spot {
     int32_t x, y;
 } match_spot;
@@ -138,31 +147,45 @@ enum {
 struct cairn_scan_match {
     cairn_scan_match_params params;
     /* The target. */
-    cairn_oriented_point *target; /* [max_target] as they came */
-    cairn_oriented_point *dense;  /* [max_dense] */
-    match_profile *views;         /* [max_views] */
+    /* [max_target] as they came */
+    cairn_oriented_point *target;
+    /* [max_dense] */
+    cairn_oriented_point *dense;
+    /* [max_views] */
+    match_profile *views;
     int32_t target_count, dense_count, view_count, part_count;
-    int32_t lacks_dense; /* 1: a part came without dense points */
+    /* 1: a part came without dense points */
+    int32_t lacks_dense;
     int32_t is_indexed;
-    match_index index;        /* of `target` */
-    match_index dense_index;  /* of `dense` */
-    match_spot *by_direction; /* [max_target] positions of `target`, sorted by direction, then by column */
-    int32_t direction_start[MATCH_DIRECTIONS * MATCH_COLUMNS + 1]; /* of by_direction */
+    /* of `target` */
+    match_index index;
+    /* of `dense` */
+    match_index dense_index;
+    /* [max_target] positions of `target`, sorted by direction, then by column */
+    match_spot *by_direction;
+    /* of by_direction */
+    int32_t direction_start[MATCH_DIRECTIONS * MATCH_COLUMNS + 1];
     cairn_vec2 target_low, target_high, target_sum;
-    int32_t columns_along_y; /* the longer side of the target's box is cut into columns, ... */
-    int32_t column_bits;     /* ... of 2^column_bits parts of a cell */
+    /* the longer side of the target's box is cut into columns, ... */
+    int32_t columns_along_y;
+    /* ... of 2^column_bits parts of a cell */
+    int32_t column_bits;
     /* The query. */
     cairn_scan_match_part query;
     match_profile *query_profile;
-    int32_t query_sees;   /* its beams are known */
-    uint16_t *query_turn; /* [MATCH_VOTERS] angle of the direction of a point that votes, 65536 to the full circle */
+    /* its beams are known */
+    int32_t query_sees;
+    /* [MATCH_VOTERS] angle of the direction of a point that votes, 65536 to the full circle */
+    uint16_t *query_turn;
     cairn_pose start;
     cairn_scan_match_window window;
     int32_t has_window;
-    cairn_pose_prior prior; /* of the window: the variance of a uniform distribution */
+    /* of the window: the variance of a uniform distribution */
+    cairn_pose_prior prior;
     cairn_vec2 centroid;
     cairn_real radius;
-    cairn_real query_reach; /* of the farthest point from the origin, m */
+    /* of the farthest point from the origin, m */
+    cairn_real query_reach;
     /* The search. */
     match_votes votes;
     match_candidate *candidates; /* [max_candidates] a heap with the worst on top, then sorted */
@@ -192,13 +215,15 @@ static inline void cairn_match_charge(cairn_scan_match *x, int32_t parts)
 
 /* scan_match_index.c */
 size_t cairn_match_index_cells(int32_t max_points);
-void cairn_match_index_reset(match_index *index, int32_t max_points, int32_t count, cairn_real cell);
+void cairn_match_index_reset(match_index *index, int32_t max_points, int32_t count,
+                             cairn_real cell);
 void cairn_match_index_count(match_index *index, cairn_vec2 p);
 void cairn_match_index_sum(match_index *index, int32_t first, int32_t end);
 void cairn_match_index_place(match_index *index, cairn_oriented_point p);
-/* The nearest point within the gate that points the same way; NULL: none. *parts grows by the cost. */
-const cairn_oriented_point *cairn_match_index_nearest(const match_index *index, match_search *asked, cairn_real gate,
-                                                      int32_t *parts);
+/* The nearest point within the gate that points the same way; NULL: none. *parts grows by the
+ * cost. */
+const cairn_oriented_point *cairn_match_index_nearest(const match_index *index, match_search *asked,
+                                                      cairn_real gate, int32_t *parts);
 /* scan_match_spots.c: the target's points by direction and column. */
 void cairn_match_spots_reset(cairn_scan_match *x);
 void cairn_match_spots_count(cairn_scan_match *x, const cairn_oriented_point *p);
@@ -206,7 +231,8 @@ void cairn_match_spots_sum(cairn_scan_match *x);
 /* The last point first, so that those of a bin and column stay in their order. */
 void cairn_match_spots_place(cairn_scan_match *x, const cairn_oriented_point *p);
 match_spot cairn_match_spot(const cairn_scan_match *x, cairn_vec2 p);
-/* Column of a coordinate along the longer side of the target's box; those outside are in the first or last. */
+/* Column of a coordinate along the longer side of the target's box; those outside are in the
+ * first or last. */
 int32_t cairn_match_column(const cairn_scan_match *x, match_spot spot);
 /* An angle, rad, in 65536ths of the full circle, wrapped. */
 uint16_t cairn_match_turn(cairn_real angle);
@@ -216,7 +242,8 @@ int32_t cairn_match_turn_bin(uint16_t turn);
 /* scan_match_free.c */
 void cairn_match_profile_clear(match_profile *profile, cairn_vec2 sensor);
 void cairn_match_profile_add(match_profile *profile, cairn_vec2 to);
-/* 1: the point stands in space that was seen free; -1: it lies where the sensor's sight ended, 0: nothing is known. */
+/* 1: the point stands in space that was seen free; -1: it lies where the sensor's sight ended,
+ * 0: nothing is known. */
 int32_t cairn_match_profile_ask(const match_profile *profile, cairn_vec2 p, cairn_real margin);
 
 /* scan_match_vote.c: one item each; 1 when the phase is through. */

@@ -1,8 +1,9 @@
 /* The ICP of Adluru 2008, section 6.4, as written.
  *
- * Method. An iteration goes through the query points twice. First its quality is measured: how many points overlap the target,
- * and their mean distance; when fewer overlap and they are farther apart, the last motion is taken back and the alignment ends.
- * Then the points that are nearer than that mean are paired, and the motion that brings the pairs together is taken. */
+ * Method. An iteration goes through the query points twice. First its quality is measured: how
+ * many points overlap the target, and their mean distance; when fewer overlap and they are
+ * farther apart, the last motion is taken back and the alignment ends. Then the points that are
+ * nearer than that mean are paired, and the motion that brings the pairs together is taken. */
 #include "src/core/build.h"
 
 #include <string.h>
@@ -63,8 +64,8 @@ int32_t cairn_match_written_icp(cairn_scan_match *x)
     }
     if (x->at == 0)
         s->turn = cairn_transform_of(s->best);
-    found = cairn_match_shape_partner(x, &x->query.points[x->at++], s->turn, s->is_summing ? s->gate : s->overlap_gate,
-                                      &p, &distance);
+    found = cairn_match_shape_partner(x, &x->query.points[x->at++], s->turn,
+                                      s->is_summing ? s->gate : s->overlap_gate, &p, &distance);
     cairn_match_charge(x, 2);
     if (found == NULL)
         return 0;

@@ -1,4 +1,5 @@
-/* scan_place: where the resampled points of a segment lie, for those who make them and those who make them again. */
+/* scan_place: where the resampled points of a segment lie, for those who make them and those who
+ * make them again. */
 #ifndef CAIRN_MAPPING_SCAN_PLACE_H
 #define CAIRN_MAPPING_SCAN_PLACE_H
 
@@ -17,8 +18,8 @@ static inline cairn_real cairn_scan_margin(cairn_real length, int32_t places, ca
 }
 
 /* A place. direction: unit, from a to b. */
-static inline cairn_vec2 cairn_scan_place(cairn_vec2 a, cairn_vec2 direction, cairn_real margin, int32_t place,
-                                          cairn_real spacing)
+static inline cairn_vec2 cairn_scan_place(cairn_vec2 a, cairn_vec2 direction, cairn_real margin,
+                                          int32_t place, cairn_real spacing)
 {
     return cairn_vec2_add(a, cairn_vec2_scale(direction, margin + (cairn_real)place * spacing));
 }

@@ -1,8 +1,8 @@
 /* The segments of a fit, with the free side on the left, and the points every `spacing` along them.
  *
- * A segment is turned so that the sensors that saw its hits are, on balance, on its left. Support of the places
- * along all segments is counted in one array of differences: +1 where a hit's support begins, -1 behind where it
- * ends. */
+ * A segment is turned so that the sensors that saw its hits are, on balance, on its left.
+ * Support of the places along all segments is counted in one array of differences: +1 where a
+ * hit's support begins, -1 behind where it ends. */
 #include "src/core/build.h"
 
 #include <string.h>
@@ -48,7 +48,8 @@ cairn_status cairn_scan_attribute(cairn_scan *x, cairn_budget *budget)
             continue;
         }
         w = &x->walls[label];
-        w->side += cairn_vec2_cross(cairn_vec2_sub(w->segment.b, w->segment.a), cairn_vec2_sub(beam->from, beam->to));
+        w->side += cairn_vec2_cross(cairn_vec2_sub(w->segment.b, w->segment.a),
+                                    cairn_vec2_sub(beam->from, beam->to));
         w->first_angle = cairn_min(w->first_angle, (cairn_real)x->angle[x->hit[x->at]]);
     }
     return CAIRN_OK;
@@ -91,8 +92,9 @@ cairn_status cairn_scan_turn(cairn_scan *x, cairn_budget *budget)
     return CAIRN_OK;
 }
 
-/* Adds the places up and finds the shortest wall, the last among equals; it is left out and the sum made anew as
- * long as there are more than max_points. Stage 1 numbers the places in the order of the view. */
+/* Adds the places up and finds the shortest wall, the last among equals; it is left out and the
+ * sum made anew as long as there are more than max_points. Stage 1 numbers the places in the
+ * order of the view. */
 cairn_status cairn_scan_choose(cairn_scan *x, cairn_budget *budget)
 {
     while (x->stage == 0) {
@@ -172,7 +174,8 @@ cairn_status cairn_scan_mark(cairn_scan *x, cairn_budget *budget)
     return CAIRN_OK;
 }
 
-/* `at` is the segment of the view, `other` the place on it, `running` the hits that support that place. */
+/* `at` is the segment of the view, `other` the place on it, `running` the hits that support that
+ * place. */
 cairn_status cairn_scan_emit(cairn_scan *x, cairn_budget *budget)
 {
     for (; x->at < x->wall_count; x->at++, x->other = 0) {
@@ -191,7 +194,8 @@ cairn_status cairn_scan_emit(cairn_scan *x, cairn_budget *budget)
             x->running += x->support[w->first_place + x->other];
             if (x->running <= 0)
                 continue;
-            point->position = cairn_scan_place(w->segment.a, direction, margin(x, w), x->other, x->params.spacing);
+            point->position = cairn_scan_place(w->segment.a, direction, margin(x, w), x->other,
+                                               x->params.spacing);
             point->direction = direction;
             x->point_count++;
         }

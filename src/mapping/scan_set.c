@@ -1,8 +1,9 @@
 /* Scans for an aligner. All of a scan is checked before any of it is copied.
  *
- * Layout: segments, points, masses and places in the order in which the scans came; a removed scan leaves a gap in each,
- * its segments marked by scan -1. Closing the gaps walks over the segments. Free slots are a list through first_segment.
- * With spacing a segment has a bit for each of its places, set where it has a point, in words of its own.
+ * Layout: segments, points, masses and places in the order in which the scans came; a removed scan
+ * leaves a gap in each, its segments marked by scan -1. Closing the gaps walks over the segments.
+ * Free slots are a list through first_segment. With spacing a segment has a bit for each of its
+ * places, set where it has a point, in words of its own.
  *
  * Source: Adluru 2008, section 7.3.5. */
 #include "src/core/build.h"
@@ -28,7 +29,8 @@ static cairn_scan_set *carve(cairn_pool *pool, const cairn_scan_set_params *para
 {
     cairn_scan_set *set = cairn_pool_take_one(pool, sizeof *set);
     cairn_scan_set_scan *scans = cairn_pool_take(pool, (size_t)params->max_scans, sizeof *scans);
-    cairn_scan_set_segment *segments = cairn_pool_take(pool, (size_t)params->max_segments, sizeof *segments);
+    cairn_scan_set_segment *segments =
+        cairn_pool_take(pool, (size_t)params->max_segments, sizeof *segments);
     cairn_vec2 *points = NULL;
     cairn_real *mass = NULL;
     uint32_t *places = NULL;
@@ -53,15 +55,17 @@ size_t cairn_scan_set_memory(const cairn_scan_set_params *params)
 {
     cairn_pool counting;
 
-    if (params == NULL || !is_count(params->max_scans, MAX_SCANS) || !is_count(params->max_segments, MAX_ITEMS) ||
-        !is_count(params->max_points, MAX_ITEMS) || !(params->spacing >= 0 && params->spacing <= CAIRN_SCAN_SET_LIMIT))
+    if (params == NULL || !is_count(params->max_scans, MAX_SCANS) ||
+        !is_count(params->max_segments, MAX_ITEMS) || !is_count(params->max_points, MAX_ITEMS) ||
+        !(params->spacing >= 0 && params->spacing <= CAIRN_SCAN_SET_LIMIT))
         return 0;
     cairn_pool_init_counting(&counting);
     (void)carve(&counting, params);
     return cairn_pool_counted(&counting);
 }
 
-cairn_status cairn_scan_set_create(cairn_scan_set **set, cairn_pool *pool, const cairn_scan_set_params *params)
+cairn_status cairn_scan_set_create(cairn_scan_set **set, cairn_pool *pool,
+                                   const cairn_scan_set_params *params)
 {
     size_t need = cairn_scan_set_memory(params);
     cairn_scan_set *made;
@@ -109,7 +113,8 @@ static cairn_status check_segments(const cairn_scan_view *view, cairn_fault *fau
     for (int32_t i = 0; i < view->segment_count; i++) {
         cairn_segment s = view->segments[i];
 
-        if (view->first_point[i] > view->first_point[i + 1] || (i == 0 && view->first_point[0] != 0))
+        if (view->first_point[i] > view->first_point[i + 1] ||
+            (i == 0 && view->first_point[0] != 0))
             return cairn_refuse(fault, i, "first_point does not rise from 0", CAIRN_BAD_ARGUMENT);
         if (!is_finite(s.a) || !is_finite(s.b))
             return cairn_refuse(fault, i, "a segment is not finite", CAIRN_NOT_FINITE);
@@ -117,11 +122,13 @@ static cairn_status check_segments(const cairn_scan_view *view, cairn_fault *fau
             return cairn_refuse(fault, i, "a segment ends farther than 1e6 m", CAIRN_BAD_ARGUMENT);
     }
     if (view->segment_count > 0 && view->first_point[view->segment_count] != view->point_count)
-        return cairn_refuse(fault, view->segment_count, "first_point does not end at point_count", CAIRN_BAD_ARGUMENT);
+        return cairn_refuse(fault, view->segment_count, "first_point does not end at point_count",
+                            CAIRN_BAD_ARGUMENT);
     return CAIRN_OK;
 }
 
-static cairn_status check_points(const cairn_scan_view *view, const cairn_real *mass, cairn_fault *fault)
+static cairn_status check_points(const cairn_scan_view *view, const cairn_real *mass,
+                                 cairn_fault *fault)
 {
     for (int32_t i = 0; i < view->point_count; i++) {
         cairn_oriented_point point = view->points[i];
@@ -157,15 +164,16 @@ static struct lattice lattice_of(const cairn_scan_set *set, cairn_segment segmen
     return lattice;
 }
 
-static cairn_vec2 place_of(const cairn_scan_set *set, cairn_segment segment, const struct lattice *lattice, int32_t k)
+static cairn_vec2 place_of(const cairn_scan_set *set, cairn_segment segment,
+                           const struct lattice *lattice, int32_t k)
 {
     return cairn_scan_place(segment.a, lattice->direction, lattice->margin, k, set->params.spacing);
 }
 
-/* Walks along the places and the points of a segment; sets the bits of bits[] when there are any to set. 0 when a point
- * lies at no place, which *point then is. */
-static int match_places(const cairn_scan_set *set, const cairn_scan_view *view, int32_t segment, uint32_t *bits,
-                        int32_t *point)
+/* Walks along the places and the points of a segment; sets the bits of bits[] when there are any
+ * to set. 0 when a point lies at no place, which *point then is. */
+static int match_places(const cairn_scan_set *set, const cairn_scan_view *view, int32_t segment,
+                        uint32_t *bits, int32_t *point)
 {
     struct lattice lattice = lattice_of(set, view->segments[segment]);
 
@@ -203,8 +211,8 @@ static int places_fit(const cairn_scan_set *set, const cairn_scan_view *view)
     return left >= 0;
 }
 
-static cairn_status check_places(const cairn_scan_set *set, const cairn_scan_view *view, const cairn_real *mass,
-                                 cairn_fault *fault)
+static cairn_status check_places(const cairn_scan_set *set, const cairn_scan_view *view,
+                                 const cairn_real *mass, cairn_fault *fault)
 {
     int32_t point;
 
@@ -216,11 +224,13 @@ static cairn_status check_places(const cairn_scan_set *set, const cairn_scan_vie
         return cairn_refuse(fault, -1, "more than max_points places", CAIRN_FULL);
     for (int32_t i = 0; i < view->segment_count; i++)
         if (!match_places(set, view, i, NULL, &point))
-            return cairn_refuse(fault, point, "a point is at no place of its segment", CAIRN_BAD_ARGUMENT);
+            return cairn_refuse(fault, point, "a point is at no place of its segment",
+                                CAIRN_BAD_ARGUMENT);
     return CAIRN_OK;
 }
 
-static cairn_status check_room(const cairn_scan_set *set, const cairn_scan_view *view, cairn_fault *fault)
+static cairn_status check_room(const cairn_scan_set *set, const cairn_scan_view *view,
+                               cairn_fault *fault)
 {
     if (cairn_scan_set_next(set) < 0)
         return cairn_refuse(fault, -1, "more than max_scans scans", CAIRN_FULL);
@@ -231,7 +241,8 @@ static cairn_status check_room(const cairn_scan_set *set, const cairn_scan_view 
     return CAIRN_OK;
 }
 
-static void copy_places(cairn_scan_set *set, const cairn_scan_view *view, int32_t segment, uint32_t *bits)
+static void copy_places(cairn_scan_set *set, const cairn_scan_view *view, int32_t segment,
+                        uint32_t *bits)
 {
     int32_t words = words_of(set, view, segment), point;
 
@@ -294,8 +305,8 @@ static int32_t take_slot(cairn_scan_set *set)
     return slot;
 }
 
-cairn_status cairn_scan_set_add(cairn_scan_set *set, const cairn_scan_view *view, const cairn_real *mass,
-                                cairn_fault *fault)
+cairn_status cairn_scan_set_add(cairn_scan_set *set, const cairn_scan_view *view,
+                                const cairn_real *mass, cairn_fault *fault)
 {
     cairn_scan_set_scan *scan;
     cairn_status status;
@@ -349,7 +360,8 @@ cairn_status cairn_scan_set_remove(cairn_scan_set *set, int32_t scan)
     removed = &set->scans[scan];
     for (int32_t i = removed->first_segment; i < removed->end_segment; i++)
         set->segments[i].scan = NONE;
-    if (removed->first_segment < removed->end_segment && (!set->gaps || removed->first_segment < set->from)) {
+    if (removed->first_segment < removed->end_segment &&
+        (!set->gaps || removed->first_segment < set->from)) {
         const cairn_scan_set_segment *first = &set->segments[removed->first_segment];
 
         set->gaps = 1;
@@ -363,18 +375,23 @@ cairn_status cairn_scan_set_remove(cairn_scan_set *set, int32_t scan)
     return CAIRN_OK;
 }
 
-/* Moves a scan to the start of the gap before it. Where it was, no segment is left that looks like one of a scan. */
+/* Moves a scan to the start of the gap before it. Where it was, no segment is left that looks
+ * like one of a scan. */
 static void move_scan(cairn_scan_set *set, cairn_scan_set_scan *scan)
 {
     int32_t first = scan->first_segment, end = scan->end_segment, count = end - first;
-    int32_t points = scan->end_point - scan->first_point, by_points = scan->first_point - set->to_point;
+    int32_t points = scan->end_point - scan->first_point,
+            by_points = scan->first_point - set->to_point;
     int32_t word = set->segments[first].first_word, by_words = word - set->to_word;
 
     if (set->places != NULL) {
-        memmove(set->places + set->to_word, set->places + word, (size_t)scan->words * sizeof *set->places);
+        memmove(set->places + set->to_word, set->places + word,
+                (size_t)scan->words * sizeof *set->places);
     } else {
-        memmove(set->points + set->to_point, set->points + scan->first_point, (size_t)points * sizeof *set->points);
-        memmove(set->mass + set->to_point, set->mass + scan->first_point, (size_t)points * sizeof *set->mass);
+        memmove(set->points + set->to_point, set->points + scan->first_point,
+                (size_t)points * sizeof *set->points);
+        memmove(set->mass + set->to_point, set->mass + scan->first_point,
+                (size_t)points * sizeof *set->mass);
     }
     for (int32_t i = 0; i < count; i++) {
         cairn_scan_set_segment *to = &set->segments[set->to_segment + i];
@@ -406,11 +423,14 @@ cairn_status cairn_scan_set_pack(cairn_scan_set *set, cairn_budget *budget)
         if (slot == NONE) {
             if (!cairn_budget_pay(budget, &set->paid, 1))
                 return CAIRN_MORE;
-            for (int32_t i = 0; i < 8 && set->from < set->segment_count && set->segments[set->from].scan == NONE; i++)
+            for (int32_t i = 0;
+                 i < 8 && set->from < set->segment_count && set->segments[set->from].scan == NONE;
+                 i++)
                 set->from++;
         } else {
             cairn_scan_set_scan *scan = &set->scans[slot];
-            int32_t segments = scan->end_segment - scan->first_segment, points = scan->end_point - scan->first_point;
+            int32_t segments = scan->end_segment - scan->first_segment,
+                    points = scan->end_point - scan->first_point;
 
             if (!cairn_budget_pay(budget, &set->paid, 1 + segments / 2 + points / 8))
                 return CAIRN_MORE;
@@ -436,7 +456,8 @@ static int32_t bits_in(uint32_t word)
     return (int32_t)(word * UINT32_C(0x01010101) >> 24);
 }
 
-void cairn_scan_set_read(const cairn_scan_set *set, int32_t segment, int32_t first, int32_t count, cairn_vec2 *points)
+void cairn_scan_set_read(const cairn_scan_set *set, int32_t segment, int32_t first, int32_t count,
+                         cairn_vec2 *points)
 {
     const cairn_scan_set_segment *s = &set->segments[segment];
     const uint32_t *word;

@@ -62,7 +62,8 @@ static inline int scan_pay(cairn_scan *x, cairn_budget *budget, int32_t eighths)
     return 1;
 }
 
-/* The phases behind the fit; CAIRN_OK when one is through, CAIRN_MORE when the budget is used up. */
+/* The phases behind the fit; CAIRN_OK when one is through, CAIRN_MORE when the budget is used
+ * up. */
 cairn_status cairn_scan_attribute(cairn_scan *x, cairn_budget *budget);
 cairn_status cairn_scan_turn(cairn_scan *x, cairn_budget *budget);
 cairn_status cairn_scan_choose(cairn_scan *x, cairn_budget *budget);

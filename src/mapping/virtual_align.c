@@ -1,18 +1,21 @@
 /* The aligner, then a force field of what it left over, with a virtual scan.
  *
- * Method: when the aligner has ended, the poses of all scans go to the field, those that it has placed fixed; so are those that
- * may slide, and those that hypotheses could not help, since all that they show lies in one direction along which anything
- * may slide. Then the hypotheses are made, from the scans that stay: those that move would make what holds them where
- * they are. Where all move they are made from all, anew every few iterations. They go to the field as points from outside. Where
- * the field leaves them the aligner looks for what it had not placed; when it had placed next to nothing it starts anew. When
- * it then places more scans than before, these enter the result, by the motion that brings the scans placed before to where
- * they were, and those stay there; else its former result stands, and only what shares no surface with its largest part stays
+ * Method: when the aligner has ended, the poses of all scans go to the field, those that it has
+ * placed fixed; so are those that may slide, and those that hypotheses could not help, since all
+ * that they show lies in one direction along which anything may slide. Then the hypotheses are
+ * made, from the scans that stay: those that move would make what holds them where they are. Where
+ * all move they are made from all, anew every few iterations. They go to the field as points from
+ * outside. Where the field leaves them the aligner looks for what it had not placed; when it had
+ * placed next to nothing it starts anew. When it then places more scans than before, these enter
+ * the result, by the motion that brings the scans placed before to where they were, and those stay
+ * there; else its former result stands, and only what shares no surface with its largest part stays
  * where the field has left it. Last, loose parts of the largest part slide.
  *
- * Layout: the aligner, the field, the hypotheses and the slide in one pool; a scan has the same index in the aligner and in the field.
- * The best result of the aligner is kept beside it.
+ * Layout: the aligner, the field, the hypotheses and the slide in one pool; a scan has the same
+ * index in the aligner and in the field. The best result of the aligner is kept beside it.
  *
- * Limits: what the field has moved has no covariance but that of its initial pose, and what slid that which it had before.
+ * Limits: what the field has moved has no covariance but that of its initial pose, and what slid
+ * that which it had before.
  *
  * Source: Adluru 2008, chapter 8. */
 #include "src/core/build.h"
@@ -79,7 +82,8 @@ static int32_t bonds_of(int32_t scans)
     return scans < 64 ? scans * (scans + 1) / 2 : 32 * scans;
 }
 
-/* Capacities are the aligner's; points of the map are thinned by the stride, a segment rounding up. */
+/* Capacities are the aligner's; points of the map are thinned by the stride, a segment rounding
+ * up. */
 static cairn_force_field_params field_of(const cairn_virtual_align_params *params)
 {
     cairn_force_field_params field = params->field;
@@ -134,7 +138,8 @@ size_t cairn_virtual_align_memory(const cairn_virtual_align_params *params)
     cairn_wall_slide_params slide;
     cairn_pool counting;
 
-    if (params == NULL || (params->mode != CAIRN_MODE_DEFAULT && params->mode != CAIRN_MODE_AS_WRITTEN))
+    if (params == NULL ||
+        (params->mode != CAIRN_MODE_DEFAULT && params->mode != CAIRN_MODE_AS_WRITTEN))
         return 0;
     used = in_mode(params);
     if (used.every < 1 || used.max_rounds < 1 || cairn_aligner_memory(&used.aligner) == 0)
@@ -178,8 +183,8 @@ cairn_status cairn_virtual_align_create(cairn_virtual_align **align, cairn_pool 
     return CAIRN_OK;
 }
 
-cairn_status cairn_virtual_align_add_scan(cairn_virtual_align *align, const cairn_scan_view *view, cairn_pose map_scan,
-                                          cairn_fault *fault)
+cairn_status cairn_virtual_align_add_scan(cairn_virtual_align *align, const cairn_scan_view *view,
+                                          cairn_pose map_scan, cairn_fault *fault)
 {
     struct cairn_virtual_place *place;
     cairn_status status;
@@ -198,9 +203,11 @@ cairn_status cairn_virtual_align_add_scan(cairn_virtual_align *align, const cair
     return CAIRN_OK;
 }
 
-cairn_status cairn_virtual_align_add_detector(cairn_virtual_align *align, const cairn_hypothesis_detector *detector)
+cairn_status cairn_virtual_align_add_detector(cairn_virtual_align *align,
+                                              const cairn_hypothesis_detector *detector)
 {
-    return align == NULL ? CAIRN_BAD_ARGUMENT : cairn_virtual_scan_add_detector(align->hypotheses, detector);
+    return align == NULL ? CAIRN_BAD_ARGUMENT
+                         : cairn_virtual_scan_add_detector(align->hypotheses, detector);
 }
 
 void cairn_virtual_align_clear(cairn_virtual_align *align)

@@ -51,7 +51,8 @@ static int goes_on(const cairn_virtual_align *align)
     return has_ground(align) && align->result.aligner.largest >= LEAST_PART;
 }
 
-/* The motion from the map of the aligner's new result to that of the former one, by the scans that were placed before. */
+/* The motion from the map of the aligner's new result to that of the former one, by the scans
+ * that were placed before. */
 static cairn_pose former_map(cairn_virtual_align *align)
 {
     int32_t count = 0;
@@ -135,7 +136,8 @@ static cairn_real across_of(const cairn_virtual_align *align, int32_t scan)
     return values[0];
 }
 
-/* All scans to where the aligner has put them. An iteration that an earlier alignment left is ended first. */
+/* All scans to where the aligner has put them. An iteration that an earlier alignment left is
+ * ended first. */
 static cairn_status step_place(cairn_virtual_align *align, cairn_budget *budget)
 {
     struct cairn_virtual_place *place;
@@ -151,11 +153,13 @@ static cairn_status step_place(cairn_virtual_align *align, cairn_budget *budget)
         if (!cairn_budget_pay(budget, &align->paid, 2 + segments_of(align, align->cursor) / 4))
             return CAIRN_MORE;
         place = &align->places[align->cursor];
-        place->moves = !has_ground(align) ||
-                       (!place->aligned.placed && !cairn_wall_slide_is_loose(align->slide, &place->aligned) &&
-                        across_of(align, align->cursor) >= LEAST_ACROSS);
+        place->moves =
+            !has_ground(align) ||
+            (!place->aligned.placed && !cairn_wall_slide_is_loose(align->slide, &place->aligned) &&
+             across_of(align, align->cursor) >= LEAST_ACROSS);
         align->result.moved += place->moves;
-        cairn_virtual_align_must(cairn_force_field_place(align->field, align->cursor, place->aligned.map_scan));
+        cairn_virtual_align_must(
+            cairn_force_field_place(align->field, align->cursor, place->aligned.map_scan));
         cairn_virtual_align_must(cairn_force_field_fix(align->field, align->cursor, !place->moves));
     }
     cairn_force_field_restart(align->field);
@@ -172,16 +176,17 @@ static cairn_status step_gather(cairn_virtual_align *align, cairn_budget *budget
     cairn_real sigma = cairn_force_field_read(align->field).sigma;
 
     if (align->cursor == 0)
-        cairn_virtual_align_must(
-            cairn_virtual_scan_begin(align->hypotheses, align->since > 0 ? sigma : align->params.field.sigma_start));
+        cairn_virtual_align_must(cairn_virtual_scan_begin(
+            align->hypotheses, align->since > 0 ? sigma : align->params.field.sigma_start));
     for (; align->cursor < align->scan_count; align->cursor++) {
         const cairn_scan_set_scan *scan = &set->scans[align->cursor];
 
         if (!cairn_budget_pay(budget, &align->paid, 1 + (scan->end_point - scan->first_point) / 4))
             return CAIRN_MORE;
         if (!has_ground(align) || !align->places[align->cursor].moves)
-            cairn_virtual_align_must(cairn_virtual_scan_add_scan(align->hypotheses, set, align->cursor,
-                                                                 cairn_force_field_pose(align->field, align->cursor)));
+            cairn_virtual_align_must(
+                cairn_virtual_scan_add_scan(align->hypotheses, set, align->cursor,
+                                            cairn_force_field_pose(align->field, align->cursor)));
     }
     return CAIRN_OK;
 }
@@ -240,8 +245,8 @@ static cairn_status step_hand_back(cairn_virtual_align *align, cairn_budget *bud
 static cairn_status step_begin_slide(cairn_virtual_align *align, cairn_budget *budget)
 {
     if (align->cursor == 0)
-        cairn_virtual_align_must(
-            cairn_wall_slide_begin(align->slide, align->aligner, cairn_force_field_scans(align->field), align->spread));
+        cairn_virtual_align_must(cairn_wall_slide_begin(
+            align->slide, align->aligner, cairn_force_field_scans(align->field), align->spread));
     for (; align->cursor < align->scan_count; align->cursor++) {
         const struct cairn_virtual_place *place = &align->places[align->cursor];
 
@@ -332,13 +337,15 @@ static virtual_align_phase next_phase(const cairn_virtual_align *align)
     case VIRTUAL_ALIGN_AGAIN:
         return VIRTUAL_ALIGN_JUDGE;
     case VIRTUAL_ALIGN_JUDGE:
-        return !align->is_done && align->result.rounds < align->params.max_rounds ? VIRTUAL_ALIGN_PLACE
-                                                                                  : last_phase(align);
+        return !align->is_done && align->result.rounds < align->params.max_rounds
+                   ? VIRTUAL_ALIGN_PLACE
+                   : last_phase(align);
     default:
         if (cairn_force_field_read(align->field).verdict != CAIRN_FORCE_FIELD_RUNNING)
             return align->params.align ? VIRTUAL_ALIGN_HAND_BACK : VIRTUAL_ALIGN_IDLE;
-        return !has_ground(align) && align->since % align->params.every == 0 ? VIRTUAL_ALIGN_GATHER
-                                                                             : VIRTUAL_ALIGN_ITERATE;
+        return !has_ground(align) && align->since % align->params.every == 0
+                   ? VIRTUAL_ALIGN_GATHER
+                   : VIRTUAL_ALIGN_ITERATE;
     }
 }
 

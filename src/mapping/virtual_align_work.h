@@ -34,16 +34,24 @@ struct cairn_virtual_align {
     cairn_force_field *field;
     cairn_virtual_scan *hypotheses;
     cairn_wall_slide *slide;
-    struct cairn_virtual_place *places; /* [max_scans] */
-    cairn_pose *poses;                  /* [max_scans] that the aligner starts again from, or has come to, ... */
-    cairn_pose *kept;                   /* [max_scans] ... and those that they stand for */
+    /* [max_scans] */
+    struct cairn_virtual_place *places;
+    /* [max_scans] that the aligner starts again from, or has come to, ... */
+    cairn_pose *poses;
+    /* [max_scans] ... and those that they stand for */
+    cairn_pose *kept;
     virtual_align_phase phase;
-    int32_t cursor; /* scan */
-    int32_t since;  /* iterations of the field since the last virtual scan */
+    /* scan */
+    int32_t cursor;
+    /* iterations of the field since the last virtual scan */
+    int32_t since;
     int32_t scan_count;
-    int32_t is_under_way; /* an iteration of the field */
-    int32_t is_done;      /* the last round has not made the result better */
-    cairn_real spread;    /* m, of the poses that scans come in with */
+    /* an iteration of the field */
+    int32_t is_under_way;
+    /* the last round has not made the result better */
+    int32_t is_done;
+    /* m, of the poses that scans come in with */
+    cairn_real spread;
     cairn_virtual_align_result result;
     int32_t paid;
 };

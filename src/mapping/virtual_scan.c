@@ -1,11 +1,13 @@
 /* Hypotheses from the whole map, laid out as one more scan.
  *
- * Method: the map is copied as the scans lie, thinned. Lines come from the vote of the points, with tolerances that follow the
- * uncertainty of the poses, and so do ellipses; both count when walls of several scans lie on them; rectangles come from the
- * segments. Then the caller's detectors are asked in turn. Outlines are laid out into the list in work, which readers see when all is done.
+ * Method: the map is copied as the scans lie, thinned. Lines come from the vote of the points, with
+ * tolerances that follow the uncertainty of the poses, and so do ellipses; both count when walls of
+ * several scans lie on them; rectangles come from the segments. Then the caller's detectors are
+ * asked in turn. Outlines are laid out into the list in work, which readers see when all is done.
  *
- * Layout: points and segments of the map with their scans; wall points that each scan has on the line or ellipse at hand; two lists of
- * hypotheses, points and weights; hough, rectangle and ellipse.
+ * Layout: points and segments of the map with their scans; wall points that each scan has on the
+ * line or ellipse at hand; two lists of hypotheses, points and weights; hough, rectangle and
+ * ellipse.
  *
  * Limits: a rectangle that one scan sees whole weighs as much as one that many piece together.
  *
@@ -99,12 +101,13 @@ static int params_are_valid(const cairn_virtual_scan_params *p)
 {
     return is_count(p->max_scans, 1, 1 << 20) && is_count(p->max_points, 1, 1 << 24) &&
            is_count(p->max_segments, 1, 1 << 20) && is_count(p->max_hypotheses, 1, 1024) &&
-           is_count(p->max_virtual, 1, 1 << 24) && is_count(p->max_detectors, 0, 16) && p->stride >= 1 &&
-           p->spacing > 0 && p->spacing <= LIMIT && p->weight >= 0 && p->weight <= LIMIT && p->line_support > 0 &&
-           p->line_support <= 1 && p->line_angle > 0 && p->line_angle <= LIMIT && p->least_scans >= 1 &&
-           p->least_length >= 0 && p->least_length <= LIMIT &&
-           (p->mode == CAIRN_MODE_DEFAULT || p->mode == CAIRN_MODE_AS_WRITTEN) && cairn_hough_memory(&p->hough) > 0 &&
-           cairn_ellipse_memory(&p->ellipse) > 0;
+           is_count(p->max_virtual, 1, 1 << 24) && is_count(p->max_detectors, 0, 16) &&
+           p->stride >= 1 && p->spacing > 0 && p->spacing <= LIMIT && p->weight >= 0 &&
+           p->weight <= LIMIT && p->line_support > 0 && p->line_support <= 1 && p->line_angle > 0 &&
+           p->line_angle <= LIMIT && p->least_scans >= 1 && p->least_length >= 0 &&
+           p->least_length <= LIMIT &&
+           (p->mode == CAIRN_MODE_DEFAULT || p->mode == CAIRN_MODE_AS_WRITTEN) &&
+           cairn_hough_memory(&p->hough) > 0 && cairn_ellipse_memory(&p->ellipse) > 0;
 }
 
 static cairn_rectangle_params rectangles_of(const cairn_virtual_scan_params *params)
@@ -130,7 +133,8 @@ static cairn_hough *carve_hough(cairn_pool *pool, const cairn_hough_params *para
     return hough;
 }
 
-static cairn_rectangle_set *carve_rectangles(cairn_pool *pool, const cairn_virtual_scan_params *params)
+static cairn_rectangle_set *carve_rectangles(cairn_pool *pool,
+                                             const cairn_virtual_scan_params *params)
 {
     cairn_rectangle_params rectangle = rectangles_of(params);
     cairn_rectangle_set *set = NULL;
@@ -229,8 +233,8 @@ cairn_status cairn_virtual_scan_create(cairn_virtual_scan **virtual_scan, cairn_
 cairn_status cairn_virtual_scan_add_detector(cairn_virtual_scan *virtual_scan,
                                              const cairn_hypothesis_detector *detector)
 {
-    if (virtual_scan == NULL || detector == NULL || detector->begin == NULL || detector->step == NULL ||
-        detector->count == NULL || detector->outline == NULL)
+    if (virtual_scan == NULL || detector == NULL || detector->begin == NULL ||
+        detector->step == NULL || detector->count == NULL || detector->outline == NULL)
         return CAIRN_BAD_ARGUMENT;
     if (virtual_scan->detector_count == virtual_scan->params.max_detectors)
         return CAIRN_FULL;
@@ -244,7 +248,8 @@ cairn_status cairn_virtual_scan_add_detector(cairn_virtual_scan *virtual_scan,
 static void adjust_lines(cairn_virtual_scan *v, cairn_real sigma)
 {
     cairn_hough_params hough = v->params.hough;
-    cairn_real angle = cairn_min(cairn_max(v->params.line_angle * sigma, hough.angle_tolerance), CAIRN_PI / 6);
+    cairn_real angle =
+        cairn_min(cairn_max(v->params.line_angle * sigma, hough.angle_tolerance), CAIRN_PI / 6);
     cairn_status status;
 
     if (v->params.mode == CAIRN_MODE_AS_WRITTEN)
@@ -261,15 +266,16 @@ static void adjust_lines(cairn_virtual_scan *v, cairn_real sigma)
     (void)status;
 }
 
-/* Ellipses' tolerances. Round walls tell their own direction less well than straight ones, but beyond a quarter of a right
- * angle four walls would be a circle. */
+/* Ellipses' tolerances. Round walls tell their own direction less well than straight ones, but
+ * beyond a quarter of a right angle four walls would be a circle. */
 static void adjust_ellipses(cairn_virtual_scan *v, cairn_real sigma)
 {
     cairn_ellipse_params ellipse = v->params.ellipse;
     cairn_status status;
 
     ellipse.support_distance = cairn_max(ellipse.support_distance, v->params.line_support * sigma);
-    ellipse.angle_tolerance = cairn_max(ellipse.angle_tolerance, cairn_min(v->params.line_angle * sigma, CAIRN_PI / 8));
+    ellipse.angle_tolerance =
+        cairn_max(ellipse.angle_tolerance, cairn_min(v->params.line_angle * sigma, CAIRN_PI / 8));
     v->round_support = ellipse.support_distance;
     v->sine_tangent = cairn_sin(ellipse.angle_tolerance);
     status = cairn_ellipse_adjust(v->ellipses, &ellipse);
@@ -298,7 +304,8 @@ cairn_status cairn_virtual_scan_begin(cairn_virtual_scan *virtual_scan, cairn_re
 
 static int has_scan(const cairn_virtual_scan *v, const cairn_scan_set *set, int32_t scan)
 {
-    return scan >= 0 && scan < set->scan_count && scan < v->params.max_scans && set->scans[scan].in_use;
+    return scan >= 0 && scan < set->scan_count && scan < v->params.max_scans &&
+           set->scans[scan].in_use;
 }
 
 /* How many of a segment's points the map has. */
@@ -307,7 +314,8 @@ static int32_t thinned(const cairn_virtual_scan *v, const cairn_scan_set_segment
     return (s->end_point - s->first_point + v->params.stride - 1) / v->params.stride;
 }
 
-static void add_segment(cairn_virtual_scan *v, const cairn_scan_set *set, int32_t index, cairn_transform map_scan)
+static void add_segment(cairn_virtual_scan *v, const cairn_scan_set *set, int32_t index,
+                        cairn_transform map_scan)
 {
     const cairn_scan_set_segment *s = &set->segments[index];
     cairn_segment *to = &v->segments[v->map.segment_count];
@@ -327,7 +335,8 @@ static void add_segment(cairn_virtual_scan *v, const cairn_scan_set *set, int32_
     }
 }
 
-cairn_status cairn_virtual_scan_add_scan(cairn_virtual_scan *virtual_scan, const cairn_scan_set *set, int32_t scan,
+cairn_status cairn_virtual_scan_add_scan(cairn_virtual_scan *virtual_scan,
+                                         const cairn_scan_set *set, int32_t scan,
                                          cairn_pose map_scan)
 {
     cairn_virtual_scan *v = virtual_scan;
@@ -336,7 +345,8 @@ cairn_status cairn_virtual_scan_add_scan(cairn_virtual_scan *virtual_scan, const
     int32_t points = 0;
 
     if (v == NULL || set == NULL || v->phase != VIRTUAL_GATHER || !has_scan(v, set, scan) ||
-        !cairn_pose_is_finite(map_scan) || cairn_abs(map_scan.x) > LIMIT / 2 || cairn_abs(map_scan.y) > LIMIT / 2)
+        !cairn_pose_is_finite(map_scan) || cairn_abs(map_scan.x) > LIMIT / 2 ||
+        cairn_abs(map_scan.y) > LIMIT / 2)
         return CAIRN_BAD_ARGUMENT;
     of = &set->scans[scan];
     for (int32_t i = of->first_segment; i < of->end_segment; i++)
@@ -362,11 +372,14 @@ static cairn_status go_on(cairn_virtual_scan *v)
     v->paid = 0;
     v->phase = v->phase == VIRTUAL_CALLERS ? VIRTUAL_IDLE : v->phase + 1;
     if (v->phase == VIRTUAL_LINES)
-        return cairn_hough_begin(v->hough, v->points, NULL, v->params.lines ? v->map.point_count : 0);
+        return cairn_hough_begin(v->hough, v->points, NULL,
+                                 v->params.lines ? v->map.point_count : 0);
     if (v->phase == VIRTUAL_RECTANGLES)
-        return cairn_rectangle_begin(v->rectangles, v->segments, v->params.rectangles ? v->map.segment_count : 0);
+        return cairn_rectangle_begin(v->rectangles, v->segments,
+                                     v->params.rectangles ? v->map.segment_count : 0);
     if (v->phase == VIRTUAL_ELLIPSES)
-        return cairn_ellipse_begin(v->ellipses, v->points, NULL, v->params.ellipses ? v->map.point_count : 0);
+        return cairn_ellipse_begin(v->ellipses, v->points, NULL,
+                                   v->params.ellipses ? v->map.point_count : 0);
     if (v->phase == VIRTUAL_IDLE) {
         virtual_result work = v->work;
 
@@ -417,7 +430,8 @@ cairn_status cairn_virtual_scan_step(cairn_virtual_scan *virtual_scan, cairn_bud
     return CAIRN_OK;
 }
 
-const cairn_hypothesis *cairn_virtual_scan_hypotheses(const cairn_virtual_scan *virtual_scan, int32_t *count)
+const cairn_hypothesis *cairn_virtual_scan_hypotheses(const cairn_virtual_scan *virtual_scan,
+                                                      int32_t *count)
 {
     *count = virtual_scan->done.count;
     return virtual_scan->done.hypotheses;

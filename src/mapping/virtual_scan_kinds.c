@@ -8,7 +8,8 @@
 /* ---- Outlines ---- */
 
 /* A hypothesis without points yet; NULL and counted as dropped when there is no room. */
-static cairn_hypothesis *add_hypothesis(cairn_virtual_scan *v, cairn_hypothesis_kind kind, cairn_real strength)
+static cairn_hypothesis *add_hypothesis(cairn_virtual_scan *v, cairn_hypothesis_kind kind,
+                                        cairn_real strength)
 {
     cairn_hypothesis *h = &v->work.hypotheses[v->work.count];
 
@@ -25,7 +26,8 @@ static cairn_hypothesis *add_hypothesis(cairn_virtual_scan *v, cairn_hypothesis_
     return h;
 }
 
-/* Points on a segment, `spacing` apart about its middle; those without room are counted as dropped. */
+/* Points on a segment, `spacing` apart about its middle; those without room are counted as
+ * dropped. */
 static void lay_out(cairn_virtual_scan *v, cairn_hypothesis *h, cairn_segment s)
 {
     cairn_vec2 run = cairn_vec2_sub(s.b, s.a), direction = cairn_vec2_unit(run);
@@ -41,7 +43,8 @@ static void lay_out(cairn_virtual_scan *v, cairn_hypothesis *h, cairn_segment s)
     for (int32_t i = 0; i < count; i++) {
         cairn_oriented_point *p = &v->work.points[v->work.point_count];
 
-        p->position = cairn_vec2_add(s.a, cairn_vec2_scale(direction, first + (cairn_real)i * v->params.spacing));
+        p->position = cairn_vec2_add(
+            s.a, cairn_vec2_scale(direction, first + (cairn_real)i * v->params.spacing));
         p->direction = direction;
         v->work.weights[v->work.point_count++] = h->weight;
     }
@@ -51,15 +54,16 @@ static void lay_out(cairn_virtual_scan *v, cairn_hypothesis *h, cairn_segment s)
 /* Units that laying out a way of so many metres costs. */
 static int32_t price(const cairn_virtual_scan *v, cairn_real length)
 {
-    cairn_real points =
-        cairn_min(length / v->params.spacing, (cairn_real)(v->params.max_virtual - v->work.point_count));
+    cairn_real points = cairn_min(length / v->params.spacing,
+                                  (cairn_real)(v->params.max_virtual - v->work.point_count));
 
     return 2 + cairn_real_to_int(points / 4);
 }
 
 /* ---- Lines ---- */
 
-static int is_on(const cairn_virtual_scan *v, const cairn_hough_line *l, const cairn_oriented_point *p)
+static int is_on(const cairn_virtual_scan *v, const cairn_hough_line *l,
+                 const cairn_oriented_point *p)
 {
     cairn_vec2 from = cairn_vec2_sub(p->position, l->point);
     cairn_real along = cairn_vec2_dot(l->direction, p->direction);
@@ -81,12 +85,14 @@ static int is_on_ellipse(const cairn_virtual_scan *v, const cairn_oriented_point
 {
     int32_t count;
 
-    return cairn_ellipse_has(&cairn_ellipse_list(v->ellipses, &count)[v->item], p, v->round_support, v->sine_tangent);
+    return cairn_ellipse_has(&cairn_ellipse_list(v->ellipses, &count)[v->item], p, v->round_support,
+                             v->sine_tangent);
 }
 
 /* How many scans have walls on the line or ellipse at hand. */
 static cairn_status count_scans(cairn_virtual_scan *v,
-                                int (*is_on_it)(const cairn_virtual_scan *, const cairn_oriented_point *),
+                                int (*is_on_it)(const cairn_virtual_scan *,
+                                                const cairn_oriented_point *),
                                 cairn_budget *budget)
 {
     int32_t used = v->params.max_scans;
@@ -108,7 +114,8 @@ static cairn_status count_scans(cairn_virtual_scan *v,
         return CAIRN_MORE;
     v->scans = 0;
     for (int32_t i = 0; i < used; i++)
-        v->scans += v->on_it[i] > 0 && (cairn_real)v->on_it[i] * v->params.hough.spacing >= v->params.least_length;
+        v->scans += v->on_it[i] > 0 &&
+                    (cairn_real)v->on_it[i] * v->params.hough.spacing >= v->params.least_length;
     v->is_counted = 1;
     return CAIRN_OK;
 }
@@ -120,10 +127,13 @@ static void next_item(cairn_virtual_scan *v)
     v->item++;
 }
 
-/* As written: of the points that take part in a line, by those of the first, which has the most; else the covered share. */
-static cairn_real strength_of(const cairn_virtual_scan *v, const cairn_hough_line *lines, const cairn_hough_line *l)
+/* As written: of the points that take part in a line, by those of the first, which has the most;
+ * else the covered share. */
+static cairn_real strength_of(const cairn_virtual_scan *v, const cairn_hough_line *lines,
+                              const cairn_hough_line *l)
 {
-    return v->params.mode == CAIRN_MODE_AS_WRITTEN ? l->votes / lines->votes : l->covered / (l->high - l->low);
+    return v->params.mode == CAIRN_MODE_AS_WRITTEN ? l->votes / lines->votes
+                                                   : l->covered / (l->high - l->low);
 }
 
 cairn_status cairn_virtual_lay_lines(cairn_virtual_scan *v, cairn_budget *budget)
@@ -164,7 +174,8 @@ static void lay_ellipse(cairn_virtual_scan *v, cairn_hypothesis *h, const cairn_
         count = room;
     }
     for (int32_t i = 0; i < count; i++) {
-        v->work.points[v->work.point_count] = cairn_ellipse_point(e, 2 * CAIRN_PI * (cairn_real)i / (cairn_real)count);
+        v->work.points[v->work.point_count] =
+            cairn_ellipse_point(e, 2 * CAIRN_PI * (cairn_real)i / (cairn_real)count);
         v->work.weights[v->work.point_count++] = h->weight;
     }
     h->end_point = v->work.point_count;
@@ -240,7 +251,8 @@ static void take_outline(cairn_virtual_scan *v, const cairn_hypothesis_detector 
 
     if (h == NULL)
         return;
-    count = d->outline(d->state, index, v->params.spacing, &v->work.points[v->work.point_count], room, &strength);
+    count = d->outline(d->state, index, v->params.spacing, &v->work.points[v->work.point_count],
+                       room, &strength);
     CAIRN_ASSERT(count >= 0 && count <= room && strength >= 0 && strength <= 1);
     h->strength = strength;
     h->weight = v->params.weight * strength;

@@ -51,7 +51,8 @@ struct cairn_virtual_scan {
     cairn_real round_support, sine_tangent; /* of ellipses */
 };
 
-/* Lays out what the detector of a phase has found, and asks those of the caller; CAIRN_OK when all is laid out. */
+/* Lays out what the detector of a phase has found, and asks those of the caller; CAIRN_OK when
+ * all is laid out. */
 cairn_status cairn_virtual_lay_lines(cairn_virtual_scan *v, cairn_budget *budget);
 cairn_status cairn_virtual_lay_rectangles(cairn_virtual_scan *v, cairn_budget *budget);
 cairn_status cairn_virtual_lay_ellipses(cairn_virtual_scan *v, cairn_budget *budget);

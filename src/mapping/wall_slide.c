@@ -1,16 +1,18 @@
 /* Parts that slide along walls: which scans they are, and which of them join first.
  *
- * Method: a scan of the alignment's largest part whose covariance is long and thin may slide along its long axis. Scans that may slide
- * the same way, are known alike and share a wall across it are one part; what the alignment has placed is the firm part.
- * A part is tried against another at even shifts along its direction (wall_slide_shift.c). The pair whose best shift is surest
- * against all that are not near it joins, and those parts are weighed anew.
+ * Method: a scan of the alignment's largest part whose covariance is long and thin may slide along
+ * its long axis. Scans that may slide the same way, are known alike and share a wall across it are
+ * one part; what the alignment has placed is the firm part. A part is tried against another at even
+ * shifts along its direction (wall_slide_shift.c). The pair whose best shift is surest against all
+ * that are not near it joins, and those parts are weighed anew.
  *
  * Layout: scans; walls of all parts; for each pair of parts what was found.
  *
- * Limits: shifts only, headings stay; parts that may slide in two directions stay; a part joins at a shift of the grid.
+ * Limits: shifts only, headings stay; parts that may slide in two directions stay; a part joins at
+ * a shift of the grid.
  *
- * Source: the choice of the place by likelihood is that of the aligner; that hypotheses about the world help where scans
- * share no surface, Adluru 2008, chapter 8. */
+ * Source: the choice of the place by likelihood is that of the aligner; that hypotheses about
+ * the world help where scans share no surface, Adluru 2008, chapter 8. */
 #include "src/core/build.h"
 
 #include <string.h>
@@ -55,8 +57,8 @@ static int is_length(cairn_real length)
 static int params_are_valid(const cairn_wall_slide_params *p)
 {
     return p != NULL && is_count(p->max_scans, 1, 1 << 16) && is_count(p->max_walls, 1, 1 << 16) &&
-           is_count(p->max_parts, 1, 64) && is_length(p->loose) && is_length(p->firm) && is_length(p->firm_angle) &&
-           is_length(p->step) && is_length(p->tolerance);
+           is_count(p->max_parts, 1, 64) && is_length(p->loose) && is_length(p->firm) &&
+           is_length(p->firm_angle) && is_length(p->step) && is_length(p->tolerance);
 }
 
 static size_t pairs_of(int32_t parts)
@@ -98,7 +100,8 @@ size_t cairn_wall_slide_memory(const cairn_wall_slide_params *params)
     return cairn_pool_counted(&counting);
 }
 
-cairn_status cairn_wall_slide_create(cairn_wall_slide **slide, cairn_pool *pool, const cairn_wall_slide_params *params)
+cairn_status cairn_wall_slide_create(cairn_wall_slide **slide, cairn_pool *pool,
+                                     const cairn_wall_slide_params *params)
 {
     size_t need = cairn_wall_slide_memory(params);
 
@@ -112,8 +115,8 @@ cairn_status cairn_wall_slide_create(cairn_wall_slide **slide, cairn_pool *pool,
 
 /* ---- Scans ---- */
 
-cairn_status cairn_wall_slide_begin(cairn_wall_slide *slide, const cairn_aligner *aligner, const cairn_scan_set *set,
-                                    cairn_real spread)
+cairn_status cairn_wall_slide_begin(cairn_wall_slide *slide, const cairn_aligner *aligner,
+                                    const cairn_scan_set *set, cairn_real spread)
 {
     cairn_wall_slide *x = slide;
 
@@ -138,7 +141,8 @@ cairn_status cairn_wall_slide_begin(cairn_wall_slide *slide, const cairn_aligner
 }
 
 /* The direction in which a scan is known least, and its standard deviation there and across. */
-static void find_axes(const cairn_aligner_pose *aligned, cairn_vec2 *along, cairn_real *deviation, cairn_real *across)
+static void find_axes(const cairn_aligner_pose *aligned, cairn_vec2 *along, cairn_real *deviation,
+                      cairn_real *across)
 {
     const cairn_real *c = aligned->covariance;
     cairn_sym2 position = {c[0], c[1], c[4]};
@@ -158,8 +162,8 @@ int32_t cairn_wall_slide_is_loose(const cairn_wall_slide *slide, const cairn_ali
     if (slide == NULL || aligned == NULL || aligned->part != 0 || aligned->placed)
         return 0;
     find_axes(aligned, &along, &deviation, &across);
-    return cairn_sqrt(aligned->covariance[8]) <= slide->params.firm_angle && across <= slide->params.firm &&
-           deviation >= slide->params.loose;
+    return cairn_sqrt(aligned->covariance[8]) <= slide->params.firm_angle &&
+           across <= slide->params.firm && deviation >= slide->params.loose;
 }
 
 static int is_near(cairn_pose pose)
@@ -167,7 +171,8 @@ static int is_near(cairn_pose pose)
     return cairn_abs(pose.x) <= LIMIT && cairn_abs(pose.y) <= LIMIT;
 }
 
-cairn_status cairn_wall_slide_add(cairn_wall_slide *slide, cairn_pose start, const cairn_aligner_pose *aligned)
+cairn_status cairn_wall_slide_add(cairn_wall_slide *slide, cairn_pose start,
+                                  const cairn_aligner_pose *aligned)
 {
     cairn_wall_slide *x = slide;
     slide_scan *scan;
@@ -199,8 +204,10 @@ cairn_status cairn_wall_slide_add(cairn_wall_slide *slide, cairn_pose start, con
 
 static int slide_as_one(const slide_scan *a, const slide_scan *b)
 {
-    return b->is_loose && a->part != b->part && cairn_abs(cairn_vec2_dot(a->along, b->along)) >= SAME_WAY &&
-           cairn_abs(a->deviation - b->deviation) <= KNOWN_ALIKE * cairn_max(a->deviation, b->deviation);
+    return b->is_loose && a->part != b->part &&
+           cairn_abs(cairn_vec2_dot(a->along, b->along)) >= SAME_WAY &&
+           cairn_abs(a->deviation - b->deviation) <=
+               KNOWN_ALIKE * cairn_max(a->deviation, b->deviation);
 }
 
 static void tie(cairn_wall_slide *x, int32_t first, int32_t second)
@@ -233,14 +240,17 @@ static int32_t tie_item(cairn_wall_slide *x)
         return 1 + passed / SCANS_OF_UNIT;
     }
     b = &x->scans[x->j];
-    along = cairn_transform_direction(cairn_transform_of(cairn_pose_inverse(a->map_scan)), a->along);
-    if (cairn_aligner_share_wall(x->aligner, x->i, x->j, cairn_pose_between(b->map_scan, a->map_scan), along, &units))
+    along =
+        cairn_transform_direction(cairn_transform_of(cairn_pose_inverse(a->map_scan)), a->along);
+    if (cairn_aligner_share_wall(x->aligner, x->i, x->j,
+                                 cairn_pose_between(b->map_scan, a->map_scan), along, &units))
         tie(x, a->part, b->part);
     x->j++;
     return units + 2 + (passed + x->scan_count) / SCANS_OF_UNIT;
 }
 
-/* Numbers the part of scan i, and adds what its start says; a part that finds no number stays where it is. */
+/* Numbers the part of scan i, and adds what its start says; a part that finds no number stays
+ * where it is. */
 static void number_scan(cairn_wall_slide *x, int32_t i, cairn_pose gauge)
 {
     slide_scan *scan = &x->scans[i];
@@ -274,7 +284,8 @@ static void number_scan(cairn_wall_slide *x, int32_t i, cairn_pose gauge)
 static int32_t number_item(cairn_wall_slide *x)
 {
     int32_t firm = x->parts[SLIDE_FIRM].scans;
-    cairn_pose gauge = firm > 0 ? cairn_pose_fit(x->from, x->to, NULL, firm, 1) : cairn_pose_identity();
+    cairn_pose gauge =
+        firm > 0 ? cairn_pose_fit(x->from, x->to, NULL, firm, 1) : cairn_pose_identity();
 
     for (int32_t i = 0; i < x->scan_count && firm > 0; i++)
         number_scan(x, i, gauge);
@@ -312,7 +323,8 @@ static void join(cairn_wall_slide *x, int32_t moving, int32_t fixed)
             x->walls[k].part = fixed;
             x->walls[k].middle = cairn_vec2_add(x->walls[k].middle, shift);
         }
-    b->off = cairn_vec2_add(b->off, cairn_vec2_sub(a->off, cairn_vec2_scale(shift, (cairn_real)a->scans)));
+    b->off = cairn_vec2_add(b->off,
+                            cairn_vec2_sub(a->off, cairn_vec2_scale(shift, (cairn_real)a->scans)));
     b->scans += a->scans;
     a->scans = 0;
     for (int32_t k = 1; k < x->part_count; k++)
@@ -322,7 +334,8 @@ static void join(cairn_wall_slide *x, int32_t moving, int32_t fixed)
     x->result.joined++;
     x->fixed = fixed;
     x->i = 0;
-    x->phase = fixed == SLIDE_FIRM ? SLIDE_NEXT : SLIDE_SHARE_AGAIN; /* that of the firm part is not asked again */
+    /* that of the firm part is not asked again */
+    x->phase = fixed == SLIDE_FIRM ? SLIDE_NEXT : SLIDE_SHARE_AGAIN;
 }
 
 static void finish(cairn_wall_slide *x)
@@ -344,7 +357,8 @@ static int32_t next_item(cairn_wall_slide *x)
             if (cairn_slide_pair(x, k, h)->surer < 0) {
                 return units + cairn_slide_begin_pair(x, k, h);
             }
-            if (moving == 0 || cairn_slide_pair(x, k, h)->surer > cairn_slide_pair(x, moving, fixed)->surer) {
+            if (moving == 0 ||
+                cairn_slide_pair(x, k, h)->surer > cairn_slide_pair(x, moving, fixed)->surer) {
                 moving = k;
                 fixed = h;
             }
@@ -359,7 +373,8 @@ static int32_t next_item(cairn_wall_slide *x)
 /* ---- The steps ---- */
 
 /* Item i of a phase that has `count` of them, then the next phase. */
-static int32_t run_through(cairn_wall_slide *x, int32_t count, int32_t (*item)(cairn_wall_slide *), slide_phase next)
+static int32_t run_through(cairn_wall_slide *x, int32_t count, int32_t (*item)(cairn_wall_slide *),
+                           slide_phase next)
 {
     int32_t units = x->i < count ? item(x) : 1;
 
@@ -448,5 +463,6 @@ cairn_vec2 cairn_wall_slide_shift_of(const cairn_wall_slide *slide, int32_t scan
 {
     static const cairn_vec2 none = {0, 0};
 
-    return has_ended(slide) && scan >= 0 && scan < slide->scan_count ? slide->scans[scan].shift : none;
+    return has_ended(slide) && scan >= 0 && scan < slide->scan_count ? slide->scans[scan].shift
+                                                                     : none;
 }

@@ -1,22 +1,29 @@
 /* Which shift of one part against another is best, and by how much.
  *
- * For every shift that the initial poses allow, and for staying: the nats of the initial poses and of the walls' thickness, less what
- * speaks against it, two scans after the other. That last is the dear part, and can only take away: so always the shift that
- * is best by what has been looked at is looked at next. When it has met all scans no other can be better. The two scans that have
- * spoken against a shift are asked first of the next, as they mostly do again: so most shifts never meet more than two. The best
- * of those that are not near it follows in the same way. */
+ * For every shift that the initial poses allow, and for staying: the nats of the initial poses
+ * and of the walls' thickness, less what speaks against it, two scans after the other. That last
+ * is the dear part, and can only take away: so always the shift that is best by what has been
+ * looked at is looked at next. When it has met all scans no other can be better. The two scans
+ * that have spoken against a shift are asked first of the next, as they mostly do again: so most
+ * shifts never meet more than two. The best of those that are not near it follows in the same
+ * way. */
 #include "src/core/build.h"
 
 #include "src/mapping/wall_slide_work.h"
 
 enum { SHIFTS_OF_UNIT = 16, SCANS_OF_UNIT = 16 };
 
-static const cairn_real SAME_PLACE = CAIRN_REAL(0.06); /* m, and half a step, so that no rounding decides */
-static const cairn_real BETTER = 2;                    /* nats that a part must gain to leave its place */
-static const cairn_real PLAINLY = -1; /* nats with which two scans speak against a shift by themselves */
-static const cairn_real FARTHEST = 3; /* standard deviations */
+/* m, and half a step, so that no rounding decides */
+static const cairn_real SAME_PLACE = CAIRN_REAL(0.06);
+/* nats that a part must gain to leave its place */
+static const cairn_real BETTER = 2;
+/* nats with which two scans speak against a shift by themselves */
+static const cairn_real PLAINLY = -1;
+/* standard deviations */
+static const cairn_real FARTHEST = 3;
 
-/* The multiples of the step that are as near to the expected shift as the initial poses allow, or one at least. */
+/* The multiples of the step that are as near to the expected shift as the initial poses allow,
+ * or one at least. */
 static void lay_shifts(cairn_wall_slide *x, cairn_real far)
 {
     x->step = cairn_max(x->params.step, 2 * far / (cairn_real)(SLIDE_SHIFTS - 2));
@@ -64,8 +71,8 @@ static int is_weighed(const cairn_wall_slide *x, int32_t i)
     return x->trials[i].scan == x->scan_count;
 }
 
-/* On to the next scan of the fixed part that the moving one at hand may meet; where there is none, to the next moving scan. 1: two
- * scans are found. *units: what it cost. */
+/* On to the next scan of the fixed part that the moving one at hand may meet; where there is
+ * none, to the next moving scan. 1: two scans are found. *units: what it cost. */
 static int32_t find_two(const cairn_wall_slide *x, slide_trial *trial, int32_t *units)
 {
     int32_t passed = 0, asked = 0, found = 0;
@@ -91,14 +98,16 @@ static int32_t find_two(const cairn_wall_slide *x, slide_trial *trial, int32_t *
 static int32_t ask(cairn_wall_slide *x, int32_t i, slide_two two)
 {
     const slide_scan *a = &x->scans[two.scan], *b = &x->scans[two.partner];
-    cairn_vec2 shift = cairn_vec2_add(a->shift, cairn_vec2_scale(x->parts[x->moving].along, cairn_slide_shift(x, i)));
+    cairn_vec2 shift = cairn_vec2_add(
+        a->shift, cairn_vec2_scale(x->parts[x->moving].along, cairn_slide_shift(x, i)));
     cairn_pose pose = a->map_scan;
     cairn_real nats;
     int32_t units;
 
     pose.x += shift.x - b->shift.x;
     pose.y += shift.y - b->shift.y;
-    nats = cairn_aligner_objection(x->aligner, two.scan, two.partner, cairn_pose_between(b->map_scan, pose), &units);
+    nats = cairn_aligner_objection(x->aligner, two.scan, two.partner,
+                                   cairn_pose_between(b->map_scan, pose), &units);
     x->trials[i].nats += nats;
     if (nats < PLAINLY)
         x->objector = two;
@@ -135,8 +144,8 @@ static int32_t foremost(const cairn_wall_slide *x)
     int32_t best = SLIDE_NONE;
 
     for (int32_t i = 0; i < x->shifts; i++)
-        if ((x->best < 0 ||
-             cairn_abs(cairn_slide_shift(x, i) - cairn_slide_shift(x, x->best)) > SAME_PLACE + x->step / 2) &&
+        if ((x->best < 0 || cairn_abs(cairn_slide_shift(x, i) - cairn_slide_shift(x, x->best)) >
+                                SAME_PLACE + x->step / 2) &&
             (best < 0 || x->trials[i].nats > x->trials[best].nats))
             best = i;
     return best;
@@ -147,7 +156,8 @@ static void end_pair(cairn_wall_slide *x, int32_t second)
     slide_pair *pair = cairn_slide_pair(x, x->moving, x->fixed);
 
     pair->shift = cairn_slide_shift(x, x->best);
-    pair->surer = second >= 0 ? cairn_max(x->trials[x->best].nats - x->trials[second].nats, 0) : CAIRN_REAL_MAX;
+    pair->surer = second >= 0 ? cairn_max(x->trials[x->best].nats - x->trials[second].nats, 0)
+                              : CAIRN_REAL_MAX;
     x->phase = SLIDE_NEXT;
 }
 
@@ -158,7 +168,8 @@ int32_t cairn_slide_object_item(cairn_wall_slide *x)
     if (x->leaves >= 0 && x->best < 0) { /* whether it is enough better than staying */
         if (!is_weighed(x, x->stay) && x->trials[x->leaves].nats - x->trials[x->stay].nats < BETTER)
             return object_to(x, x->stay);
-        x->best = x->trials[x->leaves].nats - x->trials[x->stay].nats < BETTER ? x->stay : x->leaves;
+        x->best =
+            x->trials[x->leaves].nats - x->trials[x->stay].nats < BETTER ? x->stay : x->leaves;
         return 1;
     }
     at = foremost(x);

@@ -1,8 +1,10 @@
 /* The walls of the parts, and what their thickness tells of a shift.
  *
- * Of walls that one part shows from both sides the thicknesses are counted; the value that most have, and the share that has it,
- * make a density: that share normally distributed about the value, the others evenly up to the greatest. A wall of which the
- * one part shows one face and the other part the other face is as likely at a shift as this density says, against an even one. */
+ * Of walls that one part shows from both sides the thicknesses are counted; the value that most
+ * have, and the share that has it, make a density: that share normally distributed about the
+ * value, the others evenly up to the greatest. A wall of which the one part shows one face and
+ * the other part the other face is as likely at a shift as this density says, against an even
+ * one. */
 #include "src/core/build.h"
 
 #include <string.h>
@@ -25,7 +27,8 @@ static const cairn_real DOUBT = 2; /* walls that are of any thickness, beside th
 static void add_wall(cairn_wall_slide *x, int32_t scan, cairn_segment segment)
 {
     cairn_transform pose = cairn_transform_of(x->scans[scan].map_scan);
-    cairn_vec2 a = cairn_transform_point(pose, segment.a), b = cairn_transform_point(pose, segment.b);
+    cairn_vec2 a = cairn_transform_point(pose, segment.a),
+               b = cairn_transform_point(pose, segment.b);
     cairn_vec2 run = cairn_vec2_sub(b, a);
     cairn_real length = cairn_vec2_norm(run);
     slide_wall *wall = &x->walls[x->wall_count];
@@ -58,12 +61,14 @@ int32_t cairn_slide_walls_item(cairn_wall_slide *x)
 /* How far two walls of like or opposite direction lie side by side, m; negative: apart. */
 static cairn_real overlap_of(const slide_wall *a, const slide_wall *b)
 {
-    cairn_real along = cairn_abs(cairn_vec2_dot(a->direction, cairn_vec2_sub(b->middle, a->middle)));
+    cairn_real along =
+        cairn_abs(cairn_vec2_dot(a->direction, cairn_vec2_sub(b->middle, a->middle)));
 
     return cairn_min(a->half + b->half - along, 2 * cairn_min(a->half, b->half));
 }
 
-/* The mean normal of two walls of like direction, or with sign -1 of opposite ones: on the free side of a. */
+/* The mean normal of two walls of like direction, or with sign -1 of opposite ones: on the free
+ * side of a. */
 static cairn_vec2 normal_of(const slide_wall *a, const slide_wall *b, cairn_real sign)
 {
     cairn_vec2 along = cairn_vec2_add(a->direction, cairn_vec2_scale(b->direction, sign));
@@ -74,7 +79,8 @@ static cairn_vec2 normal_of(const slide_wall *a, const slide_wall *b, cairn_real
 static int is_same_wall(const slide_wall *a, const slide_wall *b)
 {
     return cairn_vec2_dot(a->direction, b->direction) >= PARALLEL && overlap_of(a, b) > -SAME_GAP &&
-           cairn_abs(cairn_vec2_dot(normal_of(a, b, 1), cairn_vec2_sub(a->middle, b->middle))) < SAME_LINE;
+           cairn_abs(cairn_vec2_dot(normal_of(a, b, 1), cairn_vec2_sub(a->middle, b->middle))) <
+               SAME_LINE;
 }
 
 int32_t cairn_slide_share_item(cairn_wall_slide *x)
@@ -92,7 +98,8 @@ int32_t cairn_slide_share_item(cairn_wall_slide *x)
 
 /* ---- Thickness ---- */
 
-/* 1 when two walls may be the faces of one; *gap: from the face b to the face a, where that is free. */
+/* 1 when two walls may be the faces of one; *gap: from the face b to the face a, where that is
+ * free. */
 static int are_faces(const slide_wall *a, const slide_wall *b, cairn_vec2 *normal, cairn_real *gap)
 {
     if (cairn_vec2_dot(a->direction, b->direction) > -PARALLEL || overlap_of(a, b) < LEAST_OVERLAP)
@@ -134,7 +141,8 @@ int32_t cairn_slide_learn_item(cairn_wall_slide *x)
     for (int32_t k = 0; k < x->i; k++) {
         const slide_wall *other = &x->walls[k];
 
-        if (other->part == wall->part && are_faces(wall, other, &normal, &gap) && gap > THINNEST && gap < THICKEST) {
+        if (other->part == wall->part && are_faces(wall, other, &normal, &gap) && gap > THINNEST &&
+            gap < THICKEST) {
             int32_t bin = cairn_real_to_int(cairn_floor(gap / THICKEST * SLIDE_BINS));
 
             x->bins[bin] += wall->share * other->share;
@@ -151,10 +159,12 @@ int32_t cairn_slide_learn_item(cairn_wall_slide *x)
 /* Nats for a wall of this thickness. */
 static cairn_real nats_of(const cairn_wall_slide *x, cairn_real gap)
 {
-    cairn_real alike = x->result.alike, off = (gap - x->result.thickness) / x->params.tolerance, density = 0;
+    cairn_real alike = x->result.alike, off = (gap - x->result.thickness) / x->params.tolerance,
+               density = 0;
 
     if (cairn_abs(off) < 4)
-        density = cairn_exp(-off * off / 2) * CAIRN_REAL(0.3989422804014327) * THICKEST / x->params.tolerance;
+        density = cairn_exp(-off * off / 2) * CAIRN_REAL(0.3989422804014327) * THICKEST /
+                  x->params.tolerance;
     return cairn_log(1 - alike + alike * density);
 }
 
@@ -181,7 +191,8 @@ int32_t cairn_slide_thickness_item(cairn_wall_slide *x)
     int32_t units = 1, faces = 0;
     cairn_real gap;
 
-    if (wall->part != x->moving || cairn_abs(cairn_vec2_cross(wall->direction, along)) < LEAST_ACROSS)
+    if (wall->part != x->moving ||
+        cairn_abs(cairn_vec2_cross(wall->direction, along)) < LEAST_ACROSS)
         return 1;
     for (int32_t i = 0; i < x->shifts; i++)
         x->fits[i] = -CAIRN_REAL_MAX;

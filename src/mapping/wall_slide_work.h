@@ -62,34 +62,53 @@ typedef struct slide_trial {
 
 /* A part against one of a lesser number. */
 typedef struct slide_pair {
-    cairn_real shift; /* m along its direction, the best, ... */
-    cairn_real surer; /* ... nats that any other place has less; below 0: not weighed since either has changed */
+    /* m along its direction, the best, ... */
+    cairn_real shift;
+    /* ... nats that any other place has less; below 0: not weighed since either has changed */
+    cairn_real surer;
 } slide_pair;
 
 struct cairn_wall_slide {
     cairn_wall_slide_params params;
-    slide_scan *scans;   /* [max_scans] */
-    cairn_pose *from;    /* [max_scans] starts of the firm scans, ... */
-    cairn_pose *to;      /* [max_scans] ... and where they are */
-    slide_wall *walls;   /* [max_walls] */
-    slide_part *parts;   /* [max_parts + 1] */
-    slide_pair *pairs;   /* [max_parts (max_parts + 1) / 2] of part k with h at k (k - 1) / 2 + h */
-    slide_trial *trials; /* [SLIDE_SHIFTS + 1] */
-    cairn_real *fits;    /* [SLIDE_SHIFTS + 1] of the wall at hand, best of all that it may belong to */
-    cairn_real *bins;    /* [SLIDE_BINS] pairs of faces so far apart, ... */
-    cairn_real *gaps;    /* [SLIDE_BINS] ... and the sum of their distances */
+    /* [max_scans] */
+    slide_scan *scans;
+    /* [max_scans] starts of the firm scans, ... */
+    cairn_pose *from;
+    /* [max_scans] ... and where they are */
+    cairn_pose *to;
+    /* [max_walls] */
+    slide_wall *walls;
+    /* [max_parts + 1] */
+    slide_part *parts;
+    /* [max_parts (max_parts + 1) / 2] of part k with h at k (k - 1) / 2 + h */
+    slide_pair *pairs;
+    /* [SLIDE_SHIFTS + 1] */
+    slide_trial *trials;
+    /* [SLIDE_SHIFTS + 1] of the wall at hand, best of all that it may belong to */
+    cairn_real *fits;
+    /* [SLIDE_BINS] pairs of faces so far apart, ... */
+    cairn_real *bins;
+    /* [SLIDE_BINS] ... and the sum of their distances */
+    cairn_real *gaps;
     const cairn_aligner *aligner;
     const cairn_scan_set *set;
-    int32_t scan_count, wall_count, part_count; /* the firm one included */
+    /* the firm one included */
+    int32_t scan_count, wall_count, part_count;
     int32_t added;
-    cairn_real spread; /* m, of the initial poses */
+    /* m, of the initial poses */
+    cairn_real spread;
     slide_phase phase;
     int32_t i, j, debt;
-    int32_t moving, fixed;       /* the parts at hand */
-    int32_t first_shift, shifts; /* that are tried, in steps: first, first + 1, ...; the last may be staying, ... */
-    int32_t stay;                /* ... which is this one */
-    int32_t leaves, best;        /* the best shift; the one to take, that or staying; SLIDE_NONE: not known yet */
-    slide_two objector;          /* that have spoken plainly against the last shift against which any have */
+    /* the parts at hand */
+    int32_t moving, fixed;
+    /* that are tried, in steps: first, first + 1, ...; the last may be staying, ... */
+    int32_t first_shift, shifts;
+    /* ... which is this one */
+    int32_t stay;
+    /* the best shift; the one to take, that or staying; SLIDE_NONE: not known yet */
+    int32_t leaves, best;
+    /* that have spoken plainly against the last shift against which any have */
+    slide_two objector;
     cairn_real step, expected, variance;
     cairn_wall_slide_result result;
 };
