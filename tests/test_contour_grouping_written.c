@@ -203,7 +203,7 @@ static void assert_is_walk(const finder *f, const scene *s, const cairn_grouping
     model_radii(f, radii);
     assert_true(count >= 1);
     for (int32_t i = 0; i < count; i++) {
-        cairn_symmetric_point_params params = cairn_symmetric_point_default();
+        cairn_symmetric_point_params params = cairn_symmetric_point_as_written();
         cairn_symmetric_point p;
         int32_t low = d[i].segment[0] < d[i].segment[1] ? 0 : 1;
 

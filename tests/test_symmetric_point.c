@@ -90,6 +90,33 @@ static void it_lies_between_the_normals(void **state)
     }
 }
 
+/* As written, of two segments of one sample each: the centre is the middle of where the normals
+ * meet the bisector. */
+static void as_written_it_is_the_middle(void **state)
+{
+    cairn_symmetric_point_params params = cairn_symmetric_point_as_written();
+    cairn_random random = cairn_random_seed(3, 0);
+
+    (void)state;
+    params.samples = 1;
+    params.max_deviation = (cairn_real)PI;
+    params.min_radius = 0;
+    for (int32_t i = 0; i < 500; i++) {
+        double a = (double)cairn_random_uniform(&random, -1, 1),
+               b = (double)cairn_random_uniform(&random, -1, 1), c = 10;
+        double expected = c / 4 * (tan(a) + tan(b));
+        cairn_segment first = segment(-sin(a), cos(a), sin(a), -cos(a));
+        cairn_segment second = segment(c - sin(b), -cos(b), c + sin(b), cos(b));
+        cairn_symmetric_point sp;
+
+        assert_int_equal(cairn_symmetric_point_of_segments(&params, first, second, &sp), 1);
+        assert_near(sp.centre.x, c / 2, NUMBER(1e-12, 1e-5));
+        assert_near(sp.centre.y, expected, NUMBER(1e-12, 2e-5));
+        assert_near(sp.radius, hypot(c / 2, expected), NUMBER(1e-12, 2e-5));
+        assert_near(sp.deviation, fabs(a - b) / 2, NUMBER(1e-12, 1e-5));
+    }
+}
+
 static void facing_edgels_meet_in_the_middle(void **state)
 {
     cairn_symmetric_point sp;
@@ -494,7 +521,8 @@ static void bad_params_are_refused(void **state)
         int32_t *field, bad;
     } counts[] = {{&p.max_segments, 0}, {&p.max_segments, (1 << 26) + 1},
                   {&p.max_points, 0},   {&p.max_points, (1 << 28) + 1},
-                  {&p.samples, 0},      {&p.samples, 17}};
+                  {&p.samples, 0},      {&p.samples, 17},
+                  {&p.mode, -1},        {&p.mode, 2}};
     cairn_pool pool = test_pool(cairn_symmetric_point_memory(&good));
     cairn_symmetric_point_set *set = NULL;
 
@@ -544,6 +572,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(of_a_circle_it_is_the_centre),
         cmocka_unit_test(it_lies_between_the_normals),
+        cmocka_unit_test(as_written_it_is_the_middle),
         cmocka_unit_test(facing_edgels_meet_in_the_middle),
         cmocka_unit_test(some_pairs_have_none),
         cmocka_unit_test(quality_falls_with_the_deviation),

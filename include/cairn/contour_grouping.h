@@ -27,8 +27,7 @@
  *   times (2.13).
  * - Both sides grow in every step, each by one of the ten segments nearest to its open end, from
  *   the end nearer to it. A segment is explored when its middle lies in the polygon between both
- *   sides; a symmetric point may not lie in it either. A step of the skeleton that turns back by
- *   more than a right angle counts as an intersection.
+ *   sides.
  * - Radii out of the model's range: by more than R_sigma.
  * - A particle has at most 8 followers. */
 #ifndef CAIRN_CONTOUR_GROUPING_H

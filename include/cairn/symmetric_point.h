@@ -35,6 +35,9 @@ typedef struct cairn_symmetric_point_params {
     int32_t max_points;
     /* 1 ... 16 edgels of each segment at most (5) */
     int32_t samples;
+    /* of centres: CAIRN_MODE_DEFAULT: both normals deviate from the way to it alike;
+     * CAIRN_MODE_AS_WRITTEN: the middle between where they meet the bisector (CAIRN_MODE_DEFAULT) */
+    int32_t mode;
     /* px, > 0, between them (4) */
     cairn_real sample_step;
     /* px, >= 0 (2) */
@@ -51,6 +54,9 @@ typedef struct cairn_symmetric_point_set cairn_symmetric_point_set;
 
 /* The values in brackets above. */
 cairn_symmetric_point_params cairn_symmetric_point_default(void);
+
+/* The same, with centres as in Adluru 2008, figure 2.3. */
+cairn_symmetric_point_params cairn_symmetric_point_as_written(void);
 
 /* The SP of two edgels; the senses of their directions do not matter. 1: here it is. 0: there is
  * none: they are at one place, or a normal is more than max_angle (rad, below pi/2) from their

@@ -45,7 +45,7 @@ static int32_t slots_of(int32_t points)
 
 static cairn_symmetric_point_params point_params(const cairn_grouping_params *p)
 {
-    cairn_symmetric_point_params params = cairn_symmetric_point_default();
+    cairn_symmetric_point_params params = cairn_symmetric_point_as_written();
 
     params.max_segments = p->max_tokens;
     params.max_points = p->max_points;

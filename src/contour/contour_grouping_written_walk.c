@@ -2,10 +2,10 @@
  *
  * Method: a particle looks ahead about the open ends of both sides (2.4.2): segments with an end
  * within L of the open one, outside the region that its contour encloses, are paired. Pairs are
- * culled that cross the contour or the skeleton, or have no symmetric point of the model's radii
- * outside that region. Masses are those of the gaps and of the loss of symmetry (2.11); likelihoods
- * those of the displacement and of the radius (2.12, 2.13), which no proposal has seen. The past of
- * a particle is read from its history.
+ * culled that cross the contour or the skeleton, or have no symmetric point of the model's radii.
+ * Masses are those of the gaps and of the loss of symmetry (2.11); likelihoods those of the
+ * displacement and of the radius (2.12, 2.13), which no proposal has seen. The past of a particle
+ * is read from its history.
  *
  * Source: Adluru 2008, sections 2.3 to 2.5. */
 #include "src/core/build.h"
@@ -32,6 +32,17 @@ static const cairn_shape_sample *sample_of(const cairn_shape_model *m, int32_t w
     return &m->samples[path->first + (way ? path->count - 1 - k : k)];
 }
 
+/* D_k of the longest path, walked from its first sample or from its last. */
+static cairn_vec2 displacement_of(const cairn_shape_model *m, int32_t way, int32_t k)
+{
+    int32_t last = m->paths[0].count - 1;
+
+    if (!way)
+        return cairn_shape_displacement(m, 0, k);
+    return cairn_vec2_sub(cairn_shape_displacement(m, 0, last - k),
+                          cairn_shape_displacement(m, 0, last));
+}
+
 /* ds of (2.12), of two displacements in sizes: the angle between them, rad, and the difference
  * of their lengths in mean radii of the model. Of displacements shorter than a mean radius the
  * angle counts in proportion. */
@@ -51,13 +62,11 @@ cairn_real cairn_grouping_written_likelihood(const cairn_grouping *g,
     const struct grouping_written *w = g->written;
     const cairn_shape_model *m = g->input.model;
     cairn_vec2 seen = cairn_vec2_scale(cairn_vec2_sub(s->centre, s->start), 1 / w->size);
-    cairn_vec2 origin = sample_of(m, s->way, 0)->centre;
     cairn_real least = CAIRN_REAL_MAX, off;
 
     *sample = 0;
     for (int32_t k = 0; k < m->paths[0].count; k++) {
-        cairn_real d =
-            dissimilarity(w, cairn_vec2_sub(sample_of(m, s->way, k)->centre, origin), seen);
+        cairn_real d = dissimilarity(w, displacement_of(m, s->way, k), seen);
 
         if (d < least) {
             least = d;
@@ -180,8 +189,7 @@ static int32_t find_extensions(const cairn_grouping *g, const grouping_written_s
     return count;
 }
 
-/* Whether the step of the skeleton to a point crosses the contour or the skeleton, or turns back
- * by more than a right angle. */
+/* Whether the step of the skeleton to a point crosses the contour or the skeleton. */
 static int crosses_past(const cairn_grouping *g, const grouping_written_state *before,
                         cairn_vec2 centre)
 {
@@ -196,9 +204,7 @@ static int crosses_past(const cairn_grouping *g, const grouping_written_state *b
         if (cairn_segments_cross(piece, step))
             return 1;
     }
-    return w->past_count > 1 &&
-           cairn_vec2_dot(cairn_vec2_sub(step.b, step.a),
-                          cairn_vec2_sub(step.a, w->past[w->past_count - 2]->centre)) < 0;
+    return 0;
 }
 
 /* Whether the extensions of both sides cross each other. */
@@ -239,9 +245,7 @@ static cairn_status offer(cairn_grouping *g, cairn_particle_filter *filter,
     grouping_written_state next = *before;
     cairn_status status;
 
-    if (p == NULL ||
-        cairn_polygon_contains(g->written->polygon, g->written->polygon_count, p->centre) ||
-        crosses_past(g, before, p->centre) || cross_each_other(g, before, left, right))
+    if (p == NULL || crosses_past(g, before, p->centre) || cross_each_other(g, before, left, right))
         return CAIRN_OK;
     next.centre = p->centre;
     next.radius = p->radius;

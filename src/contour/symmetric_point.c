@@ -62,13 +62,23 @@ cairn_symmetric_point_params cairn_symmetric_point_default(void)
     return params;
 }
 
+cairn_symmetric_point_params cairn_symmetric_point_as_written(void)
+{
+    cairn_symmetric_point_params params = cairn_symmetric_point_default();
+
+    params.mode = CAIRN_MODE_AS_WRITTEN;
+    return params;
+}
+
 static int params_are_valid(const cairn_symmetric_point_params *p)
 {
     return p != NULL && p->max_segments >= 1 && p->max_segments <= MAX_SEGMENTS &&
            p->max_points >= 1 && p->max_points <= MAX_POINTS && p->samples >= 1 &&
-           p->samples <= MAX_SAMPLES && p->sample_step > 0 && cairn_is_finite(p->sample_step) &&
-           p->min_radius >= 0 && p->max_radius >= p->min_radius && cairn_is_finite(p->max_radius) &&
-           p->max_angle > 0 && p->max_angle < CAIRN_PI / 2 && p->max_deviation >= 0 &&
+           p->samples <= MAX_SAMPLES && p->mode >= CAIRN_MODE_DEFAULT &&
+           p->mode <= CAIRN_MODE_AS_WRITTEN && p->sample_step > 0 &&
+           cairn_is_finite(p->sample_step) && p->min_radius >= 0 &&
+           p->max_radius >= p->min_radius && cairn_is_finite(p->max_radius) && p->max_angle > 0 &&
+           p->max_angle < CAIRN_PI / 2 && p->max_deviation >= 0 &&
            cairn_is_finite(p->max_deviation);
 }
 
@@ -195,11 +205,19 @@ static int angle_with_chord(cairn_vec2 direction, cairn_vec2 u, cairn_real cos_m
     return 1;
 }
 
+static cairn_real tangent(cairn_real angle)
+{
+    cairn_real sine, cosine;
+
+    cairn_sincos(angle, &sine, &cosine);
+    return sine / cosine;
+}
+
 static int point_of(cairn_oriented_point first, cairn_oriented_point second, cairn_real cos_max,
-                    cairn_symmetric_point *point)
+                    int32_t mode, cairn_symmetric_point *point)
 {
     cairn_vec2 chord = cairn_vec2_sub(second.position, first.position), u, bisector;
-    cairn_real half = CAIRN_REAL(0.5) * cairn_vec2_norm(chord), a, b, sine, cosine, up;
+    cairn_real half = CAIRN_REAL(0.5) * cairn_vec2_norm(chord), a, b, up;
 
     if (half == 0)
         return 0;
@@ -209,8 +227,11 @@ static int point_of(cairn_oriented_point first, cairn_oriented_point second, cai
     if (!angle_with_chord(first.direction, u, cos_max, &a) ||
         !angle_with_chord(second.direction, u, cos_max, &b))
         return 0;
-    cairn_sincos(CAIRN_REAL(0.5) * (a - b), &sine, &cosine);
-    up = half * (sine / cosine);
+    if (mode == CAIRN_MODE_AS_WRITTEN) {
+        up = CAIRN_REAL(0.5) * half * (tangent(a) - tangent(b));
+    } else {
+        up = half * tangent(CAIRN_REAL(0.5) * (a - b));
+    }
     bisector = cairn_vec2_left(u);
     point->centre = cairn_vec2_add(cairn_vec2_add(first.position, cairn_vec2_scale(u, half)),
                                    cairn_vec2_scale(bisector, up));
@@ -226,7 +247,7 @@ static int point_of(cairn_oriented_point first, cairn_oriented_point second, cai
 int32_t cairn_symmetric_point_of(cairn_oriented_point first, cairn_oriented_point second,
                                  cairn_real max_angle, cairn_symmetric_point *point)
 {
-    return point_of(first, second, cairn_cos(max_angle), point);
+    return point_of(first, second, cairn_cos(max_angle), CAIRN_MODE_DEFAULT, point);
 }
 
 /* Samples that a segment gets: one for every sample_step, up to the most. 0: it has no length. */
@@ -274,7 +295,8 @@ int32_t cairn_symmetric_point_of_segments(const cairn_symmetric_point_params *pa
             cairn_symmetric_point p;
 
             if (!point_of(sample(first, length, i, count),
-                          sample(second, other_length, j, other_count), cos_max, &p) ||
+                          sample(second, other_length, j, other_count), cos_max, params->mode,
+                          &p) ||
                 p.radius < params->min_radius || p.radius > params->max_radius ||
                 p.deviation > params->max_deviation)
                 continue;
