@@ -366,6 +366,23 @@ static void test_truth(void **state)
     assert_near(more_false, false_per_image + 1, 1e-9);
 }
 
+/* As written a box that shares more than a fifth with an object's is a hit, else half. */
+static void test_truth_as_written(void **state)
+{
+    static const char *const command = "cairn detect @/bottle0.png --edges @/edges.png --model @/bottle.shape "
+                                       "--min-score -100 -o @/found --truth @/truth.csv --curves @/%s%s";
+    double recall, false_per_image;
+
+    (void)state;
+    write_truth("truth.csv", "bottle0.png,27,30,93,85\n");
+    assert_done(programs_run(command, "fifth", " --as-written"));
+    read_last("fifth.csv", &recall, &false_per_image);
+    assert_near(recall, 1, 1e-9);
+    assert_done(programs_run(command, "half", ""));
+    read_last("half.csv", &recall, &false_per_image);
+    assert_near(recall, 0, 1e-9);
+}
+
 static void write_grey_as_text(const char *name)
 {
     char *text = malloc(4 * WIDTH * HEIGHT + 32);
@@ -450,9 +467,11 @@ static void test_refusals(void **state)
 int main(int argc, char **argv)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_found),       cmocka_unit_test(test_verified),     cmocka_unit_test(test_by_parts),
-        cmocka_unit_test(test_halved),      cmocka_unit_test(test_appearance),   cmocka_unit_test(test_cuts),
-        cmocka_unit_test(test_many_images), cmocka_unit_test(test_quoted_names), cmocka_unit_test(test_truth),
+        cmocka_unit_test(test_found),       cmocka_unit_test(test_verified),
+        cmocka_unit_test(test_by_parts),    cmocka_unit_test(test_halved),
+        cmocka_unit_test(test_appearance),  cmocka_unit_test(test_cuts),
+        cmocka_unit_test(test_many_images), cmocka_unit_test(test_quoted_names),
+        cmocka_unit_test(test_truth),       cmocka_unit_test(test_truth_as_written),
         cmocka_unit_test(test_refusals),
     };
 

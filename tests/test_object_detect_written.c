@@ -104,7 +104,7 @@ static void finds_a_shape(void **state)
     }
 }
 
-/* No chain, chains too many to keep all configurations of, more near votes than there are, every match. */
+/* No chain, many chains, more near votes than there are, every match. */
 static void is_bounded(void **state)
 {
     cairn_object_detect_params params = written_params();
@@ -131,6 +131,39 @@ static void is_bounded(void **state)
     assert_true(found.count >= 1);
     cairn_detections_free(&found);
     cairn_contour_tokens_free(&tokens);
+}
+
+/* Of sets of chains each is new once, in whatever order; against all before it. */
+static void takes_each_set_once(void **state)
+{
+    enum { SETS = 600, CHAINS = 7 };
+    static cairn_detected_part parts[SETS][CAIRN_PART_BUNDLES];
+    static uint32_t bits[SETS];
+    cairn_random random = cairn_random_seed(9, 5);
+    detect_chain_sets sets;
+    int32_t count[SETS], all = 0;
+
+    (void)state;
+    assert_true(cairn_detect_chain_sets_begin(&sets, SETS));
+    for (int32_t i = 0; i < SETS; i++) {
+        int32_t is_new = 1;
+
+        for (count[i] = 0; count[i] < 4;) {
+            int32_t chain = cairn_random_below(&random, CHAINS);
+
+            if (bits[i] >> chain & 1)
+                break;
+            bits[i] |= UINT32_C(1) << chain;
+            parts[i][count[i]++].chain = 1000 * chain;
+        }
+        for (int32_t k = 0; k < i; k++)
+            is_new &= bits[k] != bits[i];
+        all += is_new;
+        assert_int_equal(cairn_detect_chain_sets_add(&sets, parts[i], count[i]), is_new);
+        assert_int_equal(sets.count, all);
+    }
+    assert_in_range(all, 20, SETS / 2);
+    cairn_detect_chain_sets_free(&sets);
 }
 
 /* A model of one fragment by hand: a configuration is one chain. */
@@ -215,9 +248,9 @@ static void refuses_other_methods(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(finds_a_shape),         cmocka_unit_test(is_bounded),
-        cmocka_unit_test(takes_one_fragment),    cmocka_unit_test(tells_its_stages),
-        cmocka_unit_test(refuses_other_methods),
+        cmocka_unit_test(finds_a_shape),       cmocka_unit_test(is_bounded),
+        cmocka_unit_test(takes_each_set_once), cmocka_unit_test(takes_one_fragment),
+        cmocka_unit_test(tells_its_stages),    cmocka_unit_test(refuses_other_methods),
     };
 
     return cmocka_run_group_tests(tests, NULL, NULL);

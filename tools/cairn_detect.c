@@ -440,6 +440,7 @@ int tool_detect(int argc, char **argv)
     result = read_settings(&s, argc, argv);
     if (result != OPTIONS_READ)
         return (int)result;
+    s.truth.as_written = s.as_written;
     s.jobs = s.jobs > (int64_t)s.count ? (int64_t)s.count : s.jobs;
     code = picture_check_names(PROGRAM, s.images, s.count);
     if (code == TOOL_OK)

@@ -7,11 +7,18 @@
 
 #include "cairn/output.h"
 
-#define LEAST_OVERLAP 0.5
+/* What a box shares with its object's, over their union, at the least; as written more than a fifth (Adluru 2008, section 5.4.1). */
+#define LEAST_OVERLAP   0.5
+#define WRITTEN_OVERLAP 0.2
+
+static int is_hit(const detect_truth *truth, double share)
+{
+    return truth->as_written ? share > WRITTEN_OVERLAP : share >= LEAST_OVERLAP;
+}
 
 /* The best detection takes its object first, each is taken once. */
-static void print_hits(const cairn_detection_picture *picture, const double (*objects)[4], int32_t count,
-                       int32_t *taken, FILE *record)
+static void print_hits(const detect_truth *truth, const cairn_detection_picture *picture, const double (*objects)[4],
+                       int32_t count, int32_t *taken, FILE *record)
 {
     const cairn_detections *found = picture->detections;
 
@@ -21,7 +28,7 @@ static void print_hits(const cairn_detection_picture *picture, const double (*ob
 
         cairn_detection_box(picture, &found->found[i], box);
         object = cairn_detection_object(objects, taken, count, box, &share);
-        hit = object >= 0 && share >= LEAST_OVERLAP;
+        hit = object >= 0 && is_hit(truth, share);
         if (hit)
             taken[object] = 1;
         fprintf(record, "%.17g %" PRId32 "\n", (double)found->found[i].score, hit);
@@ -39,7 +46,7 @@ cairn_status detect_truth_print(const detect_truth *truth, const char *path, con
     if (objects != NULL && taken != NULL) {
         for (int32_t i = 0; i < count; i++)
             memcpy(objects[i], truth->rows[first + i].box, sizeof *objects);
-        print_hits(picture, (const double(*)[4])objects, count, taken, record);
+        print_hits(truth, picture, (const double(*)[4])objects, count, taken, record);
     } else {
         status = cairn_file_error_system(error, path, "detect", ENOMEM);
     }

@@ -13,12 +13,13 @@ typedef struct detect_truth {
     int32_t count;
     cairn_detection_event *events; /* [event_count] of all images */
     int32_t event_count, event_room;
+    int32_t as_written; /* 1: more than a fifth of the union with an object is a hit, as in the thesis; 0: half */
 } detect_truth;
 
 /* Statuses of cairn_box_table_read; then there is nothing to free. */
 CAIRN_CHECKED cairn_status detect_truth_read(detect_truth *truth, const char *path, cairn_file_error *error);
 
-/* Writes a line for each detection of an image: its score, and 1 where it is the best for an object that it shares half of the union with.
+/* Writes a line for each detection of an image: its score, and 1 where it is the best for an object that it hits.
  * CAIRN_NO_MEMORY. */
 CAIRN_CHECKED cairn_status detect_truth_print(const detect_truth *truth, const char *path,
                                               const cairn_detection_picture *picture, FILE *record,

@@ -7,7 +7,8 @@
  * As written (CAIRN_MODE_AS_WRITTEN): all configurations of the K nearest of all votes, those of little similarity left out, ranked by the shape
  * context distance of their edge fragments to the whole outline, with appearance by eq. 5.1; boxes are those about the fragments; nothing is bent,
  * grouped or verified. Choices, where the text is silent: those of part_bundle, fragment_match and part_configuration; sums of similarity
- * below 0.75 are left out, and all but the 1024 greatest of the model and of its mirror image; a match votes whatever its similarity; the shape
+ * below 0.75 are left out, and all but the 65,536 greatest of the model and of its mirror image, more than K = 20 near votes of 4 bundles make; a
+ * match votes whatever its similarity; configurations of the same edge fragments are one hypothesis, that of the greatest sum; the shape
  * of a hypothesis is that of its whole edge fragments, 64 even points against 64 of the outline, not warped first; the distance is the sum of the mean costs of
  * the best matches in both directions (Belongie et al. 2002); of boxes that share more than `overlap` of their union the best one stays. */
 #ifndef CAIRN_OBJECT_DETECT_H

@@ -2,8 +2,8 @@
  *
  * Method: for each size, the model and its mirror image, and three proportions of each, a map of the mean worth of the outline's samples
  * (object_detect_field.c) for every place of its middle: sums of shifted planes. Of the peaks of all maps the best are taken that do not
- * lie on better ones, and looked at again: the outline is bent onto the edges about them (contour_search_fit.c). Both means, before and
- * after, make the score, with how the bent outline fits (contour_search_shape.c) and what contour grouping finds there
+ * lie on better ones (object_detect_candidates.c), and looked at again: the outline is bent onto the edges about them (contour_search_fit.c). Both
+ * means, before and after, make the score, with how the bent outline fits (contour_search_shape.c) and what contour grouping finds there
  * (object_detect_group.c); boxes are those of the bent outlines. Of detections that overlap the best stays.
  *
  * PARTS: the candidates are configurations of parts (object_detect_parts.c) and keep their scores; bending gives the box only. As written
@@ -19,13 +19,8 @@
 
 #include "cairn/shape_model_file.h"
 #include "src/host/contour_search_fit.h"
-#include "src/host/object_detect_work.h"
+#include "src/host/object_detect_candidates.h"
 
-/* Width to height of the model's, and what a step between them costs. */
-static const double aspects[] = {1, 0.8, 1.25, 0.64, 1.5625};
-enum { ASPECTS = sizeof aspects / sizeof *aspects, PEAKS_MOST = 1 << 16 };
-/* Of two candidates whose boxes share more, over their union, the better one is looked at. */
-#define CANDIDATE_OVERLAP 0.5F
 /* Of bent outlines evidence is counted in pieces of this length (contour_search_fit.c). */
 #define PIECE 0.08
 /* What the outline before bending and the logarithm of the size, to the picture's diagonal, count beside the bent one. A piece of a small
@@ -46,44 +41,12 @@ enum { ASPECTS = sizeof aspects / sizeof *aspects, PEAKS_MOST = 1 << 16 };
 #define OCCLUDED_GROUPED CAIRN_REAL(0.5)
 #define OCCLUDED_SIZE    2
 #define OCCLUDED_NOTHING 8
-/* What the logarithm of the size counts beside the outline before bending, for candidates. */
-#define FIRST_SIZE 0.4F
 /* Of two detections one goes, too, when more of the smaller box than this lies in the other: parts of an object look like small ones. */
 #define INSIDE 0.8F
 /* A segment stands for a place so near, of the size, but at least so many pixels; and turned by so much. */
 #define REACH_SHARE 0.04
 #define LEAST_REACH 3
 #define TURN_COSINE 0.7
-
-/* A model as it is laid. */
-typedef struct variant {
-    cairn_oriented_point *outline;  /* [count] */
-    float left, right, top, bottom; /* of the outline, in sizes */
-    int32_t mirrored;
-} variant;
-
-typedef struct peak {
-    float score, rigid, x, y, size; /* px */
-    int32_t variant;
-    float turn;         /* rad */
-    int32_t hypothesis; /* by parts; -1: none */
-} peak;
-
-typedef struct detector {
-    const cairn_detect_field *field;
-    const cairn_shape_model *model;
-    cairn_oriented_point *outlines; /* of all variants */
-    variant variant[2 * ASPECTS];
-    int32_t variants;
-    peak *peaks;
-    int32_t count;
-    contour_field *window;
-    int32_t *near;    /* [segments] of the one that is looked at */
-    cairn_real *room; /* [2 samples] */
-    contour_fit fit;
-    detect_hypotheses hypotheses;
-    detect_groupings groupings;
-} detector;
 
 cairn_object_detect_params cairn_object_detect_default(int32_t width, int32_t height)
 {
@@ -121,133 +84,7 @@ void cairn_detections_free(cairn_detections *detections)
     memset(detections, 0, sizeof *detections);
 }
 
-/* ---- Variants of the model ---- */
-
-static void add_variant(detector *d, int32_t mirrored, double aspect)
-{
-    variant *v = &d->variant[d->variants];
-    const cairn_shape_model *m = d->model;
-    double wide = sqrt(aspect) * (mirrored ? -1 : 1), tall = 1 / sqrt(aspect);
-
-    v->outline = &d->outlines[(size_t)d->variants++ * (size_t)m->outline_count];
-    v->mirrored = mirrored;
-    v->left = v->top = 1e9F;
-    v->right = v->bottom = -1e9F;
-    for (int32_t i = 0; i < m->outline_count; i++) {
-        cairn_oriented_point *o = &v->outline[i];
-        cairn_vec2 along = {(cairn_real)wide * m->outline[i].direction.x, (cairn_real)tall * m->outline[i].direction.y};
-
-        o->position.x = (cairn_real)wide * m->outline[i].position.x;
-        o->position.y = (cairn_real)tall * m->outline[i].position.y;
-        o->direction = cairn_vec2_unit(along);
-        v->left = fminf(v->left, (float)o->position.x);
-        v->right = fmaxf(v->right, (float)o->position.x);
-        v->top = fminf(v->top, (float)o->position.y);
-        v->bottom = fmaxf(v->bottom, (float)o->position.y);
-    }
-}
-
-/* 0: there is no memory. */
-static int add_variants(detector *d)
-{
-    d->outlines = malloc(2 * ASPECTS * (size_t)d->model->outline_count * sizeof *d->outlines);
-    if (d->outlines == NULL)
-        return 0;
-    for (int32_t mirrored = 0; mirrored < (d->field->params.mirror ? 2 : 1); mirrored++)
-        for (int32_t k = 0; k < ASPECTS; k++)
-            add_variant(d, mirrored, aspects[k]);
-    return 1;
-}
-
 /* ---- Candidates ---- */
-
-static int compare_peaks(const void *a, const void *b)
-{
-    const peak *x = a, *y = b;
-
-    if (x->score != y->score)
-        return x->score < y->score ? 1 : -1;
-    if (x->size != y->size)
-        return x->size < y->size ? -1 : 1;
-    if (x->variant != y->variant)
-        return x->variant - y->variant;
-    if (x->y != y->y)
-        return x->y < y->y ? -1 : 1;
-    return x->x != y->x ? (x->x < y->x ? -1 : 1) : x->hypothesis - y->hypothesis;
-}
-
-/* Room for a peak; when there is none the worse half goes. */
-static peak *next_peak(detector *d)
-{
-    if (d->count == PEAKS_MOST) {
-        qsort(d->peaks, (size_t)d->count, sizeof *d->peaks, compare_peaks);
-        d->count /= 2;
-    }
-    return &d->peaks[d->count++];
-}
-
-static void add_peaks(detector *d, const detect_plane *p, const float *sum, int32_t index)
-{
-    int32_t w = p->width, h = p->height;
-    float share = 1 / (float)d->model->outline_count;
-    float bonus =
-        FIRST_SIZE * logf((float)p->size / hypotf((float)d->field->tokens->width, (float)d->field->tokens->height));
-
-    for (int32_t y = 0; y < h; y++)
-        for (int32_t x = 0; x < w; x++) {
-            float value = sum[y * w + x];
-            int is_peak = value > 0;
-
-            for (int32_t k = 0; k < 9 && is_peak; k++) {
-                int32_t u = x + k % 3 - 1, v = y + k / 3 - 1;
-
-                is_peak = k == 4 || u < 0 || v < 0 || u >= w || v >= h || value > sum[v * w + u] ||
-                          (value >= sum[v * w + u] && k > 4);
-            }
-            if (is_peak) {
-                peak *q = next_peak(d);
-
-                q->score = value * share + bonus;
-                q->rigid = value * share;
-                q->x = ((float)x + 0.5F) * (float)p->cell;
-                q->y = ((float)y + 0.5F) * (float)p->cell;
-                q->size = (float)p->size;
-                q->turn = 0;
-                q->variant = index;
-                q->hypothesis = -1;
-            }
-        }
-}
-
-/* The sums of an outline's samples for every place of its middle. */
-static void correlate(const detector *d, const detect_plane *p, const variant *v, float *sum)
-{
-    int32_t w = p->width, h = p->height;
-
-    memset(sum, 0, (size_t)w * (size_t)h * sizeof *sum);
-    for (int32_t i = 0; i < d->model->outline_count; i++) {
-        int32_t bin = cairn_contour_field_bin(v->outline[i].direction);
-        int32_t dx = (int32_t)lrint((double)v->outline[i].position.x * DETECT_CELLS);
-        int32_t dy = (int32_t)lrint((double)v->outline[i].position.y * DETECT_CELLS);
-        const float *layer = &p->worth[(size_t)bin * cairn_detect_layer(p)];
-
-        for (int32_t y = 0; y < h; y++) {
-            const float *from =
-                &layer[(size_t)(y + dy + DETECT_MARGIN) * cairn_detect_row(p) + (size_t)(DETECT_MARGIN + dx)];
-            float *to = &sum[y * w];
-
-            for (int32_t x = 0; x < w; x++)
-                to[x] += from[x];
-        }
-    }
-}
-
-static float overlap_of(float al, float at, float ar, float ab, float bl, float bt, float br, float bb)
-{
-    float w = fminf(ar, br) - fmaxf(al, bl), h = fminf(ab, bb) - fmaxf(at, bt), both = w > 0 && h > 0 ? w * h : 0;
-
-    return both / ((ar - al) * (ab - at) + (br - bl) * (bb - bt) - both);
-}
 
 /* The share of the smaller of two boxes that lies in the other. */
 static float inside_of(const cairn_detection *a, const cairn_detection *b)
@@ -260,83 +97,6 @@ static float inside_of(const cairn_detection *a, const cairn_detection *b)
     return w > 0 && h > 0 ? (float)(w * h / least) : 0;
 }
 
-static float peak_overlap(const detector *d, const peak *a, const peak *b)
-{
-    const variant *v = &d->variant[a->variant], *u = &d->variant[b->variant];
-
-    return overlap_of(a->x + a->size * v->left, a->y + a->size * v->top, a->x + a->size * v->right,
-                      a->y + a->size * v->bottom, b->x + b->size * u->left, b->y + b->size * u->top,
-                      b->x + b->size * u->right, b->y + b->size * u->bottom);
-}
-
-/* The best peaks that do not lie on better ones come first. */
-static void keep_candidates(detector *d)
-{
-    int32_t kept = 0;
-
-    qsort(d->peaks, (size_t)d->count, sizeof *d->peaks, compare_peaks);
-    for (int32_t i = 0; i < d->count && kept < d->field->params.candidates; i++) {
-        int32_t apart = 1;
-
-        for (int32_t k = 0; k < kept && apart; k++)
-            apart = peak_overlap(d, &d->peaks[i], &d->peaks[k]) <= CANDIDATE_OVERLAP;
-        if (apart)
-            d->peaks[kept++] = d->peaks[i];
-    }
-    d->count = kept;
-}
-
-/* The hypotheses by parts are the peaks. */
-static cairn_status take_hypotheses(detector *d)
-{
-    cairn_status status = cairn_detect_parts(&d->hypotheses, d->field, d->model);
-
-    if (status != CAIRN_OK)
-        return status;
-    d->peaks = malloc((size_t)(d->hypotheses.count + 1) * sizeof *d->peaks);
-    if (d->peaks == NULL)
-        return CAIRN_NO_MEMORY;
-    for (int32_t i = 0; i < d->hypotheses.count; i++) {
-        const detect_hypothesis *h = &d->hypotheses.list[i];
-        peak *q = &d->peaks[d->count++];
-
-        q->score = (float)h->score;
-        q->rigid = 0;
-        q->x = (float)h->origin.x;
-        q->y = (float)h->origin.y;
-        q->size = (float)h->size;
-        q->turn = 0;
-        q->variant = h->mirrored ? ASPECTS : 0;
-        q->hypothesis = i;
-    }
-    keep_candidates(d);
-    return CAIRN_OK;
-}
-
-/* 0: there is no memory. */
-static int find_candidates(detector *d)
-{
-    float *sum = NULL;
-
-    d->peaks = malloc(PEAKS_MOST * sizeof *d->peaks);
-    for (int32_t k = 0; k < d->field->planes && d->peaks != NULL; k++) {
-        const detect_plane *p = &d->field->plane[k];
-
-        sum = malloc((size_t)p->width * (size_t)p->height * sizeof *sum);
-        if (sum == NULL)
-            return 0;
-        for (int32_t i = 0; i < d->variants; i++) {
-            correlate(d, p, &d->variant[i], sum);
-            add_peaks(d, p, sum, i);
-        }
-        free(sum);
-    }
-    if (d->peaks == NULL)
-        return 0;
-    keep_candidates(d);
-    return 1;
-}
-
 /* With `occluded` what is grouped makes as many candidates more, at most. PEAKS_MOST leaves room for them. */
 static cairn_status group(detector *d)
 {
@@ -346,14 +106,14 @@ static cairn_status group(detector *d)
 
     for (int32_t i = 0; status == CAIRN_OK && p->occluded && i < d->groupings.count && i < p->candidates; i++) {
         const detect_grouping *g = &d->groupings.list[i];
-        peak *q = &d->peaks[d->count++];
+        detect_peak *q = &d->peaks[d->count++];
 
         q->score = q->rigid = 0;
         q->x = (float)g->found.origin.x;
         q->y = (float)g->found.origin.y;
         q->size = (float)g->found.size;
         q->turn = (float)g->found.turn;
-        q->variant = g->mirrored ? ASPECTS : 0;
+        q->variant = g->mirrored ? DETECT_ASPECTS : 0;
         q->hypothesis = -1;
     }
     return status;
@@ -431,7 +191,7 @@ static int take_segments(const detector *d, cairn_detections *found, cairn_detec
 /* As it was drawn, mirrored where the detection is. */
 static const cairn_oriented_point *drawn_outline(const detector *d, const cairn_detection *o)
 {
-    return d->variant[o->mirrored ? ASPECTS : 0].outline;
+    return d->variant[o->mirrored ? DETECT_ASPECTS : 0].outline;
 }
 
 /* Objects stand upright: a turn of the whole counts as bending does. map: see cairn_detect_agreed(). */
@@ -449,7 +209,7 @@ static void measure_shape(const detector *d, cairn_detection *o, detect_similari
 
 static cairn_real score_of(const detector *d, const cairn_detection *o)
 {
-    const variant *plain = &d->variant[0];
+    const detect_variant *plain = &d->variant[0];
     double diagonal = hypot((double)d->field->tokens->width, (double)d->field->tokens->height);
     double proportion = (double)(o->right - o->left) * (double)(plain->bottom - plain->top) /
                         ((double)(o->bottom - o->top) * (double)(plain->right - plain->left));
@@ -483,10 +243,10 @@ static void look_at(const detector *d, cairn_detection *o)
 }
 
 /* Bends the outline onto the edges about a candidate. 0: there is no memory. */
-static int verify(detector *d, const peak *p, cairn_detections *found)
+static int verify(detector *d, const detect_peak *p, cairn_detections *found)
 {
     cairn_detection *o = &found->found[found->count];
-    const variant *v = &d->variant[p->variant];
+    const detect_variant *v = &d->variant[p->variant];
     detect_similarity map;
     cairn_shape_model model = *d->model;
     cairn_grouped_object object;
@@ -547,8 +307,9 @@ static void keep_best(const detector *d, cairn_detections *found)
         for (int32_t k = 0; k < kept && apart; k++) {
             const cairn_detection *b = &found->found[k];
 
-            apart = overlap_of((float)o->left, (float)o->top, (float)o->right, (float)o->bottom, (float)b->left,
-                               (float)b->top, (float)b->right, (float)b->bottom) <= (float)d->field->params.overlap &&
+            apart = cairn_detect_overlap((float)o->left, (float)o->top, (float)o->right, (float)o->bottom,
+                                         (float)b->left, (float)b->top, (float)b->right,
+                                         (float)b->bottom) <= (float)d->field->params.overlap &&
                     (cairn_detect_is_as_written(d->field) || inside_of(o, b) <= INSIDE);
         }
         if (apart)
@@ -590,12 +351,12 @@ static cairn_status detect(detector *d, cairn_detections *found)
     d->near = malloc(((size_t)d->field->tokens->count + 1) * sizeof *d->near);
     d->room = malloc(2 * (size_t)d->model->outline_count * sizeof *d->room);
     if (d->window == NULL || d->near == NULL || d->room == NULL ||
-        !cairn_contour_fit_new(&d->fit, d->model->outline_count) || !add_variants(d))
+        !cairn_contour_fit_new(&d->fit, d->model->outline_count) || !cairn_detect_variants_add(d))
         return CAIRN_NO_MEMORY;
     cairn_detect_tell(d->field, CAIRN_DETECT_VOTES);
     if (d->field->params.method == CAIRN_DETECT_PARTS)
-        status = take_hypotheses(d);
-    else if (!find_candidates(d))
+        status = cairn_detect_candidates_of_parts(d);
+    else if (!cairn_detect_candidates_find(d))
         status = CAIRN_NO_MEMORY;
     else
         status = group(d);
@@ -614,20 +375,6 @@ static cairn_status detect(detector *d, cairn_detections *found)
     cairn_detect_tell(d->field, CAIRN_DETECT_BOXES);
     keep_best(d, found);
     return CAIRN_OK;
-}
-
-/* 1 when no variant of the outline reaches beyond the margins of a field. */
-static int is_within_margins(const cairn_shape_model *m)
-{
-    for (int32_t k = 0; k < ASPECTS; k++)
-        for (int32_t i = 0; i < m->outline_count; i++) {
-            double x = sqrt(aspects[k]) * (double)m->outline[i].position.x;
-            double y = (double)m->outline[i].position.y / sqrt(aspects[k]);
-
-            if (!(fmax(fabs(x), fabs(y)) * DETECT_CELLS < DETECT_MARGIN - 1))
-                return 0;
-        }
-    return 1;
 }
 
 /* 1 when the box of the outline has a width and a height. */
@@ -649,7 +396,7 @@ static cairn_status check_model(const cairn_shape_model *model, cairn_fault *fau
     if (status == CAIRN_OK && !has_area(model))
         status = cairn_refuse(fault, -1, "an outline along one straight line, expected one with a width and a height",
                               CAIRN_BAD_ARGUMENT);
-    if (status == CAIRN_OK && !is_within_margins(model))
+    if (status == CAIRN_OK && !cairn_detect_variants_fit(model))
         status =
             cairn_refuse(fault, -1, "the outline lies farther from its middle than half its size, expected it within",
                          CAIRN_BAD_ARGUMENT);

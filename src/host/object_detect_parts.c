@@ -104,6 +104,7 @@ typedef struct searcher {
     cairn_fragment_matcher *matcher;
     cairn_part_configurator *configurator;
     cairn_shape_context *context;
+    detect_chain_sets sets; /* as written: what was compared */
 } searcher;
 
 /* Of the first outline, which alone has fragments. */
@@ -443,6 +444,9 @@ static cairn_status add_hypothesis(searcher *s, const cairn_part_configuration *
         p->from = m->from;
         p->to = m->to;
     }
+    if (cairn_detect_is_as_written(s->field) &&
+        !cairn_detect_chain_sets_add(&s->sets, &s->made->parts[h->first_part], h->part_count))
+        return CAIRN_OK;
     status = cairn_detect_is_as_written(s->field) ? compare_whole(s, h) : compare_shapes(s, h);
     if (status == CAIRN_EMPTY && cairn_detect_is_as_written(s->field))
         return CAIRN_OK;
@@ -457,8 +461,8 @@ static cairn_status add_hypothesis(searcher *s, const cairn_part_configuration *
 /* Of the model as it is, or mirrored. */
 static cairn_status search(searcher *s, int32_t mirrored, int32_t *match_of)
 {
-    cairn_part_configuration_result configurations;
-    cairn_fragment_match_result matches;
+    cairn_part_configuration_result configurations = {.count = 0};
+    cairn_fragment_match_result matches = {.count = 0};
     cairn_status status;
 
     cairn_detect_tell(s->field, CAIRN_DETECT_VOTES);
@@ -467,8 +471,12 @@ static cairn_status search(searcher *s, int32_t mirrored, int32_t *match_of)
     if (status == CAIRN_OK)
         status = configure(s, vote(s, &matches, match_of), &configurations);
     cairn_detect_tell(s->field, CAIRN_DETECT_SCORES);
+    if (status == CAIRN_OK && cairn_detect_is_as_written(s->field) &&
+        !cairn_detect_chain_sets_begin(&s->sets, configurations.count))
+        status = CAIRN_NO_MEMORY;
     for (int32_t i = 0; status == CAIRN_OK && i < configurations.count; i++)
         status = add_hypothesis(s, &configurations.found[i], configurations.votes, matches.matches, match_of);
+    cairn_detect_chain_sets_free(&s->sets);
     return status;
 }
 

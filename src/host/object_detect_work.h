@@ -57,8 +57,8 @@ static inline void cairn_detect_tell(const cairn_detect_field *f, cairn_detect_s
 
 /* Hypotheses of one model at most, and parts of each. */
 enum { DETECT_HYPOTHESES = 128, DETECT_PARTS_MOST = 64 };
-/* As written: those with the most similarity, of the model and again of its mirror image. */
-enum { DETECT_WRITTEN = 1024 };
+/* As written: configurations of the model at most, and again of its mirror image: all that 20 near votes of 4 bundles make for each of 48 votes. */
+enum { DETECT_WRITTEN = 1 << 16 };
 
 /* An object by its parts. */
 typedef struct detect_hypothesis {
@@ -134,6 +134,18 @@ static inline int cairn_detect_is_as_written(const cairn_detect_field *f)
  * no length. */
 int cairn_detect_written_lay(const cairn_detect_field *field, detect_hypothesis *h, const cairn_detected_part *parts,
                              cairn_vec2 *points, int32_t count);
+/* Sets of chains that hypotheses are made of, so that each is compared once. begin: 0: there is no memory; room: sets at most. add: 1: it is a new
+ * one, 0: it was added before. */
+typedef struct detect_chain_sets {
+    int32_t (*chain)[CAIRN_PART_BUNDLES]; /* [room] ascending, behind the last -1 */
+    int32_t *slot;                        /* [mask + 1] of the hash table: index of a set; -1: none */
+    uint32_t mask;
+    int32_t count;
+} detect_chain_sets;
+int cairn_detect_chain_sets_begin(detect_chain_sets *sets, int32_t room);
+int cairn_detect_chain_sets_add(detect_chain_sets *sets, const cairn_detected_part *parts, int32_t count);
+void cairn_detect_chain_sets_free(detect_chain_sets *sets);
+
 /* Detections of all hypotheses: found->found alone, from the heap. */
 cairn_status cairn_detect_written_take(cairn_detections *found, const detect_hypotheses *made,
                                        const cairn_detect_field *field);

@@ -1,7 +1,8 @@
 /* Detection by parts as written: hypotheses are groups of whole edge fragments, boxes are those about them.
  *
  * Choices, where the text is silent: the shape of a hypothesis is that of its whole edge fragments, as linked (section 5.3.1: configurations are
- * groups of edge fragments), sampled at 64 even steps, as many as the outline; it is not warped onto the model before it is
+ * groups of edge fragments), sampled at 64 even steps, as many as the outline, and so the same for
+ * all configurations of the same edge fragments: the one of the greatest sum of similarities is looked at; it is not warped onto the model before it is
  * measured, for nothing is said of that and a straight edge warps onto anything; the distance is the sum of both directions' mean costs of the best
  * matches; with appearance lambda times what is missing to a probability of 1 is added (eq. 5.1). Of hypotheses whose boxes share more than
  * `overlap` of their union the one of the least distance stays: the best of an image's place, for images hold several objects or none.
@@ -13,6 +14,10 @@
 #include <string.h>
 
 #include "src/host/object_detect_work.h"
+
+/* Of the hash of a set of chains (FNV-1a by words). */
+#define HASH_PRIME UINT32_C(16777619)
+enum { HASH_FOLD = 15 };
 
 cairn_object_detect_params cairn_object_detect_as_written(int32_t width, int32_t height)
 {
@@ -71,6 +76,52 @@ int cairn_detect_written_lay(const cairn_detect_field *field, detect_hypothesis 
     for (; laid < count && laid > 0; laid++)
         points[laid] = points[laid - 1];
     return laid == count;
+}
+
+/* ---- Sets of chains ---- */
+
+int cairn_detect_chain_sets_begin(detect_chain_sets *sets, int32_t room)
+{
+    size_t slots = 2;
+
+    while (slots < 2 * (size_t)room)
+        slots *= 2;
+    sets->chain = malloc(((size_t)room + 1) * sizeof *sets->chain);
+    sets->slot = malloc(slots * sizeof *sets->slot);
+    sets->mask = (uint32_t)slots - 1;
+    sets->count = 0;
+    if (sets->chain == NULL || sets->slot == NULL)
+        return 0;
+    memset(sets->slot, -1, slots * sizeof *sets->slot);
+    return 1;
+}
+
+void cairn_detect_chain_sets_free(detect_chain_sets *sets)
+{
+    free(sets->chain);
+    free(sets->slot);
+    memset(sets, 0, sizeof *sets);
+}
+
+int cairn_detect_chain_sets_add(detect_chain_sets *sets, const cairn_detected_part *parts, int32_t count)
+{
+    int32_t *own = sets->chain[sets->count];
+    uint32_t hash = 0, at;
+
+    for (int32_t i = 0; i < CAIRN_PART_BUNDLES; i++) {
+        int32_t chain = i < count ? parts[i].chain : -1, k = i;
+
+        for (; i < count && k > 0 && own[k - 1] > chain; k--)
+            own[k] = own[k - 1];
+        own[k] = chain;
+    }
+    for (int32_t i = 0; i < CAIRN_PART_BUNDLES; i++)
+        hash = (hash ^ (uint32_t)own[i]) * HASH_PRIME;
+    for (at = (hash ^ hash >> HASH_FOLD) & sets->mask; sets->slot[at] >= 0; at = (at + 1) & sets->mask)
+        if (memcmp(sets->chain[sets->slot[at]], own, sizeof *sets->chain) == 0)
+            return 0;
+    sets->slot[at] = sets->count++;
+    return 1;
 }
 
 /* ---- Detections ---- */
