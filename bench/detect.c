@@ -3,7 +3,7 @@
  * Every class's model on the images of all classes; no size, no rotation is given, and nothing is trained. Hit: IoU of the boxes >= 0.5,
  * each object once. A line for each class: the detection rate at 0.3 and 0.4 false positives per image, the 11-point average precision, and
  * the precision at the thesis's recall, which counts boxes above 0.2 as hits (precision_at_recall, with the greatest recall that is reached so,
- * recall_most_fifth; with 0.5: precision_at_recall_half). The last line has the means over the classes.
+ * recall_most_fifth, and the average precision, ap_fifth; with 0.5: precision_at_recall_half). The last line has the means over the classes.
  * --method parts: by configurations of parts; --as-written: by the method of the thesis; --bundles, --nearest and --modes change what the other
  * is made of. --method chamfer: the plain oriented chamfer twin. --verify: the weight of verification by contour grouping, 0: without.
  * --curves DIR: CLASS.csv and CLASS.svg, precision over recall and detection rate over false positives per image, of hits at IoU >= 0.5, with
@@ -25,7 +25,7 @@ typedef struct settings {
     const char *bundles;
     int64_t most, candidates, matches, nearest, train;
     double overlap, weight, verify;
-    int32_t each, no_mirror, modes, stages, occluded, as_written;
+    int32_t each, no_mirror, modes, stages, occluded, as_written, machine;
 } settings;
 
 static const struct {
@@ -182,6 +182,7 @@ static int run_default(run *r, const group_image *image, const char *folder, int
     params.matches = (int32_t)r->s->matches;
     params.nearest = (int32_t)r->s->nearest;
     params.modes = r->s->modes;
+    params.appearance_nearest = r->s->as_written && !r->s->machine;
     params.appearance_weight = (cairn_real)r->s->weight;
     params.on_stage = on_stage;
     params.on_stage_context = &r->stages;
@@ -343,6 +344,7 @@ static int print_class(run *r, int32_t k, means *m)
         bench_json_number("dr04_low", low);
         bench_json_number("dr04_high", high);
         bench_json_number("ap", precision);
+        bench_json_number("ap_fifth", cairn_detection_average_precision(fifth, t->count));
         bench_json_number("recall_most", t->count > 0 ? half[t->count - 1].recall : 0);
         bench_json_number("recall_most_fifth", t->count > 0 ? fifth[t->count - 1].recall : 0);
         bench_json_number("precision_at_recall", cairn_detection_precision_at(fifth, t->count, classes[k].recall));
@@ -421,6 +423,8 @@ static option_result read_settings(settings *s, int argc, char **argv)
         OPTION_FLAG("--each", &s->each, "a line for each detection, too"),
         OPTION_INTEGER("--train", &s->train, 0, 1000, "N",
                        "learns what the class looks like from its first N images, which are not looked at then"),
+        OPTION_FLAG("--machine", &s->machine,
+                    "as written, with --train: appearance by the support vector machine, not the nearest words learnt"),
         OPTION_NUMBER("--weight", &s->weight, 0, 1000, "LAMBDA", "of appearance, with --train"),
         OPTION_NUMBER("--verify", &s->verify, 0, 100, "WEIGHT",
                       "of what contour grouping finds where a detection is; 0: it is not asked"),
@@ -438,6 +442,8 @@ static option_result read_settings(settings *s, int argc, char **argv)
         return (option_result)options_refuse(
             "bench/detect", "--as-written with another method than parts, --bundles, --modes, --occluded, --candidates "
                             "or --verify, which the thesis does not have, expected it without them");
+    if (result == OPTIONS_READ && s->machine && (!s->as_written || s->train == 0))
+        return (option_result)options_refuse("bench/detect", "--machine, expected with --as-written and --train");
     s->method = s->method != NULL ? s->method : s->as_written ? "parts" : "default";
     s->bundles = s->bundles != NULL ? s->bundles : "rule";
     s->candidates = s->candidates > 0 ? s->candidates : cairn_object_detect_default(1, 1).candidates;

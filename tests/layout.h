@@ -1017,6 +1017,7 @@ static const layout OPEN_STRUCTS[] = {
     {FIELD(cairn_object_detect_params, occluded, 104, 88)},
     {FIELD(cairn_object_detect_params, verify, 112, 92)},
     {FIELD(cairn_object_detect_params, mode, 120, 96)},
+    {FIELD(cairn_object_detect_params, appearance_nearest, 124, 100)},
     {SIZE(cairn_detection, 184, 104)},
     {FIELD(cairn_detection, left, 0, 0)},
     {FIELD(cairn_detection, top, 8, 4)},

@@ -275,6 +275,9 @@ static void tells_textures_apart(void **state)
         assert_true(cairn_appearance_probability(field, box) > 0.8);
         assert_true(cairn_appearance_probability(field, other) < 0.2);
         assert_near(cairn_appearance_probability(field, none), 0.5, 0); /* without a patch */
+        assert_true(cairn_appearance_distance(field, box) < 0.5 * cairn_appearance_distance(field, other));
+        assert_true(cairn_appearance_distance(field, other) <= 1);
+        assert_near(cairn_appearance_distance(field, none), 1, 0);
         cairn_appearance_field_free(field);
     }
     /* The same again, bit by bit; another seed is another dictionary. */

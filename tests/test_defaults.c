@@ -588,6 +588,7 @@ static void of_contours(void **state)
         VALUE(detect.matches, 2),
         VALUE(detect.nearest, 20),
         VALUE(detect.modes, 0),
+        VALUE(detect.appearance_nearest, 0),
         VALUE(bundle.max_points, 256),
         VALUE(bundle.bundles, 4),
         VALUE(bundle.pieces_each, 2),

@@ -224,7 +224,7 @@ static void tells_its_stages(void **state)
 /* What the thesis does not have. */
 static void refuses_other_methods(void **state)
 {
-    enum { BAD = 7 };
+    enum { BAD = 9 };
     cairn_object_detect_params bad[BAD];
     cairn_contour_tokens tokens = {.width = WIDTH, .height = HEIGHT};
     cairn_detect_field *field;
@@ -239,6 +239,9 @@ static void refuses_other_methods(void **state)
     bad[4].modes = 1;
     bad[5].occluded = 1;
     bad[6].verify = 1;
+    bad[7].appearance_nearest = 2;
+    bad[8] = cairn_object_detect_default(WIDTH, HEIGHT);
+    bad[8].appearance_nearest = 1;
     for (int i = 0; i < BAD; i++) {
         assert_status(cairn_detect_field_make(&field, &tokens, &bad[i], "edges", &error), CAIRN_BAD_ARGUMENT);
         assert_error_holds(i < 2 ? "expected 0 or 1" : "as written");

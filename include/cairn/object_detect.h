@@ -7,10 +7,11 @@
  * As written (CAIRN_MODE_AS_WRITTEN): all configurations of the K nearest of all votes, those of little similarity left out, ranked by the shape
  * context distance of their edge fragments to the whole outline, with appearance by eq. 5.1; boxes are those about the fragments; nothing is bent,
  * grouped or verified. Choices, where the text is silent: those of part_bundle, fragment_match and part_configuration; sums of similarity
- * below 0.75 are left out, and all but the 65,536 greatest of the model and of its mirror image, more than K = 20 near votes of 4 bundles make; a
+ * below 0.5 are left out, and all but the 65,536 greatest of the model and of its mirror image, more than K = 20 near votes of 4 bundles make; a
  * match votes whatever its similarity; configurations of the same edge fragments are one hypothesis, that of the greatest sum; the shape
  * of a hypothesis is that of its whole edge fragments, 64 even points against 64 of the outline, not warped first; the distance is the sum of the mean costs of
- * the best matches in both directions (Belongie et al. 2002); of boxes that share more than `overlap` of their union the best one stays. */
+ * the best matches in both directions (Belongie et al. 2002); of boxes that share more than `overlap` of their union the best one stays. d_app of eq. 5.1 is the distance to the nearest of the words that were learnt,
+ * as the experiments have it (section 5.4.2); by what the machine says (section 5.3.2) with `appearance_nearest` 0: 1 less its probability. */
 #ifndef CAIRN_OBJECT_DETECT_H
 #define CAIRN_OBJECT_DETECT_H
 
@@ -73,6 +74,9 @@ typedef struct cairn_object_detect_params {
      * search it takes more than half the time. 0: nothing is grouped, but with `occluded`, which counts it by a weight of its own (0.08). */
     cairn_real verify;
     int32_t mode; /* CAIRN_MODE_DEFAULT, or CAIRN_MODE_AS_WRITTEN, of PARTS only (DEFAULT) */
+    /* 0: appearance is the probability of the machine (Adluru 2008, section 5.3.2); 1, as written only: 1 less the distance to the nearest words
+     * that were learnt (section 5.4.2) (0; as written 1). */
+    int32_t appearance_nearest;
 } cairn_object_detect_params;
 
 /* The values in brackets above; sizes from a tenth of the picture's diagonal, at least 24 px, to the whole. */
@@ -109,7 +113,8 @@ typedef struct cairn_detection {
     cairn_real distance;            /* of the parts from the outline by their shape contexts, with what is missing */
     cairn_real agreement;           /* score of the configuration (part_configuration) */
     int32_t first_part, part_count; /* parts[first_part ... first_part + part_count - 1] */
-    cairn_real appearance;          /* how likely what is in the box shows the class, 0 ... 1; 0 without appearance */
+    cairn_real
+        appearance; /* how likely what is in the box shows the class, or how near it is to what was learnt, 0 ... 1; 0 without appearance */
 } cairn_detection;
 
 /* A fragment of the model's outline (part_bundle, by rule) where it was found. */

@@ -22,6 +22,8 @@ enum { STEP = 6, SIZE = 4, OCTAVES = 2, EARLY = 32 };
 
 /* Of a box without a patch. */
 static const double NOTHING_KNOWN = 0.5;
+/* Of two histograms of shares. */
+static const double CHI2_MOST = 2;
 
 struct cairn_appearance_field {
     const cairn_appearance_model *model;
@@ -218,20 +220,43 @@ void cairn_appearance_field_free(cairn_appearance_field *field)
     free(field);
 }
 
-double cairn_appearance_probability(const cairn_appearance_field *f, const double box[4])
+/* Shares of the words in a box. 0: it has no patch. */
+static int take_histogram(const cairn_appearance_field *f, const double box[4],
+                          float histogram[CAIRN_APPEARANCE_WORDS_MOST])
 {
-    float histogram[CAIRN_APPEARANCE_WORDS_MOST] = {0};
     int32_t patches = 0;
 
+    memset(histogram, 0, CAIRN_APPEARANCE_WORDS_MOST * sizeof *histogram);
     for (int32_t i = 0; i < f->count; i++)
         if (cairn_appearance_is_in(&f->places[i], box)) {
             histogram[f->words[i]]++;
             patches++;
         }
-    if (patches == 0)
-        return NOTHING_KNOWN;
     cairn_appearance_share(histogram, f->model->word_count);
-    return cairn_appearance_judge(f->model, histogram);
+    return patches > 0;
+}
+
+double cairn_appearance_probability(const cairn_appearance_field *f, const double box[4])
+{
+    float histogram[CAIRN_APPEARANCE_WORDS_MOST];
+
+    return take_histogram(f, box, histogram) ? cairn_appearance_judge(f->model, histogram) : NOTHING_KNOWN;
+}
+
+/* Vectors of the class raise the probability: their weights have the sign that the slope has not. */
+double cairn_appearance_distance(const cairn_appearance_field *f, const double box[4])
+{
+    const cairn_appearance_model *m = f->model;
+    float histogram[CAIRN_APPEARANCE_WORDS_MOST];
+    double least = CHI2_MOST;
+
+    if (!take_histogram(f, box, histogram))
+        return 1;
+    for (int32_t i = 0; i < m->support_count; i++)
+        if (m->weights[i] * m->slope < 0)
+            least = fmin(least, cairn_appearance_chi2(&m->histograms[(size_t)i * (size_t)m->word_count], histogram,
+                                                      m->word_count));
+    return least / CHI2_MOST;
 }
 
 void cairn_appearance_free(cairn_appearance_model *model)

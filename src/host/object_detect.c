@@ -70,7 +70,8 @@ cairn_object_detect_params cairn_object_detect_default(int32_t width, int32_t he
                                          NULL,
                                          0,
                                          CAIRN_REAL(0.08),
-                                         CAIRN_MODE_DEFAULT};
+                                         CAIRN_MODE_DEFAULT,
+                                         0};
 
     return params;
 }

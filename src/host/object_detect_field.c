@@ -176,6 +176,10 @@ static cairn_status check_parts(const cairn_object_detect_params *p, const char 
                                     p->bundles);
     if (p->mode != CAIRN_MODE_DEFAULT && p->mode != CAIRN_MODE_AS_WRITTEN)
         return cairn_file_error_set(error, CAIRN_BAD_ARGUMENT, path, 0, "mode %" PRId32 ", expected 0 or 1", p->mode);
+    if (p->appearance_nearest != 0 && (p->appearance_nearest != 1 || p->mode != CAIRN_MODE_AS_WRITTEN))
+        return cairn_file_error_set(error, CAIRN_BAD_ARGUMENT, path, 0,
+                                    "appearance_nearest %" PRId32 ", expected 0, or 1 as written",
+                                    p->appearance_nearest);
     if (p->mode == CAIRN_MODE_AS_WRITTEN && (p->method != CAIRN_DETECT_PARTS || p->bundles != CAIRN_DETECT_BUNDLES ||
                                              p->modes || p->occluded || p->verify > 0))
         return cairn_file_error_set(error, CAIRN_BAD_ARGUMENT, path, 0,

@@ -29,8 +29,9 @@ enum { OUTLINE_POINTS = 64, PART_POINTS = 128 };
 /* Configurations that are visited near one vote, at most. */
 enum { NODES_MOST = 100000 };
 
-/* As written: the threshold of summed similarities (section 5.3.1 names none); matches of any similarity vote. */
-#define LEAST_SUM      CAIRN_REAL(0.75)
+/* As written: the threshold of summed similarities (section 5.3.1 names none): a fragment alone is enough when half of it is matched; matches of any
+ * similarity vote. */
+#define LEAST_SUM      CAIRN_REAL(0.5)
 #define ANY_SIMILARITY CAIRN_REAL(1e-3)
 
 /* ---- Chains ---- */

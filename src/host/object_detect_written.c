@@ -4,7 +4,8 @@
  * groups of edge fragments), sampled at 64 even steps, as many as the outline, and so the same for
  * all configurations of the same edge fragments: the one of the greatest sum of similarities is looked at; it is not warped onto the model before it is
  * measured, for nothing is said of that and a straight edge warps onto anything; the distance is the sum of both directions' mean costs of the best
- * matches; with appearance lambda times what is missing to a probability of 1 is added (eq. 5.1). Of hypotheses whose boxes share more than
+ * matches; with appearance lambda times the distance to the nearest words that were learnt is added (eq. 5.1, section 5.4.2: "each configuration finds its
+ * nearest neighbor"), half of chi2, or what is missing to a probability of 1 (section 5.3.2: the confidence of a machine). Of hypotheses whose boxes share more than
  * `overlap` of their union the one of the least distance stays: the best of an image's place, for images hold several objects or none.
  *
  * Source: Adluru 2008, section 5.3. */
@@ -26,6 +27,7 @@ cairn_object_detect_params cairn_object_detect_as_written(int32_t width, int32_t
     params.mode = CAIRN_MODE_AS_WRITTEN;
     params.method = CAIRN_DETECT_PARTS;
     params.verify = 0;
+    params.appearance_nearest = 1;
     return params;
 }
 
@@ -154,7 +156,8 @@ cairn_status cairn_detect_written_take(cairn_detections *found, const detect_hyp
         o->part_count = h->part_count;
         found->count += o->score >= p->min_score;
         if (p->appearance != NULL) {
-            o->appearance = (cairn_real)cairn_appearance_probability(p->appearance, box);
+            o->appearance = (cairn_real)(p->appearance_nearest ? 1 - cairn_appearance_distance(p->appearance, box)
+                                                               : cairn_appearance_probability(p->appearance, box));
             o->score -= p->appearance_weight * (1 - o->appearance);
         }
     }
