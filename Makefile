@@ -57,13 +57,15 @@ BENCH_SRC   := $(if $(and $(HAVE_SIM),$(HAVE_HOST)),$(filter-out bench/bench_%,$
 BENCH_COMMON := $(wildcard bench/bench_*.c) tools/options.c tools/cairn_places_picture.c firmware/joint.c
 FW_ROBOT    := firmware/robot.c firmware/joint.c
 FW_SURVEYOR := firmware/surveyor.c
-CAIRN_SRC   := $(if $(HAVE_HOST),$(filter-out tools/cairn_arena%,$(wildcard tools/cairn*.c)) tools/options.c $(FW_ROBOT))
+CAIRN_SRC   := $(if $(HAVE_HOST),$(filter-out tools/cairn_arena% tools/cairn_scene%,$(wildcard tools/cairn*.c)) tools/options.c $(FW_ROBOT))
 ARENA_SRC   := $(if $(and $(HAVE_SIM),$(HAVE_HOST)),$(wildcard tools/cairn_arena*.c) tools/options.c)
+SCENE_SRC   := $(if $(HAVE_HOST),tools/cairn_scene.c tools/options.c sim/outlines.c bench/bench_scene.c)
 TEST_COMMON := tests/support.c tests/rooms.c tests/kept.c bench/bench_bound.c bench/bench_score.c bench/bench_endless.c bench/bench_json.c $(FW_ROBOT) $(FW_SURVEYOR) firmware/recorder.c
 # What one test alone is linked with: NEEDS_<test>.
 GOLDEN      := $(wildcard tests/golden*.c)
 NEEDS_test_golden := $(filter-out tests/golden.c,$(GOLDEN))
 NEEDS_test_memory := tools/pool_objects.c
+NEEDS_test_outlines := sim/outlines.c
 NEEDS_test_long   := $(wildcard tests/long_*.c)
 HOST_LIBS   := -lyaml -lpng -lz
 SIM_LIBS    := -lbox2d
@@ -73,13 +75,13 @@ APPEARANCE_LIBS := -lopencv_features2d -lopencv_ml -lopencv_core
 object = $(patsubst %,$(BUILD)/$(1)/%.o,$(2))
 LIBS     := $(BUILD)/libcairn.a $(BUILD)/libcairn-float.a $(BUILD)/libcairn.so.$(SOVERSION) \
             $(if $(HOST_SRC),$(BUILD)/libcairn-host.a) $(if $(VISION_SRC),$(BUILD)/libcairn-vision.so) $(if $(APPEARANCE_SRC),$(BUILD)/libcairn-appearance.so)
-TOOLS    := $(if $(CAIRN_SRC),$(BUILD)/cairn $(BUILD)/cairn-float) $(if $(ARENA_SRC),$(BUILD)/cairn-arena)
+TOOLS    := $(if $(CAIRN_SRC),$(BUILD)/cairn $(BUILD)/cairn-float) $(if $(ARENA_SRC),$(BUILD)/cairn-arena) $(if $(SCENE_SRC),$(BUILD)/cairn-scene)
 TESTS    := $(TEST_SRC:tests/%.c=%)
 BENCHES  := $(BENCH_SRC:bench/%.c=$(BUILD)/bench/%)
 
 .PHONY: all help code-objects test-objects objects test run-tests golden run-golden demo run-demo bench run-bench vision appearance
 .PHONY: check check-long check-freestanding mutate amalgamation coverage
-.PHONY: thesis install clean format missing firmware run-firmware firmware-test run-firmware-test firmware-endless footprint
+.PHONY: data run-data thesis install clean format missing firmware run-firmware firmware-test run-firmware-test firmware-endless footprint
 .DELETE_ON_ERROR:
 .SECONDARY:
 
@@ -101,6 +103,7 @@ help:
 	@echo "make firmware-test  runs it in an emulator and compares it with this machine, bit by bit"
 	@echo "make footprint      writes docs/memory-and-time.md: stack, instructions, code and pool bytes"
 	@echo "make firmware-endless LAPS=40  the same of the robot that maps, there and back again"
+	@echo "make data           the inputs under data/, made again and compared byte by byte"
 	@echo "make amalgamation   cairn.c and cairn.h, two files to drop into a firmware project"
 	@echo "make coverage       tests with line and branch coverage of src/"
 	@echo "make install        PREFIX=$(PREFIX) DESTDIR=$(DESTDIR)"
@@ -173,6 +176,8 @@ $(BUILD)/cairn-float: $(call object,float,$(CAIRN_SRC)) $(BUILD)/float/libcairn-
 	$(link) $(HOST_LIBS) -lm
 $(BUILD)/cairn-arena: $(call object,double,$(ARENA_SRC)) $(DOUBLE_LIBS)
 	$(link) $(SYS_LIBS)
+$(BUILD)/cairn-scene: $(call object,double,$(SCENE_SRC)) $(BUILD)/libcairn-host.a $(BUILD)/libcairn.a
+	$(link) $(HOST_LIBS) -lm
 $(BUILD)/bench/%: $(BUILD)/double/bench/%.c.o $(call object,double,$(BENCH_COMMON)) $(DOUBLE_LIBS)
 	$(link) $(SYS_LIBS)
 $(BUILD)/bench-float/%: $(BUILD)/float/bench/%.c.o $(call object,float,$(BENCH_COMMON)) $(FLOAT_LIBS)
@@ -235,6 +240,15 @@ thesis:
 	@$(MAKE) $(PARALLEL) run-bench
 	@sh tools/thesis.sh $(BUILD) $(DATA) $(ITEMS)
 
+# The files under data/, made again and compared: make data. tools/data.sh BUILD data writes them anew.
+data:
+	@sh tools/deps.sh build
+	@$(MAKE) $(PARALLEL) run-data
+run-data: all
+	@$(MAKE) $(BUILD)/firmware/host/maze
+	@rm -rf $(BUILD)/data && sh tools/data.sh $(BUILD) $(BUILD)/data && sh tools/data.sh --compare $(BUILD)/data data
+	@sh tools/data.sh --try $(BUILD)
+
 check:
 	@sh tools/deps.sh build test check
 	@sh tools/check.sh $(BUILD)
@@ -247,7 +261,7 @@ check-long:
 	@sh tools/check-long.sh $(BUILD)
 
 # Every object of what is shipped or measures, those of the tests, and both, for the checks of warnings.
-CODE_SRC = $(LIB_SRC) $(HOST_SRC) $(SIM_SRC) $(FW_LOOP) $(FW_SURVEY) firmware/board_host.c $(BENCH_SRC) $(BENCH_COMMON) $(CAIRN_SRC) $(ARENA_SRC)
+CODE_SRC = $(LIB_SRC) $(HOST_SRC) $(SIM_SRC) $(FW_LOOP) $(FW_SURVEY) firmware/board_host.c $(BENCH_SRC) $(BENCH_COMMON) $(CAIRN_SRC) $(ARENA_SRC) $(SCENE_SRC)
 ALL_TEST_SRC = $(TEST_SRC) $(filter tests/%,$(TEST_COMMON)) $(GOLDEN) $(NEEDS_test_long) $(NEEDS_test_memory)
 code-objects: $(call object,double,$(CODE_SRC) $(VISION_SRC) $(APPEARANCE_SRC)) $(call object,float,$(CODE_SRC))
 test-objects: $(call object,double,$(ALL_TEST_SRC)) $(call object,float,$(ALL_TEST_SRC))
