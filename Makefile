@@ -81,7 +81,7 @@ BENCHES  := $(BENCH_SRC:bench/%.c=$(BUILD)/bench/%)
 
 .PHONY: all help code-objects test-objects objects test run-tests golden run-golden demo run-demo bench run-bench vision appearance
 .PHONY: check check-long check-freestanding mutate amalgamation coverage
-.PHONY: data run-data thesis install clean format missing firmware run-firmware firmware-test run-firmware-test firmware-endless footprint
+.PHONY: data run-data dist release-check thesis install clean format missing firmware run-firmware firmware-test run-firmware-test firmware-endless footprint
 .DELETE_ON_ERROR:
 .SECONDARY:
 
@@ -106,6 +106,8 @@ help:
 	@echo "make data           the inputs under data/, made again and compared byte by byte"
 	@echo "make amalgamation   cairn.c and cairn.h, two files to drop into a firmware project"
 	@echo "make coverage       tests with line and branch coverage of src/"
+	@echo "make dist           the sources of the last commit as a tarball"
+	@echo "make release-check  builds, tests and installs from that tarball, without git"
 	@echo "make install        PREFIX=$(PREFIX) DESTDIR=$(DESTDIR)"
 
 missing:
@@ -255,6 +257,15 @@ check:
 
 check-freestanding:
 	@sh tools/check.sh $(BUILD) freestanding
+
+# The sources of the last commit as a tarball, same commit, same bytes; and whether that alone builds, passes its tests and installs.
+DIST := cairn-$(VERSION)
+dist:
+	@mkdir -p $(BUILD)
+	git archive --format=tar --prefix=$(DIST)/ HEAD | gzip -n -9 >$(BUILD)/$(DIST).tar.gz.part && mv $(BUILD)/$(DIST).tar.gz.part $(BUILD)/$(DIST).tar.gz
+release-check: dist
+	@sh tools/deps.sh build test
+	@MAKE="$(MAKE)" sh tools/release-check.sh $(BUILD)/$(DIST).tar.gz $(DIST)
 
 check-long:
 	@sh tools/deps.sh build test check

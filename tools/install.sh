@@ -18,7 +18,7 @@ install -m 755 "$build/libcairn.so.$soversion" "$to/lib/"
 ln -sf "libcairn.so.$soversion" "$to/lib/libcairn.so"
 [ ! -f "$build/libcairn-vision.so" ] || install -m 755 "$build/libcairn-vision.so" "$to/lib/"
 [ ! -f "$build/libcairn-appearance.so" ] || install -m 755 "$build/libcairn-appearance.so" "$to/lib/"
-for tool in cairn cairn-float cairn-arena; do
+for tool in cairn cairn-float cairn-arena cairn-scene; do
     [ ! -f "$build/$tool" ] || install -m 755 "$build/$tool" "$to/bin/"
 done
 
