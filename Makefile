@@ -81,7 +81,7 @@ BENCHES  := $(BENCH_SRC:bench/%.c=$(BUILD)/bench/%)
 
 .PHONY: all help code-objects test-objects objects test run-tests golden run-golden demo run-demo bench run-bench vision appearance
 .PHONY: check check-long check-freestanding mutate amalgamation coverage
-.PHONY: data run-data dist release-check thesis install clean format missing firmware run-firmware firmware-test run-firmware-test firmware-endless footprint
+.PHONY: accuracy data run-data dist release-check thesis install clean format missing firmware run-firmware firmware-test run-firmware-test firmware-endless footprint
 .DELETE_ON_ERROR:
 .SECONDARY:
 
@@ -96,6 +96,7 @@ help:
 	@echo "make vision         libcairn-vision, through which images are read (installs OpenCV, some 130 packages)"
 	@echo "make appearance     libcairn-appearance, which learns what classes look like (installs OpenCV's features2d and ml)"
 	@echo "make thesis         runs the experiments of the thesis, writes docs/thesis.md (DATA=FOLDER ITEMS='2/29 ...')"
+	@echo "make accuracy       measures what docs/accuracy.md says, writes its tables (DATA=FOLDER ITEMS='...' QUICK=--quick)"
 	@echo "make check          warnings, formats, analyzers, freestanding proof, room order"
 	@echo "make check-long     what .ci/run leaves out because it takes long; a release passes both"
 	@echo "make mutate         plants faults in src/ and counts those that the tests find (N=40 SEED=1)"
@@ -240,7 +241,7 @@ DATA ?= ../shared/data
 thesis:
 	@sh tools/deps.sh build vision appearance
 	@$(MAKE) $(PARALLEL) run-bench
-	@sh tools/thesis.sh $(BUILD) $(DATA) $(ITEMS)
+	@sh tools/measure.sh thesis $(BUILD) $(DATA) $(ITEMS)
 
 # The files under data/, made again and compared: make data. tools/data.sh BUILD data writes them anew.
 data:
@@ -250,6 +251,12 @@ run-data: all
 	@$(MAKE) $(BUILD)/firmware/host/maze
 	@rm -rf $(BUILD)/data && sh tools/data.sh $(BUILD) $(BUILD)/data && sh tools/data.sh --compare $(BUILD)/data data
 	@sh tools/data.sh --try $(BUILD)
+
+# The measured figures: docs/accuracy.md. QUICK=--quick: those that take seconds and need no data, compared only.
+accuracy:
+	@sh tools/deps.sh build vision appearance
+	@$(MAKE) $(PARALLEL) run-bench
+	@sh tools/measure.sh accuracy $(BUILD) $(DATA) $(QUICK) $(ITEMS)
 
 check:
 	@sh tools/deps.sh build test check

@@ -10,7 +10,7 @@ unset MAKEFLAGS MFLAGS MAKELEVEL
 folder=$(mktemp -d)
 trap 'rm -rf "$folder"' EXIT
 cp "$tarball" "$folder/first.tar.gz"
-$make dist >/dev/null
+$make BUILD="$(dirname "$tarball")" dist >/dev/null
 cmp "$folder/first.tar.gz" "$tarball" || {
     echo "FAILED release: make dist made other bytes the second time"
     exit 1
