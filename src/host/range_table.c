@@ -47,10 +47,9 @@ typedef struct range_table {
     double time_unit, range_unit; /* ns and m of a unit of the file */
     float *bearing;               /* [beams] rad */
     int32_t beams;
-    double *value;          /* [fields] of the current line */
-    double last_ticks[2];   /* of the previous line */
-    double odometry[3];     /* integrated pose: m, m, rad */
-    int32_t has_last_ticks; /* 1: there is a previous line */
+    double *value;                     /* [fields] of the current line */
+    double last_ticks[2], odometry[3]; /* of the previous line; integrated pose: m, m, rad */
+    int32_t has_last_ticks;            /* 1: there is a previous line */
 } range_table;
 
 /* State of the reader. */
