@@ -69,9 +69,9 @@ static void every_fault_has_its_line(void **state)
            "expected VERTEX_SE2, EDGE_SE2 or FIX");
     refuse(TWO "VERTEX_SE2 2 0 0 0\nVERTEX_SE2 3 0 0 0\nEDGE_SE2 0 1 1 0 0" INFORMATION
                "EDGE_SE2 3 2 1 0 0" INFORMATION,
-           CAIRN_BAD_FORMAT, 3, "in 2 pieces: no edges join vertex 2 to vertex 0");
+           CAIRN_BAD_FORMAT, 3, "2 connected components: no edges join vertex 2 to vertex 0");
     refuse("EDGE_SE2 0 1 1 0 0" INFORMATION "EDGE_SE2 5 6 1 0 0" INFORMATION, CAIRN_BAD_FORMAT, 2,
-           "in 2 pieces: no edges join vertex 5");
+           "2 connected components: no edges join vertex 5");
     {
         cairn_pose_graph_file file;
         cairn_file_error error;
