@@ -66,6 +66,7 @@ static cairn_status read_field(box_reader *reader, const char **at, const char *
     return CAIRN_OK;
 }
 
+/* Splits a line into fields, CSV with quotes (RFC 4180). */
 static cairn_status read_fields(box_reader *reader, const char *line, size_t length)
 {
     const char *at = line, *end = line + length;
@@ -121,6 +122,7 @@ static cairn_status parse_row(const box_reader *reader, cairn_box_row *row)
     return CAIRN_OK;
 }
 
+/* Reads the header and all rows. */
 static cairn_status read_rows(box_reader *reader, cairn_box_row **row, int32_t *count)
 {
     int32_t capacity = 0, has_header = 0;

@@ -83,11 +83,13 @@ static double distance(cairn_pose a, cairn_pose b)
     return sqrt((double)((b.x - a.x) * (b.x - a.x) + (b.y - a.y) * (b.y - a.y)));
 }
 
+/* Returns the histogram bin of a range. */
 static size_t bin_of(double range)
 {
     return (size_t)(fmin(range, HISTOGRAM_METRES) * BINS_PER_METRE);
 }
 
+/* Adds the ranges of a scan to the histogram. */
 static void survey_ranges(survey_statistics *statistics, const cairn_carmen_message *message)
 {
     int32_t i;
@@ -97,6 +99,7 @@ static void survey_ranges(survey_statistics *statistics, const cairn_carmen_mess
             statistics->bin[bin_of(message->range[i])]++;
 }
 
+/* Adds the mounting and the motion of a scan to the statistics. */
 static void survey_poses(survey_statistics *statistics, cairn_carmen_info *info,
                          const cairn_carmen_message *message)
 {
@@ -125,6 +128,7 @@ static void survey_poses(survey_statistics *statistics, cairn_carmen_info *info,
     statistics->last = robot;
 }
 
+/* Adds a scan to the statistics and the summary. */
 static void survey_scan(survey_statistics *statistics, cairn_carmen_info *info,
                         const cairn_carmen_message *message)
 {
@@ -184,6 +188,7 @@ static double find_limit(survey_statistics *statistics)
     return DEFAULT_RANGE_MAX;
 }
 
+/* Estimates the maximum range and the mounting. */
 static void finish_survey(cairn_carmen_log *log, survey_statistics *statistics)
 {
     cairn_carmen_info *info = &log->info;
@@ -239,6 +244,7 @@ static cairn_status next_message(cairn_carmen_log *log, int32_t first_pass, cair
     }
 }
 
+/* The first pass: collects statistics and reports faults. */
 static cairn_status run_survey(cairn_carmen_log *log, survey_statistics *statistics,
                                cairn_file_error *error)
 {
@@ -355,6 +361,7 @@ static void convert_ranges(const cairn_carmen_message *message, double limit, fl
     }
 }
 
+/* Fills the scan of a record from the current message. */
 static void fill_scan(const cairn_carmen_log *log, cairn_carmen_record *record)
 {
     const cairn_carmen_message *message = &log->message;

@@ -145,6 +145,7 @@ static void read_tail(line_parser *parser, int64_t *stamp_ns)
             cairn_token_text(shown, token, length), parser->name);
 }
 
+/* Parses the number of ranges and the ranges. */
 static void read_ranges(line_parser *parser, cairn_carmen_message *message)
 {
     double *grown;
@@ -170,6 +171,7 @@ static void read_poses(line_parser *parser, cairn_carmen_message *message)
     read_finite(parser, "the robot's pose", message->robot, 3);
 }
 
+/* Parses a FLASER message; its bearings follow from the number of ranges. */
 static void read_flaser(line_parser *parser, cairn_carmen_message *message)
 {
     int32_t steps;
@@ -183,6 +185,7 @@ static void read_flaser(line_parser *parser, cairn_carmen_message *message)
     message->range_max = 0;
 }
 
+/* Parses a ROBOTLASER1 message. */
 static void read_robotlaser(line_parser *parser, cairn_carmen_message *message)
 {
     /* laser_type start_angle field_of_view angular_resolution maximum_range accuracy
@@ -212,6 +215,7 @@ static void read_robotlaser(line_parser *parser, cairn_carmen_message *message)
     message->range_max = fmax(scanner[4], 0);
 }
 
+/* Parses an ODOM message. */
 static void read_odometry(line_parser *parser, cairn_carmen_message *message)
 {
     double motion[3];

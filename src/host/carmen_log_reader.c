@@ -140,6 +140,7 @@ static cairn_status make_space(cairn_line_reader *reader, cairn_file_error *erro
     return CAIRN_OK;
 }
 
+/* Ends the input with a status. */
 static void end_input(cairn_line_reader *reader, cairn_status status)
 {
     reader->at_end = true;

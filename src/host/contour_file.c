@@ -136,6 +136,7 @@ static void print_number(cairn_output *output, const char *name, double value)
         cairn_output_print(output, "\"%s\": null", name);
 }
 
+/* Prints the trace of one run of the particle filter. */
 static void print_trace(cairn_output *output, const cairn_contour_result *result, int32_t mirrored)
 {
     cairn_output_print(output, "  {\"mirrored\": %s, \"starts\": %d, ", mirrored ? "true" : "false",

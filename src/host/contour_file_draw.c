@@ -101,15 +101,15 @@ cairn_status cairn_contour_file_draw(const cairn_contour_picture *picture, const
         {"skeleton", "stroke=\"#dc2626\""},
         {"deformed outline, dashed: unseen", "stroke=\"#7c3aed\""}};
     char subtitle[256], style[640];
-    const cairn_report_overlay overlay = {picture->image,
-                                          subtitle,
-                                          picture->grey,
-                                          picture->tokens->width,
-                                          picture->tokens->height,
-                                          960,
-                                          keys,
-                                          sizeof keys / sizeof *keys,
-                                          160};
+    const cairn_report_overlay overlay = {.title = picture->image,
+                                          .subtitle = subtitle,
+                                          .grey = picture->grey,
+                                          .width = picture->tokens->width,
+                                          .height = picture->tokens->height,
+                                          .min_width = 960,
+                                          .keys = keys,
+                                          .key_count = sizeof keys / sizeof *keys,
+                                          .key_step = 160};
     double scale = cairn_report_overlay_scale(&overlay);
     cairn_output *output;
     cairn_status status = cairn_output_open(&output, path, error);

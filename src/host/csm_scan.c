@@ -23,7 +23,7 @@
 
 cairn_csm_params cairn_csm_default(void)
 {
-    cairn_csm_params params = {80, 0.01};
+    cairn_csm_params params = {.range_max = 80, .range_sigma = 0.01};
 
     return params;
 }
@@ -53,6 +53,7 @@ static int append(file_text *text, const char *line, size_t length)
     return 1;
 }
 
+/* Reads a whole file, plain or gzipped. */
 static cairn_status read_text(file_text *text, const char *path, cairn_file_error *error)
 {
     cairn_line_reader *reader;
@@ -237,6 +238,7 @@ static cairn_status read_object(csm_loader *loader)
 
 /* ---- from fields to a scan ---- */
 
+/* Checks that a field has `count` numbers, if the object has it. */
 static cairn_status check_count(const csm_loader *loader, int32_t which, int32_t count)
 {
     const csm_field *field = &loader->field[which];
@@ -248,6 +250,7 @@ static cairn_status check_count(const csm_loader *loader, int32_t which, int32_t
                                 (int)field->count, (int)count);
 }
 
+/* Checks the magnitude of a field's numbers. */
 static cairn_status check_size(const csm_loader *loader, int32_t which)
 {
     const csm_field *field = &loader->field[which];
@@ -306,6 +309,7 @@ static int32_t read_pose(const csm_field *field, cairn_pose *pose)
     return 1;
 }
 
+/* Converts the timestamp to nanoseconds. */
 static cairn_status read_stamp(const csm_loader *loader, cairn_csm_scan *scan)
 {
     const csm_field *field = &loader->field[TIMESTAMP];
@@ -397,6 +401,7 @@ static cairn_status add_scan(csm_loader *loader, int64_t line)
 
 /* ---- files ---- */
 
+/* Reads all objects. */
 static cairn_status read_scans(csm_loader *loader)
 {
     cairn_json_token token;
@@ -423,7 +428,7 @@ cairn_status cairn_csm_load(cairn_csm_scans *scans, const char *path,
                             const cairn_csm_params *params, cairn_file_error *error)
 {
     cairn_csm_params standard = cairn_csm_default();
-    file_text text = {NULL, 0, 0};
+    file_text text = {.bytes = NULL};
     csm_loader loader;
     cairn_status status;
     int32_t i;

@@ -199,6 +199,7 @@ static cairn_status find_keys(yaml_view *view)
     return CAIRN_OK;
 }
 
+/* Reads a number from `minimum` to `maximum`. */
 static cairn_status read_number(const yaml_view *view, int key, const yaml_node_t *node,
                                 double minimum, double maximum, const char *expected,
                                 cairn_real *value)
@@ -267,6 +268,7 @@ static cairn_status read_flags(const yaml_view *view, cairn_map_file *map)
     return CAIRN_OK;
 }
 
+/* Reads and validates all values but the image. */
 static cairn_status read_values(yaml_view *view, cairn_map_file *map)
 {
     cairn_status status;
@@ -329,6 +331,7 @@ static cairn_status load_image(const yaml_view *view, cairn_map_file *map)
     return status;
 }
 
+/* Parses the YAML file into a document tree. */
 static cairn_status read_document(yaml_view *view, FILE *file)
 {
     yaml_parser_t parser;
@@ -380,6 +383,7 @@ cairn_status cairn_map_file_read(cairn_map_file *map, const char *yaml_path,
 
 /* ---- Writing ---- */
 
+/* Writes the pixels as an image, rows flipped. */
 static cairn_status write_image(const cairn_map_file *map, const char *path,
                                 cairn_map_file_image format, cairn_file_error *error)
 {
@@ -428,6 +432,7 @@ static cairn_status write_yaml(const cairn_map_file *map, const char *path, cons
     return cairn_output_commit(output, error);
 }
 
+/* Validates a map before it is written. */
 static cairn_status check(const cairn_map_file *map, const char *path, cairn_map_file_image format,
                           cairn_file_error *error)
 {

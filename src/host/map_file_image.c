@@ -172,6 +172,7 @@ static void convert_samples(cairn_image *image, const uint8_t *sample, int32_t c
     }
 }
 
+/* Decodes a PNG; errors of libpng return to the setjmp here. */
 static cairn_status decode_png(cairn_image *image, png_work *work, FILE *file, const char *path,
                                cairn_file_error *error)
 {
@@ -232,7 +233,7 @@ static cairn_status read_png(cairn_image *image, FILE *file, const char *path,
 cairn_status cairn_image_read(cairn_image *image, const char *path, cairn_file_error *error)
 {
     FILE *file = fopen(path, "rb");
-    pgm_reader pgm = {file, path, 1, error};
+    pgm_reader pgm = {.file = file, .path = path, .line = 1, .error = error};
     uint8_t magic[2];
     cairn_status status;
     size_t read_count;
@@ -276,6 +277,7 @@ cairn_status cairn_image_write_pgm(const char *path, const uint8_t *pixel, int32
     return cairn_output_commit(output, error);
 }
 
+/* Appends encoded bytes to the output (callback of libpng). */
 static void on_png_bytes(png_structp png, png_bytep bytes, size_t count)
 {
     png_work *work = png_get_io_ptr(png);
@@ -293,6 +295,7 @@ static void on_png_flush(png_structp png)
     (void)png;
 }
 
+/* Encodes a PNG; false after an error of libpng. */
 static bool encode(png_work *work, const uint8_t *pixel, int32_t width, int32_t height,
                    int32_t channels)
 {

@@ -103,9 +103,10 @@ static cairn_status read_numbers(const graph_reader *reader, const field_token *
     return CAIRN_OK;
 }
 
+/* Parses a VERTEX_SE2 line. */
 static cairn_status read_vertex(graph_reader *reader, const field_token *tokens, int32_t count)
 {
-    cairn_pose_graph_vertex vertex = {0, cairn_line_reader_number(reader->lines), {0, 0, 0}, 0};
+    cairn_pose_graph_vertex vertex = {.line = cairn_line_reader_number(reader->lines)};
     cairn_real value[3];
     cairn_status status;
 
@@ -127,6 +128,7 @@ static cairn_status read_vertex(graph_reader *reader, const field_token *tokens,
     return CAIRN_OK;
 }
 
+/* Parses an EDGE_SE2 line and checks that its information matrix is positive definite. */
 static cairn_status read_edge(graph_reader *reader, const field_token *tokens, int32_t count)
 {
     cairn_real value[9];
@@ -171,9 +173,10 @@ static cairn_status read_edge(graph_reader *reader, const field_token *tokens, i
     return status;
 }
 
+/* Parses a FIX line. */
 static cairn_status read_fix(graph_reader *reader, const field_token *tokens, int32_t count)
 {
-    cairn_pose_graph_vertex fix = {0, cairn_line_reader_number(reader->lines), {0, 0, 0}, 1};
+    cairn_pose_graph_vertex fix = {.line = cairn_line_reader_number(reader->lines), .fixed = 1};
     cairn_status status = CAIRN_OK;
 
     if (count < 2)
@@ -229,6 +232,7 @@ static int compare_vertices(const void *a, const void *b)
     return first->line < second->line ? -1 : first->line > second->line;
 }
 
+/* Returns the index of a vertex by binary search; -1: unknown. */
 static int32_t find_vertex(const graph_reader *reader, int64_t id)
 {
     int32_t low = 0, high = reader->vertices;
@@ -250,11 +254,9 @@ static cairn_status collect_vertices(graph_reader *reader)
     int32_t kept = 0;
 
     for (int32_t e = 0; e < 2 * reader->edges; e++) {
-        cairn_pose_graph_vertex vertex = {e % 2 == 0 ? reader->edge[e / 2].first
-                                                     : reader->edge[e / 2].second,
-                                          reader->edge[e / 2].edge.line,
-                                          {0, 0, 0},
-                                          0};
+        cairn_pose_graph_vertex vertex = {.id = e % 2 == 0 ? reader->edge[e / 2].first
+                                                           : reader->edge[e / 2].second,
+                                          .line = reader->edge[e / 2].edge.line};
         cairn_status status = reserve_element(reader, &reader->vertex, reader->vertices,
                                               &reader->vertex_capacity, sizeof vertex);
 
@@ -270,6 +272,7 @@ static cairn_status collect_vertices(graph_reader *reader)
     return CAIRN_OK;
 }
 
+/* Sorts the vertices by id and checks for duplicates. */
 static cairn_status sort_vertices(graph_reader *reader)
 {
     qsort(reader->vertex, (size_t)reader->vertices, sizeof *reader->vertex, compare_vertices);

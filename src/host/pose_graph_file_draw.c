@@ -22,11 +22,12 @@ typedef struct bounding_box {
 } bounding_box;
 
 static cairn_pose pose_of(const cairn_pose_graph_file *file,
-                          const cairn_pose_graph_solution *solution, int32_t v, int after)
+                          const cairn_pose_graph_solution *solution, int32_t index, int after)
 {
-    return after ? solution->pose[v] : file->vertex[v].pose;
+    return after ? solution->pose[index] : file->vertex[index].pose;
 }
 
+/* Returns the bounding box of the poses before or after optimization. */
 static bounding_box find_bounds(const cairn_pose_graph_file *file,
                                 const cairn_pose_graph_solution *solution, int after)
 {
@@ -49,6 +50,7 @@ static double side_of(bounding_box bounds)
     return fmax(fmax(bounds.max_x - bounds.min_x, bounds.max_y - bounds.min_y), 1e-3);
 }
 
+/* Prints the inlier or the outlier edges as one path. */
 static void print_links(cairn_output *output, const cairn_pose_graph_file *file,
                         const cairn_pose_graph_solution *solution, const panel_view *panel,
                         int after, int dropped)

@@ -48,6 +48,7 @@ static cairn_status new_pool(cairn_pool *pool, void **memory, size_t bytes)
     return *memory == NULL ? CAIRN_NO_MEMORY : cairn_pool_init(pool, *memory, bytes + CAIRN_ALIGN);
 }
 
+/* Creates the pose graph and its solver. */
 static cairn_status make_graph(struct graph_solver *solver)
 {
     cairn_pose_graph_params params = cairn_pose_graph_default();
@@ -74,6 +75,7 @@ static cairn_status make_graph(struct graph_solver *solver)
     return status;
 }
 
+/* Adds all vertices and edges to the pose graph. */
 static cairn_status fill_graph(struct graph_solver *solver)
 {
     cairn_status status = CAIRN_OK;
@@ -164,6 +166,7 @@ static cairn_status drop_outliers(struct graph_solver *solver)
     return status;
 }
 
+/* Copies the poses and the chi2 of all edges into the solution. */
 static void store_poses(struct graph_solver *solver)
 {
     for (int32_t v = 0; v < solver->file->vertex_count; v++)
@@ -194,6 +197,7 @@ static cairn_status solve_robustly(struct graph_solver *solver)
     return status;
 }
 
+/* Optimizes the graph; the method is in the header. */
 static cairn_status solve(struct graph_solver *solver)
 {
     cairn_status status = make_graph(solver);
@@ -216,7 +220,7 @@ static cairn_status solve(struct graph_solver *solver)
 cairn_status cairn_pose_graph_file_solve(const cairn_pose_graph_file *file,
                                          cairn_pose_graph_solution *solution)
 {
-    struct graph_solver solver = {file, solution, NULL, NULL, NULL, NULL};
+    struct graph_solver solver = {.file = file, .solution = solution};
     cairn_pose_graph_solution fresh;
     cairn_status status = CAIRN_NO_MEMORY;
 

@@ -45,11 +45,12 @@ cairn_pose_row cairn_pose_row_of(int64_t index, cairn_pose pose)
     return row;
 }
 
-static int is_infinite(cairn_real x)
+static int is_infinite(cairn_real value)
 {
-    return cairn_abs(x) > CAIRN_REAL_MAX;
+    return cairn_abs(value) > CAIRN_REAL_MAX;
 }
 
+/* Validates a row before it is written. */
 static cairn_status check_row(const char *path, const cairn_pose_row *row, int64_t number,
                               cairn_file_error *error)
 {
@@ -320,7 +321,7 @@ static cairn_status append(table_reader *reader, cairn_pose_row **rows, int32_t 
 cairn_status cairn_pose_table_read(cairn_pose_row **row, int32_t *count, const char *path,
                                    cairn_file_error *error)
 {
-    table_reader reader = {NULL, path, {0}, 0, error};
+    table_reader reader = {.path = path, .error = error};
     int32_t capacity = 0;
     cairn_pose_row parsed;
     cairn_status status;

@@ -69,6 +69,7 @@ static void free_table(range_table *table)
     free(table->value);
 }
 
+/* Allocates the columns of a table; 0: out of memory. */
 static int make_table(range_table *table, int32_t fields)
 {
     table->fields = fields;
@@ -160,6 +161,7 @@ static int32_t count_fields(const char *line, size_t length)
     return count;
 }
 
+/* Reads a CSV header: columns and bearings. */
 static cairn_status read_header(range_loader *loader, const char *line, size_t length,
                                 cairn_file_error *error)
 {
@@ -201,6 +203,7 @@ static cairn_status read_header(range_loader *loader, const char *line, size_t l
     return CAIRN_OK;
 }
 
+/* Sets the columns and bearings of the URG format. */
 static cairn_status set_urg_layout(range_loader *loader, cairn_file_error *error)
 {
     range_table *table = &loader->table;
@@ -379,18 +382,18 @@ static cairn_status read_line(range_loader *loader, const char *line, size_t len
     return CAIRN_OK;
 }
 
-/* Returns the odometry pose at a time before record i, interpolated with a constant twist. Where
+/* Returns the odometry pose at a time before a record, interpolated with a constant twist. Where
  * the times are not continuous back to it, the earliest pose reached. */
-static cairn_pose odometry_at(const cairn_carmen_record *record, int32_t i, int64_t time)
+static cairn_pose odometry_at(const cairn_carmen_record *record, int32_t index, int64_t time)
 {
     cairn_pose step;
-    int32_t before = i;
+    int32_t before = index;
 
     while (before > 0 && record[before].stamp_ns > time &&
            record[before - 1].stamp_ns < record[before].stamp_ns &&
            record[before].stamp_ns - record[before - 1].stamp_ns <= 2 * SCAN_PERIOD_NS)
         before--;
-    if (before == i || record[before].stamp_ns > time)
+    if (before == index || record[before].stamp_ns > time)
         return record[before].robot;
     step = cairn_pose_between(record[before].robot, record[before + 1].robot);
     return cairn_pose_compose(
@@ -433,6 +436,7 @@ static void finish(range_loader *loader)
     }
 }
 
+/* Reads all lines; malformed ones are reported and skipped. */
 static cairn_status read_lines(range_loader *loader, cairn_file_error *error)
 {
     cairn_status status = CAIRN_OK;

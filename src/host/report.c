@@ -39,14 +39,14 @@ static void colour_at(double position, int rgb[3])
         rgb[c] = (int)(stop[k][c] + (position * 3 - k) * (stop[k + 1][c] - stop[k][c]) + 0.5);
 }
 
-static double path_position(const cairn_report_map *map, int32_t i)
+static double path_position(const cairn_report_map *map, int32_t index)
 {
-    return map->scan_count > 1 ? (double)i / (double)(map->scan_count - 1) : 0;
+    return map->scan_count > 1 ? (double)index / (double)(map->scan_count - 1) : 0;
 }
 
-static int has_low_confidence(const cairn_report_panel *panel, int32_t i)
+static int has_low_confidence(const cairn_report_panel *panel, int32_t index)
 {
-    return panel->doubtful != NULL && panel->doubtful[i] != 0;
+    return panel->doubtful != NULL && panel->doubtful[index] != 0;
 }
 
 static void draw_scan(cairn_output *output, const cairn_report_view *view,

@@ -120,6 +120,7 @@ static int is_map(const cairn_report_plot *plot)
     return plot->x_label == NULL;
 }
 
+/* Returns the displayed box of a plot: its own, or the bounding box of its layers. */
 static cairn_box box_of(const cairn_report_plot *plot)
 {
     cairn_box box = cairn_box_empty();
@@ -161,6 +162,7 @@ static void set_range(plot_view *view, cairn_box box, int map)
     view->max_y += view->min_y;
 }
 
+/* Computes the transformation of a plot. */
 static plot_view view_of(const cairn_report_plot *plot, double left, double top, double width,
                          double height)
 {
@@ -318,12 +320,12 @@ static void draw_plot(cairn_output *output, const plot_view *view, const cairn_r
 static int is_named_before(const cairn_report_figure *figure, int32_t plot, int32_t layer)
 {
     const char *name = figure->plot[plot].layer[layer].name;
-    int32_t p, i;
+    int32_t earlier, i;
 
-    for (p = 0; p <= plot; p++)
-        for (i = 0; i < (p < plot ? figure->plot[p].layer_count : layer); i++)
-            if (figure->plot[p].layer[i].name != NULL &&
-                strcmp(figure->plot[p].layer[i].name, name) == 0)
+    for (earlier = 0; earlier <= plot; earlier++)
+        for (i = 0; i < (earlier < plot ? figure->plot[earlier].layer_count : layer); i++)
+            if (figure->plot[earlier].layer[i].name != NULL &&
+                strcmp(figure->plot[earlier].layer[i].name, name) == 0)
                 return 1;
     return 0;
 }
@@ -360,12 +362,12 @@ static double draw_legend_entry(cairn_output *output, const cairn_report_layer *
 static void draw_legend(cairn_output *output, const cairn_report_figure *figure, double y)
 {
     double x = CAIRN_REPORT_MARGIN + 2;
-    int32_t p, i;
+    int32_t plot, i;
 
-    for (p = 0; p < figure->plot_count; p++)
-        for (i = 0; i < figure->plot[p].layer_count; i++)
-            if (figure->plot[p].layer[i].name != NULL && !is_named_before(figure, p, i))
-                x = draw_legend_entry(output, &figure->plot[p].layer[i], x, y);
+    for (plot = 0; plot < figure->plot_count; plot++)
+        for (i = 0; i < figure->plot[plot].layer_count; i++)
+            if (figure->plot[plot].layer[i].name != NULL && !is_named_before(figure, plot, i))
+                x = draw_legend_entry(output, &figure->plot[plot].layer[i], x, y);
 }
 
 cairn_status cairn_report_figure_write(const char *path, const cairn_report_figure *figure,

@@ -68,6 +68,7 @@ static void add_segment(histogram *density, cairn_vec2 a, cairn_vec2 b)
                                                               (cairn_real)i / (cairn_real)steps)));
 }
 
+/* Counts all walls of a panel. */
 static void count_walls(histogram *density, const cairn_report_map *map, const cairn_pose *pose)
 {
     int32_t i, k;
@@ -103,8 +104,9 @@ static double full_count(const histogram *density)
 cairn_status cairn_report_draw_density(cairn_output *output, const cairn_report_view *view,
                                        const cairn_report_map *map, const cairn_pose *pose)
 {
-    histogram density = {NULL, (int32_t)(view->width * SAMPLES_PER_PIXEL),
-                         (int32_t)(view->height * SAMPLES_PER_PIXEL), view};
+    histogram density = {.width = (int32_t)(view->width * SAMPLES_PER_PIXEL),
+                         .height = (int32_t)(view->height * SAMPLES_PER_PIXEL),
+                         .view = view};
     double matrix[6] = {1.0 / SAMPLES_PER_PIXEL, 0, 0, 1.0 / SAMPLES_PER_PIXEL, view->frame_left,
                         view->frame_top};
     size_t samples = (size_t)density.width * (size_t)density.height, i;

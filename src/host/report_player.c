@@ -198,6 +198,7 @@ cairn_status cairn_report_player_add_scan(cairn_report_player *player,
 
 /* ---- Frames ---- */
 
+/* Validates a frame. */
 static cairn_status check_frame(const cairn_report_player *player, const cairn_report_frame *frame)
 {
     int32_t i;
@@ -269,6 +270,7 @@ static int copy_frame(cairn_player_frame *added, const cairn_report_player *play
     return !failed;
 }
 
+/* Frees a frame that is not kept. */
 static void drop_frame(cairn_report_player *player, int32_t index)
 {
     player->pose_count -= player->frame[index].pose_count;

@@ -144,6 +144,7 @@ typedef struct quantized_pose {
     int64_t value[3];
 } quantized_pose;
 
+/* Quantizes a pose. */
 static quantized_pose quantize_pose(cairn_pose pose)
 {
     quantized_pose quantized;
@@ -170,6 +171,7 @@ static int32_t run_length(const cairn_player_frame *frame, const quantized_pose 
     return i - first;
 }
 
+/* Appends the poses of a frame as runs of unchanged and changed scans, and updates `known`. */
 static void put_poses(byte_stream *stream, const cairn_player_frame *frame, quantized_pose *known,
                       int32_t known_count)
 {
@@ -236,6 +238,7 @@ static double size_of(cairn_vec2 vector)
     return sqrt((double)vector.x * (double)vector.x + (double)vector.y * (double)vector.y);
 }
 
+/* Appends the forces of a frame, angle and size quantized. */
 static void put_forces(byte_stream *stream, const cairn_player_frame *frame, int64_t stride)
 {
     double largest = 0;
@@ -300,6 +303,7 @@ static int32_t submap_of(const cairn_player_frame *frame, int32_t scan)
     return frame->submap != NULL && scan < frame->pose_count ? frame->submap[scan] : -1;
 }
 
+/* Encodes the changes of the scans' submaps from frame to frame. */
 static byte_stream submaps_of(const cairn_report_player *player)
 {
     cairn_player_frame none;
@@ -359,6 +363,7 @@ static int64_t stride_for(int64_t count, int64_t maximum)
     return count > maximum ? (count + maximum - 1) / maximum : 1;
 }
 
+/* Computes the subsampling factors from the limits of the player. */
 static subsampling find_subsampling(const cairn_report_player *player)
 {
     subsampling factors;
@@ -402,6 +407,7 @@ static void print_note(cairn_output *output, int *notes, int64_t stride, int64_t
                            (*notes)++ > 0 ? "," : "", stride, ordinal_end(stride), count, what);
 }
 
+/* Prints the notes about subsampled data. */
 static void print_notes(cairn_output *output, const cairn_report_player *player,
                         const subsampling *factors)
 {

@@ -33,7 +33,8 @@ typedef struct region {
 
 cairn_shape_image_params cairn_shape_image_default(void)
 {
-    cairn_shape_image_params params = {CAIRN_SHAPE_HOLES_KEEP, 0.1, 0.01};
+    cairn_shape_image_params params = {
+        .holes = CAIRN_SHAPE_HOLES_KEEP, .max_gap = 0.1, .min_part = 0.01};
 
     return params;
 }
@@ -218,7 +219,7 @@ static int is_closed(const label_stats *part, const label_stats *face)
     return part->inside > 0 && face[part->inside].area >= part->ink / 2;
 }
 
-static cairn_status not_closed(const shape_picture *picture)
+static cairn_status report_open_lines(const shape_picture *picture)
 {
     return cairn_file_error_set(
         picture->error, CAIRN_BAD_FORMAT, picture->path, 0,
@@ -238,7 +239,7 @@ static cairn_status select_regions(const shape_picture *picture,
         if ((!image->is_drawing || is_closed(&part[i], face)) && part[i].area > largest)
             largest = part[i].area;
     if (largest == 0)
-        return not_closed(picture);
+        return report_open_lines(picture);
     for (int32_t i = 1; i <= parts; i++) {
         region r = {i, part[i].first, part[i].area, 0};
 
@@ -274,6 +275,7 @@ static cairn_status select_regions(const shape_picture *picture,
 
 /* ---- Tracing ---- */
 
+/* Traces the outlines of the selected regions. */
 static cairn_status trace_regions(const shape_picture *picture, const region *regions,
                                   cairn_shape_image *image)
 {
@@ -303,6 +305,7 @@ static cairn_status trace_regions(const shape_picture *picture, const region *re
     return CAIRN_OK;
 }
 
+/* Labels the components, selects regions and traces them. */
 static cairn_status label_and_trace(shape_picture *picture, const cairn_shape_image_params *params,
                                     cairn_shape_image *image)
 {
@@ -325,6 +328,7 @@ static cairn_status label_and_trace(shape_picture *picture, const cairn_shape_im
     return status == CAIRN_OK ? trace_regions(picture, regions, image) : status;
 }
 
+/* Runs all steps of the method. */
 static cairn_status trace_picture(shape_picture *picture, cairn_raster_u8_view grey,
                                   const cairn_shape_image_params *params, cairn_shape_image *image)
 {
@@ -351,7 +355,7 @@ cairn_status cairn_shape_image_trace(cairn_shape_image *image, cairn_raster_u8_v
                                      const cairn_shape_image_params *params, const char *path,
                                      cairn_file_error *error)
 {
-    shape_picture picture = {0, 0, NULL, NULL, NULL, NULL, path, error};
+    shape_picture picture = {.path = path, .error = error};
     cairn_status status;
     size_t pixels;
 

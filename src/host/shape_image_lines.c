@@ -17,7 +17,10 @@ enum { MAX_OPEN_ENDS = 256, SMOOTHING_RADIUS = 2 };
 static cairn_status find_open_ends(const shape_picture *picture, cairn_edge_chain_set *set,
                                    cairn_edge_pixel *ends, int32_t *count)
 {
-    cairn_raster_u8_view view = {picture->ink, picture->width, picture->height, picture->width};
+    cairn_raster_u8_view view = {.data = picture->ink,
+                                 .width = picture->width,
+                                 .height = picture->height,
+                                 .stride = picture->width};
     cairn_budget budget = {0};
     cairn_edge_chain_result result;
     cairn_status status = cairn_edge_chain_begin(set, view);

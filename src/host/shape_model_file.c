@@ -61,6 +61,7 @@ cairn_status cairn_shape_model_file_copy(cairn_shape_model_file *file,
     return CAIRN_OK;
 }
 
+/* Runs the builder to its end. */
 static cairn_status build(cairn_shape_builder *builder, const cairn_curve *outlines, int32_t count)
 {
     cairn_status status = cairn_shape_builder_begin(builder, outlines, count);
@@ -232,6 +233,7 @@ static cairn_oriented_point point_of(const double *number)
     return point;
 }
 
+/* Reads the version, the size and the origin. */
 static cairn_status read_header(shape_reader *reader, cairn_shape_model *model)
 {
     cairn_status status =
@@ -250,6 +252,7 @@ static cairn_status read_header(shape_reader *reader, cairn_shape_model *model)
     return status;
 }
 
+/* Reads the samples of the outline. */
 static cairn_status read_outline(shape_reader *reader, cairn_shape_model_file *file)
 {
     cairn_status status =
@@ -351,6 +354,7 @@ static cairn_status read_gap(const shape_reader *reader, cairn_shape_model *mode
     return CAIRN_OK;
 }
 
+/* Reads and validates a whole model. */
 static cairn_status read_all(shape_reader *reader, cairn_shape_model_file *file)
 {
     cairn_status status = read_header(reader, &file->model);

@@ -28,6 +28,7 @@ static double y_of(const model_view *origin, cairn_vec2 point)
     return origin->top + SCALE * (double)point.y;
 }
 
+/* Returns the bounding box of a model. */
 static cairn_box box_of(const cairn_shape_model *model)
 {
     cairn_box box = cairn_box_empty();
@@ -63,6 +64,7 @@ static void print_outline(cairn_output *output, const cairn_shape_model *model,
     cairn_output_print(output, "Z\"/>\n");
 }
 
+/* Prints the radii to one side and their contact points. */
 static void print_radii(cairn_output *output, const cairn_shape_model *model,
                         const model_view *origin, int32_t side)
 {
@@ -80,6 +82,7 @@ static void print_radii(cairn_output *output, const cairn_shape_model *model,
                            y_of(origin, model->samples[i].side[side].position));
 }
 
+/* Prints the axes of all paths. */
 static void print_axes(cairn_output *output, const cairn_shape_model *model,
                        const model_view *origin)
 {

@@ -9,6 +9,7 @@
 
 /* ---- JSON ---- */
 
+/* Prints a part as JSON. */
 static void print_part(cairn_output *output, const cairn_skeleton_picture *picture, int32_t index)
 {
     const cairn_skeleton_part *part = &picture->result.parts[index];
@@ -58,6 +59,7 @@ static int is_vertex(const cairn_boundary_contour *contour, const cairn_boundary
            (previous->x == next->x && previous->y == next->y);
 }
 
+/* Prints a region contour as JSON. */
 static void print_contour(cairn_output *output, const cairn_boundary_result *result, int32_t index)
 {
     const cairn_boundary_contour *contour = &result->contours[index];
@@ -131,6 +133,7 @@ static void print_side(cairn_output *output, const cairn_skeleton_point *points,
     cairn_output_print(output, "\"/>\n");
 }
 
+/* Prints the axis of a part and its connections to other parts. */
 static void print_axis(cairn_output *output, const cairn_skeleton_picture *picture,
                        const cairn_skeleton_part *part)
 {
@@ -181,15 +184,15 @@ cairn_status cairn_skeleton_file_draw(const cairn_skeleton_picture *picture, con
         {"axis", "stroke=\"#dc2626\""},
         {"between regions", "stroke=\"#16a34a\""}};
     char subtitle[256], style[400];
-    const cairn_report_overlay overlay = {picture->image,
-                                          subtitle,
-                                          picture->grey,
-                                          picture->width,
-                                          picture->height,
-                                          640,
-                                          keys,
-                                          sizeof keys / sizeof *keys,
-                                          160};
+    const cairn_report_overlay overlay = {.title = picture->image,
+                                          .subtitle = subtitle,
+                                          .grey = picture->grey,
+                                          .width = picture->width,
+                                          .height = picture->height,
+                                          .min_width = 640,
+                                          .keys = keys,
+                                          .key_count = sizeof keys / sizeof *keys,
+                                          .key_step = 160};
     double scale = cairn_report_overlay_scale(&overlay);
     cairn_output *output;
     cairn_status status = cairn_output_open(&output, path, error);
@@ -239,15 +242,15 @@ cairn_status cairn_skeleton_file_draw_lines(const cairn_skeleton_picture *pictur
                                             {"large radius", "stroke=\"rgb(255,0,0)\""},
                                             {"line", "stroke=\"#06b6d4\""}};
     char subtitle[256], style[200];
-    const cairn_report_overlay overlay = {picture->image,
-                                          subtitle,
-                                          picture->grey,
-                                          picture->width,
-                                          picture->height,
-                                          640,
-                                          keys,
-                                          sizeof keys / sizeof *keys,
-                                          160};
+    const cairn_report_overlay overlay = {.title = picture->image,
+                                          .subtitle = subtitle,
+                                          .grey = picture->grey,
+                                          .width = picture->width,
+                                          .height = picture->height,
+                                          .min_width = 640,
+                                          .keys = keys,
+                                          .key_count = sizeof keys / sizeof *keys,
+                                          .key_step = 160};
     double scale = cairn_report_overlay_scale(&overlay);
     cairn_polyline_segment line;
     cairn_output *output;

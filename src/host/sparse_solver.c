@@ -305,6 +305,7 @@ static cairn_status order_poses(cairn_sparse_solver *solver, const struct half *
     return status;
 }
 
+/* Allocates the arrays of H and of the symbolic analysis. */
 static cairn_status allocate(cairn_sparse_solver *solver)
 {
     size_t n = (size_t)solver->n, entries = 18 * (size_t)solver->result.links + 3 * n;
@@ -325,6 +326,7 @@ static cairn_status allocate(cairn_sparse_solver *solver)
     return solver->out_of_memory ? CAIRN_NO_MEMORY : CAIRN_OK;
 }
 
+/* Symbolic analysis: structure of H, ordering, structure of L. */
 static cairn_status analyze(cairn_sparse_solver *solver)
 {
     struct half *half = sorted_halves(solver);
@@ -360,6 +362,7 @@ static cairn_status sparse_clear(void *context)
     return CAIRN_OK;
 }
 
+/* Adds a diagonal block to H. */
 static cairn_status sparse_add_pose_block(void *context, int32_t pose, cairn_sym3 block)
 {
     const cairn_real full[9] = {block.xx, block.xy, block.xz, block.xy, block.yy,
@@ -376,6 +379,7 @@ static cairn_status sparse_add_pose_block(void *context, int32_t pose, cairn_sym
     return CAIRN_OK;
 }
 
+/* Adds the off-diagonal block of a link and its transpose to H. */
 static cairn_status sparse_add_link_block(void *context, int32_t link, const cairn_real block[9])
 {
     cairn_sparse_solver *solver = context;
@@ -465,6 +469,7 @@ static int substitute(const cairn_sparse_solver *solver, double *x)
     return 1;
 }
 
+/* Runs the pending phase in one step. */
 static cairn_status sparse_step(void *context, cairn_budget *budget)
 {
     cairn_sparse_solver *solver = context;
@@ -505,6 +510,7 @@ static cairn_status sparse_solution(const void *context, int32_t pose, cairn_rea
     return CAIRN_OK;
 }
 
+/* Returns a block of the inverse of H, column by column. */
 static cairn_status sparse_covariance(const void *context, int32_t first, int32_t second,
                                       cairn_real block[9])
 {
@@ -543,19 +549,19 @@ static cairn_block_solver_result sparse_read(const void *context)
 
 cairn_pose_solver cairn_sparse_solver_face(cairn_sparse_solver *solver)
 {
-    cairn_pose_solver interface = {solver,
-                                   sparse_begin,
-                                   sparse_add_link,
-                                   sparse_analyze,
-                                   sparse_clear,
-                                   sparse_add_pose_block,
-                                   sparse_add_link_block,
-                                   sparse_factor,
-                                   sparse_solve,
-                                   sparse_solution,
-                                   sparse_invert,
-                                   sparse_covariance,
-                                   sparse_step,
-                                   sparse_read};
+    cairn_pose_solver interface = {.context = solver,
+                                   .begin = sparse_begin,
+                                   .add_link = sparse_add_link,
+                                   .analyze = sparse_analyze,
+                                   .clear = sparse_clear,
+                                   .add_pose_block = sparse_add_pose_block,
+                                   .add_link_block = sparse_add_link_block,
+                                   .factor = sparse_factor,
+                                   .solve = sparse_solve,
+                                   .solution = sparse_solution,
+                                   .invert = sparse_invert,
+                                   .covariance = sparse_covariance,
+                                   .step = sparse_step,
+                                   .read = sparse_read};
     return interface;
 }

@@ -63,6 +63,7 @@ static cairn_status report_opencv_error(cairn_status status, const char *path, c
 
 /* ---- Reading ---- */
 
+/* Reads a regular file into memory. */
 static cairn_status read_open_file(FILE *file, const char *path, uint8_t **bytes, size_t *count,
                                    cairn_file_error *error)
 {
@@ -123,6 +124,7 @@ static cairn_status read_without_opencv(cairn_vision_image *image, const char *p
     return CAIRN_OK;
 }
 
+/* Decodes an image from memory after a check of its header. */
 static cairn_status decode(cairn_vision_image *image, const uint8_t *bytes, size_t count,
                            const char *path, cairn_file_error *error)
 {
@@ -306,7 +308,7 @@ cairn_status cairn_vision_write(const cairn_vision_image *image, const char *pat
 
 cairn_vision_canny_params cairn_vision_canny_default(void)
 {
-    cairn_vision_canny_params params = {1.4, 3, 8};
+    cairn_vision_canny_params params = {.sigma = 1.4, .low = 3, .high = 8};
 
     return params;
 }

@@ -135,6 +135,7 @@ static int64_t pnm_number(const byte_reader *reader, size_t *at)
     return *at > start ? value : -1;
 }
 
+/* Reads the size from the header of a PNM. */
 static cairn_status read_pnm(cairn_vision_header *header, const byte_reader *reader,
                              const char *path, cairn_file_error *error)
 {
@@ -154,7 +155,7 @@ static cairn_status read_pnm(cairn_vision_header *header, const byte_reader *rea
 cairn_status cairn_vision_header_read(cairn_vision_header *header, const uint8_t *bytes,
                                       size_t count, const char *path, cairn_file_error *error)
 {
-    byte_reader reader = {bytes, count, 0};
+    byte_reader reader = {.bytes = bytes, .count = count};
     cairn_status status;
 
     memset(header, 0, sizeof *header);
