@@ -145,7 +145,7 @@ static cairn_status read_rows(box_reader *reader, cairn_box_row **row, int32_t *
         }
         if (*count == CAIRN_BOX_TABLE_ROWS_MOST)
             return cairn_file_error_set(reader->error, CAIRN_FULL, reader->path, line_of(reader),
-                                        "one row more, expected at most %d",
+                                        "too many rows, expected at most %d",
                                         CAIRN_BOX_TABLE_ROWS_MOST);
         if (*count == capacity) {
             cairn_box_row *grown = realloc(*row, (size_t)(2 * capacity + 16) * sizeof *grown);
@@ -164,9 +164,10 @@ static cairn_status read_rows(box_reader *reader, cairn_box_row **row, int32_t *
         return bad_line(reader, "the line is too long, expected image,left,top,right,bottom");
     if (status != CAIRN_EMPTY)
         return status;
-    return has_header ? CAIRN_OK
-                      : cairn_file_error_set(reader->error, CAIRN_EMPTY, reader->path, 0,
-                                             "nothing in it, expected image,left,top,right,bottom");
+    return has_header
+               ? CAIRN_OK
+               : cairn_file_error_set(reader->error, CAIRN_EMPTY, reader->path, 0,
+                                      "the file is empty, expected image,left,top,right,bottom");
 }
 
 static int compare_rows(const void *a, const void *b)

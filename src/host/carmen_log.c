@@ -302,9 +302,10 @@ cairn_status cairn_carmen_log_open(cairn_carmen_log **log, const char *path,
             "the range limit is %g, expected a number from 0 (find it) to %g", settings.range_max,
             (double)CAIRN_SCAN_EXTENT);
     if (!(settings.range_sigma >= 0 && settings.range_sigma <= (double)FLT_MAX))
-        return cairn_file_error_set(error, CAIRN_BAD_ARGUMENT, path, 0,
-                                    "the deviation of ranges is %g, expected a number from 0",
-                                    settings.range_sigma);
+        return cairn_file_error_set(
+            error, CAIRN_BAD_ARGUMENT, path, 0,
+            "the standard deviation of the ranges is %g, expected a number from 0",
+            settings.range_sigma);
     memset(&statistics, 0, sizeof statistics);
     created = calloc(1, sizeof *created);
     statistics.bin = calloc(BINS + 1 + WINDOW_BINS, sizeof *statistics.bin);

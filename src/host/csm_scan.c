@@ -178,7 +178,7 @@ static cairn_status accept_value(const csm_loader *loader, csm_field *field, int
     if ((token->kind == CAIRN_JSON_TRUE || token->kind == CAIRN_JSON_FALSE) && rule->truth)
         return append_value(loader, field, which, token->kind == CAIRN_JSON_TRUE);
     return cairn_file_error_set(loader->error, CAIRN_BAD_FORMAT, loader->path, token->line,
-                                "%s holds something else, expected %s", rule->name,
+                                "%s has a value of another type, expected %s", rule->name,
                                 describe_values(rule));
 }
 
@@ -194,7 +194,7 @@ static cairn_status read_field(csm_loader *loader, int32_t which)
         return status;
     if (field->given)
         return cairn_file_error_set(loader->error, CAIRN_BAD_FORMAT, loader->path, token.line,
-                                    "%s stands twice in one scan, expected once", rule->name);
+                                    "%s is duplicated in a scan, expected once", rule->name);
     field->given = 1;
     field->count = 0;
     field->line = token.line;

@@ -18,7 +18,7 @@ static cairn_status allocate_pixels(cairn_image *image, int64_t width, int64_t h
 {
     if (width < 1 || height < 1)
         return cairn_file_error_set(error, CAIRN_BAD_FORMAT, path, line,
-                                    "the image has %lld x %lld pixels, expected some",
+                                    "the image has %lld x %lld pixels, expected at least 1 x 1",
                                     (long long)width, (long long)height);
     if (width > CAIRN_IMAGE_PIXELS_MOST || height > CAIRN_IMAGE_PIXELS_MOST / width)
         return cairn_file_error_set(error, CAIRN_FULL, path, line,

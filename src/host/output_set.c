@@ -116,7 +116,7 @@ cairn_status cairn_output_set_check(const char *folder, const char *const *names
     if (folder[0] == 0) {
         free(path);
         return cairn_file_error_set(error, CAIRN_IO, "\"\"", 0,
-                                    "is no name, expected that of a folder");
+                                    "is not a path, expected that of a folder");
     }
     existing = find_existing(path, &missing);
     path[existing] = 0;

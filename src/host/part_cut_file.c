@@ -48,7 +48,7 @@ static cairn_status read_lines(cairn_line_reader *lines, cairn_part_cut *cuts, i
                                         "not a fragment, " EXPECTED);
         if (*count == CAIRN_PART_FRAGMENTS)
             return cairn_file_error_set(error, CAIRN_FULL, path, at,
-                                        "one fragment more, expected at most %d",
+                                        "too many fragments, expected at most %d",
                                         CAIRN_PART_FRAGMENTS);
         cuts[*count].from = (int32_t)number[0];
         cuts[*count].to = (int32_t)number[1];

@@ -77,7 +77,7 @@ static cairn_status read_id(const graph_reader *reader, field_token token, int64
         return CAIRN_OK;
     return cairn_file_error_set(reader->error, CAIRN_BAD_FORMAT, reader->path,
                                 cairn_line_reader_number(reader->lines),
-                                "%s is no vertex, expected a whole number from 0",
+                                "%s is not a vertex id, expected an integer from 0",
                                 cairn_token_text(shown, token.text, token.length));
 }
 
@@ -280,7 +280,7 @@ static cairn_status sort_vertices(graph_reader *reader)
         if (reader->vertex[v].id == reader->vertex[v - 1].id)
             return cairn_file_error_set(
                 reader->error, CAIRN_BAD_FORMAT, reader->path, reader->vertex[v].line,
-                "vertex %lld again, expected each once (first on line %lld)",
+                "duplicate vertex %lld, expected unique ids (first on line %lld)",
                 (long long)reader->vertex[v].id, (long long)reader->vertex[v - 1].line);
     return CAIRN_OK;
 }
@@ -442,7 +442,7 @@ static cairn_status build_graph(graph_reader *reader, cairn_pose_graph_file *fil
 
     if (reader->edges == 0)
         return cairn_file_error_set(reader->error, CAIRN_EMPTY, reader->path, 0,
-                                    "no EDGE_SE2 line, expected a graph as g2o has it");
+                                    "no EDGE_SE2 line, expected a g2o pose graph");
     status = chained ? collect_vertices(reader) : sort_vertices(reader);
     if (status == CAIRN_OK)
         status = resolve_ids(reader);
@@ -484,7 +484,7 @@ cairn_status cairn_pose_graph_file_read(cairn_pose_graph_file *file, const char 
             break;
     }
     if (status == CAIRN_FULL)
-        status = bad_line(&reader, "a line without end, expected a graph as g2o has it");
+        status = bad_line(&reader, "the line is too long, expected a g2o pose graph");
     if (status == CAIRN_EMPTY)
         status = build_graph(&reader, file);
     cairn_line_reader_close(reader.lines);

@@ -243,7 +243,7 @@ static const char *read_values(range_table *table, const char *line, size_t leng
         if (table->column[count] == IGNORED || (n == 0 && table->column[count] == BEARING))
             continue;
         if (!cairn_number_read(field, n, &table->value[count]))
-            return "a field that is no number";
+            return "a field is not a number";
         if (table->column[count] < BEARING && !(fabs(table->value[count]) <= 1e15))
             return "a time, pose or tick that is not finite";
     }
@@ -453,7 +453,8 @@ static cairn_status read_lines(range_loader *loader, cairn_file_error *error)
             status = read_line(loader, line, length, error);
         } else if (status == CAIRN_FULL || status == CAIRN_TRUNCATED ||
                    status == CAIRN_BAD_FORMAT) {
-            report_fault(loader, status == CAIRN_FULL ? "a line without end" : "damaged gzip data");
+            report_fault(loader,
+                         status == CAIRN_FULL ? "the line is too long" : "damaged gzip data");
             status = CAIRN_OK;
         } else if (error != NULL) {
             *error = fault;
@@ -484,7 +485,7 @@ cairn_status cairn_range_table_load(cairn_carmen_scans *scans, int32_t *has_odom
     loader.table.kind = kind;
     if (!(loader.params->range_max >= 0 && loader.params->range_max <= (double)CAIRN_SCAN_EXTENT))
         return cairn_file_error_set(error, CAIRN_BAD_ARGUMENT, path, 0,
-                                    "the greatest range is %g, expected 0 to %g",
+                                    "the maximum range is %g, expected 0 to %g",
                                     loader.params->range_max, (double)CAIRN_SCAN_EXTENT);
     scans->info.range_max = kind == CAIRN_RANGE_TABLE_URG ? URG_RANGE_MAX : CSV_RANGE_MAX;
     if (loader.params->range_max > 0)

@@ -223,7 +223,7 @@ static cairn_status report_open_lines(const shape_picture *picture)
 {
     return cairn_file_error_set(
         picture->error, CAIRN_BAD_FORMAT, picture->path, 0,
-        "lines that enclose nothing, expected a silhouette, or an outline that closes but for "
+        "lines that enclose nothing, expected a silhouette, or an outline closed except for "
         "small gaps");
 }
 

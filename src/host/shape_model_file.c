@@ -163,7 +163,7 @@ static cairn_status next_line(shape_reader *reader, int named)
         if (status == CAIRN_FULL)
             return cairn_file_error_set(reader->error, CAIRN_BAD_FORMAT, reader->path,
                                         line_of(reader),
-                                        "a line of %zu bytes, expected a model of a shape", length);
+                                        "a line of %zu bytes, expected a shape model", length);
         if (status != CAIRN_OK)
             return status;
         comment = memchr(line, '#', length);
@@ -237,7 +237,7 @@ static cairn_oriented_point point_of(const double *number)
 static cairn_status read_header(shape_reader *reader, cairn_shape_model *model)
 {
     cairn_status status =
-        next_named(reader, SIGNATURE, 1, "\"" SIGNATURE " 1\", the head of a model of a shape");
+        next_named(reader, SIGNATURE, 1, "\"" SIGNATURE " 1\", the header of a shape model");
 
     if (status == CAIRN_OK && !(reader->number[0] == VERSION))
         return cairn_file_error_set(reader->error, CAIRN_UNSUPPORTED, reader->path, line_of(reader),
@@ -295,14 +295,14 @@ static cairn_status read_path(shape_reader *reader, cairn_shape_model_file *file
 
     if (model->path_count == CAIRN_SHAPE_PATHS)
         return cairn_file_error_set(reader->error, CAIRN_FULL, reader->path, line_of(reader),
-                                    "one more path, expected at most %d", CAIRN_SHAPE_PATHS);
+                                    "too many paths, expected at most %d", CAIRN_SHAPE_PATHS);
     if (!is_word(reader, "path") || reader->count != 4 ||
         !is_integer_within(reader->number[0], -1, CAIRN_SHAPE_PATHS) ||
         !is_integer_within(reader->number[1], -1, CAIRN_SHAPE_FILE_SAMPLES_MOST))
-        return cairn_file_error_set(
-            reader->error, CAIRN_BAD_FORMAT, reader->path, line_of(reader),
-            "no path, expected \"path\", its parent, the sample there (-1 -1: none), its share "
-            "and the number of its samples");
+        return cairn_file_error_set(reader->error, CAIRN_BAD_FORMAT, reader->path, line_of(reader),
+                                    "malformed path, expected \"path\", its parent, the sample "
+                                    "there (-1 -1: none), its share "
+                                    "and the number of its samples");
     if (!is_integer_within(reader->number[3], 1,
                            CAIRN_SHAPE_FILE_SAMPLES_MOST - model->sample_count))
         return cairn_file_error_set(
@@ -346,10 +346,10 @@ static cairn_status read_gap(const shape_reader *reader, cairn_shape_model *mode
 
     if (model->path_count > 0 || reader->count != 2)
         return cairn_file_error_set(reader->error, CAIRN_BAD_FORMAT, reader->path, line_of(reader),
-                                    "no gap, expected \"gap\" and x y, before the paths");
+                                    "malformed gap, expected \"gap\" and x y, before the paths");
     if (model->gap_count == CAIRN_SHAPE_GAPS)
         return cairn_file_error_set(reader->error, CAIRN_FULL, reader->path, line_of(reader),
-                                    "one more gap, expected at most %d", CAIRN_SHAPE_GAPS);
+                                    "too many gaps, expected at most %d", CAIRN_SHAPE_GAPS);
     model->gaps[model->gap_count++] = gap;
     return CAIRN_OK;
 }

@@ -105,7 +105,7 @@ cairn_status cairn_shape_model_file_draw(const cairn_shape_model *model, const c
                                          const char *path, cairn_file_error *error)
 {
     static const cairn_report_key keys[] = {{"outline", "stroke=\"#0f172a\""},
-                                            {"axis, from its dot on", "stroke=\"#dc2626\""},
+                                            {"axis, starting at its dot", "stroke=\"#dc2626\""},
                                             {"left side", "stroke=\"#2563eb\""},
                                             {"right side", "stroke=\"#d97706\""}};
     cairn_fault fault = {-1, NULL};

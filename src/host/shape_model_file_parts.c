@@ -157,7 +157,7 @@ cairn_status cairn_shape_model_file_draw_parts(const cairn_shape_model *model,
     else
         status = cairn_file_error_set(
             error, status, path, 0, "%s, expected %s", cairn_status_text(status),
-            cuts != NULL ? "fragments by hand of the first outline, which has a length"
+            cuts != NULL ? "manual fragments within a first outline of positive length"
                          : "an outline with length");
     free(memory);
     free(points);

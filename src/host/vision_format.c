@@ -183,7 +183,7 @@ cairn_status cairn_vision_header_read(cairn_vision_header *header, const uint8_t
     }
     if (status == CAIRN_OK && (header->width < 1 || header->height < 1))
         status = cairn_file_error_set(error, CAIRN_BAD_FORMAT, path, 0,
-                                      "the image has %lld x %lld pixels, expected some",
+                                      "the image has %lld x %lld pixels, expected at least 1 x 1",
                                       (long long)header->width, (long long)header->height);
     return status;
 }
