@@ -399,7 +399,7 @@ static void test_parts_drawn(void **state)
     assert_status(
         cairn_shape_model_file_draw_parts(&bad, by_hand, 3, "three", files_path("a.svg"), &error),
         CAIRN_BAD_ARGUMENT);
-    assert_non_null(strstr(error.text, "expected fragments by hand of the first outline"));
+    assert_non_null(strstr(error.text, "expected manual fragments within a first outline"));
     bad.outline_count = 2;
     assert_status(
         cairn_shape_model_file_draw_parts(&bad, NULL, 0, "a", files_path("a.svg"), &error),
