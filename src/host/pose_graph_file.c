@@ -77,7 +77,7 @@ static cairn_status read_id(const graph_reader *reader, field_token token, int64
         return CAIRN_OK;
     return cairn_file_error_set(reader->error, CAIRN_BAD_FORMAT, reader->path,
                                 cairn_line_reader_number(reader->lines),
-                                "%s is not a vertex id, expected an integer from 0",
+                                "%s is not a vertex id, expected a whole number from 0",
                                 cairn_token_text(shown, token.text, token.length));
 }
 
