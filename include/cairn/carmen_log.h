@@ -33,8 +33,10 @@
  *      it has 10 or more, 9 in 10 of all above it, and more than the 2 m below it. The maximum
  *      range is the lower end of the window in steps of 1 cm (the scanners of these logs report 50,
  *      51.1 or 81.8 to 81.9 m);
- *   5. 80 m. A range that is NaN, 0 or negative is passed through unchanged and means an invalid
- *      reading. -infinity becomes NaN.
+ *   5. 80 m.
+ *
+ * A range that is NaN, 0 or negative is passed through unchanged and means an invalid reading.
+ * -infinity becomes NaN.
  *
  * Mounting. A log has the pose of the laser and the pose of the robot. When their relative pose is
  * the same for all scans, to 0.01 m and 0.01 rad, the mean is the sensor's mounting (base_sensor,

@@ -41,7 +41,7 @@ typedef struct cairn_report_grid {
 
 /* One panel of a map picture. */
 typedef struct cairn_report_panel {
-    const char *title;      /* UTF-8; NULL: none */
+    const char *title;      /* NULL: none. All texts are UTF-8 */
     const char *note;       /* small, to the right of the title; NULL: none */
     const cairn_pose *pose; /* [scan_count] poses of the scans; m, m, rad */
     /* [scan_count] 1: a pose with low confidence, drawn in red; NULL: none */
@@ -66,7 +66,8 @@ typedef struct cairn_report_map {
     int32_t connect;
     /* 1: the walls of a scan have the colour of its position along the path. Default 0 */
     int32_t colour_scans;
-    /* more points or segments in a panel are drawn as a density image. Default 20000 */
+    /* limit of the points or segments drawn as vectors in a panel; beyond it they are drawn as a
+     * density image. Default 20000 */
     int32_t elements_most;
     /* width of the picture in pixels, 200 .. 10000. Default 1200 */
     int32_t width;
