@@ -1,4 +1,4 @@
-/* shape_image: extraction of the contours of one object from a binary picture, a silhouette or a
+/* shape_image: extraction of the contours of one object from a picture of it, a silhouette or a
  * line drawing of its outline.
  *
  * The picture is binarized (foreground: ink). The background is the class of most pixels of the
