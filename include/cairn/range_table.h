@@ -11,8 +11,8 @@
  * bearing (i - 341) * 360 / 1024 degrees. Ranges below 20 mm are error codes: invalid readings. The
  * scanner's maximum range is 5.6 m; it rotates counter-clockwise ten times a second and is mounted
  * 0.145 m in front of the axle. A wheel has 2,000 ticks a turn and a radius of 77 mm; the effective
- * wheel separation is 0.31 m. The ticks give differential-drive odometry, unless they never change. They
- * are newer than the ranges of their line, by 0.17 s in three logs. A scan therefore gets the
+ * wheel separation is 0.31 m. The ticks give differential-drive odometry, unless they never change.
+ * They are newer than the ranges of their line, by 0.17 s in three logs. A scan therefore gets the
  * odometry pose of 0.17 s earlier, interpolated, as far back as the times of the lines are
  * continuous (increasing in steps of at most 0.2 s).
  *

@@ -26,8 +26,8 @@ enum { URG_FIELDS = 707, URG_FIRST = 25, URG_MIDDLE = 341, PROBED_LINES = 100 };
 /* Degrees between beams, m, m, s of one rotation, m, rad of a degree. */
 static const double URG_STEP_DEGREES = 360.0 / 1024, URG_RANGE_MIN = 0.02, URG_RANGE_MAX = 5.6,
                     URG_ROTATION_S = 0.1, CSV_RANGE_MAX = 80, RADIANS = 0.017453292519943295;
-/* The robot of these logs: metres that a wheel rolls in a tick, wheel separation in m, distance of the
- * scanner in front of the axle in m. */
+/* The robot of these logs: metres that a wheel rolls in a tick, wheel separation in m, distance of
+ * the scanner in front of the axle in m. */
 static const double URG_METRES_PER_TICK = 2 * 3.141592653589793 * 0.077 / 2000,
                     URG_WHEEL_SEPARATION_M = 0.31, URG_SENSOR_X_M = 0.145;
 /* Latency: the age of a line's ranges when its ticks are read. */
