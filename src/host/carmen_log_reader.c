@@ -107,17 +107,15 @@ const char *cairn_line_reader_path(const cairn_line_reader *reader)
 
 cairn_status cairn_line_reader_rewind(cairn_line_reader *reader, cairn_file_error *error)
 {
-    cairn_line_reader *r = reader;
-
-    if (lseek(r->file, 0, SEEK_SET) != 0)
-        return cairn_file_error_system(error, r->path, "read a second time", errno);
-    stop_inflating(r);
-    r->begin = 0;
-    r->end = 0;
-    r->number = 0;
-    r->at_end = false;
-    r->end_status = CAIRN_OK;
-    r->format_known = false;
+    if (lseek(reader->file, 0, SEEK_SET) != 0)
+        return cairn_file_error_system(error, reader->path, "read a second time", errno);
+    stop_inflating(reader);
+    reader->begin = 0;
+    reader->end = 0;
+    reader->number = 0;
+    reader->at_end = false;
+    reader->end_status = CAIRN_OK;
+    reader->format_known = false;
     return CAIRN_OK;
 }
 
@@ -291,31 +289,30 @@ static cairn_status skip_line(cairn_line_reader *reader, size_t dropped, const c
 cairn_status cairn_line_reader_next(cairn_line_reader *reader, const char **line, size_t *length,
                                     cairn_file_error *error)
 {
-    cairn_line_reader *r = reader;
     size_t searched = 0, pending;
     const char *newline;
     cairn_status status;
 
     for (;;) {
-        pending = r->end - r->begin;
-        newline = memchr(r->buffer + r->begin + searched, '\n', pending - searched);
+        pending = reader->end - reader->begin;
+        newline = memchr(reader->buffer + reader->begin + searched, '\n', pending - searched);
         if (newline != NULL) {
-            pending = (size_t)(newline - r->buffer) - r->begin;
-            return return_line(r, pending, pending + 1, line, length);
+            pending = (size_t)(newline - reader->buffer) - reader->begin;
+            return return_line(reader, pending, pending + 1, line, length);
         }
-        if (r->at_end)
+        if (reader->at_end)
             break;
         if (pending > CAIRN_LINE_LONGEST)
-            return skip_line(r, pending, line, length);
+            return skip_line(reader, pending, line, length);
         searched = pending;
-        status = make_space(r, error);
+        status = make_space(reader, error);
         if (status != CAIRN_OK)
             return status;
-        fill(r);
+        fill(reader);
     }
     if (pending == 0)
-        return report_end(r, error);
-    return return_line(r, pending, pending, line, length);
+        return report_end(reader, error);
+    return return_line(reader, pending, pending, line, length);
 }
 
 size_t cairn_token_next(const char **at, const char *end, const char **token)

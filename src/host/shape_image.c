@@ -196,16 +196,16 @@ static void count_labels(const shape_picture *picture, label_stats *part, int32_
     for (int32_t i = 0; i <= faces; i++)
         face[i].first = -1;
     for (int32_t i = 0; i < picture->width * picture->height; i++) {
-        label_stats *a = &part[picture->part[i]],
-                    *f = picture->face[i] > 0 ? &face[picture->face[i]] : NULL;
+        label_stats *part_stats = &part[picture->part[i]],
+                    *face_stats = picture->face[i] > 0 ? &face[picture->face[i]] : NULL;
 
-        a->first = a->first < 0 ? i : a->first;
-        a->area++;
-        a->ink += picture->ink[i];
-        if (f != NULL) {
-            f->first = f->first < 0 ? i : f->first;
-            f->area++;
-            f->part = picture->part[i];
+        part_stats->first = part_stats->first < 0 ? i : part_stats->first;
+        part_stats->area++;
+        part_stats->ink += picture->ink[i];
+        if (face_stats != NULL) {
+            face_stats->first = face_stats->first < 0 ? i : face_stats->first;
+            face_stats->area++;
+            face_stats->part = picture->part[i];
         }
     }
     for (int32_t i = 1; i <= faces; i++)
@@ -241,16 +241,16 @@ static cairn_status select_regions(const shape_picture *picture,
     if (largest == 0)
         return report_open_lines(picture);
     for (int32_t i = 1; i <= parts; i++) {
-        region r = {i, part[i].first, part[i].area, 0};
+        region candidate = {i, part[i].first, part[i].area, 0};
 
         if (part[i].area < params->min_part * largest ||
             (image->is_drawing && !is_closed(&part[i], face)))
             image->specks++;
         else
-            add_region(regions, &image->count, &overflow, r);
+            add_region(regions, &image->count, &overflow, candidate);
     }
     for (int32_t i = 1; i <= faces && params->holes != CAIRN_SHAPE_HOLES_FILL; i++) {
-        region r = {i, face[i].first, face[i].area, 1};
+        region candidate = {i, face[i].first, face[i].area, 1};
 
         if (image->is_drawing && part[face[i].part].inside == i)
             continue;
@@ -261,10 +261,11 @@ static cairn_status select_regions(const shape_picture *picture,
         if (params->holes == CAIRN_SHAPE_HOLES_REFUSE)
             return cairn_file_error_set(
                 picture->error, CAIRN_UNSUPPORTED, picture->path, 0,
-                "a hole of %d pixels at (%d, %d), expected an object without holes", (int)r.area,
-                (int)(r.first % picture->width - 1), (int)(r.first / picture->width - 1));
+                "a hole of %d pixels at (%d, %d), expected an object without holes",
+                (int)candidate.area, (int)(candidate.first % picture->width - 1),
+                (int)(candidate.first / picture->width - 1));
         image->holes += image->count < CAIRN_SHAPE_OUTLINES;
-        add_region(regions, &image->count, &overflow, r);
+        add_region(regions, &image->count, &overflow, candidate);
     }
     if (overflow > 0)
         return cairn_file_error_set(picture->error, CAIRN_FULL, picture->path, 0,
@@ -282,10 +283,11 @@ static cairn_status trace_regions(const shape_picture *picture, const region *re
     int32_t counts[CAIRN_SHAPE_OUTLINES], sum = 0;
 
     for (int32_t i = 0; i < image->count; i++) {
-        const region *r = &regions[i];
+        const region *traced = &regions[i];
 
-        counts[i] = cairn_shape_image_outline(picture, r->is_hole ? picture->face : picture->part,
-                                              r->label, !r->is_hole, r->first, NULL);
+        counts[i] =
+            cairn_shape_image_outline(picture, traced->is_hole ? picture->face : picture->part,
+                                      traced->label, !traced->is_hole, traced->first, NULL);
         sum += counts[i];
     }
     image->points = malloc(((size_t)sum + 1) * sizeof *image->points);
@@ -293,11 +295,11 @@ static cairn_status trace_regions(const shape_picture *picture, const region *re
         return cairn_file_error_system(picture->error, picture->path, "trace", ENOMEM);
     sum = 0;
     for (int32_t i = 0; i < image->count; i++) {
-        const region *r = &regions[i];
+        const region *traced = &regions[i];
         cairn_vec2 *points = &image->points[sum];
 
-        sum += cairn_shape_image_outline(picture, r->is_hole ? picture->face : picture->part,
-                                         r->label, !r->is_hole, r->first, points);
+        sum += cairn_shape_image_outline(picture, traced->is_hole ? picture->face : picture->part,
+                                         traced->label, !traced->is_hole, traced->first, points);
         image->outlines[i].points = points;
         image->outlines[i].count = counts[i];
         image->outlines[i].closed = 1;

@@ -223,13 +223,13 @@ static cairn_status sparse_analyze(void *context)
 
 static int compare_halves(const void *a, const void *b)
 {
-    const struct half *x = a, *y = b;
+    const struct half *first = a, *second = b;
 
-    if (x->column != y->column)
-        return x->column - y->column;
-    if (x->row != y->row)
-        return x->row - y->row;
-    return x->link - y->link;
+    if (first->column != second->column)
+        return first->column - second->column;
+    if (first->row != second->row)
+        return first->row - second->row;
+    return first->link - second->link;
 }
 
 /* Returns both blocks of all links, sorted by column, row and link, on the heap. */
