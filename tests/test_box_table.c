@@ -74,7 +74,7 @@ static void refuses_what_is_no_table(void **state)
         const char *text, *what;
         cairn_status status;
     } cases[] = {
-        {"", ": nothing in it, expected image,left", CAIRN_EMPTY},
+        {"", ": the file is empty, expected image,left", CAIRN_EMPTY},
         {"image,left,top,right\n", ":1: no column 'bottom', expected", CAIRN_BAD_FORMAT},
         {"image,left,top,right,bottom\na,1,2,3\n", ":2: fewer fields than", CAIRN_BAD_FORMAT},
         {"image,left,top,right,bottom\n,1,2,3,4\n", ":2: no image, expected", CAIRN_BAD_FORMAT},

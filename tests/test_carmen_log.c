@@ -820,7 +820,7 @@ static void test_nothing_to_read(void **state)
     params = cairn_carmen_default();
     params.range_sigma = (double)NAN;
     assert_status(cairn_carmen_log_open(&log, path, &params, &error), CAIRN_BAD_ARGUMENT);
-    assert_error(&error, CAIRN_BAD_ARGUMENT, 0, "good.log: the deviation of ranges");
+    assert_error(&error, CAIRN_BAD_ARGUMENT, 0, "good.log: the standard deviation of the ranges");
     params.range_sigma = -1;
     assert_status(cairn_carmen_log_open(&log, path, &params, &error), CAIRN_BAD_ARGUMENT);
     params.range_sigma = 2.0 * (double)FLT_MAX;

@@ -194,7 +194,7 @@ static void test_bad_places(void **state)
     (void)state;
     assert_refused(file, "/file: is a file, expected a folder");
     assert_refused(files_path("file/inner/most"), "/file: is a file, expected a folder");
-    assert_refused("", "\"\": is no name, expected that of a folder");
+    assert_refused("", "\"\": is not a path, expected that of a folder");
     assert_file(".", "file", "kept");
     assert_int_equal(mkdir(files_path("taken"), 0777), 0);
     assert_int_equal(mkdir(files_path("taken/c.txt"), 0777), 0);

@@ -48,7 +48,7 @@ static void refuses_what_is_none(void **state)
         strcat(text, "0 9 0\n");
     assert_status(cairn_part_cut_file_read(cuts, &count, files_write_text("b.cuts", text), &error),
                   CAIRN_FULL);
-    assert_non_null(strstr(error.text, "b.cuts:97: one fragment more, expected at most 96"));
+    assert_non_null(strstr(error.text, "b.cuts:97: too many fragments, expected at most 96"));
     assert_status(cairn_part_cut_file_read(cuts, &count, files_path("missing.cuts"), &error),
                   CAIRN_IO);
 }

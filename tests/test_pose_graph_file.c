@@ -39,21 +39,21 @@ static void every_fault_has_its_line(void **state)
     refuse(TWO, CAIRN_EMPTY, 0, "no EDGE_SE2");
     refuse("VERTEX_SE2 0 0 0\n", CAIRN_BAD_FORMAT, 1, "VERTEX_SE2 with fields missing");
     refuse("\nVERTEX_SE2 0 0 0 0 0\n", CAIRN_BAD_FORMAT, 2, "VERTEX_SE2 with fields missing");
-    refuse("VERTEX_SE2 -1 0 0 0\n", CAIRN_BAD_FORMAT, 1, "no vertex");
-    refuse("VERTEX_SE2 1.5 0 0 0\n", CAIRN_BAD_FORMAT, 1, "no vertex");
+    refuse("VERTEX_SE2 -1 0 0 0\n", CAIRN_BAD_FORMAT, 1, "not a vertex id");
+    refuse("VERTEX_SE2 1.5 0 0 0\n", CAIRN_BAD_FORMAT, 1, "not a vertex id");
     refuse("VERTEX_SE2 1 0 x 0\n", CAIRN_BAD_FORMAT, 1, "expected a number");
     refuse("VERTEX_SE2 1 0 0 nan\n", CAIRN_NOT_FINITE, 1, "expected a finite number");
     refuse("VERTEX_SE2 1 inf 0 0\n", CAIRN_NOT_FINITE, 1, "expected a finite number");
     refuse(TWO "# a comment\nVERTEX_SE2 1 0 0 0\nEDGE_SE2 0 1 1 0 0" INFORMATION, CAIRN_BAD_FORMAT,
-           4, "vertex 1 again, expected each once (first on line 2)");
+           4, "duplicate vertex 1, expected unique ids (first on line 2)");
     refuse(TWO "EDGE_SE2 0 1 1 0 0 1 0 0 1 0\n", CAIRN_BAD_FORMAT, 3,
            "EDGE_SE2 with fields missing");
     refuse(TWO "EDGE_SE2 0 1 1 0 0 1 0 0 1 0 1 1\n", CAIRN_BAD_FORMAT, 3,
            "EDGE_SE2 with fields missing");
     refuse(TWO "EDGE_SE2 0 1 1 nan 0" INFORMATION, CAIRN_NOT_FINITE, 3, "finite");
     refuse(TWO "EDGE_SE2 0 1 1 0 0 1 0 0 1 0 inf\n", CAIRN_NOT_FINITE, 3, "finite");
-    refuse(TWO "EDGE_SE2 a 1 1 0 0" INFORMATION, CAIRN_BAD_FORMAT, 3, "no vertex");
-    refuse(TWO "EDGE_SE2 0 b 1 0 0" INFORMATION, CAIRN_BAD_FORMAT, 3, "no vertex");
+    refuse(TWO "EDGE_SE2 a 1 1 0 0" INFORMATION, CAIRN_BAD_FORMAT, 3, "not a vertex id");
+    refuse(TWO "EDGE_SE2 0 b 1 0 0" INFORMATION, CAIRN_BAD_FORMAT, 3, "not a vertex id");
     refuse(TWO "EDGE_SE2 1 1 1 0 0" INFORMATION, CAIRN_BAD_FORMAT, 3, "to itself");
     refuse(TWO "EDGE_SE2 0 1 1 0 0 1 1 0 1 0 1\n", CAIRN_BAD_FORMAT, 3, "singular");
     refuse(TWO "EDGE_SE2 0 1 1 0 0 1 0 0 -1 0 1\n", CAIRN_BAD_FORMAT, 3, "negative eigenvalue");
@@ -64,14 +64,14 @@ static void every_fault_has_its_line(void **state)
            "FIX without a vertex");
     refuse(TWO "EDGE_SE2 0 1 1 0 0" INFORMATION "FIX 0 5\n", CAIRN_BAD_FORMAT, 4,
            "FIX of vertex 5");
-    refuse(TWO "EDGE_SE2 0 1 1 0 0" INFORMATION "FIX x\n", CAIRN_BAD_FORMAT, 4, "no vertex");
+    refuse(TWO "EDGE_SE2 0 1 1 0 0" INFORMATION "FIX x\n", CAIRN_BAD_FORMAT, 4, "not a vertex id");
     refuse("VERTEX_SE3:QUAT 0 0 0 0 0 0 0 1\n", CAIRN_UNSUPPORTED, 1,
            "expected VERTEX_SE2, EDGE_SE2 or FIX");
     refuse(TWO "VERTEX_SE2 2 0 0 0\nVERTEX_SE2 3 0 0 0\nEDGE_SE2 0 1 1 0 0" INFORMATION
                "EDGE_SE2 3 2 1 0 0" INFORMATION,
-           CAIRN_BAD_FORMAT, 3, "in 2 pieces: no edges join vertex 2 to vertex 0");
+           CAIRN_BAD_FORMAT, 3, "2 connected components: no edges join vertex 2 to vertex 0");
     refuse("EDGE_SE2 0 1 1 0 0" INFORMATION "EDGE_SE2 5 6 1 0 0" INFORMATION, CAIRN_BAD_FORMAT, 2,
-           "in 2 pieces: no edges join vertex 5");
+           "2 connected components: no edges join vertex 5");
     {
         cairn_pose_graph_file file;
         cairn_file_error error;

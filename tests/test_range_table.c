@@ -132,9 +132,9 @@ static void damaged_lines_are_told_and_left_out(void **state)
         assert_int_equal(told[i].line, 3 + i);
     assert_non_null(strstr(told[0].text, "too few fields, expected 3 numbers"));
     assert_non_null(strstr(told[1].text, "too many fields"));
-    assert_non_null(strstr(told[2].text, "no number"));
+    assert_non_null(strstr(told[2].text, "not a number"));
     assert_non_null(strstr(told[3].text, "not finite"));
-    assert_non_null(strstr(told[4].text, "no number"));
+    assert_non_null(strstr(told[4].text, "not a number"));
     cairn_carmen_scans_free(&s);
 }
 

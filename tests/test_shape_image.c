@@ -378,7 +378,7 @@ static void test_hatching(void **state)
         for (int32_t x = 2; x < WIDTH - 8; x += 8)
             fill(x, y, x + 4, y, 0);
     params.max_gap = 0;
-    assert_refused(&params, CAIRN_BAD_FORMAT, "loose ends");
+    assert_refused(&params, CAIRN_BAD_FORMAT, "open line ends");
 }
 
 /* Any picture at all comes to an end with outlines that close, or with an error. */

@@ -99,9 +99,9 @@ static void test_smallest_and_comments(void **state)
 static void test_every_line_is_looked_at(void **state)
 {
     (void)state;
-    assert_refused("", CAIRN_TRUNCATED, 0, "head of a model");
-    assert_refused("P5\n3 3\n", CAIRN_BAD_FORMAT, 1, "head of a model");
-    assert_refused("cairn-shape\n", CAIRN_BAD_FORMAT, 1, "head of a model");
+    assert_refused("", CAIRN_TRUNCATED, 0, "header of a shape model");
+    assert_refused("P5\n3 3\n", CAIRN_BAD_FORMAT, 1, "header of a shape model");
+    assert_refused("cairn-shape\n", CAIRN_BAD_FORMAT, 1, "header of a shape model");
     assert_refused("cairn-shape 2\n", CAIRN_UNSUPPORTED, 1, "version 2");
     assert_refused("cairn-shape 1\nsize\n", CAIRN_BAD_FORMAT, 2, "\"size\"");
     assert_refused("cairn-shape 1\nsize x\n", CAIRN_BAD_FORMAT, 2, "\"x\"");
@@ -113,10 +113,10 @@ static void test_every_line_is_looked_at(void **state)
     assert_refused(HEAD "outline 2\n1 2 3 4\n", CAIRN_TRUNCATED, 5, "sample of the outline");
     assert_refused(HEAD "outline 2\n1 2 3\n", CAIRN_BAD_FORMAT, 5, "3 numbers");
     assert_refused(HEAD OUTLINE, CAIRN_TRUNCATED, 6, "a path");
-    assert_refused(HEAD OUTLINE "way -1 -1 1 1\n", CAIRN_BAD_FORMAT, 7, "no path");
-    assert_refused(HEAD OUTLINE "path -1 -1 1\n", CAIRN_BAD_FORMAT, 7, "no path");
-    assert_refused(HEAD OUTLINE "path 0.5 -1 1 1\n", CAIRN_BAD_FORMAT, 7, "no path");
-    assert_refused(HEAD OUTLINE "path -1 -2 1 1\n", CAIRN_BAD_FORMAT, 7, "no path");
+    assert_refused(HEAD OUTLINE "way -1 -1 1 1\n", CAIRN_BAD_FORMAT, 7, "malformed path");
+    assert_refused(HEAD OUTLINE "path -1 -1 1\n", CAIRN_BAD_FORMAT, 7, "malformed path");
+    assert_refused(HEAD OUTLINE "path 0.5 -1 1 1\n", CAIRN_BAD_FORMAT, 7, "malformed path");
+    assert_refused(HEAD OUTLINE "path -1 -2 1 1\n", CAIRN_BAD_FORMAT, 7, "malformed path");
     assert_refused(HEAD OUTLINE "path -1 -1 1 0\n", CAIRN_FULL, 7, "0 samples");
     assert_refused(HEAD OUTLINE "path -1 -1 1 1025\n", CAIRN_FULL, 7, "1025 samples");
     assert_refused(HEAD OUTLINE "path -1 -1 1 2\n" SAMPLE, CAIRN_TRUNCATED, 8, "14 numbers");
@@ -144,7 +144,7 @@ static void test_faults_of_the_model(void **state)
                    CAIRN_NOT_FINITE, 8, "finite");
     for (int i = 0; i < 9; i++)
         strcat(paths, "path -1 -1 0 1\n" SAMPLE);
-    assert_refused(paths, CAIRN_FULL, 23, "one more path");
+    assert_refused(paths, CAIRN_FULL, 23, "too many paths");
 }
 
 static void test_what_cannot_be_read_or_written(void **state)
@@ -248,13 +248,14 @@ static void test_gaps(void **state)
     assert_status(cairn_shape_model_check(&again.model, NULL), CAIRN_BAD_ARGUMENT);
     cairn_shape_model_file_free(&again);
     cairn_shape_model_file_free(&file);
-    assert_refused(HEAD OUTLINE "gap 1\npath -1 -1 1 1\n" SAMPLE, CAIRN_BAD_FORMAT, 7, "no gap");
+    assert_refused(HEAD OUTLINE "gap 1\npath -1 -1 1 1\n" SAMPLE, CAIRN_BAD_FORMAT, 7,
+                   "malformed gap");
     assert_refused(HEAD OUTLINE "path -1 -1 1 1\n" SAMPLE "gap 1 2\n", CAIRN_BAD_FORMAT, 9,
-                   "no gap");
+                   "malformed gap");
     assert_refused(
         HEAD OUTLINE
         "gap 0 0\ngap 0 0\ngap 0 0\ngap 0 0\ngap 0 0\ngap 0 0\ngap 0 0\ngap 0 0\ngap 0 0\n",
-        CAIRN_FULL, 15, "one more gap");
+        CAIRN_FULL, 15, "too many gaps");
 }
 
 static void test_load(void **state)
@@ -398,7 +399,7 @@ static void test_parts_drawn(void **state)
     assert_status(
         cairn_shape_model_file_draw_parts(&bad, by_hand, 3, "three", files_path("a.svg"), &error),
         CAIRN_BAD_ARGUMENT);
-    assert_non_null(strstr(error.text, "expected fragments by hand of the first outline"));
+    assert_non_null(strstr(error.text, "expected manual fragments within a first outline"));
     bad.outline_count = 2;
     assert_status(
         cairn_shape_model_file_draw_parts(&bad, NULL, 0, "a", files_path("a.svg"), &error),

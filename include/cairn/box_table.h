@@ -1,9 +1,9 @@
-/* box_table: boxes about objects in images, as a CSV file.
+/* box_table: reader of bounding boxes of objects in images, as a CSV file.
  *
  *   image,left,top,right,bottom
  *
- * px; other columns are passed over, so that the table of `cairn detect --detections` can be
- * read. A field that holds , or " stands in quotes, " doubled. */
+ * Coordinates are in pixels. Other columns are ignored, so that the table of `cairn detect
+ * --detections` can be read. A field with , or " is quoted, with " doubled. */
 #ifndef CAIRN_BOX_TABLE_H
 #define CAIRN_BOX_TABLE_H
 
@@ -13,28 +13,30 @@
 extern "C" {
 #endif
 
+/* Maximum rows, capacity of an image's name in bytes, maximum fields of a line. */
 #define CAIRN_BOX_TABLE_ROWS_MOST   1000000
 #define CAIRN_BOX_TABLE_NAME_BYTES  256
 #define CAIRN_BOX_TABLE_FIELDS_MOST 64
 
+/* A bounding box. */
 typedef struct cairn_box_row {
     char image[CAIRN_BOX_TABLE_NAME_BYTES];
-    double box[4]; /* left < right, top < bottom, within 1e6 */
-    int64_t line;  /* from 1 */
+    double box[4]; /* pixels: left, top, right, bottom; left < right, top < bottom, within 1e6 */
+    int64_t line;  /* of the file, from 1 */
 } cairn_box_row;
 
-/* Reads a table, plain or gzipped, into memory from the heap: *row [*count]. CAIRN_BAD_FORMAT: a
- * column is missing, a field is none, a box is not as said above: the error names the line;
- * CAIRN_FULL, CAIRN_TRUNCATED (gzip), CAIRN_EMPTY: no head; CAIRN_UNSUPPORTED (not a regular
- * file), CAIRN_IO, CAIRN_NO_MEMORY. On failure there is nothing to free. */
+/* Reads a table, plain or gzipped, into an array on the heap, *row [*count]. CAIRN_BAD_FORMAT with
+ * the line: a missing column, a malformed field, an invalid box; CAIRN_FULL, CAIRN_TRUNCATED
+ * (gzip), CAIRN_EMPTY: no header; CAIRN_UNSUPPORTED (not a regular file), CAIRN_IO,
+ * CAIRN_NO_MEMORY. On failure there is nothing to free. */
 CAIRN_CHECKED cairn_status cairn_box_table_read(const char *path, cairn_box_row **row,
                                                 int32_t *count, cairn_file_error *error);
 
-/* Sorts rows by their images' names, those of one image as they were in the file. */
+/* Sorts rows by image name; rows of one image keep the order of the file. */
 void cairn_box_table_sort(cairn_box_row *row, int32_t count);
 
-/* Of sorted rows the first of an image, and *own, how many there are, 0: none. Cost:
- * logarithmic. */
+/* Returns the index of the first row of an image among sorted rows. *own: the number of its rows,
+ * 0: none. Binary search. */
 int32_t cairn_box_table_find(const cairn_box_row *row, int32_t count, const char *image,
                              int32_t *own);
 

@@ -1,48 +1,53 @@
-/* carmen_log: laser scans and odometry from CARMEN logs, plain or gzipped.
+/* carmen_log: reader of laser scans and odometry from CARMEN logs, plain or gzipped.
  *
- * Read are, one message a line, numbers without the locale:
+ * Format. One message a line, numbers in the "C" locale. These messages are read:
  *
- *   FLASER n r1 .. rn  laser_x laser_y laser_theta  robot_x robot_y robot_theta  stamp host
- *   logger_stamp ROBOTLASER1 laser_type start_angle field_of_view angular_resolution maximum_range
- *   accuracy remission_mode
- *       n r1 .. rn  m remission1 .. remissionm  laser_x laser_y laser_theta  robot_x robot_y
- *       robot_theta laser_tv laser_rv forward_safety_dist side_safety_dist turn_axis  stamp host
- *       logger_stamp ODOM x y theta tv rv accel  stamp host logger_stamp PARAM name value ... #
- *       comment
+ *   FLASER n r1 .. rn  laser_x laser_y laser_theta  robot_x robot_y robot_theta
+ *       stamp host logger_stamp
+ *   ROBOTLASER1 laser_type start_angle field_of_view angular_resolution maximum_range
+ *       accuracy remission_mode  n r1 .. rn  m remission1 .. remissionm
+ *       laser_x laser_y laser_theta  robot_x robot_y robot_theta
+ *       laser_tv laser_rv forward_safety_dist side_safety_dist turn_axis
+ *       stamp host logger_stamp
+ *   ODOM x y theta tv rv accel  stamp host logger_stamp
+ *   PARAM name value ...
+ *   # comment
  *
- * Other messages are counted and left out. Ranges are in m, angles in rad, stamps in s. The order
- * is that of the lines; stamps need not grow. A log that holds both kinds of scans gives both.
+ * Other messages are counted and ignored. Ranges are in m, angles in rad, stamps in s. Records keep
+ * the order of the lines; stamps need not be monotonic. A log with both kinds of scans yields both.
  *
- * Bearings. A FLASER does not say them. The first beam points to -90 degrees; the step is 180/n
- * degrees when n is even (180: 1 degree, 360: half a degree, the last beam one step short of +90)
- * and 180/(n - 1) when n is odd (181 and 361 end at +90 degrees). A single range points ahead. A
- * ROBOTLASER1 says its first angle and its step; a step of 0 is made from the field of view.
+ * Bearings. A FLASER message has no bearings. Its first beam points to -90 degrees. The angular
+ * step is 180/n degrees when n is even (180: 1 degree, 360: half a degree, the last beam one step
+ * short of +90) and 180/(n - 1) when n is odd (181 and 361 end at +90 degrees). A single beam
+ * points ahead. A ROBOTLASER1 message has its first angle and its step; a step of 0 is computed
+ * from the field of view.
  *
- * No return. A range at or above the scanner's limit says that nothing came back and is read as
- * +infinity. The limit is
- *   1. params.range_max, when it is given;
+ * No return. A range at or above the scanner's maximum range means no return and is read as
+ * +infinity. The maximum range is
+ *   1. params.range_max, when it is set;
  *   2. for a ROBOTLASER1 its maximum_range, when that is above 0;
- *   3. the PARAM robot_frontlaser_max or robot_front_laser_max, when the log agrees with it: of its
- *      ranges at or above that value 9 in 10 lie within 0.2 m of each other, or there are none
- *      (some logs set it to a planning distance far below what the scanner sees);
- *   4. where the ranges pile up: the window of 0.2 m above 40 m that holds the most ranges, when it
- *      holds 10 or more, 9 in 10 of all above it, and more than the 2 m below it; the limit is its
- *      lowest range in steps of 1 cm (the scanners of these logs report 50, 51.1 or 81.8 to 81.9
- *      m);
+ *   3. the PARAM robot_frontlaser_max or robot_front_laser_max, when the log is consistent with it:
+ *      of the ranges at or above that value 9 in 10 lie within 0.2 m of each other, or there are
+ *      none (some logs set it to a planning distance far below the scanner's range);
+ *   4. the mode of the range histogram: the window of 0.2 m above 40 m with the most ranges, when
+ *      it has 10 or more, 9 in 10 of all above it, and more than the 2 m below it. The maximum
+ *      range is the lower end of the window in steps of 1 cm (the scanners of these logs report 50,
+ *      51.1 or 81.8 to 81.9 m);
  *   5. 80 m.
- * A range that is NaN, 0 or negative is passed on as it is: nothing is known. -infinity becomes
- * NaN.
  *
- * Mounting. A log gives the pose of the laser and that of the robot. When the one as seen from the
- * other is the same for all scans, to 0.01 m and 0.01 rad, that is where the sensor sits
- * (base_sensor, the mean). When not (in some corrected logs the laser's pose is the corrected one),
- * or farther away than CAIRN_SCAN_EXTENT, the sensor is taken to sit at the robot's origin, and
- * `fixed_mounting` is 0.
+ * A range that is NaN, 0 or negative is passed through unchanged and means an invalid reading.
+ * -infinity becomes NaN.
  *
- * Damage. A line that breaks its format is reported with its number, counted and left out, and
- * so is the end of a file that was cut. So are lines that no scanner writes: a maximum_range
- * above CAIRN_SCAN_EXTENT (a PARAM of the limit then is not read), a pose, bearing or motion
- * beyond 1e9. Only a file without any scan is an error. */
+ * Mounting. A log has the pose of the laser and the pose of the robot. When their relative pose is
+ * the same for all scans, to 0.01 m and 0.01 rad, the mean is the sensor's mounting (base_sensor,
+ * an extrinsic calibration). Otherwise, as in some corrected logs where the laser's pose is the
+ * corrected one, or when the sensor is farther away than CAIRN_SCAN_EXTENT, the sensor is at the
+ * robot's origin and fixed_mounting is 0.
+ *
+ * Faults. A malformed line is reported with its number, counted and skipped, and so is the end of a
+ * truncated file. So are implausible lines: a maximum_range above CAIRN_SCAN_EXTENT (a PARAM of the
+ * limit is then ignored), a pose, bearing or motion beyond 1e9. Only a file without any scan is an
+ * error. */
 #ifndef CAIRN_CARMEN_LOG_H
 #define CAIRN_CARMEN_LOG_H
 
@@ -53,113 +58,125 @@
 extern "C" {
 #endif
 
-/* The most ranges (and remissions) of one scan. */
+/* The maximum number of ranges, and of remissions, of one scan. */
 #define CAIRN_CARMEN_BEAMS_MOST 100000
 
+/* Parameters of the reader. */
 typedef struct cairn_carmen_params {
-    double range_max;   /* m; ranges from here on are no return. 0: found as said above */
-    double range_sigma; /* m; standard deviation handed on to the scans. Default 0.01 */
-    /* Called once for every fault, in order of lines, by _open (or _load); NULL: faults are only
-     * counted. */
+    /* m; ranges at or above it are no returns. 0: estimated by rules 2 to 5. Default 0 */
+    double range_max;
+    /* m; standard deviation of the ranges, copied into the scans. Default 0.01 */
+    double range_sigma;
+    /* Called once for each fault, in the order of the lines, by cairn_carmen_log_open() or
+     * cairn_carmen_load(). NULL: faults are only counted. */
     void (*on_fault)(void *context, const cairn_file_error *fault);
+    /* passed to on_fault */
     void *context;
 } cairn_carmen_params;
 
+/* Returns the default parameters. */
 cairn_carmen_params cairn_carmen_default(void);
 
-/* What a whole log holds. */
+/* Summary of a whole log. */
 typedef struct cairn_carmen_info {
     int64_t lines;
-    /* FLASER and ROBOTLASER1 lines that are whole */
+    /* well-formed FLASER and ROBOTLASER1 lines */
     int64_t scans;
-    /* ODOM lines that are whole */
+    /* well-formed ODOM lines */
     int64_t odometry;
-    /* messages of other kinds, PARAM included; comments and blank lines are not counted */
+    /* messages of other kinds, PARAM included, without comments and blank lines */
     int64_t ignored;
-    /* damaged lines and cut ends */
+    /* malformed lines and truncated ends */
     int64_t faults;
-    /* of all scans */
+    /* sum over all scans */
     int64_t beams;
-    /* of one scan */
+    /* fewest and most beams of one scan */
     int32_t beams_least;
     int32_t beams_most;
-    /* stamps of the first and the last scan */
+    /* stamps of the first and the last scan, ns */
     int64_t first_ns, last_ns;
-    /* of all scans */
+    /* earliest and latest stamp of all scans, ns */
     int64_t least_ns, most_ns;
-    /* scans that are stamped earlier than the scan before */
+    /* scans with a stamp earlier than the scan before */
     int64_t stamps_back;
-    /* m, along the robot's poses of the scans */
+    /* m, path length over the robot's odometry poses at the scans */
     double odometry_length;
-    /* rad, sum of the absolute turns between them */
+    /* rad, sum of the absolute rotations between them */
     double odometry_turn;
-    /* m, the limit of scans that do not name their own */
+    /* m, maximum range of scans without one of their own */
     double range_max;
-    /* 1: the sensor sits at base_sensor in all scans */
+    /* 1: the sensor's mounting is base_sensor in all scans */
     int32_t fixed_mounting;
+    /* the sensor's pose in the robot frame */
     cairn_pose base_sensor;
 } cairn_carmen_info;
 
+/* The kind of a record. */
 typedef int32_t cairn_carmen_kind;
 enum {
     CAIRN_CARMEN_SCAN = 0,    /* FLASER, ROBOTLASER1 */
     CAIRN_CARMEN_ODOMETRY = 1 /* ODOM */
 };
 
+/* A scan or an odometry message. */
 typedef struct cairn_carmen_record {
     cairn_carmen_kind kind;
-    /* ranges; 0 for odometry */
+    /* number of ranges; 0 for odometry */
     int32_t count;
-    /* from 1 */
+    /* number of the line, from 1 */
     int64_t line;
     int64_t stamp_ns;
-    /* where odometry sees the robot */
+    /* the robot's odometry pose */
     cairn_pose robot;
-    /* ... and the sensor, as logged; that of the robot for odometry */
+    /* the sensor's pose as logged; the robot's pose for odometry */
     cairn_pose laser;
-    /* [count] m; +inf: no return; NaN, <= 0: nothing known */
+    /* [count] m; +inf: no return; NaN, <= 0: invalid reading */
     const float *range;
-    /* the same as a scan: range, bearings, limit, mounting, stamp. Empty for odometry */
+    /* the record as input of a scan: ranges, bearings, maximum range, mounting, stamp. Empty for
+     * odometry */
     cairn_scan_input scan;
 } cairn_carmen_record;
 
+/* An open log. */
 typedef struct cairn_carmen_log cairn_carmen_log;
 
-/* Opens a log and reads it once through, for its info and its faults. CAIRN_EMPTY: no scan in
- * it; CAIRN_BAD_ARGUMENT: a range_max that is negative or above CAIRN_SCAN_EXTENT, a range_sigma
- * that is negative or not finite; CAIRN_IO, CAIRN_UNSUPPORTED (not a regular file),
- * CAIRN_NO_MEMORY. Memory: the longest line. params NULL: the default. */
+/* Opens a log and reads it once, for its summary and its faults. CAIRN_EMPTY: no scan;
+ * CAIRN_BAD_ARGUMENT: a range_max that is negative or above CAIRN_SCAN_EXTENT, a range_sigma that
+ * is negative or not finite; CAIRN_IO, CAIRN_UNSUPPORTED (not a regular file), CAIRN_NO_MEMORY.
+ * Memory: the longest line. params NULL: the defaults. */
 CAIRN_CHECKED cairn_status cairn_carmen_log_open(cairn_carmen_log **log, const char *path,
                                                  const cairn_carmen_params *params,
                                                  cairn_file_error *error);
 
+/* Returns the summary of the log. */
 cairn_carmen_info cairn_carmen_log_info(const cairn_carmen_log *log);
 
-/* The next scan or odometry line. The record's arrays are valid until the next call.
- * CAIRN_EMPTY: none left; CAIRN_IO, CAIRN_NO_MEMORY. */
+/* Reads the next scan or odometry message. The record's arrays are valid until the next call.
+ * CAIRN_EMPTY: the end of the log; CAIRN_IO, CAIRN_NO_MEMORY. */
 CAIRN_CHECKED cairn_status cairn_carmen_log_next(cairn_carmen_log *log, cairn_carmen_record *record,
                                                  cairn_file_error *error);
 
-/* Back to the first record. CAIRN_IO. */
+/* Rewinds to the first record. CAIRN_IO. */
 CAIRN_CHECKED cairn_status cairn_carmen_log_rewind(cairn_carmen_log *log, cairn_file_error *error);
 
-/* NULL is allowed. */
+/* Closes the log and frees its memory. NULL is allowed. */
 void cairn_carmen_log_close(cairn_carmen_log *log);
 
-/* All scans of a log at once. */
+/* All scans of a log. */
 typedef struct cairn_carmen_scans {
     cairn_carmen_record *record; /* [count] */
     int32_t count;
-    float *range; /* what the records' ranges point into */
+    float *range; /* storage of the records' ranges */
     cairn_carmen_info info;
 } cairn_carmen_scans;
 
-/* Statuses of _open and _next; on failure there is nothing to free. CAIRN_FULL: more than
- * INT32_MAX scans. */
+/* Reads all scans of a log. Statuses of cairn_carmen_log_open() and cairn_carmen_log_next(); on
+ * failure there is nothing to free. CAIRN_FULL: more than INT32_MAX scans. */
 CAIRN_CHECKED cairn_status cairn_carmen_load(cairn_carmen_scans *scans, const char *path,
                                              const cairn_carmen_params *params,
                                              cairn_file_error *error);
 
+/* Frees the arrays. */
 void cairn_carmen_scans_free(cairn_carmen_scans *scans);
 
 #ifdef __cplusplus

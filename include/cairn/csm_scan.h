@@ -1,16 +1,15 @@
-/* csm_scan: laser scans as the Canonical Scan Matcher (CSM) keeps them, one JSON object after
- * another, plain or gzipped:
+/* csm_scan: reader of laser scans in the JSON format of the Canonical Scan Matcher (CSM), one
+ * object after another, plain or gzipped.
  *
- *   {"nrays": 3, "min_theta": -1.57, "max_theta": 1.57, "theta": [-1.57, 0, 1.57], "readings":
- *   [2.5, null, 3.1],
- *    "valid": [1, 0, 1], "odometry": [0, 0, 0], "estimate": [0, 0, 0], "true_pose": [null, null,
- *    null], "timestamp": [1147713122, 541201]}
+ *   {"nrays": 3, "min_theta": -1.57, "max_theta": 1.57, "theta": [-1.57, 0, 1.57],
+ *    "readings": [2.5, null, 3.1], "valid": [1, 0, 1], "odometry": [0, 0, 0],
+ *    "estimate": [0, 0, 0], "true_pose": [null, null, null], "timestamp": [1147713122, 541201]}
  *
- * Ranges are in m, angles in rad, a timestamp is s and us, or s with decimals. Needed are nrays,
- * readings, and theta or both of min_theta and max_theta, between which the beams are then
- * spread evenly. A reading that is null, 0 or negative, or whose `valid` is 0, null or false,
- * says nothing; one from params.range_max on says that nothing came back. A pose with a null is
- * not known. Fields of other names are passed over; one that stands twice is refused. */
+ * Ranges are in m, angles in rad. A timestamp is s and us, or s with decimals. Required are nrays,
+ * readings, and theta or both of min_theta and max_theta, between which the rays are then evenly
+ * spaced. A reading that is null, 0 or negative, or whose `valid` is 0, null or false, is invalid.
+ * A reading at or above params.range_max is a no return. A pose with a null is unknown. Fields with
+ * other names are ignored; a duplicate field is an error. */
 #ifndef CAIRN_CSM_SCAN_H
 #define CAIRN_CSM_SCAN_H
 
@@ -21,37 +20,43 @@
 extern "C" {
 #endif
 
-/* The most rays of a scan. */
+/* The maximum number of rays of a scan. */
 #define CAIRN_CSM_RAYS_MOST 100000
 
+/* Parameters of the reader. */
 typedef struct cairn_csm_params {
-    double range_max;   /* m, above 0: ranges from here on are no return. Default 80 */
-    double range_sigma; /* m, standard deviation handed on to the scans. Default 0.01 */
+    double range_max; /* m, above 0; ranges at or above it are no returns. Default 80 */
+    /* m; standard deviation of the ranges, copied into the scans. Default 0.01 */
+    double range_sigma;
 } cairn_csm_params;
 
+/* Returns the default parameters. */
 cairn_csm_params cairn_csm_default(void);
 
+/* One scan. */
 typedef struct cairn_csm_scan {
-    int64_t line; /* of the file, from 1: where its object begins */
+    int64_t line; /* line of the file where its object begins, from 1 */
     cairn_scan_input scan;
-    cairn_pose odometry, estimate, true_pose; /* identity when not known */
+    cairn_pose odometry, estimate, true_pose; /* m, m, rad; identity when unknown */
     int32_t has_odometry, has_estimate, has_true_pose;
-    int32_t has_stamp; /* scan.stamp_ns is 0 without */
+    int32_t has_stamp; /* 0: no timestamp, scan.stamp_ns is 0 */
 } cairn_csm_scan;
 
+/* All scans of a file. */
 typedef struct cairn_csm_scans {
     cairn_csm_scan *scan; /* [count] */
     int32_t count;
-    int32_t rays_most; /* of one scan */
+    int32_t rays_most; /* most rays of one scan */
 } cairn_csm_scans;
 
-/* Reads a whole file. CAIRN_BAD_FORMAT, CAIRN_TRUNCATED: not as said above, the error names file
- * and line; CAIRN_EMPTY: no scan in it; CAIRN_UNSUPPORTED, CAIRN_IO, CAIRN_FULL (more rays, or
- * nested deeper, than can be), CAIRN_NO_MEMORY; CAIRN_BAD_ARGUMENT: params. params NULL: the
- * default. On failure there is nothing to free. */
+/* Reads a whole file. CAIRN_BAD_FORMAT, CAIRN_TRUNCATED: not in the format above, the error has
+ * file and line; CAIRN_EMPTY: no scan; CAIRN_FULL: more rays than CAIRN_CSM_RAYS_MOST or nested too
+ * deep; CAIRN_UNSUPPORTED (not a regular file), CAIRN_IO, CAIRN_NO_MEMORY; CAIRN_BAD_ARGUMENT:
+ * params. params NULL: the defaults. On failure there is nothing to free. */
 CAIRN_CHECKED cairn_status cairn_csm_load(cairn_csm_scans *scans, const char *path,
                                           const cairn_csm_params *params, cairn_file_error *error);
 
+/* Frees the scans. */
 void cairn_csm_scans_free(cairn_csm_scans *scans);
 
 #ifdef __cplusplus

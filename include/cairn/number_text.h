@@ -1,9 +1,9 @@
-/* number_text: numbers from and to text, the same under every locale.
+/* number: conversion of numbers from and to text, independent of the locale.
  *
- * Reading is exact: the double nearest to the decimal. Writing gives the shortest of 15 to 17
- * digits (float build: 6 to 9) that reads back as the same cairn_real. Stamps are decimal
- * seconds on paper and int64 nanoseconds in memory, and never pass through a floating-point
- * number. */
+ * Reading is correctly rounded: the result is the double nearest to the decimal. Writing gives the
+ * shortest of 15 to 17 digits (float build: 6 to 9) that reads back as the same cairn_real (round
+ * trip). Time stamps are decimal seconds in text and int64 nanoseconds in memory. They never pass
+ * through a floating-point number. */
 #ifndef CAIRN_NUMBER_TEXT_H
 #define CAIRN_NUMBER_TEXT_H
 
@@ -16,28 +16,29 @@
 extern "C" {
 #endif
 
-/* Room for any number or stamp as this room writes it, with the closing 0. */
+/* Bytes for any number or stamp that this module writes, with the terminating 0. */
 #define CAIRN_NUMBER_TEXT_BYTES 32
 
-/* The longest token that is taken for a number. */
+/* The maximum length of a decimal number, in bytes. A longer token is not a number. */
 #define CAIRN_NUMBER_TEXT_LONGEST 1024
 
-/* 1 and *value when all of text[0 .. length) is one decimal number:
- * [+-]digits[.digits][e[+-]digits], or nan, inf, infinity in any case and with a sign. 0
- * otherwise, and for a number above DBL_MAX: *value is untouched. */
+/* Parses all of text[0 .. length) as one decimal number: [+-]digits[.digits][e[+-]digits], or nan,
+ * inf, infinity in any case and with a sign. Returns 1 and sets *value. Returns 0 and leaves *value
+ * untouched for any other text and for a magnitude above DBL_MAX. */
 int32_t cairn_number_read(const char *text, size_t length, double *value);
 
-/* The same for a whole number without point and exponent that fits into int64_t. */
+/* The same for an integer in the range of int64_t, without point and exponent. */
 int32_t cairn_number_read_integer(const char *text, size_t length, int64_t *value);
 
-/* 1 and *nanoseconds when all of text[0 .. length) is one finite decimal number of seconds that
- * fits; rounded half away from zero to the nanosecond, from at most 19 digits. */
+/* Parses all of text[0 .. length) as a finite decimal number of seconds. Returns 1 and sets
+ * *nanoseconds, rounded half away from zero, from the first 19 digits. Returns 0 for other text and
+ * on overflow. */
 int32_t cairn_number_read_stamp(const char *text, size_t length, int64_t *nanoseconds);
 
-/* Writes the value, 0-terminated, and returns text. Not finite: nan, inf, -inf. */
+/* Writes the value, 0-terminated, and returns text. Values that are not finite: nan, inf, -inf. */
 char *cairn_number_write(char text[CAIRN_NUMBER_TEXT_BYTES], cairn_real value);
 
-/* Writes seconds with as many decimals as they need, none to nine. */
+/* Writes a stamp in seconds with zero to nine decimals, as many as necessary, and returns text. */
 char *cairn_number_write_stamp(char text[CAIRN_NUMBER_TEXT_BYTES], int64_t nanoseconds);
 
 #ifdef __cplusplus

@@ -1,8 +1,9 @@
-/* output: files that are either whole or not there.
+/* output: atomic file output. A file is either complete or unchanged.
  *
- * An output is written beside its target under another name and renamed onto it by the commit;
- * until then the target is as it was. Where the target is a link, the file it leads to is
- * replaced; where it is a device or pipe, it is written directly. */
+ * An output is written to a temporary file in the target's folder. The commit renames it onto the
+ * target (write, fsync, rename); until then the target is unchanged. If the target is a symbolic
+ * link, the file that it refers to is replaced. If the target is a device or a pipe, it is written
+ * directly. */
 #ifndef CAIRN_OUTPUT_H
 #define CAIRN_OUTPUT_H
 
@@ -14,40 +15,40 @@
 extern "C" {
 #endif
 
+/* An output in progress. */
 typedef struct cairn_output cairn_output;
 
-/* Begins to write `path`. CAIRN_IO when the folder is missing or not writable, or the path is a
+/* Opens an output for `path`. CAIRN_IO: the folder is missing or not writable, or the path is a
  * folder; CAIRN_NO_MEMORY. */
 CAIRN_CHECKED cairn_status cairn_output_open(cairn_output **output, const char *path,
                                              cairn_file_error *error);
 
-/* Appends. A failure is kept and returned by the commit, so that a writer need not look after
- * every piece. */
+/* Appends bytes. A write error is stored and returned by the commit, so that a caller need not
+ * check every call. */
 void cairn_output_bytes(cairn_output *output, const void *bytes, size_t count);
 
-/* Appends like printf, but never under the user's locale. */
+/* Appends formatted text as printf does, under the "C" locale. */
 void cairn_output_print(cairn_output *output, const char *format, ...) CAIRN_FORMAT(2, 3);
 
-/* Ends the output, which is freed in any case. CAIRN_OK: the target is the new file, whole.
- * CAIRN_IO: it is as it was. */
+/* Closes and frees the output, also on failure. CAIRN_OK: the target is the complete new file.
+ * CAIRN_IO: the target is unchanged. */
 CAIRN_CHECKED cairn_status cairn_output_commit(cairn_output *output, cairn_file_error *error);
 
-/* Ends the output and leaves the target as it was. NULL is allowed. */
+/* Frees the output and leaves the target unchanged. NULL is allowed. */
 void cairn_output_discard(cairn_output *output);
 
-/* Makes the folder and those above it that are missing. CAIRN_OK when it is there already;
- * CAIRN_IO. */
+/* Creates a folder and its missing parents. CAIRN_OK also when it exists already; CAIRN_IO. */
 CAIRN_CHECKED cairn_status cairn_output_folder(const char *path, cairn_file_error *error);
 
-/* "folder/name", or the name alone when the folder is "" or the name is absolute; to be freed,
- * NULL when there is no memory. */
+/* Returns "folder/name", or the name alone when the folder is "" or the name is absolute. The
+ * caller frees the string; NULL: out of memory. */
 char *cairn_path_join(const char *folder, const char *name);
 
-/* The folder of a path as a string to be freed: "" when the path names none; NULL when there is
- * no memory. */
+/* Returns the folder of a path, "" when the path has none. The caller frees the string; NULL: out
+ * of memory. */
 char *cairn_path_folder(const char *path);
 
-/* Where the last part of a path begins, within it. */
+/* Returns the last component of a path, a pointer into `path`. */
 const char *cairn_path_name(const char *path);
 
 #ifdef __cplusplus

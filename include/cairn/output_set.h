@@ -1,9 +1,9 @@
-/* output_set: several files of one folder that come all or none.
+/* output_set: atomic output of several files of one folder: all are replaced, or none.
  *
- * The files are written into a folder of their own within the target folder, by whatever writes
- * a file to a path, and moved to their places when all are there. Files of the same names that
- * are there are replaced by the commit; until then they are as they were. A file that names
- * another (a map its image) must do so without a folder. */
+ * The files are written to a staging folder within the target folder, by any function that writes a
+ * file to a path. The commit renames all of them to their targets. Existing files of the same names
+ * are replaced by the commit and are unchanged until then. A file that refers to another one of the
+ * set (a map to its image) must do so without a folder. */
 #ifndef CAIRN_OUTPUT_SET_H
 #define CAIRN_OUTPUT_SET_H
 
@@ -13,33 +13,35 @@
 extern "C" {
 #endif
 
-/* The most files of a set. */
+/* The maximum number of files in a set. */
 #define CAIRN_OUTPUT_SET_MOST 16
 
+/* A set in progress. */
 typedef struct cairn_output_set cairn_output_set;
 
-/* Whether _open would be refused, for a user who should not wait for that; makes nothing. names:
- * [count], without '/'. CAIRN_OK: the folder, or the nearest one above it that is there, can be
- * written to, and none of the names is a folder. CAIRN_IO, CAIRN_NO_MEMORY. */
+/* Checks whether cairn_output_set_open() would succeed, before a long computation; creates nothing.
+ * names: [count], without '/'. CAIRN_OK: the folder, or its nearest existing parent, is writable
+ * and none of the names is a folder. CAIRN_IO, CAIRN_NO_MEMORY. */
 CAIRN_CHECKED cairn_status cairn_output_set_check(const char *folder, const char *const *names,
                                                   int32_t count, cairn_file_error *error);
 
-/* Begins a set; the folder and those above it are made where they are missing.
- * CAIRN_BAD_ARGUMENT: count outside 1 ... CAIRN_OUTPUT_SET_MOST; statuses of _check. */
+/* Opens a set and creates missing folders. CAIRN_BAD_ARGUMENT: count outside 1 ...
+ * CAIRN_OUTPUT_SET_MOST; statuses of cairn_output_set_check(). */
 CAIRN_CHECKED cairn_status cairn_output_set_open(cairn_output_set **set, const char *folder,
                                                  const char *const *names, int32_t count,
                                                  cairn_file_error *error);
 
-/* Where file `index` is to be written, 0 <= index < count. Valid until the set ends. */
+/* Returns the path to which file `index`, 0 <= index < count, has to be written. Valid until the
+ * set is committed or discarded. */
 const char *cairn_output_set_path(const cairn_output_set *set, int32_t index);
 
-/* Ends the set, which is freed in any case. CAIRN_OK: all files are in their places. CAIRN_IO: a
- * file was not written or cannot be replaced, and the folder is as it was; where the file system
- * knows no hard links, files that were replaced before that stay new. */
+/* Moves all files to their targets and frees the set, also on failure. CAIRN_OK: all files are in
+ * place. CAIRN_IO: a file was not written or cannot be replaced, and the folder is unchanged. On a
+ * file system without hard links, files that were replaced before the failure stay replaced. */
 CAIRN_CHECKED cairn_status cairn_output_set_commit(cairn_output_set *set, cairn_file_error *error);
 
-/* Ends the set and leaves everything as it was; folders that _open has made go again. NULL is
- * allowed. */
+/* Frees the set and leaves all files unchanged. Folders that cairn_output_set_open() created are
+ * removed. NULL is allowed. */
 void cairn_output_set_discard(cairn_output_set *set);
 
 #ifdef __cplusplus

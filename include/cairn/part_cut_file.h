@@ -1,9 +1,9 @@
-/* part_cut_file: fragments of an outline by hand, in their bundles, as a text file.
+/* part_cut_file: reader of manual fragments of an outline and their part bundles, as a text file.
  *
- *   0 31 0                           # from which sample of the outline to which, on in their
- *   order; of which bundle 31 60 1
+ *   0 31 0                           # first and last sample of the outline, in order; bundle
+ *   31 60 1
  *
- * Numbers are separated by blanks; # begins a comment. Samples are those of the model's first
+ * Numbers are separated by blanks. # begins a comment. Samples are those of the model's first
  * outline (cairn model), from 0. */
 #ifndef CAIRN_PART_CUT_FILE_H
 #define CAIRN_PART_CUT_FILE_H
@@ -15,10 +15,10 @@
 extern "C" {
 #endif
 
-/* Reads cuts, plain or gzipped. CAIRN_BAD_FORMAT: a line is not as said; CAIRN_FULL: more than
- * CAIRN_PART_FRAGMENTS; CAIRN_EMPTY: none; CAIRN_TRUNCATED (gzip), CAIRN_UNSUPPORTED (not a
- * regular file), CAIRN_IO, CAIRN_NO_MEMORY. The error names the line; *count is 0 then. Whether
- * an outline has these samples is not known here. */
+/* Reads the fragments, plain or gzipped. CAIRN_BAD_FORMAT: a line is not in the format above;
+ * CAIRN_FULL: more than CAIRN_PART_FRAGMENTS; CAIRN_EMPTY: none; CAIRN_TRUNCATED (gzip),
+ * CAIRN_UNSUPPORTED (not a regular file), CAIRN_IO, CAIRN_NO_MEMORY. The error has the line; on
+ * failure *count is 0. Limits: the samples are not checked against an outline. */
 CAIRN_CHECKED cairn_status cairn_part_cut_file_read(cairn_part_cut cuts[CAIRN_PART_FRAGMENTS],
                                                     int32_t *count, const char *path,
                                                     cairn_file_error *error);

@@ -1,11 +1,13 @@
-/* pose_graph_file: pose graphs as g2o files, solved and drawn.
+/* pose_graph_file: pose graphs as g2o files: reading, writing, solving and drawing.
  *
  *   VERTEX_SE2 id x y theta
- *   EDGE_SE2 id id x y theta  i11 i12 i13 i22 i23 i33      second seen from first, and its
- *   information matrix FIX id ...
+ *   EDGE_SE2 id id x y theta  i11 i12 i13 i22 i23 i33
+ *   FIX id ...
  *
- * plain or gzipped, in any order; blank lines and lines that begin with # are passed over. A
- * file without any VERTEX_SE2 gets its poses from its edges, those between consecutive numbers
+ * An edge is the relative pose of the second vertex in the frame of the first, with its information
+ * matrix (upper triangle). Units are m and rad. Files are plain or gzipped, lines in any order.
+ * Blank lines and lines that begin with # are skipped. In a file without any VERTEX_SE2 the initial
+ * poses are composed along a spanning tree of the edges, with edges between consecutive ids
  * first. */
 #ifndef CAIRN_POSE_GRAPH_FILE_H
 #define CAIRN_POSE_GRAPH_FILE_H
@@ -17,86 +19,103 @@
 extern "C" {
 #endif
 
+/* A vertex of the graph. */
 typedef struct cairn_pose_graph_vertex {
-    int64_t id;   /* as in the file, >= 0 */
-    int64_t line; /* where it is named first */
-    cairn_pose pose;
-    int32_t fixed; /* 1: FIX */
+    int64_t id;      /* as in the file, >= 0 */
+    int64_t line;    /* of its first occurrence, from 1 */
+    cairn_pose pose; /* m, m, rad */
+    int32_t fixed;   /* 1: FIX, the pose is held constant */
 } cairn_pose_graph_vertex;
 
+/* An edge (constraint) of the graph. */
 typedef struct cairn_pose_graph_edge {
-    int32_t first, second; /* indices of vertices */
-    int64_t line;
-    cairn_pose first_second;
-    cairn_sym3 information;
+    int32_t first, second;   /* indices of vertices */
+    int64_t line;            /* from 1 */
+    cairn_pose first_second; /* relative pose of the second in the frame of the first */
+    cairn_sym3 information;  /* 1/m^2, 1/rad^2, 1/(m rad) */
 } cairn_pose_graph_edge;
 
+/* A pose graph on the heap. */
 typedef struct cairn_pose_graph_file {
     cairn_pose_graph_vertex *vertex; /* [vertex_count] by ascending id */
     cairn_pose_graph_edge *edge;     /* [edge_count] in the order of the file */
     int32_t vertex_count, edge_count;
-    int32_t chained; /* 1: the poses come from the edges */
+    int32_t chained; /* 1: the initial poses were composed from the edges */
 } cairn_pose_graph_file;
 
-/* Reads a graph into memory that _free gives back. Refused, with the line: CAIRN_BAD_FORMAT: not
- * numbers, fields missing or too many, a vertex twice, an edge or FIX of a vertex that is not
- * there, an edge of a vertex with itself, an information matrix that is not positive definite, a
- * vertex that no edges join to the first one; CAIRN_NOT_FINITE; CAIRN_UNSUPPORTED: other
- * elements of g2o. CAIRN_EMPTY: no edge. CAIRN_IO, CAIRN_TRUNCATED, CAIRN_NO_MEMORY. */
+/* Reads a graph, to be freed by cairn_pose_graph_file_free(). CAIRN_BAD_FORMAT with the line: a
+ * field that is no number, missing or surplus fields, a duplicate vertex, an edge or FIX of an
+ * unknown vertex, an edge from a vertex to itself, an information matrix that is not positive
+ * definite, a graph that is not connected; CAIRN_NOT_FINITE; CAIRN_UNSUPPORTED: other elements of
+ * g2o. CAIRN_EMPTY: no edge. CAIRN_IO, CAIRN_TRUNCATED, CAIRN_NO_MEMORY. On failure there is
+ * nothing to free. */
 CAIRN_CHECKED cairn_status cairn_pose_graph_file_read(cairn_pose_graph_file *file, const char *path,
                                                       cairn_file_error *error);
 
-/* Writes the whole graph, or nothing. Numbers read back as the same bits. CAIRN_NOT_FINITE,
- * CAIRN_IO, CAIRN_NO_MEMORY. */
+/* Writes a graph atomically. Numbers read back bit-exactly. CAIRN_NOT_FINITE, CAIRN_IO,
+ * CAIRN_NO_MEMORY. */
 CAIRN_CHECKED cairn_status cairn_pose_graph_file_write(const char *path,
                                                        const cairn_pose_graph_file *file,
                                                        cairn_file_error *error);
 
+/* Frees the arrays. */
 void cairn_pose_graph_file_free(cairn_pose_graph_file *file);
 
 /* ---- Solving ---- */
 
+/* The linear solver. */
 typedef int32_t cairn_pose_graph_file_solver;
 enum {
     CAIRN_POSE_GRAPH_BUILTIN = 0, /* block_solver */
     CAIRN_POSE_GRAPH_SPARSE = 1   /* SuiteSparse, see sparse_solver.h */
 };
 
+/* Settings and results of solving a graph. */
 typedef struct cairn_pose_graph_solution {
-    /* in */
+    /* input: the linear solver */
     cairn_pose_graph_file_solver solver;
-    /* in: 1: no link is dropped */
+    /* input: 1: outliers are not rejected */
     int32_t keep_all;
-    /* [vertex_count] */
+    /* [vertex_count] optimized poses: m, m, rad */
     cairn_pose *pose;
-    /* [edge_count] 1: dropped */
+    /* [edge_count] 1: the edge was rejected as an outlier */
     uint8_t *outlier;
+    /* rejected edges */
     int32_t outliers;
-    /* 1: least squares of all links did not explain them, and the robust kernel was used */
+    /* 1: plain least squares failed the chi-squared test, and the robust kernel was used */
     int32_t robust;
-    /* of the last solution; chi2 is that of the links that are kept */
+    /* state of the last optimization; its chi2 is that of the inlier edges */
     cairn_pose_graph_state state;
-    /* of all links at the poses of the file */
+    /* chi2 of all edges at the initial poses */
     double chi2_initial;
-    /* of all links at the poses found */
+    /* chi2 of all edges at the optimized poses */
     double chi2_all;
-    /* of graph and solver */
+    /* memory of graph and solver, bytes */
     size_t pool_bytes;
 } cairn_pose_graph_solution;
 
-/* Solves a graph: least squares first; when its chi2 is beyond what good links give by chance
- * (six standard deviations of chi2 with 3 links - 3 poses degrees of freedom), again with the
- * kernel of Geman and McClure from the poses of the file, and then by least squares of the links
- * that are within 99.9 % there. The graph's own poses stay as they are. CAIRN_UNSUPPORTED:
- * SuiteSparse is not installed. CAIRN_NOT_FINITE: a cost overflows. CAIRN_NO_MEMORY, also where
- * the factor would have more than 2^26 blocks. On failure there is nothing to free. */
+/* Optimizes the poses of a graph, with rejection of outlier edges. The graph's own poses do not
+ * change.
+ *
+ * Method
+ * 1. Nonlinear least squares with all edges.
+ * 2. Chi-squared test: chi2 must not exceed its mean by more than six standard deviations, with 3
+ *    edges - 3 poses degrees of freedom. If it passes, or keep_all is set, the solution is final.
+ * 3. Otherwise robust estimation with the Geman-McClure kernel from the initial poses.
+ * 4. Edges whose chi2 there exceeds the 99.9 % quantile are outliers. Least squares of the inliers
+ *    gives the solution.
+ *
+ * CAIRN_UNSUPPORTED: SuiteSparse is not installed; CAIRN_NOT_FINITE: a cost overflows;
+ * CAIRN_NO_MEMORY, also when the factor has more than 2^26 blocks. On failure there is nothing to
+ * free. */
 CAIRN_CHECKED cairn_status cairn_pose_graph_file_solve(const cairn_pose_graph_file *file,
                                                        cairn_pose_graph_solution *solution);
 
+/* Frees the arrays. */
 void cairn_pose_graph_solution_free(cairn_pose_graph_solution *solution);
 
-/* Draws the graph before and after as an SVG picture: links grey, dropped ones red. CAIRN_IO,
- * CAIRN_NO_MEMORY. */
+/* Draws the graph before and after optimization as an SVG picture: edges grey, outliers red.
+ * CAIRN_IO, CAIRN_NO_MEMORY. */
 CAIRN_CHECKED cairn_status cairn_pose_graph_file_draw(const char *path,
                                                       const cairn_pose_graph_file *file,
                                                       const cairn_pose_graph_solution *solution,

@@ -1,13 +1,14 @@
-/* report: pictures of maps and figures as SVG, and pages that play how a map came to be.
+/* report: pictures of maps and plots as SVG, and HTML pages that play back the steps of a mapping
+ * run.
  *
- * A picture has one to four panels side by side, all in one scale, such as the poses before and
- * after an alignment. A panel shows the walls that the scans saw, mapped by the panel's poses, or
- * an occupancy grid; over it the robot's path, coloured from its start to its end. Below stand a
- * legend and a scale bar. Where there are too many walls to draw one by one they become a picture
- * within the picture (a PNG) whose darkness grows with the number of points.
+ * A map picture has one to four panels side by side in one scale, such as the poses before and
+ * after an alignment. A panel shows the walls of the scans, transformed by the panel's poses, or an
+ * occupancy grid, and over it the robot's path, coloured from its start to its end. Below are a
+ * legend and a scale bar. When there are too many walls to draw as vectors, they are embedded as a
+ * density image (PNG) that is darker where more points fall.
  *
- * Each panel shows the middle 99 % of its points in x and in y, and all its poses; what lies
- * outside is cut off. */
+ * Each panel shows the central 99 % of its points in x and in y, and all its poses. Points outside
+ * are clipped. */
 #ifndef CAIRN_REPORT_H
 #define CAIRN_REPORT_H
 
@@ -18,10 +19,11 @@
 extern "C" {
 #endif
 
+/* The maximum number of panels of a picture. */
 #define CAIRN_REPORT_PANELS_MOST 4
 
-/* What a scan saw, in the frame of its pose. Segments are drawn when there are any, otherwise
- * the points. */
+/* Points and walls of a scan in the frame of its pose, m. The segments are drawn when there are
+ * any, otherwise the points. */
 typedef struct cairn_report_scan {
     const cairn_vec2 *point;
     const cairn_segment *segment;
@@ -29,187 +31,201 @@ typedef struct cairn_report_scan {
     int32_t segment_count;
 } cairn_report_scan;
 
-/* A grid to draw in place of the scans' walls. */
+/* An occupancy grid to draw in place of the scans' walls. */
 typedef struct cairn_report_grid {
     const uint8_t *pixel; /* [height * width] grey, 0 black .. 255 white; row 0 lowest */
     int32_t width, height;
-    cairn_real resolution; /* m */
-    cairn_pose origin;     /* of the lower left corner of pixel (0, 0) */
+    cairn_real resolution; /* m per cell */
+    cairn_pose origin;     /* pose of the lower left corner of pixel (0, 0); m, m, rad */
 } cairn_report_grid;
 
+/* One panel of a map picture. */
 typedef struct cairn_report_panel {
-    const char *title;             /* UTF-8; NULL: none */
-    const char *note;              /* small, to the right of the title; NULL: none */
-    const cairn_pose *pose;        /* [scan_count] */
-    const uint8_t *doubtful;       /* [scan_count] 1: drawn in red; NULL: none is */
-    const cairn_report_grid *grid; /* NULL: walls from the scans */
+    const char *title;      /* NULL: none. All texts are UTF-8 */
+    const char *note;       /* small, to the right of the title; NULL: none */
+    const cairn_pose *pose; /* [scan_count] poses of the scans; m, m, rad */
+    /* [scan_count] 1: a pose with low confidence, drawn in red; NULL: none */
+    const uint8_t *doubtful;
+    const cairn_report_grid *grid; /* NULL: the walls of the scans are drawn */
 } cairn_report_panel;
 
+/* A map picture. */
 typedef struct cairn_report_map {
     /* NULL: none */
     const char *title;
     /* NULL: none */
     const char *subtitle;
     const cairn_report_panel *panel;
-    /* [scan_count], the same in all panels; NULL: only poses and grids */
+    /* [scan_count], shared by all panels; NULL: only poses and grids */
     const cairn_report_scan *scan;
     /* 1 .. CAIRN_REPORT_PANELS_MOST */
     int32_t panel_count;
-    /* above 0 */
+    /* scans and poses, above 0 */
     int32_t scan_count;
-    /* 1: the poses are a path in their order. Default 1 */
+    /* 1: the poses are connected in order as a path. Default 1 */
     int32_t connect;
-    /* 1: the walls of a scan have the colour of its place in the path. Default 0 */
+    /* 1: the walls of a scan have the colour of its position along the path. Default 0 */
     int32_t colour_scans;
-    /* points or segments of one panel that are drawn one by one. Default 20000 */
+    /* limit of the points or segments drawn as vectors in a panel; beyond it they are drawn as a
+     * density image. Default 20000 */
     int32_t elements_most;
-    /* of the picture in pixels, 200 .. 10000. Default 1200 */
+    /* width of the picture in pixels, 200 .. 10000. Default 1200 */
     int32_t width;
 } cairn_report_map;
 
+/* Returns a map picture with the defaults and without panels. */
 cairn_report_map cairn_report_map_default(void);
 
-/* Writes the picture, or nothing. CAIRN_BAD_ARGUMENT: a count, width or grid size outside its
- * range, or a NULL pose; CAIRN_NOT_FINITE: a pose, point, segment or grid origin (the error says
- * which); CAIRN_IO, CAIRN_NO_MEMORY. Cost: linear in points. */
+/* Writes the picture atomically. CAIRN_BAD_ARGUMENT: a count, width or grid size outside its range,
+ * or a NULL pose; CAIRN_NOT_FINITE: a pose, point, segment or grid origin, named in the error;
+ * CAIRN_IO, CAIRN_NO_MEMORY. Cost: linear in points. */
 CAIRN_CHECKED cairn_status cairn_report_map_write(const char *path, const cairn_report_map *map,
                                                   cairn_file_error *error);
 
 /* ---- Figures: plots of points, lines and bars side by side ---- */
 
+/* The maximum number of plots of a figure. */
 #define CAIRN_REPORT_PLOTS_MOST 4
 
+/* The marks of a layer. */
 typedef int32_t cairn_report_mark;
 enum {
     /* point: [count] */
     CAIRN_REPORT_DOTS = 0,
-    /* point: [2 count] from, to */
+    /* point: [2 count] start and end of each line */
     CAIRN_REPORT_LINES = 1,
-    /* point: [count] bars at x from 0 to y, as wide as `width` in units of x */
+    /* point: [count] bars at x from 0 to y; `width` is in units of x */
     CAIRN_REPORT_BARS = 2
 };
 
+/* One data series of a plot. */
 typedef struct cairn_report_layer {
-    const char *name;   /* in the key, which a name enters once; NULL: not there */
+    const char *name;   /* in the legend, once for each name; NULL: not in the legend */
     const char *colour; /* "#1e293b" */
     cairn_report_mark mark;
     int32_t count;
     const cairn_vec2 *point;
-    double width;   /* above 0: of dots and lines in pixels */
+    double width;   /* above 0; of dots and lines in pixels */
     double opacity; /* above 0, up to 1 */
 } cairn_report_layer;
 
+/* One plot of a figure. */
 typedef struct cairn_report_plot {
     const char *title; /* NULL: none */
     const char *note;  /* small, to the right of the title; NULL: none */
-    /* With their units. Both NULL: a map in m, equal scales in x and y and a scale bar in place
-     * of axes. */
+    /* Labels of the axes with their units. Both NULL: a map in m, with equal scales in x and y and
+     * a scale bar in place of axes. */
     const char *x_label, *y_label;
     const cairn_report_layer *layer; /* [layer_count], drawn in their order */
     int32_t layer_count;
-    cairn_box box;         /* what is shown; empty: all */
-    double x_step, y_step; /* between the numbers of the axes; 0: as many as have room */
+    cairn_box box;         /* the displayed range; empty: that of all layers */
+    double x_step, y_step; /* between the ticks of the axes; 0: automatic */
 } cairn_report_plot;
 
+/* A figure. */
 typedef struct cairn_report_figure {
     const char *title;    /* NULL: none */
     const char *subtitle; /* NULL: none */
     const cairn_report_plot *plot;
     int32_t plot_count; /* 1 .. CAIRN_REPORT_PLOTS_MOST */
-    int32_t width;      /* of the picture in pixels, 200 .. 10000. Default 1200 */
+    int32_t width;      /* width of the picture in pixels, 200 .. 10000. Default 1200 */
 } cairn_report_figure;
 
+/* Returns a figure with the default width and without plots. */
 cairn_report_figure cairn_report_figure_default(void);
 
-/* Writes the figure (SVG), or nothing. CAIRN_BAD_ARGUMENT: a count, width, opacity or mark
- * outside its range, NULL points, one label without the other, a step below 0; CAIRN_NOT_FINITE:
- * a point or box (beyond 1e9 too); CAIRN_IO, CAIRN_NO_MEMORY. Linear. */
+/* Writes the figure as SVG, atomically. CAIRN_BAD_ARGUMENT: a count, width, opacity or mark outside
+ * its range, NULL points, one label without the other, a step below 0; CAIRN_NOT_FINITE: a point or
+ * box that is not finite or beyond 1e9; CAIRN_IO, CAIRN_NO_MEMORY. Cost: linear in points. */
 CAIRN_CHECKED cairn_status cairn_report_figure_write(const char *path,
                                                      const cairn_report_figure *figure,
                                                      cairn_file_error *error);
 
-/* ---- The player: a page (HTML) that plays how a map came to be ----
+/* ---- Player: an HTML page that plays back the steps of a mapping run ----
  *
  *     open -> add scans, frames and links in their order -> write -> free
  *
- * The page holds all that it shows, no other file and no network. It has every frame with a slider,
- * play, pause and keys, the curves with a cursor, a key that switches what is drawn, and a dark and
- * a light dress. `#frame=N` behind its address opens it at step N; `theme=dark`,
- * `show=walls,forces`, `hide=points` and `view=X,Y,WIDTH` (m) may follow, each after `&`.
+ * The page is self-contained: no other file and no network. It shows every frame, with a slider,
+ * play, pause and keyboard shortcuts, curves with a cursor, a legend that switches layers on and
+ * off, and a light and a dark theme. The fragment `#frame=N` of its address opens it at step N;
+ * `theme=dark`, `show=walls,forces`, `hide=points` and `view=X,Y,WIDTH` (m) may follow, separated
+ * by `&`.
  *
- * What would make the page too large is thinned out evenly while it is recorded or written, and
- * the page says by how much. Coordinates are rounded: poses to 0.1 mm and 0.01 mrad, points and
- * walls to 2 mm, regions and forces to 5 mm. */
+ * Data beyond the limits below are subsampled evenly, and the page states the factor. Coordinates
+ * are quantized: poses to 0.1 mm and 0.01 mrad, points and walls to 2 mm, regions and forces to 5
+ * mm. */
 typedef struct cairn_report_player cairn_report_player;
 
+/* The maximum number of curves of a player. */
 #define CAIRN_REPORT_CURVES_MOST 4
 
+/* A quantity that is plotted over the frames. */
 typedef struct cairn_report_curve {
     const char *name;
-    const char *unit; /* "m"; NULL or "": a pure number */
+    const char *unit; /* such as "m"; NULL or "": dimensionless */
     const char *note; /* a line below the curve; NULL: none */
 } cairn_report_curve;
 
-/* Texts are UTF-8 and are copied. */
+/* Parameters of a player; defaults in brackets. Texts are UTF-8 and are copied. */
 typedef struct cairn_report_player_params {
     /* NULL: none */
     const char *title;
     /* NULL: none */
     const char *subtitle;
-    /* what a frame shows the end of. Default "step" */
+    /* the name of a step. Default "step" */
     const char *step_name;
     /* [curve_count] */
     const cairn_report_curve *curve;
     /* 0 .. CAIRN_REPORT_CURVES_MOST */
     int32_t curve_count;
-    /* 1: the poses are a path in their order. Default 0 */
+    /* 1: the poses are connected in order as a path. Default 0 */
     int32_t connect;
-    /* 2 or more: of so many every second one goes (600) */
+    /* limit of frames, 2 or more: beyond it every second frame is dropped (600) */
     int32_t frames_most;
-    /* of all frames together, 2 or more: likewise (2,000,000) */
+    /* limit of the poses of all frames, 2 or more: likewise (2,000,000) */
     int64_t poses_most;
-    /* of all scans, likewise walls, 1 or more (200,000) */
+    /* limit of the points, and of the walls, of all scans, 1 or more (200,000) */
     int64_t points_most;
-    /* of all frames, likewise regions and guesses, 1 or more (150,000) */
+    /* limit of the forces, regions, and hypotheses of all frames, each 1 or more (150,000) */
     int64_t forces_most;
-    /* m, >= 0: of the regions of interest (0) */
+    /* radius of the regions of interest, m, >= 0 (0) */
     cairn_real region_radius;
 } cairn_report_player_params;
 
-/* A force in the map at the poses of its frame. The longest arrow of a frame stands for its
- * largest force. */
+/* A force on a point of the map, in the map frame. Arrows are scaled to the largest force of a
+ * frame. */
 typedef struct cairn_report_force {
     cairn_vec2 at;
     cairn_vec2 force;
 } cairn_report_force;
 
-/* A straight piece of what the map is guessed to hold beside what scans show: a line, a side of
- * a room. */
+/* A segment of a hypothesized structure that no scan shows yet, such as a line or a side of a
+ * rectangle. */
 typedef struct cairn_report_guess {
     cairn_segment segment;
-    cairn_real strength; /* 0 ... 1 */
+    cairn_real strength; /* relative weight, 0 ... 1 */
 } cairn_report_guess;
 
-/* The poses after a step, and what is known about them. Arrays are copied. */
+/* The state after a step. Arrays are copied. */
 typedef struct cairn_report_frame {
-    /* as shown; grows from frame to frame */
+    /* as displayed; increases from frame to frame */
     int64_t step;
-    /* a few words, such as "sigma 0.12 m"; NULL: none */
+    /* a short label, such as "sigma 0.12 m"; NULL: none */
     const char *label;
-    /* [pose_count] of the first pose_count scans */
+    /* [pose_count] poses of the first pose_count scans; m, m, rad */
     const cairn_pose *pose;
-    /* [pose_count] 1: drawn in red; NULL: none is */
+    /* [pose_count] 1: a pose with low confidence, drawn in red; NULL: none */
     const uint8_t *doubtful;
-    /* [pose_count] -1, or a scan whose colour this one takes: the part it belongs to; NULL: all
+    /* [pose_count] submap of each scan: -1: none, or the scan whose colour it takes; NULL: all
      * -1 */
     const int32_t *part;
-    /* [curve_count] NaN: not known. NULL: none is */
+    /* [curve_count] values of the curves; NaN: unknown; NULL: all unknown */
     const double *value;
-    /* [region_count] centres of regions of interest in the map */
+    /* [region_count] centres of the regions of interest, m */
     const cairn_vec2 *region;
-    /* [force_count] */
+    /* [force_count] forces */
     const cairn_report_force *force;
-    /* [guess_count] */
+    /* [hypothesis_count] segments of hypotheses */
     const cairn_report_guess *guess;
     int32_t pose_count;
     int32_t region_count;
@@ -217,43 +233,45 @@ typedef struct cairn_report_frame {
     int32_t guess_count;
 } cairn_report_frame;
 
+/* Returns the default parameters. */
 cairn_report_player_params cairn_report_player_default(void);
 
-/* CAIRN_BAD_ARGUMENT: NULL, a limit or count outside its range; CAIRN_NO_MEMORY. */
+/* Creates a player. CAIRN_BAD_ARGUMENT: NULL, a limit or count outside its range;
+ * CAIRN_NO_MEMORY. */
 CAIRN_CHECKED cairn_status cairn_report_player_open(cairn_report_player **player,
                                                     const cairn_report_player_params *params);
 
-/* Adds a scan; its points and segments are copied. index: what the page calls it.
- * CAIRN_BAD_ARGUMENT: NULL, a negative count; CAIRN_NOT_FINITE; CAIRN_NO_MEMORY: nothing was
- * added. */
+/* Adds a scan; its points and segments are copied. index: the number that the page displays.
+ * CAIRN_BAD_ARGUMENT: NULL, a negative count; CAIRN_NOT_FINITE; CAIRN_NO_MEMORY: the player is
+ * unchanged. */
 CAIRN_CHECKED cairn_status cairn_report_player_add_scan(cairn_report_player *player,
                                                         const cairn_report_scan *scan,
                                                         int64_t index);
 
-/* Adds a frame. The last one is always kept. CAIRN_BAD_ARGUMENT: NULL, a count that is negative
- * or above the number of scans, a part that is no scan, a strength outside 0 ... 1, a step not
- * above the last one; CAIRN_NOT_FINITE: a pose, region, force or guess that is not finite or
- * beyond 1e9; CAIRN_NO_MEMORY: nothing was added. Linear in the frame. */
+/* Adds a frame. The last frame is always kept. CAIRN_BAD_ARGUMENT: NULL, a count that is negative
+ * or above the number of scans, an unknown submap, a strength outside 0 ... 1, a step not above the
+ * previous one; CAIRN_NOT_FINITE: a pose, region, force or hypothesis that is not finite or beyond
+ * 1e9; CAIRN_NO_MEMORY: the player is unchanged. Cost: linear in the frame. */
 CAIRN_CHECKED cairn_status cairn_report_player_add_frame(cairn_report_player *player,
                                                          const cairn_report_frame *frame);
 
-/* Adds a loop between two scans, to be drawn from the next frame on. CAIRN_BAD_ARGUMENT: no such
+/* Adds a loop closure between two scans, drawn from the next frame on. CAIRN_BAD_ARGUMENT: unknown
  * scans; CAIRN_NO_MEMORY. */
 CAIRN_CHECKED cairn_status cairn_report_player_add_link(cairn_report_player *player, int32_t a,
                                                         int32_t b, int32_t accepted);
 
-/* The grid that belongs to the last frame, in place of an earlier one; 0 black is drawn as a
+/* Sets the occupancy grid of the last frame and replaces an earlier one. Black (0) is drawn as a
  * wall, above 230 as free. CAIRN_BAD_ARGUMENT: no cells or resolution; CAIRN_NOT_FINITE: its
  * origin; CAIRN_NO_MEMORY. */
 CAIRN_CHECKED cairn_status cairn_report_player_set_grid(cairn_report_player *player,
                                                         const cairn_report_grid *grid);
 
-/* Writes the page, or nothing; the same calls give the same bytes. CAIRN_EMPTY: no frame;
- * CAIRN_IO, CAIRN_NO_MEMORY. */
+/* Writes the page atomically; the same calls give the same bytes. CAIRN_EMPTY: no frame; CAIRN_IO,
+ * CAIRN_NO_MEMORY. */
 CAIRN_CHECKED cairn_status cairn_report_player_write(const cairn_report_player *player,
                                                      const char *path, cairn_file_error *error);
 
-/* NULL is allowed. */
+/* Frees the player. NULL is allowed. */
 void cairn_report_player_free(cairn_report_player *player);
 
 #ifdef __cplusplus

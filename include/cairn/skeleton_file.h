@@ -1,5 +1,5 @@
-/* skeleton_file: axes and contours that skeleton_grouping has found, and contours between
- * regions (boundary), as JSON and as pictures over the image. */
+/* skeleton_file: writer of the skeletons and contours of skeleton_grouping and the region contours
+ * of boundary, as JSON and as SVG pictures over the image. */
 #ifndef CAIRN_SKELETON_FILE_H
 #define CAIRN_SKELETON_FILE_H
 
@@ -11,29 +11,29 @@
 extern "C" {
 #endif
 
-/* What is written. */
+/* The data to be written. */
 typedef struct cairn_skeleton_picture {
-    const char *image;   /* its name, as shown */
-    const uint8_t *grey; /* [height * width], to draw over; NULL: white */
-    int32_t width, height;
+    const char *image;     /* name of the image, as displayed */
+    const uint8_t *grey;   /* [height * width] background of the picture; NULL: white */
+    int32_t width, height; /* pixels */
     int32_t edgel_count;
-    int32_t proposed; /* 1: the range of radii was proposed from the image */
+    int32_t proposed; /* 1: the range of radii was estimated from the image */
     cairn_skeleton_result result;
-    cairn_boundary_result boundary; /* all 0: not looked for */
+    cairn_boundary_result boundary; /* all 0: not computed */
 } cairn_skeleton_picture;
 
-/* As JSON; docs/formats.md says its keys. CAIRN_IO, CAIRN_NO_MEMORY. */
+/* Writes the result as JSON; docs/formats.md defines the keys. CAIRN_IO, CAIRN_NO_MEMORY. */
 CAIRN_CHECKED cairn_status cairn_skeleton_file_write(const cairn_skeleton_picture *picture,
                                                      const char *path, cairn_file_error *error);
 
-/* Over the image (SVG): contours between regions green; contours of parts blue, dashed where
- * none was seen; axes red. CAIRN_IO, CAIRN_NO_MEMORY. */
+/* Draws the result over the image as SVG: region contours green; contours of parts blue, dashed
+ * where no edgel supports them; axes red. CAIRN_IO, CAIRN_NO_MEMORY. */
 CAIRN_CHECKED cairn_status cairn_skeleton_file_draw(const cairn_skeleton_picture *picture,
                                                     const char *path, cairn_file_error *error);
 
-/* Centre points as dots, the larger their radius the redder, and the mirror symmetric lines
- * through them in cyan, over the image (SVG; Adluru 2008, fig. 3.3). The skeleton is the one
- * that has found picture->result. CAIRN_IO, CAIRN_NO_MEMORY. */
+/* Draws the centre points as dots, coloured from blue (small radius) to red, and the
+ * mirror-symmetric lines through them in cyan, over the image as SVG (Adluru 2008, fig. 3.3).
+ * skeleton: the object that computed picture->result. CAIRN_IO, CAIRN_NO_MEMORY. */
 CAIRN_CHECKED cairn_status cairn_skeleton_file_draw_lines(const cairn_skeleton_picture *picture,
                                                           const cairn_skeleton *skeleton,
                                                           const char *path,

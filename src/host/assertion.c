@@ -1,5 +1,5 @@
-/* What a program does when an assertion of the library fails, unless it has its own answer
- * (tests have). Only libraries that are built with CAIRN_ASSERTIONS call it. */
+/* The default assertion handler. A program that defines its own cairn_assertion_failed, as the
+ * tests do, replaces it. Only libraries built with CAIRN_ASSERTIONS call it. */
 #include "src/core/build.h"
 
 #include <stdio.h>

@@ -1,4 +1,4 @@
-/* Boxes about objects in images. */
+/* Reader of bounding boxes of objects in images. */
 #include "src/core/build.h"
 
 #include <errno.h>
@@ -12,38 +12,43 @@
 
 enum { IMAGE, LEFT, TOP, RIGHT, BOTTOM, COLUMNS };
 
-#define FARTHEST 1e6
+/* Largest accepted magnitude of a coordinate, in pixels. */
+#define MAX_COORDINATE_PIXELS 1e6
 
+/* State of the reader. */
 typedef struct box_reader {
     cairn_line_reader *lines;
     const char *path;
     cairn_file_error *error;
-    /* of the line, without quotes */
+    /* fields of the current line, without quotes */
     char field[CAIRN_BOX_TABLE_FIELDS_MOST][CAIRN_BOX_TABLE_NAME_BYTES];
-    int32_t fields, place[COLUMNS];
+    /* fields of the line; field of each column */
+    int32_t fields, column[COLUMNS];
 } box_reader;
 
-static int64_t line_of(const box_reader *r)
+static int64_t line_of(const box_reader *reader)
 {
-    return cairn_line_reader_number(r->lines);
+    return cairn_line_reader_number(reader->lines);
 }
 
-static cairn_status bad(const box_reader *r, const char *what)
+static cairn_status bad_line(const box_reader *reader, const char *what)
 {
-    return cairn_file_error_set(r->error, CAIRN_BAD_FORMAT, r->path, line_of(r), "%s", what);
+    return cairn_file_error_set(reader->error, CAIRN_BAD_FORMAT, reader->path, line_of(reader),
+                                "%s", what);
 }
 
-/* A field from *at, which moves behind it and its comma; *last: it ends the line. */
-static cairn_status read_field(box_reader *r, const char **at, const char *end, int *last)
+/* Reads a field at *at, which advances behind the field and its comma. *last: 1 when it ends the
+ * line. */
+static cairn_status read_field(box_reader *reader, const char **at, const char *end, int *last)
 {
-    char *to = r->field[r->fields];
+    char *to = reader->field[reader->fields];
     int is_quoted = *at < end && **at == '"';
     size_t length = 0;
 
     *at += is_quoted;
     for (;; (*at)++) {
         if (*at == end && is_quoted)
-            return bad(r, "a quote without an end, expected one before the line ends");
+            return bad_line(reader, "a quote without an end, expected one before the line ends");
         if (is_quoted && **at == '"') {
             (*at)++;
             if (*at == end || **at != '"')
@@ -52,7 +57,7 @@ static cairn_status read_field(box_reader *r, const char **at, const char *end, 
         if (!is_quoted && (*at == end || **at == ','))
             break;
         if (length + 1 == CAIRN_BOX_TABLE_NAME_BYTES)
-            return bad(r, "a field of more than 255 bytes, expected a name or a number");
+            return bad_line(reader, "a field of more than 255 bytes, expected a name or a number");
         to[length++] = **at;
     }
     to[length] = '\0';
@@ -61,109 +66,116 @@ static cairn_status read_field(box_reader *r, const char **at, const char *end, 
     return CAIRN_OK;
 }
 
-static cairn_status read_fields(box_reader *r, const char *line, size_t length)
+/* Splits a line into fields, CSV with quotes (RFC 4180). */
+static cairn_status read_fields(box_reader *reader, const char *line, size_t length)
 {
     const char *at = line, *end = line + length;
     cairn_status status = CAIRN_OK;
     int last = 0;
 
-    for (r->fields = 0; status == CAIRN_OK && !last; r->fields++) {
-        if (r->fields == CAIRN_BOX_TABLE_FIELDS_MOST)
-            return bad(r, "more than 64 fields, expected image,left,top,right,bottom");
-        status = read_field(r, &at, end, &last);
+    for (reader->fields = 0; status == CAIRN_OK && !last; reader->fields++) {
+        if (reader->fields == CAIRN_BOX_TABLE_FIELDS_MOST)
+            return bad_line(reader, "more than 64 fields, expected image,left,top,right,bottom");
+        status = read_field(reader, &at, end, &last);
     }
     return status;
 }
 
-static cairn_status read_head(box_reader *r)
+/* Finds the columns by name in the header line. */
+static cairn_status read_header(box_reader *reader)
 {
     static const char *const names[COLUMNS] = {"image", "left", "top", "right", "bottom"};
 
     for (int32_t k = 0; k < COLUMNS; k++) {
-        r->place[k] = -1;
-        for (int32_t i = 0; i < r->fields && r->place[k] < 0; i++)
-            if (strcmp(r->field[i], names[k]) == 0)
-                r->place[k] = i;
-        if (r->place[k] < 0)
-            return cairn_file_error_set(r->error, CAIRN_BAD_FORMAT, r->path, line_of(r),
-                                        "no column '%s', expected image,left,top,right,bottom",
-                                        names[k]);
+        reader->column[k] = -1;
+        for (int32_t i = 0; i < reader->fields && reader->column[k] < 0; i++)
+            if (strcmp(reader->field[i], names[k]) == 0)
+                reader->column[k] = i;
+        if (reader->column[k] < 0)
+            return cairn_file_error_set(
+                reader->error, CAIRN_BAD_FORMAT, reader->path, line_of(reader),
+                "no column '%s', expected image,left,top,right,bottom", names[k]);
     }
     return CAIRN_OK;
 }
 
-static cairn_status take_row(const box_reader *r, cairn_box_row *row)
+/* Converts the fields of a line to a row. */
+static cairn_status parse_row(const box_reader *reader, cairn_box_row *row)
 {
     for (int32_t k = 0; k < COLUMNS; k++)
-        if (r->place[k] >= r->fields)
-            return bad(r, "fewer fields than in the first line, expected as many");
-    memcpy(row->image, r->field[r->place[IMAGE]], sizeof row->image);
-    row->line = line_of(r);
+        if (reader->column[k] >= reader->fields)
+            return bad_line(reader, "fewer fields than in the first line, expected as many");
+    memcpy(row->image, reader->field[reader->column[IMAGE]], sizeof row->image);
+    row->line = line_of(reader);
     if (row->image[0] == '\0')
-        return bad(r, "no image, expected its name");
+        return bad_line(reader, "no image, expected its name");
     for (int32_t k = 0; k < 4; k++) {
-        const char *text = r->field[r->place[LEFT + k]];
+        const char *text = reader->field[reader->column[LEFT + k]];
 
         if (!cairn_number_read(text, strlen(text), &row->box[k]) ||
-            !(fabs(row->box[k]) <= FARTHEST))
-            return bad(r, "a side of a box is not a number of pixels, expected one within 1e6");
+            !(fabs(row->box[k]) <= MAX_COORDINATE_PIXELS))
+            return bad_line(reader,
+                            "a side of a box is not a number of pixels, expected one within 1e6");
     }
     if (!(row->box[0] < row->box[2] && row->box[1] < row->box[3]))
-        return bad(r, "a box without area, expected left < right and top < bottom");
+        return bad_line(reader, "a box without area, expected left < right and top < bottom");
     return CAIRN_OK;
 }
 
-static cairn_status read_rows(box_reader *r, cairn_box_row **row, int32_t *count)
+/* Reads the header and all rows. */
+static cairn_status read_rows(box_reader *reader, cairn_box_row **row, int32_t *count)
 {
-    int32_t room = 0, has_head = 0;
+    int32_t capacity = 0, has_header = 0;
     const char *line;
     size_t length;
     cairn_status status;
 
-    while ((status = cairn_line_reader_next(r->lines, &line, &length, r->error)) == CAIRN_OK) {
+    while ((status = cairn_line_reader_next(reader->lines, &line, &length, reader->error)) ==
+           CAIRN_OK) {
         if (length == 0)
             continue;
-        status = read_fields(r, line, length);
-        if (status == CAIRN_OK && !has_head)
-            status = read_head(r);
+        status = read_fields(reader, line, length);
+        if (status == CAIRN_OK && !has_header)
+            status = read_header(reader);
         if (status != CAIRN_OK)
             return status;
-        if (!has_head) {
-            has_head = 1;
+        if (!has_header) {
+            has_header = 1;
             continue;
         }
         if (*count == CAIRN_BOX_TABLE_ROWS_MOST)
-            return cairn_file_error_set(r->error, CAIRN_FULL, r->path, line_of(r),
-                                        "one row more, expected at most %d",
+            return cairn_file_error_set(reader->error, CAIRN_FULL, reader->path, line_of(reader),
+                                        "too many rows, expected at most %d",
                                         CAIRN_BOX_TABLE_ROWS_MOST);
-        if (*count == room) {
-            cairn_box_row *grown = realloc(*row, (size_t)(2 * room + 16) * sizeof *grown);
+        if (*count == capacity) {
+            cairn_box_row *grown = realloc(*row, (size_t)(2 * capacity + 16) * sizeof *grown);
 
             if (grown == NULL)
-                return cairn_file_error_system(r->error, r->path, "read", ENOMEM);
+                return cairn_file_error_system(reader->error, reader->path, "read", ENOMEM);
             *row = grown;
-            room = 2 * room + 16;
+            capacity = 2 * capacity + 16;
         }
-        status = take_row(r, &(*row)[*count]);
+        status = parse_row(reader, &(*row)[*count]);
         if (status != CAIRN_OK)
             return status;
         (*count)++;
     }
     if (status == CAIRN_FULL)
-        return bad(r, "a giant line, expected image,left,top,right,bottom");
+        return bad_line(reader, "the line is too long, expected image,left,top,right,bottom");
     if (status != CAIRN_EMPTY)
         return status;
-    return has_head ? CAIRN_OK
-                    : cairn_file_error_set(r->error, CAIRN_EMPTY, r->path, 0,
-                                           "nothing in it, expected image,left,top,right,bottom");
+    return has_header
+               ? CAIRN_OK
+               : cairn_file_error_set(reader->error, CAIRN_EMPTY, reader->path, 0,
+                                      "the file is empty, expected image,left,top,right,bottom");
 }
 
 static int compare_rows(const void *a, const void *b)
 {
-    const cairn_box_row *x = a, *y = b;
-    int order = strcmp(x->image, y->image);
+    const cairn_box_row *first = a, *second = b;
+    int order = strcmp(first->image, second->image);
 
-    return order != 0 ? order : (x->line > y->line) - (x->line < y->line);
+    return order != 0 ? order : (first->line > second->line) - (first->line < second->line);
 }
 
 void cairn_box_table_sort(cairn_box_row *row, int32_t count)
@@ -172,8 +184,9 @@ void cairn_box_table_sort(cairn_box_row *row, int32_t count)
         qsort(row, (size_t)count, sizeof *row, compare_rows);
 }
 
-/* The first row whose name is not before this one, or, `behind`, is behind it. */
-static int32_t bound_of(const cairn_box_row *row, int32_t count, const char *image, int behind)
+/* Returns the first row with a name not below `image` (lower bound) or, with `upper`, above it
+ * (upper bound). */
+static int32_t find_bound(const cairn_box_row *row, int32_t count, const char *image, int upper)
 {
     int32_t low = 0, high = count;
 
@@ -181,7 +194,7 @@ static int32_t bound_of(const cairn_box_row *row, int32_t count, const char *ima
         int32_t middle = low + (high - low) / 2;
         int order = strcmp(row[middle].image, image);
 
-        if (order < 0 || (behind && order == 0))
+        if (order < 0 || (upper && order == 0))
             low = middle + 1;
         else
             high = middle;
@@ -192,30 +205,30 @@ static int32_t bound_of(const cairn_box_row *row, int32_t count, const char *ima
 int32_t cairn_box_table_find(const cairn_box_row *row, int32_t count, const char *image,
                              int32_t *own)
 {
-    int32_t first = bound_of(row, count, image, 0);
+    int32_t first = find_bound(row, count, image, 0);
 
-    *own = bound_of(row, count, image, 1) - first;
+    *own = find_bound(row, count, image, 1) - first;
     return first;
 }
 
 cairn_status cairn_box_table_read(const char *path, cairn_box_row **row, int32_t *count,
                                   cairn_file_error *error)
 {
-    box_reader *r = malloc(sizeof *r);
+    box_reader *reader = malloc(sizeof *reader);
     cairn_status status;
 
     *row = NULL;
     *count = 0;
-    if (r == NULL)
+    if (reader == NULL)
         return cairn_file_error_system(error, path, "read", ENOMEM);
-    r->path = path;
-    r->error = error;
-    status = cairn_line_reader_open(&r->lines, path, error);
+    reader->path = path;
+    reader->error = error;
+    status = cairn_line_reader_open(&reader->lines, path, error);
     if (status == CAIRN_OK) {
-        status = read_rows(r, row, count);
-        cairn_line_reader_close(r->lines);
+        status = read_rows(reader, row, count);
+        cairn_line_reader_close(reader->lines);
     }
-    free(r);
+    free(reader);
     if (status != CAIRN_OK) {
         free(*row);
         *row = NULL;

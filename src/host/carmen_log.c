@@ -1,14 +1,16 @@
-/* CARMEN logs.
+/* Reader of CARMEN logs.
  *
- * Two passes over the file. The first checks every line, reports what is damaged and surveys the
- * log: how many scans, where the ranges pile up (the scanner's limit), whether the sensor's place
- * on the robot is fixed. The second hands out the records with what the first has found.
+ * Method
+ * 1. The first pass over the file checks every line, reports malformed ones, and collects
+ *    statistics: the number of scans, a histogram of the ranges, the sensor's mounting on the
+ *    robot.
+ * 2. The maximum range is estimated from the mode of the histogram.
+ * 3. The second pass returns the records, using these results.
  *
- * Layout: a histogram of the FLASER ranges in bins of 1 cm up to 1000 m, in which longer ranges
- * count at the end; counts and sums.
+ * Layout: the histogram of the FLASER ranges has bins of 1 cm up to 1000 m and one overflow bin.
  *
- * Limits: 100,000 ranges a scan, lines of 16 MiB, regular files. A file that changes between the
- * passes gives the records that it holds in the second. */
+ * Limits: 100,000 ranges a scan, lines of 16 MiB, regular files. If a file changes between the
+ * passes, the records are those of the second pass. */
 #include "src/core/build.h"
 
 #include <errno.h>
@@ -20,37 +22,42 @@
 #include "src/host/carmen_log_message.h"
 #include "src/host/carmen_log_reader.h"
 
-#define BINS           100000
-#define BINS_PER_METRE 100
-#define BINNED_METRES  1000.0 /* farther ranges are in bin BINS */
-#define WINDOW_BINS    20     /* 0.2 m: ranges that mean "no return" lie that close together */
-#define BELOW_BINS     200    /* 2 m */
-#define PILE_FROM_BIN  (40 * BINS_PER_METRE)
-#define PILE_LEAST     10
-#define FLASER_LIMIT   80.0
-#define SAME_PLACE     CAIRN_REAL(0.01) /* m and rad */
+/* Range histogram. */
+#define BINS             100000
+#define BINS_PER_METRE   100
+#define HISTOGRAM_METRES 1000.0 /* farther ranges are counted in bin BINS */
+#define WINDOW_BINS      20     /* 0.2 m: spread of the ranges that mean "no return" */
+#define BELOW_BINS       200    /* 2 m: the window is compared with the ranges this far below it */
+/* Acceptance of a mode of the histogram: lowest bin, minimum ranges. */
+#define MODE_FIRST_BIN  (40 * BINS_PER_METRE)
+#define MODE_MIN_RANGES 10
+/* Maximum range by default, m. */
+#define DEFAULT_RANGE_MAX 80.0
+/* Tolerance of a fixed mounting, in m and rad. */
+#define MOUNTING_TOLERANCE CAIRN_REAL(0.01)
 
-/* What the first pass gathers beyond the info. */
-typedef struct survey {
-    /* [BINS + 1 + WINDOW_BINS] ranges per bin, later ranges from this bin on; then zeros */
+/* Statistics of the first pass beyond the summary. */
+typedef struct survey_statistics {
+    /* [BINS + 1 + WINDOW_BINS] histogram of ranges, then zeros. find_limit turns it into a
+     * cumulative histogram from above: the ranges in this bin and all higher ones. */
     uint64_t *bin;
-    /* 0: no PARAM tells it */
+    /* m, the maximum range by a PARAM; 0: none */
     double param_max;
-    /* of the sensor on the robot, in the first scan */
-    cairn_pose place;
-    /* of the differences to it */
-    double place_sum[3];
-    bool place_varies;
-    /* the robot in the last scan */
+    /* the sensor's mounting in the first scan */
+    cairn_pose mounting;
+    /* sum of the deviations from it: m, m, rad */
+    double deviation_sum[3];
+    bool mounting_varies;
+    /* the robot's pose in the last scan */
     cairn_pose last;
-} survey;
+} survey_statistics;
 
 struct cairn_carmen_log {
     cairn_line_reader *reader;
     cairn_carmen_params params;
     cairn_carmen_info info;
     cairn_carmen_message message;
-    float *range; /* [range_capacity] what records point to */
+    float *range; /* [range_capacity] storage of the record's ranges */
     int32_t range_capacity;
 };
 
@@ -65,10 +72,10 @@ cairn_carmen_params cairn_carmen_default(void)
 
 static cairn_pose pose_of(const double pose[3])
 {
-    cairn_pose p = {(cairn_real)pose[0], (cairn_real)pose[1], (cairn_real)pose[2]};
+    cairn_pose wrapped = {(cairn_real)pose[0], (cairn_real)pose[1], (cairn_real)pose[2]};
 
-    p.theta = cairn_wrap_angle(p.theta);
-    return p;
+    wrapped.theta = cairn_wrap_angle(wrapped.theta);
+    return wrapped;
 }
 
 static double distance(cairn_pose a, cairn_pose b)
@@ -76,127 +83,139 @@ static double distance(cairn_pose a, cairn_pose b)
     return sqrt((double)((b.x - a.x) * (b.x - a.x) + (b.y - a.y) * (b.y - a.y)));
 }
 
+/* Returns the histogram bin of a range. */
 static size_t bin_of(double range)
 {
-    return (size_t)(fmin(range, BINNED_METRES) * BINS_PER_METRE);
+    return (size_t)(fmin(range, HISTOGRAM_METRES) * BINS_PER_METRE);
 }
 
-static void survey_ranges(survey *s, const cairn_carmen_message *m)
+/* Adds the ranges of a scan to the histogram. */
+static void survey_ranges(survey_statistics *statistics, const cairn_carmen_message *message)
 {
     int32_t i;
 
-    for (i = 0; i < m->count; i++)
-        if (m->range[i] > 0 && m->range[i] <= DBL_MAX)
-            s->bin[bin_of(m->range[i])]++;
+    for (i = 0; i < message->count; i++)
+        if (message->range[i] > 0 && message->range[i] <= DBL_MAX)
+            statistics->bin[bin_of(message->range[i])]++;
 }
 
-static void survey_poses(survey *s, cairn_carmen_info *info, const cairn_carmen_message *m)
+/* Adds the mounting and the motion of a scan to the statistics. */
+static void survey_poses(survey_statistics *statistics, cairn_carmen_info *info,
+                         const cairn_carmen_message *message)
 {
-    cairn_pose robot = pose_of(m->robot), place = cairn_pose_between(robot, pose_of(m->laser));
-    cairn_pose off;
+    cairn_pose robot = pose_of(message->robot),
+               mounting = cairn_pose_between(robot, pose_of(message->laser));
+    cairn_pose deviation;
 
     if (info->scans == 0) {
-        s->place = place;
+        statistics->mounting = mounting;
     } else {
-        info->odometry_length += distance(s->last, robot);
-        info->odometry_turn += fabs((double)cairn_wrap_angle(robot.theta - s->last.theta));
+        info->odometry_length += distance(statistics->last, robot);
+        info->odometry_turn += fabs((double)cairn_wrap_angle(robot.theta - statistics->last.theta));
     }
-    off.x = place.x - s->place.x;
-    off.y = place.y - s->place.y;
-    off.theta = cairn_wrap_angle(place.theta - s->place.theta);
-    if (!(cairn_abs(place.x) <= CAIRN_SCAN_EXTENT && cairn_abs(place.y) <= CAIRN_SCAN_EXTENT))
-        s->place_varies = true;
-    if (!(cairn_abs(off.x) <= SAME_PLACE && cairn_abs(off.y) <= SAME_PLACE &&
-          cairn_abs(off.theta) <= SAME_PLACE))
-        s->place_varies = true;
-    s->place_sum[0] += (double)off.x;
-    s->place_sum[1] += (double)off.y;
-    s->place_sum[2] += (double)off.theta;
-    s->last = robot;
+    deviation.x = mounting.x - statistics->mounting.x;
+    deviation.y = mounting.y - statistics->mounting.y;
+    deviation.theta = cairn_wrap_angle(mounting.theta - statistics->mounting.theta);
+    if (!(cairn_abs(mounting.x) <= CAIRN_SCAN_EXTENT && cairn_abs(mounting.y) <= CAIRN_SCAN_EXTENT))
+        statistics->mounting_varies = true;
+    if (!(cairn_abs(deviation.x) <= MOUNTING_TOLERANCE &&
+          cairn_abs(deviation.y) <= MOUNTING_TOLERANCE &&
+          cairn_abs(deviation.theta) <= MOUNTING_TOLERANCE))
+        statistics->mounting_varies = true;
+    statistics->deviation_sum[0] += (double)deviation.x;
+    statistics->deviation_sum[1] += (double)deviation.y;
+    statistics->deviation_sum[2] += (double)deviation.theta;
+    statistics->last = robot;
 }
 
-static void survey_scan(survey *s, cairn_carmen_info *info, const cairn_carmen_message *m)
+/* Adds a scan to the statistics and the summary. */
+static void survey_scan(survey_statistics *statistics, cairn_carmen_info *info,
+                        const cairn_carmen_message *message)
 {
-    if (!(m->range_max > 0))
-        survey_ranges(s, m);
-    survey_poses(s, info, m);
+    if (!(message->range_max > 0))
+        survey_ranges(statistics, message);
+    survey_poses(statistics, info, message);
     if (info->scans == 0) {
-        info->beams_least = m->count;
-        info->first_ns = m->stamp_ns;
-        info->least_ns = m->stamp_ns;
-        info->most_ns = m->stamp_ns;
-        info->last_ns = m->stamp_ns;
+        info->beams_least = message->count;
+        info->first_ns = message->stamp_ns;
+        info->least_ns = message->stamp_ns;
+        info->most_ns = message->stamp_ns;
+        info->last_ns = message->stamp_ns;
     }
-    info->beams += m->count;
-    info->beams_least = m->count < info->beams_least ? m->count : info->beams_least;
-    info->beams_most = m->count > info->beams_most ? m->count : info->beams_most;
-    info->least_ns = m->stamp_ns < info->least_ns ? m->stamp_ns : info->least_ns;
-    info->most_ns = m->stamp_ns > info->most_ns ? m->stamp_ns : info->most_ns;
-    info->stamps_back += m->stamp_ns < info->last_ns;
-    info->last_ns = m->stamp_ns;
+    info->beams += message->count;
+    info->beams_least = message->count < info->beams_least ? message->count : info->beams_least;
+    info->beams_most = message->count > info->beams_most ? message->count : info->beams_most;
+    info->least_ns = message->stamp_ns < info->least_ns ? message->stamp_ns : info->least_ns;
+    info->most_ns = message->stamp_ns > info->most_ns ? message->stamp_ns : info->most_ns;
+    info->stamps_back += message->stamp_ns < info->last_ns;
+    info->last_ns = message->stamp_ns;
     info->scans++;
 }
 
-/* The window of 0.2 m from `from` on that holds the most ranges: its first bin, the higher one
- * of equals. `bin` holds the numbers of ranges from each bin on. */
+/* Returns the first bin of the mode: the window of 0.2 m from bin `from` on with the most ranges,
+ * the higher of equals. *count: its ranges. `bin` is the cumulative histogram. */
 static size_t fullest_window(const uint64_t *bin, size_t from, uint64_t *count)
 {
-    size_t best = BINS, b = BINS;
+    size_t best = BINS, first = BINS;
 
     *count = bin[BINS];
-    while (b-- > from)
-        if (bin[b] - bin[b + WINDOW_BINS] > *count) {
-            *count = bin[b] - bin[b + WINDOW_BINS];
-            best = b;
+    while (first-- > from)
+        if (bin[first] - bin[first + WINDOW_BINS] > *count) {
+            *count = bin[first] - bin[first + WINDOW_BINS];
+            best = first;
         }
     return best;
 }
 
-/* Rules 3 to 5 of the header. */
-static double find_limit(survey *s)
+/* Estimates the maximum range in m: rules 3 to 5 of the header. */
+static double find_limit(survey_statistics *statistics)
 {
-    uint64_t held;
-    size_t b, from;
+    uint64_t window_count;
+    size_t bin, from;
 
-    for (b = BINS; b-- > 0;)
-        s->bin[b] += s->bin[b + 1];
-    if (s->param_max > 0) {
-        from = bin_of(s->param_max);
-        (void)fullest_window(s->bin, from, &held);
-        if (held * 10 >= s->bin[from] * 9)
-            return s->param_max;
+    for (bin = BINS; bin-- > 0;)
+        statistics->bin[bin] += statistics->bin[bin + 1];
+    if (statistics->param_max > 0) {
+        from = bin_of(statistics->param_max);
+        (void)fullest_window(statistics->bin, from, &window_count);
+        if (window_count * 10 >= statistics->bin[from] * 9)
+            return statistics->param_max;
     }
-    b = fullest_window(s->bin, PILE_FROM_BIN, &held);
-    if (held >= PILE_LEAST && held * 10 >= s->bin[b] * 9 &&
-        held > s->bin[b - BELOW_BINS] - s->bin[b])
-        return (double)b / BINS_PER_METRE;
-    return FLASER_LIMIT;
+    bin = fullest_window(statistics->bin, MODE_FIRST_BIN, &window_count);
+    if (window_count >= MODE_MIN_RANGES && window_count * 10 >= statistics->bin[bin] * 9 &&
+        window_count > statistics->bin[bin - BELOW_BINS] - statistics->bin[bin])
+        return (double)bin / BINS_PER_METRE;
+    return DEFAULT_RANGE_MAX;
 }
 
-static void finish_survey(cairn_carmen_log *log, survey *s)
+/* Estimates the maximum range and the mounting. */
+static void finish_survey(cairn_carmen_log *log, survey_statistics *statistics)
 {
     cairn_carmen_info *info = &log->info;
 
-    info->range_max = log->params.range_max > 0 ? log->params.range_max : find_limit(s);
-    info->fixed_mounting = !s->place_varies;
+    info->range_max = log->params.range_max > 0 ? log->params.range_max : find_limit(statistics);
+    info->fixed_mounting = !statistics->mounting_varies;
     info->base_sensor = cairn_pose_identity();
     if (info->fixed_mounting) {
-        info->base_sensor.x = s->place.x + (cairn_real)(s->place_sum[0] / (double)info->scans);
-        info->base_sensor.y = s->place.y + (cairn_real)(s->place_sum[1] / (double)info->scans);
+        info->base_sensor.x = statistics->mounting.x +
+                              (cairn_real)(statistics->deviation_sum[0] / (double)info->scans);
+        info->base_sensor.y = statistics->mounting.y +
+                              (cairn_real)(statistics->deviation_sum[1] / (double)info->scans);
         info->base_sensor.theta =
-            cairn_wrap_angle(s->place.theta + (cairn_real)(s->place_sum[2] / (double)info->scans));
+            cairn_wrap_angle(statistics->mounting.theta +
+                             (cairn_real)(statistics->deviation_sum[2] / (double)info->scans));
     }
 }
 
-static void report(cairn_carmen_log *log, const cairn_file_error *fault)
+static void report_fault(cairn_carmen_log *log, const cairn_file_error *fault)
 {
     log->info.faults++;
     if (log->params.on_fault != NULL)
         log->params.on_fault(log->params.context, fault);
 }
 
-/* The next line that can be read as a message. Lines that cannot are reported in the first pass.
- * CAIRN_EMPTY at the end. */
+/* Parses the next well-formed line. Malformed lines are reported in the first pass. CAIRN_EMPTY at
+ * the end. */
 static cairn_status next_message(cairn_carmen_log *log, int32_t first_pass, cairn_file_error *error)
 {
     const char *path = cairn_line_reader_path(log->reader), *line;
@@ -221,11 +240,13 @@ static cairn_status next_message(cairn_carmen_log *log, int32_t first_pass, cair
             return status;
         }
         if (first_pass)
-            report(log, &fault);
+            report_fault(log, &fault);
     }
 }
 
-static cairn_status run_survey(cairn_carmen_log *log, survey *s, cairn_file_error *error)
+/* The first pass: collects statistics and reports faults. */
+static cairn_status run_survey(cairn_carmen_log *log, survey_statistics *statistics,
+                               cairn_file_error *error)
 {
     const char *path = cairn_line_reader_path(log->reader);
     cairn_carmen_info *info = &log->info;
@@ -234,13 +255,13 @@ static cairn_status run_survey(cairn_carmen_log *log, survey *s, cairn_file_erro
     while ((status = next_message(log, 1, error)) == CAIRN_OK) {
         switch (log->message.kind) {
         case CAIRN_MESSAGE_SCAN:
-            survey_scan(s, info, &log->message);
+            survey_scan(statistics, info, &log->message);
             break;
         case CAIRN_MESSAGE_ODOMETRY:
             info->odometry++;
             break;
         case CAIRN_MESSAGE_PARAM:
-            s->param_max = log->message.range_max;
+            statistics->param_max = log->message.range_max;
             info->ignored++;
             break;
         case CAIRN_MESSAGE_OTHER:
@@ -262,46 +283,47 @@ static cairn_status run_survey(cairn_carmen_log *log, survey *s, cairn_file_erro
             "no whole scan in %lld lines (%lld damaged), expected FLASER or ROBOTLASER1 lines "
             "of a CARMEN log",
             (long long)info->lines, (long long)info->faults);
-    finish_survey(log, s);
+    finish_survey(log, statistics);
     return cairn_line_reader_rewind(log->reader, error);
 }
 
 cairn_status cairn_carmen_log_open(cairn_carmen_log **log, const char *path,
                                    const cairn_carmen_params *params, cairn_file_error *error)
 {
-    cairn_carmen_params p = params != NULL ? *params : cairn_carmen_default();
-    cairn_carmen_log *l;
+    cairn_carmen_params settings = params != NULL ? *params : cairn_carmen_default();
+    cairn_carmen_log *created;
     cairn_status status;
-    survey s;
+    survey_statistics statistics;
 
     *log = NULL;
-    if (!(p.range_max >= 0 && p.range_max <= (double)CAIRN_SCAN_EXTENT))
+    if (!(settings.range_max >= 0 && settings.range_max <= (double)CAIRN_SCAN_EXTENT))
         return cairn_file_error_set(
             error, CAIRN_BAD_ARGUMENT, path, 0,
-            "the range limit is %g, expected a number from 0 (find it) to %g", p.range_max,
+            "the range limit is %g, expected a number from 0 (find it) to %g", settings.range_max,
             (double)CAIRN_SCAN_EXTENT);
-    if (!(p.range_sigma >= 0 && p.range_sigma <= (double)FLT_MAX))
-        return cairn_file_error_set(error, CAIRN_BAD_ARGUMENT, path, 0,
-                                    "the deviation of ranges is %g, expected a number from 0",
-                                    p.range_sigma);
-    memset(&s, 0, sizeof s);
-    l = calloc(1, sizeof *l);
-    s.bin = calloc(BINS + 1 + WINDOW_BINS, sizeof *s.bin);
-    if (l == NULL || s.bin == NULL) {
-        free(l);
-        free(s.bin);
+    if (!(settings.range_sigma >= 0 && settings.range_sigma <= (double)FLT_MAX))
+        return cairn_file_error_set(
+            error, CAIRN_BAD_ARGUMENT, path, 0,
+            "the standard deviation of the ranges is %g, expected a number from 0",
+            settings.range_sigma);
+    memset(&statistics, 0, sizeof statistics);
+    created = calloc(1, sizeof *created);
+    statistics.bin = calloc(BINS + 1 + WINDOW_BINS, sizeof *statistics.bin);
+    if (created == NULL || statistics.bin == NULL) {
+        free(created);
+        free(statistics.bin);
         return cairn_file_error_system(error, path, "open", ENOMEM);
     }
-    l->params = p;
-    status = cairn_line_reader_open(&l->reader, path, error);
+    created->params = settings;
+    status = cairn_line_reader_open(&created->reader, path, error);
     if (status == CAIRN_OK)
-        status = run_survey(l, &s, error);
-    free(s.bin);
+        status = run_survey(created, &statistics, error);
+    free(statistics.bin);
     if (status != CAIRN_OK) {
-        cairn_carmen_log_close(l);
+        cairn_carmen_log_close(created);
         return status;
     }
-    *log = l;
+    *log = created;
     return CAIRN_OK;
 }
 
@@ -325,44 +347,45 @@ void cairn_carmen_log_close(cairn_carmen_log *log)
     free(log);
 }
 
-/* Ranges as a scan has them. */
-static void convert_ranges(const cairn_carmen_message *m, double limit, float *range)
+/* Converts ranges for a scan: no returns become +infinity. */
+static void convert_ranges(const cairn_carmen_message *message, double limit, float *range)
 {
     int32_t i;
 
-    for (i = 0; i < m->count; i++) {
-        if (m->range[i] >= limit)
+    for (i = 0; i < message->count; i++) {
+        if (message->range[i] >= limit)
             range[i] = INFINITY;
-        else if (m->range[i] < -(double)FLT_MAX)
+        else if (message->range[i] < -(double)FLT_MAX)
             range[i] = NAN;
         else
-            range[i] = (float)m->range[i];
+            range[i] = (float)message->range[i];
     }
 }
 
+/* Fills the scan of a record from the current message. */
 static void fill_scan(const cairn_carmen_log *log, cairn_carmen_record *record)
 {
-    const cairn_carmen_message *m = &log->message;
-    double limit =
-        m->range_max > 0 && !(log->params.range_max > 0) ? m->range_max : log->info.range_max;
+    const cairn_carmen_message *message = &log->message;
+    double limit = message->range_max > 0 && !(log->params.range_max > 0) ? message->range_max
+                                                                          : log->info.range_max;
 
-    convert_ranges(m, limit, log->range);
-    record->count = m->count;
+    convert_ranges(message, limit, log->range);
+    record->count = message->count;
     record->range = log->range;
     record->scan.range = log->range;
-    record->scan.count = m->count;
-    record->scan.angle_min = (float)m->angle_min;
-    record->scan.angle_step = (float)m->angle_step;
+    record->scan.count = message->count;
+    record->scan.angle_min = (float)message->angle_min;
+    record->scan.angle_step = (float)message->angle_step;
     record->scan.range_max = (float)limit;
     record->scan.range_sigma = (float)log->params.range_sigma;
-    record->scan.stamp_ns = m->stamp_ns;
+    record->scan.stamp_ns = message->stamp_ns;
     record->scan.base_sensor = log->info.base_sensor;
 }
 
 cairn_status cairn_carmen_log_next(cairn_carmen_log *log, cairn_carmen_record *record,
                                    cairn_file_error *error)
 {
-    const cairn_carmen_message *m = &log->message;
+    const cairn_carmen_message *message = &log->message;
     cairn_status status;
     float *grown;
 
@@ -370,33 +393,33 @@ cairn_status cairn_carmen_log_next(cairn_carmen_log *log, cairn_carmen_record *r
         status = next_message(log, 0, error);
         if (status != CAIRN_OK)
             return status;
-    } while (m->kind != CAIRN_MESSAGE_SCAN && m->kind != CAIRN_MESSAGE_ODOMETRY);
-    if (m->count > log->range_capacity) {
-        grown = realloc(log->range, (size_t)m->count * sizeof *grown);
+    } while (message->kind != CAIRN_MESSAGE_SCAN && message->kind != CAIRN_MESSAGE_ODOMETRY);
+    if (message->count > log->range_capacity) {
+        grown = realloc(log->range, (size_t)message->count * sizeof *grown);
         if (grown == NULL)
             return cairn_file_error_system(error, cairn_line_reader_path(log->reader), "read",
                                            ENOMEM);
         log->range = grown;
-        log->range_capacity = m->count;
+        log->range_capacity = message->count;
     }
     memset(record, 0, sizeof *record);
     record->line = cairn_line_reader_number(log->reader);
-    record->stamp_ns = m->stamp_ns;
-    record->robot = pose_of(m->robot);
-    record->laser = pose_of(m->laser);
+    record->stamp_ns = message->stamp_ns;
+    record->robot = pose_of(message->robot);
+    record->laser = pose_of(message->laser);
     record->kind = CAIRN_CARMEN_ODOMETRY;
-    if (m->kind == CAIRN_MESSAGE_SCAN) {
+    if (message->kind == CAIRN_MESSAGE_SCAN) {
         record->kind = CAIRN_CARMEN_SCAN;
         fill_scan(log, record);
     }
     return CAIRN_OK;
 }
 
-/* Copies all scans into arrays of the size that the first pass has counted. */
+/* Copies all scans into arrays of the sizes counted by the first pass. */
 static cairn_status collect(cairn_carmen_log *log, cairn_carmen_scans *scans,
                             cairn_file_error *error)
 {
-    size_t beams = 0, most = (size_t)scans->info.beams;
+    size_t beams = 0, capacity = (size_t)scans->info.beams;
     cairn_carmen_record record = {.kind = CAIRN_CARMEN_ODOMETRY};
     cairn_status status = CAIRN_OK;
 
@@ -406,7 +429,7 @@ static cairn_status collect(cairn_carmen_log *log, cairn_carmen_scans *scans,
             break;
         if (record.kind != CAIRN_CARMEN_SCAN)
             continue;
-        if ((size_t)record.count > most - beams)
+        if ((size_t)record.count > capacity - beams)
             break;
         memcpy(scans->range + beams, record.range, (size_t)record.count * sizeof *scans->range);
         record.range = scans->range + beams;

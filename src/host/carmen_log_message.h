@@ -1,33 +1,35 @@
-/* carmen_log_message: one line of a CARMEN log. Internal to the host library; the formats are in
- * cairn/carmen_log.h. */
+/* carmen_log_message: parser of one line of a CARMEN log. Internal to the host library; the formats
+ * are in cairn/carmen_log.h. */
 #ifndef CAIRN_HOST_CARMEN_LOG_MESSAGE_H
 #define CAIRN_HOST_CARMEN_LOG_MESSAGE_H
 
 #include "cairn/carmen_log.h"
 
+/* The kind of a message. */
 typedef int32_t cairn_carmen_message_kind;
 enum {
-    CAIRN_MESSAGE_BLANK = 0, /* nothing, or a comment */
+    CAIRN_MESSAGE_BLANK = 0, /* a blank line or a comment */
     CAIRN_MESSAGE_SCAN = 1,
     CAIRN_MESSAGE_ODOMETRY = 2,
-    CAIRN_MESSAGE_PARAM = 3, /* one that tells the scanner's limit: range_max */
+    CAIRN_MESSAGE_PARAM = 3, /* a PARAM of the scanner's maximum range: range_max */
     CAIRN_MESSAGE_OTHER = 4
 };
 
-/* Numbers as they stand in the line. */
+/* A parsed message. */
 typedef struct cairn_carmen_message {
     cairn_carmen_message_kind kind;
-    int32_t count;
-    double *range; /* [count] of [capacity]; from the heap, the message's own */
+    int32_t count; /* ranges */
+    double *range; /* [count] m, of [capacity]; on the heap, owned by the message */
     int32_t capacity;
-    double angle_min, angle_step;
-    double range_max; /* what the message says about the scanner's limit; 0: nothing */
-    double laser[3], robot[3];
+    double angle_min, angle_step; /* rad */
+    double range_max;             /* m, the scanner's maximum range by this message; 0: none */
+    double laser[3], robot[3];    /* poses: m, m, rad */
     int64_t stamp_ns;
 } cairn_carmen_message;
 
-/* Reads line[0 .. length), the line `number` of `path`. CAIRN_BAD_FORMAT, CAIRN_TRUNCATED,
- * CAIRN_NOT_FINITE and the fault: the line is damaged; CAIRN_NO_MEMORY. The fault may be NULL. */
+/* Parses line[0 .. length), line `number` of the file `path`. CAIRN_BAD_FORMAT, CAIRN_TRUNCATED,
+ * CAIRN_NOT_FINITE: the line is malformed, and *fault says why; CAIRN_NO_MEMORY. The fault may be
+ * NULL. */
 CAIRN_CHECKED cairn_status cairn_carmen_message_read(cairn_carmen_message *message,
                                                      const char *line, size_t length,
                                                      const char *path, int64_t number,

@@ -1,8 +1,8 @@
-/* Lines of a plain or gzipped file.
+/* Line reader of plain and gzipped files.
  *
- * One buffer holds what was read and not yet handed out: [begin, end). It doubles when a line
- * does not fit. Gzip is inflated here and not by zlib's file functions, which drop what they
- * have just inflated when the data turn out to be damaged. */
+ * Method: one buffer holds the bytes that were read but not yet returned, [begin, end). Its
+ * capacity doubles when a line does not fit. Gzip is inflated here and not by zlib's file
+ * functions, which discard the data inflated just before an error. */
 #include "src/core/build.h"
 
 #include <errno.h>
@@ -17,10 +17,11 @@
 
 #include "src/host/carmen_log_reader.h"
 
+/* Initial capacity of the line buffer and size of the input buffer, in bytes. */
 #define FIRST_CAPACITY (256 * 1024)
 #define INPUT_BYTES    (64 * 1024)
 
-/* What zlib calls a window of 32 KiB behind a gzip header. */
+/* zlib's windowBits for a window of 32 KiB and a gzip header. */
 #define GZIP_WINDOW (15 + 16)
 
 struct cairn_line_reader {
@@ -28,14 +29,15 @@ struct cairn_line_reader {
     char *path;
     char *buffer; /* [capacity] */
     size_t capacity, begin, end;
-    int64_t number;
-    bool at_end;        /* nothing more can be read, because of ... */
-    cairn_status cause; /* CAIRN_OK, CAIRN_TRUNCATED, CAIRN_BAD_FORMAT, CAIRN_IO; told once */
-    int32_t code;       /* errno of CAIRN_IO */
+    int64_t number; /* of the last line, from 1 */
+    bool at_end;    /* the input has ended or failed */
+    /* why the input ended; CAIRN_OK: at the end of the file. Errors are reported once */
+    cairn_status end_status;
+    int32_t error_code; /* errno of CAIRN_IO */
     /* Gzip. */
-    bool begun;   /* the first bytes have told what the file is */
-    bool zipped;  /* inflating; `stream` is initialised */
-    bool between; /* behind the end of a member */
+    bool format_known; /* the first bytes were read */
+    bool is_gzip;      /* `stream` is initialised */
+    bool between;      /* between two gzip members */
     z_stream stream;
     unsigned char *input; /* [INPUT_BYTES] */
 };
@@ -43,7 +45,7 @@ struct cairn_line_reader {
 cairn_status cairn_line_reader_open(cairn_line_reader **reader, const char *path,
                                     cairn_file_error *error)
 {
-    cairn_line_reader *r;
+    cairn_line_reader *created;
     struct stat about;
     int file = open(path, O_RDONLY | O_NONBLOCK | O_CLOEXEC);
 
@@ -56,29 +58,29 @@ cairn_status cairn_line_reader_open(cairn_line_reader **reader, const char *path
                                     "is a %s, expected a regular file",
                                     S_ISDIR(about.st_mode) ? "folder" : "pipe or device");
     }
-    r = calloc(1, sizeof *r);
-    if (r == NULL) {
+    created = calloc(1, sizeof *created);
+    if (created == NULL) {
         (void)close(file);
         return cairn_file_error_system(error, path, "open", ENOMEM);
     }
-    r->file = file;
-    r->path = strdup(path);
-    r->buffer = malloc(FIRST_CAPACITY);
-    r->input = malloc(INPUT_BYTES);
-    r->capacity = FIRST_CAPACITY;
-    if (r->path == NULL || r->buffer == NULL || r->input == NULL) {
-        cairn_line_reader_close(r);
+    created->file = file;
+    created->path = strdup(path);
+    created->buffer = malloc(FIRST_CAPACITY);
+    created->input = malloc(INPUT_BYTES);
+    created->capacity = FIRST_CAPACITY;
+    if (created->path == NULL || created->buffer == NULL || created->input == NULL) {
+        cairn_line_reader_close(created);
         return cairn_file_error_system(error, path, "open", ENOMEM);
     }
-    *reader = r;
+    *reader = created;
     return CAIRN_OK;
 }
 
-static void stop_inflating(cairn_line_reader *r)
+static void stop_inflating(cairn_line_reader *reader)
 {
-    if (r->zipped)
-        (void)inflateEnd(&r->stream);
-    r->zipped = false;
+    if (reader->is_gzip)
+        (void)inflateEnd(&reader->stream);
+    reader->is_gzip = false;
 }
 
 void cairn_line_reader_close(cairn_line_reader *reader)
@@ -105,176 +107,180 @@ const char *cairn_line_reader_path(const cairn_line_reader *reader)
 
 cairn_status cairn_line_reader_rewind(cairn_line_reader *reader, cairn_file_error *error)
 {
-    cairn_line_reader *r = reader;
-
-    if (lseek(r->file, 0, SEEK_SET) != 0)
-        return cairn_file_error_system(error, r->path, "read a second time", errno);
-    stop_inflating(r);
-    r->begin = 0;
-    r->end = 0;
-    r->number = 0;
-    r->at_end = false;
-    r->cause = CAIRN_OK;
-    r->begun = false;
+    if (lseek(reader->file, 0, SEEK_SET) != 0)
+        return cairn_file_error_system(error, reader->path, "read a second time", errno);
+    stop_inflating(reader);
+    reader->begin = 0;
+    reader->end = 0;
+    reader->number = 0;
+    reader->at_end = false;
+    reader->end_status = CAIRN_OK;
+    reader->format_known = false;
     return CAIRN_OK;
 }
 
-/* Room behind `end`: what was handed out goes, then the buffer doubles. */
-static cairn_status make_room(cairn_line_reader *r, cairn_file_error *error)
+/* Makes free space behind `end`: discards the returned bytes, then doubles the capacity if the
+ * buffer is full. */
+static cairn_status make_space(cairn_line_reader *reader, cairn_file_error *error)
 {
     char *grown;
 
-    memmove(r->buffer, r->buffer + r->begin, r->end - r->begin);
-    r->end -= r->begin;
-    r->begin = 0;
-    if (r->end < r->capacity)
+    memmove(reader->buffer, reader->buffer + reader->begin, reader->end - reader->begin);
+    reader->end -= reader->begin;
+    reader->begin = 0;
+    if (reader->end < reader->capacity)
         return CAIRN_OK;
-    grown = realloc(r->buffer, 2 * r->capacity);
+    grown = realloc(reader->buffer, 2 * reader->capacity);
     if (grown == NULL)
-        return cairn_file_error_system(error, r->path, "read", ENOMEM);
-    r->buffer = grown;
-    r->capacity *= 2;
+        return cairn_file_error_system(error, reader->path, "read", ENOMEM);
+    reader->buffer = grown;
+    reader->capacity *= 2;
     return CAIRN_OK;
 }
 
-static void end_by(cairn_line_reader *r, cairn_status cause)
+/* Ends the input with a status. */
+static void end_input(cairn_line_reader *reader, cairn_status status)
 {
-    r->at_end = true;
-    r->cause = cause;
+    reader->at_end = true;
+    reader->end_status = status;
 }
 
-/* Up to `most` bytes of the file; 0 at its end, which is then marked. */
-static size_t read_bytes(cairn_line_reader *r, void *bytes, size_t most)
+/* Reads up to `max_count` bytes of the file; 0 at its end or on failure, which ends the input. */
+static size_t read_bytes(cairn_line_reader *reader, void *bytes, size_t max_count)
 {
-    ssize_t count = read(r->file, bytes, most);
+    ssize_t count = read(reader->file, bytes, max_count);
 
     if (count > 0)
         return (size_t)count;
-    r->code = errno;
-    end_by(r, count < 0 ? CAIRN_IO : CAIRN_OK);
+    reader->error_code = errno;
+    end_input(reader, count < 0 ? CAIRN_IO : CAIRN_OK);
     return 0;
 }
 
-/* More gzipped input when there is none. 0 at the end of the file: cut, unless a member has just
- * ended. */
-static bool have_input(cairn_line_reader *r)
+/* Refills the gzip input when it is used up. Returns false at the end of the file, which is a
+ * truncation unless a member has just ended. */
+static bool ensure_input(cairn_line_reader *reader)
 {
-    if (r->stream.avail_in > 0)
+    if (reader->stream.avail_in > 0)
         return true;
-    r->stream.next_in = r->input;
-    r->stream.avail_in = (uInt)read_bytes(r, r->input, INPUT_BYTES);
-    if (r->at_end && r->cause == CAIRN_OK && !r->between)
-        r->cause = CAIRN_TRUNCATED;
-    return !r->at_end;
+    reader->stream.next_in = reader->input;
+    reader->stream.avail_in = (uInt)read_bytes(reader, reader->input, INPUT_BYTES);
+    if (reader->at_end && reader->end_status == CAIRN_OK && !reader->between)
+        reader->end_status = CAIRN_TRUNCATED;
+    return !reader->at_end;
 }
 
-/* Inflates into the room behind `end`. Members may follow one another; what else follows one is
- * not looked at. */
-static void inflate_more(cairn_line_reader *r)
+/* Inflates into the free space behind `end`. Concatenated members are read; other bytes behind a
+ * member are ignored. */
+static void inflate_more(cairn_line_reader *reader)
 {
-    size_t room = r->capacity - r->end;
+    size_t space = reader->capacity - reader->end;
     int code;
 
-    r->stream.next_out = (Bytef *)r->buffer + r->end;
-    r->stream.avail_out = (uInt)room;
-    while (r->stream.avail_out > 0 && have_input(r)) {
-        if (r->between && (r->stream.next_in[0] != 0x1f || inflateReset(&r->stream) != Z_OK)) {
-            end_by(r, CAIRN_OK);
+    reader->stream.next_out = (Bytef *)reader->buffer + reader->end;
+    reader->stream.avail_out = (uInt)space;
+    while (reader->stream.avail_out > 0 && ensure_input(reader)) {
+        if (reader->between &&
+            (reader->stream.next_in[0] != 0x1f || inflateReset(&reader->stream) != Z_OK)) {
+            end_input(reader, CAIRN_OK);
             break;
         }
-        code = inflate(&r->stream, Z_NO_FLUSH);
-        r->between = code == Z_STREAM_END;
+        code = inflate(&reader->stream, Z_NO_FLUSH);
+        reader->between = code == Z_STREAM_END;
         if (code != Z_STREAM_END && code != Z_OK && code != Z_BUF_ERROR) {
-            r->code = ENOMEM;
-            end_by(r, code == Z_MEM_ERROR ? CAIRN_NO_MEMORY : CAIRN_BAD_FORMAT);
+            reader->error_code = ENOMEM;
+            end_input(reader, code == Z_MEM_ERROR ? CAIRN_NO_MEMORY : CAIRN_BAD_FORMAT);
             break;
         }
     }
-    r->end += room - r->stream.avail_out;
+    reader->end += space - reader->stream.avail_out;
 }
 
-/* The first bytes: plain text stays in the buffer, gzip goes to the inflater. */
-static void begin_reading(cairn_line_reader *r)
+/* Detects the format by the first bytes. Plain text is copied to the buffer; gzip becomes the
+ * inflater's input. */
+static void begin_reading(cairn_line_reader *reader)
 {
-    size_t count = read_bytes(r, r->input, INPUT_BYTES);
+    size_t count = read_bytes(reader, reader->input, INPUT_BYTES);
 
-    r->begun = true;
-    if (count < 2 || r->input[0] != 0x1f || r->input[1] != 0x8b) {
-        memcpy(r->buffer, r->input, count);
-        r->end = count;
+    reader->format_known = true;
+    if (count < 2 || reader->input[0] != 0x1f || reader->input[1] != 0x8b) {
+        memcpy(reader->buffer, reader->input, count);
+        reader->end = count;
         return;
     }
-    memset(&r->stream, 0, sizeof r->stream);
-    r->stream.next_in = r->input;
-    r->stream.avail_in = (uInt)count;
-    if (inflateInit2(&r->stream, GZIP_WINDOW) == Z_OK) {
-        r->zipped = true;
+    memset(&reader->stream, 0, sizeof reader->stream);
+    reader->stream.next_in = reader->input;
+    reader->stream.avail_in = (uInt)count;
+    if (inflateInit2(&reader->stream, GZIP_WINDOW) == Z_OK) {
+        reader->is_gzip = true;
         return;
     }
-    r->code = ENOMEM;
-    end_by(r, CAIRN_NO_MEMORY);
+    reader->error_code = ENOMEM;
+    end_input(reader, CAIRN_NO_MEMORY);
 }
 
-/* Reads up to the capacity, of which some is free; sets at_end when nothing more comes. */
-static void fill(cairn_line_reader *r)
+/* Fills the free space of the buffer, which is not empty; sets at_end when the input has ended. */
+static void fill(cairn_line_reader *reader)
 {
-    if (!r->begun)
-        begin_reading(r);
-    else if (r->zipped)
-        inflate_more(r);
+    if (!reader->format_known)
+        begin_reading(reader);
+    else if (reader->is_gzip)
+        inflate_more(reader);
     else
-        r->end += read_bytes(r, r->buffer + r->end, r->capacity - r->end);
+        reader->end +=
+            read_bytes(reader, reader->buffer + reader->end, reader->capacity - reader->end);
 }
 
-/* Why the file ended: said once. */
-static cairn_status tell_end(cairn_line_reader *r, cairn_file_error *error)
+/* Returns the status of the end: an error once, then CAIRN_EMPTY. */
+static cairn_status report_end(cairn_line_reader *reader, cairn_file_error *error)
 {
-    cairn_status cause = r->cause;
+    cairn_status status = reader->end_status;
 
-    r->cause = CAIRN_OK;
-    if (cause == CAIRN_OK)
+    reader->end_status = CAIRN_OK;
+    if (status == CAIRN_OK)
         return CAIRN_EMPTY;
-    if (cause == CAIRN_TRUNCATED)
+    if (status == CAIRN_TRUNCATED)
         return cairn_file_error_set(
-            error, cause, r->path, r->number,
+            error, status, reader->path, reader->number,
             "the gzip data end after this line, expected the end of the stream: the file is cut");
-    if (cause == CAIRN_BAD_FORMAT)
+    if (status == CAIRN_BAD_FORMAT)
         return cairn_file_error_set(
-            error, cause, r->path, r->number,
+            error, status, reader->path, reader->number,
             "the gzip data are damaged after this line (%s), expected an unbroken stream",
-            r->stream.msg != NULL ? r->stream.msg : "no reason given");
-    return cairn_file_error_system(error, r->path, "read", r->code);
+            reader->stream.msg != NULL ? reader->stream.msg : "no reason given");
+    return cairn_file_error_system(error, reader->path, "read", reader->error_code);
 }
 
-/* Hands out [begin, begin + length), or says that it is too long, and moves on by `step`. */
-static cairn_status hand_out(cairn_line_reader *r, size_t length, size_t step, const char **line,
-                             size_t *found)
+/* Returns the line [begin, begin + length), or CAIRN_FULL when it is too long, and advances by
+ * `step` bytes. */
+static cairn_status return_line(cairn_line_reader *reader, size_t length, size_t step,
+                                const char **line, size_t *found)
 {
     cairn_status status = length > CAIRN_LINE_LONGEST ? CAIRN_FULL : CAIRN_OK;
 
-    if (status == CAIRN_OK && length > 0 && r->buffer[r->begin + length - 1] == '\r')
+    if (status == CAIRN_OK && length > 0 && reader->buffer[reader->begin + length - 1] == '\r')
         length--;
-    *line = r->buffer + r->begin;
+    *line = reader->buffer + reader->begin;
     *found = length;
-    r->begin += step;
-    r->number++;
+    reader->begin += step;
+    reader->number++;
     return status;
 }
 
-/* Drops what is left of a line that is too long, of which `dropped` bytes are in the buffer. */
-static cairn_status skip_line(cairn_line_reader *r, size_t dropped, const char **line,
+/* Skips the rest of an overlong line, of which `dropped` bytes are in the buffer. */
+static cairn_status skip_line(cairn_line_reader *reader, size_t dropped, const char **line,
                               size_t *length)
 {
     const char *newline = NULL;
 
-    while (newline == NULL && !r->at_end) {
-        r->end = 0;
-        fill(r);
-        newline = memchr(r->buffer, '\n', r->end);
-        dropped += newline == NULL ? r->end : (size_t)(newline - r->buffer);
+    while (newline == NULL && !reader->at_end) {
+        reader->end = 0;
+        fill(reader);
+        newline = memchr(reader->buffer, '\n', reader->end);
+        dropped += newline == NULL ? reader->end : (size_t)(newline - reader->buffer);
     }
-    r->begin = newline == NULL ? r->end : (size_t)(newline - r->buffer) + 1;
-    r->number++;
+    reader->begin = newline == NULL ? reader->end : (size_t)(newline - reader->buffer) + 1;
+    reader->number++;
     *line = "";
     *length = dropped;
     return CAIRN_FULL;
@@ -283,31 +289,30 @@ static cairn_status skip_line(cairn_line_reader *r, size_t dropped, const char *
 cairn_status cairn_line_reader_next(cairn_line_reader *reader, const char **line, size_t *length,
                                     cairn_file_error *error)
 {
-    cairn_line_reader *r = reader;
     size_t searched = 0, pending;
     const char *newline;
     cairn_status status;
 
     for (;;) {
-        pending = r->end - r->begin;
-        newline = memchr(r->buffer + r->begin + searched, '\n', pending - searched);
+        pending = reader->end - reader->begin;
+        newline = memchr(reader->buffer + reader->begin + searched, '\n', pending - searched);
         if (newline != NULL) {
-            pending = (size_t)(newline - r->buffer) - r->begin;
-            return hand_out(r, pending, pending + 1, line, length);
+            pending = (size_t)(newline - reader->buffer) - reader->begin;
+            return return_line(reader, pending, pending + 1, line, length);
         }
-        if (r->at_end)
+        if (reader->at_end)
             break;
         if (pending > CAIRN_LINE_LONGEST)
-            return skip_line(r, pending, line, length);
+            return skip_line(reader, pending, line, length);
         searched = pending;
-        status = make_room(r, error);
+        status = make_space(reader, error);
         if (status != CAIRN_OK)
             return status;
-        fill(r);
+        fill(reader);
     }
     if (pending == 0)
-        return tell_end(r, error);
-    return hand_out(r, pending, pending, line, length);
+        return report_end(reader, error);
+    return return_line(reader, pending, pending, line, length);
 }
 
 size_t cairn_token_next(const char **at, const char *end, const char **token)

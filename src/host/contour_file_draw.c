@@ -8,27 +8,27 @@
 
 static const char *const side_names[3] = {"left", "right", "other"};
 
-/* 0 left, 1 right, 2 neither. */
-static int32_t side_of(const cairn_contour_picture *p, const cairn_contour_object *o,
+/* Returns the side of a segment: 0 left, 1 right, 2 neither. */
+static int32_t side_of(const cairn_contour_picture *picture, const cairn_contour_object *object,
                        int32_t segment)
 {
-    for (int32_t k = 0; k < o->disc_count; k++)
+    for (int32_t k = 0; k < object->disc_count; k++)
         for (int32_t side = 0; side < 2; side++)
-            if (p->result->discs[o->first_disc + k].side[side] == segment)
+            if (picture->result->discs[object->first_disc + k].side[side] == segment)
                 return side;
     return 2;
 }
 
-static void print_segments(cairn_output *output, const cairn_contour_picture *p,
-                           const cairn_contour_object *o)
+static void print_segments(cairn_output *output, const cairn_contour_picture *picture,
+                           const cairn_contour_object *object)
 {
     for (int32_t side = 0; side < 3; side++) {
         cairn_output_print(output, "<path class=\"%s\" d=\"", side_names[side]);
-        for (int32_t i = 0; i < o->found.count; i++) {
-            int32_t segment = p->result->segments[o->found.first + i];
-            cairn_segment line = p->tokens->lines[segment];
+        for (int32_t i = 0; i < object->found.count; i++) {
+            int32_t segment = picture->result->segments[object->found.first + i];
+            cairn_segment line = picture->tokens->lines[segment];
 
-            if (side_of(p, o, segment) == side)
+            if (side_of(picture, object, segment) == side)
                 cairn_output_print(output, "M%.1f %.1fL%.1f %.1f", (double)line.a.x,
                                    (double)line.a.y, (double)line.b.x, (double)line.b.y);
         }
@@ -36,15 +36,16 @@ static void print_segments(cairn_output *output, const cairn_contour_picture *p,
     }
 }
 
-static void print_skeleton(cairn_output *output, const cairn_contour_picture *p,
-                           const cairn_contour_object *o)
+static void print_skeleton(cairn_output *output, const cairn_contour_picture *picture,
+                           const cairn_contour_object *object)
 {
-    const cairn_shape_path walk = {.count = o->disc_count};
-    int32_t count = o->outline_count > 0 ? p->model->path_count : 1;
+    const cairn_shape_path walk = {.count = object->disc_count};
+    int32_t count = object->outline_count > 0 ? picture->model->path_count : 1;
 
     for (int32_t i = 0; i < count; i++) {
-        const cairn_shape_path *path = o->outline_count > 0 ? &p->model->paths[i] : &walk;
-        const cairn_contour_disc *discs = &p->result->discs[o->first_disc + path->first];
+        const cairn_shape_path *path =
+            object->outline_count > 0 ? &picture->model->paths[i] : &walk;
+        const cairn_contour_disc *discs = &picture->result->discs[object->first_disc + path->first];
 
         cairn_output_print(output, "<path class=\"axis\" d=\"");
         for (int32_t k = 0; k < path->count; k++)
@@ -59,20 +60,19 @@ static void print_skeleton(cairn_output *output, const cairn_contour_picture *p,
     }
 }
 
-/* Where the bent outline lies: never part of the result, for the eye alone; dashed where nothing
- * is seen. */
-static void print_model(cairn_output *output, const cairn_contour_picture *p,
-                        const cairn_contour_object *o)
+/* Draws the deformed outline for display only, dashed where the contour is not observed. */
+static void print_model(cairn_output *output, const cairn_contour_picture *picture,
+                        const cairn_contour_object *object)
 {
-    const cairn_contour_place *outline = &p->result->outline[o->first_outline];
+    const cairn_contour_place *outline = &picture->result->outline[object->first_outline];
     int32_t first, count;
 
     cairn_output_print(output, "<path class=\"model\" d=\"");
-    for (int32_t i = 0; i < o->outline_count; i++)
+    for (int32_t i = 0; i < object->outline_count; i++)
         cairn_output_print(output, "M%.1f %.1fh0", (double)outline[i].at.position.x,
                            (double)outline[i].at.position.y);
     cairn_output_print(output, "\"/>\n<path class=\"completed\" d=\"");
-    for (int32_t from = 0; cairn_contour_completed(p->result, o, from, &first, &count);
+    for (int32_t from = 0; cairn_contour_completed(picture->result, object, from, &first, &count);
          from = first + count)
         for (int32_t i = first; i < first + count; i++)
             cairn_output_print(output, "%s%.1f %.1f", i == first ? "M" : "L",
@@ -80,18 +80,18 @@ static void print_model(cairn_output *output, const cairn_contour_picture *p,
     cairn_output_print(output, "\"/>\n");
 }
 
-static void print_object(cairn_output *output, const cairn_contour_picture *p,
-                         const cairn_contour_object *o)
+static void print_object(cairn_output *output, const cairn_contour_picture *picture,
+                         const cairn_contour_object *object)
 {
-    print_skeleton(output, p, o);
-    print_model(output, p, o);
-    print_segments(output, p, o);
+    print_skeleton(output, picture, object);
+    print_model(output, picture, object);
+    print_segments(output, picture, object);
     cairn_output_print(output, "<text class=\"score\" x=\"%.1f\" y=\"%.1f\">%.2f</text>\n",
-                       (double)o->found.origin.x, (double)o->found.origin.y,
-                       (double)o->found.score);
+                       (double)object->found.origin.x, (double)object->found.origin.y,
+                       (double)object->found.score);
 }
 
-cairn_status cairn_contour_file_draw(const cairn_contour_picture *p, const char *path,
+cairn_status cairn_contour_file_draw(const cairn_contour_picture *picture, const char *path,
                                      cairn_file_error *error)
 {
     static const cairn_report_key keys[] = {
@@ -99,27 +99,27 @@ cairn_status cairn_contour_file_draw(const cairn_contour_picture *p, const char 
         {"right side", "stroke=\"#ea580c\""},
         {"ends and others", "stroke=\"#16a34a\""},
         {"skeleton", "stroke=\"#dc2626\""},
-        {"outline, bent; dashed where not seen", "stroke=\"#7c3aed\""}};
+        {"deformed outline, dashed: unseen", "stroke=\"#7c3aed\""}};
     char subtitle[256], style[640];
-    const cairn_report_overlay overlay = {p->image,
-                                          subtitle,
-                                          p->grey,
-                                          p->tokens->width,
-                                          p->tokens->height,
-                                          960,
-                                          keys,
-                                          sizeof keys / sizeof *keys,
-                                          160};
+    const cairn_report_overlay overlay = {.title = picture->image,
+                                          .subtitle = subtitle,
+                                          .grey = picture->grey,
+                                          .width = picture->tokens->width,
+                                          .height = picture->tokens->height,
+                                          .min_width = 960,
+                                          .keys = keys,
+                                          .key_count = sizeof keys / sizeof *keys,
+                                          .key_step = 160};
     double scale = cairn_report_overlay_scale(&overlay);
     cairn_output *output;
     cairn_status status = cairn_output_open(&output, path, error);
 
     if (status != CAIRN_OK)
         return status;
-    (void)snprintf(subtitle, sizeof subtitle,
-                   "%d of %.120s, best score %.2f; %d segments of %d chains",
-                   (int)p->result->object_count, p->model_name, (double)p->result->best,
-                   (int)p->tokens->count, (int)p->tokens->chains);
+    (void)snprintf(
+        subtitle, sizeof subtitle, "%d of %.120s, best score %.2f; %d segments of %d chains",
+        (int)picture->result->object_count, picture->model_name, (double)picture->result->best,
+        (int)picture->tokens->count, (int)picture->tokens->chains);
     (void)snprintf(style, sizeof style,
                    "path{fill:none}.left,.right,.other{stroke-width:%.2f;stroke-linecap:round}"
                    ".left{stroke:#2563eb}.right{stroke:#ea580c}.other{stroke:#16a34a}.axis{stroke:#"
@@ -130,7 +130,7 @@ cairn_status cairn_contour_file_draw(const cairn_contour_picture *p, const char 
                    "stroke-linecap:round}.score{font-size:%.1fpx;fill:#dc2626}",
                    2.6 / scale, 2 / scale, 2 / scale, 6 / scale, 1 / scale, 2 / scale, 18 / scale);
     status = cairn_report_overlay_begin(output, &overlay, style);
-    for (int32_t i = 0; i < p->result->object_count; i++)
-        print_object(output, p, &p->result->objects[i]);
+    for (int32_t i = 0; i < picture->result->object_count; i++)
+        print_object(output, picture, &picture->result->objects[i]);
     return cairn_report_overlay_end(output, &overlay, status, path, error);
 }

@@ -1,7 +1,11 @@
-/* Laser scans in CSM's JSON.
+/* Reader of laser scans in CSM's JSON.
  *
- * Method: the file is read whole, its values token by token; the numbers of an object are
- * gathered in lists that serve all objects, and checked against each other at its end. */
+ * Method
+ * 1. The whole file is read into memory.
+ * 2. The values of an object are read token by token into one array for each field. The arrays are
+ *    reused for all objects.
+ * 3. At the end of an object its fields are validated against each other and converted to a
+ * scan. */
 #include "src/core/build.h"
 
 #include <stdlib.h>
@@ -11,44 +15,46 @@
 #include "cairn/json_text.h"
 #include "src/host/carmen_log_reader.h"
 
-/* Angles and poses may be so large. */
-#define COORDINATE_MOST 1e9
+/* Largest accepted magnitude of angles and poses, in rad and m. */
+#define MAX_COORDINATE 1e9
 
-/* Seconds of a stamp: ns that fit into int64. */
-#define SECONDS_MOST 9e9
+/* Largest magnitude of a stamp in seconds whose nanoseconds fit into int64. */
+#define MAX_SECONDS 9e9
 
 cairn_csm_params cairn_csm_default(void)
 {
-    cairn_csm_params params = {80, 0.01};
+    cairn_csm_params params = {.range_max = 80, .range_sigma = 0.01};
 
     return params;
 }
 
 /* ---- the text of a file ---- */
 
-typedef struct text {
-    char *bytes;
-    size_t count, room;
-} text;
+typedef struct file_text {
+    char *bytes; /* [count] of [capacity] */
+    size_t count, capacity;
+} file_text;
 
-static int append(text *t, const char *line, size_t length)
+/* Appends a line and a line end; 0 when out of memory. */
+static int append(file_text *text, const char *line, size_t length)
 {
-    if (t->room - t->count <= length) {
-        size_t room = 2 * (t->count + length + 1);
-        char *grown = realloc(t->bytes, room);
+    if (text->capacity - text->count <= length) {
+        size_t capacity = 2 * (text->count + length + 1);
+        char *grown = realloc(text->bytes, capacity);
 
         if (grown == NULL)
             return 0;
-        t->bytes = grown;
-        t->room = room;
+        text->bytes = grown;
+        text->capacity = capacity;
     }
-    memcpy(t->bytes + t->count, line, length);
-    t->bytes[t->count + length] = '\n';
-    t->count += length + 1;
+    memcpy(text->bytes + text->count, line, length);
+    text->bytes[text->count + length] = '\n';
+    text->count += length + 1;
     return 1;
 }
 
-static cairn_status read_text(text *t, const char *path, cairn_file_error *error)
+/* Reads a whole file, plain or gzipped. */
+static cairn_status read_text(file_text *text, const char *path, cairn_file_error *error)
 {
     cairn_line_reader *reader;
     const char *line;
@@ -58,7 +64,7 @@ static cairn_status read_text(text *t, const char *path, cairn_file_error *error
     if (status != CAIRN_OK)
         return status;
     while ((status = cairn_line_reader_next(reader, &line, &length, error)) == CAIRN_OK) {
-        if (!append(t, line, length)) {
+        if (!append(text, line, length)) {
             status =
                 cairn_file_error_set(error, CAIRN_NO_MEMORY, path, 0, "no memory for the file");
             break;
@@ -69,7 +75,8 @@ static cairn_status read_text(text *t, const char *path, cairn_file_error *error
                                       "a line of %zu bytes, expected at most %d", length,
                                       CAIRN_LINE_LONGEST);
     cairn_line_reader_close(reader);
-    t->count -= t->count > 0; /* what ends too early ends in the last line */
+    /* the last line end is dropped, so that an early end is reported in the last line */
+    text->count -= text->count > 0;
     return status == CAIRN_EMPTY ? CAIRN_OK : status;
 }
 
@@ -89,11 +96,12 @@ enum {
     FIELDS
 };
 
+/* The syntax of a field. */
 typedef struct field_rule {
     const char *name;
-    int32_t single;   /* 1: one number, 0: a list, 2: either */
-    int32_t nullable; /* 1: null is allowed, and NaN here */
-    int32_t truth;    /* 1: true and false are allowed, and 1 and 0 here */
+    int32_t single;   /* 1: a number, 0: an array, 2: either */
+    int32_t nullable; /* 1: null is allowed and becomes NaN */
+    int32_t truth;    /* 1: true and false are allowed and become 1 and 0 */
 } field_rule;
 
 static const field_rule rules[FIELDS] = {
@@ -101,118 +109,127 @@ static const field_rule rules[FIELDS] = {
     {"readings", 0, 1, 0},  {"valid", 0, 1, 1},     {"odometry", 0, 1, 0},  {"estimate", 0, 1, 0},
     {"true_pose", 0, 1, 0}, {"timestamp", 2, 0, 0}};
 
-typedef struct field {
-    double *value; /* [count] */
-    int32_t count, room;
-    int32_t given;
-    int32_t is_list;
-    int64_t line;
-} field;
+/* The values of one field of the current object. */
+typedef struct csm_field {
+    double *value; /* [count] of [capacity] */
+    int32_t count, capacity;
+    int32_t given;   /* 1: the object has this field */
+    int32_t is_list; /* 1: an array, 0: a single value */
+    int64_t line;    /* of its value */
+} csm_field;
 
-typedef struct loader {
+/* State of the reader. */
+typedef struct csm_loader {
     const char *path;
     const cairn_csm_params *params;
     cairn_json json;
-    field field[FIELDS];
+    csm_field field[FIELDS];
     cairn_csm_scans *scans;
-    int32_t room;
+    int32_t capacity; /* of scans->scan */
     cairn_file_error *error;
-} loader;
+} csm_loader;
 
-static cairn_status no_memory(const loader *l)
+static cairn_status no_memory(const csm_loader *loader)
 {
-    return cairn_file_error_set(l->error, CAIRN_NO_MEMORY, l->path, 0, "no memory for the scans");
+    return cairn_file_error_set(loader->error, CAIRN_NO_MEMORY, loader->path, 0,
+                                "no memory for the scans");
 }
 
-static cairn_status push(const loader *l, field *f, int32_t which, double value)
+/* Appends a value to a field. */
+static cairn_status append_value(const csm_loader *loader, csm_field *field, int32_t which,
+                                 double value)
 {
-    if (f->count == CAIRN_CSM_RAYS_MOST)
+    if (field->count == CAIRN_CSM_RAYS_MOST)
         return cairn_file_error_set(
-            l->error, CAIRN_FULL, l->path, l->json.line,
+            loader->error, CAIRN_FULL, loader->path, loader->json.line,
             "%s holds more numbers than a scan has rays, expected at most %d", rules[which].name,
             CAIRN_CSM_RAYS_MOST);
-    if (f->count == f->room) {
-        int32_t room = 2 * f->room + 512;
-        double *grown = realloc(f->value, (size_t)room * sizeof *grown);
+    if (field->count == field->capacity) {
+        int32_t capacity = 2 * field->capacity + 512;
+        double *grown = realloc(field->value, (size_t)capacity * sizeof *grown);
 
         if (grown == NULL)
-            return no_memory(l);
-        f->value = grown;
-        f->room = room;
+            return no_memory(loader);
+        field->value = grown;
+        field->capacity = capacity;
     }
-    f->value[f->count++] = value;
+    field->value[field->count++] = value;
     return CAIRN_OK;
 }
 
-/* What a number of a field may be. */
-static const char *expected_of(const field_rule *rule)
+/* Describes the values that a field accepts, for an error text. */
+static const char *describe_values(const field_rule *rule)
 {
     return rule->truth      ? "0, 1, true, false or null"
            : rule->nullable ? "a number or null"
                             : "a number";
 }
 
-static cairn_status take(const loader *l, field *f, int32_t which, const cairn_json_token *token)
+/* Converts a token to a value of a field and appends it. */
+static cairn_status accept_value(const csm_loader *loader, csm_field *field, int32_t which,
+                                 const cairn_json_token *token)
 {
     const field_rule *rule = &rules[which];
 
     if (token->kind == CAIRN_JSON_NUMBER)
-        return push(l, f, which, token->number);
+        return append_value(loader, field, which, token->number);
     if (token->kind == CAIRN_JSON_NULL && rule->nullable)
-        return push(l, f, which, (double)NAN);
+        return append_value(loader, field, which, (double)NAN);
     if ((token->kind == CAIRN_JSON_TRUE || token->kind == CAIRN_JSON_FALSE) && rule->truth)
-        return push(l, f, which, token->kind == CAIRN_JSON_TRUE);
-    return cairn_file_error_set(l->error, CAIRN_BAD_FORMAT, l->path, token->line,
-                                "%s holds something else, expected %s", rule->name,
-                                expected_of(rule));
+        return append_value(loader, field, which, token->kind == CAIRN_JSON_TRUE);
+    return cairn_file_error_set(loader->error, CAIRN_BAD_FORMAT, loader->path, token->line,
+                                "%s has a value of another type, expected %s", rule->name,
+                                describe_values(rule));
 }
 
-static cairn_status read_field(loader *l, int32_t which)
+/* Reads the value of a field after its name. */
+static cairn_status read_field(csm_loader *loader, int32_t which)
 {
     const field_rule *rule = &rules[which];
-    field *f = &l->field[which];
+    csm_field *field = &loader->field[which];
     cairn_json_token token;
-    cairn_status status = cairn_json_next(&l->json, &token, l->error);
+    cairn_status status = cairn_json_next(&loader->json, &token, loader->error);
 
     if (status != CAIRN_OK)
         return status;
-    if (f->given)
-        return cairn_file_error_set(l->error, CAIRN_BAD_FORMAT, l->path, token.line,
-                                    "%s stands twice in one scan, expected once", rule->name);
-    f->given = 1;
-    f->count = 0;
-    f->line = token.line;
-    f->is_list = token.kind == CAIRN_JSON_ARRAY;
-    if (f->is_list && rule->single == 1)
-        return cairn_file_error_set(l->error, CAIRN_BAD_FORMAT, l->path, token.line,
+    if (field->given)
+        return cairn_file_error_set(loader->error, CAIRN_BAD_FORMAT, loader->path, token.line,
+                                    "%s is duplicated in a scan, expected once", rule->name);
+    field->given = 1;
+    field->count = 0;
+    field->line = token.line;
+    field->is_list = token.kind == CAIRN_JSON_ARRAY;
+    if (field->is_list && rule->single == 1)
+        return cairn_file_error_set(loader->error, CAIRN_BAD_FORMAT, loader->path, token.line,
                                     "%s is a list, expected a number", rule->name);
-    if (!f->is_list && rule->single == 0)
-        return cairn_file_error_set(l->error, CAIRN_BAD_FORMAT, l->path, token.line,
+    if (!field->is_list && rule->single == 0)
+        return cairn_file_error_set(loader->error, CAIRN_BAD_FORMAT, loader->path, token.line,
                                     "%s is not a list, expected [ and numbers", rule->name);
-    if (!f->is_list)
-        return take(l, f, which, &token);
-    while ((status = cairn_json_next(&l->json, &token, l->error)) == CAIRN_OK &&
+    if (!field->is_list)
+        return accept_value(loader, field, which, &token);
+    while ((status = cairn_json_next(&loader->json, &token, loader->error)) == CAIRN_OK &&
            token.kind != CAIRN_JSON_ARRAY_END) {
-        status = take(l, f, which, &token);
+        status = accept_value(loader, field, which, &token);
         if (status != CAIRN_OK)
             break;
     }
     return status;
 }
 
-static cairn_status read_object(loader *l)
+/* Reads the fields of one object. */
+static cairn_status read_object(csm_loader *loader)
 {
     cairn_json_token token;
     cairn_status status;
     int32_t i;
 
     for (i = 0; i < FIELDS; i++)
-        l->field[i].given = 0;
-    while ((status = cairn_json_next(&l->json, &token, l->error)) == CAIRN_OK &&
+        loader->field[i].given = 0;
+    while ((status = cairn_json_next(&loader->json, &token, loader->error)) == CAIRN_OK &&
            token.kind == CAIRN_JSON_NAME) {
         for (i = 0; i < FIELDS && !cairn_json_is(&token, rules[i].name); i++)
             continue;
-        status = i < FIELDS ? read_field(l, i) : cairn_json_skip(&l->json, l->error);
+        status = i < FIELDS ? read_field(loader, i) : cairn_json_skip(&loader->json, loader->error);
         if (status != CAIRN_OK)
             break;
     }
@@ -221,88 +238,93 @@ static cairn_status read_object(loader *l)
 
 /* ---- from fields to a scan ---- */
 
-static cairn_status check_count(const loader *l, int32_t which, int32_t count)
+/* Checks that a field has `count` numbers, if the object has it. */
+static cairn_status check_count(const csm_loader *loader, int32_t which, int32_t count)
 {
-    const field *f = &l->field[which];
+    const csm_field *field = &loader->field[which];
 
-    if (!f->given || f->count == count)
+    if (!field->given || field->count == count)
         return CAIRN_OK;
-    return cairn_file_error_set(l->error, CAIRN_BAD_FORMAT, l->path, f->line,
+    return cairn_file_error_set(loader->error, CAIRN_BAD_FORMAT, loader->path, field->line,
                                 "%s holds %d numbers, expected %d", rules[which].name,
-                                (int)f->count, (int)count);
+                                (int)field->count, (int)count);
 }
 
-static cairn_status check_size(const loader *l, int32_t which)
+/* Checks the magnitude of a field's numbers. */
+static cairn_status check_size(const csm_loader *loader, int32_t which)
 {
-    const field *f = &l->field[which];
+    const csm_field *field = &loader->field[which];
     int32_t i;
 
-    for (i = 0; i < f->count && f->given; i++)
-        if (fabs(f->value[i]) > COORDINATE_MOST)
-            return cairn_file_error_set(l->error, CAIRN_BAD_FORMAT, l->path, f->line,
+    for (i = 0; i < field->count && field->given; i++)
+        if (fabs(field->value[i]) > MAX_COORDINATE)
+            return cairn_file_error_set(loader->error, CAIRN_BAD_FORMAT, loader->path, field->line,
                                         "%s holds %g, expected at most 1e9 either way",
-                                        rules[which].name, f->value[i]);
+                                        rules[which].name, field->value[i]);
     return CAIRN_OK;
 }
 
-static cairn_status check_object(const loader *l, int64_t line)
+/* Validates the fields of an object against each other. */
+static cairn_status check_object(const csm_loader *loader, int64_t line)
 {
-    const field *f = l->field;
+    const csm_field *field = loader->field;
     cairn_status status = CAIRN_OK;
     int32_t i, rays;
 
-    if (!f[NRAYS].given || !f[READINGS].given)
-        return cairn_file_error_set(l->error, CAIRN_BAD_FORMAT, l->path, line,
+    if (!field[NRAYS].given || !field[READINGS].given)
+        return cairn_file_error_set(loader->error, CAIRN_BAD_FORMAT, loader->path, line,
                                     "a scan without %s, expected one",
-                                    f[NRAYS].given ? "readings" : "nrays");
-    if (!f[THETA].given && !(f[MIN_THETA].given && f[MAX_THETA].given))
+                                    field[NRAYS].given ? "readings" : "nrays");
+    if (!field[THETA].given && !(field[MIN_THETA].given && field[MAX_THETA].given))
         return cairn_file_error_set(
-            l->error, CAIRN_BAD_FORMAT, l->path, line,
+            loader->error, CAIRN_BAD_FORMAT, loader->path, line,
             "a scan without directions, expected theta or min_theta and max_theta");
-    if (!(f[NRAYS].value[0] >= 1 && f[NRAYS].value[0] <= CAIRN_CSM_RAYS_MOST) ||
-        f[NRAYS].value[0] != floor(f[NRAYS].value[0]))
-        return cairn_file_error_set(l->error, CAIRN_BAD_FORMAT, l->path, f[NRAYS].line,
+    if (!(field[NRAYS].value[0] >= 1 && field[NRAYS].value[0] <= CAIRN_CSM_RAYS_MOST) ||
+        field[NRAYS].value[0] != floor(field[NRAYS].value[0]))
+        return cairn_file_error_set(loader->error, CAIRN_BAD_FORMAT, loader->path,
+                                    field[NRAYS].line,
                                     "nrays is %g, expected a whole number from 1 to %d",
-                                    f[NRAYS].value[0], CAIRN_CSM_RAYS_MOST);
-    rays = (int32_t)f[NRAYS].value[0];
+                                    field[NRAYS].value[0], CAIRN_CSM_RAYS_MOST);
+    rays = (int32_t)field[NRAYS].value[0];
     for (i = THETA; i <= VALID && status == CAIRN_OK; i++)
-        status = check_count(l, i, rays);
+        status = check_count(loader, i, rays);
     for (i = ODOMETRY; i <= TRUE_POSE && status == CAIRN_OK; i++)
-        status = check_count(l, i, 3);
+        status = check_count(loader, i, 3);
     for (i = MIN_THETA; i <= TRUE_POSE && status == CAIRN_OK; i++)
         if (i != READINGS && i != VALID)
-            status = check_size(l, i);
+            status = check_size(loader, i);
     return status;
 }
 
-/* 1 and a pose when it is known whole. */
-static int32_t pose_of(const field *f, cairn_pose *pose)
+/* Reads a pose; 1 when all its numbers are known, otherwise 0 and the identity. */
+static int32_t read_pose(const csm_field *field, cairn_pose *pose)
 {
     *pose = cairn_pose_identity();
-    if (!f->given || !(fabs(f->value[0]) >= 0) || !(fabs(f->value[1]) >= 0) ||
-        !(fabs(f->value[2]) >= 0))
+    if (!field->given || !(fabs(field->value[0]) >= 0) || !(fabs(field->value[1]) >= 0) ||
+        !(fabs(field->value[2]) >= 0))
         return 0;
-    pose->x = (cairn_real)f->value[0];
-    pose->y = (cairn_real)f->value[1];
-    pose->theta = (cairn_real)remainder(f->value[2], 2 * (double)CAIRN_PI);
+    pose->x = (cairn_real)field->value[0];
+    pose->y = (cairn_real)field->value[1];
+    pose->theta = (cairn_real)remainder(field->value[2], 2 * (double)CAIRN_PI);
     return 1;
 }
 
-static cairn_status stamp_of(const loader *l, cairn_csm_scan *scan)
+/* Converts the timestamp to nanoseconds. */
+static cairn_status read_stamp(const csm_loader *loader, cairn_csm_scan *scan)
 {
-    const field *f = &l->field[TIMESTAMP];
+    const csm_field *field = &loader->field[TIMESTAMP];
     double seconds, micros;
 
-    if (!f->given)
+    if (!field->given)
         return CAIRN_OK;
-    if (f->is_list && f->count != 2)
-        return check_count(l, TIMESTAMP, 2);
-    seconds = f->value[0];
-    micros = f->is_list ? f->value[1] : 0;
-    if (!(fabs(seconds) <= SECONDS_MOST) || !(fabs(micros) <= SECONDS_MOST))
-        return cairn_file_error_set(l->error, CAIRN_BAD_FORMAT, l->path, f->line,
+    if (field->is_list && field->count != 2)
+        return check_count(loader, TIMESTAMP, 2);
+    seconds = field->value[0];
+    micros = field->is_list ? field->value[1] : 0;
+    if (!(fabs(seconds) <= MAX_SECONDS) || !(fabs(micros) <= MAX_SECONDS))
+        return cairn_file_error_set(loader->error, CAIRN_BAD_FORMAT, loader->path, field->line,
                                     "timestamp holds %g, expected s and us within 9e9",
-                                    fabs(seconds) <= SECONDS_MOST ? micros : seconds);
+                                    fabs(seconds) <= MAX_SECONDS ? micros : seconds);
     scan->has_stamp = 1;
     scan->scan.stamp_ns = (int64_t)floor(seconds) * 1000000000 +
                           (int64_t)rint((seconds - floor(seconds)) * 1e9) +
@@ -310,13 +332,13 @@ static cairn_status stamp_of(const loader *l, cairn_csm_scan *scan)
     return CAIRN_OK;
 }
 
-/* Ranges, then angles, in one array. */
-static float *beams_of(const loader *l, int32_t rays)
+/* Returns a heap array of [2 * rays]: ranges in m, then bearings in rad. NULL: out of memory. */
+static float *make_beams(const csm_loader *loader, int32_t rays)
 {
-    const field *reading = &l->field[READINGS], *theta = &l->field[THETA],
-                *valid = &l->field[VALID];
-    double first = l->field[MIN_THETA].given ? l->field[MIN_THETA].value[0] : 0;
-    double span = l->field[MAX_THETA].given ? l->field[MAX_THETA].value[0] - first : 0;
+    const csm_field *reading = &loader->field[READINGS], *theta = &loader->field[THETA],
+                    *valid = &loader->field[VALID];
+    double first = loader->field[MIN_THETA].given ? loader->field[MIN_THETA].value[0] : 0;
+    double span = loader->field[MAX_THETA].given ? loader->field[MAX_THETA].value[0] - first : 0;
     float *beam = malloc(2 * (size_t)rays * sizeof *beam);
     int32_t i;
 
@@ -325,7 +347,7 @@ static float *beams_of(const loader *l, int32_t rays)
 
         if (!(range > 0) || (valid->given && !(fabs(valid->value[i]) > 0)))
             range = (double)NAN;
-        else if (range >= l->params->range_max)
+        else if (range >= loader->params->range_max)
             range = (double)INFINITY;
         beam[i] = (float)range;
         beam[rays + i] = (float)(theta->given ? theta->value[i]
@@ -335,42 +357,43 @@ static float *beams_of(const loader *l, int32_t rays)
     return beam;
 }
 
-static cairn_status add_scan(loader *l, int64_t line)
+/* Converts the current object to a scan and appends it. */
+static cairn_status add_scan(csm_loader *loader, int64_t line)
 {
-    cairn_csm_scans *scans = l->scans;
+    cairn_csm_scans *scans = loader->scans;
     cairn_csm_scan scan;
     int32_t rays;
     float *beam;
-    cairn_status status = check_object(l, line);
+    cairn_status status = check_object(loader, line);
 
     if (status != CAIRN_OK)
         return status;
     memset(&scan, 0, sizeof scan);
     scan.line = line;
-    status = stamp_of(l, &scan);
+    status = read_stamp(loader, &scan);
     if (status != CAIRN_OK)
         return status;
-    if (scans->count == l->room) {
-        int32_t room = 2 * l->room + 16;
-        cairn_csm_scan *grown = realloc(scans->scan, (size_t)room * sizeof *grown);
+    if (scans->count == loader->capacity) {
+        int32_t capacity = 2 * loader->capacity + 16;
+        cairn_csm_scan *grown = realloc(scans->scan, (size_t)capacity * sizeof *grown);
 
         if (grown == NULL)
-            return no_memory(l);
+            return no_memory(loader);
         scans->scan = grown;
-        l->room = room;
+        loader->capacity = capacity;
     }
-    rays = (int32_t)l->field[NRAYS].value[0];
-    beam = beams_of(l, rays);
+    rays = (int32_t)loader->field[NRAYS].value[0];
+    beam = make_beams(loader, rays);
     if (beam == NULL)
-        return no_memory(l);
+        return no_memory(loader);
     scan.scan.range = beam;
     scan.scan.angle = beam + rays;
     scan.scan.count = rays;
-    scan.scan.range_max = (float)l->params->range_max;
-    scan.scan.range_sigma = (float)l->params->range_sigma;
-    scan.has_odometry = pose_of(&l->field[ODOMETRY], &scan.odometry);
-    scan.has_estimate = pose_of(&l->field[ESTIMATE], &scan.estimate);
-    scan.has_true_pose = pose_of(&l->field[TRUE_POSE], &scan.true_pose);
+    scan.scan.range_max = (float)loader->params->range_max;
+    scan.scan.range_sigma = (float)loader->params->range_sigma;
+    scan.has_odometry = read_pose(&loader->field[ODOMETRY], &scan.odometry);
+    scan.has_estimate = read_pose(&loader->field[ESTIMATE], &scan.estimate);
+    scan.has_true_pose = read_pose(&loader->field[TRUE_POSE], &scan.true_pose);
     scans->scan[scans->count++] = scan;
     scans->rays_most = rays > scans->rays_most ? rays : scans->rays_most;
     return CAIRN_OK;
@@ -378,24 +401,25 @@ static cairn_status add_scan(loader *l, int64_t line)
 
 /* ---- files ---- */
 
-static cairn_status read_scans(loader *l)
+/* Reads all objects. */
+static cairn_status read_scans(csm_loader *loader)
 {
     cairn_json_token token;
     cairn_status status;
 
-    while ((status = cairn_json_next(&l->json, &token, l->error)) == CAIRN_OK &&
+    while ((status = cairn_json_next(&loader->json, &token, loader->error)) == CAIRN_OK &&
            token.kind != CAIRN_JSON_END) {
         if (token.kind != CAIRN_JSON_OBJECT)
-            return cairn_file_error_set(l->error, CAIRN_BAD_FORMAT, l->path, token.line,
+            return cairn_file_error_set(loader->error, CAIRN_BAD_FORMAT, loader->path, token.line,
                                         "not an object, expected { and the fields of a scan");
-        status = read_object(l);
+        status = read_object(loader);
         if (status == CAIRN_OK)
-            status = add_scan(l, token.line);
+            status = add_scan(loader, token.line);
         if (status != CAIRN_OK)
             return status;
     }
-    if (status == CAIRN_OK && l->scans->count == 0)
-        return cairn_file_error_set(l->error, CAIRN_EMPTY, l->path, 0,
+    if (status == CAIRN_OK && loader->scans->count == 0)
+        return cairn_file_error_set(loader->error, CAIRN_EMPTY, loader->path, 0,
                                     "no scan, expected at least one");
     return status;
 }
@@ -404,31 +428,33 @@ cairn_status cairn_csm_load(cairn_csm_scans *scans, const char *path,
                             const cairn_csm_params *params, cairn_file_error *error)
 {
     cairn_csm_params standard = cairn_csm_default();
-    text t = {NULL, 0, 0};
-    loader l;
+    file_text text = {.bytes = NULL};
+    csm_loader loader;
     cairn_status status;
     int32_t i;
 
     memset(scans, 0, sizeof *scans);
-    memset(&l, 0, sizeof l);
-    l.path = path;
-    l.params = params != NULL ? params : &standard;
-    l.scans = scans;
-    l.error = error;
-    if (!(l.params->range_max > 0) || !(l.params->range_max <= (double)CAIRN_SCAN_EXTENT) ||
-        !(l.params->range_sigma >= 0) || !(l.params->range_sigma <= (double)CAIRN_SCAN_EXTENT))
+    memset(&loader, 0, sizeof loader);
+    loader.path = path;
+    loader.params = params != NULL ? params : &standard;
+    loader.scans = scans;
+    loader.error = error;
+    if (!(loader.params->range_max > 0) ||
+        !(loader.params->range_max <= (double)CAIRN_SCAN_EXTENT) ||
+        !(loader.params->range_sigma >= 0) ||
+        !(loader.params->range_sigma <= (double)CAIRN_SCAN_EXTENT))
         return cairn_file_error_set(
             error, CAIRN_BAD_ARGUMENT, path, 0,
             "range_max %g and range_sigma %g, expected above 0 and not below 0",
-            l.params->range_max, l.params->range_sigma);
-    status = read_text(&t, path, error);
+            loader.params->range_max, loader.params->range_sigma);
+    status = read_text(&text, path, error);
     if (status == CAIRN_OK) {
-        l.json = cairn_json_begin(path, t.bytes != NULL ? t.bytes : "", t.count);
-        status = read_scans(&l);
+        loader.json = cairn_json_begin(path, text.bytes != NULL ? text.bytes : "", text.count);
+        status = read_scans(&loader);
     }
     for (i = 0; i < FIELDS; i++)
-        free(l.field[i].value);
-    free(t.bytes);
+        free(loader.field[i].value);
+    free(text.bytes);
     if (status != CAIRN_OK)
         cairn_csm_scans_free(scans);
     return status;

@@ -1,4 +1,4 @@
-/* Error texts with their place. strerror_r of POSIX keeps this free of static state. */
+/* Error texts with file and line. strerror_r of POSIX keeps this free of static state. */
 #include "src/core/build.h"
 
 #include <errno.h>
@@ -10,14 +10,14 @@
 #include "cairn/file_error.h"
 #include "src/host/c_locale.h"
 
-/* So much of the text is kept free for what follows the path. */
-#define WORDS_BYTES 512
+/* Bytes of the text reserved for the message behind the path. */
+#define MESSAGE_BYTES 512
 
 cairn_status cairn_file_error_set(cairn_file_error *error, cairn_status status, const char *path,
                                   int64_t line, const char *format, ...)
 {
-    size_t length = strlen(path), keep = CAIRN_FILE_ERROR_BYTES - WORDS_BYTES, used;
-    const char *mark = "";
+    size_t length = strlen(path), path_bytes = CAIRN_FILE_ERROR_BYTES - MESSAGE_BYTES, used;
+    const char *ellipsis = "";
     cairn_c_locale scope;
     va_list values;
 
@@ -25,14 +25,14 @@ cairn_status cairn_file_error_set(cairn_file_error *error, cairn_status status, 
         return status;
     error->status = status;
     error->line = line;
-    if (length > keep) {
-        path += length - keep;
-        mark = "...";
+    if (length > path_bytes) {
+        path += length - path_bytes;
+        ellipsis = "...";
     }
     if (line > 0)
-        (void)snprintf(error->text, sizeof error->text, "%s%s:%" PRId64 ": ", mark, path, line);
+        (void)snprintf(error->text, sizeof error->text, "%s%s:%" PRId64 ": ", ellipsis, path, line);
     else
-        (void)snprintf(error->text, sizeof error->text, "%s%s: ", mark, path);
+        (void)snprintf(error->text, sizeof error->text, "%s%s: ", ellipsis, path);
     used = strlen(error->text);
     scope = cairn_c_locale_enter();
     va_start(values, format);

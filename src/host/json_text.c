@@ -1,8 +1,10 @@
-/* JSON piece by piece.
+/* A streaming JSON tokenizer.
  *
- * Method: a state says what may come next; whether an object or an array is open at each depth
- * is a bit. No recursion, no memory. Strings are checked as they are passed over, so that
- * undoing their escapes cannot fail. */
+ * Method
+ * 1. A finite state machine: the state says which tokens may come next.
+ * 2. A stack of one bit for each depth says whether the open container is an object or an array.
+ *    There is no recursion and no allocation.
+ * 3. Strings are validated when they are tokenized, so decoding their escapes cannot fail. */
 #include "src/core/build.h"
 
 #include <string.h>
@@ -11,13 +13,14 @@
 #include "cairn/number_text.h"
 #include "src/host/utf8.h"
 
+/* States of the grammar: the tokens that may come next. */
 enum {
-    VALUE,          /* a value must follow */
-    VALUE_OR_CLOSE, /* an array has just opened */
-    NAME,           /* after a comma in an object */
-    NAME_OR_CLOSE,  /* an object has just opened */
-    COLON,          /* after a name */
-    COMMA_OR_CLOSE  /* a value has just ended */
+    STATE_VALUE,          /* a value must follow */
+    STATE_VALUE_OR_CLOSE, /* an array has just opened */
+    STATE_NAME,           /* after a comma in an object */
+    STATE_NAME_OR_CLOSE,  /* an object has just opened */
+    STATE_COLON,          /* after a name */
+    STATE_COMMA_OR_CLOSE  /* a value has just ended */
 };
 
 cairn_json cairn_json_begin(const char *path, const char *text, size_t length)
@@ -29,15 +32,16 @@ cairn_json cairn_json_begin(const char *path, const char *text, size_t length)
     json.at = text;
     json.end = text + length;
     json.line = 1;
-    json.state = VALUE;
+    json.state = STATE_VALUE;
     return json;
 }
 
 /* ---- errors ---- */
 
-/* Says what is there in place of what was expected. What is wrong is found again by every later
- * call. */
-static cairn_status refuse(const cairn_json *json, cairn_file_error *error, const char *expected)
+/* Reports a syntax error: the byte found and the token that was expected. The state is not
+ * advanced, so later calls find the same error again. */
+static cairn_status syntax_error(const cairn_json *json, cairn_file_error *error,
+                                 const char *expected)
 {
     const char *within = json->depth == 0                         ? ""
                          : json->objects >> (json->depth - 1) & 1 ? " within an object"
@@ -74,7 +78,7 @@ static int hex_digit(char c)
                                   : -1;
 }
 
-/* The code of four hexadecimal digits at p; -1: they are not there. */
+/* Returns the value of four hexadecimal digits at p; -1 when there are not four. */
 static int32_t hex_code(const char *p, const char *end)
 {
     int32_t code = 0;
@@ -88,41 +92,42 @@ static int32_t hex_code(const char *p, const char *end)
     return code;
 }
 
-static int is_high(int32_t code)
+static int is_high_surrogate(int32_t code)
 {
     return code >= 0xD800 && code <= 0xDBFF;
 }
 
-static int is_low(int32_t code)
+static int is_low_surrogate(int32_t code)
 {
     return code >= 0xDC00 && code <= 0xDFFF;
 }
 
-/* Moves behind an escape that begins at `at` with its backslash. */
-static cairn_status pass_escape(cairn_json *json, cairn_file_error *error)
+/* Validates an escape sequence and advances behind it. `at` is its backslash. */
+static cairn_status skip_escape(cairn_json *json, cairn_file_error *error)
 {
     static const char letters[] = {'"', '\\', '/', 'b', 'f', 'n', 'r', 't', 'u'};
     int32_t code;
 
     json->at++;
     if (json->at == json->end || memchr(letters, *json->at, sizeof letters) == NULL)
-        return refuse(json, error, "one of \" \\ / b f n r t u after a backslash");
+        return syntax_error(json, error, "one of \" \\ / b f n r t u after a backslash");
     if (*json->at++ != 'u')
         return CAIRN_OK;
     code = hex_code(json->at, json->end);
     if (code < 0)
-        return refuse(json, error, "four hexadecimal digits after \\u");
+        return syntax_error(json, error, "four hexadecimal digits after \\u");
     json->at += 4;
-    if (is_high(code) && (json->end - json->at < 2 || json->at[0] != '\\' || json->at[1] != 'u' ||
-                          !is_low(hex_code(json->at + 2, json->end))))
-        return refuse(json, error, "the second half of a surrogate pair");
-    if (is_low(code))
-        return refuse(json, error, "no second half of a surrogate pair without the first");
-    json->at += is_high(code) ? 6 : 0;
+    if (is_high_surrogate(code) &&
+        (json->end - json->at < 2 || json->at[0] != '\\' || json->at[1] != 'u' ||
+         !is_low_surrogate(hex_code(json->at + 2, json->end))))
+        return syntax_error(json, error, "the second half of a surrogate pair");
+    if (is_low_surrogate(code))
+        return syntax_error(json, error, "no second half of a surrogate pair without the first");
+    json->at += is_high_surrogate(code) ? 6 : 0;
     return CAIRN_OK;
 }
 
-/* A string whose opening quote is at `at`. */
+/* Tokenizes a string. `at` is its opening quote. */
 static cairn_status read_string(cairn_json *json, cairn_json_token *token, cairn_file_error *error)
 {
     json->at++;
@@ -131,25 +136,25 @@ static cairn_status read_string(cairn_json *json, cairn_json_token *token, cairn
         cairn_status status;
 
         if ((unsigned char)*json->at < ' ')
-            return refuse(json, error,
-                          "no control character in a string: an escape, or the closing quote");
+            return syntax_error(
+                json, error, "no control character in a string: an escape, or the closing quote");
         if (*json->at != '\\') {
             json->at++;
             continue;
         }
-        status = pass_escape(json, error);
+        status = skip_escape(json, error);
         if (status != CAIRN_OK)
             return status;
     }
     if (json->at == json->end)
-        return refuse(json, error, "the closing quote of a string");
+        return syntax_error(json, error, "the closing quote of a string");
     token->length = (size_t)(json->at - token->text);
     json->at++;
     return CAIRN_OK;
 }
 
-/* Moves behind digits; 0 when there are none. */
-static int pass_digits(cairn_json *json)
+/* Advances over decimal digits; 0 when there are none. */
+static int skip_digits(cairn_json *json)
 {
     const char *first = json->at;
 
@@ -158,7 +163,8 @@ static int pass_digits(cairn_json *json)
     return json->at > first;
 }
 
-static int pass_one_of(cairn_json *json, const char *set)
+/* Advances over one character of `set`; 0 when the next character is another one. */
+static int accept_one_of(cairn_json *json, const char *set)
 {
     if (json->at == json->end || *json->at == 0 || strchr(set, *json->at) == NULL)
         return 0;
@@ -169,15 +175,15 @@ static int pass_one_of(cairn_json *json, const char *set)
 static cairn_status read_number(cairn_json *json, cairn_json_token *token, cairn_file_error *error)
 {
     token->text = json->at;
-    (void)pass_one_of(json, "-");
-    if (!pass_one_of(json, "0") && !pass_digits(json))
-        return refuse(json, error, "a digit");
-    if (pass_one_of(json, ".") && !pass_digits(json))
-        return refuse(json, error, "a digit after the point");
-    if (pass_one_of(json, "eE")) {
-        (void)pass_one_of(json, "+-");
-        if (!pass_digits(json))
-            return refuse(json, error, "a digit of the exponent");
+    (void)accept_one_of(json, "-");
+    if (!accept_one_of(json, "0") && !skip_digits(json))
+        return syntax_error(json, error, "a digit");
+    if (accept_one_of(json, ".") && !skip_digits(json))
+        return syntax_error(json, error, "a digit after the point");
+    if (accept_one_of(json, "eE")) {
+        (void)accept_one_of(json, "+-");
+        if (!skip_digits(json))
+            return syntax_error(json, error, "a digit of the exponent");
     }
     token->length = (size_t)(json->at - token->text);
     if (!cairn_number_read(token->text, token->length, &token->number))
@@ -187,7 +193,8 @@ static cairn_status read_number(cairn_json *json, cairn_json_token *token, cairn
     return CAIRN_OK;
 }
 
-static cairn_status read_word(cairn_json *json, cairn_json_token *token, cairn_file_error *error)
+/* Tokenizes true, false or null. */
+static cairn_status read_literal(cairn_json *json, cairn_json_token *token, cairn_file_error *error)
 {
     static const struct {
         const char *word;
@@ -205,7 +212,7 @@ static cairn_status read_word(cairn_json *json, cairn_json_token *token, cairn_f
             return CAIRN_OK;
         }
     }
-    return refuse(json, error, "a value: { [ \" a number, true, false or null");
+    return syntax_error(json, error, "a value: { [ \" a number, true, false or null");
 }
 
 /* ---- syntax ---- */
@@ -217,9 +224,10 @@ static int in_object(const cairn_json *json)
 
 static void end_value(cairn_json *json)
 {
-    json->state = json->depth > 0 ? COMMA_OR_CLOSE : VALUE;
+    json->state = json->depth > 0 ? STATE_COMMA_OR_CLOSE : STATE_VALUE;
 }
 
+/* Pushes an object or array on the stack. */
 static cairn_status open_level(cairn_json *json, cairn_json_token *token, int object,
                                cairn_file_error *error)
 {
@@ -231,16 +239,17 @@ static cairn_status open_level(cairn_json *json, cairn_json_token *token, int ob
     json->at++;
     bit = UINT64_C(1) << json->depth++;
     json->objects = object ? json->objects | bit : json->objects & ~bit;
-    json->state = object ? NAME_OR_CLOSE : VALUE_OR_CLOSE;
+    json->state = object ? STATE_NAME_OR_CLOSE : STATE_VALUE_OR_CLOSE;
     token->kind = object ? CAIRN_JSON_OBJECT : CAIRN_JSON_ARRAY;
     return CAIRN_OK;
 }
 
-static int pass_close(cairn_json *json, cairn_json_token *token)
+/* Pops the open container if its closing bracket comes next; 0 otherwise. */
+static int accept_close(cairn_json *json, cairn_json_token *token)
 {
     int object = in_object(json);
 
-    if (!pass_one_of(json, object ? "}" : "]"))
+    if (!accept_one_of(json, object ? "}" : "]"))
         return 0;
     token->kind = object ? CAIRN_JSON_OBJECT_END : CAIRN_JSON_ARRAY_END;
     json->depth--;
@@ -253,11 +262,11 @@ static cairn_status read_name(cairn_json *json, cairn_json_token *token, cairn_f
     cairn_status status;
 
     if (json->at == json->end || *json->at != '"')
-        return refuse(json, error,
-                      json->state == NAME ? "a name in quotes" : "a name in quotes or }");
+        return syntax_error(
+            json, error, json->state == STATE_NAME ? "a name in quotes" : "a name in quotes or }");
     status = read_string(json, token, error);
     token->kind = CAIRN_JSON_NAME;
-    json->state = COLON;
+    json->state = STATE_COLON;
     return status;
 }
 
@@ -275,24 +284,24 @@ static cairn_status read_value(cairn_json *json, cairn_json_token *token, cairn_
         status = read_number(json, token, error);
         token->kind = CAIRN_JSON_NUMBER;
     } else {
-        status = read_word(json, token, error);
+        status = read_literal(json, token, error);
     }
     end_value(json);
     return status;
 }
 
-/* Moves behind the comma or colon that must stand here; the state is then that of what must
- * follow. */
-static cairn_status pass_separator(cairn_json *json, cairn_file_error *error)
+/* Advances over the comma or colon that the state requires. The state then is the one of the token
+ * that must follow. */
+static cairn_status skip_separator(cairn_json *json, cairn_file_error *error)
 {
-    if (json->state == COLON) {
-        if (!pass_one_of(json, ":"))
-            return refuse(json, error, "a colon after the name");
-        json->state = VALUE;
-    } else if (json->state == COMMA_OR_CLOSE) {
-        if (!pass_one_of(json, ","))
-            return refuse(json, error, in_object(json) ? "a comma or }" : "a comma or ]");
-        json->state = in_object(json) ? NAME : VALUE;
+    if (json->state == STATE_COLON) {
+        if (!accept_one_of(json, ":"))
+            return syntax_error(json, error, "a colon after the name");
+        json->state = STATE_VALUE;
+    } else if (json->state == STATE_COMMA_OR_CLOSE) {
+        if (!accept_one_of(json, ","))
+            return syntax_error(json, error, in_object(json) ? "a comma or }" : "a comma or ]");
+        json->state = in_object(json) ? STATE_NAME : STATE_VALUE;
     }
     skip_space(json);
     return CAIRN_OK;
@@ -306,16 +315,17 @@ static cairn_status read_token(cairn_json *json, cairn_json_token *token, cairn_
     token->line = json->line;
     if (json->depth == 0 && json->at == json->end)
         return CAIRN_OK;
-    if ((json->state == COMMA_OR_CLOSE || json->state == VALUE_OR_CLOSE ||
-         json->state == NAME_OR_CLOSE) &&
-        pass_close(json, token))
+    if ((json->state == STATE_COMMA_OR_CLOSE || json->state == STATE_VALUE_OR_CLOSE ||
+         json->state == STATE_NAME_OR_CLOSE) &&
+        accept_close(json, token))
         return CAIRN_OK;
-    status = pass_separator(json, error);
+    status = skip_separator(json, error);
     token->line = json->line;
     if (status != CAIRN_OK)
         return status;
-    return json->state == NAME || json->state == NAME_OR_CLOSE ? read_name(json, token, error)
-                                                               : read_value(json, token, error);
+    return json->state == STATE_NAME || json->state == STATE_NAME_OR_CLOSE
+               ? read_name(json, token, error)
+               : read_value(json, token, error);
 }
 
 cairn_status cairn_json_next(cairn_json *json, cairn_json_token *token, cairn_file_error *error)
@@ -351,7 +361,7 @@ cairn_status cairn_json_skip(cairn_json *json, cairn_file_error *error)
 
 /* ---- strings ---- */
 
-/* The bytes of a character that is written as it is. */
+/* Copies one unescaped UTF-8 character; returns its bytes. */
 static size_t plain_character(const char **at, const char *end, char utf8[4])
 {
     size_t count = 0;
@@ -362,7 +372,8 @@ static size_t plain_character(const char **at, const char *end, char utf8[4])
     return count;
 }
 
-static size_t encode(uint32_t code, char utf8[4])
+/* Encodes a code point as UTF-8; returns its bytes. */
+static size_t encode_utf8(uint32_t code, char utf8[4])
 {
     static const uint8_t lead[] = {0, 0xC0, 0xE0, 0xF0};
     size_t more = code < 0x80 ? 0 : code < 0x800 ? 1 : code < 0x10000 ? 2 : 3, i;
@@ -373,7 +384,7 @@ static size_t encode(uint32_t code, char utf8[4])
     return more + 1;
 }
 
-/* The next character of a string with its escape undone, as UTF-8; its length. *at moves on. */
+/* Decodes the next character of a string to UTF-8 and returns its bytes. *at advances behind it. */
 static size_t next_character(const char **at, const char *end, char utf8[4])
 {
     static const char letters[] = "bfnrt", bytes[] = "\b\f\n\r\t";
@@ -390,11 +401,11 @@ static size_t next_character(const char **at, const char *end, char utf8[4])
     }
     code = (uint32_t)hex_code(*at + 2, end);
     *at += 6;
-    if (is_high((int32_t)code)) {
+    if (is_high_surrogate((int32_t)code)) {
         code = 0x10000 + ((code & 0x3FF) << 10) + ((uint32_t)hex_code(*at + 2, end) & 0x3FF);
         *at += 6;
     }
-    return encode(code, utf8);
+    return encode_utf8(code, utf8);
 }
 
 int32_t cairn_json_is(const cairn_json_token *token, const char *text)
@@ -425,7 +436,7 @@ size_t cairn_json_copy(const cairn_json_token *token, char *buffer, size_t size)
         char utf8[4];
         size_t count = next_character(&at, end, utf8);
 
-        /* What follows a character without room is left out, too. */
+        /* After the first character that does not fit, nothing more is copied. */
         if (used == need && need + count < size) {
             memcpy(buffer + used, utf8, count);
             used += count;

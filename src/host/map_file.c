@@ -1,5 +1,5 @@
-/* Maps of map_server: the YAML file through libyaml's document tree, whose nodes know their
- * lines. */
+/* Occupancy grid maps of map_server. The YAML file is parsed into libyaml's document tree, whose
+ * nodes have line numbers for errors. */
 #include "src/core/build.h"
 
 #include <errno.h>
@@ -14,6 +14,7 @@
 #include "src/host/map_file_image.h"
 #include "src/host/carmen_log_reader.h"
 
+/* Grey levels of free and unknown cells, as map_server writes them. */
 #define PIXEL_FREE    254
 #define PIXEL_UNKNOWN 205
 
@@ -66,29 +67,32 @@ cairn_status cairn_map_file_allocate(cairn_map_file *map, int32_t width, int32_t
     return CAIRN_OK;
 }
 
+/* Returns the occupancy probability of a grey level. */
 static cairn_real probability_of(const cairn_map_file *map, int32_t pixel)
 {
     return (cairn_real)(map->negate ? pixel : 255 - pixel) / 255;
 }
 
+/* Returns the occupancy of a grey level: -1, or 0 ... 100. */
 static int8_t occupancy_of(const cairn_map_file *map, uint8_t pixel)
 {
-    cairn_real occupied = map->occupied_threshold, open = map->free_threshold,
+    cairn_real occupied = map->occupied_threshold, unoccupied = map->free_threshold,
                p = probability_of(map, pixel);
 
     if (map->mode == CAIRN_MAP_RAW)
         return (int8_t)(pixel <= 100 ? pixel : -1);
     if (p > occupied)
         return 100;
-    if (p < open)
+    if (p < unoccupied)
         return 0;
     if (map->mode == CAIRN_MAP_TRINARY)
         return -1;
-    return (int8_t)(occupied > open ? 1 + 98 * (p - open) / (occupied - open) : 1);
+    return (int8_t)(occupied > unoccupied ? 1 + 98 * (p - unoccupied) / (occupied - unoccupied)
+                                          : 1);
 }
 
-/* The grey level that is neither free nor occupied: the usual one, or one halfway where the
- * thresholds do not admit it. */
+/* Returns the grey level of unknown cells: the usual one, or the one halfway between the thresholds
+ * where they would classify the usual one as free or occupied. */
 static int32_t unknown_pixel(const cairn_map_file *map)
 {
     int32_t pixel = map->negate ? 255 - PIXEL_UNKNOWN : PIXEL_UNKNOWN;
@@ -101,6 +105,7 @@ static int32_t unknown_pixel(const cairn_map_file *map)
     return map->negate ? pixel : 255 - pixel;
 }
 
+/* Returns the grey level of an occupancy. */
 static uint8_t pixel_of(const cairn_map_file *map, int8_t occupancy, int32_t unknown)
 {
     cairn_real p = CAIRN_REAL(0.01) * (cairn_real)occupancy;
@@ -126,8 +131,9 @@ cairn_status cairn_map_file_draw(cairn_map_file *map)
     return CAIRN_OK;
 }
 
-/* ---- reading ---- */
+/* ---- Reading ---- */
 
+/* The parsed YAML file. */
 typedef struct yaml_view {
     yaml_document_t document;
     yaml_node_t *value[KEYS]; /* NULL: the key is missing */
@@ -146,20 +152,20 @@ static const char *scalar(const yaml_node_t *node)
 }
 
 static cairn_status bad_value(const yaml_view *view, int key, const yaml_node_t *node,
-                              const char *wanted)
+                              const char *expected)
 {
     char shown[CAIRN_TOKEN_TEXT_BYTES];
 
     if (node->type != YAML_SCALAR_NODE)
-        return cairn_file_error_set(view->error, CAIRN_BAD_FORMAT, view->path, line_of(node),
-                                    "%s is a %s, expected %s", key_name[key],
-                                    node->type == YAML_SEQUENCE_NODE ? "list" : "mapping", wanted);
+        return cairn_file_error_set(
+            view->error, CAIRN_BAD_FORMAT, view->path, line_of(node), "%s is a %s, expected %s",
+            key_name[key], node->type == YAML_SEQUENCE_NODE ? "list" : "mapping", expected);
     return cairn_file_error_set(
         view->error, CAIRN_BAD_FORMAT, view->path, line_of(node), "%s is %s, expected %s",
-        key_name[key], cairn_token_text(shown, scalar(node), node->data.scalar.length), wanted);
+        key_name[key], cairn_token_text(shown, scalar(node), node->data.scalar.length), expected);
 }
 
-/* Finds the keys of the topmost mapping; those of others are passed over. */
+/* Finds the known keys of the topmost mapping; other keys are ignored. */
 static cairn_status find_keys(yaml_view *view)
 {
     yaml_node_t *root = yaml_document_get_root_node(&view->document), *key;
@@ -193,44 +199,47 @@ static cairn_status find_keys(yaml_view *view)
     return CAIRN_OK;
 }
 
-static cairn_status take_number(const yaml_view *view, int key, const yaml_node_t *node,
-                                double least, double most, const char *wanted, cairn_real *value)
+/* Reads a number from `minimum` to `maximum`. */
+static cairn_status read_number(const yaml_view *view, int key, const yaml_node_t *node,
+                                double minimum, double maximum, const char *expected,
+                                cairn_real *value)
 {
     double number;
 
     if (node->type != YAML_SCALAR_NODE ||
         !cairn_number_read(scalar(node), node->data.scalar.length, &number) ||
-        !(number >= least && number <= most))
-        return bad_value(view, key, node, wanted);
+        !(number >= minimum && number <= maximum))
+        return bad_value(view, key, node, expected);
     *value = (cairn_real)number;
     return CAIRN_OK;
 }
 
-static cairn_status take_origin(yaml_view *view, cairn_pose *origin)
+static cairn_status read_origin(yaml_view *view, cairn_pose *origin)
 {
-    const char *wanted = "a list of three finite numbers: x, y, yaw";
+    const char *expected = "a list of three finite numbers: x, y, yaw";
     yaml_node_t *node = view->value[KEY_ORIGIN];
     yaml_node_item_t *item;
-    cairn_real *const part[] = {&origin->x, &origin->y, &origin->theta};
+    cairn_real *const element[] = {&origin->x, &origin->y, &origin->theta};
     cairn_status status;
     int i;
 
     if (node->type != YAML_SEQUENCE_NODE)
-        return bad_value(view, KEY_ORIGIN, node, wanted);
+        return bad_value(view, KEY_ORIGIN, node, expected);
     item = node->data.sequence.items.start;
     if (node->data.sequence.items.top - item != 3)
         return cairn_file_error_set(view->error, CAIRN_BAD_FORMAT, view->path, line_of(node),
                                     "origin has %d elements, expected %s",
-                                    (int)(node->data.sequence.items.top - item), wanted);
+                                    (int)(node->data.sequence.items.top - item), expected);
     for (i = 0; i < 3; i++) {
-        status = take_number(view, KEY_ORIGIN, yaml_document_get_node(&view->document, item[i]),
-                             -(double)FLT_MAX, (double)FLT_MAX, wanted, part[i]);
+        status = read_number(view, KEY_ORIGIN, yaml_document_get_node(&view->document, item[i]),
+                             -(double)FLT_MAX, (double)FLT_MAX, expected, element[i]);
         if (status != CAIRN_OK)
             return status;
     }
     return CAIRN_OK;
 }
 
+/* Returns 1 + the index of a scalar in a list that ends with NULL; 0: none. */
 static int is_one_of(const yaml_node_t *node, const char *const *words)
 {
     int i;
@@ -241,7 +250,7 @@ static int is_one_of(const yaml_node_t *node, const char *const *words)
     return 0;
 }
 
-static cairn_status take_words(const yaml_view *view, cairn_map_file *map)
+static cairn_status read_flags(const yaml_view *view, cairn_map_file *map)
 {
     static const char *const truths[] = {"0", "1", "false", "true", "False", "True", NULL};
     static const char *const modes[] = {"trinary", "scale", "raw", NULL};
@@ -259,29 +268,30 @@ static cairn_status take_words(const yaml_view *view, cairn_map_file *map)
     return CAIRN_OK;
 }
 
-static cairn_status take_numbers(yaml_view *view, cairn_map_file *map)
+/* Reads and validates all values but the image. */
+static cairn_status read_values(yaml_view *view, cairn_map_file *map)
 {
     cairn_status status;
 
-    status = take_number(view, KEY_RESOLUTION, view->value[KEY_RESOLUTION], (double)FLT_MIN,
+    status = read_number(view, KEY_RESOLUTION, view->value[KEY_RESOLUTION], (double)FLT_MIN,
                          (double)FLT_MAX, "metres per pixel above 0", &map->resolution);
     if (status == CAIRN_OK)
-        status = take_number(view, KEY_OCCUPIED, view->value[KEY_OCCUPIED], 0, 1,
+        status = read_number(view, KEY_OCCUPIED, view->value[KEY_OCCUPIED], 0, 1,
                              "a number from 0 to 1", &map->occupied_threshold);
     if (status == CAIRN_OK)
-        status = take_number(view, KEY_FREE, view->value[KEY_FREE], 0, 1, "a number from 0 to 1",
+        status = read_number(view, KEY_FREE, view->value[KEY_FREE], 0, 1, "a number from 0 to 1",
                              &map->free_threshold);
     if (status == CAIRN_OK && map->free_threshold > map->occupied_threshold)
         status = bad_value(view, KEY_FREE, view->value[KEY_FREE], "at most occupied_thresh");
     if (status == CAIRN_OK)
-        status = take_origin(view, &map->origin);
+        status = read_origin(view, &map->origin);
     if (status == CAIRN_OK)
-        status = take_words(view, map);
+        status = read_flags(view, map);
     return status;
 }
 
-/* The image's rows, upside down, as pixels and occupancy. */
-static cairn_status take_image(const yaml_view *view, cairn_map_file *map)
+/* Reads the image into pixels and occupancy, rows flipped. */
+static cairn_status load_image(const yaml_view *view, cairn_map_file *map)
 {
     const yaml_node_t *node = view->value[KEY_IMAGE];
     char *folder, *path = NULL;
@@ -302,7 +312,7 @@ static cairn_status take_image(const yaml_view *view, cairn_map_file *map)
     free(path);
     if (status != CAIRN_OK)
         return cairn_file_error_set(view->error, status, view->path, line_of(node),
-                                    "no image to be had: %s", fault.text);
+                                    "the image cannot be read: %s", fault.text);
     status = cairn_map_file_allocate(map, image.width, image.height);
     if (status != CAIRN_OK)
         (void)cairn_file_error_system(view->error, view->path, "read", ENOMEM);
@@ -321,6 +331,7 @@ static cairn_status take_image(const yaml_view *view, cairn_map_file *map)
     return status;
 }
 
+/* Parses the YAML file into a document tree. */
 static cairn_status read_document(yaml_view *view, FILE *file)
 {
     yaml_parser_t parser;
@@ -361,17 +372,18 @@ cairn_status cairn_map_file_read(cairn_map_file *map, const char *yaml_path,
         return status;
     status = find_keys(&view);
     if (status == CAIRN_OK)
-        status = take_numbers(&view, &read);
+        status = read_values(&view, &read);
     if (status == CAIRN_OK)
-        status = take_image(&view, &read);
+        status = load_image(&view, &read);
     yaml_document_delete(&view.document);
     if (status == CAIRN_OK)
         *map = read;
     return status;
 }
 
-/* ---- writing ---- */
+/* ---- Writing ---- */
 
+/* Writes the pixels as an image, rows flipped. */
 static cairn_status write_image(const cairn_map_file *map, const char *path,
                                 cairn_map_file_image format, cairn_file_error *error)
 {
@@ -390,7 +402,7 @@ static cairn_status write_image(const cairn_map_file *map, const char *path,
     return status;
 }
 
-/* In single quotes: any name but one with a line end is safe so. */
+/* Prints a YAML string in single quotes, which is safe for any name without a line end. */
 static void print_quoted(cairn_output *output, const char *text)
 {
     cairn_output_print(output, "'");
@@ -420,25 +432,26 @@ static cairn_status write_yaml(const cairn_map_file *map, const char *path, cons
     return cairn_output_commit(output, error);
 }
 
+/* Validates a map before it is written. */
 static cairn_status check(const cairn_map_file *map, const char *path, cairn_map_file_image format,
                           cairn_file_error *error)
 {
-    const char *wrong = NULL;
+    const char *problem = NULL;
 
     if (map->pixel == NULL || map->width < 1 || map->height < 1)
-        wrong = "no cells";
+        problem = "no cells";
     else if (!(map->resolution > 0) || !cairn_is_finite(map->resolution))
-        wrong = "a resolution that is not above 0";
+        problem = "a resolution that is not above 0";
     else if (!(map->free_threshold >= 0 && map->free_threshold <= map->occupied_threshold &&
                map->occupied_threshold <= 1))
-        wrong = "thresholds that are not 0 <= free <= occupied <= 1";
+        problem = "thresholds that are not 0 <= free <= occupied <= 1";
     else if (map->mode < CAIRN_MAP_TRINARY || map->mode > CAIRN_MAP_RAW ||
              (map->negate != 0 && map->negate != 1))
-        wrong = "an unknown mode";
+        problem = "an unknown mode";
     else if (format != CAIRN_MAP_PGM && format != CAIRN_MAP_PNG)
-        wrong = "an unknown image format";
-    if (wrong != NULL)
-        return cairn_file_error_set(error, CAIRN_BAD_ARGUMENT, path, 0, "not written: %s", wrong);
+        problem = "an unknown image format";
+    if (problem != NULL)
+        return cairn_file_error_set(error, CAIRN_BAD_ARGUMENT, path, 0, "not written: %s", problem);
     if (!cairn_pose_is_finite(map->origin))
         return cairn_file_error_set(error, CAIRN_NOT_FINITE, path, 0,
                                     "not written: an origin that is not finite");

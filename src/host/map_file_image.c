@@ -1,5 +1,5 @@
-/* Grey images. PNG goes through libpng, whose errors come back by longjmp: what must survive one
- * is in a struct. */
+/* Grey images as PGM and PNG. libpng returns from errors by longjmp, so all state that must survive
+ * one is in a struct. */
 #include "src/core/build.h"
 
 #include <errno.h>
@@ -12,12 +12,13 @@
 
 #include "src/host/map_file_image.h"
 
-static cairn_status reserve(cairn_image *image, int64_t width, int64_t height, const char *path,
-                            int64_t line, cairn_file_error *error)
+/* Checks the size and allocates the pixels. */
+static cairn_status allocate_pixels(cairn_image *image, int64_t width, int64_t height,
+                                    const char *path, int64_t line, cairn_file_error *error)
 {
     if (width < 1 || height < 1)
         return cairn_file_error_set(error, CAIRN_BAD_FORMAT, path, line,
-                                    "the image has %lld x %lld pixels, expected some",
+                                    "the image has %lld x %lld pixels, expected at least 1 x 1",
                                     (long long)width, (long long)height);
     if (width > CAIRN_IMAGE_PIXELS_MOST || height > CAIRN_IMAGE_PIXELS_MOST / width)
         return cairn_file_error_set(error, CAIRN_FULL, path, line,
@@ -45,51 +46,51 @@ typedef struct pgm_reader {
     cairn_file_error *error;
 } pgm_reader;
 
-static int next_byte(pgm_reader *r)
+static int next_byte(pgm_reader *reader)
 {
-    int c = getc(r->file);
+    int byte = getc(reader->file);
 
-    r->line += c == '\n';
-    return c;
+    reader->line += byte == '\n';
+    return byte;
 }
 
-/* The next whole number; the one byte behind it is taken too. A number that is too large stays
- * so. */
-static cairn_status pgm_number(pgm_reader *r, const char *what, int64_t *value)
+/* Reads an integer of the header and the one byte behind it. Comments and blanks are skipped. A
+ * value above INT32_MAX stays above it. */
+static cairn_status read_pgm_number(pgm_reader *reader, const char *what, int64_t *value)
 {
-    int c = next_byte(r);
+    int byte = next_byte(reader);
 
-    while (c == '#' || c == ' ' || (c >= '\t' && c <= '\r')) {
-        if (c == '#')
-            while (c != '\n' && c != EOF)
-                c = next_byte(r);
+    while (byte == '#' || byte == ' ' || (byte >= '\t' && byte <= '\r')) {
+        if (byte == '#')
+            while (byte != '\n' && byte != EOF)
+                byte = next_byte(reader);
         else
-            c = next_byte(r);
+            byte = next_byte(reader);
     }
-    if (c == EOF)
-        return cairn_file_error_set(r->error, CAIRN_TRUNCATED, r->path, r->line,
+    if (byte == EOF)
+        return cairn_file_error_set(reader->error, CAIRN_TRUNCATED, reader->path, reader->line,
                                     "the file ends early, expected %s", what);
-    if (c < '0' || c > '9')
-        return cairn_file_error_set(r->error, CAIRN_BAD_FORMAT, r->path, r->line,
-                                    "byte 0x%02x, expected %s", (unsigned)c, what);
-    for (*value = 0; c >= '0' && c <= '9'; c = next_byte(r))
+    if (byte < '0' || byte > '9')
+        return cairn_file_error_set(reader->error, CAIRN_BAD_FORMAT, reader->path, reader->line,
+                                    "byte 0x%02x, expected %s", (unsigned)byte, what);
+    for (*value = 0; byte >= '0' && byte <= '9'; byte = next_byte(reader))
         if (*value < INT32_MAX)
-            *value = *value * 10 + (c - '0');
+            *value = *value * 10 + (byte - '0');
     return CAIRN_OK;
 }
 
-static cairn_status read_plain_pixels(pgm_reader *r, cairn_image *image)
+static cairn_status read_plain_pixels(pgm_reader *reader, cairn_image *image)
 {
     size_t count = (size_t)image->width * (size_t)image->height, i;
     cairn_status status;
     int64_t value;
 
     for (i = 0; i < count; i++) {
-        status = pgm_number(r, "a pixel", &value);
+        status = read_pgm_number(reader, "a pixel", &value);
         if (status != CAIRN_OK)
             return status;
         if (value > 255)
-            return cairn_file_error_set(r->error, CAIRN_BAD_FORMAT, r->path, r->line,
+            return cairn_file_error_set(reader->error, CAIRN_BAD_FORMAT, reader->path, reader->line,
                                         "pixel %zu is %lld, expected at most 255", i + 1,
                                         (long long)value);
         image->pixel[i] = (uint8_t)value;
@@ -97,43 +98,44 @@ static cairn_status read_plain_pixels(pgm_reader *r, cairn_image *image)
     return CAIRN_OK;
 }
 
-static cairn_status read_pgm(cairn_image *image, pgm_reader *r, int plain)
+static cairn_status read_pgm(cairn_image *image, pgm_reader *reader, int plain)
 {
     int64_t width = 0, height = 0, levels = 0;
-    size_t count, got;
+    size_t count, read_count;
     cairn_status status;
 
-    status = pgm_number(r, "the width of the image", &width);
+    status = read_pgm_number(reader, "the width of the image", &width);
     if (status == CAIRN_OK)
-        status = pgm_number(r, "the height of the image", &height);
+        status = read_pgm_number(reader, "the height of the image", &height);
     if (status == CAIRN_OK)
-        status = pgm_number(r, "the highest grey level", &levels);
+        status = read_pgm_number(reader, "the highest grey level", &levels);
     if (status == CAIRN_OK && levels != 255)
         status =
-            cairn_file_error_set(r->error, CAIRN_UNSUPPORTED, r->path, r->line,
+            cairn_file_error_set(reader->error, CAIRN_UNSUPPORTED, reader->path, reader->line,
                                  "the highest grey level is %lld, expected 255", (long long)levels);
     if (status == CAIRN_OK)
-        status = reserve(image, width, height, r->path, r->line, r->error);
+        status = allocate_pixels(image, width, height, reader->path, reader->line, reader->error);
     if (status != CAIRN_OK)
         return status;
     if (plain)
-        return read_plain_pixels(r, image);
+        return read_plain_pixels(reader, image);
     count = (size_t)width * (size_t)height;
-    got = fread(image->pixel, 1, count, r->file);
-    if (got < count)
-        return cairn_file_error_set(r->error, CAIRN_TRUNCATED, r->path, 0,
-                                    "the file ends after %zu of %zu pixels", got, count);
+    read_count = fread(image->pixel, 1, count, reader->file);
+    if (read_count < count)
+        return cairn_file_error_set(reader->error, CAIRN_TRUNCATED, reader->path, 0,
+                                    "the file ends after %zu of %zu pixels", read_count, count);
     return CAIRN_OK;
 }
 
 /* ---- PNG ---- */
 
+/* State of a PNG operation. */
 typedef struct png_work {
     png_structp png;
     png_infop info;
     uint8_t *samples;
     png_bytepp row;
-    /* Encoding. */
+    /* output of the encoder */
     uint8_t *bytes;
     size_t count;
     char problem[160];
@@ -153,8 +155,8 @@ static void on_png_warning(png_structp png, png_const_charp words)
     (void)words;
 }
 
-/* Samples to grey and alpha. */
-static void take_samples(cairn_image *image, const uint8_t *sample, int32_t channels)
+/* Converts interleaved samples to grey and alpha. */
+static void convert_samples(cairn_image *image, const uint8_t *sample, int32_t channels)
 {
     size_t count = (size_t)image->width * (size_t)image->height, i;
     int32_t colours = channels - (channels % 2 == 0), k;
@@ -170,6 +172,7 @@ static void take_samples(cairn_image *image, const uint8_t *sample, int32_t chan
     }
 }
 
+/* Decodes a PNG; errors of libpng return to the setjmp here. */
 static cairn_status decode_png(cairn_image *image, png_work *work, FILE *file, const char *path,
                                cairn_file_error *error)
 {
@@ -183,8 +186,8 @@ static cairn_status decode_png(cairn_image *image, png_work *work, FILE *file, c
             "the PNG data are damaged or cut (%s), expected a whole PNG image", work->problem);
     png_init_io(work->png, file);
     png_read_info(work->png, work->info);
-    status = reserve(image, png_get_image_width(work->png, work->info),
-                     png_get_image_height(work->png, work->info), path, 0, error);
+    status = allocate_pixels(image, png_get_image_width(work->png, work->info),
+                             png_get_image_height(work->png, work->info), path, 0, error);
     if (status != CAIRN_OK)
         return status;
     png_set_expand(work->png);
@@ -203,7 +206,7 @@ static cairn_status decode_png(cairn_image *image, png_work *work, FILE *file, c
         work->row[y] = work->samples + y * stride;
     png_read_image(work->png, work->row);
     png_read_end(work->png, NULL);
-    take_samples(image, work->samples, channels);
+    convert_samples(image, work->samples, channels);
     return CAIRN_OK;
 }
 
@@ -230,25 +233,25 @@ static cairn_status read_png(cairn_image *image, FILE *file, const char *path,
 cairn_status cairn_image_read(cairn_image *image, const char *path, cairn_file_error *error)
 {
     FILE *file = fopen(path, "rb");
-    pgm_reader pgm = {file, path, 1, error};
+    pgm_reader pgm = {.file = file, .path = path, .line = 1, .error = error};
     uint8_t magic[2];
     cairn_status status;
-    size_t got;
+    size_t read_count;
 
     memset(image, 0, sizeof *image);
     if (file == NULL)
         return cairn_file_error_system(error, path, "open", errno);
-    got = fread(magic, 1, 2, file);
+    read_count = fread(magic, 1, 2, file);
     if (ferror(file)) {
         status = cairn_file_error_system(error, path, "read", errno);
-    } else if (got == 2 && magic[0] == 'P' && (magic[1] == '2' || magic[1] == '5')) {
+    } else if (read_count == 2 && magic[0] == 'P' && (magic[1] == '2' || magic[1] == '5')) {
         status = read_pgm(image, &pgm, magic[1] == '2');
-    } else if (got == 2 && magic[0] == 0x89 && magic[1] == 'P') {
+    } else if (read_count == 2 && magic[0] == 0x89 && magic[1] == 'P') {
         rewind(file);
         status = read_png(image, file, path, error);
-    } else if (got < 2) {
+    } else if (read_count < 2) {
         status = cairn_file_error_set(error, CAIRN_TRUNCATED, path, 0,
-                                      "the file has %zu bytes, expected an image", got);
+                                      "the file has %zu bytes, expected an image", read_count);
     } else {
         status = cairn_file_error_set(
             error, CAIRN_BAD_FORMAT, path, 0,
@@ -274,6 +277,7 @@ cairn_status cairn_image_write_pgm(const char *path, const uint8_t *pixel, int32
     return cairn_output_commit(output, error);
 }
 
+/* Appends encoded bytes to the output (callback of libpng). */
 static void on_png_bytes(png_structp png, png_bytep bytes, size_t count)
 {
     png_work *work = png_get_io_ptr(png);
@@ -291,6 +295,7 @@ static void on_png_flush(png_structp png)
     (void)png;
 }
 
+/* Encodes a PNG; false after an error of libpng. */
 static bool encode(png_work *work, const uint8_t *pixel, int32_t width, int32_t height,
                    int32_t channels)
 {

@@ -1,28 +1,30 @@
-/* map_file_image: grey images from PGM and PNG files, and to them. Internal to the host library. */
+/* map_file_image: reader and writer of grey images as PGM and PNG. Internal to the host library. */
 #ifndef CAIRN_HOST_MAP_FILE_IMAGE_H
 #define CAIRN_HOST_MAP_FILE_IMAGE_H
 
 #include "cairn/output.h"
 
-/* More pixels than these are refused. */
+/* The maximum number of pixels of an image. */
 #define CAIRN_IMAGE_PIXELS_MOST (INT32_C(1) << 28)
 
-/* Row 0 is the topmost. From the heap. */
+/* A grey image on the heap. Row 0 is the topmost. */
 typedef struct cairn_image {
     int32_t width, height;
-    uint8_t *pixel; /* [height * width] */
-    uint8_t *alpha; /* the same, 0: transparent; NULL: the image has no transparency */
+    uint8_t *pixel; /* [height * width] grey levels */
+    uint8_t *alpha; /* [height * width] 0: transparent; NULL: the image has no alpha channel */
 } cairn_image;
 
-/* Reads a PGM (P2 or P5, of 255 grey levels) or a PNG, told apart by their first bytes. Colours
- * become the mean of their channels, 16 bits the upper 8. CAIRN_BAD_FORMAT, CAIRN_TRUNCATED,
- * CAIRN_UNSUPPORTED (levels other than 255), CAIRN_FULL (more than CAIRN_IMAGE_PIXELS_MOST),
- * CAIRN_IO, CAIRN_NO_MEMORY. On failure there is nothing to free. */
+/* Reads a PGM (P2 or P5, of 255 grey levels) or a PNG, detected by their first bytes. Colours are
+ * converted to the mean of their channels, 16-bit samples to their upper 8 bits. CAIRN_BAD_FORMAT,
+ * CAIRN_TRUNCATED, CAIRN_UNSUPPORTED (a maximum grey level other than 255), CAIRN_FULL (more than
+ * CAIRN_IMAGE_PIXELS_MOST), CAIRN_IO, CAIRN_NO_MEMORY. On failure there is nothing to free. */
 CAIRN_CHECKED cairn_status cairn_image_read(cairn_image *image, const char *path,
                                             cairn_file_error *error);
 
+/* Frees the arrays. */
 void cairn_image_free(cairn_image *image);
 
+/* Write pixel[height * width] as a grey image, atomically. CAIRN_IO, CAIRN_NO_MEMORY. */
 CAIRN_CHECKED cairn_status cairn_image_write_pgm(const char *path, const uint8_t *pixel,
                                                  int32_t width, int32_t height,
                                                  cairn_file_error *error);
@@ -30,7 +32,8 @@ CAIRN_CHECKED cairn_status cairn_image_write_png(const char *path, const uint8_t
                                                  int32_t width, int32_t height,
                                                  cairn_file_error *error);
 
-/* A PNG in memory that free() gives back; `channels`: 1 grey, 3 RGB, 4 RGBA. CAIRN_NO_MEMORY. */
+/* Encodes a PNG into *bytes[*count] on the heap, to be freed by free(). channels: 1 grey, 3 RGB, 4
+ * RGBA. CAIRN_NO_MEMORY. */
 CAIRN_CHECKED cairn_status cairn_image_encode_png(uint8_t **bytes, size_t *count,
                                                   const uint8_t *pixel, int32_t width,
                                                   int32_t height, int32_t channels);

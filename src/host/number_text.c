@@ -1,8 +1,12 @@
 /* Numbers from and to text.
  *
- * Reading: a decimal of at most 19 digits is an integer m times 10^e. When m < 2^53 and |e| <=
- * 22 both m and 10^|e| are doubles without error, so one multiplication or division gives the
- * nearest double (Clinger 1990). All others, which are rare, go to strtod under the "C" locale. */
+ * Method
+ * 1. A decimal of at most 19 digits is an integer m times 10^e.
+ * 2. Fast path: if m <= 2^53 and |e| <= 22, both m and 10^|e| are exact doubles, so one
+ *    multiplication or division is correctly rounded.
+ * 3. All other decimals, which are rare, go to strtod under the "C" locale.
+ *
+ * Source: Clinger, How to read floating point numbers accurately, PLDI 1990. */
 #include "src/core/build.h"
 
 #include <errno.h>
@@ -14,18 +18,19 @@
 #include "cairn/number_text.h"
 #include "src/host/c_locale.h"
 
-/* (-1)^negative * mantissa * 10^exponent; `cut`: digits other than 0 were dropped behind the
- * mantissa. */
+/* A parsed decimal: (-1)^negative * mantissa * 10^exponent. truncated: digits other than 0 were
+ * dropped behind the mantissa. */
 typedef struct decimal {
     uint64_t mantissa;
     int32_t exponent;
     int32_t negative;
-    int32_t cut;
+    int32_t truncated;
 } decimal;
 
+/* Decimal digits that fit into 64 bits. */
 #define MANTISSA_DIGITS 19
-/* Exponents are held within these bounds; far outside those of any double or stamp, even with a
- * thousand digits. */
+/* Bound of the written exponent, in decimal digits of magnitude. It is far outside the exponents of
+ * any double or stamp, even with a thousand digits. */
 #define EXPONENT_BOUND 100000
 
 static const double power_of_ten[] = {1e0,  1e1,  1e2,  1e3,  1e4,  1e5,  1e6,  1e7,
@@ -42,7 +47,7 @@ static char lower(char c)
     return (char)(c >= 'A' && c <= 'Z' ? c - 'A' + 'a' : c);
 }
 
-static int is_word(const char *text, size_t length, const char *word)
+static int equals_ignoring_case(const char *text, size_t length, const char *word)
 {
     size_t i;
 
@@ -54,7 +59,7 @@ static int is_word(const char *text, size_t length, const char *word)
     return 1;
 }
 
-/* Takes in one digit of the mantissa; leading zeros do not count. */
+/* Appends one digit to the mantissa. Leading zeros do not count as digits. */
 static void add_digit(decimal *number, int32_t *digits, char c, int32_t after_point)
 {
     if (*digits < MANTISSA_DIGITS) {
@@ -62,14 +67,15 @@ static void add_digit(decimal *number, int32_t *digits, char c, int32_t after_po
         *digits += number->mantissa != 0;
         number->exponent -= after_point;
     } else {
-        number->cut |= c != '0';
+        number->truncated |= c != '0';
         number->exponent += !after_point;
     }
 }
 
+/* Parses a decimal with optional fraction and exponent; 1 when the whole text is one. */
 static int32_t read_decimal(const char *text, size_t length, decimal *number)
 {
-    int32_t digits = 0, any = 0, exponent = 0, negative_exponent;
+    int32_t digits = 0, has_digits = 0, exponent = 0, negative_exponent;
     size_t i = 0;
 
     memset(number, 0, sizeof *number);
@@ -77,12 +83,12 @@ static int32_t read_decimal(const char *text, size_t length, decimal *number)
         return 0;
     if (i < length && (text[i] == '+' || text[i] == '-'))
         number->negative = text[i++] == '-';
-    for (; i < length && is_digit(text[i]); i++, any = 1)
+    for (; i < length && is_digit(text[i]); i++, has_digits = 1)
         add_digit(number, &digits, text[i], 0);
     if (i < length && text[i] == '.')
-        for (i++; i < length && is_digit(text[i]); i++, any = 1)
+        for (i++; i < length && is_digit(text[i]); i++, has_digits = 1)
             add_digit(number, &digits, text[i], 1);
-    if (!any)
+    if (!has_digits)
         return 0;
     if (i < length && lower(text[i]) == 'e') {
         i++;
@@ -99,8 +105,8 @@ static int32_t read_decimal(const char *text, size_t length, decimal *number)
     return i == length;
 }
 
-/* The nearest double of a text that read_decimal has accepted. */
-static int32_t read_slowly(const char *text, size_t length, double *value)
+/* The slow path: strtod of a text that read_decimal has accepted. */
+static int32_t read_by_strtod(const char *text, size_t length, double *value)
 {
     char copy[CAIRN_NUMBER_TEXT_LONGEST + 1] = "";
     cairn_c_locale scope;
@@ -124,18 +130,18 @@ int32_t cairn_number_read(const char *text, size_t length, double *value)
 
     if (!read_decimal(text, length, &number)) {
         sign = length > 0 && (text[0] == '+' || text[0] == '-');
-        if (is_word(text + sign, length - sign, "nan"))
+        if (equals_ignoring_case(text + sign, length - sign, "nan"))
             *value = (double)NAN;
-        else if (is_word(text + sign, length - sign, "inf") ||
-                 is_word(text + sign, length - sign, "infinity"))
+        else if (equals_ignoring_case(text + sign, length - sign, "inf") ||
+                 equals_ignoring_case(text + sign, length - sign, "infinity"))
             *value = text[0] == '-' ? -(double)INFINITY : (double)INFINITY;
         else
             return 0;
         return 1;
     }
-    if (number.cut || number.mantissa > (UINT64_C(1) << 53) || number.exponent < -22 ||
+    if (number.truncated || number.mantissa > (UINT64_C(1) << 53) || number.exponent < -22 ||
         number.exponent > 22)
-        return read_slowly(text, length, value);
+        return read_by_strtod(text, length, value);
     read = (double)number.mantissa;
     read = number.exponent < 0 ? read / power_of_ten[-number.exponent]
                                : read * power_of_ten[number.exponent];
@@ -184,7 +190,8 @@ int32_t cairn_number_read_stamp(const char *text, size_t length, int64_t *nanose
             return 0;
         number.mantissa *= 10;
     }
-    /* Only the digit next to the last decides; the ones behind it cannot turn a 4 into a 5. */
+    /* Only the digit behind the last kept one decides the rounding. The digits behind it cannot
+     * turn a 4 into a 5. */
     for (rest = 0; shift < 0 && (number.mantissa | rest) != 0; shift++) {
         rest = number.mantissa % 10;
         number.mantissa /= 10;
@@ -200,7 +207,7 @@ char *cairn_number_write(char text[CAIRN_NUMBER_TEXT_BYTES], cairn_real value)
 {
     char digits_text[CAIRN_NUMBER_TEXT_BYTES];
     cairn_c_locale scope;
-    double back;
+    double parsed;
 
     if (!cairn_is_finite(value)) {
         (void)snprintf(text, CAIRN_NUMBER_TEXT_BYTES, "%s",
@@ -210,10 +217,11 @@ char *cairn_number_write(char text[CAIRN_NUMBER_TEXT_BYTES], cairn_real value)
         return text;
     }
     scope = cairn_c_locale_enter();
-    /* 17 digits, 9 of a float, tell any number. */
+    /* 17 significant digits (float: 9) identify any number. */
     for (int digits = sizeof value > sizeof(float) ? 15 : 6; digits <= 17; digits++) {
         (void)snprintf(digits_text, sizeof digits_text, "%.*g", digits, (double)value);
-        if (cairn_number_read(digits_text, strlen(digits_text), &back) && (cairn_real)back == value)
+        if (cairn_number_read(digits_text, strlen(digits_text), &parsed) &&
+            (cairn_real)parsed == value)
             break;
     }
     cairn_c_locale_leave(scope);

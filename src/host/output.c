@@ -1,5 +1,4 @@
-/* Files that are either whole or not there: written under a name of their own in the target's
- * folder, then renamed. */
+/* Atomic file output: a temporary file in the target's folder, then fsync and rename. */
 #define _XOPEN_SOURCE 700 /* realpath */
 #include "src/core/build.h"
 
@@ -17,10 +16,10 @@
 
 struct cairn_output {
     FILE *stream;
-    char *path;      /* as the caller wrote it, for error texts */
-    char *target;    /* with links followed */
-    char *temporary; /* NULL: the target is a device and is written directly */
-    int32_t code;    /* errno of the first failure */
+    char *path;         /* the caller's path, for error texts */
+    char *target;       /* the path with symbolic links resolved */
+    char *temporary;    /* NULL: the target is a device or pipe, written directly */
+    int32_t error_code; /* errno of the first failure */
 };
 
 const char *cairn_path_name(const char *path)
@@ -60,21 +59,22 @@ static void free_output(cairn_output *output)
     free(output);
 }
 
-/* Opens a file that was not there beside the target; the mode is that of any new file of the
- * user. -1 and errno. */
-static int open_temporary(cairn_output *o)
+/* Creates a new temporary file beside the target with the user's default permissions. Returns its
+ * descriptor; -1 and errno on failure. */
+static int open_temporary(cairn_output *output)
 {
-    size_t length = strlen(o->target);
-    int file = -1, i;
+    size_t length = strlen(output->target);
+    int file = -1, attempt;
 
-    o->temporary = malloc(length + 40);
-    if (o->temporary == NULL) {
+    output->temporary = malloc(length + 40);
+    if (output->temporary == NULL) {
         errno = ENOMEM;
         return -1;
     }
-    for (i = 0; i < 100 && file == -1; i++) {
-        (void)snprintf(o->temporary, length + 40, "%s.%ld-%d.part", o->target, (long)getpid(), i);
-        file = open(o->temporary, O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0666);
+    for (attempt = 0; attempt < 100 && file == -1; attempt++) {
+        (void)snprintf(output->temporary, length + 40, "%s.%ld-%d.part", output->target,
+                       (long)getpid(), attempt);
+        file = open(output->temporary, O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0666);
         if (file == -1 && errno != EEXIST)
             break;
     }
@@ -83,48 +83,49 @@ static int open_temporary(cairn_output *o)
 
 cairn_status cairn_output_open(cairn_output **output, const char *path, cairn_file_error *error)
 {
-    cairn_output *o = calloc(1, sizeof *o);
+    cairn_output *created = calloc(1, sizeof *created);
     struct stat about;
-    int file = -1, there = stat(path, &about) == 0;
+    int file = -1, exists = stat(path, &about) == 0;
 
     *output = NULL;
-    if (o == NULL)
+    if (created == NULL)
         return cairn_file_error_system(error, path, "write", ENOMEM);
-    o->path = strdup(path);
-    o->target = there ? realpath(path, NULL) : strdup(path);
-    if (o->path == NULL || o->target == NULL)
+    created->path = strdup(path);
+    created->target = exists ? realpath(path, NULL) : strdup(path);
+    if (created->path == NULL || created->target == NULL)
         errno = ENOMEM;
-    else if (there && S_ISDIR(about.st_mode))
+    else if (exists && S_ISDIR(about.st_mode))
         errno = EISDIR;
-    else if (there && !S_ISREG(about.st_mode))
-        file = open(o->target, O_WRONLY | O_CLOEXEC);
+    else if (exists && !S_ISREG(about.st_mode))
+        file = open(created->target, O_WRONLY | O_CLOEXEC);
     else
-        file = open_temporary(o);
+        file = open_temporary(created);
     if (file != -1)
-        o->stream = fdopen(file, "wb");
-    if (o->stream == NULL) {
+        created->stream = fdopen(file, "wb");
+    if (created->stream == NULL) {
         int32_t code = errno;
 
         if (file != -1)
             (void)close(file);
-        if (file != -1 && o->temporary != NULL)
-            (void)unlink(o->temporary);
-        free_output(o);
+        if (file != -1 && created->temporary != NULL)
+            (void)unlink(created->temporary);
+        free_output(created);
         return cairn_file_error_system(error, path, "write", code);
     }
-    *output = o;
+    *output = created;
     return CAIRN_OK;
 }
 
-static void keep_failure(cairn_output *output, int failed)
+/* Stores errno of the first failure. */
+static void store_error(cairn_output *output, int failed)
 {
-    if (failed && output->code == 0)
-        output->code = errno != 0 ? errno : EIO;
+    if (failed && output->error_code == 0)
+        output->error_code = errno != 0 ? errno : EIO;
 }
 
 void cairn_output_bytes(cairn_output *output, const void *bytes, size_t count)
 {
-    keep_failure(output, fwrite(bytes, 1, count, output->stream) != count);
+    store_error(output, fwrite(bytes, 1, count, output->stream) != count);
 }
 
 void cairn_output_print(cairn_output *output, const char *format, ...)
@@ -134,7 +135,7 @@ void cairn_output_print(cairn_output *output, const char *format, ...)
 
     scope = cairn_c_locale_enter();
     va_start(values, format);
-    keep_failure(output, vfprintf(output->stream, format, values) < 0);
+    store_error(output, vfprintf(output->stream, format, values) < 0);
     va_end(values);
     cairn_c_locale_leave(scope);
 }
@@ -143,18 +144,18 @@ cairn_status cairn_output_commit(cairn_output *output, cairn_file_error *error)
 {
     cairn_status status = CAIRN_OK;
 
-    keep_failure(output, fflush(output->stream) != 0);
-    /* On disk before the rename: after a power cut the target is the old file or the new one,
-     * not an empty one. */
+    store_error(output, fflush(output->stream) != 0);
+    /* The data reach the disk before the rename: after a power failure the target is the old file
+     * or the new one, never an empty one. */
     if (output->temporary != NULL)
-        keep_failure(output, fsync(fileno(output->stream)) != 0);
-    keep_failure(output, fclose(output->stream) != 0);
-    if (output->code == 0 && output->temporary != NULL)
-        keep_failure(output, rename(output->temporary, output->target) != 0);
-    if (output->code != 0) {
+        store_error(output, fsync(fileno(output->stream)) != 0);
+    store_error(output, fclose(output->stream) != 0);
+    if (output->error_code == 0 && output->temporary != NULL)
+        store_error(output, rename(output->temporary, output->target) != 0);
+    if (output->error_code != 0) {
         if (output->temporary != NULL)
             (void)unlink(output->temporary);
-        status = cairn_file_error_system(error, output->path, "write", output->code);
+        status = cairn_file_error_system(error, output->path, "write", output->error_code);
     }
     free_output(output);
     return status;
@@ -172,25 +173,25 @@ void cairn_output_discard(cairn_output *output)
 
 cairn_status cairn_output_folder(const char *path, cairn_file_error *error)
 {
-    char *part = strdup(path);
+    char *prefix = strdup(path);
     struct stat about;
     size_t i;
     int32_t code = 0;
-    int last;
+    int at_end;
 
-    if (part == NULL)
+    if (prefix == NULL)
         return cairn_file_error_system(error, path, "make the folder", ENOMEM);
     for (i = 1; i <= strlen(path) && code == 0; i++) {
-        last = path[i] == 0;
-        if (!last && path[i] != '/')
+        at_end = path[i] == 0;
+        if (!at_end && path[i] != '/')
             continue;
-        part[i] = 0;
-        if (mkdir(part, 0777) != 0 && (stat(part, &about) != 0 || !S_ISDIR(about.st_mode)))
+        prefix[i] = 0;
+        if (mkdir(prefix, 0777) != 0 && (stat(prefix, &about) != 0 || !S_ISDIR(about.st_mode)))
             code = errno != 0 ? errno : ENOTDIR;
-        part[i] = path[i];
+        prefix[i] = path[i];
     }
     if (path[0] == 0)
         code = ENOENT;
-    free(part);
+    free(prefix);
     return code == 0 ? CAIRN_OK : cairn_file_error_system(error, path, "make the folder", code);
 }

@@ -1,10 +1,12 @@
-/* Several files, all or none.
+/* Atomic output of several files.
  *
- * The stage is a folder "<folder>/.cairn-<process>-<n>.part", on the file system of the targets, so
- * that every file is moved by one rename. Before a target is replaced the stage gets a hard link to
- * it, from which it comes back when a later rename is refused.
+ * Method
+ * 1. The staging folder is "<folder>/.cairn-<process>-<n>.part". It is on the file system of the
+ *    targets, so that every file is moved by one rename.
+ * 2. Before a target is replaced, the staging folder gets a hard link to it as a backup.
+ * 3. If a later rename fails, the targets are restored from their backups (rollback).
  *
- * Limits: a process that is killed leaves its stage behind. */
+ * Limits: a process that is killed leaves its staging folder behind. */
 #include "src/core/build.h"
 
 #include <errno.h>
@@ -18,24 +20,29 @@
 #include "cairn/output.h"
 #include "cairn/output_set.h"
 
+/* Bytes of the staging folder's name beyond the target folder. */
 #define STAGE_BYTES 48
 
-/* One file: where it shall be, where it is written, and where the one is kept that it replaces. */
+/* One file: its target, its staged file, and the backup of the file that it replaces. */
 typedef struct staged_file {
-    char *target, *part, *old;
-    int32_t kept; /* 1: yes; 0: nothing was there; -1: on a file system without links */
+    char *target, *staged, *backup;
+    /* 1: a backup exists; 0: the target did not exist; -1: the file system has no hard links */
+    int32_t has_backup;
+    /* the staged file has replaced the target */
     bool moved;
 } staged_file;
 
 struct cairn_output_set {
     char *folder, *stage;
-    size_t made; /* length of the shortest part of `folder` that was not there; 0: all of it was */
+    /* length of the shortest prefix of `folder` that was created; 0: the folder existed */
+    size_t created_prefix;
     staged_file file[CAIRN_OUTPUT_SET_MOST];
     int32_t count;
-    bool staged; /* the stage is there */
+    bool has_stage; /* the staging folder exists */
 };
 
-/* Cuts the last name and the slashes before it off; 0 when there was only one. */
+/* Returns the length of a path's parent: the last name and the slashes before it are removed. 0
+ * when the path has only one name. */
 static size_t parent_length(const char *path, size_t length)
 {
     while (length > 0 && path[length - 1] == '/')
@@ -47,8 +54,8 @@ static size_t parent_length(const char *path, size_t length)
     return length;
 }
 
-/* Length of the longest part of the path that is there, 0 for the current folder;
- * *first_missing: that of the part one name longer, 0 when nothing is missing. */
+/* Returns the length of the longest existing prefix of the path, 0 for the current folder.
+ * *first_missing: the length of the prefix one name longer; 0 when the whole path exists. */
 static size_t find_existing(char *path, size_t *first_missing)
 {
     size_t length = strlen(path);
@@ -56,12 +63,12 @@ static size_t find_existing(char *path, size_t *first_missing)
 
     *first_missing = 0;
     while (length > 0) {
-        char behind = path[length];
+        char saved = path[length];
         int found;
 
         path[length] = 0;
         found = stat(path, &about) == 0 || (errno != ENOENT && errno != ENOTDIR);
-        path[length] = behind;
+        path[length] = saved;
         if (found)
             break;
         *first_missing = length;
@@ -70,7 +77,7 @@ static size_t find_existing(char *path, size_t *first_missing)
     return length;
 }
 
-/* Whether files can be made in a folder that is there. */
+/* Checks that an existing folder is writable. */
 static cairn_status check_folder(const char *path, cairn_file_error *error)
 {
     struct stat about;
@@ -85,6 +92,7 @@ static cairn_status check_folder(const char *path, cairn_file_error *error)
     return CAIRN_OK;
 }
 
+/* Checks that a target is not a folder. */
 static cairn_status check_target(const char *path, cairn_file_error *error)
 {
     struct stat about;
@@ -99,7 +107,7 @@ cairn_status cairn_output_set_check(const char *folder, const char *const *names
                                     cairn_file_error *error)
 {
     char *path = strdup(folder);
-    size_t missing, there;
+    size_t missing, existing;
     cairn_status status;
     int32_t i;
 
@@ -108,11 +116,11 @@ cairn_status cairn_output_set_check(const char *folder, const char *const *names
     if (folder[0] == 0) {
         free(path);
         return cairn_file_error_set(error, CAIRN_IO, "\"\"", 0,
-                                    "is no name, expected that of a folder");
+                                    "is not a path, expected that of a folder");
     }
-    there = find_existing(path, &missing);
-    path[there] = 0;
-    status = check_folder(there > 0 ? path : ".", error);
+    existing = find_existing(path, &missing);
+    path[existing] = 0;
+    status = check_folder(existing > 0 ? path : ".", error);
     free(path);
     for (i = 0; i < count && missing == 0 && status == CAIRN_OK; i++) {
         char *target = cairn_path_join(folder, names[i]);
@@ -124,16 +132,16 @@ cairn_status cairn_output_set_check(const char *folder, const char *const *names
     return status;
 }
 
-/* Makes the stage under a name that was not there. 0, or errno. */
+/* Creates the staging folder under an unused name. Returns 0, or errno. */
 static int32_t make_stage(cairn_output_set *set)
 {
-    int32_t i;
+    int32_t attempt;
 
-    for (i = 0; i < 100; i++) {
+    for (attempt = 0; attempt < 100; attempt++) {
         (void)snprintf(set->stage, strlen(set->folder) + STAGE_BYTES, "%s/.cairn-%ld-%d.part",
-                       set->folder, (long)getpid(), (int)i);
+                       set->folder, (long)getpid(), (int)attempt);
         if (mkdir(set->stage, 0777) == 0) {
-            set->staged = true;
+            set->has_stage = true;
             return 0;
         }
         if (errno != EEXIST)
@@ -142,16 +150,17 @@ static int32_t make_stage(cairn_output_set *set)
     return errno;
 }
 
-static char *old_name(const char *part)
+static char *backup_name(const char *staged)
 {
-    size_t bytes = strlen(part) + sizeof ".old";
-    char *old = malloc(bytes);
+    size_t bytes = strlen(staged) + sizeof ".old";
+    char *backup = malloc(bytes);
 
-    if (old != NULL)
-        (void)snprintf(old, bytes, "%s.old", part);
-    return old;
+    if (backup != NULL)
+        (void)snprintf(backup, bytes, "%s.old", staged);
+    return backup;
 }
 
+/* Builds the paths of all files. */
 static cairn_status name_files(cairn_output_set *set, const char *const *names)
 {
     int32_t i;
@@ -160,10 +169,10 @@ static cairn_status name_files(cairn_output_set *set, const char *const *names)
         staged_file *file = &set->file[i];
 
         file->target = cairn_path_join(set->folder, names[i]);
-        file->part = cairn_path_join(set->stage, names[i]);
-        if (file->part != NULL)
-            file->old = old_name(file->part);
-        if (file->target == NULL || file->old == NULL)
+        file->staged = cairn_path_join(set->stage, names[i]);
+        if (file->staged != NULL)
+            file->backup = backup_name(file->staged);
+        if (file->target == NULL || file->backup == NULL)
             return CAIRN_NO_MEMORY;
     }
     return CAIRN_OK;
@@ -172,7 +181,7 @@ static cairn_status name_files(cairn_output_set *set, const char *const *names)
 cairn_status cairn_output_set_open(cairn_output_set **set, const char *folder,
                                    const char *const *names, int32_t count, cairn_file_error *error)
 {
-    cairn_output_set *s;
+    cairn_output_set *created;
     cairn_status status;
     int32_t code;
 
@@ -184,50 +193,50 @@ cairn_status cairn_output_set_open(cairn_output_set **set, const char *folder,
     status = cairn_output_set_check(folder, names, count, error);
     if (status != CAIRN_OK)
         return status;
-    s = calloc(1, sizeof *s);
-    if (s == NULL)
+    created = calloc(1, sizeof *created);
+    if (created == NULL)
         return cairn_file_error_system(error, folder, "write", ENOMEM);
-    s->count = count;
-    s->folder = strdup(folder);
-    s->stage = malloc(strlen(folder) + STAGE_BYTES);
-    if (s->folder == NULL || s->stage == NULL) {
-        cairn_output_set_discard(s);
+    created->count = count;
+    created->folder = strdup(folder);
+    created->stage = malloc(strlen(folder) + STAGE_BYTES);
+    if (created->folder == NULL || created->stage == NULL) {
+        cairn_output_set_discard(created);
         return cairn_file_error_system(error, folder, "write", ENOMEM);
     }
-    (void)find_existing(s->folder, &s->made);
+    (void)find_existing(created->folder, &created->created_prefix);
     status = cairn_output_folder(folder, error);
     if (status == CAIRN_OK) {
-        code = make_stage(s);
-        if (code == 0 && name_files(s, names) != CAIRN_OK)
+        code = make_stage(created);
+        if (code == 0 && name_files(created, names) != CAIRN_OK)
             code = ENOMEM;
         if (code != 0)
             status = cairn_file_error_system(error, folder, "write", code);
     }
     if (status != CAIRN_OK) {
-        cairn_output_set_discard(s);
+        cairn_output_set_discard(created);
         return status;
     }
-    *set = s;
+    *set = created;
     return CAIRN_OK;
 }
 
 const char *cairn_output_set_path(const cairn_output_set *set, int32_t index)
 {
-    return set->file[index].part;
+    return set->file[index].staged;
 }
 
-/* The stage goes with all that is left in it. */
+/* Removes the staging folder with its files. */
 static void remove_stage(cairn_output_set *set)
 {
     int32_t i;
 
     for (i = 0; i < set->count; i++) {
-        if (set->file[i].part != NULL)
-            (void)unlink(set->file[i].part);
-        if (set->file[i].old != NULL)
-            (void)unlink(set->file[i].old);
+        if (set->file[i].staged != NULL)
+            (void)unlink(set->file[i].staged);
+        if (set->file[i].backup != NULL)
+            (void)unlink(set->file[i].backup);
     }
-    if (set->staged)
+    if (set->has_stage)
         (void)rmdir(set->stage);
 }
 
@@ -237,21 +246,22 @@ static void free_set(cairn_output_set *set)
 
     for (i = 0; i < set->count; i++) {
         free(set->file[i].target);
-        free(set->file[i].part);
-        free(set->file[i].old);
+        free(set->file[i].staged);
+        free(set->file[i].backup);
     }
     free(set->folder);
     free(set->stage);
     free(set);
 }
 
-static void remove_made_folders(cairn_output_set *set)
+/* Removes the folders that cairn_output_set_open() has created, innermost first. */
+static void remove_created_folders(cairn_output_set *set)
 {
     size_t length = strlen(set->folder);
 
-    while (set->made > 0 && length >= set->made) {
+    while (set->created_prefix > 0 && length >= set->created_prefix) {
         set->folder[length] = 0;
-        /* stays, as those above it do, when somebody else has put something there */
+        /* fails, and stays with its parents, if another program has put a file there */
         (void)rmdir(set->folder);
         length = parent_length(set->folder, length);
     }
@@ -263,21 +273,21 @@ void cairn_output_set_discard(cairn_output_set *set)
         return;
     remove_stage(set);
     if (set->folder != NULL)
-        remove_made_folders(set);
+        remove_created_folders(set);
     free_set(set);
 }
 
-/* Takes back what the commit has done so far. */
-static void move_back(cairn_output_set *set)
+/* Rolls back the renames of a failed commit, in reverse order. */
+static void roll_back(cairn_output_set *set)
 {
     int32_t i;
 
     for (i = set->count - 1; i >= 0; i--) {
         staged_file *file = &set->file[i];
 
-        if (file->moved && file->kept > 0)
-            (void)rename(file->old, file->target);
-        else if (file->moved && file->kept == 0)
+        if (file->moved && file->has_backup > 0)
+            (void)rename(file->backup, file->target);
+        else if (file->moved && file->has_backup == 0)
             (void)unlink(file->target);
     }
 }
@@ -290,13 +300,13 @@ cairn_status cairn_output_set_commit(cairn_output_set *set, cairn_file_error *er
         staged_file *file = &set->file[i];
         struct stat about;
 
-        file->kept = link(file->target, file->old) == 0 ? 1
-                     : lstat(file->target, &about) == 0 ? -1
-                                                        : 0;
-        if (rename(file->part, file->target) != 0) {
+        file->has_backup = link(file->target, file->backup) == 0 ? 1
+                           : lstat(file->target, &about) == 0    ? -1
+                                                                 : 0;
+        if (rename(file->staged, file->target) != 0) {
             cairn_status status = cairn_file_error_system(error, file->target, "write", errno);
 
-            move_back(set);
+            roll_back(set);
             cairn_output_set_discard(set);
             return status;
         }

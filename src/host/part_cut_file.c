@@ -1,4 +1,4 @@
-/* Fragments of an outline by hand. */
+/* Reader of manual fragments of an outline. */
 #include "src/core/build.h"
 
 #include <string.h>
@@ -9,9 +9,9 @@
 
 #define EXPECTED "expected two samples of the outline, from 0, and a bundle of 0 to 7"
 
-enum { NUMBERS = 3, SAMPLES_MOST = 4095 };
+enum { NUMBERS = 3, MAX_SAMPLE = 4095 };
 
-/* The numbers of a line; *count: how many there are, -1: one is none. */
+/* Parses the integers of a line. *count: how many; -1: malformed. */
 static void read_numbers(const char *line, size_t length, int64_t number[NUMBERS], int32_t *count)
 {
     const char *comment = memchr(line, '#', length), *at = line, *token;
@@ -41,14 +41,14 @@ static cairn_status read_lines(cairn_line_reader *lines, cairn_part_cut *cuts, i
             read_numbers(line, length, number, &numbers);
         if (numbers == 0)
             continue;
-        if (numbers != NUMBERS || number[0] < 0 || number[0] > SAMPLES_MOST || number[1] < 0 ||
-            number[1] > SAMPLES_MOST || number[0] == number[1] || number[2] < 0 ||
+        if (numbers != NUMBERS || number[0] < 0 || number[0] > MAX_SAMPLE || number[1] < 0 ||
+            number[1] > MAX_SAMPLE || number[0] == number[1] || number[2] < 0 ||
             number[2] >= CAIRN_PART_BUNDLES)
             return cairn_file_error_set(error, CAIRN_BAD_FORMAT, path, at,
                                         "not a fragment, " EXPECTED);
         if (*count == CAIRN_PART_FRAGMENTS)
             return cairn_file_error_set(error, CAIRN_FULL, path, at,
-                                        "one fragment more, expected at most %d",
+                                        "too many fragments, expected at most %d",
                                         CAIRN_PART_FRAGMENTS);
         cuts[*count].from = (int32_t)number[0];
         cuts[*count].to = (int32_t)number[1];

@@ -1,54 +1,59 @@
-/* A graph before and after, as SVG: two panels in one scale. */
+/* Drawing of a graph before and after optimization, as SVG: two panels in one scale. */
 #include "src/core/build.h"
 
 #include "cairn/output.h"
 #include "cairn/pose_graph_file.h"
 #include "src/host/report_text.h"
 
+/* Side of a panel, margin and height of the title, in SVG units. */
 #define PANEL  560.0
 #define MARGIN 24.0
 #define TOP    72.0
 
-/* From the map to a panel. */
-typedef struct view {
-    double left, scale, x, y; /* x, y: the map's point in the panel's middle */
-} view;
+/* Transformation from the map to a panel. */
+typedef struct panel_view {
+    /* x, y: the map's point at the panel's centre, m; scale: units per m */
+    double left, scale, x, y;
+} panel_view;
 
-typedef struct extent {
-    double least_x, most_x, least_y, most_y;
-} extent;
+/* An axis-aligned bounding box, m. */
+typedef struct bounding_box {
+    double min_x, max_x, min_y, max_y;
+} bounding_box;
 
 static cairn_pose pose_of(const cairn_pose_graph_file *file,
-                          const cairn_pose_graph_solution *solution, int32_t v, int after)
+                          const cairn_pose_graph_solution *solution, int32_t index, int after)
 {
-    return after ? solution->pose[v] : file->vertex[v].pose;
+    return after ? solution->pose[index] : file->vertex[index].pose;
 }
 
-static extent extent_of(const cairn_pose_graph_file *file,
-                        const cairn_pose_graph_solution *solution, int after)
+/* Returns the bounding box of the poses before or after optimization. */
+static bounding_box find_bounds(const cairn_pose_graph_file *file,
+                                const cairn_pose_graph_solution *solution, int after)
 {
     cairn_pose first = pose_of(file, solution, 0, after);
-    extent e = {(double)first.x, (double)first.x, (double)first.y, (double)first.y};
+    bounding_box bounds = {(double)first.x, (double)first.x, (double)first.y, (double)first.y};
 
     for (int32_t v = 1; v < file->vertex_count; v++) {
         cairn_pose pose = pose_of(file, solution, v, after);
 
-        e.least_x = fmin(e.least_x, (double)pose.x);
-        e.most_x = fmax(e.most_x, (double)pose.x);
-        e.least_y = fmin(e.least_y, (double)pose.y);
-        e.most_y = fmax(e.most_y, (double)pose.y);
+        bounds.min_x = fmin(bounds.min_x, (double)pose.x);
+        bounds.max_x = fmax(bounds.max_x, (double)pose.x);
+        bounds.min_y = fmin(bounds.min_y, (double)pose.y);
+        bounds.max_y = fmax(bounds.max_y, (double)pose.y);
     }
-    return e;
+    return bounds;
 }
 
-static double side_of(extent e)
+static double side_of(bounding_box bounds)
 {
-    return fmax(fmax(e.most_x - e.least_x, e.most_y - e.least_y), 1e-3);
+    return fmax(fmax(bounds.max_x - bounds.min_x, bounds.max_y - bounds.min_y), 1e-3);
 }
 
+/* Prints the inlier or the outlier edges as one path. */
 static void print_links(cairn_output *output, const cairn_pose_graph_file *file,
-                        const cairn_pose_graph_solution *solution, const view *v, int after,
-                        int dropped)
+                        const cairn_pose_graph_solution *solution, const panel_view *panel,
+                        int after, int dropped)
 {
     cairn_output_print(output, "<path class=\"%s\" d=\"", dropped ? "dropped" : "kept");
     for (int32_t e = 0; e < file->edge_count; e++) {
@@ -58,10 +63,10 @@ static void print_links(cairn_output *output, const cairn_pose_graph_file *file,
         if (solution->outlier[e] != dropped)
             continue;
         cairn_output_print(output, "M%.1f %.1fL%.1f %.1f",
-                           v->left + PANEL / 2 + ((double)a.x - v->x) * v->scale,
-                           TOP + PANEL / 2 - ((double)a.y - v->y) * v->scale,
-                           v->left + PANEL / 2 + ((double)b.x - v->x) * v->scale,
-                           TOP + PANEL / 2 - ((double)b.y - v->y) * v->scale);
+                           panel->left + PANEL / 2 + ((double)a.x - panel->x) * panel->scale,
+                           TOP + PANEL / 2 - ((double)a.y - panel->y) * panel->scale,
+                           panel->left + PANEL / 2 + ((double)b.x - panel->x) * panel->scale,
+                           TOP + PANEL / 2 - ((double)b.y - panel->y) * panel->scale);
     }
     cairn_output_print(output, "\"/>\n");
 }
@@ -70,8 +75,8 @@ cairn_status cairn_pose_graph_file_draw(const char *path, const cairn_pose_graph
                                         const cairn_pose_graph_solution *solution,
                                         const char *title, cairn_file_error *error)
 {
-    extent extents[2] = {extent_of(file, solution, 0), extent_of(file, solution, 1)};
-    double scale = (PANEL - MARGIN) / fmax(side_of(extents[0]), side_of(extents[1]));
+    bounding_box panel_bounds[2] = {find_bounds(file, solution, 0), find_bounds(file, solution, 1)};
+    double scale = (PANEL - MARGIN) / fmax(side_of(panel_bounds[0]), side_of(panel_bounds[1]));
     double width = 2 * PANEL + 3 * MARGIN, height = PANEL + TOP + MARGIN;
     cairn_output *output;
     cairn_status status = cairn_output_open(&output, path, error);
@@ -90,18 +95,18 @@ cairn_status cairn_pose_graph_file_draw(const char *path, const cairn_pose_graph
     cairn_report_print_escaped(output, title);
     cairn_output_print(output, "</text>\n");
     for (int after = 0; after < 2; after++) {
-        extent e = extents[after];
-        view v = {MARGIN + after * (PANEL + MARGIN), scale, (e.least_x + e.most_x) / 2,
-                  (e.least_y + e.most_y) / 2};
+        bounding_box bounds = panel_bounds[after];
+        panel_view panel = {MARGIN + after * (PANEL + MARGIN), scale,
+                            (bounds.min_x + bounds.max_x) / 2, (bounds.min_y + bounds.max_y) / 2};
 
-        cairn_output_print(output, "<text x=\"%.0f\" y=\"54\">%s: &#967;&#178; %.6g", v.left,
+        cairn_output_print(output, "<text x=\"%.0f\" y=\"54\">%s: &#967;&#178; %.6g", panel.left,
                            after ? "after" : "before",
                            after ? (double)solution->state.chi2 : solution->chi2_initial);
         if (after && solution->outliers > 0)
             cairn_output_print(output, " without %d links, red", (int)solution->outliers);
         cairn_output_print(output, "</text>\n");
-        print_links(output, file, solution, &v, after, 1);
-        print_links(output, file, solution, &v, after, 0);
+        print_links(output, file, solution, &panel, after, 1);
+        print_links(output, file, solution, &panel, after, 0);
     }
     cairn_output_print(output, "</svg>\n");
     return cairn_output_commit(output, error);

@@ -1,9 +1,7 @@
-/* Solving graphs from files: least squares, and the links that it cannot explain found by a robust
- * kernel.
+/* Optimization of pose graphs from files, with outlier rejection.
  *
- * Source: the test of the whole graph is that of chi2 with its degrees of freedom; the kernel is
- * that of Geman and McClure, which from the poses of the file lets links that disagree with
- * their neighbourhood go. */
+ * Source: chi-squared test of the weighted residuals; Geman and McClure, Statistical methods for
+ * tomographic image reconstruction, 1987 (the robust kernel). */
 #include "src/core/build.h"
 
 #include <stdlib.h>
@@ -13,21 +11,21 @@
 #include "cairn/pose_graph_file.h"
 #include "cairn/sparse_solver.h"
 
-/* In standard deviations of chi2: so far beyond its mean it is not by chance. */
-static const double SURPRISE = 6;
+/* Threshold of the chi-squared test, in standard deviations above the mean. */
+static const double CHI2_MAX_DEVIATIONS = 6;
 
-struct solving {
+/* State of one optimization. */
+struct graph_solver {
     const cairn_pose_graph_file *file;
-    cairn_pose_graph_solution *out;
+    cairn_pose_graph_solution *solution;
     cairn_pose_graph *graph;
     cairn_sparse_solver *sparse;
     void *memory, *fill_memory;
 };
 
-/* Much memory begins where a large page does and is asked for in such pages: of 100,000 poses a
- * tenth of the time went into pages that were touched for the first time, 4 KiB each. To be
- * freed. */
-static void *take_memory(size_t bytes)
+/* Allocates memory, large blocks as transparent huge pages: for 100,000 poses a tenth of the time
+ * was first-touch page faults of 4 KiB pages. To be freed by free(). */
+static void *allocate_memory(size_t bytes)
 {
 #ifdef MADV_HUGEPAGE
     const size_t page = (size_t)1 << 21;
@@ -37,7 +35,7 @@ static void *take_memory(size_t bytes)
         void *memory = aligned_alloc(page, whole);
 
         if (memory != NULL)
-            (void)madvise(memory, whole, MADV_HUGEPAGE); /* small ones do as well */
+            (void)madvise(memory, whole, MADV_HUGEPAGE); /* a failure leaves small pages */
         return memory;
     }
 #endif
@@ -46,172 +44,183 @@ static void *take_memory(size_t bytes)
 
 static cairn_status new_pool(cairn_pool *pool, void **memory, size_t bytes)
 {
-    *memory = take_memory(bytes + CAIRN_ALIGN);
+    *memory = allocate_memory(bytes + CAIRN_ALIGN);
     return *memory == NULL ? CAIRN_NO_MEMORY : cairn_pool_init(pool, *memory, bytes + CAIRN_ALIGN);
 }
 
-static cairn_status make_graph(struct solving *s)
+/* Creates the pose graph and its solver. */
+static cairn_status make_graph(struct graph_solver *solver)
 {
     cairn_pose_graph_params params = cairn_pose_graph_default();
-    cairn_pose_solver face, *own = NULL;
+    cairn_pose_solver interface, *external = NULL;
     cairn_status status;
     cairn_pool pool;
 
-    params.max_poses = s->file->vertex_count;
-    params.max_links = s->file->edge_count;
-    params.max_fill = 0; /* see extend() */
-    if (s->out->solver == CAIRN_POSE_GRAPH_SPARSE) {
-        status = cairn_sparse_solver_open(&s->sparse);
+    params.max_poses = solver->file->vertex_count;
+    params.max_links = solver->file->edge_count;
+    params.max_fill = 0; /* the factor's memory is added by extend_factor() */
+    if (solver->solution->solver == CAIRN_POSE_GRAPH_SPARSE) {
+        status = cairn_sparse_solver_open(&solver->sparse);
         if (status != CAIRN_OK)
             return status;
-        face = cairn_sparse_solver_face(s->sparse);
-        own = &face;
+        interface = cairn_sparse_solver_face(solver->sparse);
+        external = &interface;
     }
-    s->out->pool_bytes = cairn_pose_graph_memory(&params, own);
-    if (s->out->pool_bytes == 0)
+    solver->solution->pool_bytes = cairn_pose_graph_memory(&params, external);
+    if (solver->solution->pool_bytes == 0)
         return CAIRN_NO_MEMORY;
-    status = new_pool(&pool, &s->memory, s->out->pool_bytes);
+    status = new_pool(&pool, &solver->memory, solver->solution->pool_bytes);
     if (status == CAIRN_OK)
-        status = cairn_pose_graph_create(&s->graph, &pool, &params, own);
+        status = cairn_pose_graph_create(&solver->graph, &pool, &params, external);
     return status;
 }
 
-static cairn_status fill_graph(struct solving *s)
+/* Adds all vertices and edges to the pose graph. */
+static cairn_status fill_graph(struct graph_solver *solver)
 {
     cairn_status status = CAIRN_OK;
 
-    for (int32_t v = 0; v < s->file->vertex_count && status == CAIRN_OK; v++) {
-        status = cairn_pose_graph_add_pose(s->graph, s->file->vertex[v].pose);
+    for (int32_t v = 0; v < solver->file->vertex_count && status == CAIRN_OK; v++) {
+        status = cairn_pose_graph_add_pose(solver->graph, solver->file->vertex[v].pose);
         if (status == CAIRN_OK)
-            status = cairn_pose_graph_fix(s->graph, v, s->file->vertex[v].fixed);
+            status = cairn_pose_graph_fix(solver->graph, v, solver->file->vertex[v].fixed);
     }
-    for (int32_t e = 0; e < s->file->edge_count && status == CAIRN_OK; e++) {
-        const cairn_pose_graph_edge *edge = &s->file->edge[e];
+    for (int32_t e = 0; e < solver->file->edge_count && status == CAIRN_OK; e++) {
+        const cairn_pose_graph_edge *edge = &solver->file->edge[e];
 
-        status = cairn_pose_graph_add_link(s->graph, edge->first, edge->second, edge->first_second,
-                                           edge->information);
+        status = cairn_pose_graph_add_link(solver->graph, edge->first, edge->second,
+                                           edge->first_second, edge->information);
     }
     return status;
 }
 
-/* Takes room for the factor, now that it is known how many blocks it has. */
-static cairn_status extend(struct solving *s)
+/* Allocates memory for the factor after the symbolic analysis has counted its blocks. */
+static cairn_status extend_factor(struct graph_solver *solver)
 {
-    int32_t fill = cairn_pose_graph_read(s->graph).fill;
+    int32_t fill = cairn_pose_graph_read(solver->graph).fill;
     size_t bytes = cairn_block_solver_extend_memory(fill);
     cairn_status status;
     cairn_pool pool;
 
     if (bytes == 0)
         return CAIRN_NO_MEMORY;
-    status = new_pool(&pool, &s->fill_memory, bytes);
-    s->out->pool_bytes += bytes;
-    return status == CAIRN_OK ? cairn_pose_graph_extend(s->graph, &pool, fill) : status;
+    status = new_pool(&pool, &solver->fill_memory, bytes);
+    solver->solution->pool_bytes += bytes;
+    return status == CAIRN_OK ? cairn_pose_graph_extend(solver->graph, &pool, fill) : status;
 }
 
-static cairn_status solve_once(struct solving *s, cairn_pose_graph_kernel kernel)
+/* Runs one optimization to its end. */
+static cairn_status solve_once(struct graph_solver *solver, cairn_pose_graph_kernel kernel)
 {
     cairn_budget budget = {CAIRN_UNBOUNDED};
     cairn_status status =
-        cairn_pose_graph_set_kernel(s->graph, kernel, cairn_pose_graph_default().width);
+        cairn_pose_graph_set_kernel(solver->graph, kernel, cairn_pose_graph_default().width);
 
     if (status == CAIRN_OK)
-        status = cairn_pose_graph_solve(s->graph);
+        status = cairn_pose_graph_solve(solver->graph);
     while (status == CAIRN_OK || status == CAIRN_MORE) {
-        status = cairn_pose_graph_step(s->graph, &budget);
+        status = cairn_pose_graph_step(solver->graph, &budget);
         if (status == CAIRN_OK)
             break;
-        if (status == CAIRN_FULL && s->fill_memory == NULL)
-            status = extend(s);
+        if (status == CAIRN_FULL && solver->fill_memory == NULL)
+            status = extend_factor(solver);
         budget.left = CAIRN_UNBOUNDED;
     }
-    s->out->state = cairn_pose_graph_read(s->graph);
+    solver->solution->state = cairn_pose_graph_read(solver->graph);
     return status;
 }
 
-static int is_explained(const struct solving *s)
+/* The chi-squared test: returns 1 when chi2 is plausible for its degrees of freedom. A chi2
+ * variable has mean f and variance 2 f. */
+static int passes_chi2_test(const struct graph_solver *solver)
 {
-    double freedom = 3 * ((double)s->file->edge_count - (double)s->file->vertex_count);
+    double freedom = 3 * ((double)solver->file->edge_count - (double)solver->file->vertex_count);
 
     freedom = freedom > 1 ? freedom : 1;
-    return (double)s->out->state.chi2 <= freedom + SURPRISE * sqrt(2 * freedom);
+    return (double)solver->solution->state.chi2 <=
+           freedom + CHI2_MAX_DEVIATIONS * sqrt(2 * freedom);
 }
 
-static cairn_status from_the_files_poses(struct solving *s)
+/* Resets the graph to the initial poses. */
+static cairn_status reset_poses(struct graph_solver *solver)
 {
     cairn_status status = CAIRN_OK;
 
-    for (int32_t v = 0; v < s->file->vertex_count && status == CAIRN_OK; v++)
-        status = cairn_pose_graph_set_pose(s->graph, v, s->file->vertex[v].pose);
+    for (int32_t v = 0; v < solver->file->vertex_count && status == CAIRN_OK; v++)
+        status = cairn_pose_graph_set_pose(solver->graph, v, solver->file->vertex[v].pose);
     return status;
 }
 
-static cairn_status drop_outliers(struct solving *s)
+/* Rejects the outliers of the robust kernel. */
+static cairn_status drop_outliers(struct graph_solver *solver)
 {
     cairn_status status = CAIRN_OK;
 
-    for (int32_t e = 0; e < s->file->edge_count && status == CAIRN_OK; e++) {
-        int32_t outlier = cairn_pose_graph_link_of(s->graph, e).outlier;
+    for (int32_t e = 0; e < solver->file->edge_count && status == CAIRN_OK; e++) {
+        int32_t outlier = cairn_pose_graph_link_of(solver->graph, e).outlier;
 
-        s->out->outlier[e] = (uint8_t)outlier;
-        s->out->outliers += outlier;
-        status = cairn_pose_graph_drop_link(s->graph, e, outlier);
+        solver->solution->outlier[e] = (uint8_t)outlier;
+        solver->solution->outliers += outlier;
+        status = cairn_pose_graph_drop_link(solver->graph, e, outlier);
     }
     return status;
 }
 
-static void keep_poses(struct solving *s)
+/* Copies the poses and the chi2 of all edges into the solution. */
+static void store_poses(struct graph_solver *solver)
 {
-    for (int32_t v = 0; v < s->file->vertex_count; v++)
-        s->out->pose[v] = cairn_pose_graph_pose(s->graph, v);
-    s->out->chi2_all = 0;
-    for (int32_t e = 0; e < s->file->edge_count; e++)
-        s->out->chi2_all += (double)cairn_pose_graph_link_of(s->graph, e).chi2;
+    for (int32_t v = 0; v < solver->file->vertex_count; v++)
+        solver->solution->pose[v] = cairn_pose_graph_pose(solver->graph, v);
+    solver->solution->chi2_all = 0;
+    for (int32_t e = 0; e < solver->file->edge_count; e++)
+        solver->solution->chi2_all += (double)cairn_pose_graph_link_of(solver->graph, e).chi2;
 }
 
-/* The links that the kernel drops leave a graph in one piece, because a link that joins two
- * pieces alone can always be met; should they not, the poses of the kernel stand. */
-static cairn_status solve_robustly(struct solving *s)
+/* Robust estimation, then least squares of the inliers. Rejecting the kernel's outliers keeps the
+ * graph connected, because a bridge (an edge that alone joins two components) can always be
+ * satisfied. If the graph is split nevertheless, the poses of the robust kernel remain. */
+static cairn_status solve_robustly(struct graph_solver *solver)
 {
-    cairn_status status = from_the_files_poses(s);
+    cairn_status status = reset_poses(solver);
 
-    s->out->robust = 1;
+    solver->solution->robust = 1;
     if (status == CAIRN_OK)
-        status = solve_once(s, CAIRN_POSE_GRAPH_GEMAN_MCCLURE);
+        status = solve_once(solver, CAIRN_POSE_GRAPH_GEMAN_MCCLURE);
     if (status == CAIRN_OK)
-        status = drop_outliers(s);
+        status = drop_outliers(solver);
     if (status != CAIRN_OK)
         return status;
-    keep_poses(s);
-    status = solve_once(s, CAIRN_POSE_GRAPH_SQUARE);
-    if (status == CAIRN_OK && s->out->state.verdict != CAIRN_POSE_GRAPH_SPLIT)
-        keep_poses(s);
+    store_poses(solver);
+    status = solve_once(solver, CAIRN_POSE_GRAPH_SQUARE);
+    if (status == CAIRN_OK && solver->solution->state.verdict != CAIRN_POSE_GRAPH_SPLIT)
+        store_poses(solver);
     return status;
 }
 
-static cairn_status solve(struct solving *s)
+/* Optimizes the graph; the method is in the header. */
+static cairn_status solve(struct graph_solver *solver)
 {
-    cairn_status status = make_graph(s);
+    cairn_status status = make_graph(solver);
 
     if (status == CAIRN_OK)
-        status = fill_graph(s);
+        status = fill_graph(solver);
     if (status == CAIRN_OK)
-        status = solve_once(s, CAIRN_POSE_GRAPH_SQUARE);
+        status = solve_once(solver, CAIRN_POSE_GRAPH_SQUARE);
     if (status != CAIRN_OK)
         return status;
-    s->out->chi2_initial = (double)s->out->state.chi2_initial;
-    keep_poses(s);
-    if (!s->out->keep_all && !is_explained(s))
-        status = solve_robustly(s);
-    if (s->sparse != NULL)
-        s->out->pool_bytes += cairn_sparse_solver_memory(s->sparse);
+    solver->solution->chi2_initial = (double)solver->solution->state.chi2_initial;
+    store_poses(solver);
+    if (!solver->solution->keep_all && !passes_chi2_test(solver))
+        status = solve_robustly(solver);
+    if (solver->sparse != NULL)
+        solver->solution->pool_bytes += cairn_sparse_solver_memory(solver->sparse);
     return status;
 }
 
 cairn_status cairn_pose_graph_file_solve(const cairn_pose_graph_file *file,
                                          cairn_pose_graph_solution *solution)
 {
-    struct solving s = {file, solution, NULL, NULL, NULL, NULL};
+    struct graph_solver solver = {.file = file, .solution = solution};
     cairn_pose_graph_solution fresh;
     cairn_status status = CAIRN_NO_MEMORY;
 
@@ -222,10 +231,10 @@ cairn_status cairn_pose_graph_file_solve(const cairn_pose_graph_file *file,
     solution->pose = malloc((size_t)file->vertex_count * sizeof *solution->pose);
     solution->outlier = calloc((size_t)file->edge_count, 1);
     if (solution->pose != NULL && solution->outlier != NULL)
-        status = solve(&s);
-    cairn_sparse_solver_close(s.sparse);
-    free(s.memory);
-    free(s.fill_memory);
+        status = solve(&solver);
+    cairn_sparse_solver_close(solver.sparse);
+    free(solver.memory);
+    free(solver.fill_memory);
     if (status != CAIRN_OK)
         cairn_pose_graph_solution_free(solution);
     return status;

@@ -1,4 +1,4 @@
-/* Poses as CSV. One table of columns serves writing, the header line and reading. */
+/* Trajectories as CSV. One table of column names serves writing and reading. */
 #include "src/core/build.h"
 
 #include <errno.h>
@@ -19,13 +19,14 @@ enum {
     COLUMN_THETA,
     COLUMN_FIRST_COVARIANCE
 };
-enum { COLUMN_SUPPORT = 12, COLUMN_VERDICT = 13, COLUMNS = 14, COLUMNS_READ = 64, COVARIANCES = 6 };
+/* MAX_COLUMNS: columns of a table that is read, unknown ones included. */
+enum { COLUMN_SUPPORT = 12, COLUMN_VERDICT = 13, COLUMNS = 14, MAX_COLUMNS = 64, COVARIANCES = 6 };
 
 static const char *const column_name[COLUMNS] = {
     "index", "line",      "time",   "x",          "y",          "theta",   "var_x",
     "var_y", "var_theta", "cov_xy", "cov_xtheta", "cov_ytheta", "support", "verdict"};
 
-/* Element of the covariance behind each of its columns, and the one mirrored to it. */
+/* Covariance element of each covariance column, and its symmetric counterpart. */
 static const int covariance_element[COVARIANCES] = {0, 4, 8, 1, 2, 5};
 static const int covariance_mirror[COVARIANCES] = {0, 4, 8, 3, 6, 7};
 
@@ -44,11 +45,12 @@ cairn_pose_row cairn_pose_row_of(int64_t index, cairn_pose pose)
     return row;
 }
 
-static int is_infinite(cairn_real x)
+static int is_infinite(cairn_real value)
 {
-    return cairn_abs(x) > CAIRN_REAL_MAX;
+    return cairn_abs(value) > CAIRN_REAL_MAX;
 }
 
+/* Validates a row before it is written. */
 static cairn_status check_row(const char *path, const cairn_pose_row *row, int64_t number,
                               cairn_file_error *error)
 {
@@ -71,8 +73,8 @@ static cairn_status check_row(const char *path, const cairn_pose_row *row, int64
     return CAIRN_OK;
 }
 
-/* A number, or nothing for NaN. */
-static void print_known(cairn_output *output, cairn_real value)
+/* Prints a number; NaN becomes an empty field. */
+static void print_optional(cairn_output *output, cairn_real value)
 {
     char text[CAIRN_NUMBER_TEXT_BYTES];
 
@@ -91,12 +93,12 @@ static void print_row(cairn_output *output, const cairn_pose_row *row)
     cairn_output_print(
         output, ",%s",
         row->stamp_ns != CAIRN_POSE_NO_STAMP ? cairn_number_write_stamp(text, row->stamp_ns) : "");
-    print_known(output, row->pose.x);
-    print_known(output, row->pose.y);
-    print_known(output, row->pose.theta);
+    print_optional(output, row->pose.x);
+    print_optional(output, row->pose.y);
+    print_optional(output, row->pose.theta);
     for (i = 0; i < COVARIANCES; i++)
-        print_known(output, row->covariance[covariance_element[i]]);
-    print_known(output, row->support);
+        print_optional(output, row->covariance[covariance_element[i]]);
+    print_optional(output, row->support);
     cairn_output_print(output, ",%s\n", row->verdict);
 }
 
@@ -123,14 +125,15 @@ cairn_status cairn_pose_table_write(const char *path, const cairn_pose_row *row,
     return cairn_output_commit(output, error);
 }
 
-typedef struct field {
+/* A field of a line, without surrounding blanks. */
+typedef struct csv_field {
     const char *text;
     size_t length;
-} field;
+} csv_field;
 
-/* Cuts a line at its commas, blanks around the fields off. The number of fields, at most
- * COLUMNS_READ + 1. */
-static int32_t split(const char *line, size_t length, field fields[COLUMNS_READ + 1])
+/* Splits a line at its commas, trims blanks, and returns the number of fields, at most MAX_COLUMNS
+ * + 1. */
+static int32_t split(const char *line, size_t length, csv_field fields[MAX_COLUMNS + 1])
 {
     const char *end = line + length, *comma, *last;
     int32_t count = 0;
@@ -146,141 +149,147 @@ static int32_t split(const char *line, size_t length, field fields[COLUMNS_READ 
                (line[fields[count].length - 1] == ' ' || line[fields[count].length - 1] == '\t'))
             fields[count].length--;
         count++;
-        if (comma == NULL || count > COLUMNS_READ)
+        if (comma == NULL || count > MAX_COLUMNS)
             return count;
         line = comma + 1;
     }
 }
 
-/* What a table is read with. */
+/* State of the reader. */
 typedef struct table_reader {
     cairn_line_reader *lines;
     const char *path;
-    int32_t column[COLUMNS_READ]; /* field -> column, -1: none of ours */
-    int32_t columns;
+    int32_t column[MAX_COLUMNS]; /* column of each field; -1: unknown */
+    int32_t columns;             /* fields of the header */
     cairn_file_error *error;
 } table_reader;
 
-static cairn_status read_header(table_reader *t, const char *line, size_t length)
+/* Maps the fields of the header line to columns. */
+static cairn_status read_header(table_reader *reader, const char *line, size_t length)
 {
-    int64_t number = cairn_line_reader_number(t->lines);
+    int64_t number = cairn_line_reader_number(reader->lines);
     int32_t seen[COLUMNS] = {0}, i, k;
     char shown[CAIRN_TOKEN_TEXT_BYTES];
-    field fields[COLUMNS_READ + 1];
+    csv_field fields[MAX_COLUMNS + 1];
 
-    t->columns = split(line, length, fields);
-    if (t->columns > COLUMNS_READ)
-        return cairn_file_error_set(t->error, CAIRN_BAD_FORMAT, t->path, number,
+    reader->columns = split(line, length, fields);
+    if (reader->columns > MAX_COLUMNS)
+        return cairn_file_error_set(reader->error, CAIRN_BAD_FORMAT, reader->path, number,
                                     "more than %d columns, expected the header of a table of poses",
-                                    COLUMNS_READ);
-    for (i = 0; i < t->columns; i++) {
-        t->column[i] = -1;
+                                    MAX_COLUMNS);
+    for (i = 0; i < reader->columns; i++) {
+        reader->column[i] = -1;
         for (k = 0; k < COLUMNS; k++)
             if (fields[i].length == strlen(column_name[k]) &&
                 memcmp(fields[i].text, column_name[k], fields[i].length) == 0)
-                t->column[i] = k;
-        if (t->column[i] >= 0 && seen[t->column[i]]++)
-            return cairn_file_error_set(t->error, CAIRN_BAD_FORMAT, t->path, number,
+                reader->column[i] = k;
+        if (reader->column[i] >= 0 && seen[reader->column[i]]++)
+            return cairn_file_error_set(reader->error, CAIRN_BAD_FORMAT, reader->path, number,
                                         "column %s is there twice, expected it once",
                                         cairn_token_text(shown, fields[i].text, fields[i].length));
     }
     for (k = 0; k < COLUMNS; k++)
         if (!seen[k] && (k == COLUMN_INDEX || k == COLUMN_X || k == COLUMN_Y || k == COLUMN_THETA))
             return cairn_file_error_set(
-                t->error, CAIRN_BAD_FORMAT, t->path, number,
+                reader->error, CAIRN_BAD_FORMAT, reader->path, number,
                 "no column \"%s\", expected a header with index, x, y and theta", column_name[k]);
     return CAIRN_OK;
 }
 
-static cairn_status bad_field(const table_reader *t, int32_t column, field f, const char *wanted)
+static cairn_status bad_field(const table_reader *reader, int32_t column, csv_field field,
+                              const char *expected)
 {
     char shown[CAIRN_TOKEN_TEXT_BYTES];
 
-    return cairn_file_error_set(t->error, CAIRN_BAD_FORMAT, t->path,
-                                cairn_line_reader_number(t->lines), "%s is %s, expected %s",
-                                column_name[column], cairn_token_text(shown, f.text, f.length),
-                                wanted);
+    return cairn_file_error_set(reader->error, CAIRN_BAD_FORMAT, reader->path,
+                                cairn_line_reader_number(reader->lines), "%s is %s, expected %s",
+                                column_name[column],
+                                cairn_token_text(shown, field.text, field.length), expected);
 }
 
-static cairn_status read_real(const table_reader *t, int32_t column, field f, cairn_real *value)
+static cairn_status read_real(const table_reader *reader, int32_t column, csv_field field,
+                              cairn_real *value)
 {
     double number;
 
-    if (!cairn_number_read(f.text, f.length, &number))
-        return bad_field(t, column, f, "a number");
+    if (!cairn_number_read(field.text, field.length, &number))
+        return bad_field(reader, column, field, "a number");
     if (!cairn_is_finite((cairn_real)number))
         return cairn_file_error_set(
-            t->error, CAIRN_NOT_FINITE, t->path, cairn_line_reader_number(t->lines),
+            reader->error, CAIRN_NOT_FINITE, reader->path, cairn_line_reader_number(reader->lines),
             "%s is %g, expected a finite number", column_name[column], number);
     *value = (cairn_real)number;
     return CAIRN_OK;
 }
 
-static cairn_status read_field(const table_reader *t, int32_t column, field f, cairn_pose_row *row)
+/* Parses one field into the row. */
+static cairn_status read_field(const table_reader *reader, int32_t column, csv_field field,
+                               cairn_pose_row *row)
 {
-    cairn_real *place;
+    cairn_real *target;
 
-    if (f.length == 0) {
+    if (field.length == 0) {
         if (column == COLUMN_INDEX || column == COLUMN_X || column == COLUMN_Y ||
             column == COLUMN_THETA)
-            return bad_field(t, column, f, "a number");
+            return bad_field(reader, column, field, "a number");
         return CAIRN_OK;
     }
     switch (column) {
     case COLUMN_INDEX:
-        return cairn_number_read_integer(f.text, f.length, &row->index)
+        return cairn_number_read_integer(field.text, field.length, &row->index)
                    ? CAIRN_OK
-                   : bad_field(t, column, f, "a whole number");
+                   : bad_field(reader, column, field, "a whole number");
     case COLUMN_LINE:
-        return cairn_number_read_integer(f.text, f.length, &row->line) && row->line >= 0
+        return cairn_number_read_integer(field.text, field.length, &row->line) && row->line >= 0
                    ? CAIRN_OK
-                   : bad_field(t, column, f, "a whole number from 0");
+                   : bad_field(reader, column, field, "a whole number from 0");
     case COLUMN_TIME:
-        return cairn_number_read_stamp(f.text, f.length, &row->stamp_ns)
+        return cairn_number_read_stamp(field.text, field.length, &row->stamp_ns)
                    ? CAIRN_OK
-                   : bad_field(t, column, f, "seconds");
+                   : bad_field(reader, column, field, "seconds");
     case COLUMN_VERDICT:
-        if (f.length >= sizeof row->verdict)
-            return bad_field(t, column, f, "at most 31 bytes");
-        memcpy(row->verdict, f.text, f.length);
+        if (field.length >= sizeof row->verdict)
+            return bad_field(reader, column, field, "at most 31 bytes");
+        memcpy(row->verdict, field.text, field.length);
         return CAIRN_OK;
     case COLUMN_X:
-        place = &row->pose.x;
+        target = &row->pose.x;
         break;
     case COLUMN_Y:
-        place = &row->pose.y;
+        target = &row->pose.y;
         break;
     case COLUMN_THETA:
-        place = &row->pose.theta;
+        target = &row->pose.theta;
         break;
     case COLUMN_SUPPORT:
-        place = &row->support;
+        target = &row->support;
         break;
     default:
-        place = &row->covariance[covariance_element[column - COLUMN_FIRST_COVARIANCE]];
+        target = &row->covariance[covariance_element[column - COLUMN_FIRST_COVARIANCE]];
         break;
     }
-    return read_real(t, column, f, place);
+    return read_real(reader, column, field, target);
 }
 
-static cairn_status read_row(const table_reader *t, const char *line, size_t length,
+/* Parses one line into a row; unknown fields keep their defaults. */
+static cairn_status read_row(const table_reader *reader, const char *line, size_t length,
                              cairn_pose_row *row)
 {
-    field fields[COLUMNS_READ + 1];
+    csv_field fields[MAX_COLUMNS + 1];
     int32_t count = split(line, length, fields), i;
     cairn_status status;
 
-    if (count != t->columns)
+    if (count != reader->columns)
         return cairn_file_error_set(
-            t->error, count < t->columns ? CAIRN_TRUNCATED : CAIRN_BAD_FORMAT, t->path,
-            cairn_line_reader_number(t->lines), "%s%d fields, expected %d as in the header",
-            count > COLUMNS_READ ? "more than " : "",
-            (int)(count > COLUMNS_READ ? COLUMNS_READ : count), (int)t->columns);
+            reader->error, count < reader->columns ? CAIRN_TRUNCATED : CAIRN_BAD_FORMAT,
+            reader->path, cairn_line_reader_number(reader->lines),
+            "%s%d fields, expected %d as in the header", count > MAX_COLUMNS ? "more than " : "",
+            (int)(count > MAX_COLUMNS ? MAX_COLUMNS : count), (int)reader->columns);
     *row = cairn_pose_row_of(0, cairn_pose_identity());
     for (i = 0; i < count; i++) {
-        if (t->column[i] < 0)
+        if (reader->column[i] < 0)
             continue;
-        status = read_field(t, t->column[i], fields[i], row);
+        status = read_field(reader, reader->column[i], fields[i], row);
         if (status != CAIRN_OK)
             return status;
     }
@@ -289,19 +298,21 @@ static cairn_status read_row(const table_reader *t, const char *line, size_t len
     return CAIRN_OK;
 }
 
-/* Appends to an array that doubles. */
-static cairn_status append(table_reader *t, cairn_pose_row **rows, int32_t *count,
+/* Appends to a dynamic array, whose capacity doubles. */
+static cairn_status append(table_reader *reader, cairn_pose_row **rows, int32_t *count,
                            int32_t *capacity, const cairn_pose_row *row)
 {
-    int32_t more = *capacity == 0 ? 256 : *capacity < INT32_MAX / 2 ? 2 * *capacity : INT32_MAX;
+    int32_t new_capacity = *capacity == 0              ? 256
+                           : *capacity < INT32_MAX / 2 ? 2 * *capacity
+                                                       : INT32_MAX;
     cairn_pose_row *grown;
 
     if (*count == *capacity) {
-        grown = *count < INT32_MAX ? realloc(*rows, (size_t)more * sizeof *grown) : NULL;
+        grown = *count < INT32_MAX ? realloc(*rows, (size_t)new_capacity * sizeof *grown) : NULL;
         if (grown == NULL)
-            return cairn_file_error_system(t->error, t->path, "read", ENOMEM);
+            return cairn_file_error_system(reader->error, reader->path, "read", ENOMEM);
         *rows = grown;
-        *capacity = more;
+        *capacity = new_capacity;
     }
     (*rows)[(*count)++] = *row;
     return CAIRN_OK;
@@ -310,41 +321,41 @@ static cairn_status append(table_reader *t, cairn_pose_row **rows, int32_t *coun
 cairn_status cairn_pose_table_read(cairn_pose_row **row, int32_t *count, const char *path,
                                    cairn_file_error *error)
 {
-    table_reader t = {NULL, path, {0}, 0, error};
+    table_reader reader = {.path = path, .error = error};
     int32_t capacity = 0;
-    cairn_pose_row one;
+    cairn_pose_row parsed;
     cairn_status status;
     const char *line;
     size_t length;
 
     *row = NULL;
     *count = 0;
-    status = cairn_line_reader_open(&t.lines, path, error);
+    status = cairn_line_reader_open(&reader.lines, path, error);
     if (status != CAIRN_OK)
         return status;
-    while ((status = cairn_line_reader_next(t.lines, &line, &length, error)) == CAIRN_OK) {
+    while ((status = cairn_line_reader_next(reader.lines, &line, &length, error)) == CAIRN_OK) {
         if (length == 0 || line[0] == '#')
             continue;
-        if (t.columns == 0) {
-            status = read_header(&t, line, length);
+        if (reader.columns == 0) {
+            status = read_header(&reader, line, length);
         } else {
-            status = read_row(&t, line, length, &one);
+            status = read_row(&reader, line, length, &parsed);
             if (status == CAIRN_OK)
-                status = append(&t, row, count, &capacity, &one);
+                status = append(&reader, row, count, &capacity, &parsed);
         }
         if (status != CAIRN_OK)
             break;
     }
     if (status == CAIRN_FULL)
-        status =
-            cairn_file_error_set(error, CAIRN_BAD_FORMAT, path, cairn_line_reader_number(t.lines),
-                                 "a line of %zu bytes, expected a table of poses", length);
+        status = cairn_file_error_set(error, CAIRN_BAD_FORMAT, path,
+                                      cairn_line_reader_number(reader.lines),
+                                      "a line of %zu bytes, expected a table of poses", length);
     if (status == CAIRN_EMPTY && *count > 0)
         status = CAIRN_OK;
     else if (status == CAIRN_EMPTY)
         status = cairn_file_error_set(error, status, path, 0,
                                       "no row, expected a header and rows of poses");
-    cairn_line_reader_close(t.lines);
+    cairn_line_reader_close(reader.lines);
     if (status != CAIRN_OK) {
         free(*row);
         *row = NULL;

@@ -1,7 +1,14 @@
-/* Tables of ranges as logs.
+/* Reader of tables of ranges.
  *
- * Layout: the bearings stand once in front of all ranges, in one array that the scans give back;
- * records point into it when all is read, as it moves while it grows. */
+ * Method
+ * 1. The columns are taken from the CSV header or from the fixed URG layout.
+ * 2. Every line is parsed into values and appended as a record. For URG, wheel ticks are integrated
+ *    to odometry on arcs.
+ * 3. At the end, URG poses are shifted back by the latency of the ranges, with interpolation of the
+ *    motion as a constant twist.
+ *
+ * Layout: one array holds the bearings, which all scans share, followed by the ranges. Records get
+ * pointers into it only after the last line, because it moves when it grows. */
 #include "src/core/build.h"
 
 #include <errno.h>
@@ -13,63 +20,68 @@
 #include "cairn/range_table.h"
 #include "src/host/carmen_log_reader.h"
 
+/* URG: fields of a line, the first range, the range that points ahead. */
 enum { URG_FIELDS = 707, URG_FIRST = 25, URG_MIDDLE = 341, PROBED_LINES = 100 };
 
-static const double URG_STEP = 360.0 / 1024, URG_RANGE_MIN = 0.02, URG_RANGE_MAX = 5.6,
-                    URG_TURN = 0.1, CSV_RANGE_MAX = 80, RADIANS = 0.017453292519943295;
-/* The robot of these logs, see the header: m that a wheel rolls in a tick, m between the wheels,
- * m of the scanner before their axle. */
-static const double URG_TICK = 2 * 3.141592653589793 * 0.077 / 2000, URG_AXLE = 0.31,
-                    URG_AHEAD = 0.145;
-/* a line's scan was made so long before its ticks were read */
-static const int64_t URG_LATE_NS = 170000000;
-/* between scans whose time is not known */
-static const int64_t SCAN_NS = 100000000;
+/* Degrees between beams, m, m, s of one rotation, m, rad of a degree. */
+static const double URG_STEP_DEGREES = 360.0 / 1024, URG_RANGE_MIN = 0.02, URG_RANGE_MAX = 5.6,
+                    URG_ROTATION_S = 0.1, CSV_RANGE_MAX = 80, RADIANS = 0.017453292519943295;
+/* The robot of these logs: metres that a wheel rolls in a tick, wheel separation in m, distance of
+ * the scanner in front of the axle in m. */
+static const double URG_METRES_PER_TICK = 2 * 3.141592653589793 * 0.077 / 2000,
+                    URG_WHEEL_SEPARATION_M = 0.31, URG_SENSOR_X_M = 0.145;
+/* Latency: the age of a line's ranges when its ticks are read. */
+static const int64_t URG_LATENCY_NS = 170000000;
+/* Period of scans without time. */
+static const int64_t SCAN_PERIOD_NS = 100000000;
 
-/* What a column holds; a head of CSV can name those before NAMED, and bearings. */
-enum { TIME, X, Y, THETA, NAMED, LEFT = NAMED, RIGHT, BEARING, PASSED };
+/* The content of a column. A CSV header can name the columns before NAMED, and bearings. */
+enum { TIME, X, Y, THETA, NAMED, LEFT = NAMED, RIGHT, BEARING, IGNORED };
 
-typedef struct table {
+/* Columns, and the line being read. */
+typedef struct range_table {
     cairn_range_table_kind kind;
-    int32_t *column; /* [fields] */
+    int32_t *column; /* [fields] content of each column */
     int32_t fields;
     int32_t has_time, has_odometry;
-    double time_unit, range_unit; /* ns and m */
+    double time_unit, range_unit; /* ns and m of a unit of the file */
     float *bearing;               /* [beams] rad */
     int32_t beams;
-    double *value;               /* [fields] of the line at hand */
-    double wheels[2], rolled[3]; /* ticks of the line before, and x, y, theta where they led */
-    int32_t rolls;               /* 1: there was one */
-} table;
+    double *value;                     /* [fields] of the current line */
+    double last_ticks[2], odometry[3]; /* of the previous line; integrated pose: m, m, rad */
+    int32_t has_last_ticks;            /* 1: there is a previous line */
+} range_table;
 
-typedef struct loading {
+/* State of the reader. */
+typedef struct range_loader {
     cairn_carmen_scans *scans;
     const cairn_carmen_params *params;
-    table table;
-    int32_t capacity;
+    range_table table;
+    int32_t capacity; /* records */
     cairn_line_reader *reader;
     const char *path;
-} loading;
+} range_loader;
 
-static void free_table(table *t)
+static void free_table(range_table *table)
 {
-    free(t->column);
-    free(t->bearing);
-    free(t->value);
+    free(table->column);
+    free(table->bearing);
+    free(table->value);
 }
 
-static int make_table(table *t, int32_t fields)
+/* Allocates the columns of a table; 0: out of memory. */
+static int make_table(range_table *table, int32_t fields)
 {
-    t->fields = fields;
-    t->column = calloc((size_t)fields, sizeof *t->column);
-    t->bearing = calloc((size_t)fields, sizeof *t->bearing);
-    t->value = calloc((size_t)fields, sizeof *t->value);
-    return t->column != NULL && t->bearing != NULL && t->value != NULL;
+    table->fields = fields;
+    table->column = calloc((size_t)fields, sizeof *table->column);
+    table->bearing = calloc((size_t)fields, sizeof *table->bearing);
+    table->value = calloc((size_t)fields, sizeof *table->value);
+    return table->column != NULL && table->bearing != NULL && table->value != NULL;
 }
 
 /* ---- Fields ---- */
 
-/* The next field up to a comma, without blanks about it; 0 when there is none. */
+/* Splits off the next field up to a comma, without surrounding blanks; 0 when there is none. */
 static int next_cell(const char **at, const char *end, const char **cell, size_t *length)
 {
     const char *from = *at, *to;
@@ -89,16 +101,17 @@ static int next_cell(const char **at, const char *end, const char **cell, size_t
     return 1;
 }
 
-static int next_field(const table *t, const char **at, const char *end, const char **field,
-                      size_t *length)
+static int next_field(const range_table *table, const char **at, const char *end,
+                      const char **field, size_t *length)
 {
-    if (t->kind == CAIRN_RANGE_TABLE_CSV)
+    if (table->kind == CAIRN_RANGE_TABLE_CSV)
         return next_cell(at, end, field, length);
     *length = cairn_token_next(at, end, field);
     return *length > 0;
 }
 
-static int is_text(const char *line, size_t length)
+/* Returns 1 when a line is neither blank nor a comment. */
+static int has_content(const char *line, size_t length)
 {
     const char *at = line, *token;
 
@@ -107,8 +120,9 @@ static int is_text(const char *line, size_t length)
 
 /* ---- The head ---- */
 
-/* The column of a name; -1: none. */
-static int32_t column_of(const char *name, size_t length, double *degrees)
+/* Returns the content of a column by its name in a header, with *degrees of a bearing; -1:
+ * unknown. */
+static int32_t find_column(const char *name, size_t length, double *degrees)
 {
     static const char *const names[NAMED] = {"time", "x", "y", "theta"};
 
@@ -118,8 +132,8 @@ static int32_t column_of(const char *name, size_t length, double *degrees)
     return cairn_number_read(name, length, degrees) && fabs(*degrees) <= 360 ? BEARING : -1;
 }
 
-/* 1 when a line can be the head of a table. */
-static int is_head(const char *line, size_t length)
+/* Returns 1 when a line can be a CSV header. */
+static int is_header(const char *line, size_t length)
 {
     const char *at = line, *cell;
     int32_t fields = 0, bearings = 0;
@@ -127,7 +141,7 @@ static int is_head(const char *line, size_t length)
     size_t n;
 
     while (next_cell(&at, line + length, &cell, &n)) {
-        int32_t column = column_of(cell, n, &degrees);
+        int32_t column = find_column(cell, n, &degrees);
 
         if (column < 0)
             return 0;
@@ -147,269 +161,283 @@ static int32_t count_fields(const char *line, size_t length)
     return count;
 }
 
-static cairn_status read_head(loading *l, const char *line, size_t length, cairn_file_error *error)
+/* Reads a CSV header: columns and bearings. */
+static cairn_status read_header(range_loader *loader, const char *line, size_t length,
+                                cairn_file_error *error)
 {
-    int64_t number = cairn_line_reader_number(l->reader);
-    table *t = &l->table;
+    int64_t number = cairn_line_reader_number(loader->reader);
+    range_table *table = &loader->table;
     const char *at = line, *cell;
     int32_t seen[NAMED] = {0}, fields = 1;
     size_t n;
 
     for (size_t i = 0; i < length; i++)
         fields += line[i] == ',';
-    if (!make_table(t, fields))
-        return cairn_file_error_system(error, l->path, "read", ENOMEM);
+    if (!make_table(table, fields))
+        return cairn_file_error_system(error, loader->path, "read", ENOMEM);
     for (int32_t i = 0; next_cell(&at, line + length, &cell, &n); i++) {
         char text[CAIRN_TOKEN_TEXT_BYTES];
         double degrees = 0;
-        int32_t column = column_of(cell, n, &degrees);
+        int32_t column = find_column(cell, n, &degrees);
 
         if (column < 0 || (column < NAMED && seen[column]++ > 0))
             return cairn_file_error_set(
-                error, CAIRN_BAD_FORMAT, l->path, number,
+                error, CAIRN_BAD_FORMAT, loader->path, number,
                 "column %s, expected time, x, y, theta, each once, or a bearing in degrees",
                 cairn_token_text(text, cell, n));
-        t->column[i] = column;
+        table->column[i] = column;
         if (column == BEARING)
-            t->bearing[t->beams++] = (float)(degrees * RADIANS);
+            table->bearing[table->beams++] = (float)(degrees * RADIANS);
     }
     if (seen[X] + seen[Y] + seen[THETA] != 3 * seen[X])
-        return cairn_file_error_set(error, CAIRN_BAD_FORMAT, l->path, number,
+        return cairn_file_error_set(error, CAIRN_BAD_FORMAT, loader->path, number,
                                     "only some of x, y and theta, expected all");
-    if (t->beams == 0 || t->beams > CAIRN_CARMEN_BEAMS_MOST)
-        return cairn_file_error_set(error, CAIRN_BAD_FORMAT, l->path, number,
-                                    "%d bearings, expected 1 to %d", t->beams,
+    if (table->beams == 0 || table->beams > CAIRN_CARMEN_BEAMS_MOST)
+        return cairn_file_error_set(error, CAIRN_BAD_FORMAT, loader->path, number,
+                                    "%d bearings, expected 1 to %d", table->beams,
                                     CAIRN_CARMEN_BEAMS_MOST);
-    t->has_time = seen[TIME];
-    t->has_odometry = seen[X];
-    t->time_unit = 1e9;
-    t->range_unit = 1;
+    table->has_time = seen[TIME];
+    table->has_odometry = seen[X];
+    table->time_unit = 1e9;
+    table->range_unit = 1;
     return CAIRN_OK;
 }
 
-static cairn_status make_urg(loading *l, cairn_file_error *error)
+/* Sets the columns and bearings of the URG format. */
+static cairn_status set_urg_layout(range_loader *loader, cairn_file_error *error)
 {
-    table *t = &l->table;
+    range_table *table = &loader->table;
 
-    if (!make_table(t, URG_FIELDS))
-        return cairn_file_error_system(error, l->path, "read", ENOMEM);
+    if (!make_table(table, URG_FIELDS))
+        return cairn_file_error_system(error, loader->path, "read", ENOMEM);
     for (int32_t i = 0; i < URG_FIELDS; i++)
-        t->column[i] = PASSED;
-    t->column[0] = TIME;
-    t->column[2] = LEFT;
-    t->column[3] = RIGHT;
+        table->column[i] = IGNORED;
+    table->column[0] = TIME;
+    table->column[2] = LEFT;
+    table->column[3] = RIGHT;
     for (int32_t i = URG_FIRST; i < URG_FIELDS; i++) {
-        t->column[i] = BEARING;
-        t->bearing[t->beams] = (float)((t->beams - URG_MIDDLE) * URG_STEP * RADIANS);
-        t->beams++;
+        table->column[i] = BEARING;
+        table->bearing[table->beams] =
+            (float)((table->beams - URG_MIDDLE) * URG_STEP_DEGREES * RADIANS);
+        table->beams++;
     }
-    t->has_time = 1;
-    t->time_unit = 1e3;
-    t->range_unit = 1e-3;
+    table->has_time = 1;
+    table->time_unit = 1e3;
+    table->range_unit = 1e-3;
     return CAIRN_OK;
 }
 
 /* ---- Scans ---- */
 
-/* Reads the fields of a line; the words of a fault, or NULL. */
-static const char *read_values(table *t, const char *line, size_t length)
+/* Parses the fields of a line into table->value. Returns NULL, or the description of a fault. */
+static const char *read_values(range_table *table, const char *line, size_t length)
 {
     const char *at = line, *field;
     int32_t count = 0;
     size_t n;
 
-    for (; next_field(t, &at, line + length, &field, &n); count++) {
-        if (count == t->fields)
+    for (; next_field(table, &at, line + length, &field, &n); count++) {
+        if (count == table->fields)
             return "too many fields";
-        t->value[count] = 0;
-        if (t->column[count] == PASSED || (n == 0 && t->column[count] == BEARING))
+        table->value[count] = 0;
+        if (table->column[count] == IGNORED || (n == 0 && table->column[count] == BEARING))
             continue;
-        if (!cairn_number_read(field, n, &t->value[count]))
-            return "a field that is no number";
-        if (t->column[count] < BEARING && !(fabs(t->value[count]) <= 1e15))
+        if (!cairn_number_read(field, n, &table->value[count]))
+            return "a field is not a number";
+        if (table->column[count] < BEARING && !(fabs(table->value[count]) <= 1e15))
             return "a time, pose or tick that is not finite";
     }
-    return count < t->fields ? "too few fields" : NULL;
+    return count < table->fields ? "too few fields" : NULL;
 }
 
-static int grow(loading *l)
+/* Makes space for one more scan; 0 when out of memory. */
+static int reserve_scan(range_loader *loader)
 {
-    cairn_carmen_scans *s = l->scans;
-    int32_t capacity = l->capacity > 0 ? 2 * l->capacity : 256;
-    size_t beams = (size_t)l->table.beams;
+    cairn_carmen_scans *scans = loader->scans;
+    int32_t capacity = loader->capacity > 0 ? 2 * loader->capacity : 256;
+    size_t beams = (size_t)loader->table.beams;
     cairn_carmen_record *record;
     float *range;
 
-    if (s->count < l->capacity)
+    if (scans->count < loader->capacity)
         return 1;
-    if (l->capacity > INT32_MAX / 2)
+    if (loader->capacity > INT32_MAX / 2)
         return 0;
-    record = realloc(s->record, (size_t)capacity * sizeof *record);
+    record = realloc(scans->record, (size_t)capacity * sizeof *record);
     if (record != NULL)
-        s->record = record;
-    range = realloc(s->range, ((size_t)capacity + 1) * beams * sizeof *range);
+        scans->record = record;
+    range = realloc(scans->range, ((size_t)capacity + 1) * beams * sizeof *range);
     if (range != NULL)
-        s->range = range;
-    l->capacity = capacity;
+        scans->range = range;
+    loader->capacity = capacity;
     return record != NULL && range != NULL;
 }
 
-static void survey(cairn_carmen_info *info, const cairn_carmen_record *r,
-                   const cairn_carmen_record *before)
+/* Updates the log's summary by a record; previous: the record before, or NULL. */
+static void update_summary(cairn_carmen_info *info, const cairn_carmen_record *record,
+                           const cairn_carmen_record *previous)
 {
-    if (before == NULL) {
-        info->first_ns = info->least_ns = info->most_ns = r->stamp_ns;
+    if (previous == NULL) {
+        info->first_ns = info->least_ns = info->most_ns = record->stamp_ns;
     } else {
-        cairn_pose step = cairn_pose_between(before->robot, r->robot);
+        cairn_pose step = cairn_pose_between(previous->robot, record->robot);
 
-        info->stamps_back += r->stamp_ns < before->stamp_ns;
+        info->stamps_back += record->stamp_ns < previous->stamp_ns;
         info->odometry_length += hypot((double)step.x, (double)step.y);
         info->odometry_turn += fabs((double)step.theta);
     }
-    info->last_ns = r->stamp_ns;
-    info->least_ns = r->stamp_ns < info->least_ns ? r->stamp_ns : info->least_ns;
-    info->most_ns = r->stamp_ns > info->most_ns ? r->stamp_ns : info->most_ns;
+    info->last_ns = record->stamp_ns;
+    info->least_ns = record->stamp_ns < info->least_ns ? record->stamp_ns : info->least_ns;
+    info->most_ns = record->stamp_ns > info->most_ns ? record->stamp_ns : info->most_ns;
     info->scans++;
-    info->beams += r->count;
+    info->beams += record->count;
 }
 
-/* Where the wheels have rolled since the scan before, on an arc; the pose is kept in double, as
- * it adds up. */
-static void roll(table *t, double *named)
+/* Integrates the wheel ticks since the previous scan: differential-drive odometry on an arc
+ * (midpoint rule). The pose is accumulated in double. */
+static void integrate_ticks(range_table *table, double *named)
 {
-    double left = named[LEFT] - t->wheels[0], right = named[RIGHT] - t->wheels[1];
-    double way = URG_TICK * (left + right) / 2, turn = URG_TICK * (right - left) / URG_AXLE;
+    double left = named[LEFT] - table->last_ticks[0], right = named[RIGHT] - table->last_ticks[1];
+    double distance = URG_METRES_PER_TICK * (left + right) / 2,
+           rotation = URG_METRES_PER_TICK * (right - left) / URG_WHEEL_SEPARATION_M;
 
-    t->wheels[0] = named[LEFT];
-    t->wheels[1] = named[RIGHT];
-    if (t->rolls) {
-        t->rolled[0] += way * cos(t->rolled[2] + turn / 2);
-        t->rolled[1] += way * sin(t->rolled[2] + turn / 2);
-        t->rolled[2] = remainder(t->rolled[2] + turn, 360 * RADIANS);
-        t->has_odometry |= left != 0 || right != 0;
+    table->last_ticks[0] = named[LEFT];
+    table->last_ticks[1] = named[RIGHT];
+    if (table->has_last_ticks) {
+        table->odometry[0] += distance * cos(table->odometry[2] + rotation / 2);
+        table->odometry[1] += distance * sin(table->odometry[2] + rotation / 2);
+        table->odometry[2] = remainder(table->odometry[2] + rotation, 360 * RADIANS);
+        table->has_odometry |= left != 0 || right != 0;
     }
-    t->rolls = 1;
-    memcpy(&named[X], t->rolled, sizeof t->rolled);
+    table->has_last_ticks = 1;
+    memcpy(&named[X], table->odometry, sizeof table->odometry);
 }
 
-/* Takes the values that were read as the next scan. */
-static cairn_status take_scan(loading *l, cairn_file_error *error)
+/* Appends the values of the current line as a scan. */
+static cairn_status append_scan(range_loader *loader, cairn_file_error *error)
 {
-    cairn_carmen_scans *s = l->scans;
-    const table *t = &l->table;
-    cairn_carmen_record *r;
+    cairn_carmen_scans *scans = loader->scans;
+    const range_table *table = &loader->table;
+    cairn_carmen_record *record;
     float *range;
     double named[BEARING] = {0};
 
-    if (!grow(l))
-        return cairn_file_error_system(error, l->path, "read", ENOMEM);
-    r = &s->record[s->count];
-    range = &s->range[((size_t)s->count + 1) * (size_t)t->beams];
-    memset(r, 0, sizeof *r);
-    for (int32_t i = 0, beam = 0; i < t->fields; i++) {
-        double v = t->value[i];
+    if (!reserve_scan(loader))
+        return cairn_file_error_system(error, loader->path, "read", ENOMEM);
+    record = &scans->record[scans->count];
+    range = &scans->range[((size_t)scans->count + 1) * (size_t)table->beams];
+    memset(record, 0, sizeof *record);
+    for (int32_t i = 0, beam = 0; i < table->fields; i++) {
+        double value = table->value[i];
 
-        if (t->column[i] < BEARING)
-            named[t->column[i]] = v;
-        else if (t->column[i] == BEARING)
-            range[beam++] =
-                v >= s->info.range_max / t->range_unit ? INFINITY : (float)(v * t->range_unit);
+        if (table->column[i] < BEARING)
+            named[table->column[i]] = value;
+        else if (table->column[i] == BEARING)
+            range[beam++] = value >= scans->info.range_max / table->range_unit
+                                ? INFINITY
+                                : (float)(value * table->range_unit);
     }
-    r->kind = CAIRN_CARMEN_SCAN;
-    r->count = t->beams;
-    r->line = cairn_line_reader_number(l->reader);
-    r->stamp_ns = t->has_time ? (int64_t)llround(named[TIME] * t->time_unit) : s->count * SCAN_NS;
-    if (t->kind == CAIRN_RANGE_TABLE_URG)
-        roll(&l->table, named);
-    r->robot.x = (cairn_real)named[X];
-    r->robot.y = (cairn_real)named[Y];
-    r->robot.theta = cairn_wrap_angle((cairn_real)named[THETA]);
-    r->laser = cairn_pose_compose(r->robot, s->info.base_sensor);
-    survey(&s->info, r, s->count > 0 ? r - 1 : NULL);
-    s->count++;
+    record->kind = CAIRN_CARMEN_SCAN;
+    record->count = table->beams;
+    record->line = cairn_line_reader_number(loader->reader);
+    record->stamp_ns = table->has_time ? (int64_t)llround(named[TIME] * table->time_unit)
+                                       : scans->count * SCAN_PERIOD_NS;
+    if (table->kind == CAIRN_RANGE_TABLE_URG)
+        integrate_ticks(&loader->table, named);
+    record->robot.x = (cairn_real)named[X];
+    record->robot.y = (cairn_real)named[Y];
+    record->robot.theta = cairn_wrap_angle((cairn_real)named[THETA]);
+    record->laser = cairn_pose_compose(record->robot, scans->info.base_sensor);
+    update_summary(&scans->info, record, scans->count > 0 ? record - 1 : NULL);
+    scans->count++;
     return CAIRN_OK;
 }
 
-static void tell_fault(loading *l, const char *what)
+static void report_fault(range_loader *loader, const char *what)
 {
     cairn_file_error fault;
 
-    l->scans->info.faults++;
-    (void)cairn_file_error_set(&fault, CAIRN_BAD_FORMAT, l->path,
-                               cairn_line_reader_number(l->reader), "%s, expected %d numbers", what,
-                               l->table.fields);
-    if (l->params->on_fault != NULL)
-        l->params->on_fault(l->params->context, &fault);
+    loader->scans->info.faults++;
+    (void)cairn_file_error_set(&fault, CAIRN_BAD_FORMAT, loader->path,
+                               cairn_line_reader_number(loader->reader), "%s, expected %d numbers",
+                               what, loader->table.fields);
+    if (loader->params->on_fault != NULL)
+        loader->params->on_fault(loader->params->context, &fault);
 }
 
-static cairn_status take_line(loading *l, const char *line, size_t length, cairn_file_error *error)
+static cairn_status read_line(range_loader *loader, const char *line, size_t length,
+                              cairn_file_error *error)
 {
     const char *what;
 
-    l->scans->info.lines++;
-    if (!is_text(line, length))
+    loader->scans->info.lines++;
+    if (!has_content(line, length))
         return CAIRN_OK;
-    if (l->table.column == NULL)
-        return read_head(l, line, length, error);
-    what = read_values(&l->table, line, length);
+    if (loader->table.column == NULL)
+        return read_header(loader, line, length, error);
+    what = read_values(&loader->table, line, length);
     if (what == NULL)
-        return take_scan(l, error);
-    tell_fault(l, what);
+        return append_scan(loader, error);
+    report_fault(loader, what);
     return CAIRN_OK;
 }
 
-/* The pose of the wheels at a time before record i, or the first one since which the times run
- * on. */
-static cairn_pose wheels_at(const cairn_carmen_record *record, int32_t i, int64_t time)
+/* Returns the odometry pose at a time before a record, interpolated with a constant twist. Where
+ * the times are not continuous back to it, the earliest pose reached. */
+static cairn_pose odometry_at(const cairn_carmen_record *record, int32_t index, int64_t time)
 {
     cairn_pose step;
-    int32_t k = i;
+    int32_t before = index;
 
-    while (k > 0 && record[k].stamp_ns > time && record[k - 1].stamp_ns < record[k].stamp_ns &&
-           record[k].stamp_ns - record[k - 1].stamp_ns <= 2 * SCAN_NS)
-        k--;
-    if (k == i || record[k].stamp_ns > time)
-        return record[k].robot;
-    step = cairn_pose_between(record[k].robot, record[k + 1].robot);
+    while (before > 0 && record[before].stamp_ns > time &&
+           record[before - 1].stamp_ns < record[before].stamp_ns &&
+           record[before].stamp_ns - record[before - 1].stamp_ns <= 2 * SCAN_PERIOD_NS)
+        before--;
+    if (before == index || record[before].stamp_ns > time)
+        return record[before].robot;
+    step = cairn_pose_between(record[before].robot, record[before + 1].robot);
     return cairn_pose_compose(
-        record[k].robot,
+        record[before].robot,
         cairn_twist_at(cairn_twist_of(step),
-                       (cairn_real)(time - record[k].stamp_ns) /
-                           (cairn_real)(record[k + 1].stamp_ns - record[k].stamp_ns)));
+                       (cairn_real)(time - record[before].stamp_ns) /
+                           (cairn_real)(record[before + 1].stamp_ns - record[before].stamp_ns)));
 }
 
-/* The records point to their ranges. */
-static void finish(loading *l)
+/* Completes the scans: shifts URG odometry by the latency, sets the pointers to the ranges. */
+static void finish(range_loader *loader)
 {
-    cairn_carmen_scans *s = l->scans;
-    const table *t = &l->table;
-    cairn_carmen_info *info = &s->info;
+    cairn_carmen_scans *scans = loader->scans;
+    const range_table *table = &loader->table;
+    cairn_carmen_info *info = &scans->info;
 
-    for (int32_t i = s->count - 1; i >= 0 && t->kind == CAIRN_RANGE_TABLE_URG; i--) {
-        s->record[i].robot = wheels_at(s->record, i, s->record[i].stamp_ns - URG_LATE_NS);
-        s->record[i].laser = cairn_pose_compose(s->record[i].robot, info->base_sensor);
+    for (int32_t i = scans->count - 1; i >= 0 && table->kind == CAIRN_RANGE_TABLE_URG; i--) {
+        scans->record[i].robot =
+            odometry_at(scans->record, i, scans->record[i].stamp_ns - URG_LATENCY_NS);
+        scans->record[i].laser = cairn_pose_compose(scans->record[i].robot, info->base_sensor);
     }
-    info->beams_least = info->beams_most = t->beams;
+    info->beams_least = info->beams_most = table->beams;
     info->fixed_mounting = 1;
-    memcpy(s->range, t->bearing, (size_t)t->beams * sizeof *s->range);
-    for (int32_t i = 0; i < s->count; i++) {
-        cairn_carmen_record *r = &s->record[i];
+    memcpy(scans->range, table->bearing, (size_t)table->beams * sizeof *scans->range);
+    for (int32_t i = 0; i < scans->count; i++) {
+        cairn_carmen_record *record = &scans->record[i];
 
-        r->range = &s->range[((size_t)i + 1) * (size_t)t->beams];
-        r->scan.range = r->range;
-        r->scan.angle = s->range;
-        r->scan.count = t->beams;
-        r->scan.range_min = t->kind == CAIRN_RANGE_TABLE_URG ? (float)URG_RANGE_MIN : 0;
-        r->scan.range_max = (float)info->range_max;
-        r->scan.range_sigma = (float)l->params->range_sigma;
-        r->scan.time_step =
-            t->kind == CAIRN_RANGE_TABLE_URG ? (float)(URG_TURN * URG_STEP / 360) : 0;
-        r->scan.stamp_ns = r->stamp_ns;
-        r->scan.base_sensor = info->base_sensor;
+        record->range = &scans->range[((size_t)i + 1) * (size_t)table->beams];
+        record->scan.range = record->range;
+        record->scan.angle = scans->range;
+        record->scan.count = table->beams;
+        record->scan.range_min = table->kind == CAIRN_RANGE_TABLE_URG ? (float)URG_RANGE_MIN : 0;
+        record->scan.range_max = (float)info->range_max;
+        record->scan.range_sigma = (float)loader->params->range_sigma;
+        record->scan.time_step = table->kind == CAIRN_RANGE_TABLE_URG
+                                     ? (float)(URG_ROTATION_S * URG_STEP_DEGREES / 360)
+                                     : 0;
+        record->scan.stamp_ns = record->stamp_ns;
+        record->scan.base_sensor = info->base_sensor;
     }
 }
 
-static cairn_status read_lines(loading *l, cairn_file_error *error)
+/* Reads all lines; malformed ones are reported and skipped. */
+static cairn_status read_lines(range_loader *loader, cairn_file_error *error)
 {
     cairn_status status = CAIRN_OK;
 
@@ -418,14 +446,15 @@ static cairn_status read_lines(loading *l, cairn_file_error *error)
         size_t length;
         cairn_file_error fault;
 
-        status = cairn_line_reader_next(l->reader, &line, &length, &fault);
+        status = cairn_line_reader_next(loader->reader, &line, &length, &fault);
         if (status == CAIRN_EMPTY)
             break;
         if (status == CAIRN_OK) {
-            status = take_line(l, line, length, error);
+            status = read_line(loader, line, length, error);
         } else if (status == CAIRN_FULL || status == CAIRN_TRUNCATED ||
                    status == CAIRN_BAD_FORMAT) {
-            tell_fault(l, status == CAIRN_FULL ? "a line without end" : "damaged gzip data");
+            report_fault(loader,
+                         status == CAIRN_FULL ? "the line is too long" : "damaged gzip data");
             status = CAIRN_OK;
         } else if (error != NULL) {
             *error = fault;
@@ -433,10 +462,10 @@ static cairn_status read_lines(loading *l, cairn_file_error *error)
     }
     if (status != CAIRN_EMPTY)
         return status;
-    if (l->scans->count == 0)
-        return cairn_file_error_set(error, CAIRN_EMPTY, l->path, 0,
+    if (loader->scans->count == 0)
+        return cairn_file_error_set(error, CAIRN_EMPTY, loader->path, 0,
                                     "no scan in it, expected a table of ranges");
-    finish(l);
+    finish(loader);
     return CAIRN_OK;
 }
 
@@ -445,32 +474,32 @@ cairn_status cairn_range_table_load(cairn_carmen_scans *scans, int32_t *has_odom
                                     const cairn_carmen_params *params, cairn_file_error *error)
 {
     cairn_carmen_params defaults = cairn_carmen_default();
-    loading l;
+    range_loader loader;
     cairn_status status;
 
     memset(scans, 0, sizeof *scans);
-    memset(&l, 0, sizeof l);
-    l.scans = scans;
-    l.params = params != NULL ? params : &defaults;
-    l.path = path;
-    l.table.kind = kind;
-    if (!(l.params->range_max >= 0 && l.params->range_max <= (double)CAIRN_SCAN_EXTENT))
+    memset(&loader, 0, sizeof loader);
+    loader.scans = scans;
+    loader.params = params != NULL ? params : &defaults;
+    loader.path = path;
+    loader.table.kind = kind;
+    if (!(loader.params->range_max >= 0 && loader.params->range_max <= (double)CAIRN_SCAN_EXTENT))
         return cairn_file_error_set(error, CAIRN_BAD_ARGUMENT, path, 0,
-                                    "the greatest range is %g, expected 0 to %g",
-                                    l.params->range_max, (double)CAIRN_SCAN_EXTENT);
+                                    "the maximum range is %g, expected 0 to %g",
+                                    loader.params->range_max, (double)CAIRN_SCAN_EXTENT);
     scans->info.range_max = kind == CAIRN_RANGE_TABLE_URG ? URG_RANGE_MAX : CSV_RANGE_MAX;
-    if (l.params->range_max > 0)
-        scans->info.range_max = l.params->range_max;
+    if (loader.params->range_max > 0)
+        scans->info.range_max = loader.params->range_max;
     if (kind == CAIRN_RANGE_TABLE_URG)
-        scans->info.base_sensor.x = (cairn_real)URG_AHEAD;
-    status = cairn_line_reader_open(&l.reader, path, error);
+        scans->info.base_sensor.x = (cairn_real)URG_SENSOR_X_M;
+    status = cairn_line_reader_open(&loader.reader, path, error);
     if (status == CAIRN_OK && kind == CAIRN_RANGE_TABLE_URG)
-        status = make_urg(&l, error);
+        status = set_urg_layout(&loader, error);
     if (status == CAIRN_OK)
-        status = read_lines(&l, error);
-    *has_odometry = l.table.has_odometry;
-    cairn_line_reader_close(l.reader);
-    free_table(&l.table);
+        status = read_lines(&loader, error);
+    *has_odometry = loader.table.has_odometry;
+    cairn_line_reader_close(loader.reader);
+    free_table(&loader.table);
     if (status != CAIRN_OK)
         cairn_carmen_scans_free(scans);
     return status;
@@ -491,9 +520,9 @@ cairn_status cairn_range_table_find_kind(cairn_range_table_kind *kind, const cha
 
         if (cairn_line_reader_next(reader, &line, &length, NULL) != CAIRN_OK)
             break;
-        if (!is_text(line, length))
+        if (!has_content(line, length))
             continue;
-        if (is_head(line, length))
+        if (is_header(line, length))
             *kind = CAIRN_RANGE_TABLE_CSV;
         else if (count_fields(line, length) == URG_FIELDS &&
                  (line[0] == '-' || (line[0] >= '0' && line[0] <= '9')))

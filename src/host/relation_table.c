@@ -1,5 +1,5 @@
-/* Relations from text. Times are kept as whole nanoseconds; scans are found among the sorted
- * stamps. */
+/* Reader of reference relations. Times are integers in nanoseconds. Scans are found by binary
+ * search in the sorted stamps. */
 #include "src/core/build.h"
 
 #include <errno.h>
@@ -9,96 +9,103 @@
 #include "cairn/relation_table.h"
 #include "src/host/carmen_log_reader.h"
 
-enum { WORDS_TIMED = 8, WORDS_INDEXED = 5, MICROSECOND = 1000 };
+/* Words of the two kinds of lines; tolerance of a time in ns. */
+enum { TIMED_WORDS = 8, INDEXED_WORDS = 5, TIME_TOLERANCE_NS = 1000 };
 
 typedef struct word {
     const char *text;
     size_t length;
 } word;
 
-/* Where a relation is being read. */
-typedef struct place {
+/* Location of the line being read, for errors. */
+typedef struct location {
     const char *path;
     int64_t line;
     cairn_file_error *error;
-} place;
+} location;
 
-static cairn_status bad_word(const place *p, word w, const char *wanted)
+static cairn_status bad_word(const location *where, word token, const char *expected)
 {
     char shown[CAIRN_TOKEN_TEXT_BYTES];
 
-    return cairn_file_error_set(p->error, CAIRN_BAD_FORMAT, p->path, p->line, "%s, expected %s",
-                                cairn_token_text(shown, w.text, w.length), wanted);
+    return cairn_file_error_set(where->error, CAIRN_BAD_FORMAT, where->path, where->line,
+                                "%s, expected %s",
+                                cairn_token_text(shown, token.text, token.length), expected);
 }
 
-static cairn_status read_real(const place *p, word w, cairn_real *value)
+static cairn_status read_real(const location *where, word token, cairn_real *value)
 {
     char shown[CAIRN_TOKEN_TEXT_BYTES];
     double number;
 
-    if (!cairn_number_read(w.text, w.length, &number))
-        return bad_word(p, w, "a number");
+    if (!cairn_number_read(token.text, token.length, &number))
+        return bad_word(where, token, "a number");
     *value = (cairn_real)number;
     if (!cairn_is_finite(*value))
-        return cairn_file_error_set(p->error, CAIRN_NOT_FINITE, p->path, p->line,
+        return cairn_file_error_set(where->error, CAIRN_NOT_FINITE, where->path, where->line,
                                     "%s, expected a finite number",
-                                    cairn_token_text(shown, w.text, w.length));
+                                    cairn_token_text(shown, token.text, token.length));
     return CAIRN_OK;
 }
 
-static cairn_status read_end(const place *p, word w, int32_t timed, int64_t *end)
+/* Parses a time or a scan's index. */
+static cairn_status read_endpoint(const location *where, word token, int32_t timed, int64_t *end)
 {
     if (timed)
-        return cairn_number_read_stamp(w.text, w.length, end) ? CAIRN_OK
-                                                              : bad_word(p, w, "a time in seconds");
-    return cairn_number_read_integer(w.text, w.length, end) && *end >= 0
+        return cairn_number_read_stamp(token.text, token.length, end)
+                   ? CAIRN_OK
+                   : bad_word(where, token, "a time in seconds");
+    return cairn_number_read_integer(token.text, token.length, end) && *end >= 0
                ? CAIRN_OK
-               : bad_word(p, w, "the index of a scan");
+               : bad_word(where, token, "the index of a scan");
 }
 
-static cairn_status read_row(const place *p, const char *line, size_t length,
+/* Parses one line. */
+static cairn_status read_row(const location *where, const char *line, size_t length,
                              cairn_relation_row *row)
 {
     const char *end = line + length;
-    word words[WORDS_TIMED + 1];
+    word words[TIMED_WORDS + 1];
     cairn_real unused;
     int32_t count = 0;
     cairn_status status;
 
-    while (count <= WORDS_TIMED &&
+    while (count <= TIMED_WORDS &&
            (words[count].length = cairn_token_next(&line, end, &words[count].text)) > 0)
         count++;
-    if (count != WORDS_TIMED && count != WORDS_INDEXED)
+    if (count != TIMED_WORDS && count != INDEXED_WORDS)
         return cairn_file_error_set(
-            p->error, CAIRN_BAD_FORMAT, p->path, p->line,
+            where->error, CAIRN_BAD_FORMAT, where->path, where->line,
             "%d words, expected t1 t2 x y z roll pitch yaw, or a b x y theta", (int)count);
-    row->line = p->line;
-    row->timed = count == WORDS_TIMED;
-    status = read_end(p, words[0], row->timed, &row->first);
+    row->line = where->line;
+    row->timed = count == TIMED_WORDS;
+    status = read_endpoint(where, words[0], row->timed, &row->first);
     if (status == CAIRN_OK)
-        status = read_end(p, words[1], row->timed, &row->second);
+        status = read_endpoint(where, words[1], row->timed, &row->second);
     if (status == CAIRN_OK)
-        status = read_real(p, words[2], &row->reference.x);
+        status = read_real(where, words[2], &row->reference.x);
     if (status == CAIRN_OK)
-        status = read_real(p, words[3], &row->reference.y);
+        status = read_real(where, words[3], &row->reference.y);
     for (int32_t k = 4; k < count && status == CAIRN_OK; k++)
-        status = read_real(p, words[k], k == count - 1 ? &row->reference.theta : &unused);
+        status = read_real(where, words[k], k == count - 1 ? &row->reference.theta : &unused);
     return status;
 }
 
-/* Appends to an array that doubles. */
-static cairn_status append(const place *p, cairn_relation_row **rows, int32_t *count,
+/* Appends to a dynamic array, whose capacity doubles. */
+static cairn_status append(const location *where, cairn_relation_row **rows, int32_t *count,
                            int32_t *capacity, const cairn_relation_row *row)
 {
     if (*count == *capacity) {
-        int32_t more = *capacity == 0 ? 256 : *capacity < INT32_MAX / 2 ? 2 * *capacity : INT32_MAX;
+        int32_t new_capacity = *capacity == 0              ? 256
+                               : *capacity < INT32_MAX / 2 ? 2 * *capacity
+                                                           : INT32_MAX;
         cairn_relation_row *grown =
-            *count < INT32_MAX ? realloc(*rows, (size_t)more * sizeof *grown) : NULL;
+            *count < INT32_MAX ? realloc(*rows, (size_t)new_capacity * sizeof *grown) : NULL;
 
         if (grown == NULL)
-            return cairn_file_error_system(p->error, p->path, "read", ENOMEM);
+            return cairn_file_error_system(where->error, where->path, "read", ENOMEM);
         *rows = grown;
-        *capacity = more;
+        *capacity = new_capacity;
     }
     (*rows)[(*count)++] = *row;
     return CAIRN_OK;
@@ -107,9 +114,9 @@ static cairn_status append(const place *p, cairn_relation_row **rows, int32_t *c
 cairn_status cairn_relation_table_read(cairn_relation_row **row, int32_t *count, const char *path,
                                        cairn_file_error *error)
 {
-    place p = {.path = path, .error = error};
+    location where = {.path = path, .error = error};
     cairn_line_reader *lines;
-    cairn_relation_row one;
+    cairn_relation_row parsed;
     int32_t capacity = 0;
     cairn_status status;
     const char *line;
@@ -125,10 +132,10 @@ cairn_status cairn_relation_table_read(cairn_relation_row **row, int32_t *count,
 
         if (cairn_token_next(&at, line + length, &token) == 0 || *token == '#')
             continue;
-        p.line = cairn_line_reader_number(lines);
-        status = read_row(&p, line, length, &one);
+        where.line = cairn_line_reader_number(lines);
+        status = read_row(&where, line, length, &parsed);
         if (status == CAIRN_OK)
-            status = append(&p, row, count, &capacity, &one);
+            status = append(&where, row, count, &capacity, &parsed);
         if (status != CAIRN_OK)
             break;
     }
@@ -155,7 +162,7 @@ void cairn_relation_table_free(cairn_relation_row *row)
     free(row);
 }
 
-/* ---- Scans by their time ---- */
+/* ---- Scans by time ---- */
 
 typedef struct stamped {
     int64_t stamp_ns;
@@ -164,20 +171,21 @@ typedef struct stamped {
 
 static int compare_stamped(const void *a, const void *b)
 {
-    const stamped *x = a, *y = b;
+    const stamped *first = a, *second = b;
 
-    if (x->stamp_ns != y->stamp_ns)
-        return x->stamp_ns < y->stamp_ns ? -1 : 1;
-    return (x->scan > y->scan) - (x->scan < y->scan);
+    if (first->stamp_ns != second->stamp_ns)
+        return first->stamp_ns < second->stamp_ns ? -1 : 1;
+    return (first->scan > second->scan) - (first->scan < second->scan);
 }
 
-/* How far apart two stamps are, in ns; no difference overflows. */
-static uint64_t gap(int64_t a, int64_t b)
+/* Returns the absolute difference of two stamps in ns, without overflow. */
+static uint64_t time_difference(int64_t a, int64_t b)
 {
     return a > b ? (uint64_t)a - (uint64_t)b : (uint64_t)b - (uint64_t)a;
 }
 
-static int64_t find(const stamped *table, int32_t count, int64_t stamp_ns)
+/* Returns the scan with the nearest stamp within the tolerance, the first of equals; -1: none. */
+static int64_t find_scan(const stamped *table, int32_t count, int64_t stamp_ns)
 {
     int32_t low = 0, high = count, best;
 
@@ -190,12 +198,14 @@ static int64_t find(const stamped *table, int32_t count, int64_t stamp_ns)
             high = middle;
     }
     best = low;
-    if (low > 0 && (low == count ||
-                    gap(table[low - 1].stamp_ns, stamp_ns) <= gap(table[low].stamp_ns, stamp_ns)))
+    if (low > 0 && (low == count || time_difference(table[low - 1].stamp_ns, stamp_ns) <=
+                                        time_difference(table[low].stamp_ns, stamp_ns)))
         best = low - 1;
     while (best > 0 && table[best - 1].stamp_ns == table[best].stamp_ns)
         best--;
-    return count > 0 && gap(table[best].stamp_ns, stamp_ns) <= MICROSECOND ? table[best].scan : -1;
+    return count > 0 && time_difference(table[best].stamp_ns, stamp_ns) <= TIME_TOLERANCE_NS
+               ? table[best].scan
+               : -1;
 }
 
 int32_t cairn_relation_table_find(cairn_relation_row *row, int32_t count, const int64_t *stamp_ns,
@@ -212,14 +222,18 @@ int32_t cairn_relation_table_find(cairn_relation_row *row, int32_t count, const 
     }
     qsort(table, (size_t)scans, sizeof *table, compare_stamped);
     for (int32_t k = 0; k < count; k++) {
-        cairn_relation_row *r = &row[k];
+        cairn_relation_row *relation = &row[k];
 
-        r->first = r->timed ? find(table, scans, r->first) : r->first < scans ? r->first : -1;
-        r->second = r->timed ? find(table, scans, r->second) : r->second < scans ? r->second : -1;
-        if (r->first < 0 || r->second < 0)
-            r->first = r->second = -1;
-        found += r->first >= 0;
-        r->timed = 0;
+        relation->first = relation->timed           ? find_scan(table, scans, relation->first)
+                          : relation->first < scans ? relation->first
+                                                    : -1;
+        relation->second = relation->timed            ? find_scan(table, scans, relation->second)
+                           : relation->second < scans ? relation->second
+                                                      : -1;
+        if (relation->first < 0 || relation->second < 0)
+            relation->first = relation->second = -1;
+        found += relation->first >= 0;
+        relation->timed = 0;
     }
     free(table);
     return found;

@@ -1,5 +1,5 @@
-/* Pictures of maps as SVG: the drawing. Where things stand is in report_layout, images are in
- * report_picture. */
+/* Drawing of map pictures as SVG. The layout is in report_layout.c, embedded images are in
+ * report_picture.c. */
 #include "src/core/build.h"
 
 #include <errno.h>
@@ -10,9 +10,10 @@
 #include "src/host/report_picture.h"
 #include "src/host/report_text.h"
 
-#define FOOT         44.0
-#define MARKERS_MOST 60
-#define PATH_PIECES  48
+/* Height of the legend, px; limits of the markers and of the colour steps of a path. */
+#define LEGEND_HEIGHT 44.0
+#define MAX_MARKERS   60
+#define PATH_COLOURS  48
 
 cairn_report_map cairn_report_map_default(void)
 {
@@ -25,26 +26,27 @@ cairn_report_map cairn_report_map_default(void)
     return map;
 }
 
-/* ---- drawing ---- */
+/* ---- Drawing ---- */
 
-/* The colour of a place in the path, 0 (start) to 1 (end): blue, violet, rose, amber. */
-static void colour_at(double place, int rgb[3])
+/* Interpolates the colour map at a position along the path, 0 (start) to 1 (end): blue, violet,
+ * rose, amber. */
+static void colour_at(double position, int rgb[3])
 {
     static const int stop[4][3] = {{37, 99, 235}, {139, 62, 230}, {225, 60, 130}, {245, 140, 20}};
-    int k = place < 1 ? (int)(place * 3) : 2, c;
+    int k = position < 1 ? (int)(position * 3) : 2, c;
 
     for (c = 0; c < 3; c++)
-        rgb[c] = (int)(stop[k][c] + (place * 3 - k) * (stop[k + 1][c] - stop[k][c]) + 0.5);
+        rgb[c] = (int)(stop[k][c] + (position * 3 - k) * (stop[k + 1][c] - stop[k][c]) + 0.5);
 }
 
-static double place_of(const cairn_report_map *map, int32_t i)
+static double path_position(const cairn_report_map *map, int32_t index)
 {
-    return map->scan_count > 1 ? (double)i / (double)(map->scan_count - 1) : 0;
+    return map->scan_count > 1 ? (double)index / (double)(map->scan_count - 1) : 0;
 }
 
-static int is_doubtful(const cairn_report_panel *panel, int32_t i)
+static int has_low_confidence(const cairn_report_panel *panel, int32_t index)
 {
-    return panel->doubtful != NULL && panel->doubtful[i] != 0;
+    return panel->doubtful != NULL && panel->doubtful[index] != 0;
 }
 
 static void draw_scan(cairn_output *output, const cairn_report_view *view,
@@ -70,31 +72,31 @@ static void draw_scan(cairn_output *output, const cairn_report_view *view,
     }
 }
 
-/* Walls one by one; doubtful scans last, in red. */
+/* Draws the walls as vectors; scans with low confidence last, in red. */
 static void draw_walls(cairn_output *output, const cairn_report_view *view,
                        const cairn_report_map *map, const cairn_report_panel *panel)
 {
-    int32_t doubtful, i;
+    int32_t low_confidence, i;
     int rgb[3];
 
-    for (doubtful = 0; doubtful <= 1; doubtful++) {
+    for (low_confidence = 0; low_confidence <= 1; low_confidence++) {
         cairn_output_print(
             output,
             "<g fill=\"none\" stroke-linecap=\"round\" stroke-width=\"1.5\" stroke=\"%s\" "
             "stroke-opacity=\"%s\">\n",
-            doubtful ? "#dc2626" : "#1e293b",
-            doubtful            ? ".45"
+            low_confidence ? "#dc2626" : "#1e293b",
+            low_confidence      ? ".45"
             : map->colour_scans ? ".75"
                                 : ".6");
         for (i = 0; i < map->scan_count; i++) {
-            if (is_doubtful(panel, i) != doubtful ||
+            if (has_low_confidence(panel, i) != low_confidence ||
                 map->scan[i].point_count + map->scan[i].segment_count == 0)
                 continue;
             cairn_output_print(output, "<path d=\"");
             draw_scan(output, view, &map->scan[i], panel->pose[i]);
             cairn_output_print(output, "\"");
-            if (map->colour_scans && !doubtful) {
-                colour_at(place_of(map, i), rgb);
+            if (map->colour_scans && !low_confidence) {
+                colour_at(path_position(map, i), rgb);
                 cairn_output_print(output, " stroke=\"#%02x%02x%02x\"", (unsigned)rgb[0],
                                    (unsigned)rgb[1], (unsigned)rgb[2]);
             }
@@ -104,23 +106,23 @@ static void draw_walls(cairn_output *output, const cairn_report_view *view,
     }
 }
 
-/* The path in pieces of one colour each; poses that lie within half a pixel of the last one
- * drawn are passed over. */
+/* Draws the path in stretches of one colour each. A pose within half a pixel of the last drawn one
+ * is skipped. */
 static void draw_path(cairn_output *output, const cairn_report_view *view,
                       const cairn_report_map *map, const cairn_report_panel *panel)
 {
-    int32_t pieces = map->scan_count - 1 < PATH_PIECES ? map->scan_count - 1 : PATH_PIECES, piece,
-            i;
+    int32_t stretches = map->scan_count - 1 < PATH_COLOURS ? map->scan_count - 1 : PATH_COLOURS,
+            stretch, i;
     int rgb[3];
 
     cairn_output_print(output, "<g fill=\"none\" stroke-width=\"1.8\" stroke-linecap=\"round\" "
                                "stroke-linejoin=\"round\">\n");
-    for (piece = 0; piece < pieces; piece++) {
-        int32_t first = (int32_t)((int64_t)(map->scan_count - 1) * piece / pieces);
-        int32_t last = (int32_t)((int64_t)(map->scan_count - 1) * (piece + 1) / pieces);
+    for (stretch = 0; stretch < stretches; stretch++) {
+        int32_t first = (int32_t)((int64_t)(map->scan_count - 1) * stretch / stretches);
+        int32_t last = (int32_t)((int64_t)(map->scan_count - 1) * (stretch + 1) / stretches);
         double drawn_x = 0, drawn_y = 0;
 
-        colour_at((piece + 0.5) / pieces, rgb);
+        colour_at((stretch + 0.5) / stretches, rgb);
         cairn_output_print(output, "<path stroke=\"#%02x%02x%02x\" d=\"", (unsigned)rgb[0],
                            (unsigned)rgb[1], (unsigned)rgb[2]);
         for (i = first; i <= last; i++) {
@@ -138,7 +140,7 @@ static void draw_path(cairn_output *output, const cairn_report_view *view,
     cairn_output_print(output, "</g>\n");
 }
 
-/* An arrowhead for a robot that points along +x, turned to its heading. */
+/* Draws a robot as an arrowhead in its heading. */
 static void draw_robot(cairn_output *output, double x, double y, double theta, const char *fill)
 {
     cairn_output_print(
@@ -152,21 +154,21 @@ static void draw_robot(cairn_output *output, double x, double y, double theta, c
 static void draw_robots(cairn_output *output, const cairn_report_view *view,
                         const cairn_report_map *map, const cairn_report_panel *panel)
 {
-    int32_t step = (map->scan_count + MARKERS_MOST - 1) / MARKERS_MOST, i;
+    int32_t step = (map->scan_count + MAX_MARKERS - 1) / MAX_MARKERS, i;
     char fill[8] = "#dc2626";
     int rgb[3], c, digit;
 
     for (i = 0; i < map->scan_count; i++) {
         cairn_pose pose = panel->pose[i];
 
-        /* With more poses than markers, the path shows where the others are; doubtful ones are
-         * shown if any can be. */
+        /* With more poses than markers, the path shows the skipped ones, also those with low
+         * confidence. */
         if (i % step != 0 && i != map->scan_count - 1)
             continue;
-        if (is_doubtful(panel, i)) {
+        if (has_low_confidence(panel, i)) {
             memcpy(fill, "#dc2626", sizeof fill);
         } else {
-            colour_at(place_of(map, i), rgb);
+            colour_at(path_position(map, i), rgb);
             for (c = 0; c < 6; c++) {
                 digit = rgb[c / 2] >> (c % 2 == 0 ? 4 : 0) & 15;
                 fill[1 + c] = "0123456789abcdef"[digit];
@@ -178,18 +180,18 @@ static void draw_robots(cairn_output *output, const cairn_report_view *view,
 }
 
 static cairn_status draw_panel(cairn_output *output, const cairn_report_map *map,
-                               const cairn_report_layout *l, int32_t index)
+                               const cairn_report_layout *layout, int32_t index)
 {
     const cairn_report_panel *panel = &map->panel[index];
-    cairn_report_view view = cairn_report_view_of(l, index);
+    cairn_report_view view = cairn_report_view_of(layout, index);
     cairn_status status = CAIRN_OK;
 
     if (panel->title != NULL)
-        cairn_report_print_text(output, view.frame_left + 2, l->top - 9,
+        cairn_report_print_text(output, view.frame_left + 2, layout->top - 9,
                                 "font-size=\"14\" font-weight=\"600\" fill=\"#334155\"",
                                 panel->title);
     if (panel->note != NULL)
-        cairn_report_print_text(output, view.frame_left + view.width - 2, l->top - 9,
+        cairn_report_print_text(output, view.frame_left + view.width - 2, layout->top - 9,
                                 "font-size=\"12\" fill=\"#64748b\" text-anchor=\"end\"",
                                 panel->note);
     cairn_output_print(
@@ -213,19 +215,19 @@ static cairn_status draw_panel(cairn_output *output, const cairn_report_map *map
     return status;
 }
 
-static void draw_foot(cairn_output *output, const cairn_report_map *map,
-                      const cairn_report_layout *l, double right)
+static void draw_legend(cairn_output *output, const cairn_report_map *map,
+                        const cairn_report_layout *layout, double right)
 {
     const char *style = "font-size=\"12\" fill=\"#475569\"";
-    double y = l->top + l->height + 28, x = CAIRN_REPORT_MARGIN + 2,
-           bar = cairn_report_round_down(150 / l->scale);
-    int32_t i, k, doubtful = 0, grids = 0;
+    double y = layout->top + layout->height + 28, x = CAIRN_REPORT_MARGIN + 2,
+           bar = cairn_report_round_down(150 / layout->scale);
+    int32_t i, k, low_confidence = 0, grids = 0;
     int rgb[3];
 
     for (i = 0; i < map->panel_count; i++) {
         grids += map->panel[i].grid != NULL;
         for (k = 0; k < map->scan_count; k++)
-            doubtful |= is_doubtful(&map->panel[i], k);
+            low_confidence |= has_low_confidence(&map->panel[i], k);
     }
     if (cairn_report_elements(map) > 0 && grids < map->panel_count) {
         cairn_output_print(output,
@@ -250,29 +252,29 @@ static void draw_foot(cairn_output *output, const cairn_report_map *map,
     }
     cairn_report_print_text(output, x + 79, y, style, "end");
     x += 122;
-    if (doubtful) {
+    if (low_confidence) {
         draw_robot(output, x + 6, y - 4, 0, "#dc2626");
-        cairn_report_print_text(output, x + 20, y, style, "doubtful");
+        cairn_report_print_text(output, x + 20, y, style, "low confidence");
     }
     cairn_output_print(output,
                        "<path d=\"M%.1f %.1fv7h%.1fv-7\" fill=\"none\" stroke=\"#334155\" "
                        "stroke-width=\"1.4\"/>\n",
-                       right - 2 - bar * l->scale, y - 8, bar * l->scale);
+                       right - 2 - bar * layout->scale, y - 8, bar * layout->scale);
     cairn_output_print(output, "<text x=\"%.1f\" y=\"%.1f\" %s text-anchor=\"end\">%g m</text>\n",
-                       right - 10 - bar * l->scale, y, style, bar);
+                       right - 10 - bar * layout->scale, y, style, bar);
 }
 
 static cairn_status draw(cairn_output *output, const cairn_report_map *map,
-                         const cairn_report_layout *l)
+                         const cairn_report_layout *layout)
 {
-    double height = l->top + l->height + FOOT;
+    double height = layout->top + layout->height + LEGEND_HEIGHT;
     cairn_status status = CAIRN_OK;
     int32_t i;
 
     cairn_report_print_head(output, map->width, height, map->title, map->subtitle);
     for (i = 0; i < map->panel_count && status == CAIRN_OK; i++)
-        status = draw_panel(output, map, l, i);
-    draw_foot(output, map, l, map->width - CAIRN_REPORT_MARGIN);
+        status = draw_panel(output, map, layout, i);
+    draw_legend(output, map, layout, map->width - CAIRN_REPORT_MARGIN);
     cairn_output_print(output, "</svg>\n");
     return status;
 }
@@ -281,17 +283,17 @@ cairn_status cairn_report_map_write(const char *path, const cairn_report_map *ma
                                     cairn_file_error *error)
 {
     cairn_output *output;
-    cairn_report_layout l;
+    cairn_report_layout layout;
     cairn_status status = cairn_report_check(path, map, error);
 
     if (status != CAIRN_OK)
         return status;
-    if (cairn_report_lay_out(map, &l) != CAIRN_OK)
+    if (cairn_report_lay_out(map, &layout) != CAIRN_OK)
         return cairn_file_error_system(error, path, "write", ENOMEM);
     status = cairn_output_open(&output, path, error);
     if (status != CAIRN_OK)
         return status;
-    if (draw(output, map, &l) != CAIRN_OK) {
+    if (draw(output, map, &layout) != CAIRN_OK) {
         cairn_output_discard(output);
         return cairn_file_error_system(error, path, "write", ENOMEM);
     }

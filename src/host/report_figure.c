@@ -1,4 +1,4 @@
-/* Figures: plots of points, lines and bars side by side, all of one size, the key below them. */
+/* Figures: plots of points, lines and bars side by side, all of one size, with the legend below. */
 #include "src/core/build.h"
 
 #include <stdlib.h>
@@ -7,16 +7,17 @@
 #include "cairn/report.h"
 #include "src/host/report_text.h"
 
-#define COORDINATE_MOST CAIRN_REAL(1e9)
-#define GAP             20.0
-#define PAD             16.0 /* between a frame and what a map shows */
-#define AXIS_LEFT       62.0 /* room for the numbers and the label of an axis */
-#define AXIS_BOTTOM     46.0
-#define FOOT            44.0
-#define SMALLEST        1e-6 /* of a box */
-#define BAR_PIXELS      120.0
-#define TICK_PIXELS     70.0
-#define TEXT_SMALL      "font-size=\"12\" fill=\"#475569\""
+/* Largest accepted magnitude of a coordinate. Lengths below are in px. */
+#define MAX_COORDINATE CAIRN_REAL(1e9)
+#define GAP            20.0
+#define PAD            16.0 /* between a frame and its content */
+#define AXIS_LEFT      62.0 /* space for the tick labels and the axis label */
+#define AXIS_BOTTOM    46.0
+#define LEGEND_HEIGHT  44.0
+#define MIN_EXTENT     1e-6 /* smallest displayed range of an axis, in its units */
+#define BAR_PIXELS     120.0
+#define TICK_PIXELS    70.0
+#define TEXT_SMALL     "font-size=\"12\" fill=\"#475569\""
 
 cairn_report_figure cairn_report_figure_default(void)
 {
@@ -27,16 +28,16 @@ cairn_report_figure cairn_report_figure_default(void)
     return figure;
 }
 
-/* ---- checks ---- */
+/* ---- Validation ---- */
 
 static int32_t points_of(const cairn_report_layer *layer)
 {
     return layer->mark == CAIRN_REPORT_LINES ? 2 * layer->count : layer->count;
 }
 
-static int is_within(cairn_vec2 p)
+static int is_within(cairn_vec2 point)
 {
-    return cairn_abs(p.x) <= COORDINATE_MOST && cairn_abs(p.y) <= COORDINATE_MOST;
+    return cairn_abs(point.x) <= MAX_COORDINATE && cairn_abs(point.y) <= MAX_COORDINATE;
 }
 
 static int box_is_empty(cairn_box box)
@@ -103,13 +104,13 @@ static cairn_status check(const char *path, const cairn_report_figure *figure,
     return status;
 }
 
-/* ---- layout ---- */
+/* ---- Layout ---- */
 
-/* A plot's place, and from its units to pixels: x = left + (px - min_x) scale_x, y = bottom -
- * (py - min_y) scale_y. */
+/* A plot's frame and its transformation to px: x = left + (px - min_x) scale_x, y = bottom - (py -
+ * min_y) scale_y. */
 typedef struct plot_view {
     double frame_left, frame_top, frame_width, frame_height;
-    double left, bottom, width, height; /* of what is drawn */
+    double left, bottom, width, height; /* of the plotting area */
     double min_x, min_y, max_x, max_y;
     double scale_x, scale_y;
 } plot_view;
@@ -119,6 +120,7 @@ static int is_map(const cairn_report_plot *plot)
     return plot->x_label == NULL;
 }
 
+/* Returns the displayed box of a plot: its own, or the bounding box of its layers. */
 static cairn_box box_of(const cairn_report_plot *plot)
 {
     cairn_box box = cairn_box_empty();
@@ -143,23 +145,24 @@ static cairn_box box_of(const cairn_report_plot *plot)
     return box;
 }
 
-/* The middle and the extent of what is shown, which are never nothing. */
-static void take_box(plot_view *view, cairn_box box, int map)
+/* Sets the displayed range, which is never empty. */
+static void set_range(plot_view *view, cairn_box box, int map)
 {
-    double x, y, least = map ? 1 : SMALLEST;
+    double x, y, min_extent = map ? 1 : MIN_EXTENT;
 
     if (box_is_empty(box))
         memset(&box, 0, sizeof box);
     x = ((double)box.min.x + (double)box.max.x) / 2;
     y = ((double)box.min.y + (double)box.max.y) / 2;
-    view->max_x = fmax((double)box.max.x - (double)box.min.x, least);
-    view->max_y = fmax((double)box.max.y - (double)box.min.y, least);
+    view->max_x = fmax((double)box.max.x - (double)box.min.x, min_extent);
+    view->max_y = fmax((double)box.max.y - (double)box.min.y, min_extent);
     view->min_x = x - view->max_x / 2;
     view->min_y = y - view->max_y / 2;
     view->max_x += view->min_x;
     view->max_y += view->min_y;
 }
 
+/* Computes the transformation of a plot. */
 static plot_view view_of(const cairn_report_plot *plot, double left, double top, double width,
                          double height)
 {
@@ -175,7 +178,7 @@ static plot_view view_of(const cairn_report_plot *plot, double left, double top,
     view.width = width - (map ? 2 * PAD : AXIS_LEFT + PAD);
     view.height = height - (map ? 2 * PAD : AXIS_BOTTOM + PAD);
     view.bottom = top + height - (map ? PAD : AXIS_BOTTOM);
-    take_box(&view, box_of(plot), map);
+    set_range(&view, box_of(plot), map);
     wide = view.max_x - view.min_x;
     high = view.max_y - view.min_y;
     view.scale_x = view.width / wide;
@@ -198,7 +201,7 @@ static double to_y(const plot_view *view, double y)
     return view->bottom - (y - view->min_y) * view->scale_y;
 }
 
-/* ---- drawing ---- */
+/* ---- Drawing ---- */
 
 static void draw_layer(cairn_output *output, const plot_view *view, const cairn_report_layer *layer)
 {
@@ -242,15 +245,16 @@ static void draw_scale_bar(cairn_output *output, const plot_view *view)
         x - length / 2, y - 6, bar);
 }
 
-/* What was asked for unless the numbers would stand too close, or as many as have room. */
-static double step_of(double asked, double extent, double pixels, double tick_pixels)
+/* Returns the tick distance: the requested one unless ticks would be too dense, else an automatic
+ * one. */
+static double step_of(double requested, double extent, double pixels, double tick_pixels)
 {
-    return asked * pixels / extent > tick_pixels / 4
-               ? asked
+    return requested * pixels / extent > tick_pixels / 4
+               ? requested
                : cairn_report_round_down(extent * tick_pixels / pixels);
 }
 
-/* Ruled lines with their numbers, and the labels. */
+/* Draws the grid lines, the tick labels and the axis labels. */
 static void draw_axes(cairn_output *output, const plot_view *view, const cairn_report_plot *plot)
 {
     double step_x =
@@ -310,23 +314,23 @@ static void draw_plot(cairn_output *output, const plot_view *view, const cairn_r
     cairn_output_print(output, "</g>\n");
 }
 
-/* ---- key ---- */
+/* ---- Legend ---- */
 
-/* Whether a layer before this one has its name. */
+/* Returns 1 when an earlier layer has the same name. */
 static int is_named_before(const cairn_report_figure *figure, int32_t plot, int32_t layer)
 {
     const char *name = figure->plot[plot].layer[layer].name;
-    int32_t p, i;
+    int32_t earlier, i;
 
-    for (p = 0; p <= plot; p++)
-        for (i = 0; i < (p < plot ? figure->plot[p].layer_count : layer); i++)
-            if (figure->plot[p].layer[i].name != NULL &&
-                strcmp(figure->plot[p].layer[i].name, name) == 0)
+    for (earlier = 0; earlier <= plot; earlier++)
+        for (i = 0; i < (earlier < plot ? figure->plot[earlier].layer_count : layer); i++)
+            if (figure->plot[earlier].layer[i].name != NULL &&
+                strcmp(figure->plot[earlier].layer[i].name, name) == 0)
                 return 1;
     return 0;
 }
 
-/* About how wide a text of this many characters stands. */
+/* Estimates the width of a text in px. */
 static double text_width(const char *text)
 {
     double width = 0;
@@ -336,8 +340,8 @@ static double text_width(const char *text)
     return width;
 }
 
-static double draw_key_entry(cairn_output *output, const cairn_report_layer *layer, double x,
-                             double y)
+static double draw_legend_entry(cairn_output *output, const cairn_report_layer *layer, double x,
+                                double y)
 {
     if (layer->mark == CAIRN_REPORT_DOTS)
         cairn_output_print(output, "<circle cx=\"%.1f\" cy=\"%.1f\" r=\"%.1f\" fill=\"%s\"/>\n",
@@ -355,15 +359,15 @@ static double draw_key_entry(cairn_output *output, const cairn_report_layer *lay
     return x + 25 + text_width(layer->name) + 24;
 }
 
-static void draw_key(cairn_output *output, const cairn_report_figure *figure, double y)
+static void draw_legend(cairn_output *output, const cairn_report_figure *figure, double y)
 {
     double x = CAIRN_REPORT_MARGIN + 2;
-    int32_t p, i;
+    int32_t plot, i;
 
-    for (p = 0; p < figure->plot_count; p++)
-        for (i = 0; i < figure->plot[p].layer_count; i++)
-            if (figure->plot[p].layer[i].name != NULL && !is_named_before(figure, p, i))
-                x = draw_key_entry(output, &figure->plot[p].layer[i], x, y);
+    for (plot = 0; plot < figure->plot_count; plot++)
+        for (i = 0; i < figure->plot[plot].layer_count; i++)
+            if (figure->plot[plot].layer[i].name != NULL && !is_named_before(figure, plot, i))
+                x = draw_legend_entry(output, &figure->plot[plot].layer[i], x, y);
 }
 
 cairn_status cairn_report_figure_write(const char *path, const cairn_report_figure *figure,
@@ -391,7 +395,7 @@ cairn_status cairn_report_figure_write(const char *path, const cairn_report_figu
                       : figure->plot_count > 1           ? 0.7
                                                          : 0.4);
     head += titles ? 26 : 0;
-    cairn_report_print_head(output, figure->width, head + height + FOOT, figure->title,
+    cairn_report_print_head(output, figure->width, head + height + LEGEND_HEIGHT, figure->title,
                             figure->subtitle);
     for (i = 0; i < figure->plot_count; i++) {
         plot_view view =
@@ -399,7 +403,7 @@ cairn_status cairn_report_figure_write(const char *path, const cairn_report_figu
 
         draw_plot(output, &view, &figure->plot[i], (int)i);
     }
-    draw_key(output, figure, head + height + 28);
+    draw_legend(output, figure, head + height + 28);
     cairn_output_print(output, "</svg>\n");
     return cairn_output_commit(output, error);
 }

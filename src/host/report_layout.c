@@ -1,24 +1,27 @@
-/* Where the panels of a map picture stand.
+/* Layout of map pictures.
  *
- * All panels share one scale: the largest at which the box of each fits its frame. The box of a
- * panel is the middle 99 % of its points (all of them, or an even choice of 200,000) with its
- * poses and grid. Frames are as high as the highest box needs, within limits. */
+ * Method
+ * 1. The box of a panel is the central 99 % of its points, all of them or an even subset of
+ *    200,000, with its poses and grid.
+ * 2. All panels share one scale: the largest at which every box fits its frame.
+ * 3. Frames are as high as the highest box needs, within limits. */
 #include "src/core/build.h"
 
 #include <stdlib.h>
 
 #include "src/host/report_layout.h"
 
-#define GAP          20.0
-#define PAD          18.0 /* between a frame and its box */
-#define SAMPLES_MOST 200000
-#define SMALLEST_BOX 1.0 /* m */
+/* px between panels. */
+#define GAP         20.0
+#define PAD         18.0 /* px between a frame and its box */
+#define MAX_SAMPLES 200000
+#define MIN_BOX_M   1.0 /* minimum side of a box */
 
-/* ---- checks ---- */
+/* ---- Validation ---- */
 
-static int is_finite_vec(cairn_vec2 p)
+static int is_finite_vec(cairn_vec2 point)
 {
-    return cairn_is_finite(p.x) && cairn_is_finite(p.y);
+    return cairn_is_finite(point.x) && cairn_is_finite(point.y);
 }
 
 static cairn_status check_scans(const char *path, const cairn_report_map *map,
@@ -91,7 +94,7 @@ cairn_status cairn_report_check(const char *path, const cairn_report_map *map,
     return status;
 }
 
-/* ---- layout ---- */
+/* ---- Layout ---- */
 
 int64_t cairn_report_elements(const cairn_report_map *map)
 {
@@ -111,15 +114,15 @@ static int compare_reals(const void *a, const void *b)
     return (x > y) - (x < y);
 }
 
-/* The middle 99 % of count coordinates, which are sorted. */
-static void middle(cairn_real *value, size_t count, cairn_real *least, cairn_real *most)
+/* Sorts `count` coordinates and returns their 0.5 % and 99.5 % quantiles. */
+static void find_quantiles(cairn_real *value, size_t count, cairn_real *low, cairn_real *high)
 {
     qsort(value, count, sizeof *value, compare_reals);
-    *least = value[count / 200];
-    *most = value[count - 1 - count / 200];
+    *low = value[count / 200];
+    *high = value[count - 1 - count / 200];
 }
 
-/* Every `step`th point, or middle of a segment, of a panel's walls, mapped; returns their
+/* Transforms every `step`th point, or midpoint of a segment, of a panel's walls; returns their
  * number. */
 static size_t sample_walls(const cairn_report_map *map, const cairn_pose *pose, int64_t step,
                            cairn_real *x, cairn_real *y)
@@ -130,9 +133,9 @@ static size_t sample_walls(const cairn_report_map *map, const cairn_pose *pose, 
 
     for (i = 0; i < map->scan_count; i++) {
         const cairn_report_scan *scan = &map->scan[i];
-        int32_t held = scan->segment_count > 0 ? scan->segment_count : scan->point_count;
+        int32_t element_count = scan->segment_count > 0 ? scan->segment_count : scan->point_count;
 
-        for (k = 0; k < held; k++, at++) {
+        for (k = 0; k < element_count; k++, at++) {
             cairn_vec2 p;
 
             if (at < next)
@@ -150,27 +153,28 @@ static size_t sample_walls(const cairn_report_map *map, const cairn_pose *pose, 
     return count;
 }
 
+/* Computes the box of a panel. CAIRN_NO_MEMORY. */
 static cairn_status box_of_panel(const cairn_report_map *map, const cairn_report_panel *panel,
                                  cairn_box *box)
 {
-    int64_t all = panel->grid == NULL ? cairn_report_elements(map) : 0,
-            step = (all + SAMPLES_MOST - 1) / SAMPLES_MOST;
+    int64_t element_count = panel->grid == NULL ? cairn_report_elements(map) : 0,
+            step = (element_count + MAX_SAMPLES - 1) / MAX_SAMPLES;
     cairn_real *x, *y;
     size_t count;
     int32_t i;
 
     *box = cairn_box_empty();
-    if (all > 0) {
-        x = malloc((size_t)SAMPLES_MOST * sizeof *x);
-        y = malloc((size_t)SAMPLES_MOST * sizeof *y);
+    if (element_count > 0) {
+        x = malloc((size_t)MAX_SAMPLES * sizeof *x);
+        y = malloc((size_t)MAX_SAMPLES * sizeof *y);
         if (x == NULL || y == NULL) {
             free(x);
             free(y);
             return CAIRN_NO_MEMORY;
         }
         count = sample_walls(map, panel->pose, step, x, y);
-        middle(x, count, &box->min.x, &box->max.x);
-        middle(y, count, &box->min.y, &box->max.y);
+        find_quantiles(x, count, &box->min.x, &box->max.x);
+        find_quantiles(y, count, &box->min.y, &box->max.y);
         free(x);
         free(y);
     }
@@ -189,46 +193,47 @@ static cairn_status box_of_panel(const cairn_report_map *map, const cairn_report
     return CAIRN_OK;
 }
 
-cairn_status cairn_report_lay_out(const cairn_report_map *map, cairn_report_layout *l)
+cairn_status cairn_report_lay_out(const cairn_report_map *map, cairn_report_layout *layout)
 {
-    double wide = SMALLEST_BOX, high = SMALLEST_BOX, least, most;
+    double wide = MIN_BOX_M, high = MIN_BOX_M, min_height, max_height;
     cairn_status status;
     int32_t i, titles = 0;
 
     for (i = 0; i < map->panel_count; i++) {
-        status = box_of_panel(map, &map->panel[i], &l->box[i]);
+        status = box_of_panel(map, &map->panel[i], &layout->box[i]);
         if (status != CAIRN_OK)
             return status;
-        wide = fmax(wide, (double)(l->box[i].max.x - l->box[i].min.x));
-        high = fmax(high, (double)(l->box[i].max.y - l->box[i].min.y));
+        wide = fmax(wide, (double)(layout->box[i].max.x - layout->box[i].min.x));
+        high = fmax(high, (double)(layout->box[i].max.y - layout->box[i].min.y));
         titles |= map->panel[i].title != NULL || map->panel[i].note != NULL;
     }
-    l->head = cairn_report_head_height(map->title, map->subtitle);
-    l->top = l->head + (titles ? 26 : 0);
-    l->width =
+    layout->head = cairn_report_head_height(map->title, map->subtitle);
+    layout->top = layout->head + (titles ? 26 : 0);
+    layout->width =
         (map->width - 2 * CAIRN_REPORT_MARGIN - GAP * (map->panel_count - 1)) / map->panel_count;
-    least = 0.3 * l->width;
-    most = 1.25 * l->width;
-    l->scale = fmin((l->width - 2 * PAD) / wide, (most - 2 * PAD) / high);
-    l->height = fmax(least, high * l->scale + 2 * PAD);
+    min_height = 0.3 * layout->width;
+    max_height = 1.25 * layout->width;
+    layout->scale = fmin((layout->width - 2 * PAD) / wide, (max_height - 2 * PAD) / high);
+    layout->height = fmax(min_height, high * layout->scale + 2 * PAD);
     return CAIRN_OK;
 }
 
-cairn_report_view cairn_report_view_of(const cairn_report_layout *l, int32_t index)
+cairn_report_view cairn_report_view_of(const cairn_report_layout *layout, int32_t index)
 {
-    const cairn_box *box = &l->box[index];
+    const cairn_box *box = &layout->box[index];
     cairn_report_view view;
 
     view.min_x = (double)box->min.x;
     view.min_y = (double)box->min.y;
-    view.scale = l->scale;
-    view.width = l->width;
-    view.height = l->height;
-    view.frame_left = CAIRN_REPORT_MARGIN + index * (l->width + GAP);
-    view.frame_top = l->top;
-    /* The box in the middle of its frame. */
-    view.left = view.frame_left + (l->width - (double)(box->max.x - box->min.x) * l->scale) / 2;
-    view.bottom =
-        view.frame_top + l->height - (l->height - (double)(box->max.y - box->min.y) * l->scale) / 2;
+    view.scale = layout->scale;
+    view.width = layout->width;
+    view.height = layout->height;
+    view.frame_left = CAIRN_REPORT_MARGIN + index * (layout->width + GAP);
+    view.frame_top = layout->top;
+    /* The box is centred in its frame. */
+    view.left =
+        view.frame_left + (layout->width - (double)(box->max.x - box->min.x) * layout->scale) / 2;
+    view.bottom = view.frame_top + layout->height -
+                  (layout->height - (double)(box->max.y - box->min.y) * layout->scale) / 2;
     return view;
 }

@@ -1,13 +1,13 @@
-/* report_layout: where the panels of a map picture stand, and whether it can be drawn. Internal
- * to the host library. */
+/* report_layout: layout and validation of map pictures. Internal to the host library. */
 #ifndef CAIRN_HOST_REPORT_LAYOUT_H
 #define CAIRN_HOST_REPORT_LAYOUT_H
 
 #include "cairn/report.h"
 #include "src/host/report_text.h"
 
+/* Positions and sizes in px. */
 typedef struct cairn_report_layout {
-    double head;  /* where the panels' titles stand */
+    double head;  /* of the panels' titles */
     double top;   /* of the frames */
     double width; /* of a frame */
     double height;
@@ -15,13 +15,13 @@ typedef struct cairn_report_layout {
     cairn_box box[CAIRN_REPORT_PANELS_MOST];
 } cairn_report_layout;
 
-/* From metres of a map to pixels of the SVG: x = left + (mx - min_x) scale, y = top - (my -
- * min_y) scale. */
+/* Transformation from metres of a map to px of the SVG: x = left + (mx - min_x) scale, y = bottom -
+ * (my - min_y) scale. */
 typedef struct cairn_report_view {
     double min_x, min_y;
     double left, bottom;
     double scale;
-    double width, height; /* of the frame in pixels */
+    double width, height; /* of the frame, px */
     double frame_left, frame_top;
 } cairn_report_view;
 
@@ -35,18 +35,18 @@ static inline double cairn_report_view_y(const cairn_report_view *view, double y
     return view->bottom - (y - view->min_y) * view->scale;
 }
 
-/* CAIRN_BAD_ARGUMENT, CAIRN_NOT_FINITE as said for cairn_report_map_write. */
+/* Validates a map picture. CAIRN_BAD_ARGUMENT, CAIRN_NOT_FINITE as in cairn_report_map_write(). */
 CAIRN_CHECKED cairn_status cairn_report_check(const char *path, const cairn_report_map *map,
                                               cairn_file_error *error);
 
-/* CAIRN_NO_MEMORY. */
+/* Computes the layout. CAIRN_NO_MEMORY. */
 CAIRN_CHECKED cairn_status cairn_report_lay_out(const cairn_report_map *map,
                                                 cairn_report_layout *layout);
 
-/* The view of panel `index`. */
+/* Returns the transformation of panel `index`. */
 cairn_report_view cairn_report_view_of(const cairn_report_layout *layout, int32_t index);
 
-/* Points and segments that a panel without a grid draws. */
+/* Returns the number of points and segments that a panel without a grid draws. */
 int64_t cairn_report_elements(const cairn_report_map *map);
 
 #endif

@@ -1,4 +1,4 @@
-/* Pictures over an image: head, the image in pale grey, keys below. */
+/* Drawings over an image: head, the image in pale grey, drawing, legend. */
 #include "src/core/build.h"
 
 #include <errno.h>
@@ -8,21 +8,23 @@
 #include "src/host/map_file_image.h"
 #include "src/host/report_overlay.h"
 
-#define PICTURE 1000.0 /* px, the longer side */
-#define FOOT    50.0
+#define PICTURE 1000.0 /* px, the longer side of the image */
+/* px, height of the legend */
+#define LEGEND_HEIGHT 50.0
 
-static cairn_status print_image(cairn_output *output, const cairn_report_overlay *o)
+static cairn_status print_image(cairn_output *output, const cairn_report_overlay *overlay)
 {
     uint8_t *png;
     size_t count;
-    cairn_status status = cairn_image_encode_png(&png, &count, o->grey, o->width, o->height, 1);
+    cairn_status status =
+        cairn_image_encode_png(&png, &count, overlay->grey, overlay->width, overlay->height, 1);
 
     if (status != CAIRN_OK)
         return status;
     cairn_output_print(output,
                        "<image x=\"-0.5\" y=\"-0.5\" width=\"%d\" height=\"%d\" opacity=\"0.55\" "
                        "href=\"data:image/png;base64,",
-                       (int)o->width, (int)o->height);
+                       (int)overlay->width, (int)overlay->height);
     cairn_report_print_base64(output, png, count);
     cairn_output_print(output, "\"/>\n");
     free(png);
@@ -34,14 +36,14 @@ double cairn_report_overlay_scale(const cairn_report_overlay *overlay)
     return PICTURE / fmax(overlay->width, overlay->height);
 }
 
-static double head_of(const cairn_report_overlay *o)
+static double head_of(const cairn_report_overlay *overlay)
 {
-    return cairn_report_head_height(o->title, o->subtitle);
+    return cairn_report_head_height(overlay->title, overlay->subtitle);
 }
 
-static double height_of(const cairn_report_overlay *o)
+static double height_of(const cairn_report_overlay *overlay)
 {
-    return head_of(o) + cairn_report_overlay_scale(o) * o->height + FOOT;
+    return head_of(overlay) + cairn_report_overlay_scale(overlay) * overlay->height + LEGEND_HEIGHT;
 }
 
 cairn_status cairn_report_overlay_begin(cairn_output *output, const cairn_report_overlay *overlay,
@@ -50,7 +52,7 @@ cairn_status cairn_report_overlay_begin(cairn_output *output, const cairn_report
     double scale = cairn_report_overlay_scale(overlay);
 
     cairn_report_print_head(
-        output, fmax(overlay->least_width, 2 * CAIRN_REPORT_MARGIN + scale * overlay->width),
+        output, fmax(overlay->min_width, 2 * CAIRN_REPORT_MARGIN + scale * overlay->width),
         height_of(overlay), overlay->title, overlay->subtitle);
     cairn_output_print(
         output, "<style>.over path,.over circle,.over .box{clip-path:url(#frame)}%s</style>\n",

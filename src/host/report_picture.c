@@ -1,5 +1,4 @@
-/* Images within a map picture: counts of points per sample as grey levels, and grids; both as
- * PNG in base 64. */
+/* Images embedded in a map picture: density images of the walls, and grids, as PNG in base 64. */
 #include "src/core/build.h"
 
 #include <stdlib.h>
@@ -9,14 +8,15 @@
 #include "src/host/report_text.h"
 
 #define SAMPLES_PER_PIXEL 2
-#define GRID_SIDE_MOST    2048
-#define PAPER             255.0
-#define INK               30.0
+#define MAX_GRID_SIDE     2048
+/* Grey levels of no points and of full density. */
+#define PAPER_LEVEL 255.0
+#define INK_LEVEL   30.0
 
-/* An image under the transform (x, y) -> (m0 x + m2 y + m4, m1 x + m3 y + m5). `crisp`: samples
- * keep their edges when they are enlarged. */
+/* Embeds an image under the affine transform (x, y) -> (m0 x + m2 y + m4, m1 x + m3 y + m5). crisp:
+ * 1: no smoothing of enlarged samples. */
 static cairn_status print_image(cairn_output *output, const uint8_t *pixel, int32_t width,
-                                int32_t height, const double m[6], int crisp)
+                                int32_t height, const double matrix[6], int crisp)
 {
     uint8_t *bytes;
     size_t count;
@@ -27,7 +27,7 @@ static cairn_status print_image(cairn_output *output, const uint8_t *pixel, int3
     cairn_output_print(
         output,
         "<image width=\"%d\" height=\"%d\" transform=\"matrix(%.6g %.6g %.6g %.6g %.2f %.2f)\"",
-        (int)width, (int)height, m[0], m[1], m[2], m[3], m[4], m[5]);
+        (int)width, (int)height, matrix[0], matrix[1], matrix[2], matrix[3], matrix[4], matrix[5]);
     cairn_output_print(output, "%s href=\"data:image/png;base64,",
                        crisp ? " style=\"image-rendering:pixelated\"" : "");
     cairn_report_print_base64(output, bytes, count);
@@ -36,38 +36,40 @@ static cairn_status print_image(cairn_output *output, const uint8_t *pixel, int3
     return CAIRN_OK;
 }
 
-/* Samples of a frame, row 0 topmost, with the number of points in each. */
-typedef struct density {
+/* A 2D histogram of points over a panel's frame, row 0 topmost. */
+typedef struct histogram {
     uint32_t *count; /* [height * width] */
     int32_t width, height;
     const cairn_report_view *view;
-} density;
+} histogram;
 
-static void add_point(density *d, cairn_vec2 p)
+/* Counts a point. */
+static void add_point(histogram *density, cairn_vec2 point)
 {
-    double x =
-        (cairn_report_view_x(d->view, (double)p.x) - d->view->frame_left) * SAMPLES_PER_PIXEL;
-    double y = (cairn_report_view_y(d->view, (double)p.y) - d->view->frame_top) * SAMPLES_PER_PIXEL;
+    double x = (cairn_report_view_x(density->view, (double)point.x) - density->view->frame_left) *
+               SAMPLES_PER_PIXEL;
+    double y = (cairn_report_view_y(density->view, (double)point.y) - density->view->frame_top) *
+               SAMPLES_PER_PIXEL;
 
-    if (x >= 0 && y >= 0 && x < d->width && y < d->height)
-        d->count[(size_t)y * (size_t)d->width + (size_t)x]++;
+    if (x >= 0 && y >= 0 && x < density->width && y < density->height)
+        density->count[(size_t)y * (size_t)density->width + (size_t)x]++;
 }
 
-/* One point a sample along the segment; of a very long one only as many as cross the frame twice
- * over. */
-static void add_segment(density *d, cairn_vec2 a, cairn_vec2 b)
+/* Counts points along a segment, one a sample; at most enough to cross the frame twice. */
+static void add_segment(histogram *density, cairn_vec2 a, cairn_vec2 b)
 {
     double length =
-        (double)cairn_vec2_norm(cairn_vec2_sub(b, a)) * d->view->scale * SAMPLES_PER_PIXEL;
-    int32_t most = 4 * (d->width + d->height), steps = length < most ? (int32_t)length + 1 : most,
-            i;
+        (double)cairn_vec2_norm(cairn_vec2_sub(b, a)) * density->view->scale * SAMPLES_PER_PIXEL;
+    int32_t max_steps = 4 * (density->width + density->height),
+            steps = length < max_steps ? (int32_t)length + 1 : max_steps, i;
 
     for (i = 0; i <= steps; i++)
-        add_point(d, cairn_vec2_add(a, cairn_vec2_scale(cairn_vec2_sub(b, a),
-                                                        (cairn_real)i / (cairn_real)steps)));
+        add_point(density, cairn_vec2_add(a, cairn_vec2_scale(cairn_vec2_sub(b, a),
+                                                              (cairn_real)i / (cairn_real)steps)));
 }
 
-static void count_walls(density *d, const cairn_report_map *map, const cairn_pose *pose)
+/* Counts all walls of a panel. */
+static void count_walls(histogram *density, const cairn_report_map *map, const cairn_pose *pose)
 {
     int32_t i, k;
 
@@ -76,24 +78,25 @@ static void count_walls(density *d, const cairn_report_map *map, const cairn_pos
         cairn_transform t = cairn_transform_of(pose[i]);
 
         for (k = 0; k < scan->segment_count; k++)
-            add_segment(d, cairn_transform_point(t, scan->segment[k].a),
+            add_segment(density, cairn_transform_point(t, scan->segment[k].a),
                         cairn_transform_point(t, scan->segment[k].b));
         for (k = 0; k < scan->point_count && scan->segment_count == 0; k++)
-            add_point(d, cairn_transform_point(t, scan->point[k]));
+            add_point(density, cairn_transform_point(t, scan->point[k]));
     }
 }
 
-/* The count that 9 in 10 of the samples with any do not exceed: full ink from there on. */
-static double full_count(const density *d)
+/* Returns the 90 % quantile of the counts that are not 0, at most 255: full density from there
+ * on. */
+static double full_count(const histogram *density)
 {
-    size_t samples = (size_t)d->width * (size_t)d->height, any = 0, sum = 0, i;
+    size_t samples = (size_t)density->width * (size_t)density->height, non_empty = 0, sum = 0, i;
     size_t bin[256] = {0}, k = 0;
 
     for (i = 0; i < samples; i++) {
-        any += d->count[i] > 0;
-        bin[d->count[i] < 255 ? d->count[i] : 255]++;
+        non_empty += density->count[i] > 0;
+        bin[density->count[i] < 255 ? density->count[i] : 255]++;
     }
-    while (k < 255 && sum * 10 < any * 9)
+    while (k < 255 && sum * 10 < non_empty * 9)
         sum += bin[++k];
     return (double)(k > 0 ? k : 1);
 }
@@ -101,27 +104,28 @@ static double full_count(const density *d)
 cairn_status cairn_report_draw_density(cairn_output *output, const cairn_report_view *view,
                                        const cairn_report_map *map, const cairn_pose *pose)
 {
-    density d = {NULL, (int32_t)(view->width * SAMPLES_PER_PIXEL),
-                 (int32_t)(view->height * SAMPLES_PER_PIXEL), view};
-    double m[6] = {1.0 / SAMPLES_PER_PIXEL, 0, 0, 1.0 / SAMPLES_PER_PIXEL, view->frame_left,
-                   view->frame_top};
-    size_t samples = (size_t)d.width * (size_t)d.height, i;
+    histogram density = {.width = (int32_t)(view->width * SAMPLES_PER_PIXEL),
+                         .height = (int32_t)(view->height * SAMPLES_PER_PIXEL),
+                         .view = view};
+    double matrix[6] = {1.0 / SAMPLES_PER_PIXEL, 0, 0, 1.0 / SAMPLES_PER_PIXEL, view->frame_left,
+                        view->frame_top};
+    size_t samples = (size_t)density.width * (size_t)density.height, i;
     uint8_t *pixel = malloc(samples);
     cairn_status status = CAIRN_NO_MEMORY;
     double full;
 
-    d.count = calloc(samples, sizeof *d.count);
-    if (d.count != NULL && pixel != NULL) {
-        count_walls(&d, map, pose);
-        full = log1p(full_count(&d));
+    density.count = calloc(samples, sizeof *density.count);
+    if (density.count != NULL && pixel != NULL) {
+        count_walls(&density, map, pose);
+        full = log1p(full_count(&density));
         for (i = 0; i < samples; i++) {
-            double ink = log1p((double)d.count[i]) / full;
+            double ink = log1p((double)density.count[i]) / full;
 
-            pixel[i] = (uint8_t)(PAPER - (PAPER - INK) * (ink < 1 ? ink : 1));
+            pixel[i] = (uint8_t)(PAPER_LEVEL - (PAPER_LEVEL - INK_LEVEL) * (ink < 1 ? ink : 1));
         }
-        status = print_image(output, pixel, d.width, d.height, m, 0);
+        status = print_image(output, pixel, density.width, density.height, matrix, 0);
     }
-    free(d.count);
+    free(density.count);
     free(pixel);
     return status;
 }
@@ -130,7 +134,7 @@ cairn_status cairn_report_coarsen_grid(const cairn_report_grid *grid, cairn_repo
                                        uint8_t **pixel)
 {
     int32_t side = grid->width > grid->height ? grid->width : grid->height;
-    int32_t step = (side + GRID_SIDE_MOST - 1) / GRID_SIDE_MOST;
+    int32_t step = (side + MAX_GRID_SIDE - 1) / MAX_GRID_SIDE;
     int32_t width = (grid->width + step - 1) / step, height = (grid->height + step - 1) / step, x,
             y;
 
@@ -162,22 +166,22 @@ cairn_status cairn_report_draw_grid(cairn_output *output, const cairn_report_vie
     cairn_transform t = cairn_transform_of(grid->origin);
     cairn_report_grid coarse;
     uint8_t *pixel;
-    double m[6], k;
+    double matrix[6], pixels_per_cell;
     cairn_vec2 corner = {0, 0};
     cairn_status status = cairn_report_coarsen_grid(grid, &coarse, &pixel);
 
     if (status != CAIRN_OK)
         return status;
-    k = view->scale * (double)coarse.resolution;
+    pixels_per_cell = view->scale * (double)coarse.resolution;
     corner.y = coarse.resolution * (cairn_real)coarse.height;
     corner = cairn_transform_point(t, corner);
-    m[0] = k * (double)t.cosine;
-    m[1] = 0 - k * (double)t.sine;
-    m[2] = k * (double)t.sine;
-    m[3] = k * (double)t.cosine;
-    m[4] = cairn_report_view_x(view, (double)corner.x);
-    m[5] = cairn_report_view_y(view, (double)corner.y);
-    status = print_image(output, pixel, coarse.width, coarse.height, m, k > 1);
+    matrix[0] = pixels_per_cell * (double)t.cosine;
+    matrix[1] = 0 - pixels_per_cell * (double)t.sine;
+    matrix[2] = pixels_per_cell * (double)t.sine;
+    matrix[3] = pixels_per_cell * (double)t.cosine;
+    matrix[4] = cairn_report_view_x(view, (double)corner.x);
+    matrix[5] = cairn_report_view_y(view, (double)corner.y);
+    status = print_image(output, pixel, coarse.width, coarse.height, matrix, pixels_per_cell > 1);
     free(pixel);
     return status;
 }

@@ -1,8 +1,8 @@
-/* The player's record of scans, frames and links.
+/* Recording of a player: scans, frames and links.
  *
- * Frames are kept at a stride that doubles whenever there are too many of them, or of their
- * poses: the kept ones lie evenly over all that were added, whose number need not be known. The
- * last one is kept besides. */
+ * Method: frames are kept at a stride, which doubles whenever there are too many frames or poses.
+ * The kept frames are therefore an even subset of all frames, whose number need not be known in
+ * advance. The last frame is kept in addition. */
 #include "src/core/build.h"
 
 #include <stdlib.h>
@@ -12,8 +12,8 @@
 #include "src/host/report_picture.h"
 #include "src/host/report_player.h"
 
-/* So that a coordinate in the units of the page is exact in a double. */
-#define COORDINATE_MOST CAIRN_REAL(1e9)
+/* Largest accepted magnitude of a coordinate: in the units of the page it is an exact double. */
+#define MAX_COORDINATE CAIRN_REAL(1e9)
 
 cairn_report_player_params cairn_report_player_default(void)
 {
@@ -28,10 +28,10 @@ cairn_report_player_params cairn_report_player_default(void)
     return params;
 }
 
-/* ---- memory ---- */
+/* ---- Memory ---- */
 
-/* A copy of count items, or *failed. One byte more than needed, so that nothing to copy is not
- * mistaken for no memory. */
+/* Returns a heap copy of count items; sets *failed when out of memory. One byte more than needed is
+ * allocated, so that an empty array is not NULL. */
 static void *copy_of(const void *items, int32_t count, size_t size, int *failed)
 {
     void *copy = malloc((size_t)count * size + 1);
@@ -49,21 +49,21 @@ static char *copy_of_text(const char *text, int *failed)
                    failed);
 }
 
-/* Makes room for one more of count items. 0: no memory. */
-static int grow(void **items, int32_t count, int32_t *room, size_t size)
+/* Grows a dynamic array for one more item; 0: out of memory. */
+static int grow(void **items, int32_t count, int32_t *capacity, size_t size)
 {
-    int32_t more = *room < 16 ? 16 : 2 * *room;
+    int32_t new_capacity = *capacity < 16 ? 16 : 2 * *capacity;
     void *grown;
 
-    if (count < *room)
+    if (count < *capacity)
         return 1;
-    if (*room > INT32_MAX / 2)
+    if (*capacity > INT32_MAX / 2)
         return 0;
-    grown = realloc(*items, (size_t)more * size);
+    grown = realloc(*items, (size_t)new_capacity * size);
     if (grown == NULL)
         return 0;
     *items = grown;
-    *room = more;
+    *capacity = new_capacity;
     return 1;
 }
 
@@ -77,11 +77,11 @@ static void free_frame(cairn_player_frame *frame)
 {
     free(frame->label);
     free(frame->pose);
-    free(frame->doubtful);
-    free(frame->part);
+    free(frame->low_confidence);
+    free(frame->submap);
     free(frame->region);
     free(frame->force);
-    free(frame->guess);
+    free(frame->hypothesis);
 }
 
 static int copy_params(cairn_report_player *player, const cairn_report_player_params *params)
@@ -105,23 +105,23 @@ static int copy_params(cairn_report_player *player, const cairn_report_player_pa
 cairn_status cairn_report_player_open(cairn_report_player **player,
                                       const cairn_report_player_params *params)
 {
-    cairn_report_player *fresh;
+    cairn_report_player *added;
 
     if (player == NULL || params == NULL || params->curve_count < 0 ||
         params->curve_count > CAIRN_REPORT_CURVES_MOST ||
         (params->curve_count > 0 && params->curve == NULL) || params->frames_most < 2 ||
         params->poses_most < 2 || params->points_most < 1 || params->forces_most < 1 ||
-        !(params->region_radius >= 0) || !(params->region_radius <= COORDINATE_MOST))
+        !(params->region_radius >= 0) || !(params->region_radius <= MAX_COORDINATE))
         return CAIRN_BAD_ARGUMENT;
-    fresh = calloc(1, sizeof *fresh);
-    if (fresh == NULL)
+    added = calloc(1, sizeof *added);
+    if (added == NULL)
         return CAIRN_NO_MEMORY;
-    fresh->stride = 1;
-    if (!copy_params(fresh, params)) {
-        cairn_report_player_free(fresh);
+    added->stride = 1;
+    if (!copy_params(added, params)) {
+        cairn_report_player_free(added);
         return CAIRN_NO_MEMORY;
     }
-    *player = fresh;
+    *player = added;
     return CAIRN_OK;
 }
 
@@ -150,11 +150,11 @@ void cairn_report_player_free(cairn_report_player *player)
     free(player);
 }
 
-/* ---- scans ---- */
+/* ---- Scans ---- */
 
-static int is_within(cairn_vec2 p)
+static int is_within(cairn_vec2 point)
 {
-    return cairn_abs(p.x) <= COORDINATE_MOST && cairn_abs(p.y) <= COORDINATE_MOST;
+    return cairn_abs(point.x) <= MAX_COORDINATE && cairn_abs(point.y) <= MAX_COORDINATE;
 }
 
 static int scan_is_within(const cairn_report_scan *scan)
@@ -173,7 +173,7 @@ static int scan_is_within(const cairn_report_scan *scan)
 cairn_status cairn_report_player_add_scan(cairn_report_player *player,
                                           const cairn_report_scan *scan, int64_t index)
 {
-    cairn_player_scan fresh;
+    cairn_player_scan added;
     int failed = 0;
 
     if (player == NULL || scan == NULL || scan->point_count < 0 || scan->segment_count < 0 ||
@@ -182,22 +182,23 @@ cairn_status cairn_report_player_add_scan(cairn_report_player *player,
         return CAIRN_BAD_ARGUMENT;
     if (!scan_is_within(scan))
         return CAIRN_NOT_FINITE;
-    fresh.point = copy_of(scan->point, scan->point_count, sizeof *scan->point, &failed);
-    fresh.segment = copy_of(scan->segment, scan->segment_count, sizeof *scan->segment, &failed);
-    fresh.point_count = scan->point_count;
-    fresh.segment_count = scan->segment_count;
-    fresh.index = index;
+    added.point = copy_of(scan->point, scan->point_count, sizeof *scan->point, &failed);
+    added.segment = copy_of(scan->segment, scan->segment_count, sizeof *scan->segment, &failed);
+    added.point_count = scan->point_count;
+    added.segment_count = scan->segment_count;
+    added.index = index;
     if (failed ||
-        !grow((void **)&player->scan, player->scan_count, &player->scan_room, sizeof fresh)) {
-        free_scan(&fresh);
+        !grow((void **)&player->scan, player->scan_count, &player->scan_capacity, sizeof added)) {
+        free_scan(&added);
         return CAIRN_NO_MEMORY;
     }
-    player->scan[player->scan_count++] = fresh;
+    player->scan[player->scan_count++] = added;
     return CAIRN_OK;
 }
 
-/* ---- frames ---- */
+/* ---- Frames ---- */
 
+/* Validates a frame. */
 static cairn_status check_frame(const cairn_report_player *player, const cairn_report_frame *frame)
 {
     int32_t i;
@@ -211,9 +212,9 @@ static cairn_status check_frame(const cairn_report_player *player, const cairn_r
         (player->frame_count > 0 && frame->step <= player->frame[player->frame_count - 1].step))
         return CAIRN_BAD_ARGUMENT;
     for (i = 0; i < frame->pose_count; i++) {
-        cairn_vec2 place = {frame->pose[i].x, frame->pose[i].y};
+        cairn_vec2 position = {frame->pose[i].x, frame->pose[i].y};
 
-        if (!is_within(place) || !(cairn_abs(frame->pose[i].theta) <= COORDINATE_MOST))
+        if (!is_within(position) || !(cairn_abs(frame->pose[i].theta) <= MAX_COORDINATE))
             return CAIRN_NOT_FINITE;
         if (frame->part != NULL && (frame->part[i] < -1 || frame->part[i] >= player->scan_count))
             return CAIRN_BAD_ARGUMENT;
@@ -233,48 +234,51 @@ static cairn_status check_frame(const cairn_report_player *player, const cairn_r
     return CAIRN_OK;
 }
 
-static int copy_frame(cairn_player_frame *fresh, const cairn_report_player *player,
+/* Copies a frame to the heap; 0: out of memory, and *added is to be freed. */
+static int copy_frame(cairn_player_frame *added, const cairn_report_player *player,
                       const cairn_report_frame *frame)
 {
     int32_t i;
     int failed = 0;
 
-    fresh->ordinal = player->ordinals;
-    fresh->step = frame->step;
-    fresh->label = copy_of_text(frame->label, &failed);
-    fresh->pose = copy_of(frame->pose, frame->pose_count, sizeof *frame->pose, &failed);
-    fresh->region = copy_of(frame->region, frame->region_count, sizeof *frame->region, &failed);
-    fresh->force = copy_of(frame->force, frame->force_count, sizeof *frame->force, &failed);
-    fresh->guess = copy_of(frame->guess, frame->guess_count, sizeof *frame->guess, &failed);
-    fresh->part = frame->part != NULL
-                      ? copy_of(frame->part, frame->pose_count, sizeof *frame->part, &failed)
-                      : NULL;
-    fresh->pose_count = frame->pose_count;
-    fresh->region_count = frame->region_count;
-    fresh->force_count = frame->force_count;
-    fresh->guess_count = frame->guess_count;
-    fresh->doubtful_count = 0;
+    added->ordinal = player->ordinals;
+    added->step = frame->step;
+    added->label = copy_of_text(frame->label, &failed);
+    added->pose = copy_of(frame->pose, frame->pose_count, sizeof *frame->pose, &failed);
+    added->region = copy_of(frame->region, frame->region_count, sizeof *frame->region, &failed);
+    added->force = copy_of(frame->force, frame->force_count, sizeof *frame->force, &failed);
+    added->hypothesis = copy_of(frame->guess, frame->guess_count, sizeof *frame->guess, &failed);
+    added->submap = frame->part != NULL
+                        ? copy_of(frame->part, frame->pose_count, sizeof *frame->part, &failed)
+                        : NULL;
+    added->pose_count = frame->pose_count;
+    added->region_count = frame->region_count;
+    added->force_count = frame->force_count;
+    added->hypothesis_count = frame->guess_count;
+    added->low_confidence_count = 0;
     for (i = 0; i < frame->pose_count && frame->doubtful != NULL; i++)
-        fresh->doubtful_count += frame->doubtful[i] != 0;
-    fresh->doubtful = malloc((size_t)fresh->doubtful_count * sizeof *fresh->doubtful + 1);
-    failed |= fresh->doubtful == NULL;
-    fresh->doubtful_count = 0;
+        added->low_confidence_count += frame->doubtful[i] != 0;
+    added->low_confidence =
+        malloc((size_t)added->low_confidence_count * sizeof *added->low_confidence + 1);
+    failed |= added->low_confidence == NULL;
+    added->low_confidence_count = 0;
     for (i = 0; i < frame->pose_count && frame->doubtful != NULL && !failed; i++)
         if (frame->doubtful[i] != 0)
-            fresh->doubtful[fresh->doubtful_count++] = i;
+            added->low_confidence[added->low_confidence_count++] = i;
     for (i = 0; i < player->params.curve_count; i++)
-        fresh->value[i] = frame->value != NULL ? frame->value[i] : (double)NAN;
+        added->value[i] = frame->value != NULL ? frame->value[i] : (double)NAN;
     return !failed;
 }
 
+/* Frees a frame that is not kept. */
 static void drop_frame(cairn_report_player *player, int32_t index)
 {
     player->pose_count -= player->frame[index].pose_count;
     free_frame(&player->frame[index]);
 }
 
-/* Drops every second frame until few enough are left; the first and the last one stay. */
-static void thin_out(cairn_report_player *player)
+/* Drops every second frame until the limits hold. The first and the last frame are kept. */
+static void drop_excess_frames(cairn_report_player *player)
 {
     while (player->frame_count > 2 && (player->frame_count > player->params.frames_most ||
                                        player->pose_count > player->params.poses_most)) {
@@ -294,29 +298,29 @@ static void thin_out(cairn_report_player *player)
 cairn_status cairn_report_player_add_frame(cairn_report_player *player,
                                            const cairn_report_frame *frame)
 {
-    cairn_player_frame fresh;
+    cairn_player_frame added;
     cairn_status status =
         player != NULL && frame != NULL ? check_frame(player, frame) : CAIRN_BAD_ARGUMENT;
 
     if (status != CAIRN_OK)
         return status;
-    if (!copy_frame(&fresh, player, frame) ||
-        !grow((void **)&player->frame, player->frame_count, &player->frame_room, sizeof fresh)) {
-        free_frame(&fresh);
+    if (!copy_frame(&added, player, frame) || !grow((void **)&player->frame, player->frame_count,
+                                                    &player->frame_capacity, sizeof added)) {
+        free_frame(&added);
         return CAIRN_NO_MEMORY;
     }
-    /* The last frame was kept for being the last. */
+    /* The previous last frame was kept only because it was the last. */
     if (player->frame_count > 0 &&
         player->frame[player->frame_count - 1].ordinal % player->stride != 0)
         drop_frame(player, --player->frame_count);
-    player->frame[player->frame_count++] = fresh;
-    player->pose_count += fresh.pose_count;
+    player->frame[player->frame_count++] = added;
+    player->pose_count += added.pose_count;
     player->ordinals++;
-    thin_out(player);
+    drop_excess_frames(player);
     return CAIRN_OK;
 }
 
-/* ---- links and grid ---- */
+/* ---- Links and grid ---- */
 
 cairn_status cairn_report_player_add_link(cairn_report_player *player, int32_t a, int32_t b,
                                           int32_t accepted)
@@ -325,7 +329,8 @@ cairn_status cairn_report_player_add_link(cairn_report_player *player, int32_t a
 
     if (player == NULL || a < 0 || b < 0 || a >= player->scan_count || b >= player->scan_count)
         return CAIRN_BAD_ARGUMENT;
-    if (!grow((void **)&player->link, player->link_count, &player->link_room, sizeof *player->link))
+    if (!grow((void **)&player->link, player->link_count, &player->link_capacity,
+              sizeof *player->link))
         return CAIRN_NO_MEMORY;
     link = &player->link[player->link_count++];
     link->ordinal = player->ordinals;
@@ -344,7 +349,7 @@ cairn_status cairn_report_player_set_grid(cairn_report_player *player,
     cairn_status status;
 
     if (player == NULL || grid == NULL || grid->pixel == NULL || grid->width < 1 ||
-        grid->height < 1 || !(grid->resolution > 0) || !(grid->resolution <= COORDINATE_MOST))
+        grid->height < 1 || !(grid->resolution > 0) || !(grid->resolution <= MAX_COORDINATE))
         return CAIRN_BAD_ARGUMENT;
     if (!cairn_pose_is_finite(grid->origin))
         return CAIRN_NOT_FINITE;

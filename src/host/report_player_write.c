@@ -1,21 +1,21 @@
-/* The player's page from its record.
+/* Writing of a player's page: the recorded data as JSON within the page of report_player.html.
  *
- * Numbers that come in thousands stand as streams: whole numbers of 7 bits a byte, the lowest
- * first, in base 64; signed n as 2 n, or -2 n - 1 below 0. What moves little from one to the next
- * (poses from frame to frame, points along a scan) stands as differences, of which most take one
- * byte. report_player.html reads them.
+ * Format: large arrays are streams of integers in base 64. An integer is a base-128 varint (7 bits
+ * a byte, lowest first, as LEB128). A signed n is mapped to 2 n, or to -2 n - 1 below 0 (zigzag).
+ * Slowly varying values (poses from frame to frame, points along a scan) are delta coded, so that
+ * most take one byte.
  *
- *   points, walls   per scan: count, then x, y (ax, ay, bx, by) each as the difference to the last
- *   x, y poses           per frame: count of scans; then runs of scans to leave as they are and of
- *   scans that move, each with the
- *                   differences of x, y, theta to the frame before, of a new scan to the scan
- *                   before marks           per frame: count of doubtful scans, differences of
- *                   their indices; count of regions, differences of x, y; count of forces,
- *                   differences of x, y, then the angle in 1/128 turns and the size in 1/127 of
- *                   the largest of the frame; count of guesses, differences of ax, ay, bx, by,
- *                   strength in 1/127 parts           per frame: count of scans whose part is
- *                   another one than before (none at first); each: difference of its index, part
- *                   + 1 links           count; each: frame, a, b, accepted */
+ *   points, walls  per scan: count; then x, y (ax, ay, bx, by), each relative to the last x, y
+ *   poses          per frame: count of scans; then runs of unchanged and of changed scans; of each
+ *                  changed scan: x, y, theta relative to the previous frame, of a new scan relative
+ *                  to the scan before it
+ *   marks          per frame: count of scans with low confidence, their indices (deltas); count of
+ *                  regions, x, y (deltas); count of forces, x, y (deltas), angle in 1/128 turns and
+ *                  size in 1/127 of the frame's largest; count of hypotheses, ax, ay, bx, by
+ *                  (deltas), strength in 1/127
+ *   parts          per frame: count of scans whose submap has changed (none at first); of each: its
+ *                  index (delta), submap + 1
+ *   links          count; of each: frame, a, b, accepted */
 #include "src/core/build.h"
 
 #include <errno.h>
@@ -27,6 +27,7 @@
 #include "src/host/report_player.h"
 #include "src/host/report_text.h"
 
+/* Quantization of coordinates and angles. */
 #define POSE_UNIT  1e-4 /* m */
 #define TURN_UNIT  1e-5 /* rad */
 #define POINT_UNIT 2e-3 /* m */
@@ -34,129 +35,135 @@
 #define TURN_PARTS 128
 #define SIZE_PARTS 127
 
-/* ---- streams ---- */
+/* ---- Streams ---- */
 
-typedef struct stream {
+/* A growing array of bytes on the heap. */
+typedef struct byte_stream {
     uint8_t *bytes;
-    size_t count, room;
-    int failed;
-} stream;
+    size_t count, capacity;
+    int failed; /* 1: out of memory */
+} byte_stream;
 
-static void put(stream *s, uint64_t whole)
+/* Appends an unsigned integer as a varint. */
+static void put_unsigned(byte_stream *stream, uint64_t whole)
 {
-    if (s->failed)
+    if (stream->failed)
         return;
-    if (s->count + 10 > s->room) {
-        size_t room = 2 * s->room + 1024;
-        uint8_t *grown = realloc(s->bytes, room);
+    if (stream->count + 10 > stream->capacity) {
+        size_t capacity = 2 * stream->capacity + 1024;
+        uint8_t *grown = realloc(stream->bytes, capacity);
 
         if (grown == NULL) {
-            s->failed = 1;
+            stream->failed = 1;
             return;
         }
-        s->bytes = grown;
-        s->room = room;
+        stream->bytes = grown;
+        stream->capacity = capacity;
     }
     for (; whole > 127; whole >>= 7)
-        s->bytes[s->count++] = (uint8_t)(whole | 128);
-    s->bytes[s->count++] = (uint8_t)whole;
+        stream->bytes[stream->count++] = (uint8_t)(whole | 128);
+    stream->bytes[stream->count++] = (uint8_t)whole;
 }
 
-static void put_signed(stream *s, int64_t value)
+/* Appends a signed integer, zigzag coded. */
+static void put_signed(byte_stream *stream, int64_t value)
 {
-    put(s, value >= 0 ? 2 * (uint64_t)value : 2 * (uint64_t)(-(value + 1)) + 1);
+    put_unsigned(stream, value >= 0 ? 2 * (uint64_t)value : 2 * (uint64_t)(-(value + 1)) + 1);
 }
 
-/* A coordinate in units. */
-static int64_t units_of(cairn_real value, double unit)
+/* Quantizes a coordinate to integer units. */
+static int64_t quantize(cairn_real value, double unit)
 {
     return (int64_t)rint((double)value / unit);
 }
 
-/* The place of the last point, in units. */
-typedef struct place {
+/* The last point, in units. */
+typedef struct quantized_point {
     int64_t x, y;
-} place;
+} quantized_point;
 
-static void put_point(stream *s, place *last, cairn_vec2 p, double unit)
+/* Appends a point relative to the last one. */
+static void put_point(byte_stream *stream, quantized_point *last, cairn_vec2 point, double unit)
 {
-    place now;
+    quantized_point current;
 
-    now.x = units_of(p.x, unit);
-    now.y = units_of(p.y, unit);
-    put_signed(s, now.x - last->x);
-    put_signed(s, now.y - last->y);
-    *last = now;
+    current.x = quantize(point.x, unit);
+    current.y = quantize(point.y, unit);
+    put_signed(stream, current.x - last->x);
+    put_signed(stream, current.y - last->y);
+    *last = current;
 }
 
-/* Multiples of `every` among first ... first + count - 1. */
-static int64_t multiples(int64_t first, int64_t count, int64_t every)
+/* Returns the number of multiples of `stride` among first ... first + count - 1. */
+static int64_t multiples(int64_t first, int64_t count, int64_t stride)
 {
-    return (first + count + every - 1) / every - (first + every - 1) / every;
+    return (first + count + stride - 1) / stride - (first + stride - 1) / stride;
 }
 
-static stream points_of(const cairn_report_player *player, int64_t every)
+static byte_stream points_of(const cairn_report_player *player, int64_t stride)
 {
-    stream s = {NULL, 0, 0, 0};
-    int64_t at = 0;
+    byte_stream stream = {NULL, 0, 0, 0};
+    int64_t index = 0;
     int32_t i, k;
 
     for (i = 0; i < player->scan_count; i++) {
         const cairn_player_scan *scan = &player->scan[i];
-        place last = {0, 0};
+        quantized_point last = {0, 0};
 
-        put(&s, (uint64_t)multiples(at, scan->point_count, every));
-        for (k = 0; k < scan->point_count; k++, at++)
-            if (at % every == 0)
-                put_point(&s, &last, scan->point[k], POINT_UNIT);
+        put_unsigned(&stream, (uint64_t)multiples(index, scan->point_count, stride));
+        for (k = 0; k < scan->point_count; k++, index++)
+            if (index % stride == 0)
+                put_point(&stream, &last, scan->point[k], POINT_UNIT);
     }
-    return s;
+    return stream;
 }
 
-static stream walls_of(const cairn_report_player *player, int64_t every)
+static byte_stream walls_of(const cairn_report_player *player, int64_t stride)
 {
-    stream s = {NULL, 0, 0, 0};
-    int64_t at = 0;
+    byte_stream stream = {NULL, 0, 0, 0};
+    int64_t index = 0;
     int32_t i, k;
 
     for (i = 0; i < player->scan_count; i++) {
         const cairn_player_scan *scan = &player->scan[i];
-        place last = {0, 0};
+        quantized_point last = {0, 0};
 
-        put(&s, (uint64_t)multiples(at, scan->segment_count, every));
-        for (k = 0; k < scan->segment_count; k++, at++) {
-            if (at % every != 0)
+        put_unsigned(&stream, (uint64_t)multiples(index, scan->segment_count, stride));
+        for (k = 0; k < scan->segment_count; k++, index++) {
+            if (index % stride != 0)
                 continue;
-            put_point(&s, &last, scan->segment[k].a, POINT_UNIT);
-            put_point(&s, &last, scan->segment[k].b, POINT_UNIT);
+            put_point(&stream, &last, scan->segment[k].a, POINT_UNIT);
+            put_point(&stream, &last, scan->segment[k].b, POINT_UNIT);
         }
     }
-    return s;
+    return stream;
 }
 
-/* A pose in units. */
-typedef struct unit_pose {
-    int64_t part[3];
-} unit_pose;
+/* A quantized pose: x, y, theta in units. */
+typedef struct quantized_pose {
+    int64_t value[3];
+} quantized_pose;
 
-static unit_pose pose_in_units(cairn_pose pose)
+/* Quantizes a pose. */
+static quantized_pose quantize_pose(cairn_pose pose)
 {
-    unit_pose u;
+    quantized_pose quantized;
 
-    u.part[0] = units_of(pose.x, POSE_UNIT);
-    u.part[1] = units_of(pose.y, POSE_UNIT);
-    u.part[2] = units_of(pose.theta, TURN_UNIT);
-    return u;
+    quantized.value[0] = quantize(pose.x, POSE_UNIT);
+    quantized.value[1] = quantize(pose.y, POSE_UNIT);
+    quantized.value[2] = quantize(pose.theta, TURN_UNIT);
+    return quantized;
 }
 
-/* Scans from i on that have (same 1) or have not (same 0) the poses that the page knows. */
-static int32_t run_of(const cairn_player_frame *frame, const unit_pose *known, int32_t known_count,
-                      int32_t i, int same)
+/* Returns the length of the run of scans from i on with unchanged (same 1) or changed (same 0)
+ * poses. */
+static int32_t run_length(const cairn_player_frame *frame, const quantized_pose *known,
+                          int32_t known_count, int32_t i, int same)
 {
     int32_t first = i;
 
     for (; i < frame->pose_count; i++) {
-        unit_pose now = pose_in_units(frame->pose[i]);
+        quantized_pose now = quantize_pose(frame->pose[i]);
 
         if ((i < known_count && memcmp(&now, &known[i], sizeof now) == 0) != same)
             break;
@@ -164,140 +171,144 @@ static int32_t run_of(const cairn_player_frame *frame, const unit_pose *known, i
     return i - first;
 }
 
-static void put_poses(stream *s, const cairn_player_frame *frame, unit_pose *known,
+/* Appends the poses of a frame as runs of unchanged and changed scans, and updates `known`. */
+static void put_poses(byte_stream *stream, const cairn_player_frame *frame, quantized_pose *known,
                       int32_t known_count)
 {
-    int32_t i = 0, left, c;
+    int32_t i = 0, run, c;
 
-    put(s, (uint64_t)frame->pose_count);
+    put_unsigned(stream, (uint64_t)frame->pose_count);
     while (i < frame->pose_count) {
-        left = run_of(frame, known, known_count, i, 1);
-        put(s, (uint64_t)left);
-        i += left;
-        left = run_of(frame, known, known_count, i, 0);
-        put(s, (uint64_t)left);
-        for (; left > 0; left--, i++) {
-            unit_pose now = pose_in_units(frame->pose[i]), base = {{0, 0, 0}};
+        run = run_length(frame, known, known_count, i, 1);
+        put_unsigned(stream, (uint64_t)run);
+        i += run;
+        run = run_length(frame, known, known_count, i, 0);
+        put_unsigned(stream, (uint64_t)run);
+        for (; run > 0; run--, i++) {
+            quantized_pose now = quantize_pose(frame->pose[i]), base = {{0, 0, 0}};
 
             if (i < known_count || i > 0)
                 base = known[i < known_count ? i : i - 1];
             for (c = 0; c < 3; c++)
-                put_signed(s, now.part[c] - base.part[c]);
+                put_signed(stream, now.value[c] - base.value[c]);
             known[i] = now;
         }
     }
 }
 
-static stream poses_of(const cairn_report_player *player)
+static byte_stream poses_of(const cairn_report_player *player)
 {
-    stream s = {NULL, 0, 0, 0};
-    unit_pose *known = malloc(((size_t)player->scan_count + 1) * sizeof *known);
+    byte_stream stream = {NULL, 0, 0, 0};
+    quantized_pose *known = malloc(((size_t)player->scan_count + 1) * sizeof *known);
     int32_t known_count = 0, i;
 
-    s.failed = known == NULL;
-    for (i = 0; i < player->frame_count && !s.failed; i++) {
-        put_poses(&s, &player->frame[i], known, known_count);
+    stream.failed = known == NULL;
+    for (i = 0; i < player->frame_count && !stream.failed; i++) {
+        put_poses(&stream, &player->frame[i], known, known_count);
         known_count = player->frame[i].pose_count;
     }
     free(known);
-    return s;
+    return stream;
 }
 
-static void put_doubtful(stream *s, const cairn_player_frame *frame)
+static void put_low_confidence(byte_stream *stream, const cairn_player_frame *frame)
 {
-    int32_t before = 0, i;
+    int32_t previous = 0, i;
 
-    put(s, (uint64_t)frame->doubtful_count);
-    for (i = 0; i < frame->doubtful_count; i++) {
-        put(s, (uint64_t)(frame->doubtful[i] - before));
-        before = frame->doubtful[i];
+    put_unsigned(stream, (uint64_t)frame->low_confidence_count);
+    for (i = 0; i < frame->low_confidence_count; i++) {
+        put_unsigned(stream, (uint64_t)(frame->low_confidence[i] - previous));
+        previous = frame->low_confidence[i];
     }
 }
 
-static void put_regions(stream *s, const cairn_player_frame *frame, int64_t every)
+static void put_regions(byte_stream *stream, const cairn_player_frame *frame, int64_t stride)
 {
-    place last = {0, 0};
+    quantized_point last = {0, 0};
     int32_t i;
 
-    put(s, (uint64_t)multiples(0, frame->region_count, every));
+    put_unsigned(stream, (uint64_t)multiples(0, frame->region_count, stride));
     for (i = 0; i < frame->region_count; i++)
-        if (i % every == 0)
-            put_point(s, &last, frame->region[i], MARK_UNIT);
+        if (i % stride == 0)
+            put_point(stream, &last, frame->region[i], MARK_UNIT);
 }
 
-static double size_of(cairn_vec2 v)
+static double size_of(cairn_vec2 vector)
 {
-    return sqrt((double)v.x * (double)v.x + (double)v.y * (double)v.y);
+    return sqrt((double)vector.x * (double)vector.x + (double)vector.y * (double)vector.y);
 }
 
-static void put_forces(stream *s, const cairn_player_frame *frame, int64_t every)
+/* Appends the forces of a frame, angle and size quantized. */
+static void put_forces(byte_stream *stream, const cairn_player_frame *frame, int64_t stride)
 {
     double largest = 0;
-    place last = {0, 0};
+    quantized_point last = {0, 0};
     int32_t i;
 
     for (i = 0; i < frame->force_count; i++)
         largest = fmax(largest, size_of(frame->force[i].force));
-    put(s, (uint64_t)multiples(0, frame->force_count, every));
+    put_unsigned(stream, (uint64_t)multiples(0, frame->force_count, stride));
     for (i = 0; i < frame->force_count; i++) {
         cairn_vec2 force = frame->force[i].force;
         double turns = atan2((double)force.y, (double)force.x) / (2 * (double)CAIRN_PI);
 
-        if (i % every != 0)
+        if (i % stride != 0)
             continue;
-        put_point(s, &last, frame->force[i].at, MARK_UNIT);
-        put(s, (uint64_t)((int32_t)rint((turns + 1) * TURN_PARTS) % TURN_PARTS));
-        put(s, (uint64_t)rint(largest > 0 ? size_of(force) / largest * SIZE_PARTS : 0));
+        put_point(stream, &last, frame->force[i].at, MARK_UNIT);
+        put_unsigned(stream, (uint64_t)((int32_t)rint((turns + 1) * TURN_PARTS) % TURN_PARTS));
+        put_unsigned(stream,
+                     (uint64_t)rint(largest > 0 ? size_of(force) / largest * SIZE_PARTS : 0));
     }
 }
 
-static void put_guesses(stream *s, const cairn_player_frame *frame, int64_t every)
+static void put_hypotheses(byte_stream *stream, const cairn_player_frame *frame, int64_t stride)
 {
-    place last = {0, 0};
+    quantized_point last = {0, 0};
     int32_t i;
 
-    put(s, (uint64_t)multiples(0, frame->guess_count, every));
-    for (i = 0; i < frame->guess_count; i++) {
-        const cairn_report_guess *guess = &frame->guess[i];
+    put_unsigned(stream, (uint64_t)multiples(0, frame->hypothesis_count, stride));
+    for (i = 0; i < frame->hypothesis_count; i++) {
+        const cairn_report_guess *hypothesis = &frame->hypothesis[i];
 
-        if (i % every != 0)
+        if (i % stride != 0)
             continue;
-        put_point(s, &last, guess->segment.a, MARK_UNIT);
-        put_point(s, &last, guess->segment.b, MARK_UNIT);
-        put(s, (uint64_t)rint((double)guess->strength * SIZE_PARTS));
+        put_point(stream, &last, hypothesis->segment.a, MARK_UNIT);
+        put_point(stream, &last, hypothesis->segment.b, MARK_UNIT);
+        put_unsigned(stream, (uint64_t)rint((double)hypothesis->strength * SIZE_PARTS));
     }
 }
 
-/* Every how many-th of what there is in abundance stands on the page. */
-typedef struct thinning {
-    int64_t points, walls, regions, forces, guesses; /* in all */
-    int64_t every_point, every_wall, every_region, every_force, every_guess;
-} thinning;
+/* Subsampling factors of the arrays that are too large: each n-th element is written. */
+typedef struct subsampling {
+    int64_t points, walls, regions, forces, hypotheses; /* total counts */
+    int64_t point_stride, wall_stride, region_stride, force_stride, hypothesis_stride;
+} subsampling;
 
-static stream marks_of(const cairn_report_player *player, const thinning *t)
+static byte_stream marks_of(const cairn_report_player *player, const subsampling *factors)
 {
-    stream s = {NULL, 0, 0, 0};
+    byte_stream stream = {NULL, 0, 0, 0};
     int32_t i;
 
     for (i = 0; i < player->frame_count; i++) {
-        put_doubtful(&s, &player->frame[i]);
-        put_regions(&s, &player->frame[i], t->every_region);
-        put_forces(&s, &player->frame[i], t->every_force);
-        put_guesses(&s, &player->frame[i], t->every_guess);
+        put_low_confidence(&stream, &player->frame[i]);
+        put_regions(&stream, &player->frame[i], factors->region_stride);
+        put_forces(&stream, &player->frame[i], factors->force_stride);
+        put_hypotheses(&stream, &player->frame[i], factors->hypothesis_stride);
     }
-    return s;
+    return stream;
 }
 
-static int32_t part_of(const cairn_player_frame *frame, int32_t scan)
+static int32_t submap_of(const cairn_player_frame *frame, int32_t scan)
 {
-    return frame->part != NULL && scan < frame->pose_count ? frame->part[scan] : -1;
+    return frame->submap != NULL && scan < frame->pose_count ? frame->submap[scan] : -1;
 }
 
-static stream parts_of(const cairn_report_player *player)
+/* Encodes the changes of the scans' submaps from frame to frame. */
+static byte_stream submaps_of(const cairn_report_player *player)
 {
     cairn_player_frame none;
-    const cairn_player_frame *before = &none;
-    stream s = {NULL, 0, 0, 0};
+    const cairn_player_frame *previous = &none;
+    byte_stream stream = {NULL, 0, 0, 0};
     int32_t f, i;
 
     memset(&none, 0, sizeof none);
@@ -306,22 +317,22 @@ static stream parts_of(const cairn_report_player *player)
         int32_t changes = 0, last = 0;
 
         for (i = 0; i < player->scan_count; i++)
-            changes += part_of(frame, i) != part_of(before, i);
-        put(&s, (uint64_t)changes);
+            changes += submap_of(frame, i) != submap_of(previous, i);
+        put_unsigned(&stream, (uint64_t)changes);
         for (i = 0; i < player->scan_count && changes > 0; i++) {
-            if (part_of(frame, i) == part_of(before, i))
+            if (submap_of(frame, i) == submap_of(previous, i))
                 continue;
-            put(&s, (uint64_t)(i - last));
-            put(&s, (uint64_t)(part_of(frame, i) + 1));
+            put_unsigned(&stream, (uint64_t)(i - last));
+            put_unsigned(&stream, (uint64_t)(submap_of(frame, i) + 1));
             last = i;
         }
-        before = frame;
+        previous = frame;
     }
-    return s;
+    return stream;
 }
 
-/* The first kept frame that is not before an ordinal. */
-static int32_t kept_from(const cairn_report_player *player, int64_t ordinal)
+/* Returns the first kept frame with an ordinal not below the given one. */
+static int32_t first_kept_frame(const cairn_report_player *player, int64_t ordinal)
 {
     int32_t i = 0;
 
@@ -330,52 +341,53 @@ static int32_t kept_from(const cairn_report_player *player, int64_t ordinal)
     return i;
 }
 
-static stream links_of(const cairn_report_player *player)
+static byte_stream links_of(const cairn_report_player *player)
 {
-    stream s = {NULL, 0, 0, 0};
+    byte_stream stream = {NULL, 0, 0, 0};
     int32_t i;
 
-    put(&s, (uint64_t)player->link_count);
+    put_unsigned(&stream, (uint64_t)player->link_count);
     for (i = 0; i < player->link_count; i++) {
-        put(&s, (uint64_t)kept_from(player, player->link[i].ordinal));
-        put(&s, (uint64_t)player->link[i].a);
-        put(&s, (uint64_t)player->link[i].b);
-        put(&s, (uint64_t)player->link[i].accepted);
+        put_unsigned(&stream, (uint64_t)first_kept_frame(player, player->link[i].ordinal));
+        put_unsigned(&stream, (uint64_t)player->link[i].a);
+        put_unsigned(&stream, (uint64_t)player->link[i].b);
+        put_unsigned(&stream, (uint64_t)player->link[i].accepted);
     }
-    return s;
+    return stream;
 }
 
-/* ---- thinning ---- */
+/* ---- Subsampling ---- */
 
-static int64_t every_of(int64_t count, int64_t most)
+static int64_t stride_for(int64_t count, int64_t maximum)
 {
-    return count > most ? (count + most - 1) / most : 1;
+    return count > maximum ? (count + maximum - 1) / maximum : 1;
 }
 
-static thinning thinning_of(const cairn_report_player *player)
+/* Computes the subsampling factors from the limits of the player. */
+static subsampling find_subsampling(const cairn_report_player *player)
 {
-    thinning t;
+    subsampling factors;
     int32_t i;
 
-    memset(&t, 0, sizeof t);
+    memset(&factors, 0, sizeof factors);
     for (i = 0; i < player->scan_count; i++) {
-        t.points += player->scan[i].point_count;
-        t.walls += player->scan[i].segment_count;
+        factors.points += player->scan[i].point_count;
+        factors.walls += player->scan[i].segment_count;
     }
     for (i = 0; i < player->frame_count; i++) {
-        t.regions += player->frame[i].region_count;
-        t.forces += player->frame[i].force_count;
-        t.guesses += player->frame[i].guess_count;
+        factors.regions += player->frame[i].region_count;
+        factors.forces += player->frame[i].force_count;
+        factors.hypotheses += player->frame[i].hypothesis_count;
     }
-    t.every_point = every_of(t.points, player->params.points_most);
-    t.every_wall = every_of(t.walls, player->params.points_most);
-    t.every_region = every_of(t.regions, player->params.forces_most);
-    t.every_force = every_of(t.forces, player->params.forces_most);
-    t.every_guess = every_of(t.guesses, player->params.forces_most);
-    return t;
+    factors.point_stride = stride_for(factors.points, player->params.points_most);
+    factors.wall_stride = stride_for(factors.walls, player->params.points_most);
+    factors.region_stride = stride_for(factors.regions, player->params.forces_most);
+    factors.force_stride = stride_for(factors.forces, player->params.forces_most);
+    factors.hypothesis_stride = stride_for(factors.hypotheses, player->params.forces_most);
+    return factors;
 }
 
-/* ---- the page ---- */
+/* ---- The page ---- */
 
 static const char *ordinal_end(int64_t n)
 {
@@ -386,16 +398,18 @@ static const char *ordinal_end(int64_t n)
                              : "th";
 }
 
-/* "every 3rd of 1234 points is shown" as one more of the notes. */
-static void print_note(cairn_output *output, int *notes, int64_t every, int64_t count,
+/* Prints a note such as "Every 3rd of 1234 points is shown." */
+static void print_note(cairn_output *output, int *notes, int64_t stride, int64_t count,
                        const char *what)
 {
-    if (every > 1)
+    if (stride > 1)
         cairn_output_print(output, "%s\"Every %" PRId64 "%s of %" PRId64 " %s is shown.\"",
-                           (*notes)++ > 0 ? "," : "", every, ordinal_end(every), count, what);
+                           (*notes)++ > 0 ? "," : "", stride, ordinal_end(stride), count, what);
 }
 
-static void print_notes(cairn_output *output, const cairn_report_player *player, const thinning *t)
+/* Prints the notes about subsampled data. */
+static void print_notes(cairn_output *output, const cairn_report_player *player,
+                        const subsampling *factors)
 {
     int64_t kept = player->frame_count;
     int notes = 0;
@@ -407,11 +421,12 @@ static void print_notes(cairn_output *output, const cairn_report_player *player,
                            "%s and the last.\"",
                            kept, player->ordinals, player->stride, ordinal_end(player->stride));
     notes = kept < player->ordinals;
-    print_note(output, &notes, t->every_point, t->points, "points");
-    print_note(output, &notes, t->every_wall, t->walls, "walls");
-    print_note(output, &notes, t->every_force, t->forces, "forces");
-    print_note(output, &notes, t->every_region, t->regions, "regions");
-    print_note(output, &notes, t->every_guess, t->guesses, "hypotheses' sides");
+    print_note(output, &notes, factors->point_stride, factors->points, "points");
+    print_note(output, &notes, factors->wall_stride, factors->walls, "walls");
+    print_note(output, &notes, factors->force_stride, factors->forces, "forces");
+    print_note(output, &notes, factors->region_stride, factors->regions, "regions");
+    print_note(output, &notes, factors->hypothesis_stride, factors->hypotheses,
+               "hypotheses' sides");
     cairn_output_print(output, "]");
 }
 
@@ -455,15 +470,15 @@ static void print_frames(cairn_output *output, const cairn_report_player *player
     cairn_output_print(output, "]");
 }
 
-/* Frees the stream; 0 when it is not whole. */
-static int print_stream(cairn_output *output, const char *name, stream s)
+/* Prints and frees a stream; 0: it is incomplete. */
+static int print_stream(cairn_output *output, const char *name, byte_stream stream)
 {
     cairn_output_print(output, ",\n\"%s\":\"", name);
-    if (!s.failed)
-        cairn_report_print_base64(output, s.bytes, s.count);
+    if (!stream.failed)
+        cairn_report_print_base64(output, stream.bytes, stream.count);
     cairn_output_print(output, "\"");
-    free(s.bytes);
-    return !s.failed;
+    free(stream.bytes);
+    return !stream.failed;
 }
 
 static void print_grid(cairn_output *output, const cairn_report_player *player)
@@ -484,12 +499,12 @@ static void print_grid(cairn_output *output, const cairn_report_player *player)
     cairn_output_print(output, "\"}");
 }
 
-/* 0: no memory. */
+/* Prints the data of the page; 0: out of memory. */
 static int print_data(cairn_output *output, const cairn_report_player *player)
 {
-    thinning t = thinning_of(player);
+    subsampling factors = find_subsampling(player);
     int32_t i;
-    int whole;
+    int complete;
 
     cairn_output_print(output, "{\"title\":");
     cairn_report_print_json(output, player->params.title);
@@ -506,18 +521,18 @@ static int print_data(cairn_output *output, const cairn_report_player *player)
     for (i = 0; i < player->scan_count; i++)
         cairn_output_print(output, "%s%" PRId64, i > 0 ? "," : "", player->scan[i].index);
     cairn_output_print(output, "]");
-    print_notes(output, player, &t);
+    print_notes(output, player, &factors);
     print_curves(output, player);
     print_frames(output, player);
-    whole = print_stream(output, "points", points_of(player, t.every_point));
-    whole &= print_stream(output, "walls", walls_of(player, t.every_wall));
-    whole &= print_stream(output, "poses", poses_of(player));
-    whole &= print_stream(output, "marks", marks_of(player, &t));
-    whole &= print_stream(output, "parts", parts_of(player));
-    whole &= print_stream(output, "links", links_of(player));
+    complete = print_stream(output, "points", points_of(player, factors.point_stride));
+    complete &= print_stream(output, "walls", walls_of(player, factors.wall_stride));
+    complete &= print_stream(output, "poses", poses_of(player));
+    complete &= print_stream(output, "marks", marks_of(player, &factors));
+    complete &= print_stream(output, "parts", submaps_of(player));
+    complete &= print_stream(output, "links", links_of(player));
     print_grid(output, player);
     cairn_output_print(output, "}\n");
-    return whole;
+    return complete;
 }
 
 cairn_status cairn_report_player_write(const cairn_report_player *player, const char *path,
@@ -526,7 +541,7 @@ cairn_status cairn_report_player_write(const cairn_report_player *player, const 
     cairn_output *output;
     cairn_status status;
     int32_t i;
-    int whole = 1;
+    int complete = 1;
 
     if (player->frame_count == 0)
         return cairn_file_error_set(error, CAIRN_EMPTY, path, 0,
@@ -534,17 +549,17 @@ cairn_status cairn_report_player_write(const cairn_report_player *player, const 
     status = cairn_output_open(&output, path, error);
     if (status != CAIRN_OK)
         return status;
-    for (i = 0; cairn_report_player_page[i] != NULL && whole; i++) {
+    for (i = 0; cairn_report_player_page[i] != NULL && complete; i++) {
         const char *line = cairn_report_player_page[i];
 
         if (strcmp(line, "@title@\n") == 0)
             cairn_report_print_escaped(output, player->params.title);
         else if (strcmp(line, "@data@\n") == 0)
-            whole = print_data(output, player);
+            complete = print_data(output, player);
         else
             cairn_output_bytes(output, line, strlen(line));
     }
-    if (!whole) {
+    if (!complete) {
         cairn_output_discard(output);
         return cairn_file_error_system(error, path, "write", ENOMEM);
     }

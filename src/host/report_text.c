@@ -1,4 +1,4 @@
-/* Texts and bytes as pictures and pages hold them. */
+/* Text and binary data within SVG and HTML. */
 #include "src/core/build.h"
 
 #include "cairn/json_text.h"
@@ -28,11 +28,11 @@ void cairn_report_print_escaped(cairn_output *output, const char *text)
 
 void cairn_report_print_json(cairn_output *output, const char *text)
 {
-    char form[CAIRN_JSON_CHARACTER_BYTES];
+    char escaped[CAIRN_JSON_CHARACTER_BYTES];
 
     cairn_output_bytes(output, "\"", 1);
     while (*text != 0)
-        cairn_output_bytes(output, form, cairn_json_character(&text, form));
+        cairn_output_bytes(output, escaped, cairn_json_character(&text, escaped));
     cairn_output_bytes(output, "\"", 1);
 }
 
@@ -53,7 +53,7 @@ void cairn_report_print_keys(cairn_output *output, double y, double step,
         cairn_output_print(output, "<path %s stroke-width=\"3\" d=\"M%.1f %.1fh22\"/>\n",
                            keys[i].style, x, y - 4);
         cairn_report_print_text(output, x + 30, y, "font-size=\"13\" fill=\"#334155\"",
-                                keys[i].words);
+                                keys[i].text);
     }
 }
 
@@ -84,13 +84,13 @@ void cairn_report_print_head(cairn_output *output, double width, double height, 
                                 "font-size=\"13\" fill=\"#64748b\"", subtitle);
 }
 
-double cairn_report_round_down(double most)
+double cairn_report_round_down(double maximum)
 {
     double power = 1e-9;
 
-    while (power * 10 <= most)
+    while (power * 10 <= maximum)
         power *= 10;
-    return power * 5 <= most ? power * 5 : power * 2 <= most ? power * 2 : power;
+    return power * 5 <= maximum ? power * 5 : power * 2 <= maximum ? power * 2 : power;
 }
 
 void cairn_report_print_base64(cairn_output *output, const uint8_t *bytes, size_t count)

@@ -1,4 +1,4 @@
-/* report_text: texts and bytes as pictures and pages hold them. Internal to the host library. */
+/* report_text: text and binary data within SVG and HTML. Internal to the host library. */
 #ifndef CAIRN_HOST_REPORT_TEXT_H
 #define CAIRN_HOST_REPORT_TEXT_H
 
@@ -7,39 +7,42 @@
 
 #include "cairn/output.h"
 
+/* Margin of a picture, px. */
 #define CAIRN_REPORT_MARGIN 24.0
-/* Text for XML and HTML, in and outside of attributes. Control characters are left out, bytes
- * that are not UTF-8 become U+FFFD. */
+/* Prints text escaped for XML and HTML, inside and outside of attributes. Control characters are
+ * dropped, bytes that are not UTF-8 become U+FFFD. */
 void cairn_report_print_escaped(cairn_output *output, const char *text);
 
-/* Text as a JSON string that may stand within a script element; bytes that are not UTF-8 become
- * U+FFFD. */
+/* Prints text as a JSON string that is safe within a script element; bytes that are not UTF-8
+ * become U+FFFD. */
 void cairn_report_print_json(cairn_output *output, const char *text);
 
-/* An SVG text element; style: its attributes. */
+/* Prints an SVG text element; style: its attributes. */
 void cairn_report_print_text(cairn_output *output, double x, double y, const char *style,
                              const char *text);
 
-/* What a line of a picture means. */
+/* An entry of the legend: a line and its meaning. */
 typedef struct cairn_report_key {
-    const char *words, *style; /* the line's attributes */
+    const char *text, *style; /* text, and attributes of the line */
 } cairn_report_key;
 
-/* Keys side by side, each so far from the one before. */
+/* Prints a legend: entries side by side, `step` px apart. */
 void cairn_report_print_keys(cairn_output *output, double y, double step,
                              const cairn_report_key *keys, int32_t count);
 
-/* The start of a picture: the svg element, its title and background, title and subtitle as texts
- * (NULL: none). */
+/* Prints the head of a picture: the svg element, its title and background, title and subtitle as
+ * texts (NULL: none). */
 void cairn_report_print_head(cairn_output *output, double width, double height, const char *title,
                              const char *subtitle);
 
-/* The height of what print_head writes, the margin above it included. */
+/* Returns the height of the head in px, with the margin above it. */
 double cairn_report_head_height(const char *title, const char *subtitle);
 
-/* The largest of 1, 2, 5 times a power of ten that is at most so much, which is above 1e-9. */
-double cairn_report_round_down(double most);
+/* Returns the largest of 1, 2 and 5 times a power of ten that is at most `maximum`, which is above
+ * 1e-9. */
+double cairn_report_round_down(double maximum);
 
+/* Prints bytes in base 64. */
 void cairn_report_print_base64(cairn_output *output, const uint8_t *bytes, size_t count);
 
 #endif

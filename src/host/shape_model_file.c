@@ -1,4 +1,4 @@
-/* Models of shapes as text. */
+/* Shape models as text files: a line-oriented parser and a writer. */
 #include "src/core/build.h"
 
 #include <errno.h>
@@ -10,9 +10,11 @@
 #include "cairn/shape_model_file.h"
 #include "src/host/carmen_log_reader.h"
 
-#define HEAD "cairn-shape"
+/* First word of a model file. */
+#define SIGNATURE "cairn-shape"
 
-enum { VERSION = 1, OUTLINE_NUMBERS = 4, SAMPLE_NUMBERS = 14, NUMBERS_MOST = 16 };
+/* Numbers of a line of the outline, of a path, and of any line. */
+enum { VERSION = 1, OUTLINE_NUMBERS = 4, SAMPLE_NUMBERS = 14, MAX_NUMBERS = 16 };
 
 void cairn_shape_model_file_free(cairn_shape_model_file *file)
 {
@@ -22,16 +24,16 @@ void cairn_shape_model_file_free(cairn_shape_model_file *file)
     memset(file, 0, sizeof *file);
 }
 
-/* Room for all; 0: there is no memory. */
-static int allocate(cairn_shape_model_file *f, size_t samples, size_t outline)
+/* Allocates the arrays of a model; 0: out of memory. */
+static int allocate(cairn_shape_model_file *file, size_t samples, size_t outline)
 {
-    f->samples = calloc(samples, sizeof *f->samples);
-    f->paths = calloc(CAIRN_SHAPE_PATHS, sizeof *f->paths);
-    f->outline = calloc(outline, sizeof *f->outline);
-    f->model.samples = f->samples;
-    f->model.paths = f->paths;
-    f->model.outline = f->outline;
-    return f->samples != NULL && f->paths != NULL && f->outline != NULL;
+    file->samples = calloc(samples, sizeof *file->samples);
+    file->paths = calloc(CAIRN_SHAPE_PATHS, sizeof *file->paths);
+    file->outline = calloc(outline, sizeof *file->outline);
+    file->model.samples = file->samples;
+    file->model.paths = file->paths;
+    file->model.outline = file->outline;
+    return file->samples != NULL && file->paths != NULL && file->outline != NULL;
 }
 
 static cairn_status no_memory(const char *path, const char *what, cairn_file_error *error)
@@ -41,23 +43,25 @@ static cairn_status no_memory(const char *path, const char *what, cairn_file_err
 
 /* ---- From outlines ---- */
 
-cairn_status cairn_shape_model_file_copy(cairn_shape_model_file *f, const cairn_shape_model *m)
+cairn_status cairn_shape_model_file_copy(cairn_shape_model_file *file,
+                                         const cairn_shape_model *model)
 {
-    memset(f, 0, sizeof *f);
-    if (!allocate(f, (size_t)m->sample_count, (size_t)m->outline_count)) {
-        cairn_shape_model_file_free(f);
+    memset(file, 0, sizeof *file);
+    if (!allocate(file, (size_t)model->sample_count, (size_t)model->outline_count)) {
+        cairn_shape_model_file_free(file);
         return CAIRN_NO_MEMORY;
     }
-    memcpy(f->samples, m->samples, (size_t)m->sample_count * sizeof *f->samples);
-    memcpy(f->paths, m->paths, (size_t)m->path_count * sizeof *f->paths);
-    memcpy(f->outline, m->outline, (size_t)m->outline_count * sizeof *f->outline);
-    f->model = *m;
-    f->model.samples = f->samples;
-    f->model.paths = f->paths;
-    f->model.outline = f->outline;
+    memcpy(file->samples, model->samples, (size_t)model->sample_count * sizeof *file->samples);
+    memcpy(file->paths, model->paths, (size_t)model->path_count * sizeof *file->paths);
+    memcpy(file->outline, model->outline, (size_t)model->outline_count * sizeof *file->outline);
+    file->model = *model;
+    file->model.samples = file->samples;
+    file->model.paths = file->paths;
+    file->model.outline = file->outline;
     return CAIRN_OK;
 }
 
+/* Runs the builder to its end. */
 static cairn_status build(cairn_shape_builder *builder, const cairn_curve *outlines, int32_t count)
 {
     cairn_status status = cairn_shape_builder_begin(builder, outlines, count);
@@ -108,275 +112,291 @@ cairn_status cairn_shape_model_file_build(cairn_shape_model_file *file, const ca
 
 /* ---- Reading ---- */
 
+/* State of the parser. */
 typedef struct shape_reader {
     cairn_line_reader *lines;
     const char *path;
     cairn_file_error *error;
-    const char *word; /* the first one of the line, */
+    const char *word; /* the first word of the current line */
     size_t length;
-    double number[NUMBERS_MOST]; /* and the numbers behind it, or all of the line */
+    double number[MAX_NUMBERS]; /* the numbers behind it, or all numbers of the line */
     int32_t count;
-    int64_t *outline_line, *sample_line; /* where each was */
+    int64_t *outline_line, *sample_line; /* lines of the samples and paths */
     int64_t path_line[CAIRN_SHAPE_PATHS];
 } shape_reader;
 
-static int64_t line_of(const shape_reader *r)
+static int64_t line_of(const shape_reader *reader)
 {
-    return cairn_line_reader_number(r->lines);
+    return cairn_line_reader_number(reader->lines);
 }
 
-/* The numbers of a line from `at` on. */
-static cairn_status read_numbers(shape_reader *r, const char *at, const char *end)
+/* Parses the numbers of a line from `at` on. */
+static cairn_status read_numbers(shape_reader *reader, const char *at, const char *end)
 {
     char shown[CAIRN_TOKEN_TEXT_BYTES];
     const char *token;
     size_t length;
 
-    for (r->count = 0; (length = cairn_token_next(&at, end, &token)) > 0; r->count++) {
-        if (r->count == NUMBERS_MOST)
-            return cairn_file_error_set(r->error, CAIRN_BAD_FORMAT, r->path, line_of(r),
-                                        "more than %d numbers, expected one sample", NUMBERS_MOST);
-        if (!cairn_number_read(token, length, &r->number[r->count]))
-            return cairn_file_error_set(r->error, CAIRN_BAD_FORMAT, r->path, line_of(r),
-                                        "%s, expected a number",
+    for (reader->count = 0; (length = cairn_token_next(&at, end, &token)) > 0; reader->count++) {
+        if (reader->count == MAX_NUMBERS)
+            return cairn_file_error_set(reader->error, CAIRN_BAD_FORMAT, reader->path,
+                                        line_of(reader),
+                                        "more than %d numbers, expected one sample", MAX_NUMBERS);
+        if (!cairn_number_read(token, length, &reader->number[reader->count]))
+            return cairn_file_error_set(reader->error, CAIRN_BAD_FORMAT, reader->path,
+                                        line_of(reader), "%s, expected a number",
                                         cairn_token_text(shown, token, length));
     }
     return CAIRN_OK;
 }
 
-/* The next line that says something. CAIRN_EMPTY: there is none. named: it begins with a word. */
-static cairn_status next_line(shape_reader *r, int named)
+/* Reads the next line that is neither blank nor a comment. named: 1: it begins with a word.
+ * CAIRN_EMPTY: the end of the file. */
+static cairn_status next_line(shape_reader *reader, int named)
 {
     const char *line, *at, *end, *comment;
     cairn_status status;
     size_t length;
 
     do {
-        status = cairn_line_reader_next(r->lines, &line, &length, r->error);
+        status = cairn_line_reader_next(reader->lines, &line, &length, reader->error);
         if (status == CAIRN_FULL)
-            return cairn_file_error_set(r->error, CAIRN_BAD_FORMAT, r->path, line_of(r),
-                                        "a line of %zu bytes, expected a model of a shape", length);
+            return cairn_file_error_set(reader->error, CAIRN_BAD_FORMAT, reader->path,
+                                        line_of(reader),
+                                        "a line of %zu bytes, expected a shape model", length);
         if (status != CAIRN_OK)
             return status;
         comment = memchr(line, '#', length);
         end = comment != NULL ? comment : line + length;
         at = line;
-        r->length = cairn_token_next(&at, end, &r->word);
-    } while (r->length == 0);
-    return read_numbers(r, named ? at : line, end);
+        reader->length = cairn_token_next(&at, end, &reader->word);
+    } while (reader->length == 0);
+    return read_numbers(reader, named ? at : line, end);
 }
 
-static cairn_status ended(const shape_reader *r, cairn_status status, const char *wanted)
+/* Turns the end of the file into CAIRN_TRUNCATED. */
+static cairn_status report_end(const shape_reader *reader, cairn_status status,
+                               const char *expected)
 {
     return status != CAIRN_EMPTY
                ? status
-               : cairn_file_error_set(r->error, CAIRN_TRUNCATED, r->path, line_of(r),
-                                      "the file ends, expected %s", wanted);
+               : cairn_file_error_set(reader->error, CAIRN_TRUNCATED, reader->path, line_of(reader),
+                                      "the file ends, expected %s", expected);
 }
 
-static int is_word(const shape_reader *r, const char *word)
+static int is_word(const shape_reader *reader, const char *word)
 {
-    return r->length == strlen(word) && memcmp(r->word, word, r->length) == 0;
+    return reader->length == strlen(word) && memcmp(reader->word, word, reader->length) == 0;
 }
 
-/* The next line, which must begin with a word and have so many numbers. */
-static cairn_status next_named(shape_reader *r, const char *word, int32_t count, const char *wanted)
+/* Reads the next line, which must have a given first word and `count` numbers. */
+static cairn_status next_named(shape_reader *reader, const char *word, int32_t count,
+                               const char *expected)
 {
     char shown[CAIRN_TOKEN_TEXT_BYTES];
-    cairn_status status = next_line(r, 1);
+    cairn_status status = next_line(reader, 1);
 
     if (status != CAIRN_OK)
-        return ended(r, status, wanted);
-    if (!is_word(r, word) || r->count != count)
-        return cairn_file_error_set(
-            r->error, CAIRN_BAD_FORMAT, r->path, line_of(r), "%s and %d numbers, expected %s",
-            cairn_token_text(shown, r->word, r->length), (int)r->count, wanted);
+        return report_end(reader, status, expected);
+    if (!is_word(reader, word) || reader->count != count)
+        return cairn_file_error_set(reader->error, CAIRN_BAD_FORMAT, reader->path, line_of(reader),
+                                    "%s and %d numbers, expected %s",
+                                    cairn_token_text(shown, reader->word, reader->length),
+                                    (int)reader->count, expected);
     return CAIRN_OK;
 }
 
-/* The next line, which must have so many numbers. */
-static cairn_status next_sample(shape_reader *r, int32_t count, const char *wanted)
+/* Reads the next line, which must have `count` numbers. */
+static cairn_status next_sample(shape_reader *reader, int32_t count, const char *expected)
 {
-    cairn_status status = next_line(r, 0);
+    cairn_status status = next_line(reader, 0);
 
     if (status != CAIRN_OK)
-        return ended(r, status, wanted);
-    if (r->count != count)
-        return cairn_file_error_set(r->error, CAIRN_BAD_FORMAT, r->path, line_of(r),
-                                    "%d numbers, expected %s", (int)r->count, wanted);
+        return report_end(reader, status, expected);
+    if (reader->count != count)
+        return cairn_file_error_set(reader->error, CAIRN_BAD_FORMAT, reader->path, line_of(reader),
+                                    "%d numbers, expected %s", (int)reader->count, expected);
     return CAIRN_OK;
 }
 
-/* A whole number from least to most; 0: it is none. */
-static int is_whole(double number, double least, double most)
+/* Returns 1 when a number is an integer from `minimum` to `maximum`. */
+static int is_integer_within(double number, double minimum, double maximum)
 {
-    return number >= least && number <= most && number == (double)(int64_t)number;
+    return number >= minimum && number <= maximum && number == (double)(int64_t)number;
 }
 
-static cairn_oriented_point point_of(const double *n)
+static cairn_oriented_point point_of(const double *number)
 {
-    cairn_oriented_point p = {{(cairn_real)n[0], (cairn_real)n[1]},
-                              {(cairn_real)n[2], (cairn_real)n[3]}};
+    cairn_oriented_point point = {{(cairn_real)number[0], (cairn_real)number[1]},
+                                  {(cairn_real)number[2], (cairn_real)number[3]}};
 
-    return p;
+    return point;
 }
 
-static cairn_status read_head(shape_reader *r, cairn_shape_model *m)
+/* Reads the version, the size and the origin. */
+static cairn_status read_header(shape_reader *reader, cairn_shape_model *model)
 {
-    cairn_status status = next_named(r, HEAD, 1, "\"" HEAD " 1\", the head of a model of a shape");
+    cairn_status status =
+        next_named(reader, SIGNATURE, 1, "\"" SIGNATURE " 1\", the header of a shape model");
 
-    if (status == CAIRN_OK && !(r->number[0] == VERSION))
-        return cairn_file_error_set(r->error, CAIRN_UNSUPPORTED, r->path, line_of(r),
-                                    "version %g, expected %d", r->number[0], VERSION);
+    if (status == CAIRN_OK && !(reader->number[0] == VERSION))
+        return cairn_file_error_set(reader->error, CAIRN_UNSUPPORTED, reader->path, line_of(reader),
+                                    "version %g, expected %d", reader->number[0], VERSION);
     if (status == CAIRN_OK)
-        status = next_named(r, "size", 1, "\"size\" and a number");
-    m->size = (cairn_real)r->number[0];
+        status = next_named(reader, "size", 1, "\"size\" and a number");
+    model->size = (cairn_real)reader->number[0];
     if (status == CAIRN_OK)
-        status = next_named(r, "origin", 2, "\"origin\" and two numbers");
-    m->origin.x = (cairn_real)r->number[0];
-    m->origin.y = (cairn_real)r->number[1];
+        status = next_named(reader, "origin", 2, "\"origin\" and two numbers");
+    model->origin.x = (cairn_real)reader->number[0];
+    model->origin.y = (cairn_real)reader->number[1];
     return status;
 }
 
-static cairn_status read_outline(shape_reader *r, cairn_shape_model_file *f)
+/* Reads the samples of the outline. */
+static cairn_status read_outline(shape_reader *reader, cairn_shape_model_file *file)
 {
-    cairn_status status = next_named(r, "outline", 1, "\"outline\" and the number of its samples");
+    cairn_status status =
+        next_named(reader, "outline", 1, "\"outline\" and the number of its samples");
 
     if (status != CAIRN_OK)
         return status;
-    if (!is_whole(r->number[0], 1, CAIRN_SHAPE_FILE_OUTLINE_MOST))
-        return cairn_file_error_set(r->error, CAIRN_FULL, r->path, line_of(r),
-                                    "%g samples, expected 1 ... %d", r->number[0],
+    if (!is_integer_within(reader->number[0], 1, CAIRN_SHAPE_FILE_OUTLINE_MOST))
+        return cairn_file_error_set(reader->error, CAIRN_FULL, reader->path, line_of(reader),
+                                    "%g samples, expected 1 ... %d", reader->number[0],
                                     CAIRN_SHAPE_FILE_OUTLINE_MOST);
-    f->model.outline_count = (int32_t)r->number[0];
-    for (int32_t i = 0; i < f->model.outline_count && status == CAIRN_OK; i++) {
-        status =
-            next_sample(r, OUTLINE_NUMBERS, "x y and direction x y of a sample of the outline");
-        f->outline[i] = point_of(r->number);
-        r->outline_line[i] = line_of(r);
+    file->model.outline_count = (int32_t)reader->number[0];
+    for (int32_t i = 0; i < file->model.outline_count && status == CAIRN_OK; i++) {
+        status = next_sample(reader, OUTLINE_NUMBERS,
+                             "x y and direction x y of a sample of the outline");
+        file->outline[i] = point_of(reader->number);
+        reader->outline_line[i] = line_of(reader);
     }
     return status;
 }
 
-static void take_sample(const double *n, cairn_shape_sample *s)
+static void set_sample(const double *number, cairn_shape_sample *sample)
 {
-    s->centre.x = (cairn_real)n[0];
-    s->centre.y = (cairn_real)n[1];
-    s->radius = (cairn_real)n[2];
-    s->deviation = (cairn_real)n[3];
+    sample->centre.x = (cairn_real)number[0];
+    sample->centre.y = (cairn_real)number[1];
+    sample->radius = (cairn_real)number[2];
+    sample->deviation = (cairn_real)number[3];
     for (int32_t side = 0; side < 2; side++) {
-        s->side[side] = point_of(&n[4 + 5 * side]);
-        s->share[side] = (cairn_real)n[8 + 5 * side];
+        sample->side[side] = point_of(&number[4 + 5 * side]);
+        sample->share[side] = (cairn_real)number[8 + 5 * side];
     }
 }
 
-/* A path, whose first line has been read. */
-static cairn_status read_path(shape_reader *r, cairn_shape_model_file *f)
+/* Reads a path after its first line. */
+static cairn_status read_path(shape_reader *reader, cairn_shape_model_file *file)
 {
-    cairn_shape_model *m = &f->model;
-    cairn_shape_path *p = &f->paths[m->path_count];
+    cairn_shape_model *model = &file->model;
+    cairn_shape_path *parsed = &file->paths[model->path_count];
     cairn_status status = CAIRN_OK;
 
-    if (m->path_count == CAIRN_SHAPE_PATHS)
-        return cairn_file_error_set(r->error, CAIRN_FULL, r->path, line_of(r),
-                                    "one more path, expected at most %d", CAIRN_SHAPE_PATHS);
-    if (!is_word(r, "path") || r->count != 4 || !is_whole(r->number[0], -1, CAIRN_SHAPE_PATHS) ||
-        !is_whole(r->number[1], -1, CAIRN_SHAPE_FILE_SAMPLES_MOST))
+    if (model->path_count == CAIRN_SHAPE_PATHS)
+        return cairn_file_error_set(reader->error, CAIRN_FULL, reader->path, line_of(reader),
+                                    "too many paths, expected at most %d", CAIRN_SHAPE_PATHS);
+    if (!is_word(reader, "path") || reader->count != 4 ||
+        !is_integer_within(reader->number[0], -1, CAIRN_SHAPE_PATHS) ||
+        !is_integer_within(reader->number[1], -1, CAIRN_SHAPE_FILE_SAMPLES_MOST))
+        return cairn_file_error_set(reader->error, CAIRN_BAD_FORMAT, reader->path, line_of(reader),
+                                    "malformed path, expected \"path\", its parent, the sample "
+                                    "there (-1 -1: none), its share "
+                                    "and the number of its samples");
+    if (!is_integer_within(reader->number[3], 1,
+                           CAIRN_SHAPE_FILE_SAMPLES_MOST - model->sample_count))
         return cairn_file_error_set(
-            r->error, CAIRN_BAD_FORMAT, r->path, line_of(r),
-            "no path, expected \"path\", its parent, the sample there (-1 -1: none), its share "
-            "and the number of its samples");
-    if (!is_whole(r->number[3], 1, CAIRN_SHAPE_FILE_SAMPLES_MOST - m->sample_count))
-        return cairn_file_error_set(
-            r->error, CAIRN_FULL, r->path, line_of(r),
-            "%g samples, expected at least one, and at most %d of all paths", r->number[3],
+            reader->error, CAIRN_FULL, reader->path, line_of(reader),
+            "%g samples, expected at least one, and at most %d of all paths", reader->number[3],
             CAIRN_SHAPE_FILE_SAMPLES_MOST);
-    p->parent = (int32_t)r->number[0];
-    p->branch = (int32_t)r->number[1];
-    p->share = (cairn_real)r->number[2];
-    p->first = m->sample_count;
-    p->count = (int32_t)r->number[3];
-    r->path_line[m->path_count++] = line_of(r);
-    for (int32_t i = 0; i < p->count && status == CAIRN_OK; i++) {
-        status = next_sample(r, SAMPLE_NUMBERS, "the 14 numbers of a sample of a path");
-        r->sample_line[m->sample_count] = line_of(r);
-        take_sample(r->number, &f->samples[m->sample_count++]);
+    parsed->parent = (int32_t)reader->number[0];
+    parsed->branch = (int32_t)reader->number[1];
+    parsed->share = (cairn_real)reader->number[2];
+    parsed->first = model->sample_count;
+    parsed->count = (int32_t)reader->number[3];
+    reader->path_line[model->path_count++] = line_of(reader);
+    for (int32_t i = 0; i < parsed->count && status == CAIRN_OK; i++) {
+        status = next_sample(reader, SAMPLE_NUMBERS, "the 14 numbers of a sample of a path");
+        reader->sample_line[model->sample_count] = line_of(reader);
+        set_sample(reader->number, &file->samples[model->sample_count++]);
     }
     return status;
 }
 
-/* What the library thinks of it; the line of what it names. */
-static cairn_status check(const shape_reader *r, const cairn_shape_model *m)
+/* Validates the model and finds the line of the fault. */
+static cairn_status check(const shape_reader *reader, const cairn_shape_model *model)
 {
     cairn_fault fault = {-1, NULL};
-    cairn_status status = cairn_shape_model_check(m, &fault);
+    cairn_status status = cairn_shape_model_check(model, &fault);
     int64_t line = 0;
 
     if (status == CAIRN_OK)
         return CAIRN_OK;
     if (fault.index >= 0)
-        line = strstr(fault.what, "outline") != NULL ? r->outline_line[fault.index]
-               : strstr(fault.what, "path") != NULL  ? r->path_line[fault.index]
-                                                     : r->sample_line[fault.index];
-    return cairn_file_error_set(r->error, status, r->path, line, "%s", fault.what);
+        line = strstr(fault.what, "outline") != NULL ? reader->outline_line[fault.index]
+               : strstr(fault.what, "path") != NULL  ? reader->path_line[fault.index]
+                                                     : reader->sample_line[fault.index];
+    return cairn_file_error_set(reader->error, status, reader->path, line, "%s", fault.what);
 }
 
-/* A gap, whose line has been read. */
-static cairn_status read_gap(const shape_reader *r, cairn_shape_model *m)
+/* Reads a gap from the current line. */
+static cairn_status read_gap(const shape_reader *reader, cairn_shape_model *model)
 {
-    cairn_vec2 gap = {(cairn_real)r->number[0], (cairn_real)r->number[1]};
+    cairn_vec2 gap = {(cairn_real)reader->number[0], (cairn_real)reader->number[1]};
 
-    if (m->path_count > 0 || r->count != 2)
-        return cairn_file_error_set(r->error, CAIRN_BAD_FORMAT, r->path, line_of(r),
-                                    "no gap, expected \"gap\" and x y, before the paths");
-    if (m->gap_count == CAIRN_SHAPE_GAPS)
-        return cairn_file_error_set(r->error, CAIRN_FULL, r->path, line_of(r),
-                                    "one more gap, expected at most %d", CAIRN_SHAPE_GAPS);
-    m->gaps[m->gap_count++] = gap;
+    if (model->path_count > 0 || reader->count != 2)
+        return cairn_file_error_set(reader->error, CAIRN_BAD_FORMAT, reader->path, line_of(reader),
+                                    "malformed gap, expected \"gap\" and x y, before the paths");
+    if (model->gap_count == CAIRN_SHAPE_GAPS)
+        return cairn_file_error_set(reader->error, CAIRN_FULL, reader->path, line_of(reader),
+                                    "too many gaps, expected at most %d", CAIRN_SHAPE_GAPS);
+    model->gaps[model->gap_count++] = gap;
     return CAIRN_OK;
 }
 
-static cairn_status read_all(shape_reader *r, cairn_shape_model_file *f)
+/* Reads and validates a whole model. */
+static cairn_status read_all(shape_reader *reader, cairn_shape_model_file *file)
 {
-    cairn_status status = read_head(r, &f->model);
+    cairn_status status = read_header(reader, &file->model);
 
     if (status == CAIRN_OK)
-        status = read_outline(r, f);
+        status = read_outline(reader, file);
     while (status == CAIRN_OK) {
-        status = next_line(r, 1);
+        status = next_line(reader, 1);
         if (status == CAIRN_OK)
-            status = is_word(r, "gap") ? read_gap(r, &f->model) : read_path(r, f);
+            status =
+                is_word(reader, "gap") ? read_gap(reader, &file->model) : read_path(reader, file);
     }
     if (status != CAIRN_EMPTY)
         return status;
-    if (f->model.path_count == 0)
-        return ended(r, status, "a path");
-    return check(r, &f->model);
+    if (file->model.path_count == 0)
+        return report_end(reader, status, "a path");
+    return check(reader, &file->model);
 }
 
 cairn_status cairn_shape_model_file_read(cairn_shape_model_file *file, const char *path,
                                          cairn_file_error *error)
 {
-    shape_reader r;
+    shape_reader reader;
     cairn_status status;
 
     memset(file, 0, sizeof *file);
-    memset(&r, 0, sizeof r);
-    r.path = path;
-    r.error = error;
-    status = cairn_line_reader_open(&r.lines, path, error);
+    memset(&reader, 0, sizeof reader);
+    reader.path = path;
+    reader.error = error;
+    status = cairn_line_reader_open(&reader.lines, path, error);
     if (status != CAIRN_OK)
         return status;
-    r.outline_line = calloc(CAIRN_SHAPE_FILE_OUTLINE_MOST, sizeof *r.outline_line);
-    r.sample_line = calloc(CAIRN_SHAPE_FILE_SAMPLES_MOST, sizeof *r.sample_line);
-    if (r.outline_line != NULL && r.sample_line != NULL &&
+    reader.outline_line = calloc(CAIRN_SHAPE_FILE_OUTLINE_MOST, sizeof *reader.outline_line);
+    reader.sample_line = calloc(CAIRN_SHAPE_FILE_SAMPLES_MOST, sizeof *reader.sample_line);
+    if (reader.outline_line != NULL && reader.sample_line != NULL &&
         allocate(file, CAIRN_SHAPE_FILE_SAMPLES_MOST, CAIRN_SHAPE_FILE_OUTLINE_MOST))
-        status = read_all(&r, file);
+        status = read_all(&reader, file);
     else
         status = no_memory(path, "read", error);
-    cairn_line_reader_close(r.lines);
-    free(r.outline_line);
-    free(r.sample_line);
+    cairn_line_reader_close(reader.lines);
+    free(reader.outline_line);
+    free(reader.sample_line);
     if (status != CAIRN_OK)
         cairn_shape_model_file_free(file);
     return status;
@@ -384,70 +404,71 @@ cairn_status cairn_shape_model_file_read(cairn_shape_model_file *file, const cha
 
 int32_t cairn_shape_model_file_is(const char *path)
 {
-    shape_reader r;
-    int32_t is_one = 0;
+    shape_reader reader;
+    int32_t is_model = 0;
 
-    memset(&r, 0, sizeof r);
-    r.path = path;
-    if (cairn_line_reader_open(&r.lines, path, NULL) != CAIRN_OK)
+    memset(&reader, 0, sizeof reader);
+    reader.path = path;
+    if (cairn_line_reader_open(&reader.lines, path, NULL) != CAIRN_OK)
         return 0;
-    if (next_line(&r, 1) == CAIRN_OK)
-        is_one = is_word(&r, HEAD);
-    cairn_line_reader_close(r.lines);
-    return is_one;
+    if (next_line(&reader, 1) == CAIRN_OK)
+        is_model = is_word(&reader, SIGNATURE);
+    cairn_line_reader_close(reader.lines);
+    return is_model;
 }
 
 /* ---- Writing ---- */
 
-static void print_number(cairn_output *output, cairn_real value, const char *behind)
+/* Prints a number that reads back bit-exactly, and a suffix. */
+static void print_number(cairn_output *output, cairn_real value, const char *suffix)
 {
     char text[CAIRN_NUMBER_TEXT_BYTES];
 
-    cairn_output_print(output, "%s%s", cairn_number_write(text, value), behind);
+    cairn_output_print(output, "%s%s", cairn_number_write(text, value), suffix);
 }
 
-static void print_point(cairn_output *output, const cairn_oriented_point *p, const char *behind)
+static void print_point(cairn_output *output, const cairn_oriented_point *point, const char *suffix)
 {
-    print_number(output, p->position.x, " ");
-    print_number(output, p->position.y, " ");
-    print_number(output, p->direction.x, " ");
-    print_number(output, p->direction.y, behind);
+    print_number(output, point->position.x, " ");
+    print_number(output, point->position.y, " ");
+    print_number(output, point->direction.x, " ");
+    print_number(output, point->direction.y, suffix);
 }
 
-static void print_sample(cairn_output *output, const cairn_shape_sample *s)
+static void print_sample(cairn_output *output, const cairn_shape_sample *sample)
 {
-    print_number(output, s->centre.x, " ");
-    print_number(output, s->centre.y, " ");
-    print_number(output, s->radius, " ");
-    print_number(output, s->deviation, "  ");
-    print_point(output, &s->side[0], " ");
-    print_number(output, s->share[0], "  ");
-    print_point(output, &s->side[1], " ");
-    print_number(output, s->share[1], "\n");
+    print_number(output, sample->centre.x, " ");
+    print_number(output, sample->centre.y, " ");
+    print_number(output, sample->radius, " ");
+    print_number(output, sample->deviation, "  ");
+    print_point(output, &sample->side[0], " ");
+    print_number(output, sample->share[0], "  ");
+    print_point(output, &sample->side[1], " ");
+    print_number(output, sample->share[1], "\n");
 }
 
-static void print_model(cairn_output *output, const cairn_shape_model *m)
+static void print_model(cairn_output *output, const cairn_shape_model *model)
 {
-    cairn_output_print(output, HEAD " %d\nsize ", VERSION);
-    print_number(output, m->size, "\norigin ");
-    print_number(output, m->origin.x, " ");
-    print_number(output, m->origin.y, "\n");
-    cairn_output_print(output, "outline %d\n", (int)m->outline_count);
-    for (int32_t i = 0; i < m->outline_count; i++)
-        print_point(output, &m->outline[i], "\n");
-    for (int32_t i = 0; i < m->gap_count; i++) {
+    cairn_output_print(output, SIGNATURE " %d\nsize ", VERSION);
+    print_number(output, model->size, "\norigin ");
+    print_number(output, model->origin.x, " ");
+    print_number(output, model->origin.y, "\n");
+    cairn_output_print(output, "outline %d\n", (int)model->outline_count);
+    for (int32_t i = 0; i < model->outline_count; i++)
+        print_point(output, &model->outline[i], "\n");
+    for (int32_t i = 0; i < model->gap_count; i++) {
         cairn_output_print(output, "gap ");
-        print_number(output, m->gaps[i].x, " ");
-        print_number(output, m->gaps[i].y, "\n");
+        print_number(output, model->gaps[i].x, " ");
+        print_number(output, model->gaps[i].y, "\n");
     }
-    for (int32_t i = 0; i < m->path_count; i++) {
-        const cairn_shape_path *p = &m->paths[i];
+    for (int32_t i = 0; i < model->path_count; i++) {
+        const cairn_shape_path *path = &model->paths[i];
 
-        cairn_output_print(output, "path %d %d ", (int)p->parent, (int)p->branch);
-        print_number(output, p->share, "");
-        cairn_output_print(output, " %d\n", (int)p->count);
-        for (int32_t k = 0; k < p->count; k++)
-            print_sample(output, &m->samples[p->first + k]);
+        cairn_output_print(output, "path %d %d ", (int)path->parent, (int)path->branch);
+        print_number(output, path->share, "");
+        cairn_output_print(output, " %d\n", (int)path->count);
+        for (int32_t k = 0; k < path->count; k++)
+            print_sample(output, &model->samples[path->first + k]);
     }
 }
 

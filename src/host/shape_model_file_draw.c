@@ -1,4 +1,4 @@
-/* A model as a picture: outline, axes, radii (Adluru 2008, fig. 2.7). */
+/* Drawing of a model: outline, axes, radii (Adluru 2008, fig. 2.7). */
 #include "src/core/build.h"
 
 #include <stdio.h>
@@ -7,90 +7,97 @@
 #include "cairn/shape_model_file.h"
 #include "src/host/report_text.h"
 
-#define SCALE 760.0 /* pixels of the model's size */
-#define FOOT  54.0
-/* Neighbours of an outline are never so many times farther apart than its samples are in the
- * mean. */
-#define APART 3.0
+#define SCALE 760.0 /* px: the model's size */
+/* px: height of the legend. */
+#define LEGEND_HEIGHT 54.0
+/* Samples farther apart than this multiple of the mean spacing belong to different outlines. */
+#define MAX_SPACING_RATIO 3.0
 
-/* Where a point of the model is drawn. */
-typedef struct view {
-    double left, top; /* of the model's origin */
-} view;
+/* Transformation from the model to the picture. */
+typedef struct model_view {
+    double left, top; /* px, of the model's origin */
+} model_view;
 
-static double x_of(const view *v, cairn_vec2 p)
+static double x_of(const model_view *origin, cairn_vec2 point)
 {
-    return v->left + SCALE * (double)p.x;
+    return origin->left + SCALE * (double)point.x;
 }
 
-static double y_of(const view *v, cairn_vec2 p)
+static double y_of(const model_view *origin, cairn_vec2 point)
 {
-    return v->top + SCALE * (double)p.y;
+    return origin->top + SCALE * (double)point.y;
 }
 
-static cairn_box box_of(const cairn_shape_model *m)
+/* Returns the bounding box of a model. */
+static cairn_box box_of(const cairn_shape_model *model)
 {
     cairn_box box = cairn_box_empty();
 
-    for (int32_t i = 0; i < m->outline_count; i++)
-        box = cairn_box_extend(box, m->outline[i].position);
-    for (int32_t i = 0; i < m->sample_count; i++)
-        box = cairn_box_extend(box, m->samples[i].centre);
+    for (int32_t i = 0; i < model->outline_count; i++)
+        box = cairn_box_extend(box, model->outline[i].position);
+    for (int32_t i = 0; i < model->sample_count; i++)
+        box = cairn_box_extend(box, model->samples[i].centre);
     return box;
 }
 
-/* Outlines lie one after another: a new one begins where the next sample is far. */
-static void print_outline(cairn_output *output, const cairn_shape_model *m, const view *v)
+/* Prints the outlines, which are stored consecutively: a new one starts where the next sample is
+ * far away. */
+static void print_outline(cairn_output *output, const cairn_shape_model *model,
+                          const model_view *origin)
 {
     double mean = 0;
 
-    for (int32_t i = 1; i < m->outline_count; i++)
+    for (int32_t i = 1; i < model->outline_count; i++)
         mean += (double)cairn_vec2_norm(
-                    cairn_vec2_sub(m->outline[i].position, m->outline[i - 1].position)) /
-                m->outline_count;
+                    cairn_vec2_sub(model->outline[i].position, model->outline[i - 1].position)) /
+                model->outline_count;
     cairn_output_print(output, "<path class=\"outline\" d=\"");
-    for (int32_t i = 0; i < m->outline_count; i++) {
-        cairn_vec2 p = m->outline[i].position;
-        int begins = i == 0 || (double)cairn_vec2_norm(
-                                   cairn_vec2_sub(p, m->outline[i - 1].position)) > APART * mean;
+    for (int32_t i = 0; i < model->outline_count; i++) {
+        cairn_vec2 point = model->outline[i].position;
+        int starts = i == 0 || (double)cairn_vec2_norm(
+                                   cairn_vec2_sub(point, model->outline[i - 1].position)) >
+                                   MAX_SPACING_RATIO * mean;
 
-        cairn_output_print(output, "%s%s%.1f %.1f", begins && i > 0 ? "Z" : "", begins ? "M" : "L",
-                           x_of(v, p), y_of(v, p));
+        cairn_output_print(output, "%s%s%.1f %.1f", starts && i > 0 ? "Z" : "", starts ? "M" : "L",
+                           x_of(origin, point), y_of(origin, point));
     }
     cairn_output_print(output, "Z\"/>\n");
 }
 
-static void print_radii(cairn_output *output, const cairn_shape_model *m, const view *v,
-                        int32_t side)
+/* Prints the radii to one side and their contact points. */
+static void print_radii(cairn_output *output, const cairn_shape_model *model,
+                        const model_view *origin, int32_t side)
 {
     cairn_output_print(output, "<path class=\"%s\" d=\"", side == 0 ? "left" : "right");
-    for (int32_t i = 0; i < m->sample_count; i++)
-        cairn_output_print(output, "M%.1f %.1fL%.1f %.1f", x_of(v, m->samples[i].centre),
-                           y_of(v, m->samples[i].centre),
-                           x_of(v, m->samples[i].side[side].position),
-                           y_of(v, m->samples[i].side[side].position));
+    for (int32_t i = 0; i < model->sample_count; i++)
+        cairn_output_print(output, "M%.1f %.1fL%.1f %.1f", x_of(origin, model->samples[i].centre),
+                           y_of(origin, model->samples[i].centre),
+                           x_of(origin, model->samples[i].side[side].position),
+                           y_of(origin, model->samples[i].side[side].position));
     cairn_output_print(output, "\"/>\n");
-    for (int32_t i = 0; i < m->sample_count; i++)
+    for (int32_t i = 0; i < model->sample_count; i++)
         cairn_output_print(output, "<circle class=\"%s\" cx=\"%.1f\" cy=\"%.1f\" r=\"3\"/>\n",
                            side == 0 ? "at-left" : "at-right",
-                           x_of(v, m->samples[i].side[side].position),
-                           y_of(v, m->samples[i].side[side].position));
+                           x_of(origin, model->samples[i].side[side].position),
+                           y_of(origin, model->samples[i].side[side].position));
 }
 
-static void print_axes(cairn_output *output, const cairn_shape_model *m, const view *v)
+/* Prints the axes of all paths. */
+static void print_axes(cairn_output *output, const cairn_shape_model *model,
+                       const model_view *origin)
 {
-    for (int32_t i = 0; i < m->path_count; i++) {
-        const cairn_shape_path *p = &m->paths[i];
+    for (int32_t i = 0; i < model->path_count; i++) {
+        const cairn_shape_path *path = &model->paths[i];
 
         cairn_output_print(output, "<path class=\"axis\" d=\"");
-        for (int32_t k = 0; k < p->count; k++)
+        for (int32_t k = 0; k < path->count; k++)
             cairn_output_print(output, "%s%.1f %.1f", k == 0 ? "M" : "L",
-                               x_of(v, m->samples[p->first + k].centre),
-                               y_of(v, m->samples[p->first + k].centre));
+                               x_of(origin, model->samples[path->first + k].centre),
+                               y_of(origin, model->samples[path->first + k].centre));
         cairn_output_print(output, "\"/>\n");
         cairn_output_print(output, "<circle class=\"start\" cx=\"%.1f\" cy=\"%.1f\" r=\"5\"/>\n",
-                           x_of(v, m->samples[p->first].centre),
-                           y_of(v, m->samples[p->first].centre));
+                           x_of(origin, model->samples[path->first].centre),
+                           y_of(origin, model->samples[path->first].centre));
     }
 }
 
@@ -98,7 +105,7 @@ cairn_status cairn_shape_model_file_draw(const cairn_shape_model *model, const c
                                          const char *path, cairn_file_error *error)
 {
     static const cairn_report_key keys[] = {{"outline", "stroke=\"#0f172a\""},
-                                            {"axis, from its dot on", "stroke=\"#dc2626\""},
+                                            {"axis, starting at its dot", "stroke=\"#dc2626\""},
                                             {"left side", "stroke=\"#2563eb\""},
                                             {"right side", "stroke=\"#d97706\""}};
     cairn_fault fault = {-1, NULL};
@@ -107,7 +114,7 @@ cairn_status cairn_shape_model_file_draw(const cairn_shape_model *model, const c
     cairn_output *output;
     cairn_box box;
     double width, height, head;
-    view v;
+    model_view origin;
 
     if (status != CAIRN_OK)
         return cairn_file_error_set(error, status, path, 0, "%s", fault.what);
@@ -115,10 +122,11 @@ cairn_status cairn_shape_model_file_draw(const cairn_shape_model *model, const c
                    (int)model->path_count, (int)model->sample_count, (int)model->outline_count);
     box = box_of(model);
     head = cairn_report_head_height(title, subtitle);
-    v.left = CAIRN_REPORT_MARGIN - SCALE * (double)box.min.x;
-    v.top = head + CAIRN_REPORT_MARGIN - SCALE * (double)box.min.y;
+    origin.left = CAIRN_REPORT_MARGIN - SCALE * (double)box.min.x;
+    origin.top = head + CAIRN_REPORT_MARGIN - SCALE * (double)box.min.y;
     width = fmax(800, 2 * CAIRN_REPORT_MARGIN + SCALE * (double)(box.max.x - box.min.x));
-    height = head + 2 * CAIRN_REPORT_MARGIN + SCALE * (double)(box.max.y - box.min.y) + FOOT;
+    height =
+        head + 2 * CAIRN_REPORT_MARGIN + SCALE * (double)(box.max.y - box.min.y) + LEGEND_HEIGHT;
     status = cairn_output_open(&output, path, error);
     if (status != CAIRN_OK)
         return status;
@@ -127,10 +135,10 @@ cairn_status cairn_shape_model_file_draw(const cairn_shape_model *model, const c
         output, "<style>path{fill:none}.outline{stroke:#0f172a;stroke-width:2;fill:#e8edf3}"
                 ".axis{stroke:#dc2626;stroke-width:3}.start{fill:#dc2626}.left{stroke:#2563eb}"
                 ".right{stroke:#d97706}.at-left{fill:#2563eb}.at-right{fill:#d97706}</style>\n");
-    print_outline(output, model, &v);
-    print_radii(output, model, &v, 0);
-    print_radii(output, model, &v, 1);
-    print_axes(output, model, &v);
+    print_outline(output, model, &origin);
+    print_radii(output, model, &origin, 0);
+    print_radii(output, model, &origin, 1);
+    print_axes(output, model, &origin);
     cairn_report_print_keys(output, height - CAIRN_REPORT_MARGIN, 180, keys,
                             sizeof keys / sizeof *keys);
     cairn_output_print(output, "</svg>\n");

@@ -1,4 +1,4 @@
-/* Models from whatever shows them. */
+/* Shape models from model files or pictures, and mirror images. */
 #include "src/core/build.h"
 
 #include <string.h>
@@ -6,14 +6,16 @@
 #include "cairn/shape_model_file.h"
 #include "cairn/vision.h"
 
-/* The drawing's gaps, in the model's frame. */
-static void take_gaps(cairn_shape_model *m, const cairn_shape_image *shape)
+/* Copies the bridged gaps of the drawing, transformed to the model's frame. */
+static void copy_gaps(cairn_shape_model *model, const cairn_shape_image *shape)
 {
-    m->gap_count = shape->joined < CAIRN_SHAPE_GAPS ? shape->joined : CAIRN_SHAPE_GAPS;
-    for (int32_t i = 0; i < m->gap_count; i++)
-        m->gaps[i] = cairn_vec2_scale(cairn_vec2_sub(shape->gaps[i], m->origin), 1 / m->size);
+    model->gap_count = shape->joined < CAIRN_SHAPE_GAPS ? shape->joined : CAIRN_SHAPE_GAPS;
+    for (int32_t i = 0; i < model->gap_count; i++)
+        model->gaps[i] =
+            cairn_vec2_scale(cairn_vec2_sub(shape->gaps[i], model->origin), 1 / model->size);
 }
 
+/* Builds a model from a picture. */
 static cairn_status load_picture(cairn_shape_model_file *file, const char *path,
                                  const cairn_shape_image_params *image,
                                  const cairn_shape_builder_params *builder,
@@ -36,7 +38,7 @@ static cairn_status load_picture(cairn_shape_model_file *file, const char *path,
         return status;
     status = cairn_shape_model_file_build(file, shape.outlines, shape.count, builder, path, error);
     if (status == CAIRN_OK)
-        take_gaps(&file->model, &shape);
+        copy_gaps(&file->model, &shape);
     if (status == CAIRN_OK && traced != NULL) {
         *traced = shape;
         memset(traced->outlines, 0, sizeof traced->outlines);
@@ -59,40 +61,40 @@ cairn_status cairn_shape_model_file_load(cairn_shape_model_file *file, const cha
     return load_picture(file, path, image, builder, traced, error);
 }
 
-static void mirror_point(cairn_oriented_point *p)
+static void mirror_point(cairn_oriented_point *point)
 {
-    p->position.x = -p->position.x;
-    p->direction.x = -p->direction.x;
+    point->position.x = -point->position.x;
+    point->direction.x = -point->direction.x;
 }
 
 void cairn_shape_model_file_mirror(cairn_shape_model_file *file)
 {
-    int32_t n = file->model.outline_count;
+    int32_t count = file->model.outline_count;
 
     for (int32_t i = 0; i < file->model.sample_count; i++) {
-        cairn_shape_sample *s = &file->samples[i];
-        cairn_oriented_point left = s->side[0];
-        cairn_real share = s->share[0];
+        cairn_shape_sample *sample = &file->samples[i];
+        cairn_oriented_point left = sample->side[0];
+        cairn_real share = sample->share[0];
 
-        s->centre.x = -s->centre.x;
-        s->side[0] = s->side[1];
-        s->side[1] = left;
-        s->share[0] = s->share[1];
-        s->share[1] = share;
-        mirror_point(&s->side[0]);
-        mirror_point(&s->side[1]);
+        sample->centre.x = -sample->centre.x;
+        sample->side[0] = sample->side[1];
+        sample->side[1] = left;
+        sample->share[0] = sample->share[1];
+        sample->share[1] = share;
+        mirror_point(&sample->side[0]);
+        mirror_point(&sample->side[1]);
     }
     for (int32_t i = 0; i < file->model.gap_count; i++)
         file->model.gaps[i].x = -file->model.gaps[i].x;
-    /* Walked the other way round, the inside stays on the same hand. */
-    for (int32_t i = 0; i < n; i++) {
+    /* The order of the samples is reversed, so that the interior stays on the same side. */
+    for (int32_t i = 0; i < count; i++) {
         mirror_point(&file->outline[i]);
         file->outline[i].direction = cairn_vec2_scale(file->outline[i].direction, -1);
     }
-    for (int32_t i = 0; i < n / 2; i++) {
-        cairn_oriented_point p = file->outline[i];
+    for (int32_t i = 0; i < count / 2; i++) {
+        cairn_oriented_point swapped = file->outline[i];
 
-        file->outline[i] = file->outline[n - 1 - i];
-        file->outline[n - 1 - i] = p;
+        file->outline[i] = file->outline[count - 1 - i];
+        file->outline[count - 1 - i] = swapped;
     }
 }

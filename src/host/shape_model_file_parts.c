@@ -1,4 +1,4 @@
-/* The fragments of a model's outline, bundle by bundle (Adluru 2008, fig. 5.4). */
+/* Drawing of the fragments of a model's outline by part bundles (Adluru 2008, fig. 5.4). */
 #include "src/core/build.h"
 
 #include <math.h>
@@ -10,65 +10,69 @@
 #include "cairn/shape_model_file.h"
 #include "src/host/report_text.h"
 
-#define CELL 120.0 /* px, of a fragment's picture: the model's size and what is free about it */
+#define CELL 120.0 /* px: side of a fragment's cell; SIZE: the model's size in it */
 #define SIZE 100.0
 
 static const char *const colours[CAIRN_PART_BUNDLES] = {"#2563eb", "#ea580c", "#16a34a", "#dc2626",
                                                         "#7c3aed", "#0891b2", "#ca8a04", "#475569"};
 
-typedef struct sheet {
+/* The drawing: one column of cells for each bundle. */
+typedef struct parts_drawing {
     const cairn_shape_model *model;
-    const cairn_part_cut *cuts; /* NULL: by rule */
+    const cairn_part_cut *cuts; /* manual fragments; NULL: those of part_bundle */
     int32_t cut_count;
-    int32_t outline; /* samples of the first outline, which alone has fragments */
+    int32_t outline; /* samples of the first outline; other outlines have no fragments */
     cairn_part_model parts;
-    double head;
-} sheet;
+    double head_height; /* px */
+} parts_drawing;
 
-/* Samples from one on to another, round the outline. */
-static void print_arc(cairn_output *output, const sheet *s, int32_t from, int32_t to, double x,
-                      double y)
+/* Prints the outline from one sample to another, in order around the outline. */
+static void print_arc(cairn_output *output, const parts_drawing *drawing, int32_t from, int32_t to,
+                      double x, double y)
 {
-    int32_t i = from, begins = 1;
+    int32_t i = from, is_first = 1;
 
     do {
-        cairn_vec2 p = s->model->outline[i].position;
+        cairn_vec2 point = drawing->model->outline[i].position;
 
-        cairn_output_print(output, "%s%.1f %.1f", begins ? "M" : "L", x + SIZE * (double)p.x,
-                           y + SIZE * (double)p.y);
-        begins = 0;
+        cairn_output_print(output, "%s%.1f %.1f", is_first ? "M" : "L", x + SIZE * (double)point.x,
+                           y + SIZE * (double)point.y);
+        is_first = 0;
         if (i == to)
             return;
-        i = (i + 1) % s->outline;
+        i = (i + 1) % drawing->outline;
     } while (i != from);
 }
 
-static void print_fragment(cairn_output *output, const sheet *s, const cairn_part_fragment *f,
-                           int32_t row)
+static void print_fragment(cairn_output *output, const parts_drawing *drawing,
+                           const cairn_part_fragment *fragment, int32_t row)
 {
-    double x = CAIRN_REPORT_MARGIN + CELL * (f->bundle + 0.5), y = s->head + CELL * (row + 0.5);
+    double x = CAIRN_REPORT_MARGIN + CELL * (fragment->bundle + 0.5),
+           y = drawing->head_height + CELL * (row + 0.5);
 
     cairn_output_print(output, "<path class=\"outline\" d=\"");
-    print_arc(output, s, 0, -1, x, y);
+    print_arc(output, drawing, 0, -1, x, y);
     cairn_output_print(output, "Z\"/>\n<path class=\"fragment\" stroke=\"%s\" d=\"",
-                       colours[f->bundle]);
-    print_arc(output, s, f->from, f->to, x, y);
+                       colours[fragment->bundle]);
+    print_arc(output, drawing, fragment->from, fragment->to, x, y);
     cairn_output_print(output, "\"/>\n");
 }
 
-static int32_t most_rows(const cairn_part_model *m)
+/* Returns the fragments of the largest bundle. */
+static int32_t count_rows(const cairn_part_model *parts)
 {
-    int32_t rows[CAIRN_PART_BUNDLES] = {0}, most = 0;
+    int32_t rows[CAIRN_PART_BUNDLES] = {0}, largest = 0;
 
-    for (int32_t i = 0; i < m->fragment_count; i++) {
-        rows[m->fragments[i].bundle]++;
-        most = rows[m->fragments[i].bundle] > most ? rows[m->fragments[i].bundle] : most;
+    for (int32_t i = 0; i < parts->fragment_count; i++) {
+        rows[parts->fragments[i].bundle]++;
+        largest =
+            rows[parts->fragments[i].bundle] > largest ? rows[parts->fragments[i].bundle] : largest;
     }
-    return most;
+    return largest;
 }
 
-static cairn_status print_sheet(sheet *s, const char *title, const char *path,
-                                cairn_file_error *error)
+static cairn_status print_drawing(parts_drawing *drawing, const char *title, const char *path,
+                                  cairn_file_error *error)
 {
     int32_t row[CAIRN_PART_BUNDLES] = {0};
     char subtitle[128];
@@ -78,24 +82,26 @@ static cairn_status print_sheet(sheet *s, const char *title, const char *path,
     if (status != CAIRN_OK)
         return status;
     (void)snprintf(subtitle, sizeof subtitle,
-                   "%d fragments in %d bundles, of each of which one is in an image at most",
-                   (int)s->parts.fragment_count, (int)s->parts.bundles);
-    s->head = cairn_report_head_height(title, subtitle) + CAIRN_REPORT_MARGIN;
-    cairn_report_print_head(output, 2 * CAIRN_REPORT_MARGIN + CELL * fmax(5, s->parts.bundles),
-                            s->head + CELL * most_rows(&s->parts) + CAIRN_REPORT_MARGIN, title,
-                            subtitle);
+                   "%d fragments in %d bundles; an image has at most one of each bundle",
+                   (int)drawing->parts.fragment_count, (int)drawing->parts.bundles);
+    drawing->head_height = cairn_report_head_height(title, subtitle) + CAIRN_REPORT_MARGIN;
+    cairn_report_print_head(
+        output, 2 * CAIRN_REPORT_MARGIN + CELL * fmax(5, drawing->parts.bundles),
+        drawing->head_height + CELL * count_rows(&drawing->parts) + CAIRN_REPORT_MARGIN, title,
+        subtitle);
     cairn_output_print(
         output,
         "<style>path{fill:none}.outline{stroke:#cbd5e1}.fragment{stroke-width:3;stroke-linecap:"
         "round}</style>\n");
-    for (int32_t i = 0; i < s->parts.fragment_count; i++)
-        print_fragment(output, s, &s->parts.fragments[i], row[s->parts.fragments[i].bundle]++);
+    for (int32_t i = 0; i < drawing->parts.fragment_count; i++)
+        print_fragment(output, drawing, &drawing->parts.fragments[i],
+                       row[drawing->parts.fragments[i].bundle]++);
     cairn_output_print(output, "</svg>\n");
     return cairn_output_commit(output, error);
 }
 
-/* The fragments, in memory that the builder stands in. */
-static cairn_status find_parts(sheet *s, void *memory, size_t bytes,
+/* Computes the fragments in the given memory. */
+static cairn_status find_parts(parts_drawing *drawing, void *memory, size_t bytes,
                                const cairn_part_bundle_params *params, cairn_vec2 *points)
 {
     cairn_part_builder *builder;
@@ -103,19 +109,20 @@ static cairn_status find_parts(sheet *s, void *memory, size_t bytes,
     cairn_pool pool;
     cairn_status status = cairn_pool_init(&pool, memory, bytes);
 
-    for (int32_t i = 0; i < s->outline; i++)
-        points[i] = s->model->outline[i].position;
+    for (int32_t i = 0; i < drawing->outline; i++)
+        points[i] = drawing->model->outline[i].position;
     if (status == CAIRN_OK)
         status = cairn_part_bundle_create(&builder, &pool, params);
     if (status == CAIRN_OK)
-        status = cairn_part_bundle_begin(builder, points, s->outline, s->cuts, s->cut_count);
+        status = cairn_part_bundle_begin(builder, points, drawing->outline, drawing->cuts,
+                                         drawing->cut_count);
     if (status != CAIRN_OK)
         return status;
     do {
         budget.left = INT32_MAX;
         status = cairn_part_bundle_step(builder, &budget);
     } while (status == CAIRN_MORE);
-    s->parts = cairn_part_bundle_read(builder);
+    drawing->parts = cairn_part_bundle_read(builder);
     return status;
 }
 
@@ -127,30 +134,30 @@ cairn_status cairn_shape_model_file_draw_parts(const cairn_shape_model *model,
     cairn_fault fault = {-1, NULL};
     cairn_status status = cairn_shape_model_check(model, &fault);
     cairn_part_bundle_params params = cairn_part_bundle_default();
-    sheet s = {.model = model, .cuts = cuts, .cut_count = cut_count};
+    parts_drawing drawing = {.model = model, .cuts = cuts, .cut_count = cut_count};
     cairn_vec2 *points;
     size_t bytes;
     void *memory;
 
     if (status != CAIRN_OK)
         return cairn_file_error_set(error, status, path, 0, "%s", fault.what);
-    s.outline = cairn_shape_first_outline(model);
-    if (s.outline < 3)
+    drawing.outline = cairn_shape_first_outline(model);
+    if (drawing.outline < 3)
         return cairn_file_error_set(
             error, CAIRN_EMPTY, path, 0,
             "a model without an outline, expected one of 3 samples at least");
-    params.max_points = s.outline;
+    params.max_points = drawing.outline;
     bytes = cairn_part_bundle_memory(&params) + CAIRN_ALIGN;
     memory = malloc(bytes);
-    points = malloc((size_t)s.outline * sizeof *points);
-    status = memory != NULL && points != NULL ? find_parts(&s, memory, bytes, &params, points)
+    points = malloc((size_t)drawing.outline * sizeof *points);
+    status = memory != NULL && points != NULL ? find_parts(&drawing, memory, bytes, &params, points)
                                               : CAIRN_NO_MEMORY;
     if (status == CAIRN_OK)
-        status = print_sheet(&s, title, path, error);
+        status = print_drawing(&drawing, title, path, error);
     else
         status = cairn_file_error_set(
             error, status, path, 0, "%s, expected %s", cairn_status_text(status),
-            cuts != NULL ? "fragments by hand of the first outline, which has a length"
+            cuts != NULL ? "manual fragments within a first outline of positive length"
                          : "an outline with length");
     free(memory);
     free(points);

@@ -1,4 +1,4 @@
-/* Libraries that are loaded when they are first needed. */
+/* Lazy loading of plug-in libraries by dlopen. */
 #include "src/core/build.h"
 
 #include <dlfcn.h>
@@ -11,25 +11,27 @@
 
 enum { PATH_BYTES = 4096 };
 
-static const void *table_at(const char *path, const char *function, int32_t version)
+/* Loads the library at `path` and returns its table; NULL when the library, the function or the
+ * version does not match. */
+static const void *load_table(const char *path, const char *function, int32_t version)
 {
     const void *(*table)(void);
     void *library = dlopen(path, RTLD_NOW | RTLD_LOCAL), *found;
-    int32_t own;
+    int32_t found_version;
 
     if (library == NULL)
         return NULL;
-    /* dlsym gives an object pointer, which is a function's here (POSIX). */
+    /* dlsym returns an object pointer. POSIX guarantees that it holds a function pointer. */
     found = dlsym(library, function);
     if (found == NULL)
         return NULL;
     memcpy(&table, &found, sizeof table);
-    memcpy(&own, table(), sizeof own);
-    return own == version ? table() : NULL;
+    memcpy(&found_version, table(), sizeof found_version);
+    return found_version == version ? table() : NULL;
 }
 
-/* The folder of the program that runs; "" when the system does not tell. */
-static void find_program(char folder[PATH_BYTES])
+/* Writes the folder of the running program's executable; "" when the system does not provide it. */
+static void find_program_folder(char folder[PATH_BYTES])
 {
     ssize_t length = readlink("/proc/self/exe", folder, PATH_BYTES - 1);
     char *slash;
@@ -39,22 +41,22 @@ static void find_program(char folder[PATH_BYTES])
     folder[slash != NULL ? slash - folder : 0] = '\0';
 }
 
-/* dlopen counts how often a library was asked for, and loads it once. */
+/* A library is loaded once: dlopen counts its references. */
 const void *cairn_shim_find(const char *library, const char *variable, const char *function,
                             int32_t version)
 {
-    static const char *const places[] = {"", "/..", "/../lib"};
-    const char *given = getenv(variable);
+    static const char *const folders[] = {"", "/..", "/../lib"};
+    const char *override = getenv(variable);
     const void *table = NULL;
     char folder[PATH_BYTES], path[PATH_BYTES + 64];
 
-    if (given != NULL)
-        return table_at(given, function, version);
-    find_program(folder);
-    for (size_t i = 0; i < sizeof places / sizeof *places && table == NULL && *folder != '\0';
+    if (override != NULL)
+        return load_table(override, function, version);
+    find_program_folder(folder);
+    for (size_t i = 0; i < sizeof folders / sizeof *folders && table == NULL && *folder != '\0';
          i++) {
-        (void)snprintf(path, sizeof path, "%s%s/%s", folder, places[i], library);
-        table = table_at(path, function, version);
+        (void)snprintf(path, sizeof path, "%s%s/%s", folder, folders[i], library);
+        table = load_table(path, function, version);
     }
-    return table != NULL ? table : table_at(library, function, version);
+    return table != NULL ? table : load_table(library, function, version);
 }

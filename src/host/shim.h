@@ -1,16 +1,17 @@
-/* shim: libraries of this project's own that stand before OpenCV, loaded when they are first
- * needed. Internal to the host library.
+/* shim: loader of the optional plug-in libraries that wrap OpenCV (lazy loading by dlopen).
+ * Internal to the host library.
  *
- * A library has one function, which gives its table; the table begins with its version
- * (int32_t). */
+ * A plug-in exports one function, which returns its function table. The table begins with its
+ * version (int32_t). */
 #ifndef CAIRN_HOST_SHIM_H
 #define CAIRN_HOST_SHIM_H
 
 #include <stdint.h>
 
-/* The table that `function` of `library` gives, from the path in the environment's `variable`,
- * otherwise from beside the program, the folder above it, lib beside that, and where the system
- * keeps libraries. NULL: it is not there, or of another version. */
+/* Returns the function table of a plug-in, or NULL when it is missing or has another version.
+ *
+ * Search order: the path in the environment variable `variable`, if set, and no other; the
+ * program's folder; the folder above it; lib/ in that folder; the system's library path. */
 const void *cairn_shim_find(const char *library, const char *variable, const char *function,
                             int32_t version);
 

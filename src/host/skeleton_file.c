@@ -1,4 +1,4 @@
-/* Skeletons and contours between regions as JSON, and over their image as SVG. */
+/* Skeletons and region contours as JSON, and over their image as SVG. */
 #include "src/core/build.h"
 
 #include <stdio.h>
@@ -9,35 +9,37 @@
 
 /* ---- JSON ---- */
 
-static void print_part(cairn_output *output, const cairn_skeleton_picture *p, int32_t part)
+/* Prints a part as JSON. */
+static void print_part(cairn_output *output, const cairn_skeleton_picture *picture, int32_t index)
 {
-    const cairn_skeleton_part *s = &p->result.parts[part];
+    const cairn_skeleton_part *part = &picture->result.parts[index];
 
     cairn_output_print(output,
                        "  {\"log_odds\": %.2f, \"object\": %d, \"joints\": [%d, %d], \"first\": "
                        "%d,\n   \"axis\": [",
-                       (double)s->log_odds, (int)s->object, (int)s->joint[0], (int)s->joint[1],
-                       (int)s->first);
-    for (int32_t i = 0; i < s->count; i++) {
-        const cairn_skeleton_point *q = &p->result.points[s->first + i];
+                       (double)part->log_odds, (int)part->object, (int)part->joint[0],
+                       (int)part->joint[1], (int)part->first);
+    for (int32_t i = 0; i < part->count; i++) {
+        const cairn_skeleton_point *point = &picture->result.points[part->first + i];
 
-        cairn_output_print(output, "%s[%.2f, %.2f, %.2f]", i > 0 ? ", " : "", (double)q->centre.x,
-                           (double)q->centre.y, (double)q->radius);
+        cairn_output_print(output, "%s[%.2f, %.2f, %.2f]", i > 0 ? ", " : "",
+                           (double)point->centre.x, (double)point->centre.y, (double)point->radius);
     }
     for (int32_t side = 0; side < 2; side++) {
         cairn_output_print(output, "],\n   \"%s\": [", side == 0 ? "left" : "right");
-        for (int32_t i = 0; i < s->count; i++) {
-            const cairn_skeleton_point *q = &p->result.points[s->first + i];
+        for (int32_t i = 0; i < part->count; i++) {
+            const cairn_skeleton_point *point = &picture->result.points[part->first + i];
 
             cairn_output_print(output, "%s[%.2f, %.2f, %s]", i > 0 ? ", " : "",
-                               (double)q->touch[side].x, (double)q->touch[side].y,
-                               q->edgel[side] >= 0 ? "true" : "false");
+                               (double)point->touch[side].x, (double)point->touch[side].y,
+                               point->edgel[side] >= 0 ? "true" : "false");
         }
     }
     cairn_output_print(output, "]}");
 }
 
-/* Corners of pixels lie half a pixel up and left of the pixel that they are named after. */
+/* Prints a pixel corner, which is half a pixel to the upper left of the centre of the pixel with
+ * its indices. */
 static void print_corner(cairn_output *output, const char *before, const char *between,
                          cairn_boundary_corner corner, const char *after)
 {
@@ -45,68 +47,72 @@ static void print_corner(cairn_output *output, const char *before, const char *b
                        after);
 }
 
-/* Where a contour ends or turns. */
-static int turns(const cairn_boundary_contour *c, const cairn_boundary_corner *q, int32_t i)
+/* Returns 1 where a contour ends or changes direction. */
+static int is_vertex(const cairn_boundary_contour *contour, const cairn_boundary_corner *corners,
+                     int32_t i)
 {
-    const cairn_boundary_corner *last = &q[i > 0 ? i - 1 : c->count - 1],
-                                *next = &q[i + 1 < c->count ? i + 1 : 0];
+    const cairn_boundary_corner *previous = &corners[i > 0 ? i - 1 : contour->count - 1],
+                                *next = &corners[i + 1 < contour->count ? i + 1 : 0];
 
-    return (!c->closed && (i == 0 || i == c->count - 1)) ||
-           (last->x != next->x && last->y != next->y) || (last->x == next->x && last->y == next->y);
+    return (!contour->closed && (i == 0 || i == contour->count - 1)) ||
+           (previous->x != next->x && previous->y != next->y) ||
+           (previous->x == next->x && previous->y == next->y);
 }
 
-static void print_contour(cairn_output *output, const cairn_boundary_result *r, int32_t contour)
+/* Prints a region contour as JSON. */
+static void print_contour(cairn_output *output, const cairn_boundary_result *result, int32_t index)
 {
-    const cairn_boundary_contour *c = &r->contours[contour];
-    const cairn_boundary_corner *q = &r->corners[c->first];
+    const cairn_boundary_contour *contour = &result->contours[index];
+    const cairn_boundary_corner *corners = &result->corners[contour->first];
     const char *comma = "";
 
-    cairn_output_print(output,
-                       "  {\"strength\": %.2f, \"level\": %.2f, \"closed\": %s, \"points\": [",
-                       (double)c->strength, (double)c->level, c->closed ? "true" : "false");
-    for (int32_t i = 0; i < c->count; i++)
-        if (turns(c, q, i)) {
+    cairn_output_print(
+        output, "  {\"strength\": %.2f, \"level\": %.2f, \"closed\": %s, \"points\": [",
+        (double)contour->strength, (double)contour->level, contour->closed ? "true" : "false");
+    for (int32_t i = 0; i < contour->count; i++)
+        if (is_vertex(contour, corners, i)) {
             cairn_output_print(output, "%s", comma);
-            print_corner(output, "[", ", ", q[i], "]");
+            print_corner(output, "[", ", ", corners[i], "]");
             comma = ", ";
         }
     cairn_output_print(output, "]}");
 }
 
-cairn_status cairn_skeleton_file_write(const cairn_skeleton_picture *p, const char *path,
+cairn_status cairn_skeleton_file_write(const cairn_skeleton_picture *picture, const char *path,
                                        cairn_file_error *error)
 {
-    const cairn_skeleton_result *r = &p->result;
+    const cairn_skeleton_result *result = &picture->result;
     cairn_output *output;
     cairn_status status = cairn_output_open(&output, path, error);
 
     if (status != CAIRN_OK)
         return status;
     cairn_output_print(output, "{\"image\": ");
-    cairn_report_print_json(output, p->image);
+    cairn_report_print_json(output, picture->image);
     cairn_output_print(output,
                        ", \"width\": %d, \"height\": %d, \"min_radius\": %.2f, \"max_radius\": "
                        "%.2f, \"proposed\": %s,\n"
                        " \"edgels\": %d, \"centres\": %d, \"lines\": %d, \"starts\": %d, "
                        "\"left_out\": %d, \"verdict\": \"%s\",\n"
                        " \"objects\": [",
-                       (int)p->width, (int)p->height, (double)r->min_radius, (double)r->max_radius,
-                       p->proposed ? "true" : "false", (int)p->edgel_count, (int)r->centres,
-                       (int)r->lines, (int)r->starts, (int)r->left_out,
-                       r->part_count > 0 ? "found" : "none");
-    for (int32_t i = 0; i < r->object_count; i++)
+                       (int)picture->width, (int)picture->height, (double)result->min_radius,
+                       (double)result->max_radius, picture->proposed ? "true" : "false",
+                       (int)picture->edgel_count, (int)result->centres, (int)result->lines,
+                       (int)result->starts, (int)result->left_out,
+                       result->part_count > 0 ? "found" : "none");
+    for (int32_t i = 0; i < result->object_count; i++)
         cairn_output_print(output, "%s\n  {\"log_odds\": %.2f, \"parts\": %d, \"free_ends\": %d}",
-                           i > 0 ? "," : "", (double)r->objects[i].log_odds,
-                           (int)r->objects[i].parts, (int)r->objects[i].free_ends);
+                           i > 0 ? "," : "", (double)result->objects[i].log_odds,
+                           (int)result->objects[i].parts, (int)result->objects[i].free_ends);
     cairn_output_print(output, "],\n \"parts\": [");
-    for (int32_t i = 0; i < r->part_count; i++) {
+    for (int32_t i = 0; i < result->part_count; i++) {
         cairn_output_print(output, "%s\n", i > 0 ? "," : "");
-        print_part(output, p, i);
+        print_part(output, picture, i);
     }
     cairn_output_print(output, "],\n \"contours\": [");
-    for (int32_t i = 0; i < p->boundary.contour_count; i++) {
+    for (int32_t i = 0; i < picture->boundary.contour_count; i++) {
         cairn_output_print(output, "%s\n", i > 0 ? "," : "");
-        print_contour(output, &p->boundary, i);
+        print_contour(output, &picture->boundary, i);
     }
     cairn_output_print(output, "]}\n");
     return cairn_output_commit(output, error);
@@ -114,32 +120,33 @@ cairn_status cairn_skeleton_file_write(const cairn_skeleton_picture *p, const ch
 
 /* ---- SVG ---- */
 
-/* Of one side the stretches that were seen, or those that were not. */
-static void print_side(cairn_output *output, const cairn_skeleton_point *q, int32_t count,
-                       int32_t side, int seen)
+/* Prints the supported or the unsupported stretches of one side. */
+static void print_side(cairn_output *output, const cairn_skeleton_point *points, int32_t count,
+                       int32_t side, int supported)
 {
-    cairn_output_print(output, "<path class=\"%s\" d=\"", seen ? "contour" : "carried");
+    cairn_output_print(output, "<path class=\"%s\" d=\"", supported ? "contour" : "carried");
     for (int32_t i = 0; i + 1 < count; i++)
-        if ((q[i].edgel[side] >= 0 && q[i + 1].edgel[side] >= 0) == seen)
-            cairn_output_print(output, "M%.1f %.1fL%.1f %.1f", (double)q[i].touch[side].x,
-                               (double)q[i].touch[side].y, (double)q[i + 1].touch[side].x,
-                               (double)q[i + 1].touch[side].y);
+        if ((points[i].edgel[side] >= 0 && points[i + 1].edgel[side] >= 0) == supported)
+            cairn_output_print(output, "M%.1f %.1fL%.1f %.1f", (double)points[i].touch[side].x,
+                               (double)points[i].touch[side].y, (double)points[i + 1].touch[side].x,
+                               (double)points[i + 1].touch[side].y);
     cairn_output_print(output, "\"/>\n");
 }
 
-static void print_axis(cairn_output *output, const cairn_skeleton_picture *p,
-                       const cairn_skeleton_part *s)
+/* Prints the axis of a part and its connections to other parts. */
+static void print_axis(cairn_output *output, const cairn_skeleton_picture *picture,
+                       const cairn_skeleton_part *part)
 {
-    const cairn_skeleton_point *q = &p->result.points[s->first];
+    const cairn_skeleton_point *points = &picture->result.points[part->first];
 
     cairn_output_print(output, "<path class=\"axis\" d=\"");
-    for (int32_t i = 0; i < s->count; i++)
-        cairn_output_print(output, "%s%.1f %.1f", i == 0 ? "M" : "L", (double)q[i].centre.x,
-                           (double)q[i].centre.y);
+    for (int32_t i = 0; i < part->count; i++)
+        cairn_output_print(output, "%s%.1f %.1f", i == 0 ? "M" : "L", (double)points[i].centre.x,
+                           (double)points[i].centre.y);
     for (int32_t end = 0; end < 2; end++)
-        if (s->joint[end] >= 0) {
-            cairn_vec2 from = q[end ? s->count - 1 : 0].centre,
-                       to = p->result.points[s->joint[end]].centre;
+        if (part->joint[end] >= 0) {
+            cairn_vec2 from = points[end ? part->count - 1 : 0].centre,
+                       to = picture->result.points[part->joint[end]].centre;
 
             cairn_output_print(output, "M%.1f %.1fL%.1f %.1f", (double)from.x, (double)from.y,
                                (double)to.x, (double)to.y);
@@ -147,39 +154,45 @@ static void print_axis(cairn_output *output, const cairn_skeleton_picture *p,
     cairn_output_print(output, "\"/>\n");
 }
 
-/* All contours between regions. */
-static void print_boundary(cairn_output *output, const cairn_boundary_result *r)
+/* Prints all region contours. */
+static void print_boundary(cairn_output *output, const cairn_boundary_result *result)
 {
-    if (r->contour_count == 0)
+    if (result->contour_count == 0)
         return;
     cairn_output_print(output, "<path class=\"boundary\" d=\"");
-    for (int32_t k = 0; k < r->contour_count; k++) {
-        const cairn_boundary_contour *c = &r->contours[k];
-        const cairn_boundary_corner *q = &r->corners[c->first];
+    for (int32_t k = 0; k < result->contour_count; k++) {
+        const cairn_boundary_contour *contour = &result->contours[k];
+        const cairn_boundary_corner *corners = &result->corners[contour->first];
         const char *to = "M";
 
-        for (int32_t i = 0; i < c->count; i++)
-            if (turns(c, q, i)) {
-                print_corner(output, to, " ", q[i], "");
+        for (int32_t i = 0; i < contour->count; i++)
+            if (is_vertex(contour, corners, i)) {
+                print_corner(output, to, " ", corners[i], "");
                 to = "L";
             }
-        cairn_output_print(output, "%s", c->closed ? "Z" : "");
+        cairn_output_print(output, "%s", contour->closed ? "Z" : "");
     }
     cairn_output_print(output, "\"/>\n");
 }
 
-cairn_status cairn_skeleton_file_draw(const cairn_skeleton_picture *p, const char *path,
+cairn_status cairn_skeleton_file_draw(const cairn_skeleton_picture *picture, const char *path,
                                       cairn_file_error *error)
 {
     static const cairn_report_key keys[] = {
         {"contour", "stroke=\"#2563eb\""},
-        {"carried on", "stroke=\"#2563eb\" stroke-dasharray=\"3 4\""},
+        {"unsupported", "stroke=\"#2563eb\" stroke-dasharray=\"3 4\""},
         {"axis", "stroke=\"#dc2626\""},
         {"between regions", "stroke=\"#16a34a\""}};
     char subtitle[256], style[400];
-    const cairn_report_overlay overlay = {p->image,  subtitle, p->grey, p->width,
-                                          p->height, 640,      keys,    sizeof keys / sizeof *keys,
-                                          160};
+    const cairn_report_overlay overlay = {.title = picture->image,
+                                          .subtitle = subtitle,
+                                          .grey = picture->grey,
+                                          .width = picture->width,
+                                          .height = picture->height,
+                                          .min_width = 640,
+                                          .keys = keys,
+                                          .key_count = sizeof keys / sizeof *keys,
+                                          .key_step = 160};
     double scale = cairn_report_overlay_scale(&overlay);
     cairn_output *output;
     cairn_status status = cairn_output_open(&output, path, error);
@@ -188,8 +201,9 @@ cairn_status cairn_skeleton_file_draw(const cairn_skeleton_picture *p, const cha
         return status;
     (void)snprintf(subtitle, sizeof subtitle,
                    "%d parts of %d objects, radii %.1f to %.1f px, %d edgels",
-                   (int)p->result.part_count, (int)p->result.object_count,
-                   (double)p->result.min_radius, (double)p->result.max_radius, (int)p->edgel_count);
+                   (int)picture->result.part_count, (int)picture->result.object_count,
+                   (double)picture->result.min_radius, (double)picture->result.max_radius,
+                   (int)picture->edgel_count);
     (void)snprintf(
         style, sizeof style,
         "path{fill:none;stroke-linecap:round}.contour,.carried{stroke:#2563eb;stroke-width:%.2f}"
@@ -197,29 +211,30 @@ cairn_status cairn_skeleton_file_draw(const cairn_skeleton_picture *p, const cha
         ".boundary{stroke:#16a34a;stroke-width:%.2f}",
         2.6 / scale, 5 / scale, 2.2 / scale, 1.4 / scale);
     status = cairn_report_overlay_begin(output, &overlay, style);
-    print_boundary(output, &p->boundary);
-    for (int32_t i = 0; i < p->result.part_count; i++) {
-        const cairn_skeleton_part *s = &p->result.parts[i];
+    print_boundary(output, &picture->boundary);
+    for (int32_t i = 0; i < picture->result.part_count; i++) {
+        const cairn_skeleton_part *part = &picture->result.parts[i];
 
         for (int32_t side = 0; side < 2; side++)
-            for (int seen = 0; seen < 2; seen++)
-                print_side(output, &p->result.points[s->first], s->count, side, seen);
-        print_axis(output, p, s);
+            for (int supported = 0; supported < 2; supported++)
+                print_side(output, &picture->result.points[part->first], part->count, side,
+                           supported);
+        print_axis(output, picture, part);
     }
     return cairn_report_overlay_end(output, &overlay, status, path, error);
 }
 
-/* ---- SVG of what walks started from ---- */
+/* ---- SVG of centre points and lines ---- */
 
-/* Share of the range of radii, in percent. */
-static int percent_of(const cairn_skeleton_result *r, cairn_real radius)
+/* Returns the position of a radius within the range of radii, in percent. */
+static int percent_of(const cairn_skeleton_result *result, cairn_real radius)
 {
-    cairn_real width = cairn_max(r->max_radius - r->min_radius, CAIRN_REAL(1e-3));
+    cairn_real width = cairn_max(result->max_radius - result->min_radius, CAIRN_REAL(1e-3));
 
-    return (int)(100 * cairn_min(cairn_max((radius - r->min_radius) / width, 0), 1));
+    return (int)(100 * cairn_min(cairn_max((radius - result->min_radius) / width, 0), 1));
 }
 
-cairn_status cairn_skeleton_file_draw_lines(const cairn_skeleton_picture *p,
+cairn_status cairn_skeleton_file_draw_lines(const cairn_skeleton_picture *picture,
                                             const cairn_skeleton *skeleton, const char *path,
                                             cairn_file_error *error)
 {
@@ -227,9 +242,15 @@ cairn_status cairn_skeleton_file_draw_lines(const cairn_skeleton_picture *p,
                                             {"large radius", "stroke=\"rgb(255,0,0)\""},
                                             {"line", "stroke=\"#06b6d4\""}};
     char subtitle[256], style[200];
-    const cairn_report_overlay overlay = {p->image,  subtitle, p->grey, p->width,
-                                          p->height, 640,      keys,    sizeof keys / sizeof *keys,
-                                          160};
+    const cairn_report_overlay overlay = {.title = picture->image,
+                                          .subtitle = subtitle,
+                                          .grey = picture->grey,
+                                          .width = picture->width,
+                                          .height = picture->height,
+                                          .min_width = 640,
+                                          .keys = keys,
+                                          .key_count = sizeof keys / sizeof *keys,
+                                          .key_step = 160};
     double scale = cairn_report_overlay_scale(&overlay);
     cairn_polyline_segment line;
     cairn_output *output;
@@ -244,15 +265,15 @@ cairn_status cairn_skeleton_file_draw_lines(const cairn_skeleton_picture *p,
         lines++;
     (void)snprintf(subtitle, sizeof subtitle,
                    "%d centre points, radii %.1f to %.1f px, %d of %d lines mirror symmetric",
-                   (int)p->result.centres, (double)p->result.min_radius,
-                   (double)p->result.max_radius, (int)lines, (int)p->result.lines);
+                   (int)picture->result.centres, (double)picture->result.min_radius,
+                   (double)picture->result.max_radius, (int)lines, (int)picture->result.lines);
     (void)snprintf(style, sizeof style,
                    "path{fill:none;stroke-linecap:round;stroke-width:%.2f}.line{stroke:#06b6d4;"
                    "stroke-width:%.2f}",
                    2 / scale, 3 / scale);
     status = cairn_report_overlay_begin(output, &overlay, style);
     for (int32_t i = 0; cairn_skeleton_centre_point(skeleton, i, &at, &radius); i++) {
-        int red = percent_of(&p->result, radius);
+        int red = percent_of(&picture->result, radius);
 
         cairn_output_print(output, "<path stroke=\"rgb(%d%%,0%%,%d%%)\" d=\"M%.1f %.1fh0\"/>\n",
                            red, 100 - red, (double)at.x, (double)at.y);

@@ -1,8 +1,12 @@
-/* SuiteSparse behind the interface of pose graphs.
+/* Sparse Cholesky solver: SuiteSparse behind the solver interface of pose graphs.
  *
- * Method: the poses are ordered by AMD, three scalars each; H is kept as columns of scalars, both
- * halves, of which LDL reads what is above the diagonal in its order. Links that are repeated share
- * their entries.
+ * Method
+ * 1. AMD computes a fill-reducing ordering of the poses, three scalars each.
+ * 2. The information matrix H of the normal equations is stored by compressed columns of scalars,
+ *    both triangles. Repeated links share their entries.
+ * 3. LDL factorizes H = L D L^T in that order, reading the upper triangle.
+ * 4. A solution is forward substitution, division by D and back substitution. A covariance block is
+ *    three columns of the inverse of H.
  *
  * Source: Davis, Algorithm 849: a concise sparse Cholesky factorization package, 2005; Amestoy,
  * Davis and Duff, Algorithm 837: AMD, 2004. */
@@ -14,7 +18,7 @@
 
 #include "cairn/sparse_solver.h"
 
-/* The functions as their libraries declare them. */
+/* Functions of the libraries, as declared there. */
 struct libraries {
     int (*amd_order)(int n, const int *ap, const int *ai, int *p, double *control, double *info);
     void (*ldl_symbolic)(int n, int *ap, int *ai, int *lp, int *parent, int *lnz, int *flag, int *p,
@@ -27,15 +31,17 @@ struct libraries {
     void (*ldl_ltsolve)(int n, double *x, int *lp, int *li, double *lx);
 };
 
-enum { NOTHING, ANALYZE, FACTOR, SOLVE, INVERT };
+/* The phase that the next step runs. */
+enum { PHASE_NONE, PHASE_ANALYZE, PHASE_FACTOR, PHASE_SOLVE, PHASE_INVERT };
 
 struct link {
     int32_t pose[2];
-    /* of the columns of pose[1], that of the rows of pose[0]; and the other way round */
+    /* [0]: index of the block of pose[0]'s rows in the columns of pose[1]; [1]: the transpose */
     int32_t block[2];
 };
 
-/* One direction of a link: the rows of one pose in the columns of the other. */
+/* One off-diagonal block of a link: the rows of one pose in the columns of the other. side: 0 or
+ * 1, index in link.block. */
 struct half {
     int32_t column, row, link, side;
 };
@@ -43,18 +49,24 @@ struct half {
 struct cairn_sparse_solver {
     struct libraries call;
     cairn_block_solver_result result;
-    int32_t part, closed, solved;
+    /* pending phase; 1: no more links can be added; 1: x holds a solution */
+    int32_t phase, structure_closed, solved;
     struct link *links;
     int32_t link_capacity;
-    int n;             /* scalars */
-    int *column, *row; /* H by columns: for each pose the blocks of its neighbours, then its own */
+    int n; /* scalars: 3 a pose */
+    /* H by compressed columns: for each pose the blocks of its neighbours, then its own */
+    int *column, *row;
     double *value;
-    int *order, *place; /* [n] */
-    int *start, *parent, *count, *flag, *pattern;
+    /* [n] permutation and its inverse */
+    int *order, *inverse_order;
+    /* L by compressed columns: column starts, elimination tree, entries of each column; then
+     * workspace */
+    int *l_start, *parent, *l_count, *flag, *pattern;
     int *l_row;
+    /* entries of L, diagonal of D, workspace, right side and solution in elimination order */
     double *l_value, *d, *y, *x;
-    size_t bytes;
-    int32_t lacking; /* 1: an array could not be had */
+    size_t bytes;          /* of the arrays */
+    int32_t out_of_memory; /* 1: an allocation has failed */
 };
 
 /* ---- Libraries ---- */
@@ -68,7 +80,7 @@ static void *open_library(const char *const *names)
     return library;
 }
 
-/* dlsym gives an object pointer, which is a function's here (POSIX). */
+/* dlsym returns an object pointer. POSIX guarantees that it holds a function pointer. */
 static int find_function(void *library, const char *name, void *function)
 {
     void *found = library != NULL ? dlsym(library, name) : NULL;
@@ -102,25 +114,26 @@ cairn_status cairn_sparse_solver_open(cairn_sparse_solver **solver)
         free(made);
         return CAIRN_UNSUPPORTED;
     }
-    made->closed = 1;
+    made->structure_closed = 1;
     made->result.pose = -1;
     *solver = made;
     return CAIRN_OK;
 }
 
-static void free_arrays(cairn_sparse_solver *s)
+static void free_arrays(cairn_sparse_solver *solver)
 {
-    void *const arrays[] = {s->column, s->row,     s->value, s->order, s->place,
-                            s->start,  s->parent,  s->count, s->flag,  s->pattern,
-                            s->l_row,  s->l_value, s->d,     s->y,     s->x};
+    void *const arrays[] = {
+        solver->column,  solver->row,     solver->value,   solver->order, solver->inverse_order,
+        solver->l_start, solver->parent,  solver->l_count, solver->flag,  solver->pattern,
+        solver->l_row,   solver->l_value, solver->d,       solver->y,     solver->x};
 
     for (size_t k = 0; k < sizeof arrays / sizeof *arrays; k++)
         free(arrays[k]);
-    s->column = s->row = s->order = s->place = s->start = s->parent = s->count = s->flag =
-        s->pattern = s->l_row = NULL;
-    s->value = s->l_value = s->d = s->y = s->x = NULL;
-    s->bytes = 0;
-    s->lacking = 0;
+    solver->column = solver->row = solver->order = solver->inverse_order = solver->l_start =
+        solver->parent = solver->l_count = solver->flag = solver->pattern = solver->l_row = NULL;
+    solver->value = solver->l_value = solver->d = solver->y = solver->x = NULL;
+    solver->bytes = 0;
+    solver->out_of_memory = 0;
 }
 
 void cairn_sparse_solver_close(cairn_sparse_solver *solver)
@@ -137,93 +150,95 @@ size_t cairn_sparse_solver_memory(const cairn_sparse_solver *solver)
     return sizeof *solver + (size_t)solver->link_capacity * sizeof *solver->links + solver->bytes;
 }
 
-/* One entry more than asked for: that behind the last. */
-static void *new_array(cairn_sparse_solver *s, size_t count, size_t size)
+/* Allocates a zeroed array with one entry more than `count`, for the end of the last column. */
+static void *new_array(cairn_sparse_solver *solver, size_t count, size_t size)
 {
     void *array = calloc(count + 1, size);
 
-    s->bytes += (count + 1) * size;
+    solver->bytes += (count + 1) * size;
     if (array == NULL)
-        s->lacking = 1;
+        solver->out_of_memory = 1;
     return array;
 }
 
 /* ---- Structure ---- */
 
-static int is_in(const cairn_sparse_solver *s, cairn_block_solver_state state)
+static int is_in(const cairn_sparse_solver *solver, cairn_block_solver_state state)
 {
-    return s->part == NOTHING && s->result.state == state;
+    return solver->phase == PHASE_NONE && solver->result.state == state;
 }
 
-static int has_pose(const cairn_sparse_solver *s, int32_t pose)
+static int has_pose(const cairn_sparse_solver *solver, int32_t pose)
 {
-    return pose >= 0 && pose < s->result.poses;
+    return pose >= 0 && pose < solver->result.poses;
 }
 
 static cairn_status sparse_begin(void *context, int32_t poses)
 {
-    cairn_sparse_solver *s = context;
+    cairn_sparse_solver *solver = context;
 
     if (poses < 1 || poses > INT32_MAX / 16)
         return CAIRN_BAD_ARGUMENT;
-    free_arrays(s);
-    memset(&s->result, 0, sizeof s->result);
-    s->result.poses = poses;
-    s->result.pose = -1;
-    s->n = 3 * poses;
-    s->part = NOTHING;
-    s->closed = s->solved = 0;
+    free_arrays(solver);
+    memset(&solver->result, 0, sizeof solver->result);
+    solver->result.poses = poses;
+    solver->result.pose = -1;
+    solver->n = 3 * poses;
+    solver->phase = PHASE_NONE;
+    solver->structure_closed = solver->solved = 0;
     return CAIRN_OK;
 }
 
 static cairn_status sparse_add_link(void *context, int32_t first, int32_t second)
 {
-    cairn_sparse_solver *s = context;
+    cairn_sparse_solver *solver = context;
 
-    if (s->closed || !has_pose(s, first) || !has_pose(s, second) || first == second)
+    if (solver->structure_closed || !has_pose(solver, first) || !has_pose(solver, second) ||
+        first == second)
         return CAIRN_BAD_ARGUMENT;
-    if (s->result.links == s->link_capacity) {
-        int32_t more = s->link_capacity == 0 ? 1024 : 2 * s->link_capacity;
-        struct link *grown = realloc(s->links, (size_t)more * sizeof *grown);
+    if (solver->result.links == solver->link_capacity) {
+        int32_t new_capacity = solver->link_capacity == 0 ? 1024 : 2 * solver->link_capacity;
+        struct link *grown = realloc(solver->links, (size_t)new_capacity * sizeof *grown);
 
         if (grown == NULL)
             return CAIRN_NO_MEMORY;
-        s->links = grown;
-        s->link_capacity = more;
+        solver->links = grown;
+        solver->link_capacity = new_capacity;
     }
-    s->links[s->result.links].pose[0] = first;
-    s->links[s->result.links++].pose[1] = second;
+    solver->links[solver->result.links].pose[0] = first;
+    solver->links[solver->result.links++].pose[1] = second;
     return CAIRN_OK;
 }
 
 static cairn_status sparse_analyze(void *context)
 {
-    cairn_sparse_solver *s = context;
+    cairn_sparse_solver *solver = context;
 
-    if (s->closed)
+    if (solver->structure_closed)
         return CAIRN_BAD_ARGUMENT;
-    s->closed = 1;
-    s->part = ANALYZE;
+    solver->structure_closed = 1;
+    solver->phase = PHASE_ANALYZE;
     return CAIRN_OK;
 }
 
 static int compare_halves(const void *a, const void *b)
 {
-    const struct half *x = a, *y = b;
+    const struct half *first = a, *second = b;
 
-    if (x->column != y->column)
-        return x->column - y->column;
-    if (x->row != y->row)
-        return x->row - y->row;
-    return x->link - y->link;
+    if (first->column != second->column)
+        return first->column - second->column;
+    if (first->row != second->row)
+        return first->row - second->row;
+    return first->link - second->link;
 }
 
-static struct half *sorted_halves(const cairn_sparse_solver *s)
+/* Returns both blocks of all links, sorted by column, row and link, on the heap. */
+static struct half *sorted_halves(const cairn_sparse_solver *solver)
 {
-    struct half *half = calloc(2 * (size_t)s->result.links + 1, sizeof *half);
+    struct half *half = calloc(2 * (size_t)solver->result.links + 1, sizeof *half);
 
-    for (int32_t k = 0; k < 2 * s->result.links && half != NULL; k++) {
-        const struct link *link = &s->links[k / 2];
+    for (int32_t k = 0; k < 2 * solver->result.links && half != NULL; k++) {
+        const struct link *link = &solver->links[k / 2];
 
         half[k].side = k % 2;
         half[k].link = k / 2;
@@ -231,278 +246,293 @@ static struct half *sorted_halves(const cairn_sparse_solver *s)
         half[k].row = link->pose[k % 2];
     }
     if (half != NULL)
-        qsort(half, 2 * (size_t)s->result.links, sizeof *half, compare_halves);
+        qsort(half, 2 * (size_t)solver->result.links, sizeof *half, compare_halves);
     return half;
 }
 
-/* The three columns of each pose. `half` keeps one of each block. Returns the blocks beside the
- * diagonal. */
-static int32_t fill_columns(cairn_sparse_solver *s, struct half *half)
+/* Fills the column structure of H, three columns for each pose, and keeps one half for each
+ * distinct block. Returns the number of off-diagonal blocks. */
+static int32_t fill_columns(cairn_sparse_solver *solver, struct half *half)
 {
     int32_t entry = 0, kept = 0, next = 0;
 
-    for (int32_t j = 0; j < s->result.poses; j++) {
+    for (int32_t j = 0; j < solver->result.poses; j++) {
         int32_t begin = kept;
 
-        for (; next < 2 * s->result.links && half[next].column == j; next++) {
+        for (; next < 2 * solver->result.links && half[next].column == j; next++) {
             if (kept == begin || half[kept - 1].row != half[next].row)
                 half[kept++] = half[next];
-            s->links[half[next].link].block[half[next].side] = kept - 1 - begin;
+            solver->links[half[next].link].block[half[next].side] = kept - 1 - begin;
         }
         for (int32_t c = 0; c < 3; c++) {
-            s->column[3 * j + c] = entry;
+            solver->column[3 * j + c] = entry;
             for (int32_t k = 3 * begin; k < 3 * kept; k++)
-                s->row[entry++] = 3 * half[k / 3].row + k % 3;
+                solver->row[entry++] = 3 * half[k / 3].row + k % 3;
             for (int32_t r = 0; r < 3; r++)
-                s->row[entry++] = 3 * j + r;
+                solver->row[entry++] = 3 * j + r;
         }
     }
-    s->column[s->n] = entry;
+    solver->column[solver->n] = entry;
     return kept;
 }
 
-/* Orders the poses, so that the scalars of one stay together. */
-static cairn_status order_poses(cairn_sparse_solver *s, const struct half *half, int32_t blocks)
+/* Computes the fill-reducing ordering by poses, so that the three scalars of a pose stay
+ * together. */
+static cairn_status order_poses(cairn_sparse_solver *solver, const struct half *half,
+                                int32_t blocks)
 {
-    int poses = s->result.poses, *start = calloc((size_t)poses + 1, sizeof *start);
-    int *list = calloc((size_t)blocks + 1, sizeof *list), *p = calloc((size_t)poses, sizeof *p);
+    int poses = solver->result.poses, *start = calloc((size_t)poses + 1, sizeof *start);
+    int *list = calloc((size_t)blocks + 1, sizeof *list),
+        *permutation = calloc((size_t)poses, sizeof *permutation);
     cairn_status status = CAIRN_NO_MEMORY;
 
-    if (start != NULL && list != NULL && p != NULL) {
+    if (start != NULL && list != NULL && permutation != NULL) {
         for (int32_t k = 0; k < blocks; k++) {
             start[half[k].column + 1]++;
             list[k] = half[k].row;
         }
         for (int j = 0; j < poses; j++)
             start[j + 1] += start[j];
-        status =
-            s->call.amd_order(poses, start, list, p, NULL, NULL) >= 0 ? CAIRN_OK : CAIRN_NO_MEMORY;
+        status = solver->call.amd_order(poses, start, list, permutation, NULL, NULL) >= 0
+                     ? CAIRN_OK
+                     : CAIRN_NO_MEMORY;
         for (int k = 0; k < 3 * poses && status == CAIRN_OK; k++)
-            s->order[k] = 3 * p[k / 3] + k % 3;
+            solver->order[k] = 3 * permutation[k / 3] + k % 3;
     }
     free(start);
     free(list);
-    free(p);
+    free(permutation);
     return status;
 }
 
-static cairn_status allocate(cairn_sparse_solver *s)
+/* Allocates the arrays of H and of the symbolic analysis. */
+static cairn_status allocate(cairn_sparse_solver *solver)
 {
-    size_t n = (size_t)s->n, entries = 18 * (size_t)s->result.links + 3 * n;
+    size_t n = (size_t)solver->n, entries = 18 * (size_t)solver->result.links + 3 * n;
 
-    s->column = new_array(s, n, sizeof(int));
-    s->row = new_array(s, entries, sizeof(int));
-    s->value = new_array(s, entries, sizeof(double));
-    s->order = new_array(s, n, sizeof(int));
-    s->place = new_array(s, n, sizeof(int));
-    s->start = new_array(s, n, sizeof(int));
-    s->parent = new_array(s, n, sizeof(int));
-    s->count = new_array(s, n, sizeof(int));
-    s->flag = new_array(s, n, sizeof(int));
-    s->pattern = new_array(s, n, sizeof(int));
-    s->d = new_array(s, n, sizeof(double));
-    s->y = new_array(s, n, sizeof(double));
-    s->x = new_array(s, n, sizeof(double));
-    return s->lacking ? CAIRN_NO_MEMORY : CAIRN_OK;
+    solver->column = new_array(solver, n, sizeof(int));
+    solver->row = new_array(solver, entries, sizeof(int));
+    solver->value = new_array(solver, entries, sizeof(double));
+    solver->order = new_array(solver, n, sizeof(int));
+    solver->inverse_order = new_array(solver, n, sizeof(int));
+    solver->l_start = new_array(solver, n, sizeof(int));
+    solver->parent = new_array(solver, n, sizeof(int));
+    solver->l_count = new_array(solver, n, sizeof(int));
+    solver->flag = new_array(solver, n, sizeof(int));
+    solver->pattern = new_array(solver, n, sizeof(int));
+    solver->d = new_array(solver, n, sizeof(double));
+    solver->y = new_array(solver, n, sizeof(double));
+    solver->x = new_array(solver, n, sizeof(double));
+    return solver->out_of_memory ? CAIRN_NO_MEMORY : CAIRN_OK;
 }
 
-static cairn_status analyze(cairn_sparse_solver *s)
+/* Symbolic analysis: structure of H, ordering, structure of L. */
+static cairn_status analyze(cairn_sparse_solver *solver)
 {
-    struct half *half = sorted_halves(s);
-    cairn_status status = half != NULL ? allocate(s) : CAIRN_NO_MEMORY;
+    struct half *half = sorted_halves(solver);
+    cairn_status status = half != NULL ? allocate(solver) : CAIRN_NO_MEMORY;
 
     if (status == CAIRN_OK)
-        status = order_poses(s, half, fill_columns(s, half));
+        status = order_poses(solver, half, fill_columns(solver, half));
     free(half);
     if (status != CAIRN_OK)
         return status;
-    s->call.ldl_symbolic(s->n, s->column, s->row, s->start, s->parent, s->count, s->flag, s->order,
-                         s->place);
-    s->l_row = new_array(s, (size_t)s->start[s->n], sizeof(int));
-    s->l_value = new_array(s, (size_t)s->start[s->n], sizeof(double));
-    /* three scalars of each pose lie below its own diagonal */
-    s->result.fill = (s->start[s->n] - s->n) / 9;
-    return s->lacking ? CAIRN_NO_MEMORY : CAIRN_OK;
+    solver->call.ldl_symbolic(solver->n, solver->column, solver->row, solver->l_start,
+                              solver->parent, solver->l_count, solver->flag, solver->order,
+                              solver->inverse_order);
+    solver->l_row = new_array(solver, (size_t)solver->l_start[solver->n], sizeof(int));
+    solver->l_value = new_array(solver, (size_t)solver->l_start[solver->n], sizeof(double));
+    /* of each pose, three scalars lie below the diagonal of its own block */
+    solver->result.fill = (solver->l_start[solver->n] - solver->n) / 9;
+    return solver->out_of_memory ? CAIRN_NO_MEMORY : CAIRN_OK;
 }
 
 /* ---- Values ---- */
 
 static cairn_status sparse_clear(void *context)
 {
-    cairn_sparse_solver *s = context;
+    cairn_sparse_solver *solver = context;
 
-    if (s->part != NOTHING || s->result.state == CAIRN_BLOCK_SOLVER_NEW)
+    if (solver->phase != PHASE_NONE || solver->result.state == CAIRN_BLOCK_SOLVER_NEW)
         return CAIRN_BAD_ARGUMENT;
-    memset(s->value, 0, (size_t)s->column[s->n] * sizeof *s->value);
-    s->solved = 0;
-    s->result.pose = -1;
-    s->result.state = CAIRN_BLOCK_SOLVER_ANALYZED;
+    memset(solver->value, 0, (size_t)solver->column[solver->n] * sizeof *solver->value);
+    solver->solved = 0;
+    solver->result.pose = -1;
+    solver->result.state = CAIRN_BLOCK_SOLVER_ANALYZED;
     return CAIRN_OK;
 }
 
+/* Adds a diagonal block to H. */
 static cairn_status sparse_add_pose_block(void *context, int32_t pose, cairn_sym3 block)
 {
     const cairn_real full[9] = {block.xx, block.xy, block.xz, block.xy, block.yy,
                                 block.yz, block.xz, block.yz, block.zz};
-    cairn_sparse_solver *s = context;
+    cairn_sparse_solver *solver = context;
 
-    if (!is_in(s, CAIRN_BLOCK_SOLVER_ANALYZED) || !has_pose(s, pose))
+    if (!is_in(solver, CAIRN_BLOCK_SOLVER_ANALYZED) || !has_pose(solver, pose))
         return CAIRN_BAD_ARGUMENT;
     for (int k = 0; k < 9; k++)
         if (!cairn_is_finite(full[k]))
             return CAIRN_NOT_FINITE;
     for (int k = 0; k < 9; k++)
-        s->value[s->column[3 * pose + k / 3 + 1] - 3 + k % 3] += (double)full[k];
+        solver->value[solver->column[3 * pose + k / 3 + 1] - 3 + k % 3] += (double)full[k];
     return CAIRN_OK;
 }
 
+/* Adds the off-diagonal block of a link and its transpose to H. */
 static cairn_status sparse_add_link_block(void *context, int32_t link, const cairn_real block[9])
 {
-    cairn_sparse_solver *s = context;
-    const struct link *l;
+    cairn_sparse_solver *solver = context;
+    const struct link *added;
 
-    if (!is_in(s, CAIRN_BLOCK_SOLVER_ANALYZED) || link < 0 || link >= s->result.links)
+    if (!is_in(solver, CAIRN_BLOCK_SOLVER_ANALYZED) || link < 0 || link >= solver->result.links)
         return CAIRN_BAD_ARGUMENT;
     for (int k = 0; k < 9; k++)
         if (!cairn_is_finite(block[k]))
             return CAIRN_NOT_FINITE;
-    l = &s->links[link];
+    added = &solver->links[link];
     for (int r = 0; r < 3; r++)
         for (int c = 0; c < 3; c++) {
-            s->value[s->column[3 * l->pose[1] + c] + 3 * l->block[0] + r] +=
+            solver->value[solver->column[3 * added->pose[1] + c] + 3 * added->block[0] + r] +=
                 (double)block[3 * r + c];
-            s->value[s->column[3 * l->pose[0] + r] + 3 * l->block[1] + c] +=
+            solver->value[solver->column[3 * added->pose[0] + r] + 3 * added->block[1] + c] +=
                 (double)block[3 * r + c];
         }
     return CAIRN_OK;
 }
 
-/* ---- Parts ---- */
+/* ---- Phases ---- */
 
-static cairn_status begin_part(cairn_sparse_solver *s, cairn_block_solver_state state, int32_t part)
+static cairn_status begin_phase(cairn_sparse_solver *solver, cairn_block_solver_state state,
+                                int32_t phase)
 {
-    if (!is_in(s, state))
+    if (!is_in(solver, state))
         return CAIRN_BAD_ARGUMENT;
-    s->part = part;
+    solver->phase = phase;
     return CAIRN_OK;
 }
 
 static cairn_status sparse_factor(void *context)
 {
-    return begin_part(context, CAIRN_BLOCK_SOLVER_ANALYZED, FACTOR);
+    return begin_phase(context, CAIRN_BLOCK_SOLVER_ANALYZED, PHASE_FACTOR);
 }
 
 static cairn_status sparse_invert(void *context)
 {
-    return begin_part(context, CAIRN_BLOCK_SOLVER_FACTORED, INVERT);
+    return begin_phase(context, CAIRN_BLOCK_SOLVER_FACTORED, PHASE_INVERT);
 }
 
 static cairn_status sparse_solve(void *context, const cairn_real *b)
 {
-    cairn_sparse_solver *s = context;
-    cairn_status status = begin_part(s, CAIRN_BLOCK_SOLVER_FACTORED, SOLVE);
+    cairn_sparse_solver *solver = context;
+    cairn_status status = begin_phase(solver, CAIRN_BLOCK_SOLVER_FACTORED, PHASE_SOLVE);
 
-    for (int k = 0; k < s->n && status == CAIRN_OK; k++) {
+    for (int k = 0; k < solver->n && status == CAIRN_OK; k++) {
         if (!cairn_is_finite(b[k])) {
-            s->part = NOTHING;
+            solver->phase = PHASE_NONE;
             return CAIRN_NOT_FINITE;
         }
-        s->x[s->place[k]] = (double)b[k];
+        solver->x[solver->inverse_order[k]] = (double)b[k];
     }
     return status;
 }
 
-/* The pivot must be above 64 rounding errors of the diagonal that it came from, as in
- * block_solver. */
-static void factor(cairn_sparse_solver *s)
+/* Factorizes H. A pivot must exceed 64 rounding errors of the diagonal element that it came from,
+ * as in block_solver; otherwise H is not positive definite. */
+static void factor(cairn_sparse_solver *solver)
 {
-    int done = s->call.ldl_numeric(s->n, s->column, s->row, s->value, s->start, s->parent, s->count,
-                                   s->l_row, s->l_value, s->d, s->y, s->pattern, s->flag, s->order,
-                                   s->place);
-    int bad = done < s->n ? done : -1;
+    int factored = solver->call.ldl_numeric(
+        solver->n, solver->column, solver->row, solver->value, solver->l_start, solver->parent,
+        solver->l_count, solver->l_row, solver->l_value, solver->d, solver->y, solver->pattern,
+        solver->flag, solver->order, solver->inverse_order);
+    int failed = factored < solver->n ? factored : -1;
 
-    for (int k = 0; k < done && bad < 0; k++)
-        if (!(s->d[k] >
-              64 * DBL_EPSILON * s->value[s->column[s->order[k] + 1] - 3 + s->order[k] % 3]))
-            bad = k;
-    s->result.pose = bad >= 0 ? s->order[bad] / 3 : -1;
-    s->result.state = bad >= 0 ? CAIRN_BLOCK_SOLVER_NOT_POSITIVE : CAIRN_BLOCK_SOLVER_FACTORED;
+    for (int k = 0; k < factored && failed < 0; k++)
+        if (!(solver->d[k] >
+              64 * DBL_EPSILON *
+                  solver->value[solver->column[solver->order[k] + 1] - 3 + solver->order[k] % 3]))
+            failed = k;
+    solver->result.pose = failed >= 0 ? solver->order[failed] / 3 : -1;
+    solver->result.state =
+        failed >= 0 ? CAIRN_BLOCK_SOLVER_NOT_POSITIVE : CAIRN_BLOCK_SOLVER_FACTORED;
 }
 
-/* 0 when the solution is more than a cairn_real can tell. */
-static int substitute(const cairn_sparse_solver *s, double *x)
+/* Solves L D L^T x = x by substitution; 0 when the solution exceeds the range of cairn_real. */
+static int substitute(const cairn_sparse_solver *solver, double *x)
 {
-    s->call.ldl_lsolve(s->n, x, s->start, s->l_row, s->l_value);
-    s->call.ldl_dsolve(s->n, x, s->d);
-    s->call.ldl_ltsolve(s->n, x, s->start, s->l_row, s->l_value);
-    for (int k = 0; k < s->n; k++)
+    solver->call.ldl_lsolve(solver->n, x, solver->l_start, solver->l_row, solver->l_value);
+    solver->call.ldl_dsolve(solver->n, x, solver->d);
+    solver->call.ldl_ltsolve(solver->n, x, solver->l_start, solver->l_row, solver->l_value);
+    for (int k = 0; k < solver->n; k++)
         if (!(fabs(x[k]) <= (double)CAIRN_REAL_MAX))
             return 0;
     return 1;
 }
 
+/* Runs the pending phase in one step. */
 static cairn_status sparse_step(void *context, cairn_budget *budget)
 {
-    cairn_sparse_solver *s = context;
-    int32_t part = s->part;
+    cairn_sparse_solver *solver = context;
+    int32_t phase = solver->phase;
     cairn_status status = CAIRN_OK;
 
-    if (part == NOTHING)
+    if (phase == PHASE_NONE)
         return CAIRN_OK;
     if (budget->left <= 0)
         return CAIRN_MORE;
     budget->left--;
-    s->part = NOTHING;
-    if (part == ANALYZE) {
-        status = analyze(s);
+    solver->phase = PHASE_NONE;
+    if (phase == PHASE_ANALYZE) {
+        status = analyze(solver);
         if (status == CAIRN_OK)
-            s->result.state = CAIRN_BLOCK_SOLVER_ANALYZED;
-    } else if (part == FACTOR) {
-        factor(s);
-    } else if (part == SOLVE) {
-        s->solved = substitute(s, s->x);
-        status = s->solved ? CAIRN_OK : CAIRN_NOT_FINITE;
+            solver->result.state = CAIRN_BLOCK_SOLVER_ANALYZED;
+    } else if (phase == PHASE_FACTOR) {
+        factor(solver);
+    } else if (phase == PHASE_SOLVE) {
+        solver->solved = substitute(solver, solver->x);
+        status = solver->solved ? CAIRN_OK : CAIRN_NOT_FINITE;
     } else {
-        s->result.state = CAIRN_BLOCK_SOLVER_INVERTED;
+        solver->result.state = CAIRN_BLOCK_SOLVER_INVERTED;
     }
     return status;
 }
 
 static cairn_status sparse_solution(const void *context, int32_t pose, cairn_real x[3])
 {
-    const cairn_sparse_solver *s = context;
+    const cairn_sparse_solver *solver = context;
 
-    if (!has_pose(s, pose))
+    if (!has_pose(solver, pose))
         return CAIRN_BAD_ARGUMENT;
-    if (!s->solved)
+    if (!solver->solved)
         return CAIRN_EMPTY;
     for (int k = 0; k < 3; k++)
-        x[k] = (cairn_real)s->x[s->place[3 * pose + k]];
+        x[k] = (cairn_real)solver->x[solver->inverse_order[3 * pose + k]];
     return CAIRN_OK;
 }
 
+/* Returns a block of the inverse of H, column by column. */
 static cairn_status sparse_covariance(const void *context, int32_t first, int32_t second,
                                       cairn_real block[9])
 {
-    const cairn_sparse_solver *s = context;
+    const cairn_sparse_solver *solver = context;
     double *x;
 
-    if (!has_pose(s, first) || !has_pose(s, second))
+    if (!has_pose(solver, first) || !has_pose(solver, second))
         return CAIRN_BAD_ARGUMENT;
-    if (!is_in(s, CAIRN_BLOCK_SOLVER_INVERTED))
+    if (!is_in(solver, CAIRN_BLOCK_SOLVER_INVERTED))
         return CAIRN_EMPTY;
-    x = malloc((size_t)s->n * sizeof *x);
+    x = malloc((size_t)solver->n * sizeof *x);
     if (x == NULL)
         return CAIRN_NO_MEMORY;
     for (int c = 0; c < 3; c++) {
-        memset(x, 0, (size_t)s->n * sizeof *x);
-        x[s->place[3 * second + c]] = 1;
-        if (!substitute(s, x)) {
+        memset(x, 0, (size_t)solver->n * sizeof *x);
+        x[solver->inverse_order[3 * second + c]] = 1;
+        if (!substitute(solver, x)) {
             free(x);
             return CAIRN_NOT_FINITE;
         }
         for (int r = 0; r < 3; r++)
-            block[3 * r + c] = (cairn_real)x[s->place[3 * first + r]];
+            block[3 * r + c] = (cairn_real)x[solver->inverse_order[3 * first + r]];
     }
     free(x);
     return CAIRN_OK;
@@ -510,28 +540,28 @@ static cairn_status sparse_covariance(const void *context, int32_t first, int32_
 
 static cairn_block_solver_result sparse_read(const void *context)
 {
-    const cairn_sparse_solver *s = context;
-    cairn_block_solver_result result = s->result;
+    const cairn_sparse_solver *solver = context;
+    cairn_block_solver_result result = solver->result;
 
-    result.running = s->part != NOTHING;
+    result.running = solver->phase != PHASE_NONE;
     return result;
 }
 
 cairn_pose_solver cairn_sparse_solver_face(cairn_sparse_solver *solver)
 {
-    cairn_pose_solver face = {solver,
-                              sparse_begin,
-                              sparse_add_link,
-                              sparse_analyze,
-                              sparse_clear,
-                              sparse_add_pose_block,
-                              sparse_add_link_block,
-                              sparse_factor,
-                              sparse_solve,
-                              sparse_solution,
-                              sparse_invert,
-                              sparse_covariance,
-                              sparse_step,
-                              sparse_read};
-    return face;
+    cairn_pose_solver interface = {.context = solver,
+                                   .begin = sparse_begin,
+                                   .add_link = sparse_add_link,
+                                   .analyze = sparse_analyze,
+                                   .clear = sparse_clear,
+                                   .add_pose_block = sparse_add_pose_block,
+                                   .add_link_block = sparse_add_link_block,
+                                   .factor = sparse_factor,
+                                   .solve = sparse_solve,
+                                   .solution = sparse_solution,
+                                   .invert = sparse_invert,
+                                   .covariance = sparse_covariance,
+                                   .step = sparse_step,
+                                   .read = sparse_read};
+    return interface;
 }

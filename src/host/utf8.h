@@ -1,14 +1,15 @@
-/* utf8: where characters end. Internal to the host library. */
+/* utf8: validation of UTF-8 sequences (RFC 3629). Internal to the host library. */
 #ifndef CAIRN_HOST_UTF8_H
 #define CAIRN_HOST_UTF8_H
 
 #include <stddef.h>
 #include <stdint.h>
 
-/* U+FFFD, which stands for bytes that are no character. */
+/* The replacement character U+FFFD, written in place of invalid bytes. */
 #define CAIRN_UTF8_REPLACEMENT "\xEF\xBF\xBD"
 
-/* Bytes of the character at the start of a text that is not empty; 0: it is none. */
+/* Returns the length in bytes of the UTF-8 character at the start of a 0-terminated text that is
+ * not empty; 0 when the bytes are not valid UTF-8. */
 static inline size_t cairn_utf8_length(const char *text)
 {
     const uint8_t *byte = (const uint8_t *)text;
@@ -23,7 +24,7 @@ static inline size_t cairn_utf8_length(const char *text)
     for (i = 1; i < length; i++)
         if ((byte[i] & 0xC0) != 0x80)
             return 0;
-    /* Too long a form, a surrogate, or beyond U+10FFFF. */
+    /* An overlong encoding, a surrogate, or a code point beyond U+10FFFF. */
     if ((byte[0] == 0xE0 && byte[1] < 0xA0) || (byte[0] == 0xED && byte[1] > 0x9F) ||
         (byte[0] == 0xF0 && byte[1] < 0x90) || (byte[0] == 0xF4 && byte[1] > 0x8F))
         return 0;

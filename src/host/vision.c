@@ -1,11 +1,12 @@
-/* Images and edges through OpenCV, which is loaded when it is first needed.
+/* Image input and output, gradients and edges by OpenCV, which is loaded on first use.
  *
- * Method: a file is read whole, its head tells whether the image is one and of what size, then the
- * shim decodes it from memory: so a giant or cut file never comes to a decoder, and errors of the
- * system are told as such.
+ * Method
+ * 1. A file is read into memory, and its header gives format and size.
+ * 2. The shim decodes it from memory. An oversized or truncated file never reaches a decoder, and
+ *    errors of the system are reported as such.
  *
- * Limits: decoders of JPEG keep what can be seen of a damaged one; only where its end is missing
- * it is refused. */
+ * Limits: JPEG decoders return the readable part of a damaged file. A JPEG is refused only when its
+ * end is missing. */
 #include "src/core/build.h"
 
 #include <errno.h>
@@ -21,10 +22,11 @@
 #include "src/host/vision_shim.h"
 
 #define LIBRARY "libcairn-vision.so"
-/* Files beyond this are no image of CAIRN_VISION_PIXELS_MOST. */
-#define FILE_BYTES_MOST ((int64_t)CAIRN_VISION_PIXELS_MOST * 8 + (1 << 20))
-#define SIGMA_MOST      50
-#define SLOPE_MOST      1000
+/* Largest accepted file in bytes: CAIRN_VISION_PIXELS_MOST pixels of four 16-bit samples, and
+ * metadata. */
+#define MAX_FILE_BYTES   ((int64_t)CAIRN_VISION_PIXELS_MOST * 8 + (1 << 20))
+#define MAX_SIGMA_PIXELS 50
+#define MAX_GRADIENT     1000
 
 /* ---- The library ---- */
 
@@ -34,7 +36,8 @@ static const cairn_vision_shim *find_shim(void)
                            CAIRN_VISION_SHIM_VERSION);
 }
 
-static const cairn_vision_shim *need_shim(const char *path, cairn_file_error *error)
+/* Returns the function table; NULL and an error when the library is missing. */
+static const cairn_vision_shim *require_shim(const char *path, cairn_file_error *error)
 {
     const cairn_vision_shim *shim = find_shim();
 
@@ -48,18 +51,19 @@ static const cairn_vision_shim *need_shim(const char *path, cairn_file_error *er
 
 cairn_status cairn_vision_load(cairn_file_error *error)
 {
-    return need_shim(LIBRARY, error) != NULL ? CAIRN_OK : CAIRN_UNSUPPORTED;
+    return require_shim(LIBRARY, error) != NULL ? CAIRN_OK : CAIRN_UNSUPPORTED;
 }
 
-/* What OpenCV says. */
-static cairn_status refused(cairn_status status, const char *path, const char *what,
-                            const char *words, cairn_file_error *error)
+/* Reports an error of OpenCV. */
+static cairn_status report_opencv_error(cairn_status status, const char *path, const char *what,
+                                        const char *message, cairn_file_error *error)
 {
-    return cairn_file_error_set(error, status, path, 0, "OpenCV: %s, expected %s", words, what);
+    return cairn_file_error_set(error, status, path, 0, "OpenCV: %s, expected %s", message, what);
 }
 
 /* ---- Reading ---- */
 
+/* Reads a regular file into memory. */
 static cairn_status read_open_file(FILE *file, const char *path, uint8_t **bytes, size_t *count,
                                    cairn_file_error *error)
 {
@@ -71,10 +75,10 @@ static cairn_status read_open_file(FILE *file, const char *path, uint8_t **bytes
     if (!S_ISREG(about.st_mode))
         return cairn_file_error_set(error, CAIRN_UNSUPPORTED, path, 0,
                                     "a folder, pipe or device, expected an image file");
-    if (about.st_size > FILE_BYTES_MOST)
+    if (about.st_size > MAX_FILE_BYTES)
         return cairn_file_error_set(error, CAIRN_FULL, path, 0,
                                     "%lld bytes, expected an image of at most %lld",
-                                    (long long)about.st_size, (long long)FILE_BYTES_MOST);
+                                    (long long)about.st_size, (long long)MAX_FILE_BYTES);
     *bytes = malloc((size_t)about.st_size + 1);
     if (*bytes == NULL)
         return cairn_file_error_system(error, path, "read", ENOMEM);
@@ -102,9 +106,9 @@ static cairn_status read_file(const char *path, uint8_t **bytes, size_t *count,
     return status;
 }
 
-/* PGM and PNG without OpenCV. */
-static cairn_status read_without(cairn_vision_image *image, const char *path,
-                                 cairn_file_error *error)
+/* Reads PGM and PNG without OpenCV. */
+static cairn_status read_without_opencv(cairn_vision_image *image, const char *path,
+                                        cairn_file_error *error)
 {
     cairn_image plain;
     cairn_status status = cairn_image_read(&plain, path, error);
@@ -120,32 +124,33 @@ static cairn_status read_without(cairn_vision_image *image, const char *path,
     return CAIRN_OK;
 }
 
+/* Decodes an image from memory after a check of its header. */
 static cairn_status decode(cairn_vision_image *image, const uint8_t *bytes, size_t count,
                            const char *path, cairn_file_error *error)
 {
     const cairn_vision_shim *shim;
     cairn_vision_shim_image decoded;
-    char words[CAIRN_VISION_SHIM_WORDS] = "";
-    cairn_vision_head head;
-    cairn_status status = cairn_vision_head_read(&head, bytes, count, path, error);
+    char message[CAIRN_VISION_SHIM_MESSAGE_BYTES] = "";
+    cairn_vision_header header;
+    cairn_status status = cairn_vision_header_read(&header, bytes, count, path, error);
 
     if (status != CAIRN_OK)
         return status;
-    if (head.width > CAIRN_VISION_SIDE_MOST || head.height > CAIRN_VISION_SIDE_MOST ||
-        head.width * head.height > CAIRN_VISION_PIXELS_MOST)
+    if (header.width > CAIRN_VISION_SIDE_MOST || header.height > CAIRN_VISION_SIDE_MOST ||
+        header.width * header.height > CAIRN_VISION_PIXELS_MOST)
         return cairn_file_error_set(
             error, CAIRN_FULL, path, 0,
             "the image has %lld x %lld pixels, expected at most %d a side and %d in all",
-            (long long)head.width, (long long)head.height, CAIRN_VISION_SIDE_MOST,
+            (long long)header.width, (long long)header.height, CAIRN_VISION_SIDE_MOST,
             CAIRN_VISION_PIXELS_MOST);
     shim = find_shim();
-    if (shim == NULL && (head.format == CAIRN_VISION_PNG || head.format == CAIRN_VISION_PNM))
-        return read_without(image, path, error);
+    if (shim == NULL && (header.format == CAIRN_VISION_PNG || header.format == CAIRN_VISION_PNM))
+        return read_without_opencv(image, path, error);
     if (shim == NULL)
-        return need_shim(path, error) == NULL ? CAIRN_UNSUPPORTED : CAIRN_OK;
-    status = shim->decode(bytes, count, &decoded, words, sizeof words);
+        return require_shim(path, error) == NULL ? CAIRN_UNSUPPORTED : CAIRN_OK;
+    status = shim->decode(bytes, count, &decoded, message, sizeof message);
     if (status != CAIRN_OK)
-        return refused(status, path, "a whole image of 8 or 16 bits", words, error);
+        return report_opencv_error(status, path, "a whole image of 8 or 16 bits", message, error);
     image->width = decoded.width;
     image->height = decoded.height;
     image->channels = decoded.channels;
@@ -204,6 +209,7 @@ static int is_grey(const cairn_vision_image *image)
     return is_image(image) && image->channels == 1 && image->sample_bytes == 1;
 }
 
+/* Returns a sample as an unsigned integer. */
 static uint32_t sample_of(const cairn_vision_image *image, size_t index)
 {
     return image->sample_bytes == 1 ? ((const uint8_t *)image->samples)[index]
@@ -241,8 +247,9 @@ cairn_status cairn_vision_make_grey(cairn_vision_image *image)
 
 /* ---- Writing ---- */
 
-/* The ending as OpenCV takes it; NULL: no image's. */
-static const char *ending_of(const char *path)
+/* Returns the path's extension, which OpenCV uses to select the format; NULL: not that of an
+ * image. */
+static const char *find_extension(const char *path)
 {
     static const char *const known[] = {".tif", ".tiff", ".png", ".jpg", ".jpeg", ".pgm"};
     const char *dot = strrchr(cairn_path_name(path), '.');
@@ -268,30 +275,30 @@ static cairn_status write_bytes(const char *path, const uint8_t *bytes, size_t c
 cairn_status cairn_vision_write(const cairn_vision_image *image, const char *path,
                                 cairn_file_error *error)
 {
-    const char *ending = ending_of(path);
+    const char *extension = find_extension(path);
     const cairn_vision_shim *shim;
-    cairn_vision_shim_image shown;
-    char words[CAIRN_VISION_SHIM_WORDS] = "";
+    cairn_vision_shim_image view;
+    char message[CAIRN_VISION_SHIM_MESSAGE_BYTES] = "";
     uint8_t *bytes;
     size_t count;
     cairn_status status;
 
-    if (!is_image(image) || ending == NULL || (ending[1] == 'j' && image->sample_bytes > 1) ||
-        (ending[2] == 'g' && image->channels > 1))
+    if (!is_image(image) || extension == NULL || (extension[1] == 'j' && image->sample_bytes > 1) ||
+        (extension[2] == 'g' && image->channels > 1))
         return cairn_file_error_set(
             error, CAIRN_BAD_ARGUMENT, path, 0,
-            "not an image of this ending, expected .tif, .png, .jpg (8 bits) or .pgm (grey)");
-    shim = need_shim(path, error);
+            "the image has no such format, expected .tif, .png, .jpg (8 bits) or .pgm (grey)");
+    shim = require_shim(path, error);
     if (shim == NULL)
         return CAIRN_UNSUPPORTED;
-    shown.width = image->width;
-    shown.height = image->height;
-    shown.channels = image->channels;
-    shown.sample_bytes = image->sample_bytes;
-    shown.samples = image->samples;
-    status = shim->encode(&shown, ending, &bytes, &count, words, sizeof words);
+    view.width = image->width;
+    view.height = image->height;
+    view.channels = image->channels;
+    view.sample_bytes = image->sample_bytes;
+    view.samples = image->samples;
+    status = shim->encode(&view, extension, &bytes, &count, message, sizeof message);
     if (status != CAIRN_OK)
-        return refused(status, path, "an image that it can encode", words, error);
+        return report_opencv_error(status, path, "an image that it can encode", message, error);
     status = write_bytes(path, bytes, count, error);
     free(bytes);
     return status;
@@ -301,7 +308,7 @@ cairn_status cairn_vision_write(const cairn_vision_image *image, const char *pat
 
 cairn_vision_canny_params cairn_vision_canny_default(void)
 {
-    cairn_vision_canny_params params = {1.4, 3, 8};
+    cairn_vision_canny_params params = {.sigma = 1.4, .low = 3, .high = 8};
 
     return params;
 }
@@ -309,41 +316,43 @@ cairn_vision_canny_params cairn_vision_canny_default(void)
 cairn_status cairn_vision_gradients(const cairn_vision_image *grey, double sigma, float *x,
                                     float *y, const char *name, cairn_file_error *error)
 {
-    char words[CAIRN_VISION_SHIM_WORDS] = "";
+    char message[CAIRN_VISION_SHIM_MESSAGE_BYTES] = "";
     const cairn_vision_shim *shim;
     cairn_status status;
 
-    if (!is_grey(grey) || x == NULL || y == NULL || !(sigma >= 0) || sigma > SIGMA_MOST)
+    if (!is_grey(grey) || x == NULL || y == NULL || !(sigma >= 0) || sigma > MAX_SIGMA_PIXELS)
         return cairn_file_error_set(
             error, CAIRN_BAD_ARGUMENT, name, 0,
-            "not to be differentiated, expected 8-bit grey and sigma 0 ... %d", SIGMA_MOST);
-    shim = need_shim(name, error);
+            "no gradients of this image, expected 8-bit grey and sigma 0 ... %d", MAX_SIGMA_PIXELS);
+    shim = require_shim(name, error);
     if (shim == NULL)
         return CAIRN_UNSUPPORTED;
-    status =
-        shim->gradients(grey->samples, grey->width, grey->height, sigma, x, y, words, sizeof words);
-    return status == CAIRN_OK ? CAIRN_OK : refused(status, name, "gradients", words, error);
+    status = shim->gradients(grey->samples, grey->width, grey->height, sigma, x, y, message,
+                             sizeof message);
+    return status == CAIRN_OK ? CAIRN_OK
+                              : report_opencv_error(status, name, "gradients", message, error);
 }
 
 cairn_status cairn_vision_canny(const cairn_vision_image *grey,
                                 const cairn_vision_canny_params *params, uint8_t *strengths,
                                 const char *name, cairn_file_error *error)
 {
-    char words[CAIRN_VISION_SHIM_WORDS] = "";
+    char message[CAIRN_VISION_SHIM_MESSAGE_BYTES] = "";
     const cairn_vision_shim *shim;
     cairn_status status;
 
     if (!is_grey(grey) || params == NULL || strengths == NULL || !(params->sigma >= 0) ||
-        params->sigma > SIGMA_MOST || !(params->low > 0) || !(params->high >= params->low) ||
-        params->high > SLOPE_MOST)
+        params->sigma > MAX_SIGMA_PIXELS || !(params->low > 0) || !(params->high >= params->low) ||
+        params->high > MAX_GRADIENT)
         return cairn_file_error_set(
             error, CAIRN_BAD_ARGUMENT, name, 0,
-            "no edges of it, expected 8-bit grey, sigma 0 ... %d, 0 < low <= high <= %d",
-            SIGMA_MOST, SLOPE_MOST);
-    shim = need_shim(name, error);
+            "no edges of this image, expected 8-bit grey, sigma 0 ... %d, 0 < low <= high <= %d",
+            MAX_SIGMA_PIXELS, MAX_GRADIENT);
+    shim = require_shim(name, error);
     if (shim == NULL)
         return CAIRN_UNSUPPORTED;
     status = shim->canny(grey->samples, grey->width, grey->height, params->sigma, params->low,
-                         params->high, strengths, words, sizeof words);
-    return status == CAIRN_OK ? CAIRN_OK : refused(status, name, "edges", words, error);
+                         params->high, strengths, message, sizeof message);
+    return status == CAIRN_OK ? CAIRN_OK
+                              : report_opencv_error(status, name, "edges", message, error);
 }

@@ -1,4 +1,5 @@
-/* vision_format: what the first bytes of an image file say. Internal to the host library. */
+/* vision_format: detection of an image file's format and size from its header, without decoding.
+ * Internal to the host library. */
 #ifndef CAIRN_HOST_VISION_FORMAT_H
 #define CAIRN_HOST_VISION_FORMAT_H
 
@@ -6,6 +7,7 @@
 
 #include "cairn/file_error.h"
 
+/* Format of an image file. */
 typedef enum cairn_vision_format {
     CAIRN_VISION_TIFF,
     CAIRN_VISION_PNG,
@@ -13,15 +15,16 @@ typedef enum cairn_vision_format {
     CAIRN_VISION_PNM
 } cairn_vision_format;
 
-typedef struct cairn_vision_head {
+/* Header of an image file. */
+typedef struct cairn_vision_header {
     cairn_vision_format format;
-    int64_t width, height;
-} cairn_vision_head;
+    int64_t width, height; /* pixels */
+} cairn_vision_header;
 
-/* Tells the format and the size of an image from its bytes, without decoding it.
- * CAIRN_BAD_FORMAT, CAIRN_TRUNCATED (a PNG or JPEG also where its end is missing). */
-CAIRN_CHECKED cairn_status cairn_vision_head_read(cairn_vision_head *head, const uint8_t *bytes,
-                                                  size_t count, const char *path,
-                                                  cairn_file_error *error);
+/* Reads the format and the size of an image from its first bytes. CAIRN_BAD_FORMAT, CAIRN_TRUNCATED
+ * (of a PNG or JPEG also when its end is missing). */
+CAIRN_CHECKED cairn_status cairn_vision_header_read(cairn_vision_header *header,
+                                                    const uint8_t *bytes, size_t count,
+                                                    const char *path, cairn_file_error *error);
 
 #endif

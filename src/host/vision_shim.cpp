@@ -1,7 +1,7 @@
-// OpenCV behind vision_shim.h: the whole of libcairn-vision.so.
+// libcairn-vision.so: OpenCV behind vision_shim.h.
 //
-// OpenCV throws, and prints what it has thrown where it catches it itself; both become a status
-// with its words.
+// OpenCV throws exceptions, and prints those that it catches itself to std::cerr. Both become a
+// status with a message.
 #include <cmath>
 #include <cstdio>
 #include <cstdlib>
@@ -23,23 +23,23 @@
 namespace
 {
 
-// Sobel's 3 x 3 kernels weigh a slope of one grey level per pixel eight times.
+// Gain of the 3 x 3 Sobel kernels: their response to a slope of one grey level per pixel.
 constexpr double sobel_gain = 8;
 
-// What OpenCV prints on std::cerr meanwhile.
-class Overheard
+// Captures std::cerr during its lifetime.
+class StderrCapture
 {
   public:
-    Overheard() : before(std::cerr.rdbuf(text.rdbuf()))
+    StderrCapture() : before(std::cerr.rdbuf(text.rdbuf()))
     {
     }
-    ~Overheard()
+    ~StderrCapture()
     {
         std::cerr.rdbuf(before);
     }
-    Overheard(const Overheard &) = delete;
-    Overheard &operator=(const Overheard &) = delete;
-    std::string words() const
+    StderrCapture(const StderrCapture &) = delete;
+    StderrCapture &operator=(const StderrCapture &) = delete;
+    std::string message() const
     {
         return text.str();
     }
@@ -49,8 +49,8 @@ class Overheard
     std::streambuf *before;
 };
 
-// In one line.
-int32_t fail(int32_t status, const std::string &text, char *words, size_t room)
+// Writes the text as one line and returns the status.
+int32_t fail(int32_t status, const std::string &text, char *message, size_t capacity)
 {
     std::string line;
 
@@ -59,94 +59,95 @@ int32_t fail(int32_t status, const std::string &text, char *words, size_t room)
             line += c == '\n' || c == '\t' ? ' ' : c;
     while (!line.empty() && line.back() == ' ')
         line.pop_back();
-    (void)std::snprintf(words, room, "%s", line.c_str());
+    (void)std::snprintf(message, capacity, "%s", line.c_str());
     return status;
 }
 
-// Meanwhile OpenCV logs nothing; then it does again what the program that calls has it do.
-class Quiet
+// Silences OpenCV's log during its lifetime and then restores the program's log level.
+class LogSilencer
 {
   public:
-    Quiet() : level(cv::utils::logging::setLogLevel(cv::utils::logging::LOG_LEVEL_SILENT))
+    LogSilencer() : level(cv::utils::logging::setLogLevel(cv::utils::logging::LOG_LEVEL_SILENT))
     {
     }
-    ~Quiet()
+    ~LogSilencer()
     {
         cv::utils::logging::setLogLevel(level);
     }
-    Quiet(const Quiet &) = delete;
-    Quiet &operator=(const Quiet &) = delete;
+    LogSilencer(const LogSilencer &) = delete;
+    LogSilencer &operator=(const LogSilencer &) = delete;
 
   private:
     cv::utils::logging::LogLevel level;
 };
 
-// Runs the work, which may throw; its status.
+// Runs a function that may throw and returns its status; exceptions become `refused`.
 template <typename Work>
-int32_t guarded(char *words, size_t room, int32_t refused, const Work &work) noexcept
+int32_t guarded(char *message, size_t capacity, int32_t refused, const Work &work) noexcept
 {
     try {
-        const Quiet quiet;
+        const LogSilencer quiet;
 
         return work();
     } catch (const cv::Exception &e) {
-        return fail(e.code == cv::Error::StsNoMem ? CAIRN_NO_MEMORY : refused, e.err, words, room);
+        return fail(e.code == cv::Error::StsNoMem ? CAIRN_NO_MEMORY : refused, e.err, message,
+                    capacity);
     } catch (const std::bad_alloc &) {
-        return fail(CAIRN_NO_MEMORY, "no memory", words, room);
+        return fail(CAIRN_NO_MEMORY, "no memory", message, capacity);
     } catch (const std::exception &e) {
-        return fail(refused, e.what(), words, room);
+        return fail(refused, e.what(), message, capacity);
     } catch (...) {
-        return fail(refused, "unknown", words, room);
+        return fail(refused, "unknown", message, capacity);
     }
 }
 
-int32_t decode(const uint8_t *bytes, size_t count, cairn_vision_shim_image *image, char *words,
-               size_t room)
+int32_t decode(const uint8_t *bytes, size_t count, cairn_vision_shim_image *image, char *message,
+               size_t capacity)
 {
-    return guarded(words, room, CAIRN_BAD_FORMAT, [&]() -> int32_t {
+    return guarded(message, capacity, CAIRN_BAD_FORMAT, [&]() -> int32_t {
         const std::vector<uint8_t> buffer(bytes, bytes + count);
-        const Overheard overheard;
-        cv::Mat picture = cv::imdecode(buffer, cv::IMREAD_UNCHANGED);
+        const StderrCapture capture;
+        cv::Mat mat = cv::imdecode(buffer, cv::IMREAD_UNCHANGED);
 
-        if (picture.empty())
+        if (mat.empty())
             return fail(CAIRN_BAD_FORMAT,
-                        overheard.words().empty() ? "it cannot be decoded" : overheard.words(),
-                        words, room);
-        if ((picture.depth() != CV_8U && picture.depth() != CV_16U) ||
-            (picture.channels() != 1 && picture.channels() != 3 && picture.channels() != 4))
-            return fail(CAIRN_UNSUPPORTED, "samples of type " + cv::typeToString(picture.type()),
-                        words, room);
-        if (!picture.isContinuous())
-            picture = picture.clone();
-        const size_t size = picture.total() * picture.elemSize();
+                        capture.message().empty() ? "it cannot be decoded" : capture.message(),
+                        message, capacity);
+        if ((mat.depth() != CV_8U && mat.depth() != CV_16U) ||
+            (mat.channels() != 1 && mat.channels() != 3 && mat.channels() != 4))
+            return fail(CAIRN_UNSUPPORTED, "samples of type " + cv::typeToString(mat.type()),
+                        message, capacity);
+        if (!mat.isContinuous())
+            mat = mat.clone();
+        const size_t size = mat.total() * mat.elemSize();
         image->samples = std::malloc(size);
         if (image->samples == nullptr)
-            return fail(CAIRN_NO_MEMORY, "no memory", words, room);
-        std::memcpy(image->samples, picture.data, size);
-        image->width = picture.cols;
-        image->height = picture.rows;
-        image->channels = picture.channels();
-        image->sample_bytes = picture.depth() == CV_8U ? 1 : 2;
+            return fail(CAIRN_NO_MEMORY, "no memory", message, capacity);
+        std::memcpy(image->samples, mat.data, size);
+        image->width = mat.cols;
+        image->height = mat.rows;
+        image->channels = mat.channels();
+        image->sample_bytes = mat.depth() == CV_8U ? 1 : 2;
         return CAIRN_OK;
     });
 }
 
 int32_t encode(const cairn_vision_shim_image *image, const char *ending, uint8_t **bytes,
-               size_t *count, char *words, size_t room)
+               size_t *count, char *message, size_t capacity)
 {
-    return guarded(words, room, CAIRN_BAD_ARGUMENT, [&]() -> int32_t {
+    return guarded(message, capacity, CAIRN_BAD_ARGUMENT, [&]() -> int32_t {
         const int type = CV_MAKETYPE(image->sample_bytes == 1 ? CV_8U : CV_16U, image->channels);
-        const cv::Mat picture(image->height, image->width, type, image->samples);
+        const cv::Mat mat(image->height, image->width, type, image->samples);
         std::vector<uint8_t> buffer;
-        const Overheard overheard;
+        const StderrCapture capture;
 
-        if (!cv::imencode(ending, picture, buffer))
+        if (!cv::imencode(ending, mat, buffer))
             return fail(CAIRN_BAD_ARGUMENT,
-                        overheard.words().empty() ? "it cannot be encoded" : overheard.words(),
-                        words, room);
+                        capture.message().empty() ? "it cannot be encoded" : capture.message(),
+                        message, capacity);
         *bytes = static_cast<uint8_t *>(std::malloc(buffer.size() + 1));
         if (*bytes == nullptr)
-            return fail(CAIRN_NO_MEMORY, "no memory", words, room);
+            return fail(CAIRN_NO_MEMORY, "no memory", message, capacity);
         std::memcpy(*bytes, buffer.data(), buffer.size());
         *count = buffer.size();
         return CAIRN_OK;
@@ -155,49 +156,50 @@ int32_t encode(const cairn_vision_shim_image *image, const char *ending, uint8_t
 
 cv::Mat blurred(const uint8_t *grey, int32_t width, int32_t height, double sigma)
 {
-    // OpenCV takes only what may be written; this is not.
-    const cv::Mat picture(height, width, CV_8U, const_cast<uint8_t *>(grey));
+    // cv::Mat takes no const data; the image is not written.
+    const cv::Mat mat(height, width, CV_8U, const_cast<uint8_t *>(grey));
     cv::Mat smooth;
 
     if (sigma > 0)
-        cv::GaussianBlur(picture, smooth, cv::Size(0, 0), sigma, sigma, cv::BORDER_REPLICATE);
+        cv::GaussianBlur(mat, smooth, cv::Size(0, 0), sigma, sigma, cv::BORDER_REPLICATE);
     else
-        smooth = picture;
+        smooth = mat;
     return smooth;
 }
 
 int32_t gradients(const uint8_t *grey, int32_t width, int32_t height, double sigma, float *x,
-                  float *y, char *words, size_t room)
+                  float *y, char *message, size_t capacity)
 {
-    return guarded(words, room, CAIRN_BAD_ARGUMENT, [&]() -> int32_t {
+    return guarded(message, capacity, CAIRN_BAD_ARGUMENT, [&]() -> int32_t {
         const cv::Mat smooth = blurred(grey, width, height, sigma);
-        cv::Mat along_x(height, width, CV_32F, x), along_y(height, width, CV_32F, y);
+        cv::Mat gradient_x(height, width, CV_32F, x), gradient_y(height, width, CV_32F, y);
 
-        cv::Sobel(smooth, along_x, CV_32F, 1, 0, 3, 1 / sobel_gain, 0, cv::BORDER_REPLICATE);
-        cv::Sobel(smooth, along_y, CV_32F, 0, 1, 3, 1 / sobel_gain, 0, cv::BORDER_REPLICATE);
+        cv::Sobel(smooth, gradient_x, CV_32F, 1, 0, 3, 1 / sobel_gain, 0, cv::BORDER_REPLICATE);
+        cv::Sobel(smooth, gradient_y, CV_32F, 0, 1, 3, 1 / sobel_gain, 0, cv::BORDER_REPLICATE);
         return CAIRN_OK;
     });
 }
 
 int32_t canny(const uint8_t *grey, int32_t width, int32_t height, double sigma, double low,
-              double high, uint8_t *strengths, char *words, size_t room)
+              double high, uint8_t *strengths, char *message, size_t capacity)
 {
-    return guarded(words, room, CAIRN_BAD_ARGUMENT, [&]() -> int32_t {
+    return guarded(message, capacity, CAIRN_BAD_ARGUMENT, [&]() -> int32_t {
         const cv::Mat smooth = blurred(grey, width, height, sigma);
-        cv::Mat along_x, along_y, edges;
+        cv::Mat gradient_x, gradient_y, edges;
 
-        cv::Sobel(smooth, along_x, CV_16S, 1, 0, 3, 1, 0, cv::BORDER_REPLICATE);
-        cv::Sobel(smooth, along_y, CV_16S, 0, 1, 3, 1, 0, cv::BORDER_REPLICATE);
-        cv::Canny(along_x, along_y, edges, sobel_gain * low, sobel_gain * high, true);
+        cv::Sobel(smooth, gradient_x, CV_16S, 1, 0, 3, 1, 0, cv::BORDER_REPLICATE);
+        cv::Sobel(smooth, gradient_y, CV_16S, 0, 1, 3, 1, 0, cv::BORDER_REPLICATE);
+        cv::Canny(gradient_x, gradient_y, edges, sobel_gain * low, sobel_gain * high, true);
         for (int v = 0; v < height; v++)
             for (int u = 0; u < width; u++) {
-                const double slope = std::hypot(static_cast<double>(along_x.at<int16_t>(v, u)),
-                                                static_cast<double>(along_y.at<int16_t>(v, u))) /
-                                     sobel_gain;
+                const double magnitude =
+                    std::hypot(static_cast<double>(gradient_x.at<int16_t>(v, u)),
+                               static_cast<double>(gradient_y.at<int16_t>(v, u))) /
+                    sobel_gain;
 
                 *strengths++ = edges.at<uint8_t>(v, u) == 0
                                    ? 0
-                                   : cv::saturate_cast<uint8_t>(std::fmax(1, 2 * slope));
+                                   : cv::saturate_cast<uint8_t>(std::fmax(1, 2 * magnitude));
             }
         return CAIRN_OK;
     });

@@ -1,7 +1,7 @@
-/* vision_shim: what libcairn-vision.so offers to the host library. Internal; plain C on both sides.
+/* vision_shim: function table of libcairn-vision.so. Internal; plain C on both sides.
  *
- * Calls return a cairn_status; on failure `words` holds OpenCV's text, 0-terminated, cut to
- * `room` bytes. What they allocate is given back by free(). */
+ * Functions return a cairn_status. On failure `message` holds OpenCV's error text, 0-terminated,
+ * truncated to `capacity` bytes. Memory that they allocate is freed by free(). */
 #ifndef CAIRN_HOST_VISION_SHIM_H
 #define CAIRN_HOST_VISION_SHIM_H
 
@@ -12,30 +12,32 @@
 extern "C" {
 #endif
 
-/* Raised whenever this header changes. */
-#define CAIRN_VISION_SHIM_VERSION 1
-#define CAIRN_VISION_SHIM_WORDS   512
+/* Version of the table, incremented with every change of this header. */
+#define CAIRN_VISION_SHIM_VERSION       1
+#define CAIRN_VISION_SHIM_MESSAGE_BYTES 512
 
+/* An image; fields as in cairn_vision_image. */
 typedef struct cairn_vision_shim_image {
     int32_t width, height, channels, sample_bytes;
     void *samples;
 } cairn_vision_shim_image;
 
+/* The function table. */
 typedef struct cairn_vision_shim {
     int32_t version; /* CAIRN_VISION_SHIM_VERSION */
     int32_t (*decode)(const uint8_t *bytes, size_t count, cairn_vision_shim_image *image,
-                      char *words, size_t room);
-    /* ending: ".png" */
+                      char *message, size_t capacity);
+    /* ending: the extension, such as ".png" */
     int32_t (*encode)(const cairn_vision_shim_image *image, const char *ending, uint8_t **bytes,
-                      size_t *count, char *words, size_t room);
+                      size_t *count, char *message, size_t capacity);
     int32_t (*gradients)(const uint8_t *grey, int32_t width, int32_t height, double sigma, float *x,
-                         float *y, char *words, size_t room);
-    /* low, high: grey levels per pixel */
+                         float *y, char *message, size_t capacity);
+    /* low, high: hysteresis thresholds, grey levels per pixel */
     int32_t (*canny)(const uint8_t *grey, int32_t width, int32_t height, double sigma, double low,
-                     double high, uint8_t *strengths, char *words, size_t room);
+                     double high, uint8_t *strengths, char *message, size_t capacity);
 } cairn_vision_shim;
 
-/* The one symbol of the library. */
+/* Returns the table; the only symbol of the library. */
 const cairn_vision_shim *cairn_vision_shim_table(void);
 
 #ifdef __cplusplus
