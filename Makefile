@@ -52,7 +52,8 @@ HOST_SRC    := $(if $(HAVE_HOST),$(wildcard src/host/*.c) src/host/report_player
 VISION_SRC  := $(if $(VISION_INC),src/host/vision_shim.cpp)
 APPEARANCE_SRC := $(if $(and $(VISION_INC),$(call has,opencv4/opencv2/features2d.hpp),$(call has,opencv4/opencv2/ml.hpp)),src/host/appearance_shim.cpp)
 SIM_SRC     := $(if $(HAVE_SIM),$(wildcard sim/*.cpp))
-TEST_SRC    := $(if $(and $(HAVE_TEST),$(HAVE_SIM),$(HAVE_HOST)),$(wildcard tests/test_*.c))
+TEST_LACKS  := $(if $(HAVE_SIM),,sim) $(if $(HAVE_HOST),,host)
+TEST_SRC    := $(if $(HAVE_TEST),$(if $(strip $(TEST_LACKS)),$(shell sh tools/free-tests.sh $(TEST_LACKS)),$(wildcard tests/test_*.c)))
 BENCH_SRC   := $(if $(and $(HAVE_SIM),$(HAVE_HOST)),$(filter-out bench/bench_%,$(wildcard bench/*.c)))
 BENCH_COMMON := $(wildcard bench/bench_*.c) tools/options.c tools/cairn_places_picture.c firmware/joint.c
 FW_ROBOT    := firmware/robot.c firmware/joint.c
@@ -114,6 +115,7 @@ help:
 missing:
 	@$(if $(HAVE_HOST),:,echo "cairn: no libyaml, zlib or libpng: libcairn-host and the tools are left out (tools/deps.sh build)")
 	@$(if $(HAVE_SIM),:,echo "cairn: no Box2D: sim and cairn-arena are left out (tools/deps.sh build)")
+	@$(if $(and $(HAVE_TEST),$(strip $(TEST_LACKS))),echo "cairn: tests that need what is missing are left out$(,) $(words $(TEST_SRC)) of $(words $(wildcard tests/test_*.c)) run",:)
 	@$(if $(VISION_INC),:,echo "cairn: no OpenCV: libcairn-vision is left out, images are read as PGM and PNG only (tools/deps.sh vision)")
 	@$(if $(APPEARANCE_SRC),:,echo "cairn: no features2d or ml of OpenCV: libcairn-appearance is left out, cairn train and --appearance do not work (tools/deps.sh appearance)")
 
@@ -169,9 +171,9 @@ $(BUILD)/libcairn-appearance.so: $(call object,double,$(APPEARANCE_SRC))
 	$(CXX) -shared -Wl,-soname,$(@F) $(SAN) $(LDFLAGS) -o $@ $^ $(APPEARANCE_LIBS)
 
 link = @mkdir -p $(@D); $(CXX) $(SAN) $(if $(COVERAGE),--coverage) $(LDFLAGS) -o $@ -Wl,--start-group $^ -Wl,--end-group
-DOUBLE_LIBS := $(if $(SIM_SRC),$(BUILD)/libcairn-sim.a) $(BUILD)/libcairn-host.a $(BUILD)/libcairn.a
-FLOAT_LIBS  := $(if $(SIM_SRC),$(BUILD)/float/libcairn-sim.a) $(BUILD)/float/libcairn-host.a $(BUILD)/libcairn-float.a
-SYS_LIBS    = $(if $(SIM_SRC),$(SIM_LIBS)) $(HOST_LIBS) -lpthread -lm
+DOUBLE_LIBS := $(if $(SIM_SRC),$(BUILD)/libcairn-sim.a) $(if $(HOST_SRC),$(BUILD)/libcairn-host.a) $(BUILD)/libcairn.a
+FLOAT_LIBS  := $(if $(SIM_SRC),$(BUILD)/float/libcairn-sim.a) $(if $(HOST_SRC),$(BUILD)/float/libcairn-host.a) $(BUILD)/libcairn-float.a
+SYS_LIBS    = $(if $(SIM_SRC),$(SIM_LIBS)) $(if $(HOST_SRC),$(HOST_LIBS)) -lpthread -lm
 
 $(BUILD)/cairn: $(call object,double,$(CAIRN_SRC)) $(BUILD)/libcairn-host.a $(BUILD)/libcairn.a
 	$(link) $(HOST_LIBS) -lm
@@ -185,9 +187,14 @@ $(BUILD)/bench/%: $(BUILD)/double/bench/%.c.o $(call object,double,$(BENCH_COMMO
 	$(link) $(SYS_LIBS)
 $(BUILD)/bench-float/%: $(BUILD)/float/bench/%.c.o $(call object,float,$(BENCH_COMMON)) $(FLOAT_LIBS)
 	$(link) $(SYS_LIBS)
-$(BUILD)/tests/%: $(BUILD)/double/tests/%.c.o $(call object,double,$(TEST_COMMON)) $(DOUBLE_LIBS)
+# In archives, so that a test is linked with what it uses alone.
+$(BUILD)/libcairn-test.a: $(call object,double,$(TEST_COMMON))
+	$(archive)
+$(BUILD)/float/libcairn-test.a: $(call object,float,$(TEST_COMMON))
+	$(archive)
+$(BUILD)/tests/%: $(BUILD)/double/tests/%.c.o $(BUILD)/libcairn-test.a $(DOUBLE_LIBS)
 	$(link) -lcmocka $(SYS_LIBS)
-$(BUILD)/tests-float/%: $(BUILD)/float/tests/%.c.o $(call object,float,$(TEST_COMMON)) $(FLOAT_LIBS)
+$(BUILD)/tests-float/%: $(BUILD)/float/tests/%.c.o $(BUILD)/float/libcairn-test.a $(FLOAT_LIBS)
 	$(link) -lcmocka $(SYS_LIBS)
 define test_needs
 $(BUILD)/tests/$(1): $(call object,double,$(NEEDS_$(1)))

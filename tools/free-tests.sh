@@ -1,0 +1,27 @@
+#!/bin/sh
+# The tests that need neither what is missing here: tools/free-tests.sh [sim] [host]
+#
+# sim: no Box2D; host: no libyaml, zlib or libpng. A test is left out when one of the headers that it includes, directly or not,
+# belongs to that layer, or runs the programs that are built with it.
+pattern='no header'
+program='no program'
+for layer in "$@"; do
+    case $layer in
+    sim)
+        pattern="$pattern|(^| )sim/[a-z_]*\.h|bench/bench_(endless|maps|merge)"
+        program=cairn-arena
+        ;;
+    host)
+        program=cairn-arena
+        pattern="$pattern|tests/programs\.h|src/host/|include/cairn/($(awk '$1 == "host" { printf "%s%s", sep, $2; sep = "|" }' tools/rooms.txt))\\.h"
+        ;;
+    *)
+        echo "tools/free-tests.sh: unknown layer '$layer', expected sim or host" >&2
+        exit 2
+        ;;
+    esac
+done
+for test in tests/test_*.c; do
+    ! grep -q "$program" "$test" || continue
+    "${CC:-cc}" -I. -Iinclude -MM "$test" | tr -d '\\\n' | grep -qE "$pattern" || echo "$test"
+done
