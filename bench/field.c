@@ -42,6 +42,7 @@ typedef struct outcome {
     double step_ms, potential_start, potential_end;
     int32_t scans, steps, rising, rising_first_10; /* steps in which the potential rose */
     int32_t judged, met;
+    int32_t corners_dropped; /* the most of any step */
     size_t pool_bytes;
 } outcome;
 
@@ -128,10 +129,15 @@ static cairn_status views_make(views *v, const scene *s, double spacing)
     return status;
 }
 
+/* Corners that there is memory for, for each segment: T and X crossings of a long drive are many
+ * more than its segments. */
+enum { CORNERS_PER_SEGMENT = 16 };
+
 static void make_room(cairn_force_field_params *params, const views *v)
 {
     params->max_scans = v->count;
-    params->max_segments = params->max_corners = v->segment_count + 1;
+    params->max_segments = v->segment_count + 1;
+    params->max_corners = CORNERS_PER_SEGMENT * params->max_segments;
     params->max_points = v->point_count + 1;
     params->max_bonds = v->count * (v->count - 1) / 2;
 }
@@ -226,6 +232,8 @@ static cairn_status run_field(scene *s, const views *v, cairn_force_field_params
         status = cairn_force_field_iterate(field, &budget);
         state = cairn_force_field_read(field);
         s->sigma[state.iterations - 1] = (double)state.sigma;
+        if (state.corners_dropped > out->corners_dropped)
+            out->corners_dropped = state.corners_dropped;
         remember(s, field, state.iterations);
     }
     out->step_ms = 1e3 * (bench_seconds() - start) / (state.iterations > 0 ? state.iterations : 1);
@@ -300,6 +308,7 @@ static void print(const settings *set, const scene *s, const outcome *o)
     bench_json_integer("rising", o->rising);
     bench_json_integer("rising_first_10", o->rising_first_10);
     bench_json_integer("judged", o->judged);
+    bench_json_integer("corners_dropped", o->corners_dropped);
     bench_json_integer("met", o->met);
     bench_json_number("step_ms", o->step_ms);
     bench_json_integer("pool_bytes", (int64_t)o->pool_bytes);
@@ -384,6 +393,7 @@ static void add(outcome *sum, const outcome *o, double share)
     sum->rising += o->rising;
     sum->rising_first_10 += o->rising_first_10;
     sum->judged += o->judged;
+    sum->corners_dropped += o->corners_dropped;
     sum->met += o->met;
     sum->pool_bytes = o->pool_bytes > sum->pool_bytes ? o->pool_bytes : sum->pool_bytes;
 }

@@ -97,12 +97,16 @@ static int align_online(align_job *job, cairn_scan *scan, cairn_force_field *fie
     return code;
 }
 
+/* Corners that there is memory for, for each segment. */
+enum { CORNERS_PER_SEGMENT = 16 };
+
 cairn_force_field_params align_field_params(const align_job *job)
 {
     cairn_force_field_params params = cairn_force_field_as_written();
 
     params.max_scans = job->log->count;
-    params.max_segments = params.max_corners = job->segments;
+    params.max_segments = job->segments;
+    params.max_corners = CORNERS_PER_SEGMENT * job->segments;
     params.max_points = job->points;
     params.max_steps = (int32_t)job->settings->steps;
     return params;
@@ -128,6 +132,11 @@ void align_field_read(align_job *job, const cairn_force_field *field, cairn_real
              state.verdict == CAIRN_FORCE_FIELD_CONVERGED ? "converged" : "out of steps",
              (double)first_potential, (double)cairn_force_field_as_written().sigma_start,
              (double)state.potential, (double)state.sigma);
+    used = strlen(job->summary);
+    if (state.corners_dropped > 0)
+        snprintf(job->summary + used, sizeof job->summary - used,
+                 "corners    %" PRId32 " beyond the memory for them have no region of interest\n",
+                 state.corners_dropped);
 }
 
 int align_by_field(align_job *job)
