@@ -9,6 +9,7 @@
 #include <string.h>
 
 #include "cairn/boundary.h"
+#include "cairn/contour_search.h"
 #include "cairn/number_text.h"
 #include "cairn/output.h"
 #include "cairn/output_set.h"
@@ -26,7 +27,7 @@ enum { IMAGES_MOST = 4096, NAME_BYTES = 256, PATH_BYTES = 4096, FILES = 3, RADII
 typedef struct settings {
     const char *images[IMAGES_MOST];
     size_t count;
-    const char *radius, *learn, *weight, *folder;
+    const char *radius, *learn, *weight, *folder, *edges;
     int64_t particles; /* 0: not given */
     double sigma, slope;
     double contrast, log_odds, strength; /* NaN: not given */
@@ -78,7 +79,16 @@ static option_result check_settings(settings *s)
         strcmp(s->weight, "as-written") != 0)
         return (option_result)options_refuse(
             PROGRAM, "--weight %s, expected evidence or as-written", s->weight);
-    return check_written(s);
+    if (s->edges != NULL && s->count > 1)
+        return (option_result)options_refuse(PROGRAM, "--edges with %zu images, expected one",
+                                             s->count);
+    if (check_written(s) != OPTIONS_READ)
+        return OPTIONS_BAD;
+    if (s->edges != NULL && !s->written)
+        return (option_result)options_refuse(
+            PROGRAM, "--edges without --as-written: the default method reads the gradients of the "
+                     "image, expected both");
+    return OPTIONS_READ;
 }
 
 static option_result read_settings(settings *s, int argc, char **argv)
@@ -103,6 +113,10 @@ static option_result read_settings(settings *s, int argc, char **argv)
                       "of a part that is reported (20; as written the logarithm of p_min, 12)"),
         OPTION_NUMBER("--min-strength", &s->strength, 0, 1e6, "S",
                       "of a contour between regions that is reported (2); not as written"),
+        OPTION_TEXT("--edges", &s->edges, "FILE",
+                    "the image's edges, strengths 0 ... 255, from a detector of your own (the "
+                    "thesis has pb);\n"
+                    "of one image, with --as-written"),
         OPTION_NUMBER("--sigma", &s->sigma, 0.7, 8, "PX", "blur before edges are looked for"),
         OPTION_NUMBER("--min-slope", &s->slope, 0.01, 1000, "G",
                       "grey levels per pixel, of an edge"),
@@ -214,6 +228,8 @@ typedef struct work {
     cairn_edgel_set *edgels;
     cairn_skeleton *skeleton;
     cairn_skeleton_picture picture;
+    cairn_edgel *given; /* [given_count] of --edges; NULL: the image's own */
+    int32_t given_count;
 } work;
 
 static cairn_status open_rooms(const settings *s, work *w)
@@ -266,6 +282,48 @@ static cairn_status run_edgels(cairn_edgel_set *edgels)
     return status;
 }
 
+/* Edgels along the chains of the edge image of another detector; the list is from the heap. */
+static cairn_status read_edgels(const char *path, const work *w, cairn_edgel **edgels,
+                                int32_t *count, cairn_file_error *error)
+{
+    cairn_vision_image image;
+    cairn_contour_tokens tokens;
+    cairn_raster_u8_view view;
+    cairn_status status = cairn_vision_read_grey(&image, path, error);
+
+    if (status != CAIRN_OK)
+        return status;
+    view = (cairn_raster_u8_view){image.samples, image.width, image.height, image.width};
+    if (image.width != w->grey.width || image.height != w->grey.height)
+        status = cairn_file_error_set(error, CAIRN_BAD_ARGUMENT, path, 0,
+                                      "%" PRId32 " x %" PRId32 " pixels, expected %" PRId32
+                                      " x %" PRId32 " as the image",
+                                      image.width, image.height, w->grey.width, w->grey.height);
+    else
+        status = cairn_contour_tokens_find(&tokens, view, 1, 1, path, error);
+    cairn_vision_free(&image);
+    if (status != CAIRN_OK)
+        return status;
+    *count = tokens.count;
+    *edgels = malloc(((size_t)tokens.count + 1) * sizeof **edgels);
+    if (*edgels == NULL)
+        status = cairn_file_error_set(error, CAIRN_NO_MEMORY, path, 0,
+                                      "no memory for %" PRId32 " edgels, expected some more",
+                                      tokens.count);
+    for (int32_t i = 0; status == CAIRN_OK && i < tokens.count; i++) {
+        cairn_segment line = tokens.lines[i];
+        cairn_vec2 along = cairn_vec2_sub(line.b, line.a);
+        cairn_real length = cairn_vec2_norm(along);
+
+        (*edgels)[i] = (cairn_edgel){
+            .position = cairn_vec2_scale(cairn_vec2_add(line.a, line.b), CAIRN_REAL(0.5)),
+            .normal = cairn_vec2_scale(cairn_vec2_left(along), 1 / length),
+            .slope = 0};
+    }
+    cairn_contour_tokens_free(&tokens);
+    return status;
+}
+
 static cairn_status run_skeleton(cairn_skeleton *skeleton)
 {
     cairn_status status;
@@ -303,13 +361,16 @@ static cairn_status group(const settings *s, work *w)
     cairn_skeleton_input in;
     cairn_status status = open_rooms(s, w);
 
-    if (status == CAIRN_OK)
+    if (status == CAIRN_OK && w->given == NULL)
         status = cairn_edgel_begin(w->edgels, view);
-    if (status == CAIRN_OK)
+    if (status == CAIRN_OK && w->given == NULL)
         status = run_edgels(w->edgels);
     if (status != CAIRN_OK)
         return status;
-    in.edgels = cairn_edgel_list(w->edgels, &in.count);
+    in.edgels = w->given;
+    in.count = w->given_count;
+    if (w->given == NULL)
+        in.edgels = cairn_edgel_list(w->edgels, &in.count);
     in.width = w->grey.width;
     in.height = w->grey.height;
     in.min_radius = (cairn_real)s->least;
@@ -401,6 +462,8 @@ static int run_image(const settings *s, const char *path)
             cairn_file_error_set(&error, CAIRN_FULL, path, 0,
                                  "%" PRId32 " x %" PRId32 " pixels, expected at most 8192 x 8192",
                                  w.grey.width, w.grey.height);
+    if (status == CAIRN_OK && s->edges != NULL)
+        status = read_edgels(s->edges, &w, &w.given, &w.given_count, &error);
     if (status == CAIRN_OK) {
         status = group(s, &w);
         if (status != CAIRN_OK)
@@ -412,6 +475,7 @@ static int run_image(const settings *s, const char *path)
         print_summary(&w, tool_seconds() - start);
     cairn_vision_free(&w.grey);
     cairn_vision_free(&w.colour);
+    free(w.given);
     if (w.has_pool)
         tool_pool_close(&w.pool);
     return status == CAIRN_OK ? TOOL_OK : tool_report(&error);
