@@ -19,12 +19,12 @@
 #include "src/mapping/mapper_work.h"
 
 enum {
-    KEY_REST = 2, /* scans after a key scan that are none for want of support */
-    TIE_UNITS = 8 /* for each key scan of the local map */
+    MIN_SCANS_BETWEEN_KEYFRAMES = 2, /* scans after a key scan that are none for want of support */
+    CONSTRAINT_UNITS = 8             /* for each key scan of the local map */
 };
 
 /* m: farther from its origin no odometry leads. */
-static const cairn_real ODOMETRY_EXTENT = CAIRN_REAL(1e9);
+static const cairn_real MAX_ODOMETRY_M = CAIRN_REAL(1e9);
 
 /* ---- Input ---- */
 
@@ -46,14 +46,14 @@ cairn_status cairn_mapper_add(cairn_mapper *mapper, const cairn_scan_input *inpu
 
     if (mapper == NULL)
         return CAIRN_BAD_ARGUMENT;
-    if (mapper->phase != IDLE)
+    if (mapper->phase != MAPPER_IDLE)
         return CAIRN_MORE;
     if (mapper->full)
         return CAIRN_FULL;
     if (odometry != NULL && !cairn_pose_is_finite(*odometry))
         return CAIRN_NOT_FINITE;
     if (odometry != NULL &&
-        !(cairn_abs(odometry->x) <= ODOMETRY_EXTENT && cairn_abs(odometry->y) <= ODOMETRY_EXTENT))
+        !(cairn_abs(odometry->x) <= MAX_ODOMETRY_M && cairn_abs(odometry->y) <= MAX_ODOMETRY_M))
         return CAIRN_BAD_ARGUMENT;
     has_odometry = odometry != NULL && (mapper->had_odometry || mapper->state.scans == 0);
     if (has_odometry && mapper->state.scans > 0)
@@ -80,8 +80,8 @@ cairn_status cairn_mapper_add(cairn_mapper *mapper, const cairn_scan_input *inpu
     mapper->had_odometry = odometry != NULL;
     if (odometry != NULL)
         mapper->last_odometry = *odometry;
-    mapper->loop.closing = 0;
-    mapper->phase = FIT;
+    mapper->loop.settling = 0;
+    mapper->phase = MAPPER_FIT_LINES;
     mapper->cursor = 0;
     return CAIRN_OK;
 }
@@ -92,11 +92,11 @@ cairn_status cairn_mapper_add(cairn_mapper *mapper, const cairn_scan_input *inpu
 static cairn_status begin_pose(cairn_mapper *mapper)
 {
     if (cairn_scan_read(mapper->scan).point_count == 0 || mapper->keys->point_count == 0) {
-        mapper->phase = KEEP;
+        mapper->phase = MAPPER_STORE;
         return CAIRN_OK;
     }
     if (cairn_mapper_needs_local(mapper)) {
-        mapper->phase = SELECT;
+        mapper->phase = MAPPER_SELECT_LOCAL;
         cairn_mapper_begin_local(mapper);
         return CAIRN_OK;
     }
@@ -106,22 +106,23 @@ static cairn_status begin_pose(cairn_mapper *mapper)
 /* ---- The result ---- */
 
 /* 1 when it may be elsewhere, which the next scan will tell. */
-static int waits_for_the_next(const cairn_mapper *mapper)
+static int has_new_hypothesis(const cairn_mapper *mapper)
 {
-    return !mapper->has_match && mapper->rumour_is_new &&
-           mapper->rumour_scan == mapper->state.scans + 1;
+    return !mapper->has_match && mapper->hypothesis_is_new &&
+           mapper->hypothesis_scan == mapper->state.scans + 1;
 }
 
 /* 1 when the scan shows what the local map does not: it moved on, or most of it has no partners. */
-static int is_key_scan(const cairn_mapper *mapper, cairn_pose map_scan)
+static int is_keyframe(const cairn_mapper *mapper, cairn_pose map_scan)
 {
     cairn_pose key_scan;
 
     if (mapper->key_count == 0)
         return 1;
-    if (waits_for_the_next(mapper))
+    if (has_new_hypothesis(mapper))
         return 0;
-    if (mapper->result.support < mapper->params.key_support && mapper->since_key >= KEY_REST)
+    if (mapper->result.support < mapper->params.key_support &&
+        mapper->scans_since_keyframe >= MIN_SCANS_BETWEEN_KEYFRAMES)
         return 1;
     key_scan = cairn_pose_between(mapper->key_pose[mapper->key_count - 1], map_scan);
     return key_scan.x * key_scan.x + key_scan.y * key_scan.y >
@@ -131,7 +132,7 @@ static int is_key_scan(const cairn_mapper *mapper, cairn_pose map_scan)
 
 /* Makes the scan at hand a key scan. The force field that is still at work on those before gives
  * what it has, and the scan moves along. */
-static cairn_status keep_key(cairn_mapper *mapper, const cairn_scan_view *view)
+static cairn_status store_keyframe(cairn_mapper *mapper, const cairn_scan_view *view)
 {
     cairn_mapper_result *result = &mapper->result;
     int32_t key = mapper->key_count, slot = cairn_scan_set_next(mapper->keys);
@@ -157,7 +158,7 @@ static cairn_status keep_key(cairn_mapper *mapper, const cairn_scan_view *view)
     if (mapper->loop.graph != NULL)
         cairn_mapper_tie(mapper, &mapper->loop.ties[key]);
     if (mapper->params.release)
-        mapper->loop.cover.loss[key] = -1;
+        mapper->loop.redundancy.score[key] = -1;
     mapper->window_phase = WINDOW_IDLE;
     if (mapper->params.window && key > 0 && !cairn_mapper_is_behind(mapper))
         cairn_mapper_begin_window(mapper);
@@ -165,7 +166,7 @@ static cairn_status keep_key(cairn_mapper *mapper, const cairn_scan_view *view)
 }
 
 /* Fills the result and keeps the scan when it is a key scan. CAIRN_FULL: no room to keep it. */
-static cairn_status keep(cairn_mapper *mapper)
+static cairn_status store_result(cairn_mapper *mapper)
 {
     cairn_scan_view view = cairn_scan_read(mapper->scan);
     cairn_mapper_result *result = &mapper->result;
@@ -175,9 +176,9 @@ static cairn_status keep(cairn_mapper *mapper)
 
     if (mapper->state.scans == 0)
         last = mapper->predicted;
-    if (!mapper->had_odometry && mapper->tells_odometry) {
+    if (!mapper->had_odometry && mapper->finished_has_odometry) {
         mapper->map_odom = cairn_mapper_map_odom(mapper);
-        mapper->tells_odometry = 0;
+        mapper->finished_has_odometry = 0;
     }
     cairn_mapper_learn(mapper);
     result->map_scan = mapper->has_match ? mapper->match.target_query : mapper->predicted;
@@ -198,15 +199,17 @@ static cairn_status keep(cairn_mapper *mapper)
         cairn_mapper_next_motion(mapper, cairn_pose_between(last, result->map_scan));
     /* The first scan of all is a key scan even when it shows nothing: something must carry the
      * scans that hang on it. */
-    result->is_key = (first || view.point_count > 0) && is_key_scan(mapper, result->map_scan);
+    result->is_key = (first || view.point_count > 0) && is_keyframe(mapper, result->map_scan);
     if (result->is_key)
-        status = keep_key(mapper, &view);
+        status = store_keyframe(mapper, &view);
     result->key = result->is_key ? mapper->key_count - 1 : cairn_mapper_hang_on(mapper);
     result->key_scan = cairn_pose_between(mapper->key_pose[result->key], result->map_scan);
-    mapper->since_key = result->is_key ? 0 : mapper->since_key + (mapper->since_key < INT32_MAX);
+    mapper->scans_since_keyframe =
+        result->is_key ? 0
+                       : mapper->scans_since_keyframe + (mapper->scans_since_keyframe < INT32_MAX);
     if (mapper->had_odometry) {
-        mapper->tells_odometry = 1;
-        mapper->told_odometry = mapper->last_odometry;
+        mapper->finished_has_odometry = 1;
+        mapper->finished_odometry = mapper->last_odometry;
     }
     mapper->state.scans++;
     mapper->state.keys = mapper->key_count;
@@ -228,20 +231,20 @@ static int32_t quota_left(const cairn_mapper *mapper)
 
 /* The scan has its pose: force field, loops and graph get their shares, or what a search has
  * left of them. */
-static void begin_share(cairn_mapper *mapper)
+static void begin_background(cairn_mapper *mapper)
 {
-    mapper->window_quota = mapper->params.window_units - mapper->spent;
-    mapper->loop.quota = mapper->params.loop.units - mapper->spent;
+    mapper->window_quota = mapper->params.window_units - mapper->search_units_used;
+    mapper->loop.quota = mapper->params.loop.units - mapper->search_units_used;
     if (cairn_mapper_is_behind(mapper))
         mapper->loop.quota = mapper->window_quota;
     if (cairn_mapper_must_release(mapper))
         cairn_mapper_end_window(mapper);
-    mapper->phase = quota_left(mapper) > 0 ? SHARE : IDLE;
+    mapper->phase = quota_left(mapper) > 0 ? MAPPER_BACKGROUND : MAPPER_IDLE;
 }
 
 /* Goes on with force field, loops and graph until there is nothing to do, or the scan's share of
  * units is used up. */
-static cairn_status take_share(cairn_mapper *mapper, cairn_budget *budget)
+static cairn_status background_step(cairn_mapper *mapper, cairn_budget *budget)
 {
     int32_t quota = quota_left(mapper), most = budget->left < quota ? budget->left : quota;
     int32_t is_window = mapper->window_phase != WINDOW_IDLE;
@@ -254,7 +257,7 @@ static cairn_status take_share(cairn_mapper *mapper, cairn_budget *budget)
     mapper->window_quota -= most - share.left;
     mapper->loop.quota -= most - share.left;
     if (quota_left(mapper) <= 0 || (status == CAIRN_OK && !is_window))
-        mapper->phase = IDLE;
+        mapper->phase = MAPPER_IDLE;
     return status == CAIRN_MORE ? CAIRN_OK : status;
 }
 
@@ -263,7 +266,7 @@ static cairn_status match_step(cairn_mapper *mapper, cairn_budget *budget)
     int32_t before = budget->left;
     cairn_status status = cairn_icp_step(mapper->icp, budget);
 
-    mapper->matched += before - budget->left;
+    mapper->match_units_used += before - budget->left;
     return status;
 }
 
@@ -274,57 +277,57 @@ static cairn_status advance(cairn_mapper *mapper, cairn_budget *budget)
     cairn_status status = CAIRN_OK;
 
     switch (mapper->phase) {
-    case FIT:
+    case MAPPER_FIT_LINES:
         status = cairn_scan_step(mapper->scan, budget);
         if (status == CAIRN_OK)
             status = begin_pose(mapper);
         break;
-    case SELECT:
+    case MAPPER_SELECT_LOCAL:
         budget->left--;
         if (cairn_mapper_select_local(mapper)) {
             cairn_icp_clear_target(mapper->icp);
             budget->left -=
                 1 + cairn_mapper_local_points(&mapper->params, mapper->params.local_keys) / 64;
-            mapper->phase = TARGET;
+            mapper->phase = MAPPER_BUILD_TARGET;
             mapper->cursor = 0;
         }
         break;
-    case TARGET:
+    case MAPPER_BUILD_TARGET:
         status = cairn_mapper_add_local(mapper, budget);
         if (status == CAIRN_OK && mapper->cursor == mapper->local_count) {
             mapper->target_stale = 0;
             mapper->target_pose = mapper->predicted;
-            mapper->search_count = 0;
-            mapper->phase = KEEP;
+            mapper->search_target_count = 0;
+            mapper->phase = MAPPER_STORE;
             if (cairn_icp_target_count(mapper->icp) > 0)
                 status = cairn_mapper_begin_match(mapper);
         }
         break;
-    case MATCH:
-    case MATCH_OTHER:
-    case MATCH_FOUND:
-    case MATCH_HELD:
+    case MAPPER_MATCH:
+    case MAPPER_MATCH_ALTERNATIVE:
+    case MAPPER_MATCH_FOUND:
+    case MAPPER_MATCH_CONSTRAINED:
         status = match_step(mapper, budget);
         if (status == CAIRN_OK)
             status = cairn_mapper_end_match(mapper);
         break;
-    case SEARCH_TARGET:
+    case MAPPER_BUILD_SEARCH_TARGET:
         status = cairn_mapper_search_target(mapper, budget);
         break;
-    case SEARCH:
+    case MAPPER_SEARCH:
         status = cairn_mapper_search_step(mapper, budget);
         break;
-    case KEEP:
+    case MAPPER_STORE:
         budget->left -= 4 + cairn_scan_read(mapper->scan).point_count / 4;
         if (mapper->loop.graph != NULL)
-            budget->left -= TIE_UNITS * mapper->local_count;
-        status = keep(mapper);
-        begin_share(mapper);
+            budget->left -= CONSTRAINT_UNITS * mapper->local_count;
+        status = store_result(mapper);
+        begin_background(mapper);
         if (status != CAIRN_OK)
-            mapper->phase = IDLE;
+            mapper->phase = MAPPER_IDLE;
         break;
     default:
-        status = take_share(mapper, budget);
+        status = background_step(mapper, budget);
         break;
     }
     return status;
@@ -338,7 +341,7 @@ cairn_status cairn_mapper_step(cairn_mapper *mapper, cairn_budget *budget)
     if (mapper == NULL || budget == NULL)
         return CAIRN_BAD_ARGUMENT;
     before = budget->left;
-    while (status == CAIRN_OK && mapper->phase != IDLE) {
+    while (status == CAIRN_OK && mapper->phase != MAPPER_IDLE) {
         if (budget->left <= 0) {
             status = CAIRN_MORE;
             break;
@@ -362,10 +365,10 @@ cairn_status cairn_mapper_settle(cairn_mapper *mapper, cairn_budget *budget)
     before = budget->left;
     status = cairn_mapper_window_step(mapper, budget);
     if (status == CAIRN_OK && mapper->loop.graph != NULL) {
-        mapper->loop.closing = 1;
+        mapper->loop.settling = 1;
         status = cairn_mapper_loop_step(mapper, budget, 0);
         if (status != CAIRN_MORE)
-            mapper->loop.closing = 0;
+            mapper->loop.settling = 0;
     }
     mapper->state.units += (int64_t)before - budget->left;
     return status;
@@ -395,9 +398,9 @@ const cairn_scan_set *cairn_mapper_keys(const cairn_mapper *mapper)
 
 cairn_pose cairn_mapper_map_odom(const cairn_mapper *mapper)
 {
-    if (!mapper->tells_odometry)
+    if (!mapper->finished_has_odometry)
         return mapper->map_odom;
-    return cairn_pose_compose(last_pose(mapper), cairn_pose_inverse(mapper->told_odometry));
+    return cairn_pose_compose(last_pose(mapper), cairn_pose_inverse(mapper->finished_odometry));
 }
 
 cairn_mapper_loop cairn_mapper_loop_at(const cairn_mapper *mapper, int32_t index)
@@ -417,7 +420,7 @@ int32_t cairn_mapper_key_slot(const cairn_mapper *mapper, int32_t key)
 
 cairn_mapper_release cairn_mapper_release_at(const cairn_mapper *mapper, int32_t index)
 {
-    return mapper->releases[index % MAPPER_RELEASES];
+    return mapper->releases[index % MAPPER_CULLING_EVENTS];
 }
 
 cairn_mapper_link cairn_mapper_link_at(const cairn_mapper *mapper, int32_t index)

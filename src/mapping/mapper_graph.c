@@ -11,9 +11,10 @@
 
 /* A correction costs about as much as looking for so many key scans, in parts of those in the
  * graph. */
-enum { SOLVE_SHARE = 48 };
+enum { KEYFRAMES_PER_SOLVE = 48 };
 
-static const cairn_real STRAINED = 100; /* chi2 of a closure that asks for a correction at once */
+static const cairn_real URGENT_CHI2 =
+    100; /* chi2 of a closure that asks for a correction at once */
 
 cairn_sym3 cairn_mapper_own_covariance(const cairn_mapper *mapper, const cairn_real covariance[9],
                                        cairn_real theta)
@@ -60,7 +61,7 @@ static cairn_status add_link(cairn_mapper *mapper, int32_t first, int32_t second
     link->first = first;
     link->second = second;
     link->variance = covariance.xx + covariance.yy;
-    link->turn_variance = covariance.zz;
+    link->heading_variance = covariance.zz;
     link->is_loop = is_loop;
     link->dropped = 0;
     cairn_mapper_hang_link(loop, loop->link_count, 0);
@@ -120,8 +121,9 @@ cairn_status cairn_mapper_add_closure(cairn_mapper *mapper, int32_t first, int32
     status = add_link(mapper, first, second, first_second, covariance, 1);
     if (status != CAIRN_OK)
         return status;
-    loop->strain = cairn_max(
-        loop->strain, cairn_mapper_strain_of(mapper, first, second, first_second, covariance));
+    loop->largest_chi2 =
+        cairn_max(loop->largest_chi2,
+                  cairn_mapper_strain_of(mapper, first, second, first_second, covariance));
     loop->fresh++;
     mapper->state.loops++;
     return CAIRN_OK;
@@ -131,13 +133,14 @@ int32_t cairn_mapper_wants_solution(const cairn_mapper *mapper)
 {
     const mapper_loop *loop = &mapper->loop;
 
-    if (loop->fresh == 0 || loop->unsolvable)
+    if (loop->fresh == 0 || loop->factor_full)
         return 0;
-    return loop->strain > STRAINED || loop->searched > 8 + loop->entered / SOLVE_SHARE;
+    return loop->largest_chi2 > URGENT_CHI2 ||
+           loop->keyframes_since_solve > 8 + loop->entered / KEYFRAMES_PER_SOLVE;
 }
 
 /* Takes the solution over. */
-static void correct_keys(cairn_mapper *mapper)
+static void apply_solution(cairn_mapper *mapper)
 {
     mapper_loop *loop = &mapper->loop;
     int32_t last = loop->entered - 1;
@@ -191,15 +194,15 @@ cairn_status cairn_mapper_solve_step(cairn_mapper *mapper, cairn_budget *budget)
         return status;
     loop->phase = LOOP_IDLE;
     loop->cursor = 0;
-    loop->fresh = loop->searched = 0;
-    loop->strain = 0;
+    loop->fresh = loop->keyframes_since_solve = 0;
+    loop->largest_chi2 = 0;
     if (status != CAIRN_OK) {
-        loop->unsolvable = 1;
+        loop->factor_full = 1;
         mapper->state.lacks_room = 2;
         return CAIRN_OK;
     }
     budget->left -= 1 + mapper->key_count / 4 + loop->link_count / 8;
-    correct_keys(mapper);
+    apply_solution(mapper);
     if (drop_outliers(mapper) > 0)
         loop->fresh = 1;
     return CAIRN_OK;

@@ -71,7 +71,7 @@ cairn_scan_view cairn_mapper_key_view(cairn_mapper *mapper, int32_t key)
 
     memset(&view, 0, sizeof view);
     view.segment_count = scan->end_segment - scan->first_segment;
-    view.point_count = cairn_mapper_key_points(mapper, key, mapper->oriented);
+    view.point_count = cairn_mapper_key_points(mapper, key, mapper->points);
     for (int32_t s = 0; s < view.segment_count; s++) {
         const cairn_scan_set_segment *segment = &mapper->keys->segments[scan->first_segment + s];
 
@@ -81,7 +81,7 @@ cairn_scan_view cairn_mapper_key_view(cairn_mapper *mapper, int32_t key)
     mapper->first_point[view.segment_count] = view.point_count;
     view.segments = mapper->segments;
     view.first_point = mapper->first_point;
-    view.points = mapper->oriented;
+    view.points = mapper->points;
     view.sensor = scan->sensor;
     return view;
 }

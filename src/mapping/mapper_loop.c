@@ -25,14 +25,14 @@
 
 #include "src/mapping/mapper_work.h"
 
-enum { KEYS_A_UNIT = 16 };
+enum { KEYFRAMES_PER_UNIT = 16 };
 
 /* m: what hangs more loosely is not matched against, ... */
-static const cairn_real LOOSELY = CAIRN_REAL(0.2);
+static const cairn_real MAX_TARGET_SIGMA_M = CAIRN_REAL(0.2);
 /* ... and so many metres farther away for every metre of standard deviation */
-static const cairn_real SPREAD_COST = 5;
+static const cairn_real SIGMA_COST = 5;
 /* m^2: no path */
-static const cairn_real FAR = CAIRN_REAL(1e6);
+static const cairn_real NO_PATH_VARIANCE = CAIRN_REAL(1e6);
 
 void cairn_mapper_loop_tell(cairn_mapper *mapper, int32_t first, int32_t second,
                             cairn_pose first_second, cairn_mapper_loop_verdict verdict)
@@ -49,45 +49,45 @@ void cairn_mapper_loop_tell(cairn_mapper *mapper, int32_t first, int32_t second,
 
 /* ---- How far a path can have gone astray ---- */
 
-static int32_t is_before(const mapper_loop *loop, int32_t a, int32_t b)
+static int32_t has_less_variance(const mapper_loop *loop, int32_t a, int32_t b)
 {
     return loop->variance[a] < loop->variance[b] ||
            (!(loop->variance[b] < loop->variance[a]) && a < b);
 }
 
-static void put(mapper_loop *loop, int32_t at, int32_t key)
+static void heap_set(mapper_loop *loop, int32_t at, int32_t key)
 {
     loop->heap[at] = key;
-    loop->heap_at[key] = at;
+    loop->heap_position[key] = at;
 }
 
-static void rise(mapper_loop *loop, int32_t at)
+static void sift_up(mapper_loop *loop, int32_t at)
 {
     int32_t key = loop->heap[at];
 
-    for (; at > 0 && is_before(loop, key, loop->heap[(at - 1) / 2]); at = (at - 1) / 2)
-        put(loop, at, loop->heap[(at - 1) / 2]);
-    put(loop, at, key);
+    for (; at > 0 && has_less_variance(loop, key, loop->heap[(at - 1) / 2]); at = (at - 1) / 2)
+        heap_set(loop, at, loop->heap[(at - 1) / 2]);
+    heap_set(loop, at, key);
 }
 
-static int32_t take_first(mapper_loop *loop)
+static int32_t heap_pop(mapper_loop *loop)
 {
     int32_t first = loop->heap[0], key = loop->heap[--loop->heap_count], at = 0;
 
-    loop->heap_at[first] = -2;
+    loop->heap_position[first] = -2;
     while (2 * at + 1 < loop->heap_count) {
         int32_t child = 2 * at + 1;
 
         if (child + 1 < loop->heap_count &&
-            is_before(loop, loop->heap[child + 1], loop->heap[child]))
+            has_less_variance(loop, loop->heap[child + 1], loop->heap[child]))
             child++;
-        if (!is_before(loop, loop->heap[child], key))
+        if (!has_less_variance(loop, loop->heap[child], key))
             break;
-        put(loop, at, loop->heap[child]);
+        heap_set(loop, at, loop->heap[child]);
         at = child;
     }
     if (loop->heap_count > 0)
-        put(loop, at, key);
+        heap_set(loop, at, key);
     return first;
 }
 
@@ -96,21 +96,22 @@ static cairn_real distance_squared(cairn_pose a, cairn_pose b)
     return (a.x - b.x) * (a.x - b.x) + (a.y - b.y) * (a.y - b.y);
 }
 
-static void reach(cairn_mapper *mapper, int32_t key, const mapper_link *link, int32_t from)
+static void relax_link(cairn_mapper *mapper, int32_t key, const mapper_link *link, int32_t from)
 {
     mapper_loop *loop = &mapper->loop;
-    cairn_real swing = distance_squared(mapper->key_pose[from], mapper->key_pose[loop->query]);
-    cairn_real variance = loop->variance[from] + link->variance + link->turn_variance * swing;
+    cairn_real lever_arm2 = distance_squared(mapper->key_pose[from], mapper->key_pose[loop->query]);
+    cairn_real variance =
+        loop->variance[from] + link->variance + link->heading_variance * lever_arm2;
 
-    if (loop->heap_at[key] == -2 || !(variance < loop->variance[key]))
+    if (loop->heap_position[key] == -2 || !(variance < loop->variance[key]))
         return;
     loop->variance[key] = variance;
-    loop->turn_variance[key] = loop->turn_variance[from] + link->turn_variance;
-    if (loop->heap_at[key] < 0) {
+    loop->heading_variance[key] = loop->heading_variance[from] + link->heading_variance;
+    if (loop->heap_position[key] < 0) {
         loop->heap[loop->heap_count] = key;
-        loop->heap_at[key] = loop->heap_count++;
+        loop->heap_position[key] = loop->heap_count++;
     }
-    rise(loop, loop->heap_at[key]);
+    sift_up(loop, loop->heap_position[key]);
 }
 
 static void begin_distances(cairn_mapper *mapper)
@@ -118,13 +119,13 @@ static void begin_distances(cairn_mapper *mapper)
     mapper_loop *loop = &mapper->loop;
 
     for (int32_t key = 0; key < loop->entered; key++) {
-        loop->variance[key] = FAR;
-        loop->turn_variance[key] = CAIRN_PI * CAIRN_PI;
-        loop->heap_at[key] = -1;
+        loop->variance[key] = NO_PATH_VARIANCE;
+        loop->heading_variance[key] = CAIRN_PI * CAIRN_PI;
+        loop->heap_position[key] = -1;
     }
-    loop->variance[loop->query] = loop->turn_variance[loop->query] = 0;
+    loop->variance[loop->query] = loop->heading_variance[loop->query] = 0;
     loop->heap_count = 1;
-    put(loop, 0, loop->query);
+    heap_set(loop, 0, loop->query);
 }
 
 /* One key scan; 1 when all are done. */
@@ -135,14 +136,14 @@ static int32_t distance_item(cairn_mapper *mapper, cairn_budget *budget)
 
     if (loop->heap_count == 0)
         return 1;
-    key = take_first(loop);
+    key = heap_pop(loop);
     budget->left -= 1;
     for (link = loop->first_link[key]; link >= 0;) {
         const mapper_link *l = &loop->links[link];
         int32_t end = l->second == key;
 
         if (!l->dropped)
-            reach(mapper, end ? l->first : l->second, l, key);
+            relax_link(mapper, end ? l->first : l->second, l, key);
         budget->left -= 1;
         link = l->next[end];
     }
@@ -152,7 +153,7 @@ static int32_t distance_item(cairn_mapper *mapper, cairn_budget *budget)
 /* ---- Candidates ---- */
 
 /* Where the middle of what a key scan sees is in the map. */
-static cairn_vec2 seen(const cairn_mapper *mapper, int32_t key)
+static cairn_vec2 scan_centroid(const cairn_mapper *mapper, int32_t key)
 {
     return cairn_pose_point(mapper->key_pose[key], cairn_mapper_key_scan(mapper, key)->centroid);
 }
@@ -164,20 +165,20 @@ static void end_run(mapper_loop *loop)
     if (!loop->in_run)
         return;
     loop->in_run = 0;
-    if (at == MAPPER_CANDIDATES) {
-        if (!(loop->run.distance < loop->candidates[at - 1].distance))
+    if (at == MAPPER_MAX_CANDIDATES) {
+        if (!(loop->best_of_run.distance < loop->candidates[at - 1].distance))
             return;
         at--;
     } else {
         loop->candidate_count++;
     }
-    for (; at > 0 && loop->run.distance < loop->candidates[at - 1].distance; at--)
+    for (; at > 0 && loop->best_of_run.distance < loop->candidates[at - 1].distance; at--)
         loop->candidates[at] = loop->candidates[at - 1];
-    loop->candidates[at] = loop->run;
+    loop->candidates[at] = loop->best_of_run;
 }
 
 /* How far a key scan may be from where it seems to be, m. */
-static cairn_real reach_of(const cairn_mapper *mapper, int32_t key)
+static cairn_real search_reach(const cairn_mapper *mapper, int32_t key)
 {
     return cairn_min(3 * cairn_sqrt(mapper->loop.variance[key]), mapper->params.loop.window);
 }
@@ -187,17 +188,18 @@ static int32_t choose_item(cairn_mapper *mapper)
 {
     mapper_loop *loop = &mapper->loop;
     int32_t key = loop->cursor++;
-    cairn_vec2 apart = cairn_vec2_sub(seen(mapper, key), seen(mapper, loop->query));
-    cairn_real distance = cairn_vec2_norm(apart);
+    cairn_vec2 difference =
+        cairn_vec2_sub(scan_centroid(mapper, key), scan_centroid(mapper, loop->query));
+    cairn_real distance = cairn_vec2_norm(difference);
 
     if (cairn_mapper_point_count(mapper, key) > 0 &&
-        distance < mapper->params.loop.radius + reach_of(mapper, key)) {
+        distance < mapper->params.loop.radius + search_reach(mapper, key)) {
         distance +=
             cairn_sqrt(distance_squared(mapper->key_pose[key], mapper->key_pose[loop->query])) / 2 +
-            SPREAD_COST * loop->ties[key].spread;
-        if (!loop->in_run || distance < loop->run.distance) {
-            loop->run.key = key;
-            loop->run.distance = distance;
+            SIGMA_COST * loop->ties[key].position_sigma;
+        if (!loop->in_run || distance < loop->best_of_run.distance) {
+            loop->best_of_run.key = key;
+            loop->best_of_run.distance = distance;
         }
         loop->in_run = 1;
     } else {
@@ -217,18 +219,18 @@ static void begin_candidate(cairn_mapper *mapper)
     int32_t key = loop->candidates[loop->candidate].key, half = mapper->params.loop.keys / 2;
     int32_t last = loop->query - mapper->params.loop.gap;
 
-    mapper->search_count = 0;
+    mapper->search_target_count = 0;
     cairn_scan_match_clear_target(mapper->search);
     loop->target_from = key > half ? key - half : 0;
     loop->target_end = loop->target_from + mapper->params.loop.keys;
     if (loop->target_end > last)
         loop->target_end = last;
-    loop->phase = LOOP_TARGET;
+    loop->phase = LOOP_BUILD_TARGET;
 }
 
 /* Farther from the candidate than the path goes there: those between were released, or the path
  * was broken. */
-static int32_t is_elsewhere(const cairn_mapper *mapper, int32_t key, int32_t candidate)
+static int32_t is_off_path(const cairn_mapper *mapper, int32_t key, int32_t candidate)
 {
     cairn_real most = (cairn_real)mapper->params.loop.keys * mapper->params.key_distance;
 
@@ -243,10 +245,10 @@ static void target_item(cairn_mapper *mapper, cairn_budget *budget)
     cairn_scan_match_part part;
 
     budget->left -= 1;
-    if (key != candidate &&
-        (loop->ties[key].spread > LOOSELY || is_elsewhere(mapper, key, candidate)))
+    if (key != candidate && (loop->ties[key].position_sigma > MAX_TARGET_SIGMA_M ||
+                             is_off_path(mapper, key, candidate)))
         return;
-    part = cairn_mapper_key_part(mapper, key, mapper->oriented, mapper->beams);
+    part = cairn_mapper_key_part(mapper, key, mapper->points, mapper->beams);
     budget->left -= 1 + part.count + part.beam_count;
     if (cairn_scan_match_add_target(mapper->search, &part, mapper->key_pose[key], NULL) != CAIRN_OK)
         loop->target_from = loop->target_end;
@@ -260,8 +262,8 @@ static void begin_match(cairn_mapper *mapper, cairn_budget *budget)
     cairn_scan_match_window window;
 
     window.distance =
-        cairn_min(reach_of(mapper, key) + CAIRN_REAL(0.2), mapper->params.loop.window);
-    window.angle = 3 * cairn_sqrt(loop->turn_variance[key]) + CAIRN_REAL(0.1);
+        cairn_min(search_reach(mapper, key) + CAIRN_REAL(0.2), mapper->params.loop.window);
+    window.angle = 3 * cairn_sqrt(loop->heading_variance[key]) + CAIRN_REAL(0.1);
     loop->phase = LOOP_MATCH;
     budget->left -= 2 + loop->query_part.count / 4;
     if (cairn_scan_match_begin(mapper->search, &loop->query_part, mapper->key_pose[loop->query],
@@ -271,29 +273,30 @@ static void begin_match(cairn_mapper *mapper, cairn_budget *budget)
 
 void cairn_mapper_yield_match(cairn_mapper *mapper)
 {
-    if (mapper->loop.phase == LOOP_TARGET || mapper->loop.phase == LOOP_MATCH)
-        mapper->loop.phase = LOOP_CANDIDATE;
+    if (mapper->loop.phase == LOOP_BUILD_TARGET || mapper->loop.phase == LOOP_MATCH)
+        mapper->loop.phase = LOOP_BEGIN_CANDIDATE;
 }
 
 /* ---- The verdict ---- */
 
 /* 1 when two closures lead around the same loop, up to what a path of so many key scans may go
  * astray. */
-static int32_t agree(const cairn_mapper *mapper, const mapper_pending *a, const mapper_pending *b)
+static int32_t is_consistent(const cairn_mapper *mapper, const mapper_pending *a,
+                             const mapper_pending *b)
 {
     cairn_pose second =
         cairn_pose_between(mapper->key_pose[a->second], mapper->key_pose[b->second]);
     cairn_pose first = cairn_pose_between(mapper->key_pose[a->first], mapper->key_pose[b->first]);
-    cairn_pose one = cairn_pose_compose(a->first_second, second),
-               other = cairn_pose_compose(first, b->first_second);
-    cairn_pose apart = cairn_pose_between(one, other);
+    cairn_pose composed_a = cairn_pose_compose(a->first_second, second),
+               composed_b = cairn_pose_compose(first, b->first_second);
+    cairn_pose difference = cairn_pose_between(composed_a, composed_b);
     int32_t path =
         b->second - a->second + (b->first > a->first ? b->first - a->first : a->first - b->first);
     cairn_real distance = CAIRN_REAL(0.15) + CAIRN_REAL(0.01) * (cairn_real)path;
     cairn_real angle = CAIRN_REAL(0.05) + CAIRN_REAL(0.003) * (cairn_real)path;
 
-    return apart.x * apart.x + apart.y * apart.y < distance * distance &&
-           cairn_abs(apart.theta) < angle;
+    return difference.x * difference.x + difference.y * difference.y < distance * distance &&
+           cairn_abs(difference.theta) < angle;
 }
 
 static void accept(cairn_mapper *mapper, mapper_pending *closure)
@@ -311,31 +314,31 @@ static void accept(cairn_mapper *mapper, mapper_pending *closure)
 
 /* A closure in a wide search: with those that wait and agree, when they outnumber those that do
  * not. */
-static void weigh(cairn_mapper *mapper, const mapper_pending *closure)
+static void check_consistency(cairn_mapper *mapper, const mapper_pending *closure)
 {
     mapper_loop *loop = &mapper->loop;
     int32_t count = loop->pending_count < MAPPER_PENDING ? loop->pending_count : MAPPER_PENDING;
-    int32_t with = 1, against = 0, last = -1;
+    int32_t consistent_count = 1, inconsistent_count = 0, last = -1;
     mapper_pending *kept = &loop->pending[loop->pending_count % MAPPER_PENDING];
-    int32_t mates[MAPPER_PENDING], mate_count = 0;
+    int32_t consistent[MAPPER_PENDING], stored_count = 0;
 
     for (int32_t i = 0; i < count; i++) {
-        mapper_pending *other = &loop->pending[i];
+        mapper_pending *composed_b = &loop->pending[i];
 
-        if (closure->second - other->second > mapper->params.loop.gap)
+        if (closure->second - composed_b->second > mapper->params.loop.gap)
             continue;
-        if (agree(mapper, other, closure)) {
-            with += other->second != closure->second && other->second != last;
-            last = other->second;
-            mates[mate_count++] = i;
+        if (is_consistent(mapper, composed_b, closure)) {
+            consistent_count += composed_b->second != closure->second && composed_b->second != last;
+            last = composed_b->second;
+            consistent[stored_count++] = i;
         } else {
-            against++;
+            inconsistent_count++;
         }
     }
-    if (with >= mapper->params.loop.agree && with > against) {
-        for (int32_t i = 0; i < mate_count; i++)
-            if (!loop->pending[mates[i]].accepted)
-                accept(mapper, &loop->pending[mates[i]]);
+    if (consistent_count >= mapper->params.loop.agree && consistent_count > inconsistent_count) {
+        for (int32_t i = 0; i < stored_count; i++)
+            if (!loop->pending[consistent[i]].accepted)
+                accept(mapper, &loop->pending[consistent[i]]);
         *kept = *closure;
         accept(mapper, kept);
     } else {
@@ -354,7 +357,7 @@ int32_t cairn_mapper_has_rival(const cairn_scan_match_result *result)
 
 /* What speaks against a closure before anything is seen, in log odds: it leads so far from where
  * the path led. */
-static cairn_real distance_cost(const cairn_mapper *mapper, const mapper_pending *closure)
+static cairn_real prior_cost(const cairn_mapper *mapper, const mapper_pending *closure)
 {
     const mapper_loop *loop = &mapper->loop;
     cairn_pose now =
@@ -362,17 +365,18 @@ static cairn_real distance_cost(const cairn_mapper *mapper, const mapper_pending
     cairn_pose off = cairn_pose_between(closure->first_second, now);
 
     return (off.x * off.x + off.y * off.y) / loop->variance[closure->first] +
-           off.theta * off.theta / (2 * loop->turn_variance[closure->first]);
+           off.theta * off.theta / (2 * loop->heading_variance[closure->first]);
 }
 
 /* Along a wall of which few points tell the way, these may be of somebody who stands there. */
 static cairn_sym3 closure_covariance(const cairn_mapper *mapper,
                                      const cairn_scan_match_hypothesis *h)
 {
-    cairn_real covariance[9], x = MAPPER_DOUBT * h->weak[0], y = MAPPER_DOUBT * h->weak[1];
+    cairn_real covariance[9], x = MAPPER_LOW_CONFIDENCE_M * h->weak[0],
+                              y = MAPPER_LOW_CONFIDENCE_M * h->weak[1];
 
     memcpy(covariance, h->covariance, sizeof covariance);
-    if (h->weak_ratio < MAPPER_SLIPPERY) {
+    if (h->weak_ratio < MAPPER_MIN_INFORMATION_RATIO) {
         covariance[0] += x * x;
         covariance[1] += x * y;
         covariance[3] += x * y;
@@ -381,7 +385,7 @@ static cairn_sym3 closure_covariance(const cairn_mapper *mapper,
     return cairn_mapper_own_covariance(mapper, covariance, h->target_query.theta);
 }
 
-static void judge(cairn_mapper *mapper)
+static void verify(cairn_mapper *mapper)
 {
     mapper_loop *loop = &mapper->loop;
     const cairn_mapper_loop_params *p = &mapper->params.loop;
@@ -406,23 +410,23 @@ static void judge(cairn_mapper *mapper)
     else if (h->contradiction > p->contradiction || h->target_contradiction > p->contradiction)
         cairn_mapper_loop_tell(mapper, key, loop->query, closure.first_second,
                                CAIRN_MAPPER_LOOP_CONTRADICTED);
-    else if (reach_of(mapper, key) < p->window_near)
+    else if (search_reach(mapper, key) < p->window_near)
         accept(mapper, &closure);
-    else if (h->evidence - distance_cost(mapper, &closure) < p->evidence)
+    else if (h->evidence - prior_cost(mapper, &closure) < p->evidence)
         cairn_mapper_loop_tell(mapper, key, loop->query, closure.first_second,
                                CAIRN_MAPPER_LOOP_UNLIKELY);
     else
-        weigh(mapper, &closure);
+        check_consistency(mapper, &closure);
 }
 
 /* ---- Steps ---- */
 
 /* Key scans that the force field does not move any more. */
-static int32_t settled_keys(const cairn_mapper *mapper)
+static int32_t settled_keyframes(const cairn_mapper *mapper)
 {
     int32_t keys = mapper->key_count;
 
-    if (mapper->params.window == 0 || mapper->loop.closing)
+    if (mapper->params.window == 0 || mapper->loop.settling)
         return keys;
     return keys > mapper->params.window_free ? keys - mapper->params.window_free : 0;
 }
@@ -431,26 +435,26 @@ static int32_t settled_keys(const cairn_mapper *mapper)
 static cairn_status begin_next(cairn_mapper *mapper, cairn_budget *budget)
 {
     mapper_loop *loop = &mapper->loop;
-    int32_t has_next = loop->entered < settled_keys(mapper);
+    int32_t has_next = loop->entered < settled_keyframes(mapper);
     int32_t may_release = cairn_mapper_may_release(mapper);
     cairn_status status = CAIRN_OK;
 
     loop->cursor = 0;
-    if (may_release && (loop->fresh == 0 || loop->unsolvable)) {
+    if (may_release && (loop->fresh == 0 || loop->factor_full)) {
         cairn_mapper_begin_cover(mapper);
         budget->left -= 1;
         loop->phase = LOOP_COVER;
     } else if (may_release || cairn_mapper_wants_solution(mapper) ||
-               (!has_next && loop->closing && loop->fresh > 0 && !loop->unsolvable)) {
-        loop->phase = LOOP_SOLVE;
+               (!has_next && loop->settling && loop->fresh > 0 && !loop->factor_full)) {
+        loop->phase = LOOP_OPTIMIZE;
     } else if (has_next) {
         loop->query = loop->entered;
         status = cairn_mapper_enter(mapper);
         budget->left -= 4;
-        loop->searched++;
+        loop->keyframes_since_solve++;
         if (loop->query > mapper->params.loop.gap &&
             cairn_mapper_point_count(mapper, loop->query) > 0)
-            loop->phase = LOOP_CLEAR;
+            loop->phase = LOOP_RESET_PATHS;
     }
     return status;
 }
@@ -461,18 +465,18 @@ static cairn_status loop_item(cairn_mapper *mapper, cairn_budget *budget)
     cairn_status status = CAIRN_OK;
 
     switch (loop->phase) {
-    case LOOP_CLEAR:
+    case LOOP_RESET_PATHS:
         begin_distances(mapper);
-        budget->left -= 1 + loop->entered / KEYS_A_UNIT;
-        loop->phase = LOOP_DISTANCES;
+        budget->left -= 1 + loop->entered / KEYFRAMES_PER_UNIT;
+        loop->phase = LOOP_PATH_VARIANCE;
         break;
-    case LOOP_DISTANCES:
+    case LOOP_PATH_VARIANCE:
         if (distance_item(mapper, budget)) {
             loop->candidate_count = loop->in_run = loop->cursor = 0;
-            loop->phase = LOOP_CHOOSE;
+            loop->phase = LOOP_SELECT_CANDIDATES;
         }
         break;
-    case LOOP_CHOOSE:
+    case LOOP_SELECT_CANDIDATES:
         budget->left -= 1;
         if (!choose_item(mapper))
             break;
@@ -482,14 +486,14 @@ static cairn_status loop_item(cairn_mapper *mapper, cairn_budget *budget)
             loop->query_part =
                 cairn_mapper_key_part(mapper, loop->query, loop->query_points, loop->query_beams);
             budget->left -= 2 + loop->query_part.count / 4 + loop->query_part.beam_count / 4;
-            loop->phase = LOOP_CANDIDATE;
+            loop->phase = LOOP_BEGIN_CANDIDATE;
         }
         break;
-    case LOOP_CANDIDATE:
+    case LOOP_BEGIN_CANDIDATE:
         budget->left -= 1;
         begin_candidate(mapper);
         break;
-    case LOOP_TARGET:
+    case LOOP_BUILD_TARGET:
         if (loop->target_from < loop->target_end)
             target_item(mapper, budget);
         else
@@ -499,20 +503,20 @@ static cairn_status loop_item(cairn_mapper *mapper, cairn_budget *budget)
         status = cairn_scan_match_step(mapper->search, budget);
         if (status != CAIRN_OK)
             break;
-        judge(mapper);
+        verify(mapper);
         budget->left -= 8 + 4 * MAPPER_PENDING;
         loop->phase = LOOP_IDLE;
         if (++loop->candidate < loop->candidate_count)
-            loop->phase = LOOP_CANDIDATE;
+            loop->phase = LOOP_BEGIN_CANDIDATE;
         break;
     case LOOP_COVER:
         if (!cairn_mapper_cover_item(mapper, cairn_mapper_release_end(mapper), budget))
             break;
         status = cairn_mapper_release_key(
             mapper, cairn_mapper_best_covered(mapper, cairn_mapper_release_end(mapper)), budget);
-        loop->phase = LOOP_PACK;
+        loop->phase = LOOP_COMPACT;
         break;
-    case LOOP_PACK:
+    case LOOP_COMPACT:
         status = cairn_scan_set_pack(mapper->keys, budget);
         if (status == CAIRN_OK)
             loop->phase = LOOP_IDLE;
@@ -534,12 +538,12 @@ cairn_status cairn_mapper_loop_step(cairn_mapper *mapper, cairn_budget *budget, 
             return CAIRN_MORE;
         if (loop->phase == LOOP_IDLE) {
             status = begin_next(mapper, budget);
-            if (loop->phase == LOOP_IDLE && loop->entered >= settled_keys(mapper))
+            if (loop->phase == LOOP_IDLE && loop->entered >= settled_keyframes(mapper))
                 break;
         } else {
             status = loop_item(mapper, budget);
         }
     }
-    mapper->state.waiting = settled_keys(mapper) - loop->entered;
+    mapper->state.waiting = settled_keyframes(mapper) - loop->entered;
     return status;
 }

@@ -15,81 +15,82 @@ enum {
     /* of what a key scan saw free */
     MAPPER_BEARINGS = 256,
     /* places at which a key scan is looked for */
-    MAPPER_CANDIDATES = 3,
+    MAPPER_MAX_CANDIDATES = 3,
     /* key scans on which one hangs besides the one before */
-    MAPPER_ANCHORS = 2,
+    MAPPER_MAX_ANCHORS = 2,
     /* closures that wait for others to agree */
     MAPPER_PENDING = 32,
     /* that can be read */
     MAPPER_LOOP_EVENTS = 64,
     /* likewise */
-    MAPPER_RELEASES = 64,
+    MAPPER_CULLING_EVENTS = 64,
     /* key scans by which one may be covered */
-    MAPPER_COVERING = 8,
+    MAPPER_REDUNDANCY_NEIGHBOURS = 8,
     /* of what a key scan saw, free and surfaces */
     MAPPER_SAMPLES = 128,
     /* key scans of the local map in which a scan in doubt is searched for */
-    MAPPER_SEARCH_KEYS = 5,
+    MAPPER_SEARCH_KEYFRAMES = 5,
     /* places that a search refines */
     MAPPER_SEARCH_CANDIDATES = 32
 };
 
 /* Standard deviations of what is in doubt, m and rad. */
-static const cairn_real MAPPER_DOUBT = CAIRN_REAL(0.3), MAPPER_DOUBT_TURN = CAIRN_REAL(0.15);
-static const cairn_real MAPPER_SLIPPERY =
+static const cairn_real MAPPER_LOW_CONFIDENCE_M = CAIRN_REAL(0.3),
+                        MAPPER_LOW_CONFIDENCE_RAD = CAIRN_REAL(0.15);
+static const cairn_real MAPPER_MIN_INFORMATION_RATIO =
     /* share of information along a direction that is hardly told */
     CAIRN_REAL(0.05);
 /* m, of the widest search of a scan in doubt, beyond its motion */
-static const cairn_real MAPPER_WIDE_WINDOW = 1;
+static const cairn_real MAPPER_WIDE_SEARCH_M = 1;
 
 /* m: motions that lead so far apart are tried both */
-static const cairn_real MAPPER_APART = CAIRN_REAL(0.05);
-static const cairn_real MAPPER_APART_TURN = CAIRN_REAL(0.02);
+static const cairn_real MAPPER_DISTINCT_M = CAIRN_REAL(0.05);
+static const cairn_real MAPPER_DISTINCT_RAD = CAIRN_REAL(0.02);
 /* m and rad out of the way */
-static const cairn_real MAPPER_STRANGE = CAIRN_REAL(0.1);
+static const cairn_real MAPPER_PRIOR_SCALE = CAIRN_REAL(0.1);
 
-typedef int32_t phase;
+typedef int32_t mapper_phase;
 enum {
-    IDLE = 0,
-    FIT,           /* lines of the new scan */
-    SELECT,        /* key scans near the predicted pose */
-    TARGET,        /* local map out of them */
-    MATCH,         /* from the prediction */
-    MATCH_OTHER,   /* from another motion */
-    SEARCH_TARGET, /* local map of the search */
-    SEARCH,        /* of a match in doubt */
-    MATCH_FOUND,   /* from what it found */
-    MATCH_HELD,    /* from the prediction, which decides where few points tell otherwise */
-    KEEP,          /* result, and a key scan if it is one */
-    SHARE          /* force field, then loops and graph, for their share of the scan */
+    MAPPER_IDLE = 0,
+    MAPPER_FIT_LINES,           /* lines of the new scan */
+    MAPPER_SELECT_LOCAL,        /* key scans near the predicted pose */
+    MAPPER_BUILD_TARGET,        /* local map out of them */
+    MAPPER_MATCH,               /* from the prediction */
+    MAPPER_MATCH_ALTERNATIVE,   /* from another motion */
+    MAPPER_BUILD_SEARCH_TARGET, /* local map of the search */
+    MAPPER_SEARCH,              /* of a match in doubt */
+    MAPPER_MATCH_FOUND,         /* from what it found */
+    MAPPER_MATCH_CONSTRAINED, /* from the prediction, which decides where few points tell otherwise */
+    MAPPER_STORE,             /* result, and a key scan if it is one */
+    MAPPER_BACKGROUND         /* force field, then loops and graph, for their share of the scan */
 };
 
-typedef int32_t window_phase;
+typedef int32_t mapper_window_phase;
 enum {
     WINDOW_IDLE = 0,
     WINDOW_FILL, /* key scans into the force field */
     WINDOW_RUN
 };
 
-typedef int32_t loop_phase;
+typedef int32_t mapper_loop_phase;
 enum {
     LOOP_IDLE = 0,
-    LOOP_CLEAR,     /* of the distances */
-    LOOP_DISTANCES, /* how far a path from the query can have gone astray, for every key scan */
-    LOOP_CHOOSE,    /* candidates */
-    LOOP_CANDIDATE, /* the one at hand, from the beginning */
-    LOOP_TARGET,    /* the map around it */
+    LOOP_RESET_PATHS,   /* of the distances */
+    LOOP_PATH_VARIANCE, /* how far a path from the query can have gone astray, for every key scan */
+    LOOP_SELECT_CANDIDATES, /* candidates */
+    LOOP_BEGIN_CANDIDATE,   /* the one at hand, from the beginning */
+    LOOP_BUILD_TARGET,      /* the map around it */
     LOOP_MATCH,
-    LOOP_SOLVE,
-    LOOP_COVER, /* how well key scans are covered; one of them goes then */
-    LOOP_PACK   /* the room that it leaves */
+    LOOP_OPTIMIZE,
+    LOOP_COVER,  /* how well key scans are covered; one of them goes then */
+    LOOP_COMPACT /* the room that it leaves */
 };
 
 /* A link of the graph as the search for loops sees it; its number is that in the graph. */
 typedef struct mapper_link {
     int32_t first, second;
     int32_t next[2]; /* the next link of first and of second; -1: none */
-    cairn_real variance, turn_variance;
+    cairn_real variance, heading_variance;
     int32_t is_loop, dropped;
 } mapper_link;
 
@@ -111,65 +112,65 @@ typedef struct mapper_pending {
  * not. Covariances are in its own frame. See mapper_tie.c. */
 typedef struct mapper_tie {
     cairn_sym3 covariance; /* seen from the one before */
-    int32_t anchors[MAPPER_ANCHORS];
-    cairn_sym3 anchor_covariance[MAPPER_ANCHORS];
+    int32_t anchors[MAPPER_MAX_ANCHORS];
+    cairn_sym3 anchor_covariance[MAPPER_MAX_ANCHORS];
     int32_t anchor_count;
     int32_t doubtful;
-    int32_t piece;     /* of the map, of key scans that are rigid among each other: its first one */
-    cairn_real spread; /* m, standard deviation of its place by all of them */
+    int32_t piece; /* of the map, of key scans that are rigid among each other: its first one */
+    cairn_real position_sigma; /* m, standard deviation of its place by all of them */
 } mapper_tie;
 
 /* How well key scans are covered by others, and which one is being looked at. See
  * mapper_cover.c. */
 typedef struct mapper_cover {
     /* [max_keys] of what a key scan shows, what would go with it; -1: not known */
-    cairn_real *loss;
+    cairn_real *score;
     /* [max_keys] m^2, to the farthest key scan that may cover it */
-    cairn_real *reach;
+    cairn_real *neighbour_radius2;
     int32_t key;
     /* key scans before it, the nearest first */
-    int32_t near[MAPPER_COVERING];
-    cairn_real distance[MAPPER_COVERING];
-    int32_t near_count, at;
+    int32_t neighbours[MAPPER_REDUNDANCY_NEIGHBOURS];
+    cairn_real neighbour_distance2[MAPPER_REDUNDANCY_NEIGHBOURS];
+    int32_t neighbour_count, next_neighbour;
     /* by so many of them */
-    uint8_t covered[MAPPER_SAMPLES];
+    uint8_t observer_counts[MAPPER_SAMPLES];
 } mapper_cover;
 
 typedef struct mapper_loop {
     cairn_pose_graph *graph;
-    mapper_link *links;        /* [max_keys + max_loops] */
-    int32_t *first_link;       /* [max_keys] of a key scan; -1: none */
-    mapper_tie *ties;          /* [max_keys] by the match with which a key scan came */
-    cairn_real *variance;      /* [max_keys] m^2, of the path to the query */
-    cairn_real *turn_variance; /* [max_keys] rad^2 */
-    int32_t *heap;             /* [max_keys] key scans by variance */
-    int32_t *heap_at;          /* [max_keys] their places; -1: not in it, -2: done */
+    mapper_link *links;           /* [max_keys + max_loops] */
+    int32_t *first_link;          /* [max_keys] of a key scan; -1: none */
+    mapper_tie *ties;             /* [max_keys] by the match with which a key scan came */
+    cairn_real *variance;         /* [max_keys] m^2, of the path to the query */
+    cairn_real *heading_variance; /* [max_keys] rad^2 */
+    int32_t *heap;                /* [max_keys] key scans by variance */
+    int32_t *heap_position;       /* [max_keys] their places; -1: not in it, -2: done */
     int32_t heap_count;
     int32_t link_count;
     int32_t entered; /* key scans in the graph */
 
-    loop_phase phase;
+    mapper_loop_phase phase;
     int32_t quota; /* units left of the scan's share */
     int32_t cursor;
     int32_t query;                      /* key scan that is looked for */
     cairn_oriented_point *query_points; /* [scan.max_points] */
     cairn_beam *query_beams;            /* [MAPPER_BEARINGS] */
     cairn_scan_match_part query_part;
-    mapper_candidate candidates[MAPPER_CANDIDATES];
+    mapper_candidate candidates[MAPPER_MAX_CANDIDATES];
     int32_t candidate_count, candidate;
-    mapper_candidate run; /* the best of the run of key scans at hand */
+    mapper_candidate best_of_run; /* the best of the run of key scans at hand */
     int32_t in_run;
     int32_t target_from, target_end;
 
     mapper_pending pending[MAPPER_PENDING];
-    int32_t pending_count; /* ever */
-    int32_t fresh;         /* closures since the last solution */
-    int32_t searched;      /* key scans since the last solution */
-    cairn_real strain;     /* the largest chi2 of these closures */
-    int32_t closing;       /* 1: the last scan is in, all is to be settled */
-    int32_t unsolvable;    /* 1: the factor has no room */
-    int32_t releasing;     /* 1: key scans go until there is some room again */
-    mapper_cover cover;
+    int32_t pending_count;         /* ever */
+    int32_t fresh;                 /* closures since the last solution */
+    int32_t keyframes_since_solve; /* key scans since the last solution */
+    cairn_real largest_chi2;       /* the largest chi2 of these closures */
+    int32_t settling;              /* 1: the last scan is in, all is to be settled */
+    int32_t factor_full;           /* 1: the factor has no room */
+    int32_t culling;               /* 1: key scans go until there is some room again */
+    mapper_cover redundancy;
     cairn_mapper_loop events[MAPPER_LOOP_EVENTS];
 } mapper_loop;
 
@@ -184,7 +185,7 @@ struct cairn_mapper {
     cairn_pose *key_pose; /* [max_keys] map_key */
     /* One key scan on its way into the local map or the force field. */
     /* [scan.max_points] */
-    cairn_oriented_point *oriented;
+    cairn_oriented_point *points;
     /* [scan.max_segments] */
     cairn_segment *segments;
     /* [scan.max_segments + 1] */
@@ -195,14 +196,14 @@ struct cairn_mapper {
      * asks */
     uint16_t *sight;
 
-    phase phase;
+    mapper_phase phase;
     int32_t cursor;       /* within the phase */
     int32_t window_quota; /* units left of the force field's share of the scan */
-    window_phase window_phase;
+    mapper_window_phase window_phase;
     int32_t window_first, window_end; /* key scans of the force field */
     int32_t window_cursor;            /* of these, the next one to fill in */
     int32_t full;
-    int32_t since_key; /* scans since the last key scan */
+    int32_t scans_since_keyframe; /* scans since the last key scan */
 
     /* of the scan at hand */
     int32_t has_odometry;
@@ -212,31 +213,31 @@ struct cairn_mapper {
     /* that is predicted */
     cairn_pose motion;
     /* that is tried, too */
-    cairn_pose other;
+    cairn_pose alternative_motion;
     cairn_pose predicted;
     /* 1: the odometry is what is predicted */
-    int32_t believed;
+    int32_t trusts_odometry;
     /* in odometry, 0 ... 1 */
-    cairn_real trust;
+    cairn_real odometry_health;
     /* >= 1: so many times what odometry may be wrong by, after it was */
-    cairn_real slip;
+    cairn_real odometry_noise_scale;
     /* m: what is added to odometry, after it was wrong */
-    cairn_vec2 drag;
+    cairn_vec2 odometry_bias;
     /* m^2, rad^2: of the motion since the last key scan */
-    cairn_real gap_variance, gap_turn_variance;
+    cairn_real motion_variance, motion_heading_variance;
     /* m, a scan, in its own frame */
-    cairn_vec2 pace;
+    cairn_vec2 velocity;
     /* of matches; 0: none yet */
     cairn_real mean_quality;
 
-    int32_t tells_odometry;   /* 1: the last scan that is done came with odometry, ... */
-    cairn_pose told_odometry; /* ... this one */
-    cairn_pose map_odom;      /* of the last scan before that had one, as it was then */
+    int32_t finished_has_odometry; /* 1: the last scan that is done came with odometry, ... */
+    cairn_pose finished_odometry;  /* ... this one */
+    cairn_pose map_odom;           /* of the last scan before that had one, as it was then */
 
     int32_t had_odometry; /* of the last scan taken in */
     cairn_pose last_odometry;
     cairn_pose last_motion;
-    cairn_pose steady;             /* the same, smoothed */
+    cairn_pose smoothed_motion;    /* the same, smoothed */
     int64_t last_stamp, last_span; /* ns: of the scan before, and since the one before that */
 
     /* key scans of the local map, the last ones first, then by distance */
@@ -252,27 +253,28 @@ struct cairn_mapper {
     cairn_icp_parts parts;
     int32_t has_match;
     /* 1: few points spoke against the odometry, which stands */
-    int32_t held;
+    int32_t is_constrained;
     /* 1: also after a search */
-    int32_t doubtful;
+    int32_t low_confidence;
     /* of the scan in doubt, and for loops; NULL when nobody searches */
     cairn_scan_match *search;
     /* covariance in the map that the doubt adds */
-    cairn_real doubt[9];
+    cairn_real extra_covariance[9];
     /* of this scan */
     int32_t searches;
     /* Where the last search would have placed its scan, too far from where odometry leads. */
-    cairn_pose rumour;
-    cairn_real rumour_evidence; /* log odds */
-    int64_t rumour_scan;        /* number of that scan, from 1; 0: none */
-    int32_t rumour_is_new;      /* 1: the scan before left none */
-    int32_t search_count;       /* key scans of the local map that it has; 0: other things */
-    int32_t spent, matched;     /* units, by the search and by the matches of this scan */
+    cairn_pose hypothesis;
+    cairn_real hypothesis_log_odds; /* log odds */
+    int64_t hypothesis_scan;        /* number of that scan, from 1; 0: none */
+    int32_t hypothesis_is_new;      /* 1: the scan before left none */
+    int32_t search_target_count;    /* key scans of the local map that it has; 0: other things */
+    int32_t search_units_used,
+        match_units_used; /* units, by the search and by the matches of this scan */
 
     mapper_loop loop; /* its graph is NULL without loops */
     cairn_mapper_result result;
     cairn_mapper_state state;
-    cairn_mapper_release releases[MAPPER_RELEASES];
+    cairn_mapper_release releases[MAPPER_CULLING_EVENTS];
 };
 
 /* ---- mapper_create.c ---- */
