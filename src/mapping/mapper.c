@@ -1,17 +1,22 @@
-/* Scan by scan: predict, fit, match, keep.
+/* State machine of the mapper: per scan, predict the pose, fit lines, match, store the result.
  *
- * Method. Where a scan is, is in mapper_front.c. Points are evenly spaced along the surfaces, not
- * one a beam: near walls would otherwise outvote all others, and their small systematic errors turn
- * the map.
+ * Method.
  *
- * The local map is made of the last key scans and of the nearest ones among those of the last
- * while: what is older is joined by loops (mapper_loop.c, mapper_graph.c), which spread the error
- * over the path, while a match would put all of it into one link.
+ * 1. The front end (mapper_front.c) predicts and matches the scan. Its points are evenly spaced
+ *    along the surfaces. One point per beam would let near walls dominate the normal equations, and
+ *    their small systematic errors would rotate the map.
+ * 2. The local map consists of the most recent keyframes and of the nearest ones among the last
+ *    local_span. Older keyframes are joined by loop closures (mapper_loop.c, mapper_graph.c), which
+ *    distribute the error over the path. A match against them would put all of it into one link.
+ * 3. A keyframe is stored with its visibility profile and its sequential constraints.
+ * 4. Force field, loop closure and graph optimization then work in the background, each within its
+ *    share of units.
  *
- * Layout: key scans in a scan_set with a pose each; the local map in the icp object, made anew when
- * a key scan was added or moved, or the robot has left the place for which it was made.
+ * Layout: keyframes in a scan_set with a pose each. The local map is in the icp object. It is
+ * rebuilt when a keyframe was added or moved, or the robot has left the place for which it was
+ * built.
  *
- * Limits: key scans are forgotten only when they are released (mapper_release.c). */
+ * Limits: keyframes are removed only by culling (mapper_culling.c). */
 #include "src/core/build.h"
 
 #include <string.h>
@@ -19,16 +24,16 @@
 #include "src/mapping/mapper_work.h"
 
 enum {
-    MIN_SCANS_BETWEEN_KEYFRAMES = 2, /* scans after a key scan that are none for want of support */
-    CONSTRAINT_UNITS = 8             /* for each key scan of the local map */
+    MIN_SCANS_BETWEEN_KEYFRAMES = 2, /* before a keyframe for low overlap */
+    CONSTRAINT_UNITS = 8             /* per keyframe of the local map */
 };
 
-/* m: farther from its origin no odometry leads. */
+/* m: maximum distance of odometry from its origin. */
 static const cairn_real MAX_ODOMETRY_M = CAIRN_REAL(1e9);
 
 /* ---- Input ---- */
 
-/* Where the scan before is now. */
+/* Returns the current pose of the previous scan. */
 static cairn_pose last_pose(const cairn_mapper *mapper)
 {
     if (mapper->state.scans == 0)
@@ -59,7 +64,7 @@ cairn_status cairn_mapper_add(cairn_mapper *mapper, const cairn_scan_input *inpu
     if (has_odometry && mapper->state.scans > 0)
         by_odometry = cairn_pose_between(mapper->last_odometry, *odometry);
     if (!(cairn_mapper_way(by_odometry) <= CAIRN_SCAN_EXTENT)) {
-        by_odometry = cairn_pose_identity(); /* that is no motion, and tells of none */
+        by_odometry = cairn_pose_identity(); /* a jump of odometry is ignored */
         has_odometry = 0;
     }
     if (input == NULL)
@@ -75,7 +80,8 @@ cairn_status cairn_mapper_add(cairn_mapper *mapper, const cairn_scan_input *inpu
     mapper->last_span = input->stamp_ns - mapper->last_stamp;
     mapper->last_stamp = input->stamp_ns;
     if (mapper->state.scans == 0 && odometry != NULL)
-        last = *odometry; /* the map's frame is that of the odometry */
+        /* The odometry frame defines the map frame. */
+        last = *odometry;
     cairn_mapper_predict(mapper, last, by_odometry);
     mapper->had_odometry = odometry != NULL;
     if (odometry != NULL)
@@ -88,7 +94,7 @@ cairn_status cairn_mapper_add(cairn_mapper *mapper, const cairn_scan_input *inpu
 
 /* ---- The match ---- */
 
-/* The scan is fitted: what comes next for its pose. */
+/* The lines are fitted: chooses the next phase of pose estimation. */
 static cairn_status begin_pose(cairn_mapper *mapper)
 {
     if (cairn_scan_read(mapper->scan).point_count == 0 || mapper->keys->point_count == 0) {
@@ -105,14 +111,15 @@ static cairn_status begin_pose(cairn_mapper *mapper)
 
 /* ---- The result ---- */
 
-/* 1 when it may be elsewhere, which the next scan will tell. */
+/* Returns 1 when a relocalization hypothesis is pending that the next scan may confirm. */
 static int has_new_hypothesis(const cairn_mapper *mapper)
 {
     return !mapper->has_match && mapper->hypothesis_is_new &&
            mapper->hypothesis_scan == mapper->state.scans + 1;
 }
 
-/* 1 when the scan shows what the local map does not: it moved on, or most of it has no partners. */
+/* Returns 1 when the scan shows what the local map does not: it has moved, or its overlap is
+ * low. */
 static int is_keyframe(const cairn_mapper *mapper, cairn_pose map_scan)
 {
     cairn_pose key_scan;
@@ -130,8 +137,8 @@ static int is_keyframe(const cairn_mapper *mapper, cairn_pose map_scan)
            cairn_abs(key_scan.theta) > mapper->params.key_turn;
 }
 
-/* Makes the scan at hand a key scan. The force field that is still at work on those before gives
- * what it has, and the scan moves along. */
+/* Stores the current scan as a keyframe. A force field run in progress ends with the poses reached
+ * so far, and the scan moves with its predecessor. */
 static cairn_status store_keyframe(cairn_mapper *mapper, const cairn_scan_view *view)
 {
     cairn_mapper_result *result = &mapper->result;
@@ -165,7 +172,7 @@ static cairn_status store_keyframe(cairn_mapper *mapper, const cairn_scan_view *
     return status;
 }
 
-/* Fills the result and keeps the scan when it is a key scan. CAIRN_FULL: no room to keep it. */
+/* Fills in the result and stores the scan if it is a keyframe. CAIRN_FULL: no capacity for it. */
 static cairn_status store_result(cairn_mapper *mapper)
 {
     cairn_scan_view view = cairn_scan_read(mapper->scan);
@@ -197,8 +204,7 @@ static cairn_status store_result(cairn_mapper *mapper)
 
     mapper->last_motion =
         cairn_mapper_next_motion(mapper, cairn_pose_between(last, result->map_scan));
-    /* The first scan of all is a key scan even when it shows nothing: something must carry the
-     * scans that hang on it. */
+    /* The first scan is a keyframe even without features: other scans need a reference. */
     result->is_key = (first || view.point_count > 0) && is_keyframe(mapper, result->map_scan);
     if (result->is_key)
         status = store_keyframe(mapper, &view);
@@ -218,8 +224,8 @@ static cairn_status store_result(cairn_mapper *mapper)
 
 /* ---- Steps ---- */
 
-/* The units that are left for what is to be done next: the force field goes first. Until there
- * is room for one more key scan loops go on. */
+/* Returns the work units left for the next background task; the force field goes first. Unbounded
+ * while a keyframe must be culled. */
 static int32_t quota_left(const cairn_mapper *mapper)
 {
     if (cairn_mapper_must_release(mapper))
@@ -229,8 +235,8 @@ static int32_t quota_left(const cairn_mapper *mapper)
     return mapper->loop.graph != NULL ? mapper->loop.quota : 0;
 }
 
-/* The scan has its pose: force field, loops and graph get their shares, or what a search has
- * left of them. */
+/* Sets the shares of work units of force field and loop closure, less the units that the search of
+ * this scan has used. */
 static void begin_background(cairn_mapper *mapper)
 {
     mapper->window_quota = mapper->params.window_units - mapper->search_units_used;
@@ -242,7 +248,7 @@ static void begin_background(cairn_mapper *mapper)
     mapper->phase = quota_left(mapper) > 0 ? MAPPER_BACKGROUND : MAPPER_IDLE;
 }
 
-/* Goes on with force field, loops and graph until there is nothing to do, or the scan's share of
+/* Continues force field, loop closure and graph until nothing is left to do or the scan's share of
  * units is used up. */
 static cairn_status background_step(cairn_mapper *mapper, cairn_budget *budget)
 {
@@ -270,8 +276,8 @@ static cairn_status match_step(cairn_mapper *mapper, cairn_budget *budget)
     return status;
 }
 
-/* One item of the phase at hand. CAIRN_OK: the phase may have changed; CAIRN_MORE: the budget
- * ended within a part. */
+/* Processes one unit of work of the current phase. CAIRN_OK: the phase may have changed.
+ * CAIRN_MORE: the budget ended within a stepped object. */
 static cairn_status advance(cairn_mapper *mapper, cairn_budget *budget)
 {
     cairn_status status = CAIRN_OK;

@@ -1,16 +1,21 @@
-/* Which key scan could go?
+/* Redundancy scores of keyframes: which keyframe can be culled with the least loss of coverage?
  *
- * Method. Of what a key scan saw, every fourth bearing is a sample of a surface, at its end, and of
- * free space, half-way. A key scan covers a sample when it saw free space there, or a surface as
- * far away in that bearing. Loss of a key scan: the sum over its samples of 1 / (1 + n), when n of
- * the nearest key scans before it cover it. The one with the least loss is the best covered. Only
- * those before it count: of two that show the same the older one stays, from which the map has been
- * built, and what a robot sees that drives round and round is measured against the first round for
- * ever.
+ * Method.
  *
- * Layout: losses are kept until the key scans move or one that counted goes.
+ * 1. Every fourth bearing of a keyframe's visibility profile gives two samples: the surface point
+ *    at the end of the free range, and a free-space point at half of it.
+ * 2. Another keyframe observes a sample when its own profile is free there, or has a surface within
+ *    SURFACE_TOLERANCE_M along that bearing.
+ * 3. Score = sum over the samples of 1 / (1 + n), where n of the nearest earlier keyframes observe
+ *    the sample. The keyframe of the least score is the most redundant.
  *
- * Limits: what has changed in the building stays beside what has not, as long as there is room. */
+ * Only earlier keyframes count. Of two that show the same, the older one stays, because the map was
+ * built from it: a robot that repeats a route is always matched against the first round.
+ *
+ * Layout: scores are cached until keyframes move or one of their observers is culled.
+ *
+ * Limits: outdated views of a changed environment stay beside current ones as long as memory
+ * lasts. */
 #include "src/core/build.h"
 
 #include <string.h>
@@ -20,11 +25,12 @@
 enum {
     BEARING_STEP = MAPPER_BEARINGS / (MAPPER_SAMPLES / 2),
     KEYFRAMES_PER_UNIT = 16,
-    SAMPLES_PER_UNIT = 2 /* that one key scan may cover */
+    SAMPLES_PER_UNIT = 2 /* of one observing keyframe */
 };
 
-static const cairn_real SURFACE_TOLERANCE_M = CAIRN_REAL(0.2); /* m: two see the same surface */
-static const cairn_real UNBOUNDED_RADIUS2 = CAIRN_REAL(1e30);  /* m^2 */
+/* m: maximum difference of two views of one surface */
+static const cairn_real SURFACE_TOLERANCE_M = CAIRN_REAL(0.2);
+static const cairn_real UNBOUNDED_RADIUS2 = CAIRN_REAL(1e30); /* m^2 */
 
 static cairn_vec2 sensor_in_map(const cairn_mapper *mapper, int32_t key)
 {
@@ -53,7 +59,7 @@ void cairn_mapper_uncover(cairn_mapper *mapper, int32_t culled)
             redundancy->score[key] = -1;
 }
 
-/* ---- The key scans that may cover one ---- */
+/* ---- Neighbours that may observe the same samples ---- */
 
 static void insert_neighbour(mapper_cover *redundancy, int32_t key, cairn_real distance)
 {
@@ -90,7 +96,7 @@ static void find_neighbours(cairn_mapper *mapper)
 
 /* ---- Samples ---- */
 
-/* 1 when a key scan saw free space, or a surface, at a point in its frame. */
+/* Returns 1 when a keyframe observes a point in its frame as surface, or as free space. */
 static int32_t observes(const cairn_mapper *mapper, int32_t key, cairn_vec2 point, int32_t surface)
 {
     const uint16_t *visibility = &mapper->sight[(size_t)mapper->slot[key] * MAPPER_BEARINGS];
@@ -102,7 +108,7 @@ static int32_t observes(const cairn_mapper *mapper, int32_t key, cairn_vec2 poin
                    : distance <= range;
 }
 
-/* Counts what another key scan covers of the one at hand. */
+/* Adds another keyframe's observations of the current keyframe's samples. */
 static void count_observers(cairn_mapper *mapper, int32_t other)
 {
     mapper_cover *redundancy = &mapper->loop.redundancy;

@@ -1,9 +1,9 @@
-/* Params of the mapper and of the rooms that it uses, and its memory.
+/* Parameters of the mapper and of the modules that it uses, their validation, and memory.
  *
- * Layout: what is needed once (the scan at hand, the local map, the search, the window of the
- * force field) grows with the capacities of scan and local map; key scans, links and the factor
- * of the graph grow with max_keys, max_loops and max_fill. One scan_match serves both the search
- * of a scan in doubt and that for loops. */
+ * Layout: one-time buffers (current scan, local map, search, window of the force field) grow with
+ * the capacities of scan and local map. Keyframes, links and the factor of the graph grow with
+ * max_keyframes, max_loops and max_fill. One scan_match object serves both relocalization and loop
+ * closure. */
 #include "src/core/build.h"
 
 #include <string.h>
@@ -109,7 +109,7 @@ int32_t cairn_mapper_local_points(const cairn_mapper_params *params, int32_t key
     return most < capacity ? (int32_t)most : capacity;
 }
 
-/* The rooms' params with the capacities that the mapper needs. */
+/* Returns the modules' params with the capacities that the mapper needs. */
 static cairn_icp_params icp_params(const cairn_mapper_params *params)
 {
     cairn_icp_params icp = params->icp;
@@ -146,7 +146,7 @@ static int32_t has_match(const cairn_mapper_params *params)
     return params->search || has_loops(params);
 }
 
-/* Of the search of a scan in doubt, and of that for loops. */
+/* Returns the params of the match object for relocalization and loop closure. */
 static cairn_scan_match_params match_params(const cairn_mapper_params *params)
 {
     cairn_scan_match_params match = cairn_scan_match_default();
@@ -194,8 +194,8 @@ static int loop_is_valid(const cairn_mapper_params *params)
            p->contradiction <= 1 && p->sigma > 0 && p->sigma_turn > 0 && p->outlier > 0;
 }
 
-/* What goes is joined to what stays by the graph, and the last key scans, which the mapper works
- * with, stay. */
+/* Culling needs the graph, which joins the neighbours of a culled keyframe. The most recent
+ * keyframes are in use and are never culled. */
 static int release_is_valid(const cairn_mapper_params *p)
 {
     if (p->release == 0)
@@ -222,7 +222,7 @@ static int is_valid(const cairn_mapper_params *p)
         return 0;
     if (p->max_local_points < 1 || p->max_local_points > 1 << 20)
         return 0;
-    /* The first scan of all must have room: all others hang on it. */
+    /* The first scan must fit: all others are stored relative to it. */
     if (p->max_key_points < p->scan.max_points || p->max_key_segments < p->scan.max_segments)
         return 0;
     return release_is_valid(p) && p->local_radius > 0 && p->key_distance > 0 && p->key_turn > 0 &&
@@ -233,7 +233,7 @@ static int is_valid(const cairn_mapper_params *p)
            (p->search == 0 || (p->search == 1 && p->search_units >= 1));
 }
 
-/* Counts the objects that the mapper creates. */
+/* Counts the memory of the objects that the mapper creates. */
 static void count_modules(cairn_pool *counting, const cairn_mapper_params *params)
 {
     cairn_icp_params icp = icp_params(params);
@@ -257,7 +257,7 @@ static void count_modules(cairn_pool *counting, const cairn_mapper_params *param
     }
 }
 
-/* What only loops need; loop NULL: from a counting pool. */
+/* Takes the arrays of loop closure from the pool; loop NULL: the pool only counts. */
 static void take_loop_memory(mapper_loop *loop, cairn_pool *pool, const cairn_mapper_params *params)
 {
     size_t keys = (size_t)params->max_keys, covered = params->release ? keys : 0;

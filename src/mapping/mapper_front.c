@@ -1,64 +1,65 @@
-/* Where is the scan, seen from the key scans of the last while?
+/* Front end of the mapper: motion prediction, scan matching, odometry health.
  *
- * Method. The pose is predicted from the odometry since the last scan, or by repeating the last
- * motion when there is none or when it is not believed. The match (icp) starts there. Where another
- * motion (the other one of the two; standing still, without odometry) leads elsewhere, it is run
- * from there, too, and the better result stands.
+ * Method.
  *
- * A match is in doubt when it is clearly worse than those before it, when it would be a sudden
- * motion, or when there is none. Then scan_match searches the window about the prediction. Where
- * its best hypothesis is the match at hand, that stands; else the match is run from the hypothesis
- * that fits best, of equal ones that with the least sudden motion, and held to it where the scan
- * tells nothing. What stays in doubt gets a covariance that says so.
- *
- * A sudden motion may be a collision, or people who push; or a few points may be on somebody who
- * walks along. So where few points tell of it, the match is run once more with odometry deciding
- * there, and the two compete: points that fit against standard deviations of odometry.
- *
- * Odometry that the matches contradict again and again is not believed any more until they agree
- * with it again. After each contradiction it is believed less exactly for a while: who pushes
- * goes on. */
+ * 1. The pose is predicted from the odometry since the last scan, or by a constant-velocity model
+ *    when there is no odometry or it is unhealthy. ICP starts there.
+ * 2. Where a second motion hypothesis leads elsewhere, ICP also runs from it, and the better result
+ *    stands. The second hypothesis is the other one of the two; without odometry it is standing
+ *    still.
+ * 3. A match has low confidence when it is clearly worse than earlier ones, when it is a jump, or
+ *    when there is none. Then scan_match searches a window about the prediction (mapper_search.c).
+ *    Where its best hypothesis is the current match, that stands. Otherwise ICP runs from the
+ *    hypothesis of the best score, with a prior there.
+ * 4. A jump in a weakly observable direction may come from a few points on a person who walks
+ *    along. ICP then runs again with the odometry prior deciding in that direction. The two results
+ *    compete: points that fit against standard deviations of odometry.
+ * 5. A match that keeps low confidence gets an inflated covariance.
+ * 6. Odometry health is a smoothed rate of agreement with the matches. Unhealthy odometry is not
+ *    used until it agrees again. After each disagreement its noise is scaled up for a while, since
+ *    the cause, such as a push, may last. */
 #include "src/core/build.h"
 
 #include <string.h>
 
 #include "src/mapping/mapper_work.h"
 
-/* Than the match from the prediction one from another motion must be: who lags behind overlaps
- * more. */
+/* A match from another motion must be better by this factor. A match that lags behind the motion
+ * overlaps more. */
 static const cairn_real MIN_QUALITY_RATIO = CAIRN_REAL(1.2);
-/* m beyond the prediction, ... */
+/* A match farther from the prediction is a jump: m, rad, ... */
 static const cairn_real JUMP_M = CAIRN_REAL(0.1);
 static const cairn_real JUMP_RAD = CAIRN_REAL(0.08);
-/* ... and this share of the motion */
+/* ... plus this share of the motion. */
 static const cairn_real JUMP_SHARE = CAIRN_REAL(0.2);
-/* than the mean quality */
+/* A match below this share of the mean quality has low confidence. */
 static const cairn_real LOW_QUALITY_RATIO = CAIRN_REAL(0.8);
-/* ... of the log of the quality */
+/* Weight of the prior deviation in a match score, against the log of the quality. */
 static const cairn_real PRIOR_WEIGHT = CAIRN_REAL(0.1);
-/* m, deviation of the points of what is no match */
+/* m: maximum residual standard deviation of a valid match */
 static const cairn_real MAX_RESIDUAL_M = CAIRN_REAL(0.1);
-/* share of information along a direction of which few points tell */
+/* A direction with a smaller ratio of smallest to largest information is constrained by the
+ * prior. */
 static const cairn_real CONSTRAINED_INFORMATION_RATIO = CAIRN_REAL(0.15);
-/* squared standard deviations from odometry: wheels may slip by any */
+/* Bound of the squared Mahalanobis distance from odometry: wheel slip may be arbitrarily large. */
 static const cairn_real MAX_SQUARED_DEVIATION = 10;
-/* Standard deviations, fewer after it was wrong: what odometry is off by beyond, and not by
- * turning, it is off by again. */
+/* Standard deviations; fewer after a disagreement. A larger pure translation error is treated as a
+ * bias of the next motion. */
 static const cairn_real BIAS_MIN_SIGMAS = CAIRN_REAL(1.5);
-/* times what odometry may be wrong by, ... */
+/* maximum factor of the odometry noise */
 static const cairn_real MAX_NOISE_SCALE = 4;
-/* ... and how that ends, by each scan that agrees */
+/* decay of the noise scale, and of the bias, per scan */
 static const cairn_real NOISE_SCALE_DECAY = CAIRN_REAL(0.8);
-/* pace, by each scan that does not tell it */
+/* decay of the velocity estimate per scan that does not observe it */
 static const cairn_real VELOCITY_DECAY = CAIRN_REAL(0.99);
-/* by each scan, of mean quality and trust */
+/* gain of exponential smoothing per scan: mean quality, odometry health, velocity */
 static const cairn_real SMOOTHING_GAIN = CAIRN_REAL(0.1);
-/* odometry whose trust is above is believed */
+/* odometry of greater health predicts the motion */
 static const cairn_real MIN_ODOMETRY_HEALTH = CAIRN_REAL(0.5);
 
-/* by each scan */
+/* gain of exponential smoothing of the motion, per scan */
 static const cairn_real MOTION_SMOOTHING_GAIN = CAIRN_REAL(0.5);
-/* ns: after a longer one nobody knows how the robot moves */
+/* ns: a longer interval between scans invalidates the motion for deskewing */
 static const int64_t MAX_SCAN_INTERVAL_NS = 1000000000;
 
 /* ---- Prediction ---- */
@@ -68,11 +69,11 @@ static int32_t has_motion(const cairn_scan_input *input)
     return input->motion.x != 0 || input->motion.y != 0 || input->motion.theta != 0;
 }
 
-/* Who moves while he scans sees the world wound up: a scanner that turns once in a tenth of a
- * second makes every turn of a robot at 45 degrees/s wrong by 1.25 %, always to the same side,
- * and a path that turns much bends. So where nobody tells the motion but how long the sweep
- * takes, the motion since the scan before goes on: that of odometry when it is believed, else
- * that of the matches, smoothed, or their noise would wind up the next scan. */
+/* Returns the motion during the sweep, for deskewing. A scanner that turns once in 0.1 s makes
+ * every rotation of a robot at 45 degrees/s wrong by 1.25 %, always to the same side, and bends a
+ * path with many turns. Where the input has no motion but a sweep duration, the motion since the
+ * previous scan is scaled to it at constant twist: that of healthy odometry, otherwise that of the
+ * matches, smoothed because their noise would distort the next scan. */
 cairn_pose cairn_mapper_sweep_motion(const cairn_mapper *mapper, const cairn_scan_input *input,
                                      const cairn_pose *by_odometry)
 {
@@ -158,15 +159,15 @@ static cairn_status begin_alternative(cairn_mapper *mapper)
 
 /* ---- Matches ---- */
 
-/* A match is as good as its overlap, less for every 5 cm by which its points deviate from their
- * lines. */
+/* Returns the quality of a match: overlap times exp(-sigma / 5 cm), sigma being the residual
+ * standard deviation. */
 static cairn_real quality(const cairn_icp_result *match)
 {
     return match->overlap * cairn_exp(-match->sigma / CAIRN_REAL(0.05));
 }
 
-/* How much a motion to a pose is out of the way of both the prediction and standing still, in so
- * many m or rad, squared, up to 4. */
+/* Returns the squared distance of a pose from the prediction or from standing still, whichever is
+ * less, in units of m and rad; at most 4. */
 cairn_real cairn_mapper_out_of_the_way(const cairn_mapper *mapper, cairn_pose pose, cairn_real unit)
 {
     cairn_pose a = cairn_pose_between(mapper->predicted, pose),
@@ -182,7 +183,8 @@ static cairn_real prior_penalty(const cairn_mapper *mapper, cairn_pose pose)
     return cairn_mapper_out_of_the_way(mapper, pose, MAPPER_PRIOR_SCALE);
 }
 
-/* What speaks for a pose: the log of a quality, less for a strange motion. */
+/* Returns the score of a pose: the log of the quality, less a penalty for deviating from the
+ * prior. */
 static cairn_real match_score(const cairn_mapper *mapper, cairn_real q, cairn_pose pose)
 {
     return cairn_log(q + CAIRN_REAL(1e-3)) - PRIOR_WEIGHT * prior_penalty(mapper, pose);
@@ -194,8 +196,8 @@ static int32_t is_acceptable(const cairn_icp_result *match, cairn_real support)
            match->sigma < MAX_RESIDUAL_M;
 }
 
-/* Takes the match that has ended when it counts and is clearly better than what there is. 1:
- * taken. */
+/* Takes the finished match when it is acceptable and clearly better than the current one. Returns 1
+ * when taken. */
 static int32_t take_match(cairn_mapper *mapper)
 {
     cairn_icp_result match = cairn_icp_read(mapper->icp);
@@ -222,14 +224,14 @@ static int32_t is_jump(const cairn_mapper *mapper)
     return cairn_mapper_is_far(mapper, mapper->match.target_query);
 }
 
-/* What a search found needs only half the support when it is no sudden motion. */
+/* Returns the minimum overlap of a match from a search: half of min_overlap when it is no jump. */
 static cairn_real found_min_overlap(const cairn_mapper *mapper, const cairn_icp_result *match)
 {
     return mapper->params.min_support / (cairn_mapper_is_far(mapper, match->target_query) ? 1 : 2);
 }
 
-/* Takes the match from what the search found when more speaks for it; else what there is stays,
- * in doubt when it is elsewhere. */
+/* Takes the match from the search's hypothesis when its score is higher. Otherwise the current
+ * match stays, with low confidence when the two differ. */
 static void take_found(cairn_mapper *mapper)
 {
     cairn_icp_result match = cairn_icp_read(mapper->icp);
@@ -253,7 +255,7 @@ static void take_found(cairn_mapper *mapper)
     cairn_icp_read_parts(mapper->icp, &mapper->parts);
 }
 
-/* 1 when the two motions lead to different places. */
+/* Returns 1 when the two motion hypotheses lead to different poses. */
 static int32_t motions_differ(const cairn_mapper *mapper)
 {
     cairn_pose d = cairn_pose_between(mapper->motion, mapper->alternative_motion);
@@ -268,9 +270,10 @@ static int32_t has_low_confidence(const cairn_mapper *mapper)
            quality(&mapper->match) < LOW_QUALITY_RATIO * mapper->mean_quality;
 }
 
-/* ---- Few points against the odometry ---- */
+/* ---- Jumps in weakly observable directions ---- */
 
-/* 1 when odometry is contradicted by what few points tell: somebody who walks along, say. */
+/* Returns 1 when a jump against healthy odometry rests on few points, as on a person who walks
+ * along. */
 static int32_t is_weak_jump(const cairn_mapper *mapper)
 {
     return mapper->has_match && mapper->trusts_odometry && is_jump(mapper) &&
@@ -296,7 +299,8 @@ cairn_status cairn_mapper_end_choice(cairn_mapper *mapper)
     return is_weak_jump(mapper) ? begin_constrained(mapper) : CAIRN_OK;
 }
 
-/* Squared distance from where odometry leads, in standard deviations, up to FARTHEST. */
+/* Returns the squared Mahalanobis distance of a pose from the odometry prior, at most
+ * MAX_SQUARED_DEVIATION. */
 static cairn_real odometry_deviation(const cairn_mapper *mapper, cairn_pose pose)
 {
     cairn_pose_prior prior = cairn_mapper_prior_of(mapper, mapper->motion, 1);
@@ -308,7 +312,7 @@ static cairn_real odometry_deviation(const cairn_mapper *mapper, cairn_pose pose
         MAX_SQUARED_DEVIATION);
 }
 
-/* The match that odometry holds stands when nearly as much speaks for it. */
+/* Takes the match constrained by odometry when it fits nearly as many points. */
 static void take_constrained(cairn_mapper *mapper)
 {
     cairn_icp_result match = cairn_icp_read(mapper->icp);
@@ -324,7 +328,7 @@ static void take_constrained(cairn_mapper *mapper)
     cairn_icp_read_parts(mapper->icp, &mapper->parts);
 }
 
-/* ---- What comes after a match ---- */
+/* ---- The phase after a match ---- */
 
 static cairn_status finish_or_search(cairn_mapper *mapper)
 {
@@ -357,9 +361,9 @@ cairn_status cairn_mapper_end_match(cairn_mapper *mapper)
     }
 }
 
-/* ---- What is learnt ---- */
+/* ---- Odometry health, noise scale and bias; covariance inflation ---- */
 
-/* Believes odometry more, or less, by how it foretold a match. */
+/* Updates odometry health, noise scale and bias from the residual between odometry and match. */
 static void update_odometry_health(cairn_mapper *mapper)
 {
     cairn_pose_prior prior = cairn_mapper_prior_of(mapper, mapper->by_odometry, 1);
@@ -386,7 +390,8 @@ static void update_odometry_health(cairn_mapper *mapper)
     mapper->state.odometry_contradicted += contradicted;
 }
 
-/* Along a wall that tells little of it a scan slips unnoticed, unless odometry holds it. */
+/* Inflates the covariance along the weakly observable direction, where an error of the match goes
+ * unnoticed unless odometry constrains it. */
 static void inflate_weak_direction(cairn_mapper *mapper)
 {
     cairn_real x = MAPPER_LOW_CONFIDENCE_M * mapper->match.weak[0],
@@ -398,7 +403,7 @@ static void inflate_weak_direction(cairn_mapper *mapper)
     mapper->extra_covariance[4] += y * y;
 }
 
-/* How far odometry may have led astray since the last key scan. */
+/* Accumulates the variance of the predicted motion since the last keyframe. */
 static void accumulate_motion_variance(cairn_mapper *mapper)
 {
     cairn_pose_prior prior = cairn_mapper_prior(mapper);
@@ -437,9 +442,9 @@ void cairn_mapper_learn(cairn_mapper *mapper)
         update_odometry_health(mapper);
 }
 
-/* The motion that the next scan is expected to repeat. Of a sudden one half, which may have been
- * a slip. Along a wall that tells little of it the pace of before, which fades: what such
- * matches tell of it is mostly that of the prediction. */
+/* Returns the motion that the velocity model predicts for the next scan. A jump counts half, since
+ * it may be a slip. Along a weakly observable direction the decaying velocity estimate is used: a
+ * match there mostly repeats its prediction. */
 cairn_pose cairn_mapper_next_motion(cairn_mapper *mapper, cairn_pose motion)
 {
     cairn_pose before = mapper->last_motion;

@@ -1,20 +1,25 @@
-/* The graph of key scans and their correction.
+/* Back end of the mapper: the pose graph of keyframes and its optimization.
  *
- * Method. Every key scan is linked to those on which it hangs (mapper_tie.c) by how the local
- * map and the force field left them; closures join those that are far apart in time. A
- * correction solves for all key scans (pose_graph), is taken over as a whole, and moves the key
- * scans that came since along with the last one that it knows. A closure that is an outlier
- * afterwards is dropped, and the correction repeated. */
+ * Method.
+ *
+ * 1. Every keyframe is linked to those that constrain it (mapper_constraint.c) by the relative pose
+ *    after local map matching and force field. Loop closures link keyframes that are far apart in
+ *    time.
+ * 2. An optimization solves for all keyframe poses (pose_graph, Huber kernel) and is applied as a
+ *    whole. Keyframes stored since then move rigidly with the last one in the graph.
+ * 3. A closure whose chi-squared exceeds loop.max_chi2 afterwards is removed as an outlier, and the
+ *    graph is optimized again. */
 #include "src/core/build.h"
 
 #include "src/mapping/mapper_work.h"
 
-/* A correction costs about as much as looking for so many key scans, in parts of those in the
- * graph. */
+/* An optimization costs about as much as the loop search of (keyframes in the graph / 48)
+ * keyframes. */
 enum { KEYFRAMES_PER_SOLVE = 48 };
 
 static const cairn_real URGENT_CHI2 =
-    100; /* chi2 of a closure that asks for a correction at once */
+    /* chi-squared of a closure that triggers an optimization at once */
+    100;
 
 cairn_sym3 cairn_mapper_own_covariance(const cairn_mapper *mapper, const cairn_real covariance[9],
                                        cairn_real theta)
@@ -139,7 +144,7 @@ int32_t cairn_mapper_wants_solution(const cairn_mapper *mapper)
            loop->keyframes_since_solve > 8 + loop->entered / KEYFRAMES_PER_SOLVE;
 }
 
-/* Takes the solution over. */
+/* Applies the solution to the keyframe poses. */
 static void apply_solution(cairn_mapper *mapper)
 {
     mapper_loop *loop = &mapper->loop;
@@ -157,7 +162,7 @@ static void apply_solution(cairn_mapper *mapper)
     mapper->state.solutions++;
 }
 
-/* Drops the closures that are outliers; returns how many. */
+/* Removes the closures that are outliers; returns their number. */
 static int32_t drop_outliers(cairn_mapper *mapper)
 {
     mapper_loop *loop = &mapper->loop;

@@ -1,4 +1,4 @@
-/* Key scans on their way into the local map, into the force field and into a search. */
+/* Keyframe storage: local map selection, visibility profiles, input of force field and search. */
 #include "src/core/build.h"
 
 #include <string.h>
@@ -32,13 +32,13 @@ void cairn_mapper_begin_local(cairn_mapper *mapper)
     mapper->cursor = 0;
 }
 
-/* 1 when a key scan is old enough to be left out of the local map. */
+/* Returns 1 when a keyframe is older than local_span and left out of the local map. */
 static int32_t is_old(const cairn_mapper *mapper, int32_t key)
 {
     return mapper->params.local_span > 0 && key < mapper->key_count - mapper->params.local_span;
 }
 
-/* The last key scans count as at distance -1. */
+/* The most recent keyframes get distance -1, which sorts them first. */
 int32_t cairn_mapper_select_local(cairn_mapper *mapper)
 {
     int32_t key = mapper->key_count - 1 - mapper->cursor;
@@ -98,11 +98,11 @@ cairn_status cairn_mapper_add_local(cairn_mapper *mapper, cairn_budget *budget)
     budget->left -= 1 + view.point_count;
     if (status != CAIRN_FULL)
         return status;
-    mapper->cursor = mapper->local_count; /* the nearest ones are in */
+    mapper->cursor = mapper->local_count; /* full; the nearest keyframes are in */
     return CAIRN_OK;
 }
 
-/* ---- Key scans as parts of a match ---- */
+/* ---- Keyframes as input of a match ---- */
 
 int32_t cairn_mapper_key_points(const cairn_mapper *mapper, int32_t key,
                                 cairn_oriented_point *points)
@@ -122,11 +122,11 @@ int32_t cairn_mapper_key_points(const cairn_mapper *mapper, int32_t key,
     return count;
 }
 
-/* Bearings by the pseudo angle y / (|x| + |y|), which grows with the angle and needs no arc
- * tangent. */
+/* Sectors are even in the pseudo angle y / (|x| + |y|), which is monotonic in the angle and needs
+ * no arc tangent. */
 int32_t cairn_mapper_bearing_of(cairn_vec2 d)
 {
-    cairn_real sum = cairn_abs(d.x) + cairn_abs(d.y), turn; /* 0 ... 4 */
+    cairn_real sum = cairn_abs(d.x) + cairn_abs(d.y), turn; /* 0 ... 4, one unit per quadrant */
 
     if (!(sum > 0))
         return 0;

@@ -1,24 +1,26 @@
-/* Loops: where has the robot been before?
+/* Loop-closure detection and verification.
  *
- * Method. For each key scan, once the force field is done with it:
+ * Method. For each keyframe, once the force field no longer moves it:
  *
- * 1. How far can the path have gone astray between it and every other key scan? The least sum over
- *    all paths through the graph (Dijkstra 1959) of each link's variance of position, and its
- *    variance of heading times the squared distance from the key scan, where that error swings the
- *    rest of the path.
- * 2. Candidates: older key scans that may see the same things within three of these standard
- *    deviations, the nearest of each run of successive ones. Those that hang loosely on others
- *    (mapper_tie.c) are avoided: what is found there says little of the rest.
- * 3. scan_match against the union of the key scans around the candidate, in the window that 1.
- *    leaves.
- * 4. What has no rival and does not put points into free space is a closure, at once when the
- *    window is small and holds no other place. In a wide one it needs evidence for the way that it
- *    leads from where the path led, too, as the variances have that (buildings repeat themselves,
- *    and the true place may not be in the map), and closures wait until several of them agree with
- *    each other and outnumber those that do not (as Olson 2009 asks of loops: what is wrong is
- *    seldom wrong alike).
+ * 1. Accumulated drift: the path variance to every other keyframe is the least sum over all paths
+ *    through the graph (Dijkstra 1959). A link adds its position variance, and its heading variance
+ *    times the squared lever arm, the distance from the query keyframe.
+ * 2. Candidates: older keyframes whose scan centroids lie within three standard deviations of the
+ *    path, the nearest of each run of successive ones. Weakly constrained keyframes
+ *    (mapper_constraint.c) are penalized: a match against them says little about the rest of the
+ *    map.
+ * 3. Registration: scan_match against the union of the keyframes around the candidate, in the
+ *    window given by 1.
+ * 4. Verification: a match below the minimum log odds, an ambiguous one, or one with free-space
+ *    violations is rejected. In a small window the match is accepted at once. In a wide window its
+ *    log odds must also outweigh the squared Mahalanobis distance from the path prior (buildings
+ *    repeat themselves, and the true place may not be mapped). It then waits until several closures
+ *    are mutually consistent and outnumber the inconsistent ones, as in Olson (2009): wrong
+ *    closures rarely agree.
  *
- * Limits: a place is recognised only where the uncertainty of the path reaches it. */
+ * Limits: a place is recognized only within the uncertainty of the path.
+ *
+ * Source: E. Olson, Recognizing places using spectrally clustered local matches, RAS 57, 2009. */
 #include "src/core/build.h"
 
 #include <string.h>
@@ -27,11 +29,11 @@
 
 enum { KEYFRAMES_PER_UNIT = 16 };
 
-/* m: what hangs more loosely is not matched against, ... */
+/* m: keyframes of a larger position standard deviation are left out of the target map */
 static const cairn_real MAX_TARGET_SIGMA_M = CAIRN_REAL(0.2);
-/* ... and so many metres farther away for every metre of standard deviation */
+/* metres of extra distance of a candidate per metre of position standard deviation */
 static const cairn_real SIGMA_COST = 5;
-/* m^2: no path */
+/* m^2: variance without a path */
 static const cairn_real NO_PATH_VARIANCE = CAIRN_REAL(1e6);
 
 void cairn_mapper_loop_tell(cairn_mapper *mapper, int32_t first, int32_t second,
@@ -47,7 +49,7 @@ void cairn_mapper_loop_tell(cairn_mapper *mapper, int32_t first, int32_t second,
         mapper->state.loop_events == INT32_MAX ? 0 : mapper->state.loop_events + 1;
 }
 
-/* ---- How far a path can have gone astray ---- */
+/* ---- Accumulated drift of the path ---- */
 
 static int32_t has_less_variance(const mapper_loop *loop, int32_t a, int32_t b)
 {
@@ -128,7 +130,7 @@ static void begin_distances(cairn_mapper *mapper)
     heap_set(loop, 0, loop->query);
 }
 
-/* One key scan; 1 when all are done. */
+/* Settles one keyframe of Dijkstra's algorithm; returns 1 when all are settled. */
 static int32_t distance_item(cairn_mapper *mapper, cairn_budget *budget)
 {
     mapper_loop *loop = &mapper->loop;
@@ -152,7 +154,7 @@ static int32_t distance_item(cairn_mapper *mapper, cairn_budget *budget)
 
 /* ---- Candidates ---- */
 
-/* Where the middle of what a key scan sees is in the map. */
+/* Returns the centroid of a keyframe's scan in the map. */
 static cairn_vec2 scan_centroid(const cairn_mapper *mapper, int32_t key)
 {
     return cairn_pose_point(mapper->key_pose[key], cairn_mapper_key_scan(mapper, key)->centroid);
@@ -177,13 +179,13 @@ static void end_run(mapper_loop *loop)
     loop->candidates[at] = loop->best_of_run;
 }
 
-/* How far a key scan may be from where it seems to be, m. */
+/* Returns the search radius of a keyframe, m: three standard deviations, at most search_radius. */
 static cairn_real search_reach(const cairn_mapper *mapper, int32_t key)
 {
     return cairn_min(3 * cairn_sqrt(mapper->loop.variance[key]), mapper->params.loop.window);
 }
 
-/* One key scan; 1 when all have been looked at. */
+/* Looks at one keyframe; returns 1 when all have been looked at. */
 static int32_t choose_item(cairn_mapper *mapper)
 {
     mapper_loop *loop = &mapper->loop;
@@ -228,8 +230,8 @@ static void begin_candidate(cairn_mapper *mapper)
     loop->phase = LOOP_BUILD_TARGET;
 }
 
-/* Farther from the candidate than the path goes there: those between were released, or the path
- * was broken. */
+/* Returns 1 when a keyframe is farther from the candidate than the path between them can be. Those
+ * between were culled, or the path is broken. */
 static int32_t is_off_path(const cairn_mapper *mapper, int32_t key, int32_t candidate)
 {
     cairn_real most = (cairn_real)mapper->params.loop.keys * mapper->params.key_distance;
@@ -237,7 +239,8 @@ static int32_t is_off_path(const cairn_mapper *mapper, int32_t key, int32_t cand
     return distance_squared(mapper->key_pose[key], mapper->key_pose[candidate]) > most * most;
 }
 
-/* Adds a key scan to the map around the candidate, which is full when scan_match says so. */
+/* Adds a keyframe to the target map around the candidate; the map is complete when scan_match is
+ * full. */
 static void target_item(cairn_mapper *mapper, cairn_budget *budget)
 {
     mapper_loop *loop = &mapper->loop;
@@ -254,7 +257,7 @@ static void target_item(cairn_mapper *mapper, cairn_budget *budget)
         loop->target_from = loop->target_end;
 }
 
-/* What lies too far away to be searched for has no result. */
+/* Starts the match. A candidate beyond the searchable range has no result. */
 static void begin_match(cairn_mapper *mapper, cairn_budget *budget)
 {
     mapper_loop *loop = &mapper->loop;
@@ -277,10 +280,10 @@ void cairn_mapper_yield_match(cairn_mapper *mapper)
         mapper->loop.phase = LOOP_BEGIN_CANDIDATE;
 }
 
-/* ---- The verdict ---- */
+/* ---- Verification ---- */
 
-/* 1 when two closures lead around the same loop, up to what a path of so many key scans may go
- * astray. */
+/* Returns 1 when two closures are consistent: the cycle through both has a small residual, given
+ * the drift allowed per keyframe of path. */
 static int32_t is_consistent(const cairn_mapper *mapper, const mapper_pending *a,
                              const mapper_pending *b)
 {
@@ -312,8 +315,8 @@ static void accept(cairn_mapper *mapper, mapper_pending *closure)
                                CAIRN_MAPPER_LOOP_ACCEPTED);
 }
 
-/* A closure in a wide search: with those that wait and agree, when they outnumber those that do
- * not. */
+/* Verifies a closure of a wide search: it is accepted with the consistent pending closures when
+ * they outnumber the inconsistent ones, otherwise it becomes pending. */
 static void check_consistency(cairn_mapper *mapper, const mapper_pending *closure)
 {
     mapper_loop *loop = &mapper->loop;
@@ -355,8 +358,8 @@ int32_t cairn_mapper_has_rival(const cairn_scan_match_result *result)
            result->hypotheses[1].score > CAIRN_REAL(0.9) * result->hypotheses[0].score;
 }
 
-/* What speaks against a closure before anything is seen, in log odds: it leads so far from where
- * the path led. */
+/* Returns the negative log prior of a closure, nats: its squared Mahalanobis distance from the
+ * path. */
 static cairn_real prior_cost(const cairn_mapper *mapper, const mapper_pending *closure)
 {
     const mapper_loop *loop = &mapper->loop;
@@ -368,7 +371,8 @@ static cairn_real prior_cost(const cairn_mapper *mapper, const mapper_pending *c
            off.theta * off.theta / (2 * loop->heading_variance[closure->first]);
 }
 
-/* Along a wall of which few points tell the way, these may be of somebody who stands there. */
+/* Returns the covariance of a closure, inflated along a weakly observable direction: the few points
+ * there may be on a dynamic object. */
 static cairn_sym3 closure_covariance(const cairn_mapper *mapper,
                                      const cairn_scan_match_hypothesis *h)
 {
@@ -421,7 +425,7 @@ static void verify(cairn_mapper *mapper)
 
 /* ---- Steps ---- */
 
-/* Key scans that the force field does not move any more. */
+/* Returns the number of keyframes that the force field no longer moves. */
 static int32_t settled_keyframes(const cairn_mapper *mapper)
 {
     int32_t keys = mapper->key_count;
@@ -431,7 +435,7 @@ static int32_t settled_keyframes(const cairn_mapper *mapper)
     return keys > mapper->params.window_free ? keys - mapper->params.window_free : 0;
 }
 
-/* Chooses what to do next; CAIRN_OK with phase LOOP_IDLE: nothing. */
+/* Chooses the next task; CAIRN_OK with phase LOOP_IDLE: none. */
 static cairn_status begin_next(cairn_mapper *mapper, cairn_budget *budget)
 {
     mapper_loop *loop = &mapper->loop;
