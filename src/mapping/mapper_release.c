@@ -1,23 +1,30 @@
-/* Key scans that go, so that others have room.
+/* Keyframe culling: removal of the most redundant keyframes when memory runs low.
  *
- * Method. When little room is left, closures that no correction knows yet get theirs, and then the
- * best covered key scan goes (mapper_cover.c), one after the other until there is some room again.
- * It is contracted into a neighbour of the graph: that to which its best link leads. Each other
- * link of it becomes one of that neighbour, by way of the best one: measurements are composed, and
- * their covariances added in the frame of the far end, which is what marginalising a key scan of
- * two links gives, and for more differs by the best link's covariance, the least there is. A link
- * that is there already takes the other one in, weighted by their information, but gets no better
- * than `sigma` and `sigma_turn`, which all measurements share. Of two that contradict each other
- * the one stands that agrees with the poses as they are.
+ * Method.
  *
- * Layout: key scans count from 0 in the order in which they came, so those after the one that goes
- * count one less in all that numbers them. Only slots of the set keep their numbers.
+ * 1. When little capacity is left, pending closures are optimized first. Then the most redundant
+ *    keyframe (mapper_redundancy.c) is culled, one after another until there is some capacity
+ *    again.
+ * 2. The keyframe is contracted into a neighbour of the graph, the other end of its most
+ *    informative link.
+ * 3. Each other link becomes one of that neighbour, composed with the best link. Covariances are
+ *    added in the frame of the far end. This equals marginalization for a keyframe of two links.
+ *    For more links it is approximate: the best link's covariance, the least there is, enters each
+ *    of them.
+ * 4. A link that duplicates an existing one is fused with it, weighted by information. The result
+ *    has at least MIN_VARIANCE_SHARE of the variances `sigma` and `sigma_theta` that all
+ *    measurements share. Of two contradictory measurements the one consistent with the current
+ *    poses stands.
  *
- * Only what has been looked for at older ones may go. So when loops are far behind, the force field
- * rests, and loops take its share of the units. When there is no room at all, it ends where it is.
+ * Only keyframes that loop-closure detection has processed may be culled. When it lags far behind,
+ * the force field rests and loop closure takes its share of the units. When there is no capacity at
+ * all, the force field ends with the poses reached so far.
  *
- * Limits: the first key scan, which holds the map, and the last ones never go. Where links have
- * little room, closures are taken in by links that are there, but add no others. */
+ * Layout: keyframes are numbered from 0 in order of arrival. After a culling all higher indices
+ * decrease by one, wherever they are stored. Only slots of the set keep their numbers.
+ *
+ * Limits: the first keyframe, which fixes the map, and the most recent ones are never culled. Where
+ * links have little capacity, closures are fused into existing links but add no others. */
 #include "src/core/build.h"
 
 #include <string.h>
@@ -26,12 +33,12 @@
 
 enum { CULL_START_FRACTION = 32, CULL_STOP_FRACTION = 16 };
 
-/* of the variance of one measurement, what many have at least */
+/* share of the variance of one measurement that a fused one has at least */
 static const cairn_real MIN_VARIANCE_SHARE = CAIRN_REAL(0.01);
 
-/* ---- Room ---- */
+/* ---- Capacity ---- */
 
-/* 1 when the largest scan has room, and so many others like those that are there. */
+/* Returns 1 when there is capacity for the largest scan and for `others` scans of average size. */
 static int32_t has_capacity(const cairn_mapper *mapper, int32_t others)
 {
     const cairn_mapper_params *p = &mapper->params;
@@ -77,14 +84,14 @@ int32_t cairn_mapper_is_behind(const cairn_mapper *mapper)
 
 /* ---- Measurements ---- */
 
-/* A pose seen from another one, with its covariance in its own frame. */
+/* A relative pose and its covariance in its own frame. */
 typedef struct measurement {
     cairn_pose pose;
     cairn_sym3 covariance;
 } measurement;
 
-/* The covariance of a motion in the frame that is seen from there as `a_b`: Ad C Ad^T, Ad = (R,
- * (y, -x)^T; 0, 1) of a_b. */
+/* Transforms the covariance of a motion into the frame from which it appears at a_b: Ad C Ad^T, Ad
+ * = (R, (y, -x)^T; 0, 1) of a_b (adjoint of SE(2), Barfoot, section 7.2). */
 static cairn_sym3 adjoint_transform(cairn_pose a_b, cairn_sym3 m)
 {
     cairn_sym3 out;
@@ -128,7 +135,7 @@ static measurement compose(measurement a, measurement b)
     return out;
 }
 
-/* What a link measures of its other end, seen from one of its ends. 0: it cannot be inverted. */
+/* Returns a link's measurement of its other end relative to `from`. 0: it cannot be inverted. */
 static int32_t link_measurement(const cairn_mapper *mapper, int32_t link, int32_t from,
                                 measurement *out)
 {
@@ -142,7 +149,7 @@ static int32_t link_measurement(const cairn_mapper *mapper, int32_t link, int32_
     return 1;
 }
 
-/* No better than what many measurements share. */
+/* Returns the covariance, scaled up to the minimum variance of fused measurements. */
 static cairn_sym3 clamp_covariance(const cairn_mapper *mapper, cairn_sym3 m)
 {
     cairn_real least = mapper->params.loop.sigma * mapper->params.loop.sigma * MIN_VARIANCE_SHARE;
@@ -155,8 +162,8 @@ static cairn_sym3 clamp_covariance(const cairn_mapper *mapper, cairn_sym3 m)
     return out;
 }
 
-/* The mean of two measurements of the same, weighted by their information, up to first order. 0:
- * they contradict each other, or there is none. */
+/* Fuses two measurements of the same relative pose, weighted by information, to first order. 0:
+ * they contradict each other (chi-squared above max_chi2), or a covariance is singular. */
 static int32_t fuse(const cairn_mapper *mapper, measurement a, measurement b, measurement *out)
 {
     cairn_pose off = cairn_pose_between(a.pose, b.pose);
@@ -186,7 +193,7 @@ static int32_t other_end(const mapper_link *link, int32_t key)
     return link->first == key ? link->second : link->first;
 }
 
-/* The link of a key scan that tells best, and that the map strains least. */
+/* Returns the link of a keyframe of least variance times chi-squared (at least 1). */
 static int32_t most_informative_link(const cairn_mapper *mapper, int32_t key)
 {
     const mapper_loop *loop = &mapper->loop;
@@ -207,7 +214,7 @@ static int32_t most_informative_link(const cairn_mapper *mapper, int32_t key)
     return best;
 }
 
-/* The link between two key scans that is in use; -1: none. */
+/* Returns the link between two keyframes that is in use; -1: none. */
 static int32_t link_between(const mapper_loop *loop, int32_t a, int32_t b)
 {
     for (int32_t link = loop->first_link[a]; link >= 0;
@@ -217,7 +224,7 @@ static int32_t link_between(const mapper_loop *loop, int32_t a, int32_t b)
     return -1;
 }
 
-/* Gives a link a measurement; its first end is the older one. */
+/* Sets the measurement of a link; its first end is the older one. */
 static cairn_status set_link(cairn_mapper *mapper, int32_t link, int32_t from, int32_t to,
                              measurement m)
 {
@@ -235,7 +242,7 @@ static cairn_status set_link(cairn_mapper *mapper, int32_t link, int32_t from, i
                                      information);
 }
 
-/* A link takes in one that measures the same. */
+/* Fuses a link with another measurement between the same keyframes. */
 static cairn_status merge_link(cairn_mapper *mapper, int32_t link, int32_t from, int32_t to,
                                measurement m, int32_t is_loop)
 {
@@ -255,8 +262,8 @@ static cairn_status merge_link(cairn_mapper *mapper, int32_t link, int32_t from,
     return set_link(mapper, link, from, to, both);
 }
 
-/* A link from the key scan that goes leads from its neighbour now, which is hung on it in the
- * other's place. */
+/* Redirects a link of the culled keyframe to the neighbour and attaches it to the neighbour's
+ * adjacency list. */
 static cairn_status redirect_link(cairn_mapper *mapper, int32_t link, int32_t key,
                                   int32_t neighbour, measurement neighbour_key)
 {
@@ -282,8 +289,8 @@ static cairn_status redirect_link(cairn_mapper *mapper, int32_t link, int32_t ke
     return status;
 }
 
-/* Takes away the links that the key scan still has; those that stay are counted, and hung up,
- * anew. */
+/* Removes the remaining links of the culled keyframe; rebuilds indices and adjacency lists of the
+ * others. */
 static void remove_links(cairn_mapper *mapper, int32_t key)
 {
     mapper_loop *loop = &mapper->loop;
@@ -308,9 +315,9 @@ static void remove_links(cairn_mapper *mapper, int32_t key)
     loop->link_count = kept;
 }
 
-/* ---- Numbers ---- */
+/* ---- Renumbering ---- */
 
-/* What was the key scan that goes is the one on which it hangs; those after it move up. */
+/* Maps the culled keyframe to its neighbour and decreases the indices after it. */
 static void renumber_keyframe(const cairn_mapper_release *release, int32_t *key)
 {
     if (*key == release->key)
@@ -326,7 +333,7 @@ void cairn_mapper_rehang(cairn_mapper_release release, int32_t *key, cairn_pose 
     renumber_keyframe(&release, key);
 }
 
-/* A piece of the map whose first key scan goes is named by the next one of it. */
+/* A submap whose first keyframe is culled gets the index of its next keyframe. */
 static void renumber_submaps(cairn_mapper *mapper, int32_t culled)
 {
     mapper_tie *ties = mapper->loop.ties;
@@ -361,8 +368,8 @@ static void shift_indices(cairn_mapper *mapper, const cairn_mapper_release *rele
     }
 }
 
-/* Closures that wait hang on the neighbour now. Those that lead to the key scan itself are long
- * past. */
+/* Reattaches pending closures to the neighbour. Those that end at the culled keyframe are
+ * outdated. */
 static void renumber_pending(mapper_loop *loop, const cairn_mapper_release *release)
 {
     int32_t count = loop->pending_count < MAPPER_PENDING ? loop->pending_count : MAPPER_PENDING;
@@ -397,7 +404,7 @@ static void renumber_all(cairn_mapper *mapper, const cairn_mapper_release *relea
     mapper->state.keys = mapper->key_count;
 }
 
-/* ---- The release ---- */
+/* ---- Culling ---- */
 
 cairn_status cairn_mapper_release_key(cairn_mapper *mapper, int32_t key, cairn_budget *budget)
 {
@@ -408,7 +415,8 @@ cairn_status cairn_mapper_release_key(cairn_mapper *mapper, int32_t key, cairn_b
     measurement neighbour_key;
     cairn_status status;
 
-    CAIRN_ASSERT(best >= 0); /* the graph is in one piece without its closures */
+    /* The graph is connected without its closures. */
+    CAIRN_ASSERT(best >= 0);
     neighbour = other_end(&loop->links[best], key);
     status =
         link_measurement(mapper, best, neighbour, &neighbour_key) ? CAIRN_OK : CAIRN_BAD_ARGUMENT;

@@ -1,29 +1,31 @@
-/* A scan in doubt is searched for in the window about its prediction, by shape alone.
+/* Relocalization search: a match of low confidence is searched for around its prediction, by shape.
  *
- * Method. scan_match gets the key scans near by, first in a small window, then in a wide one.
- * Where its best hypothesis is the match at hand, that stands. What it finds far from where
- * trusted odometry leads must be no chance likeness: the evidence must outweigh the odds against
- * such a throw. A single scan that nearly does so is kept in mind: when the next one tells the
- * same, both together decide, and a scan that may be elsewhere does not become a key scan
- * meanwhile. */
+ * Method.
+ *
+ * 1. scan_match gets the nearby keyframes and searches a small window, then a wide one.
+ * 2. Where its best hypothesis is the current match, that match stands.
+ * 3. A hypothesis far from healthy odometry competes with the prior against kidnapping: its log
+ *    odds must exceed a cost that grows with the squared distance.
+ * 4. A single scan that nearly does so leaves a pending relocalization hypothesis. When the next
+ *    scan finds the same pose, both log odds are added. A scan with a new pending hypothesis does
+ *    not become a keyframe. */
 #include "src/core/build.h"
 
 #include "src/mapping/mapper_work.h"
 
-/* m and rad */
+/* m and rad: half sides of the small search window */
 static const cairn_real SEARCH_RADIUS_M = CAIRN_REAL(0.5), SEARCH_ANGLE_RAD = CAIRN_REAL(0.5);
-/* ... when nothing was found there, in MAPPER_WIDE_SEARCH_M */
+/* rad: half side of the wide search window, which has MAPPER_WIDE_SEARCH_M */
 static const cairn_real WIDE_SEARCH_RAD = CAIRN_REAL(1.6);
-/* m and rad: nobody pushes a robot much farther */
+/* m and rad: unit of distance from odometry in the kidnapping prior */
 static const cairn_real KIDNAPPING_SCALE = CAIRN_REAL(0.5);
-/* log odds against it, by the square of that, to 4 times as many */
+/* nats: negative log prior of being moved by one unit; it grows with the square, up to 4 times */
 static const cairn_real KIDNAPPING_COST = 3;
-/* m and rad: what two scans tell of one place differs by no more, while somebody pushes. */
+/* m and rad: maximum difference of the poses that two successive scans find */
 static const cairn_real REPEAT_TOLERANCE = CAIRN_REAL(0.3);
-/* Log odds, by scan_match, that a place is no chance likeness; here it is most likely in the
- * window. */
+/* nats: minimum log odds by scan_match; low, since the true pose is most likely in the window */
 static const cairn_real MIN_LOG_ODDS = -4;
-/* of a scan, which must fit where odometry does not lead */
+/* minimum share of the scan that fits in the wide window */
 static const cairn_real MIN_WIDE_FIT = CAIRN_REAL(0.5);
 
 static cairn_status begin_search(cairn_mapper *mapper)
@@ -42,7 +44,8 @@ static cairn_status begin_search(cairn_mapper *mapper)
     mapper->phase = MAPPER_SEARCH;
     if (cairn_scan_match_begin(mapper->search, &query, mapper->predicted, &window, NULL) !=
         CAIRN_OK) {
-        mapper->phase = MAPPER_STORE; /* too far away to be searched for */
+        /* The prediction is out of the searchable range. */
+        mapper->phase = MAPPER_STORE;
         mapper->low_confidence = 1;
     }
     return CAIRN_OK;
@@ -73,7 +76,7 @@ cairn_status cairn_mapper_search_target(cairn_mapper *mapper, cairn_budget *budg
     return CAIRN_OK;
 }
 
-/* 1 when the scan before told the same of a place. */
+/* Returns 1 when the previous scan's pending hypothesis predicts the same pose. */
 static int32_t is_repeated(const cairn_mapper *mapper, cairn_pose pose)
 {
     cairn_pose apart =
@@ -84,7 +87,7 @@ static int32_t is_repeated(const cairn_mapper *mapper, cairn_pose pose)
            cairn_abs(apart.theta) <= REPEAT_TOLERANCE;
 }
 
-/* What speaks for a place: the evidence of this scan, and of the one before. */
+/* Returns the log odds of a pose: those of this scan plus those of the pending hypothesis. */
 static cairn_real total_log_odds(const cairn_mapper *mapper,
                                  const cairn_scan_match_hypothesis *found)
 {
@@ -92,9 +95,9 @@ static cairn_real total_log_odds(const cairn_mapper *mapper,
            (is_repeated(mapper, found->target_query) ? mapper->hypothesis_log_odds : 0);
 }
 
-/* What speaks against a place far from where odometry leads. Half of it where the scan before
- * was only foretold, and may have been thrown already; and half where that scan told the same: a
- * chance likeness is elsewhere with every scan. */
+/* Returns the negative log prior of a pose far from odometry, nats. It is halved when the previous
+ * scan had no match, since kidnapping may have begun there. It is halved again when the pending
+ * hypothesis agrees: random similarities differ between scans. */
 static cairn_real kidnapping_cost(const cairn_mapper *mapper, cairn_pose pose)
 {
     cairn_real cost = KIDNAPPING_COST * cairn_mapper_out_of_the_way(mapper, pose, KIDNAPPING_SCALE);
@@ -104,9 +107,8 @@ static cairn_real kidnapping_cost(const cairn_mapper *mapper, cairn_pose pose)
     return is_repeated(mapper, pose) ? cost / 2 : cost;
 }
 
-/* 1 when the search has found a place where the scan fits. The farther that is from where
- * odometry leads, the less it may be a chance likeness; in the wide window most of the scan must
- * fit, too. */
+/* Returns 1 when the best hypothesis is accepted. With healthy odometry its log odds must exceed
+ * the kidnapping prior, and in the wide window most of the scan must fit. */
 static int32_t is_found(const cairn_mapper *mapper, const cairn_scan_match_result *result)
 {
     const cairn_scan_match_hypothesis *best = result->hypotheses;
@@ -122,7 +124,7 @@ static int32_t is_found(const cairn_mapper *mapper, const cairn_scan_match_resul
            MIN_LOG_ODDS + kidnapping_cost(mapper, best->target_query);
 }
 
-/* The next scan may tell the same. */
+/* Stores the best hypothesis as pending; the next scan may confirm it. */
 static void store_hypothesis(cairn_mapper *mapper, const cairn_scan_match_result *result)
 {
     const cairn_scan_match_hypothesis *best = result->hypotheses;
@@ -139,7 +141,7 @@ static void store_hypothesis(cairn_mapper *mapper, const cairn_scan_match_result
     mapper->hypothesis_scan = mapper->state.scans + 1;
 }
 
-/* 1 when it found the match at hand. */
+/* Returns 1 when the search found the current match. */
 static int32_t confirms(const cairn_mapper *mapper, const cairn_scan_match_result *result)
 {
     cairn_pose apart;
@@ -151,7 +153,8 @@ static int32_t confirms(const cairn_mapper *mapper, const cairn_scan_match_resul
            cairn_abs(apart.theta) <= 2 * MAPPER_DISTINCT_RAD;
 }
 
-/* The search is over: the match runs from what it found, or what there is stays, in doubt. */
+/* Ends the search: ICP runs from the best hypothesis, or the current match stays with low
+ * confidence. */
 static cairn_status end_search(cairn_mapper *mapper)
 {
     cairn_scan_match_result result = cairn_scan_match_read(mapper->search);
@@ -181,7 +184,7 @@ static cairn_status end_search(cairn_mapper *mapper)
             best = value;
         }
     }
-    /* Between rivals odometry decides. */
+    /* Odometry decides between ambiguous hypotheses. */
     mapper->low_confidence = cairn_mapper_has_rival(&result) &&
                              (!mapper->trusts_odometry ||
                               cairn_mapper_is_far(mapper, result.hypotheses[chosen].target_query));

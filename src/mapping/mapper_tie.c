@@ -1,27 +1,32 @@
-/* On what does a key scan hang?
+/* Sequential constraints of keyframes, and the reference keyframe of other scans.
  *
- * Method. A match is against the whole local map, but its key scans are not all sure of their
- * places among each other: one that came along a bare wall hangs loosely, and what came later and
- * saw more must not hang on it. So key scans whose place is told well by earlier ones form rigid
- * pieces. The information of a match is split by the pieces that have its pairs (icp). A key scan
- * is tied to the one before by what the pairs with that one's piece tell, and by odometry since;
- * and to the last key scan of up to two other pieces, where these tell much that is not known. What
- * is tied firmly becomes part of the piece, what is not begins one of its own.
+ * Method.
  *
- * Limits: a piece is taken as rigid also where it has been led astray unnoticed. */
+ * 1. A match is against the whole local map, but its keyframes are not equally certain relative to
+ *    each other. One that came along a bare wall is weakly constrained, and a later one with a
+ *    better view must not depend on it. So mutually rigid keyframes form submaps.
+ * 2. The information matrix of a match is split by the submaps that its pairs lie in (icp).
+ * 3. A keyframe is constrained to its predecessor by the pairs with the predecessor's submap and by
+ *    the odometry since.
+ * 4. It is also constrained to the last keyframe of up to MAPPER_MAX_ANCHORS other submaps
+ *    (anchors) that increase the determinant of the information by MIN_INFORMATION_GAIN
+ *    (D-optimality).
+ * 5. A keyframe with a rigid constraint joins that submap; otherwise it begins one of its own.
+ *
+ * Limits: a submap is assumed rigid even where drift inside it went unnoticed. */
 #include "src/core/build.h"
 
 #include <string.h>
 
 #include "src/mapping/mapper_work.h"
 
-/* m and rad: of what a piece tells nothing */
+/* m and rad: standard deviation of an unobserved coordinate */
 static const cairn_real UNINFORMATIVE_SIGMA = 1;
-/* times the information, of all directions together */
+/* factor of the information's determinant */
 static const cairn_real MIN_INFORMATION_GAIN = 4;
-/* of all information, that a piece must tell */
+/* share of all information that an anchor's pairs must have */
 static const cairn_real MIN_INFORMATION_SHARE = CAIRN_REAL(0.1);
-/* m and rad, within a piece */
+/* m and rad: maximum standard deviations of a rigid constraint */
 static const cairn_real MAX_SUBMAP_SIGMA_M = CAIRN_REAL(0.05),
                         MAX_SUBMAP_SIGMA_RAD = CAIRN_REAL(0.03);
 
@@ -35,7 +40,7 @@ static int32_t part_count(const cairn_mapper *mapper)
     return mapper->parts.count < mapper->local_count ? mapper->parts.count : mapper->local_count;
 }
 
-/* Information of both. */
+/* Returns the sum of two information matrices. */
 static cairn_sym3 information_sum(cairn_sym3 a, cairn_sym3 b)
 {
     cairn_sym3 out = {a.xx + b.xx, a.xy + b.xy, a.xz + b.xz, a.yy + b.yy, a.yz + b.yz, a.zz + b.zz};
@@ -43,7 +48,7 @@ static cairn_sym3 information_sum(cairn_sym3 a, cairn_sym3 b)
     return out;
 }
 
-/* What the pairs with a piece of the map tell. */
+/* Returns the information matrix of the pairs with a submap. */
 static cairn_sym3 submap_information(const cairn_mapper *mapper, int32_t submap)
 {
     cairn_sym3 gained = cairn_sym3_zero();
@@ -54,9 +59,9 @@ static cairn_sym3 submap_information(const cairn_mapper *mapper, int32_t submap)
     return gained;
 }
 
-/* Covariance of the scan at hand seen from a piece of the map, by its pairs with that and by the
- * prior, with a doubt added (NULL: none), in its own frame. Where the pairs tell little, that
- * little is noise of their normals. */
+/* Returns the covariance of the current scan relative to a submap, in the scan's own frame: from
+ * the pairs with it and the prior, plus an inflation (NULL: none). Little information along a
+ * direction is noise of the pairs' normals. */
 static cairn_sym3 relative_covariance(const cairn_mapper *mapper, int32_t submap,
                                       const cairn_pose_prior *prior, const cairn_real *doubt)
 {
@@ -82,7 +87,7 @@ static cairn_real determinant(cairn_sym3 m)
            m.xz * (m.xy * m.yz - m.yy * m.xz);
 }
 
-/* The last key scan of the local map that is of a piece. */
+/* Returns the last keyframe of a submap in the local map. */
 static int32_t last_keyframe_of(const cairn_mapper *mapper, int32_t submap)
 {
     int32_t last = submap;
@@ -93,8 +98,8 @@ static int32_t last_keyframe_of(const cairn_mapper *mapper, int32_t submap)
     return last;
 }
 
-/* 1 when a part is the first one of its piece, which is none in doubt, and enough pairs are with
- * that: a few may be with somebody who walks there. */
+/* Returns 1 when a part is the first one of its submap, that has full confidence, and enough pairs
+ * lie in it: a few may be on a dynamic object. */
 static int32_t is_anchor(const cairn_mapper *mapper, int32_t part)
 {
     int32_t submap = submap_of(mapper, part);
@@ -117,8 +122,8 @@ static int32_t is_anchored(const mapper_tie *constraint, int32_t key)
     return 0;
 }
 
-/* Hangs the scan at hand on one more piece of the map, that which tells most of what is not
- * known; 0 when none tells much. known: information so far. */
+/* Adds the anchor of largest information gain; returns 0 when no gain is large. known: information
+ * so far. */
 static int32_t add_anchor(const cairn_mapper *mapper, mapper_tie *constraint,
                           int32_t previous_submap, cairn_sym3 *known)
 {
@@ -160,7 +165,7 @@ static int32_t is_rigid(cairn_sym3 covariance)
            covariance.zz < MAX_SUBMAP_SIGMA_RAD * MAX_SUBMAP_SIGMA_RAD;
 }
 
-/* The piece of the map to which the scan at hand is tied; -1: none, it begins one. */
+/* Returns the submap that the current scan is rigidly constrained to; -1: none, it begins one. */
 static int32_t choose_submap(const cairn_mapper *mapper, const mapper_tie *constraint,
                              int32_t before)
 {
@@ -201,7 +206,7 @@ int32_t cairn_mapper_hang_on(const cairn_mapper *mapper)
     return best;
 }
 
-/* Without a match: only odometry tells. */
+/* Constrains a keyframe without a match by odometry alone. */
 static void constrain_by_odometry(const cairn_mapper *mapper, mapper_tie *constraint)
 {
     cairn_real covariance[9] = {0};
