@@ -51,7 +51,7 @@ static cairn_status begin_search(cairn_mapper *mapper)
     return CAIRN_OK;
 }
 
-static int32_t search_keys(const cairn_mapper *mapper)
+static int32_t search_keyframes(const cairn_mapper *mapper)
 {
     return mapper->local_count < MAPPER_SEARCH_KEYFRAMES ? mapper->local_count
                                                          : MAPPER_SEARCH_KEYFRAMES;
@@ -62,7 +62,7 @@ cairn_status cairn_mapper_search_target(cairn_mapper *mapper, cairn_budget *budg
     cairn_scan_match_part part;
     int32_t key;
 
-    if (mapper->search_target_count == search_keys(mapper))
+    if (mapper->search_target_count == search_keyframes(mapper))
         return begin_search(mapper);
     if (mapper->search_target_count == 0) {
         cairn_mapper_yield_match(mapper);
@@ -72,7 +72,7 @@ cairn_status cairn_mapper_search_target(cairn_mapper *mapper, cairn_budget *budg
     part = cairn_mapper_key_part(mapper, key, mapper->points, mapper->beams);
     budget->left -= 2 + part.count + part.beam_count;
     if (cairn_scan_match_add_target(mapper->search, &part, mapper->key_pose[key], NULL) != CAIRN_OK)
-        mapper->search_target_count = search_keys(mapper); /* full */
+        mapper->search_target_count = search_keyframes(mapper); /* full */
     return CAIRN_OK;
 }
 

@@ -63,7 +63,7 @@ static cairn_sym3 submap_information(const cairn_mapper *mapper, int32_t submap)
  * the pairs with it and the prior, plus an inflation (NULL: none). Little information along a
  * direction is noise of the pairs' normals. */
 static cairn_sym3 relative_covariance(const cairn_mapper *mapper, int32_t submap,
-                                      const cairn_pose_prior *prior, const cairn_real *doubt)
+                                      const cairn_pose_prior *prior, const cairn_real *inflation)
 {
     cairn_sym3 gained = submap_information(mapper, submap);
     const cairn_rigid_motion *motion = &mapper->parts.motion;
@@ -76,8 +76,8 @@ static cairn_sym3 relative_covariance(const cairn_mapper *mapper, int32_t submap
         basis = cairn_motion_basis_of(gained, mapper->params.icp.weak_ratio);
     cairn_rigid_motion_covariance(motion, has_pairs ? &basis : NULL, has_pairs ? &gained : NULL,
                                   &known, covariance);
-    for (int k = 0; k < 9 && doubt != NULL; k++)
-        covariance[k] += doubt[k];
+    for (int k = 0; k < 9 && inflation != NULL; k++)
+        covariance[k] += inflation[k];
     return cairn_mapper_own_covariance(mapper, covariance, motion->map_body.theta);
 }
 
