@@ -38,46 +38,46 @@ static cairn_real add_images(const merge_map *to, const merge_map *from, cairn_t
 {
     image_sums walls = {0, 0, 0}, open = {0, 0, 0};
     cairn_real points = cairn_max((cairn_real)from->point_count, 1),
-               cells = cairn_max((cairn_real)from->open_count, 1);
+               cells = cairn_max((cairn_real)from->free_cell_count, 1);
 
     for (int32_t i = 0; i < from->point_count; i++)
-        add_image(to, cairn_transform_point(t, from->points[i].at), MERGE_OCCUPIED, &walls);
-    for (int32_t i = 0; i < from->open_count; i++)
-        add_image(to, cairn_transform_point(t, from->open[i]), MERGE_FREE, &open);
+        add_image(to, cairn_transform_point(t, from->points[i].position), MERGE_OCCUPIED, &walls);
+    for (int32_t i = 0; i < from->free_cell_count; i++)
+        add_image(to, cairn_transform_point(t, from->free_cells[i]), MERGE_FREE, &open);
     score->psi += walls.same / points + open.same / cells;
     score->disagreement += walls.other / points + open.other / cells;
     return (cairn_real)open.known / cells;
 }
 
-void cairn_merge_score_at(const cairn_map_merge *m, int32_t a, int32_t b, cairn_pose centres,
+void cairn_merge_score_at(const cairn_map_merge *merge, int32_t a, int32_t b, cairn_pose centres,
                           cairn_merge_score *score)
 {
-    const merge_map *first = &m->maps[a], *second = &m->maps[b];
+    const merge_map *first = &merge->maps[a], *second = &merge->maps[b];
     cairn_transform there = cairn_transform_of(centres),
                     back = cairn_transform_of(cairn_pose_inverse(centres));
     merge_sums s[2] = {{0, 0, 0, 0, {0, 0}, 0}, {0, 0, 0, 0, {0, 0}, 0}};
     cairn_real share[2], d;
 
     memset(score, 0, sizeof *score);
-    cairn_merge_sum(m, first, second, &there, 0, second->point_count, &s[0]);
-    cairn_merge_sum(m, second, first, &back, 0, first->point_count, &s[1]);
+    cairn_merge_sum(merge, first, second, &there, 0, second->point_count, &s[0]);
+    cairn_merge_sum(merge, second, first, &back, 0, first->point_count, &s[1]);
     score->agree = (s[0].agree * second->spacing + s[1].agree * first->spacing) / 2;
     score->conflict = s[0].conflict * second->spacing + s[1].conflict * first->spacing;
-    score->evidence = cairn_merge_nats(m, score->agree, score->conflict);
-    if (merge_is_written(&m->params)) {
+    score->evidence = cairn_merge_nats(merge, score->agree, score->conflict);
+    if (merge_is_written(&merge->params)) {
         merge_images images;
         cairn_budget budget = {CAIRN_UNBOUNDED};
         int32_t paid = 0;
 
         cairn_merge_begin_images(&images, first, second, centres);
-        while (!cairn_merge_go_on_images(&images, m->written->kernel, &paid, &budget))
+        while (!cairn_merge_go_on_images(&images, merge->written->kernel, &paid, &budget))
             budget.left = CAIRN_UNBOUNDED;
         cairn_merge_end_images(&images, score);
         return;
     }
     share[0] = add_images(first, second, there, score);
     share[1] = add_images(second, first, back, score);
-    score->overlap = first->free < second->free ? share[1] : share[0];
+    score->overlap = first->free_count < second->free_count ? share[1] : share[0];
     d = cairn_max(score->disagreement, CAIRN_REAL(1e-6));
     score->gamma = -cairn_log(d) - d;
 }

@@ -10,27 +10,27 @@
 #include "cairn/rigid_motion.h"
 
 enum {
-    MERGE_MAPS_MOST = 64,
-    MERGE_FAR = 127,           /* distances in cells are capped here */
-    MERGE_FIRST_POINTS = 96,   /* by which a pair of corners is judged first */
-    MERGE_REFINE_POINTS = 320, /* by which a place is refined */
-    MERGE_KEPT = 96,           /* hypotheses of a pair that are looked at again */
-    MERGE_REFINED = 20,        /* ... and refined */
-    MERGE_BENDS_MOST = 256,    /* points of a map off all lines */
-    MERGE_TURNS_MOST = 6,      /* rotations in which a pair is correlated */
-    MERGE_BINS = 360,          /* of the circle */
+    MERGE_MAX_MAPS = 64,
+    MERGE_MAX_DISTANCE = 127,     /* distances in cells are capped here */
+    MERGE_COARSE_POINTS = 96,     /* by which a pair of corners is judged first */
+    MERGE_REFINE_POINTS = 320,    /* by which a place is refined */
+    MERGE_MAX_HYPOTHESES = 96,    /* hypotheses of a pair that are looked at again */
+    MERGE_MAX_REFINED = 20,       /* ... and refined */
+    MERGE_MAX_CURVE_POINTS = 256, /* points of a map off all lines */
+    MERGE_MAX_ROTATIONS = 6,      /* rotations in which a pair is correlated */
+    MERGE_ANGLE_BINS = 360,       /* of the circle */
     MERGE_POINTS_PER_UNIT = 8,
-    MERGE_ROUNDS = 40,    /* steps of a refinement at most */
-    MERGE_FOLLOWERS = 12, /* candidates of a particle */
-    MERGE_OFFERS = 8,
-    MERGE_MEMORY = 8192 /* scores of pairs of maps that are remembered, a power of two */
+    MERGE_MAX_REFINE_STEPS = 40, /* steps of a refinement at most */
+    MERGE_MAX_CANDIDATES = 12,   /* candidates of a particle */
+    MERGE_CACHED_PROPOSALS = 8,
+    MERGE_CACHE_SLOTS = 8192 /* scores of pairs of maps that are remembered, a power of two */
 };
 
 /* Side of a cell of the first map inside. */
 #define MERGE_CELL CAIRN_REAL(0.05)
 
 /* m: shorter lines are not straight enough to refine by. */
-#define MERGE_LINE_M CAIRN_REAL(0.35)
+#define MERGE_MIN_LINE_M CAIRN_REAL(0.35)
 
 /* Places of one map that differ by less, m and rad, are the same. */
 /* Places nearer than this are one while searching. */
@@ -58,49 +58,49 @@ static inline int32_t merge_class(uint16_t cell)
 }
 
 typedef struct merge_point {
-    cairn_vec2 at;     /* from the centre of the grid */
-    cairn_vec2 normal; /* unit, into free space */
-    cairn_vec2 front;  /* a little before it, where free space begins */
-    cairn_real weight; /* as evidence: a long straight wall is soon known */
-    int32_t cell;      /* index in the grid */
-    int32_t bent;      /* 1: on no line that is long enough to refine by */
+    cairn_vec2 position;  /* from the centre of the grid */
+    cairn_vec2 normal;    /* unit, into free space */
+    cairn_vec2 free_side; /* a little before it, where free space begins */
+    cairn_real weight;    /* as evidence: a long straight wall is soon known */
+    int32_t cell;         /* index in the grid */
+    int32_t is_curved;    /* 1: on no line that is long enough to refine by */
 } merge_point;
 
 /* The direction of a line and its length. */
-typedef struct merge_way {
+typedef struct merge_direction {
     cairn_real angle, length; /* rad, free space on the left; m */
-} merge_way;
+} merge_direction;
 
 /* Where the surface of a wall that is not straight lies, off all lines. */
-typedef struct merge_bend {
-    cairn_vec2 at, normal; /* between free and occupied cells; unit, into free space */
-} merge_bend;
+typedef struct merge_curve_point {
+    cairn_vec2 position, normal; /* between free and occupied cells; unit, into free space */
+} merge_curve_point;
 
 typedef struct merge_map {
     cairn_merge_map input;
-    cairn_pose map_centre; /* the centre of the grid in the frame of the map */
-    cairn_vec2 corner;     /* lower left of cell (0, 0), seen from the centre */
-    uint16_t *grid;        /* [height][width] */
-    merge_point *points;   /* [point_count], any beginning of them an even choice */
-    cairn_vec2 *open;      /* [open_count] free cells, likewise */
-    cairn_corner *corners; /* [corner_count] */
-    cairn_segment *lines;  /* [line_count] with free space on their left */
-    merge_way *ways;       /* likewise: their directions */
-    merge_bend *bends;     /* [bend_count], an even choice */
-    cairn_real bent;       /* m of wall off all lines */
-    int32_t point_count, open_count, corner_count, line_count, bend_count;
-    int32_t occupied, free; /* cells */
-    cairn_real spacing;     /* m of wall for each point */
-    cairn_real clearing;    /* share of a free cell */
+    cairn_pose map_centre;           /* the centre of the grid in the frame of the map */
+    cairn_vec2 corner;               /* lower left of cell (0, 0), seen from the centre */
+    uint16_t *grid;                  /* [height][width] */
+    merge_point *points;             /* [point_count], any beginning of them an even choice */
+    cairn_vec2 *free_cells;          /* [open_count] free cells, likewise */
+    cairn_corner *corners;           /* [corner_count] */
+    cairn_segment *lines;            /* [line_count] with free space on their left */
+    merge_direction *directions;     /* likewise: their directions */
+    merge_curve_point *curve_points; /* [bend_count], an even choice */
+    cairn_real curved_wall;          /* m of wall off all lines */
+    int32_t point_count, free_cell_count, corner_count, line_count, curve_point_count;
+    int32_t occupied_count, free_count; /* cells */
+    cairn_real spacing;                 /* m of wall for each point */
+    cairn_real clearing;                /* share of a free cell */
     int32_t has_guess;
-    cairn_pose given; /* a guess of the map's frame in that of the reference ... */
-    cairn_pose guess; /* ... and of their centres */
+    cairn_pose given_guess; /* a guess of the map's frame in that of the reference ... */
+    cairn_pose guess;       /* ... and of their centres */
 } merge_map;
 
 /* A place of the pair's second map beside its first one. */
 typedef struct merge_mode {
     cairn_pose first_second;
-    cairn_real evidence;
+    cairn_real log_ratio;
 } merge_mode;
 
 /* What the points of one map are in the grid of another. */
@@ -108,10 +108,10 @@ typedef struct merge_sums {
     /* points */
     cairn_real agree, conflict;
     /* likewise, felt from farther away */
-    cairn_real soft, against;
+    cairn_real soft_agree, soft_conflict;
     /* sum of the points that are known there, in the frame of the grid */
-    cairn_vec2 middle;
-    int32_t known;
+    cairn_vec2 centroid_sum;
+    int32_t known_count;
 } merge_sums;
 
 /* A pair of maps being compared at one place: points of each in the grid of the other, some at a
@@ -120,28 +120,28 @@ typedef struct merge_comparison {
     int32_t first, second;
     cairn_pose first_second;
     cairn_transform there, back; /* second to first, first to second */
-    int32_t points[2];           /* of the second, of the first map, that are compared */
+    int32_t point_counts[2];     /* of the second, of the first map, that are compared */
     int32_t cursor, direction;
     merge_sums sums[2];
 } merge_comparison;
 
-enum { MERGE_ENDED = -1, MERGE_ASIDE = -2 };
+enum { MERGE_ENDED = -1, MERGE_DEFERRED = -2 };
 
 /* A place that a particle filter's particle has put a map at. */
 typedef struct merge_state {
-    int32_t map;    /* MERGE_ENDED: no more; MERGE_ASIDE - map: that one is put aside */
-    int32_t beside; /* the map that the proposal came from */
+    int32_t map;        /* MERGE_ENDED: no more; MERGE_DEFERRED - map: that one is put aside */
+    int32_t source_map; /* the map that the proposal came from */
     cairn_pose reference_map;
-    cairn_real evidence; /* given those before it */
+    cairn_real log_ratio; /* given those before it */
     cairn_real psi, gamma;
 } merge_state;
 
 /* What follows a particle. */
-typedef struct merge_offer {
+typedef struct merge_proposal {
     const merge_state *state; /* the particle's last one */
-    merge_state list[MERGE_FOLLOWERS];
+    merge_state candidates[MERGE_MAX_CANDIDATES];
     int32_t count;
-} merge_offer;
+} merge_proposal;
 
 /* One step of Gauss and Newton of a body's place beside its neighbours. */
 typedef struct merge_fit {
@@ -152,7 +152,7 @@ typedef struct merge_fit {
     /* m: the larger of both maps' */
     cairn_real cell;
     /* the neighbour, and its lines and bends that are done */
-    int32_t near, item;
+    int32_t neighbour, item;
     int32_t under_way;
 } merge_fit;
 
@@ -185,31 +185,31 @@ typedef struct merge_written {
     merge_map merged;
     /* [most_cells] its classes */
     uint8_t *cells;
-    int32_t most_cells;
+    int32_t max_cells;
     /* m, of the maps merged */
     cairn_box box;
-    cairn_real kernel[MERGE_FAR + 1];
+    cairn_real kernel[MERGE_MAX_DISTANCE + 1];
     /* [most_listed] candidates of this step; `evidence` is the log of their prior mass */
-    merge_state *list;
-    int32_t listed, most_listed;
+    merge_state *candidates;
+    int32_t candidate_count, max_candidates;
     /* [max_particles] of the filter */
     merge_places *places;
     int32_t stage, map, cursor, at;
     /* over all candidates; of gamma beyond the first one's */
     cairn_real psi_sum, gamma_first, gamma_sum, gamma_least;
-    int32_t offered;
+    int32_t emitted;
     /* of the filter */
     int32_t steps;
     /* at the end of a step */
-    int32_t most_particles;
+    int32_t peak_particles;
     merge_images images;
 } merge_written;
 
-typedef struct merge_memory {
+typedef struct merge_cache_entry {
     int32_t first, second; /* maps; first -1: free */
     int32_t x, y, theta;   /* rounded */
-    cairn_real evidence;
-} merge_memory;
+    cairn_real log_ratio;
+} merge_cache_entry;
 
 typedef int32_t merge_stage;
 enum { MERGE_PREPARING, MERGE_PAIRING, MERGE_VISITING, MERGE_CHECKING, MERGE_FINISHED };
@@ -226,11 +226,11 @@ enum {
     MERGE_SEGMENTS,
     MERGE_CORNERS,
     MERGE_SHUFFLE,
-    MERGE_BENT,
+    MERGE_CURVE_POINTS,
     MERGE_HYPOTHESES,
-    MERGE_TURNS,
-    MERGE_SHIFTS,
-    MERGE_BENDS,
+    MERGE_ROTATIONS,
+    MERGE_TRANSLATIONS,
+    MERGE_CURVE_PAIRS,
     MERGE_SIFT,
     MERGE_REFINE,
     MERGE_FILTER,
@@ -248,7 +248,7 @@ struct cairn_map_merge {
      * cells */
     cairn_real unit;
     int32_t reference;
-    int32_t order[MERGE_MAPS_MOST];
+    int32_t order[MERGE_MAX_MAPS];
     int32_t has_order;
     /* [max_cells] */
     uint16_t *grid;
@@ -274,21 +274,21 @@ struct cairn_map_merge {
     cairn_corner_set *corners;
 
     /* Places of pairs. */
-    merge_mode *modes;           /* [pairs][max_modes] */
-    int32_t *mode_count;         /* [pairs] */
-    merge_mode kept[MERGE_KEPT]; /* of the pair under way, the best first */
-    merge_mode refined[MERGE_REFINED];
-    int32_t kept_count, refined_count;
+    merge_mode *modes;                           /* [pairs][max_modes] */
+    int32_t *mode_count;                         /* [pairs] */
+    merge_mode hypotheses[MERGE_MAX_HYPOTHESES]; /* of the pair under way, the best first */
+    merge_mode refined[MERGE_MAX_REFINED];
+    int32_t hypothesis_count, refined_count;
     struct {
-        cairn_real bins[MERGE_BINS];
-        cairn_real turns[MERGE_TURNS_MOST];
+        cairn_real bins[MERGE_ANGLE_BINS];
+        cairn_real turns[MERGE_MAX_ROTATIONS];
         int32_t count, at;
         cairn_real cosine, sine;
         /* m for one of these points */
         cairn_real wall;
         /* points turned, in the other's cells */
-        cairn_vec2 first[MERGE_FIRST_POINTS], second[MERGE_FIRST_POINTS];
-        cairn_vec2 first_front[MERGE_FIRST_POINTS], second_front[MERGE_FIRST_POINTS];
+        cairn_vec2 first[MERGE_COARSE_POINTS], second[MERGE_COARSE_POINTS];
+        cairn_vec2 first_front[MERGE_COARSE_POINTS], second_front[MERGE_COARSE_POINTS];
         int32_t firsts, seconds;
         /* m */
         cairn_box shifts;
@@ -298,7 +298,7 @@ struct cairn_map_merge {
     } search;
     merge_comparison comparison;
     /* how much a distance in cells counts as agreement while searching */
-    cairn_real soft[MERGE_FAR + 1];
+    cairn_real soft_kernel[MERGE_MAX_DISTANCE + 1];
     struct {
         cairn_pose best, start;
         cairn_real score, cells, step, turn;
@@ -314,10 +314,10 @@ struct cairn_map_merge {
     merge_fit fit;
 
     /* The maps that the one under way is compared with, and where they lie. */
-    int32_t near[MERGE_MAPS_MOST];
-    cairn_pose near_pose[MERGE_MAPS_MOST];
-    int32_t near_count;
-    int32_t aside[MERGE_MAPS_MOST]; /* how often a map was put aside */
+    int32_t neighbours[MERGE_MAX_MAPS];
+    cairn_pose neighbour_poses[MERGE_MAX_MAPS];
+    int32_t neighbour_count;
+    int32_t deferrals[MERGE_MAX_MAPS]; /* how often a map was put aside */
     struct {
         cairn_pose pose;
         int32_t map, near;
@@ -331,25 +331,25 @@ struct cairn_map_merge {
     /* The filter. */
     cairn_particle_filter *filter;
     struct {
-        merge_offer made[MERGE_OFFERS]; /* of particles of this step; many are alike */
-        merge_offer *now;
+        merge_proposal made[MERGE_CACHED_PROPOSALS]; /* of particles of this step; many are alike */
+        merge_proposal *now;
         int32_t count, stage, at;
         cairn_real psi_sum, gamma_sum, gamma_least; /* over all candidates of the step */
         int32_t offered;
     } offer;
     union {
-        merge_memory *memory;   /* [MERGE_MEMORY] in the default mode */
-        merge_written *written; /* in the mode as written */
+        merge_cache_entry *cache; /* [MERGE_CACHE_SLOTS] in the default mode */
+        merge_written *written;   /* in the mode as written */
     };
-    int32_t merged; /* steps of the filter */
+    int32_t filter_steps; /* steps of the filter */
     struct {
-        int32_t list[MERGE_MAPS_MOST];     /* maps placed, in their order */
-        cairn_pose pose[MERGE_MAPS_MOST];  /* of each map, in the frame of the reference's centre */
-        cairn_pose start[MERGE_MAPS_MOST]; /* where the filter has left them */
+        int32_t list[MERGE_MAX_MAPS];     /* maps placed, in their order */
+        cairn_pose pose[MERGE_MAX_MAPS];  /* of each map, in the frame of the reference's centre */
+        cairn_pose start[MERGE_MAX_MAPS]; /* where the filter has left them */
         int32_t count, round, at, stage, looking, refused;
-        int32_t accepted[MERGE_MAPS_MOST];
-        cairn_real link[MERGE_MAPS_MOST * (MERGE_MAPS_MOST - 1) / 2]; /* evidence of each pair */
-        merge_mode rival_list[MERGE_REFINED];
+        int32_t accepted[MERGE_MAX_MAPS];
+        cairn_real link[MERGE_MAX_MAPS * (MERGE_MAX_MAPS - 1) / 2]; /* evidence of each pair */
+        merge_mode rival_list[MERGE_MAX_REFINED];
         int32_t rivals;
         cairn_real slide; /* evidence of the best shifted place */
     } check;
@@ -358,11 +358,11 @@ struct cairn_map_merge {
     merge_phase phase;
     int32_t map, other; /* under way */
     int32_t cursor, inner;
-    int32_t paid;
-    int32_t comparing; /* 1: `comparison` is under way */
+    int32_t units_charged;
+    int32_t is_comparing; /* 1: `comparison` is under way */
     int64_t units;
-    int32_t tried;
-    cairn_merge_placed placed[MERGE_MAPS_MOST];
+    int32_t tried_count;
+    cairn_merge_placed placed[MERGE_MAX_MAPS];
     cairn_merge_result result;
     int32_t done; /* 1: the result stands */
 };
@@ -372,7 +372,7 @@ static inline uint16_t merge_cell_at(const merge_map *map, cairn_real x, cairn_r
 {
     if (!(x >= 0 && y >= 0 && x < (cairn_real)map->input.cells.width &&
           y < (cairn_real)map->input.cells.height))
-        return MERGE_FAR | MERGE_FAR << 7 | MERGE_UNKNOWN << 14;
+        return MERGE_MAX_DISTANCE | MERGE_MAX_DISTANCE << 7 | MERGE_UNKNOWN << 14;
     return map->grid[cairn_real_to_int(y) * map->input.cells.width + cairn_real_to_int(x)];
 }
 
@@ -384,19 +384,19 @@ static inline cairn_real merge_search_wall(const merge_map *first, const merge_m
 {
     return (first->spacing * (cairn_real)first->point_count +
             second->spacing * (cairn_real)second->point_count) /
-           (cairn_real)(2 * MERGE_FIRST_POINTS);
+           (cairn_real)(2 * MERGE_COARSE_POINTS);
 }
 
 /* 1 when more points speak against a place than 2.5 and a third of those that speak for it. */
-static inline int merge_is_hopeless(const merge_sums *s)
+static inline int merge_is_rejected(const merge_sums *s)
 {
-    return s->against > s->soft / 3 + CAIRN_REAL(2.5);
+    return s->soft_conflict > s->soft_agree / 3 + CAIRN_REAL(2.5);
 }
 
 /* m of wall that speak for a place. */
 static inline cairn_real merge_search_score(const merge_sums *s, cairn_real wall)
 {
-    return (s->soft / 2 - CAIRN_REAL(1.5) * s->against) * wall;
+    return (s->soft_agree / 2 - CAIRN_REAL(1.5) * s->soft_conflict) * wall;
 }
 
 static inline int32_t merge_pair(int32_t first, int32_t second)
@@ -406,28 +406,28 @@ static inline int32_t merge_pair(int32_t first, int32_t second)
 
 /* ---- map_merge_prepare.c: each phase returns CAIRN_OK when it is done with m->map ---- */
 
-cairn_status cairn_merge_prepare(cairn_map_merge *m, cairn_budget *budget);
+cairn_status cairn_merge_prepare(cairn_map_merge *merge, cairn_budget *budget);
 
 /* Distances in the cells of a map to those of a class, into m->scratch; *cursor is 0 before the
  * first call. */
-cairn_status cairn_merge_measure(cairn_map_merge *m, const merge_map *map, uint8_t match,
+cairn_status cairn_merge_measure(cairn_map_merge *merge, const merge_map *map, uint8_t match,
                                  int32_t *cursor, cairn_budget *budget);
 
 /* Packs the distances at hand into the grid, 16 cells a unit: `shift` 0: to occupied cells, with
  * the class, which is counted; 7: to free ones. */
-cairn_status cairn_merge_pack(cairn_map_merge *m, merge_map *map, int32_t shift, int32_t *cursor,
-                              cairn_budget *budget);
+cairn_status cairn_merge_pack(cairn_map_merge *merge, merge_map *map, int32_t shift,
+                              int32_t *cursor, cairn_budget *budget);
 
 /* ---- map_merge_pairs.c ---- */
 
 /* A map placed beside another one by all rotations that their lines suggest and all
  * translations. */
-cairn_status cairn_merge_correlate(cairn_map_merge *m, cairn_budget *budget);
+cairn_status cairn_merge_correlate(cairn_map_merge *merge, cairn_budget *budget);
 
 /* ---- map_merge_bend.c ---- */
 
 /* Points off all lines, from the even order in which they are; a phase of the preparation. */
-cairn_status cairn_merge_choose_bends(cairn_map_merge *m, merge_map *map, cairn_budget *budget);
+cairn_status cairn_merge_choose_bends(cairn_map_merge *merge, merge_map *map, cairn_budget *budget);
 
 /* How far along a normal from p free cells end at occupied ones, within 2.5 cells; 1 when they
  * do. */
@@ -435,10 +435,10 @@ int cairn_merge_surface_along(const merge_map *map, cairn_vec2 p, cairn_vec2 nor
                               cairn_real *along);
 
 /* A map placed beside another one by all pairs of such points. */
-cairn_status cairn_merge_try_bends(cairn_map_merge *m, cairn_budget *budget);
+cairn_status cairn_merge_try_bends(cairn_map_merge *merge, cairn_budget *budget);
 
-cairn_status cairn_merge_find_modes(cairn_map_merge *m, cairn_budget *budget);
-void cairn_merge_sum(const cairn_map_merge *m, const merge_map *to, const merge_map *from,
+cairn_status cairn_merge_find_modes(cairn_map_merge *merge, cairn_budget *budget);
+void cairn_merge_sum(const cairn_map_merge *merge, const merge_map *to, const merge_map *from,
                      const cairn_transform *t, int32_t begin, int32_t end, merge_sums *s);
 
 /* 1 when two places of a map differ by less than so much. */
@@ -450,21 +450,21 @@ void cairn_merge_keep(merge_mode *list, int32_t *count, int32_t most, merge_mode
                       cairn_real metres, cairn_real radians);
 
 /* Compares map `map` at a pose with all of near[]; go_on returns 1 when m->total is complete. */
-void cairn_merge_begin_total(cairn_map_merge *m, int32_t map, cairn_pose pose, int32_t points);
-int cairn_merge_go_on_total(cairn_map_merge *m, cairn_budget *budget);
+void cairn_merge_begin_total(cairn_map_merge *merge, int32_t map, cairn_pose pose, int32_t points);
+int cairn_merge_go_on_total(cairn_map_merge *merge, cairn_budget *budget);
 
 /* 1 when two maps are too far apart to have anything in common. */
-int cairn_merge_is_apart(const cairn_map_merge *m, int32_t first, int32_t second,
+int cairn_merge_is_apart(const cairn_map_merge *merge, int32_t first, int32_t second,
                          cairn_pose first_second);
 
 /* Refines a pose of `map`, which is near `start`, beside near[] by lines and bends, `rounds`
  * times at most; go_on returns 1 when m->climb.best is it. */
-void cairn_merge_begin_lines(cairn_map_merge *m, int32_t map, cairn_pose start, cairn_pose pose,
+void cairn_merge_begin_lines(cairn_map_merge *merge, int32_t map, cairn_pose start, cairn_pose pose,
                              int32_t rounds);
-int cairn_merge_go_on_lines(cairn_map_merge *m, cairn_budget *budget);
+int cairn_merge_go_on_lines(cairn_map_merge *merge, cairn_budget *budget);
 
 /* Nats for so many m of wall that agree, and that do not. */
-cairn_real cairn_merge_nats(const cairn_map_merge *m, cairn_real agree, cairn_real conflict);
+cairn_real cairn_merge_nats(const cairn_map_merge *merge, cairn_real agree, cairn_real conflict);
 
 static inline int merge_is_written(const cairn_map_merge_params *p)
 {
@@ -475,20 +475,21 @@ static inline int merge_is_written(const cairn_map_merge_params *p)
 
 /* The score of map b whose centre lies at `centres` seen from that of map a; lengths in units of
  * the merging. */
-void cairn_merge_score_at(const cairn_map_merge *m, int32_t a, int32_t b, cairn_pose centres,
+void cairn_merge_score_at(const cairn_map_merge *merge, int32_t a, int32_t b, cairn_pose centres,
                           cairn_merge_score *score);
 
 /* ---- map_merge_filter.c ---- */
 
 cairn_particle_filter_params cairn_merge_filter_params(const cairn_map_merge_params *p);
-cairn_particle_model cairn_merge_model(cairn_map_merge *m);
-cairn_status cairn_merge_run_filter(cairn_map_merge *m, cairn_budget *budget);
+cairn_particle_model cairn_merge_model(cairn_map_merge *merge);
+cairn_status cairn_merge_run_filter(cairn_map_merge *merge, cairn_budget *budget);
 
 /* The maps that a particle has placed become near[]. 1 when it has come to its end. */
-int cairn_merge_gather(cairn_map_merge *m, const void *state);
+int cairn_merge_gather(cairn_map_merge *merge, const void *state);
 
 /* Rival places of a map beside all of near[], the best first; returns their number. */
-int32_t cairn_merge_places(const cairn_map_merge *m, int32_t map, merge_mode *list, int32_t most);
+int32_t cairn_merge_places(const cairn_map_merge *merge, int32_t map, merge_mode *list,
+                           int32_t most);
 
 /* 1 when two particles have put the same maps at the same places. */
 int cairn_merge_is_same_history(const merge_state *a, const merge_state *b);
@@ -505,17 +506,17 @@ int cairn_merge_go_on_images(merge_images *c, const cairn_real *kernel, int32_t 
 /* psi, disagreement, gamma and overlap. */
 void cairn_merge_end_images(const merge_images *c, cairn_merge_score *score);
 
-/* exp(x (2 mu - x) / (2 sigma^2)) of distances 0 ... MERGE_FAR in cells. */
+/* exp(x (2 mu - x) / (2 sigma^2)) of distances 0 ... MERGE_MAX_DISTANCE in cells. */
 void cairn_merge_set_kernel(cairn_real *kernel);
 
 /* Draws the maps near[] into one image, as m->written->merged; 1 when it is done. Begins with
  * written->stage 0. */
-int cairn_merge_draw_merged(cairn_map_merge *m, cairn_budget *budget);
+int cairn_merge_draw_merged(cairn_map_merge *merge, cairn_budget *budget);
 
 /* The box of a map's cells at a pose; that of both boxes; 1 when an image of it has room. */
 cairn_box cairn_merge_box_of(const merge_map *map, cairn_pose pose);
 cairn_box cairn_merge_join(cairn_box a, cairn_box b);
-int cairn_merge_has_room(const cairn_map_merge *m, cairn_box box);
+int cairn_merge_has_room(const cairn_map_merge *merge, cairn_box box);
 
 /* ---- map_merge_corners.c ---- */
 
@@ -526,7 +527,7 @@ enum { MERGE_CORRESPONDENCES = 3 };
 cairn_pose cairn_merge_motion_of(const cairn_vec2 *to, const cairn_vec2 *from);
 
 /* As the modes of every pair of maps: the registrations of their most similar corners. */
-cairn_status cairn_merge_register_corners(cairn_map_merge *m, cairn_budget *budget);
+cairn_status cairn_merge_register_corners(cairn_map_merge *merge, cairn_budget *budget);
 
 /* ---- map_merge_written.c ---- */
 
@@ -534,18 +535,18 @@ enum {
     /* times the particles asked for: so many while N_eff is at least half of them */
     MERGE_GROWTH = 2,
     /* times max_cells: cells of the box about all maps merged, at most */
-    MERGE_MERGED = 6,
+    MERGE_MAX_MERGED_CELLS = 6,
     /* registrations that a particle draws from, at most */
-    MERGE_PLACES_MOST = 1024
+    MERGE_MAX_PLACES = 1024
 };
 
 cairn_particle_filter_params cairn_merge_written_params(const cairn_map_merge_params *p);
-cairn_particle_model cairn_merge_written_model(cairn_map_merge *m);
-cairn_status cairn_merge_run_written(cairn_map_merge *m, cairn_budget *budget);
-cairn_status cairn_merge_end_written(cairn_map_merge *m, cairn_budget *budget);
+cairn_particle_model cairn_merge_written_model(cairn_map_merge *merge);
+cairn_status cairn_merge_run_written(cairn_map_merge *merge, cairn_budget *budget);
+cairn_status cairn_merge_end_written(cairn_map_merge *merge, cairn_budget *budget);
 
 /* ---- map_merge_check.c ---- */
 
-cairn_status cairn_merge_check(cairn_map_merge *m, cairn_budget *budget);
+cairn_status cairn_merge_check(cairn_map_merge *merge, cairn_budget *budget);
 
 #endif
