@@ -1,15 +1,17 @@
-/* Maps of many robots merged by a virtual robot.
+/* Map merging: parameters, memory, inputs and the main loop.
  *
- * Method: maps are made ready one by one (map_merge_prepare.c), rival places of all pairs are found
- * (map_merge_pairs.c), a particle filter puts the maps together (map_merge_filter.c) and the result
- * is checked (map_merge_check.c).
+ * Method.
  *
- * Layout: a packed cell of two bytes for each cell of all maps; points, free cells, corners, lines
- * and bends of each map; a list of modes for each pair of maps; the filter; a table of what pairs
- * said about places.
+ * 1. Maps are prepared one by one (map_merge_prepare.c).
+ * 2. Competing registrations (modes) of all pairs are found (map_merge_pairs.c).
+ * 3. A particle filter places the maps (map_merge_filter.c).
+ * 4. The result is refined jointly and verified (map_merge_check.c).
  *
- * Limits: a pair needs some metres of wall in its overlap that are not one straight line; maps of
- * one scale; walls that are bent by more than a few cells between the maps do not agree.
+ * Layout: a packed cell of two bytes per cell of all maps; points, free cells, corners, lines and
+ * curve points of each map; a list of modes per pair; the filter; a hash table of pair scores.
+ *
+ * Limits: a pair needs some metres of common wall that is not one straight line. Maps have one
+ * scale. Walls distorted by more than a few cells between the maps do not agree.
  *
  * Source: Adluru 2008, chapter 9. */
 #include "src/core/build.h"
@@ -20,7 +22,7 @@
 
 enum { MAX_CELLS = 1 << 28, MIN_POINTS = 64, MAX_POINTS = 1 << 16 };
 
-/* Cells: where agreement has fallen to a half while searching. */
+/* Cells: distance at which the weight of an agreement is a half during the search. */
 #define SOFT_DISTANCE_CELLS CAIRN_REAL(2.0)
 
 cairn_map_merge_params cairn_map_merge_default(void)
@@ -85,20 +87,21 @@ static cairn_corner_params corner_params(const cairn_map_merge_params *p)
     return c;
 }
 
-/* Cells of the merged map at most, as written. */
+/* Returns the maximum number of cells of the merged map, as written. */
 static int32_t merged_cells(const cairn_map_merge_params *p)
 {
     return p->max_cells < MAX_CELLS / MERGE_MAX_MERGED_CELLS ? MERGE_MAX_MERGED_CELLS * p->max_cells
                                                              : MAX_CELLS;
 }
 
-/* Cells of an image whose distances are measured. */
+/* Returns the maximum number of cells of an image that distances are computed for. */
 static int32_t image_cells(const cairn_map_merge_params *p)
 {
     return merge_is_written(p) ? merged_cells(p) : p->max_map_cells;
 }
 
-/* An image's side is at most that of a raster, or all its cells in one row. */
+/* Returns the distance map's params: a side of at most that of a raster, or all cells in one
+ * row. */
 static cairn_distance_map_params distance_params(const cairn_map_merge_params *p)
 {
     cairn_distance_map_params d = {image_cells(p) < CAIRN_RASTER_MAX_SIDE ? image_cells(p)
@@ -119,7 +122,7 @@ static size_t pairs_of(const cairn_map_merge_params *p)
     return n * (n - 1) / 2 + 1;
 }
 
-/* The objects within; NULL from a counting pool. */
+/* Creates the objects inside; NULL from a counting pool. */
 static void take_objects(cairn_map_merge *merge, cairn_pool *pool, const cairn_map_merge_params *p)
 {
     cairn_corner_params corners = corner_params(p);
@@ -144,7 +147,7 @@ static void take_objects(cairn_map_merge *merge, cairn_pool *pool, const cairn_m
     (void)status;
 }
 
-/* What the mode as written needs besides. */
+/* Takes the memory of the mode as written. */
 static merge_written *take_written(cairn_pool *pool, const cairn_map_merge_params *p)
 {
     cairn_particle_filter_params filter = cairn_merge_written_params(p);
@@ -344,7 +347,7 @@ cairn_status cairn_map_merge_guess(cairn_map_merge *merge, int32_t map, cairn_po
     return CAIRN_OK;
 }
 
-/* The pose of map b's centre seen from map a's centre, by that of their frames, and back. */
+/* Converts the pose of map b relative to map a from frames to centres, and back. */
 static cairn_pose centres_of(const cairn_map_merge *merge, int32_t a, int32_t b, cairn_pose a_b)
 {
     return cairn_pose_between(

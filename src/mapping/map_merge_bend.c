@@ -1,16 +1,18 @@
-/* The third structure of maps: pieces of wall that are not straight.
+/* Registration by points of curved walls, the third structure of maps.
  *
- * Method. A point of a wall and its normal fix a rigid motion together with one of another map,
- * as two corners do. Where walls bend there are no corners, and no directions that many lines
- * share; so points off all lines are taken, an even choice in each map, and every pair of them
- * is tried. Most end after the first few points that are looked up. Such points refine a place,
- * too: where a wall begins along their normals is known to a fraction of a cell in the mean,
- * however the wall runs. */
+ * Method.
+ *
+ * 1. Curved walls have no corners, and no direction that many lines share. So points off all lines
+ *    are sampled, evenly spread in each map.
+ * 2. A surface point and its normal, matched with one of another map, fix a rigid motion, as two
+ *    corners do. Every pair of points is tried; most are rejected after the first few look-ups.
+ * 3. Such points also refine a pose: the position of a wall along their normals is known to a
+ *    fraction of a cell on average, whatever the wall's shape. */
 #include "src/core/build.h"
 
 #include "src/mapping/map_merge_work.h"
 
-/* Quarters of a cell within which a surface is looked for on either side. */
+/* quarters of a cell: search range of a surface on either side */
 enum { SURFACE_SEARCH_QUARTER_CELLS = 10 };
 
 int cairn_merge_surface_along(const merge_map *map, cairn_vec2 p, cairn_vec2 normal,
@@ -54,7 +56,7 @@ cairn_status cairn_merge_choose_bends(cairn_map_merge *merge, merge_map *map, ca
     return CAIRN_OK;
 }
 
-/* The motion that lays point b on point a, their normals on each other. */
+/* Returns the motion that maps point b onto point a and aligns their normals. */
 static cairn_transform motion_of(const merge_curve_point *a, const merge_curve_point *b)
 {
     cairn_transform t = {0, 0, cairn_vec2_dot(b->normal, a->normal),
@@ -74,8 +76,8 @@ static cairn_transform inverse_of(cairn_transform t)
     return back;
 }
 
-/* Points of each map in the grid of the other until too many speak against the place; m->inner
- * counts those looked up. 1 when done, and then m->search.sums holds them. */
+/* Looks up points of each map in the grid of the other until the pose is rejected; merge->inner
+ * counts them. Returns 1 when done; merge->search.sums holds the counts. */
 static int step_comparison(cairn_map_merge *merge, cairn_transform t, cairn_budget *budget)
 {
     const merge_map *first = &merge->maps[merge->map], *second = &merge->maps[merge->other];

@@ -1,31 +1,36 @@
-/* The check of what the particle filter found.
+/* Joint refinement and verification of the particle filter's result.
  *
- * The maps of the best particle are refined by lines, in turn, beside all others. Evidence
- * between every two of them makes a graph; while a cut through it has less than the least score,
- * the side without the reference is cut off. A map that has a rival place with nearly as much
- * support, or could slide along its walls, is refused, and the rest is looked at again. */
+ * Method.
+ *
+ * 1. The maps of the best particle are refined by lines, in turn, each against all others.
+ * 2. The log-likelihood ratios between every two of them form a weighted graph. While its minimum
+ *    cut (Stoer and Wagner 1997) has less than min_score, the side without the reference is cut
+ *    off.
+ * 3. A map with a competing pose of nearly equal support, or with an unobservable translation along
+ *    its walls, is rejected, and the others are verified again. */
 #include "src/core/build.h"
 
 #include <string.h>
 
 #include "src/mapping/map_merge_work.h"
 
-/* Nats that a place has by chance, as the best of many, and by which an e-fold less is to be
- * expected. */
+/* nats: log-likelihood ratio that a wrong pose reaches by chance, as the best of many, and the
+ * scale of its exponential tail */
 #define CHANCE_NATS        CAIRN_REAL(5.0)
 #define CHANCE_SPREAD_NATS CAIRN_REAL(1.5)
-/* Nobody has counted rarer faults. */
+/* minimum error probability reported: rarer errors have not been measured */
 #define MIN_ERROR_PROBABILITY CAIRN_REAL(1e-4)
-/* m: a map slides that has most of its evidence so far away. */
+/* m: a translation that keeps most of the log-likelihood ratio over this distance is
+ * unobservable */
 #define SHIFT_M           CAIRN_REAL(0.30)
 #define MAX_SHIFTED_SHARE CAIRN_REAL(0.7)
 
-/* Rounds in which every map is refined; directions in which it is shifted. */
+/* rounds of joint refinement; directions of the shift test */
 enum { REFINE_ROUNDS = 24, SHIFT_DIRECTIONS = 8 };
 
 enum { CHECK_REFINE, CHECK_LINKS, CHECK_CUTS, CHECK_VERDICTS, CHECK_DONE };
 
-/* The particle whose maps have most evidence in all. */
+/* Returns the state of the particle with the largest total log-likelihood ratio. */
 static const void *best_of(const cairn_map_merge *merge)
 {
     const void *best = NULL;
@@ -45,8 +50,8 @@ static const void *best_of(const cairn_map_merge *merge)
     return best;
 }
 
-/* near[] in the order of merging, but the reference first, in whose frame they are now; alone
- * when it has not been merged. */
+/* Sets the neighbours in order of merging, but the reference first, whose frame is theirs now; the
+ * reference alone when it has not been merged. */
 static void begin_at_reference(cairn_map_merge *merge)
 {
     cairn_pose reference = cairn_pose_identity();
@@ -99,7 +104,7 @@ static void begin_check(cairn_map_merge *merge)
     merge->inner = 0;
 }
 
-/* near[]: the accepted maps but `map`. */
+/* Sets the neighbours to the accepted maps except `map`. */
 static void collect_others(cairn_map_merge *merge, int32_t map)
 {
     merge->neighbour_count = 0;
@@ -113,7 +118,7 @@ static void collect_others(cairn_map_merge *merge, int32_t map)
     }
 }
 
-/* Every map in turn beside all others. */
+/* Refines every map in turn against all others. */
 static cairn_status step_joint(cairn_map_merge *merge, cairn_budget *budget)
 {
     for (; merge->check.round < REFINE_ROUNDS; merge->check.round++, merge->cursor = 1)
@@ -133,7 +138,7 @@ static cairn_status step_joint(cairn_map_merge *merge, cairn_budget *budget)
     return CAIRN_OK;
 }
 
-/* What every two maps placed say about each other. */
+/* Scores every pair of placed maps. */
 static cairn_status step_links(cairn_map_merge *merge, cairn_budget *budget)
 {
     for (; merge->cursor < merge->check.count; merge->cursor++, merge->inner = 0)
@@ -163,16 +168,16 @@ static cairn_real pair_index(const cairn_map_merge *merge, int32_t a, int32_t b)
     return merge->check.link[a < b ? merge_pair(a, b) : merge_pair(b, a)];
 }
 
-/* Of what is accepted the part without the reference that has least evidence in common with the
- * rest (Stoer and Wagner 1997): side[] of those maps is 1. Evidence against is none. Returns
- * that evidence, or a huge number for a single map. */
+/* Returns the weight of the minimum cut of the accepted maps (Stoer and Wagner 1997), and its side
+ * without the reference: side[] of those maps is 1. Negative weights count as 0. Returns a huge
+ * number for a single map. */
 static cairn_real minimum_cut(const cairn_map_merge *merge, int32_t *side)
 {
     int32_t group[MERGE_MAX_MAPS], added[MERGE_MAX_MAPS], best_group[MERGE_MAX_MAPS] = {0};
     cairn_real weight[MERGE_MAX_MAPS], least = CAIRN_REAL_MAX;
     int32_t left = 0;
 
-    /* group[i]: the map that map i has been united with. */
+    /* group[i]: the map that map i has been contracted into. */
     for (int32_t i = 0; i < merge->map_count; i++) {
         group[i] = merge->check.accepted[i] ? i : -1;
         left += merge->check.accepted[i];
@@ -217,7 +222,7 @@ static void refuse_map(cairn_map_merge *merge, int32_t map, cairn_merge_verdict 
     merge->placed[map].verdict = verdict;
 }
 
-/* Cuts off what hangs on too little until nothing does. */
+/* Cuts off weakly supported maps until no cut is below min_score. */
 static cairn_status step_cuts(cairn_map_merge *merge, cairn_budget *budget)
 {
     for (;;) {
@@ -243,8 +248,7 @@ static cairn_pose shifted(cairn_pose pose, int32_t direction)
     return pose;
 }
 
-/* Place `index` of a map to be looked at beside all others: its own, then rivals, then shifted
- * ones. */
+/* Returns test pose `index` of a map: its own, then competing ones, then shifted ones. */
 static cairn_pose place_at(const cairn_map_merge *merge, int32_t map, int32_t index)
 {
     cairn_pose pose = merge->check.pose[map];
@@ -269,7 +273,7 @@ static void insert_place(cairn_map_merge *merge, int32_t map, int32_t index)
     }
 }
 
-/* Support, rivals and shifts of one map. */
+/* Computes support, competing support and shift test of one map. */
 static cairn_status step_places(cairn_map_merge *merge, int32_t map, cairn_budget *budget)
 {
     if (merge->check.looking == 0) {
@@ -302,7 +306,7 @@ static cairn_status step_places(cairn_map_merge *merge, int32_t map, cairn_budge
     return CAIRN_OK;
 }
 
-/* By how likely a rival, or mere chance, would have as much. */
+/* Returns the probability that a competing pose, or chance, reaches the same support. */
 static cairn_real error_probability(const cairn_merge_placed *p)
 {
     cairn_real rival = cairn_exp(cairn_min((p->rival - p->support) / CHANCE_SPREAD_NATS, 30));
@@ -311,7 +315,8 @@ static cairn_real error_probability(const cairn_merge_placed *p)
     return cairn_max((rival + chance) / (1 + rival + chance), MIN_ERROR_PROBABILITY);
 }
 
-/* Every accepted map, and again when one was refused: fewer maps support the others. */
+/* Verifies every accepted map, and again after a rejection, which leaves the others less
+ * support. */
 static cairn_status step_verdicts(cairn_map_merge *merge, cairn_budget *budget)
 {
     for (; merge->cursor < merge->check.count; merge->cursor++) {
@@ -327,8 +332,7 @@ static cairn_status step_verdicts(cairn_map_merge *merge, cairn_budget *budget)
         if (!merge->check.accepted[map])
             continue;
         if (p->support < merge->params.min_score)
-            refuse_map(merge, map,
-                       CAIRN_MERGE_WEAK); /* the cuts leave out what speaks against it */
+            refuse_map(merge, map, CAIRN_MERGE_WEAK); /* the cuts ignore negative pair scores */
         else if (p->support - p->rival < merge->params.min_margin)
             refuse_map(merge, map, CAIRN_MERGE_AMBIGUOUS);
         else if (merge->check.slide > MAX_SHIFTED_SHARE * p->support)

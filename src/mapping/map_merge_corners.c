@@ -1,23 +1,27 @@
-/* Registration of pairs of similar corners in closed form: the motion update of the virtual robot
- * as written.
+/* Closed-form registration of pairs of similar corners: the motion update of the virtual robot as
+ * written.
  *
- * Method. Every corner of a map is compared with every corner of another one of the same kind
- * and opening; the pairs whose legs are most alike in length are kept. Each of them fixes a
- * rigid motion by three correspondences: the vertex, and a point on each leg as far from it as
- * both corners have that leg. The motion is that of least squares (Horn 1987, Arun 1987, in the
- * plane). Source: Adluru 2008, section 9.3. */
+ * Method.
+ *
+ * 1. Every corner of a map is compared with every corner of the same kind and opening of another
+ *    map. The pairs whose legs have the most similar lengths are kept.
+ * 2. A pair fixes a rigid motion by three correspondences: the vertex, and a point on each leg as
+ *    far from it as both corners have that leg. The motion is the least-squares solution (Horn
+ *    1987, Arun 1987, in the plane).
+ *
+ * Source: Adluru 2008, section 9.3. */
 #include "src/core/build.h"
 
 #include "src/mapping/map_merge_work.h"
 
-/* rad: openings of similar corners differ by at most so much. */
+/* rad: maximum difference of the openings of similar corners */
 #define MAX_OPENING_DIFFERENCE_RAD (10 * (CAIRN_PI / 180))
 
-/* m: by so much a leg's length is uncertain; short legs, which are alike by chance, are less
- * similar for it. */
+/* m: uncertainty of a leg's length; it lowers the similarity of short legs, which agree by
+ * chance */
 #define LEG_NOISE_M CAIRN_REAL(0.20)
 
-/* m: how far a leg of a corner reaches. */
+/* Returns the length of a leg of a corner, m. */
 static cairn_real leg_length(const merge_map *map, const cairn_corner *c, int32_t leg)
 {
     cairn_segment s = map->lines[c->segment[leg]];
@@ -27,8 +31,8 @@ static cairn_real leg_length(const merge_map *map, const cairn_corner *c, int32_
     return cairn_max(a, b);
 }
 
-/* How alike two corners are, 0 ... 1: the mean over both legs of the shorter length by the
- * longer one with its noise. Below 0: not similar. */
+/* Returns the similarity of two corners, 0 ... 1: the mean over both legs of the shorter length
+ * divided by the longer length plus noise. Negative: not similar. */
 static cairn_real similarity_of(const merge_map *first, const cairn_corner *a,
                                 const merge_map *second, const cairn_corner *b)
 {
@@ -84,7 +88,7 @@ static void begin_pair(cairn_map_merge *merge)
         merge->mode_count[merge_pair(merge->map, merge->other)] = 0;
 }
 
-/* All pairs of corners of the pair of maps at hand. */
+/* Compares all pairs of corners of the current pair of maps. */
 static cairn_status step_pair(cairn_map_merge *merge, cairn_budget *budget)
 {
     const merge_map *first = &merge->maps[merge->map], *second = &merge->maps[merge->other];

@@ -1,23 +1,29 @@
-/* The virtual robot: a particle filter over where maps lie.
+/* Particle filter over the poses of the maps (the virtual robot).
  *
- * A state says where one map was put. A particle proposes the next map, the one whose best place
- * has most evidence (or that which the order names), at each of its rival places beside the maps
- * placed so far, or that it is put aside until all others had their turn; evidence against all
- * placed maps is the likelihood, tempered because neighbouring walls are not independent. What
- * one pair of maps says about a place is remembered, since particles mostly agree. */
+ * Method.
+ *
+ * 1. A state is the pose of one map in the merged frame.
+ * 2. Proposal: a particle proposes the next map, the one whose best mode has the largest
+ *    log-likelihood ratio (or the next of a given order). Candidates are its competing modes
+ *    relative to the maps placed so far, and deferral until all others had their turn.
+ * 3. Likelihood: the log-likelihood ratio against all placed maps, tempered because errors of
+ *    neighbouring walls are correlated.
+ * 4. Scores of pairs are cached, since most particles agree. */
 #include "src/core/build.h"
 
 #include <string.h>
 
 #include "src/mapping/map_merge_work.h"
 
-/* Nats of evidence for one of log likelihood. */
+/* nats of log-likelihood ratio per nat of log-likelihood */
 #define TEMPERATURE CAIRN_REAL(4.0)
-/* Nats that a place must have to be tried at all: what hangs on little is cut off in the end. */
+/* nats: minimum log-likelihood ratio of a candidate; weakly supported maps are cut off in the
+ * end */
 #define MIN_LOG_RATIO CAIRN_REAL(2.0)
-/* Rounds of a candidate's refinement by lines. */
+/* maximum steps of a candidate's refinement by lines */
 enum { MAX_LINE_STEPS = 4 };
-/* A map is put or put aside, and that twice: its place may be seen when others have theirs. */
+/* filter steps per map: placed or deferred, twice, since its pose may be found once others are
+ * placed */
 enum { STEPS_PER_MAP = 2 };
 
 cairn_particle_filter_params cairn_merge_filter_params(const cairn_map_merge_params *p)
@@ -63,7 +69,7 @@ static int is_near(const cairn_map_merge *merge, int32_t map)
     return 0;
 }
 
-/* Mode `index` of map b beside map a, seen from a; 0 when there are no more. */
+/* Gets mode `index` of map b relative to map a; returns 0 beyond the last. */
 static int mode_of(const cairn_map_merge *merge, int32_t a, int32_t b, int32_t index,
                    merge_mode *mode)
 {
@@ -77,8 +83,8 @@ static int mode_of(const cairn_map_merge *merge, int32_t a, int32_t b, int32_t i
     return 1;
 }
 
-/* The map that comes next, of those that were put aside so often: by the order, or the one whose
- * best mode beside any placed map is best. -1: none. */
+/* Returns the next map among those with this number of deferrals: by the order, or the one with the
+ * best mode relative to any placed map; -1: none. */
 static int32_t next_map(const cairn_map_merge *merge, int32_t aside)
 {
     cairn_real best = 0;
@@ -154,7 +160,7 @@ static void add_image_scores(cairn_map_merge *merge, const merge_state *s)
     merge->offer.offered++;
 }
 
-/* Psi and gamma beside the neighbour that shares most with the map. */
+/* Computes Psi and gamma relative to the neighbour of largest overlap. */
 static void score_images(cairn_map_merge *merge, merge_state *s)
 {
     cairn_real most = -1;
@@ -190,7 +196,7 @@ int cairn_merge_is_same_history(const merge_state *a, const merge_state *b)
     return a == b;
 }
 
-/* The offer for a particle like this one, or an empty one in place of the oldest. */
+/* Returns the cached proposal of an equal particle, or an empty one in place of the oldest. */
 static merge_proposal *proposal_for(cairn_map_merge *merge, const merge_state *state)
 {
     merge_proposal *fresh;
@@ -220,7 +226,7 @@ static void begin_proposal(cairn_map_merge *merge, const merge_state *state)
     }
 }
 
-/* One candidate: refined beside all maps placed, then scored. */
+/* Processes one candidate: refined against all placed maps, then scored. */
 static int step_candidate(cairn_map_merge *merge, merge_state *s, cairn_budget *budget)
 {
     if (merge->offer.stage == 1) {
@@ -271,7 +277,8 @@ static cairn_status propose(void *context, cairn_particle_filter *filter, int32_
     return CAIRN_OK;
 }
 
-/* Psi~ gamma~ (9.5, 9.6), each normalised over all candidates of the step; a single one has 1. */
+/* Returns log(Psi~ gamma~) (9.5, 9.6), each normalized over all candidates of the step; a single
+ * one has 0. */
 static cairn_real log_images(const cairn_map_merge *merge, const merge_state *s)
 {
     cairn_real gammas =
@@ -309,8 +316,8 @@ cairn_particle_model cairn_merge_model(cairn_map_merge *merge)
     return model;
 }
 
-/* Where the merging starts: at a map of the pair that has most evidence, so that what is weak
- * meets many maps at once; at the reference when an order or an earlier merging is given. */
+/* Returns the first map: one of the pair with the largest log-likelihood ratio, so that weak maps
+ * meet many maps at once; the reference when an order or a guess is given. */
 static int32_t first_map(const cairn_map_merge *merge)
 {
     int32_t first = merge->reference;

@@ -1,31 +1,33 @@
-/* Psi and gamma of two images as written (9.5, 9.6), and the image of the maps merged so far.
+/* Image similarity Psi and gamma as written (9.5, 9.6), and the image of the merged maps.
  *
- * Method. For each known cell of an image the Manhattan distances to the nearest occupied and to
- * the nearest free cell of the other one are looked up in its distance maps; a cell beside the
- * image is as far as its nearest cell within, and as that one's distance. The kernel of the
- * distance to the own class goes into Psi, of that to the other class into d. All cells count, but
- * those that lie farther from the other image than the kernel reaches are passed over: they add
- * nothing.
+ * Method.
  *
- * The merged image has the cells of the reference, row by row; each map is looked up at the
- * middle of every cell and has one vote. Source: Adluru 2008, section 9.4. */
+ * 1. For each known cell of an image the Manhattan distances to the nearest occupied and to the
+ *    nearest free cell of the other image are looked up in its distance maps. A cell outside is as
+ *    far as its nearest cell inside, plus that cell's distance.
+ * 2. The kernel of the distance to the same class is added to Psi, that to the other class to d.
+ *    All cells count; those beyond the kernel's reach are skipped, since they add nothing.
+ * 3. The merged image has the cells of the reference. Each map is sampled at the centre of every
+ *    cell and has one vote.
+ *
+ * Source: Adluru 2008, section 9.4. */
 #include "src/core/build.h"
 
 #include <string.h>
 
 #include "src/mapping/map_merge_work.h"
 
-/* Cells: parameters of the kernel, and the distance from which on it is 0. */
+/* cells: parameters of the kernel, and the distance from which on it is 0 */
 #define KERNEL_MU          CAIRN_REAL(0.0)
 #define KERNEL_SIGMA_CELLS CAIRN_REAL(0.5)
 enum { KERNEL_REACH_CELLS = 5, CELLS_PER_UNIT = 4 };
 
-/* Cells: rows of less slope are level, and not clipped. */
+/* cells: rows of less slope are treated as level and not clipped */
 #define LEVEL_SLOPE_CELLS CAIRN_REAL(1e-6)
-/* Cells: nearer to an image's edge rounding may put a cell outside. */
+/* cells: margin at an image's edge where rounding may put a cell outside */
 #define EDGE_CELLS CAIRN_REAL(0.05)
 
-/* Least d, so that its logarithm is finite. */
+/* minimum of d, which keeps its logarithm finite */
 #define MIN_DISAGREEMENT CAIRN_REAL(1e-6)
 
 void cairn_merge_set_kernel(cairn_real *kernel)
@@ -40,7 +42,7 @@ void cairn_merge_set_kernel(cairn_real *kernel)
     }
 }
 
-/* ---- Boxes ---- */
+/* ---- Bounding boxes ---- */
 
 cairn_box cairn_merge_box_of(const merge_map *map, cairn_pose pose)
 {
@@ -64,7 +66,7 @@ cairn_box cairn_merge_join(cairn_box a, cairn_box b)
     return cairn_box_extend(cairn_box_extend(a, b.min), b.max);
 }
 
-/* The cell that a coordinate lies in, cut to -limit ... limit. */
+/* Returns the cell that contains a coordinate, clamped to -limit ... limit. */
 static inline int32_t cell_index(cairn_real at, int32_t limit)
 {
     cairn_real most = (cairn_real)limit, within = at < most ? at > -most ? at : -most : most;
@@ -73,9 +75,9 @@ static inline int32_t cell_index(cairn_real at, int32_t limit)
     return whole - ((cairn_real)whole > within);
 }
 
-/* ---- Comparing ---- */
+/* ---- Comparison of two images ---- */
 
-/* Columns and rows of image k that the other image's box comes near. */
+/* Sets the columns and rows of image k that lie near the other image's box. */
 static void set_window(merge_images *c, int32_t k, cairn_pose own_other)
 {
     const merge_map *own = c->map[k], *other = c->map[1 - k];
@@ -111,7 +113,7 @@ void cairn_merge_begin_images(merge_images *c, const merge_map *a, const merge_m
     c->row = c->begin[0][1];
 }
 
-/* The cell of an image that is nearest to one that may lie beside it; *beside grows by their
+/* Returns the cell of an image nearest to one that may lie outside; *beside grows by their
  * distance. */
 static int32_t clamp_cell(int32_t at, int32_t side, int32_t *beside)
 {
@@ -121,8 +123,8 @@ static int32_t clamp_cell(int32_t at, int32_t side, int32_t *beside)
     return within;
 }
 
-/* Keeps of columns *begin ... *end - 1 those where start + column * step lies in low ... high,
- * and at most `spare` more on either side; with a negative number so many fewer. */
+/* Clips columns *begin ... *end - 1 to those where start + column * step lies in low ... high,
+ * widened by `spare` columns on either side (narrowed when negative). */
 static void clip(cairn_real start, cairn_real step, cairn_real low, cairn_real high, int32_t spare,
                  int32_t *begin, int32_t *end)
 {
@@ -134,7 +136,7 @@ static void clip(cairn_real start, cairn_real step, cairn_real low, cairn_real h
     *end = *end < last + 1 ? *end : last + 1;
 }
 
-/* A row of an image as it lies in the other one: cell (first + column * step) in cells. */
+/* A row of an image mapped into the other one: cell (first + column * step) in cells. */
 typedef struct image_row {
     const merge_map *other;
     const uint16_t *cells;
@@ -160,7 +162,7 @@ static void add_cell(image_row *r, uint16_t own, uint16_t cell, int32_t beside,
     }
 }
 
-/* Columns that may lie beside the other image. */
+/* Adds columns that may lie outside the other image. */
 static void add_outside(image_row *r, int32_t begin, int32_t end, const cairn_real *kernel)
 {
     int32_t width = r->other->input.cells.width, height = r->other->input.cells.height;
@@ -181,7 +183,7 @@ static void add_outside(image_row *r, int32_t begin, int32_t end, const cairn_re
     }
 }
 
-/* Columns that lie within it. */
+/* Adds columns that lie inside it. */
 static void add_inside(image_row *r, int32_t begin, int32_t end, const cairn_real *kernel)
 {
     size_t width = (size_t)r->other->input.cells.width;
@@ -195,8 +197,7 @@ static void add_inside(image_row *r, int32_t begin, int32_t end, const cairn_rea
     }
 }
 
-/* Adds a row of image k: the cells that come to lie within the kernel's reach of the other
- * image, as the rest adds nothing. */
+/* Adds a row of image k: the cells within the kernel's reach of the other image. */
 static void add_row(merge_images *c, int32_t k, const cairn_real *kernel)
 {
     const merge_map *own = c->map[k], *other = c->map[1 - k];
@@ -275,8 +276,8 @@ void cairn_merge_end_images(const merge_images *c, cairn_merge_score *score)
 
 /* ---- The merged image ---- */
 
-/* First cell and end of an image of the box, along x or y, in cells of the reference; a hair
- * less, which rounding is. */
+/* Computes the first cell and the end of an image of the box along x or y, in cells of the
+ * reference, with a margin for rounding. */
 static void merged_extent(const cairn_map_merge *merge, cairn_real low, cairn_real high,
                           cairn_real corner, int32_t *first, int32_t *end)
 {
@@ -298,7 +299,7 @@ int cairn_merge_has_room(const cairn_map_merge *merge, cairn_box box)
            (int64_t)(right - x) * (top - y) <= merge->written->max_cells;
 }
 
-/* The image of the box of all maps in near[], still without cells. */
+/* Sets up an empty image of the bounding box of all neighbours. */
 static void begin_merged(cairn_map_merge *merge)
 {
     const merge_map *reference = &merge->maps[merge->reference];
@@ -324,7 +325,7 @@ static void begin_merged(cairn_map_merge *merge)
     w->cursor = 0;
 }
 
-/* Votes of map `near` in row `row`: low byte occupied, high byte free. */
+/* Adds the votes of map `near` to row `row`: low byte occupied, high byte free. */
 static void vote_row(cairn_map_merge *merge, int32_t near, int32_t row)
 {
     const merge_map *from = &merge->maps[merge->neighbours[near]];
@@ -361,7 +362,7 @@ static void count_row(merge_written *w, int32_t row)
     }
 }
 
-/* Rows of votes: none, then those of each map, then what they come to. */
+/* Processes rows: clears the votes, adds those of each map, then takes the majority. */
 static int step_votes(cairn_map_merge *merge, cairn_budget *budget)
 {
     merge_written *w = merge->written;

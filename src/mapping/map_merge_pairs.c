@@ -1,46 +1,49 @@
-/* Rival places of two maps beside each other.
+/* Competing registrations (modes) of two maps.
  *
- * Method. Every pair of corners of the same kind and opening fixes a rigid motion. It is judged
- * first by a few points of each map, looked up in the distance map of the other, softly; the
- * best ones that differ are refined by a pattern search about the middle of their overlap (x, y
- * and rotation, steps halved from two cells to a quarter), and then judged by all points.
- * Evidence is counted in lengths of wall: what lies on a wall of the other map speaks for a
- * place, what lies in its free space against it, what lies where it knows nothing says nothing.
- * No image is ever resampled: a point is rotated and looked up. */
+ * Method.
+ *
+ * 1. Hypothesis generation: every pair of corners of the same kind and opening fixes a rigid
+ *    motion.
+ * 2. A hypothesis is scored by a few points of each map, looked up in the distance map of the other
+ *    with a wide kernel. Non-maximum suppression keeps the best distinct ones.
+ * 3. These are refined by a pattern search about the centre of their overlap (x, y and rotation,
+ *    with halved steps), then by lines (map_merge_refine.c), and scored by all points.
+ * 4. The score is a log-likelihood ratio in lengths of wall. A point on a wall of the other map
+ *    supports a pose, a point in its free space contradicts it, a point in unknown space is
+ *    neutral. No image is resampled: points are transformed and looked up. */
 #include "src/core/build.h"
 
 #include "src/mapping/map_merge_work.h"
 
-/* Nats for a stretch of wall that agrees: log(0.85 / 0.15); against one that does not: log(0.75
- * / 0.014). */
+/* nats per correlation length of agreeing wall: log(0.85 / 0.15); of wall in free space: log(0.75 /
+ * 0.014) */
 #define AGREEMENT_NATS CAIRN_REAL(1.7)
 #define CONFLICT_NATS  CAIRN_REAL(4.0)
-/* Two corners match when their openings differ by at most so much, rad. */
+/* rad: maximum difference of the openings of matching corners */
 #define MAX_OPENING_DIFFERENCE_RAD CAIRN_REAL(0.25)
-/* Places nearer than this are one in the end; while searching: MERGE_COARSE_M. */
+/* non-maximum suppression of final modes; during the search: MERGE_COARSE_M */
 #define NMS_RADIUS_M   CAIRN_REAL(0.20)
 #define NMS_RADIUS_RAD CAIRN_REAL(0.06)
-/* Cells: first and last step of a refinement by an even choice of points, and by all of them. */
+/* cells: first and last step of a refinement by sampled points, and by all points */
 #define COARSE_FIRST_STEP_CELLS CAIRN_REAL(2.0)
 #define COARSE_LAST_STEP_CELLS  CAIRN_REAL(0.2)
 #define FINE_FIRST_STEP_CELLS   CAIRN_REAL(0.5)
 #define FINE_LAST_STEP_CELLS    CAIRN_REAL(0.1)
-/* m of wall, as felt while searching, from which on a place is refined by all points. */
+/* m of wall by the search score: minimum for a refinement by all points */
 #define MIN_FINE_SCORE_M CAIRN_REAL(0.3)
-/* Of what speaks against a place while searching. */
+/* weight of violating points during the search */
 #define CONFLICT_WEIGHT CAIRN_REAL(1.5)
-/* Nats from which on a map supports another one. */
+/* nats: minimum log-likelihood ratio of a supporting neighbour */
 #define MIN_NEIGHBOUR_NATS CAIRN_REAL(3.0)
-/* Cells within which a wall is felt. */
+/* cells: reach of the search kernel */
 #define SOFT_REACH_CELLS 6
-/* rad: rotations to either side from which a place is refined again; nats from which on that is
- * worth it. */
+/* rad: rotations to either side from which a mode is refined again; nats: minimum for that */
 #define VARIANT_RAD      CAIRN_REAL(0.025)
 #define MIN_VARIANT_NATS CAIRN_REAL(1.0)
 enum { VARIANTS = 3 };
-/* Rounds of a place's refinement by lines. */
+/* maximum steps of a refinement by lines */
 enum { MAX_LINE_STEPS = 5 };
-/* m: where a rotation moves cells by one step. */
+/* m: lever arm at which a rotation step moves points by one translation step */
 #define ROTATION_LEVER_M CAIRN_REAL(3.0)
 
 int cairn_merge_is_same(cairn_pose a, cairn_pose b, cairn_real metres, cairn_real radians)
@@ -51,17 +54,17 @@ int cairn_merge_is_same(cairn_pose a, cairn_pose b, cairn_real metres, cairn_rea
            cairn_abs(cairn_wrap_angle(a.theta - b.theta)) < radians;
 }
 
-/* ---- Comparing ---- */
+/* ---- Scoring ---- */
 
 static uint16_t cell_of(const merge_map *to, cairn_vec2 p, cairn_real scale)
 {
     return merge_cell_at(to, (p.x - to->corner.x) * scale, (p.y - to->corner.y) * scale);
 }
 
-/* Adds points begin ... end - 1 of `from`, mapped by t, in the grid of `to`. A point agrees that
- * lies on a wall and has free space before it, as in its own map: the two faces of a wall do
- * not. One that lies two cells beside a wall may be on its other face or be moved by noise: it
- * counts half, a third one says nothing. */
+/* Adds points begin ... end - 1 of `from`, mapped by t, looked up in the grid of `to`. A point
+ * agrees when it lies on a wall and has free space in front, as in its own map: the two faces of a
+ * wall do not agree. A point two cells beside a wall may lie on the other face or be displaced by
+ * noise: it counts half. A third one is neutral. */
 void cairn_merge_sum(const cairn_map_merge *merge, const merge_map *to, const merge_map *from,
                      const cairn_transform *t, int32_t begin, int32_t end, merge_sums *s)
 {
@@ -131,7 +134,7 @@ static int resume_comparing(cairn_map_merge *merge, cairn_budget *budget)
     return 1;
 }
 
-/* m of wall for one of the points that were compared. */
+/* Returns the m of wall per compared point. */
 static cairn_real wall_per_point(const cairn_map_merge *merge, const merge_comparison *c,
                                  int32_t direction)
 {
@@ -157,7 +160,7 @@ static cairn_real evidence_of(const cairn_map_merge *merge, const merge_comparis
     return cairn_merge_nats(merge, agree, conflict);
 }
 
-/* The same for searching, with a kernel that is felt from farther away. */
+/* Returns the search score, with the wider kernel. */
 static cairn_real soft_score(const cairn_map_merge *merge)
 {
     const merge_comparison *c = &merge->comparison;
@@ -196,7 +199,7 @@ static int corners_match(const cairn_corner *a, const cairn_corner *b)
     return a->kind == b->kind && cairn_abs(a->opening - b->opening) <= MAX_OPENING_DIFFERENCE_RAD;
 }
 
-/* The motion that lays corner b on corner a, the bisectors of their legs on each other. */
+/* Returns the motion that maps corner b onto corner a and aligns the bisectors of their legs. */
 static cairn_pose motion_of(const cairn_corner *a, const cairn_corner *b)
 {
     cairn_vec2 u = cairn_vec2_add(a->leg[0], a->leg[1]), v = cairn_vec2_add(b->leg[0], b->leg[1]);
@@ -239,7 +242,7 @@ static cairn_status step_hypotheses(cairn_map_merge *merge, cairn_budget *budget
     return CAIRN_OK;
 }
 
-/* ---- One map beside several ---- */
+/* ---- One map against several ---- */
 
 static int32_t quantized(cairn_real x, cairn_real step)
 {
@@ -298,7 +301,7 @@ void cairn_merge_begin_total(cairn_map_merge *merge, int32_t map, cairn_pose pos
     merge->is_comparing = 0;
 }
 
-/* Takes in the comparison with one neighbour. */
+/* Adds the comparison with one neighbour to the total. */
 static void add_comparison(cairn_map_merge *merge, cairn_real evidence)
 {
     const merge_comparison *c = &merge->comparison;
@@ -351,7 +354,7 @@ int cairn_merge_go_on_total(cairn_map_merge *merge, cairn_budget *budget)
 
 /* ---- Refinement ---- */
 
-/* The pose turned about a point. */
+/* Returns the pose rotated about a point. */
 static cairn_pose turned(cairn_pose pose, cairn_vec2 pivot, cairn_real angle)
 {
     cairn_vec2 arm = {pose.x - pivot.x, pose.y - pivot.y};
@@ -362,7 +365,8 @@ static cairn_pose turned(cairn_pose pose, cairn_vec2 pivot, cairn_real angle)
     return result;
 }
 
-/* The pose moved by a step along x, y, or turned about the pivot: directions 0 ... 5. */
+/* Returns the pose moved by one step along x or y, or rotated about the pivot: directions 0 ...
+ * 5. */
 static cairn_pose moved(const cairn_map_merge *merge, int32_t direction)
 {
     cairn_real sign = direction % 2 == 0 ? 1 : -1;
@@ -398,7 +402,7 @@ static void begin_climb(cairn_map_merge *merge, int32_t map, cairn_pose start, i
     set_step(merge, first);
 }
 
-/* Takes in the score of the pose that was tried; 1 when the search has ended. */
+/* Accepts or rejects the trial pose; returns 1 when the pattern search has converged. */
 static int end_trial(cairn_map_merge *merge)
 {
     if (merge->climb.direction < 0 || merge->total.soft > merge->climb.score) {
@@ -430,7 +434,7 @@ static int resume_climbing(cairn_map_merge *merge, cairn_budget *budget)
     }
 }
 
-/* All that are kept are looked at again with more points; the best are refined. */
+/* Scores all hypotheses again with more points; the best are refined. */
 static cairn_status step_sift(cairn_map_merge *merge, cairn_budget *budget)
 {
     for (; merge->cursor < merge->hypothesis_count; merge->cursor++) {
@@ -451,7 +455,8 @@ static cairn_status step_sift(cairn_map_merge *merge, cairn_budget *budget)
     return CAIRN_OK;
 }
 
-/* Where the refinement of a variant starts: the search may have stuck beside the best rotation. */
+/* Returns the start of a variant: a rotated pose, since the search may end in a local maximum
+ * beside the best rotation. */
 static cairn_pose variant_of(const cairn_map_merge *merge)
 {
     cairn_real turn = merge->climb.variant == 1 ? VARIANT_RAD : -VARIANT_RAD;
@@ -460,7 +465,7 @@ static cairn_pose variant_of(const cairn_map_merge *merge)
                                      : turned(merge->climb.base, merge->climb.base_pivot, turn);
 }
 
-/* Refines the place at hand by cells, then by lines, then judges it by all points. */
+/* Refines the current mode by cells, then by lines, then scores it by all points. */
 static int step_place(cairn_map_merge *merge, cairn_budget *budget)
 {
     if (merge->inner == 0) {
@@ -497,7 +502,7 @@ static int step_place(cairn_map_merge *merge, cairn_budget *budget)
     return cairn_merge_go_on_total(merge, budget);
 }
 
-/* Each of the places kept, and its variants when it is worth it. */
+/* Refines each hypothesis kept, and its variants when its score is high enough. */
 static cairn_status step_refine(cairn_map_merge *merge, cairn_budget *budget)
 {
     int32_t pair = merge_pair(merge->map, merge->other);

@@ -1,10 +1,15 @@
-/* A map made ready: distances to walls and to free space, points of its surface with normals, lines
- * and corners.
+/* Preparation of a map: distance maps to walls and to free space, surface points with normals,
+ * lines and corners.
  *
- * The surface is made of occupied cells beside free ones. A normal stands across the occupied
- * cells around, on their free side; lines grow from cell to neighbouring cell of the same
- * normal, so that the two faces of a thin wall stay two, and again beside their fit; corners are
- * those of the room `corner`. */
+ * Method.
+ *
+ * 1. Distance maps to occupied and to free cells are computed and packed.
+ * 2. The surface consists of occupied cells next to free ones, sampled evenly. A normal is the
+ *    minor axis of the occupied cells around, on their free side.
+ * 3. Lines grow from cell to neighbouring cell of the same normal (region growing), so the two
+ *    faces of a thin wall stay separate. They are refitted while growing.
+ * 4. Corners are intersections of lines (module corner).
+ * 5. Points and free cells are shuffled so that every prefix is an evenly spread sample. */
 #include "src/core/build.h"
 
 #include <string.h>
@@ -12,23 +17,25 @@
 #include "cairn/line.h"
 #include "src/mapping/map_merge_work.h"
 
-/* Half sides in cells of the windows for normals and for the neighbours of a line's cell. */
+/* cells: half sides of the windows for normals and for the neighbours of a line's cell; minimum
+ * points of a line */
 enum { NORMAL_WINDOW = 3, LINE_WINDOW = 2, MIN_LINE_POINTS = 5 };
 
-/* Cosine of the angle by which normals of a line differ at most. */
+/* minimum cosine between normals of a line */
 #define LINE_MIN_COSINE CAIRN_REAL(0.92)
-/* Occupied cells lie along a line when their spreads differ by such a share of their sum. */
+/* minimum ratio of the difference to the sum of the principal spreads of cells along a line */
 #define MIN_ELONGATION CAIRN_REAL(0.5)
-/* Cells: a line's points lie at most so far beside its first one, and off it in the mean square. */
+/* cells: maximum distance of a line's points from its first one, and their root mean square
+ * residual */
 #define LINE_WIDTH_CELLS CAIRN_REAL(2.6)
 #define LINE_RMS_CELLS   CAIRN_REAL(0.9)
-/* Cells from a point to its front. */
+/* cells from a point to its free-space sample */
 #define FRONT_CELLS CAIRN_REAL(3.0)
-/* Cells: points farther off a line are not fitted. */
+/* cells: points farther off a line are not fitted */
 #define TRIM_CELLS CAIRN_REAL(0.8)
-/* m: a longer straight wall counts only by the root of its length. */
+/* m: the weight of a longer straight wall grows only by the root of its length */
 #define SATURATED_WALL_M CAIRN_REAL(0.7)
-/* m: shorter lines make no corner. */
+/* m: minimum length of a line that forms corners */
 #define MIN_LINE_M CAIRN_REAL(0.20)
 
 static merge_map *current(cairn_map_merge *merge)
@@ -106,7 +113,7 @@ cairn_status cairn_merge_pack(cairn_map_merge *merge, merge_map *map, int32_t sh
     return CAIRN_OK;
 }
 
-/* MERGE_UNKNOWN outside. */
+/* Returns the class of a cell; MERGE_UNKNOWN outside. */
 static int32_t class_at(const merge_map *map, int32_t x, int32_t y)
 {
     if (x < 0 || y < 0 || x >= width_of(map) || y >= height_of(map))
@@ -129,14 +136,14 @@ static cairn_vec2 centre_of_cell(const merge_map *map, int32_t cell)
     return p;
 }
 
-/* 1 for `most` of `count` things, evenly, when there are more. */
+/* Returns 1 for `most` of `count` items, evenly spread, when there are more. */
 static int is_chosen(int32_t index, int32_t count, int32_t most)
 {
     return count <= most || count <= 0 ||
            (int64_t)(index + 1) * most / count > (int64_t)index * most / count;
 }
 
-/* Two passes over the cells: counted, then chosen. Free cells are chosen on the way. */
+/* Two passes over the cells: count, then sample. Free cells are sampled on the way. */
 static cairn_status step_surface(cairn_map_merge *merge, cairn_budget *budget)
 {
     merge_map *map = current(merge);
@@ -168,7 +175,7 @@ static cairn_status step_surface(cairn_map_merge *merge, cairn_budget *budget)
     return CAIRN_OK;
 }
 
-/* Mean direction to the free cells around, near ones first. */
+/* Returns the mean direction to the free cells around, weighted by proximity. */
 static cairn_vec2 free_side(const merge_map *map, int32_t x0, int32_t y0)
 {
     cairn_vec2 sum = {0, 0};
@@ -185,7 +192,8 @@ static cairn_vec2 free_side(const merge_map *map, int32_t x0, int32_t y0)
     return cairn_vec2_unit(sum);
 }
 
-/* Across the occupied cells around, when they lie along a line, on the side that is free. */
+/* Returns the normal: the minor axis of the occupied cells around when they are elongated, on the
+ * free side. */
 static cairn_vec2 normal_at(const merge_map *map, int32_t cell)
 {
     int32_t x0 = cell % width_of(map), y0 = cell / width_of(map), n = 0, x = 0, y = 0, xx = 0,
@@ -210,8 +218,7 @@ static cairn_vec2 normal_at(const merge_map *map, int32_t cell)
     spread = cairn_sqrt((a - c) * (a - c) + 4 * b * b);
     if (!(spread > MIN_ELONGATION * (a + c)))
         return side;
-    /* The axis of the greater spread, turned by a right angle; of its two forms the one that
-     * does not cancel. */
+    /* The major axis, rotated by a right angle; of its two forms the one without cancellation. */
     if (a >= c) {
         normal.x = -2 * b;
         normal.y = a - c + spread;
@@ -240,7 +247,7 @@ static cairn_status step_normals(cairn_map_merge *merge, cairn_budget *budget)
     return CAIRN_OK;
 }
 
-/* Takes the neighbours of the queue's next point into the line. */
+/* Adds the matching neighbours of the queue's next point to the line. */
 static void grow_line(cairn_map_merge *merge)
 {
     merge_map *map = current(merge);
@@ -268,8 +275,8 @@ static void grow_line(cairn_map_merge *merge)
         }
 }
 
-/* The line through the points in the queue, and again through those that lie well on it: ends of
- * walls have normals of both sides. */
+/* Fits a line to the points in the queue, then again to the inliers: ends of walls have normals of
+ * both sides. */
 static int fit_line(cairn_map_merge *merge, cairn_line *line)
 {
     const merge_map *map = current(merge);
@@ -287,8 +294,8 @@ static int fit_line(cairn_map_merge *merge, cairn_line *line)
     return kept >= MIN_LINE_POINTS && cairn_line_fit(merge->line, NULL, kept, line) == CAIRN_OK;
 }
 
-/* The points in the queue become a segment with the free side on its left, when they lie on a
- * line that is long enough. */
+/* Converts the points in the queue into a segment with the free side on its left, when they lie on
+ * a line of sufficient length. */
 static void end_line(cairn_map_merge *merge, int32_t seed)
 {
     merge_map *map = current(merge);
@@ -335,8 +342,8 @@ static void begin_line(cairn_map_merge *merge, int32_t seed)
     merge->line_normal = first->normal;
 }
 
-/* A line that has grown by half since it was fitted is fitted again and may go on growing beside
- * the fit: the normal of its first point alone leads astray after a metre. 1 when it goes on. */
+/* Refits a line that has grown by half since its last fit and resumes growing: the normal of the
+ * first point alone is too inaccurate after a metre. Returns 1 when it grows on. */
 static int refit_line(cairn_map_merge *merge)
 {
     cairn_line line;
@@ -403,7 +410,8 @@ static cairn_status step_corners(cairn_map_merge *merge, cairn_budget *budget)
     return CAIRN_OK;
 }
 
-/* A step through `count` things that comes to all of them and is about 0.618 of a round. */
+/* Returns a step coprime to `count` of about 0.618 count: a golden-ratio sequence that visits all
+ * items. */
 static int32_t golden_step(int32_t count)
 {
     int32_t step = cairn_real_to_int((cairn_real)count * CAIRN_REAL(0.6180339887));
@@ -422,8 +430,8 @@ static int32_t golden_step(int32_t count)
     }
 }
 
-/* Puts the points and the free cells into an order any beginning of which is an even choice;
- * m->line and m->queue hold what is moved. */
+/* Shuffles the points and the free cells so that every prefix is an evenly spread sample;
+ * merge->line and merge->queue are buffers. */
 static void shuffle(cairn_map_merge *merge)
 {
     merge_map *map = current(merge);

@@ -1,34 +1,37 @@
-/* A place refined far below the size of a cell, by lines, and by surfaces where there are none.
+/* Sub-cell refinement of a pose by lines, and by surface points where there are none
+ * (Gauss-Newton).
  *
- * Gauss and Newton over the lines of one map on those of the maps around it: where two run the
- * same way, near each other and beside each other, both ends of what they share are drawn onto
- * the other line. Lines are fitted to many cells and so much finer than these. Points off all
- * lines are drawn onto the surface that they meet along their normals. What neither tells stays
- * as it was. */
+ * Method. Normal equations of the point-to-line residuals between one map and its neighbours:
+ *
+ * 1. Lines that are nearly parallel, close and overlapping correspond. Both ends of the common part
+ *    are residuals, and the difference of directions is another. Lines are fitted to many cells and
+ *    are more accurate than single cells.
+ * 2. Curve points are projected along their normals onto the neighbour's surface.
+ * 3. Directions that neither observes are held by a prior at the start. */
 #include "src/core/build.h"
 
 #include <string.h>
 
 #include "src/mapping/map_merge_work.h"
 
-/* Sine of the angle, and cells of the distance, by which lines that are one differ at most. */
+/* maximum sine of the angle, and maximum distance in cells, between corresponding lines */
 #define MAX_SINE           CAIRN_REAL(0.14)
 #define MAX_DISTANCE_CELLS CAIRN_REAL(1.6)
-/* m: lines that share less say nothing. */
+/* m: minimum common length of corresponding lines */
 #define MIN_SHARED_M CAIRN_REAL(0.15)
-/* m: error of a line, and the length of wall that has it once. */
+/* m: standard deviation of a line, and the length of wall that has it once */
 #define LINE_SIGMA_M        CAIRN_REAL(0.02)
 #define LINE_SIGMA_LENGTH_M CAIRN_REAL(0.2)
-/* rad: by which the two pictures of a straight wall differ in direction at least, and where they
- * may be two walls. */
+/* rad: minimum standard deviation of the direction difference of one straight wall in two maps, and
+ * that where there may be two walls */
 #define MIN_DIRECTION_SIGMA_RAD    CAIRN_REAL(0.002)
 #define CURVED_DIRECTION_SIGMA_RAD CAIRN_REAL(0.03)
-/* m and rad: how far the place at hand may be off. */
+/* m and rad: prior standard deviations of the current pose */
 #define PRIOR_SIGMA_M   CAIRN_REAL(0.03)
 #define PRIOR_SIGMA_RAD CAIRN_REAL(0.01)
-/* m: a motion about so large a body. */
+/* m: body radius that relates rotation and translation */
 #define BODY_RADIUS_M CAIRN_REAL(3.0)
-/* m: a step shorter than this is the last one; a longer one is cut. */
+/* m: a step shorter than this ends the iteration; a longer one is limited */
 #define CONVERGED_M CAIRN_REAL(2e-4)
 #define MAX_STEP_M  CAIRN_REAL(0.1)
 
@@ -41,7 +44,8 @@ static cairn_segment mapped(cairn_transform t, cairn_segment s)
     return moved;
 }
 
-/* The body's point `body`, which lies at p, drawn onto the line through `at` with normal n. */
+/* Adds a point-to-line residual: the body's point `body` at p, and the line through `at` with
+ * normal n. */
 static void add_end(merge_fit *f, cairn_vec2 p, cairn_vec2 at, cairn_vec2 n, cairn_vec2 body,
                     cairn_real weight)
 {
@@ -54,14 +58,14 @@ static void add_end(merge_fit *f, cairn_vec2 p, cairn_vec2 at, cairn_vec2 n, cai
         f->equations.gradient[i] += weight * row[i] * r;
 }
 
-/* Variance of the direction of a line that was fitted to so many m. */
+/* Returns the variance of the direction of a line fitted to a length in m, rad^2. */
 static cairn_real variance_of(cairn_real length)
 {
     return 12 * LINE_SIGMA_M * LINE_SIGMA_M * LINE_SIGMA_LENGTH_M / (length * length * length);
 }
 
-/* The direction of the body's line on that of the map's: known far better of long walls than
- * from what they share. */
+/* Adds the residual of the directions of two lines: long walls give it far better than their common
+ * part does. */
 static void add_direction(merge_fit *f, cairn_real turn, cairn_real length, cairn_real own_length)
 {
     cairn_real row = 1 / f->motion.radius;
@@ -73,7 +77,7 @@ static void add_direction(merge_fit *f, cairn_real turn, cairn_real length, cair
     f->equations.gradient[2] += weight * row * turn;
 }
 
-/* Line `own` of the body on line `t` of the map. */
+/* Adds the residuals of line `own` of the map and line `t` of the neighbour. */
 static void add_lines(merge_fit *f, cairn_segment own, cairn_segment t)
 {
     cairn_segment s = mapped(f->motion.transform, own);
@@ -113,7 +117,7 @@ static void add_lines(merge_fit *f, cairn_segment own, cairn_segment t)
         add_direction(f, cairn_vec2_cross(u, v), length, own_length);
 }
 
-/* Line `index` of the neighbour at hand and all of the body's. */
+/* Adds line `index` of the current neighbour against all lines of the map. */
 static void add_line(merge_fit *f, const merge_map *body, const merge_map *other, int32_t index)
 {
     cairn_segment line = mapped(f->at, other->lines[index]);
@@ -129,7 +133,7 @@ static cairn_real curve_point_weight(const merge_map *map)
            (2 * LINE_SIGMA_M * LINE_SIGMA_M);
 }
 
-/* A bend of the body on the surface of the neighbour. */
+/* Adds a curve point of the map against the surface of the neighbour. */
 static void add_curve_point(merge_fit *f, const merge_map *body, const merge_map *other,
                             int32_t index)
 {
@@ -144,7 +148,7 @@ static void add_curve_point(merge_fit *f, const merge_map *body, const merge_map
                 cairn_transform_direction(f->at, n), bend->position, curve_point_weight(body));
 }
 
-/* A bend of the neighbour on the surface of the body. */
+/* Adds a curve point of the neighbour against the surface of the map. */
 static void add_curve_point_of_neighbour(merge_fit *f, const merge_map *body,
                                          const merge_map *other, int32_t index)
 {
@@ -171,7 +175,7 @@ static void begin_fit(cairn_map_merge *merge)
     f->neighbour = -1;
 }
 
-/* The next neighbour that is not apart; 0 when there is none. */
+/* Advances to the next neighbour that can overlap; returns 0 when there is none. */
 static int next_neighbour(cairn_map_merge *merge)
 {
     merge_fit *f = &merge->fit;
@@ -194,7 +198,7 @@ static int next_neighbour(cairn_map_merge *merge)
     return 0;
 }
 
-/* The lines and bends of the neighbour at hand. */
+/* Adds the lines and curve points of the current neighbour. */
 static int add_neighbour(cairn_map_merge *merge, cairn_budget *budget)
 {
     merge_fit *f = &merge->fit;
@@ -218,7 +222,7 @@ static int add_neighbour(cairn_map_merge *merge, cairn_budget *budget)
     return 1;
 }
 
-/* 1 when the place moves no more. */
+/* Solves the normal equations and applies the step; returns 1 on convergence. */
 static int end_fit(cairn_map_merge *merge)
 {
     merge_fit *f = &merge->fit;

@@ -1,7 +1,9 @@
-/* What two maps say of a place of one in the other: agreement, conflict, Psi and gamma.
+/* Scores of a relative pose of two maps: agreement, free-space violation, Psi and gamma.
  *
- * Psi and gamma are the sums of equations 9.5 and 9.6, by default over an even choice of the
- * cells of both maps and with exact disagreement, as written over all cells (map_merge_image.c).
+ * Method: Psi and gamma are the sums of equations 9.5 and 9.6, by default over an evenly spread
+ * sample of the cells of both maps and with exact disagreement; as written over all cells
+ * (map_merge_image.c).
+ *
  * Source: Adluru 2008, section 9.4. */
 #include "src/core/build.h"
 
@@ -9,8 +11,7 @@
 
 #include "src/mapping/map_merge_work.h"
 
-/* Points of one class of a map in the other one's grid: sums of the kernels of Psi and d, which
- * count the whole map. */
+/* Sums of the kernels of Psi and d over the points of one class, scaled to the whole map. */
 typedef struct image_sums {
     cairn_real same, other;
     int32_t known;
@@ -31,8 +32,8 @@ static void add_image(const merge_map *to, cairn_vec2 p, int32_t class, image_su
     s->other += merge_class(cell) != MERGE_UNKNOWN && merge_class(cell) != class;
 }
 
-/* Both classes of `from` in the grid of `to`: adds to psi and d; the known share of the free
- * cells. */
+/* Adds both classes of `from` in the grid of `to` to psi and d; returns the observed share of the
+ * free cells. */
 static cairn_real add_images(const merge_map *to, const merge_map *from, cairn_transform t,
                              cairn_merge_score *score)
 {

@@ -1,29 +1,31 @@
-/* The second structure of maps, where corners are few: the directions of their lines, and the walls
- * as such.
+/* Registration by wall directions and exhaustive translation, where corners are few.
  *
- * Method. The directions of lines of both maps, weighted by length, are correlated on the
- * circle: its peaks are the rotations (Carpin 2008 does so with the spectra of Hough
- * transforms). In each rotation every translation is tried, two cells apart: points of each map,
- * turned beforehand, are shifted and looked up in the other; most translations end after the
- * first few points. */
+ * Method.
+ *
+ * 1. The direction histograms of the lines of both maps, weighted by length, are cross-correlated
+ *    on the circle. Peaks after non-maximum suppression are the candidate rotations (Carpin 2008
+ *    does so with Hough spectra).
+ * 2. In each rotation all translations on a grid of two cells are tried. Rotated points of each map
+ *    are shifted and looked up in the other; most translations are rejected after the first few
+ *    points. */
 #include "src/core/build.h"
 
 #include <string.h>
 
 #include "src/mapping/map_merge_work.h"
 
-/* Bins on each side over which a correlation is smoothed, and within which there is one peak. */
+/* bins on each side: smoothing of the correlation, and non-maximum suppression */
 enum { SMOOTH_BINS = 2, NMS_RADIUS_BINS = 8, LOOK_UPS_PER_UNIT = 12 };
 
-/* Cells within which a wall is felt. */
+/* cells: reach of the search kernel */
 #define SOFT_REACH_CELLS 5
-/* Share of the highest peak that a rotation must have. */
+/* minimum height of a peak, as a share of the highest */
 #define MIN_PEAK_SHARE CAIRN_REAL(0.2)
-/* Cells between translations. */
+/* cells between translations */
 #define TRANSLATION_STEP_CELLS CAIRN_REAL(2.0)
-/* m: boxes of the points of both maps overlap at least by this. */
+/* m: minimum overlap of the bounding boxes of the points */
 #define MIN_OVERLAP_M CAIRN_REAL(0.5)
-/* The difference of every pair of lines, in the bin of its angle. */
+/* Adds the angle difference of every pair of lines to its histogram bin. */
 static cairn_status step_bins(cairn_map_merge *merge, cairn_budget *budget)
 {
     const merge_map *first = &merge->maps[merge->map], *second = &merge->maps[merge->other];
@@ -54,7 +56,7 @@ static cairn_real smooth_bin(const cairn_real *bins, int32_t at)
     return sum;
 }
 
-/* The weighted mean of a peak's bins. */
+/* Returns the weighted mean angle of a peak's bins. */
 static cairn_real peak_angle(const cairn_real *bins, int32_t at)
 {
     cairn_real sum = 0, moment = 0;
@@ -68,7 +70,7 @@ static cairn_real peak_angle(const cairn_real *bins, int32_t at)
     return ((cairn_real)at + moment / sum) * (2 * CAIRN_PI / MERGE_ANGLE_BINS);
 }
 
-/* The highest peaks, by clearing the surroundings of each. */
+/* Finds the highest peaks; each one suppresses its neighbourhood. */
 static void find_peaks(cairn_map_merge *merge)
 {
     cairn_real highest = 0;
@@ -98,7 +100,7 @@ static cairn_vec2 in_cells(const merge_map *map, cairn_vec2 p)
     return cairn_vec2_scale(cairn_vec2_sub(p, map->corner), 1 / map->input.resolution);
 }
 
-/* Points of both maps turned, in cells of the other one's grid at translation 0. */
+/* Rotates the points of both maps, in cells of the other one's grid at translation 0. */
 static void rotate_points(cairn_map_merge *merge, cairn_real turn)
 {
     const merge_map *first = &merge->maps[merge->map], *second = &merge->maps[merge->other];
@@ -147,7 +149,7 @@ static void rotate_points(cairn_map_merge *merge, cairn_real turn)
     }
 }
 
-/* Adds points begin ... end - 1, shifted by so many cells, in a grid. */
+/* Adds points begin ... end - 1, translated in cells, looked up in a grid. */
 static void look_up_points(const cairn_map_merge *merge, const merge_map *to,
                            const cairn_vec2 *points, const cairn_vec2 *fronts, cairn_vec2 shift,
                            int32_t begin, int32_t end, merge_sums *s)
@@ -177,7 +179,7 @@ static cairn_pose translation_at(const cairn_map_merge *merge, int32_t index)
     return pose;
 }
 
-/* One translation; m->inner counts the points of each map that were looked up. */
+/* Scores one translation; merge->inner counts the points of each map that were looked up. */
 static int step_translation(cairn_map_merge *merge, cairn_pose pose, cairn_budget *budget)
 {
     const merge_map *first = &merge->maps[merge->map], *second = &merge->maps[merge->other];

@@ -1,9 +1,14 @@
-/* The particle filter of map merging as written.
+/* Particle filter of map merging as written.
  *
- * A state says where one map was put. A particle proposes every registration of every map not
- * merged yet (or of that which the order names) with a map that it has merged; the prior mass of
- * a place is the sum of Gaussians about all registrations of its map; its likelihood is Psi~
- * gamma~ against the image of all maps merged. The best particle in the end is the result.
+ * Method.
+ *
+ * 1. A state is the pose of one map in the merged frame.
+ * 2. Proposal: a particle proposes every registration of every unmerged map (or of the next one of
+ *    a given order) with a merged map.
+ * 3. The prior mass of a pose is the sum of Gaussians about all registrations of its map.
+ * 4. Its likelihood is Psi~ gamma~ against the image of all merged maps. The best particle in the
+ *    end is the result.
+ *
  * Source: Adluru 2008, sections 9.2 and 9.3. */
 #include "src/core/build.h"
 
@@ -11,14 +16,15 @@
 
 #include "src/mapping/map_merge_work.h"
 
-/* m and rad: how wide the Gaussian about a registration is. */
+/* m and rad: standard deviation of the Gaussian about a registration */
 #define PRIOR_SIGMA_M   CAIRN_REAL(0.20)
 #define PRIOR_SIGMA_RAD CAIRN_REAL(0.05)
 
-/* Candidates of all particles at most, as many as the filter takes. */
+/* maximum candidates of all particles, the filter's limit */
 enum { MAX_CANDIDATES = 1 << 20 };
 
-/* Of a particle: maps merged times maps left, and a list of registrations for each such pair. */
+/* Returns the number of candidates of a particle: merged maps times remaining maps, times the
+ * registrations of a pair. */
 static int32_t places_of(const cairn_map_merge_params *p)
 {
     int32_t pairs = p->max_maps * p->max_maps / 4;
@@ -57,7 +63,7 @@ static int32_t registrations_of(const cairn_map_merge *merge, int32_t a, int32_t
     return merge->mode_count[a < b ? merge_pair(a, b) : merge_pair(b, a)];
 }
 
-/* Registration `index` of map b with map a, as a place of b seen from a. */
+/* Returns registration `index` of map b with map a as a pose of b relative to a. */
 static cairn_pose registration_at(const cairn_map_merge *merge, int32_t a, int32_t b, int32_t index)
 {
     size_t pair = (size_t)(a < b ? merge_pair(a, b) : merge_pair(b, a));
@@ -67,7 +73,7 @@ static cairn_pose registration_at(const cairn_map_merge *merge, int32_t a, int32
     return a < b ? pose : cairn_pose_inverse(pose);
 }
 
-/* 1 when a map has a registration with one of near[]. */
+/* Returns 1 when a map has a registration with a neighbour. */
 static int is_within_reach(const cairn_map_merge *merge, int32_t map)
 {
     for (int32_t i = 0; i < merge->neighbour_count; i++)
@@ -76,8 +82,7 @@ static int is_within_reach(const cairn_map_merge *merge, int32_t map)
     return 0;
 }
 
-/* With a known order the first map of it that can be registered; -1 without an order, or when
- * there is none. */
+/* Returns the first map of the given order that can be registered; -1 without an order, or none. */
 static int32_t next_in_order(const cairn_map_merge *merge)
 {
     for (int32_t n = 0; n < merge->map_count && merge->has_order; n++)
@@ -86,7 +91,7 @@ static int32_t next_in_order(const cairn_map_merge *merge)
     return -1;
 }
 
-/* Places of `map` by the registrations of that index, as far as there is room. */
+/* Adds the candidates of `map` by the registrations of that index, up to the capacity. */
 static void list_places(cairn_map_merge *merge, merge_places *places, int32_t map, int32_t index)
 {
     merge_written *w = merge->written;
@@ -111,8 +116,8 @@ static void list_places(cairn_map_merge *merge, merge_places *places, int32_t ma
     }
 }
 
-/* The most similar corners of all pairs first, then the next ones, so that what has no room is
- * least similar. */
+/* Adds the most similar corners of all pairs first, so the least similar ones exceed the
+ * capacity. */
 static void list_candidates(cairn_map_merge *merge, merge_places *places)
 {
     int32_t next = next_in_order(merge);
@@ -125,7 +130,7 @@ static void list_candidates(cairn_map_merge *merge, merge_places *places)
                 list_places(merge, places, map, index);
 }
 
-/* The sum of the Gaussians about all registrations of a candidate's map. */
+/* Returns the log of the sum of Gaussians about all registrations of a candidate's map. */
 static cairn_real log_prior(const cairn_map_merge *merge, const merge_places *places,
                             const merge_state *s)
 {
@@ -147,7 +152,8 @@ static cairn_real log_prior(const cairn_map_merge *merge, const merge_places *pl
 
 enum { PROPOSAL_FIND, PROPOSAL_DRAW, PROPOSAL_LIST, PROPOSAL_SCORE, PROPOSAL_EMIT };
 
-/* The candidates of an earlier particle with the same history, or none yet. */
+/* Shares the candidates of an earlier particle of the same history; returns 0 when there is
+ * none. */
 static int find_places(cairn_map_merge *merge, int32_t index, const merge_state *state)
 {
     merge_places *places = merge->written->places;
@@ -163,7 +169,7 @@ static int find_places(cairn_map_merge *merge, int32_t index, const merge_state 
     return 0;
 }
 
-/* Prior mass, Psi and gamma of every candidate. */
+/* Computes prior mass, Psi and gamma of every candidate. */
 static int score_places(cairn_map_merge *merge, const merge_places *places, cairn_budget *budget)
 {
     merge_written *w = merge->written;
@@ -189,8 +195,8 @@ static int score_places(cairn_map_merge *merge, const merge_places *places, cair
     return 1;
 }
 
-/* Gamma is counted from that of the first candidate on: the sum of equal ones is 0 in spite of
- * rounding. */
+/* Accumulates Psi and gamma. gamma is relative to the first candidate's: the sum of equal ones is
+ * then 0 despite rounding. */
 static void add_image_scores(merge_written *w, const merge_state *s)
 {
     if (w->emitted == 0) {
@@ -203,8 +209,8 @@ static void add_image_scores(merge_written *w, const merge_state *s)
     w->emitted++;
 }
 
-/* The logarithm of Psi~ gamma~, each normalised over the candidates of all particles; where a
- * sum is 0 all have 1. */
+/* Returns log(Psi~ gamma~), each normalized over the candidates of all particles; 0 where a sum is
+ * 0. */
 static cairn_real log_images(const merge_written *w, const merge_state *s)
 {
     cairn_real gammas = w->gamma_sum - (cairn_real)w->emitted * w->gamma_least;
@@ -286,7 +292,7 @@ cairn_particle_model cairn_merge_written_model(cairn_map_merge *merge)
 
 /* ---- The filter ---- */
 
-/* Maps that registrations connect with the reference, in near[]. */
+/* Sets the neighbours to the maps that registrations connect with the reference. */
 static void gather_connected(cairn_map_merge *merge)
 {
     merge->neighbours[0] = merge->reference;
@@ -354,7 +360,7 @@ cairn_status cairn_merge_run_written(cairn_map_merge *merge, cairn_budget *budge
 
 /* ---- The result ---- */
 
-/* The weight of the particles that have a map where the best one has it. */
+/* Returns the weight of the particles that have a map at the best particle's pose. */
 static cairn_real weight_of(const cairn_map_merge *merge, int32_t map)
 {
     cairn_real sum = 0;
@@ -370,7 +376,7 @@ static cairn_real weight_of(const cairn_map_merge *merge, int32_t map)
     return sum;
 }
 
-/* The maps of the best particle, in the order in which it has merged them. */
+/* Copies the maps of the best particle, in the order of merging. */
 static void take_best(cairn_map_merge *merge)
 {
     const merge_state *best = cairn_particle_filter_particle(
