@@ -144,7 +144,7 @@ static cairn_force_field *carve(cairn_pool *pool, const cairn_force_field_params
     cairn_box_sweep *sweep = carve_sweep(pool, params);
     cairn_corner_set *corners = params->roi ? carve_corners(pool, params) : NULL;
     cairn_point_grid *grid = params->roi ? carve_grid(pool, params) : NULL;
-    struct cairn_force_balance *balances = NULL;
+    struct cairn_force_unknown *balances = NULL;
     struct cairn_force_bond *bonds = NULL;
 
     if (params->mode == CAIRN_FORCE_FIELD_SPRINGS) {
@@ -169,7 +169,7 @@ static cairn_force_field *carve(cairn_pool *pool, const cairn_force_field_params
         field->sweep = sweep;
         field->corners = corners;
         field->grid = grid;
-        field->balances = balances;
+        field->unknowns = balances;
         field->bonds = bonds;
     }
     return field;
@@ -202,7 +202,7 @@ cairn_status cairn_force_field_create(cairn_force_field **field, cairn_pool *poo
         return CAIRN_NO_MEMORY;
     made = carve(pool, params);
     made->params = *params;
-    if (made->balances != NULL && params->twist > 0)
+    if (made->unknowns != NULL && params->twist > 0)
         made->params.potential = 1;
     cairn_force_kernel_init(&made->kernel);
     if (made->in_region != NULL)
@@ -261,8 +261,8 @@ cairn_status cairn_force_field_add_scan(cairn_force_field *field, const cairn_sc
     body = &field->bodies[slot];
     memset(body, 0, sizeof *body);
     body->is_new = 1;
-    body->since = next_commit(field);
-    field->present++;
+    body->active_from = next_commit(field);
+    field->scan_count++;
     if (cairn_force_iteration_is_between(field))
         cairn_force_iteration_take_in(field);
     return CAIRN_OK;
@@ -276,7 +276,7 @@ int32_t cairn_force_field_next(const cairn_force_field *field)
 static int is_there(const cairn_force_field *field, int32_t scan)
 {
     return field != NULL && scan >= 0 && scan < field->set->scan_count &&
-           field->set->scans[scan].in_use && !field->bodies[scan].leaves;
+           field->set->scans[scan].in_use && !field->bodies[scan].is_leaving;
 }
 
 cairn_status cairn_force_field_fix(cairn_force_field *field, int32_t scan, int32_t yes)
@@ -314,11 +314,11 @@ cairn_status cairn_force_field_release(cairn_force_field *field, int32_t scan)
     if (!is_there(field, scan))
         return CAIRN_BAD_ARGUMENT;
     body = &field->bodies[scan];
-    body->leaves = 1;
-    body->until = next_commit(field);
-    body->next_leaving = field->leaving;
-    field->leaving = scan;
-    field->present--;
+    body->is_leaving = 1;
+    body->active_until = next_commit(field);
+    body->next_leaving = field->last_leaving;
+    field->last_leaving = scan;
+    field->scan_count--;
     if (cairn_force_iteration_is_between(field))
         field->revision++;
     return CAIRN_OK;
@@ -375,7 +375,7 @@ cairn_status cairn_force_field_set_extra(cairn_force_field *field,
     if (status != CAIRN_OK)
         return status;
     copy_extra(&field->extra[1 - field->extra_front], points, weights, count);
-    field->extra_waits = 1;
+    field->extra_pending = 1;
     return CAIRN_OK;
 }
 
@@ -392,12 +392,12 @@ void cairn_force_field_clear(cairn_force_field *field)
     cairn_scan_set_clear(field->set);
     for (int i = 0; i < 2; i++)
         field->extra[i].count = field->extra[i].runs = 0;
-    field->extra_waits = 0;
-    field->leaving = -1;
-    field->present = 0;
-    field->reported = 0;
+    field->extra_pending = 0;
+    field->last_leaving = -1;
+    field->scan_count = 0;
+    field->has_forces = 0;
     field->phase = PHASE_AT_COMMIT;
-    field->paid = 0;
+    field->units_charged = 0;
     field->clock = field->commits = 0;
     field->placed_sigma = 0;
     field->placed_segments = 0;
@@ -410,7 +410,7 @@ void cairn_force_field_clear(cairn_force_field *field)
 
 static int is_untidy(const cairn_force_field *field)
 {
-    return field->leaving >= 0 || field->set->gaps;
+    return field->last_leaving >= 0 || field->set->gaps;
 }
 
 static cairn_status run(cairn_force_field *field, cairn_budget *budget, int one)
@@ -420,7 +420,7 @@ static cairn_status run(cairn_force_field *field, cairn_budget *budget, int one)
 
         if (field->phase == PHASE_AT_COMMIT && is_untidy(field)) {
             field->phase = PHASE_PACK;
-            field->reported = 0;
+            field->has_forces = 0;
         }
         if (field->phase == PHASE_PACK) {
             status = cairn_force_iteration_step(field, budget);
@@ -428,7 +428,7 @@ static cairn_status run(cairn_force_field *field, cairn_budget *budget, int one)
                 return status;
         }
         if (field->phase == PHASE_AT_COMMIT) {
-            if (field->present == 0)
+            if (field->scan_count == 0)
                 return CAIRN_EMPTY;
             if (field->state.verdict != CAIRN_FORCE_FIELD_RUNNING)
                 return CAIRN_OK;
@@ -541,7 +541,7 @@ cairn_status cairn_force_field_point_force(const cairn_force_field *field, int32
         index < 0 ||
         index >= field->set->scans[scan].end_point - field->set->scans[scan].first_point)
         return CAIRN_BAD_ARGUMENT;
-    if (field->phase != PHASE_AT_COMMIT || !field->reported || !field->bodies[scan].reported)
+    if (field->phase != PHASE_AT_COMMIT || !field->has_forces || !field->bodies[scan].has_forces)
         return CAIRN_EMPTY;
     from = &field->set->scans[scan];
     point = from->first_point + index;

@@ -23,10 +23,10 @@
 
 #include "src/mapping/force_field_iteration.h"
 
-enum { GROUP = 8, FEW = 4 };
+enum { POINTS_PER_GROUP = 8, ITEMS_PER_GROUP = 4 };
 
 /* Relative growth of boxes beyond what exact arithmetic needs. */
-#define SLACK CAIRN_REAL(1.001)
+#define BOX_GROWTH_FACTOR CAIRN_REAL(1.001)
 
 int32_t cairn_force_iteration_is_between(const cairn_force_field *field)
 {
@@ -37,8 +37,8 @@ int32_t cairn_force_iteration_has(const cairn_force_field *field, int32_t scan)
 {
     const struct cairn_force_body *body = &field->bodies[scan];
 
-    return field->set->scans[scan].in_use && field->commits >= body->since &&
-           !(body->leaves && field->commits >= body->until);
+    return field->set->scans[scan].in_use && field->commits >= body->active_from &&
+           !(body->is_leaving && field->commits >= body->active_until);
 }
 
 int32_t cairn_force_iteration_is_fixed(const cairn_force_field *field, int32_t scan)
@@ -71,23 +71,24 @@ void cairn_force_iteration_begin(cairn_force_field *field)
 
     field->clock++;
     field->segment_count = field->set->segment_count;
-    if (field->extra_waits) {
+    if (field->extra_pending) {
         field->extra_front = 1 - field->extra_front;
-        field->extra_waits = 0;
+        field->extra_pending = 0;
         field->placed_sigma = 0;
     }
-    field->fresh = field->sigma != field->placed_sigma || cairn_force_has_springs(field);
+    field->recomputes_all = field->sigma != field->placed_sigma || cairn_force_has_springs(field);
     field->placed_sigma = field->sigma;
-    if (field->fresh)
+    if (field->recomputes_all)
         field->free_box = cairn_box_empty();
     /* A little below, so that rounding does not decide where the two meet. */
-    field->by_sensor = cairn_force_has_springs(field) ||
-                       field->sigma < p->sensor_below * p->sigma_start * CAIRN_REAL(0.9999);
-    field->margin = p->reach * field->sigma / 2 * SLACK;
+    field->rotates_about_sensor =
+        cairn_force_has_springs(field) ||
+        field->sigma < p->sensor_below * p->sigma_start * CAIRN_REAL(0.9999);
+    field->margin = p->reach * field->sigma / 2 * BOX_GROWTH_FACTOR;
     cairn_force_kernel_set(&field->kernel, field->sigma, p->reach);
     field->scan = 0;
-    field->moved = field->still = 0;
-    field->paid = 0;
+    field->moved_count = field->still_count = 0;
+    field->units_charged = 0;
     field->phase = PHASE_COMPARE;
 }
 
@@ -106,15 +107,15 @@ static int is_same_pose(cairn_pose a, cairn_pose b)
 
 static cairn_status step_pack(cairn_force_field *field, cairn_budget *budget)
 {
-    while (field->leaving >= 0) {
-        struct cairn_force_body *body = &field->bodies[field->leaving];
-        const cairn_scan_set_scan *scan = &field->set->scans[field->leaving];
+    while (field->last_leaving >= 0) {
+        struct cairn_force_body *body = &field->bodies[field->last_leaving];
+        const cairn_scan_set_scan *scan = &field->set->scans[field->last_leaving];
 
-        if (!cairn_budget_pay(budget, &field->paid,
+        if (!cairn_budget_pay(budget, &field->units_charged,
                               1 + (scan->end_segment - scan->first_segment) / 16))
             return CAIRN_MORE;
-        must_be_ok(cairn_scan_set_remove(field->set, field->leaving));
-        field->leaving = body->next_leaving;
+        must_be_ok(cairn_scan_set_remove(field->set, field->last_leaving));
+        field->last_leaving = body->next_leaving;
     }
     return cairn_scan_set_pack(field->set, budget);
 }
@@ -122,24 +123,24 @@ static cairn_status step_pack(cairn_force_field *field, cairn_budget *budget)
 static cairn_status step_compare(cairn_force_field *field, cairn_budget *budget)
 {
     while (field->scan < field->slots) {
-        if (!cairn_budget_pay(budget, &field->paid, 1))
+        if (!cairn_budget_pay(budget, &field->units_charged, 1))
             return CAIRN_MORE;
-        for (int32_t i = 0; i < FEW && field->scan < field->slots; i++, field->scan++) {
+        for (int32_t i = 0; i < ITEMS_PER_GROUP && field->scan < field->slots; i++, field->scan++) {
             struct cairn_force_body *body = &field->bodies[field->scan];
             uint8_t is_fixed = cairn_force_iteration_is_fixed(field, field->scan) != 0;
 
             if (!cairn_force_iteration_has(field, field->scan))
                 continue;
             body->moved =
-                field->fresh || body->is_new || is_fixed != body->is_fixed ||
+                field->recomputes_all || body->is_new || is_fixed != body->is_fixed ||
                 !is_same_pose(body->placed, field->placements[field->front][field->scan].map_scan);
             body->is_fixed = is_fixed;
             body->dirty = body->moved;
-            field->moved += body->moved;
-            field->still += !body->moved;
+            field->moved_count += body->moved;
+            field->still_count += !body->moved;
         }
     }
-    field->mixed = field->moved > 0 && field->still > 0;
+    field->is_partly_still = field->moved_count > 0 && field->still_count > 0;
     field->scan = 0;
     return CAIRN_OK;
 }
@@ -221,15 +222,15 @@ static cairn_status step_place_extra(cairn_force_field *field, cairn_budget *bud
 {
     const struct cairn_force_extra *extra = &field->extra[field->extra_front];
 
-    for (; field->fresh && field->segment < extra->runs; field->segment++) {
+    for (; field->recomputes_all && field->segment < extra->runs; field->segment++) {
         cairn_box *box = &field->boxes[field->segment];
 
         if (field->point == extra->first[field->segment])
             *box = cairn_box_empty();
         while (field->point < extra->first[field->segment + 1]) {
-            int32_t end = field->point + GROUP;
+            int32_t end = field->point + POINTS_PER_GROUP;
 
-            if (!cairn_budget_pay(budget, &field->paid, 1))
+            if (!cairn_budget_pay(budget, &field->units_charged, 1))
                 return CAIRN_MORE;
             for (; field->point < end && field->point < extra->first[field->segment + 1];
                  field->point++)
@@ -253,7 +254,7 @@ static cairn_status step_place(cairn_force_field *field, cairn_budget *budget)
         if (field->point < 0) {
             int32_t is_first = field->set->scans[slot].first_segment == field->segment;
 
-            if (!cairn_budget_pay(budget, &field->paid, is_first ? 4 : 2))
+            if (!cairn_budget_pay(budget, &field->units_charged, is_first ? 4 : 2))
                 return CAIRN_MORE;
             if (!field->bodies[slot].moved)
                 continue;
@@ -265,7 +266,7 @@ static cairn_status step_place(cairn_force_field *field, cairn_budget *budget)
                 end_box(field);
         }
         while (field->point < count) {
-            if (!cairn_budget_pay(budget, &field->paid, place_cost(count - field->point)))
+            if (!cairn_budget_pay(budget, &field->units_charged, place_cost(count - field->point)))
                 return CAIRN_MORE;
             place_points(field);
         }
@@ -277,9 +278,9 @@ static cairn_status step_place(cairn_force_field *field, cairn_budget *budget)
 static cairn_status step_ungrid(cairn_force_field *field, cairn_budget *budget)
 {
     while (cairn_point_grid_count(field->grid) > 0) {
-        if (!cairn_budget_pay(budget, &field->paid, 2 * FEW))
+        if (!cairn_budget_pay(budget, &field->units_charged, 2 * ITEMS_PER_GROUP))
             return CAIRN_MORE;
-        for (int32_t i = 0; i < FEW; i++)
+        for (int32_t i = 0; i < ITEMS_PER_GROUP; i++)
             cairn_point_grid_remove_last(field->grid);
     }
     return CAIRN_OK;
@@ -291,7 +292,7 @@ static cairn_status step_grid(cairn_force_field *field, cairn_budget *budget)
     const cairn_corner *corners = cairn_corner_list(field->corners, &count);
 
     while (cairn_point_grid_count(field->grid) < count) {
-        if (!cairn_budget_pay(budget, &field->paid, 2))
+        if (!cairn_budget_pay(budget, &field->units_charged, 2))
             return CAIRN_MORE;
         /* As many places as corners. */
         must_be_ok(cairn_point_grid_insert(field->grid,
@@ -324,9 +325,9 @@ static int set_mass(cairn_force_field *field, int32_t point, int is_in_region)
 static int find_regions(cairn_force_field *field)
 {
     const cairn_scan_set_segment *segment = &field->set->segments[field->segment];
-    cairn_vec2 points[FEW];
+    cairn_vec2 points[ITEMS_PER_GROUP];
     int32_t left = segment->end_point - segment->first_point - field->point,
-            count = left < FEW ? left : FEW;
+            count = left < ITEMS_PER_GROUP ? left : ITEMS_PER_GROUP;
     int changed = 0;
 
     cairn_force_points(field, field->segment, field->point, count, points);
@@ -345,7 +346,7 @@ static cairn_status step_masses(cairn_force_field *field, cairn_budget *budget)
         int32_t count = segment->end_point - segment->first_point;
 
         while (field->point < count) {
-            if (!cairn_budget_pay(budget, &field->paid, 12))
+            if (!cairn_budget_pay(budget, &field->units_charged, 12))
                 return CAIRN_MORE;
             if (find_regions(field)) {
                 field->bodies[segment->scan].moved = 1;
@@ -361,10 +362,12 @@ static cairn_status step_reset(cairn_force_field *field, cairn_budget *budget)
     const cairn_vec2 none = {0, 0};
 
     while (field->scan < field->slots) {
-        if (!cairn_budget_pay(budget, &field->paid,
-                              cairn_force_has_springs(field) ? GROUP : GROUP / 2))
+        if (!cairn_budget_pay(budget, &field->units_charged,
+                              cairn_force_has_springs(field) ? POINTS_PER_GROUP
+                                                             : POINTS_PER_GROUP / 2))
             return CAIRN_MORE;
-        for (int32_t i = 0; i < GROUP && field->scan < field->slots; i++, field->scan++) {
+        for (int32_t i = 0; i < POINTS_PER_GROUP && field->scan < field->slots;
+             i++, field->scan++) {
             struct cairn_force_body *body = &field->bodies[field->scan];
 
             if (cairn_force_has_springs(field))
@@ -415,7 +418,7 @@ static void commit(cairn_force_field *field)
     field->dt = cairn_max(p->dt_end, field->dt * p->dt_factor);
     field->front = 1 - field->front;
     field->commits++;
-    field->reported = 1;
+    field->has_forces = 1;
     field->phase = PHASE_AT_COMMIT;
     cairn_force_iteration_take_in(field);
     if (field->restart)
@@ -457,7 +460,7 @@ static cairn_status run_phase(cairn_force_field *field, cairn_budget *budget)
         return step_reset(field, budget);
     case PHASE_PAIRS:
         return cairn_force_pairs(field, budget);
-    case PHASE_BALANCE:
+    case PHASE_SOLVE:
         return cairn_force_balance_step(field, budget);
     case PHASE_MOVE:
         return cairn_force_move(field, budget);
@@ -472,17 +475,17 @@ static cairn_force_phase phase_after(const cairn_force_field *field)
     case PHASE_PACK:
         return PHASE_AT_COMMIT;
     case PHASE_COMPARE:
-        if (field->moved == 0)
+        if (field->moved_count == 0)
             return PHASE_MOVE;
-        return field->mixed ? PHASE_MARK_OLD : PHASE_PLACE_EXTRA;
+        return field->is_partly_still ? PHASE_MARK_OLD : PHASE_PLACE_EXTRA;
     case PHASE_PLACE:
         if (field->params.roi)
             return PHASE_CORNERS;
-        return field->mixed ? PHASE_MARK_NEW : PHASE_RESET;
+        return field->is_partly_still ? PHASE_MARK_NEW : PHASE_RESET;
     case PHASE_MASSES:
-        return field->mixed ? PHASE_MARK_NEW : PHASE_RESET;
+        return field->is_partly_still ? PHASE_MARK_NEW : PHASE_RESET;
     case PHASE_PAIRS:
-        return cairn_force_has_springs(field) ? PHASE_BALANCE : PHASE_MOVE;
+        return cairn_force_has_springs(field) ? PHASE_SOLVE : PHASE_MOVE;
     default:
         return field->phase + 1;
     }
@@ -507,13 +510,13 @@ static cairn_status begin_phase(cairn_force_field *field)
         field->pair.is_begun = 0;
         return cairn_box_sweep_begin(field->sweep, field->boxes, boxes_of(field));
     case PHASE_PAIRS:
-        field->pair.is_begun = field->pair.due = 0;
+        field->pair.is_begun = field->pair.units_due = 0;
         memset(&field->pair.cursor, 0, sizeof field->pair.cursor);
         field->tiles[0].line = field->tiles[1].line = -1;
         field->bond_count = field->bonds_dropped = 0;
         return cairn_box_sweep_begin_in(field->sweep, field->boxes, boxes_of(field),
                                         field->free_box);
-    case PHASE_BALANCE:
+    case PHASE_SOLVE:
         cairn_force_balance_begin(field);
         return CAIRN_OK;
     case PHASE_MOVE:

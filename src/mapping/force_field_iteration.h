@@ -23,7 +23,7 @@ enum {
     PHASE_MARK_NEW,
     PHASE_RESET,
     PHASE_PAIRS,
-    PHASE_BALANCE,
+    PHASE_SOLVE,
     PHASE_MOVE
 };
 
@@ -46,20 +46,20 @@ struct cairn_force_body {
     int64_t pairs;
     int32_t segment_pairs;
     /* commit points from which on the scan is there, and is no longer */
-    uint32_t since, until;
+    uint32_t active_from, active_until;
     /* iteration from which on `fixed_after` holds, `fixed_before` until then */
     uint32_t fixed_from;
     /* the scan released before this one, -1: none */
     int32_t next_leaving;
     uint8_t fixed_before, fixed_after;
     /* until counts */
-    uint8_t leaves;
+    uint8_t is_leaving;
     /* not yet put into the map */
     uint8_t is_new;
     /* in the last iteration */
     uint8_t is_fixed;
     /* took part in the last iteration */
-    uint8_t reported;
+    uint8_t has_forces;
     /* this iteration: its pose, masses or fixing are not those of the last one */
     uint8_t moved;
     /* this iteration: its forces are computed anew */
@@ -67,7 +67,7 @@ struct cairn_force_body {
 };
 
 /* No scan: of points from outside. */
-enum { CAIRN_FORCE_NOBODY = -1 };
+enum { CAIRN_FORCE_NO_SCAN = -1 };
 
 /* All springs between two scans. */
 struct cairn_force_bond {
@@ -78,22 +78,24 @@ struct cairn_force_bond {
     /* against a motion (x, y, turn) of first against second, about the centre of second */
     cairn_sym3 stiffness;
     /* force and torque on first; second feels the opposite */
-    cairn_real pull[3];
+    cairn_real wrench[3];
 };
 
 /* A scan in the system of all springs; motions are (x, y, turn) about the centre. */
-struct cairn_force_balance {
-    int32_t bond, bonds; /* the last bond of which the scan is the second, -1: none; how many */
-    cairn_sym3 diagonal; /* of the system, then its inverse; 0: the scan stays */
-    cairn_real hold[3];  /* of it what holds the scan back where it is */
-    cairn_real motion[3], residual[3], direction[3], image[3]; /* of conjugate gradients */
+struct cairn_force_unknown {
+    int32_t last_bond,
+        bond_count;        /* the last bond of which the scan is the second, -1: none; how many */
+    cairn_sym3 diagonal;   /* of the system, then its inverse; 0: the scan stays */
+    cairn_real damping[3]; /* of it what holds the scan back where it is */
+    cairn_real motion[3], residual[3], direction[3], product[3]; /* of conjugate gradients */
 };
 
 /* Conjugate gradients under way. */
 struct cairn_force_solver {
-    int32_t stage, next, round;
-    cairn_real length, next_length, least_length; /* squares of residuals in the solver's metric */
-    cairn_real curvature;                         /* along the direction */
+    int32_t stage, next_item, iteration;
+    cairn_real residual2, next_residual2,
+        min_residual2;    /* squares of residuals in the solver's metric */
+    cairn_real curvature; /* along the direction */
 };
 
 /* Points from outside, in runs of one direction. */
@@ -127,9 +129,9 @@ struct cairn_force_line {
 struct cairn_force_pair {
     struct cairn_force_line line[2];
     int32_t is_begun;
-    int32_t due;     /* units for finding and ending it, to be paid first */
-    int32_t tile[2]; /* first points of the tiles at hand */
-    int32_t loaded;  /* of these tiles */
+    int32_t units_due;     /* units for finding and ending it, to be paid first */
+    int32_t tile_first[2]; /* first points of the tiles at hand */
+    int32_t loaded;        /* of these tiles */
     cairn_force_cursor cursor;
     int32_t is_summed;
     cairn_real cosine; /* |cos| or what stands for it */
@@ -167,15 +169,15 @@ struct cairn_force_field {
     /* [max_bonds]; NULL without springs */
     struct cairn_force_bond *bonds;
     /* [max_scans]; NULL without springs */
-    struct cairn_force_balance *balances;
+    struct cairn_force_unknown *unknowns;
 
     int32_t front, extra_front;
-    int32_t extra_waits; /* the other extra is to be used from the next iteration on */
-    int32_t slots;       /* those of scans that have taken effect are below */
-    int32_t present;     /* scans, those that have not yet taken effect included */
-    int32_t leaving;     /* the scan released last, -1: none */
-    int32_t reported;    /* the places, boxes and masses of the last iteration are still there */
-    int32_t restart;     /* wanted at the next commit point */
+    int32_t extra_pending; /* the other extra is to be used from the next iteration on */
+    int32_t slots;         /* those of scans that have taken effect are below */
+    int32_t scan_count;    /* scans, those that have not yet taken effect included */
+    int32_t last_leaving;  /* the scan released last, -1: none */
+    int32_t has_forces;    /* the places, boxes and masses of the last iteration are still there */
+    int32_t restart;       /* wanted at the next commit point */
     uint32_t revision;
     uint32_t clock;                /* iterations begun */
     uint32_t commits;              /* and ended */
@@ -184,17 +186,17 @@ struct cairn_force_field {
     /* The iteration under way. */
     cairn_force_phase phase;
     /* units towards the item at hand */
-    int32_t paid;
+    int32_t units_charged;
     /* those of the scans that have taken effect */
     int32_t segment_count;
     /* whose boxes are those of their last iteration */
     int32_t placed_segments;
     /* all is computed anew */
-    int32_t fresh;
+    int32_t recomputes_all;
     /* some scans have moved, some have not */
-    int32_t mixed;
+    int32_t is_partly_still;
     /* rotations are about the sensor */
-    int32_t by_sensor;
+    int32_t rotates_about_sensor;
     cairn_real sigma, dt;
     /* product of the factors so far */
     cairn_real sigma_scale;
@@ -207,7 +209,7 @@ struct cairn_force_field {
     /* cursors */
     int32_t scan, segment, point;
     /* COMPARE: scans */
-    int32_t moved, still;
+    int32_t moved_count, still_count;
     /* PAIRS; MARK_OLD and MARK_NEW: scans and is_begun */
     struct cairn_force_pair pair;
     struct cairn_force_tile tiles[2];

@@ -18,7 +18,7 @@
 
 /* Units of a pair that is found and passed over, of one that is summed up, beside its tiles, and
  * of a tile that is there. */
-enum { FOUND_COST = 2, PAIR_COST = 7, TILE_COST = 2 };
+enum { FOUND_UNITS = 2, PAIR_UNITS = 7, TILE_UNITS = 2 };
 
 static inline struct cairn_force_line line_of(const cairn_force_field *field, int32_t index)
 {
@@ -28,7 +28,7 @@ static inline struct cairn_force_line line_of(const cairn_force_field *field, in
     line.index = index;
     line.segment = index - extra->runs;
     if (line.segment < 0) {
-        line.scan = CAIRN_FORCE_NOBODY;
+        line.scan = CAIRN_FORCE_NO_SCAN;
         line.count = extra->first[index + 1] - extra->first[index];
         line.direction = extra->direction[index];
     } else {
@@ -69,7 +69,7 @@ static int32_t tile_cost(const cairn_force_field *field, const struct cairn_forc
             points = left < CAIRN_FORCE_STRIP ? left : CAIRN_FORCE_STRIP;
     int32_t is_long = line->count > CAIRN_FORCE_STRIP;
 
-    return TILE_COST + (field->position != NULL ? 0 : points / 4) + (is_long ? points / 4 : 0);
+    return TILE_UNITS + (field->position != NULL ? 0 : points / 4) + (is_long ? points / 4 : 0);
 }
 
 /* The mass of a point of a scan in the forces (section 7.3.4). */
@@ -147,35 +147,35 @@ static void load_tile(const cairn_force_field *field, const struct cairn_force_l
 
 static int is_dirty(const cairn_force_field *field, int32_t scan)
 {
-    return scan != CAIRN_FORCE_NOBODY && field->bodies[scan].dirty;
+    return scan != CAIRN_FORCE_NO_SCAN && field->bodies[scan].dirty;
 }
 
 static int is_fixed(const cairn_force_field *field, int32_t scan)
 {
-    return scan == CAIRN_FORCE_NOBODY || field->bodies[scan].is_fixed;
+    return scan == CAIRN_FORCE_NO_SCAN || field->bodies[scan].is_fixed;
 }
 
 /* 1 when two lines attract each other. */
-static inline int do_attract(const cairn_force_field *field, const struct cairn_force_line *a,
-                             const struct cairn_force_line *b)
+static inline int can_attract(const cairn_force_field *field, const struct cairn_force_line *a,
+                              const struct cairn_force_line *b)
 {
     return a->scan != b->scan && a->count > 0 && b->count > 0 &&
            !(is_fixed(field, a->scan) && is_fixed(field, b->scan));
 }
 
 /* 1 when the faces of a wall are told apart. */
-static int is_sided(const cairn_force_field *field)
+static int uses_orientation(const cairn_force_field *field)
 {
     return field->sigma <= field->params.sides_below;
 }
 
 /* How much two lines attract each other by their directions. */
-static cairn_real likeness(const cairn_force_field *field, const struct cairn_force_line *a,
-                           const struct cairn_force_line *b)
+static cairn_real direction_factor(const cairn_force_field *field, const struct cairn_force_line *a,
+                                   const struct cairn_force_line *b)
 {
     cairn_real cosine = cairn_vec2_dot(a->direction, b->direction);
 
-    return is_sided(field) ? cairn_max(cosine, 0) : cairn_abs(cosine);
+    return uses_orientation(field) ? cairn_max(cosine, 0) : cairn_abs(cosine);
 }
 
 static void begin_pair(cairn_force_field *field, int32_t first, int32_t second)
@@ -185,17 +185,17 @@ static void begin_pair(cairn_force_field *field, int32_t first, int32_t second)
 
     pair->line[0] = line_of(field, first);
     pair->line[1] = line_of(field, second);
-    pair->due = FOUND_COST;
-    if (!do_attract(field, a, b) || !(is_dirty(field, a->scan) || is_dirty(field, b->scan)))
+    pair->units_due = FOUND_UNITS;
+    if (!can_attract(field, a, b) || !(is_dirty(field, a->scan) || is_dirty(field, b->scan)))
         return;
-    pair->cosine = likeness(field, a, b);
+    pair->cosine = direction_factor(field, a, b);
     /* Faces of opposite sides. */
-    if (pair->cosine == 0 && is_sided(field))
+    if (pair->cosine == 0 && uses_orientation(field))
         return;
-    pair->due = PAIR_COST;
+    pair->units_due = PAIR_UNITS;
     pair->is_begun = 1;
     pair->is_summed = 0;
-    pair->tile[0] = pair->tile[1] = pair->loaded = pair->cursor.row = 0;
+    pair->tile_first[0] = pair->tile_first[1] = pair->loaded = pair->cursor.row = 0;
     memset(&pair->sum, 0, sizeof pair->sum);
     if (cairn_force_has_springs(field)) {
         memset(&pair->springs, 0, sizeof pair->springs);
@@ -212,7 +212,7 @@ static void add_to_scan(cairn_force_field *field, int32_t scan, cairn_real sign,
     cairn_real strength = pair->cosine * field->kernel.norm * sign;
     cairn_vec2 force = cairn_vec2_scale(pair->sum.force, strength);
     /* Pairs are counted by both scans; those with points from outside by the one. */
-    int32_t shares = other == CAIRN_FORCE_NOBODY ? 2 : 1;
+    int32_t shares = other == CAIRN_FORCE_NO_SCAN ? 2 : 1;
 
     body->force = cairn_vec2_add(body->force, force);
     body->torque += strength * pair->sum.torque +
@@ -244,11 +244,11 @@ static int load_tiles(cairn_force_field *field, cairn_budget *budget)
     for (; pair->loaded < 2; pair->loaded++) {
         const struct cairn_force_line *line = &pair->line[pair->loaded];
         struct cairn_force_tile *tile = &field->tiles[pair->loaded];
-        int32_t first = pair->tile[pair->loaded],
+        int32_t first = pair->tile_first[pair->loaded],
                 is_there = tile->line == line->index && tile->first == first;
 
-        if (!cairn_budget_pay(budget, &field->paid,
-                              is_there ? TILE_COST : tile_cost(field, line, first)))
+        if (!cairn_budget_pay(budget, &field->units_charged,
+                              is_there ? TILE_UNITS : tile_cost(field, line, first)))
             return 0;
         if (!is_there)
             load_tile(field, line, first, tile);
@@ -263,7 +263,7 @@ static cairn_real gap(cairn_real low, cairn_real high, cairn_real other_low, cai
 
 /* 1 when no points of the two tiles at hand are within reach, as most are not where two long
  * lines meet. */
-static int are_far(const cairn_force_field *field)
+static int are_out_of_reach(const cairn_force_field *field)
 {
     const struct cairn_force_pair *pair = &field->pair;
     const cairn_box *a = &field->tiles[0].box, *b = &field->tiles[1].box;
@@ -280,12 +280,12 @@ static int are_far(const cairn_force_field *field)
 static int next_tiles(struct cairn_force_pair *pair)
 {
     pair->loaded = pair->cursor.row = 0;
-    pair->tile[1] += CAIRN_FORCE_STRIP;
-    if (pair->tile[1] < pair->line[1].count)
+    pair->tile_first[1] += CAIRN_FORCE_STRIP;
+    if (pair->tile_first[1] < pair->line[1].count)
         return 1;
-    pair->tile[1] = 0;
-    pair->tile[0] += CAIRN_FORCE_STRIP;
-    return pair->tile[0] < pair->line[0].count;
+    pair->tile_first[1] = 0;
+    pair->tile_first[0] += CAIRN_FORCE_STRIP;
+    return pair->tile_first[0] < pair->line[0].count;
 }
 
 static cairn_status sum_up(cairn_force_field *field, cairn_budget *budget)
@@ -297,7 +297,7 @@ static cairn_status sum_up(cairn_force_field *field, cairn_budget *budget)
 
         if (!load_tiles(field, budget))
             return CAIRN_MORE;
-        if (!are_far(field))
+        if (!are_out_of_reach(field))
             status = cairn_force_kernel_strips(&field->kernel, &field->tiles[0].strip,
                                                &field->tiles[1].strip, &pair->cursor,
                                                field->params.potential, &pair->sum, budget);
@@ -315,7 +315,7 @@ static cairn_status step_pair(cairn_force_field *field, cairn_budget *budget)
     if (status != CAIRN_OK)
         return status;
     if (cairn_force_has_springs(field) &&
-        !cairn_budget_pay(budget, &field->paid, cairn_force_bind_cost(field)))
+        !cairn_budget_pay(budget, &field->units_charged, cairn_force_bind_cost(field)))
         return CAIRN_MORE;
     end_pair(field);
     return CAIRN_OK;
@@ -327,9 +327,10 @@ cairn_status cairn_force_pairs(cairn_force_field *field, cairn_budget *budget)
         int32_t first, second;
         cairn_status status;
 
-        if (field->pair.due > 0 && !cairn_budget_pay(budget, &field->paid, field->pair.due))
+        if (field->pair.units_due > 0 &&
+            !cairn_budget_pay(budget, &field->units_charged, field->pair.units_due))
             return CAIRN_MORE;
-        field->pair.due = 0;
+        field->pair.units_due = 0;
         if (field->pair.is_begun) {
             status = step_pair(field, budget);
             if (status != CAIRN_OK)
@@ -346,7 +347,7 @@ static int32_t scan_of(const cairn_force_field *field, int32_t line)
 {
     int32_t segment = line - field->extra[field->extra_front].runs;
 
-    return segment < 0 ? CAIRN_FORCE_NOBODY : field->set->segments[segment].scan;
+    return segment < 0 ? CAIRN_FORCE_NO_SCAN : field->set->segments[segment].scan;
 }
 
 static void mark_pair(cairn_force_field *field)
@@ -354,7 +355,7 @@ static void mark_pair(cairn_force_field *field)
     int32_t a = field->pair.line[0].scan, b = field->pair.line[1].scan;
 
     field->pair.is_begun = 0;
-    if (a == CAIRN_FORCE_NOBODY || b == CAIRN_FORCE_NOBODY)
+    if (a == CAIRN_FORCE_NO_SCAN || b == CAIRN_FORCE_NO_SCAN)
         return;
     if (field->bodies[b].moved)
         field->bodies[a].dirty = 1;
@@ -371,7 +372,7 @@ cairn_status cairn_force_mark(cairn_force_field *field, cairn_budget *budget)
         cairn_status status;
 
         if (pair->is_begun) {
-            if (!cairn_budget_pay(budget, &field->paid, FOUND_COST))
+            if (!cairn_budget_pay(budget, &field->units_charged, FOUND_UNITS))
                 return CAIRN_MORE;
             mark_pair(field);
         }
@@ -391,7 +392,7 @@ static void add_force(const cairn_force_field *field, const struct cairn_force_l
                       const struct cairn_force_line *from, const cairn_force_strip *point,
                       cairn_vec2 *force)
 {
-    cairn_real strength = likeness(field, of, from) * field->kernel.norm;
+    cairn_real strength = direction_factor(field, of, from) * field->kernel.norm;
     cairn_force_sum sum;
 
     memset(&sum, 0, sizeof sum);
@@ -431,7 +432,7 @@ cairn_vec2 cairn_force_at(const cairn_force_field *field, int32_t segment, int32
     for (int32_t i = 0; i < runs + field->placed_segments; i++) {
         struct cairn_force_line other = line_of(field, i);
 
-        if (do_attract(field, &line, &other) && cairn_box_overlap(box, field->boxes[i]))
+        if (can_attract(field, &line, &other) && cairn_box_overlap(box, field->boxes[i]))
             add_force(field, &line, &other, &point, &force);
     }
     return force;

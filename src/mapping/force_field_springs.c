@@ -29,12 +29,12 @@
 
 #include "src/mapping/force_field_iteration.h"
 
-enum { ROUNDS = 48, CHAIN = 8 };
+enum { MAX_ITERATIONS = 48, BONDS_PER_UNIT = 8 };
 
 /* Fall of the squared residual at which the solver stops, and the share of its stiffness that
  * holds a scan. */
-#define ENOUGH CAIRN_REAL(1e-8)
-#define HOLD   CAIRN_REAL(0.001)
+#define CONVERGED_RATIO CAIRN_REAL(1e-8)
+#define DAMPING_SHARE   CAIRN_REAL(0.001)
 
 enum {
     STAGE_GATHER,
@@ -55,24 +55,24 @@ int32_t cairn_force_has_springs(const cairn_force_field *field)
 
 void cairn_force_unbind(cairn_force_field *field, int32_t scan)
 {
-    struct cairn_force_balance *balance = &field->balances[scan];
+    struct cairn_force_unknown *balance = &field->unknowns[scan];
 
     memset(balance, 0, sizeof *balance);
-    balance->bond = -1;
+    balance->last_bond = -1;
 }
 
 int32_t cairn_force_bind_cost(const cairn_force_field *field)
 {
-    return 3 + field->balances[field->pair.line[1].scan].bonds / CHAIN;
+    return 3 + field->unknowns[field->pair.line[1].scan].bond_count / BONDS_PER_UNIT;
 }
 
 /* The bond of the two scans at hand; NULL when there is no room for it. */
 static struct cairn_force_bond *find_bond(cairn_force_field *field, int32_t first, int32_t second)
 {
-    struct cairn_force_balance *balance = &field->balances[second];
+    struct cairn_force_unknown *balance = &field->unknowns[second];
     struct cairn_force_bond *bond;
 
-    for (int32_t i = balance->bond; i >= 0; i = field->bonds[i].next)
+    for (int32_t i = balance->last_bond; i >= 0; i = field->bonds[i].next)
         if (field->bonds[i].first == first)
             return &field->bonds[i];
     if (field->bond_count == field->params.max_bonds)
@@ -81,15 +81,15 @@ static struct cairn_force_bond *find_bond(cairn_force_field *field, int32_t firs
     memset(bond, 0, sizeof *bond);
     bond->first = first;
     bond->second = second;
-    bond->next = balance->bond;
-    balance->bond = field->bond_count++;
-    balance->bonds++;
+    bond->next = balance->last_bond;
+    balance->last_bond = field->bond_count++;
+    balance->bond_count++;
     return bond;
 }
 
 /* Sum of the stiffness of a spring whose points have these directions, for 1 across: 1 across a
  * line and `slide` along it. */
-static cairn_sym2 shape_of(cairn_vec2 a, cairn_vec2 b, cairn_real slide)
+static cairn_sym2 stiffness_shape(cairn_vec2 a, cairn_vec2 b, cairn_real slide)
 {
     cairn_sym2 shape;
 
@@ -117,7 +117,7 @@ static void add_twist(const cairn_force_field *field, struct cairn_force_bond *b
         field->params.twist / 2 * pair->sum.potential / field->kernel.norm * (cosine * cosine);
 
     bond->stiffness.zz += torque * (cosine * cosine);
-    bond->pull[2] += torque * (cosine * cairn_vec2_cross(a, b));
+    bond->wrench[2] += torque * (cosine * cairn_vec2_cross(a, b));
 }
 
 void cairn_force_bind(cairn_force_field *field)
@@ -125,7 +125,7 @@ void cairn_force_bind(cairn_force_field *field)
     const struct cairn_force_pair *pair = &field->pair;
     const cairn_force_springs *s = &pair->springs;
     cairn_sym2 shape =
-        shape_of(pair->line[0].direction, pair->line[1].direction, field->params.slide);
+        stiffness_shape(pair->line[0].direction, pair->line[1].direction, field->params.slide);
     struct cairn_force_bond *bond = find_bond(field, pair->line[0].scan, pair->line[1].scan);
     cairn_real weight = pair->cosine;
     cairn_vec2 arm, pull;
@@ -144,10 +144,10 @@ void cairn_force_bind(cairn_force_field *field)
     bond->stiffness.yz += weight * arm.y;
     bond->stiffness.zz +=
         weight * (shape.xx * s->middle_yy - 2 * shape.xy * s->middle_xy + shape.yy * s->middle_xx);
-    bond->pull[0] += weight * pull.x;
-    bond->pull[1] += weight * pull.y;
-    bond->pull[2] += weight * (shape.xy * s->middle_pull_xx + shape.yy * s->middle_pull_xy -
-                               shape.xx * s->middle_pull_yx - shape.xy * s->middle_pull_yy);
+    bond->wrench[0] += weight * pull.x;
+    bond->wrench[1] += weight * pull.y;
+    bond->wrench[2] += weight * (shape.xy * s->middle_pull_xx + shape.yy * s->middle_pull_xy -
+                                 shape.xx * s->middle_pull_yx - shape.xy * s->middle_pull_yy);
     add_twist(field, bond);
 }
 
@@ -155,7 +155,7 @@ void cairn_force_bind(cairn_force_field *field)
 
 /* The motion that a turn of a scan about its own centre is about the centre of a bond: turn *
  * arm, and the turn. */
-static cairn_vec2 arm_of(const cairn_force_field *field, const struct cairn_force_bond *bond)
+static cairn_vec2 lever_arm(const cairn_force_field *field, const struct cairn_force_bond *bond)
 {
     cairn_vec2 centre = field->bodies[bond->second].centre;
 
@@ -187,7 +187,7 @@ static void add_diagonal(cairn_sym3 *sum, const cairn_sym3 *m)
 }
 
 /* The stiffness of a bond about another centre. */
-static cairn_sym3 seen_from(cairn_sym3 m, cairn_vec2 arm)
+static cairn_sym3 shift_stiffness(cairn_sym3 m, cairn_vec2 arm)
 {
     cairn_sym3 seen = m;
 
@@ -198,11 +198,11 @@ static cairn_sym3 seen_from(cairn_sym3 m, cairn_vec2 arm)
 }
 
 /* Gives a force and torque about the centre of a bond to its two scans. */
-static void spread(const cairn_force_field *field, const struct cairn_force_bond *bond,
-                   const cairn_real force[3], cairn_real first[3], cairn_real second[3])
+static void scatter_force(const cairn_force_field *field, const struct cairn_force_bond *bond,
+                          const cairn_real force[3], cairn_real first[3], cairn_real second[3])
 {
     if (first != NULL) {
-        cairn_vec2 arm = arm_of(field, bond);
+        cairn_vec2 arm = lever_arm(field, bond);
 
         first[0] += force[0];
         first[1] += force[1];
@@ -212,125 +212,126 @@ static void spread(const cairn_force_field *field, const struct cairn_force_bond
         second[i] -= force[i];
 }
 
-static struct cairn_force_balance *first_of(const cairn_force_field *field,
+static struct cairn_force_unknown *first_of(const cairn_force_field *field,
                                             const struct cairn_force_bond *bond)
 {
-    return bond->first == CAIRN_FORCE_NOBODY ? NULL : &field->balances[bond->first];
+    return bond->first == CAIRN_FORCE_NO_SCAN ? NULL : &field->unknowns[bond->first];
 }
 
 static void gather(cairn_force_field *field, const struct cairn_force_bond *bond)
 {
-    struct cairn_force_balance *first = first_of(field, bond),
-                               *second = &field->balances[bond->second];
+    struct cairn_force_unknown *first = first_of(field, bond),
+                               *second = &field->unknowns[bond->second];
 
     add_diagonal(&second->diagonal, &bond->stiffness);
     if (first != NULL) {
-        cairn_sym3 seen = seen_from(bond->stiffness, arm_of(field, bond));
+        cairn_sym3 seen = shift_stiffness(bond->stiffness, lever_arm(field, bond));
 
         add_diagonal(&first->diagonal, &seen);
     }
-    spread(field, bond, bond->pull, first == NULL ? NULL : first->residual, second->residual);
+    scatter_force(field, bond, bond->wrench, first == NULL ? NULL : first->residual,
+                  second->residual);
 }
 
 /* image += what the bond answers to the direction. */
-static void answer(cairn_force_field *field, const struct cairn_force_bond *bond)
+static void add_product(cairn_force_field *field, const struct cairn_force_bond *bond)
 {
-    struct cairn_force_balance *first = first_of(field, bond),
-                               *second = &field->balances[bond->second];
+    struct cairn_force_unknown *first = first_of(field, bond),
+                               *second = &field->unknowns[bond->second];
     cairn_real against[3], force[3];
 
     for (int32_t i = 0; i < 3; i++)
         against[i] = -second->direction[i];
     if (first != NULL) {
-        cairn_vec2 arm = arm_of(field, bond);
+        cairn_vec2 arm = lever_arm(field, bond);
 
         against[0] += first->direction[0] + arm.x * first->direction[2];
         against[1] += first->direction[1] + arm.y * first->direction[2];
         against[2] += first->direction[2];
     }
     multiply(&bond->stiffness, against, force);
-    spread(field, bond, force, first == NULL ? NULL : first->image, second->image);
+    scatter_force(field, bond, force, first == NULL ? NULL : first->product, second->product);
 }
 
 /* ---- Conjugate gradients ---- */
 
-static void set_image(struct cairn_force_balance *balance)
+static void set_image(struct cairn_force_unknown *balance)
 {
     for (int32_t i = 0; i < 3; i++)
-        balance->image[i] = balance->hold[i] * balance->direction[i];
+        balance->product[i] = balance->damping[i] * balance->direction[i];
 }
 
 /* A scan that is fixed, or that nothing holds or pulls, stays where it is. */
-static void prepare(cairn_force_field *field, int32_t index)
+static void prepare_unknown(cairn_force_field *field, int32_t index)
 {
     const struct cairn_force_body *body = &field->bodies[index];
-    struct cairn_force_balance *balance = &field->balances[index];
+    struct cairn_force_unknown *balance = &field->unknowns[index];
     cairn_real shift = balance->diagonal.xx + balance->diagonal.yy, grip = 0;
     cairn_sym3 inverse = cairn_sym3_zero();
 
     if (field->params.grip > 0)
         grip = field->sigma / field->params.grip;
-    balance->hold[0] = balance->hold[1] = (HOLD + grip * grip * grip) * shift;
-    balance->hold[2] = HOLD * shift * field->set->scans[index].sensor_spread;
-    balance->diagonal.xx += balance->hold[0];
-    balance->diagonal.yy += balance->hold[1];
-    balance->diagonal.zz += balance->hold[2];
+    balance->damping[0] = balance->damping[1] = (DAMPING_SHARE + grip * grip * grip) * shift;
+    balance->damping[2] = DAMPING_SHARE * shift * field->set->scans[index].sensor_spread;
+    balance->diagonal.xx += balance->damping[0];
+    balance->diagonal.yy += balance->damping[1];
+    balance->diagonal.zz += balance->damping[2];
     if (!body->is_fixed)
         (void)cairn_sym3_inverse(balance->diagonal, &inverse);
     balance->diagonal = inverse;
     multiply(&balance->diagonal, balance->residual, balance->direction);
-    field->solver.length += dot(balance->residual, balance->direction);
+    field->solver.residual2 += dot(balance->residual, balance->direction);
     set_image(balance);
 }
 
-static void advance(cairn_force_field *field, struct cairn_force_balance *balance)
+static void advance(cairn_force_field *field, struct cairn_force_unknown *balance)
 {
     struct cairn_force_solver *solver = &field->solver;
-    cairn_real way = solver->length / solver->curvature;
+    cairn_real way = solver->residual2 / solver->curvature;
 
     for (int32_t i = 0; i < 3; i++) {
         balance->motion[i] += way * balance->direction[i];
-        balance->residual[i] -= way * balance->image[i];
+        balance->residual[i] -= way * balance->product[i];
     }
-    multiply(&balance->diagonal, balance->residual, balance->image);
-    solver->next_length += dot(balance->residual, balance->image);
+    multiply(&balance->diagonal, balance->residual, balance->product);
+    solver->next_residual2 += dot(balance->residual, balance->product);
 }
 
-static void turn(cairn_force_field *field, struct cairn_force_balance *balance)
+static void turn(cairn_force_field *field, struct cairn_force_unknown *balance)
 {
-    cairn_real share = field->solver.next_length / field->solver.length;
+    cairn_real share = field->solver.next_residual2 / field->solver.residual2;
 
     for (int32_t i = 0; i < 3; i++)
-        balance->direction[i] = balance->image[i] + share * balance->direction[i];
+        balance->direction[i] = balance->product[i] + share * balance->direction[i];
     set_image(balance);
 }
 
-static void measure(cairn_force_field *field, const struct cairn_force_balance *balance)
+static void measure(cairn_force_field *field, const struct cairn_force_unknown *balance)
 {
-    field->solver.curvature += dot(balance->direction, balance->image);
+    field->solver.curvature += dot(balance->direction, balance->product);
 }
 
 /* What the stage at hand does to a bond or a scan. */
-static void treat(cairn_force_field *field, int32_t index)
+static void process_item(cairn_force_field *field, int32_t index)
 {
     switch (field->solver.stage) {
     case STAGE_GATHER:
         gather(field, &field->bonds[index]);
         break;
     case STAGE_PREPARE:
-        prepare(field, index);
+        prepare_unknown(field, index);
         break;
     case STAGE_PULL:
-        answer(field, &field->bonds[index]);
+        add_product(field, &field->bonds[index]);
         break;
     case STAGE_MEASURE:
-        measure(field, &field->balances[index]);
+        measure(field, &field->unknowns[index]);
         break;
     case STAGE_ADVANCE:
-        advance(field, &field->balances[index]);
+        advance(field, &field->unknowns[index]);
         break;
     default:
-        turn(field, &field->balances[index]);
+        turn(field, &field->unknowns[index]);
         break;
     }
 }
@@ -340,19 +341,21 @@ static int32_t next_stage(struct cairn_force_solver *solver)
 {
     switch (solver->stage) {
     case STAGE_PREPARE:
-        solver->least_length = ENOUGH * solver->length;
-        return solver->length > 0 ? STAGE_PULL : STAGE_DONE;
+        solver->min_residual2 = CONVERGED_RATIO * solver->residual2;
+        return solver->residual2 > 0 ? STAGE_PULL : STAGE_DONE;
     case STAGE_PULL:
         solver->curvature = 0;
         return STAGE_MEASURE;
     case STAGE_MEASURE:
-        solver->next_length = 0;
+        solver->next_residual2 = 0;
         return solver->curvature > 0 ? STAGE_ADVANCE : STAGE_DONE;
     case STAGE_ADVANCE:
-        return ++solver->round < ROUNDS && solver->next_length > solver->least_length ? STAGE_TURN
-                                                                                      : STAGE_DONE;
+        return ++solver->iteration < MAX_ITERATIONS &&
+                       solver->next_residual2 > solver->min_residual2
+                   ? STAGE_TURN
+                   : STAGE_DONE;
     case STAGE_TURN:
-        solver->length = solver->next_length;
+        solver->residual2 = solver->next_residual2;
         return STAGE_PULL;
     default:
         return solver->stage + 1;
@@ -372,12 +375,13 @@ cairn_status cairn_force_balance_step(cairn_force_field *field, cairn_budget *bu
         int32_t is_of_bonds = solver->stage == STAGE_GATHER || solver->stage == STAGE_PULL;
         int32_t count = is_of_bonds ? field->bond_count : field->slots;
 
-        for (; solver->next < count; solver->next++) {
-            if (!cairn_budget_pay(budget, &field->paid, solver->stage <= STAGE_PREPARE ? 3 : 1))
+        for (; solver->next_item < count; solver->next_item++) {
+            if (!cairn_budget_pay(budget, &field->units_charged,
+                                  solver->stage <= STAGE_PREPARE ? 3 : 1))
                 return CAIRN_MORE;
-            treat(field, solver->next);
+            process_item(field, solver->next_item);
         }
-        solver->next = 0;
+        solver->next_item = 0;
         solver->stage = next_stage(solver);
     }
     return CAIRN_OK;
