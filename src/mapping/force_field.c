@@ -144,11 +144,11 @@ static cairn_force_field *carve(cairn_pool *pool, const cairn_force_field_params
     cairn_box_sweep *sweep = carve_sweep(pool, params);
     cairn_corner_set *corners = params->roi ? carve_corners(pool, params) : NULL;
     cairn_point_grid *grid = params->roi ? carve_grid(pool, params) : NULL;
-    struct cairn_force_unknown *balances = NULL;
+    struct cairn_force_unknown *unknowns = NULL;
     struct cairn_force_bond *bonds = NULL;
 
     if (params->mode == CAIRN_FORCE_FIELD_SPRINGS) {
-        balances = cairn_pool_take(pool, scans, sizeof *balances);
+        unknowns = cairn_pool_take(pool, scans, sizeof *unknowns);
         bonds = cairn_pool_take(pool, (size_t)params->max_bonds, sizeof *bonds);
     }
 
@@ -169,7 +169,7 @@ static cairn_force_field *carve(cairn_pool *pool, const cairn_force_field_params
         field->sweep = sweep;
         field->corners = corners;
         field->grid = grid;
-        field->unknowns = balances;
+        field->unknowns = unknowns;
         field->bonds = bonds;
     }
     return field;

@@ -46,22 +46,22 @@ static struct motion springs_motion(const cairn_force_field *field, int32_t inde
 {
     const cairn_scan_set_scan *scan = &field->set->scans[index];
     const struct cairn_force_body *body = &field->bodies[index];
-    const struct cairn_force_unknown *balance = &field->unknowns[index];
+    const struct cairn_force_unknown *unknown = &field->unknowns[index];
     cairn_real half_square = field->dt * field->dt / 2, share = half_square;
     cairn_vec2 arm = cairn_vec2_sub(cairn_transform_point(body->transform, scan->centroid),
                                     body->centre),
                mean;
     struct motion motion;
 
-    motion.turn = balance->motion[2];
-    mean.x = balance->motion[0] - motion.turn * arm.y;
-    mean.y = balance->motion[1] + motion.turn * arm.x;
+    motion.turn = unknown->motion[2];
+    mean.x = unknown->motion[0] - motion.turn * arm.y;
+    mean.y = unknown->motion[1] + motion.turn * arm.x;
     motion.relocation = cairn_sqrt(cairn_vec2_norm_squared(mean) +
                                    motion.turn * motion.turn * scan->centroid_spread);
     if (motion.relocation * share > field->params.max_relocation)
         share = field->params.max_relocation / motion.relocation;
-    motion.shift.x = share * balance->motion[0];
-    motion.shift.y = share * balance->motion[1];
+    motion.shift.x = share * unknown->motion[0];
+    motion.shift.y = share * unknown->motion[1];
     motion.turn *= share;
     motion.relocation *= share;
     return motion;

@@ -55,10 +55,10 @@ int32_t cairn_force_has_springs(const cairn_force_field *field)
 
 void cairn_force_unbind(cairn_force_field *field, int32_t scan)
 {
-    struct cairn_force_unknown *balance = &field->unknowns[scan];
+    struct cairn_force_unknown *unknown = &field->unknowns[scan];
 
-    memset(balance, 0, sizeof *balance);
-    balance->last_bond = -1;
+    memset(unknown, 0, sizeof *unknown);
+    unknown->last_bond = -1;
 }
 
 int32_t cairn_force_bind_cost(const cairn_force_field *field)
@@ -69,10 +69,10 @@ int32_t cairn_force_bind_cost(const cairn_force_field *field)
 /* The bond of the two scans at hand; NULL when there is no room for it. */
 static struct cairn_force_bond *find_bond(cairn_force_field *field, int32_t first, int32_t second)
 {
-    struct cairn_force_unknown *balance = &field->unknowns[second];
+    struct cairn_force_unknown *unknown = &field->unknowns[second];
     struct cairn_force_bond *bond;
 
-    for (int32_t i = balance->last_bond; i >= 0; i = field->bonds[i].next)
+    for (int32_t i = unknown->last_bond; i >= 0; i = field->bonds[i].next)
         if (field->bonds[i].first == first)
             return &field->bonds[i];
     if (field->bond_count == field->params.max_bonds)
@@ -81,9 +81,9 @@ static struct cairn_force_bond *find_bond(cairn_force_field *field, int32_t firs
     memset(bond, 0, sizeof *bond);
     bond->first = first;
     bond->second = second;
-    bond->next = balance->last_bond;
-    balance->last_bond = field->bond_count++;
-    balance->bond_count++;
+    bond->next = unknown->last_bond;
+    unknown->last_bond = field->bond_count++;
+    unknown->bond_count++;
     return bond;
 }
 
@@ -255,60 +255,60 @@ static void add_product(cairn_force_field *field, const struct cairn_force_bond 
 
 /* ---- Conjugate gradients ---- */
 
-static void set_image(struct cairn_force_unknown *balance)
+static void begin_product(struct cairn_force_unknown *unknown)
 {
     for (int32_t i = 0; i < 3; i++)
-        balance->product[i] = balance->damping[i] * balance->direction[i];
+        unknown->product[i] = unknown->damping[i] * unknown->direction[i];
 }
 
 /* A scan that is fixed, or that nothing holds or pulls, stays where it is. */
 static void prepare_unknown(cairn_force_field *field, int32_t index)
 {
     const struct cairn_force_body *body = &field->bodies[index];
-    struct cairn_force_unknown *balance = &field->unknowns[index];
-    cairn_real shift = balance->diagonal.xx + balance->diagonal.yy, grip = 0;
+    struct cairn_force_unknown *unknown = &field->unknowns[index];
+    cairn_real shift = unknown->diagonal.xx + unknown->diagonal.yy, grip = 0;
     cairn_sym3 inverse = cairn_sym3_zero();
 
     if (field->params.grip > 0)
         grip = field->sigma / field->params.grip;
-    balance->damping[0] = balance->damping[1] = (DAMPING_SHARE + grip * grip * grip) * shift;
-    balance->damping[2] = DAMPING_SHARE * shift * field->set->scans[index].sensor_spread;
-    balance->diagonal.xx += balance->damping[0];
-    balance->diagonal.yy += balance->damping[1];
-    balance->diagonal.zz += balance->damping[2];
+    unknown->damping[0] = unknown->damping[1] = (DAMPING_SHARE + grip * grip * grip) * shift;
+    unknown->damping[2] = DAMPING_SHARE * shift * field->set->scans[index].sensor_spread;
+    unknown->diagonal.xx += unknown->damping[0];
+    unknown->diagonal.yy += unknown->damping[1];
+    unknown->diagonal.zz += unknown->damping[2];
     if (!body->is_fixed)
-        (void)cairn_sym3_inverse(balance->diagonal, &inverse);
-    balance->diagonal = inverse;
-    multiply(&balance->diagonal, balance->residual, balance->direction);
-    field->solver.residual2 += dot(balance->residual, balance->direction);
-    set_image(balance);
+        (void)cairn_sym3_inverse(unknown->diagonal, &inverse);
+    unknown->diagonal = inverse;
+    multiply(&unknown->diagonal, unknown->residual, unknown->direction);
+    field->solver.residual2 += dot(unknown->residual, unknown->direction);
+    begin_product(unknown);
 }
 
-static void advance(cairn_force_field *field, struct cairn_force_unknown *balance)
+static void advance(cairn_force_field *field, struct cairn_force_unknown *unknown)
 {
     struct cairn_force_solver *solver = &field->solver;
     cairn_real way = solver->residual2 / solver->curvature;
 
     for (int32_t i = 0; i < 3; i++) {
-        balance->motion[i] += way * balance->direction[i];
-        balance->residual[i] -= way * balance->product[i];
+        unknown->motion[i] += way * unknown->direction[i];
+        unknown->residual[i] -= way * unknown->product[i];
     }
-    multiply(&balance->diagonal, balance->residual, balance->product);
-    solver->next_residual2 += dot(balance->residual, balance->product);
+    multiply(&unknown->diagonal, unknown->residual, unknown->product);
+    solver->next_residual2 += dot(unknown->residual, unknown->product);
 }
 
-static void turn(cairn_force_field *field, struct cairn_force_unknown *balance)
+static void turn(cairn_force_field *field, struct cairn_force_unknown *unknown)
 {
     cairn_real share = field->solver.next_residual2 / field->solver.residual2;
 
     for (int32_t i = 0; i < 3; i++)
-        balance->direction[i] = balance->product[i] + share * balance->direction[i];
-    set_image(balance);
+        unknown->direction[i] = unknown->product[i] + share * unknown->direction[i];
+    begin_product(unknown);
 }
 
-static void measure(cairn_force_field *field, const struct cairn_force_unknown *balance)
+static void measure(cairn_force_field *field, const struct cairn_force_unknown *unknown)
 {
-    field->solver.curvature += dot(balance->direction, balance->product);
+    field->solver.curvature += dot(unknown->direction, unknown->product);
 }
 
 /* What the stage at hand does to a bond or a scan. */
