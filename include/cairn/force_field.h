@@ -43,10 +43,9 @@ typedef int32_t cairn_force_field_mode;
 enum {
     /* as in the thesis: each scan on its own, with the accelerations of eqs. 7.6 and 7.7 */
     CAIRN_FORCE_FIELD_GRADIENT = CAIRN_MODE_AS_WRITTEN,
-    CAIRN_FORCE_FIELD_SPRINGS =
-        /* All scans jointly: each pair of points is a spring with the same force. Scans move by 1/2
-         * dt^2 times the motion to the equilibrium of all springs. */
-    2
+    /* all scans jointly: each pair of points is a spring with the same force; scans move by
+     * 1/2 dt^2 times the motion to the equilibrium of all springs */
+    CAIRN_FORCE_FIELD_SPRINGS = 2
 };
 
 /* Regions of interest around corners: intersections of the lines of two segments at about a right

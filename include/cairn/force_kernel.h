@@ -3,8 +3,8 @@
  * For points at distance r, with u the unit vector from p1 to p2 and c = |cos| of the angle between
  * their directions:
  *
- *     force on p1   m1 m2 c exp(-r^2 / (2 sigma^2)) / (sigma sqrt(2 pi)) u   (Adluru 2008, 7.1, 7.2)
- *     potential     -1/2 m1 m2 c erfc(r / (sigma sqrt(2)))             (7.4 and 7.5, one pair)
+ *     force on p1   m1 m2 c exp(-r^2 / (2 sigma^2)) / (sigma sqrt(2 pi)) u  (Adluru 2008, 7.1, 7.2)
+ *     potential     -1/2 m1 m2 c erfc(r / (sigma sqrt(2)))            (7.4 and 7.5, one pair)
  *
  * The force is minus the gradient of the potential. Eq. 7.5 sums over ordered pairs with the factor
  * 1/2 of eq. 7.4 (the integral there is -1/2 erfc). The -1/4 of each of the two orders give the

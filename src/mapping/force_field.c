@@ -1,16 +1,15 @@
-/* Force field simulation: memory, inputs, readers. Parameters are in force_field_params.c; what an
- * iteration does is in force_field_iteration.c, force_field_pairs.c, force_field_springs.c and
+/* Force field simulation: memory, inputs and readers. Parameters are in force_field_params.c; an
+ * iteration is in force_field_iteration.c, force_field_pairs.c, force_field_springs.c and
  * force_field_move.c.
  *
- * Layout: the scans as they came in a scan set; beside it arrays of segments and, unless they are
- * made on the fly, points in the map. Poses and motions are held twice: readers see one, the
- * iteration under way fills the other. Scans that arrive during an iteration lie behind those that
- * it works on; released ones are removed, and the gaps closed, between iterations. Points from
- * outside are held twice as well.
+ * Layout: the scans are in a scan set. Arrays of segments and, unless generated on demand, points
+ * hold them in the map. Poses and motions are double-buffered: readers see one buffer, the current
+ * iteration fills the other. Scans added during an iteration lie behind those in use. Removed ones
+ * are compacted between iterations. External points are double-buffered as well.
  *
  * Limits: in float the map should not be larger than about 100 m. The time of an iteration grows
- * with the pairs of points within reach. The force on a single point is not kept:
- * cairn_force_field_point_force sums it up again.
+ * with the pairs of points within reach. The force on a single point is not stored:
+ * cairn_force_field_point_force computes it again.
  *
  * Source: Adluru 2008, chapter 7. */
 #include "src/core/build.h"
@@ -19,7 +18,7 @@
 
 #include "src/mapping/force_field_iteration.h"
 
-/* Parameters and poses beyond this are refused. */
+/* maximum magnitude of parameters and poses, m */
 #define MAX_VALUE CAIRN_REAL(1e6)
 
 /* ---- Memory ---- */
@@ -52,8 +51,8 @@ static cairn_point_grid_params grid_params(const cairn_force_field_params *p)
     return params;
 }
 
-/* Objects within the object: counted on a counting pool, created on a real one, which has been
- * asked for room. */
+/* Returns 1 when the pool only counts; otherwise checks that it has the capacity for the objects
+ * inside. */
 static int only_counted(cairn_pool *pool, size_t need)
 {
     if (pool->base != NULL)
@@ -216,7 +215,7 @@ cairn_status cairn_force_field_create(cairn_force_field **field, cairn_pool *poo
 
 /* ---- Inputs ---- */
 
-/* The commit point at which an input takes effect. */
+/* Returns the commit point at which an input takes effect. */
 static uint32_t next_commit(const cairn_force_field *field)
 {
     return cairn_force_iteration_is_between(field) ? field->commits : field->commits + 1;
@@ -345,7 +344,7 @@ static cairn_status check_extra(const cairn_force_field *field, const cairn_orie
     return CAIRN_OK;
 }
 
-/* Cuts the points into runs of one direction, so that they can be treated as the points of a
+/* Copies the points, cut into runs of one direction, which are processed like the points of a
  * segment. */
 static void copy_extra(struct cairn_force_extra *extra, const cairn_oriented_point *points,
                        const cairn_real *weights, int32_t count)
@@ -515,7 +514,7 @@ int32_t cairn_force_field_has(const cairn_force_field *field, int32_t scan)
     return scan >= 0 && scan < field->slots && cairn_force_iteration_has(field, scan);
 }
 
-/* The segment of a scan that holds a point; they are in the order of their points. */
+/* Returns the segment of a scan that contains a point; segments are sorted by their points. */
 static int32_t segment_of(const cairn_scan_set *set, const cairn_scan_set_scan *scan, int32_t point)
 {
     int32_t low = scan->first_segment, high = scan->end_segment;

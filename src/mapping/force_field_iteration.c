@@ -1,20 +1,23 @@
 /* One iteration of force field simulation.
  *
  * Method (Adluru 2008, algorithm 1), one phase after the other, each in bounded steps:
- *   COMPARE      which scans have moved since the last iteration
- *   PLACE        their segments and points into the map, boxes around the points of each segment
- *   CORNERS      search for corners over all segments; UNGRID, GRID: the corners into a hash grid
- *   MASSES       points near a corner are in a region of interest
- *   PAIRS        forces between the points of near segments (force_field_pairs)
- *   BALANCE      with springs: the motions that bring them to rest (force_field_springs)
- *   MOVE         each scan moved from rest (eqs. 7.6 to 7.9; force_field_move)
- *   commit       buffers swapped, cooling (section 7.3.2), verdict
+ *
+ * 1. COMPARE: finds the scans that have moved since the last iteration.
+ * 2. PLACE: transforms their segments and points into the map; bounding boxes of the points of each
+ *    segment.
+ * 3. CORNERS: corner detection over all segments. UNGRID, GRID: the corners into a hash grid.
+ * 4. MASSES: points near a corner are in a region of interest.
+ * 5. PAIRS: forces between the points of near segments (force_field_pairs.c).
+ * 6. SOLVE: in mode SPRINGS, motions to the equilibrium (force_field_springs.c).
+ * 7. MOVE: moves each scan from rest (eqs. 7.6 to 7.9; force_field_move.c).
+ * 8. Commit: swaps buffers, cooling (section 7.3.2), verdict.
+ *
  * Without regions of interest CORNERS to MASSES are left out.
  *
- * A scan whose neighbours stood still keeps its forces. Neighbours are the scans with segments in
- * near boxes: MARK_OLD walks over those as they were, MARK_NEW as they are, and every scan near one
- * that has moved is dirty; only dirty scans are summed up anew. When sigma has changed, as it does
- * while the field cools, all are.
+ * The forces of a scan are cached while its neighbours rest. Neighbours are the scans with segments
+ * in near boxes. MARK_OLD traverses the previous boxes, MARK_NEW the current ones; every scan near
+ * one that has moved is dirty. Only dirty scans are recomputed. When sigma has changed, as during
+ * cooling, all are.
  *
  * Source: Adluru 2008, chapter 7. */
 #include "src/core/build.h"
@@ -25,7 +28,7 @@
 
 enum { POINTS_PER_GROUP = 8, ITEMS_PER_GROUP = 4 };
 
-/* Relative growth of boxes beyond what exact arithmetic needs. */
+/* relative growth of boxes beyond exact arithmetic */
 #define BOX_GROWTH_FACTOR CAIRN_REAL(1.001)
 
 int32_t cairn_force_iteration_is_between(const cairn_force_field *field)
@@ -80,7 +83,7 @@ void cairn_force_iteration_begin(cairn_force_field *field)
     field->placed_sigma = field->sigma;
     if (field->recomputes_all)
         field->free_box = cairn_box_empty();
-    /* A little below, so that rounding does not decide where the two meet. */
+    /* The threshold is slightly lower, so that rounding does not decide at equality. */
     field->rotates_about_sensor =
         cairn_force_has_springs(field) ||
         field->sigma < p->sensor_below * p->sigma_start * CAIRN_REAL(0.9999);
@@ -92,7 +95,7 @@ void cairn_force_iteration_begin(cairn_force_field *field)
     field->phase = PHASE_COMPARE;
 }
 
-/* ---- The phases; each returns CAIRN_OK when it is done ---- */
+/* ---- Phases; each returns CAIRN_OK when it is done ---- */
 
 static void must_be_ok(cairn_status status)
 {
@@ -161,7 +164,7 @@ static void grow(cairn_box *box, cairn_real by)
     box->max.y += by;
 }
 
-/* The box of the segment at hand, when all its points are in it. */
+/* Finishes the box of the current segment when all its points are in it. */
 static void end_box(cairn_force_field *field)
 {
     cairn_box *box = &field->boxes[field->extra[field->extra_front].runs + field->segment];
@@ -173,7 +176,7 @@ static void end_box(cairn_force_field *field)
     }
 }
 
-/* A segment without its points. */
+/* Transforms a segment without its points. */
 static void place_segment(cairn_force_field *field)
 {
     const cairn_scan_set_segment *from = &field->set->segments[field->segment];
@@ -189,7 +192,7 @@ static void place_segment(cairn_force_field *field)
     field->boxes[field->extra[field->extra_front].runs + field->segment] = box;
 }
 
-/* The next points of the segment at hand. */
+/* Transforms the next points of the current segment. */
 static void place_points(cairn_force_field *field)
 {
     const cairn_scan_set_segment *from = &field->set->segments[field->segment];
@@ -212,7 +215,7 @@ static void place_points(cairn_force_field *field)
         end_box(field);
 }
 
-/* Units for the next points of a segment, of which `left` are left. */
+/* Returns the units for the next points of a segment, of which `left` are left. */
 static int32_t place_cost(int32_t left)
 {
     return 1 + (left < CAIRN_FORCE_STRIP ? left : CAIRN_FORCE_STRIP) / 2;
@@ -243,8 +246,7 @@ static cairn_status step_place_extra(cairn_force_field *field, cairn_budget *bud
     return CAIRN_OK;
 }
 
-/* Segment by segment in the order in which they lie; `point` is -1 before the segment's ends are
- * placed. */
+/* Processes segments in storage order; `point` is -1 before the segment's ends are transformed. */
 static cairn_status step_place(cairn_force_field *field, cairn_budget *budget)
 {
     for (; field->segment < field->segment_count; field->segment++, field->point = -1) {
@@ -294,7 +296,7 @@ static cairn_status step_grid(cairn_force_field *field, cairn_budget *budget)
     while (cairn_point_grid_count(field->grid) < count) {
         if (!cairn_budget_pay(budget, &field->units_charged, 2))
             return CAIRN_MORE;
-        /* As many places as corners. */
+        /* The capacity is max_corners. */
         must_be_ok(cairn_point_grid_insert(field->grid,
                                            corners[cairn_point_grid_count(field->grid)].position));
     }
@@ -302,7 +304,7 @@ static cairn_status step_grid(cairn_force_field *field, cairn_budget *budget)
     return CAIRN_OK;
 }
 
-/* Gives a point its mass; 1 when it had another one. */
+/* Sets the mass of a point; returns 1 when it has changed. */
 static int set_mass(cairn_force_field *field, int32_t point, int is_in_region)
 {
     uint32_t bit = UINT32_C(1) << point % 32, *word;
@@ -321,7 +323,7 @@ static int set_mass(cairn_force_field *field, int32_t point, int is_in_region)
     return had != is_in_region;
 }
 
-/* Looks at the next points of the segment at hand; 1 when the mass of one has changed. */
+/* Tests the next points of the current segment; returns 1 when a mass has changed. */
 static int find_regions(cairn_force_field *field)
 {
     const cairn_scan_set_segment *segment = &field->set->segments[field->segment];
@@ -425,7 +427,7 @@ static void commit(cairn_force_field *field)
         cairn_force_iteration_start_cooling(field);
 }
 
-/* What lies where has changed: no order and no number of a segment is what it was. */
+/* Invalidates cached positions after compaction: order and indices of the segments have changed. */
 static void end_pack(cairn_force_field *field)
 {
     field->segment_count = field->set->segment_count;
@@ -491,7 +493,7 @@ static cairn_force_phase phase_after(const cairn_force_field *field)
     }
 }
 
-/* Boxes of the runs and of the segments that are placed. */
+/* Returns the number of boxes of runs and transformed segments. */
 static int32_t boxes_of(const cairn_force_field *field)
 {
     return field->extra[field->extra_front].runs + field->placed_segments;

@@ -1,14 +1,16 @@
-/* The motion of the scans of a force field: from rest through the time dt with constant
- * acceleration (Adluru 2008, eqs. 7.6 to 7.9), all points of mass 1; or, with springs, by 1/2
- * dt^2 times what the springs ask for. */
+/* Rigid motion of the scans of a force field.
+ *
+ * Method: from rest through the time dt with constant acceleration, all points of mass 1 (Adluru
+ * 2008, eqs. 7.6 to 7.9); in mode SPRINGS by 1/2 dt^2 times the solution of the springs' linear
+ * system. */
 #include "src/core/build.h"
 
 #include "src/mapping/force_field_iteration.h"
 
-/* A scan whose mean squared distance from the centre is less, in m^2, does not turn. */
+/* m^2: a scan with a smaller mean squared distance from the centre does not rotate */
 #define MIN_SPREAD_M2 CAIRN_REAL(1e-6)
 
-/* How the centre of a scan and the scan about it move. */
+/* Translation of the centre of a scan and rotation about it. */
 struct motion {
     cairn_vec2 shift;
     cairn_real turn, relocation;
@@ -86,7 +88,7 @@ static void move_scan(cairn_force_field *field, int32_t index)
     motion =
         cairn_force_has_springs(field) ? springs_motion(field, index) : thesis_motion(field, index);
 
-    /* A scan that nothing pulls keeps its pose to the bit. */
+    /* A scan without force keeps its pose exactly. */
     if (motion.shift.x != 0 || motion.shift.y != 0 || motion.turn != 0) {
         centre = cairn_vec2_add(body->centre, motion.shift);
         placement->map_scan.theta = cairn_wrap_angle(placement->map_scan.theta + motion.turn);
@@ -111,7 +113,7 @@ cairn_status cairn_force_move(cairn_force_field *field, cairn_budget *budget)
         body->has_forces = cairn_force_iteration_has(field, field->scan) != 0;
         if (!body->has_forces)
             continue;
-        /* A scan without segments was not placed. */
+        /* A scan without segments was not transformed. */
         if (body->moved && field->set->scans[field->scan].first_segment ==
                                field->set->scans[field->scan].end_segment)
             cairn_force_place_scan(field, field->scan);

@@ -1,13 +1,16 @@
-/* The pairs of a force field: who is near whom, and how they pull.
+/* Pairs of lines of a force field: neighbour search and forces.
  *
- * Method: the boxes of all lines, grown by half the reach each, are swept (Adluru 2008, section
- * 7.3.5); a line is a segment of a scan or a run of points from outside. Points of two near lines
- * of different scans are taken in tiles, each of the one against each of the other. Only the sum of
- * the forces on the first line is formed: as each pair pulls along the line through its two points,
- * the other scan gets the same force and torque with the opposite sign.
+ * Method.
  *
- * Layout: lines are numbered as their boxes, runs first. Two tiles, kept from pair to pair where
- * they serve again; a tile points to the points in the map or holds those that are made on the fly.
+ * 1. The boxes of all lines, grown by half the reach each, are swept (sweep and prune; Adluru 2008,
+ *    section 7.3.5). A line is a segment of a scan or a run of external points.
+ * 2. Points of two near lines of different scans are processed in tiles, each tile of one line
+ *    against each of the other.
+ * 3. Only the sum of the forces on the first line is computed. A pair's force acts along the line
+ *    through its points, so the other scan gets the same force and torque with the opposite sign.
+ *
+ * Layout: lines are numbered like their boxes, runs first. Two tiles are reused from pair to pair.
+ * A tile refers to points in the map or holds points generated on demand.
  *
  * Source: Adluru 2008, sections 7.3.1 and 7.3.5. */
 #include "src/core/build.h"
@@ -16,8 +19,8 @@
 
 #include "src/mapping/force_field_iteration.h"
 
-/* Units of a pair that is found and passed over, of one that is summed up, beside its tiles, and
- * of a tile that is there. */
+/* work units: of a pair that is found and skipped, of a pair that is summed, besides its tiles, and
+ * of a tile that is loaded */
 enum { FOUND_UNITS = 2, PAIR_UNITS = 7, TILE_UNITS = 2 };
 
 static inline struct cairn_force_line line_of(const cairn_force_field *field, int32_t index)
@@ -60,8 +63,8 @@ void cairn_force_points(const cairn_force_field *field, int32_t segment, int32_t
         points[i] = cairn_transform_point(transform, points[i]);
 }
 
-/* Units for the tile of a line that begins at its point `first`: its points may have to be made,
- * and to be boxed. */
+/* Returns the units for the tile of a line that begins at its point `first`: points may have to be
+ * generated and boxed. */
 static int32_t tile_cost(const cairn_force_field *field, const struct cairn_force_line *line,
                          int32_t first)
 {
@@ -72,7 +75,7 @@ static int32_t tile_cost(const cairn_force_field *field, const struct cairn_forc
     return TILE_UNITS + (field->position != NULL ? 0 : points / 4) + (is_long ? points / 4 : 0);
 }
 
-/* The mass of a point of a scan in the forces (section 7.3.4). */
+/* Returns the mass of a scan's point in the forces (section 7.3.4). */
 static cairn_real mass_of(const cairn_force_field *field, int32_t point)
 {
     if (field->mass != NULL)
@@ -82,7 +85,7 @@ static cairn_real mass_of(const cairn_force_field *field, int32_t point)
     return 1;
 }
 
-/* Makes the points of a tile of a segment. */
+/* Generates the points of a tile of a segment. */
 static void make_points(const cairn_force_field *field, const struct cairn_force_line *line,
                         struct cairn_force_tile *tile)
 {
@@ -155,7 +158,7 @@ static int is_fixed(const cairn_force_field *field, int32_t scan)
     return scan == CAIRN_FORCE_NO_SCAN || field->bodies[scan].is_fixed;
 }
 
-/* 1 when two lines attract each other. */
+/* Returns 1 when two lines attract each other. */
 static inline int can_attract(const cairn_force_field *field, const struct cairn_force_line *a,
                               const struct cairn_force_line *b)
 {
@@ -163,13 +166,13 @@ static inline int can_attract(const cairn_force_field *field, const struct cairn
            !(is_fixed(field, a->scan) && is_fixed(field, b->scan));
 }
 
-/* 1 when the faces of a wall are told apart. */
+/* Returns 1 when directions are oriented: the faces of a wall are distinguished. */
 static int uses_orientation(const cairn_force_field *field)
 {
     return field->sigma <= field->params.sides_below;
 }
 
-/* How much two lines attract each other by their directions. */
+/* Returns the direction factor of two lines: |cos|, or max(0, cos) when oriented. */
 static cairn_real direction_factor(const cairn_force_field *field, const struct cairn_force_line *a,
                                    const struct cairn_force_line *b)
 {
@@ -189,7 +192,7 @@ static void begin_pair(cairn_force_field *field, int32_t first, int32_t second)
     if (!can_attract(field, a, b) || !(is_dirty(field, a->scan) || is_dirty(field, b->scan)))
         return;
     pair->cosine = direction_factor(field, a, b);
-    /* Faces of opposite sides. */
+    /* faces of opposite sides */
     if (pair->cosine == 0 && uses_orientation(field))
         return;
     pair->units_due = PAIR_UNITS;
@@ -204,14 +207,14 @@ static void begin_pair(cairn_force_field *field, int32_t first, int32_t second)
     pair->sum.centre = field->bodies[b->scan].centre; /* runs come first: b is a segment */
 }
 
-/* Adds what a pair of lines has summed up to one of its two scans. sign: of its force. */
+/* Adds the sum of a pair of lines to one of its two scans; sign: of its force. */
 static void add_to_scan(cairn_force_field *field, int32_t scan, cairn_real sign, int32_t other)
 {
     const struct cairn_force_pair *pair = &field->pair;
     struct cairn_force_body *body = &field->bodies[scan];
     cairn_real strength = pair->cosine * field->kernel.norm * sign;
     cairn_vec2 force = cairn_vec2_scale(pair->sum.force, strength);
-    /* Pairs are counted by both scans; those with points from outside by the one. */
+    /* Pairs are counted by both scans; pairs with external points by one. */
     int32_t shares = other == CAIRN_FORCE_NO_SCAN ? 2 : 1;
 
     body->force = cairn_vec2_add(body->force, force);
@@ -235,8 +238,7 @@ static void end_pair(cairn_force_field *field)
     field->pair.is_begun = 0;
 }
 
-/* Loads what the pair needs of its two tiles, each where it may already be; 0 when the budget is
- * used up. */
+/* Loads the tiles that the pair still needs; returns 0 when the budget is used up. */
 static int load_tiles(cairn_force_field *field, cairn_budget *budget)
 {
     struct cairn_force_pair *pair = &field->pair;
@@ -261,8 +263,8 @@ static cairn_real gap(cairn_real low, cairn_real high, cairn_real other_low, cai
     return cairn_max(cairn_max(other_low - high, low - other_high), 0);
 }
 
-/* 1 when no points of the two tiles at hand are within reach, as most are not where two long
- * lines meet. */
+/* Returns 1 when no points of the two current tiles are within reach, which is common for two long
+ * lines. */
 static int are_out_of_reach(const cairn_force_field *field)
 {
     const struct cairn_force_pair *pair = &field->pair;
@@ -276,7 +278,7 @@ static int are_out_of_reach(const cairn_force_field *field)
     return x * x + y * y > 4 * field->margin * field->margin;
 }
 
-/* Goes on to the next two tiles; 0 when there are none. */
+/* Advances to the next two tiles; returns 0 after the last. */
 static int next_tiles(struct cairn_force_pair *pair)
 {
     pair->loaded = pair->cursor.row = 0;

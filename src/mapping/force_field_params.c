@@ -1,4 +1,4 @@
-/* Parameters of force field simulation: presets, and which values are refused.
+/* Parameters of force field simulation: presets and validation.
  *
  * Source: Adluru 2008, section 7.4.2. */
 #include "src/core/build.h"
@@ -10,7 +10,7 @@
 
 enum { MAX_CORNERS = 1 << 24, MAX_EXTRA = 1 << 24, MAX_BONDS = 1 << 24 };
 
-/* Parameters beyond this are refused. */
+/* maximum value of a parameter */
 #define MAX_VALUE CAIRN_REAL(1e6)
 
 cairn_force_field_params cairn_force_field_default(void)
@@ -83,7 +83,7 @@ cairn_force_field_params cairn_force_field_springs(cairn_real sigma_start, int32
         params.sigma_factor =
             cairn_exp(cairn_log(params.sigma_end / sigma_start) / (cairn_real)(steps - 1));
     params.sides_below = CAIRN_REAL(0.15);
-    /* 1/2 dt^2 is 5, and 0.7 times that in every iteration until it is 1. */
+    /* 1/2 dt^2 is 5, and decreases by the factor 0.7 per iteration to 1. */
     params.dt_start = cairn_sqrt(10);
     params.dt_end = cairn_sqrt(2);
     params.dt_factor = cairn_sqrt(CAIRN_REAL(0.7));
@@ -94,10 +94,10 @@ cairn_force_field_params cairn_force_field_springs(cairn_real sigma_start, int32
     return params;
 }
 
-/* What is asked of a value besides 0 ... MAX_VALUE, and when. */
+/* Conditions of a value besides 0 ... MAX_VALUE, and the modes in which it is validated. */
 enum { POSITIVE = 1, UNIT_INTERVAL = 2, WITH_ROI = 4, WITH_SPRINGS = 8 };
 
-/* As a table, because comparisons one by one take three times the code. */
+/* A table: separate comparisons take three times the code size. */
 #define OFFSET_OF(field) (uint16_t) offsetof(cairn_force_field_params, field)
 static const struct {
     uint16_t at, asked;

@@ -1,28 +1,28 @@
-/* The springs of a force field: all scans moved together.
+/* Joint motion of all scans in a force field: a sparse linear system of springs.
  *
- * Method: a pair of points pulls like a spring of stiffness force / distance; near an optimum that
- * is the second derivative of its potential across the lines, up to a factor. Along the lines of
- * its points a spring has only a share of its stiffness, as points stand there wherever the
- * sampling put them. The springs between two scans add up to a bond: a stiffness against motions of
- * the one scan against the other, and a pull. A motion is (x, y, turn) about the centre of its
- * scan, the turn to first order. What brings all bonds to rest is a sparse symmetric system of the
- * motions of all scans, solved by conjugate gradients with the inverses of the 3 x 3 blocks of the
- * diagonal before them. One scan on its own would follow its neighbours, which follow theirs:
- * errors that many scans share, like a bend, would take very many iterations.
+ * Method.
  *
- * What holds a scan where it is: a thousandth of its own stiffness against shifts and turns, so
- * that the system is positive definite; and, while sigma is large, a multiple of it against shifts
- * of the sensor.
+ * 1. A pair of points is a spring of stiffness force / distance. Near an optimum that is the second
+ *    derivative of its potential normal to the lines, up to a factor. Tangential to the lines a
+ *    spring has only a share of its stiffness, since the sampling along a line is arbitrary
+ *    (point-to-line weighting).
+ * 2. The springs between two scans add up to a bond: a stiffness against relative motions, and a
+ *    wrench. A motion is (x, y, rotation) about the centre of its scan, the rotation linearized.
+ * 3. The equilibrium of all bonds is a sparse symmetric system in the motions of all scans. It is
+ *    solved by conjugate gradients with a block Jacobi preconditioner (inverses of the 3 x 3
+ *    diagonal blocks). If each scan moved alone, errors shared by many scans, like a bend, would
+ *    take very many iterations.
+ * 4. Damping: a thousandth of a scan's own stiffness against translations and rotations makes the
+ *    system positive definite. While sigma is large, a multiple of it acts against translations of
+ *    the sensor.
  *
- * Layout: bonds in the order in which the sweep meets them; those of a scan with earlier ones in a
- * list of its own.
+ * Layout: bonds in the order of the sweep; those of a scan with earlier ones form a linked list.
  *
- * Limits: 48 rounds of the solver, less when the residual has fallen to 1e-4 in the solver's
- * metric; what is left is done in the next iteration.
+ * Limits: 48 iterations of the solver, fewer when the residual has fallen to 1e-4 in the
+ * preconditioned norm. The remaining error is reduced in the next iteration of the field.
  *
- * Source: in place of Adluru 2008, eqs. 7.6 and 7.7, with the freedom that section 7.3.4 takes:
- * masses in the motion need not be those in the forces. Hestenes and Stiefel 1952 for the
- * solver. */
+ * Source: in place of Adluru 2008, eqs. 7.6 and 7.7, using the freedom of section 7.3.4: masses in
+ * the motion may differ from those in the forces. Hestenes and Stiefel 1952 for the solver. */
 #include "src/core/build.h"
 
 #include <string.h>
@@ -31,8 +31,8 @@
 
 enum { MAX_ITERATIONS = 48, BONDS_PER_UNIT = 8 };
 
-/* Fall of the squared residual at which the solver stops, and the share of its stiffness that
- * holds a scan. */
+/* reduction of the squared residual at which the solver stops, and the share of its stiffness that
+ * damps a scan */
 #define CONVERGED_RATIO CAIRN_REAL(1e-8)
 #define DAMPING_SHARE   CAIRN_REAL(0.001)
 
@@ -66,7 +66,7 @@ int32_t cairn_force_bind_cost(const cairn_force_field *field)
     return 3 + field->unknowns[field->pair.line[1].scan].bond_count / BONDS_PER_UNIT;
 }
 
-/* The bond of the two scans at hand; NULL when there is no room for it. */
+/* Returns the bond of the two current scans; NULL without capacity. */
 static struct cairn_force_bond *find_bond(cairn_force_field *field, int32_t first, int32_t second)
 {
     struct cairn_force_unknown *unknown = &field->unknowns[second];
@@ -87,8 +87,8 @@ static struct cairn_force_bond *find_bond(cairn_force_field *field, int32_t firs
     return bond;
 }
 
-/* Sum of the stiffness of a spring whose points have these directions, for 1 across: 1 across a
- * line and `slide` along it. */
+/* Returns the 2 x 2 stiffness of unit springs between lines of these directions: 1 normal to a line
+ * and `slide` tangential to it. */
 static cairn_sym2 stiffness_shape(cairn_vec2 a, cairn_vec2 b, cairn_real slide)
 {
     cairn_sym2 shape;
@@ -106,8 +106,8 @@ static cairn_vec2 times(cairn_sym2 m, cairn_vec2 v)
     return product;
 }
 
-/* Turns the two lines parallel: P(g) falls with the angle between them, too, which eq. 7.7
- * leaves out. */
+/* Adds the torque that aligns the two lines: P(g) also falls with the angle between them, which eq.
+ * 7.7 neglects. */
 static void add_twist(const cairn_force_field *field, struct cairn_force_bond *bond)
 {
     const struct cairn_force_pair *pair = &field->pair;
@@ -134,7 +134,7 @@ void cairn_force_bind(cairn_force_field *field)
         field->bonds_dropped++;
         return;
     }
-    /* A turn moves the middle c of a spring by (-c.y, c.x). */
+    /* A rotation moves the midpoint c of a spring by (-c.y, c.x). */
     arm = times(shape, cairn_vec2_left(s->middle));
     pull = times(shape, s->pull);
     bond->stiffness.xx += weight * shape.xx * s->stiffness;
@@ -151,10 +151,10 @@ void cairn_force_bind(cairn_force_field *field)
     add_twist(field, bond);
 }
 
-/* ---- The system ---- */
+/* ---- Linear system ---- */
 
-/* The motion that a turn of a scan about its own centre is about the centre of a bond: turn *
- * arm, and the turn. */
+/* Returns the lever arm of a scan's centre about the bond's centre: a rotation about its own centre
+ * is the translation rotation * arm, plus the rotation. */
 static cairn_vec2 lever_arm(const cairn_force_field *field, const struct cairn_force_bond *bond)
 {
     cairn_vec2 centre = field->bodies[bond->second].centre;
@@ -186,7 +186,7 @@ static void add_diagonal(cairn_sym3 *sum, const cairn_sym3 *m)
     sum->zz += m->zz;
 }
 
-/* The stiffness of a bond about another centre. */
+/* Returns the stiffness of a bond about another centre. */
 static cairn_sym3 shift_stiffness(cairn_sym3 m, cairn_vec2 arm)
 {
     cairn_sym3 seen = m;
@@ -197,7 +197,7 @@ static cairn_sym3 shift_stiffness(cairn_sym3 m, cairn_vec2 arm)
     return seen;
 }
 
-/* Gives a force and torque about the centre of a bond to its two scans. */
+/* Distributes a wrench about the centre of a bond to its two scans. */
 static void scatter_force(const cairn_force_field *field, const struct cairn_force_bond *bond,
                           const cairn_real force[3], cairn_real first[3], cairn_real second[3])
 {
@@ -233,7 +233,7 @@ static void gather(cairn_force_field *field, const struct cairn_force_bond *bond
                   second->residual);
 }
 
-/* image += what the bond answers to the direction. */
+/* Adds a bond's part of the matrix-vector product A direction. */
 static void add_product(cairn_force_field *field, const struct cairn_force_bond *bond)
 {
     struct cairn_force_unknown *first = first_of(field, bond),
@@ -261,7 +261,7 @@ static void begin_product(struct cairn_force_unknown *unknown)
         unknown->product[i] = unknown->damping[i] * unknown->direction[i];
 }
 
-/* A scan that is fixed, or that nothing holds or pulls, stays where it is. */
+/* Prepares the unknown of a scan. A fixed scan, or one without stiffness, stays at its pose. */
 static void prepare_unknown(cairn_force_field *field, int32_t index)
 {
     const struct cairn_force_body *body = &field->bodies[index];
@@ -311,7 +311,7 @@ static void measure(cairn_force_field *field, const struct cairn_force_unknown *
     field->solver.curvature += dot(unknown->direction, unknown->product);
 }
 
-/* What the stage at hand does to a bond or a scan. */
+/* Processes one bond or scan in the current stage. */
 static void process_item(cairn_force_field *field, int32_t index)
 {
     switch (field->solver.stage) {
@@ -336,7 +336,7 @@ static void process_item(cairn_force_field *field, int32_t index)
     }
 }
 
-/* The stage after the one that has ended. */
+/* Returns the stage after the current one. */
 static int32_t next_stage(struct cairn_force_solver *solver)
 {
     switch (solver->stage) {

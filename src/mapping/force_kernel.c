@@ -1,11 +1,14 @@
-/* The pair loop of force field simulation.
+/* Inner loop over pairs of points of force field simulation.
  *
- * Method: exp(-s) = exp(-i) exp(-j/64) exp(d) with s = i + j/64 - d, from two tables and a short
- * Taylor series; s is at most reach^2 / 2 = 18, so neither underflow nor scaling can occur. The
- * potential takes erfc(x) = erfc(x0) - 2/sqrt(pi) times the integral of exp(-t^2) from the nearest
- * node x0 of a table to x, by the two-point Hermite rule with two derivatives, whose end values are
- * in the table and at hand: no second exponential. What a point feels is summed up row by row; the
- * torque and the opposite force on the other strip come from these sums.
+ * Method.
+ *
+ * 1. exp(-s) = exp(-i) exp(-j/64) exp(d) with s = i + j/64 - d, from two tables and a short Taylor
+ *    series. s is at most reach^2 / 2 = 18, so neither underflow nor scaling can occur.
+ * 2. The potential uses erfc(x) = erfc(x0) - 2/sqrt(pi) times the integral of exp(-t^2) from the
+ *    nearest table node x0 to x, by the two-point Hermite rule with two derivatives. Its end values
+ *    are in the table or already computed: no second exponential.
+ * 3. Forces are summed row by row. The torque and the opposite force on the other strip follow from
+ *    these sums.
  *
  * Source: Adluru 2008, section 7.3.1. */
 #include "src/core/build.h"
@@ -14,7 +17,7 @@
 
 enum { EXP_INTEGER_NODES = 20, EXP_FRACTION_NODES = 64, ERFC_NODES = 69 };
 
-/* So many points beyond reach cost as much as a pair within it. */
+/* points beyond reach that cost as much as a pair within it */
 enum { COMPARISONS_PER_UNIT = 8 };
 
 /* 1 / sqrt(2 pi), 1 / sqrt(2), 1 / sqrt(pi) */
@@ -64,7 +67,7 @@ void cairn_force_kernel_set(cairn_force_kernel *kernel, cairn_real sigma, cairn_
     kernel->least_length = sigma / 8;
 }
 
-/* exp(-s), 0 <= s < COARSE - 1. */
+/* Returns exp(-s), 0 <= s < EXP_INTEGER_NODES - 1. */
 static inline cairn_real exp_negative(const cairn_force_kernel *kernel, cairn_real s)
 {
     int32_t k = cairn_real_to_int(s * EXP_FRACTION_NODES + CAIRN_REAL(0.5));
@@ -84,7 +87,7 @@ static inline cairn_real exp_negative(const cairn_force_kernel *kernel, cairn_re
            kernel->fine[(uint32_t)k % EXP_FRACTION_NODES] * series;
 }
 
-/* erfc(x), 0 <= x < NODES / 16, with square = x^2 and e = exp(-x^2). */
+/* Returns erfc(x), 0 <= x < ERFC_NODES / 16, with square = x^2 and e = exp(-x^2). */
 static inline cairn_real erfc_interpolated(const cairn_force_kernel *kernel, cairn_real x,
                                            cairn_real square, cairn_real e)
 {
@@ -100,7 +103,7 @@ static inline cairn_real erfc_interpolated(const cairn_force_kernel *kernel, cai
            INVERSE_SQRT_PI * d * (node[1] + e + d * FIFTH * (slopes + d * SIXTH * curvatures));
 }
 
-/* The pair as a spring that pulls as hard, but is no stiffer than at least_length. */
+/* Adds the pair as a spring with the same force, but no stiffer than at the minimum length. */
 static inline void add_spring(const cairn_force_kernel *kernel, cairn_real x, cairn_real y,
                               cairn_real r, cairn_real strength, cairn_force_pull *pull)
 {
@@ -130,7 +133,8 @@ static inline void add_pair(const cairn_force_kernel *kernel, cairn_real x, cair
     pull->y += strength * y;
 }
 
-/* What a point at p feels from the points *next ... of a strip, as far as *left units allow. */
+/* Adds the effect of the points *next ... of a strip on a point at p, as far as *left units
+ * allow. */
 static inline void add_row(const cairn_force_kernel *kernel, cairn_vec2 p,
                            const cairn_force_strip *strip, int32_t *next, int32_t *left,
                            int32_t with_potential, int32_t with_springs, cairn_force_pull *pull)
@@ -152,7 +156,7 @@ static inline void add_row(const cairn_force_kernel *kernel, cairn_vec2 p,
     *next = j;
 }
 
-/* Adds the springs of a point of a mass at p, seen from the centre. The middle of a spring is p
+/* Adds the springs of a point of a mass at p relative to the centre. The midpoint of a spring is p
  * + d / 2. */
 static void add_springs(cairn_force_springs *springs, cairn_vec2 p, cairn_real mass,
                         const cairn_force_pull *pull)
