@@ -51,8 +51,8 @@ static cairn_point_grid_params grid_params(const cairn_force_field_params *p)
     return params;
 }
 
-/* Returns 1 when the pool only counts; otherwise checks that it has the capacity for the objects
- * inside. */
+/* Counts an object's memory and returns 1 on a counting pool; returns 0 on a real one, whose
+ * capacity has been checked. */
 static int only_counted(cairn_pool *pool, size_t need)
 {
     if (pool->base != NULL)

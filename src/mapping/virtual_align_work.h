@@ -8,17 +8,17 @@ typedef int32_t virtual_align_phase;
 enum {
     VIRTUAL_ALIGN_IDLE,
     VIRTUAL_ALIGN_FIRST,
-    VIRTUAL_ALIGN_KEEP,
+    VIRTUAL_ALIGN_STORE,
     VIRTUAL_ALIGN_PLACE,
     VIRTUAL_ALIGN_BEGIN_SLIDE,
     VIRTUAL_ALIGN_SLIDE,
-    VIRTUAL_ALIGN_TAKE_SLID,
+    VIRTUAL_ALIGN_APPLY_SLIDE,
     VIRTUAL_ALIGN_GATHER,
     VIRTUAL_ALIGN_DETECT,
     VIRTUAL_ALIGN_ITERATE,
-    VIRTUAL_ALIGN_HAND_BACK,
-    VIRTUAL_ALIGN_AGAIN,
-    VIRTUAL_ALIGN_JUDGE
+    VIRTUAL_ALIGN_RETURN_POSES,
+    VIRTUAL_ALIGN_REALIGN,
+    VIRTUAL_ALIGN_COMPARE
 };
 
 /* How a scan comes in, where the aligner has placed it, and whether the field moves it. */
@@ -39,21 +39,21 @@ struct cairn_virtual_align {
     /* [max_scans] that the aligner starts again from, or has come to, ... */
     cairn_pose *poses;
     /* [max_scans] ... and those that they stand for */
-    cairn_pose *kept;
+    cairn_pose *stored_poses;
     virtual_align_phase phase;
     /* scan */
     int32_t cursor;
     /* iterations of the field since the last virtual scan */
-    int32_t since;
+    int32_t iterations_since_scan;
     int32_t scan_count;
     /* an iteration of the field */
-    int32_t is_under_way;
+    int32_t is_iterating;
     /* the last round has not made the result better */
     int32_t is_done;
     /* m, of the poses that scans come in with */
-    cairn_real spread;
+    cairn_real initial_spread;
     cairn_virtual_align_result result;
-    int32_t paid;
+    int32_t units_charged;
 };
 
 static inline void cairn_virtual_align_must(cairn_status status)
