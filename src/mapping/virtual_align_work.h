@@ -1,4 +1,4 @@
-/* What the files of the virtual_align room share. */
+/* Internal state shared by virtual_align.c and virtual_align_step.c. */
 #ifndef CAIRN_MAPPING_VIRTUAL_ALIGN_WORK_H
 #define CAIRN_MAPPING_VIRTUAL_ALIGN_WORK_H
 
@@ -21,7 +21,7 @@ enum {
     VIRTUAL_ALIGN_COMPARE
 };
 
-/* How a scan comes in, where the aligner has placed it, and whether the field moves it. */
+/* A scan: its initial pose, the aligner's result, and whether the field moves it. */
 struct cairn_virtual_place {
     cairn_pose start;
     cairn_aligner_pose aligned;
@@ -36,21 +36,21 @@ struct cairn_virtual_align {
     cairn_wall_slide *slide;
     /* [max_scans] */
     struct cairn_virtual_place *places;
-    /* [max_scans] that the aligner starts again from, or has come to, ... */
+    /* [max_scans] initial poses of the aligner's next run, or its results */
     cairn_pose *poses;
-    /* [max_scans] ... and those that they stand for */
+    /* [max_scans] poses in the stored result */
     cairn_pose *stored_poses;
     virtual_align_phase phase;
-    /* scan */
+    /* current scan */
     int32_t cursor;
     /* iterations of the field since the last virtual scan */
     int32_t iterations_since_scan;
     int32_t scan_count;
-    /* an iteration of the field */
+    /* 1: an iteration of the field is in progress */
     int32_t is_iterating;
-    /* the last round has not made the result better */
+    /* 1: the last round has not improved the result */
     int32_t is_done;
-    /* m, of the poses that scans come in with */
+    /* m: error of the initial poses */
     cairn_real initial_spread;
     cairn_virtual_align_result result;
     int32_t units_charged;
@@ -64,7 +64,8 @@ static inline void cairn_virtual_align_must(cairn_status status)
 
 /* ---- virtual_align_step.c ---- */
 
-/* To the end of the phase at hand, and on to the next. CAIRN_MORE: the budget is used up. */
+/* Processes the current phase to its end and advances to the next. CAIRN_MORE: the budget is used
+ * up. */
 cairn_status cairn_virtual_align_go_on(cairn_virtual_align *align, cairn_budget *budget);
 
 #endif
