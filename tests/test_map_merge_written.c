@@ -419,7 +419,7 @@ static void maps_without_corners_are_refused(void **state)
     assert_int_equal(cairn_map_merge_read(merge).placed, 1);
     assert_int_equal(cairn_map_merge_of(merge, 1).verdict, CAIRN_MERGE_NO_CORNER);
     assert_string_equal(cairn_merge_verdict_text(CAIRN_MERGE_NO_CORNER),
-                        "no corner of it is like one of the maps merged");
+                        "no corner is similar to one of the merged maps");
     test_pool_free(&pool);
     merge = merge_with(&pool, &p, maps, 1, NULL);
     assert_int_equal(cairn_map_merge_read(merge).placed, 1);

@@ -271,14 +271,14 @@ cairn_pose cairn_mapper_map_odom(const cairn_mapper *mapper);
 /* Returns the last scan as points and segments in its own frame; valid until the next add. */
 cairn_scan_view cairn_mapper_view(const cairn_mapper *mapper);
 
-/* Returns the current pose of a keyframe in the map, 0 <= key < keyframes. */
-cairn_pose cairn_mapper_key_pose(const cairn_mapper *mapper, int32_t key);
+/* Returns the current pose of a keyframe in the map, 0 <= keyframe < keyframes. */
+cairn_pose cairn_mapper_key_pose(const cairn_mapper *mapper, int32_t keyframe);
 
 /* Returns segments and points of all keyframes, each in its own frame. keyframe_slot() maps a
- * keyframe index, 0 <= key < keyframes, to its index in the set; both are equal until a keyframe is
+ * keyframe index, 0 <= keyframe < keyframes, to its index in the set; both are equal until a keyframe is
  * culled. */
 const cairn_scan_set *cairn_mapper_keys(const cairn_mapper *mapper);
-int32_t cairn_mapper_key_slot(const cairn_mapper *mapper, int32_t key);
+int32_t cairn_mapper_key_slot(const cairn_mapper *mapper, int32_t keyframe);
 
 /* A culling event: a keyframe was removed. Higher keyframe indices decrease by one from then on.
  * Results, loop events and links that are read later use the new indices. */
@@ -295,7 +295,8 @@ cairn_mapper_release cairn_mapper_release_at(const cairn_mapper *mapper, int32_t
 
 /* Reattaches a relative pose after a culling: maps the keyframe index and, for the culled keyframe,
  * the pose relative to it. */
-void cairn_mapper_rehang(cairn_mapper_release release, int32_t *key, cairn_pose *key_scan);
+void cairn_mapper_rehang(cairn_mapper_release culling, int32_t *keyframe,
+                         cairn_pose *keyframe_scan);
 
 /* Returns loop event 0 <= index < state.loop_events. Only the last 64 are stored: index is taken
  * modulo 64. */

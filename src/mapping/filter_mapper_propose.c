@@ -74,19 +74,19 @@ static int empty_maps(cairn_filter_mapper *mapper, cairn_budget *budget)
 }
 
 /* Inserts a keyframe into the list of nearest ones; of equal distances the later goes first. */
-static void insert_nearest(local_map *map, int32_t most, local_keyframe key)
+static void insert_nearest(local_map *map, int32_t most, local_keyframe keyframe)
 {
     int32_t k = map->count;
 
-    if (k == most && !(key.distance < map->nearest[most - 1].distance))
+    if (k == most && !(keyframe.distance < map->nearest[most - 1].distance))
         return;
     if (k == most)
         k--;
     else
         map->count++;
-    for (; k > 0 && key.distance < map->nearest[k - 1].distance; k--)
+    for (; k > 0 && keyframe.distance < map->nearest[k - 1].distance; k--)
         map->nearest[k] = map->nearest[k - 1];
-    map->nearest[k] = key;
+    map->nearest[k] = keyframe;
 }
 
 /* Walks back along the path. Returns 1 at its beginning. */
@@ -102,13 +102,13 @@ static int walk_path(cairn_filter_mapper *mapper, cairn_budget *budget)
             const path_state *s = work->ancestor;
             cairn_real x = s->map_keyframe.x - work->expected.x,
                        y = s->map_keyframe.y - work->expected.y;
-            local_keyframe key = {s->map_keyframe, x * x + y * y, s->keyframe};
+            local_keyframe keyframe = {s->map_keyframe, x * x + y * y, s->keyframe};
 
-            if (key.distance <= p->local_radius * p->local_radius)
+            if (keyframe.distance <= p->local_radius * p->local_radius)
                 insert_nearest(
                     &work->maps[s->keyframe < mapper->keyframe_count - p->span ? OLD_MAP
                                                                                : RECENT_MAP],
-                    p->local_keys, key);
+                    p->local_keys, keyframe);
             work->ancestor = cairn_particle_state_before(s);
         }
     }
@@ -116,10 +116,10 @@ static int walk_path(cairn_filter_mapper *mapper, cairn_budget *budget)
 }
 
 /* Copies the points of a keyframe, in its own frame; returns their number. */
-static int32_t read_key(cairn_filter_mapper *mapper, int32_t key)
+static int32_t read_key(cairn_filter_mapper *mapper, int32_t keyframe)
 {
     const cairn_scan_set *keys = cairn_mapper_keys(mapper->front);
-    const cairn_scan_set_scan *scan = &keys->scans[key];
+    const cairn_scan_set_scan *scan = &keys->scans[keyframe];
     int32_t count = 0;
 
     for (int32_t s = scan->first_segment; s < scan->end_segment; s++)
@@ -132,15 +132,15 @@ static int32_t read_key(cairn_filter_mapper *mapper, int32_t key)
 }
 
 /* Adds a keyframe to the target of the match and to the grid. Returns 0 without capacity. */
-static int add_key(cairn_filter_mapper *mapper, local_map *map, const local_keyframe *key)
+static int add_key(cairn_filter_mapper *mapper, local_map *map, const local_keyframe *keyframe)
 {
-    int32_t count = read_key(mapper, key->keyframe);
-    cairn_transform map_key = cairn_transform_of(key->map_keyframe);
+    int32_t count = read_key(mapper, keyframe->keyframe);
+    cairn_transform map_key = cairn_transform_of(keyframe->map_keyframe);
     cairn_status status;
 
     if (count > mapper->params.max_local_points - cairn_point_grid_count(map->points))
         return 0;
-    status = cairn_icp_add_target(mapper->icp, mapper->points, count, key->map_keyframe, NULL);
+    status = cairn_icp_add_target(mapper->icp, mapper->points, count, keyframe->map_keyframe, NULL);
     CAIRN_ASSERT(status == CAIRN_OK);
     for (int32_t i = 0; i < count; i++) {
         map->direction[cairn_point_grid_count(map->points)] =
@@ -153,9 +153,9 @@ static int add_key(cairn_filter_mapper *mapper, local_map *map, const local_keyf
     return 1;
 }
 
-static int32_t points_of(const cairn_filter_mapper *mapper, int32_t key)
+static int32_t points_of(const cairn_filter_mapper *mapper, int32_t keyframe)
 {
-    const cairn_scan_set_scan *scan = &cairn_mapper_keys(mapper->front)->scans[key];
+    const cairn_scan_set_scan *scan = &cairn_mapper_keys(mapper->front)->scans[keyframe];
 
     return scan->end_point - scan->first_point;
 }
@@ -166,11 +166,11 @@ static int fill_map(cairn_filter_mapper *mapper, cairn_budget *budget)
     local_map *map = &work->maps[work->map_index];
 
     for (; work->cursor < map->count; work->cursor++) {
-        const local_keyframe *key = &map->nearest[work->cursor];
+        const local_keyframe *keyframe = &map->nearest[work->cursor];
 
-        if (!charge(work, budget, 1 + points_of(mapper, key->keyframe) / POINTS_PER_UNIT))
+        if (!charge(work, budget, 1 + points_of(mapper, keyframe->keyframe) / POINTS_PER_UNIT))
             return 0;
-        if (!add_key(mapper, map, key))
+        if (!add_key(mapper, map, keyframe))
             work->cursor = map->count - 1;
     }
     return 1;

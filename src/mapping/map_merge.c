@@ -299,7 +299,7 @@ cairn_status cairn_map_merge_add(cairn_map_merge *merge, const cairn_merge_map *
     if (merge == NULL || map == NULL)
         return cairn_refuse(fault, -1, "NULL, expected a map", CAIRN_BAD_ARGUMENT);
     if (merge->phase != MERGE_IDLE)
-        return cairn_refuse(fault, -1, "a merging is under way, expected its end",
+        return cairn_refuse(fault, -1, "merging is in progress, expected its end",
                             CAIRN_BAD_ARGUMENT);
     if (cairn_raster_u8_check(map->cells) != CAIRN_OK)
         return cairn_refuse(fault, -1, "not a raster of cells", CAIRN_BAD_ARGUMENT);
@@ -498,15 +498,15 @@ const char *cairn_merge_verdict_text(cairn_merge_verdict verdict)
     case CAIRN_MERGE_EMPTY:
         return "no wall or no free space in it";
     case CAIRN_MERGE_NO_OVERLAP:
-        return "no place agrees with any other map";
+        return "no pose agrees with any other map";
     case CAIRN_MERGE_WEAK:
-        return "too little support for its best place";
+        return "too little support for its best pose";
     case CAIRN_MERGE_AMBIGUOUS:
-        return "another place has nearly as much support";
+        return "a competing pose has nearly as much support";
     case CAIRN_MERGE_SLIDES:
-        return "it could be shifted along its walls";
+        return "translation along its walls is unobservable";
     case CAIRN_MERGE_NO_CORNER:
-        return "no corner of it is like one of the maps merged";
+        return "no corner is similar to one of the merged maps";
     default:
         return "unknown verdict";
     }

@@ -156,8 +156,9 @@ static cairn_status step_links(cairn_map_merge *merge, cairn_budget *budget)
             }
             if (!cairn_merge_go_on_total(merge, budget))
                 return CAIRN_MORE;
-            merge->check.link[merge_pair(other < map ? other : map, other < map ? map : other)] =
-                merge->total.evidence;
+            merge->check
+                .pair_score[merge_pair(other < map ? other : map, other < map ? map : other)] =
+                merge->total.log_ratio;
             merge->inner++;
         }
     return CAIRN_OK;
@@ -165,7 +166,7 @@ static cairn_status step_links(cairn_map_merge *merge, cairn_budget *budget)
 
 static cairn_real pair_index(const cairn_map_merge *merge, int32_t a, int32_t b)
 {
-    return merge->check.link[a < b ? merge_pair(a, b) : merge_pair(b, a)];
+    return merge->check.pair_score[a < b ? merge_pair(a, b) : merge_pair(b, a)];
 }
 
 /* Returns the weight of the minimum cut of the accepted maps (Stoer and Wagner 1997), and its side
@@ -255,8 +256,9 @@ static cairn_pose place_at(const cairn_map_merge *merge, int32_t map, int32_t in
 
     if (index == 0)
         return pose;
-    return index <= merge->check.rivals ? merge->check.rival_list[index - 1].first_second
-                                        : shifted(pose, index - 1 - merge->check.rivals);
+    return index <= merge->check.competing_count
+               ? merge->check.competing[index - 1].first_second
+               : shifted(pose, index - 1 - merge->check.competing_count);
 }
 
 static void insert_place(cairn_map_merge *merge, int32_t map, int32_t index)
@@ -264,12 +266,12 @@ static void insert_place(cairn_map_merge *merge, int32_t map, int32_t index)
     cairn_merge_placed *p = &merge->placed[map];
 
     if (index == 0) {
-        p->support = merge->total.evidence;
+        p->support = merge->total.log_ratio;
         p->neighbours = merge->total.neighbours;
-    } else if (index <= merge->check.rivals) {
-        p->rival = cairn_max(p->rival, merge->total.evidence);
+    } else if (index <= merge->check.competing_count) {
+        p->rival = cairn_max(p->rival, merge->total.log_ratio);
     } else {
-        merge->check.slide = cairn_max(merge->check.slide, merge->total.evidence);
+        merge->check.shifted_score = cairn_max(merge->check.shifted_score, merge->total.log_ratio);
     }
 }
 
@@ -278,20 +280,20 @@ static cairn_status step_places(cairn_map_merge *merge, int32_t map, cairn_budge
 {
     if (merge->check.looking == 0) {
         collect_others(merge, map);
-        merge->check.rivals =
-            cairn_merge_places(merge, map, merge->check.rival_list, MERGE_MAX_REFINED);
-        merge->check.slide = 0;
-        merge->placed[map].modes = merge->check.rivals;
+        merge->check.competing_count =
+            cairn_merge_places(merge, map, merge->check.competing, MERGE_MAX_REFINED);
+        merge->check.shifted_score = 0;
+        merge->placed[map].modes = merge->check.competing_count;
         merge->placed[map].rival = 0;
         merge->check.looking = 1;
         merge->check.at = 0;
         merge->inner = 0;
     }
-    for (; merge->check.at <= merge->check.rivals + SHIFT_DIRECTIONS;
+    for (; merge->check.at <= merge->check.competing_count + SHIFT_DIRECTIONS;
          merge->check.at++, merge->inner = 0) {
         cairn_pose pose = place_at(merge, map, merge->check.at);
 
-        if (merge->check.at > 0 && merge->check.at <= merge->check.rivals &&
+        if (merge->check.at > 0 && merge->check.at <= merge->check.competing_count &&
             cairn_merge_is_same(pose, merge->check.pose[map], MERGE_SAME_M, MERGE_SAME_RAD))
             continue;
         if (merge->inner == 0) {
@@ -335,7 +337,7 @@ static cairn_status step_verdicts(cairn_map_merge *merge, cairn_budget *budget)
             refuse_map(merge, map, CAIRN_MERGE_WEAK); /* the cuts ignore negative pair scores */
         else if (p->support - p->rival < merge->params.min_margin)
             refuse_map(merge, map, CAIRN_MERGE_AMBIGUOUS);
-        else if (merge->check.slide > MAX_SHIFTED_SHARE * p->support)
+        else if (merge->check.shifted_score > MAX_SHIFTED_SHARE * p->support)
             refuse_map(merge, map, CAIRN_MERGE_SLIDES);
         merge->check.refused |= !merge->check.accepted[map];
     }

@@ -153,11 +153,12 @@ static void list_candidates(cairn_map_merge *merge, merge_proposal *offer)
 
 static void add_image_scores(cairn_map_merge *merge, const merge_state *s)
 {
-    merge->offer.psi_sum += s->psi;
-    merge->offer.gamma_sum += s->gamma;
-    merge->offer.gamma_least =
-        merge->offer.offered == 0 ? s->gamma : cairn_min(merge->offer.gamma_least, s->gamma);
-    merge->offer.offered++;
+    merge->proposals.psi_sum += s->psi;
+    merge->proposals.gamma_sum += s->gamma;
+    merge->proposals.gamma_least = merge->proposals.emitted == 0
+                                       ? s->gamma
+                                       : cairn_min(merge->proposals.gamma_least, s->gamma);
+    merge->proposals.emitted++;
 }
 
 /* Computes Psi and gamma relative to the neighbour of largest overlap. */
@@ -202,10 +203,10 @@ static merge_proposal *proposal_for(cairn_map_merge *merge, const merge_state *s
     merge_proposal *fresh;
 
     for (int32_t i = 0; i < MERGE_CACHED_PROPOSALS; i++)
-        if (merge->offer.made[i].state != NULL &&
-            cairn_merge_is_same_history(merge->offer.made[i].state, state))
-            return &merge->offer.made[i];
-    fresh = &merge->offer.made[merge->offer.count++ % MERGE_CACHED_PROPOSALS];
+        if (merge->proposals.cached[i].state != NULL &&
+            cairn_merge_is_same_history(merge->proposals.cached[i].state, state))
+            return &merge->proposals.cached[i];
+    fresh = &merge->proposals.cached[merge->proposals.count++ % MERGE_CACHED_PROPOSALS];
     fresh->state = state;
     fresh->count = 0;
     return fresh;
@@ -213,39 +214,39 @@ static merge_proposal *proposal_for(cairn_map_merge *merge, const merge_state *s
 
 static void begin_proposal(cairn_map_merge *merge, const merge_state *state)
 {
-    merge->offer.now = proposal_for(merge, state);
-    merge->offer.at = 0;
-    merge->offer.stage = 1;
-    if (merge->offer.now->count > 0) {
-        merge->offer.at = merge->offer.now->count;
+    merge->proposals.current = proposal_for(merge, state);
+    merge->proposals.at = 0;
+    merge->proposals.stage = 1;
+    if (merge->proposals.current->count > 0) {
+        merge->proposals.at = merge->proposals.current->count;
     } else if (cairn_merge_gather(merge, state)) {
-        merge->offer.now->candidates[0] = *state;
-        merge->offer.now->count = 1;
+        merge->proposals.current->candidates[0] = *state;
+        merge->proposals.current->count = 1;
     } else {
-        list_candidates(merge, merge->offer.now);
+        list_candidates(merge, merge->proposals.current);
     }
 }
 
 /* Processes one candidate: refined against all placed maps, then scored. */
 static int step_candidate(cairn_map_merge *merge, merge_state *s, cairn_budget *budget)
 {
-    if (merge->offer.stage == 1) {
+    if (merge->proposals.stage == 1) {
         cairn_merge_begin_lines(merge, s->map, s->reference_map, s->reference_map, MAX_LINE_STEPS);
-        merge->offer.stage = 2;
+        merge->proposals.stage = 2;
     }
-    if (merge->offer.stage == 2) {
+    if (merge->proposals.stage == 2) {
         if (!cairn_merge_go_on_lines(merge, budget))
             return 0;
         s->reference_map = merge->climb.best;
         cairn_merge_begin_total(merge, s->map, s->reference_map, merge->params.max_points);
-        merge->offer.stage = 3;
+        merge->proposals.stage = 3;
     }
     if (!cairn_merge_go_on_total(merge, budget))
         return 0;
-    s->log_ratio = merge->total.evidence;
+    s->log_ratio = merge->total.log_ratio;
     if (merge->params.perception == CAIRN_MERGE_IMAGES)
         score_images(merge, s);
-    merge->offer.stage = 1;
+    merge->proposals.stage = 1;
     return 1;
 }
 
@@ -255,15 +256,15 @@ static cairn_status propose(void *context, cairn_particle_filter *filter, int32_
     cairn_map_merge *merge = context;
     merge_proposal *offer;
 
-    if (merge->offer.stage == 0) {
+    if (merge->proposals.stage == 0) {
         if (!cairn_budget_pay(budget, &merge->units_charged, 1 + merge->map_count))
             return CAIRN_MORE;
         begin_proposal(merge, cairn_particle_filter_particle(filter, index).state);
     }
-    offer = merge->offer.now;
-    for (; merge->offer.at < offer->count; merge->offer.at++)
-        if (offer->candidates[merge->offer.at].map >= 0 &&
-            !step_candidate(merge, &offer->candidates[merge->offer.at], budget))
+    offer = merge->proposals.current;
+    for (; merge->proposals.at < offer->count; merge->proposals.at++)
+        if (offer->candidates[merge->proposals.at].map >= 0 &&
+            !step_candidate(merge, &offer->candidates[merge->proposals.at], budget))
             return CAIRN_MORE;
     for (int32_t i = 0; i < offer->count; i++) {
         cairn_status status = cairn_particle_filter_offer(filter, &offer->candidates[i], 0);
@@ -273,7 +274,7 @@ static cairn_status propose(void *context, cairn_particle_filter *filter, int32_
         if (offer->candidates[i].map >= 0)
             add_image_scores(merge, &offer->candidates[i]);
     }
-    merge->offer.stage = 0;
+    merge->proposals.stage = 0;
     return CAIRN_OK;
 }
 
@@ -281,12 +282,12 @@ static cairn_status propose(void *context, cairn_particle_filter *filter, int32_
  * one has 0. */
 static cairn_real log_images(const cairn_map_merge *merge, const merge_state *s)
 {
-    cairn_real gammas =
-        merge->offer.gamma_sum - (cairn_real)merge->offer.offered * merge->offer.gamma_least;
-    cairn_real psi = s->psi / merge->offer.psi_sum,
-               gamma = (s->gamma - merge->offer.gamma_least) / gammas;
+    cairn_real gammas = merge->proposals.gamma_sum -
+                        (cairn_real)merge->proposals.emitted * merge->proposals.gamma_least;
+    cairn_real psi = s->psi / merge->proposals.psi_sum,
+               gamma = (s->gamma - merge->proposals.gamma_least) / gammas;
 
-    if (merge->offer.offered < 2 || !(gammas > 0) || !(merge->offer.psi_sum > 0))
+    if (merge->proposals.emitted < 2 || !(gammas > 0) || !(merge->proposals.psi_sum > 0))
         return 0;
     return psi * gamma > 0 ? cairn_log(psi * gamma) : -CAIRN_REAL_MAX;
 }
@@ -363,11 +364,11 @@ cairn_status cairn_merge_run_filter(cairn_map_merge *merge, cairn_budget *budget
         if (merge->cursor == 0) {
             status = cairn_particle_filter_begin(merge->filter);
             CAIRN_ASSERT(status == CAIRN_OK);
-            memset(merge->offer.made, 0, sizeof merge->offer.made);
-            merge->offer.count = 0;
-            merge->offer.stage = 0;
-            merge->offer.psi_sum = merge->offer.gamma_sum = 0;
-            merge->offer.offered = 0;
+            memset(merge->proposals.cached, 0, sizeof merge->proposals.cached);
+            merge->proposals.count = 0;
+            merge->proposals.stage = 0;
+            merge->proposals.psi_sum = merge->proposals.gamma_sum = 0;
+            merge->proposals.emitted = 0;
             merge->cursor = 1;
         }
         status = cairn_particle_filter_step(merge->filter, budget);

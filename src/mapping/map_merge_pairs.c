@@ -294,10 +294,10 @@ void cairn_merge_begin_total(cairn_map_merge *merge, int32_t map, cairn_pose pos
     merge->total.map = map;
     merge->total.pose = pose;
     merge->total.points = points;
-    merge->total.near = 0;
+    merge->total.neighbour = 0;
     merge->total.neighbours = 0;
-    merge->total.evidence = merge->total.soft = merge->total.known = 0;
-    merge->total.middle.x = merge->total.middle.y = 0;
+    merge->total.log_ratio = merge->total.soft_score = merge->total.known_count = 0;
+    merge->total.centroid_sum.x = merge->total.centroid_sum.y = 0;
     merge->is_comparing = 0;
 }
 
@@ -305,15 +305,15 @@ void cairn_merge_begin_total(cairn_map_merge *merge, int32_t map, cairn_pose pos
 static void add_comparison(cairn_map_merge *merge, cairn_real evidence)
 {
     const merge_comparison *c = &merge->comparison;
-    cairn_transform t = cairn_transform_of(merge->neighbour_poses[merge->total.near]);
+    cairn_transform t = cairn_transform_of(merge->neighbour_poses[merge->total.neighbour]);
     cairn_real known = (cairn_real)c->sums[0].known_count;
     cairn_vec2 middle = cairn_vec2_scale(c->sums[0].centroid_sum, 1 / cairn_max(known, 1));
 
-    merge->total.soft += soft_score(merge);
-    merge->total.known += known;
-    merge->total.middle = cairn_vec2_add(merge->total.middle,
-                                         cairn_vec2_scale(cairn_transform_point(t, middle), known));
-    merge->total.evidence += evidence;
+    merge->total.soft_score += soft_score(merge);
+    merge->total.known_count += known;
+    merge->total.centroid_sum = cairn_vec2_add(
+        merge->total.centroid_sum, cairn_vec2_scale(cairn_transform_point(t, middle), known));
+    merge->total.log_ratio += evidence;
     merge->total.neighbours += evidence > MIN_NEIGHBOUR_NATS;
 }
 
@@ -321,10 +321,10 @@ int cairn_merge_go_on_total(cairn_map_merge *merge, cairn_budget *budget)
 {
     int whole = merge->total.points == merge->params.max_points;
 
-    for (; merge->total.near < merge->neighbour_count; merge->total.near++) {
-        int32_t near = merge->neighbours[merge->total.near];
+    for (; merge->total.neighbour < merge->neighbour_count; merge->total.neighbour++) {
+        int32_t near = merge->neighbours[merge->total.neighbour];
         cairn_pose seen =
-            cairn_pose_between(merge->neighbour_poses[merge->total.near], merge->total.pose);
+            cairn_pose_between(merge->neighbour_poses[merge->total.neighbour], merge->total.pose);
         merge_cache_entry key = cache_key(near, merge->total.map, seen),
                           *slot = cache_slot(merge, &key);
 
@@ -334,7 +334,7 @@ int cairn_merge_go_on_total(cairn_map_merge *merge, cairn_budget *budget)
             if (cairn_merge_is_apart(merge, near, merge->total.map, seen))
                 continue;
             if (whole && is_cached(slot, &key)) {
-                merge->total.evidence += slot->log_ratio;
+                merge->total.log_ratio += slot->log_ratio;
                 merge->total.neighbours += slot->log_ratio > MIN_NEIGHBOUR_NATS;
                 continue;
             }
@@ -405,12 +405,12 @@ static void begin_climb(cairn_map_merge *merge, int32_t map, cairn_pose start, i
 /* Accepts or rejects the trial pose; returns 1 when the pattern search has converged. */
 static int end_trial(cairn_map_merge *merge)
 {
-    if (merge->climb.direction < 0 || merge->total.soft > merge->climb.score) {
+    if (merge->climb.direction < 0 || merge->total.soft_score > merge->climb.score) {
         merge->climb.improved |= merge->climb.direction >= 0;
         merge->climb.best = merge->total.pose;
-        merge->climb.score = merge->total.soft;
+        merge->climb.score = merge->total.soft_score;
         merge->climb.pivot =
-            cairn_vec2_scale(merge->total.middle, 1 / cairn_max(merge->total.known, 1));
+            cairn_vec2_scale(merge->total.centroid_sum, 1 / cairn_max(merge->total.known_count, 1));
     }
     if (++merge->climb.direction < 6)
         return 0;
@@ -513,7 +513,7 @@ static cairn_status step_refine(cairn_map_merge *merge, cairn_budget *budget)
         if (!step_place(merge, budget))
             return CAIRN_MORE;
         mode.first_second = merge->climb.best;
-        mode.log_ratio = merge->total.evidence;
+        mode.log_ratio = merge->total.log_ratio;
         if (mode.log_ratio > 0)
             cairn_merge_keep(merge->modes + (size_t)pair * (size_t)merge->params.max_modes,
                              &merge->mode_count[pair], merge->params.max_modes, mode, NMS_RADIUS_M,

@@ -88,7 +88,7 @@ static void find_peaks(cairn_map_merge *merge)
         highest = cairn_max(highest, value);
         if (!(value > MIN_PEAK_SHARE * highest))
             return;
-        merge->search.turns[merge->search.count++] =
+        merge->search.rotations[merge->search.count++] =
             cairn_wrap_angle(peak_angle(merge->search.bins, best));
         for (int32_t i = -NMS_RADIUS_BINS; i <= NMS_RADIUS_BINS; i++)
             merge->search.bins[(best + i + MERGE_ANGLE_BINS) % MERGE_ANGLE_BINS] = 0;
@@ -114,9 +114,9 @@ static void rotate_points(cairn_map_merge *merge, cairn_real turn)
     merge->search.wall = merge_search_wall(first, second);
     merge->search.cosine = t.cosine;
     merge->search.sine = t.sine;
-    merge->search.firsts = first->point_count < n ? first->point_count : n;
-    merge->search.seconds = second->point_count < n ? second->point_count : n;
-    for (int32_t i = 0; i < merge->search.firsts; i++) {
+    merge->search.first_count = first->point_count < n ? first->point_count : n;
+    merge->search.second_count = second->point_count < n ? second->point_count : n;
+    for (int32_t i = 0; i < merge->search.first_count; i++) {
 
         at = cairn_box_extend(at, first->points[i].position);
         merge->search.first[i] =
@@ -124,7 +124,7 @@ static void rotate_points(cairn_map_merge *merge, cairn_real turn)
         merge->search.first_front[i] =
             in_cells(second, cairn_transform_point(back, first->points[i].free_side));
     }
-    for (int32_t i = 0; i < merge->search.seconds; i++) {
+    for (int32_t i = 0; i < merge->search.second_count; i++) {
         cairn_vec2 p = cairn_transform_point(t, second->points[i].position);
 
         turned = cairn_box_extend(turned, p);
@@ -133,19 +133,19 @@ static void rotate_points(cairn_map_merge *merge, cairn_real turn)
             in_cells(first, cairn_transform_point(t, second->points[i].free_side));
     }
     merge->search.columns = merge->search.rows = 0;
-    if (merge->search.firsts > 0 && merge->search.seconds > 0) {
+    if (merge->search.first_count > 0 && merge->search.second_count > 0) {
         cairn_real stride = TRANSLATION_STEP_CELLS * first->input.resolution;
 
-        merge->search.shifts.min.x = at.min.x - turned.max.x + MIN_OVERLAP_M;
-        merge->search.shifts.min.y = at.min.y - turned.max.y + MIN_OVERLAP_M;
-        merge->search.shifts.max.x = at.max.x - turned.min.x - MIN_OVERLAP_M;
-        merge->search.shifts.max.y = at.max.y - turned.min.y - MIN_OVERLAP_M;
+        merge->search.translations.min.x = at.min.x - turned.max.x + MIN_OVERLAP_M;
+        merge->search.translations.min.y = at.min.y - turned.max.y + MIN_OVERLAP_M;
+        merge->search.translations.max.x = at.max.x - turned.min.x - MIN_OVERLAP_M;
+        merge->search.translations.max.y = at.max.y - turned.min.y - MIN_OVERLAP_M;
         merge->search.columns =
-            1 +
-            cairn_real_to_int((merge->search.shifts.max.x - merge->search.shifts.min.x) / stride);
+            1 + cairn_real_to_int(
+                    (merge->search.translations.max.x - merge->search.translations.min.x) / stride);
         merge->search.rows =
-            1 +
-            cairn_real_to_int((merge->search.shifts.max.y - merge->search.shifts.min.y) / stride);
+            1 + cairn_real_to_int(
+                    (merge->search.translations.max.y - merge->search.translations.min.y) / stride);
     }
 }
 
@@ -172,9 +172,9 @@ static cairn_pose translation_at(const cairn_map_merge *merge, int32_t index)
 {
     cairn_real stride = TRANSLATION_STEP_CELLS * merge->maps[merge->map].input.resolution;
     int32_t column = index % merge->search.columns, row = index / merge->search.columns;
-    cairn_pose pose = {merge->search.shifts.min.x + stride * (cairn_real)column,
-                       merge->search.shifts.min.y + stride * (cairn_real)row,
-                       merge->search.turns[merge->search.at]};
+    cairn_pose pose = {merge->search.translations.min.x + stride * (cairn_real)column,
+                       merge->search.translations.min.y + stride * (cairn_real)row,
+                       merge->search.rotations[merge->search.at]};
 
     return pose;
 }
@@ -195,9 +195,11 @@ static int step_translation(cairn_map_merge *merge, cairn_pose pose, cairn_budge
         if (!cairn_budget_pay(budget, &merge->units_charged, 2))
             return 0;
         look_up_points(merge, first, merge->search.second, merge->search.second_front, there,
-                       merge->inner, end < merge->search.seconds ? end : merge->search.seconds, s);
+                       merge->inner,
+                       end < merge->search.second_count ? end : merge->search.second_count, s);
         look_up_points(merge, second, merge->search.first, merge->search.first_front, back,
-                       merge->inner, end < merge->search.firsts ? end : merge->search.firsts, s);
+                       merge->inner,
+                       end < merge->search.first_count ? end : merge->search.first_count, s);
         merge->inner = merge_is_rejected(s) ? MERGE_COARSE_POINTS : end;
     }
     return 1;
@@ -244,7 +246,7 @@ cairn_status cairn_merge_correlate(cairn_map_merge *merge, cairn_budget *budget)
         if (merge->search.columns == 0) {
             if (!cairn_budget_pay(budget, &merge->units_charged, 24))
                 return CAIRN_MORE;
-            rotate_points(merge, merge->search.turns[merge->search.at]);
+            rotate_points(merge, merge->search.rotations[merge->search.at]);
             merge->search.sums = none;
             merge->cursor = merge->inner = 0;
         }

@@ -294,7 +294,7 @@ struct cairn_map_merge {
     int32_t hypothesis_count, refined_count;
     struct {
         cairn_real bins[MERGE_ANGLE_BINS];
-        cairn_real turns[MERGE_MAX_ROTATIONS];
+        cairn_real rotations[MERGE_MAX_ROTATIONS];
         int32_t count, at;
         cairn_real cosine, sine;
         /* m of wall per coarse point */
@@ -302,9 +302,9 @@ struct cairn_map_merge {
         /* points rotated, in the other map's cells */
         cairn_vec2 first[MERGE_COARSE_POINTS], second[MERGE_COARSE_POINTS];
         cairn_vec2 first_front[MERGE_COARSE_POINTS], second_front[MERGE_COARSE_POINTS];
-        int32_t firsts, seconds;
+        int32_t first_count, second_count;
         /* m: range of translations */
-        cairn_box shifts;
+        cairn_box translations;
         int32_t columns, rows;
         /* of the current translation */
         merge_sums sums;
@@ -333,25 +333,25 @@ struct cairn_map_merge {
     int32_t deferrals[MERGE_MAX_MAPS]; /* how often a map was deferred */
     struct {
         cairn_pose pose;
-        int32_t map, near;
+        int32_t map, neighbour;
         int32_t points;     /* points per map that are compared */
         int32_t neighbours; /* neighbours that support the map */
-        cairn_real evidence, soft;
-        cairn_vec2 middle;
-        cairn_real known;
+        cairn_real log_ratio, soft_score;
+        cairn_vec2 centroid_sum;
+        cairn_real known_count;
     } total;
 
     /* The particle filter. */
     cairn_particle_filter *filter;
     struct {
         /* cached proposals of this step; many particles are alike */
-        merge_proposal made[MERGE_CACHED_PROPOSALS];
-        merge_proposal *now;
+        merge_proposal cached[MERGE_CACHED_PROPOSALS];
+        merge_proposal *current;
         int32_t count, stage, at;
         /* normalizers over all candidates of the step */
         cairn_real psi_sum, gamma_sum, gamma_least;
-        int32_t offered;
-    } offer;
+        int32_t emitted;
+    } proposals;
     union {
         merge_cache_entry *cache; /* [MERGE_CACHE_SLOTS] in the default mode */
         merge_written *written;   /* in the mode as written */
@@ -364,10 +364,10 @@ struct cairn_map_merge {
         int32_t count, round, at, stage, looking, refused;
         int32_t accepted[MERGE_MAX_MAPS];
         /* nats: log-likelihood ratio of each pair */
-        cairn_real link[MERGE_MAX_MAPS * (MERGE_MAX_MAPS - 1) / 2];
-        merge_mode rival_list[MERGE_MAX_REFINED];
-        int32_t rivals;
-        cairn_real slide; /* nats: score of the best shifted pose */
+        cairn_real pair_score[MERGE_MAX_MAPS * (MERGE_MAX_MAPS - 1) / 2];
+        merge_mode competing[MERGE_MAX_REFINED];
+        int32_t competing_count;
+        cairn_real shifted_score; /* nats: score of the best shifted pose */
     } check;
 
     merge_stage stage;

@@ -229,34 +229,34 @@ static cairn_status propose(void *context, cairn_particle_filter *filter, int32_
     merge_written *w = merge->written;
     merge_places *places = &w->places[index];
 
-    if (merge->offer.stage == PROPOSAL_FIND) {
+    if (merge->proposals.stage == PROPOSAL_FIND) {
         const merge_state *state = cairn_particle_filter_particle(filter, index).state;
 
         if (!cairn_budget_pay(budget, &merge->units_charged, 1 + index + merge->map_count))
             return CAIRN_MORE;
-        merge->offer.stage = find_places(merge, index, state) ? PROPOSAL_EMIT : PROPOSAL_DRAW;
-        if (merge->offer.stage == PROPOSAL_DRAW)
+        merge->proposals.stage = find_places(merge, index, state) ? PROPOSAL_EMIT : PROPOSAL_DRAW;
+        if (merge->proposals.stage == PROPOSAL_DRAW)
             (void)cairn_merge_gather(merge, state);
         w->stage = 0;
     }
-    if (merge->offer.stage == PROPOSAL_DRAW) {
+    if (merge->proposals.stage == PROPOSAL_DRAW) {
         if (!cairn_merge_draw_merged(merge, budget))
             return CAIRN_MORE;
-        merge->offer.stage = PROPOSAL_LIST;
+        merge->proposals.stage = PROPOSAL_LIST;
     }
-    if (merge->offer.stage == PROPOSAL_LIST) {
+    if (merge->proposals.stage == PROPOSAL_LIST) {
         if (!cairn_budget_pay(budget, &merge->units_charged,
                               1 + merge->neighbour_count * merge->map_count +
                                   2 * places_of(&merge->params)))
             return CAIRN_MORE;
         list_candidates(merge, places);
-        merge->offer.stage = PROPOSAL_SCORE;
+        merge->proposals.stage = PROPOSAL_SCORE;
         w->stage = 0;
         w->at = 0;
     }
-    if (merge->offer.stage == PROPOSAL_SCORE && !score_places(merge, places, budget))
+    if (merge->proposals.stage == PROPOSAL_SCORE && !score_places(merge, places, budget))
         return CAIRN_MORE;
-    merge->offer.stage = PROPOSAL_EMIT;
+    merge->proposals.stage = PROPOSAL_EMIT;
     if (!cairn_budget_pay(budget, &merge->units_charged, 1 + places->count / 4))
         return CAIRN_MORE;
     for (int32_t i = 0; i < places->count; i++) {
@@ -267,7 +267,7 @@ static cairn_status propose(void *context, cairn_particle_filter *filter, int32_
         (void)status;
         add_image_scores(w, s);
     }
-    merge->offer.stage = PROPOSAL_FIND;
+    merge->proposals.stage = PROPOSAL_FIND;
     return CAIRN_OK;
 }
 
@@ -341,7 +341,7 @@ cairn_status cairn_merge_run_written(cairn_map_merge *merge, cairn_budget *budge
         if (merge->cursor == 0) {
             status = cairn_particle_filter_begin(merge->filter);
             CAIRN_ASSERT(status == CAIRN_OK);
-            merge->offer.stage = PROPOSAL_FIND;
+            merge->proposals.stage = PROPOSAL_FIND;
             w->emitted = 0;
             w->candidate_count = 0;
             merge->cursor = 1;

@@ -142,7 +142,7 @@ static int is_keyframe(const cairn_mapper *mapper, cairn_pose map_scan)
 static cairn_status store_keyframe(cairn_mapper *mapper, const cairn_scan_view *view)
 {
     cairn_mapper_result *result = &mapper->result;
-    int32_t key = mapper->key_count, slot = cairn_scan_set_next(mapper->keys);
+    int32_t keyframe = mapper->key_count, slot = cairn_scan_set_next(mapper->keys);
     cairn_status status = cairn_scan_set_add(mapper->keys, view, NULL, NULL);
 
     if (status != CAIRN_OK) {
@@ -151,23 +151,23 @@ static cairn_status store_keyframe(cairn_mapper *mapper, const cairn_scan_view *
         return status;
     }
     if (mapper->window_phase == WINDOW_RUN) {
-        cairn_pose key_scan = cairn_pose_between(mapper->key_pose[key - 1], result->map_scan);
+        cairn_pose key_scan = cairn_pose_between(mapper->key_pose[keyframe - 1], result->map_scan);
 
         cairn_mapper_read_window(mapper);
-        result->map_scan = cairn_pose_compose(mapper->key_pose[key - 1], key_scan);
+        result->map_scan = cairn_pose_compose(mapper->key_pose[keyframe - 1], key_scan);
     }
-    mapper->slot[key] = slot;
+    mapper->slot[keyframe] = slot;
     mapper->key_count++;
-    mapper->key_pose[key] = result->map_scan;
+    mapper->key_pose[keyframe] = result->map_scan;
     mapper->target_stale = 1;
     if (mapper->sight != NULL)
-        cairn_mapper_keep_sight(mapper, key, view);
+        cairn_mapper_keep_sight(mapper, keyframe, view);
     if (mapper->loop.graph != NULL)
-        cairn_mapper_tie(mapper, &mapper->loop.ties[key]);
+        cairn_mapper_tie(mapper, &mapper->loop.ties[keyframe]);
     if (mapper->params.release)
-        mapper->loop.redundancy.score[key] = -1;
+        mapper->loop.redundancy.score[keyframe] = -1;
     mapper->window_phase = WINDOW_IDLE;
-    if (mapper->params.window && key > 0 && !cairn_mapper_is_behind(mapper))
+    if (mapper->params.window && keyframe > 0 && !cairn_mapper_is_behind(mapper))
         cairn_mapper_begin_window(mapper);
     return status;
 }
@@ -392,9 +392,9 @@ cairn_scan_view cairn_mapper_view(const cairn_mapper *mapper)
     return cairn_scan_read(mapper->scan);
 }
 
-cairn_pose cairn_mapper_key_pose(const cairn_mapper *mapper, int32_t key)
+cairn_pose cairn_mapper_key_pose(const cairn_mapper *mapper, int32_t keyframe)
 {
-    return mapper->key_pose[key];
+    return mapper->key_pose[keyframe];
 }
 
 const cairn_scan_set *cairn_mapper_keys(const cairn_mapper *mapper)
@@ -419,9 +419,9 @@ int32_t cairn_mapper_link_count(const cairn_mapper *mapper)
     return mapper->loop.link_count;
 }
 
-int32_t cairn_mapper_key_slot(const cairn_mapper *mapper, int32_t key)
+int32_t cairn_mapper_key_slot(const cairn_mapper *mapper, int32_t keyframe)
 {
-    return mapper->slot[key];
+    return mapper->slot[keyframe];
 }
 
 cairn_mapper_release cairn_mapper_release_at(const cairn_mapper *mapper, int32_t index)

@@ -32,9 +32,10 @@ enum {
 static const cairn_real SURFACE_TOLERANCE_M = CAIRN_REAL(0.2);
 static const cairn_real UNBOUNDED_RADIUS2 = CAIRN_REAL(1e30); /* m^2 */
 
-static cairn_vec2 sensor_in_map(const cairn_mapper *mapper, int32_t key)
+static cairn_vec2 sensor_in_map(const cairn_mapper *mapper, int32_t keyframe)
 {
-    return cairn_pose_point(mapper->key_pose[key], cairn_mapper_key_scan(mapper, key)->sensor);
+    return cairn_pose_point(mapper->key_pose[keyframe],
+                            cairn_mapper_key_scan(mapper, keyframe)->sensor);
 }
 
 static cairn_real sensor_distance2(const cairn_mapper *mapper, int32_t a, int32_t b)
@@ -45,23 +46,23 @@ static cairn_real sensor_distance2(const cairn_mapper *mapper, int32_t a, int32_
 
 void cairn_mapper_forget_cover(cairn_mapper *mapper)
 {
-    for (int32_t key = 0; key < mapper->key_count; key++)
-        mapper->loop.redundancy.score[key] = -1;
+    for (int32_t keyframe = 0; keyframe < mapper->key_count; keyframe++)
+        mapper->loop.redundancy.score[keyframe] = -1;
 }
 
 void cairn_mapper_uncover(cairn_mapper *mapper, int32_t culled)
 {
     mapper_cover *redundancy = &mapper->loop.redundancy;
 
-    for (int32_t key = culled + 1; key < mapper->key_count; key++)
-        if (redundancy->score[key] >= 0 &&
-            !(sensor_distance2(mapper, key, culled) > redundancy->neighbour_radius2[key]))
-            redundancy->score[key] = -1;
+    for (int32_t keyframe = culled + 1; keyframe < mapper->key_count; keyframe++)
+        if (redundancy->score[keyframe] >= 0 &&
+            !(sensor_distance2(mapper, keyframe, culled) > redundancy->neighbour_radius2[keyframe]))
+            redundancy->score[keyframe] = -1;
 }
 
 /* ---- Neighbours that may observe the same samples ---- */
 
-static void insert_neighbour(mapper_cover *redundancy, int32_t key, cairn_real distance)
+static void insert_neighbour(mapper_cover *redundancy, int32_t keyframe, cairn_real distance)
 {
     int32_t at = redundancy->neighbour_count;
 
@@ -76,7 +77,7 @@ static void insert_neighbour(mapper_cover *redundancy, int32_t key, cairn_real d
         redundancy->neighbours[at] = redundancy->neighbours[at - 1];
         redundancy->neighbour_distance2[at] = redundancy->neighbour_distance2[at - 1];
     }
-    redundancy->neighbours[at] = key;
+    redundancy->neighbours[at] = keyframe;
     redundancy->neighbour_distance2[at] = distance;
 }
 
@@ -85,8 +86,8 @@ static void find_neighbours(cairn_mapper *mapper)
     mapper_cover *redundancy = &mapper->loop.redundancy;
 
     redundancy->neighbour_count = redundancy->next_neighbour = 0;
-    for (int32_t key = 0; key < redundancy->key; key++)
-        insert_neighbour(redundancy, key, sensor_distance2(mapper, redundancy->key, key));
+    for (int32_t keyframe = 0; keyframe < redundancy->key; keyframe++)
+        insert_neighbour(redundancy, keyframe, sensor_distance2(mapper, redundancy->key, keyframe));
     redundancy->neighbour_radius2[redundancy->key] =
         redundancy->neighbour_count == MAPPER_REDUNDANCY_NEIGHBOURS
             ? redundancy->neighbour_distance2[MAPPER_REDUNDANCY_NEIGHBOURS - 1]
@@ -97,10 +98,11 @@ static void find_neighbours(cairn_mapper *mapper)
 /* ---- Samples ---- */
 
 /* Returns 1 when a keyframe observes a point in its frame as surface, or as free space. */
-static int32_t observes(const cairn_mapper *mapper, int32_t key, cairn_vec2 point, int32_t surface)
+static int32_t observes(const cairn_mapper *mapper, int32_t keyframe, cairn_vec2 point,
+                        int32_t surface)
 {
-    const uint16_t *visibility = &mapper->sight[(size_t)mapper->slot[key] * MAPPER_BEARINGS];
-    cairn_vec2 d = cairn_vec2_sub(point, cairn_mapper_key_scan(mapper, key)->sensor);
+    const uint16_t *visibility = &mapper->sight[(size_t)mapper->slot[keyframe] * MAPPER_BEARINGS];
+    cairn_vec2 d = cairn_vec2_sub(point, cairn_mapper_key_scan(mapper, keyframe)->sensor);
     cairn_real range = (cairn_real)visibility[cairn_mapper_bearing_of(d)] / 100,
                distance = cairn_vec2_norm(d);
 
@@ -184,8 +186,8 @@ int32_t cairn_mapper_best_covered(const cairn_mapper *mapper, int32_t end)
     const cairn_real *redundancy_score = mapper->loop.redundancy.score;
     int32_t best = 1;
 
-    for (int32_t key = 2; key < end; key++)
-        if (!(redundancy_score[key] > redundancy_score[best]))
-            best = key;
+    for (int32_t keyframe = 2; keyframe < end; keyframe++)
+        if (!(redundancy_score[keyframe] > redundancy_score[best]))
+            best = keyframe;
     return best;
 }

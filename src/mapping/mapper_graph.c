@@ -44,10 +44,10 @@ cairn_sym3 cairn_mapper_own_covariance(const cairn_mapper *mapper, const cairn_r
 
 void cairn_mapper_hang_link(mapper_loop *loop, int32_t link, int32_t end)
 {
-    int32_t key = end ? loop->links[link].second : loop->links[link].first;
+    int32_t keyframe = end ? loop->links[link].second : loop->links[link].first;
 
-    loop->links[link].next[end] = loop->first_link[key];
-    loop->first_link[key] = link;
+    loop->links[link].next[end] = loop->first_link[keyframe];
+    loop->first_link[keyframe] = link;
 }
 
 static cairn_status add_link(cairn_mapper *mapper, int32_t first, int32_t second,
@@ -78,24 +78,25 @@ static cairn_status add_link(cairn_mapper *mapper, int32_t first, int32_t second
 cairn_status cairn_mapper_enter(cairn_mapper *mapper)
 {
     mapper_loop *loop = &mapper->loop;
-    int32_t key = loop->entered;
-    cairn_status status = cairn_pose_graph_add_pose(loop->graph, mapper->key_pose[key]);
+    int32_t keyframe = loop->entered;
+    cairn_status status = cairn_pose_graph_add_pose(loop->graph, mapper->key_pose[keyframe]);
 
     CAIRN_ASSERT(status == CAIRN_OK);
-    loop->first_link[key] = -1;
+    loop->first_link[keyframe] = -1;
     loop->entered++;
-    if (key > 0)
-        status = add_link(mapper, key - 1, key,
-                          cairn_pose_between(mapper->key_pose[key - 1], mapper->key_pose[key]),
-                          loop->ties[key].covariance, 0);
-    for (int32_t i = 0; i < loop->ties[key].anchor_count && status == CAIRN_OK; i++) {
-        int32_t anchor = loop->ties[key].anchors[i];
+    if (keyframe > 0)
+        status =
+            add_link(mapper, keyframe - 1, keyframe,
+                     cairn_pose_between(mapper->key_pose[keyframe - 1], mapper->key_pose[keyframe]),
+                     loop->ties[keyframe].covariance, 0);
+    for (int32_t i = 0; i < loop->ties[keyframe].anchor_count && status == CAIRN_OK; i++) {
+        int32_t anchor = loop->ties[keyframe].anchors[i];
 
         if (loop->link_count - loop->entered + 1 >= mapper->params.loop.max_loops)
             break;
-        status = add_link(mapper, anchor, key,
-                          cairn_pose_between(mapper->key_pose[anchor], mapper->key_pose[key]),
-                          loop->ties[key].anchor_covariance[i], 0);
+        status = add_link(mapper, anchor, keyframe,
+                          cairn_pose_between(mapper->key_pose[anchor], mapper->key_pose[keyframe]),
+                          loop->ties[keyframe].anchor_covariance[i], 0);
     }
     return status;
 }
@@ -151,11 +152,11 @@ static void apply_solution(cairn_mapper *mapper)
     int32_t last = loop->entered - 1;
     cairn_pose before = mapper->key_pose[last], after = cairn_pose_graph_pose(loop->graph, last);
 
-    for (int32_t key = 0; key <= last; key++)
-        mapper->key_pose[key] = cairn_pose_graph_pose(loop->graph, key);
-    for (int32_t key = last + 1; key < mapper->key_count; key++)
-        mapper->key_pose[key] =
-            cairn_pose_compose(after, cairn_pose_between(before, mapper->key_pose[key]));
+    for (int32_t keyframe = 0; keyframe <= last; keyframe++)
+        mapper->key_pose[keyframe] = cairn_pose_graph_pose(loop->graph, keyframe);
+    for (int32_t keyframe = last + 1; keyframe < mapper->key_count; keyframe++)
+        mapper->key_pose[keyframe] =
+            cairn_pose_compose(after, cairn_pose_between(before, mapper->key_pose[keyframe]));
     mapper->target_stale = 1;
     if (mapper->params.release)
         cairn_mapper_forget_cover(mapper);

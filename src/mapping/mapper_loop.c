@@ -57,24 +57,24 @@ static int32_t has_less_variance(const mapper_loop *loop, int32_t a, int32_t b)
            (!(loop->variance[b] < loop->variance[a]) && a < b);
 }
 
-static void heap_set(mapper_loop *loop, int32_t at, int32_t key)
+static void heap_set(mapper_loop *loop, int32_t at, int32_t keyframe)
 {
-    loop->heap[at] = key;
-    loop->heap_position[key] = at;
+    loop->heap[at] = keyframe;
+    loop->heap_position[keyframe] = at;
 }
 
 static void sift_up(mapper_loop *loop, int32_t at)
 {
-    int32_t key = loop->heap[at];
+    int32_t keyframe = loop->heap[at];
 
-    for (; at > 0 && has_less_variance(loop, key, loop->heap[(at - 1) / 2]); at = (at - 1) / 2)
+    for (; at > 0 && has_less_variance(loop, keyframe, loop->heap[(at - 1) / 2]); at = (at - 1) / 2)
         heap_set(loop, at, loop->heap[(at - 1) / 2]);
-    heap_set(loop, at, key);
+    heap_set(loop, at, keyframe);
 }
 
 static int32_t heap_pop(mapper_loop *loop)
 {
-    int32_t first = loop->heap[0], key = loop->heap[--loop->heap_count], at = 0;
+    int32_t first = loop->heap[0], keyframe = loop->heap[--loop->heap_count], at = 0;
 
     loop->heap_position[first] = -2;
     while (2 * at + 1 < loop->heap_count) {
@@ -83,13 +83,13 @@ static int32_t heap_pop(mapper_loop *loop)
         if (child + 1 < loop->heap_count &&
             has_less_variance(loop, loop->heap[child + 1], loop->heap[child]))
             child++;
-        if (!has_less_variance(loop, loop->heap[child], key))
+        if (!has_less_variance(loop, loop->heap[child], keyframe))
             break;
         heap_set(loop, at, loop->heap[child]);
         at = child;
     }
     if (loop->heap_count > 0)
-        heap_set(loop, at, key);
+        heap_set(loop, at, keyframe);
     return first;
 }
 
@@ -98,32 +98,33 @@ static cairn_real distance_squared(cairn_pose a, cairn_pose b)
     return (a.x - b.x) * (a.x - b.x) + (a.y - b.y) * (a.y - b.y);
 }
 
-static void relax_link(cairn_mapper *mapper, int32_t key, const mapper_link *link, int32_t from)
+static void relax_link(cairn_mapper *mapper, int32_t keyframe, const mapper_link *link,
+                       int32_t from)
 {
     mapper_loop *loop = &mapper->loop;
     cairn_real lever_arm2 = distance_squared(mapper->key_pose[from], mapper->key_pose[loop->query]);
     cairn_real variance =
         loop->variance[from] + link->variance + link->heading_variance * lever_arm2;
 
-    if (loop->heap_position[key] == -2 || !(variance < loop->variance[key]))
+    if (loop->heap_position[keyframe] == -2 || !(variance < loop->variance[keyframe]))
         return;
-    loop->variance[key] = variance;
-    loop->heading_variance[key] = loop->heading_variance[from] + link->heading_variance;
-    if (loop->heap_position[key] < 0) {
-        loop->heap[loop->heap_count] = key;
-        loop->heap_position[key] = loop->heap_count++;
+    loop->variance[keyframe] = variance;
+    loop->heading_variance[keyframe] = loop->heading_variance[from] + link->heading_variance;
+    if (loop->heap_position[keyframe] < 0) {
+        loop->heap[loop->heap_count] = keyframe;
+        loop->heap_position[keyframe] = loop->heap_count++;
     }
-    sift_up(loop, loop->heap_position[key]);
+    sift_up(loop, loop->heap_position[keyframe]);
 }
 
 static void begin_distances(cairn_mapper *mapper)
 {
     mapper_loop *loop = &mapper->loop;
 
-    for (int32_t key = 0; key < loop->entered; key++) {
-        loop->variance[key] = NO_PATH_VARIANCE;
-        loop->heading_variance[key] = CAIRN_PI * CAIRN_PI;
-        loop->heap_position[key] = -1;
+    for (int32_t keyframe = 0; keyframe < loop->entered; keyframe++) {
+        loop->variance[keyframe] = NO_PATH_VARIANCE;
+        loop->heading_variance[keyframe] = CAIRN_PI * CAIRN_PI;
+        loop->heap_position[keyframe] = -1;
     }
     loop->variance[loop->query] = loop->heading_variance[loop->query] = 0;
     loop->heap_count = 1;
@@ -134,18 +135,18 @@ static void begin_distances(cairn_mapper *mapper)
 static int32_t distance_item(cairn_mapper *mapper, cairn_budget *budget)
 {
     mapper_loop *loop = &mapper->loop;
-    int32_t key, link;
+    int32_t keyframe, link;
 
     if (loop->heap_count == 0)
         return 1;
-    key = heap_pop(loop);
+    keyframe = heap_pop(loop);
     budget->left -= 1;
-    for (link = loop->first_link[key]; link >= 0;) {
+    for (link = loop->first_link[keyframe]; link >= 0;) {
         const mapper_link *l = &loop->links[link];
-        int32_t end = l->second == key;
+        int32_t end = l->second == keyframe;
 
         if (!l->dropped)
-            relax_link(mapper, end ? l->first : l->second, l, key);
+            relax_link(mapper, end ? l->first : l->second, l, keyframe);
         budget->left -= 1;
         link = l->next[end];
     }
@@ -155,9 +156,10 @@ static int32_t distance_item(cairn_mapper *mapper, cairn_budget *budget)
 /* ---- Candidates ---- */
 
 /* Returns the centroid of a keyframe's scan in the map. */
-static cairn_vec2 scan_centroid(const cairn_mapper *mapper, int32_t key)
+static cairn_vec2 scan_centroid(const cairn_mapper *mapper, int32_t keyframe)
 {
-    return cairn_pose_point(mapper->key_pose[key], cairn_mapper_key_scan(mapper, key)->centroid);
+    return cairn_pose_point(mapper->key_pose[keyframe],
+                            cairn_mapper_key_scan(mapper, keyframe)->centroid);
 }
 
 static void end_run(mapper_loop *loop)
@@ -180,27 +182,28 @@ static void end_run(mapper_loop *loop)
 }
 
 /* Returns the search radius of a keyframe, m: three standard deviations, at most search_radius. */
-static cairn_real search_reach(const cairn_mapper *mapper, int32_t key)
+static cairn_real search_reach(const cairn_mapper *mapper, int32_t keyframe)
 {
-    return cairn_min(3 * cairn_sqrt(mapper->loop.variance[key]), mapper->params.loop.window);
+    return cairn_min(3 * cairn_sqrt(mapper->loop.variance[keyframe]), mapper->params.loop.window);
 }
 
 /* Looks at one keyframe; returns 1 when all have been looked at. */
 static int32_t choose_item(cairn_mapper *mapper)
 {
     mapper_loop *loop = &mapper->loop;
-    int32_t key = loop->cursor++;
+    int32_t keyframe = loop->cursor++;
     cairn_vec2 difference =
-        cairn_vec2_sub(scan_centroid(mapper, key), scan_centroid(mapper, loop->query));
+        cairn_vec2_sub(scan_centroid(mapper, keyframe), scan_centroid(mapper, loop->query));
     cairn_real distance = cairn_vec2_norm(difference);
 
-    if (cairn_mapper_point_count(mapper, key) > 0 &&
-        distance < mapper->params.loop.radius + search_reach(mapper, key)) {
-        distance +=
-            cairn_sqrt(distance_squared(mapper->key_pose[key], mapper->key_pose[loop->query])) / 2 +
-            SIGMA_COST * loop->ties[key].position_sigma;
+    if (cairn_mapper_point_count(mapper, keyframe) > 0 &&
+        distance < mapper->params.loop.radius + search_reach(mapper, keyframe)) {
+        distance += cairn_sqrt(distance_squared(mapper->key_pose[keyframe],
+                                                mapper->key_pose[loop->query])) /
+                        2 +
+                    SIGMA_COST * loop->ties[keyframe].position_sigma;
         if (!loop->in_run || distance < loop->best_of_run.distance) {
-            loop->best_of_run.key = key;
+            loop->best_of_run.key = keyframe;
             loop->best_of_run.distance = distance;
         }
         loop->in_run = 1;
@@ -218,12 +221,12 @@ static int32_t choose_item(cairn_mapper *mapper)
 static void begin_candidate(cairn_mapper *mapper)
 {
     mapper_loop *loop = &mapper->loop;
-    int32_t key = loop->candidates[loop->candidate].key, half = mapper->params.loop.keys / 2;
+    int32_t keyframe = loop->candidates[loop->candidate].key, half = mapper->params.loop.keys / 2;
     int32_t last = loop->query - mapper->params.loop.gap;
 
     mapper->search_target_count = 0;
     cairn_scan_match_clear_target(mapper->search);
-    loop->target_from = key > half ? key - half : 0;
+    loop->target_from = keyframe > half ? keyframe - half : 0;
     loop->target_end = loop->target_from + mapper->params.loop.keys;
     if (loop->target_end > last)
         loop->target_end = last;
@@ -232,11 +235,11 @@ static void begin_candidate(cairn_mapper *mapper)
 
 /* Returns 1 when a keyframe is farther from the candidate than the path between them can be. Those
  * between were culled, or the path is broken. */
-static int32_t is_off_path(const cairn_mapper *mapper, int32_t key, int32_t candidate)
+static int32_t is_off_path(const cairn_mapper *mapper, int32_t keyframe, int32_t candidate)
 {
     cairn_real most = (cairn_real)mapper->params.loop.keys * mapper->params.key_distance;
 
-    return distance_squared(mapper->key_pose[key], mapper->key_pose[candidate]) > most * most;
+    return distance_squared(mapper->key_pose[keyframe], mapper->key_pose[candidate]) > most * most;
 }
 
 /* Adds a keyframe to the target map around the candidate; the map is complete when scan_match is
@@ -244,16 +247,17 @@ static int32_t is_off_path(const cairn_mapper *mapper, int32_t key, int32_t cand
 static void target_item(cairn_mapper *mapper, cairn_budget *budget)
 {
     mapper_loop *loop = &mapper->loop;
-    int32_t key = loop->target_from++, candidate = loop->candidates[loop->candidate].key;
+    int32_t keyframe = loop->target_from++, candidate = loop->candidates[loop->candidate].key;
     cairn_scan_match_part part;
 
     budget->left -= 1;
-    if (key != candidate && (loop->ties[key].position_sigma > MAX_TARGET_SIGMA_M ||
-                             is_off_path(mapper, key, candidate)))
+    if (keyframe != candidate && (loop->ties[keyframe].position_sigma > MAX_TARGET_SIGMA_M ||
+                                  is_off_path(mapper, keyframe, candidate)))
         return;
-    part = cairn_mapper_key_part(mapper, key, mapper->points, mapper->beams);
+    part = cairn_mapper_key_part(mapper, keyframe, mapper->points, mapper->beams);
     budget->left -= 1 + part.count + part.beam_count;
-    if (cairn_scan_match_add_target(mapper->search, &part, mapper->key_pose[key], NULL) != CAIRN_OK)
+    if (cairn_scan_match_add_target(mapper->search, &part, mapper->key_pose[keyframe], NULL) !=
+        CAIRN_OK)
         loop->target_from = loop->target_end;
 }
 
@@ -261,12 +265,12 @@ static void target_item(cairn_mapper *mapper, cairn_budget *budget)
 static void begin_match(cairn_mapper *mapper, cairn_budget *budget)
 {
     mapper_loop *loop = &mapper->loop;
-    int32_t key = loop->candidates[loop->candidate].key;
+    int32_t keyframe = loop->candidates[loop->candidate].key;
     cairn_scan_match_window window;
 
     window.distance =
-        cairn_min(search_reach(mapper, key) + CAIRN_REAL(0.2), mapper->params.loop.window);
-    window.angle = 3 * cairn_sqrt(loop->heading_variance[key]) + CAIRN_REAL(0.1);
+        cairn_min(search_reach(mapper, keyframe) + CAIRN_REAL(0.2), mapper->params.loop.window);
+    window.angle = 3 * cairn_sqrt(loop->heading_variance[keyframe]) + CAIRN_REAL(0.1);
     loop->phase = LOOP_MATCH;
     budget->left -= 2 + loop->query_part.count / 4;
     if (cairn_scan_match_begin(mapper->search, &loop->query_part, mapper->key_pose[loop->query],
@@ -395,29 +399,29 @@ static void verify(cairn_mapper *mapper)
     const cairn_mapper_loop_params *p = &mapper->params.loop;
     cairn_scan_match_result result = cairn_scan_match_read(mapper->search);
     const cairn_scan_match_hypothesis *h = result.hypotheses;
-    int32_t key = loop->candidates[loop->candidate].key;
+    int32_t keyframe = loop->candidates[loop->candidate].key;
     mapper_pending closure;
 
     memset(&closure, 0, sizeof closure);
-    closure.first = key;
+    closure.first = keyframe;
     closure.second = loop->query;
     if (result.count > 0) {
-        closure.first_second = cairn_pose_between(mapper->key_pose[key], h->target_query);
+        closure.first_second = cairn_pose_between(mapper->key_pose[keyframe], h->target_query);
         closure.covariance = closure_covariance(mapper, h);
     }
     if (result.count == 0 || result.verdict == CAIRN_SCAN_MATCH_NONE || h->evidence < p->evidence)
-        cairn_mapper_loop_tell(mapper, key, loop->query, closure.first_second,
+        cairn_mapper_loop_tell(mapper, keyframe, loop->query, closure.first_second,
                                CAIRN_MAPPER_LOOP_NONE);
     else if (cairn_mapper_has_rival(&result))
-        cairn_mapper_loop_tell(mapper, key, loop->query, closure.first_second,
+        cairn_mapper_loop_tell(mapper, keyframe, loop->query, closure.first_second,
                                CAIRN_MAPPER_LOOP_AMBIGUOUS);
     else if (h->contradiction > p->contradiction || h->target_contradiction > p->contradiction)
-        cairn_mapper_loop_tell(mapper, key, loop->query, closure.first_second,
+        cairn_mapper_loop_tell(mapper, keyframe, loop->query, closure.first_second,
                                CAIRN_MAPPER_LOOP_CONTRADICTED);
-    else if (search_reach(mapper, key) < p->window_near)
+    else if (search_reach(mapper, keyframe) < p->window_near)
         accept(mapper, &closure);
     else if (h->evidence - prior_cost(mapper, &closure) < p->evidence)
-        cairn_mapper_loop_tell(mapper, key, loop->query, closure.first_second,
+        cairn_mapper_loop_tell(mapper, keyframe, loop->query, closure.first_second,
                                CAIRN_MAPPER_LOOP_UNLIKELY);
     else
         check_consistency(mapper, &closure);

@@ -188,20 +188,20 @@ static int32_t fuse(const cairn_mapper *mapper, measurement a, measurement b, me
 
 /* ---- The graph ---- */
 
-static int32_t other_end(const mapper_link *link, int32_t key)
+static int32_t other_end(const mapper_link *link, int32_t keyframe)
 {
-    return link->first == key ? link->second : link->first;
+    return link->first == keyframe ? link->second : link->first;
 }
 
 /* Returns the link of a keyframe of least variance times chi-squared (at least 1). */
-static int32_t most_informative_link(const cairn_mapper *mapper, int32_t key)
+static int32_t most_informative_link(const cairn_mapper *mapper, int32_t keyframe)
 {
     const mapper_loop *loop = &mapper->loop;
     cairn_real least = 0;
     int32_t best = -1;
 
-    for (int32_t link = loop->first_link[key]; link >= 0;
-         link = loop->links[link].next[loop->links[link].second == key]) {
+    for (int32_t link = loop->first_link[keyframe]; link >= 0;
+         link = loop->links[link].next[loop->links[link].second == keyframe]) {
         const mapper_link *l = &loop->links[link];
         cairn_real strain = cairn_max(1, cairn_pose_graph_link_of(loop->graph, link).chi2);
         cairn_real cost = strain * (l->variance + l->heading_variance);
@@ -264,19 +264,19 @@ static cairn_status merge_link(cairn_mapper *mapper, int32_t link, int32_t from,
 
 /* Redirects a link of the culled keyframe to the neighbour and attaches it to the neighbour's
  * adjacency list. */
-static cairn_status redirect_link(cairn_mapper *mapper, int32_t link, int32_t key,
+static cairn_status redirect_link(cairn_mapper *mapper, int32_t link, int32_t keyframe,
                                   int32_t neighbour, measurement neighbour_key)
 {
     mapper_loop *loop = &mapper->loop;
     mapper_link *l = &loop->links[link];
-    int32_t far = other_end(l, key), next = l->next[l->first == key],
+    int32_t far = other_end(l, keyframe), next = l->next[l->first == keyframe],
             there = link_between(loop, neighbour, far);
     measurement key_far, neighbour_far;
     cairn_status status;
 
     if (far == neighbour)
         return CAIRN_OK;
-    if (!link_measurement(mapper, link, key, &key_far))
+    if (!link_measurement(mapper, link, keyframe, &key_far))
         return CAIRN_BAD_ARGUMENT;
     neighbour_far = compose(neighbour_key, key_far);
     if (there >= 0)
@@ -291,7 +291,7 @@ static cairn_status redirect_link(cairn_mapper *mapper, int32_t link, int32_t ke
 
 /* Removes the remaining links of the culled keyframe; rebuilds indices and adjacency lists of the
  * others. */
-static void remove_links(cairn_mapper *mapper, int32_t key)
+static void remove_links(cairn_mapper *mapper, int32_t keyframe)
 {
     mapper_loop *loop = &mapper->loop;
     int32_t kept = 0;
@@ -302,10 +302,10 @@ static void remove_links(cairn_mapper *mapper, int32_t key)
     for (int32_t i = 0; i < loop->link_count; i++) {
         mapper_link link = loop->links[i];
 
-        if (link.first == key || link.second == key)
+        if (link.first == keyframe || link.second == keyframe)
             continue;
-        link.first -= link.first > key;
-        link.second -= link.second > key;
+        link.first -= link.first > keyframe;
+        link.second -= link.second > keyframe;
         loop->links[kept] = link;
         cairn_mapper_hang_link(loop, kept, 0);
         cairn_mapper_hang_link(loop, kept, 1);
@@ -318,19 +318,19 @@ static void remove_links(cairn_mapper *mapper, int32_t key)
 /* ---- Renumbering ---- */
 
 /* Maps the culled keyframe to its neighbour and decreases the indices after it. */
-static void renumber_keyframe(const cairn_mapper_release *release, int32_t *key)
+static void renumber_keyframe(const cairn_mapper_release *release, int32_t *keyframe)
 {
-    if (*key == release->key)
-        *key = release->onto;
+    if (*keyframe == release->key)
+        *keyframe = release->onto;
     else
-        *key -= *key > release->key;
+        *keyframe -= *keyframe > release->key;
 }
 
-void cairn_mapper_rehang(cairn_mapper_release release, int32_t *key, cairn_pose *key_scan)
+void cairn_mapper_rehang(cairn_mapper_release culling, int32_t *keyframe, cairn_pose *keyframe_scan)
 {
-    if (*key == release.key)
-        *key_scan = cairn_pose_compose(release.onto_key, *key_scan);
-    renumber_keyframe(&release, key);
+    if (*keyframe == culling.key)
+        *keyframe_scan = cairn_pose_compose(culling.onto_key, *keyframe_scan);
+    renumber_keyframe(&culling, keyframe);
 }
 
 /* A submap whose first keyframe is culled gets the index of its next keyframe. */
@@ -339,12 +339,12 @@ static void renumber_submaps(cairn_mapper *mapper, int32_t culled)
     mapper_tie *ties = mapper->loop.ties;
     int32_t heir = -1;
 
-    for (int32_t key = culled + 1; key < mapper->key_count; key++) {
-        if (ties[key].piece == culled) {
+    for (int32_t keyframe = culled + 1; keyframe < mapper->key_count; keyframe++) {
+        if (ties[keyframe].piece == culled) {
             if (heir < 0)
-                ties[key].doubtful = ties[culled].doubtful;
-            heir = heir < 0 ? key : heir;
-            ties[key].piece = heir;
+                ties[keyframe].doubtful = ties[culled].doubtful;
+            heir = heir < 0 ? keyframe : heir;
+            ties[keyframe].piece = heir;
         }
     }
 }
@@ -354,17 +354,17 @@ static void shift_indices(cairn_mapper *mapper, const cairn_mapper_release *rele
     mapper_loop *loop = &mapper->loop;
 
     mapper->key_count--;
-    for (int32_t key = 0; key < mapper->key_count; key++) {
-        int32_t from = key + (key >= release->key);
+    for (int32_t keyframe = 0; keyframe < mapper->key_count; keyframe++) {
+        int32_t from = keyframe + (keyframe >= release->key);
 
-        mapper->slot[key] = mapper->slot[from];
-        mapper->key_pose[key] = mapper->key_pose[from];
-        loop->ties[key] = loop->ties[from];
-        loop->ties[key].piece -= loop->ties[key].piece > release->key;
-        for (int32_t i = 0; i < loop->ties[key].anchor_count; i++)
-            renumber_keyframe(release, &loop->ties[key].anchors[i]);
-        loop->redundancy.score[key] = loop->redundancy.score[from];
-        loop->redundancy.neighbour_radius2[key] = loop->redundancy.neighbour_radius2[from];
+        mapper->slot[keyframe] = mapper->slot[from];
+        mapper->key_pose[keyframe] = mapper->key_pose[from];
+        loop->ties[keyframe] = loop->ties[from];
+        loop->ties[keyframe].piece -= loop->ties[keyframe].piece > release->key;
+        for (int32_t i = 0; i < loop->ties[keyframe].anchor_count; i++)
+            renumber_keyframe(release, &loop->ties[keyframe].anchors[i]);
+        loop->redundancy.score[keyframe] = loop->redundancy.score[from];
+        loop->redundancy.neighbour_radius2[keyframe] = loop->redundancy.neighbour_radius2[from];
     }
 }
 
@@ -406,10 +406,10 @@ static void renumber_all(cairn_mapper *mapper, const cairn_mapper_release *relea
 
 /* ---- Culling ---- */
 
-cairn_status cairn_mapper_release_key(cairn_mapper *mapper, int32_t key, cairn_budget *budget)
+cairn_status cairn_mapper_release_key(cairn_mapper *mapper, int32_t keyframe, cairn_budget *budget)
 {
     mapper_loop *loop = &mapper->loop;
-    int32_t best = most_informative_link(mapper, key), neighbour, degree = 0, next;
+    int32_t best = most_informative_link(mapper, keyframe), neighbour, degree = 0, next;
     cairn_mapper_release *release =
         &mapper->releases[mapper->state.releases % MAPPER_CULLING_EVENTS];
     measurement neighbour_key;
@@ -417,29 +417,29 @@ cairn_status cairn_mapper_release_key(cairn_mapper *mapper, int32_t key, cairn_b
 
     /* The graph is connected without its closures. */
     CAIRN_ASSERT(best >= 0);
-    neighbour = other_end(&loop->links[best], key);
+    neighbour = other_end(&loop->links[best], keyframe);
     status =
         link_measurement(mapper, best, neighbour, &neighbour_key) ? CAIRN_OK : CAIRN_BAD_ARGUMENT;
 
-    for (int32_t link = loop->first_link[key]; link >= 0 && status == CAIRN_OK; link = next) {
-        next = loop->links[link].next[loop->links[link].second == key];
+    for (int32_t link = loop->first_link[keyframe]; link >= 0 && status == CAIRN_OK; link = next) {
+        next = loop->links[link].next[loop->links[link].second == keyframe];
         if (link != best && !loop->links[link].dropped)
-            status = redirect_link(mapper, link, key, neighbour, neighbour_key);
+            status = redirect_link(mapper, link, keyframe, neighbour, neighbour_key);
         degree++;
     }
     if (status == CAIRN_OK)
-        status = cairn_pose_graph_remove_pose(loop->graph, key);
+        status = cairn_pose_graph_remove_pose(loop->graph, keyframe);
     if (status == CAIRN_OK)
-        status = cairn_scan_set_remove(mapper->keys, mapper->slot[key]);
+        status = cairn_scan_set_remove(mapper->keys, mapper->slot[keyframe]);
     if (status != CAIRN_OK)
         return status;
     budget->left -= 1 + 16 * degree + (mapper->key_count + loop->link_count) / 8;
-    release->key = key;
-    release->onto = neighbour - (neighbour > key);
-    release->onto_key = cairn_pose_between(mapper->key_pose[neighbour], mapper->key_pose[key]);
+    release->key = keyframe;
+    release->onto = neighbour - (neighbour > keyframe);
+    release->onto_key = cairn_pose_between(mapper->key_pose[neighbour], mapper->key_pose[keyframe]);
     mapper->state.releases = mapper->state.releases == INT32_MAX ? 0 : mapper->state.releases + 1;
-    cairn_mapper_uncover(mapper, key);
-    remove_links(mapper, key);
+    cairn_mapper_uncover(mapper, keyframe);
+    remove_links(mapper, keyframe);
     renumber_all(mapper, release);
     loop->factor_full = 0;
     return CAIRN_OK;

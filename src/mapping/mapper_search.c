@@ -60,7 +60,7 @@ static int32_t search_keyframes(const cairn_mapper *mapper)
 cairn_status cairn_mapper_search_target(cairn_mapper *mapper, cairn_budget *budget)
 {
     cairn_scan_match_part part;
-    int32_t key;
+    int32_t keyframe;
 
     if (mapper->search_target_count == search_keyframes(mapper))
         return begin_search(mapper);
@@ -68,10 +68,11 @@ cairn_status cairn_mapper_search_target(cairn_mapper *mapper, cairn_budget *budg
         cairn_mapper_yield_match(mapper);
         cairn_scan_match_clear_target(mapper->search);
     }
-    key = mapper->local[mapper->search_target_count++];
-    part = cairn_mapper_key_part(mapper, key, mapper->points, mapper->beams);
+    keyframe = mapper->local[mapper->search_target_count++];
+    part = cairn_mapper_key_part(mapper, keyframe, mapper->points, mapper->beams);
     budget->left -= 2 + part.count + part.beam_count;
-    if (cairn_scan_match_add_target(mapper->search, &part, mapper->key_pose[key], NULL) != CAIRN_OK)
+    if (cairn_scan_match_add_target(mapper->search, &part, mapper->key_pose[keyframe], NULL) !=
+        CAIRN_OK)
         mapper->search_target_count = search_keyframes(mapper); /* full */
     return CAIRN_OK;
 }

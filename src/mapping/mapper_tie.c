@@ -114,10 +114,10 @@ static int32_t is_anchor(const cairn_mapper *mapper, int32_t part)
            gained.xx + gained.yy > MIN_INFORMATION_SHARE * (all.xx + all.yy);
 }
 
-static int32_t is_anchored(const mapper_tie *constraint, int32_t key)
+static int32_t is_anchored(const mapper_tie *constraint, int32_t keyframe)
 {
     for (int32_t i = 0; i < constraint->anchor_count; i++)
-        if (constraint->anchors[i] == key)
+        if (constraint->anchors[i] == keyframe)
             return 1;
     return 0;
 }
@@ -219,7 +219,7 @@ static void constrain_by_odometry(const cairn_mapper *mapper, mapper_tie *constr
 
 void cairn_mapper_tie(const cairn_mapper *mapper, mapper_tie *constraint)
 {
-    int32_t key = mapper->key_count - 1, before = key - 1, submap;
+    int32_t keyframe = mapper->key_count - 1, before = keyframe - 1, submap;
     cairn_real gap = cairn_sqrt(mapper->motion_variance);
     cairn_pose_prior prior = {mapper->match.target_query, gap, gap,
                               cairn_sqrt(mapper->motion_heading_variance)};
@@ -227,7 +227,7 @@ void cairn_mapper_tie(const cairn_mapper *mapper, mapper_tie *constraint)
 
     memset(constraint, 0, sizeof *constraint);
     constraint->doubtful = mapper->low_confidence;
-    constraint->piece = key;
+    constraint->piece = keyframe;
     if (before < 0)
         return;
     if (!mapper->has_match) {

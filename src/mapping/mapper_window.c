@@ -38,17 +38,17 @@ void cairn_mapper_begin_window(cairn_mapper *mapper)
 /* Adds the keyframe at the cursor. */
 static cairn_status fill_item(cairn_mapper *mapper, cairn_budget *budget)
 {
-    int32_t key = mapper->window_cursor++;
-    cairn_scan_view view = cairn_mapper_key_view(mapper, key);
+    int32_t keyframe = mapper->window_cursor++;
+    cairn_scan_view view = cairn_mapper_key_view(mapper, keyframe);
     cairn_status status =
-        cairn_force_field_add_scan(mapper->field, &view, NULL, mapper->key_pose[key], NULL);
+        cairn_force_field_add_scan(mapper->field, &view, NULL, mapper->key_pose[keyframe], NULL);
 
     /* The first keyframe is always fixed, which removes the gauge freedom of the window. Those with
      * links in the graph are fixed as well. */
-    if (status == CAIRN_OK &&
-        (key == mapper->window_first || key < mapper->window_end - mapper->params.window_free ||
-         key < mapper->loop.entered))
-        status = cairn_force_field_fix(mapper->field, key - mapper->window_first, 1);
+    if (status == CAIRN_OK && (keyframe == mapper->window_first ||
+                               keyframe < mapper->window_end - mapper->params.window_free ||
+                               keyframe < mapper->loop.entered))
+        status = cairn_force_field_fix(mapper->field, keyframe - mapper->window_first, 1);
     budget->left -= 2 + view.point_count / 2;
     if (mapper->window_cursor == mapper->window_end)
         mapper->window_phase = WINDOW_RUN;

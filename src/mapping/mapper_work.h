@@ -302,20 +302,20 @@ int32_t cairn_mapper_last_kept(const cairn_mapper_params *params);
 /* ---- mapper_keys.c ---- */
 
 static inline const cairn_scan_set_scan *cairn_mapper_key_scan(const cairn_mapper *mapper,
-                                                               int32_t key)
+                                                               int32_t keyframe)
 {
-    return &mapper->keys->scans[mapper->slot[key]];
+    return &mapper->keys->scans[mapper->slot[keyframe]];
 }
 
-static inline int32_t cairn_mapper_point_count(const cairn_mapper *mapper, int32_t key)
+static inline int32_t cairn_mapper_point_count(const cairn_mapper *mapper, int32_t keyframe)
 {
-    const cairn_scan_set_scan *scan = cairn_mapper_key_scan(mapper, key);
+    const cairn_scan_set_scan *scan = cairn_mapper_key_scan(mapper, keyframe);
 
     return scan->end_point - scan->first_point;
 }
 
 /* Returns a keyframe as stored, without its beams; valid until the next call. */
-cairn_scan_view cairn_mapper_key_view(cairn_mapper *mapper, int32_t key);
+cairn_scan_view cairn_mapper_key_view(cairn_mapper *mapper, int32_t keyframe);
 
 /* Begins the selection of the keyframes of the local map; select_local() looks at one keyframe per
  * call and returns 1 after the last. */
@@ -329,20 +329,20 @@ int32_t cairn_mapper_needs_local(const cairn_mapper *mapper);
 cairn_status cairn_mapper_add_local(cairn_mapper *mapper, cairn_budget *budget);
 
 /* Copies the points of a keyframe, in its own frame; returns their number. */
-int32_t cairn_mapper_key_points(const cairn_mapper *mapper, int32_t key,
+int32_t cairn_mapper_key_points(const cairn_mapper *mapper, int32_t keyframe,
                                 cairn_oriented_point *points);
 
 /* Stores the visibility profile of a keyframe; visibility_beams() returns it as beams:
  * [MAPPER_BEARINGS]. Returns the number of beams. */
-void cairn_mapper_keep_sight(cairn_mapper *mapper, int32_t key, const cairn_scan_view *view);
-int32_t cairn_mapper_sight(const cairn_mapper *mapper, int32_t key, cairn_beam *beams);
+void cairn_mapper_keep_sight(cairn_mapper *mapper, int32_t keyframe, const cairn_scan_view *view);
+int32_t cairn_mapper_sight(const cairn_mapper *mapper, int32_t keyframe, cairn_beam *beams);
 
 /* Returns the bearing sector of a direction, and the unit vector at the middle of a sector. */
 int32_t cairn_mapper_bearing_of(cairn_vec2 d);
 cairn_vec2 cairn_mapper_bearing_direction(int32_t bearing);
 
 /* Returns a keyframe as input of a match; its points and beams are copied to the arrays. */
-cairn_scan_match_part cairn_mapper_key_part(const cairn_mapper *mapper, int32_t key,
+cairn_scan_match_part cairn_mapper_key_part(const cairn_mapper *mapper, int32_t keyframe,
                                             cairn_oriented_point *points, cairn_beam *beams);
 
 /* ---- mapper_window.c ---- */
@@ -492,6 +492,6 @@ int32_t cairn_mapper_is_behind(const cairn_mapper *mapper);
 int32_t cairn_mapper_release_end(const cairn_mapper *mapper);
 
 /* Culls a keyframe: redirects its links, renumbers. Its memory is free after compaction. */
-cairn_status cairn_mapper_release_key(cairn_mapper *mapper, int32_t key, cairn_budget *budget);
+cairn_status cairn_mapper_release_key(cairn_mapper *mapper, int32_t keyframe, cairn_budget *budget);
 
 #endif

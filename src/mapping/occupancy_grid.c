@@ -257,7 +257,7 @@ cairn_status cairn_occupancy_grid_begin_scan(cairn_occupancy_grid *grid, const c
     if (grid == NULL || count < 0 || (beams == NULL && count > 0))
         return cairn_refuse(fault, -1, "no grid or no beams", CAIRN_BAD_ARGUMENT);
     if (grid->beams_left > 0)
-        return cairn_refuse(fault, -1, "the scan before is not finished", CAIRN_BAD_ARGUMENT);
+        return cairn_refuse(fault, -1, "the previous scan is in progress", CAIRN_BAD_ARGUMENT);
     if (!cairn_pose_is_finite(map_scan))
         return cairn_refuse(fault, -1, "the pose is not finite", CAIRN_NOT_FINITE);
     transform = cairn_transform_of(map_scan);
@@ -269,7 +269,7 @@ cairn_status cairn_occupancy_grid_begin_scan(cairn_occupancy_grid *grid, const c
         if (beams[i].kind != CAIRN_BEAM_UNKNOWN &&
             !can_walk(grid, cairn_transform_point(transform, beams[i].from),
                       cairn_transform_point(transform, beams[i].to), &length))
-            return cairn_refuse(fault, i, "a beam that ends nowhere, expected finite coordinates",
+            return cairn_refuse(fault, i, "a beam end is not finite, expected finite coordinates",
                                 CAIRN_NOT_FINITE);
     }
     grid->beams = beams;
