@@ -184,7 +184,8 @@ static cairn_map_merge *take_memory(cairn_pool *pool, const cairn_map_merge_para
     merge_direction *ways = cairn_pool_take(pool, maps * (size_t)p->max_segments, sizeof *ways);
     int32_t *queue = cairn_pool_take(pool, 2 * points, sizeof *queue);
     cairn_vec2 *line = cairn_pool_take(pool, points, sizeof *line);
-    merge_curve_point *bends = cairn_pool_take(pool, maps * MERGE_MAX_CURVE_POINTS, sizeof *bends);
+    merge_curve_point *curve_points =
+        cairn_pool_take(pool, maps * MERGE_MAX_CURVE_POINTS, sizeof *curve_points);
     cairn_segment *lines = cairn_pool_take(pool, maps * (size_t)p->max_segments, sizeof *lines);
     merge_mode *modes = cairn_pool_take(pool, pairs_of(p) * (size_t)p->max_modes, sizeof *modes);
     int32_t *mode_count = cairn_pool_take(pool, pairs_of(p), sizeof *mode_count);
@@ -210,7 +211,7 @@ static cairn_map_merge *take_memory(cairn_pool *pool, const cairn_map_merge_para
             list[i].free_cells = open + i * (points / 2);
             list[i].corners = corners + i * (size_t)p->max_corners;
             list[i].lines = lines + i * (size_t)p->max_segments;
-            list[i].curve_points = bends + i * MERGE_MAX_CURVE_POINTS;
+            list[i].curve_points = curve_points + i * MERGE_MAX_CURVE_POINTS;
             list[i].directions = ways + i * (size_t)p->max_segments;
         }
     }

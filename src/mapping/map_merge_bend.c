@@ -39,7 +39,7 @@ cairn_status cairn_merge_choose_bends(cairn_map_merge *merge, merge_map *map, ca
 {
     for (; merge->cursor < map->point_count; merge->cursor++) {
         const merge_point *p = &map->points[merge->cursor];
-        merge_curve_point bend = {p->position, p->normal};
+        merge_curve_point curve_point = {p->position, p->normal};
         cairn_real along;
 
         if (!cairn_budget_pay(budget, &merge->units_charged, 2))
@@ -50,8 +50,8 @@ cairn_status cairn_merge_choose_bends(cairn_map_merge *merge, merge_map *map, ca
         if (map->curve_point_count == MERGE_MAX_CURVE_POINTS ||
             !cairn_merge_surface_along(map, p->position, p->normal, &along))
             continue;
-        bend.position = cairn_vec2_add(p->position, cairn_vec2_scale(p->normal, along));
-        map->curve_points[map->curve_point_count++] = bend;
+        curve_point.position = cairn_vec2_add(p->position, cairn_vec2_scale(p->normal, along));
+        map->curve_points[map->curve_point_count++] = curve_point;
     }
     return CAIRN_OK;
 }

@@ -164,7 +164,7 @@ static cairn_status step_links(cairn_map_merge *merge, cairn_budget *budget)
     return CAIRN_OK;
 }
 
-static cairn_real pair_index(const cairn_map_merge *merge, int32_t a, int32_t b)
+static cairn_real pair_score_of(const cairn_map_merge *merge, int32_t a, int32_t b)
 {
     return merge->check.pair_score[a < b ? merge_pair(a, b) : merge_pair(b, a)];
 }
@@ -202,7 +202,7 @@ static cairn_real minimum_cut(const cairn_map_merge *merge, int32_t *side)
             for (int32_t i = 0; i < merge->map_count; i++)
                 for (int32_t k = 0; k < merge->map_count && group[i] == next; k++)
                     if (group[k] >= 0 && group[k] != next && !added[group[k]])
-                        weight[group[k]] += cairn_max(pair_index(merge, i, k), 0);
+                        weight[group[k]] += cairn_max(pair_score_of(merge, i, k), 0);
         }
         if (weight[last] < least) {
             least = weight[last];
@@ -311,10 +311,10 @@ static cairn_status step_places(cairn_map_merge *merge, int32_t map, cairn_budge
 /* Returns the probability that a competing pose, or chance, reaches the same support. */
 static cairn_real error_probability(const cairn_merge_placed *p)
 {
-    cairn_real rival = cairn_exp(cairn_min((p->rival - p->support) / CHANCE_SPREAD_NATS, 30));
+    cairn_real competing = cairn_exp(cairn_min((p->rival - p->support) / CHANCE_SPREAD_NATS, 30));
     cairn_real chance = cairn_exp(cairn_min((CHANCE_NATS - p->support) / CHANCE_SPREAD_NATS, 30));
 
-    return cairn_max((rival + chance) / (1 + rival + chance), MIN_ERROR_PROBABILITY);
+    return cairn_max((competing + chance) / (1 + competing + chance), MIN_ERROR_PROBABILITY);
 }
 
 /* Verifies every accepted map, and again after a rejection, which leaves the others less

@@ -85,7 +85,7 @@ static int mode_of(const cairn_map_merge *merge, int32_t a, int32_t b, int32_t i
 
 /* Returns the next map among those with this number of deferrals: by the order, or the one with the
  * best mode relative to any placed map; -1: none. */
-static int32_t next_map(const cairn_map_merge *merge, int32_t aside)
+static int32_t next_map(const cairn_map_merge *merge, int32_t deferrals)
 {
     cairn_real best = 0;
     int32_t next = -1;
@@ -93,8 +93,8 @@ static int32_t next_map(const cairn_map_merge *merge, int32_t aside)
     for (int32_t n = 0; n < merge->map_count && !(merge->has_order && next >= 0); n++) {
         int32_t map = merge->has_order ? merge->order[n] : n;
 
-        for (int32_t i = 0;
-             i < merge->neighbour_count && merge->deferrals[map] == aside && !is_near(merge, map);
+        for (int32_t i = 0; i < merge->neighbour_count && merge->deferrals[map] == deferrals &&
+                            !is_near(merge, map);
              i++) {
             merge_mode mode;
 
@@ -155,9 +155,8 @@ static void add_image_scores(cairn_map_merge *merge, const merge_state *s)
 {
     merge->proposals.psi_sum += s->psi;
     merge->proposals.gamma_sum += s->gamma;
-    merge->proposals.gamma_least = merge->proposals.emitted == 0
-                                       ? s->gamma
-                                       : cairn_min(merge->proposals.gamma_least, s->gamma);
+    merge->proposals.gamma_min =
+        merge->proposals.emitted == 0 ? s->gamma : cairn_min(merge->proposals.gamma_min, s->gamma);
     merge->proposals.emitted++;
 }
 
@@ -283,9 +282,9 @@ static cairn_status propose(void *context, cairn_particle_filter *filter, int32_
 static cairn_real log_images(const cairn_map_merge *merge, const merge_state *s)
 {
     cairn_real gammas = merge->proposals.gamma_sum -
-                        (cairn_real)merge->proposals.emitted * merge->proposals.gamma_least;
+                        (cairn_real)merge->proposals.emitted * merge->proposals.gamma_min;
     cairn_real psi = s->psi / merge->proposals.psi_sum,
-               gamma = (s->gamma - merge->proposals.gamma_least) / gammas;
+               gamma = (s->gamma - merge->proposals.gamma_min) / gammas;
 
     if (merge->proposals.emitted < 2 || !(gammas > 0) || !(merge->proposals.psi_sum > 0))
         return 0;

@@ -113,13 +113,13 @@ void cairn_merge_begin_images(merge_images *c, const merge_map *a, const merge_m
     c->row = c->begin[0][1];
 }
 
-/* Returns the cell of an image nearest to one that may lie outside; *beside grows by their
+/* Returns the cell of an image nearest to one that may lie outside; *outside_distance grows by their
  * distance. */
-static int32_t clamp_cell(int32_t at, int32_t side, int32_t *beside)
+static int32_t clamp_cell(int32_t at, int32_t side, int32_t *outside_distance)
 {
     int32_t within = at < 0 ? 0 : at < side ? at : side - 1;
 
-    *beside += at < within ? within - at : at - within;
+    *outside_distance += at < within ? within - at : at - within;
     return within;
 }
 
@@ -145,10 +145,11 @@ typedef struct image_row {
     int32_t known;
 } image_row;
 
-static void add_cell(image_row *r, uint16_t own, uint16_t cell, int32_t beside,
+static void add_cell(image_row *r, uint16_t own, uint16_t cell, int32_t outside_distance,
                      const cairn_real *kernel)
 {
-    int32_t to_occupied = beside + merge_to_occupied(cell), to_free = beside + merge_to_free(cell);
+    int32_t to_occupied = outside_distance + merge_to_occupied(cell),
+            to_free = outside_distance + merge_to_free(cell);
 
     to_occupied = to_occupied < MERGE_MAX_DISTANCE ? to_occupied : MERGE_MAX_DISTANCE;
     to_free = to_free < MERGE_MAX_DISTANCE ? to_free : MERGE_MAX_DISTANCE;
@@ -158,7 +159,7 @@ static void add_cell(image_row *r, uint16_t own, uint16_t cell, int32_t beside,
     } else {
         r->same[0] += kernel[to_free];
         r->other_class[0] += kernel[to_occupied];
-        r->known += beside == 0 && merge_class(cell) != MERGE_UNKNOWN;
+        r->known += outside_distance == 0 && merge_class(cell) != MERGE_UNKNOWN;
     }
 }
 
@@ -168,18 +169,18 @@ static void add_outside(image_row *r, int32_t begin, int32_t end, const cairn_re
     int32_t width = r->other->input.cells.width, height = r->other->input.cells.height;
 
     for (int32_t column = begin; column < end; column++) {
-        int32_t u, v, beside = 0;
+        int32_t u, v, outside_distance = 0;
 
         if (merge_class(r->cells[column]) == MERGE_UNKNOWN)
             continue;
         u = clamp_cell(
             cell_index(r->first.x + (cairn_real)column * r->step.x, width + KERNEL_REACH_CELLS),
-            width, &beside);
+            width, &outside_distance);
         v = clamp_cell(
             cell_index(r->first.y + (cairn_real)column * r->step.y, height + KERNEL_REACH_CELLS),
-            height, &beside);
-        add_cell(r, r->cells[column], r->other->grid[(size_t)v * (size_t)width + (size_t)u], beside,
-                 kernel);
+            height, &outside_distance);
+        add_cell(r, r->cells[column], r->other->grid[(size_t)v * (size_t)width + (size_t)u],
+                 outside_distance, kernel);
     }
 }
 

@@ -103,8 +103,8 @@ static void begin_comparing(cairn_map_merge *merge, int32_t first, int32_t secon
     c->first = first;
     c->second = second;
     c->first_second = first_second;
-    c->there = cairn_transform_of(first_second);
-    c->back = cairn_transform_of(cairn_pose_inverse(first_second));
+    c->second_to_first = cairn_transform_of(first_second);
+    c->first_to_second = cairn_transform_of(cairn_pose_inverse(first_second));
     c->point_counts[0] = of_second < points ? of_second : points;
     c->point_counts[1] = of_first < points ? of_first : points;
     c->cursor = c->direction = 0;
@@ -126,8 +126,8 @@ static int resume_comparing(cairn_map_merge *merge, cairn_budget *budget)
                 return 0;
             end = end < c->point_counts[c->direction] ? end : c->point_counts[c->direction];
             cairn_merge_sum(merge, &merge->maps[to], &merge->maps[from],
-                            c->direction == 0 ? &c->there : &c->back, c->cursor, end,
-                            &c->sums[c->direction]);
+                            c->direction == 0 ? &c->second_to_first : &c->first_to_second,
+                            c->cursor, end, &c->sums[c->direction]);
             c->cursor = end;
         }
     }

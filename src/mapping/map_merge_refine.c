@@ -120,7 +120,7 @@ static void add_lines(merge_fit *f, cairn_segment own, cairn_segment t)
 /* Adds line `index` of the current neighbour against all lines of the map. */
 static void add_line(merge_fit *f, const merge_map *body, const merge_map *other, int32_t index)
 {
-    cairn_segment line = mapped(f->at, other->lines[index]);
+    cairn_segment line = mapped(f->neighbour_transform, other->lines[index]);
 
     for (int32_t k = 0; k < body->line_count; k++)
         add_lines(f, body->lines[k], line);
@@ -137,31 +137,34 @@ static cairn_real curve_point_weight(const merge_map *map)
 static void add_curve_point(merge_fit *f, const merge_map *body, const merge_map *other,
                             int32_t index)
 {
-    const merge_curve_point *bend = &body->curve_points[index];
-    cairn_vec2 p = cairn_transform_point(f->there, bend->position),
-               n = cairn_transform_direction(f->there, bend->normal);
+    const merge_curve_point *curve_point = &body->curve_points[index];
+    cairn_vec2 p = cairn_transform_point(f->to_neighbour, curve_point->position),
+               n = cairn_transform_direction(f->to_neighbour, curve_point->normal);
     cairn_real along;
 
     if (cairn_merge_surface_along(other, p, n, &along))
-        add_end(f, cairn_transform_point(f->at, p),
-                cairn_transform_point(f->at, cairn_vec2_add(p, cairn_vec2_scale(n, along))),
-                cairn_transform_direction(f->at, n), bend->position, curve_point_weight(body));
+        add_end(f, cairn_transform_point(f->neighbour_transform, p),
+                cairn_transform_point(f->neighbour_transform,
+                                      cairn_vec2_add(p, cairn_vec2_scale(n, along))),
+                cairn_transform_direction(f->neighbour_transform, n), curve_point->position,
+                curve_point_weight(body));
 }
 
 /* Adds a curve point of the neighbour against the surface of the map. */
 static void add_curve_point_of_neighbour(merge_fit *f, const merge_map *body,
                                          const merge_map *other, int32_t index)
 {
-    const merge_curve_point *bend = &other->curve_points[index];
-    cairn_vec2 p = cairn_transform_point(f->here, bend->position),
-               n = cairn_transform_direction(f->here, bend->normal);
+    const merge_curve_point *curve_point = &other->curve_points[index];
+    cairn_vec2 p = cairn_transform_point(f->to_map, curve_point->position),
+               n = cairn_transform_direction(f->to_map, curve_point->normal);
     cairn_real along;
 
     if (cairn_merge_surface_along(body, p, n, &along)) {
         p = cairn_vec2_add(p, cairn_vec2_scale(n, along));
         add_end(f, cairn_transform_point(f->motion.transform, p),
-                cairn_transform_point(f->at, bend->position),
-                cairn_transform_direction(f->at, bend->normal), p, curve_point_weight(other));
+                cairn_transform_point(f->neighbour_transform, curve_point->position),
+                cairn_transform_direction(f->neighbour_transform, curve_point->normal), p,
+                curve_point_weight(other));
     }
 }
 
@@ -188,9 +191,9 @@ static int next_neighbour(cairn_map_merge *merge)
         if (cairn_merge_is_apart(merge, merge->neighbours[f->neighbour], merge->total.map,
                                  cairn_pose_between(pose, merge->climb.best)))
             continue;
-        f->at = cairn_transform_of(pose);
-        f->there = cairn_transform_of(cairn_pose_between(pose, merge->climb.best));
-        f->here = cairn_transform_of(cairn_pose_between(merge->climb.best, pose));
+        f->neighbour_transform = cairn_transform_of(pose);
+        f->to_neighbour = cairn_transform_of(cairn_pose_between(pose, merge->climb.best));
+        f->to_map = cairn_transform_of(cairn_pose_between(merge->climb.best, pose));
         f->cell = cairn_max(body->input.resolution, other->input.resolution);
         f->item = 0;
         return 1;
@@ -204,8 +207,8 @@ static int add_neighbour(cairn_map_merge *merge, cairn_budget *budget)
     merge_fit *f = &merge->fit;
     const merge_map *body = &merge->maps[merge->total.map],
                     *other = &merge->maps[merge->neighbours[f->neighbour]];
-    int32_t bends = other->line_count + body->curve_point_count,
-            count = bends + other->curve_point_count;
+    int32_t curve_points = other->line_count + body->curve_point_count,
+            count = curve_points + other->curve_point_count;
 
     for (; f->item < count; f->item++) {
         if (!cairn_budget_pay(budget, &merge->units_charged,
@@ -214,10 +217,10 @@ static int add_neighbour(cairn_map_merge *merge, cairn_budget *budget)
             return 0;
         if (f->item < other->line_count)
             add_line(f, body, other, f->item);
-        else if (f->item < bends)
+        else if (f->item < curve_points)
             add_curve_point(f, body, other, f->item - other->line_count);
         else
-            add_curve_point_of_neighbour(f, body, other, f->item - bends);
+            add_curve_point_of_neighbour(f, body, other, f->item - curve_points);
     }
     return 1;
 }

@@ -131,8 +131,8 @@ typedef struct merge_sums {
 typedef struct merge_comparison {
     int32_t first, second;
     cairn_pose first_second;
-    cairn_transform there, back; /* second to first, first to second */
-    int32_t point_counts[2];     /* points of the second and of the first map that are compared */
+    cairn_transform second_to_first, first_to_second; /* second to first, first to second */
+    int32_t point_counts[2]; /* points of the second and of the first map that are compared */
     int32_t cursor, direction;
     merge_sums sums[2];
 } merge_comparison;
@@ -161,7 +161,7 @@ typedef struct merge_fit {
     cairn_rigid_motion motion;
     cairn_normal_equations equations;
     /* Transforms: of the current neighbour; map to neighbour; neighbour to map. */
-    cairn_transform at, there, here;
+    cairn_transform neighbour_transform, to_neighbour, to_map;
     /* m: the larger cell side of both maps */
     cairn_real cell;
     /* current neighbour, and its next line or curve point */
@@ -209,7 +209,7 @@ typedef struct merge_written {
     merge_places *places;
     int32_t stage, map, cursor, at;
     /* normalizers over all candidates; gamma relative to the first one's */
-    cairn_real psi_sum, gamma_first, gamma_sum, gamma_least;
+    cairn_real psi_sum, gamma_first, gamma_sum, gamma_min;
     int32_t emitted;
     /* steps of the filter */
     int32_t steps;
@@ -349,7 +349,7 @@ struct cairn_map_merge {
         merge_proposal *current;
         int32_t count, stage, at;
         /* normalizers over all candidates of the step */
-        cairn_real psi_sum, gamma_sum, gamma_least;
+        cairn_real psi_sum, gamma_sum, gamma_min;
         int32_t emitted;
     } proposals;
     union {

@@ -201,11 +201,11 @@ static void add_image_scores(merge_written *w, const merge_state *s)
 {
     if (w->emitted == 0) {
         w->gamma_first = s->gamma;
-        w->psi_sum = w->gamma_sum = w->gamma_least = 0;
+        w->psi_sum = w->gamma_sum = w->gamma_min = 0;
     }
     w->psi_sum += s->psi;
     w->gamma_sum += s->gamma - w->gamma_first;
-    w->gamma_least = cairn_min(w->gamma_least, s->gamma - w->gamma_first);
+    w->gamma_min = cairn_min(w->gamma_min, s->gamma - w->gamma_first);
     w->emitted++;
 }
 
@@ -213,9 +213,9 @@ static void add_image_scores(merge_written *w, const merge_state *s)
  * 0. */
 static cairn_real log_images(const merge_written *w, const merge_state *s)
 {
-    cairn_real gammas = w->gamma_sum - (cairn_real)w->emitted * w->gamma_least;
+    cairn_real gammas = w->gamma_sum - (cairn_real)w->emitted * w->gamma_min;
     cairn_real psi = w->psi_sum > 0 ? s->psi / w->psi_sum : 1;
-    cairn_real gamma = gammas > 0 ? (s->gamma - w->gamma_first - w->gamma_least) / gammas : 1;
+    cairn_real gamma = gammas > 0 ? (s->gamma - w->gamma_first - w->gamma_min) / gammas : 1;
 
     if (w->emitted < 2)
         return 0;

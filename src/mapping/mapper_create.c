@@ -128,7 +128,7 @@ static cairn_force_field_params field_params(const cairn_mapper_params *params)
     return field;
 }
 
-static cairn_scan_set_params key_params(const cairn_mapper_params *params)
+static cairn_scan_set_params keyframe_params(const cairn_mapper_params *params)
 {
     cairn_scan_set_params keys = {params->max_keys, params->max_key_segments,
                                   params->max_key_points, 0};
@@ -196,7 +196,7 @@ static int loop_is_valid(const cairn_mapper_params *params)
 
 /* Culling needs the graph, which joins the neighbours of a culled keyframe. The most recent
  * keyframes are in use and are never culled. */
-static int release_is_valid(const cairn_mapper_params *p)
+static int culling_is_valid(const cairn_mapper_params *p)
 {
     if (p->release == 0)
         return 1;
@@ -225,7 +225,7 @@ static int is_valid(const cairn_mapper_params *p)
     /* The first scan must fit: all others are stored relative to it. */
     if (p->max_key_points < p->scan.max_points || p->max_key_segments < p->scan.max_segments)
         return 0;
-    return release_is_valid(p) && p->local_radius > 0 && p->key_distance > 0 && p->key_turn > 0 &&
+    return culling_is_valid(p) && p->local_radius > 0 && p->key_distance > 0 && p->key_turn > 0 &&
            p->key_support >= 0 && p->key_support <= 1 && p->odometry_distance >= 0 &&
            p->odometry_turn >= 0 && p->odometry_distance_min > 0 && p->odometry_turn_min > 0 &&
            p->motion_distance >= 0 && p->motion_turn >= 0 && p->motion_distance_min > 0 &&
@@ -238,7 +238,7 @@ static void count_modules(cairn_pool *counting, const cairn_mapper_params *param
 {
     cairn_icp_params icp = icp_params(params);
     cairn_force_field_params field = field_params(params);
-    cairn_scan_set_params keys = key_params(params);
+    cairn_scan_set_params keys = keyframe_params(params);
 
     cairn_pool_count(counting, cairn_scan_memory(&params->scan));
     cairn_pool_count(counting, cairn_icp_memory(&icp));
@@ -260,20 +260,20 @@ static void count_modules(cairn_pool *counting, const cairn_mapper_params *param
 /* Takes the arrays of loop closure from the pool; loop NULL: the pool only counts. */
 static void take_loop_memory(mapper_loop *loop, cairn_pool *pool, const cairn_mapper_params *params)
 {
-    size_t keys = (size_t)params->max_keys, covered = params->release ? keys : 0;
+    size_t keys = (size_t)params->max_keys, scored_keyframes = params->release ? keys : 0;
     mapper_link *links =
         cairn_pool_take(pool, keys + (size_t)params->loop.max_loops, sizeof *links);
     int32_t *first_link = cairn_pool_take(pool, keys, sizeof *first_link);
     mapper_tie *ties = cairn_pool_take(pool, keys, sizeof *ties);
     cairn_real *variance = cairn_pool_take(pool, keys, sizeof *variance);
-    cairn_real *turn_variance = cairn_pool_take(pool, keys, sizeof *turn_variance);
+    cairn_real *heading_variance = cairn_pool_take(pool, keys, sizeof *heading_variance);
     int32_t *heap = cairn_pool_take(pool, keys, sizeof *heap);
     int32_t *heap_at = cairn_pool_take(pool, keys, sizeof *heap_at);
     cairn_oriented_point *points =
         cairn_pool_take(pool, (size_t)params->scan.max_points, sizeof *points);
     cairn_beam *beams = cairn_pool_take(pool, MAPPER_BEARINGS, sizeof *beams);
-    cairn_real *loss = cairn_pool_take(pool, covered, sizeof *loss);
-    cairn_real *reach = cairn_pool_take(pool, covered, sizeof *reach);
+    cairn_real *loss = cairn_pool_take(pool, scored_keyframes, sizeof *loss);
+    cairn_real *reach = cairn_pool_take(pool, scored_keyframes, sizeof *reach);
 
     if (loop == NULL)
         return;
@@ -283,7 +283,7 @@ static void take_loop_memory(mapper_loop *loop, cairn_pool *pool, const cairn_ma
     loop->first_link = first_link;
     loop->ties = ties;
     loop->variance = variance;
-    loop->heading_variance = turn_variance;
+    loop->heading_variance = heading_variance;
     loop->heap = heap;
     loop->heap_position = heap_at;
     loop->query_points = points;
@@ -350,7 +350,7 @@ cairn_status cairn_mapper_create(cairn_mapper **mapper, cairn_pool *pool,
         return CAIRN_NO_MEMORY;
     icp = icp_params(params);
     field = field_params(params);
-    keys = key_params(params);
+    keys = keyframe_params(params);
     made = take_memory(pool, params);
     made->params = *params;
     status = cairn_scan_create(&made->scan, pool, &params->scan);

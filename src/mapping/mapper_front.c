@@ -235,18 +235,18 @@ static cairn_real found_min_overlap(const cairn_mapper *mapper, const cairn_icp_
 static void take_found(cairn_mapper *mapper)
 {
     cairn_icp_result match = cairn_icp_read(mapper->icp);
-    cairn_pose apart;
+    cairn_pose difference;
 
     if (!is_acceptable(&match, found_min_overlap(mapper, &match))) {
         mapper->low_confidence = 1;
         return;
     }
-    apart = cairn_pose_between(match.target_query, mapper->match.target_query);
+    difference = cairn_pose_between(match.target_query, mapper->match.target_query);
     if (mapper->has_match &&
         match_score(mapper, quality(&match), match.target_query) <=
             match_score(mapper, quality(&mapper->match), mapper->match.target_query)) {
-        mapper->low_confidence |= (cairn_mapper_way(apart) > MAPPER_DISTINCT_M ||
-                                   cairn_abs(apart.theta) > MAPPER_DISTINCT_RAD) &&
+        mapper->low_confidence |= (cairn_mapper_way(difference) > MAPPER_DISTINCT_M ||
+                                   cairn_abs(difference.theta) > MAPPER_DISTINCT_RAD) &&
                                   (!mapper->trusts_odometry || is_jump(mapper));
         return;
     }

@@ -203,8 +203,8 @@ static int32_t most_informative_link(const cairn_mapper *mapper, int32_t keyfram
     for (int32_t link = loop->first_link[keyframe]; link >= 0;
          link = loop->links[link].next[loop->links[link].second == keyframe]) {
         const mapper_link *l = &loop->links[link];
-        cairn_real strain = cairn_max(1, cairn_pose_graph_link_of(loop->graph, link).chi2);
-        cairn_real cost = strain * (l->variance + l->heading_variance);
+        cairn_real chi2 = cairn_max(1, cairn_pose_graph_link_of(loop->graph, link).chi2);
+        cairn_real cost = chi2 * (l->variance + l->heading_variance);
 
         if (l->dropped || (best >= 0 && !(cost < least)))
             continue;
@@ -247,16 +247,17 @@ static cairn_status merge_link(cairn_mapper *mapper, int32_t link, int32_t from,
                                measurement m, int32_t is_loop)
 {
     mapper_link *l = &mapper->loop.links[link];
-    measurement there, both;
+    measurement existing, both;
 
-    if (!link_measurement(mapper, link, from, &there))
+    if (!link_measurement(mapper, link, from, &existing))
         return CAIRN_BAD_ARGUMENT;
-    if (!fuse(mapper, there, m, &both)) {
-        cairn_real of_there =
-            cairn_mapper_strain_of(mapper, from, to, there.pose, there.covariance);
+    if (!fuse(mapper, existing, m, &both)) {
+        cairn_real existing_chi2 =
+            cairn_mapper_strain_of(mapper, from, to, existing.pose, existing.covariance);
 
-        both =
-            cairn_mapper_strain_of(mapper, from, to, m.pose, m.covariance) < of_there ? m : there;
+        both = cairn_mapper_strain_of(mapper, from, to, m.pose, m.covariance) < existing_chi2
+                   ? m
+                   : existing;
     }
     l->is_loop &= is_loop;
     return set_link(mapper, link, from, to, both);
@@ -270,7 +271,7 @@ static cairn_status redirect_link(cairn_mapper *mapper, int32_t link, int32_t ke
     mapper_loop *loop = &mapper->loop;
     mapper_link *l = &loop->links[link];
     int32_t far = other_end(l, keyframe), next = l->next[l->first == keyframe],
-            there = link_between(loop, neighbour, far);
+            existing = link_between(loop, neighbour, far);
     measurement key_far, neighbour_far;
     cairn_status status;
 
@@ -279,8 +280,8 @@ static cairn_status redirect_link(cairn_mapper *mapper, int32_t link, int32_t ke
     if (!link_measurement(mapper, link, keyframe, &key_far))
         return CAIRN_BAD_ARGUMENT;
     neighbour_far = compose(neighbour_key, key_far);
-    if (there >= 0)
-        return merge_link(mapper, there, neighbour, far, neighbour_far, l->is_loop);
+    if (existing >= 0)
+        return merge_link(mapper, existing, neighbour, far, neighbour_far, l->is_loop);
     if (l->is_loop && loop->link_count >= 2 * loop->entered)
         return CAIRN_OK;
     status = set_link(mapper, link, neighbour, far, neighbour_far);
@@ -337,14 +338,14 @@ void cairn_mapper_rehang(cairn_mapper_release culling, int32_t *keyframe, cairn_
 static void renumber_submaps(cairn_mapper *mapper, int32_t culled)
 {
     mapper_tie *ties = mapper->loop.ties;
-    int32_t heir = -1;
+    int32_t successor = -1;
 
     for (int32_t keyframe = culled + 1; keyframe < mapper->key_count; keyframe++) {
         if (ties[keyframe].piece == culled) {
-            if (heir < 0)
+            if (successor < 0)
                 ties[keyframe].doubtful = ties[culled].doubtful;
-            heir = heir < 0 ? keyframe : heir;
-            ties[keyframe].piece = heir;
+            successor = successor < 0 ? keyframe : successor;
+            ties[keyframe].piece = successor;
         }
     }
 }

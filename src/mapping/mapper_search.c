@@ -80,12 +80,12 @@ cairn_status cairn_mapper_search_target(cairn_mapper *mapper, cairn_budget *budg
 /* Returns 1 when the previous scan's pending hypothesis predicts the same pose. */
 static int32_t is_repeated(const cairn_mapper *mapper, cairn_pose pose)
 {
-    cairn_pose apart =
+    cairn_pose difference =
         cairn_pose_between(cairn_pose_compose(mapper->hypothesis, mapper->motion), pose);
 
     return mapper->hypothesis_scan > 0 && mapper->hypothesis_scan == mapper->state.scans &&
-           cairn_mapper_way(apart) <= REPEAT_TOLERANCE &&
-           cairn_abs(apart.theta) <= REPEAT_TOLERANCE;
+           cairn_mapper_way(difference) <= REPEAT_TOLERANCE &&
+           cairn_abs(difference.theta) <= REPEAT_TOLERANCE;
 }
 
 /* Returns the log odds of a pose: those of this scan plus those of the pending hypothesis. */
@@ -145,13 +145,13 @@ static void store_hypothesis(cairn_mapper *mapper, const cairn_scan_match_result
 /* Returns 1 when the search found the current match. */
 static int32_t confirms(const cairn_mapper *mapper, const cairn_scan_match_result *result)
 {
-    cairn_pose apart;
+    cairn_pose difference;
 
     if (!mapper->has_match || result->count == 0)
         return 0;
-    apart = cairn_pose_between(mapper->match.target_query, result->hypotheses[0].target_query);
-    return cairn_mapper_way(apart) <= 2 * MAPPER_DISTINCT_M &&
-           cairn_abs(apart.theta) <= 2 * MAPPER_DISTINCT_RAD;
+    difference = cairn_pose_between(mapper->match.target_query, result->hypotheses[0].target_query);
+    return cairn_mapper_way(difference) <= 2 * MAPPER_DISTINCT_M &&
+           cairn_abs(difference.theta) <= 2 * MAPPER_DISTINCT_RAD;
 }
 
 /* Ends the search: ICP runs from the best hypothesis, or the current match stays with low

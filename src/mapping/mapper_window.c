@@ -17,11 +17,11 @@ static int32_t window_begin(const cairn_mapper *mapper)
 {
     int32_t end = mapper->key_count, first = end - 1,
             points = cairn_mapper_point_count(mapper, first);
-    int32_t room = cairn_mapper_local_points(&mapper->params, mapper->params.window);
+    int32_t capacity = cairn_mapper_local_points(&mapper->params, mapper->params.window);
 
     for (; first > 0 && end - first < mapper->params.window; first--) {
         points += cairn_mapper_point_count(mapper, first - 1);
-        if (points > room)
+        if (points > capacity)
             break;
     }
     return first;

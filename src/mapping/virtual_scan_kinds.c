@@ -35,11 +35,11 @@ static void sample_segment(cairn_virtual_scan *virtual_scan, cairn_hypothesis *h
                steps = cairn_floor(length / virtual_scan->params.spacing);
     cairn_real first = (length - steps * virtual_scan->params.spacing) / 2;
     int32_t count = cairn_real_to_int(cairn_min(steps, CAIRN_REAL(1e9))) + 1;
-    int32_t room = virtual_scan->params.max_virtual - virtual_scan->work.point_count;
+    int32_t capacity = virtual_scan->params.max_virtual - virtual_scan->work.point_count;
 
-    if (count > room) {
-        virtual_scan->work.dropped += count - room;
-        count = room;
+    if (count > capacity) {
+        virtual_scan->work.dropped += count - capacity;
+        count = capacity;
     }
     for (int32_t i = 0; i < count; i++) {
         cairn_oriented_point *p = &virtual_scan->work.points[virtual_scan->work.point_count];
@@ -180,11 +180,11 @@ static void sample_ellipse(cairn_virtual_scan *virtual_scan, cairn_hypothesis *h
     cairn_real length = cairn_ellipse_length(e);
     int32_t count =
         cairn_real_to_int(cairn_max(cairn_ceil(length / virtual_scan->params.spacing), 8));
-    int32_t room = virtual_scan->params.max_virtual - virtual_scan->work.point_count;
+    int32_t capacity = virtual_scan->params.max_virtual - virtual_scan->work.point_count;
 
-    if (count > room) {
-        virtual_scan->work.dropped += count - room;
-        count = room;
+    if (count > capacity) {
+        virtual_scan->work.dropped += count - capacity;
+        count = capacity;
     }
     for (int32_t i = 0; i < count; i++) {
         virtual_scan->work.points[virtual_scan->work.point_count] =
@@ -264,14 +264,15 @@ static void take_outline(cairn_virtual_scan *virtual_scan, const cairn_hypothesi
 {
     cairn_hypothesis *h =
         add_hypothesis(virtual_scan, CAIRN_HYPOTHESIS_CALLER + virtual_scan->item, 0);
-    int32_t room = virtual_scan->params.max_virtual - virtual_scan->work.point_count, count;
+    int32_t capacity = virtual_scan->params.max_virtual - virtual_scan->work.point_count, count;
     cairn_real strength = 0;
 
     if (h == NULL)
         return;
-    count = d->outline(d->state, index, virtual_scan->params.spacing,
-                       &virtual_scan->work.points[virtual_scan->work.point_count], room, &strength);
-    CAIRN_ASSERT(count >= 0 && count <= room && strength >= 0 && strength <= 1);
+    count =
+        d->outline(d->state, index, virtual_scan->params.spacing,
+                   &virtual_scan->work.points[virtual_scan->work.point_count], capacity, &strength);
+    CAIRN_ASSERT(count >= 0 && count <= capacity && strength >= 0 && strength <= 1);
     h->strength = strength;
     h->weight = virtual_scan->params.weight * strength;
     for (int32_t i = 0; i < count; i++)
