@@ -243,9 +243,9 @@ cairn_merge_result cairn_map_merge_read(const cairn_map_merge *merge);
 cairn_merge_placed cairn_map_merge_of(const cairn_map_merge *merge, int32_t map);
 
 /* Gets mode `index` of map b relative to map a, the best first; returns 0 beyond the last. *a_b is
- * in the frames of the maps. As written, *evidence is the similarity of the corners, 0 ... 1. */
+ * in the frames of the maps. As written, *log_ratio is the similarity of the corners, 0 ... 1. */
 int32_t cairn_map_merge_mode(const cairn_map_merge *merge, int32_t a, int32_t b, int32_t index,
-                             cairn_pose *a_b, cairn_real *evidence);
+                             cairn_pose *a_b, cairn_real *log_ratio);
 
 #ifdef __cplusplus
 }

@@ -275,7 +275,7 @@ cairn_scan_view cairn_mapper_view(const cairn_mapper *mapper);
 cairn_pose cairn_mapper_key_pose(const cairn_mapper *mapper, int32_t keyframe);
 
 /* Returns segments and points of all keyframes, each in its own frame. keyframe_slot() maps a
- * keyframe index, 0 <= keyframe < keyframes, to its index in the set; both are equal until a keyframe is
+ * keyframe index, 0 <= keyframe < keyframes, to its index in the set; both are equal until a
  * culled. */
 const cairn_scan_set *cairn_mapper_keys(const cairn_mapper *mapper);
 int32_t cairn_mapper_key_slot(const cairn_mapper *mapper, int32_t keyframe);

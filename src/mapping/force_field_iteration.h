@@ -186,7 +186,7 @@ struct cairn_force_field {
     uint32_t revision;
     uint32_t clock;                /* iterations begun */
     uint32_t commits;              /* iterations committed */
-    cairn_force_field_state state; /* as committed, except units and worst_step */
+    cairn_force_field_state state; /* as committed, except units and max_step_units */
 
     /* The current iteration. */
     cairn_force_phase phase;

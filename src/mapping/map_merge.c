@@ -528,7 +528,7 @@ cairn_merge_placed cairn_map_merge_of(const cairn_map_merge *merge, int32_t map)
 }
 
 int32_t cairn_map_merge_mode(const cairn_map_merge *merge, int32_t a, int32_t b, int32_t index,
-                             cairn_pose *a_b, cairn_real *evidence)
+                             cairn_pose *a_b, cairn_real *log_ratio)
 {
     const merge_mode *mode;
     int32_t pair;
@@ -540,7 +540,7 @@ int32_t cairn_map_merge_mode(const cairn_map_merge *merge, int32_t a, int32_t b,
     if (index >= merge->mode_count[pair])
         return 0;
     mode = &merge->modes[(size_t)pair * (size_t)merge->params.max_modes + (size_t)index];
-    *evidence = mode->log_ratio;
+    *log_ratio = mode->log_ratio;
     *a_b =
         frames_of(merge, a, b, a < b ? mode->first_second : cairn_pose_inverse(mode->first_second));
     return 1;

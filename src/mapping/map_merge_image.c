@@ -113,8 +113,8 @@ void cairn_merge_begin_images(merge_images *c, const merge_map *a, const merge_m
     c->row = c->begin[0][1];
 }
 
-/* Returns the cell of an image nearest to one that may lie outside; *outside_distance grows by their
- * distance. */
+/* Returns the cell of an image nearest to one that may lie outside; adds their distance to
+ * *outside_distance. */
 static int32_t clamp_cell(int32_t at, int32_t side, int32_t *outside_distance)
 {
     int32_t within = at < 0 ? 0 : at < side ? at : side - 1;

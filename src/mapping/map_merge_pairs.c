@@ -151,7 +151,7 @@ cairn_real cairn_merge_nats(const cairn_map_merge *merge, cairn_real agree, cair
            (merge->params.correlation * MERGE_CELL);
 }
 
-static cairn_real evidence_of(const cairn_map_merge *merge, const merge_comparison *c)
+static cairn_real log_ratio_of(const cairn_map_merge *merge, const merge_comparison *c)
 {
     cairn_real there = wall_per_point(merge, c, 0), back = wall_per_point(merge, c, 1);
     cairn_real agree = (c->sums[0].agree * there + c->sums[1].agree * back) / 2;
@@ -302,7 +302,7 @@ void cairn_merge_begin_total(cairn_map_merge *merge, int32_t map, cairn_pose pos
 }
 
 /* Adds the comparison with one neighbour to the total. */
-static void add_comparison(cairn_map_merge *merge, cairn_real evidence)
+static void add_comparison(cairn_map_merge *merge, cairn_real log_ratio)
 {
     const merge_comparison *c = &merge->comparison;
     cairn_transform t = cairn_transform_of(merge->neighbour_poses[merge->total.neighbour]);
@@ -313,8 +313,8 @@ static void add_comparison(cairn_map_merge *merge, cairn_real evidence)
     merge->total.known_count += known;
     merge->total.centroid_sum = cairn_vec2_add(
         merge->total.centroid_sum, cairn_vec2_scale(cairn_transform_point(t, middle), known));
-    merge->total.log_ratio += evidence;
-    merge->total.neighbours += evidence > MIN_NEIGHBOUR_NATS;
+    merge->total.log_ratio += log_ratio;
+    merge->total.neighbours += log_ratio > MIN_NEIGHBOUR_NATS;
 }
 
 int cairn_merge_go_on_total(cairn_map_merge *merge, cairn_budget *budget)
@@ -344,7 +344,7 @@ int cairn_merge_go_on_total(cairn_map_merge *merge, cairn_budget *budget)
         if (!resume_comparing(merge, budget))
             return 0;
         merge->is_comparing = 0;
-        key.log_ratio = evidence_of(merge, &merge->comparison);
+        key.log_ratio = log_ratio_of(merge, &merge->comparison);
         if (whole)
             *slot = key;
         add_comparison(merge, key.log_ratio);

@@ -426,7 +426,7 @@ int32_t cairn_mapper_key_slot(const cairn_mapper *mapper, int32_t keyframe)
 
 cairn_mapper_release cairn_mapper_release_at(const cairn_mapper *mapper, int32_t index)
 {
-    return mapper->releases[index % MAPPER_CULLING_EVENTS];
+    return mapper->cullings[index % MAPPER_CULLING_EVENTS];
 }
 
 cairn_mapper_link cairn_mapper_link_at(const cairn_mapper *mapper, int32_t index)

@@ -412,7 +412,7 @@ cairn_status cairn_mapper_release_key(cairn_mapper *mapper, int32_t keyframe, ca
     mapper_loop *loop = &mapper->loop;
     int32_t best = most_informative_link(mapper, keyframe), neighbour, degree = 0, next;
     cairn_mapper_release *release =
-        &mapper->releases[mapper->state.releases % MAPPER_CULLING_EVENTS];
+        &mapper->cullings[mapper->state.releases % MAPPER_CULLING_EVENTS];
     measurement neighbour_key;
     cairn_status status;
 

@@ -156,22 +156,22 @@ typedef struct mapper_loop {
     int32_t *heap;                /* [max_keyframes] binary min-heap of keyframes by variance */
     /* [max_keyframes] position in the heap; -1: not in it, -2: settled */
     int32_t *heap_position;
-    int32_t heap_count;
+    int32_t heap_count; /* keyframes in the heap */
     int32_t link_count;
     int32_t entered; /* keyframes in the pose graph */
 
     mapper_loop_phase phase;
-    int32_t quota; /* work units left of the scan's share */
-    int32_t cursor;
+    int32_t quota;                      /* work units left of the scan's share */
+    int32_t cursor;                     /* index within the phase */
     int32_t query;                      /* keyframe that a return is searched for */
     cairn_oriented_point *query_points; /* [scan.max_points] */
     cairn_beam *query_beams;            /* [MAPPER_BEARINGS] */
     cairn_scan_match_part query_part;
     mapper_candidate candidates[MAPPER_MAX_CANDIDATES];
     int32_t candidate_count, candidate;
-    mapper_candidate best_of_run; /* best candidate of the current run of successive keyframes */
-    int32_t in_run;
-    int32_t target_from, target_end;
+    mapper_candidate best_of_run;    /* best candidate of the current run of successive keyframes */
+    int32_t in_run;                  /* 1: a run of candidates is open */
+    int32_t target_from, target_end; /* keyframes to add to the target map */
 
     mapper_pending pending[MAPPER_PENDING];
     int32_t pending_count;         /* total over the mapper's life */
@@ -213,12 +213,13 @@ struct cairn_mapper {
     mapper_window_phase window_phase;
     /* keyframes of the force field: first, and one past the last */
     int32_t window_first, window_end;
-    int32_t window_cursor; /* next keyframe to add to the force field */
-    int32_t full;
+    int32_t window_cursor;        /* next keyframe to add to the force field */
+    int32_t full;                 /* 1: no capacity, the mapper accepts no further scan */
     int32_t scans_since_keyframe; /* scans since the last keyframe */
 
-    /* Of the current scan: 1: its odometry is usable. */
+    /* of the current scan: 1: its odometry is usable */
     int32_t has_odometry;
+    /* motion since the previous scan by odometry */
     cairn_pose by_odometry;
     /* pose of the previous scan in the map, m and rad */
     cairn_pose last;
@@ -226,6 +227,7 @@ struct cairn_mapper {
     cairn_pose motion;
     /* second motion hypothesis */
     cairn_pose alternative_motion;
+    /* predicted pose of the scan in the map */
     cairn_pose predicted;
     /* 1: odometry is healthy and predicts the motion */
     int32_t trusts_odometry;
@@ -259,10 +261,12 @@ struct cairn_mapper {
     int32_t local_count;
     /* 1: keyframes were added or moved since the local map was built */
     int32_t target_stale;
+    /* predicted pose for which the local map was built */
     cairn_pose target_pose;
     /* Best match so far, and the contribution of each keyframe of the local map to it. */
     cairn_icp_result match;
     cairn_icp_parts parts;
+    /* 1: `match` is valid */
     int32_t has_match;
     /* 1: the match is constrained by the odometry prior in weakly observable directions */
     int32_t is_constrained;
@@ -282,13 +286,13 @@ struct cairn_mapper {
     int32_t hypothesis_is_new;      /* 1: the scan before left none */
     /* keyframes of the local map in the search target; 0: other content */
     int32_t search_target_count;
-    int32_t search_units_used,
-        match_units_used; /* work units of this scan used by search and by ICP */
+    /* work units of this scan used by search and by ICP */
+    int32_t search_units_used, match_units_used;
 
     mapper_loop loop; /* its graph is NULL without loop closure */
     cairn_mapper_result result;
     cairn_mapper_state state;
-    cairn_mapper_release releases[MAPPER_CULLING_EVENTS];
+    cairn_mapper_release cullings[MAPPER_CULLING_EVENTS];
 };
 
 /* ---- mapper_create.c ---- */
