@@ -276,7 +276,7 @@ cairn_pose cairn_mapper_key_pose(const cairn_mapper *mapper, int32_t keyframe);
 
 /* Returns segments and points of all keyframes, each in its own frame. keyframe_slot() maps a
  * keyframe index, 0 <= keyframe < keyframes, to its index in the set; both are equal until a
- * culled. */
+ * keyframe is culled. */
 const cairn_scan_set *cairn_mapper_keys(const cairn_mapper *mapper);
 int32_t cairn_mapper_key_slot(const cairn_mapper *mapper, int32_t keyframe);
 

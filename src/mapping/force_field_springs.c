@@ -37,12 +37,12 @@ enum { MAX_ITERATIONS = 48, BONDS_PER_UNIT = 8 };
 #define DAMPING_SHARE   CAIRN_REAL(0.001)
 
 enum {
-    STAGE_GATHER,
-    STAGE_PREPARE,
-    STAGE_PULL,
-    STAGE_MEASURE,
-    STAGE_ADVANCE,
-    STAGE_TURN,
+    STAGE_ASSEMBLE,  /* bonds into the diagonal blocks and the right-hand side */
+    STAGE_PREPARE,   /* damping and preconditioner of each scan */
+    STAGE_PRODUCT,   /* product = A direction, bond by bond */
+    STAGE_CURVATURE, /* direction^T product */
+    STAGE_MOTION,    /* step along the direction; new residual */
+    STAGE_DIRECTION, /* next conjugate direction */
     STAGE_DONE
 };
 
@@ -218,7 +218,7 @@ static struct cairn_force_unknown *first_of(const cairn_force_field *field,
     return bond->first == CAIRN_FORCE_NO_SCAN ? NULL : &field->unknowns[bond->first];
 }
 
-static void gather(cairn_force_field *field, const struct cairn_force_bond *bond)
+static void assemble(cairn_force_field *field, const struct cairn_force_bond *bond)
 {
     struct cairn_force_unknown *first = first_of(field, bond),
                                *second = &field->unknowns[bond->second];
@@ -284,7 +284,7 @@ static void prepare_unknown(cairn_force_field *field, int32_t index)
     begin_product(unknown);
 }
 
-static void advance(cairn_force_field *field, struct cairn_force_unknown *unknown)
+static void update_motion(cairn_force_field *field, struct cairn_force_unknown *unknown)
 {
     struct cairn_force_solver *solver = &field->solver;
     cairn_real way = solver->residual2 / solver->curvature;
@@ -297,7 +297,7 @@ static void advance(cairn_force_field *field, struct cairn_force_unknown *unknow
     solver->next_residual2 += dot(unknown->residual, unknown->product);
 }
 
-static void turn(cairn_force_field *field, struct cairn_force_unknown *unknown)
+static void update_direction(cairn_force_field *field, struct cairn_force_unknown *unknown)
 {
     cairn_real share = field->solver.next_residual2 / field->solver.residual2;
 
@@ -306,7 +306,7 @@ static void turn(cairn_force_field *field, struct cairn_force_unknown *unknown)
     begin_product(unknown);
 }
 
-static void measure(cairn_force_field *field, const struct cairn_force_unknown *unknown)
+static void add_curvature(cairn_force_field *field, const struct cairn_force_unknown *unknown)
 {
     field->solver.curvature += dot(unknown->direction, unknown->product);
 }
@@ -315,23 +315,23 @@ static void measure(cairn_force_field *field, const struct cairn_force_unknown *
 static void process_item(cairn_force_field *field, int32_t index)
 {
     switch (field->solver.stage) {
-    case STAGE_GATHER:
-        gather(field, &field->bonds[index]);
+    case STAGE_ASSEMBLE:
+        assemble(field, &field->bonds[index]);
         break;
     case STAGE_PREPARE:
         prepare_unknown(field, index);
         break;
-    case STAGE_PULL:
+    case STAGE_PRODUCT:
         add_product(field, &field->bonds[index]);
         break;
-    case STAGE_MEASURE:
-        measure(field, &field->unknowns[index]);
+    case STAGE_CURVATURE:
+        add_curvature(field, &field->unknowns[index]);
         break;
-    case STAGE_ADVANCE:
-        advance(field, &field->unknowns[index]);
+    case STAGE_MOTION:
+        update_motion(field, &field->unknowns[index]);
         break;
     default:
-        turn(field, &field->unknowns[index]);
+        update_direction(field, &field->unknowns[index]);
         break;
     }
 }
@@ -342,21 +342,21 @@ static int32_t next_stage(struct cairn_force_solver *solver)
     switch (solver->stage) {
     case STAGE_PREPARE:
         solver->min_residual2 = CONVERGED_RATIO * solver->residual2;
-        return solver->residual2 > 0 ? STAGE_PULL : STAGE_DONE;
-    case STAGE_PULL:
+        return solver->residual2 > 0 ? STAGE_PRODUCT : STAGE_DONE;
+    case STAGE_PRODUCT:
         solver->curvature = 0;
-        return STAGE_MEASURE;
-    case STAGE_MEASURE:
+        return STAGE_CURVATURE;
+    case STAGE_CURVATURE:
         solver->next_residual2 = 0;
-        return solver->curvature > 0 ? STAGE_ADVANCE : STAGE_DONE;
-    case STAGE_ADVANCE:
+        return solver->curvature > 0 ? STAGE_MOTION : STAGE_DONE;
+    case STAGE_MOTION:
         return ++solver->iteration < MAX_ITERATIONS &&
                        solver->next_residual2 > solver->min_residual2
-                   ? STAGE_TURN
+                   ? STAGE_DIRECTION
                    : STAGE_DONE;
-    case STAGE_TURN:
+    case STAGE_DIRECTION:
         solver->residual2 = solver->next_residual2;
-        return STAGE_PULL;
+        return STAGE_PRODUCT;
     default:
         return solver->stage + 1;
     }
@@ -372,7 +372,7 @@ cairn_status cairn_force_balance_step(cairn_force_field *field, cairn_budget *bu
     struct cairn_force_solver *solver = &field->solver;
 
     while (solver->stage != STAGE_DONE) {
-        int32_t is_of_bonds = solver->stage == STAGE_GATHER || solver->stage == STAGE_PULL;
+        int32_t is_of_bonds = solver->stage == STAGE_ASSEMBLE || solver->stage == STAGE_PRODUCT;
         int32_t count = is_of_bonds ? field->bond_count : field->slots;
 
         for (; solver->next_item < count; solver->next_item++) {

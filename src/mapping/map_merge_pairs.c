@@ -435,7 +435,7 @@ static int resume_climbing(cairn_map_merge *merge, cairn_budget *budget)
 }
 
 /* Scores all hypotheses again with more points; the best are refined. */
-static cairn_status step_sift(cairn_map_merge *merge, cairn_budget *budget)
+static cairn_status step_rescore(cairn_map_merge *merge, cairn_budget *budget)
 {
     for (; merge->cursor < merge->hypothesis_count; merge->cursor++) {
         merge_mode mode = merge->hypotheses[merge->cursor];
@@ -553,8 +553,8 @@ static cairn_status step_phase(cairn_map_merge *merge, cairn_budget *budget)
         return cairn_merge_correlate(merge, budget);
     case MERGE_CURVE_PAIRS:
         return cairn_merge_try_bends(merge, budget);
-    case MERGE_SIFT:
-        return step_sift(merge, budget);
+    case MERGE_RESCORE:
+        return step_rescore(merge, budget);
     default:
         return step_refine(merge, budget);
     }

@@ -224,12 +224,15 @@ typedef struct merge_cache_entry {
     cairn_real log_ratio;
 } merge_cache_entry;
 
+/* Stages of merging: prepare maps, find modes of pairs, filter, verify, finished. */
 typedef int32_t merge_stage;
 enum { MERGE_PREPARING, MERGE_PAIRING, MERGE_VISITING, MERGE_CHECKING, MERGE_FINISHED };
 
+/* Phases within the stages. */
 typedef int32_t merge_phase;
 enum {
     MERGE_IDLE,
+    /* preparation of a map */
     MERGE_OCCUPIED_DISTANCE,
     MERGE_OCCUPIED_PACK,
     MERGE_FREE_DISTANCE,
@@ -240,12 +243,14 @@ enum {
     MERGE_CORNERS,
     MERGE_SHUFFLE,
     MERGE_CURVE_POINTS,
-    MERGE_HYPOTHESES,
-    MERGE_ROTATIONS,
-    MERGE_TRANSLATIONS,
-    MERGE_CURVE_PAIRS,
-    MERGE_SIFT,
-    MERGE_REFINE,
+    /* modes of a pair */
+    MERGE_HYPOTHESES,   /* pairs of corners */
+    MERGE_ROTATIONS,    /* correlation of wall directions */
+    MERGE_TRANSLATIONS, /* all translations in each rotation */
+    MERGE_CURVE_PAIRS,  /* pairs of curve points */
+    MERGE_RESCORE,      /* hypotheses scored by more points */
+    MERGE_REFINE,       /* refinement of the best */
+    /* all maps */
     MERGE_FILTER,
     MERGE_CHECK
 };
@@ -293,8 +298,10 @@ struct cairn_map_merge {
     merge_mode refined[MERGE_MAX_REFINED];
     int32_t hypothesis_count, refined_count;
     struct {
+        /* histogram of direction differences, and its peaks in rad */
         cairn_real bins[MERGE_ANGLE_BINS];
         cairn_real rotations[MERGE_MAX_ROTATIONS];
+        /* number of rotations, the current one, and its cosine and sine */
         int32_t count, at;
         cairn_real cosine, sine;
         /* m of wall per coarse point */
@@ -312,6 +319,7 @@ struct cairn_map_merge {
     merge_comparison comparison;
     /* weight of a distance in cells during the search */
     cairn_real soft_kernel[MERGE_MAX_DISTANCE + 1];
+    /* Pattern search of the current pose; `turn` in rad, `step` in m. */
     struct {
         cairn_pose best, start;
         cairn_real score, cells, step, turn;
@@ -331,6 +339,7 @@ struct cairn_map_merge {
     cairn_pose neighbour_poses[MERGE_MAX_MAPS];
     int32_t neighbour_count;
     int32_t deferrals[MERGE_MAX_MAPS]; /* how often a map was deferred */
+    /* Score of a pose of one map against all neighbours. */
     struct {
         cairn_pose pose;
         int32_t map, neighbour;

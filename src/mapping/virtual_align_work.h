@@ -4,21 +4,22 @@
 
 #include "cairn/virtual_align.h"
 
+/* Phases in their order. */
 typedef int32_t virtual_align_phase;
 enum {
     VIRTUAL_ALIGN_IDLE,
-    VIRTUAL_ALIGN_FIRST,
-    VIRTUAL_ALIGN_STORE,
-    VIRTUAL_ALIGN_PLACE,
+    VIRTUAL_ALIGN_FIRST, /* first run of the aligner */
+    VIRTUAL_ALIGN_STORE, /* store its result */
+    VIRTUAL_ALIGN_PLACE, /* scans into the field */
     VIRTUAL_ALIGN_BEGIN_SLIDE,
     VIRTUAL_ALIGN_SLIDE,
     VIRTUAL_ALIGN_APPLY_SLIDE,
-    VIRTUAL_ALIGN_GATHER,
-    VIRTUAL_ALIGN_DETECT,
-    VIRTUAL_ALIGN_ITERATE,
-    VIRTUAL_ALIGN_RETURN_POSES,
-    VIRTUAL_ALIGN_REALIGN,
-    VIRTUAL_ALIGN_COMPARE
+    VIRTUAL_ALIGN_GATHER,       /* map of the hypotheses */
+    VIRTUAL_ALIGN_DETECT,       /* hypotheses */
+    VIRTUAL_ALIGN_ITERATE,      /* iterations of the field */
+    VIRTUAL_ALIGN_RETURN_POSES, /* poses of the field to the aligner */
+    VIRTUAL_ALIGN_REALIGN,      /* next run of the aligner */
+    VIRTUAL_ALIGN_COMPARE       /* with the stored result */
 };
 
 /* A scan: its initial pose, the aligner's result, and whether the field moves it. */
