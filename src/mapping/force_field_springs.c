@@ -189,12 +189,13 @@ static void add_diagonal(cairn_sym3 *sum, const cairn_sym3 *m)
 /* Returns the stiffness of a bond about another centre. */
 static cairn_sym3 shift_stiffness(cairn_sym3 m, cairn_vec2 arm)
 {
-    cairn_sym3 seen = m;
+    cairn_sym3 shifted_stiffness = m;
 
-    seen.xz = m.xz + m.xx * arm.x + m.xy * arm.y;
-    seen.yz = m.yz + m.xy * arm.x + m.yy * arm.y;
-    seen.zz = m.zz + (m.xz + seen.xz) * arm.x + (m.yz + seen.yz) * arm.y;
-    return seen;
+    shifted_stiffness.xz = m.xz + m.xx * arm.x + m.xy * arm.y;
+    shifted_stiffness.yz = m.yz + m.xy * arm.x + m.yy * arm.y;
+    shifted_stiffness.zz =
+        m.zz + (m.xz + shifted_stiffness.xz) * arm.x + (m.yz + shifted_stiffness.yz) * arm.y;
+    return shifted_stiffness;
 }
 
 /* Distributes a wrench about the centre of a bond to its two scans. */
@@ -225,9 +226,9 @@ static void assemble(cairn_force_field *field, const struct cairn_force_bond *bo
 
     add_diagonal(&second->diagonal, &bond->stiffness);
     if (first != NULL) {
-        cairn_sym3 seen = shift_stiffness(bond->stiffness, lever_arm(field, bond));
+        cairn_sym3 shifted_stiffness = shift_stiffness(bond->stiffness, lever_arm(field, bond));
 
-        add_diagonal(&first->diagonal, &seen);
+        add_diagonal(&first->diagonal, &shifted_stiffness);
     }
     scatter_force(field, bond, bond->wrench, first == NULL ? NULL : first->residual,
                   second->residual);
@@ -238,23 +239,24 @@ static void add_product(cairn_force_field *field, const struct cairn_force_bond 
 {
     struct cairn_force_unknown *first = first_of(field, bond),
                                *second = &field->unknowns[bond->second];
-    cairn_real against[3], force[3];
+    cairn_real relative_motion[3], force[3];
 
     for (int32_t i = 0; i < 3; i++)
-        against[i] = -second->direction[i];
+        relative_motion[i] = -second->direction[i];
     if (first != NULL) {
         cairn_vec2 arm = lever_arm(field, bond);
 
-        against[0] += first->direction[0] + arm.x * first->direction[2];
-        against[1] += first->direction[1] + arm.y * first->direction[2];
-        against[2] += first->direction[2];
+        relative_motion[0] += first->direction[0] + arm.x * first->direction[2];
+        relative_motion[1] += first->direction[1] + arm.y * first->direction[2];
+        relative_motion[2] += first->direction[2];
     }
-    multiply(&bond->stiffness, against, force);
+    multiply(&bond->stiffness, relative_motion, force);
     scatter_force(field, bond, force, first == NULL ? NULL : first->product, second->product);
 }
 
 /* ---- Conjugate gradients ---- */
 
+/* Starts the product A direction of a scan with its damping. */
 static void begin_product(struct cairn_force_unknown *unknown)
 {
     for (int32_t i = 0; i < 3; i++)
@@ -266,12 +268,13 @@ static void prepare_unknown(cairn_force_field *field, int32_t index)
 {
     const struct cairn_force_body *body = &field->bodies[index];
     struct cairn_force_unknown *unknown = &field->unknowns[index];
-    cairn_real shift = unknown->diagonal.xx + unknown->diagonal.yy, grip = 0;
+    cairn_real shift = unknown->diagonal.xx + unknown->diagonal.yy, damping_ratio = 0;
     cairn_sym3 inverse = cairn_sym3_zero();
 
     if (field->params.grip > 0)
-        grip = field->sigma / field->params.grip;
-    unknown->damping[0] = unknown->damping[1] = (DAMPING_SHARE + grip * grip * grip) * shift;
+        damping_ratio = field->sigma / field->params.grip;
+    unknown->damping[0] = unknown->damping[1] =
+        (DAMPING_SHARE + damping_ratio * damping_ratio * damping_ratio) * shift;
     unknown->damping[2] = DAMPING_SHARE * shift * field->set->scans[index].sensor_spread;
     unknown->diagonal.xx += unknown->damping[0];
     unknown->diagonal.yy += unknown->damping[1];
@@ -284,28 +287,31 @@ static void prepare_unknown(cairn_force_field *field, int32_t index)
     begin_product(unknown);
 }
 
+/* Moves a scan along the direction by the step length; updates and preconditions the residual. */
 static void update_motion(cairn_force_field *field, struct cairn_force_unknown *unknown)
 {
     struct cairn_force_solver *solver = &field->solver;
-    cairn_real way = solver->residual2 / solver->curvature;
+    cairn_real step_length = solver->residual2 / solver->curvature;
 
     for (int32_t i = 0; i < 3; i++) {
-        unknown->motion[i] += way * unknown->direction[i];
-        unknown->residual[i] -= way * unknown->product[i];
+        unknown->motion[i] += step_length * unknown->direction[i];
+        unknown->residual[i] -= step_length * unknown->product[i];
     }
     multiply(&unknown->diagonal, unknown->residual, unknown->product);
     solver->next_residual2 += dot(unknown->residual, unknown->product);
 }
 
+/* Computes the next conjugate direction (Fletcher-Reeves). */
 static void update_direction(cairn_force_field *field, struct cairn_force_unknown *unknown)
 {
-    cairn_real share = field->solver.next_residual2 / field->solver.residual2;
+    cairn_real beta = field->solver.next_residual2 / field->solver.residual2;
 
     for (int32_t i = 0; i < 3; i++)
-        unknown->direction[i] = unknown->product[i] + share * unknown->direction[i];
+        unknown->direction[i] = unknown->product[i] + beta * unknown->direction[i];
     begin_product(unknown);
 }
 
+/* Adds a scan's part of direction^T A direction. */
 static void add_curvature(cairn_force_field *field, const struct cairn_force_unknown *unknown)
 {
     field->solver.curvature += dot(unknown->direction, unknown->product);

@@ -62,6 +62,7 @@ void cairn_mapper_uncover(cairn_mapper *mapper, int32_t culled)
 
 /* ---- Neighbours that may observe the same samples ---- */
 
+/* Inserts a keyframe into the sorted list of nearest neighbours. */
 static void insert_neighbour(mapper_cover *redundancy, int32_t keyframe, cairn_real distance)
 {
     int32_t at = redundancy->neighbour_count;
@@ -135,6 +136,7 @@ static void count_observers(cairn_mapper *mapper, int32_t other)
     }
 }
 
+/* Returns the redundancy score of the current keyframe. */
 static cairn_real coverage_loss(const cairn_mapper *mapper)
 {
     const mapper_cover *redundancy = &mapper->loop.redundancy;

@@ -190,6 +190,7 @@ static cairn_real match_score(const cairn_mapper *mapper, cairn_real q, cairn_po
     return cairn_log(q + CAIRN_REAL(1e-3)) - PRIOR_WEIGHT * prior_penalty(mapper, pose);
 }
 
+/* Returns 1 when a match has enough pairs and overlap and small residuals. */
 static int32_t is_acceptable(const cairn_icp_result *match, cairn_real support)
 {
     return match->verdict != CAIRN_ICP_TOO_FEW_PAIRS && match->overlap >= support &&
@@ -219,6 +220,7 @@ int32_t cairn_mapper_is_far(const cairn_mapper *mapper, cairn_pose pose)
            cairn_abs(d.theta) > JUMP_RAD + JUMP_SHARE * cairn_abs(mapper->motion.theta);
 }
 
+/* Returns 1 when the match is a jump: an outlier of the predicted motion. */
 static int32_t is_jump(const cairn_mapper *mapper)
 {
     return cairn_mapper_is_far(mapper, mapper->match.target_query);
@@ -264,6 +266,7 @@ static int32_t motions_differ(const cairn_mapper *mapper)
            cairn_abs(d.theta) > MAPPER_DISTINCT_RAD;
 }
 
+/* Returns 1 when there is no match, or it is a jump or of low quality. */
 static int32_t has_low_confidence(const cairn_mapper *mapper)
 {
     return !mapper->has_match || is_jump(mapper) ||

@@ -50,6 +50,7 @@ void cairn_mapper_hang_link(mapper_loop *loop, int32_t link, int32_t end)
     loop->first_link[keyframe] = link;
 }
 
+/* Adds a link to the graph and to the adjacency lists. */
 static cairn_status add_link(cairn_mapper *mapper, int32_t first, int32_t second,
                              cairn_pose first_second, cairn_sym3 covariance, int32_t is_loop)
 {

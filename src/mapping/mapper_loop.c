@@ -57,12 +57,14 @@ static int32_t has_less_variance(const mapper_loop *loop, int32_t a, int32_t b)
            (!(loop->variance[b] < loop->variance[a]) && a < b);
 }
 
+/* Stores a keyframe at a heap position. */
 static void heap_set(mapper_loop *loop, int32_t at, int32_t keyframe)
 {
     loop->heap[at] = keyframe;
     loop->heap_position[keyframe] = at;
 }
 
+/* Restores the heap order upwards. */
 static void sift_up(mapper_loop *loop, int32_t at)
 {
     int32_t keyframe = loop->heap[at];
@@ -72,6 +74,7 @@ static void sift_up(mapper_loop *loop, int32_t at)
     heap_set(loop, at, keyframe);
 }
 
+/* Removes and returns the keyframe of least variance. */
 static int32_t heap_pop(mapper_loop *loop)
 {
     int32_t first = loop->heap[0], keyframe = loop->heap[--loop->heap_count], at = 0;
@@ -98,6 +101,7 @@ static cairn_real distance_squared(cairn_pose a, cairn_pose b)
     return (a.x - b.x) * (a.x - b.x) + (a.y - b.y) * (a.y - b.y);
 }
 
+/* Relaxes a link of Dijkstra's algorithm; lever_arm2 in m^2. */
 static void relax_link(cairn_mapper *mapper, int32_t keyframe, const mapper_link *link,
                        int32_t from)
 {
@@ -162,6 +166,7 @@ static cairn_vec2 scan_centroid(const cairn_mapper *mapper, int32_t keyframe)
                             cairn_mapper_key_scan(mapper, keyframe)->centroid);
 }
 
+/* Inserts the best candidate of the finished run into the sorted candidates. */
 static void end_run(mapper_loop *loop)
 {
     int32_t at = loop->candidate_count;
@@ -306,6 +311,7 @@ static int32_t is_consistent(const cairn_mapper *mapper, const mapper_pending *a
            cairn_abs(difference.theta) < angle;
 }
 
+/* Adds a closure to the graph and records the event. */
 static void accept(cairn_mapper *mapper, mapper_pending *closure)
 {
     cairn_status status = cairn_mapper_add_closure(mapper, closure->first, closure->second,
@@ -393,6 +399,7 @@ static cairn_sym3 closure_covariance(const cairn_mapper *mapper,
     return cairn_mapper_own_covariance(mapper, covariance, h->target_query.theta);
 }
 
+/* Verifies the match of the current candidate: accepts, defers or rejects the closure. */
 static void verify(cairn_mapper *mapper)
 {
     mapper_loop *loop = &mapper->loop;

@@ -119,6 +119,7 @@ static cairn_sym3 covariance_sum(cairn_sym3 a, cairn_sym3 b)
     return out;
 }
 
+/* Returns the inverse relative pose with its covariance. */
 static measurement invert(measurement m)
 {
     measurement out = {cairn_pose_inverse(m.pose), adjoint_transform(m.pose, m.covariance)};
@@ -126,6 +127,7 @@ static measurement invert(measurement m)
     return out;
 }
 
+/* Returns the composition of two independent relative poses, covariances to first order. */
 static measurement compose(measurement a, measurement b)
 {
     measurement out = {
@@ -350,6 +352,7 @@ static void renumber_submaps(cairn_mapper *mapper, int32_t culled)
     }
 }
 
+/* Closes the gap in the arrays indexed by keyframes. */
 static void shift_indices(cairn_mapper *mapper, const cairn_mapper_release *release)
 {
     mapper_loop *loop = &mapper->loop;

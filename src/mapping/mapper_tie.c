@@ -30,6 +30,7 @@ static const cairn_real MIN_INFORMATION_SHARE = CAIRN_REAL(0.1);
 static const cairn_real MAX_SUBMAP_SIGMA_M = CAIRN_REAL(0.05),
                         MAX_SUBMAP_SIGMA_RAD = CAIRN_REAL(0.03);
 
+/* Returns the submap of a part, a keyframe of the local map. */
 static int32_t submap_of(const cairn_mapper *mapper, int32_t part)
 {
     return mapper->loop.ties[mapper->local[part]].piece;
@@ -154,11 +155,13 @@ static int32_t add_anchor(const cairn_mapper *mapper, mapper_tie *constraint,
     return found;
 }
 
+/* Returns the standard deviation of the position, m. */
 static cairn_real position_sigma(cairn_sym3 covariance)
 {
     return cairn_sqrt(covariance.xx + covariance.yy);
 }
 
+/* Returns 1 when a constraint is rigid enough for one submap. */
 static int32_t is_rigid(cairn_sym3 covariance)
 {
     return position_sigma(covariance) < MAX_SUBMAP_SIGMA_M &&
