@@ -92,15 +92,15 @@ cairn_pose cairn_mapper_sweep_motion(const cairn_mapper *mapper, const cairn_sca
 void cairn_mapper_predict(cairn_mapper *mapper, cairn_pose last, cairn_pose by_odometry)
 {
     mapper->last = last;
-    mapper->trusts_odometry = mapper->has_odometry && mapper->odometry_health > MIN_ODOMETRY_HEALTH;
-    mapper->motion = mapper->trusts_odometry ? by_odometry : mapper->last_motion;
+    mapper->uses_odometry = mapper->has_odometry && mapper->odometry_health > MIN_ODOMETRY_HEALTH;
+    mapper->motion = mapper->uses_odometry ? by_odometry : mapper->last_motion;
     mapper->alternative_motion = cairn_pose_identity();
-    if (mapper->trusts_odometry)
+    if (mapper->uses_odometry)
         mapper->alternative_motion = mapper->last_motion;
     else if (mapper->has_odometry)
         mapper->alternative_motion = by_odometry;
     mapper->by_odometry = by_odometry;
-    if (mapper->trusts_odometry) {
+    if (mapper->uses_odometry) {
         mapper->motion.x += mapper->odometry_bias.x;
         mapper->motion.y += mapper->odometry_bias.y;
     }
@@ -134,13 +134,13 @@ cairn_pose_prior cairn_mapper_prior_of(const cairn_mapper *mapper, cairn_pose mo
 
 cairn_pose_prior cairn_mapper_prior(const cairn_mapper *mapper)
 {
-    return cairn_mapper_prior_of(mapper, mapper->motion, mapper->trusts_odometry);
+    return cairn_mapper_prior_of(mapper, mapper->motion, mapper->uses_odometry);
 }
 
 cairn_status cairn_mapper_begin_match(cairn_mapper *mapper)
 {
     cairn_scan_view view = cairn_scan_read(mapper->scan);
-    cairn_pose_prior prior = cairn_mapper_prior_of(mapper, mapper->motion, mapper->trusts_odometry);
+    cairn_pose_prior prior = cairn_mapper_prior_of(mapper, mapper->motion, mapper->uses_odometry);
 
     mapper->phase = MAPPER_MATCH;
     return cairn_icp_begin(mapper->icp, view.points, view.point_count, mapper->predicted, &prior,
@@ -150,8 +150,8 @@ cairn_status cairn_mapper_begin_match(cairn_mapper *mapper)
 static cairn_status begin_alternative(cairn_mapper *mapper)
 {
     cairn_scan_view view = cairn_scan_read(mapper->scan);
-    cairn_pose_prior prior = cairn_mapper_prior_of(
-        mapper, mapper->alternative_motion, mapper->has_odometry && !mapper->trusts_odometry);
+    cairn_pose_prior prior = cairn_mapper_prior_of(mapper, mapper->alternative_motion,
+                                                   mapper->has_odometry && !mapper->uses_odometry);
 
     mapper->phase = MAPPER_MATCH_ALTERNATIVE;
     return cairn_icp_begin(mapper->icp, view.points, view.point_count, prior.mean, &prior, NULL);
@@ -249,7 +249,7 @@ static void take_found(cairn_mapper *mapper)
             match_score(mapper, quality(&mapper->match), mapper->match.target_query)) {
         mapper->low_confidence |= (cairn_mapper_way(difference) > MAPPER_DISTINCT_M ||
                                    cairn_abs(difference.theta) > MAPPER_DISTINCT_RAD) &&
-                                  (!mapper->trusts_odometry || is_jump(mapper));
+                                  (!mapper->uses_odometry || is_jump(mapper));
         return;
     }
     mapper->match = match;
@@ -279,7 +279,7 @@ static int32_t has_low_confidence(const cairn_mapper *mapper)
  * along. */
 static int32_t is_weak_jump(const cairn_mapper *mapper)
 {
-    return mapper->has_match && mapper->trusts_odometry && is_jump(mapper) &&
+    return mapper->has_match && mapper->uses_odometry && is_jump(mapper) &&
            mapper->match.weak_ratio < CONSTRAINED_INFORMATION_RATIO;
 }
 
@@ -352,7 +352,7 @@ cairn_status cairn_mapper_end_match(cairn_mapper *mapper)
         return motions_differ(mapper) ? begin_alternative(mapper) : finish_or_search(mapper);
     case MAPPER_MATCH_ALTERNATIVE:
         taken = take_match(mapper);
-        mapper->state.odometry_rejected += taken && mapper->trusts_odometry;
+        mapper->state.odometry_rejected += taken && mapper->uses_odometry;
         return finish_or_search(mapper);
     case MAPPER_MATCH_FOUND:
         take_found(mapper);
@@ -428,7 +428,7 @@ void cairn_mapper_learn(cairn_mapper *mapper)
     }
     if (mapper->has_match &&
         (mapper->is_constrained ||
-         (!mapper->trusts_odometry && mapper->match.weak_ratio < MAPPER_MIN_INFORMATION_RATIO)))
+         (!mapper->uses_odometry && mapper->match.weak_ratio < MAPPER_MIN_INFORMATION_RATIO)))
         inflate_weak_direction(mapper);
     for (int k = 0; k < 9 && mapper->has_match; k++)
         mapper->match.covariance[k] += mapper->extra_covariance[k];

@@ -116,7 +116,7 @@ static int32_t is_found(const cairn_mapper *mapper, const cairn_scan_match_resul
 
     if (result->count == 0)
         return 0;
-    if (!mapper->trusts_odometry)
+    if (!mapper->uses_odometry)
         return best->evidence > MIN_LOG_ODDS;
     if (mapper->searches > 1 &&
         (result->verdict == CAIRN_SCAN_MATCH_NONE || best->fit <= MIN_WIDE_FIT))
@@ -131,7 +131,7 @@ static void store_hypothesis(cairn_mapper *mapper, const cairn_scan_match_result
     const cairn_scan_match_hypothesis *best = result->hypotheses;
     cairn_real log_odds;
 
-    if (result->count == 0 || !mapper->trusts_odometry)
+    if (result->count == 0 || !mapper->uses_odometry)
         return;
     log_odds = total_log_odds(mapper, best);
     if (!(log_odds > 0))
@@ -187,7 +187,7 @@ static cairn_status end_search(cairn_mapper *mapper)
     }
     /* Odometry decides between ambiguous hypotheses. */
     mapper->low_confidence = cairn_mapper_has_rival(&result) &&
-                             (!mapper->trusts_odometry ||
+                             (!mapper->uses_odometry ||
                               cairn_mapper_is_far(mapper, result.hypotheses[chosen].target_query));
     mapper->phase = MAPPER_MATCH_FOUND;
     prior.mean = result.hypotheses[chosen].target_query;

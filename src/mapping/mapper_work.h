@@ -230,7 +230,7 @@ struct cairn_mapper {
     /* predicted pose of the scan in the map */
     cairn_pose predicted;
     /* 1: odometry is healthy and predicts the motion */
-    int32_t trusts_odometry;
+    int32_t uses_odometry;
     /* odometry health: smoothed share of scans that agree with odometry, 0 ... 1 */
     cairn_real odometry_health;
     /* factor of the odometry noise after a disagreement, >= 1 */
