@@ -419,7 +419,7 @@ static void maps_without_corners_are_refused(void **state)
     assert_int_equal(cairn_map_merge_read(merge).placed, 1);
     assert_int_equal(cairn_map_merge_of(merge, 1).verdict, CAIRN_MERGE_NO_CORNER);
     assert_string_equal(cairn_merge_verdict_text(CAIRN_MERGE_NO_CORNER),
-                        "no corner of it is like one of the maps merged");
+                        "no corner is similar to one of the merged maps");
     test_pool_free(&pool);
     merge = merge_with(&pool, &p, maps, 1, NULL);
     assert_int_equal(cairn_map_merge_read(merge).placed, 1);
@@ -441,7 +441,7 @@ static void no_room_for_the_merged_map(void **state)
     cut_out(&maps[1], square_room, -1.2, 1.2, -1.2, 1.2);
     merge = merge_with(&pool, &p, maps, 2, NULL);
     assert_int_equal(cairn_map_merge_read(merge).placed, 2);
-    merge->written->most_cells = 48 * 48 - 1;
+    merge->written->max_cells = 48 * 48 - 1;
     assert_ok(cairn_map_merge_begin(merge, 0, NULL));
     run(merge, 100);
     assert_int_equal(cairn_map_merge_read(merge).placed, 1);

@@ -286,7 +286,7 @@ static void remember(void *context, cairn_mapper *mapper, hanging *h)
     memory_of *m = context;
 
     (void)h;
-    if (mapper->phase != SHARE || mapper->loop.phase != LOOP_COVER)
+    if (mapper->phase != MAPPER_BACKGROUND || mapper->loop.phase != LOOP_COVER)
         return;
     m->key_count = mapper->key_count;
     m->entered = mapper->loop.entered;

@@ -1,14 +1,18 @@
-/* filter_mapper: from scans to poses by a Rao-Blackwellized particle filter.
+/* filter_mapper: SLAM by a Rao-Blackwellized particle filter (FastSLAM, grid-free).
  *
- * A mapper without loops and force field goes ahead: it says how the robot moved from key scan to
- * key scan, better than any odometry does. Every key scan is a step of a particle_filter. A
- * particle is a path of key scans, and a map of its own with it: the key scans where this path has
- * them. A particle matches the new key scan against its own map, once against what it saw lately
- * and once against what it saw there long ago; candidates are drawn around both places and weighed
- * by how well the scan lies on both maps and how far they are from the motion. A loop is closed by
- * the particles whose paths fit when it ends; no path is corrected afterwards. On public logs more
- * than one particle betters headings at most, not places (docs/accuracy.md, "What the particles are
- * worth").
+ * Method.
+ *
+ * 1. A front-end mapper without loop closure and force field estimates the motion from keyframe to
+ *    keyframe by scan matching.
+ * 2. Every keyframe is a step of a particle_filter. A particle is a path of keyframe poses. Its map
+ *    consists of the keyframes at these poses.
+ * 3. Proposal: the particle matches the new keyframe against its own map by ICP, once against the
+ *    recent part and once against the older part. Candidate poses are drawn around both results.
+ * 4. Weight: a candidate is weighted by the scan's likelihood on both maps and by the motion model.
+ * 5. A loop is closed when particles with consistent paths survive resampling.
+ *
+ * Limits: no path is corrected afterwards. On public logs more than one particle improves headings
+ * at most, not positions (docs/accuracy.md, "What the particles are worth").
  *
  *     add(scan) -> step(budget) until CAIRN_OK -> best(), path() ... */
 #ifndef CAIRN_FILTER_MAPPER_H
@@ -21,116 +25,123 @@
 extern "C" {
 #endif
 
-/* The most key scans of a particle's local map. */
+/* Maximum number of keyframes in a particle's local map. */
 #define CAIRN_FILTER_MAPPER_LOCAL_MOST 32
 
-/* The most candidates of a particle. */
+/* Maximum number of candidate poses per particle. */
 #define CAIRN_FILTER_MAPPER_CANDIDATES_MOST 64
 
 typedef struct cairn_filter_mapper cairn_filter_mapper;
 
 typedef struct cairn_filter_mapper_params {
-    /* that goes ahead; its window and loop.max_loops are taken as 0 */
+    /* front-end mapper; its window and loop.max_loops are taken as 0 */
     cairn_mapper_params front;
-    /* 1 ... 4096; particles times front.max_keys at most 2^28 (30) */
+    /* 1 ... 4096; particles times front.max_keyframes is at most 2^28 (30) */
     int32_t particles;
-    /* of a particle at a key scan, 1 ... CAIRN_FILTER_MAPPER_CANDIDATES_MOST (6) */
+    /* candidate poses per particle and keyframe, 1 ... CAIRN_FILTER_MAPPER_MAX_CANDIDATES (6) */
     int32_t candidates;
-    /* of the scan that are weighed, >= 1 (60) */
+    /* points of a scan that its likelihood uses, >= 1 (60) */
     int32_t points;
-    /* of the recent map, and of the old one, 1 ... CAIRN_FILTER_MAPPER_LOCAL_MOST (10) */
+    /* keyframes of the recent map, and of the old one, 1 ...
+     * CAIRN_FILTER_MAPPER_MAX_LOCAL_KEYFRAMES (10) */
     int32_t local_keys;
-    /* of either, 1 ... 2^20; key scans that do not fit in are left out, farthest first (2048) */
+    /* capacity for points of either map, 1 ... 2^20; keyframes beyond it are left out, farthest
+     * first (2048) */
     int32_t max_local_points;
-    /* key scans that are recent, >= 1; the others are old (25) */
+    /* number of most recent keyframes that form the recent map, >= 1; the others are old (25) */
     int32_t span;
-    /* m, > 0: key scans are at most so far (4) */
+    /* m, > 0: maximum distance of keyframes in a local map (4) */
     cairn_real local_radius;
-    /* the motion is wrong by this share of the way, >= 0 ... */
+    /* motion noise: standard deviation of translation per metre travelled, >= 0 (0.05) */
     cairn_real motion_distance;
-    /* ... and of the turn, >= 0 (0.05 and 0.05), ... */
+    /* standard deviation of rotation per radian turned, >= 0 (0.05) */
     cairn_real motion_turn;
-    /* ... and at least by this, m, > 0 (0.02) ... */
+    /* m, > 0: minimum standard deviation of translation (0.02) */
     cairn_real motion_distance_min;
-    /* ... and this, rad, > 0 (0.01) */
+    /* rad, > 0: minimum standard deviation of rotation (0.01) */
     cairn_real motion_turn_min;
-    /* m, > 0: standard deviation that a match has at least ... (0.0025) */
+    /* m, > 0: standard deviation added to a match (0.0025) */
     cairn_real match_sigma;
-    /* ... rad, > 0 (0.001) */
+    /* rad, > 0: likewise in heading (0.001) */
     cairn_real match_sigma_turn;
-    /* a match counts when this share of the scan's points has partners, in [0, 1] (0.3) */
+    /* minimum overlap of a valid match: share of the scan's points with a correspondence, in [0, 1]
+     * (0.3) */
     cairn_real min_support;
-    /* m, > 0: of a point across the wall that it lies on (0.07) */
+    /* m, > 0: standard deviation of a point normal to its wall, in the likelihood field (0.07) */
     cairn_real sigma;
-    /* > 0: a point off all walls is as unlikely as one exp(-this) of the density on them (3) */
+    /* nats, > 0: maximum cost of a point, also that of a point off all walls (3) */
     cairn_real outlier;
-    /* > 0: of a scan, in independent points; what its points share is not noise (8) */
+    /* > 0: effective number of independent points per scan, since errors of neighbours correlate
+     * (8) */
     cairn_real weight;
-    /* of what is drawn (1) */
+    /* of the random generator (1) */
     uint64_t seed;
 } cairn_filter_mapper_params;
 
-/* The values in brackets; the mapper as its own default. */
+/* Returns the default parameters, given in parentheses above; front has the mapper's own. */
 cairn_filter_mapper_params cairn_filter_mapper_default(void);
 
-/* The same for so many key scans of a scanner of so many beams, and so many particles; see
- * cairn_mapper_default_for(). */
+/* Returns the defaults sized for max_keyframes keyframes of a scanner with max_beams beams, and
+ * `particles` particles; see cairn_mapper_default_for(). */
 cairn_filter_mapper_params cairn_filter_mapper_default_for(int32_t max_keys, int32_t max_beams,
                                                            int32_t particles);
 
-/* 0 for params that create() would refuse. */
+/* Returns the bytes that create() takes from the pool; 0 for invalid params. */
 size_t cairn_filter_mapper_memory(const cairn_filter_mapper_params *params);
 
-/* CAIRN_BAD_ARGUMENT, CAIRN_NO_MEMORY. */
+/* Creates a filter mapper in the pool. CAIRN_BAD_ARGUMENT: NULL or invalid params.
+ * CAIRN_NO_MEMORY. */
 CAIRN_CHECKED cairn_status cairn_filter_mapper_create(cairn_filter_mapper **mapper,
                                                       cairn_pool *pool,
                                                       const cairn_filter_mapper_params *params);
 
-/* Takes in the next scan: as cairn_mapper_add(), with its statuses. CAIRN_MORE when the scan
- * before is still being worked on. */
+/* Starts processing the next scan: as cairn_mapper_add(), with its statuses. CAIRN_MORE: the
+ * previous scan is still being processed. */
 CAIRN_CHECKED cairn_status cairn_filter_mapper_add(cairn_filter_mapper *mapper,
                                                    const cairn_scan_input *input,
                                                    const cairn_pose *odometry, cairn_fault *fault);
 
-/* Goes on with the scan at hand. CAIRN_MORE: the budget is used up. CAIRN_OK: the scan is done.
- * CAIRN_FULL as cairn_mapper_step(). A key scan costs for every particle two alignments of icp,
- * a unit for 8 key scans of its path, a unit for two points of its local maps, and two for every
- * point that is weighed, of every candidate on either map. */
+/* Continues processing the current scan. CAIRN_MORE: the budget is used up. CAIRN_OK: the scan is
+ * done. CAIRN_FULL as cairn_mapper_step(). Cost of a keyframe per particle: two ICP alignments, one
+ * unit for 8 keyframes of its path, one for two points of its local maps, and two for every scored
+ * point of every candidate on either map. */
 CAIRN_CHECKED cairn_status cairn_filter_mapper_step(cairn_filter_mapper *mapper,
                                                     cairn_budget *budget);
 
 /* ---- Reading: when step() has returned CAIRN_OK ---- */
 
-/* The mapper that goes ahead: on which key scan each scan hangs and where it is seen from there,
- * its points, what was measured. Its key poses are those of the motion alone. */
+/* Returns the front-end mapper: reference keyframes and relative poses of the scans, their points,
+ * counters. Its keyframe poses are those of the motion alone. */
 const cairn_mapper *cairn_filter_mapper_front(const cairn_filter_mapper *mapper);
 
-/* Particles now; 0 before the first scan. */
+/* Returns the current number of particles; 0 before the first scan. */
 int32_t cairn_filter_mapper_count(const cairn_filter_mapper *mapper);
 
-/* The particle whose path explains all scans best (ties: the lower index); -1 before the first
- * scan. Linear in the particles. */
+/* Returns the particle of the most likely path (ties: the lower index); -1 before the first scan.
+ * Linear in the particles. */
 int32_t cairn_filter_mapper_best(const cairn_filter_mapper *mapper);
 
-/* The last key scan of a particle in the map; the identity when there is no such particle.
+/* Returns the pose of a particle's last keyframe in the map; the identity for an invalid particle.
  * Constant time. */
 cairn_pose cairn_filter_mapper_last(const cairn_filter_mapper *mapper, int32_t particle);
 
-/* poses[0 ... returned - 1] = the key scans along a particle's path; the first `room` of them
- * where there are more. 0 when there is no such particle. Linear in the key scans. */
+/* Copies the keyframe poses along a particle's path to poses[0 ... returned - 1], at most the first
+ * `room` of them. Returns 0 for an invalid particle. Linear in the keyframes. */
 int32_t cairn_filter_mapper_path(const cairn_filter_mapper *mapper, int32_t particle,
                                  cairn_pose *poses, int32_t room);
 
-/* Measurements; of the mapper that goes ahead see there. */
+/* Counters; those of the front-end mapper are read from it. */
 typedef struct cairn_filter_mapper_state {
-    int32_t keys;              /* steps of the filter and one */
-    int32_t resamplings;       /* so far */
-    cairn_real n_eff;          /* of the last step, before it was resampled */
+    int32_t keys;        /* keyframes: filter steps + 1 */
+    int32_t resamplings; /* resampling steps so far */
+    /* effective sample size 1 / sum w^2 of the last step, before resampling */
+    cairn_real n_eff;
     int64_t returns;           /* matches on an old map, of all particles */
-    int32_t nodes, nodes_peak; /* of the tree of paths */
-    int64_t units;             /* of budget, of the mapper that goes ahead included */
+    int32_t nodes, nodes_peak; /* nodes of the tree of paths, and their peak */
+    int64_t units;             /* work units charged, the front-end mapper included */
 } cairn_filter_mapper_state;
 
+/* Returns the counters. */
 cairn_filter_mapper_state cairn_filter_mapper_measure(const cairn_filter_mapper *mapper);
 
 #ifdef __cplusplus

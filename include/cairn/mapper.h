@@ -1,22 +1,24 @@
-/* mapper: from scans, one after another, to poses.
+/* mapper: online 2-D pose-graph SLAM: from a stream of laser scans to poses and a keyframe map.
  *
- * Each scan is fitted (scan), matched against the key scans near by (icp), starting from the
- * odometry where there is one and from the last motion otherwise, and, when it shows enough that is
- * new, kept as a key scan. A new key scan lets the force field run over the window of the last key
- * scans (Adluru 2008, section 7.3.6, online FFS). Scans hang on key scans: the pose of a scan is
- * that of its key scan, which may still move, composed with its place seen from there.
+ * Method.
  *
- * Key scans are linked in a pose_graph. Each one is looked for (scan_match) at the older ones that
- * it may have come back to; what is found, agrees with what else is known, and has no rival, closes
- * a loop, and all key scans are corrected. That takes a fixed share of every scan's steps, so that
- * no scan costs much more than another.
+ * 1. Line segments and evenly spaced points are fitted to each scan (module scan).
+ * 2. The scan is registered against a local map of nearby keyframes by ICP (module icp). The
+ *    initial pose comes from odometry, or from a constant-velocity model without odometry.
+ * 3. A scan that shows enough new surface becomes a keyframe.
+ * 4. A new keyframe starts a sliding-window refinement over the last keyframes by force field
+ *    simulation (Adluru 2008, section 7.3.6, online FFS).
+ * 5. Keyframes are the nodes of a pose_graph. Each new keyframe is searched for at older keyframes
+ *    that it may have returned to (module scan_match). An unambiguous match that is consistent with
+ *    the path and with free space becomes a loop closure, and the graph is optimized.
+ * 6. With cull_keyframes the most redundant keyframe is removed when memory runs out. Its links are
+ *    passed to a neighbour in the graph (approximate marginalization).
  *
- * A mapper that runs on and on can release key scans (params.release): before one more has no room,
- * the one goes of whose free space and surfaces the key scans before it show most. Its links pass
- * to a neighbour, with what they know, and so do the scans that hang on it.
+ * A scan that is no keyframe is stored relative to a reference keyframe. Its pose is the keyframe's
+ * current pose composed with the relative pose, so it follows later corrections. Steps 4 to 6 take
+ * a fixed share of the work units of every scan, which bounds the cost of a scan.
  *
- *
- *     add(scan) -> step(budget) until CAIRN_OK -> read(), key_pose() ... ; after the last one
+ *     add(scan) -> step(budget) until CAIRN_OK -> read(), keyframe_pose() ... ; after the last scan
  *     settle(budget) until CAIRN_OK */
 #ifndef CAIRN_MAPPER_H
 #define CAIRN_MAPPER_H
@@ -30,283 +32,294 @@
 extern "C" {
 #endif
 
-/* The most key scans that a scan is matched against. */
+/* Maximum number of keyframes in the local map that a scan is matched against. */
 #define CAIRN_MAPPER_LOCAL_MOST 64
 
-/* Loops. A path that comes back is looked for where it may be, given how far its links can have
- * led it astray. */
+/* Parameters of loop-closure detection. A return to a known place is searched for within the
+ * uncertainty that has accumulated along the path. Defaults in parentheses. */
 typedef struct cairn_mapper_loop_params {
-    /* closures in all, 1 ... 2^22; 0: no loops are closed (4096) */
+    /* maximum number of loop closures, 1 ... 2^22; 0: loop closure is off (4096) */
     int32_t max_loops;
-    /* blocks of the graph's factor, see block_solver (32768) */
+    /* maximum number of blocks in the graph's sparse Cholesky factor, see block_solver (32768) */
     int32_t max_fill;
-    /* of budget that loops and graph may take of every scan, >= 1 (8000) */
+    /* work units that loop closure and graph optimization may use per scan, >= 1 (8000) */
     int32_t units;
-    /* key scans of the map around a candidate, 1 ... 64 (9) */
+    /* keyframes around a candidate that form the target map of the match, 1 ... 64 (9) */
     int32_t keys;
-    /* a path that is shorter than so many key scans is no loop, >= 1 (25) */
+    /* minimum difference of keyframe indices for a loop closure, >= 1 (25) */
     int32_t gap;
-    /* so many closures must agree when the search is wide, 1 ... 8 (3) */
+    /* number of consistent closures that a wide search requires, 1 ... 8 (3) */
     int32_t agree;
-    /* m, > 0: candidates see things within so far of what the key scan sees (3) */
+    /* m, > 0: maximum distance between the scan centroids of a candidate and the query, beyond the
+     * path uncertainty (3) */
     cairn_real radius;
-    /* m, > 0: half side of the widest search (4) */
+    /* m, > 0: half side of the largest search window (4) */
     cairn_real window;
-    /* m, > 0: a search within so far is not wide (0.6) */
+    /* m, > 0: a search within this radius is local and needs no consistent closures (0.6) */
     cairn_real window_near;
-    /* of scan_match and the path, log odds, that a closure needs (2) */
+    /* nats: minimum log odds of a closure, by scan_match and the path prior (2) */
     cairn_real evidence;
-    /* share of points in free space that a closure may have, in [0, 1] (0.1) */
+    /* maximum share of points in observed free space of an accepted closure, in [0, 1] (0.1) */
     cairn_real contradiction;
-    /* m, > 0: standard deviation that every link has at least ... (0.01) */
+    /* m, > 0: standard deviation added to every link (0.01) */
     cairn_real sigma;
-    /* ... rad, > 0 (0.004) */
+    /* rad, > 0: likewise in heading (0.004) */
     cairn_real sigma_turn;
-    /* a closure with e^T Omega e beyond this after a correction is dropped, > 0 (50) */
+    /* a closure whose chi-squared (squared Mahalanobis distance) exceeds this value after an
+     * optimization is removed as an outlier, > 0 (50) */
     cairn_real outlier;
 } cairn_mapper_loop_params;
 
 typedef struct cairn_mapper_params {
     cairn_scan_params scan;
-    /* its capacities are set by the mapper */
+    /* the mapper sets the capacities of icp itself */
     cairn_icp_params icp;
-    /* likewise max_scans */
+    /* the mapper sets max_scans, max_segments and max_points itself */
     cairn_force_field_params field;
     cairn_mapper_loop_params loop;
-    /* key scans in all, 1 ... 2^20 (1024) */
+    /* maximum number of keyframes, 1 ... 2^20 (1024) */
     int32_t max_keys;
-    /* segments of all key scans, scan.max_segments ... 2^24 (32768) */
+    /* capacity for segments of all keyframes, scan.max_segments ... 2^24 (32768) */
     int32_t max_key_segments;
-    /* points of all key scans, scan.max_points ... 2^24 (131072) */
+    /* capacity for points of all keyframes, scan.max_points ... 2^24 (131072) */
     int32_t max_key_points;
-    /* 1: before these have no room for one more, the best covered key scan is released. That
-     * needs loops, a local_span, and more key scans than local_span, gap and window and one
-     * more. 0: then the mapper is full (0) */
+    /* 1: the most redundant keyframe is culled before one of the three capacities is exceeded.
+     * Requires loop closure, local_span > 0, and max_keyframes greater than local_span,
+     * loop.min_keyframe_gap plus window_free, and window, plus 1. 0: the mapper stops with
+     * CAIRN_FULL (0) */
     int32_t release;
-    /* of all key scans of the local map, 1 ... 2^20, one key scan always has room; likewise of
-     * the force field's window. Where there are more, the farthest, or oldest, are left out
-     * (4096) */
+    /* capacity for the points of the local map, 1 ... 2^20, at least one keyframe; the same for the
+     * window of the force field. The farthest or oldest keyframes are left out beyond it (4096) */
     int32_t max_local_points;
-    /* key scans to match against, 1 ... CAIRN_MAPPER_LOCAL_MOST (15) */
+    /* keyframes in the local map, 1 ... CAIRN_MAPPER_MAX_LOCAL_KEYFRAMES (15) */
     int32_t local_keys;
-    /* of these so many are the last ones, the others the nearest: 1 ... local_keys (3) */
+    /* of which the most recent ones, the others being the nearest: 1 ... local_keyframes (3) */
     int32_t local_recent;
-    /* of the last so many, >= local_recent; 0: of all (25) */
+    /* the local map uses only this number of most recent keyframes, >= local_recent; 0: all (25) */
     int32_t local_span;
-    /* m, > 0: the nearest ones are at most so far (4) */
+    /* m, > 0: maximum distance of the nearest keyframes (4) */
     cairn_real local_radius;
-    /* m, > 0, and ... (0.5) */
+    /* m, > 0: translation since the last keyframe that starts a new keyframe (0.5) */
     cairn_real key_distance;
-    /* ... rad, > 0: what lies between key scans (0.5) */
+    /* rad, > 0: rotation since the last keyframe that starts a new keyframe (0.5) */
     cairn_real key_turn;
-    /* a scan of less support is a key scan, too, in [0, 1] (0.6) */
+    /* a scan with a smaller overlap also becomes a keyframe, in [0, 1] (0.6) */
     cairn_real key_support;
-    /* key scans of the force field, 2 ... 64; 0: no force field (8) */
+    /* keyframes in the sliding window of the force field, 2 ... 64; 0: no force field (8) */
     int32_t window;
-    /* of these so many may move, 1 ... window - 1 (3) */
+    /* of which the most recent ones may move, 1 ... window - 1 (3) */
     int32_t window_free;
-    /* of budget that the force field may take of every scan, >= 1 (32000) */
+    /* work units that the force field may use per scan, >= 1 (32000) */
     int32_t window_units;
-    /* odometry is wrong by this share of the way ... (0.3) */
+    /* odometry noise: standard deviation of translation per metre travelled (0.3) */
     cairn_real odometry_distance;
-    /* ... and of the turn (0.3) */
+    /* standard deviation of rotation per radian turned (0.3) */
     cairn_real odometry_turn;
-    /* m, and at least by this (0.01) */
+    /* m, > 0: minimum standard deviation of translation (0.01) */
     cairn_real odometry_distance_min;
-    /* rad, and at least by this (0.005) */
+    /* rad, > 0: minimum standard deviation of rotation (0.005) */
     cairn_real odometry_turn_min;
-    /* without odometry: of the motion before, the next one differs by this share ... */
+    /* constant-velocity model without odometry: standard deviation of translation per metre of the
+     * previous motion (0.3) */
     cairn_real motion_distance;
-    /* ... likewise its turn (0.3 and 0.3) ... */
+    /* standard deviation of rotation per radian of the previous motion (0.3) */
     cairn_real motion_turn;
-    /* m, > 0, and at least by this (0.03) */
+    /* m, > 0: minimum standard deviation of translation (0.03) */
     cairn_real motion_distance_min;
-    /* rad, > 0 (0.02) */
+    /* rad, > 0: minimum standard deviation of rotation (0.02) */
     cairn_real motion_turn_min;
-    /* share of the scan's points with partners, less than 0.1 m off, that a match needs (0.3) */
+    /* minimum overlap of a valid match: share of the scan's points with a correspondence (0.3) */
     cairn_real min_support;
-    /* 1: where a match is in doubt, scan_match searches; 0: the match stays as it is (1) */
+    /* 1: a match of low confidence is searched for globally in a window by scan_match; 0: never
+     * (1) */
     int32_t search;
-    /* Of budget that the matches of a scan and a search may take, >= 1; a search that takes more
-     * finds nothing (155000). */
+    /* work units that the matches of a scan and its search may use, >= 1; a search that needs more
+     * fails (155000) */
     int32_t search_units;
 } cairn_mapper_params;
 
-/* How the pose of a scan was found. */
+/* Source of the pose of a scan. */
 typedef int32_t cairn_mapper_verdict;
 enum {
-    CAIRN_MAPPER_FIRST = 0,     /* the first scan defines the map */
-    CAIRN_MAPPER_MATCHED = 1,   /* by match */
-    CAIRN_MAPPER_PREDICTED = 2, /* no match: odometry, or the last motion */
-    CAIRN_MAPPER_BLIND = 3      /* as predicted, the scan shows nothing */
+    CAIRN_MAPPER_FIRST = 0,     /* the first scan defines the map frame */
+    CAIRN_MAPPER_MATCHED = 1,   /* scan matching succeeded */
+    CAIRN_MAPPER_PREDICTED = 2, /* no match: predicted by odometry or velocity */
+    CAIRN_MAPPER_BLIND = 3      /* predicted; the scan has no segments */
 };
 
 typedef struct cairn_mapper_result {
     cairn_mapper_verdict verdict;
-    /* index of the key scan on which the scan hangs; may be the scan itself */
+    /* index of the reference keyframe of the scan; the scan itself when it is a keyframe */
     int32_t key;
-    /* the scan seen from its key scan */
+    /* pose of the scan in the frame of its reference keyframe, m and rad */
     cairn_pose key_scan;
-    /* at the time of the match */
+    /* pose of the scan in the map at the time of the match, m and rad */
     cairn_pose map_scan;
-    /* of the match, row-major over x, y, theta in the map; zeros for FIRST, NaN-free always */
+    /* covariance of the match, 3 x 3 row-major over (x, y, theta) in the map frame, m and rad;
+     * zeros for FIRST; always finite */
     cairn_real covariance[9];
-    /* share of the scan's points with partners; 0 without a match */
+    /* share of the scan's points with a correspondence; 0 without a match */
     cairn_real support;
-    /* 1: the scan was kept as a key scan */
+    /* 1: the scan was stored as a keyframe */
     int32_t is_key;
 } cairn_mapper_result;
 
-/* Measurements over the mapper's whole life. */
+/* Counters over the whole life of the mapper. */
 typedef struct cairn_mapper_state {
     int64_t scans;
-    /* scans that could not be matched, blind ones included */
+    /* scans without a match, those without features included */
     int64_t predicted;
-    /* scans that hardly tell where they are along some direction, these included */
+    /* scans with a weakly observable direction, those without a match included */
     int64_t unobservable;
-    /* scans whose match from the last motion was better than that from odometry */
+    /* scans whose match from the velocity model was better than that from odometry */
     int64_t odometry_rejected;
-    /* scans whose match is beyond two standard deviations of odometry */
+    /* scans whose match deviates from odometry by more than two standard deviations */
     int64_t odometry_contradicted;
-    /* scans whose match was in doubt ... */
+    /* scans whose match had low confidence and was searched for */
     int64_t searched;
-    /* ... and still is; their covariance says so */
+    /* scans whose match still has low confidence; their covariance is inflated */
     int64_t doubtful;
     int32_t keys;
-    /* of budget */
+    /* work units charged so far */
     int64_t units;
-    /* of the last run of the force field */
+    /* potential P(g) at the end of the last force field run */
     cairn_real potential;
-    /* closures in the graph */
+    /* loop closures in the graph, outliers excluded */
     int32_t loops;
-    /* of cairn_mapper_loop_at() */
+    /* number of events of cairn_mapper_loop_at() */
     int32_t loop_events;
-    /* key scans that have not been looked for yet */
+    /* keyframes that loop-closure detection has not processed yet */
     int32_t waiting;
-    /* corrections of all key scans */
+    /* number of graph optimizations */
     int32_t solutions;
-    /* 1: the graph has no room for links, 2: ... nor its factor for blocks */
+    /* 1: the graph has no capacity for more links; 2: its factor has none for more blocks; 0:
+     * neither */
     int32_t lacks_room;
-    /* of cairn_mapper_release_at() */
+    /* number of events of cairn_mapper_culling_at() */
     int32_t releases;
 } cairn_mapper_state;
 
-/* What became of a closure. */
+/* Outcome of a loop-closure candidate. */
 typedef int32_t cairn_mapper_loop_verdict;
 enum {
     CAIRN_MAPPER_LOOP_ACCEPTED = 0,
-    /* until others agree */
+    /* waits for consistent closures */
     CAIRN_MAPPER_LOOP_WAITING = 1,
-    /* the match found nothing */
+    /* no match found, or below min_log_odds */
     CAIRN_MAPPER_LOOP_NONE = 2,
-    /* it found several places */
+    /* several matches of nearly the same score (perceptual aliasing) */
     CAIRN_MAPPER_LOOP_AMBIGUOUS = 3,
-    /* points stand in space that was seen free */
+    /* too many points lie in space that was observed free */
     CAIRN_MAPPER_LOOP_CONTRADICTED = 4,
-    /* accepted once, but the graph as a whole speaks against it */
+    /* accepted earlier, then removed as an outlier after a graph optimization */
     CAIRN_MAPPER_LOOP_DROPPED = 5,
-    /* it leads too far from where the path led for what speaks for it */
+    /* the log odds do not outweigh the squared Mahalanobis distance from the path prior */
     CAIRN_MAPPER_LOOP_UNLIKELY = 6
 };
 
 typedef struct cairn_mapper_loop {
-    int32_t first, second;   /* key scans, the older one first */
-    cairn_pose first_second; /* as matched; the identity for NONE */
+    int32_t first, second;   /* keyframes, the older one first */
+    cairn_pose first_second; /* as matched; the identity for NO_MATCH */
     cairn_mapper_loop_verdict verdict;
 } cairn_mapper_loop;
 
 typedef struct cairn_mapper cairn_mapper;
 
-/* The values in brackets; scans, match and field as their own defaults but for a force field
- * that starts small. */
+/* Returns the default parameters, given in parentheses above. scan, icp and field have their own
+ * defaults, except that the force field starts with a small sigma. */
 cairn_mapper_params cairn_mapper_default(void);
 
-/* The same for so many key scans of a scanner of so many beams: room for 160 points and 40
- * segments of each, and for 4 closures and 40 blocks of the graph's factor. What the mapper
- * takes is then a part that does not depend on the key scans and so much for each of them, see
- * docs/memory.md. */
+/* Returns the defaults sized for max_keyframes keyframes of a scanner with max_beams beams: 160
+ * points, 40 segments, 4 loop closures and 40 factor blocks per keyframe. The memory is then a
+ * constant plus a multiple of max_keyframes, see docs/memory.md. */
 cairn_mapper_params cairn_mapper_default_for(int32_t max_keys, int32_t max_beams);
 
-/* 0 for params that create() would refuse. */
+/* Returns the bytes that create() takes from the pool; 0 for invalid params. */
 size_t cairn_mapper_memory(const cairn_mapper_params *params);
 
-/* CAIRN_BAD_ARGUMENT, CAIRN_NO_MEMORY. */
+/* Creates a mapper in the pool. CAIRN_BAD_ARGUMENT: NULL or invalid params. CAIRN_NO_MEMORY. */
 CAIRN_CHECKED cairn_status cairn_mapper_create(cairn_mapper **mapper, cairn_pool *pool,
                                                const cairn_mapper_params *params);
 
-/* Takes in the next scan; its arrays are copied. odometry: the base in the odometry's frame at
- * the first beam, NULL when there is none. CAIRN_MORE when the scan before is still being worked
- * on: step() first, nothing was taken. Statuses of cairn_scan_begin; CAIRN_NOT_FINITE for an
- * odometry that is not finite, CAIRN_BAD_ARGUMENT for one farther than 1e9 m from its origin. An
- * odometry that is more than CAIRN_SCAN_EXTENT from that of the scan before tells nothing of the
- * motion between. CAIRN_FULL: no room for one more key scan. */
+/* Starts processing the next scan; its arrays are copied. odometry: pose of the base in the
+ * odometry frame at the first beam, m and rad; NULL: none. CAIRN_MORE: the previous scan is still
+ * being processed; call step() first, nothing was taken. Statuses of cairn_scan_begin.
+ * CAIRN_NOT_FINITE: odometry is not finite. CAIRN_BAD_ARGUMENT: odometry is farther than 1e9 m from
+ * its origin. CAIRN_FULL: no capacity for another keyframe. An odometry step longer than
+ * CAIRN_SCAN_EXTENT is ignored. */
 CAIRN_CHECKED cairn_status cairn_mapper_add(cairn_mapper *mapper, const cairn_scan_input *input,
                                             const cairn_pose *odometry, cairn_fault *fault);
 
-/* Goes on with the scan at hand. CAIRN_MORE: the budget is used up. CAIRN_OK: the scan has its
- * pose. CAIRN_FULL: it should have become a key scan but there was no room; it has its pose, and
- * the mapper takes no further scan. */
+/* Continues processing the current scan. CAIRN_MORE: the budget is used up. CAIRN_OK: the scan has
+ * its pose. CAIRN_FULL: the scan has its pose, but there was no capacity to store it as a keyframe;
+ * the mapper accepts no further scan. */
 CAIRN_CHECKED cairn_status cairn_mapper_step(cairn_mapper *mapper, cairn_budget *budget);
 
-/* Finishes what loops and graph have to do with all scans so far, the scan at hand first.
- * CAIRN_MORE: the budget is used up. CAIRN_OK: all is done; more scans may follow. CAIRN_FULL as
- * step(). */
+/* Finishes the current scan and all pending loop-closure and graph work. CAIRN_MORE: the budget is
+ * used up. CAIRN_OK: nothing is pending; more scans may follow. CAIRN_FULL as step(). */
 CAIRN_CHECKED cairn_status cairn_mapper_settle(cairn_mapper *mapper, cairn_budget *budget);
 
-/* The result of the last scan that was done. */
+/* Returns the result of the last finished scan. */
 cairn_mapper_result cairn_mapper_read(const cairn_mapper *mapper);
 
-/* The frame of the odometry seen in the map: map_base of the last scan that is done is this,
- * composed with its odometry. It jumps when loops close, the product of both does so too,
- * odometry alone never does. After scans without odometry it is as it was before them; the
- * identity before any. */
+/* Returns map_odom, the pose of the odometry frame in the map: the pose of the last finished scan
+ * in the map is map_odom composed with its odometry. map_odom jumps at loop closures; the odometry
+ * never does. After scans without odometry it keeps its last value; the identity before any
+ * odometry. */
 cairn_pose cairn_mapper_map_odom(const cairn_mapper *mapper);
 
-/* The last scan as points and segments in its own frame; valid until the next add. */
+/* Returns the last scan as points and segments in its own frame; valid until the next add. */
 cairn_scan_view cairn_mapper_view(const cairn_mapper *mapper);
 
-/* Pose of key scan 0 <= key < keys now. */
-cairn_pose cairn_mapper_key_pose(const cairn_mapper *mapper, int32_t key);
+/* Returns the current pose of a keyframe in the map, 0 <= keyframe < keyframes. */
+cairn_pose cairn_mapper_key_pose(const cairn_mapper *mapper, int32_t keyframe);
 
-/* Segments and points of the key scans, each in its own frame; and which of its scans key scan 0
- * <= key < keys is: the one of its own number as long as none was released. */
+/* Returns segments and points of all keyframes, each in its own frame. keyframe_slot() maps a
+ * keyframe index, 0 <= keyframe < keyframes, to its index in the set; both are equal until a
+ * keyframe is culled. */
 const cairn_scan_set *cairn_mapper_keys(const cairn_mapper *mapper);
-int32_t cairn_mapper_key_slot(const cairn_mapper *mapper, int32_t key);
+int32_t cairn_mapper_key_slot(const cairn_mapper *mapper, int32_t keyframe);
 
-/* A key scan that was released. Those after it count one less from then on; results, loops and
- * links that are read later are in the numbers of that time. */
+/* A culling event: a keyframe was removed. Higher keyframe indices decrease by one from then on.
+ * Results, loop events and links that are read later use the new indices. */
 typedef struct cairn_mapper_release {
-    int32_t key;         /* as it counted before */
-    int32_t onto;        /* what hung on it hangs on this one, as it counts afterwards, ... */
-    cairn_pose onto_key; /* ... from which it was seen there */
+    int32_t key; /* index before the culling */
+    /* its neighbour in the graph, index after the culling; the attached scans move to it */
+    int32_t onto;
+    cairn_pose onto_key; /* pose of the culled keyframe in the frame of reference */
 } cairn_mapper_release;
 
-/* Release 0 <= index < state.releases, of which the last 64 can be read; older ones are those 64
- * later. One step() releases few: who reads them after each misses none. */
+/* Returns culling event 0 <= index < state.culled_keyframes. Only the last 64 are stored: index is
+ * taken modulo 64. Few keyframes are culled per step(), so reading after each step misses none. */
 cairn_mapper_release cairn_mapper_release_at(const cairn_mapper *mapper, int32_t index);
 
-/* Takes what hangs on a key scan, and is seen from there, through a release. */
-void cairn_mapper_rehang(cairn_mapper_release release, int32_t *key, cairn_pose *key_scan);
+/* Reattaches a relative pose after a culling: maps the keyframe index and, for the culled keyframe,
+ * the pose relative to it. */
+void cairn_mapper_rehang(cairn_mapper_release culling, int32_t *keyframe,
+                         cairn_pose *keyframe_scan);
 
-/* Event 0 <= index < loop_events, of which the last 64 can be read; older ones are those 64
- * later. */
+/* Returns loop event 0 <= index < state.loop_events. Only the last 64 are stored: index is taken
+ * modulo 64. */
 cairn_mapper_loop cairn_mapper_loop_at(const cairn_mapper *mapper, int32_t index);
 
-/* A link of the graph of key scans: to the one before, to others of its local map, or a closure;
- * or what such links say together by way of key scans that were released. */
+/* A link (edge, relative-pose constraint) of the keyframe graph: a sequential constraint, a
+ * constraint to another keyframe of the local map, a loop closure, or their composition by culled
+ * keyframes. */
 typedef struct cairn_mapper_link {
     int32_t first, second;
     cairn_pose first_second;
-    cairn_sym3 information; /* of first_second, in the frame of second */
+    cairn_sym3 information; /* inverse covariance of first_second, in the frame of second */
     int32_t is_loop, dropped;
 } cairn_mapper_link;
 
-/* Links there are; the last key scans have theirs after settle(). Without loops there are none. */
+/* Returns the number of links; 0 without loop closure. The last keyframes get theirs in
+ * settle(). */
 int32_t cairn_mapper_link_count(const cairn_mapper *mapper);
 
-/* 0 <= index < link_count. */
+/* Returns link 0 <= index < link_count. */
 cairn_mapper_link cairn_mapper_link_at(const cairn_mapper *mapper, int32_t index);
 
+/* Returns the counters. */
 cairn_mapper_state cairn_mapper_measure(const cairn_mapper *mapper);
 
 #ifdef __cplusplus

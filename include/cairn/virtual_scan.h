@@ -1,29 +1,35 @@
-/* virtual_scan: hypotheses about the world that help the alignment of scans.
+/* virtual_scan: hypotheses about the environment's structure (lines, rectangles, ellipses) as an
+ * extra scan for the alignment.
  *
  *     begin -> add_scan ... -> step until CAIRN_OK -> hypotheses and points, which go to
  *     cairn_force_field_set_extra()
  *
- * Man-made places have straight walls and rectangular rooms, and show them in the whole map where
- * no scan does. From all scans as they lie, lines and ellipses are voted for by their points and
- * rectangles are put together from their segments; all are laid out as the points of one more scan,
- * the virtual one, that attracts the others in the next step of the alignment. It is made anew from
- * the real scans alone each time: what the next map does not support is gone (Adluru 2008, chapter
- * 8, algorithm 2).
+ * Man-made environments have straight walls and rectangular rooms, visible in the whole map even
+ * where no single scan shows them.
  *
- * How much a hypothesis weighs follows from it, not from a setting by hand: a point of it weighs at
- * most what one real scan that saw it whole would add, in proportion to the share of its outline
- * that scans do show; and a line or an ellipse counts only when it brings together walls of several
- * scans, since one scan knows its own walls better.
+ * Method.
  *
- * Mode as written (cairn_virtual_scan_as_written): section 8.4. Lines come from the Hough
- * transform as written (hough.h) of all points; the strength of a line is the number of points
- * that take part in it, by that of the strongest line, as a strength is to compare with a real
- * point's weight of 1. Rectangles come from segments merged to prototypes, four of them near
- * parallel and near perpendicular, by their slopes, lengths and distances; faces of walls are
- * not told apart. No other condition is put to a hypothesis, and sigma changes nothing. Choices,
- * where the text gives no number: lines of 40 points and more; points of the virtual scan as far
- * apart as real ones (0.10 m); weight 1 of strength 1; a rectangle's strength is the covered
- * share of its outline, less with the square of the deviation from right angles. */
+ * 1. The points of all scans at their current poses vote for lines and ellipses (Hough transform);
+ *    rectangles are assembled from their segments.
+ * 2. All are sampled as the points of one more scan, the virtual scan, which attracts the others in
+ *    the next step of the alignment.
+ * 3. It is rebuilt from the real scans alone each time: unsupported hypotheses vanish (Adluru 2008,
+ *    chapter 8, algorithm 2).
+ *
+ * The weight of a hypothesis needs no manual setting. A point of it weighs at most as much as one
+ * real scan that saw the whole outline, in proportion to the observed share of the outline. A line
+ * or an ellipse counts only when it joins walls of several scans, since one scan knows its own
+ * walls better.
+ *
+ * Mode as written (cairn_virtual_scan_as_written): section 8.4. Lines come from the Hough transform
+ * as written (hough.h) of all points. The strength of a line is its number of inliers divided by
+ * that of the strongest line, so that it compares with a real point's weight of 1. Rectangles come
+ * from segments merged to prototypes, four of them nearly parallel and perpendicular, by their
+ * slopes, lengths and distances; directions are not oriented. No other condition holds for a
+ * hypothesis, and sigma has no effect. Choices, where the text gives no number: lines of 40 points
+ * and more; points of the virtual scan as far apart as real ones (0.10 m); weight 1 at strength 1;
+ * a rectangle's strength is the covered share of its outline, reduced with the square of the
+ * deviation from right angles. */
 #ifndef CAIRN_VIRTUAL_SCAN_H
 #define CAIRN_VIRTUAL_SCAN_H
 
@@ -36,41 +42,43 @@
 extern "C" {
 #endif
 
-/* What kind a hypothesis is of: the three that are built in, and those of the caller. */
+/* Kind of a hypothesis: the three built-in ones, and those of the caller. */
 typedef int32_t cairn_hypothesis_kind;
 enum {
     CAIRN_HYPOTHESIS_LINE = 0,
     CAIRN_HYPOTHESIS_RECTANGLE = 1,
     CAIRN_HYPOTHESIS_ELLIPSE = 2,
-    CAIRN_HYPOTHESIS_CALLER = 3 /* and above: the caller's kinds in their order */
+    CAIRN_HYPOTHESIS_CALLER = 3 /* and above: the caller's kinds in order of their addition */
 };
 
 typedef struct cairn_hypothesis {
     cairn_hypothesis_kind kind;
-    /* of the virtual scan */
+    /* range of its points in the virtual scan */
     int32_t first_point, end_point;
-    /* that show it; 0: not asked for */
+    /* scans that observe it; 0: not counted */
     int32_t scans;
-    /* 0 ... 1, share of the outline that is seen; of a line as written its votes by the most */
+    /* 0 ... 1: observed share of the outline; of a line as written its votes divided by the
+     * maximum */
     cairn_real strength;
-    /* of each of its points */
+    /* weight of each of its points */
     cairn_real weight;
 } cairn_hypothesis;
 
-/* The map that hypotheses are made from, as the scans lie. */
+/* The map that hypotheses are derived from, at the current poses of the scans. */
 typedef struct cairn_virtual_map {
     const cairn_oriented_point *points; /* [point_count] */
     const int32_t *point_scan;          /* [point_count] slot of the scan */
     const cairn_segment *segments;      /* [segment_count], free side on the left */
     const int32_t *segment_scan;        /* [segment_count] */
     int32_t point_count, segment_count;
-    cairn_real sigma; /* m, how far the scans may still be off */
+    cairn_real sigma; /* m: position uncertainty of the scans */
 } cairn_virtual_map;
 
-/* A kind of the caller: triangles, say. begin() takes the map, which stays until the detection
- * has ended; step() is as all steps; count() is asked then; outline() writes at most `room`
- * points every `spacing` along hypothesis i, tells its strength (0 ... 1) and returns how many
- * points there are. A status below 0 ends the detection with it. */
+/* Callbacks of a caller's kind, such as triangles. begin() gets the map, which stays valid until
+ * the detection has ended. step() works as all steps. count() then returns the number of
+ * hypotheses. outline() writes at most `room` points every `spacing` along hypothesis i, sets its
+ * strength (0 ... 1) and returns the number of points. A status below 0 ends the detection with
+ * it. */
 typedef cairn_status (*cairn_hypothesis_begin)(void *state, const cairn_virtual_map *map);
 typedef cairn_status (*cairn_hypothesis_step)(void *state, cairn_budget *budget);
 typedef int32_t (*cairn_hypothesis_count)(const void *state);
@@ -79,111 +87,113 @@ typedef int32_t (*cairn_hypothesis_outline)(const void *state, int32_t i, cairn_
                                             cairn_real *strength);
 
 typedef struct cairn_hypothesis_detector {
-    void *state; /* the caller's */
+    void *state; /* of the caller */
     cairn_hypothesis_begin begin;
     cairn_hypothesis_step step;
     cairn_hypothesis_count count;
     cairn_hypothesis_outline outline;
 } cairn_hypothesis_detector;
 
-/* In brackets the defaults. */
+/* Defaults in parentheses. */
 typedef struct cairn_virtual_scan_params {
-    /* 1 ... 2^20: slots of the scans are below (64) */
+    /* bound of the slots of the scans, 1 ... 2^20 (64) */
     int32_t max_scans;
-    /* of the map, 1 ... 2^24 (4096) */
+    /* capacity for points of the map, 1 ... 2^24 (4096) */
     int32_t max_points;
-    /* of the map, 1 ... 2^20 (1024) */
+    /* capacity for segments of the map, 1 ... 2^20 (1024) */
     int32_t max_segments;
-    /* 1 ... 1024 (64) */
+    /* maximum number of hypotheses, 1 ... 1024 (64) */
     int32_t max_hypotheses;
-    /* points of the virtual scan, 1 ... 2^24 (4096) */
+    /* capacity for points of the virtual scan, 1 ... 2^24 (4096) */
     int32_t max_virtual;
-    /* of the caller, 0 ... 16 (2) */
+    /* maximum number of the caller's detectors, 0 ... 16 (2) */
     int32_t max_detectors;
-    /* not 0: lines (1) */
+    /* not 0: detect lines (1) */
     int32_t lines;
-    /* not 0: rectangles (1) */
+    /* not 0: detect rectangles (1) */
     int32_t rectangles;
-    /* not 0: circles and ellipses (1) */
+    /* not 0: detect circles and ellipses (1) */
     int32_t ellipses;
-    /* >= 1: one in so many of the scans' points votes for lines and ellipses (2) */
+    /* >= 1: every n-th of the scans' points votes for lines and ellipses (2) */
     int32_t stride;
-    /* m, > 0: of the virtual scan's points (0.10) */
+    /* m, > 0: distance of the virtual scan's points (0.10) */
     cairn_real spacing;
-    /* >= 0: of points of a hypothesis of strength 1 (1) */
+    /* >= 0: weight of a point of a hypothesis of strength 1 (1) */
     cairn_real weight;
-    /* in sigma, > 0: how far from a line or ellipse its points may be ... (0.3) */
+    /* in sigma, > 0: maximum distance of an inlier from its line or ellipse (0.3) */
     cairn_real line_support;
-    /* rad per m of sigma, > 0: ... and how far off in direction, from 4 to 10 degrees (0.2) */
+    /* rad per m of sigma, > 0: maximum deviation of an inlier's direction, within 4 to 10 degrees
+     * (0.2) */
     cairn_real line_angle;
-    /* >= 1: that a line or ellipse brings together (2) */
+    /* >= 1: minimum number of scans that a line or ellipse joins (2) */
     int32_t least_scans;
-    /* CAIRN_MODE_DEFAULT; CAIRN_MODE_AS_WRITTEN: ellipses, stride, line_support, line_angle,
-     * least_scans, least_length, hough.mode and rectangle.oriented are not read
-     * (CAIRN_MODE_DEFAULT) */
+    /* CAIRN_MODE_DEFAULT, or CAIRN_MODE_AS_WRITTEN, which ignores ellipses, stride,
+     * distance_per_sigma, angle_per_sigma, min_scans, min_wall_length, hough.mode and
+     * rectangle.oriented (CAIRN_MODE_DEFAULT) */
     int32_t mode;
-    /* m, >= 0: of walls that a scan has on it to count (0.5) */
+    /* m, >= 0: minimum length of wall of a scan on it for the scan to count (0.5) */
     cairn_real least_length;
-    /* its tolerances are the least ones, at sigma 0 */
+    /* its tolerances are minimum values, for sigma 0 */
     cairn_hough_params hough;
-    /* its max_segments is not read */
+    /* its max_segments is ignored */
     cairn_rectangle_params rectangle;
-    /* its tolerances are the least ones, too */
+    /* its tolerances are minimum values as well */
     cairn_ellipse_params ellipse;
 } cairn_virtual_scan_params;
 
 typedef struct cairn_virtual_scan cairn_virtual_scan;
 
-/* The defaults above; hough with 72 angles, 128 distances and steps of 0.10 m, rectangles with
- * sides from 1 m of whose outline 55 % is seen. */
+/* Returns the defaults given in parentheses above; hough with 72 angles, 128 distances and steps of
+ * 0.10 m, rectangles with sides from 1 m of whose outline 55 % is observed. */
 cairn_virtual_scan_params cairn_virtual_scan_default(void);
 
-/* Mode as written: see above. */
+/* Returns the params of the mode as written, see above. */
 cairn_virtual_scan_params cairn_virtual_scan_as_written(void);
 
-/* 0 for params that create() would refuse. */
+/* Returns the bytes that create() takes from the pool; 0 for invalid params. */
 size_t cairn_virtual_scan_memory(const cairn_virtual_scan_params *params);
 
-/* CAIRN_BAD_ARGUMENT, CAIRN_NO_MEMORY. */
+/* Creates an object in the pool. CAIRN_BAD_ARGUMENT: NULL or invalid params. CAIRN_NO_MEMORY. */
 CAIRN_CHECKED cairn_status cairn_virtual_scan_create(cairn_virtual_scan **virtual_scan,
                                                      cairn_pool *pool,
                                                      const cairn_virtual_scan_params *params);
 
 /* Adds a kind of hypothesis; its number is CAIRN_HYPOTHESIS_CALLER and up. CAIRN_BAD_ARGUMENT:
- * NULL, or a missing function. CAIRN_FULL: max_detectors are there. */
+ * NULL, or a missing function. CAIRN_FULL: max_detectors exist. */
 CAIRN_CHECKED cairn_status cairn_virtual_scan_add_detector(
     cairn_virtual_scan *virtual_scan, const cairn_hypothesis_detector *detector);
 
-/* Starts a new map; a detection under way is given up, the last result stays. sigma: m, how far
- * scans may still be off, such as that of the force field. CAIRN_BAD_ARGUMENT: NULL, or sigma
- * not >= 0 or beyond 1e6. */
+/* Starts a new map; a detection in progress is abandoned, the last result stays. sigma: m, position
+ * uncertainty of the scans, such as that of the force field. CAIRN_BAD_ARGUMENT: NULL, or sigma not
+ * >= 0 or beyond 1e6. */
 CAIRN_CHECKED cairn_status cairn_virtual_scan_begin(cairn_virtual_scan *virtual_scan,
                                                     cairn_real sigma);
 
-/* Adds a scan of a set as it lies. Before the first step. CAIRN_BAD_ARGUMENT: NULL, no such
- * scan, a pose that is not finite or beyond 1e6 m, or a detection that has begun its steps.
+/* Adds a scan of a set at its current pose, before the first step. CAIRN_BAD_ARGUMENT: NULL, no
+ * such scan, a pose that is not finite or beyond 1e6 m, or a detection that has begun its steps.
  * CAIRN_FULL: more points or segments than params allow; nothing was added. Linear in the scan. */
 CAIRN_CHECKED cairn_status cairn_virtual_scan_add_scan(cairn_virtual_scan *virtual_scan,
                                                        const cairn_scan_set *set, int32_t scan,
                                                        cairn_pose map_scan);
 
-/* Goes on with the detection. CAIRN_MORE: the budget is used up. CAIRN_OK: it has ended, or none
- * was begun. Statuses of the caller's detectors. Costs those of hough, rectangle and ellipse,
- * and a unit for four points and line and for four virtual points. */
+/* Continues the detection. CAIRN_MORE: the budget is used up. CAIRN_OK: it has ended, or none was
+ * begun. Statuses of the caller's detectors. Costs those of hough, rectangle and ellipse, a unit
+ * for four points per line, and one for four virtual points. */
 CAIRN_CHECKED cairn_status cairn_virtual_scan_step(cairn_virtual_scan *virtual_scan,
                                                    cairn_budget *budget);
 
-/* ---- The result of the last detection that ended ---- */
+/* ---- Result of the last detection that has ended ---- */
 
-/* The strongest lines first, then rectangles, ellipses, the caller's kinds. */
+/* Returns the hypotheses: the strongest lines first, then rectangles, ellipses, the caller's
+ * kinds. */
 const cairn_hypothesis *cairn_virtual_scan_hypotheses(const cairn_virtual_scan *virtual_scan,
                                                       int32_t *count);
 
-/* The virtual scan: points in the map with the weight of each. */
+/* Returns the virtual scan: points in the map with the weight of each. */
 const cairn_oriented_point *cairn_virtual_scan_points(const cairn_virtual_scan *virtual_scan,
                                                       const cairn_real **weights, int32_t *count);
 
-/* Hypotheses and points for which there was no room. */
+/* Returns the number of hypotheses and points beyond the capacities. */
 int32_t cairn_virtual_scan_dropped(const cairn_virtual_scan *virtual_scan);
 
 #ifdef __cplusplus

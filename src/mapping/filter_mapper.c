@@ -1,33 +1,34 @@
-/* Params and memory of the mapper by particles, and its way from scan to scan.
+/* Parameters and memory of the particle-filter mapper, and its processing scan by scan.
  *
- * Method. A mapper goes ahead and turns scans into key scans and motions between them: scan
- * matching makes a better odometry (Haehnel et al. 2003). At every key scan the particle filter
- * makes a step, as it is; what a particle proposes is in filter_mapper_propose.c. Of N particles
- * that of the largest likelihood along its own path is the result.
+ * Method.
  *
- * Layout. A particle's map is made of key scans and of nothing else: the points of a key scan are
- * there once, for all particles, in the mapper that goes ahead; a particle adds one pose for each
- * of them, and these are the filter's tree of histories, in which particles that share a past share
- * it in memory. So nothing is copied when particles are resampled, a key scan costs N nodes at
- * most, and all there can ever be fits into the pool beforehand. Grids, even with tiles that
- * particles share, would need room for what N maps may differ in, which nobody knows before, and
- * would have to be written anew for every candidate.
+ * 1. A front-end mapper turns scans into keyframes and motions between them: scan matching gives a
+ *    better odometry (Haehnel et al. 2003).
+ * 2. Every keyframe is a step of the particle filter. The proposal of a particle is in
+ *    filter_mapper_propose.c.
+ * 3. The result is the particle of the largest likelihood along its own path.
  *
- * Limits. The evidence of a key scan is used twice, for the motion and for the weight; the motion's
- * covariance is wider for that. Paths are walked back to their beginning at every key scan, so that
- * a step grows with the path. What no particle has drawn is not found: with too few of them a long
- * loop stays open.
+ * Layout: a particle's map consists of keyframes only. The points of a keyframe are stored once, in
+ * the front-end mapper. A particle adds one pose per keyframe to the filter's tree of histories, in
+ * which particles share common ancestors. So resampling copies nothing, a keyframe costs at most
+ * one node per particle, and the pool is sized in advance. Occupancy grids, even with shared tiles,
+ * would need an unknown amount of memory for their differences and would be rewritten for every
+ * candidate.
  *
- * Source: Murphy 1999; Grisetti, Stachniss and Burgard 2007 (improved proposals); Haehnel,
- * Burgard, Fox and Thrun 2003; the filter is that of Adluru 2008, sections 2.3 and 9.2.2, the
- * match against a map by shape and points its chapter 6. */
+ * Limits: the evidence of a keyframe is used twice, for the motion and for the weight; the motion
+ * covariance is widened for that. A step is linear in the length of the path. A pose that no
+ * particle draws is not found: with too few particles a long loop stays open.
+ *
+ * Source: Murphy 1999; Grisetti, Stachniss and Burgard 2007 (improved proposals); Haehnel, Burgard,
+ * Fox and Thrun 2003; the filter is that of Adluru 2008, sections 2.3 and 9.2.2, the match against
+ * a map by shape and points its chapter 6. */
 #include "src/core/build.h"
 
 #include <string.h>
 
 #include "src/mapping/filter_mapper_work.h"
 
-enum { PARTICLES_MOST = 4096, NODES_MOST = 1 << 28, LOCAL_POINTS_MOST = 1 << 20 };
+enum { MAX_PARTICLES = 4096, MAX_NODES = 1 << 28, MAX_LOCAL_POINTS = 1 << 20 };
 
 cairn_filter_mapper_params cairn_filter_mapper_default(void)
 {
@@ -66,7 +67,7 @@ cairn_filter_mapper_params cairn_filter_mapper_default_for(int32_t max_keys, int
     return params;
 }
 
-/* ---- The rooms' params ---- */
+/* ---- Parameters of the modules ---- */
 
 static cairn_mapper_params front_params(const cairn_filter_mapper_params *params)
 {
@@ -92,7 +93,7 @@ static cairn_point_grid_params grid_params(const cairn_filter_mapper_params *par
     return grid;
 }
 
-/* One follower a particle; as many nodes as all particles can have in all steps. */
+/* Returns the filter's params: one follower per particle, nodes for all particles in all steps. */
 static cairn_particle_filter_params filter_params(const cairn_filter_mapper_params *params)
 {
     cairn_particle_filter_params filter = cairn_particle_filter_default();
@@ -106,15 +107,15 @@ static cairn_particle_filter_params filter_params(const cairn_filter_mapper_para
     return filter;
 }
 
-/* What the rooms' own params are not asked for. */
+/* Checks the params that the modules do not check themselves. */
 static int is_valid(const cairn_filter_mapper_params *p)
 {
-    return p != NULL && p->particles >= 1 && p->particles <= PARTICLES_MOST &&
-           p->front.max_keys >= 1 && p->front.max_keys <= NODES_MOST / p->particles &&
+    return p != NULL && p->particles >= 1 && p->particles <= MAX_PARTICLES &&
+           p->front.max_keys >= 1 && p->front.max_keys <= MAX_NODES / p->particles &&
            p->candidates >= 1 && p->candidates <= CAIRN_FILTER_MAPPER_CANDIDATES_MOST &&
            p->points >= 1 && p->local_keys >= 1 &&
            p->local_keys <= CAIRN_FILTER_MAPPER_LOCAL_MOST && p->max_local_points >= 1 &&
-           p->max_local_points <= LOCAL_POINTS_MOST && p->span >= 1 && p->local_radius > 0 &&
+           p->max_local_points <= MAX_LOCAL_POINTS && p->span >= 1 && p->local_radius > 0 &&
            p->motion_distance >= 0 && p->motion_turn >= 0 && p->motion_distance_min > 0 &&
            p->motion_turn_min > 0 && p->match_sigma > 0 && p->match_sigma_turn > 0 &&
            p->min_support >= 0 && p->min_support <= 1 && p->sigma > 0 && p->outlier > 0 &&
@@ -150,9 +151,9 @@ static cairn_filter_mapper *carve(cairn_pool *pool, const cairn_filter_mapper_pa
     if (mapper == NULL)
         return NULL;
     memset(mapper, 0, sizeof *mapper);
-    mapper->oriented = oriented;
+    mapper->points = oriented;
     for (int which = 0; which < LOCAL_MAPS; which++)
-        mapper->at.map[which].direction = direction[which];
+        mapper->proposal.maps[which].direction = direction[which];
     return mapper;
 }
 
@@ -181,7 +182,7 @@ static cairn_status create_parts(cairn_filter_mapper *made, cairn_pool *pool,
     if (status == CAIRN_OK)
         status = cairn_icp_create(&made->icp, pool, &icp);
     for (int which = 0; which < LOCAL_MAPS && status == CAIRN_OK; which++)
-        status = cairn_point_grid_create(&made->at.map[which].points, pool, &grid);
+        status = cairn_point_grid_create(&made->proposal.maps[which].points, pool, &grid);
     if (status == CAIRN_OK)
         status = cairn_particle_filter_create(&made->filter, pool, &filter, &model);
     if (status == CAIRN_OK)
@@ -218,14 +219,14 @@ cairn_status cairn_filter_mapper_add(cairn_filter_mapper *mapper, const cairn_sc
 
     if (mapper == NULL)
         return CAIRN_BAD_ARGUMENT;
-    if (mapper->in_front || mapper->at.stage != PROPOSE_IDLE)
+    if (mapper->front_is_active || mapper->proposal.stage != PROPOSE_IDLE)
         return CAIRN_MORE;
     status = cairn_mapper_add(mapper->front, input, odometry, fault);
-    mapper->in_front = status == CAIRN_OK;
+    mapper->front_is_active = status == CAIRN_OK;
     return status;
 }
 
-/* The first key scan is where all paths begin. */
+/* Adds the first keyframe, at which all paths begin. */
 static cairn_status start_paths(cairn_filter_mapper *mapper)
 {
     path_state first = {cairn_mapper_key_pose(mapper->front, 0), 0, 0};
@@ -233,11 +234,11 @@ static cairn_status start_paths(cairn_filter_mapper *mapper)
 
     for (int32_t i = 0; i < mapper->params.particles && status == CAIRN_OK; i++)
         status = cairn_particle_filter_start(mapper->filter, &first, 0);
-    mapper->keys = 1;
+    mapper->keyframe_count = 1;
     return status;
 }
 
-/* How the robot came to the key scan at hand, and how far that may be wrong. */
+/* Sets the motion to the current keyframe and its standard deviations. */
 static void find_motion(cairn_filter_mapper *mapper, const cairn_mapper_result *result)
 {
     const cairn_filter_mapper_params *p = &mapper->params;
@@ -248,26 +249,25 @@ static void find_motion(cairn_filter_mapper *mapper, const cairn_mapper_result *
 
     mapper->motion = motion;
     mapper->sigma_distance = p->motion_distance_min + p->motion_distance * way;
-    mapper->sigma_turn = p->motion_turn_min + p->motion_turn * turn;
+    mapper->sigma_theta = p->motion_turn_min + p->motion_turn * turn;
     if (result->verdict != CAIRN_MAPPER_MATCHED) {
         mapper->sigma_distance += p->front.motion_distance_min + p->front.motion_distance * way;
-        mapper->sigma_turn += p->front.motion_turn_min + p->front.motion_turn * turn;
+        mapper->sigma_theta += p->front.motion_turn_min + p->front.motion_turn * turn;
     }
 }
 
-/* The mapper that goes ahead is done with the scan: when it is a key scan, the filter makes a
- * step. */
+/* Called when the front-end mapper has finished the scan: a keyframe starts a filter step. */
 static cairn_status begin_filter(cairn_filter_mapper *mapper)
 {
     cairn_mapper_result result = cairn_mapper_read(mapper->front);
 
-    mapper->in_front = 0;
+    mapper->front_is_active = 0;
     if (!result.is_key)
         return CAIRN_OK;
     if (result.key == 0)
         return start_paths(mapper);
     find_motion(mapper, &result);
-    mapper->at.stage = PROPOSE_BEGIN;
+    mapper->proposal.stage = PROPOSE_BEGIN;
     return cairn_particle_filter_begin(mapper->filter);
 }
 
@@ -275,22 +275,22 @@ static cairn_status go_on(cairn_filter_mapper *mapper, cairn_budget *budget)
 {
     cairn_status status = CAIRN_OK;
 
-    if (mapper->in_front) {
+    if (mapper->front_is_active) {
         status = cairn_mapper_step(mapper->front, budget);
         if (status == CAIRN_MORE)
             return status;
         if (status == CAIRN_OK)
             status = begin_filter(mapper);
-        mapper->in_front = 0;
+        mapper->front_is_active = 0;
     }
-    if (status != CAIRN_OK || mapper->at.stage == PROPOSE_IDLE)
+    if (status != CAIRN_OK || mapper->proposal.stage == PROPOSE_IDLE)
         return status;
     status = cairn_particle_filter_step(mapper->filter, budget);
     if (status == CAIRN_MORE)
         return status;
     CAIRN_ASSERT(status == CAIRN_OK);
-    mapper->at.stage = PROPOSE_IDLE;
-    mapper->keys++;
+    mapper->proposal.stage = PROPOSE_IDLE;
+    mapper->keyframe_count++;
     return status;
 }
 
@@ -339,7 +339,7 @@ cairn_pose cairn_filter_mapper_last(const cairn_filter_mapper *mapper, int32_t p
 {
     const path_state *state = cairn_particle_filter_particle(mapper->filter, particle).state;
 
-    return state == NULL ? cairn_pose_identity() : state->map_key;
+    return state == NULL ? cairn_pose_identity() : state->map_keyframe;
 }
 
 int32_t cairn_filter_mapper_path(const cairn_filter_mapper *mapper, int32_t particle,
@@ -349,9 +349,9 @@ int32_t cairn_filter_mapper_path(const cairn_filter_mapper *mapper, int32_t part
     int32_t count = 0;
 
     for (; state != NULL; state = cairn_particle_state_before(state)) {
-        if (state->key >= room)
+        if (state->keyframe >= room)
             continue;
-        poses[state->key] = state->map_key;
+        poses[state->keyframe] = state->map_keyframe;
         count++;
     }
     return count;
@@ -363,10 +363,10 @@ cairn_filter_mapper_state cairn_filter_mapper_measure(const cairn_filter_mapper 
     cairn_filter_mapper_state state;
 
     memset(&state, 0, sizeof state);
-    state.keys = mapper->keys;
+    state.keys = mapper->keyframe_count;
     state.resamplings = trace.resamplings;
     state.n_eff = trace.n_eff;
-    state.returns = mapper->returns;
+    state.returns = mapper->revisit_matches;
     state.nodes = trace.blocks;
     state.nodes_peak = trace.blocks_peak;
     state.units = mapper->units;

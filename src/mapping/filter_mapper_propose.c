@@ -1,21 +1,24 @@
-/* What a particle makes of a key scan: where it may be, and how well it fits there.
+/* Proposal distribution and importance weight of a particle at a keyframe.
  *
- * Method. The path is walked back; of the key scans near the expected pose those of the last while
- * are the recent map, the others the old one. The scan is matched against each alone (icp, with the
- * motion as prior): a particle that comes back to a place it knows has two opinions of where it is,
- * and against both maps together the nearer, recent one would always win. From a normal
- * distribution around every match, with its covariance, candidates x are drawn, and each is weighed
- * by
+ * Method.
  *
- *     p(z | recent map, x) p(z | old map, x) p(x | motion).
+ * 1. The path is walked back. Of the keyframes near the expected pose the most recent ones form the
+ *    recent map, the others the old map.
+ * 2. The scan is matched against each map alone by ICP, with the motion as prior. Against both
+ *    together the nearer, recent map would always win when a particle returns to a known place.
+ * 3. Candidates x are drawn from a Gaussian around each match, with its covariance (a mixture
+ *    proposal).
+ * 4. Each candidate is weighted by p(z | recent map, x) p(z | old map, x) p(x | motion). Their mean
+ *    is the weight of the particle, as in Grisetti et al., eq. 18: the candidates represent the
+ *    region of the product's mass.
+ * 5. p(z | map, x) is a likelihood field (Thrun, Burgard and Fox 2005, section 6.4) of the
+ *    distances along the normals of the nearest points. A scan of n points counts as
+ *    `independent_points` independent ones.
  *
- * Their mean is the weight of the particle, as in Grisetti et al., eq. 18: the candidates stand for
- * the region in which the product has its mass. To divide by the density from which they were drawn
- * would make that an unbiased estimate, but a noisy one: a few draws from narrow distributions then
- * decide which particles live (seen: half of all steps resampled, and not one in ten without). p(z
- * | map, x) is a likelihood field (Thrun, Burgard and Fox 2005, section 6.4) of the distances along
- * the normals of the nearest points: a scan of n points counts as `weight` independent ones. A path
- * whose ends do not meet has its scan on the one map or on the other, never on both.
+ * Dividing by the proposal density would make the weight an unbiased but noisy importance weight: a
+ * few draws from narrow distributions would then decide which particles survive (measured: half of
+ * all steps resampled, against less than one in ten without). The scan of a path whose ends do not
+ * meet fits one of the maps, never both.
  *
  * Source: Grisetti, Stachniss and Burgard 2007, section III-B, with the mixture of Adluru 2008,
  * section 9.2.2. */
@@ -31,37 +34,37 @@ enum {
     DRAW_COST = 8
 };
 
-/* sigmas, to the point of the map that a point is compared with */
-static const cairn_real GATE = 3;
-/* cosine, and at least so much is the same side of a wall */
-static const cairn_real FACING = CAIRN_REAL(0.5);
+/* maximum distance of a correspondence, in sigmas */
+static const cairn_real GATE_SIGMAS = 3;
+/* minimum cosine between directions on the same side of a wall */
+static const cairn_real MIN_COSINE = CAIRN_REAL(0.5);
 
-static int pay(proposing *at, cairn_budget *budget, int32_t cost)
+static int charge(proposal *work, cairn_budget *budget, int32_t cost)
 {
-    return cairn_budget_pay(budget, &at->paid, cost);
+    return cairn_budget_pay(budget, &work->units_charged, cost);
 }
 
 /* ---- The local maps ---- */
 
-static void begin(cairn_filter_mapper *m, const path_state *leaf)
+static void begin(cairn_filter_mapper *mapper, const path_state *leaf)
 {
-    proposing *at = &m->at;
+    proposal *work = &mapper->proposal;
 
-    at->ancestor = leaf;
-    at->expected = cairn_pose_compose(leaf->map_key, m->motion);
-    at->map[RECENT].count = at->map[OLD].count = 0;
-    at->place_count = 0;
-    at->which = RECENT;
+    work->ancestor = leaf;
+    work->expected = cairn_pose_compose(leaf->map_keyframe, mapper->motion);
+    work->maps[RECENT_MAP].count = work->maps[OLD_MAP].count = 0;
+    work->mode_count = 0;
+    work->map_index = RECENT_MAP;
 }
 
-/* Takes the points of the particle before out. 1: both grids are empty. */
-static int empty_maps(cairn_filter_mapper *m, cairn_budget *budget)
+/* Removes the previous particle's points. Returns 1 when both grids are empty. */
+static int empty_maps(cairn_filter_mapper *mapper, cairn_budget *budget)
 {
     for (int which = 0; which < LOCAL_MAPS; which++) {
-        cairn_point_grid *points = m->at.map[which].points;
+        cairn_point_grid *points = mapper->proposal.maps[which].points;
 
         while (cairn_point_grid_count(points) > 0) {
-            if (!pay(&m->at, budget, 1))
+            if (!charge(&mapper->proposal, budget, 1))
                 return 0;
             for (int k = 0; k < EMPTIED_PER_UNIT; k++)
                 cairn_point_grid_remove_last(points);
@@ -70,121 +73,125 @@ static int empty_maps(cairn_filter_mapper *m, cairn_budget *budget)
     return 1;
 }
 
-/* Puts a key scan among the nearest ones; of equal ones the later goes first. */
-static void keep_nearest(local_map *map, int32_t most, local_key key)
+/* Inserts a keyframe into the list of nearest ones; of equal distances the later goes first. */
+static void insert_nearest(local_map *map, int32_t most, local_keyframe keyframe)
 {
     int32_t k = map->count;
 
-    if (k == most && !(key.distance < map->list[most - 1].distance))
+    if (k == most && !(keyframe.distance < map->nearest[most - 1].distance))
         return;
     if (k == most)
         k--;
     else
         map->count++;
-    for (; k > 0 && key.distance < map->list[k - 1].distance; k--)
-        map->list[k] = map->list[k - 1];
-    map->list[k] = key;
+    for (; k > 0 && keyframe.distance < map->nearest[k - 1].distance; k--)
+        map->nearest[k] = map->nearest[k - 1];
+    map->nearest[k] = keyframe;
 }
 
-/* Back along the path. 1: it has been walked. */
-static int walk_path(cairn_filter_mapper *m, cairn_budget *budget)
+/* Walks back along the path. Returns 1 at its beginning. */
+static int walk_path(cairn_filter_mapper *mapper, cairn_budget *budget)
 {
-    const cairn_filter_mapper_params *p = &m->params;
-    proposing *at = &m->at;
+    const cairn_filter_mapper_params *p = &mapper->params;
+    proposal *work = &mapper->proposal;
 
-    while (at->ancestor != NULL) {
-        if (!pay(at, budget, 1))
+    while (work->ancestor != NULL) {
+        if (!charge(work, budget, 1))
             return 0;
-        for (int k = 0; k < WALKED_PER_UNIT && at->ancestor != NULL; k++) {
-            const path_state *s = at->ancestor;
-            cairn_real x = s->map_key.x - at->expected.x, y = s->map_key.y - at->expected.y;
-            local_key key = {s->map_key, x * x + y * y, s->key};
+        for (int k = 0; k < WALKED_PER_UNIT && work->ancestor != NULL; k++) {
+            const path_state *s = work->ancestor;
+            cairn_real x = s->map_keyframe.x - work->expected.x,
+                       y = s->map_keyframe.y - work->expected.y;
+            local_keyframe keyframe = {s->map_keyframe, x * x + y * y, s->keyframe};
 
-            if (key.distance <= p->local_radius * p->local_radius)
-                keep_nearest(&at->map[s->key < m->keys - p->span ? OLD : RECENT], p->local_keys,
-                             key);
-            at->ancestor = cairn_particle_state_before(s);
+            if (keyframe.distance <= p->local_radius * p->local_radius)
+                insert_nearest(
+                    &work->maps[s->keyframe < mapper->keyframe_count - p->span ? OLD_MAP
+                                                                               : RECENT_MAP],
+                    p->local_keys, keyframe);
+            work->ancestor = cairn_particle_state_before(s);
         }
     }
     return 1;
 }
 
-/* The points of a key scan, in its own frame; returns how many. */
-static int32_t read_key(cairn_filter_mapper *m, int32_t key)
+/* Copies the points of a keyframe, in its own frame; returns their number. */
+static int32_t read_key(cairn_filter_mapper *mapper, int32_t keyframe)
 {
-    const cairn_scan_set *keys = cairn_mapper_keys(m->front);
-    const cairn_scan_set_scan *scan = &keys->scans[key];
+    const cairn_scan_set *keys = cairn_mapper_keys(mapper->front);
+    const cairn_scan_set_scan *scan = &keys->scans[keyframe];
     int32_t count = 0;
 
     for (int32_t s = scan->first_segment; s < scan->end_segment; s++)
         for (int32_t p = keys->segments[s].first_point; p < keys->segments[s].end_point; p++) {
-            m->oriented[count].position = keys->points[p];
-            m->oriented[count].direction = keys->segments[s].direction;
+            mapper->points[count].position = keys->points[p];
+            mapper->points[count].direction = keys->segments[s].direction;
             count++;
         }
     return count;
 }
 
-/* One key scan into the target of the match and into the grid. 0: there is no room for it. */
-static int add_key(cairn_filter_mapper *m, local_map *map, const local_key *key)
+/* Adds a keyframe to the target of the match and to the grid. Returns 0 without capacity. */
+static int add_key(cairn_filter_mapper *mapper, local_map *map, const local_keyframe *keyframe)
 {
-    int32_t count = read_key(m, key->key);
-    cairn_transform map_key = cairn_transform_of(key->map_key);
+    int32_t count = read_key(mapper, keyframe->keyframe);
+    cairn_transform map_key = cairn_transform_of(keyframe->map_keyframe);
     cairn_status status;
 
-    if (count > m->params.max_local_points - cairn_point_grid_count(map->points))
+    if (count > mapper->params.max_local_points - cairn_point_grid_count(map->points))
         return 0;
-    status = cairn_icp_add_target(m->icp, m->oriented, count, key->map_key, NULL);
+    status = cairn_icp_add_target(mapper->icp, mapper->points, count, keyframe->map_keyframe, NULL);
     CAIRN_ASSERT(status == CAIRN_OK);
     for (int32_t i = 0; i < count; i++) {
         map->direction[cairn_point_grid_count(map->points)] =
-            cairn_transform_direction(map_key, m->oriented[i].direction);
-        status = cairn_point_grid_insert(map->points,
-                                         cairn_transform_point(map_key, m->oriented[i].position));
+            cairn_transform_direction(map_key, mapper->points[i].direction);
+        status = cairn_point_grid_insert(
+            map->points, cairn_transform_point(map_key, mapper->points[i].position));
         CAIRN_ASSERT(status == CAIRN_OK);
     }
     (void)status;
     return 1;
 }
 
-static int32_t points_of(const cairn_filter_mapper *m, int32_t key)
+static int32_t points_of(const cairn_filter_mapper *mapper, int32_t keyframe)
 {
-    const cairn_scan_set_scan *scan = &cairn_mapper_keys(m->front)->scans[key];
+    const cairn_scan_set_scan *scan = &cairn_mapper_keys(mapper->front)->scans[keyframe];
 
     return scan->end_point - scan->first_point;
 }
 
-static int fill_map(cairn_filter_mapper *m, cairn_budget *budget)
+static int fill_map(cairn_filter_mapper *mapper, cairn_budget *budget)
 {
-    proposing *at = &m->at;
-    local_map *map = &at->map[at->which];
+    proposal *work = &mapper->proposal;
+    local_map *map = &work->maps[work->map_index];
 
-    for (; at->cursor < map->count; at->cursor++) {
-        const local_key *key = &map->list[at->cursor];
+    for (; work->cursor < map->count; work->cursor++) {
+        const local_keyframe *keyframe = &map->nearest[work->cursor];
 
-        if (!pay(at, budget, 1 + points_of(m, key->key) / POINTS_PER_UNIT))
+        if (!charge(work, budget, 1 + points_of(mapper, keyframe->keyframe) / POINTS_PER_UNIT))
             return 0;
-        if (!add_key(m, map, key))
-            at->cursor = map->count - 1;
+        if (!add_key(mapper, map, keyframe))
+            work->cursor = map->count - 1;
     }
     return 1;
 }
 
 /* ---- The matches ---- */
 
-/* Begins the match against the local map at hand; 0 when that is empty. */
-static int begin_match(cairn_filter_mapper *m)
+/* Begins the match against the current local map; returns 0 when that is empty. */
+static int begin_match(cairn_filter_mapper *mapper)
 {
-    cairn_scan_view view = cairn_mapper_view(m->front);
-    cairn_pose_prior prior = {m->at.expected, m->sigma_distance, m->sigma_distance, m->sigma_turn};
+    cairn_scan_view view = cairn_mapper_view(mapper->front);
+    cairn_pose_prior prior = {mapper->proposal.expected, mapper->sigma_distance,
+                              mapper->sigma_distance, mapper->sigma_theta};
 
-    return cairn_icp_begin(m->icp, view.points, view.point_count, m->at.expected, &prior, NULL) ==
-           CAIRN_OK;
+    return cairn_icp_begin(mapper->icp, view.points, view.point_count, mapper->proposal.expected,
+                           &prior, NULL) == CAIRN_OK;
 }
 
-static void add_place(cairn_filter_mapper *m, cairn_pose mean, cairn_sym3 covariance)
+static void add_mode(cairn_filter_mapper *mapper, cairn_pose mean, cairn_sym3 covariance)
 {
-    place *p = &m->at.place[m->at.place_count++];
+    proposal_mode *p = &mapper->proposal.modes[mapper->proposal.mode_count++];
     cairn_real variance[3];
 
     p->mean = mean;
@@ -193,11 +200,11 @@ static void add_place(cairn_filter_mapper *m, cairn_pose mean, cairn_sym3 covari
         p->sigma[k] = cairn_sqrt(variance[k]);
 }
 
-/* A match that counts is a place for candidates. */
-static void end_match(cairn_filter_mapper *m)
+/* Adds a valid match as a mode of the proposal. */
+static void end_match(cairn_filter_mapper *mapper)
 {
-    const cairn_filter_mapper_params *p = &m->params;
-    cairn_icp_result match = cairn_icp_read(m->icp);
+    const cairn_filter_mapper_params *p = &mapper->params;
+    cairn_icp_result match = cairn_icp_read(mapper->icp);
     const cairn_real *c = match.covariance;
     cairn_sym3 covariance = {c[0] + p->match_sigma * p->match_sigma,
                              c[1],
@@ -208,30 +215,30 @@ static void end_match(cairn_filter_mapper *m)
 
     if (match.verdict == CAIRN_ICP_TOO_FEW_PAIRS || match.overlap < p->min_support)
         return;
-    add_place(m, match.target_query, covariance);
-    m->returns += m->at.which == OLD;
+    add_mode(mapper, match.target_query, covariance);
+    mapper->revisit_matches += mapper->proposal.map_index == OLD_MAP;
 }
 
 /* ---- The candidates ---- */
 
-/* Without a match there is the motion alone. */
-static void end_matches(cairn_filter_mapper *m)
+/* Without a valid match the motion model alone is the proposal. */
+static void end_matches(cairn_filter_mapper *mapper)
 {
-    cairn_real distance = m->sigma_distance * m->sigma_distance,
-               turn = m->sigma_turn * m->sigma_turn;
+    cairn_real distance = mapper->sigma_distance * mapper->sigma_distance,
+               turn = mapper->sigma_theta * mapper->sigma_theta;
     cairn_sym3 motion = {distance, 0, 0, distance, 0, turn};
 
-    if (m->at.place_count == 0)
-        add_place(m, m->at.expected, motion);
+    if (mapper->proposal.mode_count == 0)
+        add_mode(mapper, mapper->proposal.expected, motion);
 }
 
-static cairn_pose draw_from(cairn_filter_mapper *m, const place *from)
+static cairn_pose draw_from(cairn_filter_mapper *mapper, const proposal_mode *from)
 {
     cairn_real e[3] = {0, 0, 0};
     cairn_pose pose;
 
     for (int k = 0; k < 3; k++) {
-        cairn_real step = from->sigma[k] * cairn_random_normal(&m->random);
+        cairn_real step = from->sigma[k] * cairn_random_normal(&mapper->random);
 
         for (int i = 0; i < 3; i++)
             e[i] += step * from->axis[k][i];
@@ -242,154 +249,157 @@ static cairn_pose draw_from(cairn_filter_mapper *m, const place *from)
     return pose;
 }
 
-/* Log of the density of a motion, but for what all candidates of all particles share. */
-static cairn_real log_motion(const cairn_filter_mapper *m, cairn_pose x)
+/* Returns the log density of a motion up to a common constant, nats. */
+static cairn_real log_motion(const cairn_filter_mapper *mapper, cairn_pose x)
 {
-    cairn_pose e = cairn_pose_between(m->at.expected, x);
-    cairn_real distance = m->sigma_distance, turn = e.theta / m->sigma_turn;
+    cairn_pose e = cairn_pose_between(mapper->proposal.expected, x);
+    cairn_real distance = mapper->sigma_distance, turn = e.theta / mapper->sigma_theta;
 
     return -((e.x * e.x + e.y * e.y) / (distance * distance) + turn * turn) / 2;
 }
 
-static int draw_candidates(cairn_filter_mapper *m, cairn_budget *budget)
+static int draw_candidates(cairn_filter_mapper *mapper, cairn_budget *budget)
 {
-    proposing *at = &m->at;
+    proposal *work = &mapper->proposal;
 
-    for (; at->cursor < m->params.candidates; at->cursor++) {
-        path_state *s = &at->candidates[at->cursor];
+    for (; work->cursor < mapper->params.candidates; work->cursor++) {
+        path_state *s = &work->candidates[work->cursor];
 
-        if (!pay(at, budget, DRAW_COST))
+        if (!charge(work, budget, DRAW_COST))
             return 0;
-        s->key = m->keys;
-        s->map_key = draw_from(m, &at->place[at->cursor % at->place_count]);
-        s->log_weight = log_motion(m, s->map_key);
+        s->keyframe = mapper->keyframe_count;
+        s->map_keyframe = draw_from(mapper, &work->modes[work->cursor % work->mode_count]);
+        s->log_weight = log_motion(mapper, s->map_keyframe);
     }
     return 1;
 }
 
 /* ---- Their weights ---- */
 
-/* Of every how many points of the scan one is weighed. */
-static int32_t stride_of(const cairn_filter_mapper *m, int32_t count)
+/* Returns n where every n-th point of the scan is scored. */
+static int32_t stride_of(const cairn_filter_mapper *mapper, int32_t count)
 {
-    return (count + m->params.points - 1) / m->params.points;
+    return (count + mapper->params.points - 1) / mapper->params.points;
 }
 
-/* What a point tells against a map, 0 ... outlier. */
-static cairn_real point_cost(const cairn_filter_mapper *m, const local_map *map,
+/* Returns the cost of a point against a map: half the squared normalized distance along the normal,
+ * 0 ... max_point_cost. */
+static cairn_real point_cost(const cairn_filter_mapper *mapper, const local_map *map,
                              cairn_transform map_scan, cairn_oriented_point point)
 {
     cairn_vec2 p = cairn_transform_point(map_scan, point.position);
     cairn_vec2 direction = cairn_transform_direction(map_scan, point.direction);
-    int32_t nearest = cairn_point_grid_nearest(map->points, p, GATE * m->params.sigma, NULL);
+    int32_t nearest =
+        cairn_point_grid_nearest(map->points, p, GATE_SIGMAS * mapper->params.sigma, NULL);
     cairn_real across;
 
-    if (nearest < 0 || cairn_vec2_dot(direction, map->direction[nearest]) < FACING)
-        return m->params.outlier;
+    if (nearest < 0 || cairn_vec2_dot(direction, map->direction[nearest]) < MIN_COSINE)
+        return mapper->params.outlier;
     across = cairn_vec2_cross(map->direction[nearest],
                               cairn_vec2_sub(p, cairn_point_grid_point(map->points, nearest))) /
-             m->params.sigma;
-    return cairn_min(across * across / 2, m->params.outlier);
+             mapper->params.sigma;
+    return cairn_min(across * across / 2, mapper->params.outlier);
 }
 
-/* Goes on with the candidate at hand. 1: it is weighed. */
-static int weigh_candidate(cairn_filter_mapper *m, cairn_scan_view view, cairn_budget *budget)
+/* Continues scoring the current candidate. Returns 1 when done. */
+static int weigh_candidate(cairn_filter_mapper *mapper, cairn_scan_view view, cairn_budget *budget)
 {
-    proposing *at = &m->at;
-    path_state *s = &at->candidates[at->candidate];
-    cairn_transform map_scan = cairn_transform_of(s->map_key);
-    int32_t stride = stride_of(m, view.point_count),
+    proposal *work = &mapper->proposal;
+    path_state *s = &work->candidates[work->candidate];
+    cairn_transform map_scan = cairn_transform_of(s->map_keyframe);
+    int32_t stride = stride_of(mapper, view.point_count),
             weighed = (view.point_count + stride - 1) / stride;
 
-    for (; at->cursor < view.point_count; at->cursor += stride) {
-        if (!pay(at, budget, 2 * LOCAL_MAPS))
+    for (; work->cursor < view.point_count; work->cursor += stride) {
+        if (!charge(work, budget, 2 * LOCAL_MAPS))
             return 0;
         for (int which = 0; which < LOCAL_MAPS; which++)
-            at->cost += point_cost(m, &at->map[which], map_scan, view.points[at->cursor]);
+            work->cost +=
+                point_cost(mapper, &work->maps[which], map_scan, view.points[work->cursor]);
     }
-    s->log_weight -= at->cost * m->params.weight / (cairn_real)weighed;
-    at->cursor = 0;
-    at->cost = 0;
+    s->log_weight -= work->cost * mapper->params.weight / (cairn_real)weighed;
+    work->cursor = 0;
+    work->cost = 0;
     return 1;
 }
 
-/* 1: all candidates are weighed. */
-static int weigh_candidates(cairn_filter_mapper *m, cairn_budget *budget)
+/* Returns 1 when all candidates are scored. */
+static int weigh_candidates(cairn_filter_mapper *mapper, cairn_budget *budget)
 {
-    cairn_scan_view view = cairn_mapper_view(m->front);
+    cairn_scan_view view = cairn_mapper_view(mapper->front);
 
-    for (; m->at.candidate < m->params.candidates; m->at.candidate++)
-        if (!weigh_candidate(m, view, budget))
+    for (; mapper->proposal.candidate < mapper->params.candidates; mapper->proposal.candidate++)
+        if (!weigh_candidate(mapper, view, budget))
             return 0;
     return 1;
 }
 
-/* ---- The particle's turn ---- */
+/* ---- Stages of a particle ---- */
 
-static void enter(proposing *at, propose_stage stage)
+static void enter(proposal *work, propose_stage stage)
 {
-    at->stage = stage;
-    at->cursor = 0;
+    work->stage = stage;
+    work->cursor = 0;
 }
 
-/* After the match against one map that against the other; after both the candidates. */
-static void next_map(cairn_filter_mapper *m)
+/* Continues with the match against the other map, after both with drawing the candidates. */
+static void next_map(cairn_filter_mapper *mapper)
 {
-    if (++m->at.which < LOCAL_MAPS) {
-        enter(&m->at, PROPOSE_CLEAR);
+    if (++mapper->proposal.map_index < LOCAL_MAPS) {
+        enter(&mapper->proposal, PROPOSE_CLEAR);
         return;
     }
-    end_matches(m);
-    enter(&m->at, PROPOSE_DRAW);
+    end_matches(mapper);
+    enter(&mapper->proposal, PROPOSE_DRAW);
 }
 
-/* One stage. 0: the budget is used up. */
-static int advance(cairn_filter_mapper *m, cairn_budget *budget)
+/* Processes one stage. Returns 0 when the budget is used up. */
+static int advance(cairn_filter_mapper *mapper, cairn_budget *budget)
 {
-    proposing *at = &m->at;
+    proposal *work = &mapper->proposal;
 
-    switch (at->stage) {
+    switch (work->stage) {
     case PROPOSE_EMPTY:
-        if (!empty_maps(m, budget))
+        if (!empty_maps(mapper, budget))
             return 0;
-        enter(at, PROPOSE_WALK);
+        enter(work, PROPOSE_WALK);
         return 1;
     case PROPOSE_WALK:
-        if (!walk_path(m, budget))
+        if (!walk_path(mapper, budget))
             return 0;
-        enter(at, PROPOSE_CLEAR);
+        enter(work, PROPOSE_CLEAR);
         return 1;
     case PROPOSE_CLEAR:
-        if (!pay(at, budget, 1 + m->params.max_local_points / CLEARED_PER_UNIT))
+        if (!charge(work, budget, 1 + mapper->params.max_local_points / CLEARED_PER_UNIT))
             return 0;
-        cairn_icp_clear_target(m->icp);
-        enter(at, PROPOSE_FILL);
+        cairn_icp_clear_target(mapper->icp);
+        enter(work, PROPOSE_FILL);
         return 1;
     case PROPOSE_FILL:
-        if (!fill_map(m, budget))
+        if (!fill_map(mapper, budget))
             return 0;
-        if (begin_match(m))
-            enter(at, PROPOSE_MATCH);
+        if (begin_match(mapper))
+            enter(work, PROPOSE_MATCH);
         else
-            next_map(m);
+            next_map(mapper);
         return 1;
     case PROPOSE_MATCH:
-        if (cairn_icp_step(m->icp, budget) == CAIRN_MORE)
+        if (cairn_icp_step(mapper->icp, budget) == CAIRN_MORE)
             return 0;
-        end_match(m);
-        next_map(m);
+        end_match(mapper);
+        next_map(mapper);
         return 1;
     case PROPOSE_DRAW:
-        if (!draw_candidates(m, budget))
+        if (!draw_candidates(mapper, budget))
             return 0;
-        enter(at, PROPOSE_WEIGH);
-        at->candidate = 0;
-        at->cost = 0;
+        enter(work, PROPOSE_WEIGH);
+        work->candidate = 0;
+        work->cost = 0;
         return 1;
     default:
-        if (!weigh_candidates(m, budget))
+        if (!weigh_candidates(mapper, budget))
             return 0;
-        enter(at, PROPOSE_OFFER);
+        enter(work, PROPOSE_OFFER);
         return 1;
     }
 }
@@ -397,26 +407,28 @@ static int advance(cairn_filter_mapper *m, cairn_budget *budget)
 static cairn_status propose(void *context, cairn_particle_filter *filter, int32_t index,
                             cairn_budget *budget)
 {
-    cairn_filter_mapper *m = context;
+    cairn_filter_mapper *mapper = context;
 
-    if (m->at.stage == PROPOSE_BEGIN) {
-        begin(m, cairn_particle_filter_particle(filter, index).state);
-        enter(&m->at, PROPOSE_EMPTY);
+    if (mapper->proposal.stage == PROPOSE_BEGIN) {
+        begin(mapper, cairn_particle_filter_particle(filter, index).state);
+        enter(&mapper->proposal, PROPOSE_EMPTY);
     }
-    while (m->at.stage != PROPOSE_OFFER)
-        if (!advance(m, budget))
+    while (mapper->proposal.stage != PROPOSE_OFFER)
+        if (!advance(mapper, budget))
             return CAIRN_MORE;
-    for (int32_t k = 0; k < m->params.candidates; k++) {
-        cairn_status status = cairn_particle_filter_offer(filter, &m->at.candidates[k], 0);
+    for (int32_t k = 0; k < mapper->params.candidates; k++) {
+        cairn_status status =
+            cairn_particle_filter_offer(filter, &mapper->proposal.candidates[k], 0);
 
         CAIRN_ASSERT(status == CAIRN_OK);
         (void)status;
     }
-    m->at.stage = PROPOSE_BEGIN;
+    mapper->proposal.stage = PROPOSE_BEGIN;
     return CAIRN_OK;
 }
 
-/* Weighed when they were drawn: the local maps are those of one particle at a time. */
+/* Likelihood callback: returns the weight computed when the candidate was drawn, since the local
+ * maps are those of one particle at a time. */
 static cairn_status likelihood(void *context, const cairn_particle_filter *filter, int32_t index,
                                const void *state, cairn_real *log_likelihood, cairn_budget *budget)
 {

@@ -1,88 +1,90 @@
-/* What the parts of filter_mapper share: filter_mapper.c (params, memory, scan by scan) and
- * filter_mapper_propose.c (what a particle makes of a key scan). */
+/* Internal state shared by filter_mapper.c (params, memory, scan by scan) and
+ * filter_mapper_propose.c (proposal and weight of a particle). */
 #ifndef CAIRN_MAPPING_FILTER_MAPPER_WORK_H
 #define CAIRN_MAPPING_FILTER_MAPPER_WORK_H
 
 #include "cairn/filter_mapper.h"
 #include "cairn/neighbours.h"
 
-/* One key scan of a path; the states before it in the tree are the key scans before. */
+/* A node of the tree of paths: one keyframe of a path; its ancestors are the keyframes before. */
 typedef struct path_state {
-    cairn_pose map_key;
-    cairn_real log_weight; /* of the candidate that it was: log p(z | maps, x) p(x | motion) */
-    int32_t key;
+    cairn_pose map_keyframe;
+    cairn_real log_weight; /* nats: log p(z | maps, x) p(x | motion) of the drawn candidate */
+    int32_t keyframe;
 } path_state;
 
-/* A key scan of a local map. */
-typedef struct local_key {
-    cairn_pose map_key;
-    cairn_real distance; /* squared, from where the particle is expected */
-    int32_t key;
-} local_key;
+/* A keyframe of a local map. */
+typedef struct local_keyframe {
+    cairn_pose map_keyframe;
+    cairn_real distance; /* m^2, squared distance from the expected pose */
+    int32_t keyframe;
+} local_keyframe;
 
-enum { RECENT = 0, OLD = 1, LOCAL_MAPS = 2 };
+enum { RECENT_MAP = 0, OLD_MAP = 1, LOCAL_MAPS = 2 };
 
-/* A part of a particle's map around the key scan at hand. */
+/* The recent or the old part of a particle's map near the current keyframe. */
 typedef struct local_map {
-    local_key list[CAIRN_FILTER_MAPPER_LOCAL_MOST]; /* the nearest ones, by distance */
+    /* nearest keyframes, sorted by distance */
+    local_keyframe nearest[CAIRN_FILTER_MAPPER_LOCAL_MOST];
     int32_t count;
     cairn_point_grid *points;
-    cairn_vec2 *direction; /* [max_local_points] of the points */
+    cairn_vec2 *direction; /* [max_local_points] tangent directions of the points */
 } local_map;
 
-/* Where candidates are drawn: a normal distribution by the axes of its ellipsoid. */
-typedef struct place {
+/* A mode of the proposal distribution: a Gaussian by the principal axes of its covariance; sigma in
+ * m and rad, mixed along an axis. */
+typedef struct proposal_mode {
     cairn_pose mean;
     cairn_real axis[3][3], sigma[3];
-} place;
+} proposal_mode;
 
 typedef int32_t propose_stage;
 enum {
     PROPOSE_IDLE = 0,
     PROPOSE_BEGIN,
-    PROPOSE_EMPTY, /* what the local maps hold of the particle before */
-    PROPOSE_WALK,  /* along the path, which key scans are near */
-    PROPOSE_CLEAR, /* the target of the match */
-    PROPOSE_FILL,  /* the local map at hand into the match and its grid */
+    PROPOSE_EMPTY, /* remove the previous particle's points */
+    PROPOSE_WALK,  /* select nearby keyframes along the path */
+    PROPOSE_CLEAR, /* clear the target of the match */
+    PROPOSE_FILL,  /* add the current local map to the match and its grid */
     PROPOSE_MATCH,
     PROPOSE_DRAW,
     PROPOSE_WEIGH,
     PROPOSE_OFFER
 };
 
-/* A particle's work on the key scan at hand. */
-typedef struct proposing {
+/* A particle's proposal for the current keyframe, in progress. */
+typedef struct proposal {
     propose_stage stage;
     int32_t cursor, candidate;
-    int32_t paid;
-    int32_t which; /* local map at hand */
+    int32_t units_charged;
+    int32_t map_index; /* current local map */
     const path_state *ancestor;
     cairn_pose expected;
-    local_map map[LOCAL_MAPS];
-    place place[LOCAL_MAPS];
-    int32_t place_count;
+    local_map maps[LOCAL_MAPS];
+    proposal_mode modes[LOCAL_MAPS];
+    int32_t mode_count;
     path_state candidates[CAIRN_FILTER_MAPPER_CANDIDATES_MOST];
-    cairn_real cost; /* of the candidate at hand */
-} proposing;
+    cairn_real cost; /* nats: cost of the current candidate */
+} proposal;
 
 struct cairn_filter_mapper {
     cairn_filter_mapper_params params;
     cairn_mapper *front;
     cairn_particle_filter *filter;
     cairn_icp *icp;
-    cairn_oriented_point *oriented; /* [scan.max_points] a key scan on its way into a local map */
+    cairn_oriented_point *points; /* [scan.max_points] buffer of one keyframe */
     cairn_random random;
-    proposing at;
+    proposal proposal;
 
-    int32_t in_front;          /* 1: the mapper that goes ahead is at the scan */
-    int32_t keys;              /* in the filter */
-    cairn_pose motion;         /* to the key scan at hand, from the one before */
-    cairn_real sigma_distance; /* of that motion, m ... */
-    cairn_real sigma_turn;     /* ... and rad */
-    int64_t returns, units;
+    int32_t front_is_active;   /* 1: the front-end mapper processes the scan */
+    int32_t keyframe_count;    /* in the filter */
+    cairn_pose motion;         /* from the previous keyframe to the current one */
+    cairn_real sigma_distance; /* m: standard deviation of that motion */
+    cairn_real sigma_theta;    /* rad: likewise */
+    int64_t revisit_matches, units;
 };
 
-/* The model of the filter. */
+/* Returns the callbacks of the particle filter. */
 cairn_particle_model cairn_filter_mapper_model(cairn_filter_mapper *mapper);
 
 #endif

@@ -1,16 +1,15 @@
-/* Force field simulation: memory, inputs, readers. Parameters are in force_field_params.c; what an
- * iteration does is in force_field_iteration.c, force_field_pairs.c, force_field_springs.c and
+/* Force field simulation: memory, inputs and readers. Parameters are in force_field_params.c; an
+ * iteration is in force_field_iteration.c, force_field_pairs.c, force_field_springs.c and
  * force_field_move.c.
  *
- * Layout: the scans as they came in a scan set; beside it arrays of segments and, unless they are
- * made on the fly, points in the map. Poses and motions are held twice: readers see one, the
- * iteration under way fills the other. Scans that arrive during an iteration lie behind those that
- * it works on; released ones are removed, and the gaps closed, between iterations. Points from
- * outside are held twice as well.
+ * Layout: the scans are in a scan set. Arrays of segments and, unless generated on demand, points
+ * hold them in the map. Poses and motions are double-buffered: readers see one buffer, the current
+ * iteration fills the other. Scans added during an iteration lie behind those in use. Removed ones
+ * are compacted between iterations. External points are double-buffered as well.
  *
  * Limits: in float the map should not be larger than about 100 m. The time of an iteration grows
- * with the pairs of points within reach. The force on a single point is not kept:
- * cairn_force_field_point_force sums it up again.
+ * with the pairs of points within reach. The force on a single point is not stored:
+ * cairn_force_field_point_force computes it again.
  *
  * Source: Adluru 2008, chapter 7. */
 #include "src/core/build.h"
@@ -19,7 +18,7 @@
 
 #include "src/mapping/force_field_iteration.h"
 
-/* Parameters and poses beyond this are refused. */
+/* maximum magnitude of parameters and poses, m */
 #define MAX_VALUE CAIRN_REAL(1e6)
 
 /* ---- Memory ---- */
@@ -52,8 +51,8 @@ static cairn_point_grid_params grid_params(const cairn_force_field_params *p)
     return params;
 }
 
-/* Objects within the object: counted on a counting pool, created on a real one, which has been
- * asked for room. */
+/* Counts an object's memory and returns 1 on a counting pool; returns 0 on a real one, whose
+ * capacity has been checked. */
 static int only_counted(cairn_pool *pool, size_t need)
 {
     if (pool->base != NULL)
@@ -144,11 +143,11 @@ static cairn_force_field *carve(cairn_pool *pool, const cairn_force_field_params
     cairn_box_sweep *sweep = carve_sweep(pool, params);
     cairn_corner_set *corners = params->roi ? carve_corners(pool, params) : NULL;
     cairn_point_grid *grid = params->roi ? carve_grid(pool, params) : NULL;
-    struct cairn_force_balance *balances = NULL;
+    struct cairn_force_unknown *unknowns = NULL;
     struct cairn_force_bond *bonds = NULL;
 
     if (params->mode == CAIRN_FORCE_FIELD_SPRINGS) {
-        balances = cairn_pool_take(pool, scans, sizeof *balances);
+        unknowns = cairn_pool_take(pool, scans, sizeof *unknowns);
         bonds = cairn_pool_take(pool, (size_t)params->max_bonds, sizeof *bonds);
     }
 
@@ -169,7 +168,7 @@ static cairn_force_field *carve(cairn_pool *pool, const cairn_force_field_params
         field->sweep = sweep;
         field->corners = corners;
         field->grid = grid;
-        field->balances = balances;
+        field->unknowns = unknowns;
         field->bonds = bonds;
     }
     return field;
@@ -202,7 +201,7 @@ cairn_status cairn_force_field_create(cairn_force_field **field, cairn_pool *poo
         return CAIRN_NO_MEMORY;
     made = carve(pool, params);
     made->params = *params;
-    if (made->balances != NULL && params->twist > 0)
+    if (made->unknowns != NULL && params->twist > 0)
         made->params.potential = 1;
     cairn_force_kernel_init(&made->kernel);
     if (made->in_region != NULL)
@@ -216,7 +215,7 @@ cairn_status cairn_force_field_create(cairn_force_field **field, cairn_pool *poo
 
 /* ---- Inputs ---- */
 
-/* The commit point at which an input takes effect. */
+/* Returns the commit point at which an input takes effect. */
 static uint32_t next_commit(const cairn_force_field *field)
 {
     return cairn_force_iteration_is_between(field) ? field->commits : field->commits + 1;
@@ -261,8 +260,8 @@ cairn_status cairn_force_field_add_scan(cairn_force_field *field, const cairn_sc
     body = &field->bodies[slot];
     memset(body, 0, sizeof *body);
     body->is_new = 1;
-    body->since = next_commit(field);
-    field->present++;
+    body->active_from = next_commit(field);
+    field->scan_count++;
     if (cairn_force_iteration_is_between(field))
         cairn_force_iteration_take_in(field);
     return CAIRN_OK;
@@ -276,7 +275,7 @@ int32_t cairn_force_field_next(const cairn_force_field *field)
 static int is_there(const cairn_force_field *field, int32_t scan)
 {
     return field != NULL && scan >= 0 && scan < field->set->scan_count &&
-           field->set->scans[scan].in_use && !field->bodies[scan].leaves;
+           field->set->scans[scan].in_use && !field->bodies[scan].is_leaving;
 }
 
 cairn_status cairn_force_field_fix(cairn_force_field *field, int32_t scan, int32_t yes)
@@ -314,11 +313,11 @@ cairn_status cairn_force_field_release(cairn_force_field *field, int32_t scan)
     if (!is_there(field, scan))
         return CAIRN_BAD_ARGUMENT;
     body = &field->bodies[scan];
-    body->leaves = 1;
-    body->until = next_commit(field);
-    body->next_leaving = field->leaving;
-    field->leaving = scan;
-    field->present--;
+    body->is_leaving = 1;
+    body->active_until = next_commit(field);
+    body->next_leaving = field->last_leaving;
+    field->last_leaving = scan;
+    field->scan_count--;
     if (cairn_force_iteration_is_between(field))
         field->revision++;
     return CAIRN_OK;
@@ -345,7 +344,7 @@ static cairn_status check_extra(const cairn_force_field *field, const cairn_orie
     return CAIRN_OK;
 }
 
-/* Cuts the points into runs of one direction, so that they can be treated as the points of a
+/* Copies the points, cut into runs of one direction, which are processed like the points of a
  * segment. */
 static void copy_extra(struct cairn_force_extra *extra, const cairn_oriented_point *points,
                        const cairn_real *weights, int32_t count)
@@ -375,7 +374,7 @@ cairn_status cairn_force_field_set_extra(cairn_force_field *field,
     if (status != CAIRN_OK)
         return status;
     copy_extra(&field->extra[1 - field->extra_front], points, weights, count);
-    field->extra_waits = 1;
+    field->extra_pending = 1;
     return CAIRN_OK;
 }
 
@@ -392,12 +391,12 @@ void cairn_force_field_clear(cairn_force_field *field)
     cairn_scan_set_clear(field->set);
     for (int i = 0; i < 2; i++)
         field->extra[i].count = field->extra[i].runs = 0;
-    field->extra_waits = 0;
-    field->leaving = -1;
-    field->present = 0;
-    field->reported = 0;
+    field->extra_pending = 0;
+    field->last_leaving = -1;
+    field->scan_count = 0;
+    field->has_forces = 0;
     field->phase = PHASE_AT_COMMIT;
-    field->paid = 0;
+    field->units_charged = 0;
     field->clock = field->commits = 0;
     field->placed_sigma = 0;
     field->placed_segments = 0;
@@ -410,7 +409,7 @@ void cairn_force_field_clear(cairn_force_field *field)
 
 static int is_untidy(const cairn_force_field *field)
 {
-    return field->leaving >= 0 || field->set->gaps;
+    return field->last_leaving >= 0 || field->set->gaps;
 }
 
 static cairn_status run(cairn_force_field *field, cairn_budget *budget, int one)
@@ -420,7 +419,7 @@ static cairn_status run(cairn_force_field *field, cairn_budget *budget, int one)
 
         if (field->phase == PHASE_AT_COMMIT && is_untidy(field)) {
             field->phase = PHASE_PACK;
-            field->reported = 0;
+            field->has_forces = 0;
         }
         if (field->phase == PHASE_PACK) {
             status = cairn_force_iteration_step(field, budget);
@@ -428,7 +427,7 @@ static cairn_status run(cairn_force_field *field, cairn_budget *budget, int one)
                 return status;
         }
         if (field->phase == PHASE_AT_COMMIT) {
-            if (field->present == 0)
+            if (field->scan_count == 0)
                 return CAIRN_EMPTY;
             if (field->state.verdict != CAIRN_FORCE_FIELD_RUNNING)
                 return CAIRN_OK;
@@ -515,7 +514,7 @@ int32_t cairn_force_field_has(const cairn_force_field *field, int32_t scan)
     return scan >= 0 && scan < field->slots && cairn_force_iteration_has(field, scan);
 }
 
-/* The segment of a scan that holds a point; they are in the order of their points. */
+/* Returns the segment of a scan that contains a point; segments are sorted by their points. */
 static int32_t segment_of(const cairn_scan_set *set, const cairn_scan_set_scan *scan, int32_t point)
 {
     int32_t low = scan->first_segment, high = scan->end_segment;
@@ -541,7 +540,7 @@ cairn_status cairn_force_field_point_force(const cairn_force_field *field, int32
         index < 0 ||
         index >= field->set->scans[scan].end_point - field->set->scans[scan].first_point)
         return CAIRN_BAD_ARGUMENT;
-    if (field->phase != PHASE_AT_COMMIT || !field->reported || !field->bodies[scan].reported)
+    if (field->phase != PHASE_AT_COMMIT || !field->has_forces || !field->bodies[scan].has_forces)
         return CAIRN_EMPTY;
     from = &field->set->scans[scan];
     point = from->first_point + index;

@@ -1,20 +1,23 @@
 /* One iteration of force field simulation.
  *
  * Method (Adluru 2008, algorithm 1), one phase after the other, each in bounded steps:
- *   COMPARE      which scans have moved since the last iteration
- *   PLACE        their segments and points into the map, boxes around the points of each segment
- *   CORNERS      search for corners over all segments; UNGRID, GRID: the corners into a hash grid
- *   MASSES       points near a corner are in a region of interest
- *   PAIRS        forces between the points of near segments (force_field_pairs)
- *   BALANCE      with springs: the motions that bring them to rest (force_field_springs)
- *   MOVE         each scan moved from rest (eqs. 7.6 to 7.9; force_field_move)
- *   commit       buffers swapped, cooling (section 7.3.2), verdict
+ *
+ * 1. COMPARE: finds the scans that have moved since the last iteration.
+ * 2. PLACE: transforms their segments and points into the map; bounding boxes of the points of each
+ *    segment.
+ * 3. CORNERS: corner detection over all segments. UNGRID, GRID: the corners into a hash grid.
+ * 4. MASSES: points near a corner are in a region of interest.
+ * 5. PAIRS: forces between the points of near segments (force_field_pairs.c).
+ * 6. SOLVE: in mode SPRINGS, motions to the equilibrium (force_field_springs.c).
+ * 7. MOVE: moves each scan from rest (eqs. 7.6 to 7.9; force_field_move.c).
+ * 8. Commit: swaps buffers, cooling (section 7.3.2), verdict.
+ *
  * Without regions of interest CORNERS to MASSES are left out.
  *
- * A scan whose neighbours stood still keeps its forces. Neighbours are the scans with segments in
- * near boxes: MARK_OLD walks over those as they were, MARK_NEW as they are, and every scan near one
- * that has moved is dirty; only dirty scans are summed up anew. When sigma has changed, as it does
- * while the field cools, all are.
+ * The forces of a scan are cached while its neighbours rest. Neighbours are the scans with segments
+ * in near boxes. MARK_OLD traverses the previous boxes, MARK_NEW the current ones; every scan near
+ * one that has moved is dirty. Only dirty scans are recomputed. When sigma has changed, as during
+ * cooling, all are.
  *
  * Source: Adluru 2008, chapter 7. */
 #include "src/core/build.h"
@@ -23,10 +26,10 @@
 
 #include "src/mapping/force_field_iteration.h"
 
-enum { GROUP = 8, FEW = 4 };
+enum { POINTS_PER_GROUP = 8, ITEMS_PER_GROUP = 4 };
 
-/* Relative growth of boxes beyond what exact arithmetic needs. */
-#define SLACK CAIRN_REAL(1.001)
+/* relative growth of boxes beyond exact arithmetic */
+#define BOX_GROWTH_FACTOR CAIRN_REAL(1.001)
 
 int32_t cairn_force_iteration_is_between(const cairn_force_field *field)
 {
@@ -37,8 +40,8 @@ int32_t cairn_force_iteration_has(const cairn_force_field *field, int32_t scan)
 {
     const struct cairn_force_body *body = &field->bodies[scan];
 
-    return field->set->scans[scan].in_use && field->commits >= body->since &&
-           !(body->leaves && field->commits >= body->until);
+    return field->set->scans[scan].in_use && field->commits >= body->active_from &&
+           !(body->is_leaving && field->commits >= body->active_until);
 }
 
 int32_t cairn_force_iteration_is_fixed(const cairn_force_field *field, int32_t scan)
@@ -71,27 +74,28 @@ void cairn_force_iteration_begin(cairn_force_field *field)
 
     field->clock++;
     field->segment_count = field->set->segment_count;
-    if (field->extra_waits) {
+    if (field->extra_pending) {
         field->extra_front = 1 - field->extra_front;
-        field->extra_waits = 0;
+        field->extra_pending = 0;
         field->placed_sigma = 0;
     }
-    field->fresh = field->sigma != field->placed_sigma || cairn_force_has_springs(field);
+    field->recomputes_all = field->sigma != field->placed_sigma || cairn_force_has_springs(field);
     field->placed_sigma = field->sigma;
-    if (field->fresh)
+    if (field->recomputes_all)
         field->free_box = cairn_box_empty();
-    /* A little below, so that rounding does not decide where the two meet. */
-    field->by_sensor = cairn_force_has_springs(field) ||
-                       field->sigma < p->sensor_below * p->sigma_start * CAIRN_REAL(0.9999);
-    field->margin = p->reach * field->sigma / 2 * SLACK;
+    /* The threshold is slightly lower, so that rounding does not decide at equality. */
+    field->rotates_about_sensor =
+        cairn_force_has_springs(field) ||
+        field->sigma < p->sensor_below * p->sigma_start * CAIRN_REAL(0.9999);
+    field->margin = p->reach * field->sigma / 2 * BOX_GROWTH_FACTOR;
     cairn_force_kernel_set(&field->kernel, field->sigma, p->reach);
     field->scan = 0;
-    field->moved = field->still = 0;
-    field->paid = 0;
+    field->moved_count = field->still_count = 0;
+    field->units_charged = 0;
     field->phase = PHASE_COMPARE;
 }
 
-/* ---- The phases; each returns CAIRN_OK when it is done ---- */
+/* ---- Phases; each returns CAIRN_OK when it is done ---- */
 
 static void must_be_ok(cairn_status status)
 {
@@ -106,15 +110,15 @@ static int is_same_pose(cairn_pose a, cairn_pose b)
 
 static cairn_status step_pack(cairn_force_field *field, cairn_budget *budget)
 {
-    while (field->leaving >= 0) {
-        struct cairn_force_body *body = &field->bodies[field->leaving];
-        const cairn_scan_set_scan *scan = &field->set->scans[field->leaving];
+    while (field->last_leaving >= 0) {
+        struct cairn_force_body *body = &field->bodies[field->last_leaving];
+        const cairn_scan_set_scan *scan = &field->set->scans[field->last_leaving];
 
-        if (!cairn_budget_pay(budget, &field->paid,
+        if (!cairn_budget_pay(budget, &field->units_charged,
                               1 + (scan->end_segment - scan->first_segment) / 16))
             return CAIRN_MORE;
-        must_be_ok(cairn_scan_set_remove(field->set, field->leaving));
-        field->leaving = body->next_leaving;
+        must_be_ok(cairn_scan_set_remove(field->set, field->last_leaving));
+        field->last_leaving = body->next_leaving;
     }
     return cairn_scan_set_pack(field->set, budget);
 }
@@ -122,24 +126,24 @@ static cairn_status step_pack(cairn_force_field *field, cairn_budget *budget)
 static cairn_status step_compare(cairn_force_field *field, cairn_budget *budget)
 {
     while (field->scan < field->slots) {
-        if (!cairn_budget_pay(budget, &field->paid, 1))
+        if (!cairn_budget_pay(budget, &field->units_charged, 1))
             return CAIRN_MORE;
-        for (int32_t i = 0; i < FEW && field->scan < field->slots; i++, field->scan++) {
+        for (int32_t i = 0; i < ITEMS_PER_GROUP && field->scan < field->slots; i++, field->scan++) {
             struct cairn_force_body *body = &field->bodies[field->scan];
             uint8_t is_fixed = cairn_force_iteration_is_fixed(field, field->scan) != 0;
 
             if (!cairn_force_iteration_has(field, field->scan))
                 continue;
             body->moved =
-                field->fresh || body->is_new || is_fixed != body->is_fixed ||
+                field->recomputes_all || body->is_new || is_fixed != body->is_fixed ||
                 !is_same_pose(body->placed, field->placements[field->front][field->scan].map_scan);
             body->is_fixed = is_fixed;
             body->dirty = body->moved;
-            field->moved += body->moved;
-            field->still += !body->moved;
+            field->moved_count += body->moved;
+            field->still_count += !body->moved;
         }
     }
-    field->mixed = field->moved > 0 && field->still > 0;
+    field->is_partly_still = field->moved_count > 0 && field->still_count > 0;
     field->scan = 0;
     return CAIRN_OK;
 }
@@ -160,7 +164,7 @@ static void grow(cairn_box *box, cairn_real by)
     box->max.y += by;
 }
 
-/* The box of the segment at hand, when all its points are in it. */
+/* Finishes the box of the current segment when all its points are in it. */
 static void end_box(cairn_force_field *field)
 {
     cairn_box *box = &field->boxes[field->extra[field->extra_front].runs + field->segment];
@@ -172,7 +176,7 @@ static void end_box(cairn_force_field *field)
     }
 }
 
-/* A segment without its points. */
+/* Transforms a segment without its points. */
 static void place_segment(cairn_force_field *field)
 {
     const cairn_scan_set_segment *from = &field->set->segments[field->segment];
@@ -188,7 +192,7 @@ static void place_segment(cairn_force_field *field)
     field->boxes[field->extra[field->extra_front].runs + field->segment] = box;
 }
 
-/* The next points of the segment at hand. */
+/* Transforms the next points of the current segment. */
 static void place_points(cairn_force_field *field)
 {
     const cairn_scan_set_segment *from = &field->set->segments[field->segment];
@@ -211,7 +215,7 @@ static void place_points(cairn_force_field *field)
         end_box(field);
 }
 
-/* Units for the next points of a segment, of which `left` are left. */
+/* Returns the units for the next points of a segment, of which `left` are left. */
 static int32_t place_cost(int32_t left)
 {
     return 1 + (left < CAIRN_FORCE_STRIP ? left : CAIRN_FORCE_STRIP) / 2;
@@ -221,15 +225,15 @@ static cairn_status step_place_extra(cairn_force_field *field, cairn_budget *bud
 {
     const struct cairn_force_extra *extra = &field->extra[field->extra_front];
 
-    for (; field->fresh && field->segment < extra->runs; field->segment++) {
+    for (; field->recomputes_all && field->segment < extra->runs; field->segment++) {
         cairn_box *box = &field->boxes[field->segment];
 
         if (field->point == extra->first[field->segment])
             *box = cairn_box_empty();
         while (field->point < extra->first[field->segment + 1]) {
-            int32_t end = field->point + GROUP;
+            int32_t end = field->point + POINTS_PER_GROUP;
 
-            if (!cairn_budget_pay(budget, &field->paid, 1))
+            if (!cairn_budget_pay(budget, &field->units_charged, 1))
                 return CAIRN_MORE;
             for (; field->point < end && field->point < extra->first[field->segment + 1];
                  field->point++)
@@ -242,8 +246,7 @@ static cairn_status step_place_extra(cairn_force_field *field, cairn_budget *bud
     return CAIRN_OK;
 }
 
-/* Segment by segment in the order in which they lie; `point` is -1 before the segment's ends are
- * placed. */
+/* Processes segments in storage order; `point` is -1 before the segment's ends are transformed. */
 static cairn_status step_place(cairn_force_field *field, cairn_budget *budget)
 {
     for (; field->segment < field->segment_count; field->segment++, field->point = -1) {
@@ -253,7 +256,7 @@ static cairn_status step_place(cairn_force_field *field, cairn_budget *budget)
         if (field->point < 0) {
             int32_t is_first = field->set->scans[slot].first_segment == field->segment;
 
-            if (!cairn_budget_pay(budget, &field->paid, is_first ? 4 : 2))
+            if (!cairn_budget_pay(budget, &field->units_charged, is_first ? 4 : 2))
                 return CAIRN_MORE;
             if (!field->bodies[slot].moved)
                 continue;
@@ -265,7 +268,7 @@ static cairn_status step_place(cairn_force_field *field, cairn_budget *budget)
                 end_box(field);
         }
         while (field->point < count) {
-            if (!cairn_budget_pay(budget, &field->paid, place_cost(count - field->point)))
+            if (!cairn_budget_pay(budget, &field->units_charged, place_cost(count - field->point)))
                 return CAIRN_MORE;
             place_points(field);
         }
@@ -277,9 +280,9 @@ static cairn_status step_place(cairn_force_field *field, cairn_budget *budget)
 static cairn_status step_ungrid(cairn_force_field *field, cairn_budget *budget)
 {
     while (cairn_point_grid_count(field->grid) > 0) {
-        if (!cairn_budget_pay(budget, &field->paid, 2 * FEW))
+        if (!cairn_budget_pay(budget, &field->units_charged, 2 * ITEMS_PER_GROUP))
             return CAIRN_MORE;
-        for (int32_t i = 0; i < FEW; i++)
+        for (int32_t i = 0; i < ITEMS_PER_GROUP; i++)
             cairn_point_grid_remove_last(field->grid);
     }
     return CAIRN_OK;
@@ -291,9 +294,9 @@ static cairn_status step_grid(cairn_force_field *field, cairn_budget *budget)
     const cairn_corner *corners = cairn_corner_list(field->corners, &count);
 
     while (cairn_point_grid_count(field->grid) < count) {
-        if (!cairn_budget_pay(budget, &field->paid, 2))
+        if (!cairn_budget_pay(budget, &field->units_charged, 2))
             return CAIRN_MORE;
-        /* As many places as corners. */
+        /* The capacity is max_corners. */
         must_be_ok(cairn_point_grid_insert(field->grid,
                                            corners[cairn_point_grid_count(field->grid)].position));
     }
@@ -301,7 +304,7 @@ static cairn_status step_grid(cairn_force_field *field, cairn_budget *budget)
     return CAIRN_OK;
 }
 
-/* Gives a point its mass; 1 when it had another one. */
+/* Sets the mass of a point; returns 1 when it has changed. */
 static int set_mass(cairn_force_field *field, int32_t point, int is_in_region)
 {
     uint32_t bit = UINT32_C(1) << point % 32, *word;
@@ -320,13 +323,13 @@ static int set_mass(cairn_force_field *field, int32_t point, int is_in_region)
     return had != is_in_region;
 }
 
-/* Looks at the next points of the segment at hand; 1 when the mass of one has changed. */
+/* Tests the next points of the current segment; returns 1 when a mass has changed. */
 static int find_regions(cairn_force_field *field)
 {
     const cairn_scan_set_segment *segment = &field->set->segments[field->segment];
-    cairn_vec2 points[FEW];
+    cairn_vec2 points[ITEMS_PER_GROUP];
     int32_t left = segment->end_point - segment->first_point - field->point,
-            count = left < FEW ? left : FEW;
+            count = left < ITEMS_PER_GROUP ? left : ITEMS_PER_GROUP;
     int changed = 0;
 
     cairn_force_points(field, field->segment, field->point, count, points);
@@ -345,7 +348,7 @@ static cairn_status step_masses(cairn_force_field *field, cairn_budget *budget)
         int32_t count = segment->end_point - segment->first_point;
 
         while (field->point < count) {
-            if (!cairn_budget_pay(budget, &field->paid, 12))
+            if (!cairn_budget_pay(budget, &field->units_charged, 12))
                 return CAIRN_MORE;
             if (find_regions(field)) {
                 field->bodies[segment->scan].moved = 1;
@@ -361,10 +364,12 @@ static cairn_status step_reset(cairn_force_field *field, cairn_budget *budget)
     const cairn_vec2 none = {0, 0};
 
     while (field->scan < field->slots) {
-        if (!cairn_budget_pay(budget, &field->paid,
-                              cairn_force_has_springs(field) ? GROUP : GROUP / 2))
+        if (!cairn_budget_pay(budget, &field->units_charged,
+                              cairn_force_has_springs(field) ? POINTS_PER_GROUP
+                                                             : POINTS_PER_GROUP / 2))
             return CAIRN_MORE;
-        for (int32_t i = 0; i < GROUP && field->scan < field->slots; i++, field->scan++) {
+        for (int32_t i = 0; i < POINTS_PER_GROUP && field->scan < field->slots;
+             i++, field->scan++) {
             struct cairn_force_body *body = &field->bodies[field->scan];
 
             if (cairn_force_has_springs(field))
@@ -415,14 +420,14 @@ static void commit(cairn_force_field *field)
     field->dt = cairn_max(p->dt_end, field->dt * p->dt_factor);
     field->front = 1 - field->front;
     field->commits++;
-    field->reported = 1;
+    field->has_forces = 1;
     field->phase = PHASE_AT_COMMIT;
     cairn_force_iteration_take_in(field);
     if (field->restart)
         cairn_force_iteration_start_cooling(field);
 }
 
-/* What lies where has changed: no order and no number of a segment is what it was. */
+/* Invalidates cached positions after compaction: order and indices of the segments have changed. */
 static void end_pack(cairn_force_field *field)
 {
     field->segment_count = field->set->segment_count;
@@ -457,7 +462,7 @@ static cairn_status run_phase(cairn_force_field *field, cairn_budget *budget)
         return step_reset(field, budget);
     case PHASE_PAIRS:
         return cairn_force_pairs(field, budget);
-    case PHASE_BALANCE:
+    case PHASE_SOLVE:
         return cairn_force_balance_step(field, budget);
     case PHASE_MOVE:
         return cairn_force_move(field, budget);
@@ -472,23 +477,23 @@ static cairn_force_phase phase_after(const cairn_force_field *field)
     case PHASE_PACK:
         return PHASE_AT_COMMIT;
     case PHASE_COMPARE:
-        if (field->moved == 0)
+        if (field->moved_count == 0)
             return PHASE_MOVE;
-        return field->mixed ? PHASE_MARK_OLD : PHASE_PLACE_EXTRA;
+        return field->is_partly_still ? PHASE_MARK_OLD : PHASE_PLACE_EXTRA;
     case PHASE_PLACE:
         if (field->params.roi)
             return PHASE_CORNERS;
-        return field->mixed ? PHASE_MARK_NEW : PHASE_RESET;
+        return field->is_partly_still ? PHASE_MARK_NEW : PHASE_RESET;
     case PHASE_MASSES:
-        return field->mixed ? PHASE_MARK_NEW : PHASE_RESET;
+        return field->is_partly_still ? PHASE_MARK_NEW : PHASE_RESET;
     case PHASE_PAIRS:
-        return cairn_force_has_springs(field) ? PHASE_BALANCE : PHASE_MOVE;
+        return cairn_force_has_springs(field) ? PHASE_SOLVE : PHASE_MOVE;
     default:
         return field->phase + 1;
     }
 }
 
-/* Boxes of the runs and of the segments that are placed. */
+/* Returns the number of boxes of runs and transformed segments. */
 static int32_t boxes_of(const cairn_force_field *field)
 {
     return field->extra[field->extra_front].runs + field->placed_segments;
@@ -507,13 +512,13 @@ static cairn_status begin_phase(cairn_force_field *field)
         field->pair.is_begun = 0;
         return cairn_box_sweep_begin(field->sweep, field->boxes, boxes_of(field));
     case PHASE_PAIRS:
-        field->pair.is_begun = field->pair.due = 0;
+        field->pair.is_begun = field->pair.units_due = 0;
         memset(&field->pair.cursor, 0, sizeof field->pair.cursor);
         field->tiles[0].line = field->tiles[1].line = -1;
         field->bond_count = field->bonds_dropped = 0;
         return cairn_box_sweep_begin_in(field->sweep, field->boxes, boxes_of(field),
                                         field->free_box);
-    case PHASE_BALANCE:
+    case PHASE_SOLVE:
         cairn_force_balance_begin(field);
         return CAIRN_OK;
     case PHASE_MOVE:

@@ -1,13 +1,13 @@
-/* force_field_iteration: one iteration of a force field, and the field's state, which the parts
- * of force_field share. */
+/* force_field_iteration: state of the force field, and one iteration of it. Shared by the source
+ * files of module force_field. */
 #ifndef CAIRN_MAPPING_FORCE_FIELD_ITERATION_H
 #define CAIRN_MAPPING_FORCE_FIELD_ITERATION_H
 
 #include "cairn/force_field.h"
 #include "cairn/small_matrix.h"
 
-/* In the order of an iteration. Between iterations the field is AT_COMMIT or, when scans have
- * been released, in PACK. */
+/* Phases of an iteration, in their order. Between iterations the field is AT_COMMIT or, after a
+ * removal of scans, in PACK. */
 typedef int32_t cairn_force_phase;
 enum {
     PHASE_AT_COMMIT,
@@ -23,7 +23,7 @@ enum {
     PHASE_MARK_NEW,
     PHASE_RESET,
     PHASE_PAIRS,
-    PHASE_BALANCE,
+    PHASE_SOLVE,
     PHASE_MOVE
 };
 
@@ -32,107 +32,112 @@ struct cairn_force_placement {
     cairn_force_field_motion motion;
 };
 
-/* What the field holds of a scan, beside its placements. Forces and the like stay from one
- * iteration to the next as long as nothing near the scan changes. */
+/* State of a scan, besides its placements. Forces are cached from one iteration to the next as long
+ * as nothing near the scan changes. */
 struct cairn_force_body {
     /* of `placed` */
     cairn_transform transform;
-    /* where the scan was when its segments and points were last put into the map */
+    /* pose at which its segments and points were last transformed into the map */
     cairn_pose placed;
     cairn_vec2 centre, force;
     cairn_real torque;
-    /* of all pairs that the scan takes part in */
+    /* sum over all pairs of the scan */
     cairn_real potential;
     int64_t pairs;
     int32_t segment_pairs;
-    /* commit points from which on the scan is there, and is no longer */
-    uint32_t since, until;
-    /* iteration from which on `fixed_after` holds, `fixed_before` until then */
+    /* commit points from which on the scan is present, and is removed */
+    uint32_t active_from, active_until;
+    /* iteration from which on `fixed_after` holds; `fixed_before` until then */
     uint32_t fixed_from;
-    /* the scan released before this one, -1: none */
+    /* the scan removed before this one, -1: none */
     int32_t next_leaving;
     uint8_t fixed_before, fixed_after;
-    /* until counts */
-    uint8_t leaves;
-    /* not yet put into the map */
+    /* active_until is valid */
+    uint8_t is_leaving;
+    /* not yet transformed into the map */
     uint8_t is_new;
     /* in the last iteration */
     uint8_t is_fixed;
     /* took part in the last iteration */
-    uint8_t reported;
-    /* this iteration: its pose, masses or fixing are not those of the last one */
+    uint8_t has_forces;
+    /* this iteration: pose, masses or fixing differ from the last one */
     uint8_t moved;
-    /* this iteration: its forces are computed anew */
+    /* this iteration: its forces are recomputed */
     uint8_t dirty;
 };
 
-/* No scan: of points from outside. */
-enum { CAIRN_FORCE_NOBODY = -1 };
+/* Scan index of external points. */
+enum { CAIRN_FORCE_NO_SCAN = -1 };
 
-/* All springs between two scans. */
+/* A bond: the sum of all springs between two scans. */
 struct cairn_force_bond {
-    /* scans; first may be NOBODY */
+    /* scans; first may be NO_SCAN */
     int32_t first, second;
-    /* another bond with this second scan, -1: none */
+    /* next bond in the list of this second scan, -1: none */
     int32_t next;
-    /* against a motion (x, y, turn) of first against second, about the centre of second */
+    /* against a motion (x, y, rotation) of first relative to second, about the centre of second */
     cairn_sym3 stiffness;
-    /* force and torque on first; second feels the opposite */
-    cairn_real pull[3];
+    /* force and torque on first; opposite on second */
+    cairn_real wrench[3];
 };
 
-/* A scan in the system of all springs; motions are (x, y, turn) about the centre. */
-struct cairn_force_balance {
-    int32_t bond, bonds; /* the last bond of which the scan is the second, -1: none; how many */
-    cairn_sym3 diagonal; /* of the system, then its inverse; 0: the scan stays */
-    cairn_real hold[3];  /* of it what holds the scan back where it is */
-    cairn_real motion[3], residual[3], direction[3], image[3]; /* of conjugate gradients */
+/* Unknowns of a scan in the sparse linear system of all springs: its motion (x, y, rotation) about
+ * the centre. */
+struct cairn_force_unknown {
+    int32_t last_bond,
+        bond_count; /* the last bond with the scan as second, -1: none; number of bonds */
+    /* diagonal block of the system, then its inverse (Jacobi preconditioner); 0: fixed */
+    cairn_sym3 diagonal;
+    cairn_real damping[3]; /* diagonal damping that holds the scan at its pose */
+    /* vectors of the conjugate gradient method; product = A direction */
+    cairn_real motion[3], residual[3], direction[3], product[3];
 };
 
-/* Conjugate gradients under way. */
+/* State of the conjugate gradient method. */
 struct cairn_force_solver {
-    int32_t stage, next, round;
-    cairn_real length, next_length, least_length; /* squares of residuals in the solver's metric */
-    cairn_real curvature;                         /* along the direction */
+    int32_t stage, next_item, iteration;
+    cairn_real residual2, next_residual2,
+        min_residual2;    /* squared residual norms, preconditioned */
+    cairn_real curvature; /* direction^T A direction */
 };
 
-/* Points from outside, in runs of one direction. */
+/* External points, in runs of one direction. */
 struct cairn_force_extra {
     cairn_vec2 *position;  /* [max_extra] */
     cairn_real *weight;    /* [max_extra] */
     cairn_vec2 *direction; /* [max_extra], of each run */
-    int32_t *first;        /* [max_extra + 1], points of each run */
+    int32_t *first;        /* [max_extra + 1], first point of each run */
     int32_t count, runs;
 };
 
-/* A few points of one line, and room for those that are made on the fly. */
+/* A tile: a few points of one line, and buffers for points generated on demand. */
 struct cairn_force_tile {
     cairn_force_strip strip;
     cairn_vec2 position[CAIRN_FORCE_STRIP];
     cairn_real mass[CAIRN_FORCE_STRIP];
     cairn_box box;       /* of the points when the line has more than one tile */
-    int32_t line, first; /* line -1: holds nothing */
+    int32_t line, first; /* line -1: empty */
 };
 
-/* A line: a segment of a scan, or a run of points from outside. */
+/* A line: a segment of a scan, or a run of external points. */
 struct cairn_force_line {
     int32_t index;   /* of its box */
-    int32_t segment; /* below 0: a run */
-    int32_t scan;    /* NOBODY: of a run */
-    int32_t count;   /* points */
+    int32_t segment; /* negative: a run */
+    int32_t scan;    /* NO_SCAN: of a run */
+    int32_t count;   /* number of points */
     cairn_vec2 direction;
 };
 
-/* A pair of lines at work. */
+/* A pair of lines in progress. */
 struct cairn_force_pair {
     struct cairn_force_line line[2];
     int32_t is_begun;
-    int32_t due;     /* units for finding and ending it, to be paid first */
-    int32_t tile[2]; /* first points of the tiles at hand */
-    int32_t loaded;  /* of these tiles */
+    int32_t units_due;     /* units for finding and finishing the pair, charged first */
+    int32_t tile_first[2]; /* first points of the current tiles */
+    int32_t loaded;        /* number of these tiles loaded */
     cairn_force_cursor cursor;
     int32_t is_summed;
-    cairn_real cosine; /* |cos| or what stands for it */
+    cairn_real cosine; /* direction factor: |cos| or max(0, cos) */
     cairn_force_sum sum;
     cairn_force_springs springs;
 };
@@ -144,9 +149,9 @@ struct cairn_force_field {
     cairn_box_sweep *sweep;
     /* NULL without roi */
     cairn_corner_set *corners;
-    /* of the corners; NULL without roi */
+    /* hash grid of the corners; NULL without roi */
     cairn_point_grid *grid;
-    /* [max_scans] each; placements[front] is committed */
+    /* [max_scans] each, double-buffered; placements[front] is committed */
     struct cairn_force_placement *placements[2];
     /* [max_scans] */
     struct cairn_force_body *bodies;
@@ -154,66 +159,68 @@ struct cairn_force_field {
     cairn_segment *segments;
     /* [max_segments], in the map */
     cairn_vec2 *directions;
-    /* [max_extra + max_segments], of the runs, then of the segments with their points, grown */
+    /* [max_extra + max_segments], of the runs, then of the segments with their points, grown by
+     * margin */
     cairn_box *boxes;
     /* [max_points], in the map; NULL with spacing */
     cairn_vec2 *position;
-    /* [max_points], in the forces; NULL with spacing, that of the set without roi */
+    /* [max_points], masses in the forces; NULL with spacing, that of the set without roi */
     cairn_real *mass;
-    /* [max_points / 32 + 1], a bit for each point; NULL but with spacing and roi */
+    /* [max_points / 32 + 1], a bit per point; only with spacing and roi, else NULL */
     uint32_t *in_region;
-    /* extra[extra_front] is in use */
+    /* double-buffered: extra[extra_front] is in use */
     struct cairn_force_extra extra[2];
     /* [max_bonds]; NULL without springs */
     struct cairn_force_bond *bonds;
     /* [max_scans]; NULL without springs */
-    struct cairn_force_balance *balances;
+    struct cairn_force_unknown *unknowns;
 
     int32_t front, extra_front;
-    int32_t extra_waits; /* the other extra is to be used from the next iteration on */
-    int32_t slots;       /* those of scans that have taken effect are below */
-    int32_t present;     /* scans, those that have not yet taken effect included */
-    int32_t leaving;     /* the scan released last, -1: none */
-    int32_t reported;    /* the places, boxes and masses of the last iteration are still there */
-    int32_t restart;     /* wanted at the next commit point */
+    int32_t extra_pending; /* 1: the other buffer is used from the next iteration on */
+    int32_t slots;         /* bound of the indices of scans that have taken effect */
+    int32_t scan_count;    /* scans present, including those that have not taken effect */
+    int32_t last_leaving;  /* the scan removed last, -1: none */
+    /* 1: positions, boxes and masses of the last iteration are still valid */
+    int32_t has_forces;
+    int32_t restart; /* 1: a restart is pending until the next commit point */
     uint32_t revision;
     uint32_t clock;                /* iterations begun */
-    uint32_t commits;              /* and ended */
-    cairn_force_field_state state; /* as committed, but units and worst_step */
+    uint32_t commits;              /* iterations committed */
+    cairn_force_field_state state; /* as committed, except units and max_step_units */
 
-    /* The iteration under way. */
+    /* The current iteration. */
     cairn_force_phase phase;
-    /* units towards the item at hand */
-    int32_t paid;
-    /* those of the scans that have taken effect */
+    /* units charged towards the current item */
+    int32_t units_charged;
+    /* segments of the scans that have taken effect */
     int32_t segment_count;
-    /* whose boxes are those of their last iteration */
+    /* segments whose boxes are those of their last iteration */
     int32_t placed_segments;
-    /* all is computed anew */
-    int32_t fresh;
+    /* all forces are recomputed */
+    int32_t recomputes_all;
     /* some scans have moved, some have not */
-    int32_t mixed;
+    int32_t is_partly_still;
     /* rotations are about the sensor */
-    int32_t by_sensor;
+    int32_t rotates_about_sensor;
     cairn_real sigma, dt;
-    /* product of the factors so far */
+    /* product of the cooling factors so far */
     cairn_real sigma_scale;
-    /* of the boxes */
+    /* sigma of the boxes */
     cairn_real placed_sigma;
     /* m, half the reach: growth of boxes */
     cairn_real margin;
-    /* about the boxes of scans that are not fixed: only there anything attracts */
+    /* bounding box of free scans: forces exist only inside it */
     cairn_box free_box;
-    /* cursors */
+    /* indices of the current items */
     int32_t scan, segment, point;
-    /* COMPARE: scans */
-    int32_t moved, still;
+    /* COMPARE: number of scans */
+    int32_t moved_count, still_count;
     /* PAIRS; MARK_OLD and MARK_NEW: scans and is_begun */
     struct cairn_force_pair pair;
     struct cairn_force_tile tiles[2];
     /* PAIRS */
     int32_t bond_count, bonds_dropped;
-    /* BALANCE */
+    /* SOLVE */
     struct cairn_force_solver solver;
     /* MOVE: sums over the scans */
     int64_t pairs;
@@ -221,20 +228,20 @@ struct cairn_force_field {
     cairn_real potential;
     /* over the free scans */
     cairn_real relocation;
-    /* with points */
+    /* free scans with points */
     int32_t free_scans;
 };
 
-/* Lets all scans that were added take effect. */
+/* Activates all scans that were added. */
 void cairn_force_iteration_take_in(cairn_force_field *field);
 
-/* Sets sigma, dt and the count against max_steps to the start. */
+/* Resets sigma, dt and the count against max_steps. */
 void cairn_force_iteration_start_cooling(cairn_force_field *field);
 
-/* 1 between iterations, when inputs take effect at once. */
+/* Returns 1 between iterations, when inputs take effect at once. */
 int32_t cairn_force_iteration_is_between(const cairn_force_field *field);
 
-/* 1 when a scan has taken effect and was not released. */
+/* Returns 1 when a scan has taken effect and was not removed. */
 int32_t cairn_force_iteration_has(const cairn_force_field *field, int32_t scan);
 
 int32_t cairn_force_iteration_is_fixed(const cairn_force_field *field, int32_t scan);
@@ -242,7 +249,7 @@ int32_t cairn_force_iteration_is_fixed(const cairn_force_field *field, int32_t s
 /* Begins an iteration at a commit point. */
 void cairn_force_iteration_begin(cairn_force_field *field);
 
-/* One phase, or what the budget allows of it (CAIRN_MORE); the last one commits. */
+/* Processes one phase, or as much as the budget allows (CAIRN_MORE); the last phase commits. */
 CAIRN_CHECKED cairn_status cairn_force_iteration_step(cairn_force_field *field,
                                                       cairn_budget *budget);
 
@@ -252,45 +259,45 @@ int32_t cairn_force_params_are_valid(const cairn_force_field_params *params);
 
 /* ---- force_field_move ---- */
 
-/* Moves all scans and sums up what the iteration did. */
+/* Moves all scans and sums the statistics of the iteration. */
 CAIRN_CHECKED cairn_status cairn_force_move(cairn_force_field *field, cairn_budget *budget);
 
-/* Puts the centre of a scan and the like into the map. */
+/* Transforms the centre and pose of a scan into the map. */
 void cairn_force_place_scan(cairn_force_field *field, int32_t scan);
 
 /* ---- force_field_springs ---- */
 
-/* 1 when scans are joined by springs. */
+/* Returns 1 in mode SPRINGS. */
 int32_t cairn_force_has_springs(const cairn_force_field *field);
 
-/* Forgets the springs of a scan. */
+/* Removes the springs of a scan. */
 void cairn_force_unbind(cairn_force_field *field, int32_t scan);
 
-/* Units to bind the pair of lines at hand. */
+/* Returns the units of adding the current pair of lines. */
 int32_t cairn_force_bind_cost(const cairn_force_field *field);
 
-/* Adds the springs of the pair of lines at hand to the bond of their scans. */
+/* Adds the springs of the current pair of lines to the bond of their scans. */
 void cairn_force_bind(cairn_force_field *field);
 
 void cairn_force_balance_begin(cairn_force_field *field);
 
-/* The motions that bring all springs to rest, to the accuracy of the solver. */
+/* Computes the motions to the equilibrium of all springs, to the solver's accuracy. */
 CAIRN_CHECKED cairn_status cairn_force_balance_step(cairn_force_field *field, cairn_budget *budget);
 
 /* ---- force_field_pairs ---- */
 
-/* points[0 ... count-1] = the points first ... of a segment in the map, where the last PLACE put
- * their scan. */
+/* Computes points[0 ... count-1], the points first ... of a segment in the map, at the last
+ * placement of their scan. */
 void cairn_force_points(const cairn_force_field *field, int32_t segment, int32_t first,
                         int32_t count, cairn_vec2 *points);
 
-/* Marks the scans that are near one that has moved. */
+/* Marks the scans near one that has moved as dirty. */
 CAIRN_CHECKED cairn_status cairn_force_mark(cairn_force_field *field, cairn_budget *budget);
 
-/* The forces of all pairs of lines that concern a dirty scan. */
+/* Computes the forces of all pairs of lines that involve a dirty scan. */
 CAIRN_CHECKED cairn_status cairn_force_pairs(cairn_force_field *field, cairn_budget *budget);
 
-/* The force on a point of a segment in the last iteration, and its mass. */
+/* Returns the force on a point of a segment in the last iteration, and its mass. */
 cairn_vec2 cairn_force_at(const cairn_force_field *field, int32_t segment, int32_t index,
                           cairn_real *mass);
 

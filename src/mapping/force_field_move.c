@@ -1,14 +1,16 @@
-/* The motion of the scans of a force field: from rest through the time dt with constant
- * acceleration (Adluru 2008, eqs. 7.6 to 7.9), all points of mass 1; or, with springs, by 1/2
- * dt^2 times what the springs ask for. */
+/* Rigid motion of the scans of a force field.
+ *
+ * Method: from rest through the time dt with constant acceleration, all points of mass 1 (Adluru
+ * 2008, eqs. 7.6 to 7.9); in mode SPRINGS by 1/2 dt^2 times the solution of the springs' linear
+ * system. */
 #include "src/core/build.h"
 
 #include "src/mapping/force_field_iteration.h"
 
-/* A scan whose mean squared distance from the centre is less, in m^2, does not turn. */
-#define MIN_SPREAD CAIRN_REAL(1e-6)
+/* m^2: a scan with a smaller mean squared distance from the centre does not rotate */
+#define MIN_SPREAD_M2 CAIRN_REAL(1e-6)
 
-/* How the centre of a scan and the scan about it move. */
+/* Translation of the centre of a scan and rotation about it. */
 struct motion {
     cairn_vec2 shift;
     cairn_real turn, relocation;
@@ -22,8 +24,8 @@ void cairn_force_place_scan(cairn_force_field *field, int32_t index)
     body->placed = field->placements[field->front][index].map_scan;
     body->is_new = 0;
     body->transform = cairn_transform_of(body->placed);
-    body->centre =
-        cairn_transform_point(body->transform, field->by_sensor ? scan->sensor : scan->centroid);
+    body->centre = cairn_transform_point(
+        body->transform, field->rotates_about_sensor ? scan->sensor : scan->centroid);
 }
 
 static struct motion thesis_motion(const cairn_force_field *field, int32_t index)
@@ -31,12 +33,12 @@ static struct motion thesis_motion(const cairn_force_field *field, int32_t index
     const cairn_scan_set_scan *scan = &field->set->scans[index];
     const struct cairn_force_body *body = &field->bodies[index];
     cairn_real mass = (cairn_real)(scan->end_point - scan->first_point);
-    cairn_real spread = field->by_sensor ? scan->sensor_spread : scan->centroid_spread;
+    cairn_real spread = field->rotates_about_sensor ? scan->sensor_spread : scan->centroid_spread;
     cairn_real half_square = field->dt * field->dt / 2;
     struct motion motion;
 
     motion.shift = cairn_vec2_scale(body->force, half_square / mass);
-    motion.turn = spread > MIN_SPREAD ? body->torque / (mass * spread) * half_square : 0;
+    motion.turn = spread > MIN_SPREAD_M2 ? body->torque / (mass * spread) * half_square : 0;
     motion.relocation =
         cairn_sqrt(cairn_vec2_norm_squared(motion.shift) + motion.turn * motion.turn * spread);
     return motion;
@@ -46,22 +48,22 @@ static struct motion springs_motion(const cairn_force_field *field, int32_t inde
 {
     const cairn_scan_set_scan *scan = &field->set->scans[index];
     const struct cairn_force_body *body = &field->bodies[index];
-    const struct cairn_force_balance *balance = &field->balances[index];
+    const struct cairn_force_unknown *unknown = &field->unknowns[index];
     cairn_real half_square = field->dt * field->dt / 2, share = half_square;
     cairn_vec2 arm = cairn_vec2_sub(cairn_transform_point(body->transform, scan->centroid),
                                     body->centre),
                mean;
     struct motion motion;
 
-    motion.turn = balance->motion[2];
-    mean.x = balance->motion[0] - motion.turn * arm.y;
-    mean.y = balance->motion[1] + motion.turn * arm.x;
+    motion.turn = unknown->motion[2];
+    mean.x = unknown->motion[0] - motion.turn * arm.y;
+    mean.y = unknown->motion[1] + motion.turn * arm.x;
     motion.relocation = cairn_sqrt(cairn_vec2_norm_squared(mean) +
                                    motion.turn * motion.turn * scan->centroid_spread);
     if (motion.relocation * share > field->params.max_relocation)
         share = field->params.max_relocation / motion.relocation;
-    motion.shift.x = share * balance->motion[0];
-    motion.shift.y = share * balance->motion[1];
+    motion.shift.x = share * unknown->motion[0];
+    motion.shift.y = share * unknown->motion[1];
     motion.turn *= share;
     motion.relocation *= share;
     return motion;
@@ -86,12 +88,13 @@ static void move_scan(cairn_force_field *field, int32_t index)
     motion =
         cairn_force_has_springs(field) ? springs_motion(field, index) : thesis_motion(field, index);
 
-    /* A scan that nothing pulls keeps its pose to the bit. */
+    /* A scan without force keeps its pose exactly. */
     if (motion.shift.x != 0 || motion.shift.y != 0 || motion.turn != 0) {
         centre = cairn_vec2_add(body->centre, motion.shift);
         placement->map_scan.theta = cairn_wrap_angle(placement->map_scan.theta + motion.turn);
-        arm = cairn_transform_direction(cairn_transform_of(placement->map_scan),
-                                        field->by_sensor ? scan->sensor : scan->centroid);
+        arm =
+            cairn_transform_direction(cairn_transform_of(placement->map_scan),
+                                      field->rotates_about_sensor ? scan->sensor : scan->centroid);
         placement->map_scan.x = centre.x - arm.x;
         placement->map_scan.y = centre.y - arm.y;
     }
@@ -105,12 +108,12 @@ cairn_status cairn_force_move(cairn_force_field *field, cairn_budget *budget)
     for (; field->scan < field->slots; field->scan++) {
         struct cairn_force_body *body = &field->bodies[field->scan];
 
-        if (!cairn_budget_pay(budget, &field->paid, 4))
+        if (!cairn_budget_pay(budget, &field->units_charged, 4))
             return CAIRN_MORE;
-        body->reported = cairn_force_iteration_has(field, field->scan) != 0;
-        if (!body->reported)
+        body->has_forces = cairn_force_iteration_has(field, field->scan) != 0;
+        if (!body->has_forces)
             continue;
-        /* A scan without segments was not placed. */
+        /* A scan without segments was not transformed. */
         if (body->moved && field->set->scans[field->scan].first_segment ==
                                field->set->scans[field->scan].end_segment)
             cairn_force_place_scan(field, field->scan);

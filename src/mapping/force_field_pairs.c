@@ -1,13 +1,16 @@
-/* The pairs of a force field: who is near whom, and how they pull.
+/* Pairs of lines of a force field: neighbour search and forces.
  *
- * Method: the boxes of all lines, grown by half the reach each, are swept (Adluru 2008, section
- * 7.3.5); a line is a segment of a scan or a run of points from outside. Points of two near lines
- * of different scans are taken in tiles, each of the one against each of the other. Only the sum of
- * the forces on the first line is formed: as each pair pulls along the line through its two points,
- * the other scan gets the same force and torque with the opposite sign.
+ * Method.
  *
- * Layout: lines are numbered as their boxes, runs first. Two tiles, kept from pair to pair where
- * they serve again; a tile points to the points in the map or holds those that are made on the fly.
+ * 1. The boxes of all lines, grown by half the reach each, are swept (sweep and prune; Adluru 2008,
+ *    section 7.3.5). A line is a segment of a scan or a run of external points.
+ * 2. Points of two near lines of different scans are processed in tiles, each tile of one line
+ *    against each of the other.
+ * 3. Only the sum of the forces on the first line is computed. A pair's force acts along the line
+ *    through its points, so the other scan gets the same force and torque with the opposite sign.
+ *
+ * Layout: lines are numbered like their boxes, runs first. Two tiles are reused from pair to pair.
+ * A tile refers to points in the map or holds points generated on demand.
  *
  * Source: Adluru 2008, sections 7.3.1 and 7.3.5. */
 #include "src/core/build.h"
@@ -16,9 +19,9 @@
 
 #include "src/mapping/force_field_iteration.h"
 
-/* Units of a pair that is found and passed over, of one that is summed up, beside its tiles, and
- * of a tile that is there. */
-enum { FOUND_COST = 2, PAIR_COST = 7, TILE_COST = 2 };
+/* work units: of a pair that is found and skipped, of a pair that is summed, besides its tiles, and
+ * of a tile that is loaded */
+enum { FOUND_UNITS = 2, PAIR_UNITS = 7, TILE_UNITS = 2 };
 
 static inline struct cairn_force_line line_of(const cairn_force_field *field, int32_t index)
 {
@@ -28,7 +31,7 @@ static inline struct cairn_force_line line_of(const cairn_force_field *field, in
     line.index = index;
     line.segment = index - extra->runs;
     if (line.segment < 0) {
-        line.scan = CAIRN_FORCE_NOBODY;
+        line.scan = CAIRN_FORCE_NO_SCAN;
         line.count = extra->first[index + 1] - extra->first[index];
         line.direction = extra->direction[index];
     } else {
@@ -60,8 +63,8 @@ void cairn_force_points(const cairn_force_field *field, int32_t segment, int32_t
         points[i] = cairn_transform_point(transform, points[i]);
 }
 
-/* Units for the tile of a line that begins at its point `first`: its points may have to be made,
- * and to be boxed. */
+/* Returns the units for the tile of a line that begins at its point `first`: points may have to be
+ * generated and boxed. */
 static int32_t tile_cost(const cairn_force_field *field, const struct cairn_force_line *line,
                          int32_t first)
 {
@@ -69,10 +72,10 @@ static int32_t tile_cost(const cairn_force_field *field, const struct cairn_forc
             points = left < CAIRN_FORCE_STRIP ? left : CAIRN_FORCE_STRIP;
     int32_t is_long = line->count > CAIRN_FORCE_STRIP;
 
-    return TILE_COST + (field->position != NULL ? 0 : points / 4) + (is_long ? points / 4 : 0);
+    return TILE_UNITS + (field->position != NULL ? 0 : points / 4) + (is_long ? points / 4 : 0);
 }
 
-/* The mass of a point of a scan in the forces (section 7.3.4). */
+/* Returns the mass of a scan's point in the forces (section 7.3.4). */
 static cairn_real mass_of(const cairn_force_field *field, int32_t point)
 {
     if (field->mass != NULL)
@@ -82,7 +85,7 @@ static cairn_real mass_of(const cairn_force_field *field, int32_t point)
     return 1;
 }
 
-/* Makes the points of a tile of a segment. */
+/* Generates the points of a tile of a segment. */
 static void make_points(const cairn_force_field *field, const struct cairn_force_line *line,
                         struct cairn_force_tile *tile)
 {
@@ -147,35 +150,35 @@ static void load_tile(const cairn_force_field *field, const struct cairn_force_l
 
 static int is_dirty(const cairn_force_field *field, int32_t scan)
 {
-    return scan != CAIRN_FORCE_NOBODY && field->bodies[scan].dirty;
+    return scan != CAIRN_FORCE_NO_SCAN && field->bodies[scan].dirty;
 }
 
 static int is_fixed(const cairn_force_field *field, int32_t scan)
 {
-    return scan == CAIRN_FORCE_NOBODY || field->bodies[scan].is_fixed;
+    return scan == CAIRN_FORCE_NO_SCAN || field->bodies[scan].is_fixed;
 }
 
-/* 1 when two lines attract each other. */
-static inline int do_attract(const cairn_force_field *field, const struct cairn_force_line *a,
-                             const struct cairn_force_line *b)
+/* Returns 1 when two lines attract each other. */
+static inline int can_attract(const cairn_force_field *field, const struct cairn_force_line *a,
+                              const struct cairn_force_line *b)
 {
     return a->scan != b->scan && a->count > 0 && b->count > 0 &&
            !(is_fixed(field, a->scan) && is_fixed(field, b->scan));
 }
 
-/* 1 when the faces of a wall are told apart. */
-static int is_sided(const cairn_force_field *field)
+/* Returns 1 when directions are oriented: the faces of a wall are distinguished. */
+static int uses_orientation(const cairn_force_field *field)
 {
     return field->sigma <= field->params.sides_below;
 }
 
-/* How much two lines attract each other by their directions. */
-static cairn_real likeness(const cairn_force_field *field, const struct cairn_force_line *a,
-                           const struct cairn_force_line *b)
+/* Returns the direction factor of two lines: |cos|, or max(0, cos) when oriented. */
+static cairn_real direction_factor(const cairn_force_field *field, const struct cairn_force_line *a,
+                                   const struct cairn_force_line *b)
 {
     cairn_real cosine = cairn_vec2_dot(a->direction, b->direction);
 
-    return is_sided(field) ? cairn_max(cosine, 0) : cairn_abs(cosine);
+    return uses_orientation(field) ? cairn_max(cosine, 0) : cairn_abs(cosine);
 }
 
 static void begin_pair(cairn_force_field *field, int32_t first, int32_t second)
@@ -185,17 +188,17 @@ static void begin_pair(cairn_force_field *field, int32_t first, int32_t second)
 
     pair->line[0] = line_of(field, first);
     pair->line[1] = line_of(field, second);
-    pair->due = FOUND_COST;
-    if (!do_attract(field, a, b) || !(is_dirty(field, a->scan) || is_dirty(field, b->scan)))
+    pair->units_due = FOUND_UNITS;
+    if (!can_attract(field, a, b) || !(is_dirty(field, a->scan) || is_dirty(field, b->scan)))
         return;
-    pair->cosine = likeness(field, a, b);
-    /* Faces of opposite sides. */
-    if (pair->cosine == 0 && is_sided(field))
+    pair->cosine = direction_factor(field, a, b);
+    /* faces of opposite sides */
+    if (pair->cosine == 0 && uses_orientation(field))
         return;
-    pair->due = PAIR_COST;
+    pair->units_due = PAIR_UNITS;
     pair->is_begun = 1;
     pair->is_summed = 0;
-    pair->tile[0] = pair->tile[1] = pair->loaded = pair->cursor.row = 0;
+    pair->tile_first[0] = pair->tile_first[1] = pair->loaded = pair->cursor.row = 0;
     memset(&pair->sum, 0, sizeof pair->sum);
     if (cairn_force_has_springs(field)) {
         memset(&pair->springs, 0, sizeof pair->springs);
@@ -204,15 +207,15 @@ static void begin_pair(cairn_force_field *field, int32_t first, int32_t second)
     pair->sum.centre = field->bodies[b->scan].centre; /* runs come first: b is a segment */
 }
 
-/* Adds what a pair of lines has summed up to one of its two scans. sign: of its force. */
+/* Adds the sum of a pair of lines to one of its two scans; sign: of its force. */
 static void add_to_scan(cairn_force_field *field, int32_t scan, cairn_real sign, int32_t other)
 {
     const struct cairn_force_pair *pair = &field->pair;
     struct cairn_force_body *body = &field->bodies[scan];
     cairn_real strength = pair->cosine * field->kernel.norm * sign;
     cairn_vec2 force = cairn_vec2_scale(pair->sum.force, strength);
-    /* Pairs are counted by both scans; those with points from outside by the one. */
-    int32_t shares = other == CAIRN_FORCE_NOBODY ? 2 : 1;
+    /* Pairs are counted by both scans; pairs with external points by one. */
+    int32_t shares = other == CAIRN_FORCE_NO_SCAN ? 2 : 1;
 
     body->force = cairn_vec2_add(body->force, force);
     body->torque += strength * pair->sum.torque +
@@ -235,8 +238,7 @@ static void end_pair(cairn_force_field *field)
     field->pair.is_begun = 0;
 }
 
-/* Loads what the pair needs of its two tiles, each where it may already be; 0 when the budget is
- * used up. */
+/* Loads the tiles that the pair still needs; returns 0 when the budget is used up. */
 static int load_tiles(cairn_force_field *field, cairn_budget *budget)
 {
     struct cairn_force_pair *pair = &field->pair;
@@ -244,11 +246,11 @@ static int load_tiles(cairn_force_field *field, cairn_budget *budget)
     for (; pair->loaded < 2; pair->loaded++) {
         const struct cairn_force_line *line = &pair->line[pair->loaded];
         struct cairn_force_tile *tile = &field->tiles[pair->loaded];
-        int32_t first = pair->tile[pair->loaded],
+        int32_t first = pair->tile_first[pair->loaded],
                 is_there = tile->line == line->index && tile->first == first;
 
-        if (!cairn_budget_pay(budget, &field->paid,
-                              is_there ? TILE_COST : tile_cost(field, line, first)))
+        if (!cairn_budget_pay(budget, &field->units_charged,
+                              is_there ? TILE_UNITS : tile_cost(field, line, first)))
             return 0;
         if (!is_there)
             load_tile(field, line, first, tile);
@@ -261,9 +263,9 @@ static cairn_real gap(cairn_real low, cairn_real high, cairn_real other_low, cai
     return cairn_max(cairn_max(other_low - high, low - other_high), 0);
 }
 
-/* 1 when no points of the two tiles at hand are within reach, as most are not where two long
- * lines meet. */
-static int are_far(const cairn_force_field *field)
+/* Returns 1 when no points of the two current tiles are within reach, which is common for two long
+ * lines. */
+static int are_out_of_reach(const cairn_force_field *field)
 {
     const struct cairn_force_pair *pair = &field->pair;
     const cairn_box *a = &field->tiles[0].box, *b = &field->tiles[1].box;
@@ -276,16 +278,16 @@ static int are_far(const cairn_force_field *field)
     return x * x + y * y > 4 * field->margin * field->margin;
 }
 
-/* Goes on to the next two tiles; 0 when there are none. */
+/* Advances to the next two tiles; returns 0 after the last. */
 static int next_tiles(struct cairn_force_pair *pair)
 {
     pair->loaded = pair->cursor.row = 0;
-    pair->tile[1] += CAIRN_FORCE_STRIP;
-    if (pair->tile[1] < pair->line[1].count)
+    pair->tile_first[1] += CAIRN_FORCE_STRIP;
+    if (pair->tile_first[1] < pair->line[1].count)
         return 1;
-    pair->tile[1] = 0;
-    pair->tile[0] += CAIRN_FORCE_STRIP;
-    return pair->tile[0] < pair->line[0].count;
+    pair->tile_first[1] = 0;
+    pair->tile_first[0] += CAIRN_FORCE_STRIP;
+    return pair->tile_first[0] < pair->line[0].count;
 }
 
 static cairn_status sum_up(cairn_force_field *field, cairn_budget *budget)
@@ -297,7 +299,7 @@ static cairn_status sum_up(cairn_force_field *field, cairn_budget *budget)
 
         if (!load_tiles(field, budget))
             return CAIRN_MORE;
-        if (!are_far(field))
+        if (!are_out_of_reach(field))
             status = cairn_force_kernel_strips(&field->kernel, &field->tiles[0].strip,
                                                &field->tiles[1].strip, &pair->cursor,
                                                field->params.potential, &pair->sum, budget);
@@ -315,7 +317,7 @@ static cairn_status step_pair(cairn_force_field *field, cairn_budget *budget)
     if (status != CAIRN_OK)
         return status;
     if (cairn_force_has_springs(field) &&
-        !cairn_budget_pay(budget, &field->paid, cairn_force_bind_cost(field)))
+        !cairn_budget_pay(budget, &field->units_charged, cairn_force_bind_cost(field)))
         return CAIRN_MORE;
     end_pair(field);
     return CAIRN_OK;
@@ -327,9 +329,10 @@ cairn_status cairn_force_pairs(cairn_force_field *field, cairn_budget *budget)
         int32_t first, second;
         cairn_status status;
 
-        if (field->pair.due > 0 && !cairn_budget_pay(budget, &field->paid, field->pair.due))
+        if (field->pair.units_due > 0 &&
+            !cairn_budget_pay(budget, &field->units_charged, field->pair.units_due))
             return CAIRN_MORE;
-        field->pair.due = 0;
+        field->pair.units_due = 0;
         if (field->pair.is_begun) {
             status = step_pair(field, budget);
             if (status != CAIRN_OK)
@@ -346,7 +349,7 @@ static int32_t scan_of(const cairn_force_field *field, int32_t line)
 {
     int32_t segment = line - field->extra[field->extra_front].runs;
 
-    return segment < 0 ? CAIRN_FORCE_NOBODY : field->set->segments[segment].scan;
+    return segment < 0 ? CAIRN_FORCE_NO_SCAN : field->set->segments[segment].scan;
 }
 
 static void mark_pair(cairn_force_field *field)
@@ -354,7 +357,7 @@ static void mark_pair(cairn_force_field *field)
     int32_t a = field->pair.line[0].scan, b = field->pair.line[1].scan;
 
     field->pair.is_begun = 0;
-    if (a == CAIRN_FORCE_NOBODY || b == CAIRN_FORCE_NOBODY)
+    if (a == CAIRN_FORCE_NO_SCAN || b == CAIRN_FORCE_NO_SCAN)
         return;
     if (field->bodies[b].moved)
         field->bodies[a].dirty = 1;
@@ -371,7 +374,7 @@ cairn_status cairn_force_mark(cairn_force_field *field, cairn_budget *budget)
         cairn_status status;
 
         if (pair->is_begun) {
-            if (!cairn_budget_pay(budget, &field->paid, FOUND_COST))
+            if (!cairn_budget_pay(budget, &field->units_charged, FOUND_UNITS))
                 return CAIRN_MORE;
             mark_pair(field);
         }
@@ -391,7 +394,7 @@ static void add_force(const cairn_force_field *field, const struct cairn_force_l
                       const struct cairn_force_line *from, const cairn_force_strip *point,
                       cairn_vec2 *force)
 {
-    cairn_real strength = likeness(field, of, from) * field->kernel.norm;
+    cairn_real strength = direction_factor(field, of, from) * field->kernel.norm;
     cairn_force_sum sum;
 
     memset(&sum, 0, sizeof sum);
@@ -431,7 +434,7 @@ cairn_vec2 cairn_force_at(const cairn_force_field *field, int32_t segment, int32
     for (int32_t i = 0; i < runs + field->placed_segments; i++) {
         struct cairn_force_line other = line_of(field, i);
 
-        if (do_attract(field, &line, &other) && cairn_box_overlap(box, field->boxes[i]))
+        if (can_attract(field, &line, &other) && cairn_box_overlap(box, field->boxes[i]))
             add_force(field, &line, &other, &point, &force);
     }
     return force;

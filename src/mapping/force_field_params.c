@@ -1,4 +1,4 @@
-/* Parameters of force field simulation: presets, and which values are refused.
+/* Parameters of force field simulation: presets and validation.
  *
  * Source: Adluru 2008, section 7.4.2. */
 #include "src/core/build.h"
@@ -10,7 +10,7 @@
 
 enum { MAX_CORNERS = 1 << 24, MAX_EXTRA = 1 << 24, MAX_BONDS = 1 << 24 };
 
-/* Parameters beyond this are refused. */
+/* maximum value of a parameter */
 #define MAX_VALUE CAIRN_REAL(1e6)
 
 cairn_force_field_params cairn_force_field_default(void)
@@ -83,7 +83,7 @@ cairn_force_field_params cairn_force_field_springs(cairn_real sigma_start, int32
         params.sigma_factor =
             cairn_exp(cairn_log(params.sigma_end / sigma_start) / (cairn_real)(steps - 1));
     params.sides_below = CAIRN_REAL(0.15);
-    /* 1/2 dt^2 is 5, and 0.7 times that in every iteration until it is 1. */
+    /* 1/2 dt^2 is 5, and decreases by the factor 0.7 per iteration to 1. */
     params.dt_start = cairn_sqrt(10);
     params.dt_end = cairn_sqrt(2);
     params.dt_factor = cairn_sqrt(CAIRN_REAL(0.7));
@@ -94,42 +94,42 @@ cairn_force_field_params cairn_force_field_springs(cairn_real sigma_start, int32
     return params;
 }
 
-/* What is asked of a value besides 0 ... MAX_VALUE, and when. */
-enum { POSITIVE = 1, SHARE = 2, OF_ROI = 4, OF_SPRINGS = 8 };
+/* Conditions of a value besides 0 ... MAX_VALUE, and the modes in which it is validated. */
+enum { POSITIVE = 1, UNIT_INTERVAL = 2, WITH_ROI = 4, WITH_SPRINGS = 8 };
 
-/* As a table, because comparisons one by one take three times the code. */
-#define AT(field) (uint16_t) offsetof(cairn_force_field_params, field)
+/* A table: separate comparisons take three times the code size. */
+#define OFFSET_OF(field) (uint16_t) offsetof(cairn_force_field_params, field)
 static const struct {
     uint16_t at, asked;
 } ranges[] = {
-    {AT(sigma_start), POSITIVE},
-    {AT(sigma_end), POSITIVE},
-    {AT(sigma_step), 0},
-    {AT(sigma_factor), SHARE},
-    {AT(sides_below), 0},
-    {AT(dt_start), POSITIVE},
-    {AT(dt_end), POSITIVE},
-    {AT(dt_factor), SHARE},
-    {AT(reach), POSITIVE},
-    {AT(sensor_below), 0},
-    {AT(stop_relocation), 0},
-    {AT(spacing), 0},
-    {AT(roi_radius), OF_ROI | POSITIVE},
-    {AT(roi_mass), OF_ROI | POSITIVE},
-    {AT(slide), OF_SPRINGS | SHARE},
-    {AT(grip), OF_SPRINGS},
-    {AT(twist), OF_SPRINGS},
-    {AT(max_relocation), OF_SPRINGS | POSITIVE},
+    {OFFSET_OF(sigma_start), POSITIVE},
+    {OFFSET_OF(sigma_end), POSITIVE},
+    {OFFSET_OF(sigma_step), 0},
+    {OFFSET_OF(sigma_factor), UNIT_INTERVAL},
+    {OFFSET_OF(sides_below), 0},
+    {OFFSET_OF(dt_start), POSITIVE},
+    {OFFSET_OF(dt_end), POSITIVE},
+    {OFFSET_OF(dt_factor), UNIT_INTERVAL},
+    {OFFSET_OF(reach), POSITIVE},
+    {OFFSET_OF(sensor_below), 0},
+    {OFFSET_OF(stop_relocation), 0},
+    {OFFSET_OF(spacing), 0},
+    {OFFSET_OF(roi_radius), WITH_ROI | POSITIVE},
+    {OFFSET_OF(roi_mass), WITH_ROI | POSITIVE},
+    {OFFSET_OF(slide), WITH_SPRINGS | UNIT_INTERVAL},
+    {OFFSET_OF(grip), WITH_SPRINGS},
+    {OFFSET_OF(twist), WITH_SPRINGS},
+    {OFFSET_OF(max_relocation), WITH_SPRINGS | POSITIVE},
 };
 
 static int are_in_range(const cairn_force_field_params *p)
 {
     int32_t unused =
-        (p->roi ? 0 : OF_ROI) | (p->mode == CAIRN_FORCE_FIELD_SPRINGS ? 0 : OF_SPRINGS);
+        (p->roi ? 0 : WITH_ROI) | (p->mode == CAIRN_FORCE_FIELD_SPRINGS ? 0 : WITH_SPRINGS);
 
     for (size_t i = 0; i < sizeof ranges / sizeof *ranges; i++) {
         int32_t asked = ranges[i].asked;
-        cairn_real value, most = asked & SHARE ? 1 : MAX_VALUE;
+        cairn_real value, most = asked & UNIT_INTERVAL ? 1 : MAX_VALUE;
 
         memcpy(&value, (const unsigned char *)p + ranges[i].at, sizeof value);
         if (!(asked & unused) && !((asked & POSITIVE ? value > 0 : value >= 0) && value <= most))

@@ -1,48 +1,48 @@
-/* The springs of a force field: all scans moved together.
+/* Joint motion of all scans in a force field: a sparse linear system of springs.
  *
- * Method: a pair of points pulls like a spring of stiffness force / distance; near an optimum that
- * is the second derivative of its potential across the lines, up to a factor. Along the lines of
- * its points a spring has only a share of its stiffness, as points stand there wherever the
- * sampling put them. The springs between two scans add up to a bond: a stiffness against motions of
- * the one scan against the other, and a pull. A motion is (x, y, turn) about the centre of its
- * scan, the turn to first order. What brings all bonds to rest is a sparse symmetric system of the
- * motions of all scans, solved by conjugate gradients with the inverses of the 3 x 3 blocks of the
- * diagonal before them. One scan on its own would follow its neighbours, which follow theirs:
- * errors that many scans share, like a bend, would take very many iterations.
+ * Method.
  *
- * What holds a scan where it is: a thousandth of its own stiffness against shifts and turns, so
- * that the system is positive definite; and, while sigma is large, a multiple of it against shifts
- * of the sensor.
+ * 1. A pair of points is a spring of stiffness force / distance. Near an optimum that is the second
+ *    derivative of its potential normal to the lines, up to a factor. Tangential to the lines a
+ *    spring has only a share of its stiffness, since the sampling along a line is arbitrary
+ *    (point-to-line weighting).
+ * 2. The springs between two scans add up to a bond: a stiffness against relative motions, and a
+ *    wrench. A motion is (x, y, rotation) about the centre of its scan, the rotation linearized.
+ * 3. The equilibrium of all bonds is a sparse symmetric system in the motions of all scans. It is
+ *    solved by conjugate gradients with a block Jacobi preconditioner (inverses of the 3 x 3
+ *    diagonal blocks). If each scan moved alone, errors shared by many scans, like a bend, would
+ *    take very many iterations.
+ * 4. Damping: a thousandth of a scan's own stiffness against translations and rotations makes the
+ *    system positive definite. While sigma is large, a multiple of it acts against translations of
+ *    the sensor.
  *
- * Layout: bonds in the order in which the sweep meets them; those of a scan with earlier ones in a
- * list of its own.
+ * Layout: bonds in the order of the sweep; those of a scan with earlier ones form a linked list.
  *
- * Limits: 48 rounds of the solver, less when the residual has fallen to 1e-4 in the solver's
- * metric; what is left is done in the next iteration.
+ * Limits: 48 iterations of the solver, fewer when the residual has fallen to 1e-4 in the
+ * preconditioned norm. The remaining error is reduced in the next iteration of the field.
  *
- * Source: in place of Adluru 2008, eqs. 7.6 and 7.7, with the freedom that section 7.3.4 takes:
- * masses in the motion need not be those in the forces. Hestenes and Stiefel 1952 for the
- * solver. */
+ * Source: in place of Adluru 2008, eqs. 7.6 and 7.7, using the freedom of section 7.3.4: masses in
+ * the motion may differ from those in the forces. Hestenes and Stiefel 1952 for the solver. */
 #include "src/core/build.h"
 
 #include <string.h>
 
 #include "src/mapping/force_field_iteration.h"
 
-enum { ROUNDS = 48, CHAIN = 8 };
+enum { MAX_ITERATIONS = 48, BONDS_PER_UNIT = 8 };
 
-/* Fall of the squared residual at which the solver stops, and the share of its stiffness that
- * holds a scan. */
-#define ENOUGH CAIRN_REAL(1e-8)
-#define HOLD   CAIRN_REAL(0.001)
+/* reduction of the squared residual at which the solver stops, and the share of its stiffness that
+ * damps a scan */
+#define CONVERGED_RATIO CAIRN_REAL(1e-8)
+#define DAMPING_SHARE   CAIRN_REAL(0.001)
 
 enum {
-    STAGE_GATHER,
-    STAGE_PREPARE,
-    STAGE_PULL,
-    STAGE_MEASURE,
-    STAGE_ADVANCE,
-    STAGE_TURN,
+    STAGE_ASSEMBLE,  /* bonds into the diagonal blocks and the right-hand side */
+    STAGE_PREPARE,   /* damping and preconditioner of each scan */
+    STAGE_PRODUCT,   /* product = A direction, bond by bond */
+    STAGE_CURVATURE, /* direction^T product */
+    STAGE_MOTION,    /* step along the direction; new residual */
+    STAGE_DIRECTION, /* next conjugate direction */
     STAGE_DONE
 };
 
@@ -55,24 +55,24 @@ int32_t cairn_force_has_springs(const cairn_force_field *field)
 
 void cairn_force_unbind(cairn_force_field *field, int32_t scan)
 {
-    struct cairn_force_balance *balance = &field->balances[scan];
+    struct cairn_force_unknown *unknown = &field->unknowns[scan];
 
-    memset(balance, 0, sizeof *balance);
-    balance->bond = -1;
+    memset(unknown, 0, sizeof *unknown);
+    unknown->last_bond = -1;
 }
 
 int32_t cairn_force_bind_cost(const cairn_force_field *field)
 {
-    return 3 + field->balances[field->pair.line[1].scan].bonds / CHAIN;
+    return 3 + field->unknowns[field->pair.line[1].scan].bond_count / BONDS_PER_UNIT;
 }
 
-/* The bond of the two scans at hand; NULL when there is no room for it. */
+/* Returns the bond of the two current scans; NULL without capacity. */
 static struct cairn_force_bond *find_bond(cairn_force_field *field, int32_t first, int32_t second)
 {
-    struct cairn_force_balance *balance = &field->balances[second];
+    struct cairn_force_unknown *unknown = &field->unknowns[second];
     struct cairn_force_bond *bond;
 
-    for (int32_t i = balance->bond; i >= 0; i = field->bonds[i].next)
+    for (int32_t i = unknown->last_bond; i >= 0; i = field->bonds[i].next)
         if (field->bonds[i].first == first)
             return &field->bonds[i];
     if (field->bond_count == field->params.max_bonds)
@@ -81,15 +81,15 @@ static struct cairn_force_bond *find_bond(cairn_force_field *field, int32_t firs
     memset(bond, 0, sizeof *bond);
     bond->first = first;
     bond->second = second;
-    bond->next = balance->bond;
-    balance->bond = field->bond_count++;
-    balance->bonds++;
+    bond->next = unknown->last_bond;
+    unknown->last_bond = field->bond_count++;
+    unknown->bond_count++;
     return bond;
 }
 
-/* Sum of the stiffness of a spring whose points have these directions, for 1 across: 1 across a
- * line and `slide` along it. */
-static cairn_sym2 shape_of(cairn_vec2 a, cairn_vec2 b, cairn_real slide)
+/* Returns the 2 x 2 stiffness of unit springs between lines of these directions: 1 normal to a line
+ * and `slide` tangential to it. */
+static cairn_sym2 stiffness_shape(cairn_vec2 a, cairn_vec2 b, cairn_real slide)
 {
     cairn_sym2 shape;
 
@@ -106,8 +106,8 @@ static cairn_vec2 times(cairn_sym2 m, cairn_vec2 v)
     return product;
 }
 
-/* Turns the two lines parallel: P(g) falls with the angle between them, too, which eq. 7.7
- * leaves out. */
+/* Adds the torque that aligns the two lines: P(g) also falls with the angle between them, which eq.
+ * 7.7 neglects. */
 static void add_twist(const cairn_force_field *field, struct cairn_force_bond *bond)
 {
     const struct cairn_force_pair *pair = &field->pair;
@@ -117,7 +117,7 @@ static void add_twist(const cairn_force_field *field, struct cairn_force_bond *b
         field->params.twist / 2 * pair->sum.potential / field->kernel.norm * (cosine * cosine);
 
     bond->stiffness.zz += torque * (cosine * cosine);
-    bond->pull[2] += torque * (cosine * cairn_vec2_cross(a, b));
+    bond->wrench[2] += torque * (cosine * cairn_vec2_cross(a, b));
 }
 
 void cairn_force_bind(cairn_force_field *field)
@@ -125,7 +125,7 @@ void cairn_force_bind(cairn_force_field *field)
     const struct cairn_force_pair *pair = &field->pair;
     const cairn_force_springs *s = &pair->springs;
     cairn_sym2 shape =
-        shape_of(pair->line[0].direction, pair->line[1].direction, field->params.slide);
+        stiffness_shape(pair->line[0].direction, pair->line[1].direction, field->params.slide);
     struct cairn_force_bond *bond = find_bond(field, pair->line[0].scan, pair->line[1].scan);
     cairn_real weight = pair->cosine;
     cairn_vec2 arm, pull;
@@ -134,7 +134,7 @@ void cairn_force_bind(cairn_force_field *field)
         field->bonds_dropped++;
         return;
     }
-    /* A turn moves the middle c of a spring by (-c.y, c.x). */
+    /* A rotation moves the midpoint c of a spring by (-c.y, c.x). */
     arm = times(shape, cairn_vec2_left(s->middle));
     pull = times(shape, s->pull);
     bond->stiffness.xx += weight * shape.xx * s->stiffness;
@@ -144,18 +144,18 @@ void cairn_force_bind(cairn_force_field *field)
     bond->stiffness.yz += weight * arm.y;
     bond->stiffness.zz +=
         weight * (shape.xx * s->middle_yy - 2 * shape.xy * s->middle_xy + shape.yy * s->middle_xx);
-    bond->pull[0] += weight * pull.x;
-    bond->pull[1] += weight * pull.y;
-    bond->pull[2] += weight * (shape.xy * s->middle_pull_xx + shape.yy * s->middle_pull_xy -
-                               shape.xx * s->middle_pull_yx - shape.xy * s->middle_pull_yy);
+    bond->wrench[0] += weight * pull.x;
+    bond->wrench[1] += weight * pull.y;
+    bond->wrench[2] += weight * (shape.xy * s->middle_pull_xx + shape.yy * s->middle_pull_xy -
+                                 shape.xx * s->middle_pull_yx - shape.xy * s->middle_pull_yy);
     add_twist(field, bond);
 }
 
-/* ---- The system ---- */
+/* ---- Linear system ---- */
 
-/* The motion that a turn of a scan about its own centre is about the centre of a bond: turn *
- * arm, and the turn. */
-static cairn_vec2 arm_of(const cairn_force_field *field, const struct cairn_force_bond *bond)
+/* Returns the lever arm of a scan's centre about the bond's centre: a rotation about its own centre
+ * is the translation rotation * arm, plus the rotation. */
+static cairn_vec2 lever_arm(const cairn_force_field *field, const struct cairn_force_bond *bond)
 {
     cairn_vec2 centre = field->bodies[bond->second].centre;
 
@@ -186,23 +186,24 @@ static void add_diagonal(cairn_sym3 *sum, const cairn_sym3 *m)
     sum->zz += m->zz;
 }
 
-/* The stiffness of a bond about another centre. */
-static cairn_sym3 seen_from(cairn_sym3 m, cairn_vec2 arm)
+/* Returns the stiffness of a bond about another centre. */
+static cairn_sym3 shift_stiffness(cairn_sym3 m, cairn_vec2 arm)
 {
-    cairn_sym3 seen = m;
+    cairn_sym3 shifted_stiffness = m;
 
-    seen.xz = m.xz + m.xx * arm.x + m.xy * arm.y;
-    seen.yz = m.yz + m.xy * arm.x + m.yy * arm.y;
-    seen.zz = m.zz + (m.xz + seen.xz) * arm.x + (m.yz + seen.yz) * arm.y;
-    return seen;
+    shifted_stiffness.xz = m.xz + m.xx * arm.x + m.xy * arm.y;
+    shifted_stiffness.yz = m.yz + m.xy * arm.x + m.yy * arm.y;
+    shifted_stiffness.zz =
+        m.zz + (m.xz + shifted_stiffness.xz) * arm.x + (m.yz + shifted_stiffness.yz) * arm.y;
+    return shifted_stiffness;
 }
 
-/* Gives a force and torque about the centre of a bond to its two scans. */
-static void spread(const cairn_force_field *field, const struct cairn_force_bond *bond,
-                   const cairn_real force[3], cairn_real first[3], cairn_real second[3])
+/* Distributes a wrench about the centre of a bond to its two scans. */
+static void scatter_force(const cairn_force_field *field, const struct cairn_force_bond *bond,
+                          const cairn_real force[3], cairn_real first[3], cairn_real second[3])
 {
     if (first != NULL) {
-        cairn_vec2 arm = arm_of(field, bond);
+        cairn_vec2 arm = lever_arm(field, bond);
 
         first[0] += force[0];
         first[1] += force[1];
@@ -212,148 +213,156 @@ static void spread(const cairn_force_field *field, const struct cairn_force_bond
         second[i] -= force[i];
 }
 
-static struct cairn_force_balance *first_of(const cairn_force_field *field,
+static struct cairn_force_unknown *first_of(const cairn_force_field *field,
                                             const struct cairn_force_bond *bond)
 {
-    return bond->first == CAIRN_FORCE_NOBODY ? NULL : &field->balances[bond->first];
+    return bond->first == CAIRN_FORCE_NO_SCAN ? NULL : &field->unknowns[bond->first];
 }
 
-static void gather(cairn_force_field *field, const struct cairn_force_bond *bond)
+static void assemble(cairn_force_field *field, const struct cairn_force_bond *bond)
 {
-    struct cairn_force_balance *first = first_of(field, bond),
-                               *second = &field->balances[bond->second];
+    struct cairn_force_unknown *first = first_of(field, bond),
+                               *second = &field->unknowns[bond->second];
 
     add_diagonal(&second->diagonal, &bond->stiffness);
     if (first != NULL) {
-        cairn_sym3 seen = seen_from(bond->stiffness, arm_of(field, bond));
+        cairn_sym3 shifted_stiffness = shift_stiffness(bond->stiffness, lever_arm(field, bond));
 
-        add_diagonal(&first->diagonal, &seen);
+        add_diagonal(&first->diagonal, &shifted_stiffness);
     }
-    spread(field, bond, bond->pull, first == NULL ? NULL : first->residual, second->residual);
+    scatter_force(field, bond, bond->wrench, first == NULL ? NULL : first->residual,
+                  second->residual);
 }
 
-/* image += what the bond answers to the direction. */
-static void answer(cairn_force_field *field, const struct cairn_force_bond *bond)
+/* Adds a bond's part of the matrix-vector product A direction. */
+static void add_product(cairn_force_field *field, const struct cairn_force_bond *bond)
 {
-    struct cairn_force_balance *first = first_of(field, bond),
-                               *second = &field->balances[bond->second];
-    cairn_real against[3], force[3];
+    struct cairn_force_unknown *first = first_of(field, bond),
+                               *second = &field->unknowns[bond->second];
+    cairn_real relative_motion[3], force[3];
 
     for (int32_t i = 0; i < 3; i++)
-        against[i] = -second->direction[i];
+        relative_motion[i] = -second->direction[i];
     if (first != NULL) {
-        cairn_vec2 arm = arm_of(field, bond);
+        cairn_vec2 arm = lever_arm(field, bond);
 
-        against[0] += first->direction[0] + arm.x * first->direction[2];
-        against[1] += first->direction[1] + arm.y * first->direction[2];
-        against[2] += first->direction[2];
+        relative_motion[0] += first->direction[0] + arm.x * first->direction[2];
+        relative_motion[1] += first->direction[1] + arm.y * first->direction[2];
+        relative_motion[2] += first->direction[2];
     }
-    multiply(&bond->stiffness, against, force);
-    spread(field, bond, force, first == NULL ? NULL : first->image, second->image);
+    multiply(&bond->stiffness, relative_motion, force);
+    scatter_force(field, bond, force, first == NULL ? NULL : first->product, second->product);
 }
 
 /* ---- Conjugate gradients ---- */
 
-static void set_image(struct cairn_force_balance *balance)
+/* Starts the product A direction of a scan with its damping. */
+static void begin_product(struct cairn_force_unknown *unknown)
 {
     for (int32_t i = 0; i < 3; i++)
-        balance->image[i] = balance->hold[i] * balance->direction[i];
+        unknown->product[i] = unknown->damping[i] * unknown->direction[i];
 }
 
-/* A scan that is fixed, or that nothing holds or pulls, stays where it is. */
-static void prepare(cairn_force_field *field, int32_t index)
+/* Prepares the unknown of a scan. A fixed scan, or one without stiffness, stays at its pose. */
+static void prepare_unknown(cairn_force_field *field, int32_t index)
 {
     const struct cairn_force_body *body = &field->bodies[index];
-    struct cairn_force_balance *balance = &field->balances[index];
-    cairn_real shift = balance->diagonal.xx + balance->diagonal.yy, grip = 0;
+    struct cairn_force_unknown *unknown = &field->unknowns[index];
+    cairn_real shift = unknown->diagonal.xx + unknown->diagonal.yy, damping_ratio = 0;
     cairn_sym3 inverse = cairn_sym3_zero();
 
     if (field->params.grip > 0)
-        grip = field->sigma / field->params.grip;
-    balance->hold[0] = balance->hold[1] = (HOLD + grip * grip * grip) * shift;
-    balance->hold[2] = HOLD * shift * field->set->scans[index].sensor_spread;
-    balance->diagonal.xx += balance->hold[0];
-    balance->diagonal.yy += balance->hold[1];
-    balance->diagonal.zz += balance->hold[2];
+        damping_ratio = field->sigma / field->params.grip;
+    unknown->damping[0] = unknown->damping[1] =
+        (DAMPING_SHARE + damping_ratio * damping_ratio * damping_ratio) * shift;
+    unknown->damping[2] = DAMPING_SHARE * shift * field->set->scans[index].sensor_spread;
+    unknown->diagonal.xx += unknown->damping[0];
+    unknown->diagonal.yy += unknown->damping[1];
+    unknown->diagonal.zz += unknown->damping[2];
     if (!body->is_fixed)
-        (void)cairn_sym3_inverse(balance->diagonal, &inverse);
-    balance->diagonal = inverse;
-    multiply(&balance->diagonal, balance->residual, balance->direction);
-    field->solver.length += dot(balance->residual, balance->direction);
-    set_image(balance);
+        (void)cairn_sym3_inverse(unknown->diagonal, &inverse);
+    unknown->diagonal = inverse;
+    multiply(&unknown->diagonal, unknown->residual, unknown->direction);
+    field->solver.residual2 += dot(unknown->residual, unknown->direction);
+    begin_product(unknown);
 }
 
-static void advance(cairn_force_field *field, struct cairn_force_balance *balance)
+/* Moves a scan along the direction by the step length; updates and preconditions the residual. */
+static void update_motion(cairn_force_field *field, struct cairn_force_unknown *unknown)
 {
     struct cairn_force_solver *solver = &field->solver;
-    cairn_real way = solver->length / solver->curvature;
+    cairn_real step_length = solver->residual2 / solver->curvature;
 
     for (int32_t i = 0; i < 3; i++) {
-        balance->motion[i] += way * balance->direction[i];
-        balance->residual[i] -= way * balance->image[i];
+        unknown->motion[i] += step_length * unknown->direction[i];
+        unknown->residual[i] -= step_length * unknown->product[i];
     }
-    multiply(&balance->diagonal, balance->residual, balance->image);
-    solver->next_length += dot(balance->residual, balance->image);
+    multiply(&unknown->diagonal, unknown->residual, unknown->product);
+    solver->next_residual2 += dot(unknown->residual, unknown->product);
 }
 
-static void turn(cairn_force_field *field, struct cairn_force_balance *balance)
+/* Computes the next conjugate direction (Fletcher-Reeves). */
+static void update_direction(cairn_force_field *field, struct cairn_force_unknown *unknown)
 {
-    cairn_real share = field->solver.next_length / field->solver.length;
+    cairn_real beta = field->solver.next_residual2 / field->solver.residual2;
 
     for (int32_t i = 0; i < 3; i++)
-        balance->direction[i] = balance->image[i] + share * balance->direction[i];
-    set_image(balance);
+        unknown->direction[i] = unknown->product[i] + beta * unknown->direction[i];
+    begin_product(unknown);
 }
 
-static void measure(cairn_force_field *field, const struct cairn_force_balance *balance)
+/* Adds a scan's part of direction^T A direction. */
+static void add_curvature(cairn_force_field *field, const struct cairn_force_unknown *unknown)
 {
-    field->solver.curvature += dot(balance->direction, balance->image);
+    field->solver.curvature += dot(unknown->direction, unknown->product);
 }
 
-/* What the stage at hand does to a bond or a scan. */
-static void treat(cairn_force_field *field, int32_t index)
+/* Processes one bond or scan in the current stage. */
+static void process_item(cairn_force_field *field, int32_t index)
 {
     switch (field->solver.stage) {
-    case STAGE_GATHER:
-        gather(field, &field->bonds[index]);
+    case STAGE_ASSEMBLE:
+        assemble(field, &field->bonds[index]);
         break;
     case STAGE_PREPARE:
-        prepare(field, index);
+        prepare_unknown(field, index);
         break;
-    case STAGE_PULL:
-        answer(field, &field->bonds[index]);
+    case STAGE_PRODUCT:
+        add_product(field, &field->bonds[index]);
         break;
-    case STAGE_MEASURE:
-        measure(field, &field->balances[index]);
+    case STAGE_CURVATURE:
+        add_curvature(field, &field->unknowns[index]);
         break;
-    case STAGE_ADVANCE:
-        advance(field, &field->balances[index]);
+    case STAGE_MOTION:
+        update_motion(field, &field->unknowns[index]);
         break;
     default:
-        turn(field, &field->balances[index]);
+        update_direction(field, &field->unknowns[index]);
         break;
     }
 }
 
-/* The stage after the one that has ended. */
+/* Returns the stage after the current one. */
 static int32_t next_stage(struct cairn_force_solver *solver)
 {
     switch (solver->stage) {
     case STAGE_PREPARE:
-        solver->least_length = ENOUGH * solver->length;
-        return solver->length > 0 ? STAGE_PULL : STAGE_DONE;
-    case STAGE_PULL:
+        solver->min_residual2 = CONVERGED_RATIO * solver->residual2;
+        return solver->residual2 > 0 ? STAGE_PRODUCT : STAGE_DONE;
+    case STAGE_PRODUCT:
         solver->curvature = 0;
-        return STAGE_MEASURE;
-    case STAGE_MEASURE:
-        solver->next_length = 0;
-        return solver->curvature > 0 ? STAGE_ADVANCE : STAGE_DONE;
-    case STAGE_ADVANCE:
-        return ++solver->round < ROUNDS && solver->next_length > solver->least_length ? STAGE_TURN
-                                                                                      : STAGE_DONE;
-    case STAGE_TURN:
-        solver->length = solver->next_length;
-        return STAGE_PULL;
+        return STAGE_CURVATURE;
+    case STAGE_CURVATURE:
+        solver->next_residual2 = 0;
+        return solver->curvature > 0 ? STAGE_MOTION : STAGE_DONE;
+    case STAGE_MOTION:
+        return ++solver->iteration < MAX_ITERATIONS &&
+                       solver->next_residual2 > solver->min_residual2
+                   ? STAGE_DIRECTION
+                   : STAGE_DONE;
+    case STAGE_DIRECTION:
+        solver->residual2 = solver->next_residual2;
+        return STAGE_PRODUCT;
     default:
         return solver->stage + 1;
     }
@@ -369,15 +378,16 @@ cairn_status cairn_force_balance_step(cairn_force_field *field, cairn_budget *bu
     struct cairn_force_solver *solver = &field->solver;
 
     while (solver->stage != STAGE_DONE) {
-        int32_t is_of_bonds = solver->stage == STAGE_GATHER || solver->stage == STAGE_PULL;
+        int32_t is_of_bonds = solver->stage == STAGE_ASSEMBLE || solver->stage == STAGE_PRODUCT;
         int32_t count = is_of_bonds ? field->bond_count : field->slots;
 
-        for (; solver->next < count; solver->next++) {
-            if (!cairn_budget_pay(budget, &field->paid, solver->stage <= STAGE_PREPARE ? 3 : 1))
+        for (; solver->next_item < count; solver->next_item++) {
+            if (!cairn_budget_pay(budget, &field->units_charged,
+                                  solver->stage <= STAGE_PREPARE ? 3 : 1))
                 return CAIRN_MORE;
-            treat(field, solver->next);
+            process_item(field, solver->next_item);
         }
-        solver->next = 0;
+        solver->next_item = 0;
         solver->stage = next_stage(solver);
     }
     return CAIRN_OK;

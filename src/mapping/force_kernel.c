@@ -1,21 +1,24 @@
-/* The pair loop of force field simulation.
+/* Inner loop over pairs of points of force field simulation.
  *
- * Method: exp(-s) = exp(-i) exp(-j/64) exp(d) with s = i + j/64 - d, from two tables and a short
- * Taylor series; s is at most reach^2 / 2 = 18, so neither underflow nor scaling can occur. The
- * potential takes erfc(x) = erfc(x0) - 2/sqrt(pi) times the integral of exp(-t^2) from the nearest
- * node x0 of a table to x, by the two-point Hermite rule with two derivatives, whose end values are
- * in the table and at hand: no second exponential. What a point feels is summed up row by row; the
- * torque and the opposite force on the other strip come from these sums.
+ * Method.
+ *
+ * 1. exp(-s) = exp(-i) exp(-j/64) exp(d) with s = i + j/64 - d, from two tables and a short Taylor
+ *    series. s is at most reach^2 / 2 = 18, so neither underflow nor scaling can occur.
+ * 2. The potential uses erfc(x) = erfc(x0) - 2/sqrt(pi) times the integral of exp(-t^2) from the
+ *    nearest table node x0 to x, by the two-point Hermite rule with two derivatives. Its end values
+ *    are in the table or already computed: no second exponential.
+ * 3. Forces are summed row by row. The torque and the opposite force on the other strip follow from
+ *    these sums.
  *
  * Source: Adluru 2008, section 7.3.1. */
 #include "src/core/build.h"
 
 #include "cairn/force_kernel.h"
 
-enum { COARSE = 20, FINE = 64, NODES = 69 };
+enum { EXP_INTEGER_NODES = 20, EXP_FRACTION_NODES = 64, ERFC_NODES = 69 };
 
-/* So many points beyond reach cost as much as a pair within it. */
-enum { COMPARED = 8 };
+/* points beyond reach that cost as much as a pair within it */
+enum { COMPARISONS_PER_UNIT = 8 };
 
 /* 1 / sqrt(2 pi), 1 / sqrt(2), 1 / sqrt(pi) */
 #define INVERSE_SQRT_2PI CAIRN_REAL(0.39894228040143267794)
@@ -40,11 +43,11 @@ cairn_vec2 cairn_force_kernel_pair(cairn_oriented_point p1, cairn_oriented_point
 
 void cairn_force_kernel_init(cairn_force_kernel *kernel)
 {
-    for (int32_t i = 0; i < COARSE; i++)
+    for (int32_t i = 0; i < EXP_INTEGER_NODES; i++)
         kernel->coarse[i] = cairn_exp(-(cairn_real)i);
-    for (int32_t i = 0; i < FINE; i++)
-        kernel->fine[i] = cairn_exp(-(cairn_real)i / FINE);
-    for (int32_t i = 0; i < NODES; i++) {
+    for (int32_t i = 0; i < EXP_FRACTION_NODES; i++)
+        kernel->fine[i] = cairn_exp(-(cairn_real)i / EXP_FRACTION_NODES);
+    for (int32_t i = 0; i < ERFC_NODES; i++) {
         cairn_real x = (cairn_real)i / 16, e = cairn_exp(-x * x);
 
         kernel->erfc[i][0] = cairn_erfc(x);
@@ -64,14 +67,14 @@ void cairn_force_kernel_set(cairn_force_kernel *kernel, cairn_real sigma, cairn_
     kernel->least_length = sigma / 8;
 }
 
-/* exp(-s), 0 <= s < COARSE - 1. */
-static inline cairn_real decay(const cairn_force_kernel *kernel, cairn_real s)
+/* Returns exp(-s), 0 <= s < EXP_INTEGER_NODES - 1. */
+static inline cairn_real exp_negative(const cairn_force_kernel *kernel, cairn_real s)
 {
-    int32_t k = cairn_real_to_int(s * FINE + CAIRN_REAL(0.5));
-    cairn_real d = (cairn_real)k * (CAIRN_REAL(1.0) / FINE) - s; /* within 1/128 */
+    int32_t k = cairn_real_to_int(s * EXP_FRACTION_NODES + CAIRN_REAL(0.5));
+    cairn_real d = (cairn_real)k * (CAIRN_REAL(1.0) / EXP_FRACTION_NODES) - s; /* within 1/128 */
     cairn_real series;
 
-    CAIRN_ASSERT(k >= 0 && k < COARSE * FINE);
+    CAIRN_ASSERT(k >= 0 && k < EXP_INTEGER_NODES * EXP_FRACTION_NODES);
 #ifdef CAIRN_FLOAT
     series = 1 + (d + d * d * CAIRN_REAL(0.5));
 #else
@@ -80,18 +83,19 @@ static inline cairn_real decay(const cairn_force_kernel *kernel, cairn_real s)
         (d +
          d * d * (CAIRN_REAL(1.0) / 2 + d * (CAIRN_REAL(1.0) / 6 + d * (CAIRN_REAL(1.0) / 24))));
 #endif
-    return kernel->coarse[(uint32_t)k / FINE] * kernel->fine[(uint32_t)k % FINE] * series;
+    return kernel->coarse[(uint32_t)k / EXP_FRACTION_NODES] *
+           kernel->fine[(uint32_t)k % EXP_FRACTION_NODES] * series;
 }
 
-/* erfc(x), 0 <= x < NODES / 16, with square = x^2 and e = exp(-x^2). */
-static inline cairn_real complementary(const cairn_force_kernel *kernel, cairn_real x,
-                                       cairn_real square, cairn_real e)
+/* Returns erfc(x), 0 <= x < ERFC_NODES / 16, with square = x^2 and e = exp(-x^2). */
+static inline cairn_real erfc_interpolated(const cairn_force_kernel *kernel, cairn_real x,
+                                           cairn_real square, cairn_real e)
 {
     int32_t k = cairn_real_to_int(x * 16 + CAIRN_REAL(0.5));
     cairn_real d = x - (cairn_real)k * (CAIRN_REAL(1.0) / 16), slopes, curvatures;
     const cairn_real *node;
 
-    CAIRN_ASSERT(k >= 0 && k < NODES);
+    CAIRN_ASSERT(k >= 0 && k < ERFC_NODES);
     node = kernel->erfc[k];
     curvatures = node[3] + (2 * square - 1) * e;
     slopes = 2 * x * e - node[2];
@@ -99,7 +103,7 @@ static inline cairn_real complementary(const cairn_force_kernel *kernel, cairn_r
            INVERSE_SQRT_PI * d * (node[1] + e + d * FIFTH * (slopes + d * SIXTH * curvatures));
 }
 
-/* The pair as a spring that pulls as hard, but is no stiffer than at least_length. */
+/* Adds the pair as a spring with the same force, but no stiffer than at the minimum length. */
 static inline void add_spring(const cairn_force_kernel *kernel, cairn_real x, cairn_real y,
                               cairn_real r, cairn_real strength, cairn_force_pull *pull)
 {
@@ -117,11 +121,11 @@ static inline void add_pair(const cairn_force_kernel *kernel, cairn_real x, cair
                             cairn_real square, cairn_real mass, int32_t with_potential,
                             int32_t with_springs, cairn_force_pull *pull)
 {
-    cairn_real r = cairn_sqrt(square), scaled = square * kernel->scale, e = decay(kernel, scaled),
-               strength;
+    cairn_real r = cairn_sqrt(square), scaled = square * kernel->scale,
+               e = exp_negative(kernel, scaled), strength;
 
     if (with_potential)
-        pull->potential += mass * complementary(kernel, r * kernel->root_scale, scaled, e);
+        pull->potential += mass * erfc_interpolated(kernel, r * kernel->root_scale, scaled, e);
     if (with_springs)
         add_spring(kernel, x, y, r, mass * e, pull);
     strength = r < CAIRN_FORCE_KERNEL_NEAR ? 0 : mass * e / r;
@@ -129,7 +133,8 @@ static inline void add_pair(const cairn_force_kernel *kernel, cairn_real x, cair
     pull->y += strength * y;
 }
 
-/* What a point at p feels from the points *next ... of a strip, as far as *left units allow. */
+/* Adds the effect of the points *next ... of a strip on a point at p, as far as *left units
+ * allow. */
 static inline void add_row(const cairn_force_kernel *kernel, cairn_vec2 p,
                            const cairn_force_strip *strip, int32_t *next, int32_t *left,
                            int32_t with_potential, int32_t with_springs, cairn_force_pull *pull)
@@ -151,7 +156,7 @@ static inline void add_row(const cairn_force_kernel *kernel, cairn_vec2 p,
     *next = j;
 }
 
-/* Adds the springs of a point of a mass at p, seen from the centre. The middle of a spring is p
+/* Adds the springs of a point of a mass at p relative to the centre. The midpoint of a spring is p
  * + d / 2. */
 static void add_springs(cairn_force_springs *springs, cairn_vec2 p, cairn_real mass,
                         const cairn_force_pull *pull)
@@ -185,7 +190,7 @@ static inline cairn_status add_strips(const cairn_force_kernel *kernel, const ca
                                       cairn_force_sum *sum, cairn_budget *budget)
 {
     static const cairn_force_pull none = {0, 0, 0, 0, 0, 0, 0, 0, 0};
-    const int32_t near_cost = 1 + (b->count + COMPARED - 1) / COMPARED;
+    const int32_t near_cost = 1 + (b->count + COMPARISONS_PER_UNIT - 1) / COMPARISONS_PER_UNIT;
     cairn_vec2 centre = sum->centre, force = sum->force;
     cairn_real torque = sum->torque, potential = sum->potential;
     cairn_force_pull pull = cursor->pull;

@@ -1,15 +1,17 @@
-/* Maps of many robots merged by a virtual robot.
+/* Map merging: parameters, memory, inputs and the main loop.
  *
- * Method: maps are made ready one by one (map_merge_prepare.c), rival places of all pairs are found
- * (map_merge_pairs.c), a particle filter puts the maps together (map_merge_filter.c) and the result
- * is checked (map_merge_check.c).
+ * Method.
  *
- * Layout: a packed cell of two bytes for each cell of all maps; points, free cells, corners, lines
- * and bends of each map; a list of modes for each pair of maps; the filter; a table of what pairs
- * said about places.
+ * 1. Maps are prepared one by one (map_merge_prepare.c).
+ * 2. Competing registrations (modes) of all pairs are found (map_merge_pairs.c).
+ * 3. A particle filter places the maps (map_merge_filter.c).
+ * 4. The result is refined jointly and verified (map_merge_check.c).
  *
- * Limits: a pair needs some metres of wall in its overlap that are not one straight line; maps of
- * one scale; walls that are bent by more than a few cells between the maps do not agree.
+ * Layout: a packed cell of two bytes per cell of all maps; points, free cells, corners, lines and
+ * curve points of each map; a list of modes per pair; the filter; a hash table of pair scores.
+ *
+ * Limits: a pair needs some metres of common wall that is not one straight line. Maps have one
+ * scale. Walls distorted by more than a few cells between the maps do not agree.
  *
  * Source: Adluru 2008, chapter 9. */
 #include "src/core/build.h"
@@ -18,10 +20,10 @@
 
 #include "src/mapping/map_merge_work.h"
 
-enum { CELLS_MOST = 1 << 28, POINTS_LEAST = 64, POINTS_MOST = 1 << 16 };
+enum { MAX_CELLS = 1 << 28, MIN_POINTS = 64, MAX_POINTS = 1 << 16 };
 
-/* Cells: where agreement has fallen to a half while searching. */
-#define SOFT CAIRN_REAL(2.0)
+/* Cells: distance at which the weight of an agreement is a half during the search. */
+#define SOFT_DISTANCE_CELLS CAIRN_REAL(2.0)
 
 cairn_map_merge_params cairn_map_merge_default(void)
 {
@@ -61,11 +63,11 @@ static int is_count(int32_t n, int32_t least, int32_t most)
 
 static int params_are_valid(const cairn_map_merge_params *p)
 {
-    return p != NULL && is_count(p->max_maps, 1, MERGE_MAPS_MOST) &&
-           is_count(p->max_cells, 1, CELLS_MOST) && is_count(p->max_map_cells, 1, p->max_cells) &&
-           is_count(p->max_points, POINTS_LEAST, POINTS_MOST) &&
-           is_count(p->max_segments, 1, 4096) && is_count(p->max_corners, 1, 1024) &&
-           is_count(p->max_modes, 1, 32) && is_count(p->particles, 1, 4096) &&
+    return p != NULL && is_count(p->max_maps, 1, MERGE_MAX_MAPS) &&
+           is_count(p->max_cells, 1, MAX_CELLS) && is_count(p->max_map_cells, 1, p->max_cells) &&
+           is_count(p->max_points, MIN_POINTS, MAX_POINTS) && is_count(p->max_segments, 1, 4096) &&
+           is_count(p->max_corners, 1, 1024) && is_count(p->max_modes, 1, 32) &&
+           is_count(p->particles, 1, 4096) &&
            is_count(p->mode, CAIRN_MODE_DEFAULT, CAIRN_MODE_AS_WRITTEN) &&
            (p->mode == CAIRN_MODE_DEFAULT || p->perception == CAIRN_MERGE_IMAGES) &&
            p->perception >= CAIRN_MERGE_EVIDENCE && p->perception <= CAIRN_MERGE_IMAGES &&
@@ -85,19 +87,21 @@ static cairn_corner_params corner_params(const cairn_map_merge_params *p)
     return c;
 }
 
-/* Cells of the merged map at most, as written. */
+/* Returns the maximum number of cells of the merged map, as written. */
 static int32_t merged_cells(const cairn_map_merge_params *p)
 {
-    return p->max_cells < CELLS_MOST / MERGE_MERGED ? MERGE_MERGED * p->max_cells : CELLS_MOST;
+    return p->max_cells < MAX_CELLS / MERGE_MAX_MERGED_CELLS ? MERGE_MAX_MERGED_CELLS * p->max_cells
+                                                             : MAX_CELLS;
 }
 
-/* Cells of an image whose distances are measured. */
+/* Returns the maximum number of cells of an image that distances are computed for. */
 static int32_t image_cells(const cairn_map_merge_params *p)
 {
     return merge_is_written(p) ? merged_cells(p) : p->max_map_cells;
 }
 
-/* An image's side is at most that of a raster, or all its cells in one row. */
+/* Returns the distance map's params: a side of at most that of a raster, or all cells in one
+ * row. */
 static cairn_distance_map_params distance_params(const cairn_map_merge_params *p)
 {
     cairn_distance_map_params d = {image_cells(p) < CAIRN_RASTER_MAX_SIDE ? image_cells(p)
@@ -118,8 +122,8 @@ static size_t pairs_of(const cairn_map_merge_params *p)
     return n * (n - 1) / 2 + 1;
 }
 
-/* The objects within; NULL from a counting pool. */
-static void carve_objects(cairn_map_merge *m, cairn_pool *pool, const cairn_map_merge_params *p)
+/* Creates the objects inside; NULL from a counting pool. */
+static void take_objects(cairn_map_merge *merge, cairn_pool *pool, const cairn_map_merge_params *p)
 {
     cairn_corner_params corners = corner_params(p);
     cairn_distance_map_params distances = distance_params(p);
@@ -127,24 +131,24 @@ static void carve_objects(cairn_map_merge *m, cairn_pool *pool, const cairn_map_
     cairn_particle_model model;
     cairn_status status;
 
-    if (m == NULL) {
+    if (merge == NULL) {
         cairn_pool_count(pool, cairn_corner_memory(&corners));
         cairn_pool_count(pool, cairn_distance_map_memory(&distances));
         cairn_pool_count(pool, cairn_particle_filter_memory(&filter));
         return;
     }
-    model = merge_is_written(p) ? cairn_merge_written_model(m) : cairn_merge_model(m);
-    status = cairn_corner_create(&m->corners, pool, &corners);
+    model = merge_is_written(p) ? cairn_merge_written_model(merge) : cairn_merge_model(merge);
+    status = cairn_corner_create(&merge->corners, pool, &corners);
     CAIRN_ASSERT(status == CAIRN_OK);
-    status = cairn_distance_map_create(&m->distances, pool, &distances);
+    status = cairn_distance_map_create(&merge->distances, pool, &distances);
     CAIRN_ASSERT(status == CAIRN_OK);
-    status = cairn_particle_filter_create(&m->filter, pool, &filter, &model);
+    status = cairn_particle_filter_create(&merge->filter, pool, &filter, &model);
     CAIRN_ASSERT(status == CAIRN_OK);
     (void)status;
 }
 
-/* What the mode as written needs besides. */
-static merge_written *carve_written(cairn_pool *pool, const cairn_map_merge_params *p)
+/* Takes the memory of the mode as written. */
+static merge_written *take_written(cairn_pool *pool, const cairn_map_merge_params *p)
 {
     cairn_particle_filter_params filter = cairn_merge_written_params(p);
     size_t cells = (size_t)merged_cells(p), listed = (size_t)filter.max_candidates;
@@ -158,66 +162,67 @@ static merge_written *carve_written(cairn_pool *pool, const cairn_map_merge_para
         memset(w, 0, sizeof *w);
         w->merged.grid = grid;
         w->cells = classes;
-        w->most_cells = merged_cells(p);
-        w->list = list;
-        w->most_listed = filter.max_candidates;
+        w->max_cells = merged_cells(p);
+        w->candidates = list;
+        w->max_candidates = filter.max_candidates;
         w->places = places;
         cairn_merge_set_kernel(w->kernel);
     }
     return w;
 }
 
-static cairn_map_merge *carve(cairn_pool *pool, const cairn_map_merge_params *p)
+static cairn_map_merge *take_memory(cairn_pool *pool, const cairn_map_merge_params *p)
 {
     size_t maps = (size_t)p->max_maps, points = (size_t)p->max_points;
-    cairn_map_merge *m = cairn_pool_take_one(pool, sizeof *m);
+    cairn_map_merge *merge = cairn_pool_take_one(pool, sizeof *merge);
     merge_map *list = cairn_pool_take(pool, maps, sizeof *list);
     uint16_t *grid = cairn_pool_take(pool, (size_t)p->max_cells, sizeof *grid);
     int32_t *scratch = cairn_pool_take(pool, (size_t)image_cells(p), sizeof *scratch);
     merge_point *surface = cairn_pool_take(pool, (maps + 1) * points, sizeof *surface);
     cairn_vec2 *open = cairn_pool_take(pool, maps * (points / 2), sizeof *open);
     cairn_corner *corners = cairn_pool_take(pool, maps * (size_t)p->max_corners, sizeof *corners);
-    merge_way *ways = cairn_pool_take(pool, maps * (size_t)p->max_segments, sizeof *ways);
+    merge_direction *ways = cairn_pool_take(pool, maps * (size_t)p->max_segments, sizeof *ways);
     int32_t *queue = cairn_pool_take(pool, 2 * points, sizeof *queue);
     cairn_vec2 *line = cairn_pool_take(pool, points, sizeof *line);
-    merge_bend *bends = cairn_pool_take(pool, maps * MERGE_BENDS_MOST, sizeof *bends);
+    merge_curve_point *curve_points =
+        cairn_pool_take(pool, maps * MERGE_MAX_CURVE_POINTS, sizeof *curve_points);
     cairn_segment *lines = cairn_pool_take(pool, maps * (size_t)p->max_segments, sizeof *lines);
     merge_mode *modes = cairn_pool_take(pool, pairs_of(p) * (size_t)p->max_modes, sizeof *modes);
     int32_t *mode_count = cairn_pool_take(pool, pairs_of(p), sizeof *mode_count);
-    merge_memory *memory =
-        merge_is_written(p) ? NULL : cairn_pool_take(pool, MERGE_MEMORY, sizeof *memory);
+    merge_cache_entry *memory =
+        merge_is_written(p) ? NULL : cairn_pool_take(pool, MERGE_CACHE_SLOTS, sizeof *memory);
 
-    if (m != NULL) {
-        memset(m, 0, sizeof *m);
-        m->params = *p;
-        m->maps = list;
-        m->grid = grid;
-        m->scratch = scratch;
-        m->shuffled = surface + maps * points;
-        m->queue = queue;
-        m->label = queue + points;
-        m->line = line;
-        m->modes = modes;
-        m->mode_count = mode_count;
-        m->memory = memory;
+    if (merge != NULL) {
+        memset(merge, 0, sizeof *merge);
+        merge->params = *p;
+        merge->maps = list;
+        merge->grid = grid;
+        merge->scratch = scratch;
+        merge->shuffled = surface + maps * points;
+        merge->queue = queue;
+        merge->label = queue + points;
+        merge->line = line;
+        merge->modes = modes;
+        merge->mode_count = mode_count;
+        merge->cache = memory;
         for (size_t i = 0; i < maps; i++) {
             memset(&list[i], 0, sizeof list[i]);
             list[i].points = surface + i * points;
-            list[i].open = open + i * (points / 2);
+            list[i].free_cells = open + i * (points / 2);
             list[i].corners = corners + i * (size_t)p->max_corners;
             list[i].lines = lines + i * (size_t)p->max_segments;
-            list[i].bends = bends + i * MERGE_BENDS_MOST;
-            list[i].ways = ways + i * (size_t)p->max_segments;
+            list[i].curve_points = curve_points + i * MERGE_MAX_CURVE_POINTS;
+            list[i].directions = ways + i * (size_t)p->max_segments;
         }
     }
-    carve_objects(m, pool, p);
+    take_objects(merge, pool, p);
     if (merge_is_written(p)) {
-        merge_written *written = carve_written(pool, p);
+        merge_written *written = take_written(pool, p);
 
-        if (m != NULL)
-            m->written = written;
+        if (merge != NULL)
+            merge->written = written;
     }
-    return m;
+    return merge;
 }
 
 size_t cairn_map_merge_memory(const cairn_map_merge_params *params)
@@ -227,7 +232,7 @@ size_t cairn_map_merge_memory(const cairn_map_merge_params *params)
     if (!params_are_valid(params))
         return 0;
     cairn_pool_init_counting(&counting);
-    (void)carve(&counting, params);
+    (void)take_memory(&counting, params);
     return cairn_pool_counted(&counting);
 }
 
@@ -241,11 +246,11 @@ cairn_status cairn_map_merge_create(cairn_map_merge **merge, cairn_pool *pool,
         return CAIRN_BAD_ARGUMENT;
     if (!cairn_pool_has_room(pool, need))
         return CAIRN_NO_MEMORY;
-    made = carve(pool, params);
-    for (int32_t d = 0; d <= MERGE_FAR; d++) {
-        cairn_real x = (cairn_real)d / SOFT;
+    made = take_memory(pool, params);
+    for (int32_t d = 0; d <= MERGE_MAX_DISTANCE; d++) {
+        cairn_real x = (cairn_real)d / SOFT_DISTANCE_CELLS;
 
-        made->soft[d] = cairn_exp(-x * x / 2);
+        made->soft_kernel[d] = cairn_exp(-x * x / 2);
     }
     *merge = made;
     return CAIRN_OK;
@@ -289,13 +294,13 @@ static cairn_pose scaled(cairn_pose pose, cairn_real by)
 cairn_status cairn_map_merge_add(cairn_map_merge *merge, const cairn_merge_map *map,
                                  cairn_fault *fault)
 {
-    merge_map *m;
+    merge_map *added;
     int64_t cells;
 
     if (merge == NULL || map == NULL)
         return cairn_refuse(fault, -1, "NULL, expected a map", CAIRN_BAD_ARGUMENT);
     if (merge->phase != MERGE_IDLE)
-        return cairn_refuse(fault, -1, "a merging is under way, expected its end",
+        return cairn_refuse(fault, -1, "merging is in progress, expected its end",
                             CAIRN_BAD_ARGUMENT);
     if (cairn_raster_u8_check(map->cells) != CAIRN_OK)
         return cairn_refuse(fault, -1, "not a raster of cells", CAIRN_BAD_ARGUMENT);
@@ -312,20 +317,20 @@ cairn_status cairn_map_merge_add(cairn_map_merge *merge, const cairn_merge_map *
         return cairn_refuse(fault, -1, "more cells in all than max_cells", CAIRN_FULL);
     if (merge->map_count == 0)
         merge->unit = map->resolution / MERGE_CELL;
-    m = &merge->maps[merge->map_count++];
-    m->input = *map;
-    m->input.resolution = map->resolution / merge->unit;
-    m->input.origin = scaled(map->origin, 1 / merge->unit);
-    m->grid = merge->grid + merge->cells;
+    added = &merge->maps[merge->map_count++];
+    added->input = *map;
+    added->input.resolution = map->resolution / merge->unit;
+    added->input.origin = scaled(map->origin, 1 / merge->unit);
+    added->grid = merge->grid + merge->cells;
     merge->cells += cells;
-    m->corner.x = -m->input.resolution * (cairn_real)map->cells.width / 2;
-    m->corner.y = -m->input.resolution * (cairn_real)map->cells.height / 2;
-    m->map_centre.x = -m->corner.x;
-    m->map_centre.y = -m->corner.y;
-    m->map_centre.theta = 0;
-    m->map_centre = cairn_pose_compose(m->input.origin, m->map_centre);
-    m->has_guess = 0;
-    m->point_count = m->open_count = m->corner_count = m->line_count = 0;
+    added->corner.x = -added->input.resolution * (cairn_real)map->cells.width / 2;
+    added->corner.y = -added->input.resolution * (cairn_real)map->cells.height / 2;
+    added->map_centre.x = -added->corner.x;
+    added->map_centre.y = -added->corner.y;
+    added->map_centre.theta = 0;
+    added->map_centre = cairn_pose_compose(added->input.origin, added->map_centre);
+    added->has_guess = 0;
+    added->point_count = added->free_cell_count = added->corner_count = added->line_count = 0;
     merge->done = 0;
     return CAIRN_OK;
 }
@@ -339,33 +344,34 @@ cairn_status cairn_map_merge_guess(cairn_map_merge *merge, int32_t map, cairn_po
     if (merge_is_written(&merge->params))
         return CAIRN_UNSUPPORTED;
     merge->maps[map].has_guess = 1;
-    merge->maps[map].given = reference_map;
+    merge->maps[map].given_guess = reference_map;
     return CAIRN_OK;
 }
 
-/* The pose of map b's centre seen from map a's centre, by that of their frames, and back. */
-static cairn_pose centres_of(const cairn_map_merge *m, int32_t a, int32_t b, cairn_pose a_b)
+/* Converts the pose of map b relative to map a from frames to centres, and back. */
+static cairn_pose centres_of(const cairn_map_merge *merge, int32_t a, int32_t b, cairn_pose a_b)
 {
-    return cairn_pose_between(m->maps[a].map_centre,
-                              cairn_pose_compose(scaled(a_b, 1 / m->unit), m->maps[b].map_centre));
+    return cairn_pose_between(
+        merge->maps[a].map_centre,
+        cairn_pose_compose(scaled(a_b, 1 / merge->unit), merge->maps[b].map_centre));
 }
 
-static cairn_pose frames_of(const cairn_map_merge *m, int32_t a, int32_t b, cairn_pose centres)
+static cairn_pose frames_of(const cairn_map_merge *merge, int32_t a, int32_t b, cairn_pose centres)
 {
-    cairn_pose a_b = cairn_pose_compose(cairn_pose_compose(m->maps[a].map_centre, centres),
-                                        cairn_pose_inverse(m->maps[b].map_centre));
+    cairn_pose a_b = cairn_pose_compose(cairn_pose_compose(merge->maps[a].map_centre, centres),
+                                        cairn_pose_inverse(merge->maps[b].map_centre));
 
-    return scaled(a_b, m->unit);
+    return scaled(a_b, merge->unit);
 }
 
-static int is_order(const cairn_map_merge *m, int32_t reference, const int32_t *order)
+static int is_order(const cairn_map_merge *merge, int32_t reference, const int32_t *order)
 {
-    int32_t seen[MERGE_MAPS_MOST] = {0};
+    int32_t seen[MERGE_MAX_MAPS] = {0};
 
     if (order[0] != reference)
         return 0;
-    for (int32_t i = 0; i < m->map_count; i++)
-        if (order[i] < 0 || order[i] >= m->map_count || seen[order[i]]++)
+    for (int32_t i = 0; i < merge->map_count; i++)
+        if (order[i] < 0 || order[i] >= merge->map_count || seen[order[i]]++)
             return 0;
     return 1;
 }
@@ -385,12 +391,12 @@ cairn_status cairn_map_merge_begin(cairn_map_merge *merge, int32_t reference, co
         memcpy(merge->order, order, (size_t)merge->map_count * sizeof *order);
     for (int32_t i = 0; i < merge->map_count; i++)
         if (merge->maps[i].has_guess)
-            merge->maps[i].guess = centres_of(merge, reference, i, merge->maps[i].given);
+            merge->maps[i].guess = centres_of(merge, reference, i, merge->maps[i].given_guess);
     merge->map = 0;
     merge->cursor = 0;
-    merge->paid = 0;
-    merge->comparing = 0;
-    merge->tried = 0;
+    merge->units_charged = 0;
+    merge->is_comparing = 0;
+    merge->tried_count = 0;
     merge->units = 0;
     merge->done = 0;
     merge->stage = MERGE_PREPARING;
@@ -398,34 +404,34 @@ cairn_status cairn_map_merge_begin(cairn_map_merge *merge, int32_t reference, co
     return CAIRN_OK;
 }
 
-static void finish(cairn_map_merge *m)
+static void finish(cairn_map_merge *merge)
 {
-    cairn_merge_result *r = &m->result;
+    cairn_merge_result *r = &merge->result;
     int32_t rank = 0;
 
     memset(r, 0, sizeof *r);
-    r->maps = m->map_count;
-    r->reference = m->reference;
-    r->hypotheses = m->tried;
-    r->resamplings = cairn_particle_filter_read(m->filter).resamplings;
-    r->n_eff = cairn_particle_filter_read(m->filter).n_eff;
+    r->maps = merge->map_count;
+    r->reference = merge->reference;
+    r->hypotheses = merge->tried_count;
+    r->resamplings = cairn_particle_filter_read(merge->filter).resamplings;
+    r->n_eff = cairn_particle_filter_read(merge->filter).n_eff;
     r->most_particles =
-        merge_is_written(&m->params) ? m->written->most_particles : m->params.particles;
-    for (int32_t i = 0; i < m->map_count; i++) {
-        cairn_merge_placed *p = &m->placed[i];
+        merge_is_written(&merge->params) ? merge->written->peak_particles : merge->params.particles;
+    for (int32_t i = 0; i < merge->map_count; i++) {
+        cairn_merge_placed *p = &merge->placed[i];
 
-        p->reference_map = frames_of(m, m->reference, i, m->check.pose[i]);
+        p->reference_map = frames_of(merge, merge->reference, i, merge->check.pose[i]);
         r->placed += p->verdict == CAIRN_MERGE_PLACED;
         r->evidence += p->verdict == CAIRN_MERGE_PLACED ? p->support : 0;
     }
-    for (int32_t k = 0; k < m->check.count; k++)
-        if (m->check.accepted[m->check.list[k]])
-            m->placed[m->check.list[k]].rank = rank++;
-    for (int32_t i = 0; i < m->map_count; i++)
-        if (!m->check.accepted[i])
-            m->placed[i].rank = rank++;
-    m->phase = MERGE_IDLE;
-    m->done = 1;
+    for (int32_t k = 0; k < merge->check.count; k++)
+        if (merge->check.accepted[merge->check.list[k]])
+            merge->placed[merge->check.list[k]].rank = rank++;
+    for (int32_t i = 0; i < merge->map_count; i++)
+        if (!merge->check.accepted[i])
+            merge->placed[i].rank = rank++;
+    merge->phase = MERGE_IDLE;
+    merge->done = 1;
 }
 
 static cairn_status step_default(cairn_map_merge *merge, cairn_budget *budget)
@@ -493,15 +499,15 @@ const char *cairn_merge_verdict_text(cairn_merge_verdict verdict)
     case CAIRN_MERGE_EMPTY:
         return "no wall or no free space in it";
     case CAIRN_MERGE_NO_OVERLAP:
-        return "no place agrees with any other map";
+        return "no pose agrees with any other map";
     case CAIRN_MERGE_WEAK:
-        return "too little support for its best place";
+        return "too little support for its best pose";
     case CAIRN_MERGE_AMBIGUOUS:
-        return "another place has nearly as much support";
+        return "a competing pose has nearly as much support";
     case CAIRN_MERGE_SLIDES:
-        return "it could be shifted along its walls";
+        return "translation along its walls is unobservable";
     case CAIRN_MERGE_NO_CORNER:
-        return "no corner of it is like one of the maps merged";
+        return "no corner is similar to one of the merged maps";
     default:
         return "unknown verdict";
     }
@@ -522,7 +528,7 @@ cairn_merge_placed cairn_map_merge_of(const cairn_map_merge *merge, int32_t map)
 }
 
 int32_t cairn_map_merge_mode(const cairn_map_merge *merge, int32_t a, int32_t b, int32_t index,
-                             cairn_pose *a_b, cairn_real *evidence)
+                             cairn_pose *a_b, cairn_real *log_ratio)
 {
     const merge_mode *mode;
     int32_t pair;
@@ -534,7 +540,7 @@ int32_t cairn_map_merge_mode(const cairn_map_merge *merge, int32_t a, int32_t b,
     if (index >= merge->mode_count[pair])
         return 0;
     mode = &merge->modes[(size_t)pair * (size_t)merge->params.max_modes + (size_t)index];
-    *evidence = mode->evidence;
+    *log_ratio = mode->log_ratio;
     *a_b =
         frames_of(merge, a, b, a < b ? mode->first_second : cairn_pose_inverse(mode->first_second));
     return 1;

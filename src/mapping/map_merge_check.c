@@ -1,42 +1,47 @@
-/* The check of what the particle filter found.
+/* Joint refinement and verification of the particle filter's result.
  *
- * The maps of the best particle are refined by lines, in turn, beside all others. Evidence
- * between every two of them makes a graph; while a cut through it has less than the least score,
- * the side without the reference is cut off. A map that has a rival place with nearly as much
- * support, or could slide along its walls, is refused, and the rest is looked at again. */
+ * Method.
+ *
+ * 1. The maps of the best particle are refined by lines, in turn, each against all others.
+ * 2. The log-likelihood ratios between every two of them form a weighted graph. While its minimum
+ *    cut (Stoer and Wagner 1997) has less than min_score, the side without the reference is cut
+ *    off.
+ * 3. A map with a competing pose of nearly equal support, or with an unobservable translation along
+ *    its walls, is rejected, and the others are verified again. */
 #include "src/core/build.h"
 
 #include <string.h>
 
 #include "src/mapping/map_merge_work.h"
 
-/* Nats that a place has by chance, as the best of many, and by which an e-fold less is to be
- * expected. */
-#define CHANCE CAIRN_REAL(5.0)
-#define SPREAD CAIRN_REAL(1.5)
-/* Nobody has counted rarer faults. */
-#define LEAST_WRONG CAIRN_REAL(1e-4)
-/* m: a map slides that has most of its evidence so far away. */
-#define SHIFT  CAIRN_REAL(0.30)
-#define SLIDES CAIRN_REAL(0.7)
+/* nats: log-likelihood ratio that a wrong pose reaches by chance, as the best of many, and the
+ * scale of its exponential tail */
+#define CHANCE_NATS        CAIRN_REAL(5.0)
+#define CHANCE_SPREAD_NATS CAIRN_REAL(1.5)
+/* minimum error probability reported: rarer errors have not been measured */
+#define MIN_ERROR_PROBABILITY CAIRN_REAL(1e-4)
+/* m: a translation that keeps most of the log-likelihood ratio over this distance is
+ * unobservable */
+#define SHIFT_M           CAIRN_REAL(0.30)
+#define MAX_SHIFTED_SHARE CAIRN_REAL(0.7)
 
-/* Rounds in which every map is refined; directions in which it is shifted. */
-enum { REFINE_ROUNDS = 24, SHIFTS = 8 };
+/* rounds of joint refinement; directions of the shift test */
+enum { REFINE_ROUNDS = 24, SHIFT_DIRECTIONS = 8 };
 
-enum { CHECK_REFINE, CHECK_LINKS, CHECK_CUTS, CHECK_JUDGE, CHECK_DONE };
+enum { CHECK_REFINE, CHECK_LINKS, CHECK_CUTS, CHECK_VERDICTS, CHECK_DONE };
 
-/* The particle whose maps have most evidence in all. */
-static const void *best_of(const cairn_map_merge *m)
+/* Returns the state of the particle with the largest total log-likelihood ratio. */
+static const void *best_of(const cairn_map_merge *merge)
 {
     const void *best = NULL;
     cairn_real most = 0;
 
-    for (int32_t i = 0; i < cairn_particle_filter_count(m->filter); i++) {
-        const void *state = cairn_particle_filter_particle(m->filter, i).state;
+    for (int32_t i = 0; i < cairn_particle_filter_count(merge->filter); i++) {
+        const void *state = cairn_particle_filter_particle(merge->filter, i).state;
         cairn_real sum = 0;
 
         for (const merge_state *s = state; s != NULL; s = cairn_particle_state_before(s))
-            sum += s->evidence;
+            sum += s->log_ratio;
         if (best == NULL || sum > most) {
             best = state;
             most = sum;
@@ -45,308 +50,318 @@ static const void *best_of(const cairn_map_merge *m)
     return best;
 }
 
-/* near[] in the order of merging, but the reference first, in whose frame they are now; alone
- * when it has not been merged. */
-static void begin_at_reference(cairn_map_merge *m)
+/* Sets the neighbours in order of merging, but the reference first, whose frame is theirs now; the
+ * reference alone when it has not been merged. */
+static void begin_at_reference(cairn_map_merge *merge)
 {
     cairn_pose reference = cairn_pose_identity();
     int32_t at = -1, count = 1;
 
-    for (int32_t i = 0; i < m->near_count; i++)
-        if (m->near[i] == m->reference)
+    for (int32_t i = 0; i < merge->neighbour_count; i++)
+        if (merge->neighbours[i] == merge->reference)
             at = i;
     if (at >= 0)
-        reference = m->near_pose[at];
-    m->check.list[0] = m->reference;
-    m->check.pose[m->reference] = cairn_pose_identity();
-    for (int32_t i = m->near_count - 1; i >= 0 && at >= 0; i--)
+        reference = merge->neighbour_poses[at];
+    merge->check.list[0] = merge->reference;
+    merge->check.pose[merge->reference] = cairn_pose_identity();
+    for (int32_t i = merge->neighbour_count - 1; i >= 0 && at >= 0; i--)
         if (i != at) {
-            m->check.list[count++] = m->near[i];
-            m->check.pose[m->near[i]] = cairn_pose_between(reference, m->near_pose[i]);
+            merge->check.list[count++] = merge->neighbours[i];
+            merge->check.pose[merge->neighbours[i]] =
+                cairn_pose_between(reference, merge->neighbour_poses[i]);
         }
-    m->check.count = count;
+    merge->check.count = count;
 }
 
-static void begin_check(cairn_map_merge *m)
+static void begin_check(cairn_map_merge *merge)
 {
-    (void)cairn_merge_gather(m, best_of(m));
-    memset(&m->check, 0, sizeof m->check);
-    memset(m->placed, 0, sizeof m->placed);
-    for (int32_t i = 0; i < m->map_count; i++) {
-        cairn_merge_placed *p = &m->placed[i];
+    (void)cairn_merge_gather(merge, best_of(merge));
+    memset(&merge->check, 0, sizeof merge->check);
+    memset(merge->placed, 0, sizeof merge->placed);
+    for (int32_t i = 0; i < merge->map_count; i++) {
+        cairn_merge_placed *p = &merge->placed[i];
 
-        p->verdict = m->maps[i].point_count == 0 || m->maps[i].free == 0 ? CAIRN_MERGE_EMPTY
-                                                                         : CAIRN_MERGE_NO_OVERLAP;
-        p->corners = m->maps[i].corner_count;
+        p->verdict = merge->maps[i].point_count == 0 || merge->maps[i].free_count == 0
+                         ? CAIRN_MERGE_EMPTY
+                         : CAIRN_MERGE_NO_OVERLAP;
+        p->corners = merge->maps[i].corner_count;
         p->wrong = 1;
         p->rank = -1;
     }
-    begin_at_reference(m);
-    for (int32_t i = 0; i < m->check.count; i++) {
-        int32_t map = m->check.list[i];
+    begin_at_reference(merge);
+    for (int32_t i = 0; i < merge->check.count; i++) {
+        int32_t map = merge->check.list[i];
 
-        m->check.start[map] = m->check.pose[map];
-        m->check.accepted[map] = 1;
-        m->placed[map].verdict = CAIRN_MERGE_PLACED;
-        m->placed[map].rank = i;
+        merge->check.start[map] = merge->check.pose[map];
+        merge->check.accepted[map] = 1;
+        merge->placed[map].verdict = CAIRN_MERGE_PLACED;
+        merge->placed[map].rank = i;
     }
-    m->placed[m->reference].wrong = 0;
-    m->check.stage = CHECK_REFINE;
-    m->phase = MERGE_CHECK;
-    m->cursor = 1;
-    m->inner = 0;
+    merge->placed[merge->reference].wrong = 0;
+    merge->check.stage = CHECK_REFINE;
+    merge->phase = MERGE_CHECK;
+    merge->cursor = 1;
+    merge->inner = 0;
 }
 
-/* near[]: the accepted maps but `map`. */
-static void surround(cairn_map_merge *m, int32_t map)
+/* Sets the neighbours to the accepted maps except `map`. */
+static void collect_others(cairn_map_merge *merge, int32_t map)
 {
-    m->near_count = 0;
-    for (int32_t i = 0; i < m->check.count; i++) {
-        int32_t other = m->check.list[i];
+    merge->neighbour_count = 0;
+    for (int32_t i = 0; i < merge->check.count; i++) {
+        int32_t other = merge->check.list[i];
 
-        if (other == map || !m->check.accepted[other])
+        if (other == map || !merge->check.accepted[other])
             continue;
-        m->near[m->near_count] = other;
-        m->near_pose[m->near_count++] = m->check.pose[other];
+        merge->neighbours[merge->neighbour_count] = other;
+        merge->neighbour_poses[merge->neighbour_count++] = merge->check.pose[other];
     }
 }
 
-/* Every map in turn beside all others. */
-static cairn_status step_joint(cairn_map_merge *m, cairn_budget *budget)
+/* Refines every map in turn against all others. */
+static cairn_status step_joint(cairn_map_merge *merge, cairn_budget *budget)
 {
-    for (; m->check.round < REFINE_ROUNDS; m->check.round++, m->cursor = 1)
-        for (; m->cursor < m->check.count; m->cursor++, m->inner = 0) {
-            int32_t map = m->check.list[m->cursor];
+    for (; merge->check.round < REFINE_ROUNDS; merge->check.round++, merge->cursor = 1)
+        for (; merge->cursor < merge->check.count; merge->cursor++, merge->inner = 0) {
+            int32_t map = merge->check.list[merge->cursor];
 
-            if (m->inner == 0) {
-                surround(m, map);
-                cairn_merge_begin_lines(m, map, m->check.start[map], m->check.pose[map], 1);
-                m->inner = 1;
+            if (merge->inner == 0) {
+                collect_others(merge, map);
+                cairn_merge_begin_lines(merge, map, merge->check.start[map], merge->check.pose[map],
+                                        1);
+                merge->inner = 1;
             }
-            if (!cairn_merge_go_on_lines(m, budget))
+            if (!cairn_merge_go_on_lines(merge, budget))
                 return CAIRN_MORE;
-            m->check.pose[map] = m->climb.best;
+            merge->check.pose[map] = merge->climb.best;
         }
     return CAIRN_OK;
 }
 
-/* What every two maps placed say about each other. */
-static cairn_status step_links(cairn_map_merge *m, cairn_budget *budget)
+/* Scores every pair of placed maps. */
+static cairn_status step_links(cairn_map_merge *merge, cairn_budget *budget)
 {
-    for (; m->cursor < m->check.count; m->cursor++, m->inner = 0)
-        while (m->inner < 2 * m->cursor) {
-            int32_t map = m->check.list[m->cursor], other = m->check.list[m->inner / 2];
+    for (; merge->cursor < merge->check.count; merge->cursor++, merge->inner = 0)
+        while (merge->inner < 2 * merge->cursor) {
+            int32_t map = merge->check.list[merge->cursor],
+                    other = merge->check.list[merge->inner / 2];
 
-            if (m->inner % 2 == 0) {
-                m->near[0] = other;
-                m->near_pose[0] = m->check.pose[other];
-                m->near_count = 1;
-                cairn_merge_begin_total(m, map, m->check.pose[map], m->params.max_points);
-                m->inner++;
+            if (merge->inner % 2 == 0) {
+                merge->neighbours[0] = other;
+                merge->neighbour_poses[0] = merge->check.pose[other];
+                merge->neighbour_count = 1;
+                cairn_merge_begin_total(merge, map, merge->check.pose[map],
+                                        merge->params.max_points);
+                merge->inner++;
             }
-            if (!cairn_merge_go_on_total(m, budget))
+            if (!cairn_merge_go_on_total(merge, budget))
                 return CAIRN_MORE;
-            m->check.link[merge_pair(other < map ? other : map, other < map ? map : other)] =
-                m->total.evidence;
-            m->inner++;
+            merge->check
+                .pair_score[merge_pair(other < map ? other : map, other < map ? map : other)] =
+                merge->total.log_ratio;
+            merge->inner++;
         }
     return CAIRN_OK;
 }
 
-static cairn_real link_of(const cairn_map_merge *m, int32_t a, int32_t b)
+static cairn_real pair_score_of(const cairn_map_merge *merge, int32_t a, int32_t b)
 {
-    return m->check.link[a < b ? merge_pair(a, b) : merge_pair(b, a)];
+    return merge->check.pair_score[a < b ? merge_pair(a, b) : merge_pair(b, a)];
 }
 
-/* Of what is accepted the part without the reference that has least evidence in common with the
- * rest (Stoer and Wagner 1997): side[] of those maps is 1. Evidence against is none. Returns
- * that evidence, or a huge number for a single map. */
-static cairn_real least_cut(const cairn_map_merge *m, int32_t *side)
+/* Returns the weight of the minimum cut of the accepted maps (Stoer and Wagner 1997), and its side
+ * without the reference: side[] of those maps is 1. Negative weights count as 0. Returns a huge
+ * number for a single map. */
+static cairn_real minimum_cut(const cairn_map_merge *merge, int32_t *side)
 {
-    int32_t group[MERGE_MAPS_MOST], added[MERGE_MAPS_MOST], best_group[MERGE_MAPS_MOST] = {0};
-    cairn_real weight[MERGE_MAPS_MOST], least = CAIRN_REAL_MAX;
+    int32_t group[MERGE_MAX_MAPS], added[MERGE_MAX_MAPS], best_group[MERGE_MAX_MAPS] = {0};
+    cairn_real weight[MERGE_MAX_MAPS], least = CAIRN_REAL_MAX;
     int32_t left = 0;
 
-    /* group[i]: the map that map i has been united with. */
-    for (int32_t i = 0; i < m->map_count; i++) {
-        group[i] = m->check.accepted[i] ? i : -1;
-        left += m->check.accepted[i];
+    /* group[i]: the map that map i has been contracted into. */
+    for (int32_t i = 0; i < merge->map_count; i++) {
+        group[i] = merge->check.accepted[i] ? i : -1;
+        left += merge->check.accepted[i];
     }
     for (; left > 1; left--) {
         int32_t last = 0, before = 0;
 
-        for (int32_t i = 0; i < m->map_count; i++) {
+        for (int32_t i = 0; i < merge->map_count; i++) {
             added[i] = group[i] != i;
             weight[i] = 0;
         }
         for (int32_t n = 0; n < left; n++) {
             int32_t next = 0;
 
-            for (int32_t i = 0; i < m->map_count; i++)
+            for (int32_t i = 0; i < merge->map_count; i++)
                 if (!added[i] && (added[next] || weight[i] > weight[next]))
                     next = i;
             added[next] = 1;
             before = last;
             last = next;
-            for (int32_t i = 0; i < m->map_count; i++)
-                for (int32_t k = 0; k < m->map_count && group[i] == next; k++)
+            for (int32_t i = 0; i < merge->map_count; i++)
+                for (int32_t k = 0; k < merge->map_count && group[i] == next; k++)
                     if (group[k] >= 0 && group[k] != next && !added[group[k]])
-                        weight[group[k]] += cairn_max(link_of(m, i, k), 0);
+                        weight[group[k]] += cairn_max(pair_score_of(merge, i, k), 0);
         }
         if (weight[last] < least) {
             least = weight[last];
-            for (int32_t i = 0; i < m->map_count; i++)
+            for (int32_t i = 0; i < merge->map_count; i++)
                 best_group[i] = group[i] == last;
         }
-        for (int32_t i = 0; i < m->map_count; i++)
+        for (int32_t i = 0; i < merge->map_count; i++)
             group[i] = group[i] == last ? before : group[i];
     }
-    for (int32_t i = 0; i < m->map_count; i++)
-        side[i] = m->check.accepted[i] && best_group[i] != best_group[m->reference];
+    for (int32_t i = 0; i < merge->map_count; i++)
+        side[i] = merge->check.accepted[i] && best_group[i] != best_group[merge->reference];
     return least;
 }
 
-static void refuse_map(cairn_map_merge *m, int32_t map, cairn_merge_verdict verdict)
+static void refuse_map(cairn_map_merge *merge, int32_t map, cairn_merge_verdict verdict)
 {
-    m->check.accepted[map] = 0;
-    m->placed[map].verdict = verdict;
+    merge->check.accepted[map] = 0;
+    merge->placed[map].verdict = verdict;
 }
 
-/* Cuts off what hangs on too little until nothing does. */
-static cairn_status step_cuts(cairn_map_merge *m, cairn_budget *budget)
+/* Cuts off weakly supported maps until no cut is below min_score. */
+static cairn_status step_cuts(cairn_map_merge *merge, cairn_budget *budget)
 {
     for (;;) {
-        int32_t side[MERGE_MAPS_MOST];
-        int32_t cost = 1 + m->map_count * m->map_count / 8 * m->map_count;
+        int32_t side[MERGE_MAX_MAPS];
+        int32_t cost = 1 + merge->map_count * merge->map_count / 8 * merge->map_count;
 
-        if (!cairn_budget_pay(budget, &m->paid, cost))
+        if (!cairn_budget_pay(budget, &merge->units_charged, cost))
             return CAIRN_MORE;
-        if (least_cut(m, side) >= m->params.min_score)
+        if (minimum_cut(merge, side) >= merge->params.min_score)
             return CAIRN_OK;
-        for (int32_t i = 0; i < m->map_count; i++)
+        for (int32_t i = 0; i < merge->map_count; i++)
             if (side[i])
-                refuse_map(m, i, CAIRN_MERGE_WEAK);
+                refuse_map(merge, i, CAIRN_MERGE_WEAK);
     }
 }
 
 static cairn_pose shifted(cairn_pose pose, int32_t direction)
 {
-    cairn_real angle = (cairn_real)direction * (2 * CAIRN_PI / SHIFTS);
+    cairn_real angle = (cairn_real)direction * (2 * CAIRN_PI / SHIFT_DIRECTIONS);
 
-    pose.x += SHIFT * cairn_cos(angle);
-    pose.y += SHIFT * cairn_sin(angle);
+    pose.x += SHIFT_M * cairn_cos(angle);
+    pose.y += SHIFT_M * cairn_sin(angle);
     return pose;
 }
 
-/* Place `index` of a map to be looked at beside all others: its own, then rivals, then shifted
- * ones. */
-static cairn_pose place_at(const cairn_map_merge *m, int32_t map, int32_t index)
+/* Returns test pose `index` of a map: its own, then competing ones, then shifted ones. */
+static cairn_pose place_at(const cairn_map_merge *merge, int32_t map, int32_t index)
 {
-    cairn_pose pose = m->check.pose[map];
+    cairn_pose pose = merge->check.pose[map];
 
     if (index == 0)
         return pose;
-    return index <= m->check.rivals ? m->check.rival_list[index - 1].first_second
-                                    : shifted(pose, index - 1 - m->check.rivals);
+    return index <= merge->check.competing_count
+               ? merge->check.competing[index - 1].first_second
+               : shifted(pose, index - 1 - merge->check.competing_count);
 }
 
-static void note_place(cairn_map_merge *m, int32_t map, int32_t index)
+static void insert_place(cairn_map_merge *merge, int32_t map, int32_t index)
 {
-    cairn_merge_placed *p = &m->placed[map];
+    cairn_merge_placed *p = &merge->placed[map];
 
     if (index == 0) {
-        p->support = m->total.evidence;
-        p->neighbours = m->total.neighbours;
-    } else if (index <= m->check.rivals) {
-        p->rival = cairn_max(p->rival, m->total.evidence);
+        p->support = merge->total.log_ratio;
+        p->neighbours = merge->total.neighbours;
+    } else if (index <= merge->check.competing_count) {
+        p->rival = cairn_max(p->rival, merge->total.log_ratio);
     } else {
-        m->check.slide = cairn_max(m->check.slide, m->total.evidence);
+        merge->check.shifted_score = cairn_max(merge->check.shifted_score, merge->total.log_ratio);
     }
 }
 
-/* Support, rivals and shifts of one map. */
-static cairn_status step_places(cairn_map_merge *m, int32_t map, cairn_budget *budget)
+/* Computes support, competing support and shift test of one map. */
+static cairn_status step_places(cairn_map_merge *merge, int32_t map, cairn_budget *budget)
 {
-    if (m->check.looking == 0) {
-        surround(m, map);
-        m->check.rivals = cairn_merge_places(m, map, m->check.rival_list, MERGE_REFINED);
-        m->check.slide = 0;
-        m->placed[map].modes = m->check.rivals;
-        m->placed[map].rival = 0;
-        m->check.looking = 1;
-        m->check.at = 0;
-        m->inner = 0;
+    if (merge->check.looking == 0) {
+        collect_others(merge, map);
+        merge->check.competing_count =
+            cairn_merge_places(merge, map, merge->check.competing, MERGE_MAX_REFINED);
+        merge->check.shifted_score = 0;
+        merge->placed[map].modes = merge->check.competing_count;
+        merge->placed[map].rival = 0;
+        merge->check.looking = 1;
+        merge->check.at = 0;
+        merge->inner = 0;
     }
-    for (; m->check.at <= m->check.rivals + SHIFTS; m->check.at++, m->inner = 0) {
-        cairn_pose pose = place_at(m, map, m->check.at);
+    for (; merge->check.at <= merge->check.competing_count + SHIFT_DIRECTIONS;
+         merge->check.at++, merge->inner = 0) {
+        cairn_pose pose = place_at(merge, map, merge->check.at);
 
-        if (m->check.at > 0 && m->check.at <= m->check.rivals &&
-            cairn_merge_is_same(pose, m->check.pose[map], MERGE_SAME_M, MERGE_SAME_RAD))
+        if (merge->check.at > 0 && merge->check.at <= merge->check.competing_count &&
+            cairn_merge_is_same(pose, merge->check.pose[map], MERGE_SAME_M, MERGE_SAME_RAD))
             continue;
-        if (m->inner == 0) {
-            cairn_merge_begin_total(m, map, pose, m->params.max_points);
-            m->inner = 1;
+        if (merge->inner == 0) {
+            cairn_merge_begin_total(merge, map, pose, merge->params.max_points);
+            merge->inner = 1;
         }
-        if (!cairn_merge_go_on_total(m, budget))
+        if (!cairn_merge_go_on_total(merge, budget))
             return CAIRN_MORE;
-        note_place(m, map, m->check.at);
+        insert_place(merge, map, merge->check.at);
     }
-    m->check.looking = 0;
+    merge->check.looking = 0;
     return CAIRN_OK;
 }
 
-/* By how likely a rival, or mere chance, would have as much. */
-static cairn_real probability_of_wrong(const cairn_merge_placed *p)
+/* Returns the probability that a competing pose, or chance, reaches the same support. */
+static cairn_real error_probability(const cairn_merge_placed *p)
 {
-    cairn_real rival = cairn_exp(cairn_min((p->rival - p->support) / SPREAD, 30));
-    cairn_real chance = cairn_exp(cairn_min((CHANCE - p->support) / SPREAD, 30));
+    cairn_real competing = cairn_exp(cairn_min((p->rival - p->support) / CHANCE_SPREAD_NATS, 30));
+    cairn_real chance = cairn_exp(cairn_min((CHANCE_NATS - p->support) / CHANCE_SPREAD_NATS, 30));
 
-    return cairn_max((rival + chance) / (1 + rival + chance), LEAST_WRONG);
+    return cairn_max((competing + chance) / (1 + competing + chance), MIN_ERROR_PROBABILITY);
 }
 
-/* Every accepted map, and again when one was refused: fewer maps support the others. */
-static cairn_status step_judge(cairn_map_merge *m, cairn_budget *budget)
+/* Verifies every accepted map, and again after a rejection, which leaves the others less
+ * support. */
+static cairn_status step_verdicts(cairn_map_merge *merge, cairn_budget *budget)
 {
-    for (; m->cursor < m->check.count; m->cursor++) {
-        int32_t map = m->check.list[m->cursor];
-        cairn_merge_placed *p = &m->placed[map];
+    for (; merge->cursor < merge->check.count; merge->cursor++) {
+        int32_t map = merge->check.list[merge->cursor];
+        cairn_merge_placed *p = &merge->placed[map];
 
-        if (map == m->reference || (!m->check.accepted[map] && p->verdict != CAIRN_MERGE_WEAK))
+        if (map == merge->reference ||
+            (!merge->check.accepted[map] && p->verdict != CAIRN_MERGE_WEAK))
             continue;
-        if (step_places(m, map, budget) != CAIRN_OK)
+        if (step_places(merge, map, budget) != CAIRN_OK)
             return CAIRN_MORE;
-        p->wrong = probability_of_wrong(p);
-        if (!m->check.accepted[map])
+        p->wrong = error_probability(p);
+        if (!merge->check.accepted[map])
             continue;
-        if (p->support < m->params.min_score)
-            refuse_map(m, map, CAIRN_MERGE_WEAK); /* the cuts leave out what speaks against it */
-        else if (p->support - p->rival < m->params.min_margin)
-            refuse_map(m, map, CAIRN_MERGE_AMBIGUOUS);
-        else if (m->check.slide > SLIDES * p->support)
-            refuse_map(m, map, CAIRN_MERGE_SLIDES);
-        m->check.refused |= !m->check.accepted[map];
+        if (p->support < merge->params.min_score)
+            refuse_map(merge, map, CAIRN_MERGE_WEAK); /* the cuts ignore negative pair scores */
+        else if (p->support - p->rival < merge->params.min_margin)
+            refuse_map(merge, map, CAIRN_MERGE_AMBIGUOUS);
+        else if (merge->check.shifted_score > MAX_SHIFTED_SHARE * p->support)
+            refuse_map(merge, map, CAIRN_MERGE_SLIDES);
+        merge->check.refused |= !merge->check.accepted[map];
     }
     return CAIRN_OK;
 }
 
-cairn_status cairn_merge_check(cairn_map_merge *m, cairn_budget *budget)
+cairn_status cairn_merge_check(cairn_map_merge *merge, cairn_budget *budget)
 {
-    if (m->phase != MERGE_CHECK)
-        begin_check(m);
-    while (m->check.stage < CHECK_DONE) {
-        cairn_status status = m->check.stage == CHECK_REFINE  ? step_joint(m, budget)
-                              : m->check.stage == CHECK_LINKS ? step_links(m, budget)
-                              : m->check.stage == CHECK_CUTS  ? step_cuts(m, budget)
-                                                              : step_judge(m, budget);
+    if (merge->phase != MERGE_CHECK)
+        begin_check(merge);
+    while (merge->check.stage < CHECK_DONE) {
+        cairn_status status = merge->check.stage == CHECK_REFINE  ? step_joint(merge, budget)
+                              : merge->check.stage == CHECK_LINKS ? step_links(merge, budget)
+                              : merge->check.stage == CHECK_CUTS  ? step_cuts(merge, budget)
+                                                                  : step_verdicts(merge, budget);
 
         if (status != CAIRN_OK)
             return status;
-        m->check.stage++;
-        if (m->check.stage == CHECK_DONE && m->check.refused)
-            m->check.stage = CHECK_CUTS;
-        m->check.refused = 0;
-        m->cursor = 0;
-        m->inner = 0;
+        merge->check.stage++;
+        if (merge->check.stage == CHECK_DONE && merge->check.refused)
+            merge->check.stage = CHECK_CUTS;
+        merge->check.refused = 0;
+        merge->cursor = 0;
+        merge->inner = 0;
     }
     return CAIRN_OK;
 }

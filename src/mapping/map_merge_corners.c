@@ -1,23 +1,27 @@
-/* Registration of pairs of similar corners in closed form: the motion update of the virtual robot
- * as written.
+/* Closed-form registration of pairs of similar corners: the motion update of the virtual robot as
+ * written.
  *
- * Method. Every corner of a map is compared with every corner of another one of the same kind
- * and opening; the pairs whose legs are most alike in length are kept. Each of them fixes a
- * rigid motion by three correspondences: the vertex, and a point on each leg as far from it as
- * both corners have that leg. The motion is that of least squares (Horn 1987, Arun 1987, in the
- * plane). Source: Adluru 2008, section 9.3. */
+ * Method.
+ *
+ * 1. Every corner of a map is compared with every corner of the same kind and opening of another
+ *    map. The pairs whose legs have the most similar lengths are kept.
+ * 2. A pair fixes a rigid motion by three correspondences: the vertex, and a point on each leg as
+ *    far from it as both corners have that leg. The motion is the least-squares solution (Horn
+ *    1987, Arun 1987, in the plane).
+ *
+ * Source: Adluru 2008, section 9.3. */
 #include "src/core/build.h"
 
 #include "src/mapping/map_merge_work.h"
 
-/* rad: openings of similar corners differ by at most so much. */
-#define SIMILAR_OPENING (10 * (CAIRN_PI / 180))
+/* rad: maximum difference of the openings of similar corners */
+#define MAX_OPENING_DIFFERENCE_RAD (10 * (CAIRN_PI / 180))
 
-/* m: by so much a leg's length is uncertain; short legs, which are alike by chance, are less
- * similar for it. */
-#define LEG_NOISE CAIRN_REAL(0.20)
+/* m: uncertainty of a leg's length; it lowers the similarity of short legs, which agree by
+ * chance */
+#define LEG_NOISE_M CAIRN_REAL(0.20)
 
-/* m: how far a leg of a corner reaches. */
+/* Returns the length of a leg of a corner, m. */
 static cairn_real leg_length(const merge_map *map, const cairn_corner *c, int32_t leg)
 {
     cairn_segment s = map->lines[c->segment[leg]];
@@ -27,19 +31,19 @@ static cairn_real leg_length(const merge_map *map, const cairn_corner *c, int32_
     return cairn_max(a, b);
 }
 
-/* How alike two corners are, 0 ... 1: the mean over both legs of the shorter length by the
- * longer one with its noise. Below 0: not similar. */
+/* Returns the similarity of two corners, 0 ... 1: the mean over both legs of the shorter length
+ * divided by the longer length plus noise. Negative: not similar. */
 static cairn_real similarity_of(const merge_map *first, const cairn_corner *a,
                                 const merge_map *second, const cairn_corner *b)
 {
     cairn_real sum = 0;
 
-    if (a->kind != b->kind || cairn_abs(a->opening - b->opening) > SIMILAR_OPENING)
+    if (a->kind != b->kind || cairn_abs(a->opening - b->opening) > MAX_OPENING_DIFFERENCE_RAD)
         return -1;
     for (int32_t leg = 0; leg < 2; leg++) {
         cairn_real u = leg_length(first, a, leg), v = leg_length(second, b, leg);
 
-        sum += cairn_min(u, v) / (cairn_max(u, v) + LEG_NOISE);
+        sum += cairn_min(u, v) / (cairn_max(u, v) + LEG_NOISE_M);
     }
     return sum / 2;
 }
@@ -77,55 +81,56 @@ static cairn_pose registration_of(const merge_map *first, const cairn_corner *a,
     return cairn_merge_motion_of(to, from);
 }
 
-static void begin_pair(cairn_map_merge *m)
+static void begin_pair(cairn_map_merge *merge)
 {
-    m->cursor = 0;
-    if (m->other < m->map_count)
-        m->mode_count[merge_pair(m->map, m->other)] = 0;
+    merge->cursor = 0;
+    if (merge->other < merge->map_count)
+        merge->mode_count[merge_pair(merge->map, merge->other)] = 0;
 }
 
-/* All pairs of corners of the pair of maps at hand. */
-static cairn_status step_pair(cairn_map_merge *m, cairn_budget *budget)
+/* Compares all pairs of corners of the current pair of maps. */
+static cairn_status step_pair(cairn_map_merge *merge, cairn_budget *budget)
 {
-    const merge_map *first = &m->maps[m->map], *second = &m->maps[m->other];
-    int32_t count = first->corner_count * second->corner_count, pair = merge_pair(m->map, m->other);
-    merge_mode *modes = m->modes + (size_t)pair * (size_t)m->params.max_modes;
+    const merge_map *first = &merge->maps[merge->map], *second = &merge->maps[merge->other];
+    int32_t count = first->corner_count * second->corner_count,
+            pair = merge_pair(merge->map, merge->other);
+    merge_mode *modes = merge->modes + (size_t)pair * (size_t)merge->params.max_modes;
 
-    for (; m->cursor < count; m->cursor++) {
-        const cairn_corner *a = &first->corners[m->cursor / second->corner_count];
-        const cairn_corner *b = &second->corners[m->cursor % second->corner_count];
+    for (; merge->cursor < count; merge->cursor++) {
+        const cairn_corner *a = &first->corners[merge->cursor / second->corner_count];
+        const cairn_corner *b = &second->corners[merge->cursor % second->corner_count];
         merge_mode mode;
 
-        if (!cairn_budget_pay(budget, &m->paid, 4))
+        if (!cairn_budget_pay(budget, &merge->units_charged, 4))
             return CAIRN_MORE;
-        mode.evidence = similarity_of(first, a, second, b);
-        if (mode.evidence < 0)
+        mode.log_ratio = similarity_of(first, a, second, b);
+        if (mode.log_ratio < 0)
             continue;
-        m->tried++;
+        merge->tried_count++;
         mode.first_second = registration_of(first, a, second, b);
-        cairn_merge_keep(modes, &m->mode_count[pair], m->params.max_modes, mode, 0, 0);
+        cairn_merge_keep(modes, &merge->mode_count[pair], merge->params.max_modes, mode, 0, 0);
     }
     return CAIRN_OK;
 }
 
-cairn_status cairn_merge_register_corners(cairn_map_merge *m, cairn_budget *budget)
+cairn_status cairn_merge_register_corners(cairn_map_merge *merge, cairn_budget *budget)
 {
-    if (m->phase == MERGE_OCCUPIED_DISTANCE) {
-        m->map = 0;
-        m->other = 1;
-        begin_pair(m);
-        m->phase = MERGE_HYPOTHESES;
+    if (merge->phase == MERGE_OCCUPIED_DISTANCE) {
+        merge->map = 0;
+        merge->other = 1;
+        begin_pair(merge);
+        merge->phase = MERGE_HYPOTHESES;
     }
-    while (m->other < m->map_count) {
-        cairn_status status = step_pair(m, budget);
+    while (merge->other < merge->map_count) {
+        cairn_status status = step_pair(merge, budget);
 
         if (status != CAIRN_OK)
             return status;
-        if (++m->map == m->other) {
-            m->map = 0;
-            m->other++;
+        if (++merge->map == merge->other) {
+            merge->map = 0;
+            merge->other++;
         }
-        begin_pair(m);
+        begin_pair(merge);
     }
     return CAIRN_OK;
 }

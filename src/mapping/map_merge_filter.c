@@ -1,33 +1,39 @@
-/* The virtual robot: a particle filter over where maps lie.
+/* Particle filter over the poses of the maps (the virtual robot).
  *
- * A state says where one map was put. A particle proposes the next map, the one whose best place
- * has most evidence (or that which the order names), at each of its rival places beside the maps
- * placed so far, or that it is put aside until all others had their turn; evidence against all
- * placed maps is the likelihood, tempered because neighbouring walls are not independent. What
- * one pair of maps says about a place is remembered, since particles mostly agree. */
+ * Method.
+ *
+ * 1. A state is the pose of one map in the merged frame.
+ * 2. Proposal: a particle proposes the next map, the one whose best mode has the largest
+ *    log-likelihood ratio (or the next of a given order). Candidates are its competing modes
+ *    relative to the maps placed so far, and deferral until all others had their turn.
+ * 3. Likelihood: the log-likelihood ratio against all placed maps, tempered because errors of
+ *    neighbouring walls are correlated.
+ * 4. Scores of pairs are cached, since most particles agree. */
 #include "src/core/build.h"
 
 #include <string.h>
 
 #include "src/mapping/map_merge_work.h"
 
-/* Nats of evidence for one of log likelihood. */
-#define TEMPER CAIRN_REAL(4.0)
-/* Nats that a place must have to be tried at all: what hangs on little is cut off in the end. */
-#define LEAST CAIRN_REAL(2.0)
-/* Rounds of a candidate's refinement by lines. */
-enum { LINE_ROUNDS = 4 };
-/* A map is put or put aside, and that twice: its place may be seen when others have theirs. */
-enum { STEPS_OF_A_MAP = 2 };
+/* nats of log-likelihood ratio per nat of log-likelihood */
+#define TEMPERATURE CAIRN_REAL(4.0)
+/* nats: minimum log-likelihood ratio of a candidate; weakly supported maps are cut off in the
+ * end */
+#define MIN_LOG_RATIO CAIRN_REAL(2.0)
+/* maximum steps of a candidate's refinement by lines */
+enum { MAX_LINE_STEPS = 4 };
+/* filter steps per map: placed or deferred, twice, since its pose may be found once others are
+ * placed */
+enum { STEPS_PER_MAP = 2 };
 
 cairn_particle_filter_params cairn_merge_filter_params(const cairn_map_merge_params *p)
 {
     cairn_particle_filter_params f = cairn_particle_filter_default();
 
     f.particles = f.max_particles = p->particles;
-    f.max_followers = MERGE_FOLLOWERS;
-    f.max_candidates = p->particles * MERGE_FOLLOWERS;
-    f.max_blocks = p->particles * (STEPS_OF_A_MAP * p->max_maps + 2) + 1;
+    f.max_followers = MERGE_MAX_CANDIDATES;
+    f.max_candidates = p->particles * MERGE_MAX_CANDIDATES;
+    f.max_blocks = p->particles * (STEPS_PER_MAP * p->max_maps + 2) + 1;
     f.state_bytes = (int32_t)sizeof(merge_state);
     f.by_entropy = 0;
     return f;
@@ -35,62 +41,65 @@ cairn_particle_filter_params cairn_merge_filter_params(const cairn_map_merge_par
 
 /* ---- Proposal ---- */
 
-int cairn_merge_gather(cairn_map_merge *m, const void *state)
+int cairn_merge_gather(cairn_map_merge *merge, const void *state)
 {
     int ended = 0;
 
-    m->near_count = 0;
-    memset(m->aside, 0, sizeof m->aside);
+    merge->neighbour_count = 0;
+    memset(merge->deferrals, 0, sizeof merge->deferrals);
     for (const merge_state *s = state; s != NULL; s = cairn_particle_state_before(s)) {
         if (s->map < 0) {
             ended |= s->map == MERGE_ENDED;
             if (s->map != MERGE_ENDED)
-                m->aside[MERGE_ASIDE - s->map]++;
+                merge->deferrals[MERGE_DEFERRED - s->map]++;
             continue;
         }
-        m->near[m->near_count] = s->map;
-        m->near_pose[m->near_count] = s->reference_map;
-        m->near_count++;
+        merge->neighbours[merge->neighbour_count] = s->map;
+        merge->neighbour_poses[merge->neighbour_count] = s->reference_map;
+        merge->neighbour_count++;
     }
     return ended;
 }
 
-static int is_near(const cairn_map_merge *m, int32_t map)
+static int is_near(const cairn_map_merge *merge, int32_t map)
 {
-    for (int32_t i = 0; i < m->near_count; i++)
-        if (m->near[i] == map)
+    for (int32_t i = 0; i < merge->neighbour_count; i++)
+        if (merge->neighbours[i] == map)
             return 1;
     return 0;
 }
 
-/* Mode `index` of map b beside map a, seen from a; 0 when there are no more. */
-static int mode_of(const cairn_map_merge *m, int32_t a, int32_t b, int32_t index, merge_mode *mode)
+/* Gets mode `index` of map b relative to map a; returns 0 beyond the last. */
+static int mode_of(const cairn_map_merge *merge, int32_t a, int32_t b, int32_t index,
+                   merge_mode *mode)
 {
     int32_t pair = a < b ? merge_pair(a, b) : merge_pair(b, a);
 
-    if (index >= m->mode_count[pair])
+    if (index >= merge->mode_count[pair])
         return 0;
-    *mode = m->modes[(size_t)pair * (size_t)m->params.max_modes + (size_t)index];
+    *mode = merge->modes[(size_t)pair * (size_t)merge->params.max_modes + (size_t)index];
     if (a > b)
         mode->first_second = cairn_pose_inverse(mode->first_second);
     return 1;
 }
 
-/* The map that comes next, of those that were put aside so often: by the order, or the one whose
- * best mode beside any placed map is best. -1: none. */
-static int32_t next_map(const cairn_map_merge *m, int32_t aside)
+/* Returns the next map among those with this number of deferrals: by the order, or the one with the
+ * best mode relative to any placed map; -1: none. */
+static int32_t next_map(const cairn_map_merge *merge, int32_t deferrals)
 {
     cairn_real best = 0;
     int32_t next = -1;
 
-    for (int32_t n = 0; n < m->map_count && !(m->has_order && next >= 0); n++) {
-        int32_t map = m->has_order ? m->order[n] : n;
+    for (int32_t n = 0; n < merge->map_count && !(merge->has_order && next >= 0); n++) {
+        int32_t map = merge->has_order ? merge->order[n] : n;
 
-        for (int32_t i = 0; i < m->near_count && m->aside[map] == aside && !is_near(m, map); i++) {
+        for (int32_t i = 0; i < merge->neighbour_count && merge->deferrals[map] == deferrals &&
+                            !is_near(merge, map);
+             i++) {
             merge_mode mode;
 
-            if (mode_of(m, m->near[i], map, 0, &mode) && mode.evidence > best) {
-                best = mode.evidence;
+            if (mode_of(merge, merge->neighbours[i], map, 0, &mode) && mode.log_ratio > best) {
+                best = mode.log_ratio;
                 next = map;
             }
         }
@@ -98,69 +107,71 @@ static int32_t next_map(const cairn_map_merge *m, int32_t aside)
     return next;
 }
 
-int32_t cairn_merge_places(const cairn_map_merge *m, int32_t map, merge_mode *list, int32_t most)
+int32_t cairn_merge_places(const cairn_map_merge *merge, int32_t map, merge_mode *list,
+                           int32_t most)
 {
     int32_t count = 0;
 
-    for (int32_t i = 0; i < m->near_count; i++) {
+    for (int32_t i = 0; i < merge->neighbour_count; i++) {
         merge_mode mode;
 
-        for (int32_t k = 0; mode_of(m, m->near[i], map, k, &mode); k++) {
-            mode.first_second = cairn_pose_compose(m->near_pose[i], mode.first_second);
+        for (int32_t k = 0; mode_of(merge, merge->neighbours[i], map, k, &mode); k++) {
+            mode.first_second = cairn_pose_compose(merge->neighbour_poses[i], mode.first_second);
             cairn_merge_keep(list, &count, most, mode, MERGE_SAME_M, MERGE_SAME_RAD);
         }
     }
-    if (m->maps[map].has_guess) {
-        merge_mode guess = {m->maps[map].guess, CAIRN_REAL_MAX};
+    if (merge->maps[map].has_guess) {
+        merge_mode guess = {merge->maps[map].guess, CAIRN_REAL_MAX};
 
         cairn_merge_keep(list, &count, most, guess, CAIRN_REAL(0.05), CAIRN_REAL(0.02));
     }
     return count;
 }
 
-static void list_candidates(cairn_map_merge *m, merge_offer *offer)
+static void list_candidates(cairn_map_merge *merge, merge_proposal *offer)
 {
-    merge_mode places[MERGE_FOLLOWERS - 1];
-    merge_state none = {MERGE_ENDED, -1, {0, 0, 0}, LEAST, 0, 0};
-    int32_t map = next_map(m, 0), count;
+    merge_mode places[MERGE_MAX_CANDIDATES - 1];
+    merge_state none = {MERGE_ENDED, -1, {0, 0, 0}, MIN_LOG_RATIO, 0, 0};
+    int32_t map = next_map(merge, 0), count;
 
     if (map < 0)
-        map = next_map(m, 1);
+        map = next_map(merge, 1);
     if (map >= 0)
-        none.map = MERGE_ASIDE - map;
-    count = map < 0 ? 0 : cairn_merge_places(m, map, places, MERGE_FOLLOWERS - 1);
+        none.map = MERGE_DEFERRED - map;
+    count = map < 0 ? 0 : cairn_merge_places(merge, map, places, MERGE_MAX_CANDIDATES - 1);
 
     for (int32_t i = 0; i < count; i++) {
-        merge_state *s = &offer->list[i];
+        merge_state *s = &offer->candidates[i];
 
         *s = none;
         s->map = map;
         s->reference_map = places[i].first_second;
     }
-    offer->list[count] = none;
+    offer->candidates[count] = none;
     offer->count = count + 1;
 }
 
-static void count_images(cairn_map_merge *m, const merge_state *s)
+static void add_image_scores(cairn_map_merge *merge, const merge_state *s)
 {
-    m->offer.psi_sum += s->psi;
-    m->offer.gamma_sum += s->gamma;
-    m->offer.gamma_least =
-        m->offer.offered == 0 ? s->gamma : cairn_min(m->offer.gamma_least, s->gamma);
-    m->offer.offered++;
+    merge->proposals.psi_sum += s->psi;
+    merge->proposals.gamma_sum += s->gamma;
+    merge->proposals.gamma_min =
+        merge->proposals.emitted == 0 ? s->gamma : cairn_min(merge->proposals.gamma_min, s->gamma);
+    merge->proposals.emitted++;
 }
 
-/* Psi and gamma beside the neighbour that shares most with the map. */
-static void see_images(cairn_map_merge *m, merge_state *s)
+/* Computes Psi and gamma relative to the neighbour of largest overlap. */
+static void score_images(cairn_map_merge *merge, merge_state *s)
 {
     cairn_real most = -1;
 
     s->psi = s->gamma = 0;
-    for (int32_t i = 0; i < m->near_count && s->map >= 0; i++) {
+    for (int32_t i = 0; i < merge->neighbour_count && s->map >= 0; i++) {
         cairn_merge_score score;
 
-        cairn_merge_score_at(m, m->near[i], s->map,
-                             cairn_pose_between(m->near_pose[i], s->reference_map), &score);
+        cairn_merge_score_at(merge, merge->neighbours[i], s->map,
+                             cairn_pose_between(merge->neighbour_poses[i], s->reference_map),
+                             &score);
         if (score.overlap > most) {
             most = score.overlap;
             s->psi = score.psi;
@@ -185,94 +196,97 @@ int cairn_merge_is_same_history(const merge_state *a, const merge_state *b)
     return a == b;
 }
 
-/* The offer for a particle like this one, or an empty one in place of the oldest. */
-static merge_offer *offer_for(cairn_map_merge *m, const merge_state *state)
+/* Returns the cached proposal of an equal particle, or an empty one in place of the oldest. */
+static merge_proposal *proposal_for(cairn_map_merge *merge, const merge_state *state)
 {
-    merge_offer *fresh;
+    merge_proposal *fresh;
 
-    for (int32_t i = 0; i < MERGE_OFFERS; i++)
-        if (m->offer.made[i].state != NULL &&
-            cairn_merge_is_same_history(m->offer.made[i].state, state))
-            return &m->offer.made[i];
-    fresh = &m->offer.made[m->offer.count++ % MERGE_OFFERS];
+    for (int32_t i = 0; i < MERGE_CACHED_PROPOSALS; i++)
+        if (merge->proposals.cached[i].state != NULL &&
+            cairn_merge_is_same_history(merge->proposals.cached[i].state, state))
+            return &merge->proposals.cached[i];
+    fresh = &merge->proposals.cached[merge->proposals.count++ % MERGE_CACHED_PROPOSALS];
     fresh->state = state;
     fresh->count = 0;
     return fresh;
 }
 
-static void begin_offer(cairn_map_merge *m, const merge_state *state)
+static void begin_proposal(cairn_map_merge *merge, const merge_state *state)
 {
-    m->offer.now = offer_for(m, state);
-    m->offer.at = 0;
-    m->offer.stage = 1;
-    if (m->offer.now->count > 0) {
-        m->offer.at = m->offer.now->count;
-    } else if (cairn_merge_gather(m, state)) {
-        m->offer.now->list[0] = *state;
-        m->offer.now->count = 1;
+    merge->proposals.current = proposal_for(merge, state);
+    merge->proposals.at = 0;
+    merge->proposals.stage = 1;
+    if (merge->proposals.current->count > 0) {
+        merge->proposals.at = merge->proposals.current->count;
+    } else if (cairn_merge_gather(merge, state)) {
+        merge->proposals.current->candidates[0] = *state;
+        merge->proposals.current->count = 1;
     } else {
-        list_candidates(m, m->offer.now);
+        list_candidates(merge, merge->proposals.current);
     }
 }
 
-/* One candidate: refined beside all maps placed, then scored. */
-static int step_candidate(cairn_map_merge *m, merge_state *s, cairn_budget *budget)
+/* Processes one candidate: refined against all placed maps, then scored. */
+static int step_candidate(cairn_map_merge *merge, merge_state *s, cairn_budget *budget)
 {
-    if (m->offer.stage == 1) {
-        cairn_merge_begin_lines(m, s->map, s->reference_map, s->reference_map, LINE_ROUNDS);
-        m->offer.stage = 2;
+    if (merge->proposals.stage == 1) {
+        cairn_merge_begin_lines(merge, s->map, s->reference_map, s->reference_map, MAX_LINE_STEPS);
+        merge->proposals.stage = 2;
     }
-    if (m->offer.stage == 2) {
-        if (!cairn_merge_go_on_lines(m, budget))
+    if (merge->proposals.stage == 2) {
+        if (!cairn_merge_go_on_lines(merge, budget))
             return 0;
-        s->reference_map = m->climb.best;
-        cairn_merge_begin_total(m, s->map, s->reference_map, m->params.max_points);
-        m->offer.stage = 3;
+        s->reference_map = merge->climb.best;
+        cairn_merge_begin_total(merge, s->map, s->reference_map, merge->params.max_points);
+        merge->proposals.stage = 3;
     }
-    if (!cairn_merge_go_on_total(m, budget))
+    if (!cairn_merge_go_on_total(merge, budget))
         return 0;
-    s->evidence = m->total.evidence;
-    if (m->params.perception == CAIRN_MERGE_IMAGES)
-        see_images(m, s);
-    m->offer.stage = 1;
+    s->log_ratio = merge->total.log_ratio;
+    if (merge->params.perception == CAIRN_MERGE_IMAGES)
+        score_images(merge, s);
+    merge->proposals.stage = 1;
     return 1;
 }
 
 static cairn_status propose(void *context, cairn_particle_filter *filter, int32_t index,
                             cairn_budget *budget)
 {
-    cairn_map_merge *m = context;
-    merge_offer *offer;
+    cairn_map_merge *merge = context;
+    merge_proposal *offer;
 
-    if (m->offer.stage == 0) {
-        if (!cairn_budget_pay(budget, &m->paid, 1 + m->map_count))
+    if (merge->proposals.stage == 0) {
+        if (!cairn_budget_pay(budget, &merge->units_charged, 1 + merge->map_count))
             return CAIRN_MORE;
-        begin_offer(m, cairn_particle_filter_particle(filter, index).state);
+        begin_proposal(merge, cairn_particle_filter_particle(filter, index).state);
     }
-    offer = m->offer.now;
-    for (; m->offer.at < offer->count; m->offer.at++)
-        if (offer->list[m->offer.at].map >= 0 &&
-            !step_candidate(m, &offer->list[m->offer.at], budget))
+    offer = merge->proposals.current;
+    for (; merge->proposals.at < offer->count; merge->proposals.at++)
+        if (offer->candidates[merge->proposals.at].map >= 0 &&
+            !step_candidate(merge, &offer->candidates[merge->proposals.at], budget))
             return CAIRN_MORE;
     for (int32_t i = 0; i < offer->count; i++) {
-        cairn_status status = cairn_particle_filter_offer(filter, &offer->list[i], 0);
+        cairn_status status = cairn_particle_filter_offer(filter, &offer->candidates[i], 0);
 
         CAIRN_ASSERT(status == CAIRN_OK);
         (void)status;
-        if (offer->list[i].map >= 0)
-            count_images(m, &offer->list[i]);
+        if (offer->candidates[i].map >= 0)
+            add_image_scores(merge, &offer->candidates[i]);
     }
-    m->offer.stage = 0;
+    merge->proposals.stage = 0;
     return CAIRN_OK;
 }
 
-/* Psi~ gamma~ (9.5, 9.6), each normalised over all candidates of the step; a single one has 1. */
-static cairn_real log_images(const cairn_map_merge *m, const merge_state *s)
+/* Returns log(Psi~ gamma~) (9.5, 9.6), each normalized over all candidates of the step; a single
+ * one has 0. */
+static cairn_real log_images(const cairn_map_merge *merge, const merge_state *s)
 {
-    cairn_real gammas = m->offer.gamma_sum - (cairn_real)m->offer.offered * m->offer.gamma_least;
-    cairn_real psi = s->psi / m->offer.psi_sum, gamma = (s->gamma - m->offer.gamma_least) / gammas;
+    cairn_real gammas = merge->proposals.gamma_sum -
+                        (cairn_real)merge->proposals.emitted * merge->proposals.gamma_min;
+    cairn_real psi = s->psi / merge->proposals.psi_sum,
+               gamma = (s->gamma - merge->proposals.gamma_min) / gammas;
 
-    if (m->offer.offered < 2 || !(gammas > 0) || !(m->offer.psi_sum > 0))
+    if (merge->proposals.emitted < 2 || !(gammas > 0) || !(merge->proposals.psi_sum > 0))
         return 0;
     return psi * gamma > 0 ? cairn_log(psi * gamma) : -CAIRN_REAL_MAX;
 }
@@ -280,82 +294,83 @@ static cairn_real log_images(const cairn_map_merge *m, const merge_state *s)
 static cairn_status likelihood(void *context, const cairn_particle_filter *filter, int32_t index,
                                const void *state, cairn_real *log_likelihood, cairn_budget *budget)
 {
-    const cairn_map_merge *m = context;
+    const cairn_map_merge *merge = context;
     const merge_state *s = state;
 
     (void)filter;
     (void)index;
     (void)budget;
-    if (m->params.perception == CAIRN_MERGE_IMAGES && s->map >= 0)
-        *log_likelihood = log_images(m, s);
-    else if (m->params.perception == CAIRN_MERGE_IMAGES)
+    if (merge->params.perception == CAIRN_MERGE_IMAGES && s->map >= 0)
+        *log_likelihood = log_images(merge, s);
+    else if (merge->params.perception == CAIRN_MERGE_IMAGES)
         *log_likelihood = -20;
     else
-        *log_likelihood = s->evidence / TEMPER;
+        *log_likelihood = s->log_ratio / TEMPERATURE;
     return CAIRN_OK;
 }
 
-cairn_particle_model cairn_merge_model(cairn_map_merge *m)
+cairn_particle_model cairn_merge_model(cairn_map_merge *merge)
 {
-    cairn_particle_model model = {m, propose, likelihood, NULL, NULL};
+    cairn_particle_model model = {merge, propose, likelihood, NULL, NULL};
 
     return model;
 }
 
-/* Where the merging starts: at a map of the pair that has most evidence, so that what is weak
- * meets many maps at once; at the reference when an order or an earlier merging is given. */
-static int32_t first_map(const cairn_map_merge *m)
+/* Returns the first map: one of the pair with the largest log-likelihood ratio, so that weak maps
+ * meet many maps at once; the reference when an order or a guess is given. */
+static int32_t first_map(const cairn_map_merge *merge)
 {
-    int32_t first = m->reference;
+    int32_t first = merge->reference;
     cairn_real best = 0;
 
-    for (int32_t map = 0; map < m->map_count; map++)
-        if (m->has_order || m->maps[map].has_guess)
-            return m->reference;
-    for (int32_t b = 1; b < m->map_count; b++)
+    for (int32_t map = 0; map < merge->map_count; map++)
+        if (merge->has_order || merge->maps[map].has_guess)
+            return merge->reference;
+    for (int32_t b = 1; b < merge->map_count; b++)
         for (int32_t a = 0; a < b; a++) {
             merge_mode mode;
 
-            if (mode_of(m, a, b, 0, &mode) && mode.evidence > best) {
-                best = mode.evidence;
-                first = b == m->reference ? b : a;
+            if (mode_of(merge, a, b, 0, &mode) && mode.log_ratio > best) {
+                best = mode.log_ratio;
+                first = b == merge->reference ? b : a;
             }
         }
     return first;
 }
 
-static void begin_filter(cairn_map_merge *m)
+static void begin_filter(cairn_map_merge *merge)
 {
-    const merge_state first = {first_map(m), -1, {0, 0, 0}, 0, 0, 0};
-    cairn_status status = cairn_particle_filter_clear(m->filter, m->params.seed);
+    const merge_state first = {first_map(merge), -1, {0, 0, 0}, 0, 0, 0};
+    cairn_status status = cairn_particle_filter_clear(merge->filter, merge->params.seed);
 
     CAIRN_ASSERT(status == CAIRN_OK);
-    status = cairn_particle_filter_start(m->filter, &first, 0);
+    status = cairn_particle_filter_start(merge->filter, &first, 0);
     CAIRN_ASSERT(status == CAIRN_OK);
     (void)status;
-    m->merged = 0;
-    m->phase = MERGE_FILTER;
-    m->cursor = 0;
+    merge->filter_steps = 0;
+    merge->phase = MERGE_FILTER;
+    merge->cursor = 0;
 }
 
-cairn_status cairn_merge_run_filter(cairn_map_merge *m, cairn_budget *budget)
+cairn_status cairn_merge_run_filter(cairn_map_merge *merge, cairn_budget *budget)
 {
-    if (m->phase != MERGE_FILTER)
-        begin_filter(m);
-    for (; m->merged < STEPS_OF_A_MAP * (m->map_count - 1); m->merged++, m->cursor = 0) {
+    if (merge->phase != MERGE_FILTER)
+        begin_filter(merge);
+    for (; merge->filter_steps < STEPS_PER_MAP * (merge->map_count - 1);
+         merge->filter_steps++, merge->cursor = 0) {
         cairn_status status;
 
-        if (m->cursor == 0) {
-            status = cairn_particle_filter_begin(m->filter);
+        if (merge->cursor == 0) {
+            status = cairn_particle_filter_begin(merge->filter);
             CAIRN_ASSERT(status == CAIRN_OK);
-            memset(m->offer.made, 0, sizeof m->offer.made);
-            m->offer.count = 0;
-            m->offer.stage = 0;
-            m->offer.psi_sum = m->offer.gamma_sum = 0;
-            m->offer.offered = 0;
-            m->cursor = 1;
+            memset(merge->proposals.cached, 0, sizeof merge->proposals.cached);
+            merge->proposals.count = 0;
+            merge->proposals.stage = 0;
+            merge->proposals.psi_sum = merge->proposals.gamma_sum = 0;
+            merge->proposals.emitted = 0;
+            merge->cursor = 1;
         }
-        status = cairn_particle_filter_step(m->filter, budget);
+        status = cairn_particle_filter_step(merge->filter, budget);
         if (status == CAIRN_MORE)
             return status;
         CAIRN_ASSERT(status == CAIRN_OK);

@@ -1,43 +1,48 @@
-/* Psi and gamma of two images as written (9.5, 9.6), and the image of the maps merged so far.
+/* Image similarity Psi and gamma as written (9.5, 9.6), and the image of the merged maps.
  *
- * Method. For each known cell of an image the Manhattan distances to the nearest occupied and to
- * the nearest free cell of the other one are looked up in its distance maps; a cell beside the
- * image is as far as its nearest cell within, and as that one's distance. The kernel of the
- * distance to the own class goes into Psi, of that to the other class into d. All cells count, but
- * those that lie farther from the other image than the kernel reaches are passed over: they add
- * nothing.
+ * Method.
  *
- * The merged image has the cells of the reference, row by row; each map is looked up at the
- * middle of every cell and has one vote. Source: Adluru 2008, section 9.4. */
+ * 1. For each known cell of an image the Manhattan distances to the nearest occupied and to the
+ *    nearest free cell of the other image are looked up in its distance maps. A cell outside is as
+ *    far as its nearest cell inside, plus that cell's distance.
+ * 2. The kernel of the distance to the same class is added to Psi, that to the other class to d.
+ *    All cells count; those beyond the kernel's reach are skipped, since they add nothing.
+ * 3. The merged image has the cells of the reference. Each map is sampled at the centre of every
+ *    cell and has one vote.
+ *
+ * Source: Adluru 2008, section 9.4. */
 #include "src/core/build.h"
 
 #include <string.h>
 
 #include "src/mapping/map_merge_work.h"
 
-/* Cells: parameters of the kernel, and the distance from which on it is 0. */
-#define MU    CAIRN_REAL(0.0)
-#define SIGMA CAIRN_REAL(0.5)
-enum { REACH = 5, CELLS_PER_UNIT = 4 };
+/* cells: parameters of the kernel, and the distance from which on it is 0 */
+#define KERNEL_MU          CAIRN_REAL(0.0)
+#define KERNEL_SIGMA_CELLS CAIRN_REAL(0.5)
+enum { KERNEL_REACH_CELLS = 5, CELLS_PER_UNIT = 4 };
 
-/* Cells: rows of less slope are level, and not clipped. */
-#define LEVEL CAIRN_REAL(1e-6)
-/* Cells: nearer to an image's edge rounding may put a cell outside. */
-#define EDGE CAIRN_REAL(0.05)
+/* cells: rows of less slope are treated as level and not clipped */
+#define LEVEL_SLOPE_CELLS CAIRN_REAL(1e-6)
+/* cells: margin at an image's edge where rounding may put a cell outside */
+#define EDGE_CELLS CAIRN_REAL(0.05)
 
-/* Least d, so that its logarithm is finite. */
-#define LEAST_D CAIRN_REAL(1e-6)
+/* minimum of d, which keeps its logarithm finite */
+#define MIN_DISAGREEMENT CAIRN_REAL(1e-6)
 
 void cairn_merge_set_kernel(cairn_real *kernel)
 {
-    for (int32_t d = 0; d <= MERGE_FAR; d++) {
+    for (int32_t d = 0; d <= MERGE_MAX_DISTANCE; d++) {
         cairn_real x = (cairn_real)d;
 
-        kernel[d] = d < REACH ? cairn_exp(x * (2 * MU - x) / (2 * SIGMA * SIGMA)) : 0;
+        kernel[d] =
+            d < KERNEL_REACH_CELLS
+                ? cairn_exp(x * (2 * KERNEL_MU - x) / (2 * KERNEL_SIGMA_CELLS * KERNEL_SIGMA_CELLS))
+                : 0;
     }
 }
 
-/* ---- Boxes ---- */
+/* ---- Bounding boxes ---- */
 
 cairn_box cairn_merge_box_of(const merge_map *map, cairn_pose pose)
 {
@@ -61,7 +66,7 @@ cairn_box cairn_merge_join(cairn_box a, cairn_box b)
     return cairn_box_extend(cairn_box_extend(a, b.min), b.max);
 }
 
-/* The cell that a coordinate lies in, cut to -limit ... limit. */
+/* Returns the cell that contains a coordinate, clamped to -limit ... limit. */
 static inline int32_t cell_index(cairn_real at, int32_t limit)
 {
     cairn_real most = (cairn_real)limit, within = at < most ? at > -most ? at : -most : most;
@@ -70,14 +75,15 @@ static inline int32_t cell_index(cairn_real at, int32_t limit)
     return whole - ((cairn_real)whole > within);
 }
 
-/* ---- Comparing ---- */
+/* ---- Comparison of two images ---- */
 
-/* Columns and rows of image k that the other image's box comes near. */
+/* Sets the columns and rows of image k that lie near the other image's box. */
 static void set_window(merge_images *c, int32_t k, cairn_pose own_other)
 {
     const merge_map *own = c->map[k], *other = c->map[1 - k];
     cairn_box box = cairn_merge_box_of(other, own_other);
-    cairn_real margin = REACH * other->input.resolution, scale = 1 / own->input.resolution;
+    cairn_real margin = KERNEL_REACH_CELLS * other->input.resolution,
+               scale = 1 / own->input.resolution;
     int32_t width = own->input.cells.width, height = own->input.cells.height;
 
     c->begin[k][0] = cell_index((box.min.x - margin - own->corner.x) * scale, width);
@@ -107,18 +113,18 @@ void cairn_merge_begin_images(merge_images *c, const merge_map *a, const merge_m
     c->row = c->begin[0][1];
 }
 
-/* The cell of an image that is nearest to one that may lie beside it; *beside grows by their
- * distance. */
-static int32_t cut(int32_t at, int32_t side, int32_t *beside)
+/* Returns the cell of an image nearest to one that may lie outside; adds their distance to
+ * *outside_distance. */
+static int32_t clamp_cell(int32_t at, int32_t side, int32_t *outside_distance)
 {
     int32_t within = at < 0 ? 0 : at < side ? at : side - 1;
 
-    *beside += at < within ? within - at : at - within;
+    *outside_distance += at < within ? within - at : at - within;
     return within;
 }
 
-/* Keeps of columns *begin ... *end - 1 those where start + column * step lies in low ... high,
- * and at most `spare` more on either side; with a negative number so many fewer. */
+/* Clips columns *begin ... *end - 1 to those where start + column * step lies in low ... high,
+ * widened by `spare` columns on either side (narrowed when negative). */
 static void clip(cairn_real start, cairn_real step, cairn_real low, cairn_real high, int32_t spare,
                  int32_t *begin, int32_t *end)
 {
@@ -130,7 +136,7 @@ static void clip(cairn_real start, cairn_real step, cairn_real low, cairn_real h
     *end = *end < last + 1 ? *end : last + 1;
 }
 
-/* A row of an image as it lies in the other one: cell (first + column * step) in cells. */
+/* A row of an image mapped into the other one: cell (first + column * step) in cells. */
 typedef struct image_row {
     const merge_map *other;
     const uint16_t *cells;
@@ -139,43 +145,46 @@ typedef struct image_row {
     int32_t known;
 } image_row;
 
-static void add_cell(image_row *r, uint16_t own, uint16_t cell, int32_t beside,
+static void add_cell(image_row *r, uint16_t own, uint16_t cell, int32_t outside_distance,
                      const cairn_real *kernel)
 {
-    int32_t to_occupied = beside + merge_to_occupied(cell), to_free = beside + merge_to_free(cell);
+    int32_t to_occupied = outside_distance + merge_to_occupied(cell),
+            to_free = outside_distance + merge_to_free(cell);
 
-    to_occupied = to_occupied < MERGE_FAR ? to_occupied : MERGE_FAR;
-    to_free = to_free < MERGE_FAR ? to_free : MERGE_FAR;
+    to_occupied = to_occupied < MERGE_MAX_DISTANCE ? to_occupied : MERGE_MAX_DISTANCE;
+    to_free = to_free < MERGE_MAX_DISTANCE ? to_free : MERGE_MAX_DISTANCE;
     if (merge_class(own) == MERGE_OCCUPIED) {
         r->same[1] += kernel[to_occupied];
         r->other_class[1] += kernel[to_free];
     } else {
         r->same[0] += kernel[to_free];
         r->other_class[0] += kernel[to_occupied];
-        r->known += beside == 0 && merge_class(cell) != MERGE_UNKNOWN;
+        r->known += outside_distance == 0 && merge_class(cell) != MERGE_UNKNOWN;
     }
 }
 
-/* Columns that may lie beside the other image. */
+/* Adds columns that may lie outside the other image. */
 static void add_outside(image_row *r, int32_t begin, int32_t end, const cairn_real *kernel)
 {
     int32_t width = r->other->input.cells.width, height = r->other->input.cells.height;
 
     for (int32_t column = begin; column < end; column++) {
-        int32_t u, v, beside = 0;
+        int32_t u, v, outside_distance = 0;
 
         if (merge_class(r->cells[column]) == MERGE_UNKNOWN)
             continue;
-        u = cut(cell_index(r->first.x + (cairn_real)column * r->step.x, width + REACH), width,
-                &beside);
-        v = cut(cell_index(r->first.y + (cairn_real)column * r->step.y, height + REACH), height,
-                &beside);
-        add_cell(r, r->cells[column], r->other->grid[(size_t)v * (size_t)width + (size_t)u], beside,
-                 kernel);
+        u = clamp_cell(
+            cell_index(r->first.x + (cairn_real)column * r->step.x, width + KERNEL_REACH_CELLS),
+            width, &outside_distance);
+        v = clamp_cell(
+            cell_index(r->first.y + (cairn_real)column * r->step.y, height + KERNEL_REACH_CELLS),
+            height, &outside_distance);
+        add_cell(r, r->cells[column], r->other->grid[(size_t)v * (size_t)width + (size_t)u],
+                 outside_distance, kernel);
     }
 }
 
-/* Columns that lie within it. */
+/* Adds columns that lie inside it. */
 static void add_inside(image_row *r, int32_t begin, int32_t end, const cairn_real *kernel)
 {
     size_t width = (size_t)r->other->input.cells.width;
@@ -189,8 +198,7 @@ static void add_inside(image_row *r, int32_t begin, int32_t end, const cairn_rea
     }
 }
 
-/* Adds a row of image k: the cells that come to lie within the kernel's reach of the other
- * image, as the rest adds nothing. */
+/* Adds a row of image k: the cells within the kernel's reach of the other image. */
 static void add_row(merge_images *c, int32_t k, const cairn_real *kernel)
 {
     const merge_map *own = c->map[k], *other = c->map[1 - k];
@@ -209,15 +217,16 @@ static void add_row(merge_images *c, int32_t k, const cairn_real *kernel)
     r.first = cairn_vec2_scale(
         cairn_vec2_sub(cairn_transform_point(c->to_other[k], first), other->corner), scale);
     r.step = cairn_vec2_scale(cairn_transform_direction(c->to_other[k], along), scale);
-    if (cairn_abs(r.step.x) < LEVEL || cairn_abs(r.step.y) < LEVEL) {
+    if (cairn_abs(r.step.x) < LEVEL_SLOPE_CELLS || cairn_abs(r.step.y) < LEVEL_SLOPE_CELLS) {
         add_outside(&r, begin, end, kernel);
     } else {
-        clip(r.first.x, r.step.x, -REACH, width + REACH, 1, &begin, &end);
-        clip(r.first.y, r.step.y, -REACH, height + REACH, 1, &begin, &end);
+        clip(r.first.x, r.step.x, -KERNEL_REACH_CELLS, width + KERNEL_REACH_CELLS, 1, &begin, &end);
+        clip(r.first.y, r.step.y, -KERNEL_REACH_CELLS, height + KERNEL_REACH_CELLS, 1, &begin,
+             &end);
         from = begin;
         to = end;
-        clip(r.first.x, r.step.x, EDGE, width - EDGE, -1, &from, &to);
-        clip(r.first.y, r.step.y, EDGE, height - EDGE, -1, &from, &to);
+        clip(r.first.x, r.step.x, EDGE_CELLS, width - EDGE_CELLS, -1, &from, &to);
+        clip(r.first.y, r.step.y, EDGE_CELLS, height - EDGE_CELLS, -1, &from, &to);
         if (from < to) {
             add_outside(&r, begin, from, kernel);
             add_inside(&r, from, to, kernel);
@@ -250,15 +259,16 @@ void cairn_merge_end_images(const merge_images *c, cairn_merge_score *score)
 {
     score->psi = score->disagreement = 0;
     for (int32_t k = 0; k < 2; k++) {
-        cairn_real free = (cairn_real)c->map[k]->free, occupied = (cairn_real)c->map[k]->occupied;
+        cairn_real free = (cairn_real)c->map[k]->free_count,
+                   occupied = (cairn_real)c->map[k]->occupied_count;
 
         score->psi += c->same[k][0] / cairn_max(free, 1) + c->same[k][1] / cairn_max(occupied, 1);
         score->disagreement +=
             c->other[k][0] / cairn_max(free, 1) + c->other[k][1] / cairn_max(occupied, 1);
     }
     {
-        int32_t a = c->map[0]->free, b = c->map[1]->free;
-        cairn_real d = cairn_max(score->disagreement, LEAST_D);
+        int32_t a = c->map[0]->free_count, b = c->map[1]->free_count;
+        cairn_real d = cairn_max(score->disagreement, MIN_DISAGREEMENT);
 
         score->overlap = (cairn_real)c->known / cairn_max((cairn_real)(a < b ? a : b), 1);
         score->gamma = -cairn_log(d) - d;
@@ -267,43 +277,43 @@ void cairn_merge_end_images(const merge_images *c, cairn_merge_score *score)
 
 /* ---- The merged image ---- */
 
-/* First cell and end of an image of the box, along x or y, in cells of the reference; a hair
- * less, which rounding is. */
-static void lattice(const cairn_map_merge *m, cairn_real low, cairn_real high, cairn_real corner,
-                    int32_t *first, int32_t *end)
+/* Computes the first cell and the end of an image of the box along x or y, in cells of the
+ * reference, with a margin for rounding. */
+static void merged_extent(const cairn_map_merge *merge, cairn_real low, cairn_real high,
+                          cairn_real corner, int32_t *first, int32_t *end)
 {
     const cairn_real hair = CAIRN_REAL(1e-3);
-    cairn_real scale = 1 / m->maps[m->reference].input.resolution;
+    cairn_real scale = 1 / merge->maps[merge->reference].input.resolution;
 
     *first = cell_index((low - corner) * scale + hair, INT32_MAX / 4);
     *end = cell_index((high - corner) * scale - hair, INT32_MAX / 4) + 1;
 }
 
-int cairn_merge_has_room(const cairn_map_merge *m, cairn_box box)
+int cairn_merge_has_room(const cairn_map_merge *merge, cairn_box box)
 {
-    cairn_vec2 corner = m->maps[m->reference].corner;
+    cairn_vec2 corner = merge->maps[merge->reference].corner;
     int32_t x, y, right, top;
 
-    lattice(m, box.min.x, box.max.x, corner.x, &x, &right);
-    lattice(m, box.min.y, box.max.y, corner.y, &y, &top);
+    merged_extent(merge, box.min.x, box.max.x, corner.x, &x, &right);
+    merged_extent(merge, box.min.y, box.max.y, corner.y, &y, &top);
     return right - x <= CAIRN_RASTER_MAX_SIDE && top - y <= CAIRN_RASTER_MAX_SIDE &&
-           (int64_t)(right - x) * (top - y) <= m->written->most_cells;
+           (int64_t)(right - x) * (top - y) <= merge->written->max_cells;
 }
 
-/* The image of the box of all maps in near[], still without cells. */
-static void begin_merged(cairn_map_merge *m)
+/* Sets up an empty image of the bounding box of all neighbours. */
+static void begin_merged(cairn_map_merge *merge)
 {
-    const merge_map *reference = &m->maps[m->reference];
-    merge_written *w = m->written;
+    const merge_map *reference = &merge->maps[merge->reference];
+    merge_written *w = merge->written;
     merge_map *map = &w->merged;
     int32_t x, y, right, top;
 
     w->box = cairn_box_empty();
-    for (int32_t i = 0; i < m->near_count; i++)
-        w->box =
-            cairn_merge_join(w->box, cairn_merge_box_of(&m->maps[m->near[i]], m->near_pose[i]));
-    lattice(m, w->box.min.x, w->box.max.x, reference->corner.x, &x, &right);
-    lattice(m, w->box.min.y, w->box.max.y, reference->corner.y, &y, &top);
+    for (int32_t i = 0; i < merge->neighbour_count; i++)
+        w->box = cairn_merge_join(w->box, cairn_merge_box_of(&merge->maps[merge->neighbours[i]],
+                                                             merge->neighbour_poses[i]));
+    merged_extent(merge, w->box.min.x, w->box.max.x, reference->corner.x, &x, &right);
+    merged_extent(merge, w->box.min.y, w->box.max.y, reference->corner.y, &y, &top);
     map->input.resolution = reference->input.resolution;
     map->input.cells.data = w->cells;
     map->input.cells.width = right - x;
@@ -311,17 +321,17 @@ static void begin_merged(cairn_map_merge *m)
     map->input.cells.height = top - y;
     map->corner.x = reference->corner.x + (cairn_real)x * map->input.resolution;
     map->corner.y = reference->corner.y + (cairn_real)y * map->input.resolution;
-    map->occupied = map->free = 0;
+    map->occupied_count = map->free_count = 0;
     w->map = -1;
     w->cursor = 0;
 }
 
-/* Votes of map `near` in row `row`: low byte occupied, high byte free. */
-static void vote_row(cairn_map_merge *m, int32_t near, int32_t row)
+/* Adds the votes of map `near` to row `row`: low byte occupied, high byte free. */
+static void vote_row(cairn_map_merge *merge, int32_t near, int32_t row)
 {
-    const merge_map *from = &m->maps[m->near[near]];
-    merge_map *to = &m->written->merged;
-    cairn_transform t = cairn_transform_of(cairn_pose_inverse(m->near_pose[near]));
+    const merge_map *from = &merge->maps[merge->neighbours[near]];
+    merge_map *to = &merge->written->merged;
+    cairn_transform t = cairn_transform_of(cairn_pose_inverse(merge->neighbour_poses[near]));
     cairn_real scale = 1 / from->input.resolution;
     uint16_t *votes = to->grid + (size_t)row * (size_t)to->input.cells.width;
 
@@ -353,48 +363,48 @@ static void count_row(merge_written *w, int32_t row)
     }
 }
 
-/* Rows of votes: none, then those of each map, then what they come to. */
-static int step_votes(cairn_map_merge *m, cairn_budget *budget)
+/* Processes rows: clears the votes, adds those of each map, then takes the majority. */
+static int step_votes(cairn_map_merge *merge, cairn_budget *budget)
 {
-    merge_written *w = m->written;
+    merge_written *w = merge->written;
     int32_t width = w->merged.input.cells.width;
 
-    for (; w->map <= m->near_count; w->map++, w->cursor = 0)
+    for (; w->map <= merge->neighbour_count; w->map++, w->cursor = 0)
         for (; w->cursor < w->merged.input.cells.height; w->cursor++) {
-            if (!cairn_budget_pay(budget, &m->paid, 1 + width / CELLS_PER_UNIT))
+            if (!cairn_budget_pay(budget, &merge->units_charged, 1 + width / CELLS_PER_UNIT))
                 return 0;
             if (w->map < 0)
                 memset(w->merged.grid + (size_t)w->cursor * (size_t)width, 0,
                        (size_t)width * sizeof(uint16_t));
-            else if (w->map < m->near_count)
-                vote_row(m, w->map, w->cursor);
+            else if (w->map < merge->neighbour_count)
+                vote_row(merge, w->map, w->cursor);
             else
                 count_row(w, w->cursor);
         }
     return 1;
 }
 
-int cairn_merge_draw_merged(cairn_map_merge *m, cairn_budget *budget)
+int cairn_merge_draw_merged(cairn_map_merge *merge, cairn_budget *budget)
 {
     enum { BEGIN, VOTES, TO_OCCUPIED, PACK_OCCUPIED, TO_FREE, PACK_FREE, DRAWN };
-    merge_written *w = m->written;
+    merge_written *w = merge->written;
 
     if (w->stage == BEGIN) {
-        begin_merged(m);
+        begin_merged(merge);
         w->stage = VOTES;
     }
     while (w->stage < DRAWN) {
         cairn_status status = CAIRN_OK;
 
         if (w->stage == VOTES)
-            status = step_votes(m, budget) ? CAIRN_OK : CAIRN_MORE;
+            status = step_votes(merge, budget) ? CAIRN_OK : CAIRN_MORE;
         else if (w->stage == TO_OCCUPIED || w->stage == TO_FREE)
             status = cairn_merge_measure(
-                m, &w->merged, w->stage == TO_FREE ? CAIRN_CELL_FREE : CAIRN_CELL_OCCUPIED,
+                merge, &w->merged, w->stage == TO_FREE ? CAIRN_CELL_FREE : CAIRN_CELL_OCCUPIED,
                 &w->cursor, budget);
         else
-            status =
-                cairn_merge_pack(m, &w->merged, w->stage == PACK_FREE ? 7 : 0, &w->cursor, budget);
+            status = cairn_merge_pack(merge, &w->merged, w->stage == PACK_FREE ? 7 : 0, &w->cursor,
+                                      budget);
         if (status != CAIRN_OK)
             return 0;
         w->stage++;

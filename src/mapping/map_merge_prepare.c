@@ -1,10 +1,15 @@
-/* A map made ready: distances to walls and to free space, points of its surface with normals, lines
- * and corners.
+/* Preparation of a map: distance maps to walls and to free space, surface points with normals,
+ * lines and corners.
  *
- * The surface is made of occupied cells beside free ones. A normal stands across the occupied
- * cells around, on their free side; lines grow from cell to neighbouring cell of the same
- * normal, so that the two faces of a thin wall stay two, and again beside their fit; corners are
- * those of the room `corner`. */
+ * Method.
+ *
+ * 1. Distance maps to occupied and to free cells are computed and packed.
+ * 2. The surface consists of occupied cells next to free ones, sampled evenly. A normal is the
+ *    minor axis of the occupied cells around, on their free side.
+ * 3. Lines grow from cell to neighbouring cell of the same normal (region growing), so the two
+ *    faces of a thin wall stay separate. They are refitted while growing.
+ * 4. Corners are intersections of lines (module corner).
+ * 5. Points and free cells are shuffled so that every prefix is an evenly spread sample. */
 #include "src/core/build.h"
 
 #include <string.h>
@@ -12,28 +17,30 @@
 #include "cairn/line.h"
 #include "src/mapping/map_merge_work.h"
 
-/* Half sides in cells of the windows for normals and for the neighbours of a line's cell. */
-enum { NORMAL_WINDOW = 3, LINE_WINDOW = 2, LINE_POINTS = 5 };
+/* cells: half sides of the windows for normals and for the neighbours of a line's cell; minimum
+ * points of a line */
+enum { NORMAL_WINDOW = 3, LINE_WINDOW = 2, MIN_LINE_POINTS = 5 };
 
-/* Cosine of the angle by which normals of a line differ at most. */
-#define LINE_COSINE CAIRN_REAL(0.92)
-/* Occupied cells lie along a line when their spreads differ by such a share of their sum. */
-#define LONG CAIRN_REAL(0.5)
-/* Cells: a line's points lie at most so far beside its first one, and off it in the mean square. */
-#define LINE_WIDTH CAIRN_REAL(2.6)
-#define LINE_RMS   CAIRN_REAL(0.9)
-/* Cells from a point to its front. */
-#define FRONT CAIRN_REAL(3.0)
-/* Cells: points farther off a line are not fitted. */
-#define TRIM CAIRN_REAL(0.8)
-/* m: a longer straight wall counts only by the root of its length. */
-#define WALL CAIRN_REAL(0.7)
-/* m: shorter lines make no corner. */
-#define LINE_LENGTH CAIRN_REAL(0.20)
+/* minimum cosine between normals of a line */
+#define LINE_MIN_COSINE CAIRN_REAL(0.92)
+/* minimum ratio of the difference to the sum of the principal spreads of cells along a line */
+#define MIN_ELONGATION CAIRN_REAL(0.5)
+/* cells: maximum distance of a line's points from its first one, and their root mean square
+ * residual */
+#define LINE_WIDTH_CELLS CAIRN_REAL(2.6)
+#define LINE_RMS_CELLS   CAIRN_REAL(0.9)
+/* cells from a point to its free-space sample */
+#define FRONT_CELLS CAIRN_REAL(3.0)
+/* cells: points farther off a line are not fitted */
+#define TRIM_CELLS CAIRN_REAL(0.8)
+/* m: the weight of a longer straight wall grows only by the root of its length */
+#define SATURATED_WALL_M CAIRN_REAL(0.7)
+/* m: minimum length of a line that forms corners */
+#define MIN_LINE_M CAIRN_REAL(0.20)
 
-static merge_map *current(cairn_map_merge *m)
+static merge_map *current(cairn_map_merge *merge)
 {
-    return &m->maps[m->map];
+    return &merge->maps[merge->map];
 }
 
 static int32_t width_of(const merge_map *map)
@@ -46,32 +53,32 @@ static int32_t height_of(const merge_map *map)
     return map->input.cells.height;
 }
 
-static cairn_status begin_distance(cairn_map_merge *m, const merge_map *map, uint8_t match)
+static cairn_status begin_distance(cairn_map_merge *merge, const merge_map *map, uint8_t match)
 {
     cairn_distance_map_input input;
 
     input.pixels = map->input.cells;
-    input.distances.data = m->scratch;
+    input.distances.data = merge->scratch;
     input.distances.width = width_of(map);
     input.distances.height = height_of(map);
     input.distances.stride = width_of(map);
     input.mask = 0xFF;
     input.match = match;
     input.metric = CAIRN_DISTANCE_L1;
-    return cairn_distance_map_begin(m->distances, &input);
+    return cairn_distance_map_begin(merge->distances, &input);
 }
 
-cairn_status cairn_merge_measure(cairn_map_merge *m, const merge_map *map, uint8_t match,
+cairn_status cairn_merge_measure(cairn_map_merge *merge, const merge_map *map, uint8_t match,
                                  int32_t *cursor, cairn_budget *budget)
 {
     if (*cursor == 0) {
-        cairn_status status = begin_distance(m, map, match);
+        cairn_status status = begin_distance(merge, map, match);
 
         CAIRN_ASSERT(status == CAIRN_OK);
         (void)status;
         *cursor = 1;
     }
-    return cairn_distance_map_step(m->distances, budget);
+    return cairn_distance_map_step(merge->distances, budget);
 }
 
 static uint16_t class_of(uint8_t value)
@@ -81,24 +88,24 @@ static uint16_t class_of(uint8_t value)
                                         : MERGE_UNKNOWN;
 }
 
-cairn_status cairn_merge_pack(cairn_map_merge *m, merge_map *map, int32_t shift, int32_t *cursor,
-                              cairn_budget *budget)
+cairn_status cairn_merge_pack(cairn_map_merge *merge, merge_map *map, int32_t shift,
+                              int32_t *cursor, cairn_budget *budget)
 {
     int32_t count = width_of(map) * height_of(map);
 
     for (; *cursor < count; ++*cursor) {
-        int32_t at = *cursor, d = m->scratch[at];
-        uint16_t packed = (uint16_t)(d < MERGE_FAR ? d : MERGE_FAR);
+        int32_t at = *cursor, d = merge->scratch[at];
+        uint16_t packed = (uint16_t)(d < MERGE_MAX_DISTANCE ? d : MERGE_MAX_DISTANCE);
 
-        if (at % 16 == 0 && !cairn_budget_pay(budget, &m->paid, 1))
+        if (at % 16 == 0 && !cairn_budget_pay(budget, &merge->units_charged, 1))
             return CAIRN_MORE;
         if (shift == 0) {
             int32_t x = at % width_of(map), y = at / width_of(map);
             uint16_t class = class_of(map->input.cells.data[y * map->input.cells.stride + x]);
 
             map->grid[at] = (uint16_t)(packed | class << 14);
-            map->occupied += class == MERGE_OCCUPIED;
-            map->free += class == MERGE_FREE;
+            map->occupied_count += class == MERGE_OCCUPIED;
+            map->free_count += class == MERGE_FREE;
         } else {
             map->grid[at] = (uint16_t)(map->grid[at] | packed << shift);
         }
@@ -106,7 +113,7 @@ cairn_status cairn_merge_pack(cairn_map_merge *m, merge_map *map, int32_t shift,
     return CAIRN_OK;
 }
 
-/* MERGE_UNKNOWN outside. */
+/* Returns the class of a cell; MERGE_UNKNOWN outside. */
 static int32_t class_at(const merge_map *map, int32_t x, int32_t y)
 {
     if (x < 0 || y < 0 || x >= width_of(map) || y >= height_of(map))
@@ -129,46 +136,46 @@ static cairn_vec2 centre_of_cell(const merge_map *map, int32_t cell)
     return p;
 }
 
-/* 1 for `most` of `count` things, evenly, when there are more. */
+/* Returns 1 for `most` of `count` items, evenly spread, when there are more. */
 static int is_chosen(int32_t index, int32_t count, int32_t most)
 {
     return count <= most || count <= 0 ||
            (int64_t)(index + 1) * most / count > (int64_t)index * most / count;
 }
 
-/* Two passes over the cells: counted, then chosen. Free cells are chosen on the way. */
-static cairn_status step_surface(cairn_map_merge *m, cairn_budget *budget)
+/* Two passes over the cells: count, then sample. Free cells are sampled on the way. */
+static cairn_status step_surface(cairn_map_merge *merge, cairn_budget *budget)
 {
-    merge_map *map = current(m);
+    merge_map *map = current(merge);
     int32_t count = width_of(map) * height_of(map);
 
-    for (; m->cursor < 2 * count; m->cursor++) {
-        int32_t cell = m->cursor < count ? m->cursor : m->cursor - count;
+    for (; merge->cursor < 2 * count; merge->cursor++) {
+        int32_t cell = merge->cursor < count ? merge->cursor : merge->cursor - count;
 
-        if (m->cursor % 16 == 0 && !cairn_budget_pay(budget, &m->paid, 1))
+        if (merge->cursor % 16 == 0 && !cairn_budget_pay(budget, &merge->units_charged, 1))
             return CAIRN_MORE;
-        if (m->cursor < count) {
-            m->scratch[cell] = 0;
-            m->surface += is_surface(map->grid[cell]);
+        if (merge->cursor < count) {
+            merge->scratch[cell] = 0;
+            merge->surface += is_surface(map->grid[cell]);
         } else if (is_surface(map->grid[cell])) {
-            if (is_chosen(m->seen_surface++, m->surface, m->params.max_points)) {
+            if (is_chosen(merge->seen_surface++, merge->surface, merge->params.max_points)) {
                 merge_point p = {centre_of_cell(map, cell), {0, 0}, {0, 0}, 1, cell, 1};
 
                 map->points[map->point_count++] = p;
-                m->scratch[cell] = map->point_count;
+                merge->scratch[cell] = map->point_count;
             }
         } else if (merge_class(map->grid[cell]) == MERGE_FREE) {
-            if (is_chosen(m->seen_free++, map->free, m->params.max_points / 2))
-                map->open[map->open_count++] = centre_of_cell(map, cell);
+            if (is_chosen(merge->seen_free++, map->free_count, merge->params.max_points / 2))
+                map->free_cells[map->free_cell_count++] = centre_of_cell(map, cell);
         }
     }
     if (map->point_count > 0)
         map->spacing =
-            map->input.resolution * (cairn_real)m->surface / (cairn_real)map->point_count;
+            map->input.resolution * (cairn_real)merge->surface / (cairn_real)map->point_count;
     return CAIRN_OK;
 }
 
-/* Mean direction to the free cells around, near ones first. */
+/* Returns the mean direction to the free cells around, weighted by proximity. */
 static cairn_vec2 free_side(const merge_map *map, int32_t x0, int32_t y0)
 {
     cairn_vec2 sum = {0, 0};
@@ -185,7 +192,8 @@ static cairn_vec2 free_side(const merge_map *map, int32_t x0, int32_t y0)
     return cairn_vec2_unit(sum);
 }
 
-/* Across the occupied cells around, when they lie along a line, on the side that is free. */
+/* Returns the normal: the minor axis of the occupied cells around when they are elongated, on the
+ * free side. */
 static cairn_vec2 normal_at(const merge_map *map, int32_t cell)
 {
     int32_t x0 = cell % width_of(map), y0 = cell / width_of(map), n = 0, x = 0, y = 0, xx = 0,
@@ -208,10 +216,9 @@ static cairn_vec2 normal_at(const merge_map *map, int32_t cell)
     b = (cairn_real)(n * xy - x * y);
     c = (cairn_real)(n * yy - y * y);
     spread = cairn_sqrt((a - c) * (a - c) + 4 * b * b);
-    if (!(spread > LONG * (a + c)))
+    if (!(spread > MIN_ELONGATION * (a + c)))
         return side;
-    /* The axis of the greater spread, turned by a right angle; of its two forms the one that
-     * does not cancel. */
+    /* The major axis, rotated by a right angle; of its two forms the one without cancellation. */
     if (a >= c) {
         normal.x = -2 * b;
         normal.y = a - c + spread;
@@ -223,28 +230,28 @@ static cairn_vec2 normal_at(const merge_map *map, int32_t cell)
     return cairn_vec2_dot(normal, side) < 0 ? cairn_vec2_scale(normal, -1) : normal;
 }
 
-static cairn_status step_normals(cairn_map_merge *m, cairn_budget *budget)
+static cairn_status step_normals(cairn_map_merge *merge, cairn_budget *budget)
 {
-    merge_map *map = current(m);
+    merge_map *map = current(merge);
 
-    for (; m->cursor < map->point_count; m->cursor++) {
-        merge_point *p = &map->points[m->cursor];
+    for (; merge->cursor < map->point_count; merge->cursor++) {
+        merge_point *p = &map->points[merge->cursor];
 
-        if (!cairn_budget_pay(budget, &m->paid, 4))
+        if (!cairn_budget_pay(budget, &merge->units_charged, 4))
             return CAIRN_MORE;
         p->normal = normal_at(map, p->cell);
-        p->front =
-            cairn_vec2_add(p->at, cairn_vec2_scale(p->normal, FRONT * map->input.resolution));
-        m->label[m->cursor] = 0;
+        p->free_side = cairn_vec2_add(
+            p->position, cairn_vec2_scale(p->normal, FRONT_CELLS * map->input.resolution));
+        merge->label[merge->cursor] = 0;
     }
     return CAIRN_OK;
 }
 
-/* Takes the neighbours of the queue's next point into the line. */
-static void grow_line(cairn_map_merge *m)
+/* Adds the matching neighbours of the queue's next point to the line. */
+static void grow_line(cairn_map_merge *merge)
 {
-    merge_map *map = current(m);
-    const merge_point *p = &map->points[m->queue[m->inner++]];
+    merge_map *map = current(merge);
+    const merge_point *p = &map->points[merge->queue[merge->inner++]];
     int32_t x0 = p->cell % width_of(map), y0 = p->cell / width_of(map);
 
     for (int32_t y = y0 - LINE_WINDOW; y <= y0 + LINE_WINDOW; y++)
@@ -254,56 +261,58 @@ static void grow_line(cairn_map_merge *m)
 
             if (x < 0 || y < 0 || x >= width_of(map) || y >= height_of(map))
                 continue;
-            index = m->scratch[y * width_of(map) + x] - 1;
-            if (index < 0 || m->label[index] != 0)
+            index = merge->scratch[y * width_of(map) + x] - 1;
+            if (index < 0 || merge->label[index] != 0)
                 continue;
             q = &map->points[index];
-            if (cairn_vec2_dot(q->normal, m->line_normal) < LINE_COSINE ||
-                cairn_abs(cairn_vec2_dot(cairn_vec2_sub(q->at, m->line_at), m->line_normal)) >
-                    LINE_WIDTH * map->input.resolution)
+            if (cairn_vec2_dot(q->normal, merge->line_normal) < LINE_MIN_COSINE ||
+                cairn_abs(cairn_vec2_dot(cairn_vec2_sub(q->position, merge->line_at),
+                                         merge->line_normal)) >
+                    LINE_WIDTH_CELLS * map->input.resolution)
                 continue;
-            m->label[index] = 1;
-            m->queue[m->queued++] = index;
+            merge->label[index] = 1;
+            merge->queue[merge->queued++] = index;
         }
 }
 
-/* The line through the points in the queue, and again through those that lie well on it: ends of
- * walls have normals of both sides. */
-static int fit_line(cairn_map_merge *m, cairn_line *line)
+/* Fits a line to the points in the queue, then again to the inliers: ends of walls have normals of
+ * both sides. */
+static int fit_line(cairn_map_merge *merge, cairn_line *line)
 {
-    const merge_map *map = current(m);
+    const merge_map *map = current(merge);
     int32_t kept = 0;
 
-    for (int32_t i = 0; i < m->queued; i++)
-        m->line[i] = map->points[m->queue[i]].at;
-    if (cairn_line_fit(m->line, NULL, m->queued, line) != CAIRN_OK)
+    for (int32_t i = 0; i < merge->queued; i++)
+        merge->line[i] = map->points[merge->queue[i]].position;
+    if (cairn_line_fit(merge->line, NULL, merge->queued, line) != CAIRN_OK)
         return 0;
-    for (int32_t i = 0; i < m->queued; i++)
-        if (cairn_abs(cairn_vec2_cross(line->direction, cairn_vec2_sub(m->line[i], line->mean))) <=
-            TRIM * map->input.resolution)
-            m->line[kept++] = m->line[i];
-    return kept >= LINE_POINTS && cairn_line_fit(m->line, NULL, kept, line) == CAIRN_OK;
+    for (int32_t i = 0; i < merge->queued; i++)
+        if (cairn_abs(
+                cairn_vec2_cross(line->direction, cairn_vec2_sub(merge->line[i], line->mean))) <=
+            TRIM_CELLS * map->input.resolution)
+            merge->line[kept++] = merge->line[i];
+    return kept >= MIN_LINE_POINTS && cairn_line_fit(merge->line, NULL, kept, line) == CAIRN_OK;
 }
 
-/* The points in the queue become a segment with the free side on its left, when they lie on a
- * line that is long enough. */
-static void end_line(cairn_map_merge *m, int32_t seed)
+/* Converts the points in the queue into a segment with the free side on its left, when they lie on
+ * a line of sufficient length. */
+static void end_line(cairn_map_merge *merge, int32_t seed)
 {
-    merge_map *map = current(m);
+    merge_map *map = current(merge);
     cairn_segment segment;
     cairn_line line;
 
-    if (m->queued < LINE_POINTS || map->line_count == m->params.max_segments)
+    if (merge->queued < MIN_LINE_POINTS || map->line_count == merge->params.max_segments)
         return;
-    if (!fit_line(m, &line) || line.high - line.low < LINE_LENGTH ||
-        line.rms > LINE_RMS * map->input.resolution)
+    if (!fit_line(merge, &line) || line.high - line.low < MIN_LINE_M ||
+        line.rms > LINE_RMS_CELLS * map->input.resolution)
         return;
     segment = cairn_line_segment(&line);
-    for (int32_t i = 0; i < m->queued; i++) {
-        merge_point *p = &map->points[m->queue[i]];
+    for (int32_t i = 0; i < merge->queued; i++) {
+        merge_point *p = &map->points[merge->queue[i]];
 
-        p->weight = 1 / cairn_sqrt(cairn_max(1, (line.high - line.low) / WALL));
-        p->bent &= line.high - line.low < MERGE_LINE_M;
+        p->weight = 1 / cairn_sqrt(cairn_max(1, (line.high - line.low) / SATURATED_WALL_M));
+        p->is_curved &= line.high - line.low < MERGE_MIN_LINE_M;
     }
     if (cairn_vec2_dot(cairn_vec2_left(line.direction), map->points[seed].normal) < 0) {
         cairn_vec2 a = segment.a;
@@ -314,94 +323,95 @@ static void end_line(cairn_map_merge *m, int32_t seed)
     map->lines[map->line_count] = segment;
     {
         cairn_vec2 along = cairn_vec2_sub(segment.b, segment.a);
-        merge_way way = {cairn_atan2(along.y, along.x), cairn_vec2_norm(along)};
+        merge_direction way = {cairn_atan2(along.y, along.x), cairn_vec2_norm(along)};
 
-        map->ways[map->line_count++] = way;
+        map->directions[map->line_count++] = way;
     }
 }
 
-static void begin_line(cairn_map_merge *m, int32_t seed)
+static void begin_line(cairn_map_merge *merge, int32_t seed)
 {
-    const merge_point *first = &current(m)->points[seed];
+    const merge_point *first = &current(merge)->points[seed];
 
-    m->label[seed] = 1;
-    m->queue[0] = seed;
-    m->queued = 1;
-    m->fitted = LINE_POINTS;
-    m->inner = 0;
-    m->line_at = first->at;
-    m->line_normal = first->normal;
+    merge->label[seed] = 1;
+    merge->queue[0] = seed;
+    merge->queued = 1;
+    merge->fitted = MIN_LINE_POINTS;
+    merge->inner = 0;
+    merge->line_at = first->position;
+    merge->line_normal = first->normal;
 }
 
-/* A line that has grown by half since it was fitted is fitted again and may go on growing beside
- * the fit: the normal of its first point alone leads astray after a metre. 1 when it goes on. */
-static int refit_line(cairn_map_merge *m)
+/* Refits a line that has grown by half since its last fit and resumes growing: the normal of the
+ * first point alone is too inaccurate after a metre. Returns 1 when it grows on. */
+static int refit_line(cairn_map_merge *merge)
 {
     cairn_line line;
     cairn_vec2 normal;
 
-    if (m->queued < m->fitted + m->fitted / 2 || !fit_line(m, &line))
+    if (merge->queued < merge->fitted + merge->fitted / 2 || !fit_line(merge, &line))
         return 0;
     normal = cairn_vec2_left(line.direction);
-    m->fitted = m->queued;
-    m->inner = 0;
-    m->line_at = line.mean;
-    m->line_normal =
-        cairn_vec2_dot(normal, m->line_normal) < 0 ? cairn_vec2_scale(normal, -1) : normal;
+    merge->fitted = merge->queued;
+    merge->inner = 0;
+    merge->line_at = line.mean;
+    merge->line_normal =
+        cairn_vec2_dot(normal, merge->line_normal) < 0 ? cairn_vec2_scale(normal, -1) : normal;
     return 1;
 }
 
-static cairn_status step_segments(cairn_map_merge *m, cairn_budget *budget)
+static cairn_status step_segments(cairn_map_merge *merge, cairn_budget *budget)
 {
-    merge_map *map = current(m);
+    merge_map *map = current(merge);
 
-    while (m->cursor < map->point_count) {
-        if (m->queued == 0) {
-            if (m->label[m->cursor] != 0 ||
-                cairn_vec2_norm_squared(map->points[m->cursor].normal) < CAIRN_REAL(0.5)) {
-                if (!cairn_budget_pay(budget, &m->paid, 1))
+    while (merge->cursor < map->point_count) {
+        if (merge->queued == 0) {
+            if (merge->label[merge->cursor] != 0 ||
+                cairn_vec2_norm_squared(map->points[merge->cursor].normal) < CAIRN_REAL(0.5)) {
+                if (!cairn_budget_pay(budget, &merge->units_charged, 1))
                     return CAIRN_MORE;
-                m->cursor++;
+                merge->cursor++;
                 continue;
             }
-            begin_line(m, m->cursor);
+            begin_line(merge, merge->cursor);
         }
-        for (; m->inner < m->queued;) {
-            if (!cairn_budget_pay(budget, &m->paid, 2))
+        for (; merge->inner < merge->queued;) {
+            if (!cairn_budget_pay(budget, &merge->units_charged, 2))
                 return CAIRN_MORE;
-            grow_line(m);
+            grow_line(merge);
         }
-        if (!cairn_budget_pay(budget, &m->paid, 1 + m->queued / 4))
+        if (!cairn_budget_pay(budget, &merge->units_charged, 1 + merge->queued / 4))
             return CAIRN_MORE;
-        if (refit_line(m))
+        if (refit_line(merge))
             continue;
-        end_line(m, m->cursor);
-        m->queued = 0;
-        m->cursor++;
+        end_line(merge, merge->cursor);
+        merge->queued = 0;
+        merge->cursor++;
     }
     return CAIRN_OK;
 }
 
-static cairn_status step_corners(cairn_map_merge *m, cairn_budget *budget)
+static cairn_status step_corners(cairn_map_merge *merge, cairn_budget *budget)
 {
-    merge_map *map = current(m);
+    merge_map *map = current(merge);
     cairn_status status;
     const cairn_corner *list;
 
-    if (m->cursor == 0) {
-        status = cairn_corner_begin(m->corners, map->lines, map->line_count);
+    if (merge->cursor == 0) {
+        status = cairn_corner_begin(merge->corners, map->lines, map->line_count);
         CAIRN_ASSERT(status == CAIRN_OK);
-        m->cursor = 1;
+        merge->cursor = 1;
     }
-    status = cairn_corner_step(m->corners, budget);
+    status = cairn_corner_step(merge->corners, budget);
     if (status != CAIRN_OK)
         return status;
-    list = cairn_corner_list(m->corners, &map->corner_count);
+    list = cairn_corner_list(merge->corners, &map->corner_count);
     memcpy(map->corners, list, (size_t)map->corner_count * sizeof *list);
     return CAIRN_OK;
 }
 
-/* A step through `count` things that comes to all of them and is about 0.618 of a round. */
+/* Returns a step coprime to `count` of about 0.618 count: a golden-ratio sequence that visits all
+ * items. */
 static int32_t golden_step(int32_t count)
 {
     int32_t step = cairn_real_to_int((cairn_real)count * CAIRN_REAL(0.6180339887));
@@ -420,90 +430,92 @@ static int32_t golden_step(int32_t count)
     }
 }
 
-/* Puts the points and the free cells into an order any beginning of which is an even choice;
- * m->line and m->queue hold what is moved. */
-static void shuffle(cairn_map_merge *m)
+/* Shuffles the points and the free cells so that every prefix is an evenly spread sample;
+ * merge->line and merge->queue are buffers. */
+static void shuffle(cairn_map_merge *merge)
 {
-    merge_map *map = current(m);
+    merge_map *map = current(merge);
     int32_t n = map->point_count, step = golden_step(n > 0 ? n : 1), at = 0;
-    merge_point *from = m->shuffled;
+    merge_point *from = merge->shuffled;
 
     memcpy(from, map->points, (size_t)n * sizeof *from);
     for (int32_t i = 0; i < n; i++, at = (at + step) % n)
         map->points[i] = from[at];
-    n = map->open_count;
+    n = map->free_cell_count;
     step = golden_step(n > 0 ? n : 1);
     at = 0;
-    memcpy(m->line, map->open, (size_t)n * sizeof *m->line);
+    memcpy(merge->line, map->free_cells, (size_t)n * sizeof *merge->line);
     for (int32_t i = 0; i < n; i++, at = (at + step) % n)
-        map->open[i] = m->line[at];
+        map->free_cells[i] = merge->line[at];
 }
 
-static void begin_phase(cairn_map_merge *m, merge_phase phase)
+static void begin_phase(cairn_map_merge *merge, merge_phase phase)
 {
-    merge_map *map = current(m);
+    merge_map *map = current(merge);
 
-    m->phase = phase;
-    m->cursor = 0;
-    m->inner = 0;
+    merge->phase = phase;
+    merge->cursor = 0;
+    merge->inner = 0;
     if (phase == MERGE_SURFACE) {
-        m->surface = m->seen_surface = m->seen_free = 0;
-        map->point_count = map->open_count = 0;
+        merge->surface = merge->seen_surface = merge->seen_free = 0;
+        map->point_count = map->free_cell_count = 0;
     } else if (phase == MERGE_SEGMENTS) {
         map->line_count = 0;
-        m->queued = 0;
-    } else if (phase == MERGE_BENT) {
-        map->bend_count = 0;
-        map->bent = 0;
+        merge->queued = 0;
+    } else if (phase == MERGE_CURVE_POINTS) {
+        map->curve_point_count = 0;
+        map->curved_wall = 0;
     }
 }
 
-static cairn_status step_phase(cairn_map_merge *m, cairn_budget *budget)
+static cairn_status step_phase(cairn_map_merge *merge, cairn_budget *budget)
 {
-    switch (m->phase) {
+    switch (merge->phase) {
     case MERGE_OCCUPIED_DISTANCE:
-        return cairn_merge_measure(m, current(m), CAIRN_CELL_OCCUPIED, &m->cursor, budget);
+        return cairn_merge_measure(merge, current(merge), CAIRN_CELL_OCCUPIED, &merge->cursor,
+                                   budget);
     case MERGE_OCCUPIED_PACK:
-        return cairn_merge_pack(m, current(m), 0, &m->cursor, budget);
+        return cairn_merge_pack(merge, current(merge), 0, &merge->cursor, budget);
     case MERGE_FREE_DISTANCE:
-        return cairn_merge_measure(m, current(m), CAIRN_CELL_FREE, &m->cursor, budget);
+        return cairn_merge_measure(merge, current(merge), CAIRN_CELL_FREE, &merge->cursor, budget);
     case MERGE_FREE_PACK:
-        return cairn_merge_pack(m, current(m), 7, &m->cursor, budget);
+        return cairn_merge_pack(merge, current(merge), 7, &merge->cursor, budget);
     case MERGE_SURFACE:
-        return step_surface(m, budget);
+        return step_surface(merge, budget);
     case MERGE_NORMALS:
-        return step_normals(m, budget);
+        return step_normals(merge, budget);
     case MERGE_SEGMENTS:
-        return step_segments(m, budget);
+        return step_segments(merge, budget);
     case MERGE_CORNERS:
-        return step_corners(m, budget);
-    case MERGE_BENT:
-        return cairn_merge_choose_bends(m, current(m), budget);
+        return step_corners(merge, budget);
+    case MERGE_CURVE_POINTS:
+        return cairn_merge_choose_bends(merge, current(merge), budget);
     default:
-        if (!cairn_budget_pay(budget, &m->paid,
-                              1 + (current(m)->point_count + current(m)->open_count) / 8))
+        if (!cairn_budget_pay(budget, &merge->units_charged,
+                              1 + (current(merge)->point_count + current(merge)->free_cell_count) /
+                                      8))
             return CAIRN_MORE;
-        shuffle(m);
+        shuffle(merge);
         return CAIRN_OK;
     }
 }
 
-cairn_status cairn_merge_prepare(cairn_map_merge *m, cairn_budget *budget)
+cairn_status cairn_merge_prepare(cairn_map_merge *merge, cairn_budget *budget)
 {
-    while (m->map < m->map_count) {
+    while (merge->map < merge->map_count) {
         cairn_status status;
 
-        if (m->phase == MERGE_OCCUPIED_DISTANCE && m->cursor == 0)
-            current(m)->occupied = current(m)->free = 0;
-        status = step_phase(m, budget);
+        if (merge->phase == MERGE_OCCUPIED_DISTANCE && merge->cursor == 0)
+            current(merge)->occupied_count = current(merge)->free_count = 0;
+        status = step_phase(merge, budget);
         if (status != CAIRN_OK)
             return status;
-        if (m->phase < MERGE_BENT) {
-            begin_phase(m, m->phase + 1);
+        if (merge->phase < MERGE_CURVE_POINTS) {
+            begin_phase(merge, merge->phase + 1);
         } else {
-            m->map++;
-            m->phase = MERGE_OCCUPIED_DISTANCE;
-            m->cursor = 0;
+            merge->map++;
+            merge->phase = MERGE_OCCUPIED_DISTANCE;
+            merge->cursor = 0;
         }
     }
     return CAIRN_OK;

@@ -1,7 +1,9 @@
-/* What two maps say of a place of one in the other: agreement, conflict, Psi and gamma.
+/* Scores of a relative pose of two maps: agreement, free-space violation, Psi and gamma.
  *
- * Psi and gamma are the sums of equations 9.5 and 9.6, by default over an even choice of the
- * cells of both maps and with exact disagreement, as written over all cells (map_merge_image.c).
+ * Method: Psi and gamma are the sums of equations 9.5 and 9.6, by default over an evenly spread
+ * sample of the cells of both maps and with exact disagreement; as written over all cells
+ * (map_merge_image.c).
+ *
  * Source: Adluru 2008, section 9.4. */
 #include "src/core/build.h"
 
@@ -9,8 +11,7 @@
 
 #include "src/mapping/map_merge_work.h"
 
-/* Points of one class of a map in the other one's grid: sums of the kernels of Psi and d, which
- * count the whole map. */
+/* Sums of the kernels of Psi and d over the points of one class, scaled to the whole map. */
 typedef struct image_sums {
     cairn_real same, other;
     int32_t known;
@@ -31,53 +32,53 @@ static void add_image(const merge_map *to, cairn_vec2 p, int32_t class, image_su
     s->other += merge_class(cell) != MERGE_UNKNOWN && merge_class(cell) != class;
 }
 
-/* Both classes of `from` in the grid of `to`: adds to psi and d; the known share of the free
- * cells. */
+/* Adds both classes of `from` in the grid of `to` to psi and d; returns the observed share of the
+ * free cells. */
 static cairn_real add_images(const merge_map *to, const merge_map *from, cairn_transform t,
                              cairn_merge_score *score)
 {
     image_sums walls = {0, 0, 0}, open = {0, 0, 0};
     cairn_real points = cairn_max((cairn_real)from->point_count, 1),
-               cells = cairn_max((cairn_real)from->open_count, 1);
+               cells = cairn_max((cairn_real)from->free_cell_count, 1);
 
     for (int32_t i = 0; i < from->point_count; i++)
-        add_image(to, cairn_transform_point(t, from->points[i].at), MERGE_OCCUPIED, &walls);
-    for (int32_t i = 0; i < from->open_count; i++)
-        add_image(to, cairn_transform_point(t, from->open[i]), MERGE_FREE, &open);
+        add_image(to, cairn_transform_point(t, from->points[i].position), MERGE_OCCUPIED, &walls);
+    for (int32_t i = 0; i < from->free_cell_count; i++)
+        add_image(to, cairn_transform_point(t, from->free_cells[i]), MERGE_FREE, &open);
     score->psi += walls.same / points + open.same / cells;
     score->disagreement += walls.other / points + open.other / cells;
     return (cairn_real)open.known / cells;
 }
 
-void cairn_merge_score_at(const cairn_map_merge *m, int32_t a, int32_t b, cairn_pose centres,
+void cairn_merge_score_at(const cairn_map_merge *merge, int32_t a, int32_t b, cairn_pose centres,
                           cairn_merge_score *score)
 {
-    const merge_map *first = &m->maps[a], *second = &m->maps[b];
+    const merge_map *first = &merge->maps[a], *second = &merge->maps[b];
     cairn_transform there = cairn_transform_of(centres),
                     back = cairn_transform_of(cairn_pose_inverse(centres));
     merge_sums s[2] = {{0, 0, 0, 0, {0, 0}, 0}, {0, 0, 0, 0, {0, 0}, 0}};
     cairn_real share[2], d;
 
     memset(score, 0, sizeof *score);
-    cairn_merge_sum(m, first, second, &there, 0, second->point_count, &s[0]);
-    cairn_merge_sum(m, second, first, &back, 0, first->point_count, &s[1]);
+    cairn_merge_sum(merge, first, second, &there, 0, second->point_count, &s[0]);
+    cairn_merge_sum(merge, second, first, &back, 0, first->point_count, &s[1]);
     score->agree = (s[0].agree * second->spacing + s[1].agree * first->spacing) / 2;
     score->conflict = s[0].conflict * second->spacing + s[1].conflict * first->spacing;
-    score->evidence = cairn_merge_nats(m, score->agree, score->conflict);
-    if (merge_is_written(&m->params)) {
+    score->evidence = cairn_merge_nats(merge, score->agree, score->conflict);
+    if (merge_is_written(&merge->params)) {
         merge_images images;
         cairn_budget budget = {CAIRN_UNBOUNDED};
         int32_t paid = 0;
 
         cairn_merge_begin_images(&images, first, second, centres);
-        while (!cairn_merge_go_on_images(&images, m->written->kernel, &paid, &budget))
+        while (!cairn_merge_go_on_images(&images, merge->written->kernel, &paid, &budget))
             budget.left = CAIRN_UNBOUNDED;
         cairn_merge_end_images(&images, score);
         return;
     }
     share[0] = add_images(first, second, there, score);
     share[1] = add_images(second, first, back, score);
-    score->overlap = first->free < second->free ? share[1] : share[0];
+    score->overlap = first->free_count < second->free_count ? share[1] : share[0];
     d = cairn_max(score->disagreement, CAIRN_REAL(1e-6));
     score->gamma = -cairn_log(d) - d;
 }

@@ -1,43 +1,47 @@
-/* The second structure of maps, where corners are few: the directions of their lines, and the walls
- * as such.
+/* Registration by wall directions and exhaustive translation, where corners are few.
  *
- * Method. The directions of lines of both maps, weighted by length, are correlated on the
- * circle: its peaks are the rotations (Carpin 2008 does so with the spectra of Hough
- * transforms). In each rotation every translation is tried, two cells apart: points of each map,
- * turned beforehand, are shifted and looked up in the other; most translations end after the
- * first few points. */
+ * Method.
+ *
+ * 1. The direction histograms of the lines of both maps, weighted by length, are cross-correlated
+ *    on the circle. Peaks after non-maximum suppression are the candidate rotations (Carpin 2008
+ *    does so with Hough spectra).
+ * 2. In each rotation all translations on a grid of two cells are tried. Rotated points of each map
+ *    are shifted and looked up in the other; most translations are rejected after the first few
+ *    points. */
 #include "src/core/build.h"
 
 #include <string.h>
 
 #include "src/mapping/map_merge_work.h"
 
-/* Bins on each side over which a correlation is smoothed, and within which there is one peak. */
-enum { SMOOTH = 2, APART = 8, LOOKS_PER_UNIT = 12 };
+/* bins on each side: smoothing of the correlation, and non-maximum suppression */
+enum { SMOOTH_BINS = 2, NMS_RADIUS_BINS = 8, LOOK_UPS_PER_UNIT = 12 };
 
-/* Cells within which a wall is felt. */
-#define NEAR 5
-/* Share of the highest peak that a rotation must have. */
-#define LEAST_PEAK CAIRN_REAL(0.2)
-/* Cells between translations. */
-#define STRIDE CAIRN_REAL(2.0)
-/* m: boxes of the points of both maps overlap at least by this. */
-#define LEAST_OVERLAP CAIRN_REAL(0.5)
-/* The difference of every pair of lines, in the bin of its angle. */
-static cairn_status step_bins(cairn_map_merge *m, cairn_budget *budget)
+/* cells: reach of the search kernel */
+#define SOFT_REACH_CELLS 5
+/* minimum height of a peak, as a share of the highest */
+#define MIN_PEAK_SHARE CAIRN_REAL(0.2)
+/* cells between translations */
+#define TRANSLATION_STEP_CELLS CAIRN_REAL(2.0)
+/* m: minimum overlap of the bounding boxes of the points */
+#define MIN_OVERLAP_M CAIRN_REAL(0.5)
+/* Adds the angle difference of every pair of lines to its histogram bin. */
+static cairn_status step_bins(cairn_map_merge *merge, cairn_budget *budget)
 {
-    const merge_map *first = &m->maps[m->map], *second = &m->maps[m->other];
+    const merge_map *first = &merge->maps[merge->map], *second = &merge->maps[merge->other];
 
-    for (; m->cursor < first->line_count; m->cursor++, m->inner = 0)
-        for (; m->inner < second->line_count; m->inner++) {
-            merge_way a = first->ways[m->cursor], b = second->ways[m->inner];
-            cairn_real turn = (a.angle - b.angle) * (MERGE_BINS / (2 * CAIRN_PI));
+    for (; merge->cursor < first->line_count; merge->cursor++, merge->inner = 0)
+        for (; merge->inner < second->line_count; merge->inner++) {
+            merge_direction a = first->directions[merge->cursor],
+                            b = second->directions[merge->inner];
+            cairn_real turn = (a.angle - b.angle) * (MERGE_ANGLE_BINS / (2 * CAIRN_PI));
             int32_t bin;
 
-            if (m->inner % 4 == 0 && !cairn_budget_pay(budget, &m->paid, 1))
+            if (merge->inner % 4 == 0 && !cairn_budget_pay(budget, &merge->units_charged, 1))
                 return CAIRN_MORE;
-            bin = cairn_real_to_int(cairn_rint(turn)) % MERGE_BINS;
-            m->search.bins[bin < 0 ? bin + MERGE_BINS : bin] += cairn_min(a.length, b.length);
+            bin = cairn_real_to_int(cairn_rint(turn)) % MERGE_ANGLE_BINS;
+            merge->search.bins[bin < 0 ? bin + MERGE_ANGLE_BINS : bin] +=
+                cairn_min(a.length, b.length);
         }
     return CAIRN_OK;
 }
@@ -46,47 +50,48 @@ static cairn_real smooth_bin(const cairn_real *bins, int32_t at)
 {
     cairn_real sum = 0;
 
-    for (int32_t i = -SMOOTH; i <= SMOOTH; i++)
-        sum +=
-            (cairn_real)(SMOOTH + 1 - (i < 0 ? -i : i)) * bins[(at + i + MERGE_BINS) % MERGE_BINS];
+    for (int32_t i = -SMOOTH_BINS; i <= SMOOTH_BINS; i++)
+        sum += (cairn_real)(SMOOTH_BINS + 1 - (i < 0 ? -i : i)) *
+               bins[(at + i + MERGE_ANGLE_BINS) % MERGE_ANGLE_BINS];
     return sum;
 }
 
-/* The weighted mean of a peak's bins. */
+/* Returns the weighted mean angle of a peak's bins. */
 static cairn_real peak_angle(const cairn_real *bins, int32_t at)
 {
     cairn_real sum = 0, moment = 0;
 
-    for (int32_t i = -SMOOTH; i <= SMOOTH; i++) {
-        cairn_real value = bins[(at + i + MERGE_BINS) % MERGE_BINS];
+    for (int32_t i = -SMOOTH_BINS; i <= SMOOTH_BINS; i++) {
+        cairn_real value = bins[(at + i + MERGE_ANGLE_BINS) % MERGE_ANGLE_BINS];
 
         sum += value;
         moment += value * (cairn_real)i;
     }
-    return ((cairn_real)at + moment / sum) * (2 * CAIRN_PI / MERGE_BINS);
+    return ((cairn_real)at + moment / sum) * (2 * CAIRN_PI / MERGE_ANGLE_BINS);
 }
 
-/* The highest peaks, by clearing the surroundings of each. */
-static void find_peaks(cairn_map_merge *m)
+/* Finds the highest peaks; each one suppresses its neighbourhood. */
+static void find_peaks(cairn_map_merge *merge)
 {
     cairn_real highest = 0;
 
-    m->search.count = 0;
-    while (m->search.count < MERGE_TURNS_MOST) {
+    merge->search.count = 0;
+    while (merge->search.count < MERGE_MAX_ROTATIONS) {
         int32_t best = 0;
         cairn_real value = 0;
 
-        for (int32_t i = 0; i < MERGE_BINS; i++)
-            if (smooth_bin(m->search.bins, i) > value) {
-                value = smooth_bin(m->search.bins, i);
+        for (int32_t i = 0; i < MERGE_ANGLE_BINS; i++)
+            if (smooth_bin(merge->search.bins, i) > value) {
+                value = smooth_bin(merge->search.bins, i);
                 best = i;
             }
         highest = cairn_max(highest, value);
-        if (!(value > LEAST_PEAK * highest))
+        if (!(value > MIN_PEAK_SHARE * highest))
             return;
-        m->search.turns[m->search.count++] = cairn_wrap_angle(peak_angle(m->search.bins, best));
-        for (int32_t i = -APART; i <= APART; i++)
-            m->search.bins[(best + i + MERGE_BINS) % MERGE_BINS] = 0;
+        merge->search.rotations[merge->search.count++] =
+            cairn_wrap_angle(peak_angle(merge->search.bins, best));
+        for (int32_t i = -NMS_RADIUS_BINS; i <= NMS_RADIUS_BINS; i++)
+            merge->search.bins[(best + i + MERGE_ANGLE_BINS) % MERGE_ANGLE_BINS] = 0;
     }
 }
 
@@ -95,56 +100,59 @@ static cairn_vec2 in_cells(const merge_map *map, cairn_vec2 p)
     return cairn_vec2_scale(cairn_vec2_sub(p, map->corner), 1 / map->input.resolution);
 }
 
-/* Points of both maps turned, in cells of the other one's grid at translation 0. */
-static void turn_points(cairn_map_merge *m, cairn_real turn)
+/* Rotates the points of both maps, in cells of the other one's grid at translation 0. */
+static void rotate_points(cairn_map_merge *merge, cairn_real turn)
 {
-    const merge_map *first = &m->maps[m->map], *second = &m->maps[m->other];
+    const merge_map *first = &merge->maps[merge->map], *second = &merge->maps[merge->other];
     cairn_box at = cairn_box_empty(), turned = cairn_box_empty();
     cairn_transform t = {0, 0, 1, 0}, back;
-    int32_t n = MERGE_FIRST_POINTS;
+    int32_t n = MERGE_COARSE_POINTS;
 
     cairn_sincos(turn, &t.sine, &t.cosine);
     back = t;
     back.sine = -t.sine;
-    m->search.wall = merge_search_wall(first, second);
-    m->search.cosine = t.cosine;
-    m->search.sine = t.sine;
-    m->search.firsts = first->point_count < n ? first->point_count : n;
-    m->search.seconds = second->point_count < n ? second->point_count : n;
-    for (int32_t i = 0; i < m->search.firsts; i++) {
+    merge->search.wall = merge_search_wall(first, second);
+    merge->search.cosine = t.cosine;
+    merge->search.sine = t.sine;
+    merge->search.first_count = first->point_count < n ? first->point_count : n;
+    merge->search.second_count = second->point_count < n ? second->point_count : n;
+    for (int32_t i = 0; i < merge->search.first_count; i++) {
 
-        at = cairn_box_extend(at, first->points[i].at);
-        m->search.first[i] = in_cells(second, cairn_transform_point(back, first->points[i].at));
-        m->search.first_front[i] =
-            in_cells(second, cairn_transform_point(back, first->points[i].front));
+        at = cairn_box_extend(at, first->points[i].position);
+        merge->search.first[i] =
+            in_cells(second, cairn_transform_point(back, first->points[i].position));
+        merge->search.first_front[i] =
+            in_cells(second, cairn_transform_point(back, first->points[i].free_side));
     }
-    for (int32_t i = 0; i < m->search.seconds; i++) {
-        cairn_vec2 p = cairn_transform_point(t, second->points[i].at);
+    for (int32_t i = 0; i < merge->search.second_count; i++) {
+        cairn_vec2 p = cairn_transform_point(t, second->points[i].position);
 
         turned = cairn_box_extend(turned, p);
-        m->search.second[i] = in_cells(first, p);
-        m->search.second_front[i] =
-            in_cells(first, cairn_transform_point(t, second->points[i].front));
+        merge->search.second[i] = in_cells(first, p);
+        merge->search.second_front[i] =
+            in_cells(first, cairn_transform_point(t, second->points[i].free_side));
     }
-    m->search.columns = m->search.rows = 0;
-    if (m->search.firsts > 0 && m->search.seconds > 0) {
-        cairn_real stride = STRIDE * first->input.resolution;
+    merge->search.columns = merge->search.rows = 0;
+    if (merge->search.first_count > 0 && merge->search.second_count > 0) {
+        cairn_real stride = TRANSLATION_STEP_CELLS * first->input.resolution;
 
-        m->search.shifts.min.x = at.min.x - turned.max.x + LEAST_OVERLAP;
-        m->search.shifts.min.y = at.min.y - turned.max.y + LEAST_OVERLAP;
-        m->search.shifts.max.x = at.max.x - turned.min.x - LEAST_OVERLAP;
-        m->search.shifts.max.y = at.max.y - turned.min.y - LEAST_OVERLAP;
-        m->search.columns =
-            1 + cairn_real_to_int((m->search.shifts.max.x - m->search.shifts.min.x) / stride);
-        m->search.rows =
-            1 + cairn_real_to_int((m->search.shifts.max.y - m->search.shifts.min.y) / stride);
+        merge->search.translations.min.x = at.min.x - turned.max.x + MIN_OVERLAP_M;
+        merge->search.translations.min.y = at.min.y - turned.max.y + MIN_OVERLAP_M;
+        merge->search.translations.max.x = at.max.x - turned.min.x - MIN_OVERLAP_M;
+        merge->search.translations.max.y = at.max.y - turned.min.y - MIN_OVERLAP_M;
+        merge->search.columns =
+            1 + cairn_real_to_int(
+                    (merge->search.translations.max.x - merge->search.translations.min.x) / stride);
+        merge->search.rows =
+            1 + cairn_real_to_int(
+                    (merge->search.translations.max.y - merge->search.translations.min.y) / stride);
     }
 }
 
-/* Adds points begin ... end - 1, shifted by so many cells, in a grid. */
-static void look(const cairn_map_merge *m, const merge_map *to, const cairn_vec2 *points,
-                 const cairn_vec2 *fronts, cairn_vec2 shift, int32_t begin, int32_t end,
-                 merge_sums *s)
+/* Adds points begin ... end - 1, translated in cells, looked up in a grid. */
+static void look_up_points(const cairn_map_merge *merge, const merge_map *to,
+                           const cairn_vec2 *points, const cairn_vec2 *fronts, cairn_vec2 shift,
+                           int32_t begin, int32_t end, merge_sums *s)
 {
     for (int32_t i = begin; i < end; i++) {
         uint16_t cell = merge_cell_at(to, points[i].x + shift.x, points[i].y + shift.y);
@@ -152,96 +160,99 @@ static void look(const cairn_map_merge *m, const merge_map *to, const cairn_vec2
 
         if (merge_class(cell) == MERGE_UNKNOWN)
             continue;
-        if (d > NEAR)
-            s->against += merge_class(cell) == MERGE_FREE;
+        if (d > SOFT_REACH_CELLS)
+            s->soft_conflict += merge_class(cell) == MERGE_FREE;
         else if (merge_class(merge_cell_at(to, fronts[i].x + shift.x, fronts[i].y + shift.y)) ==
                  MERGE_FREE)
-            s->soft += m->soft[d];
+            s->soft_agree += merge->soft_kernel[d];
     }
 }
 
-static cairn_pose shift_at(const cairn_map_merge *m, int32_t index)
+static cairn_pose translation_at(const cairn_map_merge *merge, int32_t index)
 {
-    cairn_real stride = STRIDE * m->maps[m->map].input.resolution;
-    int32_t column = index % m->search.columns, row = index / m->search.columns;
-    cairn_pose pose = {m->search.shifts.min.x + stride * (cairn_real)column,
-                       m->search.shifts.min.y + stride * (cairn_real)row,
-                       m->search.turns[m->search.at]};
+    cairn_real stride = TRANSLATION_STEP_CELLS * merge->maps[merge->map].input.resolution;
+    int32_t column = index % merge->search.columns, row = index / merge->search.columns;
+    cairn_pose pose = {merge->search.translations.min.x + stride * (cairn_real)column,
+                       merge->search.translations.min.y + stride * (cairn_real)row,
+                       merge->search.rotations[merge->search.at]};
 
     return pose;
 }
 
-/* One translation; m->inner counts the points of each map that were looked up. */
-static int step_shift(cairn_map_merge *m, cairn_pose pose, cairn_budget *budget)
+/* Scores one translation; merge->inner counts the points of each map that were looked up. */
+static int step_translation(cairn_map_merge *merge, cairn_pose pose, cairn_budget *budget)
 {
-    const merge_map *first = &m->maps[m->map], *second = &m->maps[m->other];
+    const merge_map *first = &merge->maps[merge->map], *second = &merge->maps[merge->other];
     cairn_vec2 there = {pose.x / first->input.resolution, pose.y / first->input.resolution};
     cairn_vec2 back = {
-        -(m->search.cosine * pose.x + m->search.sine * pose.y) / second->input.resolution,
-        -(m->search.cosine * pose.y - m->search.sine * pose.x) / second->input.resolution};
+        -(merge->search.cosine * pose.x + merge->search.sine * pose.y) / second->input.resolution,
+        -(merge->search.cosine * pose.y - merge->search.sine * pose.x) / second->input.resolution};
 
-    while (m->inner < MERGE_FIRST_POINTS) {
-        int32_t end = m->inner + LOOKS_PER_UNIT;
-        merge_sums *s = &m->search.sums;
+    while (merge->inner < MERGE_COARSE_POINTS) {
+        int32_t end = merge->inner + LOOK_UPS_PER_UNIT;
+        merge_sums *s = &merge->search.sums;
 
-        if (!cairn_budget_pay(budget, &m->paid, 2))
+        if (!cairn_budget_pay(budget, &merge->units_charged, 2))
             return 0;
-        look(m, first, m->search.second, m->search.second_front, there, m->inner,
-             end < m->search.seconds ? end : m->search.seconds, s);
-        look(m, second, m->search.first, m->search.first_front, back, m->inner,
-             end < m->search.firsts ? end : m->search.firsts, s);
-        m->inner = merge_is_hopeless(s) ? MERGE_FIRST_POINTS : end;
+        look_up_points(merge, first, merge->search.second, merge->search.second_front, there,
+                       merge->inner,
+                       end < merge->search.second_count ? end : merge->search.second_count, s);
+        look_up_points(merge, second, merge->search.first, merge->search.first_front, back,
+                       merge->inner,
+                       end < merge->search.first_count ? end : merge->search.first_count, s);
+        merge->inner = merge_is_rejected(s) ? MERGE_COARSE_POINTS : end;
     }
     return 1;
 }
 
-static cairn_status step_shifts(cairn_map_merge *m, cairn_budget *budget)
+static cairn_status step_translations(cairn_map_merge *merge, cairn_budget *budget)
 {
     const merge_sums none = {0, 0, 0, 0, {0, 0}, 0};
 
-    for (; m->cursor < m->search.columns * m->search.rows; m->cursor++) {
-        cairn_pose pose = shift_at(m, m->cursor);
+    for (; merge->cursor < merge->search.columns * merge->search.rows; merge->cursor++) {
+        cairn_pose pose = translation_at(merge, merge->cursor);
         merge_mode mode;
 
-        if (!step_shift(m, pose, budget))
+        if (!step_translation(merge, pose, budget))
             return CAIRN_MORE;
         mode.first_second = pose;
-        mode.evidence = merge_search_score(&m->search.sums, m->search.wall);
-        m->search.sums = none;
-        m->inner = 0;
-        m->tried++;
-        if (mode.evidence > 0)
-            cairn_merge_keep(m->kept, &m->kept_count, MERGE_KEPT, mode, MERGE_COARSE_M,
-                             MERGE_COARSE_RAD);
+        mode.log_ratio = merge_search_score(&merge->search.sums, merge->search.wall);
+        merge->search.sums = none;
+        merge->inner = 0;
+        merge->tried_count++;
+        if (mode.log_ratio > 0)
+            cairn_merge_keep(merge->hypotheses, &merge->hypothesis_count, MERGE_MAX_HYPOTHESES,
+                             mode, MERGE_COARSE_M, MERGE_COARSE_RAD);
     }
     return CAIRN_OK;
 }
 
-cairn_status cairn_merge_correlate(cairn_map_merge *m, cairn_budget *budget)
+cairn_status cairn_merge_correlate(cairn_map_merge *merge, cairn_budget *budget)
 {
     const merge_sums none = {0, 0, 0, 0, {0, 0}, 0};
 
-    if (m->phase == MERGE_TURNS) {
-        if (m->cursor == 0 && m->inner == 0)
-            memset(m->search.bins, 0, sizeof m->search.bins);
-        if (step_bins(m, budget) != CAIRN_OK || !cairn_budget_pay(budget, &m->paid, 80))
+    if (merge->phase == MERGE_ROTATIONS) {
+        if (merge->cursor == 0 && merge->inner == 0)
+            memset(merge->search.bins, 0, sizeof merge->search.bins);
+        if (step_bins(merge, budget) != CAIRN_OK ||
+            !cairn_budget_pay(budget, &merge->units_charged, 80))
             return CAIRN_MORE;
-        find_peaks(m);
-        m->search.at = 0;
-        m->search.columns = 0;
+        find_peaks(merge);
+        merge->search.at = 0;
+        merge->search.columns = 0;
         return CAIRN_OK;
     }
-    for (; m->search.at < m->search.count; m->search.at++) {
-        if (m->search.columns == 0) {
-            if (!cairn_budget_pay(budget, &m->paid, 24))
+    for (; merge->search.at < merge->search.count; merge->search.at++) {
+        if (merge->search.columns == 0) {
+            if (!cairn_budget_pay(budget, &merge->units_charged, 24))
                 return CAIRN_MORE;
-            turn_points(m, m->search.turns[m->search.at]);
-            m->search.sums = none;
-            m->cursor = m->inner = 0;
+            rotate_points(merge, merge->search.rotations[merge->search.at]);
+            merge->search.sums = none;
+            merge->cursor = merge->inner = 0;
         }
-        if (step_shifts(m, budget) != CAIRN_OK)
+        if (step_translations(merge, budget) != CAIRN_OK)
             return CAIRN_MORE;
-        m->search.columns = 0;
+        merge->search.columns = 0;
     }
     return CAIRN_OK;
 }

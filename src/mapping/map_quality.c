@@ -1,14 +1,14 @@
-/* Quality of maps and poses.
+/* Map entropy, beam likelihood, pose errors and relation errors.
  *
- * Method: as the header says, cell by cell, beam by beam, pose by pose; nothing is kept.
+ * Method: one pass over cells, beams, poses or relations, as the header defines; no state.
  *
- * Limits: entropy falls with every cell that is never seen and depends on the resolution; a map
- * may be sharp and wrong. */
+ * Limits: entropy decreases with every unobserved cell and depends on the resolution; a map may be
+ * sharp and wrong. */
 #include "src/core/build.h"
 
 #include "cairn/map_quality.h"
 
-/* -p log p - (1 - p) log(1 - p) */
+/* Returns the binary entropy -p log p - (1 - p) log(1 - p), nats. */
 static cairn_real entropy_of(cairn_real p)
 {
     if (!(p > 0 && p < 1))
@@ -49,8 +49,8 @@ cairn_status cairn_map_entropy_add(const cairn_occupancy_grid *grid, int32_t fir
     return CAIRN_OK;
 }
 
-/* -log of the probability that a beam passes a chord; INFINITY is avoided: a cell of hits
- * without any length stops all. */
+/* Returns -log of the probability that a beam passes a chord. A cell of hits without any length
+ * gets a large finite value: it stops every beam. */
 static cairn_real resistance(const cairn_occupancy_grid *grid, const cairn_occupancy_chord *chord)
 {
     cairn_occupancy_cell cell = cairn_occupancy_grid_cell(grid, chord->x, chord->y);

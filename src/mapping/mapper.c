@@ -1,17 +1,22 @@
-/* Scan by scan: predict, fit, match, keep.
+/* State machine of the mapper: per scan, predict the pose, fit lines, match, store the result.
  *
- * Method. Where a scan is, is in mapper_front.c. Points are evenly spaced along the surfaces, not
- * one a beam: near walls would otherwise outvote all others, and their small systematic errors turn
- * the map.
+ * Method.
  *
- * The local map is made of the last key scans and of the nearest ones among those of the last
- * while: what is older is joined by loops (mapper_loop.c, mapper_graph.c), which spread the error
- * over the path, while a match would put all of it into one link.
+ * 1. The front end (mapper_front.c) predicts and matches the scan. Its points are evenly spaced
+ *    along the surfaces. One point per beam would let near walls dominate the normal equations, and
+ *    their small systematic errors would rotate the map.
+ * 2. The local map consists of the most recent keyframes and of the nearest ones among the last
+ *    local_span. Older keyframes are joined by loop closures (mapper_loop.c, mapper_graph.c), which
+ *    distribute the error over the path. A match against them would put all of it into one link.
+ * 3. A keyframe is stored with its visibility profile and its sequential constraints.
+ * 4. Force field, loop closure and graph optimization then work in the background, each within its
+ *    share of units.
  *
- * Layout: key scans in a scan_set with a pose each; the local map in the icp object, made anew when
- * a key scan was added or moved, or the robot has left the place for which it was made.
+ * Layout: keyframes in a scan_set with a pose each. The local map is in the icp object. It is
+ * rebuilt when a keyframe was added or moved, or the robot has left the place for which it was
+ * built.
  *
- * Limits: key scans are forgotten only when they are released (mapper_release.c). */
+ * Limits: keyframes are removed only by culling (mapper_culling.c). */
 #include "src/core/build.h"
 
 #include <string.h>
@@ -19,16 +24,16 @@
 #include "src/mapping/mapper_work.h"
 
 enum {
-    KEY_REST = 2, /* scans after a key scan that are none for want of support */
-    TIE_UNITS = 8 /* for each key scan of the local map */
+    MIN_SCANS_BETWEEN_KEYFRAMES = 2, /* before a keyframe for low overlap */
+    CONSTRAINT_UNITS = 8             /* per keyframe of the local map */
 };
 
-/* m: farther from its origin no odometry leads. */
-static const cairn_real ODOMETRY_EXTENT = CAIRN_REAL(1e9);
+/* m: maximum distance of odometry from its origin. */
+static const cairn_real MAX_ODOMETRY_M = CAIRN_REAL(1e9);
 
 /* ---- Input ---- */
 
-/* Where the scan before is now. */
+/* Returns the current pose of the previous scan. */
 static cairn_pose last_pose(const cairn_mapper *mapper)
 {
     if (mapper->state.scans == 0)
@@ -46,20 +51,20 @@ cairn_status cairn_mapper_add(cairn_mapper *mapper, const cairn_scan_input *inpu
 
     if (mapper == NULL)
         return CAIRN_BAD_ARGUMENT;
-    if (mapper->phase != IDLE)
+    if (mapper->phase != MAPPER_IDLE)
         return CAIRN_MORE;
     if (mapper->full)
         return CAIRN_FULL;
     if (odometry != NULL && !cairn_pose_is_finite(*odometry))
         return CAIRN_NOT_FINITE;
     if (odometry != NULL &&
-        !(cairn_abs(odometry->x) <= ODOMETRY_EXTENT && cairn_abs(odometry->y) <= ODOMETRY_EXTENT))
+        !(cairn_abs(odometry->x) <= MAX_ODOMETRY_M && cairn_abs(odometry->y) <= MAX_ODOMETRY_M))
         return CAIRN_BAD_ARGUMENT;
     has_odometry = odometry != NULL && (mapper->had_odometry || mapper->state.scans == 0);
     if (has_odometry && mapper->state.scans > 0)
         by_odometry = cairn_pose_between(mapper->last_odometry, *odometry);
     if (!(cairn_mapper_way(by_odometry) <= CAIRN_SCAN_EXTENT)) {
-        by_odometry = cairn_pose_identity(); /* that is no motion, and tells of none */
+        by_odometry = cairn_pose_identity(); /* a jump of odometry is ignored */
         has_odometry = 0;
     }
     if (input == NULL)
@@ -75,28 +80,29 @@ cairn_status cairn_mapper_add(cairn_mapper *mapper, const cairn_scan_input *inpu
     mapper->last_span = input->stamp_ns - mapper->last_stamp;
     mapper->last_stamp = input->stamp_ns;
     if (mapper->state.scans == 0 && odometry != NULL)
-        last = *odometry; /* the map's frame is that of the odometry */
+        /* The odometry frame defines the map frame. */
+        last = *odometry;
     cairn_mapper_predict(mapper, last, by_odometry);
     mapper->had_odometry = odometry != NULL;
     if (odometry != NULL)
         mapper->last_odometry = *odometry;
-    mapper->loop.closing = 0;
-    mapper->phase = FIT;
+    mapper->loop.settling = 0;
+    mapper->phase = MAPPER_FIT_LINES;
     mapper->cursor = 0;
     return CAIRN_OK;
 }
 
 /* ---- The match ---- */
 
-/* The scan is fitted: what comes next for its pose. */
+/* The lines are fitted: chooses the next phase of pose estimation. */
 static cairn_status begin_pose(cairn_mapper *mapper)
 {
     if (cairn_scan_read(mapper->scan).point_count == 0 || mapper->keys->point_count == 0) {
-        mapper->phase = KEEP;
+        mapper->phase = MAPPER_STORE;
         return CAIRN_OK;
     }
     if (cairn_mapper_needs_local(mapper)) {
-        mapper->phase = SELECT;
+        mapper->phase = MAPPER_SELECT_LOCAL;
         cairn_mapper_begin_local(mapper);
         return CAIRN_OK;
     }
@@ -105,23 +111,25 @@ static cairn_status begin_pose(cairn_mapper *mapper)
 
 /* ---- The result ---- */
 
-/* 1 when it may be elsewhere, which the next scan will tell. */
-static int waits_for_the_next(const cairn_mapper *mapper)
+/* Returns 1 when a relocalization hypothesis is pending that the next scan may confirm. */
+static int has_new_hypothesis(const cairn_mapper *mapper)
 {
-    return !mapper->has_match && mapper->rumour_is_new &&
-           mapper->rumour_scan == mapper->state.scans + 1;
+    return !mapper->has_match && mapper->hypothesis_is_new &&
+           mapper->hypothesis_scan == mapper->state.scans + 1;
 }
 
-/* 1 when the scan shows what the local map does not: it moved on, or most of it has no partners. */
-static int is_key_scan(const cairn_mapper *mapper, cairn_pose map_scan)
+/* Returns 1 when the scan shows what the local map does not: it has moved, or its overlap is
+ * low. */
+static int is_keyframe(const cairn_mapper *mapper, cairn_pose map_scan)
 {
     cairn_pose key_scan;
 
     if (mapper->key_count == 0)
         return 1;
-    if (waits_for_the_next(mapper))
+    if (has_new_hypothesis(mapper))
         return 0;
-    if (mapper->result.support < mapper->params.key_support && mapper->since_key >= KEY_REST)
+    if (mapper->result.support < mapper->params.key_support &&
+        mapper->scans_since_keyframe >= MIN_SCANS_BETWEEN_KEYFRAMES)
         return 1;
     key_scan = cairn_pose_between(mapper->key_pose[mapper->key_count - 1], map_scan);
     return key_scan.x * key_scan.x + key_scan.y * key_scan.y >
@@ -129,12 +137,12 @@ static int is_key_scan(const cairn_mapper *mapper, cairn_pose map_scan)
            cairn_abs(key_scan.theta) > mapper->params.key_turn;
 }
 
-/* Makes the scan at hand a key scan. The force field that is still at work on those before gives
- * what it has, and the scan moves along. */
-static cairn_status keep_key(cairn_mapper *mapper, const cairn_scan_view *view)
+/* Stores the current scan as a keyframe. A force field run in progress ends with the poses reached
+ * so far, and the scan moves with its predecessor. */
+static cairn_status store_keyframe(cairn_mapper *mapper, const cairn_scan_view *view)
 {
     cairn_mapper_result *result = &mapper->result;
-    int32_t key = mapper->key_count, slot = cairn_scan_set_next(mapper->keys);
+    int32_t keyframe = mapper->key_count, slot = cairn_scan_set_next(mapper->keys);
     cairn_status status = cairn_scan_set_add(mapper->keys, view, NULL, NULL);
 
     if (status != CAIRN_OK) {
@@ -143,29 +151,29 @@ static cairn_status keep_key(cairn_mapper *mapper, const cairn_scan_view *view)
         return status;
     }
     if (mapper->window_phase == WINDOW_RUN) {
-        cairn_pose key_scan = cairn_pose_between(mapper->key_pose[key - 1], result->map_scan);
+        cairn_pose key_scan = cairn_pose_between(mapper->key_pose[keyframe - 1], result->map_scan);
 
         cairn_mapper_read_window(mapper);
-        result->map_scan = cairn_pose_compose(mapper->key_pose[key - 1], key_scan);
+        result->map_scan = cairn_pose_compose(mapper->key_pose[keyframe - 1], key_scan);
     }
-    mapper->slot[key] = slot;
+    mapper->slot[keyframe] = slot;
     mapper->key_count++;
-    mapper->key_pose[key] = result->map_scan;
+    mapper->key_pose[keyframe] = result->map_scan;
     mapper->target_stale = 1;
     if (mapper->sight != NULL)
-        cairn_mapper_keep_sight(mapper, key, view);
+        cairn_mapper_keep_sight(mapper, keyframe, view);
     if (mapper->loop.graph != NULL)
-        cairn_mapper_tie(mapper, &mapper->loop.ties[key]);
+        cairn_mapper_tie(mapper, &mapper->loop.ties[keyframe]);
     if (mapper->params.release)
-        mapper->loop.cover.loss[key] = -1;
+        mapper->loop.redundancy.score[keyframe] = -1;
     mapper->window_phase = WINDOW_IDLE;
-    if (mapper->params.window && key > 0 && !cairn_mapper_is_behind(mapper))
+    if (mapper->params.window && keyframe > 0 && !cairn_mapper_is_behind(mapper))
         cairn_mapper_begin_window(mapper);
     return status;
 }
 
-/* Fills the result and keeps the scan when it is a key scan. CAIRN_FULL: no room to keep it. */
-static cairn_status keep(cairn_mapper *mapper)
+/* Fills in the result and stores the scan if it is a keyframe. CAIRN_FULL: no capacity for it. */
+static cairn_status store_result(cairn_mapper *mapper)
 {
     cairn_scan_view view = cairn_scan_read(mapper->scan);
     cairn_mapper_result *result = &mapper->result;
@@ -175,9 +183,9 @@ static cairn_status keep(cairn_mapper *mapper)
 
     if (mapper->state.scans == 0)
         last = mapper->predicted;
-    if (!mapper->had_odometry && mapper->tells_odometry) {
+    if (!mapper->had_odometry && mapper->finished_has_odometry) {
         mapper->map_odom = cairn_mapper_map_odom(mapper);
-        mapper->tells_odometry = 0;
+        mapper->finished_has_odometry = 0;
     }
     cairn_mapper_learn(mapper);
     result->map_scan = mapper->has_match ? mapper->match.target_query : mapper->predicted;
@@ -196,17 +204,18 @@ static cairn_status keep(cairn_mapper *mapper)
 
     mapper->last_motion =
         cairn_mapper_next_motion(mapper, cairn_pose_between(last, result->map_scan));
-    /* The first scan of all is a key scan even when it shows nothing: something must carry the
-     * scans that hang on it. */
-    result->is_key = (first || view.point_count > 0) && is_key_scan(mapper, result->map_scan);
+    /* The first scan is a keyframe even without features: other scans need a reference. */
+    result->is_key = (first || view.point_count > 0) && is_keyframe(mapper, result->map_scan);
     if (result->is_key)
-        status = keep_key(mapper, &view);
+        status = store_keyframe(mapper, &view);
     result->key = result->is_key ? mapper->key_count - 1 : cairn_mapper_hang_on(mapper);
     result->key_scan = cairn_pose_between(mapper->key_pose[result->key], result->map_scan);
-    mapper->since_key = result->is_key ? 0 : mapper->since_key + (mapper->since_key < INT32_MAX);
+    mapper->scans_since_keyframe =
+        result->is_key ? 0
+                       : mapper->scans_since_keyframe + (mapper->scans_since_keyframe < INT32_MAX);
     if (mapper->had_odometry) {
-        mapper->tells_odometry = 1;
-        mapper->told_odometry = mapper->last_odometry;
+        mapper->finished_has_odometry = 1;
+        mapper->finished_odometry = mapper->last_odometry;
     }
     mapper->state.scans++;
     mapper->state.keys = mapper->key_count;
@@ -215,8 +224,8 @@ static cairn_status keep(cairn_mapper *mapper)
 
 /* ---- Steps ---- */
 
-/* The units that are left for what is to be done next: the force field goes first. Until there
- * is room for one more key scan loops go on. */
+/* Returns the work units left for the next background task; the force field goes first. Unbounded
+ * while a keyframe must be culled. */
 static int32_t quota_left(const cairn_mapper *mapper)
 {
     if (cairn_mapper_must_release(mapper))
@@ -226,22 +235,22 @@ static int32_t quota_left(const cairn_mapper *mapper)
     return mapper->loop.graph != NULL ? mapper->loop.quota : 0;
 }
 
-/* The scan has its pose: force field, loops and graph get their shares, or what a search has
- * left of them. */
-static void begin_share(cairn_mapper *mapper)
+/* Sets the shares of work units of force field and loop closure, less the units that the search of
+ * this scan has used. */
+static void begin_background(cairn_mapper *mapper)
 {
-    mapper->window_quota = mapper->params.window_units - mapper->spent;
-    mapper->loop.quota = mapper->params.loop.units - mapper->spent;
+    mapper->window_quota = mapper->params.window_units - mapper->search_units_used;
+    mapper->loop.quota = mapper->params.loop.units - mapper->search_units_used;
     if (cairn_mapper_is_behind(mapper))
         mapper->loop.quota = mapper->window_quota;
     if (cairn_mapper_must_release(mapper))
         cairn_mapper_end_window(mapper);
-    mapper->phase = quota_left(mapper) > 0 ? SHARE : IDLE;
+    mapper->phase = quota_left(mapper) > 0 ? MAPPER_BACKGROUND : MAPPER_IDLE;
 }
 
-/* Goes on with force field, loops and graph until there is nothing to do, or the scan's share of
+/* Continues force field, loop closure and graph until nothing is left to do or the scan's share of
  * units is used up. */
-static cairn_status take_share(cairn_mapper *mapper, cairn_budget *budget)
+static cairn_status background_step(cairn_mapper *mapper, cairn_budget *budget)
 {
     int32_t quota = quota_left(mapper), most = budget->left < quota ? budget->left : quota;
     int32_t is_window = mapper->window_phase != WINDOW_IDLE;
@@ -254,7 +263,7 @@ static cairn_status take_share(cairn_mapper *mapper, cairn_budget *budget)
     mapper->window_quota -= most - share.left;
     mapper->loop.quota -= most - share.left;
     if (quota_left(mapper) <= 0 || (status == CAIRN_OK && !is_window))
-        mapper->phase = IDLE;
+        mapper->phase = MAPPER_IDLE;
     return status == CAIRN_MORE ? CAIRN_OK : status;
 }
 
@@ -263,68 +272,68 @@ static cairn_status match_step(cairn_mapper *mapper, cairn_budget *budget)
     int32_t before = budget->left;
     cairn_status status = cairn_icp_step(mapper->icp, budget);
 
-    mapper->matched += before - budget->left;
+    mapper->match_units_used += before - budget->left;
     return status;
 }
 
-/* One item of the phase at hand. CAIRN_OK: the phase may have changed; CAIRN_MORE: the budget
- * ended within a part. */
+/* Processes one unit of work of the current phase. CAIRN_OK: the phase may have changed.
+ * CAIRN_MORE: the budget ended within a stepped object. */
 static cairn_status advance(cairn_mapper *mapper, cairn_budget *budget)
 {
     cairn_status status = CAIRN_OK;
 
     switch (mapper->phase) {
-    case FIT:
+    case MAPPER_FIT_LINES:
         status = cairn_scan_step(mapper->scan, budget);
         if (status == CAIRN_OK)
             status = begin_pose(mapper);
         break;
-    case SELECT:
+    case MAPPER_SELECT_LOCAL:
         budget->left--;
         if (cairn_mapper_select_local(mapper)) {
             cairn_icp_clear_target(mapper->icp);
             budget->left -=
                 1 + cairn_mapper_local_points(&mapper->params, mapper->params.local_keys) / 64;
-            mapper->phase = TARGET;
+            mapper->phase = MAPPER_BUILD_TARGET;
             mapper->cursor = 0;
         }
         break;
-    case TARGET:
+    case MAPPER_BUILD_TARGET:
         status = cairn_mapper_add_local(mapper, budget);
         if (status == CAIRN_OK && mapper->cursor == mapper->local_count) {
             mapper->target_stale = 0;
             mapper->target_pose = mapper->predicted;
-            mapper->search_count = 0;
-            mapper->phase = KEEP;
+            mapper->search_target_count = 0;
+            mapper->phase = MAPPER_STORE;
             if (cairn_icp_target_count(mapper->icp) > 0)
                 status = cairn_mapper_begin_match(mapper);
         }
         break;
-    case MATCH:
-    case MATCH_OTHER:
-    case MATCH_FOUND:
-    case MATCH_HELD:
+    case MAPPER_MATCH:
+    case MAPPER_MATCH_ALTERNATIVE:
+    case MAPPER_MATCH_FOUND:
+    case MAPPER_MATCH_CONSTRAINED:
         status = match_step(mapper, budget);
         if (status == CAIRN_OK)
             status = cairn_mapper_end_match(mapper);
         break;
-    case SEARCH_TARGET:
+    case MAPPER_BUILD_SEARCH_TARGET:
         status = cairn_mapper_search_target(mapper, budget);
         break;
-    case SEARCH:
+    case MAPPER_SEARCH:
         status = cairn_mapper_search_step(mapper, budget);
         break;
-    case KEEP:
+    case MAPPER_STORE:
         budget->left -= 4 + cairn_scan_read(mapper->scan).point_count / 4;
         if (mapper->loop.graph != NULL)
-            budget->left -= TIE_UNITS * mapper->local_count;
-        status = keep(mapper);
-        begin_share(mapper);
+            budget->left -= CONSTRAINT_UNITS * mapper->local_count;
+        status = store_result(mapper);
+        begin_background(mapper);
         if (status != CAIRN_OK)
-            mapper->phase = IDLE;
+            mapper->phase = MAPPER_IDLE;
         break;
     default:
-        status = take_share(mapper, budget);
+        status = background_step(mapper, budget);
         break;
     }
     return status;
@@ -338,7 +347,7 @@ cairn_status cairn_mapper_step(cairn_mapper *mapper, cairn_budget *budget)
     if (mapper == NULL || budget == NULL)
         return CAIRN_BAD_ARGUMENT;
     before = budget->left;
-    while (status == CAIRN_OK && mapper->phase != IDLE) {
+    while (status == CAIRN_OK && mapper->phase != MAPPER_IDLE) {
         if (budget->left <= 0) {
             status = CAIRN_MORE;
             break;
@@ -362,10 +371,10 @@ cairn_status cairn_mapper_settle(cairn_mapper *mapper, cairn_budget *budget)
     before = budget->left;
     status = cairn_mapper_window_step(mapper, budget);
     if (status == CAIRN_OK && mapper->loop.graph != NULL) {
-        mapper->loop.closing = 1;
+        mapper->loop.settling = 1;
         status = cairn_mapper_loop_step(mapper, budget, 0);
         if (status != CAIRN_MORE)
-            mapper->loop.closing = 0;
+            mapper->loop.settling = 0;
     }
     mapper->state.units += (int64_t)before - budget->left;
     return status;
@@ -383,9 +392,9 @@ cairn_scan_view cairn_mapper_view(const cairn_mapper *mapper)
     return cairn_scan_read(mapper->scan);
 }
 
-cairn_pose cairn_mapper_key_pose(const cairn_mapper *mapper, int32_t key)
+cairn_pose cairn_mapper_key_pose(const cairn_mapper *mapper, int32_t keyframe)
 {
-    return mapper->key_pose[key];
+    return mapper->key_pose[keyframe];
 }
 
 const cairn_scan_set *cairn_mapper_keys(const cairn_mapper *mapper)
@@ -395,9 +404,9 @@ const cairn_scan_set *cairn_mapper_keys(const cairn_mapper *mapper)
 
 cairn_pose cairn_mapper_map_odom(const cairn_mapper *mapper)
 {
-    if (!mapper->tells_odometry)
+    if (!mapper->finished_has_odometry)
         return mapper->map_odom;
-    return cairn_pose_compose(last_pose(mapper), cairn_pose_inverse(mapper->told_odometry));
+    return cairn_pose_compose(last_pose(mapper), cairn_pose_inverse(mapper->finished_odometry));
 }
 
 cairn_mapper_loop cairn_mapper_loop_at(const cairn_mapper *mapper, int32_t index)
@@ -410,14 +419,14 @@ int32_t cairn_mapper_link_count(const cairn_mapper *mapper)
     return mapper->loop.link_count;
 }
 
-int32_t cairn_mapper_key_slot(const cairn_mapper *mapper, int32_t key)
+int32_t cairn_mapper_key_slot(const cairn_mapper *mapper, int32_t keyframe)
 {
-    return mapper->slot[key];
+    return mapper->slot[keyframe];
 }
 
 cairn_mapper_release cairn_mapper_release_at(const cairn_mapper *mapper, int32_t index)
 {
-    return mapper->releases[index % MAPPER_RELEASES];
+    return mapper->cullings[index % MAPPER_CULLING_EVENTS];
 }
 
 cairn_mapper_link cairn_mapper_link_at(const cairn_mapper *mapper, int32_t index)

@@ -1,16 +1,21 @@
-/* Which key scan could go?
+/* Redundancy scores of keyframes: which keyframe can be culled with the least loss of coverage?
  *
- * Method. Of what a key scan saw, every fourth bearing is a sample of a surface, at its end, and of
- * free space, half-way. A key scan covers a sample when it saw free space there, or a surface as
- * far away in that bearing. Loss of a key scan: the sum over its samples of 1 / (1 + n), when n of
- * the nearest key scans before it cover it. The one with the least loss is the best covered. Only
- * those before it count: of two that show the same the older one stays, from which the map has been
- * built, and what a robot sees that drives round and round is measured against the first round for
- * ever.
+ * Method.
  *
- * Layout: losses are kept until the key scans move or one that counted goes.
+ * 1. Every fourth bearing of a keyframe's visibility profile gives two samples: the surface point
+ *    at the end of the free range, and a free-space point at half of it.
+ * 2. Another keyframe observes a sample when its own profile is free there, or has a surface within
+ *    SURFACE_TOLERANCE_M along that bearing.
+ * 3. Score = sum over the samples of 1 / (1 + n), where n of the nearest earlier keyframes observe
+ *    the sample. The keyframe of the least score is the most redundant.
  *
- * Limits: what has changed in the building stays beside what has not, as long as there is room. */
+ * Only earlier keyframes count. Of two that show the same, the older one stays, because the map was
+ * built from it: a robot that repeats a route is always matched against the first round.
+ *
+ * Layout: scores are cached until keyframes move or one of their observers is culled.
+ *
+ * Limits: outdated views of a changed environment stay beside current ones as long as memory
+ * lasts. */
 #include "src/core/build.h"
 
 #include <string.h>
@@ -19,19 +24,21 @@
 
 enum {
     BEARING_STEP = MAPPER_BEARINGS / (MAPPER_SAMPLES / 2),
-    KEYS_A_UNIT = 16,
-    SAMPLES_A_UNIT = 2 /* that one key scan may cover */
+    KEYFRAMES_PER_UNIT = 16,
+    SAMPLES_PER_UNIT = 2 /* of one observing keyframe */
 };
 
-static const cairn_real NEAR = CAIRN_REAL(0.2);     /* m: two see the same surface */
-static const cairn_real NOWHERE = CAIRN_REAL(1e30); /* m^2 */
+/* m: maximum difference of two views of one surface */
+static const cairn_real SURFACE_TOLERANCE_M = CAIRN_REAL(0.2);
+static const cairn_real UNBOUNDED_RADIUS2 = CAIRN_REAL(1e30); /* m^2 */
 
-static cairn_vec2 sensor_in_map(const cairn_mapper *mapper, int32_t key)
+static cairn_vec2 sensor_in_map(const cairn_mapper *mapper, int32_t keyframe)
 {
-    return cairn_pose_point(mapper->key_pose[key], cairn_mapper_key_scan(mapper, key)->sensor);
+    return cairn_pose_point(mapper->key_pose[keyframe],
+                            cairn_mapper_key_scan(mapper, keyframe)->sensor);
 }
 
-static cairn_real apart_squared(const cairn_mapper *mapper, int32_t a, int32_t b)
+static cairn_real sensor_distance2(const cairn_mapper *mapper, int32_t a, int32_t b)
 {
     return cairn_vec2_norm_squared(
         cairn_vec2_sub(sensor_in_map(mapper, a), sensor_in_map(mapper, b)));
@@ -39,140 +46,150 @@ static cairn_real apart_squared(const cairn_mapper *mapper, int32_t a, int32_t b
 
 void cairn_mapper_forget_cover(cairn_mapper *mapper)
 {
-    for (int32_t key = 0; key < mapper->key_count; key++)
-        mapper->loop.cover.loss[key] = -1;
+    for (int32_t keyframe = 0; keyframe < mapper->key_count; keyframe++)
+        mapper->loop.redundancy.score[keyframe] = -1;
 }
 
-void cairn_mapper_uncover(cairn_mapper *mapper, int32_t gone)
+void cairn_mapper_uncover(cairn_mapper *mapper, int32_t culled)
 {
-    mapper_cover *cover = &mapper->loop.cover;
+    mapper_cover *redundancy = &mapper->loop.redundancy;
 
-    for (int32_t key = gone + 1; key < mapper->key_count; key++)
-        if (cover->loss[key] >= 0 && !(apart_squared(mapper, key, gone) > cover->reach[key]))
-            cover->loss[key] = -1;
+    for (int32_t keyframe = culled + 1; keyframe < mapper->key_count; keyframe++)
+        if (redundancy->score[keyframe] >= 0 &&
+            !(sensor_distance2(mapper, keyframe, culled) > redundancy->neighbour_radius2[keyframe]))
+            redundancy->score[keyframe] = -1;
 }
 
-/* ---- The key scans that may cover one ---- */
+/* ---- Neighbours that may observe the same samples ---- */
 
-static void take_near(mapper_cover *cover, int32_t key, cairn_real distance)
+/* Inserts a keyframe into the sorted list of nearest neighbours. */
+static void insert_neighbour(mapper_cover *redundancy, int32_t keyframe, cairn_real distance)
 {
-    int32_t at = cover->near_count;
+    int32_t at = redundancy->neighbour_count;
 
-    if (at == MAPPER_COVERING) {
-        if (!(distance < cover->distance[at - 1]))
+    if (at == MAPPER_REDUNDANCY_NEIGHBOURS) {
+        if (!(distance < redundancy->neighbour_distance2[at - 1]))
             return;
         at--;
     } else {
-        cover->near_count++;
+        redundancy->neighbour_count++;
     }
-    for (; at > 0 && distance < cover->distance[at - 1]; at--) {
-        cover->near[at] = cover->near[at - 1];
-        cover->distance[at] = cover->distance[at - 1];
+    for (; at > 0 && distance < redundancy->neighbour_distance2[at - 1]; at--) {
+        redundancy->neighbours[at] = redundancy->neighbours[at - 1];
+        redundancy->neighbour_distance2[at] = redundancy->neighbour_distance2[at - 1];
     }
-    cover->near[at] = key;
-    cover->distance[at] = distance;
+    redundancy->neighbours[at] = keyframe;
+    redundancy->neighbour_distance2[at] = distance;
 }
 
-static void find_near(cairn_mapper *mapper)
+static void find_neighbours(cairn_mapper *mapper)
 {
-    mapper_cover *cover = &mapper->loop.cover;
+    mapper_cover *redundancy = &mapper->loop.redundancy;
 
-    cover->near_count = cover->at = 0;
-    for (int32_t key = 0; key < cover->key; key++)
-        take_near(cover, key, apart_squared(mapper, cover->key, key));
-    cover->reach[cover->key] =
-        cover->near_count == MAPPER_COVERING ? cover->distance[MAPPER_COVERING - 1] : NOWHERE;
-    memset(cover->covered, 0, sizeof cover->covered);
+    redundancy->neighbour_count = redundancy->next_neighbour = 0;
+    for (int32_t keyframe = 0; keyframe < redundancy->key; keyframe++)
+        insert_neighbour(redundancy, keyframe, sensor_distance2(mapper, redundancy->key, keyframe));
+    redundancy->neighbour_radius2[redundancy->key] =
+        redundancy->neighbour_count == MAPPER_REDUNDANCY_NEIGHBOURS
+            ? redundancy->neighbour_distance2[MAPPER_REDUNDANCY_NEIGHBOURS - 1]
+            : UNBOUNDED_RADIUS2;
+    memset(redundancy->observer_counts, 0, sizeof redundancy->observer_counts);
 }
 
 /* ---- Samples ---- */
 
-/* 1 when a key scan saw free space, or a surface, at a point in its frame. */
-static int32_t sees(const cairn_mapper *mapper, int32_t key, cairn_vec2 point, int32_t surface)
+/* Returns 1 when a keyframe observes a point in its frame as surface, or as free space. */
+static int32_t observes(const cairn_mapper *mapper, int32_t keyframe, cairn_vec2 point,
+                        int32_t surface)
 {
-    const uint16_t *sight = &mapper->sight[(size_t)mapper->slot[key] * MAPPER_BEARINGS];
-    cairn_vec2 d = cairn_vec2_sub(point, cairn_mapper_key_scan(mapper, key)->sensor);
-    cairn_real range = (cairn_real)sight[cairn_mapper_bearing_of(d)] / 100,
+    const uint16_t *visibility = &mapper->sight[(size_t)mapper->slot[keyframe] * MAPPER_BEARINGS];
+    cairn_vec2 d = cairn_vec2_sub(point, cairn_mapper_key_scan(mapper, keyframe)->sensor);
+    cairn_real range = (cairn_real)visibility[cairn_mapper_bearing_of(d)] / 100,
                distance = cairn_vec2_norm(d);
 
-    return surface ? range > 0 && cairn_abs(range - distance) <= NEAR : distance <= range;
+    return surface ? range > 0 && cairn_abs(range - distance) <= SURFACE_TOLERANCE_M
+                   : distance <= range;
 }
 
-/* Counts what another key scan covers of the one at hand. */
-static void count_covered(cairn_mapper *mapper, int32_t other)
+/* Adds another keyframe's observations of the current keyframe's samples. */
+static void count_observers(cairn_mapper *mapper, int32_t other)
 {
-    mapper_cover *cover = &mapper->loop.cover;
-    const uint16_t *sight = &mapper->sight[(size_t)mapper->slot[cover->key] * MAPPER_BEARINGS];
+    mapper_cover *redundancy = &mapper->loop.redundancy;
+    const uint16_t *visibility =
+        &mapper->sight[(size_t)mapper->slot[redundancy->key] * MAPPER_BEARINGS];
     cairn_transform other_key = cairn_transform_of(
-        cairn_pose_between(mapper->key_pose[other], mapper->key_pose[cover->key]));
-    cairn_vec2 sensor = cairn_mapper_key_scan(mapper, cover->key)->sensor;
+        cairn_pose_between(mapper->key_pose[other], mapper->key_pose[redundancy->key]));
+    cairn_vec2 sensor = cairn_mapper_key_scan(mapper, redundancy->key)->sensor;
 
     for (int32_t i = 0; i < MAPPER_SAMPLES / 2; i++) {
         int32_t bearing = i * BEARING_STEP;
         cairn_vec2 way = cairn_vec2_scale(cairn_mapper_bearing_direction(bearing),
-                                          (cairn_real)sight[bearing] / 100);
+                                          (cairn_real)visibility[bearing] / 100);
         cairn_vec2 end = cairn_transform_point(other_key, cairn_vec2_add(sensor, way));
         cairn_vec2 half = cairn_transform_point(
             other_key, cairn_vec2_add(sensor, cairn_vec2_scale(way, CAIRN_REAL(0.5))));
 
-        if (sight[bearing] == 0)
+        if (visibility[bearing] == 0)
             continue;
-        cover->covered[2 * i] += (uint8_t)sees(mapper, other, end, 1);
-        cover->covered[2 * i + 1] += (uint8_t)sees(mapper, other, half, 0);
+        redundancy->observer_counts[2 * i] += (uint8_t)observes(mapper, other, end, 1);
+        redundancy->observer_counts[2 * i + 1] += (uint8_t)observes(mapper, other, half, 0);
     }
 }
 
-static cairn_real loss_of(const cairn_mapper *mapper)
+/* Returns the redundancy score of the current keyframe. */
+static cairn_real coverage_loss(const cairn_mapper *mapper)
 {
-    const mapper_cover *cover = &mapper->loop.cover;
-    const uint16_t *sight = &mapper->sight[(size_t)mapper->slot[cover->key] * MAPPER_BEARINGS];
-    cairn_real loss = 0;
+    const mapper_cover *redundancy = &mapper->loop.redundancy;
+    const uint16_t *visibility =
+        &mapper->sight[(size_t)mapper->slot[redundancy->key] * MAPPER_BEARINGS];
+    cairn_real redundancy_score = 0;
 
     for (int32_t i = 0; i < MAPPER_SAMPLES; i++)
-        if (sight[i / 2 * BEARING_STEP] > 0)
-            loss += 1 / (cairn_real)(1 + cover->covered[i]);
-    return loss;
+        if (visibility[i / 2 * BEARING_STEP] > 0)
+            redundancy_score += 1 / (cairn_real)(1 + redundancy->observer_counts[i]);
+    return redundancy_score;
 }
 
 /* ---- Steps ---- */
 
 void cairn_mapper_begin_cover(cairn_mapper *mapper)
 {
-    mapper->loop.cover.key = 1;
-    mapper->loop.cover.near_count = mapper->loop.cover.at = -1;
+    mapper->loop.redundancy.key = 1;
+    mapper->loop.redundancy.neighbour_count = mapper->loop.redundancy.next_neighbour = -1;
 }
 
 int32_t cairn_mapper_cover_item(cairn_mapper *mapper, int32_t end, cairn_budget *budget)
 {
-    mapper_cover *cover = &mapper->loop.cover;
+    mapper_cover *redundancy = &mapper->loop.redundancy;
 
-    if (cover->at >= 0 && cover->at < cover->near_count) {
-        count_covered(mapper, cover->near[cover->at++]);
-        budget->left -= MAPPER_SAMPLES / SAMPLES_A_UNIT;
+    if (redundancy->next_neighbour >= 0 &&
+        redundancy->next_neighbour < redundancy->neighbour_count) {
+        count_observers(mapper, redundancy->neighbours[redundancy->next_neighbour++]);
+        budget->left -= MAPPER_SAMPLES / SAMPLES_PER_UNIT;
         return 0;
     }
-    if (cover->at >= 0) {
-        cover->loss[cover->key] = loss_of(mapper);
-        budget->left -= 1 + MAPPER_SAMPLES / KEYS_A_UNIT;
-        cover->at = -1;
+    if (redundancy->next_neighbour >= 0) {
+        redundancy->score[redundancy->key] = coverage_loss(mapper);
+        budget->left -= 1 + MAPPER_SAMPLES / KEYFRAMES_PER_UNIT;
+        redundancy->next_neighbour = -1;
     }
-    for (; cover->key < end && cover->loss[cover->key] >= 0; cover->key++)
-        if (cover->key % KEYS_A_UNIT == 0)
+    for (; redundancy->key < end && redundancy->score[redundancy->key] >= 0; redundancy->key++)
+        if (redundancy->key % KEYFRAMES_PER_UNIT == 0)
             budget->left--;
-    if (cover->key >= end)
+    if (redundancy->key >= end)
         return 1;
-    find_near(mapper);
-    budget->left -= 1 + cover->key / KEYS_A_UNIT;
+    find_neighbours(mapper);
+    budget->left -= 1 + redundancy->key / KEYFRAMES_PER_UNIT;
     return 0;
 }
 
 int32_t cairn_mapper_best_covered(const cairn_mapper *mapper, int32_t end)
 {
-    const cairn_real *loss = mapper->loop.cover.loss;
+    const cairn_real *redundancy_score = mapper->loop.redundancy.score;
     int32_t best = 1;
 
-    for (int32_t key = 2; key < end; key++)
-        if (!(loss[key] > loss[best]))
-            best = key;
+    for (int32_t keyframe = 2; keyframe < end; keyframe++)
+        if (!(redundancy_score[keyframe] > redundancy_score[best]))
+            best = keyframe;
     return best;
 }

@@ -1,21 +1,16 @@
-/* Params of the mapper and of the rooms that it uses, and its memory.
+/* Parameters of the mapper and of the modules that it uses, their validation, and memory.
  *
- * Layout: what is needed once (the scan at hand, the local map, the search, the window of the
- * force field) grows with the capacities of scan and local map; key scans, links and the factor
- * of the graph grow with max_keys, max_loops and max_fill. One scan_match serves both the search
- * of a scan in doubt and that for loops. */
+ * Layout: one-time buffers (current scan, local map, search, window of the force field) grow with
+ * the capacities of scan and local map. Keyframes, links and the factor of the graph grow with
+ * max_keyframes, max_loops and max_fill. One scan_match object serves both relocalization and loop
+ * closure. */
 #include "src/core/build.h"
 
 #include <string.h>
 
 #include "src/mapping/mapper_work.h"
 
-enum {
-    KEYS_MOST = 1 << 20,
-    KEY_CAPACITY_MOST = 1 << 24,
-    LOOPS_MOST = 1 << 22,
-    FILL_MOST = 1 << 26
-};
+enum { MAX_KEYFRAMES = 1 << 20, MAX_CAPACITY = 1 << 24, MAX_LOOPS = 1 << 22, MAX_FILL = 1 << 26 };
 
 cairn_mapper_params cairn_mapper_default(void)
 {
@@ -89,11 +84,10 @@ cairn_mapper_params cairn_mapper_default_for(int32_t max_keys, int32_t max_beams
 
     params.scan.max_beams = max_beams;
     params.max_keys = max_keys;
-    params.max_key_points = in_proportion(max_keys, 160, params.scan.max_points, KEY_CAPACITY_MOST);
-    params.max_key_segments =
-        in_proportion(max_keys, 40, params.scan.max_segments, KEY_CAPACITY_MOST);
-    params.loop.max_loops = in_proportion(max_keys, 4, 0, LOOPS_MOST);
-    params.loop.max_fill = in_proportion(max_keys, 40, 0, FILL_MOST);
+    params.max_key_points = in_proportion(max_keys, 160, params.scan.max_points, MAX_CAPACITY);
+    params.max_key_segments = in_proportion(max_keys, 40, params.scan.max_segments, MAX_CAPACITY);
+    params.loop.max_loops = in_proportion(max_keys, 4, 0, MAX_LOOPS);
+    params.loop.max_fill = in_proportion(max_keys, 40, 0, MAX_FILL);
     return params;
 }
 
@@ -108,14 +102,14 @@ int32_t cairn_mapper_last_kept(const cairn_mapper_params *params)
 int32_t cairn_mapper_local_points(const cairn_mapper_params *params, int32_t keys)
 {
     int64_t most = (int64_t)keys * params->scan.max_points;
-    int32_t room = params->max_local_points;
+    int32_t capacity = params->max_local_points;
 
-    if (room < params->scan.max_points)
-        room = params->scan.max_points;
-    return most < room ? (int32_t)most : room;
+    if (capacity < params->scan.max_points)
+        capacity = params->scan.max_points;
+    return most < capacity ? (int32_t)most : capacity;
 }
 
-/* The rooms' params with the capacities that the mapper needs. */
+/* Returns the modules' params with the capacities that the mapper needs. */
 static cairn_icp_params icp_params(const cairn_mapper_params *params)
 {
     cairn_icp_params icp = params->icp;
@@ -134,7 +128,7 @@ static cairn_force_field_params field_params(const cairn_mapper_params *params)
     return field;
 }
 
-static cairn_scan_set_params key_params(const cairn_mapper_params *params)
+static cairn_scan_set_params keyframe_params(const cairn_mapper_params *params)
 {
     cairn_scan_set_params keys = {params->max_keys, params->max_key_segments,
                                   params->max_key_points, 0};
@@ -152,12 +146,12 @@ static int32_t has_match(const cairn_mapper_params *params)
     return params->search || has_loops(params);
 }
 
-/* Of the search of a scan in doubt, and of that for loops. */
+/* Returns the params of the match object for relocalization and loop closure. */
 static cairn_scan_match_params match_params(const cairn_mapper_params *params)
 {
     cairn_scan_match_params match = cairn_scan_match_default();
-    int32_t keys = params->search ? MAPPER_SEARCH_KEYS : 1;
-    cairn_real half = MAPPER_WIDE_WINDOW;
+    int32_t keys = params->search ? MAPPER_SEARCH_KEYFRAMES : 1;
+    cairn_real half = MAPPER_WIDE_SEARCH_M;
 
     if (has_loops(params) && params->loop.keys > keys)
         keys = params->loop.keys;
@@ -193,16 +187,16 @@ static int loop_is_valid(const cairn_mapper_params *params)
 
     if (p->max_loops == 0)
         return 1;
-    return p->max_loops > 0 && p->max_loops <= LOOPS_MOST && p->max_fill >= 0 &&
-           p->max_fill <= FILL_MOST && p->units >= 1 && p->keys >= 1 && p->keys <= 64 &&
+    return p->max_loops > 0 && p->max_loops <= MAX_LOOPS && p->max_fill >= 0 &&
+           p->max_fill <= MAX_FILL && p->units >= 1 && p->keys >= 1 && p->keys <= 64 &&
            p->gap >= 1 && p->agree >= 1 && p->agree <= 8 && p->radius > 0 && p->window > 0 &&
            p->window_near > 0 && p->evidence == p->evidence && p->contradiction >= 0 &&
            p->contradiction <= 1 && p->sigma > 0 && p->sigma_turn > 0 && p->outlier > 0;
 }
 
-/* What goes is joined to what stays by the graph, and the last key scans, which the mapper works
- * with, stay. */
-static int release_is_valid(const cairn_mapper_params *p)
+/* Culling needs the graph, which joins the neighbours of a culled keyframe. The most recent
+ * keyframes are in use and are never culled. */
+static int culling_is_valid(const cairn_mapper_params *p)
 {
     if (p->release == 0)
         return 1;
@@ -212,7 +206,7 @@ static int release_is_valid(const cairn_mapper_params *p)
 
 static int is_valid(const cairn_mapper_params *p)
 {
-    if (p == NULL || p->max_keys < 1 || p->max_keys > KEYS_MOST)
+    if (p == NULL || p->max_keys < 1 || p->max_keys > MAX_KEYFRAMES)
         return 0;
     if (p->local_keys < 1 || p->local_keys > CAIRN_MAPPER_LOCAL_MOST || p->local_recent < 1 ||
         p->local_recent > p->local_keys)
@@ -228,10 +222,10 @@ static int is_valid(const cairn_mapper_params *p)
         return 0;
     if (p->max_local_points < 1 || p->max_local_points > 1 << 20)
         return 0;
-    /* The first scan of all must have room: all others hang on it. */
+    /* The first scan must fit: all others are stored relative to it. */
     if (p->max_key_points < p->scan.max_points || p->max_key_segments < p->scan.max_segments)
         return 0;
-    return release_is_valid(p) && p->local_radius > 0 && p->key_distance > 0 && p->key_turn > 0 &&
+    return culling_is_valid(p) && p->local_radius > 0 && p->key_distance > 0 && p->key_turn > 0 &&
            p->key_support >= 0 && p->key_support <= 1 && p->odometry_distance >= 0 &&
            p->odometry_turn >= 0 && p->odometry_distance_min > 0 && p->odometry_turn_min > 0 &&
            p->motion_distance >= 0 && p->motion_turn >= 0 && p->motion_distance_min > 0 &&
@@ -239,12 +233,12 @@ static int is_valid(const cairn_mapper_params *p)
            (p->search == 0 || (p->search == 1 && p->search_units >= 1));
 }
 
-/* Counts the objects that the mapper creates. */
-static void count_parts(cairn_pool *counting, const cairn_mapper_params *params)
+/* Counts the memory of the objects that the mapper creates. */
+static void count_modules(cairn_pool *counting, const cairn_mapper_params *params)
 {
     cairn_icp_params icp = icp_params(params);
     cairn_force_field_params field = field_params(params);
-    cairn_scan_set_params keys = key_params(params);
+    cairn_scan_set_params keys = keyframe_params(params);
 
     cairn_pool_count(counting, cairn_scan_memory(&params->scan));
     cairn_pool_count(counting, cairn_icp_memory(&icp));
@@ -263,40 +257,40 @@ static void count_parts(cairn_pool *counting, const cairn_mapper_params *params)
     }
 }
 
-/* What only loops need; loop NULL: from a counting pool. */
-static void carve_loop(mapper_loop *loop, cairn_pool *pool, const cairn_mapper_params *params)
+/* Takes the arrays of loop closure from the pool; loop NULL: the pool only counts. */
+static void take_loop_memory(mapper_loop *loop, cairn_pool *pool, const cairn_mapper_params *params)
 {
-    size_t keys = (size_t)params->max_keys, covered = params->release ? keys : 0;
+    size_t keys = (size_t)params->max_keys, scored_keyframes = params->release ? keys : 0;
     mapper_link *links =
         cairn_pool_take(pool, keys + (size_t)params->loop.max_loops, sizeof *links);
     int32_t *first_link = cairn_pool_take(pool, keys, sizeof *first_link);
     mapper_tie *ties = cairn_pool_take(pool, keys, sizeof *ties);
     cairn_real *variance = cairn_pool_take(pool, keys, sizeof *variance);
-    cairn_real *turn_variance = cairn_pool_take(pool, keys, sizeof *turn_variance);
+    cairn_real *heading_variance = cairn_pool_take(pool, keys, sizeof *heading_variance);
     int32_t *heap = cairn_pool_take(pool, keys, sizeof *heap);
     int32_t *heap_at = cairn_pool_take(pool, keys, sizeof *heap_at);
     cairn_oriented_point *points =
         cairn_pool_take(pool, (size_t)params->scan.max_points, sizeof *points);
     cairn_beam *beams = cairn_pool_take(pool, MAPPER_BEARINGS, sizeof *beams);
-    cairn_real *loss = cairn_pool_take(pool, covered, sizeof *loss);
-    cairn_real *reach = cairn_pool_take(pool, covered, sizeof *reach);
+    cairn_real *loss = cairn_pool_take(pool, scored_keyframes, sizeof *loss);
+    cairn_real *reach = cairn_pool_take(pool, scored_keyframes, sizeof *reach);
 
     if (loop == NULL)
         return;
-    loop->cover.loss = loss;
-    loop->cover.reach = reach;
+    loop->redundancy.score = loss;
+    loop->redundancy.neighbour_radius2 = reach;
     loop->links = links;
     loop->first_link = first_link;
     loop->ties = ties;
     loop->variance = variance;
-    loop->turn_variance = turn_variance;
+    loop->heading_variance = heading_variance;
     loop->heap = heap;
-    loop->heap_at = heap_at;
+    loop->heap_position = heap_at;
     loop->query_points = points;
     loop->query_beams = beams;
 }
 
-static cairn_mapper *carve(cairn_pool *pool, const cairn_mapper_params *params)
+static cairn_mapper *take_memory(cairn_pool *pool, const cairn_mapper_params *params)
 {
     cairn_mapper *mapper = cairn_pool_take_one(pool, sizeof *mapper);
     int32_t *slot = cairn_pool_take(pool, (size_t)params->max_keys, sizeof *slot);
@@ -308,22 +302,23 @@ static cairn_mapper *carve(cairn_pool *pool, const cairn_mapper_params *params)
     int32_t *first_point =
         cairn_pool_take(pool, (size_t)params->scan.max_segments + 1, sizeof *first_point);
     size_t bearings = has_match(params) ? MAPPER_BEARINGS : 0;
-    uint16_t *sight = cairn_pool_take(pool, (size_t)params->max_keys * bearings, sizeof *sight);
+    uint16_t *visibility =
+        cairn_pool_take(pool, (size_t)params->max_keys * bearings, sizeof *visibility);
     cairn_beam *beams = cairn_pool_take(pool, bearings, sizeof *beams);
 
     if (mapper != NULL) {
         memset(mapper, 0, sizeof *mapper);
         mapper->slot = slot;
         mapper->key_pose = key_pose;
-        mapper->oriented = oriented;
+        mapper->points = oriented;
         mapper->segments = segments;
         mapper->first_point = first_point;
-        mapper->sight = has_match(params) ? sight : NULL;
+        mapper->sight = has_match(params) ? visibility : NULL;
         mapper->beams = beams;
-        mapper->trust = mapper->slip = 1;
+        mapper->odometry_health = mapper->odometry_noise_scale = 1;
     }
     if (has_loops(params))
-        carve_loop(mapper != NULL ? &mapper->loop : NULL, pool, params);
+        take_loop_memory(mapper != NULL ? &mapper->loop : NULL, pool, params);
     return mapper;
 }
 
@@ -334,8 +329,8 @@ size_t cairn_mapper_memory(const cairn_mapper_params *params)
     if (!is_valid(params))
         return 0;
     cairn_pool_init_counting(&counting);
-    (void)carve(&counting, params);
-    count_parts(&counting, params);
+    (void)take_memory(&counting, params);
+    count_modules(&counting, params);
     return cairn_pool_counted(&counting);
 }
 
@@ -355,8 +350,8 @@ cairn_status cairn_mapper_create(cairn_mapper **mapper, cairn_pool *pool,
         return CAIRN_NO_MEMORY;
     icp = icp_params(params);
     field = field_params(params);
-    keys = key_params(params);
-    made = carve(pool, params);
+    keys = keyframe_params(params);
+    made = take_memory(pool, params);
     made->params = *params;
     status = cairn_scan_create(&made->scan, pool, &params->scan);
     if (status == CAIRN_OK)

@@ -1,19 +1,25 @@
-/* The graph of key scans and their correction.
+/* Back end of the mapper: the pose graph of keyframes and its optimization.
  *
- * Method. Every key scan is linked to those on which it hangs (mapper_tie.c) by how the local
- * map and the force field left them; closures join those that are far apart in time. A
- * correction solves for all key scans (pose_graph), is taken over as a whole, and moves the key
- * scans that came since along with the last one that it knows. A closure that is an outlier
- * afterwards is dropped, and the correction repeated. */
+ * Method.
+ *
+ * 1. Every keyframe is linked to those that constrain it (mapper_constraint.c) by the relative pose
+ *    after local map matching and force field. Loop closures link keyframes that are far apart in
+ *    time.
+ * 2. An optimization solves for all keyframe poses (pose_graph, Huber kernel) and is applied as a
+ *    whole. Keyframes stored since then move rigidly with the last one in the graph.
+ * 3. A closure whose chi-squared exceeds loop.max_chi2 afterwards is removed as an outlier, and the
+ *    graph is optimized again. */
 #include "src/core/build.h"
 
 #include "src/mapping/mapper_work.h"
 
-/* A correction costs about as much as looking for so many key scans, in parts of those in the
- * graph. */
-enum { SOLVE_SHARE = 48 };
+/* An optimization costs about as much as the loop search of (keyframes in the graph / 48)
+ * keyframes. */
+enum { KEYFRAMES_PER_SOLVE = 48 };
 
-static const cairn_real STRAINED = 100; /* chi2 of a closure that asks for a correction at once */
+static const cairn_real URGENT_CHI2 =
+    /* chi-squared of a closure that triggers an optimization at once */
+    100;
 
 cairn_sym3 cairn_mapper_own_covariance(const cairn_mapper *mapper, const cairn_real covariance[9],
                                        cairn_real theta)
@@ -38,12 +44,13 @@ cairn_sym3 cairn_mapper_own_covariance(const cairn_mapper *mapper, const cairn_r
 
 void cairn_mapper_hang_link(mapper_loop *loop, int32_t link, int32_t end)
 {
-    int32_t key = end ? loop->links[link].second : loop->links[link].first;
+    int32_t keyframe = end ? loop->links[link].second : loop->links[link].first;
 
-    loop->links[link].next[end] = loop->first_link[key];
-    loop->first_link[key] = link;
+    loop->links[link].next[end] = loop->first_link[keyframe];
+    loop->first_link[keyframe] = link;
 }
 
+/* Adds a link to the graph and to the adjacency lists. */
 static cairn_status add_link(cairn_mapper *mapper, int32_t first, int32_t second,
                              cairn_pose first_second, cairn_sym3 covariance, int32_t is_loop)
 {
@@ -60,7 +67,7 @@ static cairn_status add_link(cairn_mapper *mapper, int32_t first, int32_t second
     link->first = first;
     link->second = second;
     link->variance = covariance.xx + covariance.yy;
-    link->turn_variance = covariance.zz;
+    link->heading_variance = covariance.zz;
     link->is_loop = is_loop;
     link->dropped = 0;
     cairn_mapper_hang_link(loop, loop->link_count, 0);
@@ -72,24 +79,25 @@ static cairn_status add_link(cairn_mapper *mapper, int32_t first, int32_t second
 cairn_status cairn_mapper_enter(cairn_mapper *mapper)
 {
     mapper_loop *loop = &mapper->loop;
-    int32_t key = loop->entered;
-    cairn_status status = cairn_pose_graph_add_pose(loop->graph, mapper->key_pose[key]);
+    int32_t keyframe = loop->entered;
+    cairn_status status = cairn_pose_graph_add_pose(loop->graph, mapper->key_pose[keyframe]);
 
     CAIRN_ASSERT(status == CAIRN_OK);
-    loop->first_link[key] = -1;
+    loop->first_link[keyframe] = -1;
     loop->entered++;
-    if (key > 0)
-        status = add_link(mapper, key - 1, key,
-                          cairn_pose_between(mapper->key_pose[key - 1], mapper->key_pose[key]),
-                          loop->ties[key].covariance, 0);
-    for (int32_t i = 0; i < loop->ties[key].anchor_count && status == CAIRN_OK; i++) {
-        int32_t anchor = loop->ties[key].anchors[i];
+    if (keyframe > 0)
+        status =
+            add_link(mapper, keyframe - 1, keyframe,
+                     cairn_pose_between(mapper->key_pose[keyframe - 1], mapper->key_pose[keyframe]),
+                     loop->ties[keyframe].covariance, 0);
+    for (int32_t i = 0; i < loop->ties[keyframe].anchor_count && status == CAIRN_OK; i++) {
+        int32_t anchor = loop->ties[keyframe].anchors[i];
 
         if (loop->link_count - loop->entered + 1 >= mapper->params.loop.max_loops)
             break;
-        status = add_link(mapper, anchor, key,
-                          cairn_pose_between(mapper->key_pose[anchor], mapper->key_pose[key]),
-                          loop->ties[key].anchor_covariance[i], 0);
+        status = add_link(mapper, anchor, keyframe,
+                          cairn_pose_between(mapper->key_pose[anchor], mapper->key_pose[keyframe]),
+                          loop->ties[keyframe].anchor_covariance[i], 0);
     }
     return status;
 }
@@ -120,8 +128,9 @@ cairn_status cairn_mapper_add_closure(cairn_mapper *mapper, int32_t first, int32
     status = add_link(mapper, first, second, first_second, covariance, 1);
     if (status != CAIRN_OK)
         return status;
-    loop->strain = cairn_max(
-        loop->strain, cairn_mapper_strain_of(mapper, first, second, first_second, covariance));
+    loop->largest_chi2 =
+        cairn_max(loop->largest_chi2,
+                  cairn_mapper_strain_of(mapper, first, second, first_second, covariance));
     loop->fresh++;
     mapper->state.loops++;
     return CAIRN_OK;
@@ -131,30 +140,31 @@ int32_t cairn_mapper_wants_solution(const cairn_mapper *mapper)
 {
     const mapper_loop *loop = &mapper->loop;
 
-    if (loop->fresh == 0 || loop->unsolvable)
+    if (loop->fresh == 0 || loop->factor_full)
         return 0;
-    return loop->strain > STRAINED || loop->searched > 8 + loop->entered / SOLVE_SHARE;
+    return loop->largest_chi2 > URGENT_CHI2 ||
+           loop->keyframes_since_solve > 8 + loop->entered / KEYFRAMES_PER_SOLVE;
 }
 
-/* Takes the solution over. */
-static void correct_keys(cairn_mapper *mapper)
+/* Applies the solution to the keyframe poses. */
+static void apply_solution(cairn_mapper *mapper)
 {
     mapper_loop *loop = &mapper->loop;
     int32_t last = loop->entered - 1;
     cairn_pose before = mapper->key_pose[last], after = cairn_pose_graph_pose(loop->graph, last);
 
-    for (int32_t key = 0; key <= last; key++)
-        mapper->key_pose[key] = cairn_pose_graph_pose(loop->graph, key);
-    for (int32_t key = last + 1; key < mapper->key_count; key++)
-        mapper->key_pose[key] =
-            cairn_pose_compose(after, cairn_pose_between(before, mapper->key_pose[key]));
+    for (int32_t keyframe = 0; keyframe <= last; keyframe++)
+        mapper->key_pose[keyframe] = cairn_pose_graph_pose(loop->graph, keyframe);
+    for (int32_t keyframe = last + 1; keyframe < mapper->key_count; keyframe++)
+        mapper->key_pose[keyframe] =
+            cairn_pose_compose(after, cairn_pose_between(before, mapper->key_pose[keyframe]));
     mapper->target_stale = 1;
     if (mapper->params.release)
         cairn_mapper_forget_cover(mapper);
     mapper->state.solutions++;
 }
 
-/* Drops the closures that are outliers; returns how many. */
+/* Removes the closures that are outliers; returns their number. */
 static int32_t drop_outliers(cairn_mapper *mapper)
 {
     mapper_loop *loop = &mapper->loop;
@@ -191,15 +201,15 @@ cairn_status cairn_mapper_solve_step(cairn_mapper *mapper, cairn_budget *budget)
         return status;
     loop->phase = LOOP_IDLE;
     loop->cursor = 0;
-    loop->fresh = loop->searched = 0;
-    loop->strain = 0;
+    loop->fresh = loop->keyframes_since_solve = 0;
+    loop->largest_chi2 = 0;
     if (status != CAIRN_OK) {
-        loop->unsolvable = 1;
+        loop->factor_full = 1;
         mapper->state.lacks_room = 2;
         return CAIRN_OK;
     }
     budget->left -= 1 + mapper->key_count / 4 + loop->link_count / 8;
-    correct_keys(mapper);
+    apply_solution(mapper);
     if (drop_outliers(mapper) > 0)
         loop->fresh = 1;
     return CAIRN_OK;

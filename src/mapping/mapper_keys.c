@@ -1,4 +1,4 @@
-/* Key scans on their way into the local map, into the force field and into a search. */
+/* Keyframe storage: local map selection, visibility profiles, input of force field and search. */
 #include "src/core/build.h"
 
 #include <string.h>
@@ -7,7 +7,7 @@
 
 /* ---- The local map ---- */
 
-static void take_local(cairn_mapper *mapper, int32_t key, cairn_real distance)
+static void take_local(cairn_mapper *mapper, int32_t keyframe, cairn_real distance)
 {
     int32_t at = mapper->local_count;
 
@@ -22,7 +22,7 @@ static void take_local(cairn_mapper *mapper, int32_t key, cairn_real distance)
         mapper->local[at] = mapper->local[at - 1];
         mapper->local_distance[at] = mapper->local_distance[at - 1];
     }
-    mapper->local[at] = key;
+    mapper->local[at] = keyframe;
     mapper->local_distance[at] = distance;
 }
 
@@ -32,24 +32,25 @@ void cairn_mapper_begin_local(cairn_mapper *mapper)
     mapper->cursor = 0;
 }
 
-/* 1 when a key scan is old enough to be left out of the local map. */
-static int32_t is_old(const cairn_mapper *mapper, int32_t key)
+/* Returns 1 when a keyframe is older than local_span and left out of the local map. */
+static int32_t is_old(const cairn_mapper *mapper, int32_t keyframe)
 {
-    return mapper->params.local_span > 0 && key < mapper->key_count - mapper->params.local_span;
+    return mapper->params.local_span > 0 &&
+           keyframe < mapper->key_count - mapper->params.local_span;
 }
 
-/* The last key scans count as at distance -1. */
+/* The most recent keyframes get distance -1, which sorts them first. */
 int32_t cairn_mapper_select_local(cairn_mapper *mapper)
 {
-    int32_t key = mapper->key_count - 1 - mapper->cursor;
-    cairn_real x = mapper->key_pose[key].x - mapper->predicted.x;
-    cairn_real y = mapper->key_pose[key].y - mapper->predicted.y;
+    int32_t keyframe = mapper->key_count - 1 - mapper->cursor;
+    cairn_real x = mapper->key_pose[keyframe].x - mapper->predicted.x;
+    cairn_real y = mapper->key_pose[keyframe].y - mapper->predicted.y;
     cairn_real distance = cairn_sqrt(x * x + y * y);
 
     if (mapper->cursor < mapper->params.local_recent)
-        take_local(mapper, key, -1);
+        take_local(mapper, keyframe, -1);
     else if (distance <= mapper->params.local_radius)
-        take_local(mapper, key, distance);
+        take_local(mapper, keyframe, distance);
     mapper->cursor++;
     return mapper->cursor == mapper->key_count ||
            is_old(mapper, mapper->key_count - 1 - mapper->cursor);
@@ -64,14 +65,14 @@ int32_t cairn_mapper_needs_local(const cairn_mapper *mapper)
            x * x + y * y > mapper->params.key_distance * mapper->params.key_distance;
 }
 
-cairn_scan_view cairn_mapper_key_view(cairn_mapper *mapper, int32_t key)
+cairn_scan_view cairn_mapper_key_view(cairn_mapper *mapper, int32_t keyframe)
 {
-    const cairn_scan_set_scan *scan = cairn_mapper_key_scan(mapper, key);
+    const cairn_scan_set_scan *scan = cairn_mapper_key_scan(mapper, keyframe);
     cairn_scan_view view;
 
     memset(&view, 0, sizeof view);
     view.segment_count = scan->end_segment - scan->first_segment;
-    view.point_count = cairn_mapper_key_points(mapper, key, mapper->oriented);
+    view.point_count = cairn_mapper_key_points(mapper, keyframe, mapper->points);
     for (int32_t s = 0; s < view.segment_count; s++) {
         const cairn_scan_set_segment *segment = &mapper->keys->segments[scan->first_segment + s];
 
@@ -81,33 +82,33 @@ cairn_scan_view cairn_mapper_key_view(cairn_mapper *mapper, int32_t key)
     mapper->first_point[view.segment_count] = view.point_count;
     view.segments = mapper->segments;
     view.first_point = mapper->first_point;
-    view.points = mapper->oriented;
+    view.points = mapper->points;
     view.sensor = scan->sensor;
     return view;
 }
 
 cairn_status cairn_mapper_add_local(cairn_mapper *mapper, cairn_budget *budget)
 {
-    int32_t key = mapper->local[mapper->cursor];
-    cairn_scan_view view = cairn_mapper_key_view(mapper, key);
+    int32_t keyframe = mapper->local[mapper->cursor];
+    cairn_scan_view view = cairn_mapper_key_view(mapper, keyframe);
 
     cairn_status status = cairn_icp_add_target(mapper->icp, view.points, view.point_count,
-                                               mapper->key_pose[key], NULL);
+                                               mapper->key_pose[keyframe], NULL);
 
     mapper->cursor++;
     budget->left -= 1 + view.point_count;
     if (status != CAIRN_FULL)
         return status;
-    mapper->cursor = mapper->local_count; /* the nearest ones are in */
+    mapper->cursor = mapper->local_count; /* full; the nearest keyframes are in */
     return CAIRN_OK;
 }
 
-/* ---- Key scans as parts of a match ---- */
+/* ---- Keyframes as input of a match ---- */
 
-int32_t cairn_mapper_key_points(const cairn_mapper *mapper, int32_t key,
+int32_t cairn_mapper_key_points(const cairn_mapper *mapper, int32_t keyframe,
                                 cairn_oriented_point *points)
 {
-    const cairn_scan_set_scan *scan = cairn_mapper_key_scan(mapper, key);
+    const cairn_scan_set_scan *scan = cairn_mapper_key_scan(mapper, keyframe);
     int32_t count = 0;
 
     for (int32_t s = scan->first_segment; s < scan->end_segment; s++) {
@@ -122,11 +123,11 @@ int32_t cairn_mapper_key_points(const cairn_mapper *mapper, int32_t key,
     return count;
 }
 
-/* Bearings by the pseudo angle y / (|x| + |y|), which grows with the angle and needs no arc
- * tangent. */
+/* Sectors are even in the pseudo angle y / (|x| + |y|), which is monotonic in the angle and needs
+ * no arc tangent. */
 int32_t cairn_mapper_bearing_of(cairn_vec2 d)
 {
-    cairn_real sum = cairn_abs(d.x) + cairn_abs(d.y), turn; /* 0 ... 4 */
+    cairn_real sum = cairn_abs(d.x) + cairn_abs(d.y), turn; /* 0 ... 4, one unit per quadrant */
 
     if (!(sum > 0))
         return 0;
@@ -146,9 +147,9 @@ cairn_vec2 cairn_mapper_bearing_direction(int32_t bearing)
     return cairn_vec2_unit(d);
 }
 
-void cairn_mapper_keep_sight(cairn_mapper *mapper, int32_t key, const cairn_scan_view *view)
+void cairn_mapper_keep_sight(cairn_mapper *mapper, int32_t keyframe, const cairn_scan_view *view)
 {
-    uint16_t *sight = &mapper->sight[(size_t)mapper->slot[key] * MAPPER_BEARINGS];
+    uint16_t *sight = &mapper->sight[(size_t)mapper->slot[keyframe] * MAPPER_BEARINGS];
 
     memset(sight, 0, MAPPER_BEARINGS * sizeof *sight);
     for (int32_t i = 0; i < view->beam_count; i++) {
@@ -163,10 +164,10 @@ void cairn_mapper_keep_sight(cairn_mapper *mapper, int32_t key, const cairn_scan
     }
 }
 
-int32_t cairn_mapper_sight(const cairn_mapper *mapper, int32_t key, cairn_beam *beams)
+int32_t cairn_mapper_sight(const cairn_mapper *mapper, int32_t keyframe, cairn_beam *beams)
 {
-    const uint16_t *sight = &mapper->sight[(size_t)mapper->slot[key] * MAPPER_BEARINGS];
-    cairn_vec2 sensor = cairn_mapper_key_scan(mapper, key)->sensor;
+    const uint16_t *sight = &mapper->sight[(size_t)mapper->slot[keyframe] * MAPPER_BEARINGS];
+    cairn_vec2 sensor = cairn_mapper_key_scan(mapper, keyframe)->sensor;
     int32_t count = 0;
 
     for (int32_t i = 0; i < MAPPER_BEARINGS; i++) {
@@ -181,15 +182,15 @@ int32_t cairn_mapper_sight(const cairn_mapper *mapper, int32_t key, cairn_beam *
     return count;
 }
 
-cairn_scan_match_part cairn_mapper_key_part(const cairn_mapper *mapper, int32_t key,
+cairn_scan_match_part cairn_mapper_key_part(const cairn_mapper *mapper, int32_t keyframe,
                                             cairn_oriented_point *points, cairn_beam *beams)
 {
     cairn_scan_match_part part;
 
     memset(&part, 0, sizeof part);
     part.points = points;
-    part.count = cairn_mapper_key_points(mapper, key, points);
+    part.count = cairn_mapper_key_points(mapper, keyframe, points);
     part.beams = beams;
-    part.beam_count = cairn_mapper_sight(mapper, key, beams);
+    part.beam_count = cairn_mapper_sight(mapper, keyframe, beams);
     return part;
 }

@@ -1,38 +1,40 @@
-/* Loops: where has the robot been before?
+/* Loop-closure detection and verification.
  *
- * Method. For each key scan, once the force field is done with it:
+ * Method. For each keyframe, once the force field no longer moves it:
  *
- * 1. How far can the path have gone astray between it and every other key scan? The least sum over
- *    all paths through the graph (Dijkstra 1959) of each link's variance of position, and its
- *    variance of heading times the squared distance from the key scan, where that error swings the
- *    rest of the path.
- * 2. Candidates: older key scans that may see the same things within three of these standard
- *    deviations, the nearest of each run of successive ones. Those that hang loosely on others
- *    (mapper_tie.c) are avoided: what is found there says little of the rest.
- * 3. scan_match against the union of the key scans around the candidate, in the window that 1.
- *    leaves.
- * 4. What has no rival and does not put points into free space is a closure, at once when the
- *    window is small and holds no other place. In a wide one it needs evidence for the way that it
- *    leads from where the path led, too, as the variances have that (buildings repeat themselves,
- *    and the true place may not be in the map), and closures wait until several of them agree with
- *    each other and outnumber those that do not (as Olson 2009 asks of loops: what is wrong is
- *    seldom wrong alike).
+ * 1. Accumulated drift: the path variance to every other keyframe is the least sum over all paths
+ *    through the graph (Dijkstra 1959). A link adds its position variance, and its heading variance
+ *    times the squared lever arm, the distance from the query keyframe.
+ * 2. Candidates: older keyframes whose scan centroids lie within three standard deviations of the
+ *    path, the nearest of each run of successive ones. Weakly constrained keyframes
+ *    (mapper_constraint.c) are penalized: a match against them says little about the rest of the
+ *    map.
+ * 3. Registration: scan_match against the union of the keyframes around the candidate, in the
+ *    window given by 1.
+ * 4. Verification: a match below the minimum log odds, an ambiguous one, or one with free-space
+ *    violations is rejected. In a small window the match is accepted at once. In a wide window its
+ *    log odds must also outweigh the squared Mahalanobis distance from the path prior (buildings
+ *    repeat themselves, and the true place may not be mapped). It then waits until several closures
+ *    are mutually consistent and outnumber the inconsistent ones, as in Olson (2009): wrong
+ *    closures rarely agree.
  *
- * Limits: a place is recognised only where the uncertainty of the path reaches it. */
+ * Limits: a place is recognized only within the uncertainty of the path.
+ *
+ * Source: E. Olson, Recognizing places using spectrally clustered local matches, RAS 57, 2009. */
 #include "src/core/build.h"
 
 #include <string.h>
 
 #include "src/mapping/mapper_work.h"
 
-enum { KEYS_A_UNIT = 16 };
+enum { KEYFRAMES_PER_UNIT = 16 };
 
-/* m: what hangs more loosely is not matched against, ... */
-static const cairn_real LOOSELY = CAIRN_REAL(0.2);
-/* ... and so many metres farther away for every metre of standard deviation */
-static const cairn_real SPREAD_COST = 5;
-/* m^2: no path */
-static const cairn_real FAR = CAIRN_REAL(1e6);
+/* m: keyframes of a larger position standard deviation are left out of the target map */
+static const cairn_real MAX_TARGET_SIGMA_M = CAIRN_REAL(0.2);
+/* metres of extra distance of a candidate per metre of position standard deviation */
+static const cairn_real SIGMA_COST = 5;
+/* m^2: variance without a path */
+static const cairn_real NO_PATH_VARIANCE = CAIRN_REAL(1e6);
 
 void cairn_mapper_loop_tell(cairn_mapper *mapper, int32_t first, int32_t second,
                             cairn_pose first_second, cairn_mapper_loop_verdict verdict)
@@ -47,47 +49,50 @@ void cairn_mapper_loop_tell(cairn_mapper *mapper, int32_t first, int32_t second,
         mapper->state.loop_events == INT32_MAX ? 0 : mapper->state.loop_events + 1;
 }
 
-/* ---- How far a path can have gone astray ---- */
+/* ---- Accumulated drift of the path ---- */
 
-static int32_t is_before(const mapper_loop *loop, int32_t a, int32_t b)
+static int32_t has_less_variance(const mapper_loop *loop, int32_t a, int32_t b)
 {
     return loop->variance[a] < loop->variance[b] ||
            (!(loop->variance[b] < loop->variance[a]) && a < b);
 }
 
-static void put(mapper_loop *loop, int32_t at, int32_t key)
+/* Stores a keyframe at a heap position. */
+static void heap_set(mapper_loop *loop, int32_t at, int32_t keyframe)
 {
-    loop->heap[at] = key;
-    loop->heap_at[key] = at;
+    loop->heap[at] = keyframe;
+    loop->heap_position[keyframe] = at;
 }
 
-static void rise(mapper_loop *loop, int32_t at)
+/* Restores the heap order upwards. */
+static void sift_up(mapper_loop *loop, int32_t at)
 {
-    int32_t key = loop->heap[at];
+    int32_t keyframe = loop->heap[at];
 
-    for (; at > 0 && is_before(loop, key, loop->heap[(at - 1) / 2]); at = (at - 1) / 2)
-        put(loop, at, loop->heap[(at - 1) / 2]);
-    put(loop, at, key);
+    for (; at > 0 && has_less_variance(loop, keyframe, loop->heap[(at - 1) / 2]); at = (at - 1) / 2)
+        heap_set(loop, at, loop->heap[(at - 1) / 2]);
+    heap_set(loop, at, keyframe);
 }
 
-static int32_t take_first(mapper_loop *loop)
+/* Removes and returns the keyframe of least variance. */
+static int32_t heap_pop(mapper_loop *loop)
 {
-    int32_t first = loop->heap[0], key = loop->heap[--loop->heap_count], at = 0;
+    int32_t first = loop->heap[0], keyframe = loop->heap[--loop->heap_count], at = 0;
 
-    loop->heap_at[first] = -2;
+    loop->heap_position[first] = -2;
     while (2 * at + 1 < loop->heap_count) {
         int32_t child = 2 * at + 1;
 
         if (child + 1 < loop->heap_count &&
-            is_before(loop, loop->heap[child + 1], loop->heap[child]))
+            has_less_variance(loop, loop->heap[child + 1], loop->heap[child]))
             child++;
-        if (!is_before(loop, loop->heap[child], key))
+        if (!has_less_variance(loop, loop->heap[child], keyframe))
             break;
-        put(loop, at, loop->heap[child]);
+        heap_set(loop, at, loop->heap[child]);
         at = child;
     }
     if (loop->heap_count > 0)
-        put(loop, at, key);
+        heap_set(loop, at, keyframe);
     return first;
 }
 
@@ -96,53 +101,56 @@ static cairn_real distance_squared(cairn_pose a, cairn_pose b)
     return (a.x - b.x) * (a.x - b.x) + (a.y - b.y) * (a.y - b.y);
 }
 
-static void reach(cairn_mapper *mapper, int32_t key, const mapper_link *link, int32_t from)
+/* Relaxes a link of Dijkstra's algorithm; lever_arm2 in m^2. */
+static void relax_link(cairn_mapper *mapper, int32_t keyframe, const mapper_link *link,
+                       int32_t from)
 {
     mapper_loop *loop = &mapper->loop;
-    cairn_real swing = distance_squared(mapper->key_pose[from], mapper->key_pose[loop->query]);
-    cairn_real variance = loop->variance[from] + link->variance + link->turn_variance * swing;
+    cairn_real lever_arm2 = distance_squared(mapper->key_pose[from], mapper->key_pose[loop->query]);
+    cairn_real variance =
+        loop->variance[from] + link->variance + link->heading_variance * lever_arm2;
 
-    if (loop->heap_at[key] == -2 || !(variance < loop->variance[key]))
+    if (loop->heap_position[keyframe] == -2 || !(variance < loop->variance[keyframe]))
         return;
-    loop->variance[key] = variance;
-    loop->turn_variance[key] = loop->turn_variance[from] + link->turn_variance;
-    if (loop->heap_at[key] < 0) {
-        loop->heap[loop->heap_count] = key;
-        loop->heap_at[key] = loop->heap_count++;
+    loop->variance[keyframe] = variance;
+    loop->heading_variance[keyframe] = loop->heading_variance[from] + link->heading_variance;
+    if (loop->heap_position[keyframe] < 0) {
+        loop->heap[loop->heap_count] = keyframe;
+        loop->heap_position[keyframe] = loop->heap_count++;
     }
-    rise(loop, loop->heap_at[key]);
+    sift_up(loop, loop->heap_position[keyframe]);
 }
 
 static void begin_distances(cairn_mapper *mapper)
 {
     mapper_loop *loop = &mapper->loop;
 
-    for (int32_t key = 0; key < loop->entered; key++) {
-        loop->variance[key] = FAR;
-        loop->turn_variance[key] = CAIRN_PI * CAIRN_PI;
-        loop->heap_at[key] = -1;
+    for (int32_t keyframe = 0; keyframe < loop->entered; keyframe++) {
+        loop->variance[keyframe] = NO_PATH_VARIANCE;
+        loop->heading_variance[keyframe] = CAIRN_PI * CAIRN_PI;
+        loop->heap_position[keyframe] = -1;
     }
-    loop->variance[loop->query] = loop->turn_variance[loop->query] = 0;
+    loop->variance[loop->query] = loop->heading_variance[loop->query] = 0;
     loop->heap_count = 1;
-    put(loop, 0, loop->query);
+    heap_set(loop, 0, loop->query);
 }
 
-/* One key scan; 1 when all are done. */
+/* Settles one keyframe of Dijkstra's algorithm; returns 1 when all are settled. */
 static int32_t distance_item(cairn_mapper *mapper, cairn_budget *budget)
 {
     mapper_loop *loop = &mapper->loop;
-    int32_t key, link;
+    int32_t keyframe, link;
 
     if (loop->heap_count == 0)
         return 1;
-    key = take_first(loop);
+    keyframe = heap_pop(loop);
     budget->left -= 1;
-    for (link = loop->first_link[key]; link >= 0;) {
+    for (link = loop->first_link[keyframe]; link >= 0;) {
         const mapper_link *l = &loop->links[link];
-        int32_t end = l->second == key;
+        int32_t end = l->second == keyframe;
 
         if (!l->dropped)
-            reach(mapper, end ? l->first : l->second, l, key);
+            relax_link(mapper, end ? l->first : l->second, l, keyframe);
         budget->left -= 1;
         link = l->next[end];
     }
@@ -151,12 +159,14 @@ static int32_t distance_item(cairn_mapper *mapper, cairn_budget *budget)
 
 /* ---- Candidates ---- */
 
-/* Where the middle of what a key scan sees is in the map. */
-static cairn_vec2 seen(const cairn_mapper *mapper, int32_t key)
+/* Returns the centroid of a keyframe's scan in the map. */
+static cairn_vec2 scan_centroid(const cairn_mapper *mapper, int32_t keyframe)
 {
-    return cairn_pose_point(mapper->key_pose[key], cairn_mapper_key_scan(mapper, key)->centroid);
+    return cairn_pose_point(mapper->key_pose[keyframe],
+                            cairn_mapper_key_scan(mapper, keyframe)->centroid);
 }
 
+/* Inserts the best candidate of the finished run into the sorted candidates. */
 static void end_run(mapper_loop *loop)
 {
     int32_t at = loop->candidate_count;
@@ -164,40 +174,42 @@ static void end_run(mapper_loop *loop)
     if (!loop->in_run)
         return;
     loop->in_run = 0;
-    if (at == MAPPER_CANDIDATES) {
-        if (!(loop->run.distance < loop->candidates[at - 1].distance))
+    if (at == MAPPER_MAX_CANDIDATES) {
+        if (!(loop->best_of_run.distance < loop->candidates[at - 1].distance))
             return;
         at--;
     } else {
         loop->candidate_count++;
     }
-    for (; at > 0 && loop->run.distance < loop->candidates[at - 1].distance; at--)
+    for (; at > 0 && loop->best_of_run.distance < loop->candidates[at - 1].distance; at--)
         loop->candidates[at] = loop->candidates[at - 1];
-    loop->candidates[at] = loop->run;
+    loop->candidates[at] = loop->best_of_run;
 }
 
-/* How far a key scan may be from where it seems to be, m. */
-static cairn_real reach_of(const cairn_mapper *mapper, int32_t key)
+/* Returns the search radius of a keyframe, m: three standard deviations, at most search_radius. */
+static cairn_real search_reach(const cairn_mapper *mapper, int32_t keyframe)
 {
-    return cairn_min(3 * cairn_sqrt(mapper->loop.variance[key]), mapper->params.loop.window);
+    return cairn_min(3 * cairn_sqrt(mapper->loop.variance[keyframe]), mapper->params.loop.window);
 }
 
-/* One key scan; 1 when all have been looked at. */
+/* Looks at one keyframe; returns 1 when all have been looked at. */
 static int32_t choose_item(cairn_mapper *mapper)
 {
     mapper_loop *loop = &mapper->loop;
-    int32_t key = loop->cursor++;
-    cairn_vec2 apart = cairn_vec2_sub(seen(mapper, key), seen(mapper, loop->query));
-    cairn_real distance = cairn_vec2_norm(apart);
+    int32_t keyframe = loop->cursor++;
+    cairn_vec2 difference =
+        cairn_vec2_sub(scan_centroid(mapper, keyframe), scan_centroid(mapper, loop->query));
+    cairn_real distance = cairn_vec2_norm(difference);
 
-    if (cairn_mapper_point_count(mapper, key) > 0 &&
-        distance < mapper->params.loop.radius + reach_of(mapper, key)) {
-        distance +=
-            cairn_sqrt(distance_squared(mapper->key_pose[key], mapper->key_pose[loop->query])) / 2 +
-            SPREAD_COST * loop->ties[key].spread;
-        if (!loop->in_run || distance < loop->run.distance) {
-            loop->run.key = key;
-            loop->run.distance = distance;
+    if (cairn_mapper_point_count(mapper, keyframe) > 0 &&
+        distance < mapper->params.loop.radius + search_reach(mapper, keyframe)) {
+        distance += cairn_sqrt(distance_squared(mapper->key_pose[keyframe],
+                                                mapper->key_pose[loop->query])) /
+                        2 +
+                    SIGMA_COST * loop->ties[keyframe].position_sigma;
+        if (!loop->in_run || distance < loop->best_of_run.distance) {
+            loop->best_of_run.key = keyframe;
+            loop->best_of_run.distance = distance;
         }
         loop->in_run = 1;
     } else {
@@ -214,54 +226,56 @@ static int32_t choose_item(cairn_mapper *mapper)
 static void begin_candidate(cairn_mapper *mapper)
 {
     mapper_loop *loop = &mapper->loop;
-    int32_t key = loop->candidates[loop->candidate].key, half = mapper->params.loop.keys / 2;
+    int32_t keyframe = loop->candidates[loop->candidate].key, half = mapper->params.loop.keys / 2;
     int32_t last = loop->query - mapper->params.loop.gap;
 
-    mapper->search_count = 0;
+    mapper->search_target_count = 0;
     cairn_scan_match_clear_target(mapper->search);
-    loop->target_from = key > half ? key - half : 0;
+    loop->target_from = keyframe > half ? keyframe - half : 0;
     loop->target_end = loop->target_from + mapper->params.loop.keys;
     if (loop->target_end > last)
         loop->target_end = last;
-    loop->phase = LOOP_TARGET;
+    loop->phase = LOOP_BUILD_TARGET;
 }
 
-/* Farther from the candidate than the path goes there: those between were released, or the path
- * was broken. */
-static int32_t is_elsewhere(const cairn_mapper *mapper, int32_t key, int32_t candidate)
+/* Returns 1 when a keyframe is farther from the candidate than the path between them can be. Those
+ * between were culled, or the path is broken. */
+static int32_t is_off_path(const cairn_mapper *mapper, int32_t keyframe, int32_t candidate)
 {
     cairn_real most = (cairn_real)mapper->params.loop.keys * mapper->params.key_distance;
 
-    return distance_squared(mapper->key_pose[key], mapper->key_pose[candidate]) > most * most;
+    return distance_squared(mapper->key_pose[keyframe], mapper->key_pose[candidate]) > most * most;
 }
 
-/* Adds a key scan to the map around the candidate, which is full when scan_match says so. */
+/* Adds a keyframe to the target map around the candidate; the map is complete when scan_match is
+ * full. */
 static void target_item(cairn_mapper *mapper, cairn_budget *budget)
 {
     mapper_loop *loop = &mapper->loop;
-    int32_t key = loop->target_from++, candidate = loop->candidates[loop->candidate].key;
+    int32_t keyframe = loop->target_from++, candidate = loop->candidates[loop->candidate].key;
     cairn_scan_match_part part;
 
     budget->left -= 1;
-    if (key != candidate &&
-        (loop->ties[key].spread > LOOSELY || is_elsewhere(mapper, key, candidate)))
+    if (keyframe != candidate && (loop->ties[keyframe].position_sigma > MAX_TARGET_SIGMA_M ||
+                                  is_off_path(mapper, keyframe, candidate)))
         return;
-    part = cairn_mapper_key_part(mapper, key, mapper->oriented, mapper->beams);
+    part = cairn_mapper_key_part(mapper, keyframe, mapper->points, mapper->beams);
     budget->left -= 1 + part.count + part.beam_count;
-    if (cairn_scan_match_add_target(mapper->search, &part, mapper->key_pose[key], NULL) != CAIRN_OK)
+    if (cairn_scan_match_add_target(mapper->search, &part, mapper->key_pose[keyframe], NULL) !=
+        CAIRN_OK)
         loop->target_from = loop->target_end;
 }
 
-/* What lies too far away to be searched for has no result. */
+/* Starts the match. A candidate beyond the searchable range has no result. */
 static void begin_match(cairn_mapper *mapper, cairn_budget *budget)
 {
     mapper_loop *loop = &mapper->loop;
-    int32_t key = loop->candidates[loop->candidate].key;
+    int32_t keyframe = loop->candidates[loop->candidate].key;
     cairn_scan_match_window window;
 
     window.distance =
-        cairn_min(reach_of(mapper, key) + CAIRN_REAL(0.2), mapper->params.loop.window);
-    window.angle = 3 * cairn_sqrt(loop->turn_variance[key]) + CAIRN_REAL(0.1);
+        cairn_min(search_reach(mapper, keyframe) + CAIRN_REAL(0.2), mapper->params.loop.window);
+    window.angle = 3 * cairn_sqrt(loop->heading_variance[keyframe]) + CAIRN_REAL(0.1);
     loop->phase = LOOP_MATCH;
     budget->left -= 2 + loop->query_part.count / 4;
     if (cairn_scan_match_begin(mapper->search, &loop->query_part, mapper->key_pose[loop->query],
@@ -271,31 +285,33 @@ static void begin_match(cairn_mapper *mapper, cairn_budget *budget)
 
 void cairn_mapper_yield_match(cairn_mapper *mapper)
 {
-    if (mapper->loop.phase == LOOP_TARGET || mapper->loop.phase == LOOP_MATCH)
-        mapper->loop.phase = LOOP_CANDIDATE;
+    if (mapper->loop.phase == LOOP_BUILD_TARGET || mapper->loop.phase == LOOP_MATCH)
+        mapper->loop.phase = LOOP_BEGIN_CANDIDATE;
 }
 
-/* ---- The verdict ---- */
+/* ---- Verification ---- */
 
-/* 1 when two closures lead around the same loop, up to what a path of so many key scans may go
- * astray. */
-static int32_t agree(const cairn_mapper *mapper, const mapper_pending *a, const mapper_pending *b)
+/* Returns 1 when two closures are consistent: the cycle through both has a small residual, given
+ * the drift allowed per keyframe of path. */
+static int32_t is_consistent(const cairn_mapper *mapper, const mapper_pending *a,
+                             const mapper_pending *b)
 {
     cairn_pose second =
         cairn_pose_between(mapper->key_pose[a->second], mapper->key_pose[b->second]);
     cairn_pose first = cairn_pose_between(mapper->key_pose[a->first], mapper->key_pose[b->first]);
-    cairn_pose one = cairn_pose_compose(a->first_second, second),
-               other = cairn_pose_compose(first, b->first_second);
-    cairn_pose apart = cairn_pose_between(one, other);
+    cairn_pose composed_a = cairn_pose_compose(a->first_second, second),
+               composed_b = cairn_pose_compose(first, b->first_second);
+    cairn_pose difference = cairn_pose_between(composed_a, composed_b);
     int32_t path =
         b->second - a->second + (b->first > a->first ? b->first - a->first : a->first - b->first);
     cairn_real distance = CAIRN_REAL(0.15) + CAIRN_REAL(0.01) * (cairn_real)path;
     cairn_real angle = CAIRN_REAL(0.05) + CAIRN_REAL(0.003) * (cairn_real)path;
 
-    return apart.x * apart.x + apart.y * apart.y < distance * distance &&
-           cairn_abs(apart.theta) < angle;
+    return difference.x * difference.x + difference.y * difference.y < distance * distance &&
+           cairn_abs(difference.theta) < angle;
 }
 
+/* Adds a closure to the graph and records the event. */
 static void accept(cairn_mapper *mapper, mapper_pending *closure)
 {
     cairn_status status = cairn_mapper_add_closure(mapper, closure->first, closure->second,
@@ -309,33 +325,33 @@ static void accept(cairn_mapper *mapper, mapper_pending *closure)
                                CAIRN_MAPPER_LOOP_ACCEPTED);
 }
 
-/* A closure in a wide search: with those that wait and agree, when they outnumber those that do
- * not. */
-static void weigh(cairn_mapper *mapper, const mapper_pending *closure)
+/* Verifies a closure of a wide search: it is accepted with the consistent pending closures when
+ * they outnumber the inconsistent ones, otherwise it becomes pending. */
+static void check_consistency(cairn_mapper *mapper, const mapper_pending *closure)
 {
     mapper_loop *loop = &mapper->loop;
     int32_t count = loop->pending_count < MAPPER_PENDING ? loop->pending_count : MAPPER_PENDING;
-    int32_t with = 1, against = 0, last = -1;
+    int32_t consistent_count = 1, inconsistent_count = 0, last = -1;
     mapper_pending *kept = &loop->pending[loop->pending_count % MAPPER_PENDING];
-    int32_t mates[MAPPER_PENDING], mate_count = 0;
+    int32_t consistent[MAPPER_PENDING], stored_count = 0;
 
     for (int32_t i = 0; i < count; i++) {
-        mapper_pending *other = &loop->pending[i];
+        mapper_pending *composed_b = &loop->pending[i];
 
-        if (closure->second - other->second > mapper->params.loop.gap)
+        if (closure->second - composed_b->second > mapper->params.loop.gap)
             continue;
-        if (agree(mapper, other, closure)) {
-            with += other->second != closure->second && other->second != last;
-            last = other->second;
-            mates[mate_count++] = i;
+        if (is_consistent(mapper, composed_b, closure)) {
+            consistent_count += composed_b->second != closure->second && composed_b->second != last;
+            last = composed_b->second;
+            consistent[stored_count++] = i;
         } else {
-            against++;
+            inconsistent_count++;
         }
     }
-    if (with >= mapper->params.loop.agree && with > against) {
-        for (int32_t i = 0; i < mate_count; i++)
-            if (!loop->pending[mates[i]].accepted)
-                accept(mapper, &loop->pending[mates[i]]);
+    if (consistent_count >= mapper->params.loop.agree && consistent_count > inconsistent_count) {
+        for (int32_t i = 0; i < stored_count; i++)
+            if (!loop->pending[consistent[i]].accepted)
+                accept(mapper, &loop->pending[consistent[i]]);
         *kept = *closure;
         accept(mapper, kept);
     } else {
@@ -352,9 +368,9 @@ int32_t cairn_mapper_has_rival(const cairn_scan_match_result *result)
            result->hypotheses[1].score > CAIRN_REAL(0.9) * result->hypotheses[0].score;
 }
 
-/* What speaks against a closure before anything is seen, in log odds: it leads so far from where
- * the path led. */
-static cairn_real distance_cost(const cairn_mapper *mapper, const mapper_pending *closure)
+/* Returns the negative log prior of a closure, nats: its squared Mahalanobis distance from the
+ * path. */
+static cairn_real prior_cost(const cairn_mapper *mapper, const mapper_pending *closure)
 {
     const mapper_loop *loop = &mapper->loop;
     cairn_pose now =
@@ -362,17 +378,19 @@ static cairn_real distance_cost(const cairn_mapper *mapper, const mapper_pending
     cairn_pose off = cairn_pose_between(closure->first_second, now);
 
     return (off.x * off.x + off.y * off.y) / loop->variance[closure->first] +
-           off.theta * off.theta / (2 * loop->turn_variance[closure->first]);
+           off.theta * off.theta / (2 * loop->heading_variance[closure->first]);
 }
 
-/* Along a wall of which few points tell the way, these may be of somebody who stands there. */
+/* Returns the covariance of a closure, inflated along a weakly observable direction: the few points
+ * there may be on a dynamic object. */
 static cairn_sym3 closure_covariance(const cairn_mapper *mapper,
                                      const cairn_scan_match_hypothesis *h)
 {
-    cairn_real covariance[9], x = MAPPER_DOUBT * h->weak[0], y = MAPPER_DOUBT * h->weak[1];
+    cairn_real covariance[9], x = MAPPER_LOW_CONFIDENCE_M * h->weak[0],
+                              y = MAPPER_LOW_CONFIDENCE_M * h->weak[1];
 
     memcpy(covariance, h->covariance, sizeof covariance);
-    if (h->weak_ratio < MAPPER_SLIPPERY) {
+    if (h->weak_ratio < MAPPER_MIN_INFORMATION_RATIO) {
         covariance[0] += x * x;
         covariance[1] += x * y;
         covariance[3] += x * y;
@@ -381,76 +399,77 @@ static cairn_sym3 closure_covariance(const cairn_mapper *mapper,
     return cairn_mapper_own_covariance(mapper, covariance, h->target_query.theta);
 }
 
-static void judge(cairn_mapper *mapper)
+/* Verifies the match of the current candidate: accepts, defers or rejects the closure. */
+static void verify(cairn_mapper *mapper)
 {
     mapper_loop *loop = &mapper->loop;
     const cairn_mapper_loop_params *p = &mapper->params.loop;
     cairn_scan_match_result result = cairn_scan_match_read(mapper->search);
     const cairn_scan_match_hypothesis *h = result.hypotheses;
-    int32_t key = loop->candidates[loop->candidate].key;
+    int32_t keyframe = loop->candidates[loop->candidate].key;
     mapper_pending closure;
 
     memset(&closure, 0, sizeof closure);
-    closure.first = key;
+    closure.first = keyframe;
     closure.second = loop->query;
     if (result.count > 0) {
-        closure.first_second = cairn_pose_between(mapper->key_pose[key], h->target_query);
+        closure.first_second = cairn_pose_between(mapper->key_pose[keyframe], h->target_query);
         closure.covariance = closure_covariance(mapper, h);
     }
     if (result.count == 0 || result.verdict == CAIRN_SCAN_MATCH_NONE || h->evidence < p->evidence)
-        cairn_mapper_loop_tell(mapper, key, loop->query, closure.first_second,
+        cairn_mapper_loop_tell(mapper, keyframe, loop->query, closure.first_second,
                                CAIRN_MAPPER_LOOP_NONE);
     else if (cairn_mapper_has_rival(&result))
-        cairn_mapper_loop_tell(mapper, key, loop->query, closure.first_second,
+        cairn_mapper_loop_tell(mapper, keyframe, loop->query, closure.first_second,
                                CAIRN_MAPPER_LOOP_AMBIGUOUS);
     else if (h->contradiction > p->contradiction || h->target_contradiction > p->contradiction)
-        cairn_mapper_loop_tell(mapper, key, loop->query, closure.first_second,
+        cairn_mapper_loop_tell(mapper, keyframe, loop->query, closure.first_second,
                                CAIRN_MAPPER_LOOP_CONTRADICTED);
-    else if (reach_of(mapper, key) < p->window_near)
+    else if (search_reach(mapper, keyframe) < p->window_near)
         accept(mapper, &closure);
-    else if (h->evidence - distance_cost(mapper, &closure) < p->evidence)
-        cairn_mapper_loop_tell(mapper, key, loop->query, closure.first_second,
+    else if (h->evidence - prior_cost(mapper, &closure) < p->evidence)
+        cairn_mapper_loop_tell(mapper, keyframe, loop->query, closure.first_second,
                                CAIRN_MAPPER_LOOP_UNLIKELY);
     else
-        weigh(mapper, &closure);
+        check_consistency(mapper, &closure);
 }
 
 /* ---- Steps ---- */
 
-/* Key scans that the force field does not move any more. */
-static int32_t settled_keys(const cairn_mapper *mapper)
+/* Returns the number of keyframes that the force field no longer moves. */
+static int32_t settled_keyframes(const cairn_mapper *mapper)
 {
     int32_t keys = mapper->key_count;
 
-    if (mapper->params.window == 0 || mapper->loop.closing)
+    if (mapper->params.window == 0 || mapper->loop.settling)
         return keys;
     return keys > mapper->params.window_free ? keys - mapper->params.window_free : 0;
 }
 
-/* Chooses what to do next; CAIRN_OK with phase LOOP_IDLE: nothing. */
+/* Chooses the next task; CAIRN_OK with phase LOOP_IDLE: none. */
 static cairn_status begin_next(cairn_mapper *mapper, cairn_budget *budget)
 {
     mapper_loop *loop = &mapper->loop;
-    int32_t has_next = loop->entered < settled_keys(mapper);
+    int32_t has_next = loop->entered < settled_keyframes(mapper);
     int32_t may_release = cairn_mapper_may_release(mapper);
     cairn_status status = CAIRN_OK;
 
     loop->cursor = 0;
-    if (may_release && (loop->fresh == 0 || loop->unsolvable)) {
+    if (may_release && (loop->fresh == 0 || loop->factor_full)) {
         cairn_mapper_begin_cover(mapper);
         budget->left -= 1;
         loop->phase = LOOP_COVER;
     } else if (may_release || cairn_mapper_wants_solution(mapper) ||
-               (!has_next && loop->closing && loop->fresh > 0 && !loop->unsolvable)) {
-        loop->phase = LOOP_SOLVE;
+               (!has_next && loop->settling && loop->fresh > 0 && !loop->factor_full)) {
+        loop->phase = LOOP_OPTIMIZE;
     } else if (has_next) {
         loop->query = loop->entered;
         status = cairn_mapper_enter(mapper);
         budget->left -= 4;
-        loop->searched++;
+        loop->keyframes_since_solve++;
         if (loop->query > mapper->params.loop.gap &&
             cairn_mapper_point_count(mapper, loop->query) > 0)
-            loop->phase = LOOP_CLEAR;
+            loop->phase = LOOP_RESET_PATHS;
     }
     return status;
 }
@@ -461,18 +480,18 @@ static cairn_status loop_item(cairn_mapper *mapper, cairn_budget *budget)
     cairn_status status = CAIRN_OK;
 
     switch (loop->phase) {
-    case LOOP_CLEAR:
+    case LOOP_RESET_PATHS:
         begin_distances(mapper);
-        budget->left -= 1 + loop->entered / KEYS_A_UNIT;
-        loop->phase = LOOP_DISTANCES;
+        budget->left -= 1 + loop->entered / KEYFRAMES_PER_UNIT;
+        loop->phase = LOOP_PATH_VARIANCE;
         break;
-    case LOOP_DISTANCES:
+    case LOOP_PATH_VARIANCE:
         if (distance_item(mapper, budget)) {
             loop->candidate_count = loop->in_run = loop->cursor = 0;
-            loop->phase = LOOP_CHOOSE;
+            loop->phase = LOOP_SELECT_CANDIDATES;
         }
         break;
-    case LOOP_CHOOSE:
+    case LOOP_SELECT_CANDIDATES:
         budget->left -= 1;
         if (!choose_item(mapper))
             break;
@@ -482,14 +501,14 @@ static cairn_status loop_item(cairn_mapper *mapper, cairn_budget *budget)
             loop->query_part =
                 cairn_mapper_key_part(mapper, loop->query, loop->query_points, loop->query_beams);
             budget->left -= 2 + loop->query_part.count / 4 + loop->query_part.beam_count / 4;
-            loop->phase = LOOP_CANDIDATE;
+            loop->phase = LOOP_BEGIN_CANDIDATE;
         }
         break;
-    case LOOP_CANDIDATE:
+    case LOOP_BEGIN_CANDIDATE:
         budget->left -= 1;
         begin_candidate(mapper);
         break;
-    case LOOP_TARGET:
+    case LOOP_BUILD_TARGET:
         if (loop->target_from < loop->target_end)
             target_item(mapper, budget);
         else
@@ -499,20 +518,20 @@ static cairn_status loop_item(cairn_mapper *mapper, cairn_budget *budget)
         status = cairn_scan_match_step(mapper->search, budget);
         if (status != CAIRN_OK)
             break;
-        judge(mapper);
+        verify(mapper);
         budget->left -= 8 + 4 * MAPPER_PENDING;
         loop->phase = LOOP_IDLE;
         if (++loop->candidate < loop->candidate_count)
-            loop->phase = LOOP_CANDIDATE;
+            loop->phase = LOOP_BEGIN_CANDIDATE;
         break;
     case LOOP_COVER:
         if (!cairn_mapper_cover_item(mapper, cairn_mapper_release_end(mapper), budget))
             break;
         status = cairn_mapper_release_key(
             mapper, cairn_mapper_best_covered(mapper, cairn_mapper_release_end(mapper)), budget);
-        loop->phase = LOOP_PACK;
+        loop->phase = LOOP_COMPACT;
         break;
-    case LOOP_PACK:
+    case LOOP_COMPACT:
         status = cairn_scan_set_pack(mapper->keys, budget);
         if (status == CAIRN_OK)
             loop->phase = LOOP_IDLE;
@@ -534,12 +553,12 @@ cairn_status cairn_mapper_loop_step(cairn_mapper *mapper, cairn_budget *budget, 
             return CAIRN_MORE;
         if (loop->phase == LOOP_IDLE) {
             status = begin_next(mapper, budget);
-            if (loop->phase == LOOP_IDLE && loop->entered >= settled_keys(mapper))
+            if (loop->phase == LOOP_IDLE && loop->entered >= settled_keyframes(mapper))
                 break;
         } else {
             status = loop_item(mapper, budget);
         }
     }
-    mapper->state.waiting = settled_keys(mapper) - loop->entered;
+    mapper->state.waiting = settled_keyframes(mapper) - loop->entered;
     return status;
 }

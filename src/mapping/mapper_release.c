@@ -1,38 +1,45 @@
-/* Key scans that go, so that others have room.
+/* Keyframe culling: removal of the most redundant keyframes when memory runs low.
  *
- * Method. When little room is left, closures that no correction knows yet get theirs, and then the
- * best covered key scan goes (mapper_cover.c), one after the other until there is some room again.
- * It is contracted into a neighbour of the graph: that to which its best link leads. Each other
- * link of it becomes one of that neighbour, by way of the best one: measurements are composed, and
- * their covariances added in the frame of the far end, which is what marginalising a key scan of
- * two links gives, and for more differs by the best link's covariance, the least there is. A link
- * that is there already takes the other one in, weighted by their information, but gets no better
- * than `sigma` and `sigma_turn`, which all measurements share. Of two that contradict each other
- * the one stands that agrees with the poses as they are.
+ * Method.
  *
- * Layout: key scans count from 0 in the order in which they came, so those after the one that goes
- * count one less in all that numbers them. Only slots of the set keep their numbers.
+ * 1. When little capacity is left, pending closures are optimized first. Then the most redundant
+ *    keyframe (mapper_redundancy.c) is culled, one after another until there is some capacity
+ *    again.
+ * 2. The keyframe is contracted into a neighbour of the graph, the other end of its most
+ *    informative link.
+ * 3. Each other link becomes one of that neighbour, composed with the best link. Covariances are
+ *    added in the frame of the far end. This equals marginalization for a keyframe of two links.
+ *    For more links it is approximate: the best link's covariance, the least there is, enters each
+ *    of them.
+ * 4. A link that duplicates an existing one is fused with it, weighted by information. The result
+ *    has at least MIN_VARIANCE_SHARE of the variances `sigma` and `sigma_theta` that all
+ *    measurements share. Of two contradictory measurements the one consistent with the current
+ *    poses stands.
  *
- * Only what has been looked for at older ones may go. So when loops are far behind, the force field
- * rests, and loops take its share of the units. When there is no room at all, it ends where it is.
+ * Only keyframes that loop-closure detection has processed may be culled. When it lags far behind,
+ * the force field rests and loop closure takes its share of the units. When there is no capacity at
+ * all, the force field ends with the poses reached so far.
  *
- * Limits: the first key scan, which holds the map, and the last ones never go. Where links have
- * little room, closures are taken in by links that are there, but add no others. */
+ * Layout: keyframes are numbered from 0 in order of arrival. After a culling all higher indices
+ * decrease by one, wherever they are stored. Only slots of the set keep their numbers.
+ *
+ * Limits: the first keyframe, which fixes the map, and the most recent ones are never culled. Where
+ * links have little capacity, closures are fused into existing links but add no others. */
 #include "src/core/build.h"
 
 #include <string.h>
 
 #include "src/mapping/mapper_work.h"
 
-enum { FEW_PARTS = 32, SOME_PARTS = 16 };
+enum { CULL_START_FRACTION = 32, CULL_STOP_FRACTION = 16 };
 
-/* of the variance of one measurement, what many have at least */
-static const cairn_real MANY_SHARE = CAIRN_REAL(0.01);
+/* share of the variance of one measurement that a fused one has at least */
+static const cairn_real MIN_VARIANCE_SHARE = CAIRN_REAL(0.01);
 
-/* ---- Room ---- */
+/* ---- Capacity ---- */
 
-/* 1 when the largest scan has room, and so many others like those that are there. */
-static int32_t has_room(const cairn_mapper *mapper, int32_t others)
+/* Returns 1 when there is capacity for the largest scan and for `others` scans of average size. */
+static int32_t has_capacity(const cairn_mapper *mapper, int32_t others)
 {
     const cairn_mapper_params *p = &mapper->params;
     const cairn_scan_set *set = mapper->keys;
@@ -55,16 +62,17 @@ int32_t cairn_mapper_release_end(const cairn_mapper *mapper)
 
 int32_t cairn_mapper_must_release(const cairn_mapper *mapper)
 {
-    return mapper->params.release && !has_room(mapper, 0);
+    return mapper->params.release && !has_capacity(mapper, 0);
 }
 
 int32_t cairn_mapper_may_release(cairn_mapper *mapper)
 {
     mapper_loop *loop = &mapper->loop;
-    int32_t parts = loop->releasing ? SOME_PARTS : FEW_PARTS;
+    int32_t parts = loop->culling ? CULL_STOP_FRACTION : CULL_START_FRACTION;
 
-    loop->releasing = mapper->params.release && !has_room(mapper, mapper->params.max_keys / parts);
-    return loop->releasing && cairn_mapper_release_end(mapper) > 1 &&
+    loop->culling =
+        mapper->params.release && !has_capacity(mapper, mapper->params.max_keys / parts);
+    return loop->culling && cairn_mapper_release_end(mapper) > 1 &&
            mapper->key_count - loop->entered <= cairn_mapper_last_kept(&mapper->params);
 }
 
@@ -76,15 +84,15 @@ int32_t cairn_mapper_is_behind(const cairn_mapper *mapper)
 
 /* ---- Measurements ---- */
 
-/* A pose seen from another one, with its covariance in its own frame. */
-typedef struct measured {
+/* A relative pose and its covariance in its own frame. */
+typedef struct measurement {
     cairn_pose pose;
     cairn_sym3 covariance;
-} measured;
+} measurement;
 
-/* The covariance of a motion in the frame that is seen from there as `a_b`: Ad C Ad^T, Ad = (R,
- * (y, -x)^T; 0, 1) of a_b. */
-static cairn_sym3 carried(cairn_pose a_b, cairn_sym3 m)
+/* Transforms the covariance of a motion into the frame from which it appears at a_b: Ad C Ad^T, Ad
+ * = (R, (y, -x)^T; 0, 1) of a_b (adjoint of SE(2), Barfoot, section 7.2). */
+static cairn_sym3 adjoint_transform(cairn_pose a_b, cairn_sym3 m)
 {
     cairn_sym3 out;
     cairn_real s, c, x = a_b.x, y = a_b.y, xx, xy, yy, xz, yz;
@@ -104,30 +112,34 @@ static cairn_sym3 carried(cairn_pose a_b, cairn_sym3 m)
     return out;
 }
 
-static cairn_sym3 sum(cairn_sym3 a, cairn_sym3 b)
+static cairn_sym3 covariance_sum(cairn_sym3 a, cairn_sym3 b)
 {
     cairn_sym3 out = {a.xx + b.xx, a.xy + b.xy, a.xz + b.xz, a.yy + b.yy, a.yz + b.yz, a.zz + b.zz};
 
     return out;
 }
 
-static measured inverse(measured m)
+/* Returns the inverse relative pose with its covariance. */
+static measurement invert(measurement m)
 {
-    measured out = {cairn_pose_inverse(m.pose), carried(m.pose, m.covariance)};
+    measurement out = {cairn_pose_inverse(m.pose), adjoint_transform(m.pose, m.covariance)};
 
     return out;
 }
 
-static measured composed(measured a, measured b)
+/* Returns the composition of two independent relative poses, covariances to first order. */
+static measurement compose(measurement a, measurement b)
 {
-    measured out = {cairn_pose_compose(a.pose, b.pose),
-                    sum(carried(cairn_pose_inverse(b.pose), a.covariance), b.covariance)};
+    measurement out = {
+        cairn_pose_compose(a.pose, b.pose),
+        covariance_sum(adjoint_transform(cairn_pose_inverse(b.pose), a.covariance), b.covariance)};
 
     return out;
 }
 
-/* What a link measures of its other end, seen from one of its ends. 0: it cannot be inverted. */
-static int32_t seen_from(const cairn_mapper *mapper, int32_t link, int32_t from, measured *out)
+/* Returns a link's measurement of its other end relative to `from`. 0: it cannot be inverted. */
+static int32_t link_measurement(const cairn_mapper *mapper, int32_t link, int32_t from,
+                                measurement *out)
 {
     cairn_sym3 information;
 
@@ -135,24 +147,26 @@ static int32_t seen_from(const cairn_mapper *mapper, int32_t link, int32_t from,
     if (!cairn_sym3_inverse(information, &out->covariance))
         return 0;
     if (mapper->loop.links[link].second == from)
-        *out = inverse(*out);
+        *out = invert(*out);
     return 1;
 }
 
-/* No better than what many measurements share. */
-static cairn_sym3 floored(const cairn_mapper *mapper, cairn_sym3 m)
+/* Returns the covariance, scaled up to the minimum variance of fused measurements. */
+static cairn_sym3 clamp_covariance(const cairn_mapper *mapper, cairn_sym3 m)
 {
-    cairn_real least = mapper->params.loop.sigma * mapper->params.loop.sigma * MANY_SHARE;
-    cairn_real turn = mapper->params.loop.sigma_turn * mapper->params.loop.sigma_turn * MANY_SHARE;
-    cairn_real by = cairn_max(cairn_max(1, turn / m.zz), cairn_max(least / m.xx, least / m.yy));
-    cairn_sym3 out = {by * m.xx, by * m.xy, by * m.xz, by * m.yy, by * m.yz, by * m.zz};
+    cairn_real least = mapper->params.loop.sigma * mapper->params.loop.sigma * MIN_VARIANCE_SHARE;
+    cairn_real turn =
+        mapper->params.loop.sigma_turn * mapper->params.loop.sigma_turn * MIN_VARIANCE_SHARE;
+    cairn_real scale = cairn_max(cairn_max(1, turn / m.zz), cairn_max(least / m.xx, least / m.yy));
+    cairn_sym3 out = {scale * m.xx, scale * m.xy, scale * m.xz,
+                      scale * m.yy, scale * m.yz, scale * m.zz};
 
     return out;
 }
 
-/* The mean of two measurements of the same, weighted by their information, up to first order. 0:
- * they contradict each other, or there is none. */
-static int32_t fuse(const cairn_mapper *mapper, measured a, measured b, measured *out)
+/* Fuses two measurements of the same relative pose, weighted by information, to first order. 0:
+ * they contradict each other (chi-squared above max_chi2), or a covariance is singular. */
+static int32_t fuse(const cairn_mapper *mapper, measurement a, measurement b, measurement *out)
 {
     cairn_pose off = cairn_pose_between(a.pose, b.pose);
     cairn_real e[3], w[3];
@@ -161,38 +175,38 @@ static int32_t fuse(const cairn_mapper *mapper, measured a, measured b, measured
     e[0] = off.x;
     e[1] = off.y;
     e[2] = off.theta;
-    if (!cairn_sym3_solve(sum(a.covariance, b.covariance), e, w) ||
+    if (!cairn_sym3_solve(covariance_sum(a.covariance, b.covariance), e, w) ||
         e[0] * w[0] + e[1] * w[1] + e[2] * w[2] > mapper->params.loop.outlier ||
         !cairn_sym3_inverse(a.covariance, &ia) || !cairn_sym3_inverse(b.covariance, &ib) ||
-        !cairn_sym3_inverse(sum(ia, ib), &out->covariance))
+        !cairn_sym3_inverse(covariance_sum(ia, ib), &out->covariance))
         return 0;
     off.x = c.xx * w[0] + c.xy * w[1] + c.xz * w[2];
     off.y = c.xy * w[0] + c.yy * w[1] + c.yz * w[2];
     off.theta = c.xz * w[0] + c.yz * w[1] + c.zz * w[2];
     out->pose = cairn_pose_compose(a.pose, off);
-    out->covariance = floored(mapper, out->covariance);
+    out->covariance = clamp_covariance(mapper, out->covariance);
     return 1;
 }
 
 /* ---- The graph ---- */
 
-static int32_t other_end(const mapper_link *link, int32_t key)
+static int32_t other_end(const mapper_link *link, int32_t keyframe)
 {
-    return link->first == key ? link->second : link->first;
+    return link->first == keyframe ? link->second : link->first;
 }
 
-/* The link of a key scan that tells best, and that the map strains least. */
-static int32_t best_link(const cairn_mapper *mapper, int32_t key)
+/* Returns the link of a keyframe of least variance times chi-squared (at least 1). */
+static int32_t most_informative_link(const cairn_mapper *mapper, int32_t keyframe)
 {
     const mapper_loop *loop = &mapper->loop;
     cairn_real least = 0;
     int32_t best = -1;
 
-    for (int32_t link = loop->first_link[key]; link >= 0;
-         link = loop->links[link].next[loop->links[link].second == key]) {
+    for (int32_t link = loop->first_link[keyframe]; link >= 0;
+         link = loop->links[link].next[loop->links[link].second == keyframe]) {
         const mapper_link *l = &loop->links[link];
-        cairn_real strain = cairn_max(1, cairn_pose_graph_link_of(loop->graph, link).chi2);
-        cairn_real cost = strain * (l->variance + l->turn_variance);
+        cairn_real chi2 = cairn_max(1, cairn_pose_graph_link_of(loop->graph, link).chi2);
+        cairn_real cost = chi2 * (l->variance + l->heading_variance);
 
         if (l->dropped || (best >= 0 && !(cost < least)))
             continue;
@@ -202,7 +216,7 @@ static int32_t best_link(const cairn_mapper *mapper, int32_t key)
     return best;
 }
 
-/* The link between two key scans that is in use; -1: none. */
+/* Returns the link between two keyframes that is in use; -1: none. */
 static int32_t link_between(const mapper_loop *loop, int32_t a, int32_t b)
 {
     for (int32_t link = loop->first_link[a]; link >= 0;
@@ -212,12 +226,12 @@ static int32_t link_between(const mapper_loop *loop, int32_t a, int32_t b)
     return -1;
 }
 
-/* Gives a link a measurement; its first end is the older one. */
+/* Sets the measurement of a link; its first end is the older one. */
 static cairn_status set_link(cairn_mapper *mapper, int32_t link, int32_t from, int32_t to,
-                             measured m)
+                             measurement m)
 {
     mapper_link *l = &mapper->loop.links[link];
-    measured forth = from < to ? m : inverse(m);
+    measurement forth = from < to ? m : invert(m);
     cairn_sym3 information;
 
     if (!cairn_sym3_inverse(forth.covariance, &information))
@@ -225,61 +239,62 @@ static cairn_status set_link(cairn_mapper *mapper, int32_t link, int32_t from, i
     l->first = from < to ? from : to;
     l->second = from < to ? to : from;
     l->variance = forth.covariance.xx + forth.covariance.yy;
-    l->turn_variance = forth.covariance.zz;
+    l->heading_variance = forth.covariance.zz;
     return cairn_pose_graph_set_link(mapper->loop.graph, link, l->first, l->second, forth.pose,
                                      information);
 }
 
-/* A link takes in one that measures the same. */
-static cairn_status take_in(cairn_mapper *mapper, int32_t link, int32_t from, int32_t to,
-                            measured m, int32_t is_loop)
+/* Fuses a link with another measurement between the same keyframes. */
+static cairn_status merge_link(cairn_mapper *mapper, int32_t link, int32_t from, int32_t to,
+                               measurement m, int32_t is_loop)
 {
     mapper_link *l = &mapper->loop.links[link];
-    measured there, both;
+    measurement existing, both;
 
-    if (!seen_from(mapper, link, from, &there))
+    if (!link_measurement(mapper, link, from, &existing))
         return CAIRN_BAD_ARGUMENT;
-    if (!fuse(mapper, there, m, &both)) {
-        cairn_real of_there =
-            cairn_mapper_strain_of(mapper, from, to, there.pose, there.covariance);
+    if (!fuse(mapper, existing, m, &both)) {
+        cairn_real existing_chi2 =
+            cairn_mapper_strain_of(mapper, from, to, existing.pose, existing.covariance);
 
-        both =
-            cairn_mapper_strain_of(mapper, from, to, m.pose, m.covariance) < of_there ? m : there;
+        both = cairn_mapper_strain_of(mapper, from, to, m.pose, m.covariance) < existing_chi2
+                   ? m
+                   : existing;
     }
     l->is_loop &= is_loop;
     return set_link(mapper, link, from, to, both);
 }
 
-/* A link from the key scan that goes leads from its neighbour now, which is hung on it in the
- * other's place. */
-static cairn_status bend_link(cairn_mapper *mapper, int32_t link, int32_t key, int32_t onto,
-                              measured onto_key)
+/* Redirects a link of the culled keyframe to the neighbour and attaches it to the neighbour's
+ * adjacency list. */
+static cairn_status redirect_link(cairn_mapper *mapper, int32_t link, int32_t keyframe,
+                                  int32_t neighbour, measurement neighbour_key)
 {
     mapper_loop *loop = &mapper->loop;
     mapper_link *l = &loop->links[link];
-    int32_t far = other_end(l, key), next = l->next[l->first == key],
-            there = link_between(loop, onto, far);
-    measured key_far, onto_far;
+    int32_t far = other_end(l, keyframe), next = l->next[l->first == keyframe],
+            existing = link_between(loop, neighbour, far);
+    measurement key_far, neighbour_far;
     cairn_status status;
 
-    if (far == onto)
+    if (far == neighbour)
         return CAIRN_OK;
-    if (!seen_from(mapper, link, key, &key_far))
+    if (!link_measurement(mapper, link, keyframe, &key_far))
         return CAIRN_BAD_ARGUMENT;
-    onto_far = composed(onto_key, key_far);
-    if (there >= 0)
-        return take_in(mapper, there, onto, far, onto_far, l->is_loop);
+    neighbour_far = compose(neighbour_key, key_far);
+    if (existing >= 0)
+        return merge_link(mapper, existing, neighbour, far, neighbour_far, l->is_loop);
     if (l->is_loop && loop->link_count >= 2 * loop->entered)
         return CAIRN_OK;
-    status = set_link(mapper, link, onto, far, onto_far);
+    status = set_link(mapper, link, neighbour, far, neighbour_far);
     l->next[l->second == far] = next;
-    cairn_mapper_hang_link(loop, link, l->second == onto);
+    cairn_mapper_hang_link(loop, link, l->second == neighbour);
     return status;
 }
 
-/* Takes away the links that the key scan still has; those that stay are counted, and hung up,
- * anew. */
-static void remove_links(cairn_mapper *mapper, int32_t key)
+/* Removes the remaining links of the culled keyframe; rebuilds indices and adjacency lists of the
+ * others. */
+static void remove_links(cairn_mapper *mapper, int32_t keyframe)
 {
     mapper_loop *loop = &mapper->loop;
     int32_t kept = 0;
@@ -290,10 +305,10 @@ static void remove_links(cairn_mapper *mapper, int32_t key)
     for (int32_t i = 0; i < loop->link_count; i++) {
         mapper_link link = loop->links[i];
 
-        if (link.first == key || link.second == key)
+        if (link.first == keyframe || link.second == keyframe)
             continue;
-        link.first -= link.first > key;
-        link.second -= link.second > key;
+        link.first -= link.first > keyframe;
+        link.second -= link.second > keyframe;
         loop->links[kept] = link;
         cairn_mapper_hang_link(loop, kept, 0);
         cairn_mapper_hang_link(loop, kept, 1);
@@ -303,129 +318,133 @@ static void remove_links(cairn_mapper *mapper, int32_t key)
     loop->link_count = kept;
 }
 
-/* ---- Numbers ---- */
+/* ---- Renumbering ---- */
 
-/* What was the key scan that goes is the one on which it hangs; those after it move up. */
-static void rename_key(const cairn_mapper_release *release, int32_t *key)
+/* Maps the culled keyframe to its neighbour and decreases the indices after it. */
+static void renumber_keyframe(const cairn_mapper_release *release, int32_t *keyframe)
 {
-    if (*key == release->key)
-        *key = release->onto;
+    if (*keyframe == release->key)
+        *keyframe = release->onto;
     else
-        *key -= *key > release->key;
+        *keyframe -= *keyframe > release->key;
 }
 
-void cairn_mapper_rehang(cairn_mapper_release release, int32_t *key, cairn_pose *key_scan)
+void cairn_mapper_rehang(cairn_mapper_release culling, int32_t *keyframe, cairn_pose *keyframe_scan)
 {
-    if (*key == release.key)
-        *key_scan = cairn_pose_compose(release.onto_key, *key_scan);
-    rename_key(&release, key);
+    if (*keyframe == culling.key)
+        *keyframe_scan = cairn_pose_compose(culling.onto_key, *keyframe_scan);
+    renumber_keyframe(&culling, keyframe);
 }
 
-/* A piece of the map whose first key scan goes is named by the next one of it. */
-static void rename_pieces(cairn_mapper *mapper, int32_t gone)
+/* A submap whose first keyframe is culled gets the index of its next keyframe. */
+static void renumber_submaps(cairn_mapper *mapper, int32_t culled)
 {
     mapper_tie *ties = mapper->loop.ties;
-    int32_t heir = -1;
+    int32_t successor = -1;
 
-    for (int32_t key = gone + 1; key < mapper->key_count; key++) {
-        if (ties[key].piece == gone) {
-            if (heir < 0)
-                ties[key].doubtful = ties[gone].doubtful;
-            heir = heir < 0 ? key : heir;
-            ties[key].piece = heir;
+    for (int32_t keyframe = culled + 1; keyframe < mapper->key_count; keyframe++) {
+        if (ties[keyframe].piece == culled) {
+            if (successor < 0)
+                ties[keyframe].doubtful = ties[culled].doubtful;
+            successor = successor < 0 ? keyframe : successor;
+            ties[keyframe].piece = successor;
         }
     }
 }
 
-static void move_up(cairn_mapper *mapper, const cairn_mapper_release *release)
+/* Closes the gap in the arrays indexed by keyframes. */
+static void shift_indices(cairn_mapper *mapper, const cairn_mapper_release *release)
 {
     mapper_loop *loop = &mapper->loop;
 
     mapper->key_count--;
-    for (int32_t key = 0; key < mapper->key_count; key++) {
-        int32_t from = key + (key >= release->key);
+    for (int32_t keyframe = 0; keyframe < mapper->key_count; keyframe++) {
+        int32_t from = keyframe + (keyframe >= release->key);
 
-        mapper->slot[key] = mapper->slot[from];
-        mapper->key_pose[key] = mapper->key_pose[from];
-        loop->ties[key] = loop->ties[from];
-        loop->ties[key].piece -= loop->ties[key].piece > release->key;
-        for (int32_t i = 0; i < loop->ties[key].anchor_count; i++)
-            rename_key(release, &loop->ties[key].anchors[i]);
-        loop->cover.loss[key] = loop->cover.loss[from];
-        loop->cover.reach[key] = loop->cover.reach[from];
+        mapper->slot[keyframe] = mapper->slot[from];
+        mapper->key_pose[keyframe] = mapper->key_pose[from];
+        loop->ties[keyframe] = loop->ties[from];
+        loop->ties[keyframe].piece -= loop->ties[keyframe].piece > release->key;
+        for (int32_t i = 0; i < loop->ties[keyframe].anchor_count; i++)
+            renumber_keyframe(release, &loop->ties[keyframe].anchors[i]);
+        loop->redundancy.score[keyframe] = loop->redundancy.score[from];
+        loop->redundancy.neighbour_radius2[keyframe] = loop->redundancy.neighbour_radius2[from];
     }
 }
 
-/* Closures that wait hang on the neighbour now. Those that lead to the key scan itself are long
- * past. */
-static void rename_pending(mapper_loop *loop, const cairn_mapper_release *release)
+/* Reattaches pending closures to the neighbour. Those that end at the culled keyframe are
+ * outdated. */
+static void renumber_pending(mapper_loop *loop, const cairn_mapper_release *release)
 {
     int32_t count = loop->pending_count < MAPPER_PENDING ? loop->pending_count : MAPPER_PENDING;
 
     for (int32_t i = 0; i < count; i++) {
-        mapper_pending *waits = &loop->pending[i];
+        mapper_pending *closure = &loop->pending[i];
 
-        cairn_mapper_rehang(*release, &waits->first, &waits->first_second);
-        waits->second -= waits->second >= release->key;
+        cairn_mapper_rehang(*release, &closure->first, &closure->first_second);
+        closure->second -= closure->second >= release->key;
     }
 }
 
-static void rename_all(cairn_mapper *mapper, const cairn_mapper_release *release)
+static void renumber_all(cairn_mapper *mapper, const cairn_mapper_release *release)
 {
     mapper_loop *loop = &mapper->loop;
 
-    rename_pieces(mapper, release->key);
-    move_up(mapper, release);
-    rename_pending(loop, release);
+    renumber_submaps(mapper, release->key);
+    shift_indices(mapper, release);
+    renumber_pending(loop, release);
     for (int32_t i = 0; i < MAPPER_LOOP_EVENTS; i++) {
-        rename_key(release, &loop->events[i].first);
-        rename_key(release, &loop->events[i].second);
+        renumber_keyframe(release, &loop->events[i].first);
+        renumber_keyframe(release, &loop->events[i].second);
     }
     for (int32_t i = 0; i < mapper->local_count; i++)
-        rename_key(release, &mapper->local[i]);
+        renumber_keyframe(release, &mapper->local[i]);
     cairn_mapper_rehang(*release, &mapper->result.key, &mapper->result.key_scan);
     mapper->window_first--;
     mapper->window_end--;
     mapper->window_cursor--;
     loop->entered--;
-    loop->cover.key = 1;
+    loop->redundancy.key = 1;
     mapper->state.keys = mapper->key_count;
 }
 
-/* ---- The release ---- */
+/* ---- Culling ---- */
 
-cairn_status cairn_mapper_release_key(cairn_mapper *mapper, int32_t key, cairn_budget *budget)
+cairn_status cairn_mapper_release_key(cairn_mapper *mapper, int32_t keyframe, cairn_budget *budget)
 {
     mapper_loop *loop = &mapper->loop;
-    int32_t best = best_link(mapper, key), onto, degree = 0, next;
-    cairn_mapper_release *release = &mapper->releases[mapper->state.releases % MAPPER_RELEASES];
-    measured onto_key;
+    int32_t best = most_informative_link(mapper, keyframe), neighbour, degree = 0, next;
+    cairn_mapper_release *release =
+        &mapper->cullings[mapper->state.releases % MAPPER_CULLING_EVENTS];
+    measurement neighbour_key;
     cairn_status status;
 
-    CAIRN_ASSERT(best >= 0); /* the graph is in one piece without its closures */
-    onto = other_end(&loop->links[best], key);
-    status = seen_from(mapper, best, onto, &onto_key) ? CAIRN_OK : CAIRN_BAD_ARGUMENT;
+    /* The graph is connected without its closures. */
+    CAIRN_ASSERT(best >= 0);
+    neighbour = other_end(&loop->links[best], keyframe);
+    status =
+        link_measurement(mapper, best, neighbour, &neighbour_key) ? CAIRN_OK : CAIRN_BAD_ARGUMENT;
 
-    for (int32_t link = loop->first_link[key]; link >= 0 && status == CAIRN_OK; link = next) {
-        next = loop->links[link].next[loop->links[link].second == key];
+    for (int32_t link = loop->first_link[keyframe]; link >= 0 && status == CAIRN_OK; link = next) {
+        next = loop->links[link].next[loop->links[link].second == keyframe];
         if (link != best && !loop->links[link].dropped)
-            status = bend_link(mapper, link, key, onto, onto_key);
+            status = redirect_link(mapper, link, keyframe, neighbour, neighbour_key);
         degree++;
     }
     if (status == CAIRN_OK)
-        status = cairn_pose_graph_remove_pose(loop->graph, key);
+        status = cairn_pose_graph_remove_pose(loop->graph, keyframe);
     if (status == CAIRN_OK)
-        status = cairn_scan_set_remove(mapper->keys, mapper->slot[key]);
+        status = cairn_scan_set_remove(mapper->keys, mapper->slot[keyframe]);
     if (status != CAIRN_OK)
         return status;
     budget->left -= 1 + 16 * degree + (mapper->key_count + loop->link_count) / 8;
-    release->key = key;
-    release->onto = onto - (onto > key);
-    release->onto_key = cairn_pose_between(mapper->key_pose[onto], mapper->key_pose[key]);
+    release->key = keyframe;
+    release->onto = neighbour - (neighbour > keyframe);
+    release->onto_key = cairn_pose_between(mapper->key_pose[neighbour], mapper->key_pose[keyframe]);
     mapper->state.releases = mapper->state.releases == INT32_MAX ? 0 : mapper->state.releases + 1;
-    cairn_mapper_uncover(mapper, key);
-    remove_links(mapper, key);
-    rename_all(mapper, release);
-    loop->unsolvable = 0;
+    cairn_mapper_uncover(mapper, keyframe);
+    remove_links(mapper, keyframe);
+    renumber_all(mapper, release);
+    loop->factor_full = 0;
     return CAIRN_OK;
 }

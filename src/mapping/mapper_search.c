@@ -1,151 +1,161 @@
-/* A scan in doubt is searched for in the window about its prediction, by shape alone.
+/* Relocalization search: a match of low confidence is searched for around its prediction, by shape.
  *
- * Method. scan_match gets the key scans near by, first in a small window, then in a wide one.
- * Where its best hypothesis is the match at hand, that stands. What it finds far from where
- * trusted odometry leads must be no chance likeness: the evidence must outweigh the odds against
- * such a throw. A single scan that nearly does so is kept in mind: when the next one tells the
- * same, both together decide, and a scan that may be elsewhere does not become a key scan
- * meanwhile. */
+ * Method.
+ *
+ * 1. scan_match gets the nearby keyframes and searches a small window, then a wide one.
+ * 2. Where its best hypothesis is the current match, that match stands.
+ * 3. A hypothesis far from healthy odometry competes with the prior against kidnapping: its log
+ *    odds must exceed a cost that grows with the squared distance.
+ * 4. A single scan that nearly does so leaves a pending relocalization hypothesis. When the next
+ *    scan finds the same pose, both log odds are added. A scan with a new pending hypothesis does
+ *    not become a keyframe. */
 #include "src/core/build.h"
 
 #include "src/mapping/mapper_work.h"
 
-/* m and rad */
-static const cairn_real SEARCH_WINDOW = CAIRN_REAL(0.5), SEARCH_ANGLE = CAIRN_REAL(0.5);
-/* ... when nothing was found there, in MAPPER_WIDE_WINDOW */
-static const cairn_real WIDE_ANGLE = CAIRN_REAL(1.6);
-/* m and rad: nobody pushes a robot much farther */
-static const cairn_real THROWN = CAIRN_REAL(0.5);
-/* log odds against it, by the square of that, to 4 times as many */
-static const cairn_real THROWN_COST = 3;
-/* m and rad: what two scans tell of one place differs by no more, while somebody pushes. */
-static const cairn_real ALIKE = CAIRN_REAL(0.3);
-/* Log odds, by scan_match, that a place is no chance likeness; here it is most likely in the
- * window. */
-static const cairn_real LOCAL_EVIDENCE = -4;
-/* of a scan, which must fit where odometry does not lead */
-static const cairn_real MOST = CAIRN_REAL(0.5);
+/* m and rad: half sides of the small search window */
+static const cairn_real SEARCH_RADIUS_M = CAIRN_REAL(0.5), SEARCH_ANGLE_RAD = CAIRN_REAL(0.5);
+/* rad: half side of the wide search window, which has MAPPER_WIDE_SEARCH_M */
+static const cairn_real WIDE_SEARCH_RAD = CAIRN_REAL(1.6);
+/* m and rad: unit of distance from odometry in the kidnapping prior */
+static const cairn_real KIDNAPPING_SCALE = CAIRN_REAL(0.5);
+/* nats: negative log prior of being moved by one unit; it grows with the square, up to 4 times */
+static const cairn_real KIDNAPPING_COST = 3;
+/* m and rad: maximum difference of the poses that two successive scans find */
+static const cairn_real REPEAT_TOLERANCE = CAIRN_REAL(0.3);
+/* nats: minimum log odds by scan_match; low, since the true pose is most likely in the window */
+static const cairn_real MIN_LOG_ODDS = -4;
+/* minimum share of the scan that fits in the wide window */
+static const cairn_real MIN_WIDE_FIT = CAIRN_REAL(0.5);
 
 static cairn_status begin_search(cairn_mapper *mapper)
 {
     cairn_scan_view view = cairn_scan_read(mapper->scan);
     cairn_scan_match_part query = cairn_scan_match_part_of(&view);
-    cairn_scan_match_window window = {SEARCH_WINDOW + cairn_mapper_way(mapper->motion),
-                                      SEARCH_ANGLE};
+    cairn_scan_match_window window = {SEARCH_RADIUS_M + cairn_mapper_way(mapper->motion),
+                                      SEARCH_ANGLE_RAD};
 
     if (mapper->searches > 0) {
-        window.distance = MAPPER_WIDE_WINDOW + cairn_mapper_way(mapper->motion);
-        window.angle = WIDE_ANGLE;
+        window.distance = MAPPER_WIDE_SEARCH_M + cairn_mapper_way(mapper->motion);
+        window.angle = WIDE_SEARCH_RAD;
     }
     mapper->state.searched += mapper->searches == 0;
     mapper->searches++;
-    mapper->phase = SEARCH;
+    mapper->phase = MAPPER_SEARCH;
     if (cairn_scan_match_begin(mapper->search, &query, mapper->predicted, &window, NULL) !=
         CAIRN_OK) {
-        mapper->phase = KEEP; /* too far away to be searched for */
-        mapper->doubtful = 1;
+        /* The prediction is out of the searchable range. */
+        mapper->phase = MAPPER_STORE;
+        mapper->low_confidence = 1;
     }
     return CAIRN_OK;
 }
 
-static int32_t search_keys(const cairn_mapper *mapper)
+static int32_t search_keyframes(const cairn_mapper *mapper)
 {
-    return mapper->local_count < MAPPER_SEARCH_KEYS ? mapper->local_count : MAPPER_SEARCH_KEYS;
+    return mapper->local_count < MAPPER_SEARCH_KEYFRAMES ? mapper->local_count
+                                                         : MAPPER_SEARCH_KEYFRAMES;
 }
 
 cairn_status cairn_mapper_search_target(cairn_mapper *mapper, cairn_budget *budget)
 {
     cairn_scan_match_part part;
-    int32_t key;
+    int32_t keyframe;
 
-    if (mapper->search_count == search_keys(mapper))
+    if (mapper->search_target_count == search_keyframes(mapper))
         return begin_search(mapper);
-    if (mapper->search_count == 0) {
+    if (mapper->search_target_count == 0) {
         cairn_mapper_yield_match(mapper);
         cairn_scan_match_clear_target(mapper->search);
     }
-    key = mapper->local[mapper->search_count++];
-    part = cairn_mapper_key_part(mapper, key, mapper->oriented, mapper->beams);
+    keyframe = mapper->local[mapper->search_target_count++];
+    part = cairn_mapper_key_part(mapper, keyframe, mapper->points, mapper->beams);
     budget->left -= 2 + part.count + part.beam_count;
-    if (cairn_scan_match_add_target(mapper->search, &part, mapper->key_pose[key], NULL) != CAIRN_OK)
-        mapper->search_count = search_keys(mapper); /* full */
+    if (cairn_scan_match_add_target(mapper->search, &part, mapper->key_pose[keyframe], NULL) !=
+        CAIRN_OK)
+        mapper->search_target_count = search_keyframes(mapper); /* full */
     return CAIRN_OK;
 }
 
-/* 1 when the scan before told the same of a place. */
-static int32_t is_rumoured(const cairn_mapper *mapper, cairn_pose pose)
+/* Returns 1 when the previous scan's pending hypothesis predicts the same pose. */
+static int32_t is_repeated(const cairn_mapper *mapper, cairn_pose pose)
 {
-    cairn_pose apart = cairn_pose_between(cairn_pose_compose(mapper->rumour, mapper->motion), pose);
+    cairn_pose difference =
+        cairn_pose_between(cairn_pose_compose(mapper->hypothesis, mapper->motion), pose);
 
-    return mapper->rumour_scan > 0 && mapper->rumour_scan == mapper->state.scans &&
-           cairn_mapper_way(apart) <= ALIKE && cairn_abs(apart.theta) <= ALIKE;
+    return mapper->hypothesis_scan > 0 && mapper->hypothesis_scan == mapper->state.scans &&
+           cairn_mapper_way(difference) <= REPEAT_TOLERANCE &&
+           cairn_abs(difference.theta) <= REPEAT_TOLERANCE;
 }
 
-/* What speaks for a place: the evidence of this scan, and of the one before. */
-static cairn_real evidence_of(const cairn_mapper *mapper, const cairn_scan_match_hypothesis *found)
+/* Returns the log odds of a pose: those of this scan plus those of the pending hypothesis. */
+static cairn_real total_log_odds(const cairn_mapper *mapper,
+                                 const cairn_scan_match_hypothesis *found)
 {
     return found->evidence +
-           (is_rumoured(mapper, found->target_query) ? mapper->rumour_evidence : 0);
+           (is_repeated(mapper, found->target_query) ? mapper->hypothesis_log_odds : 0);
 }
 
-/* What speaks against a place far from where odometry leads. Half of it where the scan before
- * was only foretold, and may have been thrown already; and half where that scan told the same: a
- * chance likeness is elsewhere with every scan. */
-static cairn_real thrown_cost(const cairn_mapper *mapper, cairn_pose pose)
+/* Returns the negative log prior of a pose far from odometry, nats. It is halved when the previous
+ * scan had no match, since kidnapping may have begun there. It is halved again when the pending
+ * hypothesis agrees: random similarities differ between scans. */
+static cairn_real kidnapping_cost(const cairn_mapper *mapper, cairn_pose pose)
 {
-    cairn_real cost = THROWN_COST * cairn_mapper_out_of_the_way(mapper, pose, THROWN);
+    cairn_real cost = KIDNAPPING_COST * cairn_mapper_out_of_the_way(mapper, pose, KIDNAPPING_SCALE);
 
     if (mapper->result.verdict != CAIRN_MAPPER_MATCHED)
         cost /= 2;
-    return is_rumoured(mapper, pose) ? cost / 2 : cost;
+    return is_repeated(mapper, pose) ? cost / 2 : cost;
 }
 
-/* 1 when the search has found a place where the scan fits. The farther that is from where
- * odometry leads, the less it may be a chance likeness; in the wide window most of the scan must
- * fit, too. */
+/* Returns 1 when the best hypothesis is accepted. With healthy odometry its log odds must exceed
+ * the kidnapping prior, and in the wide window most of the scan must fit. */
 static int32_t is_found(const cairn_mapper *mapper, const cairn_scan_match_result *result)
 {
     const cairn_scan_match_hypothesis *best = result->hypotheses;
 
     if (result->count == 0)
         return 0;
-    if (!mapper->believed)
-        return best->evidence > LOCAL_EVIDENCE;
-    if (mapper->searches > 1 && (result->verdict == CAIRN_SCAN_MATCH_NONE || best->fit <= MOST))
+    if (!mapper->uses_odometry)
+        return best->evidence > MIN_LOG_ODDS;
+    if (mapper->searches > 1 &&
+        (result->verdict == CAIRN_SCAN_MATCH_NONE || best->fit <= MIN_WIDE_FIT))
         return 0;
-    return evidence_of(mapper, best) > LOCAL_EVIDENCE + thrown_cost(mapper, best->target_query);
+    return total_log_odds(mapper, best) >
+           MIN_LOG_ODDS + kidnapping_cost(mapper, best->target_query);
 }
 
-/* The next scan may tell the same. */
-static void remember_rumour(cairn_mapper *mapper, const cairn_scan_match_result *result)
+/* Stores the best hypothesis as pending; the next scan may confirm it. */
+static void store_hypothesis(cairn_mapper *mapper, const cairn_scan_match_result *result)
 {
     const cairn_scan_match_hypothesis *best = result->hypotheses;
-    cairn_real evidence;
+    cairn_real log_odds;
 
-    if (result->count == 0 || !mapper->believed)
+    if (result->count == 0 || !mapper->uses_odometry)
         return;
-    evidence = evidence_of(mapper, best);
-    if (!(evidence > 0))
+    log_odds = total_log_odds(mapper, best);
+    if (!(log_odds > 0))
         return;
-    mapper->rumour_is_new = mapper->rumour_scan != mapper->state.scans;
-    mapper->rumour = best->target_query;
-    mapper->rumour_evidence = evidence;
-    mapper->rumour_scan = mapper->state.scans + 1;
+    mapper->hypothesis_is_new = mapper->hypothesis_scan != mapper->state.scans;
+    mapper->hypothesis = best->target_query;
+    mapper->hypothesis_log_odds = log_odds;
+    mapper->hypothesis_scan = mapper->state.scans + 1;
 }
 
-/* 1 when it found the match at hand. */
+/* Returns 1 when the search found the current match. */
 static int32_t confirms(const cairn_mapper *mapper, const cairn_scan_match_result *result)
 {
-    cairn_pose apart;
+    cairn_pose difference;
 
     if (!mapper->has_match || result->count == 0)
         return 0;
-    apart = cairn_pose_between(mapper->match.target_query, result->hypotheses[0].target_query);
-    return cairn_mapper_way(apart) <= 2 * MAPPER_APART &&
-           cairn_abs(apart.theta) <= 2 * MAPPER_APART_TURN;
+    difference = cairn_pose_between(mapper->match.target_query, result->hypotheses[0].target_query);
+    return cairn_mapper_way(difference) <= 2 * MAPPER_DISTINCT_M &&
+           cairn_abs(difference.theta) <= 2 * MAPPER_DISTINCT_RAD;
 }
 
-/* The search is over: the match runs from what it found, or what there is stays, in doubt. */
+/* Ends the search: ICP runs from the best hypothesis, or the current match stays with low
+ * confidence. */
 static cairn_status end_search(cairn_mapper *mapper)
 {
     cairn_scan_match_result result = cairn_scan_match_read(mapper->search);
@@ -158,28 +168,28 @@ static cairn_status end_search(cairn_mapper *mapper)
         return cairn_mapper_end_choice(mapper);
     if (!is_found(mapper, &result) && mapper->searches == 1)
         return begin_search(mapper);
-    mapper->phase = KEEP;
-    mapper->doubtful = 1;
+    mapper->phase = MAPPER_STORE;
+    mapper->low_confidence = 1;
     if (!is_found(mapper, &result)) {
-        remember_rumour(mapper, &result);
+        store_hypothesis(mapper, &result);
         return CAIRN_OK;
     }
     for (int32_t i = 0; i < result.count; i++) {
         cairn_pose pose = result.hypotheses[i].target_query;
         cairn_real value =
             cairn_log(result.hypotheses[i].score + CAIRN_REAL(1e-3)) -
-            CAIRN_REAL(0.05) * cairn_mapper_out_of_the_way(mapper, pose, MAPPER_STRANGE);
+            CAIRN_REAL(0.05) * cairn_mapper_out_of_the_way(mapper, pose, MAPPER_PRIOR_SCALE);
 
         if (chosen < 0 || value > best) {
             chosen = i;
             best = value;
         }
     }
-    /* Between rivals odometry decides. */
-    mapper->doubtful =
-        cairn_mapper_has_rival(&result) &&
-        (!mapper->believed || cairn_mapper_is_far(mapper, result.hypotheses[chosen].target_query));
-    mapper->phase = MATCH_FOUND;
+    /* Odometry decides between ambiguous hypotheses. */
+    mapper->low_confidence = cairn_mapper_has_rival(&result) &&
+                             (!mapper->uses_odometry ||
+                              cairn_mapper_is_far(mapper, result.hypotheses[chosen].target_query));
+    mapper->phase = MAPPER_MATCH_FOUND;
     prior.mean = result.hypotheses[chosen].target_query;
     return cairn_icp_begin(mapper->icp, view.points, view.point_count,
                            result.hypotheses[chosen].target_query, &prior, NULL);
@@ -187,18 +197,20 @@ static cairn_status end_search(cairn_mapper *mapper)
 
 cairn_status cairn_mapper_search_step(cairn_mapper *mapper, cairn_budget *budget)
 {
-    int32_t quota = mapper->params.search_units - mapper->matched - mapper->spent;
+    int32_t quota =
+        mapper->params.search_units - mapper->match_units_used - mapper->search_units_used;
     int32_t most = budget->left < quota ? budget->left : quota;
     cairn_budget share = {most};
     cairn_status status = cairn_scan_match_step(mapper->search, &share);
 
     budget->left -= most - share.left;
-    mapper->spent += most - share.left;
+    mapper->search_units_used += most - share.left;
     if (status == CAIRN_OK)
         return end_search(mapper);
-    if (status == CAIRN_MORE && mapper->matched + mapper->spent >= mapper->params.search_units) {
-        mapper->phase = KEEP;
-        mapper->doubtful = 1;
+    if (status == CAIRN_MORE &&
+        mapper->match_units_used + mapper->search_units_used >= mapper->params.search_units) {
+        mapper->phase = MAPPER_STORE;
+        mapper->low_confidence = 1;
     }
     return status == CAIRN_MORE ? CAIRN_OK : status;
 }

@@ -1,26 +1,27 @@
-/* The force field over the last key scans (Adluru 2008, section 7.3.6, online FFS).
+/* Sliding-window refinement: the force field over the last keyframes (Adluru 2008, section 7.3.6,
+ * online FFS).
  *
- * It starts with every new key scan and takes a share of the units of each scan that follows. Poses
- * are taken over when it has stopped, or as far as it came when the next key scan is there. Loops
- * rest meanwhile: no correction comes between.
+ * Method. A run starts with every new keyframe and takes a share of the units of each scan that
+ * follows. Its poses are applied when it has converged, or as far as it came when the next keyframe
+ * arrives. Loop closure rests meanwhile, so no graph optimization comes between.
  *
- * Limits: where the points of the window have no room together (max_local_points), its oldest
- * key scans are left out. Where a key scan lies farther away than the force field takes (1e6 m),
- * the window rests. */
+ * Limits: where the points of the window exceed max_local_points, its oldest keyframes are left
+ * out. A keyframe beyond the force field's range (1e6 m) cancels the run. */
 #include "src/core/build.h"
 
 #include "src/mapping/mapper_work.h"
 
-/* Key scans of the window, the last ones, as far as there is room for their points. */
+/* Returns the first keyframe of the window: as many of the last keyframes as fit with their
+ * points. */
 static int32_t window_begin(const cairn_mapper *mapper)
 {
     int32_t end = mapper->key_count, first = end - 1,
             points = cairn_mapper_point_count(mapper, first);
-    int32_t room = cairn_mapper_local_points(&mapper->params, mapper->params.window);
+    int32_t capacity = cairn_mapper_local_points(&mapper->params, mapper->params.window);
 
     for (; first > 0 && end - first < mapper->params.window; first--) {
         points += cairn_mapper_point_count(mapper, first - 1);
-        if (points > room)
+        if (points > capacity)
             break;
     }
     return first;
@@ -34,20 +35,20 @@ void cairn_mapper_begin_window(cairn_mapper *mapper)
     cairn_force_field_clear(mapper->field);
 }
 
-/* Adds the key scan at the cursor. */
+/* Adds the keyframe at the cursor. */
 static cairn_status fill_item(cairn_mapper *mapper, cairn_budget *budget)
 {
-    int32_t key = mapper->window_cursor++;
-    cairn_scan_view view = cairn_mapper_key_view(mapper, key);
+    int32_t keyframe = mapper->window_cursor++;
+    cairn_scan_view view = cairn_mapper_key_view(mapper, keyframe);
     cairn_status status =
-        cairn_force_field_add_scan(mapper->field, &view, NULL, mapper->key_pose[key], NULL);
+        cairn_force_field_add_scan(mapper->field, &view, NULL, mapper->key_pose[keyframe], NULL);
 
-    /* The first one always stays: something must hold the window in its place. So do those whose
-     * links are measured. */
-    if (status == CAIRN_OK &&
-        (key == mapper->window_first || key < mapper->window_end - mapper->params.window_free ||
-         key < mapper->loop.entered))
-        status = cairn_force_field_fix(mapper->field, key - mapper->window_first, 1);
+    /* The first keyframe is always fixed, which removes the gauge freedom of the window. Those with
+     * links in the graph are fixed as well. */
+    if (status == CAIRN_OK && (keyframe == mapper->window_first ||
+                               keyframe < mapper->window_end - mapper->params.window_free ||
+                               keyframe < mapper->loop.entered))
+        status = cairn_force_field_fix(mapper->field, keyframe - mapper->window_first, 1);
     budget->left -= 2 + view.point_count / 2;
     if (mapper->window_cursor == mapper->window_end)
         mapper->window_phase = WINDOW_RUN;

@@ -1,9 +1,16 @@
-/* What the parts of mapper share: mapper.c (scan by scan), mapper_create.c (params and memory),
- * mapper_front.c (its match), mapper_search.c (the search of one in doubt), mapper_keys.c (key
- * scans, local map), mapper_window.c (force field over the last key scans), mapper_loop.c (loops
- * that close), mapper_tie.c (on what key scans hang), mapper_graph.c (correction of all key
- * scans), mapper_cover.c (how well key scans are covered by others), mapper_release.c (key scans
- * that go). */
+/* Internal state and functions shared by the source files of module mapper:
+ *
+ * - mapper.c: state machine, one scan after another
+ * - mapper_create.c: params, validation, memory
+ * - mapper_front.c: front end: motion prediction, scan matching, odometry health
+ * - mapper_search.c: relocalization search for a match of low confidence
+ * - mapper_keyframes.c: keyframe storage, local map, visibility profiles
+ * - mapper_window.c: sliding-window refinement by the force field
+ * - mapper_loop.c: loop-closure detection and verification
+ * - mapper_constraint.c: covariances of sequential constraints, reference keyframes
+ * - mapper_graph.c: pose graph and its optimization
+ * - mapper_redundancy.c: redundancy scores of keyframes
+ * - mapper_culling.c: keyframe culling */
 #ifndef CAIRN_MAPPING_MAPPER_WORK_H
 #define CAIRN_MAPPING_MAPPER_WORK_H
 
@@ -12,94 +19,96 @@
 #include "cairn/scan_match.h"
 
 enum {
-    /* of what a key scan saw free */
+    /* sectors of a visibility profile (range by bearing) */
     MAPPER_BEARINGS = 256,
-    /* places at which a key scan is looked for */
-    MAPPER_CANDIDATES = 3,
-    /* key scans on which one hangs besides the one before */
-    MAPPER_ANCHORS = 2,
-    /* closures that wait for others to agree */
+    /* loop-closure candidates per keyframe */
+    MAPPER_MAX_CANDIDATES = 3,
+    /* constraints of a keyframe to earlier submaps, besides the one to its predecessor */
+    MAPPER_MAX_ANCHORS = 2,
+    /* closures that wait for consistent ones (ring buffer) */
     MAPPER_PENDING = 32,
-    /* that can be read */
+    /* loop events that can be read (ring buffer) */
     MAPPER_LOOP_EVENTS = 64,
-    /* likewise */
-    MAPPER_RELEASES = 64,
-    /* key scans by which one may be covered */
-    MAPPER_COVERING = 8,
-    /* of what a key scan saw, free and surfaces */
+    /* culling events that can be read (ring buffer) */
+    MAPPER_CULLING_EVENTS = 64,
+    /* nearest earlier keyframes that may observe the same samples */
+    MAPPER_REDUNDANCY_NEIGHBOURS = 8,
+    /* samples of a keyframe's visibility profile, half free space and half surface */
     MAPPER_SAMPLES = 128,
-    /* key scans of the local map in which a scan in doubt is searched for */
-    MAPPER_SEARCH_KEYS = 5,
-    /* places that a search refines */
+    /* keyframes of the local map in the target of a relocalization search */
+    MAPPER_SEARCH_KEYFRAMES = 5,
+    /* hypotheses that a relocalization search refines */
     MAPPER_SEARCH_CANDIDATES = 32
 };
 
-/* Standard deviations of what is in doubt, m and rad. */
-static const cairn_real MAPPER_DOUBT = CAIRN_REAL(0.3), MAPPER_DOUBT_TURN = CAIRN_REAL(0.15);
-static const cairn_real MAPPER_SLIPPERY =
-    /* share of information along a direction that is hardly told */
-    CAIRN_REAL(0.05);
-/* m, of the widest search of a scan in doubt, beyond its motion */
-static const cairn_real MAPPER_WIDE_WINDOW = 1;
+/* Standard deviations added to a match of low confidence, m and rad. */
+static const cairn_real MAPPER_LOW_CONFIDENCE_M = CAIRN_REAL(0.3),
+                        MAPPER_LOW_CONFIDENCE_RAD = CAIRN_REAL(0.15);
+/* A direction with a smaller ratio of smallest to largest information is weakly observable. */
+static const cairn_real MAPPER_MIN_INFORMATION_RATIO = CAIRN_REAL(0.05);
+/* m: half side of the largest relocalization search window, plus the motion of the scan. */
+static const cairn_real MAPPER_WIDE_SEARCH_M = 1;
 
-/* m: motions that lead so far apart are tried both */
-static const cairn_real MAPPER_APART = CAIRN_REAL(0.05);
-static const cairn_real MAPPER_APART_TURN = CAIRN_REAL(0.02);
-/* m and rad out of the way */
-static const cairn_real MAPPER_STRANGE = CAIRN_REAL(0.1);
+/* m and rad: two motion hypotheses that differ by more are both tried. */
+static const cairn_real MAPPER_DISTINCT_M = CAIRN_REAL(0.05);
+static const cairn_real MAPPER_DISTINCT_RAD = CAIRN_REAL(0.02);
+/* m and rad: unit of a pose's deviation from the predicted motion in match scores. */
+static const cairn_real MAPPER_PRIOR_SCALE = CAIRN_REAL(0.1);
 
-typedef int32_t phase;
+typedef int32_t mapper_phase;
 enum {
-    IDLE = 0,
-    FIT,           /* lines of the new scan */
-    SELECT,        /* key scans near the predicted pose */
-    TARGET,        /* local map out of them */
-    MATCH,         /* from the prediction */
-    MATCH_OTHER,   /* from another motion */
-    SEARCH_TARGET, /* local map of the search */
-    SEARCH,        /* of a match in doubt */
-    MATCH_FOUND,   /* from what it found */
-    MATCH_HELD,    /* from the prediction, which decides where few points tell otherwise */
-    KEEP,          /* result, and a key scan if it is one */
-    SHARE          /* force field, then loops and graph, for their share of the scan */
+    MAPPER_IDLE = 0,
+    MAPPER_FIT_LINES,           /* lines of the new scan */
+    MAPPER_SELECT_LOCAL,        /* keyframes near the predicted pose */
+    MAPPER_BUILD_TARGET,        /* the local map, made of these keyframes */
+    MAPPER_MATCH,               /* ICP from the prediction */
+    MAPPER_MATCH_ALTERNATIVE,   /* ICP from the alternative motion */
+    MAPPER_BUILD_SEARCH_TARGET, /* target map of the relocalization search */
+    MAPPER_SEARCH,              /* relocalization search of a match of low confidence */
+    MAPPER_MATCH_FOUND,         /* ICP from the hypothesis of the search */
+    MAPPER_MATCH_CONSTRAINED,   /* ICP again, the prior deciding in weakly observable directions */
+    MAPPER_STORE,               /* fill in the result; store the scan if it is a keyframe */
+    /* force field, then loop closure and graph, within their shares of units */
+    MAPPER_BACKGROUND
 };
 
-typedef int32_t window_phase;
+typedef int32_t mapper_window_phase;
 enum {
     WINDOW_IDLE = 0,
-    WINDOW_FILL, /* key scans into the force field */
+    WINDOW_FILL, /* add keyframes to the force field */
     WINDOW_RUN
 };
 
-typedef int32_t loop_phase;
+typedef int32_t mapper_loop_phase;
 enum {
     LOOP_IDLE = 0,
-    LOOP_CLEAR,     /* of the distances */
-    LOOP_DISTANCES, /* how far a path from the query can have gone astray, for every key scan */
-    LOOP_CHOOSE,    /* candidates */
-    LOOP_CANDIDATE, /* the one at hand, from the beginning */
-    LOOP_TARGET,    /* the map around it */
+    LOOP_RESET_PATHS,   /* reset the path variances of all keyframes */
+    LOOP_PATH_VARIANCE, /* Dijkstra: least accumulated variance from the query to every keyframe */
+    LOOP_SELECT_CANDIDATES, /* candidate keyframes */
+    LOOP_BEGIN_CANDIDATE,   /* start with the current candidate */
+    LOOP_BUILD_TARGET,      /* target map around the candidate */
     LOOP_MATCH,
-    LOOP_SOLVE,
-    LOOP_COVER, /* how well key scans are covered; one of them goes then */
-    LOOP_PACK   /* the room that it leaves */
+    LOOP_OPTIMIZE,
+    LOOP_COVER,  /* redundancy scores of keyframes, then cull one */
+    LOOP_COMPACT /* compact the scan set after a culling */
 };
 
-/* A link of the graph as the search for loops sees it; its number is that in the graph. */
+/* A link of the pose graph as loop-closure detection uses it: an adjacency list with variances. It
+ * has the index of the graph's link. Variances in m^2 and rad^2. */
 typedef struct mapper_link {
     int32_t first, second;
-    int32_t next[2]; /* the next link of first and of second; -1: none */
-    cairn_real variance, turn_variance;
+    int32_t next[2]; /* next link of first and of second; -1: none */
+    cairn_real variance, heading_variance;
     int32_t is_loop, dropped;
 } mapper_link;
 
-/* A place at which the query may be. */
+/* A loop-closure candidate: an older keyframe that may show the same place as the query. */
 typedef struct mapper_candidate {
     int32_t key;
-    cairn_real distance; /* m, between what both see */
+    cairn_real distance; /* m, between the scan centroids, plus penalties */
 } mapper_candidate;
 
-/* A closure that waits for others to agree. */
+/* A closure that waits for consistent closures. */
 typedef struct mapper_pending {
     int32_t first, second;
     int32_t accepted;
@@ -107,69 +116,72 @@ typedef struct mapper_pending {
     cairn_sym3 covariance; /* in the frame of second */
 } mapper_pending;
 
-/* How a key scan hangs on others: on the one before, and on those that tell what that one does
- * not. Covariances are in its own frame. See mapper_tie.c. */
+/* Sequential constraints of a keyframe: the covariance relative to its predecessor, and to other
+ * submaps that constrain it better. Covariances are in the keyframe's own frame, m and rad. See
+ * mapper_constraint.c. */
 typedef struct mapper_tie {
-    cairn_sym3 covariance; /* seen from the one before */
-    int32_t anchors[MAPPER_ANCHORS];
-    cairn_sym3 anchor_covariance[MAPPER_ANCHORS];
+    cairn_sym3 covariance; /* relative to the predecessor */
+    int32_t anchors[MAPPER_MAX_ANCHORS];
+    cairn_sym3 anchor_covariance[MAPPER_MAX_ANCHORS];
     int32_t anchor_count;
     int32_t doubtful;
-    int32_t piece;     /* of the map, of key scans that are rigid among each other: its first one */
-    cairn_real spread; /* m, standard deviation of its place by all of them */
+    int32_t piece;             /* submap of mutually rigid keyframes: index of its first one */
+    cairn_real position_sigma; /* m, standard deviation of its position by all constraints */
 } mapper_tie;
 
-/* How well key scans are covered by others, and which one is being looked at. See
- * mapper_cover.c. */
+/* Redundancy of keyframes, and the computation in progress. See mapper_redundancy.c. */
 typedef struct mapper_cover {
-    /* [max_keys] of what a key scan shows, what would go with it; -1: not known */
-    cairn_real *loss;
-    /* [max_keys] m^2, to the farthest key scan that may cover it */
-    cairn_real *reach;
+    /* [max_keyframes] redundancy score: coverage that culling would lose, in samples; small is
+     * redundant; -1: unknown */
+    cairn_real *score;
+    /* [max_keyframes] m^2, squared distance to the farthest neighbour considered */
+    cairn_real *neighbour_radius2;
     int32_t key;
-    /* key scans before it, the nearest first */
-    int32_t near[MAPPER_COVERING];
-    cairn_real distance[MAPPER_COVERING];
-    int32_t near_count, at;
-    /* by so many of them */
-    uint8_t covered[MAPPER_SAMPLES];
+    /* nearest keyframes before it, sorted by distance */
+    int32_t neighbours[MAPPER_REDUNDANCY_NEIGHBOURS];
+    cairn_real neighbour_distance2[MAPPER_REDUNDANCY_NEIGHBOURS];
+    int32_t neighbour_count, next_neighbour;
+    /* number of neighbours that observe each sample */
+    uint8_t observer_counts[MAPPER_SAMPLES];
 } mapper_cover;
 
 typedef struct mapper_loop {
     cairn_pose_graph *graph;
-    mapper_link *links;        /* [max_keys + max_loops] */
-    int32_t *first_link;       /* [max_keys] of a key scan; -1: none */
-    mapper_tie *ties;          /* [max_keys] by the match with which a key scan came */
-    cairn_real *variance;      /* [max_keys] m^2, of the path to the query */
-    cairn_real *turn_variance; /* [max_keys] rad^2 */
-    int32_t *heap;             /* [max_keys] key scans by variance */
-    int32_t *heap_at;          /* [max_keys] their places; -1: not in it, -2: done */
-    int32_t heap_count;
+    mapper_link *links; /* [max_keyframes + max_loops] */
+    /* [max_keyframes] head of the adjacency list of a keyframe; -1: none */
+    int32_t *first_link;
+    mapper_tie *ties;             /* [max_keyframes] of the match that stored the keyframe */
+    cairn_real *variance;         /* [max_keyframes] m^2, accumulated along the path to the query */
+    cairn_real *heading_variance; /* [max_keyframes] rad^2, likewise */
+    int32_t *heap;                /* [max_keyframes] binary min-heap of keyframes by variance */
+    /* [max_keyframes] position in the heap; -1: not in it, -2: settled */
+    int32_t *heap_position;
+    int32_t heap_count; /* keyframes in the heap */
     int32_t link_count;
-    int32_t entered; /* key scans in the graph */
+    int32_t entered; /* keyframes in the pose graph */
 
-    loop_phase phase;
-    int32_t quota; /* units left of the scan's share */
-    int32_t cursor;
-    int32_t query;                      /* key scan that is looked for */
+    mapper_loop_phase phase;
+    int32_t quota;                      /* work units left of the scan's share */
+    int32_t cursor;                     /* index within the phase */
+    int32_t query;                      /* keyframe that a return is searched for */
     cairn_oriented_point *query_points; /* [scan.max_points] */
     cairn_beam *query_beams;            /* [MAPPER_BEARINGS] */
     cairn_scan_match_part query_part;
-    mapper_candidate candidates[MAPPER_CANDIDATES];
+    mapper_candidate candidates[MAPPER_MAX_CANDIDATES];
     int32_t candidate_count, candidate;
-    mapper_candidate run; /* the best of the run of key scans at hand */
-    int32_t in_run;
-    int32_t target_from, target_end;
+    mapper_candidate best_of_run;    /* best candidate of the current run of successive keyframes */
+    int32_t in_run;                  /* 1: a run of candidates is open */
+    int32_t target_from, target_end; /* keyframes to add to the target map */
 
     mapper_pending pending[MAPPER_PENDING];
-    int32_t pending_count; /* ever */
-    int32_t fresh;         /* closures since the last solution */
-    int32_t searched;      /* key scans since the last solution */
-    cairn_real strain;     /* the largest chi2 of these closures */
-    int32_t closing;       /* 1: the last scan is in, all is to be settled */
-    int32_t unsolvable;    /* 1: the factor has no room */
-    int32_t releasing;     /* 1: key scans go until there is some room again */
-    mapper_cover cover;
+    int32_t pending_count;         /* total over the mapper's life */
+    int32_t fresh;                 /* closures since the last optimization */
+    int32_t keyframes_since_solve; /* keyframes added since the last optimization */
+    cairn_real largest_chi2;       /* largest chi-squared of the unsolved closures */
+    int32_t settling;              /* 1: settle() is running, all pending work is finished */
+    int32_t factor_full;           /* 1: the factor of the graph has no capacity */
+    int32_t culling;               /* 1: keyframes are culled until there is some capacity again */
+    mapper_cover redundancy;
     cairn_mapper_loop events[MAPPER_LOOP_EVENTS];
 } mapper_loop;
 
@@ -180,300 +192,310 @@ struct cairn_mapper {
     cairn_force_field *field;
     cairn_scan_set *keys;
     int32_t key_count;
-    int32_t *slot;        /* [max_keys] of a key scan in the set */
-    cairn_pose *key_pose; /* [max_keys] map_key */
-    /* One key scan on its way into the local map or the force field. */
-    /* [scan.max_points] */
-    cairn_oriented_point *oriented;
+    int32_t *slot;        /* [max_keyframes] index of a keyframe in the set */
+    cairn_pose *key_pose; /* [max_keyframes] map_key, m and rad */
+    /* Buffers of one keyframe on its way into the local map or the force field:
+     * [scan.max_points] */
+    cairn_oriented_point *points;
     /* [scan.max_segments] */
     cairn_segment *segments;
     /* [scan.max_segments + 1] */
     int32_t *first_point;
     /* [MAPPER_BEARINGS] */
     cairn_beam *beams;
-    /* [max_keys * MAPPER_BEARINGS] by slot, cm by bearing, 0: nothing known; NULL when nobody
-     * asks */
+    /* [max_keyframes * MAPPER_BEARINGS] visibility profiles by slot: free range in cm by bearing,
+     * 0: unknown; NULL when no module uses them */
     uint16_t *sight;
 
-    phase phase;
-    int32_t cursor;       /* within the phase */
-    int32_t window_quota; /* units left of the force field's share of the scan */
-    window_phase window_phase;
-    int32_t window_first, window_end; /* key scans of the force field */
-    int32_t window_cursor;            /* of these, the next one to fill in */
-    int32_t full;
-    int32_t since_key; /* scans since the last key scan */
+    mapper_phase phase;
+    int32_t cursor;       /* index within the phase */
+    int32_t window_quota; /* work units left of the force field's share of the scan */
+    mapper_window_phase window_phase;
+    /* keyframes of the force field: first, and one past the last */
+    int32_t window_first, window_end;
+    int32_t window_cursor;        /* next keyframe to add to the force field */
+    int32_t full;                 /* 1: no capacity, the mapper accepts no further scan */
+    int32_t scans_since_keyframe; /* scans since the last keyframe */
 
-    /* of the scan at hand */
+    /* of the current scan: 1: its odometry is usable */
     int32_t has_odometry;
+    /* motion since the previous scan by odometry */
     cairn_pose by_odometry;
-    /* where the scan before is */
+    /* pose of the previous scan in the map, m and rad */
     cairn_pose last;
-    /* that is predicted */
+    /* predicted motion since the previous scan */
     cairn_pose motion;
-    /* that is tried, too */
-    cairn_pose other;
+    /* second motion hypothesis */
+    cairn_pose alternative_motion;
+    /* predicted pose of the scan in the map */
     cairn_pose predicted;
-    /* 1: the odometry is what is predicted */
-    int32_t believed;
-    /* in odometry, 0 ... 1 */
-    cairn_real trust;
-    /* >= 1: so many times what odometry may be wrong by, after it was */
-    cairn_real slip;
-    /* m: what is added to odometry, after it was wrong */
-    cairn_vec2 drag;
-    /* m^2, rad^2: of the motion since the last key scan */
-    cairn_real gap_variance, gap_turn_variance;
-    /* m, a scan, in its own frame */
-    cairn_vec2 pace;
-    /* of matches; 0: none yet */
+    /* 1: odometry is healthy and predicts the motion */
+    int32_t uses_odometry;
+    /* odometry health: smoothed share of scans that agree with odometry, 0 ... 1 */
+    cairn_real odometry_health;
+    /* factor of the odometry noise after a disagreement, >= 1 */
+    cairn_real odometry_noise_scale;
+    /* m: bias added to the predicted motion after a disagreement */
+    cairn_vec2 odometry_bias;
+    /* m^2, rad^2: variance of the predicted motion since the last keyframe */
+    cairn_real motion_variance, motion_heading_variance;
+    /* m per scan in the scan's frame: smoothed velocity estimate */
+    cairn_vec2 velocity;
+    /* smoothed quality of matches; 0: none yet */
     cairn_real mean_quality;
 
-    int32_t tells_odometry;   /* 1: the last scan that is done came with odometry, ... */
-    cairn_pose told_odometry; /* ... this one */
-    cairn_pose map_odom;      /* of the last scan before that had one, as it was then */
+    int32_t finished_has_odometry; /* 1: the last finished scan had odometry */
+    cairn_pose finished_odometry;  /* odometry of the last finished scan */
+    cairn_pose map_odom;           /* of the last scan with odometry, at that time */
 
-    int32_t had_odometry; /* of the last scan taken in */
+    int32_t had_odometry; /* 1: the last scan taken in had odometry */
     cairn_pose last_odometry;
     cairn_pose last_motion;
-    cairn_pose steady;             /* the same, smoothed */
-    int64_t last_stamp, last_span; /* ns: of the scan before, and since the one before that */
+    cairn_pose smoothed_motion;    /* last_motion, exponentially smoothed */
+    int64_t last_stamp, last_span; /* ns: stamp of the previous scan, and its interval */
 
-    /* key scans of the local map, the last ones first, then by distance */
+    /* Keyframes of the local map: the most recent ones first, then by distance. local_distance in
+     * m. */
     int32_t local[CAIRN_MAPPER_LOCAL_MOST];
     cairn_real local_distance[CAIRN_MAPPER_LOCAL_MOST];
     int32_t local_count;
-    /* 1: key scans were added or moved since the local map was made */
+    /* 1: keyframes were added or moved since the local map was built */
     int32_t target_stale;
+    /* predicted pose for which the local map was built */
     cairn_pose target_pose;
-    /* the better one so far ... */
+    /* Best match so far, and the contribution of each keyframe of the local map to it. */
     cairn_icp_result match;
-    /* ... and which key scan of the local map told what of it */
     cairn_icp_parts parts;
+    /* 1: `match` is valid */
     int32_t has_match;
-    /* 1: few points spoke against the odometry, which stands */
-    int32_t held;
-    /* 1: also after a search */
-    int32_t doubtful;
-    /* of the scan in doubt, and for loops; NULL when nobody searches */
+    /* 1: the match is constrained by the odometry prior in weakly observable directions */
+    int32_t is_constrained;
+    /* 1: the match has low confidence even after a search */
+    int32_t low_confidence;
+    /* serves relocalization and loop closure; NULL without both */
     cairn_scan_match *search;
-    /* covariance in the map that the doubt adds */
-    cairn_real doubt[9];
-    /* of this scan */
+    /* inflation of the match covariance in the map, 3 x 3 row-major, m and rad */
+    cairn_real extra_covariance[9];
+    /* relocalization searches of this scan */
     int32_t searches;
-    /* Where the last search would have placed its scan, too far from where odometry leads. */
-    cairn_pose rumour;
-    cairn_real rumour_evidence; /* log odds */
-    int64_t rumour_scan;        /* number of that scan, from 1; 0: none */
-    int32_t rumour_is_new;      /* 1: the scan before left none */
-    int32_t search_count;       /* key scans of the local map that it has; 0: other things */
-    int32_t spent, matched;     /* units, by the search and by the matches of this scan */
+    /* Pending relocalization hypothesis: the pose of the last search's scan, rejected for its
+     * distance from odometry, m and rad. */
+    cairn_pose hypothesis;
+    cairn_real hypothesis_log_odds; /* nats */
+    int64_t hypothesis_scan;        /* number of that scan, from 1; 0: none */
+    int32_t hypothesis_is_new;      /* 1: the scan before left none */
+    /* keyframes of the local map in the search target; 0: other content */
+    int32_t search_target_count;
+    /* work units of this scan used by search and by ICP */
+    int32_t search_units_used, match_units_used;
 
-    mapper_loop loop; /* its graph is NULL without loops */
+    mapper_loop loop; /* its graph is NULL without loop closure */
     cairn_mapper_result result;
     cairn_mapper_state state;
-    cairn_mapper_release releases[MAPPER_RELEASES];
+    cairn_mapper_release cullings[MAPPER_CULLING_EVENTS];
 };
 
 /* ---- mapper_create.c ---- */
 
-/* Room for the points of so many key scans together. */
+/* Returns the capacity for the points of `keys` keyframes together. */
 int32_t cairn_mapper_local_points(const cairn_mapper_params *params, int32_t keys);
 
-/* So many of the last key scans are never released. */
+/* Returns the number of most recent keyframes that are never culled. */
 int32_t cairn_mapper_last_kept(const cairn_mapper_params *params);
 
 /* ---- mapper_keys.c ---- */
 
 static inline const cairn_scan_set_scan *cairn_mapper_key_scan(const cairn_mapper *mapper,
-                                                               int32_t key)
+                                                               int32_t keyframe)
 {
-    return &mapper->keys->scans[mapper->slot[key]];
+    return &mapper->keys->scans[mapper->slot[keyframe]];
 }
 
-static inline int32_t cairn_mapper_point_count(const cairn_mapper *mapper, int32_t key)
+static inline int32_t cairn_mapper_point_count(const cairn_mapper *mapper, int32_t keyframe)
 {
-    const cairn_scan_set_scan *scan = cairn_mapper_key_scan(mapper, key);
+    const cairn_scan_set_scan *scan = cairn_mapper_key_scan(mapper, keyframe);
 
     return scan->end_point - scan->first_point;
 }
 
-/* A key scan as it was when it came, but without its beams; valid until the next call. */
-cairn_scan_view cairn_mapper_key_view(cairn_mapper *mapper, int32_t key);
+/* Returns a keyframe as stored, without its beams; valid until the next call. */
+cairn_scan_view cairn_mapper_key_view(cairn_mapper *mapper, int32_t keyframe);
 
-/* Begins to choose the key scans of the local map; one key scan a call then. 1 when all have
- * been looked at. */
+/* Begins the selection of the keyframes of the local map; select_local() looks at one keyframe per
+ * call and returns 1 after the last. */
 void cairn_mapper_begin_local(cairn_mapper *mapper);
 int32_t cairn_mapper_select_local(cairn_mapper *mapper);
 
-/* 1 when the local map does not serve the predicted pose. */
+/* Returns 1 when the local map is stale or too far from the predicted pose. */
 int32_t cairn_mapper_needs_local(const cairn_mapper *mapper);
 
-/* Adds the chosen key scan at the cursor to the local map. */
+/* Adds the selected keyframe at the cursor to the local map. */
 cairn_status cairn_mapper_add_local(cairn_mapper *mapper, cairn_budget *budget);
 
-/* Copies the points of a key scan, in its own frame; returns how many. */
-int32_t cairn_mapper_key_points(const cairn_mapper *mapper, int32_t key,
+/* Copies the points of a keyframe, in its own frame; returns their number. */
+int32_t cairn_mapper_key_points(const cairn_mapper *mapper, int32_t keyframe,
                                 cairn_oriented_point *points);
 
-/* Keeps what a key scan saw free; gives it back as beams: [MAPPER_BEARINGS]. Returns how many. */
-void cairn_mapper_keep_sight(cairn_mapper *mapper, int32_t key, const cairn_scan_view *view);
-int32_t cairn_mapper_sight(const cairn_mapper *mapper, int32_t key, cairn_beam *beams);
+/* Stores the visibility profile of a keyframe; visibility_beams() returns it as beams:
+ * [MAPPER_BEARINGS]. Returns the number of beams. */
+void cairn_mapper_keep_sight(cairn_mapper *mapper, int32_t keyframe, const cairn_scan_view *view);
+int32_t cairn_mapper_sight(const cairn_mapper *mapper, int32_t keyframe, cairn_beam *beams);
 
-/* The bearing in which something is seen, and the direction of its middle. */
+/* Returns the bearing sector of a direction, and the unit vector at the middle of a sector. */
 int32_t cairn_mapper_bearing_of(cairn_vec2 d);
 cairn_vec2 cairn_mapper_bearing_direction(int32_t bearing);
 
-/* A key scan as a part of a match, its points and beams copied to the arrays. */
-cairn_scan_match_part cairn_mapper_key_part(const cairn_mapper *mapper, int32_t key,
+/* Returns a keyframe as input of a match; its points and beams are copied to the arrays. */
+cairn_scan_match_part cairn_mapper_key_part(const cairn_mapper *mapper, int32_t keyframe,
                                             cairn_oriented_point *points, cairn_beam *beams);
 
 /* ---- mapper_window.c ---- */
 
-/* Lets the force field begin with the last key scans; what it is at is dropped. */
+/* Restarts the force field with the last keyframes; a run in progress is discarded. */
 void cairn_mapper_begin_window(cairn_mapper *mapper);
 
-/* Goes on with it. CAIRN_MORE: the budget is used up. CAIRN_OK: nothing is left to do. */
+/* Continues the force field run. CAIRN_MORE: the budget is used up. CAIRN_OK: nothing to do. */
 cairn_status cairn_mapper_window_step(cairn_mapper *mapper, cairn_budget *budget);
 
-/* Ends it with the poses that it has found so far. */
+/* Ends the run with the poses reached so far. */
 void cairn_mapper_end_window(cairn_mapper *mapper);
 
-/* Takes over the poses that the force field has found so far. */
+/* Copies the poses that the force field has reached so far. */
 void cairn_mapper_read_window(cairn_mapper *mapper);
 
 /* ---- mapper_front.c ---- */
 
-/* m */
+/* Returns the length of a motion's translation, m. */
 static inline cairn_real cairn_mapper_way(cairn_pose motion)
 {
     return cairn_sqrt(motion.x * motion.x + motion.y * motion.y);
 }
 
-/* The motion during the sweep of the next scan, which is by_odometry (NULL: none) away from the
- * last one. */
+/* Returns the motion during the sweep of the next scan, for motion compensation (deskewing).
+ * by_odometry: motion since the last scan; NULL: none. */
 cairn_pose cairn_mapper_sweep_motion(const cairn_mapper *mapper, const cairn_scan_input *input,
                                      const cairn_pose *by_odometry);
 
-/* Predicts the scan from where the one before is, and by how its odometry has moved. */
+/* Predicts the pose of the scan from the previous pose and the odometry since then. */
 void cairn_mapper_predict(cairn_mapper *mapper, cairn_pose last, cairn_pose by_odometry);
 cairn_status cairn_mapper_begin_match(cairn_mapper *mapper);
 
-/* A match has ended: chooses what comes next. */
+/* Chooses the next phase after a match has ended. */
 cairn_status cairn_mapper_end_match(cairn_mapper *mapper);
 
-/* The match is chosen; when few points speak against odometry it is run once more. */
+/* Accepts the chosen match; a jump in a weakly observable direction is matched once more with the
+ * odometry prior. */
 cairn_status cairn_mapper_end_choice(cairn_mapper *mapper);
 
-/* Where the scan may be after a motion that is told by odometry (or by the motion before). */
+/* Returns the prior of the scan's pose after a motion from odometry or from the velocity model. */
 cairn_pose_prior cairn_mapper_prior_of(const cairn_mapper *mapper, cairn_pose motion,
                                        int32_t is_odometry);
 
-/* Squared distance of a pose from the prediction or from standing still, whichever is nearer, in
- * units of m and rad; 4 at most. */
+/* Returns the squared distance of a pose from the prediction or from standing still, whichever is
+ * less, in units of m and rad; at most 4. */
 cairn_real cairn_mapper_out_of_the_way(const cairn_mapper *mapper, cairn_pose pose,
                                        cairn_real unit);
 
-/* 1 when a pose is farther from the prediction than motions change from scan to scan. */
+/* Returns 1 when a pose deviates from the prediction by more than motions change between scans. */
 int32_t cairn_mapper_is_far(const cairn_mapper *mapper, cairn_pose pose);
 
-/* What its motion tells of the scan at hand. */
+/* Returns the motion prior of the current scan. */
 cairn_pose_prior cairn_mapper_prior(const cairn_mapper *mapper);
 
-/* The scan has its match, or none: how good are matches, can odometry be believed? */
+/* Updates match quality, odometry health, noise scale and bias from the current scan's match. */
 void cairn_mapper_learn(cairn_mapper *mapper);
 
-/* The motion that the next scan is expected to repeat. */
+/* Returns the motion that the velocity model predicts for the next scan. */
 cairn_pose cairn_mapper_next_motion(cairn_mapper *mapper, cairn_pose motion);
 
 /* ---- mapper_search.c ---- */
 
-/* Fills the target of the search with the key scans near by, one by one; then it begins. */
+/* Adds the nearby keyframes to the target of the search, one per call; then starts the search. */
 cairn_status cairn_mapper_search_target(cairn_mapper *mapper, cairn_budget *budget);
 
-/* Goes on with the search, which ends when it has taken its share of units. */
+/* Continues the search; it ends when its share of units is used up. */
 cairn_status cairn_mapper_search_step(cairn_mapper *mapper, cairn_budget *budget);
 
 /* ---- mapper_loop.c ---- */
 
-/* 1 when the second hypothesis is as good as the first. */
+/* Returns 1 when the second hypothesis scores nearly as well as the first (ambiguity ratio). */
 int32_t cairn_mapper_has_rival(const cairn_scan_match_result *result);
 
-/* Writes down what became of a closure. */
+/* Records a loop-closure event. */
 void cairn_mapper_loop_tell(cairn_mapper *mapper, int32_t first, int32_t second,
                             cairn_pose first_second, cairn_mapper_loop_verdict verdict);
 
-/* Gives the match to the search of a scan in doubt; that of a candidate begins anew later. */
+/* Gives the match object to a relocalization search; the current loop candidate restarts later. */
 void cairn_mapper_yield_match(cairn_mapper *mapper);
 
-/* Goes on with what loops and graph have to do; with until_room no longer than there is no room
- * for one more key scan. CAIRN_OK: nothing for now. */
+/* Continues loop closure and graph optimization; with until_room only until there is capacity for
+ * another keyframe. CAIRN_MORE: the budget is used up. CAIRN_OK: nothing to do now. */
 cairn_status cairn_mapper_loop_step(cairn_mapper *mapper, cairn_budget *budget, int32_t until_room);
 
 /* ---- mapper_tie.c ---- */
 
-/* The key scan that tells best where the scan at hand is, which is none itself. */
+/* Returns the reference keyframe of the current scan: the one relative to which its pose is most
+ * certain. The scan is no keyframe itself. */
 int32_t cairn_mapper_hang_on(const cairn_mapper *mapper);
 
-/* On what the scan at hand, the last one kept, hangs as a key scan. */
+/* Computes the sequential constraints of the current scan, the last keyframe stored. */
 void cairn_mapper_tie(const cairn_mapper *mapper, mapper_tie *tie);
 
 /* ---- mapper_graph.c ---- */
 
-/* Puts the next key scan into the graph, linked to the one before. */
+/* Adds the next keyframe to the pose graph with its sequential constraints. */
 cairn_status cairn_mapper_enter(cairn_mapper *mapper);
 
-/* Adds a link that closes a loop. covariance: of first_second, in the frame of second.
- * CAIRN_FULL: no room for links. */
+/* Adds a loop-closure link. covariance: of first_second, in the frame of second. CAIRN_FULL: no
+ * capacity for links. */
 cairn_status cairn_mapper_add_closure(cairn_mapper *mapper, int32_t first, int32_t second,
                                       cairn_pose first_second, cairn_sym3 covariance);
 
-/* 1 when it is time to correct the key scans. */
+/* Returns 1 when the graph should be optimized. */
 int32_t cairn_mapper_wants_solution(const cairn_mapper *mapper);
 cairn_status cairn_mapper_solve_step(cairn_mapper *mapper, cairn_budget *budget);
 
-/* Hangs an end (0: first, 1: second) of a link on its key scan. */
+/* Attaches an end (0: first, 1: second) of a link to the adjacency list of its keyframe. */
 void cairn_mapper_hang_link(mapper_loop *loop, int32_t link, int32_t end);
 
-/* e^T Omega e of a measured pose at the poses as they are. */
+/* Returns e^T Omega e, the chi-squared of a relative measurement at the current poses. */
 cairn_real cairn_mapper_strain_of(const cairn_mapper *mapper, int32_t first, int32_t second,
                                   cairn_pose first_second, cairn_sym3 covariance);
 
-/* Row-major covariance of a pose in the map, turned into the pose's own frame, with what all
- * measurements share added. */
+/* Rotates the row-major covariance of a pose from the map into the pose's own frame and adds the
+ * common noise floor of links. */
 cairn_sym3 cairn_mapper_own_covariance(const cairn_mapper *mapper, const cairn_real covariance[9],
                                        cairn_real theta);
 
 /* ---- mapper_cover.c ---- */
 
-/* Begins with the first key scan; goes on with the next item of work. 1 when all key scans
- * before `end` have their loss. */
+/* Begins with the first keyframe; item() processes the next unit of work. It returns 1 when all
+ * keyframes before `end` have a score. */
 void cairn_mapper_begin_cover(cairn_mapper *mapper);
 int32_t cairn_mapper_cover_item(cairn_mapper *mapper, int32_t end, cairn_budget *budget);
 
-/* The key scan before `end` that is covered best; the first one never is. */
+/* Returns the most redundant keyframe before `end`; never the first one. */
 int32_t cairn_mapper_best_covered(const cairn_mapper *mapper, int32_t end);
 
-/* What is known of the cover is wrong: of all key scans, and where one of them goes. */
+/* Invalidates the redundancy scores: of all keyframes, and of those near a culled one. */
 void cairn_mapper_forget_cover(cairn_mapper *mapper);
 void cairn_mapper_uncover(cairn_mapper *mapper, int32_t gone);
 
 /* ---- mapper_release.c ---- */
 
-/* 1 when key scans are released and there is no room for one more. */
+/* Returns 1 when culling is on and there is no capacity for another keyframe. */
 int32_t cairn_mapper_must_release(const cairn_mapper *mapper);
 
-/* 1 when there is little room and some may go; once some go, until there is more of it. */
+/* Returns 1 when capacity is low and a keyframe may be culled; has hysteresis. */
 int32_t cairn_mapper_may_release(cairn_mapper *mapper);
 
-/* 1 when loops are so far behind that key scans may soon lack room for want of others that may
- * go. */
+/* Returns 1 when loop closure lags so far behind that too few keyframes may be culled soon. */
 int32_t cairn_mapper_is_behind(const cairn_mapper *mapper);
 
-/* Key scans before this one may go. */
+/* Returns the end of the keyframes that may be culled. */
 int32_t cairn_mapper_release_end(const cairn_mapper *mapper);
 
-/* Releases a key scan; what it takes of the set is room again after packing. */
-cairn_status cairn_mapper_release_key(cairn_mapper *mapper, int32_t key, cairn_budget *budget);
+/* Culls a keyframe: redirects its links, renumbers. Its memory is free after compaction. */
+cairn_status cairn_mapper_release_key(cairn_mapper *mapper, int32_t keyframe, cairn_budget *budget);
 
 #endif

@@ -1,14 +1,19 @@
-/* Beam-penetration grid.
+/* Occupancy grid by the beam-penetration model.
  *
- * Method: beams are clipped to the grid (Liang and Barsky 1984) and walked cell by cell (Amanatides
- * and Woo 1987), in cell units; places on a beam are shares of its length. Where the beam leaves a
- * cell follows from that cell's border alone, not from a running sum; the number of cells to go in
- * x and y is fixed beforehand by the last cell, so that the walk ends there whatever the rounding.
+ * Method.
+ *
+ * 1. A beam is clipped to the grid (Liang and Barsky 1984).
+ * 2. Its cells are traversed (Amanatides and Woo 1987) in cell units; positions on a beam are
+ *    shares of its length. The exit of a cell is computed from that cell's border alone, not from a
+ *    running sum. The number of steps in x and y is fixed in advance by the last cell, so the
+ *    traversal ends there whatever the rounding.
+ * 3. Each chord is added to its cell's length, and the hit to the last cell.
  *
  * Layout: cells row by row from the lower left, 8 bytes each. Lengths are float in both builds:
  * relative error about 6e-8 times the square root of the beams.
  *
- * Limits: hits stop at INT32_MAX; lengths stop growing when a cell holds 1.6e7 times its chord. */
+ * Limits: hits saturate at INT32_MAX; lengths stop growing when a cell holds 1.6e7 times its
+ * chord. */
 #include "src/core/build.h"
 
 #include <string.h>
@@ -21,14 +26,14 @@ struct cairn_occupancy_grid {
     cairn_occupancy_cell *cells; /* [height][width] */
     cairn_occupancy_grid_params params;
     cairn_real inverse_resolution;
-    int32_t count;   /* cells */
-    int32_t cleared; /* cells done; == count: nothing to clear */
-    /* The scan that is being added. */
+    int32_t count;   /* number of cells */
+    int32_t cleared; /* cells cleared so far; == count: nothing to clear */
+    /* The scan in progress. */
     const cairn_beam *beams; /* [beams_left] */
     int32_t beams_left;
     cairn_transform map_scan;
-    cairn_occupancy_walk walk; /* of the first of them, when walking */
-    int32_t walking;           /* 1: it is under way */
+    cairn_occupancy_walk walk; /* of the first of them, while is_walking */
+    int32_t is_walking;        /* 1: a traversal is in progress */
 };
 
 cairn_occupancy_grid_params cairn_occupancy_grid_default(void)
@@ -94,15 +99,15 @@ cairn_occupancy_grid_params cairn_occupancy_grid_read(const cairn_occupancy_grid
     return grid->params;
 }
 
-/* ---- The cells on a beam ---- */
+/* ---- Ray traversal ---- */
 
-/* In cells from the lower left corner. */
+/* Returns a point in cell units from the lower left corner. */
 static cairn_vec2 in_cells(const cairn_occupancy_grid *grid, cairn_vec2 p)
 {
     return cairn_vec2_scale(cairn_vec2_sub(p, grid->params.origin), grid->inverse_resolution);
 }
 
-/* Length of the beam; 0 and nothing set when it cannot be walked in finite numbers. */
+/* Returns 1 and the length of the beam; 0 when the traversal would not be finite. */
 static int can_walk(const cairn_occupancy_grid *grid, cairn_vec2 from, cairn_vec2 to,
                     cairn_real *length)
 {
@@ -116,7 +121,8 @@ static int can_walk(const cairn_occupancy_grid *grid, cairn_vec2 from, cairn_vec
     return 1;
 }
 
-/* Narrows the shares to where 0 <= from + share * delta <= size; 0 when nothing is left. */
+/* Liang-Barsky clipping along one axis: narrows the shares to 0 <= from + share * delta <= size;
+ * returns 0 when nothing is left. */
 static int clip(cairn_real from, cairn_real delta, int32_t size, cairn_real *start, cairn_real *end)
 {
     cairn_real enter, leave;
@@ -185,7 +191,7 @@ int32_t cairn_occupancy_walk_next(cairn_occupancy_walk *walk, cairn_occupancy_ch
     if (walk->x == walk->end_x && walk->y == walk->end_y) {
         walk->done = 1;
     } else {
-        /* Shares at which the beam meets the next border in x and in y. */
+        /* Shares at which the beam crosses the next border in x and in y. */
         cairn_real next_x =
             ((cairn_real)(walk->x + (walk->step_x > 0)) - walk->from_x) * walk->inverse_x;
         cairn_real next_y =
@@ -198,7 +204,7 @@ int32_t cairn_occupancy_walk_next(cairn_occupancy_walk *walk, cairn_occupancy_ch
         else
             walk->y += walk->step_y;
     }
-    /* Rounding must not turn the beam back. */
+    /* Rounding must not reverse the beam. */
     leave = cairn_max(leave, walk->share);
     chord->length = (leave - walk->share) * walk->length;
     walk->share = leave;
@@ -207,7 +213,7 @@ int32_t cairn_occupancy_walk_next(cairn_occupancy_walk *walk, cairn_occupancy_ch
 
 /* ---- Adding beams ---- */
 
-/* Adds up to `cells` cells of the walk; 1 when it is finished. */
+/* Adds up to `cells` cells of the traversal; returns 1 when it is finished. */
 static int add_cells(cairn_occupancy_grid *grid, cairn_occupancy_walk *walk, int hit, int32_t cells)
 {
     cairn_occupancy_chord chord;
@@ -251,7 +257,7 @@ cairn_status cairn_occupancy_grid_begin_scan(cairn_occupancy_grid *grid, const c
     if (grid == NULL || count < 0 || (beams == NULL && count > 0))
         return cairn_refuse(fault, -1, "no grid or no beams", CAIRN_BAD_ARGUMENT);
     if (grid->beams_left > 0)
-        return cairn_refuse(fault, -1, "the scan before is not finished", CAIRN_BAD_ARGUMENT);
+        return cairn_refuse(fault, -1, "the previous scan is in progress", CAIRN_BAD_ARGUMENT);
     if (!cairn_pose_is_finite(map_scan))
         return cairn_refuse(fault, -1, "the pose is not finite", CAIRN_NOT_FINITE);
     transform = cairn_transform_of(map_scan);
@@ -263,13 +269,13 @@ cairn_status cairn_occupancy_grid_begin_scan(cairn_occupancy_grid *grid, const c
         if (beams[i].kind != CAIRN_BEAM_UNKNOWN &&
             !can_walk(grid, cairn_transform_point(transform, beams[i].from),
                       cairn_transform_point(transform, beams[i].to), &length))
-            return cairn_refuse(fault, i, "a beam that ends nowhere, expected finite coordinates",
+            return cairn_refuse(fault, i, "a beam end is not finite, expected finite coordinates",
                                 CAIRN_NOT_FINITE);
     }
     grid->beams = beams;
     grid->beams_left = count;
     grid->map_scan = transform;
-    grid->walking = 0;
+    grid->is_walking = 0;
     return CAIRN_OK;
 }
 
@@ -293,22 +299,22 @@ static void clear_some(cairn_occupancy_grid *grid, cairn_budget *budget)
     budget->left -= units;
 }
 
-/* One unit of the scan: the start of a beam, or a few cells of it. */
+/* Processes one unit of the scan: the start of a beam, or a few cells of it. */
 static void add_some(cairn_occupancy_grid *grid)
 {
     const cairn_beam *beam = grid->beams;
 
-    if (grid->walking) {
+    if (grid->is_walking) {
         if (!add_cells(grid, &grid->walk, beam->kind == CAIRN_BEAM_HIT, CELLS_PER_UNIT))
             return;
     } else if (beam->kind != CAIRN_BEAM_UNKNOWN &&
                cairn_occupancy_grid_walk(grid, cairn_transform_point(grid->map_scan, beam->from),
                                          cairn_transform_point(grid->map_scan, beam->to),
                                          &grid->walk) == CAIRN_OK) {
-        grid->walking = 1;
+        grid->is_walking = 1;
         return;
     }
-    grid->walking = 0;
+    grid->is_walking = 0;
     grid->beams++;
     grid->beams_left--;
 }
@@ -387,7 +393,8 @@ cairn_status cairn_occupancy_grid_classify(const cairn_occupancy_grid *grid,
         first_row > grid->params.height - out.height || !(thresholds.free > 0) ||
         !(thresholds.free <= thresholds.occupied) || !(thresholds.occupied < 1))
         return CAIRN_BAD_ARGUMENT;
-    /* p >= t is res h >= -log(1 - t) d: two logarithms in place of one exponential a cell. */
+    /* p >= t is equivalent to res h >= -log(1 - t) d: two logarithms instead of one exponential per
+     * cell. */
     occupied = -cairn_log(1 - thresholds.occupied);
     free = -cairn_log(1 - thresholds.free);
     for (int32_t y = 0; y < out.height; y++) {

@@ -1,21 +1,27 @@
-/* The aligner, then a force field of what it left over, with a virtual scan.
+/* Alignment with virtual scans: parameters, memory and result.
  *
- * Method: when the aligner has ended, the poses of all scans go to the field, those that it has
- * placed fixed; so are those that may slide, and those that hypotheses could not help, since all
- * that they show lies in one direction along which anything may slide. Then the hypotheses are
- * made, from the scans that stay: those that move would make what holds them where they are. Where
- * all move they are made from all, anew every few iterations. They go to the field as points from
- * outside. Where the field leaves them the aligner looks for what it had not placed; when it had
- * placed next to nothing it starts anew. When it then places more scans than before, these enter
- * the result, by the motion that brings the scans placed before to where they were, and those stay
- * there; else its former result stands, and only what shares no surface with its largest part stays
- * where the field has left it. Last, loose parts of the largest part slide.
+ * Method.
  *
- * Layout: the aligner, the field, the hypotheses and the slide in one pool; a scan has the same
- * index in the aligner and in the field. The best result of the aligner is kept beside it.
+ * 1. When the aligner has ended, the poses of all scans go to the force field. Fixed there are the
+ *    scans that it has placed, those with an unobservable translation, and those whose walls have
+ *    one direction only, which hypotheses cannot constrain.
+ * 2. Hypotheses are derived from the fixed scans alone, since moving scans would generate
+ *    hypotheses that hold them in place. Where all scans move, they are derived from all, anew
+ *    every few iterations. They enter the field as external points.
+ * 3. From the field's poses the aligner searches for the scans that it had not placed; without any
+ *    match before it starts anew.
+ * 4. When it then places more scans than before, these enter the result, transformed by the motion
+ *    that maps the previously placed scans to their former poses; those stay there. Otherwise the
+ *    former result stands, and only scans that share no surface with the largest component keep the
+ *    field's poses.
+ * 5. Last, weakly observable submaps of the largest component are translated along their walls
+ *    (wall_slide).
  *
- * Limits: what the field has moved has no covariance but that of its initial pose, and what slid
- * that which it had before.
+ * Layout: the aligner, the field, the hypotheses and the slide in one pool. A scan has the same
+ * index in the aligner and in the field. The best result of the aligner is stored beside it.
+ *
+ * Limits: a scan moved by the field keeps the covariance of its initial pose, and one translated
+ * along walls that of its previous pose.
  *
  * Source: Adluru 2008, chapter 8. */
 #include "src/core/build.h"
@@ -44,10 +50,10 @@ cairn_virtual_align_params cairn_virtual_align_default(void)
     return params;
 }
 
-/* Iterations of algorithm 2 at most, those of fig. 8.12. */
-enum { STEPS_AS_WRITTEN = 100 };
+/* maximum iterations of algorithm 2, those of fig. 8.12 */
+enum { MAX_ITERATIONS_AS_WRITTEN = 100 };
 
-/* The params with what the mode leaves no choice of. */
+/* Returns the params with the values that the mode prescribes. */
 static cairn_virtual_align_params in_mode(const cairn_virtual_align_params *params)
 {
     cairn_virtual_align_params p = *params;
@@ -71,19 +77,19 @@ cairn_virtual_align_params cairn_virtual_align_as_written(void)
 
     params.mode = CAIRN_MODE_AS_WRITTEN;
     params.field = cairn_force_field_as_written();
-    params.field.max_steps = STEPS_AS_WRITTEN;
+    params.field.max_steps = MAX_ITERATIONS_AS_WRITTEN;
     params.hypotheses = cairn_virtual_scan_as_written();
     return in_mode(&params);
 }
 
-/* Of each with 32 others, the virtual one among them. */
+/* Returns the number of bonds: each scan with 32 others, including the virtual one. */
 static int32_t bonds_of(int32_t scans)
 {
     return scans < 64 ? scans * (scans + 1) / 2 : 32 * scans;
 }
 
-/* Capacities are the aligner's; points of the map are thinned by the stride, a segment rounding
- * up. */
+/* Returns the field's params: the aligner's capacities; the points of the map are thinned by the
+ * stride, rounded up per segment. */
 static cairn_force_field_params field_of(const cairn_virtual_align_params *params)
 {
     cairn_force_field_params field = params->field;
@@ -114,8 +120,8 @@ static cairn_wall_slide_params slide_of(const cairn_virtual_align_params *params
     return slide;
 }
 
-/* Its own arrays; NULL where the pool only counts. */
-static cairn_virtual_align *carve(cairn_pool *pool, const cairn_virtual_align_params *params)
+/* Takes its own arrays; NULL where the pool only counts. */
+static cairn_virtual_align *take_memory(cairn_pool *pool, const cairn_virtual_align_params *params)
 {
     size_t scans = (size_t)params->aligner.max_scans;
     cairn_virtual_align *made = cairn_pool_take_one(pool, sizeof *made), arrays;
@@ -124,7 +130,7 @@ static cairn_virtual_align *carve(cairn_pool *pool, const cairn_virtual_align_pa
     arrays.params = *params;
     arrays.places = cairn_pool_take(pool, scans, sizeof *arrays.places);
     arrays.poses = cairn_pool_take(pool, scans, sizeof *arrays.poses);
-    arrays.kept = cairn_pool_take(pool, scans, sizeof *arrays.kept);
+    arrays.stored_poses = cairn_pool_take(pool, scans, sizeof *arrays.stored_poses);
     if (made != NULL)
         *made = arrays;
     return made;
@@ -148,7 +154,7 @@ size_t cairn_virtual_align_memory(const cairn_virtual_align_params *params)
     hypotheses = hypotheses_of(&used);
     slide = slide_of(&used);
     cairn_pool_init_counting(&counting);
-    (void)carve(&counting, &used);
+    (void)take_memory(&counting, &used);
     cairn_pool_count(&counting, cairn_aligner_memory(&used.aligner));
     cairn_pool_count(&counting, cairn_force_field_memory(&field));
     cairn_pool_count(&counting, cairn_virtual_scan_memory(&hypotheses));
@@ -174,7 +180,7 @@ cairn_status cairn_virtual_align_create(cairn_virtual_align **align, cairn_pool 
     field = field_of(&used);
     hypotheses = hypotheses_of(&used);
     slide = slide_of(&used);
-    made = carve(pool, &used);
+    made = take_memory(pool, &used);
     cairn_virtual_align_must(cairn_aligner_create(&made->aligner, pool, &used.aligner));
     cairn_virtual_align_must(cairn_force_field_create(&made->field, pool, &field));
     cairn_virtual_align_must(cairn_virtual_scan_create(&made->hypotheses, pool, &hypotheses));
@@ -216,7 +222,7 @@ void cairn_virtual_align_clear(cairn_virtual_align *align)
     cairn_force_field_clear(align->field);
     align->phase = VIRTUAL_ALIGN_IDLE;
     align->scan_count = 0;
-    align->is_under_way = 0;
+    align->is_iterating = 0;
     memset(&align->result, 0, sizeof align->result);
 }
 
@@ -232,10 +238,10 @@ cairn_status cairn_virtual_align_begin(cairn_virtual_align *align)
         align->places[i].moves = 0;
     }
     cairn_virtual_align_must(cairn_aligner_begin(align->aligner));
-    align->phase = align->params.align ? VIRTUAL_ALIGN_FIRST : VIRTUAL_ALIGN_KEEP;
+    align->phase = align->params.align ? VIRTUAL_ALIGN_FIRST : VIRTUAL_ALIGN_STORE;
     align->is_done = 0;
     align->cursor = 0;
-    align->paid = 0;
+    align->units_charged = 0;
     return CAIRN_OK;
 }
 
@@ -262,7 +268,7 @@ cairn_status cairn_virtual_align_iterate(cairn_virtual_align *align, cairn_budge
 
         if (status != CAIRN_OK)
             return status;
-        if ((done == VIRTUAL_ALIGN_KEEP && align->params.align) || done == VIRTUAL_ALIGN_ITERATE)
+        if ((done == VIRTUAL_ALIGN_STORE && align->params.align) || done == VIRTUAL_ALIGN_ITERATE)
             return CAIRN_OK;
     }
     return CAIRN_OK;
@@ -273,7 +279,7 @@ int32_t cairn_virtual_align_running(const cairn_virtual_align *align)
     return align->phase != VIRTUAL_ALIGN_IDLE;
 }
 
-/* ---- The result ---- */
+/* ---- Result ---- */
 
 cairn_virtual_align_result cairn_virtual_align_read(const cairn_virtual_align *align)
 {
@@ -287,7 +293,7 @@ cairn_virtual_align_pose cairn_virtual_align_pose_of(const cairn_virtual_align *
     memset(&pose, 0, sizeof pose);
     if (scan < 0 || scan >= align->scan_count)
         return pose;
-    pose.aligned = align->phase == VIRTUAL_ALIGN_FIRST || align->phase == VIRTUAL_ALIGN_KEEP
+    pose.aligned = align->phase == VIRTUAL_ALIGN_FIRST || align->phase == VIRTUAL_ALIGN_STORE
                        ? cairn_aligner_pose_of(align->aligner, scan)
                        : align->places[scan].aligned;
     pose.moved = align->places[scan].moves;

@@ -1,14 +1,14 @@
-/* The phases of an alignment with hypotheses, and which follows which (virtual_align.c). */
+/* Phases of an alignment with virtual scans and their order (Method in virtual_align.c). */
 #include "src/core/build.h"
 
 #include "cairn/small_matrix.h"
 #include "src/mapping/virtual_align_work.h"
 
-/* Scans in the aligner's largest part from which on others are looked for in it. */
-enum { LEAST_PART = 3 };
+/* minimum scans of the aligner's largest component for a search of others in it */
+enum { MIN_COMPONENT_SCANS = 3 };
 
-/* m of wall across the main direction: with less, hypotheses cannot hold a scan. */
-static const cairn_real LEAST_ACROSS = CAIRN_REAL(0.1);
+/* m of wall transverse to the main direction: with less, hypotheses cannot constrain a scan */
+static const cairn_real MIN_TRANSVERSE_WALL_M = CAIRN_REAL(0.1);
 
 static int is_as_written(const cairn_virtual_align *align)
 {
@@ -17,27 +17,28 @@ static int is_as_written(const cairn_virtual_align *align)
 
 /* ---- The aligner ---- */
 
-/* Whether the aligner has found any two scans that belong together. */
-static int has_ground(const cairn_virtual_align *align)
+/* Returns 1 when the aligner has matched at least two scans. */
+static int has_matches(const cairn_virtual_align *align)
 {
     return align->params.align && align->result.aligner.placed >= 2;
 }
 
-/* The first alignment: it alone tells how far off the scans came in. */
+/* Runs the first alignment, which alone knows the initial error of the poses. */
 static cairn_status step_align(cairn_virtual_align *align, cairn_budget *budget)
 {
     cairn_status status = cairn_aligner_step(align->aligner, budget);
 
     if (status == CAIRN_OK)
-        align->spread = cairn_min(cairn_aligner_read(align->aligner).spread, CAIRN_REAL(1e6));
+        align->initial_spread =
+            cairn_min(cairn_aligner_read(align->aligner).spread, CAIRN_REAL(1e6));
     return status;
 }
 
-/* Keeps what the aligner has found. */
-static cairn_status step_keep(cairn_virtual_align *align, cairn_budget *budget)
+/* Stores the aligner's result. */
+static cairn_status step_store(cairn_virtual_align *align, cairn_budget *budget)
 {
     for (; align->cursor < align->scan_count; align->cursor++) {
-        if (!cairn_budget_pay(budget, &align->paid, 2))
+        if (!cairn_budget_pay(budget, &align->units_charged, 2))
             return CAIRN_MORE;
         align->places[align->cursor].aligned = cairn_aligner_pose_of(align->aligner, align->cursor);
     }
@@ -45,15 +46,15 @@ static cairn_status step_keep(cairn_virtual_align *align, cairn_budget *budget)
     return CAIRN_OK;
 }
 
-/* 1 when the aligner has gone on from what it had found, 0 when it has started anew. */
-static int goes_on(const cairn_virtual_align *align)
+/* Returns 1 when the aligner has resumed from its former result, 0 when it has started anew. */
+static int has_resumed(const cairn_virtual_align *align)
 {
-    return has_ground(align) && align->result.aligner.largest >= LEAST_PART;
+    return has_matches(align) && align->result.aligner.largest >= MIN_COMPONENT_SCANS;
 }
 
-/* The motion from the map of the aligner's new result to that of the former one, by the scans
- * that were placed before. */
-static cairn_pose former_map(cairn_virtual_align *align)
+/* Returns the motion from the map of the aligner's new result to the former one, by the scans that
+ * were placed before. */
+static cairn_pose motion_to_former_map(cairn_virtual_align *align)
 {
     int32_t count = 0;
 
@@ -63,19 +64,19 @@ static cairn_pose former_map(cairn_virtual_align *align)
         if (!old->placed)
             continue;
         align->poses[count] = cairn_aligner_pose_of(align->aligner, i).map_scan;
-        align->kept[count++] = old->map_scan;
+        align->stored_poses[count++] = old->map_scan;
     }
-    return cairn_pose_fit(align->poses, align->kept, NULL, count, 1);
+    return cairn_pose_fit(align->poses, align->stored_poses, NULL, count, 1);
 }
 
-/* What the aligner has placed beside what it had placed before, which stays where it is. */
-static cairn_status step_take_in(cairn_virtual_align *align, cairn_budget *budget)
+/* Adds the newly placed scans; those placed before keep their poses. */
+static cairn_status step_apply(cairn_virtual_align *align, cairn_budget *budget)
 {
     cairn_pose former;
 
-    if (!cairn_budget_pay(budget, &align->paid, 1 + align->scan_count))
+    if (!cairn_budget_pay(budget, &align->units_charged, 1 + align->scan_count))
         return CAIRN_MORE;
-    former = former_map(align);
+    former = motion_to_former_map(align);
     for (int32_t i = 0; i < align->scan_count; i++) {
         cairn_aligner_pose found = cairn_aligner_pose_of(align->aligner, i);
 
@@ -88,25 +89,25 @@ static cairn_status step_take_in(cairn_virtual_align *align, cairn_budget *budge
     return CAIRN_OK;
 }
 
-/* The result of the alignment from where the field has left the scans, if it is better. */
-static cairn_status step_judge(cairn_virtual_align *align, cairn_budget *budget)
+/* Compares the result of the realignment with the former one and keeps the better. */
+static cairn_status step_compare(cairn_virtual_align *align, cairn_budget *budget)
 {
     if (cairn_aligner_read(align->aligner).placed > align->result.aligner.placed)
-        return goes_on(align) ? step_take_in(align, budget) : step_keep(align, budget);
-    if (!cairn_budget_pay(budget, &align->paid, 1 + align->scan_count / 2))
+        return has_resumed(align) ? step_apply(align, budget) : step_store(align, budget);
+    if (!cairn_budget_pay(budget, &align->units_charged, 1 + align->scan_count / 2))
         return CAIRN_MORE;
     align->is_done = 1;
     for (int32_t i = 0; i < align->scan_count; i++) {
         struct cairn_virtual_place *place = &align->places[i];
 
-        place->moves = place->moves && (!has_ground(align) || place->aligned.part != 0);
+        place->moves = place->moves && (!has_matches(align) || place->aligned.part != 0);
         if (place->moves)
             place->aligned.map_scan = cairn_force_field_pose(align->field, i);
     }
     return CAIRN_OK;
 }
 
-/* ---- The field and its hypotheses ---- */
+/* ---- Force field and hypotheses ---- */
 
 static int32_t segments_of(const cairn_virtual_align *align, int32_t scan)
 {
@@ -115,8 +116,8 @@ static int32_t segments_of(const cairn_virtual_align *align, int32_t scan)
     return of->end_segment - of->first_segment;
 }
 
-/* m of wall that a scan shows across the direction of most of what it shows. */
-static cairn_real across_of(const cairn_virtual_align *align, int32_t scan)
+/* Returns the m of wall of a scan transverse to its main wall direction. */
+static cairn_real transverse_wall(const cairn_virtual_align *align, int32_t scan)
 {
     const cairn_scan_set *set = cairn_force_field_scans(align->field);
     cairn_sym2 walls = {0, 0, 0};
@@ -136,36 +137,37 @@ static cairn_real across_of(const cairn_virtual_align *align, int32_t scan)
     return values[0];
 }
 
-/* All scans to where the aligner has put them. An iteration that an earlier alignment left is
- * ended first. */
+/* Places all scans in the field at the aligner's poses. An iteration left by an earlier alignment
+ * is finished first. */
 static cairn_status step_place(cairn_virtual_align *align, cairn_budget *budget)
 {
     struct cairn_virtual_place *place;
 
-    if (align->is_under_way) {
+    if (align->is_iterating) {
         if (cairn_force_field_iterate(align->field, budget) == CAIRN_MORE)
             return CAIRN_MORE;
-        align->is_under_way = 0;
+        align->is_iterating = 0;
     }
     if (align->cursor == 0)
         align->result.moved = 0;
     for (; align->cursor < align->scan_count; align->cursor++) {
-        if (!cairn_budget_pay(budget, &align->paid, 2 + segments_of(align, align->cursor) / 4))
+        if (!cairn_budget_pay(budget, &align->units_charged,
+                              2 + segments_of(align, align->cursor) / 4))
             return CAIRN_MORE;
         place = &align->places[align->cursor];
         place->moves =
-            !has_ground(align) ||
+            !has_matches(align) ||
             (!place->aligned.placed && !cairn_wall_slide_is_loose(align->slide, &place->aligned) &&
-             across_of(align, align->cursor) >= LEAST_ACROSS);
+             transverse_wall(align, align->cursor) >= MIN_TRANSVERSE_WALL_M);
         align->result.moved += place->moves;
         cairn_virtual_align_must(
             cairn_force_field_place(align->field, align->cursor, place->aligned.map_scan));
         cairn_virtual_align_must(cairn_force_field_fix(align->field, align->cursor, !place->moves));
     }
     cairn_force_field_restart(align->field);
-    if (is_as_written(align)) /* V[0] is empty. */
+    if (is_as_written(align)) /* The first virtual scan is empty. */
         cairn_virtual_align_must(cairn_force_field_set_extra(align->field, NULL, NULL, 0));
-    align->since = 0;
+    align->iterations_since_scan = 0;
     align->result.rounds += align->result.moved > 0;
     return CAIRN_OK;
 }
@@ -177,13 +179,15 @@ static cairn_status step_gather(cairn_virtual_align *align, cairn_budget *budget
 
     if (align->cursor == 0)
         cairn_virtual_align_must(cairn_virtual_scan_begin(
-            align->hypotheses, align->since > 0 ? sigma : align->params.field.sigma_start));
+            align->hypotheses,
+            align->iterations_since_scan > 0 ? sigma : align->params.field.sigma_start));
     for (; align->cursor < align->scan_count; align->cursor++) {
         const cairn_scan_set_scan *scan = &set->scans[align->cursor];
 
-        if (!cairn_budget_pay(budget, &align->paid, 1 + (scan->end_point - scan->first_point) / 4))
+        if (!cairn_budget_pay(budget, &align->units_charged,
+                              1 + (scan->end_point - scan->first_point) / 4))
             return CAIRN_MORE;
-        if (!has_ground(align) || !align->places[align->cursor].moves)
+        if (!has_matches(align) || !align->places[align->cursor].moves)
             cairn_virtual_align_must(
                 cairn_virtual_scan_add_scan(align->hypotheses, set, align->cursor,
                                             cairn_force_field_pose(align->field, align->cursor)));
@@ -200,7 +204,7 @@ static cairn_status step_detect(cairn_virtual_align *align, cairn_budget *budget
     if (cairn_virtual_scan_step(align->hypotheses, budget) == CAIRN_MORE)
         return CAIRN_MORE;
     points = cairn_virtual_scan_points(align->hypotheses, &weights, &count);
-    if (!cairn_budget_pay(budget, &align->paid, 1 + count / 8))
+    if (!cairn_budget_pay(budget, &align->units_charged, 1 + count / 8))
         return CAIRN_MORE;
     cairn_virtual_align_must(cairn_force_field_set_extra(align->field, points, weights, count));
     (void)cairn_virtual_scan_hypotheses(align->hypotheses, &align->result.hypotheses);
@@ -211,25 +215,25 @@ static cairn_status step_iteration(cairn_virtual_align *align, cairn_budget *bud
 {
     cairn_status status = cairn_force_field_iterate(align->field, budget);
 
-    align->is_under_way = status == CAIRN_MORE;
+    align->is_iterating = status == CAIRN_MORE;
     if (status != CAIRN_OK)
         return status;
-    align->since++;
+    align->iterations_since_scan++;
     align->result.iterations++;
     align->result.active += align->result.hypotheses > 0 && align->params.hypotheses.weight > 0;
     return CAIRN_OK;
 }
 
-/* The aligner's initial poses are those that the field has found. */
-static cairn_status step_hand_back(cairn_virtual_align *align, cairn_budget *budget)
+/* Passes the field's poses to the aligner as initial poses. */
+static cairn_status step_return_poses(cairn_virtual_align *align, cairn_budget *budget)
 {
     cairn_status status;
 
-    if (!cairn_budget_pay(budget, &align->paid, 1 + align->scan_count))
+    if (!cairn_budget_pay(budget, &align->units_charged, 1 + align->scan_count))
         return CAIRN_MORE;
     for (int32_t i = 0; i < align->scan_count; i++)
         align->poses[i] = cairn_force_field_pose(align->field, i);
-    if (goes_on(align)) {
+    if (has_resumed(align)) {
         status = cairn_aligner_begin_again(align->aligner, align->poses);
     } else {
         for (int32_t i = 0; i < align->scan_count; i++)
@@ -240,26 +244,27 @@ static cairn_status step_hand_back(cairn_virtual_align *align, cairn_budget *bud
     return status;
 }
 
-/* ---- Parts that slide ---- */
+/* ---- Translation along walls ---- */
 
 static cairn_status step_begin_slide(cairn_virtual_align *align, cairn_budget *budget)
 {
     if (align->cursor == 0)
-        cairn_virtual_align_must(cairn_wall_slide_begin(
-            align->slide, align->aligner, cairn_force_field_scans(align->field), align->spread));
+        cairn_virtual_align_must(cairn_wall_slide_begin(align->slide, align->aligner,
+                                                        cairn_force_field_scans(align->field),
+                                                        align->initial_spread));
     for (; align->cursor < align->scan_count; align->cursor++) {
         const struct cairn_virtual_place *place = &align->places[align->cursor];
 
-        if (!cairn_budget_pay(budget, &align->paid, 2))
+        if (!cairn_budget_pay(budget, &align->units_charged, 2))
             return CAIRN_MORE;
         cairn_virtual_align_must(cairn_wall_slide_add(align->slide, place->start, &place->aligned));
     }
     return CAIRN_OK;
 }
 
-static cairn_status step_take_slid(cairn_virtual_align *align, cairn_budget *budget)
+static cairn_status step_apply_slide(cairn_virtual_align *align, cairn_budget *budget)
 {
-    if (!cairn_budget_pay(budget, &align->paid, 1 + align->scan_count / 8))
+    if (!cairn_budget_pay(budget, &align->units_charged, 1 + align->scan_count / 8))
         return CAIRN_MORE;
     align->result.slide = cairn_wall_slide_read(align->slide);
     for (int32_t i = 0; i < align->scan_count; i++) {
@@ -278,24 +283,24 @@ static cairn_status step_take_slid(cairn_virtual_align *align, cairn_budget *bud
 static cairn_status step_phase(cairn_virtual_align *align, cairn_budget *budget)
 {
     switch (align->phase) {
-    case VIRTUAL_ALIGN_HAND_BACK:
-        return step_hand_back(align, budget);
+    case VIRTUAL_ALIGN_RETURN_POSES:
+        return step_return_poses(align, budget);
     case VIRTUAL_ALIGN_FIRST:
         return step_align(align, budget);
-    case VIRTUAL_ALIGN_AGAIN:
+    case VIRTUAL_ALIGN_REALIGN:
         return cairn_aligner_step(align->aligner, budget);
-    case VIRTUAL_ALIGN_KEEP:
-        return step_keep(align, budget);
-    case VIRTUAL_ALIGN_JUDGE:
-        return step_judge(align, budget);
+    case VIRTUAL_ALIGN_STORE:
+        return step_store(align, budget);
+    case VIRTUAL_ALIGN_COMPARE:
+        return step_compare(align, budget);
     case VIRTUAL_ALIGN_PLACE:
         return step_place(align, budget);
     case VIRTUAL_ALIGN_BEGIN_SLIDE:
         return step_begin_slide(align, budget);
     case VIRTUAL_ALIGN_SLIDE:
         return cairn_wall_slide_step(align->slide, budget);
-    case VIRTUAL_ALIGN_TAKE_SLID:
-        return step_take_slid(align, budget);
+    case VIRTUAL_ALIGN_APPLY_SLIDE:
+        return step_apply_slide(align, budget);
     case VIRTUAL_ALIGN_GATHER:
         return step_gather(align, budget);
     case VIRTUAL_ALIGN_DETECT:
@@ -305,18 +310,19 @@ static cairn_status step_phase(cairn_virtual_align *align, cairn_budget *budget)
     }
 }
 
-/* What the field could not place, the slide may. */
+/* Returns the last phase: scans that the field could not place may still be translated along
+ * walls. */
 static virtual_align_phase last_phase(const cairn_virtual_align *align)
 {
-    return has_ground(align) ? VIRTUAL_ALIGN_BEGIN_SLIDE : VIRTUAL_ALIGN_IDLE;
+    return has_matches(align) ? VIRTUAL_ALIGN_BEGIN_SLIDE : VIRTUAL_ALIGN_IDLE;
 }
 
 static virtual_align_phase next_phase(const cairn_virtual_align *align)
 {
     switch (align->phase) {
     case VIRTUAL_ALIGN_FIRST:
-        return VIRTUAL_ALIGN_KEEP;
-    case VIRTUAL_ALIGN_KEEP:
+        return VIRTUAL_ALIGN_STORE;
+    case VIRTUAL_ALIGN_STORE:
         return VIRTUAL_ALIGN_PLACE;
     case VIRTUAL_ALIGN_PLACE:
         if (is_as_written(align))
@@ -325,25 +331,25 @@ static virtual_align_phase next_phase(const cairn_virtual_align *align)
     case VIRTUAL_ALIGN_BEGIN_SLIDE:
         return VIRTUAL_ALIGN_SLIDE;
     case VIRTUAL_ALIGN_SLIDE:
-        return VIRTUAL_ALIGN_TAKE_SLID;
-    case VIRTUAL_ALIGN_TAKE_SLID:
+        return VIRTUAL_ALIGN_APPLY_SLIDE;
+    case VIRTUAL_ALIGN_APPLY_SLIDE:
         return VIRTUAL_ALIGN_IDLE;
     case VIRTUAL_ALIGN_GATHER:
         return VIRTUAL_ALIGN_DETECT;
     case VIRTUAL_ALIGN_DETECT:
         return VIRTUAL_ALIGN_ITERATE;
-    case VIRTUAL_ALIGN_HAND_BACK:
-        return VIRTUAL_ALIGN_AGAIN;
-    case VIRTUAL_ALIGN_AGAIN:
-        return VIRTUAL_ALIGN_JUDGE;
-    case VIRTUAL_ALIGN_JUDGE:
+    case VIRTUAL_ALIGN_RETURN_POSES:
+        return VIRTUAL_ALIGN_REALIGN;
+    case VIRTUAL_ALIGN_REALIGN:
+        return VIRTUAL_ALIGN_COMPARE;
+    case VIRTUAL_ALIGN_COMPARE:
         return !align->is_done && align->result.rounds < align->params.max_rounds
                    ? VIRTUAL_ALIGN_PLACE
                    : last_phase(align);
     default:
         if (cairn_force_field_read(align->field).verdict != CAIRN_FORCE_FIELD_RUNNING)
-            return align->params.align ? VIRTUAL_ALIGN_HAND_BACK : VIRTUAL_ALIGN_IDLE;
-        return !has_ground(align) && align->since % align->params.every == 0
+            return align->params.align ? VIRTUAL_ALIGN_RETURN_POSES : VIRTUAL_ALIGN_IDLE;
+        return !has_matches(align) && align->iterations_since_scan % align->params.every == 0
                    ? VIRTUAL_ALIGN_GATHER
                    : VIRTUAL_ALIGN_ITERATE;
     }
@@ -351,11 +357,11 @@ static virtual_align_phase next_phase(const cairn_virtual_align *align)
 
 static int64_t *units_of(cairn_virtual_align *align)
 {
-    if (align->phase == VIRTUAL_ALIGN_FIRST || align->phase == VIRTUAL_ALIGN_AGAIN)
+    if (align->phase == VIRTUAL_ALIGN_FIRST || align->phase == VIRTUAL_ALIGN_REALIGN)
         return &align->result.align_units;
     if (align->phase == VIRTUAL_ALIGN_GATHER || align->phase == VIRTUAL_ALIGN_DETECT ||
         align->phase == VIRTUAL_ALIGN_BEGIN_SLIDE || align->phase == VIRTUAL_ALIGN_SLIDE ||
-        align->phase == VIRTUAL_ALIGN_TAKE_SLID)
+        align->phase == VIRTUAL_ALIGN_APPLY_SLIDE)
         return &align->result.hypothesis_units;
     return &align->result.field_units;
 }
@@ -371,6 +377,6 @@ cairn_status cairn_virtual_align_go_on(cairn_virtual_align *align, cairn_budget 
         return status;
     align->phase = next_phase(align);
     align->cursor = 0;
-    align->paid = 0;
+    align->units_charged = 0;
     return CAIRN_OK;
 }

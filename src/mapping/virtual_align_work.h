@@ -1,27 +1,28 @@
-/* What the files of the virtual_align room share. */
+/* Internal state shared by virtual_align.c and virtual_align_step.c. */
 #ifndef CAIRN_MAPPING_VIRTUAL_ALIGN_WORK_H
 #define CAIRN_MAPPING_VIRTUAL_ALIGN_WORK_H
 
 #include "cairn/virtual_align.h"
 
+/* Phases in their order. */
 typedef int32_t virtual_align_phase;
 enum {
     VIRTUAL_ALIGN_IDLE,
-    VIRTUAL_ALIGN_FIRST,
-    VIRTUAL_ALIGN_KEEP,
-    VIRTUAL_ALIGN_PLACE,
+    VIRTUAL_ALIGN_FIRST, /* first run of the aligner */
+    VIRTUAL_ALIGN_STORE, /* store its result */
+    VIRTUAL_ALIGN_PLACE, /* scans into the field */
     VIRTUAL_ALIGN_BEGIN_SLIDE,
     VIRTUAL_ALIGN_SLIDE,
-    VIRTUAL_ALIGN_TAKE_SLID,
-    VIRTUAL_ALIGN_GATHER,
-    VIRTUAL_ALIGN_DETECT,
-    VIRTUAL_ALIGN_ITERATE,
-    VIRTUAL_ALIGN_HAND_BACK,
-    VIRTUAL_ALIGN_AGAIN,
-    VIRTUAL_ALIGN_JUDGE
+    VIRTUAL_ALIGN_APPLY_SLIDE,
+    VIRTUAL_ALIGN_GATHER,       /* map of the hypotheses */
+    VIRTUAL_ALIGN_DETECT,       /* hypotheses */
+    VIRTUAL_ALIGN_ITERATE,      /* iterations of the field */
+    VIRTUAL_ALIGN_RETURN_POSES, /* poses of the field to the aligner */
+    VIRTUAL_ALIGN_REALIGN,      /* next run of the aligner */
+    VIRTUAL_ALIGN_COMPARE       /* with the stored result */
 };
 
-/* How a scan comes in, where the aligner has placed it, and whether the field moves it. */
+/* A scan: its initial pose, the aligner's result, and whether the field moves it. */
 struct cairn_virtual_place {
     cairn_pose start;
     cairn_aligner_pose aligned;
@@ -36,24 +37,24 @@ struct cairn_virtual_align {
     cairn_wall_slide *slide;
     /* [max_scans] */
     struct cairn_virtual_place *places;
-    /* [max_scans] that the aligner starts again from, or has come to, ... */
+    /* [max_scans] initial poses of the aligner's next run, or its results */
     cairn_pose *poses;
-    /* [max_scans] ... and those that they stand for */
-    cairn_pose *kept;
+    /* [max_scans] poses in the stored result */
+    cairn_pose *stored_poses;
     virtual_align_phase phase;
-    /* scan */
+    /* current scan */
     int32_t cursor;
     /* iterations of the field since the last virtual scan */
-    int32_t since;
+    int32_t iterations_since_scan;
     int32_t scan_count;
-    /* an iteration of the field */
-    int32_t is_under_way;
-    /* the last round has not made the result better */
+    /* 1: an iteration of the field is in progress */
+    int32_t is_iterating;
+    /* 1: the last round has not improved the result */
     int32_t is_done;
-    /* m, of the poses that scans come in with */
-    cairn_real spread;
+    /* m: error of the initial poses */
+    cairn_real initial_spread;
     cairn_virtual_align_result result;
-    int32_t paid;
+    int32_t units_charged;
 };
 
 static inline void cairn_virtual_align_must(cairn_status status)
@@ -64,7 +65,8 @@ static inline void cairn_virtual_align_must(cairn_status status)
 
 /* ---- virtual_align_step.c ---- */
 
-/* To the end of the phase at hand, and on to the next. CAIRN_MORE: the budget is used up. */
+/* Processes the current phase to its end and advances to the next. CAIRN_MORE: the budget is used
+ * up. */
 cairn_status cairn_virtual_align_go_on(cairn_virtual_align *align, cairn_budget *budget);
 
 #endif

@@ -1,15 +1,19 @@
-/* Hypotheses from the whole map, laid out as one more scan.
+/* Virtual scan: detection of hypotheses in the whole map.
  *
- * Method: the map is copied as the scans lie, thinned. Lines come from the vote of the points, with
- * tolerances that follow the uncertainty of the poses, and so do ellipses; both count when walls of
- * several scans lie on them; rectangles come from the segments. Then the caller's detectors are
- * asked in turn. Outlines are laid out into the list in work, which readers see when all is done.
+ * Method.
  *
- * Layout: points and segments of the map with their scans; wall points that each scan has on the
- * line or ellipse at hand; two lists of hypotheses, points and weights; hough, rectangle and
- * ellipse.
+ * 1. The map is copied at the current poses of the scans, thinned.
+ * 2. Lines and ellipses are found by voting, with tolerances that follow the uncertainty of the
+ *    poses. Both count when walls of several scans lie on them.
+ * 3. Rectangles are assembled from the segments.
+ * 4. The caller's detectors run in turn.
+ * 5. Outlines are sampled into the list in work, which readers see when the detection has ended.
  *
- * Limits: a rectangle that one scan sees whole weighs as much as one that many piece together.
+ * Layout: points and segments of the map with their scans; number of wall points of each scan on
+ * the current line or ellipse; two lists of hypotheses, points and weights (double-buffered);
+ * hough, rectangle and ellipse.
+ *
+ * Limits: a rectangle that one scan observes whole weighs as much as one assembled from many.
  *
  * Source: Adluru 2008, chapter 8. */
 #include "src/core/build.h"
@@ -18,7 +22,7 @@
 
 #include "src/mapping/virtual_scan_work.h"
 
-#define LIMIT CAIRN_REAL(1e6)
+#define MAX_VALUE CAIRN_REAL(1e6)
 
 cairn_virtual_scan_params cairn_virtual_scan_default(void)
 {
@@ -61,10 +65,10 @@ cairn_virtual_scan_params cairn_virtual_scan_default(void)
     return params;
 }
 
-/* Points that a line as written has at least. */
-static const cairn_real LEAST_VOTES = 40;
+/* minimum inliers of a line as written */
+static const cairn_real MIN_VOTES = 40;
 
-/* The params with what the mode leaves no choice of. */
+/* Returns the params with the values that the mode prescribes. */
 static cairn_virtual_scan_params in_mode(const cairn_virtual_scan_params *params)
 {
     cairn_virtual_scan_params p = *params, fixed = cairn_virtual_scan_default();
@@ -88,7 +92,7 @@ cairn_virtual_scan_params cairn_virtual_scan_as_written(void)
 
     params.mode = CAIRN_MODE_AS_WRITTEN;
     params.hough = cairn_hough_as_written();
-    params.hough.least_votes = LEAST_VOTES;
+    params.hough.least_votes = MIN_VOTES;
     return in_mode(&params);
 }
 
@@ -102,10 +106,10 @@ static int params_are_valid(const cairn_virtual_scan_params *p)
     return is_count(p->max_scans, 1, 1 << 20) && is_count(p->max_points, 1, 1 << 24) &&
            is_count(p->max_segments, 1, 1 << 20) && is_count(p->max_hypotheses, 1, 1024) &&
            is_count(p->max_virtual, 1, 1 << 24) && is_count(p->max_detectors, 0, 16) &&
-           p->stride >= 1 && p->spacing > 0 && p->spacing <= LIMIT && p->weight >= 0 &&
-           p->weight <= LIMIT && p->line_support > 0 && p->line_support <= 1 && p->line_angle > 0 &&
-           p->line_angle <= LIMIT && p->least_scans >= 1 && p->least_length >= 0 &&
-           p->least_length <= LIMIT &&
+           p->stride >= 1 && p->spacing > 0 && p->spacing <= MAX_VALUE && p->weight >= 0 &&
+           p->weight <= MAX_VALUE && p->line_support > 0 && p->line_support <= 1 &&
+           p->line_angle > 0 && p->line_angle <= MAX_VALUE && p->least_scans >= 1 &&
+           p->least_length >= 0 && p->least_length <= MAX_VALUE &&
            (p->mode == CAIRN_MODE_DEFAULT || p->mode == CAIRN_MODE_AS_WRITTEN) &&
            cairn_hough_memory(&p->hough) > 0 && cairn_ellipse_memory(&p->ellipse) > 0;
 }
@@ -118,7 +122,7 @@ static cairn_rectangle_params rectangles_of(const cairn_virtual_scan_params *par
     return rectangle;
 }
 
-static cairn_hough *carve_hough(cairn_pool *pool, const cairn_hough_params *params)
+static cairn_hough *take_hough(cairn_pool *pool, const cairn_hough_params *params)
 {
     cairn_hough *hough = NULL;
     cairn_status status;
@@ -133,8 +137,8 @@ static cairn_hough *carve_hough(cairn_pool *pool, const cairn_hough_params *para
     return hough;
 }
 
-static cairn_rectangle_set *carve_rectangles(cairn_pool *pool,
-                                             const cairn_virtual_scan_params *params)
+static cairn_rectangle_set *take_rectangles(cairn_pool *pool,
+                                            const cairn_virtual_scan_params *params)
 {
     cairn_rectangle_params rectangle = rectangles_of(params);
     cairn_rectangle_set *set = NULL;
@@ -150,7 +154,7 @@ static cairn_rectangle_set *carve_rectangles(cairn_pool *pool,
     return set;
 }
 
-static cairn_ellipse_set *carve_ellipses(cairn_pool *pool, const cairn_ellipse_params *params)
+static cairn_ellipse_set *take_ellipses(cairn_pool *pool, const cairn_ellipse_params *params)
 {
     cairn_ellipse_set *set = NULL;
     cairn_status status;
@@ -165,7 +169,7 @@ static cairn_ellipse_set *carve_ellipses(cairn_pool *pool, const cairn_ellipse_p
     return set;
 }
 
-static virtual_result carve_result(cairn_pool *pool, const cairn_virtual_scan_params *params)
+static virtual_result take_result(cairn_pool *pool, const cairn_virtual_scan_params *params)
 {
     virtual_result r = {NULL, NULL, NULL, 0, 0, 0};
 
@@ -175,26 +179,26 @@ static virtual_result carve_result(cairn_pool *pool, const cairn_virtual_scan_pa
     return r;
 }
 
-static cairn_virtual_scan *carve(cairn_pool *pool, const cairn_virtual_scan_params *params)
+static cairn_virtual_scan *take_memory(cairn_pool *pool, const cairn_virtual_scan_params *params)
 {
     size_t points = (size_t)params->max_points, segments = (size_t)params->max_segments;
-    cairn_virtual_scan *v = cairn_pool_take_one(pool, sizeof *v), made;
+    cairn_virtual_scan *virtual_scan = cairn_pool_take_one(pool, sizeof *virtual_scan), made;
 
     memset(&made, 0, sizeof made);
     made.points = cairn_pool_take(pool, points, sizeof *made.points);
     made.point_scan = cairn_pool_take(pool, points, sizeof *made.point_scan);
     made.segments = cairn_pool_take(pool, segments, sizeof *made.segments);
     made.segment_scan = cairn_pool_take(pool, segments, sizeof *made.segment_scan);
-    made.on_it = cairn_pool_take(pool, (size_t)params->max_scans, sizeof *made.on_it);
+    made.scan_inliers = cairn_pool_take(pool, (size_t)params->max_scans, sizeof *made.scan_inliers);
     made.detectors = cairn_pool_take(pool, (size_t)params->max_detectors, sizeof *made.detectors);
-    made.work = carve_result(pool, params);
-    made.done = carve_result(pool, params);
-    made.hough = carve_hough(pool, &params->hough);
-    made.rectangles = carve_rectangles(pool, params);
-    made.ellipses = carve_ellipses(pool, &params->ellipse);
-    if (v != NULL)
-        *v = made;
-    return v;
+    made.work = take_result(pool, params);
+    made.done = take_result(pool, params);
+    made.hough = take_hough(pool, &params->hough);
+    made.rectangles = take_rectangles(pool, params);
+    made.ellipses = take_ellipses(pool, &params->ellipse);
+    if (virtual_scan != NULL)
+        *virtual_scan = made;
+    return virtual_scan;
 }
 
 size_t cairn_virtual_scan_memory(const cairn_virtual_scan_params *params)
@@ -208,7 +212,7 @@ size_t cairn_virtual_scan_memory(const cairn_virtual_scan_params *params)
     if (!params_are_valid(&used))
         return 0;
     cairn_pool_init_counting(&counting);
-    (void)carve(&counting, &used);
+    (void)take_memory(&counting, &used);
     return cairn_pool_counted(&counting);
 }
 
@@ -224,7 +228,7 @@ cairn_status cairn_virtual_scan_create(cairn_virtual_scan **virtual_scan, cairn_
     if (!cairn_pool_has_room(pool, need))
         return CAIRN_NO_MEMORY;
     used = in_mode(params);
-    made = carve(pool, &used);
+    made = take_memory(pool, &used);
     made->params = used;
     *virtual_scan = made;
     return CAIRN_OK;
@@ -244,94 +248,98 @@ cairn_status cairn_virtual_scan_add_detector(cairn_virtual_scan *virtual_scan,
 
 /* ---- The map ---- */
 
-/* Lines' tolerances at this uncertainty. */
-static void adjust_lines(cairn_virtual_scan *v, cairn_real sigma)
+/* Sets the tolerances of lines for this uncertainty. */
+static void adjust_lines(cairn_virtual_scan *virtual_scan, cairn_real sigma)
 {
-    cairn_hough_params hough = v->params.hough;
-    cairn_real angle =
-        cairn_min(cairn_max(v->params.line_angle * sigma, hough.angle_tolerance), CAIRN_PI / 6);
+    cairn_hough_params hough = virtual_scan->params.hough;
+    cairn_real angle = cairn_min(
+        cairn_max(virtual_scan->params.line_angle * sigma, hough.angle_tolerance), CAIRN_PI / 6);
     cairn_status status;
 
-    if (v->params.mode == CAIRN_MODE_AS_WRITTEN)
+    if (virtual_scan->params.mode == CAIRN_MODE_AS_WRITTEN)
         return;
-    hough.support_distance = cairn_max(hough.support_distance, v->params.line_support * sigma);
-    hough.separation = cairn_max(hough.separation, 2 * v->params.line_support * sigma);
+    hough.support_distance =
+        cairn_max(hough.support_distance, virtual_scan->params.line_support * sigma);
+    hough.separation = cairn_max(hough.separation, 2 * virtual_scan->params.line_support * sigma);
     hough.distance_step = cairn_max(hough.distance_step, hough.support_distance / 2);
     hough.angle_tolerance = cairn_max(hough.angle_tolerance, angle);
     hough.separation_angle = cairn_max(hough.separation_angle, angle);
-    v->support = hough.support_distance;
-    v->sine_angle = cairn_sin(hough.angle_tolerance);
-    status = cairn_hough_adjust(v->hough, &hough);
+    virtual_scan->support = hough.support_distance;
+    virtual_scan->sine_angle = cairn_sin(hough.angle_tolerance);
+    status = cairn_hough_adjust(virtual_scan->hough, &hough);
     CAIRN_ASSERT(status == CAIRN_OK);
     (void)status;
 }
 
-/* Ellipses' tolerances. Round walls tell their own direction less well than straight ones, but
- * beyond a quarter of a right angle four walls would be a circle. */
-static void adjust_ellipses(cairn_virtual_scan *v, cairn_real sigma)
+/* Sets the tolerances of ellipses for this uncertainty. Round walls determine their tangent less
+ * well than straight ones, but beyond a quarter of a right angle four walls would be a circle. */
+static void adjust_ellipses(cairn_virtual_scan *virtual_scan, cairn_real sigma)
 {
-    cairn_ellipse_params ellipse = v->params.ellipse;
+    cairn_ellipse_params ellipse = virtual_scan->params.ellipse;
     cairn_status status;
 
-    ellipse.support_distance = cairn_max(ellipse.support_distance, v->params.line_support * sigma);
-    ellipse.angle_tolerance =
-        cairn_max(ellipse.angle_tolerance, cairn_min(v->params.line_angle * sigma, CAIRN_PI / 8));
-    v->round_support = ellipse.support_distance;
-    v->sine_tangent = cairn_sin(ellipse.angle_tolerance);
-    status = cairn_ellipse_adjust(v->ellipses, &ellipse);
+    ellipse.support_distance =
+        cairn_max(ellipse.support_distance, virtual_scan->params.line_support * sigma);
+    ellipse.angle_tolerance = cairn_max(
+        ellipse.angle_tolerance, cairn_min(virtual_scan->params.line_angle * sigma, CAIRN_PI / 8));
+    virtual_scan->ellipse_support = ellipse.support_distance;
+    virtual_scan->sine_tangent = cairn_sin(ellipse.angle_tolerance);
+    status = cairn_ellipse_adjust(virtual_scan->ellipses, &ellipse);
     CAIRN_ASSERT(status == CAIRN_OK);
     (void)status;
 }
 
 cairn_status cairn_virtual_scan_begin(cairn_virtual_scan *virtual_scan, cairn_real sigma)
 {
-    cairn_virtual_scan *v = virtual_scan;
+    cairn_virtual_scan *self = virtual_scan;
 
-    if (v == NULL || !(sigma >= 0) || sigma > LIMIT / 2)
+    if (self == NULL || !(sigma >= 0) || sigma > MAX_VALUE / 2)
         return CAIRN_BAD_ARGUMENT;
-    memset(&v->map, 0, sizeof v->map);
-    v->map.points = v->points;
-    v->map.point_scan = v->point_scan;
-    v->map.segments = v->segments;
-    v->map.segment_scan = v->segment_scan;
-    v->map.sigma = sigma;
-    v->work.count = v->work.point_count = v->work.dropped = 0;
-    v->phase = VIRTUAL_GATHER;
-    adjust_lines(v, sigma);
-    adjust_ellipses(v, sigma);
+    memset(&self->map, 0, sizeof self->map);
+    self->map.points = self->points;
+    self->map.point_scan = self->point_scan;
+    self->map.segments = self->segments;
+    self->map.segment_scan = self->segment_scan;
+    self->map.sigma = sigma;
+    self->work.count = self->work.point_count = self->work.dropped = 0;
+    self->phase = VIRTUAL_GATHER;
+    adjust_lines(self, sigma);
+    adjust_ellipses(self, sigma);
     return CAIRN_OK;
 }
 
-static int has_scan(const cairn_virtual_scan *v, const cairn_scan_set *set, int32_t scan)
+static int has_scan(const cairn_virtual_scan *virtual_scan, const cairn_scan_set *set, int32_t scan)
 {
-    return scan >= 0 && scan < set->scan_count && scan < v->params.max_scans &&
+    return scan >= 0 && scan < set->scan_count && scan < virtual_scan->params.max_scans &&
            set->scans[scan].in_use;
 }
 
-/* How many of a segment's points the map has. */
-static int32_t thinned(const cairn_virtual_scan *v, const cairn_scan_set_segment *s)
+/* Returns the number of a segment's points in the thinned map. */
+static int32_t thinned_count(const cairn_virtual_scan *virtual_scan,
+                             const cairn_scan_set_segment *s)
 {
-    return (s->end_point - s->first_point + v->params.stride - 1) / v->params.stride;
+    return (s->end_point - s->first_point + virtual_scan->params.stride - 1) /
+           virtual_scan->params.stride;
 }
 
-static void add_segment(cairn_virtual_scan *v, const cairn_scan_set *set, int32_t index,
+static void add_segment(cairn_virtual_scan *virtual_scan, const cairn_scan_set *set, int32_t index,
                         cairn_transform map_scan)
 {
     const cairn_scan_set_segment *s = &set->segments[index];
-    cairn_segment *to = &v->segments[v->map.segment_count];
-    cairn_oriented_point *points = &v->points[v->map.point_count];
-    int32_t count = thinned(v, s);
+    cairn_segment *to = &virtual_scan->segments[virtual_scan->map.segment_count];
+    cairn_oriented_point *points = &virtual_scan->points[virtual_scan->map.point_count];
+    int32_t count = thinned_count(virtual_scan, s);
 
     to->a = cairn_transform_point(map_scan, s->segment.a);
     to->b = cairn_transform_point(map_scan, s->segment.b);
-    v->segment_scan[v->map.segment_count++] = s->scan;
+    virtual_scan->segment_scan[virtual_scan->map.segment_count++] = s->scan;
     for (int32_t i = 0; i < count; i++) {
         cairn_vec2 p;
 
-        cairn_scan_set_read(set, index, i * v->params.stride, 1, &p);
+        cairn_scan_set_read(set, index, i * virtual_scan->params.stride, 1, &p);
         points[i].position = cairn_transform_point(map_scan, p);
         points[i].direction = cairn_transform_direction(map_scan, s->direction);
-        v->point_scan[v->map.point_count++] = s->scan;
+        virtual_scan->point_scan[virtual_scan->map.point_count++] = s->scan;
     }
 }
 
@@ -339,73 +347,76 @@ cairn_status cairn_virtual_scan_add_scan(cairn_virtual_scan *virtual_scan,
                                          const cairn_scan_set *set, int32_t scan,
                                          cairn_pose map_scan)
 {
-    cairn_virtual_scan *v = virtual_scan;
+    cairn_virtual_scan *self = virtual_scan;
     const cairn_scan_set_scan *of;
     cairn_transform t;
     int32_t points = 0;
 
-    if (v == NULL || set == NULL || v->phase != VIRTUAL_GATHER || !has_scan(v, set, scan) ||
-        !cairn_pose_is_finite(map_scan) || cairn_abs(map_scan.x) > LIMIT / 2 ||
-        cairn_abs(map_scan.y) > LIMIT / 2)
+    if (self == NULL || set == NULL || self->phase != VIRTUAL_GATHER ||
+        !has_scan(self, set, scan) || !cairn_pose_is_finite(map_scan) ||
+        cairn_abs(map_scan.x) > MAX_VALUE / 2 || cairn_abs(map_scan.y) > MAX_VALUE / 2)
         return CAIRN_BAD_ARGUMENT;
     of = &set->scans[scan];
     for (int32_t i = of->first_segment; i < of->end_segment; i++)
-        points += thinned(v, &set->segments[i]);
-    if (points > v->params.max_points - v->map.point_count ||
-        of->end_segment - of->first_segment > v->params.max_segments - v->map.segment_count)
+        points += thinned_count(self, &set->segments[i]);
+    if (points > self->params.max_points - self->map.point_count ||
+        of->end_segment - of->first_segment > self->params.max_segments - self->map.segment_count)
         return CAIRN_FULL;
     t = cairn_transform_of(map_scan);
     for (int32_t i = of->first_segment; i < of->end_segment; i++)
-        add_segment(v, set, i, t);
+        add_segment(self, set, i, t);
     return CAIRN_OK;
 }
 
-/* ---- The detection ---- */
+/* ---- Detection ---- */
 
-/* The phase after the one at hand, begun. */
-static cairn_status go_on(cairn_virtual_scan *v)
+/* Begins the phase after the current one. */
+static cairn_status begin_next_phase(cairn_virtual_scan *virtual_scan)
 {
-    v->cursor = 0;
-    v->is_clear = v->is_counted = 0;
-    v->item = 0;
-    v->asked = 0;
-    v->paid = 0;
-    v->phase = v->phase == VIRTUAL_CALLERS ? VIRTUAL_IDLE : v->phase + 1;
-    if (v->phase == VIRTUAL_LINES)
-        return cairn_hough_begin(v->hough, v->points, NULL,
-                                 v->params.lines ? v->map.point_count : 0);
-    if (v->phase == VIRTUAL_RECTANGLES)
-        return cairn_rectangle_begin(v->rectangles, v->segments,
-                                     v->params.rectangles ? v->map.segment_count : 0);
-    if (v->phase == VIRTUAL_ELLIPSES)
-        return cairn_ellipse_begin(v->ellipses, v->points, NULL,
-                                   v->params.ellipses ? v->map.point_count : 0);
-    if (v->phase == VIRTUAL_IDLE) {
-        virtual_result work = v->work;
+    virtual_scan->cursor = 0;
+    virtual_scan->inliers_cleared = virtual_scan->scans_counted = 0;
+    virtual_scan->item = 0;
+    virtual_scan->detector_begun = 0;
+    virtual_scan->units_charged = 0;
+    virtual_scan->phase =
+        virtual_scan->phase == VIRTUAL_CALLER_DETECTORS ? VIRTUAL_IDLE : virtual_scan->phase + 1;
+    if (virtual_scan->phase == VIRTUAL_LINES)
+        return cairn_hough_begin(virtual_scan->hough, virtual_scan->points, NULL,
+                                 virtual_scan->params.lines ? virtual_scan->map.point_count : 0);
+    if (virtual_scan->phase == VIRTUAL_RECTANGLES)
+        return cairn_rectangle_begin(
+            virtual_scan->rectangles, virtual_scan->segments,
+            virtual_scan->params.rectangles ? virtual_scan->map.segment_count : 0);
+    if (virtual_scan->phase == VIRTUAL_ELLIPSES)
+        return cairn_ellipse_begin(virtual_scan->ellipses, virtual_scan->points, NULL,
+                                   virtual_scan->params.ellipses ? virtual_scan->map.point_count
+                                                                 : 0);
+    if (virtual_scan->phase == VIRTUAL_IDLE) {
+        virtual_result work = virtual_scan->work;
 
-        v->work = v->done;
-        v->done = work;
+        virtual_scan->work = virtual_scan->done;
+        virtual_scan->done = work;
     }
     return CAIRN_OK;
 }
 
-static cairn_status step_phase(cairn_virtual_scan *v, cairn_budget *budget)
+static cairn_status step_phase(cairn_virtual_scan *virtual_scan, cairn_budget *budget)
 {
-    switch (v->phase) {
+    switch (virtual_scan->phase) {
     case VIRTUAL_LINES:
-        return cairn_hough_step(v->hough, budget);
-    case VIRTUAL_LAY_LINES:
-        return cairn_virtual_lay_lines(v, budget);
+        return cairn_hough_step(virtual_scan->hough, budget);
+    case VIRTUAL_SAMPLE_LINES:
+        return cairn_virtual_lay_lines(virtual_scan, budget);
     case VIRTUAL_RECTANGLES:
-        return cairn_rectangle_step(v->rectangles, budget);
-    case VIRTUAL_LAY_RECTANGLES:
-        return cairn_virtual_lay_rectangles(v, budget);
+        return cairn_rectangle_step(virtual_scan->rectangles, budget);
+    case VIRTUAL_SAMPLE_RECTANGLES:
+        return cairn_virtual_lay_rectangles(virtual_scan, budget);
     case VIRTUAL_ELLIPSES:
-        return cairn_ellipse_step(v->ellipses, budget);
-    case VIRTUAL_LAY_ELLIPSES:
-        return cairn_virtual_lay_ellipses(v, budget);
-    case VIRTUAL_CALLERS:
-        return cairn_virtual_ask_callers(v, budget);
+        return cairn_ellipse_step(virtual_scan->ellipses, budget);
+    case VIRTUAL_SAMPLE_ELLIPSES:
+        return cairn_virtual_lay_ellipses(virtual_scan, budget);
+    case VIRTUAL_CALLER_DETECTORS:
+        return cairn_virtual_ask_callers(virtual_scan, budget);
     default:
         return CAIRN_OK;
     }
@@ -421,7 +432,7 @@ cairn_status cairn_virtual_scan_step(cairn_virtual_scan *virtual_scan, cairn_bud
         if (status == CAIRN_MORE)
             return status;
         if (status == CAIRN_OK)
-            status = go_on(virtual_scan);
+            status = begin_next_phase(virtual_scan);
         if (status < 0) {
             virtual_scan->phase = VIRTUAL_IDLE;
             return status;

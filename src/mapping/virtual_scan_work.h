@@ -1,4 +1,4 @@
-/* What the files of the virtual_scan room share. */
+/* Internal state shared by virtual_scan.c and virtual_scan_kinds.c. */
 #ifndef CAIRN_MAPPING_VIRTUAL_SCAN_WORK_H
 #define CAIRN_MAPPING_VIRTUAL_SCAN_WORK_H
 
@@ -9,15 +9,15 @@ enum {
     VIRTUAL_IDLE,
     VIRTUAL_GATHER,
     VIRTUAL_LINES,
-    VIRTUAL_LAY_LINES,
+    VIRTUAL_SAMPLE_LINES,
     VIRTUAL_RECTANGLES,
-    VIRTUAL_LAY_RECTANGLES,
+    VIRTUAL_SAMPLE_RECTANGLES,
     VIRTUAL_ELLIPSES,
-    VIRTUAL_LAY_ELLIPSES,
-    VIRTUAL_CALLERS
+    VIRTUAL_SAMPLE_ELLIPSES,
+    VIRTUAL_CALLER_DETECTORS
 };
 
-/* What readers see. */
+/* Result of a detection. */
 typedef struct virtual_result {
     cairn_hypothesis *hypotheses; /* [max_hypotheses] */
     cairn_oriented_point *points; /* [max_virtual] */
@@ -34,28 +34,30 @@ struct cairn_virtual_scan {
     int32_t *point_scan;
     cairn_segment *segments; /* [max_segments] */
     int32_t *segment_scan;
-    int32_t *on_it;                       /* [max_scans] points on the line or ellipse at hand */
+    /* [max_scans] number of inliers of each scan on the current line or ellipse */
+    int32_t *scan_inliers;
     cairn_hypothesis_detector *detectors; /* [max_detectors] */
     int32_t detector_count;
     cairn_virtual_map map;
     virtual_result work, done;
     virtual_phase phase;
-    int32_t cursor;     /* point of the map, or of an outline */
-    int32_t item;       /* line, rectangle, ellipse or detector at hand */
-    int32_t is_clear;   /* `on_it` */
-    int32_t is_counted; /* `scans` is that of the line or ellipse at hand */
-    int32_t scans;      /* that it brings together */
-    int32_t asked;      /* VIRTUAL_CALLERS: the detector at hand has begun */
-    int32_t paid;
-    cairn_real support, sine_angle;         /* of lines, at this sigma */
-    cairn_real round_support, sine_tangent; /* of ellipses */
+    int32_t cursor;          /* current point of the map, or of an outline */
+    int32_t item;            /* current line, rectangle, ellipse or detector */
+    int32_t inliers_cleared; /* 1: scan_inliers is cleared */
+    int32_t scans_counted;   /* 1: scan_count is that of the current line or ellipse */
+    int32_t scan_count;      /* scans with walls on it */
+    int32_t detector_begun;  /* VIRTUAL_CALLER_DETECTORS: 1: the current detector has begun */
+    int32_t units_charged;
+    /* tolerances of lines: m, sine of the angle, at this sigma */
+    cairn_real support, sine_angle;
+    cairn_real ellipse_support, sine_tangent; /* likewise of ellipses */
 };
 
-/* Lays out what the detector of a phase has found, and asks those of the caller; CAIRN_OK when
- * all is laid out. */
-cairn_status cairn_virtual_lay_lines(cairn_virtual_scan *v, cairn_budget *budget);
-cairn_status cairn_virtual_lay_rectangles(cairn_virtual_scan *v, cairn_budget *budget);
-cairn_status cairn_virtual_lay_ellipses(cairn_virtual_scan *v, cairn_budget *budget);
-cairn_status cairn_virtual_ask_callers(cairn_virtual_scan *v, cairn_budget *budget);
+/* Samples the hypotheses that the detector of a phase has found, and runs the caller's detectors;
+ * CAIRN_OK when all are sampled. */
+cairn_status cairn_virtual_lay_lines(cairn_virtual_scan *virtual_scan, cairn_budget *budget);
+cairn_status cairn_virtual_lay_rectangles(cairn_virtual_scan *virtual_scan, cairn_budget *budget);
+cairn_status cairn_virtual_lay_ellipses(cairn_virtual_scan *virtual_scan, cairn_budget *budget);
+cairn_status cairn_virtual_ask_callers(cairn_virtual_scan *virtual_scan, cairn_budget *budget);
 
 #endif
