@@ -332,6 +332,8 @@ static cairn_virtual_scan_params small_hypotheses(cairn_virtual_scan_params para
     params.max_virtual = 512;
     params.hough.angles = 72;
     params.hough.distances = 64;
+    params.hough.max_lines = 32;
+    params.rectangle.max_rectangles = 32;
     params.rectangle.max_pairs = 256;
     params.rectangle.max_sides = 64;
     params.ellipse.cells = 48;

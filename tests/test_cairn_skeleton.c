@@ -137,6 +137,40 @@ static void as_written_finds_it(void **state)
     assert_null(files_read(files_path("found/bar-lines.svg"), NULL));
 }
 
+/* With the edges of another detector: one row of pixels along each side of the bar. */
+static void edges_of_another_detector(void **state)
+{
+    cairn_file_error error;
+    char *text;
+
+    (void)state;
+    if (cairn_vision_load(NULL) == CAIRN_UNSUPPORTED)
+        skip();
+    for (int32_t i = 0; i < WIDTH * HEIGHT; i++) {
+        int32_t x = i % WIDTH, y = i / WIDTH;
+
+        grey[i] = x >= 30 && x < 170 && (y == 50 || y == 69) ? 200 : 0;
+    }
+    assert_int_equal(cairn_image_write_png(files_path("edges.png"), grey, WIDTH, HEIGHT, &error),
+                     CAIRN_OK);
+    assert_done(programs_run("cairn skeleton @/bar.png --edges @/edges.png --as-written "
+                             "--radius 8:12 --min-log-odds 3 --quiet -o @/given"));
+    text = read_file("given/bar.json");
+    assert_true(number_of(text, "edgels") > 80 && number_of(text, "edgels") < 120);
+    assert_holds(text, "\"verdict\": \"found\"");
+    assert_true(number_of(text, "free_ends") == 2);
+    free(text);
+    assert_int_equal(
+        cairn_image_write_png(files_path("small.png"), grey, WIDTH, HEIGHT / 2, &error), CAIRN_OK);
+    assert_refused(programs_run("cairn skeleton @/bar.png --edges @/small.png --as-written -o @/x"),
+                   "as the image");
+    assert_refused(programs_run("cairn skeleton @/bar.png --edges @/edges.png -o @/x"),
+                   "without --as-written");
+    assert_refused(programs_run("cairn skeleton @/bar.png @/outlines/bar.png --edges @/edges.png "
+                                "--as-written -o @/x"),
+                   "expected one");
+}
+
 /* Of a bar of 20 x 140 px radii up to 10. */
 static void radii_are_learnt(void **state)
 {
@@ -197,6 +231,7 @@ int main(int argc, char **argv)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(a_bar_is_found),
         cmocka_unit_test(as_written_finds_it),
+        cmocka_unit_test(edges_of_another_detector),
         cmocka_unit_test(radii_are_learnt),
         cmocka_unit_test(bad_input_is_refused),
     };

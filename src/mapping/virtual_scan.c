@@ -93,6 +93,12 @@ cairn_virtual_scan_params cairn_virtual_scan_as_written(void)
     params.mode = CAIRN_MODE_AS_WRITTEN;
     params.hough = cairn_hough_as_written();
     params.hough.least_votes = MIN_VOTES;
+    /* Memory for whatever passes the thresholds: no capacity decides. */
+    params.hough.max_lines = 256;
+    params.max_hypotheses = 1024;
+    params.rectangle.max_sides = 4096;
+    params.rectangle.max_pairs = 1 << 18;
+    params.rectangle.max_rectangles = 256;
     return in_mode(&params);
 }
 
