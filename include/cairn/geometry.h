@@ -18,8 +18,8 @@ typedef struct cairn_vec2 {
     cairn_real x, y;
 } cairn_vec2;
 
-/* Pose in SE(2): position (x, y) in m and heading theta in rad. All functions that return a pose wrap
- * theta to (-pi, pi], unless their comment says otherwise. */
+/* Pose in SE(2): position (x, y) in m and heading theta in rad. All functions that return a pose
+ * wrap theta to (-pi, pi], unless their comment says otherwise. */
 typedef struct cairn_pose {
     cairn_real x, y, theta;
 } cairn_pose;
@@ -170,10 +170,10 @@ cairn_twist cairn_twist_of(cairn_pose motion);
  * Fractions outside 0 ... 1 extrapolate. theta is not wrapped. */
 cairn_pose cairn_twist_at(cairn_twist twist, cairn_real fraction);
 
-/* Least-squares rigid motion of paired points in closed form, from the moments of the pairs
- * (Horn 1987; Umeyama 1991, without scale). from, to: centroids of the points and of their partners,
- * in m. dot, cross: sums of the dot and of the cross products of the offsets from the centroids.
- * The motion maps `from` onto `to` and rotates by atan2(cross, dot). */
+/* Least-squares rigid motion of paired points in closed form, from the moments of the pairs (Horn
+ * 1987; Umeyama 1991, without scale). from, to: centroids of the points and of their partners, in
+ * m. dot, cross: sums of the dot and of the cross products of the offsets from the centroids. The
+ * motion maps `from` onto `to` and rotates by atan2(cross, dot). */
 cairn_pose cairn_pose_about(cairn_vec2 from, cairn_vec2 to, cairn_real dot, cairn_real cross);
 
 /* Least-squares rigid motion that aligns from[i] with to[i], the alignment of two trajectories:

@@ -40,7 +40,8 @@ extern "C" {
 
 /* Bump allocator over one region of memory. The fields are open for reading only. */
 typedef struct cairn_pool {
-    /* First byte of the region. NULL: a counting pool, which adds up sizes and allocates nothing. */
+    /* First byte of the region. NULL: a counting pool, which adds up sizes and allocates
+     * nothing. */
     unsigned char *base;
     /* Bytes of the region. */
     size_t size;
@@ -81,12 +82,13 @@ void cairn_pool_init_counting(cairn_pool *pool);
  * _create() would refuse) counts as an overflow. */
 void cairn_pool_count(cairn_pool *counting, size_t need);
 
-/* Bytes that a counting pool has added up, 0 after an overflow: the value that _memory() returns. */
+/* Bytes that a counting pool has added up, 0 after an overflow: the value that _memory()
+ * returns. */
 size_t cairn_pool_counted(const cairn_pool *counting);
 
 /* Allocates `count` elements of `size` bytes, not cleared. NULL when too few bytes are left
- * (`refused` is incremented, nothing is allocated), and always from a counting pool. A count or size
- * of 0 gives a valid pointer that must not be dereferenced. Constant time. */
+ * (`refused` is incremented, nothing is allocated), and always from a counting pool. A count or
+ * size of 0 gives a valid pointer that must not be dereferenced. Constant time. */
 void *cairn_pool_take(cairn_pool *pool, size_t count, size_t size);
 
 /* Allocates one element of `size` bytes, as cairn_pool_take(). */

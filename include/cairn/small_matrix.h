@@ -1,4 +1,5 @@
-/* small_matrix: symmetric 2 x 2 and 3 x 3 matrices: LDL^T solution, inverse and eigendecomposition. */
+/* small_matrix: symmetric 2 x 2 and 3 x 3 matrices: LDL^T solution, inverse and
+ * eigendecomposition. */
 #ifndef CAIRN_SMALL_MATRIX_H
 #define CAIRN_SMALL_MATRIX_H
 
