@@ -74,7 +74,7 @@ typedef struct cairn_ellipse_params {
     /* 0 ... 1: least covered fraction of the outline (0.5). */
     cairn_real least_covered;
     /* m, > 0: non-maximum suppression: of ellipses of a kind whose centres and axes differ by less
-     * only the one with the highest score stays (0.3). */
+     * only the one with the most votes stays (0.3). */
     cairn_real separation;
 } cairn_ellipse_params;
 
