@@ -4,7 +4,7 @@
  * Every point votes for the centres along its normal (Duda and Hart 1972; Ballard 1981 for the use
  * of directions). The points around a peak vote for the radius. The circle is refined to an ellipse
  * by linear least squares over conics, on the positions and the directions of its inliers. The
- * score (strength) is the covered fraction of the outline, reduced by the residuals of the points.
+ * score is the covered fraction of the outline, reduced by the residuals of the points.
  * Adluru 2008, section 8.6, names ellipses as the next kind of hypothesis. */
 #ifndef CAIRN_ELLIPSE_H
 #define CAIRN_ELLIPSE_H

@@ -40,7 +40,7 @@ typedef struct cairn_polyline_params {
     /* m, > 0: standard deviation of the points across their line (sensor noise). The variance is
      * never estimated smaller than this. */
     cairn_real sigma;
-    /* m, >= s_last: width of the Gaussian of the E-step in the first iteration. A larger width
+    /* m, >= width_last: width of the Gaussian of the E-step in the first iteration. A larger width
      * bridges more gaps and blurs corners more. */
     cairn_real s_first;
     /* m, > 0: width of the Gaussian of the E-step in the last iterations. Twice sigma keeps nearly

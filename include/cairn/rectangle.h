@@ -3,7 +3,7 @@
  * Segments that are nearly collinear are first merged into sides. Two parallel sides that face each
  * other make a pair with a direction, a length and a distance. Two pairs of perpendicular
  * directions whose lengths and distances fit each other make a rectangle (Lagunovsky and Ablameyko
- * 1997; Adluru 2008, section 8.4.2). The score (strength) is the covered fraction of the outline,
+ * 1997; Adluru 2008, section 8.4.2). The score is the covered fraction of the outline,
  * reduced when the angles are not right angles. */
 #ifndef CAIRN_RECTANGLE_H
 #define CAIRN_RECTANGLE_H
