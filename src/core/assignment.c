@@ -1,13 +1,13 @@
 /* Linear assignment by shortest augmenting paths (the Hungarian method in the form of Jonker and
  * Volgenant).
  *
- * Method: 1. The rows of the smaller side are added one after another. 2. From the added row the
- * shortest path to an unpaired column is grown by Dijkstra's algorithm over the reduced costs
- * (costs minus duals), which are never negative. Of columns at equal distance the first one
- *    is reached first.
+ * Method:
+ * 1. The rows of the smaller side are added one after another.
+ * 2. From the added row the shortest path to an unpaired column is grown by Dijkstra's algorithm
+ *    over the reduced costs (costs minus duals), which are never negative. Of columns at equal
+ *    distance the first one is reached first.
  * 3. All pairs along the path are exchanged, and the duals of the rows and columns reached are
- * updated, so
- *    the reduced costs stay nonnegative.
+ *    updated, so the reduced costs stay nonnegative.
  *
  * Layout: duals, pairs in both directions, and for the current path the distance and the
  * predecessor of each column. A table with more rows than columns is read transposed: `short` and

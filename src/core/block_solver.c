@@ -1,12 +1,13 @@
 /* Sparse LDL^T solver for systems of 3 x 3 blocks: structure, values and steps.
  *
- * Method: 1. Fill-reducing ordering (block_solver_order.c) and pattern of the factor
+ * Method:
+ * 1. Fill-reducing ordering (block_solver_order.c) and pattern of the factor
  *    (block_solver_pattern.c).
  * 2. Every link stores the index of the factor's block that holds its own block, and values are
- * added
- *    there directly: H is not stored separately, the factor and later the inverse overwrite H.
- * 3. Numeric factorization and substitution (block_solver_factor.c). 4. Selected inverse
- * (block_solver_inverse.c).
+ *    added there directly: H is not stored separately, the factor and later the inverse overwrite
+ *    H.
+ * 3. Numeric factorization and substitution (block_solver_factor.c).
+ * 4. Selected inverse (block_solver_inverse.c).
  *
  * Limits: no pivoting and no iterative refinement, which positive definite systems do not need. In
  * float a system whose pivots fall below 1e-5 of its diagonal is refused. */

@@ -1,20 +1,21 @@
 /* Fill-reducing ordering by approximate minimum mean fill.
  *
- * Method: 1. Quotient graph: an eliminated pose leaves its neighbours as a clique, which is stored
- * as one
+ * Method:
+ * 1. Quotient graph: an eliminated pose leaves its neighbours as a clique, which is stored as one
  *    element instead of its edges. Degrees are bounded from above: the size of the pivot's list,
  *    plus for every element of a variable its poses outside that list, plus the other variables
  *    (Amestoy, Davis and Duff 1996). Elements without poses outside the pivot's list are absorbed.
- * Variables with equal lists are indistinguishable and merged (supervariables). A variable without
- *    neighbours outside the pivot's list is eliminated with the pivot (mass elimination).
+ *    Variables with equal lists are indistinguishable and merged (supervariables). A variable
+ *    without neighbours outside the pivot's list is eliminated with the pivot (mass elimination).
  * 2. The pivot is the variable of the lowest score: the number of blocks of its column, plus the
- * number of pairs of its neighbours that it would newly link, divided by its poses. Of these pairs
- *    those of the clique made last are known and subtracted; those of other cliques are not
- * (Rothberg and Eisenstat 1998). On a grid of 100,000 poses the factorization takes a third fewer
- *    products than with the minimum degree; on small graphs the same number.
+ *    number of pairs of its neighbours that it would newly link, divided by its poses. Of these
+ *    pairs those of the clique made last are known and subtracted; those of other cliques are not
+ *    (Rothberg and Eisenstat 1998). On a grid of 100,000 poses the factorization takes a third
+ *    fewer products than with the minimum degree; on small graphs the same number.
  * 3. A pivot takes five phases. PIVOT gathers its list. Then for every variable of the list: SCAN
- * counts the poses of its elements outside the list, UPDATE cleans its list and bounds its degree,
- * MERGE finds indistinguishable variables of the same hash, FINISH reinserts it among the scores.
+ *    counts the poses of its elements outside the list, UPDATE cleans its list and bounds its
+ *    degree, MERGE finds indistinguishable variables of the same hash, FINISH reinserts it among
+ *    the scores.
  *
  * Layout: all lists lie in one array, new elements at the end. A full array is compacted. Elements
  * never need more memory than the lists they replace, so after compaction there is capacity for one

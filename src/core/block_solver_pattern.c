@@ -1,11 +1,12 @@
 /* Symbolic factorization: the pattern of the factor.
  *
- * Method: 1. Row r of the factor has a block in every column on the paths of the elimination tree
- * from the columns of H in row r up to r (Liu 1990). A first pass over the rows builds the tree and
- * counts
- *    the blocks of each column.
- * 2. The columns are renumbered by a postorder of the tree. 3. A second pass writes the row numbers
- * into the columns, in ascending order. 4. Every link looks up its block.
+ * Method:
+ * 1. Row r of the factor has a block in every column on the paths of the elimination tree from the
+ *    columns of H in row r up to r (Liu 1990). A first pass over the rows builds the tree and
+ *    counts the blocks of each column.
+ * 2. The columns are renumbered by a postorder of the tree.
+ * 3. A second pass writes the row numbers into the columns, in ascending order.
+ * 4. Every link looks up its block.
  *
  * Source: Liu, The role of elimination trees in sparse factorization, 1990; Davis, Algorithm 849: a
  * concise sparse Cholesky factorization package, 2005. */

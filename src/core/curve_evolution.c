@@ -1,11 +1,11 @@
 /* Discrete curve evolution (DCE) of a closed polyline.
  *
- * Method: 1. The vertices form a ring (a doubly linked list). Each has a relevance. 2. The vertex
- * of least relevance, of equals the one of lowest index, is removed, unless the side that
- *    replaces it would intersect another side. Then the next vertex in this order is tried.
+ * Method:
+ * 1. The vertices form a ring (a doubly linked list). Each has a relevance.
+ * 2. The vertex of least relevance, of equals the one of lowest index, is removed, unless the side
+ *    that replaces it would intersect another side. Then the next vertex in this order is tried.
  * 3. A removal changes the relevance of the two neighbours only. A vertex that could not be removed
- * is tried
- *    again after the next removal.
+ *    is tried again after the next removal.
  *
  * Layout: vertices, relevances, links of the ring in both directions, ranks.
  *

@@ -1,15 +1,14 @@
 /* Hough transform for circle centres, and the peaks that become ellipses.
  *
- * Method: 1. A point votes for all centres along its normal between the least and the largest
- * radius, in a square accumulator. Rooms have their centre on the free side of the point, columns
- * on the other side; each
- *    kind has its own accumulator.
- * 2. The accumulator is smoothed, because normals are inaccurate far from their points. 3. Peaks
- * are local maxima (non-maximum suppression). Around each a histogram of the distances of the
- *    points whose normals pass close to the peak gives a circle (ellipse_refine.c).
+ * Method:
+ * 1. A point votes for all centres along its normal between the least and the largest radius, in a
+ *    square accumulator. Rooms have their centre on the free side of the point, columns on the
+ *    other side; each kind has its own accumulator.
+ * 2. The accumulator is smoothed, because normals are inaccurate far from their points.
+ * 3. Peaks are local maxima (non-maximum suppression). Around each a histogram of the distances of
+ *    the points whose normals pass close to the peak gives a circle (ellipse_refine.c).
  * 4. Three least-squares fits of a conic (ellipse_fit.c), with narrowing gates, refine the circle
- * to an
- *    ellipse; a last pass measures its inliers and coverage.
+ *    to an ellipse; a last pass measures its inliers and coverage.
  * 5. Ellipses that coincide with one of more votes are suppressed.
  *
  * Layout: the accumulators one after the other; the peaks; two lists of ellipses, one of the search

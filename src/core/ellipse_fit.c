@@ -1,13 +1,12 @@
 /* Geometry of an ellipse, and least-squares fitting of a conic to oriented points.
  *
- * Method: 1. Algebraic least squares in a frame in which the ellipse is about the unit circle,
- * where the
+ * Method:
+ * 1. Algebraic least squares in a frame in which the ellipse is about the unit circle, where the
  *    algebraic error is twice the distance.
  * 2. Every point gives two equations: the conic passes through the point, and its gradient is
  *    perpendicular to the point's direction. The second one determines the shape of short arcs.
  * 3. Two equations of small weight favour a circle (regularization), for arcs that do not determine
- * the
- *    axes.
+ *    the axes.
  *
  * Source: Bookstein 1979 for the algebraic fit. */
 #include "src/core/build.h"

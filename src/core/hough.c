@@ -1,13 +1,14 @@
 /* Hough transform of oriented points: weighted votes for lines, and the peaks of the accumulator.
  *
- * Method: 1. Rows of the accumulator are directions, columns signed distances from the centre of
- * the points' bounding box. A point votes in all rows near its own direction, with a weight that
- * decreases with the angle, and in each row for the two columns around its distance (linear
- * interpolation), so peaks are smooth. Without orientation a row equals the one half a turn away
- * with the columns reversed. 2. Peaks are the local maxima within the separation (non-maximum
- * suppression). 3. Each peak is refined by two weighted regressions across its line, in the frame
- * of the line, which
- *    keeps precision in float. A third pass measures the inliers (hough_lines.c).
+ * Method:
+ * 1. Rows of the accumulator are directions, columns signed distances from the centre of the
+ *    points' bounding box. A point votes in all rows near its own direction, with a weight that
+ *    decreases with the angle, and in each row for the two columns around its distance (linear
+ *    interpolation), so peaks are smooth. Without orientation a row equals the one half a turn away
+ *    with the columns reversed.
+ * 2. Peaks are the local maxima within the separation (non-maximum suppression).
+ * 3. Each peak is refined by two weighted regressions across its line, in the frame of the line,
+ *    which keeps precision in float. A third pass measures the inliers (hough_lines.c).
  * 4. Lines that coincide with a line of more votes are suppressed (hough_lines.c).
  *
  * As written a point votes for one column of every row, and the inliers of a line are the points of

@@ -1,23 +1,21 @@
 /* Hash grid over points, and sweep and prune over boxes.
  *
- * Method of the hash grid: 1. The plane is divided into square cells. The points of all cells with
- * the same hash are in one
+ * Method of the hash grid:
+ * 1. The plane is divided into square cells. The points of all cells with the same hash are in one
  *    bucket, a linked list (heads, next), the point inserted last first.
  * 2. A query visits the buckets of the cells within its radius and tests every candidate by its
- * distance, so points of other cells in the same bucket do no harm. The radius search also compares
- *    cells, so each point is reported once.
+ *    distance, so points of other cells in the same bucket do no harm. The radius search also
+ *    compares cells, so each point is reported once.
  * 3. The nearest neighbour is searched in rings of cells around the query. The range of cells
- * shrinks to
- *    the distance found.
+ *    shrinks to the distance found.
  * 4. A query whose radius covers more cells than there are points tests all points instead, which
- * bounds
- *    the cost.
+ *    bounds the cost.
  *
- * Method of sweep and prune (Cohen, Lin, Manocha and Ponamgi 1995): 1. The boxes are sorted by the
- * left side, ties by index. The order of the last sweep is sorted again by insertion, linear when
- * the boxes moved little; after many new boxes by Shell sort (Shell 1959). The sort swaps in place:
- * the order is a permutation at all times, and a sweep may be restarted in
- *    the middle of another.
+ * Method of sweep and prune (Cohen, Lin, Manocha and Ponamgi 1995):
+ * 1. The boxes are sorted by the left side, ties by index. The order of the last sweep is sorted
+ *    again by insertion, linear when the boxes moved little; after many new boxes by Shell sort
+ *    (Shell 1959). The sort swaps in place: the order is a permutation at all times, and a sweep
+ *    may be restarted in the middle of another.
  * 2. Each box is tested against the following boxes whose left side is not beyond its right side.
  *
  * Limits: cell numbers are clamped to +-2^30, so points farther away share the outermost cells:

@@ -1,21 +1,20 @@
 /* Particle filter by sequential importance resampling (SIR).
  *
- * Method of a step: 1. All particles propose candidates. Then for each particle, in turn: the prior
- * masses are normalized,
- *    candidates are weighted by the likelihood, followers are drawn.
+ * Method of a step:
+ * 1. All particles propose candidates. Then for each particle, in turn: the prior masses are
+ *    normalized, candidates are weighted by the likelihood, followers are drawn.
  * 2. n followers are drawn by residual sampling, m_k copies of candidate k. All copies of a
- * candidate are one
- *    follower with the weight
+ *    candidate are one follower with the weight
  *
  *        prior proposal:    w m_k / n p(z | x_k)
  *        optimal proposal:  w m_k / n sum_l p(z | x_l) p(x_l | x)
  *
- * which is unbiased, because E[m_k] is n times the mass of k. When there are at most n candidates
- * none is
- *    drawn: each becomes a follower of weight w p(z | x_k) p(x_k | x).
- * 3. The followers of the largest weights, up to max_particles, are kept in a heap. 4. The weights
- * are normalized. When N_eff = 1 / sum w^2 is too small, the population is resampled by residual
- * resampling: floor(N w) copies of each particle, the rest drawn by the residuals of N w.
+ *    which is unbiased, because E[m_k] is n times the mass of k. When there are at most n
+ *    candidates none is drawn: each becomes a follower of weight w p(z | x_k) p(x_k | x).
+ * 3. The followers of the largest weights, up to max_particles, are kept in a heap.
+ * 4. The weights are normalized. When N_eff = 1 / sum w^2 is too small, the population is resampled
+ *    by residual resampling: floor(N w) copies of each particle, the rest drawn by the residuals of
+ *    N w.
  *
  * Weights are logarithms throughout; only ratios to the largest one are exponentiated.
  *

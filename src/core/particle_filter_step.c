@@ -1,4 +1,7 @@
-/* The step of the particle filter, from the proposals to the new population. */
+/* The step of the particle filter, phase by phase (see particle_filter.c for the method).
+ *
+ * Limits: the result does not depend on the budgets, because random numbers are drawn in the order
+ * of the phases. After an error all followers are released and the population stays as it was. */
 #include "src/core/build.h"
 
 #include "src/core/particle_filter_work.h"

@@ -1,10 +1,10 @@
 /* Line segments by extended EM (split and merge): the object, and the order of the phases.
  *
- * Method: 1. The points are sorted by Morton code (polyline_order.c), so nothing depends on their
- * order in the input,
- *    and neighbours in memory are neighbours in space.
- * 2. Cells of the quadtree of the code give the initial components (polyline_initial.c). 3. Until
- * convergence, with a decreasing width of the Gaussian (annealing): E-step and M-step
+ * Method:
+ * 1. The points are sorted by Morton code (polyline_order.c), so nothing depends on their order in
+ *    the input, and neighbours in memory are neighbours in space.
+ * 2. Cells of the quadtree of the code give the initial components (polyline_initial.c).
+ * 3. Until convergence, with a decreasing width of the Gaussian (annealing): E-step and M-step
  *    (polyline_em.c), splits at gaps and bends (polyline_support.c), merges (polyline_merge.c).
  * 4. Final assignment of the points and result.
  *

@@ -1,14 +1,15 @@
 /* E-step and M-step of the line fit.
  *
- * Method: 1. The points are in blocks of neighbours in canonical order. The bounding box of a block
- * is tested against
- *    those of the components; the components that overlap are the candidates of its points.
+ * Method:
+ * 1. The points are in blocks of neighbours in canonical order. The bounding box of a block is
+ *    tested against those of the components; the components that overlap are the candidates of its
+ *    points.
  * 2. E-step: the responsibility of a candidate for a point is proportional to exp(-d^2 / 2
- * width^2), d the distance to the segment; an outlier hypothesis of constant weight takes part.
- * Each point is also assigned to
- *    the closest candidate.
+ *    width^2), d the distance to the segment; an outlier hypothesis of constant weight takes part.
+ *    Each point is also assigned to the closest candidate.
  * 3. A component may grow beyond its ends to points within its reach, in the first half of the
- * iterations. 4. M-step: the principal axis of the points, weighted by responsibility.
+ *    iterations.
+ * 4. M-step: the principal axis of the points, weighted by responsibility.
  *
  * Source: Dempster, Laird and Rubin 1977; Adluru 2008, refs 168, 170. */
 #include "src/core/build.h"

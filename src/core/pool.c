@@ -1,9 +1,9 @@
 /* Bump allocator (arena) and block pool.
  *
- * Method: 1. A counting pool has base NULL and size SIZE_MAX. Every module allocates an object and
- * its arrays
- *    in one function, carve(). The same function, run over a counting pool, gives the object's
- *    size.
+ * Method:
+ * 1. A counting pool has base NULL and size SIZE_MAX. Every module allocates an object and its
+ *    arrays in one function, carve(). The same function, run over a counting pool, gives the
+ *    object's size.
  * 2. The block pool links free blocks by index in a free list.
  *
  * Limits: no compaction; the bump allocator frees only in reverse order, by marks. */

@@ -1,10 +1,12 @@
 /* Checks of raster views, and distance transforms.
  *
- * Method (Meijster, Roerdink and Hesselink 2000), all in integers: 1. A pass down and a pass up
- * leave in each pixel the distance g to the nearest match in its column. 2. For each row and L1, a
- * pass to the right and one to the left: d = min(d, d' + 1). 3. For each row and L2, the lower
- * envelope of the parabolas (x - i)^2 + g(i)^2 is built from the left on a stack of columns i, with
- * the first x at which each is the lowest, and read off from the right.
+ * Method (Meijster, Roerdink and Hesselink 2000), all in integers:
+ * 1. A pass down and a pass up leave in each pixel the distance g to the nearest match in its
+ *    column.
+ * 2. For each row and L1, a pass to the right and one to the left: d = min(d, d' + 1).
+ * 3. For each row and L2, the lower envelope of the parabolas (x - i)^2 + g(i)^2 is built from the
+ *    left on a stack of columns i, with the first x at which each is the lowest, and read off from
+ *    the right.
  *
  * The passes run along rows, in memory order, and can stop after any pixel.
  *

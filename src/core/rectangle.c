@@ -1,11 +1,11 @@
 /* Rectangles from segments: the object, the merging of segments into sides, and pairs of sides.
  *
- * Method: 1. The segments are sorted by length. The longest first, each is merged into the closest
- * collinear side,
- *    which becomes the regression of both, or starts a new side.
- * 2. The sides are sorted by slope. Nearly parallel sides that face each other make pairs. 3. The
- * pairs are sorted by slope. Two nearly perpendicular pairs whose sides extend far enough make a
- *    candidate, whose coverage by the segments is measured (rectangle_match.c).
+ * Method:
+ * 1. The segments are sorted by length. The longest first, each is merged into the closest
+ *    collinear side, which becomes the regression of both, or starts a new side.
+ * 2. The sides are sorted by slope. Nearly parallel sides that face each other make pairs.
+ * 3. The pairs are sorted by slope. Two nearly perpendicular pairs whose sides extend far enough
+ *    make a candidate, whose coverage by the segments is measured (rectangle_match.c).
  * 4. Non-maximum suppression among the rectangles.
  *
  * Layout: an order of the segments, first by length, then by side; the side of each segment; sides

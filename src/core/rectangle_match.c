@@ -1,12 +1,12 @@
 /* Rectangles from pairs of sides: matching, coverage, score and suppression.
  *
- * Method: 1. Two pairs of perpendicular slopes and the same kind give a rectangle through the lines
- * of the four
- *    sides.
- * 2. Candidates whose sides are too short for the least coverage are rejected early. 3. The
- * segments mark the positions of each side that they cover. 4. The score is the coverage of the
- * outline, reduced by the angular deviation; duplicates of lower score
- *    are suppressed. */
+ * Method:
+ * 1. Two pairs of perpendicular slopes and the same kind give a rectangle through the lines of the
+ *    four sides.
+ * 2. Candidates whose sides are too short for the least coverage are rejected early.
+ * 3. The segments mark the positions of each side that they cover.
+ * 4. The score is the coverage of the outline, reduced by the angular deviation; duplicates of
+ *    lower score are suppressed. */
 #include "src/core/build.h"
 
 #include <string.h>

@@ -1,10 +1,10 @@
 /* Gauss-Newton step for one pose, with unobservable directions removed.
  *
- * Method: 1. The observed information matrix is rotated into its eigenbasis, in which the
- * unobservable directions
- *    are the first rows and columns.
- * 2. These rows and columns are set to zero (solution remapping). 3. The prior's information is
- * added, and the sum is solved or inverted.
+ * Method:
+ * 1. The observed information matrix is rotated into its eigenbasis, in which the unobservable
+ *    directions are the first rows and columns.
+ * 2. These rows and columns are set to zero (solution remapping).
+ * 3. The prior's information is added, and the sum is solved or inverted.
  *
  * Source: Zhang, Kaess and Singh, On degeneracy of optimization-based state estimation problems,
  * 2016. */

@@ -1,17 +1,17 @@
 /* Sequence alignment by dynamic programming in linear memory.
  *
- * Method: 1. Nodes (i, j), 0 <= i <= n, 0 <= j <= m, are prefixes of i and j elements. A move
- * arrives at a node diagonally (elements i - 1 and j - 1 are paired), from above, or from the left,
- * with a gain. LCS: 1 for a matching pair. LOCAL: the score of the pair, or minus the gap cost.
- * DTW: minus the distance of the
- *    elements i - 1 and j - 1, for any move. The best path has the greatest sum of gains.
+ * Method:
+ * 1. Nodes (i, j), 0 <= i <= n, 0 <= j <= m, are prefixes of i and j elements. A move arrives at a
+ *    node diagonally (elements i - 1 and j - 1 are paired), from above, or from the left, with a
+ *    gain. LCS: 1 for a matching pair. LOCAL: the score of the pair, or minus the gap cost. DTW:
+ *    minus the distance of the elements i - 1 and j - 1, for any move. The best path has the
+ *    greatest sum of gains.
  * 2. LOCAL only: the end of the best local alignment is the node of the greatest sum that is never
- * below 0;
- *    its start is found by the backward sums from there.
+ *    below 0; its start is found by the backward sums from there.
  * 3. Divide and conquer (Hirschberg 1975): best sums from the start to the nodes of the middle row,
- * best sums from there to the end. The node with the greatest total is on the path and splits the
- * table into two
- *    jobs. Jobs wait on a stack; the upper one is done first, so pairs come out in ascending order.
+ *    best sums from there to the end. The node with the greatest total is on the path and splits
+ *    the table into two jobs. Jobs wait on a stack; the upper one is done first, so pairs come out
+ *    in ascending order.
  * 4. In a job of one row of elements the path is traced directly.
  *
  * Layout: one row of forward sums and one of backward sums. A backward sum of DTW includes the gain
