@@ -19,16 +19,18 @@ typedef struct cairn_assignment_params {
     int32_t max_rows, max_columns;
 } cairn_assignment_params;
 
+/* Solver of linear assignment problems. */
 typedef struct cairn_assignment cairn_assignment;
 
 /* The default values. */
 cairn_assignment_params cairn_assignment_default(void);
 
-/* 0 for params that create() would refuse. Linear in the sides; the table stays in the caller's
- * memory. */
+/* Bytes that create() allocates. 0 for params that create() would refuse. Linear in the sides; the
+ * table stays in the caller's memory. */
 size_t cairn_assignment_memory(const cairn_assignment_params *params);
 
-/* CAIRN_BAD_ARGUMENT, CAIRN_NO_MEMORY. */
+/* Creates an object in a pool. CAIRN_BAD_ARGUMENT: NULL, or params out of range. CAIRN_NO_MEMORY:
+ * the pool has too few bytes left. A failure changes nothing. */
 CAIRN_CHECKED cairn_status cairn_assignment_create(cairn_assignment **assignment, cairn_pool *pool,
                                                    const cairn_assignment_params *params);
 

@@ -27,6 +27,7 @@
 extern "C" {
 #endif
 
+/* Sparse LDL^T solver. */
 typedef struct cairn_block_solver cairn_block_solver;
 
 /* Capacities. Default values in brackets. */
@@ -79,10 +80,11 @@ typedef struct cairn_block_solver_result {
     int64_t units;
 } cairn_block_solver_result;
 
-/* 0 for params that create() would refuse. */
+/* Bytes that create() allocates. 0 for params that create() would refuse. */
 size_t cairn_block_solver_memory(const cairn_block_solver_params *params);
 
-/* CAIRN_BAD_ARGUMENT, CAIRN_NO_MEMORY. */
+/* Creates an object in a pool. CAIRN_BAD_ARGUMENT: NULL, or params out of range. CAIRN_NO_MEMORY:
+ * the pool has too few bytes left. A failure changes nothing. */
 CAIRN_CHECKED cairn_status cairn_block_solver_create(cairn_block_solver **solver, cairn_pool *pool,
                                                      const cairn_block_solver_params *params);
 

@@ -19,15 +19,17 @@ typedef struct cairn_curve_evolution_params {
     int32_t max_points;
 } cairn_curve_evolution_params;
 
+/* Discrete curve evolution of a polyline. */
 typedef struct cairn_curve_evolution cairn_curve_evolution;
 
 /* The default value. */
 cairn_curve_evolution_params cairn_curve_evolution_default(void);
 
-/* 0 for params that create() would refuse. */
+/* Bytes that create() allocates. 0 for params that create() would refuse. */
 size_t cairn_curve_evolution_memory(const cairn_curve_evolution_params *params);
 
-/* CAIRN_BAD_ARGUMENT, CAIRN_NO_MEMORY. */
+/* Creates an object in a pool. CAIRN_BAD_ARGUMENT: NULL, or params out of range. CAIRN_NO_MEMORY:
+ * the pool has too few bytes left. A failure changes nothing. */
 CAIRN_CHECKED cairn_status cairn_curve_evolution_create(cairn_curve_evolution **evolution,
                                                         cairn_pool *pool,
                                                         const cairn_curve_evolution_params *params);

@@ -84,10 +84,11 @@ typedef struct cairn_ellipse_set cairn_ellipse_set;
 /* The default values. */
 cairn_ellipse_params cairn_ellipse_default(void);
 
-/* 0 for params that create() would refuse. */
+/* Bytes that create() allocates. 0 for params that create() would refuse. */
 size_t cairn_ellipse_memory(const cairn_ellipse_params *params);
 
-/* CAIRN_BAD_ARGUMENT, CAIRN_NO_MEMORY. */
+/* Creates an object in a pool. CAIRN_BAD_ARGUMENT: NULL, or params out of range. CAIRN_NO_MEMORY:
+ * the pool has too few bytes left. A failure changes nothing. */
 CAIRN_CHECKED cairn_status cairn_ellipse_create(cairn_ellipse_set **set, cairn_pool *pool,
                                                 const cairn_ellipse_params *params);
 

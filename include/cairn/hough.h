@@ -90,10 +90,11 @@ cairn_hough_params cairn_hough_default(void);
  * points. */
 cairn_hough_params cairn_hough_as_written(void);
 
-/* 0 for params that create() would refuse. */
+/* Bytes that create() allocates. 0 for params that create() would refuse. */
 size_t cairn_hough_memory(const cairn_hough_params *params);
 
-/* CAIRN_BAD_ARGUMENT, CAIRN_NO_MEMORY. */
+/* Creates an object in a pool. CAIRN_BAD_ARGUMENT: NULL, or params out of range. CAIRN_NO_MEMORY:
+ * the pool has too few bytes left. A failure changes nothing. */
 CAIRN_CHECKED cairn_status cairn_hough_create(cairn_hough **hough, cairn_pool *pool,
                                               const cairn_hough_params *params);
 

@@ -15,6 +15,7 @@ extern "C" {
 /* Points in the plane, hashed by square cells. */
 typedef struct cairn_point_grid cairn_point_grid;
 
+/* Parameters of a point grid. */
 typedef struct cairn_point_grid_params {
     /* Points, 1 ... 2^28. */
     int32_t max_points;
@@ -22,10 +23,11 @@ typedef struct cairn_point_grid_params {
     cairn_real cell;
 } cairn_point_grid_params;
 
-/* 0 for params that create() would refuse. */
+/* Bytes that create() allocates. 0 for params that create() would refuse. */
 size_t cairn_point_grid_memory(const cairn_point_grid_params *params);
 
-/* CAIRN_BAD_ARGUMENT, CAIRN_NO_MEMORY. */
+/* Creates an object in a pool. CAIRN_BAD_ARGUMENT: NULL, or params out of range. CAIRN_NO_MEMORY:
+ * the pool has too few bytes left. A failure changes nothing. */
 CAIRN_CHECKED cairn_status cairn_point_grid_create(cairn_point_grid **grid, cairn_pool *pool,
                                                    const cairn_point_grid_params *params);
 
@@ -104,15 +106,17 @@ int32_t cairn_point_grid_next(const cairn_point_grid *grid, cairn_point_grid_cur
 /* Broad-phase collision detection: all pairs of boxes that overlap. */
 typedef struct cairn_box_sweep cairn_box_sweep;
 
+/* Capacity of a sweep. */
 typedef struct cairn_box_sweep_params {
     /* Boxes, 1 ... 2^28. */
     int32_t max_boxes;
 } cairn_box_sweep_params;
 
-/* 0 for params that create() would refuse. */
+/* Bytes that create() allocates. 0 for params that create() would refuse. */
 size_t cairn_box_sweep_memory(const cairn_box_sweep_params *params);
 
-/* CAIRN_BAD_ARGUMENT, CAIRN_NO_MEMORY. */
+/* Creates an object in a pool. CAIRN_BAD_ARGUMENT: NULL, or params out of range. CAIRN_NO_MEMORY:
+ * the pool has too few bytes left. A failure changes nothing. */
 CAIRN_CHECKED cairn_status cairn_box_sweep_create(cairn_box_sweep **sweep, cairn_pool *pool,
                                                   const cairn_box_sweep_params *params);
 

@@ -104,7 +104,7 @@ typedef struct cairn_particle_model {
     cairn_particle_lost lost;
 } cairn_particle_model;
 
-/* 0 for params that create() would refuse. */
+/* Bytes that create() allocates. 0 for params that create() would refuse. */
 size_t cairn_particle_filter_memory(const cairn_particle_filter_params *params);
 
 /* Creates a filter without particles; the model is copied. CAIRN_BAD_ARGUMENT (also a model without

@@ -20,8 +20,10 @@ extern "C" {
 /* Largest absolute value of a coordinate, in m. */
 #define CAIRN_POLYLINE_EXTENT CAIRN_REAL(1e6)
 
+/* Fit of line segments. */
 typedef struct cairn_polyline cairn_polyline;
 
+/* Parameters. Default values, for indoor range scans, in brackets. */
 typedef struct cairn_polyline_params {
     /* Dimension of the points, 2 or 3 (2). */
     int32_t dim;
@@ -30,51 +32,54 @@ typedef struct cairn_polyline_params {
     /* Segments, 1 ... 2^20 (256). While fitting, walls are in pieces: about 4 times the final
      * number is needed. */
     int32_t max_segments;
-    /* >= 3: segments of fewer points are dropped. */
+    /* >= 3: segments of fewer points are dropped (4). */
     int32_t min_points;
-    /* EM iterations, >= 1. Splits at bends, and growth across gaps, happen only in the first
+    /* EM iterations, >= 1 (20). Splits at bends, and growth across gaps, happen only in the first
      * half. */
     int32_t max_iterations;
-    /* m, >= 0: shorter segments are dropped. */
+    /* m, >= 0: shorter segments are dropped (0.08). */
     cairn_real min_length;
-    /* m, > 0: standard deviation of the points across their line (sensor noise). The variance is
-     * never estimated smaller than this. */
+    /* m, > 0: standard deviation of the points across their line (sensor noise; 0.01). The
+     * variance is never estimated smaller. */
     cairn_real sigma;
-    /* m, >= width_last: width of the Gaussian of the E-step in the first iteration. A larger width
-     * bridges more gaps and blurs corners more. */
+    /* m, >= width_last: width of the Gaussian of the E-step in the first iteration (0.04). A larger
+     * width bridges more gaps and blurs corners more. */
     cairn_real s_first;
-    /* m, > 0: width of the Gaussian of the E-step in the last iterations. Twice sigma keeps nearly
-     * all points of a line. */
+    /* m, > 0: width of the Gaussian of the E-step in the last iterations (0.02). Twice sigma keeps
+     * nearly all points of a line. */
     cairn_real s_last;
-    /* (0, 1]: factor of the width per iteration (annealing). */
+    /* (0, 1]: factor of the width per iteration (annealing; 0.5). */
     cairn_real shrink;
-    /* m, > 0: a gap between points along a segment that is longer splits the segment, ... */
+    /* m, > 0: a gap between points along a segment that is longer splits the segment
+     * (0.25), ... */
     cairn_real gap;
-    /* >= 1: ... unless the gap is at most gap_factor times the spacing of the points beside the
-     * gap, ... */
+    /* >= 1: ... unless the gap is at most gap_factor times the spacing of the adjacent points
+     * (3), ... */
     cairn_real gap_factor;
-    /* m, >= gap: ... and even then when the gap is longer than gap_max. */
+    /* m, >= gap: ... and even then when the gap is longer than gap_max (1.5). */
     cairn_real gap_max;
-    /* rad, [0, pi/2]: segments whose directions differ by more are not merged. */
+    /* rad, [0, pi/2]: segments whose directions differ by more are not merged (0.26). */
     cairn_real merge_angle;
     /* m, > 0: segments are not merged when an end of the lighter one is farther from the line of
-     * the other. */
+     * the other (0.10). */
     cairn_real merge_distance;
-    /* > 0: penalty of a further segment (a model selection criterion), in variances sigma^2 of the
-     * sum of squared residuals, plus a quarter of a variance per point. Two segments are merged
-     * unless two fit better by this much; one is split when two fit better by 1.5 times this. */
+    /* > 0: penalty of a further segment (model selection), as a multiple of the variance of the
+     * residuals, which is at least sigma^2 (20). The penalty is at least sigma^2 / 4 per point. Two
+     * segments are merged unless they reduce the sum of squared residuals by more than the penalty;
+     * a segment is split when the reduction is more than 1.5 times the penalty. */
     cairn_real bend;
-    /* m, > 0: the fit has converged when no end point moves farther in an iteration. */
+    /* m, > 0: the fit has converged when no end point moves farther in an iteration (0.001). */
     cairn_real tolerance;
 } cairn_polyline_params;
 
-/* Default values for indoor range scans: 2-D, noise of 1 cm, 1024 points, 256 segments. */
+/* The default values. */
 cairn_polyline_params cairn_polyline_default(void);
 
-/* 0 for params that create() would refuse. */
+/* Bytes that create() allocates. 0 for params that create() would refuse. */
 size_t cairn_polyline_memory(const cairn_polyline_params *params);
 
-/* CAIRN_BAD_ARGUMENT, CAIRN_NO_MEMORY. */
+/* Creates an object in a pool. CAIRN_BAD_ARGUMENT: NULL, or params out of range. CAIRN_NO_MEMORY:
+ * the pool has too few bytes left. A failure changes nothing. */
 CAIRN_CHECKED cairn_status cairn_polyline_create(cairn_polyline **polyline, cairn_pool *pool,
                                                  const cairn_polyline_params *params);
 

@@ -122,16 +122,18 @@ enum {
 /* Distance transform of an image, computed in bounded steps. */
 typedef struct cairn_distance_map cairn_distance_map;
 
+/* Capacity of a distance transform. */
 typedef struct cairn_distance_map_params {
     /* Columns, 1 ... CAIRN_RASTER_MAX_SIDE. The memory grows only with the columns, by 12 bytes
      * per column. */
     int32_t max_width;
 } cairn_distance_map_params;
 
-/* 0 for params that create() would refuse. */
+/* Bytes that create() allocates. 0 for params that create() would refuse. */
 size_t cairn_distance_map_memory(const cairn_distance_map_params *params);
 
-/* CAIRN_BAD_ARGUMENT, CAIRN_NO_MEMORY. */
+/* Creates an object in a pool. CAIRN_BAD_ARGUMENT: NULL, or params out of range. CAIRN_NO_MEMORY:
+ * the pool has too few bytes left. A failure changes nothing. */
 CAIRN_CHECKED cairn_status cairn_distance_map_create(cairn_distance_map **map, cairn_pool *pool,
                                                      const cairn_distance_map_params *params);
 

@@ -93,10 +93,11 @@ typedef struct cairn_rectangle_set cairn_rectangle_set;
 /* The default values. */
 cairn_rectangle_params cairn_rectangle_default(void);
 
-/* 0 for params that create() would refuse. */
+/* Bytes that create() allocates. 0 for params that create() would refuse. */
 size_t cairn_rectangle_memory(const cairn_rectangle_params *params);
 
-/* CAIRN_BAD_ARGUMENT, CAIRN_NO_MEMORY. */
+/* Creates an object in a pool. CAIRN_BAD_ARGUMENT: NULL, or params out of range. CAIRN_NO_MEMORY:
+ * the pool has too few bytes left. A failure changes nothing. */
 CAIRN_CHECKED cairn_status cairn_rectangle_create(cairn_rectangle_set **set, cairn_pool *pool,
                                                   const cairn_rectangle_params *params);
 

@@ -65,10 +65,11 @@ typedef struct cairn_sequence_result {
     cairn_real score;
 } cairn_sequence_result;
 
-/* 0 for params that create() would refuse. */
+/* Bytes that create() allocates. 0 for params that create() would refuse. */
 size_t cairn_sequence_memory(const cairn_sequence_params *params);
 
-/* CAIRN_BAD_ARGUMENT, CAIRN_NO_MEMORY. */
+/* Creates an object in a pool. CAIRN_BAD_ARGUMENT: NULL, or params out of range. CAIRN_NO_MEMORY:
+ * the pool has too few bytes left. A failure changes nothing. */
 CAIRN_CHECKED cairn_status cairn_sequence_create(cairn_sequence **sequence, cairn_pool *pool,
                                                  const cairn_sequence_params *params);
 

@@ -27,11 +27,13 @@
 /* Largest number of points or boxes, largest absolute cell number, and the end of a linked list. */
 enum { MAX_COUNT = 1 << 28, MAX_CELL = 1 << 30, NO_INDEX = -1 };
 
+/* Smaller one of two integers. */
 static int32_t smaller(int32_t a, int32_t b)
 {
     return a < b ? a : b;
 }
 
+/* Larger one of two integers. */
 static int32_t larger(int32_t a, int32_t b)
 {
     return a > b ? a : b;
@@ -70,12 +72,14 @@ static uint32_t bucket_count(int32_t max_points)
     return buckets;
 }
 
-static int point_grid_params_are_good(const cairn_point_grid_params *params)
+/* 1 when all params are in range. */
+static int point_grid_params_are_valid(const cairn_point_grid_params *params)
 {
     return params != NULL && params->max_points >= 1 && params->max_points <= MAX_COUNT &&
            params->cell > 0 && params->cell <= CAIRN_REAL_MAX && 1 / params->cell <= CAIRN_REAL_MAX;
 }
 
+/* Allocates the object and its arrays; NULL from a counting pool. */
 static cairn_point_grid *carve_point_grid(cairn_pool *pool, const cairn_point_grid_params *params)
 {
     cairn_point_grid *grid = cairn_pool_take_one(pool, sizeof *grid);
@@ -95,7 +99,7 @@ size_t cairn_point_grid_memory(const cairn_point_grid_params *params)
 {
     cairn_pool counting;
 
-    if (!point_grid_params_are_good(params))
+    if (!point_grid_params_are_valid(params))
         return 0;
     cairn_pool_init_counting(&counting);
     (void)carve_point_grid(&counting, params);
@@ -435,11 +439,13 @@ struct cairn_box_sweep {
     int32_t credit;
 };
 
-static int box_sweep_params_are_good(const cairn_box_sweep_params *params)
+/* 1 when all params are in range. */
+static int box_sweep_params_are_valid(const cairn_box_sweep_params *params)
 {
     return params != NULL && params->max_boxes >= 1 && params->max_boxes <= MAX_COUNT;
 }
 
+/* Allocates the object and its arrays; NULL from a counting pool. */
 static cairn_box_sweep *carve_box_sweep(cairn_pool *pool, const cairn_box_sweep_params *params)
 {
     cairn_box_sweep *sweep = cairn_pool_take_one(pool, sizeof *sweep);
@@ -454,7 +460,7 @@ size_t cairn_box_sweep_memory(const cairn_box_sweep_params *params)
 {
     cairn_pool counting;
 
-    if (!box_sweep_params_are_good(params))
+    if (!box_sweep_params_are_valid(params))
         return 0;
     cairn_pool_init_counting(&counting);
     (void)carve_box_sweep(&counting, params);

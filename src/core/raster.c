@@ -88,11 +88,13 @@ struct cairn_distance_map {
     int32_t credit;
 };
 
-static int params_are_good(const cairn_distance_map_params *params)
+/* 1 when all params are in range. */
+static int params_are_valid(const cairn_distance_map_params *params)
 {
     return params != NULL && params->max_width >= 1 && params->max_width <= CAIRN_RASTER_MAX_SIDE;
 }
 
+/* Allocates the object and its arrays; NULL from a counting pool. */
 static cairn_distance_map *carve(cairn_pool *pool, const cairn_distance_map_params *params)
 {
     cairn_distance_map *map = cairn_pool_take_one(pool, sizeof *map);
@@ -112,7 +114,7 @@ size_t cairn_distance_map_memory(const cairn_distance_map_params *params)
 {
     cairn_pool counting;
 
-    if (!params_are_good(params))
+    if (!params_are_valid(params))
         return 0;
     cairn_pool_init_counting(&counting);
     (void)carve(&counting, params);

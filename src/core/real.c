@@ -17,6 +17,7 @@
 
 #include "cairn/real.h"
 
+/* Functions of libc math for the type cairn_real. */
 #ifdef CAIRN_FLOAT
 #define FMOD     fmodf
 #define LDEXP    ldexpf
@@ -29,22 +30,25 @@
 #define COPYSIGN copysign
 #endif
 
+/* Coefficients of the polynomials, in ascending order. */
 #ifdef CAIRN_FLOAT
-static const cairn_real SINE[] = {-0.166666667f, 0.00833333333f, -0.000198412698f, 2.75573192e-06f};
-static const cairn_real COSINE[] = {0.0416666667f, -0.00138888889f, 2.48015873e-05f,
-                                    -2.75573192e-07f};
-static const cairn_real ARCTAN[] = {-0.333333333f, 0.2f, -0.142857143f, 0.111111111f};
-static const cairn_real EXPONENTIAL[] = {0.5f,           0.166666667f,   0.0416666667f,
-                                         0.00833333333f, 0.00138888889f, 0.000198412698f,
-                                         2.48015873e-05f};
-static const cairn_real LOGARITHM[] = {0.666666667f, 0.4f, 0.285714286f, 0.222222222f,
-                                       0.181818182f};
-static const cairn_real ERF[] = {1.12837917f,    -0.376126385f,    0.112837787f,   -0.0268647797f,
-                                 0.00521681665f, -0.000835735646f, 9.47299835e-05f};
-static const cairn_real ERFCX[] = {0.626504029f,     -0.0678105509f,  -0.0237811558f,
-                                   0.0648224475f,    -0.0596365928f,  0.0341562784f,
-                                   -0.011887527f,    0.00124862932f,  0.000952881558f,
-                                   -0.000338999579f, -6.29051203e-05f};
+static const cairn_real SINE_COEFFICIENTS[] = {-0.166666667f, 0.00833333333f, -0.000198412698f,
+                                               2.75573192e-06f};
+static const cairn_real COSINE_COEFFICIENTS[] = {0.0416666667f, -0.00138888889f, 2.48015873e-05f,
+                                                 -2.75573192e-07f};
+static const cairn_real ARCTAN_COEFFICIENTS[] = {-0.333333333f, 0.2f, -0.142857143f, 0.111111111f};
+static const cairn_real EXPONENTIAL_COEFFICIENTS[] = {
+    0.5f,           0.166666667f,    0.0416666667f,  0.00833333333f,
+    0.00138888889f, 0.000198412698f, 2.48015873e-05f};
+static const cairn_real LOGARITHM_COEFFICIENTS[] = {0.666666667f, 0.4f, 0.285714286f, 0.222222222f,
+                                                    0.181818182f};
+static const cairn_real ERF_COEFFICIENTS[] = {1.12837917f,    -0.376126385f,  0.112837787f,
+                                              -0.0268647797f, 0.00521681665f, -0.000835735646f,
+                                              9.47299835e-05f};
+static const cairn_real ERFCX_COEFFICIENTS[] = {0.626504029f,     -0.0678105509f,  -0.0237811558f,
+                                                0.0648224475f,    -0.0596365928f,  0.0341562784f,
+                                                -0.011887527f,    0.00124862932f,  0.000952881558f,
+                                                -0.000338999579f, -6.29051203e-05f};
 /* pi/2 and ln 2 in parts. The products of the leading parts with the integers of the reduction are
  * exact. */
 static const cairn_real HALF_PI_PARTS[] = {1.5703125f, 0.000483751297f, 7.54953362e-08f,
@@ -68,39 +72,39 @@ static const cairn_real ERFC_MAX = 9.3f;
 /* Inverse step of the split of x in erfc: x rounded to 1/16 has an exact square. */
 static const cairn_real ERFC_SPLIT = 16;
 #else
-static const cairn_real SINE[] = {-0.16666666666666666,    0.0083333333333333332,
-                                  -0.00019841269841269841, 2.7557319223985893e-06,
-                                  -2.505210838544172e-08,  1.6059043836821613e-10,
-                                  -7.6471637318198164e-13, 2.8114572543455206e-15};
-static const cairn_real COSINE[] = {
+static const cairn_real SINE_COEFFICIENTS[] = {-0.16666666666666666,    0.0083333333333333332,
+                                               -0.00019841269841269841, 2.7557319223985893e-06,
+                                               -2.505210838544172e-08,  1.6059043836821613e-10,
+                                               -7.6471637318198164e-13, 2.8114572543455206e-15};
+static const cairn_real COSINE_COEFFICIENTS[] = {
     0.041666666666666664, -0.0013888888888888889,  2.4801587301587302e-05, -2.7557319223985888e-07,
     2.08767569878681e-09, -1.1470745597729725e-11, 4.7794773323873853e-14, -1.5619206968586225e-16};
-static const cairn_real ARCTAN[] = {
+static const cairn_real ARCTAN_COEFFICIENTS[] = {
     -0.33333333333333331,  0.20000000000000001,  -0.14285714285714285,  0.1111111111111111,
     -0.090909090909090912, 0.076923076923076927, -0.066666666666666666, 0.058823529411764705};
-static const cairn_real EXPONENTIAL[] = {0.5,
-                                         0.16666666666666666,
-                                         0.041666666666666664,
-                                         0.0083333333333333332,
-                                         0.0013888888888888889,
-                                         0.00019841269841269841,
-                                         2.4801587301587302e-05,
-                                         2.7557319223985893e-06,
-                                         2.7557319223985888e-07,
-                                         2.505210838544172e-08,
-                                         2.08767569878681e-09,
-                                         1.6059043836821613e-10,
-                                         1.1470745597729725e-11};
-static const cairn_real LOGARITHM[] = {
+static const cairn_real EXPONENTIAL_COEFFICIENTS[] = {0.5,
+                                                      0.16666666666666666,
+                                                      0.041666666666666664,
+                                                      0.0083333333333333332,
+                                                      0.0013888888888888889,
+                                                      0.00019841269841269841,
+                                                      2.4801587301587302e-05,
+                                                      2.7557319223985893e-06,
+                                                      2.7557319223985888e-07,
+                                                      2.505210838544172e-08,
+                                                      2.08767569878681e-09,
+                                                      1.6059043836821613e-10,
+                                                      1.1470745597729725e-11};
+static const cairn_real LOGARITHM_COEFFICIENTS[] = {
     0.66666666666666663, 0.40000000000000002,  0.2857142857142857,  0.22222222222222221,
     0.18181818181818182, 0.15384615384615385,  0.13333333333333333, 0.11764705882352941,
     0.10526315789473684, 0.095238095238095233, 0.086956521739130432};
-static const cairn_real ERF[] = {
+static const cairn_real ERF_COEFFICIENTS[] = {
     1.1283791670955126,      -0.37612638903183754,    0.11283791670955087,
     -0.026866170645118519,   0.0052239776252232459,   -0.00085483270012233438,
     0.00012055331549810692,  -1.4925589533723744e-05, 1.6460386405915453e-06,
     -1.6333271656928769e-07, 1.4414195873086809e-08,  -9.5038637623419788e-10};
-static const cairn_real ERFCX[] = {
+static const cairn_real ERFCX_COEFFICIENTS[] = {
     0.6265040291348648,      -0.067810553062290599,   -0.023781147176725637,
     0.064822579351382234,    -0.059636831707633467,   0.034154013671911343,
     -0.011885257459941461,   0.0012646959096351397,   0.00094434518844367004,
@@ -179,8 +183,8 @@ void cairn_sincos(cairn_real x, cairn_real *sine, cairn_real *cosine)
     }
     quarter = reduce_quarter(x, &r);
     z = r * r;
-    s = r + r * (z * HORNER(SINE, z));
-    c = 1 - (z / 2 - z * z * HORNER(COSINE, z));
+    s = r + r * (z * HORNER(SINE_COEFFICIENTS, z));
+    c = 1 - (z / 2 - z * z * HORNER(COSINE_COEFFICIENTS, z));
     *sine = quarter & 1 ? c : s;
     *cosine = quarter & 1 ? s : c;
     if (quarter & 2)
@@ -215,7 +219,7 @@ static cairn_real atan_octant(cairn_real y, cairn_real x)
     cairn_real z = q * q;
 
     CAIRN_ASSERT(k >= 0 && k <= 4);
-    return ATAN_HIGH[k] + (q + (ATAN_LOW[k] + q * (z * HORNER(ARCTAN, z))));
+    return ATAN_HIGH[k] + (q + (ATAN_LOW[k] + q * (z * HORNER(ARCTAN_COEFFICIENTS, z))));
 }
 
 cairn_real cairn_atan2(cairn_real y, cairn_real x)
@@ -259,7 +263,7 @@ cairn_real cairn_exp(cairn_real x)
     r = x - k * LN2_PARTS[0];
     low = k * LN2_PARTS[1];
     r -= low;
-    sum = 1 + (r + r * r * HORNER(EXPONENTIAL, r));
+    sum = 1 + (r + r * r * HORNER(EXPONENTIAL_COEFFICIENTS, r));
     return normal_or_zero(LDEXP(sum, cairn_real_to_int(k)));
 }
 
@@ -289,7 +293,8 @@ cairn_real cairn_log(cairn_real x)
     half_square = m * m / 2;
     k = (cairn_real)exponent;
     return k * LN2_PARTS[0] +
-           (m - (half_square - (f * (half_square + z * HORNER(LOGARITHM, z)) + k * LN2_PARTS[1])));
+           (m - (half_square -
+                 (f * (half_square + z * HORNER(LOGARITHM_COEFFICIENTS, z)) + k * LN2_PARTS[1])));
 }
 
 cairn_real cairn_erfc(cairn_real x)
@@ -301,7 +306,7 @@ cairn_real cairn_erfc(cairn_real x)
     if (a < CAIRN_REAL(0.75)) {
         cairn_real z = a * a;
 
-        return 1 - x * HORNER(ERF, z);
+        return 1 - x * HORNER(ERF_COEFFICIENTS, z);
     }
     if (a > ERFC_MAX) {
         tail = 0;
@@ -310,8 +315,8 @@ cairn_real cairn_erfc(cairn_real x)
         cairn_real h = cairn_rint(a * ERFC_SPLIT) / ERFC_SPLIT;
         cairn_real t = (a - 3) / (a + 3);
 
-        tail = cairn_exp(-h * h) *
-               (cairn_exp((h - a) * (h + a)) * (HORNER(ERFCX, t) / (a + CAIRN_REAL(0.5))));
+        tail = cairn_exp(-h * h) * (cairn_exp((h - a) * (h + a)) *
+                                    (HORNER(ERFCX_COEFFICIENTS, t) / (a + CAIRN_REAL(0.5))));
         tail = normal_or_zero(tail);
     }
     return x < 0 ? 2 - tail : tail;
