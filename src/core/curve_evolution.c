@@ -172,18 +172,18 @@ static int folds_back(cairn_vec2 start, cairn_vec2 end, cairn_vec2 beyond)
 /* 1 when the side that replaces vertex i would intersect another side. */
 static int would_intersect(const cairn_curve_evolution *evolution, int32_t i)
 {
-    const cairn_vec2 *p = evolution->points;
+    const cairn_vec2 *points = evolution->points;
     int32_t from = evolution->previous[i], to = evolution->next[i];
-    cairn_segment side = {p[from], p[to]};
+    cairn_segment side = {points[from], points[to]};
 
     for (int32_t k = evolution->next[to]; evolution->next[k] != from; k = evolution->next[k]) {
-        cairn_segment other = {p[k], p[evolution->next[k]]};
+        cairn_segment other = {points[k], points[evolution->next[k]]};
 
         if (cairn_segments_cross(side, other))
             return 1;
     }
-    return folds_back(p[from], p[to], p[evolution->next[to]]) ||
-           folds_back(p[to], p[from], p[evolution->previous[from]]);
+    return folds_back(points[from], points[to], points[evolution->next[to]]) ||
+           folds_back(points[to], points[from], points[evolution->previous[from]]);
 }
 
 /* Removes vertex i from the ring and ranks it. */

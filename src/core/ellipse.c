@@ -55,15 +55,17 @@ static int is_length(cairn_real x)
 }
 
 /* 1 when all params are in range. */
-static int params_are_valid(const cairn_ellipse_params *p)
+static int params_are_valid(const cairn_ellipse_params *params)
 {
-    return p != NULL && p->max_ellipses >= 1 && p->max_ellipses <= 256 && p->cells >= 8 &&
-           p->cells <= 1024 && is_length(p->cell) && is_length(p->least_radius) &&
-           p->most_radius > p->least_radius && is_length(p->most_radius) && p->most_ratio >= 1 &&
-           p->most_ratio <= MAX_MAGNITUDE && p->angle_tolerance > 0 &&
-           p->angle_tolerance <= CAIRN_PI / 4 && is_length(p->support_distance) &&
-           is_length(p->spacing) && p->least_votes > 0 && cairn_is_finite(p->least_votes) &&
-           p->least_covered >= 0 && p->least_covered <= 1 && is_length(p->separation);
+    return params != NULL && params->max_ellipses >= 1 && params->max_ellipses <= 256 &&
+           params->cells >= 8 && params->cells <= 1024 && is_length(params->cell) &&
+           is_length(params->least_radius) && params->most_radius > params->least_radius &&
+           is_length(params->most_radius) && params->most_ratio >= 1 &&
+           params->most_ratio <= MAX_MAGNITUDE && params->angle_tolerance > 0 &&
+           params->angle_tolerance <= CAIRN_PI / 4 && is_length(params->support_distance) &&
+           is_length(params->spacing) && params->least_votes > 0 &&
+           cairn_is_finite(params->least_votes) && params->least_covered >= 0 &&
+           params->least_covered <= 1 && is_length(params->separation);
 }
 
 /* Number of cells of all accumulators. */
@@ -156,14 +158,14 @@ cairn_status cairn_ellipse_begin(cairn_ellipse_set *set, const cairn_oriented_po
 /* ---- Bounds ---- */
 
 /* CAIRN_OK when a point and its weight are in range. */
-static cairn_status check_point(const cairn_oriented_point *p, cairn_real weight)
+static cairn_status check_point(const cairn_oriented_point *point, cairn_real weight)
 {
-    if (!cairn_is_finite(p->position.x) || !cairn_is_finite(p->position.y) ||
-        !cairn_is_finite(p->direction.x) || !cairn_is_finite(p->direction.y) ||
+    if (!cairn_is_finite(point->position.x) || !cairn_is_finite(point->position.y) ||
+        !cairn_is_finite(point->direction.x) || !cairn_is_finite(point->direction.y) ||
         !cairn_is_finite(weight))
         return CAIRN_NOT_FINITE;
-    if (cairn_abs(p->position.x) > MAX_MAGNITUDE || cairn_abs(p->position.y) > MAX_MAGNITUDE ||
-        weight < 0 || weight > MAX_MAGNITUDE)
+    if (cairn_abs(point->position.x) > MAX_MAGNITUDE ||
+        cairn_abs(point->position.y) > MAX_MAGNITUDE || weight < 0 || weight > MAX_MAGNITUDE)
         return CAIRN_BAD_ARGUMENT;
     return CAIRN_OK;
 }
@@ -172,7 +174,7 @@ static cairn_status check_point(const cairn_oriented_point *p, cairn_real weight
  * suppression radius. */
 static void set_up_cells(cairn_ellipse_set *set)
 {
-    const cairn_ellipse_params *p = &set->params;
+    const cairn_ellipse_params *params = &set->params;
     cairn_vec2 size = {0, 0}, centre = {0, 0};
     cairn_real half;
 
@@ -180,12 +182,13 @@ static void set_up_cells(cairn_ellipse_set *set)
         size = cairn_vec2_sub(set->box.max, set->box.min);
         centre = cairn_vec2_scale(cairn_vec2_add(set->box.max, set->box.min), CAIRN_REAL(0.5));
     }
-    set->cell_size = cairn_max(p->cell, cairn_max(size.x, size.y) / (cairn_real)(p->cells - 3));
-    half = set->cell_size * (cairn_real)(p->cells - 1) / 2;
+    set->cell_size =
+        cairn_max(params->cell, cairn_max(size.x, size.y) / (cairn_real)(params->cells - 3));
+    half = set->cell_size * (cairn_real)(params->cells - 1) / 2;
     set->first_cell.x = centre.x - half;
     set->first_cell.y = centre.y - half;
     set->nms_radius = cairn_real_to_int(
-        cairn_min(cairn_ceil(p->separation / set->cell_size), (cairn_real)p->cells));
+        cairn_min(cairn_ceil(params->separation / set->cell_size), (cairn_real)params->cells));
 }
 
 /* Phase BOUNDS: checks the points and computes their bounding box. */
@@ -196,12 +199,12 @@ static cairn_status step_bounds(cairn_ellipse_set *set, cairn_budget *budget)
             return CAIRN_MORE;
         budget->left--;
         for (int32_t i = 0; i < 4 && set->cursor < set->count; i++, set->cursor++) {
-            const cairn_oriented_point *p = &set->points[set->cursor];
-            cairn_status status = check_point(p, cairn_ellipse_weight(set, set->cursor));
+            const cairn_oriented_point *point = &set->points[set->cursor];
+            cairn_status status = check_point(point, cairn_ellipse_weight(set, set->cursor));
 
             if (status != CAIRN_OK)
                 return status;
-            set->box = cairn_box_extend(set->box, p->position);
+            set->box = cairn_box_extend(set->box, point->position);
         }
     }
     set_up_cells(set);
@@ -259,16 +262,16 @@ static void vote_along(cairn_ellipse_set *set, int32_t layer, cairn_vec2 from, c
 static cairn_status step_vote(cairn_ellipse_set *set, cairn_budget *budget)
 {
     for (; set->cursor < set->count; set->cursor++) {
-        const cairn_oriented_point *p = &set->points[set->cursor];
-        cairn_vec2 normal = cairn_vec2_left(cairn_vec2_unit(p->direction));
+        const cairn_oriented_point *point = &set->points[set->cursor];
+        cairn_vec2 normal = cairn_vec2_left(cairn_vec2_unit(point->direction));
         cairn_real weight = cairn_ellipse_weight(set, set->cursor);
 
         if (!cairn_budget_pay(budget, &set->charged, 1 + votes_per_point(set) / 4))
             return CAIRN_MORE;
         if (!(weight > 0) || !(cairn_vec2_norm_squared(normal) > 0))
             continue;
-        vote_along(set, 0, p->position, normal, weight);
-        vote_along(set, set->accumulator_count - 1, p->position, cairn_vec2_scale(normal, -1),
+        vote_along(set, 0, point->position, normal, weight);
+        vote_along(set, set->accumulator_count - 1, point->position, cairn_vec2_scale(normal, -1),
                    weight);
     }
     return CAIRN_OK;

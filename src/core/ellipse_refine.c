@@ -68,11 +68,11 @@ void cairn_ellipse_start_peak(cairn_ellipse_set *set)
 }
 
 /* Adds a point whose normal passes close to the peak to the radius histogram. */
-static void add_radius(cairn_ellipse_set *set, const cairn_oriented_point *p, cairn_real weight)
+static void add_radius(cairn_ellipse_set *set, const cairn_oriented_point *point, cairn_real weight)
 {
-    cairn_vec2 to = {set->fit.centre.x - p->position.x, set->fit.centre.y - p->position.y};
-    cairn_real radius = cairn_vec2_cross(p->direction, to),
-               offset = cairn_abs(cairn_vec2_dot(p->direction, to)), at;
+    cairn_vec2 to = {set->fit.centre.x - point->position.x, set->fit.centre.y - point->position.y};
+    cairn_real radius = cairn_vec2_cross(point->direction, to),
+               offset = cairn_abs(cairn_vec2_dot(point->direction, to)), at;
     int32_t bin;
 
     if (set->fit.kind == CAIRN_ELLIPSE_COLUMN)
@@ -127,25 +127,25 @@ static void mark_arc(cairn_ellipse_set *set, cairn_vec2 p)
 /* Adds a point to the pass, if the point is an inlier. */
 static void add_point(cairn_ellipse_set *set, const cairn_oriented_point *point, cairn_real weight)
 {
-    cairn_oriented_point p;
+    cairn_oriented_point oriented;
     cairn_real distance;
 
     if (!(weight > 0) ||
         (set->pass != ELLIPSE_PASS_RADIUS && cairn_ellipse_is_far(&set->gate, point->position)))
         return;
-    p.position = point->position;
-    p.direction = cairn_vec2_unit(point->direction);
+    oriented.position = point->position;
+    oriented.direction = cairn_vec2_unit(point->direction);
     if (set->pass == ELLIPSE_PASS_RADIUS) {
-        add_radius(set, &p, weight);
-    } else if (cairn_ellipse_gate_passes(&set->gate, &p, &distance)) {
+        add_radius(set, &oriented, weight);
+    } else if (cairn_ellipse_gate_passes(&set->gate, &oriented, &distance)) {
         set->charged -= UNITS_PER_INLIER;
         if (set->pass != ELLIPSE_PASS_SUPPORT) {
-            cairn_ellipse_conic_add(&set->equations, &p, weight);
+            cairn_ellipse_conic_add(&set->equations, &oriented, weight);
             return;
         }
         set->inlier_weight += weight;
         set->squared_residuals += weight * distance * distance;
-        mark_arc(set, p.position);
+        mark_arc(set, oriented.position);
     }
 }
 

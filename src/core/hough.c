@@ -89,14 +89,15 @@ static int is_angle(cairn_real x)
 }
 
 /* 1 when all params are in range. */
-static int params_are_valid(const cairn_hough_params *p)
+static int params_are_valid(const cairn_hough_params *params)
 {
-    return p->max_lines >= 1 && p->max_lines <= 256 && p->angles >= 8 && p->angles <= 1 << 12 &&
-           p->distances >= 8 && p->distances <= 1 << 14 && is_length(p->distance_step) &&
-           is_angle(p->angle_tolerance) && is_length(p->separation) &&
-           is_angle(p->separation_angle) && is_length(p->support_distance) &&
-           is_length(p->spacing) && p->least_votes > 0 && cairn_is_finite(p->least_votes) &&
-           (p->mode == CAIRN_MODE_DEFAULT || p->mode == CAIRN_MODE_AS_WRITTEN);
+    return params->max_lines >= 1 && params->max_lines <= 256 && params->angles >= 8 &&
+           params->angles <= 1 << 12 && params->distances >= 8 && params->distances <= 1 << 14 &&
+           is_length(params->distance_step) && is_angle(params->angle_tolerance) &&
+           is_length(params->separation) && is_angle(params->separation_angle) &&
+           is_length(params->support_distance) && is_length(params->spacing) &&
+           params->least_votes > 0 && cairn_is_finite(params->least_votes) &&
+           (params->mode == CAIRN_MODE_DEFAULT || params->mode == CAIRN_MODE_AS_WRITTEN);
 }
 
 /* Rows of the accumulator: over a full turn when oriented, else over half a turn. */
@@ -213,14 +214,14 @@ cairn_status cairn_hough_begin(cairn_hough *hough, const cairn_oriented_point *p
 /* ---- Bounds ---- */
 
 /* CAIRN_OK when a point and its weight are in range. */
-static cairn_status check_point(const cairn_oriented_point *p, cairn_real weight)
+static cairn_status check_point(const cairn_oriented_point *point, cairn_real weight)
 {
-    if (!cairn_is_finite(p->position.x) || !cairn_is_finite(p->position.y) ||
-        !cairn_is_finite(p->direction.x) || !cairn_is_finite(p->direction.y) ||
+    if (!cairn_is_finite(point->position.x) || !cairn_is_finite(point->position.y) ||
+        !cairn_is_finite(point->direction.x) || !cairn_is_finite(point->direction.y) ||
         !cairn_is_finite(weight))
         return CAIRN_NOT_FINITE;
-    if (cairn_abs(p->position.x) > MAX_MAGNITUDE || cairn_abs(p->position.y) > MAX_MAGNITUDE ||
-        weight < 0 || weight > MAX_MAGNITUDE)
+    if (cairn_abs(point->position.x) > MAX_MAGNITUDE ||
+        cairn_abs(point->position.y) > MAX_MAGNITUDE || weight < 0 || weight > MAX_MAGNITUDE)
         return CAIRN_BAD_ARGUMENT;
     return CAIRN_OK;
 }
@@ -228,17 +229,18 @@ static cairn_status check_point(const cairn_oriented_point *p, cairn_real weight
 /* Sets the centre, the width of a column and the non-maximum suppression radius. */
 static void set_up_columns(cairn_hough *hough)
 {
-    const cairn_hough_params *p = &hough->params;
+    const cairn_hough_params *params = &hough->params;
     cairn_vec2 half =
         cairn_vec2_scale(cairn_vec2_sub(hough->box.max, hough->box.min), CAIRN_REAL(0.5));
     cairn_real radius = hough->count > 0 ? cairn_vec2_norm(half) : 0;
 
     hough->centre = cairn_vec2_add(hough->box.min, half);
-    hough->bin_width = cairn_max(p->distance_step, 2 * radius / (cairn_real)(p->distances - 3));
-    hough->row_radius = cairn_real_to_int(cairn_ceil(p->separation_angle / hough->angle_step));
-    hough->column_radius = cairn_real_to_int(cairn_ceil(p->separation / hough->bin_width));
-    if (hough->column_radius > p->distances)
-        hough->column_radius = p->distances;
+    hough->bin_width =
+        cairn_max(params->distance_step, 2 * radius / (cairn_real)(params->distances - 3));
+    hough->row_radius = cairn_real_to_int(cairn_ceil(params->separation_angle / hough->angle_step));
+    hough->column_radius = cairn_real_to_int(cairn_ceil(params->separation / hough->bin_width));
+    if (hough->column_radius > params->distances)
+        hough->column_radius = params->distances;
 }
 
 /* Phase BOUNDS: checks the points and computes their bounding box. */
@@ -249,15 +251,15 @@ static cairn_status step_bounds(cairn_hough *hough, cairn_budget *budget)
             return CAIRN_MORE;
         budget->left--;
         for (int32_t i = 0; i < 4 && hough->cursor < hough->count; i++, hough->cursor++) {
-            const cairn_oriented_point *p = &hough->points[hough->cursor];
-            cairn_status status = check_point(p, cairn_hough_weight(hough, hough->cursor));
+            const cairn_oriented_point *point = &hough->points[hough->cursor];
+            cairn_status status = check_point(point, cairn_hough_weight(hough, hough->cursor));
 
             if (status != CAIRN_OK)
                 return status;
-            hough->box.min.x = cairn_min(hough->box.min.x, p->position.x);
-            hough->box.min.y = cairn_min(hough->box.min.y, p->position.y);
-            hough->box.max.x = cairn_max(hough->box.max.x, p->position.x);
-            hough->box.max.y = cairn_max(hough->box.max.y, p->position.y);
+            hough->box.min.x = cairn_min(hough->box.min.x, point->position.x);
+            hough->box.min.y = cairn_min(hough->box.min.y, point->position.y);
+            hough->box.max.x = cairn_max(hough->box.max.x, point->position.x);
+            hough->box.max.y = cairn_max(hough->box.max.y, point->position.y);
         }
     }
     set_up_columns(hough);
@@ -351,18 +353,18 @@ static cairn_status step_vote_as_written(cairn_hough *hough, cairn_budget *budge
 static cairn_status step_vote(cairn_hough *hough, cairn_budget *budget)
 {
     for (; hough->cursor < hough->count; hough->cursor++) {
-        const cairn_oriented_point *p = &hough->points[hough->cursor];
+        const cairn_oriented_point *point = &hough->points[hough->cursor];
         cairn_real weight = cairn_hough_weight(hough, hough->cursor), centre;
         int32_t first, last;
 
         if (budget->left <= 0)
             return CAIRN_MORE;
-        centre = rows_near_direction(hough, p->direction, &first, &last);
+        centre = rows_near_direction(hough, point->direction, &first, &last);
         if (!cairn_budget_pay(budget, &hough->charged, 2 + (last - first) / 4))
             return CAIRN_MORE;
-        if (weight > 0 && cairn_vec2_norm_squared(p->direction) > 0)
-            vote_near_direction(hough, cairn_vec2_sub(p->position, hough->centre), weight, centre,
-                                first, last);
+        if (weight > 0 && cairn_vec2_norm_squared(point->direction) > 0)
+            vote_near_direction(hough, cairn_vec2_sub(point->position, hough->centre), weight,
+                                centre, first, last);
     }
     return CAIRN_OK;
 }

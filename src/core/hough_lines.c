@@ -32,10 +32,10 @@ static void start_pass(cairn_hough *hough)
 /* Starts the line of the current peak at the centre of its bin. */
 static void start_line(cairn_hough *hough)
 {
-    const hough_peak *p = &hough->peaks[hough->current_peak];
-    cairn_vec2 direction = hough->direction[p->row];
+    const hough_peak *peak = &hough->peaks[hough->current_peak];
+    cairn_vec2 direction = hough->direction[peak->row];
     cairn_real distance =
-        ((cairn_real)p->column - (cairn_real)(hough->params.distances - 1) * CAIRN_REAL(0.5)) *
+        ((cairn_real)peak->column - (cairn_real)(hough->params.distances - 1) * CAIRN_REAL(0.5)) *
         hough->bin_width;
 
     hough->fit.direction = direction;
@@ -57,45 +57,45 @@ static void mark_position(cairn_hough *hough, cairn_vec2 p)
 
 /* 1 when a point, at signed distance s in m, is an inlier of the current line. As written: when the
  * point voted for the bin of the peak. */
-static int is_inlier(const cairn_hough *hough, const cairn_oriented_point *p, cairn_real s)
+static int is_inlier(const cairn_hough *hough, const cairn_oriented_point *point, cairn_real s)
 {
     cairn_real max_distance = hough->params.support_distance, along, across;
 
     if (cairn_hough_is_as_written(hough)) {
-        const hough_peak *at = &hough->peaks[hough->current_peak];
+        const hough_peak *peak = &hough->peaks[hough->current_peak];
 
-        return cairn_hough_bin(hough, at->row, cairn_vec2_sub(p->position, hough->centre)) ==
-               at->column;
+        return cairn_hough_bin(hough, peak->row, cairn_vec2_sub(point->position, hough->centre)) ==
+               peak->column;
     }
-    along = cairn_vec2_dot(hough->fit.direction, p->direction);
-    across = cairn_vec2_cross(hough->fit.direction, p->direction);
+    along = cairn_vec2_dot(hough->fit.direction, point->direction);
+    across = cairn_vec2_cross(hough->fit.direction, point->direction);
     if (hough->pass == PASS_COARSE)
         max_distance = cairn_max(2 * max_distance, 2 * hough->bin_width);
     if (!hough->params.oriented)
         along = cairn_abs(along);
     return cairn_abs(s) <= max_distance && along > 0 &&
-           cairn_abs(across) <= hough->sine_tolerance * cairn_vec2_norm(p->direction);
+           cairn_abs(across) <= hough->sine_tolerance * cairn_vec2_norm(point->direction);
 }
 
 /* Adds a point to the moments if the point is an inlier of the current line. */
-static void add_point(cairn_hough *hough, const cairn_oriented_point *p, cairn_real weight)
+static void add_point(cairn_hough *hough, const cairn_oriented_point *point, cairn_real weight)
 {
-    cairn_vec2 d = hough->fit.direction, from = cairn_vec2_sub(p->position, hough->fit.point);
+    cairn_vec2 d = hough->fit.direction, from = cairn_vec2_sub(point->position, hough->fit.point);
     cairn_real t = cairn_vec2_dot(d, from), s = cairn_vec2_cross(d, from);
-    hough_moments *m = &hough->moments;
+    hough_moments *moments = &hough->moments;
 
-    if (!(weight > 0) || !is_inlier(hough, p, s))
+    if (!(weight > 0) || !is_inlier(hough, point, s))
         return;
-    m->w += weight;
-    m->t += weight * t;
-    m->s += weight * s;
-    m->tt += weight * t * t;
-    m->ts += weight * t * s;
-    m->ss += weight * s * s;
+    moments->w += weight;
+    moments->t += weight * t;
+    moments->s += weight * s;
+    moments->tt += weight * t * t;
+    moments->ts += weight * t * s;
+    moments->ss += weight * s * s;
     if (hough->pass == PASS_SUPPORT) {
         hough->fit.low = cairn_min(hough->fit.low, t);
         hough->fit.high = cairn_max(hough->fit.high, t);
-        mark_position(hough, p->position);
+        mark_position(hough, point->position);
     }
 }
 
@@ -103,18 +103,18 @@ static void add_point(cairn_hough *hough, const cairn_oriented_point *p, cairn_r
  * along the line. */
 static int refit(cairn_hough *hough)
 {
-    const hough_moments *m = &hough->moments;
+    const hough_moments *moments = &hough->moments;
     cairn_vec2 d = hough->fit.direction, left = cairn_vec2_left(d);
     cairn_real t, s, tt, slope;
 
-    if (!(m->w > 0))
+    if (!(moments->w > 0))
         return 0;
-    t = m->t / m->w;
-    s = m->s / m->w;
-    tt = m->tt / m->w - t * t;
+    t = moments->t / moments->w;
+    s = moments->s / moments->w;
+    tt = moments->tt / moments->w - t * t;
     if (!(tt > 0))
         return 0;
-    slope = (m->ts / m->w - t * s) / tt;
+    slope = (moments->ts / moments->w - t * s) / tt;
     hough->fit.point = cairn_vec2_add(
         hough->fit.point, cairn_vec2_add(cairn_vec2_scale(d, t), cairn_vec2_scale(left, s)));
     hough->fit.direction = cairn_vec2_unit(cairn_vec2_add(d, cairn_vec2_scale(left, slope)));
@@ -141,16 +141,17 @@ static cairn_real covered_length(const cairn_hough *hough)
 /* Completes the current line from its moments: its point becomes the centroid of the inliers. */
 static void finish_line(cairn_hough *hough)
 {
-    const hough_moments *m = &hough->moments;
+    const hough_moments *moments = &hough->moments;
     cairn_hough_line *line = &hough->fit;
-    cairn_real t = m->t / m->w, s = cairn_hough_is_as_written(hough) ? 0 : m->s / m->w;
+    cairn_real t = moments->t / moments->w,
+               s = cairn_hough_is_as_written(hough) ? 0 : moments->s / moments->w;
 
     line->point = cairn_vec2_add(line->point, cairn_vec2_scale(line->direction, t));
     line->low -= t;
     line->high -= t;
     line->covered = cairn_min(covered_length(hough), line->high - line->low);
-    line->votes = m->w;
-    line->rms = cairn_sqrt(cairn_max(m->ss / m->w - s * s, 0));
+    line->votes = moments->w;
+    line->rms = cairn_sqrt(cairn_max(moments->ss / moments->w - s * s, 0));
     if (!hough->params.oriented &&
         (line->direction.x < 0 || (line->direction.x == 0 && line->direction.y < 0))) {
         cairn_real low = line->low;

@@ -124,14 +124,16 @@ static polyline_sums sums_right_of(const polyline_sums *all, const polyline_sums
 /* Tests the split between point `inner` and the next one. */
 static void try_split(cairn_polyline *polyline)
 {
-    const cairn_polyline_params *p = &polyline->params;
+    const cairn_polyline_params *params = &polyline->params;
     int32_t i = polyline->inner;
     polyline_sums rest;
     cairn_real sse;
 
-    if (i + 1 - polyline->first < p->min_points || polyline->last - i - 1 < p->min_points ||
-        position_of(polyline, i) - position_of(polyline, polyline->first) < p->min_length ||
-        position_of(polyline, polyline->last - 1) - position_of(polyline, i + 1) < p->min_length)
+    if (i + 1 - polyline->first < params->min_points ||
+        polyline->last - i - 1 < params->min_points ||
+        position_of(polyline, i) - position_of(polyline, polyline->first) < params->min_length ||
+        position_of(polyline, polyline->last - 1) - position_of(polyline, i + 1) <
+            params->min_length)
         return;
     rest = sums_right_of(&polyline->sums, &polyline->left_sums);
     sse = cairn_polyline_residual(&polyline->left_sums) + cairn_polyline_residual(&rest);

@@ -70,13 +70,15 @@ static int is_share(cairn_real x)
 }
 
 /* 1 when all params are in range. */
-static int params_are_valid(const cairn_rectangle_params *p)
+static int params_are_valid(const cairn_rectangle_params *params)
 {
-    return p != NULL && is_count(p->max_segments, 1 << 20) && is_count(p->max_sides, 1 << 16) &&
-           is_count(p->max_pairs, 1 << 20) && is_count(p->max_rectangles, 256) &&
-           is_length(p->merge_distance) && is_angle(p->merge_angle) && p->merge_gap >= 0 &&
-           p->merge_gap <= MAX_MAGNITUDE && is_angle(p->angle) && is_length(p->min_side) &&
-           is_share(p->least_side) && is_share(p->least_covered) && is_length(p->separation);
+    return params != NULL && is_count(params->max_segments, 1 << 20) &&
+           is_count(params->max_sides, 1 << 16) && is_count(params->max_pairs, 1 << 20) &&
+           is_count(params->max_rectangles, 256) && is_length(params->merge_distance) &&
+           is_angle(params->merge_angle) && params->merge_gap >= 0 &&
+           params->merge_gap <= MAX_MAGNITUDE && is_angle(params->angle) &&
+           is_length(params->min_side) && is_share(params->least_side) &&
+           is_share(params->least_covered) && is_length(params->separation);
 }
 
 /* Allocates the object and its arrays; NULL from a counting pool. */

@@ -30,16 +30,16 @@ static cairn_vec2 oriented_like(cairn_vec2 d, cairn_vec2 like)
 int cairn_rectangle_make_pair(const struct cairn_rectangle_set *set, int32_t first, int32_t second,
                               rectangle_pair *made)
 {
-    const rectangle_side *s = &set->sides[first], *t = &set->sides[second];
-    cairn_vec2 u =
-        cairn_vec2_unit(cairn_vec2_add(s->direction, oriented_like(t->direction, s->direction)));
+    const rectangle_side *side = &set->sides[first], *other = &set->sides[second];
+    cairn_vec2 u = cairn_vec2_unit(
+        cairn_vec2_add(side->direction, oriented_like(other->direction, side->direction)));
     cairn_vec2 across = cairn_vec2_left(u),
-               to = cairn_vec2_sub(midpoint(t->segment), midpoint(s->segment));
+               to = cairn_vec2_sub(midpoint(other->segment), midpoint(side->segment));
     cairn_real distance_across = cairn_vec2_dot(across, to), slope = cairn_atan2(u.y, u.x);
     int32_t is_above = distance_across > 0;
 
     if (cairn_abs(distance_across) < set->params.min_side ||
-        (set->params.oriented && cairn_vec2_dot(s->direction, t->direction) > 0))
+        (set->params.oriented && cairn_vec2_dot(side->direction, other->direction) > 0))
         return 0;
     made->side[0] = is_above ? first : second;
     made->side[1] = is_above ? second : first;
