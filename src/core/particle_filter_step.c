@@ -131,13 +131,13 @@ static int32_t mode_count(const cairn_particle_filter *filter)
 /* Sets the number of followers of the current particle. */
 static void choose_follower_count(cairn_particle_filter *filter)
 {
-    int32_t most = filter->params.max_followers;
+    int32_t max_followers = filter->params.max_followers;
 
-    filter->follower_count = most;
+    filter->follower_count = max_followers;
     if (filter->params.by_entropy) {
         int32_t modes = mode_count(filter);
 
-        filter->follower_count = modes < most ? modes : most;
+        filter->follower_count = modes < max_followers ? modes : max_followers;
     }
     filter->is_drawn = filter->possible_count > filter->follower_count;
 }
