@@ -110,8 +110,8 @@ CAIRN_CHECKED cairn_status cairn_rectangle_begin(cairn_rectangle_set *set,
 /* Works on the search until the budget is used up. CAIRN_MORE: call again. CAIRN_OK: the search has
  * ended, or no search was begun. CAIRN_NOT_FINITE, CAIRN_BAD_ARGUMENT (a coordinate beyond 1e6 m):
  * the search is discarded, and the last result stays. Cost: the sorting of segments and sides, and
- * one unit per two sides that a segment is compared with, per four pairs of sides, per four pairs
- * of pairs, and per two segments along a candidate. */
+ * one unit per two sides that a segment is compared with. Further one unit per four pairs of sides,
+ * per four pairs of pairs, and per two segments along a candidate. */
 CAIRN_CHECKED cairn_status cairn_rectangle_step(cairn_rectangle_set *set, cairn_budget *budget);
 
 /* The rectangles of the last search that ended, by decreasing score. *count is set to their number.

@@ -36,10 +36,12 @@ enum {
 
 /* ---- Factor ---- */
 
-/* Reuses arrays of the ordering: `size` holds the first column of the run of a column,
- * `last_member` the last column of the run that starts at a column, `head` and `next` the lists of
- * runs by their next row, `start` the block of that row in the run's last column, and `mark` the
- * position of a row in the columns of the current run, counted from their end. */
+/* Reuses arrays of the ordering:
+ *     size         first column of the run of a column
+ *     last_member  last column of the run that starts at a column
+ *     head, next   lists of runs by their next row
+ *     start        block of that row in the last column of a run
+ *     mark         position of a row in the columns of the current run, counted from their end */
 void cairn_block_solver_factor_begin(cairn_block_solver *solver)
 {
     struct block_solver_order *ordering = &solver->ordering;
@@ -268,9 +270,9 @@ static void subtract_diagonal(cairn_sym3 *d, const cairn_real *sum)
 }
 
 /* Subtracts the products of the source columns' blocks in a row from the blocks of the targets in
- * the row, and from the diagonal block where the row is a target itself. row_blocks_to_end:
- * position of the row in the target columns, counted from their end. Returns the number of block
- * products. */
+ * the row. Where the row is a target itself, subtracts them from its diagonal block.
+ * row_blocks_to_end: position of the row in the target columns, counted from their end. Returns the
+ * number of block products. */
 static int32_t subtract_pairs(cairn_block_solver *solver, int32_t blocks_to_end, int32_t row,
                               int32_t row_blocks_to_end)
 {

@@ -12,10 +12,10 @@
  *    pairs those of the clique made last are known and subtracted; those of other cliques are not
  *    (Rothberg and Eisenstat 1998). On a grid of 100,000 poses the factorization takes a third
  *    fewer products than with the minimum degree; on small graphs the same number.
- * 3. A pivot takes five phases. PIVOT gathers its list. Then for every variable of the list: SCAN
- *    counts the poses of its elements outside the list, UPDATE cleans its list and bounds its
- *    degree, MERGE finds indistinguishable variables of the same hash, FINISH reinserts it among
- *    the scores.
+ * 3. A pivot takes five phases. PIVOT gathers its list. The others treat every variable of the
+ *    list: SCAN counts the poses of its elements outside the list. UPDATE cleans its list and
+ *    bounds its degree. MERGE finds indistinguishable variables of the same hash. FINISH reinserts
+ *    it among the scores.
  *
  * Layout: all lists lie in one array, new elements at the end. A full array is compacted. Elements
  * never need more memory than the lists they replace, so after compaction there is capacity for one

@@ -3,7 +3,7 @@
  * Method:
  * 1. Rows of the accumulator are directions, columns signed distances from the centre of the
  *    points' bounding box. A point votes in all rows near its own direction, with a weight that
- *    decreases with the angle, and in each row for the two columns around its distance (linear
+ *    decreases with the angle. In each row it votes for the two columns around its distance (linear
  *    interpolation), so peaks are smooth. Without orientation a row equals the one half a turn away
  *    with the columns reversed.
  * 2. Peaks are the local maxima within the separation (non-maximum suppression).

@@ -3,7 +3,7 @@
  * Method of the hash grid:
  * 1. The plane is divided into square cells. The points of all cells with the same hash are in one
  *    bucket, a linked list (heads, next), the point inserted last first.
- * 2. A query visits the buckets of the cells within its radius and tests every candidate by its
+ * 2. A query visits the buckets of the cells within its radius. It tests every candidate by its
  *    distance, so points of other cells in the same bucket do no harm. The radius search also
  *    compares cells, so each point is reported once.
  * 3. The nearest neighbour is searched in rings of cells around the query. The range of cells

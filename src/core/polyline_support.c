@@ -2,8 +2,8 @@
  * few points.
  *
  * Method: the points are sorted by component and position. A run without a gap is summed. Then
- * every split of the run into two is tested by the sum of squared residuals of two lines (moments
- * left of the split, and the rest right of the split). */
+ * every split of the run into two is tested by the sum of squared residuals of two lines. The
+ * moments right of a split are those of the run minus those left of the split. */
 #include "src/core/build.h"
 
 #include <string.h>

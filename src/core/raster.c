@@ -5,8 +5,8 @@
  *    column.
  * 2. For each row and L1, a pass to the right and one to the left: d = min(d, d' + 1).
  * 3. For each row and L2, the lower envelope of the parabolas (x - i)^2 + g(i)^2 is built from the
- *    left on a stack of columns i, with the first x at which each is the lowest, and read off from
- *    the right.
+ *    left, on a stack of columns i with the first x at which each is the lowest. The distances are
+ *    read off from the right.
  *
  * The passes run along rows, in memory order, and can stop after any pixel.
  *
