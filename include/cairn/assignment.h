@@ -1,8 +1,8 @@
-/* assignment: who goes with whom at the least cost in all.
+/* assignment: the linear assignment problem (optimal bipartite matching of least total cost),
+ * exactly and in fixed memory.
  *
- * Rows and columns of a table of costs are paired one to one, as many as the smaller side has,
- * so that the sum of the costs of the pairs is least (the linear assignment problem), exactly
- * and in fixed memory. */
+ * Pairs the rows and columns of a cost table one to one, as many as the smaller side has, with the
+ * least sum of costs. */
 #ifndef CAIRN_ASSIGNMENT_H
 #define CAIRN_ASSIGNMENT_H
 
@@ -13,46 +13,54 @@
 extern "C" {
 #endif
 
+/* Capacities. Default values in brackets. */
 typedef struct cairn_assignment_params {
-    int32_t max_rows, max_columns; /* 1 ... 4096 (128 and 128) */
+    /* Rows and columns of the table, 1 ... 4096 (128 and 128). */
+    int32_t max_rows, max_columns;
 } cairn_assignment_params;
 
+/* Solver of linear assignment problems. */
 typedef struct cairn_assignment cairn_assignment;
 
-/* The values in brackets above. */
+/* The default values. */
 cairn_assignment_params cairn_assignment_default(void);
 
-/* 0 for params that create() would refuse. Grows with the sides, not with the table, which is
- * the caller's. */
+/* Bytes that create() allocates. 0 for params that create() would refuse. Linear in the sides; the
+ * table stays in the caller's memory. */
 size_t cairn_assignment_memory(const cairn_assignment_params *params);
 
-/* CAIRN_BAD_ARGUMENT, CAIRN_NO_MEMORY. */
+/* Creates an object in a pool. CAIRN_BAD_ARGUMENT: NULL, or params out of range. CAIRN_NO_MEMORY:
+ * the pool has too few bytes left. A failure changes nothing. */
 CAIRN_CHECKED cairn_status cairn_assignment_create(cairn_assignment **assignment, cairn_pool *pool,
                                                    const cairn_assignment_params *params);
 
-/* Starts on a table; cost[row * columns + column], of either sign, at most 1e9 in size, must
- * stay until step() returns CAIRN_OK. What ran before is dropped. CAIRN_BAD_ARGUMENT: NULL, a
- * side below 1. CAIRN_FULL: more than the params say. Cost: linear in the sides. */
+/* Starts an assignment. cost[row * columns + column], of either sign, at most 1e9 in magnitude,
+ * must stay until step() returns CAIRN_OK. An assignment that runs is discarded.
+ * CAIRN_BAD_ARGUMENT: NULL, a side below 1. CAIRN_FULL: more than max_rows or max_columns. Cost:
+ * linear in the sides. */
 CAIRN_CHECKED cairn_status cairn_assignment_begin(cairn_assignment *assignment,
                                                   const cairn_real *cost, int32_t rows,
                                                   int32_t columns);
 
-/* Goes on. CAIRN_MORE: the budget is used up. CAIRN_OK: the pairs stand, or nothing was begun.
- * CAIRN_NOT_FINITE: a cost that is not finite or is beyond 1e9; given up. At most s (s + 3) / 2
- * (1 + l / 8) units for sides s <= l, mostly far less. */
+/* Works until the budget is used up. CAIRN_MORE: call again. CAIRN_OK: the pairs are complete, or
+ * no assignment was begun. CAIRN_NOT_FINITE: a cost is not finite or beyond 1e9; the assignment is
+ * discarded. Cost: at most s (s + 3) / 2 (1 + l / 8) units in all for sides s <= l, usually far
+ * less. */
 CAIRN_CHECKED cairn_status cairn_assignment_step(cairn_assignment *assignment,
                                                  cairn_budget *budget);
 
+/* Assignment of least total cost. */
 typedef struct cairn_assignment_result {
-    /* [rows] of each row; -1: none is left for it. Valid until the next begin() */
+    /* [rows] Column of each row; -1: the row is not paired. Valid until the next begin(). */
     const int32_t *column;
+    /* Number of rows, and of pairs. */
     int32_t rows, pairs;
-    /* of all pairs */
+    /* Sum of the costs of the pairs. */
     cairn_real cost;
 } cairn_assignment_result;
 
-/* All zero until step() returns CAIRN_OK. Of equally cheap pairings always the same one is
- * given. */
+/* The result. All zero until step() returns CAIRN_OK. Ties between assignments are broken the same
+ * way in every run. */
 cairn_assignment_result cairn_assignment_read(const cairn_assignment *assignment);
 
 #ifdef __cplusplus

@@ -1,7 +1,7 @@
-/* curve: polylines as functions of their arc length: length, even samples, tangents.
+/* curve: polylines parametrized by arc length: length, uniform resampling, tangents.
  *
- * Points are the vertices of an open or a closed polyline; a closed one runs on from the last to
- * the first. Vertices may coincide. Any unit of length. */
+ * The points are the vertices of an open or a closed polyline. A closed one has a further side from
+ * the last vertex to the first. Vertices may coincide. Lengths are in the unit of the points. */
 #ifndef CAIRN_CURVE_H
 #define CAIRN_CURVE_H
 
@@ -12,29 +12,33 @@
 extern "C" {
 #endif
 
+/* Polyline. */
 typedef struct cairn_curve {
-    const cairn_vec2 *points; /* [count] */
-    int32_t count;            /* >= 1 */
-    int32_t closed;           /* 0 or 1 */
+    /* [count] Vertices. */
+    const cairn_vec2 *points;
+    /* Number of vertices, >= 1. */
+    int32_t count;
+    /* 1: closed; 0: open. */
+    int32_t closed;
 } cairn_curve;
 
-/* Its length; the vertices must be finite. Cost: linear. */
+/* Arc length of a curve; the vertices must be finite. Cost: linear. */
 cairn_real cairn_curve_length(const cairn_curve *curve);
 
-/* Lays `count` samples at equal distances along the curve: of an open one from its first to its
- * last vertex, of a closed one from its first vertex round, without coming back to it.
- * directions: [count] unit directions of the side that a sample lies on (of the side behind it
- * at a vertex), NULL when not wanted. CAIRN_BAD_ARGUMENT: NULL, counts below 1 (below 2 samples
- * of an open curve), more than 2^24 samples. CAIRN_NOT_FINITE: a vertex, or the length.
- * CAIRN_EMPTY: the curve has no length. Cost: linear in vertices and samples. */
+/* Resamples a curve uniformly: `count` samples at equal arc lengths. The samples of an open curve
+ * run from the first to the last vertex. Those of a closed curve start at the first vertex, which
+ * is not repeated at the end. directions: [count], set to the unit directions of the side of each
+ * sample (at a vertex of the following side); may be NULL. CAIRN_BAD_ARGUMENT: NULL, counts below 1
+ * (below 2 samples of an open curve), more than 2^24 samples. CAIRN_NOT_FINITE: a vertex, or the
+ * length. CAIRN_EMPTY: the length is 0. Cost: linear in vertices and samples. */
 CAIRN_CHECKED cairn_status cairn_curve_resample(const cairn_curve *curve, cairn_vec2 *samples,
                                                 cairn_vec2 *directions, int32_t count);
 
-/* Unit tangents at the vertices: the direction from the vertex `reach` before to that `reach`
- * behind, as far as an open curve goes; at a place where these coincide the tangent of the
- * vertex before, (1, 0) at the first. directions: [curve->count]. CAIRN_BAD_ARGUMENT: NULL, or
- * reach outside 1 ... count - 1, of a closed curve (count - 1) / 2. CAIRN_NOT_FINITE: a vertex.
- * Cost: linear. */
+/* Unit tangents at the vertices, by central differences: the direction from the vertex `reach`
+ * vertices before to the vertex `reach` vertices after, clamped to the ends of an open curve. Where
+ * both coincide the tangent of the previous vertex is repeated, (1, 0) at the first. directions:
+ * [curve->count]. CAIRN_BAD_ARGUMENT: NULL, or reach outside 1 ... count - 1 (closed: (count - 1) /
+ * 2). CAIRN_NOT_FINITE: a vertex. Cost: linear. */
 CAIRN_CHECKED cairn_status cairn_curve_tangents(const cairn_curve *curve, int32_t reach,
                                                 cairn_vec2 *directions);
 

@@ -1,11 +1,11 @@
-/* ellipse: circles and ellipses that weighted oriented points outline: round rooms, columns, tanks.
+/* ellipse: circles and ellipses outlined by weighted oriented points, by a Hough transform and
+ * conic fitting: round rooms, columns, tanks.
  *
- * Every point votes for the centres that lie along its normal (Duda and Hart 1972; Ballard 1981
- * for the use of directions), and the points about the greatest votes for the distance from
- * there. The circle that comes of it is refined by least squares over conics, by the places of
- * its points and by their directions, so that it becomes an ellipse as far as they ask for it.
- * Its strength is the share of its outline that points cover, less when they lie off it. Adluru
- * 2008, section 8.6, names ellipses as the next kind of hypothesis. */
+ * Every point votes for the centres along its normal (Duda and Hart 1972; Ballard 1981 for the use
+ * of directions). The points around a peak vote for the radius. The circle is refined to an ellipse
+ * by linear least squares over conics, on the positions and the directions of its inliers. The
+ * score is the covered fraction of the outline, reduced by the residuals of the points.
+ * Adluru 2008, section 8.6, names ellipses as the next kind of hypothesis. */
 #ifndef CAIRN_ELLIPSE_H
 #define CAIRN_ELLIPSE_H
 
@@ -16,115 +16,131 @@
 extern "C" {
 #endif
 
-/* Which side of its outline is free. */
+/* Which side of the outline is free space. */
 typedef int32_t cairn_ellipse_kind;
 enum {
-    CAIRN_ELLIPSE_ROOM = 0,   /* inside */
-    CAIRN_ELLIPSE_COLUMN = 1, /* outside */
-    CAIRN_ELLIPSE_ANY = 2     /* directions were not asked for */
+    /* Free space is inside: a round room. */
+    CAIRN_ELLIPSE_ROOM = 0,
+    /* Free space is outside: a column. */
+    CAIRN_ELLIPSE_COLUMN = 1,
+    /* Unknown, because the points are not oriented. */
+    CAIRN_ELLIPSE_ANY = 2
 };
 
+/* Ellipse. */
 typedef struct cairn_ellipse {
-    cairn_pose centre;      /* theta in [0, pi): direction of the longer axis */
-    cairn_real half_length; /* m, along theta */
-    cairn_real half_width;  /* m, across, <= half_length */
-    cairn_real covered;     /* 0 ... 1, share of the outline that points cover */
-    cairn_real strength;    /* 0 ... 1 */
-    cairn_real votes;       /* weight of the points on it */
-    cairn_real rms;         /* m, weighted root mean square distance of these from it */
+    /* Centre in m; theta in [0, pi), in rad: direction of the major axis. */
+    cairn_pose centre;
+    /* Semi-major axis, along theta, in m. */
+    cairn_real half_length;
+    /* Semi-minor axis, in m, <= half_length. */
+    cairn_real half_width;
+    /* Fraction of the outline that points cover, 0 ... 1. */
+    cairn_real covered;
+    /* Score, 0 ... 1. */
+    cairn_real strength;
+    /* Sum of the weights of the inliers. */
+    cairn_real votes;
+    /* Weighted root mean square distance of the inliers from the outline, in m. */
+    cairn_real rms;
+    /* Which side of the outline is free space. */
     cairn_ellipse_kind kind;
 } cairn_ellipse;
 
-/* In brackets the defaults. */
+/* Parameters. Default values in brackets. */
 typedef struct cairn_ellipse_params {
-    /* 1 ... 256; of more centres than these those with the most votes are kept (32) */
+    /* Ellipses, 1 ... 256 (32). Of more peaks those with the most votes are kept. */
     int32_t max_ellipses;
-    /* 8 ... 1024: of a side of the square of centres (96) */
+    /* Cells along a side of the square accumulator of centres, 8 ... 1024 (96). */
     int32_t cells;
-    /* m, > 0: width of these, unless the points reach too far for them (0.15) */
+    /* m, > 0: side of a cell (0.15). Larger when the points extend too far for `cells` cells. */
     cairn_real cell;
-    /* not 0: points have their free side on the left of their direction (1) */
+    /* 1: points have free space on the left of their direction; 0: not known (1). */
     int32_t oriented;
-    /* m, > 0: of half_width (0.15) */
+    /* m, > 0: least semi-minor axis (0.15). */
     cairn_real least_radius;
-    /* m, > least_radius: of half_length (6) */
+    /* m, > least_radius: largest semi-major axis (6). */
     cairn_real most_radius;
-    /* >= 1: of half_length to half_width (2) */
+    /* >= 1: largest ratio of the major to the minor axis (2). */
     cairn_real most_ratio;
-    /* rad, > 0, <= pi / 4: how far points on it may be off its direction (15 degrees) */
+    /* rad, > 0, <= pi / 4: largest angle of an inlier's direction to the outline (15 degrees). */
     cairn_real angle_tolerance;
-    /* m, > 0: and how far off its outline (0.05) */
+    /* m, > 0: largest distance of an inlier from the outline (0.05). */
     cairn_real support_distance;
-    /* m, > 0: how far apart the points of an outline usually are (0.10) */
+    /* m, > 0: usual spacing of the points along an outline (0.10). */
     cairn_real spacing;
-    /* > 0: less weight of points is no ellipse (8) */
+    /* > 0: least sum of the weights of an ellipse's inliers (8). */
     cairn_real least_votes;
-    /* 0 ... 1: nor is a smaller share of the outline (0.5) */
+    /* 0 ... 1: least covered fraction of the outline (0.5). */
     cairn_real least_covered;
-    /* m, > 0: of ellipses of a kind whose centres and axes differ less only the strongest stays
-     * (0.3) */
+    /* m, > 0: non-maximum suppression: of ellipses of a kind whose centres and axes differ by less
+     * only the one with the most votes stays (0.3). */
     cairn_real separation;
 } cairn_ellipse_params;
 
+/* Search for ellipses, with its result. */
 typedef struct cairn_ellipse_set cairn_ellipse_set;
 
-/* The values in brackets above. */
+/* The default values. */
 cairn_ellipse_params cairn_ellipse_default(void);
 
-/* 0 for params that create() would refuse. */
+/* Bytes that create() allocates. 0 for params that create() would refuse. */
 size_t cairn_ellipse_memory(const cairn_ellipse_params *params);
 
-/* CAIRN_BAD_ARGUMENT, CAIRN_NO_MEMORY. */
+/* Creates an object in a pool. CAIRN_BAD_ARGUMENT: NULL, or params out of range. CAIRN_NO_MEMORY:
+ * the pool has too few bytes left. A failure changes nothing. */
 CAIRN_CHECKED cairn_status cairn_ellipse_create(cairn_ellipse_set **set, cairn_pool *pool,
                                                 const cairn_ellipse_params *params);
 
-/* Other tolerances, as the uncertainty of the points shrinks, say. A search under way is given
- * up. CAIRN_BAD_ARGUMENT: params that create() would refuse, or with other max_ellipses, cells
- * or orientation. */
+/* Changes tolerances, for example as the uncertainty of the points shrinks. A search that runs is
+ * discarded. CAIRN_BAD_ARGUMENT: params that create() would refuse, or other max_ellipses, cells or
+ * orientation than at creation. Constant time. */
 CAIRN_CHECKED cairn_status cairn_ellipse_adjust(cairn_ellipse_set *set,
                                                 const cairn_ellipse_params *params);
 
-/* Starts a search over points[0 ... count-1], which must stay as they are until it ends; a
- * search under way is given up. weights: [count], >= 0, or NULL when all are 1.
- * CAIRN_BAD_ARGUMENT: NULL, count < 0. Constant time. */
+/* Starts a search over points[0 ... count-1], which must not change until the search ends. A search
+ * that runs is discarded. weights: [count], >= 0, or NULL when all are 1. CAIRN_BAD_ARGUMENT: NULL,
+ * count < 0. Constant time. */
 CAIRN_CHECKED cairn_status cairn_ellipse_begin(cairn_ellipse_set *set,
                                                const cairn_oriented_point *points,
                                                const cairn_real *weights, int32_t count);
 
-/* Goes on. CAIRN_MORE: the budget is used up. CAIRN_OK: the search has ended, or none was begun.
- * CAIRN_NOT_FINITE, CAIRN_BAD_ARGUMENT (a weight below 0 or beyond 1e6, a coordinate beyond 1e6
- * m): the search is given up, and the last result stays. Costs a unit for eight centres that a
- * point votes for, for 16 cells (one that may be a peak costs one more for 32 cells about it, a
- * peak one for eight others), for four points of an ellipse's bounds, and for each centre and
- * two points, five times; two more for each point that is on the ellipse then. */
+/* Works on the search until the budget is used up. CAIRN_MORE: call again. CAIRN_OK: the search has
+ * ended, or no search was begun. CAIRN_NOT_FINITE, CAIRN_BAD_ARGUMENT (a weight below 0 or beyond
+ * 1e6, a coordinate beyond 1e6 m): the search is discarded, and the last result stays. Cost: one
+ * unit per eight centres that a point votes for; per 16 cells (a candidate for a peak: one more per
+ * 32 cells around the candidate; a peak: one per eight other peaks); per four points of an
+ * ellipse's bounds; five times one per peak and two points; two more per inlier. */
 CAIRN_CHECKED cairn_status cairn_ellipse_step(cairn_ellipse_set *set, cairn_budget *budget);
 
-/* The ellipses of the last search that ended, the one with the most votes first; valid until the
- * next search ends. */
+/* The ellipses of the last search that ended, by decreasing votes. *count is set to their number.
+ * Valid until the next search ends. */
 const cairn_ellipse *cairn_ellipse_list(const cairn_ellipse_set *set, int32_t *count);
 
-/* Centres that the last search found beyond max_ellipses and dropped. */
+/* Number of peaks of the last search that were dropped because of max_ellipses. */
 int32_t cairn_ellipse_dropped(const cairn_ellipse_set *set);
 
-/* ---- Shapes ---- */
+/* ---- Geometry of an ellipse ---- */
 
-/* The point at an angle of its circle, from the longer axis on; its direction has the free side
- * on the left: counter-clockwise for rooms and where directions were not asked for, clockwise
+/* The point of the outline at a parametric (eccentric) angle in rad, 0 on the major axis. The
+ * direction has free space on its left: counter-clockwise for rooms and unknown kinds, clockwise
  * for columns. */
 cairn_oriented_point cairn_ellipse_point(const cairn_ellipse *ellipse, cairn_real angle);
 
-/* m of the outline (Ramanujan's first formula, good to 0.1 % for axes as 1 to 4). */
+/* Perimeter in m by Ramanujan's first formula, accurate to 0.1 % for an axis ratio up to 4. */
 cairn_real cairn_ellipse_length(const cairn_ellipse *ellipse);
 
-/* m, distance of a point from the outline to first order, positive outside; *normal: unit,
- * outward, there. At the centre that of the nearest end of the shorter axis. */
+/* Signed distance of a point from the outline to first order (Sampson distance), in m, positive
+ * outside. *normal is set to the outward unit normal of the outline near the point. At the centre
+ * both are those of the closest end of the minor axis. */
 cairn_real cairn_ellipse_distance(const cairn_ellipse *ellipse, cairn_vec2 point,
                                   cairn_vec2 *normal);
 
-/* 1 when a point lies within `distance` of the outline and its direction within an angle of that
- * `sine` of the outline's; of a kind other than ANY it runs the same way. */
+/* 1 when a point is an inlier of the ellipse: within max_distance m of the outline, with the angle
+ * between its direction and the outline's of a sine of at most max_sine. For kinds other than ANY
+ * the directions must also have the same sense. */
 int32_t cairn_ellipse_has(const cairn_ellipse *ellipse, const cairn_oriented_point *point,
-                          cairn_real distance, cairn_real sine);
+                          cairn_real max_distance, cairn_real max_sine);
 
 #ifdef __cplusplus
 }

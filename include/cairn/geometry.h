@@ -1,7 +1,9 @@
-/* geometry: vectors, poses in SE(2), segments, boxes and polygons in the plane.
+/* geometry: vectors, poses and rigid transforms in SE(2), twists, segments, boxes and polygons in
+ * the plane.
  *
- * Metres and radians, counter-clockwise. A pose that maps b into a is called a_b (map_scan maps
- * scan points into the map). Small values are passed by value. */
+ * Units are metres and radians; angles are counter-clockwise. A pose that maps frame b into frame a
+ * is called a_b: map_scan maps points of the scan into the map. Small values are passed by
+ * value. */
 #ifndef CAIRN_GEOMETRY_H
 #define CAIRN_GEOMETRY_H
 
@@ -11,85 +13,102 @@
 extern "C" {
 #endif
 
+/* Vector or point in the plane, usually in m. */
 typedef struct cairn_vec2 {
     cairn_real x, y;
 } cairn_vec2;
 
-/* Position and heading. theta is wrapped to (-pi, pi] by all functions that return a pose. */
+/* Pose in SE(2): position (x, y) in m and heading theta in rad. All functions that return a pose
+ * wrap theta to (-pi, pi], unless their comment says otherwise. */
 typedef struct cairn_pose {
     cairn_real x, y, theta;
 } cairn_pose;
 
-/* A pose with its sine and cosine at hand, for mapping many points. */
+/* Rigid transform: translation (x, y) in m, and cosine and sine of the rotation, computed once for
+ * mapping many points. */
 typedef struct cairn_transform {
     cairn_real x, y, cosine, sine;
 } cairn_transform;
 
+/* Line segment from a to b, in m. */
 typedef struct cairn_segment {
     cairn_vec2 a, b;
 } cairn_segment;
 
-/* Axis-aligned, closed. Empty when min > max. */
+/* Axis-aligned bounding box, borders included, in m. Empty when min > max in x or in y. */
 typedef struct cairn_box {
     cairn_vec2 min, max;
 } cairn_box;
 
-/* A point of a curve with the unit direction of the curve there. On scans the direction runs
- * counter-clockwise as the sensor sees it, so that the free side is on the left. */
+/* Point of a curve with the tangent of the curve. */
 typedef struct cairn_oriented_point {
+    /* m */
     cairn_vec2 position;
+    /* Unit tangent. On scans the tangent runs counter-clockwise as seen from the sensor, so free
+     * space is on its left. */
     cairn_vec2 direction;
 } cairn_oriented_point;
 
+/* ---- Vectors ---- */
+
+/* a + b. */
 static inline cairn_vec2 cairn_vec2_add(cairn_vec2 a, cairn_vec2 b)
 {
     cairn_vec2 sum = {a.x + b.x, a.y + b.y};
     return sum;
 }
 
+/* a - b. */
 static inline cairn_vec2 cairn_vec2_sub(cairn_vec2 a, cairn_vec2 b)
 {
     cairn_vec2 difference = {a.x - b.x, a.y - b.y};
     return difference;
 }
 
+/* s a. */
 static inline cairn_vec2 cairn_vec2_scale(cairn_vec2 a, cairn_real s)
 {
     cairn_vec2 scaled = {a.x * s, a.y * s};
     return scaled;
 }
 
+/* Dot product. */
 static inline cairn_real cairn_vec2_dot(cairn_vec2 a, cairn_vec2 b)
 {
     return a.x * b.x + a.y * b.y;
 }
 
-/* z component of the cross product: positive when b is to the left of a. */
+/* Cross product (its z component): positive when b is to the left of a. */
 static inline cairn_real cairn_vec2_cross(cairn_vec2 a, cairn_vec2 b)
 {
     return a.x * b.y - a.y * b.x;
 }
 
-/* a turned by +90 degrees. */
+/* Left perpendicular vector: a rotated by +90 degrees. */
 static inline cairn_vec2 cairn_vec2_left(cairn_vec2 a)
 {
     cairn_vec2 left = {-a.y, a.x};
     return left;
 }
 
+/* Squared Euclidean norm. */
 static inline cairn_real cairn_vec2_norm_squared(cairn_vec2 a)
 {
     return a.x * a.x + a.y * a.y;
 }
 
+/* Euclidean norm. */
 static inline cairn_real cairn_vec2_norm(cairn_vec2 a)
 {
     return cairn_sqrt(a.x * a.x + a.y * a.y);
 }
 
-/* a scaled to length 1; a zero vector stays zero. */
+/* Unit vector: a normalized to length 1. A zero vector stays zero. */
 cairn_vec2 cairn_vec2_unit(cairn_vec2 a);
 
+/* ---- Poses and rigid transforms ---- */
+
+/* The rigid transform of a pose. */
 static inline cairn_transform cairn_transform_of(cairn_pose pose)
 {
     cairn_transform t = {pose.x, pose.y, 1, 0};
@@ -98,91 +117,112 @@ static inline cairn_transform cairn_transform_of(cairn_pose pose)
     return t;
 }
 
-/* Maps a point: rotates, then shifts. */
+/* Transforms a point: rotation, then translation. */
 static inline cairn_vec2 cairn_transform_point(cairn_transform t, cairn_vec2 p)
 {
     cairn_vec2 mapped = {t.cosine * p.x - t.sine * p.y + t.x, t.sine * p.x + t.cosine * p.y + t.y};
     return mapped;
 }
 
-/* Maps a direction: rotates only. */
+/* Transforms a direction: rotation only. */
 static inline cairn_vec2 cairn_transform_direction(cairn_transform t, cairn_vec2 d)
 {
     cairn_vec2 mapped = {t.cosine * d.x - t.sine * d.y, t.sine * d.x + t.cosine * d.y};
     return mapped;
 }
 
+/* The identity: position 0, heading 0. */
 static inline cairn_pose cairn_pose_identity(void)
 {
     cairn_pose identity = {0, 0, 0};
     return identity;
 }
 
-/* a_c from a_b and b_c. */
+/* Composition of two poses: a_c from a_b and b_c. */
 cairn_pose cairn_pose_compose(cairn_pose a_b, cairn_pose b_c);
 
-/* b_a from a_b. */
+/* Inverse pose: b_a from a_b. */
 cairn_pose cairn_pose_inverse(cairn_pose a_b);
 
-/* b_c from a_b and a_c: the pose c as seen from b. */
+/* Relative pose: b_c from a_b and a_c, the inverse of a_b composed with a_c. */
 cairn_pose cairn_pose_between(cairn_pose a_b, cairn_pose a_c);
 
+/* A point of frame b in frame a. */
 cairn_vec2 cairn_pose_point(cairn_pose a_b, cairn_vec2 b_point);
 
 /* 1 when x, y and theta are finite. */
 int32_t cairn_pose_is_finite(cairn_pose pose);
 
-/* A motion of constant twist: (velocity, turn) is the logarithm of the pose in SE(2) to which it
- * leads. */
+/* Twist: an element of the Lie algebra se(2), the motion of constant linear and angular velocity
+ * over unit time. */
 typedef struct cairn_twist {
-    cairn_vec2 velocity; /* m, over the whole motion, in the moving frame */
-    cairn_real turn;     /* rad, in [-pi, pi) */
+    /* Linear velocity times time, in m, in the moving frame. */
+    cairn_vec2 velocity;
+    /* Angular velocity times time, in rad. In [-pi, pi) for a logarithm. */
+    cairn_real turn;
 } cairn_twist;
 
-/* The twist that leads to a pose, by half a turn at most. */
+/* Logarithm map of SE(2): the twist of the shortest motion of constant twist from the identity to a
+ * pose. */
 cairn_twist cairn_twist_of(cairn_pose motion);
 
-/* Where it has led at a fraction of the motion: exp(fraction * twist). A fraction above 1 goes
- * on. */
+/* Exponential map of SE(2): exp(fraction * twist), the pose after a fraction of the motion.
+ * Fractions outside 0 ... 1 extrapolate. theta is not wrapped. */
 cairn_pose cairn_twist_at(cairn_twist twist, cairn_real fraction);
 
-/* The motion that brings `from` onto `to` and turns by the angle of (dot, cross). With the
- * centroids of pairs of points, and the sums of the dot and cross products of their offsets from
- * these, the motion of least squares of the pairs, in closed form. */
+/* Least-squares rigid motion of paired points in closed form, from the moments of the pairs (Horn
+ * 1987; Umeyama 1991, without scale). from, to: centroids of the points and of their partners, in
+ * m. dot, cross: sums of the dot and of the cross products of the offsets from the centroids. The
+ * motion maps `from` onto `to` and rotates by atan2(cross, dot). */
 cairn_pose cairn_pose_about(cairn_vec2 from, cairn_vec2 to, cairn_real dot, cairn_real cross);
 
-/* The motion of least squares that brings from[i] onto to[i] for all i below count with use[i]
- * (NULL: all); a heading counts as a point `ahead` m ahead of the pose's origin, > 0. Identity
- * when there is none. Cost: linear. */
+/* Least-squares rigid motion that aligns from[i] with to[i], the alignment of two trajectories:
+ * for all i < count with use[i] != 0 (use NULL: all). lever_arm, in m, > 0, weighs headings against
+ * positions: a heading counts as a point that far ahead of the pose's origin. Identity when no pose
+ * is in use. Cost: linear. */
 cairn_pose cairn_pose_fit(const cairn_pose *from, const cairn_pose *to, const int32_t *use,
-                          int32_t count, cairn_real ahead);
+                          int32_t count, cairn_real lever_arm);
 
+/* ---- Segments ---- */
+
+/* Length of a segment, in m. */
 cairn_real cairn_segment_length(cairn_segment segment);
 
-/* The point of the segment nearest to p. *parameter, when not NULL, is its place from a (0) to b
- * (1). A segment without length is its point a. */
+/* The point of the segment closest to p. *parameter, when not NULL, is set to its parameter along
+ * the segment, from 0 at a to 1 at b. A segment of length 0 is its point a. */
 cairn_vec2 cairn_segment_nearest(cairn_segment segment, cairn_vec2 p, cairn_real *parameter);
 
 /* Distance from p to the segment, in m. */
 cairn_real cairn_segment_distance(cairn_segment segment, cairn_vec2 p);
 
-/* 1 and *point set when the lines through two segments meet; 0 when they are parallel (their
- * sine is below 1e-6) or one of them has no length. */
+/* Intersection of the infinite lines through two segments. 1 and *point set, or 0 when the lines
+ * are parallel (the sine of their angle is at most 1e-6) or a segment has length 0. */
 int32_t cairn_line_intersection(cairn_segment first, cairn_segment second, cairn_vec2 *point);
 
-/* 1 when the closed segments share a point. */
+/* 1 when two segments intersect, end points included. */
 int32_t cairn_segments_cross(cairn_segment first, cairn_segment second);
 
+/* ---- Boxes and polygons ---- */
+
+/* The empty box, from which extending starts. */
 cairn_box cairn_box_empty(void);
+
+/* The smallest box that contains a box and a point. */
 cairn_box cairn_box_extend(cairn_box box, cairn_vec2 p);
-cairn_box cairn_box_grow(cairn_box box, cairn_real by);
+
+/* A box enlarged by `margin` m on every side. */
+cairn_box cairn_box_grow(cairn_box box, cairn_real margin);
+
+/* 1 when two boxes share a point, borders included. */
 int32_t cairn_box_overlap(cairn_box a, cairn_box b);
 
-/* Signed area, positive when the vertices run counter-clockwise. vertices: [count]. */
+/* Signed area of a simple polygon, in m^2: positive when the vertices run counter-clockwise.
+ * vertices: [count]. Cost: linear. */
 cairn_real cairn_polygon_area(const cairn_vec2 *vertices, int32_t count);
 
-/* 1 when p is inside by the even-odd rule. Points on the border are inside or outside, but in
- * exactly one of two polygons that share that border. vertices: [count]. */
+/* Point-in-polygon test by the even-odd rule: 1 when p is inside. A point on the border of two
+ * polygons that share that border is inside exactly one of them. vertices: [count]. Cost:
+ * linear. */
 int32_t cairn_polygon_contains(const cairn_vec2 *vertices, int32_t count, cairn_vec2 p);
 
 #ifdef __cplusplus

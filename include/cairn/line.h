@@ -1,5 +1,5 @@
-/* line: weighted orthogonal regression of points in the plane, and of segments that are to
- * become one. */
+/* line: line fitting by weighted orthogonal regression (total least squares), and merging of two
+ * segments into one. */
 #ifndef CAIRN_LINE_H
 #define CAIRN_LINE_H
 
@@ -10,34 +10,37 @@
 extern "C" {
 #endif
 
+/* Fitted line. */
 typedef struct cairn_line {
-    /* weighted mean of the points, on the line */
+    /* Weighted centroid of the points, in m; a point of the line. */
     cairn_vec2 mean;
-    /* unit; x > 0, or x == 0 and y > 0 */
+    /* Unit direction; x > 0, or x == 0 and y > 0. */
     cairn_vec2 direction;
-    /* extent of the points of weight > 0 along `direction` from `mean`, in m */
+    /* Extent of the points of weight > 0 along `direction`, from `mean`, in m. */
     cairn_real low, high;
-    /* sum of the weights */
+    /* Sum of the weights. */
     cairn_real mass;
-    /* weighted root mean square of the distances to the line, in m */
+    /* Weighted root mean square of the orthogonal distances, in m. */
     cairn_real rms;
 } cairn_line;
 
-/* The line with the least weighted sum of squared orthogonal distances to points[0 ... count-1].
- * weights: [count], >= 0, or NULL when all are 1. Cost: three linear passes. CAIRN_BAD_ARGUMENT:
- * NULL, count < 2, or a weight < 0. CAIRN_NOT_FINITE: a NaN or infinity. CAIRN_EMPTY: the points
- * of weight > 0 are all at one place, so that they have no direction. */
+/* Fits the line with the least weighted sum of squared orthogonal distances to points[0 ...
+ * count-1] (total least squares). weights: [count], >= 0, or NULL when all are 1.
+ * CAIRN_BAD_ARGUMENT: NULL, count < 2, or a weight < 0. CAIRN_NOT_FINITE: a NaN or infinity.
+ * CAIRN_EMPTY: the points of weight > 0 coincide, so the direction is undefined. Cost: linear, four
+ * passes. */
 CAIRN_CHECKED cairn_status cairn_line_fit(const cairn_vec2 *points, const cairn_real *weights,
                                           int32_t count, cairn_line *line);
 
-/* The ends of the line's extent, a at `low`. */
+/* The segment from `low` to `high` on the line. */
 cairn_segment cairn_line_segment(const cairn_line *line);
 
-/* One segment in place of two: the orthogonal regression of both, taken as uniformly laid with
- * their masses (number of points, say, or length), with the extent of their four ends. It runs
- * the way of the one with the larger mass, `first` among equals. Source: the segment merging of
- * Lakaemper and Latecki 2006, with moments in place of end points. CAIRN_BAD_ARGUMENT: NULL, or
- * a mass that is not > 0. CAIRN_NOT_FINITE. CAIRN_EMPTY: both are the same point. */
+/* Merges two segments into one: the orthogonal regression of both, each with its mass (for example
+ * its number of points, or its length) spread uniformly over the segment. The extent covers the
+ * four end points. The direction is that of the segment of larger mass, of `first` when equal.
+ * Constant time. CAIRN_BAD_ARGUMENT: NULL, or a mass that is not > 0. CAIRN_NOT_FINITE.
+ * CAIRN_EMPTY: both segments are the same point. Source: the segment merging of Lakaemper and
+ * Latecki 2006, with moments in place of end points. */
 CAIRN_CHECKED cairn_status cairn_segment_merge(cairn_segment first, cairn_real first_mass,
                                                cairn_segment second, cairn_real second_mass,
                                                cairn_segment *merged);

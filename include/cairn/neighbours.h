@@ -1,4 +1,5 @@
-/* neighbours: who is near whom: a hash grid over points, sweep-and-prune over boxes. */
+/* neighbours: nearest-neighbour and radius search over points by a hash grid (point_grid), and
+ * overlapping pairs of boxes by sweep and prune (box_sweep). */
 #ifndef CAIRN_NEIGHBOURS_H
 #define CAIRN_NEIGHBOURS_H
 
@@ -11,107 +12,131 @@ extern "C" {
 
 /* ---- Hash grid over points ---- */
 
+/* Points in the plane, hashed by square cells. */
 typedef struct cairn_point_grid cairn_point_grid;
 
+/* Parameters of a point grid. */
 typedef struct cairn_point_grid_params {
-    int32_t max_points; /* 1 ... 2^28 */
-    cairn_real cell;    /* side of a cell in m, > 0; best near the usual query radius */
+    /* Points, 1 ... 2^28. */
+    int32_t max_points;
+    /* Side of a cell, in m, > 0. Fastest when about the usual query radius. */
+    cairn_real cell;
 } cairn_point_grid_params;
 
-/* 0 for params that create() would refuse. */
+/* Bytes that create() allocates. 0 for params that create() would refuse. */
 size_t cairn_point_grid_memory(const cairn_point_grid_params *params);
 
-/* CAIRN_BAD_ARGUMENT, CAIRN_NO_MEMORY. */
+/* Creates an object in a pool. CAIRN_BAD_ARGUMENT: NULL, or params out of range. CAIRN_NO_MEMORY:
+ * the pool has too few bytes left. A failure changes nothing. */
 CAIRN_CHECKED cairn_status cairn_point_grid_create(cairn_point_grid **grid, cairn_pool *pool,
                                                    const cairn_point_grid_params *params);
 
-/* Forgets all points. Cost: linear in max_points. */
+/* Removes all points. Cost: linear in max_points. */
 void cairn_point_grid_clear(cairn_point_grid *grid);
 
-/* Adds a point; its index is the number of points before it. CAIRN_NOT_FINITE, CAIRN_FULL.
- * Constant time. */
+/* Adds a point. Its index is the number of points added before. CAIRN_NOT_FINITE. CAIRN_FULL:
+ * max_points. Constant time. */
 CAIRN_CHECKED cairn_status cairn_point_grid_insert(cairn_point_grid *grid, cairn_vec2 point);
 
-/* Takes the point that was added last out again, if there is one. Constant time: a grid can so
- * be emptied in steps. */
+/* Removes the point that was added last, if the grid is not empty. Constant time, so a grid can be
+ * emptied in bounded steps. */
 void cairn_point_grid_remove_last(cairn_point_grid *grid);
 
+/* Number of points. */
 int32_t cairn_point_grid_count(const cairn_point_grid *grid);
 
-/* The point of an index below count(). */
+/* The point with an index from 0 to count() - 1. */
 cairn_vec2 cairn_point_grid_point(const cairn_point_grid *grid, int32_t index);
 
-/* Index of the point nearest to p within `radius` (inclusive), the lowest index among equals; -1
- * when there is none. *distance_squared, when not NULL, is set when there is one. Cost: the
- * points in the cells that the radius touches and those cells, at most twice the points in all. */
+/* Nearest neighbour: the index of the point closest to p within `radius` m (inclusive), the lowest
+ * index among equal distances. -1 when no point is in range. *distance_squared, in m^2, is set when
+ * not NULL and a point was found. Cost: linear in the cells within the radius and the points in
+ * these cells, at most twice the number of points. */
 int32_t cairn_point_grid_nearest(const cairn_point_grid *grid, cairn_vec2 p, cairn_real radius,
                                  cairn_real *distance_squared);
 
-/* Which points count for a search: those whose direction is near the one asked for. */
+/* Gate on the direction of points (normal or tangent compatibility) in a nearest-neighbour
+ * search. */
 typedef struct cairn_point_grid_facing {
-    const cairn_vec2 *directions; /* [count] of the points, of length 1 */
-    cairn_vec2 direction;         /* of length 1 */
-    cairn_real least_cosine;      /* of the angle between the two */
+    /* [count] Unit directions of the points. */
+    const cairn_vec2 *directions;
+    /* Unit direction of the query. */
+    cairn_vec2 direction;
+    /* Least cosine of the angle between both directions, inclusive. */
+    cairn_real least_cosine;
 } cairn_point_grid_facing;
 
-/* As nearest() among the points that face as asked. *looked_at says how many points and cells
- * were looked at, for a caller who charges for them. */
+/* Nearest neighbour among the points whose direction passes the gate; else as nearest().
+ * *visited is set to the number of points and cells visited, for charging a budget. */
 int32_t cairn_point_grid_nearest_facing(const cairn_point_grid *grid, cairn_vec2 p,
                                         cairn_real radius, const cairn_point_grid_facing *facing,
-                                        int32_t *looked_at);
+                                        int32_t *visited);
 
-/* 1 when a point lies within `radius` (inclusive) of p. Cost: as nearest() at most. */
+/* 1 when any point lies within `radius` m (inclusive) of p. Cost: at most that of nearest(). */
 int32_t cairn_point_grid_has(const cairn_point_grid *grid, cairn_vec2 p, cairn_real radius);
 
-/* All points within `radius` (inclusive) of p one by one, so that a caller can stop and go on:
- * begin, then next until -1. The order depends only on the points and the order of their
- * insertion. Valid until the grid changes. The cursor is open only to be copied. */
+/* Cursor of a radius search: enumerates the points within a radius one by one, so a caller can stop
+ * and resume. Call begin(), then next() until -1. The order depends only on the points and their
+ * order of insertion. Valid until the grid changes. The fields are public only so that a cursor can
+ * be copied. */
 typedef struct cairn_point_grid_cursor {
+    /* Centre of the search, in m. */
     cairn_vec2 centre;
+    /* Squared radius, in m^2. */
     cairn_real radius_squared;
-    /* cells */
+    /* Range of cells within the radius. */
     int32_t min_x, max_x, max_y;
+    /* Current cell. */
     int32_t x, y;
-    /* candidate in the current cell, -1: none */
+    /* Next candidate in the current cell, -1: none. */
     int32_t next;
-    /* 1: the radius touches more cells than there are points, so all are looked at in turn */
+    /* 1: the radius covers more cells than there are points, so all points are tested in turn. */
     int32_t all;
 } cairn_point_grid_cursor;
 
+/* Starts a radius search around p; radius in m. */
 cairn_point_grid_cursor cairn_point_grid_begin(const cairn_point_grid *grid, cairn_vec2 p,
                                                cairn_real radius);
+
+/* Index of the next point within the radius (inclusive), -1 after the last. */
 int32_t cairn_point_grid_next(const cairn_point_grid *grid, cairn_point_grid_cursor *cursor);
 
 /* ---- Sweep and prune over boxes ---- */
 
+/* Broad-phase collision detection: all pairs of boxes that overlap. */
 typedef struct cairn_box_sweep cairn_box_sweep;
 
+/* Capacity of a sweep. */
 typedef struct cairn_box_sweep_params {
-    int32_t max_boxes; /* 1 ... 2^28 */
+    /* Boxes, 1 ... 2^28. */
+    int32_t max_boxes;
 } cairn_box_sweep_params;
 
+/* Bytes that create() allocates. 0 for params that create() would refuse. */
 size_t cairn_box_sweep_memory(const cairn_box_sweep_params *params);
 
-/* CAIRN_BAD_ARGUMENT, CAIRN_NO_MEMORY. */
+/* Creates an object in a pool. CAIRN_BAD_ARGUMENT: NULL, or params out of range. CAIRN_NO_MEMORY:
+ * the pool has too few bytes left. A failure changes nothing. */
 CAIRN_CHECKED cairn_status cairn_box_sweep_create(cairn_box_sweep **sweep, cairn_pool *pool,
                                                   const cairn_box_sweep_params *params);
 
-/* Starts to report the overlapping pairs of boxes[0 ... count-1], which must stay as they are
- * until the last pair has been reported. The sorted order of the last sweep is the start of this
- * one (insertion sort: linear when the boxes moved little; new boxes may be appended).
- * CAIRN_BAD_ARGUMENT: count < 0, or NULL with count > 0. CAIRN_FULL: count > max_boxes. A box
- * that is empty or holds a NaN overlaps none. Cost: constant time. */
+/* Starts a sweep over boxes[0 ... count-1], which must not change until the last pair is reported.
+ * The sorting starts from the order of the last sweep (temporal coherence: linear when the boxes
+ * moved little; new boxes may be appended). Boxes that are empty or contain a NaN overlap no box.
+ * CAIRN_BAD_ARGUMENT: count < 0, or NULL with count > 0. CAIRN_FULL: count > max_boxes. Constant
+ * time. */
 CAIRN_CHECKED cairn_status cairn_box_sweep_begin(cairn_box_sweep *sweep, const cairn_box *boxes,
                                                  int32_t count);
 
-/* As begin(), but only for the pairs of which both boxes overlap a window: they come in the same
- * order as there. */
+/* As begin(), for the pairs of which both boxes overlap a window. These pairs are reported in the
+ * same order as after begin(). */
 CAIRN_CHECKED cairn_status cairn_box_sweep_begin_in(cairn_box_sweep *sweep, const cairn_box *boxes,
                                                     int32_t count, cairn_box window);
 
-/* The next pair, *first < *second. CAIRN_OK: here it is. CAIRN_MORE: the budget is used up
- * before one was found. CAIRN_EMPTY: there are no more. Costs three units for four moves of the
- * sort, and one for four tests. The pairs and their order do not depend on the budget. */
+/* Reports the next overlapping pair, *first < *second. CAIRN_OK: a pair is set. CAIRN_MORE: the
+ * budget was used up before the next pair. CAIRN_EMPTY: no more pairs. The pairs and their order do
+ * not depend on the budget. Cost: three units per four moves of the sort, and one unit per four
+ * overlap tests. */
 CAIRN_CHECKED cairn_status cairn_box_sweep_next(cairn_box_sweep *sweep, cairn_budget *budget,
                                                 int32_t *first, int32_t *second);
 

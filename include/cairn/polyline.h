@@ -1,10 +1,10 @@
-/* polyline: straight segments through points in the plane or in space, their number not given:
- * extended EM line fitting (Adluru 2008, refs 168 and 170: Lakaemper and Latecki, extended
- * expectation maximisation with split and merge).
+/* polyline: fits line segments to points in the plane or in space, without a given number of
+ * segments: extended EM line fitting with split and merge (Adluru 2008, refs 168 and 170: Lakaemper
+ * and Latecki).
  *
- * Order of the points does not matter, not even to the last bit: they are first brought into an
- * order of their own. Points that no segment claims ("uncertain data") are left without one; that
- * is where clutter ends up.
+ * The result does not depend on the order of the points, not even in the last bit, because the
+ * points are sorted first. Points that fit no segment (outliers, clutter; "uncertain data" in the
+ * thesis) get no label.
  *
  *     begin(points) -> step(budget) until CAIRN_OK -> read() */
 #ifndef CAIRN_POLYLINE_H
@@ -17,113 +17,141 @@
 extern "C" {
 #endif
 
-/* Coordinates may be this large, in m. */
+/* Largest absolute value of a coordinate, in m. */
 #define CAIRN_POLYLINE_EXTENT CAIRN_REAL(1e6)
 
+/* Fit of line segments. */
 typedef struct cairn_polyline cairn_polyline;
 
+/* Parameters. Default values, for indoor range scans, in brackets. */
 typedef struct cairn_polyline_params {
-    /* 2 or 3 */
+    /* Dimension of the points, 2 or 3 (2). */
     int32_t dim;
-    /* 1 ... 2^26 */
+    /* Points, 1 ... 2^26 (1024). */
     int32_t max_points;
-    /* 1 ... 2^20; also holds the pieces of walls while fitting: about 4 times the final number */
+    /* Segments, 1 ... 2^20 (256). While fitting, walls are in pieces: about 4 times the final
+     * number is needed. */
     int32_t max_segments;
-    /* >= 3: segments of fewer points vanish */
+    /* >= 3: segments of fewer points are dropped (4). */
     int32_t min_points;
-    /* >= 1; cuts at bends, and growth across holes, only in the first half of them */
+    /* EM iterations, >= 1 (20). Splits at bends, and growth across gaps, happen only in the first
+     * half. */
     int32_t max_iterations;
-    /* m, >= 0: shorter segments vanish */
+    /* m, >= 0: shorter segments are dropped (0.08). */
     cairn_real min_length;
-    /* m, > 0: standard deviation of a point across its line; less is never read out of the data */
+    /* m, > 0: standard deviation of the points across their line (sensor noise; 0.01). The
+     * variance is never estimated smaller. */
     cairn_real sigma;
-    /* m, >= s_last: width s of the E-step at first; larger bridges more, and blurs corners more */
+    /* m, >= width_last: width of the Gaussian of the E-step in the first iteration (0.04). A larger
+     * width bridges more gaps and blurs corners more. */
     cairn_real s_first;
-    /* m, > 0: s at last; twice sigma keeps nearly all points of a line */
+    /* m, > 0: width of the Gaussian of the E-step in the last iterations (0.02). Twice sigma keeps
+     * nearly all points of a line. */
     cairn_real s_last;
-    /* (0, 1]: s times this in each iteration */
+    /* (0, 1]: factor of the width per iteration (annealing; 0.5). */
     cairn_real shrink;
-    /* m, > 0: a hole along a segment that is longer cuts it, ... */
+    /* m, > 0: a gap between points along a segment that is longer splits the segment
+     * (0.25), ... */
     cairn_real gap;
-    /* >= 1: ... unless it is at most so many times the distance of the points beside it, ... */
+    /* >= 1: ... unless the gap is at most gap_factor times the spacing of the adjacent points
+     * (3), ... */
     cairn_real gap_factor;
-    /* m, >= gap: ... and then still when it is longer than this */
+    /* m, >= gap: ... and even then when the gap is longer than gap_max (1.5). */
     cairn_real gap_max;
-    /* rad, [0, pi/2]: segments that differ by more are never joined */
+    /* rad, [0, pi/2]: segments whose directions differ by more are not merged (0.26). */
     cairn_real merge_angle;
-    /* m, > 0: nor when an end of the lighter one is farther from the other's line */
+    /* m, > 0: segments are not merged when an end of the lighter one is farther from the line of
+     * the other (0.10). */
     cairn_real merge_distance;
-    /* > 0: two lines stay two when that saves so many variances of the sum of squares (and a
-     * quarter of a variance for each point); one is cut in two when that saves half as much
-     * again. */
+    /* > 0: penalty of a further segment (model selection), as a multiple of the variance of the
+     * residuals, which is at least sigma^2 (20). The penalty is at least sigma^2 / 4 per point. Two
+     * segments are merged unless they reduce the sum of squared residuals by more than the penalty;
+     * a segment is split when the reduction is more than 1.5 times the penalty. */
     cairn_real bend;
-    cairn_real tolerance; /* m, > 0: fitting ends when no end moved farther */
+    /* m, > 0: the fit has converged when no end point moves farther in an iteration (0.001). */
+    cairn_real tolerance;
 } cairn_polyline_params;
 
-/* For scans of rooms: 2-D, 1 cm noise. Capacities: 1024 points, 256 segments. */
+/* The default values. */
 cairn_polyline_params cairn_polyline_default(void);
 
-/* 0 for params that create() would refuse. */
+/* Bytes that create() allocates. 0 for params that create() would refuse. */
 size_t cairn_polyline_memory(const cairn_polyline_params *params);
 
-/* CAIRN_BAD_ARGUMENT, CAIRN_NO_MEMORY. */
+/* Creates an object in a pool. CAIRN_BAD_ARGUMENT: NULL, or params out of range. CAIRN_NO_MEMORY:
+ * the pool has too few bytes left. A failure changes nothing. */
 CAIRN_CHECKED cairn_status cairn_polyline_create(cairn_polyline **polyline, cairn_pool *pool,
                                                  const cairn_polyline_params *params);
 
-/* Takes a copy of the points and forgets the last result. points: [count][dim], row by row (an
- * array of cairn_vec2 when dim is 2). count 0 is legal and gives no segments.
+/* Starts a fit on a copy of the points; the last result is discarded. points: [count][dim],
+ * row-major (an array of cairn_vec2 when dim is 2). count 0 is valid and gives no segments.
  * CAIRN_BAD_ARGUMENT: NULL with count > 0, count < 0, or a coordinate beyond
  * CAIRN_POLYLINE_EXTENT. CAIRN_FULL: count > max_points. CAIRN_NOT_FINITE: NaN or infinity.
- * *fault, when not NULL, tells the index of the point. A refused call changes nothing. Cost: two
- * linear passes. */
+ * *fault, when not NULL, is set to the index of the point. A refused call changes nothing. Cost:
+ * linear, two passes. */
 CAIRN_CHECKED cairn_status cairn_polyline_begin(cairn_polyline *polyline, const cairn_real *points,
                                                 int32_t count, cairn_fault *fault);
 
-/* The same one by one, for callers that must not make a whole pass at once: clear, then add each
- * point, then step. sigma, s_first and s_last are all times `scale` for this fit: 1, or more for
- * points of less accuracy. Constant time. CAIRN_BAD_ARGUMENT: NULL, or scale is not finite and >
- * 0. */
+/* Starts a fit without points, for callers that add the points one by one in bounded steps: clear,
+ * add each point, then step. scale multiplies sigma and both widths for this fit: 1, or more for
+ * less accurate points. CAIRN_BAD_ARGUMENT: NULL, or scale is not finite and > 0. Constant time. */
 CAIRN_CHECKED cairn_status cairn_polyline_clear(cairn_polyline *polyline, cairn_real scale);
 
-/* point: [dim]. Statuses as for begin(); CAIRN_BAD_ARGUMENT also after the first step. */
+/* Adds a point after clear(). point: [dim]. Statuses as for begin(); CAIRN_BAD_ARGUMENT also after
+ * the first step. Constant time. */
 CAIRN_CHECKED cairn_status cairn_polyline_add(cairn_polyline *polyline, const cairn_real *point);
 
-/* Goes on fitting. CAIRN_MORE, CAIRN_OK; CAIRN_BAD_ARGUMENT: NULL. The dearest item costs 7
- * units, in space 12, and when max_segments are in use one more for each 8 of them. The result
- * does not depend on the budgets. */
+/* Works on the fit until the budget is used up. CAIRN_OK: the result is complete. CAIRN_MORE: call
+ * again. CAIRN_BAD_ARGUMENT: NULL. The result does not depend on the budgets. Cost: the most
+ * expensive operation takes 7 units in the plane and 12 in space, and one more per 8 segments when
+ * max_segments are in use. */
 CAIRN_CHECKED cairn_status cairn_polyline_step(cairn_polyline *polyline, cairn_budget *budget);
 
+/* Fitted segment. */
 typedef struct cairn_polyline_segment {
-    cairn_real a[3], b[3]; /* the ends; [2] is 0 when dim is 2 */
-    cairn_real rms;        /* m, of the distances of its points to its line */
-    int32_t count;         /* points */
+    /* End points, in m; [2] is 0 when dim is 2. */
+    cairn_real a[3], b[3];
+    /* Root mean square distance of the points from the line, in m. */
+    cairn_real rms;
+    /* Number of points. */
+    int32_t count;
 } cairn_polyline_segment;
 
-/* Valid until the next begin(). Empty from begin() until step() returns CAIRN_OK. */
+/* Result of a fit. Valid until the next begin() or clear(). Empty until step() returns CAIRN_OK. */
 typedef struct cairn_polyline_view {
-    /* [segment_count] */
+    /* [segment_count] Segments. */
     const cairn_polyline_segment *segments;
-    /* [point_count]: segment of each point in order of the input, or -1 */
+    /* [point_count] Index of the segment of each point, in order of the input; -1: outlier. */
     const int32_t *label;
+    /* Number of segments. */
     int32_t segment_count;
+    /* Number of points. */
     int32_t point_count;
-    /* 0: stopped by max_iterations */
+    /* 1: the fit converged; 0: the fit was stopped by max_iterations. */
     int32_t converged;
-    /* pieces dropped, those of fewest points first, because max_segments were in use; 0 is usual */
+    /* Number of segments dropped, those of fewest points first, because max_segments were in use;
+     * usually 0. */
     int32_t left_out;
 } cairn_polyline_view;
 
+/* The result of the last fit. */
 cairn_polyline_view cairn_polyline_read(const cairn_polyline *polyline);
 
-/* What the last fit cost. */
+/* Statistics of a fit. */
 typedef struct cairn_polyline_measure {
+    /* Work units charged. */
     int64_t units;
+    /* EM iterations. */
     int32_t iterations;
-    int32_t cuts; /* at gaps and bends */
+    /* Splits at gaps and bends. */
+    int32_t cuts;
+    /* Merges of two segments. */
     int32_t merges;
-    int32_t peak_segments; /* most pieces at a time */
+    /* Largest number of segments at a time. */
+    int32_t peak_segments;
 } cairn_polyline_measure;
 
+/* Statistics of the last fit. */
 cairn_polyline_measure cairn_polyline_measured(const cairn_polyline *polyline);
 
 #ifdef __cplusplus

@@ -1,9 +1,11 @@
-/* pool: fixed memory from the caller, and all that cairn ever has.
+/* pool: fixed memory supplied by the caller: a bump allocator (arena), and a pool of blocks of
+ * equal size.
  *
- * A bump pool hands out aligned pieces of one block. Objects are created in it and never
- * destroyed one by one; a mark remembers a state to which the pool is later released, a split
- * makes a pool within a pool for another lifetime. Under AddressSanitizer every piece is
- * followed by a poisoned gap, which _memory() counts. */
+ * All objects of cairn are allocated from a pool; the library has no other memory. The bump
+ * allocator hands out aligned allocations one behind the other from one region. Objects are created
+ * in the region and never freed one by one. A mark records the state of the pool; a release frees
+ * all allocations since the mark. A split makes a child pool with a lifetime of its own. Under
+ * AddressSanitizer every allocation is followed by a poisoned redzone, which _memory() counts. */
 #ifndef CAIRN_POOL_H
 #define CAIRN_POOL_H
 
@@ -13,10 +15,10 @@
 extern "C" {
 #endif
 
-/* All pieces start on such a boundary and all sizes are rounded up to it, on every target. */
+/* Alignment of allocations, in bytes. Sizes are rounded up to a multiple, on every target. */
 #define CAIRN_ALIGN 16
 
-/* Bytes of the poisoned gap behind each piece. */
+/* Bytes of the poisoned redzone behind each allocation. */
 #if defined(__SANITIZE_ADDRESS__)
 #define CAIRN_POOL_GAP 32
 #elif defined(__has_feature)
@@ -28,100 +30,122 @@ extern "C" {
 #define CAIRN_POOL_GAP 0
 #endif
 
-/* Upper bound of what one piece of `count` elements of `size` bytes takes, as a constant
- * expression. */
+/* Bytes that an allocation of `count` elements of `size` bytes takes, rounding and redzone
+ * included, as a constant expression. */
 #define CAIRN_PIECE_BYTES(count, size)                                                             \
     (((((size_t)(count)) * (size_t)(size) + (CAIRN_ALIGN - 1)) / CAIRN_ALIGN) * CAIRN_ALIGN +      \
      CAIRN_POOL_GAP)
 
-/* Open for reading: how much there is, is taken, was taken at most, and how many requests were
- * refused. */
+/* ---- Bump allocator ---- */
+
+/* Bump allocator over one region of memory. The fields are open for reading only. */
 typedef struct cairn_pool {
-    unsigned char *base; /* NULL: a counting pool, which measures and hands out nothing */
-    size_t size;         /* bytes */
+    /* First byte of the region. NULL: a counting pool, which adds up sizes and allocates
+     * nothing. */
+    unsigned char *base;
+    /* Bytes of the region. */
+    size_t size;
+    /* Bytes allocated. */
     size_t used;
+    /* Largest value of `used` so far, in bytes. */
     size_t peak;
+    /* Number of requests that were refused because the pool had too few bytes left. */
     uint32_t refused;
-    uint32_t marks; /* marks that are set and not yet released */
+    /* Number of marks that are not yet released. */
+    uint32_t marks;
 } cairn_pool;
 
+/* State of a pool, to which the pool can be released. */
 typedef struct cairn_mark {
+    /* Bytes allocated at the time of the mark. */
     size_t used;
+    /* Number of the mark, from 1; marks are released last in, first out. */
     uint32_t index;
 } cairn_mark;
 
-/* A mix of double and float users of one program must not link. */
+/* Programs that mix the double and the float library must not link. */
 #ifdef CAIRN_FLOAT
 #define cairn_pool_init cairn_pool_init_float
 #endif
 
-/* Makes `bytes` bytes at `memory` a pool; the start is rounded up and the size down to CAIRN_ALIGN.
- * CAIRN_BAD_ARGUMENT: NULL, or not even one aligned unit. CAIRN_BAD_BUILD: the library runs with
- * contracted multiply-adds or flushes small numbers to zero, and would not give the results that
- * it documents. */
+/* Makes the `bytes` bytes at `memory` a pool. The start is rounded up and the size down to a
+ * multiple of CAIRN_ALIGN. CAIRN_BAD_ARGUMENT: NULL, or less than CAIRN_ALIGN aligned bytes.
+ * CAIRN_BAD_BUILD: the library was compiled with contracted multiply-adds or flushes subnormal
+ * numbers to zero, so its results would differ from the documented ones. */
 CAIRN_CHECKED cairn_status cairn_pool_init(cairn_pool *pool, void *memory, size_t bytes);
 
-/* A pool that only counts: takes succeed on paper, `used` saturates at SIZE_MAX on overflow. */
+/* Makes *pool a counting pool: allocations return NULL and only their sizes are added to `used`,
+ * which saturates at SIZE_MAX. */
 void cairn_pool_init_counting(cairn_pool *pool);
 
-/* Counts an object within the object by its _memory(); 0, which says that it would be refused,
- * counts as an overflow. */
+/* Adds `need` bytes, the _memory() of a nested object, to a counting pool. A need of 0 (params that
+ * _create() would refuse) counts as an overflow. */
 void cairn_pool_count(cairn_pool *counting, size_t need);
 
-/* What a _memory() says: the bytes counted, 0 after an overflow. */
+/* Bytes that a counting pool has added up, 0 after an overflow: the value that _memory()
+ * returns. */
 size_t cairn_pool_counted(const cairn_pool *counting);
 
-/* `count` elements of `size` bytes, not cleared; NULL when there is no room (or when the pool
- * counts), with `refused` grown and nothing taken. A count or size of 0 gives a valid pointer
- * that must not be read. */
+/* Allocates `count` elements of `size` bytes, not cleared. NULL when too few bytes are left
+ * (`refused` is incremented, nothing is allocated), and always from a counting pool. A count or
+ * size of 0 gives a valid pointer that must not be dereferenced. Constant time. */
 void *cairn_pool_take(cairn_pool *pool, size_t count, size_t size);
 
-/* One element of `size` bytes. */
+/* Allocates one element of `size` bytes, as cairn_pool_take(). */
 static inline void *cairn_pool_take_one(cairn_pool *pool, size_t size)
 {
     return cairn_pool_take(pool, 1, size);
 }
 
-/* Bytes that are left. */
+/* Bytes left in the pool. */
 size_t cairn_pool_room(const cairn_pool *pool);
 
-/* 1 when `bytes` more would fit; else 0, counted in `refused`. What every _create() asks before
- * it takes anything, so that a failure leaves the pool as it was. */
+/* 1 when at least `bytes` bytes are left; else 0, and `refused` is incremented. Every _create()
+ * checks with this function before its first allocation, so a failure leaves the pool as it was. */
 CAIRN_CHECKED int32_t cairn_pool_has_room(cairn_pool *pool, size_t bytes);
 
-/* Remembers the state of the pool. */
+/* Records the state of the pool in *mark. CAIRN_BAD_ARGUMENT: NULL. Constant time. */
 CAIRN_CHECKED cairn_status cairn_pool_mark(cairn_pool *pool, cairn_mark *mark);
 
-/* Gives back all that was taken since the mark. Marks are released in order, the last one first;
- * CAIRN_BAD_ARGUMENT when another mark is due or the mark was released before. */
+/* Frees all allocations since the mark. Marks are released last in, first out. CAIRN_BAD_ARGUMENT:
+ * NULL, a later mark is not yet released, or this mark is already released. Constant time. */
 CAIRN_CHECKED cairn_status cairn_pool_release(cairn_pool *pool, cairn_mark mark);
 
-/* Takes `bytes` bytes out of `pool` (rounded up to CAIRN_ALIGN, plus the gap) and makes them a
- * pool of their own. CAIRN_NO_MEMORY. */
+/* Allocates `bytes` bytes (rounded up to CAIRN_ALIGN, plus the redzone) from `pool` and makes them
+ * a pool of their own. CAIRN_BAD_ARGUMENT: NULL, a counting pool, 0 bytes. CAIRN_NO_MEMORY. */
 CAIRN_CHECKED cairn_status cairn_pool_split(cairn_pool *pool, cairn_pool *child, size_t bytes);
 
-/* Blocks of one size with a free list: for things that come and go. */
+/* ---- Block pool ---- */
+
+/* Pool of blocks of one size with a free list, for items that are allocated and freed in any
+ * order. */
 typedef struct cairn_block_pool cairn_block_pool;
 
-/* Bytes for `count` blocks of `block_bytes` each; 0 when either is 0, count is above INT32_MAX -
- * 1, or the sum overflows. */
+/* Bytes for `count` blocks of `block_bytes` bytes each. 0 when either is 0, count is above
+ * INT32_MAX - 1, or the sum overflows. */
 size_t cairn_block_pool_memory(size_t block_bytes, size_t count);
 
-/* CAIRN_BAD_ARGUMENT, CAIRN_NO_MEMORY. */
+/* Creates a block pool of free blocks. CAIRN_BAD_ARGUMENT, CAIRN_NO_MEMORY. Cost: linear in
+ * count. */
 CAIRN_CHECKED cairn_status cairn_block_pool_create(cairn_block_pool **blocks, cairn_pool *pool,
                                                    size_t block_bytes, size_t count);
 
-/* One block, not cleared, or NULL when all are in use. Constant time. */
+/* Allocates a block, not cleared. NULL when all blocks are in use. Constant time. */
 void *cairn_block_pool_take(cairn_block_pool *blocks);
 
-/* Gives a block back. CAIRN_BAD_ARGUMENT when it is not one of these blocks or not in use.
- * Constant time. */
+/* Frees a block. CAIRN_BAD_ARGUMENT: the pointer is not a block of this pool, or the block is not
+ * in use. Constant time. */
 CAIRN_CHECKED cairn_status cairn_block_pool_give(cairn_block_pool *blocks, void *block);
 
+/* Usage of a block pool, in blocks. */
 typedef struct cairn_block_pool_usage {
-    int32_t count; /* blocks in all */
+    /* Blocks in all. */
+    int32_t count;
+    /* Blocks in use. */
     int32_t used;
+    /* Largest value of `used` so far. */
     int32_t peak;
+    /* Number of requests that were refused because all blocks were in use. */
     uint32_t refused;
 } cairn_block_pool_usage;
 

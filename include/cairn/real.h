@@ -1,22 +1,26 @@
-/* real: the number type and the few elementary functions that cairn computes itself.
+/* real: the floating-point type, and elementary functions that give the same bits everywhere.
  *
- * cairn_real is double, or float when CAIRN_FLOAT is defined (for the library and for all that
- * includes its headers; the pkg-config file of libcairn-float does so). sin, cos, atan2, exp, log
- * and erfc are cairn's own in both builds, because they are the functions in which math libraries
- * differ: built by any conforming compiler they give the same bits. The others are the correctly
- * rounded ones of libc math.
+ * cairn_real is double, or float when CAIRN_FLOAT is defined (for the library and for every file
+ * that includes its headers; the pkg-config file of libcairn-float defines CAIRN_FLOAT).
  *
- * Errors, in units in the last place against the exact value, as tests/test_real.c measures them
- * against libc math:
+ * sin, cos, atan2, exp, log and erfc are computed by cairn itself in both builds, because math
+ * libraries differ in these functions. Any conforming compiler gives the same bits. All other
+ * functions are the correctly rounded ones of libc math.
+ *
+ * Largest errors in units in the last place (ulp), measured by tests/test_real.c against libc
+ * math:
  *
  *              double   float   range
- *   sin, cos     3        2     |x| <= 1e5 (double), 1e3 (float); beyond it the argument is first
- *   reduced by fmod atan2        2        2     all exp          2        2     all log          2
- *   2     all positive erfc         5        5     all
+ *   sin, cos     3        2     |x| <= 1e5 (double), 1e3 (float); larger arguments are first
+ *                               reduced by fmod
+ *   atan2        2        2     all
+ *   exp          2        2     all
+ *   log          2        2     all positive
+ *   erfc         5        5     all
  *
- * Results below the least normal number are 0 (exp below -708.39 and -87.33, erfc above 26.54
- * and 9.19): there arithmetic in software and math libraries differ. A NaN gives a NaN; sin and
- * cos of an infinity are NaN. */
+ * Limits: results below the least normal number are 0 (exp below -708.39 and -87.33, erfc above
+ * 26.54 and 9.19), because software arithmetic and math libraries differ there. A NaN gives a
+ * NaN; sin and cos of an infinity are NaN. */
 #ifndef CAIRN_REAL_H
 #define CAIRN_REAL_H
 
@@ -28,12 +32,15 @@
 extern "C" {
 #endif
 
+/* The floating-point type of all lengths, angles and weights. CAIRN_REAL(x): the literal x of this
+ * type. CAIRN_REAL_EPSILON: relative rounding, the distance from 1 to the next number.
+ * CAIRN_REAL_MIN: the least normal number. */
 #ifdef CAIRN_FLOAT
 typedef float cairn_real;
 #define CAIRN_REAL(x)      x##f
 #define CAIRN_REAL_EPSILON FLT_EPSILON
 #define CAIRN_REAL_MAX     FLT_MAX
-#define CAIRN_REAL_MIN     FLT_MIN /* the least normal number */
+#define CAIRN_REAL_MIN     FLT_MIN
 #else
 typedef double cairn_real;
 #define CAIRN_REAL(x)      x
@@ -44,16 +51,29 @@ typedef double cairn_real;
 
 #define CAIRN_PI CAIRN_REAL(3.14159265358979323846)
 
+/* Sine of x, in rad. */
 cairn_real cairn_sin(cairn_real x);
+
+/* Cosine of x, in rad. */
 cairn_real cairn_cos(cairn_real x);
+
+/* Sine and cosine of x, in rad, for the cost of one of them. */
 void cairn_sincos(cairn_real x, cairn_real *sine, cairn_real *cosine);
+
+/* Angle of the vector (x, y) in [-pi, pi] rad, signed zeros as in C; 0 or pi for a zero vector. */
 cairn_real cairn_atan2(cairn_real y, cairn_real x);
+
+/* Exponential function; infinity on overflow. */
 cairn_real cairn_exp(cairn_real x);
+
+/* Natural logarithm; -infinity for 0, NaN for x < 0. */
 cairn_real cairn_log(cairn_real x);
+
+/* Complementary error function 1 - erf(x). */
 cairn_real cairn_erfc(cairn_real x);
 
-/* Toward zero, clamped to the range of int32_t; NaN gives 0. The only way in cairn from a real
- * to an integer. */
+/* x truncated toward zero and clamped to the range of int32_t; NaN gives 0. Every conversion from
+ * cairn_real to an integer in cairn uses this function. */
 static inline int32_t cairn_real_to_int(cairn_real x)
 {
     if (!(x > CAIRN_REAL(-2147483648.0)))
@@ -63,9 +83,10 @@ static inline int32_t cairn_real_to_int(cairn_real x)
     return (int32_t)x;
 }
 
-/* Angle in (-pi, pi] that differs from x by whole turns. */
+/* x wrapped to (-pi, pi] rad: the angle that differs from x by whole turns. */
 cairn_real cairn_wrap_angle(cairn_real x);
 
+/* Square root, correctly rounded. */
 static inline cairn_real cairn_sqrt(cairn_real x)
 {
 #ifdef CAIRN_FLOAT
@@ -75,6 +96,7 @@ static inline cairn_real cairn_sqrt(cairn_real x)
 #endif
 }
 
+/* Absolute value. */
 static inline cairn_real cairn_abs(cairn_real x)
 {
 #ifdef CAIRN_FLOAT
@@ -84,6 +106,7 @@ static inline cairn_real cairn_abs(cairn_real x)
 #endif
 }
 
+/* Largest integer <= x. */
 static inline cairn_real cairn_floor(cairn_real x)
 {
 #ifdef CAIRN_FLOAT
@@ -93,6 +116,7 @@ static inline cairn_real cairn_floor(cairn_real x)
 #endif
 }
 
+/* Smallest integer >= x. */
 static inline cairn_real cairn_ceil(cairn_real x)
 {
 #ifdef CAIRN_FLOAT
@@ -102,7 +126,7 @@ static inline cairn_real cairn_ceil(cairn_real x)
 #endif
 }
 
-/* To the nearest integer, halves to even. */
+/* Nearest integer, halves to even. */
 static inline cairn_real cairn_rint(cairn_real x)
 {
 #ifdef CAIRN_FLOAT
@@ -112,23 +136,25 @@ static inline cairn_real cairn_rint(cairn_real x)
 #endif
 }
 
-/* Half the square of x: the exponent of a normal density, without its sign. */
+/* x^2 / 2: the negative log-likelihood of a standard normal residual x, up to a constant. */
 static inline cairn_real cairn_half_square(cairn_real x)
 {
     return CAIRN_REAL(0.5) * x * x;
 }
 
+/* The smaller one of two numbers; b when one of them is NaN. */
 static inline cairn_real cairn_min(cairn_real a, cairn_real b)
 {
     return a < b ? a : b;
 }
 
+/* The larger one of two numbers; b when one of them is NaN. */
 static inline cairn_real cairn_max(cairn_real a, cairn_real b)
 {
     return a > b ? a : b;
 }
 
-/* True for all but NaN and the infinities. */
+/* 1 when x is neither NaN nor infinite. */
 static inline int cairn_is_finite(cairn_real x)
 {
     return cairn_abs(x) <= CAIRN_REAL_MAX;

@@ -1,7 +1,8 @@
-/* rigid_motion: Gauss-Newton for one pose: rows, weak directions, priors, steps and covariances.
+/* rigid_motion: Gauss-Newton step for one pose: Jacobian rows, normal equations, unobservable
+ * directions, priors, and covariances.
  *
- * Small motions of a body are taken about a centre of its own (best the centroid of its points)
- * as (dx, dy, radius * dtheta) in the map's frame: three lengths in m, comparable with each
+ * Small motions of a body are parametrized about a centre (best the centroid of its points) as
+ * (dx, dy, radius * dtheta) in the map's frame: three lengths in m. They are comparable with each
  * other when `radius` is about the size of the body. */
 #ifndef CAIRN_RIGID_MOTION_H
 #define CAIRN_RIGID_MOTION_H
@@ -12,65 +13,84 @@
 extern "C" {
 #endif
 
+/* Estimate of a pose, and the point about which its small motions are parametrized. */
 typedef struct cairn_rigid_motion {
-    cairn_vec2 centre; /* in the body's frame, m */
-    cairn_real radius; /* m, > 0 */
+    /* Centre of rotation of small motions, in the body's frame, in m. */
+    cairn_vec2 centre;
+    /* Lever arm that converts rad into m, in m, > 0. */
+    cairn_real radius;
+    /* Current estimate: maps the body into the map. */
     cairn_pose map_body;
-    cairn_transform transform; /* of map_body */
+    /* The rigid transform of map_body. */
+    cairn_transform transform;
 } cairn_rigid_motion;
 
-/* What is known of a pose beforehand: normal, independent over (x, y, theta) in the frame of the
- * mean itself. */
+/* Gaussian prior of a pose, with independent errors along x, y and theta in the frame of the
+ * mean. */
 typedef struct cairn_pose_prior {
+    /* Mean, in the map. */
     cairn_pose mean;
-    cairn_real sigma_x, sigma_y; /* m, > 0 */
-    cairn_real sigma_theta;      /* rad, > 0 */
+    /* Standard deviations along and across the mean's heading, in m, > 0. */
+    cairn_real sigma_x, sigma_y;
+    /* Standard deviation of the heading, in rad, > 0. */
+    cairn_real sigma_theta;
 } cairn_pose_prior;
 
-/* Normal equations information * motion = -gradient. */
+/* Normal equations information * motion = -gradient, for a small motion in m. */
 typedef struct cairn_normal_equations {
+    /* Information matrix J^T W J, in 1/m^2 for weights of 1/m^2. */
     cairn_sym3 information;
+    /* Gradient J^T W e of half the weighted sum of squared residuals. */
     cairn_real gradient[3];
 } cairn_normal_equations;
 
-/* Directions of motion by how much the observations tell of them. */
+/* Eigenbasis of an information matrix: directions of motion, from the least to the most
+ * observable. */
 typedef struct cairn_motion_basis {
-    cairn_real vectors[3][3]; /* unit eigenvectors of the information, the least observable first */
-    cairn_real ratio;         /* information along the first as a share of that along the last */
-    int32_t weak;             /* the first 0 ... 2 of them are not observable */
+    /* Unit eigenvectors, the least observable first. */
+    cairn_real vectors[3][3];
+    /* Smallest eigenvalue over the largest: the inverse condition number, 0 ... 1. */
+    cairn_real ratio;
+    /* Number of unobservable directions, 0 ... 2: the first eigenvectors. */
+    int32_t weak;
 } cairn_motion_basis;
 
+/* An estimate at a pose. centre: in the body's frame, in m. radius: in m, > 0. */
 cairn_rigid_motion cairn_rigid_motion_at(cairn_pose map_body, cairn_vec2 centre, cairn_real radius);
 
-/* row: derivative of the coordinate along the unit vector `axis` (in the map) of the body's
- * point. */
+/* Row of the Jacobian: the derivative of a body point's coordinate along the unit vector `axis`
+ * (in the map) with respect to the small motion. body_point: in the body's frame, in m. */
 void cairn_rigid_motion_row(const cairn_rigid_motion *motion, cairn_vec2 axis,
                             cairn_vec2 body_point, cairn_real row[3]);
 
-/* Eigenvectors of what the observations tell. A direction is weak when it has less than
- * weak_ratio, in [0, 1), of the best one's information, which must be positive. */
-cairn_motion_basis cairn_motion_basis_of(cairn_sym3 information, cairn_real weak_ratio);
+/* Eigenbasis of the observed information. A direction is unobservable when its eigenvalue is less
+ * than min_ratio, in [0, 1), of the largest eigenvalue, which must be positive. At most two
+ * directions are unobservable. */
+cairn_motion_basis cairn_motion_basis_of(cairn_sym3 information, cairn_real min_ratio);
 
-/* The prior's part of the normal equations, to be passed to solve() and covariance(). */
+/* Normal equations of the prior at the current estimate, an argument of solve() and
+ * covariance(). */
 cairn_normal_equations cairn_rigid_motion_prior(const cairn_rigid_motion *motion,
                                                 const cairn_pose_prior *prior);
 
-/* Solves the sum of the observed normal equations and those of the prior (NULL: none). Weak
- * directions are taken out of the observed ones: the prior decides there, or there is no motion
- * (Zhang, Kaess and Singh 2016). A step longer than `limit` m is cut to it. 1 and step set; 0
- * when the equations are singular. Cost: about 5 units. */
+/* Solves for the Gauss-Newton step: the observed normal equations plus the prior's (NULL: none).
+ * Unobservable directions are removed from the observed equations (solution remapping, Zhang, Kaess
+ * and Singh 2016): along these the prior decides, or the motion is 0. A step longer than max_step m
+ * is scaled to max_step. Returns 1 with the step set, or 0 when the equations are singular. Cost:
+ * about 5 units. */
 int32_t cairn_motion_solve(const cairn_motion_basis *basis, const cairn_normal_equations *observed,
-                           const cairn_normal_equations *prior, cairn_real limit,
+                           const cairn_normal_equations *prior, cairn_real max_step,
                            cairn_real step[3]);
 
-/* Moves map_body: turns it about the centre by step[2] / radius and shifts it by (step[0],
- * step[1]). */
+/* Applies a step to the estimate: rotates map_body about the centre by step[2] / radius and
+ * translates it by (step[0], step[1]), in m. */
 void cairn_rigid_motion_move(cairn_rigid_motion *motion, const cairn_real step[3]);
 
-/* Covariance of map_body, row-major over (x, y, theta), in the map's frame: the inverse of the
- * observed information without its weak directions, plus that of the prior (NULL: none). What
- * nothing is known of gets a standard deviation of 100 m of motion about the centre. basis or
- * observed NULL: nothing was observed. Cost: about 5 units. */
+/* Covariance of map_body over (x, y, theta) in the map's frame, row-major, in m^2, m rad and rad^2:
+ * the inverse of the information, which is the observed information without its unobservable
+ * directions plus the prior's (NULL: none). basis or observed NULL: no observations. A direction
+ * without information gets a standard deviation of 100 m of motion about the centre. Cost: about 5
+ * units. */
 void cairn_rigid_motion_covariance(const cairn_rigid_motion *motion,
                                    const cairn_motion_basis *basis, const cairn_sym3 *observed,
                                    const cairn_normal_equations *prior, cairn_real covariance[9]);

@@ -1,9 +1,9 @@
-/* sequence: longest common subsequence, local alignment (Smith and Waterman), dynamic time warping:
- * one core.
+/* sequence: alignment of two sequences by dynamic programming: longest common subsequence (LCS),
+ * local alignment (Smith and Waterman), dynamic time warping (DTW).
  *
- * All three look for the best path through the table of two sequences. The core needs memory
- * linear in the sequences and still gives the path (Hirschberg 1975), with a stack of its own,
- * in steps. */
+ * All three find the best path through the table of both sequences. The memory is linear in the
+ * lengths, and the path is still found, by divide and conquer (Hirschberg 1975) in bounded steps,
+ * without recursion. */
 #ifndef CAIRN_SEQUENCE_H
 #define CAIRN_SEQUENCE_H
 
@@ -14,65 +14,80 @@
 extern "C" {
 #endif
 
+/* Alignment of two sequences. */
 typedef struct cairn_sequence cairn_sequence;
 
+/* Kind of alignment. */
 typedef int32_t cairn_sequence_kind;
 enum {
-    /* longest common subsequence: as many pairs that are alike as can be, in order */
+    /* Longest common subsequence: the largest number of matching pairs, in order. */
     CAIRN_SEQUENCE_COMMON = 0,
-    /* Smith and Waterman 1981: the best pieces of both, pairs by score, gaps cost */
+    /* Local alignment of the best-scoring subsequences, with linear gap costs (Smith and Waterman
+     * 1981). */
     CAIRN_SEQUENCE_LOCAL = 1,
-    /* dynamic time warping: every element paired at least once, least sum of distances */
+    /* Dynamic time warping: every element is paired at least once, with the least sum of distances
+     * (Sakoe and Chiba 1978). */
     CAIRN_SEQUENCE_WARP = 2
 };
 
-/* Compares first[i] with second[j]: COMMON: > 0 when they are alike; LOCAL: the score of the
- * pair, of either sign; WARP: their distance, >= 0. Must be finite, below 1e9 in size, and
- * always the same. */
+/* Compares element i of the first sequence with element j of the second. LCS: > 0 when both match.
+ * LOCAL: score of the pair, of either sign. DTW: distance, >= 0. The value must be finite, below
+ * 1e9 in magnitude, and the same in every call. */
 typedef cairn_real (*cairn_sequence_compare)(const void *context, int32_t i, int32_t j);
 
+/* Parameters. Default values in brackets. */
 typedef struct cairn_sequence_params {
+    /* Kind of alignment (LCS). */
     cairn_sequence_kind kind;
-    int32_t max_first;  /* elements, 1 ... 2^24 */
-    int32_t max_second; /* elements, 1 ... 2^24 */
-    cairn_real gap;     /* LOCAL: cost of an element that is left out between pairs, >= 0 */
+    /* Elements of the first sequence, 1 ... 2^24 (1024). */
+    int32_t max_first;
+    /* Elements of the second sequence, 1 ... 2^24 (1024). */
+    int32_t max_second;
+    /* LOCAL: cost of an unpaired element between pairs, >= 0 (1). */
+    cairn_real gap;
 } cairn_sequence_params;
 
-/* COMMON, 1024 and 1024 elements, gap 1. */
+/* The default values. */
 cairn_sequence_params cairn_sequence_default(void);
 
+/* Indices of a pair of elements. */
 typedef struct cairn_sequence_pair {
     int32_t first, second;
 } cairn_sequence_pair;
 
+/* Alignment. */
 typedef struct cairn_sequence_result {
-    /* [count], in order; valid until the next begin() */
+    /* [count] Pairs in ascending order; valid until the next begin(). */
     const cairn_sequence_pair *pairs;
+    /* Number of pairs. */
     int32_t count;
-    /* COMMON: the number of pairs; LOCAL: scores less gaps; WARP: the sum of distances */
+    /* LCS: number of pairs; LOCAL: sum of the scores minus the gap costs; DTW: sum of distances. */
     cairn_real score;
 } cairn_sequence_result;
 
-/* 0 for params that create() would refuse. */
+/* Bytes that create() allocates. 0 for params that create() would refuse. */
 size_t cairn_sequence_memory(const cairn_sequence_params *params);
 
-/* CAIRN_BAD_ARGUMENT, CAIRN_NO_MEMORY. */
+/* Creates an object in a pool. CAIRN_BAD_ARGUMENT: NULL, or params out of range. CAIRN_NO_MEMORY:
+ * the pool has too few bytes left. A failure changes nothing. */
 CAIRN_CHECKED cairn_status cairn_sequence_create(cairn_sequence **sequence, cairn_pool *pool,
                                                  const cairn_sequence_params *params);
 
-/* Starts; what ran before is dropped. `context` must stay until step() returns CAIRN_OK.
- * CAIRN_BAD_ARGUMENT: NULL (context may be NULL), a negative count. CAIRN_FULL: more elements
- * than the params say. Constant time. */
+/* Starts an alignment. An alignment that runs is discarded. `context` is passed to compare() and
+ * must stay until step() returns CAIRN_OK. CAIRN_BAD_ARGUMENT: NULL (context may be NULL), a
+ * negative count. CAIRN_FULL: more than max_first or max_second elements. Constant time. */
 CAIRN_CHECKED cairn_status cairn_sequence_begin(cairn_sequence *sequence, int32_t first_count,
                                                 int32_t second_count,
                                                 cairn_sequence_compare compare,
                                                 const void *context);
 
-/* CAIRN_OK: the result stands. CAIRN_MORE: go on. CAIRN_BAD_ARGUMENT: NULL. One unit is one
- * comparison: about twice as many as there are cells in the table, three times for LOCAL. */
+/* Works until the budget is used up. CAIRN_OK: the result is complete. CAIRN_MORE: call again.
+ * CAIRN_BAD_ARGUMENT: NULL. Cost: one unit per comparison; in all about twice the number of cells
+ * of the table, three times for LOCAL. */
 CAIRN_CHECKED cairn_status cairn_sequence_step(cairn_sequence *sequence, cairn_budget *budget);
 
-/* Empty until step() returns CAIRN_OK. Of equally good paths always the same one is given. */
+/* The result. Empty until step() returns CAIRN_OK. Ties between paths are broken the same way in
+ * every run. */
 cairn_sequence_result cairn_sequence_read(const cairn_sequence *sequence);
 
 #ifdef __cplusplus

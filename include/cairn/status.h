@@ -1,8 +1,8 @@
-/* status: what a call returns, where an input went wrong, how much work a step may do, and which
- * method it follows.
+/* status: status codes, the fault of a refused input, the work budget of a step, and the mode of
+ * a method.
  *
- * A status says whether a call could be carried out. What was found out by it (converged,
- * ambiguous, unobservable) is a field of the result, never a status. */
+ * A status says whether a call was carried out. The verdict of a method (converged, ambiguous,
+ * unobservable) is a field of its result, never a status. */
 #ifndef CAIRN_STATUS_H
 #define CAIRN_STATUS_H
 
@@ -13,89 +13,97 @@
 extern "C" {
 #endif
 
+/* Attribute of functions whose return value must be used. */
 #if defined(__GNUC__) || defined(__clang__)
 #define CAIRN_CHECKED __attribute__((warn_unused_result))
 #else
 #define CAIRN_CHECKED
 #endif
 
-/* 0: done. Positive: not an error. Negative: the call was refused and nothing changed. */
+/* Status code of a call. 0: success. Positive: not an error. Negative: the call was refused and
+ * changed nothing. */
 typedef int32_t cairn_status;
 enum {
+    /* Success: the call is complete. */
     CAIRN_OK = 0,
-    /* the budget is used up, there is work left: call again */
+    /* The budget is used up and work is left: call the step again. */
     CAIRN_MORE = 1,
-    /* NULL, or a value outside the range that the header states */
+    /* A pointer is NULL, or a value is outside the range that the header states. */
     CAIRN_BAD_ARGUMENT = -1,
-    /* NaN or infinity where a number is needed */
+    /* An input is NaN or infinite. */
     CAIRN_NOT_FINITE = -2,
-    /* the pool has less room than _memory() or _scratch() says */
+    /* The pool has fewer bytes left than _memory() or _scratch() returns. */
     CAIRN_NO_MEMORY = -3,
-    /* a capacity that the caller chose is used up */
+    /* A capacity of the params (a field max_...) is used up. */
     CAIRN_FULL = -4,
-    /* nothing there to work on */
+    /* There is no input or no result to work on. */
     CAIRN_EMPTY = -5,
-    /* input that does not follow its format */
+    /* The input does not follow its format. */
     CAIRN_BAD_FORMAT = -6,
-    /* input that ends too early */
+    /* The input ends too early. */
     CAIRN_TRUNCATED = -7,
-    /* valid, but not offered by this build */
+    /* The request is valid, but this build or state does not support the request. */
     CAIRN_UNSUPPORTED = -8,
-    /* the operating system refused to read or write */
+    /* The operating system failed to read or write. */
     CAIRN_IO = -9,
-    /* compiled with options that change results (contraction, flush to zero) */
+    /* The library was compiled with options that change results (contracted multiply-adds,
+     * subnormal numbers flushed to zero). */
     CAIRN_BAD_BUILD = -10
 };
 
-/* A status in words, without a full stop: "out of pool memory". Constant storage; any value
- * gives a text. */
+/* Text of a status in words, without a full stop: "out of pool memory". Constant storage. Any
+ * value gives a text. */
 const char *cairn_status_text(cairn_status status);
 
-/* Where an array or file went wrong. `index` counts elements or lines as the function's comment
- * says; -1: no one place. `what` is constant text that says what is wrong and what was expected;
- * NULL when there was no fault. */
+/* Position and description of the fault in an array or a file that was refused. */
 typedef struct cairn_fault {
+    /* Index of the element or number of the line, as the function's comment says. -1: the fault
+     * has no single position. */
     int64_t index;
+    /* Error message: the fault and the value that was expected. Constant text. NULL: no fault. */
     const char *what;
 } cairn_fault;
 
-/* Fills in the fault, unless it is NULL, and returns the status: how a call that can say where
- * refuses. */
+/* Fills in *fault, unless NULL, and returns the status. Functions that report the position of a
+ * fault return with it. */
 cairn_status cairn_refuse(cairn_fault *fault, int64_t index, const char *what, cairn_status status);
 
-/* Work that a step may still do, counted down. One unit is at most about 200 instructions of a
- * Cortex-M7; dearer items charge several. Objects may share one budget. 0 is legal: the step
- * does nothing and returns CAIRN_MORE or CAIRN_OK. */
+/* Work that a step may still do, counted down by the step. Several objects may share one budget.
+ * With a budget of 0 a step does nothing and returns CAIRN_MORE or CAIRN_OK. */
 typedef struct cairn_budget {
+    /* Work units left. One unit is at most about 200 instructions of a Cortex-M7. Expensive
+     * operations are charged several units. */
     int32_t left;
 } cairn_budget;
 
-/* Pays for an item of `cost` units, over several calls if need be, so that no step uses more
- * than its budget; *paid holds what was paid so far, 0 before the first. 1 when the item is paid
- * and may be done, 0 when the budget is used up before. */
-static inline int cairn_budget_pay(cairn_budget *budget, int32_t *paid, int32_t cost)
+/* Charges an operation of `cost` units to the budget, in several calls if the budget is used up
+ * in between: so no step exceeds its budget. *charged holds the units charged so far, 0 before
+ * the first call and after the last. Returns 1 when the operation is charged in full and may be
+ * done, 0 when the budget is used up. Constant time. */
+static inline int cairn_budget_pay(cairn_budget *budget, int32_t *charged, int32_t cost)
 {
-    int32_t due = cost - *paid, now = due < budget->left ? due : budget->left;
+    int32_t due = cost - *charged, now = due < budget->left ? due : budget->left;
 
     if (now > 0) {
-        *paid += now;
+        *charged += now;
         budget->left -= now;
     }
-    if (*paid < cost)
+    if (*charged < cost)
         return 0;
-    *paid = 0;
+    *charged = 0;
     return 1;
 }
 
-/* The method that an object follows: field `mode` of its params. */
+/* Method that an object follows: the field `mode` of its params. */
 enum {
-    /* the library's own method */
+    /* The library's own method. */
     CAIRN_MODE_DEFAULT = 0,
-    /* that of Adluru 2008 as it is printed, with its constants; headers list what it leaves open */
+    /* The method of Adluru 2008 as printed, with the constants of the thesis. The header of each
+     * module lists the choices where the thesis is silent. */
     CAIRN_MODE_AS_WRITTEN = 1
 };
 
-/* A budget that is never used up by one call. */
+/* Budget that no single call uses up, in work units. */
 #define CAIRN_UNBOUNDED INT32_MAX
 
 #ifdef __cplusplus

@@ -1,9 +1,10 @@
-/* version: which cairn this is, at compile time and at run time. */
+/* version: version of the library, at compile time and at run time. */
 #ifndef CAIRN_VERSION_H
 #define CAIRN_VERSION_H
 
 #include <stdint.h>
 
+/* Version of the headers. */
 #define CAIRN_VERSION_MAJOR  0
 #define CAIRN_VERSION_MINOR  1
 #define CAIRN_VERSION_PATCH  0
@@ -13,11 +14,11 @@
 extern "C" {
 #endif
 
-/* Version of the library that is linked, as 10000 * major + 100 * minor + patch. */
+/* Version of the linked library, as 10000 * major + 100 * minor + patch. */
 int32_t cairn_version(void);
 
-/* The same as text, "major.minor.patch", followed by " float" in the float build. Constant
- * storage. */
+/* Version of the linked library as text: "major.minor.patch", followed by " float" in the float
+ * build. Constant storage. */
 const char *cairn_version_text(void);
 
 #ifdef __cplusplus

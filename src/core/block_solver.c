@@ -1,13 +1,16 @@
-/* Block-sparse LDL^T of pose systems: structure, values and steps. The parts are in files of their
- * own: the ordering (block_solver_order.c), pattern of the factor (block_solver_pattern.c), factor
- * and solution (block_solver_factor.c), selected inverse (block_solver_inverse.c).
+/* Sparse LDL^T solver for systems of 3 x 3 blocks: structure, values and steps.
  *
- * Method: every link knows the block of the factor in which its own block comes to lie, and values
- * are added there at once: H is stored nowhere else, the factor and later the inverse take its
- * place.
+ * Method:
+ * 1. Fill-reducing ordering (block_solver_order.c) and pattern of the factor
+ *    (block_solver_pattern.c).
+ * 2. Every link stores the index of the factor's block that holds its own block, and values are
+ *    added there directly: H is not stored separately, the factor and later the inverse overwrite
+ *    H.
+ * 3. Numeric factorization and substitution (block_solver_factor.c).
+ * 4. Selected inverse (block_solver_inverse.c).
  *
- * Limits: no pivoting and no refinement, as positive definite systems need none; in float a
- * system whose pivots fall below 1e-5 of its diagonal is refused. */
+ * Limits: no pivoting and no iterative refinement, which positive definite systems do not need. In
+ * float a system whose pivots fall below 1e-5 of its diagonal is refused. */
 #include "src/core/build.h"
 
 #include <string.h>
@@ -18,58 +21,65 @@ enum { MAX_POSES = 1 << 22, MAX_LINKS = 1 << 24, MAX_FILL = 1 << 26 };
 
 cairn_block_solver_params cairn_block_solver_default(void)
 {
-    cairn_block_solver_params params = {1000, 3000, 12000};
+    cairn_block_solver_params params = {.max_poses = 1000, .max_links = 3000, .max_fill = 12000};
     return params;
 }
 
-static int params_are_good(const cairn_block_solver_params *params)
+/* 1 when all params are in range. */
+static int params_are_valid(const cairn_block_solver_params *params)
 {
     return params != NULL && params->max_poses >= 1 && params->max_poses <= MAX_POSES &&
            params->max_links >= 0 && params->max_links <= MAX_LINKS && params->max_fill >= 0 &&
            params->max_fill <= MAX_FILL;
 }
 
-static void carve_order(struct cairn_block_order *o, cairn_pool *pool,
+/* Allocates the arrays of the ordering. */
+static void carve_order(struct block_solver_order *ordering, cairn_pool *pool,
                         const cairn_block_solver_params *params)
 {
     size_t poses = (size_t)params->max_poses;
-    int32_t **const arrays[] = {&o->length, &o->elements, &o->degree, &o->size,
-                                &o->mark,   &o->member,   &o->tail,   &o->head,
-                                &o->next,   &o->previous, &o->hashes};
+    int32_t **const arrays[] = {&ordering->length,      &ordering->elements, &ordering->degree,
+                                &ordering->size,        &ordering->mark,     &ordering->next_member,
+                                &ordering->last_member, &ordering->head,     &ordering->next,
+                                &ordering->previous,    &ordering->hash_head};
 
-    o->graph = cairn_pool_take(pool, 2 * (size_t)params->max_links + poses, sizeof *o->graph);
-    o->start = cairn_pool_take(pool, poses + 1, sizeof *o->start);
+    ordering->graph =
+        cairn_pool_take(pool, 2 * (size_t)params->max_links + poses, sizeof *ordering->graph);
+    ordering->start = cairn_pool_take(pool, poses + 1, sizeof *ordering->start);
     for (size_t k = 0; k < sizeof arrays / sizeof *arrays; k++)
         *arrays[k] = cairn_pool_take(pool, poses, sizeof(int32_t));
 }
 
-static void carve_fill(cairn_block_solver *s, cairn_pool *pool, size_t fill)
+/* Allocates the arrays whose size is the fill. */
+static void carve_fill(cairn_block_solver *solver, cairn_pool *pool, size_t fill)
 {
-    s->rows = cairn_pool_take(pool, fill, sizeof *s->rows);
-    s->blocks = cairn_pool_take(pool, fill, sizeof *s->blocks);
+    solver->rows = cairn_pool_take(pool, fill, sizeof *solver->rows);
+    solver->blocks = cairn_pool_take(pool, fill, sizeof *solver->blocks);
 }
 
-/* Sets the pointers of *s, which is then to be copied to the first piece that was taken. */
-static cairn_block_solver *carve(cairn_block_solver *s, cairn_pool *pool,
+/* Allocates the object and its arrays and sets the pointers of *solver, which the caller then
+ * copies to the object. Returns the object, NULL from a counting pool. */
+static cairn_block_solver *carve(cairn_block_solver *solver, cairn_pool *pool,
                                  const cairn_block_solver_params *params)
 {
     size_t poses = (size_t)params->max_poses, links = (size_t)params->max_links,
            fill = (size_t)params->max_fill;
     cairn_block_solver *made = cairn_pool_take_one(pool, sizeof *made);
 
-    s->first = cairn_pool_take(pool, links, sizeof *s->first);
-    s->second = cairn_pool_take(pool, links, sizeof *s->second);
-    s->slot = cairn_pool_take(pool, links, sizeof *s->slot);
-    s->order = cairn_pool_take(pool, poses, sizeof *s->order);
-    s->place = cairn_pool_take(pool, poses, sizeof *s->place);
-    s->column = cairn_pool_take(pool, poses + 1, sizeof *s->column);
-    carve_fill(s, pool, fill);
-    s->diagonal = cairn_pool_take(pool, poses, sizeof *s->diagonal);
-    s->x = cairn_pool_take(pool, poses, sizeof *s->x);
-    s->sums = cairn_pool_take(pool, poses, sizeof *s->sums);
-    s->p.factor = cairn_pool_take(pool, BLOCK_SOLVER_FACTOR, sizeof *s->p.factor);
-    carve_order(&s->o, pool, params);
-    s->o.score = s->column;
+    solver->first = cairn_pool_take(pool, links, sizeof *solver->first);
+    solver->second = cairn_pool_take(pool, links, sizeof *solver->second);
+    solver->slot = cairn_pool_take(pool, links, sizeof *solver->slot);
+    solver->order = cairn_pool_take(pool, poses, sizeof *solver->order);
+    solver->position = cairn_pool_take(pool, poses, sizeof *solver->position);
+    solver->column = cairn_pool_take(pool, poses + 1, sizeof *solver->column);
+    carve_fill(solver, pool, fill);
+    solver->diagonal = cairn_pool_take(pool, poses, sizeof *solver->diagonal);
+    solver->x = cairn_pool_take(pool, poses, sizeof *solver->x);
+    solver->sums = cairn_pool_take(pool, poses, sizeof *solver->sums);
+    solver->panel.factor =
+        cairn_pool_take(pool, BLOCK_SOLVER_PANEL_REALS, sizeof *solver->panel.factor);
+    carve_order(&solver->ordering, pool, params);
+    solver->ordering.score = solver->column;
     return made;
 }
 
@@ -78,7 +88,7 @@ size_t cairn_block_solver_memory(const cairn_block_solver_params *params)
     cairn_block_solver layout;
     cairn_pool counting;
 
-    if (!params_are_good(params))
+    if (!params_are_valid(params))
         return 0;
     cairn_pool_init_counting(&counting);
     (void)carve(&layout, &counting, params);
@@ -100,7 +110,7 @@ cairn_status cairn_block_solver_create(cairn_block_solver **solver, cairn_pool *
     made = carve(&layout, pool, params);
     layout.params = *params;
     layout.result.pose = -1;
-    layout.closed = 1;
+    layout.is_closed = 1;
     *made = layout;
     *solver = made;
     return CAIRN_OK;
@@ -122,34 +132,38 @@ cairn_status cairn_block_solver_begin(cairn_block_solver *solver, int32_t poses)
     solver->result.pose = -1;
     solver->result.units = units;
     solver->phase = BLOCK_SOLVER_IDLE;
-    solver->debt = 0;
-    solver->closed = 0;
+    solver->units_due = 0;
+    solver->is_closed = 0;
     solver->solved = 0;
     solver->outcome = CAIRN_OK;
     return CAIRN_OK;
 }
 
-static int is_running(const cairn_block_solver *s)
+/* 1 while step() has work left. */
+static int is_running(const cairn_block_solver *solver)
 {
-    return s->phase != BLOCK_SOLVER_IDLE || s->debt > 0 || s->outcome != CAIRN_OK;
+    return solver->phase != BLOCK_SOLVER_IDLE || solver->units_due > 0 ||
+           solver->outcome != CAIRN_OK;
 }
 
-static int is_in(const cairn_block_solver *s, cairn_block_solver_state state)
+/* 1 when no stage runs and the solver is in a state. */
+static int is_in(const cairn_block_solver *solver, cairn_block_solver_state state)
 {
-    return s != NULL && !is_running(s) && s->result.state == state;
+    return solver != NULL && !is_running(solver) && solver->result.state == state;
 }
 
-static int has_pose(const cairn_block_solver *s, int32_t pose)
+/* 1 when the structure has a pose. */
+static int has_pose(const cairn_block_solver *solver, int32_t pose)
 {
-    return pose >= 0 && pose < s->result.poses;
+    return pose >= 0 && pose < solver->result.poses;
 }
 
 cairn_status cairn_block_solver_add_link(cairn_block_solver *solver, int32_t first, int32_t second)
 {
     int32_t link;
 
-    if (solver == NULL || solver->closed || !has_pose(solver, first) || !has_pose(solver, second) ||
-        first == second)
+    if (solver == NULL || solver->is_closed || !has_pose(solver, first) ||
+        !has_pose(solver, second) || first == second)
         return CAIRN_BAD_ARGUMENT;
     link = solver->result.links;
     if (link == solver->params.max_links)
@@ -162,10 +176,10 @@ cairn_status cairn_block_solver_add_link(cairn_block_solver *solver, int32_t fir
 
 cairn_status cairn_block_solver_analyze(cairn_block_solver *solver)
 {
-    if (solver == NULL || solver->closed)
+    if (solver == NULL || solver->is_closed)
         return CAIRN_BAD_ARGUMENT;
-    solver->closed = 1;
-    cairn_block_order_begin(solver);
+    solver->is_closed = 1;
+    cairn_block_solver_order_begin(solver);
     return CAIRN_OK;
 }
 
@@ -186,35 +200,36 @@ cairn_status cairn_block_solver_extend(cairn_block_solver *solver, cairn_pool *p
 {
     size_t need = cairn_block_solver_extend_memory(max_fill);
 
-    if (pool == NULL || need == 0 || !is_in(solver, CAIRN_BLOCK_SOLVER_NEW) || !solver->closed ||
+    if (pool == NULL || need == 0 || !is_in(solver, CAIRN_BLOCK_SOLVER_NEW) || !solver->is_closed ||
         solver->result.fill <= solver->params.max_fill || solver->result.fill > max_fill)
         return CAIRN_BAD_ARGUMENT;
     if (!cairn_pool_has_room(pool, need))
         return CAIRN_NO_MEMORY;
     carve_fill(solver, pool, (size_t)max_fill);
     solver->params.max_fill = max_fill;
-    cairn_block_pattern_go_on(solver);
+    cairn_block_solver_pattern_resume(solver);
     return CAIRN_OK;
 }
 
 /* ---- Values ---- */
 
-static void clear_values(cairn_block_solver *s)
+/* Sets all values to 0. */
+static void clear_values(cairn_block_solver *solver)
 {
-    memset(s->diagonal, 0, (size_t)s->result.poses * sizeof *s->diagonal);
-    memset(s->blocks, 0, (size_t)s->result.fill * sizeof *s->blocks);
-    s->empty = 1;
-    s->solved = 0;
-    s->coupled = 0;
-    s->result.pose = -1;
-    s->result.state = CAIRN_BLOCK_SOLVER_ANALYZED;
+    memset(solver->diagonal, 0, (size_t)solver->result.poses * sizeof *solver->diagonal);
+    memset(solver->blocks, 0, (size_t)solver->result.fill * sizeof *solver->blocks);
+    solver->is_zero = 1;
+    solver->solved = 0;
+    solver->is_coupled = 0;
+    solver->result.pose = -1;
+    solver->result.state = CAIRN_BLOCK_SOLVER_ANALYZED;
 }
 
 cairn_status cairn_block_solver_clear(cairn_block_solver *solver)
 {
     if (solver == NULL || is_running(solver) || solver->result.state == CAIRN_BLOCK_SOLVER_NEW)
         return CAIRN_BAD_ARGUMENT;
-    if (!solver->empty)
+    if (!solver->is_zero)
         clear_values(solver);
     return CAIRN_OK;
 }
@@ -222,26 +237,26 @@ cairn_status cairn_block_solver_clear(cairn_block_solver *solver)
 cairn_status cairn_block_solver_add_pose_block(cairn_block_solver *solver, int32_t pose,
                                                cairn_sym3 block)
 {
-    cairn_sym3 *to;
+    cairn_sym3 *sum;
 
     if (!is_in(solver, CAIRN_BLOCK_SOLVER_ANALYZED) || !has_pose(solver, pose))
         return CAIRN_BAD_ARGUMENT;
     if (!(cairn_is_finite(block.xx) && cairn_is_finite(block.xy) && cairn_is_finite(block.xz) &&
           cairn_is_finite(block.yy) && cairn_is_finite(block.yz) && cairn_is_finite(block.zz)))
         return CAIRN_NOT_FINITE;
-    solver->empty = 0;
-    to = &solver->diagonal[solver->place[pose]];
-    to->xx += block.xx;
-    to->xy += block.xy;
-    to->xz += block.xz;
-    to->yy += block.yy;
-    to->yz += block.yz;
-    to->zz += block.zz;
-    solver->coupled |= block.xz != 0 || block.yz != 0;
+    solver->is_zero = 0;
+    sum = &solver->diagonal[solver->position[pose]];
+    sum->xx += block.xx;
+    sum->xy += block.xy;
+    sum->xz += block.xz;
+    sum->yy += block.yy;
+    sum->yz += block.yz;
+    sum->zz += block.zz;
+    solver->is_coupled |= block.xz != 0 || block.yz != 0;
     return CAIRN_OK;
 }
 
-/* a += b or b^T */
+/* a += b, or a += b^T. */
 static void add_block(cairn_real a[9], const cairn_real b[9], int transposed)
 {
     for (int r = 0; r < 3; r++)
@@ -258,22 +273,22 @@ cairn_status cairn_block_solver_add_link_block(cairn_block_solver *solver, int32
     for (int k = 0; k < 9; k++)
         if (!cairn_is_finite(block[k]))
             return CAIRN_NOT_FINITE;
-    solver->empty = 0;
+    solver->is_zero = 0;
     add_block(solver->blocks[solver->slot[link]], block,
-              solver->place[solver->first[link]] < solver->place[solver->second[link]]);
-    solver->coupled |=
+              solver->position[solver->first[link]] < solver->position[solver->second[link]]);
+    solver->is_coupled |=
         block[2] != 0 || block[5] != 0 || block[6] != 0 || block[7] != 0 || block[8] != 0;
     return CAIRN_OK;
 }
 
-/* ---- Parts ---- */
+/* ---- Stages ---- */
 
 cairn_status cairn_block_solver_factor(cairn_block_solver *solver)
 {
     if (!is_in(solver, CAIRN_BLOCK_SOLVER_ANALYZED))
         return CAIRN_BAD_ARGUMENT;
-    solver->empty = 0;
-    cairn_block_factor_begin(solver);
+    solver->is_zero = 0;
+    cairn_block_solver_factor_begin(solver);
     return CAIRN_OK;
 }
 
@@ -285,9 +300,9 @@ cairn_status cairn_block_solver_solve(cairn_block_solver *solver, const cairn_re
         if (!cairn_is_finite(b[i]))
             return CAIRN_NOT_FINITE;
     for (int32_t i = 0; i < solver->result.poses; i++)
-        memcpy(solver->x[solver->place[i]], &b[3 * i], sizeof *solver->x);
+        memcpy(solver->x[solver->position[i]], &b[3 * i], sizeof *solver->x);
     solver->solved = 0;
-    solver->at = 0;
+    solver->current = 0;
     solver->phase = BLOCK_SOLVER_FORWARD;
     return CAIRN_OK;
 }
@@ -299,7 +314,7 @@ cairn_status cairn_block_solver_solution(const cairn_block_solver *solver, int32
         return CAIRN_BAD_ARGUMENT;
     if (!solver->solved)
         return CAIRN_EMPTY;
-    memcpy(x, solver->x[solver->place[pose]], sizeof *solver->x);
+    memcpy(x, solver->x[solver->position[pose]], sizeof *solver->x);
     return CAIRN_OK;
 }
 
@@ -307,21 +322,21 @@ cairn_status cairn_block_solver_invert(cairn_block_solver *solver)
 {
     if (!is_in(solver, CAIRN_BLOCK_SOLVER_FACTORED))
         return CAIRN_BAD_ARGUMENT;
-    cairn_block_inverse_begin(solver);
+    cairn_block_solver_inverse_begin(solver);
     return CAIRN_OK;
 }
 
 cairn_status cairn_block_solver_covariance(const cairn_block_solver *solver, int32_t first,
                                            int32_t second, cairn_real block[9])
 {
-    int32_t a, b, at;
+    int32_t a, b, block_index;
 
     if (solver == NULL || block == NULL || !has_pose(solver, first) || !has_pose(solver, second))
         return CAIRN_BAD_ARGUMENT;
     if (!is_in(solver, CAIRN_BLOCK_SOLVER_INVERTED))
         return CAIRN_EMPTY;
-    a = solver->place[first];
-    b = solver->place[second];
+    a = solver->position[first];
+    b = solver->position[second];
     if (a == b) {
         cairn_sym3 d = solver->diagonal[a];
         const cairn_real rows[9] = {d.xx, d.xy, d.xz, d.xy, d.yy, d.yz, d.xz, d.yz, d.zz};
@@ -329,49 +344,49 @@ cairn_status cairn_block_solver_covariance(const cairn_block_solver *solver, int
         memcpy(block, rows, sizeof rows);
         return CAIRN_OK;
     }
-    at = cairn_block_find(solver, a > b ? a : b, a > b ? b : a);
-    if (at < 0)
+    block_index = cairn_block_solver_find_block(solver, a > b ? a : b, a > b ? b : a);
+    if (block_index < 0)
         return CAIRN_UNSUPPORTED;
     memset(block, 0, sizeof *solver->blocks);
-    add_block(block, solver->blocks[at], a < b);
+    add_block(block, solver->blocks[block_index], a < b);
     return CAIRN_OK;
 }
 
-/* One item of the part that runs; returns its units. */
-static int32_t do_item(cairn_block_solver *s)
+/* One operation of the stage that runs. Returns its work units. */
+static int32_t advance(cairn_block_solver *solver)
 {
-    if (s->phase <= BLOCK_SOLVER_FINISH)
-        return cairn_block_order_item(s);
-    if (s->phase <= BLOCK_SOLVER_SLOT) {
-        int32_t units = cairn_block_pattern_item(s);
+    if (solver->phase <= BLOCK_SOLVER_FINISH)
+        return cairn_block_solver_order_advance(solver);
+    if (solver->phase <= BLOCK_SOLVER_FIND_SLOTS) {
+        int32_t units = cairn_block_solver_pattern_advance(solver);
 
-        if (s->result.state != CAIRN_BLOCK_SOLVER_ANALYZED)
+        if (solver->result.state != CAIRN_BLOCK_SOLVER_ANALYZED)
             return units;
-        clear_values(s);
-        return units + (s->result.poses + s->result.fill) / BLOCK_SOLVER_ENTRIES;
+        clear_values(solver);
+        return units + (solver->result.poses + solver->result.fill) / BLOCK_SOLVER_ENTRIES_PER_UNIT;
     }
-    if (s->phase <= BLOCK_SOLVER_SUBTRACT)
-        return cairn_block_factor_item(s);
-    if (s->phase <= BLOCK_SOLVER_BACKWARD)
-        return cairn_block_solve_item(s);
-    return cairn_block_inverse_item(s);
+    if (solver->phase <= BLOCK_SOLVER_SUBTRACT)
+        return cairn_block_solver_factor_advance(solver);
+    if (solver->phase <= BLOCK_SOLVER_BACKWARD)
+        return cairn_block_solver_solve_advance(solver);
+    return cairn_block_solver_inverse_advance(solver);
 }
 
 cairn_status cairn_block_solver_step(cairn_block_solver *solver, cairn_budget *budget)
 {
     cairn_status outcome;
 
-    while (solver->phase != BLOCK_SOLVER_IDLE || solver->debt > 0) {
+    while (solver->phase != BLOCK_SOLVER_IDLE || solver->units_due > 0) {
         if (budget->left <= 0)
             return CAIRN_MORE;
-        if (solver->debt > 0) {
-            int32_t paid = solver->debt < budget->left ? solver->debt : budget->left;
+        if (solver->units_due > 0) {
+            int32_t charged = solver->units_due < budget->left ? solver->units_due : budget->left;
 
-            solver->debt -= paid;
-            budget->left -= paid;
+            solver->units_due -= charged;
+            budget->left -= charged;
         } else {
-            solver->debt = do_item(solver);
-            solver->result.units += solver->debt;
+            solver->units_due = advance(solver);
+            solver->result.units += solver->units_due;
         }
     }
     outcome = solver->outcome;

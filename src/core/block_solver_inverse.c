@@ -1,36 +1,36 @@
-/* Selected inverse.
+/* Selected inverse: the blocks of H^-1 within the pattern of the factor.
  *
- * Method: with H = L D L^T the inverse Z obeys Z L = L^-T D^-1, of which the part on and below the
- * diagonal needs only entries of Z within the pattern of L (Takahashi, Fagan and Chen 1973). From
- * the last column to the first,
+ * Method: with H = L D L^T the inverse Z satisfies Z L = L^-T D^-1. Its part on and below the
+ * diagonal needs only blocks of Z within the pattern of L (Takahashi, Fagan and Chen 1973). From
+ * the last column to the first, with sums over the rows k of column j:
  *
- *     Z_ij = - sum over rows k of column j of Z_ik L_kj,    Z_jj = D_j^-1 - sum over k of L_kj^T
- *     Z_kj
+ *     Z_ij = - sum Z_ik L_kj
+ *     Z_jj = D_j^-1 - sum L_kj^T Z_kj
  *
- * and column j of Z takes the place of column j of the factor, which no earlier column needs.
+ * Column j of Z overwrites column j of the factor, which no earlier column needs.
  *
- * Layout: `sums` holds the sums of column j, one block for each of its rows.
+ * Layout: `sums` holds the sums of column j, one block per row.
  *
- * Source: Takahashi, Fagan and Chen, Formation of a sparse bus impedance matrix, 1973; Erisman
- * and Tinney, On computing certain elements of the inverse of a sparse matrix, 1975. */
+ * Source: Takahashi, Fagan and Chen, Formation of a sparse bus impedance matrix, 1973; Erisman and
+ * Tinney, On computing certain elements of the inverse of a sparse matrix, 1975. */
 #include "src/core/build.h"
 
 #include <string.h>
 
 #include "src/core/block_solver_work.h"
 
-/* Of the ordering's arrays this uses `mark` as the place of a row in `sums` and `head` as the
- * column it is valid for. */
-void cairn_block_inverse_begin(cairn_block_solver *s)
+/* Reuses arrays of the ordering: `mark` holds the position of a row in `sums`, and `head` the
+ * column for which that position is valid. */
+void cairn_block_solver_inverse_begin(cairn_block_solver *solver)
 {
-    for (int32_t j = 0; j < s->result.poses; j++)
-        s->o.head[j] = -1;
-    s->at = s->result.poses;
-    s->source = 0;
-    s->phase = BLOCK_SOLVER_SELECT;
+    for (int32_t j = 0; j < solver->result.poses; j++)
+        solver->ordering.head[j] = -1;
+    solver->current = solver->result.poses;
+    solver->source = 0;
+    solver->phase = BLOCK_SOLVER_SELECT;
 }
 
-/* a += b c */
+/* a += b c. */
 static void add_product(cairn_real a[9], const cairn_real b[9], const cairn_real c[9])
 {
     for (int r = 0; r < 9; r += 3)
@@ -38,7 +38,7 @@ static void add_product(cairn_real a[9], const cairn_real b[9], const cairn_real
             a[r + k] += b[r] * c[k] + b[r + 1] * c[3 + k] + b[r + 2] * c[6 + k];
 }
 
-/* a += b^T c */
+/* a += b^T c. */
 static void add_transposed_product(cairn_real a[9], const cairn_real b[9], const cairn_real c[9])
 {
     for (int r = 0; r < 3; r++)
@@ -46,7 +46,8 @@ static void add_transposed_product(cairn_real a[9], const cairn_real b[9], const
             a[3 * r + k] += b[r] * c[k] + b[3 + r] * c[3 + k] + b[6 + r] * c[6 + k];
 }
 
-static void full(cairn_sym3 m, cairn_real a[9])
+/* The nine entries of a symmetric matrix, row-major. */
+static void to_full_matrix(cairn_sym3 m, cairn_real a[9])
 {
     a[0] = m.xx;
     a[4] = m.yy;
@@ -56,44 +57,44 @@ static void full(cairn_sym3 m, cairn_real a[9])
     a[5] = a[7] = m.yz;
 }
 
-/* The column before the last one: L in place of L D, sums of zero. */
-static int32_t begin_column(cairn_block_solver *s)
+/* Starts the previous column: L replaces L D, and the sums are cleared. Returns work units. */
+static int32_t begin_column(cairn_block_solver *solver)
 {
-    int32_t j = --s->at, count = s->column[j + 1] - s->column[j];
+    int32_t j = --solver->current, count = solver->column[j + 1] - solver->column[j];
     cairn_real d[9];
 
-    full(s->diagonal[j], d);
-    memset(s->sums, 0, (size_t)count * sizeof *s->sums);
+    to_full_matrix(solver->diagonal[j], d);
+    memset(solver->sums, 0, (size_t)count * sizeof *solver->sums);
     for (int32_t t = 0; t < count; t++) {
-        cairn_real *block = s->blocks[s->column[j] + t], l[9] = {0};
-        int32_t row = s->rows[s->column[j] + t];
+        cairn_real *block = solver->blocks[solver->column[j] + t], l[9] = {0};
+        int32_t row = solver->rows[solver->column[j] + t];
 
         add_product(l, block, d);
         memcpy(block, l, sizeof l);
-        s->o.mark[row] = t;
-        s->o.head[row] = j;
+        solver->ordering.mark[row] = t;
+        solver->ordering.head[row] = j;
     }
-    s->source = s->column[j];
-    s->phase = BLOCK_SOLVER_MULTIPLY;
+    solver->source = solver->column[j];
+    solver->phase = BLOCK_SOLVER_MULTIPLY;
     if (count > 0)
-        s->block = s->column[s->rows[s->source]];
+        solver->block = solver->column[solver->rows[solver->source]];
     return 1 + count;
 }
 
-/* The sums become column j of the inverse. */
-static int32_t end_column(cairn_block_solver *s)
+/* Ends the current column: the sums become its blocks of the inverse. Returns work units. */
+static int32_t end_column(cairn_block_solver *solver)
 {
-    int32_t j = s->at, count = s->column[j + 1] - s->column[j];
-    cairn_sym3 *d = &s->diagonal[j];
+    int32_t j = solver->current, count = solver->column[j + 1] - solver->column[j];
+    cairn_sym3 *d = &solver->diagonal[j];
     cairn_real z[9];
 
-    full(*d, z);
+    to_full_matrix(*d, z);
     for (int32_t t = 0; t < count; t++) {
-        cairn_real *block = s->blocks[s->column[j] + t];
+        cairn_real *block = solver->blocks[solver->column[j] + t];
 
-        add_transposed_product(z, block, s->sums[t]);
+        add_transposed_product(z, block, solver->sums[t]);
         for (int k = 0; k < 9; k++)
-            block[k] = -s->sums[t][k];
+            block[k] = -solver->sums[t][k];
     }
     d->xx = z[0];
     d->yy = z[4];
@@ -102,52 +103,55 @@ static int32_t end_column(cairn_block_solver *s)
     d->xz = (z[2] + z[6]) / 2;
     d->yz = (z[5] + z[7]) / 2;
     if (!(d->xx <= CAIRN_REAL_MAX && d->yy <= CAIRN_REAL_MAX && d->zz <= CAIRN_REAL_MAX)) {
-        s->result.pose = s->order[j];
-        cairn_block_solver_end(s, CAIRN_BLOCK_SOLVER_NOT_POSITIVE, CAIRN_OK);
+        solver->result.pose = solver->order[j];
+        cairn_block_solver_end(solver, CAIRN_BLOCK_SOLVER_NOT_POSITIVE, CAIRN_OK);
     } else if (j == 0) {
-        cairn_block_solver_end(s, CAIRN_BLOCK_SOLVER_INVERTED, CAIRN_OK);
+        cairn_block_solver_end(solver, CAIRN_BLOCK_SOLVER_INVERTED, CAIRN_OK);
     } else {
-        s->phase = BLOCK_SOLVER_SELECT;
+        solver->phase = BLOCK_SOLVER_SELECT;
     }
     return 1 + count;
 }
 
-/* Some blocks of column k of Z, which the block L_kj of column j multiplies. */
-static int32_t multiply(cairn_block_solver *s)
+/* Multiplies the next blocks of column k of Z by the block L_kj of the current column j. Returns
+ * work units. */
+static int32_t multiply(cairn_block_solver *solver)
 {
-    int32_t j = s->at, k, end, count = 0, own;
+    int32_t j = solver->current, k, end, count = 0, own;
     const cairn_real *l;
 
-    if (s->source == s->column[j + 1])
-        return end_column(s);
-    k = s->rows[s->source];
-    l = s->blocks[s->source];
-    own = s->source - s->column[j];
-    end = s->column[k + 1];
-    if (s->block == s->column[k]) {
+    if (solver->source == solver->column[j + 1])
+        return end_column(solver);
+    k = solver->rows[solver->source];
+    l = solver->blocks[solver->source];
+    own = solver->source - solver->column[j];
+    end = solver->column[k + 1];
+    if (solver->block == solver->column[k]) {
         cairn_real z[9];
 
-        full(s->diagonal[k], z);
-        add_product(s->sums[own], z, l);
+        to_full_matrix(solver->diagonal[k], z);
+        add_product(solver->sums[own], z, l);
         count++;
     }
-    for (; s->block < end && count < BLOCK_SOLVER_CHUNK; s->block++, count++) {
-        int32_t row = s->rows[s->block], t = s->o.mark[row];
+    for (; solver->block < end && count < BLOCK_SOLVER_PRODUCTS_PER_CALL;
+         solver->block++, count++) {
+        int32_t row = solver->rows[solver->block], t = solver->ordering.mark[row];
 
-        if (s->o.head[row] != j)
+        if (solver->ordering.head[row] != j)
             continue;
-        add_product(s->sums[t], s->blocks[s->block], l);
-        add_transposed_product(s->sums[own], s->blocks[s->block], s->blocks[s->column[j] + t]);
+        add_product(solver->sums[t], solver->blocks[solver->block], l);
+        add_transposed_product(solver->sums[own], solver->blocks[solver->block],
+                               solver->blocks[solver->column[j] + t]);
     }
-    if (s->block == end) {
-        s->source++;
-        if (s->source < s->column[j + 1])
-            s->block = s->column[s->rows[s->source]];
+    if (solver->block == end) {
+        solver->source++;
+        if (solver->source < solver->column[j + 1])
+            solver->block = solver->column[solver->rows[solver->source]];
     }
     return 2 * count;
 }
 
-int32_t cairn_block_inverse_item(cairn_block_solver *s)
+int32_t cairn_block_solver_inverse_advance(cairn_block_solver *solver)
 {
-    return s->phase == BLOCK_SOLVER_SELECT ? begin_column(s) : multiply(s);
+    return solver->phase == BLOCK_SOLVER_SELECT ? begin_column(solver) : multiply(solver);
 }

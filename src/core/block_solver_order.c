@@ -1,444 +1,461 @@
-/* Approximate minimum mean fill.
+/* Fill-reducing ordering by approximate minimum mean fill.
  *
- * Method: a pose that is eliminated leaves its neighbours as a clique, which is kept as one element
- * in place of its edges (quotient graph). Degrees are bounded from above: the pivot's list, plus
- * for every element of a variable the poses that it has outside that list, plus the other variables
- * (Amestoy, Davis and Duff 1996). Elements without poses outside the pivot's list are absorbed;
- * variables whose lists are equal are merged, and one that has nothing outside the pivot's list is
- * eliminated with it.
+ * Method:
+ * 1. Quotient graph: an eliminated pose leaves its neighbours as a clique, which is stored as one
+ *    element instead of its edges. Degrees are bounded from above: the size of the pivot's list,
+ *    plus for every element of a variable its poses outside that list, plus the other variables
+ *    (Amestoy, Davis and Duff 1996). Elements without poses outside the pivot's list are absorbed.
+ *    Variables with equal lists are indistinguishable and merged (supervariables). A variable
+ *    without neighbours outside the pivot's list is eliminated with the pivot (mass elimination).
+ * 2. The pivot is the variable of the lowest score: the number of blocks of its column, plus the
+ *    number of pairs of its neighbours that it would newly link, divided by its poses. Of these
+ *    pairs those of the clique made last are known and subtracted; those of other cliques are not
+ *    (Rothberg and Eisenstat 1998). On a grid of 100,000 poses the factorization takes a third
+ *    fewer products than with the minimum degree; on small graphs the same number.
+ * 3. A pivot takes five phases. PIVOT gathers its list. The others treat every variable of the
+ *    list: SCAN counts the poses of its elements outside the list. UPDATE cleans its list and
+ *    bounds its degree. MERGE finds indistinguishable variables of the same hash. FINISH reinserts
+ *    it among the scores.
  *
- * First comes the variable of the lowest score: how many blocks a column of it would have, and how
- * many pairs of its neighbours it would link anew, divided by its poses; the clique that was made
- * last is known, of the others none is counted (Rothberg and Eisenstat 1998). On a grid of 100,000
- * poses the factor takes a third fewer products than in the order of the lowest degree, on small
- * graphs as many.
+ * Layout: all lists lie in one array, new elements at the end. A full array is compacted. Elements
+ * never need more memory than the lists they replace, so after compaction there is capacity for one
+ * more list of all poses.
  *
- * A pivot takes five phases. PIVOT gathers its list; then for every variable of the list SCAN
- * counts the poses of its elements outside the list, UPDATE cleans its list and bounds its degree,
- * MERGE looks for equal ones of the same hash, FINISH puts it back among the scores.
+ * Limits: quadratic when a pose is linked to nearly all others.
  *
- * Layout: all lists lie in one array, new elements at its end. When it is full, it is compacted:
- * elements never take more room than what they replace, so that there is room for one more list of
- * all poses.
- *
- * Limits: a pose that is linked to nearly all others makes this quadratic.
- *
- * Source: Amestoy, Davis and Duff, An approximate minimum degree ordering algorithm, 1996;
- * Rothberg and Eisenstat, Node selection strategies for bottom-up sparse matrix ordering, 1998. */
+ * Source: Amestoy, Davis and Duff, An approximate minimum degree ordering algorithm, 1996; Rothberg
+ * and Eisenstat, Node selection strategies for bottom-up sparse matrix ordering, 1998. */
 #include "src/core/build.h"
 
 #include "src/core/block_solver_work.h"
 
-/* Of a variable of a clique that has so many other poses, in a graph of n poses; below n. Beyond
- * n / 2 only the degree counts. */
-static int32_t score_of(const struct cairn_block_order *o, int32_t variable, int32_t clique,
+/* Score of a variable, less than n, the number of poses of the graph. clique: other poses of the
+ * clique made last that contains the variable. Scores above n / 2 depend only on the degree. */
+static int32_t score_of(const struct block_solver_order *ordering, int32_t variable, int32_t clique,
                         int32_t n)
 {
-    int64_t degree = o->degree[variable],
+    int64_t degree = ordering->degree[variable],
             pairs = (degree * (degree - 1) - (int64_t)clique * (clique - 1)) / 2;
-    int64_t score = degree + (pairs > 0 ? pairs / o->size[variable] : 0);
+    int64_t score = degree + (pairs > 0 ? pairs / ordering->size[variable] : 0);
 
     return (int32_t)(score < n / 2 ? score : n / 2 + degree / 2);
 }
 
-enum { MOST_HEADS = 1024 }; /* that one item looks at */
+/* Scores that one operation visits in the search for the lowest. */
+enum { MAX_SCORES_PER_CALL = 1024 };
 
-static void put_in(struct cairn_block_order *o, int32_t variable, int32_t score)
+/* Inserts a variable at the head of the list of its score. */
+static void insert_by_score(struct block_solver_order *ordering, int32_t variable, int32_t score)
 {
-    int32_t after = o->head[score];
+    int32_t after = ordering->head[score];
 
-    o->score[variable] = score;
-    o->next[variable] = after;
-    o->previous[variable] = -1;
+    ordering->score[variable] = score;
+    ordering->next[variable] = after;
+    ordering->previous[variable] = -1;
     if (after != -1)
-        o->previous[after] = variable;
-    o->head[score] = variable;
-    if (score < o->lowest)
-        o->lowest = score;
+        ordering->previous[after] = variable;
+    ordering->head[score] = variable;
+    if (score < ordering->lowest_score)
+        ordering->lowest_score = score;
 }
 
-static void take_out(struct cairn_block_order *o, int32_t variable)
+/* Removes a variable from the list of its score. */
+static void remove_from_scores(struct block_solver_order *ordering, int32_t variable)
 {
-    int32_t before = o->previous[variable], after = o->next[variable];
+    int32_t before = ordering->previous[variable], after = ordering->next[variable];
 
     if (after != -1)
-        o->previous[after] = before;
+        ordering->previous[after] = before;
     if (before != -1)
-        o->next[before] = after;
+        ordering->next[before] = after;
     else
-        o->head[o->score[variable]] = after;
+        ordering->head[ordering->score[variable]] = after;
 }
 
-/* Neighbours of every pose, each pair twice. */
-static void list_neighbours(cairn_block_solver *s)
+/* Builds the adjacency lists: every link in the lists of both poses. */
+static void list_neighbours(cairn_block_solver *solver)
 {
-    struct cairn_block_order *o = &s->o;
-    int32_t n = s->result.poses;
+    struct block_solver_order *ordering = &solver->ordering;
+    int32_t n = solver->result.poses;
 
     for (int32_t v = 0; v < n; v++)
-        o->length[v] = 0;
-    for (int32_t l = 0; l < s->result.links; l++) {
-        o->length[s->first[l]]++;
-        o->length[s->second[l]]++;
+        ordering->length[v] = 0;
+    for (int32_t l = 0; l < solver->result.links; l++) {
+        ordering->length[solver->first[l]]++;
+        ordering->length[solver->second[l]]++;
     }
-    o->end = 0;
+    ordering->graph_end = 0;
     for (int32_t v = 0; v < n; v++) {
-        o->start[v] = o->end;
-        o->end += o->length[v];
-        o->length[v] = 0;
+        ordering->start[v] = ordering->graph_end;
+        ordering->graph_end += ordering->length[v];
+        ordering->length[v] = 0;
     }
-    for (int32_t l = 0; l < s->result.links; l++) {
-        int32_t a = s->first[l], b = s->second[l];
+    for (int32_t l = 0; l < solver->result.links; l++) {
+        int32_t a = solver->first[l], b = solver->second[l];
 
-        o->graph[o->start[a] + o->length[a]++] = b;
-        o->graph[o->start[b] + o->length[b]++] = a;
+        ordering->graph[ordering->start[a] + ordering->length[a]++] = b;
+        ordering->graph[ordering->start[b] + ordering->length[b]++] = a;
     }
 }
 
-/* Pairs that are linked several times stay once. */
-static void drop_repeated(struct cairn_block_order *o, int32_t poses)
+/* Removes repeated neighbours from all lists. */
+static void remove_duplicates(struct block_solver_order *ordering, int32_t poses)
 {
     for (int32_t v = 0; v < poses; v++)
-        o->mark[v] = -1;
+        ordering->mark[v] = -1;
     for (int32_t v = 0; v < poses; v++) {
-        int32_t kept = 0, *list = &o->graph[o->start[v]];
+        int32_t kept = 0, *list = &ordering->graph[ordering->start[v]];
 
-        for (int32_t k = 0; k < o->length[v]; k++)
-            if (o->mark[list[k]] != v) {
-                o->mark[list[k]] = v;
+        for (int32_t k = 0; k < ordering->length[v]; k++)
+            if (ordering->mark[list[k]] != v) {
+                ordering->mark[list[k]] = v;
                 list[kept++] = list[k];
             }
-        o->length[v] = kept;
+        ordering->length[v] = kept;
     }
 }
 
-void cairn_block_order_begin(cairn_block_solver *s)
+void cairn_block_solver_order_begin(cairn_block_solver *solver)
 {
-    struct cairn_block_order *o = &s->o;
-    int32_t n = s->result.poses;
+    struct block_solver_order *ordering = &solver->ordering;
+    int32_t n = solver->result.poses;
 
-    list_neighbours(s);
-    drop_repeated(o, n);
-    o->lowest = n;
-    o->tag = 2;
-    o->largest = 0;
-    o->left = n;
-    o->filled = 0;
+    list_neighbours(solver);
+    remove_duplicates(ordering, n);
+    ordering->lowest_score = n;
+    ordering->tag = 2;
+    ordering->largest_degree = 0;
+    ordering->poses_left = n;
+    ordering->poses_ordered = 0;
     for (int32_t v = 0; v < n; v++) {
-        o->head[v] = -1;
-        o->hashes[v] = -1;
+        ordering->head[v] = -1;
+        ordering->hash_head[v] = -1;
     }
-    /* From the last on, so that the first pose of a score is its list's head. */
+    /* In descending order, so the lowest pose of a score becomes the head of the list. */
     for (int32_t v = n - 1; v >= 0; v--) {
-        o->elements[v] = 0;
-        o->degree[v] = o->length[v];
-        o->size[v] = 1;
-        o->mark[v] = 1;
-        o->member[v] = -1;
-        o->tail[v] = v;
-        put_in(o, v, score_of(o, v, 0, n));
+        ordering->elements[v] = 0;
+        ordering->degree[v] = ordering->length[v];
+        ordering->size[v] = 1;
+        ordering->mark[v] = 1;
+        ordering->next_member[v] = -1;
+        ordering->last_member[v] = v;
+        insert_by_score(ordering, v, score_of(ordering, v, 0, n));
     }
-    s->phase = BLOCK_SOLVER_PIVOT;
+    solver->phase = BLOCK_SOLVER_PIVOT;
 }
 
-/* Moves all lists to the front. The first entry of each is put aside in `start`, its place names
- * the owner. */
-static void compact(struct cairn_block_order *o, int32_t poses)
+/* Compacts all lists to the front of the array. The first entry of each list is saved in `start`,
+ * and its place in the array marks the owner. */
+static void compact(struct block_solver_order *ordering, int32_t poses)
 {
     int32_t write = 0;
 
     for (int32_t v = 0; v < poses; v++)
-        if (o->length[v] > 0) {
-            int32_t first = o->graph[o->start[v]];
+        if (ordering->length[v] > 0) {
+            int32_t first = ordering->graph[ordering->start[v]];
 
-            o->graph[o->start[v]] = -1 - v;
-            o->start[v] = first;
+            ordering->graph[ordering->start[v]] = -1 - v;
+            ordering->start[v] = first;
         }
-    for (int32_t read = 0; read < o->end;) {
-        int32_t v = -1 - o->graph[read];
+    for (int32_t read = 0; read < ordering->graph_end;) {
+        int32_t v = -1 - ordering->graph[read];
 
         if (v < 0) {
             read++;
             continue;
         }
-        o->graph[write] = o->start[v];
-        o->start[v] = write;
-        for (int32_t k = 1; k < o->length[v]; k++)
-            o->graph[write + k] = o->graph[read + k];
-        read += o->length[v];
-        write += o->length[v];
+        ordering->graph[write] = ordering->start[v];
+        ordering->start[v] = write;
+        for (int32_t k = 1; k < ordering->length[v]; k++)
+            ordering->graph[write + k] = ordering->graph[read + k];
+        read += ordering->length[v];
+        write += ordering->length[v];
     }
-    o->end = write;
+    ordering->graph_end = write;
 }
 
-/* Marks of elements that are gone stay 0, all others fall below the tag. */
-static int32_t raise_tag(struct cairn_block_order *o, int32_t poses, int32_t by)
+/* Increases the tag, so all nonzero marks fall below the tag; marks of absorbed elements stay 0.
+ * Returns the entries visited. */
+static int32_t advance_tag(struct block_solver_order *ordering, int32_t poses, int32_t increment)
 {
-    enum { HIGHEST = 1 << 18 };
+    enum { MAX_TAG = 1 << 18 };
 
-    o->tag += by;
-    if (o->tag < HIGHEST)
+    ordering->tag += increment;
+    if (ordering->tag < MAX_TAG)
         return 0;
     for (int32_t v = 0; v < poses; v++)
-        if (o->mark[v] != 0)
-            o->mark[v] = 1;
-    o->tag = 2;
+        if (ordering->mark[v] != 0)
+            ordering->mark[v] = 1;
+    ordering->tag = 2;
     return poses;
 }
 
-/* Appends the variables of a list that are not yet in the pivot's; returns their poses. */
-static int32_t gather(struct cairn_block_order *o, const int32_t *list, int32_t count)
+/* Appends the variables of a list that are not yet in the pivot's list. Returns their number of
+ * poses. */
+static int32_t append_to_pivot(struct block_solver_order *ordering, const int32_t *list,
+                               int32_t count)
 {
     int32_t poses = 0;
 
     for (int32_t k = 0; k < count; k++) {
         int32_t v = list[k];
 
-        if (o->size[v] <= 0)
+        if (ordering->size[v] <= 0)
             continue;
-        poses += o->size[v];
-        o->size[v] = -o->size[v];
-        o->graph[o->end++] = v;
-        take_out(o, v);
+        poses += ordering->size[v];
+        ordering->size[v] = -ordering->size[v];
+        ordering->graph[ordering->graph_end++] = v;
+        remove_from_scores(ordering, v);
     }
     return poses;
 }
 
-/* Takes the variable of the lowest score and makes it an element with its neighbours; where
- * there are many scores that none has, the next item goes on looking. */
-static int32_t pivot_item(cairn_block_solver *s)
+/* Phase PIVOT: eliminates the variable of the lowest score, which becomes an element with the list
+ * of its neighbours. When too many scores have no variable, the next operation resumes the search.
+ * Returns the entries visited. */
+static int32_t eliminate_pivot(cairn_block_solver *solver)
 {
-    struct cairn_block_order *o = &s->o;
-    int32_t n = s->result.poses, capacity = 2 * s->params.max_links + s->params.max_poses;
-    int32_t walked = 1, start, count, p;
+    struct block_solver_order *ordering = &solver->ordering;
+    int32_t n = solver->result.poses,
+            capacity = 2 * solver->params.max_links + solver->params.max_poses;
+    int32_t visited = 1, start, count, pivot;
 
-    for (; o->head[o->lowest] == -1; o->lowest++)
-        if (walked++ == MOST_HEADS)
-            return walked;
-    p = o->head[o->lowest];
-    take_out(o, p);
-    if (o->degree[p] > capacity - o->end) {
-        walked += o->end + n;
-        compact(o, n);
+    for (; ordering->head[ordering->lowest_score] == -1; ordering->lowest_score++)
+        if (visited++ == MAX_SCORES_PER_CALL)
+            return visited;
+    pivot = ordering->head[ordering->lowest_score];
+    remove_from_scores(ordering, pivot);
+    if (ordering->degree[pivot] > capacity - ordering->graph_end) {
+        visited += ordering->graph_end + n;
+        compact(ordering, n);
     }
-    o->left -= o->size[p];
-    o->size[p] = -o->size[p];
-    start = o->end;
+    ordering->poses_left -= ordering->size[pivot];
+    ordering->size[pivot] = -ordering->size[pivot];
+    start = ordering->graph_end;
     count = 0;
-    for (int32_t k = 0; k < o->elements[p]; k++) {
-        int32_t e = o->graph[o->start[p] + k];
+    for (int32_t k = 0; k < ordering->elements[pivot]; k++) {
+        int32_t e = ordering->graph[ordering->start[pivot] + k];
 
-        if (o->mark[e] == 0)
+        if (ordering->mark[e] == 0)
             continue;
-        count += gather(o, &o->graph[o->start[e]], o->length[e]);
-        walked += o->length[e];
-        o->length[e] = 0;
-        o->mark[e] = 0;
+        count +=
+            append_to_pivot(ordering, &ordering->graph[ordering->start[e]], ordering->length[e]);
+        visited += ordering->length[e];
+        ordering->length[e] = 0;
+        ordering->mark[e] = 0;
     }
-    count += gather(o, &o->graph[o->start[p] + o->elements[p]], o->length[p] - o->elements[p]);
-    walked += o->length[p];
-    o->start[p] = start;
-    o->length[p] = o->end - start;
-    o->degree[p] = count;
-    o->elements[p] = 0;
-    if (count > o->largest)
-        o->largest = count;
-    walked += raise_tag(o, n, 1);
-    o->pivot = p;
-    o->cursor = start;
-    s->phase = BLOCK_SOLVER_SCAN;
-    return walked;
+    count += append_to_pivot(ordering,
+                             &ordering->graph[ordering->start[pivot] + ordering->elements[pivot]],
+                             ordering->length[pivot] - ordering->elements[pivot]);
+    visited += ordering->length[pivot];
+    ordering->start[pivot] = start;
+    ordering->length[pivot] = ordering->graph_end - start;
+    ordering->degree[pivot] = count;
+    ordering->elements[pivot] = 0;
+    if (count > ordering->largest_degree)
+        ordering->largest_degree = count;
+    visited += advance_tag(ordering, n, 1);
+    ordering->pivot = pivot;
+    ordering->cursor = start;
+    solver->phase = BLOCK_SOLVER_SCAN;
+    return visited;
 }
 
-/* mark - tag of every element of the variable becomes the number of its poses outside the
- * pivot's list. */
-static int32_t scan_item(struct cairn_block_order *o, int32_t i)
+/* Phase SCAN: for every element of the variable, mark - tag becomes the number of its poses outside
+ * the pivot's list. Returns the entries visited. */
+static int32_t scan_elements(struct block_solver_order *ordering, int32_t i)
 {
-    const int32_t *list = &o->graph[o->start[i]];
+    const int32_t *list = &ordering->graph[ordering->start[i]];
 
-    for (int32_t k = 0; k < o->elements[i]; k++) {
+    for (int32_t k = 0; k < ordering->elements[i]; k++) {
         int32_t e = list[k];
 
-        if (o->mark[e] >= o->tag)
-            o->mark[e] += o->size[i];
-        else if (o->mark[e] != 0)
-            o->mark[e] = o->degree[e] + o->tag + o->size[i];
+        if (ordering->mark[e] >= ordering->tag)
+            ordering->mark[e] += ordering->size[i];
+        else if (ordering->mark[e] != 0)
+            ordering->mark[e] = ordering->degree[e] + ordering->tag + ordering->size[i];
     }
-    return o->elements[i] + 1;
+    return ordering->elements[i] + 1;
 }
 
-/* Puts variable j into i. */
-static void merge(struct cairn_block_order *o, int32_t i, int32_t j)
+/* Merges variable j into i. */
+static void merge(struct block_solver_order *ordering, int32_t i, int32_t j)
 {
-    o->member[o->tail[i]] = j;
-    o->tail[i] = o->tail[j];
-    o->size[j] = 0;
-    o->length[j] = 0;
+    ordering->next_member[ordering->last_member[i]] = j;
+    ordering->last_member[i] = ordering->last_member[j];
+    ordering->size[j] = 0;
+    ordering->length[j] = 0;
 }
 
-/* Drops from the variable's list what the pivot's covers; bounds its degree outside the pivot's
- * list. */
-static int32_t update_item(cairn_block_solver *s, int32_t i)
+/* Phase UPDATE: removes from the variable's list the entries that the pivot's list covers, and
+ * bounds its degree outside the pivot's list. Returns the entries visited. */
+static int32_t update_variable(cairn_block_solver *solver, int32_t i)
 {
-    struct cairn_block_order *o = &s->o;
-    int32_t *list = &o->graph[o->start[i]], length = o->length[i];
+    struct block_solver_order *ordering = &solver->ordering;
+    int32_t *list = &ordering->graph[ordering->start[i]], length = ordering->length[i];
     int32_t outside = 0, kept = 0, elements;
-    uint32_t hash = (uint32_t)o->pivot;
+    uint32_t hash = (uint32_t)ordering->pivot;
 
-    for (int32_t k = 0; k < o->elements[i]; k++) {
+    for (int32_t k = 0; k < ordering->elements[i]; k++) {
         int32_t e = list[k];
 
-        if (o->mark[e] > o->tag) {
-            outside += o->mark[e] - o->tag;
+        if (ordering->mark[e] > ordering->tag) {
+            outside += ordering->mark[e] - ordering->tag;
             hash += (uint32_t)e;
             list[kept++] = e;
-        } else if (o->mark[e] != 0) {
-            o->mark[e] = 0;
-            o->length[e] = 0;
+        } else if (ordering->mark[e] != 0) {
+            ordering->mark[e] = 0;
+            ordering->length[e] = 0;
         }
     }
     elements = kept;
-    for (int32_t k = o->elements[i]; k < length; k++) {
+    for (int32_t k = ordering->elements[i]; k < length; k++) {
         int32_t j = list[k];
 
-        if (o->size[j] > 0) {
-            outside += o->size[j];
+        if (ordering->size[j] > 0) {
+            outside += ordering->size[j];
             hash += (uint32_t)j;
             list[kept++] = j;
         }
     }
     if (outside == 0) {
-        o->left += o->size[i];
-        o->degree[o->pivot] += o->size[i];
-        merge(o, o->pivot, i);
+        ordering->poses_left += ordering->size[i];
+        ordering->degree[ordering->pivot] += ordering->size[i];
+        merge(ordering, ordering->pivot, i);
         return length + 1;
     }
-    /* The pivot goes first. The list had one of its elements or the pivot itself, so that there
-     * is room. */
+    /* The pivot becomes the first element. An element that it absorbed, or the pivot itself, was
+     * removed from the list, so there is capacity. */
     list[kept] = list[elements];
     list[elements] = list[0];
-    list[0] = o->pivot;
-    o->elements[i] = elements + 1;
-    o->length[i] = kept + 1;
-    if (outside < o->degree[i])
-        o->degree[i] = outside;
-    hash %= (uint32_t)s->result.poses;
-    o->previous[i] = (int32_t)hash;
-    o->next[i] = o->hashes[hash];
-    o->hashes[hash] = i;
+    list[0] = ordering->pivot;
+    ordering->elements[i] = elements + 1;
+    ordering->length[i] = kept + 1;
+    if (outside < ordering->degree[i])
+        ordering->degree[i] = outside;
+    hash %= (uint32_t)solver->result.poses;
+    ordering->previous[i] = (int32_t)hash;
+    ordering->next[i] = ordering->hash_head[hash];
+    ordering->hash_head[hash] = i;
     return length + 1;
 }
 
-static int equal_lists(const struct cairn_block_order *o, int32_t i, int32_t j)
+/* 1 when variables i and j have equal lists; the entries of i are marked with the tag. */
+static int lists_are_equal(const struct block_solver_order *ordering, int32_t i, int32_t j)
 {
-    if (o->length[i] != o->length[j] || o->elements[i] != o->elements[j])
+    if (ordering->length[i] != ordering->length[j] ||
+        ordering->elements[i] != ordering->elements[j])
         return 0;
-    for (int32_t k = 0; k < o->length[j]; k++)
-        if (o->mark[o->graph[o->start[j] + k]] != o->tag)
+    for (int32_t k = 0; k < ordering->length[j]; k++)
+        if (ordering->mark[ordering->graph[ordering->start[j] + k]] != ordering->tag)
             return 0;
     return 1;
 }
 
-/* Merges equal variables among those that share the hash of i. */
-static int32_t merge_item(cairn_block_solver *s, int32_t i)
+/* Phase MERGE: merges indistinguishable variables among those with the hash of i. Returns the
+ * entries visited. */
+static int32_t merge_indistinguishable(cairn_block_solver *solver, int32_t i)
 {
-    struct cairn_block_order *o = &s->o;
-    int32_t walked = 1, v;
+    struct block_solver_order *ordering = &solver->ordering;
+    int32_t visited = 1, v;
 
-    if (o->size[i] == 0)
-        return walked;
-    v = o->hashes[o->previous[i]];
-    o->hashes[o->previous[i]] = -1;
-    for (; v != -1 && o->next[v] != -1; v = o->next[v]) {
+    if (ordering->size[i] == 0)
+        return visited;
+    v = ordering->hash_head[ordering->previous[i]];
+    ordering->hash_head[ordering->previous[i]] = -1;
+    for (; v != -1 && ordering->next[v] != -1; v = ordering->next[v]) {
         int32_t before = v;
 
-        for (int32_t k = 0; k < o->length[v]; k++)
-            o->mark[o->graph[o->start[v] + k]] = o->tag;
-        walked += o->length[v];
-        for (int32_t j = o->next[v]; j != -1; j = o->next[j]) {
-            walked += o->length[j];
-            if (equal_lists(o, v, j)) {
-                o->size[v] += o->size[j];
-                merge(o, v, j);
-                o->next[before] = o->next[j];
+        for (int32_t k = 0; k < ordering->length[v]; k++)
+            ordering->mark[ordering->graph[ordering->start[v] + k]] = ordering->tag;
+        visited += ordering->length[v];
+        for (int32_t j = ordering->next[v]; j != -1; j = ordering->next[j]) {
+            visited += ordering->length[j];
+            if (lists_are_equal(ordering, v, j)) {
+                ordering->size[v] += ordering->size[j];
+                merge(ordering, v, j);
+                ordering->next[before] = ordering->next[j];
             } else {
                 before = j;
             }
         }
-        walked += raise_tag(o, s->result.poses, 1);
+        visited += advance_tag(ordering, solver->result.poses, 1);
     }
-    return walked;
+    return visited;
 }
 
-/* Puts the variable back among the scores. */
-static void finish_item(struct cairn_block_order *o, int32_t i, int32_t n)
+/* Phase FINISH: reinserts the variable among the scores. */
+static void finish_variable(struct block_solver_order *ordering, int32_t i, int32_t n)
 {
     int32_t outside, most;
 
-    if (o->size[i] == 0)
+    if (ordering->size[i] == 0)
         return;
-    o->size[i] = -o->size[i];
-    outside = o->degree[i] + o->degree[o->pivot] - o->size[i];
-    most = o->left - o->size[i];
-    o->degree[i] = outside < most ? outside : most;
-    put_in(o, i, score_of(o, i, o->degree[o->pivot] - o->size[i], n));
-    o->graph[o->write++] = i;
+    ordering->size[i] = -ordering->size[i];
+    outside = ordering->degree[i] + ordering->degree[ordering->pivot] - ordering->size[i];
+    most = ordering->poses_left - ordering->size[i];
+    ordering->degree[i] = outside < most ? outside : most;
+    insert_by_score(
+        ordering, i,
+        score_of(ordering, i, ordering->degree[ordering->pivot] - ordering->size[i], n));
+    ordering->graph[ordering->write++] = i;
 }
 
-/* The poses of the pivot are next in the order. */
-static int32_t end_pivot(cairn_block_solver *s)
+/* Appends the poses of the pivot to the order of elimination, and starts the next pivot. Returns
+ * the entries visited. */
+static int32_t end_pivot(cairn_block_solver *solver)
 {
-    struct cairn_block_order *o = &s->o;
+    struct block_solver_order *ordering = &solver->ordering;
     int32_t written = 0;
 
-    o->end = o->write;
-    o->length[o->pivot] = o->end - o->start[o->pivot];
-    o->mark[o->pivot] = o->length[o->pivot] > 0;
-    for (int32_t v = o->pivot; v != -1; v = o->member[v]) {
-        s->place[v] = o->filled;
-        s->order[o->filled++] = v;
+    ordering->graph_end = ordering->write;
+    ordering->length[ordering->pivot] = ordering->graph_end - ordering->start[ordering->pivot];
+    ordering->mark[ordering->pivot] = ordering->length[ordering->pivot] > 0;
+    for (int32_t v = ordering->pivot; v != -1; v = ordering->next_member[v]) {
+        solver->position[v] = ordering->poses_ordered;
+        solver->order[ordering->poses_ordered++] = v;
         written++;
     }
-    if (o->left > 0)
-        s->phase = BLOCK_SOLVER_PIVOT;
+    if (ordering->poses_left > 0)
+        solver->phase = BLOCK_SOLVER_PIVOT;
     else
-        cairn_block_pattern_begin(s);
+        cairn_block_solver_pattern_begin(solver);
     return written;
 }
 
-/* The pivot's list was walked once more. */
-static int32_t next_phase(cairn_block_solver *s)
+/* Starts the next phase of the pivot, after a pass over its list. Returns the entries visited. */
+static int32_t next_phase(cairn_block_solver *solver)
 {
-    struct cairn_block_order *o = &s->o;
-    int32_t walked = 1;
+    struct block_solver_order *ordering = &solver->ordering;
+    int32_t visited = 1;
 
-    if (s->phase == BLOCK_SOLVER_FINISH)
-        return end_pivot(s);
-    if (s->phase == BLOCK_SOLVER_UPDATE)
-        walked += raise_tag(o, s->result.poses, o->largest + 1);
-    o->cursor = o->start[o->pivot];
-    o->write = o->cursor;
-    s->phase++;
-    return walked;
+    if (solver->phase == BLOCK_SOLVER_FINISH)
+        return end_pivot(solver);
+    if (solver->phase == BLOCK_SOLVER_UPDATE)
+        visited += advance_tag(ordering, solver->result.poses, ordering->largest_degree + 1);
+    ordering->cursor = ordering->start[ordering->pivot];
+    ordering->write = ordering->cursor;
+    solver->phase++;
+    return visited;
 }
 
-int32_t cairn_block_order_item(cairn_block_solver *s)
+int32_t cairn_block_solver_order_advance(cairn_block_solver *solver)
 {
-    struct cairn_block_order *o = &s->o;
-    int32_t walked = 1, i;
+    struct block_solver_order *ordering = &solver->ordering;
+    int32_t visited = 1, i;
 
-    if (s->phase == BLOCK_SOLVER_PIVOT)
-        return 1 + pivot_item(s) / BLOCK_SOLVER_ENTRIES;
-    if (o->cursor == o->end)
-        return 1 + next_phase(s) / BLOCK_SOLVER_ENTRIES;
-    i = o->graph[o->cursor++];
-    if (s->phase == BLOCK_SOLVER_SCAN)
-        walked = scan_item(o, i);
-    else if (s->phase == BLOCK_SOLVER_UPDATE)
-        walked = update_item(s, i);
-    else if (s->phase == BLOCK_SOLVER_MERGE)
-        walked = merge_item(s, i);
+    if (solver->phase == BLOCK_SOLVER_PIVOT)
+        return 1 + eliminate_pivot(solver) / BLOCK_SOLVER_ENTRIES_PER_UNIT;
+    if (ordering->cursor == ordering->graph_end)
+        return 1 + next_phase(solver) / BLOCK_SOLVER_ENTRIES_PER_UNIT;
+    i = ordering->graph[ordering->cursor++];
+    if (solver->phase == BLOCK_SOLVER_SCAN)
+        visited = scan_elements(ordering, i);
+    else if (solver->phase == BLOCK_SOLVER_UPDATE)
+        visited = update_variable(solver, i);
+    else if (solver->phase == BLOCK_SOLVER_MERGE)
+        visited = merge_indistinguishable(solver, i);
     else
-        finish_item(o, i, s->result.poses);
-    return 1 + walked / BLOCK_SOLVER_ENTRIES;
+        finish_variable(ordering, i, solver->result.poses);
+    return 1 + visited / BLOCK_SOLVER_ENTRIES_PER_UNIT;
 }

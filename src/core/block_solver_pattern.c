@@ -1,214 +1,231 @@
-/* Pattern of the factor.
+/* Symbolic factorization: the pattern of the factor.
  *
- * Method: the row r of the factor has a block in every column on the paths of the elimination tree
- * from the columns of H in that row up to r (Liu 1990). Rows are walked twice: to count, and to
- * write their numbers into the columns, which come out ascending.
+ * Method:
+ * 1. Row r of the factor has a block in every column on the paths of the elimination tree from the
+ *    columns of H in row r up to r (Liu 1990). A first pass over the rows builds the tree and
+ *    counts the blocks of each column.
+ * 2. The columns are renumbered by a postorder of the tree.
+ * 3. A second pass writes the row numbers into the columns, in ascending order.
+ * 4. Every link looks up its block.
  *
- * Source: Liu, The role of elimination trees in sparse factorization, 1990; Davis, Algorithm
- * 849: a concise sparse Cholesky factorization package, 2005. */
+ * Source: Liu, The role of elimination trees in sparse factorization, 1990; Davis, Algorithm 849: a
+ * concise sparse Cholesky factorization package, 2005. */
 #include "src/core/build.h"
 
 #include <string.h>
 
 #include "src/core/block_solver_work.h"
 
-/* Lists the columns of H left of the diagonal, by rows: row r has graph[start[r] ... start[r +
- * 1] - 1]. */
-static void list_rows(cairn_block_solver *s)
+/* Lists the columns of H left of the diagonal by rows: those of row r are graph[start[r]] ...
+ * graph[start[r + 1] - 1]. */
+static void list_rows(cairn_block_solver *solver)
 {
-    struct cairn_block_order *o = &s->o;
-    int32_t n = s->result.poses;
+    struct block_solver_order *ordering = &solver->ordering;
+    int32_t n = solver->result.poses;
 
-    memset(o->start, 0, ((size_t)n + 1) * sizeof *o->start);
-    for (int32_t l = 0; l < s->result.links; l++) {
-        int32_t a = s->place[s->first[l]], b = s->place[s->second[l]];
+    memset(ordering->start, 0, ((size_t)n + 1) * sizeof *ordering->start);
+    for (int32_t link = 0; link < solver->result.links; link++) {
+        int32_t a = solver->position[solver->first[link]],
+                b = solver->position[solver->second[link]];
 
-        o->start[a > b ? a : b]++;
+        ordering->start[a > b ? a : b]++;
     }
-    for (int32_t r = 0, sum = 0; r <= n; r++) {
-        sum += o->start[r];
-        o->start[r] = sum;
+    for (int32_t row = 0, sum = 0; row <= n; row++) {
+        sum += ordering->start[row];
+        ordering->start[row] = sum;
     }
-    for (int32_t l = s->result.links - 1; l >= 0; l--) {
-        int32_t a = s->place[s->first[l]], b = s->place[s->second[l]];
+    for (int32_t link = solver->result.links - 1; link >= 0; link--) {
+        int32_t a = solver->position[solver->first[link]],
+                b = solver->position[solver->second[link]];
 
-        o->graph[--o->start[a > b ? a : b]] = a > b ? b : a;
+        ordering->graph[--ordering->start[a > b ? a : b]] = a > b ? b : a;
     }
 }
 
-/* Of the ordering's arrays the pattern uses `previous` as the tree's parents, `length` as the
- * blocks of a column and `mark` as the row in which a column was met last. */
-void cairn_block_pattern_begin(cairn_block_solver *s)
+/* Reuses arrays of the ordering: `previous` holds the parents in the elimination tree, `length` the
+ * number of blocks of a column, and `mark` the last row that visited a column. */
+void cairn_block_solver_pattern_begin(cairn_block_solver *solver)
 {
-    list_rows(s);
-    memset(s->o.length, 0, (size_t)s->result.poses * sizeof *s->o.length);
-    s->at = 0;
-    s->phase = BLOCK_SOLVER_COUNT;
+    list_rows(solver);
+    memset(solver->ordering.length, 0,
+           (size_t)solver->result.poses * sizeof *solver->ordering.length);
+    solver->current = 0;
+    solver->phase = BLOCK_SOLVER_COUNT_ROWS;
 }
 
-void cairn_block_pattern_go_on(cairn_block_solver *s)
+void cairn_block_solver_pattern_resume(cairn_block_solver *solver)
 {
-    s->at = s->result.poses;
-    s->phase = BLOCK_SOLVER_COUNT;
+    solver->current = solver->result.poses;
+    solver->phase = BLOCK_SOLVER_COUNT_ROWS;
 }
 
-static int32_t count_row(struct cairn_block_order *o, int32_t r)
+/* First pass over a row: extends the elimination tree and counts blocks. Returns the entries
+ * visited. */
+static int32_t count_row(struct block_solver_order *ordering, int32_t row)
 {
-    int32_t walked = 1;
+    int32_t visited = 1;
 
-    o->previous[r] = -1;
-    o->mark[r] = r;
-    for (int32_t k = o->start[r]; k < o->start[r + 1]; k++, walked++)
-        for (int32_t c = o->graph[k]; o->mark[c] != r; c = o->previous[c], walked++) {
-            if (o->previous[c] == -1)
-                o->previous[c] = r;
-            o->mark[c] = r;
-            o->length[c]++;
+    ordering->previous[row] = -1;
+    ordering->mark[row] = row;
+    for (int32_t k = ordering->start[row]; k < ordering->start[row + 1]; k++, visited++)
+        for (int32_t column = ordering->graph[k]; ordering->mark[column] != row;
+             column = ordering->previous[column], visited++) {
+            if (ordering->previous[column] == -1)
+                ordering->previous[column] = row;
+            ordering->mark[column] = row;
+            ordering->length[column]++;
         }
-    return walked;
+    return visited;
 }
 
-static int32_t fill_row(cairn_block_solver *s, int32_t r)
+/* Second pass over a row: writes the row number into its columns. Returns the entries visited. */
+static int32_t fill_row(cairn_block_solver *solver, int32_t row)
 {
-    struct cairn_block_order *o = &s->o;
-    int32_t walked = 1;
+    struct block_solver_order *ordering = &solver->ordering;
+    int32_t visited = 1;
 
-    o->mark[r] = r;
-    for (int32_t k = o->start[r]; k < o->start[r + 1]; k++, walked++)
-        for (int32_t c = o->graph[k]; o->mark[c] != r; c = o->previous[c], walked++) {
-            o->mark[c] = r;
-            s->rows[s->column[c] + o->length[c]++] = r;
+    ordering->mark[row] = row;
+    for (int32_t k = ordering->start[row]; k < ordering->start[row + 1]; k++, visited++)
+        for (int32_t column = ordering->graph[k]; ordering->mark[column] != row;
+             column = ordering->previous[column], visited++) {
+            ordering->mark[column] = row;
+            solver->rows[solver->column[column] + ordering->length[column]++] = row;
         }
-    return walked;
+    return visited;
 }
 
-/* The children of a column in the tree, that of the most blocks last: `head` has the first one,
- * `next` the others. */
-static void list_children(struct cairn_block_order *o, int32_t n)
+/* Lists the children of every column in the elimination tree, the child with the most blocks last:
+ * `head` holds the first child, `next` the siblings. */
+static void list_children(struct block_solver_order *ordering, int32_t n)
 {
-    int32_t *last = o->tail; /* by parent: the child of the most blocks */
+    /* [parent] Child with the most blocks. */
+    int32_t *last = ordering->last_member;
 
-    for (int32_t c = 0; c < n; c++)
-        o->head[c] = last[c] = -1;
-    for (int32_t c = 0; c < n; c++) {
-        int32_t parent = o->previous[c];
+    for (int32_t column = 0; column < n; column++)
+        ordering->head[column] = last[column] = -1;
+    for (int32_t column = 0; column < n; column++) {
+        int32_t parent = ordering->previous[column];
 
-        if (parent >= 0 && (last[parent] == -1 || o->length[c] >= o->length[last[parent]]))
-            last[parent] = c;
+        if (parent >= 0 &&
+            (last[parent] == -1 || ordering->length[column] >= ordering->length[last[parent]]))
+            last[parent] = column;
     }
-    for (int32_t c = n - 1; c >= 0; c--)
-        if (o->previous[c] >= 0 && last[o->previous[c]] == c) {
-            o->next[c] = -1;
-            o->head[o->previous[c]] = c;
+    for (int32_t column = n - 1; column >= 0; column--)
+        if (ordering->previous[column] >= 0 && last[ordering->previous[column]] == column) {
+            ordering->next[column] = -1;
+            ordering->head[ordering->previous[column]] = column;
         }
-    for (int32_t c = n - 1; c >= 0; c--)
-        if (o->previous[c] >= 0 && last[o->previous[c]] != c) {
-            o->next[c] = o->head[o->previous[c]];
-            o->head[o->previous[c]] = c;
+    for (int32_t column = n - 1; column >= 0; column--)
+        if (ordering->previous[column] >= 0 && last[ordering->previous[column]] != column) {
+            ordering->next[column] = ordering->head[ordering->previous[column]];
+            ordering->head[ordering->previous[column]] = column;
         }
 }
 
-/* Numbers the columns so that those of a subtree stand together and every column behind its
- * children: fill and counts stay, but what is multiplied stands close by, and more columns of
- * the same rows follow each other. */
-static void postorder(cairn_block_solver *s)
+/* Renumbers the columns by a postorder of the elimination tree: every column follows its children,
+ * and subtrees are contiguous. The fill stays the same; accesses become local, and supernodes
+ * (adjacent columns of the same rows) longer. */
+static void postorder(cairn_block_solver *solver)
 {
-    struct cairn_block_order *o = &s->o;
-    int32_t n = s->result.poses, *post = o->size, *parent = o->degree, *count = o->elements,
-            *order = o->member, next = 0;
+    struct block_solver_order *ordering = &solver->ordering;
+    int32_t n = solver->result.poses, *post = ordering->size, *parent = ordering->degree,
+            *count = ordering->elements, *order = ordering->next_member, next = 0;
 
-    list_children(o, n);
+    list_children(ordering, n);
     for (int32_t root = 0; root < n; root++)
-        for (int32_t c = o->previous[root] == -1 ? root : -1; c != -1;) {
-            int32_t child = o->head[c];
+        for (int32_t column = ordering->previous[root] == -1 ? root : -1; column != -1;) {
+            int32_t child = ordering->head[column];
 
             if (child != -1) {
-                o->head[c] = o->next[child];
-                c = child;
+                ordering->head[column] = ordering->next[child];
+                column = child;
             } else {
-                post[c] = next++;
-                c = o->previous[c];
+                post[column] = next++;
+                column = ordering->previous[column];
             }
         }
-    for (int32_t c = 0; c < n; c++) {
-        parent[post[c]] = o->previous[c] >= 0 ? post[o->previous[c]] : -1;
-        count[post[c]] = o->length[c];
-        order[post[c]] = s->order[c];
+    for (int32_t column = 0; column < n; column++) {
+        parent[post[column]] =
+            ordering->previous[column] >= 0 ? post[ordering->previous[column]] : -1;
+        count[post[column]] = ordering->length[column];
+        order[post[column]] = solver->order[column];
     }
-    memcpy(o->previous, parent, (size_t)n * sizeof *parent);
-    memcpy(o->length, count, (size_t)n * sizeof *count);
-    memcpy(s->order, order, (size_t)n * sizeof *order);
-    for (int32_t c = 0; c < n; c++)
-        s->place[order[c]] = c;
+    memcpy(ordering->previous, parent, (size_t)n * sizeof *parent);
+    memcpy(ordering->length, count, (size_t)n * sizeof *count);
+    memcpy(solver->order, order, (size_t)n * sizeof *order);
+    for (int32_t column = 0; column < n; column++)
+        solver->position[order[column]] = column;
 }
 
-/* Columns from their counts. Returns the entries that were walked. */
-static int32_t end_count(cairn_block_solver *s)
+/* Ends the first pass: the fill, the postorder, and the start of each column from the counts.
+ * Returns the entries visited. */
+static int32_t end_count(cairn_block_solver *solver)
 {
-    struct cairn_block_order *o = &s->o;
-    int32_t n = s->result.poses;
+    struct block_solver_order *ordering = &solver->ordering;
+    int32_t n = solver->result.poses;
     int64_t fill = 0;
 
-    for (int32_t c = 0; c < n; c++)
-        fill += o->length[c];
-    s->result.fill = fill < INT32_MAX ? (int32_t)fill : INT32_MAX;
-    if (fill > s->params.max_fill) {
-        cairn_block_solver_end(s, CAIRN_BLOCK_SOLVER_NEW, CAIRN_FULL);
+    for (int32_t column = 0; column < n; column++)
+        fill += ordering->length[column];
+    solver->result.fill = fill < INT32_MAX ? (int32_t)fill : INT32_MAX;
+    if (fill > solver->params.max_fill) {
+        cairn_block_solver_end(solver, CAIRN_BLOCK_SOLVER_NEW, CAIRN_FULL);
         return n;
     }
-    postorder(s);
-    list_rows(s);
-    s->column[0] = 0;
-    for (int32_t c = 0; c < n; c++) {
-        s->column[c + 1] = s->column[c] + o->length[c];
-        o->length[c] = 0;
-        o->mark[c] = -1;
+    postorder(solver);
+    list_rows(solver);
+    solver->column[0] = 0;
+    for (int32_t column = 0; column < n; column++) {
+        solver->column[column + 1] = solver->column[column] + ordering->length[column];
+        ordering->length[column] = 0;
+        ordering->mark[column] = -1;
     }
-    s->at = 0;
-    s->phase = BLOCK_SOLVER_FILL;
-    return 8 * n + s->result.links;
+    solver->current = 0;
+    solver->phase = BLOCK_SOLVER_FILL_ROWS;
+    return 8 * n + solver->result.links;
 }
 
-int32_t cairn_block_find(const cairn_block_solver *s, int32_t row, int32_t column)
+int32_t cairn_block_solver_find_block(const cairn_block_solver *solver, int32_t row, int32_t column)
 {
-    int32_t low = s->column[column], high = s->column[column + 1];
+    int32_t low = solver->column[column], high = solver->column[column + 1];
 
     while (low < high) {
         int32_t middle = low + (high - low) / 2;
 
-        if (s->rows[middle] < row)
+        if (solver->rows[middle] < row)
             low = middle + 1;
         else
             high = middle;
     }
-    return low < s->column[column + 1] && s->rows[low] == row ? low : -1;
+    return low < solver->column[column + 1] && solver->rows[low] == row ? low : -1;
 }
 
-static void find_slot(cairn_block_solver *s, int32_t link)
+/* Finds the block of a link. */
+static void find_slot(cairn_block_solver *solver, int32_t link)
 {
-    int32_t a = s->place[s->first[link]], b = s->place[s->second[link]];
+    int32_t a = solver->position[solver->first[link]], b = solver->position[solver->second[link]];
 
-    s->slot[link] = cairn_block_find(s, a > b ? a : b, a > b ? b : a);
-    CAIRN_ASSERT(s->slot[link] >= 0);
+    solver->slot[link] = cairn_block_solver_find_block(solver, a > b ? a : b, a > b ? b : a);
+    CAIRN_ASSERT(solver->slot[link] >= 0);
 }
 
-int32_t cairn_block_pattern_item(cairn_block_solver *s)
+int32_t cairn_block_solver_pattern_advance(cairn_block_solver *solver)
 {
-    int32_t n = s->result.poses, walked = BLOCK_SOLVER_ENTRIES;
+    int32_t n = solver->result.poses, visited = BLOCK_SOLVER_ENTRIES_PER_UNIT;
 
-    if (s->phase == BLOCK_SOLVER_COUNT && s->at < n) {
-        walked = count_row(&s->o, s->at++);
-    } else if (s->phase == BLOCK_SOLVER_COUNT) {
-        walked = end_count(s);
-    } else if (s->phase == BLOCK_SOLVER_FILL && s->at < n) {
-        walked = fill_row(s, s->at++);
-    } else if (s->phase == BLOCK_SOLVER_FILL) {
-        s->at = 0;
-        s->phase = BLOCK_SOLVER_SLOT;
-    } else if (s->at < s->result.links) {
-        find_slot(s, s->at++);
+    if (solver->phase == BLOCK_SOLVER_COUNT_ROWS && solver->current < n) {
+        visited = count_row(&solver->ordering, solver->current++);
+    } else if (solver->phase == BLOCK_SOLVER_COUNT_ROWS) {
+        visited = end_count(solver);
+    } else if (solver->phase == BLOCK_SOLVER_FILL_ROWS && solver->current < n) {
+        visited = fill_row(solver, solver->current++);
+    } else if (solver->phase == BLOCK_SOLVER_FILL_ROWS) {
+        solver->current = 0;
+        solver->phase = BLOCK_SOLVER_FIND_SLOTS;
+    } else if (solver->current < solver->result.links) {
+        find_slot(solver, solver->current++);
     } else {
-        cairn_block_solver_end(s, CAIRN_BLOCK_SOLVER_ANALYZED, CAIRN_OK);
+        cairn_block_solver_end(solver, CAIRN_BLOCK_SOLVER_ANALYZED, CAIRN_OK);
     }
-    return 1 + walked / BLOCK_SOLVER_ENTRIES;
+    return 1 + visited / BLOCK_SOLVER_ENTRIES_PER_UNIT;
 }

@@ -1,5 +1,5 @@
-/* Included first by every .c of the library: the same bits from every compiler, and the internal
- * assertion. */
+/* Build options of the library, included first by every .c: floating-point settings that give the
+ * same bits with every compiler, and the internal assertion. */
 #ifndef CAIRN_CORE_BUILD_H
 #define CAIRN_CORE_BUILD_H
 
@@ -7,7 +7,8 @@
 #error "cairn gives the same bits everywhere; -ffast-math does not"
 #endif
 
-/* 16 and 32 are 0 with half precision kept apart (AVX512-FP16). */
+/* FLT_EVAL_METHOD 16 and 32 equal 0, except that half precision is evaluated apart
+ * (AVX512-FP16). */
 #if defined(__FLT_EVAL_METHOD__) && __FLT_EVAL_METHOD__ != 0 && __FLT_EVAL_METHOD__ != 16 &&       \
     __FLT_EVAL_METHOD__ != 32
 #error                                                                                             \
@@ -18,19 +19,19 @@
 #pragma STDC FP_CONTRACT OFF
 #elif defined(__GNUC__)
 #if defined(__FMA__) || defined(__AVX512F__)
-/* Without fused instructions, because gcc 12 makes vfmaddsub of vectorized loops even when
- * contraction is off. */
+/* Fused multiply-add instructions are disabled, because gcc 12 generates vfmaddsub in vectorized
+ * loops even when contraction is off. */
 #pragma GCC target("no-fma,no-avx512f")
 #endif
-/* Without straight-line vectorization, because gcc 12 makes vfmaddsub of it even when
- * contraction is off. */
+/* Straight-line (SLP) vectorization is disabled, because gcc 12 generates vfmaddsub in vectorized
+ * blocks even when contraction is off. */
 #pragma GCC optimize("fp-contract=off", "no-tree-slp-vectorize")
 #endif
 
-/* Invariants of the library itself; the tests are built with CAIRN_ASSERTIONS. */
+/* Assertion of an internal invariant. Active when compiled with CAIRN_ASSERTIONS, as the tests are.
+ * The static analyzer takes the condition as a fact. */
 #ifdef __clang_analyzer__
-#define CAIRN_ASSERT(condition)                                                                    \
-    ((condition) ? (void)0 : __builtin_unreachable()) /* a fact that it cannot see */
+#define CAIRN_ASSERT(condition) ((condition) ? (void)0 : __builtin_unreachable())
 #elif defined(CAIRN_ASSERTIONS)
 void cairn_assertion_failed(const char *condition, const char *file, int line);
 #define CAIRN_ASSERT(condition)                                                                    \

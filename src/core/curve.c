@@ -1,21 +1,23 @@
-/* Polylines by their arc length.
+/* Polylines parametrized by arc length.
  *
- * Method: one walk along the sides. A sample's place is its share of the whole length, not the sum
- * of steps, so that the last one of an open curve does not drift off its end.
+ * Method: one pass along the sides. The arc length of a sample is a fraction of the whole length,
+ * not a sum of steps, so the last sample of an open curve coincides with its end.
  *
- * Limits: the length is summed in order; on curves of very many tiny sides samples are even to
- * within its rounding. */
+ * Limits: the length is summed in order; on curves of very many tiny sides the spacing of the
+ * samples is uniform only up to the rounding of the sum. */
 #include "src/core/build.h"
 
 #include "cairn/curve.h"
 
 enum { MAX_SAMPLES = 1 << 24 };
 
+/* Number of sides. */
 static int32_t side_count(const cairn_curve *curve)
 {
     return curve->closed ? curve->count : curve->count - 1;
 }
 
+/* Side i: from vertex i to the next one. */
 static cairn_segment side_of(const cairn_curve *curve, int32_t i)
 {
     cairn_segment side = {curve->points[i], curve->points[i + 1 < curve->count ? i + 1 : 0]};
@@ -23,6 +25,7 @@ static cairn_segment side_of(const cairn_curve *curve, int32_t i)
     return side;
 }
 
+/* 1 when all vertices are finite. */
 static int is_finite(const cairn_curve *curve)
 {
     for (int32_t i = 0; i < curve->count; i++)
@@ -31,7 +34,8 @@ static int is_finite(const cairn_curve *curve)
     return 1;
 }
 
-static int is_good(const cairn_curve *curve)
+/* 1 when the curve has at least one vertex. */
+static int is_valid(const cairn_curve *curve)
 {
     return curve != NULL && curve->points != NULL && curve->count >= 1;
 }
@@ -48,45 +52,47 @@ cairn_real cairn_curve_length(const cairn_curve *curve)
 cairn_status cairn_curve_resample(const cairn_curve *curve, cairn_vec2 *samples,
                                   cairn_vec2 *directions, int32_t count)
 {
-    cairn_real whole, before = 0, own;
-    int32_t side = 0, parts;
+    cairn_real length, arc_before = 0, side_length;
+    int32_t side = 0, intervals;
 
-    if (!is_good(curve) || samples == NULL || count < (curve->closed ? 1 : 2) ||
+    if (!is_valid(curve) || samples == NULL || count < (curve->closed ? 1 : 2) ||
         count > MAX_SAMPLES)
         return CAIRN_BAD_ARGUMENT;
     if (!is_finite(curve))
         return CAIRN_NOT_FINITE;
-    whole = cairn_curve_length(curve);
-    if (!cairn_is_finite(whole))
+    length = cairn_curve_length(curve);
+    if (!cairn_is_finite(length))
         return CAIRN_NOT_FINITE;
-    if (whole == 0)
+    if (length == 0)
         return CAIRN_EMPTY;
-    parts = curve->closed ? count : count - 1;
-    own = cairn_segment_length(side_of(curve, 0));
+    intervals = curve->closed ? count : count - 1;
+    side_length = cairn_segment_length(side_of(curve, 0));
     for (int32_t i = 0; i < count; i++) {
-        cairn_real place = whole * ((cairn_real)i / (cairn_real)parts);
-        cairn_segment s;
+        cairn_real arc = length * ((cairn_real)i / (cairn_real)intervals);
+        cairn_segment segment;
         cairn_vec2 along;
 
-        /* Sides without length are passed over, but for those behind the end. */
-        while (side + 1 < side_count(curve) && place >= before + own) {
-            before += own;
-            own = cairn_segment_length(side_of(curve, ++side));
+        /* Skips sides of length 0, except at the end. */
+        while (side + 1 < side_count(curve) && arc >= arc_before + side_length) {
+            arc_before += side_length;
+            side_length = cairn_segment_length(side_of(curve, ++side));
         }
-        s = side_of(curve, side);
-        along = cairn_vec2_sub(s.b, s.a);
+        segment = side_of(curve, side);
+        along = cairn_vec2_sub(segment.b, segment.a);
         samples[i] =
-            own > 0
-                ? cairn_vec2_add(s.a, cairn_vec2_scale(along, cairn_min((place - before) / own, 1)))
-                : s.a;
+            side_length > 0
+                ? cairn_vec2_add(
+                      segment.a,
+                      cairn_vec2_scale(along, cairn_min((arc - arc_before) / side_length, 1)))
+                : segment.a;
         if (directions != NULL)
-            directions[i] = own > 0 || i == 0 ? cairn_vec2_unit(along) : directions[i - 1];
+            directions[i] = side_length > 0 || i == 0 ? cairn_vec2_unit(along) : directions[i - 1];
     }
     return CAIRN_OK;
 }
 
-/* Vertex i of a closed curve, from -count to 2 count - 1; of an open one that or the end that it
- * lies beyond. */
+/* Vertex i, for i from -count to 2 count - 1: modulo count on a closed curve, clamped to the ends
+ * of an open one. */
 static cairn_vec2 vertex_at(const cairn_curve *curve, int32_t i)
 {
     if (curve->closed)
@@ -98,7 +104,7 @@ cairn_status cairn_curve_tangents(const cairn_curve *curve, int32_t reach, cairn
 {
     cairn_vec2 last = {1, 0};
 
-    if (!is_good(curve) || directions == NULL || reach < 1 ||
+    if (!is_valid(curve) || directions == NULL || reach < 1 ||
         reach > (curve->closed ? (curve->count - 1) / 2 : curve->count - 1))
         return CAIRN_BAD_ARGUMENT;
     if (!is_finite(curve))

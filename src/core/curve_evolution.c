@@ -1,71 +1,82 @@
-/* Discrete curve evolution.
+/* Discrete curve evolution (DCE) of a closed polyline.
  *
- * Method: vertices stand in a ring; each has its relevance, which a removal changes for two of them
- * only. The least one goes, of equals that of the lowest index, unless the side that takes its
- * place touches another side; then the next in that order is tried. A vertex that could not go is
- * tried again after the next removal.
+ * Method:
+ * 1. The vertices form a ring (a doubly linked list). Each has a relevance.
+ * 2. The vertex of least relevance, of equals the one of lowest index, is removed, unless the side
+ *    that replaces it would intersect another side. Then the next vertex in this order is tried.
+ * 3. A removal changes the relevance of the two neighbours only. A vertex that could not be removed
+ *    is tried again after the next removal.
  *
- * Layout: vertices, relevances, the ring's links both ways, ranks.
+ * Layout: vertices, relevances, links of the ring in both directions, ranks.
  *
- * Limits: a polyline that touches itself from the start is evolved as well; what touches then
- * mostly stays.
+ * Limits: a polyline that intersects itself from the start is evolved as well; its intersections
+ * mostly stay.
  *
- * Source: Latecki & Lakaemper 1999; Adluru 2008, section 4.3. */
+ * Source: Latecki and Lakaemper 1999; Adluru 2008, section 4.3. */
 #include "src/core/build.h"
 
 #include <string.h>
 
 #include "cairn/curve_evolution.h"
 
-enum { IDLE, SEARCH, CHECK, DONE };
-enum { LEAST_POINTS = 3, MOST_POINTS = 4096 };
-/* Units: vertices looked at, sides tested and a removal. */
-enum { LOOKS_A_UNIT = 16, TESTS_A_UNIT = 3, UNITS_A_REMOVAL = 6 };
+/* Phases: search for the next candidate, and check of its removal. */
+enum { PHASE_IDLE, PHASE_SEARCH, PHASE_CHECK, PHASE_DONE };
+/* Bounds of the number of vertices. */
+enum { MIN_POINTS = 3, MAX_POINTS = 4096 };
+/* Vertices visited and sides tested per work unit, and work units of a removal. */
+enum { VISITS_PER_UNIT = 16, TESTS_PER_UNIT = 3, UNITS_PER_REMOVAL = 6 };
 
 struct cairn_curve_evolution {
     cairn_curve_evolution_params params;
+    /* [max_points] Vertices and their relevances. */
     cairn_vec2 *points;
     cairn_real *relevance;
-    int32_t *before, *after, *rank;
-    int32_t count, left; /* vertices in all, and in the ring */
-    int32_t first;       /* of the ring */
-    int32_t tried;       /* the candidate, -1: none since the last removal */
-    int32_t phase, paid;
+    /* [max_points] Links of the ring, and ranks; rank -1: not removed yet. */
+    int32_t *previous, *next, *rank;
+    /* Number of vertices in all, and in the ring. */
+    int32_t count, remaining;
+    /* A vertex of the ring. */
+    int32_t ring_start;
+    /* Vertex that was tried last, -1: none since the last removal. */
+    int32_t candidate;
+    /* Phase, and work units charged for the next operation so far. */
+    int32_t phase, charged;
 };
 
 cairn_curve_evolution_params cairn_curve_evolution_default(void)
 {
-    cairn_curve_evolution_params params = {256};
+    cairn_curve_evolution_params params = {.max_points = 256};
 
     return params;
 }
 
-static cairn_curve_evolution *carve(cairn_pool *pool, const cairn_curve_evolution_params *p)
+/* Allocates the object and its arrays; NULL from a counting pool. */
+static cairn_curve_evolution *carve(cairn_pool *pool, const cairn_curve_evolution_params *params)
 {
-    size_t n = (size_t)p->max_points;
-    cairn_curve_evolution *e = cairn_pool_take_one(pool, sizeof *e);
+    size_t n = (size_t)params->max_points;
+    cairn_curve_evolution *evolution = cairn_pool_take_one(pool, sizeof *evolution);
     cairn_vec2 *points = cairn_pool_take(pool, n, sizeof *points);
     cairn_real *relevance = cairn_pool_take(pool, n, sizeof *relevance);
-    int32_t *before = cairn_pool_take(pool, n, sizeof *before);
-    int32_t *after = cairn_pool_take(pool, n, sizeof *after);
+    int32_t *previous = cairn_pool_take(pool, n, sizeof *previous);
+    int32_t *next = cairn_pool_take(pool, n, sizeof *next);
     int32_t *rank = cairn_pool_take(pool, n, sizeof *rank);
 
-    if (e != NULL) {
-        memset(e, 0, sizeof *e);
-        e->points = points;
-        e->relevance = relevance;
-        e->before = before;
-        e->after = after;
-        e->rank = rank;
+    if (evolution != NULL) {
+        memset(evolution, 0, sizeof *evolution);
+        evolution->points = points;
+        evolution->relevance = relevance;
+        evolution->previous = previous;
+        evolution->next = next;
+        evolution->rank = rank;
     }
-    return e;
+    return evolution;
 }
 
 size_t cairn_curve_evolution_memory(const cairn_curve_evolution_params *params)
 {
     cairn_pool counting;
 
-    if (params == NULL || params->max_points < LEAST_POINTS || params->max_points > MOST_POINTS)
+    if (params == NULL || params->max_points < MIN_POINTS || params->max_points > MAX_POINTS)
         return 0;
     cairn_pool_init_counting(&counting);
     (void)carve(&counting, params);
@@ -97,139 +108,145 @@ cairn_real cairn_curve_relevance(cairn_vec2 before, cairn_vec2 vertex, cairn_vec
            (first / (first + second) * second);
 }
 
-static void weigh(cairn_curve_evolution *e, int32_t i)
+/* Computes the relevance of vertex i. */
+static void update_relevance(cairn_curve_evolution *evolution, int32_t i)
 {
-    e->relevance[i] =
-        cairn_curve_relevance(e->points[e->before[i]], e->points[i], e->points[e->after[i]]);
+    evolution->relevance[i] =
+        cairn_curve_relevance(evolution->points[evolution->previous[i]], evolution->points[i],
+                              evolution->points[evolution->next[i]]);
 }
 
-cairn_status cairn_curve_evolution_begin(cairn_curve_evolution *e, const cairn_vec2 *points,
+cairn_status cairn_curve_evolution_begin(cairn_curve_evolution *evolution, const cairn_vec2 *points,
                                          int32_t count)
 {
-    if (e == NULL || points == NULL || count < LEAST_POINTS)
+    if (evolution == NULL || points == NULL || count < MIN_POINTS)
         return CAIRN_BAD_ARGUMENT;
-    if (count > e->params.max_points)
+    if (count > evolution->params.max_points)
         return CAIRN_FULL;
     for (int32_t i = 0; i < count; i++)
         if (!cairn_is_finite(points[i].x) || !cairn_is_finite(points[i].y))
             return CAIRN_NOT_FINITE;
-    memcpy(e->points, points, (size_t)count * sizeof *points);
+    memcpy(evolution->points, points, (size_t)count * sizeof *points);
     for (int32_t i = 0; i < count; i++) {
-        e->before[i] = i > 0 ? i - 1 : count - 1;
-        e->after[i] = i + 1 < count ? i + 1 : 0;
-        e->rank[i] = -1;
+        evolution->previous[i] = i > 0 ? i - 1 : count - 1;
+        evolution->next[i] = i + 1 < count ? i + 1 : 0;
+        evolution->rank[i] = -1;
     }
-    e->count = e->left = count;
-    e->first = e->paid = 0;
-    e->tried = -1;
+    evolution->count = evolution->remaining = count;
+    evolution->ring_start = evolution->charged = 0;
+    evolution->candidate = -1;
     for (int32_t i = 0; i < count; i++)
-        weigh(e, i);
-    e->phase = SEARCH;
+        update_relevance(evolution, i);
+    evolution->phase = PHASE_SEARCH;
     return CAIRN_OK;
 }
 
-/* The order in which vertices go. */
-static int goes_before(const cairn_curve_evolution *e, int32_t i, int32_t k)
+/* 1 when vertex i comes before k in the order of removal. */
+static int is_removed_before(const cairn_curve_evolution *evolution, int32_t i, int32_t k)
 {
-    cairn_real own = e->relevance[i], other = e->relevance[k];
+    cairn_real own = evolution->relevance[i], other = evolution->relevance[k];
 
     return own < other || (own <= other && i < k);
 }
 
-/* The first in that order of those behind the one that was tried; -1: there is none. */
-static int32_t next_candidate(const cairn_curve_evolution *e)
+/* First vertex in the order of removal after the last candidate; -1: none. */
+static int32_t next_candidate(const cairn_curve_evolution *evolution)
 {
-    int32_t best = -1, i = e->first;
+    int32_t best = -1, i = evolution->ring_start;
 
-    for (int32_t k = 0; k < e->left; k++, i = e->after[i])
-        if ((e->tried < 0 || goes_before(e, e->tried, i)) && (best < 0 || goes_before(e, i, best)))
+    for (int32_t k = 0; k < evolution->remaining; k++, i = evolution->next[i])
+        if ((evolution->candidate < 0 || is_removed_before(evolution, evolution->candidate, i)) &&
+            (best < 0 || is_removed_before(evolution, i, best)))
             best = i;
     return best;
 }
 
-/* 1 when the side from `end` runs back over the one that ends there. */
-static int runs_back(cairn_vec2 start, cairn_vec2 end, cairn_vec2 beyond)
+/* 1 when the side from `end` to `beyond` overlaps the side from `start` to `end`. */
+static int folds_back(cairn_vec2 start, cairn_vec2 end, cairn_vec2 beyond)
 {
-    cairn_vec2 back = cairn_vec2_sub(start, end), on = cairn_vec2_sub(beyond, end);
+    cairn_vec2 back = cairn_vec2_sub(start, end), onward = cairn_vec2_sub(beyond, end);
 
-    return cairn_vec2_cross(back, on) == 0 && cairn_vec2_dot(back, on) > 0;
+    return cairn_vec2_cross(back, onward) == 0 && cairn_vec2_dot(back, onward) > 0;
 }
 
-/* 1 when the side past vertex i would touch another one. */
-static int would_touch(const cairn_curve_evolution *e, int32_t i)
+/* 1 when the side that replaces vertex i would intersect another side. */
+static int would_intersect(const cairn_curve_evolution *evolution, int32_t i)
 {
-    const cairn_vec2 *p = e->points;
-    int32_t from = e->before[i], to = e->after[i];
-    cairn_segment side = {p[from], p[to]};
+    const cairn_vec2 *points = evolution->points;
+    int32_t from = evolution->previous[i], to = evolution->next[i];
+    cairn_segment side = {points[from], points[to]};
 
-    for (int32_t k = e->after[to]; e->after[k] != from; k = e->after[k]) {
-        cairn_segment other = {p[k], p[e->after[k]]};
+    for (int32_t k = evolution->next[to]; evolution->next[k] != from; k = evolution->next[k]) {
+        cairn_segment other = {points[k], points[evolution->next[k]]};
 
         if (cairn_segments_cross(side, other))
             return 1;
     }
-    return runs_back(p[from], p[to], p[e->after[to]]) ||
-           runs_back(p[to], p[from], p[e->before[from]]);
+    return folds_back(points[from], points[to], points[evolution->next[to]]) ||
+           folds_back(points[to], points[from], points[evolution->previous[from]]);
 }
 
-static void remove_vertex(cairn_curve_evolution *e, int32_t i)
+/* Removes vertex i from the ring and ranks it. */
+static void remove_vertex(cairn_curve_evolution *evolution, int32_t i)
 {
-    int32_t from = e->before[i], to = e->after[i];
+    int32_t from = evolution->previous[i], to = evolution->next[i];
 
-    e->after[from] = to;
-    e->before[to] = from;
-    e->first = e->first == i ? to : e->first;
-    e->rank[i] = --e->left;
-    weigh(e, from);
-    weigh(e, to);
+    evolution->next[from] = to;
+    evolution->previous[to] = from;
+    evolution->ring_start = evolution->ring_start == i ? to : evolution->ring_start;
+    evolution->rank[i] = --evolution->remaining;
+    update_relevance(evolution, from);
+    update_relevance(evolution, to);
 }
 
-/* Those that stay are ranked in their order. */
-static void rank_rest(cairn_curve_evolution *e)
+/* Ranks the remaining vertices in their order. */
+static void rank_remaining(cairn_curve_evolution *evolution)
 {
     int32_t rank = 0;
 
-    for (int32_t i = 0; i < e->count; i++)
-        if (e->rank[i] < 0)
-            e->rank[i] = rank++;
-    e->phase = DONE;
+    for (int32_t i = 0; i < evolution->count; i++)
+        if (evolution->rank[i] < 0)
+            evolution->rank[i] = rank++;
+    evolution->phase = PHASE_DONE;
 }
 
-cairn_status cairn_curve_evolution_step(cairn_curve_evolution *e, cairn_budget *budget)
+cairn_status cairn_curve_evolution_step(cairn_curve_evolution *evolution, cairn_budget *budget)
 {
-    if (e == NULL || budget == NULL)
+    if (evolution == NULL || budget == NULL)
         return CAIRN_BAD_ARGUMENT;
-    while (e->phase == SEARCH || e->phase == CHECK) {
-        int32_t cost = e->phase == SEARCH ? 1 + e->left / LOOKS_A_UNIT
-                                          : UNITS_A_REMOVAL + e->left / TESTS_A_UNIT;
+    while (evolution->phase == PHASE_SEARCH || evolution->phase == PHASE_CHECK) {
+        int32_t cost = evolution->phase == PHASE_SEARCH
+                           ? 1 + evolution->remaining / VISITS_PER_UNIT
+                           : UNITS_PER_REMOVAL + evolution->remaining / TESTS_PER_UNIT;
 
-        if (!cairn_budget_pay(budget, &e->paid, cost))
+        if (!cairn_budget_pay(budget, &evolution->charged, cost))
             return CAIRN_MORE;
-        if (e->phase == SEARCH) {
-            e->tried = e->left > LEAST_POINTS ? next_candidate(e) : -1;
-            if (e->tried < 0)
-                rank_rest(e);
+        if (evolution->phase == PHASE_SEARCH) {
+            evolution->candidate =
+                evolution->remaining > MIN_POINTS ? next_candidate(evolution) : -1;
+            if (evolution->candidate < 0)
+                rank_remaining(evolution);
             else
-                e->phase = CHECK;
+                evolution->phase = PHASE_CHECK;
         } else {
-            if (!would_touch(e, e->tried)) {
-                remove_vertex(e, e->tried);
-                e->tried = -1;
+            if (!would_intersect(evolution, evolution->candidate)) {
+                remove_vertex(evolution, evolution->candidate);
+                evolution->candidate = -1;
             }
-            e->phase = SEARCH;
+            evolution->phase = PHASE_SEARCH;
         }
     }
     return CAIRN_OK;
 }
 
-cairn_curve_evolution_result cairn_curve_evolution_read(const cairn_curve_evolution *e)
+cairn_curve_evolution_result cairn_curve_evolution_read(const cairn_curve_evolution *evolution)
 {
     cairn_curve_evolution_result result = {NULL, 0, 0};
 
-    if (e != NULL && e->phase == DONE) {
-        result.rank = e->rank;
-        result.count = e->count;
-        result.least = e->left;
+    if (evolution != NULL && evolution->phase == PHASE_DONE) {
+        result.rank = evolution->rank;
+        result.count = evolution->count;
+        result.least = evolution->remaining;
     }
     return result;
 }

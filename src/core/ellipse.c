@@ -1,19 +1,22 @@
-/* Votes for centres, radii about the greatest of them, and the ellipses that come of these circles.
+/* Hough transform for circle centres, and the peaks that become ellipses.
  *
- * Method: a point votes, in a square of cells, for all centres along its normal between the least
- * and the greatest radius; rooms are sought on its free side and columns on the other, each in a
- * square of their own. The square is smoothed, as normals are poorly known far from their points.
- * About every peak a histogram of distances, of points whose normals pass by it, gives a circle
- * (ellipse_refine.c). Three passes of least squares over conics (ellipse_fit.c), each with a
- * narrower gate, make it an ellipse; a last pass measures what covers it. Ellipses that came to lie
- * on a stronger one are dropped.
+ * Method:
+ * 1. A point votes for all centres along its normal between the least and the largest radius, in a
+ *    square accumulator. Rooms have their centre on the free side of the point, columns on the
+ *    other side; each kind has its own accumulator.
+ * 2. The accumulator is smoothed, because normals are inaccurate far from their points.
+ * 3. Peaks are local maxima (non-maximum suppression). Around each a histogram of the distances of
+ *    the points whose normals pass close to the peak gives a circle (ellipse_refine.c).
+ * 4. Three least-squares fits of a conic (ellipse_fit.c), with narrowing gates, refine the circle
+ *    to an ellipse; a last pass measures its inliers and coverage.
+ * 5. Ellipses that coincide with one of more votes are suppressed.
  *
- * Layout: the squares of votes, room after room; the peaks; two lists of ellipses, one in work, one
- * that readers see.
+ * Layout: the accumulators one after the other; the peaks; two lists of ellipses, one of the search
+ * that runs and one of the last result.
  *
- * Limits: one radius for a peak and kind; of concentric walls that with the most points. Ellipses
- * of more than one to two have normals that pass their centre too far off to peak there. Cells get
- * wider when points reach too far for them.
+ * Limits: one radius per peak and kind; of concentric walls the one with the most points. With an
+ * axis ratio above 2 the normals pass too far from the centre for a peak there. Cells are larger
+ * when the points extend too far.
  *
  * Source: Duda and Hart 1972; Ballard 1981. */
 #include "src/core/build.h"
@@ -22,7 +25,8 @@
 
 #include "src/core/ellipse_work.h"
 
-#define LIMIT CAIRN_REAL(1e6)
+/* Largest absolute coordinate and length in m, and largest weight. */
+#define MAX_MAGNITUDE CAIRN_REAL(1e6)
 
 cairn_ellipse_params cairn_ellipse_default(void)
 {
@@ -44,42 +48,48 @@ cairn_ellipse_params cairn_ellipse_default(void)
     return params;
 }
 
+/* 1 for a length in m that is allowed. */
 static int is_length(cairn_real x)
 {
-    return x > 0 && x <= LIMIT;
+    return x > 0 && x <= MAX_MAGNITUDE;
 }
 
-static int params_are_valid(const cairn_ellipse_params *p)
+/* 1 when all params are in range. */
+static int params_are_valid(const cairn_ellipse_params *params)
 {
-    return p != NULL && p->max_ellipses >= 1 && p->max_ellipses <= 256 && p->cells >= 8 &&
-           p->cells <= 1024 && is_length(p->cell) && is_length(p->least_radius) &&
-           p->most_radius > p->least_radius && is_length(p->most_radius) && p->most_ratio >= 1 &&
-           p->most_ratio <= LIMIT && p->angle_tolerance > 0 && p->angle_tolerance <= CAIRN_PI / 4 &&
-           is_length(p->support_distance) && is_length(p->spacing) && p->least_votes > 0 &&
-           cairn_is_finite(p->least_votes) && p->least_covered >= 0 && p->least_covered <= 1 &&
-           is_length(p->separation);
+    return params != NULL && params->max_ellipses >= 1 && params->max_ellipses <= 256 &&
+           params->cells >= 8 && params->cells <= 1024 && is_length(params->cell) &&
+           is_length(params->least_radius) && params->most_radius > params->least_radius &&
+           is_length(params->most_radius) && params->most_ratio >= 1 &&
+           params->most_ratio <= MAX_MAGNITUDE && params->angle_tolerance > 0 &&
+           params->angle_tolerance <= CAIRN_PI / 4 && is_length(params->support_distance) &&
+           is_length(params->spacing) && params->least_votes > 0 &&
+           cairn_is_finite(params->least_votes) && params->least_covered >= 0 &&
+           params->least_covered <= 1 && is_length(params->separation);
 }
 
+/* Number of cells of all accumulators. */
 static int32_t cells_of(const cairn_ellipse_params *params)
 {
     return (params->oriented ? 2 : 1) * params->cells * params->cells;
 }
 
+/* Allocates the object and its arrays; NULL from a counting pool. */
 static cairn_ellipse_set *carve(cairn_pool *pool, const cairn_ellipse_params *params)
 {
     size_t ellipses = (size_t)params->max_ellipses;
     cairn_ellipse_set *set = cairn_pool_take_one(pool, sizeof *set);
-    cairn_real *votes = cairn_pool_take(pool, (size_t)cells_of(params), sizeof *votes);
+    cairn_real *accumulator = cairn_pool_take(pool, (size_t)cells_of(params), sizeof *accumulator);
     ellipse_peak *peaks = cairn_pool_take(pool, ellipses, sizeof *peaks);
-    cairn_ellipse *work = cairn_pool_take(pool, ellipses, sizeof *work);
-    cairn_ellipse *done = cairn_pool_take(pool, ellipses, sizeof *done);
+    cairn_ellipse *found = cairn_pool_take(pool, ellipses, sizeof *found);
+    cairn_ellipse *result = cairn_pool_take(pool, ellipses, sizeof *result);
 
     if (set != NULL) {
         memset(set, 0, sizeof *set);
-        set->votes = votes;
+        set->accumulator = accumulator;
         set->peaks = peaks;
-        set->work = work;
-        set->done = done;
+        set->found = found;
+        set->result = result;
     }
     return set;
 }
@@ -95,10 +105,11 @@ size_t cairn_ellipse_memory(const cairn_ellipse_params *params)
     return cairn_pool_counted(&counting);
 }
 
-static void take_params(cairn_ellipse_set *set, const cairn_ellipse_params *params)
+/* Copies the params, and computes the sine. */
+static void set_params(cairn_ellipse_set *set, const cairn_ellipse_params *params)
 {
     set->params = *params;
-    set->sine = cairn_sin(params->angle_tolerance);
+    set->max_sine = cairn_sin(params->angle_tolerance);
 }
 
 cairn_status cairn_ellipse_create(cairn_ellipse_set **set, cairn_pool *pool,
@@ -112,8 +123,8 @@ cairn_status cairn_ellipse_create(cairn_ellipse_set **set, cairn_pool *pool,
     if (!cairn_pool_has_room(pool, need))
         return CAIRN_NO_MEMORY;
     made = carve(pool, params);
-    take_params(made, params);
-    made->squares = params->oriented ? 2 : 1;
+    set_params(made, params);
+    made->accumulator_count = params->oriented ? 2 : 1;
     *set = made;
     return CAIRN_OK;
 }
@@ -125,7 +136,7 @@ cairn_status cairn_ellipse_adjust(cairn_ellipse_set *set, const cairn_ellipse_pa
         (params->oriented != 0) != (set->params.oriented != 0))
         return CAIRN_BAD_ARGUMENT;
     set->phase = ELLIPSE_IDLE;
-    take_params(set, params);
+    set_params(set, params);
     return CAIRN_OK;
 }
 
@@ -137,46 +148,50 @@ cairn_status cairn_ellipse_begin(cairn_ellipse_set *set, const cairn_oriented_po
     set->points = points;
     set->weights = weights;
     set->count = count;
-    set->cursor = set->paid = 0;
+    set->cursor = set->charged = 0;
     set->box = cairn_box_empty();
-    set->peak_count = set->work_count = set->work_dropped = 0;
+    set->peak_count = set->found_count = set->found_dropped = 0;
     set->phase = ELLIPSE_BOUNDS;
     return CAIRN_OK;
 }
 
 /* ---- Bounds ---- */
 
-static cairn_status check(const cairn_oriented_point *p, cairn_real weight)
+/* CAIRN_OK when a point and its weight are in range. */
+static cairn_status check_point(const cairn_oriented_point *point, cairn_real weight)
 {
-    if (!cairn_is_finite(p->position.x) || !cairn_is_finite(p->position.y) ||
-        !cairn_is_finite(p->direction.x) || !cairn_is_finite(p->direction.y) ||
+    if (!cairn_is_finite(point->position.x) || !cairn_is_finite(point->position.y) ||
+        !cairn_is_finite(point->direction.x) || !cairn_is_finite(point->direction.y) ||
         !cairn_is_finite(weight))
         return CAIRN_NOT_FINITE;
-    if (cairn_abs(p->position.x) > LIMIT || cairn_abs(p->position.y) > LIMIT || weight < 0 ||
-        weight > LIMIT)
+    if (cairn_abs(point->position.x) > MAX_MAGNITUDE ||
+        cairn_abs(point->position.y) > MAX_MAGNITUDE || weight < 0 || weight > MAX_MAGNITUDE)
         return CAIRN_BAD_ARGUMENT;
     return CAIRN_OK;
 }
 
-/* Centres lie in the points' box. */
-static void lay_cells(cairn_ellipse_set *set)
+/* Sets the cells of the accumulators, which cover the bounding box of the points, and the
+ * suppression radius. */
+static void set_up_cells(cairn_ellipse_set *set)
 {
-    const cairn_ellipse_params *p = &set->params;
-    cairn_vec2 size = {0, 0}, middle = {0, 0};
+    const cairn_ellipse_params *params = &set->params;
+    cairn_vec2 size = {0, 0}, centre = {0, 0};
     cairn_real half;
 
     if (set->count > 0) {
         size = cairn_vec2_sub(set->box.max, set->box.min);
-        middle = cairn_vec2_scale(cairn_vec2_add(set->box.max, set->box.min), CAIRN_REAL(0.5));
+        centre = cairn_vec2_scale(cairn_vec2_add(set->box.max, set->box.min), CAIRN_REAL(0.5));
     }
-    set->cell = cairn_max(p->cell, cairn_max(size.x, size.y) / (cairn_real)(p->cells - 3));
-    half = set->cell * (cairn_real)(p->cells - 1) / 2;
-    set->corner.x = middle.x - half;
-    set->corner.y = middle.y - half;
-    set->reach =
-        cairn_real_to_int(cairn_min(cairn_ceil(p->separation / set->cell), (cairn_real)p->cells));
+    set->cell_size =
+        cairn_max(params->cell, cairn_max(size.x, size.y) / (cairn_real)(params->cells - 3));
+    half = set->cell_size * (cairn_real)(params->cells - 1) / 2;
+    set->first_cell.x = centre.x - half;
+    set->first_cell.y = centre.y - half;
+    set->nms_radius = cairn_real_to_int(
+        cairn_min(cairn_ceil(params->separation / set->cell_size), (cairn_real)params->cells));
 }
 
+/* Phase BOUNDS: checks the points and computes their bounding box. */
 static cairn_status step_bounds(cairn_ellipse_set *set, cairn_budget *budget)
 {
     while (set->cursor < set->count) {
@@ -184,138 +199,147 @@ static cairn_status step_bounds(cairn_ellipse_set *set, cairn_budget *budget)
             return CAIRN_MORE;
         budget->left--;
         for (int32_t i = 0; i < 4 && set->cursor < set->count; i++, set->cursor++) {
-            const cairn_oriented_point *p = &set->points[set->cursor];
-            cairn_status status = check(p, cairn_ellipse_weight(set, set->cursor));
+            const cairn_oriented_point *point = &set->points[set->cursor];
+            cairn_status status = check_point(point, cairn_ellipse_weight(set, set->cursor));
 
             if (status != CAIRN_OK)
                 return status;
-            set->box = cairn_box_extend(set->box, p->position);
+            set->box = cairn_box_extend(set->box, point->position);
         }
     }
-    lay_cells(set);
+    set_up_cells(set);
     return CAIRN_OK;
 }
 
 /* ---- Votes ---- */
 
+/* Phase CLEAR: sets the accumulators to 0. */
 static cairn_status step_clear(cairn_ellipse_set *set, cairn_budget *budget)
 {
     int32_t cells = cells_of(&set->params);
 
     while (set->cursor < cells) {
-        int32_t some = cells - set->cursor < 128 ? cells - set->cursor : 128;
+        int32_t chunk = cells - set->cursor < 128 ? cells - set->cursor : 128;
 
         if (budget->left <= 0)
             return CAIRN_MORE;
         budget->left--;
-        memset(&set->votes[set->cursor], 0, (size_t)some * sizeof *set->votes);
-        set->cursor += some;
+        memset(&set->accumulator[set->cursor], 0, (size_t)chunk * sizeof *set->accumulator);
+        set->cursor += chunk;
     }
     return CAIRN_OK;
 }
 
-/* Centres along a normal that a point votes for. */
-static int32_t steps_of(const cairn_ellipse_set *set)
+/* Number of centres along a normal that a point votes for. */
+static int32_t votes_per_point(const cairn_ellipse_set *set)
 {
-    cairn_real steps = (set->params.most_radius - set->params.least_radius) / set->cell;
+    cairn_real steps = (set->params.most_radius - set->params.least_radius) / set->cell_size;
 
     return cairn_real_to_int(cairn_min(steps, (cairn_real)(2 * set->params.cells))) + 1;
 }
 
-/* The centres from a place on, along a unit normal, a cell apart. */
-static void vote_along(cairn_ellipse_set *set, int32_t square, cairn_vec2 from, cairn_vec2 normal,
+/* Votes for the centres along a unit normal from a point, a cell apart. */
+static void vote_along(cairn_ellipse_set *set, int32_t layer, cairn_vec2 from, cairn_vec2 normal,
                        cairn_real weight)
 {
-    int32_t cells = set->params.cells, steps = steps_of(set);
-    cairn_real *votes = &set->votes[square * cells * cells],
-               least = set->params.least_radius / set->cell;
-    cairn_real x = (from.x - set->corner.x) / set->cell + CAIRN_REAL(0.5) + normal.x * least;
-    cairn_real y = (from.y - set->corner.y) / set->cell + CAIRN_REAL(0.5) + normal.y * least;
+    int32_t cells = set->params.cells, steps = votes_per_point(set);
+    cairn_real *accumulator = &set->accumulator[layer * cells * cells],
+               min_radius = set->params.least_radius / set->cell_size;
+    cairn_real x =
+        (from.x - set->first_cell.x) / set->cell_size + CAIRN_REAL(0.5) + normal.x * min_radius;
+    cairn_real y =
+        (from.y - set->first_cell.y) / set->cell_size + CAIRN_REAL(0.5) + normal.y * min_radius;
 
     for (int32_t k = 0; k < steps; k++) {
         if (x >= 0 && y >= 0 && x < (cairn_real)cells && y < (cairn_real)cells)
-            votes[(int32_t)y * cells + (int32_t)x] += weight;
+            accumulator[(int32_t)y * cells + (int32_t)x] += weight;
         x += normal.x;
         y += normal.y;
     }
 }
 
+/* Phase VOTE. */
 static cairn_status step_vote(cairn_ellipse_set *set, cairn_budget *budget)
 {
     for (; set->cursor < set->count; set->cursor++) {
-        const cairn_oriented_point *p = &set->points[set->cursor];
-        cairn_vec2 normal = cairn_vec2_left(cairn_vec2_unit(p->direction));
+        const cairn_oriented_point *point = &set->points[set->cursor];
+        cairn_vec2 normal = cairn_vec2_left(cairn_vec2_unit(point->direction));
         cairn_real weight = cairn_ellipse_weight(set, set->cursor);
 
-        if (!cairn_budget_pay(budget, &set->paid, 1 + steps_of(set) / 4))
+        if (!cairn_budget_pay(budget, &set->charged, 1 + votes_per_point(set) / 4))
             return CAIRN_MORE;
         if (!(weight > 0) || !(cairn_vec2_norm_squared(normal) > 0))
             continue;
-        vote_along(set, 0, p->position, normal, weight);
-        vote_along(set, set->squares - 1, p->position, cairn_vec2_scale(normal, -1), weight);
+        vote_along(set, 0, point->position, normal, weight);
+        vote_along(set, set->accumulator_count - 1, point->position, cairn_vec2_scale(normal, -1),
+                   weight);
     }
     return CAIRN_OK;
 }
 
 /* ---- Peaks ---- */
 
-/* Every value of a line of cells with its neighbours, as one to two to one. */
+/* Smooths a line of cells with the kernel (1, 2, 1). */
 static void smooth_line(cairn_real *first, int32_t stride, int32_t count)
 {
     cairn_real before = 0;
 
     for (int32_t i = 0; i < count; i++) {
-        cairn_real *at = &first[i * stride], own = *at, after = i + 1 < count ? at[stride] : 0;
+        cairn_real *cell = &first[i * stride], value = *cell,
+                   after = i + 1 < count ? cell[stride] : 0;
 
-        *at = before + 2 * own + after;
-        before = own;
+        *cell = before + 2 * value + after;
+        before = value;
     }
 }
 
-/* The rows, then the columns of a square, then the next. */
+/* Phase SMOOTH: the rows, then the columns of each accumulator (separable filter). */
 static cairn_status step_smooth(cairn_ellipse_set *set, cairn_budget *budget)
 {
     int32_t cells = set->params.cells;
 
-    for (; set->cursor < 2 * cells * set->squares; set->cursor++) {
-        cairn_real *square = &set->votes[set->cursor / (2 * cells) * cells * cells];
+    for (; set->cursor < 2 * cells * set->accumulator_count; set->cursor++) {
+        cairn_real *layer = &set->accumulator[set->cursor / (2 * cells) * cells * cells];
         int32_t line = set->cursor % (2 * cells);
 
-        if (!cairn_budget_pay(budget, &set->paid, 1 + cells / 16))
+        if (!cairn_budget_pay(budget, &set->charged, 1 + cells / 16))
             return CAIRN_MORE;
         if (line < cells)
-            smooth_line(&square[line * cells], 1, cells);
+            smooth_line(&layer[line * cells], 1, cells);
         else
-            smooth_line(&square[line - cells], cells, cells);
+            smooth_line(&layer[line - cells], cells, cells);
     }
     return CAIRN_OK;
 }
 
-/* 1 when no cell near this one has more votes, or as many and comes before. */
+/* 1 when a cell is a local maximum: no cell within the suppression radius has more votes, or as
+ * many and a lower index. */
 static int is_peak(const cairn_ellipse_set *set, int32_t cell)
 {
-    int32_t cells = set->params.cells, square = cell - cell % (cells * cells);
-    int32_t row = (cell - square) / cells, column = (cell - square) % cells;
-    int32_t left = column > set->reach ? column - set->reach : 0;
-    int32_t right = cells - 1 - column > set->reach ? column + set->reach : cells - 1;
-    int32_t low = row > set->reach ? row - set->reach : 0;
-    int32_t high = cells - 1 - row > set->reach ? row + set->reach : cells - 1;
+    int32_t cells = set->params.cells, layer = cell - cell % (cells * cells);
+    int32_t row = (cell - layer) / cells, column = (cell - layer) % cells;
+    int32_t left = column > set->nms_radius ? column - set->nms_radius : 0;
+    int32_t right = cells - 1 - column > set->nms_radius ? column + set->nms_radius : cells - 1;
+    int32_t low = row > set->nms_radius ? row - set->nms_radius : 0;
+    int32_t high = cells - 1 - row > set->nms_radius ? row + set->nms_radius : cells - 1;
 
     for (int32_t i = low; i <= high; i++)
-        for (int32_t k = square + i * cells + left; k <= square + i * cells + right; k++)
-            if (set->votes[k] > set->votes[cell] || (k < cell && set->votes[k] == set->votes[cell]))
+        for (int32_t k = layer + i * cells + left; k <= layer + i * cells + right; k++)
+            if (set->accumulator[k] > set->accumulator[cell] ||
+                (k < cell && set->accumulator[k] == set->accumulator[cell]))
                 return 0;
     return 1;
 }
 
-/* Among the peaks found before, all of which come before it when they are as high. */
-static void keep(cairn_ellipse_set *set, int32_t cell)
+/* Inserts a peak into the list by decreasing votes, behind equal ones. */
+static void insert_peak(cairn_ellipse_set *set, int32_t cell)
 {
     int32_t cells = set->params.cells, at = set->peak_count;
-    ellipse_peak p = {set->votes[cell], cell / (cells * cells), cell / cells % cells, cell % cells};
+    ellipse_peak p = {set->accumulator[cell], cell / (cells * cells), cell / cells % cells,
+                      cell % cells};
 
     if (at == set->params.max_ellipses) {
-        set->work_dropped++;
+        set->found_dropped++;
         if (set->peaks[at - 1].votes >= p.votes)
             return;
         at--;
@@ -327,72 +351,79 @@ static void keep(cairn_ellipse_set *set, int32_t cell)
     set->peaks[at] = p;
 }
 
-/* Smoothing has multiplied votes that fall into one cell by 4; from those that spread over four
- * by four one is left. */
-static int may_be_peak(const cairn_ellipse_set *set, int32_t cell)
+/* 1 when a cell has enough votes for a peak. The smoothing multiplies votes within one cell by 4,
+ * and votes spread over 4 x 4 cells by 1. */
+static int is_above_threshold(const cairn_ellipse_set *set, int32_t cell)
 {
-    return set->votes[cell] >= set->params.least_votes;
+    return set->accumulator[cell] >= set->params.least_votes;
 }
 
+/* Phase PEAKS: finds the local maxima of the accumulators. */
 static cairn_status step_peaks(cairn_ellipse_set *set, cairn_budget *budget)
 {
-    int32_t cells = cells_of(&set->params), about = (2 * set->reach + 1) * (2 * set->reach + 1);
+    int32_t cells = cells_of(&set->params),
+            window_cells = (2 * set->nms_radius + 1) * (2 * set->nms_radius + 1);
 
     while (set->cursor < cells) {
         if (budget->left <= 0)
             return CAIRN_MORE;
-        if (!may_be_peak(set, set->cursor)) {
+        if (!is_above_threshold(set, set->cursor)) {
             budget->left--;
-            for (int32_t i = 0; i < 32 && set->cursor < cells && !may_be_peak(set, set->cursor);
-                 i++)
+            for (int32_t i = 0;
+                 i < 32 && set->cursor < cells && !is_above_threshold(set, set->cursor); i++)
                 set->cursor++;
             continue;
         }
-        if (!cairn_budget_pay(budget, &set->paid, 1 + about / 32))
+        if (!cairn_budget_pay(budget, &set->charged, 1 + window_cells / 32))
             return CAIRN_MORE;
         if (is_peak(set, set->cursor)) {
-            set->paid -= 1 + set->peak_count / 8; /* owed to the next item */
-            keep(set, set->cursor);
+            /* Charged together with the next operation. */
+            set->charged -= 1 + set->peak_count / 8;
+            insert_peak(set, set->cursor);
         }
         set->cursor++;
     }
     return CAIRN_OK;
 }
 
-/* ---- The search ---- */
+/* ---- Search ---- */
 
-static int is_same(const cairn_ellipse_set *set, const cairn_ellipse *a, const cairn_ellipse *b)
+/* 1 when two ellipses of a kind coincide. */
+static int is_duplicate(const cairn_ellipse_set *set, const cairn_ellipse *a,
+                        const cairn_ellipse *b)
 {
-    cairn_vec2 apart = {a->centre.x - b->centre.x, a->centre.y - b->centre.y};
+    cairn_vec2 offset = {a->centre.x - b->centre.x, a->centre.y - b->centre.y};
 
-    return a->kind == b->kind && cairn_vec2_norm(apart) < set->params.separation &&
+    return a->kind == b->kind && cairn_vec2_norm(offset) < set->params.separation &&
            cairn_abs(a->half_length - b->half_length) < set->params.separation &&
            cairn_abs(a->half_width - b->half_width) < set->params.separation;
 }
 
-/* Ellipses that lie on a stronger one go; the rest is what readers see. */
-static cairn_status step_thin(cairn_ellipse_set *set, cairn_budget *budget)
+/* Phase SUPPRESS: non-maximum suppression. Drops ellipses that coincide with one of more votes, and
+ * publishes the rest as the result. */
+static cairn_status step_suppress(cairn_ellipse_set *set, cairn_budget *budget)
 {
-    cairn_ellipse *list = set->done;
+    cairn_ellipse *list = set->result;
     int32_t kept = 0;
 
-    if (!cairn_budget_pay(budget, &set->paid, 1 + set->work_count * set->work_count / 8))
+    if (!cairn_budget_pay(budget, &set->charged, 1 + set->found_count * set->found_count / 8))
         return CAIRN_MORE;
-    for (int32_t i = 0; i < set->work_count; i++) {
-        int same = 0;
+    for (int32_t i = 0; i < set->found_count; i++) {
+        int is_suppressed = 0;
 
-        for (int32_t k = 0; k < kept && !same; k++)
-            same = is_same(set, &set->work[k], &set->work[i]);
-        if (!same)
-            set->work[kept++] = set->work[i];
+        for (int32_t k = 0; k < kept && !is_suppressed; k++)
+            is_suppressed = is_duplicate(set, &set->found[k], &set->found[i]);
+        if (!is_suppressed)
+            set->found[kept++] = set->found[i];
     }
-    set->done = set->work;
-    set->done_count = kept;
-    set->done_dropped = set->work_dropped;
-    set->work = list;
+    set->result = set->found;
+    set->result_count = kept;
+    set->result_dropped = set->found_dropped;
+    set->found = list;
     return CAIRN_OK;
 }
 
+/* Works on the current phase. CAIRN_OK: the phase has ended. */
 static cairn_status step_phase(cairn_ellipse_set *set, cairn_budget *budget)
 {
     switch (set->phase) {
@@ -409,7 +440,7 @@ static cairn_status step_phase(cairn_ellipse_set *set, cairn_budget *budget)
     case ELLIPSE_FIT:
         return cairn_ellipse_refine(set, budget);
     default:
-        return step_thin(set, budget);
+        return step_suppress(set, budget);
     }
 }
 
@@ -422,11 +453,11 @@ cairn_status cairn_ellipse_step(cairn_ellipse_set *set, cairn_budget *budget)
 
         if (status == CAIRN_MORE)
             return status;
-        set->phase = status < 0 || set->phase == ELLIPSE_THIN ? ELLIPSE_IDLE : set->phase + 1;
+        set->phase = status < 0 || set->phase == ELLIPSE_SUPPRESS ? ELLIPSE_IDLE : set->phase + 1;
         if (status < 0)
             return status;
         set->cursor = 0;
-        set->item = 0;
+        set->current_peak = 0;
         if (set->phase == ELLIPSE_FIT && set->peak_count > 0)
             cairn_ellipse_start_peak(set);
     }
@@ -435,11 +466,11 @@ cairn_status cairn_ellipse_step(cairn_ellipse_set *set, cairn_budget *budget)
 
 const cairn_ellipse *cairn_ellipse_list(const cairn_ellipse_set *set, int32_t *count)
 {
-    *count = set->done_count;
-    return set->done;
+    *count = set->result_count;
+    return set->result;
 }
 
 int32_t cairn_ellipse_dropped(const cairn_ellipse_set *set)
 {
-    return set->done_dropped;
+    return set->result_dropped;
 }

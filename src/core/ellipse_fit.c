@@ -1,9 +1,12 @@
-/* The shape of an ellipse, and the conic of least squares through oriented points.
+/* Geometry of an ellipse, and least-squares fitting of a conic to oriented points.
  *
- * Method: algebraic least squares in a frame in which the ellipse is about the unit circle, where
- * the algebraic error is twice the distance; that the gradient is across the direction of a point
- * gives a second equation of it, which is what tells the shape of a short arc. A little weight is
- * on the circle, for arcs that tell no axes.
+ * Method:
+ * 1. Algebraic least squares in a frame in which the ellipse is about the unit circle, where the
+ *    algebraic error is twice the distance.
+ * 2. Every point gives two equations: the conic passes through the point, and its gradient is
+ *    perpendicular to the point's direction. The second one determines the shape of short arcs.
+ * 3. Two equations of small weight favour a circle (regularization), for arcs that do not determine
+ *    the axes.
  *
  * Source: Bookstein 1979 for the algebraic fit. */
 #include "src/core/build.h"
@@ -13,14 +16,14 @@
 #include "cairn/small_matrix.h"
 #include "src/core/ellipse_work.h"
 
-/* of a direction's equation beside that of the place */
+/* Weight of a point's direction equation relative to its position equation. */
 static const cairn_real DIRECTION_WEIGHT = CAIRN_REAL(0.1);
-/* more than what rounding makes of a distance, over it */
-static const cairn_real ROUNDED = CAIRN_REAL(1e-3);
-/* of the circle beside a point */
+/* Relative margin of the gate for rounding, larger than the rounding of a distance. */
+static const cairn_real ROUNDING_MARGIN = CAIRN_REAL(1e-3);
+/* Weight of the regularization towards a circle, relative to the weight of the points. */
 static const cairn_real CIRCLE_WEIGHT = CAIRN_REAL(1e-3);
 
-/* ---- The shape ---- */
+/* ---- Geometry ---- */
 
 cairn_oriented_point cairn_ellipse_point(const cairn_ellipse *ellipse, cairn_real angle)
 {
@@ -48,8 +51,9 @@ cairn_real cairn_ellipse_length(const cairn_ellipse *ellipse)
     return CAIRN_PI * (3 * (a + b) - cairn_sqrt((3 * a + b) * (a + 3 * b)));
 }
 
-static cairn_real distance_in(const cairn_ellipse *ellipse, cairn_transform map_ellipse,
-                              cairn_vec2 point, cairn_vec2 *normal)
+/* Signed first-order (Sampson) distance of a point from the outline, and the unit normal. */
+static cairn_real sampson_distance(const cairn_ellipse *ellipse, cairn_transform map_ellipse,
+                                   cairn_vec2 point, cairn_vec2 *normal)
 {
     cairn_real a = ellipse->half_length, b = ellipse->half_width, radius, length;
     cairn_vec2 from = {point.x - map_ellipse.x, point.y - map_ellipse.y}, q, gradient = {0, 1};
@@ -71,95 +75,99 @@ static cairn_real distance_in(const cairn_ellipse *ellipse, cairn_transform map_
 cairn_real cairn_ellipse_distance(const cairn_ellipse *ellipse, cairn_vec2 point,
                                   cairn_vec2 *normal)
 {
-    return distance_in(ellipse, cairn_transform_of(ellipse->centre), point, normal);
+    return sampson_distance(ellipse, cairn_transform_of(ellipse->centre), point, normal);
 }
 
-/* With r from the centre, r / a <= radius <= r / b, and the gradient is 1 / b at most: outside a
- * point is off by b (r / a - 1) at least, inside by b - r. */
-cairn_ellipse_gate cairn_ellipse_gate_of(const cairn_ellipse *ellipse, cairn_real distance,
-                                         cairn_real sine)
+/* Bounds of the distance r from the centre: r / a <= radius <= r / b, and the gradient is at most 1
+ * / b. So the distance from the outline is at least b (r / a - 1) outside, and at least b - r
+ * inside. */
+cairn_ellipse_gate cairn_ellipse_gate_of(const cairn_ellipse *ellipse, cairn_real max_distance,
+                                         cairn_real max_sine)
 {
     cairn_real a = ellipse->half_length, b = ellipse->half_width;
-    cairn_ellipse_gate gate = {*ellipse, cairn_transform_of(ellipse->centre), distance, sine, 0, 0};
+    cairn_ellipse_gate gate = {
+        *ellipse, cairn_transform_of(ellipse->centre), max_distance, max_sine, 0, 0};
 
-    gate.inner = cairn_max(b - distance, 0) * (1 - ROUNDED);
-    gate.inner *= gate.inner;
-    gate.outer = a * (1 + distance / b) * (1 + ROUNDED);
-    gate.outer *= gate.outer;
+    gate.inner_squared = cairn_max(b - max_distance, 0) * (1 - ROUNDING_MARGIN);
+    gate.inner_squared *= gate.inner_squared;
+    gate.outer_squared = a * (1 + max_distance / b) * (1 + ROUNDING_MARGIN);
+    gate.outer_squared *= gate.outer_squared;
     return gate;
 }
 
-int32_t cairn_ellipse_lets_in(const cairn_ellipse_gate *gate, const cairn_oriented_point *point,
-                              cairn_real *off)
+int32_t cairn_ellipse_gate_passes(const cairn_ellipse_gate *gate, const cairn_oriented_point *point,
+                                  cairn_real *distance)
 {
     cairn_vec2 normal, along;
-    cairn_real same;
+    cairn_real cosine;
 
-    *off = distance_in(&gate->ellipse, gate->map_ellipse, point->position, &normal);
+    *distance = sampson_distance(&gate->ellipse, gate->map_ellipse, point->position, &normal);
     along = cairn_vec2_left(normal);
-    same = cairn_vec2_dot(along, point->direction);
+    cosine = cairn_vec2_dot(along, point->direction);
     if (gate->ellipse.kind == CAIRN_ELLIPSE_COLUMN)
-        same = -same;
+        cosine = -cosine;
     if (gate->ellipse.kind == CAIRN_ELLIPSE_ANY)
-        same = cairn_abs(same);
-    return cairn_abs(*off) <= gate->distance && same > 0 &&
-           cairn_abs(cairn_vec2_cross(along, point->direction)) <= gate->sine;
+        cosine = cairn_abs(cosine);
+    return cairn_abs(*distance) <= gate->max_distance && cosine > 0 &&
+           cairn_abs(cairn_vec2_cross(along, point->direction)) <= gate->max_sine;
 }
 
 int32_t cairn_ellipse_has(const cairn_ellipse *ellipse, const cairn_oriented_point *point,
-                          cairn_real distance, cairn_real sine)
+                          cairn_real max_distance, cairn_real max_sine)
 {
-    cairn_ellipse_gate gate = cairn_ellipse_gate_of(ellipse, distance, sine);
-    cairn_real off;
+    cairn_ellipse_gate gate = cairn_ellipse_gate_of(ellipse, max_distance, max_sine);
+    cairn_real signed_distance;
 
-    return cairn_ellipse_lets_in(&gate, point, &off);
+    return cairn_ellipse_gate_passes(&gate, point, &signed_distance);
 }
 
-/* ---- The conic ---- */
+/* ---- Conic ---- */
 
-cairn_conic_sums cairn_conic_begin(const cairn_ellipse *about)
+ellipse_conic_equations cairn_ellipse_conic_begin(const cairn_ellipse *about)
 {
-    cairn_conic_sums sums;
+    ellipse_conic_equations equations;
 
-    memset(&sums, 0, sizeof sums);
-    sums.origin.x = about->centre.x;
-    sums.origin.y = about->centre.y;
-    sums.scale = (about->half_length + about->half_width) / 2;
-    return sums;
+    memset(&equations, 0, sizeof equations);
+    equations.origin.x = about->centre.x;
+    equations.origin.y = about->centre.y;
+    equations.scale = (about->half_length + about->half_width) / 2;
+    return equations;
 }
 
-static void add_row(cairn_conic_sums *sums, const cairn_real row[ELLIPSE_UNKNOWNS],
+/* Adds the equation row . x = value to the normal equations. */
+static void add_row(ellipse_conic_equations *equations, const cairn_real row[ELLIPSE_UNKNOWNS],
                     cairn_real value, cairn_real weight)
 {
     for (int i = 0; i < ELLIPSE_UNKNOWNS; i++) {
         for (int k = 0; k <= i; k++)
-            sums->matrix[i][k] += weight * row[i] * row[k];
-        sums->right[i] += weight * row[i] * value;
+            equations->matrix[i][k] += weight * row[i] * row[k];
+        equations->right[i] += weight * row[i] * value;
     }
 }
 
-void cairn_conic_add(cairn_conic_sums *sums, const cairn_oriented_point *point, cairn_real weight)
+void cairn_ellipse_conic_add(ellipse_conic_equations *equations, const cairn_oriented_point *point,
+                             cairn_real weight)
 {
     cairn_vec2 d = point->direction;
-    cairn_real u = (point->position.x - sums->origin.x) / sums->scale;
-    cairn_real v = (point->position.y - sums->origin.y) / sums->scale;
-    const cairn_real place[ELLIPSE_UNKNOWNS] = {u * u, u * v, v * v, u, v};
-    const cairn_real across[ELLIPSE_UNKNOWNS] = {2 * u * d.x, u * d.y + v * d.x, 2 * v * d.y, d.x,
-                                                 d.y};
+    cairn_real u = (point->position.x - equations->origin.x) / equations->scale;
+    cairn_real v = (point->position.y - equations->origin.y) / equations->scale;
+    const cairn_real position_row[ELLIPSE_UNKNOWNS] = {u * u, u * v, v * v, u, v};
+    const cairn_real direction_row[ELLIPSE_UNKNOWNS] = {2 * u * d.x, u * d.y + v * d.x, 2 * v * d.y,
+                                                        d.x, d.y};
 
-    add_row(sums, place, 1, weight);
-    add_row(sums, across, 0, weight * DIRECTION_WEIGHT);
-    sums->weight += weight;
+    add_row(equations, position_row, 1, weight);
+    add_row(equations, direction_row, 0, weight * DIRECTION_WEIGHT);
+    equations->weight += weight;
 }
 
-/* x of matrix x = right by LDL^T; 0 when the matrix is not positive definite. */
-static int solve(const cairn_conic_sums *sums, cairn_real x[ELLIPSE_UNKNOWNS])
+/* Solves the normal equations by LDL^T. 0 when the matrix is not positive definite. */
+static int solve(const ellipse_conic_equations *equations, cairn_real x[ELLIPSE_UNKNOWNS])
 {
     cairn_real l[ELLIPSE_UNKNOWNS][ELLIPSE_UNKNOWNS] = {{0}}, d[ELLIPSE_UNKNOWNS] = {0};
 
     for (int i = 0; i < ELLIPSE_UNKNOWNS; i++) {
         for (int k = 0; k <= i; k++) {
-            cairn_real sum = sums->matrix[i][k];
+            cairn_real sum = equations->matrix[i][k];
 
             for (int j = 0; j < k; j++)
                 sum -= l[i][j] * l[k][j] * d[j];
@@ -168,9 +176,9 @@ static int solve(const cairn_conic_sums *sums, cairn_real x[ELLIPSE_UNKNOWNS])
             else
                 d[i] = sum;
         }
-        if (!(d[i] > CAIRN_REAL_EPSILON * sums->matrix[i][i]))
+        if (!(d[i] > CAIRN_REAL_EPSILON * equations->matrix[i][i]))
             return 0;
-        x[i] = sums->right[i];
+        x[i] = equations->right[i];
         for (int k = 0; k < i; k++)
             x[i] -= l[i][k] * x[k];
     }
@@ -182,18 +190,18 @@ static int solve(const cairn_conic_sums *sums, cairn_real x[ELLIPSE_UNKNOWNS])
     return 1;
 }
 
-int32_t cairn_conic_solve(const cairn_conic_sums *sums, cairn_ellipse *ellipse)
+int32_t cairn_ellipse_conic_solve(const ellipse_conic_equations *equations, cairn_ellipse *ellipse)
 {
-    static const cairn_real round[ELLIPSE_UNKNOWNS] = {1, 0, -1, 0, 0},
-                            straight[ELLIPSE_UNKNOWNS] = {0, 1, 0, 0, 0};
-    cairn_conic_sums held = *sums;
+    static const cairn_real equal_axes[ELLIPSE_UNKNOWNS] = {1, 0, -1, 0, 0},
+                            no_skew[ELLIPSE_UNKNOWNS] = {0, 1, 0, 0, 0};
+    ellipse_conic_equations regularized = *equations;
     cairn_real x[ELLIPSE_UNKNOWNS], values[2], determinant, level;
     cairn_vec2 minor, major, centre;
     cairn_sym2 shape;
 
-    add_row(&held, round, 0, sums->weight * CIRCLE_WEIGHT);
-    add_row(&held, straight, 0, sums->weight * CIRCLE_WEIGHT);
-    if (!solve(&held, x))
+    add_row(&regularized, equal_axes, 0, equations->weight * CIRCLE_WEIGHT);
+    add_row(&regularized, no_skew, 0, equations->weight * CIRCLE_WEIGHT);
+    if (!solve(&regularized, x))
         return 0;
     shape.xx = x[0];
     shape.xy = x[1] / 2;
@@ -207,10 +215,10 @@ int32_t cairn_conic_solve(const cairn_conic_sums *sums, cairn_ellipse *ellipse)
     level = 1 - (x[3] * centre.x + x[4] * centre.y) / 2;
     if (!(level > 0))
         return 0;
-    ellipse->half_length = sums->scale * cairn_sqrt(level / values[0]);
-    ellipse->half_width = sums->scale * cairn_sqrt(level / values[1]);
-    ellipse->centre.x = sums->origin.x + sums->scale * centre.x;
-    ellipse->centre.y = sums->origin.y + sums->scale * centre.y;
+    ellipse->half_length = equations->scale * cairn_sqrt(level / values[0]);
+    ellipse->half_width = equations->scale * cairn_sqrt(level / values[1]);
+    ellipse->centre.x = equations->origin.x + equations->scale * centre.x;
+    ellipse->centre.y = equations->origin.y + equations->scale * centre.y;
     ellipse->centre.theta = cairn_atan2(minor.y, minor.x);
     if (ellipse->centre.theta < 0)
         ellipse->centre.theta += CAIRN_PI;

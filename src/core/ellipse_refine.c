@@ -1,16 +1,20 @@
-/* From the peaks of the votes to ellipses: a radius, then least squares over conics, then what
- * covers the outline. */
+/* Refinement of the peaks of the Hough transform to ellipses.
+ *
+ * Method: passes over the points for each peak
+ * 1. a histogram of distances gives the radius of a circle;
+ * 2. three least-squares fits of a conic, with narrowing gates;
+ * 3. the inliers of the result: votes, residuals and covered arcs of the outline. */
 #include "src/core/build.h"
 
 #include <string.h>
 
 #include "src/core/ellipse_work.h"
 
-/* Units of a point that is on the ellipse at hand, beside those of looking at it: owed to the
- * next item. */
-enum { INSIDE_COST = 2 };
+/* Further work units of an inlier of the current ellipse, charged together with the next
+ * operation. */
+enum { UNITS_PER_INLIER = 2 };
 
-/* How far off the ellipse at hand a point may be in this pass. */
+/* Largest distance of an inlier from the current ellipse in this pass, in m. */
 static cairn_real distance_of_pass(const cairn_ellipse_set *set)
 {
     static const cairn_real shares[] = {0, CAIRN_REAL(0.5), CAIRN_REAL(0.25), CAIRN_REAL(0.1), 0};
@@ -18,56 +22,57 @@ static cairn_real distance_of_pass(const cairn_ellipse_set *set)
     return cairn_max(set->params.support_distance, shares[set->pass] * set->fit.half_width);
 }
 
-/* How many arcs the outline at hand has. */
+/* Number of arcs into which the outline is divided for the coverage. */
 static int32_t arcs_of(const cairn_ellipse_set *set)
 {
     cairn_real arcs =
-        cairn_min(cairn_ellipse_length(&set->fit) / (2 * set->params.spacing), ELLIPSE_ARCS);
+        cairn_min(cairn_ellipse_length(&set->fit) / (2 * set->params.spacing), ELLIPSE_MAX_ARCS);
 
-    return cairn_real_to_int(cairn_max(arcs, ELLIPSE_LEAST_ARCS));
+    return cairn_real_to_int(cairn_max(arcs, ELLIPSE_MIN_ARCS));
 }
 
-/* ... and how far off its direction. */
+/* Largest sine of the angle between an inlier and the outline in this pass. */
 static cairn_real sine_of_pass(const cairn_ellipse_set *set)
 {
-    return set->pass == ELLIPSE_COARSE ? cairn_min(2 * set->sine, 1) : set->sine;
+    return set->pass == ELLIPSE_PASS_COARSE ? cairn_min(2 * set->max_sine, 1) : set->max_sine;
 }
 
+/* Starts a pass over the points. */
 static void start_pass(cairn_ellipse_set *set, int32_t pass)
 {
     set->pass = pass;
     set->cursor = 0;
-    if (pass == ELLIPSE_RADIUS) {
-        memset(set->radii, 0, sizeof set->radii);
+    if (pass == ELLIPSE_PASS_RADIUS) {
+        memset(set->radius_histogram, 0, sizeof set->radius_histogram);
         return;
     }
     set->gate = cairn_ellipse_gate_of(&set->fit, distance_of_pass(set), sine_of_pass(set));
-    if (pass == ELLIPSE_SUPPORT) {
-        set->weight = set->squared = 0;
+    if (pass == ELLIPSE_PASS_SUPPORT) {
+        set->inlier_weight = set->squared_residuals = 0;
         set->arc_count = arcs_of(set);
         memset(set->arcs, 0, sizeof set->arcs);
     } else {
-        set->sums = cairn_conic_begin(&set->fit);
+        set->equations = cairn_ellipse_conic_begin(&set->fit);
     }
 }
 
 void cairn_ellipse_start_peak(cairn_ellipse_set *set)
 {
-    const ellipse_peak *p = &set->peaks[set->item];
+    const ellipse_peak *peak = &set->peaks[set->current_peak];
 
     memset(&set->fit, 0, sizeof set->fit);
-    set->fit.kind = set->squares == 1 ? CAIRN_ELLIPSE_ANY : p->square;
-    set->fit.centre.x = set->corner.x + (cairn_real)p->column * set->cell;
-    set->fit.centre.y = set->corner.y + (cairn_real)p->row * set->cell;
-    start_pass(set, ELLIPSE_RADIUS);
+    set->fit.kind = set->accumulator_count == 1 ? CAIRN_ELLIPSE_ANY : peak->layer;
+    set->fit.centre.x = set->first_cell.x + (cairn_real)peak->column * set->cell_size;
+    set->fit.centre.y = set->first_cell.y + (cairn_real)peak->row * set->cell_size;
+    start_pass(set, ELLIPSE_PASS_RADIUS);
 }
 
-/* The distance of a point whose normal passes by the peak. */
-static void add_radius(cairn_ellipse_set *set, const cairn_oriented_point *p, cairn_real weight)
+/* Adds a point whose normal passes close to the peak to the radius histogram. */
+static void add_radius(cairn_ellipse_set *set, const cairn_oriented_point *point, cairn_real weight)
 {
-    cairn_vec2 to = {set->fit.centre.x - p->position.x, set->fit.centre.y - p->position.y};
-    cairn_real radius = cairn_vec2_cross(p->direction, to),
-               off = cairn_abs(cairn_vec2_dot(p->direction, to)), at;
+    cairn_vec2 to = {set->fit.centre.x - point->position.x, set->fit.centre.y - point->position.y};
+    cairn_real radius = cairn_vec2_cross(point->direction, to),
+               offset = cairn_abs(cairn_vec2_dot(point->direction, to)), at;
     int32_t bin;
 
     if (set->fit.kind == CAIRN_ELLIPSE_COLUMN)
@@ -75,24 +80,24 @@ static void add_radius(cairn_ellipse_set *set, const cairn_oriented_point *p, ca
     if (set->fit.kind == CAIRN_ELLIPSE_ANY)
         radius = cairn_abs(radius);
     if (!(radius > 0) || radius > set->params.most_radius ||
-        off > set->sine * radius + 2 * set->cell)
+        offset > set->max_sine * radius + 2 * set->cell_size)
         return;
-    at = radius / set->params.most_radius * (ELLIPSE_RADII - 1);
+    at = radius / set->params.most_radius * (ELLIPSE_RADIUS_BINS - 1);
     bin = (int32_t)at;
-    set->radii[bin] += weight * (1 - (at - (cairn_real)bin));
-    if (bin + 1 < ELLIPSE_RADII)
-        set->radii[bin + 1] += weight * (at - (cairn_real)bin);
+    set->radius_histogram[bin] += weight * (1 - (at - (cairn_real)bin));
+    if (bin + 1 < ELLIPSE_RADIUS_BINS)
+        set->radius_histogram[bin + 1] += weight * (at - (cairn_real)bin);
 }
 
-/* The circle of the radius with the most weight about it. */
-static void take_radius(cairn_ellipse_set *set)
+/* Sets the current ellipse to the circle of the maximum of the smoothed radius histogram. */
+static void choose_radius(cairn_ellipse_set *set)
 {
     int32_t best = 1;
     cairn_real most = -1;
 
-    for (int32_t i = 1; i < ELLIPSE_RADII; i++) {
-        cairn_real sum =
-            set->radii[i - 1] + 2 * set->radii[i] + (i + 1 < ELLIPSE_RADII ? set->radii[i + 1] : 0);
+    for (int32_t i = 1; i < ELLIPSE_RADIUS_BINS; i++) {
+        cairn_real sum = set->radius_histogram[i - 1] + 2 * set->radius_histogram[i] +
+                         (i + 1 < ELLIPSE_RADIUS_BINS ? set->radius_histogram[i + 1] : 0);
 
         if (sum > most) {
             most = sum;
@@ -100,11 +105,11 @@ static void take_radius(cairn_ellipse_set *set)
         }
     }
     set->fit.half_length = set->fit.half_width =
-        cairn_max((cairn_real)best * (set->params.most_radius / (ELLIPSE_RADII - 1)),
+        cairn_max((cairn_real)best * (set->params.most_radius / (ELLIPSE_RADIUS_BINS - 1)),
                   set->params.least_radius);
 }
 
-/* The arc, counted from the longer axis, in which a point lies. */
+/* Marks the arc of the outline, by parametric angle, that contains a point p, in m. */
 static void mark_arc(cairn_ellipse_set *set, cairn_vec2 p)
 {
     cairn_transform t = set->gate.map_ellipse;
@@ -119,99 +124,102 @@ static void mark_arc(cairn_ellipse_set *set, cairn_vec2 p)
     set->arcs[arc / 32] |= (uint32_t)1 << (arc % 32);
 }
 
-/* A point as far as it belongs to the ellipse at hand. */
+/* Adds a point to the pass, if the point is an inlier. */
 static void add_point(cairn_ellipse_set *set, const cairn_oriented_point *point, cairn_real weight)
 {
-    cairn_oriented_point p;
-    cairn_real off;
+    cairn_oriented_point oriented;
+    cairn_real distance;
 
     if (!(weight > 0) ||
-        (set->pass != ELLIPSE_RADIUS && cairn_ellipse_is_far(&set->gate, point->position)))
+        (set->pass != ELLIPSE_PASS_RADIUS && cairn_ellipse_is_far(&set->gate, point->position)))
         return;
-    p.position = point->position;
-    p.direction = cairn_vec2_unit(point->direction);
-    if (set->pass == ELLIPSE_RADIUS) {
-        add_radius(set, &p, weight);
-    } else if (cairn_ellipse_lets_in(&set->gate, &p, &off)) {
-        set->paid -= INSIDE_COST;
-        if (set->pass != ELLIPSE_SUPPORT) {
-            cairn_conic_add(&set->sums, &p, weight);
+    oriented.position = point->position;
+    oriented.direction = cairn_vec2_unit(point->direction);
+    if (set->pass == ELLIPSE_PASS_RADIUS) {
+        add_radius(set, &oriented, weight);
+    } else if (cairn_ellipse_gate_passes(&set->gate, &oriented, &distance)) {
+        set->charged -= UNITS_PER_INLIER;
+        if (set->pass != ELLIPSE_PASS_SUPPORT) {
+            cairn_ellipse_conic_add(&set->equations, &oriented, weight);
             return;
         }
-        set->weight += weight;
-        set->squared += weight * off * off;
-        mark_arc(set, p.position);
+        set->inlier_weight += weight;
+        set->squared_residuals += weight * distance * distance;
+        mark_arc(set, oriented.position);
     }
 }
 
+/* 1 when the axes of the current ellipse are within the bounds of the params. */
 static int is_in_bounds(const cairn_ellipse_set *set)
 {
-    const cairn_ellipse *e = &set->fit;
+    const cairn_ellipse *ellipse = &set->fit;
 
-    return e->half_width >= set->params.least_radius && e->half_length <= set->params.most_radius &&
-           e->half_length <= set->params.most_ratio * e->half_width;
+    return ellipse->half_width >= set->params.least_radius &&
+           ellipse->half_length <= set->params.most_radius &&
+           ellipse->half_length <= set->params.most_ratio * ellipse->half_width;
 }
 
-/* The ellipse as it is reported. */
-static void measure(cairn_ellipse_set *set)
+/* Completes the current ellipse: votes, residuals, coverage and score. */
+static void finish_ellipse(cairn_ellipse_set *set)
 {
-    cairn_ellipse *e = &set->fit;
+    cairn_ellipse *ellipse = &set->fit;
     int32_t arcs = set->arc_count, marked = 0;
-    cairn_real off = set->squared / set->weight;
+    cairn_real mean_squared = set->squared_residuals / set->inlier_weight;
 
     for (int32_t i = 0; i < arcs; i++)
         marked += ((set->arcs[i / 32] >> (i % 32)) & 1) != 0;
-    e->covered = (cairn_real)marked / (cairn_real)arcs;
-    e->votes = set->weight;
-    e->rms = cairn_sqrt(off);
-    e->strength =
-        e->covered * (1 - off / (set->params.support_distance * set->params.support_distance));
-    e->strength = cairn_max(e->strength, 0);
+    ellipse->covered = (cairn_real)marked / (cairn_real)arcs;
+    ellipse->votes = set->inlier_weight;
+    ellipse->rms = cairn_sqrt(mean_squared);
+    ellipse->strength =
+        ellipse->covered *
+        (1 - mean_squared / (set->params.support_distance * set->params.support_distance));
+    ellipse->strength = cairn_max(ellipse->strength, 0);
 }
 
-/* Among the ellipses that were found before, behind those with as many votes. */
-static void insert(cairn_ellipse_set *set)
+/* Inserts the current ellipse by decreasing votes, behind equal ones. */
+static void insert_ellipse(cairn_ellipse_set *set)
 {
-    int32_t at = set->work_count++;
+    int32_t at = set->found_count++;
 
-    for (; at > 0 && set->work[at - 1].votes < set->fit.votes; at--)
-        set->work[at] = set->work[at - 1];
-    set->work[at] = set->fit;
+    for (; at > 0 && set->found[at - 1].votes < set->fit.votes; at--)
+        set->found[at] = set->found[at - 1];
+    set->found[at] = set->fit;
 }
 
-/* Ends a pass over the points: on to the next, or to the next peak. */
+/* Ends a pass over the points, and starts the next pass or the next peak. */
 static void end_pass(cairn_ellipse_set *set)
 {
-    if (set->pass == ELLIPSE_RADIUS) {
-        take_radius(set);
-        start_pass(set, ELLIPSE_COARSE);
+    if (set->pass == ELLIPSE_PASS_RADIUS) {
+        choose_radius(set);
+        start_pass(set, ELLIPSE_PASS_COARSE);
         return;
     }
-    if (set->pass != ELLIPSE_SUPPORT && set->sums.weight >= set->params.least_votes &&
-        cairn_conic_solve(&set->sums, &set->fit) && is_in_bounds(set)) {
+    if (set->pass != ELLIPSE_PASS_SUPPORT && set->equations.weight >= set->params.least_votes &&
+        cairn_ellipse_conic_solve(&set->equations, &set->fit) && is_in_bounds(set)) {
         start_pass(set, set->pass + 1);
         return;
     }
-    if (set->pass == ELLIPSE_SUPPORT && set->weight >= set->params.least_votes) {
-        measure(set);
+    if (set->pass == ELLIPSE_PASS_SUPPORT && set->inlier_weight >= set->params.least_votes) {
+        finish_ellipse(set);
         if (set->fit.covered >= set->params.least_covered)
-            insert(set);
+            insert_ellipse(set);
     }
-    set->item++;
-    if (set->item < set->peak_count)
+    set->current_peak++;
+    if (set->current_peak < set->peak_count)
         cairn_ellipse_start_peak(set);
 }
 
 cairn_status cairn_ellipse_refine(cairn_ellipse_set *set, cairn_budget *budget)
 {
-    while (set->item < set->peak_count) {
+    while (set->current_peak < set->peak_count) {
         while (set->cursor < set->count) {
-            if (!cairn_budget_pay(budget, &set->paid, 1))
+            if (!cairn_budget_pay(budget, &set->charged, 1))
                 return CAIRN_MORE;
             for (int32_t i = 0; i < 2 && set->cursor < set->count; i++, set->cursor++)
                 add_point(set, &set->points[set->cursor], cairn_ellipse_weight(set, set->cursor));
         }
-        if (!cairn_budget_pay(budget, &set->paid, 16 + set->work_count / 2))
+        if (!cairn_budget_pay(budget, &set->charged, 16 + set->found_count / 2))
             return CAIRN_MORE;
         end_pass(set);
     }

@@ -1,33 +1,42 @@
-/* What the files of the ellipse room share. */
+/* Internals of the module ellipse, shared by ellipse.c (votes and peaks), ellipse_refine.c (passes
+ * over the points of a peak) and ellipse_fit.c (geometry and conic fitting). */
 #ifndef CAIRN_CORE_ELLIPSE_WORK_H
 #define CAIRN_CORE_ELLIPSE_WORK_H
 
 #include "cairn/ellipse.h"
 
+/* Unknowns of a conic. */
 enum { ELLIPSE_UNKNOWNS = 5 };
 
-/* Normal equations of a conic A u^2 + B u v + C v^2 + D u + E v = 1, (u, v) from `origin` in
- * units of `scale`. */
-typedef struct cairn_conic_sums {
+/* Normal equations of the conic A u^2 + B u v + C v^2 + D u + E v = 1, with (u, v) relative to
+ * `origin` in units of `scale`. */
+typedef struct ellipse_conic_equations {
+    /* Origin of (u, v), in m. */
     cairn_vec2 origin;
-    cairn_real scale; /* m */
+    /* Unit of (u, v), in m. */
+    cairn_real scale;
+    /* Sum of the weights of the points. */
     cairn_real weight;
-    cairn_real matrix[ELLIPSE_UNKNOWNS][ELLIPSE_UNKNOWNS]; /* its lower triangle */
+    /* Matrix, lower triangle. */
+    cairn_real matrix[ELLIPSE_UNKNOWNS][ELLIPSE_UNKNOWNS];
+    /* Right-hand side. */
     cairn_real right[ELLIPSE_UNKNOWNS];
-} cairn_conic_sums;
+} ellipse_conic_equations;
 
-/* An ellipse and what belongs to it: what is alike for all points that are held against it. */
+/* Gate of inliers of an ellipse, precomputed for testing many points. */
 typedef struct cairn_ellipse_gate {
     cairn_ellipse ellipse;
+    /* Rigid transform of the centre. */
     cairn_transform map_ellipse;
-    /* m from the outline */
-    cairn_real distance;
-    /* of the angle between directions */
-    cairn_real sine;
-    /* m^2 from the centre: what is nearer or farther is off by more than the distance */
-    cairn_real inner, outer;
+    /* Largest distance from the outline, in m. */
+    cairn_real max_distance;
+    /* Largest sine of the angle between the directions of point and outline. */
+    cairn_real max_sine;
+    /* Bounds of the squared distance from the centre, in m^2: points outside cannot pass. */
+    cairn_real inner_squared, outer_squared;
 } cairn_ellipse_gate;
 
+/* Phases of a search, in order. */
 typedef int32_t ellipse_phase;
 enum {
     ELLIPSE_IDLE,
@@ -37,56 +46,87 @@ enum {
     ELLIPSE_SMOOTH,
     ELLIPSE_PEAKS,
     ELLIPSE_FIT,
-    ELLIPSE_THIN
+    ELLIPSE_SUPPRESS
 };
 
-/* Passes over the points for each peak. */
-enum { ELLIPSE_RADIUS, ELLIPSE_COARSE, ELLIPSE_MIDDLE, ELLIPSE_FINE, ELLIPSE_SUPPORT };
+/* Passes over the points for each peak, in order: radius histogram, three conic fits of narrowing
+ * gates, and the support of the result. */
+enum {
+    ELLIPSE_PASS_RADIUS,
+    ELLIPSE_PASS_COARSE,
+    ELLIPSE_PASS_MIDDLE,
+    ELLIPSE_PASS_FINE,
+    ELLIPSE_PASS_SUPPORT
+};
 
-enum { ELLIPSE_RADII = 64, ELLIPSE_ARCS = 64, ELLIPSE_LEAST_ARCS = 8 };
+/* Bins of the radius histogram, and the bounds of the number of arcs of an outline. */
+enum { ELLIPSE_RADIUS_BINS = 64, ELLIPSE_MAX_ARCS = 64, ELLIPSE_MIN_ARCS = 8 };
 
+/* Local maximum of an accumulator. */
 typedef struct ellipse_peak {
+    /* Votes of its cell, smoothed. */
     cairn_real votes;
-    int32_t square, row, column;
+    /* Accumulator, row and column of the cell. */
+    int32_t layer, row, column;
 } ellipse_peak;
 
 struct cairn_ellipse_set {
     cairn_ellipse_params params;
-    int32_t squares;     /* 2: of rooms, of columns; 1: of both */
-    cairn_real *votes;   /* [squares * cells * cells], row by row */
-    ellipse_peak *peaks; /* [max_ellipses], the highest first */
-    int32_t peak_count, work_dropped;
-    cairn_ellipse *work, *done; /* [max_ellipses] each, the most votes first */
-    int32_t work_count, done_count, done_dropped;
+    /* Number of accumulators: 2, one of rooms and one of columns; 1: points are not oriented. */
+    int32_t accumulator_count;
+    /* [accumulator_count * cells * cells] Votes for centres, row by row. */
+    cairn_real *accumulator;
+    /* [max_ellipses] Peaks, by decreasing votes. */
+    ellipse_peak *peaks;
+    /* Number of peaks, and of peaks dropped. */
+    int32_t peak_count, found_dropped;
+    /* [max_ellipses] each: ellipses of the search that runs, and of the last one, by decreasing
+     * votes. */
+    cairn_ellipse *found, *result;
+    int32_t found_count, result_count, result_dropped;
 
+    /* Input of the search. */
     const cairn_oriented_point *points;
     const cairn_real *weights;
     int32_t count;
     ellipse_phase phase;
-    int32_t cursor; /* point, cell or line of cells to be done next */
-    int32_t paid;   /* units towards the item at hand */
+    /* Next point, cell or line of cells of the phase. */
+    int32_t cursor;
+    /* Work units charged for the next operation so far; negative: units of past operations still
+     * due. */
+    int32_t charged;
+    /* Bounding box of the points, in m. */
     cairn_box box;
-    cairn_vec2 corner; /* middle of the first cell */
-    cairn_real cell;   /* m */
-    int32_t reach;     /* cells about a peak */
-    cairn_real sine;   /* of the angle tolerance */
+    /* Centre of the first cell, in m. */
+    cairn_vec2 first_cell;
+    /* Side of a cell, in m. */
+    cairn_real cell_size;
+    /* Non-maximum suppression radius around a peak, in cells. */
+    int32_t nms_radius;
+    /* Sine of angle_tolerance. */
+    cairn_real max_sine;
 
-    /* peak at hand */
-    int32_t item;
+    /* Current peak, and pass over the points for this peak. */
+    int32_t current_peak;
     int32_t pass;
+    /* Current estimate of the ellipse. */
     cairn_ellipse fit;
-    /* weight by distance from the peak, the last for most_radius */
-    cairn_real radii[ELLIPSE_RADII];
-    /* of the fit, in this pass */
+    /* Weight of the points by distance from the peak; the last bin is max_radius. */
+    cairn_real radius_histogram[ELLIPSE_RADIUS_BINS];
+    /* Gate of the pass. */
     cairn_ellipse_gate gate;
-    cairn_conic_sums sums;
+    /* Normal equations of the pass. */
+    ellipse_conic_equations equations;
+    /* Number of arcs of the outline. */
     int32_t arc_count;
-    /* ELLIPSE_SUPPORT: of points on the ellipse, and their squared distances */
-    cairn_real weight, squared;
-    /* of the outline that points cover */
-    uint32_t arcs[ELLIPSE_ARCS / 32];
+    /* Support: sum of the weights of the inliers, and weighted sum of their squared distances, in
+     * m^2. */
+    cairn_real inlier_weight, squared_residuals;
+    /* Bit set of the arcs that have an inlier. */
+    uint32_t arcs[ELLIPSE_MAX_ARCS / 32];
 };
 
+/* Weight of point i. */
 static inline cairn_real cairn_ellipse_weight(const cairn_ellipse_set *set, int32_t i)
 {
     return set->weights != NULL ? set->weights[i] : 1;
@@ -94,37 +134,42 @@ static inline cairn_real cairn_ellipse_weight(const cairn_ellipse_set *set, int3
 
 /* ---- ellipse_refine.c ---- */
 
-/* Begins with the peak at hand. */
+/* Starts the passes of the current peak. */
 void cairn_ellipse_start_peak(cairn_ellipse_set *set);
 
-/* All peaks from that at hand on, into the list in work. */
+/* Refines the peaks from the current one on to ellipses. CAIRN_OK: all peaks are done.
+ * CAIRN_MORE. */
 cairn_status cairn_ellipse_refine(cairn_ellipse_set *set, cairn_budget *budget);
 
 /* ---- ellipse_fit.c ---- */
 
+/* The gate of an ellipse. distance: in m. */
 cairn_ellipse_gate cairn_ellipse_gate_of(const cairn_ellipse *ellipse, cairn_real distance,
                                          cairn_real sine);
 
-/* As cairn_ellipse_has(); *off: m from the outline. */
-int32_t cairn_ellipse_lets_in(const cairn_ellipse_gate *gate, const cairn_oriented_point *point,
-                              cairn_real *off);
+/* 1 when an oriented point passes the gate, that is, is an inlier. *distance is set to its signed
+ * distance from the outline, in m. */
+int32_t cairn_ellipse_gate_passes(const cairn_ellipse_gate *gate, const cairn_oriented_point *point,
+                                  cairn_real *distance);
 
-/* 1: a point lies too far off whatever its direction. 0: it may belong to the ellipse. */
+/* Fast rejection: 1 when a point cannot pass the gate, whatever its direction. 0: it may pass. */
 static inline int32_t cairn_ellipse_is_far(const cairn_ellipse_gate *gate, cairn_vec2 point)
 {
     cairn_vec2 from = {point.x - gate->map_ellipse.x, point.y - gate->map_ellipse.y};
     cairn_real squared = cairn_vec2_norm_squared(from);
 
-    return squared < gate->inner || squared > gate->outer;
+    return squared < gate->inner_squared || squared > gate->outer_squared;
 }
 
-/* No points yet, about an ellipse. */
-cairn_conic_sums cairn_conic_begin(const cairn_ellipse *about);
+/* Normal equations without points, in the frame of an ellipse. */
+ellipse_conic_equations cairn_ellipse_conic_begin(const cairn_ellipse *about);
 
-/* A point and its unit direction. */
-void cairn_conic_add(cairn_conic_sums *sums, const cairn_oriented_point *point, cairn_real weight);
+/* Adds a point with its unit direction. */
+void cairn_ellipse_conic_add(ellipse_conic_equations *equations, const cairn_oriented_point *point,
+                             cairn_real weight);
 
-/* Centre and axes of the conic; 0 and the ellipse unchanged when it is none. */
-int32_t cairn_conic_solve(const cairn_conic_sums *sums, cairn_ellipse *ellipse);
+/* Solves for the conic, and sets centre and axes of the ellipse. Returns 1, or 0 with the ellipse
+ * unchanged when the conic is not an ellipse. */
+int32_t cairn_ellipse_conic_solve(const ellipse_conic_equations *equations, cairn_ellipse *ellipse);
 
 #endif

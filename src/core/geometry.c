@@ -1,3 +1,7 @@
+/* Poses, twists, segments, boxes and polygons.
+ *
+ * Source: Barfoot, State estimation for robotics, 2017 (exponential and logarithm map of SE(2));
+ * Horn 1987 and Umeyama 1991 (least-squares alignment). */
 #include "src/core/build.h"
 
 #include <stddef.h>
@@ -49,7 +53,7 @@ int32_t cairn_pose_is_finite(cairn_pose pose)
     return cairn_is_finite(pose.x) && cairn_is_finite(pose.y) && cairn_is_finite(pose.theta);
 }
 
-/* Mean position of the poses in use; their number. */
+/* Sets *mean to the centroid of the poses in use, in m. Returns their number. */
 static int32_t mean_position(const cairn_pose *poses, const int32_t *use, int32_t count,
                              cairn_vec2 *mean)
 {
@@ -65,7 +69,7 @@ static int32_t mean_position(const cairn_pose *poses, const int32_t *use, int32_
     return used;
 }
 
-/* x cot x */
+/* x cot x, by its series near 0. */
 static cairn_real x_cot_x(cairn_real x)
 {
     cairn_real sine, cosine;
@@ -91,34 +95,34 @@ cairn_twist cairn_twist_of(cairn_pose motion)
 
 cairn_pose cairn_twist_at(cairn_twist twist, cairn_real fraction)
 {
-    cairn_real a = fraction * twist.turn, along = 1 - a * a / 6, aside = a / 2;
+    cairn_real angle = fraction * twist.turn, along = 1 - angle * angle / 6, across = angle / 2;
     cairn_pose pose;
 
-    if (cairn_abs(a) > CAIRN_REAL(1e-3)) {
+    if (cairn_abs(angle) > CAIRN_REAL(1e-3)) {
         cairn_real sine, cosine;
 
-        cairn_sincos(a / 2, &sine, &cosine);
-        along = 2 * sine * cosine / a;
-        aside = 2 * sine * sine / a;
+        cairn_sincos(angle / 2, &sine, &cosine);
+        along = 2 * sine * cosine / angle;
+        across = 2 * sine * sine / angle;
     }
-    pose.x = fraction * (along * twist.velocity.x - aside * twist.velocity.y);
-    pose.y = fraction * (aside * twist.velocity.x + along * twist.velocity.y);
-    pose.theta = a;
+    pose.x = fraction * (along * twist.velocity.x - across * twist.velocity.y);
+    pose.y = fraction * (across * twist.velocity.x + along * twist.velocity.y);
+    pose.theta = angle;
     return pose;
 }
 
 cairn_pose cairn_pose_about(cairn_vec2 from, cairn_vec2 to, cairn_real dot, cairn_real cross)
 {
     cairn_pose motion = {0, 0, cairn_atan2(cross, dot)};
-    cairn_vec2 turned = cairn_pose_point(motion, from);
+    cairn_vec2 rotated = cairn_pose_point(motion, from);
 
-    motion.x = to.x - turned.x;
-    motion.y = to.y - turned.y;
+    motion.x = to.x - rotated.x;
+    motion.y = to.y - rotated.y;
     return motion;
 }
 
 cairn_pose cairn_pose_fit(const cairn_pose *from, const cairn_pose *to, const int32_t *use,
-                          int32_t count, cairn_real ahead)
+                          int32_t count, cairn_real lever_arm)
 {
     cairn_real sine = 0, cosine = 0;
     cairn_vec2 a, b;
@@ -129,10 +133,10 @@ cairn_pose cairn_pose_fit(const cairn_pose *from, const cairn_pose *to, const in
     for (int32_t i = 0; i < count; i++)
         if (use == NULL || use[i]) {
             cairn_vec2 p = {from[i].x - a.x, from[i].y - a.y}, q = {to[i].x - b.x, to[i].y - b.y};
-            cairn_real turn = to[i].theta - from[i].theta;
+            cairn_real rotation = to[i].theta - from[i].theta;
 
-            sine += cairn_vec2_cross(p, q) + ahead * ahead * cairn_sin(turn);
-            cosine += cairn_vec2_dot(p, q) + ahead * ahead * cairn_cos(turn);
+            sine += cairn_vec2_cross(p, q) + lever_arm * lever_arm * cairn_sin(rotation);
+            cosine += cairn_vec2_dot(p, q) + lever_arm * lever_arm * cairn_cos(rotation);
         }
     return cairn_pose_about(a, b, cosine, sine);
 }
@@ -174,14 +178,16 @@ int32_t cairn_line_intersection(cairn_segment first, cairn_segment second, cairn
     return 1;
 }
 
-/* Sign of the turn a -> b -> c: 1 left, -1 right, 0 straight. */
-static int turn(cairn_vec2 a, cairn_vec2 b, cairn_vec2 c)
+/* Orientation of the triangle a, b, c: 1 counter-clockwise (left turn), -1 clockwise, 0
+ * collinear. */
+static int orientation(cairn_vec2 a, cairn_vec2 b, cairn_vec2 c)
 {
     cairn_real cross = cairn_vec2_cross(cairn_vec2_sub(b, a), cairn_vec2_sub(c, a));
 
     return (cross > 0) - (cross < 0);
 }
 
+/* 1 when p lies in the bounding box of a segment. */
 static int within_box(cairn_segment s, cairn_vec2 p)
 {
     return p.x >= cairn_min(s.a.x, s.b.x) && p.x <= cairn_max(s.a.x, s.b.x) &&
@@ -190,8 +196,8 @@ static int within_box(cairn_segment s, cairn_vec2 p)
 
 int32_t cairn_segments_cross(cairn_segment first, cairn_segment second)
 {
-    int a = turn(first.a, first.b, second.a), b = turn(first.a, first.b, second.b);
-    int c = turn(second.a, second.b, first.a), d = turn(second.a, second.b, first.b);
+    int a = orientation(first.a, first.b, second.a), b = orientation(first.a, first.b, second.b);
+    int c = orientation(second.a, second.b, first.a), d = orientation(second.a, second.b, first.b);
 
     if (a * b < 0 && c * d < 0)
         return 1;
@@ -214,12 +220,12 @@ cairn_box cairn_box_extend(cairn_box box, cairn_vec2 p)
     return box;
 }
 
-cairn_box cairn_box_grow(cairn_box box, cairn_real by)
+cairn_box cairn_box_grow(cairn_box box, cairn_real margin)
 {
-    box.min.x -= by;
-    box.min.y -= by;
-    box.max.x += by;
-    box.max.y += by;
+    box.min.x -= margin;
+    box.min.y -= margin;
+    box.max.x += margin;
+    box.max.y += margin;
     return box;
 }
 

@@ -1,20 +1,25 @@
-/* Weighted votes for directed lines, their peaks, and the lines that fit the points at the peaks.
+/* Hough transform of oriented points: weighted votes for lines, and the peaks of the accumulator.
  *
- * Method: rows of the accumulator are directions, columns signed distances from the middle of the
- * points' box. A point votes in all rows about its own direction, less the farther, and in each row
- * for the two columns that its distance lies between, so that peaks are smooth. Without orientation
- * a row and the one half a turn away are the same with the columns reversed. A peak is refined by
- * two weighted regressions across its line, in the line's own frame, where float has digits to
- * spare; a last pass measures the support. Lines that came to lie on a stronger one are dropped
- * (hough_lines.c). As written a point votes for one column of every row, and the points of a peak's
- * bin are its support.
+ * Method:
+ * 1. Rows of the accumulator are directions, columns signed distances from the centre of the
+ *    points' bounding box. A point votes in all rows near its own direction, with a weight that
+ *    decreases with the angle. In each row it votes for the two columns around its distance (linear
+ *    interpolation), so peaks are smooth. Without orientation a row equals the one half a turn away
+ *    with the columns reversed.
+ * 2. Peaks are the local maxima within the separation (non-maximum suppression).
+ * 3. Each peak is refined by two weighted regressions across its line, in the frame of the line,
+ *    which keeps precision in float. A third pass measures the inliers (hough_lines.c).
+ * 4. Lines that coincide with a line of more votes are suppressed (hough_lines.c).
  *
- * Layout: directions of the rows; the votes; a bit for each place along the line at hand; the
- * peaks; two lists of lines, one in work, one that readers see.
+ * As written a point votes for one column of every row, and the inliers of a line are the points of
+ * the peak's bin.
  *
- * Limits: the columns get wider when the points reach too far for them. Votes are sums of reals in
- * the order of the points. Lines through hundreds of metres of points with an error of half a row's
- * angle do not peak; choose more rows.
+ * Layout: directions of the rows; the accumulator; a bit per position along the current line; the
+ * peaks; two lists of lines, one of the search that runs and one of the last result.
+ *
+ * Limits: columns are wider when the points extend too far. Votes are sums of reals in the order of
+ * the points. Lines over hundreds of metres whose points are off by half a row's angle have no
+ * peak; use more rows.
  *
  * Source: Hough 1962; Ballard 1981; Adluru 2008, section 8.4.1. */
 #include "src/core/build.h"
@@ -23,10 +28,11 @@
 
 #include "src/core/hough_work.h"
 
-#define LIMIT CAIRN_REAL(1e6)
+/* Largest absolute coordinate in m, and largest weight. */
+#define MAX_MAGNITUDE CAIRN_REAL(1e6)
 
 /* Phases of a search. */
-enum { IDLE, BOUNDS, CLEAR, VOTE, PEAKS, FIT, THIN };
+enum { PHASE_IDLE, PHASE_BOUNDS, PHASE_CLEAR, PHASE_VOTE, PHASE_PEAKS, PHASE_FIT, PHASE_SUPPRESS };
 
 cairn_hough_params cairn_hough_default(void)
 {
@@ -57,8 +63,8 @@ cairn_hough_params cairn_hough_as_written(void)
     return params;
 }
 
-/* The params with what the mode leaves no choice of. */
-static cairn_hough_params in_mode(const cairn_hough_params *params)
+/* The params, with the fields that the mode as written ignores set to its values. */
+static cairn_hough_params params_in_mode(const cairn_hough_params *params)
 {
     cairn_hough_params p = *params;
 
@@ -70,31 +76,37 @@ static cairn_hough_params in_mode(const cairn_hough_params *params)
     return p;
 }
 
+/* 1 for a length in m that is allowed. */
 static int is_length(cairn_real x)
 {
-    return x > 0 && x <= LIMIT;
+    return x > 0 && x <= MAX_MAGNITUDE;
 }
 
+/* 1 for an angle in rad that is allowed. */
 static int is_angle(cairn_real x)
 {
     return x > 0 && x <= CAIRN_PI / 2;
 }
 
-static int params_are_valid(const cairn_hough_params *p)
+/* 1 when all params are in range. */
+static int params_are_valid(const cairn_hough_params *params)
 {
-    return p->max_lines >= 1 && p->max_lines <= 256 && p->angles >= 8 && p->angles <= 1 << 12 &&
-           p->distances >= 8 && p->distances <= 1 << 14 && is_length(p->distance_step) &&
-           is_angle(p->angle_tolerance) && is_length(p->separation) &&
-           is_angle(p->separation_angle) && is_length(p->support_distance) &&
-           is_length(p->spacing) && p->least_votes > 0 && cairn_is_finite(p->least_votes) &&
-           (p->mode == CAIRN_MODE_DEFAULT || p->mode == CAIRN_MODE_AS_WRITTEN);
+    return params->max_lines >= 1 && params->max_lines <= 256 && params->angles >= 8 &&
+           params->angles <= 1 << 12 && params->distances >= 8 && params->distances <= 1 << 14 &&
+           is_length(params->distance_step) && is_angle(params->angle_tolerance) &&
+           is_length(params->separation) && is_angle(params->separation_angle) &&
+           is_length(params->support_distance) && is_length(params->spacing) &&
+           params->least_votes > 0 && cairn_is_finite(params->least_votes) &&
+           (params->mode == CAIRN_MODE_DEFAULT || params->mode == CAIRN_MODE_AS_WRITTEN);
 }
 
+/* Rows of the accumulator: over a full turn when oriented, else over half a turn. */
 static int32_t rows_of(const cairn_hough_params *params)
 {
     return params->oriented ? 2 * params->angles : params->angles;
 }
 
+/* Allocates the object and its arrays; NULL from a counting pool. */
 static cairn_hough *carve(cairn_pool *pool, const cairn_hough_params *params)
 {
     size_t rows = (size_t)rows_of(params), columns = (size_t)params->distances,
@@ -102,19 +114,19 @@ static cairn_hough *carve(cairn_pool *pool, const cairn_hough_params *params)
     cairn_hough *hough = cairn_pool_take_one(pool, sizeof *hough);
     cairn_vec2 *direction = cairn_pool_take(pool, rows, sizeof *direction);
     cairn_real *votes = cairn_pool_take(pool, rows * columns, sizeof *votes);
-    uint32_t *places = cairn_pool_take(pool, (columns + 31) / 32, sizeof *places);
-    peak *peaks = cairn_pool_take(pool, lines, sizeof *peaks);
-    cairn_hough_line *work = cairn_pool_take(pool, lines, sizeof *work);
-    cairn_hough_line *done = cairn_pool_take(pool, lines, sizeof *done);
+    uint32_t *occupied = cairn_pool_take(pool, (columns + 31) / 32, sizeof *occupied);
+    hough_peak *peaks = cairn_pool_take(pool, lines, sizeof *peaks);
+    cairn_hough_line *found = cairn_pool_take(pool, lines, sizeof *found);
+    cairn_hough_line *result = cairn_pool_take(pool, lines, sizeof *result);
 
     if (hough != NULL) {
         memset(hough, 0, sizeof *hough);
         hough->direction = direction;
-        hough->votes = votes;
-        hough->places = places;
+        hough->accumulator = votes;
+        hough->occupied = occupied;
         hough->peaks = peaks;
-        hough->work = work;
-        hough->done = done;
+        hough->found = found;
+        hough->result = result;
     }
     return hough;
 }
@@ -126,7 +138,7 @@ size_t cairn_hough_memory(const cairn_hough_params *params)
 
     if (params == NULL)
         return 0;
-    used = in_mode(params);
+    used = params_in_mode(params);
     if (!params_are_valid(&used))
         return 0;
     cairn_pool_init_counting(&counting);
@@ -134,7 +146,8 @@ size_t cairn_hough_memory(const cairn_hough_params *params)
     return cairn_pool_counted(&counting);
 }
 
-static void take_params(cairn_hough *hough, const cairn_hough_params *params)
+/* Copies the params, and computes the sines. */
+static void set_params(cairn_hough *hough, const cairn_hough_params *params)
 {
     hough->params = *params;
     hough->sine_tolerance = cairn_sin(params->angle_tolerance);
@@ -152,13 +165,13 @@ cairn_status cairn_hough_create(cairn_hough **hough, cairn_pool *pool,
         return CAIRN_BAD_ARGUMENT;
     if (!cairn_pool_has_room(pool, need))
         return CAIRN_NO_MEMORY;
-    used = in_mode(params);
+    used = params_in_mode(params);
     made = carve(pool, &used);
-    take_params(made, &used);
+    set_params(made, &used);
     made->rows = rows_of(&used);
-    made->turn = CAIRN_PI / (cairn_real)used.angles;
+    made->angle_step = CAIRN_PI / (cairn_real)used.angles;
     for (int32_t row = 0; row < made->rows; row++)
-        cairn_sincos((cairn_real)row * made->turn, &made->direction[row].y,
+        cairn_sincos((cairn_real)row * made->angle_step, &made->direction[row].y,
                      &made->direction[row].x);
     *hough = made;
     return CAIRN_OK;
@@ -170,13 +183,13 @@ cairn_status cairn_hough_adjust(cairn_hough *hough, const cairn_hough_params *pa
 
     if (hough == NULL || params == NULL)
         return CAIRN_BAD_ARGUMENT;
-    used = in_mode(params);
+    used = params_in_mode(params);
     if (!params_are_valid(&used) || used.max_lines != hough->params.max_lines ||
         used.angles != hough->params.angles || used.distances != hough->params.distances ||
         (used.oriented != 0) != (hough->params.oriented != 0) || used.mode != hough->params.mode)
         return CAIRN_BAD_ARGUMENT;
-    hough->phase = IDLE;
-    take_params(hough, &used);
+    hough->phase = PHASE_IDLE;
+    set_params(hough, &used);
     return CAIRN_OK;
 }
 
@@ -189,45 +202,48 @@ cairn_status cairn_hough_begin(cairn_hough *hough, const cairn_oriented_point *p
     hough->weights = weights;
     hough->count = count;
     hough->cursor = 0;
-    hough->box.min.x = hough->box.min.y = LIMIT;
-    hough->box.max.x = hough->box.max.y = -LIMIT;
+    hough->box.min.x = hough->box.min.y = MAX_MAGNITUDE;
+    hough->box.max.x = hough->box.max.y = -MAX_MAGNITUDE;
     hough->peak_count = 0;
-    hough->work_count = 0;
-    hough->work_dropped = 0;
-    hough->phase = BOUNDS;
+    hough->found_count = 0;
+    hough->found_dropped = 0;
+    hough->phase = PHASE_BOUNDS;
     return CAIRN_OK;
 }
 
 /* ---- Bounds ---- */
 
-static cairn_status check(const cairn_oriented_point *p, cairn_real weight)
+/* CAIRN_OK when a point and its weight are in range. */
+static cairn_status check_point(const cairn_oriented_point *point, cairn_real weight)
 {
-    if (!cairn_is_finite(p->position.x) || !cairn_is_finite(p->position.y) ||
-        !cairn_is_finite(p->direction.x) || !cairn_is_finite(p->direction.y) ||
+    if (!cairn_is_finite(point->position.x) || !cairn_is_finite(point->position.y) ||
+        !cairn_is_finite(point->direction.x) || !cairn_is_finite(point->direction.y) ||
         !cairn_is_finite(weight))
         return CAIRN_NOT_FINITE;
-    if (cairn_abs(p->position.x) > LIMIT || cairn_abs(p->position.y) > LIMIT || weight < 0 ||
-        weight > LIMIT)
+    if (cairn_abs(point->position.x) > MAX_MAGNITUDE ||
+        cairn_abs(point->position.y) > MAX_MAGNITUDE || weight < 0 || weight > MAX_MAGNITUDE)
         return CAIRN_BAD_ARGUMENT;
     return CAIRN_OK;
 }
 
-/* The columns' width, and how far about a peak there is no other. */
-static void lay_columns(cairn_hough *hough)
+/* Sets the centre, the width of a column and the non-maximum suppression radius. */
+static void set_up_columns(cairn_hough *hough)
 {
-    const cairn_hough_params *p = &hough->params;
+    const cairn_hough_params *params = &hough->params;
     cairn_vec2 half =
         cairn_vec2_scale(cairn_vec2_sub(hough->box.max, hough->box.min), CAIRN_REAL(0.5));
     cairn_real radius = hough->count > 0 ? cairn_vec2_norm(half) : 0;
 
-    hough->middle = cairn_vec2_add(hough->box.min, half);
-    hough->step = cairn_max(p->distance_step, 2 * radius / (cairn_real)(p->distances - 3));
-    hough->row_reach = cairn_real_to_int(cairn_ceil(p->separation_angle / hough->turn));
-    hough->column_reach = cairn_real_to_int(cairn_ceil(p->separation / hough->step));
-    if (hough->column_reach > p->distances)
-        hough->column_reach = p->distances;
+    hough->centre = cairn_vec2_add(hough->box.min, half);
+    hough->bin_width =
+        cairn_max(params->distance_step, 2 * radius / (cairn_real)(params->distances - 3));
+    hough->row_radius = cairn_real_to_int(cairn_ceil(params->separation_angle / hough->angle_step));
+    hough->column_radius = cairn_real_to_int(cairn_ceil(params->separation / hough->bin_width));
+    if (hough->column_radius > params->distances)
+        hough->column_radius = params->distances;
 }
 
+/* Phase BOUNDS: checks the points and computes their bounding box. */
 static cairn_status step_bounds(cairn_hough *hough, cairn_budget *budget)
 {
     while (hough->cursor < hough->count) {
@@ -235,150 +251,156 @@ static cairn_status step_bounds(cairn_hough *hough, cairn_budget *budget)
             return CAIRN_MORE;
         budget->left--;
         for (int32_t i = 0; i < 4 && hough->cursor < hough->count; i++, hough->cursor++) {
-            const cairn_oriented_point *p = &hough->points[hough->cursor];
-            cairn_status status = check(p, cairn_hough_weight(hough, hough->cursor));
+            const cairn_oriented_point *point = &hough->points[hough->cursor];
+            cairn_status status = check_point(point, cairn_hough_weight(hough, hough->cursor));
 
             if (status != CAIRN_OK)
                 return status;
-            hough->box.min.x = cairn_min(hough->box.min.x, p->position.x);
-            hough->box.min.y = cairn_min(hough->box.min.y, p->position.y);
-            hough->box.max.x = cairn_max(hough->box.max.x, p->position.x);
-            hough->box.max.y = cairn_max(hough->box.max.y, p->position.y);
+            hough->box.min.x = cairn_min(hough->box.min.x, point->position.x);
+            hough->box.min.y = cairn_min(hough->box.min.y, point->position.y);
+            hough->box.max.x = cairn_max(hough->box.max.x, point->position.x);
+            hough->box.max.y = cairn_max(hough->box.max.y, point->position.y);
         }
     }
-    lay_columns(hough);
+    set_up_columns(hough);
     return CAIRN_OK;
 }
 
 /* ---- Votes ---- */
 
+/* Phase CLEAR: sets the accumulator to 0. */
 static cairn_status step_clear(cairn_hough *hough, cairn_budget *budget)
 {
     int32_t bins = hough->rows * hough->params.distances;
 
     while (hough->cursor < bins) {
-        int32_t some = bins - hough->cursor < 128 ? bins - hough->cursor : 128;
+        int32_t chunk = bins - hough->cursor < 128 ? bins - hough->cursor : 128;
 
         if (budget->left <= 0)
             return CAIRN_MORE;
         budget->left--;
-        memset(&hough->votes[hough->cursor], 0, (size_t)some * sizeof *hough->votes);
-        hough->cursor += some;
+        memset(&hough->accumulator[hough->cursor], 0, (size_t)chunk * sizeof *hough->accumulator);
+        hough->cursor += chunk;
     }
     return CAIRN_OK;
 }
 
-static void vote(cairn_hough *hough, int32_t row, cairn_vec2 p, cairn_real weight)
+/* Votes in a row for the two columns around a point, relative to the centre in m. */
+static void vote_in_row(cairn_hough *hough, int32_t row, cairn_vec2 p, cairn_real weight)
 {
     cairn_real at = cairn_hough_column(hough, cairn_vec2_cross(hough->direction[row], p)),
                low = cairn_floor(at);
-    cairn_real *bin = &hough->votes[row * hough->params.distances + cairn_real_to_int(low)];
+    cairn_real *bin = &hough->accumulator[row * hough->params.distances + cairn_real_to_int(low)];
 
     CAIRN_ASSERT(low >= 0 && low < (cairn_real)(hough->params.distances - 1));
     bin[0] += weight * (1 - (at - low));
     bin[1] += weight * (at - low);
 }
 
-/* The rows that a point of a direction votes in: first ... last, which may be below 0 or beyond
- * the last row. */
-static cairn_real rows_about(const cairn_hough *hough, cairn_vec2 direction, int32_t *first,
-                             int32_t *last)
+/* Rows in which a point of a direction votes: first ... last, which may be below 0 or beyond the
+ * last row. Returns the direction in rows. */
+static cairn_real rows_near_direction(const cairn_hough *hough, cairn_vec2 direction,
+                                      int32_t *first, int32_t *last)
 {
-    cairn_real centre = cairn_atan2(direction.y, direction.x) / hough->turn;
-    cairn_real reach = hough->params.angle_tolerance / hough->turn;
+    cairn_real centre = cairn_atan2(direction.y, direction.x) / hough->angle_step;
+    cairn_real row_tolerance = hough->params.angle_tolerance / hough->angle_step;
 
-    *first = cairn_real_to_int(cairn_ceil(centre - reach));
-    *last = cairn_real_to_int(cairn_floor(centre + reach));
+    *first = cairn_real_to_int(cairn_ceil(centre - row_tolerance));
+    *last = cairn_real_to_int(cairn_floor(centre + row_tolerance));
     return centre;
 }
 
-static void vote_all(cairn_hough *hough, cairn_vec2 p, cairn_real weight, cairn_real centre,
-                     int32_t first, int32_t last)
+/* Votes in the rows first ... last, with weights that decrease with the angle to the direction. */
+static void vote_near_direction(cairn_hough *hough, cairn_vec2 p, cairn_real weight,
+                                cairn_real centre, int32_t first, int32_t last)
 {
-    cairn_real reach = hough->params.angle_tolerance / hough->turn;
+    cairn_real row_tolerance = hough->params.angle_tolerance / hough->angle_step;
 
     for (int32_t i = first; i <= last; i++) {
-        cairn_real share = 1 - cairn_abs((cairn_real)i - centre) / reach;
+        cairn_real share = 1 - cairn_abs((cairn_real)i - centre) / row_tolerance;
         int32_t row = (i + 2 * hough->rows) % hough->rows;
 
         if (share > 0)
-            vote(hough, row, p, weight * share);
+            vote_in_row(hough, row, p, weight * share);
     }
 }
 
-/* One vote in every row. */
+/* As written: votes for one column in every row. */
 static void vote_as_written(cairn_hough *hough, cairn_vec2 p, cairn_real weight)
 {
     for (int32_t row = 0; row < hough->rows; row++) {
         int32_t column = cairn_hough_bin(hough, row, p);
 
         CAIRN_ASSERT(column >= 0 && column < hough->params.distances);
-        hough->votes[row * hough->params.distances + column] += weight;
+        hough->accumulator[row * hough->params.distances + column] += weight;
     }
 }
 
+/* Phase VOTE, as written. */
 static cairn_status step_vote_as_written(cairn_hough *hough, cairn_budget *budget)
 {
     for (; hough->cursor < hough->count; hough->cursor++) {
-        cairn_vec2 p = cairn_vec2_sub(hough->points[hough->cursor].position, hough->middle);
+        cairn_vec2 p = cairn_vec2_sub(hough->points[hough->cursor].position, hough->centre);
 
-        if (!cairn_budget_pay(budget, &hough->paid, 2 + hough->rows / 4))
+        if (!cairn_budget_pay(budget, &hough->charged, 2 + hough->rows / 4))
             return CAIRN_MORE;
         vote_as_written(hough, p, cairn_hough_weight(hough, hough->cursor));
     }
     return CAIRN_OK;
 }
 
+/* Phase VOTE. */
 static cairn_status step_vote(cairn_hough *hough, cairn_budget *budget)
 {
     for (; hough->cursor < hough->count; hough->cursor++) {
-        const cairn_oriented_point *p = &hough->points[hough->cursor];
+        const cairn_oriented_point *point = &hough->points[hough->cursor];
         cairn_real weight = cairn_hough_weight(hough, hough->cursor), centre;
         int32_t first, last;
 
         if (budget->left <= 0)
             return CAIRN_MORE;
-        centre = rows_about(hough, p->direction, &first, &last);
-        if (!cairn_budget_pay(budget, &hough->paid, 2 + (last - first) / 4))
+        centre = rows_near_direction(hough, point->direction, &first, &last);
+        if (!cairn_budget_pay(budget, &hough->charged, 2 + (last - first) / 4))
             return CAIRN_MORE;
-        if (weight > 0 && cairn_vec2_norm_squared(p->direction) > 0)
-            vote_all(hough, cairn_vec2_sub(p->position, hough->middle), weight, centre, first,
-                     last);
+        if (weight > 0 && cairn_vec2_norm_squared(point->direction) > 0)
+            vote_near_direction(hough, cairn_vec2_sub(point->position, hough->centre), weight,
+                                centre, first, last);
     }
     return CAIRN_OK;
 }
 
 /* ---- Peaks ---- */
 
-/* 1 when no bin near (row, column) has more votes, or as many and comes before. */
+/* 1 when (row, column) is a local maximum: no bin within the suppression radius has more votes, or
+ * as many and a lower index. */
 static int is_peak(const cairn_hough *hough, int32_t row, int32_t column)
 {
-    int32_t columns = hough->params.distances, self = row * columns + column;
-    cairn_real votes = hough->votes[self];
+    int32_t columns = hough->params.distances, bin = row * columns + column;
+    cairn_real votes = hough->accumulator[bin];
 
-    for (int32_t i = -hough->row_reach; i <= hough->row_reach; i++) {
+    for (int32_t i = -hough->row_radius; i <= hough->row_radius; i++) {
         int32_t other = (row + i + hough->rows) % hough->rows;
-        int32_t reversed = !hough->params.oriented && other != row + i;
-        int32_t about = reversed ? columns - 1 - column : column;
-        int32_t from = about > hough->column_reach ? about - hough->column_reach : 0;
-        int32_t to =
-            columns - 1 - about > hough->column_reach ? about + hough->column_reach : columns - 1;
+        int32_t is_reversed = !hough->params.oriented && other != row + i;
+        int32_t centre = is_reversed ? columns - 1 - column : column;
+        int32_t from = centre > hough->column_radius ? centre - hough->column_radius : 0;
+        int32_t to = columns - 1 - centre > hough->column_radius ? centre + hough->column_radius
+                                                                 : columns - 1;
 
         for (int32_t j = other * columns + from; j <= other * columns + to; j++)
-            if (hough->votes[j] > votes || (j < self && hough->votes[j] == votes))
+            if (hough->accumulator[j] > votes || (j < bin && hough->accumulator[j] == votes))
                 return 0;
     }
     return 1;
 }
 
-/* Among the peaks found before, all of which come before it when they are as high. */
-static void keep(cairn_hough *hough, int32_t row, int32_t column)
+/* Inserts a peak into the list by decreasing votes, behind equal ones. */
+static void insert_peak(cairn_hough *hough, int32_t row, int32_t column)
 {
-    peak p = {hough->votes[row * hough->params.distances + column], row, column};
+    hough_peak p = {hough->accumulator[row * hough->params.distances + column], row, column};
     int32_t at = hough->peak_count;
 
     if (at == hough->params.max_lines) {
-        hough->work_dropped++;
+        hough->found_dropped++;
         if (hough->peaks[at - 1].votes >= p.votes)
             return;
         at--;
@@ -390,57 +412,60 @@ static void keep(cairn_hough *hough, int32_t row, int32_t column)
     hough->peaks[at] = p;
 }
 
-/* A line between two columns loses half of its votes to the other one, and some more between two
- * rows; as written it keeps them. */
-static int may_be_peak(const cairn_hough *hough, int32_t bin)
+/* 1 when a bin has enough votes for a peak. A line between two columns has half of its votes in
+ * each, and fewer between two rows; as written it has all votes in one bin. */
+static int is_above_threshold(const cairn_hough *hough, int32_t bin)
 {
     cairn_real share = cairn_hough_is_as_written(hough) ? 1 : CAIRN_REAL(0.4);
 
-    return hough->votes[bin] >= share * hough->params.least_votes;
+    return hough->accumulator[bin] >= share * hough->params.least_votes;
 }
 
+/* Phase PEAKS: finds the local maxima of the accumulator. */
 static cairn_status step_peaks(cairn_hough *hough, cairn_budget *budget)
 {
     int32_t columns = hough->params.distances, bins = hough->rows * columns;
-    int32_t about = (2 * hough->row_reach + 1) * (2 * hough->column_reach + 1);
+    int32_t window_bins = (2 * hough->row_radius + 1) * (2 * hough->column_radius + 1);
 
     while (hough->cursor < bins) {
         if (budget->left <= 0)
             return CAIRN_MORE;
-        if (!may_be_peak(hough, hough->cursor)) {
+        if (!is_above_threshold(hough, hough->cursor)) {
             budget->left--;
             for (int32_t i = 0;
-                 i < 32 && hough->cursor < bins && !may_be_peak(hough, hough->cursor); i++)
+                 i < 32 && hough->cursor < bins && !is_above_threshold(hough, hough->cursor); i++)
                 hough->cursor++;
             continue;
         }
-        if (!cairn_budget_pay(budget, &hough->paid, 2 + about / 16 + hough->peak_count / 8))
+        if (!cairn_budget_pay(budget, &hough->charged,
+                              2 + window_bins / 16 + hough->peak_count / 8))
             return CAIRN_MORE;
         if (is_peak(hough, hough->cursor / columns, hough->cursor % columns))
-            keep(hough, hough->cursor / columns, hough->cursor % columns);
+            insert_peak(hough, hough->cursor / columns, hough->cursor % columns);
         hough->cursor++;
     }
     return CAIRN_OK;
 }
 
-/* ---- All of it ---- */
+/* ---- Search ---- */
 
+/* Works on the current phase. CAIRN_OK: the phase has ended. */
 static cairn_status step_phase(cairn_hough *hough, cairn_budget *budget)
 {
     switch (hough->phase) {
-    case BOUNDS:
+    case PHASE_BOUNDS:
         return step_bounds(hough, budget);
-    case CLEAR:
+    case PHASE_CLEAR:
         return step_clear(hough, budget);
-    case VOTE:
+    case PHASE_VOTE:
         return cairn_hough_is_as_written(hough) ? step_vote_as_written(hough, budget)
                                                 : step_vote(hough, budget);
-    case PEAKS:
+    case PHASE_PEAKS:
         return step_peaks(hough, budget);
-    case FIT:
+    case PHASE_FIT:
         return cairn_hough_fit_lines(hough, budget);
     default:
-        return cairn_hough_thin_lines(hough, budget);
+        return cairn_hough_suppress_lines(hough, budget);
     }
 }
 
@@ -448,17 +473,17 @@ cairn_status cairn_hough_step(cairn_hough *hough, cairn_budget *budget)
 {
     if (hough == NULL || budget == NULL)
         return CAIRN_BAD_ARGUMENT;
-    while (hough->phase != IDLE) {
+    while (hough->phase != PHASE_IDLE) {
         cairn_status status = step_phase(hough, budget);
 
         if (status == CAIRN_MORE)
             return status;
-        hough->phase = status < 0 || hough->phase == THIN ? IDLE : hough->phase + 1;
+        hough->phase = status < 0 || hough->phase == PHASE_SUPPRESS ? PHASE_IDLE : hough->phase + 1;
         if (status < 0)
             return status;
         hough->cursor = 0;
-        hough->paid = 0;
-        if (hough->phase == FIT)
+        hough->charged = 0;
+        if (hough->phase == PHASE_FIT)
             cairn_hough_begin_lines(hough);
     }
     return CAIRN_OK;
@@ -466,13 +491,13 @@ cairn_status cairn_hough_step(cairn_hough *hough, cairn_budget *budget)
 
 const cairn_hough_line *cairn_hough_list(const cairn_hough *hough, int32_t *count)
 {
-    *count = hough->done_count;
-    return hough->done;
+    *count = hough->result_count;
+    return hough->result;
 }
 
 int32_t cairn_hough_dropped(const cairn_hough *hough)
 {
-    return hough->done_dropped;
+    return hough->result_dropped;
 }
 
 cairn_segment cairn_hough_segment(const cairn_hough_line *line)

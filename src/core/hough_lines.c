@@ -1,6 +1,11 @@
-/* The line at each peak: fitted to the points by two weighted regressions across it, then
- * measured, and dropped when it has come to lie on a stronger one. As written it is the middle
- * of its bin, and measured alone. */
+/* Lines of the Hough transform: fitting, measuring and suppression.
+ *
+ * Method: for each peak
+ * 1. a coarse and a fine weighted regression across the line move the line onto its inliers,
+ * 2. a third pass measures the inliers, the extent and the covered length.
+ * 3. At the end non-maximum suppression drops lines that coincide with one of more votes.
+ *
+ * As written the line is the centre of its bin, and only the third pass is made. */
 #include "src/core/build.h"
 
 #include <string.h>
@@ -8,201 +13,209 @@
 #include "src/core/hough_work.h"
 
 /* Passes over the points for each peak. */
-enum { COARSE, FINE, SUPPORT };
+enum { PASS_COARSE, PASS_FINE, PASS_SUPPORT };
 
+/* Starts a pass over the points. */
 static void start_pass(cairn_hough *hough)
 {
-    moments none = {0, 0, 0, 0, 0, 0};
+    hough_moments none = {0, 0, 0, 0, 0, 0};
 
-    hough->sum = none;
+    hough->moments = none;
     hough->cursor = 0;
     hough->fit.low = CAIRN_REAL_MAX;
     hough->fit.high = -CAIRN_REAL_MAX;
-    if (hough->pass == SUPPORT)
-        memset(hough->places, 0,
-               (size_t)((hough->params.distances + 31) / 32) * sizeof *hough->places);
+    if (hough->pass == PASS_SUPPORT)
+        memset(hough->occupied, 0,
+               (size_t)((hough->params.distances + 31) / 32) * sizeof *hough->occupied);
 }
 
+/* Starts the line of the current peak at the centre of its bin. */
 static void start_line(cairn_hough *hough)
 {
-    const peak *p = &hough->peaks[hough->line];
-    cairn_vec2 direction = hough->direction[p->row];
+    const hough_peak *peak = &hough->peaks[hough->current_peak];
+    cairn_vec2 direction = hough->direction[peak->row];
     cairn_real distance =
-        ((cairn_real)p->column - (cairn_real)(hough->params.distances - 1) * CAIRN_REAL(0.5)) *
-        hough->step;
+        ((cairn_real)peak->column - (cairn_real)(hough->params.distances - 1) * CAIRN_REAL(0.5)) *
+        hough->bin_width;
 
     hough->fit.direction = direction;
     hough->fit.point =
-        cairn_vec2_add(hough->middle, cairn_vec2_scale(cairn_vec2_left(direction), distance));
-    hough->pass = cairn_hough_is_as_written(hough) ? SUPPORT : COARSE;
+        cairn_vec2_add(hough->centre, cairn_vec2_scale(cairn_vec2_left(direction), distance));
+    hough->pass = cairn_hough_is_as_written(hough) ? PASS_SUPPORT : PASS_COARSE;
     start_pass(hough);
 }
 
-static void mark_place(cairn_hough *hough, cairn_vec2 p)
+/* Marks the position of an inlier along the line. p: in m. */
+static void mark_position(cairn_hough *hough, cairn_vec2 p)
 {
-    cairn_real along = cairn_vec2_dot(hough->fit.direction, cairn_vec2_sub(p, hough->middle));
-    int32_t place = cairn_real_to_int(cairn_hough_column(hough, along));
+    cairn_real along = cairn_vec2_dot(hough->fit.direction, cairn_vec2_sub(p, hough->centre));
+    int32_t position = cairn_real_to_int(cairn_hough_column(hough, along));
 
-    CAIRN_ASSERT(place >= 0 && place < hough->params.distances);
-    hough->places[place / 32] |= (uint32_t)1 << (place % 32);
+    CAIRN_ASSERT(position >= 0 && position < hough->params.distances);
+    hough->occupied[position / 32] |= (uint32_t)1 << (position % 32);
 }
 
-/* 1 when the point belongs to the current line, from which it is s away. As written: when it has
- * voted for it. */
-static int belongs(const cairn_hough *hough, const cairn_oriented_point *p, cairn_real s)
+/* 1 when a point, at signed distance s in m, is an inlier of the current line. As written: when the
+ * point voted for the bin of the peak. */
+static int is_inlier(const cairn_hough *hough, const cairn_oriented_point *point, cairn_real s)
 {
-    cairn_real reach = hough->params.support_distance, along, across;
+    cairn_real max_distance = hough->params.support_distance, along, across;
 
     if (cairn_hough_is_as_written(hough)) {
-        const peak *at = &hough->peaks[hough->line];
+        const hough_peak *peak = &hough->peaks[hough->current_peak];
 
-        return cairn_hough_bin(hough, at->row, cairn_vec2_sub(p->position, hough->middle)) ==
-               at->column;
+        return cairn_hough_bin(hough, peak->row, cairn_vec2_sub(point->position, hough->centre)) ==
+               peak->column;
     }
-    along = cairn_vec2_dot(hough->fit.direction, p->direction);
-    across = cairn_vec2_cross(hough->fit.direction, p->direction);
-    if (hough->pass == COARSE)
-        reach = cairn_max(2 * reach, 2 * hough->step);
+    along = cairn_vec2_dot(hough->fit.direction, point->direction);
+    across = cairn_vec2_cross(hough->fit.direction, point->direction);
+    if (hough->pass == PASS_COARSE)
+        max_distance = cairn_max(2 * max_distance, 2 * hough->bin_width);
     if (!hough->params.oriented)
         along = cairn_abs(along);
-    return cairn_abs(s) <= reach && along > 0 &&
-           cairn_abs(across) <= hough->sine_tolerance * cairn_vec2_norm(p->direction);
+    return cairn_abs(s) <= max_distance && along > 0 &&
+           cairn_abs(across) <= hough->sine_tolerance * cairn_vec2_norm(point->direction);
 }
 
-/* A point as far as it belongs to the line at hand. */
-static void add_point(cairn_hough *hough, const cairn_oriented_point *p, cairn_real weight)
+/* Adds a point to the moments if the point is an inlier of the current line. */
+static void add_point(cairn_hough *hough, const cairn_oriented_point *point, cairn_real weight)
 {
-    cairn_vec2 d = hough->fit.direction, from = cairn_vec2_sub(p->position, hough->fit.point);
+    cairn_vec2 d = hough->fit.direction, from = cairn_vec2_sub(point->position, hough->fit.point);
     cairn_real t = cairn_vec2_dot(d, from), s = cairn_vec2_cross(d, from);
-    moments *m = &hough->sum;
+    hough_moments *moments = &hough->moments;
 
-    if (!(weight > 0) || !belongs(hough, p, s))
+    if (!(weight > 0) || !is_inlier(hough, point, s))
         return;
-    m->w += weight;
-    m->t += weight * t;
-    m->s += weight * s;
-    m->tt += weight * t * t;
-    m->ts += weight * t * s;
-    m->ss += weight * s * s;
-    if (hough->pass == SUPPORT) {
+    moments->w += weight;
+    moments->t += weight * t;
+    moments->s += weight * s;
+    moments->tt += weight * t * t;
+    moments->ts += weight * t * s;
+    moments->ss += weight * s * s;
+    if (hough->pass == PASS_SUPPORT) {
         hough->fit.low = cairn_min(hough->fit.low, t);
         hough->fit.high = cairn_max(hough->fit.high, t);
-        mark_place(hough, p->position);
+        mark_position(hough, point->position);
     }
 }
 
-/* Moves the line at hand to the regression of s over t. 0 when the points have no extent along
- * it. */
+/* Moves the current line to the weighted regression of s over t. 0 when the inliers have no extent
+ * along the line. */
 static int refit(cairn_hough *hough)
 {
-    const moments *m = &hough->sum;
+    const hough_moments *moments = &hough->moments;
     cairn_vec2 d = hough->fit.direction, left = cairn_vec2_left(d);
     cairn_real t, s, tt, slope;
 
-    if (!(m->w > 0))
+    if (!(moments->w > 0))
         return 0;
-    t = m->t / m->w;
-    s = m->s / m->w;
-    tt = m->tt / m->w - t * t;
+    t = moments->t / moments->w;
+    s = moments->s / moments->w;
+    tt = moments->tt / moments->w - t * t;
     if (!(tt > 0))
         return 0;
-    slope = (m->ts / m->w - t * s) / tt;
+    slope = (moments->ts / moments->w - t * s) / tt;
     hough->fit.point = cairn_vec2_add(
         hough->fit.point, cairn_vec2_add(cairn_vec2_scale(d, t), cairn_vec2_scale(left, s)));
     hough->fit.direction = cairn_vec2_unit(cairn_vec2_add(d, cairn_vec2_scale(left, slope)));
     return 1;
 }
 
-/* The marked places' way from the first to the last, without the wide gaps. */
-static cairn_real covered(const cairn_hough *hough)
+/* Length in m from the first to the last marked position, without the gaps wider than 2 *
+ * spacing. */
+static cairn_real covered_length(const cairn_hough *hough)
 {
-    int32_t widest = cairn_real_to_int(2 * hough->params.spacing / hough->step), last = -1, sum = 0;
+    int32_t max_gap = cairn_real_to_int(2 * hough->params.spacing / hough->bin_width), last = -1,
+            sum = 0;
 
     for (int32_t i = 0; i < hough->params.distances; i++) {
-        if (!((hough->places[i / 32] >> (i % 32)) & 1))
+        if (!((hough->occupied[i / 32] >> (i % 32)) & 1))
             continue;
-        if (last >= 0 && i - last <= widest)
+        if (last >= 0 && i - last <= max_gap)
             sum += i - last;
         last = i;
     }
-    return (cairn_real)sum * hough->step;
+    return (cairn_real)sum * hough->bin_width;
 }
 
-/* The line as it is reported: its point is the mean of the support. */
-static void measure(cairn_hough *hough)
+/* Completes the current line from its moments: its point becomes the centroid of the inliers. */
+static void finish_line(cairn_hough *hough)
 {
-    const moments *m = &hough->sum;
-    cairn_hough_line *l = &hough->fit;
-    cairn_real t = m->t / m->w, s = cairn_hough_is_as_written(hough) ? 0 : m->s / m->w;
+    const hough_moments *moments = &hough->moments;
+    cairn_hough_line *line = &hough->fit;
+    cairn_real t = moments->t / moments->w,
+               s = cairn_hough_is_as_written(hough) ? 0 : moments->s / moments->w;
 
-    l->point = cairn_vec2_add(l->point, cairn_vec2_scale(l->direction, t));
-    l->low -= t;
-    l->high -= t;
-    l->covered = cairn_min(covered(hough), l->high - l->low);
-    l->votes = m->w;
-    l->rms = cairn_sqrt(cairn_max(m->ss / m->w - s * s, 0));
+    line->point = cairn_vec2_add(line->point, cairn_vec2_scale(line->direction, t));
+    line->low -= t;
+    line->high -= t;
+    line->covered = cairn_min(covered_length(hough), line->high - line->low);
+    line->votes = moments->w;
+    line->rms = cairn_sqrt(cairn_max(moments->ss / moments->w - s * s, 0));
     if (!hough->params.oriented &&
-        (l->direction.x < 0 || (l->direction.x == 0 && l->direction.y < 0))) {
-        cairn_real low = l->low;
+        (line->direction.x < 0 || (line->direction.x == 0 && line->direction.y < 0))) {
+        cairn_real low = line->low;
 
-        l->direction = cairn_vec2_scale(l->direction, -1);
-        l->low = -l->high;
-        l->high = -low;
+        line->direction = cairn_vec2_scale(line->direction, -1);
+        line->low = -line->high;
+        line->high = -low;
     }
 }
 
-/* 1 when one of the two lines ends up on the other, seen from the middle of the points. */
-static int is_same(const cairn_hough *hough, const cairn_hough_line *a, const cairn_hough_line *b)
+/* 1 when two lines coincide: their directions, and their distances from the centre of the points,
+ * differ by less than the separation. */
+static int is_duplicate(const cairn_hough *hough, const cairn_hough_line *a,
+                        const cairn_hough_line *b)
 {
     cairn_real along = cairn_vec2_dot(a->direction, b->direction), sign = along < 0 ? -1 : 1;
-    cairn_real apart =
-        cairn_vec2_cross(a->direction, cairn_vec2_sub(a->point, hough->middle)) -
-        sign * cairn_vec2_cross(b->direction, cairn_vec2_sub(b->point, hough->middle));
+    cairn_real offset =
+        cairn_vec2_cross(a->direction, cairn_vec2_sub(a->point, hough->centre)) -
+        sign * cairn_vec2_cross(b->direction, cairn_vec2_sub(b->point, hough->centre));
 
     if (hough->params.oriented && along < 0)
         return 0;
-    return cairn_abs(apart) < hough->params.separation &&
+    return cairn_abs(offset) < hough->params.separation &&
            cairn_abs(cairn_vec2_cross(a->direction, b->direction)) < hough->sine_separation;
 }
 
-/* Among the lines that were found before, behind those with as many votes. */
-static void insert(cairn_hough *hough)
+/* Inserts the current line by decreasing votes, behind equal ones. */
+static void insert_line(cairn_hough *hough)
 {
-    int32_t at = hough->work_count++;
+    int32_t at = hough->found_count++;
 
-    for (; at > 0 && hough->work[at - 1].votes < hough->fit.votes; at--)
-        hough->work[at] = hough->work[at - 1];
-    hough->work[at] = hough->fit;
+    for (; at > 0 && hough->found[at - 1].votes < hough->fit.votes; at--)
+        hough->found[at] = hough->found[at - 1];
+    hough->found[at] = hough->fit;
 }
 
-/* Ends a pass over the points; goes to the next, or to the next line. */
+/* Ends a pass over the points, and starts the next pass or the next peak. */
 static void end_pass(cairn_hough *hough)
 {
-    if (hough->pass != SUPPORT && refit(hough)) {
+    if (hough->pass != PASS_SUPPORT && refit(hough)) {
         hough->pass++;
         start_pass(hough);
         return;
     }
-    if (hough->pass == SUPPORT && hough->sum.w >= hough->params.least_votes &&
+    if (hough->pass == PASS_SUPPORT && hough->moments.w >= hough->params.least_votes &&
         hough->fit.high > hough->fit.low) {
-        measure(hough);
-        insert(hough);
+        finish_line(hough);
+        insert_line(hough);
     }
-    hough->line++;
-    if (hough->line < hough->peak_count)
+    hough->current_peak++;
+    if (hough->current_peak < hough->peak_count)
         start_line(hough);
 }
 
 void cairn_hough_begin_lines(cairn_hough *hough)
 {
-    hough->line = 0;
+    hough->current_peak = 0;
     if (hough->peak_count > 0)
         start_line(hough);
 }
 
 cairn_status cairn_hough_fit_lines(cairn_hough *hough, cairn_budget *budget)
 {
-    while (hough->line < hough->peak_count) {
+    while (hough->current_peak < hough->peak_count) {
         while (hough->cursor < hough->count) {
             if (budget->left <= 0)
                 return CAIRN_MORE;
@@ -211,32 +224,32 @@ cairn_status cairn_hough_fit_lines(cairn_hough *hough, cairn_budget *budget)
                 add_point(hough, &hough->points[hough->cursor],
                           cairn_hough_weight(hough, hough->cursor));
         }
-        if (!cairn_budget_pay(budget, &hough->paid,
-                              4 + hough->params.distances / 16 + hough->work_count / 2))
+        if (!cairn_budget_pay(budget, &hough->charged,
+                              4 + hough->params.distances / 16 + hough->found_count / 2))
             return CAIRN_MORE;
         end_pass(hough);
     }
     return CAIRN_OK;
 }
 
-cairn_status cairn_hough_thin_lines(cairn_hough *hough, cairn_budget *budget)
+cairn_status cairn_hough_suppress_lines(cairn_hough *hough, cairn_budget *budget)
 {
-    cairn_hough_line *list = hough->done;
+    cairn_hough_line *list = hough->result;
     int32_t kept = 0;
 
-    if (!cairn_budget_pay(budget, &hough->paid, 1 + hough->work_count * hough->work_count / 8))
+    if (!cairn_budget_pay(budget, &hough->charged, 1 + hough->found_count * hough->found_count / 8))
         return CAIRN_MORE;
-    for (int32_t i = 0; i < hough->work_count; i++) {
-        int same = 0;
+    for (int32_t i = 0; i < hough->found_count; i++) {
+        int is_suppressed = 0;
 
-        for (int32_t j = 0; j < kept && !same; j++)
-            same = is_same(hough, &hough->work[j], &hough->work[i]);
-        if (!same)
-            hough->work[kept++] = hough->work[i];
+        for (int32_t j = 0; j < kept && !is_suppressed; j++)
+            is_suppressed = is_duplicate(hough, &hough->found[j], &hough->found[i]);
+        if (!is_suppressed)
+            hough->found[kept++] = hough->found[i];
     }
-    hough->done = hough->work;
-    hough->done_count = kept;
-    hough->done_dropped = hough->work_dropped;
-    hough->work = list;
+    hough->result = hough->found;
+    hough->result_count = kept;
+    hough->result_dropped = hough->found_dropped;
+    hough->found = list;
     return CAIRN_OK;
 }

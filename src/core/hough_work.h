@@ -1,66 +1,93 @@
-/* What the two parts of the hough room share. */
+/* Internals of the module hough, shared by hough.c (votes and peaks) and hough_lines.c (lines). */
 #ifndef CAIRN_CORE_HOUGH_WORK_H
 #define CAIRN_CORE_HOUGH_WORK_H
 
 #include "cairn/hough.h"
 
-typedef struct peak {
+/* Local maximum of the accumulator. */
+typedef struct hough_peak {
+    /* Votes of its bin. */
     cairn_real votes;
+    /* Its row (direction) and column (distance). */
     int32_t row, column;
-} peak;
+} hough_peak;
 
-/* Weighted moments of points in the frame of a line: t along it, s across to the left. */
-typedef struct moments {
+/* Weighted moments of points in the frame of a line: weight w, and sums of t (along the line, in
+ * m), s (to the left of the line, in m) and their products. */
+typedef struct hough_moments {
     cairn_real w, t, s, tt, ts, ss;
-} moments;
+} hough_moments;
 
 struct cairn_hough {
     cairn_hough_params params;
+    /* Rows of the accumulator. */
     int32_t rows;
-    cairn_real turn;       /* rad from row to row */
-    cairn_vec2 *direction; /* [rows] */
-    cairn_real *votes;     /* [rows * distances], row by row */
-    uint32_t *places;      /* [(distances + 31) / 32] */
-    peak *peaks;           /* [max_lines], the highest first */
-    int32_t peak_count, work_dropped;
-    cairn_hough_line *work, *done; /* [max_lines] each, the most votes first */
-    int32_t work_count, done_count, done_dropped;
+    /* Angle between adjacent rows, in rad. */
+    cairn_real angle_step;
+    /* [rows] Unit direction of each row. */
+    cairn_vec2 *direction;
+    /* [rows * distances] Votes, row by row. */
+    cairn_real *accumulator;
+    /* [(distances + 31) / 32] Bit set of the positions along the current line that have an
+     * inlier. */
+    uint32_t *occupied;
+    /* [max_lines] Peaks, by decreasing votes. */
+    hough_peak *peaks;
+    /* Number of peaks, and of peaks dropped. */
+    int32_t peak_count, found_dropped;
+    /* [max_lines] each: lines of the search that runs, and of the last one, by decreasing votes. */
+    cairn_hough_line *found, *result;
+    int32_t found_count, result_count, result_dropped;
 
+    /* Input of the search. */
     const cairn_oriented_point *points;
     const cairn_real *weights;
     int32_t count;
+    /* Phase of the search. */
     int32_t phase;
-    int32_t cursor; /* point or bin to be done next */
-    int32_t paid;   /* units towards the item at hand */
+    /* Next point or bin of the phase. */
+    int32_t cursor;
+    /* Work units charged for the next operation so far. */
+    int32_t charged;
+    /* Bounding box of the points, and its centre, in m. */
     cairn_box box;
-    cairn_vec2 middle;
-    cairn_real step;                 /* m, width of a column and of a place */
-    int32_t row_reach, column_reach; /* about a peak */
+    cairn_vec2 centre;
+    /* Width of a column, and of a position along a line, in m. */
+    cairn_real bin_width;
+    /* Non-maximum suppression radius around a peak, in rows and columns. */
+    int32_t row_radius, column_radius;
+    /* Sines of angle_tolerance and separation_angle. */
     cairn_real sine_tolerance, sine_separation;
 
-    int32_t line; /* peak at hand */
-    int32_t pass; /* over the points */
+    /* Current peak, and pass over the points for this peak. */
+    int32_t current_peak;
+    int32_t pass;
+    /* Line of the current peak, and the moments of its inliers. */
     cairn_hough_line fit;
-    moments sum;
+    hough_moments moments;
 };
 
+/* Weight of point i. */
 static inline cairn_real cairn_hough_weight(const cairn_hough *hough, int32_t i)
 {
     return hough->weights != NULL ? hough->weights[i] : 1;
 }
 
-/* Where a signed distance from the middle lies among the columns: the middle is in the middle. */
+/* Column, as a real number, of a signed distance from the centre in m; 0 is in the middle
+ * column. */
 static inline cairn_real cairn_hough_column(const cairn_hough *hough, cairn_real distance)
 {
-    return distance / hough->step + (cairn_real)(hough->params.distances - 1) * CAIRN_REAL(0.5);
+    return distance / hough->bin_width +
+           (cairn_real)(hough->params.distances - 1) * CAIRN_REAL(0.5);
 }
 
+/* 1 in the mode as written. */
 static inline int cairn_hough_is_as_written(const cairn_hough *hough)
 {
     return hough->params.mode == CAIRN_MODE_AS_WRITTEN;
 }
 
-/* As written: the column in which a point, from the middle, votes in a row. */
+/* As written: the column in which a point votes in a row. p: relative to the centre, in m. */
 static inline int32_t cairn_hough_bin(const cairn_hough *hough, int32_t row, cairn_vec2 p)
 {
     cairn_real at = cairn_hough_column(hough, cairn_vec2_cross(hough->direction[row], p));
@@ -68,13 +95,14 @@ static inline int32_t cairn_hough_bin(const cairn_hough *hough, int32_t row, cai
     return cairn_real_to_int(cairn_floor(at + CAIRN_REAL(0.5)));
 }
 
-/* Goes to the first of the peaks. */
+/* Starts the fitting of lines at the first peak. */
 void cairn_hough_begin_lines(cairn_hough *hough);
 
-/* Fits a line to the points at each peak. */
+/* Fits a line to the inliers of each peak. CAIRN_OK: all lines are fitted. CAIRN_MORE. */
 cairn_status cairn_hough_fit_lines(cairn_hough *hough, cairn_budget *budget);
 
-/* Lines that lie on a stronger one go; the rest is what readers see. */
-cairn_status cairn_hough_thin_lines(cairn_hough *hough, cairn_budget *budget);
+/* Non-maximum suppression: drops lines that coincide with one of more votes, and publishes the rest
+ * as the result. CAIRN_OK, CAIRN_MORE. */
+cairn_status cairn_hough_suppress_lines(cairn_hough *hough, cairn_budget *budget);
 
 #endif

@@ -1,9 +1,13 @@
-/* Orthogonal regression (total least squares) by the principal axis of the weighted scatter about
- * the weighted mean.
+/* Line fitting by orthogonal regression (total least squares), and merging of segments.
  *
- * Sums are taken about the first point of weight > 0 and then about the mean, so that places far
- * from the origin cost no digits. Limits: the squares of all coordinates and of the weights' sum
- * must be representable. */
+ * Method:
+ * 1. Weighted centroid. The sums are taken relative to the first point of weight > 0, so points far
+ *    from the origin lose no digits.
+ * 2. Scatter matrix about the centroid. Its major eigenvector is the direction, its smaller
+ *    eigenvalue the weighted sum of squared distances.
+ * 3. Extent of the points along the direction.
+ *
+ * Limits: the squares of all coordinates and of the sum of the weights must be representable. */
 #include "src/core/build.h"
 
 #include <stddef.h>
@@ -11,11 +15,13 @@
 #include "cairn/line.h"
 #include "cairn/small_matrix.h"
 
+/* Weight of point i. */
 static cairn_real weight_of(const cairn_real *weights, int32_t i)
 {
     return weights != NULL ? weights[i] : 1;
 }
 
+/* Scatter matrix m plus the outer product of an offset d of a weight. */
 static cairn_sym2 scatter_add(cairn_sym2 m, cairn_vec2 d, cairn_real weight)
 {
     m.xx += weight * d.x * d.x;
@@ -24,6 +30,7 @@ static cairn_sym2 scatter_add(cairn_sym2 m, cairn_vec2 d, cairn_real weight)
     return m;
 }
 
+/* CAIRN_OK when all points and weights are finite and no weight is negative. */
 static cairn_status check_points(const cairn_vec2 *points, const cairn_real *weights, int32_t count)
 {
     for (int32_t i = 0; i < count; i++) {
@@ -41,7 +48,7 @@ static cairn_status check_points(const cairn_vec2 *points, const cairn_real *wei
 cairn_status cairn_line_fit(const cairn_vec2 *points, const cairn_real *weights, int32_t count,
                             cairn_line *line)
 {
-    cairn_line fit = {{0, 0}, {1, 0}, CAIRN_REAL_MAX, -CAIRN_REAL_MAX, 0, 0};
+    cairn_line fit = {.direction = {1, 0}, .low = CAIRN_REAL_MAX, .high = -CAIRN_REAL_MAX};
     cairn_sym2 scatter = {0, 0, 0};
     cairn_vec2 origin = {0, 0}, sum = {0, 0}, minor;
     cairn_real values[2];
@@ -91,16 +98,17 @@ cairn_segment cairn_line_segment(const cairn_line *line)
     return segment;
 }
 
-/* Scatter of a mass laid uniformly on a segment, about a point: that about its middle, and the
- * middle's. */
+/* Adds the scatter of a mass spread uniformly over a segment, about a point: the scatter about the
+ * midpoint, plus that of the midpoint (parallel axis theorem). */
 static cairn_sym2 segment_scatter(cairn_sym2 m, cairn_segment s, cairn_real mass, cairn_vec2 about)
 {
-    cairn_vec2 middle = cairn_vec2_scale(cairn_vec2_add(s.a, s.b), CAIRN_REAL(0.5));
+    cairn_vec2 midpoint = cairn_vec2_scale(cairn_vec2_add(s.a, s.b), CAIRN_REAL(0.5));
 
     m = scatter_add(m, cairn_vec2_sub(s.b, s.a), mass / 12);
-    return scatter_add(m, cairn_vec2_sub(middle, about), mass);
+    return scatter_add(m, cairn_vec2_sub(midpoint, about), mass);
 }
 
+/* 1 when both ends are finite. */
 static int segment_is_finite(cairn_segment s)
 {
     return cairn_is_finite(s.a.x) && cairn_is_finite(s.a.y) && cairn_is_finite(s.b.x) &&

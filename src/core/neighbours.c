@@ -1,33 +1,39 @@
-/* Hash grid and sweep-and-prune.
+/* Hash grid over points, and sweep and prune over boxes.
  *
- * Hash grid: the plane is cut into square cells; the points of the cells that share a bucket form a
- * chain (heads, next), the last one inserted first. A query visits the buckets of the cells that
- * its radius touches and judges every candidate by its distance, so that points of other cells in
- * the same bucket do no harm; the walk over all neighbours also compares cells, so that it meets
- * each point once. The nearest point is searched in rings of cells around the query; the box of
- * cells to visit shrinks to the distance found. A query that touches more cells than there are
- * points looks at the points one by one instead, which bounds its cost.
+ * Method of the hash grid:
+ * 1. The plane is divided into square cells. The points of all cells with the same hash are in one
+ *    bucket, a linked list (heads, next), the point inserted last first.
+ * 2. A query visits the buckets of the cells within its radius. It tests every candidate by its
+ *    distance, so points of other cells in the same bucket do no harm. The radius search also
+ *    compares cells, so each point is reported once.
+ * 3. The nearest neighbour is searched in rings of cells around the query. The range of cells
+ *    shrinks to the distance found.
+ * 4. A query whose radius covers more cells than there are points tests all points instead, which
+ *    bounds the cost.
  *
- * Sweep and prune (Cohen, Lin, Manocha and Ponamgi 1995): boxes sorted by the left side, ties by
- * index; each is tested against those after it that start before it ends. The order of the last
- * sweep is sorted again by insertion, linear when the boxes moved little; after many new boxes
- * coarser strides go first (Shell 1959). The sort swaps in place: the order is a permutation at all
- * times, and a sweep may be begun anew in the middle of another.
+ * Method of sweep and prune (Cohen, Lin, Manocha and Ponamgi 1995):
+ * 1. The boxes are sorted by the left side, ties by index. The order of the last sweep is sorted
+ *    again by insertion, linear when the boxes moved little; after many new boxes by Shell sort
+ *    (Shell 1959). The sort swaps in place: the order is a permutation at all times, and a sweep
+ *    may be restarted in the middle of another.
+ * 2. Each box is tested against the following boxes whose left side is not beyond its right side.
  *
- * Limits: cell numbers are clamped to +-2^30, so points farther than that many cells share the
- * outermost ones: slower, not wrong. Boxes that are empty or hold a NaN are sorted last and
- * overlap none. */
+ * Limits: cell numbers are clamped to +-2^30, so points farther away share the outermost cells:
+ * slower, not wrong. Boxes that are empty or contain a NaN are sorted last and overlap no box. */
 #include "src/core/build.h"
 
 #include "cairn/neighbours.h"
 
-enum { MAX_COUNT = 1 << 28, MAX_CELL = 1 << 30, NONE = -1 };
+/* Largest number of points or boxes, largest absolute cell number, and the end of a linked list. */
+enum { MAX_COUNT = 1 << 28, MAX_CELL = 1 << 30, NO_INDEX = -1 };
 
+/* Smaller one of two integers. */
 static int32_t smaller(int32_t a, int32_t b)
 {
     return a < b ? a : b;
 }
 
+/* Larger one of two integers. */
 static int32_t larger(int32_t a, int32_t b)
 {
     return a > b ? a : b;
@@ -36,20 +42,27 @@ static int32_t larger(int32_t a, int32_t b)
 /* ---- Hash grid ---- */
 
 struct cairn_point_grid {
-    cairn_vec2 *points; /* [capacity] */
-    int32_t *next;      /* [capacity], NONE ends a chain */
-    int32_t *heads;     /* [mask + 1] */
-    cairn_real inverse_cell;
+    /* [capacity] Points, in m. */
+    cairn_vec2 *points;
+    /* [capacity] Next point of the same bucket, NO_INDEX: the last. */
+    int32_t *next;
+    /* [mask + 1] First point of each bucket, NO_INDEX: none. */
+    int32_t *heads;
+    /* Cells per m. */
+    cairn_real inverse_cell_size;
+    /* Number of buckets, a power of 2, minus 1. */
     uint32_t mask;
+    /* Largest number of points, and their number. */
     int32_t capacity;
     int32_t count;
 };
 
-/* Cells, borders included; empty when min > max. */
+/* Range of cells, borders included; empty when min > max. */
 struct cell_box {
     int32_t min_x, max_x, min_y, max_y;
 };
 
+/* Number of buckets: the least power of 2 that is not less than max_points. */
 static uint32_t bucket_count(int32_t max_points)
 {
     uint32_t buckets = 1;
@@ -59,12 +72,14 @@ static uint32_t bucket_count(int32_t max_points)
     return buckets;
 }
 
-static int point_grid_params_are_good(const cairn_point_grid_params *params)
+/* 1 when all params are in range. */
+static int point_grid_params_are_valid(const cairn_point_grid_params *params)
 {
     return params != NULL && params->max_points >= 1 && params->max_points <= MAX_COUNT &&
            params->cell > 0 && params->cell <= CAIRN_REAL_MAX && 1 / params->cell <= CAIRN_REAL_MAX;
 }
 
+/* Allocates the object and its arrays; NULL from a counting pool. */
 static cairn_point_grid *carve_point_grid(cairn_pool *pool, const cairn_point_grid_params *params)
 {
     cairn_point_grid *grid = cairn_pool_take_one(pool, sizeof *grid);
@@ -84,7 +99,7 @@ size_t cairn_point_grid_memory(const cairn_point_grid_params *params)
 {
     cairn_pool counting;
 
-    if (!point_grid_params_are_good(params))
+    if (!point_grid_params_are_valid(params))
         return 0;
     cairn_pool_init_counting(&counting);
     (void)carve_point_grid(&counting, params);
@@ -102,7 +117,7 @@ cairn_status cairn_point_grid_create(cairn_point_grid **grid, cairn_pool *pool,
     if (!cairn_pool_has_room(pool, need))
         return CAIRN_NO_MEMORY;
     made = carve_point_grid(pool, params);
-    made->inverse_cell = 1 / params->cell;
+    made->inverse_cell_size = 1 / params->cell;
     made->mask = bucket_count(params->max_points) - 1;
     made->capacity = params->max_points;
     cairn_point_grid_clear(made);
@@ -113,19 +128,21 @@ cairn_status cairn_point_grid_create(cairn_point_grid **grid, cairn_pool *pool,
 void cairn_point_grid_clear(cairn_point_grid *grid)
 {
     for (uint32_t i = 0; i <= grid->mask; i++)
-        grid->heads[i] = NONE;
+        grid->heads[i] = NO_INDEX;
     grid->count = 0;
 }
 
-/* Rounds down. Monotone in the coordinate, which all pruning rests on. */
+/* Cell number of a coordinate, rounded down and clamped. Monotone in the coordinate, which the
+ * pruning relies on. */
 static int32_t cell_of(const cairn_point_grid *grid, cairn_real coordinate)
 {
-    cairn_real scaled = coordinate * grid->inverse_cell;
+    cairn_real scaled = coordinate * grid->inverse_cell_size;
     int32_t cell = larger(-MAX_CELL, smaller(cairn_real_to_int(scaled), MAX_CELL));
 
     return cell - ((cairn_real)cell > scaled);
 }
 
+/* Bucket of a cell, by its hash. */
 static uint32_t bucket_of(const cairn_point_grid *grid, int32_t x, int32_t y)
 {
     uint32_t hash = (uint32_t)x * UINT32_C(0x9E3779B1) + (uint32_t)y * UINT32_C(0x85EBCA77);
@@ -133,19 +150,19 @@ static uint32_t bucket_of(const cairn_point_grid *grid, int32_t x, int32_t y)
     return (hash ^ hash >> 15) & grid->mask;
 }
 
-/* The cells of all points whose computed distance from p is at most `radius`. The radius grows
- * by more than the rounding and the underflow of that distance; rounding the sums is monotone,
- * so no point is lost at a border. */
+/* Range of the cells of all points whose computed distance from p is at most `radius`. The radius
+ * is enlarged by more than the rounding and the underflow of that distance. Rounding of the sums is
+ * monotone, so no point at a border is missed. */
 static struct cell_box cells_within(const cairn_point_grid *grid, cairn_vec2 p, cairn_real radius)
 {
-    cairn_real reach = radius * (1 + 8 * CAIRN_REAL_EPSILON) + CAIRN_REAL(1e-19);
-    struct cell_box box = {cell_of(grid, p.x - reach), cell_of(grid, p.x + reach),
-                           cell_of(grid, p.y - reach), cell_of(grid, p.y + reach)};
+    cairn_real safe_radius = radius * (1 + 8 * CAIRN_REAL_EPSILON) + CAIRN_REAL(1e-19);
+    struct cell_box box = {cell_of(grid, p.x - safe_radius), cell_of(grid, p.x + safe_radius),
+                           cell_of(grid, p.y - safe_radius), cell_of(grid, p.y + safe_radius)};
     return box;
 }
 
-/* 1 when looking at every point is cheaper than visiting the cells. */
-static int touches_too_many(const cairn_point_grid *grid, struct cell_box box)
+/* 1 when testing all points is cheaper than visiting the cells. */
+static int covers_too_many_cells(const cairn_point_grid *grid, struct cell_box box)
 {
     int64_t width = (int64_t)box.max_x - box.min_x + 1, height = (int64_t)box.max_y - box.min_y + 1;
 
@@ -191,108 +208,120 @@ cairn_vec2 cairn_point_grid_point(const cairn_point_grid *grid, int32_t index)
     return grid->points[index];
 }
 
-/* The best point so far: lowest distance, then lowest index. */
+/* Nearest neighbour so far: least distance, then lowest index. */
 struct nearest {
-    cairn_vec2 p;
+    /* Query point, in m. */
+    cairn_vec2 query;
+    /* Squared distance of the nearest point, at first the squared radius, in m^2. */
     cairn_real distance_squared;
+    /* Index of the nearest point, NO_INDEX: none. */
     int32_t index;
-    const cairn_point_grid_facing *facing; /* of the points that count; NULL: all do */
-    int32_t looked_at;
+    /* Gate on the directions of points; NULL: none. */
+    const cairn_point_grid_facing *facing;
+    /* Points and cells visited. */
+    int32_t visited;
 };
 
-static int faces(const cairn_point_grid_facing *facing, int32_t i)
+/* 1 when point i passes the gate on directions. */
+static int passes_gate(const cairn_point_grid_facing *facing, int32_t i)
 {
     return facing == NULL ||
            cairn_vec2_dot(facing->directions[i], facing->direction) >= facing->least_cosine;
 }
 
-static void try_point(const cairn_point_grid *grid, int32_t i, struct nearest *best)
+/* Tests point i. */
+static void visit_point(const cairn_point_grid *grid, int32_t i, struct nearest *best)
 {
-    cairn_real d = cairn_vec2_norm_squared(cairn_vec2_sub(grid->points[i], best->p));
+    cairn_real d = cairn_vec2_norm_squared(cairn_vec2_sub(grid->points[i], best->query));
 
-    best->looked_at++;
+    best->visited++;
     if ((d < best->distance_squared ||
-         (d == best->distance_squared && (best->index == NONE || i < best->index))) &&
-        faces(best->facing, i)) {
+         (d == best->distance_squared && (best->index == NO_INDEX || i < best->index))) &&
+        passes_gate(best->facing, i)) {
         best->distance_squared = d;
         best->index = i;
     }
 }
 
-static void try_cell(const cairn_point_grid *grid, int32_t x, int32_t y, struct nearest *best)
+/* Tests the points of a bucket. */
+static void visit_cell(const cairn_point_grid *grid, int32_t x, int32_t y, struct nearest *best)
 {
-    best->looked_at++;
-    for (int32_t i = grid->heads[bucket_of(grid, x, y)]; i != NONE; i = grid->next[i])
-        try_point(grid, i, best);
+    best->visited++;
+    for (int32_t i = grid->heads[bucket_of(grid, x, y)]; i != NO_INDEX; i = grid->next[i])
+        visit_point(grid, i, best);
 }
 
-/* The cells at Chebyshev distance k from (cx, cy) that lie in the box. */
-static void try_ring(const cairn_point_grid *grid, int32_t cx, int32_t cy, int32_t k,
-                     struct cell_box box, struct nearest *best)
+/* Visits the cells at Chebyshev distance `ring` from the centre cell that lie in the box. */
+static void visit_ring(const cairn_point_grid *grid, int32_t centre_x, int32_t centre_y,
+                       int32_t ring, struct cell_box box, struct nearest *best)
 {
-    int32_t low_x = larger(cx - k, box.min_x), high_x = smaller(cx + k, box.max_x);
-    int32_t low_y = larger(cy - k, box.min_y), high_y = smaller(cy + k, box.max_y);
+    int32_t low_x = larger(centre_x - ring, box.min_x),
+            high_x = smaller(centre_x + ring, box.max_x);
+    int32_t low_y = larger(centre_y - ring, box.min_y),
+            high_y = smaller(centre_y + ring, box.max_y);
 
     for (int32_t y = low_y; y <= high_y; y++) {
-        if (y == cy - k || y == cy + k) {
+        if (y == centre_y - ring || y == centre_y + ring) {
             for (int32_t x = low_x; x <= high_x; x++)
-                try_cell(grid, x, y, best);
+                visit_cell(grid, x, y, best);
             continue;
         }
-        if (low_x == cx - k)
-            try_cell(grid, low_x, y, best);
-        if (high_x == cx + k)
-            try_cell(grid, high_x, y, best);
+        if (low_x == centre_x - ring)
+            visit_cell(grid, low_x, y, best);
+        if (high_x == centre_x + ring)
+            visit_cell(grid, high_x, y, best);
     }
 }
 
-/* Rings around (cx, cy) that reach into the box. */
-static int32_t rings_within(struct cell_box box, int32_t cx, int32_t cy)
+/* Number of the last ring around the centre cell that reaches into the box. */
+static int32_t rings_within(struct cell_box box, int32_t centre_x, int32_t centre_y)
 {
-    return larger(larger(cx - box.min_x, box.max_x - cx), larger(cy - box.min_y, box.max_y - cy));
+    return larger(larger(centre_x - box.min_x, box.max_x - centre_x),
+                  larger(centre_y - box.min_y, box.max_y - centre_y));
 }
 
+/* Searches the nearest neighbour of best->query within a radius. */
 static void find_nearest(const cairn_point_grid *grid, cairn_real radius, struct nearest *best)
 {
     struct cell_box box;
-    int32_t cx, cy;
+    int32_t centre_x, centre_y;
 
-    if (!(radius >= 0) || !cairn_is_finite(best->p.x) || !cairn_is_finite(best->p.y))
+    if (!(radius >= 0) || !cairn_is_finite(best->query.x) || !cairn_is_finite(best->query.y))
         return;
     best->distance_squared = radius * radius;
-    box = cells_within(grid, best->p, radius);
-    if (touches_too_many(grid, box)) {
+    box = cells_within(grid, best->query, radius);
+    if (covers_too_many_cells(grid, box)) {
         for (int32_t i = 0; i < grid->count; i++)
-            try_point(grid, i, best);
+            visit_point(grid, i, best);
         return;
     }
-    cx = cell_of(grid, best->p.x);
-    cy = cell_of(grid, best->p.y);
-    for (int32_t k = 0; k <= rings_within(box, cx, cy); k++) {
-        try_ring(grid, cx, cy, k, box, best);
-        box = cells_within(grid, best->p, cairn_sqrt(best->distance_squared));
+    centre_x = cell_of(grid, best->query.x);
+    centre_y = cell_of(grid, best->query.y);
+    for (int32_t ring = 0; ring <= rings_within(box, centre_x, centre_y); ring++) {
+        visit_ring(grid, centre_x, centre_y, ring, box, best);
+        box = cells_within(grid, best->query, cairn_sqrt(best->distance_squared));
     }
 }
 
 int32_t cairn_point_grid_nearest(const cairn_point_grid *grid, cairn_vec2 p, cairn_real radius,
                                  cairn_real *distance_squared)
 {
-    struct nearest best = {.p = p, .index = NONE};
+    struct nearest best = {.query = p, .index = NO_INDEX};
 
     find_nearest(grid, radius, &best);
-    if (best.index != NONE && distance_squared != NULL)
+    if (best.index != NO_INDEX && distance_squared != NULL)
         *distance_squared = best.distance_squared;
     return best.index;
 }
 
 int32_t cairn_point_grid_nearest_facing(const cairn_point_grid *grid, cairn_vec2 p,
                                         cairn_real radius, const cairn_point_grid_facing *facing,
-                                        int32_t *looked_at)
+                                        int32_t *visited)
 {
-    struct nearest best = {.p = p, .index = NONE, .facing = facing};
+    struct nearest best = {.query = p, .index = NO_INDEX, .facing = facing};
 
     find_nearest(grid, radius, &best);
-    *looked_at = best.looked_at;
+    *visited = best.visited;
     return best.index;
 }
 
@@ -303,11 +332,11 @@ int32_t cairn_point_grid_has(const cairn_point_grid *grid, cairn_vec2 p, cairn_r
     if (!(radius >= 0) || !cairn_is_finite(p.x) || !cairn_is_finite(p.y))
         return 0;
     box = cells_within(grid, p, radius);
-    if (touches_too_many(grid, box))
-        return cairn_point_grid_nearest(grid, p, radius, NULL) != NONE;
+    if (covers_too_many_cells(grid, box))
+        return cairn_point_grid_nearest(grid, p, radius, NULL) != NO_INDEX;
     for (int32_t y = box.min_y; y <= box.max_y; y++)
         for (int32_t x = box.min_x; x <= box.max_x; x++)
-            for (int32_t i = grid->heads[bucket_of(grid, x, y)]; i != NONE; i = grid->next[i])
+            for (int32_t i = grid->heads[bucket_of(grid, x, y)]; i != NO_INDEX; i = grid->next[i])
                 if (cairn_vec2_norm_squared(cairn_vec2_sub(grid->points[i], p)) <= radius * radius)
                     return 1;
     return 0;
@@ -317,13 +346,13 @@ cairn_point_grid_cursor cairn_point_grid_begin(const cairn_point_grid *grid, cai
                                                cairn_real radius)
 {
     cairn_point_grid_cursor cursor = {
-        .centre = p, .radius_squared = radius * radius, .max_y = -1, .next = NONE};
+        .centre = p, .radius_squared = radius * radius, .max_y = -1, .next = NO_INDEX};
     struct cell_box box;
 
     if (grid->count == 0 || !(radius >= 0) || !cairn_is_finite(p.x) || !cairn_is_finite(p.y))
         return cursor;
     box = cells_within(grid, p, radius);
-    if (touches_too_many(grid, box)) {
+    if (covers_too_many_cells(grid, box)) {
         cursor.all = 1;
         cursor.next = 0;
         return cursor;
@@ -337,7 +366,9 @@ cairn_point_grid_cursor cairn_point_grid_begin(const cairn_point_grid *grid, cai
     return cursor;
 }
 
-static int is_near(const cairn_point_grid *grid, const cairn_point_grid_cursor *cursor, int32_t i)
+/* 1 when point i lies within the radius of the search. */
+static int is_within_radius(const cairn_point_grid *grid, const cairn_point_grid_cursor *cursor,
+                            int32_t i)
 {
     return cairn_vec2_norm_squared(cairn_vec2_sub(grid->points[i], cursor->centre)) <=
            cursor->radius_squared;
@@ -349,17 +380,18 @@ int32_t cairn_point_grid_next(const cairn_point_grid *grid, cairn_point_grid_cur
         while (cursor->next < grid->count) {
             int32_t i = cursor->next++;
 
-            if (is_near(grid, cursor, i))
+            if (is_within_radius(grid, cursor, i))
                 return i;
         }
-        return NONE;
+        return NO_INDEX;
     }
     while (cursor->y <= cursor->max_y) {
-        while (cursor->next != NONE) {
+        while (cursor->next != NO_INDEX) {
             int32_t i = cursor->next;
 
             cursor->next = grid->next[i];
-            if (is_near(grid, cursor, i) && cell_of(grid, grid->points[i].x) == cursor->x &&
+            if (is_within_radius(grid, cursor, i) &&
+                cell_of(grid, grid->points[i].x) == cursor->x &&
                 cell_of(grid, grid->points[i].y) == cursor->y)
                 return i;
         }
@@ -372,35 +404,48 @@ int32_t cairn_point_grid_next(const cairn_point_grid *grid, cairn_point_grid_cur
         if (cursor->y <= cursor->max_y)
             cursor->next = grid->heads[bucket_of(grid, cursor->x, cursor->y)];
     }
-    return NONE;
+    return NO_INDEX;
 }
 
 /* ---- Sweep and prune ---- */
 
-/* A test of two boxes is an operation, a move of the sort is several. */
-enum { OPERATIONS_PER_UNIT = 4, OPERATIONS_OF_MOVE = 3 };
+/* Operations per work unit; a test of two boxes is one operation, a move of the sort several. */
+enum { OPERATIONS_PER_UNIT = 4, OPERATIONS_PER_MOVE = 3 };
 
 struct cairn_box_sweep {
-    int32_t *order;         /* [capacity], a permutation */
-    const cairn_box *boxes; /* [count], the caller's */
-    cairn_box window;       /* boxes that do not overlap it are passed over, ... */
-    int32_t has_window;     /* ... when there is one */
+    /* [capacity] Permutation of the boxes, ascending by left side once sorted. */
+    int32_t *order;
+    /* [count] Boxes of the caller. */
+    const cairn_box *boxes;
+    /* With has_window, boxes that do not overlap the window are skipped. */
+    cairn_box window;
+    int32_t has_window;
+    /* Largest number of boxes. */
     int32_t capacity;
-    int32_t known;         /* order[0 ... known-1] holds 0 ... known-1 */
-    int32_t count;         /* <= known; indices from here on count as empty boxes */
-    int32_t stride;        /* of the sort; 0: sorted */
-    int32_t sorted;        /* next place to insert from */
-    int32_t place;         /* where the box being inserted stands */
-    int32_t first, second; /* places in order to test next; first == boxes_end: done */
-    int32_t boxes_end;     /* places in order from here on hold no box; starts at known */
-    int32_t credit;        /* operations paid for */
+    /* order[0 ... ordered_count-1] is a permutation of 0 ... ordered_count-1. */
+    int32_t ordered_count;
+    /* Number of boxes, <= ordered_count; indices from here on are treated as empty boxes. */
+    int32_t count;
+    /* Stride of the Shell sort; 0: sorted. */
+    int32_t stride;
+    /* Sort: next position to insert from, and current position of the inserted box. */
+    int32_t insert_next;
+    int32_t insert_position;
+    /* Positions of the next pair to test; first_position == valid_end: done. */
+    int32_t first_position, second_position;
+    /* Positions from here on hold empty boxes; starts at ordered_count. */
+    int32_t valid_end;
+    /* Operations that are charged to the budget but not done yet. */
+    int32_t credit;
 };
 
-static int box_sweep_params_are_good(const cairn_box_sweep_params *params)
+/* 1 when all params are in range. */
+static int box_sweep_params_are_valid(const cairn_box_sweep_params *params)
 {
     return params != NULL && params->max_boxes >= 1 && params->max_boxes <= MAX_COUNT;
 }
 
+/* Allocates the object and its arrays; NULL from a counting pool. */
 static cairn_box_sweep *carve_box_sweep(cairn_pool *pool, const cairn_box_sweep_params *params)
 {
     cairn_box_sweep *sweep = cairn_pool_take_one(pool, sizeof *sweep);
@@ -415,7 +460,7 @@ size_t cairn_box_sweep_memory(const cairn_box_sweep_params *params)
 {
     cairn_pool counting;
 
-    if (!box_sweep_params_are_good(params))
+    if (!box_sweep_params_are_valid(params))
         return 0;
     cairn_pool_init_counting(&counting);
     (void)carve_box_sweep(&counting, params);
@@ -436,7 +481,8 @@ cairn_status cairn_box_sweep_create(cairn_box_sweep **sweep, cairn_pool *pool,
     for (int32_t i = 0; i < params->max_boxes; i++)
         made->order[i] = i;
     made->capacity = params->max_boxes;
-    made->known = made->count = made->stride = made->first = made->boxes_end = made->credit = 0;
+    made->ordered_count = made->count = made->stride = made->first_position = made->valid_end =
+        made->credit = 0;
     *sweep = made;
     return CAIRN_OK;
 }
@@ -450,7 +496,7 @@ cairn_status cairn_box_sweep_begin(cairn_box_sweep *sweep, const cairn_box *boxe
     if (count > sweep->capacity)
         return CAIRN_FULL;
     added = count - sweep->count;
-    sweep->known = larger(count, sweep->known);
+    sweep->ordered_count = larger(count, sweep->ordered_count);
     sweep->boxes = boxes;
     sweep->has_window = 0;
     sweep->count = count;
@@ -458,10 +504,10 @@ cairn_status cairn_box_sweep_begin(cairn_box_sweep *sweep, const cairn_box *boxe
     if (added > count / 8)
         while (sweep->stride < count / 9)
             sweep->stride = 3 * sweep->stride + 1;
-    sweep->sorted = sweep->place = sweep->stride;
-    sweep->first = 0;
-    sweep->second = 1;
-    sweep->boxes_end = sweep->known;
+    sweep->insert_next = sweep->insert_position = sweep->stride;
+    sweep->first_position = 0;
+    sweep->second_position = 1;
+    sweep->valid_end = sweep->ordered_count;
     sweep->credit = 0;
     return CAIRN_OK;
 }
@@ -478,6 +524,7 @@ cairn_status cairn_box_sweep_begin_in(cairn_box_sweep *sweep, const cairn_box *b
     return status;
 }
 
+/* 1 when a box overlaps the window, or there is none. */
 static int is_in_window(const cairn_box_sweep *sweep, const cairn_box *box)
 {
     const cairn_box *window = &sweep->window;
@@ -486,17 +533,17 @@ static int is_in_window(const cairn_box_sweep *sweep, const cairn_box *box)
                                   box->min.y <= window->max.y && window->min.y <= box->max.y);
 }
 
-/* 1 when the box exists and holds a point; false for a NaN. */
-static int is_box(const cairn_box_sweep *sweep, int32_t i)
+/* 1 when box i exists and is not empty; 0 for a NaN. */
+static int is_valid_box(const cairn_box_sweep *sweep, int32_t i)
 {
     return i < sweep->count && sweep->boxes[i].min.x <= sweep->boxes[i].max.x &&
            sweep->boxes[i].min.y <= sweep->boxes[i].max.y;
 }
 
-/* Total order: boxes by their left side, then what is none; ties by index. */
+/* Total order: valid boxes by left side, then empty ones; ties by index. */
 static int comes_before(const cairn_box_sweep *sweep, int32_t a, int32_t b)
 {
-    int box_a = is_box(sweep, a), box_b = is_box(sweep, b);
+    int box_a = is_valid_box(sweep, a), box_b = is_valid_box(sweep, b);
 
     if (box_a != box_b)
         return box_a;
@@ -505,41 +552,41 @@ static int comes_before(const cairn_box_sweep *sweep, int32_t a, int32_t b)
     return a < b;
 }
 
-/* One comparison of the sort. */
-static void sort_once(cairn_box_sweep *sweep)
+/* One comparison of the Shell sort. */
+static void sort_step(cairn_box_sweep *sweep)
 {
     int32_t *order = sweep->order;
-    int32_t ahead = sweep->place - sweep->stride;
+    int32_t ahead = sweep->insert_position - sweep->stride;
 
-    if (sweep->sorted >= sweep->known) {
+    if (sweep->insert_next >= sweep->ordered_count) {
         sweep->stride /= 3;
-        sweep->sorted = sweep->place = sweep->stride;
-    } else if (ahead >= 0 && comes_before(sweep, order[sweep->place], order[ahead])) {
+        sweep->insert_next = sweep->insert_position = sweep->stride;
+    } else if (ahead >= 0 && comes_before(sweep, order[sweep->insert_position], order[ahead])) {
         int32_t moved = order[ahead];
 
-        order[ahead] = order[sweep->place];
-        order[sweep->place] = moved;
-        sweep->place = ahead;
+        order[ahead] = order[sweep->insert_position];
+        order[sweep->insert_position] = moved;
+        sweep->insert_position = ahead;
     } else {
-        sweep->sorted++;
-        sweep->place = sweep->sorted;
+        sweep->insert_next++;
+        sweep->insert_position = sweep->insert_next;
     }
 }
 
-/* Tests until a pair is found (1), *operations are used up, or all are done. */
-static int test_some(cairn_box_sweep *sweep, int64_t *operations, int32_t *first, int32_t *second)
+/* Tests pairs until one overlaps (returns 1), *operations are used up, or all pairs are tested. */
+static int test_pairs(cairn_box_sweep *sweep, int64_t *operations, int32_t *first, int32_t *second)
 {
     const int32_t *order = sweep->order;
     const cairn_box *boxes = sweep->boxes;
-    int32_t end = sweep->boxes_end;
+    int32_t end = sweep->valid_end;
     int64_t left = *operations;
 
-    while (left > 0 && sweep->first < end) {
-        int32_t a = order[sweep->first], at = sweep->second;
+    while (left > 0 && sweep->first_position < end) {
+        int32_t a = order[sweep->first_position], at = sweep->second_position;
         int32_t stop = end - at < left ? end : at + (int32_t)left;
         cairn_real right = boxes[a].max.x, low = boxes[a].min.y, high = boxes[a].max.y;
 
-        if (at == sweep->first + 1 && !is_in_window(sweep, &boxes[a]))
+        if (at == sweep->first_position + 1 && !is_in_window(sweep, &boxes[a]))
             stop = at;
 
         for (; at < stop; at++) {
@@ -547,30 +594,31 @@ static int test_some(cairn_box_sweep *sweep, int64_t *operations, int32_t *first
 
             if (other->min.x > right)
                 break;
-            /* One comparison, as neither half of it can be guessed. */
+            /* One branch for both sides, because neither is predictable. */
             if (cairn_max(other->min.y, low) <= cairn_min(other->max.y, high) &&
                 is_in_window(sweep, other)) {
                 *first = a < order[at] ? a : order[at];
                 *second = a < order[at] ? order[at] : a;
-                *operations = left - (at + 1 - sweep->second);
-                sweep->second = at + 1;
+                *operations = left - (at + 1 - sweep->second_position);
+                sweep->second_position = at + 1;
                 return 1;
             }
         }
-        left -= at - sweep->second;
-        sweep->second = at;
-        if (left > 0) { /* all that start before box a ends have been tested */
+        left -= at - sweep->second_position;
+        sweep->second_position = at;
+        /* All boxes that start before box a ends are tested. */
+        if (left > 0) {
             left--;
-            sweep->first++;
-            sweep->second = sweep->first + 1;
+            sweep->first_position++;
+            sweep->second_position = sweep->first_position + 1;
         }
     }
     *operations = left;
     return 0;
 }
 
-/* Charges operations, which are paid for two at a time; what is left of a unit serves the next
- * call. */
+/* Charges operations to the budget in whole work units; the remainder of a unit is credit for the
+ * next call. */
 static void charge(cairn_box_sweep *sweep, cairn_budget *budget, int64_t operations)
 {
     int64_t due = operations - sweep->credit;
@@ -592,18 +640,18 @@ cairn_status cairn_box_sweep_next(cairn_box_sweep *sweep, cairn_budget *budget, 
             left = most;
     int found = 0;
 
-    for (; sweep->stride > 0 && left >= OPERATIONS_OF_MOVE; left -= OPERATIONS_OF_MOVE)
-        sort_once(sweep);
+    for (; sweep->stride > 0 && left >= OPERATIONS_PER_MOVE; left -= OPERATIONS_PER_MOVE)
+        sort_step(sweep);
     if (sweep->stride == 0) {
-        /* Before the first test. */
-        for (; sweep->second == 1 && left > 0 && sweep->boxes_end > 0 &&
-               !is_box(sweep, sweep->order[sweep->boxes_end - 1]);
+        /* Before the first test: finds the end of the valid boxes. */
+        for (; sweep->second_position == 1 && left > 0 && sweep->valid_end > 0 &&
+               !is_valid_box(sweep, sweep->order[sweep->valid_end - 1]);
              left--)
-            sweep->boxes_end--;
-        found = test_some(sweep, &left, first, second);
+            sweep->valid_end--;
+        found = test_pairs(sweep, &left, first, second);
     }
     charge(sweep, budget, most - left);
     if (found)
         return CAIRN_OK;
-    return sweep->stride > 0 || sweep->first < sweep->boxes_end ? CAIRN_MORE : CAIRN_EMPTY;
+    return sweep->stride > 0 || sweep->first_position < sweep->valid_end ? CAIRN_MORE : CAIRN_EMPTY;
 }

@@ -1,35 +1,38 @@
-/* Sequential importance resampling.
+/* Particle filter by sequential importance resampling (SIR).
  *
- * Method. A step proposes for every particle, then goes through the particles' groups of candidates
- * one by one: the prior masses are normalised, candidates are weighed and drawn, each drawn one
- * becomes a follower. n followers are drawn by residual sampling, m_k copies of candidate k; copies
- * of one candidate are one follower with the weight of all of them,
+ * Method of a step:
+ * 1. All particles propose candidates. Then for each particle, in turn: the prior masses are
+ *    normalized, candidates are weighted by the likelihood, followers are drawn.
+ * 2. n followers are drawn by residual sampling, m_k copies of candidate k. All copies of a
+ *    candidate are one follower with the weight
  *
- *     prior:    w m_k / n p(z | x_k)                    optimal:  w m_k / n sum_l p(z | x_l) p(x_l
- *     | x)
+ *        prior proposal:    w m_k / n p(z | x_k)
+ *        optimal proposal:  w m_k / n sum_l p(z | x_l) p(x_l | x)
  *
- * which is unbiased because E[m_k] is n times the mass of k. Where there is room for all candidates
- * none is drawn: each is a follower of weight w p(z | x_k) p(x_k | x). The heaviest followers up to
- * max_particles are kept in a heap. Then weights are normalised, and by N_eff = 1 / sum w^2 the
- * population is resampled, by residuals as well: floor(N w) copies of each, the rest drawn by what
- * is left of N w.
+ *    which is unbiased, because E[m_k] is n times the mass of k. When there are at most n
+ *    candidates none is drawn: each becomes a follower of weight w p(z | x_k) p(x_k | x).
+ * 3. The followers of the largest weights, up to max_particles, are kept in a heap.
+ * 4. The weights are normalized. When N_eff = 1 / sum w^2 is too small, the population is resampled
+ *    by residual resampling: floor(N w) copies of each particle, the rest drawn by the residuals of
+ *    N w.
  *
- * Weights are logarithms throughout; only ratios to the largest are ever exponentials.
+ * Weights are logarithms throughout; only ratios to the largest one are exponentiated.
  *
- * Layout. A node of the tree of histories is a header and the caller's state behind it, in a block
- * pool. A node is referred to by its children and by the particles that end in it; when nobody does
- * it is given back, and so on towards the root. There are three populations: that which readers
- * see, the followers, and what is resampled from them.
+ * Layout: a node of the tree of histories is a header followed by the caller's state, in a block
+ * pool. A node is referenced by its children and by the particles whose history ends there. A node
+ * without references is freed, and so on towards the root. There are three populations: the current
+ * one, which readers see, the followers, and the one resampled from them.
  *
- * Source: Adluru 2008, sections 2.3, 9.2.2 and 9.3; residual resampling: Liu and Chen 1998;
- * N_eff: Kong, Liu and Wong 1994. */
+ * Source: Adluru 2008, sections 2.3, 9.2.2 and 9.3; residual resampling: Liu and Chen 1998; N_eff:
+ * Kong, Liu and Wong 1994. */
 #include "src/core/build.h"
 
 #include <string.h>
 
 #include "src/core/particle_filter_work.h"
 
-enum { COUNT_MOST = 1 << 20, BLOCKS_MOST = 1 << 28 };
+/* Largest number of particles, candidates or bytes of a state, and of blocks. */
+enum { MAX_COUNT = 1 << 20, MAX_BLOCKS = 1 << 28 };
 
 cairn_particle_filter_params cairn_particle_filter_default(void)
 {
@@ -47,27 +50,31 @@ cairn_particle_filter_params cairn_particle_filter_default(void)
     return params;
 }
 
-static int is_count(int32_t n)
+/* 1 for a number in range. */
+static int is_count(int32_t count)
 {
-    return n >= 1 && n <= COUNT_MOST;
+    return count >= 1 && count <= MAX_COUNT;
 }
 
-static int params_are_valid(const cairn_particle_filter_params *p)
+/* 1 when all params are in range. */
+static int params_are_valid(const cairn_particle_filter_params *params)
 {
-    return p != NULL && p->particles >= 1 && is_count(p->max_particles) &&
-           p->particles <= p->max_particles && is_count(p->max_followers) &&
-           is_count(p->max_candidates) && p->max_blocks >= 1 && p->max_blocks <= BLOCKS_MOST &&
-           is_count(p->state_bytes) && p->proposal >= CAIRN_PROPOSAL_PRIOR &&
-           p->proposal <= CAIRN_PROPOSAL_OPTIMAL && p->by_entropy >= 0 && p->by_entropy <= 1 &&
-           p->past >= 0 && p->past <= COUNT_MOST && p->resample_below >= 0 &&
-           p->resample_below <= 1;
+    return params != NULL && params->particles >= 1 && is_count(params->max_particles) &&
+           params->particles <= params->max_particles && is_count(params->max_followers) &&
+           is_count(params->max_candidates) && params->max_blocks >= 1 &&
+           params->max_blocks <= MAX_BLOCKS && is_count(params->state_bytes) &&
+           params->proposal >= CAIRN_PROPOSAL_PRIOR && params->proposal <= CAIRN_PROPOSAL_OPTIMAL &&
+           params->by_entropy >= 0 && params->by_entropy <= 1 && params->past >= 0 &&
+           params->past <= MAX_COUNT && params->resample_below >= 0 && params->resample_below <= 1;
 }
 
-static size_t stride_of(const cairn_particle_filter_params *p)
+/* Bytes of a state, rounded up to the alignment. */
+static size_t stride_of(const cairn_particle_filter_params *params)
 {
-    return ((size_t)p->state_bytes + CAIRN_ALIGN - 1) / CAIRN_ALIGN * CAIRN_ALIGN;
+    return ((size_t)params->state_bytes + CAIRN_ALIGN - 1) / CAIRN_ALIGN * CAIRN_ALIGN;
 }
 
+/* Allocates the block pool; NULL from a counting pool. */
 static cairn_block_pool *carve_blocks(cairn_pool *pool, size_t bytes, size_t count)
 {
     cairn_block_pool *blocks = NULL;
@@ -83,37 +90,39 @@ static cairn_block_pool *carve_blocks(cairn_pool *pool, size_t bytes, size_t cou
     return blocks;
 }
 
-static cairn_particle_filter *carve(cairn_pool *pool, const cairn_particle_filter_params *p)
+/* Allocates the object and its arrays; NULL from a counting pool. */
+static cairn_particle_filter *carve(cairn_pool *pool, const cairn_particle_filter_params *params)
 {
-    size_t particles = (size_t)p->max_particles, candidates = (size_t)p->max_candidates;
+    size_t particles = (size_t)params->max_particles, candidates = (size_t)params->max_candidates;
     size_t most = particles > candidates ? particles : candidates;
-    cairn_particle_filter *f = cairn_pool_take_one(pool, sizeof *f);
-    filter_particle *now = cairn_pool_take(pool, particles, sizeof *now);
-    filter_particle *next = cairn_pool_take(pool, particles, sizeof *next);
-    filter_particle *spare = cairn_pool_take(pool, particles, sizeof *spare);
-    filter_candidate *list = cairn_pool_take(pool, candidates, sizeof *list);
-    unsigned char *states = cairn_pool_take(pool, candidates, stride_of(p));
-    int32_t *first = cairn_pool_take(pool, particles + 1, sizeof *first);
+    cairn_particle_filter *filter = cairn_pool_take_one(pool, sizeof *filter);
+    particle_filter_particle *current = cairn_pool_take(pool, particles, sizeof *current);
+    particle_filter_particle *next = cairn_pool_take(pool, particles, sizeof *next);
+    particle_filter_particle *resampled = cairn_pool_take(pool, particles, sizeof *resampled);
+    particle_filter_candidate *candidate_list =
+        cairn_pool_take(pool, candidates, sizeof *candidate_list);
+    unsigned char *states = cairn_pool_take(pool, candidates, stride_of(params));
+    int32_t *first_candidate = cairn_pool_take(pool, particles + 1, sizeof *first_candidate);
     cairn_real *mass = cairn_pool_take(pool, most, sizeof *mass);
     int32_t *copies = cairn_pool_take(pool, most, sizeof *copies);
     cairn_block_pool *blocks =
-        carve_blocks(pool, FILTER_HEADER + stride_of(p), (size_t)p->max_blocks);
+        carve_blocks(pool, PARTICLE_FILTER_HEADER + stride_of(params), (size_t)params->max_blocks);
 
-    if (f == NULL)
+    if (filter == NULL)
         return NULL;
-    memset(f, 0, sizeof *f);
-    f->params = *p;
-    f->stride = stride_of(p);
-    f->now.list = now;
-    f->next.list = next;
-    f->spare.list = spare;
-    f->candidates = list;
-    f->states = states;
-    f->first = first;
-    f->mass = mass;
-    f->copies = copies;
-    f->blocks = blocks;
-    return f;
+    memset(filter, 0, sizeof *filter);
+    filter->params = *params;
+    filter->state_stride = stride_of(params);
+    filter->current.list = current;
+    filter->next.list = next;
+    filter->resampled.list = resampled;
+    filter->candidates = candidate_list;
+    filter->states = states;
+    filter->first_candidate = first_candidate;
+    filter->mass = mass;
+    filter->copies = copies;
+    filter->blocks = blocks;
+    return filter;
 }
 
 size_t cairn_particle_filter_memory(const cairn_particle_filter_params *params)
@@ -148,66 +157,72 @@ cairn_status cairn_particle_filter_create(cairn_particle_filter **filter, cairn_
 
 /* ---- The tree of histories ---- */
 
-/* A node behind `parent` with a copy of the state, referred to once; NULL when there is no
- * block. */
-static filter_node *grow(cairn_particle_filter *f, filter_node *parent, const void *state)
+/* Creates a child of `parent` with a copy of the state and one reference. NULL when no block is
+ * free. */
+static particle_filter_node *create_node(cairn_particle_filter *filter,
+                                         particle_filter_node *parent, const void *state)
 {
-    filter_node *n = cairn_block_pool_take(f->blocks);
+    particle_filter_node *node = cairn_block_pool_take(filter->blocks);
 
-    if (n == NULL)
+    if (node == NULL)
         return NULL;
-    n->parent = parent;
-    n->references = 1;
-    n->depth = parent == NULL ? 0 : parent->depth + 1;
-    memcpy(filter_state(n), state, (size_t)f->params.state_bytes);
+    node->parent = parent;
+    node->references = 1;
+    node->depth = parent == NULL ? 0 : parent->depth + 1;
+    memcpy(particle_filter_state(node), state, (size_t)filter->params.state_bytes);
     if (parent != NULL)
         parent->references++;
-    return n;
+    return node;
 }
 
-filter_node *cairn_particle_node_drop(cairn_particle_filter *f, filter_node *n)
+particle_filter_node *cairn_particle_filter_drop_node(cairn_particle_filter *filter,
+                                                      particle_filter_node *node)
 {
-    filter_node *parent = n->parent;
+    particle_filter_node *parent = node->parent;
     cairn_status status;
 
-    CAIRN_ASSERT(n->references > 0);
-    if (--n->references > 0)
+    CAIRN_ASSERT(node->references > 0);
+    if (--node->references > 0)
         return NULL;
-    status = cairn_block_pool_give(f->blocks, n);
+    status = cairn_block_pool_give(filter->blocks, node);
     CAIRN_ASSERT(status == CAIRN_OK);
     (void)status;
     return parent;
 }
 
-static void drop_history(cairn_particle_filter *f, filter_node *n)
+/* Removes a reference from a node, and frees all nodes that are then without one. */
+static void release_history(cairn_particle_filter *filter, particle_filter_node *node)
 {
-    while (n != NULL)
-        n = cairn_particle_node_drop(f, n);
+    while (node != NULL)
+        node = cairn_particle_filter_drop_node(filter, node);
 }
 
-/* Cuts a history off behind the states that are kept of it. */
-static void forget(cairn_particle_filter *f, filter_node *leaf)
+/* Truncates a history to the states that are kept (max_history). */
+static void truncate_history(cairn_particle_filter *filter, particle_filter_node *leaf)
 {
-    filter_node *n = leaf;
+    particle_filter_node *node = leaf;
 
-    for (int32_t k = 0; k < f->params.past && n != NULL; k++)
-        n = n->parent;
-    if (n != NULL && f->params.past > 0) {
-        drop_history(f, n->parent);
-        n->parent = NULL;
+    for (int32_t k = 0; k < filter->params.past && node != NULL; k++)
+        node = node->parent;
+    if (node != NULL && filter->params.past > 0) {
+        release_history(filter, node->parent);
+        node->parent = NULL;
     }
 }
 
 /* ---- Populations ---- */
 
-int cairn_particle_is_lighter(const filter_particle *a, const filter_particle *b)
+int cairn_particle_filter_is_lighter(const particle_filter_particle *a,
+                                     const particle_filter_particle *b)
 {
-    return a->log_weight < b->log_weight || (a->log_weight == b->log_weight && a->born > b->born);
+    return a->log_weight < b->log_weight ||
+           (a->log_weight == b->log_weight && a->birth_number > b->birth_number);
 }
 
-/* Puts `p` into the heap from the vacant place `hole` down; no particle is lighter than its
+/* Sifts a particle down the heap from the vacant position `hole`; no particle is lighter than its
  * parent. */
-static void sift_down(filter_population *heap, int32_t hole, filter_particle p)
+static void sift_down(particle_filter_population *heap, int32_t hole,
+                      particle_filter_particle particle)
 {
     for (;;) {
         int32_t child = 2 * hole + 1;
@@ -215,117 +230,123 @@ static void sift_down(filter_population *heap, int32_t hole, filter_particle p)
         if (child >= heap->count)
             break;
         if (child + 1 < heap->count &&
-            cairn_particle_is_lighter(&heap->list[child + 1], &heap->list[child]))
+            cairn_particle_filter_is_lighter(&heap->list[child + 1], &heap->list[child]))
             child++;
-        if (!cairn_particle_is_lighter(&heap->list[child], &p))
+        if (!cairn_particle_filter_is_lighter(&heap->list[child], &particle))
             break;
         heap->list[hole] = heap->list[child];
         hole = child;
     }
-    heap->list[hole] = p;
+    heap->list[hole] = particle;
 }
 
-static void sift_up(filter_population *heap, int32_t hole, filter_particle p)
+/* Sifts a particle up the heap from the vacant position `hole`. */
+static void sift_up(particle_filter_population *heap, int32_t hole,
+                    particle_filter_particle particle)
 {
-    while (hole > 0 && cairn_particle_is_lighter(&p, &heap->list[(hole - 1) / 2])) {
+    while (hole > 0 && cairn_particle_filter_is_lighter(&particle, &heap->list[(hole - 1) / 2])) {
         heap->list[hole] = heap->list[(hole - 1) / 2];
         hole = (hole - 1) / 2;
     }
-    heap->list[hole] = p;
+    heap->list[hole] = particle;
 }
 
-cairn_status cairn_particle_follow(cairn_particle_filter *f, filter_particle follower,
-                                   filter_node *parent, const void *state)
+cairn_status cairn_particle_filter_add_follower(cairn_particle_filter *filter,
+                                                particle_filter_particle follower,
+                                                particle_filter_node *parent, const void *state)
 {
-    int full = f->next.count == f->params.max_particles;
+    int is_full = filter->next.count == filter->params.max_particles;
 
-    follower.born = f->born++;
-    f->trace.followers++;
-    f->trace.cut += full;
-    if (full && cairn_particle_is_lighter(&follower, &f->next.list[0]))
+    follower.birth_number = filter->birth_count++;
+    filter->step_trace.followers++;
+    filter->step_trace.cut += is_full;
+    if (is_full && cairn_particle_filter_is_lighter(&follower, &filter->next.list[0]))
         return CAIRN_OK;
-    if (full)
-        drop_history(f, f->next.list[0].leaf); /* new itself, and its parent lives: one node goes */
-    follower.leaf = grow(f, parent, state);
+    if (is_full)
+        release_history(
+            filter,
+            filter->next.list[0].leaf); /* frees one node: its parent has other references */
+    follower.leaf = create_node(filter, parent, state);
     if (follower.leaf == NULL) {
-        if (full) {
-            filter_particle last = f->next.list[--f->next.count];
+        if (is_full) {
+            particle_filter_particle last = filter->next.list[--filter->next.count];
 
-            sift_down(&f->next, 0, last);
+            sift_down(&filter->next, 0, last);
         }
         return CAIRN_FULL;
     }
-    forget(f, follower.leaf);
-    if (f->model.append != NULL)
-        f->model.append(f->model.context, f, f->index, filter_state(follower.leaf));
-    if (full)
-        sift_down(&f->next, 0, follower);
+    truncate_history(filter, follower.leaf);
+    if (filter->model.append != NULL)
+        filter->model.append(filter->model.context, filter, filter->index,
+                             particle_filter_state(follower.leaf));
+    if (is_full)
+        sift_down(&filter->next, 0, follower);
     else
-        sift_up(&f->next, f->next.count++, follower);
+        sift_up(&filter->next, filter->next.count++, follower);
     return CAIRN_OK;
 }
 
 cairn_status cairn_particle_filter_clear(cairn_particle_filter *filter, uint64_t seed)
 {
-    filter_population *all[2];
+    particle_filter_population *all[2];
 
     if (filter == NULL)
         return CAIRN_BAD_ARGUMENT;
-    drop_history(filter, filter->falling);
-    filter->falling = NULL;
-    all[0] = &filter->now;
+    release_history(filter, filter->node_to_release);
+    filter->node_to_release = NULL;
+    all[0] = &filter->current;
     all[1] = &filter->next;
     for (int k = 0; k < 2; k++)
         while (all[k]->count > 0)
-            drop_history(filter, all[k]->list[--all[k]->count].leaf);
-    while (filter->spare.count > 0)
-        drop_history(filter, filter->spare.list[--filter->spare.count].leaf);
+            release_history(filter, all[k]->list[--all[k]->count].leaf);
+    while (filter->resampled.count > 0)
+        release_history(filter, filter->resampled.list[--filter->resampled.count].leaf);
     filter->random = cairn_random_seed(seed, 0);
-    filter->phase = FILTER_IDLE;
-    filter->begun = 0;
-    filter->paid = 0;
-    filter->entered = 0;
-    memset(&filter->done, 0, sizeof filter->done);
+    filter->phase = PARTICLE_FILTER_IDLE;
+    filter->has_begun = 0;
+    filter->charged = 0;
+    filter->is_call_charged = 0;
+    memset(&filter->last_trace, 0, sizeof filter->last_trace);
     return CAIRN_OK;
 }
 
 cairn_status cairn_particle_filter_start(cairn_particle_filter *filter, const void *state,
                                          cairn_real log_weight)
 {
-    filter_particle p = {NULL, log_weight, 0, 0};
+    particle_filter_particle particle = {NULL, log_weight, 0, 0};
 
-    if (filter == NULL || state == NULL || filter->begun)
+    if (filter == NULL || state == NULL || filter->has_begun)
         return CAIRN_BAD_ARGUMENT;
     if (!cairn_is_finite(log_weight))
         return CAIRN_NOT_FINITE;
-    if (filter->now.count == filter->params.max_particles)
+    if (filter->current.count == filter->params.max_particles)
         return CAIRN_FULL;
-    p.leaf = grow(filter, NULL, state);
-    if (p.leaf == NULL)
+    particle.leaf = create_node(filter, NULL, state);
+    if (particle.leaf == NULL)
         return CAIRN_FULL;
-    filter->now.list[filter->now.count++] = p;
-    filter->done.particles = filter->now.count;
+    filter->current.list[filter->current.count++] = particle;
+    filter->last_trace.particles = filter->current.count;
     return CAIRN_OK;
 }
 
 cairn_status cairn_particle_filter_begin(cairn_particle_filter *filter)
 {
-    if (filter == NULL || filter->phase != FILTER_IDLE)
+    if (filter == NULL || filter->phase != PARTICLE_FILTER_IDLE)
         return CAIRN_BAD_ARGUMENT;
-    if (filter->now.count == 0)
+    if (filter->current.count == 0)
         return CAIRN_EMPTY;
-    memset(&filter->trace, 0, sizeof filter->trace);
-    filter->trace.steps = filter->done.steps + 1;
-    filter->trace.resamplings = filter->done.resamplings;
-    filter->trace.log_evidence = filter->done.log_evidence;
-    filter->begun = 1;
-    filter->first[0] = 0;
+    memset(&filter->step_trace, 0, sizeof filter->step_trace);
+    filter->step_trace.steps = filter->last_trace.steps + 1;
+    filter->step_trace.resamplings = filter->last_trace.resamplings;
+    filter->step_trace.log_evidence = filter->last_trace.log_evidence;
+    filter->has_begun = 1;
+    filter->first_candidate[0] = 0;
     filter->index = 0;
-    filter->born = 0;
-    filter->heaviest = FILTER_IMPOSSIBLE;
+    filter->birth_count = 0;
+    filter->max_log_weight = PARTICLE_FILTER_IMPOSSIBLE;
     filter->outcome = CAIRN_OK;
-    filter->paid = 0;
-    filter->phase = FILTER_PROPOSE;
+    filter->charged = 0;
+    filter->phase = PARTICLE_FILTER_PROPOSE;
     return CAIRN_OK;
 }
 
@@ -334,50 +355,53 @@ cairn_status cairn_particle_filter_offer(cairn_particle_filter *filter, const vo
 {
     int32_t at;
 
-    if (filter == NULL || state == NULL || !filter->proposing)
+    if (filter == NULL || state == NULL || !filter->is_proposing)
         return CAIRN_BAD_ARGUMENT;
     if (!(log_mass <= CAIRN_REAL_MAX))
         return CAIRN_NOT_FINITE;
-    at = filter->trace.candidates;
+    at = filter->step_trace.candidates;
     if (at == filter->params.max_candidates) {
-        filter->trace.left_out++;
+        filter->step_trace.left_out++;
         return CAIRN_FULL;
     }
-    memcpy(filter->states + (size_t)at * filter->stride, state, (size_t)filter->params.state_bytes);
+    memcpy(filter->states + (size_t)at * filter->state_stride, state,
+           (size_t)filter->params.state_bytes);
     filter->candidates[at].log_prior = log_mass;
     filter->candidates[at].log_likelihood = 0;
-    filter->trace.candidates++;
+    filter->step_trace.candidates++;
     return CAIRN_OK;
 }
 
 int32_t cairn_particle_filter_count(const cairn_particle_filter *filter)
 {
-    return filter->now.count;
+    return filter->current.count;
 }
 
 cairn_particle cairn_particle_filter_particle(const cairn_particle_filter *filter, int32_t index)
 {
     cairn_particle result = {NULL, 0, 0, 0};
 
-    if (index >= 0 && index < filter->now.count) {
-        const filter_particle *p = &filter->now.list[index];
+    if (index >= 0 && index < filter->current.count) {
+        const particle_filter_particle *particle = &filter->current.list[index];
 
-        result.state = filter_state(p->leaf);
-        result.log_weight = p->log_weight;
-        result.log_likelihood = p->log_likelihood;
-        result.steps = p->leaf->depth;
+        result.state = particle_filter_state(particle->leaf);
+        result.log_weight = particle->log_weight;
+        result.log_likelihood = particle->log_likelihood;
+        result.steps = particle->leaf->depth;
     }
     return result;
 }
 
 const void *cairn_particle_state_before(const void *state)
 {
-    const filter_node *n = (const void *)((const unsigned char *)state - FILTER_HEADER);
+    const particle_filter_node *node =
+        (const void *)((const unsigned char *)state - PARTICLE_FILTER_HEADER);
 
-    return n->parent == NULL ? NULL : (const unsigned char *)n->parent + FILTER_HEADER;
+    return node->parent == NULL ? NULL
+                                : (const unsigned char *)node->parent + PARTICLE_FILTER_HEADER;
 }
 
 cairn_particle_trace cairn_particle_filter_read(const cairn_particle_filter *filter)
 {
-    return filter->done;
+    return filter->last_trace;
 }

@@ -1,43 +1,52 @@
-/* A step of the particle filter, from the proposals to the population that comes of it. */
+/* The step of the particle filter, phase by phase (see particle_filter.c for the method).
+ *
+ * Limits: the result does not depend on the budgets, because random numbers are drawn in the order
+ * of the phases. After an error all followers are released and the population stays as it was. */
 #include "src/core/build.h"
 
 #include "src/core/particle_filter_work.h"
 
 /* ---- Residual sampling ---- */
 
-static void begin_draw(cairn_particle_filter *f, int32_t count, int32_t wanted, cairn_real total)
+/* Starts residual sampling of `draw_count` items. */
+static void begin_sampling(cairn_particle_filter *filter, int32_t count, int32_t draw_count,
+                           cairn_real mass_sum)
 {
-    filter_sampler s = {.total = total, .count = count, .wanted = wanted, .left = wanted};
+    particle_filter_sampler sampler = {
+        .total = mass_sum, .count = count, .draw_count = draw_count, .draws_left = draw_count};
 
-    f->sample = s;
+    filter->sampler = sampler;
 }
 
-/* mass[] becomes the running sum of what is left over of each, by which the rest is drawn. */
-static int step_draw(cairn_particle_filter *f, cairn_real *mass, int32_t *copies,
-                     cairn_budget *budget)
+/* Residual sampling: sets the whole copies of each item, then draws the rest by binary search in
+ * the running sums of the residuals, which replace mass[]. 1 when done, 0 when the budget is used
+ * up. */
+static int step_sampling(cairn_particle_filter *filter, cairn_real *mass, int32_t *copies,
+                         cairn_budget *budget)
 {
-    filter_sampler *s = &f->sample;
+    particle_filter_sampler *sampler = &filter->sampler;
 
-    for (; s->cursor < s->count; s->cursor++) {
-        cairn_real expected = mass[s->cursor] / s->total * (cairn_real)s->wanted,
+    for (; sampler->cursor < sampler->count; sampler->cursor++) {
+        cairn_real expected =
+                       mass[sampler->cursor] / sampler->total * (cairn_real)sampler->draw_count,
                    whole = cairn_floor(expected);
 
-        if (!cairn_budget_pay(budget, &f->paid, 1))
+        if (!cairn_budget_pay(budget, &filter->charged, 1))
             return 0;
-        copies[s->cursor] = cairn_real_to_int(whole);
-        s->left -= copies[s->cursor];
+        copies[sampler->cursor] = cairn_real_to_int(whole);
+        sampler->draws_left -= copies[sampler->cursor];
         if (expected > whole)
-            s->last = s->cursor;
-        s->rest += expected - whole;
-        mass[s->cursor] = s->rest;
+            sampler->last_residual = sampler->cursor;
+        sampler->residual_sum += expected - whole;
+        mass[sampler->cursor] = sampler->residual_sum;
     }
-    for (; s->left > 0; s->left--) {
-        int32_t low = 0, high = s->last;
+    for (; sampler->draws_left > 0; sampler->draws_left--) {
+        int32_t low = 0, high = sampler->last_residual;
         cairn_real u;
 
-        if (!cairn_budget_pay(budget, &f->paid, 1))
+        if (!cairn_budget_pay(budget, &filter->charged, 1))
             return 0;
-        u = cairn_random_unit(&f->random) * s->rest;
+        u = cairn_random_unit(&filter->random) * sampler->residual_sum;
         while (low < high) {
             int32_t middle = low + (high - low) / 2;
 
@@ -51,434 +60,463 @@ static int step_draw(cairn_particle_filter *f, cairn_real *mass, int32_t *copies
     return 1;
 }
 
-/* ---- The phases: each returns CAIRN_OK when it is done ---- */
+/* ---- Phases: each returns CAIRN_OK when done ---- */
 
-/* Pays for a call of the model once, however often it has to be called again. */
-static int enter(cairn_particle_filter *f, cairn_budget *budget)
+/* Charges a call of a callback once, also when the callback is called again after CAIRN_MORE. 0
+ * when the budget is used up. */
+static int charge_call(cairn_particle_filter *filter, cairn_budget *budget)
 {
-    if (!f->entered && !cairn_budget_pay(budget, &f->paid, 1))
+    if (!filter->is_call_charged && !cairn_budget_pay(budget, &filter->charged, 1))
         return 0;
-    f->entered = 1;
+    filter->is_call_charged = 1;
     return 1;
 }
 
-static cairn_status step_propose(cairn_particle_filter *f, cairn_budget *budget)
+/* Phase PROPOSE. */
+static cairn_status step_propose(cairn_particle_filter *filter, cairn_budget *budget)
 {
-    while (f->index < f->now.count) {
+    while (filter->index < filter->current.count) {
         cairn_status status;
 
-        if (!enter(f, budget))
+        if (!charge_call(filter, budget))
             return CAIRN_MORE;
-        f->proposing = 1;
-        status = f->model.propose(f->model.context, f, f->index, budget);
-        f->proposing = 0;
+        filter->is_proposing = 1;
+        status = filter->model.propose(filter->model.context, filter, filter->index, budget);
+        filter->is_proposing = 0;
         if (status != CAIRN_OK)
             return status;
-        f->entered = 0;
-        f->first[++f->index] = f->trace.candidates;
+        filter->is_call_charged = 0;
+        filter->first_candidate[++filter->index] = filter->step_trace.candidates;
     }
-    f->index = 0;
+    filter->index = 0;
     return CAIRN_OK;
 }
 
-static void begin_sum(cairn_particle_filter *f, filter_phase phase)
+/* Starts a phase that sums masses. */
+static void begin_sum(cairn_particle_filter *filter, particle_filter_phase phase)
 {
-    f->cursor = 0;
-    f->top = FILTER_IMPOSSIBLE;
-    f->total = 0;
-    f->entropy = 0;
-    f->phase = phase;
+    filter->cursor = 0;
+    filter->max_log_mass = PARTICLE_FILTER_IMPOSSIBLE;
+    filter->mass_sum = 0;
+    filter->entropy = 0;
+    filter->phase = phase;
 }
 
-static int32_t group_size(const cairn_particle_filter *f)
+/* Number of candidates of the current particle. */
+static int32_t candidate_count(const cairn_particle_filter *filter)
 {
-    return f->first[f->index + 1] - f->first[f->index];
+    return filter->first_candidate[filter->index + 1] - filter->first_candidate[filter->index];
 }
 
-/* The largest of the logarithms was found beforehand: exponentials of their differences are
- * added up. */
-static void add_mass(cairn_particle_filter *f, int32_t k, cairn_real log_mass)
+/* Adds the exponential of a logarithm, relative to the largest one (log-sum-exp), to the sum and to
+ * the entropy. */
+static void add_mass(cairn_particle_filter *filter, int32_t k, cairn_real log_mass)
 {
-    cairn_real below = log_mass - f->top;
+    cairn_real below = log_mass - filter->max_log_mass;
 
-    f->mass[k] = log_mass > FILTER_IMPOSSIBLE ? cairn_exp(below) : 0;
-    f->total += f->mass[k];
-    f->entropy -= f->mass[k] > 0 ? f->mass[k] * below : 0;
+    filter->mass[k] = log_mass > PARTICLE_FILTER_IMPOSSIBLE ? cairn_exp(below) : 0;
+    filter->mass_sum += filter->mass[k];
+    filter->entropy -= filter->mass[k] > 0 ? filter->mass[k] * below : 0;
 }
 
-/* exp(H) of the masses added up, rounded up: H = log total - sum m log m / total. A hair less,
- * so that two equal masses are two modes in spite of rounding. */
-static int32_t modes_of(const cairn_particle_filter *f)
+/* Number of modes: exp(H) of the summed masses, rounded up, with the entropy H = log total - sum m
+ * log m / total. 1e-3 is subtracted, so two equal masses are two modes in spite of rounding. */
+static int32_t mode_count(const cairn_particle_filter *filter)
 {
-    cairn_real h = f->entropy / f->total + cairn_log(f->total);
+    cairn_real h = filter->entropy / filter->mass_sum + cairn_log(filter->mass_sum);
 
     return cairn_real_to_int(cairn_ceil(cairn_exp(h) - CAIRN_REAL(1e-3)));
 }
 
-static void decide_followers(cairn_particle_filter *f)
+/* Sets the number of followers of the current particle. */
+static void choose_follower_count(cairn_particle_filter *filter)
 {
-    int32_t most = f->params.max_followers;
+    int32_t max_followers = filter->params.max_followers;
 
-    f->wanted = most;
-    if (f->params.by_entropy) {
-        int32_t modes = modes_of(f);
+    filter->follower_count = max_followers;
+    if (filter->params.by_entropy) {
+        int32_t modes = mode_count(filter);
 
-        f->wanted = modes < most ? modes : most;
+        filter->follower_count = modes < max_followers ? modes : max_followers;
     }
-    f->drawn = f->alive > f->wanted;
+    filter->is_drawn = filter->possible_count > filter->follower_count;
 }
 
-/* Passes over the group: the largest prior mass, their sum, their logarithms normalised. Three
- * visits of a candidate. */
-static cairn_status step_priors(cairn_particle_filter *f, cairn_budget *budget)
+/* Phase PRIORS: three passes over the candidates: largest prior mass, sum, normalization. */
+static cairn_status step_priors(cairn_particle_filter *filter, cairn_budget *budget)
 {
-    filter_candidate *c = f->candidates + f->first[f->index];
-    int32_t n = group_size(f);
+    particle_filter_candidate *candidates =
+        filter->candidates + filter->first_candidate[filter->index];
+    int32_t count = candidate_count(filter);
 
-    for (; f->cursor < 3 * n; f->cursor++) {
-        int32_t k = f->cursor % n;
+    for (; filter->cursor < 3 * count; filter->cursor++) {
+        int32_t k = filter->cursor % count;
 
-        if (!cairn_budget_pay(budget, &f->paid, 1))
+        if (!cairn_budget_pay(budget, &filter->charged, 1))
             return CAIRN_MORE;
-        if (f->cursor < n)
-            f->top = cairn_max(f->top, c[k].log_prior);
-        else if (f->cursor < 2 * n)
-            add_mass(f, k, c[k].log_prior);
-        else if (c[k].log_prior > FILTER_IMPOSSIBLE)
-            c[k].log_prior -= f->top + cairn_log(f->total);
-        f->alive += f->cursor >= 2 * n && c[k].log_prior > FILTER_IMPOSSIBLE;
+        if (filter->cursor < count)
+            filter->max_log_mass = cairn_max(filter->max_log_mass, candidates[k].log_prior);
+        else if (filter->cursor < 2 * count)
+            add_mass(filter, k, candidates[k].log_prior);
+        else if (candidates[k].log_prior > PARTICLE_FILTER_IMPOSSIBLE)
+            candidates[k].log_prior -= filter->max_log_mass + cairn_log(filter->mass_sum);
+        filter->possible_count +=
+            filter->cursor >= 2 * count && candidates[k].log_prior > PARTICLE_FILTER_IMPOSSIBLE;
     }
     return CAIRN_OK;
 }
 
-static int is_drawn_by_prior(const cairn_particle_filter *f)
+/* 1 when followers are drawn before their likelihoods are known. */
+static int is_drawn_by_prior(const cairn_particle_filter *filter)
 {
-    return f->params.proposal == CAIRN_PROPOSAL_PRIOR && f->drawn;
+    return filter->params.proposal == CAIRN_PROPOSAL_PRIOR && filter->is_drawn;
 }
 
-static cairn_status step_weigh(cairn_particle_filter *f, cairn_budget *budget)
+/* Phase LIKELIHOODS. */
+static cairn_status step_likelihoods(cairn_particle_filter *filter, cairn_budget *budget)
 {
-    int32_t n = group_size(f);
+    int32_t count = candidate_count(filter);
 
-    for (; f->cursor < n; f->cursor++) {
-        int32_t at = f->first[f->index] + f->cursor;
-        filter_candidate *c = &f->candidates[at];
+    for (; filter->cursor < count; filter->cursor++) {
+        int32_t at = filter->first_candidate[filter->index] + filter->cursor;
+        particle_filter_candidate *candidate = &filter->candidates[at];
         cairn_status status;
 
-        if (c->log_prior <= FILTER_IMPOSSIBLE ||
-            (is_drawn_by_prior(f) && f->copies[f->cursor] == 0)) {
-            c->log_likelihood = FILTER_IMPOSSIBLE;
+        if (candidate->log_prior <= PARTICLE_FILTER_IMPOSSIBLE ||
+            (is_drawn_by_prior(filter) && filter->copies[filter->cursor] == 0)) {
+            candidate->log_likelihood = PARTICLE_FILTER_IMPOSSIBLE;
             continue;
         }
-        if (!enter(f, budget))
+        if (!charge_call(filter, budget))
             return CAIRN_MORE;
-        status =
-            f->model.likelihood(f->model.context, f, f->index, f->states + (size_t)at * f->stride,
-                                &c->log_likelihood, budget);
+        status = filter->model.likelihood(filter->model.context, filter, filter->index,
+                                          filter->states + (size_t)at * filter->state_stride,
+                                          &candidate->log_likelihood, budget);
         if (status != CAIRN_OK)
             return status;
-        f->entered = 0;
-        if (!(c->log_likelihood <= CAIRN_REAL_MAX))
+        filter->is_call_charged = 0;
+        if (!(candidate->log_likelihood <= CAIRN_REAL_MAX))
             return CAIRN_NOT_FINITE;
     }
     return CAIRN_OK;
 }
 
-static cairn_real log_mass_of(const filter_candidate *c)
+/* Logarithm of prior mass times likelihood. */
+static cairn_real log_mass_of(const particle_filter_candidate *candidate)
 {
-    return c->log_likelihood > FILTER_IMPOSSIBLE && c->log_prior > FILTER_IMPOSSIBLE
-               ? c->log_prior + c->log_likelihood
-               : FILTER_IMPOSSIBLE;
+    return candidate->log_likelihood > PARTICLE_FILTER_IMPOSSIBLE &&
+                   candidate->log_prior > PARTICLE_FILTER_IMPOSSIBLE
+               ? candidate->log_prior + candidate->log_likelihood
+               : PARTICLE_FILTER_IMPOSSIBLE;
 }
 
-/* As step_priors(), of prior mass times likelihood; `alive` counts those that are possible. */
-static cairn_status step_masses(cairn_particle_filter *f, cairn_budget *budget)
+/* Phase MASSES: two passes over the candidates: largest prior mass times likelihood, sum and number
+ * of possible candidates. */
+static cairn_status step_masses(cairn_particle_filter *filter, cairn_budget *budget)
 {
-    const filter_candidate *c = f->candidates + f->first[f->index];
-    int32_t n = group_size(f);
+    const particle_filter_candidate *candidates =
+        filter->candidates + filter->first_candidate[filter->index];
+    int32_t count = candidate_count(filter);
 
-    for (; f->cursor < 2 * n; f->cursor++) {
-        int32_t k = f->cursor % n;
+    for (; filter->cursor < 2 * count; filter->cursor++) {
+        int32_t k = filter->cursor % count;
 
-        if (!cairn_budget_pay(budget, &f->paid, 1))
+        if (!cairn_budget_pay(budget, &filter->charged, 1))
             return CAIRN_MORE;
-        if (f->cursor < n) {
-            f->top = cairn_max(f->top, log_mass_of(&c[k]));
+        if (filter->cursor < count) {
+            filter->max_log_mass = cairn_max(filter->max_log_mass, log_mass_of(&candidates[k]));
         } else {
-            add_mass(f, k, log_mass_of(&c[k]));
-            f->alive += log_mass_of(&c[k]) > FILTER_IMPOSSIBLE;
+            add_mass(filter, k, log_mass_of(&candidates[k]));
+            filter->possible_count += log_mass_of(&candidates[k]) > PARTICLE_FILTER_IMPOSSIBLE;
         }
     }
     return CAIRN_OK;
 }
 
+/* ln(part / whole). */
 static cairn_real log_ratio(int32_t part, int32_t whole)
 {
     return cairn_log((cairn_real)part / (cairn_real)whole);
 }
 
-static cairn_status step_follow(cairn_particle_filter *f, cairn_budget *budget)
+/* Phase FOLLOW: creates the followers with their weights. */
+static cairn_status step_follow(cairn_particle_filter *filter, cairn_budget *budget)
 {
-    filter_particle parent = f->now.list[f->index];
-    int32_t n = group_size(f), cost = 1 + f->params.state_bytes / FILTER_BYTES_PER_UNIT;
+    particle_filter_particle parent = filter->current.list[filter->index];
+    int32_t count = candidate_count(filter),
+            cost = 1 + filter->params.state_bytes / PARTICLE_FILTER_BYTES_PER_UNIT;
 
-    for (; f->cursor < n; f->cursor++) {
-        int32_t at = f->first[f->index] + f->cursor;
-        const filter_candidate *c = &f->candidates[at];
-        filter_particle follower = parent;
+    for (; filter->cursor < count; filter->cursor++) {
+        int32_t at = filter->first_candidate[filter->index] + filter->cursor;
+        const particle_filter_candidate *candidate = &filter->candidates[at];
+        particle_filter_particle follower = parent;
         cairn_status status;
 
-        if (log_mass_of(c) <= FILTER_IMPOSSIBLE || (f->drawn && f->copies[f->cursor] == 0))
+        if (log_mass_of(candidate) <= PARTICLE_FILTER_IMPOSSIBLE ||
+            (filter->is_drawn && filter->copies[filter->cursor] == 0))
             continue;
-        if (!cairn_budget_pay(budget, &f->paid, cost))
+        if (!cairn_budget_pay(budget, &filter->charged, cost))
             return CAIRN_MORE;
-        if (!f->drawn)
-            follower.log_weight += c->log_prior + c->log_likelihood;
-        else if (f->params.proposal == CAIRN_PROPOSAL_PRIOR)
-            follower.log_weight += log_ratio(f->copies[f->cursor], f->wanted) + c->log_likelihood;
+        if (!filter->is_drawn)
+            follower.log_weight += candidate->log_prior + candidate->log_likelihood;
+        else if (filter->params.proposal == CAIRN_PROPOSAL_PRIOR)
+            follower.log_weight +=
+                log_ratio(filter->copies[filter->cursor], filter->follower_count) +
+                candidate->log_likelihood;
         else
-            follower.log_weight += log_ratio(f->copies[f->cursor], f->wanted) + f->group;
-        follower.log_likelihood += c->log_likelihood;
-        f->heaviest = cairn_max(f->heaviest, follower.log_weight);
-        f->alive++;
-        status =
-            cairn_particle_follow(f, follower, parent.leaf, f->states + (size_t)at * f->stride);
+            follower.log_weight +=
+                log_ratio(filter->copies[filter->cursor], filter->follower_count) +
+                filter->group_log_sum;
+        follower.log_likelihood += candidate->log_likelihood;
+        filter->max_log_weight = cairn_max(filter->max_log_weight, follower.log_weight);
+        filter->possible_count++;
+        status = cairn_particle_filter_add_follower(
+            filter, follower, parent.leaf, filter->states + (size_t)at * filter->state_stride);
         if (status != CAIRN_OK)
             return status;
     }
     return CAIRN_OK;
 }
 
-/* What follows each phase of a group, from its priors to its followers. */
-static void go_on_with_group(cairn_particle_filter *f)
+/* Starts the next phase for the current particle, from PRIORS to FOLLOW. */
+static void advance_group(cairn_particle_filter *filter)
 {
-    int32_t n = group_size(f);
-    int by_prior = f->params.proposal == CAIRN_PROPOSAL_PRIOR;
+    int32_t count = candidate_count(filter);
+    int by_prior = filter->params.proposal == CAIRN_PROPOSAL_PRIOR;
 
-    switch (f->phase) {
-    case FILTER_PRIORS:
-        f->drawn = 0;
-        if (by_prior && f->alive > 0)
-            decide_followers(f);
-        begin_draw(f, n, f->wanted, f->total);
-        f->phase = is_drawn_by_prior(f) ? FILTER_DRAW : FILTER_WEIGH;
+    switch (filter->phase) {
+    case PARTICLE_FILTER_PRIORS:
+        filter->is_drawn = 0;
+        if (by_prior && filter->possible_count > 0)
+            choose_follower_count(filter);
+        begin_sampling(filter, count, filter->follower_count, filter->mass_sum);
+        filter->phase =
+            is_drawn_by_prior(filter) ? PARTICLE_FILTER_DRAW : PARTICLE_FILTER_LIKELIHOODS;
         break;
-    case FILTER_WEIGH:
-        f->alive = 0;
-        begin_sum(f, by_prior ? FILTER_FOLLOW : FILTER_MASSES);
+    case PARTICLE_FILTER_LIKELIHOODS:
+        filter->possible_count = 0;
+        begin_sum(filter, by_prior ? PARTICLE_FILTER_FOLLOW : PARTICLE_FILTER_MASSES);
         break;
-    case FILTER_MASSES:
-        if (f->alive > 0) {
-            decide_followers(f);
-            f->group = f->top + cairn_log(f->total);
+    case PARTICLE_FILTER_MASSES:
+        if (filter->possible_count > 0) {
+            choose_follower_count(filter);
+            filter->group_log_sum = filter->max_log_mass + cairn_log(filter->mass_sum);
         } else {
-            f->drawn = 0;
+            filter->is_drawn = 0;
         }
-        begin_draw(f, n, f->wanted, f->total);
-        f->phase = f->drawn ? FILTER_DRAW : FILTER_FOLLOW;
-        f->alive = 0;
+        begin_sampling(filter, count, filter->follower_count, filter->mass_sum);
+        filter->phase = filter->is_drawn ? PARTICLE_FILTER_DRAW : PARTICLE_FILTER_FOLLOW;
+        filter->possible_count = 0;
         break;
-    case FILTER_DRAW:
-        f->phase = by_prior ? FILTER_WEIGH : FILTER_FOLLOW;
+    case PARTICLE_FILTER_DRAW:
+        filter->phase = by_prior ? PARTICLE_FILTER_LIKELIHOODS : PARTICLE_FILTER_FOLLOW;
         break;
     default:
-        f->phase = FILTER_NEXT;
+        filter->phase = PARTICLE_FILTER_NEXT;
         break;
     }
-    f->cursor = 0;
+    filter->cursor = 0;
 }
 
-/* The particle whose group has ended may be lost; on to the next one. */
-static void end_group(cairn_particle_filter *f)
+/* Ends the current particle, which is discarded when it has no follower. */
+static void end_group(cairn_particle_filter *filter)
 {
-    if (f->alive == 0) {
-        f->trace.lost++;
-        if (f->model.lost != NULL)
-            f->model.lost(f->model.context, f, f->index);
+    if (filter->possible_count == 0) {
+        filter->step_trace.lost++;
+        if (filter->model.lost != NULL)
+            filter->model.lost(filter->model.context, filter, filter->index);
     }
-    f->index++;
+    filter->index++;
 }
 
-/* The next group, or what comes after the last one. */
-static void begin_group(cairn_particle_filter *f)
+/* Starts the candidates of the next particle, or the phase after the last particle. */
+static void begin_group(cairn_particle_filter *filter)
 {
-    if (f->index < f->now.count) {
-        f->alive = 0;
-        begin_sum(f, FILTER_PRIORS);
-    } else if (f->next.count > 0) {
-        begin_sum(f, FILTER_SUM);
-        f->top = f->heaviest;
+    if (filter->index < filter->current.count) {
+        filter->possible_count = 0;
+        begin_sum(filter, PARTICLE_FILTER_PRIORS);
+    } else if (filter->next.count > 0) {
+        begin_sum(filter, PARTICLE_FILTER_SUM);
+        filter->max_log_mass = filter->max_log_weight;
     } else {
-        f->trace.extinct = 1;
-        f->trace.particles = f->now.count;
-        f->trace.best = f->done.best;
-        f->trace.n_eff = f->done.n_eff;
-        f->done = f->trace;
-        f->phase = FILTER_RELEASE;
+        filter->step_trace.extinct = 1;
+        filter->step_trace.particles = filter->current.count;
+        filter->step_trace.best = filter->last_trace.best;
+        filter->step_trace.n_eff = filter->last_trace.n_eff;
+        filter->last_trace = filter->step_trace;
+        filter->phase = PARTICLE_FILTER_RELEASE;
     }
 }
 
-static cairn_status step_sum(cairn_particle_filter *f, cairn_budget *budget)
+/* Phase SUM: sum of the weights. */
+static cairn_status step_sum(cairn_particle_filter *filter, cairn_budget *budget)
 {
-    for (; f->cursor < f->next.count; f->cursor++) {
-        if (!cairn_budget_pay(budget, &f->paid, 1))
+    for (; filter->cursor < filter->next.count; filter->cursor++) {
+        if (!cairn_budget_pay(budget, &filter->charged, 1))
             return CAIRN_MORE;
-        add_mass(f, f->cursor, f->next.list[f->cursor].log_weight);
+        add_mass(filter, filter->cursor, filter->next.list[filter->cursor].log_weight);
     }
-    f->cursor = 0;
-    f->squares = 0;
+    filter->cursor = 0;
+    filter->squared_weights = 0;
     return CAIRN_OK;
 }
 
-static cairn_status step_normalise(cairn_particle_filter *f, cairn_budget *budget)
+/* Phase NORMALISE: normalized weights, N_eff and evidence. */
+static cairn_status step_normalise(cairn_particle_filter *filter, cairn_budget *budget)
 {
-    cairn_real shift = f->top + cairn_log(f->total);
-    filter_particle *p = f->next.list;
+    cairn_real shift = filter->max_log_mass + cairn_log(filter->mass_sum);
+    particle_filter_particle *particles = filter->next.list;
 
-    for (; f->cursor < f->next.count; f->cursor++) {
-        cairn_real weight = f->mass[f->cursor] / f->total;
+    for (; filter->cursor < filter->next.count; filter->cursor++) {
+        cairn_real weight = filter->mass[filter->cursor] / filter->mass_sum;
 
-        if (!cairn_budget_pay(budget, &f->paid, 1))
+        if (!cairn_budget_pay(budget, &filter->charged, 1))
             return CAIRN_MORE;
-        p[f->cursor].log_weight -= shift;
-        f->squares += weight * weight;
-        if (cairn_particle_is_lighter(&p[f->trace.best], &p[f->cursor]))
-            f->trace.best = f->cursor;
+        particles[filter->cursor].log_weight -= shift;
+        filter->squared_weights += weight * weight;
+        if (cairn_particle_filter_is_lighter(&particles[filter->step_trace.best],
+                                             &particles[filter->cursor]))
+            filter->step_trace.best = filter->cursor;
     }
-    f->heaviest_at = f->trace.best;
-    f->trace.n_eff = 1 / f->squares;
-    f->trace.log_evidence += shift;
-    f->cursor = 0;
-    f->trace.resampled =
-        f->trace.n_eff < f->params.resample_below * (cairn_real)f->params.particles;
+    filter->max_weight_index = filter->step_trace.best;
+    filter->step_trace.n_eff = 1 / filter->squared_weights;
+    filter->step_trace.log_evidence += shift;
+    filter->cursor = 0;
+    filter->step_trace.resampled =
+        filter->step_trace.n_eff <
+        filter->params.resample_below * (cairn_real)filter->params.particles;
     return CAIRN_OK;
 }
 
-/* The copies drawn become a population of equal weights. */
-static cairn_status step_copy(cairn_particle_filter *f, cairn_budget *budget)
+/* Phase COPY: the copies drawn become a population of equal weights. */
+static cairn_status step_copies(cairn_particle_filter *filter, cairn_budget *budget)
 {
-    cairn_real log_weight = -cairn_log((cairn_real)f->params.particles);
+    cairn_real log_weight = -cairn_log((cairn_real)filter->params.particles);
 
-    while (f->cursor < f->next.count) {
-        filter_particle p = f->next.list[f->cursor];
+    while (filter->cursor < filter->next.count) {
+        particle_filter_particle particle = filter->next.list[filter->cursor];
 
-        if (f->copies[f->cursor] == 0) {
-            f->cursor++;
+        if (filter->copies[filter->cursor] == 0) {
+            filter->cursor++;
             continue;
         }
-        if (!cairn_budget_pay(budget, &f->paid, 1))
+        if (!cairn_budget_pay(budget, &filter->charged, 1))
             return CAIRN_MORE;
-        if (f->cursor == f->heaviest_at)
-            f->trace.best = f->spare.count;
-        f->copies[f->cursor]--;
-        p.log_weight = log_weight;
-        p.leaf->references++;
-        f->spare.list[f->spare.count++] = p;
+        if (filter->cursor == filter->max_weight_index)
+            filter->step_trace.best = filter->resampled.count;
+        filter->copies[filter->cursor]--;
+        particle.log_weight = log_weight;
+        particle.leaf->references++;
+        filter->resampled.list[filter->resampled.count++] = particle;
     }
     return CAIRN_OK;
 }
 
-static void swap_populations(filter_population *a, filter_population *b)
+/* Swaps two populations. */
+static void swap_populations(particle_filter_population *a, particle_filter_population *b)
 {
-    filter_population c = *a;
+    particle_filter_population c = *a;
 
     *a = *b;
     *b = c;
 }
 
-/* What was resampled, or the followers themselves, is from now on what readers see. */
-static void commit(cairn_particle_filter *f)
+/* Commit point: the resampled population, or else the followers, become the current population. */
+static void commit(cairn_particle_filter *filter)
 {
-    cairn_block_pool_usage usage = cairn_block_pool_read(f->blocks);
+    cairn_block_pool_usage usage = cairn_block_pool_read(filter->blocks);
 
-    swap_populations(&f->now, f->trace.resampled ? &f->spare : &f->next);
-    f->trace.resamplings += f->trace.resampled;
-    f->trace.particles = f->now.count;
-    f->trace.blocks_peak = usage.peak;
-    f->done = f->trace;
+    swap_populations(&filter->current,
+                     filter->step_trace.resampled ? &filter->resampled : &filter->next);
+    filter->step_trace.resamplings += filter->step_trace.resampled;
+    filter->step_trace.particles = filter->current.count;
+    filter->step_trace.blocks_peak = usage.peak;
+    filter->last_trace = filter->step_trace;
 }
 
-/* Gives back what the population does not share with those that are no more. */
-static cairn_status step_release(cairn_particle_filter *f, cairn_budget *budget)
+/* Phase RELEASE: releases the histories of the other populations. */
+static cairn_status step_release(cairn_particle_filter *filter, cairn_budget *budget)
 {
-    filter_population *p = &f->next;
+    particle_filter_population *population = &filter->next;
 
     for (;;) {
-        if (f->falling == NULL && p->count == 0)
-            p = &f->spare;
-        if (f->falling == NULL && p->count == 0)
+        if (filter->node_to_release == NULL && population->count == 0)
+            population = &filter->resampled;
+        if (filter->node_to_release == NULL && population->count == 0)
             break;
-        if (!cairn_budget_pay(budget, &f->paid, 1))
+        if (!cairn_budget_pay(budget, &filter->charged, 1))
             return CAIRN_MORE;
-        if (f->falling == NULL)
-            f->falling = p->list[--p->count].leaf;
-        f->falling = cairn_particle_node_drop(f, f->falling);
+        if (filter->node_to_release == NULL)
+            filter->node_to_release = population->list[--population->count].leaf;
+        filter->node_to_release = cairn_particle_filter_drop_node(filter, filter->node_to_release);
     }
-    f->done.blocks = cairn_block_pool_read(f->blocks).used;
+    filter->last_trace.blocks = cairn_block_pool_read(filter->blocks).used;
     return CAIRN_OK;
 }
 
-static cairn_status step_phase(cairn_particle_filter *f, cairn_budget *budget)
+/* Works on the current phase. */
+static cairn_status step_phase(cairn_particle_filter *filter, cairn_budget *budget)
 {
-    switch (f->phase) {
-    case FILTER_PROPOSE:
-        return step_propose(f, budget);
-    case FILTER_PRIORS:
-        return step_priors(f, budget);
-    case FILTER_WEIGH:
-        return step_weigh(f, budget);
-    case FILTER_MASSES:
-        return step_masses(f, budget);
-    case FILTER_DRAW:
-    case FILTER_RESAMPLE:
-        return step_draw(f, f->mass, f->copies, budget) ? CAIRN_OK : CAIRN_MORE;
-    case FILTER_FOLLOW:
-        return step_follow(f, budget);
-    case FILTER_NEXT:
-        end_group(f);
+    switch (filter->phase) {
+    case PARTICLE_FILTER_PROPOSE:
+        return step_propose(filter, budget);
+    case PARTICLE_FILTER_PRIORS:
+        return step_priors(filter, budget);
+    case PARTICLE_FILTER_LIKELIHOODS:
+        return step_likelihoods(filter, budget);
+    case PARTICLE_FILTER_MASSES:
+        return step_masses(filter, budget);
+    case PARTICLE_FILTER_DRAW:
+    case PARTICLE_FILTER_RESAMPLE:
+        return step_sampling(filter, filter->mass, filter->copies, budget) ? CAIRN_OK : CAIRN_MORE;
+    case PARTICLE_FILTER_FOLLOW:
+        return step_follow(filter, budget);
+    case PARTICLE_FILTER_NEXT:
+        end_group(filter);
         return CAIRN_OK;
-    case FILTER_SUM:
-        return step_sum(f, budget);
-    case FILTER_NORMALISE:
-        return step_normalise(f, budget);
-    case FILTER_COPY:
-        return step_copy(f, budget);
+    case PARTICLE_FILTER_SUM:
+        return step_sum(filter, budget);
+    case PARTICLE_FILTER_NORMALISE:
+        return step_normalise(filter, budget);
+    case PARTICLE_FILTER_COPY:
+        return step_copies(filter, budget);
     default:
-        return step_release(f, budget);
+        return step_release(filter, budget);
     }
 }
 
-static void go_on(cairn_particle_filter *f)
+/* Starts the phase after the one that ended. */
+static void advance(cairn_particle_filter *filter)
 {
-    switch (f->phase) {
-    case FILTER_PROPOSE:
-    case FILTER_NEXT:
-        begin_group(f);
+    switch (filter->phase) {
+    case PARTICLE_FILTER_PROPOSE:
+    case PARTICLE_FILTER_NEXT:
+        begin_group(filter);
         break;
-    case FILTER_SUM:
-        f->phase = FILTER_NORMALISE;
+    case PARTICLE_FILTER_SUM:
+        filter->phase = PARTICLE_FILTER_NORMALISE;
         break;
-    case FILTER_NORMALISE:
-        begin_draw(f, f->next.count, f->params.particles, f->total);
-        f->phase = FILTER_RESAMPLE;
-        if (!f->trace.resampled) {
-            commit(f);
-            f->phase = FILTER_RELEASE;
+    case PARTICLE_FILTER_NORMALISE:
+        begin_sampling(filter, filter->next.count, filter->params.particles, filter->mass_sum);
+        filter->phase = PARTICLE_FILTER_RESAMPLE;
+        if (!filter->step_trace.resampled) {
+            commit(filter);
+            filter->phase = PARTICLE_FILTER_RELEASE;
         }
         break;
-    case FILTER_RESAMPLE:
-        f->cursor = 0;
-        f->phase = FILTER_COPY;
+    case PARTICLE_FILTER_RESAMPLE:
+        filter->cursor = 0;
+        filter->phase = PARTICLE_FILTER_COPY;
         break;
-    case FILTER_COPY:
-        commit(f);
-        f->phase = FILTER_RELEASE;
+    case PARTICLE_FILTER_COPY:
+        commit(filter);
+        filter->phase = PARTICLE_FILTER_RELEASE;
         break;
-    case FILTER_RELEASE:
-        f->phase = FILTER_IDLE;
+    case PARTICLE_FILTER_RELEASE:
+        filter->phase = PARTICLE_FILTER_IDLE;
         break;
     default:
-        go_on_with_group(f);
+        advance_group(filter);
         break;
     }
 }
@@ -487,18 +525,18 @@ cairn_status cairn_particle_filter_step(cairn_particle_filter *filter, cairn_bud
 {
     if (filter == NULL || budget == NULL)
         return CAIRN_BAD_ARGUMENT;
-    while (filter->phase != FILTER_IDLE) {
+    while (filter->phase != PARTICLE_FILTER_IDLE) {
         cairn_status status = step_phase(filter, budget);
 
         if (status == CAIRN_MORE)
             return status;
         if (status == CAIRN_OK) {
-            go_on(filter);
+            advance(filter);
         } else {
             filter->outcome = status;
-            filter->paid = 0;
-            filter->entered = 0;
-            filter->phase = FILTER_RELEASE;
+            filter->charged = 0;
+            filter->is_call_charged = 0;
+            filter->phase = PARTICLE_FILTER_RELEASE;
         }
     }
     return filter->outcome;

@@ -1,118 +1,172 @@
-/* What the files of the particle filter share: the tree of histories, the populations, and the
- * state between steps. */
+/* Internals of the module particle_filter, shared by particle_filter.c (object, histories,
+ * populations) and particle_filter_step.c (the step). */
 #ifndef CAIRN_CORE_PARTICLE_FILTER_WORK_H
 #define CAIRN_CORE_PARTICLE_FILTER_WORK_H
 
 #include "cairn/particle_filter.h"
 
-enum { FILTER_BYTES_PER_UNIT = 512 };
+/* Bytes of a state that are copied for one work unit. */
+enum { PARTICLE_FILTER_BYTES_PER_UNIT = 512 };
 
-/* Logarithms below are those of 0. */
-#define FILTER_IMPOSSIBLE (-CAIRN_REAL_MAX / 4)
+/* Logarithms up to this value are those of 0. */
+#define PARTICLE_FILTER_IMPOSSIBLE (-CAIRN_REAL_MAX / 4)
 
-typedef struct filter_node {
-    struct filter_node *parent;
+/* Node of the tree of histories; the state of the caller follows in memory. */
+typedef struct particle_filter_node {
+    /* Node of the state before, NULL: none is kept. */
+    struct particle_filter_node *parent;
+    /* Number of children, and of particles whose history ends here. */
     int32_t references;
+    /* Steps since the first state of the history. */
     int32_t depth;
-} filter_node;
+} particle_filter_node;
 
-/* From a node to its state. */
-#define FILTER_HEADER ((sizeof(filter_node) + CAIRN_ALIGN - 1) / CAIRN_ALIGN * CAIRN_ALIGN)
+/* Bytes from a node to its state. */
+#define PARTICLE_FILTER_HEADER                                                                     \
+    ((sizeof(particle_filter_node) + CAIRN_ALIGN - 1) / CAIRN_ALIGN * CAIRN_ALIGN)
 
-typedef struct filter_particle {
-    filter_node *leaf;
+/* Particle. */
+typedef struct particle_filter_particle {
+    /* Node of the last state of its history. */
+    particle_filter_node *leaf;
+    /* Logarithm of the weight, in nats. */
     cairn_real log_weight;
+    /* Sum of the log-likelihoods along the history, in nats. */
     cairn_real log_likelihood;
-    int32_t born; /* in order of birth, which breaks ties */
-} filter_particle;
+    /* Number in order of creation, which breaks ties. */
+    int32_t birth_number;
+} particle_filter_particle;
 
-typedef struct filter_population {
-    filter_particle *list; /* [max_particles] */
+/* Population of particles. */
+typedef struct particle_filter_population {
+    /* [max_particles] Particles. */
+    particle_filter_particle *list;
     int32_t count;
-} filter_population;
+} particle_filter_population;
 
-typedef struct filter_candidate {
+/* Candidate. */
+typedef struct particle_filter_candidate {
+    /* Logarithm of the prior mass. */
     cairn_real log_prior;
+    /* Log-likelihood, in nats. */
     cairn_real log_likelihood;
-} filter_candidate;
+} particle_filter_candidate;
 
-/* Residual sampling: copies[k] for `left` draws by mass[k] / total. */
-typedef struct filter_sampler {
-    cairn_real total, rest;
-    int32_t count, wanted, left, cursor;
-    int32_t last; /* that has a residual */
-} filter_sampler;
+/* Residual sampling: number of copies of each item for draw_count draws by mass / total. */
+typedef struct particle_filter_sampler {
+    /* Sum of the masses, and running sum of the residuals. */
+    cairn_real total, residual_sum;
+    /* Items, draws in all, draws left, and next item. */
+    int32_t count, draw_count, draws_left, cursor;
+    /* Last item with a residual. */
+    int32_t last_residual;
+} particle_filter_sampler;
 
-typedef int32_t filter_phase;
+/* Phases of a step. PRIORS to NEXT are repeated for the candidates of each particle. */
+typedef int32_t particle_filter_phase;
 enum {
-    FILTER_IDLE,
-    FILTER_PROPOSE,
-    FILTER_PRIORS,
-    FILTER_WEIGH,
-    FILTER_MASSES,
-    FILTER_DRAW,
-    FILTER_FOLLOW,
-    FILTER_NEXT,
-    FILTER_SUM,
-    FILTER_NORMALISE,
-    FILTER_RESAMPLE,
-    FILTER_COPY,
-    FILTER_RELEASE
+    PARTICLE_FILTER_IDLE,
+    /* Motion model: candidates of all particles. */
+    PARTICLE_FILTER_PROPOSE,
+    /* Normalization of the prior masses. */
+    PARTICLE_FILTER_PRIORS,
+    /* Observation model. */
+    PARTICLE_FILTER_LIKELIHOODS,
+    /* Sum of the masses of the optimal proposal. */
+    PARTICLE_FILTER_MASSES,
+    /* Residual sampling of followers. */
+    PARTICLE_FILTER_DRAW,
+    /* Creation of followers. */
+    PARTICLE_FILTER_FOLLOW,
+    PARTICLE_FILTER_NEXT,
+    /* Sum and normalization of the weights, N_eff. */
+    PARTICLE_FILTER_SUM,
+    PARTICLE_FILTER_NORMALISE,
+    /* Residual resampling of the population. */
+    PARTICLE_FILTER_RESAMPLE,
+    PARTICLE_FILTER_COPY,
+    /* Release of histories that are no longer referenced. */
+    PARTICLE_FILTER_RELEASE
 };
 
 struct cairn_particle_filter {
     cairn_particle_filter_params params;
     cairn_particle_model model;
     cairn_random random;
+    /* Nodes with their states. */
     cairn_block_pool *blocks;
-    filter_population now, next, spare;
-    /* [max_candidates] */
-    filter_candidate *candidates;
-    /* [max_candidates] of `stride` bytes */
+    /* Population that readers see, followers of the step, and population resampled from them. */
+    particle_filter_population current, next, resampled;
+    /* [max_candidates] Candidates of all particles. */
+    particle_filter_candidate *candidates;
+    /* [max_candidates] States of the candidates, of `state_stride` bytes each. */
     unsigned char *states;
-    /* [max_particles + 1]: candidates of particle i are first[i] ... first[i + 1] - 1 */
-    int32_t *first;
-    /* [max_candidates or max_particles, whichever is more] */
+    /* [max_particles + 1] Candidates of particle i are first_candidate[i] ... first_candidate[i +
+     * 1] - 1. */
+    int32_t *first_candidate;
+    /* [max(max_candidates, max_particles)] Masses from which is drawn. */
     cairn_real *mass;
-    /* likewise */
+    /* [max(max_candidates, max_particles)] Number of copies drawn. */
     int32_t *copies;
-    size_t stride;
+    /* Bytes of a state, rounded up to CAIRN_ALIGN. */
+    size_t state_stride;
 
-    filter_phase phase;
-    int32_t proposing;              /* 1: within propose, when offers are welcome */
-    int32_t begun;                  /* 1: no more first particles */
-    int32_t index, cursor;          /* particle and candidate under way */
-    int32_t alive;                  /* candidates of the group that are possible */
-    int32_t wanted;                 /* followers of the group */
-    int32_t drawn;                  /* 1: they are drawn; 0: all candidates follow */
-    cairn_real top, total, entropy; /* of the masses that are being added up */
-    cairn_real group;               /* log of the sum of prior mass times likelihood */
-    cairn_real heaviest;            /* log weight of all followers */
-    int32_t heaviest_at;            /* its place among the followers */
-    cairn_real squares;
-    filter_sampler sample;
-    int32_t born, paid;
-    int32_t entered;      /* 1: a call of the model is paid */
-    filter_node *falling; /* to lose a reference */
-    cairn_status outcome; /* of the step, once that is done */
-    cairn_particle_trace trace, done;
+    particle_filter_phase phase;
+    /* 1: within propose, which may offer candidates. */
+    int32_t is_proposing;
+    /* 1: the first step has begun, and no initial particles are accepted. */
+    int32_t has_begun;
+    /* Current particle and candidate. */
+    int32_t index, cursor;
+    /* Candidates of the current particle with a mass above 0, then its followers. */
+    int32_t possible_count;
+    /* Followers to draw for the current particle. */
+    int32_t follower_count;
+    /* 1: followers are drawn; 0: every candidate becomes a follower. */
+    int32_t is_drawn;
+    /* Largest logarithm of the masses that are summed, their sum relative to it, and the
+     * unnormalized entropy. */
+    cairn_real max_log_mass, mass_sum, entropy;
+    /* Logarithm of the sum of prior mass times likelihood over the candidates of the particle. */
+    cairn_real group_log_sum;
+    /* Largest log weight of all followers. */
+    cairn_real max_log_weight;
+    /* Index of the follower with the largest weight. */
+    int32_t max_weight_index;
+    /* Sum of the squared weights. */
+    cairn_real squared_weights;
+    particle_filter_sampler sampler;
+    /* Particles created in this step, and work units charged for the next operation so far. */
+    int32_t birth_count, charged;
+    /* 1: the current call of a callback is charged. */
+    int32_t is_call_charged;
+    /* Node that loses a reference next. */
+    particle_filter_node *node_to_release;
+    /* Status of the step, returned when the step ends. */
+    cairn_status outcome;
+    /* Statistics of the step that runs, and of the last one. */
+    cairn_particle_trace step_trace, last_trace;
 };
 
-static inline void *filter_state(filter_node *n)
+/* State of a node. */
+static inline void *particle_filter_state(particle_filter_node *node)
 {
-    return (unsigned char *)n + FILTER_HEADER;
+    return (unsigned char *)node + PARTICLE_FILTER_HEADER;
 }
 
-/* Takes a reference from a node. When that was the last one the node goes, and its parent, which
- * is returned, loses one. */
-filter_node *cairn_particle_node_drop(cairn_particle_filter *f, filter_node *n);
+/* Removes a reference from a node. If it was the last one, the node is freed and its parent, which
+ * loses a reference next, is returned; else NULL. */
+particle_filter_node *cairn_particle_filter_drop_node(cairn_particle_filter *filter,
+                                                      particle_filter_node *node);
 
-/* 1 when a goes before b. */
-int cairn_particle_is_lighter(const filter_particle *a, const filter_particle *b);
+/* 1 when a has a lower weight than b; of equal weights the later one is lighter. */
+int cairn_particle_filter_is_lighter(const particle_filter_particle *a,
+                                     const particle_filter_particle *b);
 
-/* Adds a follower of particle f->index, in place of the lightest when the population is full.
- * CAIRN_FULL: no block. */
-cairn_status cairn_particle_follow(cairn_particle_filter *f, filter_particle follower,
-                                   filter_node *parent, const void *state);
+/* Adds a follower of the current particle; replaces the lightest one when the population is full.
+ * CAIRN_FULL: no block is free. */
+cairn_status cairn_particle_filter_add_follower(cairn_particle_filter *filter,
+                                                particle_filter_particle follower,
+                                                particle_filter_node *parent, const void *state);
 
 #endif

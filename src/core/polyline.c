@@ -1,15 +1,20 @@
-/* Extended EM line fitting: the object, and the order of its phases.
+/* Line segments by extended EM (split and merge): the object, and the order of the phases.
  *
- * Method: points are sorted by Morton code (polyline_order.c), so that nothing after that depends
- * on their order and neighbours in memory are neighbours in space. Cells of the quadtree that the
- * code spells give the first pieces (polyline_initial.c). Then, until nothing changes: E-step,
- * M-step (polyline_em.c), cuts at gaps and bends (polyline_support.c), merging (polyline_merge.c);
- * s shrinks meanwhile.
+ * Method:
+ * 1. The points are sorted by Morton code (polyline_order.c), so nothing depends on their order in
+ *    the input, and neighbours in memory are neighbours in space.
+ * 2. Cells of the quadtree of the code give the initial components (polyline_initial.c).
+ * 3. Until convergence, with a decreasing width of the Gaussian (annealing): E-step and M-step
+ *    (polyline_em.c), splits at gaps and bends (polyline_support.c), merges (polyline_merge.c).
+ * 4. Final assignment of the points and result.
  *
- * Layout: one pool piece per array; a point is three reals also in the plane, z = 0 there.
- * Limits: coordinates up to CAIRN_POLYLINE_EXTENT; points nearer than 2^-20 of the whole extent
- * are still told apart. Source: Adluru 2008, section 2 and refs 168, 170 (Lakaemper and Latecki,
- * extended EM); the quadtree start is ours. */
+ * Layout: one allocation per array. A point is three reals also in the plane, with z = 0.
+ *
+ * Limits: coordinates up to CAIRN_POLYLINE_EXTENT. Points closer than 2^-20 of the whole extent are
+ * still distinguished.
+ *
+ * Source: Adluru 2008, section 2 and refs 168, 170 (Lakaemper and Latecki, extended EM); the
+ * initialization by a quadtree is cairn's. */
 #include "src/core/build.h"
 
 #include <string.h>
@@ -41,79 +46,85 @@ cairn_polyline_params cairn_polyline_default(void)
     return params;
 }
 
-static int positive(cairn_real value)
+/* 1 for a finite number > 0. */
+static int is_positive(cairn_real value)
 {
     return value > 0 && cairn_is_finite(value);
 }
 
-static int acceptable(const cairn_polyline_params *p)
+/* 1 when all params are in range. */
+static int params_are_valid(const cairn_polyline_params *params)
 {
-    return p != NULL && (p->dim == 2 || p->dim == 3) && p->max_points >= 1 &&
-           p->max_points <= INT32_C(1) << 26 && p->max_segments >= 1 &&
-           p->max_segments <= INT32_C(1) << 20 && p->min_points >= 3 && p->max_iterations >= 1 &&
-           p->min_length >= 0 && cairn_is_finite(p->min_length) && positive(p->sigma) &&
-           positive(p->s_last) && p->s_first >= p->s_last && cairn_is_finite(p->s_first) &&
-           p->shrink > 0 && p->shrink <= 1 && positive(p->gap) && p->gap_factor >= 1 &&
-           cairn_is_finite(p->gap_factor) && p->gap_max >= p->gap && cairn_is_finite(p->gap_max) &&
-           p->merge_angle >= 0 && p->merge_angle <= CAIRN_PI / 2 && positive(p->merge_distance) &&
-           positive(p->bend) && positive(p->tolerance);
+    return params != NULL && (params->dim == 2 || params->dim == 3) && params->max_points >= 1 &&
+           params->max_points <= INT32_C(1) << 26 && params->max_segments >= 1 &&
+           params->max_segments <= INT32_C(1) << 20 && params->min_points >= 3 &&
+           params->max_iterations >= 1 && params->min_length >= 0 &&
+           cairn_is_finite(params->min_length) && is_positive(params->sigma) &&
+           is_positive(params->s_last) && params->s_first >= params->s_last &&
+           cairn_is_finite(params->s_first) && params->shrink > 0 && params->shrink <= 1 &&
+           is_positive(params->gap) && params->gap_factor >= 1 &&
+           cairn_is_finite(params->gap_factor) && params->gap_max >= params->gap &&
+           cairn_is_finite(params->gap_max) && params->merge_angle >= 0 &&
+           params->merge_angle <= CAIRN_PI / 2 && is_positive(params->merge_distance) &&
+           is_positive(params->bend) && is_positive(params->tolerance);
 }
 
-static cairn_polyline *carve(cairn_pool *pool, const cairn_polyline_params *p)
+/* Allocates the object and its arrays; NULL from a counting pool. */
+static cairn_polyline *carve(cairn_pool *pool, const cairn_polyline_params *params)
 {
-    size_t n = (size_t)p->max_points, m = (size_t)p->max_segments,
-           blocks = (n + POLYLINE_BLOCK - 1) / POLYLINE_BLOCK;
-    cairn_polyline *x = cairn_pool_take_one(pool, sizeof *x);
-    cairn_real(*raw)[3] = cairn_pool_take(pool, n, sizeof *raw);
-    cairn_real(*point)[3] = cairn_pool_take(pool, n, sizeof *point);
-    uint64_t *key = cairn_pool_take(pool, n, sizeof *key);
+    size_t n = (size_t)params->max_points, m = (size_t)params->max_segments,
+           blocks = (n + POLYLINE_BLOCK_POINTS - 1) / POLYLINE_BLOCK_POINTS;
+    cairn_polyline *polyline = cairn_pool_take_one(pool, sizeof *polyline);
+    cairn_real(*raw_points)[3] = cairn_pool_take(pool, n, sizeof *raw_points);
+    cairn_real(*points)[3] = cairn_pool_take(pool, n, sizeof *points);
+    uint64_t *morton = cairn_pool_take(pool, n, sizeof *morton);
     int32_t *order = cairn_pool_take(pool, n, sizeof *order);
-    int32_t *spare = cairn_pool_take(pool, n, sizeof *spare);
-    int32_t *source = cairn_pool_take(pool, n, sizeof *source);
-    int32_t *owner = cairn_pool_take(pool, n, sizeof *owner);
+    int32_t *merge_buffer = cairn_pool_take(pool, n, sizeof *merge_buffer);
+    int32_t *raw_index = cairn_pool_take(pool, n, sizeof *raw_index);
+    int32_t *component_of = cairn_pool_take(pool, n, sizeof *component_of);
     int32_t *label = cairn_pool_take(pool, n, sizeof *label);
-    cairn_real *along = cairn_pool_take(pool, n, sizeof *along);
+    cairn_real *position = cairn_pool_take(pool, n, sizeof *position);
     cairn_real(*block_min)[3] = cairn_pool_take(pool, blocks, sizeof *block_min);
     cairn_real(*block_max)[3] = cairn_pool_take(pool, blocks, sizeof *block_max);
-    polyline_piece *pieces = cairn_pool_take(pool, m, sizeof *pieces);
-    polyline_piece *next = cairn_pool_take(pool, m, sizeof *next);
-    int32_t *candidate = cairn_pool_take(pool, m, sizeof *candidate);
-    cairn_real *weight = cairn_pool_take(pool, m, sizeof *weight);
-    cairn_real(*local)[3] = cairn_pool_take(pool, m, sizeof *local);
+    polyline_component *components = cairn_pool_take(pool, m, sizeof *components);
+    polyline_component *next = cairn_pool_take(pool, m, sizeof *next);
+    int32_t *candidate_list = cairn_pool_take(pool, m, sizeof *candidate_list);
+    cairn_real *candidate_weight = cairn_pool_take(pool, m, sizeof *candidate_weight);
+    cairn_real(*candidate_local)[3] = cairn_pool_take(pool, m, sizeof *candidate_local);
     cairn_polyline_segment *segments = cairn_pool_take(pool, m, sizeof *segments);
 
-    if (x != NULL) {
-        memset(x, 0, sizeof *x);
-        x->params = *p;
-        x->merge_cosine = cairn_cos(p->merge_angle);
-        x->raw = raw;
-        x->point = point;
-        x->key = key;
-        x->order = order;
-        x->spare = spare;
-        x->source = source;
-        x->owner = owner;
-        x->label = label;
-        x->along = along;
-        x->block_min = block_min;
-        x->block_max = block_max;
-        x->pieces = pieces;
-        x->next = next;
-        x->candidate = candidate;
-        x->weight = weight;
-        x->local = local;
-        x->segments = segments;
-        x->phase = POLYLINE_DONE;
-        x->converged = 1;
+    if (polyline != NULL) {
+        memset(polyline, 0, sizeof *polyline);
+        polyline->params = *params;
+        polyline->merge_cosine = cairn_cos(params->merge_angle);
+        polyline->raw_points = raw_points;
+        polyline->points = points;
+        polyline->morton = morton;
+        polyline->order = order;
+        polyline->merge_buffer = merge_buffer;
+        polyline->raw_index = raw_index;
+        polyline->component_of = component_of;
+        polyline->label = label;
+        polyline->position = position;
+        polyline->block_min = block_min;
+        polyline->block_max = block_max;
+        polyline->components = components;
+        polyline->next = next;
+        polyline->candidate_list = candidate_list;
+        polyline->candidate_weight = candidate_weight;
+        polyline->candidate_local = candidate_local;
+        polyline->segments = segments;
+        polyline->phase = POLYLINE_DONE;
+        polyline->converged = 1;
     }
-    return x;
+    return polyline;
 }
 
 size_t cairn_polyline_memory(const cairn_polyline_params *params)
 {
     cairn_pool counting;
 
-    if (!acceptable(params))
+    if (!params_are_valid(params))
         return 0;
     cairn_pool_init_counting(&counting);
     (void)carve(&counting, params);
@@ -133,6 +144,7 @@ cairn_status cairn_polyline_create(cairn_polyline **polyline, cairn_pool *pool,
     return CAIRN_OK;
 }
 
+/* CAIRN_OK when a point is in range; *what is set to the fault. */
 static cairn_status check_point(const cairn_real *point, int32_t dim, const char **what)
 {
     for (int32_t j = 0; j < dim; j++) {
@@ -147,266 +159,283 @@ static cairn_status check_point(const cairn_real *point, int32_t dim, const char
     return CAIRN_OK;
 }
 
-static cairn_status check_points(const cairn_polyline *x, const cairn_real *points, int32_t count,
-                                 cairn_fault *fault)
+/* CAIRN_OK when all points are in range; *fault is set. */
+static cairn_status check_points(const cairn_polyline *polyline, const cairn_real *points,
+                                 int32_t count, cairn_fault *fault)
 {
     cairn_status status = CAIRN_OK;
 
     fault->index = -1;
     fault->what = "points: NULL or a negative count, expected an array";
-    if (x == NULL || count < 0 || (points == NULL && count > 0))
+    if (polyline == NULL || count < 0 || (points == NULL && count > 0))
         return CAIRN_BAD_ARGUMENT;
-    fault->index = x->params.max_points;
+    fault->index = polyline->params.max_points;
     fault->what = "points: more than max_points";
-    if (count > x->params.max_points)
+    if (count > polyline->params.max_points)
         return CAIRN_FULL;
     fault->what = NULL;
     for (int32_t i = 0; i < count && status == CAIRN_OK; i++) {
         fault->index = i;
-        status =
-            check_point(points + (size_t)i * (size_t)x->params.dim, x->params.dim, &fault->what);
+        status = check_point(points + (size_t)i * (size_t)polyline->params.dim,
+                             polyline->params.dim, &fault->what);
     }
     return status;
 }
 
-cairn_status cairn_polyline_clear(cairn_polyline *x, cairn_real scale)
+cairn_status cairn_polyline_clear(cairn_polyline *polyline, cairn_real scale)
 {
-    if (x == NULL || !positive(scale))
+    if (polyline == NULL || !is_positive(scale))
         return CAIRN_BAD_ARGUMENT;
-    x->sigma = scale * x->params.sigma;
-    x->s_first = scale * x->params.s_first;
-    x->s_last = scale * x->params.s_last;
-    x->s = x->s_first;
-    x->side = 0;
-    x->count = 0;
-    x->piece_count = x->next_count = 0;
-    x->shown_points = x->shown_segments = 0;
-    x->round = 0;
-    x->base = 0;
-    x->moved = 0;
-    x->changed = x->converged = x->left_out = 0;
-    memset(&x->measure, 0, sizeof x->measure);
-    x->part = 0;
-    x->phase = POLYLINE_KEYS;
-    x->stage = x->at = 0;
+    polyline->sigma = scale * polyline->params.sigma;
+    polyline->width_first = scale * polyline->params.s_first;
+    polyline->width_last = scale * polyline->params.s_last;
+    polyline->width = polyline->width_first;
+    polyline->box_side = 0;
+    polyline->point_count = 0;
+    polyline->component_count = polyline->next_count = 0;
+    polyline->result_points = polyline->result_segments = 0;
+    polyline->initial_round = 0;
+    polyline->list_start = 0;
+    polyline->max_end_motion = 0;
+    polyline->has_changed = polyline->converged = polyline->dropped = 0;
+    memset(&polyline->measure, 0, sizeof polyline->measure);
+    polyline->eighths_used = 0;
+    polyline->phase = POLYLINE_KEYS;
+    polyline->stage = polyline->cursor = 0;
     return CAIRN_OK;
 }
 
-static void append(cairn_polyline *x, const cairn_real *point)
+/* Appends a point, and updates the bounding box. */
+static void append_point(cairn_polyline *polyline, const cairn_real *point)
 {
     for (int j = 0; j < 3; j++) {
-        cairn_real value = j < x->params.dim ? point[j] : 0;
+        cairn_real value = j < polyline->params.dim ? point[j] : 0;
 
-        x->raw[x->count][j] = value;
-        x->low[j] = x->count == 0 ? value : cairn_min(x->low[j], value);
-        x->high[j] = x->count == 0 ? value : cairn_max(x->high[j], value);
-        x->side = cairn_max(x->side, x->high[j] - x->low[j]);
+        polyline->raw_points[polyline->point_count][j] = value;
+        polyline->box_min[j] =
+            polyline->point_count == 0 ? value : cairn_min(polyline->box_min[j], value);
+        polyline->box_max[j] =
+            polyline->point_count == 0 ? value : cairn_max(polyline->box_max[j], value);
+        polyline->box_side =
+            cairn_max(polyline->box_side, polyline->box_max[j] - polyline->box_min[j]);
     }
-    x->cell = cairn_max(x->side, x->sigma) / ((INT32_C(1) << (POLYLINE_LEVELS - 1)) - 1);
-    x->count++;
+    polyline->cell_size = cairn_max(polyline->box_side, polyline->sigma) /
+                          ((INT32_C(1) << (POLYLINE_MORTON_BITS - 1)) - 1);
+    polyline->point_count++;
 }
 
-cairn_status cairn_polyline_add(cairn_polyline *x, const cairn_real *point)
+cairn_status cairn_polyline_add(cairn_polyline *polyline, const cairn_real *point)
 {
     const char *what;
     cairn_status status;
 
-    if (x == NULL || point == NULL || x->phase != POLYLINE_KEYS || x->at > 0)
+    if (polyline == NULL || point == NULL || polyline->phase != POLYLINE_KEYS ||
+        polyline->cursor > 0)
         return CAIRN_BAD_ARGUMENT;
-    if (x->count == x->params.max_points)
+    if (polyline->point_count == polyline->params.max_points)
         return CAIRN_FULL;
-    status = check_point(point, x->params.dim, &what);
+    status = check_point(point, polyline->params.dim, &what);
     if (status == CAIRN_OK)
-        append(x, point);
+        append_point(polyline, point);
     return status;
 }
 
-cairn_status cairn_polyline_begin(cairn_polyline *x, const cairn_real *points, int32_t count,
+cairn_status cairn_polyline_begin(cairn_polyline *polyline, const cairn_real *points, int32_t count,
                                   cairn_fault *fault)
 {
     cairn_fault found;
-    cairn_status status = check_points(x, points, count, &found);
+    cairn_status status = check_points(polyline, points, count, &found);
 
     if (fault != NULL)
         *fault = found;
     if (status != CAIRN_OK)
         return status;
-    status = cairn_polyline_clear(x, 1);
+    status = cairn_polyline_clear(polyline, 1);
     for (int32_t i = 0; i < count; i++)
-        append(x, points + (size_t)i * (size_t)x->params.dim);
+        append_point(polyline, points + (size_t)i * (size_t)polyline->params.dim);
     return status;
 }
 
-/* Places of the points along their pieces. */
-static int project(cairn_polyline *x, cairn_budget *budget)
+/* Phase PROJECT: positions of the points along their components. cursor: point. */
+static int project_points(cairn_polyline *polyline, cairn_budget *budget)
 {
-    for (; x->at < x->count; x->at++) {
+    for (; polyline->cursor < polyline->point_count; polyline->cursor++) {
         cairn_real local[3];
 
-        if (!polyline_pay_four(x, budget, x->at, x->count, 6))
+        if (!polyline_charge_four(polyline, budget, polyline->cursor, polyline->point_count, 6))
             return 0;
-        if (x->owner[x->at] < 0)
+        if (polyline->component_of[polyline->cursor] < 0)
             continue;
-        cairn_polyline_local(&x->pieces[x->owner[x->at]], x->params.dim, x->point[x->at], local);
-        x->along[x->at] = local[0];
+        cairn_polyline_to_local(&polyline->components[polyline->component_of[polyline->cursor]],
+                                polyline->params.dim, polyline->points[polyline->cursor], local);
+        polyline->position[polyline->cursor] = local[0];
     }
-    x->base = 0;
+    polyline->list_start = 0;
     return 1;
 }
 
-/* Removes the pieces that merging emptied. */
-static int compact(cairn_polyline *x, cairn_budget *budget)
+/* Phase COMPACT: removes the components that merging emptied. cursor, other: read and write
+ * position. */
+static int remove_empty(cairn_polyline *polyline, cairn_budget *budget)
 {
-    for (; x->at < x->next_count; x->at++) {
-        if (!polyline_pay(x, budget, 24))
+    for (; polyline->cursor < polyline->next_count; polyline->cursor++) {
+        if (!polyline_charge(polyline, budget, 24))
             return 0;
-        if (x->next[x->at].count > 0)
-            x->next[x->other++] = x->next[x->at];
+        if (polyline->next[polyline->cursor].count > 0)
+            polyline->next[polyline->other++] = polyline->next[polyline->cursor];
     }
-    x->next_count = x->other;
+    polyline->next_count = polyline->other;
     return 1;
 }
 
-/* Labels in the order of the input, and the segments with what they claim. */
-static int write_result(cairn_polyline *x, cairn_budget *budget)
+/* Phase WRITE: the segments with their inliers, and the labels in the order of the input. Stages:
+ * ends, labels, residuals; cursor: component or point. */
+static int write_result(cairn_polyline *polyline, cairn_budget *budget)
 {
-    if (x->stage == 0) {
-        for (; x->at < x->piece_count; x->at++) {
-            cairn_polyline_segment *segment = &x->segments[x->at];
+    if (polyline->stage == 0) {
+        for (; polyline->cursor < polyline->component_count; polyline->cursor++) {
+            cairn_polyline_segment *segment = &polyline->segments[polyline->cursor];
 
-            if (!polyline_pay(x, budget, 12))
+            if (!polyline_charge(polyline, budget, 12))
                 return 0;
-            cairn_polyline_place(&x->pieces[x->at], x->pieces[x->at].low, segment->a);
-            cairn_polyline_place(&x->pieces[x->at], x->pieces[x->at].high, segment->b);
+            cairn_polyline_point_at(&polyline->components[polyline->cursor],
+                                    polyline->components[polyline->cursor].low, segment->a);
+            cairn_polyline_point_at(&polyline->components[polyline->cursor],
+                                    polyline->components[polyline->cursor].high, segment->b);
             segment->count = 0;
             segment->rms = 0;
         }
-        x->stage = 1;
-        x->at = 0;
+        polyline->stage = 1;
+        polyline->cursor = 0;
     }
-    if (x->stage == 1) {
-        for (; x->at < x->count; x->at++) {
-            int32_t owner = x->owner[x->at];
+    if (polyline->stage == 1) {
+        for (; polyline->cursor < polyline->point_count; polyline->cursor++) {
+            int32_t component = polyline->component_of[polyline->cursor];
             cairn_real local[3];
 
-            if (!polyline_pay(x, budget, 8))
+            if (!polyline_charge(polyline, budget, 8))
                 return 0;
-            x->label[x->source[x->at]] = owner;
-            if (owner < 0)
+            polyline->label[polyline->raw_index[polyline->cursor]] = component;
+            if (component < 0)
                 continue;
-            cairn_polyline_local(&x->pieces[owner], x->params.dim, x->point[x->at], local);
-            x->segments[owner].count++;
-            x->segments[owner].rms += local[1] * local[1] + local[2] * local[2];
+            cairn_polyline_to_local(&polyline->components[component], polyline->params.dim,
+                                    polyline->points[polyline->cursor], local);
+            polyline->segments[component].count++;
+            polyline->segments[component].rms += local[1] * local[1] + local[2] * local[2];
         }
-        x->stage = 2;
-        x->at = 0;
+        polyline->stage = 2;
+        polyline->cursor = 0;
     }
-    for (; x->at < x->piece_count; x->at++) {
-        cairn_polyline_segment *segment = &x->segments[x->at];
+    for (; polyline->cursor < polyline->component_count; polyline->cursor++) {
+        cairn_polyline_segment *segment = &polyline->segments[polyline->cursor];
 
-        if (!polyline_pay(x, budget, 4))
+        if (!polyline_charge(polyline, budget, 4))
             return 0;
         if (segment->count > 0)
             segment->rms = cairn_sqrt(segment->rms / (cairn_real)segment->count);
     }
-    x->shown_segments = x->piece_count;
-    x->shown_points = x->count;
+    polyline->result_segments = polyline->component_count;
+    polyline->result_points = polyline->point_count;
     return 1;
 }
 
-/* The end of an iteration: what merging left becomes the pieces of the next. Returns the phase
- * to go on with: when s is at its end, points without a piece are twice looked at again, in
- * shifted cells. */
-static polyline_phase turn_over(cairn_polyline *x)
+/* Ends an iteration: the components left by merging become those of the next one. Returns the next
+ * phase. When the width has reached its last value, the outliers are searched twice for further
+ * initial components, in shifted cells. */
+static polyline_phase end_iteration(cairn_polyline *polyline)
 {
-    polyline_piece *swap = x->pieces;
+    polyline_component *swap = polyline->components;
     int settled;
 
-    x->pieces = x->next;
-    x->next = swap;
-    x->changed = x->changed || x->piece_count != x->next_count;
-    x->piece_count = x->next_count;
-    x->next_count = 0;
-    x->measure.iterations++;
-    settled = !x->changed && x->moved <= x->params.tolerance && x->s <= x->s_last;
-    x->moved = 0;
-    x->changed = 0;
-    if (x->measure.iterations >= x->params.max_iterations)
-        return POLYLINE_CLAIM_POINTS;
-    if (x->s <= x->s_last && x->round < POLYLINE_ROUNDS - 1) {
-        x->round++;
-        x->base = x->unclaimed;
-        return POLYLINE_LIST;
+    polyline->components = polyline->next;
+    polyline->next = swap;
+    polyline->has_changed =
+        polyline->has_changed || polyline->component_count != polyline->next_count;
+    polyline->component_count = polyline->next_count;
+    polyline->next_count = 0;
+    polyline->measure.iterations++;
+    settled = !polyline->has_changed && polyline->max_end_motion <= polyline->params.tolerance &&
+              polyline->width <= polyline->width_last;
+    polyline->max_end_motion = 0;
+    polyline->has_changed = 0;
+    if (polyline->measure.iterations >= polyline->params.max_iterations)
+        return POLYLINE_ASSIGN;
+    if (polyline->width <= polyline->width_last &&
+        polyline->initial_round < POLYLINE_INITIAL_ROUNDS - 1) {
+        polyline->initial_round++;
+        polyline->list_start = polyline->outliers_start;
+        return POLYLINE_LIST_OUTLIERS;
     }
     if (settled) {
-        x->converged = 1;
-        return POLYLINE_CLAIM_POINTS;
+        polyline->converged = 1;
+        return POLYLINE_ASSIGN;
     }
-    x->s = cairn_max(x->s * x->params.shrink, x->s_last);
+    polyline->width = cairn_max(polyline->width * polyline->params.shrink, polyline->width_last);
     return POLYLINE_EXPECT;
 }
 
-/* The phase at hand; 1 when it is through. */
-static int run_phase(cairn_polyline *x, cairn_budget *budget)
+/* Works on the current phase. 1 when done. */
+static int run_phase(cairn_polyline *polyline, cairn_budget *budget)
 {
-    switch (x->phase) {
+    switch (polyline->phase) {
     case POLYLINE_KEYS:
-        return cairn_polyline_keys(x, budget);
+        return cairn_polyline_keys(polyline, budget);
     case POLYLINE_SORT_POINTS:
-    case POLYLINE_SORT_LIST:
+    case POLYLINE_SORT_OUTLIERS:
     case POLYLINE_SORT_SUPPORT:
-        return cairn_polyline_sort(x, budget);
+        return cairn_polyline_sort(polyline, budget);
     case POLYLINE_GATHER:
-        return cairn_polyline_gather(x, budget);
-    case POLYLINE_LIST:
-        return cairn_polyline_list(x, budget);
+        return cairn_polyline_gather(polyline, budget);
+    case POLYLINE_LIST_OUTLIERS:
+        return cairn_polyline_list_outliers(polyline, budget);
     case POLYLINE_INITIAL:
-        return cairn_polyline_initial(x, budget);
+        return cairn_polyline_initial(polyline, budget);
     case POLYLINE_EXPECT:
-    case POLYLINE_CLAIM_POINTS:
-        return cairn_polyline_expect(x, budget);
+    case POLYLINE_ASSIGN:
+        return cairn_polyline_expect(polyline, budget);
     case POLYLINE_MAXIMIZE:
-        return cairn_polyline_maximize(x, budget);
+        return cairn_polyline_maximize(polyline, budget);
     case POLYLINE_PROJECT:
-        return project(x, budget);
+        return project_points(polyline, budget);
     case POLYLINE_SUPPORT:
-        return cairn_polyline_support(x, budget);
+        return cairn_polyline_support(polyline, budget);
     case POLYLINE_MERGE:
-        return cairn_polyline_merge(x, budget);
+        return cairn_polyline_merge(polyline, budget);
     case POLYLINE_COMPACT:
-        return compact(x, budget);
+        return remove_empty(polyline, budget);
     default:
-        return write_result(x, budget);
+        return write_result(polyline, budget);
     }
 }
 
-cairn_status cairn_polyline_step(cairn_polyline *x, cairn_budget *budget)
+cairn_status cairn_polyline_step(cairn_polyline *polyline, cairn_budget *budget)
 {
-    if (x == NULL || budget == NULL)
+    if (polyline == NULL || budget == NULL)
         return CAIRN_BAD_ARGUMENT;
-    while (x->phase != POLYLINE_DONE) {
-        if (!run_phase(x, budget))
+    while (polyline->phase != POLYLINE_DONE) {
+        if (!run_phase(polyline, budget))
             return CAIRN_MORE;
-        if (x->phase == POLYLINE_COMPACT)
-            x->phase = turn_over(x);
+        if (polyline->phase == POLYLINE_COMPACT)
+            polyline->phase = end_iteration(polyline);
         else
-            x->phase++;
-        x->stage = x->at = x->other = x->inner = 0;
-        x->level = 0;
-        memset(&x->sort, 0, sizeof x->sort);
-        x->sort.middle = 1;
+            polyline->phase++;
+        polyline->stage = polyline->cursor = polyline->other = polyline->inner = 0;
+        polyline->level = 0;
+        memset(&polyline->sort, 0, sizeof polyline->sort);
+        polyline->sort.middle = 1;
     }
     return CAIRN_OK;
 }
 
-cairn_polyline_view cairn_polyline_read(const cairn_polyline *x)
+cairn_polyline_view cairn_polyline_read(const cairn_polyline *polyline)
 {
-    cairn_polyline_view view = {x->segments,     x->label,     x->shown_segments,
-                                x->shown_points, x->converged, x->left_out};
+    cairn_polyline_view view = {polyline->segments,        polyline->label,
+                                polyline->result_segments, polyline->result_points,
+                                polyline->converged,       polyline->dropped};
     return view;
 }
 
-cairn_polyline_measure cairn_polyline_measured(const cairn_polyline *x)
+cairn_polyline_measure cairn_polyline_measured(const cairn_polyline *polyline)
 {
-    return x->measure;
+    return polyline->measure;
 }

@@ -1,31 +1,43 @@
 /* E-step and M-step of the line fit.
  *
- * Points go in blocks of neighbours in canonical order; a block's box is tested against those of
- * the pieces, and its points look only at the pieces that it meets. */
+ * Method:
+ * 1. The points are in blocks of neighbours in canonical order. The bounding box of a block is
+ *    tested against those of the components; the components that overlap are the candidates of its
+ *    points.
+ * 2. E-step: the responsibility of a candidate for a point is proportional to exp(-d^2 / 2
+ *    width^2), d the distance to the segment; an outlier hypothesis of constant weight takes part.
+ *    Each point is also assigned to the closest candidate.
+ * 3. A component may grow beyond its ends to points within its reach, in the first half of the
+ *    iterations.
+ * 4. M-step: the principal axis of the points, weighted by responsibility.
+ *
+ * Source: Dempster, Laird and Rubin 1977; Adluru 2008, refs 168, 170. */
 #include "src/core/build.h"
 
 #include <string.h>
 
 #include "src/core/polyline_work.h"
 
-/* Half width in s of the band beyond an end: less than POLYLINE_CLAIM, so that a point once
- * adopted is not lost at once. */
-#define ADOPT 2
+/* Half width of the band beyond an end in which a component may grow, in widths of the Gaussian.
+ * Less than POLYLINE_GATE, so a point that was added by growth stays within the gate. */
+#define GROWTH_GATE 2
 
-static int block_meets(const cairn_polyline *x, int32_t block, const polyline_piece *k)
+/* 1 when the bounding box of a block is within the gate of a component. */
+static int block_overlaps(const cairn_polyline *polyline, int32_t block,
+                          const polyline_component *component)
 {
-    cairn_real by = POLYLINE_CLAIM * x->s;
+    cairn_real margin = POLYLINE_GATE * polyline->width;
 
     for (int j = 0; j < 3; j++)
-        if (x->block_min[block][j] > k->box_max[j] + by ||
-            x->block_max[block][j] < k->box_min[j] - by)
+        if (polyline->block_min[block][j] > component->box_max[j] + margin ||
+            polyline->block_max[block][j] < component->box_min[j] - margin)
             return 0;
     return 1;
 }
 
-/* exp(-z) for 0 <= z <= 4.5, at most 4 % too small: (1 - z / 256)^256. A weight need not be
- * better, and this takes a quarter of the time. */
-static cairn_real decay(cairn_real z)
+/* exp(-z) for 0 <= z <= 4.5, at most 4 % too small: (1 - z / 256)^256. Accurate enough for weights,
+ * in a quarter of the time. */
+static cairn_real approximate_exp(cairn_real z)
 {
     cairn_real power = 1 - z / 256;
 
@@ -34,115 +46,137 @@ static cairn_real decay(cairn_real z)
     return power;
 }
 
-/* What one piece is to a point: weight exp(-d^2 / 2s^2), d the distance to the segment, when
- * that is within 3 s; else the piece may adopt the point when that lies in the band beyond an
- * end, no farther than the end reaches. */
-static void weigh(cairn_polyline *x, int32_t c, const cairn_real p[3])
+/* Weighs a candidate for a point p: weight exp(-d^2 / 2 width^2), d the distance to the segment,
+ * within the gate. Outside the gate the component may grow to the point, when the point lies in the
+ * band beyond an end, within its reach. */
+static void weigh_candidate(cairn_polyline *polyline, int32_t candidate, const cairn_real p[3])
 {
-    const polyline_piece *k = &x->pieces[x->candidate[c]];
-    cairn_real *local = x->local[c], across, over, squared, limit = POLYLINE_CLAIM * x->s;
-    cairn_real half = 1 / (2 * x->s * x->s);
+    const polyline_component *component =
+        &polyline->components[polyline->candidate_list[candidate]];
+    cairn_real *local = polyline->candidate_local[candidate], across, beyond, squared,
+               limit = POLYLINE_GATE * polyline->width;
+    cairn_real half = 1 / (2 * polyline->width * polyline->width);
 
-    cairn_polyline_local(k, x->params.dim, p, local);
+    cairn_polyline_to_local(component, polyline->params.dim, p, local);
     across = local[1] * local[1] + local[2] * local[2];
-    over = cairn_max(cairn_max(k->low - local[0], local[0] - k->high), 0);
-    squared = across + over * over;
-    x->weight[c] = 0;
+    beyond = cairn_max(cairn_max(component->low - local[0], local[0] - component->high), 0);
+    squared = across + beyond * beyond;
+    polyline->candidate_weight[candidate] = 0;
     if (squared <= limit * limit) {
-        x->weight[c] = decay(squared * half);
-        x->total += x->weight[c];
-        if (x->best < 0 || squared < x->least) {
-            x->best = c;
-            x->least = squared;
+        polyline->candidate_weight[candidate] = approximate_exp(squared * half);
+        polyline->weight_sum += polyline->candidate_weight[candidate];
+        if (polyline->best < 0 || squared < polyline->limit) {
+            polyline->best = candidate;
+            polyline->limit = squared;
         }
-    } else if (x->adopting && across <= ADOPT * ADOPT * x->s * x->s &&
-               over <= (local[0] < k->low ? k->reach_low : k->reach_high) &&
-               (x->adopter < 0 || squared < x->adopter_least)) {
-        x->adopter = c;
-        x->adopter_least = squared;
+    } else if (polyline->is_growing &&
+               across <= GROWTH_GATE * GROWTH_GATE * polyline->width * polyline->width &&
+               beyond <=
+                   (local[0] < component->low ? component->reach_low : component->reach_high) &&
+               (polyline->growing < 0 || squared < polyline->growing_squared)) {
+        polyline->growing = candidate;
+        polyline->growing_squared = squared;
     }
 }
 
-/* Gives a point to a piece, with its weight in proportion to all, that of no piece among them. */
-static void share(cairn_polyline *x, int32_t c)
+/* Adds the current point to a candidate, weighted by the responsibility: the weight over the sum of
+ * all, the outlier hypothesis included. Responsibilities up to 1/256 are ignored. */
+static void share_point(cairn_polyline *polyline, int32_t candidate)
 {
-    cairn_real part = x->weight[c] / (x->total + POLYLINE_NOISE);
+    cairn_real responsibility =
+        polyline->candidate_weight[candidate] / (polyline->weight_sum + POLYLINE_OUTLIER_WEIGHT);
 
-    if (part > CAIRN_REAL(0.00390625))
-        cairn_polyline_sum(&x->pieces[x->candidate[c]].soft, x->local[c], part);
+    if (responsibility > CAIRN_REAL(0.00390625))
+        cairn_polyline_add_point(
+            &polyline->components[polyline->candidate_list[candidate]].soft_sums,
+            polyline->candidate_local[candidate], responsibility);
 }
 
-/* Stage 0 collects the candidates of block `at`; then each point `first` weighs them (inner <
- * candidates) and is shared. In the last pass, POLYLINE_CLAIM_POINTS, points are claimed and not
- * shared, and none is adopted. */
-int cairn_polyline_expect(cairn_polyline *x, cairn_budget *budget)
+/* Phase EXPECT (E-step). cursor: block, first: point. Stage 0 starts a block, stage 1 collects its
+ * candidates (inner), stage 2 weighs the candidates of each point (inner < candidate_count) and
+ * adds the point to them. In the phase ASSIGN points are only assigned to the closest component,
+ * and no component grows. */
+int cairn_polyline_expect(cairn_polyline *polyline, cairn_budget *budget)
 {
-    int final = x->phase == POLYLINE_CLAIM_POINTS;
+    int is_assignment = polyline->phase == POLYLINE_ASSIGN;
 
-    x->adopting = !final && x->measure.iterations < x->params.max_iterations / 2;
+    polyline->is_growing =
+        !is_assignment && polyline->measure.iterations < polyline->params.max_iterations / 2;
 
-    for (; x->at * POLYLINE_BLOCK < x->count; x->at++, x->stage = 0) {
+    for (; polyline->cursor * POLYLINE_BLOCK_POINTS < polyline->point_count;
+         polyline->cursor++, polyline->stage = 0) {
         int32_t end = cairn_real_to_int(
-            cairn_min((cairn_real)x->count, (cairn_real)(x->at + 1) * POLYLINE_BLOCK));
+            cairn_min((cairn_real)polyline->point_count,
+                      (cairn_real)(polyline->cursor + 1) * POLYLINE_BLOCK_POINTS));
 
-        if (x->stage == 0) {
-            x->inner = x->candidates = 0;
-            x->first = x->at * POLYLINE_BLOCK;
-            x->stage = 1;
+        if (polyline->stage == 0) {
+            polyline->inner = polyline->candidate_count = 0;
+            polyline->first = polyline->cursor * POLYLINE_BLOCK_POINTS;
+            polyline->stage = 1;
         }
-        if (x->stage == 1) {
-            for (; x->inner < x->piece_count; x->inner++) {
-                if (!polyline_pay_four(x, budget, x->inner, x->piece_count, 5))
+        if (polyline->stage == 1) {
+            for (; polyline->inner < polyline->component_count; polyline->inner++) {
+                if (!polyline_charge_four(polyline, budget, polyline->inner,
+                                          polyline->component_count, 5))
                     return 0;
-                if (block_meets(x, x->at, &x->pieces[x->inner]))
-                    x->candidate[x->candidates++] = x->inner;
+                if (block_overlaps(polyline, polyline->cursor,
+                                   &polyline->components[polyline->inner]))
+                    polyline->candidate_list[polyline->candidate_count++] = polyline->inner;
             }
-            x->inner = 0;
-            x->stage = 2;
+            polyline->inner = 0;
+            polyline->stage = 2;
         }
-        for (; x->first < end; x->first++, x->inner = 0) {
-            const cairn_real *p = x->point[x->first];
+        for (; polyline->first < end; polyline->first++, polyline->inner = 0) {
+            const cairn_real *p = polyline->points[polyline->first];
 
-            if (x->inner == 0) {
-                x->best = x->adopter = -1;
-                x->total = 0;
+            if (polyline->inner == 0) {
+                polyline->best = polyline->growing = -1;
+                polyline->weight_sum = 0;
             }
-            for (; x->inner < x->candidates; x->inner++) {
-                if (!polyline_pay_four(x, budget, x->inner, x->candidates, 10))
+            for (; polyline->inner < polyline->candidate_count; polyline->inner++) {
+                if (!polyline_charge_four(polyline, budget, polyline->inner,
+                                          polyline->candidate_count, 10))
                     return 0;
-                weigh(x, x->inner, p);
+                weigh_candidate(polyline, polyline->inner, p);
             }
-            if (x->inner == x->candidates && x->best < 0 && x->adopter >= 0) {
-                x->best = x->adopter;
-                x->weight[x->best] = x->total = 1;
+            if (polyline->inner == polyline->candidate_count && polyline->best < 0 &&
+                polyline->growing >= 0) {
+                polyline->best = polyline->growing;
+                polyline->candidate_weight[polyline->best] = polyline->weight_sum = 1;
             }
-            for (; !final && x->inner < 2 * x->candidates; x->inner++) {
-                if (!polyline_pay_four(x, budget, x->inner - x->candidates, x->candidates, 4))
+            for (; !is_assignment && polyline->inner < 2 * polyline->candidate_count;
+                 polyline->inner++) {
+                if (!polyline_charge_four(polyline, budget,
+                                          polyline->inner - polyline->candidate_count,
+                                          polyline->candidate_count, 4))
                     return 0;
-                share(x, x->inner - x->candidates);
+                share_point(polyline, polyline->inner - polyline->candidate_count);
             }
-            x->owner[x->first] = x->best < 0 ? -1 : x->candidate[x->best];
+            polyline->component_of[polyline->first] =
+                polyline->best < 0 ? -1 : polyline->candidate_list[polyline->best];
         }
     }
     return 1;
 }
 
-int cairn_polyline_maximize(cairn_polyline *x, cairn_budget *budget)
+/* Phase MAXIMIZE (M-step). cursor: component. */
+int cairn_polyline_maximize(cairn_polyline *polyline, cairn_budget *budget)
 {
-    for (; x->at < x->piece_count; x->at++) {
-        polyline_piece *k = &x->pieces[x->at];
+    for (; polyline->cursor < polyline->component_count; polyline->cursor++) {
+        polyline_component *component = &polyline->components[polyline->cursor];
         cairn_real end[2][3], local[3];
 
-        if (!polyline_pay(x, budget, x->params.dim == 2 ? 56 : 96))
+        if (!polyline_charge(polyline, budget, polyline->params.dim == 2 ? 56 : 96))
             return 0;
-        if (k->soft.n < 2) /* it will find no support */
+        if (component->soft_sums.n < 2) /* dropped for lack of support */
             continue;
-        cairn_polyline_place(k, k->low, end[0]);
-        cairn_polyline_place(k, k->high, end[1]);
-        cairn_polyline_fit(k, &k->soft, x->params.dim);
+        cairn_polyline_point_at(component, component->low, end[0]);
+        cairn_polyline_point_at(component, component->high, end[1]);
+        cairn_polyline_fit(component, &component->soft_sums, polyline->params.dim);
         for (int which = 0; which < 2; which++) {
-            cairn_polyline_local(k, x->params.dim, end[which], local);
-            x->moved = cairn_max(x->moved, cairn_sqrt(local[1] * local[1] + local[2] * local[2]));
+            cairn_polyline_to_local(component, polyline->params.dim, end[which], local);
+            polyline->max_end_motion = cairn_max(
+                polyline->max_end_motion, cairn_sqrt(local[1] * local[1] + local[2] * local[2]));
         }
     }
     return 1;

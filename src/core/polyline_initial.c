@@ -1,132 +1,158 @@
-/* The first pieces of a fit: cells of the quadtree (octree) that the Morton order spells, from
- * coarse to fine, the first on each branch in which all but a few points lie in a band.
+/* Initial components of a fit, by a coarse-to-fine search in the quadtree (octree) of the Morton
+ * order.
  *
- * Cells are runs of the sorted points, and the next cell follows from the codes at its border:
- * there is no stack and no tree. A wall that falls into cells with too few points each is found
- * in one of two later rounds, in which the points that no piece claims are listed again in cells
- * shifted by a third (Chan 1998: two points that are near each other share a small cell of one
- * of three such trees). A cell is fitted three times, the last twice to the points in the band
- * alone, so that clutter does not turn it. */
+ * Method:
+ * 1. Cells are runs of the sorted points; the next cell follows from the codes at the border of the
+ *    last one, so neither a stack nor a tree is needed. On each branch the first cell whose points,
+ *    except a few, lie in a band becomes a component.
+ * 2. A cell is fitted three times, the last two times to the points in the band only, so clutter
+ *    does not rotate the line.
+ * 3. A wall whose cells have too few points each is found in one of two later rounds, which search
+ *    the outliers in cells shifted by a third (Chan 1998: two points that are close to each other
+ *    share a small cell of one of three such trees).
+ *
+ * Source: Chan 1998 (shifted quadtrees). */
 #include "src/core/build.h"
 
 #include <string.h>
 
 #include "src/core/polyline_work.h"
 
-/* The cell of the i-th listed point at a level: 0 is all, POLYLINE_LEVELS the smallest. */
-static uint64_t cell_of(const cairn_polyline *x, int32_t i, int32_t level)
+/* Cell of the i-th listed point at a level; level 0 is the whole extent, POLYLINE_MORTON_BITS the
+ * smallest cells. */
+static uint64_t cell_of(const cairn_polyline *polyline, int32_t i, int32_t level)
 {
-    return x->key[x->order[i]] >> (x->params.dim * (POLYLINE_LEVELS - level));
+    return polyline->morton[polyline->order[i]] >>
+           (polyline->params.dim * (POLYLINE_MORTON_BITS - level));
 }
 
-/* Stage 1: finds the end of the cell that starts at `first`, and sums its points. */
-static int sum_cell(cairn_polyline *x, cairn_budget *budget)
+/* Stage 1: finds the end (last) of the cell that starts at `first`, and sums its points. */
+static int sum_cell(cairn_polyline *polyline, cairn_budget *budget)
 {
     cairn_real local[3];
 
-    for (; x->last < x->count && cell_of(x, x->last, x->level) == cell_of(x, x->first, x->level);
-         x->last++) {
-        if (!polyline_pay_four(x, budget, x->last - x->first, x->count - x->first, 9))
+    for (; polyline->last < polyline->point_count &&
+           cell_of(polyline, polyline->last, polyline->level) ==
+               cell_of(polyline, polyline->first, polyline->level);
+         polyline->last++) {
+        if (!polyline_charge_four(polyline, budget, polyline->last - polyline->first,
+                                  polyline->point_count - polyline->first, 9))
             return 0;
-        cairn_polyline_local(&x->made, x->params.dim, x->point[x->order[x->last]], local);
-        cairn_polyline_sum(&x->sum, local, 1);
+        cairn_polyline_to_local(&polyline->made_component, polyline->params.dim,
+                                polyline->points[polyline->order[polyline->last]], local);
+        cairn_polyline_add_point(&polyline->sums, local, 1);
     }
     return 1;
 }
 
-/* Stages 2, 3 and 4: fits the line to the last sums, then sums the points in the band about it. */
-static int fit_band(cairn_polyline *x, cairn_budget *budget)
+/* Stages 2, 3 and 4: fits the line to the last moments, then sums the points in the band around the
+ * line. other: point. */
+static int fit_band(cairn_polyline *polyline, cairn_budget *budget)
 {
     cairn_real local[3];
 
-    if (x->other == x->first) {
-        if (!polyline_pay(x, budget, x->params.dim == 2 ? 32 : 64))
+    if (polyline->other == polyline->first) {
+        if (!polyline_charge(polyline, budget, polyline->params.dim == 2 ? 32 : 64))
             return 0;
-        x->least = POLYLINE_CLAIM * x->sigma;
-        if (x->stage == 2) /* far points may have turned the first line */
-            x->least += cairn_sqrt(cairn_polyline_residual(&x->sum) / x->sum.n);
-        cairn_polyline_fit(&x->made, &x->sum, x->params.dim);
-        memset(&x->sum, 0, sizeof x->sum);
-        x->made.low = CAIRN_REAL_MAX;
-        x->made.high = -CAIRN_REAL_MAX;
+        polyline->limit = POLYLINE_GATE * polyline->sigma;
+        if (polyline->stage == 2) /* outliers may have rotated the first line */
+            polyline->limit +=
+                cairn_sqrt(cairn_polyline_residual(&polyline->sums) / polyline->sums.n);
+        cairn_polyline_fit(&polyline->made_component, &polyline->sums, polyline->params.dim);
+        memset(&polyline->sums, 0, sizeof polyline->sums);
+        polyline->made_component.low = CAIRN_REAL_MAX;
+        polyline->made_component.high = -CAIRN_REAL_MAX;
     }
-    for (; x->other < x->last; x->other++) {
-        if (x->other > x->first &&
-            !polyline_pay_four(x, budget, x->other - x->first, x->last - x->first, 8))
+    for (; polyline->other < polyline->last; polyline->other++) {
+        if (polyline->other > polyline->first &&
+            !polyline_charge_four(polyline, budget, polyline->other - polyline->first,
+                                  polyline->last - polyline->first, 8))
             return 0;
-        cairn_polyline_local(&x->made, x->params.dim, x->point[x->order[x->other]], local);
-        if (local[1] * local[1] + local[2] * local[2] > x->least * x->least)
+        cairn_polyline_to_local(&polyline->made_component, polyline->params.dim,
+                                polyline->points[polyline->order[polyline->other]], local);
+        if (local[1] * local[1] + local[2] * local[2] > polyline->limit * polyline->limit)
             continue;
-        cairn_polyline_sum(&x->sum, local, 1);
-        x->made.low = cairn_min(x->made.low, local[0]);
-        x->made.high = cairn_max(x->made.high, local[0]);
+        cairn_polyline_add_point(&polyline->sums, local, 1);
+        polyline->made_component.low = cairn_min(polyline->made_component.low, local[0]);
+        polyline->made_component.high = cairn_max(polyline->made_component.high, local[0]);
     }
-    x->other = x->first;
+    polyline->other = polyline->first;
     return 1;
 }
 
-/* 1 when the line of the band may stand for the cell. Fewer points outside than make a segment:
- * none is passed over. */
-static int is_line(const cairn_polyline *x)
+/* 1 when the line becomes a component: fewer points outside the band than min_points, so no segment
+ * is missed, and at most a quarter of the points. */
+static int is_line(const cairn_polyline *polyline)
 {
-    int32_t count = x->last - x->first, inside = cairn_real_to_int(x->sum.n);
+    int32_t count = polyline->last - polyline->first, inside = cairn_real_to_int(polyline->sums.n);
 
-    return x->stage == 5 && count - inside < x->params.min_points && 4 * (count - inside) <= count;
+    return polyline->stage == 5 && count - inside < polyline->params.min_points &&
+           4 * (count - inside) <= count;
 }
 
-static void next_cell(cairn_polyline *x)
+/* Starts the next cell, at the coarsest level that begins there. */
+static void next_cell(cairn_polyline *polyline)
 {
-    x->at = x->last;
-    x->level = 0;
-    while (x->at < x->count && cell_of(x, x->at, x->level) == cell_of(x, x->at - 1, x->level))
-        x->level++;
-    x->stage = 0;
+    polyline->cursor = polyline->last;
+    polyline->level = 0;
+    while (polyline->cursor < polyline->point_count &&
+           cell_of(polyline, polyline->cursor, polyline->level) ==
+               cell_of(polyline, polyline->cursor - 1, polyline->level))
+        polyline->level++;
+    polyline->stage = 0;
 }
 
-int cairn_polyline_initial(cairn_polyline *x, cairn_budget *budget)
+/* Phase INITIAL. cursor: first point of the cell, level: its level. */
+int cairn_polyline_initial(cairn_polyline *polyline, cairn_budget *budget)
 {
-    if (x->at < x->base)
-        x->at = x->base;
-    while (x->at < x->count) {
-        cairn_real side = x->cell * (cairn_real)(INT32_C(1) << (POLYLINE_LEVELS - x->level));
+    if (polyline->cursor < polyline->list_start)
+        polyline->cursor = polyline->list_start;
+    while (polyline->cursor < polyline->point_count) {
+        cairn_real side = polyline->cell_size *
+                          (cairn_real)(INT32_C(1) << (POLYLINE_MORTON_BITS - polyline->level));
 
-        if (x->stage == 0) {
-            memset(&x->made, 0, sizeof x->made);
-            memset(&x->sum, 0, sizeof x->sum);
+        if (polyline->stage == 0) {
+            memset(&polyline->made_component, 0, sizeof polyline->made_component);
+            memset(&polyline->sums, 0, sizeof polyline->sums);
             for (int j = 0; j < 3; j++) {
-                x->made.mid[j] = x->point[x->order[x->at]][j];
-                x->made.axis[j][j] = 1;
+                polyline->made_component.mid[j] =
+                    polyline->points[polyline->order[polyline->cursor]][j];
+                polyline->made_component.axis[j][j] = 1;
             }
-            x->first = x->last = x->other = x->at;
-            x->stage = 1;
+            polyline->first = polyline->last = polyline->other = polyline->cursor;
+            polyline->stage = 1;
         }
-        if (x->stage == 1) {
-            if (!sum_cell(x, budget))
+        if (polyline->stage == 1) {
+            if (!sum_cell(polyline, budget))
                 return 0;
-            if (x->last - x->first < x->params.min_points || side < 2 * POLYLINE_CLAIM * x->sigma) {
-                next_cell(x);
+            if (polyline->last - polyline->first < polyline->params.min_points ||
+                side < 2 * POLYLINE_GATE * polyline->sigma) {
+                next_cell(polyline);
                 continue;
             }
-            x->stage = 2;
+            polyline->stage = 2;
         }
-        while (x->stage < 5 &&
-               (x->other > x->first || x->sum.n >= (cairn_real)x->params.min_points)) {
-            if (!fit_band(x, budget))
+        while (polyline->stage < 5 &&
+               (polyline->other > polyline->first ||
+                polyline->sums.n >= (cairn_real)polyline->params.min_points)) {
+            if (!fit_band(polyline, budget))
                 return 0;
-            x->stage++;
+            polyline->stage++;
         }
-        if (is_line(x)) {
-            if (!polyline_pay(x, budget, 8))
+        if (is_line(polyline)) {
+            if (!polyline_charge(polyline, budget, 8))
                 return 0;
-            x->made.reach_low = x->made.reach_high = x->params.gap;
-            x->made.count = cairn_real_to_int(x->sum.n);
-            cairn_polyline_keep(x, x->pieces, &x->piece_count, &x->made);
-        } else if (x->level < POLYLINE_LEVELS) {
-            x->level++;
-            x->stage = 0;
+            polyline->made_component.reach_low = polyline->made_component.reach_high =
+                polyline->params.gap;
+            polyline->made_component.count = cairn_real_to_int(polyline->sums.n);
+            cairn_polyline_insert(polyline, polyline->components, &polyline->component_count,
+                                  &polyline->made_component);
+        } else if (polyline->level < POLYLINE_MORTON_BITS) {
+            polyline->level++;
+            polyline->stage = 0;
             continue;
         }
-        next_cell(x);
+        next_cell(polyline);
     }
     return 1;
 }

@@ -1,57 +1,59 @@
-/* The line algebra of the polyline room: sums in the frame of a piece, and frames from sums. */
+/* Line algebra of the fit: moments in the frame of a component, and frames from moments.
+ *
+ * Source: total least squares by the principal axis (Pearson 1901). */
 #include "src/core/build.h"
 
 #include "src/core/polyline_work.h"
 
-void cairn_polyline_local(const polyline_piece *k, int32_t dim, const cairn_real p[3],
-                          cairn_real local[3])
+void cairn_polyline_to_local(const polyline_component *component, int32_t dim,
+                             const cairn_real p[3], cairn_real local[3])
 {
-    cairn_real dx = p[0] - k->mid[0], dy = p[1] - k->mid[1], dz;
+    cairn_real dx = p[0] - component->mid[0], dy = p[1] - component->mid[1], dz;
 
-    local[0] = k->axis[0][0] * dx + k->axis[0][1] * dy;
-    local[1] = k->axis[1][0] * dx + k->axis[1][1] * dy;
+    local[0] = component->axis[0][0] * dx + component->axis[0][1] * dy;
+    local[1] = component->axis[1][0] * dx + component->axis[1][1] * dy;
     local[2] = 0;
     if (dim == 2)
         return;
-    dz = p[2] - k->mid[2];
-    local[0] += k->axis[0][2] * dz;
-    local[1] += k->axis[1][2] * dz;
-    local[2] = k->axis[2][0] * dx + k->axis[2][1] * dy + k->axis[2][2] * dz;
+    dz = p[2] - component->mid[2];
+    local[0] += component->axis[0][2] * dz;
+    local[1] += component->axis[1][2] * dz;
+    local[2] = component->axis[2][0] * dx + component->axis[2][1] * dy + component->axis[2][2] * dz;
 }
 
-void cairn_polyline_sum(polyline_sums *m, const cairn_real v[3], cairn_real weight)
+void cairn_polyline_add_point(polyline_sums *sums, const cairn_real v[3], cairn_real weight)
 {
     cairn_real t = weight * v[0], p = weight * v[1], q = weight * v[2];
 
-    m->n += weight;
-    m->v[0] += t;
-    m->v[1] += p;
-    m->vv.xx += t * v[0];
-    m->vv.xy += t * v[1];
-    m->vv.yy += p * v[1];
-    if (q == 0) /* as always in the plane */
+    sums->n += weight;
+    sums->v[0] += t;
+    sums->v[1] += p;
+    sums->vv.xx += t * v[0];
+    sums->vv.xy += t * v[1];
+    sums->vv.yy += p * v[1];
+    if (q == 0) /* always in the plane */
         return;
-    m->v[2] += q;
-    m->vv.xz += t * v[2];
-    m->vv.yz += p * v[2];
-    m->vv.zz += q * v[2];
+    sums->v[2] += q;
+    sums->vv.xz += t * v[2];
+    sums->vv.yz += p * v[2];
+    sums->vv.zz += q * v[2];
 }
 
-/* Scatter about the mean, which is also given. n > 0. */
-static cairn_sym3 scatter(const polyline_sums *m, cairn_real mean[3])
+/* Scatter matrix about the mean, in m^2; sets *mean. n > 0. */
+static cairn_sym3 scatter(const polyline_sums *sums, cairn_real mean[3])
 {
-    cairn_sym3 about = m->vv;
+    cairn_sym3 about = sums->vv;
 
     for (int i = 0; i < 3; i++)
-        mean[i] = m->v[i] / m->n;
-    cairn_sym3_add_outer(&about, mean, -m->n);
+        mean[i] = sums->v[i] / sums->n;
+    cairn_sym3_add_outer(&about, mean, -sums->n);
     return about;
 }
 
-cairn_real cairn_polyline_residual(const polyline_sums *m)
+cairn_real cairn_polyline_residual(const polyline_sums *sums)
 {
     cairn_real mean[3], sse;
-    cairn_sym3 about = scatter(m, mean);
+    cairn_sym3 about = scatter(sums, mean);
 
     sse = about.yy + about.zz;
     if (about.xx > 0)
@@ -59,10 +61,10 @@ cairn_real cairn_polyline_residual(const polyline_sums *m)
     return cairn_max(sse, 0);
 }
 
-/* Right-handed frame about axis[0]. */
-static void complete(polyline_piece *k, int32_t dim)
+/* Completes axis[0] to a right-handed orthonormal frame. */
+static void complete_frame(polyline_component *component, int32_t dim)
 {
-    cairn_real *u = k->axis[0], *v = k->axis[1], *w = k->axis[2];
+    cairn_real *u = component->axis[0], *v = component->axis[1], *w = component->axis[2];
     cairn_real norm = cairn_sqrt(u[0] * u[0] + u[1] * u[1] + u[2] * u[2]);
     int least = 0;
 
@@ -78,7 +80,7 @@ static void complete(polyline_piece *k, int32_t dim)
     for (int i = 1; i < 3; i++)
         if (cairn_abs(u[i]) < cairn_abs(u[least]))
             least = i;
-    /* v: the coordinate axis farthest from u, made orthogonal to it; w = u x v. */
+    /* v: the coordinate axis least parallel to u, orthogonalized (Gram-Schmidt); w = u x v. */
     for (int i = 0; i < 3; i++)
         v[i] = (i == least) - u[least] * u[i];
     norm = cairn_sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2]);
@@ -88,32 +90,32 @@ static void complete(polyline_piece *k, int32_t dim)
         w[i] = u[(i + 1) % 3] * v[(i + 2) % 3] - u[(i + 2) % 3] * v[(i + 1) % 3];
 }
 
-/* Moves the origin to `mean` and turns the frame so that its first axis is `along`; both in the
- * frame of the piece. */
-static void reframe(polyline_piece *k, const cairn_real mean[3], const cairn_real along[3],
-                    int32_t dim)
+/* Moves the origin of the frame to `mean`, and rotates its first axis to `along`; both in the old
+ * frame. */
+static void reframe(polyline_component *component, const cairn_real mean[3],
+                    const cairn_real along[3], int32_t dim)
 {
     cairn_real mid[3], direction[3];
 
     for (int i = 0; i < 3; i++) {
-        mid[i] =
-            k->mid[i] + k->axis[0][i] * mean[0] + k->axis[1][i] * mean[1] + k->axis[2][i] * mean[2];
-        direction[i] =
-            k->axis[0][i] * along[0] + k->axis[1][i] * along[1] + k->axis[2][i] * along[2];
+        mid[i] = component->mid[i] + component->axis[0][i] * mean[0] +
+                 component->axis[1][i] * mean[1] + component->axis[2][i] * mean[2];
+        direction[i] = component->axis[0][i] * along[0] + component->axis[1][i] * along[1] +
+                       component->axis[2][i] * along[2];
     }
     for (int i = 0; i < 3; i++) {
-        k->mid[i] = mid[i];
-        k->axis[0][i] = direction[i];
+        component->mid[i] = mid[i];
+        component->axis[0][i] = direction[i];
     }
-    complete(k, dim);
-    k->low -= mean[0];
-    k->high -= mean[0];
+    complete_frame(component, dim);
+    component->low -= mean[0];
+    component->high -= mean[0];
 }
 
-void cairn_polyline_fit(polyline_piece *k, const polyline_sums *m, int32_t dim)
+void cairn_polyline_fit(polyline_component *component, const polyline_sums *sums, int32_t dim)
 {
     cairn_real mean[3], values[3], vectors[3][3], along[3] = {1, 0, 0};
-    cairn_sym3 about = scatter(m, mean);
+    cairn_sym3 about = scatter(sums, mean);
     cairn_real sign;
 
     if (dim == 2) {
@@ -131,76 +133,79 @@ void cairn_polyline_fit(polyline_piece *k, const polyline_sums *m, int32_t dim)
     sign = along[0] < 0 ? -1 : 1;
     for (int i = 0; i < 3; i++)
         along[i] *= sign;
-    reframe(k, mean, along, dim);
+    reframe(component, mean, along, dim);
 }
 
-void cairn_polyline_fit_own(polyline_piece *k, const polyline_sums *m, int32_t dim)
+void cairn_polyline_fit_own(polyline_component *component, const polyline_sums *sums, int32_t dim)
 {
     cairn_real mean[3], along[3] = {1, 0, 0}, stretch;
-    cairn_sym3 about = scatter(m, mean);
+    cairn_sym3 about = scatter(sums, mean);
 
     if (about.xx > 0) {
         along[1] = about.xy / about.xx;
         along[2] = about.xz / about.xx;
     }
     stretch = 1 + along[1] * along[1] + along[2] * along[2];
-    k->tt = cairn_max(about.xx, 0) * stretch;
-    k->sse = cairn_polyline_residual(m);
-    k->count = cairn_real_to_int(cairn_rint(m->n));
+    component->tt = cairn_max(about.xx, 0) * stretch;
+    component->sse = cairn_polyline_residual(sums);
+    component->count = cairn_real_to_int(cairn_rint(sums->n));
     for (int i = 0; i < 3; i++)
-        k->own[i] = 0;
-    reframe(k, mean, along, dim);
-    k->low *= cairn_sqrt(stretch);
-    k->high *= cairn_sqrt(stretch);
+        component->own_mean[i] = 0;
+    reframe(component, mean, along, dim);
+    component->low *= cairn_sqrt(stretch);
+    component->high *= cairn_sqrt(stretch);
 }
 
-void cairn_polyline_place(const polyline_piece *k, cairn_real t, cairn_real place[3])
+void cairn_polyline_point_at(const polyline_component *component, cairn_real t, cairn_real point[3])
 {
     for (int i = 0; i < 3; i++)
-        place[i] = k->mid[i] + t * k->axis[0][i];
+        point[i] = component->mid[i] + t * component->axis[0][i];
 }
 
-void cairn_polyline_box(polyline_piece *k)
+void cairn_polyline_box(polyline_component *component)
 {
     for (int i = 0; i < 3; i++) {
-        cairn_real a = k->mid[i] + (k->low - k->reach_low) * k->axis[0][i];
-        cairn_real b = k->mid[i] + (k->high + k->reach_high) * k->axis[0][i];
+        cairn_real a =
+            component->mid[i] + (component->low - component->reach_low) * component->axis[0][i];
+        cairn_real b =
+            component->mid[i] + (component->high + component->reach_high) * component->axis[0][i];
 
-        k->box_min[i] = cairn_min(a, b);
-        k->box_max[i] = cairn_max(a, b);
+        component->box_min[i] = cairn_min(a, b);
+        component->box_max[i] = cairn_max(a, b);
     }
 }
 
-cairn_real cairn_polyline_worth(const cairn_polyline *x, cairn_real n, cairn_real sse)
+cairn_real cairn_polyline_split_penalty(const cairn_polyline *polyline, cairn_real n,
+                                        cairn_real sse)
 {
-    cairn_real freedom = cairn_max(n - 4, 1) * (cairn_real)(x->params.dim - 1);
-    cairn_real variance = cairn_max(x->sigma * x->sigma, sse / freedom);
+    cairn_real freedom = cairn_max(n - 4, 1) * (cairn_real)(polyline->params.dim - 1);
+    cairn_real variance = cairn_max(polyline->sigma * polyline->sigma, sse / freedom);
 
-    /* Many points tell bends far below sigma; half a sigma, root mean square, is as fine as a
-     * map needs. */
-    return cairn_max(x->params.bend * variance, n * x->sigma * x->sigma / 4);
+    /* With many points bends far below sigma become significant; a root mean square of half a sigma
+     * is accurate enough for a map. */
+    return cairn_max(polyline->params.bend * variance, n * polyline->sigma * polyline->sigma / 4);
 }
 
-void cairn_polyline_keep(cairn_polyline *x, polyline_piece *list, int32_t *count,
-                         const polyline_piece *k)
+void cairn_polyline_insert(cairn_polyline *polyline, polyline_component *list, int32_t *count,
+                           const polyline_component *component)
 {
-    int32_t place = *count;
+    int32_t index = *count;
 
-    if (place == x->params.max_segments) {
-        x->part += *count; /* for the search */
-        place = 0;
+    if (index == polyline->params.max_segments) {
+        polyline->eighths_used += *count; /* the search below */
+        index = 0;
         for (int32_t i = 1; i < *count; i++)
-            if (list[i].count <= list[place].count)
-                place = i;
-        x->left_out++;
-        if (list[place].count >= k->count)
+            if (list[i].count <= list[index].count)
+                index = i;
+        polyline->dropped++;
+        if (list[index].count >= component->count)
             return;
     } else {
         (*count)++;
     }
-    list[place] = *k;
-    cairn_polyline_box(&list[place]);
-    list[place].soft = (polyline_sums){0, {0, 0, 0}, {0, 0, 0, 0, 0, 0}};
-    if (*count > x->measure.peak_segments)
-        x->measure.peak_segments = *count;
+    list[index] = *component;
+    cairn_polyline_box(&list[index]);
+    list[index].soft_sums = (polyline_sums){0, {0, 0, 0}, {0, 0, 0, 0, 0, 0}};
+    if (*count > polyline->measure.peak_segments)
+        polyline->measure.peak_segments = *count;
 }

@@ -1,15 +1,15 @@
-/* Orders of the points of a fit: the canonical one, that of unclaimed points in shifted cells, that
- * by piece and place.
+/* Orders of the points of a fit: the canonical order, that of outliers in shifted cells, and that
+ * by component and position.
  *
- * All are total and come from one merge sort in steps. Morton codes interleave the bits of cell
- * numbers; points in one cell are told apart by their coordinates, so that the canonical order
- * does not depend on that of the input. */
+ * Method: all are total orders, made by one resumable natural merge sort. Morton codes (Z-order)
+ * interleave the bits of cell numbers. Points of one cell are ordered by their coordinates, so the
+ * canonical order does not depend on the order of the input. */
 #include "src/core/build.h"
 
 #include "src/core/polyline_work.h"
 
-/* The bits of a number of POLYLINE_LEVELS bits, `dim` apart. */
-static uint64_t spread(uint64_t number, int32_t dim)
+/* Spreads the bits of a number of POLYLINE_MORTON_BITS bits, `dim` positions apart. */
+static uint64_t spread_bits(uint64_t number, int32_t dim)
 {
     if (dim == 2) {
         number = (number | number << 16) & UINT64_C(0x0000ffff0000ffff);
@@ -25,160 +25,178 @@ static uint64_t spread(uint64_t number, int32_t dim)
     return (number | number << 2) & UINT64_C(0x1249249249249249);
 }
 
-/* Number of a point in Morton order; the cells are shifted by round / 3 of the whole extent. */
-static uint64_t morton(const cairn_polyline *x, const cairn_real p[3])
+/* Morton code of a point; the cells are shifted by initial_round / 3 of the whole extent. */
+static uint64_t morton_code(const cairn_polyline *polyline, const cairn_real p[3])
 {
-    const int32_t third = (INT32_C(1) << (POLYLINE_LEVELS - 1)) / 3;
-    cairn_real shift = (cairn_real)x->round * (cairn_real)third;
+    const int32_t third = (INT32_C(1) << (POLYLINE_MORTON_BITS - 1)) / 3;
+    cairn_real shift = (cairn_real)polyline->initial_round * (cairn_real)third;
     uint64_t code = 0;
 
-    for (int j = 0; j < x->params.dim; j++) {
-        uint32_t number = (uint32_t)cairn_real_to_int((p[j] - x->low[j]) / x->cell + shift);
+    for (int j = 0; j < polyline->params.dim; j++) {
+        uint32_t number = (uint32_t)cairn_real_to_int(
+            (p[j] - polyline->box_min[j]) / polyline->cell_size + shift);
 
-        code |= spread(number, x->params.dim) << j;
+        code |= spread_bits(number, polyline->params.dim) << j;
     }
     return code;
 }
 
-int cairn_polyline_keys(cairn_polyline *x, cairn_budget *budget)
+/* Phase KEYS: Morton codes of the raw points. cursor: point. */
+int cairn_polyline_keys(cairn_polyline *polyline, cairn_budget *budget)
 {
-    for (; x->at < x->count; x->at++) {
-        if (!polyline_pay(x, budget, 12))
+    for (; polyline->cursor < polyline->point_count; polyline->cursor++) {
+        if (!polyline_charge(polyline, budget, 12))
             return 0;
-        x->key[x->at] = morton(x, x->raw[x->at]);
-        x->order[x->at] = x->at;
+        polyline->morton[polyline->cursor] =
+            morton_code(polyline, polyline->raw_points[polyline->cursor]);
+        polyline->order[polyline->cursor] = polyline->cursor;
     }
     return 1;
 }
 
-/* Keys of the listed points, in cells that are shifted anew; in round 0 they are the codes by
- * which all points are sorted already. */
-int cairn_polyline_list(cairn_polyline *x, cairn_budget *budget)
+/* Phase LIST_OUTLIERS: Morton codes of the listed points in shifted cells. In round 0 these equal
+ * the codes by which all points are already sorted. cursor: point. */
+int cairn_polyline_list_outliers(cairn_polyline *polyline, cairn_budget *budget)
 {
-    for (; x->base + x->at < x->count; x->at++) {
-        int32_t i = x->order[x->base + x->at];
+    for (; polyline->list_start + polyline->cursor < polyline->point_count; polyline->cursor++) {
+        int32_t i = polyline->order[polyline->list_start + polyline->cursor];
 
-        if (!polyline_pay(x, budget, 12))
+        if (!polyline_charge(polyline, budget, 12))
             return 0;
-        x->key[i] = morton(x, x->point[i]);
+        polyline->morton[i] = morton_code(polyline, polyline->points[i]);
     }
     return 1;
 }
 
-/* Total order of raw points; equal points are in no order that shows. */
-static int point_before(const cairn_polyline *x, int32_t a, int32_t b)
+/* Canonical order of raw points. The order of equal points has no effect on the result. */
+static int point_before(const cairn_polyline *polyline, int32_t a, int32_t b)
 {
-    if (x->key[a] != x->key[b])
-        return x->key[a] < x->key[b];
+    if (polyline->morton[a] != polyline->morton[b])
+        return polyline->morton[a] < polyline->morton[b];
     for (int j = 0; j < 3; j++)
-        if (x->raw[a][j] < x->raw[b][j] || x->raw[a][j] > x->raw[b][j])
-            return x->raw[a][j] < x->raw[b][j];
+        if (polyline->raw_points[a][j] < polyline->raw_points[b][j] ||
+            polyline->raw_points[a][j] > polyline->raw_points[b][j])
+            return polyline->raw_points[a][j] < polyline->raw_points[b][j];
     return a < b;
 }
 
-static int unclaimed_before(const cairn_polyline *x, int32_t a, int32_t b)
+/* Order of outliers by Morton code. */
+static int outlier_before(const cairn_polyline *polyline, int32_t a, int32_t b)
 {
-    return x->key[a] != x->key[b] ? x->key[a] < x->key[b] : a < b;
+    return polyline->morton[a] != polyline->morton[b] ? polyline->morton[a] < polyline->morton[b]
+                                                      : a < b;
 }
 
-/* Total order of points by piece (none last), then along it. */
-static int support_before(const cairn_polyline *x, int32_t a, int32_t b)
+/* Order of points by component (outliers last), then by position. */
+static int support_before(const cairn_polyline *polyline, int32_t a, int32_t b)
 {
-    if (x->owner[a] != x->owner[b])
-        return (uint32_t)x->owner[a] < (uint32_t)x->owner[b];
-    if (x->owner[a] >= 0 && (x->along[a] < x->along[b] || x->along[a] > x->along[b]))
-        return x->along[a] < x->along[b];
+    if (polyline->component_of[a] != polyline->component_of[b])
+        return (uint32_t)polyline->component_of[a] < (uint32_t)polyline->component_of[b];
+    if (polyline->component_of[a] >= 0 && (polyline->position[a] < polyline->position[b] ||
+                                           polyline->position[a] > polyline->position[b]))
+        return polyline->position[a] < polyline->position[b];
     return a < b;
 }
 
-static int before(const cairn_polyline *x, int32_t a, int32_t b)
+/* 1 when a comes before b in the order of the current phase. */
+static int before(const cairn_polyline *polyline, int32_t a, int32_t b)
 {
-    if (x->phase == POLYLINE_SORT_SUPPORT)
-        return support_before(x, a, b);
-    return x->phase == POLYLINE_SORT_POINTS ? point_before(x, a, b) : unclaimed_before(x, a, b);
+    if (polyline->phase == POLYLINE_SORT_SUPPORT)
+        return support_before(polyline, a, b);
+    return polyline->phase == POLYLINE_SORT_POINTS ? point_before(polyline, a, b)
+                                                   : outlier_before(polyline, a, b);
 }
 
-/* Natural merge sort of order[base ... count-1]: linear when the order of the last iteration
- * still nearly holds. Stage 0 looks for the end of a run, 1 for that of the next, 2 merges both
- * from one array into the other, 3 copies the end back. */
-int cairn_polyline_sort(cairn_polyline *x, cairn_budget *budget)
+/* Natural merge sort of order[list_start ... point_count-1]: linear when nearly sorted since the
+ * last iteration. Stage 0 finds the end of a run, 1 the end of the next run, 2 merges both into the
+ * other buffer, 3 copies the result back. */
+int cairn_polyline_sort(cairn_polyline *polyline, cairn_budget *budget)
 {
-    int32_t n = x->count - x->base;
+    int32_t n = polyline->point_count - polyline->list_start;
 
-    while (x->sort.stage < 3) {
-        const int32_t *from = (x->sort.swapped ? x->spare : x->order) + x->base;
-        int32_t *to = (x->sort.swapped ? x->order : x->spare) + x->base;
+    while (polyline->sort.stage < 3) {
+        const int32_t *from =
+            (polyline->sort.is_swapped ? polyline->merge_buffer : polyline->order) +
+            polyline->list_start;
+        int32_t *to = (polyline->sort.is_swapped ? polyline->order : polyline->merge_buffer) +
+                      polyline->list_start;
 
-        if (x->sort.stage == 0) {
-            while (x->sort.middle < n &&
-                   !before(x, from[x->sort.middle], from[x->sort.middle - 1])) {
-                if (!polyline_pay_four(x, budget, x->sort.middle, n, 4))
+        if (polyline->sort.stage == 0) {
+            while (polyline->sort.middle < n && !before(polyline, from[polyline->sort.middle],
+                                                        from[polyline->sort.middle - 1])) {
+                if (!polyline_charge_four(polyline, budget, polyline->sort.middle, n, 4))
                     return 0;
-                x->sort.middle++;
+                polyline->sort.middle++;
             }
-            x->sort.end = x->sort.middle + 1;
-            x->sort.stage = x->sort.start == 0 && x->sort.middle >= n ? 3 : 1;
+            polyline->sort.end = polyline->sort.middle + 1;
+            polyline->sort.stage = polyline->sort.start == 0 && polyline->sort.middle >= n ? 3 : 1;
         }
-        if (x->sort.stage == 1) {
-            while (x->sort.end < n && !before(x, from[x->sort.end], from[x->sort.end - 1])) {
-                if (!polyline_pay_four(x, budget, x->sort.end, n, 4))
+        if (polyline->sort.stage == 1) {
+            while (polyline->sort.end < n &&
+                   !before(polyline, from[polyline->sort.end], from[polyline->sort.end - 1])) {
+                if (!polyline_charge_four(polyline, budget, polyline->sort.end, n, 4))
                     return 0;
-                x->sort.end++;
+                polyline->sort.end++;
             }
-            x->sort.end = x->sort.end < n ? x->sort.end : n;
-            x->sort.left = x->sort.out = x->sort.start;
-            x->sort.right = x->sort.middle;
-            x->sort.stage = 2;
+            polyline->sort.end = polyline->sort.end < n ? polyline->sort.end : n;
+            polyline->sort.left = polyline->sort.out = polyline->sort.start;
+            polyline->sort.right = polyline->sort.middle;
+            polyline->sort.stage = 2;
         }
-        while (x->sort.stage == 2 && x->sort.out < x->sort.end) {
-            int32_t left = x->sort.left, right = x->sort.right;
+        while (polyline->sort.stage == 2 && polyline->sort.out < polyline->sort.end) {
+            int32_t left = polyline->sort.left, right = polyline->sort.right;
 
-            if (!polyline_pay_four(x, budget, x->sort.out, x->sort.end, 6))
+            if (!polyline_charge_four(polyline, budget, polyline->sort.out, polyline->sort.end, 6))
                 return 0;
-            if (left < x->sort.middle &&
-                (right >= x->sort.end || !before(x, from[right], from[left]))) {
-                to[x->sort.out++] = from[left];
-                x->sort.left++;
+            if (left < polyline->sort.middle &&
+                (right >= polyline->sort.end || !before(polyline, from[right], from[left]))) {
+                to[polyline->sort.out++] = from[left];
+                polyline->sort.left++;
             } else {
-                to[x->sort.out++] = from[right];
-                x->sort.right++;
+                to[polyline->sort.out++] = from[right];
+                polyline->sort.right++;
             }
         }
-        if (x->sort.stage == 2) {
-            x->sort.start = x->sort.end;
-            if (x->sort.start >= n) {
-                x->sort.swapped = !x->sort.swapped;
-                x->sort.start = 0;
+        if (polyline->sort.stage == 2) {
+            polyline->sort.start = polyline->sort.end;
+            if (polyline->sort.start >= n) {
+                polyline->sort.is_swapped = !polyline->sort.is_swapped;
+                polyline->sort.start = 0;
             }
-            x->sort.middle = x->sort.start + 1;
-            x->sort.stage = 0;
+            polyline->sort.middle = polyline->sort.start + 1;
+            polyline->sort.stage = 0;
         }
     }
-    for (; x->sort.swapped && x->at < n; x->at++) {
-        if (!polyline_pay(x, budget, 1))
+    for (; polyline->sort.is_swapped && polyline->cursor < n; polyline->cursor++) {
+        if (!polyline_charge(polyline, budget, 1))
             return 0;
-        x->order[x->base + x->at] = x->spare[x->base + x->at];
+        polyline->order[polyline->list_start + polyline->cursor] =
+            polyline->merge_buffer[polyline->list_start + polyline->cursor];
     }
     return 1;
 }
 
-int cairn_polyline_gather(cairn_polyline *x, cairn_budget *budget)
+/* Phase GATHER: points in canonical order, and the bounding boxes of the blocks. cursor: point. */
+int cairn_polyline_gather(cairn_polyline *polyline, cairn_budget *budget)
 {
-    for (; x->at < x->count; x->at++) {
-        int32_t block = x->at / POLYLINE_BLOCK, raw = x->order[x->at];
+    for (; polyline->cursor < polyline->point_count; polyline->cursor++) {
+        int32_t block = polyline->cursor / POLYLINE_BLOCK_POINTS,
+                raw = polyline->order[polyline->cursor];
 
-        if (!polyline_pay(x, budget, 8))
+        if (!polyline_charge(polyline, budget, 8))
             return 0;
-        x->source[x->at] = raw;
+        polyline->raw_index[polyline->cursor] = raw;
         for (int j = 0; j < 3; j++) {
-            cairn_real value = x->raw[raw][j];
-            int first = x->at % POLYLINE_BLOCK == 0;
+            cairn_real value = polyline->raw_points[raw][j];
+            int first = polyline->cursor % POLYLINE_BLOCK_POINTS == 0;
 
-            x->point[x->at][j] = value;
-            x->block_min[block][j] = first ? value : cairn_min(x->block_min[block][j], value);
-            x->block_max[block][j] = first ? value : cairn_max(x->block_max[block][j], value);
+            polyline->points[polyline->cursor][j] = value;
+            polyline->block_min[block][j] =
+                first ? value : cairn_min(polyline->block_min[block][j], value);
+            polyline->block_max[block][j] =
+                first ? value : cairn_max(polyline->block_max[block][j], value);
         }
-        x->order[x->at] = x->at;
+        polyline->order[polyline->cursor] = polyline->cursor;
     }
     return 1;
 }

@@ -1,99 +1,111 @@
-/* The support of the pieces: extent, cuts at gaps, cuts at bends, and the end of those with too
- * little.
+/* Support of the components: extent, splits at gaps and bends, and removal of components with too
+ * few points.
  *
- * Points come sorted by piece and place. A run without a gap is summed, then swept by a cut that
- * shows the residual of two lines in place of one (sums left of the cut, the rest right of it). */
+ * Method: the points are sorted by component and position. A run without a gap is summed. Then
+ * every split of the run into two is tested by the sum of squared residuals of two lines. The
+ * moments right of a split are those of the run minus those left of the split. */
 #include "src/core/build.h"
 
 #include <string.h>
 
 #include "src/core/polyline_work.h"
 
-/* What a cut must save, in terms of what forbids joining. */
-#define CUT CAIRN_REAL(1.5)
+/* Reduction of the sum of squares that a split needs, relative to the limit of merging. */
+#define SPLIT_FACTOR CAIRN_REAL(1.5)
 
-static cairn_real place(const cairn_polyline *x, int32_t i)
+/* Position of the i-th sorted point along its component, in m. */
+static cairn_real position_of(const cairn_polyline *polyline, int32_t i)
 {
-    return x->along[x->order[i]];
+    return polyline->position[polyline->order[i]];
 }
 
-/* How far apart the next point may lie when the two last distances on its side are these. */
-static cairn_real reach_of(const cairn_polyline *x, cairn_real spacing)
+/* Largest allowed gap, in m, next to points of a spacing. */
+static cairn_real reach_of(const cairn_polyline *polyline, cairn_real spacing)
 {
-    return cairn_min(cairn_max(x->params.gap, x->params.gap_factor * spacing), x->params.gap_max);
+    return cairn_min(cairn_max(polyline->params.gap, polyline->params.gap_factor * spacing),
+                     polyline->params.gap_max);
 }
 
-/* The longer of the up to two distances between points from ... from + 2 * way that lie in
- * [first, last); -1 when there is none. */
-static cairn_real spacing(const cairn_polyline *x, int32_t from, int32_t way, int32_t first,
+/* Longer one of the up to two distances between the points from ... from + 2 * way within [first,
+ * last), in m; -1 when there is none. */
+static cairn_real spacing(const cairn_polyline *polyline, int32_t from, int32_t way, int32_t first,
                           int32_t last)
 {
     cairn_real longest = -1;
 
     for (int32_t i = 1; i <= 2 && from + i * way >= first && from + i * way < last; i++)
-        longest = cairn_max(longest,
-                            cairn_abs(place(x, from + i * way) - place(x, from + (i - 1) * way)));
+        longest = cairn_max(longest, cairn_abs(position_of(polyline, from + i * way) -
+                                               position_of(polyline, from + (i - 1) * way)));
     return longest;
 }
 
-/* 1 when the points i and i + 1 of a run that starts at `first` and has points up to `last` are
- * too far apart: farther than either side, as far as it has distances, bears out. */
-static int is_gap(const cairn_polyline *x, int32_t i, int32_t first, int32_t last)
+/* 1 when there is a gap between points i and i + 1 of a run of points first ... last - 1: the
+ * distance exceeds the reach by the spacing of the points on either side. */
+static int is_gap(const cairn_polyline *polyline, int32_t i, int32_t first, int32_t last)
 {
-    cairn_real distance = place(x, i + 1) - place(x, i), reach = x->params.gap_max, side;
+    cairn_real distance = position_of(polyline, i + 1) - position_of(polyline, i),
+               reach = polyline->params.gap_max, side;
 
-    if (distance <= x->params.gap)
+    if (distance <= polyline->params.gap)
         return 0;
-    side = spacing(x, i, -1, first, last);
+    side = spacing(polyline, i, -1, first, last);
     if (side >= 0)
-        reach = cairn_min(reach, reach_of(x, side));
-    side = spacing(x, i + 1, 1, first, last);
+        reach = cairn_min(reach, reach_of(polyline, side));
+    side = spacing(polyline, i + 1, 1, first, last);
     if (side >= 0)
-        reach = cairn_min(reach, reach_of(x, side));
+        reach = cairn_min(reach, reach_of(polyline, side));
     return distance > reach;
 }
 
-static int32_t owner_at(const cairn_polyline *x, int32_t i)
+/* Component of the i-th sorted point, -1: outlier or past the end. */
+static int32_t component_at(const cairn_polyline *polyline, int32_t i)
 {
-    return i < x->count ? x->owner[x->order[i]] : -1;
+    return i < polyline->point_count ? polyline->component_of[polyline->order[i]] : -1;
 }
 
-/* Points first ... last-1 of the piece `owner`, whose sums are m, become a piece of the next
- * iteration. */
-static void emit(cairn_polyline *x, int32_t owner, int32_t first, int32_t last,
-                 const polyline_sums *m, int cut)
+/* Makes the points first ... last - 1 of a component, with their moments, a component of the next
+ * iteration. is_split: 1 when they are one side of a split. */
+static void emit_component(cairn_polyline *polyline, int32_t component, int32_t first, int32_t last,
+                           const polyline_sums *sums, int is_split)
 {
-    const polyline_piece *k = &x->pieces[owner];
+    const polyline_component *parent = &polyline->components[component];
 
-    x->made = *k;
-    x->made.low = place(x, first);
-    x->made.high = place(x, last - 1);
-    x->made.reach_low = reach_of(x, spacing(x, first, 1, first, last));
-    x->made.reach_high = reach_of(x, spacing(x, last - 1, -1, first, last));
-    if (cut) {
-        cairn_polyline_fit_own(&x->made, m, x->params.dim);
+    polyline->made_component = *parent;
+    polyline->made_component.low = position_of(polyline, first);
+    polyline->made_component.high = position_of(polyline, last - 1);
+    polyline->made_component.reach_low =
+        reach_of(polyline, spacing(polyline, first, 1, first, last));
+    polyline->made_component.reach_high =
+        reach_of(polyline, spacing(polyline, last - 1, -1, first, last));
+    if (is_split) {
+        cairn_polyline_fit_own(&polyline->made_component, sums, polyline->params.dim);
     } else {
-        /* The line of the M-step stays; its own points give the mean and the sums of squares
-         * about it. */
+        /* The line of the M-step is kept; the own points give the mean and the sums of squares. */
         for (int j = 0; j < 3; j++)
-            x->made.own[j] = m->v[j] / m->n;
-        x->made.tt = m->vv.xx - m->v[0] * x->made.own[0];
-        x->made.sse =
-            cairn_max(m->vv.yy - m->v[1] * x->made.own[1] + m->vv.zz - m->v[2] * x->made.own[2], 0);
-        x->made.count = last - first;
-        x->moved = cairn_max(x->moved, cairn_max(cairn_abs(x->made.low - k->low),
-                                                 cairn_abs(x->made.high - k->high)));
+            polyline->made_component.own_mean[j] = sums->v[j] / sums->n;
+        polyline->made_component.tt =
+            sums->vv.xx - sums->v[0] * polyline->made_component.own_mean[0];
+        polyline->made_component.sse =
+            cairn_max(sums->vv.yy - sums->v[1] * polyline->made_component.own_mean[1] +
+                          sums->vv.zz - sums->v[2] * polyline->made_component.own_mean[2],
+                      0);
+        polyline->made_component.count = last - first;
+        polyline->max_end_motion =
+            cairn_max(polyline->max_end_motion,
+                      cairn_max(cairn_abs(polyline->made_component.low - parent->low),
+                                cairn_abs(polyline->made_component.high - parent->high)));
     }
-    if (cut || x->other == owner + 1) {
-        x->measure.cuts++;
-        x->changed = 1;
+    if (is_split || polyline->other == component + 1) {
+        polyline->measure.cuts++;
+        polyline->has_changed = 1;
     }
-    x->other = owner + 1;
-    cairn_polyline_keep(x, x->next, &x->next_count, &x->made);
+    polyline->other = component + 1;
+    cairn_polyline_insert(polyline, polyline->next, &polyline->next_count,
+                          &polyline->made_component);
 }
 
-/* The sums of the points right of a cut. */
-static polyline_sums rest_of(const polyline_sums *all, const polyline_sums *left)
+/* Moments of the points right of a split: all minus left. */
+static polyline_sums sums_right_of(const polyline_sums *all, const polyline_sums *left)
 {
     polyline_sums rest = *all;
 
@@ -109,110 +121,120 @@ static polyline_sums rest_of(const polyline_sums *all, const polyline_sums *left
     return rest;
 }
 
-/* Tries a cut between points `inner` and the next. */
-static void try_cut(cairn_polyline *x)
+/* Tests the split between point `inner` and the next one. */
+static void try_split(cairn_polyline *polyline)
 {
-    const cairn_polyline_params *p = &x->params;
-    int32_t i = x->inner;
+    const cairn_polyline_params *params = &polyline->params;
+    int32_t i = polyline->inner;
     polyline_sums rest;
     cairn_real sse;
 
-    if (i + 1 - x->first < p->min_points || x->last - i - 1 < p->min_points ||
-        place(x, i) - place(x, x->first) < p->min_length ||
-        place(x, x->last - 1) - place(x, i + 1) < p->min_length)
+    if (i + 1 - polyline->first < params->min_points ||
+        polyline->last - i - 1 < params->min_points ||
+        position_of(polyline, i) - position_of(polyline, polyline->first) < params->min_length ||
+        position_of(polyline, polyline->last - 1) - position_of(polyline, i + 1) <
+            params->min_length)
         return;
-    rest = rest_of(&x->sum, &x->left);
-    sse = cairn_polyline_residual(&x->left) + cairn_polyline_residual(&rest);
-    if (x->best_at < 0 || sse < x->best_sse) {
-        x->best_at = i;
-        x->best_sse = sse;
-        x->best_left = x->left;
+    rest = sums_right_of(&polyline->sums, &polyline->left_sums);
+    sse = cairn_polyline_residual(&polyline->left_sums) + cairn_polyline_residual(&rest);
+    if (polyline->best_split < 0 || sse < polyline->best_sse) {
+        polyline->best_split = i;
+        polyline->best_sse = sse;
+        polyline->best_left_sums = polyline->left_sums;
     }
 }
 
-/* Finds the end of the run without a gap that starts at `first`. */
-static int find_run(cairn_polyline *x, cairn_budget *budget, int32_t owner)
+/* Finds the end (last) of the run without a gap that starts at `first`. */
+static int find_run(cairn_polyline *polyline, cairn_budget *budget, int32_t component)
 {
-    for (; owner_at(x, x->last) == owner; x->last++) {
-        int32_t known = x->last + 1; /* of the points to the right, as many as a gap looks at */
+    for (; component_at(polyline, polyline->last) == component; polyline->last++) {
+        /* End of the points to the right, as many as the test of a gap needs. */
+        int32_t known_end = polyline->last + 1;
 
-        if (!polyline_pay(x, budget, 9))
+        if (!polyline_charge(polyline, budget, 9))
             return 0;
-        while (known < x->last + 3 && owner_at(x, known) == owner)
-            known++;
-        if (is_gap(x, x->last - 1, x->first, known))
+        while (known_end < polyline->last + 3 && component_at(polyline, known_end) == component)
+            known_end++;
+        if (is_gap(polyline, polyline->last - 1, polyline->first, known_end))
             break;
     }
     return 1;
 }
 
-/* Stage 0 begins a run at `at`, 1 finds its end, 2 sums it, 3 sweeps the cut, 4 hands on what
- * there is. */
-int cairn_polyline_support(cairn_polyline *x, cairn_budget *budget)
+/* Phase SUPPORT. cursor: first point of the run. Stage 0 starts a run, 1 finds its end, 2 sums its
+ * points, 3 tests all splits, 4 makes one or two components. */
+int cairn_polyline_support(cairn_polyline *polyline, cairn_budget *budget)
 {
-    while (owner_at(x, x->at) >= 0) {
-        int32_t owner = owner_at(x, x->at);
+    while (component_at(polyline, polyline->cursor) >= 0) {
+        int32_t component = component_at(polyline, polyline->cursor);
         cairn_real local[3], sse;
 
-        if (x->stage == 0) {
-            x->first = x->at;
-            x->last = x->at + 1;
-            memset(&x->sum, 0, sizeof x->sum);
-            memset(&x->left, 0, sizeof x->left);
-            x->best_at = -1;
-            x->stage = 1;
+        if (polyline->stage == 0) {
+            polyline->first = polyline->cursor;
+            polyline->last = polyline->cursor + 1;
+            memset(&polyline->sums, 0, sizeof polyline->sums);
+            memset(&polyline->left_sums, 0, sizeof polyline->left_sums);
+            polyline->best_split = -1;
+            polyline->stage = 1;
         }
-        if (x->stage == 1) {
-            if (!find_run(x, budget, owner))
+        if (polyline->stage == 1) {
+            if (!find_run(polyline, budget, component))
                 return 0;
-            x->inner = x->first;
-            x->stage = 2;
-            if (x->last - x->first < x->params.min_points ||
-                place(x, x->last - 1) - place(x, x->first) < x->params.min_length) {
-                x->at = x->last;
-                x->stage = 0;
+            polyline->inner = polyline->first;
+            polyline->stage = 2;
+            if (polyline->last - polyline->first < polyline->params.min_points ||
+                position_of(polyline, polyline->last - 1) - position_of(polyline, polyline->first) <
+                    polyline->params.min_length) {
+                polyline->cursor = polyline->last;
+                polyline->stage = 0;
                 continue;
             }
         }
-        for (; x->stage == 2 && x->inner < x->last; x->inner++) {
-            if (!polyline_pay_four(x, budget, x->inner - x->first, x->last - x->first, 8))
+        for (; polyline->stage == 2 && polyline->inner < polyline->last; polyline->inner++) {
+            if (!polyline_charge_four(polyline, budget, polyline->inner - polyline->first,
+                                      polyline->last - polyline->first, 8))
                 return 0;
-            cairn_polyline_local(&x->pieces[owner], x->params.dim, x->point[x->order[x->inner]],
-                                 local);
-            cairn_polyline_sum(&x->sum, local, 1);
+            cairn_polyline_to_local(&polyline->components[component], polyline->params.dim,
+                                    polyline->points[polyline->order[polyline->inner]], local);
+            cairn_polyline_add_point(&polyline->sums, local, 1);
         }
-        sse = cairn_polyline_residual(&x->sum);
-        if (x->stage == 2) {
-            /* No cut can save more than there is. */
-            x->stage = x->measure.iterations < x->params.max_iterations / 2 &&
-                               sse > CUT * cairn_polyline_worth(x, x->sum.n, 0)
-                           ? 3
-                           : 4;
-            x->inner = x->first;
+        sse = cairn_polyline_residual(&polyline->sums);
+        if (polyline->stage == 2) {
+            /* No split can reduce the sum of squares by more than the whole. */
+            polyline->stage = polyline->measure.iterations < polyline->params.max_iterations / 2 &&
+                                      sse > SPLIT_FACTOR * cairn_polyline_split_penalty(
+                                                               polyline, polyline->sums.n, 0)
+                                  ? 3
+                                  : 4;
+            polyline->inner = polyline->first;
         }
-        for (; x->stage == 3 && x->inner < x->last; x->inner++) {
-            if (!polyline_pay(x, budget, 21))
+        for (; polyline->stage == 3 && polyline->inner < polyline->last; polyline->inner++) {
+            if (!polyline_charge(polyline, budget, 21))
                 return 0;
-            cairn_polyline_local(&x->pieces[owner], x->params.dim, x->point[x->order[x->inner]],
-                                 local);
-            cairn_polyline_sum(&x->left, local, 1);
-            try_cut(x);
+            cairn_polyline_to_local(&polyline->components[component], polyline->params.dim,
+                                    polyline->points[polyline->order[polyline->inner]], local);
+            cairn_polyline_add_point(&polyline->left_sums, local, 1);
+            try_split(polyline);
         }
-        x->stage = 4;
-        if (!polyline_pay(x, budget, 52))
+        polyline->stage = 4;
+        if (!polyline_charge(polyline, budget, 52))
             return 0;
-        if (x->best_at >= 0 &&
-            sse - x->best_sse > CUT * cairn_polyline_worth(x, x->sum.n, x->best_sse)) {
-            polyline_sums rest = rest_of(&x->sum, &x->best_left);
+        if (polyline->best_split >= 0 &&
+            sse - polyline->best_sse >
+                SPLIT_FACTOR *
+                    cairn_polyline_split_penalty(polyline, polyline->sums.n, polyline->best_sse)) {
+            polyline_sums rest = sums_right_of(&polyline->sums, &polyline->best_left_sums);
 
-            emit(x, owner, x->first, x->best_at + 1, &x->best_left, 1);
-            emit(x, owner, x->best_at + 1, x->last, &rest, 1);
+            emit_component(polyline, component, polyline->first, polyline->best_split + 1,
+                           &polyline->best_left_sums, 1);
+            emit_component(polyline, component, polyline->best_split + 1, polyline->last, &rest, 1);
         } else {
-            emit(x, owner, x->first, x->last, &x->sum, 0);
+            emit_component(polyline, component, polyline->first, polyline->last, &polyline->sums,
+                           0);
         }
-        x->at = x->last;
-        x->stage = 0;
+        polyline->cursor = polyline->last;
+        polyline->stage = 0;
     }
-    x->unclaimed = x->at;
+    polyline->outliers_start = polyline->cursor;
     return 1;
 }

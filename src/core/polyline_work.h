@@ -1,184 +1,233 @@
-/* What the files of the polyline room share: the pieces that are fitted, and the state between
- * steps. */
+/* Internals of the module polyline, shared by its files: the components that are fitted, and the
+ * state between steps. */
 #ifndef CAIRN_CORE_POLYLINE_WORK_H
 #define CAIRN_CORE_POLYLINE_WORK_H
 
 #include "cairn/polyline.h"
 #include "cairn/small_matrix.h"
 
-/* Points of a block share one list of candidate pieces. */
-#define POLYLINE_BLOCK 8
+/* Points per block; the points of a block share one list of candidate components. */
+#define POLYLINE_BLOCK_POINTS 8
 
-/* Bits of the Morton code per axis. */
-#define POLYLINE_LEVELS 20
+/* Bits of the Morton code per axis: levels of the quadtree. */
+#define POLYLINE_MORTON_BITS 20
 
-/* Searches for first pieces: of all points, then twice of those without one. */
-#define POLYLINE_ROUNDS 3
+/* Searches for initial components: one of all points, then two of the outliers. */
+#define POLYLINE_INITIAL_ROUNDS 3
 
-/* Half width of the band in which a piece claims points, in s. exp(-POLYLINE_CLAIM^2 / 2) is the
- * weight of "no piece at all". */
-#define POLYLINE_CLAIM 3
-#define POLYLINE_NOISE CAIRN_REAL(0.011108996538242306)
+/* Half width of the gate of a component, in widths of the Gaussian. exp(-POLYLINE_GATE^2 / 2) is
+ * the weight of the outlier hypothesis in the E-step. */
+#define POLYLINE_GATE           3
+#define POLYLINE_OUTLIER_WEIGHT CAIRN_REAL(0.011108996538242306)
 
-/* Weighted sums of points in some frame. */
+/* Weighted moments of points in the frame of a component: sum of weights, of coordinates (m), and
+ * of products of coordinates (m^2). */
 typedef struct polyline_sums {
     cairn_real n;
     cairn_real v[3];
     cairn_sym3 vv;
 } polyline_sums;
 
-/* A line with its extent: points mid + t axis[0], low <= t <= high. axis[1] and axis[2] complete
- * a right-handed frame; in the plane axis[2] is (0, 0, 1). All sums are taken in this frame,
- * where distances to the line are small numbers. */
-typedef struct polyline_piece {
+/* Mixture component: a line with its extent, the points mid + t axis[0], low <= t <= high. axis[1]
+ * and axis[2] complete a right-handed frame; in the plane axis[2] is (0, 0, 1). All moments are
+ * taken in this frame, in which the distances to the line are small numbers. Lengths are in m. */
+typedef struct polyline_component {
+    /* Origin and axes of the frame. */
     cairn_real mid[3], axis[3][3];
+    /* Ends along axis[0]. */
     cairn_real low, high;
-    cairn_real reach_low, reach_high;  /* how far beyond its ends the next point may lie */
-    cairn_real box_min[3], box_max[3]; /* of the piece with its reach */
-    /* Of its own points, those that no piece is nearer to: */
-    cairn_real own[3];  /* mean, in this frame */
-    cairn_real tt, sse; /* sums of squares along and across the line about that mean */
+    /* Largest gap beyond each end that the next point may leave. */
+    cairn_real reach_low, reach_high;
+    /* Bounding box of the component enlarged by both reaches. */
+    cairn_real box_min[3], box_max[3];
+    /* Own points, those closest to this component: mean in this frame, ... */
+    cairn_real own_mean[3];
+    /* ... sums of squares along and across the line about the mean, in m^2, ... */
+    cairn_real tt, sse;
+    /* ... and number. */
     int32_t count;
-    polyline_sums soft; /* of all points, each with its responsibility */
-} polyline_piece;
+    /* Moments of all points, weighted by their responsibilities. */
+    polyline_sums soft_sums;
+} polyline_component;
 
+/* Phases, in order. */
 typedef enum polyline_phase {
+    /* Canonical order of the points, by Morton code. */
     POLYLINE_KEYS,
     POLYLINE_SORT_POINTS,
     POLYLINE_GATHER,
-    POLYLINE_LIST,
-    POLYLINE_SORT_LIST,
+    /* Initial components. */
+    POLYLINE_LIST_OUTLIERS,
+    POLYLINE_SORT_OUTLIERS,
     POLYLINE_INITIAL,
+    /* E-step, M-step, splits and merges; POLYLINE_COMPACT is followed by POLYLINE_EXPECT. */
     POLYLINE_EXPECT,
     POLYLINE_MAXIMIZE,
     POLYLINE_PROJECT,
     POLYLINE_SORT_SUPPORT,
     POLYLINE_SUPPORT,
     POLYLINE_MERGE,
-    POLYLINE_COMPACT, /* and back to POLYLINE_EXPECT */
-    POLYLINE_CLAIM_POINTS,
+    POLYLINE_COMPACT,
+    /* Final hard assignment of the points, and the result. */
+    POLYLINE_ASSIGN,
     POLYLINE_WRITE,
     POLYLINE_DONE
 } polyline_phase;
 
 struct cairn_polyline {
     cairn_polyline_params params;
-    /* Points: as given, then in canonical order. */
-    cairn_real (*raw)[3];
-    cairn_real (*point)[3];
-    /* [max_points] Morton code of raw points */
-    uint64_t *key;
-    /* [max_points] raw indices in canonical order, later canonical indices by piece and place */
+    /* [max_points] Points as given, and in canonical order, in m. */
+    cairn_real (*raw_points)[3];
+    cairn_real (*points)[3];
+    /* [max_points] Morton code of each raw point; later of each outlier. */
+    uint64_t *morton;
+    /* [max_points] Raw indices in canonical order; later canonical indices by component and
+     * position. */
     int32_t *order;
-    /* [max_points] the other half of the merge sort */
-    int32_t *spare;
-    /* [max_points] raw index of each point */
-    int32_t *source;
-    /* [max_points] piece that claims a point, -1 none */
-    int32_t *owner;
-    /* [max_points] place on that piece */
-    cairn_real *along;
+    /* [max_points] Second buffer of the merge sort. */
+    int32_t *merge_buffer;
+    /* [max_points] Raw index of each point. */
+    int32_t *raw_index;
+    /* [max_points] Component to which a point is assigned, -1: outlier. */
+    int32_t *component_of;
+    /* [max_points] Position along that component, in m. */
+    cairn_real *position;
+    /* Bounding boxes of the blocks, in m. */
     cairn_real (*block_min)[3], (*block_max)[3];
-    /* Pieces of this and of the next iteration. */
-    polyline_piece *pieces, *next;
-    int32_t *candidate;
-    cairn_real *weight;     /* [max_segments] of the point at hand for each candidate, ... */
-    cairn_real (*local)[3]; /* ... and where it is in the candidate's frame */
+    /* [max_segments] each: components of this and of the next iteration. */
+    polyline_component *components, *next;
+    /* [max_segments] E-step: candidate components of the current block. */
+    int32_t *candidate_list;
+    /* [max_segments] E-step: weight of the current point for each candidate, ... */
+    cairn_real *candidate_weight;
+    /* ... and its coordinates in the candidate's frame, in m. */
+    cairn_real (*candidate_local)[3];
+    /* Result: segments, and labels of the points. */
     cairn_polyline_segment *segments;
     int32_t *label;
 
-    int32_t count, piece_count, next_count;
-    int32_t shown_points, shown_segments; /* what read() shows */
-    cairn_real low[3], high[3], side;     /* box of the points, and its longest side */
-    cairn_real cell;                      /* side of the smallest cell of the Morton code */
-    cairn_real sigma, s, s_first, s_last;
+    int32_t point_count, component_count, next_count;
+    /* Sizes of the result that read() returns. */
+    int32_t result_points, result_segments;
+    /* Bounding box of the points, and its longest side, in m. */
+    cairn_real box_min[3], box_max[3], box_side;
+    /* Side of the smallest cell of the Morton code, in m. */
+    cairn_real cell_size;
+    /* Noise of the points, and current, first and last width of the Gaussian of the E-step, in
+     * m. */
+    cairn_real sigma, width, width_first, width_last;
+    /* Cosine of merge_angle. */
     cairn_real merge_cosine;
-    cairn_real moved; /* farthest that an end moved in this iteration */
-    int32_t changed, converged, left_out;
-    int32_t round;     /* of searches for first pieces */
-    int32_t base;      /* where the part of order[] that is sorted or searched starts */
-    int32_t unclaimed; /* where that of the points without a piece starts */
+    /* Largest motion of an end in this iteration, in m. */
+    cairn_real max_end_motion;
+    /* 1: this iteration split, merged or dropped components; 1: the fit converged; components
+     * dropped. */
+    int32_t has_changed, converged, dropped;
+    /* Round of the search for initial components. */
+    int32_t initial_round;
+    /* Start of the part of order[] that is sorted or searched. */
+    int32_t list_start;
+    /* Start of the outliers in order[]. */
+    int32_t outliers_start;
     cairn_polyline_measure measure;
 
-    /* Where the phase at hand stands. Its cursors start at 0; what they count is said where they
-     * are used. */
+    /* Position within the current phase. The cursors start at 0; the functions that use them say
+     * what they count. */
     polyline_phase phase;
-    int32_t stage, at, other, inner, first, last, level;
-    int32_t part; /* eighths of a unit that are used but not yet charged */
-    int32_t candidates, best, adopter, adopting;
-    cairn_real total, least, adopter_least;
-    polyline_sums sum, left, best_left;
+    int32_t stage, cursor, other, inner, first, last, level;
+    /* Eighths of a work unit that are used but not yet charged. */
+    int32_t eighths_used;
+    /* E-step: number of candidates, closest candidate, candidate that may grow to the current
+     * point, and 1 while components may grow. */
+    int32_t candidate_count, best, growing, is_growing;
+    /* E-step: sum of the weights, squared distances of the closest and of the growing candidate, in
+     * m^2. Initial components: `limit` is the half width of the band, in m. */
+    cairn_real weight_sum, limit, growing_squared;
+    /* Moments of a run, of its points left of the tried split, and left of the best split. */
+    polyline_sums sums, left_sums, best_left_sums;
+    /* Sum of squares of both sides of the best split, in m^2, and the point before the split, -1:
+     * none. */
     cairn_real best_sse;
-    int32_t best_at;
-    polyline_piece made;
+    int32_t best_split;
+    /* Component that is made. */
+    polyline_component made_component;
+    /* State of the merge sort: stage; 1: the sorted runs are in merge_buffer; bounds of the two
+     * runs that are merged; positions in both runs and in the output. */
     struct {
-        int32_t stage, swapped, start, middle, end, left, right, out;
+        int32_t stage, is_swapped, start, middle, end, left, right, out;
     } sort;
 };
 
-/* Charges `eighths` of a unit; 0 when the budget is used up and the item at hand must wait. */
-static inline int polyline_pay(cairn_polyline *x, cairn_budget *budget, int32_t eighths)
+/* Charges an operation of `eighths` of a work unit. 0 when the budget is used up and the operation
+ * must wait. */
+static inline int polyline_charge(cairn_polyline *polyline, cairn_budget *budget, int32_t eighths)
 {
     if (budget->left <= 0)
         return 0;
-    x->part += eighths;
-    if (x->part >= 8) {
-        int32_t units = x->part / 8;
+    polyline->eighths_used += eighths;
+    if (polyline->eighths_used >= 8) {
+        int32_t units = polyline->eighths_used / 8;
 
         budget->left -= units;
-        x->measure.units += units;
-        x->part -= 8 * units;
+        polyline->measure.units += units;
+        polyline->eighths_used -= 8 * units;
     }
     return 1;
 }
 
-/* The same for up to four items, at every fourth of those that cost so little that asking for
- * each would show: `i` is the one at hand, before `end`. */
-static inline int polyline_pay_four(cairn_polyline *x, cairn_budget *budget, int32_t i, int32_t end,
-                                    int32_t eighths)
+/* Charges up to four operations at a time, at every fourth one, because a check per operation would
+ * be measurable. i: the current operation, of those before `end`. */
+static inline int polyline_charge_four(cairn_polyline *polyline, cairn_budget *budget, int32_t i,
+                                       int32_t end, int32_t eighths)
 {
-    return i % 4 != 0 || polyline_pay(x, budget, (end - i < 4 ? end - i : 4) * eighths);
+    return i % 4 != 0 || polyline_charge(polyline, budget, (end - i < 4 ? end - i : 4) * eighths);
 }
 
-/* Coordinates of a point in the frame of a piece. */
-void cairn_polyline_local(const polyline_piece *k, int32_t dim, const cairn_real p[3],
-                          cairn_real local[3]);
+/* Coordinates of a point in the frame of a component, in m. */
+void cairn_polyline_to_local(const polyline_component *component, int32_t dim,
+                             const cairn_real p[3], cairn_real local[3]);
 
-void cairn_polyline_sum(polyline_sums *m, const cairn_real v[3], cairn_real weight);
+/* Adds a point v of a weight to moments. */
+void cairn_polyline_add_point(polyline_sums *sums, const cairn_real v[3], cairn_real weight);
 
-/* Sum of squares across the regression line of sums taken in a frame nearly along that line. */
-cairn_real cairn_polyline_residual(const polyline_sums *m);
+/* Sum of squared residuals of the regression line, in m^2, from moments in a frame nearly along
+ * that line. */
+cairn_real cairn_polyline_residual(const polyline_sums *sums);
 
-/* Turns the frame of a piece to the principal axis of sums taken in that frame, keeping its
- * sense; its ends stay. */
-void cairn_polyline_fit(polyline_piece *k, const polyline_sums *m, int32_t dim);
+/* M-step: rotates the frame of a component to the principal axis of moments in that frame, keeping
+ * its sense. The ends keep their positions. */
+void cairn_polyline_fit(polyline_component *component, const polyline_sums *sums, int32_t dim);
 
-/* Makes a piece of sums of its own points, taken in its frame: regression on t, then own, tt,
- * sse, count. low and high are places in the old frame and are carried over. */
-void cairn_polyline_fit_own(polyline_piece *k, const polyline_sums *m, int32_t dim);
+/* Fits a component to the moments of its own points in its frame: regression on t, then own_mean,
+ * tt, sse and count. low and high are positions in the old frame and are converted. */
+void cairn_polyline_fit_own(polyline_component *component, const polyline_sums *sums, int32_t dim);
 
-/* Sets box_min and box_max. */
-void cairn_polyline_box(polyline_piece *k);
+/* Sets the bounding box of a component. */
+void cairn_polyline_box(polyline_component *component);
 
-/* The place at t along the line of a piece; its ends are at low and high. */
-void cairn_polyline_place(const polyline_piece *k, cairn_real t, cairn_real place[3]);
+/* The point at t m along the line of a component; its ends are at low and high. */
+void cairn_polyline_point_at(const polyline_component *component, cairn_real t,
+                             cairn_real point[3]);
 
-/* Sum of squares that a second line must save, for n points of which two lines leave `sse`. */
-cairn_real cairn_polyline_worth(const cairn_polyline *x, cairn_real n, cairn_real sse);
+/* Model selection: reduction of the sum of squares, in m^2, that justifies a second line, for n
+ * points with the sum of squares `sse` about two lines. */
+cairn_real cairn_polyline_split_penalty(const cairn_polyline *polyline, cairn_real n,
+                                        cairn_real sse);
 
-/* Appends to list[*count]; when it is full, the piece of fewest points gives way. */
-void cairn_polyline_keep(cairn_polyline *x, polyline_piece *list, int32_t *count,
-                         const polyline_piece *k);
+/* Appends a component to list[*count]. In a full list the component of fewest points is dropped. */
+void cairn_polyline_insert(cairn_polyline *polyline, polyline_component *list, int32_t *count,
+                           const polyline_component *component);
 
-/* The phases; each returns 1 when it is through and 0 when the budget is used up. */
-int cairn_polyline_keys(cairn_polyline *x, cairn_budget *budget);
-int cairn_polyline_sort(cairn_polyline *x, cairn_budget *budget);
-int cairn_polyline_gather(cairn_polyline *x, cairn_budget *budget);
-int cairn_polyline_list(cairn_polyline *x, cairn_budget *budget);
-int cairn_polyline_initial(cairn_polyline *x, cairn_budget *budget);
-int cairn_polyline_expect(cairn_polyline *x, cairn_budget *budget);
-int cairn_polyline_maximize(cairn_polyline *x, cairn_budget *budget);
-int cairn_polyline_support(cairn_polyline *x, cairn_budget *budget);
-int cairn_polyline_merge(cairn_polyline *x, cairn_budget *budget);
+/* ---- Phases: each returns 1 when done and 0 when the budget is used up ---- */
+
+int cairn_polyline_keys(cairn_polyline *polyline, cairn_budget *budget);
+int cairn_polyline_sort(cairn_polyline *polyline, cairn_budget *budget);
+int cairn_polyline_gather(cairn_polyline *polyline, cairn_budget *budget);
+int cairn_polyline_list_outliers(cairn_polyline *polyline, cairn_budget *budget);
+int cairn_polyline_initial(cairn_polyline *polyline, cairn_budget *budget);
+int cairn_polyline_expect(cairn_polyline *polyline, cairn_budget *budget);
+int cairn_polyline_maximize(cairn_polyline *polyline, cairn_budget *budget);
+int cairn_polyline_support(cairn_polyline *polyline, cairn_budget *budget);
+int cairn_polyline_merge(cairn_polyline *polyline, cairn_budget *budget);
 
 #endif

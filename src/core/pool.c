@@ -1,7 +1,12 @@
-/* Bump pool and block pool.
+/* Bump allocator (arena) and block pool.
  *
- * A counting pool has base NULL and size SIZE_MAX: the same carve() of a room that lays an
- * object out in memory, run over it, gives the object's size. */
+ * Method:
+ * 1. A counting pool has base NULL and size SIZE_MAX. Every module allocates an object and its
+ *    arrays in one function, carve(). The same function, run over a counting pool, gives the
+ *    object's size.
+ * 2. The block pool links free blocks by index in a free list.
+ *
+ * Limits: no compaction; the bump allocator frees only in reverse order, by marks. */
 #include "src/core/build.h"
 
 #include <float.h>
@@ -20,8 +25,9 @@ void __asan_unpoison_memory_region(void const volatile *address, size_t size);
 #define UNPOISON(address, size) ((void)0)
 #endif
 
-/* Bytes that a piece occupies with rounding and gap; false when that overflows. */
-static int piece_bytes(size_t count, size_t size, size_t *bytes)
+/* Sets *bytes to the bytes of an allocation with rounding and redzone. 0 when the size
+ * overflows. */
+static int allocation_bytes(size_t count, size_t size, size_t *bytes)
 {
     if (size != 0 && count > (SIZE_MAX - CAIRN_ALIGN - CAIRN_POOL_GAP) / size)
         return 0;
@@ -29,8 +35,8 @@ static int piece_bytes(size_t count, size_t size, size_t *bytes)
     return 1;
 }
 
-/* 1 when neither a * b + c is contracted nor small results are flushed; volatile keeps the
- * compiler from folding. */
+/* 1 when a * b + c is not contracted and subnormal results are not flushed to zero. volatile
+ * prevents constant folding. */
 static int arithmetic_is_faithful(void)
 {
     volatile cairn_real a = 1 + CAIRN_REAL_EPSILON;
@@ -42,8 +48,11 @@ static int arithmetic_is_faithful(void)
     volatile cairn_real tiny = DBL_MIN;
 #endif
     cairn_real x = a, y = b, z = c, t = tiny;
-    cairn_real sum = x * y + z; /* rounded product: 0; contracted: -epsilon^2 */
-    cairn_real half = t / 2;    /* subnormal, or 0 when flushed */
+    /* Rounded product: 0; contracted: -epsilon^2. */
+    cairn_real sum = x * y + z;
+    /* Subnormal, or 0 when flushed. */
+    cairn_real half = t / 2;
+
     return sum == 0 && half > 0;
 }
 
@@ -86,8 +95,8 @@ size_t cairn_pool_counted(const cairn_pool *counting)
 void *cairn_pool_take(cairn_pool *pool, size_t count, size_t size)
 {
     size_t bytes = 0;
-    unsigned char *piece;
-    int fits = piece_bytes(count, size, &bytes);
+    unsigned char *start;
+    int fits = allocation_bytes(count, size, &bytes);
 
     if (pool->base == NULL) {
         pool->used = fits && bytes < SIZE_MAX - pool->used ? pool->used + bytes : SIZE_MAX;
@@ -97,12 +106,12 @@ void *cairn_pool_take(cairn_pool *pool, size_t count, size_t size)
         pool->refused++;
         return NULL;
     }
-    piece = pool->base + pool->used;
+    start = pool->base + pool->used;
     pool->used += bytes;
     if (pool->used > pool->peak)
         pool->peak = pool->used;
-    UNPOISON(piece, count * size);
-    return piece;
+    UNPOISON(start, count * size);
+    return start;
 }
 
 size_t cairn_pool_room(const cairn_pool *pool)
@@ -155,23 +164,32 @@ cairn_status cairn_pool_split(cairn_pool *pool, cairn_pool *child, size_t bytes)
     return cairn_pool_init(child, memory, rounded);
 }
 
-/* Block pool: next[i] links free blocks by index; a block in use is marked, so that giving it
- * twice is seen. */
+/* ---- Block pool ---- */
 
-enum { END = -1, IN_USE = -2 };
+/* Values of next[i] other than the index of the next free block. A block in use is marked, so a
+ * double free is detected. */
+enum { FREE_LIST_END = -1, BLOCK_IN_USE = -2 };
 
 struct cairn_block_pool {
+    /* [count * stride] Memory of the blocks. */
     unsigned char *blocks;
+    /* [count] Free list: index of the next free block, FREE_LIST_END or BLOCK_IN_USE. */
     int32_t *next;
+    /* Bytes from a block to the next, and bytes of a block. */
     size_t stride;
     size_t block_bytes;
+    /* Number of blocks. */
     int32_t count;
+    /* First free block, or FREE_LIST_END. */
     int32_t free;
+    /* Blocks in use, and the most so far. */
     int32_t used;
     int32_t peak;
+    /* Requests that were refused. */
     uint32_t refused;
 };
 
+/* Allocates the object and its arrays; NULL from a counting pool. */
 static cairn_block_pool *carve_blocks(cairn_pool *pool, size_t stride, size_t count)
 {
     cairn_block_pool *blocks = cairn_pool_take_one(pool, sizeof *blocks);
@@ -185,6 +203,7 @@ static cairn_block_pool *carve_blocks(cairn_pool *pool, size_t stride, size_t co
     return blocks;
 }
 
+/* Bytes of a block, rounded up to the alignment. */
 static size_t block_stride(size_t block_bytes)
 {
     return (block_bytes + CAIRN_ALIGN - 1) / CAIRN_ALIGN * CAIRN_ALIGN;
@@ -221,7 +240,7 @@ cairn_status cairn_block_pool_create(cairn_block_pool **blocks, cairn_pool *pool
     made->peak = 0;
     made->refused = 0;
     for (int32_t i = 0; i < made->count; i++)
-        made->next[i] = i + 1 < made->count ? i + 1 : END;
+        made->next[i] = i + 1 < made->count ? i + 1 : FREE_LIST_END;
     POISON(made->blocks, made->stride * count);
     *blocks = made;
     return CAIRN_OK;
@@ -232,12 +251,12 @@ void *cairn_block_pool_take(cairn_block_pool *blocks)
     int32_t index = blocks->free;
     unsigned char *block;
 
-    if (index == END) {
+    if (index == FREE_LIST_END) {
         blocks->refused++;
         return NULL;
     }
     blocks->free = blocks->next[index];
-    blocks->next[index] = IN_USE;
+    blocks->next[index] = BLOCK_IN_USE;
     blocks->used++;
     if (blocks->used > blocks->peak)
         blocks->peak = blocks->used;
@@ -256,7 +275,7 @@ cairn_status cairn_block_pool_give(cairn_block_pool *blocks, void *block)
     offset = (uintptr_t)block - (uintptr_t)blocks->blocks;
     index = offset / blocks->stride;
     if (index >= (size_t)blocks->count || offset % blocks->stride != 0 ||
-        blocks->next[index] != IN_USE)
+        blocks->next[index] != BLOCK_IN_USE)
         return CAIRN_BAD_ARGUMENT;
     blocks->next[index] = blocks->free;
     blocks->free = (int32_t)index;

@@ -1,3 +1,10 @@
+/* Pseudo-random numbers by PCG32.
+ *
+ * Method: a 64-bit linear congruential generator, of whose state a random rotation of the upper
+ * bits is the output (XSH-RR). Uniform integers by rejection.
+ *
+ * Source: O'Neill, PCG: a family of simple fast space-efficient statistically good algorithms for
+ * random number generation, 2014; Box and Muller 1958. */
 #include "src/core/build.h"
 
 #include "cairn/random.h"
@@ -16,10 +23,10 @@ uint32_t cairn_random_bits(cairn_random *random)
 {
     uint64_t old = random->state;
     uint32_t shifted = (uint32_t)((old >> 18 ^ old) >> 27);
-    uint32_t turn = (uint32_t)(old >> 59);
+    uint32_t rotation = (uint32_t)(old >> 59);
 
     random->state = old * UINT64_C(6364136223846793005) + random->increment;
-    return shifted >> turn | shifted << (-turn & 31);
+    return shifted >> rotation | shifted << (-rotation & 31);
 }
 
 cairn_real cairn_random_unit(cairn_random *random)
@@ -38,7 +45,8 @@ cairn_real cairn_random_uniform(cairn_random *random, cairn_real low, cairn_real
 {
     cairn_real x = low + (high - low) * cairn_random_unit(random);
 
-    return x < high || !(low < high) ? x : low; /* rounding may reach high */
+    /* Rounding may reach high. */
+    return x < high || !(low < high) ? x : low;
 }
 
 cairn_real cairn_random_normal(cairn_random *random)
@@ -55,7 +63,8 @@ int32_t cairn_random_below(cairn_random *random, int32_t count)
     if (count <= 0)
         return 0;
     range = (uint32_t)count;
-    threshold = (0u - range) % range; /* draws below it would favour small results */
+    /* Rejection of smaller draws removes the modulo bias. */
+    threshold = (0u - range) % range;
     do
         bits = cairn_random_bits(random);
     while (bits < threshold);

@@ -1,21 +1,27 @@
-/* Views and distance maps.
+/* Checks of raster views, and distance transforms.
  *
- * Method (Meijster, Roerdink and Hesselink 2000): a pass down and a pass up leave in each pixel the
- * distance g to the nearest match in its column. Then each row by itself: for L1 a pass to the
- * right and one to the left, d = min(d, d' + 1); for L2 the lower envelope of the parabolas (x -
- * i)^2 + g(i)^2, built from the left on a stack of columns i with the place from which each is the
- * lowest, and read off from the right. All in integers.
+ * Method (Meijster, Roerdink and Hesselink 2000), all in integers:
+ * 1. A pass down and a pass up leave in each pixel the distance g to the nearest match in its
+ *    column.
+ * 2. For each row and L1, a pass to the right and one to the left: d = min(d, d' + 1).
+ * 3. For each row and L2, the lower envelope of the parabolas (x - i)^2 + g(i)^2 is built from the
+ *    left, on a stack of columns i with the first x at which each is the lowest. The distances are
+ *    read off from the right.
  *
- * The passes go along rows, in order of the memory, and can stop after any pixel.
+ * The passes run along rows, in memory order, and can stop after any pixel.
  *
- * Limits: sides of at most 32768 keep (x - i)^2 + g^2 below 2^31. Columns without a match are
- * left out of the envelope, so CAIRN_DISTANCE_FAR enters no sum. */
+ * Limits: sides of at most 32768 keep (x - i)^2 + g^2 below 2^31. Columns without a match are not
+ * part of the envelope, so CAIRN_DISTANCE_FAR is never added to.
+ *
+ * Source: Meijster, Roerdink and Hesselink, A general algorithm for computing distance transforms
+ * in linear time, 2000; L1: Rosenfeld and Pfaltz 1966. */
 #include "src/core/build.h"
 
 #include "cairn/raster.h"
 
 /* ---- Views ---- */
 
+/* Checks a view of elements of `element` bytes. */
 static cairn_status check_view(const void *data, int32_t width, int32_t height, ptrdiff_t stride,
                                size_t element)
 {
@@ -50,28 +56,45 @@ cairn_status cairn_raster_real_check(cairn_raster_real_view view)
 
 /* ---- Distance maps ---- */
 
-enum { FAR = CAIRN_DISTANCE_FAR, OPERATIONS_PER_UNIT = 6 };
+/* Distance without a match, and operations per work unit. */
+enum { DISTANCE_FAR = CAIRN_DISTANCE_FAR, OPERATIONS_PER_UNIT = 6 };
 
-/* Passes in order of work; the row passes repeat for every row. */
-enum pass { DOWN, UP, ROW_RIGHT, ROW_LEFT, ROW_BUILD, ROW_READ, DONE };
-
-struct cairn_distance_map {
-    int32_t *column; /* [max_width] distances in the columns of the current row */
-    int32_t *stack;  /* [max_width] columns of the lower envelope */
-    int32_t *start;  /* [max_width] where each becomes the lowest */
-    cairn_distance_map_input input;
-    int32_t max_width;
-    int32_t pass;
-    int32_t x, y;   /* next pixel of the pass */
-    int32_t held;   /* columns on the stack */
-    int32_t credit; /* operations paid for */
+/* Passes, in order; the passes from PASS_RIGHT on repeat for every row. */
+enum pass {
+    PASS_DOWN,
+    PASS_UP,
+    PASS_RIGHT,
+    PASS_LEFT,
+    PASS_BUILD_ENVELOPE,
+    PASS_READ_ENVELOPE,
+    PASS_DONE
 };
 
-static int params_are_good(const cairn_distance_map_params *params)
+struct cairn_distance_map {
+    /* [max_width] Distances g in the columns of the current row, in pixels. */
+    int32_t *column;
+    /* [max_width] Columns of the lower envelope, a stack. */
+    int32_t *stack;
+    /* [max_width] First x at which each of them is the lowest. */
+    int32_t *start;
+    cairn_distance_map_input input;
+    int32_t max_width;
+    /* Current pass, and the next pixel of the pass. */
+    int32_t pass;
+    int32_t x, y;
+    /* Columns on the stack. */
+    int32_t stack_count;
+    /* Operations that are charged to the budget but not done yet. */
+    int32_t credit;
+};
+
+/* 1 when all params are in range. */
+static int params_are_valid(const cairn_distance_map_params *params)
 {
     return params != NULL && params->max_width >= 1 && params->max_width <= CAIRN_RASTER_MAX_SIDE;
 }
 
+/* Allocates the object and its arrays; NULL from a counting pool. */
 static cairn_distance_map *carve(cairn_pool *pool, const cairn_distance_map_params *params)
 {
     cairn_distance_map *map = cairn_pool_take_one(pool, sizeof *map);
@@ -91,7 +114,7 @@ size_t cairn_distance_map_memory(const cairn_distance_map_params *params)
 {
     cairn_pool counting;
 
-    if (!params_are_good(params))
+    if (!params_are_valid(params))
         return 0;
     cairn_pool_init_counting(&counting);
     (void)carve(&counting, params);
@@ -110,7 +133,7 @@ cairn_status cairn_distance_map_create(cairn_distance_map **map, cairn_pool *poo
         return CAIRN_NO_MEMORY;
     made = carve(pool, params);
     made->max_width = params->max_width;
-    made->pass = DONE;
+    made->pass = PASS_DONE;
     *map = made;
     return CAIRN_OK;
 }
@@ -127,24 +150,27 @@ cairn_status cairn_distance_map_begin(cairn_distance_map *map,
     if (input->pixels.width > map->max_width)
         return CAIRN_FULL;
     map->input = *input;
-    map->pass = DOWN;
+    map->pass = PASS_DOWN;
     map->x = map->y = 0;
-    map->held = 0;
+    map->stack_count = 0;
     map->credit = 0;
     return CAIRN_OK;
 }
 
+/* Row y of the distances. */
 static int32_t *distance_row(const cairn_distance_map *map, int32_t y)
 {
     return map->input.distances.data + y * map->input.distances.stride;
 }
 
-static int32_t one_more(int32_t distance)
+/* distance + 1; DISTANCE_FAR stays. */
+static int32_t plus_one(int32_t distance)
 {
-    return distance == FAR ? FAR : distance + 1;
+    return distance == DISTANCE_FAR ? DISTANCE_FAR : distance + 1;
 }
 
-static void pass_down(cairn_distance_map *map, int32_t end)
+/* Pass down, pixels x ... end - 1: distance to the nearest match above in the column. */
+static void run_down(cairn_distance_map *map, int32_t end)
 {
     const uint8_t *pixel = map->input.pixels.data + map->y * map->input.pixels.stride;
     int32_t *d = distance_row(map, map->y);
@@ -154,37 +180,39 @@ static void pass_down(cairn_distance_map *map, int32_t end)
         if ((pixel[x] & map->input.mask) == map->input.match)
             d[x] = 0;
         else
-            d[x] = above == NULL ? FAR : one_more(above[x]);
+            d[x] = above == NULL ? DISTANCE_FAR : plus_one(above[x]);
     }
 }
 
-static void pass_up(cairn_distance_map *map, int32_t end)
+/* Pass up: distance to the nearest match in the column. */
+static void run_up(cairn_distance_map *map, int32_t end)
 {
     int32_t *d = distance_row(map, map->y);
     const int32_t *below = distance_row(map, map->y + 1);
 
     for (int32_t x = map->x; x < end; x++)
-        if (one_more(below[x]) < d[x])
+        if (plus_one(below[x]) < d[x])
             d[x] = below[x] + 1;
 }
 
-static void pass_right(cairn_distance_map *map, int32_t end)
+/* L1 pass to the right. */
+static void run_right(cairn_distance_map *map, int32_t end)
 {
     int32_t *d = distance_row(map, map->y);
 
     for (int32_t x = map->x > 0 ? map->x : 1; x < end; x++)
-        if (one_more(d[x - 1]) < d[x])
+        if (plus_one(d[x - 1]) < d[x])
             d[x] = d[x - 1] + 1;
 }
 
-/* Columns counted from the right. */
-static void pass_left(cairn_distance_map *map, int32_t end)
+/* L1 pass to the left; x counts columns from the right. */
+static void run_left(cairn_distance_map *map, int32_t end)
 {
     int32_t last = map->input.pixels.width - 1;
     int32_t *d = distance_row(map, map->y);
 
     for (int32_t x = map->x > 0 ? map->x : 1; x < end; x++)
-        if (one_more(d[last - x + 1]) < d[last - x])
+        if (plus_one(d[last - x + 1]) < d[last - x])
             d[last - x] = d[last - x + 1] + 1;
 }
 
@@ -194,90 +222,91 @@ static int32_t parabola(const cairn_distance_map *map, int32_t x, int32_t i)
     return (x - i) * (x - i) + map->column[i] * map->column[i];
 }
 
-/* At most `operations` pushes, pops and skips of the envelope; returns how many are left. */
+/* Builds the lower envelope by at most `operations` pushes, pops and skips. Returns the operations
+ * left. */
 static int64_t build_envelope(cairn_distance_map *map, int64_t operations)
 {
     const int32_t *d = distance_row(map, map->y);
     int32_t width = map->input.pixels.width;
 
     for (; map->x < width && operations > 0; operations--) {
-        int32_t x = map->x, top = map->held - 1, i;
+        int32_t x = map->x, top = map->stack_count - 1, i;
 
         map->column[x] = d[x];
-        if (d[x] == FAR) {
+        if (d[x] == DISTANCE_FAR) {
             map->x++;
             continue;
         }
-        if (map->held == 0) {
+        if (map->stack_count == 0) {
             map->stack[0] = x;
             map->start[0] = 0;
-            map->held++;
+            map->stack_count++;
             map->x++;
             continue;
         }
         i = map->stack[top];
         if (parabola(map, map->start[top], i) > parabola(map, map->start[top], x)) {
-            map->held--;
+            map->stack_count--;
             continue;
         }
-        /* x is at or above i at start[top]: the last place where it still is lies there or to
-         * the right, not below 0. */
+        /* The parabola of x is at or above that of i at start[top], so their intersection lies
+         * there or to the right, not below 0. */
         i = (x * x - i * i + d[x] * d[x] - map->column[i] * map->column[i]) / (2 * (x - i)) + 1;
         if (i < width) {
-            map->stack[map->held] = x;
-            map->start[map->held] = i;
-            map->held++;
+            map->stack[map->stack_count] = x;
+            map->start[map->stack_count] = i;
+            map->stack_count++;
         }
         map->x++;
     }
     return operations;
 }
 
-/* Columns counted from the right. */
+/* Reads the distances off the lower envelope; x counts columns from the right. */
 static void read_envelope(cairn_distance_map *map, int32_t end)
 {
     int32_t last = map->input.pixels.width - 1;
     int32_t *d = distance_row(map, map->y);
 
     for (int32_t x = map->x; x < end; x++) {
-        if (map->held == 0) {
-            d[last - x] = FAR;
+        if (map->stack_count == 0) {
+            d[last - x] = DISTANCE_FAR;
             continue;
         }
-        d[last - x] = parabola(map, last - x, map->stack[map->held - 1]);
-        if (last - x == map->start[map->held - 1])
-            map->held--;
+        d[last - x] = parabola(map, last - x, map->stack[map->stack_count - 1]);
+        if (last - x == map->start[map->stack_count - 1])
+            map->stack_count--;
     }
 }
 
-/* After the last pixel of a row: the next row of the pass, or the next pass. */
+/* Starts the next row of the pass, or the next pass, after the last pixel of a row. */
 static void next_row(cairn_distance_map *map)
 {
     int32_t height = map->input.pixels.height;
-    int32_t first = map->input.metric == CAIRN_DISTANCE_L1 ? ROW_RIGHT : ROW_BUILD;
+    int32_t first = map->input.metric == CAIRN_DISTANCE_L1 ? PASS_RIGHT : PASS_BUILD_ENVELOPE;
 
     map->x = 0;
     switch (map->pass) {
-    case DOWN:
+    case PASS_DOWN:
         map->y++;
         if (map->y == height) {
             map->y = height - 2;
-            map->pass = UP;
+            map->pass = PASS_UP;
         }
         break;
-    case UP:
+    case PASS_UP:
         map->y--;
         break;
-    case ROW_RIGHT:
-    case ROW_BUILD:
+    case PASS_RIGHT:
+    case PASS_BUILD_ENVELOPE:
         map->pass++;
         break;
     default:
         map->y++;
-        map->pass = map->y == height ? DONE : first;
+        map->pass = map->y == height ? PASS_DONE : first;
         break;
     }
-    if (map->pass == UP && map->y < 0) {
+    if (map->pass == PASS_UP && map->y < 0) {
         map->y = 0;
         map->pass = first;
     }
@@ -285,7 +314,7 @@ static void next_row(cairn_distance_map *map)
 
 cairn_status cairn_distance_map_step(cairn_distance_map *map, cairn_budget *budget)
 {
-    while (map->pass != DONE) {
+    while (map->pass != PASS_DONE) {
         int32_t width = map->input.pixels.width;
         int64_t affordable =
             budget->left > 0 ? map->credit + (int64_t)budget->left * OPERATIONS_PER_UNIT : 0;
@@ -297,19 +326,19 @@ cairn_status cairn_distance_map_step(cairn_distance_map *map, cairn_budget *budg
         end = affordable < width - map->x ? map->x + (int32_t)affordable : width;
         used = end - map->x;
         switch (map->pass) {
-        case DOWN:
-            pass_down(map, end);
+        case PASS_DOWN:
+            run_down(map, end);
             break;
-        case UP:
-            pass_up(map, end);
+        case PASS_UP:
+            run_up(map, end);
             break;
-        case ROW_RIGHT:
-            pass_right(map, end);
+        case PASS_RIGHT:
+            run_right(map, end);
             break;
-        case ROW_LEFT:
-            pass_left(map, end);
+        case PASS_LEFT:
+            run_left(map, end);
             break;
-        case ROW_BUILD:
+        case PASS_BUILD_ENVELOPE:
             used = affordable - build_envelope(map, affordable);
             end = map->x;
             break;

@@ -1,15 +1,18 @@
-/* Rectangles from segments: the object, and the merging of segments to sides.
+/* Rectangles from segments: the object, the merging of segments into sides, and pairs of sides.
  *
- * Method: the longest segment first, each joins the side that it fits best, which is then the
- * regression of both, or begins a side of its own. Sides sorted by slope give the pairs that face
- * each other, pairs sorted by slope those that stand on each other; of these only what can reach
- * the least cover is laid out as a rectangle and measured with the segments themselves
- * (rectangle_match.c).
+ * Method:
+ * 1. The segments are sorted by length. The longest first, each is merged into the closest
+ *    collinear side, which becomes the regression of both, or starts a new side.
+ * 2. The sides are sorted by slope. Nearly parallel sides that face each other make pairs.
+ * 3. The pairs are sorted by slope. Two nearly perpendicular pairs whose sides extend far enough
+ *    make a candidate, whose coverage by the segments is measured (rectangle_match.c).
+ * 4. Non-maximum suppression among the rectangles.
  *
- * Layout: an order of the segments, first by length, then by side; the side of each; sides and
- * pairs with their orders; two lists of rectangles, one in work, one that readers see.
+ * Layout: an order of the segments, first by length, then by side; the side of each segment; sides
+ * and pairs with their orders; two lists of rectangles, one of the search that runs and one of the
+ * last result.
  *
- * Limits: a side is one line; segments that bend away from it begin another.
+ * Limits: a side is straight; segments that bend away from a side start another one.
  *
  * Source: Lagunovsky and Ablameyko 1997; Lakaemper and Latecki 2006; Adluru 2008, section 8.4.2. */
 #include "src/core/build.h"
@@ -19,7 +22,8 @@
 #include "cairn/line.h"
 #include "src/core/rectangle_work.h"
 
-#define LIMIT CAIRN_REAL(1e6)
+/* Largest absolute coordinate and length, in m. */
+#define MAX_MAGNITUDE CAIRN_REAL(1e6)
 
 cairn_rectangle_params cairn_rectangle_default(void)
 {
@@ -41,65 +45,73 @@ cairn_rectangle_params cairn_rectangle_default(void)
     return params;
 }
 
-static int is_count(int32_t count, int32_t most)
+/* 1 for a capacity in range. */
+static int is_count(int32_t count, int32_t max)
 {
-    return count >= 1 && count <= most;
+    return count >= 1 && count <= max;
 }
 
+/* 1 for a length in m that is allowed. */
 static int is_length(cairn_real x)
 {
-    return x > 0 && x <= LIMIT;
+    return x > 0 && x <= MAX_MAGNITUDE;
 }
 
+/* 1 for an angle in rad that is allowed. */
 static int is_angle(cairn_real x)
 {
     return x > 0 && x < CAIRN_PI / 4;
 }
 
+/* 1 for a fraction. */
 static int is_share(cairn_real x)
 {
     return x >= 0 && x <= 1;
 }
 
-static int params_are_valid(const cairn_rectangle_params *p)
+/* 1 when all params are in range. */
+static int params_are_valid(const cairn_rectangle_params *params)
 {
-    return p != NULL && is_count(p->max_segments, 1 << 20) && is_count(p->max_sides, 1 << 16) &&
-           is_count(p->max_pairs, 1 << 20) && is_count(p->max_rectangles, 256) &&
-           is_length(p->merge_distance) && is_angle(p->merge_angle) && p->merge_gap >= 0 &&
-           p->merge_gap <= LIMIT && is_angle(p->angle) && is_length(p->min_side) &&
-           is_share(p->least_side) && is_share(p->least_covered) && is_length(p->separation);
+    return params != NULL && is_count(params->max_segments, 1 << 20) &&
+           is_count(params->max_sides, 1 << 16) && is_count(params->max_pairs, 1 << 20) &&
+           is_count(params->max_rectangles, 256) && is_length(params->merge_distance) &&
+           is_angle(params->merge_angle) && params->merge_gap >= 0 &&
+           params->merge_gap <= MAX_MAGNITUDE && is_angle(params->angle) &&
+           is_length(params->min_side) && is_share(params->least_side) &&
+           is_share(params->least_covered) && is_length(params->separation);
 }
 
+/* Allocates the object and its arrays; NULL from a counting pool. */
 static cairn_rectangle_set *carve(cairn_pool *pool, const cairn_rectangle_params *params)
 {
     size_t segments = (size_t)params->max_segments, sides = (size_t)params->max_sides;
     size_t pairs = (size_t)params->max_pairs, rectangles = (size_t)params->max_rectangles;
     cairn_rectangle_set *set = cairn_pool_take_one(pool, sizeof *set);
     int32_t *order = cairn_pool_take(pool, segments, sizeof *order);
-    int32_t *member = cairn_pool_take(pool, segments, sizeof *member);
-    cairn_real *key = cairn_pool_take(pool, segments, sizeof *key);
-    side *side_array = cairn_pool_take(pool, sides, sizeof *side_array);
+    int32_t *side_of_segment = cairn_pool_take(pool, segments, sizeof *side_of_segment);
+    cairn_real *length_key = cairn_pool_take(pool, segments, sizeof *length_key);
+    rectangle_side *sides_array = cairn_pool_take(pool, sides, sizeof *sides_array);
     int32_t *side_order = cairn_pool_take(pool, sides, sizeof *side_order);
     cairn_real *side_key = cairn_pool_take(pool, sides, sizeof *side_key);
-    pair *pair_array = cairn_pool_take(pool, pairs, sizeof *pair_array);
+    rectangle_pair *pair_array = cairn_pool_take(pool, pairs, sizeof *pair_array);
     int32_t *pair_order = cairn_pool_take(pool, pairs, sizeof *pair_order);
     cairn_real *pair_key = cairn_pool_take(pool, pairs, sizeof *pair_key);
-    cairn_rectangle *list = cairn_pool_take(pool, rectangles, sizeof *list);
-    cairn_rectangle *done = cairn_pool_take(pool, rectangles, sizeof *done);
+    cairn_rectangle *found = cairn_pool_take(pool, rectangles, sizeof *found);
+    cairn_rectangle *result = cairn_pool_take(pool, rectangles, sizeof *result);
 
     if (set != NULL) {
         memset(set, 0, sizeof *set);
         set->order = order;
-        set->member = member;
-        set->key = key;
-        set->sides = side_array;
+        set->side_of_segment = side_of_segment;
+        set->length_key = length_key;
+        set->sides = sides_array;
         set->side_order = side_order;
         set->side_key = side_key;
         set->pairs = pair_array;
         set->pair_order = pair_order;
         set->pair_key = pair_key;
-        set->list = list;
-        set->done = done;
+        set->found = found;
+        set->result = result;
     }
     return set;
 }
@@ -127,8 +139,8 @@ cairn_status cairn_rectangle_create(cairn_rectangle_set **set, cairn_pool *pool,
         return CAIRN_NO_MEMORY;
     made = carve(pool, params);
     made->params = *params;
-    made->sine_merge = cairn_sin(params->merge_angle);
-    made->sine_angle = cairn_sin(params->angle);
+    made->sine_merge_angle = cairn_sin(params->merge_angle);
+    made->sine_max_angle_error = cairn_sin(params->angle);
     *set = made;
     return CAIRN_OK;
 }
@@ -142,93 +154,98 @@ cairn_status cairn_rectangle_begin(cairn_rectangle_set *set, const cairn_segment
         return CAIRN_FULL;
     set->segments = segments;
     set->segment_count = count;
-    set->ordered = 0;
+    set->ordered_count = 0;
     set->side_count = 0;
     set->pair_count = 0;
-    set->list_count = 0;
-    set->dropped = 0;
+    set->found_count = 0;
+    set->found_dropped = 0;
     set->cursor = 0;
     set->best = -1;
-    set->is_open = 0;
+    set->has_candidate = 0;
     set->phase = RECTANGLE_LENGTHS;
     return CAIRN_OK;
 }
 
 /* ---- Sorting ---- */
 
-static sorter sort_begin(int32_t *index, const cairn_real *key, int32_t count)
+/* Starts a sort. */
+static rectangle_sorter begin_sort(int32_t *index, const cairn_real *key, int32_t count)
 {
-    sorter s = {index, key, count, count / 2, count};
+    rectangle_sorter sorter = {index, key, count, count / 2, count};
 
-    return s;
+    return sorter;
 }
 
-static int comes_first(const sorter *s, int32_t a, int32_t b)
+/* 1 when a comes before b in the sorted order. */
+static int comes_before(const rectangle_sorter *sorter, int32_t a, int32_t b)
 {
-    return s->key[a] < s->key[b] || (!(s->key[b] < s->key[a]) && a < b);
+    return sorter->key[a] < sorter->key[b] || (!(sorter->key[b] < sorter->key[a]) && a < b);
 }
 
-/* Lets index[hole] sink in the heap index[0 ... end-1], whose parents come last. */
-static void sink(sorter *s, int32_t hole, int32_t end)
+/* Sifts index[hole] down in the heap index[0 ... end-1], in which parents come after children in
+ * the sorted order. */
+static void sift_down(rectangle_sorter *sorter, int32_t hole, int32_t end)
 {
-    int32_t sinking = s->index[hole];
+    int32_t sifted = sorter->index[hole];
 
     for (;;) {
         int32_t child = 2 * hole + 1;
 
         if (child >= end)
             break;
-        if (child + 1 < end && comes_first(s, s->index[child], s->index[child + 1]))
+        if (child + 1 < end && comes_before(sorter, sorter->index[child], sorter->index[child + 1]))
             child++;
-        if (!comes_first(s, sinking, s->index[child]))
+        if (!comes_before(sorter, sifted, sorter->index[child]))
             break;
-        s->index[hole] = s->index[child];
+        sorter->index[hole] = sorter->index[child];
         hole = child;
     }
-    s->index[hole] = sinking;
+    sorter->index[hole] = sifted;
 }
 
-/* Three units are a way through a heap of a million. */
-static cairn_status step_sort(sorter *s, int32_t *paid, cairn_budget *budget)
+/* Works on the sort: 3 units per sift, the cost in a heap of a million. */
+static cairn_status step_sort(rectangle_sorter *sorter, int32_t *charged, cairn_budget *budget)
 {
-    while (s->build > 0) {
-        if (!cairn_budget_pay(budget, paid, 3))
+    while (sorter->build > 0) {
+        if (!cairn_budget_pay(budget, charged, 3))
             return CAIRN_MORE;
-        s->build--;
-        sink(s, s->build, s->count);
+        sorter->build--;
+        sift_down(sorter, sorter->build, sorter->count);
     }
-    while (s->end > 1) {
+    while (sorter->end > 1) {
         int32_t last;
 
-        if (!cairn_budget_pay(budget, paid, 3))
+        if (!cairn_budget_pay(budget, charged, 3))
             return CAIRN_MORE;
-        s->end--;
-        last = s->index[0];
-        s->index[0] = s->index[s->end];
-        s->index[s->end] = last;
-        sink(s, 0, s->end);
+        sorter->end--;
+        last = sorter->index[0];
+        sorter->index[0] = sorter->index[sorter->end];
+        sorter->index[sorter->end] = last;
+        sift_down(sorter, 0, sorter->end);
     }
     return CAIRN_OK;
 }
 
-/* ---- Merging segments to sides ---- */
+/* ---- Merging of segments into sides ---- */
 
-static cairn_status check(cairn_segment s)
+/* CAIRN_OK when a segment is in range. */
+static cairn_status check_segment(cairn_segment segment)
 {
-    if (!cairn_is_finite(s.a.x) || !cairn_is_finite(s.a.y) || !cairn_is_finite(s.b.x) ||
-        !cairn_is_finite(s.b.y))
+    if (!cairn_is_finite(segment.a.x) || !cairn_is_finite(segment.a.y) ||
+        !cairn_is_finite(segment.b.x) || !cairn_is_finite(segment.b.y))
         return CAIRN_NOT_FINITE;
-    if (cairn_abs(s.a.x) > LIMIT || cairn_abs(s.a.y) > LIMIT || cairn_abs(s.b.x) > LIMIT ||
-        cairn_abs(s.b.y) > LIMIT)
+    if (cairn_abs(segment.a.x) > MAX_MAGNITUDE || cairn_abs(segment.a.y) > MAX_MAGNITUDE ||
+        cairn_abs(segment.b.x) > MAX_MAGNITUDE || cairn_abs(segment.b.y) > MAX_MAGNITUDE)
         return CAIRN_BAD_ARGUMENT;
     return CAIRN_OK;
 }
 
+/* Phase LENGTHS: checks the segments and computes their lengths. */
 static cairn_status step_lengths(cairn_rectangle_set *set, cairn_budget *budget)
 {
     for (; set->cursor < set->segment_count; set->cursor++) {
         cairn_segment segment = set->segments[set->cursor];
-        cairn_status status = check(segment);
+        cairn_status status = check_segment(segment);
         cairn_real length;
 
         if (status != CAIRN_OK)
@@ -237,150 +254,160 @@ static cairn_status step_lengths(cairn_rectangle_set *set, cairn_budget *budget)
             return CAIRN_MORE;
         budget->left--;
         length = cairn_segment_length(segment);
-        set->key[set->cursor] = -length;
-        set->member[set->cursor] = -1;
+        set->length_key[set->cursor] = -length;
+        set->side_of_segment[set->cursor] = -1;
         if (length > 0)
-            set->order[set->ordered++] = set->cursor;
+            set->order[set->ordered_count++] = set->cursor;
     }
     return CAIRN_OK;
 }
 
-/* How far a segment is from a side's line; beyond merge_distance when it does not belong to it. */
-static cairn_real misfit(const cairn_rectangle_set *set, const side *s, cairn_segment segment)
+/* Distance in m of a segment's farther end from the line of a side; CAIRN_REAL_MAX when the
+ * direction or the gap excludes merging. */
+static cairn_real distance_to_side(const cairn_rectangle_set *set, const rectangle_side *side,
+                                   cairn_segment segment)
 {
-    cairn_vec2 a = cairn_vec2_sub(segment.a, s->segment.a),
-               b = cairn_vec2_sub(segment.b, s->segment.a);
+    cairn_vec2 a = cairn_vec2_sub(segment.a, side->segment.a),
+               b = cairn_vec2_sub(segment.b, side->segment.a);
     cairn_vec2 run = cairn_vec2_sub(b, a);
-    cairn_real length = cairn_vec2_norm(run), along = cairn_vec2_dot(s->direction, run);
-    cairn_real from = cairn_vec2_dot(s->direction, a), to = cairn_vec2_dot(s->direction, b);
-    cairn_real extent = cairn_vec2_dot(s->direction, cairn_vec2_sub(s->segment.b, s->segment.a));
+    cairn_real length = cairn_vec2_norm(run), along = cairn_vec2_dot(side->direction, run);
+    cairn_real from = cairn_vec2_dot(side->direction, a), to = cairn_vec2_dot(side->direction, b);
+    cairn_real extent =
+        cairn_vec2_dot(side->direction, cairn_vec2_sub(side->segment.b, side->segment.a));
     cairn_real gap = cairn_max(cairn_min(from, to) - extent, -cairn_max(from, to));
 
-    if (cairn_abs(cairn_vec2_cross(s->direction, run)) > set->sine_merge * length ||
+    if (cairn_abs(cairn_vec2_cross(side->direction, run)) > set->sine_merge_angle * length ||
         gap > set->params.merge_gap || (set->params.oriented && along < 0))
         return CAIRN_REAL_MAX;
-    return cairn_max(cairn_abs(cairn_vec2_cross(s->direction, a)),
-                     cairn_abs(cairn_vec2_cross(s->direction, b)));
+    return cairn_max(cairn_abs(cairn_vec2_cross(side->direction, a)),
+                     cairn_abs(cairn_vec2_cross(side->direction, b)));
 }
 
-static void set_segment(side *s, cairn_segment segment)
+/* Sets segment and direction of a side. */
+static void set_segment(rectangle_side *side, cairn_segment segment)
 {
-    s->segment = segment;
-    s->direction = cairn_vec2_unit(cairn_vec2_sub(segment.b, segment.a));
+    side->segment = segment;
+    side->direction = cairn_vec2_unit(cairn_vec2_sub(segment.b, segment.a));
 }
 
-static void join(cairn_rectangle_set *set, int32_t segment, int32_t to)
+/* Merges a segment into a side. */
+static void merge_into_side(cairn_rectangle_set *set, int32_t segment, int32_t side_index)
 {
-    side *s = &set->sides[to];
-    cairn_real length = -set->key[segment];
-    cairn_segment merged = s->segment;
+    rectangle_side *side = &set->sides[side_index];
+    cairn_real length = -set->length_key[segment];
+    cairn_segment merged = side->segment;
     cairn_status status =
-        cairn_segment_merge(s->segment, s->mass, set->segments[segment], length, &merged);
+        cairn_segment_merge(side->segment, side->mass, set->segments[segment], length, &merged);
 
     CAIRN_ASSERT(status == CAIRN_OK);
     (void)status;
-    set_segment(s, merged);
-    s->mass += length;
-    s->count++;
-    set->member[segment] = to;
+    set_segment(side, merged);
+    side->mass += length;
+    side->count++;
+    set->side_of_segment[segment] = side_index;
 }
 
+/* Starts a new side with a segment. */
 static void begin_side(cairn_rectangle_set *set, int32_t segment)
 {
-    side *s = &set->sides[set->side_count];
+    rectangle_side *side = &set->sides[set->side_count];
 
     if (set->side_count == set->params.max_sides) {
-        set->dropped++;
+        set->found_dropped++;
         return;
     }
-    set_segment(s, set->segments[segment]);
-    s->mass = -set->key[segment];
-    s->count = 1;
-    set->member[segment] = set->side_count++;
+    set_segment(side, set->segments[segment]);
+    side->mass = -set->length_key[segment];
+    side->count = 1;
+    set->side_of_segment[segment] = set->side_count++;
 }
 
+/* Phase MERGE: merges every segment into the closest side, or starts a new side. */
 static cairn_status step_merge(cairn_rectangle_set *set, cairn_budget *budget)
 {
-    while (set->cursor < set->ordered) {
+    while (set->cursor < set->ordered_count) {
         int32_t segment = set->order[set->cursor];
 
         if (budget->left <= 0)
             return CAIRN_MORE;
         budget->left--;
-        for (int32_t i = 0; i < 2 && set->against < set->side_count; i++, set->against++) {
-            cairn_real distance = misfit(set, &set->sides[set->against], set->segments[segment]);
+        for (int32_t i = 0; i < 2 && set->compared < set->side_count; i++, set->compared++) {
+            cairn_real distance =
+                distance_to_side(set, &set->sides[set->compared], set->segments[segment]);
 
             if (distance < set->params.merge_distance &&
                 (set->best < 0 || distance < set->best_distance)) {
-                set->best = set->against;
+                set->best = set->compared;
                 set->best_distance = distance;
             }
         }
-        if (set->against < set->side_count)
+        if (set->compared < set->side_count)
             continue;
         if (set->best >= 0)
-            join(set, segment, set->best);
+            merge_into_side(set, segment, set->best);
         else
             begin_side(set, segment);
         set->best = -1;
-        set->against = 0;
+        set->compared = 0;
         set->cursor++;
     }
     return CAIRN_OK;
 }
 
-/* The segments in the order of their sides, and the sides' slopes. */
+/* Phase MEMBERS: slopes of the sides, and the segments in the order of their sides. */
 static cairn_status step_members(cairn_rectangle_set *set, cairn_budget *budget)
 {
-    for (; set->against < set->side_count; set->against++) {
-        side *s = &set->sides[set->against];
+    for (; set->compared < set->side_count; set->compared++) {
+        rectangle_side *side = &set->sides[set->compared];
 
         if (budget->left <= 0)
             return CAIRN_MORE;
         budget->left--;
-        s->first = set->against > 0 ? s[-1].first + s[-1].count : 0;
-        s->slope = cairn_atan2(s->direction.y, s->direction.x);
-        s->slope = s->slope < 0 ? s->slope + CAIRN_PI : s->slope;
-        s->slope = s->slope >= CAIRN_PI ? s->slope - CAIRN_PI : s->slope;
-        set->side_key[set->against] = s->slope;
-        set->side_order[set->against] = set->against;
+        side->first = set->compared > 0 ? side[-1].first + side[-1].count : 0;
+        side->slope = cairn_atan2(side->direction.y, side->direction.x);
+        side->slope = side->slope < 0 ? side->slope + CAIRN_PI : side->slope;
+        side->slope = side->slope >= CAIRN_PI ? side->slope - CAIRN_PI : side->slope;
+        set->side_key[set->compared] = side->slope;
+        set->side_order[set->compared] = set->compared;
     }
     for (; set->cursor < set->segment_count; set->cursor++) {
-        int32_t to = set->member[set->cursor];
+        int32_t side_index = set->side_of_segment[set->cursor];
 
         if (budget->left <= 0)
             return CAIRN_MORE;
         budget->left--;
-        if (to >= 0)
-            set->order[set->sides[to].first++] = set->cursor;
+        if (side_index >= 0)
+            set->order[set->sides[side_index].first++] = set->cursor;
     }
     return CAIRN_OK;
 }
 
 /* ---- Pairs ---- */
 
-/* Every side with those that come after it in the order of slopes, around, as long as they are
- * near to parallel. */
+/* Phase PAIRS: pairs every side with the following sides in the cyclic order of slopes that are
+ * nearly parallel. */
 static cairn_status step_pairs(cairn_rectangle_set *set, cairn_budget *budget)
 {
     while (set->cursor < set->side_count) {
-        const side *s = &set->sides[set->side_order[set->cursor]];
+        const rectangle_side *side = &set->sides[set->side_order[set->cursor]];
         int32_t is_last = 0;
 
         if (budget->left <= 0)
             return CAIRN_MORE;
         budget->left--;
         for (int32_t i = 0; i < 4 && !is_last; i++) {
-            int32_t place = set->cursor + ++set->against,
-                    next = set->side_order[place % set->side_count];
-            pair made;
+            int32_t position = set->cursor + ++set->compared,
+                    next = set->side_order[position % set->side_count];
+            rectangle_pair made;
 
-            is_last = (place >= set->side_count && set->sides[next].slope >= s->slope) ||
-                      cairn_rectangle_turn(set->sides[next].slope, s->slope) > set->params.angle;
-            if (is_last || !cairn_rectangle_pair(set, set->side_order[set->cursor], next, &made))
+            is_last = (position >= set->side_count && set->sides[next].slope >= side->slope) ||
+                      cairn_rectangle_angle_difference(set->sides[next].slope, side->slope) >
+                          set->params.angle;
+            if (is_last ||
+                !cairn_rectangle_make_pair(set, set->side_order[set->cursor], next, &made))
                 continue;
             if (set->pair_count == set->params.max_pairs) {
-                set->dropped++;
+                set->found_dropped++;
                 continue;
             }
             set->pair_key[set->pair_count] = made.slope;
@@ -389,28 +416,29 @@ static cairn_status step_pairs(cairn_rectangle_set *set, cairn_budget *budget)
         }
         if (is_last) {
             set->cursor++;
-            set->against = 0;
+            set->compared = 0;
         }
     }
     return CAIRN_OK;
 }
 
-/* ---- The search ---- */
+/* ---- Search ---- */
 
-/* What a phase needs at its begin. */
+/* Initializes the phase that starts. */
 static void begin_phase(cairn_rectangle_set *set)
 {
     set->cursor = 0;
-    set->against = 0;
-    set->paid = 0;
+    set->compared = 0;
+    set->charged = 0;
     if (set->phase == RECTANGLE_BY_LENGTH)
-        set->sort = sort_begin(set->order, set->key, set->ordered);
+        set->sort = begin_sort(set->order, set->length_key, set->ordered_count);
     else if (set->phase == RECTANGLE_BY_SLOPE)
-        set->sort = sort_begin(set->side_order, set->side_key, set->side_count);
+        set->sort = begin_sort(set->side_order, set->side_key, set->side_count);
     else if (set->phase == RECTANGLE_BY_PAIR_SLOPE)
-        set->sort = sort_begin(set->pair_order, set->pair_key, set->pair_count);
+        set->sort = begin_sort(set->pair_order, set->pair_key, set->pair_count);
 }
 
+/* Works on the current phase. CAIRN_OK: the phase has ended. */
 static cairn_status step_phase(cairn_rectangle_set *set, cairn_budget *budget)
 {
     switch (set->phase) {
@@ -425,18 +453,19 @@ static cairn_status step_phase(cairn_rectangle_set *set, cairn_budget *budget)
     case RECTANGLE_MATCH:
         return cairn_rectangle_match(set, budget);
     default:
-        return step_sort(&set->sort, &set->paid, budget);
+        return step_sort(&set->sort, &set->charged, budget);
     }
 }
 
-static void finish(cairn_rectangle_set *set)
+/* Makes the rectangles found the result. */
+static void publish_result(cairn_rectangle_set *set)
 {
-    cairn_rectangle *list = set->done;
+    cairn_rectangle *list = set->result;
 
-    set->done = set->list;
-    set->done_count = set->list_count;
-    set->done_dropped = set->dropped;
-    set->list = list;
+    set->result = set->found;
+    set->result_count = set->found_count;
+    set->result_dropped = set->found_dropped;
+    set->found = list;
 }
 
 cairn_status cairn_rectangle_step(cairn_rectangle_set *set, cairn_budget *budget)
@@ -453,7 +482,7 @@ cairn_status cairn_rectangle_step(cairn_rectangle_set *set, cairn_budget *budget
             return status;
         }
         if (set->phase == RECTANGLE_MATCH)
-            finish(set);
+            publish_result(set);
         set->phase = set->phase == RECTANGLE_MATCH ? RECTANGLE_IDLE : set->phase + 1;
         begin_phase(set);
     }
@@ -462,13 +491,13 @@ cairn_status cairn_rectangle_step(cairn_rectangle_set *set, cairn_budget *budget
 
 const cairn_rectangle *cairn_rectangle_list(const cairn_rectangle_set *set, int32_t *count)
 {
-    *count = set->done_count;
-    return set->done;
+    *count = set->result_count;
+    return set->result;
 }
 
 int32_t cairn_rectangle_dropped(const cairn_rectangle_set *set)
 {
-    return set->done_dropped;
+    return set->result_dropped;
 }
 
 void cairn_rectangle_corners(const cairn_rectangle *rectangle, cairn_vec2 corners[4])

@@ -1,36 +1,45 @@
-/* Pairs of sides, pairs of pairs, and how much of the rectangle that they make is covered. */
+/* Rectangles from pairs of sides: matching, coverage, score and suppression.
+ *
+ * Method:
+ * 1. Two pairs of perpendicular slopes and the same kind give a rectangle through the lines of the
+ *    four sides.
+ * 2. Candidates whose sides are too short for the least coverage are rejected early.
+ * 3. The segments mark the positions of each side that they cover.
+ * 4. The score is the coverage of the outline, reduced by the angular deviation; duplicates of
+ *    lower score are suppressed. */
 #include "src/core/build.h"
 
 #include <string.h>
 
 #include "src/core/rectangle_work.h"
 
-/* ---- A pair: two sides that face each other ---- */
+/* ---- Pairs of sides ---- */
 
-static cairn_vec2 middle_of(cairn_segment s)
+/* Midpoint of a segment, in m. */
+static cairn_vec2 midpoint(cairn_segment segment)
 {
-    return cairn_vec2_scale(cairn_vec2_add(s.a, s.b), CAIRN_REAL(0.5));
+    return cairn_vec2_scale(cairn_vec2_add(segment.a, segment.b), CAIRN_REAL(0.5));
 }
 
-/* d, or its opposite when that is nearer to `like`. */
-static cairn_vec2 turned_like(cairn_vec2 d, cairn_vec2 like)
+/* d or -d, whichever has a nonnegative dot product with `like`. */
+static cairn_vec2 oriented_like(cairn_vec2 d, cairn_vec2 like)
 {
     return cairn_vec2_dot(d, like) < 0 ? cairn_vec2_scale(d, -1) : d;
 }
 
-int cairn_rectangle_pair(const struct cairn_rectangle_set *set, int32_t first, int32_t second,
-                         pair *made)
+int cairn_rectangle_make_pair(const struct cairn_rectangle_set *set, int32_t first, int32_t second,
+                              rectangle_pair *made)
 {
-    const side *s = &set->sides[first], *t = &set->sides[second];
-    cairn_vec2 u =
-        cairn_vec2_unit(cairn_vec2_add(s->direction, turned_like(t->direction, s->direction)));
+    const rectangle_side *side = &set->sides[first], *other = &set->sides[second];
+    cairn_vec2 u = cairn_vec2_unit(
+        cairn_vec2_add(side->direction, oriented_like(other->direction, side->direction)));
     cairn_vec2 across = cairn_vec2_left(u),
-               to = cairn_vec2_sub(middle_of(t->segment), middle_of(s->segment));
-    cairn_real apart = cairn_vec2_dot(across, to), slope = cairn_atan2(u.y, u.x);
-    int32_t is_above = apart > 0;
+               to = cairn_vec2_sub(midpoint(other->segment), midpoint(side->segment));
+    cairn_real distance_across = cairn_vec2_dot(across, to), slope = cairn_atan2(u.y, u.x);
+    int32_t is_above = distance_across > 0;
 
-    if (cairn_abs(apart) < set->params.min_side ||
-        (set->params.oriented && cairn_vec2_dot(s->direction, t->direction) > 0))
+    if (cairn_abs(distance_across) < set->params.min_side ||
+        (set->params.oriented && cairn_vec2_dot(side->direction, other->direction) > 0))
         return 0;
     made->side[0] = is_above ? first : second;
     made->side[1] = is_above ? second : first;
@@ -42,160 +51,178 @@ int cairn_rectangle_pair(const struct cairn_rectangle_set *set, int32_t first, i
     return 1;
 }
 
-/* ---- A rectangle: two pairs that stand on each other ---- */
+/* ---- Rectangle of two perpendicular pairs ---- */
 
-/* The direction of the four sides modulo a right angle, by their lengths, in [0, pi/2). */
-static cairn_real common_direction(const struct cairn_rectangle_set *set, const pair *p,
-                                   const pair *q)
+/* Mean direction of the four sides modulo a right angle, weighted by their lengths, in [0, pi/2)
+ * rad. */
+static cairn_real common_direction(const struct cairn_rectangle_set *set, const rectangle_pair *p,
+                                   const rectangle_pair *q)
 {
     cairn_real c = 0, s = 0, theta;
 
     for (int32_t i = 0; i < 4; i++) {
-        const side *of = &set->sides[i < 2 ? p->side[i] : q->side[i - 2]];
-        cairn_vec2 d = of->direction;
+        const rectangle_side *side = &set->sides[i < 2 ? p->side[i] : q->side[i - 2]];
+        cairn_vec2 d = side->direction;
         cairn_real c2 = d.x * d.x - d.y * d.y, s2 = 2 * d.x * d.y;
 
-        c += of->mass * (c2 * c2 - s2 * s2);
-        s += of->mass * 2 * c2 * s2;
+        c += side->mass * (c2 * c2 - s2 * s2);
+        s += side->mass * 2 * c2 * s2;
     }
     theta = cairn_atan2(s, c) / 4;
     return theta < 0 ? theta + CAIRN_PI / 2 : theta;
 }
 
-/* Where the line of a side is along `axis`, at the place of `at` along the other axis. */
-static cairn_real offset_at(const side *s, cairn_vec2 axis, cairn_vec2 other, cairn_vec2 at)
+/* Coordinate along `axis`, in m, of the point on the line of a side that has the same coordinate as
+ * `at` along the other axis. */
+static cairn_real offset_at(const rectangle_side *side, cairn_vec2 axis, cairn_vec2 other,
+                            cairn_vec2 at)
 {
-    cairn_vec2 from = middle_of(s->segment);
+    cairn_vec2 from = midpoint(side->segment);
     cairn_real t =
-        cairn_vec2_dot(other, cairn_vec2_sub(at, from)) / cairn_vec2_dot(other, s->direction);
+        cairn_vec2_dot(other, cairn_vec2_sub(at, from)) / cairn_vec2_dot(other, side->direction);
 
-    return cairn_vec2_dot(axis, cairn_vec2_add(from, cairn_vec2_scale(s->direction, t)));
+    return cairn_vec2_dot(axis, cairn_vec2_add(from, cairn_vec2_scale(side->direction, t)));
 }
 
-/* Share of a side between two places along `axis` that its extent reaches over. */
-static cairn_real reach(const side *s, cairn_vec2 axis, cairn_real low, cairn_real high)
+/* Fraction of the interval low ... high along `axis` that the extent of a side overlaps. */
+static cairn_real overlap_fraction(const rectangle_side *side, cairn_vec2 axis, cairn_real low,
+                                   cairn_real high)
 {
-    cairn_real a = cairn_vec2_dot(axis, s->segment.a), b = cairn_vec2_dot(axis, s->segment.b);
-    cairn_real over = cairn_min(cairn_max(a, b), high) - cairn_max(cairn_min(a, b), low);
+    cairn_real a = cairn_vec2_dot(axis, side->segment.a), b = cairn_vec2_dot(axis, side->segment.b);
+    cairn_real overlap = cairn_min(cairn_max(a, b), high) - cairn_max(cairn_min(a, b), low);
 
-    return cairn_max(over, 0) / (high - low);
+    return cairn_max(overlap, 0) / (high - low);
 }
 
-/* A pair runs the way of its own sides, which may be against that of the rectangle's axes. */
-static void swap_to_rise(cairn_real *low, cairn_real *high, int32_t sides[2])
+/* Swaps the offsets of a pair, and its sides, when they are in descending order along the
+ * rectangle's axis. */
+static void sort_offsets(cairn_real *low, cairn_real *high, int32_t sides[2])
 {
-    cairn_real former = *low;
+    cairn_real swapped = *low;
     int32_t first = sides[0];
 
     if (*low <= *high)
         return;
     *low = *high;
-    *high = former;
+    *high = swapped;
     sides[0] = sides[1];
     sides[1] = first;
 }
 
-/* Lays the rectangle through the lines of its four sides. 0 when they do not stand on each
- * other. */
-static int lay(const struct cairn_rectangle_set *set, const pair *p, const pair *q, candidate *c)
+/* Fits the rectangle to the lines of the four sides of two pairs. 0 when the pairs are not
+ * perpendicular or the rectangle is too small. */
+static int fit_rectangle(const struct cairn_rectangle_set *set, const rectangle_pair *p,
+                         const rectangle_pair *q, rectangle_candidate *candidate)
 {
-    cairn_rectangle *r = &c->rectangle;
-    const side *s[4];
+    cairn_rectangle *rectangle = &candidate->rectangle;
+    const rectangle_side *sides[4];
     cairn_real low_u = 0, high_u = 0, low_v = 0, high_v = 0;
     cairn_vec2 centre = {0, 0};
 
-    r->centre.theta = common_direction(set, p, q);
-    cairn_sincos(r->centre.theta, &c->u.y, &c->u.x);
-    c->v = cairn_vec2_left(c->u);
-    if (cairn_abs(cairn_vec2_dot(c->v, set->sides[p->side[0]].direction)) > CAIRN_REAL(0.7)) {
-        const pair *other = p;
+    rectangle->centre.theta = common_direction(set, p, q);
+    cairn_sincos(rectangle->centre.theta, &candidate->u.y, &candidate->u.x);
+    candidate->v = cairn_vec2_left(candidate->u);
+    if (cairn_abs(cairn_vec2_dot(candidate->v, set->sides[p->side[0]].direction)) >
+        CAIRN_REAL(0.7)) {
+        const rectangle_pair *other = p;
 
         p = q;
         q = other;
     }
-    c->deviation = 0;
+    candidate->deviation = 0;
     for (int32_t i = 0; i < 4; i++) {
-        r->side[i] = i < 2 ? p->side[i] : q->side[i - 2];
-        s[i] = &set->sides[r->side[i]];
-        c->deviation = cairn_max(c->deviation,
-                                 cairn_abs(cairn_vec2_cross(i < 2 ? c->u : c->v, s[i]->direction)) /
-                                     set->sine_angle);
+        rectangle->side[i] = i < 2 ? p->side[i] : q->side[i - 2];
+        sides[i] = &set->sides[rectangle->side[i]];
+        candidate->deviation = cairn_max(
+            candidate->deviation,
+            cairn_abs(cairn_vec2_cross(i < 2 ? candidate->u : candidate->v, sides[i]->direction)) /
+                set->sine_max_angle_error);
         centre =
-            cairn_vec2_add(centre, cairn_vec2_scale(middle_of(s[i]->segment), CAIRN_REAL(0.25)));
+            cairn_vec2_add(centre, cairn_vec2_scale(midpoint(sides[i]->segment), CAIRN_REAL(0.25)));
     }
-    if (c->deviation > 1)
+    if (candidate->deviation > 1)
         return 0;
     for (int32_t i = 0; i < 2; i++) {
-        low_v = offset_at(s[0], c->v, c->u, centre);
-        high_v = offset_at(s[1], c->v, c->u, centre);
-        low_u = offset_at(s[2], c->u, c->v, centre);
-        high_u = offset_at(s[3], c->u, c->v, centre);
-        centre = cairn_vec2_add(cairn_vec2_scale(c->u, (low_u + high_u) / 2),
-                                cairn_vec2_scale(c->v, (low_v + high_v) / 2));
+        low_v = offset_at(sides[0], candidate->v, candidate->u, centre);
+        high_v = offset_at(sides[1], candidate->v, candidate->u, centre);
+        low_u = offset_at(sides[2], candidate->u, candidate->v, centre);
+        high_u = offset_at(sides[3], candidate->u, candidate->v, centre);
+        centre = cairn_vec2_add(cairn_vec2_scale(candidate->u, (low_u + high_u) / 2),
+                                cairn_vec2_scale(candidate->v, (low_v + high_v) / 2));
     }
-    swap_to_rise(&low_v, &high_v, &r->side[0]);
-    swap_to_rise(&low_u, &high_u, &r->side[2]);
-    r->centre.x = centre.x;
-    r->centre.y = centre.y;
-    r->half_length = (high_u - low_u) / 2;
-    r->half_width = (high_v - low_v) / 2;
-    r->kind = p->kind;
-    return r->half_length >= set->params.min_side / 2 && r->half_width >= set->params.min_side / 2;
+    sort_offsets(&low_v, &high_v, &rectangle->side[0]);
+    sort_offsets(&low_u, &high_u, &rectangle->side[2]);
+    rectangle->centre.x = centre.x;
+    rectangle->centre.y = centre.y;
+    rectangle->half_length = (high_u - low_u) / 2;
+    rectangle->half_width = (high_v - low_v) / 2;
+    rectangle->kind = p->kind;
+    return rectangle->half_length >= set->params.min_side / 2 &&
+           rectangle->half_width >= set->params.min_side / 2;
 }
 
-static cairn_real half_of(const cairn_rectangle *r, int32_t side_index)
+/* Half the length of a side, in m. */
+static cairn_real half_side(const cairn_rectangle *rectangle, int32_t side_index)
 {
-    return side_index < 2 ? r->half_length : r->half_width;
+    return side_index < 2 ? rectangle->half_length : rectangle->half_width;
 }
 
-/* Share of the outline, from the shares of its sides. */
-static cairn_real of_outline(const cairn_rectangle *r, const cairn_real share[4])
+/* Covered fraction of the outline, from the covered fractions of its sides. */
+static cairn_real outline_coverage(const cairn_rectangle *rectangle, const cairn_real coverage[4])
 {
-    return ((share[0] + share[1]) * r->half_length + (share[2] + share[3]) * r->half_width) /
-           (2 * (r->half_length + r->half_width));
+    return ((coverage[0] + coverage[1]) * rectangle->half_length +
+            (coverage[2] + coverage[3]) * rectangle->half_width) /
+           (2 * (rectangle->half_length + rectangle->half_width));
 }
 
-/* Whether the sides' extents, which is the most that their segments may cover, are enough. */
-static int can_be_covered(const struct cairn_rectangle_set *set, const candidate *c)
+/* 1 when the extents of the sides, an upper bound of their coverage, suffice for the least
+ * coverage. */
+static int can_be_covered(const struct cairn_rectangle_set *set,
+                          const rectangle_candidate *candidate)
 {
-    cairn_vec2 centre = {c->rectangle.centre.x, c->rectangle.centre.y};
-    cairn_real share[4] = {0, 0, 0, 0};
+    cairn_vec2 centre = {candidate->rectangle.centre.x, candidate->rectangle.centre.y};
+    cairn_real coverage[4] = {0, 0, 0, 0};
 
     for (int32_t i = 0; i < 4; i++) {
-        cairn_vec2 axis = i < 2 ? c->u : c->v;
-        cairn_real at = cairn_vec2_dot(axis, centre), half = half_of(&c->rectangle, i);
+        cairn_vec2 axis = i < 2 ? candidate->u : candidate->v;
+        cairn_real at = cairn_vec2_dot(axis, centre), half = half_side(&candidate->rectangle, i);
 
-        share[i] = reach(&set->sides[c->rectangle.side[i]], axis, at - half, at + half);
-        if (share[i] < set->params.least_side)
+        coverage[i] =
+            overlap_fraction(&set->sides[candidate->rectangle.side[i]], axis, at - half, at + half);
+        if (coverage[i] < set->params.least_side)
             return 0;
     }
-    return of_outline(&c->rectangle, share) >= set->params.least_covered;
+    return outline_coverage(&candidate->rectangle, coverage) >= set->params.least_covered;
 }
 
-/* ---- Cover ---- */
+/* ---- Coverage ---- */
 
-/* Marks the places of side `at` whose middle a segment covers. */
-static void cover(candidate *c, cairn_segment segment)
+/* Marks the positions of the current side whose centres a segment covers. */
+static void mark_coverage(rectangle_candidate *candidate, cairn_segment segment)
 {
-    cairn_vec2 axis = c->at < 2 ? c->u : c->v,
-               centre = {c->rectangle.centre.x, c->rectangle.centre.y};
-    cairn_real scale = COVER_BITS / (2 * half_of(&c->rectangle, c->at));
+    cairn_vec2 axis = candidate->side_index < 2 ? candidate->u : candidate->v,
+               centre = {candidate->rectangle.centre.x, candidate->rectangle.centre.y};
+    cairn_real scale =
+        RECTANGLE_COVERAGE_BITS / (2 * half_side(&candidate->rectangle, candidate->side_index));
     cairn_real a = cairn_vec2_dot(axis, cairn_vec2_sub(segment.a, centre)) * scale +
-                   CAIRN_REAL(0.5) * COVER_BITS;
+                   CAIRN_REAL(0.5) * RECTANGLE_COVERAGE_BITS;
     cairn_real b = cairn_vec2_dot(axis, cairn_vec2_sub(segment.b, centre)) * scale +
-                   CAIRN_REAL(0.5) * COVER_BITS;
-    cairn_real low = cairn_max(cairn_min(a, b), 0), high = cairn_min(cairn_max(a, b), COVER_BITS);
+                   CAIRN_REAL(0.5) * RECTANGLE_COVERAGE_BITS;
+    cairn_real low = cairn_max(cairn_min(a, b), 0),
+               high = cairn_min(cairn_max(a, b), RECTANGLE_COVERAGE_BITS);
     int32_t from = cairn_real_to_int(cairn_floor(low + CAIRN_REAL(0.5)));
-    int32_t to = cairn_real_to_int(cairn_floor(high + CAIRN_REAL(0.5))); /* one behind the last */
+    int32_t to = cairn_real_to_int(cairn_floor(high + CAIRN_REAL(0.5))); /* past the last one */
 
-    if (to - from == COVER_BITS)
-        c->cover[c->at] = ~(uint64_t)0;
+    if (to - from == RECTANGLE_COVERAGE_BITS)
+        candidate->coverage[candidate->side_index] = ~(uint64_t)0;
     else if (to > from)
-        c->cover[c->at] |= (((uint64_t)1 << ((uint32_t)(to - from) % COVER_BITS)) - 1)
-                           << ((uint32_t)from % COVER_BITS);
+        candidate->coverage[candidate->side_index] |=
+            (((uint64_t)1 << ((uint32_t)(to - from) % RECTANGLE_COVERAGE_BITS)) - 1)
+            << ((uint32_t)from % RECTANGLE_COVERAGE_BITS);
 }
 
-static int32_t bits_of(uint64_t bits)
+/* Number of bits set. */
+static int32_t count_bits(uint64_t bits)
 {
     int32_t count = 0;
 
@@ -204,32 +231,36 @@ static int32_t bits_of(uint64_t bits)
     return count;
 }
 
-/* Two segments a unit. CAIRN_OK: the four sides are done. */
-static cairn_status step_cover(struct cairn_rectangle_set *set, cairn_budget *budget)
+/* Marks the coverage of the candidate, two segments per work unit. CAIRN_OK: the four sides are
+ * done. */
+static cairn_status step_coverage(struct cairn_rectangle_set *set, cairn_budget *budget)
 {
-    candidate *c = &set->open;
+    rectangle_candidate *candidate = &set->candidate;
 
-    while (c->at < 4) {
-        const side *s = &set->sides[c->rectangle.side[c->at]];
+    while (candidate->side_index < 4) {
+        const rectangle_side *side = &set->sides[candidate->rectangle.side[candidate->side_index]];
 
         if (budget->left <= 0)
             return CAIRN_MORE;
         budget->left--;
-        for (int32_t i = 0; i < 2 && c->cursor < s->count; i++, c->cursor++)
-            cover(c, set->segments[set->order[s->first - s->count + c->cursor]]);
-        if (c->cursor == s->count) {
-            c->at++;
-            c->cursor = 0;
+        for (int32_t i = 0; i < 2 && candidate->segment_cursor < side->count;
+             i++, candidate->segment_cursor++)
+            mark_coverage(
+                candidate,
+                set->segments[set->order[side->first - side->count + candidate->segment_cursor]]);
+        if (candidate->segment_cursor == side->count) {
+            candidate->side_index++;
+            candidate->segment_cursor = 0;
         }
     }
     return CAIRN_OK;
 }
 
-/* ---- The list ---- */
+/* ---- Non-maximum suppression ---- */
 
-/* The farthest that a corner of one is from the nearest of the other; in a square any corner may
- * be the first. */
-static cairn_real apart(const cairn_rectangle *a, const cairn_rectangle *b)
+/* Largest distance in m of a corner of a from the closest corner of b (directed Hausdorff
+ * distance); independent of the numbering of the corners. */
+static cairn_real corner_distance(const cairn_rectangle *a, const cairn_rectangle *b)
 {
     cairn_vec2 of_a[4], of_b[4];
     cairn_real farthest = 0;
@@ -246,67 +277,74 @@ static cairn_real apart(const cairn_rectangle *a, const cairn_rectangle *b)
     return cairn_sqrt(farthest);
 }
 
-static int is_same(const struct cairn_rectangle_set *set, const cairn_rectangle *a,
-                   const cairn_rectangle *b)
+/* 1 when two rectangles of a kind coincide. */
+static int is_duplicate(const struct cairn_rectangle_set *set, const cairn_rectangle *a,
+                        const cairn_rectangle *b)
 {
-    return a->kind == b->kind && apart(a, b) < set->params.separation;
+    return a->kind == b->kind && corner_distance(a, b) < set->params.separation;
 }
 
-static void take_out(struct cairn_rectangle_set *set, int32_t at)
+/* Removes a rectangle from the list. */
+static void remove_rectangle(struct cairn_rectangle_set *set, int32_t index)
 {
-    for (int32_t i = at + 1; i < set->list_count; i++)
-        set->list[i - 1] = set->list[i];
-    set->list_count--;
+    for (int32_t i = index + 1; i < set->found_count; i++)
+        set->found[i - 1] = set->found[i];
+    set->found_count--;
 }
 
-/* Where it is stronger than all the same, in their place; where there is room. */
-static void keep(struct cairn_rectangle_set *set, const cairn_rectangle *r)
+/* Inserts a rectangle by decreasing score, if no duplicate has a score as high and there is
+ * capacity; removes duplicates of lower score. */
+static void insert_rectangle(struct cairn_rectangle_set *set, const cairn_rectangle *rectangle)
 {
-    int32_t at;
+    int32_t index;
 
-    for (int32_t i = 0; i < set->list_count; i++)
-        if (set->list[i].strength >= r->strength && is_same(set, &set->list[i], r))
+    for (int32_t i = 0; i < set->found_count; i++)
+        if (set->found[i].strength >= rectangle->strength &&
+            is_duplicate(set, &set->found[i], rectangle))
             return;
-    for (int32_t i = set->list_count - 1; i >= 0; i--)
-        if (is_same(set, &set->list[i], r))
-            take_out(set, i);
-    if (set->list_count == set->params.max_rectangles) {
-        set->dropped++;
-        if (set->list[set->list_count - 1].strength >= r->strength)
+    for (int32_t i = set->found_count - 1; i >= 0; i--)
+        if (is_duplicate(set, &set->found[i], rectangle))
+            remove_rectangle(set, i);
+    if (set->found_count == set->params.max_rectangles) {
+        set->found_dropped++;
+        if (set->found[set->found_count - 1].strength >= rectangle->strength)
             return;
-        set->list_count--;
+        set->found_count--;
     }
-    for (at = set->list_count++; at > 0 && set->list[at - 1].strength < r->strength; at--)
-        set->list[at] = set->list[at - 1];
-    set->list[at] = *r;
+    for (index = set->found_count++;
+         index > 0 && set->found[index - 1].strength < rectangle->strength; index--)
+        set->found[index] = set->found[index - 1];
+    set->found[index] = *rectangle;
 }
 
-/* A candidate whose cover is known. */
-static void judge(struct cairn_rectangle_set *set)
+/* Scores the candidate, whose coverage is complete, and inserts it if the coverage suffices. */
+static void score_candidate(struct cairn_rectangle_set *set)
 {
-    candidate *c = &set->open;
-    cairn_real share[4] = {0, 0, 0, 0};
+    rectangle_candidate *candidate = &set->candidate;
+    cairn_real coverage[4] = {0, 0, 0, 0};
 
     for (int32_t i = 0; i < 4; i++) {
-        share[i] = (cairn_real)bits_of(c->cover[i]) / COVER_BITS;
-        if (share[i] < set->params.least_side)
+        coverage[i] = (cairn_real)count_bits(candidate->coverage[i]) / RECTANGLE_COVERAGE_BITS;
+        if (coverage[i] < set->params.least_side)
             return;
     }
-    c->rectangle.covered = of_outline(&c->rectangle, share);
-    c->rectangle.strength = c->rectangle.covered * (1 - c->deviation * c->deviation / 2);
-    if (c->rectangle.covered >= set->params.least_covered)
-        keep(set, &c->rectangle);
+    candidate->rectangle.covered = outline_coverage(&candidate->rectangle, coverage);
+    candidate->rectangle.strength =
+        candidate->rectangle.covered * (1 - candidate->deviation * candidate->deviation / 2);
+    if (candidate->rectangle.covered >= set->params.least_covered)
+        insert_rectangle(set, &candidate->rectangle);
 }
 
 /* ---- Pairs of pairs ---- */
 
-static const pair *pair_at(const struct cairn_rectangle_set *set, int32_t place)
+/* The pair at a position of the cyclic order by slope. */
+static const rectangle_pair *pair_at(const struct cairn_rectangle_set *set, int32_t position)
 {
-    return &set->pairs[set->pair_order[place % set->pair_count]];
+    return &set->pairs[set->pair_order[position % set->pair_count]];
 }
 
-/* The first place in the order of pairs whose slope is not below. */
-static int32_t first_from(const struct cairn_rectangle_set *set, cairn_real slope)
+/* First position in the order of pairs whose slope is not less than `slope`. */
+static int32_t lower_bound(const struct cairn_rectangle_set *set, cairn_real slope)
 {
     int32_t low = 0, high = set->pair_count;
 
@@ -321,49 +359,50 @@ static int32_t first_from(const struct cairn_rectangle_set *set, cairn_real slop
     return low;
 }
 
-/* The candidate of two pairs, when they can make a rectangle. */
-static int open_candidate(struct cairn_rectangle_set *set, const pair *p, const pair *q)
+/* Sets the candidate of two pairs. 1 when it may become a rectangle. */
+static int open_candidate(struct cairn_rectangle_set *set, const rectangle_pair *p,
+                          const rectangle_pair *q)
 {
-    candidate *c = &set->open;
+    rectangle_candidate *candidate = &set->candidate;
 
     if (p->kind != q->kind)
         return 0;
-    memset(c, 0, sizeof *c);
-    return lay(set, p, q, c) && can_be_covered(set, c);
+    memset(candidate, 0, sizeof *candidate);
+    return fit_rectangle(set, p, q, candidate) && can_be_covered(set, candidate);
 }
 
 cairn_status cairn_rectangle_match(struct cairn_rectangle_set *set, cairn_budget *budget)
 {
-    while (set->cursor < set->pair_count || set->is_open) {
-        const pair *p, *q;
+    while (set->cursor < set->pair_count || set->has_candidate) {
+        const rectangle_pair *p, *q;
         cairn_real from;
 
-        if (set->is_open) {
-            if (step_cover(set, budget) == CAIRN_MORE ||
-                !cairn_budget_pay(budget, &set->paid, 8 + 4 * set->list_count))
+        if (set->has_candidate) {
+            if (step_coverage(set, budget) == CAIRN_MORE ||
+                !cairn_budget_pay(budget, &set->charged, 8 + 4 * set->found_count))
                 return CAIRN_MORE;
-            judge(set);
-            set->is_open = 0;
+            score_candidate(set);
+            set->has_candidate = 0;
             continue;
         }
-        if (!cairn_budget_pay(budget, &set->paid, 2))
+        if (!cairn_budget_pay(budget, &set->charged, 2))
             return CAIRN_MORE;
         p = pair_at(set, set->cursor);
         from = p->slope + CAIRN_PI / 2 - set->params.angle;
         from = from >= CAIRN_PI ? from - CAIRN_PI : from;
-        if (set->against == 0)
-            set->best = first_from(set, from);
-        if (set->against < set->pair_count) {
-            q = pair_at(set, set->best + set->against);
-            set->against++;
-            if (cairn_rectangle_turn(q->slope, from) <= 2 * set->params.angle) {
-                /* of the two that see each other the first */
-                set->is_open = q > p && open_candidate(set, p, q);
+        if (set->compared == 0)
+            set->best = lower_bound(set, from);
+        if (set->compared < set->pair_count) {
+            q = pair_at(set, set->best + set->compared);
+            set->compared++;
+            if (cairn_rectangle_angle_difference(q->slope, from) <= 2 * set->params.angle) {
+                /* Every two pairs are visited twice; only one visit counts. */
+                set->has_candidate = q > p && open_candidate(set, p, q);
                 continue;
             }
         }
         set->cursor++;
-        set->against = 0;
+        set->compared = 0;
     }
     return CAIRN_OK;
 }

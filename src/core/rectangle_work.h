@@ -1,49 +1,63 @@
-/* What the two parts of the rectangle room share. */
+/* Internals of the module rectangle, shared by rectangle.c (sides and pairs) and rectangle_match.c
+ * (rectangles). */
 #ifndef CAIRN_CORE_RECTANGLE_WORK_H
 #define CAIRN_CORE_RECTANGLE_WORK_H
 
 #include "cairn/rectangle.h"
 
-/* Positions of a coverage along a side of a rectangle. */
-#define COVER_BITS 64
+/* Positions per side of a rectangle in the bit set of its coverage. */
+#define RECTANGLE_COVERAGE_BITS 64
 
-/* A heap sort in steps: index[0 ... count-1] ascending by key, then by index. */
-typedef struct sorter {
+/* Resumable heap sort: index[0 ... count-1] ascending by key, ties by index. */
+typedef struct rectangle_sorter {
+    /* [count] Permutation that is sorted. */
     int32_t *index;
-    const cairn_real *key; /* by index */
+    /* Keys, by index. */
+    const cairn_real *key;
     int32_t count;
-    int32_t build, end; /* heaps still to be built, end of the heap */
-} sorter;
+    /* Subheaps that are not built yet, and end of the heap. */
+    int32_t build, end;
+} rectangle_sorter;
 
-/* A merged side. */
-typedef struct side {
+/* Side: segments merged into one. */
+typedef struct rectangle_side {
+    /* The merged segment. */
     cairn_segment segment;
-    cairn_vec2 direction; /* unit */
-    cairn_real mass;      /* m, length of its segments */
-    cairn_real slope;     /* of its direction modulo pi, in [0, pi) */
-    int32_t first, count; /* its segments in `order` */
-} side;
+    /* Its unit direction. */
+    cairn_vec2 direction;
+    /* Sum of the lengths of its segments, in m. */
+    cairn_real mass;
+    /* Angle of its direction modulo pi, in [0, pi) rad. */
+    cairn_real slope;
+    /* Its segments in `order`: their number, and the first of them, or the end once they are
+     * listed. */
+    int32_t first, count;
+} rectangle_side;
 
-/* Two sides that face each other. */
-typedef struct pair {
+/* Two parallel sides that face each other. */
+typedef struct rectangle_pair {
     int32_t side[2];
     cairn_rectangle_kind kind;
-    cairn_real slope; /* of their mean direction, in [0, pi) */
-} pair;
+    /* Angle of the mean direction, in [0, pi) rad. */
+    cairn_real slope;
+} rectangle_pair;
 
-/* A rectangle in the making. */
-typedef struct candidate {
+/* Candidate of a rectangle. */
+typedef struct rectangle_candidate {
     cairn_rectangle rectangle;
-    /* its axes */
+    /* Unit axes along and across theta. */
     cairn_vec2 u, v;
-    /* sine of the largest angle by which a side is off, in that of params.angle */
+    /* Sine of the largest angular deviation of a side from its axis, as a fraction of that of
+     * max_angle_error. */
     cairn_real deviation;
-    uint64_t cover[4];
-    /* side and segment to be laid on it next */
-    int32_t at, cursor;
-} candidate;
+    /* Bit set of the covered positions of each side. */
+    uint64_t coverage[4];
+    /* Next side, and next segment of the side, whose coverage is marked. */
+    int32_t side_index, segment_cursor;
+} rectangle_candidate;
 
-typedef int32_t search_phase;
+/* Phases of a search, in order. */
+typedef int32_t rectangle_phase;
 enum {
     RECTANGLE_IDLE,
     RECTANGLE_LENGTHS,
@@ -58,45 +72,59 @@ enum {
 
 struct cairn_rectangle_set {
     cairn_rectangle_params params;
-    cairn_real sine_merge, sine_angle;
-    int32_t *order;  /* [max_segments], by length, then by side */
-    int32_t *member; /* [max_segments], side of a segment or -1 */
-    cairn_real *key; /* [max_segments], minus the length */
-    side *sides;     /* [max_sides] */
+    /* Sines of merge_angle and max_angle_error. */
+    cairn_real sine_merge_angle, sine_max_angle_error;
+    /* [max_segments] Segments by decreasing length, then by side. */
+    int32_t *order;
+    /* [max_segments] Side of a segment, -1: none. */
+    int32_t *side_of_segment;
+    /* [max_segments] Negative length of a segment, in m: its sorting key. */
+    cairn_real *length_key;
+    /* [max_sides] Sides, their order by slope, and their slopes. */
+    rectangle_side *sides;
     int32_t *side_order;
     cairn_real *side_key;
-    pair *pairs; /* [max_pairs] */
+    /* [max_pairs] Pairs, their order by slope, and their slopes. */
+    rectangle_pair *pairs;
     int32_t *pair_order;
     cairn_real *pair_key;
-    cairn_rectangle *list; /* [max_rectangles], the strongest first, while searching */
-    cairn_rectangle *done;
-    int32_t segment_count, ordered, side_count, pair_count, list_count, done_count;
-    int32_t dropped, done_dropped;
+    /* [max_rectangles] each: rectangles of the search that runs, by decreasing score, and of the
+     * last search. */
+    cairn_rectangle *found;
+    cairn_rectangle *result;
+    int32_t segment_count, ordered_count, side_count, pair_count, found_count, result_count;
+    /* Sides, pairs and rectangles dropped. */
+    int32_t found_dropped, result_dropped;
 
+    /* Input of the search. */
     const cairn_segment *segments;
-    search_phase phase;
-    int32_t cursor, against; /* of the phase */
-    int32_t best;            /* RECTANGLE_MERGE: the side that fits best so far, or -1 */
+    rectangle_phase phase;
+    /* Next item of the phase, and the next one with which it is compared. */
+    int32_t cursor, compared;
+    /* RECTANGLE_MERGE: closest side so far, or -1. RECTANGLE_MATCH: first pair that is compared. */
+    int32_t best;
     cairn_real best_distance;
-    int32_t is_open; /* RECTANGLE_MATCH: `open` is to be laid on its sides */
-    candidate open;
-    int32_t paid;
-    sorter sort;
+    /* RECTANGLE_MATCH: 1 while the coverage of `candidate` is computed. */
+    int32_t has_candidate;
+    rectangle_candidate candidate;
+    /* Work units charged for the next operation so far. */
+    int32_t charged;
+    rectangle_sorter sort;
 };
 
-/* Whether the two sides make a pair. */
-int cairn_rectangle_pair(const struct cairn_rectangle_set *set, int32_t first, int32_t second,
-                         pair *made);
+/* Returns 1 and sets *made when two sides face each other, else 0. */
+int cairn_rectangle_make_pair(const struct cairn_rectangle_set *set, int32_t first, int32_t second,
+                              rectangle_pair *made);
 
-/* Matches pairs of pairs; the last phase of a search. */
+/* Last phase of a search: makes rectangles of two pairs. CAIRN_OK, CAIRN_MORE. */
 cairn_status cairn_rectangle_match(struct cairn_rectangle_set *set, cairn_budget *budget);
 
-/* a - b between directions modulo pi, in [0, pi). */
-static inline cairn_real cairn_rectangle_turn(cairn_real a, cairn_real b)
+/* a - b of two angles modulo pi, in [0, pi) rad. */
+static inline cairn_real cairn_rectangle_angle_difference(cairn_real a, cairn_real b)
 {
-    cairn_real turn = a - b;
+    cairn_real difference = a - b;
 
-    return turn < 0 ? turn + CAIRN_PI : turn;
+    return difference < 0 ? difference + CAIRN_PI : difference;
 }
 
 #endif

@@ -1,16 +1,21 @@
-/* Gauss-Newton for one pose.
+/* Gauss-Newton step for one pose, with unobservable directions removed.
  *
- * The observed information is turned into the basis of its eigenvectors, where weak directions
- * are its first rows and columns. There they are set to zero, the prior is added, and the sum is
- * solved or inverted. */
+ * Method:
+ * 1. The observed information matrix is rotated into its eigenbasis, in which the unobservable
+ *    directions are the first rows and columns.
+ * 2. These rows and columns are set to zero (solution remapping).
+ * 3. The prior's information is added, and the sum is solved or inverted.
+ *
+ * Source: Zhang, Kaess and Singh, On degeneracy of optimization-based state estimation problems,
+ * 2016. */
 #include "src/core/build.h"
 
 #include <string.h>
 
 #include "cairn/rigid_motion.h"
 
-/* Least information in any direction: a standard deviation of 100 m. */
-static const cairn_real LEAST_INFORMATION = CAIRN_REAL(1e-4);
+/* Least information in any direction, in 1/m^2: a standard deviation of 100 m. */
+static const cairn_real MIN_INFORMATION = CAIRN_REAL(1e-4);
 
 cairn_rigid_motion cairn_rigid_motion_at(cairn_pose map_body, cairn_vec2 centre, cairn_real radius)
 {
@@ -34,7 +39,7 @@ void cairn_rigid_motion_row(const cairn_rigid_motion *motion, cairn_vec2 axis,
     row[2] = cairn_vec2_dot(axis, cairn_vec2_left(arm)) / motion->radius;
 }
 
-cairn_motion_basis cairn_motion_basis_of(cairn_sym3 information, cairn_real weak_ratio)
+cairn_motion_basis cairn_motion_basis_of(cairn_sym3 information, cairn_real min_ratio)
 {
     cairn_motion_basis basis;
     cairn_real values[3];
@@ -42,7 +47,7 @@ cairn_motion_basis cairn_motion_basis_of(cairn_sym3 information, cairn_real weak
     cairn_sym3_eigen(information, values, basis.vectors);
     basis.ratio = cairn_max(values[0], 0) / values[2];
     basis.weak = 0;
-    while (basis.weak < 2 && values[basis.weak] < weak_ratio * values[2])
+    while (basis.weak < 2 && values[basis.weak] < min_ratio * values[2])
         basis.weak++;
     return basis;
 }
@@ -52,7 +57,7 @@ cairn_normal_equations cairn_rigid_motion_prior(const cairn_rigid_motion *motion
 {
     const cairn_vec2 origin = {0, 0};
     cairn_transform mean = cairn_transform_of(prior->mean);
-    cairn_vec2 off = {motion->map_body.x - mean.x, motion->map_body.y - mean.y};
+    cairn_vec2 offset = {motion->map_body.x - mean.x, motion->map_body.y - mean.y};
     cairn_vec2 axes[2] = {{mean.cosine, mean.sine}, {-mean.sine, mean.cosine}};
     cairn_real sigmas[3] = {prior->sigma_x, prior->sigma_y, prior->sigma_theta};
     cairn_normal_equations equations = {cairn_sym3_zero(), {0, 0, 0}};
@@ -61,7 +66,7 @@ cairn_normal_equations cairn_rigid_motion_prior(const cairn_rigid_motion *motion
         cairn_real weight = 1 / (sigmas[k] * sigmas[k]), error, row[3] = {0, 0, 0};
 
         if (k < 2) {
-            error = cairn_vec2_dot(axes[k], off);
+            error = cairn_vec2_dot(axes[k], offset);
             cairn_rigid_motion_row(motion, axes[k], origin, row);
         } else {
             error = cairn_wrap_angle(motion->map_body.theta - prior->mean.theta);
@@ -74,7 +79,7 @@ cairn_normal_equations cairn_rigid_motion_prior(const cairn_rigid_motion *motion
     return equations;
 }
 
-/* A vector in the basis. */
+/* Coordinates in the eigenbasis of a motion v. */
 static void to_basis(const cairn_motion_basis *basis, const cairn_real v[3], cairn_real out[3])
 {
     for (int i = 0; i < 3; i++)
@@ -82,7 +87,7 @@ static void to_basis(const cairn_motion_basis *basis, const cairn_real v[3], cai
             basis->vectors[i][0] * v[0] + basis->vectors[i][1] * v[1] + basis->vectors[i][2] * v[2];
 }
 
-/* A vector of the basis in motions. */
+/* The motion with the coordinates v in the eigenbasis. */
 static void from_basis(const cairn_motion_basis *basis, const cairn_real v[3], cairn_real out[3])
 {
     for (int k = 0; k < 3; k++)
@@ -90,6 +95,7 @@ static void from_basis(const cairn_motion_basis *basis, const cairn_real v[3], c
             basis->vectors[0][k] * v[0] + basis->vectors[1][k] * v[1] + basis->vectors[2][k] * v[2];
 }
 
+/* A symmetric matrix in the eigenbasis: V m V^T with the eigenvectors as rows of V. */
 static cairn_sym3 sym3_to_basis(const cairn_motion_basis *basis, cairn_sym3 m)
 {
     cairn_real columns[3][3];
@@ -112,14 +118,15 @@ static cairn_sym3 sym3_to_basis(const cairn_motion_basis *basis, cairn_sym3 m)
     return out;
 }
 
-static cairn_sym3 sum(cairn_sym3 a, cairn_sym3 b)
+/* a + b. */
+static cairn_sym3 add(cairn_sym3 a, cairn_sym3 b)
 {
     cairn_sym3 out = {a.xx + b.xx, a.xy + b.xy, a.xz + b.xz, a.yy + b.yy, a.yz + b.yz, a.zz + b.zz};
     return out;
 }
 
-/* Information in the basis without the weak directions. */
-static cairn_sym3 strong_part(const cairn_motion_basis *basis, cairn_sym3 information)
+/* Information matrix in the eigenbasis, zero along the unobservable directions. */
+static cairn_sym3 observable_part(const cairn_motion_basis *basis, cairn_sym3 information)
 {
     cairn_sym3 m = sym3_to_basis(basis, information);
 
@@ -131,36 +138,37 @@ static cairn_sym3 strong_part(const cairn_motion_basis *basis, cairn_sym3 inform
 }
 
 int32_t cairn_motion_solve(const cairn_motion_basis *basis, const cairn_normal_equations *observed,
-                           const cairn_normal_equations *prior, cairn_real limit,
+                           const cairn_normal_equations *prior, cairn_real max_step,
                            cairn_real step[3])
 {
-    cairn_sym3 information = strong_part(basis, observed->information);
-    cairn_real right[3], turned[3], length;
+    cairn_sym3 information = observable_part(basis, observed->information);
+    cairn_real rhs[3], step_in_basis[3], length;
 
-    to_basis(basis, observed->gradient, right);
+    to_basis(basis, observed->gradient, rhs);
     for (int i = 0; i < 3; i++)
-        right[i] = i < basis->weak ? 0 : -right[i];
+        rhs[i] = i < basis->weak ? 0 : -rhs[i];
     if (prior != NULL) {
-        cairn_real against[3];
+        cairn_real prior_gradient[3];
 
-        information = sum(information, sym3_to_basis(basis, prior->information));
-        to_basis(basis, prior->gradient, against);
+        information = add(information, sym3_to_basis(basis, prior->information));
+        to_basis(basis, prior->gradient, prior_gradient);
         for (int i = 0; i < 3; i++)
-            right[i] -= against[i];
+            rhs[i] -= prior_gradient[i];
     } else {
-        /* Equations that say: no motion. */
+        /* Equations of zero motion along the unobservable directions. */
         if (basis->weak > 0)
             information.xx = information.zz;
         if (basis->weak > 1)
             information.yy = information.zz;
     }
-    if (!cairn_sym3_solve(information, right, turned))
+    if (!cairn_sym3_solve(information, rhs, step_in_basis))
         return 0;
-    from_basis(basis, turned, step);
-    length = cairn_sqrt(turned[0] * turned[0] + turned[1] * turned[1] + turned[2] * turned[2]);
-    if (length > limit)
+    from_basis(basis, step_in_basis, step);
+    length = cairn_sqrt(step_in_basis[0] * step_in_basis[0] + step_in_basis[1] * step_in_basis[1] +
+                        step_in_basis[2] * step_in_basis[2]);
+    if (length > max_step)
         for (int k = 0; k < 3; k++)
-            step[k] *= limit / length;
+            step[k] *= max_step / length;
     return 1;
 }
 
@@ -188,17 +196,17 @@ void cairn_rigid_motion_covariance(const cairn_rigid_motion *motion,
     cairn_real values[3], inner[3][3];
 
     if (basis != NULL && observed != NULL)
-        information = strong_part(basis, *observed);
+        information = observable_part(basis, *observed);
     else
         basis = &axes;
     if (prior != NULL)
-        information = sum(information, sym3_to_basis(basis, prior->information));
+        information = add(information, sym3_to_basis(basis, prior->information));
     cairn_sym3_eigen(information, values, inner);
     memset(covariance, 0, 9 * sizeof covariance[0]);
     for (int i = 0; i < 3; i++) {
-        cairn_real variance = 1 / cairn_max(values[i], LEAST_INFORMATION), about_centre[3], pose[3];
+        cairn_real variance = 1 / cairn_max(values[i], MIN_INFORMATION), about_centre[3], pose[3];
 
-        /* The origin of the body moves along when it turns about the centre. */
+        /* Lever arm: a rotation about the centre also moves the origin of the body. */
         from_basis(basis, inner[i], about_centre);
         pose[2] = about_centre[2] / motion->radius;
         pose[0] = about_centre[0] - arm.x * pose[2];

@@ -1,106 +1,133 @@
-/* The best path through the table of two sequences, in linear memory.
+/* Sequence alignment by dynamic programming in linear memory.
  *
- * Method. Nodes (i, j), 0 <= i <= n, 0 <= j <= m, stand for prefixes of i and j elements. A move
- * arrives at a node diagonally (elements i - 1 and j - 1 are paired), from above, or from the left,
- * and gains something: COMMON 1 for a pair that is alike; LOCAL the pair's score, or minus the gap;
- * WARP minus the distance of elements i - 1 and j - 1 for any move. The path of the greatest sum is
- * found by halving (Hirschberg 1975): best sums from the start to the nodes of the middle row, best
- * sums from there to the end, and the node where both together are greatest is on the path. Halves
- * wait on a stack of their own; the upper one is done first, so that pairs come out in order.
+ * Method:
+ * 1. Nodes (i, j), 0 <= i <= n, 0 <= j <= m, are prefixes of i and j elements. A move arrives at a
+ *    node diagonally (elements i - 1 and j - 1 are paired), from above, or from the left, with a
+ *    gain. LCS: 1 for a matching pair. LOCAL: the score of the pair, or minus the gap cost. DTW:
+ *    minus the distance of the elements i - 1 and j - 1, for any move. The best path has the
+ *    greatest sum of gains.
+ * 2. LOCAL only: the end of the best local alignment is the node of the greatest sum that is never
+ *    below 0; its start is found by the backward sums from there.
+ * 3. Divide and conquer (Hirschberg 1975): best sums from the start to the nodes of the middle row,
+ *    best sums from there to the end. The node with the greatest total is on the path and splits
+ *    the table into two jobs. Jobs wait on a stack; the upper one is done first, so pairs come out
+ *    in ascending order.
+ * 4. In a job of one row of elements the path is traced directly.
  *
- * LOCAL first finds where the best piece ends (sums that are never below 0), then, backwards from
- * there, where it starts.
+ * Layout: one row of forward sums and one of backward sums. A backward sum of DTW includes the gain
+ * of arriving at its own node, because all moves to a node have the same gain.
  *
- * Layout: one row of sums from the start and one to the end. A backward sum of WARP includes the
- * arrival at its own node, since all moves gain the same there.
+ * Limits: no affine gap costs, no band.
  *
- * Limits: no affine gaps, no band. */
+ * Source: Hirschberg 1975; Smith and Waterman 1981; Sakoe and Chiba 1978. */
 #include "src/core/build.h"
 
 #include <string.h>
 
 #include "cairn/sequence.h"
 
-enum { ELEMENTS_MOST = 1 << 24, JOBS_MOST = 32 };
+/* Largest number of elements of a sequence, and of jobs on the stack. */
+enum { MAX_ELEMENTS = 1 << 24, MAX_JOBS = 32 };
 
-/* The gain of a move that must not be. */
-static const cairn_real NEVER = CAIRN_REAL(-1e30);
+/* Gain of a forbidden move. */
+static const cairn_real IMPOSSIBLE_GAIN = CAIRN_REAL(-1e30);
 
-/* A part of the table between two nodes of the path; at least one row of elements. */
+/* Part of the table between two nodes of the path, of at least one row of elements. */
 typedef struct sequence_job {
-    int32_t i0, i1, j0, j1;
+    int32_t first_row, last_row, first_column, last_column;
 } sequence_job;
 
+/* Phases. */
 typedef enum sequence_phase {
     SEQUENCE_IDLE,
-    SEQUENCE_END,      /* LOCAL: where the best piece ends */
-    SEQUENCE_START,    /* ... and starts */
-    SEQUENCE_TAKE,     /* the next job */
-    SEQUENCE_FORWARD,  /* sums from the job's start to its middle row */
-    SEQUENCE_BACKWARD, /* sums from the row behind it, or from itself, to the job's end */
-    SEQUENCE_JOIN,
-    SEQUENCE_EMIT,
+    /* LOCAL: end and start of the best local alignment. */
+    SEQUENCE_FIND_END,
+    SEQUENCE_FIND_START,
+    /* Takes the next job off the stack. */
+    SEQUENCE_TAKE_JOB,
+    /* Sums from the start of the job to its middle row. */
+    SEQUENCE_FORWARD,
+    /* Sums from the row below the middle row, or from the middle row itself, to the end of the
+     * job. */
+    SEQUENCE_BACKWARD,
+    /* Node of the middle row that is on the path. */
+    SEQUENCE_FIND_SPLIT,
+    /* Path of a job of one row of elements. */
+    SEQUENCE_TRACE_PATH,
     SEQUENCE_DONE
 } sequence_phase;
 
 struct cairn_sequence {
     cairn_sequence_params params;
-    cairn_sequence_pair *pairs;     /* [max_first + max_second] */
-    cairn_real *forward, *backward; /* [max_second + 1] */
+    /* [max_first + max_second] Pairs of the path so far. */
+    cairn_sequence_pair *pairs;
+    /* [max_second + 1] Best sums from the start, and to the end. */
+    cairn_real *forward, *backward;
     cairn_sequence_compare compare;
     const void *context;
     int32_t first_count, second_count;
     sequence_phase phase;
-    sequence_job jobs[JOBS_MOST];
+    /* Stack of jobs, and current job. */
+    sequence_job jobs[MAX_JOBS];
     int32_t job_count;
     sequence_job job;
-    int32_t middle, bottom; /* rows of the sums that are joined: the same, or next to each other */
-    int32_t i, j;           /* node under way */
-    cairn_real diagonal;    /* the sum at the diagonal neighbour, which its row has overwritten */
+    /* Rows of the forward and the backward sums at the split: the same, or adjacent rows. */
+    int32_t middle_row, below_row;
+    /* Current node. */
+    int32_t row, column;
+    /* Sum of the diagonal neighbour, which its row has overwritten. */
+    cairn_real diagonal;
+    /* Best sum so far, and its node. */
     cairn_real best;
-    int32_t best_i, best_j, best_pairs; /* best_pairs: the move between adjacent rows is diagonal */
+    int32_t best_row, best_column;
+    /* 1: the path moves diagonally between the adjacent rows of the split. */
+    int32_t best_is_diagonal;
+    /* Score of the path, and number of pairs so far. */
     cairn_real score;
     int32_t pair_count;
 };
 
 cairn_sequence_params cairn_sequence_default(void)
 {
-    cairn_sequence_params params = {CAIRN_SEQUENCE_COMMON, 1024, 1024, 1};
+    cairn_sequence_params params = {
+        .kind = CAIRN_SEQUENCE_COMMON, .max_first = 1024, .max_second = 1024, .gap = 1};
 
     return params;
 }
 
-static int params_are_good(const cairn_sequence_params *p)
+/* 1 when all params are in range. */
+static int params_are_valid(const cairn_sequence_params *params)
 {
-    return p != NULL && p->kind >= CAIRN_SEQUENCE_COMMON && p->kind <= CAIRN_SEQUENCE_WARP &&
-           p->max_first >= 1 && p->max_first <= ELEMENTS_MOST && p->max_second >= 1 &&
-           p->max_second <= ELEMENTS_MOST && p->gap >= 0 && p->gap <= CAIRN_REAL(1e9);
+    return params != NULL && params->kind >= CAIRN_SEQUENCE_COMMON &&
+           params->kind <= CAIRN_SEQUENCE_WARP && params->max_first >= 1 &&
+           params->max_first <= MAX_ELEMENTS && params->max_second >= 1 &&
+           params->max_second <= MAX_ELEMENTS && params->gap >= 0 && params->gap <= CAIRN_REAL(1e9);
 }
 
-/* The object with its arrays; NULL from a counting pool. */
-static cairn_sequence *carve(cairn_pool *pool, const cairn_sequence_params *p)
+/* Allocates the object and its arrays; NULL from a counting pool. */
+static cairn_sequence *carve(cairn_pool *pool, const cairn_sequence_params *params)
 {
-    cairn_sequence *x = cairn_pool_take(pool, 1, sizeof *x);
-    cairn_sequence_pair *pairs =
-        cairn_pool_take(pool, (size_t)p->max_first + (size_t)p->max_second, sizeof *pairs);
-    cairn_real *forward = cairn_pool_take(pool, (size_t)p->max_second + 1, sizeof *forward);
-    cairn_real *backward = cairn_pool_take(pool, (size_t)p->max_second + 1, sizeof *backward);
+    cairn_sequence *sequence = cairn_pool_take(pool, 1, sizeof *sequence);
+    cairn_sequence_pair *pairs = cairn_pool_take(
+        pool, (size_t)params->max_first + (size_t)params->max_second, sizeof *pairs);
+    cairn_real *forward = cairn_pool_take(pool, (size_t)params->max_second + 1, sizeof *forward);
+    cairn_real *backward = cairn_pool_take(pool, (size_t)params->max_second + 1, sizeof *backward);
 
-    if (x == NULL)
+    if (sequence == NULL)
         return NULL;
-    memset(x, 0, sizeof *x);
-    x->params = *p;
-    x->pairs = pairs;
-    x->forward = forward;
-    x->backward = backward;
-    return x;
+    memset(sequence, 0, sizeof *sequence);
+    sequence->params = *params;
+    sequence->pairs = pairs;
+    sequence->forward = forward;
+    sequence->backward = backward;
+    return sequence;
 }
 
 size_t cairn_sequence_memory(const cairn_sequence_params *params)
 {
     cairn_pool counting;
 
-    if (!params_are_good(params))
+    if (!params_are_valid(params))
         return 0;
     cairn_pool_init_counting(&counting);
     (void)carve(&counting, params);
@@ -120,306 +147,337 @@ cairn_status cairn_sequence_create(cairn_sequence **sequence, cairn_pool *pool,
     return CAIRN_OK;
 }
 
-cairn_status cairn_sequence_begin(cairn_sequence *x, int32_t first_count, int32_t second_count,
-                                  cairn_sequence_compare compare, const void *context)
+cairn_status cairn_sequence_begin(cairn_sequence *sequence, int32_t first_count,
+                                  int32_t second_count, cairn_sequence_compare compare,
+                                  const void *context)
 {
-    if (x == NULL || compare == NULL || first_count < 0 || second_count < 0)
+    if (sequence == NULL || compare == NULL || first_count < 0 || second_count < 0)
         return CAIRN_BAD_ARGUMENT;
-    if (first_count > x->params.max_first || second_count > x->params.max_second)
+    if (first_count > sequence->params.max_first || second_count > sequence->params.max_second)
         return CAIRN_FULL;
-    x->compare = compare;
-    x->context = context;
-    x->first_count = first_count;
-    x->second_count = second_count;
-    x->pair_count = x->job_count = 0;
-    x->score = 0;
-    x->i = x->j = 0;
+    sequence->compare = compare;
+    sequence->context = context;
+    sequence->first_count = first_count;
+    sequence->second_count = second_count;
+    sequence->pair_count = sequence->job_count = 0;
+    sequence->score = 0;
+    sequence->row = sequence->column = 0;
     if (first_count == 0 || second_count == 0) {
-        x->phase = SEQUENCE_DONE;
+        sequence->phase = SEQUENCE_DONE;
         return CAIRN_OK;
     }
-    x->jobs[0].i0 = x->jobs[0].j0 = 0;
-    x->jobs[0].i1 = first_count;
-    x->jobs[0].j1 = second_count;
-    x->best = 0;
-    x->best_i = x->best_j = 0;
-    if (x->params.kind == CAIRN_SEQUENCE_LOCAL) {
-        x->phase = SEQUENCE_END;
+    sequence->jobs[0].first_row = sequence->jobs[0].first_column = 0;
+    sequence->jobs[0].last_row = first_count;
+    sequence->jobs[0].last_column = second_count;
+    sequence->best = 0;
+    sequence->best_row = sequence->best_column = 0;
+    if (sequence->params.kind == CAIRN_SEQUENCE_LOCAL) {
+        sequence->phase = SEQUENCE_FIND_END;
     } else {
-        x->job_count = 1;
-        x->phase = SEQUENCE_TAKE;
+        sequence->job_count = 1;
+        sequence->phase = SEQUENCE_TAKE_JOB;
     }
     return CAIRN_OK;
 }
 
-/* Gains of the moves that arrive at node (i, j). */
-static void gains(const cairn_sequence *x, int32_t i, int32_t j, cairn_real *pair, cairn_real *skip)
+/* Gains of the moves that arrive at node (i, j): diagonally, and from above or the left. */
+static void move_gains(const cairn_sequence *sequence, int32_t i, int32_t j, cairn_real *pair_gain,
+                       cairn_real *skip_gain)
 {
-    cairn_real value = i > 0 && j > 0 ? x->compare(x->context, i - 1, j - 1) : 0;
+    cairn_real value = i > 0 && j > 0 ? sequence->compare(sequence->context, i - 1, j - 1) : 0;
 
-    switch (x->params.kind) {
+    switch (sequence->params.kind) {
     case CAIRN_SEQUENCE_COMMON:
-        *pair = value > 0 ? 1 : NEVER;
-        *skip = 0;
+        *pair_gain = value > 0 ? 1 : IMPOSSIBLE_GAIN;
+        *skip_gain = 0;
         break;
     case CAIRN_SEQUENCE_LOCAL:
-        *pair = value;
-        *skip = -x->params.gap;
+        *pair_gain = value;
+        *skip_gain = -sequence->params.gap;
         break;
     default:
-        *pair = *skip = i > 0 && j > 0 ? -value : NEVER;
+        *pair_gain = *skip_gain = i > 0 && j > 0 ? -value : IMPOSSIBLE_GAIN;
         break;
     }
 }
 
-/* The best sum that arrives at node (i, j) of a part that starts in row i0 and column j0. */
-static cairn_real arrive(cairn_sequence *x, int32_t i0, int32_t j0)
+/* Best sum from the start of a job to the current node, over the moves that arrive there. */
+static cairn_real best_arriving(cairn_sequence *sequence, int32_t first_row, int32_t first_column)
 {
-    int32_t i = x->i, j = x->j;
-    cairn_real pair, skip, above = i > i0 ? x->forward[j] : NEVER, best = NEVER;
+    int32_t i = sequence->row, j = sequence->column;
+    cairn_real pair_gain, skip_gain, above = i > first_row ? sequence->forward[j] : IMPOSSIBLE_GAIN,
+                                     best = IMPOSSIBLE_GAIN;
 
-    gains(x, i, j, &pair, &skip);
-    if (i > i0 && j > j0)
-        best = x->diagonal + pair;
-    if (i > i0)
-        best = cairn_max(best, above + skip);
-    if (j > j0)
-        best = cairn_max(best, x->forward[j - 1] + skip);
-    x->diagonal = above;
-    return cairn_max(best, NEVER);
+    move_gains(sequence, i, j, &pair_gain, &skip_gain);
+    if (i > first_row && j > first_column)
+        best = sequence->diagonal + pair_gain;
+    if (i > first_row)
+        best = cairn_max(best, above + skip_gain);
+    if (j > first_column)
+        best = cairn_max(best, sequence->forward[j - 1] + skip_gain);
+    sequence->diagonal = above;
+    return cairn_max(best, IMPOSSIBLE_GAIN);
 }
 
-/* The best sum from node (i, j) to the end (i1, j1) of a part; backward[j + 1] is done. */
-static cairn_real leave(cairn_sequence *x, int32_t i1, int32_t j1)
+/* Best sum from the current node to the end of a job, over the moves that leave; backward[j + 1] is
+ * final. */
+static cairn_real best_leaving(cairn_sequence *sequence, int32_t last_row, int32_t last_column)
 {
-    int32_t i = x->i, j = x->j;
-    int32_t warp = x->params.kind == CAIRN_SEQUENCE_WARP;
-    cairn_real pair = 0, skip = 0, below = i < i1 ? x->backward[j] : NEVER,
-               best = i == i1 && j == j1 ? 0 : NEVER;
+    int32_t i = sequence->row, j = sequence->column;
+    int32_t is_dtw = sequence->params.kind == CAIRN_SEQUENCE_WARP;
+    cairn_real pair_gain = 0, skip_gain = 0,
+               below = i < last_row ? sequence->backward[j] : IMPOSSIBLE_GAIN,
+               best = i == last_row && j == last_column ? 0 : IMPOSSIBLE_GAIN;
 
-    if (warp)
-        gains(x, i, j, &pair, &skip);
-    else if (i < i1 || j < j1)
-        gains(x, i + 1 <= i1 ? i + 1 : i, j + 1 <= j1 ? j + 1 : j, &pair, &skip);
-    if (i < i1 && j < j1)
-        best = x->diagonal + (warp ? 0 : pair);
-    if (i < i1)
-        best = cairn_max(best, below + (warp ? 0 : skip));
-    if (j < j1)
-        best = cairn_max(best, x->backward[j + 1] + (warp ? 0 : skip));
-    if (warp)
-        best += skip;
-    x->diagonal = below;
-    return cairn_max(best, NEVER);
+    if (is_dtw)
+        move_gains(sequence, i, j, &pair_gain, &skip_gain);
+    else if (i < last_row || j < last_column)
+        move_gains(sequence, i + 1 <= last_row ? i + 1 : i, j + 1 <= last_column ? j + 1 : j,
+                   &pair_gain, &skip_gain);
+    if (i < last_row && j < last_column)
+        best = sequence->diagonal + (is_dtw ? 0 : pair_gain);
+    if (i < last_row)
+        best = cairn_max(best, below + (is_dtw ? 0 : skip_gain));
+    if (j < last_column)
+        best = cairn_max(best, sequence->backward[j + 1] + (is_dtw ? 0 : skip_gain));
+    if (is_dtw)
+        best += skip_gain;
+    sequence->diagonal = below;
+    return cairn_max(best, IMPOSSIBLE_GAIN);
 }
 
-/* ---- LOCAL: where the best piece lies ---- */
+/* ---- LOCAL: end and start of the best local alignment ---- */
 
-static void find_end(cairn_sequence *x)
+/* Phase FIND_END: one node, in ascending order. */
+static void find_end(cairn_sequence *sequence)
 {
-    cairn_real sum = cairn_max(arrive(x, 0, 0), 0);
+    cairn_real sum = cairn_max(best_arriving(sequence, 0, 0), 0);
 
-    x->forward[x->j] = sum;
-    if (sum > x->best) {
-        x->best = sum;
-        x->best_i = x->i;
-        x->best_j = x->j;
+    sequence->forward[sequence->column] = sum;
+    if (sum > sequence->best) {
+        sequence->best = sum;
+        sequence->best_row = sequence->row;
+        sequence->best_column = sequence->column;
     }
-    if (x->j++ < x->second_count)
+    if (sequence->column++ < sequence->second_count)
         return;
-    x->j = 0;
-    if (x->i++ < x->first_count)
+    sequence->column = 0;
+    if (sequence->row++ < sequence->first_count)
         return;
-    x->score = x->best;
-    x->job.i1 = x->i = x->best_i;
-    x->job.j1 = x->j = x->best_j;
-    x->best = 0;
-    x->phase = x->score > 0 ? SEQUENCE_START : SEQUENCE_DONE;
+    sequence->score = sequence->best;
+    sequence->job.last_row = sequence->row = sequence->best_row;
+    sequence->job.last_column = sequence->column = sequence->best_column;
+    sequence->best = 0;
+    sequence->phase = sequence->score > 0 ? SEQUENCE_FIND_START : SEQUENCE_DONE;
 }
 
-static void find_start(cairn_sequence *x)
+/* Phase FIND_START: one node, in descending order. */
+static void find_start(cairn_sequence *sequence)
 {
-    cairn_real sum = leave(x, x->job.i1, x->job.j1);
+    cairn_real sum = best_leaving(sequence, sequence->job.last_row, sequence->job.last_column);
 
-    x->backward[x->j] = sum;
-    if (sum > x->best) {
-        x->best = sum;
-        x->best_i = x->i;
-        x->best_j = x->j;
+    sequence->backward[sequence->column] = sum;
+    if (sum > sequence->best) {
+        sequence->best = sum;
+        sequence->best_row = sequence->row;
+        sequence->best_column = sequence->column;
     }
-    if (x->j-- > 0)
+    if (sequence->column-- > 0)
         return;
-    x->j = x->job.j1;
-    if (x->i-- > 0)
+    sequence->column = sequence->job.last_column;
+    if (sequence->row-- > 0)
         return;
-    x->job.i0 = x->best_i;
-    x->job.j0 = x->best_j;
-    x->jobs[0] = x->job;
-    x->job_count = 1;
-    x->phase = SEQUENCE_TAKE;
+    sequence->job.first_row = sequence->best_row;
+    sequence->job.first_column = sequence->best_column;
+    sequence->jobs[0] = sequence->job;
+    sequence->job_count = 1;
+    sequence->phase = SEQUENCE_TAKE_JOB;
 }
 
 /* ---- The path ---- */
 
-static void take(cairn_sequence *x)
+/* Phase TAKE_JOB. */
+static void take_job(cairn_sequence *sequence)
 {
-    if (x->job_count == 0) {
-        x->phase = SEQUENCE_DONE;
+    if (sequence->job_count == 0) {
+        sequence->phase = SEQUENCE_DONE;
         return;
     }
-    x->job = x->jobs[--x->job_count];
-    x->middle = x->job.i0 + (x->job.i1 - x->job.i0) / 2;
-    x->bottom = x->job.i1 - x->job.i0 == 1 ? x->job.i1 : x->middle;
-    x->i = x->job.i0;
-    x->j = x->job.j0;
-    x->best = 2 * NEVER;
-    x->best_j = x->job.j0;
-    x->best_pairs = 0;
-    x->phase = SEQUENCE_FORWARD;
+    sequence->job = sequence->jobs[--sequence->job_count];
+    sequence->middle_row =
+        sequence->job.first_row + (sequence->job.last_row - sequence->job.first_row) / 2;
+    sequence->below_row = sequence->job.last_row - sequence->job.first_row == 1
+                              ? sequence->job.last_row
+                              : sequence->middle_row;
+    sequence->row = sequence->job.first_row;
+    sequence->column = sequence->job.first_column;
+    sequence->best = 2 * IMPOSSIBLE_GAIN;
+    sequence->best_column = sequence->job.first_column;
+    sequence->best_is_diagonal = 0;
+    sequence->phase = SEQUENCE_FORWARD;
 }
 
-static void go_forward(cairn_sequence *x)
+/* Phase FORWARD: one node. */
+static void sum_forward(cairn_sequence *sequence)
 {
-    int32_t is_start = x->i == x->job.i0 && x->j == x->job.j0;
+    int32_t is_start =
+        sequence->row == sequence->job.first_row && sequence->column == sequence->job.first_column;
 
-    x->forward[x->j] = is_start ? 0 : arrive(x, x->job.i0, x->job.j0);
-    if (x->j++ < x->job.j1)
+    sequence->forward[sequence->column] =
+        is_start ? 0 : best_arriving(sequence, sequence->job.first_row, sequence->job.first_column);
+    if (sequence->column++ < sequence->job.last_column)
         return;
-    x->j = x->job.j0;
-    if (x->i++ < x->middle)
+    sequence->column = sequence->job.first_column;
+    if (sequence->row++ < sequence->middle_row)
         return;
-    x->i = x->job.i1;
-    x->j = x->job.j1;
-    x->phase = SEQUENCE_BACKWARD;
+    sequence->row = sequence->job.last_row;
+    sequence->column = sequence->job.last_column;
+    sequence->phase = SEQUENCE_BACKWARD;
 }
 
-static void go_backward(cairn_sequence *x)
+/* Phase BACKWARD: one node. */
+static void sum_backward(cairn_sequence *sequence)
 {
-    x->backward[x->j] = leave(x, x->job.i1, x->job.j1);
-    if (x->j-- > x->job.j0)
+    sequence->backward[sequence->column] =
+        best_leaving(sequence, sequence->job.last_row, sequence->job.last_column);
+    if (sequence->column-- > sequence->job.first_column)
         return;
-    x->j = x->job.j1;
-    if (x->i-- > x->bottom)
+    sequence->column = sequence->job.last_column;
+    if (sequence->row-- > sequence->below_row)
         return;
-    x->j = x->job.j0;
-    x->phase = SEQUENCE_JOIN;
+    sequence->column = sequence->job.first_column;
+    sequence->phase = SEQUENCE_FIND_SPLIT;
 }
 
-static void offer(cairn_sequence *x, cairn_real sum, int32_t pairs)
+/* Keeps the current column as the split if its sum is greater than the best so far. */
+static void consider_split(cairn_sequence *sequence, cairn_real sum, int32_t is_diagonal)
 {
-    if (sum <= x->best)
+    if (sum <= sequence->best)
         return;
-    x->best = sum;
-    x->best_j = x->j;
-    x->best_pairs = pairs;
+    sequence->best = sum;
+    sequence->best_column = sequence->column;
+    sequence->best_is_diagonal = is_diagonal;
 }
 
-static void push(cairn_sequence *x, int32_t i0, int32_t i1, int32_t j0, int32_t j1)
+/* Pushes a job. */
+static void push_job(cairn_sequence *sequence, int32_t first_row, int32_t last_row,
+                     int32_t first_column, int32_t last_column)
 {
-    sequence_job job = {i0, i1, j0, j1};
+    sequence_job job = {first_row, last_row, first_column, last_column};
 
-    CAIRN_ASSERT(x->job_count < JOBS_MOST);
-    x->jobs[x->job_count++] = job;
+    CAIRN_ASSERT(sequence->job_count < MAX_JOBS);
+    sequence->jobs[sequence->job_count++] = job;
 }
 
-/* The node of the middle row, or the move between two adjacent rows, that the path goes through. */
-static void join(cairn_sequence *x)
+/* Phase FIND_SPLIT: one node of the middle row, or one move between the two adjacent rows. */
+static void find_split(cairn_sequence *sequence)
 {
-    const sequence_job *job = &x->job;
-    int32_t warp = x->params.kind == CAIRN_SEQUENCE_WARP, j = x->j;
-    cairn_real pair, skip;
+    const sequence_job *job = &sequence->job;
+    int32_t is_dtw = sequence->params.kind == CAIRN_SEQUENCE_WARP, j = sequence->column;
+    cairn_real pair_gain, skip_gain;
 
-    if (x->bottom == x->middle) {
-        gains(x, x->middle, j, &pair, &skip);
-        offer(x, x->forward[j] + x->backward[j] - (warp ? skip : 0), 0);
+    if (sequence->below_row == sequence->middle_row) {
+        move_gains(sequence, sequence->middle_row, j, &pair_gain, &skip_gain);
+        consider_split(sequence,
+                       sequence->forward[j] + sequence->backward[j] - (is_dtw ? skip_gain : 0), 0);
     } else {
-        gains(x, x->bottom, j + 1 <= job->j1 ? j + 1 : j, &pair, &skip);
-        if (j < job->j1)
-            offer(x, x->forward[j] + x->backward[j + 1] + (warp ? 0 : pair), 1);
-        offer(x, x->forward[j] + x->backward[j] + (warp ? 0 : skip), 0);
+        move_gains(sequence, sequence->below_row, j + 1 <= job->last_column ? j + 1 : j, &pair_gain,
+                   &skip_gain);
+        if (j < job->last_column)
+            consider_split(
+                sequence,
+                sequence->forward[j] + sequence->backward[j + 1] + (is_dtw ? 0 : pair_gain), 1);
+        consider_split(sequence,
+                       sequence->forward[j] + sequence->backward[j] + (is_dtw ? 0 : skip_gain), 0);
     }
-    if (x->j++ < job->j1)
+    if (sequence->column++ < job->last_column)
         return;
-    if (job->i0 == 0 && job->j0 == 0 && job->i1 == x->first_count && job->j1 == x->second_count &&
-        x->params.kind != CAIRN_SEQUENCE_LOCAL)
-        x->score = warp ? -x->best : x->best;
-    x->i = job->i0;
-    x->j = job->j0;
-    x->phase = SEQUENCE_EMIT;
-    if (x->bottom != x->middle)
+    if (job->first_row == 0 && job->first_column == 0 && job->last_row == sequence->first_count &&
+        job->last_column == sequence->second_count && sequence->params.kind != CAIRN_SEQUENCE_LOCAL)
+        sequence->score = is_dtw ? -sequence->best : sequence->best;
+    sequence->row = job->first_row;
+    sequence->column = job->first_column;
+    sequence->phase = SEQUENCE_TRACE_PATH;
+    if (sequence->below_row != sequence->middle_row)
         return;
-    push(x, x->middle, job->i1, x->best_j, job->j1);
-    push(x, job->i0, x->middle, job->j0, x->best_j);
-    x->phase = SEQUENCE_TAKE;
+    push_job(sequence, sequence->middle_row, job->last_row, sequence->best_column,
+             job->last_column);
+    push_job(sequence, job->first_row, sequence->middle_row, job->first_column,
+             sequence->best_column);
+    sequence->phase = SEQUENCE_TAKE_JOB;
 }
 
-static void emit(cairn_sequence *x)
+/* Appends the pair of the current node. */
+static void append_pair(cairn_sequence *sequence)
 {
-    if (x->i > 0 && x->j > 0) {
-        x->pairs[x->pair_count].first = x->i - 1;
-        x->pairs[x->pair_count++].second = x->j - 1;
+    if (sequence->row > 0 && sequence->column > 0) {
+        sequence->pairs[sequence->pair_count].first = sequence->row - 1;
+        sequence->pairs[sequence->pair_count++].second = sequence->column - 1;
     }
 }
 
-/* One node of a path through one or two rows: along the first, over, along the second. */
-static void walk(cairn_sequence *x)
+/* Phase TRACE_PATH: one move of a path through two adjacent rows: along the first, down at the
+ * split, along the second. */
+static void trace_path(cairn_sequence *sequence)
 {
-    const sequence_job *job = &x->job;
-    int32_t warp = x->params.kind == CAIRN_SEQUENCE_WARP,
-            over = x->i < job->i1 && x->j == x->best_j;
+    const sequence_job *job = &sequence->job;
+    int32_t is_dtw = sequence->params.kind == CAIRN_SEQUENCE_WARP,
+            moves_down = sequence->row < job->last_row && sequence->column == sequence->best_column;
 
-    if (x->i == job->i1 && x->j == job->j1) {
-        x->phase = SEQUENCE_TAKE;
+    if (sequence->row == job->last_row && sequence->column == job->last_column) {
+        sequence->phase = SEQUENCE_TAKE_JOB;
         return;
     }
-    x->i += over;
-    x->j += over ? x->best_pairs : 1;
-    if (warp || (over && x->best_pairs))
-        emit(x);
+    sequence->row += moves_down;
+    sequence->column += moves_down ? sequence->best_is_diagonal : 1;
+    if (is_dtw || (moves_down && sequence->best_is_diagonal))
+        append_pair(sequence);
 }
 
-static void run_item(cairn_sequence *x)
+/* One operation of the current phase. */
+static void advance(cairn_sequence *sequence)
 {
-    switch (x->phase) {
-    case SEQUENCE_END:
-        find_end(x);
+    switch (sequence->phase) {
+    case SEQUENCE_FIND_END:
+        find_end(sequence);
         break;
-    case SEQUENCE_START:
-        find_start(x);
+    case SEQUENCE_FIND_START:
+        find_start(sequence);
         break;
-    case SEQUENCE_TAKE:
-        take(x);
+    case SEQUENCE_TAKE_JOB:
+        take_job(sequence);
         break;
     case SEQUENCE_FORWARD:
-        go_forward(x);
+        sum_forward(sequence);
         break;
     case SEQUENCE_BACKWARD:
-        go_backward(x);
+        sum_backward(sequence);
         break;
-    case SEQUENCE_JOIN:
-        join(x);
+    case SEQUENCE_FIND_SPLIT:
+        find_split(sequence);
         break;
     default:
-        walk(x);
+        trace_path(sequence);
         break;
     }
 }
 
-cairn_status cairn_sequence_step(cairn_sequence *x, cairn_budget *budget)
+cairn_status cairn_sequence_step(cairn_sequence *sequence, cairn_budget *budget)
 {
-    if (x == NULL || budget == NULL)
+    if (sequence == NULL || budget == NULL)
         return CAIRN_BAD_ARGUMENT;
-    for (; x->phase != SEQUENCE_IDLE && x->phase != SEQUENCE_DONE; budget->left--) {
+    for (; sequence->phase != SEQUENCE_IDLE && sequence->phase != SEQUENCE_DONE; budget->left--) {
         if (budget->left <= 0)
             return CAIRN_MORE;
-        run_item(x);
+        advance(sequence);
     }
     return CAIRN_OK;
 }
 
-cairn_sequence_result cairn_sequence_read(const cairn_sequence *x)
+cairn_sequence_result cairn_sequence_read(const cairn_sequence *sequence)
 {
-    cairn_sequence_result result = {x->pairs, x->pair_count, x->score}, nothing = {NULL, 0, 0};
+    cairn_sequence_result result = {sequence->pairs, sequence->pair_count, sequence->score},
+                          nothing = {NULL, 0, 0};
 
-    return x->phase == SEQUENCE_DONE ? result : nothing;
+    return sequence->phase == SEQUENCE_DONE ? result : nothing;
 }

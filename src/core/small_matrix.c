@@ -1,3 +1,6 @@
+/* Closed-form eigendecomposition of 2 x 2 matrices, LDL^T and Jacobi rotations of 3 x 3 matrices.
+ *
+ * Source: Golub and Van Loan, Matrix computations (LDL^T, cyclic Jacobi). */
 #include "src/core/build.h"
 
 #include "cairn/small_matrix.h"
@@ -8,8 +11,7 @@ void cairn_sym2_eigen(cairn_sym2 m, cairn_real values[2], cairn_vec2 *minor, cai
     cairn_real radius = cairn_sqrt(half * half + m.xy * m.xy);
     cairn_vec2 axis = {1, 0};
 
-    /* The major axis, computed from the larger of the two equivalent expressions so that nothing
-     * cancels. */
+    /* Major axis by the larger of two equivalent expressions, which avoids cancellation. */
     if (radius > 0) {
         if (half >= 0) {
             axis.x = radius + half;
@@ -26,25 +28,27 @@ void cairn_sym2_eigen(cairn_sym2 m, cairn_real values[2], cairn_vec2 *minor, cai
     *minor = cairn_vec2_left(axis);
 }
 
-/* m = L D L^T with unit L; 0 when a pivot is not positive beyond rounding. */
-static int factor(cairn_sym3 m, cairn_real l[3], cairn_real d[3])
+/* Factorization m = L D L^T with unit lower triangular L. 0 when a pivot is not positive to
+ * rounding. */
+static int factor_ldlt(cairn_sym3 m, cairn_real l[3], cairn_real d[3])
 {
     cairn_real scale = cairn_max(m.xx, cairn_max(m.yy, m.zz));
-    cairn_real floor = scale * (8 * CAIRN_REAL_EPSILON) * CAIRN_REAL_EPSILON;
+    cairn_real least_pivot = scale * (8 * CAIRN_REAL_EPSILON) * CAIRN_REAL_EPSILON;
 
     d[0] = m.xx;
-    if (!(d[0] > floor))
+    if (!(d[0] > least_pivot))
         return 0;
     l[0] = m.xy / d[0];
     l[1] = m.xz / d[0];
     d[1] = m.yy - l[0] * m.xy;
-    if (!(d[1] > floor) || !(d[1] > 4 * CAIRN_REAL_EPSILON * m.yy))
+    if (!(d[1] > least_pivot) || !(d[1] > 4 * CAIRN_REAL_EPSILON * m.yy))
         return 0;
     l[2] = (m.yz - l[1] * m.xy) / d[1];
     d[2] = m.zz - l[1] * m.xz - l[2] * (m.yz - l[1] * m.xy);
-    return d[2] > floor && d[2] > 4 * CAIRN_REAL_EPSILON * m.zz && d[2] <= CAIRN_REAL_MAX;
+    return d[2] > least_pivot && d[2] > 4 * CAIRN_REAL_EPSILON * m.zz && d[2] <= CAIRN_REAL_MAX;
 }
 
+/* Solution of L D L^T x = b by forward and backward substitution. */
 static void substitute(const cairn_real l[3], const cairn_real d[3], const cairn_real b[3],
                        cairn_real x[3])
 {
@@ -61,7 +65,7 @@ int32_t cairn_sym3_solve(cairn_sym3 m, const cairn_real b[3], cairn_real x[3])
 {
     cairn_real l[3], d[3];
 
-    if (!factor(m, l, d))
+    if (!factor_ldlt(m, l, d))
         return 0;
     substitute(l, d, b, x);
     return 1;
@@ -72,7 +76,7 @@ int32_t cairn_sym3_inverse(cairn_sym3 m, cairn_sym3 *inverse)
     static const cairn_real unit[3][3] = {{1, 0, 0}, {0, 1, 0}, {0, 0, 1}};
     cairn_real l[3], d[3], columns[3][3];
 
-    if (!factor(m, l, d))
+    if (!factor_ldlt(m, l, d))
         return 0;
     for (int i = 0; i < 3; i++)
         substitute(l, d, unit[i], columns[i]);
@@ -88,7 +92,8 @@ int32_t cairn_sym3_inverse(cairn_sym3 m, cairn_sym3 *inverse)
 void cairn_sym3_eigen(cairn_sym3 m, cairn_real values[3], cairn_real vectors[3][3])
 {
     cairn_real a[3][3] = {{m.xx, m.xy, m.xz}, {m.xy, m.yy, m.yz}, {m.xz, m.yz, m.zz}};
-    cairn_real v[3][3] = {{1, 0, 0}, {0, 1, 0}, {0, 0, 1}}; /* columns are eigenvectors */
+    /* Product of the rotations: its columns become the eigenvectors. */
+    cairn_real v[3][3] = {{1, 0, 0}, {0, 1, 0}, {0, 0, 1}};
     int order[3] = {0, 1, 2};
 
     for (int sweep = 0; sweep < 12; sweep++) {
@@ -125,6 +130,7 @@ void cairn_sym3_eigen(cairn_sym3 m, cairn_real values[3], cairn_real vectors[3][
             }
         }
     }
+    /* Insertion sort by eigenvalue. */
     for (int i = 1; i < 3; i++)
         for (int j = i; j > 0 && a[order[j]][order[j]] < a[order[j - 1]][order[j - 1]]; j--) {
             int swap = order[j];

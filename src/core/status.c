@@ -1,3 +1,4 @@
+/* Texts of statuses, and the return of a fault. */
 #include "src/core/build.h"
 
 #include "cairn/status.h"

@@ -1,3 +1,4 @@
+/* Version of the library. */
 #include "src/core/build.h"
 
 #include "cairn/version.h"
