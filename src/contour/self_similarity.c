@@ -76,7 +76,7 @@ static cairn_inner_distance_params inner_params(const cairn_self_similarity_para
 static cairn_self_similarity *carve(cairn_pool *pool, const cairn_self_similarity_params *p)
 {
     size_t n = (size_t)p->points;
-    cairn_self_similarity *s = cairn_pool_take_one(pool, sizeof *s);
+    cairn_self_similarity *similarity = cairn_pool_take_one(pool, sizeof *similarity);
     cairn_vec2 *samples = cairn_pool_take(pool, n + (size_t)p->hole_points, sizeof *samples);
     cairn_vec2 *next = cairn_pool_take(pool, n + (size_t)p->hole_points, sizeof *next);
     cairn_vec2 *smooth = cairn_pool_take(pool, n, sizeof *smooth);
@@ -89,24 +89,24 @@ static cairn_self_similarity *carve(cairn_pool *pool, const cairn_self_similarit
     int32_t *dtw_samples = cairn_pool_take(pool, n, sizeof *dtw_samples);
     int32_t *nearby = cairn_pool_take(pool, 2 * n, sizeof *nearby);
 
-    if (s != NULL) {
-        memset(s, 0, sizeof *s);
-        s->samples = samples;
-        s->next_samples = next;
-        s->smooth = smooth;
-        s->perturbed = flat;
-        s->flat_holes = flat_holes;
-        s->trial[0].buffer = flat + (n + FLAT_ENDS);
-        s->trial[1].buffer = flat + 2 * (n + FLAT_ENDS);
-        s->trial[0].nearest_segment = nearby;
-        s->trial[1].nearest_segment = nearby + n;
-        s->descriptor_distance = descriptor_distance;
-        s->dtw_sum = dtw_sum;
-        s->residual = residual;
-        s->dtw_length = dtw_length;
-        s->dtw_samples = dtw_samples;
+    if (similarity != NULL) {
+        memset(similarity, 0, sizeof *similarity);
+        similarity->samples = samples;
+        similarity->next_samples = next;
+        similarity->smooth = smooth;
+        similarity->perturbed = flat;
+        similarity->flat_holes = flat_holes;
+        similarity->trial[0].buffer = flat + (n + FLAT_ENDS);
+        similarity->trial[1].buffer = flat + 2 * (n + FLAT_ENDS);
+        similarity->trial[0].nearest_segment = nearby;
+        similarity->trial[1].nearest_segment = nearby + n;
+        similarity->descriptor_distance = descriptor_distance;
+        similarity->dtw_sum = dtw_sum;
+        similarity->residual = residual;
+        similarity->dtw_length = dtw_length;
+        similarity->dtw_samples = dtw_samples;
     }
-    return s;
+    return similarity;
 }
 
 size_t cairn_self_similarity_memory(const cairn_self_similarity_params *params)
