@@ -36,7 +36,7 @@ CAIRN_CHECKED cairn_status cairn_inner_distance_create(cairn_inner_distance **in
 
 /* Starts on a shape: outlines[0] is its outline, the others are holes, each in either
  * orientation; they are copied. For a hole outside the outline and for crossing outlines,
- * distances are bounded by those along the outline and otherwise undefined. CAIRN_BAD_ARGUMENT:
+ * distances are at most those along the outline and otherwise undefined. CAIRN_BAD_ARGUMENT:
  * NULL, count below 1, an outline of fewer than 3 vertices or an open outline. CAIRN_FULL: more
  * than max_points vertices. CAIRN_NOT_FINITE: a vertex, or coordinates so large that lengths
  * overflow. CAIRN_EMPTY: an outline without area. Cost: linear. */

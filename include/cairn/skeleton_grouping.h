@@ -197,7 +197,7 @@ typedef struct cairn_skeleton_result {
 
 cairn_skeleton_result cairn_skeleton_read(const cairn_skeleton *skeleton);
 
-/* ---- What walks started from (Adluru 2008, fig. 3.3); valid as the result is ---- */
+/* The seeds of the walks (Adluru 2008, fig. 3.3); valid as long as the result. */
 
 /* Writes CP number index of the line fit, in no order, px; returns 0 beyond the last one. */
 int32_t cairn_skeleton_centre_point(const cairn_skeleton *skeleton, int32_t index, cairn_vec2 *at,

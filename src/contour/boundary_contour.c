@@ -111,7 +111,10 @@ static void side_ahead(const cairn_boundary *boundary, side *s)
 
 static cairn_status begin_trace(cairn_boundary *boundary)
 {
-    cairn_boundary_contour none = {boundary->corner_count, 0, boundary->closed_pass, 0, 0, 0};
+    cairn_boundary_contour none = {
+        .first = boundary->corner_count,
+        .closed = boundary->closed_pass,
+    };
     side s;
 
     CAIRN_ASSERT(boundary->contour_count < boundary->max_borders);

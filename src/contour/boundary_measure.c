@@ -173,13 +173,13 @@ static void filter_column_row(const cairn_boundary *boundary, int32_t half)
             for (int32_t x = 0; x < width; x++)
                 sum[x] += from[(ptrdiff_t)reflect_index(i, height) * width + x];
     } else {
-        const cairn_real *comes =
+        const cairn_real *entering =
             from + (ptrdiff_t)reflect_index(boundary->row + half, height) * width;
-        const cairn_real *goes =
+        const cairn_real *leaving =
             from + (ptrdiff_t)reflect_index(boundary->row - half - 1, height) * width;
 
         for (int32_t x = 0; x < width; x++)
-            sum[x] += comes[x] - goes[x];
+            sum[x] += entering[x] - leaving[x];
     }
     for (int32_t x = 0; x < width; x++)
         to[x] = sum[x] * scale;

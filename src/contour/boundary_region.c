@@ -90,7 +90,7 @@ int cairn_boundary_flood_pixel(cairn_boundary *boundary)
         return ++boundary->flood_level < BOUNDARY_LEVELS;
     boundary->level_first[boundary->flood_level] = boundary->next_of_level[pixel];
     if (boundary->label[pixel] < 0 && boundary->region_count < boundary->params.max_regions) {
-        boundary_region none = {-1, 0, 0, 0, -1, 0};
+        boundary_region none = {.first_half_border = -1, .marked_border = -1};
 
         boundary->regions[boundary->region_count] = none;
         clear_histogram(boundary, boundary->region_count);

@@ -39,18 +39,20 @@ static const cairn_real MAX_COORDINATE = CAIRN_REAL(1e6);
 
 cairn_fragment_match_params cairn_fragment_match_default(void)
 {
-    cairn_fragment_match_params params = {CAIRN_PART_FRAGMENTS,
-                                          20,
-                                          10000,
-                                          4096,
-                                          2,
-                                          24,
-                                          800,
-                                          CAIRN_REAL(1.5),
-                                          CAIRN_REAL(1.19),
-                                          CAIRN_PI / 8,
-                                          CAIRN_REAL(0.5),
-                                          CAIRN_REAL(0.5)};
+    cairn_fragment_match_params params = {
+        .max_fragments = CAIRN_PART_FRAGMENTS,
+        .samples_each = 20,
+        .max_chains = 10000,
+        .max_samples = 4096,
+        .matches_each = 2,
+        .min_scale = 24,
+        .max_scale = 800,
+        .min_step = CAIRN_REAL(1.5),
+        .step_ratio = CAIRN_REAL(1.19),
+        .turn = CAIRN_PI / 8,
+        .gap = CAIRN_REAL(0.5),
+        .min_similarity = CAIRN_REAL(0.5),
+    };
 
     return params;
 }
@@ -76,9 +78,12 @@ static int params_are_valid(const cairn_fragment_match_params *p)
 
 static cairn_sequence_params aligner_params(const cairn_fragment_match_params *p)
 {
-    cairn_sequence_params params = {CAIRN_SEQUENCE_LOCAL, p->samples_each,
-                                    FRAGMENT_WINDOW_RATIO * p->samples_each,
-                                    (cairn_real)cairn_real_to_int(p->gap * FRAGMENT_SCORE_UNIT)};
+    cairn_sequence_params params = {
+        .kind = CAIRN_SEQUENCE_LOCAL,
+        .max_first = p->samples_each,
+        .max_second = FRAGMENT_WINDOW_RATIO * p->samples_each,
+        .gap = (cairn_real)cairn_real_to_int(p->gap * FRAGMENT_SCORE_UNIT),
+    };
 
     return params;
 }
@@ -158,7 +163,7 @@ cairn_status cairn_fragment_match_create(cairn_fragment_matcher **matcher, cairn
     return cairn_sequence_create(&(*matcher)->aligner, pool, &aligner);
 }
 
-/* ---- What is compared ---- */
+/* ---- Direction codes ---- */
 
 static void code_fragment(cairn_fragment_matcher *matcher, int32_t fragment)
 {
@@ -183,7 +188,7 @@ static void code_fragment(cairn_fragment_matcher *matcher, int32_t fragment)
             (int16_t)((ahead[n - 1 - i] + FRAGMENT_DIRECTIONS / 2) & (FRAGMENT_DIRECTIONS - 1));
 }
 
-/* ---- Calls ---- */
+/* ---- Interface ---- */
 
 static int are_finite(const cairn_vec2 *points, int32_t count)
 {

@@ -132,7 +132,7 @@ static int is_scale_allowed(const cairn_fragment_matcher *matcher, cairn_real sc
            scale <= matcher->params.max_scale * matcher->scale_slack;
 }
 
-/* ---- Going on ---- */
+/* ---- Phases ---- */
 
 static void start_alignment(cairn_fragment_matcher *matcher)
 {
@@ -219,7 +219,7 @@ static int do_align(cairn_fragment_matcher *matcher, cairn_budget *budget)
     return 1;
 }
 
-/* ---- Pairs ---- */
+/* ---- Traceback and fit ---- */
 
 /* Returns the first sample of the traceback window of an alignment end. */
 static int32_t window_start(const cairn_fragment_matcher *matcher, const alignment_end *k)

@@ -57,7 +57,10 @@ struct cairn_inner_distance {
 
 cairn_inner_distance_params cairn_inner_distance_default(void)
 {
-    cairn_inner_distance_params params = {128, 0};
+    cairn_inner_distance_params params = {
+        .max_points = 128,
+        .fill_holes = 0,
+    };
 
     return params;
 }
@@ -103,7 +106,7 @@ cairn_status cairn_inner_distance_create(cairn_inner_distance **inner, cairn_poo
     return CAIRN_OK;
 }
 
-/* ---- The outlines ---- */
+/* ---- Outlines ---- */
 
 /* *reach: greatest absolute coordinate; *whole: length of all outlines. */
 static cairn_status check_outlines(const cairn_inner_distance *inner, const cairn_curve *outlines,
@@ -188,7 +191,7 @@ cairn_status cairn_inner_distance_begin(cairn_inner_distance *inner, const cairn
     return CAIRN_OK;
 }
 
-/* ---- Who sees whom ---- */
+/* ---- Visibility graph ---- */
 
 /* Returns 1 if a unit direction enters the shape at a vertex, or runs along one of its edges. */
 static int leads_inside(const cairn_inner_distance *inner, const inner_vertex *v,
@@ -224,13 +227,13 @@ static int is_within(const sight_line *s, cairn_real place)
 
 /* Returns 1 if the segment touches an edge whose ends have lateral offsets a and b. */
 static int intersects(const sight_line *s, cairn_vec2 from, cairn_vec2 to, cairn_real a,
-                      cairn_real b, cairn_real touch)
+                      cairn_real b, cairn_real tolerance)
 {
-    if ((a > touch && b > touch) || (a < -touch && b < -touch))
+    if ((a > tolerance && b > tolerance) || (a < -tolerance && b < -tolerance))
         return 0;
-    if (cairn_abs(a) <= touch || cairn_abs(b) <= touch)
-        return (cairn_abs(a) <= touch && is_within(s, position_along(s, from))) ||
-               (cairn_abs(b) <= touch && is_within(s, position_along(s, to)));
+    if (cairn_abs(a) <= tolerance || cairn_abs(b) <= tolerance)
+        return (cairn_abs(a) <= tolerance && is_within(s, position_along(s, from))) ||
+               (cairn_abs(b) <= tolerance && is_within(s, position_along(s, to)));
     return is_within(s, (position_along(s, from) * b - position_along(s, to) * a) / (b - a));
 }
 
@@ -250,8 +253,8 @@ static int is_blocking(const cairn_inner_distance *inner, const sight_line *s, i
 static int are_visible(cairn_inner_distance *inner, int32_t i, int32_t k)
 {
     const inner_vertex *a = &inner->vertices[i], *b = &inner->vertices[k];
-    cairn_vec2 way = cairn_vec2_sub(b->position, a->position);
-    sight_line s = {a->position, cairn_vec2_unit(way), cairn_vec2_norm(way)};
+    cairn_vec2 displacement = cairn_vec2_sub(b->position, a->position);
+    sight_line s = {a->position, cairn_vec2_unit(displacement), cairn_vec2_norm(displacement)};
 
     if (a->after == k || a->before == k)
         return 1;
@@ -291,7 +294,7 @@ static cairn_status step_visibility(cairn_inner_distance *inner, cairn_budget *b
     return CAIRN_OK;
 }
 
-/* ---- The ways ---- */
+/* ---- Shortest paths ---- */
 
 /* Relaxes the paths from vertex i over vertex k to all others (Floyd-Warshall step). */
 static void relax(cairn_inner_distance *inner, int32_t i, int32_t k)

@@ -68,7 +68,10 @@ static int params_are_valid(const cairn_self_similarity_params *p)
 
 static cairn_inner_distance_params inner_params(const cairn_self_similarity_params *p)
 {
-    cairn_inner_distance_params inner = {p->points + p->hole_points, p->hole_points == 0};
+    cairn_inner_distance_params inner = {
+        .max_points = p->points + p->hole_points,
+        .fill_holes = p->hole_points == 0,
+    };
 
     return inner;
 }
@@ -152,7 +155,7 @@ cairn_status cairn_self_similarity_create(cairn_self_similarity **similarity, ca
     return CAIRN_OK;
 }
 
-/* ---- The outlines ---- */
+/* ---- Outlines ---- */
 
 static cairn_status check_outlines(const cairn_curve *outlines, int32_t count)
 {
@@ -178,17 +181,18 @@ static int32_t sample_holes(cairn_self_similarity *similarity, const cairn_curve
                             int32_t count, cairn_curve *sampled)
 {
     int32_t n = similarity->params.points, most = similarity->params.hole_points, taken = 1;
-    cairn_real spacing = cairn_curve_length(&outlines[0]) / (cairn_real)n, all = 0, room, dense;
+    cairn_real spacing = cairn_curve_length(&outlines[0]) / (cairn_real)n, all = 0, spare_samples,
+               density;
     cairn_vec2 *to = similarity->next_samples + n;
 
     count = count - 1 > most / MIN_HOLE_SAMPLES ? 1 + most / MIN_HOLE_SAMPLES : count;
     for (int32_t i = 1; i < count; i++)
         all += cairn_curve_length(&outlines[i]);
-    room = (cairn_real)(most - (count - 1) * MIN_HOLE_SAMPLES);
-    dense = all > room * spacing ? room / all : 1 / spacing;
+    spare_samples = (cairn_real)(most - (count - 1) * MIN_HOLE_SAMPLES);
+    density = all > spare_samples * spacing ? spare_samples / all : 1 / spacing;
     for (int32_t i = 1; i < count; i++) {
         int32_t points = MIN_HOLE_SAMPLES +
-                         cairn_real_to_int(cairn_floor(dense * cairn_curve_length(&outlines[i])));
+                         cairn_real_to_int(cairn_floor(density * cairn_curve_length(&outlines[i])));
         cairn_curve hole = {to, points, 1};
 
         if (cairn_curve_resample(&outlines[i], to, NULL, points) == CAIRN_OK &&
@@ -242,7 +246,7 @@ cairn_status cairn_self_similarity_begin(cairn_self_similarity *similarity,
     return CAIRN_OK;
 }
 
-/* ---- How unlike samples are ---- */
+/* ---- Descriptor distances ---- */
 
 /* Eq. 4.4: root mean square difference of two descriptors, relative to the greatest distance. */
 static cairn_real descriptor_difference(const cairn_inner_distance_result *inner, int32_t i,
@@ -279,7 +283,7 @@ static cairn_status step_compare(cairn_self_similarity *similarity, cairn_budget
     return CAIRN_OK;
 }
 
-/* ---- Cuts that are kept ---- */
+/* ---- Non-maximum suppression ---- */
 
 static cairn_real cyclic_distance(cairn_real a, cairn_real b, cairn_real round)
 {
@@ -323,7 +327,7 @@ void cairn_similarity_insert(const cairn_self_similarity *similarity, similarity
     list->count++;
 }
 
-/* ---- The verdict ---- */
+/* ---- Result ---- */
 
 cairn_vec2 cairn_similarity_point(const cairn_self_similarity *similarity,
                                   const cairn_vec2 *samples, cairn_real place)
@@ -385,7 +389,7 @@ static cairn_status step_report(cairn_self_similarity *similarity, cairn_budget 
     return CAIRN_OK;
 }
 
-/* ---- All of it ---- */
+/* ---- Phases ---- */
 
 /* Returns the next phase. As written there is no re-ranking. Without articulation the local
  * alignment is skipped. */

@@ -30,7 +30,7 @@
 
 enum { ESTIMATE_PAIRS = 12 };
 
-/* ---- The axis ---- */
+/* ---- Axis ---- */
 
 typedef struct axis_frame {
     /* Straight axis: the first end and the direction. Curved axis: the circle's centre and the
@@ -259,7 +259,7 @@ void cairn_similarity_clamp(const cairn_self_similarity *similarity, similarity_
     cut->skew = cairn_max(-MAX_SKEW, cairn_min(MAX_SKEW, cut->skew));
 }
 
-/* ---- A first guess ---- */
+/* ---- Initial estimate ---- */
 
 /* Estimates bend and skew: points at equal shares of both arcs are paired, and the midpoints of
  * the pairs lie on the axis. */

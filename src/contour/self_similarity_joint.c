@@ -36,7 +36,7 @@ static int32_t half_stretch(const cairn_self_similarity *similarity)
     return (similarity->params.points + STRETCH_DIVISOR / 2) / STRETCH_DIVISOR;
 }
 
-/* ---- How unlike stretches are ---- */
+/* ---- Local descriptor distances ---- */
 
 /* Sums over point pairs for the rigid alignment. */
 typedef struct motion_sums {
@@ -143,7 +143,7 @@ cairn_status cairn_similarity_slide_step(cairn_self_similarity *similarity, cair
     return CAIRN_OK;
 }
 
-/* ---- Warps ---- */
+/* ---- Dynamic time warping ---- */
 
 /* Returns the mean dynamic-time-warping cost of the two arcs of a cut. */
 static cairn_real dtw_cost_of(cairn_self_similarity *similarity, const similarity_cut *cut,
@@ -214,7 +214,7 @@ cairn_status cairn_similarity_scan_local_step(cairn_self_similarity *similarity,
     return CAIRN_OK;
 }
 
-/* ---- The best of all ---- */
+/* ---- Final fits ---- */
 
 /* Prepares the final fits; all start from a straight axis. */
 void cairn_similarity_blend_begin(cairn_self_similarity *similarity)

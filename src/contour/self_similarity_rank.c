@@ -52,7 +52,7 @@ similarity_cut cairn_similarity_cut_at(int32_t i, int32_t k)
     return cut;
 }
 
-/* ---- All pairs by their misfit ---- */
+/* ---- Scan of all pairs ---- */
 
 cairn_status cairn_similarity_scan_step(cairn_self_similarity *similarity, cairn_budget *budget)
 {
@@ -85,7 +85,7 @@ cairn_status cairn_similarity_scan_step(cairn_self_similarity *similarity, cairn
     return CAIRN_OK;
 }
 
-/* ---- The best of them fitted ---- */
+/* ---- Fits ---- */
 
 void cairn_similarity_append_candidates(cairn_self_similarity *similarity, int32_t kept,
                                         const similarity_list *list, int32_t most)

@@ -156,13 +156,13 @@ int32_t cairn_similarity_hole_samples(const cairn_self_similarity *similarity);
 void cairn_similarity_split_begin(cairn_self_similarity *similarity);
 cairn_status cairn_similarity_split_step(cairn_self_similarity *similarity, cairn_budget *budget);
 
-/* ---- Arcs as mirror images of each other ---- */
+/* ---- Mirror residual ---- */
 
 similarity_sides cairn_similarity_sides(const cairn_self_similarity *similarity,
                                         const similarity_cut *cut, int32_t stride);
 similarity_flat cairn_similarity_unbend(const cairn_self_similarity *similarity,
                                         const similarity_cut *cut, const similarity_sides *sides,
-                                        cairn_vec2 *room);
+                                        cairn_vec2 *buffer);
 
 /* Transforms a trial's arcs to axis coordinates and sets its residuals and cost. */
 void cairn_similarity_evaluate(cairn_self_similarity *similarity, similarity_trial *trial,
@@ -187,7 +187,7 @@ void cairn_similarity_mirror(const cairn_self_similarity *similarity, const simi
                              cairn_symmetry_axis *axis);
 int32_t cairn_similarity_mirror_cost(const cairn_self_similarity *similarity);
 
-/* ---- Re-ranking: one function for each of its phases ---- */
+/* ---- Re-ranking, one function for each phase ---- */
 
 void cairn_similarity_scan_begin(cairn_self_similarity *similarity);
 cairn_status cairn_similarity_scan_step(cairn_self_similarity *similarity, cairn_budget *budget);

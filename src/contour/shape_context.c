@@ -61,7 +61,12 @@ struct cairn_shape_context {
 
 cairn_shape_context_params cairn_shape_context_default(void)
 {
-    cairn_shape_context_params params = {128, CAIRN_REAL(0.125), 2, 1};
+    cairn_shape_context_params params = {
+        .max_points = 128,
+        .inner = CAIRN_REAL(0.125),
+        .outer = 2,
+        .missing = 1,
+    };
 
     return params;
 }
@@ -75,7 +80,10 @@ static int params_are_valid(const cairn_shape_context_params *p)
 
 static cairn_assignment_params assignment_params(const cairn_shape_context_params *p)
 {
-    cairn_assignment_params params = {p->max_points, p->max_points};
+    cairn_assignment_params params = {
+        .max_rows = p->max_points,
+        .max_columns = p->max_points,
+    };
 
     return params;
 }

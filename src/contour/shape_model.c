@@ -127,7 +127,7 @@ cairn_status cairn_shape_builder_create(cairn_shape_builder **builder, cairn_poo
     return CAIRN_OK;
 }
 
-/* ---- The outlines ---- */
+/* ---- Outlines ---- */
 
 static cairn_status check_outlines(const cairn_curve *outlines, int32_t count, cairn_box *box,
                                    cairn_real *whole)
@@ -211,7 +211,7 @@ cairn_status cairn_shape_builder_begin(cairn_shape_builder *builder, const cairn
     return CAIRN_OK;
 }
 
-/* ---- The symmetry set ---- */
+/* ---- Symmetry set ---- */
 
 int cairn_shape_disc(const cairn_shape_builder *builder, int32_t low, int32_t high,
                      cairn_shape_sample *disc)
@@ -351,7 +351,7 @@ cairn_shape_model cairn_shape_builder_read(const cairn_shape_builder *builder)
     return model;
 }
 
-/* ---- Models from elsewhere ---- */
+/* ---- Validation ---- */
 
 static int is_share(cairn_real x)
 {

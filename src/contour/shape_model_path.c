@@ -129,7 +129,7 @@ cairn_status cairn_shape_search_step(cairn_shape_builder *builder, const shape_a
     return CAIRN_OK;
 }
 
-/* ---- From the way to a path ---- */
+/* ---- Resampling ---- */
 
 /* Returns the number of outline samples passed on both sides up to pair i. */
 static int32_t passed_samples(const cairn_shape_builder *builder, int32_t i)

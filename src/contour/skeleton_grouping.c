@@ -314,7 +314,7 @@ cairn_status cairn_skeleton_begin(cairn_skeleton *skeleton, const cairn_skeleton
     return CAIRN_OK;
 }
 
-/* ---- The index ---- */
+/* ---- Edgel index ---- */
 
 static int32_t clamp_cell(cairn_real x, int32_t count)
 {

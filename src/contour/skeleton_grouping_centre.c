@@ -44,9 +44,9 @@ void cairn_skeleton_set_limits(cairn_skeleton *skeleton)
         (cairn_real)(skeleton->input.width < skeleton->input.height ? skeleton->input.width
                                                                     : skeleton->input.height);
     /* Number of edgels that fit, at two CPs each. */
-    int32_t room = skeleton->params.max_centres > 1 ? skeleton->params.max_centres / 2 : 1;
+    int32_t capacity = skeleton->params.max_centres > 1 ? skeleton->params.max_centres / 2 : 1;
 
-    skeleton->stride = (int32_t)(((int64_t)skeleton->edgel_count + room - 1) / room);
+    skeleton->stride = (int32_t)(((int64_t)skeleton->edgel_count + capacity - 1) / capacity);
     skeleton->stride = skeleton->stride > 0 ? skeleton->stride : 1;
     skeleton->min_search_radius =
         written ? skeleton->input.min_radius : skeleton->input.min_radius / RANGE_MARGIN_BELOW;
@@ -188,7 +188,7 @@ cairn_status cairn_skeleton_centres(cairn_skeleton *skeleton, cairn_budget *budg
     return CAIRN_OK;
 }
 
-/* ---- The range ---- */
+/* ---- Range of radii ---- */
 
 static int32_t bin_of(const cairn_skeleton *skeleton, cairn_real radius)
 {

@@ -254,7 +254,7 @@ static int are_opposite(const cairn_skeleton *skeleton, int32_t a, int32_t b)
 /* Returns 1 if an edge crosses the connection of two axis points. */
 static int is_crossed(cairn_skeleton *skeleton, cairn_vec2 from, cairn_vec2 to)
 {
-    cairn_segment way = {from, to};
+    cairn_segment connection = {from, to};
     cairn_vec2 unit = cairn_vec2_unit(cairn_vec2_sub(to, from));
     cairn_box box = cairn_box_grow(cairn_box_extend(cairn_box_extend(cairn_box_empty(), from), to),
                                    CROSSING_DISTANCE_PX);
@@ -271,7 +271,7 @@ static int is_crossed(cairn_skeleton *skeleton, cairn_vec2 from, cairn_vec2 to)
             const skeleton_edgel *e = &skeleton->edgels[i];
 
             count += cairn_abs(cairn_vec2_dot(e->normal, unit)) >= ASSIGN_MIN_COSINE &&
-                     cairn_segment_distance(way, e->position) <= CROSSING_DISTANCE_PX;
+                     cairn_segment_distance(connection, e->position) <= CROSSING_DISTANCE_PX;
         }
     }
     return count >= MIN_CROSSING_EDGELS;
@@ -293,12 +293,12 @@ static int32_t joint_of(cairn_skeleton *skeleton, const cairn_skeleton_part *p, 
         if (other == p || are_opposite(skeleton, skeleton->cursor, k))
             continue;
         for (int32_t i = other->first; i < other->first + other->count; i++) {
-            cairn_vec2 way = cairn_vec2_sub(skeleton->points[i].centre, last->centre);
-            cairn_real distance = cairn_vec2_norm(way);
+            cairn_vec2 displacement = cairn_vec2_sub(skeleton->points[i].centre, last->centre);
+            cairn_real distance = cairn_vec2_norm(displacement);
 
             if (distance < nearest &&
                 distance <= skeleton->points[i].radius + JOINT_DISTANCE_RADII * last->radius &&
-                cairn_vec2_dot(way, heading) >= JOINT_MIN_COSINE * distance &&
+                cairn_vec2_dot(displacement, heading) >= JOINT_MIN_COSINE * distance &&
                 !is_crossed(skeleton, last->centre, skeleton->points[i].centre)) {
                 nearest = distance;
                 joint = i;

@@ -55,9 +55,9 @@ static cairn_real log_side(const cairn_skeleton *skeleton, const written_pair *b
                            const written_pair *now, int32_t side)
 {
     cairn_real contour = angle_from(before->inward[side], now->inward[side]);
-    cairn_real way = angle_from(cairn_vec2_sub(before->centre, before->contact[side]),
-                                cairn_vec2_sub(now->centre, now->contact[side]));
-    cairn_real h = cairn_abs(cairn_wrap_angle(contour - way)) +
+    cairn_real radial = angle_from(cairn_vec2_sub(before->centre, before->contact[side]),
+                                   cairn_vec2_sub(now->centre, now->contact[side]));
+    cairn_real h = cairn_abs(cairn_wrap_angle(contour - radial)) +
                    cairn_max(now->deviation[side] - before->deviation[side], 0);
     cairn_real gap = cairn_vec2_norm(cairn_vec2_sub(now->contact[side], before->contact[side]));
 
@@ -86,10 +86,10 @@ static cairn_vec2 search_centre(const cairn_skeleton *skeleton, const skeleton_w
                                 int32_t side)
 {
     cairn_vec2 tangent = cairn_vec2_left(s->pair.inward[side]);
-    cairn_real way =
+    cairn_real offset =
         cairn_vec2_dot(tangent, s->heading) < 0 ? -skeleton->params.reach : skeleton->params.reach;
 
-    return cairn_vec2_add(s->pair.contact[side], cairn_vec2_scale(tangent, way));
+    return cairn_vec2_add(s->pair.contact[side], cairn_vec2_scale(tangent, offset));
 }
 
 /* Returns the number of edgels in a look-ahead circle; stores every stride-th in a list, if
@@ -195,14 +195,14 @@ static void cull_own(skeleton_written *w, const int32_t edgel[2])
 
 /* Culls edgels whose connection to the last contact point crosses a contour segment; the segment
  * that ends at the start of the connection is exempt. */
-static void cull_crossing(skeleton_written *w, const written_pair *last, cairn_segment piece,
+static void cull_crossing(skeleton_written *w, const written_pair *last, cairn_segment segment,
                           int32_t ends_at)
 {
     for (int32_t side = 0; side < 2; side++)
         for (int32_t i = 0; i < w->candidate_count[side] && side != ends_at; i++) {
-            cairn_segment way = {last->contact[side], w->candidates[side][i].position};
+            cairn_segment connection = {last->contact[side], w->candidates[side][i].position};
 
-            if (is_crossed(way, piece))
+            if (is_crossed(connection, segment))
                 w->candidates[side][i].is_culled = 1;
         }
 }
@@ -217,10 +217,10 @@ static void cull_candidates(skeleton_written *w, const skeleton_written_state *l
         before = cairn_particle_state_before(s);
         cull_own(w, s->pair.edgel);
         for (int32_t side = 0; side < 2 && before != NULL; side++) {
-            cairn_segment piece = {before->pair.contact[side], s->pair.contact[side]};
+            cairn_segment segment = {before->pair.contact[side], s->pair.contact[side]};
 
-            toggle_inside(w, piece.a, piece.b);
-            cull_crossing(w, &last->pair, piece, s == last ? side : -1);
+            toggle_inside(w, segment.a, segment.b);
+            cull_crossing(w, &last->pair, segment, s == last ? side : -1);
         }
         if (before == NULL)
             toggle_inside(w, s->pair.contact[0], s->pair.contact[1]);
@@ -316,12 +316,12 @@ static void cull_axes(skeleton_written *w, const skeleton_written_state *last)
     const skeleton_written_state *s = last, *before = cairn_particle_state_before(last);
 
     for (; before != NULL; s = before, before = cairn_particle_state_before(before)) {
-        cairn_segment piece = {before->pair.centre, s->pair.centre};
+        cairn_segment segment = {before->pair.centre, s->pair.centre};
 
         for (int32_t i = 0; i < w->pair_count && s != last; i++) {
-            cairn_segment way = {last->pair.centre, w->pairs[i].centre};
+            cairn_segment connection = {last->pair.centre, w->pairs[i].centre};
 
-            w->pairs[i].is_crossing |= is_crossed(way, piece);
+            w->pairs[i].is_crossing |= is_crossed(connection, segment);
         }
     }
 }
@@ -404,8 +404,8 @@ cairn_particle_model cairn_skeleton_written_model(cairn_skeleton *skeleton)
 /* ---- Runs ---- */
 
 /* Sets the first pose: a CP in one direction of its line; returns 0 if it is invalid. */
-static int first_state(const cairn_skeleton *skeleton, const skeleton_centre *c, cairn_vec2 way,
-                       skeleton_written_state *s)
+static int first_state(const cairn_skeleton *skeleton, const skeleton_centre *c,
+                       cairn_vec2 direction, skeleton_written_state *s)
 {
     written_limits rule =
         cairn_skeleton_written_limits_of(skeleton, RADIUS_MARGIN_SIGMAS * skeleton->params.radius);
@@ -413,8 +413,8 @@ static int first_state(const cairn_skeleton *skeleton, const skeleton_centre *c,
     memset(s, 0, sizeof *s);
     if (!cairn_skeleton_written_pair(skeleton, &rule, c->edgel[0], c->edgel[1], &s->pair))
         return 0;
-    s->heading = way;
-    if (cairn_vec2_cross(way, cairn_vec2_sub(s->pair.contact[0], s->pair.contact[1])) < 0)
+    s->heading = direction;
+    if (cairn_vec2_cross(direction, cairn_vec2_sub(s->pair.contact[0], s->pair.contact[1])) < 0)
         swap_sides(&s->pair);
     return 1;
 }
@@ -426,7 +426,7 @@ static cairn_status begin_run(cairn_skeleton *skeleton)
     const skeleton_seed *start = &skeleton->seeds[skeleton->seed_index];
     const cairn_polyline_segment *line = &view.segments[start->centre];
     cairn_vec2 a = {line->a[0], line->a[1]}, b = {line->b[0], line->b[1]};
-    cairn_vec2 way =
+    cairn_vec2 direction =
         cairn_vec2_unit(skeleton->direction ? cairn_vec2_sub(b, a) : cairn_vec2_sub(a, b));
     int32_t stride = (start->support + skeleton->params.particles - 1) / skeleton->params.particles,
             number = 0;
@@ -441,7 +441,7 @@ static cairn_status begin_run(cairn_skeleton *skeleton)
 
         if (view.label[i] != start->centre ||
             !cairn_skeleton_is_mirrored(skeleton, &skeleton->centres[i], line) ||
-            number++ % stride != 0 || !first_state(skeleton, &skeleton->centres[i], way, &s))
+            number++ % stride != 0 || !first_state(skeleton, &skeleton->centres[i], direction, &s))
             continue;
         status = cairn_particle_filter_start(skeleton->filter, &s, 0);
     }
