@@ -45,6 +45,7 @@ cairn_boundary_params cairn_boundary_default(void)
     return params;
 }
 
+/* Returns whether a value lies in 1 ... upper. */
 static int is_within(int32_t value, int32_t upper)
 {
     return value >= 1 && value <= upper;
@@ -71,6 +72,7 @@ static int32_t table_size_of(const cairn_boundary_params *params)
     return size;
 }
 
+/* Allocates the object from a pool; with a counting pool only the memory is counted. */
 static cairn_boundary *carve(cairn_pool *pool, const cairn_boundary_params *p)
 {
     size_t pixels = (size_t)p->max_width * (size_t)p->max_height, regions = (size_t)p->max_regions;
@@ -187,6 +189,7 @@ cairn_status cairn_boundary_begin(cairn_boundary *boundary, const cairn_boundary
     return CAIRN_OK;
 }
 
+/* Returns the cost of the next work item in units. */
 static int32_t next_item_cost(const cairn_boundary *boundary)
 {
     int32_t cost;
@@ -203,6 +206,7 @@ static int32_t next_item_cost(const cairn_boundary *boundary)
     return cost > 0 ? cost : 1;
 }
 
+/* Selects the phase after a run of the merging. */
 static void end_merging(cairn_boundary *boundary)
 {
     boundary->cursor = 0;

@@ -22,7 +22,8 @@ typedef struct side {
 
 /* Finds the pixel side from a corner in a heading; returns 0 if it does not lie between two
  * pixels of the image. */
-static int side_from(const cairn_boundary *boundary, int32_t x, int32_t y, int32_t heading, side *s)
+static int pixel_side(const cairn_boundary *boundary, int32_t x, int32_t y, int32_t heading,
+                      side *s)
 {
     int32_t width = boundary->image.width;
 
@@ -41,12 +42,14 @@ static int side_from(const cairn_boundary *boundary, int32_t x, int32_t y, int32
     return x > 0;
 }
 
+/* Returns whether the pixel side from a corner in a heading is on a border between two regions. */
 static int is_border(const cairn_boundary *boundary, int32_t x, int32_t y, int32_t heading, side *s)
 {
-    return side_from(boundary, x, y, heading, s) &&
+    return pixel_side(boundary, x, y, heading, s) &&
            boundary->label[s->pixel] != boundary->label[s->other];
 }
 
+/* Returns the number of border sides that meet at a corner. */
 static int32_t border_sides_at(const cairn_boundary *boundary, int32_t x, int32_t y)
 {
     int32_t count = 0;
@@ -59,6 +62,7 @@ static int32_t border_sides_at(const cairn_boundary *boundary, int32_t x, int32_
 
 /* ---- Tracing ---- */
 
+/* Appends the current corner. CAIRN_FULL: more than max_corners. */
 static cairn_status add_corner(cairn_boundary *boundary)
 {
     if (boundary->corner_count == boundary->params.max_points)
@@ -109,6 +113,7 @@ static void side_ahead(const cairn_boundary *boundary, side *s)
     (void)there;
 }
 
+/* Begins a contour at the current corner. */
 static cairn_status begin_trace(cairn_boundary *boundary)
 {
     cairn_boundary_contour none = {
@@ -157,6 +162,7 @@ static void continue_border(cairn_boundary *boundary)
         }
 }
 
+/* Traces one side of the current contour. */
 static cairn_status trace_step(cairn_boundary *boundary)
 {
     cairn_status status;
@@ -204,6 +210,7 @@ static int ranks_before(const cairn_boundary *boundary, int32_t p, int32_t q)
            (p < q && boundary->traced[p].strength >= boundary->traced[q].strength);
 }
 
+/* Restores the heap order upwards from a new last element. */
 static void heap_sift_up(const cairn_boundary *boundary, int32_t contour)
 {
     int32_t at = contour;
@@ -214,6 +221,7 @@ static void heap_sift_up(const cairn_boundary *boundary, int32_t contour)
     boundary->heap[at] = contour;
 }
 
+/* Restores the heap order downwards from the root. */
 static void heap_sift_down(const cairn_boundary *boundary, int32_t contour)
 {
     int32_t at = 0;

@@ -34,12 +34,14 @@ static const struct {
 
 /* ---- Heap of borders ---- */
 
+/* Returns whether border p precedes border q in the heap; ties: the lower index. */
 static int precedes(const cairn_boundary *boundary, int32_t p, int32_t q)
 {
     return boundary->borders[p].key < boundary->borders[q].key ||
            (p < q && boundary->borders[p].key <= boundary->borders[q].key);
 }
 
+/* Sets a heap element and its back index. */
 static void heap_set(const cairn_boundary *boundary, int32_t at, int32_t border)
 {
     boundary->heap[at] = border;
@@ -70,6 +72,7 @@ static void heap_update(const cairn_boundary *boundary, int32_t border)
     heap_set(boundary, at, border);
 }
 
+/* Removes a border from the heap. */
 static void heap_remove(cairn_boundary *boundary, int32_t border)
 {
     int32_t at = boundary->borders[border].heap_index,
@@ -115,6 +118,7 @@ static cairn_real hellinger_squared(const cairn_boundary *boundary, int32_t p, i
                                  (cairn_real)boundary->regions[q].size));
 }
 
+/* Returns the merge cost of a border. */
 static cairn_real merge_cost_of(const cairn_boundary *boundary, const boundary_border *border)
 {
     const boundary_region *p = &boundary->regions[border->region[0]],
@@ -141,6 +145,7 @@ static cairn_real size_factor_of(const cairn_boundary *boundary, int32_t region)
     return cairn_exp(size_exponent_of(boundary) * cairn_log(share));
 }
 
+/* Inserts a half-border into the list of a region. */
 static void link_half_border(const cairn_boundary *boundary, int32_t half, int32_t region)
 {
     boundary_border *border = &boundary->borders[half / 2];
@@ -155,6 +160,7 @@ static void link_half_border(const cairn_boundary *boundary, int32_t half, int32
     r->border_count++;
 }
 
+/* Removes a half-border from the list of its region. */
 static void unlink_half_border(const cairn_boundary *boundary, int32_t half)
 {
     const boundary_border *border = &boundary->borders[half / 2];
@@ -231,6 +237,7 @@ static void move_borders(cairn_boundary *boundary, int32_t survivor, int32_t abs
     }
 }
 
+/* Merges the two regions of the cheapest border. */
 static void merge_weakest(cairn_boundary *boundary)
 {
     int32_t weakest = boundary->heap[0];
@@ -274,6 +281,7 @@ int cairn_boundary_has_criteria(const cairn_boundary *boundary)
     return boundary->criterion < CRITERIA_COUNT;
 }
 
+/* Resets a region to its state before merging. */
 static void clear_region(const cairn_boundary *boundary, int32_t region)
 {
     boundary_region *r = &boundary->regions[region];
@@ -286,6 +294,7 @@ static void clear_region(const cairn_boundary *boundary, int32_t region)
             boundary->initial_histogram[(ptrdiff_t)region * BOUNDARY_BINS + k];
 }
 
+/* Resets a border to its state before merging. */
 static void clear_border(const cairn_boundary *boundary, int32_t border)
 {
     boundary_border *e = &boundary->borders[border];

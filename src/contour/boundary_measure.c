@@ -28,11 +28,13 @@ typedef struct feature_map {
     int32_t channel, bin, half;
 } feature_map;
 
+/* Returns the number of histogram bins of all channels. */
 static int32_t bins_per_scale(const cairn_boundary *boundary)
 {
     return L_BINS + (boundary->channels > 1 ? 2 * AB_BINS : 0);
 }
 
+/* Returns the number of feature maps. */
 static int32_t map_count(const cairn_boundary *boundary)
 {
     return SCALES * bins_per_scale(boundary) + MEAN_SCALES * boundary->channels;
@@ -70,6 +72,7 @@ static cairn_real lab_curve(cairn_real t)
                                          : (CAIRN_REAL(24389.0) / 27 * t + 16) / 116;
 }
 
+/* Converts a row of samples to CIE L, a, b. */
 static void colour_row(const cairn_boundary *boundary)
 {
     const uint8_t *sample = boundary->image.samples + boundary->image.stride * boundary->row;
@@ -108,6 +111,7 @@ static int32_t reflect_index(int32_t i, int32_t count)
     return i;
 }
 
+/* Filters a row by a box of half-width `half`, as a running sum. */
 static void box_filter_row(const cairn_real *from, cairn_real *to, int32_t width, int32_t half)
 {
     cairn_real sum = 0, scale = 1 / (cairn_real)(2 * half + 1);
@@ -194,6 +198,7 @@ static cairn_real feature_value(const feature_map *map, cairn_real average)
     return map->bin < 0 ? average : cairn_sqrt(cairn_max(0, average) + HISTOGRAM_REGULARIZER);
 }
 
+/* Adds the gradient of the current feature map to the structure tensors of a row. */
 static void tensor_row(const cairn_boundary *boundary)
 {
     feature_map map = feature_map_of(boundary);
@@ -222,6 +227,7 @@ static void tensor_row(const cairn_boundary *boundary)
     }
 }
 
+/* Computes the edge strengths of a row from the structure tensors. */
 static void strength_row(const cairn_boundary *boundary)
 {
     for (int32_t x = 0; x < boundary->image.width; x++) {

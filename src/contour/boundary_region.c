@@ -14,6 +14,7 @@
 
 /* ---- Watershed ---- */
 
+/* Returns the quantized strength of a pixel. */
 static int32_t level_of(const cairn_boundary *boundary, int32_t pixel)
 {
     return cairn_real_to_int(
@@ -42,6 +43,7 @@ void cairn_boundary_flood_row(cairn_boundary *boundary, int32_t row)
     }
 }
 
+/* Labels a pixel and appends it to the queue of a level. */
 static void label_pixel(cairn_boundary *boundary, int32_t pixel, int32_t region, int32_t level)
 {
     boundary->label[pixel] = region;
@@ -54,6 +56,7 @@ static void label_pixel(cairn_boundary *boundary, int32_t pixel, int32_t region,
     boundary->queue_tail[level] = pixel;
 }
 
+/* Labels the unlabelled neighbours of a pixel. */
 static void grow_basin(cairn_boundary *boundary, int32_t pixel)
 {
     int32_t x = pixel % boundary->image.width, y = pixel / boundary->image.width;

@@ -33,11 +33,13 @@ enum {
 /* Regions and borders per work unit. */
 enum { ITEMS_PER_UNIT = 8 };
 
+/* Returns vector i of the subspace iteration. */
 static cairn_real *vector_at(const cairn_boundary *boundary, int32_t i)
 {
     return boundary->vectors + (ptrdiff_t)i * boundary->region_count;
 }
 
+/* Returns the dot product of two vectors. */
 static cairn_real dot(const cairn_real *u, const cairn_real *v, int32_t count)
 {
     cairn_real sum = 0;
@@ -152,7 +154,7 @@ static void orthonormalize(const cairn_boundary *boundary)
 }
 
 /* Computes the current row of the projected matrix V' M V. */
-static void project(cairn_boundary *boundary)
+static void project_vector(cairn_boundary *boundary)
 {
     cairn_real *image = vector_at(boundary, BLOCK_SIZE);
 
@@ -196,7 +198,7 @@ static void jacobi_rotate(cairn_boundary *boundary, int32_t p, int32_t q)
 
 /* Computes the eigenvectors of the projected matrix; order[] sorts them by decreasing
  * eigenvalue. */
-static void solve_small(cairn_boundary *boundary, int32_t order[BLOCK_SIZE])
+static void solve_projected(cairn_boundary *boundary, int32_t order[BLOCK_SIZE])
 {
     for (int32_t p = 0; p < BLOCK_SIZE; p++)
         for (int32_t q = 0; q < BLOCK_SIZE; q++) {
@@ -228,7 +230,7 @@ static void rotate_to_eigenvectors(cairn_boundary *boundary)
 {
     int32_t order[BLOCK_SIZE] = {0};
 
-    solve_small(boundary, order);
+    solve_projected(boundary, order);
     for (int32_t i = 0; i < boundary->region_count; i++) {
         cairn_real was[BLOCK_SIZE];
 
@@ -336,7 +338,7 @@ int cairn_boundary_spectral_next(cairn_boundary *boundary)
         if (next_vector_wraps(boundary))
             boundary->spectral_stage = BOUNDARY_PROJECT;
     } else if (boundary->spectral_stage == BOUNDARY_PROJECT) {
-        project(boundary);
+        project_vector(boundary);
         if (next_vector_wraps(boundary))
             boundary->spectral_stage = BOUNDARY_RAYLEIGH_RITZ;
     } else {

@@ -57,6 +57,7 @@ cairn_fragment_match_params cairn_fragment_match_default(void)
     return params;
 }
 
+/* Validates the capacities. */
 static int capacities_are_valid(const cairn_fragment_match_params *p)
 {
     return p->max_fragments >= 1 && p->max_fragments <= MAX_FRAGMENTS && p->samples_each >= 2 &&
@@ -165,6 +166,7 @@ cairn_status cairn_fragment_match_create(cairn_fragment_matcher **matcher, cairn
 
 /* ---- Direction codes ---- */
 
+/* Computes the direction codes of a fragment in both orientations. */
 static void code_fragment(cairn_fragment_matcher *matcher, int32_t fragment)
 {
     int32_t n = matcher->model.samples_each;
@@ -199,6 +201,7 @@ static int are_finite(const cairn_vec2 *points, int32_t count)
     return 1;
 }
 
+/* Validates the model. */
 static cairn_status check_model(const cairn_fragment_matcher *matcher,
                                 const cairn_part_model *model)
 {

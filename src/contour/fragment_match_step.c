@@ -35,6 +35,7 @@ static int32_t sampling_cost(const cairn_fragment_matcher *matcher)
     return matcher->sample_count + matcher->chains[matcher->chain].count / POINTS_PER_UNIT;
 }
 
+/* Samples a chain at the current step and computes its direction codes. */
 static void sample_chain(cairn_fragment_matcher *matcher)
 {
     int32_t wrapped = matcher->model.samples_each - 1,
@@ -134,6 +135,7 @@ static int is_scale_allowed(const cairn_fragment_matcher *matcher, cairn_real sc
 
 /* ---- Phases ---- */
 
+/* Clears the column of the alignment table. */
 static void start_alignment(cairn_fragment_matcher *matcher)
 {
     memset(matcher->dp_column, 0, sizeof matcher->dp_column);
@@ -168,7 +170,7 @@ static void next_alignment(cairn_fragment_matcher *matcher)
 }
 
 /* Samples a chain; returns 0 if the budget is used up. */
-static int do_sample(cairn_fragment_matcher *matcher, cairn_budget *budget)
+static int step_sample(cairn_fragment_matcher *matcher, cairn_budget *budget)
 {
     int is_long;
 
@@ -190,7 +192,8 @@ static int do_sample(cairn_fragment_matcher *matcher, cairn_budget *budget)
     return 1;
 }
 
-static int do_align(cairn_fragment_matcher *matcher, cairn_budget *budget)
+/* Aligns a block of chain samples; returns 0 if the budget is used up. */
+static int step_align(cairn_fragment_matcher *matcher, cairn_budget *budget)
 {
     int32_t n = matcher->model.samples_each, left = matcher->column_count - matcher->current_column,
             block = left < COLUMNS_PER_ITEM ? left : COLUMNS_PER_ITEM;
@@ -229,12 +232,14 @@ static int32_t window_start(const cairn_fragment_matcher *matcher, const alignme
     return from > 0 ? from : 0;
 }
 
+/* Returns the current alignment end. */
 static const alignment_end *current_end(const cairn_fragment_matcher *matcher)
 {
     return &matcher->ends[(size_t)matcher->fragment * (size_t)matcher->params.matches_each +
                           (size_t)matcher->next_end];
 }
 
+/* The score of a pair for the traceback. */
 static cairn_real pair_score(const void *context, int32_t i, int32_t j)
 {
     const cairn_fragment_matcher *matcher = context;
@@ -250,7 +255,7 @@ static cairn_real pair_score(const void *context, int32_t i, int32_t j)
 }
 
 /* Samples the chain of the next alignment end again, at its step, and begins the traceback. */
-static int do_trace(cairn_fragment_matcher *matcher, cairn_budget *budget)
+static int step_trace(cairn_fragment_matcher *matcher, cairn_budget *budget)
 {
     const alignment_end *k;
     cairn_status status;
@@ -328,7 +333,7 @@ static void fit(const cairn_fragment_matcher *matcher, const alignment_end *k,
     match->off = cairn_sqrt(squared_sum / (cairn_real)r->count);
 }
 
-static int do_pair(cairn_fragment_matcher *matcher, cairn_budget *budget)
+static int step_pair(cairn_fragment_matcher *matcher, cairn_budget *budget)
 {
     if (cairn_sequence_step(matcher->aligner, budget) != CAIRN_OK)
         return 0;
@@ -336,7 +341,7 @@ static int do_pair(cairn_fragment_matcher *matcher, cairn_budget *budget)
     return 1;
 }
 
-static int do_fit(cairn_fragment_matcher *matcher, cairn_budget *budget)
+static int step_fit(cairn_fragment_matcher *matcher, cairn_budget *budget)
 {
     cairn_fragment_match *match = &matcher->matches[matcher->match_count];
     const alignment_end *k = current_end(matcher);
@@ -372,10 +377,10 @@ cairn_status cairn_fragment_match_step(cairn_fragment_matcher *matcher, cairn_bu
     if (matcher == NULL || budget == NULL)
         return CAIRN_BAD_ARGUMENT;
     while (more && matcher->phase != FRAGMENT_IDLE && matcher->phase != FRAGMENT_DONE)
-        more = matcher->phase == FRAGMENT_SAMPLE  ? do_sample(matcher, budget)
-               : matcher->phase == FRAGMENT_ALIGN ? do_align(matcher, budget)
-               : matcher->phase == FRAGMENT_TRACE ? do_trace(matcher, budget)
-               : matcher->phase == FRAGMENT_PAIR  ? do_pair(matcher, budget)
-                                                  : do_fit(matcher, budget);
+        more = matcher->phase == FRAGMENT_SAMPLE  ? step_sample(matcher, budget)
+               : matcher->phase == FRAGMENT_ALIGN ? step_align(matcher, budget)
+               : matcher->phase == FRAGMENT_TRACE ? step_trace(matcher, budget)
+               : matcher->phase == FRAGMENT_PAIR  ? step_pair(matcher, budget)
+                                                  : step_fit(matcher, budget);
     return more ? CAIRN_OK : CAIRN_MORE;
 }

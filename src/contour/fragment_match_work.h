@@ -44,10 +44,12 @@ struct cairn_fragment_matcher {
     alignment_end *ends;
     /* [max_fragments] */
     int32_t *end_count;
-    /* [max_fragments * matches_each] */
+    /* [max_fragments * matches_per_fragment] */
     cairn_fragment_match *matches;
     cairn_sequence *aligner;
+    /* Score by quantized direction difference, in 1 / FRAGMENT_SCORE_UNIT. */
     int32_t gain[FRAGMENT_DIRECTIONS];
+    /* Current column of the Smith-Waterman table. */
     int32_t dp_column[FRAGMENT_MAX_SAMPLES];
     /* Factor by which the scale range is widened on both sides, >= 1. */
     cairn_real scale_slack;
@@ -60,6 +62,7 @@ struct cairn_fragment_matcher {
     int32_t level, chain_count, chain, fragment, reversed;
     /* Samples of the chain; closed: it wraps around; columns including the extension. */
     int32_t sample_count, closed, column_count;
+    /* Current column; best score of the chain and its column. */
     int32_t current_column, best_score, best_column;
     /* Index in the fragment's alignment ends. */
     int32_t next_end;

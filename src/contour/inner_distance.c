@@ -210,11 +210,13 @@ typedef struct sight_line {
     cairn_real length;
 } sight_line;
 
+/* Returns the signed distance of a point to the line of a segment. */
 static cairn_real lateral_offset(const sight_line *s, cairn_vec2 p)
 {
     return cairn_vec2_cross(s->along, cairn_vec2_sub(p, s->from));
 }
 
+/* Returns the position of a point along a segment. */
 static cairn_real position_along(const sight_line *s, cairn_vec2 p)
 {
     return cairn_vec2_dot(s->along, cairn_vec2_sub(p, s->from));
@@ -237,6 +239,7 @@ static int intersects(const sight_line *s, cairn_vec2 from, cairn_vec2 to, cairn
     return is_within(s, (position_along(s, from) * b - position_along(s, to) * a) / (b - a));
 }
 
+/* Returns whether an edge blocks the segment between vertices i and k. */
 static int is_blocking(const cairn_inner_distance *inner, const sight_line *s, int32_t side,
                        int32_t i, int32_t k)
 {
@@ -270,6 +273,7 @@ static int are_visible(cairn_inner_distance *inner, int32_t i, int32_t k)
     return 1;
 }
 
+/* Fills the distance matrix with the edges of the visibility graph. */
 static cairn_status step_visibility(cairn_inner_distance *inner, cairn_budget *budget)
 {
     int32_t n = inner->count;
@@ -306,6 +310,7 @@ static void relax(cairn_inner_distance *inner, int32_t i, int32_t k)
         own[to] = cairn_min(own[to], first + over[to]);
 }
 
+/* Runs the Floyd-Warshall algorithm over the reflex vertices. */
 static cairn_status step_paths(cairn_inner_distance *inner, cairn_budget *budget)
 {
     int32_t n = inner->count;
@@ -323,6 +328,7 @@ static cairn_status step_paths(cairn_inner_distance *inner, cairn_budget *budget
     return CAIRN_OK;
 }
 
+/* Computes the greatest distance. */
 static cairn_status step_maximum(cairn_inner_distance *inner, cairn_budget *budget)
 {
     for (; inner->row < inner->outer_count; inner->row++) {

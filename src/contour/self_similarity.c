@@ -96,9 +96,9 @@ static cairn_self_similarity *carve(cairn_pool *pool, const cairn_self_similarit
         memset(similarity, 0, sizeof *similarity);
         similarity->samples = samples;
         similarity->next_samples = next;
-        similarity->smooth = smooth;
+        similarity->smoothed = smooth;
         similarity->perturbed = flat;
-        similarity->flat_holes = flat_holes;
+        similarity->axis_holes = flat_holes;
         similarity->trial[0].buffer = flat + (n + FLAT_ENDS);
         similarity->trial[1].buffer = flat + 2 * (n + FLAT_ENDS);
         similarity->trial[0].nearest_segment = nearby;
@@ -157,6 +157,7 @@ cairn_status cairn_self_similarity_create(cairn_self_similarity **similarity, ca
 
 /* ---- Outlines ---- */
 
+/* Validates the outlines. */
 static cairn_status check_outlines(const cairn_curve *outlines, int32_t count)
 {
     for (int32_t i = 0; i < count; i++) {
@@ -267,6 +268,7 @@ static cairn_real descriptor_difference(const cairn_inner_distance_result *inner
     return cairn_sqrt(dtw_sum / (cairn_real)n) / inner->greatest;
 }
 
+/* Fills the symmetric matrix of descriptor distances. */
 static cairn_status step_compare(cairn_self_similarity *similarity, cairn_budget *budget)
 {
     cairn_inner_distance_result inner = cairn_inner_distance_read(similarity->inner);
@@ -285,6 +287,7 @@ static cairn_status step_compare(cairn_self_similarity *similarity, cairn_budget
 
 /* ---- Non-maximum suppression ---- */
 
+/* Returns the distance of two positions along a closed outline. */
 static cairn_real cyclic_distance(cairn_real a, cairn_real b, cairn_real round)
 {
     cairn_real d = cairn_abs(a - b);
@@ -292,6 +295,7 @@ static cairn_real cyclic_distance(cairn_real a, cairn_real b, cairn_real round)
     return cairn_min(d, round - d);
 }
 
+/* Returns whether both ends of two cuts are closer than the non-maximum-suppression radius. */
 static int are_within_radius(const cairn_self_similarity *similarity, const similarity_cut *a,
                              const similarity_cut *b)
 {
@@ -330,14 +334,15 @@ void cairn_similarity_insert(const cairn_self_similarity *similarity, similarity
 /* ---- Result ---- */
 
 cairn_vec2 cairn_similarity_point(const cairn_self_similarity *similarity,
-                                  const cairn_vec2 *samples, cairn_real place)
+                                  const cairn_vec2 *samples, cairn_real position)
 {
-    int32_t n = similarity->params.points, i = cairn_real_to_int(cairn_floor(place));
+    int32_t n = similarity->params.points, i = cairn_real_to_int(cairn_floor(position));
     cairn_vec2 a = samples[i % n], b = samples[(i + 1) % n];
 
-    return cairn_vec2_add(a, cairn_vec2_scale(cairn_vec2_sub(b, a), place - (cairn_real)i));
+    return cairn_vec2_add(a, cairn_vec2_scale(cairn_vec2_sub(b, a), position - (cairn_real)i));
 }
 
+/* Returns the reported axis of a cut. */
 static cairn_symmetry_axis axis_of(const cairn_self_similarity *similarity,
                                    const similarity_cut *cut)
 {
@@ -395,7 +400,7 @@ static cairn_status step_report(cairn_self_similarity *similarity, cairn_budget 
  * alignment is skipped. */
 static similarity_phase phase_after(const cairn_self_similarity *similarity)
 {
-    if (similarity->phase == SIMILARITY_SPLIT && similarity->params.mode == CAIRN_MODE_AS_WRITTEN)
+    if (similarity->phase == SIMILARITY_SEARCH && similarity->params.mode == CAIRN_MODE_AS_WRITTEN)
         return SIMILARITY_ROTATION;
     if (similarity->phase == SIMILARITY_FIT && !(similarity->articulation > 0))
         return SIMILARITY_ROTATION;
@@ -407,8 +412,8 @@ static void begin_phase(cairn_self_similarity *similarity, similarity_phase phas
     similarity->phase = phase;
     similarity->cursor = similarity->inner_cursor = 0;
     switch (phase) {
-    case SIMILARITY_SPLIT:
-        cairn_similarity_split_begin(similarity);
+    case SIMILARITY_SEARCH:
+        cairn_similarity_search_begin(similarity);
         break;
     case SIMILARITY_SCAN:
         cairn_similarity_scan_begin(similarity);
@@ -419,8 +424,8 @@ static void begin_phase(cairn_self_similarity *similarity, similarity_phase phas
     case SIMILARITY_SCAN_LOCAL:
         cairn_similarity_scan_local_begin(similarity);
         break;
-    case SIMILARITY_BLEND:
-        cairn_similarity_blend_begin(similarity);
+    case SIMILARITY_FINAL_FIT:
+        cairn_similarity_final_fit_begin(similarity);
         break;
     case SIMILARITY_ROTATION:
         cairn_similarity_rotation_begin(similarity);
@@ -439,20 +444,20 @@ static cairn_status step_phase(cairn_self_similarity *similarity, cairn_budget *
         return cairn_curve_evolution_step(similarity->evolution, budget);
     case SIMILARITY_COMPARE:
         return step_compare(similarity, budget);
-    case SIMILARITY_SPLIT:
-        return cairn_similarity_split_step(similarity, budget);
+    case SIMILARITY_SEARCH:
+        return cairn_similarity_search_step(similarity, budget);
     case SIMILARITY_SCAN:
         return cairn_similarity_scan_step(similarity, budget);
     case SIMILARITY_FIT:
         return cairn_similarity_fits_step(similarity, budget);
     case SIMILARITY_COMPARE_LOCAL:
         return cairn_similarity_local_step(similarity, budget);
-    case SIMILARITY_SLIDE:
-        return cairn_similarity_slide_step(similarity, budget);
+    case SIMILARITY_LOCAL_OFFSETS:
+        return cairn_similarity_local_offsets_step(similarity, budget);
     case SIMILARITY_SCAN_LOCAL:
         return cairn_similarity_scan_local_step(similarity, budget);
-    case SIMILARITY_BLEND:
-        return cairn_similarity_blend_step(similarity, budget);
+    case SIMILARITY_FINAL_FIT:
+        return cairn_similarity_final_fit_step(similarity, budget);
     case SIMILARITY_ROTATION:
         return cairn_similarity_rotation_step(similarity, budget);
     default:

@@ -28,6 +28,7 @@ static const cairn_real unit[VARIABLES] = {2, 2, CAIRN_REAL(0.3), CAIRN_REAL(0.2
 /* Greatest step of a variable in an iteration, in its unit. */
 #define MAX_STEP 2
 
+/* Returns a variable of the fit: end positions, bend, skew. */
 static cairn_real *variable(similarity_cut *cut, int32_t i)
 {
     return i < 2 ? &cut->position[i] : i == 2 ? &cut->bend : &cut->skew;
@@ -35,8 +36,9 @@ static cairn_real *variable(similarity_cut *cut, int32_t i)
 
 /* Computes the signed distances of all samples to the lines of their nearest segments, relative
  * to the greatest inner distance. */
-static void compute_residuals(const cairn_self_similarity *similarity, const similarity_flat *flat,
-                              const int32_t *nearest_segment, cairn_real *to)
+static void compute_residuals(const cairn_self_similarity *similarity,
+                              const similarity_axis_arcs *flat, const int32_t *nearest_segment,
+                              cairn_real *to)
 {
     for (int32_t arc = 0; arc < 2; arc++)
         for (int32_t i = 1; i + 1 < flat->count[arc]; i++, nearest_segment++, to++) {
@@ -49,6 +51,7 @@ static void compute_residuals(const cairn_self_similarity *similarity, const sim
         }
 }
 
+/* Returns the residuals (row 0) or a column of the Jacobian (row 1 + v). */
 static cairn_real *row_of(const cairn_self_similarity *similarity, int32_t row)
 {
     return &similarity->residual[row * similarity->params.points];
@@ -61,11 +64,11 @@ static int32_t compute_jacobian(cairn_self_similarity *similarity, const similar
     int32_t count = t->sides.count[0] + t->sides.count[1];
     const cairn_real *here = row_of(similarity, 0);
 
-    compute_residuals(similarity, &t->flat, t->nearest_segment, row_of(similarity, 0));
+    compute_residuals(similarity, &t->axis_arcs, t->nearest_segment, row_of(similarity, 0));
     for (int32_t v = 0; v < VARIABLES; v++) {
         cairn_real *change = row_of(similarity, 1 + v);
         similarity_cut moved = t->cut;
-        similarity_flat perturbed;
+        similarity_axis_arcs perturbed;
 
         *variable(&moved, v) += DIFFERENCE_STEP * unit[v];
         for (int32_t i = 0; i < 2; i++)

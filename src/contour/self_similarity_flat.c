@@ -43,6 +43,7 @@ typedef struct axis_frame {
     cairn_real skew;
 } axis_frame;
 
+/* Returns the frame of an axis between two points with a bend and a skew. */
 static axis_frame axis_frame_of(cairn_vec2 from, cairn_vec2 to, cairn_real bend, cairn_real skew)
 {
     cairn_vec2 chord = cairn_vec2_sub(to, from), along = cairn_vec2_unit(chord),
@@ -99,14 +100,15 @@ similarity_sides cairn_similarity_sides(const cairn_self_similarity *similarity,
     return sides;
 }
 
-similarity_flat cairn_similarity_unbend(const cairn_self_similarity *similarity,
-                                        const similarity_cut *cut, const similarity_sides *sides,
-                                        cairn_vec2 *buffer)
+similarity_axis_arcs cairn_similarity_unbend(const cairn_self_similarity *similarity,
+                                             const similarity_cut *cut,
+                                             const similarity_sides *sides, cairn_vec2 *buffer)
 {
-    cairn_vec2 end[2] = {cairn_similarity_point(similarity, similarity->smooth, cut->position[0]),
-                         cairn_similarity_point(similarity, similarity->smooth, cut->position[1])};
+    cairn_vec2 end[2] = {
+        cairn_similarity_point(similarity, similarity->smoothed, cut->position[0]),
+        cairn_similarity_point(similarity, similarity->smoothed, cut->position[1])};
     axis_frame f = axis_frame_of(end[0], end[1], cut->bend, cut->skew);
-    similarity_flat flat;
+    similarity_axis_arcs flat;
 
     for (int32_t arc = 0; arc < 2; arc++) {
         int32_t count = sides->count[arc] + 2, last = count - 1;
@@ -118,7 +120,7 @@ similarity_flat cairn_similarity_unbend(const cairn_self_similarity *similarity,
                         similarity->params.points;
             cairn_vec2 p = to_axis_coordinates(&f, k == 0      ? end[arc]
                                                    : k == last ? end[1 - arc]
-                                                               : similarity->smooth[i]);
+                                                               : similarity->smoothed[i]);
 
             p.y = arc == 0 ? p.y : -p.y;
             buffer[arc == 0 ? k : last - k] = p;
@@ -128,6 +130,7 @@ similarity_flat cairn_similarity_unbend(const cairn_self_similarity *similarity,
     return flat;
 }
 
+/* Returns the squared distance of a point to a segment. */
 static cairn_real squared_distance(cairn_vec2 a, cairn_vec2 b, cairn_vec2 p)
 {
     cairn_vec2 side = cairn_vec2_sub(b, a), to = cairn_vec2_sub(p, a);
@@ -142,7 +145,7 @@ static cairn_real squared_distance(cairn_vec2 a, cairn_vec2 b, cairn_vec2 p)
 }
 
 /* Returns the segment of the other arc nearest to point i of an arc, within the search window. */
-static int32_t nearest_segment(const similarity_flat *flat, int32_t arc, int32_t i,
+static int32_t nearest_segment(const similarity_axis_arcs *flat, int32_t arc, int32_t i,
                                cairn_real *distance)
 {
     const cairn_vec2 *other = flat->points[1 - arc];
@@ -180,18 +183,18 @@ static cairn_real hole_residual_sum(cairn_self_similarity *similarity, const sim
                                     cairn_real most, int32_t *count)
 {
     axis_frame f =
-        axis_frame_of(cairn_similarity_point(similarity, similarity->smooth, cut->position[0]),
-                      cairn_similarity_point(similarity, similarity->smooth, cut->position[1]),
+        axis_frame_of(cairn_similarity_point(similarity, similarity->smoothed, cut->position[0]),
+                      cairn_similarity_point(similarity, similarity->smoothed, cut->position[1]),
                       cut->bend, cut->skew);
     int32_t all = cairn_similarity_hole_samples(similarity);
     cairn_real sum = 0;
 
     for (int32_t i = 0; i < all; i++)
-        similarity->flat_holes[i] =
+        similarity->axis_holes[i] =
             to_axis_coordinates(&f, similarity->samples[similarity->params.points + i]);
     for (int32_t i = 0; i < all; i++) {
-        cairn_vec2 mirrored = {similarity->flat_holes[i].x, -similarity->flat_holes[i].y};
-        const cairn_vec2 *hole = similarity->flat_holes;
+        cairn_vec2 mirrored = {similarity->axis_holes[i].x, -similarity->axis_holes[i].y};
+        const cairn_vec2 *hole = similarity->axis_holes;
         cairn_real least = most * most;
 
         for (int32_t h = 0; h < similarity->hole_total; hole += similarity->hole_count[h++])
@@ -215,12 +218,12 @@ void cairn_similarity_evaluate(cairn_self_similarity *similarity, similarity_tri
     int32_t count = 0;
 
     t->sides = cairn_similarity_sides(similarity, &t->cut, stride);
-    t->flat = cairn_similarity_unbend(similarity, &t->cut, &t->sides, t->buffer);
+    t->axis_arcs = cairn_similarity_unbend(similarity, &t->cut, &t->sides, t->buffer);
     for (int32_t arc = 0; arc < 2; arc++)
-        for (int32_t i = 1; i + 1 < t->flat.count[arc]; i++) {
+        for (int32_t i = 1; i + 1 < t->axis_arcs.count[arc]; i++) {
             cairn_real distance;
 
-            t->nearest_segment[count++] = nearest_segment(&t->flat, arc, i, &distance);
+            t->nearest_segment[count++] = nearest_segment(&t->axis_arcs, arc, i, &distance);
             sum += cairn_min(distance, most);
             inlier_sum += cairn_min(distance, TRUNCATION_INLIER * similarity->max_distance);
             robust_sum += cairn_min(distance, TRUNCATION_ROBUST * similarity->max_distance);
@@ -267,8 +270,8 @@ void cairn_similarity_estimate(const cairn_self_similarity *similarity, similari
 {
     cairn_real n = (cairn_real)similarity->params.points, low = cut->position[0],
                high = cut->position[1];
-    cairn_vec2 from = cairn_similarity_point(similarity, similarity->smooth, low),
-               to = cairn_similarity_point(similarity, similarity->smooth, high);
+    cairn_vec2 from = cairn_similarity_point(similarity, similarity->smoothed, low),
+               to = cairn_similarity_point(similarity, similarity->smoothed, high);
     cairn_real there = high < low ? high + n - low : high - low, back = n - there;
     cairn_real rise = 0, weights = 0, lean = 0, wide = 0;
     cairn_vec2 left[ESTIMATE_PAIRS], right[ESTIMATE_PAIRS];
@@ -283,8 +286,8 @@ void cairn_similarity_estimate(const cairn_self_similarity *similarity, similari
         cairn_real x, weight;
         cairn_vec2 p, q;
 
-        left[i] = cairn_similarity_point(similarity, similarity->smooth, a < n ? a : a - n);
-        right[i] = cairn_similarity_point(similarity, similarity->smooth, b < 0 ? b + n : b);
+        left[i] = cairn_similarity_point(similarity, similarity->smoothed, a < n ? a : a - n);
+        right[i] = cairn_similarity_point(similarity, similarity->smoothed, b < 0 ? b + n : b);
         p = to_axis_coordinates(&f, left[i]);
         q = to_axis_coordinates(&f, right[i]);
         x = (p.x + q.x) / (2 * f.half);

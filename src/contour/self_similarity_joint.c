@@ -31,6 +31,7 @@ enum { STRETCH_DIVISOR = 32 };
 /* Degree of articulation from which the refitted axes replace those of the first ranking. */
 #define MIN_ARTICULATION CAIRN_REAL(0.5)
 
+/* Returns the half-length of a stretch in samples. */
 static int32_t half_stretch(const cairn_self_similarity *similarity)
 {
     return (similarity->params.points + STRETCH_DIVISOR / 2) / STRETCH_DIVISOR;
@@ -45,6 +46,7 @@ typedef struct motion_sums {
     int32_t count;
 } motion_sums;
 
+/* Adds a point pair to the sums of the rigid alignment. */
 static void add_pair(motion_sums *sums, cairn_vec2 p, cairn_vec2 q)
 {
     sums->first = cairn_vec2_add(sums->first, p);
@@ -69,8 +71,8 @@ static cairn_real procrustes_residual(const motion_sums *sums)
 
 /* Returns the residual of the stretch about sample i and the reflected stretch about sample k,
  * shifted halfway to the neighbour in direction `step`. */
-static cairn_real compare_halfway(const cairn_self_similarity *similarity, int32_t i, int32_t k,
-                                  int32_t step)
+static cairn_real stretch_residual(const cairn_self_similarity *similarity, int32_t i, int32_t k,
+                                   int32_t step)
 {
     int32_t n = similarity->params.points, reach = half_stretch(similarity);
     motion_sums sums = {{0, 0}, {0, 0}, 0, 0, 0, 0};
@@ -108,10 +110,10 @@ cairn_status cairn_similarity_local_step(cairn_self_similarity *similarity, cair
             if (!cairn_budget_pay(budget, &similarity->units_charged, 3 * stretch_cost(similarity)))
                 return CAIRN_MORE;
             least = cairn_min(
-                compare_halfway(similarity, similarity->cursor, similarity->inner_cursor, 0),
+                stretch_residual(similarity, similarity->cursor, similarity->inner_cursor, 0),
                 cairn_min(
-                    compare_halfway(similarity, similarity->cursor, similarity->inner_cursor, -1),
-                    compare_halfway(similarity, similarity->cursor, similarity->inner_cursor, 1)));
+                    stretch_residual(similarity, similarity->cursor, similarity->inner_cursor, -1),
+                    stretch_residual(similarity, similarity->cursor, similarity->inner_cursor, 1)));
             similarity->descriptor_distance[similarity->cursor * n + similarity->inner_cursor] =
                 similarity->descriptor_distance[similarity->inner_cursor * n + similarity->cursor] =
                     cairn_sqrt(least) / (STRETCH_LENGTH * similarity->max_distance);
@@ -121,7 +123,8 @@ cairn_status cairn_similarity_local_step(cairn_self_similarity *similarity, cair
 
 /* Takes the minimum over equal offsets of both stretches, one anti-diagonal per work item. The
  * cursor is the sum of both sample indices. */
-cairn_status cairn_similarity_slide_step(cairn_self_similarity *similarity, cairn_budget *budget)
+cairn_status cairn_similarity_local_offsets_step(cairn_self_similarity *similarity,
+                                                 cairn_budget *budget)
 {
     int32_t n = similarity->params.points, reach = half_stretch(similarity);
 
@@ -172,7 +175,7 @@ static int32_t dtw_units(const cairn_self_similarity *similarity, int32_t stride
 }
 
 /* Returns the weighted geometric mean. */
-static cairn_real blend(cairn_real first, cairn_real second, cairn_real share)
+static cairn_real geometric_mean(cairn_real first, cairn_real second, cairn_real share)
 {
     const cairn_real least = CAIRN_REAL(1e-6);
 
@@ -206,7 +209,7 @@ cairn_status cairn_similarity_scan_local_step(cairn_self_similarity *similarity,
                 continue;
             straight->cut = cairn_similarity_cut_at(similarity->cursor, similarity->inner_cursor);
             cairn_similarity_evaluate(similarity, straight, SIMILARITY_SCAN_STRIDE);
-            straight->cut.cost = blend(
+            straight->cut.cost = geometric_mean(
                 straight->cut.cost, dtw_cost_of(similarity, &straight->cut, SIMILARITY_SCAN_STRIDE),
                 SCAN_DTW_WEIGHT);
             cairn_similarity_insert(similarity, &similarity->candidates, &straight->cut);
@@ -217,7 +220,7 @@ cairn_status cairn_similarity_scan_local_step(cairn_self_similarity *similarity,
 /* ---- Final fits ---- */
 
 /* Prepares the final fits; all start from a straight axis. */
-void cairn_similarity_blend_begin(cairn_self_similarity *similarity)
+void cairn_similarity_final_fit_begin(cairn_self_similarity *similarity)
 {
     int32_t from_scan = similarity->candidates.count < MAX_ARTICULATED_CUTS
                             ? similarity->candidates.count
@@ -231,7 +234,8 @@ void cairn_similarity_blend_begin(cairn_self_similarity *similarity)
     similarity->inner_cursor = 0;
 }
 
-cairn_status cairn_similarity_blend_step(cairn_self_similarity *similarity, cairn_budget *budget)
+cairn_status cairn_similarity_final_fit_step(cairn_self_similarity *similarity,
+                                             cairn_budget *budget)
 {
     int32_t units = dtw_units(similarity, 1);
 
@@ -249,10 +253,10 @@ cairn_status cairn_similarity_blend_step(cairn_self_similarity *similarity, cair
         similarity->inner_cursor = 0;
         cut = similarity->trial[similarity->current_trial].cut;
         cut.dtw_cost = dtw_cost_of(similarity, &cut, 1);
-        cut.cost = blend(similarity->cursor < similarity->dtw_candidates ? cut.mirror_cost
-                                                                         : before->mirror_cost,
-                         blend(cut.truncated_residual, cut.dtw_cost, FINAL_DTW_WEIGHT),
-                         similarity->articulation);
+        cut.cost = geometric_mean(
+            similarity->cursor < similarity->dtw_candidates ? cut.mirror_cost : before->mirror_cost,
+            geometric_mean(cut.truncated_residual, cut.dtw_cost, FINAL_DTW_WEIGHT),
+            similarity->articulation);
         if (similarity->cursor >= similarity->dtw_candidates &&
             similarity->articulation < MIN_ARTICULATION) {
             before->cost = cut.cost;

@@ -27,6 +27,7 @@ typedef struct normal_equations {
     cairn_real turn_turn, turn_shift, shift_shift, turn_residual, shift_residual;
 } normal_equations;
 
+/* Returns the mirror image of a point. */
 static cairn_vec2 reflect(const mirror_line *line, cairn_vec2 p)
 {
     cairn_real aside = cairn_vec2_dot(line->normal, cairn_vec2_sub(p, line->point));
@@ -70,6 +71,7 @@ static int32_t nearest_segment(const cairn_self_similarity *similarity,
     return last > first;
 }
 
+/* Adds the residual of a sample to the weighted normal equations. */
 static void add_sample(normal_equations *sums, const mirror_line *line, cairn_vec2 p,
                        cairn_vec2 image, const cairn_segment *side, cairn_real outlier)
 {

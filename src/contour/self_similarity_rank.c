@@ -28,7 +28,7 @@ void cairn_similarity_scan_begin(cairn_self_similarity *similarity)
                    after = similarity->samples[i + 1 < n ? i + 1 : 0];
         cairn_vec2 beside = cairn_vec2_scale(cairn_vec2_add(before, after), CAIRN_REAL(0.25));
 
-        similarity->smooth[i] =
+        similarity->smoothed[i] =
             cairn_vec2_add(beside, cairn_vec2_scale(similarity->samples[i], CAIRN_REAL(0.5)));
     }
     similarity->max_distance = cairn_inner_distance_read(similarity->inner).greatest;

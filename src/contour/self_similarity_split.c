@@ -74,7 +74,8 @@ typedef struct vertex_run {
 } vertex_run;
 
 /* Sets the runs S and T of division 1 ... 4 at vertices i and k of a level of m vertices. */
-static void divide(int32_t m, int32_t i, int32_t k, int32_t division, vertex_run *s, vertex_run *t)
+static void set_division(int32_t m, int32_t i, int32_t k, int32_t division, vertex_run *s,
+                         vertex_run *t)
 {
     int32_t shares_k = division == 2 || division == 3, shares_i = division == 2 || division == 4;
 
@@ -93,11 +94,11 @@ static cairn_real sample_at(const cairn_self_similarity *similarity, int32_t ver
 static cairn_real axis_end(const cairn_self_similarity *similarity, cairn_real last,
                            cairn_real first)
 {
-    cairn_real n = (cairn_real)similarity->params.points, gap = first - last, place;
+    cairn_real n = (cairn_real)similarity->params.points, gap = first - last, position;
 
     gap += gap < 0 ? n : 0;
-    place = last + gap / 2;
-    return place < n ? place : place - n;
+    position = last + gap / 2;
+    return position < n ? position : position - n;
 }
 
 static int is_as_written(const cairn_self_similarity *similarity)
@@ -105,6 +106,7 @@ static int is_as_written(const cairn_self_similarity *similarity)
     return similarity->params.mode == CAIRN_MODE_AS_WRITTEN;
 }
 
+/* Aligns the two arcs of a division and inserts the cut. */
 static void try_division(cairn_self_similarity *similarity, vertex_run first, vertex_run second)
 {
     int32_t forward[SIMILARITY_MAX_VERTICES], back[SIMILARITY_MAX_VERTICES], m = similarity->level;
@@ -131,7 +133,7 @@ static void try_division(cairn_self_similarity *similarity, vertex_run first, ve
     cairn_similarity_insert(similarity, &similarity->list, &cut);
 }
 
-void cairn_similarity_split_begin(cairn_self_similarity *similarity)
+void cairn_similarity_search_begin(cairn_self_similarity *similarity)
 {
     similarity->level = similarity->params.least_vertices;
     similarity->cursor = -1;
@@ -155,7 +157,7 @@ static void advance(cairn_self_similarity *similarity)
     similarity->level++;
 }
 
-cairn_status cairn_similarity_split_step(cairn_self_similarity *similarity, cairn_budget *budget)
+cairn_status cairn_similarity_search_step(cairn_self_similarity *similarity, cairn_budget *budget)
 {
     while (similarity->level <= similarity->params.most_vertices) {
         int32_t m = similarity->level,
@@ -170,8 +172,8 @@ cairn_status cairn_similarity_split_step(cairn_self_similarity *similarity, cair
             similarity->level += similarity->cursor < 0;
             continue;
         }
-        divide(m, similarity->cursor, similarity->inner_cursor, similarity->division, &first,
-               &second);
+        set_division(m, similarity->cursor, similarity->inner_cursor, similarity->division, &first,
+                     &second);
         /* Adjacent vertices are no cut. Division 2 is symmetric in i and k. Arcs of one vertex
          * are allowed as written only. */
         if (gap > 1 && gap < m - 1 && (second.count > 1 || is_as_written(similarity)) &&

@@ -14,6 +14,7 @@ enum { MAX_ROTATION_ORDER = 12, SEGMENTS_PER_UNIT = 8 };
 /* Threshold of the residual, relative to the mean distance of the outline from its centroid. */
 #define MAX_ROTATION_RESIDUAL CAIRN_REAL(0.012)
 
+/* Returns the centroid of a polygon. */
 static cairn_vec2 centre_of(const cairn_vec2 *points, int32_t count)
 {
     cairn_real area = 0;
@@ -30,6 +31,7 @@ static cairn_vec2 centre_of(const cairn_vec2 *points, int32_t count)
     return area != 0 ? cairn_vec2_add(points[0], cairn_vec2_scale(sum, 1 / area)) : points[0];
 }
 
+/* Returns the distance of a point to a polygon. */
 static cairn_real nearest_distance(const cairn_vec2 *points, int32_t count, cairn_vec2 p)
 {
     cairn_real least = 0;

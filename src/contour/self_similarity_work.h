@@ -20,13 +20,13 @@ enum {
     SIMILARITY_INNER,
     SIMILARITY_EVOLVE,
     SIMILARITY_COMPARE,
-    SIMILARITY_SPLIT,
+    SIMILARITY_SEARCH,
     SIMILARITY_SCAN,
     SIMILARITY_FIT,
     SIMILARITY_COMPARE_LOCAL,
-    SIMILARITY_SLIDE,
+    SIMILARITY_LOCAL_OFFSETS,
     SIMILARITY_SCAN_LOCAL,
-    SIMILARITY_BLEND,
+    SIMILARITY_FINAL_FIT,
     SIMILARITY_ROTATION,
     SIMILARITY_REPORT,
     SIMILARITY_DONE
@@ -35,13 +35,16 @@ enum {
 /* A cut of the outline at two positions. Positions are in samples along the outline. */
 typedef struct similarity_cut {
     cairn_real position[2]; /* Positions of the ends, 0 <= position < outline_samples. */
+    /* The two arcs. */
     cairn_real from[2], to[2];
     cairn_real cost; /* Ranking cost. */
+    /* As in cairn_symmetry_axis. */
     cairn_real mirror_residual, dtw_cost;
     /* Mirror residual plus the penalties of bend and skew: cost without articulation. */
     cairn_real mirror_cost;
     /* Residual of the outline alone, truncated at the inlier distance. */
     cairn_real truncated_residual;
+    /* Bend, rad, and skew (tangent) of the axis. */
     cairn_real bend, skew;
     int32_t vertices, division;
 } similarity_cut;
@@ -60,16 +63,16 @@ typedef struct similarity_sides {
 
 /* Both arcs in axis coordinates, the second reflected and reversed, each with the ends of the
  * axis. */
-typedef struct similarity_flat {
+typedef struct similarity_axis_arcs {
     cairn_vec2 *points[2]; /* [count] */
     int32_t count[2];
-} similarity_flat;
+} similarity_axis_arcs;
 
 /* A cut and its arcs in axis coordinates. */
 typedef struct similarity_trial {
     similarity_cut cut;
     similarity_sides sides;
-    similarity_flat flat;
+    similarity_axis_arcs axis_arcs;
     cairn_vec2 *buffer; /* [outline_samples + 4] */
     /* [outline_samples] For each sample the nearest segment of the other arc. */
     int32_t *nearest_segment;
@@ -102,9 +105,9 @@ struct cairn_self_similarity {
     int32_t level, division;
     int32_t vertex[SIMILARITY_MAX_VERTICES];
     /* Re-ranking. */
-    cairn_vec2 *smooth;     /* [outline_samples] Smoothed samples. */
+    cairn_vec2 *smoothed;   /* [outline_samples] Smoothed samples. */
     cairn_vec2 *perturbed;  /* [outline_samples + 4] Arcs with a perturbed variable. */
-    cairn_vec2 *flat_holes; /* [hole_samples] Hole samples in axis coordinates. */
+    cairn_vec2 *axis_holes; /* [hole_samples] Hole samples in axis coordinates. */
     /* [(1 + SIMILARITY_VARIABLES) * outline_samples] Residuals and Jacobian. */
     cairn_real *residual;
     similarity_list candidates; /* Cuts to be fitted. */
@@ -147,22 +150,22 @@ void cairn_similarity_insert(const cairn_self_similarity *similarity, similarity
 /* Returns the outline point at a position, 0 <= position < outline_samples, by linear
  * interpolation; samples: [outline_samples], original or smoothed. */
 cairn_vec2 cairn_similarity_point(const cairn_self_similarity *similarity,
-                                  const cairn_vec2 *samples, cairn_real place);
+                                  const cairn_vec2 *samples, cairn_real position);
 
 /* Returns the number of samples of all holes. */
 int32_t cairn_similarity_hole_samples(const cairn_self_similarity *similarity);
 
 /* Searches all levels, vertex pairs and divisions, as in the thesis. */
-void cairn_similarity_split_begin(cairn_self_similarity *similarity);
-cairn_status cairn_similarity_split_step(cairn_self_similarity *similarity, cairn_budget *budget);
+void cairn_similarity_search_begin(cairn_self_similarity *similarity);
+cairn_status cairn_similarity_search_step(cairn_self_similarity *similarity, cairn_budget *budget);
 
 /* ---- Mirror residual ---- */
 
 similarity_sides cairn_similarity_sides(const cairn_self_similarity *similarity,
                                         const similarity_cut *cut, int32_t stride);
-similarity_flat cairn_similarity_unbend(const cairn_self_similarity *similarity,
-                                        const similarity_cut *cut, const similarity_sides *sides,
-                                        cairn_vec2 *buffer);
+similarity_axis_arcs cairn_similarity_unbend(const cairn_self_similarity *similarity,
+                                             const similarity_cut *cut,
+                                             const similarity_sides *sides, cairn_vec2 *buffer);
 
 /* Transforms a trial's arcs to axis coordinates and sets its residuals and cost. */
 void cairn_similarity_evaluate(cairn_self_similarity *similarity, similarity_trial *trial,
@@ -207,12 +210,14 @@ void cairn_similarity_set_arcs(const cairn_self_similarity *similarity, similari
 
 /* Re-ranking of articulated shapes. */
 cairn_status cairn_similarity_local_step(cairn_self_similarity *similarity, cairn_budget *budget);
-cairn_status cairn_similarity_slide_step(cairn_self_similarity *similarity, cairn_budget *budget);
+cairn_status cairn_similarity_local_offsets_step(cairn_self_similarity *similarity,
+                                                 cairn_budget *budget);
 void cairn_similarity_scan_local_begin(cairn_self_similarity *similarity);
 cairn_status cairn_similarity_scan_local_step(cairn_self_similarity *similarity,
                                               cairn_budget *budget);
-void cairn_similarity_blend_begin(cairn_self_similarity *similarity);
-cairn_status cairn_similarity_blend_step(cairn_self_similarity *similarity, cairn_budget *budget);
+void cairn_similarity_final_fit_begin(cairn_self_similarity *similarity);
+cairn_status cairn_similarity_final_fit_step(cairn_self_similarity *similarity,
+                                             cairn_budget *budget);
 
 /* Estimates the order of rotational symmetry. */
 void cairn_similarity_rotation_begin(cairn_self_similarity *similarity);

@@ -214,7 +214,7 @@ static int32_t bin_of(const cairn_shape_context *matcher, cairn_vec2 d, cairn_re
 }
 
 /* Computes the shape context of a point. */
-static void count_row(cairn_shape_context *matcher)
+static void histogram_row(cairn_shape_context *matcher)
 {
     cairn_real *context = &matcher->context[matcher->shape][(size_t)matcher->row * BINS],
                counted = 0;
@@ -236,6 +236,7 @@ static void count_row(cairn_shape_context *matcher)
         context[k] /= counted;
 }
 
+/* Returns half the chi-squared distance of two histograms, 0 ... 1. */
 static cairn_real chi_squared_cost(const cairn_real *a, const cairn_real *b)
 {
     cairn_real sum = 0;
@@ -282,7 +283,7 @@ static cairn_real sparse_chi_squared_cost(const sparse_histogram *a, const cairn
 }
 
 /* Computes the costs of a point of the first shape; the cheapest is its match. */
-static void compare_row(cairn_shape_context *matcher)
+static void cost_row(cairn_shape_context *matcher)
 {
     cairn_real *cost = &matcher->cost[(size_t)matcher->row * (size_t)matcher->count[1]];
     const cairn_real *own = &matcher->context[0][(size_t)matcher->row * BINS];
@@ -313,7 +314,8 @@ static void find_nearest(cairn_shape_context *matcher)
     matcher->symmetric_distance += least / (cairn_real)matcher->count[1];
 }
 
-static void finish_whole(cairn_shape_context *matcher)
+/* WHOLE: computes the distance from the optimal assignment. */
+static void finish_assignment(cairn_shape_context *matcher)
 {
     cairn_assignment_result pairs = cairn_assignment_read(matcher->assignment);
     int32_t more = matcher->count[0] > matcher->count[1] ? matcher->count[0] : matcher->count[1];
@@ -372,9 +374,9 @@ static void run_row(cairn_shape_context *matcher)
     if (matcher->phase == PHASE_MEAN_DISTANCE)
         sum_distances(matcher);
     else if (matcher->phase == PHASE_HISTOGRAM)
-        count_row(matcher);
+        histogram_row(matcher);
     else if (matcher->phase == PHASE_COST)
-        compare_row(matcher);
+        cost_row(matcher);
     else
         find_nearest(matcher);
 }
@@ -403,7 +405,7 @@ cairn_status cairn_shape_context_step(cairn_shape_context *matcher, cairn_budget
     if (status == CAIRN_OK && matcher->phase == PHASE_ASSIGN) {
         status = cairn_assignment_step(matcher->assignment, budget);
         if (status == CAIRN_OK)
-            finish_whole(matcher);
+            finish_assignment(matcher);
     }
     return status;
 }

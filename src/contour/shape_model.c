@@ -68,6 +68,7 @@ int32_t cairn_shape_max_samples(const cairn_shape_builder_params *p)
     return p->samples + CAIRN_SHAPE_PATHS * (SHAPE_MIN_PATH_SAMPLES + 1);
 }
 
+/* Returns the greatest number of samples of all outlines. */
 static int32_t max_outline_samples(const cairn_shape_builder_params *p)
 {
     return p->points + CAIRN_SHAPE_OUTLINES * (SHAPE_MIN_OUTLINE_SAMPLES + 1);
@@ -251,6 +252,7 @@ cairn_real cairn_shape_gain(const cairn_shape_builder *builder, int32_t low, int
     return cairn_exp(CAIRN_REAL(-0.5) * scaled * scaled) - MIN_QUALITY;
 }
 
+/* Computes the gains of all pairs of the current outline. */
 static cairn_status step_pairs(cairn_shape_builder *builder, cairn_budget *budget)
 {
     int32_t n = shape_points(builder), first = builder->outline_first[builder->outline_index];
@@ -378,7 +380,7 @@ static cairn_status check_sample(const cairn_shape_sample *s, int64_t index, cai
     if (!is_valid_point(s->side[0]) || !is_valid_point(s->side[1]))
         return cairn_refuse(
             fault, index,
-            "a side out of range, expected a finite place and a direction of length 1",
+            "a contact point out of range, expected a finite position and a unit direction",
             CAIRN_BAD_ARGUMENT);
     return CAIRN_OK;
 }
@@ -400,6 +402,7 @@ static cairn_status check_path(const cairn_shape_model *m, int32_t index, cairn_
     return CAIRN_OK;
 }
 
+/* Validates the gaps of a model. */
 static int gaps_are_valid(const cairn_shape_model *m)
 {
     int32_t good = m->gap_count >= 0 && m->gap_count <= CAIRN_SHAPE_GAPS;
@@ -420,7 +423,7 @@ cairn_status cairn_shape_model_check(const cairn_shape_model *m, cairn_fault *fa
         return cairn_refuse(fault, -1, "no model, expected a size, paths, samples and an outline",
                             CAIRN_BAD_ARGUMENT);
     if (!gaps_are_valid(m))
-        return cairn_refuse(fault, -1, "gaps out of range, expected at most 8 finite places",
+        return cairn_refuse(fault, -1, "gaps out of range, expected at most 8 finite positions",
                             CAIRN_BAD_ARGUMENT);
     for (int32_t i = 0; i < m->sample_count && status == CAIRN_OK; i++)
         status = check_sample(&m->samples[i], i, fault);
@@ -429,7 +432,7 @@ cairn_status cairn_shape_model_check(const cairn_shape_model *m, cairn_fault *fa
     for (int32_t i = 0; i < m->outline_count && status == CAIRN_OK; i++)
         if (!is_valid_point(m->outline[i]))
             status = cairn_refuse(
-                fault, i, "an outline out of range, expected finite places and unit directions",
+                fault, i, "an outline out of range, expected finite positions and unit directions",
                 CAIRN_BAD_ARGUMENT);
     return status;
 }

@@ -21,11 +21,13 @@ static int32_t row_stride(const cairn_shape_builder *builder)
     return builder->params.points + SHAPE_MIN_OUTLINE_SAMPLES;
 }
 
+/* Returns the row of values of a gap. */
 static cairn_real *value_row(cairn_shape_builder *builder, int32_t gap)
 {
     return &builder->dp_value[(gap % 3) * row_stride(builder)];
 }
 
+/* Returns the gain of a pair of positions of an arc. */
 static cairn_real gain_at(const cairn_shape_builder *builder, const shape_arc *arc, int32_t low,
                           int32_t high)
 {
@@ -78,7 +80,7 @@ static void evaluate_cell(cairn_shape_builder *builder, const shape_arc *arc, in
 }
 
 /* Backtracks the best path into path_pairs[], from its start. */
-static void trace_back(cairn_shape_builder *builder, const shape_arc *arc)
+static void backtrack(cairn_shape_builder *builder, const shape_arc *arc)
 {
     int32_t gap = builder->best_end[0], low = builder->best_end[1], count = 0, wrap_offset = 0;
 
@@ -124,7 +126,7 @@ cairn_status cairn_shape_search_step(cairn_shape_builder *builder, const shape_a
             evaluate_cell(builder, arc, gap, low);
         }
         if (builder->cursor + 1 == cells)
-            trace_back(builder, arc);
+            backtrack(builder, arc);
     }
     return CAIRN_OK;
 }

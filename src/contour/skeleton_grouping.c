@@ -116,6 +116,7 @@ static int params_are_valid(const cairn_skeleton_params *p)
            p->min_mirror <= 1;
 }
 
+/* Returns the params of the particle filter. */
 static cairn_particle_filter_params filter_params(const cairn_skeleton_params *p)
 {
     cairn_particle_filter_params f = cairn_particle_filter_default();
@@ -160,6 +161,7 @@ static cairn_polyline_params line_params(const cairn_skeleton_params *p)
     return line;
 }
 
+/* Returns the number of grid cells along a side. */
 static int32_t cell_count(int32_t side)
 {
     return (side + SKELETON_CELL_PX - 1) / SKELETON_CELL_PX;
@@ -346,6 +348,7 @@ static int is_finite_edgel(const cairn_edgel *e)
            cairn_is_finite(e->slope);
 }
 
+/* Counts an edgel in its cell and updates the mean logarithmic slope. */
 static void count(cairn_skeleton *skeleton, const cairn_edgel *e)
 {
     skeleton->cell_first[cell_of(skeleton, e->position)]++;
@@ -354,6 +357,7 @@ static void count(cairn_skeleton *skeleton, const cairn_edgel *e)
             (cairn_log(e->slope) - skeleton->mean_log_slope) / (cairn_real)++skeleton->slope_count;
 }
 
+/* Stores an input edgel in its cell. */
 static void store_edgel(cairn_skeleton *skeleton, int32_t source)
 {
     const cairn_edgel *from = &skeleton->input.edgels[source];

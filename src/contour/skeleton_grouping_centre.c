@@ -58,6 +58,7 @@ void cairn_skeleton_set_limits(cairn_skeleton *skeleton)
     }
 }
 
+/* Returns the search region of an edgel on one side. */
 static search_wedge search_wedge_of(const cairn_skeleton *skeleton, const skeleton_edgel *e,
                                     int32_t sense)
 {
@@ -81,14 +82,14 @@ static search_wedge search_wedge_of(const cairn_skeleton *skeleton, const skelet
     return w;
 }
 
-static int32_t cost_of_wedge(const cairn_skeleton *skeleton, const search_wedge *w)
+static int32_t wedge_cost(const cairn_skeleton *skeleton, const search_wedge *w)
 {
     return UNITS_PER_EDGEL + skeleton_cells_cost(skeleton, w->x0, w->x1, w->y0, w->y1);
 }
 
 /* Returns the cost of a pair in half squared standard deviations; MAX_PAIR_COST: rejected. */
-static cairn_real cost_of_pair(const cairn_skeleton *skeleton, const search_wedge *w,
-                               const skeleton_edgel *other, int32_t *sense)
+static cairn_real pair_cost(const cairn_skeleton *skeleton, const search_wedge *w,
+                            const skeleton_edgel *other, int32_t *sense)
 {
     cairn_vec2 chord = cairn_vec2_sub(other->position, w->at), mirrored;
     cairn_real along = cairn_vec2_dot(w->inward, chord), squared = cairn_vec2_norm_squared(chord),
@@ -127,7 +128,7 @@ static int32_t partner_of(const cairn_skeleton *skeleton, const search_wedge *w,
         skeleton_cells_of_row(skeleton, y, w->x0, w->x1, &from, &end);
         for (int32_t i = from; i < end; i++) {
             int32_t s = 0;
-            cairn_real cost = cost_of_pair(skeleton, w, &skeleton->edgels[i], &s);
+            cairn_real cost = pair_cost(skeleton, w, &skeleton->edgels[i], &s);
 
             if (cost < best) {
                 best = cost;
@@ -146,6 +147,7 @@ static cairn_oriented_point oriented(const skeleton_edgel *e)
     return p;
 }
 
+/* Stores the CP of two edgels. */
 static void add_centre(cairn_skeleton *skeleton, int32_t first, int32_t sense, int32_t second,
                        int32_t other_sense)
 {
@@ -176,7 +178,7 @@ cairn_status cairn_skeleton_centres(cairn_skeleton *skeleton, cairn_budget *budg
                 search_wedge_of(skeleton, &skeleton->edgels[skeleton->cursor], skeleton->sense);
             int32_t partner, sense = 0;
 
-            if (!cairn_budget_pay(budget, &skeleton->units_charged, cost_of_wedge(skeleton, &w)))
+            if (!cairn_budget_pay(budget, &skeleton->units_charged, wedge_cost(skeleton, &w)))
                 return CAIRN_MORE;
             partner = partner_of(skeleton, &w, &sense);
             if (partner >= 0)
@@ -190,6 +192,7 @@ cairn_status cairn_skeleton_centres(cairn_skeleton *skeleton, cairn_budget *budg
 
 /* ---- Range of radii ---- */
 
+/* Returns the histogram bin of a radius. */
 static int32_t bin_of(const cairn_skeleton *skeleton, cairn_real radius)
 {
     int32_t bin = cairn_real_to_int(cairn_log(radius / skeleton->min_search_radius) *
@@ -198,12 +201,14 @@ static int32_t bin_of(const cairn_skeleton *skeleton, cairn_real radius)
     return bin < 0 ? 0 : bin >= SKELETON_RADIUS_BINS ? SKELETON_RADIUS_BINS - 1 : bin;
 }
 
+/* Returns the lower bound of a bin, px. */
 static cairn_real radius_of(const cairn_skeleton *skeleton, int32_t bin)
 {
     return skeleton->min_search_radius *
            cairn_exp((cairn_real)bin * (CAIRN_REAL(0.6931471805599453) / BINS_PER_OCTAVE));
 }
 
+/* Returns a bin of the smoothed histogram. */
 static cairn_real smoothed(const cairn_skeleton *skeleton, int32_t bin)
 {
     return skeleton->histogram[bin] +

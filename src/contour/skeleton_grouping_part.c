@@ -30,6 +30,7 @@
 #define CROSSING_DISTANCE_PX CAIRN_REAL(1.5)
 enum { MIN_DISCS = 3, MIN_CROSSING_EDGELS = 2 };
 
+/* Returns the gain of a disc after assignments to other parts, nats. */
 static cairn_real remaining_gain(const cairn_skeleton *skeleton, const skeleton_disc *d)
 {
     int32_t assigned = 0;
@@ -112,6 +113,7 @@ static void assign_along(cairn_skeleton *skeleton, cairn_segment line)
     }
 }
 
+/* Assigns the edgels of a walk to its part. */
 static void assign_edgels(cairn_skeleton *skeleton, const skeleton_part *p)
 {
     for (int32_t i = p->kept_first; i < p->kept_end; i++)
@@ -147,6 +149,7 @@ static cairn_skeleton_point smoothed_point(const cairn_skeleton *skeleton, const
     return q;
 }
 
+/* Appends a selected walk to the reported parts. */
 static void report_part(cairn_skeleton *skeleton, const skeleton_part *p)
 {
     cairn_skeleton_part *part = &skeleton->parts[skeleton->part_count];
@@ -220,6 +223,7 @@ cairn_status cairn_skeleton_select_parts(cairn_skeleton *skeleton, cairn_budget 
 
 /* ---- Objects ---- */
 
+/* Returns the root of a group (union-find with path halving). */
 static int32_t find_root(const cairn_skeleton *skeleton, int32_t part)
 {
     while (skeleton->union_find[part] != part) {
@@ -308,6 +312,7 @@ static int32_t joint_of(cairn_skeleton *skeleton, const cairn_skeleton_part *p, 
     return joint;
 }
 
+/* Collects the groups into objects. */
 static void collect_objects(cairn_skeleton *skeleton)
 {
     for (int32_t i = 0; i < skeleton->part_count; i++) {

@@ -9,6 +9,7 @@
 /* Deviation, rad, that costs as much as half a line length of distance to the line's middle. */
 #define DEVIATION_SCALE_RAD CAIRN_REAL(0.3)
 
+/* Adds the CPs to the line fit. */
 static cairn_status add_centres(cairn_skeleton *skeleton, cairn_budget *budget)
 {
     cairn_status status =

@@ -58,11 +58,13 @@ static cairn_real log_normal(cairn_real x, cairn_real sigma)
     return -cairn_half_square(x / sigma) - cairn_log(sigma) - CAIRN_REAL(0.9189385332046727);
 }
 
+/* Returns the signed angle from a to b, rad. */
 static cairn_real angle_from(cairn_vec2 a, cairn_vec2 b)
 {
     return cairn_atan2(cairn_vec2_cross(a, b), cairn_vec2_dot(a, b));
 }
 
+/* Returns the step length, px. */
 static cairn_real step_of(const cairn_skeleton *skeleton, cairn_real radius)
 {
     return cairn_min(cairn_max(STEP_RADII * radius, MIN_STEP_PX), skeleton->params.reach);
@@ -171,6 +173,7 @@ static cairn_real range_gain(const cairn_skeleton *skeleton, cairn_real radius)
     return cairn_max(-cairn_half_square(off / (skeleton->params.radius * radius)), MIN_RANGE_GAIN);
 }
 
+/* Returns the gain of the symmetry and of the change of radius, nats. */
 static cairn_real pair_gain(const cairn_skeleton *skeleton, const skeleton_state *before,
                             const skeleton_state *s)
 {
@@ -183,6 +186,7 @@ static cairn_real pair_gain(const cairn_skeleton *skeleton, const skeleton_state
     return cairn_max(symmetry, MIN_GAIN) + cairn_max(slope, MIN_GAIN);
 }
 
+/* Returns the gain of a state, nats. */
 static cairn_real gain_of(const cairn_skeleton *skeleton, const skeleton_state *before,
                           const skeleton_state *s, const choice *left, const choice *right)
 {
@@ -305,6 +309,7 @@ static int32_t proposal_cost(const cairn_skeleton *skeleton, const skeleton_stat
     return cost;
 }
 
+/* The proposal: offers all successor states of a particle. */
 static cairn_status propose(void *context, cairn_particle_filter *filter, int32_t index,
                             cairn_budget *budget)
 {
@@ -340,6 +345,7 @@ static cairn_status propose(void *context, cairn_particle_filter *filter, int32_
     return CAIRN_OK;
 }
 
+/* The tempered log-likelihood of a state. */
 static cairn_status likelihood(void *context, const cairn_particle_filter *filter, int32_t index,
                                const void *state, cairn_real *log_likelihood, cairn_budget *budget)
 {

@@ -22,6 +22,7 @@ enum { SKELETON_DARKER = 0, SKELETON_BRIGHTER = 1 };
 
 /* An edgel, sorted by grid cell. */
 typedef struct skeleton_edgel {
+    /* Position, px, and unit normal. */
     cairn_vec2 position, normal;
     cairn_real log_slope_ratio; /* Log ratio of its slope to the mean slope; 0: unknown. */
     int32_t input_index;        /* Index in the input. */
@@ -103,11 +104,13 @@ struct cairn_skeleton {
     /* [max_parts] Contour points with the brighter side inside, minus the others; finally the
      * objects' ranks. */
     int32_t *polarity_sum;
+    /* Histogram of the CP radii. */
     cairn_real histogram[SKELETON_RADIUS_BINS];
     /* Mean logarithm of the known edgel slopes. */
     cairn_real mean_log_slope;
     /* Range of searched radii, px: the given range, widened. */
     cairn_real min_search_radius, max_search_radius;
+    /* Grid cells, numbers of edgels and of those with a known slope, subsampling stride. */
     int32_t columns, rows, edgel_count, slope_count, stride;
     int32_t centre_count, centres_found, seed_count, line_seeds, line_count, walk_count;
     int32_t disc_count, candidate_count, point_count, part_count, object_count;

@@ -40,15 +40,15 @@ static int projection_of(cairn_vec2 normal, cairn_vec2 along, cairn_real *share)
 
 /* Orients the normal towards the centre and computes its deviation from the vector to the
  * centre; returns 0 if it is beyond the limit of a single deviation. */
-static int deviation_of(const written_limits *rule, cairn_vec2 normal, cairn_vec2 way,
+static int deviation_of(const written_limits *rule, cairn_vec2 normal, cairn_vec2 radial,
                         cairn_real radius, cairn_vec2 *inward, cairn_real *deviation)
 {
-    cairn_real along = cairn_vec2_dot(normal, way);
+    cairn_real along = cairn_vec2_dot(normal, radial);
 
     *inward = along < 0 ? cairn_vec2_scale(normal, -1) : normal;
     if (cairn_abs(along) < rule->min_cosine * radius)
         return 0;
-    *deviation = cairn_atan2(cairn_abs(cairn_vec2_cross(normal, way)), cairn_abs(along));
+    *deviation = cairn_atan2(cairn_abs(cairn_vec2_cross(normal, radial)), cairn_abs(along));
     return 1;
 }
 

@@ -36,6 +36,7 @@ enum {
     UNITS_PER_FOLLOWER = 8
 };
 
+/* Returns the signed angle from a to b, rad. */
 static cairn_real angle_from(cairn_vec2 a, cairn_vec2 b)
 {
     return cairn_atan2(cairn_vec2_cross(a, b), cairn_vec2_dot(a, b));
@@ -123,6 +124,7 @@ static int32_t scan_circle(const cairn_skeleton *skeleton, cairn_vec2 middle, in
     return count;
 }
 
+/* Collects the edgels of both look-ahead circles. */
 static void collect_candidates(cairn_skeleton *skeleton, const skeleton_written_state *s)
 {
     skeleton_written *w = skeleton->written;
@@ -138,6 +140,7 @@ static void collect_candidates(cairn_skeleton *skeleton, const skeleton_written_
     }
 }
 
+/* Returns the cost of both look-ahead circles in units. */
 static int32_t search_cost(const cairn_skeleton *skeleton, const skeleton_written_state *s)
 {
     cairn_real reach = skeleton->params.reach;
@@ -238,6 +241,7 @@ static cairn_vec2 heading_of(const written_pair *before, const written_pair *now
                             2);
 }
 
+/* Exchanges both sides of a pair. */
 static void swap_sides(written_pair *pair)
 {
     written_pair old = *pair;
@@ -264,6 +268,7 @@ static int correspond(const written_pair *before, written_pair *now)
     return 1;
 }
 
+/* Returns whether the two new contour segments cross. */
 static int is_twisted(const written_pair *before, const written_pair *now)
 {
     cairn_segment left = {before->contact[0], now->contact[0]},
@@ -326,6 +331,7 @@ static void cull_axes(skeleton_written *w, const skeleton_written_state *last)
     }
 }
 
+/* Offers the remaining pairs to the filter as followers. */
 static cairn_status offer_pairs(const cairn_skeleton *skeleton, cairn_particle_filter *filter,
                                 const skeleton_written_state *last)
 {
