@@ -86,6 +86,7 @@ typedef struct cairn_boundary_contour {
 typedef struct cairn_boundary_image {
     /* The first sample of pixel (x, y) is samples[y * stride + x * channels]. */
     const uint8_t *samples;
+    /* Size, px. */
     int32_t width, height;
     int32_t channels; /* 1: grey; 3: blue, green, red; 4: blue, green, red and an ignored sample. */
     /* Samples from one row to the next, at least width * channels if there is more than one row. */
@@ -124,6 +125,7 @@ typedef struct cairn_boundary_result {
     const cairn_boundary_contour *contours;
     /* [corner_count] */
     const cairn_boundary_corner *corners;
+    /* Numbers of contours and of corners. */
     int32_t contour_count, corner_count;
     /* Number of regions of the oversegmentation, before merging. */
     int32_t region_count;

@@ -42,6 +42,7 @@ typedef struct cairn_fragment_match_params {
 
 /* A local alignment of a fragment and a chain. */
 typedef struct cairn_fragment_match {
+    /* Indices of the fragment and the chain. */
     int32_t fragment, chain;
     /* 1: the chain's points run against the orientation of the outline. */
     int32_t reversed;
@@ -63,6 +64,7 @@ typedef struct cairn_fragment_match {
 typedef struct cairn_fragment_match_result {
     /* [count] Sorted by fragment, then by decreasing similarity; valid until the next begin(). */
     const cairn_fragment_match *matches;
+    /* Number of matches. */
     int32_t count;
     /* Number of alignments before those without a scale, or with one outside min_scale ...
      * max_scale, were dropped. */

@@ -52,6 +52,7 @@ typedef struct cairn_inner_distance_result {
     /* [i * stride + k] Distance from vertex i to k of outlines[0], 0 <= i, k < count, in the
      * units of the outline. */
     const cairn_real *distance;
+    /* Vertices of outlines[0]; row length of the matrix. */
     int32_t count, stride;
     /* Greatest distance. */
     cairn_real greatest;

@@ -143,15 +143,18 @@ enum {
 typedef struct cairn_self_similarity_result {
     /* [count] Local minima of the dissimilarity, best first. */
     const cairn_symmetry_axis *axes;
+    /* Number of axes. */
     int32_t count;
     /* Axes that tie with the best, itself included. */
     int32_t ties;
+    /* Whether the best axis is unique. */
     cairn_symmetry_verdict verdict;
     /* Order n of rotational symmetry: a rotation by 1/n turn maps the shape to itself. 1: none;
      * 0: any angle. */
     int32_t rotations;
     /* [sample_count] Equidistant samples of the outline from its first vertex. */
     const cairn_vec2 *samples;
+    /* Number of outline samples. */
     int32_t sample_count;
     /* Number of arc comparisons. */
     int64_t comparisons;

@@ -57,9 +57,11 @@ CAIRN_CHECKED cairn_status cairn_shape_context_create(cairn_shape_context **cont
                                                       const cairn_shape_context_params *params);
 
 typedef struct cairn_shape_context_input {
+    /* Kind of the comparison. */
     cairn_shape_context_kind kind;
     /* [first_count], [second_count] Equidistant points along the contours. */
     const cairn_vec2 *first, *second;
+    /* Numbers of points, 2 ... max_points. */
     int32_t first_count, second_count;
     /* PART: share of the second shape's length that the first lacks, 0 ... 1. */
     cairn_real missing_share;
@@ -90,7 +92,9 @@ typedef struct cairn_shape_context_result {
     /* [count] Index of the second shape's point matched to each of the first's; -1: unmatched.
      * Valid until the next begin(). */
     const int32_t *match;
+    /* Number of points of the first shape. */
     int32_t count;
+    /* Shape distance, see above. */
     cairn_real distance;
     /* WHOLE: see above; 0 for PART. */
     cairn_real symmetric;

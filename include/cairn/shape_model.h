@@ -31,6 +31,7 @@ extern "C" {
  * outlines. Contact 0 lies to the left of the path from its first to its last sample in image
  * coordinates (y down), contact 1 to the right. */
 typedef struct cairn_shape_sample {
+    /* Centre of the disc, units of the size. */
     cairn_vec2 centre;
     /* Radius, units of the size, > 0. */
     cairn_real radius;

@@ -102,6 +102,7 @@ typedef struct cairn_skeleton_params {
     cairn_real min_log_odds;
     /* Least share of a line's CPs that are mirror symmetric about it, 0 ... 1 (0.6). */
     cairn_real min_mirror;
+    /* Seed of the random numbers (1). */
     uint64_t seed;
 } cairn_skeleton_params;
 
@@ -127,6 +128,7 @@ CAIRN_CHECKED cairn_status cairn_skeleton_create(cairn_skeleton **skeleton, cair
 typedef struct cairn_skeleton_input {
     /* [count] Edgels with unit normals; slope <= 0: unknown, no evidence either way. */
     const cairn_edgel *edgels;
+    /* Number of edgels, >= 0. */
     int32_t count;
     /* Size of the image, px. */
     int32_t width, height;
@@ -154,7 +156,9 @@ CAIRN_CHECKED cairn_status cairn_skeleton_step(cairn_skeleton *skeleton, cairn_b
 
 /* One disc along a medial axis, px. */
 typedef struct cairn_skeleton_point {
+    /* Centre of the disc, px. */
     cairn_vec2 centre;
+    /* Radius of the disc, px. */
     cairn_real radius;
     /* Contact points on the contour, left and right of the walking direction (y up). */
     cairn_vec2 touch[2];
@@ -174,6 +178,7 @@ typedef struct cairn_skeleton_part {
 } cairn_skeleton_part;
 
 typedef struct cairn_skeleton_object {
+    /* Number of parts, and of their free ends. */
     int32_t parts, free_ends;
     cairn_real log_odds; /* Sum over its parts. */
 } cairn_skeleton_object;
@@ -186,6 +191,7 @@ typedef struct cairn_skeleton_result {
     const cairn_skeleton_part *parts;
     /* [object_count] Sorted by decreasing log odds. */
     const cairn_skeleton_object *objects;
+    /* Numbers of points, parts and objects. */
     int32_t point_count, part_count, object_count;
     /* Number of CPs, of lines through CPs, and of seeds of walks. */
     int32_t centres, lines, starts;

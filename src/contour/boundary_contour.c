@@ -1,8 +1,8 @@
 /* Contour tracing along the pixel sides between regions, and ranking.
  *
  * Method:
- * 1. From each corner where not exactly two border sides meet (a junction, or an end at the image's
- *    border), every untraced side is followed to the next such corner.
+ * 1. From each junction or end at the image's border, every untraced side is followed to the next
+ *    such corner.
  * 2. The remaining sides form closed contours.
  * 3. A contour takes the ultrametric level of its border, and the mean edge strength of the
  *    stronger of the two pixels of each side.

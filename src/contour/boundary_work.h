@@ -133,17 +133,20 @@ struct cairn_boundary {
     /* Mean border strength; upper bound of the eigenvalues that the polynomial damps. */
     cairn_real mean_strength, damping_bound;
     boundary_stage spectral_stage;
+    /* Vectors (0: no spectral cue), iteration, current vector, term of the recurrence. */
     int32_t vector_count, iteration, vector_index, chebyshev_term;
     /* Contours. */
     cairn_boundary_contour *traced, *ranked; /* [max_borders] */
     cairn_boundary_corner *corners;          /* [max_corners] */
 
     int32_t max_borders, table_size;
+    /* Pixels of the image, colour channels. */
     int32_t pixels, channels;
     /* Current feature map, image row and filter pass. */
     int32_t map_index, row, pass;
     /* 1: the current feature map has a non-zero value. */
     int32_t map_nonzero;
+    /* Current strength level of the watershed. */
     int32_t flood_level;
     int32_t region_count, border_count, heap_count;
     /* Next border to insert into the heap; next region or border to reset or record. */
@@ -157,10 +160,12 @@ struct cairn_boundary {
     int32_t scan_x, scan_y;
     /* 1: second pass, only closed contours remain. */
     int32_t closed_pass;
+    /* Sum of the edge strengths along the traced contour. */
     cairn_real trace_strength_sum;
     /* Greatest merge cost so far. */
     cairn_real merge_level;
     boundary_phase phase;
+    /* Work units charged for the next work item. */
     int32_t units_charged;
 };
 

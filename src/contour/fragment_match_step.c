@@ -225,9 +225,9 @@ static int step_align(cairn_fragment_matcher *matcher, cairn_budget *budget)
 /* ---- Traceback and fit ---- */
 
 /* Returns the first sample of the traceback window of an alignment end. */
-static int32_t window_start(const cairn_fragment_matcher *matcher, const alignment_end *k)
+static int32_t window_start(const cairn_fragment_matcher *matcher, const alignment_end *end)
 {
-    int32_t from = k->column + 1 - FRAGMENT_WINDOW_RATIO * matcher->model.samples_each;
+    int32_t from = end->column + 1 - FRAGMENT_WINDOW_RATIO * matcher->model.samples_each;
 
     return from > 0 ? from : 0;
 }
@@ -243,13 +243,13 @@ static const alignment_end *current_end(const cairn_fragment_matcher *matcher)
 static cairn_real pair_score(const void *context, int32_t i, int32_t j)
 {
     const cairn_fragment_matcher *matcher = context;
-    const alignment_end *k = current_end(matcher);
-    int32_t at = window_start(matcher, k) + j,
+    const alignment_end *end = current_end(matcher);
+    int32_t at = window_start(matcher, end) + j,
             code =
                 matcher->chain_code[at < matcher->sample_count ? at : at - matcher->sample_count];
 
     return (cairn_real)matcher
-        ->gain[(uint32_t)(cairn_fragment_match_codes(matcher, matcher->fragment, k->reversed)[i] -
+        ->gain[(uint32_t)(cairn_fragment_match_codes(matcher, matcher->fragment, end->reversed)[i] -
                           code) &
                (FRAGMENT_DIRECTIONS - 1)];
 }
@@ -257,7 +257,7 @@ static cairn_real pair_score(const void *context, int32_t i, int32_t j)
 /* Samples the chain of the next alignment end again, at its step, and begins the traceback. */
 static int step_trace(cairn_fragment_matcher *matcher, cairn_budget *budget)
 {
-    const alignment_end *k;
+    const alignment_end *end;
     cairn_status status;
     cairn_real step = matcher->params.min_step;
 
@@ -269,17 +269,18 @@ static int step_trace(cairn_fragment_matcher *matcher, cairn_budget *budget)
             matcher->phase = FRAGMENT_DONE;
         return 1;
     }
-    k = current_end(matcher);
-    for (int32_t i = 0; i < k->level; i++)
+    end = current_end(matcher);
+    for (int32_t i = 0; i < end->level; i++)
         step *= matcher->params.step_ratio;
     matcher->step = step;
-    matcher->chain = k->chain;
+    matcher->chain = end->chain;
     measure_chain(matcher);
     if (!cairn_budget_pay(budget, &matcher->units_charged, 1 + sampling_cost(matcher)))
         return 0;
     sample_chain(matcher);
-    status = cairn_sequence_begin(matcher->aligner, matcher->model.samples_each,
-                                  k->column + 1 - window_start(matcher, k), pair_score, matcher);
+    status =
+        cairn_sequence_begin(matcher->aligner, matcher->model.samples_each,
+                             end->column + 1 - window_start(matcher, end), pair_score, matcher);
     CAIRN_ASSERT(status == CAIRN_OK);
     (void)status;
     matcher->phase = FRAGMENT_PAIR;
@@ -287,11 +288,11 @@ static int step_trace(cairn_fragment_matcher *matcher, cairn_budget *budget)
 }
 
 /* Sets the fragment's sample and the chain position of a pair. */
-static void positions_of(const cairn_fragment_matcher *matcher, const alignment_end *k,
+static void positions_of(const cairn_fragment_matcher *matcher, const alignment_end *end,
                          cairn_sequence_pair pair, cairn_vec2 positions[2])
 {
-    int32_t n = matcher->model.samples_each, own = k->reversed ? n - 1 - pair.first : pair.first;
-    int32_t at = window_start(matcher, k) + pair.second;
+    int32_t n = matcher->model.samples_each, own = end->reversed ? n - 1 - pair.first : pair.first;
+    int32_t at = window_start(matcher, end) + pair.second;
 
     positions[0] =
         matcher->model.samples[matcher->model.fragments[matcher->fragment].first + own].position;
@@ -300,14 +301,14 @@ static void positions_of(const cairn_fragment_matcher *matcher, const alignment_
 
 /* Least-squares scale and centroid (Adluru 2008, section 5.2.2, without rotation): s = sum (f -
  * mean)(e - mean) / sum (f - mean)^2. */
-static void fit(const cairn_fragment_matcher *matcher, const alignment_end *k,
+static void fit(const cairn_fragment_matcher *matcher, const alignment_end *end,
                 const cairn_sequence_result *r, cairn_fragment_match *match)
 {
     cairn_vec2 position[2], mean[2] = {{0, 0}, {0, 0}};
     cairn_real both = 0, own = 0, squared_sum = 0;
 
     for (int32_t i = 0; i < r->count; i++) {
-        positions_of(matcher, k, r->pairs[i], position);
+        positions_of(matcher, end, r->pairs[i], position);
         mean[0] = cairn_vec2_add(mean[0], position[0]);
         mean[1] = cairn_vec2_add(mean[1], position[1]);
     }
@@ -316,7 +317,7 @@ static void fit(const cairn_fragment_matcher *matcher, const alignment_end *k,
     for (int32_t i = 0; i < r->count; i++) {
         cairn_vec2 f;
 
-        positions_of(matcher, k, r->pairs[i], position);
+        positions_of(matcher, end, r->pairs[i], position);
         f = cairn_vec2_sub(position[0], mean[0]);
         both += cairn_vec2_dot(f, cairn_vec2_sub(position[1], mean[1]));
         own += cairn_vec2_norm_squared(f);
@@ -325,7 +326,7 @@ static void fit(const cairn_fragment_matcher *matcher, const alignment_end *k,
     match->centre = cairn_vec2_add(
         mean[1], cairn_vec2_scale(cairn_vec2_sub(matcher->model.centroid, mean[0]), match->scale));
     for (int32_t i = 0; i < r->count; i++) {
-        positions_of(matcher, k, r->pairs[i], position);
+        positions_of(matcher, end, r->pairs[i], position);
         squared_sum += cairn_vec2_norm_squared(
             cairn_vec2_sub(cairn_vec2_sub(position[1], mean[1]),
                            cairn_vec2_scale(cairn_vec2_sub(position[0], mean[0]), match->scale)));
@@ -344,22 +345,22 @@ static int step_pair(cairn_fragment_matcher *matcher, cairn_budget *budget)
 static int step_fit(cairn_fragment_matcher *matcher, cairn_budget *budget)
 {
     cairn_fragment_match *match = &matcher->matches[matcher->match_count];
-    const alignment_end *k = current_end(matcher);
+    const alignment_end *end = current_end(matcher);
     cairn_sequence_result r = cairn_sequence_read(matcher->aligner);
     int32_t first, last;
 
     if (!cairn_budget_pay(budget, &matcher->units_charged, 1 + r.count / PAIRS_PER_UNIT))
         return 0;
-    first = window_start(matcher, k) + r.pairs[0].second;
-    last = window_start(matcher, k) + r.pairs[r.count - 1].second;
-    fit(matcher, k, &r, match);
+    first = window_start(matcher, end) + r.pairs[0].second;
+    last = window_start(matcher, end) + r.pairs[r.count - 1].second;
+    fit(matcher, end, &r, match);
     if (last - first < matcher->sample_count && is_scale_allowed(matcher, match->scale)) {
         match->fragment = matcher->fragment;
-        match->chain = k->chain;
-        match->reversed = k->reversed;
+        match->chain = end->chain;
+        match->reversed = end->reversed;
         match->pairs = r.count;
-        match->similarity =
-            (cairn_real)k->score / (cairn_real)(FRAGMENT_SCORE_UNIT * matcher->model.samples_each);
+        match->similarity = (cairn_real)end->score /
+                            (cairn_real)(FRAGMENT_SCORE_UNIT * matcher->model.samples_each);
         match->from = (cairn_real)first * sample_distance(matcher);
         match->to = (cairn_real)last * sample_distance(matcher);
         matcher->match_count++;

@@ -46,6 +46,7 @@ struct cairn_fragment_matcher {
     int32_t *end_count;
     /* [max_fragments * matches_per_fragment] */
     cairn_fragment_match *matches;
+    /* Traceback of an alignment. */
     cairn_sequence *aligner;
     /* Score by quantized direction difference, in 1 / FRAGMENT_SCORE_UNIT. */
     int32_t gain[FRAGMENT_DIRECTIONS];
@@ -59,6 +60,7 @@ struct cairn_fragment_matcher {
     int32_t min_samples;
     /* Current and last sampling step, px. */
     cairn_real step, last_step;
+    /* Index of the sampling step; chains, current chain, fragment and orientation. */
     int32_t level, chain_count, chain, fragment, reversed;
     /* Samples of the chain; closed: it wraps around; columns including the extension. */
     int32_t sample_count, closed, column_count;
@@ -68,6 +70,7 @@ struct cairn_fragment_matcher {
     int32_t next_end;
     int32_t match_count, candidate_count;
     int64_t cell_count;
+    /* Current phase; work units charged for the next work item. */
     int32_t phase, units_charged;
 };
 

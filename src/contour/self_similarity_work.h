@@ -46,6 +46,7 @@ typedef struct similarity_cut {
     cairn_real truncated_residual;
     /* Bend, rad, and skew (tangent) of the axis. */
     cairn_real bend, skew;
+    /* Evolution level and division, as in cairn_symmetry_axis. */
     int32_t vertices, division;
 } similarity_cut;
 
@@ -57,6 +58,7 @@ typedef struct similarity_list {
 
 /* The samples of both arcs: every stride-th, without the ends. */
 typedef struct similarity_sides {
+    /* First sample and number of samples of each arc. */
     int32_t first[2], count[2];
     int32_t stride;
 } similarity_sides;
@@ -96,13 +98,16 @@ struct cairn_self_similarity {
     int32_t *dtw_length;
     /* [outline_samples] Samples of both arcs to be aligned. */
     int32_t *dtw_samples;
+    /* Ranked cuts. */
     similarity_list list;
     similarity_phase phase;
+    /* Work units charged for the next work item. */
     int32_t units_charged;
     /* Loop counters of the current phase. */
     int32_t cursor, inner_cursor;
     /* The current evolution level. */
     int32_t level, division;
+    /* Sample index of each vertex of the level. */
     int32_t vertex[SIMILARITY_MAX_VERTICES];
     /* Re-ranking. */
     cairn_vec2 *smoothed;   /* [outline_samples] Smoothed samples. */
@@ -118,6 +123,7 @@ struct cairn_self_similarity {
     int32_t dtw_candidates;
     /* 1: trials are ranked by the residual truncated for articulated shapes. */
     int32_t robust;
+    /* Damping factor of the Levenberg-Marquardt fit. */
     cairn_real damping;
     cairn_real max_distance; /* Greatest inner distance. */
     /* Degree of articulation, 0 ... 1; 0: bend and skew explain the shape. */

@@ -16,7 +16,7 @@
  *
  * Limits: the outlines of an object are processed independently; a hole is treated like any other
  * outline, with its interior as object. The length of a path is the passed outline, not the length
- * of the medial axis, so that a disc, whose centre is fixed, has a path as well.
+ * of the medial axis, so a disc, whose centre is fixed, has a path as well.
  *
  * Source: Adluru 2008, sections 2.3.2 and 2.5. */
 #include "src/core/build.h"

@@ -44,6 +44,7 @@ struct cairn_shape_builder {
     cairn_real outline_length[CAIRN_SHAPE_OUTLINES];
     /* Length of all outlines, units of the size. */
     cairn_real total_length;
+    /* Size and origin of the model in the units of the input outline. */
     cairn_real size;
     cairn_vec2 origin;
     int32_t outline_count, sample_count, path_count, arc_count, path_pair_count;
@@ -53,8 +54,10 @@ struct cairn_shape_builder {
     int32_t cursor;
     /* SEARCH: gap and low of the best path end so far. */
     int32_t best_end[2];
+    /* Value of the best path so far. */
     cairn_real best_value;
     int32_t phase;
+    /* Work units charged for the next work item. */
     int32_t units_charged;
 };
 

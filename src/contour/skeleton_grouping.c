@@ -307,8 +307,8 @@ cairn_status cairn_skeleton_begin(cairn_skeleton *skeleton, const cairn_skeleton
     skeleton->disc_count = skeleton->candidate_count = skeleton->point_count =
         skeleton->part_count = skeleton->object_count = 0;
     skeleton->seed_index = skeleton->direction = skeleton->is_walking = 0;
-    skeleton->cursor = skeleton->second_cursor = skeleton->sense = skeleton->phase_counter =
-        skeleton->units_charged = skeleton->step_units_charged = 0;
+    skeleton->cursor = skeleton->second_cursor = skeleton->polarity_cursor =
+        skeleton->phase_counter = skeleton->units_charged = skeleton->step_units_charged = 0;
     skeleton->slope_count = 0;
     skeleton->mean_log_slope = 0;
     memset(skeleton->histogram, 0, sizeof skeleton->histogram);
@@ -456,7 +456,8 @@ cairn_status cairn_skeleton_step(cairn_skeleton *skeleton, cairn_budget *budget)
         if (status != CAIRN_OK)
             return status;
         skeleton->phase++;
-        skeleton->cursor = skeleton->second_cursor = skeleton->sense = skeleton->phase_counter = 0;
+        skeleton->cursor = skeleton->second_cursor = skeleton->polarity_cursor =
+            skeleton->phase_counter = 0;
     }
     return CAIRN_OK;
 }

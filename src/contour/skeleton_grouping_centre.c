@@ -33,8 +33,8 @@ enum { BINS_PER_OCTAVE = 8, UNITS_PER_EDGEL = 4 };
 typedef struct search_wedge {
     /* Range of grid cells. */
     int32_t x0, x1, y0, y1;
-    cairn_vec2 at, inward;
-    int32_t sense;
+    cairn_vec2 position, inward;
+    int32_t polarity;
 } search_wedge;
 
 void cairn_skeleton_set_limits(cairn_skeleton *skeleton)
@@ -60,9 +60,9 @@ void cairn_skeleton_set_limits(cairn_skeleton *skeleton)
 
 /* Returns the search region of an edgel on one side. */
 static search_wedge search_wedge_of(const cairn_skeleton *skeleton, const skeleton_edgel *e,
-                                    int32_t sense)
+                                    int32_t polarity)
 {
-    cairn_vec2 inward = skeleton_inward(e, sense);
+    cairn_vec2 inward = skeleton_inward(e, polarity);
     cairn_vec2 tip =
         cairn_vec2_add(e->position, cairn_vec2_scale(inward, 2 * skeleton->max_search_radius));
     cairn_vec2 aside = cairn_vec2_scale(cairn_vec2_left(inward),
@@ -76,9 +76,9 @@ static search_wedge search_wedge_of(const cairn_skeleton *skeleton, const skelet
     w.x1 = cairn_skeleton_column(skeleton, box.max.x);
     w.y0 = cairn_skeleton_row(skeleton, box.min.y);
     w.y1 = cairn_skeleton_row(skeleton, box.max.y);
-    w.at = e->position;
+    w.position = e->position;
     w.inward = inward;
-    w.sense = sense;
+    w.polarity = polarity;
     return w;
 }
 
@@ -89,9 +89,9 @@ static int32_t wedge_cost(const cairn_skeleton *skeleton, const search_wedge *w)
 
 /* Returns the cost of a pair in half squared standard deviations; MAX_PAIR_COST: rejected. */
 static cairn_real pair_cost(const cairn_skeleton *skeleton, const search_wedge *w,
-                            const skeleton_edgel *other, int32_t *sense)
+                            const skeleton_edgel *other, int32_t *polarity)
 {
-    cairn_vec2 chord = cairn_vec2_sub(other->position, w->at), mirrored;
+    cairn_vec2 chord = cairn_vec2_sub(other->position, w->position), mirrored;
     cairn_real along = cairn_vec2_dot(w->inward, chord), squared = cairn_vec2_norm_squared(chord),
                facing, radius, cosine;
 
@@ -101,7 +101,7 @@ static cairn_real pair_cost(const cairn_skeleton *skeleton, const search_wedge *
     facing = -cairn_vec2_dot(other->normal, chord);
     if (facing * facing < MIN_FACING_COSINE * MIN_FACING_COSINE * squared)
         return MAX_PAIR_COST;
-    *sense = facing > 0 ? SKELETON_BRIGHTER : SKELETON_DARKER;
+    *polarity = facing > 0 ? SKELETON_BRIGHTER : SKELETON_DARKER;
     /* Half of the chord, divided by the mean cosine between both normals and the chord. */
     radius = squared / (along + cairn_abs(facing));
     if (radius < skeleton->min_search_radius || radius > skeleton->max_search_radius)
@@ -109,15 +109,15 @@ static cairn_real pair_cost(const cairn_skeleton *skeleton, const search_wedge *
     /* The normal reflected at the bisector; its angle to the other normal is twice the
      * deviation. */
     mirrored = cairn_vec2_sub(w->inward, cairn_vec2_scale(chord, 2 * along / squared));
-    cosine = cairn_vec2_dot(mirrored, skeleton_inward(other, *sense));
+    cosine = cairn_vec2_dot(mirrored, skeleton_inward(other, *polarity));
     return (1 - cosine) / (4 * skeleton->params.symmetry * skeleton->params.symmetry) +
-           (*sense != w->sense ? POLARITY_CHANGE_COST : 0) +
+           (*polarity != w->polarity ? POLARITY_CHANGE_COST : 0) +
            MAX_RADIUS_COST * (radius - skeleton->min_search_radius) /
                (skeleton->max_search_radius - skeleton->min_search_radius + 1);
 }
 
 /* Returns the best partner of an edgel; -1: none. */
-static int32_t partner_of(const cairn_skeleton *skeleton, const search_wedge *w, int32_t *sense)
+static int32_t partner_of(const cairn_skeleton *skeleton, const search_wedge *w, int32_t *polarity)
 {
     cairn_real best = MAX_PAIR_COST;
     int32_t partner = -1;
@@ -133,7 +133,7 @@ static int32_t partner_of(const cairn_skeleton *skeleton, const search_wedge *w,
             if (cost < best) {
                 best = cost;
                 partner = i;
-                *sense = s;
+                *polarity = s;
             }
         }
     }
@@ -148,7 +148,7 @@ static cairn_oriented_point oriented(const skeleton_edgel *e)
 }
 
 /* Stores the CP of two edgels. */
-static void add_centre(cairn_skeleton *skeleton, int32_t first, int32_t sense, int32_t second,
+static void add_centre(cairn_skeleton *skeleton, int32_t first, int32_t polarity, int32_t second,
                        int32_t other_sense)
 {
     skeleton_centre *c = &skeleton->centres[skeleton->centre_count];
@@ -163,28 +163,29 @@ static void add_centre(cairn_skeleton *skeleton, int32_t first, int32_t sense, i
     c->deviation = sp.deviation;
     c->edgel[0] = first;
     c->edgel[1] = second;
-    c->sense[0] = sense;
-    c->sense[1] = other_sense;
+    c->polarity[0] = polarity;
+    c->polarity[1] = other_sense;
     skeleton->centre_count++;
 }
 
 cairn_status cairn_skeleton_centres(cairn_skeleton *skeleton, cairn_budget *budget)
 {
-    if (skeleton->cursor == 0 && skeleton->sense == 0)
+    if (skeleton->cursor == 0 && skeleton->polarity_cursor == 0)
         cairn_skeleton_set_limits(skeleton);
     for (; skeleton->cursor < skeleton->edgel_count; skeleton->cursor += skeleton->stride) {
-        for (; skeleton->sense < 2; skeleton->sense++) {
-            search_wedge w =
-                search_wedge_of(skeleton, &skeleton->edgels[skeleton->cursor], skeleton->sense);
-            int32_t partner, sense = 0;
+        for (; skeleton->polarity_cursor < 2; skeleton->polarity_cursor++) {
+            search_wedge w = search_wedge_of(skeleton, &skeleton->edgels[skeleton->cursor],
+                                             skeleton->polarity_cursor);
+            int32_t partner, polarity = 0;
 
             if (!cairn_budget_pay(budget, &skeleton->units_charged, wedge_cost(skeleton, &w)))
                 return CAIRN_MORE;
-            partner = partner_of(skeleton, &w, &sense);
+            partner = partner_of(skeleton, &w, &polarity);
             if (partner >= 0)
-                add_centre(skeleton, skeleton->cursor, skeleton->sense, partner, sense);
+                add_centre(skeleton, skeleton->cursor, skeleton->polarity_cursor, partner,
+                           polarity);
         }
-        skeleton->sense = 0;
+        skeleton->polarity_cursor = 0;
     }
     skeleton->centres_found = skeleton->centre_count;
     return CAIRN_OK;

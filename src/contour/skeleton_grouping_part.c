@@ -166,7 +166,7 @@ static void report_part(cairn_skeleton *skeleton, const skeleton_part *p)
         for (int32_t side = 0; side < 2; side++)
             if (skeleton->discs[i].edgel[side] >= 0)
                 skeleton->polarity_sum[skeleton->part_count] +=
-                    skeleton->discs[i].sense[side] == SKELETON_BRIGHTER ? 1 : -1;
+                    skeleton->discs[i].polarity[side] == SKELETON_BRIGHTER ? 1 : -1;
     }
     skeleton->part_count++;
 }

@@ -91,7 +91,7 @@ static void insert_seed(cairn_skeleton *skeleton, const skeleton_seed *start)
  * symmetric, has the same polarity on both sides, and both contrasts reach the mean. */
 static int is_seed(const cairn_skeleton *skeleton, const skeleton_centre *c)
 {
-    return c->deviation <= skeleton->params.symmetry && c->sense[0] == c->sense[1] &&
+    return c->deviation <= skeleton->params.symmetry && c->polarity[0] == c->polarity[1] &&
            (skeleton->params.contrast == 0 || (skeleton->edgels[c->edgel[0]].log_slope_ratio >= 0 &&
                                                skeleton->edgels[c->edgel[1]].log_slope_ratio >= 0));
 }
@@ -116,7 +116,7 @@ static cairn_status add_single_seeds(cairn_skeleton *skeleton, cairn_budget *bud
             continue;
         if (skeleton->second_cursor < n)
             skeleton->phase_counter++;
-        else if (skeleton->sense++ % (1 + (skeleton->phase_counter - 1) / capacity) == 0)
+        else if (skeleton->polarity_cursor++ % (1 + (skeleton->phase_counter - 1) / capacity) == 0)
             skeleton->seeds[skeleton->seed_count++] = start;
     }
     return CAIRN_OK;

@@ -45,11 +45,11 @@ enum { UNITS_PER_PROPOSAL = 150, STATES_PER_UNIT = 8, RECENT_STATES = 3 };
 
 /* A candidate contact point of a side. */
 typedef struct choice {
-    cairn_vec2 at, inward;
+    cairn_vec2 position, inward;
     cairn_real gain;
     /* Distance to the last contact point, px. */
     cairn_real chord;
-    int32_t edgel, sense;
+    int32_t edgel, polarity;
 } choice;
 
 /* Returns the logarithm of a normal density. */
@@ -88,10 +88,10 @@ static cairn_vec2 predicted_contact(const skeleton_state *s, int32_t side, cairn
 static cairn_real side_gain(const cairn_skeleton *skeleton, const skeleton_state *s, int32_t side,
                             const choice *c, cairn_vec2 ahead, cairn_real log_density)
 {
-    cairn_vec2 chord = cairn_vec2_sub(c->at, s->contact[side]);
+    cairn_vec2 chord = cairn_vec2_sub(c->position, s->contact[side]);
     cairn_real bend = angle_from(ahead, chord), turn = angle_from(s->inward[side], c->inward);
     cairn_real flip =
-        c->sense == s->sense[side] ? 1 - skeleton->params.flip : skeleton->params.flip;
+        c->polarity == s->polarity[side] ? 1 - skeleton->params.flip : skeleton->params.flip;
 
     if (cairn_abs(bend) > MAX_TURN_RAD)
         return -CAIRN_REAL_MAX;
@@ -108,7 +108,7 @@ static void insert_choice(choice *list, int32_t *count, const choice *c)
     int32_t i;
 
     for (i = 0; i < *count; i++)
-        if (cairn_vec2_norm_squared(cairn_vec2_sub(list[i].at, c->at)) <
+        if (cairn_vec2_norm_squared(cairn_vec2_sub(list[i].position, c->position)) <
             NMS_RADIUS_PX * NMS_RADIUS_PX) {
             if (list[i].gain >= c->gain)
                 return;
@@ -136,8 +136,8 @@ static int32_t choices_of(const cairn_skeleton *skeleton, const skeleton_state *
     int32_t x0 = cairn_skeleton_column(skeleton, predicted.x - search_radius),
             x1 = cairn_skeleton_column(skeleton, predicted.x + search_radius);
     int32_t y1 = cairn_skeleton_row(skeleton, predicted.y + search_radius), count = 0;
-    choice none = {predicted, s->inward[side], cairn_log(1 - skeleton->params.detection), step,
-                   -1,        s->sense[side]};
+    choice none = {predicted, s->inward[side],  cairn_log(1 - skeleton->params.detection), step,
+                   -1,        s->polarity[side]};
 
     for (int32_t y = cairn_skeleton_row(skeleton, predicted.y - search_radius); y <= y1; y++) {
         int32_t from, end;
@@ -152,7 +152,7 @@ static int32_t choices_of(const cairn_skeleton *skeleton, const skeleton_state *
                 continue;
             if (cairn_vec2_dot(e->normal, s->inward[side]) < 0) {
                 c.inward = cairn_vec2_scale(e->normal, -1);
-                c.sense = SKELETON_DARKER;
+                c.polarity = SKELETON_DARKER;
             }
             c.chord = cairn_vec2_norm(cairn_vec2_sub(e->position, s->contact[side]));
             c.gain = side_gain(skeleton, s, side, &c, ahead, log_density);
@@ -239,8 +239,8 @@ static int make_state(const cairn_skeleton *skeleton, const skeleton_state *befo
                       const choice *left, const choice *right, cairn_real step, cairn_real interior,
                       skeleton_state *s)
 {
-    cairn_oriented_point first = {left->at, cairn_vec2_left(left->inward)};
-    cairn_oriented_point second = {right->at, cairn_vec2_left(right->inward)};
+    cairn_oriented_point first = {left->position, cairn_vec2_left(left->inward)};
+    cairn_oriented_point second = {right->position, cairn_vec2_left(right->inward)};
     cairn_symmetric_point sp;
     cairn_vec2 moved;
     cairn_real along;
@@ -252,28 +252,28 @@ static int make_state(const cairn_skeleton *skeleton, const skeleton_state *befo
     moved = cairn_vec2_sub(sp.centre, before->centre);
     along = cairn_vec2_dot(moved, before->heading);
     if (along < CAIRN_REAL(0.2) * step || along > 3 * step ||
-        cairn_vec2_dot(left->inward, cairn_vec2_sub(sp.centre, left->at)) <
+        cairn_vec2_dot(left->inward, cairn_vec2_sub(sp.centre, left->position)) <
             CAIRN_REAL(0.5) * sp.radius ||
-        cairn_vec2_dot(right->inward, cairn_vec2_sub(sp.centre, right->at)) <
+        cairn_vec2_dot(right->inward, cairn_vec2_sub(sp.centre, right->position)) <
             CAIRN_REAL(0.5) * sp.radius)
         return 0;
     *s = *before;
-    s->contact[0] = left->at;
-    s->contact[1] = right->at;
+    s->contact[0] = left->position;
+    s->contact[1] = right->position;
     s->inward[0] = left->inward;
     s->inward[1] = right->inward;
     s->edgel[0] = left->edgel;
     s->edgel[1] = right->edgel;
-    s->sense[0] = left->sense;
-    s->sense[1] = right->sense;
+    s->polarity[0] = left->polarity;
+    s->polarity[1] = right->polarity;
     s->centre = sp.centre;
     s->radius = sp.radius;
     s->deviation = sp.deviation;
     /* Steps are short and their directions noisy: the heading is low-pass filtered. */
     s->heading = cairn_vec2_unit(
         cairn_vec2_add(before->heading, cairn_vec2_scale(cairn_vec2_unit(moved), CAIRN_REAL(0.7))));
-    if (cairn_vec2_cross(s->heading, cairn_vec2_sub(left->at, sp.centre)) <= 0 ||
-        cairn_vec2_cross(s->heading, cairn_vec2_sub(right->at, sp.centre)) >= 0)
+    if (cairn_vec2_cross(s->heading, cairn_vec2_sub(left->position, sp.centre)) <= 0 ||
+        cairn_vec2_cross(s->heading, cairn_vec2_sub(right->position, sp.centre)) >= 0)
         return 0;
     s->length++;
     /* Edgels are one pixel apart: the gain is proportional to the step length. */
@@ -404,9 +404,9 @@ static skeleton_state first_state(const cairn_skeleton *skeleton)
         int32_t from = side ^ (skeleton->direction == 0), edgel = c->edgel[from];
 
         s.contact[side] = skeleton->edgels[edgel].position;
-        s.inward[side] = skeleton_inward(&skeleton->edgels[edgel], c->sense[from]);
+        s.inward[side] = skeleton_inward(&skeleton->edgels[edgel], c->polarity[from]);
         s.edgel[side] = edgel;
-        s.sense[side] = c->sense[from];
+        s.polarity[side] = c->polarity[from];
     }
     s.centre = c->position;
     s.radius = c->radius;
@@ -444,7 +444,7 @@ static void append_discs(cairn_skeleton *skeleton)
         for (int32_t side = 0; side < 2; side++) {
             d->contact[side] = s->contact[side ^ reversed];
             d->edgel[side] = s->edgel[side ^ reversed];
-            d->sense[side] = s->sense[side ^ reversed];
+            d->polarity[side] = s->polarity[side ^ reversed];
         }
     }
 }

@@ -30,9 +30,12 @@ typedef struct skeleton_edgel {
 } skeleton_edgel;
 
 typedef struct skeleton_centre {
+    /* Position, px. */
     cairn_vec2 position;
+    /* Radius, px; angle between the normals and the vectors to the centre, rad. */
     cairn_real radius, deviation;
-    int32_t edgel[2], sense[2];
+    /* Both edgels and their contrast polarity. */
+    int32_t edgel[2], polarity[2];
 } skeleton_centre;
 
 /* A seed: the CP at the middle of a line, or a single CP. */
@@ -45,21 +48,25 @@ typedef struct skeleton_seed {
 typedef struct skeleton_state {
     /* On the left and right of the heading; inward: normal towards the axis. */
     cairn_vec2 contact[2], inward[2];
+    /* Centre of the disc, px; unit direction of the axis. */
     cairn_vec2 centre, heading;
+    /* As in skeleton_centre. */
     cairn_real radius, deviation;
     /* Log odds of this step, of the walk, and the walk's maximum so far, nats. */
     cairn_real gain, log_odds, best_log_odds;
     /* edgel: -1: undetected. */
-    int32_t edgel[2], sense[2];
+    int32_t edgel[2], polarity[2];
     /* Number of earlier states. */
     int32_t length;
 } skeleton_state;
 
 /* A disc of a candidate part. */
 typedef struct skeleton_disc {
+    /* Centre and contact points, px. */
     cairn_vec2 centre, contact[2];
+    /* Radius, px; gain, nats. */
     cairn_real radius, gain;
-    int32_t edgel[2], sense[2];
+    int32_t edgel[2], polarity[2];
 } skeleton_disc;
 
 typedef struct skeleton_part {
@@ -112,12 +119,17 @@ struct cairn_skeleton {
     cairn_real min_search_radius, max_search_radius;
     /* Grid cells, numbers of edgels and of those with a known slope, subsampling stride. */
     int32_t columns, rows, edgel_count, slope_count, stride;
+    /* Stored and found CPs; seeds, seeds from lines; fitted lines; started walks. */
     int32_t centre_count, centres_found, seed_count, line_seeds, line_count, walk_count;
     int32_t disc_count, candidate_count, point_count, part_count, object_count;
+    /* Length of the best walk in states. */
     int32_t best_path_length;
     cairn_real best_path_log_odds;
+    /* Current seed and walking direction; 1: the filter is running. */
     int32_t seed_index, direction, is_walking;
-    int32_t cursor, second_cursor, sense, phase_counter;
+    /* Loop counters of the current phase. */
+    int32_t cursor, second_cursor, polarity_cursor, phase_counter;
+    /* Current phase; work units charged for the next item and for the next proposal. */
     int32_t phase, units_charged, step_units_charged;
 };
 
@@ -146,9 +158,9 @@ int32_t cairn_skeleton_column(const cairn_skeleton *skeleton, cairn_real x);
 int32_t cairn_skeleton_row(const cairn_skeleton *skeleton, cairn_real y);
 
 /* Returns the normal that points to the object. */
-static inline cairn_vec2 skeleton_inward(const skeleton_edgel *e, int32_t sense)
+static inline cairn_vec2 skeleton_inward(const skeleton_edgel *e, int32_t polarity)
 {
-    return cairn_vec2_scale(e->normal, sense == SKELETON_BRIGHTER ? 1 : -1);
+    return cairn_vec2_scale(e->normal, polarity == SKELETON_BRIGHTER ? 1 : -1);
 }
 
 /* Returns the local edgel density (background clutter) at a point, 1/px^2. */

@@ -110,7 +110,7 @@ static void add_centre(cairn_skeleton *skeleton, const written_pair *pair)
     c->deviation = CAIRN_REAL(0.5) * (pair->deviation[0] + pair->deviation[1]);
     for (int32_t side = 0; side < 2; side++) {
         c->edgel[side] = pair->edgel[side];
-        c->sense[side] = SKELETON_DARKER;
+        c->polarity[side] = SKELETON_DARKER;
     }
 }
 

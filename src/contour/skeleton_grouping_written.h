@@ -10,11 +10,13 @@ enum { WRITTEN_MAX_EDGELS = 48, WRITTEN_MAX_FOLLOWERS = 256 };
 
 /* Two edgels and their centre point (fig. 3.2). */
 typedef struct written_pair {
+    /* Centre point, px. */
     cairn_vec2 centre;
     /* Contact points; normals oriented towards the centre. */
     cairn_vec2 contact[2], inward[2];
     /* Delta: angle between the normal and the vector to the centre, rad. */
     cairn_real deviation[2];
+    /* Radius, px. */
     cairn_real radius;
     int32_t edgel[2];
     int32_t is_crossing; /* 1: its axis or contour crosses the walk so far. */
