@@ -1,8 +1,12 @@
-/* fragment_match: which pieces of an image's edges run like a fragment of a model's outline.
+/* fragment_match: local alignment of a model's outline fragments to an image's edge chains.
  *
- * Directions along both are aligned locally (Smith and Waterman), the chain taken in either
- * sense and at many scales, upright. What is aligned says how large the object would be and
- * where its centre would lie (Adluru 2008, section 5.2.2). */
+ * Method:
+ * 1. Fragments and chains are sampled evenly, the chain at many scales. Each sample is a quantized
+ *    tangent direction. Shapes are upright; a chain is tried in both orientations.
+ * 2. Smith-Waterman local alignment of the two sequences (dynamic programming).
+ * 3. A least-squares fit to the aligned samples gives the scale of the object and its centroid.
+ *
+ * Source: Adluru 2008, section 5.2.2. */
 #ifndef CAIRN_FRAGMENT_MATCH_H
 #define CAIRN_FRAGMENT_MATCH_H
 
@@ -14,89 +18,96 @@ extern "C" {
 #endif
 
 typedef struct cairn_fragment_match_params {
-    int32_t max_fragments; /* of a model, 1 ... 65536 (CAIRN_PART_FRAGMENTS) */
-    int32_t samples_each;  /* of a fragment at most, 2 ... 64 (20) */
-    int32_t max_chains;    /* 1 ... 2^24 (10,000) */
-    int32_t max_samples;   /* of a chain at min_step, 4 ... 2^20 (4096) */
-    int32_t matches_each;  /* kept of a fragment, each on a chain of its own, 1 ... 64 (2) */
-    /* px for a unit of the model, 0 < min <= max <= 1e6 (24 ... 800); limits that are nearer to
-     * each other than step_ratio stand for limits about them that are as far apart as that. */
+    /* Capacity of fragments of a model, 1 ... 65536 (CAIRN_PART_MAX_FRAGMENTS). */
+    int32_t max_fragments;
+    int32_t samples_each; /* Capacity of samples of a fragment, 2 ... 64 (20). */
+    int32_t max_chains;   /* Capacity of chains, 1 ... 2^24 (10,000). */
+    int32_t max_samples;  /* Capacity of samples of a chain at min_step, 4 ... 2^20 (4096). */
+    /* Matches kept for each fragment, each on a different chain, 1 ... 64 (2). */
+    int32_t matches_each;
+    /* Range of scales, px per unit of the model, 0 < min <= max <= 1e6 (24 ... 800). A range
+     * narrower than step_ratio is widened to step_ratio about its centre. */
     cairn_real min_scale, max_scale;
-    /* px, >= 0.5: chains are sampled at steps of this and more (1.5) */
+    /* Smallest sampling step of a chain, px, >= 0.5 (1.5). */
     cairn_real min_step;
-    /* from one step to the next, 1.05 ... 2 (1.19) */
+    /* Ratio of consecutive sampling steps, 1.05 ... 2 (1.19). */
     cairn_real step_ratio;
-    /* rad, 0.02 ... pi: so far apart, directions speak neither for nor against each other (pi/8) */
+    /* Difference of two directions at which a pair scores 0, rad, 0.02 ... pi (pi/8). */
     cairn_real turn;
-    /* 0.5 ... 4: cost of a sample that is left out, of what one gains that agrees (0.5) */
+    /* Cost of a skipped sample, relative to the gain of an equal pair, 0.5 ... 4 (0.5). */
     cairn_real gap;
-    /* > 0 ... 1 (0.5) */
+    /* Least similarity of a match, > 0 ... 1 (0.5). */
     cairn_real min_similarity;
 } cairn_fragment_match_params;
 
-/* A fragment where a chain runs like it. */
+/* A local alignment of a fragment and a chain. */
 typedef struct cairn_fragment_match {
+    /* Indices of the fragment and the chain. */
     int32_t fragment, chain;
-    /* 1: the chain's points run against the outline */
+    /* 1: the chain's points run against the orientation of the outline. */
     int32_t reversed;
-    /* samples that are aligned */
+    /* Number of aligned samples. */
     int32_t pairs;
-    /* 0 ... 1: what they gain less the gaps, over the samples of the fragment */
+    /* Alignment score (gains less gap costs) divided by the fragment's samples, 0 ... 1. */
     cairn_real similarity;
-    /* px for a unit of the model, by least squares of the pairs, upright */
+    /* Scale, px per unit of the model, from an upright least-squares fit to the pairs. */
     cairn_real scale;
-    /* px, where the model's centroid lies */
+    /* Predicted centroid of the model, px. */
     cairn_vec2 centre;
-    /* px, root mean square of what the pairs lie apart then */
+    /* Root mean square residual of the fitted pairs, px. */
     cairn_real off;
-    /* px along the chain, from its first point; of a closed one `to` may lie beyond its length */
+    /* Arc length along the chain from its first point, px; on a closed chain `to` may exceed its
+     * length. */
     cairn_real from, to;
 } cairn_fragment_match;
 
 typedef struct cairn_fragment_match_result {
-    /* [count] by fragment, its best first; valid until the next begin() */
+    /* [count] Sorted by fragment, then by decreasing similarity; valid until the next begin(). */
     const cairn_fragment_match *matches;
+    /* Number of matches. */
     int32_t count;
-    /* before those went whose scale is none, or beyond min_scale or max_scale */
+    /* Number of alignments before those without a scale, or with one outside min_scale ...
+     * max_scale, were dropped. */
     int32_t kept;
-    /* pairs of samples that were compared */
+    /* Number of evaluated cells of the alignment tables. */
     int64_t cells;
 } cairn_fragment_match_result;
 
 typedef struct cairn_fragment_matcher cairn_fragment_matcher;
 
-/* The values in brackets above. */
+/* Returns the default values, in brackets above. */
 cairn_fragment_match_params cairn_fragment_match_default(void);
 
-/* 0 for params that create() would refuse. */
+/* Returns the memory of a matcher in bytes; 0 for params that create() rejects. */
 size_t cairn_fragment_match_memory(const cairn_fragment_match_params *params);
 
-/* CAIRN_BAD_ARGUMENT, CAIRN_NO_MEMORY. */
+/* Creates a matcher. CAIRN_BAD_ARGUMENT: invalid params. CAIRN_NO_MEMORY: the pool is too small. */
 CAIRN_CHECKED cairn_status cairn_fragment_match_create(cairn_fragment_matcher **matcher,
                                                        cairn_pool *pool,
                                                        const cairn_fragment_match_params *params);
 
-/* Starts on a model (its fragments, samples and centroid) and the edge chains of an image, px;
- * both must stay until step() returns CAIRN_OK. What ran before is dropped. Chains of fewer than
- * two points or without length match nothing; so do fragments without length. Equal matches: the
- * larger scale is the better one, then the chain of the lower index. CAIRN_BAD_ARGUMENT: NULL
- * (chains may be NULL when there are none), a negative count, fewer than 2 samples to a
- * fragment. CAIRN_FULL: more fragments, samples, chains than the params say, a chain longer than
- * max_samples steps of min_step. CAIRN_NOT_FINITE: a coordinate that is not finite, or beyond
+/* Starts on a model (its fragments, samples and centroid) and the edge chains of an image, px,
+ * and discards the previous result. Both must stay valid until step() returns CAIRN_OK. Chains
+ * of fewer than two points or of zero length match nothing; so do fragments of zero length.
+ * Ties: the larger scale wins, then the chain of lower index. CAIRN_BAD_ARGUMENT: NULL (chains
+ * may be NULL if chain_count is 0), a negative count, fewer than 2 samples of a fragment.
+ * CAIRN_FULL: fragments, samples or chains beyond the capacities, a chain longer than
+ * max_samples steps of min_step. CAIRN_NOT_FINITE: a coordinate that is not finite or beyond
  * 1e6; a fragment's length that is not finite, negative or beyond 1e6. Cost: linear. */
 CAIRN_CHECKED cairn_status cairn_fragment_match_begin(cairn_fragment_matcher *matcher,
                                                       const cairn_part_model *model,
                                                       const cairn_curve *chains,
                                                       int32_t chain_count);
 
-/* Goes on. CAIRN_MORE: the budget is used up. CAIRN_OK: the matches stand, or nothing was begun.
- * For each step that a fragment needs and each chain that is long enough about a unit a sample,
- * paid at once, and for each fragment at a scale within the limits one for eight cells; then for
- * each match about nine for a sample of the fragment times samples, and one for four pairs. */
+/* Resumes the computation. CAIRN_MORE: the budget is used up. CAIRN_OK: the matches are
+ * complete, or nothing was begun. Cost: about 1 unit a sample for each sampling step and each
+ * chain that is long enough, charged at once; 1 unit for eight cells for each fragment at a
+ * scale within the range; for each match about 9 units for a fragment sample times the samples,
+ * and 1 for four pairs. */
 CAIRN_CHECKED cairn_status cairn_fragment_match_step(cairn_fragment_matcher *matcher,
                                                      cairn_budget *budget);
 
-/* All zero until step() returns CAIRN_OK. */
+/* Returns the matches. All zero until step() returns CAIRN_OK. */
 cairn_fragment_match_result cairn_fragment_match_read(const cairn_fragment_matcher *matcher);
 
 #ifdef __cplusplus

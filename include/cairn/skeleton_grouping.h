@@ -1,45 +1,49 @@
-/* skeleton_grouping: contours and skeletons of the symmetric parts of an image at once, with no
- * model of what they are of.
+/* skeleton_grouping: joint particle-filter grouping of contours and skeletons (medial axes) of
+ * locally symmetric parts, without a shape model. Image coordinates, px.
  *
- * Adluru 2008, chapter 3: pairs of edgels that face each other across a disc have their centre
- * points (CPs); lines through CPs in (x, y, radius) whose edgels lie like mirror images of each
- * other on both sides are where particles start. A particle walks along the axis, disc by disc, and
- * lengthens the contour on both sides; what it gains is the logarithm of how much likelier its
- * edgels are as a contour with an axis than as edgels strewn evenly. Parts are ranked by that sum,
- * those that share contours rival for them, and those whose axes lead into each other are an
- * object. Image coordinates, pixels.
+ * Method (default):
+ * 1. Centre points (CPs): symmetric points of pairs of edgels that face each other across a disc.
+ * 2. Expectation-maximization fits lines to the CPs in (x, y, radius).
+ * 3. Seeding: lines whose edgels are mirror symmetric about them.
+ * 4. A particle filter walks along the axis, disc by disc, and extends the contour on both sides.
+ *    The gain of a step is the log-likelihood ratio of its edgels, symmetric contour against
+ *    uniform background clutter.
+ * 5. Parts are ranked by the sum of their gains. Parts that share contours compete for them.
+ * 6. Parts whose axes continue into each other are joined to an object.
  *
- * Of the default's particles little depends: one finds the same parts as 16, with radii 1.4 % off
- * in place of 0.9 % (docs/accuracy.md).
+ * Limits: the number of particles matters little. One particle finds the same parts as 16, with
+ * radius errors of 1.4 % instead of 0.9 % (docs/accuracy.md).
  *
- * CAIRN_MODE_AS_WRITTEN is the chapter as it is printed, and nothing else: centre points of all
- * pairs of edgels; EM lines; for each mirror symmetric line two filters, one each way along it,
- * whose first particles are the CPs about the line; followers from all pairs of edgels in two
- * circles of radius C sigma, equally likely; weights (3.7) to (3.9); N heaviest of all followers
- * with their weights, residual resampling when N_eff < N / 2; the walk of the heaviest particle is
- * the part. Parts do not rival for edgels, are not smoothed and not joined: each is an object of
- * its own, with two free ends. Contrast, slopes, `detection` and `flip` are not used. Choices,
- * where the text is silent, contradicts itself or has a misprint:
- * - (3.8) prints h = |...| - min(delta_t - delta_(t-1), 0), which punishes a symmetry that
- *   improves; + max(..., 0) is used, as in section 2.4.2. Angles between the normals n are those
- *   between the ways from the edgels to the CP.
- * - "Approximately tangential": the mean deviation of a pair is at most `symmetry`, each normal
+ * CAIRN_MODE_AS_WRITTEN follows the chapter as printed. CPs come from all pairs of edgels. Each
+ * mirror-symmetric line has two filters, one in each direction, whose first particles are the CPs
+ * near the line. Successors are all pairs of edgels in two circles of radius C sigma, equally
+ * likely, with weights (3.7) to (3.9). The N heaviest successors keep their weights; residual
+ * resampling follows when N_eff < N / 2. The walk of the heaviest particle is the part. Parts do
+ * not compete for edgels and are neither smoothed nor joined: each is an object with two free ends.
+ * contrast_weight, edgel slopes, detection_probability and polarity_flip_probability are unused.
+ *
+ * Choices where the text is silent, contradictory or misprinted:
+ * - (3.8) prints h = |...| - min(delta_t - delta_(t-1), 0), which penalizes an improving symmetry;
+ *   + max(..., 0) is used, as in section 2.4.2. Angles between the normals n are angles between the
+ *   vectors from the edgels to the CP.
+ * - "Approximately tangential": the mean deviation of a pair is at most symmetry_sigma, each normal
  *   within 75 degrees of the chord.
- * - Of more CPs than max_centres every other one is dropped; circles of more than 48 edgels, and
- *   particles with more than 256 followers, are thinned evenly.
- * - The first pose has no heading: it is the line's direction, once each way.
- * - The contour is extended by C sigma, the circle lies about the end of that. Explored: inside the
- *   polygon of both contours.
- * - "By a wide margin": 3 R sigma off the range. A range that is not given is proposed from the
- *   radii of the CPs (by hand in the text).
- * - Gaussians are of their greatest value: their units (1 / (rad px^2)) would make any part the
- *   less likely the longer it is, where the text says the opposite. For the same reason a step of
- *   exp(-0.5) of the greatest value leaves the likelihood of a part as it is.
- * - Delta_p bounds (3.7) of the heaviest particle's last step, which then is no part of the walk;
- *   p_min bounds the product over a part. One number for both cannot be meant: every part ends when
- *   the first is reached.
- * - N, D sigma, C sigma, R sigma, Delta_p and p_min are not given: those of
- *   cairn_skeleton_as_written().
+ * - Beyond max_centres every other CP is dropped. Circles of more than 48 edgels, and particles
+ *   with more than 256 successors, are subsampled evenly.
+ * - The first pose has no heading: the line's direction is used, once each way.
+ * - The contour is extended by C sigma; the search circle is centred at the extended end. The
+ *   explored region is the interior of the polygon of both contours.
+ * - "By a wide margin": 3 R sigma outside the range. A range that is not given is proposed from the
+ *   radii of the CPs (set by hand in the text).
+ * - Gaussians are relative to their maximum: their units (1 / (rad px^2)) would make a longer part
+ *   less likely, contrary to the text. For the same reason the log-likelihood of a step has the
+ *   offset 0.5: exp(-0.5) of the maximum leaves the likelihood of a part unchanged.
+ * - Delta_p bounds (3.7) of the heaviest particle's last step, which is then excluded from the
+ *   walk; p_min bounds the product over a part. They cannot be one number: every part ends when
+ *   Delta_p is reached.
+ * - N, D sigma, C sigma, R sigma, Delta_p and p_min are not given: see cairn_skeleton_as_written().
+ *
+ * Source: Adluru 2008, chapter 3.
  *
  *     begin(edgels) -> step(budget) until CAIRN_OK -> read() */
 #ifndef CAIRN_SKELETON_GROUPING_H
@@ -53,148 +57,160 @@ extern "C" {
 #endif
 
 typedef struct cairn_skeleton_params {
-    /* pixels, 1 ... 8192 (640 and 480) */
+    /* Largest image, px, 1 ... 8192 (640 and 480). */
     int32_t max_width, max_height;
-    /* 1 ... 2^24 (40,000) */
+    /* Capacity of edgels, 1 ... 2^24 (40,000). */
     int32_t max_edgels;
-    /* CPs, 1 ... 2^20: of more, one in so many (4000) */
+    /* Capacity of CPs, 1 ... 2^20; more CPs are subsampled, one in N (4000). */
     int32_t max_centres;
-    /* through CPs, also while they are fitted, and starts, 1 ... 4096 (256) */
+    /* Capacity of lines through CPs, also during fitting, and of seeds, 1 ... 4096 (256). */
     int32_t max_lines;
-    /* 1 ... 4096 (256) */
+    /* Capacity of parts, 1 ... 4096 (256). */
     int32_t max_parts;
-    /* of the axes of all parts, 1 ... 2^20 (8192); 2 max_steps + 1 of them free for each walk */
+    /* Capacity of axis points of all parts, 1 ... 2^20 (8192). A walk needs 2 max_steps + 1 free
+     * points. */
     int32_t max_points;
-    /* of a walk, 1 ... 1024 (96) */
+    /* Greatest number of steps of a walk, 1 ... 1024 (96). */
     int32_t max_steps;
-    /* 1 ... 1024 (16) */
+    /* Particles of a filter, 1 ... 1024 (16). */
     int32_t particles;
-    /* CAIRN_MODE_DEFAULT or CAIRN_MODE_AS_WRITTEN, see below */
+    /* CAIRN_MODE_DEFAULT or CAIRN_MODE_AS_WRITTEN, see above. */
     int32_t mode;
-    /* rad, > 0, D sigma: of directions, and of the loss of symmetry (20 degrees) */
+    /* D sigma, rad, > 0: standard deviation of directions and of the loss of symmetry (20
+     * degrees). */
     cairn_real duality;
-    /* px, > 0, C sigma: how far a step looks for edgels (8) */
+    /* C sigma, px, > 0: standard deviation of the step length and search radius of a step (8). */
     cairn_real reach;
-    /* share of the radius, > 0, R sigma: how far it may lie off the range (0.2); as written px */
+    /* R sigma, share of the radius, > 0: standard deviation of the distance of a radius to the
+     * range (0.2); as written px. */
     cairn_real radius;
-    /* rad, > 0: deviation of edgels from the way to their centre (8 degrees); as written the
-     * most */
+    /* Standard deviation of the angle between an edgel's normal and the vector to its CP, rad, >
+     * 0 (8 degrees); as written the greatest mean angle. */
     cairn_real symmetry;
-    /* 0 ... 1, neither: share of a contour that is seen (0.9) */
+    /* Detection probability: share of a contour that has edgels, between 0 and 1, both excluded
+     * (0.9). */
     cairn_real detection;
-    /* 0 ... 1, neither: share of places where a contour's brighter side changes (0.05) */
+    /* Probability that the contrast polarity changes from one contour point to the next, between
+     * 0 and 1, both excluded (0.05). */
     cairn_real flip;
-    /* >= 0: log odds of an edgel e times as steep as the mean one (6); as written not used */
+    /* Log odds of an edgel e times as steep as the mean, >= 0 (6); unused as written. */
     cairn_real contrast;
-    /* > 0: a walk ends when it has lost so much log odds since its best (10); as written -log
-     * Delta_p */
+    /* A walk stops when its log odds fall this much below their maximum, nats, > 0 (10); as
+     * written -log Delta_p. */
     cairn_real stop;
-    /* >= 0: of a part that is reported (20); as written log p_min */
+    /* Least log odds of a reported part, nats, >= 0 (20); as written log p_min. */
     cairn_real min_log_odds;
-    /* 0 ... 1: share of a line's CPs that are mirror images about it (0.6) */
+    /* Least share of a line's CPs that are mirror symmetric about it, 0 ... 1 (0.6). */
     cairn_real min_mirror;
+    /* Seed of the random numbers (1). */
     uint64_t seed;
 } cairn_skeleton_params;
 
 typedef struct cairn_skeleton cairn_skeleton;
 
-/* The values in brackets above. */
+/* Returns the default values, in brackets above. */
 cairn_skeleton_params cairn_skeleton_default(void);
 
-/* CAIRN_MODE_AS_WRITTEN: 8000 CPs, 512 parts of 32,768 points, 256 steps, 50 particles, R sigma
- * 2 px, symmetry 10 degrees, Delta_p exp(-2), p_min exp(12), D sigma and C sigma as in the
- * default. */
+/* Returns CAIRN_MODE_AS_WRITTEN: 8000 CPs, 512 parts of 32,768 points, 256 steps, 50 particles,
+ * R sigma 2 px, symmetry 10 degrees, Delta_p exp(-2), p_min exp(12), D sigma and C sigma as in
+ * the default. */
 cairn_skeleton_params cairn_skeleton_as_written(void);
 
-/* 0 for params that create() would refuse. */
+/* Returns the memory of an object in bytes; 0 for params that create() rejects. */
 size_t cairn_skeleton_memory(const cairn_skeleton_params *params);
 
-/* CAIRN_BAD_ARGUMENT, CAIRN_NO_MEMORY. */
+/* Creates a grouping object. CAIRN_BAD_ARGUMENT: invalid params. CAIRN_NO_MEMORY: the pool is
+ * too small. */
 CAIRN_CHECKED cairn_status cairn_skeleton_create(cairn_skeleton **skeleton, cairn_pool *pool,
                                                  const cairn_skeleton_params *params);
 
-/* What is to be grouped. */
+/* The edgels of an image. */
 typedef struct cairn_skeleton_input {
-    /* [count], normals of length 1; slopes <= 0: not known, neither steep nor not */
+    /* [count] Edgels with unit normals; slope <= 0: unknown, no evidence either way. */
     const cairn_edgel *edgels;
+    /* Number of edgels, >= 0. */
     int32_t count;
-    /* px, of the image */
+    /* Size of the image, px. */
     int32_t width, height;
-    /* px, 1 <= min <= max; both 0: proposed from the CPs */
+    /* Range of radii, px, 1 <= min <= max; both 0: proposed from the histogram of CP radii. */
     cairn_real min_radius, max_radius;
 } cairn_skeleton_input;
 
-/* Starts on an image; the edgels must stay until step() returns CAIRN_OK; what was found before
- * is gone. CAIRN_BAD_ARGUMENT: NULL, counts, sides or radii that the comments above rule out.
+/* Starts on an image and discards the previous result; the edgels must stay valid until step()
+ * returns CAIRN_OK. CAIRN_BAD_ARGUMENT: NULL, counts, sides or radii outside the ranges above.
  * CAIRN_NOT_FINITE: a radius. CAIRN_FULL: larger than max_width or max_height, more than
- * max_edgels. Constant time. */
+ * max_edgels. Cost: constant. */
 CAIRN_CHECKED cairn_status cairn_skeleton_begin(cairn_skeleton *skeleton,
                                                 const cairn_skeleton_input *input);
 
-/* Goes on. CAIRN_MORE: the budget is used up. CAIRN_OK: the parts stand, or nothing was begun.
- * While lines are fitted it may use what an item of `polyline` costs beyond the budget.
- * CAIRN_NOT_FINITE: an edgel; given up, and there are none. The result does not depend on the
- * budgets. Costs a unit for each edgel, for four edgels in reach of one that a CP is looked for
- * for, what `polyline` takes for the CPs, about 150 for each state of each particle's walk and
- * one for four edgels about it, for each part that is chosen one for eight discs of all others,
- * and for it and four points of all parts one. As written: a unit for two edgels in reach of an
- * edgel, and for each particle's step 2,100, two for each pair of edgels ahead and 17 for each
- * step behind it. */
+/* Resumes the computation. CAIRN_MORE: the budget is used up. CAIRN_OK: the parts are complete, or
+ * nothing was begun. CAIRN_NOT_FINITE: an edgel; aborted without a result. The result does not
+ * depend on the budgets. Line fitting may exceed the budget by one work unit of polyline.
+ *
+ * Cost in units: 1 for each edgel; 1 for four edgels in reach of an edgel during the CP search;
+ * the cost of polyline for the CPs; about 150 for each state of each particle's walk and 1 for
+ * four edgels near it; for each chosen part 1 for eight discs of all others, and 1 for four
+ * points of all parts. As written: 1 for two edgels in reach of an edgel; for each particle's
+ * step 2,100, 2 for each candidate pair of edgels and 17 for each earlier step. */
 CAIRN_CHECKED cairn_status cairn_skeleton_step(cairn_skeleton *skeleton, cairn_budget *budget);
 
-/* One disc along an axis. */
+/* One disc along a medial axis, px. */
 typedef struct cairn_skeleton_point {
+    /* Centre of the disc, px. */
     cairn_vec2 centre;
+    /* Radius of the disc, px. */
     cairn_real radius;
-    /* on the contour, to the left and to the right of the way along the part (y up) */
+    /* Contact points on the contour, left and right of the walking direction (y up). */
     cairn_vec2 touch[2];
-    /* -1: none was seen there, the contour is carried on */
+    /* Edgel indices at the contact points; -1: undetected, the contour is interpolated. */
     int32_t edgel[2];
 } cairn_skeleton_point;
 
 typedef struct cairn_skeleton_part {
     /* points[first ... first + count - 1] */
     int32_t first, count;
-    /* its object's index */
+    /* Index of its object. */
     int32_t object;
-    /* its first and last point lead into this point of another part; -1: a free end */
+    /* Point of another part into which the first and the last point continue; -1: a free end. */
     int32_t joint[2];
-    /* natural, against the background; as written the logarithm of its likelihood */
+    /* Log odds against background clutter, nats; as written the log-likelihood. */
     cairn_real log_odds;
 } cairn_skeleton_part;
 
 typedef struct cairn_skeleton_object {
+    /* Number of parts, and of their free ends. */
     int32_t parts, free_ends;
-    cairn_real log_odds; /* sum over its parts */
+    cairn_real log_odds; /* Sum over its parts. */
 } cairn_skeleton_object;
 
-/* Empty until step() returns CAIRN_OK; valid until the next begin(). */
+/* The parts and objects. Empty until step() returns CAIRN_OK; valid until the next begin(). */
 typedef struct cairn_skeleton_result {
     /* [point_count] */
     const cairn_skeleton_point *points;
-    /* [part_count], the likeliest first */
+    /* [part_count] Sorted by decreasing log odds. */
     const cairn_skeleton_part *parts;
-    /* [object_count], the likeliest first */
+    /* [object_count] Sorted by decreasing log odds. */
     const cairn_skeleton_object *objects;
+    /* Numbers of points, parts and objects. */
     int32_t point_count, part_count, object_count;
-    /* CPs found, lines through them, and those that walks began on */
+    /* Number of CPs, of lines through CPs, and of seeds of walks. */
     int32_t centres, lines, starts;
-    /* starts for whose walks max_parts or max_points had no room */
+    /* Seeds whose walks exceeded max_parts or max_points. */
     int32_t left_out;
-    /* px, the range that was given or proposed */
+    /* The given or proposed range of radii, px. */
     cairn_real min_radius, max_radius;
 } cairn_skeleton_result;
 
 cairn_skeleton_result cairn_skeleton_read(const cairn_skeleton *skeleton);
 
-/* ---- What walks started from (Adluru 2008, fig. 3.3); valid as the result is ---- */
+/* The seeds of the walks (Adluru 2008, fig. 3.3); valid as long as the result. */
 
-/* CP `index` of those that lines were fitted to, in no order. 0: there are no more. */
+/* Writes CP number index of the line fit, in no order, px; returns 0 beyond the last one. */
 int32_t cairn_skeleton_centre_point(const cairn_skeleton *skeleton, int32_t index, cairn_vec2 *at,
                                     cairn_real *radius);
 
-/* Mirror symmetric line `index`, that of most CPs first; its third coordinate is the radius. 0:
- * there are no more. */
+/* Writes mirror-symmetric line number index, sorted by decreasing number of CPs; its third
+ * coordinate is the radius, px. Returns 0 beyond the last one. */
 int32_t cairn_skeleton_mirror_line(const cairn_skeleton *skeleton, int32_t index,
                                    cairn_polyline_segment *line);
 

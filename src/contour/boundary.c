@@ -1,26 +1,31 @@
-/* Boundaries of regions: the room itself.
+/* Contour detection by region segmentation: the module's interface and phases.
  *
- * Phases: colours; for each map and scale its windows and its change (boundary_measure.c);
- * strengths; basins and their borders (boundary_region.c); cuts (boundary_spectral.c); joints, each
- * way anew (boundary_joint.c); contours and their ranks (boundary_contour.c).
+ * Method:
+ * 1. CIE L, a, b colours; for each feature map its box filters and its gradient tensor; edge
+ *    strengths (boundary_measure.c).
+ * 2. Watershed regions and their borders (boundary_region.c).
+ * 3. Spectral cue of the region graph (boundary_spectral.c).
+ * 4. Region merging, once for each merge criterion (boundary_joint.c).
+ * 5. Contour tracing and ranking (boundary_contour.c).
  *
- * Layout: pictures of reals for the colours, a map and its average, and the tensors; labels and
- * queues; borders and regions; vectors.
+ * Memory layout: images of reals for the colours, a feature map and its filtered copy, and the
+ * tensors; labels and queues; borders and regions; vectors.
  *
- * Limits: strengths above 8 are told apart no more when basins are made. Contours run along
- * pixels' sides, not between them: the place of an edge is known to half a pixel at best, of a
- * soft one to about the half width of the windows; edgel is exact there. */
+ * Limits: the watershed does not distinguish strengths above 8. Contours run along pixel sides:
+ * the position of a sharp edge is accurate to half a pixel, of a soft edge to about the
+ * half-width of the windows. Module edgel has sub-pixel accuracy. */
 #include "src/core/build.h"
 
 #include <string.h>
 
 #include "src/contour/boundary_work.h"
 
-enum { MAX_SIDE = 8192, MAX_REGIONS = 1 << 22, MAX_POINTS = 1 << 28, MAX_HALF = 32 };
-/* Regions of a plane have at most so many borders, and as many stretches of these from junction
- * to junction: with the image's border every junction has three, so of V junctions, E stretches
- * and C pieces 3 V <= 2 E, and Euler's V - E + regions = C leaves E <= 3 regions. */
-enum { BORDERS_EACH = 3 };
+enum { MAX_SIDE_PX = 8192, MAX_REGIONS = 1 << 22, MAX_POINTS = 1 << 28, MAX_HALF_WIDTH_PX = 32 };
+/* Upper bound of the borders per region of a planar graph, and of the border chains between
+ * junctions. Counting the image's border, every junction has degree three. With V junctions, E
+ * chains and C connected components: 3 V <= 2 E, and Euler's formula V - E + regions = C gives E
+ * <= 3 regions. */
+enum { MAX_BORDERS_PER_REGION = 3 };
 
 cairn_boundary_params cairn_boundary_default(void)
 {
@@ -40,35 +45,38 @@ cairn_boundary_params cairn_boundary_default(void)
     return params;
 }
 
-static int within(int32_t value, int32_t most)
+/* Returns whether a value lies in 1 ... upper. */
+static int is_within(int32_t value, int32_t upper)
 {
-    return value >= 1 && value <= most;
+    return value >= 1 && value <= upper;
 }
 
 static int params_are_valid(const cairn_boundary_params *p)
 {
-    return p != NULL && within(p->max_width, MAX_SIDE) && within(p->max_height, MAX_SIDE) &&
-           within(p->max_regions, MAX_REGIONS) && within(p->max_points, MAX_POINTS) &&
-           within(p->fine, MAX_HALF) && within(p->coarse, MAX_HALF) && p->distribution >= 0 &&
+    return p != NULL && is_within(p->max_width, MAX_SIDE_PX) &&
+           is_within(p->max_height, MAX_SIDE_PX) && is_within(p->max_regions, MAX_REGIONS) &&
+           is_within(p->max_points, MAX_POINTS) && is_within(p->fine, MAX_HALF_WIDTH_PX) &&
+           is_within(p->coarse, MAX_HALF_WIDTH_PX) && p->distribution >= 0 &&
            cairn_is_finite(p->distribution) && p->global >= 0 && cairn_is_finite(p->global) &&
            p->small >= 0 && p->small <= 1 && p->contrast >= 0 && p->contrast <= 1 &&
            p->min_strength >= 0 && cairn_is_finite(p->min_strength);
 }
 
-/* A power of two, so that the table is at most half full. */
+/* Returns a power of two that keeps the hash table at most half full. */
 static int32_t table_size_of(const cairn_boundary_params *params)
 {
     int32_t size = 1;
 
-    while (size < 2 * BORDERS_EACH * params->max_regions)
+    while (size < 2 * MAX_BORDERS_PER_REGION * params->max_regions)
         size *= 2;
     return size;
 }
 
+/* Allocates the object from a pool; with a counting pool only the memory is counted. */
 static cairn_boundary *carve(cairn_pool *pool, const cairn_boundary_params *p)
 {
     size_t pixels = (size_t)p->max_width * (size_t)p->max_height, regions = (size_t)p->max_regions;
-    size_t borders = BORDERS_EACH * regions;
+    size_t borders = MAX_BORDERS_PER_REGION * regions;
     cairn_boundary *made = cairn_pool_take_one(pool, sizeof *made), taken;
 
     memset(&taken, 0, sizeof taken);
@@ -76,26 +84,29 @@ static cairn_boundary *carve(cairn_pool *pool, const cairn_boundary_params *p)
     taken.max_borders = (int32_t)borders;
     taken.table_size = table_size_of(p);
     taken.colour = cairn_pool_take(pool, BOUNDARY_CHANNELS * pixels, sizeof *taken.colour);
-    taken.one = cairn_pool_take(pool, pixels, sizeof *taken.one);
-    taken.other = cairn_pool_take(pool, pixels, sizeof *taken.other);
-    taken.change = cairn_pool_take(pool, pixels, sizeof *taken.change);
-    taken.line = cairn_pool_take(pool, 2 * (size_t)p->max_width, sizeof *taken.line);
+    taken.strength = cairn_pool_take(pool, pixels, sizeof *taken.strength);
+    taken.scratch = cairn_pool_take(pool, pixels, sizeof *taken.scratch);
+    taken.tensor = cairn_pool_take(pool, pixels, sizeof *taken.tensor);
+    taken.row_buffer = cairn_pool_take(pool, 2 * (size_t)p->max_width, sizeof *taken.row_buffer);
     taken.label = cairn_pool_take(pool, pixels, sizeof *taken.label);
-    taken.queue = cairn_pool_take(pool, pixels, sizeof *taken.queue);
-    taken.same = cairn_pool_take(pool, pixels, sizeof *taken.same);
-    taken.walked = cairn_pool_take(pool, pixels, sizeof *taken.walked);
-    taken.head = cairn_pool_take(pool, BOUNDARY_LEVELS, sizeof *taken.head);
-    taken.tail = cairn_pool_take(pool, BOUNDARY_LEVELS, sizeof *taken.tail);
-    taken.first = cairn_pool_take(pool, BOUNDARY_LEVELS, sizeof *taken.first);
+    taken.next_in_queue = cairn_pool_take(pool, pixels, sizeof *taken.next_in_queue);
+    taken.next_of_level = cairn_pool_take(pool, pixels, sizeof *taken.next_of_level);
+    taken.traced_sides = cairn_pool_take(pool, pixels, sizeof *taken.traced_sides);
+    taken.queue_head = cairn_pool_take(pool, BOUNDARY_LEVELS, sizeof *taken.queue_head);
+    taken.queue_tail = cairn_pool_take(pool, BOUNDARY_LEVELS, sizeof *taken.queue_tail);
+    taken.level_first = cairn_pool_take(pool, BOUNDARY_LEVELS, sizeof *taken.level_first);
     taken.regions = cairn_pool_take(pool, regions, sizeof *taken.regions);
-    taken.first_bins = cairn_pool_take(pool, BOUNDARY_BINS * regions, sizeof *taken.first_bins);
-    taken.bins = cairn_pool_take(pool, BOUNDARY_BINS * regions, sizeof *taken.bins);
-    taken.root = cairn_pool_take(pool, regions, sizeof *taken.root);
-    taken.vectors = cairn_pool_take(pool, (BOUNDARY_BLOCK + 2) * regions, sizeof *taken.vectors);
+    taken.initial_histogram =
+        cairn_pool_take(pool, BOUNDARY_BINS * regions, sizeof *taken.initial_histogram);
+    taken.histogram = cairn_pool_take(pool, BOUNDARY_BINS * regions, sizeof *taken.histogram);
+    taken.inverse_sqrt_degree = cairn_pool_take(pool, regions, sizeof *taken.inverse_sqrt_degree);
+    taken.vectors =
+        cairn_pool_take(pool, (BOUNDARY_BLOCK_SIZE + 2) * regions, sizeof *taken.vectors);
     taken.borders = cairn_pool_take(pool, borders, sizeof *taken.borders);
-    taken.table = cairn_pool_take(pool, (size_t)taken.table_size, sizeof *taken.table);
+    taken.border_table =
+        cairn_pool_take(pool, (size_t)taken.table_size, sizeof *taken.border_table);
     taken.heap = cairn_pool_take(pool, borders, sizeof *taken.heap);
-    taken.found = cairn_pool_take(pool, borders, sizeof *taken.found);
+    taken.traced = cairn_pool_take(pool, borders, sizeof *taken.traced);
     taken.ranked = cairn_pool_take(pool, borders, sizeof *taken.ranked);
     taken.corners = cairn_pool_take(pool, (size_t)p->max_points, sizeof *taken.corners);
     if (made != NULL)
@@ -114,8 +125,8 @@ size_t cairn_boundary_memory(const cairn_boundary_params *params)
     return cairn_pool_counted(&counting);
 }
 
-/* The light of an sRGB sample. */
-static cairn_real light_of(int32_t sample)
+/* Returns the linear intensity of an sRGB sample, 0 ... 1. */
+static cairn_real srgb_to_linear(int32_t sample)
 {
     cairn_real s = (cairn_real)sample / 255;
 
@@ -136,17 +147,18 @@ cairn_status cairn_boundary_create(cairn_boundary **boundary, cairn_pool *pool,
         return CAIRN_NO_MEMORY;
     *boundary = carve(pool, params);
     for (int32_t i = 0; i < 256; i++)
-        (*boundary)->linear[i] = light_of(i);
+        (*boundary)->linear[i] = srgb_to_linear(i);
     return CAIRN_OK;
 }
 
-/* Samples of a row are counted in 64 bits: strides may be anything. */
+/* Row offsets are computed in 64 bits, since strides are unrestricted. */
 static int image_is_valid(const cairn_boundary_image *image)
 {
     ptrdiff_t stride;
 
-    if (image == NULL || image->samples == NULL || !within(image->width, CAIRN_RASTER_MAX_SIDE) ||
-        !within(image->height, CAIRN_RASTER_MAX_SIDE) ||
+    if (image == NULL || image->samples == NULL ||
+        !is_within(image->width, CAIRN_RASTER_MAX_SIDE) ||
+        !is_within(image->height, CAIRN_RASTER_MAX_SIDE) ||
         (image->channels != 1 && image->channels != 3 && image->channels != 4))
         return 0;
     stride = image->stride;
@@ -154,128 +166,131 @@ static int image_is_valid(const cairn_boundary_image *image)
                                   stride <= PTRDIFF_MAX / image->height);
 }
 
-cairn_status cairn_boundary_begin(cairn_boundary *b, const cairn_boundary_image *image)
+cairn_status cairn_boundary_begin(cairn_boundary *boundary, const cairn_boundary_image *image)
 {
-    if (b == NULL || !image_is_valid(image))
+    if (boundary == NULL || !image_is_valid(image))
         return CAIRN_BAD_ARGUMENT;
-    if (image->width > b->params.max_width || image->height > b->params.max_height)
+    if (image->width > boundary->params.max_width || image->height > boundary->params.max_height)
         return CAIRN_FULL;
-    b->image = *image;
-    b->pixels = image->width * image->height;
-    b->channels = image->channels > 1 ? BOUNDARY_CHANNELS : 1;
-    b->map = b->row = b->pass = b->some = 0;
-    b->region_count = b->border_count = b->heap_count = b->fed = 0;
-    b->contour_count = b->corner_count = b->ranked_count = 0;
-    b->from_x = b->from_y = b->loops = b->walking = 0;
-    b->joined = 0;
-    b->way = b->stage = 0;
-    b->paid = 0;
-    for (int32_t i = 0; i < b->table_size; i++)
-        b->table[i] = -1;
-    cairn_boundary_flood_begin(b);
-    b->phase = BOUNDARY_COLOUR;
+    boundary->image = *image;
+    boundary->pixels = image->width * image->height;
+    boundary->channels = image->channels > 1 ? BOUNDARY_CHANNELS : 1;
+    boundary->map_index = boundary->row = boundary->pass = boundary->map_nonzero = 0;
+    boundary->region_count = boundary->border_count = boundary->heap_count = boundary->cursor = 0;
+    boundary->contour_count = boundary->corner_count = boundary->ranked_count = 0;
+    boundary->scan_x = boundary->scan_y = boundary->closed_pass = boundary->is_tracing = 0;
+    boundary->merge_level = 0;
+    boundary->criterion = boundary->spectral_stage = 0;
+    boundary->units_charged = 0;
+    for (int32_t i = 0; i < boundary->table_size; i++)
+        boundary->border_table[i] = -1;
+    cairn_boundary_flood_begin(boundary);
+    boundary->phase = BOUNDARY_COLOUR;
     return CAIRN_OK;
 }
 
-static int32_t cost_of(const cairn_boundary *b)
+/* Returns the cost of the next work item in units. */
+static int32_t next_item_cost(const cairn_boundary *boundary)
 {
     int32_t cost;
 
-    if (b->phase < BOUNDARY_FLOOD)
-        return cairn_boundary_measure_cost(b);
-    if (b->phase == BOUNDARY_BORDER)
-        return b->image.width;
-    if (b->phase == BOUNDARY_CUT)
-        return cairn_boundary_cuts_cost(b);
-    if (b->phase != BOUNDARY_JOIN)
+    if (boundary->phase < BOUNDARY_WATERSHED)
+        return cairn_boundary_measure_cost(boundary);
+    if (boundary->phase == BOUNDARY_BORDERS)
+        return boundary->image.width;
+    if (boundary->phase == BOUNDARY_SPECTRAL)
+        return cairn_boundary_spectral_cost(boundary);
+    if (boundary->phase != BOUNDARY_MERGE)
         return 1;
-    cost = cairn_boundary_join_cost(b);
+    cost = cairn_boundary_merge_cost(boundary);
     return cost > 0 ? cost : 1;
 }
 
-static void end_joints(cairn_boundary *b)
+/* Selects the phase after a run of the merging. */
+static void end_merging(cairn_boundary *boundary)
 {
-    b->fed = 0;
-    b->phase = cairn_boundary_has_ways(b) ? BOUNDARY_TELL : BOUNDARY_TRACE;
+    boundary->cursor = 0;
+    boundary->phase =
+        cairn_boundary_has_criteria(boundary) ? BOUNDARY_RECORD_LEVELS : BOUNDARY_TRACE;
 }
 
-/* CAIRN_MORE: there is more. */
-static cairn_status do_item(cairn_boundary *b)
+/* Processes one work item of the phase. CAIRN_MORE: continue. */
+static cairn_status process_item(cairn_boundary *boundary)
 {
     cairn_status status;
 
-    if (b->phase < BOUNDARY_FLOOD) {
-        cairn_boundary_measure_row(b);
-    } else if (b->phase == BOUNDARY_FLOOD) {
-        if (!cairn_boundary_flood_pixel(b)) {
-            b->row = 0;
-            b->phase = BOUNDARY_BORDER;
+    if (boundary->phase < BOUNDARY_WATERSHED) {
+        cairn_boundary_measure_row(boundary);
+    } else if (boundary->phase == BOUNDARY_WATERSHED) {
+        if (!cairn_boundary_flood_pixel(boundary)) {
+            boundary->row = 0;
+            boundary->phase = BOUNDARY_BORDERS;
         }
-    } else if (b->phase == BOUNDARY_BORDER) {
-        cairn_boundary_border_row(b);
-        if (b->row == b->image.height) {
-            cairn_boundary_ties_begin(b);
-            b->phase = BOUNDARY_CUT;
+    } else if (boundary->phase == BOUNDARY_BORDERS) {
+        cairn_boundary_border_row(boundary);
+        if (boundary->row == boundary->image.height) {
+            cairn_boundary_spectral_begin(boundary);
+            boundary->phase = BOUNDARY_SPECTRAL;
         }
-    } else if (b->phase == BOUNDARY_CUT) {
-        if (!cairn_boundary_cuts_next(b))
-            b->phase = BOUNDARY_CLEAR;
-    } else if (b->phase == BOUNDARY_CLEAR) {
-        if (!cairn_boundary_clear_next(b))
-            b->phase = BOUNDARY_JOIN;
-    } else if (b->phase == BOUNDARY_JOIN) {
-        if (cairn_boundary_join_cost(b) > 0)
-            cairn_boundary_join_next(b);
+    } else if (boundary->phase == BOUNDARY_SPECTRAL) {
+        if (!cairn_boundary_spectral_next(boundary))
+            boundary->phase = BOUNDARY_RESET;
+    } else if (boundary->phase == BOUNDARY_RESET) {
+        if (!cairn_boundary_reset_next(boundary))
+            boundary->phase = BOUNDARY_MERGE;
+    } else if (boundary->phase == BOUNDARY_MERGE) {
+        if (cairn_boundary_merge_cost(boundary) > 0)
+            cairn_boundary_merge_next(boundary);
         else
-            end_joints(b);
-    } else if (b->phase == BOUNDARY_TELL) {
-        if (!cairn_boundary_tell_next(b))
-            b->phase = BOUNDARY_CLEAR;
-    } else if (b->phase == BOUNDARY_TRACE) {
-        status = cairn_boundary_trace_side(b);
+            end_merging(boundary);
+    } else if (boundary->phase == BOUNDARY_RECORD_LEVELS) {
+        if (!cairn_boundary_record_next(boundary))
+            boundary->phase = BOUNDARY_RESET;
+    } else if (boundary->phase == BOUNDARY_TRACE) {
+        status = cairn_boundary_trace_side(boundary);
         if (status < CAIRN_OK)
             return status;
         if (status == CAIRN_OK)
-            b->phase = BOUNDARY_RANK;
-    } else if (!cairn_boundary_rank_next(b)) {
-        b->phase = BOUNDARY_DONE;
+            boundary->phase = BOUNDARY_RANK;
+    } else if (!cairn_boundary_rank_next(boundary)) {
+        boundary->phase = BOUNDARY_DONE;
     }
     return CAIRN_MORE;
 }
 
-cairn_status cairn_boundary_step(cairn_boundary *b, cairn_budget *budget)
+cairn_status cairn_boundary_step(cairn_boundary *boundary, cairn_budget *budget)
 {
-    if (b == NULL || budget == NULL)
+    if (boundary == NULL || budget == NULL)
         return CAIRN_BAD_ARGUMENT;
-    while (b->phase != BOUNDARY_IDLE && b->phase != BOUNDARY_DONE) {
+    while (boundary->phase != BOUNDARY_IDLE && boundary->phase != BOUNDARY_DONE) {
         cairn_status status;
 
-        if (!cairn_budget_pay(budget, &b->paid, cost_of(b)))
+        if (!cairn_budget_pay(budget, &boundary->units_charged, next_item_cost(boundary)))
             return CAIRN_MORE;
-        status = do_item(b);
+        status = process_item(boundary);
         if (status < CAIRN_OK) {
-            b->phase = BOUNDARY_IDLE;
+            boundary->phase = BOUNDARY_IDLE;
             return status;
         }
     }
     return CAIRN_OK;
 }
 
-cairn_boundary_result cairn_boundary_read(const cairn_boundary *b)
+cairn_boundary_result cairn_boundary_read(const cairn_boundary *boundary)
 {
     cairn_boundary_result r;
 
     memset(&r, 0, sizeof r);
-    if (b == NULL || b->phase != BOUNDARY_DONE)
+    if (boundary == NULL || boundary->phase != BOUNDARY_DONE)
         return r;
-    r.contours = b->ranked;
-    r.corners = b->corners;
-    r.contour_count = b->ranked_count;
-    r.corner_count = b->corner_count;
-    r.region_count = b->region_count;
-    r.strengths.data = b->one;
-    r.strengths.width = b->image.width;
-    r.strengths.height = b->image.height;
-    r.strengths.stride = b->image.width;
+    r.contours = boundary->ranked;
+    r.corners = boundary->corners;
+    r.contour_count = boundary->ranked_count;
+    r.corner_count = boundary->corner_count;
+    r.region_count = boundary->region_count;
+    r.strengths.data = boundary->strength;
+    r.strengths.width = boundary->image.width;
+    r.strengths.height = boundary->image.height;
+    r.strengths.stride = boundary->image.width;
     return r;
 }

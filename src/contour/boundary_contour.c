@@ -1,228 +1,252 @@
-/* Contours: walks along the sides of pixels that part regions, ranked.
+/* Contour tracing along the pixel sides between regions, and ranking.
  *
- * Method: from each corner where other than two such sides meet (a junction, or an end at the
- * image's border) walks go along each side that was not walked yet, to the next such corner;
- * what is left after that are closed contours. A contour takes the level of its border, and the
- * mean of the stronger pixels beside it. */
+ * Method:
+ * 1. From each junction or end at the image's border, every untraced side is followed to the next
+ *    such corner.
+ * 2. The remaining sides form closed contours.
+ * 3. A contour takes the ultrametric level of its border, and the mean edge strength of the
+ *    stronger of the two pixels of each side.
+ * 4. Heap sort by strength. */
 #include "src/core/build.h"
 
 #include "src/contour/boundary_work.h"
 
 enum { RIGHT, DOWN, LEFT, UP, HEADINGS };
-enum { WALKED_ABOVE = 1, WALKED_LEFT = 2 };
+enum { TRACED_ABOVE = 1, TRACED_LEFT = 2 };
 
-/* A side of pixels that goes out from a corner. */
+/* A pixel side that starts at a corner. */
 typedef struct side {
-    int32_t pixel, other; /* its two pixels: `pixel` is below it or right of it */
-    uint8_t walked;       /* its flag there */
+    int32_t pixel, other; /* Its two pixels: `pixel` is below the side or right of it. */
+    uint8_t walked;       /* Its flag in traced_sides[pixel]. */
 } side;
 
-/* 0: no side between two pixels of the image. */
-static int side_from(const cairn_boundary *b, int32_t x, int32_t y, int32_t heading, side *s)
+/* Finds the pixel side from a corner in a heading; returns 0 if it does not lie between two
+ * pixels of the image. */
+static int pixel_side(const cairn_boundary *boundary, int32_t x, int32_t y, int32_t heading,
+                      side *s)
 {
-    int32_t width = b->image.width;
+    int32_t width = boundary->image.width;
 
     x -= heading == LEFT;
     y -= heading == UP;
-    if (x < 0 || y < 0 || x >= width || y >= b->image.height)
+    if (x < 0 || y < 0 || x >= width || y >= boundary->image.height)
         return 0;
     s->pixel = y * width + x;
     if (heading == RIGHT || heading == LEFT) {
         s->other = s->pixel - width;
-        s->walked = WALKED_ABOVE;
+        s->walked = TRACED_ABOVE;
         return y > 0;
     }
     s->other = s->pixel - 1;
-    s->walked = WALKED_LEFT;
+    s->walked = TRACED_LEFT;
     return x > 0;
 }
 
-static int parts(const cairn_boundary *b, int32_t x, int32_t y, int32_t heading, side *s)
+/* Returns whether the pixel side from a corner in a heading is on a border between two regions. */
+static int is_border(const cairn_boundary *boundary, int32_t x, int32_t y, int32_t heading, side *s)
 {
-    return side_from(b, x, y, heading, s) && b->label[s->pixel] != b->label[s->other];
+    return pixel_side(boundary, x, y, heading, s) &&
+           boundary->label[s->pixel] != boundary->label[s->other];
 }
 
-static int32_t sides_at(const cairn_boundary *b, int32_t x, int32_t y)
+/* Returns the number of border sides that meet at a corner. */
+static int32_t border_sides_at(const cairn_boundary *boundary, int32_t x, int32_t y)
 {
     int32_t count = 0;
     side s;
 
     for (int32_t heading = 0; heading < HEADINGS; heading++)
-        count += parts(b, x, y, heading, &s);
+        count += is_border(boundary, x, y, heading, &s);
     return count;
 }
 
-/* ---- Walks ---- */
+/* ---- Tracing ---- */
 
-static cairn_status add_corner(cairn_boundary *b)
+/* Appends the current corner. CAIRN_FULL: more than max_corners. */
+static cairn_status add_corner(cairn_boundary *boundary)
 {
-    if (b->corner_count == b->params.max_points)
+    if (boundary->corner_count == boundary->params.max_points)
         return CAIRN_FULL;
-    b->corners[b->corner_count].x = (int16_t)b->x;
-    b->corners[b->corner_count++].y = (int16_t)b->y;
+    boundary->corners[boundary->corner_count].x = (int16_t)boundary->x;
+    boundary->corners[boundary->corner_count++].y = (int16_t)boundary->y;
     return CAIRN_OK;
 }
 
-/* A walk from the corner at hand; 0: there is none. */
-static int start(cairn_boundary *b)
+/* Sets the start of a contour at the scanned corner; returns 0 if there is none. */
+static int find_start(cairn_boundary *boundary)
 {
-    int32_t sides = sides_at(b, b->from_x, b->from_y);
+    int32_t sides = border_sides_at(boundary, boundary->scan_x, boundary->scan_y);
     side s;
 
-    if (b->loops ? sides != 2 : sides == 2)
+    if (boundary->closed_pass ? sides != 2 : sides == 2)
         return 0;
     for (int32_t heading = 0; heading < HEADINGS; heading++)
-        if (parts(b, b->from_x, b->from_y, heading, &s) && !(b->walked[s.pixel] & s.walked)) {
-            b->heading = heading;
-            b->x = b->from_x;
-            b->y = b->from_y;
+        if (is_border(boundary, boundary->scan_x, boundary->scan_y, heading, &s) &&
+            !(boundary->traced_sides[s.pixel] & s.walked)) {
+            boundary->heading = heading;
+            boundary->x = boundary->scan_x;
+            boundary->y = boundary->scan_y;
             return 1;
         }
     return 0;
 }
 
-/* The corner that the next walk is looked for at: row by row, and again for closed contours. */
-static int next_corner(cairn_boundary *b)
+/* Advances the scanned corner in row order, and once more for closed contours; returns 0 at the
+ * end. */
+static int next_corner(cairn_boundary *boundary)
 {
-    if (++b->from_x <= b->image.width)
+    if (++boundary->scan_x <= boundary->image.width)
         return 1;
-    b->from_x = 0;
-    if (++b->from_y <= b->image.height)
+    boundary->scan_x = 0;
+    if (++boundary->scan_y <= boundary->image.height)
         return 1;
-    b->from_y = 0;
-    return !b->loops++;
+    boundary->scan_y = 0;
+    return !boundary->closed_pass++;
 }
 
-/* The side that the walk goes along next. */
-static void side_ahead(const cairn_boundary *b, side *s)
+/* Finds the next side of the traced contour. */
+static void side_ahead(const cairn_boundary *boundary, side *s)
 {
-    int there = parts(b, b->x, b->y, b->heading, s);
+    int there = is_border(boundary, boundary->x, boundary->y, boundary->heading, s);
 
     CAIRN_ASSERT(there);
     (void)there;
 }
 
-static cairn_status begin_walk(cairn_boundary *b)
+/* Begins a contour at the current corner. */
+static cairn_status begin_trace(cairn_boundary *boundary)
 {
-    cairn_boundary_contour none = {b->corner_count, 0, b->loops, 0, 0, 0};
+    cairn_boundary_contour none = {
+        .first = boundary->corner_count,
+        .closed = boundary->closed_pass,
+    };
     side s;
 
-    CAIRN_ASSERT(b->contour_count < b->max_borders);
-    side_ahead(b, &s);
-    none.level =
-        b->borders[cairn_boundary_border_of(b, b->label[s.pixel], b->label[s.other])].level;
-    b->found[b->contour_count] = none;
-    b->walk_sum = 0;
-    b->walking = 1;
-    return add_corner(b);
+    CAIRN_ASSERT(boundary->contour_count < boundary->max_borders);
+    side_ahead(boundary, &s);
+    none.level = boundary
+                     ->borders[cairn_boundary_border_of(boundary, boundary->label[s.pixel],
+                                                        boundary->label[s.other])]
+                     .level;
+    boundary->traced[boundary->contour_count] = none;
+    boundary->trace_strength_sum = 0;
+    boundary->is_tracing = 1;
+    return add_corner(boundary);
 }
 
-/* Weak contours are dropped again. */
-static void end_walk(cairn_boundary *b)
+/* Completes a contour; contours below min_strength are dropped. */
+static void end_trace(cairn_boundary *boundary)
 {
-    cairn_boundary_contour *c = &b->found[b->contour_count];
+    cairn_boundary_contour *c = &boundary->traced[boundary->contour_count];
 
-    b->walking = 0;
-    c->count = b->corner_count - c->first;
-    c->mean = b->walk_sum / (cairn_real)(c->closed ? c->count : c->count - 1);
+    boundary->is_tracing = 0;
+    c->count = boundary->corner_count - c->first;
+    c->mean = boundary->trace_strength_sum / (cairn_real)(c->closed ? c->count : c->count - 1);
     c->strength = c->level * cairn_sqrt(c->mean);
-    if (c->strength >= b->params.min_strength)
-        b->contour_count++;
+    if (c->strength >= boundary->params.min_strength)
+        boundary->contour_count++;
     else
-        b->corner_count = c->first;
+        boundary->corner_count = c->first;
 }
 
-/* Where the contour goes on at a corner where just two sides meet. */
-static void turn(cairn_boundary *b)
+/* Sets the heading of the contour at a corner where exactly two border sides meet. */
+static void continue_border(cairn_boundary *boundary)
 {
-    int32_t back = (b->heading + 2) % HEADINGS;
+    int32_t back = (boundary->heading + 2) % HEADINGS;
     side s;
 
     for (int32_t heading = 0; heading < HEADINGS; heading++)
-        if (heading != back && parts(b, b->x, b->y, heading, &s)) {
-            b->heading = heading;
+        if (heading != back && is_border(boundary, boundary->x, boundary->y, heading, &s)) {
+            boundary->heading = heading;
             return;
         }
 }
 
-static cairn_status walk(cairn_boundary *b)
+/* Traces one side of the current contour. */
+static cairn_status trace_step(cairn_boundary *boundary)
 {
     cairn_status status;
     side s;
 
-    side_ahead(b, &s);
-    b->walked[s.pixel] |= s.walked;
-    b->walk_sum += cairn_max(b->one[s.pixel], b->one[s.other]);
-    b->x += (b->heading == RIGHT) - (b->heading == LEFT);
-    b->y += (b->heading == DOWN) - (b->heading == UP);
-    if (b->loops && b->x == b->from_x && b->y == b->from_y) {
-        end_walk(b);
+    side_ahead(boundary, &s);
+    boundary->traced_sides[s.pixel] |= s.walked;
+    boundary->trace_strength_sum +=
+        cairn_max(boundary->strength[s.pixel], boundary->strength[s.other]);
+    boundary->x += (boundary->heading == RIGHT) - (boundary->heading == LEFT);
+    boundary->y += (boundary->heading == DOWN) - (boundary->heading == UP);
+    if (boundary->closed_pass && boundary->x == boundary->scan_x &&
+        boundary->y == boundary->scan_y) {
+        end_trace(boundary);
         return CAIRN_MORE;
     }
-    status = add_corner(b);
+    status = add_corner(boundary);
     if (status != CAIRN_OK)
         return status;
-    if (sides_at(b, b->x, b->y) != 2)
-        end_walk(b);
+    if (border_sides_at(boundary, boundary->x, boundary->y) != 2)
+        end_trace(boundary);
     else
-        turn(b);
+        continue_border(boundary);
     return CAIRN_MORE;
 }
 
-cairn_status cairn_boundary_trace_side(cairn_boundary *b)
+cairn_status cairn_boundary_trace_side(cairn_boundary *boundary)
 {
-    if (b->walking)
-        return walk(b);
-    if (start(b)) {
-        cairn_status status = begin_walk(b);
+    if (boundary->is_tracing)
+        return trace_step(boundary);
+    if (find_start(boundary)) {
+        cairn_status status = begin_trace(boundary);
 
         return status == CAIRN_OK ? CAIRN_MORE : status;
     }
-    return next_corner(b) ? CAIRN_MORE : CAIRN_OK;
+    return next_corner(boundary) ? CAIRN_MORE : CAIRN_OK;
 }
 
-/* ---- Ranks ---- */
+/* ---- Ranking ---- */
 
-/* Of two equal contours the one found first. */
-static int ahead(const cairn_boundary *b, int32_t p, int32_t q)
+/* Ties: the contour found first ranks before the other. */
+static int ranks_before(const cairn_boundary *boundary, int32_t p, int32_t q)
 {
-    return b->found[p].strength > b->found[q].strength ||
-           (p < q && b->found[p].strength >= b->found[q].strength);
+    return boundary->traced[p].strength > boundary->traced[q].strength ||
+           (p < q && boundary->traced[p].strength >= boundary->traced[q].strength);
 }
 
-static void rise(const cairn_boundary *b, int32_t contour)
+/* Restores the heap order upwards from a new last element. */
+static void heap_sift_up(const cairn_boundary *boundary, int32_t contour)
 {
     int32_t at = contour;
 
-    for (; at > 0 && ahead(b, contour, b->heap[(at - 1) / 2]); at = (at - 1) / 2)
-        b->heap[at] = b->heap[(at - 1) / 2];
-    b->heap[at] = contour;
+    for (; at > 0 && ranks_before(boundary, contour, boundary->heap[(at - 1) / 2]);
+         at = (at - 1) / 2)
+        boundary->heap[at] = boundary->heap[(at - 1) / 2];
+    boundary->heap[at] = contour;
 }
 
-static void sink(const cairn_boundary *b, int32_t contour)
+/* Restores the heap order downwards from the root. */
+static void heap_sift_down(const cairn_boundary *boundary, int32_t contour)
 {
     int32_t at = 0;
 
-    for (int32_t child = 1; child < b->heap_count; child = 2 * at + 1) {
-        child += child + 1 < b->heap_count && ahead(b, b->heap[child + 1], b->heap[child]);
-        if (!ahead(b, b->heap[child], contour))
+    for (int32_t child = 1; child < boundary->heap_count; child = 2 * at + 1) {
+        child += child + 1 < boundary->heap_count &&
+                 ranks_before(boundary, boundary->heap[child + 1], boundary->heap[child]);
+        if (!ranks_before(boundary, boundary->heap[child], contour))
             break;
-        b->heap[at] = b->heap[child];
+        boundary->heap[at] = boundary->heap[child];
         at = child;
     }
-    b->heap[at] = contour;
+    boundary->heap[at] = contour;
 }
 
-int cairn_boundary_rank_next(cairn_boundary *b)
+int cairn_boundary_rank_next(cairn_boundary *boundary)
 {
-    if (b->ranked_count == 0 && b->heap_count < b->contour_count) {
-        rise(b, b->heap_count++);
+    if (boundary->ranked_count == 0 && boundary->heap_count < boundary->contour_count) {
+        heap_sift_up(boundary, boundary->heap_count++);
         return 1;
     }
-    if (b->heap_count == 0)
+    if (boundary->heap_count == 0)
         return 0;
-    b->ranked[b->ranked_count++] = b->found[b->heap[0]];
-    if (--b->heap_count > 0)
-        sink(b, b->heap[b->heap_count]);
+    boundary->ranked[boundary->ranked_count++] = boundary->traced[boundary->heap[0]];
+    if (--boundary->heap_count > 0)
+        heap_sift_down(boundary, boundary->heap[boundary->heap_count]);
     return 1;
 }

@@ -1,313 +1,344 @@
-/* Regions join until all is one: at which level each border goes.
+/* Hierarchical region merging: the ultrametric level of each border.
  *
- * Method: the borders of the regions are kept in a heap by their strength times the share that the
- * smaller region has of the image, to a power; the weakest joins its regions, and where both
- * bordered on a third these borders become one. What a border had to be raised to is its level.
- * Which power is right differs from image to image, and whether the colours of the regions that are
- * being joined should count: so all is joined in five ways, each anew, and then once more by the
- * geometric mean of the levels, whose contours are closed at every level.
+ * Method:
+ * 1. The borders are in a binary heap, keyed by merge cost: mean border strength times the smaller
+ *    region's share of the image to a power, and for some criteria times a power of the colour
+ *    distance.
+ * 2. The cheapest border merges its two regions. Where both border on a third region, the two
+ *    borders become one. The level of the border is the greatest merge cost so far.
+ * 3. The best exponents differ between images. Therefore the merging runs with five criteria, each
+ *    from the initial regions.
+ * 4. A last run uses the geometric mean of the five levels as border strength. Its contours are
+ *    closed at every level.
  *
- * Layout: a border is in the lists of both its regions; those of the larger region are marked at
- * their other regions.
+ * Memory layout: a border is in the doubly linked lists of both its regions, as two half-borders.
+ * Borders of the surviving region are marked at their other regions.
  *
- * Source: Arbelaez, Maire, Fowlkes and Malik 2011, section 4; the mean of several ways is this
- * project's. */
+ * Source: Arbelaez, Maire, Fowlkes and Malik 2011, section 4; the mean of several criteria is
+ * this project's. */
 #include "src/core/build.h"
 
 #include "src/contour/boundary_work.h"
 
-/* Half-borders that are passed over for a unit, and what it costs more when histograms are
- * compared. */
-enum { HALVES_A_UNIT = 2, HISTOGRAM_UNITS = 8 };
-/* A level below it counts as it. */
-#define LEAST_LEVEL CAIRN_REAL(1e-9)
+/* Half-borders per work unit, and the cost factor of a comparison of histograms. */
+enum { HALF_BORDERS_PER_UNIT = 2, HISTOGRAM_UNITS = 8 };
+/* Lower bound of a level before its logarithm is taken. */
+#define MIN_LEVEL CAIRN_REAL(1e-9)
 
-/* Ways of joining: of the power of the share, in units of the parameter; 1: colours count. */
-enum { WAYS = 5 };
+/* Merge criteria: multiple of the size exponent; 1: the colour distance is used. */
+enum { CRITERIA_COUNT = 5 };
 static const struct {
     cairn_real small;
     int32_t with_contrast;
-} ways[WAYS] = {{0, 0}, {1, 0}, {2, 0}, {CAIRN_REAL(0.5), 1}, {CAIRN_REAL(1.5), 1}};
+} criteria[CRITERIA_COUNT] = {{0, 0}, {1, 0}, {2, 0}, {CAIRN_REAL(0.5), 1}, {CAIRN_REAL(1.5), 1}};
 
 /* ---- Heap of borders ---- */
 
-static int before(const cairn_boundary *b, int32_t p, int32_t q)
+/* Returns whether border p precedes border q in the heap; ties: the lower index. */
+static int precedes(const cairn_boundary *boundary, int32_t p, int32_t q)
 {
-    return b->borders[p].key < b->borders[q].key ||
-           (p < q && b->borders[p].key <= b->borders[q].key);
+    return boundary->borders[p].key < boundary->borders[q].key ||
+           (p < q && boundary->borders[p].key <= boundary->borders[q].key);
 }
 
-static void put(const cairn_boundary *b, int32_t at, int32_t border)
+/* Sets a heap element and its back index. */
+static void heap_set(const cairn_boundary *boundary, int32_t at, int32_t border)
 {
-    b->heap[at] = border;
-    b->borders[border].at = at;
+    boundary->heap[at] = border;
+    boundary->borders[border].heap_index = at;
 }
 
-/* Where a border whose key has changed belongs. */
-static void settle(const cairn_boundary *b, int32_t border)
+/* Restores the heap order after a change of a border's key. */
+static void heap_update(const cairn_boundary *boundary, int32_t border)
 {
-    int32_t at = b->borders[border].at;
+    int32_t at = boundary->borders[border].heap_index;
 
-    while (at > 0 && before(b, border, b->heap[(at - 1) / 2])) {
-        put(b, at, b->heap[(at - 1) / 2]);
+    while (at > 0 && precedes(boundary, border, boundary->heap[(at - 1) / 2])) {
+        heap_set(boundary, at, boundary->heap[(at - 1) / 2]);
         at = (at - 1) / 2;
     }
     for (;;) {
         int32_t child = 2 * at + 1;
 
-        if (child >= b->heap_count)
+        if (child >= boundary->heap_count)
             break;
-        child += child + 1 < b->heap_count && before(b, b->heap[child + 1], b->heap[child]);
-        if (!before(b, b->heap[child], border))
+        child += child + 1 < boundary->heap_count &&
+                 precedes(boundary, boundary->heap[child + 1], boundary->heap[child]);
+        if (!precedes(boundary, boundary->heap[child], border))
             break;
-        put(b, at, b->heap[child]);
+        heap_set(boundary, at, boundary->heap[child]);
         at = child;
     }
-    put(b, at, border);
+    heap_set(boundary, at, border);
 }
 
-static void leave_heap(cairn_boundary *b, int32_t border)
+/* Removes a border from the heap. */
+static void heap_remove(cairn_boundary *boundary, int32_t border)
 {
-    int32_t at = b->borders[border].at, last = b->heap[--b->heap_count];
+    int32_t at = boundary->borders[border].heap_index,
+            last = boundary->heap[--boundary->heap_count];
 
-    b->borders[border].at = -1;
+    boundary->borders[border].heap_index = -1;
     if (last != border) {
-        put(b, at, last);
-        settle(b, last);
+        heap_set(boundary, at, last);
+        heap_update(boundary, last);
     }
 }
 
 /* ---- Borders ---- */
 
-/* Powers of the way at hand; the last way has neither. */
-static cairn_real small_of(const cairn_boundary *b)
+/* Exponents of the current criterion; 0 in the last run. */
+static cairn_real size_exponent_of(const cairn_boundary *boundary)
 {
-    return b->way < WAYS ? ways[b->way].small * b->params.small : 0;
+    return boundary->criterion < CRITERIA_COUNT
+               ? criteria[boundary->criterion].small * boundary->params.small
+               : 0;
 }
 
-static cairn_real contrast_of(const cairn_boundary *b)
+static cairn_real contrast_exponent_of(const cairn_boundary *boundary)
 {
-    return b->way < WAYS && ways[b->way].with_contrast ? b->params.contrast : 0;
+    return boundary->criterion < CRITERIA_COUNT && criteria[boundary->criterion].with_contrast
+               ? boundary->params.contrast
+               : 0;
 }
 
-/* The square of the Hellinger distance of two regions' colours, the mean of the channels. */
-static cairn_real apart2(const cairn_boundary *b, int32_t p, int32_t q)
+/* Returns the squared Hellinger distance of two regions' colour histograms, averaged over the
+ * channels, 0 ... 1. */
+static cairn_real hellinger_squared(const cairn_boundary *boundary, int32_t p, int32_t q)
 {
-    const cairn_real *u = b->bins + (ptrdiff_t)p * BOUNDARY_BINS,
-                     *v = b->bins + (ptrdiff_t)q * BOUNDARY_BINS;
-    int32_t count = b->channels > 1 ? BOUNDARY_BINS : BOUNDARY_L_BINS;
+    const cairn_real *u = boundary->histogram + (ptrdiff_t)p * BOUNDARY_BINS,
+                     *v = boundary->histogram + (ptrdiff_t)q * BOUNDARY_BINS;
+    int32_t count = boundary->channels > 1 ? BOUNDARY_BINS : BOUNDARY_L_BINS;
     cairn_real sum = 0;
 
     for (int32_t k = 0; k < count; k++)
         sum += cairn_sqrt(u[k] * v[k]);
-    return 1 - sum / ((cairn_real)b->channels *
-                      cairn_sqrt((cairn_real)b->regions[p].size * (cairn_real)b->regions[q].size));
+    return 1 - sum / ((cairn_real)boundary->channels *
+                      cairn_sqrt((cairn_real)boundary->regions[p].size *
+                                 (cairn_real)boundary->regions[q].size));
 }
 
-static cairn_real key_of(const cairn_boundary *b, const boundary_border *border)
+/* Returns the merge cost of a border. */
+static cairn_real merge_cost_of(const cairn_boundary *boundary, const boundary_border *border)
 {
-    const boundary_region *p = &b->regions[border->region[0]], *q = &b->regions[border->region[1]];
-    cairn_real mean = border->sum / (cairn_real)border->length, contrast = contrast_of(b);
+    const boundary_region *p = &boundary->regions[border->region[0]],
+                          *q = &boundary->regions[border->region[1]];
+    cairn_real mean = border->strength_sum / (cairn_real)border->length,
+               contrast = contrast_exponent_of(boundary);
 
     if (contrast > 0 && mean > 0) {
-        cairn_real apart = apart2(b, border->region[0], border->region[1]);
+        cairn_real distance_squared =
+            hellinger_squared(boundary, border->region[0], border->region[1]);
 
-        mean = apart > 0
-                   ? cairn_exp((1 - contrast) * cairn_log(mean) + contrast / 2 * cairn_log(apart))
-                   : 0;
+        mean = distance_squared > 0 ? cairn_exp((1 - contrast) * cairn_log(mean) +
+                                                contrast / 2 * cairn_log(distance_squared))
+                                    : 0;
     }
-    return mean * cairn_min(p->share, q->share);
+    return mean * cairn_min(p->size_factor, q->size_factor);
 }
 
-/* A region's share of the image to the power. */
-static cairn_real share_of(const cairn_boundary *b, int32_t region)
+/* Returns a region's share of the image to the power of the size exponent. */
+static cairn_real size_factor_of(const cairn_boundary *boundary, int32_t region)
 {
-    cairn_real share = (cairn_real)b->regions[region].size / (cairn_real)b->pixels;
+    cairn_real share = (cairn_real)boundary->regions[region].size / (cairn_real)boundary->pixels;
 
-    return cairn_exp(small_of(b) * cairn_log(share));
+    return cairn_exp(size_exponent_of(boundary) * cairn_log(share));
 }
 
-static void enlist(const cairn_boundary *b, int32_t half, int32_t region)
+/* Inserts a half-border into the list of a region. */
+static void link_half_border(const cairn_boundary *boundary, int32_t half, int32_t region)
 {
-    boundary_border *border = &b->borders[half / 2];
-    boundary_region *r = &b->regions[region];
+    boundary_border *border = &boundary->borders[half / 2];
+    boundary_region *r = &boundary->regions[region];
 
     border->region[half % 2] = region;
-    border->before[half % 2] = -1;
-    border->next[half % 2] = r->first;
-    if (r->first >= 0)
-        b->borders[r->first / 2].before[r->first % 2] = half;
-    r->first = half;
-    r->count++;
+    border->previous[half % 2] = -1;
+    border->next[half % 2] = r->first_half_border;
+    if (r->first_half_border >= 0)
+        boundary->borders[r->first_half_border / 2].previous[r->first_half_border % 2] = half;
+    r->first_half_border = half;
+    r->border_count++;
 }
 
-static void delist(const cairn_boundary *b, int32_t half)
+/* Removes a half-border from the list of its region. */
+static void unlink_half_border(const cairn_boundary *boundary, int32_t half)
 {
-    const boundary_border *border = &b->borders[half / 2];
-    boundary_region *r = &b->regions[border->region[half % 2]];
-    int32_t next = border->next[half % 2], last = border->before[half % 2];
+    const boundary_border *border = &boundary->borders[half / 2];
+    boundary_region *r = &boundary->regions[border->region[half % 2]];
+    int32_t next = border->next[half % 2], last = border->previous[half % 2];
 
     if (last >= 0)
-        b->borders[last / 2].next[last % 2] = next;
+        boundary->borders[last / 2].next[last % 2] = next;
     else
-        r->first = next;
+        r->first_half_border = next;
     if (next >= 0)
-        b->borders[next / 2].before[next % 2] = last;
-    r->count--;
+        boundary->borders[next / 2].previous[next % 2] = last;
+    r->border_count--;
 }
 
-/* ---- Joining ---- */
+/* ---- Merging ---- */
 
-int32_t cairn_boundary_join_cost(const cairn_boundary *b)
+int32_t cairn_boundary_merge_cost(const cairn_boundary *boundary)
 {
     const boundary_border *weakest;
 
-    if (b->fed < b->border_count)
+    if (boundary->cursor < boundary->border_count)
         return 1;
-    if (b->heap_count == 0)
+    if (boundary->heap_count == 0)
         return 0;
-    weakest = &b->borders[b->heap[0]];
-    return 1 + (b->regions[weakest->region[0]].count + b->regions[weakest->region[1]].count) *
-                   (contrast_of(b) > 0 ? HISTOGRAM_UNITS : 1) / HALVES_A_UNIT;
+    weakest = &boundary->borders[boundary->heap[0]];
+    return 1 + (boundary->regions[weakest->region[0]].border_count +
+                boundary->regions[weakest->region[1]].border_count) *
+                   (contrast_exponent_of(boundary) > 0 ? HISTOGRAM_UNITS : 1) /
+                   HALF_BORDERS_PER_UNIT;
 }
 
-/* The next border's way into the heap. */
-static void feed(cairn_boundary *b)
+/* Inserts the next border into the heap. */
+static void push_next_border(cairn_boundary *boundary)
 {
-    boundary_border *border = &b->borders[b->fed];
+    boundary_border *border = &boundary->borders[boundary->cursor];
 
     for (int32_t side = 0; side < 2; side++)
-        b->regions[border->region[side]].share = share_of(b, border->region[side]);
-    border->key = key_of(b, border);
-    put(b, b->heap_count++, b->fed);
-    settle(b, b->fed++);
+        boundary->regions[border->region[side]].size_factor =
+            size_factor_of(boundary, border->region[side]);
+    border->key = merge_cost_of(boundary, border);
+    heap_set(boundary, boundary->heap_count++, boundary->cursor);
+    heap_update(boundary, boundary->cursor++);
 }
 
-/* Marks at the regions about this one by which border, or wipes the marks. */
-static void mark_about(const cairn_boundary *b, int32_t region, int wipe)
+/* Sets, or clears, at each neighbour of a region the index of their common border. */
+static void mark_neighbours(const cairn_boundary *boundary, int32_t region, int wipe)
 {
-    for (int32_t half = b->regions[region].first; half >= 0;
-         half = b->borders[half / 2].next[half % 2])
-        b->regions[b->borders[half / 2].region[1 - half % 2]].mark = wipe ? -1 : half / 2;
+    for (int32_t half = boundary->regions[region].first_half_border; half >= 0;
+         half = boundary->borders[half / 2].next[half % 2])
+        boundary->regions[boundary->borders[half / 2].region[1 - half % 2]].marked_border =
+            wipe ? -1 : half / 2;
 }
 
-/* Borders of the region that goes become those of the one that stays. */
-static void hand_over(cairn_boundary *b, int32_t stays, int32_t goes)
+/* Transfers the borders of the absorbed region to the surviving region and merges duplicates. */
+static void move_borders(cairn_boundary *boundary, int32_t survivor, int32_t absorbed)
 {
     int32_t next;
 
-    for (int32_t half = b->regions[goes].first; half >= 0; half = next) {
-        boundary_border *border = &b->borders[half / 2];
-        int32_t third = border->region[1 - half % 2], mark = b->regions[third].mark;
+    for (int32_t half = boundary->regions[absorbed].first_half_border; half >= 0; half = next) {
+        boundary_border *border = &boundary->borders[half / 2];
+        int32_t third = border->region[1 - half % 2], mark = boundary->regions[third].marked_border;
 
         next = border->next[half % 2];
         if (mark < 0) {
-            enlist(b, half, stays);
+            link_half_border(boundary, half, survivor);
             continue;
         }
-        b->borders[mark].sum += border->sum;
-        b->borders[mark].length += border->length;
-        border->into = mark;
-        delist(b, half ^ 1);
-        leave_heap(b, half / 2);
+        boundary->borders[mark].strength_sum += border->strength_sum;
+        boundary->borders[mark].length += border->length;
+        border->merged_into = mark;
+        unlink_half_border(boundary, half ^ 1);
+        heap_remove(boundary, half / 2);
     }
 }
 
-static void join(cairn_boundary *b)
+/* Merges the two regions of the cheapest border. */
+static void merge_weakest(cairn_boundary *boundary)
 {
-    int32_t weakest = b->heap[0];
-    boundary_border *border = &b->borders[weakest];
-    int32_t side = b->regions[border->region[1]].size > b->regions[border->region[0]].size;
-    int32_t stays = border->region[side], goes = border->region[1 - side];
+    int32_t weakest = boundary->heap[0];
+    boundary_border *border = &boundary->borders[weakest];
+    int32_t side =
+        boundary->regions[border->region[1]].size > boundary->regions[border->region[0]].size;
+    int32_t survivor = border->region[side], absorbed = border->region[1 - side];
 
-    b->joined = cairn_max(b->joined, border->key);
-    border->level = b->joined;
-    leave_heap(b, weakest);
-    delist(b, 2 * weakest);
-    delist(b, 2 * weakest + 1);
-    mark_about(b, stays, 0);
-    hand_over(b, stays, goes);
-    mark_about(b, stays, 1);
-    b->regions[stays].size += b->regions[goes].size;
-    for (int32_t k = 0; k < BOUNDARY_BINS && contrast_of(b) > 0; k++)
-        b->bins[(ptrdiff_t)stays * BOUNDARY_BINS + k] +=
-            b->bins[(ptrdiff_t)goes * BOUNDARY_BINS + k];
-    b->regions[stays].share = share_of(b, stays);
-    for (int32_t half = b->regions[stays].first; half >= 0;
-         half = b->borders[half / 2].next[half % 2]) {
-        b->borders[half / 2].key = key_of(b, &b->borders[half / 2]);
-        settle(b, half / 2);
+    boundary->merge_level = cairn_max(boundary->merge_level, border->key);
+    border->level = boundary->merge_level;
+    heap_remove(boundary, weakest);
+    unlink_half_border(boundary, 2 * weakest);
+    unlink_half_border(boundary, 2 * weakest + 1);
+    mark_neighbours(boundary, survivor, 0);
+    move_borders(boundary, survivor, absorbed);
+    mark_neighbours(boundary, survivor, 1);
+    boundary->regions[survivor].size += boundary->regions[absorbed].size;
+    for (int32_t k = 0; k < BOUNDARY_BINS && contrast_exponent_of(boundary) > 0; k++)
+        boundary->histogram[(ptrdiff_t)survivor * BOUNDARY_BINS + k] +=
+            boundary->histogram[(ptrdiff_t)absorbed * BOUNDARY_BINS + k];
+    boundary->regions[survivor].size_factor = size_factor_of(boundary, survivor);
+    for (int32_t half = boundary->regions[survivor].first_half_border; half >= 0;
+         half = boundary->borders[half / 2].next[half % 2]) {
+        boundary->borders[half / 2].key = merge_cost_of(boundary, &boundary->borders[half / 2]);
+        heap_update(boundary, half / 2);
     }
 }
 
-void cairn_boundary_join_next(cairn_boundary *b)
+void cairn_boundary_merge_next(cairn_boundary *boundary)
 {
-    if (b->fed < b->border_count)
-        feed(b);
+    if (boundary->cursor < boundary->border_count)
+        push_next_border(boundary);
     else
-        join(b);
+        merge_weakest(boundary);
 }
 
-/* ---- Ways ---- */
+/* ---- Merge criteria ---- */
 
-int cairn_boundary_has_ways(const cairn_boundary *b)
+int cairn_boundary_has_criteria(const cairn_boundary *boundary)
 {
-    return b->way < WAYS;
+    return boundary->criterion < CRITERIA_COUNT;
 }
 
-static void clear_region(const cairn_boundary *b, int32_t region)
+/* Resets a region to its state before merging. */
+static void clear_region(const cairn_boundary *boundary, int32_t region)
 {
-    boundary_region *r = &b->regions[region];
+    boundary_region *r = &boundary->regions[region];
 
-    r->first = r->mark = -1;
-    r->count = 0;
-    r->size = r->pixels;
-    for (int32_t k = 0; k < BOUNDARY_BINS && contrast_of(b) > 0; k++)
-        b->bins[(ptrdiff_t)region * BOUNDARY_BINS + k] =
-            b->first_bins[(ptrdiff_t)region * BOUNDARY_BINS + k];
+    r->first_half_border = r->marked_border = -1;
+    r->border_count = 0;
+    r->size = r->initial_size;
+    for (int32_t k = 0; k < BOUNDARY_BINS && contrast_exponent_of(boundary) > 0; k++)
+        boundary->histogram[(ptrdiff_t)region * BOUNDARY_BINS + k] =
+            boundary->initial_histogram[(ptrdiff_t)region * BOUNDARY_BINS + k];
 }
 
-static void clear_border(const cairn_boundary *b, int32_t border)
+/* Resets a border to its state before merging. */
+static void clear_border(const cairn_boundary *boundary, int32_t border)
 {
-    boundary_border *e = &b->borders[border];
+    boundary_border *e = &boundary->borders[border];
 
-    e->into = border;
-    e->length = e->sides;
-    e->sum = (cairn_real)e->sides * (b->way < WAYS ? e->own : cairn_exp(e->logs / WAYS));
+    e->merged_into = border;
+    e->length = e->initial_length;
+    e->strength_sum =
+        (cairn_real)e->initial_length * (boundary->criterion < CRITERIA_COUNT
+                                             ? e->strength
+                                             : cairn_exp(e->log_level_sum / CRITERIA_COUNT));
     for (int32_t side = 0; side < 2; side++)
-        enlist(b, 2 * border + side, e->first[side]);
+        link_half_border(boundary, 2 * border + side, e->initial_region[side]);
 }
 
-int cairn_boundary_clear_next(cairn_boundary *b)
+int cairn_boundary_reset_next(cairn_boundary *boundary)
 {
-    if (b->fed < b->region_count)
-        clear_region(b, b->fed++);
-    else if (b->fed < b->region_count + b->border_count)
-        clear_border(b, b->fed++ - b->region_count);
-    if (b->fed < b->region_count + b->border_count)
+    if (boundary->cursor < boundary->region_count)
+        clear_region(boundary, boundary->cursor++);
+    else if (boundary->cursor < boundary->region_count + boundary->border_count)
+        clear_border(boundary, boundary->cursor++ - boundary->region_count);
+    if (boundary->cursor < boundary->region_count + boundary->border_count)
         return 1;
-    b->fed = b->heap_count = 0;
-    b->joined = 0;
+    boundary->cursor = boundary->heap_count = 0;
+    boundary->merge_level = 0;
     return 0;
 }
 
-/* The border that border `border` has become part of. */
-static int32_t root_of(const cairn_boundary *b, int32_t border)
+/* Returns the border into which a border was merged. */
+static int32_t final_border(const cairn_boundary *boundary, int32_t border)
 {
-    while (b->borders[border].into != border)
-        border = b->borders[border].into;
+    while (boundary->borders[border].merged_into != border)
+        border = boundary->borders[border].merged_into;
     return border;
 }
 
-int cairn_boundary_tell_next(cairn_boundary *b)
+int cairn_boundary_record_next(cairn_boundary *boundary)
 {
-    if (b->fed < b->border_count) {
-        b->borders[b->fed].logs +=
-            cairn_log(cairn_max(b->borders[root_of(b, b->fed)].level, LEAST_LEVEL));
-        b->fed++;
+    if (boundary->cursor < boundary->border_count) {
+        boundary->borders[boundary->cursor].log_level_sum += cairn_log(cairn_max(
+            boundary->borders[final_border(boundary, boundary->cursor)].level, MIN_LEVEL));
+        boundary->cursor++;
         return 1;
     }
-    b->fed = 0;
-    b->way++;
+    boundary->cursor = 0;
+    boundary->criterion++;
     return 0;
 }

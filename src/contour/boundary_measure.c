@@ -1,10 +1,15 @@
-/* How much an image changes at each pixel.
+/* Edge strength of each pixel: local colour gradients from window means and histograms.
  *
- * Method: samples become L, a, b (D65). Of each channel come maps, its values and the bins of its
- * histogram, to which a value belongs in part when it lies between two; a map is averaged by a
- * window passed over it thrice (nearly a Gaussian of the deviation half the width + 1/2), the root
- * is taken of a histogram's bin, and its slope, times that deviation, adds to the tensor of the
- * pixel.
+ * Method:
+ * 1. Samples are converted to CIE L, a, b (D65).
+ * 2. Each channel has feature maps: its values, and the bins of its histogram with linear
+ *    interpolation between two bins.
+ * 3. A box filter applied three times approximates a Gaussian of standard deviation half-width +
+ *    1/2.
+ * 4. The square root is taken of a histogram bin.
+ * 5. The gradient of a map, times the standard deviation, adds to the structure tensor of the
+ *    pixel.
+ * 6. The edge strength is the square root of the tensor's larger eigenvalue.
  *
  * Source: Martin, Fowlkes and Malik 2004, section 3; the tensor: Di Zenzo 1986. */
 #include "src/core/build.h"
@@ -13,191 +18,208 @@
 
 enum { L_BINS = 16, AB_BINS = 13, PASSES = 3, SCALES = 2, MEAN_SCALES = 3 };
 
-#define MEAN_UNIT CAIRN_REAL(10.0) /* units of L, a, b that weigh 1 */
-#define EMPTY     CAIRN_REAL(1e-3) /* a share of a window that says nothing yet */
+#define COLOUR_UNIT CAIRN_REAL(10.0) /* Units of L, a, b that have weight 1. */
+/* Regularizer added to a bin's share of the window before the square root. */
+#define HISTOGRAM_REGULARIZER CAIRN_REAL(1e-3)
 
-/* A map: -1: the channel's values, otherwise a bin of its histogram. */
-typedef struct map_name {
+/* A feature map: bin -1 is the channel's values, otherwise a histogram bin; half is the
+ * half-width, px. */
+typedef struct feature_map {
     int32_t channel, bin, half;
-} map_name;
+} feature_map;
 
-static int32_t bins_each(const cairn_boundary *b)
+/* Returns the number of histogram bins of all channels. */
+static int32_t bins_per_scale(const cairn_boundary *boundary)
 {
-    return L_BINS + (b->channels > 1 ? 2 * AB_BINS : 0);
+    return L_BINS + (boundary->channels > 1 ? 2 * AB_BINS : 0);
 }
 
-static int32_t maps_of(const cairn_boundary *b)
+/* Returns the number of feature maps. */
+static int32_t map_count(const cairn_boundary *boundary)
 {
-    return SCALES * bins_each(b) + MEAN_SCALES * b->channels;
+    return SCALES * bins_per_scale(boundary) + MEAN_SCALES * boundary->channels;
 }
 
-/* Bins of both scales, then means of three: the fine one, between both, and of both together. */
-static map_name name_of(const cairn_boundary *b)
+/* Returns the current feature map. Order: histogram bins at both scales, then means at three
+ * scales (fine, average of both, sum of both). */
+static feature_map feature_map_of(const cairn_boundary *boundary)
 {
-    const int32_t halves[MEAN_SCALES] = {b->params.fine, (b->params.fine + b->params.coarse) / 2,
-                                         b->params.fine + b->params.coarse};
-    int32_t each = bins_each(b), map = b->map % each, mean = b->map - SCALES * each;
-    map_name name;
+    const int32_t halves[MEAN_SCALES] = {boundary->params.fine,
+                                         (boundary->params.fine + boundary->params.coarse) / 2,
+                                         boundary->params.fine + boundary->params.coarse};
+    int32_t each = bins_per_scale(boundary), index = boundary->map_index % each,
+            mean = boundary->map_index - SCALES * each;
+    feature_map map;
 
     if (mean >= 0) {
-        name.half = halves[mean / b->channels];
-        name.channel = mean % b->channels;
-        name.bin = -1;
-        return name;
+        map.half = halves[mean / boundary->channels];
+        map.channel = mean % boundary->channels;
+        map.bin = -1;
+        return map;
     }
-    name.half = b->map < each ? b->params.fine : b->params.coarse;
-    name.channel = map < L_BINS ? 0 : 1 + (map - L_BINS) / AB_BINS;
-    name.bin = map < L_BINS ? map : (map - L_BINS) % AB_BINS;
-    return name;
+    map.half = boundary->map_index < each ? boundary->params.fine : boundary->params.coarse;
+    map.channel = index < L_BINS ? 0 : 1 + (index - L_BINS) / AB_BINS;
+    map.bin = index < L_BINS ? index : (index - L_BINS) % AB_BINS;
+    return map;
 }
 
 /* ---- Colour ---- */
 
-/* The cube root, and below it the line that touches it. */
-static cairn_real lightness(cairn_real t)
+/* The CIE L, a, b transfer function: the cube root, with its tangent near 0. */
+static cairn_real lab_curve(cairn_real t)
 {
     return t > CAIRN_REAL(216.0) / 24389 ? cairn_exp(cairn_log(t) / 3)
                                          : (CAIRN_REAL(24389.0) / 27 * t + 16) / 116;
 }
 
-static void colour_row(const cairn_boundary *b)
+/* Converts a row of samples to CIE L, a, b. */
+static void colour_row(const cairn_boundary *boundary)
 {
-    const uint8_t *sample = b->image.samples + b->image.stride * b->row;
-    ptrdiff_t at = (ptrdiff_t)b->row * b->image.width;
+    const uint8_t *sample = boundary->image.samples + boundary->image.stride * boundary->row;
+    ptrdiff_t at = (ptrdiff_t)boundary->row * boundary->image.width;
 
-    for (int32_t x = 0; x < b->image.width; x++, at++, sample += b->image.channels) {
-        cairn_real blue = b->linear[sample[0]], green, red, fx, fy, fz;
+    for (int32_t x = 0; x < boundary->image.width; x++, at++, sample += boundary->image.channels) {
+        cairn_real blue = boundary->linear[sample[0]], green, red, fx, fy, fz;
 
-        if (b->channels == 1) {
-            b->colour[at] = 116 * lightness(blue) - 16;
+        if (boundary->channels == 1) {
+            boundary->colour[at] = 116 * lab_curve(blue) - 16;
             continue;
         }
-        green = b->linear[sample[1]];
-        red = b->linear[sample[2]];
-        fx = lightness((CAIRN_REAL(0.412453) * red + CAIRN_REAL(0.357580) * green +
+        green = boundary->linear[sample[1]];
+        red = boundary->linear[sample[2]];
+        fx = lab_curve((CAIRN_REAL(0.412453) * red + CAIRN_REAL(0.357580) * green +
                         CAIRN_REAL(0.180423) * blue) /
                        CAIRN_REAL(0.950456));
-        fy = lightness(CAIRN_REAL(0.212671) * red + CAIRN_REAL(0.715160) * green +
+        fy = lab_curve(CAIRN_REAL(0.212671) * red + CAIRN_REAL(0.715160) * green +
                        CAIRN_REAL(0.072169) * blue);
-        fz = lightness((CAIRN_REAL(0.019334) * red + CAIRN_REAL(0.119193) * green +
+        fz = lab_curve((CAIRN_REAL(0.019334) * red + CAIRN_REAL(0.119193) * green +
                         CAIRN_REAL(0.950227) * blue) /
                        CAIRN_REAL(1.088754));
-        b->colour[at] = 116 * fy - 16;
-        b->colour[b->pixels + at] = 500 * (fx - fy);
-        b->colour[2 * (ptrdiff_t)b->pixels + at] = 200 * (fy - fz);
+        boundary->colour[at] = 116 * fy - 16;
+        boundary->colour[boundary->pixels + at] = 500 * (fx - fy);
+        boundary->colour[2 * (ptrdiff_t)boundary->pixels + at] = 200 * (fy - fz);
     }
 }
 
-/* ---- Windows ---- */
+/* ---- Box filters ---- */
 
-/* Beyond its border an image goes on as its mirror image. */
-static int32_t mirror(int32_t i, int32_t count)
+/* Reflects an index at the image's border (symmetric padding). */
+static int32_t reflect_index(int32_t i, int32_t count)
 {
     while (i < 0 || i >= count)
         i = i < 0 ? -1 - i : 2 * count - 1 - i;
     return i;
 }
 
-static void average_row(const cairn_real *from, cairn_real *to, int32_t width, int32_t half)
+/* Filters a row by a box of half-width `half`, as a running sum. */
+static void box_filter_row(const cairn_real *from, cairn_real *to, int32_t width, int32_t half)
 {
     cairn_real sum = 0, scale = 1 / (cairn_real)(2 * half + 1);
 
     for (int32_t i = -half; i <= half; i++)
-        sum += from[mirror(i, width)];
+        sum += from[reflect_index(i, width)];
     to[0] = sum * scale;
     for (int32_t x = 1; x < width; x++) {
-        sum += from[mirror(x + half, width)] - from[mirror(x - half - 1, width)];
+        sum += from[reflect_index(x + half, width)] - from[reflect_index(x - half - 1, width)];
         to[x] = sum * scale;
     }
 }
 
-/* How far a value belongs to a bin. */
-static cairn_real belongs(const map_name *name, cairn_real value)
+/* Returns the membership of a value in a histogram bin (linear interpolation), 0 ... 1. */
+static cairn_real bin_membership(const feature_map *map, cairn_real value)
 {
-    cairn_real most = name->channel == 0 ? 100 : BOUNDARY_AB_MOST,
-               least = name->channel == 0 ? 0 : -BOUNDARY_AB_MOST;
-    cairn_real last = (cairn_real)((name->channel == 0 ? L_BINS : AB_BINS) - 1);
-    cairn_real at = (cairn_max(least, cairn_min(most, value)) - least) / (most - least) * last;
+    cairn_real upper = map->channel == 0 ? 100 : BOUNDARY_MAX_AB,
+               lower = map->channel == 0 ? 0 : -BOUNDARY_MAX_AB;
+    cairn_real last = (cairn_real)((map->channel == 0 ? L_BINS : AB_BINS) - 1);
+    cairn_real at = (cairn_max(lower, cairn_min(upper, value)) - lower) / (upper - lower) * last;
 
-    return cairn_max(0, 1 - cairn_abs(at - (cairn_real)name->bin));
+    return cairn_max(0, 1 - cairn_abs(at - (cairn_real)map->bin));
 }
 
-/* The map's row, averaged along itself. */
-static void fill_row(cairn_boundary *b)
+/* Computes a row of the feature map and filters it along the row. */
+static void filter_row(cairn_boundary *boundary)
 {
-    map_name name = name_of(b);
-    int32_t width = b->image.width, some = 0;
-    cairn_real *line[2] = {b->line, b->line + b->params.max_width};
-    cairn_real *to = b->one + (ptrdiff_t)b->row * width;
-    const cairn_real *from =
-        b->colour + ((ptrdiff_t)name.channel * b->pixels + (ptrdiff_t)b->row * width);
+    feature_map map = feature_map_of(boundary);
+    int32_t width = boundary->image.width, some = 0;
+    cairn_real *line[2] = {boundary->row_buffer, boundary->row_buffer + boundary->params.max_width};
+    cairn_real *to = boundary->strength + (ptrdiff_t)boundary->row * width;
+    const cairn_real *from = boundary->colour + ((ptrdiff_t)map.channel * boundary->pixels +
+                                                 (ptrdiff_t)boundary->row * width);
 
     for (int32_t x = 0; x < width; x++) {
-        line[0][x] = name.bin < 0 ? from[x] / MEAN_UNIT : belongs(&name, from[x]);
+        line[0][x] = map.bin < 0 ? from[x] / COLOUR_UNIT : bin_membership(&map, from[x]);
         some |= line[0][x] != 0;
     }
-    b->some |= some;
+    boundary->map_nonzero |= some;
     if (!some) {
         for (int32_t x = 0; x < width; x++)
             to[x] = 0;
         return;
     }
-    average_row(line[0], line[1], width, name.half);
-    average_row(line[1], line[0], width, name.half);
-    average_row(line[0], to, width, name.half);
+    box_filter_row(line[0], line[1], width, map.half);
+    box_filter_row(line[1], line[0], width, map.half);
+    box_filter_row(line[0], to, width, map.half);
 }
 
-/* The next row of what is averaged along columns, from one picture to the other. */
-static void column_row(const cairn_boundary *b, int32_t half)
+/* Filters along columns: computes the next row of the target image by running column sums. */
+static void filter_column_row(const cairn_boundary *boundary, int32_t half)
 {
-    int32_t width = b->image.width, height = b->image.height;
-    const cairn_real *from = b->pass % 2 == 0 ? b->one : b->other;
-    cairn_real *to = (b->pass % 2 == 0 ? b->other : b->one) + (ptrdiff_t)b->row * width;
-    cairn_real *sum = b->line, scale = 1 / (cairn_real)(2 * half + 1);
+    int32_t width = boundary->image.width, height = boundary->image.height;
+    const cairn_real *from = boundary->pass % 2 == 0 ? boundary->strength : boundary->scratch;
+    cairn_real *to = (boundary->pass % 2 == 0 ? boundary->scratch : boundary->strength) +
+                     (ptrdiff_t)boundary->row * width;
+    cairn_real *sum = boundary->row_buffer, scale = 1 / (cairn_real)(2 * half + 1);
 
-    if (b->row == 0) {
+    if (boundary->row == 0) {
         for (int32_t x = 0; x < width; x++)
             sum[x] = 0;
         for (int32_t i = -half; i <= half; i++)
             for (int32_t x = 0; x < width; x++)
-                sum[x] += from[(ptrdiff_t)mirror(i, height) * width + x];
+                sum[x] += from[(ptrdiff_t)reflect_index(i, height) * width + x];
     } else {
-        const cairn_real *comes = from + (ptrdiff_t)mirror(b->row + half, height) * width;
-        const cairn_real *goes = from + (ptrdiff_t)mirror(b->row - half - 1, height) * width;
+        const cairn_real *entering =
+            from + (ptrdiff_t)reflect_index(boundary->row + half, height) * width;
+        const cairn_real *leaving =
+            from + (ptrdiff_t)reflect_index(boundary->row - half - 1, height) * width;
 
         for (int32_t x = 0; x < width; x++)
-            sum[x] += comes[x] - goes[x];
+            sum[x] += entering[x] - leaving[x];
     }
     for (int32_t x = 0; x < width; x++)
         to[x] = sum[x] * scale;
 }
 
-/* ---- Change ---- */
+/* ---- Structure tensor ---- */
 
-/* Of a bin its root: averages of what is not negative may fall below 0 by rounding. */
-static cairn_real value_of(const map_name *name, cairn_real average)
+/* Returns the feature value: a filtered mean, or the square root of a histogram bin. Rounding
+ * may make a filtered bin negative. */
+static cairn_real feature_value(const feature_map *map, cairn_real average)
 {
-    return name->bin < 0 ? average : cairn_sqrt(cairn_max(0, average) + EMPTY);
+    return map->bin < 0 ? average : cairn_sqrt(cairn_max(0, average) + HISTOGRAM_REGULARIZER);
 }
 
-static void change_row(const cairn_boundary *b)
+/* Adds the gradient of the current feature map to the structure tensors of a row. */
+static void tensor_row(const cairn_boundary *boundary)
 {
-    map_name name = name_of(b);
-    int32_t width = b->image.width, last = b->image.height - 1;
-    const cairn_real *row = b->other + (ptrdiff_t)b->row * width;
-    const cairn_real *above = b->row > 0 ? row - width : row,
-                     *below = b->row < last ? row + width : row;
-    boundary_change *change = b->change + (ptrdiff_t)b->row * width;
-    cairn_real deviation = (cairn_real)name.half + CAIRN_REAL(0.5);
-    cairn_real weight = (name.bin < 0 ? 1 : b->params.distribution) * deviation * deviation / 4;
+    feature_map map = feature_map_of(boundary);
+    int32_t width = boundary->image.width, last = boundary->image.height - 1;
+    const cairn_real *row = boundary->scratch + (ptrdiff_t)boundary->row * width;
+    const cairn_real *above = boundary->row > 0 ? row - width : row,
+                     *below = boundary->row < last ? row + width : row;
+    boundary_tensor *change = boundary->tensor + (ptrdiff_t)boundary->row * width;
+    cairn_real deviation = (cairn_real)map.half + CAIRN_REAL(0.5);
+    cairn_real weight =
+        (map.bin < 0 ? 1 : boundary->params.distribution) * deviation * deviation / 4;
 
-    /* The roots of a row are taken once; line 1 is free. */
+    /* The roots of a row are computed once into the first row of the row buffer. */
     for (int32_t x = 0; x < width; x++)
-        b->line[x] = value_of(&name, row[x]);
+        boundary->row_buffer[x] = feature_value(&map, row[x]);
     for (int32_t x = 0; x < width; x++) {
-        cairn_real u = b->line[x + 1 < width ? x + 1 : x] - b->line[x > 0 ? x - 1 : x];
-        cairn_real v =
-            below[x] == above[x] ? 0 : value_of(&name, below[x]) - value_of(&name, above[x]);
+        cairn_real u = boundary->row_buffer[x + 1 < width ? x + 1 : x] -
+                       boundary->row_buffer[x > 0 ? x - 1 : x];
+        cairn_real v = below[x] == above[x]
+                           ? 0
+                           : feature_value(&map, below[x]) - feature_value(&map, above[x]);
 
         change[x].xx += weight * u * u;
         change[x].xy += weight * u * v;
@@ -205,85 +227,89 @@ static void change_row(const cairn_boundary *b)
     }
 }
 
-static void strength_row(const cairn_boundary *b)
+/* Computes the edge strengths of a row from the structure tensors. */
+static void strength_row(const cairn_boundary *boundary)
 {
-    for (int32_t x = 0; x < b->image.width; x++) {
-        ptrdiff_t at = (ptrdiff_t)b->row * b->image.width + x;
-        const boundary_change *c = &b->change[at];
-        cairn_real apart = c->xx - c->yy;
+    for (int32_t x = 0; x < boundary->image.width; x++) {
+        ptrdiff_t at = (ptrdiff_t)boundary->row * boundary->image.width + x;
+        const boundary_tensor *c = &boundary->tensor[at];
+        cairn_real difference = c->xx - c->yy;
 
-        b->one[at] =
-            cairn_sqrt((c->xx + c->yy + cairn_sqrt(apart * apart + 4 * c->xy * c->xy)) / 2);
+        boundary->strength[at] = cairn_sqrt(
+            (c->xx + c->yy + cairn_sqrt(difference * difference + 4 * c->xy * c->xy)) / 2);
     }
 }
 
-/* ---- Rows ---- */
+/* ---- Phases ---- */
 
-int32_t cairn_boundary_measure_cost(const cairn_boundary *b)
+int32_t cairn_boundary_measure_cost(const cairn_boundary *boundary)
 {
-    int32_t width = b->image.width;
+    int32_t width = boundary->image.width;
 
-    switch (b->phase) {
+    switch (boundary->phase) {
     case BOUNDARY_COLOUR:
         return 5 * width;
-    case BOUNDARY_COLUMNS:
-        return boundary_share(width * (b->row == 0 ? b->params.fine + b->params.coarse + 2 : 1), 8);
+    case BOUNDARY_FILTER_COLUMNS:
+        return boundary_ceil_divide(
+            width * (boundary->row == 0 ? boundary->params.fine + boundary->params.coarse + 2 : 1),
+            8);
     default:
-        return boundary_share(width, 2);
+        return boundary_ceil_divide(width, 2);
     }
 }
 
-static void clear_change(const cairn_boundary *b)
+static void clear_tensor_row(const cairn_boundary *boundary)
 {
-    boundary_change none = {0, 0, 0};
+    boundary_tensor none = {0, 0, 0};
 
-    for (int32_t x = 0; x < b->image.width; x++)
-        b->change[(ptrdiff_t)b->row * b->image.width + x] = none;
+    for (int32_t x = 0; x < boundary->image.width; x++)
+        boundary->tensor[(ptrdiff_t)boundary->row * boundary->image.width + x] = none;
 }
 
-static void next_map(cairn_boundary *b)
+static void next_map(cairn_boundary *boundary)
 {
-    b->some = 0;
-    b->phase = ++b->map < maps_of(b) ? BOUNDARY_FILL : BOUNDARY_STRENGTH;
+    boundary->map_nonzero = 0;
+    boundary->phase =
+        ++boundary->map_index < map_count(boundary) ? BOUNDARY_FILTER_ROWS : BOUNDARY_STRENGTH;
 }
 
-/* A map that is 0 everywhere changes nowhere. */
-static void end_rows(cairn_boundary *b)
+/* A map that is 0 everywhere has no gradient and is skipped. */
+static void end_rows(cairn_boundary *boundary)
 {
-    b->row = 0;
-    if (b->phase == BOUNDARY_COLOUR) {
-        b->phase = BOUNDARY_FILL;
-    } else if (b->phase == BOUNDARY_FILL) {
-        b->pass = 0;
-        if (b->some)
-            b->phase = BOUNDARY_COLUMNS;
+    boundary->row = 0;
+    if (boundary->phase == BOUNDARY_COLOUR) {
+        boundary->phase = BOUNDARY_FILTER_ROWS;
+    } else if (boundary->phase == BOUNDARY_FILTER_ROWS) {
+        boundary->pass = 0;
+        if (boundary->map_nonzero)
+            boundary->phase = BOUNDARY_FILTER_COLUMNS;
         else
-            next_map(b);
-    } else if (b->phase == BOUNDARY_COLUMNS) {
-        if (++b->pass == PASSES)
-            b->phase = BOUNDARY_CHANGE;
-    } else if (b->phase == BOUNDARY_CHANGE) {
-        next_map(b);
+            next_map(boundary);
+    } else if (boundary->phase == BOUNDARY_FILTER_COLUMNS) {
+        if (++boundary->pass == PASSES)
+            boundary->phase = BOUNDARY_TENSOR;
+    } else if (boundary->phase == BOUNDARY_TENSOR) {
+        next_map(boundary);
     } else {
-        b->phase = BOUNDARY_FLOOD;
+        boundary->phase = BOUNDARY_WATERSHED;
     }
 }
 
-void cairn_boundary_measure_row(cairn_boundary *b)
+void cairn_boundary_measure_row(cairn_boundary *boundary)
 {
-    if (b->phase == BOUNDARY_COLOUR) {
-        colour_row(b);
-        clear_change(b);
-    } else if (b->phase == BOUNDARY_FILL) {
-        fill_row(b);
-    } else if (b->phase == BOUNDARY_COLUMNS) {
-        column_row(b, name_of(b).half);
-    } else if (b->phase == BOUNDARY_CHANGE) {
-        change_row(b);
+    if (boundary->phase == BOUNDARY_COLOUR) {
+        colour_row(boundary);
+        clear_tensor_row(boundary);
+    } else if (boundary->phase == BOUNDARY_FILTER_ROWS) {
+        filter_row(boundary);
+    } else if (boundary->phase == BOUNDARY_FILTER_COLUMNS) {
+        filter_column_row(boundary, feature_map_of(boundary).half);
+    } else if (boundary->phase == BOUNDARY_TENSOR) {
+        tensor_row(boundary);
     } else {
-        strength_row(b);
-        cairn_boundary_flood_row(b, b->row);
+        strength_row(boundary);
+        cairn_boundary_flood_row(boundary, boundary->row);
     }
-    if (++b->row == b->image.height)
-        end_rows(b);
+    if (++boundary->row == boundary->image.height)
+        end_rows(boundary);
 }

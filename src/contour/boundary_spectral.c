@@ -1,36 +1,45 @@
-/* What the whole image says of a border: the cuts that part it best.
+/* Spectral cue of a border: eigenvectors of the normalized Laplacian of the region graph
+ * (normalized cuts).
  *
- * Method: neighbouring regions belong together by exp(- strength / scale) a side of their border.
- * The eigenvectors of least positive value of the normalised Laplacian of that graph are nearly
- * constant where regions belong together and change where few and weak ties are cut (Shi and Malik
- * 2000). The change of the first ones across a border, each divided by the root of its value, adds
- * to the border's strength: it goes up where a closed outline runs, and not at a strong edge that
- * ends within a region.
+ * Method:
+ * 1. The affinity of two neighbouring regions is exp(-strength / scale) for each side of their
+ *    border.
+ * 2. The eigenvectors of least positive eigenvalue are nearly constant within a group of regions
+ *    and change across weak links (Shi and Malik 2000). They come from subspace iteration:
+ *    Chebyshev polynomial filter, Gram-Schmidt orthonormalization, Rayleigh-Ritz projection with
+ *    Jacobi's eigenvalue method.
+ * 3. The change of each eigenvector across a border, divided by the square root of its eigenvalue,
+ *    adds to the border's strength. The strength increases along closed outlines and not at a
+ *    strong edge that ends within a region.
  *
- * The vectors come from subspace iteration: each is passed through a Chebyshev polynomial that
- * damps all but the wanted end of the spectrum, then they are made orthonormal and turned to the
- * eigenvectors within their span.
- *
- * Source: Arbelaez, Maire, Fowlkes and Malik 2011, section 3.2, there with pixels in place of
+ * Source: Arbelaez, Maire, Fowlkes and Malik 2011, section 3.2, there with pixels instead of
  * regions. */
 #include "src/core/build.h"
 
 #include "cairn/random.h"
 #include "src/contour/boundary_work.h"
 
-enum { TURNS = 24, DEGREE = 10, SWEEPS = 10, WANTED = 8, BLOCK = BOUNDARY_BLOCK };
-/* Of the mean strength: where two regions belong together by e times less. */
-#define SCALE CAIRN_REAL(0.5)
-/* Values below it count as it. */
-#define LEAST_VALUE CAIRN_REAL(1e-6)
-/* Regions and borders that a unit passes. */
-enum { REGIONS_A_UNIT = 8 };
+enum {
+    ITERATIONS = 24,
+    CHEBYSHEV_DEGREE = 10,
+    JACOBI_SWEEPS = 10,
+    EIGENVECTORS_USED = 8,
+    BLOCK_SIZE = BOUNDARY_BLOCK_SIZE
+};
+/* Scale of the affinity, relative to the mean border strength. */
+#define AFFINITY_SCALE CAIRN_REAL(0.5)
+/* Lower bound of an eigenvalue. */
+#define MIN_EIGENVALUE CAIRN_REAL(1e-6)
+/* Regions and borders per work unit. */
+enum { ITEMS_PER_UNIT = 8 };
 
-static cairn_real *vector_at(const cairn_boundary *b, int32_t i)
+/* Returns vector i of the subspace iteration. */
+static cairn_real *vector_at(const cairn_boundary *boundary, int32_t i)
 {
-    return b->vectors + (ptrdiff_t)i * b->region_count;
+    return boundary->vectors + (ptrdiff_t)i * boundary->region_count;
 }
 
+/* Returns the dot product of two vectors. */
 static cairn_real dot(const cairn_real *u, const cairn_real *v, int32_t count)
 {
     cairn_real sum = 0;
@@ -40,280 +49,303 @@ static cairn_real dot(const cairn_real *u, const cairn_real *v, int32_t count)
     return sum;
 }
 
-/* to = M from: M has the ties, divided by the roots of what both regions' ties come to. */
-static void multiply(const cairn_boundary *b, const cairn_real *from, cairn_real *to)
+/* Computes to = M from, where M is the symmetrically normalized affinity matrix D^-1/2 W D^-1/2. */
+static void apply_affinity(const cairn_boundary *boundary, const cairn_real *from, cairn_real *to)
 {
-    for (int32_t i = 0; i < b->region_count; i++)
+    for (int32_t i = 0; i < boundary->region_count; i++)
         to[i] = 0;
-    for (int32_t i = 0; i < b->border_count; i++) {
-        const boundary_border *e = &b->borders[i];
+    for (int32_t i = 0; i < boundary->border_count; i++) {
+        const boundary_border *e = &boundary->borders[i];
 
-        to[e->first[0]] += e->key * from[e->first[1]];
-        to[e->first[1]] += e->key * from[e->first[0]];
+        to[e->initial_region[0]] += e->key * from[e->initial_region[1]];
+        to[e->initial_region[1]] += e->key * from[e->initial_region[0]];
     }
 }
 
-/* ---- Ties ---- */
+/* ---- Affinities ---- */
 
-void cairn_boundary_ties_begin(cairn_boundary *b)
+void cairn_boundary_spectral_begin(cairn_boundary *boundary)
 {
     cairn_real sum = 0;
 
-    for (int32_t i = 0; i < b->border_count; i++) {
-        b->borders[i].own = b->borders[i].sum / (cairn_real)b->borders[i].sides;
-        sum += b->borders[i].own;
+    for (int32_t i = 0; i < boundary->border_count; i++) {
+        boundary->borders[i].strength =
+            boundary->borders[i].strength_sum / (cairn_real)boundary->borders[i].initial_length;
+        sum += boundary->borders[i].strength;
     }
-    b->mean_strength = sum / (cairn_real)(b->border_count > 0 ? b->border_count : 1);
-    b->block =
-        b->region_count >= 2 * BLOCK && b->params.global > 0 && b->mean_strength > 0 ? BLOCK : 0;
-    b->turn = b->member = b->degree = 0;
-    b->cut = 0;
+    boundary->mean_strength =
+        sum / (cairn_real)(boundary->border_count > 0 ? boundary->border_count : 1);
+    boundary->vector_count = boundary->region_count >= 2 * BLOCK_SIZE &&
+                                     boundary->params.global > 0 && boundary->mean_strength > 0
+                                 ? BLOCK_SIZE
+                                 : 0;
+    boundary->iteration = boundary->vector_index = boundary->chebyshev_term = 0;
+    boundary->damping_bound = 0;
 }
 
-/* Ties, what they come to at each region, and the vectors to begin with: nothing but noise, the
- * same each time. */
-static void tie(cairn_boundary *b)
+/* Sets the affinities, the inverse square roots of the degrees, and random initial vectors from
+ * a fixed seed. */
+static void set_affinities(cairn_boundary *boundary)
 {
     cairn_random random = cairn_random_seed(1, 1);
 
-    for (int32_t i = 0; i < b->region_count; i++)
-        b->root[i] = 0;
-    for (int32_t i = 0; i < b->border_count; i++) {
-        boundary_border *e = &b->borders[i];
+    for (int32_t i = 0; i < boundary->region_count; i++)
+        boundary->inverse_sqrt_degree[i] = 0;
+    for (int32_t i = 0; i < boundary->border_count; i++) {
+        boundary_border *e = &boundary->borders[i];
 
-        e->key = cairn_exp(-e->own / (SCALE * b->mean_strength)) * (cairn_real)e->sides;
-        b->root[e->first[0]] += e->key;
-        b->root[e->first[1]] += e->key;
+        e->key = cairn_exp(-e->strength / (AFFINITY_SCALE * boundary->mean_strength)) *
+                 (cairn_real)e->initial_length;
+        boundary->inverse_sqrt_degree[e->initial_region[0]] += e->key;
+        boundary->inverse_sqrt_degree[e->initial_region[1]] += e->key;
     }
-    for (int32_t i = 0; i < b->region_count; i++)
-        b->root[i] = 1 / cairn_sqrt(cairn_max(b->root[i], CAIRN_REAL_MIN));
-    for (int32_t i = 0; i < b->border_count; i++)
-        b->borders[i].key *= b->root[b->borders[i].first[0]] * b->root[b->borders[i].first[1]];
-    for (int32_t k = 0; k < BLOCK; k++)
-        for (int32_t i = 0; i < b->region_count; i++)
-            vector_at(b, k)[i] = cairn_random_uniform(&random, -1, 1);
+    for (int32_t i = 0; i < boundary->region_count; i++)
+        boundary->inverse_sqrt_degree[i] =
+            1 / cairn_sqrt(cairn_max(boundary->inverse_sqrt_degree[i], CAIRN_REAL_MIN));
+    for (int32_t i = 0; i < boundary->border_count; i++)
+        boundary->borders[i].key *=
+            boundary->inverse_sqrt_degree[boundary->borders[i].initial_region[0]] *
+            boundary->inverse_sqrt_degree[boundary->borders[i].initial_region[1]];
+    for (int32_t k = 0; k < BLOCK_SIZE; k++)
+        for (int32_t i = 0; i < boundary->region_count; i++)
+            vector_at(boundary, k)[i] = cairn_random_uniform(&random, -1, 1);
 }
 
 /* ---- Subspace iteration ---- */
 
-/* One degree of the polynomial, of the vector at hand: T(k + 1) = 2 x T(k) - T(k - 1), where x
- * maps -1 ... cut to -1 ... 1. */
-static void damp(cairn_boundary *b)
+/* Applies one term of the Chebyshev recurrence to the current vector: T(k + 1) = 2 x T(k) - T(k
+ * - 1), where x maps -1 ... damping_bound to -1 ... 1. */
+static void chebyshev_step(cairn_boundary *boundary)
 {
-    cairn_real *now = vector_at(b, b->member), *before = vector_at(b, BLOCK),
-               *next = vector_at(b, BLOCK + 1);
-    cairn_real half = (b->cut + 1) / 2, middle = (b->cut - 1) / 2, twice = b->degree == 0 ? 1 : 2;
+    cairn_real *now = vector_at(boundary, boundary->vector_index),
+               *before = vector_at(boundary, BLOCK_SIZE),
+               *next = vector_at(boundary, BLOCK_SIZE + 1);
+    cairn_real half = (boundary->damping_bound + 1) / 2, middle = (boundary->damping_bound - 1) / 2,
+               twice = boundary->chebyshev_term == 0 ? 1 : 2;
 
-    multiply(b, now, next);
-    for (int32_t i = 0; i < b->region_count; i++) {
-        cairn_real value =
-            twice * (next[i] - middle * now[i]) / half - (b->degree == 0 ? 0 : before[i]);
+    apply_affinity(boundary, now, next);
+    for (int32_t i = 0; i < boundary->region_count; i++) {
+        cairn_real value = twice * (next[i] - middle * now[i]) / half -
+                           (boundary->chebyshev_term == 0 ? 0 : before[i]);
 
         before[i] = now[i];
         now[i] = value;
     }
 }
 
-/* The vector at hand becomes orthogonal to those before it, twice, and of length 1. */
-static void straighten(const cairn_boundary *b)
+/* Orthonormalizes the current vector against the previous ones (Gram-Schmidt, twice for
+ * accuracy). */
+static void orthonormalize(const cairn_boundary *boundary)
 {
-    cairn_real *v = vector_at(b, b->member), length;
+    cairn_real *v = vector_at(boundary, boundary->vector_index), length;
 
     for (int32_t pass = 0; pass < 2; pass++) {
-        for (int32_t k = 0; k < b->member; k++) {
-            const cairn_real *u = vector_at(b, k);
-            cairn_real share = dot(u, v, b->region_count);
+        for (int32_t k = 0; k < boundary->vector_index; k++) {
+            const cairn_real *u = vector_at(boundary, k);
+            cairn_real share = dot(u, v, boundary->region_count);
 
-            for (int32_t i = 0; i < b->region_count; i++)
+            for (int32_t i = 0; i < boundary->region_count; i++)
                 v[i] -= share * u[i];
         }
-        length = cairn_sqrt(dot(v, v, b->region_count));
-        for (int32_t i = 0; i < b->region_count && length > 0; i++)
+        length = cairn_sqrt(dot(v, v, boundary->region_count));
+        for (int32_t i = 0; i < boundary->region_count && length > 0; i++)
             v[i] /= length;
     }
 }
 
-/* Row `member` of the small matrix. */
-static void project(cairn_boundary *b)
+/* Computes the current row of the projected matrix V' M V. */
+static void project_vector(cairn_boundary *boundary)
 {
-    cairn_real *image = vector_at(b, BLOCK);
+    cairn_real *image = vector_at(boundary, BLOCK_SIZE);
 
-    multiply(b, vector_at(b, b->member), image);
-    for (int32_t k = 0; k < BLOCK; k++)
-        b->small_matrix[b->member][k] = dot(vector_at(b, k), image, b->region_count);
+    apply_affinity(boundary, vector_at(boundary, boundary->vector_index), image);
+    for (int32_t k = 0; k < BLOCK_SIZE; k++)
+        boundary->projected_matrix[boundary->vector_index][k] =
+            dot(vector_at(boundary, k), image, boundary->region_count);
 }
 
-/* One rotation of Jacobi's method that makes element p, q of the small matrix 0; of the vectors,
- * too. */
-static void rotate(cairn_boundary *b, int32_t p, int32_t q)
+/* Applies one Jacobi rotation that annihilates element (p, q) of the projected matrix;
+ * accumulates it in the eigenbasis. */
+static void jacobi_rotate(cairn_boundary *boundary, int32_t p, int32_t q)
 {
-    cairn_real(*m)[BLOCK] = b->small_matrix, apart = (m[q][q] - m[p][p]) / 2, off = m[p][q], t, c,
-    s;
+    cairn_real(*m)[BLOCK_SIZE] = boundary->projected_matrix,
+    half_difference = (m[q][q] - m[p][p]) / 2, off = m[p][q], t, c, s;
 
-    t = off / (cairn_abs(apart) + cairn_sqrt(apart * apart + off * off));
-    t = apart < 0 ? -t : t;
+    t = off /
+        (cairn_abs(half_difference) + cairn_sqrt(half_difference * half_difference + off * off));
+    t = half_difference < 0 ? -t : t;
     c = 1 / cairn_sqrt(1 + t * t);
     s = t * c;
-    for (int32_t k = 0; k < BLOCK; k++) {
+    for (int32_t k = 0; k < BLOCK_SIZE; k++) {
         cairn_real x = m[k][p], y = m[k][q];
 
         m[k][p] = c * x - s * y;
         m[k][q] = s * x + c * y;
     }
-    for (int32_t k = 0; k < BLOCK; k++) {
+    for (int32_t k = 0; k < BLOCK_SIZE; k++) {
         cairn_real x = m[p][k], y = m[q][k];
 
         m[p][k] = c * x - s * y;
         m[q][k] = s * x + c * y;
     }
-    for (int32_t k = 0; k < BLOCK; k++) {
-        cairn_real x = b->basis[k][p], y = b->basis[k][q];
+    for (int32_t k = 0; k < BLOCK_SIZE; k++) {
+        cairn_real x = boundary->eigenbasis[k][p], y = boundary->eigenbasis[k][q];
 
-        b->basis[k][p] = c * x - s * y;
-        b->basis[k][q] = s * x + c * y;
+        boundary->eigenbasis[k][p] = c * x - s * y;
+        boundary->eigenbasis[k][q] = s * x + c * y;
     }
 }
 
-/* The eigenvectors of the small matrix, those of the greatest values first: order[]. */
-static void solve_small(cairn_boundary *b, int32_t order[BLOCK])
+/* Computes the eigenvectors of the projected matrix; order[] sorts them by decreasing
+ * eigenvalue. */
+static void solve_projected(cairn_boundary *boundary, int32_t order[BLOCK_SIZE])
 {
-    for (int32_t p = 0; p < BLOCK; p++)
-        for (int32_t q = 0; q < BLOCK; q++) {
-            b->basis[p][q] = p == q;
-            b->small_matrix[p][q] =
-                p < q ? (b->small_matrix[p][q] + b->small_matrix[q][p]) / 2 : b->small_matrix[p][q];
-            b->small_matrix[p][q] = p > q ? b->small_matrix[q][p] : b->small_matrix[p][q];
+    for (int32_t p = 0; p < BLOCK_SIZE; p++)
+        for (int32_t q = 0; q < BLOCK_SIZE; q++) {
+            boundary->eigenbasis[p][q] = p == q;
+            boundary->projected_matrix[p][q] =
+                p < q ? (boundary->projected_matrix[p][q] + boundary->projected_matrix[q][p]) / 2
+                      : boundary->projected_matrix[p][q];
+            boundary->projected_matrix[p][q] =
+                p > q ? boundary->projected_matrix[q][p] : boundary->projected_matrix[p][q];
         }
-    for (int32_t sweep = 0; sweep < SWEEPS; sweep++)
-        for (int32_t p = 0; p < BLOCK; p++)
-            for (int32_t q = p + 1; q < BLOCK; q++)
-                if (b->small_matrix[p][q] != 0)
-                    rotate(b, p, q);
-    for (int32_t p = 0; p < BLOCK; p++) {
+    for (int32_t sweep = 0; sweep < JACOBI_SWEEPS; sweep++)
+        for (int32_t p = 0; p < BLOCK_SIZE; p++)
+            for (int32_t q = p + 1; q < BLOCK_SIZE; q++)
+                if (boundary->projected_matrix[p][q] != 0)
+                    jacobi_rotate(boundary, p, q);
+    for (int32_t p = 0; p < BLOCK_SIZE; p++) {
         int32_t at = p;
 
-        for (; at > 0 && b->small_matrix[order[at - 1]][order[at - 1]] < b->small_matrix[p][p];
+        for (; at > 0 && boundary->projected_matrix[order[at - 1]][order[at - 1]] <
+                             boundary->projected_matrix[p][p];
              at--)
             order[at] = order[at - 1];
         order[at] = p;
     }
 }
 
-/* The vectors become the eigenvectors within their span. */
-static void turn_vectors(cairn_boundary *b)
+/* Rotates the vectors to the Ritz vectors of their span and sets the eigenvalues. */
+static void rotate_to_eigenvectors(cairn_boundary *boundary)
 {
-    int32_t order[BLOCK] = {0};
+    int32_t order[BLOCK_SIZE] = {0};
 
-    solve_small(b, order);
-    for (int32_t i = 0; i < b->region_count; i++) {
-        cairn_real was[BLOCK];
+    solve_projected(boundary, order);
+    for (int32_t i = 0; i < boundary->region_count; i++) {
+        cairn_real was[BLOCK_SIZE];
 
-        for (int32_t k = 0; k < BLOCK; k++)
-            was[k] = vector_at(b, k)[i];
-        for (int32_t k = 0; k < BLOCK; k++) {
+        for (int32_t k = 0; k < BLOCK_SIZE; k++)
+            was[k] = vector_at(boundary, k)[i];
+        for (int32_t k = 0; k < BLOCK_SIZE; k++) {
             cairn_real sum = 0;
 
-            for (int32_t j = 0; j < BLOCK; j++)
-                sum += was[j] * b->basis[j][order[k]];
-            vector_at(b, k)[i] = sum;
+            for (int32_t j = 0; j < BLOCK_SIZE; j++)
+                sum += was[j] * boundary->eigenbasis[j][order[k]];
+            vector_at(boundary, k)[i] = sum;
         }
     }
-    for (int32_t k = 0; k < BLOCK; k++)
-        b->value[k] = b->small_matrix[order[k]][order[k]];
-    b->cut = cairn_max(0, cairn_min(b->value[BLOCK - 1], 1 - LEAST_VALUE));
+    for (int32_t k = 0; k < BLOCK_SIZE; k++)
+        boundary->eigenvalue[k] = boundary->projected_matrix[order[k]][order[k]];
+    boundary->damping_bound =
+        cairn_max(0, cairn_min(boundary->eigenvalue[BLOCK_SIZE - 1], 1 - MIN_EIGENVALUE));
 }
 
-/* ---- What comes of it ---- */
+/* ---- Border strengths ---- */
 
-/* By how much vector k of unit mean square over the image's pixels is to be multiplied. */
-static cairn_real scale_of(const cairn_boundary *b, int32_t k)
+/* Returns the weight of eigenvector k: 1 / sqrt(mean square over the image's pixels times its
+ * Laplacian eigenvalue). */
+static cairn_real eigenvector_weight(const cairn_boundary *boundary, int32_t k)
 {
-    cairn_real sum = 0, value = cairn_max(1 - b->value[k], LEAST_VALUE);
+    cairn_real sum = 0, value = cairn_max(1 - boundary->eigenvalue[k], MIN_EIGENVALUE);
 
-    for (int32_t i = 0; i < b->region_count; i++) {
-        cairn_real at = b->root[i] * vector_at(b, k)[i];
+    for (int32_t i = 0; i < boundary->region_count; i++) {
+        cairn_real at = boundary->inverse_sqrt_degree[i] * vector_at(boundary, k)[i];
 
-        sum += at * at * (cairn_real)b->regions[i].pixels;
+        sum += at * at * (cairn_real)boundary->regions[i].initial_size;
     }
-    return 1 / cairn_sqrt(cairn_max(sum / (cairn_real)b->pixels, CAIRN_REAL_MIN) * value);
+    return 1 / cairn_sqrt(cairn_max(sum / (cairn_real)boundary->pixels, CAIRN_REAL_MIN) * value);
 }
 
-/* Adds the changes across borders to their strengths, in units of the mean of both. */
-static void add_changes(const cairn_boundary *b)
+/* Adds the eigenvector changes across borders to their strengths, normalized to the mean border
+ * strength. */
+static void add_spectral_strength(const cairn_boundary *boundary)
 {
     cairn_real sum = 0, unit;
 
-    for (int32_t i = 0; i < b->border_count; i++)
-        b->borders[i].key = 0;
-    for (int32_t k = 1; k <= WANTED; k++) {
-        const cairn_real *v = vector_at(b, k);
-        cairn_real scale = scale_of(b, k);
+    for (int32_t i = 0; i < boundary->border_count; i++)
+        boundary->borders[i].key = 0;
+    for (int32_t k = 1; k <= EIGENVECTORS_USED; k++) {
+        const cairn_real *v = vector_at(boundary, k);
+        cairn_real scale = eigenvector_weight(boundary, k);
 
-        for (int32_t i = 0; i < b->border_count; i++) {
-            boundary_border *e = &b->borders[i];
+        for (int32_t i = 0; i < boundary->border_count; i++) {
+            boundary_border *e = &boundary->borders[i];
 
-            e->key += scale * cairn_abs(b->root[e->first[0]] * v[e->first[0]] -
-                                        b->root[e->first[1]] * v[e->first[1]]);
+            e->key += scale * cairn_abs(boundary->inverse_sqrt_degree[e->initial_region[0]] *
+                                            v[e->initial_region[0]] -
+                                        boundary->inverse_sqrt_degree[e->initial_region[1]] *
+                                            v[e->initial_region[1]]);
         }
     }
-    for (int32_t i = 0; i < b->border_count; i++)
-        sum += b->borders[i].key;
+    for (int32_t i = 0; i < boundary->border_count; i++)
+        sum += boundary->borders[i].key;
     if (!(sum > 0))
         return;
-    unit = b->params.global * b->mean_strength * (cairn_real)b->border_count / sum;
-    for (int32_t i = 0; i < b->border_count; i++)
-        b->borders[i].own += unit * b->borders[i].key;
+    unit = boundary->params.global * boundary->mean_strength * (cairn_real)boundary->border_count /
+           sum;
+    for (int32_t i = 0; i < boundary->border_count; i++)
+        boundary->borders[i].strength += unit * boundary->borders[i].key;
 }
 
-int32_t cairn_boundary_cuts_cost(const cairn_boundary *b)
+int32_t cairn_boundary_spectral_cost(const cairn_boundary *boundary)
 {
-    int32_t regions = boundary_share(b->region_count, REGIONS_A_UNIT);
-    int32_t pass = regions + boundary_share(b->border_count, REGIONS_A_UNIT);
+    int32_t regions = boundary_ceil_divide(boundary->region_count, ITEMS_PER_UNIT);
+    int32_t pass = regions + boundary_ceil_divide(boundary->border_count, ITEMS_PER_UNIT);
 
-    switch (b->stage) {
-    case BOUNDARY_DAMP:
+    switch (boundary->spectral_stage) {
+    case BOUNDARY_CHEBYSHEV:
         return pass;
-    case BOUNDARY_STRAIGHTEN:
-        return 2 * BLOCK * regions;
-    case BOUNDARY_TURN:
-        return BLOCK * BLOCK * regions;
+    case BOUNDARY_ORTHONORMALIZE:
+        return 2 * BLOCK_SIZE * regions;
+    case BOUNDARY_RAYLEIGH_RITZ:
+        return BLOCK_SIZE * BLOCK_SIZE * regions;
     default:
-        return pass + BLOCK * regions;
+        return pass + BLOCK_SIZE * regions;
     }
 }
 
-/* The next vector of a stage; 1: there was none, and the first one comes. */
-static int is_last_member(cairn_boundary *b)
+/* Advances to the next vector of a stage; returns 1 when it wraps to the first. */
+static int next_vector_wraps(cairn_boundary *boundary)
 {
-    b->member = (b->member + 1) % BLOCK;
-    return b->member == 0;
+    boundary->vector_index = (boundary->vector_index + 1) % BLOCK_SIZE;
+    return boundary->vector_index == 0;
 }
 
-int cairn_boundary_cuts_next(cairn_boundary *b)
+int cairn_boundary_spectral_next(cairn_boundary *boundary)
 {
-    if (b->block == 0)
+    if (boundary->vector_count == 0)
         return 0;
-    if (b->turn == 0 && b->stage == BOUNDARY_TIE) {
-        tie(b);
-        b->stage = BOUNDARY_DAMP;
-    } else if (b->stage == BOUNDARY_DAMP) {
-        damp(b);
-        b->degree = (b->degree + 1) % DEGREE;
-        if (b->degree == 0 && is_last_member(b))
-            b->stage = BOUNDARY_STRAIGHTEN;
-    } else if (b->stage == BOUNDARY_STRAIGHTEN) {
-        straighten(b);
-        if (is_last_member(b))
-            b->stage = BOUNDARY_PROJECT;
-    } else if (b->stage == BOUNDARY_PROJECT) {
-        project(b);
-        if (is_last_member(b))
-            b->stage = BOUNDARY_TURN;
+    if (boundary->iteration == 0 && boundary->spectral_stage == BOUNDARY_AFFINITY) {
+        set_affinities(boundary);
+        boundary->spectral_stage = BOUNDARY_CHEBYSHEV;
+    } else if (boundary->spectral_stage == BOUNDARY_CHEBYSHEV) {
+        chebyshev_step(boundary);
+        boundary->chebyshev_term = (boundary->chebyshev_term + 1) % CHEBYSHEV_DEGREE;
+        if (boundary->chebyshev_term == 0 && next_vector_wraps(boundary))
+            boundary->spectral_stage = BOUNDARY_ORTHONORMALIZE;
+    } else if (boundary->spectral_stage == BOUNDARY_ORTHONORMALIZE) {
+        orthonormalize(boundary);
+        if (next_vector_wraps(boundary))
+            boundary->spectral_stage = BOUNDARY_PROJECT;
+    } else if (boundary->spectral_stage == BOUNDARY_PROJECT) {
+        project_vector(boundary);
+        if (next_vector_wraps(boundary))
+            boundary->spectral_stage = BOUNDARY_RAYLEIGH_RITZ;
     } else {
-        turn_vectors(b);
-        b->stage = BOUNDARY_DAMP;
-        if (++b->turn == TURNS) {
-            add_changes(b);
+        rotate_to_eigenvectors(boundary);
+        boundary->spectral_stage = BOUNDARY_CHEBYSHEV;
+        if (++boundary->iteration == ITERATIONS) {
+            add_spectral_strength(boundary);
             return 0;
         }
     }

@@ -1,192 +1,210 @@
-/* What the files of boundary share. */
+/* Internal structures of module boundary. */
 #ifndef CAIRN_CONTOUR_BOUNDARY_WORK_H
 #define CAIRN_CONTOUR_BOUNDARY_WORK_H
 
 #include "cairn/boundary.h"
 
 enum { BOUNDARY_CHANNELS = 3, BOUNDARY_LEVELS = 4096 };
-/* Bins of a region's histograms, of L, a and b: all of them, of L alone, of a and of b. */
+/* Histogram bins of a region for channels L, a and b, and their total. */
 enum {
     BOUNDARY_L_BINS = 9,
     BOUNDARY_AB_BINS = 7,
     BOUNDARY_BINS = BOUNDARY_L_BINS + 2 * BOUNDARY_AB_BINS
 };
-/* Vectors that are iterated at once. */
-enum { BOUNDARY_BLOCK = 12 };
-#define BOUNDARY_AB_MOST CAIRN_REAL(45.0) /* a and b beyond it fall into the last bins */
+/* Number of vectors of the subspace iteration. */
+enum { BOUNDARY_BLOCK_SIZE = 12 };
+/* Values of a and b beyond this are counted in the outermost bins. */
+#define BOUNDARY_MAX_AB CAIRN_REAL(45.0)
 
 typedef int32_t boundary_phase;
 enum {
     BOUNDARY_IDLE,
     BOUNDARY_COLOUR,
-    BOUNDARY_FILL,
-    BOUNDARY_COLUMNS,
-    BOUNDARY_CHANGE,
+    BOUNDARY_FILTER_ROWS,
+    BOUNDARY_FILTER_COLUMNS,
+    BOUNDARY_TENSOR,
     BOUNDARY_STRENGTH,
-    BOUNDARY_FLOOD,
-    BOUNDARY_BORDER,
-    BOUNDARY_CUT,
-    BOUNDARY_CLEAR,
-    BOUNDARY_JOIN,
-    BOUNDARY_TELL,
+    BOUNDARY_WATERSHED,
+    BOUNDARY_BORDERS,
+    BOUNDARY_SPECTRAL,
+    BOUNDARY_RESET,
+    BOUNDARY_MERGE,
+    BOUNDARY_RECORD_LEVELS,
     BOUNDARY_TRACE,
     BOUNDARY_RANK,
     BOUNDARY_DONE
 };
 
-/* Of the cuts. */
+/* Stages of the subspace iteration. */
 typedef int32_t boundary_stage;
-enum { BOUNDARY_TIE, BOUNDARY_DAMP, BOUNDARY_STRAIGHTEN, BOUNDARY_PROJECT, BOUNDARY_TURN };
+enum {
+    BOUNDARY_AFFINITY,
+    BOUNDARY_CHEBYSHEV,
+    BOUNDARY_ORTHONORMALIZE,
+    BOUNDARY_PROJECT,
+    BOUNDARY_RAYLEIGH_RITZ
+};
 
 /* The common border of two regions. Sides 0 and 1 of border e are the half-borders 2 e and 2 e +
  * 1, each in the list of its region. */
 typedef struct boundary_border {
-    /* regions that it parted at first, the smaller number first: what the table knows it by */
-    int32_t first[2];
-    /* and does now */
+    /* Initial regions, the smaller index first: the key of the hash table. */
+    int32_t initial_region[2];
+    /* Current regions. */
     int32_t region[2];
-    /* half-borders of the same region; -1: none */
-    int32_t next[2], before[2];
-    /* of pixels: at first, and with those that became part of it */
-    int32_t sides, length;
-    /* in the heap; -1: no longer */
-    int32_t at;
-    /* the border that it became part of; itself */
-    int32_t into;
-    /* mean strength at first, with what the whole image says of it */
-    cairn_real own;
-    /* of strengths along it */
-    cairn_real sum;
-    /* of its levels, each way of joining */
-    cairn_real logs;
-    /* in the heap */
+    /* Doubly linked list of the half-borders of the same region; -1: none. */
+    int32_t next[2], previous[2];
+    /* Length in pixel sides: initially, and with the borders merged into it. */
+    int32_t initial_length, length;
+    /* Index in the heap; -1: not in the heap. */
+    int32_t heap_index;
+    /* The border into which it was merged; itself if not merged. */
+    int32_t merged_into;
+    /* Mean edge strength before merging, including the spectral cue. */
+    cairn_real strength;
+    /* Sum of edge strengths along the border. */
+    cairn_real strength_sum;
+    /* Sum of the logarithms of its levels over the merge criteria. */
+    cairn_real log_level_sum;
+    /* Heap key (merge cost); in the spectral stage the affinity or the spectral strength. */
     cairn_real key;
-    /* at which the two became one */
+    /* Ultrametric level: merge cost at which both sides became one region. */
     cairn_real level;
 } boundary_border;
 
 typedef struct boundary_region {
-    int32_t first;    /* half-border; -1: none */
-    int32_t pixels;   /* at first */
-    int32_t size;     /* and with those that were joined to it */
-    int32_t count;    /* of borders */
-    int32_t mark;     /* border with the region that another one is joined to; -1 */
-    cairn_real share; /* of the image, to the power */
+    int32_t first_half_border; /* First half-border of the region; -1: none. */
+    int32_t initial_size;      /* Pixels before merging. */
+    int32_t size;              /* Pixels including the merged regions. */
+    int32_t border_count;      /* Number of borders. */
+    int32_t marked_border;     /* Border with the region that is being merged; -1: none. */
+    cairn_real size_factor;    /* Share of the image to the power of the size exponent. */
 } boundary_region;
 
-/* Tensors of change: xx, xy, yy. */
-typedef struct boundary_change {
+/* Structure tensor of a pixel. */
+typedef struct boundary_tensor {
     cairn_real xx, xy, yy;
-} boundary_change;
+} boundary_tensor;
 
 struct cairn_boundary {
     cairn_boundary_params params;
     cairn_boundary_image image;
-    cairn_real linear[256]; /* light of a sample */
-    /* Pictures, rows of the image's width without gaps. */
-    cairn_real *colour;      /* [BOUNDARY_CHANNELS][pixels] */
-    cairn_real *one, *other; /* [pixels]; one: strengths in the end */
-    boundary_change *change; /* [pixels] */
-    cairn_real *line;        /* [2][max_width]: a row on its way, sums of columns */
-    /* Flooding. */
-    /* [pixels], -1: none yet */
+    cairn_real linear[256]; /* Linear intensity of an sRGB sample, 0 ... 1. */
+    /* Images with rows of the image's width, without padding. */
+    cairn_real *colour; /* [BOUNDARY_CHANNELS][pixels] */
+    /* [pixels] Feature map and its filtered copy; strength: finally the edge strengths. */
+    cairn_real *strength, *scratch;
+    boundary_tensor *tensor; /* [pixels] */
+    cairn_real *row_buffer;  /* [2][max_width] Filtered row, running column sums. */
+    /* Watershed. */
+    /* [pixels] Region index; -1: unlabelled. */
     int32_t *label;
-    /* [pixels]: the next one of the same level to go on from */
-    int32_t *queue;
-    /* [pixels]: the next pixel of the same level */
-    int32_t *same;
-    /* [pixels]: upper side 1, left side 2 */
-    uint8_t *walked;
-    /* [BOUNDARY_LEVELS]: of queues; tail: of the level's pixels before it is flooded */
-    int32_t *head, *tail;
-    /* [BOUNDARY_LEVELS]: of the level's pixels */
-    int32_t *first;
-    /* Joining. */
+    /* [pixels] Next pixel of the same queue. */
+    int32_t *next_in_queue;
+    /* [pixels] Next pixel of the same strength level. */
+    int32_t *next_of_level;
+    /* [pixels] Flags of traced sides: upper side 1, left side 2. */
+    uint8_t *traced_sides;
+    /* [BOUNDARY_LEVELS] Queue of each level; queue_tail: before the flooding the last pixel of
+     * the level. */
+    int32_t *queue_head, *queue_tail;
+    /* [BOUNDARY_LEVELS] First pixel of each strength level. */
+    int32_t *level_first;
+    /* Region merging. */
     /* [max_regions] */
     boundary_region *regions;
     /* [max_borders] */
     boundary_border *borders;
-    /* [table_size]: borders by their regions, -1: free */
-    int32_t *table;
-    /* [max_borders]: of borders by their keys, then of contours by strength */
+    /* [table_size] Hash table of borders by their initial regions; -1: free. */
+    int32_t *border_table;
+    /* [max_borders] Binary heap of borders by key, then of contours by strength. */
     int32_t *heap;
-    cairn_real *first_bins,
-        /* [max_regions][BOUNDARY_BINS]: how much of each colour a region has, at first and now */
-        *bins;
-    /* Cuts. */
-    cairn_real *root;    /* [max_regions]: 1 / the root of what a region's ties come to */
-    cairn_real *vectors; /* [BOUNDARY_BLOCK + 2][regions]: and two that are at work */
-    cairn_real small_matrix[BOUNDARY_BLOCK][BOUNDARY_BLOCK], basis[BOUNDARY_BLOCK][BOUNDARY_BLOCK];
-    cairn_real value[BOUNDARY_BLOCK]; /* the greatest first */
-    cairn_real mean_strength, cut;    /* of borders; values below it are damped */
-    boundary_stage stage;
-    int32_t block, turn, member, degree;
+    /* [max_regions][BOUNDARY_BINS] Colour histogram of each region, initially and currently. */
+    cairn_real *initial_histogram, *histogram;
+    /* Spectral cue. */
+    /* [max_regions] 1 / sqrt(degree) of each region in the affinity graph. */
+    cairn_real *inverse_sqrt_degree;
+    /* [BOUNDARY_BLOCK_SIZE + 2][region_count] Vectors of the subspace iteration and two work
+     * vectors. */
+    cairn_real *vectors;
+    cairn_real projected_matrix[BOUNDARY_BLOCK_SIZE][BOUNDARY_BLOCK_SIZE],
+        eigenbasis[BOUNDARY_BLOCK_SIZE][BOUNDARY_BLOCK_SIZE];
+    cairn_real eigenvalue[BOUNDARY_BLOCK_SIZE]; /* In decreasing order. */
+    /* Mean border strength; upper bound of the eigenvalues that the polynomial damps. */
+    cairn_real mean_strength, damping_bound;
+    boundary_stage spectral_stage;
+    /* Vectors (0: no spectral cue), iteration, current vector, term of the recurrence. */
+    int32_t vector_count, iteration, vector_index, chebyshev_term;
     /* Contours. */
-    cairn_boundary_contour *found, *ranked; /* [max_borders] */
-    cairn_boundary_corner *corners;         /* [max_points] */
+    cairn_boundary_contour *traced, *ranked; /* [max_borders] */
+    cairn_boundary_corner *corners;          /* [max_corners] */
 
     int32_t max_borders, table_size;
+    /* Pixels of the image, colour channels. */
     int32_t pixels, channels;
-    /* of the change at hand */
-    int32_t map, row, pass;
-    /* the map at hand is not 0 everywhere */
-    int32_t some;
-    int32_t level;
+    /* Current feature map, image row and filter pass. */
+    int32_t map_index, row, pass;
+    /* 1: the current feature map has a non-zero value. */
+    int32_t map_nonzero;
+    /* Current strength level of the watershed. */
+    int32_t flood_level;
     int32_t region_count, border_count, heap_count;
-    /* borders that have come to the heap; regions and borders that are cleared or told */
-    int32_t fed;
-    /* of joining */
-    int32_t way;
+    /* Next border to insert into the heap; next region or border to reset or record. */
+    int32_t cursor;
+    /* Index of the current merge criterion. */
+    int32_t criterion;
     int32_t contour_count, corner_count, ranked_count;
-    /* corner of a walk, 0 ... 3: right, down, left, up */
-    int32_t x, y, heading, walking;
-    /* corner where walks are looked for */
-    int32_t from_x, from_y;
-    /* 1: only closed contours are left */
-    int32_t loops;
-    cairn_real walk_sum;
-    /* the highest key so far */
-    cairn_real joined;
+    /* Current corner of a traced contour; heading 0 ... 3: right, down, left, up. */
+    int32_t x, y, heading, is_tracing;
+    /* Corner at which contour starts are sought. */
+    int32_t scan_x, scan_y;
+    /* 1: second pass, only closed contours remain. */
+    int32_t closed_pass;
+    /* Sum of the edge strengths along the traced contour. */
+    cairn_real trace_strength_sum;
+    /* Greatest merge cost so far. */
+    cairn_real merge_level;
     boundary_phase phase;
-    int32_t paid;
+    /* Work units charged for the next work item. */
+    int32_t units_charged;
 };
 
-/* The least integer not below the quotient, both above 0. */
-static inline int32_t boundary_share(int32_t n, int32_t of)
+/* Returns the quotient of two positive integers, rounded up. */
+static inline int32_t boundary_ceil_divide(int32_t n, int32_t of)
 {
     return (n + of - 1) / of;
 }
 
-/* Rows of the phases COLOUR to STRENGTH, and what comes after them. */
-void cairn_boundary_measure_row(cairn_boundary *b);
-int32_t cairn_boundary_measure_cost(const cairn_boundary *b);
+/* Processes a row of the phases COLOUR to STRENGTH and advances the phase. */
+void cairn_boundary_measure_row(cairn_boundary *boundary);
+int32_t cairn_boundary_measure_cost(const cairn_boundary *boundary);
 
-void cairn_boundary_flood_begin(cairn_boundary *b);
-/* Files the pixels of a row under their levels. */
-void cairn_boundary_flood_row(cairn_boundary *b, int32_t row);
-/* One pixel. 0: all are labelled. */
-int cairn_boundary_flood_pixel(cairn_boundary *b);
-void cairn_boundary_border_row(cairn_boundary *b);
-/* The strengths of borders before anything is joined, and the cuts of the whole image that add
- * to them: an item, what it costs. 0: it was the last one. */
-void cairn_boundary_ties_begin(cairn_boundary *b);
-int cairn_boundary_cuts_next(cairn_boundary *b);
-int32_t cairn_boundary_cuts_cost(const cairn_boundary *b);
-/* Regions and borders become what they were before they were joined, and afterwards say at which
- * level they were; one of them. 0: it was the last one. */
-int cairn_boundary_clear_next(cairn_boundary *b);
-int cairn_boundary_tell_next(cairn_boundary *b);
-/* 1: borders are joined once more after this way. */
-int cairn_boundary_has_ways(const cairn_boundary *b);
-/* What the next border's way into the heap or the next joint costs; 0: there is none. */
-int32_t cairn_boundary_join_cost(const cairn_boundary *b);
-void cairn_boundary_join_next(cairn_boundary *b);
-/* The border between two regions, as found. */
-int32_t cairn_boundary_border_of(const cairn_boundary *b, int32_t p, int32_t q);
+void cairn_boundary_flood_begin(cairn_boundary *boundary);
+/* Appends the pixels of a row to the lists of their strength levels. */
+void cairn_boundary_flood_row(cairn_boundary *boundary, int32_t row);
+/* Processes one pixel of the watershed; returns 0 when all pixels are labelled. */
+int cairn_boundary_flood_pixel(cairn_boundary *boundary);
+void cairn_boundary_border_row(cairn_boundary *boundary);
+/* Initializes the border strengths and the spectral cue; next() processes one work item and
+ * returns 0 after the last one; cost() is its cost in units. */
+void cairn_boundary_spectral_begin(cairn_boundary *boundary);
+int cairn_boundary_spectral_next(cairn_boundary *boundary);
+int32_t cairn_boundary_spectral_cost(const cairn_boundary *boundary);
+/* Resets one region or border to its state before merging; records the level of one border after
+ * a run. Both return 0 after the last one. */
+int cairn_boundary_reset_next(cairn_boundary *boundary);
+int cairn_boundary_record_next(cairn_boundary *boundary);
+/* Returns 1 if a further run of the merging follows. */
+int cairn_boundary_has_criteria(const cairn_boundary *boundary);
+/* Returns the cost in units of the next heap insertion or merge; 0: none is left. */
+int32_t cairn_boundary_merge_cost(const cairn_boundary *boundary);
+void cairn_boundary_merge_next(cairn_boundary *boundary);
+/* Returns the current border between two initial regions. */
+int32_t cairn_boundary_border_of(const cairn_boundary *boundary, int32_t p, int32_t q);
 
-/* One side of a pixel. CAIRN_MORE: there is more. CAIRN_FULL. */
-cairn_status cairn_boundary_trace_side(cairn_boundary *b);
-/* One contour. 0: all are ranked. */
-int cairn_boundary_rank_next(cairn_boundary *b);
+/* Traces one pixel side. CAIRN_MORE: continue. CAIRN_FULL: more than max_corners. */
+cairn_status cairn_boundary_trace_side(cairn_boundary *boundary);
+/* Ranks one contour; returns 0 when all are ranked. */
+int cairn_boundary_rank_next(cairn_boundary *boundary);
 
 #endif

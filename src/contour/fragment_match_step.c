@@ -1,62 +1,67 @@
-/* fragment_match goes on: chains sampled, aligned, pairs fitted. fragment_match.c says how. */
+/* Phases of module fragment_match: chain sampling, alignment, traceback, fit. See
+ * fragment_match.c. */
 #include "src/core/build.h"
 
 #include <string.h>
 
 #include "src/contour/fragment_match_work.h"
 
-/* Chain samples that are gone through at once; cells and points for a unit. */
-enum { BLOCK = 16, CELLS_A_UNIT = 8, PAIRS_A_UNIT = 4, POINTS_A_UNIT = 4 };
-/* Samples of a closed chain that have neighbours on both sides. */
-enum { LEAST_CLOSED = 3 };
+/* Chain samples per work item; cells, pairs and chain points per work unit. */
+enum { COLUMNS_PER_ITEM = 16, CELLS_PER_UNIT = 8, PAIRS_PER_UNIT = 4, POINTS_PER_UNIT = 4 };
+/* Least number of samples of a closed chain. */
+enum { MIN_CLOSED_SAMPLES = 3 };
 
 /* ---- Chains ---- */
 
-/* Samples of a chain at the step, and whether they go round. */
-static void measure_chain(cairn_fragment_matcher *m)
+/* Sets the number of samples of a chain at the current step, and whether it is closed. */
+static void measure_chain(cairn_fragment_matcher *matcher)
 {
-    int32_t steps = cairn_real_to_int(m->length[m->chain] / m->step);
+    int32_t steps = cairn_real_to_int(matcher->length[matcher->chain] / matcher->step);
 
-    m->closed =
-        m->chains[m->chain].closed && steps >= LEAST_CLOSED && steps >= m->model.samples_each;
-    m->samples = m->closed ? steps : steps + 1;
+    matcher->closed = matcher->chains[matcher->chain].closed && steps >= MIN_CLOSED_SAMPLES &&
+                      steps >= matcher->model.samples_each;
+    matcher->sample_count = matcher->closed ? steps : steps + 1;
 }
 
-/* Between two samples of the chain, px. */
-static cairn_real step_of(const cairn_fragment_matcher *m)
+/* Returns the distance of consecutive chain samples, px. */
+static cairn_real sample_distance(const cairn_fragment_matcher *matcher)
 {
-    return m->length[m->chain] / (cairn_real)(m->closed ? m->samples : m->samples - 1);
+    return matcher->length[matcher->chain] /
+           (cairn_real)(matcher->closed ? matcher->sample_count : matcher->sample_count - 1);
 }
 
-static int32_t cost_of_sampling(const cairn_fragment_matcher *m)
+static int32_t sampling_cost(const cairn_fragment_matcher *matcher)
 {
-    return m->samples + m->chains[m->chain].count / POINTS_A_UNIT;
+    return matcher->sample_count + matcher->chains[matcher->chain].count / POINTS_PER_UNIT;
 }
 
-static void sample_chain(cairn_fragment_matcher *m)
+/* Samples a chain at the current step and computes its direction codes. */
+static void sample_chain(cairn_fragment_matcher *matcher)
 {
-    int32_t round_again = m->model.samples_each - 1,
-            opened = m->chains[m->chain].closed && !m->closed;
-    const cairn_curve *chain = &m->chains[m->chain];
-    cairn_curve samples = {m->places, m->samples, m->closed};
+    int32_t wrapped = matcher->model.samples_each - 1,
+            opened = matcher->chains[matcher->chain].closed && !matcher->closed;
+    const cairn_curve *chain = &matcher->chains[matcher->chain];
+    cairn_curve samples = {matcher->positions, matcher->sample_count, matcher->closed};
     cairn_status status;
 
-    status = cairn_curve_resample(chain, m->places, NULL, opened ? m->samples - 1 : m->samples);
+    status = cairn_curve_resample(chain, matcher->positions, NULL,
+                                  opened ? matcher->sample_count - 1 : matcher->sample_count);
     CAIRN_ASSERT(status == CAIRN_OK);
     if (opened)
-        m->places[m->samples - 1] = chain->points[0];
-    status = cairn_curve_tangents(&samples, 1, m->direction);
+        matcher->positions[matcher->sample_count - 1] = chain->points[0];
+    status = cairn_curve_tangents(&samples, 1, matcher->direction);
     CAIRN_ASSERT(status == CAIRN_OK);
     (void)status;
-    for (int32_t i = 0; i < m->samples; i++)
-        m->chain_code[i] = cairn_fragment_match_code(m->direction[i]);
-    m->columns = m->closed ? m->samples + round_again : m->samples;
+    for (int32_t i = 0; i < matcher->sample_count; i++)
+        matcher->chain_code[i] = cairn_fragment_match_quantize(matcher->direction[i]);
+    matcher->column_count =
+        matcher->closed ? matcher->sample_count + wrapped : matcher->sample_count;
 }
 
 /* ---- Alignments ---- */
 
-/* 1 when a is better than b. */
-static int is_better(const kept_match *a, const kept_match *b)
+/* Returns 1 if a is better than b. */
+static int is_better(const alignment_end *a, const alignment_end *b)
 {
     if (a->score != b->score)
         return a->score > b->score;
@@ -65,35 +70,40 @@ static int is_better(const kept_match *a, const kept_match *b)
     return a->chain != b->chain ? a->chain < b->chain : a->reversed < b->reversed;
 }
 
-/* Takes a match into the order of the fragment's, unless its chain has a better one or there are
- * so many better ones. */
-static void keep(cairn_fragment_matcher *m, const kept_match *found)
+/* Inserts an alignment end into the fragment's sorted list, unless a better one is on the same
+ * chain or the list is full of better ones. */
+static void insert_end(cairn_fragment_matcher *matcher, const alignment_end *found)
 {
-    kept_match *kept = &m->kept[(size_t)m->fragment * (size_t)m->params.matches_each];
-    int32_t *count = &m->kept_count[m->fragment], at = 0;
+    alignment_end *ends =
+        &matcher->ends[(size_t)matcher->fragment * (size_t)matcher->params.matches_each];
+    int32_t *count = &matcher->end_count[matcher->fragment], at = 0;
 
-    while (at < *count && kept[at].chain != found->chain)
+    while (at < *count && ends[at].chain != found->chain)
         at++;
-    if (at == *count && *count < m->params.matches_each) {
+    if (at == *count && *count < matcher->params.matches_each) {
         (*count)++;
     } else {
         at = at < *count ? at : at - 1;
-        if (!is_better(found, &kept[at]))
+        if (!is_better(found, &ends[at]))
             return;
     }
-    for (; at > 0 && is_better(found, &kept[at - 1]); at--)
-        kept[at] = kept[at - 1];
-    kept[at] = *found;
+    for (; at > 0 && is_better(found, &ends[at - 1]); at--)
+        ends[at] = ends[at - 1];
+    ends[at] = *found;
 }
 
-/* One chain sample against the fragment. */
-static void align_column(cairn_fragment_matcher *m, const int16_t *codes, int32_t n)
+/* Fills one column of the Smith-Waterman table: one chain sample against the fragment. */
+static void align_column(cairn_fragment_matcher *matcher, const int16_t *codes, int32_t n)
 {
-    int32_t code = m->chain_code[m->at < m->samples ? m->at : m->at - m->samples];
-    int32_t diagonal = 0, above = 0, best = 0, gap = m->gap, *column = m->column;
+    int32_t code = matcher->chain_code[matcher->current_column < matcher->sample_count
+                                           ? matcher->current_column
+                                           : matcher->current_column - matcher->sample_count];
+    int32_t diagonal = 0, above = 0, best = 0, gap = matcher->gap_score,
+            *column = matcher->dp_column;
 
     for (int32_t i = 0; i < n; i++) {
-        int32_t sum = diagonal + m->gain[(uint32_t)(codes[i] - code) & (FRAGMENT_DIRECTIONS - 1)];
+        int32_t sum =
+            diagonal + matcher->gain[(uint32_t)(codes[i] - code) & (FRAGMENT_DIRECTIONS - 1)];
 
         diagonal = column[i];
         sum = sum > diagonal - gap ? sum : diagonal - gap;
@@ -102,264 +112,276 @@ static void align_column(cairn_fragment_matcher *m, const int16_t *codes, int32_
         column[i] = above;
         best = above > best ? above : best;
     }
-    if (best > m->best) {
-        m->best = best;
-        m->best_at = m->at;
+    if (best > matcher->best_score) {
+        matcher->best_score = best;
+        matcher->best_column = matcher->current_column;
     }
 }
 
-/* The scale at which a fragment has the step; 0: it has none. */
-static cairn_real scale_of(const cairn_fragment_matcher *m, int32_t fragment)
+/* Returns the scale at which a fragment has the current step, px per unit of the model; 0: none. */
+static cairn_real scale_of(const cairn_fragment_matcher *matcher, int32_t fragment)
 {
-    cairn_real length = m->model.fragments[fragment].length;
+    cairn_real length = matcher->model.fragments[fragment].length;
 
-    return length > 0 ? m->step * (cairn_real)(m->model.samples_each - 1) / length : 0;
+    return length > 0 ? matcher->step * (cairn_real)(matcher->model.samples_each - 1) / length : 0;
 }
 
-/* Within the limits; where these are nearer to each other than two steps, they lie apart as far
- * as these. */
-static int is_allowed(const cairn_fragment_matcher *m, cairn_real scale)
+/* Returns whether a scale lies in the range; a range narrower than step_ratio is widened to it. */
+static int is_scale_allowed(const cairn_fragment_matcher *matcher, cairn_real scale)
 {
-    return scale * m->slack >= m->params.min_scale && scale <= m->params.max_scale * m->slack;
+    return scale * matcher->scale_slack >= matcher->params.min_scale &&
+           scale <= matcher->params.max_scale * matcher->scale_slack;
 }
 
-/* ---- Going on ---- */
+/* ---- Phases ---- */
 
-static void start_alignment(cairn_fragment_matcher *m)
+/* Clears the column of the alignment table. */
+static void start_alignment(cairn_fragment_matcher *matcher)
 {
-    memset(m->column, 0, sizeof m->column);
-    m->at = m->best = 0;
-    m->best_at = -1;
+    memset(matcher->dp_column, 0, sizeof matcher->dp_column);
+    matcher->current_column = matcher->best_score = 0;
+    matcher->best_column = -1;
 }
 
-/* To the next chain, or the first at the next step. */
-static void next_chain(cairn_fragment_matcher *m)
+/* Advances to the next chain, or to the first chain at the next step. */
+static void next_chain(cairn_fragment_matcher *matcher)
 {
-    m->phase = FRAGMENT_SAMPLE;
-    if (++m->chain < m->chain_count)
+    matcher->phase = FRAGMENT_SAMPLE;
+    if (++matcher->chain < matcher->chain_count)
         return;
-    m->chain = 0;
-    m->step *= m->params.step_ratio;
-    m->level++;
-    if (m->step <= m->last)
+    matcher->chain = 0;
+    matcher->step *= matcher->params.step_ratio;
+    matcher->level++;
+    if (matcher->step <= matcher->last_step)
         return;
-    m->fragment = m->next = 0;
-    m->phase = FRAGMENT_TRACE;
+    matcher->fragment = matcher->next_end = 0;
+    matcher->phase = FRAGMENT_TRACE;
 }
 
-/* To the next sense, fragment, chain. */
-static void next_alignment(cairn_fragment_matcher *m)
+/* Advances to the next orientation, fragment or chain. */
+static void next_alignment(cairn_fragment_matcher *matcher)
 {
-    start_alignment(m);
-    if (m->reversed++ == 0)
+    start_alignment(matcher);
+    if (matcher->reversed++ == 0)
         return;
-    m->reversed = 0;
-    if (++m->fragment == m->model.fragment_count)
-        next_chain(m);
+    matcher->reversed = 0;
+    if (++matcher->fragment == matcher->model.fragment_count)
+        next_chain(matcher);
 }
 
-/* 0: the budget is used up. */
-static int do_sample(cairn_fragment_matcher *m, cairn_budget *budget)
+/* Samples a chain; returns 0 if the budget is used up. */
+static int step_sample(cairn_fragment_matcher *matcher, cairn_budget *budget)
 {
     int is_long;
 
-    m->samples = 0;
-    if (m->length[m->chain] > 0)
-        measure_chain(m);
-    is_long = m->samples >= m->need;
-    if (!cairn_budget_pay(budget, &m->paid, 1 + (is_long ? cost_of_sampling(m) : 0)))
+    matcher->sample_count = 0;
+    if (matcher->length[matcher->chain] > 0)
+        measure_chain(matcher);
+    is_long = matcher->sample_count >= matcher->min_samples;
+    if (!cairn_budget_pay(budget, &matcher->units_charged,
+                          1 + (is_long ? sampling_cost(matcher) : 0)))
         return 0;
     if (!is_long) {
-        next_chain(m);
+        next_chain(matcher);
         return 1;
     }
-    sample_chain(m);
-    m->fragment = m->reversed = 0;
-    start_alignment(m);
-    m->phase = FRAGMENT_ALIGN;
+    sample_chain(matcher);
+    matcher->fragment = matcher->reversed = 0;
+    start_alignment(matcher);
+    matcher->phase = FRAGMENT_ALIGN;
     return 1;
 }
 
-static int do_align(cairn_fragment_matcher *m, cairn_budget *budget)
+/* Aligns a block of chain samples; returns 0 if the budget is used up. */
+static int step_align(cairn_fragment_matcher *matcher, cairn_budget *budget)
 {
-    int32_t n = m->model.samples_each, left = m->columns - m->at,
-            block = left < BLOCK ? left : BLOCK;
-    const int16_t *codes = cairn_fragment_match_codes(m, m->fragment, m->reversed);
+    int32_t n = matcher->model.samples_each, left = matcher->column_count - matcher->current_column,
+            block = left < COLUMNS_PER_ITEM ? left : COLUMNS_PER_ITEM;
+    const int16_t *codes =
+        cairn_fragment_match_codes(matcher, matcher->fragment, matcher->reversed);
 
-    if (!is_allowed(m, scale_of(m, m->fragment))) {
-        if (!cairn_budget_pay(budget, &m->paid, 1))
+    if (!is_scale_allowed(matcher, scale_of(matcher, matcher->fragment))) {
+        if (!cairn_budget_pay(budget, &matcher->units_charged, 1))
             return 0;
-        next_alignment(m);
+        next_alignment(matcher);
         return 1;
     }
-    if (!cairn_budget_pay(budget, &m->paid, 1 + block * n / CELLS_A_UNIT))
+    if (!cairn_budget_pay(budget, &matcher->units_charged, 1 + block * n / CELLS_PER_UNIT))
         return 0;
-    for (int32_t k = 0; k < block; k++, m->at++)
-        align_column(m, codes, n);
-    m->cells += (int64_t)block * n;
-    if (m->at == m->columns) {
-        kept_match found = {m->best, m->level, m->chain, m->reversed, m->best_at};
+    for (int32_t k = 0; k < block; k++, matcher->current_column++)
+        align_column(matcher, codes, n);
+    matcher->cell_count += (int64_t)block * n;
+    if (matcher->current_column == matcher->column_count) {
+        alignment_end found = {matcher->best_score, matcher->level, matcher->chain,
+                               matcher->reversed, matcher->best_column};
 
-        if (m->best >= m->least)
-            keep(m, &found);
-        next_alignment(m);
+        if (matcher->best_score >= matcher->min_score)
+            insert_end(matcher, &found);
+        next_alignment(matcher);
     }
     return 1;
 }
 
-/* ---- Pairs ---- */
+/* ---- Traceback and fit ---- */
 
-/* First sample of the window that ends at a kept match. */
-static int32_t window_start(const cairn_fragment_matcher *m, const kept_match *k)
+/* Returns the first sample of the traceback window of an alignment end. */
+static int32_t window_start(const cairn_fragment_matcher *matcher, const alignment_end *end)
 {
-    int32_t from = k->column + 1 - FRAGMENT_WINDOW * m->model.samples_each;
+    int32_t from = end->column + 1 - FRAGMENT_WINDOW_RATIO * matcher->model.samples_each;
 
     return from > 0 ? from : 0;
 }
 
-static const kept_match *kept_next(const cairn_fragment_matcher *m)
+/* Returns the current alignment end. */
+static const alignment_end *current_end(const cairn_fragment_matcher *matcher)
 {
-    return &m->kept[(size_t)m->fragment * (size_t)m->params.matches_each + (size_t)m->next];
+    return &matcher->ends[(size_t)matcher->fragment * (size_t)matcher->params.matches_each +
+                          (size_t)matcher->next_end];
 }
 
-static cairn_real compare(const void *context, int32_t i, int32_t j)
+/* The score of a pair for the traceback. */
+static cairn_real pair_score(const void *context, int32_t i, int32_t j)
 {
-    const cairn_fragment_matcher *m = context;
-    const kept_match *k = kept_next(m);
-    int32_t at = window_start(m, k) + j,
-            code = m->chain_code[at < m->samples ? at : at - m->samples];
+    const cairn_fragment_matcher *matcher = context;
+    const alignment_end *end = current_end(matcher);
+    int32_t at = window_start(matcher, end) + j,
+            code =
+                matcher->chain_code[at < matcher->sample_count ? at : at - matcher->sample_count];
 
-    return (cairn_real)
-        m->gain[(uint32_t)(cairn_fragment_match_codes(m, m->fragment, k->reversed)[i] - code) &
-                (FRAGMENT_DIRECTIONS - 1)];
+    return (cairn_real)matcher
+        ->gain[(uint32_t)(cairn_fragment_match_codes(matcher, matcher->fragment, end->reversed)[i] -
+                          code) &
+               (FRAGMENT_DIRECTIONS - 1)];
 }
 
-/* Samples the chain of the next kept match again, at its step. */
-static int do_trace(cairn_fragment_matcher *m, cairn_budget *budget)
+/* Samples the chain of the next alignment end again, at its step, and begins the traceback. */
+static int step_trace(cairn_fragment_matcher *matcher, cairn_budget *budget)
 {
-    const kept_match *k;
+    const alignment_end *end;
     cairn_status status;
-    cairn_real step = m->params.min_step;
+    cairn_real step = matcher->params.min_step;
 
-    if (m->next == m->kept_count[m->fragment]) {
-        if (!cairn_budget_pay(budget, &m->paid, 1))
+    if (matcher->next_end == matcher->end_count[matcher->fragment]) {
+        if (!cairn_budget_pay(budget, &matcher->units_charged, 1))
             return 0;
-        m->next = 0;
-        if (++m->fragment == m->model.fragment_count)
-            m->phase = FRAGMENT_DONE;
+        matcher->next_end = 0;
+        if (++matcher->fragment == matcher->model.fragment_count)
+            matcher->phase = FRAGMENT_DONE;
         return 1;
     }
-    k = kept_next(m);
-    for (int32_t i = 0; i < k->level; i++)
-        step *= m->params.step_ratio;
-    m->step = step;
-    m->chain = k->chain;
-    measure_chain(m);
-    if (!cairn_budget_pay(budget, &m->paid, 1 + cost_of_sampling(m)))
+    end = current_end(matcher);
+    for (int32_t i = 0; i < end->level; i++)
+        step *= matcher->params.step_ratio;
+    matcher->step = step;
+    matcher->chain = end->chain;
+    measure_chain(matcher);
+    if (!cairn_budget_pay(budget, &matcher->units_charged, 1 + sampling_cost(matcher)))
         return 0;
-    sample_chain(m);
-    status = cairn_sequence_begin(m->pairing, m->model.samples_each,
-                                  k->column + 1 - window_start(m, k), compare, m);
+    sample_chain(matcher);
+    status =
+        cairn_sequence_begin(matcher->aligner, matcher->model.samples_each,
+                             end->column + 1 - window_start(matcher, end), pair_score, matcher);
     CAIRN_ASSERT(status == CAIRN_OK);
     (void)status;
-    m->phase = FRAGMENT_PAIR;
+    matcher->phase = FRAGMENT_PAIR;
     return 1;
 }
 
-/* The fragment's sample and the place on the chain of a pair. */
-static void places_of(const cairn_fragment_matcher *m, const kept_match *k,
-                      cairn_sequence_pair pair, cairn_vec2 places[2])
+/* Sets the fragment's sample and the chain position of a pair. */
+static void positions_of(const cairn_fragment_matcher *matcher, const alignment_end *end,
+                         cairn_sequence_pair pair, cairn_vec2 positions[2])
 {
-    int32_t n = m->model.samples_each, own = k->reversed ? n - 1 - pair.first : pair.first;
-    int32_t at = window_start(m, k) + pair.second;
+    int32_t n = matcher->model.samples_each, own = end->reversed ? n - 1 - pair.first : pair.first;
+    int32_t at = window_start(matcher, end) + pair.second;
 
-    places[0] = m->model.samples[m->model.fragments[m->fragment].first + own].position;
-    places[1] = m->places[at < m->samples ? at : at - m->samples];
+    positions[0] =
+        matcher->model.samples[matcher->model.fragments[matcher->fragment].first + own].position;
+    positions[1] = matcher->positions[at < matcher->sample_count ? at : at - matcher->sample_count];
 }
 
-/* Scale and centre of least squares (Adluru 2008, section 5.2.2, without rotation): s = sum (f -
+/* Least-squares scale and centroid (Adluru 2008, section 5.2.2, without rotation): s = sum (f -
  * mean)(e - mean) / sum (f - mean)^2. */
-static void fit(const cairn_fragment_matcher *m, const kept_match *k,
+static void fit(const cairn_fragment_matcher *matcher, const alignment_end *end,
                 const cairn_sequence_result *r, cairn_fragment_match *match)
 {
-    cairn_vec2 place[2], mean[2] = {{0, 0}, {0, 0}};
-    cairn_real both = 0, own = 0, off = 0;
+    cairn_vec2 position[2], mean[2] = {{0, 0}, {0, 0}};
+    cairn_real both = 0, own = 0, squared_sum = 0;
 
     for (int32_t i = 0; i < r->count; i++) {
-        places_of(m, k, r->pairs[i], place);
-        mean[0] = cairn_vec2_add(mean[0], place[0]);
-        mean[1] = cairn_vec2_add(mean[1], place[1]);
+        positions_of(matcher, end, r->pairs[i], position);
+        mean[0] = cairn_vec2_add(mean[0], position[0]);
+        mean[1] = cairn_vec2_add(mean[1], position[1]);
     }
     mean[0] = cairn_vec2_scale(mean[0], 1 / (cairn_real)r->count);
     mean[1] = cairn_vec2_scale(mean[1], 1 / (cairn_real)r->count);
     for (int32_t i = 0; i < r->count; i++) {
         cairn_vec2 f;
 
-        places_of(m, k, r->pairs[i], place);
-        f = cairn_vec2_sub(place[0], mean[0]);
-        both += cairn_vec2_dot(f, cairn_vec2_sub(place[1], mean[1]));
+        positions_of(matcher, end, r->pairs[i], position);
+        f = cairn_vec2_sub(position[0], mean[0]);
+        both += cairn_vec2_dot(f, cairn_vec2_sub(position[1], mean[1]));
         own += cairn_vec2_norm_squared(f);
     }
     match->scale = own > 0 ? both / own : 0;
     match->centre = cairn_vec2_add(
-        mean[1], cairn_vec2_scale(cairn_vec2_sub(m->model.centroid, mean[0]), match->scale));
+        mean[1], cairn_vec2_scale(cairn_vec2_sub(matcher->model.centroid, mean[0]), match->scale));
     for (int32_t i = 0; i < r->count; i++) {
-        places_of(m, k, r->pairs[i], place);
-        off += cairn_vec2_norm_squared(
-            cairn_vec2_sub(cairn_vec2_sub(place[1], mean[1]),
-                           cairn_vec2_scale(cairn_vec2_sub(place[0], mean[0]), match->scale)));
+        positions_of(matcher, end, r->pairs[i], position);
+        squared_sum += cairn_vec2_norm_squared(
+            cairn_vec2_sub(cairn_vec2_sub(position[1], mean[1]),
+                           cairn_vec2_scale(cairn_vec2_sub(position[0], mean[0]), match->scale)));
     }
-    match->off = cairn_sqrt(off / (cairn_real)r->count);
+    match->off = cairn_sqrt(squared_sum / (cairn_real)r->count);
 }
 
-static int do_pair(cairn_fragment_matcher *m, cairn_budget *budget)
+static int step_pair(cairn_fragment_matcher *matcher, cairn_budget *budget)
 {
-    if (cairn_sequence_step(m->pairing, budget) != CAIRN_OK)
+    if (cairn_sequence_step(matcher->aligner, budget) != CAIRN_OK)
         return 0;
-    m->phase = FRAGMENT_FIT;
+    matcher->phase = FRAGMENT_FIT;
     return 1;
 }
 
-static int do_fit(cairn_fragment_matcher *m, cairn_budget *budget)
+static int step_fit(cairn_fragment_matcher *matcher, cairn_budget *budget)
 {
-    cairn_fragment_match *match = &m->matches[m->match_count];
-    const kept_match *k = kept_next(m);
-    cairn_sequence_result r = cairn_sequence_read(m->pairing);
+    cairn_fragment_match *match = &matcher->matches[matcher->match_count];
+    const alignment_end *end = current_end(matcher);
+    cairn_sequence_result r = cairn_sequence_read(matcher->aligner);
     int32_t first, last;
 
-    if (!cairn_budget_pay(budget, &m->paid, 1 + r.count / PAIRS_A_UNIT))
+    if (!cairn_budget_pay(budget, &matcher->units_charged, 1 + r.count / PAIRS_PER_UNIT))
         return 0;
-    first = window_start(m, k) + r.pairs[0].second;
-    last = window_start(m, k) + r.pairs[r.count - 1].second;
-    fit(m, k, &r, match);
-    if (last - first < m->samples && is_allowed(m, match->scale)) {
-        match->fragment = m->fragment;
-        match->chain = k->chain;
-        match->reversed = k->reversed;
+    first = window_start(matcher, end) + r.pairs[0].second;
+    last = window_start(matcher, end) + r.pairs[r.count - 1].second;
+    fit(matcher, end, &r, match);
+    if (last - first < matcher->sample_count && is_scale_allowed(matcher, match->scale)) {
+        match->fragment = matcher->fragment;
+        match->chain = end->chain;
+        match->reversed = end->reversed;
         match->pairs = r.count;
-        match->similarity =
-            (cairn_real)k->score / (cairn_real)(FRAGMENT_UNIT * m->model.samples_each);
-        match->from = (cairn_real)first * step_of(m);
-        match->to = (cairn_real)last * step_of(m);
-        m->match_count++;
+        match->similarity = (cairn_real)end->score /
+                            (cairn_real)(FRAGMENT_SCORE_UNIT * matcher->model.samples_each);
+        match->from = (cairn_real)first * sample_distance(matcher);
+        match->to = (cairn_real)last * sample_distance(matcher);
+        matcher->match_count++;
     }
-    m->kept_all++;
-    m->next++;
-    m->phase = FRAGMENT_TRACE;
+    matcher->candidate_count++;
+    matcher->next_end++;
+    matcher->phase = FRAGMENT_TRACE;
     return 1;
 }
 
-cairn_status cairn_fragment_match_step(cairn_fragment_matcher *m, cairn_budget *budget)
+cairn_status cairn_fragment_match_step(cairn_fragment_matcher *matcher, cairn_budget *budget)
 {
     int more = 1;
 
-    if (m == NULL || budget == NULL)
+    if (matcher == NULL || budget == NULL)
         return CAIRN_BAD_ARGUMENT;
-    while (more && m->phase != FRAGMENT_IDLE && m->phase != FRAGMENT_DONE)
-        more = m->phase == FRAGMENT_SAMPLE  ? do_sample(m, budget)
-               : m->phase == FRAGMENT_ALIGN ? do_align(m, budget)
-               : m->phase == FRAGMENT_TRACE ? do_trace(m, budget)
-               : m->phase == FRAGMENT_PAIR  ? do_pair(m, budget)
-                                            : do_fit(m, budget);
+    while (more && matcher->phase != FRAGMENT_IDLE && matcher->phase != FRAGMENT_DONE)
+        more = matcher->phase == FRAGMENT_SAMPLE  ? step_sample(matcher, budget)
+               : matcher->phase == FRAGMENT_ALIGN ? step_align(matcher, budget)
+               : matcher->phase == FRAGMENT_TRACE ? step_trace(matcher, budget)
+               : matcher->phase == FRAGMENT_PAIR  ? step_pair(matcher, budget)
+                                                  : step_fit(matcher, budget);
     return more ? CAIRN_OK : CAIRN_MORE;
 }

@@ -1,17 +1,17 @@
-/* fragment_match_work: what the parts of fragment_match share. Internal to the library. */
+/* Internal structures of module fragment_match. */
 #ifndef CAIRN_CONTOUR_FRAGMENT_MATCH_WORK_H
 #define CAIRN_CONTOUR_FRAGMENT_MATCH_WORK_H
 
 #include "cairn/fragment_match.h"
 #include "cairn/sequence.h"
 
-/* Of a turn; what a pair of the same direction gains; samples before the end of an alignment for
- * each of the fragment's. */
+/* Quantized directions per turn; score of an equal pair; chain samples of the traceback window
+ * for each fragment sample; capacity of fragment samples. */
 enum {
     FRAGMENT_DIRECTIONS = 1024,
-    FRAGMENT_UNIT = 1024,
-    FRAGMENT_WINDOW = 3,
-    FRAGMENT_SAMPLES_EACH_MOST = 64
+    FRAGMENT_SCORE_UNIT = 1024,
+    FRAGMENT_WINDOW_RATIO = 3,
+    FRAGMENT_MAX_SAMPLES = 64
 };
 enum {
     FRAGMENT_IDLE,
@@ -23,53 +23,59 @@ enum {
     FRAGMENT_DONE
 };
 
-/* The end of an alignment: behind row and column. */
-typedef struct kept_match {
+/* The end of an alignment: its last chain sample (column), sampling step (level) and score. */
+typedef struct alignment_end {
     int32_t score, level, chain, reversed, column;
-} kept_match;
+} alignment_end;
 
 struct cairn_fragment_matcher {
     cairn_fragment_match_params params;
     cairn_part_model model;
     const cairn_curve *chains;
-    /* [max_chains] px */
+    /* [max_chains] Length of each chain, px. */
     cairn_real *length;
-    /* [2 * max_fragments * samples_each] as they run, then reversed */
+    /* [2 * max_fragments * samples_per_fragment] Direction codes, forward and reversed. */
     int16_t *fragment_code;
-    /* [max_samples] of the chain */
-    cairn_vec2 *places, *direction;
-    /* [max_samples] */
+    /* [max_samples] Samples of the current chain, px, and their unit tangents. */
+    cairn_vec2 *positions, *direction;
+    /* [max_samples] Direction codes of the chain. */
     int16_t *chain_code;
-    /* [max_fragments * matches_each] */
-    kept_match *kept;
+    /* [max_fragments * matches_per_fragment] Best alignment ends of each fragment. */
+    alignment_end *ends;
     /* [max_fragments] */
-    int32_t *kept_count;
-    /* [max_fragments * matches_each] */
+    int32_t *end_count;
+    /* [max_fragments * matches_per_fragment] */
     cairn_fragment_match *matches;
-    cairn_sequence *pairing;
+    /* Traceback of an alignment. */
+    cairn_sequence *aligner;
+    /* Score by quantized direction difference, in 1 / FRAGMENT_SCORE_UNIT. */
     int32_t gain[FRAGMENT_DIRECTIONS];
-    int32_t column[FRAGMENT_SAMPLES_EACH_MOST];
-    /* >= 1: that the limits of the scale are beyond themselves */
-    cairn_real slack;
-    /* parts of FRAGMENT_UNIT; of a similarity */
-    int32_t gap, least;
-    /* samples of a chain at least */
-    int32_t need;
-    /* px */
-    cairn_real step, last;
+    /* Current column of the Smith-Waterman table. */
+    int32_t dp_column[FRAGMENT_MAX_SAMPLES];
+    /* Factor by which the scale range is widened on both sides, >= 1. */
+    cairn_real scale_slack;
+    /* In 1 / FRAGMENT_SCORE_UNIT; min_score: least score of a match. */
+    int32_t gap_score, min_score;
+    /* Least number of samples of a chain. */
+    int32_t min_samples;
+    /* Current and last sampling step, px. */
+    cairn_real step, last_step;
+    /* Index of the sampling step; chains, current chain, fragment and orientation. */
     int32_t level, chain_count, chain, fragment, reversed;
-    /* of the chain, and how many are gone through */
-    int32_t samples, closed, columns;
-    int32_t at, best, best_at;
-    /* of the fragment's kept matches */
-    int32_t next;
-    int32_t match_count, kept_all;
-    int64_t cells;
-    int32_t phase, paid;
+    /* Samples of the chain; closed: it wraps around; columns including the extension. */
+    int32_t sample_count, closed, column_count;
+    /* Current column; best score of the chain and its column. */
+    int32_t current_column, best_score, best_column;
+    /* Index in the fragment's alignment ends. */
+    int32_t next_end;
+    int32_t match_count, candidate_count;
+    int64_t cell_count;
+    /* Current phase; work units charged for the next work item. */
+    int32_t phase, units_charged;
 };
 
-/* A direction in parts of a turn. */
-static inline int16_t cairn_fragment_match_code(cairn_vec2 direction)
+/* Returns the quantized direction, 0 ... FRAGMENT_DIRECTIONS - 1. */
+static inline int16_t cairn_fragment_match_quantize(cairn_vec2 direction)
 {
     cairn_real parts =
         cairn_atan2(direction.y, direction.x) * (FRAGMENT_DIRECTIONS / (2 * CAIRN_PI));
@@ -77,11 +83,12 @@ static inline int16_t cairn_fragment_match_code(cairn_vec2 direction)
     return (int16_t)((uint32_t)cairn_real_to_int(cairn_rint(parts)) & (FRAGMENT_DIRECTIONS - 1));
 }
 
-/* Those of a fragment as it runs, or reversed. */
-static inline int16_t *cairn_fragment_match_codes(const cairn_fragment_matcher *m, int32_t fragment,
-                                                  int32_t reversed)
+/* Returns the direction codes of a fragment, forward or reversed. */
+static inline int16_t *cairn_fragment_match_codes(const cairn_fragment_matcher *matcher,
+                                                  int32_t fragment, int32_t reversed)
 {
-    return &m->fragment_code[(size_t)(2 * fragment + reversed) * (size_t)m->model.samples_each];
+    return &matcher->fragment_code[(size_t)(2 * fragment + reversed) *
+                                   (size_t)matcher->model.samples_each];
 }
 
 #endif

@@ -1,62 +1,66 @@
-/* Shortest ways within a polygon with holes.
+/* Geodesic distances within a polygon with holes: visibility graph and all-pairs shortest paths.
  *
- * Method: two vertices see each other when they are neighbours of an outline, or when the segment
- * between them leaves both into the shape and touches no side of other vertices. A segment that
- * only grazes a vertex counts as blocked: the way over that vertex is as long, and no rounding
- * decides on which side it passes. Shortest ways bend at reflex vertices alone, so those are all
- * that Floyd's sums over intermediate vertices must visit; straight vertices are taken along, for
- * ways that graze them.
+ * Method:
+ * 1. Two vertices are visible to each other if they are neighbours on an outline, or if the segment
+ *    between them enters the shape at both ends and touches no edge of other vertices. A segment
+ *    that only grazes a vertex counts as blocked: the path over that vertex is equally long, and
+ *    rounding cannot decide the side.
+ * 2. Shortest paths bend at reflex vertices only. The Floyd-Warshall algorithm therefore uses
+ *    reflex vertices as intermediate vertices; straight vertices are included for grazing paths.
  *
- * Layout: vertices with the directions of the sides behind them, neighbours, flags, the square of
- * distances.
+ * Memory layout: vertices with their edge directions, neighbours and flags, the distance matrix.
  *
- * Limits: what is nearer than TOUCH (of the size) touches. Vertices must not coincide but for
- * neighbours.
+ * Limits: points closer than CONTACT_TOLERANCE (relative to the size) touch. Non-adjacent vertices
+ * must not coincide.
  *
- * Source: Lozano-Perez & Wesley 1979 (ways along vertices); Adluru 2008, section 4.5. */
+ * Source: Lozano-Perez and Wesley 1979 (visibility graph); Adluru 2008, section 4.5. */
 #include "src/core/build.h"
 
 #include <string.h>
 
 #include "cairn/inner_distance.h"
 
-enum { IDLE, SIGHT, WAYS, SPAN, DONE };
-enum { LEAST_POINTS = 3, MOST_POINTS = 2048 };
-/* Units: a pair of vertices, sides that it is tested against, sums that are compared. */
-enum { UNITS_A_PAIR = 1, SIDES_A_UNIT = 8, SUMS_A_UNIT = 24 };
+enum { PHASE_IDLE, PHASE_VISIBILITY, PHASE_PATHS, PHASE_MAXIMUM, PHASE_DONE };
+enum { MIN_POINTS = 3, MAX_POINTS = 2048 };
+/* Work units: a pair of vertices, edges tested for visibility, compared sums. */
+enum { UNITS_PER_PAIR = 1, EDGES_PER_UNIT = 8, SUMS_PER_UNIT = 24 };
 
 #ifdef CAIRN_FLOAT
-#define TOUCH    CAIRN_REAL(8e-6)
-#define STRAIGHT CAIRN_REAL(1e-4)
+#define CONTACT_TOLERANCE CAIRN_REAL(8e-6)
+#define MAX_STRAIGHT_SINE CAIRN_REAL(1e-4)
 #else
-#define TOUCH    CAIRN_REAL(1.5e-14)
-#define STRAIGHT CAIRN_REAL(1e-6)
+#define CONTACT_TOLERANCE CAIRN_REAL(1.5e-14)
+#define MAX_STRAIGHT_SINE CAIRN_REAL(1e-6)
 #endif
 
 typedef struct inner_vertex {
-    /* along: unit direction of the side to the next; the shape lies to its left */
-    cairn_vec2 at, along;
+    /* direction: unit direction of the edge to the next vertex; the shape lies to its left. */
+    cairn_vec2 position, direction;
     int32_t before, after;
-    /* 1: shortest ways may bend or graze here */
-    int32_t bends;
+    /* 1: shortest paths may bend or graze here (reflex or straight vertex). */
+    int32_t is_path_vertex;
 } inner_vertex;
 
 struct cairn_inner_distance {
     cairn_inner_distance_params params;
     inner_vertex *vertices;
     cairn_real *distance;
-    int32_t count, outer;
-    int32_t i, k;     /* what the phase is at */
-    int32_t blocker;  /* the side that was met last */
-    cairn_real touch; /* nearer than that touches */
-    cairn_real far;   /* longer than any way */
-    cairn_real greatest;
-    int32_t phase, paid;
+    int32_t count, outer_count;
+    int32_t row, column;  /* Current cell of the distance matrix. */
+    int32_t last_blocker; /* The edge that blocked the previous segment. */
+    /* Distance below which points touch, in the units of the outline. */
+    cairn_real contact_tolerance;
+    cairn_real unreachable; /* Upper bound of any path length: no path yet. */
+    cairn_real max_distance;
+    int32_t phase, units_charged;
 };
 
 cairn_inner_distance_params cairn_inner_distance_default(void)
 {
-    cairn_inner_distance_params params = {128, 0};
+    cairn_inner_distance_params params = {
+        .max_points = 128,
+        .fill_holes = 0,
+    };
 
     return params;
 }
@@ -64,23 +68,23 @@ cairn_inner_distance_params cairn_inner_distance_default(void)
 static cairn_inner_distance *carve(cairn_pool *pool, const cairn_inner_distance_params *p)
 {
     size_t n = (size_t)p->max_points;
-    cairn_inner_distance *d = cairn_pool_take_one(pool, sizeof *d);
+    cairn_inner_distance *inner = cairn_pool_take_one(pool, sizeof *inner);
     inner_vertex *vertices = cairn_pool_take(pool, n, sizeof *vertices);
     cairn_real *distance = cairn_pool_take(pool, n * n, sizeof *distance);
 
-    if (d != NULL) {
-        memset(d, 0, sizeof *d);
-        d->vertices = vertices;
-        d->distance = distance;
+    if (inner != NULL) {
+        memset(inner, 0, sizeof *inner);
+        inner->vertices = vertices;
+        inner->distance = distance;
     }
-    return d;
+    return inner;
 }
 
 size_t cairn_inner_distance_memory(const cairn_inner_distance_params *params)
 {
     cairn_pool counting;
 
-    if (params == NULL || params->max_points < LEAST_POINTS || params->max_points > MOST_POINTS ||
+    if (params == NULL || params->max_points < MIN_POINTS || params->max_points > MAX_POINTS ||
         (params->fill_holes != 0 && params->fill_holes != 1))
         return 0;
     cairn_pool_init_counting(&counting);
@@ -102,10 +106,10 @@ cairn_status cairn_inner_distance_create(cairn_inner_distance **inner, cairn_poo
     return CAIRN_OK;
 }
 
-/* ---- The outlines ---- */
+/* ---- Outlines ---- */
 
-/* *reach: the greatest coordinate; *whole: the length of all outlines. */
-static cairn_status check_outlines(const cairn_inner_distance *d, const cairn_curve *outlines,
+/* *reach: greatest absolute coordinate; *whole: length of all outlines. */
+static cairn_status check_outlines(const cairn_inner_distance *inner, const cairn_curve *outlines,
                                    int32_t count, cairn_real *reach, cairn_real *whole)
 {
     int32_t points = 0;
@@ -113,9 +117,9 @@ static cairn_status check_outlines(const cairn_inner_distance *d, const cairn_cu
     for (int32_t i = 0; i < count; i++) {
         const cairn_curve *c = &outlines[i];
 
-        if (c->points == NULL || c->count < LEAST_POINTS || !c->closed)
+        if (c->points == NULL || c->count < MIN_POINTS || !c->closed)
             return CAIRN_BAD_ARGUMENT;
-        if (c->count > d->params.max_points - points)
+        if (c->count > inner->params.max_points - points)
             return CAIRN_FULL;
         points += c->count;
     }
@@ -138,215 +142,231 @@ static cairn_status check_outlines(const cairn_inner_distance *d, const cairn_cu
     return CAIRN_OK;
 }
 
-/* Takes an outline over so that the shape lies to its left, its vertices in their order. */
-static void add_outline(cairn_inner_distance *d, const cairn_curve *curve, int32_t is_hole)
+/* Copies an outline in its vertex order; before and after are linked so that the shape lies to
+ * the left. */
+static void add_outline(cairn_inner_distance *inner, const cairn_curve *curve, int32_t is_hole)
 {
-    int32_t first = d->count, n = curve->count;
+    int32_t first = inner->count, n = curve->count;
     int forward = (cairn_polygon_area(curve->points, n) > 0) != is_hole;
 
     for (int32_t i = 0; i < n; i++) {
-        inner_vertex *v = &d->vertices[first + i];
+        inner_vertex *v = &inner->vertices[first + i];
         int32_t low = first + (i > 0 ? i - 1 : n - 1), high = first + (i + 1 < n ? i + 1 : 0);
 
-        v->at = curve->points[i];
+        v->position = curve->points[i];
         v->before = forward ? low : high;
         v->after = forward ? high : low;
     }
-    d->count += n;
-    for (int32_t i = first; i < d->count; i++)
-        d->vertices[i].along = cairn_vec2_unit(
-            cairn_vec2_sub(d->vertices[d->vertices[i].after].at, d->vertices[i].at));
-    for (int32_t i = first; i < d->count; i++)
-        d->vertices[i].bends = cairn_vec2_cross(d->vertices[d->vertices[i].before].along,
-                                                d->vertices[i].along) <= STRAIGHT;
+    inner->count += n;
+    for (int32_t i = first; i < inner->count; i++)
+        inner->vertices[i].direction = cairn_vec2_unit(cairn_vec2_sub(
+            inner->vertices[inner->vertices[i].after].position, inner->vertices[i].position));
+    for (int32_t i = first; i < inner->count; i++)
+        inner->vertices[i].is_path_vertex =
+            cairn_vec2_cross(inner->vertices[inner->vertices[i].before].direction,
+                             inner->vertices[i].direction) <= MAX_STRAIGHT_SINE;
 }
 
-cairn_status cairn_inner_distance_begin(cairn_inner_distance *d, const cairn_curve *outlines,
+cairn_status cairn_inner_distance_begin(cairn_inner_distance *inner, const cairn_curve *outlines,
                                         int32_t count)
 {
     cairn_real reach, whole;
     cairn_status status;
 
-    if (d == NULL || outlines == NULL || count < 1)
+    if (inner == NULL || outlines == NULL || count < 1)
         return CAIRN_BAD_ARGUMENT;
-    count = d->params.fill_holes ? 1 : count;
-    status = check_outlines(d, outlines, count, &reach, &whole);
+    count = inner->params.fill_holes ? 1 : count;
+    status = check_outlines(inner, outlines, count, &reach, &whole);
     if (status != CAIRN_OK)
         return status;
-    d->count = 0;
+    inner->count = 0;
     for (int32_t i = 0; i < count; i++)
-        add_outline(d, &outlines[i], i > 0);
-    d->outer = outlines[0].count;
-    d->touch = TOUCH * (reach + whole);
-    d->far = 2 * whole;
-    d->i = d->k = d->blocker = d->paid = 0;
-    d->greatest = 0;
-    d->phase = SIGHT;
+        add_outline(inner, &outlines[i], i > 0);
+    inner->outer_count = outlines[0].count;
+    inner->contact_tolerance = CONTACT_TOLERANCE * (reach + whole);
+    inner->unreachable = 2 * whole;
+    inner->row = inner->column = inner->last_blocker = inner->units_charged = 0;
+    inner->max_distance = 0;
+    inner->phase = PHASE_VISIBILITY;
     return CAIRN_OK;
 }
 
-/* ---- Who sees whom ---- */
+/* ---- Visibility graph ---- */
 
-/* 1 when a unit direction leaves a vertex into the shape, or along one of its sides. */
-static int leads_inside(const cairn_inner_distance *d, const inner_vertex *v, cairn_vec2 direction)
+/* Returns 1 if a unit direction enters the shape at a vertex, or runs along one of its edges. */
+static int leads_inside(const cairn_inner_distance *inner, const inner_vertex *v,
+                        cairn_vec2 direction)
 {
-    cairn_vec2 in = d->vertices[v->before].along;
-    int of_in = cairn_vec2_cross(in, direction) >= -STRAIGHT,
-        of_out = cairn_vec2_cross(v->along, direction) >= -STRAIGHT;
+    cairn_vec2 in = inner->vertices[v->before].direction;
+    int of_in = cairn_vec2_cross(in, direction) >= -MAX_STRAIGHT_SINE,
+        of_out = cairn_vec2_cross(v->direction, direction) >= -MAX_STRAIGHT_SINE;
 
-    return cairn_vec2_cross(in, v->along) >= 0 ? of_in && of_out : of_in || of_out;
+    return cairn_vec2_cross(in, v->direction) >= 0 ? of_in && of_out : of_in || of_out;
 }
 
-/* A segment between two vertices: where it begins, its unit direction, its length. */
-typedef struct sight {
+/* A segment between two vertices: start, unit direction, length. */
+typedef struct sight_line {
     cairn_vec2 from, along;
     cairn_real length;
-} sight;
+} sight_line;
 
-static cairn_real aside(const sight *s, cairn_vec2 p)
+/* Returns the signed distance of a point to the line of a segment. */
+static cairn_real lateral_offset(const sight_line *s, cairn_vec2 p)
 {
     return cairn_vec2_cross(s->along, cairn_vec2_sub(p, s->from));
 }
 
-static cairn_real ahead(const sight *s, cairn_vec2 p)
+/* Returns the position of a point along a segment. */
+static cairn_real position_along(const sight_line *s, cairn_vec2 p)
 {
     return cairn_vec2_dot(s->along, cairn_vec2_sub(p, s->from));
 }
 
-static int is_within(const sight *s, cairn_real place)
+static int is_within(const sight_line *s, cairn_real place)
 {
     return place >= 0 && place <= s->length;
 }
 
-/* 1 when the segment meets a side, whose ends lie `a` and `b` aside of it. */
-static int meets(const sight *s, cairn_vec2 from, cairn_vec2 to, cairn_real a, cairn_real b,
-                 cairn_real touch)
+/* Returns 1 if the segment touches an edge whose ends have lateral offsets a and b. */
+static int intersects(const sight_line *s, cairn_vec2 from, cairn_vec2 to, cairn_real a,
+                      cairn_real b, cairn_real tolerance)
 {
-    if ((a > touch && b > touch) || (a < -touch && b < -touch))
+    if ((a > tolerance && b > tolerance) || (a < -tolerance && b < -tolerance))
         return 0;
-    if (cairn_abs(a) <= touch || cairn_abs(b) <= touch)
-        return (cairn_abs(a) <= touch && is_within(s, ahead(s, from))) ||
-               (cairn_abs(b) <= touch && is_within(s, ahead(s, to)));
-    return is_within(s, (ahead(s, from) * b - ahead(s, to) * a) / (b - a));
+    if (cairn_abs(a) <= tolerance || cairn_abs(b) <= tolerance)
+        return (cairn_abs(a) <= tolerance && is_within(s, position_along(s, from))) ||
+               (cairn_abs(b) <= tolerance && is_within(s, position_along(s, to)));
+    return is_within(s, (position_along(s, from) * b - position_along(s, to) * a) / (b - a));
 }
 
-static int blocks(const cairn_inner_distance *d, const sight *s, int32_t side, int32_t i, int32_t k)
+/* Returns whether an edge blocks the segment between vertices i and k. */
+static int is_blocking(const cairn_inner_distance *inner, const sight_line *s, int32_t side,
+                       int32_t i, int32_t k)
 {
-    const inner_vertex *v = &d->vertices[side];
-    cairn_vec2 to = d->vertices[v->after].at;
+    const inner_vertex *v = &inner->vertices[side];
+    cairn_vec2 to = inner->vertices[v->after].position;
 
     if (side == i || side == k || v->after == i || v->after == k)
         return 0;
-    return meets(s, v->at, to, aside(s, v->at), aside(s, to), d->touch);
+    return intersects(s, v->position, to, lateral_offset(s, v->position), lateral_offset(s, to),
+                      inner->contact_tolerance);
 }
 
-/* Neighbouring segments are mostly blocked by the same side: it is asked first. */
-static int are_in_sight(cairn_inner_distance *d, int32_t i, int32_t k)
+/* Neighbouring segments are mostly blocked by the same edge: it is tested first. */
+static int are_visible(cairn_inner_distance *inner, int32_t i, int32_t k)
 {
-    const inner_vertex *a = &d->vertices[i], *b = &d->vertices[k];
-    cairn_vec2 way = cairn_vec2_sub(b->at, a->at);
-    sight s = {a->at, cairn_vec2_unit(way), cairn_vec2_norm(way)};
+    const inner_vertex *a = &inner->vertices[i], *b = &inner->vertices[k];
+    cairn_vec2 displacement = cairn_vec2_sub(b->position, a->position);
+    sight_line s = {a->position, cairn_vec2_unit(displacement), cairn_vec2_norm(displacement)};
 
     if (a->after == k || a->before == k)
         return 1;
-    if (!leads_inside(d, a, s.along) || !leads_inside(d, b, cairn_vec2_scale(s.along, -1)) ||
-        blocks(d, &s, d->blocker, i, k))
+    if (!leads_inside(inner, a, s.along) ||
+        !leads_inside(inner, b, cairn_vec2_scale(s.along, -1)) ||
+        is_blocking(inner, &s, inner->last_blocker, i, k))
         return 0;
-    for (int32_t side = 0; side < d->count; side++)
-        if (blocks(d, &s, side, i, k)) {
-            d->blocker = side;
+    for (int32_t side = 0; side < inner->count; side++)
+        if (is_blocking(inner, &s, side, i, k)) {
+            inner->last_blocker = side;
             return 0;
         }
     return 1;
 }
 
-static cairn_status step_sight(cairn_inner_distance *d, cairn_budget *budget)
+/* Fills the distance matrix with the edges of the visibility graph. */
+static cairn_status step_visibility(cairn_inner_distance *inner, cairn_budget *budget)
 {
-    int32_t n = d->count;
+    int32_t n = inner->count;
 
-    for (; d->i < n; d->i++, d->k = 0) {
-        for (; d->k < d->i; d->k++) {
-            cairn_real length = d->far;
+    for (; inner->row < n; inner->row++, inner->column = 0) {
+        for (; inner->column < inner->row; inner->column++) {
+            cairn_real length = inner->unreachable;
 
-            if (!cairn_budget_pay(budget, &d->paid, UNITS_A_PAIR + n / SIDES_A_UNIT))
+            if (!cairn_budget_pay(budget, &inner->units_charged,
+                                  UNITS_PER_PAIR + n / EDGES_PER_UNIT))
                 return CAIRN_MORE;
-            if (are_in_sight(d, d->i, d->k))
-                length =
-                    cairn_vec2_norm(cairn_vec2_sub(d->vertices[d->i].at, d->vertices[d->k].at));
-            d->distance[d->i * n + d->k] = d->distance[d->k * n + d->i] = length;
+            if (are_visible(inner, inner->row, inner->column))
+                length = cairn_vec2_norm(cairn_vec2_sub(inner->vertices[inner->row].position,
+                                                        inner->vertices[inner->column].position));
+            inner->distance[inner->row * n + inner->column] =
+                inner->distance[inner->column * n + inner->row] = length;
         }
-        d->distance[d->i * n + d->i] = 0;
+        inner->distance[inner->row * n + inner->row] = 0;
     }
-    d->i = d->k = 0;
-    d->phase = WAYS;
+    inner->row = inner->column = 0;
+    inner->phase = PHASE_PATHS;
     return CAIRN_OK;
 }
 
-/* ---- The ways ---- */
+/* ---- Shortest paths ---- */
 
-/* Ways from vertex i over vertex k to all others. */
-static void relax(cairn_inner_distance *d, int32_t i, int32_t k)
+/* Relaxes the paths from vertex i over vertex k to all others (Floyd-Warshall step). */
+static void relax(cairn_inner_distance *inner, int32_t i, int32_t k)
 {
-    cairn_real *own = &d->distance[i * d->count], first = own[k];
-    const cairn_real *over = &d->distance[k * d->count];
+    cairn_real *own = &inner->distance[i * inner->count], first = own[k];
+    const cairn_real *over = &inner->distance[k * inner->count];
 
-    for (int32_t to = 0; to < d->count; to++)
+    for (int32_t to = 0; to < inner->count; to++)
         own[to] = cairn_min(own[to], first + over[to]);
 }
 
-static cairn_status step_ways(cairn_inner_distance *d, cairn_budget *budget)
+/* Runs the Floyd-Warshall algorithm over the reflex vertices. */
+static cairn_status step_paths(cairn_inner_distance *inner, cairn_budget *budget)
 {
-    int32_t n = d->count;
+    int32_t n = inner->count;
 
-    for (; d->k < n; d->k++, d->i = 0) {
-        for (; d->i < n && d->vertices[d->k].bends; d->i++) {
-            if (!cairn_budget_pay(budget, &d->paid, 1 + n / SUMS_A_UNIT))
+    for (; inner->column < n; inner->column++, inner->row = 0) {
+        for (; inner->row < n && inner->vertices[inner->column].is_path_vertex; inner->row++) {
+            if (!cairn_budget_pay(budget, &inner->units_charged, 1 + n / SUMS_PER_UNIT))
                 return CAIRN_MORE;
-            if (d->distance[d->i * n + d->k] < d->far)
-                relax(d, d->i, d->k);
+            if (inner->distance[inner->row * n + inner->column] < inner->unreachable)
+                relax(inner, inner->row, inner->column);
         }
     }
-    d->i = 0;
-    d->phase = SPAN;
+    inner->row = 0;
+    inner->phase = PHASE_MAXIMUM;
     return CAIRN_OK;
 }
 
-static cairn_status step_span(cairn_inner_distance *d, cairn_budget *budget)
+/* Computes the greatest distance. */
+static cairn_status step_maximum(cairn_inner_distance *inner, cairn_budget *budget)
 {
-    for (; d->i < d->outer; d->i++) {
-        if (!cairn_budget_pay(budget, &d->paid, 1 + d->outer / SUMS_A_UNIT))
+    for (; inner->row < inner->outer_count; inner->row++) {
+        if (!cairn_budget_pay(budget, &inner->units_charged,
+                              1 + inner->outer_count / SUMS_PER_UNIT))
             return CAIRN_MORE;
-        for (int32_t k = 0; k < d->outer; k++)
-            d->greatest = cairn_max(d->greatest, d->distance[d->i * d->count + k]);
+        for (int32_t k = 0; k < inner->outer_count; k++)
+            inner->max_distance =
+                cairn_max(inner->max_distance, inner->distance[inner->row * inner->count + k]);
     }
-    d->phase = DONE;
+    inner->phase = PHASE_DONE;
     return CAIRN_OK;
 }
 
-cairn_status cairn_inner_distance_step(cairn_inner_distance *d, cairn_budget *budget)
+cairn_status cairn_inner_distance_step(cairn_inner_distance *inner, cairn_budget *budget)
 {
     cairn_status status = CAIRN_OK;
 
-    if (d == NULL || budget == NULL)
+    if (inner == NULL || budget == NULL)
         return CAIRN_BAD_ARGUMENT;
-    if (d->phase == SIGHT)
-        status = step_sight(d, budget);
-    if (d->phase == WAYS && status == CAIRN_OK)
-        status = step_ways(d, budget);
-    if (d->phase == SPAN && status == CAIRN_OK)
-        status = step_span(d, budget);
+    if (inner->phase == PHASE_VISIBILITY)
+        status = step_visibility(inner, budget);
+    if (inner->phase == PHASE_PATHS && status == CAIRN_OK)
+        status = step_paths(inner, budget);
+    if (inner->phase == PHASE_MAXIMUM && status == CAIRN_OK)
+        status = step_maximum(inner, budget);
     return status;
 }
 
-cairn_inner_distance_result cairn_inner_distance_read(const cairn_inner_distance *d)
+cairn_inner_distance_result cairn_inner_distance_read(const cairn_inner_distance *inner)
 {
     cairn_inner_distance_result result = {NULL, 0, 0, 0};
 
-    if (d != NULL && d->phase == DONE) {
-        result.distance = d->distance;
-        result.count = d->outer;
-        result.stride = d->count;
-        result.greatest = d->greatest;
+    if (inner != NULL && inner->phase == PHASE_DONE) {
+        result.distance = inner->distance;
+        result.count = inner->outer_count;
+        result.stride = inner->count;
+        result.greatest = inner->max_distance;
     }
     return result;
 }

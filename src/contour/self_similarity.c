@@ -1,31 +1,35 @@
-/* Axes of self-similarity.
+/* Bilateral symmetry detection by self-similarity: interface, descriptors and phases.
  *
- * Method: the outline is sampled evenly. Every sample is described by its inner distances to all
- * samples, in both senses of rotation; two samples are alike when what one sees ahead the other
- * sees behind. Arcs between two cuts are compared by warping the one, walked forward, onto the
- * other, walked backward; as written by the sum along the warp, by default divided by its length,
- * so that long and short arcs compare. Cuts are sought on all levels of the discrete curve
- * evolution, whose vertices are samples.
+ * Method:
+ * 1. The outline is sampled evenly. The descriptor of a sample is the cyclic sequence of its inner
+ *    distances to all samples, in both orientations. Two samples are similar if the forward
+ *    descriptor of one equals the backward descriptor of the other.
+ * 2. Dynamic time warping aligns one arc between two cut points, forward, with the other, backward.
+ *    The cost is the sum along the warping path; by default it is divided by the path length, so
+ *    that long and short arcs compare.
+ * 3. Cuts are searched on all levels of the discrete curve evolution, whose vertices are samples.
+ * 4. The default mode re-ranks the cuts (self_similarity_rank.c, self_similarity_joint.c).
+ * 5. Non-maximum suppression keeps the local minima.
  *
- * Layout: samples, the square of differences, two rows of a warp, cuts, axes; the inner distances
- * and the evolution own theirs.
+ * Memory layout: samples, the matrix of descriptor distances, two rows of the warping table, cuts,
+ * axes. The inner distances and the curve evolution own their memory.
  *
- * Limits: one outline: other parts of an object are not looked at. Holes that are small against the
- * spacing of samples, and more of them than fit, are taken for filled.
+ * Limits: one outline only; disconnected parts of an object are ignored. Holes smaller than the
+ * sample spacing, or beyond the capacity, are treated as filled.
  *
- * Source: Adluru 2008, chapter 4 (eq. 4.2 to 4.4); eq. 4.3 is read as aligned with 4.2: both
- * begin at the point itself. */
+ * Source: Adluru 2008, chapter 4 (eq. 4.2 to 4.4); eq. 4.3 is aligned with 4.2: both begin at
+ * the point itself. */
 #include "src/core/build.h"
 
 #include <string.h>
 
 #include "src/contour/self_similarity_work.h"
 
-enum { LEAST_POINTS = 16, MOST_POINTS = 512, LEAST_HOLE = 4, LEAST_VERTICES = 4 };
-/* Both ends of an axis, in both arcs. */
+enum { MIN_SAMPLES = 16, MAX_SAMPLES = 512, MIN_HOLE_SAMPLES = 4, MIN_VERTICES = 4 };
+/* Both ends of an axis, once for each arc. */
 enum { FLAT_ENDS = 4 };
-/* Units: distances compared. */
-enum { DISTANCES_A_UNIT = 24, UNITS_AN_AXIS = 4 };
+/* Distances per work unit; work units per axis. */
+enum { DISTANCES_PER_UNIT = 24, UNITS_PER_AXIS = 4 };
 
 cairn_self_similarity_params cairn_self_similarity_default(void)
 {
@@ -53,18 +57,21 @@ cairn_self_similarity_params cairn_self_similarity_as_written(void)
 static int params_are_valid(const cairn_self_similarity_params *p)
 {
     return p != NULL && (p->mode == CAIRN_MODE_DEFAULT || p->mode == CAIRN_MODE_AS_WRITTEN) &&
-           p->points >= LEAST_POINTS && p->points <= MOST_POINTS &&
+           p->points >= MIN_SAMPLES && p->points <= MAX_SAMPLES &&
            (p->hole_points == 0 ||
-            (p->hole_points >= LEAST_HOLE && p->hole_points <= MOST_POINTS)) &&
-           p->least_vertices >= LEAST_VERTICES && p->most_vertices >= p->least_vertices &&
-           p->most_vertices <= SIMILARITY_VERTICES && p->most_vertices <= p->points &&
+            (p->hole_points >= MIN_HOLE_SAMPLES && p->hole_points <= MAX_SAMPLES)) &&
+           p->least_vertices >= MIN_VERTICES && p->most_vertices >= p->least_vertices &&
+           p->most_vertices <= SIMILARITY_MAX_VERTICES && p->most_vertices <= p->points &&
            p->tie >= 0 && cairn_is_finite(p->tie) && p->tie_floor >= 0 &&
            cairn_is_finite(p->tie_floor) && p->separation > 0 && p->separation <= CAIRN_REAL(0.25);
 }
 
 static cairn_inner_distance_params inner_params(const cairn_self_similarity_params *p)
 {
-    cairn_inner_distance_params inner = {p->points + p->hole_points, p->hole_points == 0};
+    cairn_inner_distance_params inner = {
+        .max_points = p->points + p->hole_points,
+        .fill_holes = p->hole_points == 0,
+    };
 
     return inner;
 }
@@ -72,37 +79,37 @@ static cairn_inner_distance_params inner_params(const cairn_self_similarity_para
 static cairn_self_similarity *carve(cairn_pool *pool, const cairn_self_similarity_params *p)
 {
     size_t n = (size_t)p->points;
-    cairn_self_similarity *s = cairn_pool_take_one(pool, sizeof *s);
+    cairn_self_similarity *similarity = cairn_pool_take_one(pool, sizeof *similarity);
     cairn_vec2 *samples = cairn_pool_take(pool, n + (size_t)p->hole_points, sizeof *samples);
     cairn_vec2 *next = cairn_pool_take(pool, n + (size_t)p->hole_points, sizeof *next);
     cairn_vec2 *smooth = cairn_pool_take(pool, n, sizeof *smooth);
     cairn_vec2 *flat_holes = cairn_pool_take(pool, (size_t)p->hole_points, sizeof *flat_holes);
     cairn_vec2 *flat = cairn_pool_take(pool, 3 * (n + FLAT_ENDS), sizeof *flat);
-    cairn_real *unlike = cairn_pool_take(pool, n * n, sizeof *unlike);
-    cairn_real *sum = cairn_pool_take(pool, 2 * n, sizeof *sum);
+    cairn_real *descriptor_distance = cairn_pool_take(pool, n * n, sizeof *descriptor_distance);
+    cairn_real *dtw_sum = cairn_pool_take(pool, 2 * n, sizeof *dtw_sum);
     cairn_real *residual = cairn_pool_take(pool, (1 + SIMILARITY_VARIABLES) * n, sizeof *residual);
-    int32_t *steps = cairn_pool_take(pool, 2 * n, sizeof *steps);
-    int32_t *walk = cairn_pool_take(pool, n, sizeof *walk);
-    int32_t *near = cairn_pool_take(pool, 2 * n, sizeof *near);
+    int32_t *dtw_length = cairn_pool_take(pool, 2 * n, sizeof *dtw_length);
+    int32_t *dtw_samples = cairn_pool_take(pool, n, sizeof *dtw_samples);
+    int32_t *nearby = cairn_pool_take(pool, 2 * n, sizeof *nearby);
 
-    if (s != NULL) {
-        memset(s, 0, sizeof *s);
-        s->samples = samples;
-        s->next = next;
-        s->smooth = smooth;
-        s->nudged = flat;
-        s->flat_holes = flat_holes;
-        s->trial[0].room = flat + (n + FLAT_ENDS);
-        s->trial[1].room = flat + 2 * (n + FLAT_ENDS);
-        s->trial[0].near = near;
-        s->trial[1].near = near + n;
-        s->unlike = unlike;
-        s->sum = sum;
-        s->residual = residual;
-        s->steps = steps;
-        s->walk = walk;
+    if (similarity != NULL) {
+        memset(similarity, 0, sizeof *similarity);
+        similarity->samples = samples;
+        similarity->next_samples = next;
+        similarity->smoothed = smooth;
+        similarity->perturbed = flat;
+        similarity->axis_holes = flat_holes;
+        similarity->trial[0].buffer = flat + (n + FLAT_ENDS);
+        similarity->trial[1].buffer = flat + 2 * (n + FLAT_ENDS);
+        similarity->trial[0].nearest_segment = nearby;
+        similarity->trial[1].nearest_segment = nearby + n;
+        similarity->descriptor_distance = descriptor_distance;
+        similarity->dtw_sum = dtw_sum;
+        similarity->residual = residual;
+        similarity->dtw_length = dtw_length;
+        similarity->dtw_samples = dtw_samples;
     }
-    return s;
+    return similarity;
 }
 
 size_t cairn_self_similarity_memory(const cairn_self_similarity_params *params)
@@ -148,8 +155,9 @@ cairn_status cairn_self_similarity_create(cairn_self_similarity **similarity, ca
     return CAIRN_OK;
 }
 
-/* ---- The outlines ---- */
+/* ---- Outlines ---- */
 
+/* Validates the outlines. */
 static cairn_status check_outlines(const cairn_curve *outlines, int32_t count)
 {
     for (int32_t i = 0; i < count; i++) {
@@ -168,23 +176,24 @@ static cairn_status check_outlines(const cairn_curve *outlines, int32_t count)
     return CAIRN_OK;
 }
 
-/* Samples the holes as densely as the outline, or as there is room; those that come out without
- * area are left out. */
-static int32_t sample_holes(cairn_self_similarity *s, const cairn_curve *outlines, int32_t count,
-                            cairn_curve *sampled)
+/* Samples the holes as densely as the outline, or as the capacity allows; holes without area are
+ * skipped. Returns the number of sampled outlines. */
+static int32_t sample_holes(cairn_self_similarity *similarity, const cairn_curve *outlines,
+                            int32_t count, cairn_curve *sampled)
 {
-    int32_t n = s->params.points, most = s->params.hole_points, taken = 1;
-    cairn_real spacing = cairn_curve_length(&outlines[0]) / (cairn_real)n, all = 0, room, dense;
-    cairn_vec2 *to = s->next + n;
+    int32_t n = similarity->params.points, most = similarity->params.hole_points, taken = 1;
+    cairn_real spacing = cairn_curve_length(&outlines[0]) / (cairn_real)n, all = 0, spare_samples,
+               density;
+    cairn_vec2 *to = similarity->next_samples + n;
 
-    count = count - 1 > most / LEAST_HOLE ? 1 + most / LEAST_HOLE : count;
+    count = count - 1 > most / MIN_HOLE_SAMPLES ? 1 + most / MIN_HOLE_SAMPLES : count;
     for (int32_t i = 1; i < count; i++)
         all += cairn_curve_length(&outlines[i]);
-    room = (cairn_real)(most - (count - 1) * LEAST_HOLE);
-    dense = all > room * spacing ? room / all : 1 / spacing;
+    spare_samples = (cairn_real)(most - (count - 1) * MIN_HOLE_SAMPLES);
+    density = all > spare_samples * spacing ? spare_samples / all : 1 / spacing;
     for (int32_t i = 1; i < count; i++) {
-        int32_t points =
-            LEAST_HOLE + cairn_real_to_int(cairn_floor(dense * cairn_curve_length(&outlines[i])));
+        int32_t points = MIN_HOLE_SAMPLES +
+                         cairn_real_to_int(cairn_floor(density * cairn_curve_length(&outlines[i])));
         cairn_curve hole = {to, points, 1};
 
         if (cairn_curve_resample(&outlines[i], to, NULL, points) == CAIRN_OK &&
@@ -196,112 +205,122 @@ static int32_t sample_holes(cairn_self_similarity *s, const cairn_curve *outline
     return taken;
 }
 
-cairn_status cairn_self_similarity_begin(cairn_self_similarity *s, const cairn_curve *outlines,
-                                         int32_t count)
+cairn_status cairn_self_similarity_begin(cairn_self_similarity *similarity,
+                                         const cairn_curve *outlines, int32_t count)
 {
     cairn_curve sampled[CAIRN_SYMMETRY_OUTLINES];
     cairn_vec2 *to_swap;
     int32_t holes = 1;
     cairn_status status;
 
-    if (s == NULL || outlines == NULL || count < 1)
+    if (similarity == NULL || outlines == NULL || count < 1)
         return CAIRN_BAD_ARGUMENT;
     if (count > CAIRN_SYMMETRY_OUTLINES)
         return CAIRN_FULL;
     status = check_outlines(outlines, count);
     if (status != CAIRN_OK)
         return status;
-    sampled[0].points = s->next;
-    sampled[0].count = s->params.points;
+    sampled[0].points = similarity->next_samples;
+    sampled[0].count = similarity->params.points;
     sampled[0].closed = 1;
-    status = cairn_curve_resample(&outlines[0], s->next, NULL, s->params.points);
+    status = cairn_curve_resample(&outlines[0], similarity->next_samples, NULL,
+                                  similarity->params.points);
     if (status == CAIRN_OK)
-        holes = sample_holes(s, outlines, count, sampled);
+        holes = sample_holes(similarity, outlines, count, sampled);
     if (status == CAIRN_OK)
-        status = cairn_inner_distance_begin(s->inner, sampled, holes);
+        status = cairn_inner_distance_begin(similarity->inner, sampled, holes);
     if (status == CAIRN_OK)
-        status = cairn_curve_evolution_begin(s->evolution, s->next, s->params.points);
+        status = cairn_curve_evolution_begin(similarity->evolution, similarity->next_samples,
+                                             similarity->params.points);
     if (status != CAIRN_OK)
         return status;
-    to_swap = s->samples;
-    s->samples = s->next;
-    s->next = to_swap;
-    s->holes = holes - 1;
-    for (int32_t i = 0; i < s->holes; i++)
-        s->hole_count[i] = sampled[i + 1].count;
-    s->i = s->k = s->paid = 0;
-    s->axis_count = s->ties = 0;
-    s->comparisons = 0;
-    s->phase = SIMILARITY_INNER;
+    to_swap = similarity->samples;
+    similarity->samples = similarity->next_samples;
+    similarity->next_samples = to_swap;
+    similarity->hole_total = holes - 1;
+    for (int32_t i = 0; i < similarity->hole_total; i++)
+        similarity->hole_count[i] = sampled[i + 1].count;
+    similarity->cursor = similarity->inner_cursor = similarity->units_charged = 0;
+    similarity->axis_count = similarity->tie_count = 0;
+    similarity->comparison_count = 0;
+    similarity->phase = SIMILARITY_INNER;
     return CAIRN_OK;
 }
 
-/* ---- How unlike samples are ---- */
+/* ---- Descriptor distances ---- */
 
-/* Eq. 4.4, as a root of the mean square in units of the greatest distance. */
-static cairn_real compare(const cairn_inner_distance_result *inner, int32_t i, int32_t k)
+/* Eq. 4.4: root mean square difference of two descriptors, relative to the greatest distance. */
+static cairn_real descriptor_difference(const cairn_inner_distance_result *inner, int32_t i,
+                                        int32_t k)
 {
     const cairn_real *ahead = &inner->distance[i * inner->stride],
                      *behind = &inner->distance[k * inner->stride];
     int32_t n = inner->count, to = i, back = k;
-    cairn_real sum = 0;
+    cairn_real dtw_sum = 0;
 
     for (int32_t m = 0; m < n; m++) {
         cairn_real d = ahead[to] - behind[back];
 
-        sum += d * d;
+        dtw_sum += d * d;
         to = to + 1 < n ? to + 1 : 0;
         back = back > 0 ? back - 1 : n - 1;
     }
-    return cairn_sqrt(sum / (cairn_real)n) / inner->greatest;
+    return cairn_sqrt(dtw_sum / (cairn_real)n) / inner->greatest;
 }
 
-static cairn_status step_compare(cairn_self_similarity *s, cairn_budget *budget)
+/* Fills the symmetric matrix of descriptor distances. */
+static cairn_status step_compare(cairn_self_similarity *similarity, cairn_budget *budget)
 {
-    cairn_inner_distance_result inner = cairn_inner_distance_read(s->inner);
-    int32_t n = s->params.points;
+    cairn_inner_distance_result inner = cairn_inner_distance_read(similarity->inner);
+    int32_t n = similarity->params.points;
 
-    for (; s->i < n; s->i++, s->k = 0)
-        for (; s->k <= s->i; s->k++) {
-            if (!cairn_budget_pay(budget, &s->paid, 1 + n / DISTANCES_A_UNIT))
+    for (; similarity->cursor < n; similarity->cursor++, similarity->inner_cursor = 0)
+        for (; similarity->inner_cursor <= similarity->cursor; similarity->inner_cursor++) {
+            if (!cairn_budget_pay(budget, &similarity->units_charged, 1 + n / DISTANCES_PER_UNIT))
                 return CAIRN_MORE;
-            s->unlike[s->i * n + s->k] = s->unlike[s->k * n + s->i] = compare(&inner, s->i, s->k);
+            similarity->descriptor_distance[similarity->cursor * n + similarity->inner_cursor] =
+                similarity->descriptor_distance[similarity->inner_cursor * n + similarity->cursor] =
+                    descriptor_difference(&inner, similarity->cursor, similarity->inner_cursor);
         }
     return CAIRN_OK;
 }
 
-/* ---- Cuts that are kept ---- */
+/* ---- Non-maximum suppression ---- */
 
-static cairn_real apart(cairn_real a, cairn_real b, cairn_real round)
+/* Returns the distance of two positions along a closed outline. */
+static cairn_real cyclic_distance(cairn_real a, cairn_real b, cairn_real round)
 {
     cairn_real d = cairn_abs(a - b);
 
     return cairn_min(d, round - d);
 }
 
-static int are_near(const cairn_self_similarity *s, const similarity_cut *a,
-                    const similarity_cut *b)
+/* Returns whether both ends of two cuts are closer than the non-maximum-suppression radius. */
+static int are_within_radius(const cairn_self_similarity *similarity, const similarity_cut *a,
+                             const similarity_cut *b)
 {
-    cairn_real n = (cairn_real)s->params.points, near = s->params.separation * n;
+    cairn_real n = (cairn_real)similarity->params.points,
+               nearby = similarity->params.separation * n;
 
-    return (apart(a->place[0], b->place[0], n) < near &&
-            apart(a->place[1], b->place[1], n) < near) ||
-           (apart(a->place[0], b->place[1], n) < near && apart(a->place[1], b->place[0], n) < near);
+    return (cyclic_distance(a->position[0], b->position[0], n) < nearby &&
+            cyclic_distance(a->position[1], b->position[1], n) < nearby) ||
+           (cyclic_distance(a->position[0], b->position[1], n) < nearby &&
+            cyclic_distance(a->position[1], b->position[0], n) < nearby);
 }
 
-void cairn_similarity_offer(const cairn_self_similarity *s, similarity_list *list,
-                            const similarity_cut *cut)
+void cairn_similarity_insert(const cairn_self_similarity *similarity, similarity_list *list,
+                             const similarity_cut *cut)
 {
     int32_t kept = 0, at;
 
     for (int32_t i = 0; i < list->count && list->cuts[i].cost <= cut->cost; i++)
-        if (are_near(s, &list->cuts[i], cut))
+        if (are_within_radius(similarity, &list->cuts[i], cut))
             return;
     for (int32_t i = 0; i < list->count; i++)
-        if (list->cuts[i].cost <= cut->cost || !are_near(s, &list->cuts[i], cut))
+        if (list->cuts[i].cost <= cut->cost || !are_within_radius(similarity, &list->cuts[i], cut))
             list->cuts[kept++] = list->cuts[i];
     list->count = kept;
-    if (kept == SIMILARITY_KEPT) {
+    if (kept == SIMILARITY_MAX_CUTS) {
         if (list->cuts[kept - 1].cost <= cut->cost)
             return;
         list->count--;
@@ -312,31 +331,33 @@ void cairn_similarity_offer(const cairn_self_similarity *s, similarity_list *lis
     list->count++;
 }
 
-/* ---- The verdict ---- */
+/* ---- Result ---- */
 
-cairn_vec2 cairn_similarity_point(const cairn_self_similarity *s, const cairn_vec2 *samples,
-                                  cairn_real place)
+cairn_vec2 cairn_similarity_point(const cairn_self_similarity *similarity,
+                                  const cairn_vec2 *samples, cairn_real position)
 {
-    int32_t n = s->params.points, i = cairn_real_to_int(cairn_floor(place));
+    int32_t n = similarity->params.points, i = cairn_real_to_int(cairn_floor(position));
     cairn_vec2 a = samples[i % n], b = samples[(i + 1) % n];
 
-    return cairn_vec2_add(a, cairn_vec2_scale(cairn_vec2_sub(b, a), place - (cairn_real)i));
+    return cairn_vec2_add(a, cairn_vec2_scale(cairn_vec2_sub(b, a), position - (cairn_real)i));
 }
 
-static cairn_symmetry_axis axis_of(const cairn_self_similarity *s, const similarity_cut *cut)
+/* Returns the reported axis of a cut. */
+static cairn_symmetry_axis axis_of(const cairn_self_similarity *similarity,
+                                   const similarity_cut *cut)
 {
-    cairn_real n = (cairn_real)s->params.points;
+    cairn_real n = (cairn_real)similarity->params.points;
     cairn_symmetry_axis axis;
 
     for (int32_t i = 0; i < 2; i++) {
-        axis.end[i] = cairn_similarity_point(s, s->samples, cut->place[i]);
-        axis.place[i] = cut->place[i] / n;
+        axis.end[i] = cairn_similarity_point(similarity, similarity->samples, cut->position[i]);
+        axis.place[i] = cut->position[i] / n;
         axis.arc[i].from = cut->from[i] / n;
         axis.arc[i].to = cut->to[i] / n;
     }
     axis.dissimilarity = cut->cost;
-    axis.misfit = cut->misfit;
-    axis.warp = cut->warp;
+    axis.misfit = cut->mirror_residual;
+    axis.warp = cut->dtw_cost;
     axis.bend = cut->bend;
     axis.skew = cut->skew;
     axis.mirror_point = cairn_vec2_scale(cairn_vec2_add(axis.end[0], axis.end[1]), CAIRN_REAL(0.5));
@@ -346,128 +367,132 @@ static cairn_symmetry_axis axis_of(const cairn_self_similarity *s, const similar
     return axis;
 }
 
-/* An axis a time, then the verdict. */
-static cairn_status step_judge(cairn_self_similarity *s, cairn_budget *budget)
+/* Fills in one axis per work item, then the verdict. */
+static cairn_status step_report(cairn_self_similarity *similarity, cairn_budget *budget)
 {
-    int32_t fits = s->params.mode != CAIRN_MODE_AS_WRITTEN, count = s->list.count;
-    int32_t units = UNITS_AN_AXIS + (fits ? cairn_similarity_mirror_units(s) : 0);
+    int32_t fits = similarity->params.mode != CAIRN_MODE_AS_WRITTEN, count = similarity->list.count;
+    int32_t units = UNITS_PER_AXIS + (fits ? cairn_similarity_mirror_cost(similarity) : 0);
     cairn_real good;
 
-    for (; s->i < count && s->i < CAIRN_SYMMETRY_AXES; s->i++) {
-        if (!cairn_budget_pay(budget, &s->paid, units))
+    for (; similarity->cursor < count && similarity->cursor < CAIRN_SYMMETRY_AXES;
+         similarity->cursor++) {
+        if (!cairn_budget_pay(budget, &similarity->units_charged, units))
             return CAIRN_MORE;
-        s->axes[s->i] = axis_of(s, &s->list.cuts[s->i]);
+        similarity->axes[similarity->cursor] =
+            axis_of(similarity, &similarity->list.cuts[similarity->cursor]);
         if (fits)
-            cairn_similarity_mirror(s, &s->list.cuts[s->i], &s->axes[s->i]);
-        good = s->axes[0].dissimilarity * (1 + s->params.tie) + s->params.tie_floor;
-        s->ties += s->axes[s->i].dissimilarity <= good;
-        s->axis_count = s->i + 1;
+            cairn_similarity_mirror(similarity, &similarity->list.cuts[similarity->cursor],
+                                    &similarity->axes[similarity->cursor]);
+        good = similarity->axes[0].dissimilarity * (1 + similarity->params.tie) +
+               similarity->params.tie_floor;
+        similarity->tie_count += similarity->axes[similarity->cursor].dissimilarity <= good;
+        similarity->axis_count = similarity->cursor + 1;
     }
-    s->verdict = s->ties < 2         ? CAIRN_SYMMETRY_ONE
-                 : s->rotations == 0 ? CAIRN_SYMMETRY_ROUND
-                                     : CAIRN_SYMMETRY_MANY;
+    similarity->verdict = similarity->tie_count < 2         ? CAIRN_SYMMETRY_ONE
+                          : similarity->rotation_order == 0 ? CAIRN_SYMMETRY_ROUND
+                                                            : CAIRN_SYMMETRY_MANY;
     return CAIRN_OK;
 }
 
-/* ---- All of it ---- */
+/* ---- Phases ---- */
 
-/* What comes behind a phase: as written, nothing of the ranking; where no joints moved, nothing
- * of the nearby warps. */
-static similarity_phase phase_after(const cairn_self_similarity *s)
+/* Returns the next phase. As written there is no re-ranking. Without articulation the local
+ * alignment is skipped. */
+static similarity_phase phase_after(const cairn_self_similarity *similarity)
 {
-    if (s->phase == SIMILARITY_SPLIT && s->params.mode == CAIRN_MODE_AS_WRITTEN)
-        return SIMILARITY_TURN;
-    if (s->phase == SIMILARITY_FIT && !(s->jointed > 0))
-        return SIMILARITY_TURN;
-    return s->phase + 1;
+    if (similarity->phase == SIMILARITY_SEARCH && similarity->params.mode == CAIRN_MODE_AS_WRITTEN)
+        return SIMILARITY_ROTATION;
+    if (similarity->phase == SIMILARITY_FIT && !(similarity->articulation > 0))
+        return SIMILARITY_ROTATION;
+    return similarity->phase + 1;
 }
 
-static void begin_phase(cairn_self_similarity *s, similarity_phase phase)
+static void begin_phase(cairn_self_similarity *similarity, similarity_phase phase)
 {
-    s->phase = phase;
-    s->i = s->k = 0;
+    similarity->phase = phase;
+    similarity->cursor = similarity->inner_cursor = 0;
     switch (phase) {
-    case SIMILARITY_SPLIT:
-        cairn_similarity_split_begin(s);
+    case SIMILARITY_SEARCH:
+        cairn_similarity_search_begin(similarity);
         break;
     case SIMILARITY_SCAN:
-        cairn_similarity_scan_begin(s);
+        cairn_similarity_scan_begin(similarity);
         break;
     case SIMILARITY_FIT:
-        cairn_similarity_fits_begin(s);
+        cairn_similarity_fits_begin(similarity);
         break;
-    case SIMILARITY_SCAN_NEAR:
-        cairn_similarity_scan_near_begin(s);
+    case SIMILARITY_SCAN_LOCAL:
+        cairn_similarity_scan_local_begin(similarity);
         break;
-    case SIMILARITY_BLEND:
-        cairn_similarity_blend_begin(s);
+    case SIMILARITY_FINAL_FIT:
+        cairn_similarity_final_fit_begin(similarity);
         break;
-    case SIMILARITY_TURN:
-        cairn_similarity_turn_begin(s);
+    case SIMILARITY_ROTATION:
+        cairn_similarity_rotation_begin(similarity);
         break;
     default:
         break;
     }
 }
 
-static cairn_status step_phase(cairn_self_similarity *s, cairn_budget *budget)
+static cairn_status step_phase(cairn_self_similarity *similarity, cairn_budget *budget)
 {
-    switch (s->phase) {
+    switch (similarity->phase) {
     case SIMILARITY_INNER:
-        return cairn_inner_distance_step(s->inner, budget);
+        return cairn_inner_distance_step(similarity->inner, budget);
     case SIMILARITY_EVOLVE:
-        return cairn_curve_evolution_step(s->evolution, budget);
+        return cairn_curve_evolution_step(similarity->evolution, budget);
     case SIMILARITY_COMPARE:
-        return step_compare(s, budget);
-    case SIMILARITY_SPLIT:
-        return cairn_similarity_split_step(s, budget);
+        return step_compare(similarity, budget);
+    case SIMILARITY_SEARCH:
+        return cairn_similarity_search_step(similarity, budget);
     case SIMILARITY_SCAN:
-        return cairn_similarity_scan_step(s, budget);
+        return cairn_similarity_scan_step(similarity, budget);
     case SIMILARITY_FIT:
-        return cairn_similarity_fits_step(s, budget);
-    case SIMILARITY_COMPARE_NEAR:
-        return cairn_similarity_near_step(s, budget);
-    case SIMILARITY_SLIDE:
-        return cairn_similarity_slide_step(s, budget);
-    case SIMILARITY_SCAN_NEAR:
-        return cairn_similarity_scan_near_step(s, budget);
-    case SIMILARITY_BLEND:
-        return cairn_similarity_blend_step(s, budget);
-    case SIMILARITY_TURN:
-        return cairn_similarity_turn_step(s, budget);
+        return cairn_similarity_fits_step(similarity, budget);
+    case SIMILARITY_COMPARE_LOCAL:
+        return cairn_similarity_local_step(similarity, budget);
+    case SIMILARITY_LOCAL_OFFSETS:
+        return cairn_similarity_local_offsets_step(similarity, budget);
+    case SIMILARITY_SCAN_LOCAL:
+        return cairn_similarity_scan_local_step(similarity, budget);
+    case SIMILARITY_FINAL_FIT:
+        return cairn_similarity_final_fit_step(similarity, budget);
+    case SIMILARITY_ROTATION:
+        return cairn_similarity_rotation_step(similarity, budget);
     default:
-        return step_judge(s, budget);
+        return step_report(similarity, budget);
     }
 }
 
-cairn_status cairn_self_similarity_step(cairn_self_similarity *s, cairn_budget *budget)
+cairn_status cairn_self_similarity_step(cairn_self_similarity *similarity, cairn_budget *budget)
 {
-    if (s == NULL || budget == NULL)
+    if (similarity == NULL || budget == NULL)
         return CAIRN_BAD_ARGUMENT;
-    while (s->phase != SIMILARITY_IDLE && s->phase != SIMILARITY_DONE) {
-        cairn_status status = step_phase(s, budget);
+    while (similarity->phase != SIMILARITY_IDLE && similarity->phase != SIMILARITY_DONE) {
+        cairn_status status = step_phase(similarity, budget);
 
         if (status != CAIRN_OK)
             return status;
-        begin_phase(s, phase_after(s));
+        begin_phase(similarity, phase_after(similarity));
     }
     return CAIRN_OK;
 }
 
-cairn_self_similarity_result cairn_self_similarity_read(const cairn_self_similarity *s)
+cairn_self_similarity_result cairn_self_similarity_read(const cairn_self_similarity *similarity)
 {
     cairn_self_similarity_result result;
 
     memset(&result, 0, sizeof result);
-    if (s == NULL || s->phase != SIMILARITY_DONE)
+    if (similarity == NULL || similarity->phase != SIMILARITY_DONE)
         return result;
-    result.axes = s->axes;
-    result.count = s->axis_count;
-    result.ties = s->ties;
-    result.verdict = s->verdict;
-    result.rotations = s->rotations;
-    result.samples = s->samples;
-    result.sample_count = s->params.points;
-    result.comparisons = s->comparisons;
+    result.axes = similarity->axes;
+    result.count = similarity->axis_count;
+    result.ties = similarity->tie_count;
+    result.verdict = similarity->verdict;
+    result.rotations = similarity->rotation_order;
+    result.samples = similarity->samples;
+    result.sample_count = similarity->params.points;
+    result.comparisons = similarity->comparison_count;
     return result;
 }

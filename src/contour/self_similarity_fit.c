@@ -1,81 +1,95 @@
-/* The axis near a cut under which the arcs fit best.
+/* Nonlinear least-squares fit of an axis.
  *
- * Method: Levenberg and Marquardt over the places of both ends, bend and skew, on the distances
- * of all samples to the line of the side that is nearest, outliers weighted down (Geman and
- * McClure): a limb that moved at its joint does not turn the axis. Which side is nearest is
- * found anew for each trial; a trial that is no better is dropped. */
+ * Method:
+ * 1. Variables: the positions of both ends, bend and skew.
+ * 2. Residuals: signed distances of all samples of one arc to the line of the nearest segment of
+ *    the mirrored other arc.
+ * 3. Levenberg-Marquardt with a numerical Jacobian and robust weights (Geman-McClure), so that an
+ *    articulated limb does not rotate the axis.
+ * 4. Nearest segments are searched again for each trial; a trial that does not decrease the cost
+ *    is rejected. */
 #include "src/core/build.h"
 
 #include "src/contour/self_similarity_work.h"
 
-enum { VARIABLES = SIMILARITY_VARIABLES, ROUNDS = 10 };
+enum { VARIABLES = SIMILARITY_VARIABLES, MAX_ITERATIONS = 10 };
 
-/* In spans: distances from here on count less and less. */
-#define OUTLIER CAIRN_REAL(0.02)
-/* Keeps bend and skew from drifting where nothing speaks for them. */
-#define STIFF CAIRN_REAL(1e-6)
-/* An improvement below this share is the last. */
-#define LAST_GAIN CAIRN_REAL(1e-3)
+/* Scale of the Geman-McClure weight, relative to the greatest inner distance. */
+#define GEMAN_MCCLURE_SCALE CAIRN_REAL(0.02)
+/* Weight of a zero prior on bend and skew, against drift along unobservable directions. */
+#define BEND_SKEW_PRIOR CAIRN_REAL(1e-6)
+/* Relative decrease of the cost below which the fit stops. */
+#define MIN_IMPROVEMENT CAIRN_REAL(1e-3)
 
-/* A variable's unit, and by how much of it the differences are taken; ends in samples. */
+/* Unit of each variable (end positions in samples, bend in rad, skew) and the finite-difference
+ * step, in that unit. */
 static const cairn_real unit[VARIABLES] = {2, 2, CAIRN_REAL(0.3), CAIRN_REAL(0.2)};
-#define NUDGE CAIRN_REAL(0.1)
-/* Units by which a variable moves at most. */
-#define MOST_MOVE 2
+#define DIFFERENCE_STEP CAIRN_REAL(0.1)
+/* Greatest step of a variable in an iteration, in its unit. */
+#define MAX_STEP 2
 
+/* Returns a variable of the fit: end positions, bend, skew. */
 static cairn_real *variable(similarity_cut *cut, int32_t i)
 {
-    return i < 2 ? &cut->place[i] : i == 2 ? &cut->bend : &cut->skew;
+    return i < 2 ? &cut->position[i] : i == 2 ? &cut->bend : &cut->skew;
 }
 
-/* The distances of all samples to the lines of the sides that are nearest. */
-static void measure(const cairn_self_similarity *s, const similarity_flat *flat,
-                    const int32_t *near, cairn_real *to)
+/* Computes the signed distances of all samples to the lines of their nearest segments, relative
+ * to the greatest inner distance. */
+static void compute_residuals(const cairn_self_similarity *similarity,
+                              const similarity_axis_arcs *flat, const int32_t *nearest_segment,
+                              cairn_real *to)
 {
     for (int32_t arc = 0; arc < 2; arc++)
-        for (int32_t i = 1; i + 1 < flat->count[arc]; i++, near++, to++) {
-            cairn_vec2 a = flat->points[1 - arc][*near], b = flat->points[1 - arc][*near + 1];
+        for (int32_t i = 1; i + 1 < flat->count[arc]; i++, nearest_segment++, to++) {
+            cairn_vec2 a = flat->points[1 - arc][*nearest_segment],
+                       b = flat->points[1 - arc][*nearest_segment + 1];
             cairn_vec2 normal = cairn_vec2_left(cairn_vec2_unit(cairn_vec2_sub(b, a)));
 
-            *to = cairn_vec2_dot(normal, cairn_vec2_sub(flat->points[arc][i], a)) / s->span;
+            *to = cairn_vec2_dot(normal, cairn_vec2_sub(flat->points[arc][i], a)) /
+                  similarity->max_distance;
         }
 }
 
-static cairn_real *row_of(const cairn_self_similarity *s, int32_t row)
+/* Returns the residuals (row 0) or a column of the Jacobian (row 1 + v). */
+static cairn_real *row_of(const cairn_self_similarity *similarity, int32_t row)
 {
-    return &s->residual[row * s->params.points];
+    return &similarity->residual[row * similarity->params.points];
 }
 
-/* Row 0: the distances; row 1 + v: how they change with variable v. Returns their number. */
-static int32_t differentiate(cairn_self_similarity *s, const similarity_trial *t)
+/* Computes the residuals (row 0) and the Jacobian (row 1 + v: derivative with respect to
+ * variable v) by forward differences; returns the number of residuals. */
+static int32_t compute_jacobian(cairn_self_similarity *similarity, const similarity_trial *t)
 {
     int32_t count = t->sides.count[0] + t->sides.count[1];
-    const cairn_real *here = row_of(s, 0);
+    const cairn_real *here = row_of(similarity, 0);
 
-    measure(s, &t->flat, t->near, row_of(s, 0));
+    compute_residuals(similarity, &t->axis_arcs, t->nearest_segment, row_of(similarity, 0));
     for (int32_t v = 0; v < VARIABLES; v++) {
-        cairn_real *change = row_of(s, 1 + v);
+        cairn_real *change = row_of(similarity, 1 + v);
         similarity_cut moved = t->cut;
-        similarity_flat nudged;
+        similarity_axis_arcs perturbed;
 
-        *variable(&moved, v) += NUDGE * unit[v];
+        *variable(&moved, v) += DIFFERENCE_STEP * unit[v];
         for (int32_t i = 0; i < 2; i++)
-            moved.place[i] -=
-                moved.place[i] >= (cairn_real)s->params.points ? (cairn_real)s->params.points : 0;
-        nudged = cairn_similarity_lay(s, &moved, &t->sides, s->nudged);
-        measure(s, &nudged, t->near, change);
+            moved.position[i] -= moved.position[i] >= (cairn_real)similarity->params.points
+                                     ? (cairn_real)similarity->params.points
+                                     : 0;
+        perturbed = cairn_similarity_unbend(similarity, &moved, &t->sides, similarity->perturbed);
+        compute_residuals(similarity, &perturbed, t->nearest_segment, change);
         for (int32_t i = 0; i < count; i++)
-            change[i] = (change[i] - here[i]) / NUDGE;
+            change[i] = (change[i] - here[i]) / DIFFERENCE_STEP;
     }
     return count;
 }
 
-/* a x = b of least squares, damped. */
-static void set_equations(const cairn_self_similarity *s, const similarity_cut *cut, int32_t count,
-                          cairn_real a[VARIABLES][VARIABLES], cairn_real b[VARIABLES])
+/* Sets the damped, weighted normal equations a x = b. */
+static void set_normal_equations(const cairn_self_similarity *similarity, const similarity_cut *cut,
+                                 int32_t count, cairn_real a[VARIABLES][VARIABLES],
+                                 cairn_real b[VARIABLES])
 {
-    const cairn_real *here = row_of(s, 0);
-    cairn_real stiff = STIFF * (cairn_real)count;
+    const cairn_real *here = row_of(similarity, 0);
+    cairn_real prior = BEND_SKEW_PRIOR * (cairn_real)count;
 
     for (int32_t v = 0; v < VARIABLES; v++) {
         b[v] = 0;
@@ -83,24 +97,25 @@ static void set_equations(const cairn_self_similarity *s, const similarity_cut *
             a[v][u] = 0;
     }
     for (int32_t i = 0; i < count; i++) {
-        cairn_real scaled = here[i] / OUTLIER, share = 1 / (1 + scaled * scaled),
+        cairn_real scaled = here[i] / GEMAN_MCCLURE_SCALE, share = 1 / (1 + scaled * scaled),
                    weight = share * share;
 
         for (int32_t v = 0; v < VARIABLES; v++) {
-            cairn_real change = weight * row_of(s, 1 + v)[i];
+            cairn_real change = weight * row_of(similarity, 1 + v)[i];
 
             for (int32_t u = 0; u < VARIABLES; u++)
-                a[v][u] += change * row_of(s, 1 + u)[i];
+                a[v][u] += change * row_of(similarity, 1 + u)[i];
             b[v] -= change * here[i];
         }
     }
     for (int32_t v = 0; v < VARIABLES; v++)
-        a[v][v] += s->damping * (a[v][v] + stiff) + stiff;
-    b[2] -= stiff * cut->bend / unit[2];
-    b[3] -= stiff * cut->skew / unit[3];
+        a[v][v] += similarity->damping * (a[v][v] + prior) + prior;
+    b[2] -= prior * cut->bend / unit[2];
+    b[3] -= prior * cut->skew / unit[3];
 }
 
-/* Solves a x = b for a symmetric positive a, in place; x in b. */
+/* Solves a x = b for a symmetric positive definite a by Gaussian elimination, in place; the
+ * solution is in b. */
 static void solve(cairn_real a[VARIABLES][VARIABLES], cairn_real b[VARIABLES])
 {
     for (int32_t i = 0; i < VARIABLES; i++)
@@ -118,51 +133,53 @@ static void solve(cairn_real a[VARIABLES][VARIABLES], cairn_real b[VARIABLES])
     }
 }
 
-/* One round: a trial from where the fit stands. 0: it is the last. */
-static int improve(cairn_self_similarity *s)
+/* Runs one Levenberg-Marquardt iteration; returns 0 if it is the last. */
+static int iterate(cairn_self_similarity *similarity)
 {
-    similarity_trial *stands = &s->trial[s->current], *next = &s->trial[1 - s->current];
+    similarity_trial *current = &similarity->trial[similarity->current_trial],
+                     *next = &similarity->trial[1 - similarity->current_trial];
     cairn_real a[VARIABLES][VARIABLES], b[VARIABLES];
 
-    set_equations(s, &stands->cut, differentiate(s, stands), a, b);
+    set_normal_equations(similarity, &current->cut, compute_jacobian(similarity, current), a, b);
     solve(a, b);
-    next->cut = stands->cut;
+    next->cut = current->cut;
     for (int32_t v = 0; v < VARIABLES; v++)
-        *variable(&next->cut, v) += unit[v] * cairn_max(-MOST_MOVE, cairn_min(MOST_MOVE, b[v]));
-    cairn_similarity_limit(s, &next->cut);
-    cairn_similarity_try(s, next, 1);
-    if (next->cut.cost < stands->cut.cost) {
-        int goes_on = stands->cut.cost - next->cut.cost > LAST_GAIN * stands->cut.cost;
+        *variable(&next->cut, v) += unit[v] * cairn_max(-MAX_STEP, cairn_min(MAX_STEP, b[v]));
+    cairn_similarity_clamp(similarity, &next->cut);
+    cairn_similarity_evaluate(similarity, next, 1);
+    if (next->cut.cost < current->cut.cost) {
+        int continues = current->cut.cost - next->cut.cost > MIN_IMPROVEMENT * current->cut.cost;
 
-        s->current = 1 - s->current;
-        s->damping *= CAIRN_REAL(0.2);
-        return goes_on;
+        similarity->current_trial = 1 - similarity->current_trial;
+        similarity->damping *= CAIRN_REAL(0.2);
+        return continues;
     }
-    s->damping = cairn_max(10 * s->damping, CAIRN_REAL(0.1));
+    similarity->damping = cairn_max(10 * similarity->damping, CAIRN_REAL(0.1));
     return 1;
 }
 
-void cairn_similarity_fit_begin(cairn_self_similarity *s, const similarity_cut *cut)
+void cairn_similarity_fit_begin(cairn_self_similarity *similarity, const similarity_cut *cut)
 {
-    s->trial[s->current].cut = *cut;
-    s->damping = CAIRN_REAL(0.01);
-    s->round = 0;
+    similarity->trial[similarity->current_trial].cut = *cut;
+    similarity->damping = CAIRN_REAL(0.01);
+    similarity->fit_iteration = 0;
 }
 
-cairn_status cairn_similarity_fit_step(cairn_self_similarity *s, cairn_budget *budget)
+cairn_status cairn_similarity_fit_step(cairn_self_similarity *similarity, cairn_budget *budget)
 {
-    int32_t units = cairn_similarity_trial_units(s, 1), n = s->params.points;
+    int32_t units = cairn_similarity_evaluate_cost(similarity, 1), n = similarity->params.points;
 
-    while (s->round <= ROUNDS) {
-        int goes_on = 1;
+    while (similarity->fit_iteration <= MAX_ITERATIONS) {
+        int continues = 1;
 
-        if (!cairn_budget_pay(budget, &s->paid, s->round == 0 ? units : units + VARIABLES * n))
+        if (!cairn_budget_pay(budget, &similarity->units_charged,
+                              similarity->fit_iteration == 0 ? units : units + VARIABLES * n))
             return CAIRN_MORE;
-        if (s->round == 0)
-            cairn_similarity_try(s, &s->trial[s->current], 1);
+        if (similarity->fit_iteration == 0)
+            cairn_similarity_evaluate(similarity, &similarity->trial[similarity->current_trial], 1);
         else
-            goes_on = improve(s);
-        s->round = goes_on ? s->round + 1 : ROUNDS + 1;
+            continues = iterate(similarity);
+        similarity->fit_iteration = continues ? similarity->fit_iteration + 1 : MAX_ITERATIONS + 1;
     }
     return CAIRN_OK;
 }

@@ -1,49 +1,52 @@
-/* Cuts of shapes whose limbs turned at their joints.
+/* Re-ranking of cuts for articulated shapes, whose limbs rotated at joints.
  *
- * A limb that turned is as it was: what lies together on one rigid part looks the same from both
- * sides, up to a motion. So two samples are compared by the stretches of the outline about them,
- * the one mirrored and laid on the other as well as a rigid motion can, and a stretch may lie to
- * either side of its sample: one beside a joint is told by the part that it belongs to. One arc is
- * warped onto the other by that. What did not turn, the body between the limbs, lies close when one
- * arc is mirrored: the mirror line is fitted once more, straight at first, so that what lies far
- * counts little.
+ * Method:
+ * 1. Local descriptor: the stretch of the outline about a sample. Two samples are compared by the
+ *    residual of a rigid alignment (Procrustes) of one stretch and the reflected other, so that a
+ *    rotated limb matches its counterpart.
+ * 2. A stretch may lie to either side of its sample: the minimum over equal offsets is taken, so
+ *    that a sample beside a joint is described by its own limb.
+ * 3. All pairs of every second sample are cuts; they are scored by dynamic time warping of their
+ *    arcs and by the robust mirror residual.
+ * 4. The best cuts, and the best of the earlier ranking, are fitted again from a straight axis.
+ *    Only inliers count, so that the body between the limbs determines the axis.
+ * 5. The final cost is the weighted geometric mean of warping cost and inlier residual, blended
+ *    with the first ranking by the degree of articulation.
  *
- * Method: all pairs of every other sample are warped and tried; the best, and those that were best
- * before, are fitted, and ranked by the weighted geometric mean of the warp and what lies close;
- * that is blended with the first judgement.
- *
- * Limits: where limbs in front and behind are as alike as those left and right, the body alone
- * tells its axis. */
+ * Limits: if front and hind limbs are as similar as left and right ones, the body alone
+ * determines the axis. */
 #include "src/core/build.h"
 
 #include "src/contour/self_similarity_work.h"
 
-/* How many cuts of the scan are fitted. */
-enum { JOINTED = 12 };
-/* A stretch is two of these shares of the outline long, and lies off its sample by one at most. */
-enum { PART = 32 };
-/* In spans: about the length of a stretch, of which the difference of two is told. */
-#define STRETCH CAIRN_REAL(0.25)
-/* Of the warp, in the scan and at last; the rest is that of what lies close. */
-#define SCAN_SHARE CAIRN_REAL(0.5)
-#define WARP_SHARE CAIRN_REAL(0.5)
-/* Axes are where a fit for joints puts them once the shape is so much jointed. */
-#define MOVED CAIRN_REAL(0.5)
+/* Greatest number of scanned cuts that are fitted. */
+enum { MAX_ARTICULATED_CUTS = 12 };
+/* Half-length and greatest offset of a stretch: the outline's samples divided by this. */
+enum { STRETCH_DIVISOR = 32 };
+/* Normalizing length of a stretch residual, relative to the greatest inner distance. */
+#define STRETCH_LENGTH CAIRN_REAL(0.25)
+/* Weights of the warping cost in the geometric mean, in the scan and in the final cost. */
+#define SCAN_DTW_WEIGHT  CAIRN_REAL(0.5)
+#define FINAL_DTW_WEIGHT CAIRN_REAL(0.5)
+/* Degree of articulation from which the refitted axes replace those of the first ranking. */
+#define MIN_ARTICULATION CAIRN_REAL(0.5)
 
-static int32_t reach_of(const cairn_self_similarity *s)
+/* Returns the half-length of a stretch in samples. */
+static int32_t half_stretch(const cairn_self_similarity *similarity)
 {
-    return (s->params.points + PART / 2) / PART;
+    return (similarity->params.points + STRETCH_DIVISOR / 2) / STRETCH_DIVISOR;
 }
 
-/* ---- How unlike stretches are ---- */
+/* ---- Local descriptor distances ---- */
 
-/* Sums over pairs of points, for the rigid motion that lays one set on the other. */
+/* Sums over point pairs for the rigid alignment. */
 typedef struct motion_sums {
     cairn_vec2 first, second;
     cairn_real squares, dot, cross;
     int32_t count;
 } motion_sums;
 
+/* Adds a point pair to the sums of the rigid alignment. */
 static void add_pair(motion_sums *sums, cairn_vec2 p, cairn_vec2 q)
 {
     sums->first = cairn_vec2_add(sums->first, p);
@@ -54,8 +57,8 @@ static void add_pair(motion_sums *sums, cairn_vec2 p, cairn_vec2 q)
     sums->count++;
 }
 
-/* The mean square that the best motion leaves. */
-static cairn_real left_by_motion(const motion_sums *sums)
+/* Returns the mean squared residual of the optimal rigid alignment. */
+static cairn_real procrustes_residual(const motion_sums *sums)
 {
     cairn_real n = (cairn_real)sums->count, dot, cross, squares;
 
@@ -66,104 +69,113 @@ static cairn_real left_by_motion(const motion_sums *sums)
     return cairn_max(0, squares - 2 * cairn_sqrt(dot * dot + cross * cross)) / n;
 }
 
-/* The stretch about sample i and the mirror image of that about k, halfway on to the neighbour
- * that `step` leads to. */
-static cairn_real compare_halfway(const cairn_self_similarity *s, int32_t i, int32_t k,
-                                  int32_t step)
+/* Returns the residual of the stretch about sample i and the reflected stretch about sample k,
+ * shifted halfway to the neighbour in direction `step`. */
+static cairn_real stretch_residual(const cairn_self_similarity *similarity, int32_t i, int32_t k,
+                                   int32_t step)
 {
-    int32_t n = s->params.points, reach = reach_of(s);
+    int32_t n = similarity->params.points, reach = half_stretch(similarity);
     motion_sums sums = {{0, 0}, {0, 0}, 0, 0, 0, 0};
 
     for (int32_t m = -reach; m <= reach; m++) {
         int32_t back = (k - m + n) % n;
-        cairn_vec2 p = cairn_vec2_sub(s->samples[(i + m + n) % n], s->samples[i]);
-        cairn_vec2 q = cairn_vec2_sub(s->samples[back], s->samples[k]);
-        cairn_vec2 next = cairn_vec2_sub(s->samples[(back + step + n) % n], s->samples[k]);
+        cairn_vec2 p = cairn_vec2_sub(similarity->samples[(i + m + n) % n], similarity->samples[i]);
+        cairn_vec2 q = cairn_vec2_sub(similarity->samples[back], similarity->samples[k]);
+        cairn_vec2 next =
+            cairn_vec2_sub(similarity->samples[(back + step + n) % n], similarity->samples[k]);
 
         q = cairn_vec2_scale(cairn_vec2_add(q, next), CAIRN_REAL(0.5));
         q.y = -q.y;
         add_pair(&sums, p, q);
     }
-    return left_by_motion(&sums);
+    return procrustes_residual(&sums);
 }
 
-/* Of a stretch, and of cells that it slides over. */
-static int32_t stretch_units(const cairn_self_similarity *s)
+/* Returns the cost of a stretch in units. */
+static int32_t stretch_cost(const cairn_self_similarity *similarity)
 {
-    return 1 + reach_of(s);
+    return 1 + half_stretch(similarity);
 }
 
-/* Samples lie anywhere on the outline: the second is tried where it is and halfway to its
- * neighbours. */
-cairn_status cairn_similarity_near_step(cairn_self_similarity *s, cairn_budget *budget)
+/* Fills the matrix of local descriptor distances. Sampling phase: the second stretch is tried at
+ * its samples and halfway to both neighbours. */
+cairn_status cairn_similarity_local_step(cairn_self_similarity *similarity, cairn_budget *budget)
 {
-    int32_t n = s->params.points;
+    int32_t n = similarity->params.points;
 
-    for (; s->i < n; s->i++, s->k = 0)
-        for (; s->k <= s->i; s->k++) {
+    for (; similarity->cursor < n; similarity->cursor++, similarity->inner_cursor = 0)
+        for (; similarity->inner_cursor <= similarity->cursor; similarity->inner_cursor++) {
             cairn_real least;
 
-            if (!cairn_budget_pay(budget, &s->paid, 3 * stretch_units(s)))
+            if (!cairn_budget_pay(budget, &similarity->units_charged, 3 * stretch_cost(similarity)))
                 return CAIRN_MORE;
             least = cairn_min(
-                compare_halfway(s, s->i, s->k, 0),
-                cairn_min(compare_halfway(s, s->i, s->k, -1), compare_halfway(s, s->i, s->k, 1)));
-            s->unlike[s->i * n + s->k] = s->unlike[s->k * n + s->i] =
-                cairn_sqrt(least) / (STRETCH * s->span);
+                stretch_residual(similarity, similarity->cursor, similarity->inner_cursor, 0),
+                cairn_min(
+                    stretch_residual(similarity, similarity->cursor, similarity->inner_cursor, -1),
+                    stretch_residual(similarity, similarity->cursor, similarity->inner_cursor, 1)));
+            similarity->descriptor_distance[similarity->cursor * n + similarity->inner_cursor] =
+                similarity->descriptor_distance[similarity->inner_cursor * n + similarity->cursor] =
+                    cairn_sqrt(least) / (STRETCH_LENGTH * similarity->max_distance);
         }
     return CAIRN_OK;
 }
 
-/* The best of the stretches that lie a little off both samples by the same: a row a time of
- * those that do. s->i: the sum of the samples. */
-cairn_status cairn_similarity_slide_step(cairn_self_similarity *s, cairn_budget *budget)
+/* Takes the minimum over equal offsets of both stretches, one anti-diagonal per work item. The
+ * cursor is the sum of both sample indices. */
+cairn_status cairn_similarity_local_offsets_step(cairn_self_similarity *similarity,
+                                                 cairn_budget *budget)
 {
-    int32_t n = s->params.points, reach = reach_of(s);
+    int32_t n = similarity->params.points, reach = half_stretch(similarity);
 
-    for (; s->i < n; s->i++) {
-        if (!cairn_budget_pay(budget, &s->paid, 1 + n * stretch_units(s) / SIMILARITY_CELLS_A_UNIT))
+    for (; similarity->cursor < n; similarity->cursor++) {
+        if (!cairn_budget_pay(budget, &similarity->units_charged,
+                              1 + n * stretch_cost(similarity) / SIMILARITY_CELLS_PER_UNIT))
             return CAIRN_MORE;
         for (int32_t k = 0; k < n; k++)
-            s->sum[k] = s->unlike[k * n + (s->i - k + n) % n];
+            similarity->dtw_sum[k] =
+                similarity->descriptor_distance[k * n + (similarity->cursor - k + n) % n];
         for (int32_t k = 0; k < n; k++) {
-            cairn_real least = s->sum[k];
+            cairn_real least = similarity->dtw_sum[k];
 
             for (int32_t off = -reach; off <= reach; off++)
-                least = cairn_min(least, s->sum[(k + off + n) % n]);
-            s->unlike[k * n + (s->i - k + n) % n] = least;
+                least = cairn_min(least, similarity->dtw_sum[(k + off + n) % n]);
+            similarity->descriptor_distance[k * n + (similarity->cursor - k + n) % n] = least;
         }
     }
     return CAIRN_OK;
 }
 
-/* ---- Warps ---- */
+/* ---- Dynamic time warping ---- */
 
-/* One arc warped onto the other. */
-static cairn_real warp_of(cairn_self_similarity *s, const similarity_cut *cut, int32_t stride)
+/* Returns the mean dynamic-time-warping cost of the two arcs of a cut. */
+static cairn_real dtw_cost_of(cairn_self_similarity *similarity, const similarity_cut *cut,
+                              int32_t stride)
 {
-    similarity_sides sides = cairn_similarity_sides(s, cut, stride);
-    int32_t *there = s->walk, *back = there + sides.count[0], n = s->params.points;
-    similarity_warp warp;
+    similarity_sides sides = cairn_similarity_sides(similarity, cut, stride);
+    int32_t *forward = similarity->dtw_samples, *back = forward + sides.count[0],
+            n = similarity->params.points;
+    similarity_alignment alignment;
 
     for (int32_t i = 0; i < sides.count[0]; i++)
-        there[i] = (sides.first[0] + i * stride) % n;
+        forward[i] = (sides.first[0] + i * stride) % n;
     for (int32_t i = 0; i < sides.count[1]; i++)
         back[i] = (sides.first[1] + (sides.count[1] - 1 - i) * stride) % n;
-    s->comparisons++;
-    warp = cairn_similarity_warp(s, there, sides.count[0], back, sides.count[1]);
-    return warp.sum / (cairn_real)warp.pairs;
+    similarity->comparison_count++;
+    alignment = cairn_similarity_align(similarity, forward, sides.count[0], back, sides.count[1]);
+    return alignment.sum / (cairn_real)alignment.length;
 }
 
-/* Of a warp between two ends. */
-static int32_t warp_units(const cairn_self_similarity *s, int32_t stride)
+/* Returns the cost of a dynamic time warping in units. */
+static int32_t dtw_units(const cairn_self_similarity *similarity, int32_t stride)
 {
-    int32_t side = s->params.points / stride;
+    int32_t side = similarity->params.points / stride;
 
-    return 4 + side * side / 4 / SIMILARITY_CELLS_A_UNIT;
+    return 4 + side * side / 4 / SIMILARITY_CELLS_PER_UNIT;
 }
 
-/* The geometric mean, weighted. */
-static cairn_real blend(cairn_real first, cairn_real second, cairn_real share)
+/* Returns the weighted geometric mean. */
+static cairn_real geometric_mean(cairn_real first, cairn_real second, cairn_real share)
 {
     const cairn_real least = CAIRN_REAL(1e-6);
 
@@ -171,75 +183,88 @@ static cairn_real blend(cairn_real first, cairn_real second, cairn_real share)
                      share * cairn_log(cairn_max(least, second)));
 }
 
-void cairn_similarity_scan_near_begin(cairn_self_similarity *s)
+void cairn_similarity_scan_local_begin(cairn_self_similarity *similarity)
 {
-    s->scanned.count = 0;
-    s->robust = 1;
+    similarity->candidates.count = 0;
+    similarity->robust = 1;
 }
 
-cairn_status cairn_similarity_scan_near_step(cairn_self_similarity *s, cairn_budget *budget)
+cairn_status cairn_similarity_scan_local_step(cairn_self_similarity *similarity,
+                                              cairn_budget *budget)
 {
-    int32_t units =
-        warp_units(s, SIMILARITY_STRIDE) + cairn_similarity_trial_units(s, SIMILARITY_STRIDE);
+    int32_t units = dtw_units(similarity, SIMILARITY_SCAN_STRIDE) +
+                    cairn_similarity_evaluate_cost(similarity, SIMILARITY_SCAN_STRIDE);
 
-    for (; s->i < s->params.points; s->i += SIMILARITY_STRIDE, s->k = 0)
-        for (; s->k < s->i; s->k += SIMILARITY_STRIDE) {
-            similarity_trial *straight = &s->trial[0];
-            int makes_cut = cairn_similarity_makes_cut(s, s->i, s->k);
+    for (; similarity->cursor < similarity->params.points;
+         similarity->cursor += SIMILARITY_SCAN_STRIDE, similarity->inner_cursor = 0)
+        for (; similarity->inner_cursor < similarity->cursor;
+             similarity->inner_cursor += SIMILARITY_SCAN_STRIDE) {
+            similarity_trial *straight = &similarity->trial[0];
+            int makes_cut = cairn_similarity_is_valid_cut(similarity, similarity->cursor,
+                                                          similarity->inner_cursor);
 
-            if (!cairn_budget_pay(budget, &s->paid, makes_cut ? units : 1))
+            if (!cairn_budget_pay(budget, &similarity->units_charged, makes_cut ? units : 1))
                 return CAIRN_MORE;
             if (!makes_cut)
                 continue;
-            straight->cut = cairn_similarity_cut_at(s->i, s->k);
-            cairn_similarity_try(s, straight, SIMILARITY_STRIDE);
-            straight->cut.cost = blend(straight->cut.cost,
-                                       warp_of(s, &straight->cut, SIMILARITY_STRIDE), SCAN_SHARE);
-            cairn_similarity_offer(s, &s->scanned, &straight->cut);
+            straight->cut = cairn_similarity_cut_at(similarity->cursor, similarity->inner_cursor);
+            cairn_similarity_evaluate(similarity, straight, SIMILARITY_SCAN_STRIDE);
+            straight->cut.cost = geometric_mean(
+                straight->cut.cost, dtw_cost_of(similarity, &straight->cut, SIMILARITY_SCAN_STRIDE),
+                SCAN_DTW_WEIGHT);
+            cairn_similarity_insert(similarity, &similarity->candidates, &straight->cut);
         }
     return CAIRN_OK;
 }
 
-/* ---- The best of all ---- */
+/* ---- Final fits ---- */
 
-/* All are fitted from straight on. */
-void cairn_similarity_blend_begin(cairn_self_similarity *s)
+/* Prepares the final fits; all start from a straight axis. */
+void cairn_similarity_final_fit_begin(cairn_self_similarity *similarity)
 {
-    int32_t warped = s->scanned.count < JOINTED ? s->scanned.count : JOINTED;
+    int32_t from_scan = similarity->candidates.count < MAX_ARTICULATED_CUTS
+                            ? similarity->candidates.count
+                            : MAX_ARTICULATED_CUTS;
 
-    cairn_similarity_line_up(s, warped, &s->list, SIMILARITY_KEPT - JOINTED);
-    s->warped = warped;
-    s->list.count = 0;
-    s->i = 0;
-    s->k = 0;
+    cairn_similarity_append_candidates(similarity, from_scan, &similarity->list,
+                                       SIMILARITY_MAX_CUTS - MAX_ARTICULATED_CUTS);
+    similarity->dtw_candidates = from_scan;
+    similarity->list.count = 0;
+    similarity->cursor = 0;
+    similarity->inner_cursor = 0;
 }
 
-cairn_status cairn_similarity_blend_step(cairn_self_similarity *s, cairn_budget *budget)
+cairn_status cairn_similarity_final_fit_step(cairn_self_similarity *similarity,
+                                             cairn_budget *budget)
 {
-    int32_t units = warp_units(s, 1);
+    int32_t units = dtw_units(similarity, 1);
 
-    for (; s->i < s->scanned.count; s->i++) {
-        similarity_cut *before = &s->scanned.cuts[s->i], straight = *before, cut;
+    for (; similarity->cursor < similarity->candidates.count; similarity->cursor++) {
+        similarity_cut *before = &similarity->candidates.cuts[similarity->cursor],
+                       straight = *before, cut;
 
         straight.bend = straight.skew = 0;
-        if (s->k == 0)
-            cairn_similarity_fit_begin(s, &straight);
-        s->k = 1;
-        if (cairn_similarity_fit_step(s, budget) != CAIRN_OK ||
-            !cairn_budget_pay(budget, &s->paid, units))
+        if (similarity->inner_cursor == 0)
+            cairn_similarity_fit_begin(similarity, &straight);
+        similarity->inner_cursor = 1;
+        if (cairn_similarity_fit_step(similarity, budget) != CAIRN_OK ||
+            !cairn_budget_pay(budget, &similarity->units_charged, units))
             return CAIRN_MORE;
-        s->k = 0;
-        cut = s->trial[s->current].cut;
-        cut.warp = warp_of(s, &cut, 1);
-        cut.cost = blend(s->i < s->warped ? cut.whole : before->whole,
-                         blend(cut.close, cut.warp, WARP_SHARE), s->jointed);
-        if (s->i >= s->warped && s->jointed < MOVED) {
+        similarity->inner_cursor = 0;
+        cut = similarity->trial[similarity->current_trial].cut;
+        cut.dtw_cost = dtw_cost_of(similarity, &cut, 1);
+        cut.cost = geometric_mean(
+            similarity->cursor < similarity->dtw_candidates ? cut.mirror_cost : before->mirror_cost,
+            geometric_mean(cut.truncated_residual, cut.dtw_cost, FINAL_DTW_WEIGHT),
+            similarity->articulation);
+        if (similarity->cursor >= similarity->dtw_candidates &&
+            similarity->articulation < MIN_ARTICULATION) {
             before->cost = cut.cost;
-            before->warp = cut.warp;
+            before->dtw_cost = cut.dtw_cost;
             cut = *before;
         }
-        cairn_similarity_set_arcs(s, &cut);
-        cairn_similarity_offer(s, &s->list, &cut);
+        cairn_similarity_set_arcs(similarity, &cut);
+        cairn_similarity_insert(similarity, &similarity->list, &cut);
     }
     return CAIRN_OK;
 }

@@ -1,47 +1,51 @@
-/* The line in which one arc, mirrored, lies best on the other.
+/* Least-squares fit of a mirror line.
  *
- * An axis is told by its two ends, and a sample more or less there turns it where it is short: at
- * the end of a slit, between the points of a star. All samples together tell the line far better.
+ * The two ends of a short axis determine its direction poorly (at the end of a slit, between the
+ * points of a star). All samples together determine it much better.
  *
- * Method: Gauss and Newton over the line's heading and offset, on the distances of all mirrored
- * samples to the line of the nearest side of the other arc, outliers weighted down (Geman and
- * McClure), from the line through both ends. */
+ * Method:
+ * 1. Start from the line through both ends.
+ * 2. Residuals: distances of all reflected samples to the line of the nearest segment of the other
+ *    arc.
+ * 3. Gauss-Newton over the line's heading and offset, with Geman-McClure weights. */
 #include "src/core/build.h"
 
 #include "src/contour/self_similarity_work.h"
 
-enum { ROUNDS = 6 };
+enum { MAX_ITERATIONS = 6 };
 
-/* In spans: distances from here on count less and less. */
-#define OUTLIER CAIRN_REAL(0.02)
-/* A side is looked at when its place along its arc is so near, as a share of the arc. */
-#define WINDOW CAIRN_REAL(0.2)
+/* Scale of the Geman-McClure weight, relative to the greatest inner distance. */
+#define GEMAN_MCCLURE_SCALE CAIRN_REAL(0.02)
+/* Search window of the nearest segment about the proportional position, share of the arc. */
+#define SEARCH_WINDOW CAIRN_REAL(0.2)
 
 typedef struct mirror_line {
     cairn_vec2 along, normal, point;
 } mirror_line;
 
-typedef struct mirror_sums {
+typedef struct normal_equations {
     cairn_real turn_turn, turn_shift, shift_shift, turn_residual, shift_residual;
-} mirror_sums;
+} normal_equations;
 
-static cairn_vec2 mirrored(const mirror_line *line, cairn_vec2 p)
+/* Returns the mirror image of a point. */
+static cairn_vec2 reflect(const mirror_line *line, cairn_vec2 p)
 {
     cairn_real aside = cairn_vec2_dot(line->normal, cairn_vec2_sub(p, line->point));
 
     return cairn_vec2_sub(p, cairn_vec2_scale(line->normal, 2 * aside));
 }
 
-static cairn_vec2 sample_of(const cairn_self_similarity *s, const similarity_sides *sides,
+static cairn_vec2 sample_of(const cairn_self_similarity *similarity, const similarity_sides *sides,
                             int32_t arc, int32_t i)
 {
-    return s->samples[(sides->first[arc] + i) % s->params.points];
+    return similarity->samples[(sides->first[arc] + i) % similarity->params.points];
 }
 
-/* The side of the other arc that is nearest to the mirror image of sample i, among those at
- * about the same share of it as seen from the same end. 0: that arc has none. */
-static int32_t nearest_side(const cairn_self_similarity *s, const similarity_sides *sides,
-                            int32_t arc, int32_t i, cairn_vec2 p, cairn_segment *best)
+/* Finds the segment of the other arc nearest to the reflection of sample i, within the search
+ * window; returns 0 if that arc has no segment. */
+static int32_t nearest_segment(const cairn_self_similarity *similarity,
+                               const similarity_sides *sides, int32_t arc, int32_t i, cairn_vec2 p,
+                               cairn_segment *best)
 {
     int32_t other = 1 - arc, count = sides->count[other] - 1, middle, reach, first, last;
     cairn_real least = 0;
@@ -50,12 +54,13 @@ static int32_t nearest_side(const cairn_self_similarity *s, const similarity_sid
     best->b = p;
     if (count < 1)
         return 0;
-    reach = 2 + cairn_real_to_int(WINDOW * (cairn_real)count);
+    reach = 2 + cairn_real_to_int(SEARCH_WINDOW * (cairn_real)count);
     middle = (sides->count[arc] - i) * count / (sides->count[arc] + 1);
     first = middle > reach ? middle - reach : 0;
     last = middle + reach < count ? middle + reach : count;
     for (int32_t k = first; k < last; k++) {
-        cairn_segment side = {sample_of(s, sides, other, k), sample_of(s, sides, other, k + 1)};
+        cairn_segment side = {sample_of(similarity, sides, other, k),
+                              sample_of(similarity, sides, other, k + 1)};
         cairn_real d = cairn_segment_distance(side, p);
 
         if (k == first || d < least) {
@@ -66,8 +71,9 @@ static int32_t nearest_side(const cairn_self_similarity *s, const similarity_sid
     return last > first;
 }
 
-static void add_sample(mirror_sums *sums, const mirror_line *line, cairn_vec2 p, cairn_vec2 image,
-                       const cairn_segment *side, cairn_real outlier)
+/* Adds the residual of a sample to the weighted normal equations. */
+static void add_sample(normal_equations *sums, const mirror_line *line, cairn_vec2 p,
+                       cairn_vec2 image, const cairn_segment *side, cairn_real outlier)
 {
     cairn_vec2 normal = cairn_vec2_left(cairn_vec2_unit(cairn_vec2_sub(side->b, side->a)));
     cairn_vec2 from = cairn_vec2_sub(p, line->point), turn;
@@ -86,20 +92,21 @@ static void add_sample(mirror_sums *sums, const mirror_line *line, cairn_vec2 p,
     sums->shift_residual += weight * by_shift * residual;
 }
 
-/* One round from where the line lies. 0: nothing tells it. */
-static int32_t improve(const cairn_self_similarity *s, const similarity_sides *sides,
+/* Runs one Gauss-Newton iteration; returns 0 if the normal equations are singular. */
+static int32_t iterate(const cairn_self_similarity *similarity, const similarity_sides *sides,
                        mirror_line *line)
 {
-    mirror_sums sums = {0, 0, 0, 0, 0};
+    normal_equations sums = {0, 0, 0, 0, 0};
     cairn_real determinant, turn, shift, sine, cosine;
 
     for (int32_t arc = 0; arc < 2; arc++)
         for (int32_t i = 0; i < sides->count[arc]; i++) {
-            cairn_vec2 p = sample_of(s, sides, arc, i), image = mirrored(line, p);
+            cairn_vec2 p = sample_of(similarity, sides, arc, i), image = reflect(line, p);
             cairn_segment side;
 
-            if (nearest_side(s, sides, arc, i, image, &side))
-                add_sample(&sums, line, p, image, &side, OUTLIER * s->span);
+            if (nearest_segment(similarity, sides, arc, i, image, &side))
+                add_sample(&sums, line, p, image, &side,
+                           GEMAN_MCCLURE_SCALE * similarity->max_distance);
         }
     determinant = sums.turn_turn * sums.shift_shift - sums.turn_shift * sums.turn_shift;
     if (!(determinant > CAIRN_REAL(1e-6) * sums.turn_turn * sums.shift_shift))
@@ -116,22 +123,22 @@ static int32_t improve(const cairn_self_similarity *s, const similarity_sides *s
     return 1;
 }
 
-int32_t cairn_similarity_mirror_units(const cairn_self_similarity *s)
+int32_t cairn_similarity_mirror_cost(const cairn_self_similarity *similarity)
 {
-    return ROUNDS * cairn_similarity_trial_units(s, 1);
+    return MAX_ITERATIONS * cairn_similarity_evaluate_cost(similarity, 1);
 }
 
-void cairn_similarity_mirror(const cairn_self_similarity *s, const similarity_cut *cut,
+void cairn_similarity_mirror(const cairn_self_similarity *similarity, const similarity_cut *cut,
                              cairn_symmetry_axis *axis)
 {
-    similarity_sides sides = cairn_similarity_sides(s, cut, 1);
+    similarity_sides sides = cairn_similarity_sides(similarity, cut, 1);
     mirror_line line;
 
     line.along = axis->mirror_along;
     line.normal = cairn_vec2_left(line.along);
     line.point = axis->mirror_point;
-    for (int32_t round = 0; round < ROUNDS; round++)
-        if (!improve(s, &sides, &line))
+    for (int32_t round = 0; round < MAX_ITERATIONS; round++)
+        if (!iterate(similarity, &sides, &line))
             return;
     axis->mirror_along = line.along;
     axis->mirror_point = line.point;

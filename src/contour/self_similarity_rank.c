@@ -1,136 +1,150 @@
-/* Cuts ranked once more.
+/* Re-ranking of cuts by mirror residual.
  *
- * Method: all pairs of every other sample are judged by their misfit, as they are and with the
- * bend and skew that pairs of points between them speak for. The best of these, and the best of
- * the thesis's search, are fitted. Where even the best of all leaves more than a bend and a skew
- * explain, limbs have moved at their joints, and cuts are judged for joints, too
- * (self_similarity_joint.c). */
+ * Method:
+ * 1. All pairs of every second sample are cuts. Each is evaluated with a straight axis and with the
+ *    estimated bend and skew.
+ * 2. The best of these cuts, and the best of the search on evolution levels, are fitted
+ *    (self_similarity_fit.c).
+ * 3. The least mirror residual gives the degree of articulation. Above 0 the cuts are re-ranked
+ *    for articulated shapes (self_similarity_joint.c). */
 #include "src/core/build.h"
 
 #include "src/contour/self_similarity_work.h"
 
-/* How many cuts are fitted: of the scan, of the thesis's search. */
-enum { SCANNED = 16, WRITTEN = 12 };
-/* Misfits between which a shape passes from explained to jointed. */
-#define EXPLAINED   CAIRN_REAL(0.012)
-#define UNEXPLAINED CAIRN_REAL(0.022)
-/* Ends that are nearer than this share of the outline make no cut. */
-enum { LEAST_PART = 8 };
+/* Greatest numbers of fitted cuts: of the scan, and of the search on evolution levels. */
+enum { MAX_SCANNED_CUTS = 16, MAX_EVOLUTION_CUTS = 12 };
+/* Mirror residuals at which the degree of articulation is 0 and 1. */
+#define RIGID_RESIDUAL       CAIRN_REAL(0.012)
+#define ARTICULATED_RESIDUAL CAIRN_REAL(0.022)
+/* Least length of an arc: the outline's samples divided by this. */
+enum { MIN_ARC_DIVISOR = 8 };
 
-void cairn_similarity_scan_begin(cairn_self_similarity *s)
+void cairn_similarity_scan_begin(cairn_self_similarity *similarity)
 {
-    int32_t n = s->params.points;
+    int32_t n = similarity->params.points;
 
     for (int32_t i = 0; i < n; i++) {
-        cairn_vec2 before = s->samples[i > 0 ? i - 1 : n - 1],
-                   after = s->samples[i + 1 < n ? i + 1 : 0];
+        cairn_vec2 before = similarity->samples[i > 0 ? i - 1 : n - 1],
+                   after = similarity->samples[i + 1 < n ? i + 1 : 0];
         cairn_vec2 beside = cairn_vec2_scale(cairn_vec2_add(before, after), CAIRN_REAL(0.25));
 
-        s->smooth[i] = cairn_vec2_add(beside, cairn_vec2_scale(s->samples[i], CAIRN_REAL(0.5)));
+        similarity->smoothed[i] =
+            cairn_vec2_add(beside, cairn_vec2_scale(similarity->samples[i], CAIRN_REAL(0.5)));
     }
-    s->span = cairn_inner_distance_read(s->inner).greatest;
-    s->scanned.count = 0;
-    s->jointed = 0;
-    s->robust = 0;
-    s->i = s->k = 0;
+    similarity->max_distance = cairn_inner_distance_read(similarity->inner).greatest;
+    similarity->candidates.count = 0;
+    similarity->articulation = 0;
+    similarity->robust = 0;
+    similarity->cursor = similarity->inner_cursor = 0;
 }
 
-int cairn_similarity_makes_cut(const cairn_self_similarity *s, int32_t i, int32_t k)
+int cairn_similarity_is_valid_cut(const cairn_self_similarity *similarity, int32_t i, int32_t k)
 {
-    int32_t n = s->params.points, least = n / LEAST_PART;
+    int32_t n = similarity->params.points, least = n / MIN_ARC_DIVISOR;
 
     return i - k >= least && i - k <= n - least;
 }
 
 similarity_cut cairn_similarity_cut_at(int32_t i, int32_t k)
 {
-    similarity_cut cut = {.place = {(cairn_real)k, (cairn_real)i}};
+    similarity_cut cut = {.position = {(cairn_real)k, (cairn_real)i}};
 
     return cut;
 }
 
-/* ---- All pairs by their misfit ---- */
+/* ---- Scan of all pairs ---- */
 
-cairn_status cairn_similarity_scan_step(cairn_self_similarity *s, cairn_budget *budget)
+cairn_status cairn_similarity_scan_step(cairn_self_similarity *similarity, cairn_budget *budget)
 {
-    int32_t units = 4 + 2 * cairn_similarity_trial_units(s, SIMILARITY_STRIDE);
+    int32_t units = 4 + 2 * cairn_similarity_evaluate_cost(similarity, SIMILARITY_SCAN_STRIDE);
 
-    for (; s->i < s->params.points; s->i += SIMILARITY_STRIDE, s->k = 0)
-        for (; s->k < s->i; s->k += SIMILARITY_STRIDE) {
-            similarity_trial *straight = &s->trial[0], *bent = &s->trial[1];
+    for (; similarity->cursor < similarity->params.points;
+         similarity->cursor += SIMILARITY_SCAN_STRIDE, similarity->inner_cursor = 0)
+        for (; similarity->inner_cursor < similarity->cursor;
+             similarity->inner_cursor += SIMILARITY_SCAN_STRIDE) {
+            similarity_trial *straight = &similarity->trial[0], *bent = &similarity->trial[1];
 
-            if (!cairn_budget_pay(budget, &s->paid,
-                                  cairn_similarity_makes_cut(s, s->i, s->k) ? units : 1))
+            if (!cairn_budget_pay(budget, &similarity->units_charged,
+                                  cairn_similarity_is_valid_cut(similarity, similarity->cursor,
+                                                                similarity->inner_cursor)
+                                      ? units
+                                      : 1))
                 return CAIRN_MORE;
-            if (!cairn_similarity_makes_cut(s, s->i, s->k))
+            if (!cairn_similarity_is_valid_cut(similarity, similarity->cursor,
+                                               similarity->inner_cursor))
                 continue;
-            straight->cut = bent->cut = cairn_similarity_cut_at(s->i, s->k);
-            cairn_similarity_guess(s, &bent->cut);
-            cairn_similarity_try(s, straight, SIMILARITY_STRIDE);
-            cairn_similarity_try(s, bent, SIMILARITY_STRIDE);
-            cairn_similarity_offer(
-                s, &s->scanned, bent->cut.cost < straight->cut.cost ? &bent->cut : &straight->cut);
+            straight->cut = bent->cut =
+                cairn_similarity_cut_at(similarity->cursor, similarity->inner_cursor);
+            cairn_similarity_estimate(similarity, &bent->cut);
+            cairn_similarity_evaluate(similarity, straight, SIMILARITY_SCAN_STRIDE);
+            cairn_similarity_evaluate(similarity, bent, SIMILARITY_SCAN_STRIDE);
+            cairn_similarity_insert(similarity, &similarity->candidates,
+                                    bent->cut.cost < straight->cut.cost ? &bent->cut
+                                                                        : &straight->cut);
         }
     return CAIRN_OK;
 }
 
-/* ---- The best of them fitted ---- */
+/* ---- Fits ---- */
 
-void cairn_similarity_line_up(cairn_self_similarity *s, int32_t kept, const similarity_list *list,
-                              int32_t most)
+void cairn_similarity_append_candidates(cairn_self_similarity *similarity, int32_t kept,
+                                        const similarity_list *list, int32_t most)
 {
-    s->scanned.count = s->scanned.count < kept ? s->scanned.count : kept;
+    similarity->candidates.count =
+        similarity->candidates.count < kept ? similarity->candidates.count : kept;
     for (int32_t i = 0; i < list->count && i < most; i++)
-        s->scanned.cuts[s->scanned.count++] = list->cuts[i];
+        similarity->candidates.cuts[similarity->candidates.count++] = list->cuts[i];
 }
 
-void cairn_similarity_fits_begin(cairn_self_similarity *s)
+void cairn_similarity_fits_begin(cairn_self_similarity *similarity)
 {
-    cairn_similarity_line_up(s, SCANNED, &s->list, WRITTEN);
-    s->list.count = 0;
-    s->current = 0;
-    s->i = 0;
-    s->k = 0;
+    cairn_similarity_append_candidates(similarity, MAX_SCANNED_CUTS, &similarity->list,
+                                       MAX_EVOLUTION_CUTS);
+    similarity->list.count = 0;
+    similarity->current_trial = 0;
+    similarity->cursor = 0;
+    similarity->inner_cursor = 0;
 }
 
-/* Fits the cut that the phase is at. */
-static cairn_status fit_next(cairn_self_similarity *s, cairn_budget *budget)
+/* Fits the current candidate. */
+static cairn_status fit_next(cairn_self_similarity *similarity, cairn_budget *budget)
 {
     cairn_status status;
 
-    if (s->k == 0) {
-        cairn_similarity_fit_begin(s, &s->scanned.cuts[s->i]);
-        s->k = 1;
+    if (similarity->inner_cursor == 0) {
+        cairn_similarity_fit_begin(similarity, &similarity->candidates.cuts[similarity->cursor]);
+        similarity->inner_cursor = 1;
     }
-    status = cairn_similarity_fit_step(s, budget);
+    status = cairn_similarity_fit_step(similarity, budget);
     if (status == CAIRN_OK)
-        s->k = 0;
+        similarity->inner_cursor = 0;
     return status;
 }
 
-void cairn_similarity_set_arcs(const cairn_self_similarity *s, similarity_cut *cut)
+void cairn_similarity_set_arcs(const cairn_self_similarity *similarity, similarity_cut *cut)
 {
     for (int32_t arc = 0; arc < 2; arc++) {
-        cut->from[arc] = cut->place[arc];
-        cut->to[arc] = cut->place[1 - arc];
-        cut->to[arc] += cut->to[arc] < cut->from[arc] ? (cairn_real)s->params.points : 0;
+        cut->from[arc] = cut->position[arc];
+        cut->to[arc] = cut->position[1 - arc];
+        cut->to[arc] += cut->to[arc] < cut->from[arc] ? (cairn_real)similarity->params.points : 0;
     }
     cut->vertices = cut->division = 0;
 }
 
-cairn_status cairn_similarity_fits_step(cairn_self_similarity *s, cairn_budget *budget)
+cairn_status cairn_similarity_fits_step(cairn_self_similarity *similarity, cairn_budget *budget)
 {
-    for (; s->i < s->scanned.count; s->i++) {
+    for (; similarity->cursor < similarity->candidates.count; similarity->cursor++) {
         similarity_cut *fitted;
 
-        if (fit_next(s, budget) != CAIRN_OK)
+        if (fit_next(similarity, budget) != CAIRN_OK)
             return CAIRN_MORE;
-        fitted = &s->trial[s->current].cut;
-        cairn_similarity_set_arcs(s, fitted);
-        cairn_similarity_offer(s, &s->list, fitted);
+        fitted = &similarity->trial[similarity->current_trial].cut;
+        cairn_similarity_set_arcs(similarity, fitted);
+        cairn_similarity_insert(similarity, &similarity->list, fitted);
     }
-    if (s->list.count > 0)
-        s->jointed = (s->list.cuts[0].misfit - EXPLAINED) / (UNEXPLAINED - EXPLAINED);
-    s->jointed = cairn_max(0, cairn_min(1, s->jointed));
+    if (similarity->list.count > 0)
+        similarity->articulation = (similarity->list.cuts[0].mirror_residual - RIGID_RESIDUAL) /
+                                   (ARTICULATED_RESIDUAL - RIGID_RESIDUAL);
+    similarity->articulation = cairn_max(0, cairn_min(1, similarity->articulation));
     return CAIRN_OK;
 }

@@ -1,18 +1,20 @@
-/* Rotations after which a shape looks the same.
+/* Order of rotational symmetry.
  *
- * Method: the outline is turned about its centre of area by the k-th part of a whole turn, k = 2
- * ... MOST_TURNS, and measured against itself, from each sample to the nearest side, samples of
- * holes to those of holes. The greatest k that fits is the shape's; where every k fits, any turn
- * does. */
+ * Method:
+ * 1. The outline is rotated about its centroid by 1/k turn, k = 2 ... MAX_ROTATION_ORDER.
+ * 2. The residual is the sum of distances from each rotated sample to the nearest segment of the
+ *    outline; hole samples are compared with holes.
+ * 3. The greatest k below the threshold is the order. If every k is below it, any rotation is. */
 #include "src/core/build.h"
 
 #include "src/contour/self_similarity_work.h"
 
-enum { MOST_TURNS = 12, SIDES_A_UNIT = 8 };
+enum { MAX_ROTATION_ORDER = 12, SEGMENTS_PER_UNIT = 8 };
 
-/* In mean distances of the outline from its centre. */
-#define FITS CAIRN_REAL(0.012)
+/* Threshold of the residual, relative to the mean distance of the outline from its centroid. */
+#define MAX_ROTATION_RESIDUAL CAIRN_REAL(0.012)
 
+/* Returns the centroid of a polygon. */
 static cairn_vec2 centre_of(const cairn_vec2 *points, int32_t count)
 {
     cairn_real area = 0;
@@ -29,7 +31,8 @@ static cairn_vec2 centre_of(const cairn_vec2 *points, int32_t count)
     return area != 0 ? cairn_vec2_add(points[0], cairn_vec2_scale(sum, 1 / area)) : points[0];
 }
 
-static cairn_real nearest(const cairn_vec2 *points, int32_t count, cairn_vec2 p)
+/* Returns the distance of a point to a polygon. */
+static cairn_real nearest_distance(const cairn_vec2 *points, int32_t count, cairn_vec2 p)
 {
     cairn_real least = 0;
 
@@ -42,55 +45,59 @@ static cairn_real nearest(const cairn_vec2 *points, int32_t count, cairn_vec2 p)
     return least;
 }
 
-/* The nearest side of the outline, or of any hole. */
-static cairn_real nearest_of_kind(const cairn_self_similarity *s, int is_hole, cairn_vec2 p)
+/* Returns the distance to the nearest segment of the outline, or of any hole. */
+static cairn_real outline_distance(const cairn_self_similarity *similarity, int is_hole,
+                                   cairn_vec2 p)
 {
-    const cairn_vec2 *hole = s->samples + s->params.points;
-    cairn_real least =
-        is_hole ? nearest(hole, s->hole_count[0], p) : nearest(s->samples, s->params.points, p);
+    const cairn_vec2 *hole = similarity->samples + similarity->params.points;
+    cairn_real least = is_hole
+                           ? nearest_distance(hole, similarity->hole_count[0], p)
+                           : nearest_distance(similarity->samples, similarity->params.points, p);
 
-    for (int32_t h = 1; h < s->holes && is_hole; h++) {
-        hole += s->hole_count[h - 1];
-        least = cairn_min(least, nearest(hole, s->hole_count[h], p));
+    for (int32_t h = 1; h < similarity->hole_total && is_hole; h++) {
+        hole += similarity->hole_count[h - 1];
+        least = cairn_min(least, nearest_distance(hole, similarity->hole_count[h], p));
     }
     return least;
 }
 
-/* s->i: turns, from 2 on; s->k: the sample; s->turned: the sum of distances. */
-cairn_status cairn_similarity_turn_step(cairn_self_similarity *s, cairn_budget *budget)
+/* cursor: order k, from 2; inner_cursor: sample; rotation_residual: sum of distances. */
+cairn_status cairn_similarity_rotation_step(cairn_self_similarity *similarity, cairn_budget *budget)
 {
-    int32_t n = s->params.points, all = n + cairn_similarity_hole_samples(s);
+    int32_t n = similarity->params.points, all = n + cairn_similarity_hole_samples(similarity);
 
-    for (; s->i <= MOST_TURNS; s->i++, s->k = 0) {
+    for (; similarity->cursor <= MAX_ROTATION_ORDER;
+         similarity->cursor++, similarity->inner_cursor = 0) {
         cairn_transform turn = {0, 0, 0, 0};
-        cairn_vec2 centre = centre_of(s->samples, n);
+        cairn_vec2 centre = centre_of(similarity->samples, n);
 
-        cairn_sincos(2 * CAIRN_PI / (cairn_real)s->i, &turn.sine, &turn.cosine);
-        for (; s->k < all; s->k++) {
-            cairn_vec2 arm = cairn_vec2_sub(s->samples[s->k], centre);
+        cairn_sincos(2 * CAIRN_PI / (cairn_real)similarity->cursor, &turn.sine, &turn.cosine);
+        for (; similarity->inner_cursor < all; similarity->inner_cursor++) {
+            cairn_vec2 arm = cairn_vec2_sub(similarity->samples[similarity->inner_cursor], centre);
 
-            if (!cairn_budget_pay(budget, &s->paid, 1 + n / SIDES_A_UNIT))
+            if (!cairn_budget_pay(budget, &similarity->units_charged, 1 + n / SEGMENTS_PER_UNIT))
                 return CAIRN_MORE;
-            s->size += cairn_vec2_norm(arm);
-            s->turned += nearest_of_kind(
-                s, s->k >= n, cairn_vec2_add(centre, cairn_transform_direction(turn, arm)));
+            similarity->radius_sum += cairn_vec2_norm(arm);
+            similarity->rotation_residual +=
+                outline_distance(similarity, similarity->inner_cursor >= n,
+                                 cairn_vec2_add(centre, cairn_transform_direction(turn, arm)));
         }
-        if (s->turned <= FITS * s->size) {
-            s->rotations = s->i;
-            s->fitting++;
+        if (similarity->rotation_residual <= MAX_ROTATION_RESIDUAL * similarity->radius_sum) {
+            similarity->rotation_order = similarity->cursor;
+            similarity->matching_rotations++;
         }
-        s->turned = s->size = 0;
+        similarity->rotation_residual = similarity->radius_sum = 0;
     }
-    if (s->fitting == MOST_TURNS - 1)
-        s->rotations = 0;
+    if (similarity->matching_rotations == MAX_ROTATION_ORDER - 1)
+        similarity->rotation_order = 0;
     return CAIRN_OK;
 }
 
-void cairn_similarity_turn_begin(cairn_self_similarity *s)
+void cairn_similarity_rotation_begin(cairn_self_similarity *similarity)
 {
-    s->i = 2;
-    s->k = 0;
-    s->turned = s->size = 0;
-    s->rotations = 1;
-    s->fitting = 0;
+    similarity->cursor = 2;
+    similarity->inner_cursor = 0;
+    similarity->rotation_residual = similarity->radius_sum = 0;
+    similarity->rotation_order = 1;
+    similarity->matching_rotations = 0;
 }

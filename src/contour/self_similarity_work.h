@@ -1,4 +1,4 @@
-/* What the parts of self_similarity share. */
+/* Internal structures of module self_similarity. */
 #ifndef CAIRN_SELF_SIMILARITY_WORK_H
 #define CAIRN_SELF_SIMILARITY_WORK_H
 
@@ -6,13 +6,13 @@
 #include "cairn/inner_distance.h"
 #include "cairn/self_similarity.h"
 
-enum { SIMILARITY_VERTICES = 32, SIMILARITY_KEPT = 32 };
-/* Of a fit: where the axis ends, its bend, its skew. */
+enum { SIMILARITY_MAX_VERTICES = 32, SIMILARITY_MAX_CUTS = 32 };
+/* Variables of the fit: both end positions, bend, skew. */
 enum { SIMILARITY_VARIABLES = 4 };
-/* Of a coarse scan: so many samples apart. */
-enum { SIMILARITY_STRIDE = 2 };
-/* Units: cells of a warp's table. */
-enum { SIMILARITY_CELLS_A_UNIT = 8 };
+/* Stride of the coarse scan, samples. */
+enum { SIMILARITY_SCAN_STRIDE = 2 };
+/* Cells of a warping table per work unit. */
+enum { SIMILARITY_CELLS_PER_UNIT = 8 };
 
 typedef int32_t similarity_phase;
 enum {
@@ -20,191 +20,214 @@ enum {
     SIMILARITY_INNER,
     SIMILARITY_EVOLVE,
     SIMILARITY_COMPARE,
-    SIMILARITY_SPLIT,
+    SIMILARITY_SEARCH,
     SIMILARITY_SCAN,
     SIMILARITY_FIT,
-    SIMILARITY_COMPARE_NEAR,
-    SIMILARITY_SLIDE,
-    SIMILARITY_SCAN_NEAR,
-    SIMILARITY_BLEND,
-    SIMILARITY_TURN,
-    SIMILARITY_JUDGE,
+    SIMILARITY_COMPARE_LOCAL,
+    SIMILARITY_LOCAL_OFFSETS,
+    SIMILARITY_SCAN_LOCAL,
+    SIMILARITY_FINAL_FIT,
+    SIMILARITY_ROTATION,
+    SIMILARITY_REPORT,
     SIMILARITY_DONE
 };
 
-/* A cut of the outline. Places are in samples, along the outline. */
+/* A cut of the outline at two positions. Positions are in samples along the outline. */
 typedef struct similarity_cut {
-    cairn_real place[2]; /* of the ends, 0 <= place < points */
+    cairn_real position[2]; /* Positions of the ends, 0 <= position < outline_samples. */
+    /* The two arcs. */
     cairn_real from[2], to[2];
-    cairn_real cost; /* by which it is ranked */
-    cairn_real misfit, warp;
-    cairn_real whole; /* misfit, bend and skew: what the cut costs where joints explain nothing */
-    cairn_real close; /* the misfit of the outline alone, with distances that end to count early */
+    cairn_real cost; /* Ranking cost. */
+    /* As in cairn_symmetry_axis. */
+    cairn_real mirror_residual, dtw_cost;
+    /* Mirror residual plus the penalties of bend and skew: cost without articulation. */
+    cairn_real mirror_cost;
+    /* Residual of the outline alone, truncated at the inlier distance. */
+    cairn_real truncated_residual;
+    /* Bend, rad, and skew (tangent) of the axis. */
     cairn_real bend, skew;
+    /* Evolution level and division, as in cairn_symmetry_axis. */
     int32_t vertices, division;
 } similarity_cut;
 
-/* Cuts apart from each other, best first. */
+/* Cuts after non-maximum suppression, in order of increasing cost. */
 typedef struct similarity_list {
-    similarity_cut cuts[SIMILARITY_KEPT];
+    similarity_cut cuts[SIMILARITY_MAX_CUTS];
     int32_t count;
 } similarity_list;
 
-/* Which samples lie on either side of an axis: every stride-th, without its ends. */
+/* The samples of both arcs: every stride-th, without the ends. */
 typedef struct similarity_sides {
+    /* First sample and number of samples of each arc. */
     int32_t first[2], count[2];
     int32_t stride;
 } similarity_sides;
 
-/* Both arcs taken back to a straight axis, the second turned over and walked backward, each with
- * the ends of the axis. */
-typedef struct similarity_flat {
+/* Both arcs in axis coordinates, the second reflected and reversed, each with the ends of the
+ * axis. */
+typedef struct similarity_axis_arcs {
     cairn_vec2 *points[2]; /* [count] */
     int32_t count[2];
-} similarity_flat;
+} similarity_axis_arcs;
 
-/* A cut with its arcs laid flat. */
+/* A cut and its arcs in axis coordinates. */
 typedef struct similarity_trial {
     similarity_cut cut;
     similarity_sides sides;
-    similarity_flat flat;
-    cairn_vec2 *room; /* [points + 4] */
-    int32_t *near;    /* [points] for each sample the side of the other arc that is nearest */
+    similarity_axis_arcs axis_arcs;
+    cairn_vec2 *buffer; /* [outline_samples + 4] */
+    /* [outline_samples] For each sample the nearest segment of the other arc. */
+    int32_t *nearest_segment;
 } similarity_trial;
 
 struct cairn_self_similarity {
     cairn_self_similarity_params params;
     cairn_inner_distance *inner;
     cairn_curve_evolution *evolution;
-    /* [points + hole_points] */
+    /* [outline_samples + hole_samples] */
     cairn_vec2 *samples;
-    /* the same, of a shape that may be refused yet */
-    cairn_vec2 *next;
-    /* samples[points ...]: those of holes */
-    int32_t holes, hole_count[CAIRN_SYMMETRY_OUTLINES];
-    /* [points * points] c(i, k) of eq. 4.4 */
-    cairn_real *unlike;
-    /* [2 * points] two rows of a warp */
-    cairn_real *sum;
-    /* [2 * points] */
-    int32_t *steps;
-    /* [points] samples of both arcs as they are warped */
-    int32_t *walk;
+    /* The same for a new shape, until begin() accepts it. */
+    cairn_vec2 *next_samples;
+    /* Number of holes and of their samples; samples[outline_samples ...]. */
+    int32_t hole_total, hole_count[CAIRN_SYMMETRY_OUTLINES];
+    /* [outline_samples^2] c(i, k) of eq. 4.4. */
+    cairn_real *descriptor_distance;
+    /* [2 * outline_samples] Two rows of the warping table: least sums. */
+    cairn_real *dtw_sum;
+    /* [2 * outline_samples] Lengths of the warping paths. */
+    int32_t *dtw_length;
+    /* [outline_samples] Samples of both arcs to be aligned. */
+    int32_t *dtw_samples;
+    /* Ranked cuts. */
     similarity_list list;
     similarity_phase phase;
-    int32_t paid;
-    /* what the phase is at */
-    int32_t i, k;
-    /* The level that is searched. */
+    /* Work units charged for the next work item. */
+    int32_t units_charged;
+    /* Loop counters of the current phase. */
+    int32_t cursor, inner_cursor;
+    /* The current evolution level. */
     int32_t level, division;
-    int32_t vertex[SIMILARITY_VERTICES];
-    /* Re-ranked. */
-    cairn_vec2 *smooth;      /* [points] */
-    cairn_vec2 *nudged;      /* [points + 4] arcs laid flat a little off */
-    cairn_vec2 *flat_holes;  /* [hole_points] */
-    cairn_real *residual;    /* [(1 + SIMILARITY_VARIABLES) * points] */
-    similarity_list scanned; /* what is to be fitted */
+    /* Sample index of each vertex of the level. */
+    int32_t vertex[SIMILARITY_MAX_VERTICES];
+    /* Re-ranking. */
+    cairn_vec2 *smoothed;   /* [outline_samples] Smoothed samples. */
+    cairn_vec2 *perturbed;  /* [outline_samples + 4] Arcs with a perturbed variable. */
+    cairn_vec2 *axis_holes; /* [hole_samples] Hole samples in axis coordinates. */
+    /* [(1 + SIMILARITY_VARIABLES) * outline_samples] Residuals and Jacobian. */
+    cairn_real *residual;
+    similarity_list candidates; /* Cuts to be fitted. */
     similarity_trial trial[2];
-    int32_t current; /* the trial that stands */
-    int32_t round;   /* of the fit */
-    int32_t warped;  /* of scanned: the first so many come from the scan of joints */
-    int32_t robust;  /* 1: trials are judged by what lies close, limbs may have turned */
+    int32_t current_trial; /* Index of the accepted trial. */
+    int32_t fit_iteration; /* Iteration of the fit. */
+    /* Number of leading candidates from the scan for articulated shapes. */
+    int32_t dtw_candidates;
+    /* 1: trials are ranked by the residual truncated for articulated shapes. */
+    int32_t robust;
+    /* Damping factor of the Levenberg-Marquardt fit. */
     cairn_real damping;
-    cairn_real span;    /* the greatest inner distance */
-    cairn_real jointed; /* 0: a bend and a skew explain the shape; 1: they do not */
-    /* Rotations: sums over the samples of a turn, how many turns fit. */
-    cairn_real turned, size;
-    int32_t fitting;
+    cairn_real max_distance; /* Greatest inner distance. */
+    /* Degree of articulation, 0 ... 1; 0: bend and skew explain the shape. */
+    cairn_real articulation;
+    /* Rotational symmetry: residual sum, radius sum, number of matching orders. */
+    cairn_real rotation_residual, radius_sum;
+    int32_t matching_rotations;
     /* The result. */
     cairn_symmetry_axis axes[CAIRN_SYMMETRY_AXES];
-    int32_t axis_count, ties, rotations;
+    int32_t axis_count, tie_count, rotation_order;
     cairn_symmetry_verdict verdict;
-    int64_t comparisons;
+    int64_t comparison_count;
 };
 
-/* The least warp of first[] onto second[], lists of samples, each of 1 ... points: its sum and
- * its pairs. */
-typedef struct similarity_warp {
+/* Dynamic time warping of first[] and second[], lists of 1 ... outline_samples samples: least
+ * sum and length of its path. */
+typedef struct similarity_alignment {
     cairn_real sum;
-    int32_t pairs;
-} similarity_warp;
-similarity_warp cairn_similarity_warp(cairn_self_similarity *s, const int32_t *first,
-                                      int32_t first_count, const int32_t *second,
-                                      int32_t second_count);
+    int32_t length;
+} similarity_alignment;
+similarity_alignment cairn_similarity_align(cairn_self_similarity *similarity, const int32_t *first,
+                                            int32_t first_count, const int32_t *second,
+                                            int32_t second_count);
 
-/* Keeps a cut unless a better one is near, in place of worse ones that are. */
-void cairn_similarity_offer(const cairn_self_similarity *s, similarity_list *list,
-                            const similarity_cut *cut);
+/* Inserts a cut with non-maximum suppression: it is dropped if a better cut lies within the
+ * radius, and replaces worse cuts within the radius. */
+void cairn_similarity_insert(const cairn_self_similarity *similarity, similarity_list *list,
+                             const similarity_cut *cut);
 
-/* Where the outline is at a place, 0 <= place < points; samples: [points], those of the outline
- * or the smoothed ones. */
-cairn_vec2 cairn_similarity_point(const cairn_self_similarity *s, const cairn_vec2 *samples,
-                                  cairn_real place);
+/* Returns the outline point at a position, 0 <= position < outline_samples, by linear
+ * interpolation; samples: [outline_samples], original or smoothed. */
+cairn_vec2 cairn_similarity_point(const cairn_self_similarity *similarity,
+                                  const cairn_vec2 *samples, cairn_real position);
 
-/* Samples of all holes together. */
-int32_t cairn_similarity_hole_samples(const cairn_self_similarity *s);
+/* Returns the number of samples of all holes. */
+int32_t cairn_similarity_hole_samples(const cairn_self_similarity *similarity);
 
-/* The thesis's search over levels, pairs and divisions. */
-void cairn_similarity_split_begin(cairn_self_similarity *s);
-cairn_status cairn_similarity_split_step(cairn_self_similarity *s, cairn_budget *budget);
+/* Searches all levels, vertex pairs and divisions, as in the thesis. */
+void cairn_similarity_search_begin(cairn_self_similarity *similarity);
+cairn_status cairn_similarity_search_step(cairn_self_similarity *similarity, cairn_budget *budget);
 
-/* ---- Arcs as mirror images of each other ---- */
+/* ---- Mirror residual ---- */
 
-similarity_sides cairn_similarity_sides(const cairn_self_similarity *s, const similarity_cut *cut,
-                                        int32_t stride);
-similarity_flat cairn_similarity_lay(const cairn_self_similarity *s, const similarity_cut *cut,
-                                     const similarity_sides *sides, cairn_vec2 *room);
+similarity_sides cairn_similarity_sides(const cairn_self_similarity *similarity,
+                                        const similarity_cut *cut, int32_t stride);
+similarity_axis_arcs cairn_similarity_unbend(const cairn_self_similarity *similarity,
+                                             const similarity_cut *cut,
+                                             const similarity_sides *sides, cairn_vec2 *buffer);
 
-/* Lays a trial's cut flat and sets its misfit and cost. */
-void cairn_similarity_try(cairn_self_similarity *s, similarity_trial *trial, int32_t stride);
+/* Transforms a trial's arcs to axis coordinates and sets its residuals and cost. */
+void cairn_similarity_evaluate(cairn_self_similarity *similarity, similarity_trial *trial,
+                               int32_t stride);
 
-/* The bend and skew that a cut's ends and what lies between them speak for. */
-void cairn_similarity_guess(const cairn_self_similarity *s, similarity_cut *cut);
+/* Estimates bend and skew from paired points of both arcs. */
+void cairn_similarity_estimate(const cairn_self_similarity *similarity, similarity_cut *cut);
 
-/* Keeps places on the outline, bend and skew within what is looked at. */
-void cairn_similarity_limit(const cairn_self_similarity *s, similarity_cut *cut);
+/* Wraps the positions to the outline and clamps bend and skew to their bounds. */
+void cairn_similarity_clamp(const cairn_self_similarity *similarity, similarity_cut *cut);
 
-/* Units of a trial. */
-int32_t cairn_similarity_trial_units(const cairn_self_similarity *s, int32_t stride);
+/* Returns the cost of an evaluation in units. */
+int32_t cairn_similarity_evaluate_cost(const cairn_self_similarity *similarity, int32_t stride);
 
-/* Fits the cut of the standing trial; CAIRN_OK: it is as good as it gets. */
-void cairn_similarity_fit_begin(cairn_self_similarity *s, const similarity_cut *cut);
-cairn_status cairn_similarity_fit_step(cairn_self_similarity *s, cairn_budget *budget);
+/* Fits the cut of the current trial; CAIRN_OK: converged or out of iterations. */
+void cairn_similarity_fit_begin(cairn_self_similarity *similarity, const similarity_cut *cut);
+cairn_status cairn_similarity_fit_step(cairn_self_similarity *similarity, cairn_budget *budget);
 
-/* Fits the mirror line of an axis from where it lies; and its units. Needs the span. */
-void cairn_similarity_mirror(const cairn_self_similarity *s, const similarity_cut *cut,
+/* Fits the mirror line of an axis from its initial line; its cost in units. Requires
+ * max_distance. */
+void cairn_similarity_mirror(const cairn_self_similarity *similarity, const similarity_cut *cut,
                              cairn_symmetry_axis *axis);
-int32_t cairn_similarity_mirror_units(const cairn_self_similarity *s);
+int32_t cairn_similarity_mirror_cost(const cairn_self_similarity *similarity);
 
-/* ---- Re-ranking: one function for each of its phases ---- */
+/* ---- Re-ranking, one function for each phase ---- */
 
-void cairn_similarity_scan_begin(cairn_self_similarity *s);
-cairn_status cairn_similarity_scan_step(cairn_self_similarity *s, cairn_budget *budget);
-void cairn_similarity_fits_begin(cairn_self_similarity *s);
-cairn_status cairn_similarity_fits_step(cairn_self_similarity *s, cairn_budget *budget);
+void cairn_similarity_scan_begin(cairn_self_similarity *similarity);
+cairn_status cairn_similarity_scan_step(cairn_self_similarity *similarity, cairn_budget *budget);
+void cairn_similarity_fits_begin(cairn_self_similarity *similarity);
+cairn_status cairn_similarity_fits_step(cairn_self_similarity *similarity, cairn_budget *budget);
 
-/* Whether the ends of the cut at samples i > k are far enough apart both ways round; that cut. */
-int cairn_similarity_makes_cut(const cairn_self_similarity *s, int32_t i, int32_t k);
+/* Returns whether both arcs between samples i > k are long enough; returns that cut. */
+int cairn_similarity_is_valid_cut(const cairn_self_similarity *similarity, int32_t i, int32_t k);
 similarity_cut cairn_similarity_cut_at(int32_t i, int32_t k);
 
-/* Puts the first `most` cuts of a list behind the first `kept` of those that are to be looked
- * at. */
-void cairn_similarity_line_up(cairn_self_similarity *s, int32_t kept, const similarity_list *list,
-                              int32_t most);
+/* Truncates the candidates to `kept` and appends the first `most` cuts of a list. */
+void cairn_similarity_append_candidates(cairn_self_similarity *similarity, int32_t kept,
+                                        const similarity_list *list, int32_t most);
 
-/* Makes the cut between the places of its ends a division of all of the outline. */
-void cairn_similarity_set_arcs(const cairn_self_similarity *s, similarity_cut *cut);
+/* Sets the arcs of a cut to the whole outline between its ends. */
+void cairn_similarity_set_arcs(const cairn_self_similarity *similarity, similarity_cut *cut);
 
-/* Re-ranking where limbs turned at joints. */
-cairn_status cairn_similarity_near_step(cairn_self_similarity *s, cairn_budget *budget);
-cairn_status cairn_similarity_slide_step(cairn_self_similarity *s, cairn_budget *budget);
-void cairn_similarity_scan_near_begin(cairn_self_similarity *s);
-cairn_status cairn_similarity_scan_near_step(cairn_self_similarity *s, cairn_budget *budget);
-void cairn_similarity_blend_begin(cairn_self_similarity *s);
-cairn_status cairn_similarity_blend_step(cairn_self_similarity *s, cairn_budget *budget);
+/* Re-ranking of articulated shapes. */
+cairn_status cairn_similarity_local_step(cairn_self_similarity *similarity, cairn_budget *budget);
+cairn_status cairn_similarity_local_offsets_step(cairn_self_similarity *similarity,
+                                                 cairn_budget *budget);
+void cairn_similarity_scan_local_begin(cairn_self_similarity *similarity);
+cairn_status cairn_similarity_scan_local_step(cairn_self_similarity *similarity,
+                                              cairn_budget *budget);
+void cairn_similarity_final_fit_begin(cairn_self_similarity *similarity);
+cairn_status cairn_similarity_final_fit_step(cairn_self_similarity *similarity,
+                                             cairn_budget *budget);
 
-/* After which turns the shape looks the same. */
-void cairn_similarity_turn_begin(cairn_self_similarity *s);
-cairn_status cairn_similarity_turn_step(cairn_self_similarity *s, cairn_budget *budget);
+/* Estimates the order of rotational symmetry. */
+void cairn_similarity_rotation_begin(cairn_self_similarity *similarity);
+cairn_status cairn_similarity_rotation_step(cairn_self_similarity *similarity,
+                                            cairn_budget *budget);
 
 #endif

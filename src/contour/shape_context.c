@@ -1,18 +1,22 @@
-/* Shape contexts.
+/* Shape contexts (log-polar histograms) and their chi-squared matching.
  *
- * Method: rings are bounded by radii in geometric steps from `inner` to `outer`, in units of the
- * mean distance of two points: of each shape's own, and for a part of the whole's, because a part's
- * mean says nothing of the whole's size. The first ring reaches to the point itself, what lies
- * beyond the last one is not counted. Contexts are shares of the points counted. Sectors begin at
- * the x axis.
+ * Method:
+ * 1. Ring radii are in geometric progression from inner_radius to outer_radius, in units of the
+ *    mean distance of two points. For a part the mean distance of the whole shape is used, since a
+ *    part's own does not determine the whole's size.
+ * 2. The first ring extends to the point itself; points beyond the last ring are not counted.
+ *    Histograms are normalized. Sectors begin at the x axis.
+ * 3. Costs: half the chi-squared distance of two histograms.
+ * 4. WHOLE: minimum-cost assignment and nearest neighbours in both directions. PART: nearest
+ *    neighbours of the first shape.
  *
- * Layout: points and contexts of both shapes, the table of costs, the assignment.
+ * Memory layout: points and histograms of both shapes, the cost matrix, the assignment.
  *
- * Limits: not invariant to rotation; points at the bound of two sectors change their bin by
- * rounding.
+ * Limits: not invariant to rotation; rounding may move points on a sector bound to the adjacent
+ * bin.
  *
- * Source: Belongie, Malik & Puzicha 2002; the asymmetric form: this project's, for Adluru 2008,
- * section 5.3.1. */
+ * Source: Belongie, Malik and Puzicha 2002; the asymmetric form: this project's, for Adluru
+ * 2008, section 5.3.1. */
 #include "src/core/build.h"
 
 #include <string.h>
@@ -21,16 +25,24 @@
 #include "cairn/shape_context.h"
 
 enum {
-    POINTS_MOST = 1024,
+    MAX_POINTS = 1024,
     RINGS = CAIRN_SHAPE_CONTEXT_RINGS,
     SECTORS = CAIRN_SHAPE_CONTEXT_SECTORS
 };
 enum { BINS = CAIRN_SHAPE_CONTEXT_BINS };
-/* Units of a row: distances, contexts and costs. */
-enum { DISTANCES_A_UNIT = 6, UNITS_A_COST = 3, NEAREST_A_UNIT = 16 };
-enum { IDLE, MEASURE, COUNT, COMPARE, NEAREST, ASSIGN, DONE };
+/* Work units of a row: distances, costs, column minima. */
+enum { DISTANCES_PER_UNIT = 6, UNITS_PER_COST = 3, MINIMA_PER_UNIT = 16 };
+enum {
+    PHASE_IDLE,
+    PHASE_MEAN_DISTANCE,
+    PHASE_HISTOGRAM,
+    PHASE_COST,
+    PHASE_NEAREST,
+    PHASE_ASSIGN,
+    PHASE_DONE
+};
 
-static const cairn_real FAR = CAIRN_REAL(1e9);
+static const cairn_real MAX_COORDINATE = CAIRN_REAL(1e9);
 
 struct cairn_shape_context {
     cairn_shape_context_params params;
@@ -41,51 +53,61 @@ struct cairn_shape_context {
     int32_t *match;         /* [max_points] */
     cairn_assignment *assignment;
     int32_t count[2];
-    cairn_real mean[2]; /* distance of two points: sums while they are measured */
-    cairn_real missing_share, distance, symmetric;
-    int32_t phase, shape, row, paid;
+    /* Mean distance of two points, in the units of the input; sums during PHASE_MEAN_DISTANCE. */
+    cairn_real mean_distance[2];
+    cairn_real missing_share, distance, symmetric_distance;
+    int32_t phase, shape, row, units_charged;
 };
 
 cairn_shape_context_params cairn_shape_context_default(void)
 {
-    cairn_shape_context_params params = {128, CAIRN_REAL(0.125), 2, 1};
+    cairn_shape_context_params params = {
+        .max_points = 128,
+        .inner = CAIRN_REAL(0.125),
+        .outer = 2,
+        .missing = 1,
+    };
 
     return params;
 }
 
-static int params_are_good(const cairn_shape_context_params *p)
+static int params_are_valid(const cairn_shape_context_params *p)
 {
-    return p != NULL && p->max_points >= 2 && p->max_points <= POINTS_MOST && p->inner > 0 &&
-           p->outer > p->inner && p->outer <= FAR && p->missing >= 0 && p->missing <= FAR;
+    return p != NULL && p->max_points >= 2 && p->max_points <= MAX_POINTS && p->inner > 0 &&
+           p->outer > p->inner && p->outer <= MAX_COORDINATE && p->missing >= 0 &&
+           p->missing <= MAX_COORDINATE;
 }
 
 static cairn_assignment_params assignment_params(const cairn_shape_context_params *p)
 {
-    cairn_assignment_params params = {p->max_points, p->max_points};
+    cairn_assignment_params params = {
+        .max_rows = p->max_points,
+        .max_columns = p->max_points,
+    };
 
     return params;
 }
 
-/* All but the assignment. */
+/* Allocates everything but the assignment. */
 static cairn_shape_context *carve(cairn_pool *pool, const cairn_shape_context_params *p)
 {
     size_t n = (size_t)p->max_points;
-    cairn_shape_context *c = cairn_pool_take_one(pool, sizeof *c);
+    cairn_shape_context *matcher = cairn_pool_take_one(pool, sizeof *matcher);
     cairn_vec2 *points = cairn_pool_take(pool, 2 * n, sizeof *points);
     cairn_real *context = cairn_pool_take(pool, 2 * n * BINS, sizeof *context);
     cairn_real *cost = cairn_pool_take(pool, n * n, sizeof *cost);
     int32_t *match = cairn_pool_take(pool, n, sizeof *match);
 
-    if (c != NULL) {
-        memset(c, 0, sizeof *c);
-        c->points[0] = points;
-        c->points[1] = points + n;
-        c->context[0] = context;
-        c->context[1] = context + n * BINS;
-        c->cost = cost;
-        c->match = match;
+    if (matcher != NULL) {
+        memset(matcher, 0, sizeof *matcher);
+        matcher->points[0] = points;
+        matcher->points[1] = points + n;
+        matcher->context[0] = context;
+        matcher->context[1] = context + n * BINS;
+        matcher->cost = cost;
+        matcher->match = match;
     }
-    return c;
+    return matcher;
 }
 
 size_t cairn_shape_context_memory(const cairn_shape_context_params *params)
@@ -93,7 +115,7 @@ size_t cairn_shape_context_memory(const cairn_shape_context_params *params)
     cairn_assignment_params assignment;
     cairn_pool counting;
 
-    if (!params_are_good(params))
+    if (!params_are_valid(params))
         return 0;
     assignment = assignment_params(params);
     cairn_pool_init_counting(&counting);
@@ -121,82 +143,89 @@ cairn_status cairn_shape_context_create(cairn_shape_context **context, cairn_poo
 static int are_usable(const cairn_vec2 *points, int32_t count)
 {
     for (int32_t i = 0; i < count; i++)
-        if (!(cairn_abs(points[i].x) <= FAR) || !(cairn_abs(points[i].y) <= FAR))
+        if (!(cairn_abs(points[i].x) <= MAX_COORDINATE) ||
+            !(cairn_abs(points[i].y) <= MAX_COORDINATE))
             return 0;
     return 1;
 }
 
-cairn_status cairn_shape_context_begin(cairn_shape_context *c,
+cairn_status cairn_shape_context_begin(cairn_shape_context *matcher,
                                        const cairn_shape_context_input *input)
 {
-    if (c == NULL || input == NULL || input->first == NULL || input->second == NULL ||
+    if (matcher == NULL || input == NULL || input->first == NULL || input->second == NULL ||
         input->first_count < 2 || input->second_count < 2 ||
         !(input->missing_share >= 0 && input->missing_share <= 1) ||
         input->kind < CAIRN_SHAPE_CONTEXT_WHOLE || input->kind > CAIRN_SHAPE_CONTEXT_PART)
         return CAIRN_BAD_ARGUMENT;
-    if (input->first_count > c->params.max_points || input->second_count > c->params.max_points)
+    if (input->first_count > matcher->params.max_points ||
+        input->second_count > matcher->params.max_points)
         return CAIRN_FULL;
     if (!are_usable(input->first, input->first_count) ||
         !are_usable(input->second, input->second_count))
         return CAIRN_NOT_FINITE;
-    memcpy(c->points[0], input->first, (size_t)input->first_count * sizeof *input->first);
-    memcpy(c->points[1], input->second, (size_t)input->second_count * sizeof *input->second);
-    c->count[0] = input->first_count;
-    c->count[1] = input->second_count;
-    c->kind = input->kind;
-    c->missing_share = input->missing_share;
-    c->mean[0] = c->mean[1] = c->distance = c->symmetric = 0;
-    c->shape = c->row = c->paid = 0;
-    c->phase = MEASURE;
+    memcpy(matcher->points[0], input->first, (size_t)input->first_count * sizeof *input->first);
+    memcpy(matcher->points[1], input->second, (size_t)input->second_count * sizeof *input->second);
+    matcher->count[0] = input->first_count;
+    matcher->count[1] = input->second_count;
+    matcher->kind = input->kind;
+    matcher->missing_share = input->missing_share;
+    matcher->mean_distance[0] = matcher->mean_distance[1] = matcher->distance =
+        matcher->symmetric_distance = 0;
+    matcher->shape = matcher->row = matcher->units_charged = 0;
+    matcher->phase = PHASE_MEAN_DISTANCE;
     return CAIRN_OK;
 }
 
-/* Distances of a point to those behind it. */
-static void measure_row(cairn_shape_context *c)
+/* Sums the distances from a point to all later points. */
+static void sum_distances(cairn_shape_context *matcher)
 {
-    const cairn_vec2 *p = c->points[c->shape];
+    const cairn_vec2 *p = matcher->points[matcher->shape];
 
-    for (int32_t k = c->row + 1; k < c->count[c->shape]; k++)
-        c->mean[c->shape] += cairn_vec2_norm(cairn_vec2_sub(p[k], p[c->row]));
+    for (int32_t k = matcher->row + 1; k < matcher->count[matcher->shape]; k++)
+        matcher->mean_distance[matcher->shape] +=
+            cairn_vec2_norm(cairn_vec2_sub(p[k], p[matcher->row]));
 }
 
-/* Sums become means. 0: there is no distance to measure by. */
-static int take_means(cairn_shape_context *c)
+/* Divides the sums by their counts; returns 0 if all points coincide. */
+static int set_mean_distances(cairn_shape_context *matcher)
 {
     for (int32_t k = 0; k < 2; k++)
-        c->mean[k] /= (cairn_real)c->count[k] * (cairn_real)(c->count[k] - 1) / 2;
-    if (c->kind == CAIRN_SHAPE_CONTEXT_PART)
-        c->mean[0] = c->mean[1];
-    return c->mean[0] > 0 && c->mean[1] > 0;
+        matcher->mean_distance[k] /=
+            (cairn_real)matcher->count[k] * (cairn_real)(matcher->count[k] - 1) / 2;
+    if (matcher->kind == CAIRN_SHAPE_CONTEXT_PART)
+        matcher->mean_distance[0] = matcher->mean_distance[1];
+    return matcher->mean_distance[0] > 0 && matcher->mean_distance[1] > 0;
 }
 
-/* -1: beyond the last ring. */
-static int32_t bin_of(const cairn_shape_context *c, cairn_vec2 d, cairn_real mean)
+/* Returns the histogram bin of a displacement; -1: beyond the last ring. */
+static int32_t bin_of(const cairn_shape_context *matcher, cairn_vec2 d, cairn_real mean)
 {
-    cairn_real far = cairn_vec2_norm(d) / mean, angle = cairn_atan2(d.y, d.x);
-    cairn_real step = cairn_sqrt(cairn_sqrt(c->params.outer / c->params.inner)),
-               bound = c->params.inner;
+    cairn_real distance = cairn_vec2_norm(d) / mean, angle = cairn_atan2(d.y, d.x);
+    cairn_real step = cairn_sqrt(cairn_sqrt(matcher->params.outer / matcher->params.inner)),
+               bound = matcher->params.inner;
     int32_t ring = 0, sector = cairn_real_to_int((angle < 0 ? angle + 2 * CAIRN_PI : angle) *
                                                  (SECTORS / (2 * CAIRN_PI)));
 
-    while (ring < RINGS && far >= bound) {
+    while (ring < RINGS && distance >= bound) {
         ring++;
         bound *= step;
     }
     return ring < RINGS ? ring * SECTORS + (sector < SECTORS ? sector : SECTORS - 1) : -1;
 }
 
-/* The context of a point. */
-static void count_row(cairn_shape_context *c)
+/* Computes the shape context of a point. */
+static void histogram_row(cairn_shape_context *matcher)
 {
-    cairn_real *context = &c->context[c->shape][(size_t)c->row * BINS], counted = 0;
-    const cairn_vec2 *p = c->points[c->shape];
+    cairn_real *context = &matcher->context[matcher->shape][(size_t)matcher->row * BINS],
+               counted = 0;
+    const cairn_vec2 *p = matcher->points[matcher->shape];
 
     for (int32_t k = 0; k < BINS; k++)
         context[k] = 0;
-    for (int32_t k = 0; k < c->count[c->shape]; k++) {
-        int32_t bin =
-            k != c->row ? bin_of(c, cairn_vec2_sub(p[k], p[c->row]), c->mean[c->shape]) : -1;
+    for (int32_t k = 0; k < matcher->count[matcher->shape]; k++) {
+        int32_t bin = k != matcher->row ? bin_of(matcher, cairn_vec2_sub(p[k], p[matcher->row]),
+                                                 matcher->mean_distance[matcher->shape])
+                                        : -1;
 
         if (bin >= 0) {
             context[bin] += 1;
@@ -207,7 +236,8 @@ static void count_row(cairn_shape_context *c)
         context[k] /= counted;
 }
 
-static cairn_real cost_of(const cairn_real *a, const cairn_real *b)
+/* Returns half the chi-squared distance of two histograms, 0 ... 1. */
+static cairn_real chi_squared_cost(const cairn_real *a, const cairn_real *b)
 {
     cairn_real sum = 0;
 
@@ -217,27 +247,27 @@ static cairn_real cost_of(const cairn_real *a, const cairn_real *b)
     return sum / 2;
 }
 
-/* A context by its bins that hold something. */
-typedef struct few_bins {
+/* The non-empty bins of a histogram. */
+typedef struct sparse_histogram {
     int32_t bin[BINS], count;
-    cairn_real share[BINS];
-} few_bins;
+    cairn_real value[BINS];
+} sparse_histogram;
 
-static few_bins few_of(const cairn_real *context)
+static sparse_histogram sparse_histogram_of(const cairn_real *context)
 {
-    few_bins few = {.count = 0};
+    sparse_histogram sparse = {.count = 0};
 
     for (int32_t k = 0; k < BINS; k++)
         if (context[k] > 0) {
-            few.bin[few.count] = k;
-            few.share[few.count++] = context[k];
+            sparse.bin[sparse.count] = k;
+            sparse.value[sparse.count++] = context[k];
         }
-    return few;
+    return sparse;
 }
 
-/* The same as cost_of(), for (a - b)^2 / (a + b) = a + b - 4 a b / (a + b), and shares sum to 1
- * where anything was counted: only bins that hold something of both count. */
-static cairn_real cost_of_few(const few_bins *a, const cairn_real *b)
+/* Equals chi_squared_cost() up to rounding: (a - b)^2 / (a + b) = a + b - 4 a b / (a + b), and
+ * non-empty histograms sum to 1, so that only bins common to both contribute. */
+static cairn_real sparse_chi_squared_cost(const sparse_histogram *a, const cairn_real *b)
 {
     cairn_real both = 0;
 
@@ -245,141 +275,150 @@ static cairn_real cost_of_few(const few_bins *a, const cairn_real *b)
         cairn_real other = b[a->bin[k]];
 
         if (other > 0)
-            both += a->share[k] * other / (a->share[k] + other);
+            both += a->value[k] * other / (a->value[k] + other);
     }
     if (!(both > 0))
-        return ((cairn_real)(a->count > 0) + (cairn_real)(few_of(b).count > 0)) / 2;
+        return ((cairn_real)(a->count > 0) + (cairn_real)(sparse_histogram_of(b).count > 0)) / 2;
     return cairn_max(0, 1 - 2 * both);
 }
 
-/* The costs of a point of the first; the cheapest is its match. */
-static void compare_row(cairn_shape_context *c)
+/* Computes the costs of a point of the first shape; the cheapest is its match. */
+static void cost_row(cairn_shape_context *matcher)
 {
-    cairn_real *cost = &c->cost[(size_t)c->row * (size_t)c->count[1]];
-    const cairn_real *own = &c->context[0][(size_t)c->row * BINS];
-    few_bins few = few_of(own);
+    cairn_real *cost = &matcher->cost[(size_t)matcher->row * (size_t)matcher->count[1]];
+    const cairn_real *own = &matcher->context[0][(size_t)matcher->row * BINS];
+    sparse_histogram sparse = sparse_histogram_of(own);
     int32_t least = 0;
 
-    for (int32_t k = 0; k < c->count[1]; k++) {
-        const cairn_real *other = &c->context[1][(size_t)k * BINS];
+    for (int32_t k = 0; k < matcher->count[1]; k++) {
+        const cairn_real *other = &matcher->context[1][(size_t)k * BINS];
 
-        cost[k] =
-            c->kind == CAIRN_SHAPE_CONTEXT_PART ? cost_of(own, other) : cost_of_few(&few, other);
+        cost[k] = matcher->kind == CAIRN_SHAPE_CONTEXT_PART
+                      ? chi_squared_cost(own, other)
+                      : sparse_chi_squared_cost(&sparse, other);
         if (cost[k] < cost[least])
             least = k;
     }
-    c->match[c->row] = least;
-    c->distance += cost[least];
+    matcher->match[matcher->row] = least;
+    matcher->distance += cost[least];
 }
 
-/* WHOLE: the least cost of a point of the second, which stands in a column. */
-static void find_nearest(cairn_shape_context *c)
+/* WHOLE: adds the least cost of a point of the second shape (a column minimum). */
+static void find_nearest(cairn_shape_context *matcher)
 {
-    cairn_real least = c->cost[c->row];
+    cairn_real least = matcher->cost[matcher->row];
 
-    for (int32_t i = 1; i < c->count[0]; i++)
-        least = cairn_min(least, c->cost[(size_t)i * (size_t)c->count[1] + (size_t)c->row]);
-    c->symmetric += least / (cairn_real)c->count[1];
+    for (int32_t i = 1; i < matcher->count[0]; i++)
+        least = cairn_min(
+            least, matcher->cost[(size_t)i * (size_t)matcher->count[1] + (size_t)matcher->row]);
+    matcher->symmetric_distance += least / (cairn_real)matcher->count[1];
 }
 
-static void finish_whole(cairn_shape_context *c)
+/* WHOLE: computes the distance from the optimal assignment. */
+static void finish_assignment(cairn_shape_context *matcher)
 {
-    cairn_assignment_result pairs = cairn_assignment_read(c->assignment);
-    int32_t more = c->count[0] > c->count[1] ? c->count[0] : c->count[1];
+    cairn_assignment_result pairs = cairn_assignment_read(matcher->assignment);
+    int32_t more = matcher->count[0] > matcher->count[1] ? matcher->count[0] : matcher->count[1];
 
-    memcpy(c->match, pairs.column, (size_t)c->count[0] * sizeof *c->match);
-    c->distance =
-        (pairs.cost + c->params.missing * (cairn_real)(more - pairs.pairs)) / (cairn_real)more;
-    c->phase = DONE;
+    memcpy(matcher->match, pairs.column, (size_t)matcher->count[0] * sizeof *matcher->match);
+    matcher->distance = (pairs.cost + matcher->params.missing * (cairn_real)(more - pairs.pairs)) /
+                        (cairn_real)more;
+    matcher->phase = PHASE_DONE;
 }
 
-/* Behind the last row of a phase. */
-static cairn_status end_rows(cairn_shape_context *c)
+/* Completes the last row of a phase and advances the phase. */
+static cairn_status end_rows(cairn_shape_context *matcher)
 {
-    c->row = 0;
-    if ((c->phase == MEASURE || c->phase == COUNT) && c->shape == 0) {
-        c->shape = 1;
+    matcher->row = 0;
+    if ((matcher->phase == PHASE_MEAN_DISTANCE || matcher->phase == PHASE_HISTOGRAM) &&
+        matcher->shape == 0) {
+        matcher->shape = 1;
         return CAIRN_OK;
     }
-    c->shape = 0;
-    if (c->phase == MEASURE) {
-        c->phase = take_means(c) ? COUNT : IDLE;
-        return c->phase == COUNT ? CAIRN_OK : CAIRN_EMPTY;
+    matcher->shape = 0;
+    if (matcher->phase == PHASE_MEAN_DISTANCE) {
+        matcher->phase = set_mean_distances(matcher) ? PHASE_HISTOGRAM : PHASE_IDLE;
+        return matcher->phase == PHASE_HISTOGRAM ? CAIRN_OK : CAIRN_EMPTY;
     }
-    if (c->phase == COUNT) {
-        c->phase = COMPARE;
+    if (matcher->phase == PHASE_HISTOGRAM) {
+        matcher->phase = PHASE_COST;
         return CAIRN_OK;
     }
-    if (c->kind == CAIRN_SHAPE_CONTEXT_PART) {
-        c->distance = c->distance / (cairn_real)c->count[0] + c->params.missing * c->missing_share;
-        c->phase = DONE;
+    if (matcher->kind == CAIRN_SHAPE_CONTEXT_PART) {
+        matcher->distance = matcher->distance / (cairn_real)matcher->count[0] +
+                            matcher->params.missing * matcher->missing_share;
+        matcher->phase = PHASE_DONE;
         return CAIRN_OK;
     }
-    if (c->phase == COMPARE) {
-        c->symmetric = c->distance / (cairn_real)c->count[0];
-        c->phase = NEAREST;
+    if (matcher->phase == PHASE_COST) {
+        matcher->symmetric_distance = matcher->distance / (cairn_real)matcher->count[0];
+        matcher->phase = PHASE_NEAREST;
         return CAIRN_OK;
     }
-    c->phase = ASSIGN;
-    return cairn_assignment_begin(c->assignment, c->cost, c->count[0], c->count[1]);
+    matcher->phase = PHASE_ASSIGN;
+    return cairn_assignment_begin(matcher->assignment, matcher->cost, matcher->count[0],
+                                  matcher->count[1]);
 }
 
-static int32_t units_of_row(const cairn_shape_context *c)
+static int32_t row_cost(const cairn_shape_context *matcher)
 {
-    return c->phase == MEASURE   ? 1 + c->count[c->shape] / DISTANCES_A_UNIT
-           : c->phase == COUNT   ? c->count[c->shape]
-           : c->phase == COMPARE ? UNITS_A_COST * c->count[1]
-                                 : 1 + c->count[0] / NEAREST_A_UNIT;
+    return matcher->phase == PHASE_MEAN_DISTANCE
+               ? 1 + matcher->count[matcher->shape] / DISTANCES_PER_UNIT
+           : matcher->phase == PHASE_HISTOGRAM ? matcher->count[matcher->shape]
+           : matcher->phase == PHASE_COST      ? UNITS_PER_COST * matcher->count[1]
+                                               : 1 + matcher->count[0] / MINIMA_PER_UNIT;
 }
 
-static void run_row(cairn_shape_context *c)
+static void run_row(cairn_shape_context *matcher)
 {
-    if (c->phase == MEASURE)
-        measure_row(c);
-    else if (c->phase == COUNT)
-        count_row(c);
-    else if (c->phase == COMPARE)
-        compare_row(c);
+    if (matcher->phase == PHASE_MEAN_DISTANCE)
+        sum_distances(matcher);
+    else if (matcher->phase == PHASE_HISTOGRAM)
+        histogram_row(matcher);
+    else if (matcher->phase == PHASE_COST)
+        cost_row(matcher);
     else
-        find_nearest(c);
+        find_nearest(matcher);
 }
 
-/* Of the phase: points of the shape that is looked at, of NEAREST those of the second. */
-static int32_t rows_of(const cairn_shape_context *c)
+/* Returns the number of rows of the phase: points of the current shape, in PHASE_NEAREST of the
+ * second. */
+static int32_t row_count(const cairn_shape_context *matcher)
 {
-    return c->count[c->phase == NEAREST ? 1 : c->shape];
+    return matcher->count[matcher->phase == PHASE_NEAREST ? 1 : matcher->shape];
 }
 
-cairn_status cairn_shape_context_step(cairn_shape_context *c, cairn_budget *budget)
+cairn_status cairn_shape_context_step(cairn_shape_context *matcher, cairn_budget *budget)
 {
     cairn_status status = CAIRN_OK;
 
-    if (c == NULL || budget == NULL)
+    if (matcher == NULL || budget == NULL)
         return CAIRN_BAD_ARGUMENT;
-    while (status == CAIRN_OK && c->phase >= MEASURE && c->phase <= NEAREST) {
-        if (!cairn_budget_pay(budget, &c->paid, units_of_row(c)))
+    while (status == CAIRN_OK && matcher->phase >= PHASE_MEAN_DISTANCE &&
+           matcher->phase <= PHASE_NEAREST) {
+        if (!cairn_budget_pay(budget, &matcher->units_charged, row_cost(matcher)))
             return CAIRN_MORE;
-        run_row(c);
-        if (++c->row == rows_of(c))
-            status = end_rows(c);
+        run_row(matcher);
+        if (++matcher->row == row_count(matcher))
+            status = end_rows(matcher);
     }
-    if (status == CAIRN_OK && c->phase == ASSIGN) {
-        status = cairn_assignment_step(c->assignment, budget);
+    if (status == CAIRN_OK && matcher->phase == PHASE_ASSIGN) {
+        status = cairn_assignment_step(matcher->assignment, budget);
         if (status == CAIRN_OK)
-            finish_whole(c);
+            finish_assignment(matcher);
     }
     return status;
 }
 
-cairn_shape_context_result cairn_shape_context_read(const cairn_shape_context *c)
+cairn_shape_context_result cairn_shape_context_read(const cairn_shape_context *matcher)
 {
     cairn_shape_context_result result = {NULL, 0, 0, 0};
 
-    if (c != NULL && c->phase == DONE) {
-        result.match = c->match;
-        result.count = c->count[0];
-        result.distance = c->distance;
-        result.symmetric = c->symmetric;
+    if (matcher != NULL && matcher->phase == PHASE_DONE) {
+        result.match = matcher->match;
+        result.count = matcher->count[0];
+        result.distance = matcher->distance;
+        result.symmetric = matcher->symmetric_distance;
     }
     return result;
 }

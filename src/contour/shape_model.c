@@ -1,18 +1,22 @@
-/* Models of shapes from outlines.
+/* Symmetry-set model of a shape from its outlines.
  *
- * Method: an outline is sampled evenly. Two samples with the disc that touches it at both are a
- * place of the symmetry set. A path through the set goes from pair to pair while one sample moves
- * on and the other back, or one of them stays; it is worth the length of outline that it passes
- * times how symmetric the pairs are, less a toll for every length, so that places without symmetry
- * are passed only where more comes behind them. The most valuable path of all is found by dynamic
- * programming over (place, gap). Stretches that one side passes alone, and what lies beyond the
- * ends of the path, are looked at in the same way, the longest first.
+ * Method:
+ * 1. An outline is sampled evenly. Two samples and the disc that touches the outline at both are a
+ *    point of the symmetry set.
+ * 2. A path through the set steps from pair to pair: one sample moves forward and the other
+ *    backward, or one of them stays. Its value is the passed outline length times the symmetry of
+ *    the pairs, minus a constant cost per length. Asymmetric stretches are passed only if symmetric
+ *    ones follow.
+ * 3. The path of greatest value is found by dynamic programming over (position, gap).
+ * 4. Stretches passed on one side alone, and the remainders beyond the ends of the path, are
+ *    searched in the same way, the longest first.
  *
- * Layout: outlines, the square of gains, three rows of values, the square of moves, samples, paths.
+ * Memory layout: outlines, the matrix of gains, three rows of values, the matrix of moves, samples,
+ * paths.
  *
- * Limits: outlines of one object do not see each other; a hole is an outline like any other, its
- * inside taken for the object. "Longest" counts the outline passed, not the way of the centre, so
- * that a disc, whose centre stays, has a path, too.
+ * Limits: the outlines of an object are processed independently; a hole is treated like any other
+ * outline, with its interior as object. The length of a path is the passed outline, not the length
+ * of the medial axis, so a disc, whose centre is fixed, has a path as well.
  *
  * Source: Adluru 2008, sections 2.3.2 and 2.5. */
 #include "src/core/build.h"
@@ -22,17 +26,18 @@
 #include "cairn/symmetric_point.h"
 #include "src/contour/shape_model_work.h"
 
-enum { IDLE, PAIRS, WALK, DONE };
-enum { UNITS_A_PATH = 32 };
+enum { PHASE_IDLE, PHASE_PAIRS, PHASE_SEARCH, PHASE_DONE };
+enum { UNITS_PER_PATH = 32 };
 
-/* The toll: symmetric points of a quality below it are not worth their length. */
-#define TOLL CAIRN_REAL(0.3)
-/* Tangents are taken over so many samples to either side. */
-enum { REACH = 2 };
-/* Of a normal with the chord: nearer to the tip of a path two samples say too little. */
-#define MAX_ANGLE (80 * (CAIRN_PI / 180))
-/* A sample farther from the one before, of the mean distance, begins another outline. */
-#define APART CAIRN_REAL(3.0)
+/* Least quality of a symmetric point with positive gain (cost per length). */
+#define MIN_QUALITY CAIRN_REAL(0.3)
+/* Samples to either side over which tangents are estimated. */
+enum { TANGENT_HALF_WIDTH = 2 };
+/* Greatest angle between a normal and the chord; close to the tip of a path two samples are
+ * ambiguous. */
+#define MAX_ANGLE_RAD (80 * (CAIRN_PI / 180))
+/* A step longer than this multiple of the mean step begins another outline. */
+#define MAX_STEP_RATIO CAIRN_REAL(3.0)
 
 cairn_shape_builder_params cairn_shape_builder_default(void)
 {
@@ -50,48 +55,50 @@ cairn_shape_builder_params cairn_shape_builder_default(void)
 
 static int params_are_valid(const cairn_shape_builder_params *p)
 {
-    return p != NULL && p->points >= SHAPE_LEAST_POINTS && p->points <= 1024 && p->samples >= 4 &&
-           p->samples <= 256 && p->max_paths >= 1 && p->max_paths <= CAIRN_SHAPE_PATHS &&
-           p->max_deviation > 0 && p->max_deviation < CAIRN_PI / 2 && p->sigma > 0 &&
-           cairn_is_finite(p->sigma) && p->overlap >= 0 && p->overlap <= 1 && p->min_share > 0 &&
-           p->min_share <= 1;
+    return p != NULL && p->points >= SHAPE_MIN_OUTLINE_SAMPLES && p->points <= 1024 &&
+           p->samples >= 4 && p->samples <= 256 && p->max_paths >= 1 &&
+           p->max_paths <= CAIRN_SHAPE_PATHS && p->max_deviation > 0 &&
+           p->max_deviation < CAIRN_PI / 2 && p->sigma > 0 && cairn_is_finite(p->sigma) &&
+           p->overlap >= 0 && p->overlap <= 1 && p->min_share > 0 && p->min_share <= 1;
 }
 
-/* Paths share an outline, and each has its least number. */
-int32_t cairn_shape_most_samples(const cairn_shape_builder_params *p)
+/* Paths share an outline, and each has a least number of samples. */
+int32_t cairn_shape_max_samples(const cairn_shape_builder_params *p)
 {
-    return p->samples + CAIRN_SHAPE_PATHS * (SHAPE_LEAST_SAMPLES + 1);
+    return p->samples + CAIRN_SHAPE_PATHS * (SHAPE_MIN_PATH_SAMPLES + 1);
 }
 
-static int32_t most_points(const cairn_shape_builder_params *p)
+/* Returns the greatest number of samples of all outlines. */
+static int32_t max_outline_samples(const cairn_shape_builder_params *p)
 {
-    return p->points + CAIRN_SHAPE_OUTLINES * (SHAPE_LEAST_POINTS + 1);
+    return p->points + CAIRN_SHAPE_OUTLINES * (SHAPE_MIN_OUTLINE_SAMPLES + 1);
 }
 
 static cairn_shape_builder *carve(cairn_pool *pool, const cairn_shape_builder_params *p)
 {
-    size_t side = (size_t)p->points + SHAPE_LEAST_POINTS;
-    cairn_shape_builder *b = cairn_pool_take_one(pool, sizeof *b);
-    cairn_oriented_point *outline = cairn_pool_take(pool, (size_t)most_points(p), sizeof *outline);
+    size_t side = (size_t)p->points + SHAPE_MIN_OUTLINE_SAMPLES;
+    cairn_shape_builder *builder = cairn_pool_take_one(pool, sizeof *builder);
+    cairn_oriented_point *outline =
+        cairn_pool_take(pool, (size_t)max_outline_samples(p), sizeof *outline);
     cairn_real *gain = cairn_pool_take(pool, side * side, sizeof *gain);
-    cairn_real *value = cairn_pool_take(pool, 3 * side, sizeof *value);
-    uint8_t *move = cairn_pool_take(pool, side * side, sizeof *move);
-    shape_pair *way = cairn_pool_take(pool, 2 * side, sizeof *way);
+    cairn_real *dp_value = cairn_pool_take(pool, 3 * side, sizeof *dp_value);
+    uint8_t *dp_move = cairn_pool_take(pool, side * side, sizeof *dp_move);
+    shape_pair *path_pairs = cairn_pool_take(pool, 2 * side, sizeof *path_pairs);
     cairn_shape_sample *samples =
-        cairn_pool_take(pool, (size_t)cairn_shape_most_samples(p), sizeof *samples);
+        cairn_pool_take(pool, (size_t)cairn_shape_max_samples(p), sizeof *samples);
     cairn_shape_path *paths = cairn_pool_take(pool, CAIRN_SHAPE_PATHS, sizeof *paths);
 
-    if (b != NULL) {
-        memset(b, 0, sizeof *b);
-        b->outline = outline;
-        b->gain = gain;
-        b->value = value;
-        b->move = move;
-        b->way = way;
-        b->samples = samples;
-        b->paths = paths;
+    if (builder != NULL) {
+        memset(builder, 0, sizeof *builder);
+        builder->outline = outline;
+        builder->gain = gain;
+        builder->dp_value = dp_value;
+        builder->dp_move = dp_move;
+        builder->path_pairs = path_pairs;
+        builder->samples = samples;
+        builder->paths = paths;
     }
-    return b;
+    return builder;
 }
 
 size_t cairn_shape_builder_memory(const cairn_shape_builder_params *params)
@@ -121,7 +128,7 @@ cairn_status cairn_shape_builder_create(cairn_shape_builder **builder, cairn_poo
     return CAIRN_OK;
 }
 
-/* ---- The outlines ---- */
+/* ---- Outlines ---- */
 
 static cairn_status check_outlines(const cairn_curve *outlines, int32_t count, cairn_box *box,
                                    cairn_real *whole)
@@ -148,20 +155,20 @@ static cairn_status check_outlines(const cairn_curve *outlines, int32_t count, c
     return CAIRN_OK;
 }
 
-/* Samples one outline into outline[first ...], in units of the size, round so that its inside
- * lies to the left. */
-static void sample_outline(cairn_shape_builder *b, const cairn_curve *curve,
+/* Samples one outline into outline[outline_first ...], in units of the size, oriented with its
+ * interior to the left. */
+static void sample_outline(cairn_shape_builder *builder, const cairn_curve *curve,
                            cairn_oriented_point *to, int32_t count)
 {
     int turned = cairn_polygon_area(curve->points, curve->count) < 0;
-    cairn_vec2 *even = (cairn_vec2 *)(void *)b->gain, *tangent = even + count;
+    cairn_vec2 *even = (cairn_vec2 *)(void *)builder->gain, *tangent = even + count;
     cairn_curve sampled = {even, count, 1};
     cairn_status status = cairn_curve_resample(curve, even, NULL, count);
 
     CAIRN_ASSERT(status == CAIRN_OK);
     for (int32_t i = 0; i < count; i++)
-        even[i] = cairn_vec2_scale(cairn_vec2_sub(even[i], b->origin), 1 / b->size);
-    status = cairn_curve_tangents(&sampled, REACH, tangent);
+        even[i] = cairn_vec2_scale(cairn_vec2_sub(even[i], builder->origin), 1 / builder->size);
+    status = cairn_curve_tangents(&sampled, TANGENT_HALF_WIDTH, tangent);
     CAIRN_ASSERT(status == CAIRN_OK);
     (void)status;
     for (int32_t i = 0; i < count; i++) {
@@ -172,47 +179,49 @@ static void sample_outline(cairn_shape_builder *b, const cairn_curve *curve,
     }
 }
 
-cairn_status cairn_shape_builder_begin(cairn_shape_builder *b, const cairn_curve *outlines,
+cairn_status cairn_shape_builder_begin(cairn_shape_builder *builder, const cairn_curve *outlines,
                                        int32_t count)
 {
     cairn_real whole;
     cairn_status status;
     cairn_box box;
 
-    if (b == NULL || outlines == NULL || count < 1 || count > CAIRN_SHAPE_OUTLINES)
+    if (builder == NULL || outlines == NULL || count < 1 || count > CAIRN_SHAPE_OUTLINES)
         return CAIRN_BAD_ARGUMENT;
     status = check_outlines(outlines, count, &box, &whole);
     if (status != CAIRN_OK)
         return status;
-    b->size = cairn_vec2_norm(cairn_vec2_sub(box.max, box.min));
-    b->origin = cairn_vec2_scale(cairn_vec2_add(box.min, box.max), CAIRN_REAL(0.5));
-    b->whole = whole / b->size;
-    b->outline_count = count;
-    b->sample_count = b->path_count = b->arc_count = b->at = b->cursor = b->paid = 0;
-    b->first[0] = 0;
+    builder->size = cairn_vec2_norm(cairn_vec2_sub(box.max, box.min));
+    builder->origin = cairn_vec2_scale(cairn_vec2_add(box.min, box.max), CAIRN_REAL(0.5));
+    builder->total_length = whole / builder->size;
+    builder->outline_count = count;
+    builder->sample_count = builder->path_count = builder->arc_count = builder->outline_index =
+        builder->cursor = builder->units_charged = 0;
+    builder->outline_first[0] = 0;
     for (int32_t i = 0; i < count; i++) {
         cairn_real length = cairn_curve_length(&outlines[i]);
         int32_t points =
-            cairn_real_to_int(cairn_rint((cairn_real)b->params.points * (length / whole)));
+            cairn_real_to_int(cairn_rint((cairn_real)builder->params.points * (length / whole)));
 
-        points = points < SHAPE_LEAST_POINTS ? SHAPE_LEAST_POINTS : points;
-        b->length[i] = length / b->size;
-        sample_outline(b, &outlines[i], &b->outline[b->first[i]], points);
-        b->first[i + 1] = b->first[i] + points;
+        points = points < SHAPE_MIN_OUTLINE_SAMPLES ? SHAPE_MIN_OUTLINE_SAMPLES : points;
+        builder->outline_length[i] = length / builder->size;
+        sample_outline(builder, &outlines[i], &builder->outline[builder->outline_first[i]], points);
+        builder->outline_first[i + 1] = builder->outline_first[i] + points;
     }
-    b->phase = PAIRS;
+    builder->phase = PHASE_PAIRS;
     return CAIRN_OK;
 }
 
-/* ---- The symmetry set ---- */
+/* ---- Symmetry set ---- */
 
-int cairn_shape_disc(const cairn_shape_builder *b, int32_t low, int32_t high,
+int cairn_shape_disc(const cairn_shape_builder *builder, int32_t low, int32_t high,
                      cairn_shape_sample *disc)
 {
-    cairn_oriented_point p = b->outline[low], q = b->outline[high];
+    cairn_oriented_point p = builder->outline[low], q = builder->outline[high];
     cairn_symmetric_point sp;
 
-    if (!cairn_symmetric_point_of(p, q, MAX_ANGLE, &sp) || sp.deviation > b->params.max_deviation ||
+    if (!cairn_symmetric_point_of(p, q, MAX_ANGLE_RAD, &sp) ||
+        sp.deviation > builder->params.max_deviation ||
         cairn_vec2_dot(cairn_vec2_left(p.direction), cairn_vec2_sub(sp.centre, p.position)) <= 0 ||
         cairn_vec2_dot(cairn_vec2_left(q.direction), cairn_vec2_sub(sp.centre, q.position)) <= 0)
         return 0;
@@ -226,125 +235,133 @@ int cairn_shape_disc(const cairn_shape_builder *b, int32_t low, int32_t high,
     return 1;
 }
 
-cairn_real cairn_shape_gain(const cairn_shape_builder *b, int32_t low, int32_t high)
+cairn_real cairn_shape_gain(const cairn_shape_builder *builder, int32_t low, int32_t high)
 {
     cairn_shape_sample disc;
     cairn_real clear, scaled;
 
-    if (!cairn_shape_disc(b, low, high, &disc))
-        return -TOLL;
-    clear = b->params.overlap * disc.radius;
-    for (int32_t i = b->first[b->at]; i < b->first[b->at + 1]; i++)
-        if (cairn_vec2_norm_squared(cairn_vec2_sub(b->outline[i].position, disc.centre)) <
+    if (!cairn_shape_disc(builder, low, high, &disc))
+        return -MIN_QUALITY;
+    clear = builder->params.overlap * disc.radius;
+    for (int32_t i = builder->outline_first[builder->outline_index];
+         i < builder->outline_first[builder->outline_index + 1]; i++)
+        if (cairn_vec2_norm_squared(cairn_vec2_sub(builder->outline[i].position, disc.centre)) <
             clear * clear)
-            return -TOLL;
-    scaled = disc.deviation / b->params.sigma;
-    return cairn_exp(CAIRN_REAL(-0.5) * scaled * scaled) - TOLL;
+            return -MIN_QUALITY;
+    scaled = disc.deviation / builder->params.sigma;
+    return cairn_exp(CAIRN_REAL(-0.5) * scaled * scaled) - MIN_QUALITY;
 }
 
-static cairn_status step_pairs(cairn_shape_builder *b, cairn_budget *budget)
+/* Computes the gains of all pairs of the current outline. */
+static cairn_status step_pairs(cairn_shape_builder *builder, cairn_budget *budget)
 {
-    int32_t n = shape_points(b), first = b->first[b->at];
+    int32_t n = shape_points(builder), first = builder->outline_first[builder->outline_index];
     shape_arc whole = {0, n, 1, -1, -1};
 
-    for (; b->cursor < n * n; b->cursor++) {
-        int32_t low = b->cursor / n, high = b->cursor % n;
+    for (; builder->cursor < n * n; builder->cursor++) {
+        int32_t low = builder->cursor / n, high = builder->cursor % n;
 
-        if (!cairn_budget_pay(budget, &b->paid, low == high ? 1 : 4 + n / 16))
+        if (!cairn_budget_pay(budget, &builder->units_charged, low == high ? 1 : 4 + n / 16))
             return CAIRN_MORE;
-        b->gain[b->cursor] = low == high ? -TOLL : cairn_shape_gain(b, first + low, first + high);
+        builder->gain[builder->cursor] =
+            low == high ? -MIN_QUALITY : cairn_shape_gain(builder, first + low, first + high);
     }
-    b->arc_count = 0;
-    if (b->at > 0 && b->path_count > 0)
+    builder->arc_count = 0;
+    if (builder->outline_index > 0 && builder->path_count > 0)
         whole.parent = 0;
-    cairn_shape_add_arc(b, whole);
-    cairn_shape_walk_begin(b);
+    cairn_shape_add_arc(builder, whole);
+    cairn_shape_search_begin(builder);
     return CAIRN_OK;
 }
 
-void cairn_shape_add_arc(cairn_shape_builder *b, shape_arc arc)
+void cairn_shape_add_arc(cairn_shape_builder *builder, shape_arc arc)
 {
-    int32_t i = b->arc_count;
+    int32_t i = builder->arc_count;
 
-    if ((cairn_real)arc.count < b->params.min_share * (cairn_real)shape_points(b))
+    if ((cairn_real)arc.count < builder->params.min_share * (cairn_real)shape_points(builder))
         return;
-    if (b->arc_count == CAIRN_SHAPE_PATHS) {
-        if (b->arcs[i - 1].count >= arc.count)
+    if (builder->arc_count == CAIRN_SHAPE_PATHS) {
+        if (builder->arcs[i - 1].count >= arc.count)
             return;
         i--;
     } else {
-        b->arc_count++;
+        builder->arc_count++;
     }
-    for (; i > 0 && b->arcs[i - 1].count < arc.count; i--)
-        b->arcs[i] = b->arcs[i - 1];
-    b->arcs[i] = arc;
+    for (; i > 0 && builder->arcs[i - 1].count < arc.count; i--)
+        builder->arcs[i] = builder->arcs[i - 1];
+    builder->arcs[i] = arc;
 }
 
-/* The path of the longest arc that waits. */
-static cairn_status step_walk(cairn_shape_builder *b, cairn_budget *budget)
+/* Searches the path of the longest waiting arc. */
+static cairn_status step_search(cairn_shape_builder *builder, cairn_budget *budget)
 {
-    while (b->arc_count > 0 && b->path_count < b->params.max_paths) {
-        shape_arc arc = b->arcs[0];
-        cairn_status status = cairn_shape_walk_step(b, &arc, budget);
+    while (builder->arc_count > 0 && builder->path_count < builder->params.max_paths) {
+        shape_arc arc = builder->arcs[0];
+        cairn_status status = cairn_shape_search_step(builder, &arc, budget);
 
-        if (status != CAIRN_OK || !cairn_budget_pay(budget, &b->paid, UNITS_A_PATH))
+        if (status != CAIRN_OK ||
+            !cairn_budget_pay(budget, &builder->units_charged, UNITS_PER_PATH))
             return CAIRN_MORE;
-        memmove(&b->arcs[0], &b->arcs[1], (size_t)(b->arc_count - 1) * sizeof b->arcs[0]);
-        b->arc_count--;
-        cairn_shape_add_path(b, &arc);
-        cairn_shape_walk_begin(b);
+        memmove(&builder->arcs[0], &builder->arcs[1],
+                (size_t)(builder->arc_count - 1) * sizeof builder->arcs[0]);
+        builder->arc_count--;
+        cairn_shape_add_path(builder, &arc);
+        cairn_shape_search_begin(builder);
     }
     return CAIRN_OK;
 }
 
-cairn_status cairn_shape_builder_step(cairn_shape_builder *b, cairn_budget *budget)
+cairn_status cairn_shape_builder_step(cairn_shape_builder *builder, cairn_budget *budget)
 {
-    if (b == NULL || budget == NULL)
+    if (builder == NULL || budget == NULL)
         return CAIRN_BAD_ARGUMENT;
-    while (b->phase == PAIRS || b->phase == WALK) {
-        cairn_status status = b->phase == PAIRS ? step_pairs(b, budget) : step_walk(b, budget);
+    while (builder->phase == PHASE_PAIRS || builder->phase == PHASE_SEARCH) {
+        cairn_status status = builder->phase == PHASE_PAIRS ? step_pairs(builder, budget)
+                                                            : step_search(builder, budget);
 
         if (status != CAIRN_OK)
             return status;
-        if (b->phase == WALK)
-            b->at++;
-        b->phase = b->phase == PAIRS ? WALK : b->at < b->outline_count ? PAIRS : DONE;
-        b->cursor = b->phase == PAIRS ? 0 : b->cursor;
+        if (builder->phase == PHASE_SEARCH)
+            builder->outline_index++;
+        builder->phase = builder->phase == PHASE_PAIRS                     ? PHASE_SEARCH
+                         : builder->outline_index < builder->outline_count ? PHASE_PAIRS
+                                                                           : PHASE_DONE;
+        builder->cursor = builder->phase == PHASE_PAIRS ? 0 : builder->cursor;
     }
-    if (b->phase == DONE && b->path_count == 0) {
-        b->phase = IDLE;
+    if (builder->phase == PHASE_DONE && builder->path_count == 0) {
+        builder->phase = PHASE_IDLE;
         return CAIRN_EMPTY;
     }
     return CAIRN_OK;
 }
 
-cairn_shape_model cairn_shape_builder_read(const cairn_shape_builder *b)
+cairn_shape_model cairn_shape_builder_read(const cairn_shape_builder *builder)
 {
     cairn_shape_model model;
 
     memset(&model, 0, sizeof model);
-    if (b == NULL || b->phase != DONE)
+    if (builder == NULL || builder->phase != PHASE_DONE)
         return model;
-    model.samples = b->samples;
-    model.paths = b->paths;
-    model.outline = b->outline;
-    model.sample_count = b->sample_count;
-    model.path_count = b->path_count;
-    model.outline_count = b->first[b->outline_count];
-    model.size = b->size;
-    model.origin = b->origin;
+    model.samples = builder->samples;
+    model.paths = builder->paths;
+    model.outline = builder->outline;
+    model.sample_count = builder->sample_count;
+    model.path_count = builder->path_count;
+    model.outline_count = builder->outline_first[builder->outline_count];
+    model.size = builder->size;
+    model.origin = builder->origin;
     return model;
 }
 
-/* ---- Models from elsewhere ---- */
+/* ---- Validation ---- */
 
 static int is_share(cairn_real x)
 {
     return x >= 0 && x <= 1;
 }
 
-/* 0 also when it is not finite. */
-static int is_oriented(cairn_oriented_point p)
+/* Returns 0 if not finite, too. */
+static int is_valid_point(cairn_oriented_point p)
 {
     return cairn_is_finite(p.position.x) && cairn_is_finite(p.position.y) &&
            cairn_abs(cairn_vec2_norm(p.direction) - 1) <= CAIRN_REAL(1e-3);
@@ -360,10 +377,10 @@ static cairn_status check_sample(const cairn_shape_sample *s, int64_t index, cai
         return cairn_refuse(
             fault, index, "a sample out of range, expected a radius above 0 and shares from 0 to 1",
             CAIRN_BAD_ARGUMENT);
-    if (!is_oriented(s->side[0]) || !is_oriented(s->side[1]))
+    if (!is_valid_point(s->side[0]) || !is_valid_point(s->side[1]))
         return cairn_refuse(
             fault, index,
-            "a side out of range, expected a finite place and a direction of length 1",
+            "a contact point out of range, expected a finite position and a unit direction",
             CAIRN_BAD_ARGUMENT);
     return CAIRN_OK;
 }
@@ -385,7 +402,8 @@ static cairn_status check_path(const cairn_shape_model *m, int32_t index, cairn_
     return CAIRN_OK;
 }
 
-static int are_gaps(const cairn_shape_model *m)
+/* Validates the gaps of a model. */
+static int gaps_are_valid(const cairn_shape_model *m)
 {
     int32_t good = m->gap_count >= 0 && m->gap_count <= CAIRN_SHAPE_GAPS;
 
@@ -404,17 +422,17 @@ cairn_status cairn_shape_model_check(const cairn_shape_model *m, cairn_fault *fa
         !cairn_is_finite(m->origin.x) || !cairn_is_finite(m->origin.y))
         return cairn_refuse(fault, -1, "no model, expected a size, paths, samples and an outline",
                             CAIRN_BAD_ARGUMENT);
-    if (!are_gaps(m))
-        return cairn_refuse(fault, -1, "gaps out of range, expected at most 8 finite places",
+    if (!gaps_are_valid(m))
+        return cairn_refuse(fault, -1, "gaps out of range, expected at most 8 finite positions",
                             CAIRN_BAD_ARGUMENT);
     for (int32_t i = 0; i < m->sample_count && status == CAIRN_OK; i++)
         status = check_sample(&m->samples[i], i, fault);
     for (int32_t i = 0; i < m->path_count && status == CAIRN_OK; i++)
         status = check_path(m, i, fault);
     for (int32_t i = 0; i < m->outline_count && status == CAIRN_OK; i++)
-        if (!is_oriented(m->outline[i]))
+        if (!is_valid_point(m->outline[i]))
             status = cairn_refuse(
-                fault, i, "an outline out of range, expected finite places and unit directions",
+                fault, i, "an outline out of range, expected finite positions and unit directions",
                 CAIRN_BAD_ARGUMENT);
     return status;
 }
@@ -430,7 +448,7 @@ int32_t cairn_shape_first_outline(const cairn_shape_model *m)
             (cairn_real)m->outline_count;
     while (count < m->outline_count &&
            cairn_vec2_norm(cairn_vec2_sub(m->outline[count].position,
-                                          m->outline[count - 1].position)) <= APART * mean)
+                                          m->outline[count - 1].position)) <= MAX_STEP_RATIO * mean)
         count++;
     return count;
 }

@@ -1,96 +1,103 @@
-/* What the parts of shape_model share. */
+/* Internal structures of module shape_model. */
 #ifndef CAIRN_CONTOUR_SHAPE_MODEL_WORK_H
 #define CAIRN_CONTOUR_SHAPE_MODEL_WORK_H
 
 #include "cairn/shape_model.h"
 
-/* Samples that every outline has at least. */
-enum { SHAPE_LEAST_POINTS = 16, SHAPE_LEAST_SAMPLES = 3 };
+/* Least number of samples of an outline and of a path. */
+enum { SHAPE_MIN_OUTLINE_SAMPLES = 16, SHAPE_MIN_PATH_SAMPLES = 3 };
 
-/* A run of samples of an outline that still needs a path: `count` of them from `start` on; all
- * of them, round, when it is the outline itself. */
+/* An arc of outline samples waiting for a path search: `count` samples from `start`; the whole
+ * outline if closed. */
 typedef struct shape_arc {
     int32_t start, count;
-    int32_t round;
-    int32_t parent, branch; /* of the path that will come of it */
+    int32_t is_closed;
+    /* Parent path and branch sample of the resulting path. */
+    int32_t parent, branch;
 } shape_arc;
 
-/* A pair of samples of the outline on the way: the path has come down to `low` and up to `high`,
- * counted from arc.start (negative and beyond the end where the arc goes round). */
+/* A pair of outline samples on a path, counted from arc.start; negative or beyond the end where
+ * the arc wraps around. */
 typedef struct shape_pair {
     int32_t low, high;
 } shape_pair;
 
 struct cairn_shape_builder {
     cairn_shape_builder_params params;
-    /* all outlines one after another */
+    /* All outlines, consecutively. */
     cairn_oriented_point *outline;
-    /* [points^2] of the outline at hand: what its pairs are worth, below 0: not symmetric */
+    /* [outline_samples^2] Gain of each pair of the current outline; below 0: asymmetric. */
     cairn_real *gain;
-    /* [3][points] rows of the longest path for gaps g, g - 1, g - 2 */
-    cairn_real *value;
-    /* [points^2] how the longest path came to (low, gap) */
-    uint8_t *move;
-    /* [2 points] the path that was found, from its start on */
-    shape_pair *way;
+    /* [3][outline_samples] Dynamic-programming values for gaps g, g - 1, g - 2. */
+    cairn_real *dp_value;
+    /* [outline_samples^2] Predecessor move of each cell (gap, low). */
+    uint8_t *dp_move;
+    /* [2 * outline_samples] Pairs of the found path, from its start. */
+    shape_pair *path_pairs;
     cairn_shape_sample *samples;
     cairn_shape_path *paths;
-    /* still to be looked at, the longest first */
+    /* Waiting arcs, the longest first. */
     shape_arc arcs[CAIRN_SHAPE_PATHS];
-    /* of each outline in outline[] */
-    int32_t first[CAIRN_SHAPE_OUTLINES + 1];
-    /* of each, in units of the size */
-    cairn_real length[CAIRN_SHAPE_OUTLINES];
-    /* of all */
-    cairn_real whole;
+    /* First sample of each outline in outline[]. */
+    int32_t outline_first[CAIRN_SHAPE_OUTLINES + 1];
+    /* Length of each outline, units of the size. */
+    cairn_real outline_length[CAIRN_SHAPE_OUTLINES];
+    /* Length of all outlines, units of the size. */
+    cairn_real total_length;
+    /* Size and origin of the model in the units of the input outline. */
     cairn_real size;
     cairn_vec2 origin;
-    int32_t outline_count, sample_count, path_count, arc_count, way_count;
-    /* the outline at hand */
-    int32_t at;
-    /* PAIRS: pair; WALK: cell of (gap, low) */
+    int32_t outline_count, sample_count, path_count, arc_count, path_pair_count;
+    /* The current outline. */
+    int32_t outline_index;
+    /* PAIRS: pair index; SEARCH: cell index of (gap, low). */
     int32_t cursor;
-    /* WALK: gap and low of the best end so far */
-    int32_t best[2];
+    /* SEARCH: gap and low of the best path end so far. */
+    int32_t best_end[2];
+    /* Value of the best path so far. */
     cairn_real best_value;
     int32_t phase;
-    int32_t paid;
+    /* Work units charged for the next work item. */
+    int32_t units_charged;
 };
 
-/* Samples of the outline at hand. */
-static inline int32_t shape_points(const cairn_shape_builder *b)
+/* Returns the number of samples of the current outline. */
+static inline int32_t shape_points(const cairn_shape_builder *builder)
 {
-    return b->first[b->at + 1] - b->first[b->at];
+    return builder->outline_first[builder->outline_index + 1] -
+           builder->outline_first[builder->outline_index];
 }
 
-/* Index in outline[] of place `i` of an arc. */
-static inline int32_t shape_point(const cairn_shape_builder *b, const shape_arc *arc, int32_t i)
+/* Returns the index in outline[] of position `i` of an arc. */
+static inline int32_t shape_point(const cairn_shape_builder *builder, const shape_arc *arc,
+                                  int32_t i)
 {
-    int32_t n = shape_points(b), at = (arc->start + i) % n;
+    int32_t n = shape_points(builder), at = (arc->start + i) % n;
 
-    return b->first[b->at] + (at < 0 ? at + n : at);
+    return builder->outline_first[builder->outline_index] + (at < 0 ? at + n : at);
 }
 
-/* Samples of all paths at most. */
-int32_t cairn_shape_most_samples(const cairn_shape_builder_params *params);
+/* Returns the greatest number of samples of all paths. */
+int32_t cairn_shape_max_samples(const cairn_shape_builder_params *params);
 
-/* The disc of two samples, its first touch at `low`. 0: there is none that lies inside. */
-int cairn_shape_disc(const cairn_shape_builder *b, int32_t low, int32_t high,
+/* Computes the disc of two samples, contact 1 at `low`; returns 0 if it does not exist or is not
+ * inside. */
+int cairn_shape_disc(const cairn_shape_builder *builder, int32_t low, int32_t high,
                      cairn_shape_sample *disc);
 
-/* What pair (low, high), indices in outline[], is worth. */
-cairn_real cairn_shape_gain(const cairn_shape_builder *b, int32_t low, int32_t high);
+/* Returns the gain of pair (low, high), indices in outline[]. */
+cairn_real cairn_shape_gain(const cairn_shape_builder *builder, int32_t low, int32_t high);
 
-/* Looks for the longest path through an arc: begin, then step until it does not return
- * CAIRN_MORE; then way[] holds it. */
-void cairn_shape_walk_begin(cairn_shape_builder *b);
-cairn_status cairn_shape_walk_step(cairn_shape_builder *b, const shape_arc *arc,
-                                   cairn_budget *budget);
+/* Searches the longest path of an arc into path_pairs[]: begin, then step until it does not
+ * return CAIRN_MORE. */
+void cairn_shape_search_begin(cairn_shape_builder *builder);
+cairn_status cairn_shape_search_step(cairn_shape_builder *builder, const shape_arc *arc,
+                                     cairn_budget *budget);
 
-/* Makes a path of way[], and arcs of what it has left out. */
-void cairn_shape_add_path(cairn_shape_builder *b, const shape_arc *arc);
+/* Resamples path_pairs[] to a path and adds arcs of the remaining outline. */
+void cairn_shape_add_path(cairn_shape_builder *builder, const shape_arc *arc);
 
-/* Puts an arc among those that wait, the longest first; without room the shortest goes. */
-void cairn_shape_add_arc(cairn_shape_builder *b, shape_arc arc);
+/* Inserts a waiting arc, the longest first; without capacity the shortest is dropped. */
+void cairn_shape_add_arc(cairn_shape_builder *builder, shape_arc arc);
 
 #endif

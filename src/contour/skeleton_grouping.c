@@ -1,30 +1,45 @@
-/* Skeletons and contours without a model.
+/* Joint grouping of contours and skeletons without a shape model: interface, edgel index and
+ * phases.
  *
- * Method: edgels are sorted into cells; each looks along its normal, to both sides, for the one
- * that faces it best: their centre point (skeleton_grouping_centre.c). Lines through the CPs in (x,
- * y, radius) by EM, of which those count whose CPs are mirror images, give the starts
- * (skeleton_grouping_start.c). From each start particles walk the axis to both ends
- * (skeleton_grouping_walk.c). The walks rival for the edgels by their log odds; the winners that
- * lead into each other are objects (skeleton_grouping_part.c).
+ * Method:
+ * 1. Edgels are sorted into grid cells.
+ * 2. Each edgel searches along its normal, to both sides, for the edgel that faces it best: their
+ *    centre point, CP (skeleton_grouping_centre.c).
+ * 3. Expectation-maximization fits lines to the CPs in (x, y, radius). Lines of mirror-symmetric
+ *    CPs are seeds (skeleton_grouping_start.c).
+ * 4. From each seed a particle filter follows the axis to both ends (skeleton_grouping_walk.c).
+ * 5. Walks compete for edgels by log odds; the selected parts that continue into each other form
+ *    objects (skeleton_grouping_part.c).
  *
  * As written: CPs of all pairs (skeleton_grouping_written.c), and a filter for each line
  * (skeleton_grouping_written_walk.c).
  *
- * Layout: edgels in order of their cells, CPs, starts, the filter with the whole past of its walks,
- * the discs of all walks.
+ * Memory layout: edgels sorted by cell, CPs, seeds, the filter with the history of its walks, the
+ * discs of all walks.
  *
- * Limits: an axis is found from its sides: round blobs, which have no direction, are found in part.
- * Contours closer than two steps are one.
+ * Limits: an axis is found from its two sides, so round blobs, which have no axis direction, are
+ * found only in part. Contours closer than two steps merge.
  *
- * Source: Adluru 2008, chapter 3. The odds in place of the product of kernels, the rivalry for
- * edgels and the objects are this project's. */
+ * Source: Adluru 2008, chapter 3. The log odds instead of the product of kernels, the
+ * competition for edgels and the objects are this project's. */
 #include "src/core/build.h"
 
 #include <string.h>
 
 #include "src/contour/skeleton_grouping_written.h"
 
-enum { IDLE, INDEX, CENTRES, RANGE, LINES, MIRROR, WALKS, CHOOSE, JOIN, DONE };
+enum {
+    PHASE_IDLE,
+    PHASE_INDEX,
+    PHASE_CENTRES,
+    PHASE_RANGE,
+    PHASE_LINES,
+    PHASE_MIRROR,
+    PHASE_WALKS,
+    PHASE_SELECT,
+    PHASE_JOIN,
+    PHASE_DONE
+};
 
 cairn_skeleton_params cairn_skeleton_default(void)
 {
@@ -101,6 +116,7 @@ static int params_are_valid(const cairn_skeleton_params *p)
            p->min_mirror <= 1;
 }
 
+/* Returns the params of the particle filter. */
 static cairn_particle_filter_params filter_params(const cairn_skeleton_params *p)
 {
     cairn_particle_filter_params f = cairn_particle_filter_default();
@@ -108,21 +124,21 @@ static cairn_particle_filter_params filter_params(const cairn_skeleton_params *p
     f.particles = f.max_particles = p->particles;
     f.max_blocks = (p->max_steps + 2) * p->particles;
     if (p->mode == CAIRN_MODE_AS_WRITTEN) {
-        /* Prior boosting: all followers, each with its weight. */
+        /* Prior boosting: all followers are kept, each with its weight. */
         f.proposal = CAIRN_PROPOSAL_PRIOR;
         f.by_entropy = 0;
-        f.max_followers = WRITTEN_FOLLOWERS;
-        f.max_candidates = p->particles * WRITTEN_FOLLOWERS;
+        f.max_followers = WRITTEN_MAX_FOLLOWERS;
+        f.max_candidates = p->particles * WRITTEN_MAX_FOLLOWERS;
         f.state_bytes = (int32_t)sizeof(skeleton_written_state);
         return f;
     }
-    f.max_followers = SKELETON_FOLLOWERS;
-    f.max_candidates = p->particles * SKELETON_CANDIDATES;
+    f.max_followers = SKELETON_MAX_FOLLOWERS;
+    f.max_candidates = p->particles * SKELETON_MAX_CANDIDATES;
     f.state_bytes = (int32_t)sizeof(skeleton_state);
     return f;
 }
 
-/* Pixels for metres. */
+/* Lengths are in pixels instead of metres. */
 static cairn_polyline_params line_params(const cairn_skeleton_params *p)
 {
     cairn_polyline_params line = cairn_polyline_default();
@@ -145,17 +161,19 @@ static cairn_polyline_params line_params(const cairn_skeleton_params *p)
     return line;
 }
 
-static int32_t cells(int32_t side)
+/* Returns the number of grid cells along a side. */
+static int32_t cell_count(int32_t side)
 {
-    return (side + SKELETON_CELL - 1) / SKELETON_CELL;
+    return (side + SKELETON_CELL_PX - 1) / SKELETON_CELL_PX;
 }
 
 static cairn_particle_filter *carve_filter(cairn_pool *pool, const cairn_skeleton_params *p,
-                                           cairn_skeleton *g)
+                                           cairn_skeleton *skeleton)
 {
     cairn_particle_filter_params f = filter_params(p);
-    cairn_particle_model model = p->mode == CAIRN_MODE_AS_WRITTEN ? cairn_skeleton_written_model(g)
-                                                                  : cairn_skeleton_model(g);
+    cairn_particle_model model = p->mode == CAIRN_MODE_AS_WRITTEN
+                                     ? cairn_skeleton_written_model(skeleton)
+                                     : cairn_skeleton_model(skeleton);
     cairn_particle_filter *filter = NULL;
     cairn_status status;
 
@@ -187,46 +205,46 @@ static cairn_polyline *carve_polyline(cairn_pool *pool, const cairn_skeleton_par
 
 static cairn_skeleton *carve(cairn_pool *pool, const cairn_skeleton_params *p)
 {
-    size_t lists = (size_t)cells(p->max_width) * (size_t)cells(p->max_height) + 1;
+    size_t lists = (size_t)cell_count(p->max_width) * (size_t)cell_count(p->max_height) + 1;
     int written = p->mode == CAIRN_MODE_AS_WRITTEN;
     size_t parts = (size_t)p->max_parts, points = (size_t)p->max_points;
-    cairn_skeleton *g = cairn_pool_take_one(pool, sizeof *g);
+    cairn_skeleton *skeleton = cairn_pool_take_one(pool, sizeof *skeleton);
     skeleton_edgel *edgels = cairn_pool_take(pool, (size_t)p->max_edgels, sizeof *edgels);
     int32_t *first = cairn_pool_take(pool, lists, sizeof *first);
     skeleton_centre *centres = cairn_pool_take(pool, (size_t)p->max_centres, sizeof *centres);
-    skeleton_start *starts = cairn_pool_take(pool, (size_t)p->max_lines, sizeof *starts);
+    skeleton_seed *starts = cairn_pool_take(pool, (size_t)p->max_lines, sizeof *starts);
     skeleton_state *path =
         written ? NULL : cairn_pool_take(pool, (size_t)p->max_steps + 1, sizeof *path);
     skeleton_written *work = written ? cairn_pool_take_one(pool, sizeof *work) : NULL;
     skeleton_disc *discs = cairn_pool_take(pool, points, sizeof *discs);
     skeleton_part *candidates = cairn_pool_take(pool, parts, sizeof *candidates);
-    cairn_skeleton_point *shown = cairn_pool_take(pool, points, sizeof *shown);
+    cairn_skeleton_point *reported = cairn_pool_take(pool, points, sizeof *reported);
     cairn_skeleton_part *chosen = cairn_pool_take(pool, parts, sizeof *chosen);
     cairn_skeleton_object *objects = cairn_pool_take(pool, parts, sizeof *objects);
     int32_t *group = cairn_pool_take(pool, parts, sizeof *group);
     int32_t *bright = cairn_pool_take(pool, parts, sizeof *bright);
     cairn_polyline *polyline = carve_polyline(pool, p);
-    cairn_particle_filter *filter = carve_filter(pool, p, g);
+    cairn_particle_filter *filter = carve_filter(pool, p, skeleton);
 
-    if (g != NULL) {
-        memset(g, 0, sizeof *g);
-        g->edgels = edgels;
-        g->first = first;
-        g->centres = centres;
-        g->starts = starts;
-        g->path = path;
-        g->written = work;
-        g->discs = discs;
-        g->candidates = candidates;
-        g->points = shown;
-        g->parts = chosen;
-        g->objects = objects;
-        g->group = group;
-        g->bright = bright;
-        g->polyline = polyline;
-        g->filter = filter;
+    if (skeleton != NULL) {
+        memset(skeleton, 0, sizeof *skeleton);
+        skeleton->edgels = edgels;
+        skeleton->cell_first = first;
+        skeleton->centres = centres;
+        skeleton->seeds = starts;
+        skeleton->best_path = path;
+        skeleton->written = work;
+        skeleton->discs = discs;
+        skeleton->candidates = candidates;
+        skeleton->points = reported;
+        skeleton->parts = chosen;
+        skeleton->objects = objects;
+        skeleton->union_find = group;
+        skeleton->polarity_sum = bright;
+        skeleton->polyline = polyline;
+        skeleton->filter = filter;
     }
-    return g;
+    return skeleton;
 }
 
 size_t cairn_skeleton_memory(const cairn_skeleton_params *params)
@@ -256,7 +274,7 @@ cairn_status cairn_skeleton_create(cairn_skeleton **skeleton, cairn_pool *pool,
     return CAIRN_OK;
 }
 
-static cairn_status check_input(const cairn_skeleton *g, const cairn_skeleton_input *in)
+static cairn_status check_input(const cairn_skeleton *skeleton, const cairn_skeleton_input *in)
 {
     if (in->count < 0 || (in->edgels == NULL && in->count > 0) || in->width < 1 || in->height < 1)
         return CAIRN_BAD_ARGUMENT;
@@ -265,59 +283,62 @@ static cairn_status check_input(const cairn_skeleton *g, const cairn_skeleton_in
     if ((in->min_radius != 0 || in->max_radius != 0) &&
         !(in->min_radius >= 1 && in->max_radius >= in->min_radius))
         return CAIRN_BAD_ARGUMENT;
-    if (in->width > g->params.max_width || in->height > g->params.max_height ||
-        in->count > g->params.max_edgels)
+    if (in->width > skeleton->params.max_width || in->height > skeleton->params.max_height ||
+        in->count > skeleton->params.max_edgels)
         return CAIRN_FULL;
     return CAIRN_OK;
 }
 
-cairn_status cairn_skeleton_begin(cairn_skeleton *g, const cairn_skeleton_input *input)
+cairn_status cairn_skeleton_begin(cairn_skeleton *skeleton, const cairn_skeleton_input *input)
 {
     cairn_status status;
 
-    if (g == NULL || input == NULL)
+    if (skeleton == NULL || input == NULL)
         return CAIRN_BAD_ARGUMENT;
-    status = check_input(g, input);
+    status = check_input(skeleton, input);
     if (status != CAIRN_OK)
         return status;
-    g->input = *input;
-    g->columns = cells(input->width);
-    g->rows = cells(input->height);
-    g->edgel_count = input->count;
-    g->centre_count = g->centres_seen = g->start_count = g->line_count = g->walked =
-        g->line_starts = 0;
-    g->disc_count = g->candidate_count = g->point_count = g->part_count = g->object_count = 0;
-    g->start = g->direction = g->is_walking = 0;
-    g->cursor = g->other = g->sense = g->item = g->paid = g->stage = 0;
-    g->steep_count = 0;
-    g->log_slope = 0;
-    memset(g->histogram, 0, sizeof g->histogram);
-    g->phase = INDEX;
+    skeleton->input = *input;
+    skeleton->columns = cell_count(input->width);
+    skeleton->rows = cell_count(input->height);
+    skeleton->edgel_count = input->count;
+    skeleton->centre_count = skeleton->centres_found = skeleton->seed_count = skeleton->line_count =
+        skeleton->walk_count = skeleton->line_seeds = 0;
+    skeleton->disc_count = skeleton->candidate_count = skeleton->point_count =
+        skeleton->part_count = skeleton->object_count = 0;
+    skeleton->seed_index = skeleton->direction = skeleton->is_walking = 0;
+    skeleton->cursor = skeleton->second_cursor = skeleton->polarity_cursor =
+        skeleton->phase_counter = skeleton->units_charged = skeleton->step_units_charged = 0;
+    skeleton->slope_count = 0;
+    skeleton->mean_log_slope = 0;
+    memset(skeleton->histogram, 0, sizeof skeleton->histogram);
+    skeleton->phase = PHASE_INDEX;
     return CAIRN_OK;
 }
 
-/* ---- The index ---- */
+/* ---- Edgel index ---- */
 
 static int32_t clamp_cell(cairn_real x, int32_t count)
 {
-    int32_t cell = cairn_real_to_int(cairn_floor(x / SKELETON_CELL));
+    int32_t cell = cairn_real_to_int(cairn_floor(x / SKELETON_CELL_PX));
 
     return cell < 0 ? 0 : cell >= count ? count - 1 : cell;
 }
 
-int32_t cairn_skeleton_column(const cairn_skeleton *g, cairn_real x)
+int32_t cairn_skeleton_column(const cairn_skeleton *skeleton, cairn_real x)
 {
-    return clamp_cell(x, g->columns);
+    return clamp_cell(x, skeleton->columns);
 }
 
-int32_t cairn_skeleton_line(const cairn_skeleton *g, cairn_real y)
+int32_t cairn_skeleton_row(const cairn_skeleton *skeleton, cairn_real y)
 {
-    return clamp_cell(y, g->rows);
+    return clamp_cell(y, skeleton->rows);
 }
 
-static int32_t cell_of(const cairn_skeleton *g, cairn_vec2 p)
+static int32_t cell_of(const cairn_skeleton *skeleton, cairn_vec2 p)
 {
-    return cairn_skeleton_line(g, p.y) * g->columns + cairn_skeleton_column(g, p.x);
+    return cairn_skeleton_row(skeleton, p.y) * skeleton->columns +
+           cairn_skeleton_column(skeleton, p.x);
 }
 
 static int is_finite_edgel(const cairn_edgel *e)
@@ -327,155 +348,165 @@ static int is_finite_edgel(const cairn_edgel *e)
            cairn_is_finite(e->slope);
 }
 
-static void count(cairn_skeleton *g, const cairn_edgel *e)
+/* Counts an edgel in its cell and updates the mean logarithmic slope. */
+static void count(cairn_skeleton *skeleton, const cairn_edgel *e)
 {
-    g->first[cell_of(g, e->position)]++;
+    skeleton->cell_first[cell_of(skeleton, e->position)]++;
     if (e->slope > 0)
-        g->log_slope += (cairn_log(e->slope) - g->log_slope) / (cairn_real)++g->steep_count;
+        skeleton->mean_log_slope +=
+            (cairn_log(e->slope) - skeleton->mean_log_slope) / (cairn_real)++skeleton->slope_count;
 }
 
-static void place(cairn_skeleton *g, int32_t source)
+/* Stores an input edgel in its cell. */
+static void store_edgel(cairn_skeleton *skeleton, int32_t source)
 {
-    const cairn_edgel *from = &g->input.edgels[source];
-    skeleton_edgel *e = &g->edgels[g->first[cell_of(g, from->position)]++];
+    const cairn_edgel *from = &skeleton->input.edgels[source];
+    skeleton_edgel *e =
+        &skeleton->edgels[skeleton->cell_first[cell_of(skeleton, from->position)]++];
 
-    e->at = from->position;
+    e->position = from->position;
     e->normal = from->normal;
-    e->contrast = from->slope > 0 ? cairn_log(from->slope) - g->log_slope : 0;
-    e->source = source;
-    e->taken = 0;
+    e->log_slope_ratio = from->slope > 0 ? cairn_log(from->slope) - skeleton->mean_log_slope : 0;
+    e->input_index = source;
+    e->assigned = 0;
 }
 
-/* A counting sort: how many there are in each cell and their mean slope, where each cell begins,
- * the edgels. first[] of a cell so ends up where the next one begins, and is moved on by one. */
-cairn_status cairn_skeleton_index(cairn_skeleton *g, cairn_budget *budget)
+/* Counting sort of the edgels by cell: counts and mean log slope, cell offsets, edgels. Filling
+ * moves each cell's offset to the next cell's; the last pass moves them back. */
+cairn_status cairn_skeleton_index(cairn_skeleton *skeleton, cairn_budget *budget)
 {
-    int32_t lists = g->columns * g->rows, n = g->edgel_count;
+    int32_t lists = skeleton->columns * skeleton->rows, n = skeleton->edgel_count;
 
-    for (; g->cursor < 3 * lists + 2 * n; g->cursor++) {
-        int32_t i = g->cursor;
+    for (; skeleton->cursor < 3 * lists + 2 * n; skeleton->cursor++) {
+        int32_t i = skeleton->cursor;
 
-        if (!cairn_budget_pay(budget, &g->paid, 1))
+        if (!cairn_budget_pay(budget, &skeleton->units_charged, 1))
             return CAIRN_MORE;
         if (i < lists) {
-            g->first[i] = 0;
+            skeleton->cell_first[i] = 0;
         } else if (i < lists + n) {
-            const cairn_edgel *e = &g->input.edgels[i - lists];
+            const cairn_edgel *e = &skeleton->input.edgels[i - lists];
 
             if (!is_finite_edgel(e))
                 return CAIRN_NOT_FINITE;
-            count(g, e);
+            count(skeleton, e);
         } else if (i < 2 * lists + n) {
-            int32_t cell = i - lists - n, here = g->first[cell];
+            int32_t cell = i - lists - n, here = skeleton->cell_first[cell];
 
-            g->first[cell] = g->item;
-            g->item += here;
+            skeleton->cell_first[cell] = skeleton->phase_counter;
+            skeleton->phase_counter += here;
         } else if (i < 2 * lists + 2 * n) {
-            place(g, i - 2 * lists - n);
+            store_edgel(skeleton, i - 2 * lists - n);
         } else {
             int32_t cell = 3 * lists + 2 * n - 1 - i;
 
-            g->first[cell + 1] = g->first[cell];
+            skeleton->cell_first[cell + 1] = skeleton->cell_first[cell];
             if (cell == 0)
-                g->first[0] = 0;
+                skeleton->cell_first[0] = 0;
         }
     }
     return CAIRN_OK;
 }
 
-cairn_real cairn_skeleton_density(const cairn_skeleton *g, cairn_vec2 at)
+cairn_real cairn_skeleton_density(const cairn_skeleton *skeleton, cairn_vec2 at)
 {
-    enum { ABOUT = 2, LEAST = 3 };
-    int32_t x = cairn_skeleton_column(g, at.x), y = cairn_skeleton_line(g, at.y), count = LEAST,
-            area = 0;
-    int32_t x0 = x > ABOUT ? x - ABOUT : 0,
-            x1 = x + ABOUT < g->columns ? x + ABOUT : g->columns - 1;
+    enum { HALF_WINDOW_CELLS = 2, PRIOR_COUNT = 3 };
+    int32_t x = cairn_skeleton_column(skeleton, at.x), y = cairn_skeleton_row(skeleton, at.y),
+            count = PRIOR_COUNT, area = 0;
+    int32_t x0 = x > HALF_WINDOW_CELLS ? x - HALF_WINDOW_CELLS : 0,
+            x1 = x + HALF_WINDOW_CELLS < skeleton->columns ? x + HALF_WINDOW_CELLS
+                                                           : skeleton->columns - 1;
 
-    for (int32_t row = y > ABOUT ? y - ABOUT : 0; row <= y + ABOUT && row < g->rows; row++) {
+    for (int32_t row = y > HALF_WINDOW_CELLS ? y - HALF_WINDOW_CELLS : 0;
+         row <= y + HALF_WINDOW_CELLS && row < skeleton->rows; row++) {
         int32_t from, end;
 
-        skeleton_row(g, row, x0, x1, &from, &end);
+        skeleton_cells_of_row(skeleton, row, x0, x1, &from, &end);
         count += end - from;
-        area += (x1 - x0 + 1) * SKELETON_CELL * SKELETON_CELL;
+        area += (x1 - x0 + 1) * SKELETON_CELL_PX * SKELETON_CELL_PX;
     }
     return (cairn_real)count / (cairn_real)area;
 }
 
 /* ---- Phases ---- */
 
-static cairn_status step_phase(cairn_skeleton *g, cairn_budget *budget)
+static cairn_status step_phase(cairn_skeleton *skeleton, cairn_budget *budget)
 {
-    static cairn_status (*const phase[2][DONE])(cairn_skeleton *, cairn_budget *) = {
+    static cairn_status (*const phase[2][PHASE_DONE])(cairn_skeleton *, cairn_budget *) = {
         {NULL, cairn_skeleton_index, cairn_skeleton_centres, cairn_skeleton_propose_range,
-         cairn_skeleton_lines, cairn_skeleton_mirror, cairn_skeleton_walks, cairn_skeleton_choose,
-         cairn_skeleton_join},
+         cairn_skeleton_lines, cairn_skeleton_mirror, cairn_skeleton_walks,
+         cairn_skeleton_select_parts, cairn_skeleton_join_parts},
         {NULL, cairn_skeleton_index, cairn_skeleton_written_centres, cairn_skeleton_written_range,
          cairn_skeleton_lines, cairn_skeleton_mirror, cairn_skeleton_written_walks,
-         cairn_skeleton_choose, cairn_skeleton_join},
+         cairn_skeleton_select_parts, cairn_skeleton_join_parts},
     };
 
-    return phase[g->params.mode == CAIRN_MODE_AS_WRITTEN][g->phase](g, budget);
+    return phase[skeleton->params.mode == CAIRN_MODE_AS_WRITTEN][skeleton->phase](skeleton, budget);
 }
 
-cairn_status cairn_skeleton_step(cairn_skeleton *g, cairn_budget *budget)
+cairn_status cairn_skeleton_step(cairn_skeleton *skeleton, cairn_budget *budget)
 {
-    if (g == NULL || budget == NULL)
+    if (skeleton == NULL || budget == NULL)
         return CAIRN_BAD_ARGUMENT;
-    while (g->phase != IDLE && g->phase != DONE) {
-        cairn_status status = step_phase(g, budget);
+    while (skeleton->phase != PHASE_IDLE && skeleton->phase != PHASE_DONE) {
+        cairn_status status = step_phase(skeleton, budget);
 
         if (status < 0)
-            g->phase = IDLE;
+            skeleton->phase = PHASE_IDLE;
         if (status != CAIRN_OK)
             return status;
-        g->phase++;
-        g->cursor = g->other = g->sense = g->item = 0;
+        skeleton->phase++;
+        skeleton->cursor = skeleton->second_cursor = skeleton->polarity_cursor =
+            skeleton->phase_counter = 0;
     }
     return CAIRN_OK;
 }
 
-cairn_skeleton_result cairn_skeleton_read(const cairn_skeleton *g)
+cairn_skeleton_result cairn_skeleton_read(const cairn_skeleton *skeleton)
 {
     cairn_skeleton_result r;
 
     memset(&r, 0, sizeof r);
-    if (g == NULL || g->phase != DONE)
+    if (skeleton == NULL || skeleton->phase != PHASE_DONE)
         return r;
-    r.points = g->points;
-    r.parts = g->parts;
-    r.objects = g->objects;
-    r.point_count = g->point_count;
-    r.part_count = g->part_count;
-    r.object_count = g->object_count;
-    r.centres = g->centres_seen;
-    r.lines = g->line_count;
-    r.starts = g->walked;
-    r.left_out = g->start_count - g->start;
-    r.min_radius = g->input.min_radius;
-    r.max_radius = g->input.max_radius;
+    r.points = skeleton->points;
+    r.parts = skeleton->parts;
+    r.objects = skeleton->objects;
+    r.point_count = skeleton->point_count;
+    r.part_count = skeleton->part_count;
+    r.object_count = skeleton->object_count;
+    r.centres = skeleton->centres_found;
+    r.lines = skeleton->line_count;
+    r.starts = skeleton->walk_count;
+    r.left_out = skeleton->seed_count - skeleton->seed_index;
+    r.min_radius = skeleton->input.min_radius;
+    r.max_radius = skeleton->input.max_radius;
     return r;
 }
 
-int32_t cairn_skeleton_centre_point(const cairn_skeleton *g, int32_t index, cairn_vec2 *at,
+int32_t cairn_skeleton_centre_point(const cairn_skeleton *skeleton, int32_t index, cairn_vec2 *at,
                                     cairn_real *radius)
 {
-    if (g == NULL || g->phase != DONE || index < 0 || index >= g->centre_count)
+    if (skeleton == NULL || skeleton->phase != PHASE_DONE || index < 0 ||
+        index >= skeleton->centre_count)
         return 0;
-    *at = g->centres[index].at;
-    *radius = g->centres[index].radius;
+    *at = skeleton->centres[index].position;
+    *radius = skeleton->centres[index].radius;
     return 1;
 }
 
-int32_t cairn_skeleton_mirror_line(const cairn_skeleton *g, int32_t index,
+int32_t cairn_skeleton_mirror_line(const cairn_skeleton *skeleton, int32_t index,
                                    cairn_polyline_segment *line)
 {
     cairn_polyline_view view;
     int32_t start;
 
-    if (g == NULL || g->phase != DONE || index < 0 || index >= g->line_starts)
+    if (skeleton == NULL || skeleton->phase != PHASE_DONE || index < 0 ||
+        index >= skeleton->line_seeds)
         return 0;
-    view = cairn_polyline_read(g->polyline);
-    start = g->starts[index].centre;
-    *line = view.segments[g->params.mode == CAIRN_MODE_AS_WRITTEN ? start : view.label[start]];
+    view = cairn_polyline_read(skeleton->polyline);
+    start = skeleton->seeds[index].centre;
+    *line =
+        view.segments[skeleton->params.mode == CAIRN_MODE_AS_WRITTEN ? start : view.label[start]];
     return 1;
 }

@@ -1,125 +1,139 @@
-/* Centre points: each edgel and the one that faces it best, on either side; and the range of radii
- * that they propose.
+/* Centre points: each edgel is paired with the edgel that faces it best, on either side; radius
+ * range from the histogram of CP radii.
  *
- * An edgel's partner lies in a wedge about its normal; only the cells that the wedge touches are
- * looked at. Of those in it the one wins that is most symmetric, near ones before far ones and
- * such with the object on the same side of their contrast before others: a disc that touches two
- * edges is to be empty, and an object mostly is darker than all about it, or brighter. */
+ * Method:
+ * 1. Candidate partners lie in a wedge about the edgel's normal; only grid cells that overlap the
+ *    wedge are searched.
+ * 2. The cost of a pair is its asymmetry, plus a penalty for opposite contrast polarity and for a
+ *    large radius. The disc between two edges should be empty, and an object is mostly darker or
+ *    brighter than its surroundings.
+ * 3. The range of radii is proposed from the mode of the radius histogram. */
 #include "src/core/build.h"
 
 #include "cairn/symmetric_point.h"
 #include "src/contour/skeleton_grouping_work.h"
 
-/* Of a normal with the chord, cosine: 35 degrees. */
-#define FACING CAIRN_REAL(0.82)
-/* What an other sense costs, and the largest radius against the least, in half squares of sigmas
- * of the deviation. */
-#define OTHER_SENSE CAIRN_REAL(1.5)
-#define LARGE       CAIRN_REAL(1.0)
-#define COST_MOST   CAIRN_REAL(4.0)
-/* Radii that are looked for below and above the range: large discs are the ones that lie between
- * objects. */
-#define MARGIN_BELOW CAIRN_REAL(1.6)
-#define MARGIN_ABOVE CAIRN_REAL(1.25)
-/* Radii where none are given, px and share of the image's shorter side. */
-#define LEAST_RADIUS CAIRN_REAL(3.0)
-#define MOST_RADIUS  CAIRN_REAL(0.15)
-enum { BINS_AN_OCTAVE = 8, UNITS_AN_EDGEL = 4 };
+/* Least cosine of the angle between a normal and the chord: 35 degrees. */
+#define MIN_FACING_COSINE CAIRN_REAL(0.82)
+/* Costs of opposite polarity, of the largest radius against the least, and the greatest cost of
+ * a pair, in half squared standard deviations of the asymmetry. */
+#define POLARITY_CHANGE_COST CAIRN_REAL(1.5)
+#define MAX_RADIUS_COST      CAIRN_REAL(1.0)
+#define MAX_PAIR_COST        CAIRN_REAL(4.0)
+/* Factors by which the searched radii extend below and above the range. Large discs often lie
+ * between objects. */
+#define RANGE_MARGIN_BELOW CAIRN_REAL(1.6)
+#define RANGE_MARGIN_ABOVE CAIRN_REAL(1.25)
+/* Search limits of radii without a given range: px, and share of the image's shorter side. */
+#define MIN_RADIUS_PX    CAIRN_REAL(3.0)
+#define MAX_RADIUS_SHARE CAIRN_REAL(0.15)
+enum { BINS_PER_OCTAVE = 8, UNITS_PER_EDGEL = 4 };
 
-/* Where the search for partners ends. */
-typedef struct wedge {
-    int32_t x0, x1, y0, y1; /* cells */
-    cairn_vec2 at, inward;
-    int32_t sense;
-} wedge;
+/* The search region of partners. */
+typedef struct search_wedge {
+    /* Range of grid cells. */
+    int32_t x0, x1, y0, y1;
+    cairn_vec2 position, inward;
+    int32_t polarity;
+} search_wedge;
 
-void cairn_skeleton_set_limits(cairn_skeleton *g)
+void cairn_skeleton_set_limits(cairn_skeleton *skeleton)
 {
-    int written = g->params.mode == CAIRN_MODE_AS_WRITTEN;
+    int written = skeleton->params.mode == CAIRN_MODE_AS_WRITTEN;
     cairn_real side =
-        (cairn_real)(g->input.width < g->input.height ? g->input.width : g->input.height);
-    /* of edgels, with two CPs each */
-    int32_t room = g->params.max_centres > 1 ? g->params.max_centres / 2 : 1;
+        (cairn_real)(skeleton->input.width < skeleton->input.height ? skeleton->input.width
+                                                                    : skeleton->input.height);
+    /* Number of edgels that fit, at two CPs each. */
+    int32_t capacity = skeleton->params.max_centres > 1 ? skeleton->params.max_centres / 2 : 1;
 
-    g->stride = (int32_t)(((int64_t)g->edgel_count + room - 1) / room);
-    g->stride = g->stride > 0 ? g->stride : 1;
-    g->low = written ? g->input.min_radius : g->input.min_radius / MARGIN_BELOW;
-    g->high = written ? g->input.max_radius : g->input.max_radius * MARGIN_ABOVE;
-    if (g->input.max_radius == 0) {
-        g->low = LEAST_RADIUS;
-        g->high = cairn_max(MOST_RADIUS * side, LEAST_RADIUS);
+    skeleton->stride = (int32_t)(((int64_t)skeleton->edgel_count + capacity - 1) / capacity);
+    skeleton->stride = skeleton->stride > 0 ? skeleton->stride : 1;
+    skeleton->min_search_radius =
+        written ? skeleton->input.min_radius : skeleton->input.min_radius / RANGE_MARGIN_BELOW;
+    skeleton->max_search_radius =
+        written ? skeleton->input.max_radius : skeleton->input.max_radius * RANGE_MARGIN_ABOVE;
+    if (skeleton->input.max_radius == 0) {
+        skeleton->min_search_radius = MIN_RADIUS_PX;
+        skeleton->max_search_radius = cairn_max(MAX_RADIUS_SHARE * side, MIN_RADIUS_PX);
     }
 }
 
-static wedge wedge_of(const cairn_skeleton *g, const skeleton_edgel *e, int32_t sense)
+/* Returns the search region of an edgel on one side. */
+static search_wedge search_wedge_of(const cairn_skeleton *skeleton, const skeleton_edgel *e,
+                                    int32_t polarity)
 {
-    cairn_vec2 inward = skeleton_inward(e, sense);
-    cairn_vec2 tip = cairn_vec2_add(e->at, cairn_vec2_scale(inward, 2 * g->high));
-    cairn_vec2 aside = cairn_vec2_scale(cairn_vec2_left(inward), CAIRN_REAL(0.6) * 2 * g->high);
-    cairn_box box = {e->at, e->at};
-    wedge w;
+    cairn_vec2 inward = skeleton_inward(e, polarity);
+    cairn_vec2 tip =
+        cairn_vec2_add(e->position, cairn_vec2_scale(inward, 2 * skeleton->max_search_radius));
+    cairn_vec2 aside = cairn_vec2_scale(cairn_vec2_left(inward),
+                                        CAIRN_REAL(0.6) * 2 * skeleton->max_search_radius);
+    cairn_box box = {e->position, e->position};
+    search_wedge w;
 
     box = cairn_box_extend(cairn_box_extend(cairn_box_extend(box, tip), cairn_vec2_add(tip, aside)),
                            cairn_vec2_sub(tip, aside));
-    w.x0 = cairn_skeleton_column(g, box.min.x);
-    w.x1 = cairn_skeleton_column(g, box.max.x);
-    w.y0 = cairn_skeleton_line(g, box.min.y);
-    w.y1 = cairn_skeleton_line(g, box.max.y);
-    w.at = e->at;
+    w.x0 = cairn_skeleton_column(skeleton, box.min.x);
+    w.x1 = cairn_skeleton_column(skeleton, box.max.x);
+    w.y0 = cairn_skeleton_row(skeleton, box.min.y);
+    w.y1 = cairn_skeleton_row(skeleton, box.max.y);
+    w.position = e->position;
     w.inward = inward;
-    w.sense = sense;
+    w.polarity = polarity;
     return w;
 }
 
-static int32_t cost_of_wedge(const cairn_skeleton *g, const wedge *w)
+static int32_t wedge_cost(const cairn_skeleton *skeleton, const search_wedge *w)
 {
-    return UNITS_AN_EDGEL + skeleton_cost(g, w->x0, w->x1, w->y0, w->y1);
+    return UNITS_PER_EDGEL + skeleton_cells_cost(skeleton, w->x0, w->x1, w->y0, w->y1);
 }
 
-/* How ill a pair fits, in half squares of sigmas; COST_MOST: not at all. */
-static cairn_real cost_of_pair(const cairn_skeleton *g, const wedge *w, const skeleton_edgel *other,
-                               int32_t *sense)
+/* Returns the cost of a pair in half squared standard deviations; MAX_PAIR_COST: rejected. */
+static cairn_real pair_cost(const cairn_skeleton *skeleton, const search_wedge *w,
+                            const skeleton_edgel *other, int32_t *polarity)
 {
-    cairn_vec2 chord = cairn_vec2_sub(other->at, w->at), mirrored;
+    cairn_vec2 chord = cairn_vec2_sub(other->position, w->position), mirrored;
     cairn_real along = cairn_vec2_dot(w->inward, chord), squared = cairn_vec2_norm_squared(chord),
                facing, radius, cosine;
 
-    if (along <= 0 || along * along < FACING * FACING * squared || squared > 4 * g->high * g->high)
-        return COST_MOST;
+    if (along <= 0 || along * along < MIN_FACING_COSINE * MIN_FACING_COSINE * squared ||
+        squared > 4 * skeleton->max_search_radius * skeleton->max_search_radius)
+        return MAX_PAIR_COST;
     facing = -cairn_vec2_dot(other->normal, chord);
-    if (facing * facing < FACING * FACING * squared)
-        return COST_MOST;
-    *sense = facing > 0 ? SKELETON_BRIGHTER : SKELETON_DARKER;
-    /* Half the chord over the mean cosine of both normals with it. */
+    if (facing * facing < MIN_FACING_COSINE * MIN_FACING_COSINE * squared)
+        return MAX_PAIR_COST;
+    *polarity = facing > 0 ? SKELETON_BRIGHTER : SKELETON_DARKER;
+    /* Half of the chord, divided by the mean cosine between both normals and the chord. */
     radius = squared / (along + cairn_abs(facing));
-    if (radius < g->low || radius > g->high)
-        return COST_MOST;
-    /* The normal in the mirror between the two; from it to the other's is twice the deviation. */
+    if (radius < skeleton->min_search_radius || radius > skeleton->max_search_radius)
+        return MAX_PAIR_COST;
+    /* The normal reflected at the bisector; its angle to the other normal is twice the
+     * deviation. */
     mirrored = cairn_vec2_sub(w->inward, cairn_vec2_scale(chord, 2 * along / squared));
-    cosine = cairn_vec2_dot(mirrored, skeleton_inward(other, *sense));
-    return (1 - cosine) / (4 * g->params.symmetry * g->params.symmetry) +
-           (*sense != w->sense ? OTHER_SENSE : 0) +
-           LARGE * (radius - g->low) / (g->high - g->low + 1);
+    cosine = cairn_vec2_dot(mirrored, skeleton_inward(other, *polarity));
+    return (1 - cosine) / (4 * skeleton->params.symmetry * skeleton->params.symmetry) +
+           (*polarity != w->polarity ? POLARITY_CHANGE_COST : 0) +
+           MAX_RADIUS_COST * (radius - skeleton->min_search_radius) /
+               (skeleton->max_search_radius - skeleton->min_search_radius + 1);
 }
 
-/* The best partner of an edgel; -1: there is none. */
-static int32_t partner_of(const cairn_skeleton *g, const wedge *w, int32_t *sense)
+/* Returns the best partner of an edgel; -1: none. */
+static int32_t partner_of(const cairn_skeleton *skeleton, const search_wedge *w, int32_t *polarity)
 {
-    cairn_real best = COST_MOST;
+    cairn_real best = MAX_PAIR_COST;
     int32_t partner = -1;
 
     for (int32_t y = w->y0; y <= w->y1; y++) {
         int32_t from, end;
 
-        skeleton_row(g, y, w->x0, w->x1, &from, &end);
+        skeleton_cells_of_row(skeleton, y, w->x0, w->x1, &from, &end);
         for (int32_t i = from; i < end; i++) {
             int32_t s = 0;
-            cairn_real cost = cost_of_pair(g, w, &g->edgels[i], &s);
+            cairn_real cost = pair_cost(skeleton, w, &skeleton->edgels[i], &s);
 
             if (cost < best) {
                 best = cost;
                 partner = i;
-                *sense = s;
+                *polarity = s;
             }
         }
     }
@@ -128,107 +142,120 @@ static int32_t partner_of(const cairn_skeleton *g, const wedge *w, int32_t *sens
 
 static cairn_oriented_point oriented(const skeleton_edgel *e)
 {
-    cairn_oriented_point p = {e->at, cairn_vec2_left(e->normal)};
+    cairn_oriented_point p = {e->position, cairn_vec2_left(e->normal)};
 
     return p;
 }
 
-static void keep_centre(cairn_skeleton *g, int32_t first, int32_t sense, int32_t second,
-                        int32_t other_sense)
+/* Stores the CP of two edgels. */
+static void add_centre(cairn_skeleton *skeleton, int32_t first, int32_t polarity, int32_t second,
+                       int32_t other_sense)
 {
-    skeleton_centre *c = &g->centres[g->centre_count];
+    skeleton_centre *c = &skeleton->centres[skeleton->centre_count];
     cairn_symmetric_point sp;
 
-    if (g->centre_count == g->params.max_centres ||
-        !cairn_symmetric_point_of(oriented(&g->edgels[first]), oriented(&g->edgels[second]), 1,
-                                  &sp))
+    if (skeleton->centre_count == skeleton->params.max_centres ||
+        !cairn_symmetric_point_of(oriented(&skeleton->edgels[first]),
+                                  oriented(&skeleton->edgels[second]), 1, &sp))
         return;
-    c->at = sp.centre;
+    c->position = sp.centre;
     c->radius = sp.radius;
     c->deviation = sp.deviation;
     c->edgel[0] = first;
     c->edgel[1] = second;
-    c->sense[0] = sense;
-    c->sense[1] = other_sense;
-    g->centre_count++;
+    c->polarity[0] = polarity;
+    c->polarity[1] = other_sense;
+    skeleton->centre_count++;
 }
 
-cairn_status cairn_skeleton_centres(cairn_skeleton *g, cairn_budget *budget)
+cairn_status cairn_skeleton_centres(cairn_skeleton *skeleton, cairn_budget *budget)
 {
-    if (g->cursor == 0 && g->sense == 0)
-        cairn_skeleton_set_limits(g);
-    for (; g->cursor < g->edgel_count; g->cursor += g->stride) {
-        for (; g->sense < 2; g->sense++) {
-            wedge w = wedge_of(g, &g->edgels[g->cursor], g->sense);
-            int32_t partner, sense = 0;
+    if (skeleton->cursor == 0 && skeleton->polarity_cursor == 0)
+        cairn_skeleton_set_limits(skeleton);
+    for (; skeleton->cursor < skeleton->edgel_count; skeleton->cursor += skeleton->stride) {
+        for (; skeleton->polarity_cursor < 2; skeleton->polarity_cursor++) {
+            search_wedge w = search_wedge_of(skeleton, &skeleton->edgels[skeleton->cursor],
+                                             skeleton->polarity_cursor);
+            int32_t partner, polarity = 0;
 
-            if (!cairn_budget_pay(budget, &g->paid, cost_of_wedge(g, &w)))
+            if (!cairn_budget_pay(budget, &skeleton->units_charged, wedge_cost(skeleton, &w)))
                 return CAIRN_MORE;
-            partner = partner_of(g, &w, &sense);
+            partner = partner_of(skeleton, &w, &polarity);
             if (partner >= 0)
-                keep_centre(g, g->cursor, g->sense, partner, sense);
+                add_centre(skeleton, skeleton->cursor, skeleton->polarity_cursor, partner,
+                           polarity);
         }
-        g->sense = 0;
+        skeleton->polarity_cursor = 0;
     }
-    g->centres_seen = g->centre_count;
+    skeleton->centres_found = skeleton->centre_count;
     return CAIRN_OK;
 }
 
-/* ---- The range ---- */
+/* ---- Range of radii ---- */
 
-static int32_t bin_of(const cairn_skeleton *g, cairn_real radius)
+/* Returns the histogram bin of a radius. */
+static int32_t bin_of(const cairn_skeleton *skeleton, cairn_real radius)
 {
-    int32_t bin = cairn_real_to_int(cairn_log(radius / g->low) *
-                                    (BINS_AN_OCTAVE / CAIRN_REAL(0.6931471805599453)));
+    int32_t bin = cairn_real_to_int(cairn_log(radius / skeleton->min_search_radius) *
+                                    (BINS_PER_OCTAVE / CAIRN_REAL(0.6931471805599453)));
 
-    return bin < 0 ? 0 : bin >= SKELETON_BINS ? SKELETON_BINS - 1 : bin;
+    return bin < 0 ? 0 : bin >= SKELETON_RADIUS_BINS ? SKELETON_RADIUS_BINS - 1 : bin;
 }
 
-static cairn_real radius_of(const cairn_skeleton *g, int32_t bin)
+/* Returns the lower bound of a bin, px. */
+static cairn_real radius_of(const cairn_skeleton *skeleton, int32_t bin)
 {
-    return g->low * cairn_exp((cairn_real)bin * (CAIRN_REAL(0.6931471805599453) / BINS_AN_OCTAVE));
+    return skeleton->min_search_radius *
+           cairn_exp((cairn_real)bin * (CAIRN_REAL(0.6931471805599453) / BINS_PER_OCTAVE));
 }
 
-static cairn_real smoothed(const cairn_skeleton *g, int32_t bin)
+/* Returns a bin of the smoothed histogram. */
+static cairn_real smoothed(const cairn_skeleton *skeleton, int32_t bin)
 {
-    return g->histogram[bin] +
-           CAIRN_REAL(0.5) * ((bin > 0 ? g->histogram[bin - 1] : 0) +
-                              (bin + 1 < SKELETON_BINS ? g->histogram[bin + 1] : 0));
+    return skeleton->histogram[bin] +
+           CAIRN_REAL(0.5) * ((bin > 0 ? skeleton->histogram[bin - 1] : 0) +
+                              (bin + 1 < SKELETON_RADIUS_BINS ? skeleton->histogram[bin + 1] : 0));
 }
 
-/* The octaves about the fullest bin where there are at least a third as many CPs. */
-static void take_range(cairn_skeleton *g)
+/* Sets the range to the bins about the mode that have at least a third of its count. */
+static void set_range(cairn_skeleton *skeleton)
 {
     int32_t best = 0, low, high;
 
-    for (int32_t i = 1; i < SKELETON_BINS; i++)
-        if (smoothed(g, i) > smoothed(g, best))
+    for (int32_t i = 1; i < SKELETON_RADIUS_BINS; i++)
+        if (smoothed(skeleton, i) > smoothed(skeleton, best))
             best = i;
-    for (low = best; low > 0 && 3 * smoothed(g, low - 1) >= smoothed(g, best);)
+    for (low = best; low > 0 && 3 * smoothed(skeleton, low - 1) >= smoothed(skeleton, best);)
         low--;
-    for (high = best; high + 1 < SKELETON_BINS && 3 * smoothed(g, high + 1) >= smoothed(g, best);)
+    for (high = best; high + 1 < SKELETON_RADIUS_BINS &&
+                      3 * smoothed(skeleton, high + 1) >= smoothed(skeleton, best);)
         high++;
-    g->input.min_radius = radius_of(g, low);
-    g->input.max_radius = cairn_min(radius_of(g, high + 1), g->high);
-    g->low = cairn_max(g->low, g->input.min_radius / MARGIN_BELOW);
-    g->high = cairn_min(g->high, g->input.max_radius * MARGIN_ABOVE);
+    skeleton->input.min_radius = radius_of(skeleton, low);
+    skeleton->input.max_radius =
+        cairn_min(radius_of(skeleton, high + 1), skeleton->max_search_radius);
+    skeleton->min_search_radius =
+        cairn_max(skeleton->min_search_radius, skeleton->input.min_radius / RANGE_MARGIN_BELOW);
+    skeleton->max_search_radius =
+        cairn_min(skeleton->max_search_radius, skeleton->input.max_radius * RANGE_MARGIN_ABOVE);
 }
 
-cairn_status cairn_skeleton_propose_range(cairn_skeleton *g, cairn_budget *budget)
+cairn_status cairn_skeleton_propose_range(cairn_skeleton *skeleton, cairn_budget *budget)
 {
-    if (g->input.max_radius > 0)
+    if (skeleton->input.max_radius > 0)
         return CAIRN_OK;
-    for (; g->cursor < g->centre_count; g->cursor++) {
-        if (!cairn_budget_pay(budget, &g->paid, 1))
+    for (; skeleton->cursor < skeleton->centre_count; skeleton->cursor++) {
+        if (!cairn_budget_pay(budget, &skeleton->units_charged, 1))
             return CAIRN_MORE;
-        g->histogram[bin_of(g, g->centres[g->cursor].radius)] += 1;
+        skeleton->histogram[bin_of(skeleton, skeleton->centres[skeleton->cursor].radius)] += 1;
     }
-    if (!cairn_budget_pay(budget, &g->paid, SKELETON_BINS / 4 + g->centres_seen / 8))
+    if (!cairn_budget_pay(budget, &skeleton->units_charged,
+                          SKELETON_RADIUS_BINS / 4 + skeleton->centres_found / 8))
         return CAIRN_MORE;
-    take_range(g);
-    g->centre_count = 0;
-    for (int32_t i = 0; i < g->centres_seen; i++)
-        if (g->centres[i].radius >= g->low && g->centres[i].radius <= g->high)
-            g->centres[g->centre_count++] = g->centres[i];
+    set_range(skeleton);
+    skeleton->centre_count = 0;
+    for (int32_t i = 0; i < skeleton->centres_found; i++)
+        if (skeleton->centres[i].radius >= skeleton->min_search_radius &&
+            skeleton->centres[i].radius <= skeleton->max_search_radius)
+            skeleton->centres[skeleton->centre_count++] = skeleton->centres[i];
     return CAIRN_OK;
 }

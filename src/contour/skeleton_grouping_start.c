@@ -1,153 +1,162 @@
-/* Bootstrapping: lines through the CPs in (x, y, radius), and the CP in the middle of each that
+/* Seeding: lines through the CPs in (x, y, radius), and the CP at the middle of each line that
  * is an axis of mirror symmetry. */
 #include "src/core/build.h"
 
 #include "src/contour/skeleton_grouping_written.h"
 
-/* Distances of two edgels from the axis that differ by less are alike. */
-#define ALIKE CAIRN_REAL(0.2)
-/* A deviation of so many rad counts as much as lying half a line from its middle. */
-#define OFF_MIDDLE CAIRN_REAL(0.3)
+/* Relative tolerance of the distances of two edgels to the axis. */
+#define DISTANCE_TOLERANCE CAIRN_REAL(0.2)
+/* Deviation, rad, that costs as much as half a line length of distance to the line's middle. */
+#define DEVIATION_SCALE_RAD CAIRN_REAL(0.3)
 
-static cairn_status add_centres(cairn_skeleton *g, cairn_budget *budget)
+/* Adds the CPs to the line fit. */
+static cairn_status add_centres(cairn_skeleton *skeleton, cairn_budget *budget)
 {
-    cairn_status status = g->cursor == 0 ? cairn_polyline_clear(g->polyline, 1) : CAIRN_OK;
+    cairn_status status =
+        skeleton->cursor == 0 ? cairn_polyline_clear(skeleton->polyline, 1) : CAIRN_OK;
 
-    for (; g->cursor < g->centre_count && status == CAIRN_OK; g->cursor++) {
-        const skeleton_centre *c = &g->centres[g->cursor];
-        cairn_real point[3] = {c->at.x, c->at.y, c->radius};
+    for (; skeleton->cursor < skeleton->centre_count && status == CAIRN_OK; skeleton->cursor++) {
+        const skeleton_centre *c = &skeleton->centres[skeleton->cursor];
+        cairn_real point[3] = {c->position.x, c->position.y, c->radius};
 
-        if (!cairn_budget_pay(budget, &g->paid, 1))
+        if (!cairn_budget_pay(budget, &skeleton->units_charged, 1))
             return CAIRN_MORE;
-        status = cairn_polyline_add(g->polyline, point);
+        status = cairn_polyline_add(skeleton->polyline, point);
     }
     return status;
 }
 
-cairn_status cairn_skeleton_lines(cairn_skeleton *g, cairn_budget *budget)
+cairn_status cairn_skeleton_lines(cairn_skeleton *skeleton, cairn_budget *budget)
 {
     cairn_status status;
 
-    if (g->item == 0) {
-        status = add_centres(g, budget);
+    if (skeleton->phase_counter == 0) {
+        status = add_centres(skeleton, budget);
         if (status != CAIRN_OK)
             return status;
-        g->item = 1;
+        skeleton->phase_counter = 1;
     }
-    status = cairn_polyline_step(g->polyline, budget);
+    status = cairn_polyline_step(skeleton->polyline, budget);
     if (status == CAIRN_OK)
-        g->line_count = cairn_polyline_read(g->polyline).segment_count;
+        skeleton->line_count = cairn_polyline_read(skeleton->polyline).segment_count;
     return status;
 }
 
-int cairn_skeleton_is_mirrored(const cairn_skeleton *g, const skeleton_centre *c,
+int cairn_skeleton_is_mirrored(const cairn_skeleton *skeleton, const skeleton_centre *c,
                                const cairn_polyline_segment *s)
 {
     cairn_vec2 a = {s->a[0], s->a[1]}, b = {s->b[0], s->b[1]},
                along = cairn_vec2_unit(cairn_vec2_sub(b, a));
-    cairn_real first = cairn_vec2_cross(along, cairn_vec2_sub(g->edgels[c->edgel[0]].at, a));
-    cairn_real second = cairn_vec2_cross(along, cairn_vec2_sub(g->edgels[c->edgel[1]].at, a));
+    cairn_real first =
+        cairn_vec2_cross(along, cairn_vec2_sub(skeleton->edgels[c->edgel[0]].position, a));
+    cairn_real second =
+        cairn_vec2_cross(along, cairn_vec2_sub(skeleton->edgels[c->edgel[1]].position, a));
 
     return (first > 0) != (second > 0) &&
-           cairn_abs(first + second) <= ALIKE * cairn_max(cairn_abs(first), cairn_abs(second));
+           cairn_abs(first + second) <=
+               DISTANCE_TOLERANCE * cairn_max(cairn_abs(first), cairn_abs(second));
 }
 
-/* How far a CP lies from the middle of its line, of its length, and how ill it is. */
-static cairn_real off_middle(const skeleton_centre *c, const cairn_polyline_segment *s)
+/* Returns the cost of a CP as seed: distance to the line's middle relative to the line's length,
+ * plus its deviation. */
+static cairn_real seed_cost(const skeleton_centre *c, const cairn_polyline_segment *s)
 {
-    cairn_real d[3] = {c->at.x - (s->a[0] + s->b[0]) / 2, c->at.y - (s->a[1] + s->b[1]) / 2,
+    cairn_real d[3] = {c->position.x - (s->a[0] + s->b[0]) / 2,
+                       c->position.y - (s->a[1] + s->b[1]) / 2,
                        c->radius - (s->a[2] + s->b[2]) / 2};
     cairn_real l[3] = {s->b[0] - s->a[0], s->b[1] - s->a[1], s->b[2] - s->a[2]};
 
     return cairn_sqrt((d[0] * d[0] + d[1] * d[1] + d[2] * d[2]) /
                       cairn_max(l[0] * l[0] + l[1] * l[1] + l[2] * l[2], 1)) +
-           c->deviation / OFF_MIDDLE / 2;
+           c->deviation / DEVIATION_SCALE_RAD / 2;
 }
 
-/* 1: start a comes before b. */
-static int is_before(const skeleton_start *a, const skeleton_start *b)
+/* Returns 1 if seed a ranks before b. */
+static int is_before(const skeleton_seed *a, const skeleton_seed *b)
 {
     return a->support != b->support ? a->support > b->support : a->centre < b->centre;
 }
 
-/* The lines that are kept, those of most support first. */
-static void sort_in(cairn_skeleton *g, const skeleton_start *start)
+/* Inserts a seed, sorted by decreasing support. */
+static void insert_seed(cairn_skeleton *skeleton, const skeleton_seed *start)
 {
-    int32_t i = g->start_count++;
+    int32_t i = skeleton->seed_count++;
 
-    for (; i > 0 && is_before(start, &g->starts[i - 1]); i--)
-        g->starts[i] = g->starts[i - 1];
-    g->starts[i] = *start;
+    for (; i > 0 && is_before(start, &skeleton->seeds[i - 1]); i--)
+        skeleton->seeds[i] = skeleton->seeds[i - 1];
+    skeleton->seeds[i] = *start;
 }
 
-/* 1: a CP of its own may be a start: short and bent parts have no line. It is symmetric, the
- * object lies on the same side of both contrasts, and both are no less than the mean one. */
-static int may_start(const cairn_skeleton *g, const skeleton_centre *c)
+/* Returns 1 if a single CP is a seed, since short and curved parts have no line. It is
+ * symmetric, has the same polarity on both sides, and both contrasts reach the mean. */
+static int is_seed(const cairn_skeleton *skeleton, const skeleton_centre *c)
 {
-    return c->deviation <= g->params.symmetry && c->sense[0] == c->sense[1] &&
-           (g->params.contrast == 0 ||
-            (g->edgels[c->edgel[0]].contrast >= 0 && g->edgels[c->edgel[1]].contrast >= 0));
+    return c->deviation <= skeleton->params.symmetry && c->polarity[0] == c->polarity[1] &&
+           (skeleton->params.contrast == 0 || (skeleton->edgels[c->edgel[0]].log_slope_ratio >= 0 &&
+                                               skeleton->edgels[c->edgel[1]].log_slope_ratio >= 0));
 }
 
-/* The room that is left goes to them, evenly over the image: they are counted, and one in so
- * many is taken. */
-static cairn_status add_loose(cairn_skeleton *g, cairn_budget *budget)
+/* Distributes the remaining capacity to single CPs, evenly over the image: they are counted,
+ * then one in N is taken. */
+static cairn_status add_single_seeds(cairn_skeleton *skeleton, cairn_budget *budget)
 {
-    int32_t n = g->centre_count, room;
+    int32_t n = skeleton->centre_count, capacity;
 
-    if (g->other == 0)
-        g->line_starts = g->start_count;
-    room = g->params.max_lines - g->line_starts;
-    for (; room > 0 && g->other < 2 * n; g->other++) {
-        int32_t i = g->other < n ? g->other : g->other - n;
-        skeleton_start start = {i, 0};
+    if (skeleton->second_cursor == 0)
+        skeleton->line_seeds = skeleton->seed_count;
+    capacity = skeleton->params.max_lines - skeleton->line_seeds;
+    for (; capacity > 0 && skeleton->second_cursor < 2 * n; skeleton->second_cursor++) {
+        int32_t i =
+            skeleton->second_cursor < n ? skeleton->second_cursor : skeleton->second_cursor - n;
+        skeleton_seed start = {i, 0};
 
-        if (!cairn_budget_pay(budget, &g->paid, 1))
+        if (!cairn_budget_pay(budget, &skeleton->units_charged, 1))
             return CAIRN_MORE;
-        if (!may_start(g, &g->centres[i]))
+        if (!is_seed(skeleton, &skeleton->centres[i]))
             continue;
-        if (g->other < n)
-            g->item++;
-        else if (g->sense++ % (1 + (g->item - 1) / room) == 0)
-            g->starts[g->start_count++] = start;
+        if (skeleton->second_cursor < n)
+            skeleton->phase_counter++;
+        else if (skeleton->polarity_cursor++ % (1 + (skeleton->phase_counter - 1) / capacity) == 0)
+            skeleton->seeds[skeleton->seed_count++] = start;
     }
     return CAIRN_OK;
 }
 
-/* Line by line. Cost: all CPs for each. */
-cairn_status cairn_skeleton_mirror(cairn_skeleton *g, cairn_budget *budget)
+/* Evaluates one line per work item. Cost: linear in all CPs for each line. */
+cairn_status cairn_skeleton_mirror(cairn_skeleton *skeleton, cairn_budget *budget)
 {
-    cairn_polyline_view view = cairn_polyline_read(g->polyline);
+    cairn_polyline_view view = cairn_polyline_read(skeleton->polyline);
 
-    for (; g->cursor < view.segment_count; g->cursor++) {
-        const cairn_polyline_segment *s = &view.segments[g->cursor];
-        skeleton_start start = {-1, 0};
+    for (; skeleton->cursor < view.segment_count; skeleton->cursor++) {
+        const cairn_polyline_segment *s = &view.segments[skeleton->cursor];
+        skeleton_seed start = {-1, 0};
         cairn_real best = CAIRN_REAL_MAX;
 
-        if (!cairn_budget_pay(budget, &g->paid, 1 + g->centre_count / 16 + s->count))
+        if (!cairn_budget_pay(budget, &skeleton->units_charged,
+                              1 + skeleton->centre_count / 16 + s->count))
             return CAIRN_MORE;
-        for (int32_t i = 0; i < g->centre_count; i++) {
-            const skeleton_centre *c = &g->centres[i];
-            cairn_real off;
+        for (int32_t i = 0; i < skeleton->centre_count; i++) {
+            const skeleton_centre *c = &skeleton->centres[i];
+            cairn_real cost;
 
-            if (view.label[i] != g->cursor || !cairn_skeleton_is_mirrored(g, c, s))
+            if (view.label[i] != skeleton->cursor || !cairn_skeleton_is_mirrored(skeleton, c, s))
                 continue;
             start.support++;
-            off = off_middle(c, s);
-            if (off < best) {
-                best = off;
+            cost = seed_cost(c, s);
+            if (cost < best) {
+                best = cost;
                 start.centre = i;
             }
         }
-        /* As written the line is where walks begin, from all of its CPs. */
-        if (start.centre >= 0 && g->params.mode == CAIRN_MODE_AS_WRITTEN)
-            start.centre = g->cursor;
+        /* As written the seed is the line with all its CPs. */
+        if (start.centre >= 0 && skeleton->params.mode == CAIRN_MODE_AS_WRITTEN)
+            start.centre = skeleton->cursor;
         if (start.centre >= 0 &&
-            (cairn_real)start.support >= g->params.min_mirror * (cairn_real)s->count)
-            sort_in(g, &start);
+            (cairn_real)start.support >= skeleton->params.min_mirror * (cairn_real)s->count)
+            insert_seed(skeleton, &start);
     }
-    if (g->params.mode != CAIRN_MODE_AS_WRITTEN)
-        return add_loose(g, budget);
-    g->line_starts = g->start_count;
+    if (skeleton->params.mode != CAIRN_MODE_AS_WRITTEN)
+        return add_single_seeds(skeleton, budget);
+    skeleton->line_seeds = skeleton->seed_count;
     return CAIRN_OK;
 }

@@ -1,12 +1,17 @@
-/* The walk: the filter's callbacks, and the runs from each start to both ends of its axis.
- * A step looks ahead of both ends of the contour, along their tangents, for edgels, or carries a
- * side on where none is seen; of all pairs those remain whose disc lies ahead, whose axis does
- * not come back upon itself and whose radius is near the range. The gain of a side is the
- * logarithm of how many times likelier its edgel is as the contour's next one than as one of
- * those strewn about here: for a chord that turns by b and a normal that turns by t a contour of
- * steady bend has t = 2 b. That of a pair is how much likelier its symmetry and its change of
- * radius are than by chance. Of strewn edgels few are steep: the slope of an edgel is evidence,
- * too. */
+/* Particle filter along an axis: proposal, likelihood, and the runs from each seed to both ends of
+ * its axis.
+ *
+ * Method:
+ * 1. Proposal: edgels are searched ahead of both contour ends, along their tangents; a side without
+ *    an edgel is extrapolated. All pairs of both sides are formed.
+ * 2. Pairs are kept whose disc lies ahead, whose axis does not self-intersect and whose radius is
+ *    near the range.
+ * 3. Gain of a side: log-likelihood ratio of the edgel as the next contour point against uniform
+ *    background clutter. For a chord that turns by b and a normal that turns by t, a contour of
+ *    constant curvature has t = 2 b. A steep slope is evidence as well, since clutter edgels are
+ *    rarely steep.
+ * 4. Gain of a pair: log-likelihood ratio of its symmetry and its change of radius against
+ *    chance. */
 #include "src/core/build.h"
 
 #include <string.h>
@@ -14,98 +19,104 @@
 #include "cairn/symmetric_point.h"
 #include "src/contour/skeleton_grouping_work.h"
 
-/* Steps, of the radius and px. */
-#define STEP       CAIRN_REAL(0.4)
-#define STEP_LEAST CAIRN_REAL(3.0)
-/* How far from where it is expected an edgel may lie, of a step. */
-#define LOOK CAIRN_REAL(0.8)
-/* Edgels that are nearer to each other are one choice, px. */
-#define APART CAIRN_REAL(1.8)
-/* What the sides' gains count: both say much the same step after step. */
-#define SIDES CAIRN_REAL(0.5)
-/* Change of the radius along the axis, sigma. */
-#define SLOPE CAIRN_REAL(0.18)
-/* Losses are no larger than this. */
-#define LOSS_MOST       CAIRN_REAL(-4.0)
-#define RANGE_LOSS_MOST CAIRN_REAL(-2.0)
-/* The inside of a disc, of its radius; how many edgels lie there, of those in the background;
- * what that counts. */
-#define CORE    CAIRN_REAL(0.6)
-#define EMPTIER CAIRN_REAL(0.3)
-#define HOLLOW  CAIRN_REAL(0.4)
-/* Likelihoods are this root of the odds, so that several ways live on. */
-#define TEMPER    CAIRN_REAL(0.35)
-#define TURN_MOST (50 * (CAIRN_PI / 180))
-enum { UNITS_A_PROPOSAL = 150, HISTORY_A_UNIT = 8, NEAR_PAST = 3 };
+/* Step length, in radii, and its lower bound. */
+#define STEP_RADII  CAIRN_REAL(0.4)
+#define MIN_STEP_PX CAIRN_REAL(3.0)
+/* Search radius about the predicted contact point, in steps. */
+#define SEARCH_RADIUS_STEPS CAIRN_REAL(0.8)
+/* Non-maximum-suppression radius of the choices of a side. */
+#define NMS_RADIUS_PX CAIRN_REAL(1.8)
+/* Weight of the sides' gains, since consecutive steps are correlated. */
+#define SIDE_GAIN_WEIGHT CAIRN_REAL(0.5)
+/* Standard deviation of the change of radius per axis length. */
+#define RADIUS_SLOPE_SIGMA CAIRN_REAL(0.18)
+/* Lower bounds of a gain, nats. */
+#define MIN_GAIN       CAIRN_REAL(-4.0)
+#define MIN_RANGE_GAIN CAIRN_REAL(-2.0)
+/* Interior prior: radius of the interior in disc radii, ratio of its edgel density to the
+ * background clutter density, and weight. */
+#define INTERIOR_RADIUS        CAIRN_REAL(0.6)
+#define INTERIOR_DENSITY_RATIO CAIRN_REAL(0.3)
+#define INTERIOR_WEIGHT        CAIRN_REAL(0.4)
+/* Exponent of the odds in the particle weights (tempering), so that several hypotheses survive. */
+#define LIKELIHOOD_EXPONENT CAIRN_REAL(0.35)
+#define MAX_TURN_RAD        (50 * (CAIRN_PI / 180))
+enum { UNITS_PER_PROPOSAL = 150, STATES_PER_UNIT = 8, RECENT_STATES = 3 };
 
-/* What a side may go on with. */
+/* A candidate contact point of a side. */
 typedef struct choice {
-    cairn_vec2 at, inward;
+    cairn_vec2 position, inward;
     cairn_real gain;
-    cairn_real chord; /* px, from the last touch */
-    int32_t edgel, sense;
+    /* Distance to the last contact point, px. */
+    cairn_real chord;
+    int32_t edgel, polarity;
 } choice;
 
-/* Logarithm of a normal density. */
+/* Returns the logarithm of a normal density. */
 static cairn_real log_normal(cairn_real x, cairn_real sigma)
 {
     return -cairn_half_square(x / sigma) - cairn_log(sigma) - CAIRN_REAL(0.9189385332046727);
 }
 
+/* Returns the signed angle from a to b, rad. */
 static cairn_real angle_from(cairn_vec2 a, cairn_vec2 b)
 {
     return cairn_atan2(cairn_vec2_cross(a, b), cairn_vec2_dot(a, b));
 }
 
-static cairn_real step_of(const cairn_skeleton *g, cairn_real radius)
+/* Returns the step length, px. */
+static cairn_real step_of(const cairn_skeleton *skeleton, cairn_real radius)
 {
-    return cairn_min(cairn_max(STEP * radius, STEP_LEAST), g->params.reach);
+    return cairn_min(cairn_max(STEP_RADII * radius, MIN_STEP_PX), skeleton->params.reach);
 }
 
-/* Along the contour, ahead. */
-static cairn_vec2 ahead_of(const skeleton_state *s, int32_t side)
+/* Returns the contour's forward tangent. */
+static cairn_vec2 tangent_of(const skeleton_state *s, int32_t side)
 {
     cairn_vec2 tangent = cairn_vec2_left(s->inward[side]);
 
     return cairn_vec2_dot(tangent, s->heading) < 0 ? cairn_vec2_scale(tangent, -1) : tangent;
 }
 
-/* Where the contour goes on if it is straight. */
-static cairn_vec2 wanted_of(const skeleton_state *s, int32_t side, cairn_real step)
+/* Returns the predicted contact point on a straight contour. */
+static cairn_vec2 predicted_contact(const skeleton_state *s, int32_t side, cairn_real step)
 {
-    return cairn_vec2_add(s->touch[side], cairn_vec2_scale(ahead_of(s, side), step));
+    return cairn_vec2_add(s->contact[side], cairn_vec2_scale(tangent_of(s, side), step));
 }
 
-/* The gain of an edgel as the next one of a side. */
-static cairn_real side_gain(const cairn_skeleton *g, const skeleton_state *s, int32_t side,
+/* Returns the gain of an edgel as the next contact point of a side, nats. */
+static cairn_real side_gain(const cairn_skeleton *skeleton, const skeleton_state *s, int32_t side,
                             const choice *c, cairn_vec2 ahead, cairn_real log_density)
 {
-    cairn_vec2 chord = cairn_vec2_sub(c->at, s->touch[side]);
+    cairn_vec2 chord = cairn_vec2_sub(c->position, s->contact[side]);
     cairn_real bend = angle_from(ahead, chord), turn = angle_from(s->inward[side], c->inward);
-    cairn_real flip = c->sense == s->sense[side] ? 1 - g->params.flip : g->params.flip;
+    cairn_real flip =
+        c->polarity == s->polarity[side] ? 1 - skeleton->params.flip : skeleton->params.flip;
 
-    if (cairn_abs(bend) > TURN_MOST)
+    if (cairn_abs(bend) > MAX_TURN_RAD)
         return -CAIRN_REAL_MAX;
-    return cairn_log(g->params.detection * 2 * flip * 2 * CAIRN_PI / cairn_max(c->chord, 1)) -
-           log_density + log_normal(bend, CAIRN_REAL(0.75) * g->params.duality) +
-           log_normal(turn - 2 * bend, CAIRN_REAL(0.5) * g->params.duality) +
-           g->params.contrast * g->edgels[c->edgel].contrast;
+    return cairn_log(skeleton->params.detection * 2 * flip * 2 * CAIRN_PI /
+                     cairn_max(c->chord, 1)) -
+           log_density + log_normal(bend, CAIRN_REAL(0.75) * skeleton->params.duality) +
+           log_normal(turn - 2 * bend, CAIRN_REAL(0.5) * skeleton->params.duality) +
+           skeleton->params.contrast * skeleton->edgels[c->edgel].log_slope_ratio;
 }
 
-/* Into the list, the best first; of two at about the same place only the better. */
-static void offer_choice(choice *list, int32_t *count, const choice *c)
+/* Inserts a choice with non-maximum suppression; the list is sorted by decreasing gain. */
+static void insert_choice(choice *list, int32_t *count, const choice *c)
 {
     int32_t i;
 
     for (i = 0; i < *count; i++)
-        if (cairn_vec2_norm_squared(cairn_vec2_sub(list[i].at, c->at)) < APART * APART) {
+        if (cairn_vec2_norm_squared(cairn_vec2_sub(list[i].position, c->position)) <
+            NMS_RADIUS_PX * NMS_RADIUS_PX) {
             if (list[i].gain >= c->gain)
                 return;
             memmove(&list[i], &list[i + 1], (size_t)(*count - i - 1) * sizeof *list);
             --*count;
             break;
         }
-    if (*count == SKELETON_CHOICE) {
+    if (*count == SKELETON_MAX_CHOICES) {
         if (list[*count - 1].gain >= c->gain)
             return;
         --*count;
@@ -115,199 +126,217 @@ static void offer_choice(choice *list, int32_t *count, const choice *c)
     list[i] = *c;
 }
 
-/* The edgels that a side may go on with, and none. */
-static int32_t choices_of(const cairn_skeleton *g, const skeleton_state *s, int32_t side,
+/* Lists the candidate edgels of a side and the choice without an edgel; returns their number. */
+static int32_t choices_of(const cairn_skeleton *skeleton, const skeleton_state *s, int32_t side,
                           cairn_real step, choice *list)
 {
-    cairn_vec2 ahead = ahead_of(s, side), wanted = wanted_of(s, side, step);
-    cairn_real look = LOOK * step, log_density = cairn_log(cairn_skeleton_density(g, wanted));
-    int32_t x0 = cairn_skeleton_column(g, wanted.x - look),
-            x1 = cairn_skeleton_column(g, wanted.x + look);
-    int32_t y1 = cairn_skeleton_line(g, wanted.y + look), count = 0;
-    choice none = {wanted, s->inward[side], cairn_log(1 - g->params.detection), step,
-                   -1,     s->sense[side]};
+    cairn_vec2 ahead = tangent_of(s, side), predicted = predicted_contact(s, side, step);
+    cairn_real search_radius = SEARCH_RADIUS_STEPS * step,
+               log_density = cairn_log(cairn_skeleton_density(skeleton, predicted));
+    int32_t x0 = cairn_skeleton_column(skeleton, predicted.x - search_radius),
+            x1 = cairn_skeleton_column(skeleton, predicted.x + search_radius);
+    int32_t y1 = cairn_skeleton_row(skeleton, predicted.y + search_radius), count = 0;
+    choice none = {predicted, s->inward[side],  cairn_log(1 - skeleton->params.detection), step,
+                   -1,        s->polarity[side]};
 
-    for (int32_t y = cairn_skeleton_line(g, wanted.y - look); y <= y1; y++) {
+    for (int32_t y = cairn_skeleton_row(skeleton, predicted.y - search_radius); y <= y1; y++) {
         int32_t from, end;
 
-        skeleton_row(g, y, x0, x1, &from, &end);
+        skeleton_cells_of_row(skeleton, y, x0, x1, &from, &end);
         for (int32_t i = from; i < end; i++) {
-            const skeleton_edgel *e = &g->edgels[i];
-            choice c = {e->at, e->normal, 0, 0, i, SKELETON_BRIGHTER};
+            const skeleton_edgel *e = &skeleton->edgels[i];
+            choice c = {e->position, e->normal, 0, 0, i, SKELETON_BRIGHTER};
 
-            if (cairn_vec2_norm_squared(cairn_vec2_sub(e->at, wanted)) > look * look)
+            if (cairn_vec2_norm_squared(cairn_vec2_sub(e->position, predicted)) >
+                search_radius * search_radius)
                 continue;
             if (cairn_vec2_dot(e->normal, s->inward[side]) < 0) {
                 c.inward = cairn_vec2_scale(e->normal, -1);
-                c.sense = SKELETON_DARKER;
+                c.polarity = SKELETON_DARKER;
             }
-            c.chord = cairn_vec2_norm(cairn_vec2_sub(e->at, s->touch[side]));
-            c.gain = side_gain(g, s, side, &c, ahead, log_density);
+            c.chord = cairn_vec2_norm(cairn_vec2_sub(e->position, s->contact[side]));
+            c.gain = side_gain(skeleton, s, side, &c, ahead, log_density);
             if (c.gain > none.gain)
-                offer_choice(list, &count, &c);
+                insert_choice(list, &count, &c);
         }
     }
     list[count++] = none;
     return count;
 }
 
-/* The log odds of a radius against the range. */
-static cairn_real range_gain(const cairn_skeleton *g, cairn_real radius)
+/* Returns the log odds of a radius given the range, nats. */
+static cairn_real range_gain(const cairn_skeleton *skeleton, cairn_real radius)
 {
-    cairn_real off =
-        cairn_max(cairn_max(g->input.min_radius - radius, radius - g->input.max_radius), 0);
+    cairn_real off = cairn_max(
+        cairn_max(skeleton->input.min_radius - radius, radius - skeleton->input.max_radius), 0);
 
-    return cairn_max(-cairn_half_square(off / (g->params.radius * radius)), RANGE_LOSS_MOST);
+    return cairn_max(-cairn_half_square(off / (skeleton->params.radius * radius)), MIN_RANGE_GAIN);
 }
 
-static cairn_real pair_gain(const cairn_skeleton *g, const skeleton_state *before,
+/* Returns the gain of the symmetry and of the change of radius, nats. */
+static cairn_real pair_gain(const cairn_skeleton *skeleton, const skeleton_state *before,
                             const skeleton_state *s)
 {
     cairn_real along = cairn_max(cairn_vec2_norm(cairn_vec2_sub(s->centre, before->centre)), 1);
     cairn_real symmetry =
-        log_normal(s->deviation, g->params.symmetry) + cairn_log(2 * CAIRN_PI / 3);
-    cairn_real slope = log_normal((s->radius - before->radius) / along, SLOPE) + cairn_log(2);
+        log_normal(s->deviation, skeleton->params.symmetry) + cairn_log(2 * CAIRN_PI / 3);
+    cairn_real slope =
+        log_normal((s->radius - before->radius) / along, RADIUS_SLOPE_SIGMA) + cairn_log(2);
 
-    return cairn_max(symmetry, LOSS_MOST) + cairn_max(slope, LOSS_MOST);
+    return cairn_max(symmetry, MIN_GAIN) + cairn_max(slope, MIN_GAIN);
 }
 
-static cairn_real gain_of(const cairn_skeleton *g, const skeleton_state *before,
+/* Returns the gain of a state, nats. */
+static cairn_real gain_of(const cairn_skeleton *skeleton, const skeleton_state *before,
                           const skeleton_state *s, const choice *left, const choice *right)
 {
-    cairn_real range = range_gain(g, s->radius);
+    cairn_real range = range_gain(skeleton, s->radius);
 
-    /* A contour on one side alone says nothing of an axis. */
+    /* A contour on one side alone is no evidence of an axis. */
     if (left->edgel < 0 || right->edgel < 0)
-        return SIDES * ((left->edgel < 0 ? left->gain : 0) + (right->edgel < 0 ? right->gain : 0)) +
+        return SIDE_GAIN_WEIGHT *
+                   ((left->edgel < 0 ? left->gain : 0) + (right->edgel < 0 ? right->gain : 0)) +
                range;
-    return SIDES * (left->gain + right->gain) + pair_gain(g, before, s) + range;
+    return SIDE_GAIN_WEIGHT * (left->gain + right->gain) + pair_gain(skeleton, before, s) + range;
 }
 
-/* Units for the edgels within a distance of a place. */
-static int32_t cost_about(const cairn_skeleton *g, cairn_vec2 place, cairn_real reach)
+/* Returns the cost of the edgels near a point in units. */
+static int32_t cells_cost_near(const cairn_skeleton *skeleton, cairn_vec2 place, cairn_real reach)
 {
-    return skeleton_cost(
-        g, cairn_skeleton_column(g, place.x - reach), cairn_skeleton_column(g, place.x + reach),
-        cairn_skeleton_line(g, place.y - reach), cairn_skeleton_line(g, place.y + reach));
+    return skeleton_cells_cost(skeleton, cairn_skeleton_column(skeleton, place.x - reach),
+                               cairn_skeleton_column(skeleton, place.x + reach),
+                               cairn_skeleton_row(skeleton, place.y - reach),
+                               cairn_skeleton_row(skeleton, place.y + reach));
 }
 
-/* What the inside of the next disc says: it is emptier than the background, where it is an
- * object's. */
-static cairn_real hollow_gain(const cairn_skeleton *g, cairn_vec2 centre, cairn_real radius)
+/* Returns the gain of the next disc's interior: an object's interior has fewer edgels than the
+ * background clutter. */
+static cairn_real interior_gain(const cairn_skeleton *skeleton, cairn_vec2 centre,
+                                cairn_real radius)
 {
-    cairn_real core = CORE * radius,
-               expected = cairn_skeleton_density(g, centre) * CAIRN_PI * core * core;
-    int32_t x0 = cairn_skeleton_column(g, centre.x - core),
-            x1 = cairn_skeleton_column(g, centre.x + core);
-    int32_t y1 = cairn_skeleton_line(g, centre.y + core), count = 0;
+    cairn_real core = INTERIOR_RADIUS * radius,
+               expected = cairn_skeleton_density(skeleton, centre) * CAIRN_PI * core * core;
+    int32_t x0 = cairn_skeleton_column(skeleton, centre.x - core),
+            x1 = cairn_skeleton_column(skeleton, centre.x + core);
+    int32_t y1 = cairn_skeleton_row(skeleton, centre.y + core), count = 0;
 
-    for (int32_t y = cairn_skeleton_line(g, centre.y - core); y <= y1; y++) {
+    for (int32_t y = cairn_skeleton_row(skeleton, centre.y - core); y <= y1; y++) {
         int32_t from, end;
 
-        skeleton_row(g, y, x0, x1, &from, &end);
+        skeleton_cells_of_row(skeleton, y, x0, x1, &from, &end);
         for (int32_t i = from; i < end; i++)
-            count += cairn_vec2_norm_squared(cairn_vec2_sub(g->edgels[i].at, centre)) < core * core;
+            count += cairn_vec2_norm_squared(cairn_vec2_sub(skeleton->edgels[i].position, centre)) <
+                     core * core;
     }
-    return HOLLOW * ((1 - EMPTIER) * expected + (cairn_real)count * cairn_log(EMPTIER)) *
-           STEP_LEAST / (2 * core);
+    return INTERIOR_WEIGHT *
+           ((1 - INTERIOR_DENSITY_RATIO) * expected +
+            (cairn_real)count * cairn_log(INTERIOR_DENSITY_RATIO)) *
+           MIN_STEP_PX / (2 * core);
 }
 
-/* The state that two choices make; 0: there is none. */
-static int make_state(const cairn_skeleton *g, const skeleton_state *before, const choice *left,
-                      const choice *right, cairn_real step, cairn_real hollow, skeleton_state *s)
+/* Builds the successor state of two choices; returns 0 if it is invalid. */
+static int make_state(const cairn_skeleton *skeleton, const skeleton_state *before,
+                      const choice *left, const choice *right, cairn_real step, cairn_real interior,
+                      skeleton_state *s)
 {
-    cairn_oriented_point first = {left->at, cairn_vec2_left(left->inward)};
-    cairn_oriented_point second = {right->at, cairn_vec2_left(right->inward)};
+    cairn_oriented_point first = {left->position, cairn_vec2_left(left->inward)};
+    cairn_oriented_point second = {right->position, cairn_vec2_left(right->inward)};
     cairn_symmetric_point sp;
     cairn_vec2 moved;
     cairn_real along;
 
     if ((left->edgel >= 0 && left->edgel == right->edgel) ||
-        !cairn_symmetric_point_of(first, second, 1, &sp) || sp.radius < g->low ||
-        sp.radius > g->high)
+        !cairn_symmetric_point_of(first, second, 1, &sp) ||
+        sp.radius < skeleton->min_search_radius || sp.radius > skeleton->max_search_radius)
         return 0;
     moved = cairn_vec2_sub(sp.centre, before->centre);
     along = cairn_vec2_dot(moved, before->heading);
     if (along < CAIRN_REAL(0.2) * step || along > 3 * step ||
-        cairn_vec2_dot(left->inward, cairn_vec2_sub(sp.centre, left->at)) <
+        cairn_vec2_dot(left->inward, cairn_vec2_sub(sp.centre, left->position)) <
             CAIRN_REAL(0.5) * sp.radius ||
-        cairn_vec2_dot(right->inward, cairn_vec2_sub(sp.centre, right->at)) <
+        cairn_vec2_dot(right->inward, cairn_vec2_sub(sp.centre, right->position)) <
             CAIRN_REAL(0.5) * sp.radius)
         return 0;
     *s = *before;
-    s->touch[0] = left->at;
-    s->touch[1] = right->at;
+    s->contact[0] = left->position;
+    s->contact[1] = right->position;
     s->inward[0] = left->inward;
     s->inward[1] = right->inward;
     s->edgel[0] = left->edgel;
     s->edgel[1] = right->edgel;
-    s->sense[0] = left->sense;
-    s->sense[1] = right->sense;
+    s->polarity[0] = left->polarity;
+    s->polarity[1] = right->polarity;
     s->centre = sp.centre;
     s->radius = sp.radius;
     s->deviation = sp.deviation;
-    /* Steps are short and their directions rough: the heading follows them slowly. */
+    /* Steps are short and their directions noisy: the heading is low-pass filtered. */
     s->heading = cairn_vec2_unit(
         cairn_vec2_add(before->heading, cairn_vec2_scale(cairn_vec2_unit(moved), CAIRN_REAL(0.7))));
-    if (cairn_vec2_cross(s->heading, cairn_vec2_sub(left->at, sp.centre)) <= 0 ||
-        cairn_vec2_cross(s->heading, cairn_vec2_sub(right->at, sp.centre)) >= 0)
+    if (cairn_vec2_cross(s->heading, cairn_vec2_sub(left->position, sp.centre)) <= 0 ||
+        cairn_vec2_cross(s->heading, cairn_vec2_sub(right->position, sp.centre)) >= 0)
         return 0;
     s->length++;
-    /* Edgels lie a pixel apart: a longer step says more. */
-    s->gain = (gain_of(g, before, s, left, right) + hollow) * step / STEP_LEAST;
-    s->total += s->gain;
-    s->best = cairn_max(s->best, s->total);
+    /* Edgels are one pixel apart: the gain is proportional to the step length. */
+    s->gain = (gain_of(skeleton, before, s, left, right) + interior) * step / MIN_STEP_PX;
+    s->log_odds += s->gain;
+    s->best_log_odds = cairn_max(s->best_log_odds, s->log_odds);
     return 1;
 }
 
-/* 1: the axis comes back upon itself. */
-static int has_been(const skeleton_state *last, cairn_vec2 next)
+/* Returns 1 if the axis self-intersects. */
+static int self_intersects(const skeleton_state *last, cairn_vec2 next)
 {
     const skeleton_state *s = last;
 
     for (int32_t i = 0; s != NULL; i++, s = cairn_particle_state_before(s))
-        if (i > NEAR_PAST &&
+        if (i > RECENT_STATES &&
             cairn_vec2_norm_squared(cairn_vec2_sub(s->centre, next)) < cairn_half_square(s->radius))
             return 1;
     return 0;
 }
 
-/* Of the steps from a state. */
-static int32_t cost_of(const cairn_skeleton *g, const skeleton_state *s, cairn_real step)
+/* Returns the cost of a proposal in units. */
+static int32_t proposal_cost(const cairn_skeleton *skeleton, const skeleton_state *s,
+                             cairn_real step)
 {
     cairn_vec2 next = cairn_vec2_add(s->centre, cairn_vec2_scale(s->heading, step));
-    int32_t cost =
-        UNITS_A_PROPOSAL + s->length / HISTORY_A_UNIT + cost_about(g, next, CORE * s->radius);
+    int32_t cost = UNITS_PER_PROPOSAL + s->length / STATES_PER_UNIT +
+                   cells_cost_near(skeleton, next, INTERIOR_RADIUS * s->radius);
 
     for (int32_t side = 0; side < 2; side++)
-        cost += cost_about(g, wanted_of(s, side, step), LOOK * step);
+        cost +=
+            cells_cost_near(skeleton, predicted_contact(s, side, step), SEARCH_RADIUS_STEPS * step);
     return cost;
 }
 
+/* The proposal: offers all successor states of a particle. */
 static cairn_status propose(void *context, cairn_particle_filter *filter, int32_t index,
                             cairn_budget *budget)
 {
-    cairn_skeleton *g = context;
+    cairn_skeleton *skeleton = context;
     const skeleton_state *before = cairn_particle_filter_particle(filter, index).state;
-    choice list[2][SKELETON_CHOICE + 1];
+    choice list[2][SKELETON_MAX_CHOICES + 1];
     int32_t count[2];
-    cairn_real step = step_of(g, before->radius), hollow;
+    cairn_real step = step_of(skeleton, before->radius), interior;
 
-    if (!cairn_budget_pay(budget, &g->stage, cost_of(g, before, step)))
+    if (!cairn_budget_pay(budget, &skeleton->step_units_charged,
+                          proposal_cost(skeleton, before, step)))
         return CAIRN_MORE;
-    if (before->best - before->total > g->params.stop ||
-        has_been(before, cairn_vec2_add(before->centre, cairn_vec2_scale(before->heading, step))))
+    if (before->best_log_odds - before->log_odds > skeleton->params.stop ||
+        self_intersects(before,
+                        cairn_vec2_add(before->centre, cairn_vec2_scale(before->heading, step))))
         return CAIRN_OK;
-    hollow = hollow_gain(g, cairn_vec2_add(before->centre, cairn_vec2_scale(before->heading, step)),
-                         before->radius);
+    interior = interior_gain(
+        skeleton, cairn_vec2_add(before->centre, cairn_vec2_scale(before->heading, step)),
+        before->radius);
     for (int32_t side = 0; side < 2; side++)
-        count[side] = choices_of(g, before, side, step, list[side]);
+        count[side] = choices_of(skeleton, before, side, step, list[side]);
     for (int32_t i = 0; i < count[0]; i++)
         for (int32_t j = 0; j < count[1]; j++) {
             skeleton_state next;
             cairn_status status;
 
-            if (!make_state(g, before, &list[0][i], &list[1][j], step, hollow, &next))
+            if (!make_state(skeleton, before, &list[0][i], &list[1][j], step, interior, &next))
                 continue;
             status = cairn_particle_filter_offer(filter, &next, 0);
             if (status != CAIRN_OK && status != CAIRN_FULL)
@@ -316,6 +345,7 @@ static cairn_status propose(void *context, cairn_particle_filter *filter, int32_
     return CAIRN_OK;
 }
 
+/* The tempered log-likelihood of a state. */
 static cairn_status likelihood(void *context, const cairn_particle_filter *filter, int32_t index,
                                const void *state, cairn_real *log_likelihood, cairn_budget *budget)
 {
@@ -325,71 +355,72 @@ static cairn_status likelihood(void *context, const cairn_particle_filter *filte
     (void)filter;
     (void)index;
     (void)budget;
-    *log_likelihood = TEMPER * s->gain;
+    *log_likelihood = LIKELIHOOD_EXPONENT * s->gain;
     return CAIRN_OK;
 }
 
-/* Keeps the walk to a state's best when it is the best so far. */
-static void consider(cairn_skeleton *g, const skeleton_state *last)
+/* Stores the walk up to a state's maximum if it is the best so far. */
+static void update_best_path(cairn_skeleton *skeleton, const skeleton_state *last)
 {
     const skeleton_state *s = last;
 
-    if (!(last->best > g->path_best))
+    if (!(last->best_log_odds > skeleton->best_path_log_odds))
         return;
-    g->path_best = last->best;
-    while (s->total < last->best && s->length > 0)
+    skeleton->best_path_log_odds = last->best_log_odds;
+    while (s->log_odds < last->best_log_odds && s->length > 0)
         s = cairn_particle_state_before(s);
-    g->path_count = s->length;
+    skeleton->best_path_length = s->length;
     for (; s != NULL && s->length > 0; s = cairn_particle_state_before(s))
-        g->path[s->length - 1] = *s;
+        skeleton->best_path[s->length - 1] = *s;
 }
 
-static void lost(void *context, const cairn_particle_filter *filter, int32_t index)
+static void on_particle_dropped(void *context, const cairn_particle_filter *filter, int32_t index)
 {
-    consider(context, cairn_particle_filter_particle(filter, index).state);
+    update_best_path(context, cairn_particle_filter_particle(filter, index).state);
 }
 
-cairn_particle_model cairn_skeleton_model(cairn_skeleton *g)
+cairn_particle_model cairn_skeleton_model(cairn_skeleton *skeleton)
 {
-    cairn_particle_model model = {g, propose, likelihood, NULL, lost};
+    cairn_particle_model model = {skeleton, propose, likelihood, NULL, on_particle_dropped};
 
     return model;
 }
 
 /* ---- Runs ---- */
 
-/* The first state: the start's CP, seen along one direction of its axis. */
-static skeleton_state first_state(const cairn_skeleton *g)
+/* Returns the initial state: the seed's CP in one direction of its axis. */
+static skeleton_state first_state(const cairn_skeleton *skeleton)
 {
-    const skeleton_centre *c = &g->centres[g->starts[g->start].centre];
-    cairn_vec2 chord = cairn_vec2_sub(g->edgels[c->edgel[1]].at, g->edgels[c->edgel[0]].at);
+    const skeleton_centre *c = &skeleton->centres[skeleton->seeds[skeleton->seed_index].centre];
+    cairn_vec2 chord = cairn_vec2_sub(skeleton->edgels[c->edgel[1]].position,
+                                      skeleton->edgels[c->edgel[0]].position);
     skeleton_state s;
 
     memset(&s, 0, sizeof s);
     s.heading = cairn_vec2_unit(cairn_vec2_left(chord));
-    if (g->direction == 0)
+    if (skeleton->direction == 0)
         s.heading = cairn_vec2_scale(s.heading, -1);
     for (int32_t side = 0; side < 2; side++) {
-        int32_t from = side ^ (g->direction == 0), edgel = c->edgel[from];
+        int32_t from = side ^ (skeleton->direction == 0), edgel = c->edgel[from];
 
-        s.touch[side] = g->edgels[edgel].at;
-        s.inward[side] = skeleton_inward(&g->edgels[edgel], c->sense[from]);
+        s.contact[side] = skeleton->edgels[edgel].position;
+        s.inward[side] = skeleton_inward(&skeleton->edgels[edgel], c->polarity[from]);
         s.edgel[side] = edgel;
-        s.sense[side] = c->sense[from];
+        s.polarity[side] = c->polarity[from];
     }
-    s.centre = c->at;
+    s.centre = c->position;
     s.radius = c->radius;
     s.deviation = c->deviation;
     return s;
 }
 
-/* 1: a walk from another start has been here. */
-static int is_known(const cairn_skeleton *g, const skeleton_centre *c)
+/* Returns 1 if a walk from another seed covers the CP. */
+static int is_covered(const cairn_skeleton *skeleton, const skeleton_centre *c)
 {
-    for (int32_t i = 0; i < g->disc_count; i++) {
-        const skeleton_disc *d = &g->discs[i];
+    for (int32_t i = 0; i < skeleton->disc_count; i++) {
+        const skeleton_disc *d = &skeleton->discs[i];
 
-        if (cairn_vec2_norm_squared(cairn_vec2_sub(d->centre, c->at)) <
+        if (cairn_vec2_norm_squared(cairn_vec2_sub(d->centre, c->position)) <
                 CAIRN_REAL(0.25) * c->radius * c->radius &&
             cairn_abs(d->radius - c->radius) < CAIRN_REAL(0.3) * c->radius)
             return 1;
@@ -397,114 +428,117 @@ static int is_known(const cairn_skeleton *g, const skeleton_centre *c)
     return 0;
 }
 
-/* Discs of the walk to one end: those of the first run turn round, and lie in front of the
- * start. */
-static void take_discs(cairn_skeleton *g)
+/* Appends the discs of the walk to one end. The first run is reversed and precedes the seed. */
+static void append_discs(cairn_skeleton *skeleton)
 {
-    int32_t reversed = g->direction == 0;
+    int32_t reversed = skeleton->direction == 0;
 
-    for (int32_t i = 0; i < g->path_count; i++) {
-        const skeleton_state *s = &g->path[reversed ? g->path_count - 1 - i : i];
-        skeleton_disc *d = &g->discs[g->disc_count++];
+    for (int32_t i = 0; i < skeleton->best_path_length; i++) {
+        const skeleton_state *s =
+            &skeleton->best_path[reversed ? skeleton->best_path_length - 1 - i : i];
+        skeleton_disc *d = &skeleton->discs[skeleton->disc_count++];
 
         d->centre = s->centre;
         d->radius = s->radius;
         d->gain = s->gain;
         for (int32_t side = 0; side < 2; side++) {
-            d->touch[side] = s->touch[side ^ reversed];
+            d->contact[side] = s->contact[side ^ reversed];
             d->edgel[side] = s->edgel[side ^ reversed];
-            d->sense[side] = s->sense[side ^ reversed];
+            d->polarity[side] = s->polarity[side ^ reversed];
         }
     }
 }
 
-static cairn_status begin_run(cairn_skeleton *g)
+static cairn_status begin_run(cairn_skeleton *skeleton)
 {
-    skeleton_state s = first_state(g);
-    cairn_status status =
-        cairn_particle_filter_clear(g->filter, g->params.seed + (uint64_t)g->start);
+    skeleton_state s = first_state(skeleton);
+    cairn_status status = cairn_particle_filter_clear(
+        skeleton->filter, skeleton->params.seed + (uint64_t)skeleton->seed_index);
 
-    g->path_best = 0;
-    g->path_count = 0;
-    g->stage = 0;
+    skeleton->best_path_log_odds = 0;
+    skeleton->best_path_length = 0;
+    skeleton->step_units_charged = 0;
     if (status == CAIRN_OK)
-        status = cairn_particle_filter_start(g->filter, &s, 0);
+        status = cairn_particle_filter_start(skeleton->filter, &s, 0);
     if (status == CAIRN_OK)
-        status = cairn_particle_filter_begin(g->filter);
+        status = cairn_particle_filter_begin(skeleton->filter);
     return status;
 }
 
-static cairn_status run(cairn_skeleton *g, cairn_budget *budget)
+static cairn_status run(cairn_skeleton *skeleton, cairn_budget *budget)
 {
     for (;;) {
-        cairn_status status = cairn_particle_filter_step(g->filter, budget);
+        cairn_status status = cairn_particle_filter_step(skeleton->filter, budget);
         cairn_particle_trace t;
 
         if (status != CAIRN_OK)
             return status;
-        t = cairn_particle_filter_read(g->filter);
-        if (t.extinct || t.steps >= g->params.max_steps)
+        t = cairn_particle_filter_read(skeleton->filter);
+        if (t.extinct || t.steps >= skeleton->params.max_steps)
             break;
-        status = cairn_particle_filter_begin(g->filter);
+        status = cairn_particle_filter_begin(skeleton->filter);
         if (status != CAIRN_OK)
             return status;
     }
-    for (int32_t i = 0; i < cairn_particle_filter_count(g->filter); i++)
-        consider(g, cairn_particle_filter_particle(g->filter, i).state);
+    for (int32_t i = 0; i < cairn_particle_filter_count(skeleton->filter); i++)
+        update_best_path(skeleton, cairn_particle_filter_particle(skeleton->filter, i).state);
     return CAIRN_OK;
 }
 
-/* What the first run leaves, the start, and what the second one does: one candidate. */
-static void end_run(cairn_skeleton *g)
+/* Assembles a candidate from the first run, the seed and the second run. */
+static void end_run(cairn_skeleton *skeleton)
 {
-    skeleton_part *p = &g->candidates[g->candidate_count];
+    skeleton_part *p = &skeleton->candidates[skeleton->candidate_count];
 
-    if (g->direction == 0) {
-        p->first = g->disc_count;
-        take_discs(g);
-        g->direction = 1;
-        g->path[0] = first_state(g);
-        g->path_count = 1;
-        take_discs(g);
+    if (skeleton->direction == 0) {
+        p->first = skeleton->disc_count;
+        append_discs(skeleton);
+        skeleton->direction = 1;
+        skeleton->best_path[0] = first_state(skeleton);
+        skeleton->best_path_length = 1;
+        append_discs(skeleton);
         return;
     }
-    take_discs(g);
-    p->count = g->disc_count - p->first;
+    append_discs(skeleton);
+    p->count = skeleton->disc_count - p->first;
     p->state = 0;
-    g->candidate_count++;
-    g->direction = 0;
-    g->start++;
+    skeleton->candidate_count++;
+    skeleton->direction = 0;
+    skeleton->seed_index++;
 }
 
-/* From start to start, as long as there is room. */
-cairn_status cairn_skeleton_walks(cairn_skeleton *g, cairn_budget *budget)
+/* Runs from seed to seed until the capacity is used up. */
+cairn_status cairn_skeleton_walks(cairn_skeleton *skeleton, cairn_budget *budget)
 {
-    while (g->start < g->start_count) {
+    while (skeleton->seed_index < skeleton->seed_count) {
         cairn_status status;
 
-        if (!g->is_walking) {
-            if (g->direction == 0) {
-                if (g->candidate_count == g->params.max_parts ||
-                    g->disc_count + 2 * g->params.max_steps + 1 > g->params.max_points)
+        if (!skeleton->is_walking) {
+            if (skeleton->direction == 0) {
+                if (skeleton->candidate_count == skeleton->params.max_parts ||
+                    skeleton->disc_count + 2 * skeleton->params.max_steps + 1 >
+                        skeleton->params.max_points)
                     break;
-                if (!cairn_budget_pay(budget, &g->paid, 1 + g->disc_count / 16))
+                if (!cairn_budget_pay(budget, &skeleton->units_charged,
+                                      1 + skeleton->disc_count / 16))
                     return CAIRN_MORE;
-                if (is_known(g, &g->centres[g->starts[g->start].centre])) {
-                    g->start++;
+                if (is_covered(skeleton,
+                               &skeleton->centres[skeleton->seeds[skeleton->seed_index].centre])) {
+                    skeleton->seed_index++;
                     continue;
                 }
-                g->walked++;
+                skeleton->walk_count++;
             }
-            status = begin_run(g);
+            status = begin_run(skeleton);
             if (status != CAIRN_OK)
                 return status;
-            g->is_walking = 1;
+            skeleton->is_walking = 1;
         }
-        status = run(g, budget);
+        status = run(skeleton, budget);
         if (status != CAIRN_OK)
             return status;
-        g->is_walking = 0;
-        end_run(g);
+        skeleton->is_walking = 0;
+        end_run(skeleton);
     }
     return CAIRN_OK;
 }

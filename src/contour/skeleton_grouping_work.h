@@ -1,73 +1,82 @@
-/* What the parts of skeleton_grouping share. */
+/* Internal structures of module skeleton_grouping. */
 #ifndef CAIRN_CONTOUR_SKELETON_GROUPING_WORK_H
 #define CAIRN_CONTOUR_SKELETON_GROUPING_WORK_H
 
 #include "cairn/particle_filter.h"
 #include "cairn/skeleton_grouping.h"
 
-/* Side of a cell of the index, px. */
-enum { SKELETON_CELL = 8, SKELETON_EDGELS_A_UNIT = 4 };
-/* Edgels that a side may choose from; what a step may choose from with no edgel as well. */
+/* Side of a grid cell, px; edgels per work unit. */
+enum { SKELETON_CELL_PX = 8, SKELETON_EDGELS_PER_UNIT = 4 };
+/* Greatest number of edgels a side may choose from; of states a particle keeps; of states a step
+ * may choose from, including the choice without an edgel. */
 enum {
-    SKELETON_CHOICE = 3,
-    SKELETON_FOLLOWERS = 4,
-    SKELETON_CANDIDATES = (SKELETON_CHOICE + 1) * (SKELETON_CHOICE + 1)
+    SKELETON_MAX_CHOICES = 3,
+    SKELETON_MAX_FOLLOWERS = 4,
+    SKELETON_MAX_CANDIDATES = (SKELETON_MAX_CHOICES + 1) * (SKELETON_MAX_CHOICES + 1)
 };
-/* Bins of the histogram of radii, eight to an octave. */
-enum { SKELETON_BINS = 64 };
+/* Bins of the radius histogram, eight to an octave. */
+enum { SKELETON_RADIUS_BINS = 64 };
 
-/* Senses of an edgel: the object lies on the darker or on the brighter side. */
+/* Contrast polarity of an edgel: the object lies on the darker or on the brighter side. */
 enum { SKELETON_DARKER = 0, SKELETON_BRIGHTER = 1 };
 
-/* An edgel in order of the cells. */
+/* An edgel, sorted by grid cell. */
 typedef struct skeleton_edgel {
-    cairn_vec2 at, normal;
-    cairn_real contrast; /* logarithm of its slope over the mean one */
-    int32_t source;      /* index in the input */
-    int32_t taken;       /* 1: a part's contour runs here, which so has an inside and an outside */
+    /* Position, px, and unit normal. */
+    cairn_vec2 position, normal;
+    cairn_real log_slope_ratio; /* Log ratio of its slope to the mean slope; 0: unknown. */
+    int32_t input_index;        /* Index in the input. */
+    int32_t assigned;           /* 1: assigned to a part's contour. */
 } skeleton_edgel;
 
 typedef struct skeleton_centre {
-    cairn_vec2 at;
+    /* Position, px. */
+    cairn_vec2 position;
+    /* Radius, px; angle between the normals and the vectors to the centre, rad. */
     cairn_real radius, deviation;
-    int32_t edgel[2], sense[2];
+    /* Both edgels and their contrast polarity. */
+    int32_t edgel[2], polarity[2];
 } skeleton_centre;
 
-/* Where a walk may begin: the centre in the middle of a line. */
-typedef struct skeleton_start {
-    int32_t centre;  /* as written: the line */
-    int32_t support; /* CPs of the line that are mirror images; 0: a CP of its own */
-} skeleton_start;
+/* A seed: the CP at the middle of a line, or a single CP. */
+typedef struct skeleton_seed {
+    int32_t centre;  /* Index of the CP; as written of the line. */
+    int32_t support; /* Mirror-symmetric CPs of the line; 0: a single CP. */
+} skeleton_seed;
 
-/* One step of a walk. */
+/* One state of a walk. */
 typedef struct skeleton_state {
-    /* on the left and on the right of the heading */
-    cairn_vec2 touch[2], inward[2];
+    /* On the left and right of the heading; inward: normal towards the axis. */
+    cairn_vec2 contact[2], inward[2];
+    /* Centre of the disc, px; unit direction of the axis. */
     cairn_vec2 centre, heading;
+    /* As in skeleton_centre. */
     cairn_real radius, deviation;
-    /* log odds of this step, of the walk so far, and the most on its way */
-    cairn_real gain, total, best;
-    /* edgel -1: none seen */
-    int32_t edgel[2], sense[2];
-    /* states before this one */
+    /* Log odds of this step, of the walk, and the walk's maximum so far, nats. */
+    cairn_real gain, log_odds, best_log_odds;
+    /* edgel: -1: undetected. */
+    int32_t edgel[2], polarity[2];
+    /* Number of earlier states. */
     int32_t length;
 } skeleton_state;
 
-/* A disc of a part that may yet lose against others. */
+/* A disc of a candidate part. */
 typedef struct skeleton_disc {
-    cairn_vec2 centre, touch[2];
+    /* Centre and contact points, px. */
+    cairn_vec2 centre, contact[2];
+    /* Radius, px; gain, nats. */
     cairn_real radius, gain;
-    int32_t edgel[2], sense[2];
+    int32_t edgel[2], polarity[2];
 } skeleton_disc;
 
 typedef struct skeleton_part {
-    int32_t first, count; /* discs */
-    int32_t from, end;    /* of these, what is left of it */
+    int32_t first, count;         /* All of its discs. */
+    int32_t kept_first, kept_end; /* Its stretch of greatest log odds. */
     cairn_real log_odds;
-    int32_t state; /* 0: may be chosen, 1: chosen, -1: dropped */
+    int32_t state; /* 0: candidate, 1: selected, -1: dropped. */
 } skeleton_part;
 
-/* What the method as written works with. */
+/* Working memory of the mode as written. */
 typedef struct skeleton_written skeleton_written;
 
 struct cairn_skeleton {
@@ -77,17 +86,17 @@ struct cairn_skeleton {
     cairn_polyline *polyline;
     /* [max_edgels] */
     skeleton_edgel *edgels;
-    /* [cells + 1] of each cell in edgels[] */
-    int32_t *first;
+    /* [cells + 1] First edgel of each cell. */
+    int32_t *cell_first;
     /* [max_centres] */
     skeleton_centre *centres;
     /* [max_lines] */
-    skeleton_start *starts;
-    /* [max_steps + 1] the best walk; NULL as written */
-    skeleton_state *path;
-    /* NULL unless as written */
+    skeleton_seed *seeds;
+    /* [max_steps + 1] The best walk; NULL as written. */
+    skeleton_state *best_path;
+    /* NULL unless as written. */
     skeleton_written *written;
-    /* [max_points] of all candidates */
+    /* [max_points] Discs of all candidates. */
     skeleton_disc *discs;
     /* [max_parts] */
     skeleton_part *candidates;
@@ -97,72 +106,79 @@ struct cairn_skeleton {
     cairn_skeleton_part *parts;
     /* [max_parts] */
     cairn_skeleton_object *objects;
-    /* [max_parts] another part of the same object; at last, the objects' order */
-    int32_t *group;
-    /* [max_parts] places of the contour with the brighter side inside, less the others; at last,
-     * objects' places */
-    int32_t *bright;
-    cairn_real histogram[SKELETON_BINS];
-    /* mean of the edgels' whose slope is known */
-    cairn_real log_slope;
-    /* px, of radii that are looked for: the range with room on both sides */
-    cairn_real low, high;
-    int32_t columns, rows, edgel_count, steep_count, stride;
-    int32_t centre_count, centres_seen, start_count, line_starts, line_count, walked;
+    /* [max_parts] Union-find parent of each part; finally the objects' order. */
+    int32_t *union_find;
+    /* [max_parts] Contour points with the brighter side inside, minus the others; finally the
+     * objects' ranks. */
+    int32_t *polarity_sum;
+    /* Histogram of the CP radii. */
+    cairn_real histogram[SKELETON_RADIUS_BINS];
+    /* Mean logarithm of the known edgel slopes. */
+    cairn_real mean_log_slope;
+    /* Range of searched radii, px: the given range, widened. */
+    cairn_real min_search_radius, max_search_radius;
+    /* Grid cells, numbers of edgels and of those with a known slope, subsampling stride. */
+    int32_t columns, rows, edgel_count, slope_count, stride;
+    /* Stored and found CPs; seeds, seeds from lines; fitted lines; started walks. */
+    int32_t centre_count, centres_found, seed_count, line_seeds, line_count, walk_count;
     int32_t disc_count, candidate_count, point_count, part_count, object_count;
-    int32_t path_count;
-    cairn_real path_best;
-    int32_t start, direction, is_walking;
-    int32_t cursor, other, sense, item;
-    int32_t phase, paid, stage;
+    /* Length of the best walk in states. */
+    int32_t best_path_length;
+    cairn_real best_path_log_odds;
+    /* Current seed and walking direction; 1: the filter is running. */
+    int32_t seed_index, direction, is_walking;
+    /* Loop counters of the current phase. */
+    int32_t cursor, second_cursor, polarity_cursor, phase_counter;
+    /* Current phase; work units charged for the next item and for the next proposal. */
+    int32_t phase, units_charged, step_units_charged;
 };
 
-/* Edgels of the cells in columns x0 ... x1 of row y: indices *from ... *end - 1. */
-static inline void skeleton_row(const cairn_skeleton *g, int32_t y, int32_t x0, int32_t x1,
-                                int32_t *from, int32_t *end)
+/* Sets the range *from ... *end - 1 of edgels in the cells of columns x0 ... x1 of row y. */
+static inline void skeleton_cells_of_row(const cairn_skeleton *skeleton, int32_t y, int32_t x0,
+                                         int32_t x1, int32_t *from, int32_t *end)
 {
-    *from = g->first[y * g->columns + x0];
-    *end = g->first[y * g->columns + x1 + 1];
+    *from = skeleton->cell_first[y * skeleton->columns + x0];
+    *end = skeleton->cell_first[y * skeleton->columns + x1 + 1];
 }
 
-/* Units for looking at the edgels of cells. */
-static inline int32_t skeleton_cost(const cairn_skeleton *g, int32_t x0, int32_t x1, int32_t y0,
-                                    int32_t y1)
+/* Returns the cost of visiting the edgels of cells in units. */
+static inline int32_t skeleton_cells_cost(const cairn_skeleton *skeleton, int32_t x0, int32_t x1,
+                                          int32_t y0, int32_t y1)
 {
     int32_t count = 0, from, end;
 
     for (int32_t y = y0; y <= y1; y++) {
-        skeleton_row(g, y, x0, x1, &from, &end);
+        skeleton_cells_of_row(skeleton, y, x0, x1, &from, &end);
         count += end - from;
     }
-    return y1 - y0 + count / SKELETON_EDGELS_A_UNIT;
+    return y1 - y0 + count / SKELETON_EDGELS_PER_UNIT;
 }
 
-int32_t cairn_skeleton_column(const cairn_skeleton *g, cairn_real x);
-int32_t cairn_skeleton_line(const cairn_skeleton *g, cairn_real y);
+int32_t cairn_skeleton_column(const cairn_skeleton *skeleton, cairn_real x);
+int32_t cairn_skeleton_row(const cairn_skeleton *skeleton, cairn_real y);
 
-/* The normal that points to the object. */
-static inline cairn_vec2 skeleton_inward(const skeleton_edgel *e, int32_t sense)
+/* Returns the normal that points to the object. */
+static inline cairn_vec2 skeleton_inward(const skeleton_edgel *e, int32_t polarity)
 {
-    return cairn_vec2_scale(e->normal, sense == SKELETON_BRIGHTER ? 1 : -1);
+    return cairn_vec2_scale(e->normal, polarity == SKELETON_BRIGHTER ? 1 : -1);
 }
 
-/* Edgels for each pixel about a place. */
-cairn_real cairn_skeleton_density(const cairn_skeleton *g, cairn_vec2 at);
+/* Returns the local edgel density (background clutter) at a point, 1/px^2. */
+cairn_real cairn_skeleton_density(const cairn_skeleton *skeleton, cairn_vec2 at);
 
-/* Radii that are looked for: the range, widened in the default mode. */
-void cairn_skeleton_set_limits(cairn_skeleton *g);
+/* Sets the range of searched radii; in the default mode wider than the given range. */
+void cairn_skeleton_set_limits(cairn_skeleton *skeleton);
 
-/* The phases. */
-cairn_status cairn_skeleton_index(cairn_skeleton *g, cairn_budget *budget);
-cairn_status cairn_skeleton_centres(cairn_skeleton *g, cairn_budget *budget);
-cairn_status cairn_skeleton_propose_range(cairn_skeleton *g, cairn_budget *budget);
-cairn_status cairn_skeleton_lines(cairn_skeleton *g, cairn_budget *budget);
-cairn_status cairn_skeleton_mirror(cairn_skeleton *g, cairn_budget *budget);
-cairn_status cairn_skeleton_walks(cairn_skeleton *g, cairn_budget *budget);
-cairn_status cairn_skeleton_choose(cairn_skeleton *g, cairn_budget *budget);
-cairn_status cairn_skeleton_join(cairn_skeleton *g, cairn_budget *budget);
+/* The phases. CAIRN_MORE: the budget is used up; CAIRN_OK: complete. */
+cairn_status cairn_skeleton_index(cairn_skeleton *skeleton, cairn_budget *budget);
+cairn_status cairn_skeleton_centres(cairn_skeleton *skeleton, cairn_budget *budget);
+cairn_status cairn_skeleton_propose_range(cairn_skeleton *skeleton, cairn_budget *budget);
+cairn_status cairn_skeleton_lines(cairn_skeleton *skeleton, cairn_budget *budget);
+cairn_status cairn_skeleton_mirror(cairn_skeleton *skeleton, cairn_budget *budget);
+cairn_status cairn_skeleton_walks(cairn_skeleton *skeleton, cairn_budget *budget);
+cairn_status cairn_skeleton_select_parts(cairn_skeleton *skeleton, cairn_budget *budget);
+cairn_status cairn_skeleton_join_parts(cairn_skeleton *skeleton, cairn_budget *budget);
 
-cairn_particle_model cairn_skeleton_model(cairn_skeleton *g);
+cairn_particle_model cairn_skeleton_model(cairn_skeleton *skeleton);
 
 #endif

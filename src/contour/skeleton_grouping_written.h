@@ -1,73 +1,81 @@
-/* What the parts of skeleton_grouping that follow the thesis as it is printed share
- * (CAIRN_MODE_AS_WRITTEN). */
+/* Internal structures of skeleton_grouping in CAIRN_MODE_AS_WRITTEN. */
 #ifndef CAIRN_CONTOUR_SKELETON_GROUPING_WRITTEN_H
 #define CAIRN_CONTOUR_SKELETON_GROUPING_WRITTEN_H
 
 #include "src/contour/skeleton_grouping_work.h"
 
-/* Edgels of one look-ahead circle, and followers of one particle; of more, one in N, evenly. */
-enum { WRITTEN_EDGELS = 48, WRITTEN_FOLLOWERS = 256 };
+/* Greatest numbers of edgels of a look-ahead circle and of followers of a particle; beyond them
+ * one in N is taken, evenly. */
+enum { WRITTEN_MAX_EDGELS = 48, WRITTEN_MAX_FOLLOWERS = 256 };
 
-/* Two edgels and the centre point that they induce (fig. 3.2). */
+/* Two edgels and their centre point (fig. 3.2). */
 typedef struct written_pair {
+    /* Centre point, px. */
     cairn_vec2 centre;
-    cairn_vec2 touch[2], inward[2]; /* normals turned towards the centre */
-    cairn_real deviation[2];        /* rad, delta: between normal and way to the centre */
+    /* Contact points; normals oriented towards the centre. */
+    cairn_vec2 contact[2], inward[2];
+    /* Delta: angle between the normal and the vector to the centre, rad. */
+    cairn_real deviation[2];
+    /* Radius, px. */
     cairn_real radius;
     int32_t edgel[2];
-    int32_t crossed; /* 1: its axis, or its contour, crosses the walk so far */
+    int32_t is_crossing; /* 1: its axis or contour crosses the walk so far. */
 } written_pair;
 
-/* Which pairs have a centre point. */
-typedef struct written_rule {
-    cairn_real low, high;    /* px, of the radius */
-    cairn_real deviation;    /* rad, the largest mean deviation */
-    cairn_real twice_cosine; /* of twice that: either deviation is less */
-} written_rule;
+/* Conditions on a pair of edgels. */
+typedef struct written_limits {
+    cairn_real min_radius, max_radius; /* Range of the radius, px. */
+    cairn_real max_deviation;          /* Greatest mean deviation, rad. */
+    /* Cosine of 2 max_deviation, the limit of a single deviation. */
+    cairn_real min_cosine;
+} written_limits;
 
 /* One pose of the virtual robot, x_t. */
 typedef struct skeleton_written_state {
-    /* touch[0] of one contour, touch[1] of the other, all along a walk */
+    /* contact[0] belongs to one contour, contact[1] to the other, along the whole walk. */
     written_pair pair;
-    /* of length 1: sum of the four vectors between the edgels before and these */
+    /* Unit vector: direction of the sum of the four vectors between the previous and the new
+     * edgels. */
     cairn_vec2 heading;
-    /* logarithm of (3.7), of its greatest value; 0 for the first pose */
+    /* Logarithm of (3.7) relative to its maximum; 0 for the first pose. */
     cairn_real log_step;
-    /* logarithm of the number of followers that the pose before has */
+    /* Logarithm of the number of followers of the previous pose. */
     cairn_real log_followers;
 } skeleton_written_state;
 
 /* An edgel in a look-ahead circle. */
-typedef struct written_ahead {
-    cairn_vec2 at;
+typedef struct written_candidate {
+    cairn_vec2 position;
     int32_t edgel;
-    int32_t inside; /* 1: within the contour so far */
-    int32_t culled; /* 1: part of the contour so far, or the way to it crosses the contour */
-} written_ahead;
+    int32_t is_inside; /* 1: inside the contour so far. */
+    /* 1: on the contour so far, or its connection crosses the contour. */
+    int32_t is_culled;
+} written_candidate;
 
 struct skeleton_written {
-    written_ahead ahead[2][WRITTEN_EDGELS];
-    written_pair pairs[WRITTEN_FOLLOWERS];
-    int64_t seen, stride; /* pairs so far, and of how many one is kept */
-    int32_t ahead_count[2], pair_count;
-    int32_t collected; /* 1: ahead[] stands, pairs are to be made */
+    written_candidate candidates[2][WRITTEN_MAX_EDGELS];
+    written_pair pairs[WRITTEN_MAX_FOLLOWERS];
+    /* Pairs so far; one in `stride` is kept. */
+    int64_t pairs_seen, stride;
+    int32_t candidate_count[2], pair_count;
+    int32_t has_candidates; /* 1: candidates[] are complete, pairs are next. */
 };
 
-written_rule cairn_skeleton_written_rule(const cairn_skeleton *g, cairn_real margin);
+written_limits cairn_skeleton_written_limits_of(const cairn_skeleton *skeleton, cairn_real margin);
 
-/* 1: two edgels have a centre point. About two units. */
-int cairn_skeleton_written_pair(const cairn_skeleton *g, const written_rule *rule, int32_t first,
-                                int32_t second, written_pair *pair);
+/* Returns 1 if two edgels have a centre point. Cost: about two units. */
+int cairn_skeleton_written_pair(const cairn_skeleton *skeleton, const written_limits *rule,
+                                int32_t first, int32_t second, written_pair *pair);
 
-/* The phases that differ from the default's. */
-cairn_status cairn_skeleton_written_centres(cairn_skeleton *g, cairn_budget *budget);
-cairn_status cairn_skeleton_written_range(cairn_skeleton *g, cairn_budget *budget);
-cairn_status cairn_skeleton_written_walks(cairn_skeleton *g, cairn_budget *budget);
+/* The phases that differ from the default. */
+cairn_status cairn_skeleton_written_centres(cairn_skeleton *skeleton, cairn_budget *budget);
+cairn_status cairn_skeleton_written_range(cairn_skeleton *skeleton, cairn_budget *budget);
+cairn_status cairn_skeleton_written_walks(cairn_skeleton *skeleton, cairn_budget *budget);
 
-/* 1: the CP's edgels lie on both sides of its line, about equally far. */
-int cairn_skeleton_is_mirrored(const cairn_skeleton *g, const skeleton_centre *c,
+/* Returns 1 if the CP's edgels lie on opposite sides of its line at about equal distances. */
+int cairn_skeleton_is_mirrored(const cairn_skeleton *skeleton, const skeleton_centre *c,
                                const cairn_polyline_segment *s);
 
-cairn_particle_model cairn_skeleton_written_model(cairn_skeleton *g);
+cairn_particle_model cairn_skeleton_written_model(cairn_skeleton *skeleton);
 
 #endif

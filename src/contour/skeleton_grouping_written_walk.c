@@ -1,41 +1,42 @@
-/* The walk of the virtual robot as Adluru 2008 has it (sections 3.4 and 3.5): proposal, weights,
- * and the runs from each line.
+/* Particle filter of the virtual robot (Adluru 2008, sections 3.4 and 3.5): proposal, weights, and
+ * the runs from each line.
  *
- * Method, for each line and each way along it:
- * 1. The first particles are the CPs about the line that are mirror images (N at most, evenly).
- * 2. Proposal: from each of the two ends of a particle's contour the contour goes on C sigma along
- *    the edgel's orientation; edgels within C sigma of there that are not enclosed by the contour
- *    so far are paired, each with each. Pairs without a CP, with a radius more than MARGIN R sigma
- *    off the range, and those whose contours or axis cross the walk so far are culled. All others
- *    are followers, equally likely.
- * 3. Weights: (3.7) to (3.9); of all followers N go on, the heaviest, with their weights; resampled
- *    when N_eff < N / 2.
+ * Method, for each line in each direction:
+ * 1. The first particles are the mirror-symmetric CPs of the line (N at most, evenly subsampled).
+ * 2. Proposal: both ends of a particle's contour are extended by C sigma along the edgel's
+ *    orientation. Edgels within C sigma of the extended ends and outside the contour so far are
+ *    paired, all with all. Culled are pairs without a CP, with a radius more than
+ *    RADIUS_MARGIN_SIGMAS R sigma outside the range, and with a contour or axis that crosses the
+ *    walk so far. All others are followers, equally likely.
+ * 3. Weights: (3.7) to (3.9). The N heaviest followers survive with their weights; resampling when
+ *    N_eff < N / 2.
  * 4. The run ends when no particle has a follower, after max_steps, or when (3.7) of the heaviest
- *    particle, of its greatest value, is below Delta_p. Its walk is the part.
+ *    particle, relative to its maximum, is below Delta_p. Its walk is the part.
  *
- * Limits: circles of more than WRITTEN_EDGELS edgels and particles with more than
- * WRITTEN_FOLLOWERS followers are thinned evenly. */
+ * Limits: circles of more than WRITTEN_MAX_EDGELS edgels and particles with more than
+ * WRITTEN_MAX_FOLLOWERS followers are subsampled evenly. */
 #include "src/core/build.h"
 
 #include <string.h>
 
 #include "src/contour/skeleton_grouping_written.h"
 
-/* R sigma that a radius may lie off the range. */
-#define MARGIN CAIRN_REAL(3.0)
-/* Logarithm of the share of its greatest value at which a step makes a part neither likelier nor
- * less likely. */
-#define LOG_REFERENCE CAIRN_REAL(-0.5)
-/* Units: of a particle; of a pair of edgels; edgels that a piece of the walk is compared with,
- * and pairs, in one unit. */
+/* Greatest distance of a radius to the range, in R sigma. */
+#define RADIUS_MARGIN_SIGMAS CAIRN_REAL(3.0)
+/* Logarithm of the step likelihood, relative to its maximum, that leaves the likelihood of a
+ * part unchanged. */
+#define LOG_LIKELIHOOD_OFFSET CAIRN_REAL(-0.5)
+/* Work units of a particle and of a pair of edgels; edgels compared with a contour segment, and
+ * pairs, per work unit; work units of a follower. */
 enum {
-    UNITS_A_PARTICLE = 8,
-    UNITS_A_PAIR = 2,
-    EDGELS_A_UNIT = 8,
-    FOLLOWERS_A_UNIT = 16,
-    UNITS_A_FOLLOWER = 8
+    UNITS_PER_PARTICLE = 8,
+    UNITS_PER_PAIR = 2,
+    EDGELS_PER_UNIT = 8,
+    FOLLOWERS_PER_UNIT = 16,
+    UNITS_PER_FOLLOWER = 8
 };
 
+/* Returns the signed angle from a to b, rad. */
 static cairn_real angle_from(cairn_vec2 a, cairn_vec2 b)
 {
     return cairn_atan2(cairn_vec2_cross(a, b), cairn_vec2_dot(a, b));
@@ -43,75 +44,79 @@ static cairn_real angle_from(cairn_vec2 a, cairn_vec2 b)
 
 /* ---- Weights ---- */
 
-/* Logarithm of a Gaussian of mean 0, of its greatest value. */
+/* Returns the logarithm of a zero-mean Gaussian relative to its maximum. */
 static cairn_real log_gaussian(cairn_real x, cairn_real sigma)
 {
     return CAIRN_REAL(-0.5) * (x / sigma) * (x / sigma);
 }
 
-/* Logarithm of H or T of (3.8), of its greatest value: how the contour turned against how the
- * way to the centre turned, what symmetry was lost, and how far the edgel lies from the last
- * one. */
-static cairn_real log_side(const cairn_skeleton *g, const written_pair *before,
+/* Returns the logarithm of H or T of (3.8) relative to its maximum: turn of the contour against
+ * turn of the vector to the centre, loss of symmetry, and distance between consecutive edgels. */
+static cairn_real log_side(const cairn_skeleton *skeleton, const written_pair *before,
                            const written_pair *now, int32_t side)
 {
     cairn_real contour = angle_from(before->inward[side], now->inward[side]);
-    cairn_real way = angle_from(cairn_vec2_sub(before->centre, before->touch[side]),
-                                cairn_vec2_sub(now->centre, now->touch[side]));
-    cairn_real h = cairn_abs(cairn_wrap_angle(contour - way)) +
+    cairn_real radial = angle_from(cairn_vec2_sub(before->centre, before->contact[side]),
+                                   cairn_vec2_sub(now->centre, now->contact[side]));
+    cairn_real h = cairn_abs(cairn_wrap_angle(contour - radial)) +
                    cairn_max(now->deviation[side] - before->deviation[side], 0);
-    cairn_real gap = cairn_vec2_norm(cairn_vec2_sub(now->touch[side], before->touch[side]));
+    cairn_real gap = cairn_vec2_norm(cairn_vec2_sub(now->contact[side], before->contact[side]));
 
-    return log_gaussian(h, g->params.duality) + log_gaussian(gap, g->params.reach);
+    return log_gaussian(h, skeleton->params.duality) + log_gaussian(gap, skeleton->params.reach);
 }
 
-/* Logarithm of (3.7), of its greatest value. */
-static cairn_real log_step(const cairn_skeleton *g, const written_pair *before,
+/* Returns the logarithm of (3.7) relative to its maximum. */
+static cairn_real log_step(const cairn_skeleton *skeleton, const written_pair *before,
                            const written_pair *now)
 {
-    cairn_real h = log_side(g, before, now, 0), t = log_side(g, before, now, 1),
+    cairn_real h = log_side(skeleton, before, now, 0), t = log_side(skeleton, before, now, 1),
                most = cairn_max(h, t);
-    cairn_real off = cairn_max(
-        cairn_max(g->input.min_radius - now->radius, now->radius - g->input.max_radius), 0);
+    cairn_real off = cairn_max(cairn_max(skeleton->input.min_radius - now->radius,
+                                         now->radius - skeleton->input.max_radius),
+                               0);
 
     return most + cairn_log(CAIRN_REAL(0.5) * (cairn_exp(h - most) + cairn_exp(t - most))) +
-           log_gaussian(off, g->params.radius);
+           log_gaussian(off, skeleton->params.radius);
 }
 
 /* ---- Proposal ---- */
 
-/* Where the contour of a side goes on, C sigma along the edgel's orientation. */
-static cairn_vec2 ahead_of(const cairn_skeleton *g, const skeleton_written_state *s, int32_t side)
+/* Returns the centre of the look-ahead circle: the contour of a side, extended by C sigma along
+ * the edgel's orientation. */
+static cairn_vec2 search_centre(const cairn_skeleton *skeleton, const skeleton_written_state *s,
+                                int32_t side)
 {
     cairn_vec2 tangent = cairn_vec2_left(s->pair.inward[side]);
-    cairn_real way = cairn_vec2_dot(tangent, s->heading) < 0 ? -g->params.reach : g->params.reach;
+    cairn_real offset =
+        cairn_vec2_dot(tangent, s->heading) < 0 ? -skeleton->params.reach : skeleton->params.reach;
 
-    return cairn_vec2_add(s->pair.touch[side], cairn_vec2_scale(tangent, way));
+    return cairn_vec2_add(s->pair.contact[side], cairn_vec2_scale(tangent, offset));
 }
 
-/* Edgels in a look-ahead circle: their number; with a list, every `stride`-th of them is put
- * into it. */
-static int32_t scan_circle(const cairn_skeleton *g, cairn_vec2 middle, int32_t stride,
-                           written_ahead *list)
+/* Returns the number of edgels in a look-ahead circle; stores every stride-th in a list, if
+ * given. */
+static int32_t scan_circle(const cairn_skeleton *skeleton, cairn_vec2 middle, int32_t stride,
+                           written_candidate *list)
 {
-    cairn_real reach = g->params.reach;
-    int32_t x0 = cairn_skeleton_column(g, middle.x - reach),
-            x1 = cairn_skeleton_column(g, middle.x + reach);
-    int32_t y1 = cairn_skeleton_line(g, middle.y + reach), count = 0;
+    cairn_real reach = skeleton->params.reach;
+    int32_t x0 = cairn_skeleton_column(skeleton, middle.x - reach),
+            x1 = cairn_skeleton_column(skeleton, middle.x + reach);
+    int32_t y1 = cairn_skeleton_row(skeleton, middle.y + reach), count = 0;
 
-    for (int32_t y = cairn_skeleton_line(g, middle.y - reach); y <= y1; y++) {
+    for (int32_t y = cairn_skeleton_row(skeleton, middle.y - reach); y <= y1; y++) {
         int32_t from, end;
 
-        skeleton_row(g, y, x0, x1, &from, &end);
+        skeleton_cells_of_row(skeleton, y, x0, x1, &from, &end);
         for (int32_t i = from; i < end; i++) {
-            if (cairn_vec2_norm_squared(cairn_vec2_sub(g->edgels[i].at, middle)) > reach * reach)
+            if (cairn_vec2_norm_squared(cairn_vec2_sub(skeleton->edgels[i].position, middle)) >
+                reach * reach)
                 continue;
             if (list != NULL && count % stride == 0) {
-                written_ahead *a = &list[count / stride];
+                written_candidate *a = &list[count / stride];
 
-                a->at = g->edgels[i].at;
+                a->position = skeleton->edgels[i].position;
                 a->edgel = i;
-                a->inside = a->culled = 0;
+                a->is_inside = a->is_culled = 0;
             }
             count++;
         }
@@ -119,37 +124,41 @@ static int32_t scan_circle(const cairn_skeleton *g, cairn_vec2 middle, int32_t s
     return count;
 }
 
-static void collect_ahead(cairn_skeleton *g, const skeleton_written_state *s)
+/* Collects the edgels of both look-ahead circles. */
+static void collect_candidates(cairn_skeleton *skeleton, const skeleton_written_state *s)
 {
-    skeleton_written *w = g->written;
+    skeleton_written *w = skeleton->written;
 
     for (int32_t side = 0; side < 2; side++) {
-        cairn_vec2 middle = ahead_of(g, s, side);
-        int32_t all = scan_circle(g, middle, 1, NULL), stride = 1 + (all - 1) / WRITTEN_EDGELS;
+        cairn_vec2 middle = search_centre(skeleton, s, side);
+        int32_t all = scan_circle(skeleton, middle, 1, NULL),
+                stride = 1 + (all - 1) / WRITTEN_MAX_EDGELS;
 
-        w->ahead_count[side] = all > 0 ? (all + stride - 1) / stride : 0;
+        w->candidate_count[side] = all > 0 ? (all + stride - 1) / stride : 0;
         if (all > 0)
-            (void)scan_circle(g, middle, stride, w->ahead[side]);
+            (void)scan_circle(skeleton, middle, stride, w->candidates[side]);
     }
 }
 
-static int32_t cost_of_look(const cairn_skeleton *g, const skeleton_written_state *s)
+/* Returns the cost of both look-ahead circles in units. */
+static int32_t search_cost(const cairn_skeleton *skeleton, const skeleton_written_state *s)
 {
-    cairn_real reach = g->params.reach;
-    int32_t cost = UNITS_A_PARTICLE;
+    cairn_real reach = skeleton->params.reach;
+    int32_t cost = UNITS_PER_PARTICLE;
 
     for (int32_t side = 0; side < 2; side++) {
-        cairn_vec2 m = ahead_of(g, s, side);
+        cairn_vec2 m = search_centre(skeleton, s, side);
 
-        cost += skeleton_cost(
-            g, cairn_skeleton_column(g, m.x - reach), cairn_skeleton_column(g, m.x + reach),
-            cairn_skeleton_line(g, m.y - reach), cairn_skeleton_line(g, m.y + reach));
+        cost += skeleton_cells_cost(skeleton, cairn_skeleton_column(skeleton, m.x - reach),
+                                    cairn_skeleton_column(skeleton, m.x + reach),
+                                    cairn_skeleton_row(skeleton, m.y - reach),
+                                    cairn_skeleton_row(skeleton, m.y + reach));
     }
     return cost;
 }
 
-/* The boxes of two pieces share a place. */
-static int are_near(cairn_segment a, cairn_segment b)
+/* Returns whether the bounding boxes of two segments overlap. */
+static int boxes_overlap(cairn_segment a, cairn_segment b)
 {
     return cairn_min(a.a.x, a.b.x) <= cairn_max(b.a.x, b.b.x) &&
            cairn_min(b.a.x, b.b.x) <= cairn_max(a.a.x, a.b.x) &&
@@ -159,121 +168,123 @@ static int are_near(cairn_segment a, cairn_segment b)
 
 static int is_crossed(cairn_segment a, cairn_segment b)
 {
-    return are_near(a, b) && cairn_segments_cross(a, b);
+    return boxes_overlap(a, b) && cairn_segments_cross(a, b);
 }
 
-/* Of a piece of the polygon about what is explored: a ray to the right from each edgel ahead
- * crosses it or does not. */
-static void turn_inside(skeleton_written *w, cairn_vec2 a, cairn_vec2 b)
+/* Point-in-polygon test of the explored region, one polygon segment at a time: toggles each
+ * candidate whose ray to the right crosses the segment. */
+static void toggle_inside(skeleton_written *w, cairn_vec2 a, cairn_vec2 b)
 {
     for (int32_t side = 0; side < 2; side++)
-        for (int32_t i = 0; i < w->ahead_count[side]; i++) {
-            written_ahead *e = &w->ahead[side][i];
+        for (int32_t i = 0; i < w->candidate_count[side]; i++) {
+            written_candidate *e = &w->candidates[side][i];
 
-            if ((a.y > e->at.y) != (b.y > e->at.y) &&
-                (e->at.x - a.x) * (b.y - a.y) * (b.y > a.y ? 1 : -1) <
-                    (b.x - a.x) * (e->at.y - a.y) * (b.y > a.y ? 1 : -1))
-                e->inside = !e->inside;
+            if ((a.y > e->position.y) != (b.y > e->position.y) &&
+                (e->position.x - a.x) * (b.y - a.y) * (b.y > a.y ? 1 : -1) <
+                    (b.x - a.x) * (e->position.y - a.y) * (b.y > a.y ? 1 : -1))
+                e->is_inside = !e->is_inside;
         }
 }
 
-/* Edgels that the contour has already. */
+/* Culls edgels that are already on the contour. */
 static void cull_own(skeleton_written *w, const int32_t edgel[2])
 {
     for (int32_t side = 0; side < 2; side++)
-        for (int32_t i = 0; i < w->ahead_count[side]; i++)
-            if (w->ahead[side][i].edgel == edgel[0] || w->ahead[side][i].edgel == edgel[1])
-                w->ahead[side][i].culled = 1;
+        for (int32_t i = 0; i < w->candidate_count[side]; i++)
+            if (w->candidates[side][i].edgel == edgel[0] ||
+                w->candidates[side][i].edgel == edgel[1])
+                w->candidates[side][i].is_culled = 1;
 }
 
-/* Edgels to which the contour of `last` would cross this piece of it; the piece of a side that
- * ends where the way begins does not count. */
-static void cull_crossing(skeleton_written *w, const written_pair *last, cairn_segment piece,
+/* Culls edgels whose connection to the last contact point crosses a contour segment; the segment
+ * that ends at the start of the connection is exempt. */
+static void cull_crossing(skeleton_written *w, const written_pair *last, cairn_segment segment,
                           int32_t ends_at)
 {
     for (int32_t side = 0; side < 2; side++)
-        for (int32_t i = 0; i < w->ahead_count[side] && side != ends_at; i++) {
-            cairn_segment way = {last->touch[side], w->ahead[side][i].at};
+        for (int32_t i = 0; i < w->candidate_count[side] && side != ends_at; i++) {
+            cairn_segment connection = {last->contact[side], w->candidates[side][i].position};
 
-            if (is_crossed(way, piece))
-                w->ahead[side][i].culled = 1;
+            if (is_crossed(connection, segment))
+                w->candidates[side][i].is_culled = 1;
         }
 }
 
-/* Of the edgels ahead those are culled that lie in explored regions, or whose contour would
- * cross itself. */
-static void cull_ahead(skeleton_written *w, const skeleton_written_state *last)
+/* Culls candidates inside the explored region, and those whose contour would self-intersect. */
+static void cull_candidates(skeleton_written *w, const skeleton_written_state *last)
 {
     const skeleton_written_state *s = last, *before;
 
-    turn_inside(w, last->pair.touch[0], last->pair.touch[1]);
+    toggle_inside(w, last->pair.contact[0], last->pair.contact[1]);
     for (; s != NULL; s = before) {
         before = cairn_particle_state_before(s);
         cull_own(w, s->pair.edgel);
         for (int32_t side = 0; side < 2 && before != NULL; side++) {
-            cairn_segment piece = {before->pair.touch[side], s->pair.touch[side]};
+            cairn_segment segment = {before->pair.contact[side], s->pair.contact[side]};
 
-            turn_inside(w, piece.a, piece.b);
-            cull_crossing(w, &last->pair, piece, s == last ? side : -1);
+            toggle_inside(w, segment.a, segment.b);
+            cull_crossing(w, &last->pair, segment, s == last ? side : -1);
         }
         if (before == NULL)
-            turn_inside(w, s->pair.touch[0], s->pair.touch[1]);
+            toggle_inside(w, s->pair.contact[0], s->pair.contact[1]);
     }
     for (int32_t side = 0; side < 2; side++)
-        for (int32_t i = 0; i < w->ahead_count[side]; i++)
-            w->ahead[side][i].culled |= w->ahead[side][i].inside;
+        for (int32_t i = 0; i < w->candidate_count[side]; i++)
+            w->candidates[side][i].is_culled |= w->candidates[side][i].is_inside;
 }
 
-/* The sum of the four vectors from the edgels before to these (fig. 3.5a). */
+/* Returns the sum of the four vectors from the previous to the new edgels (fig. 3.5a). */
 static cairn_vec2 heading_of(const written_pair *before, const written_pair *now)
 {
-    return cairn_vec2_scale(cairn_vec2_sub(cairn_vec2_add(now->touch[0], now->touch[1]),
-                                           cairn_vec2_add(before->touch[0], before->touch[1])),
+    return cairn_vec2_scale(cairn_vec2_sub(cairn_vec2_add(now->contact[0], now->contact[1]),
+                                           cairn_vec2_add(before->contact[0], before->contact[1])),
                             2);
 }
 
-static void exchange(written_pair *pair)
+/* Exchanges both sides of a pair. */
+static void swap_sides(written_pair *pair)
 {
     written_pair old = *pair;
 
     for (int32_t side = 0; side < 2; side++) {
-        pair->touch[side] = old.touch[1 - side];
+        pair->contact[side] = old.contact[1 - side];
         pair->inward[side] = old.inward[1 - side];
         pair->deviation[side] = old.deviation[1 - side];
         pair->edgel[side] = old.edgel[1 - side];
     }
 }
 
-/* Puts the sides of a pair in the order of those before: both by their sweep about the heading.
- * 0: there is no heading. */
+/* Orders the sides of a pair as in the previous one, by their orientation about the heading;
+ * returns 0 if there is no heading. */
 static int correspond(const written_pair *before, written_pair *now)
 {
     cairn_vec2 heading = heading_of(before, now);
 
     if (cairn_vec2_norm_squared(heading) == 0)
         return 0;
-    if ((cairn_vec2_cross(heading, cairn_vec2_sub(before->touch[0], before->touch[1])) > 0) !=
-        (cairn_vec2_cross(heading, cairn_vec2_sub(now->touch[0], now->touch[1])) > 0))
-        exchange(now);
+    if ((cairn_vec2_cross(heading, cairn_vec2_sub(before->contact[0], before->contact[1])) > 0) !=
+        (cairn_vec2_cross(heading, cairn_vec2_sub(now->contact[0], now->contact[1])) > 0))
+        swap_sides(now);
     return 1;
 }
 
+/* Returns whether the two new contour segments cross. */
 static int is_twisted(const written_pair *before, const written_pair *now)
 {
-    cairn_segment left = {before->touch[0], now->touch[0]},
-                  right = {before->touch[1], now->touch[1]};
+    cairn_segment left = {before->contact[0], now->contact[0]},
+                  right = {before->contact[1], now->contact[1]};
 
     return is_crossed(left, right);
 }
 
-/* One in `stride` of those seen; when the list is full every other one goes. */
-static void keep(skeleton_written *w, const written_pair *pair)
+/* Adds one in `stride` pairs; a full list is halved. */
+static void add_pair(skeleton_written *w, const written_pair *pair)
 {
-    int64_t number = w->seen++;
+    int64_t number = w->pairs_seen++;
 
     if (number % w->stride != 0)
         return;
-    if (w->pair_count == WRITTEN_FOLLOWERS) {
+    if (w->pair_count == WRITTEN_MAX_FOLLOWERS) {
         w->pair_count /= 2;
         for (int32_t i = 1; i < w->pair_count; i++)
             w->pairs[i] = w->pairs[2 * i];
@@ -282,60 +293,62 @@ static void keep(skeleton_written *w, const written_pair *pair)
     w->pairs[w->pair_count++] = *pair;
 }
 
-/* Each edgel ahead of one end with each ahead of the other. */
-static void make_pairs(cairn_skeleton *g, const skeleton_written_state *last)
+/* Pairs each candidate of one end with each of the other. */
+static void make_pairs(cairn_skeleton *skeleton, const skeleton_written_state *last)
 {
-    skeleton_written *w = g->written;
-    written_rule rule = cairn_skeleton_written_rule(g, MARGIN * g->params.radius);
+    skeleton_written *w = skeleton->written;
+    written_limits rule =
+        cairn_skeleton_written_limits_of(skeleton, RADIUS_MARGIN_SIGMAS * skeleton->params.radius);
 
     w->pair_count = 0;
-    w->seen = 0;
+    w->pairs_seen = 0;
     w->stride = 1;
-    for (int32_t i = 0; i < w->ahead_count[0]; i++)
-        for (int32_t j = 0; j < w->ahead_count[1] && !w->ahead[0][i].culled; j++) {
+    for (int32_t i = 0; i < w->candidate_count[0]; i++)
+        for (int32_t j = 0; j < w->candidate_count[1] && !w->candidates[0][i].is_culled; j++) {
             written_pair pair;
 
-            if (!w->ahead[1][j].culled &&
-                cairn_skeleton_written_pair(g, &rule, w->ahead[0][i].edgel, w->ahead[1][j].edgel,
-                                            &pair) &&
+            if (!w->candidates[1][j].is_culled &&
+                cairn_skeleton_written_pair(skeleton, &rule, w->candidates[0][i].edgel,
+                                            w->candidates[1][j].edgel, &pair) &&
                 correspond(&last->pair, &pair) && !is_twisted(&last->pair, &pair))
-                keep(w, &pair);
+                add_pair(w, &pair);
         }
 }
 
-/* Pairs whose axis crosses the axis so far. */
+/* Culls pairs whose axis crosses the axis so far. */
 static void cull_axes(skeleton_written *w, const skeleton_written_state *last)
 {
     const skeleton_written_state *s = last, *before = cairn_particle_state_before(last);
 
     for (; before != NULL; s = before, before = cairn_particle_state_before(before)) {
-        cairn_segment piece = {before->pair.centre, s->pair.centre};
+        cairn_segment segment = {before->pair.centre, s->pair.centre};
 
         for (int32_t i = 0; i < w->pair_count && s != last; i++) {
-            cairn_segment way = {last->pair.centre, w->pairs[i].centre};
+            cairn_segment connection = {last->pair.centre, w->pairs[i].centre};
 
-            w->pairs[i].crossed |= is_crossed(way, piece);
+            w->pairs[i].is_crossing |= is_crossed(connection, segment);
         }
     }
 }
 
-static cairn_status offer_pairs(const cairn_skeleton *g, cairn_particle_filter *filter,
+/* Offers the remaining pairs to the filter as followers. */
+static cairn_status offer_pairs(const cairn_skeleton *skeleton, cairn_particle_filter *filter,
                                 const skeleton_written_state *last)
 {
     int32_t followers = 0;
 
-    for (int32_t i = 0; i < g->written->pair_count; i++)
-        followers += !g->written->pairs[i].crossed;
-    for (int32_t i = 0; i < g->written->pair_count; i++) {
+    for (int32_t i = 0; i < skeleton->written->pair_count; i++)
+        followers += !skeleton->written->pairs[i].is_crossing;
+    for (int32_t i = 0; i < skeleton->written->pair_count; i++) {
         skeleton_written_state next;
         cairn_status status;
 
-        if (g->written->pairs[i].crossed)
+        if (skeleton->written->pairs[i].is_crossing)
             continue;
         memset(&next, 0, sizeof next);
-        next.pair = g->written->pairs[i];
+        next.pair = skeleton->written->pairs[i];
         next.heading = cairn_vec2_unit(heading_of(&last->pair, &next.pair));
-        next.log_step = log_step(g, &last->pair, &next.pair);
+        next.log_step = log_step(skeleton, &last->pair, &next.pair);
         next.log_followers = cairn_log((cairn_real)followers);
         status = cairn_particle_filter_offer(filter, &next, 0);
         if (status != CAIRN_OK)
@@ -347,33 +360,33 @@ static cairn_status offer_pairs(const cairn_skeleton *g, cairn_particle_filter *
 static cairn_status propose(void *context, cairn_particle_filter *filter, int32_t index,
                             cairn_budget *budget)
 {
-    cairn_skeleton *g = context;
-    skeleton_written *w = g->written;
+    cairn_skeleton *skeleton = context;
+    skeleton_written *w = skeleton->written;
     cairn_particle p = cairn_particle_filter_particle(filter, index);
     const skeleton_written_state *last = p.state;
     int32_t cost;
 
-    if (!w->collected) {
-        if (!cairn_budget_pay(budget, &g->stage, cost_of_look(g, last)))
+    if (!w->has_candidates) {
+        if (!cairn_budget_pay(budget, &skeleton->step_units_charged, search_cost(skeleton, last)))
             return CAIRN_MORE;
-        collect_ahead(g, last);
-        w->collected = 1;
+        collect_candidates(skeleton, last);
+        w->has_candidates = 1;
     }
-    cost = (p.steps + 1) * (1 + (w->ahead_count[0] + w->ahead_count[1]) / EDGELS_A_UNIT +
-                            WRITTEN_FOLLOWERS / FOLLOWERS_A_UNIT) +
-           UNITS_A_PAIR * w->ahead_count[0] * w->ahead_count[1] +
-           UNITS_A_FOLLOWER * WRITTEN_FOLLOWERS;
-    if (!cairn_budget_pay(budget, &g->stage, cost))
+    cost = (p.steps + 1) * (1 + (w->candidate_count[0] + w->candidate_count[1]) / EDGELS_PER_UNIT +
+                            WRITTEN_MAX_FOLLOWERS / FOLLOWERS_PER_UNIT) +
+           UNITS_PER_PAIR * w->candidate_count[0] * w->candidate_count[1] +
+           UNITS_PER_FOLLOWER * WRITTEN_MAX_FOLLOWERS;
+    if (!cairn_budget_pay(budget, &skeleton->step_units_charged, cost))
         return CAIRN_MORE;
-    w->collected = 0;
-    cull_ahead(w, last);
-    make_pairs(g, last);
+    w->has_candidates = 0;
+    cull_candidates(w, last);
+    make_pairs(skeleton, last);
     cull_axes(w, last);
-    return offer_pairs(g, filter, last);
+    return offer_pairs(skeleton, filter, last);
 }
 
-/* Each follower has the weight of its particle times (3.7), as in (3.6): the filter's prior
- * mass, 1 / followers, is taken back. */
+/* A follower's weight is its particle's weight times (3.7), as in (3.6). The filter's prior
+ * mass, 1 / followers, is cancelled. */
 static cairn_status likelihood(void *context, const cairn_particle_filter *filter, int32_t index,
                                const void *state, cairn_real *log_likelihood, cairn_budget *budget)
 {
@@ -387,147 +400,156 @@ static cairn_status likelihood(void *context, const cairn_particle_filter *filte
     return CAIRN_OK;
 }
 
-cairn_particle_model cairn_skeleton_written_model(cairn_skeleton *g)
+cairn_particle_model cairn_skeleton_written_model(cairn_skeleton *skeleton)
 {
-    cairn_particle_model model = {g, propose, likelihood, NULL, NULL};
+    cairn_particle_model model = {skeleton, propose, likelihood, NULL, NULL};
 
     return model;
 }
 
 /* ---- Runs ---- */
 
-/* The first pose: a CP, seen along one way of its line. 0: it is none. */
-static int first_state(const cairn_skeleton *g, const skeleton_centre *c, cairn_vec2 way,
-                       skeleton_written_state *s)
+/* Sets the first pose: a CP in one direction of its line; returns 0 if it is invalid. */
+static int first_state(const cairn_skeleton *skeleton, const skeleton_centre *c,
+                       cairn_vec2 direction, skeleton_written_state *s)
 {
-    written_rule rule = cairn_skeleton_written_rule(g, MARGIN * g->params.radius);
+    written_limits rule =
+        cairn_skeleton_written_limits_of(skeleton, RADIUS_MARGIN_SIGMAS * skeleton->params.radius);
 
     memset(s, 0, sizeof *s);
-    if (!cairn_skeleton_written_pair(g, &rule, c->edgel[0], c->edgel[1], &s->pair))
+    if (!cairn_skeleton_written_pair(skeleton, &rule, c->edgel[0], c->edgel[1], &s->pair))
         return 0;
-    s->heading = way;
-    if (cairn_vec2_cross(way, cairn_vec2_sub(s->pair.touch[0], s->pair.touch[1])) < 0)
-        exchange(&s->pair);
+    s->heading = direction;
+    if (cairn_vec2_cross(direction, cairn_vec2_sub(s->pair.contact[0], s->pair.contact[1])) < 0)
+        swap_sides(&s->pair);
     return 1;
 }
 
-/* The CPs about the line that are mirror images are the first particles. */
-static cairn_status begin_run(cairn_skeleton *g)
+/* Starts a run; the mirror-symmetric CPs of the line are the first particles. */
+static cairn_status begin_run(cairn_skeleton *skeleton)
 {
-    cairn_polyline_view view = cairn_polyline_read(g->polyline);
-    const skeleton_start *start = &g->starts[g->start];
+    cairn_polyline_view view = cairn_polyline_read(skeleton->polyline);
+    const skeleton_seed *start = &skeleton->seeds[skeleton->seed_index];
     const cairn_polyline_segment *line = &view.segments[start->centre];
     cairn_vec2 a = {line->a[0], line->a[1]}, b = {line->b[0], line->b[1]};
-    cairn_vec2 way = cairn_vec2_unit(g->direction ? cairn_vec2_sub(b, a) : cairn_vec2_sub(a, b));
-    int32_t stride = (start->support + g->params.particles - 1) / g->params.particles, number = 0;
+    cairn_vec2 direction =
+        cairn_vec2_unit(skeleton->direction ? cairn_vec2_sub(b, a) : cairn_vec2_sub(a, b));
+    int32_t stride = (start->support + skeleton->params.particles - 1) / skeleton->params.particles,
+            number = 0;
     cairn_status status = cairn_particle_filter_clear(
-        g->filter, g->params.seed + 2 * (uint64_t)g->start + (uint64_t)g->direction);
+        skeleton->filter,
+        skeleton->params.seed + 2 * (uint64_t)skeleton->seed_index + (uint64_t)skeleton->direction);
 
-    g->stage = 0;
-    g->written->collected = 0;
-    for (int32_t i = 0; i < g->centre_count && status == CAIRN_OK; i++) {
+    skeleton->step_units_charged = 0;
+    skeleton->written->has_candidates = 0;
+    for (int32_t i = 0; i < skeleton->centre_count && status == CAIRN_OK; i++) {
         skeleton_written_state s;
 
         if (view.label[i] != start->centre ||
-            !cairn_skeleton_is_mirrored(g, &g->centres[i], line) || number++ % stride != 0 ||
-            !first_state(g, &g->centres[i], way, &s))
+            !cairn_skeleton_is_mirrored(skeleton, &skeleton->centres[i], line) ||
+            number++ % stride != 0 || !first_state(skeleton, &skeleton->centres[i], direction, &s))
             continue;
-        status = cairn_particle_filter_start(g->filter, &s, 0);
+        status = cairn_particle_filter_start(skeleton->filter, &s, 0);
     }
     return status;
 }
 
-static const skeleton_written_state *best_of(const cairn_skeleton *g)
+static const skeleton_written_state *best_of(const cairn_skeleton *skeleton)
 {
-    return cairn_particle_filter_particle(g->filter, cairn_particle_filter_read(g->filter).best)
+    return cairn_particle_filter_particle(skeleton->filter,
+                                          cairn_particle_filter_read(skeleton->filter).best)
         .state;
 }
 
-/* Step by step, until the run ends. */
-static cairn_status run(cairn_skeleton *g, cairn_budget *budget)
+/* Runs the filter step by step until the run ends. */
+static cairn_status run(cairn_skeleton *skeleton, cairn_budget *budget)
 {
-    if (cairn_particle_filter_count(g->filter) == 0)
+    if (cairn_particle_filter_count(skeleton->filter) == 0)
         return CAIRN_OK;
     for (;;) {
         cairn_particle_trace t;
         cairn_status status;
 
-        if (!g->is_walking) {
-            status = cairn_particle_filter_begin(g->filter);
+        if (!skeleton->is_walking) {
+            status = cairn_particle_filter_begin(skeleton->filter);
             if (status != CAIRN_OK)
                 return status;
-            g->is_walking = 1;
+            skeleton->is_walking = 1;
         }
-        status = cairn_particle_filter_step(g->filter, budget);
+        status = cairn_particle_filter_step(skeleton->filter, budget);
         if (status != CAIRN_OK)
             return status;
-        g->is_walking = 0;
-        t = cairn_particle_filter_read(g->filter);
-        if (t.extinct || t.steps >= g->params.max_steps || best_of(g)->log_step < -g->params.stop)
+        skeleton->is_walking = 0;
+        t = cairn_particle_filter_read(skeleton->filter);
+        if (t.extinct || t.steps >= skeleton->params.max_steps ||
+            best_of(skeleton)->log_step < -skeleton->params.stop)
             return CAIRN_OK;
     }
 }
 
-/* The walk of the heaviest particle, without the last step if that is what ended it. */
-static void end_run(cairn_skeleton *g)
+/* Stores the walk of the heaviest particle, without the last step if that step ended the run. */
+static void end_run(cairn_skeleton *skeleton)
 {
-    skeleton_part *part = &g->candidates[g->candidate_count];
+    skeleton_part *part = &skeleton->candidates[skeleton->candidate_count];
     const skeleton_written_state *s =
-        cairn_particle_filter_count(g->filter) > 0 ? best_of(g) : NULL;
+        cairn_particle_filter_count(skeleton->filter) > 0 ? best_of(skeleton) : NULL;
     int32_t count = 0;
 
-    if (s != NULL && s->log_step < -g->params.stop)
+    if (s != NULL && s->log_step < -skeleton->params.stop)
         s = cairn_particle_state_before(s);
     for (const skeleton_written_state *at = s; at != NULL; at = cairn_particle_state_before(at))
         count++;
-    part->first = g->disc_count;
+    part->first = skeleton->disc_count;
     part->count = count;
     part->state = count > 0 ? 0 : -1;
-    g->disc_count += count;
+    skeleton->disc_count += count;
     for (; s != NULL; s = cairn_particle_state_before(s)) {
-        skeleton_disc *d = &g->discs[part->first + --count];
+        skeleton_disc *d = &skeleton->discs[part->first + --count];
 
         memset(d, 0, sizeof *d);
         d->centre = s->pair.centre;
         d->radius = s->pair.radius;
-        d->gain = s->log_step - LOG_REFERENCE;
+        d->gain = s->log_step - LOG_LIKELIHOOD_OFFSET;
         for (int32_t side = 0; side < 2; side++) {
-            d->touch[side] = s->pair.touch[side];
+            d->contact[side] = s->pair.contact[side];
             d->edgel[side] = s->pair.edgel[side];
         }
         if (cairn_particle_state_before(s) == NULL)
             d->gain = 0;
     }
-    g->candidate_count++;
+    skeleton->candidate_count++;
 }
 
-/* From line to line, both ways, until max_parts or max_points is reached. */
-cairn_status cairn_skeleton_written_walks(cairn_skeleton *g, cairn_budget *budget)
+/* Runs from line to line in both directions until max_parts or max_points is reached. */
+cairn_status cairn_skeleton_written_walks(cairn_skeleton *skeleton, cairn_budget *budget)
 {
-    for (; g->start < g->start_count; g->start++) {
-        for (; g->direction < 2; g->direction++) {
+    for (; skeleton->seed_index < skeleton->seed_count; skeleton->seed_index++) {
+        for (; skeleton->direction < 2; skeleton->direction++) {
             cairn_status status;
 
-            if (g->item == 0) {
-                if (g->candidate_count + 2 - g->direction > g->params.max_parts ||
-                    g->disc_count + (2 - g->direction) * (g->params.max_steps + 1) >
-                        g->params.max_points)
+            if (skeleton->phase_counter == 0) {
+                if (skeleton->candidate_count + 2 - skeleton->direction >
+                        skeleton->params.max_parts ||
+                    skeleton->disc_count +
+                            (2 - skeleton->direction) * (skeleton->params.max_steps + 1) >
+                        skeleton->params.max_points)
                     return CAIRN_OK;
-                if (!cairn_budget_pay(budget, &g->paid, 1 + g->centre_count / 4))
+                if (!cairn_budget_pay(budget, &skeleton->units_charged,
+                                      1 + skeleton->centre_count / 4))
                     return CAIRN_MORE;
-                status = begin_run(g);
+                status = begin_run(skeleton);
                 if (status != CAIRN_OK)
                     return status;
-                g->walked += g->direction == 0;
-                g->item = 1;
+                skeleton->walk_count += skeleton->direction == 0;
+                skeleton->phase_counter = 1;
             }
-            status = run(g, budget);
+            status = run(skeleton, budget);
             if (status != CAIRN_OK)
                 return status;
-            end_run(g);
-            g->item = 0;
+            end_run(skeleton);
+            skeleton->phase_counter = 0;
         }
-        g->direction = 0;
+        skeleton->direction = 0;
     }
     return CAIRN_OK;
 }
