@@ -68,13 +68,13 @@ static cairn_particle_filter_params filter_params(const cairn_grouping_params *p
 
 /* ---- Memory ---- */
 
-static void carve_parts(cairn_pool *pool, const cairn_grouping_params *p, cairn_grouping *g,
+static void carve_parts(cairn_pool *pool, const cairn_grouping_params *p, cairn_grouping *grouping,
                         struct grouping_written *w)
 {
     cairn_symmetric_point_params points = point_params(p);
     cairn_point_grid_params ends = {2 * p->max_tokens, CELL};
     cairn_particle_filter_params filter = filter_params(p);
-    cairn_particle_model model = cairn_grouping_written_model(g);
+    cairn_particle_model model = cairn_grouping_written_model(grouping);
     cairn_status status;
 
     if (pool->base == NULL) {
@@ -87,13 +87,14 @@ static void carve_parts(cairn_pool *pool, const cairn_grouping_params *p, cairn_
     if (status == CAIRN_OK)
         status = cairn_point_grid_create(&w->ends, pool, &ends);
     if (status == CAIRN_OK)
-        status = cairn_particle_filter_create(&g->filter, pool, &filter, &model);
+        status = cairn_particle_filter_create(&grouping->filter, pool, &filter, &model);
     CAIRN_ASSERT(status == CAIRN_OK);
     (void)status;
 }
 
-struct grouping_written *
-cairn_grouping_written_carve(cairn_pool *pool, const cairn_grouping_params *p, cairn_grouping *g)
+struct grouping_written *cairn_grouping_written_carve(cairn_pool *pool,
+                                                      const cairn_grouping_params *p,
+                                                      cairn_grouping *grouping)
 {
     struct grouping_written *w = cairn_pool_take_one(pool, sizeof *w);
     int32_t *slot = cairn_pool_take(pool, (size_t)slots_of(p->max_points), sizeof *slot);
@@ -126,24 +127,25 @@ cairn_grouping_written_carve(cairn_pool *pool, const cairn_grouping_params *p, c
         w->side[0].vertex = side;
         w->side[1].vertex = side + 2 * p->max_steps;
         w->polygon = polygon;
-        g->trace = trace;
-        g->segments = segments;
-        g->objects = objects;
-        g->along = along;
+        grouping->trace = trace;
+        grouping->segments = segments;
+        grouping->objects = objects;
+        grouping->along = along;
     }
-    carve_parts(pool, p, g, w);
+    carve_parts(pool, p, grouping, w);
     return w;
 }
 
 /* ---- Beginning ---- */
 
-cairn_status cairn_grouping_written_check(const cairn_grouping *g, const cairn_grouping_input *in)
+cairn_status cairn_grouping_written_check(const cairn_grouping *grouping,
+                                          const cairn_grouping_input *in)
 {
     if (!cairn_is_finite(in->look_ahead))
         return CAIRN_NOT_FINITE;
     if (!(in->look_ahead > 0) || in->end_count < 0 || (in->ends == NULL && in->end_count > 0))
         return CAIRN_BAD_ARGUMENT;
-    return in->count > g->params.max_tokens ? CAIRN_FULL : CAIRN_OK;
+    return in->count > grouping->params.max_tokens ? CAIRN_FULL : CAIRN_OK;
 }
 
 /* The mean radius of the path, and the range of radii with R_sigma of it more on both sides. */
@@ -163,32 +165,33 @@ static void read_model(struct grouping_written *w, const cairn_shape_model *m, c
     w->points.max_radius = w->size * (most + slack * w->mean_radius);
 }
 
-void cairn_grouping_written_begin(cairn_grouping *g)
+void cairn_grouping_written_begin(cairn_grouping *grouping)
 {
-    struct grouping_written *w = g->written;
+    struct grouping_written *w = grouping->written;
 
-    w->points = point_params(&g->params);
-    w->size = cairn_sqrt(g->input.min_size * g->input.max_size);
-    read_model(w, g->input.model, g->params.radius_sigma);
-    w->log_stop = cairn_log(g->params.stop);
+    w->points = point_params(&grouping->params);
+    w->size = cairn_sqrt(grouping->input.min_size * grouping->input.max_size);
+    read_model(w, grouping->input.model, grouping->params.radius_sigma);
+    w->log_stop = cairn_log(grouping->params.stop);
     w->look = 0;
-    w->random = cairn_random_seed(g->params.seed, 1);
+    w->random = cairn_random_seed(grouping->params.seed, 1);
     w->is_set = w->is_drawing = w->end = w->seeds = w->draws = w->is_keeping = 0;
     w->sum = w->drawn = 0;
 }
 
 /* ---- Points ---- */
 
-cairn_status cairn_grouping_written_points(cairn_grouping *g, cairn_budget *budget)
+cairn_status cairn_grouping_written_points(cairn_grouping *grouping, cairn_budget *budget)
 {
-    struct grouping_written *w = g->written;
+    struct grouping_written *w = grouping->written;
 
     if (!w->is_set) {
         cairn_status status =
             cairn_symmetric_point_set_radii(w->set, w->points.min_radius, w->points.max_radius);
 
         if (status == CAIRN_OK)
-            status = cairn_symmetric_point_begin(w->set, g->input.segments, g->input.count);
+            status = cairn_symmetric_point_begin(w->set, grouping->input.segments,
+                                                 grouping->input.count);
         if (status != CAIRN_OK)
             return status;
         w->is_set = 1;
@@ -204,10 +207,10 @@ static int32_t slot_of(const struct grouping_written *w, int32_t first, int32_t 
     return (int32_t)((h ^ (h >> 15)) & (uint32_t)(w->slots - 1));
 }
 
-const cairn_symmetric_point *cairn_grouping_written_point(const cairn_grouping *g, int32_t first,
-                                                          int32_t second)
+const cairn_symmetric_point *cairn_grouping_written_point(const cairn_grouping *grouping,
+                                                          int32_t first, int32_t second)
 {
-    const struct grouping_written *w = g->written;
+    const struct grouping_written *w = grouping->written;
     const cairn_symmetric_point *points = cairn_symmetric_point_list(w->set, NULL);
     int32_t low = first < second ? first : second, high = first < second ? second : first,
             at = slot_of(w, low, high);
@@ -223,49 +226,50 @@ const cairn_symmetric_point *cairn_grouping_written_point(const cairn_grouping *
 
 /* Fills the hash and the grid of ends; marks the segments about the ends of strong chains.
  * `cursor` counts all items. */
-cairn_status cairn_grouping_written_index(cairn_grouping *g, cairn_budget *budget)
+cairn_status cairn_grouping_written_index(cairn_grouping *grouping, cairn_budget *budget)
 {
-    struct grouping_written *w = g->written;
-    int32_t count, slots = w->slots, ends = 2 * g->input.count;
+    struct grouping_written *w = grouping->written;
+    int32_t count, slots = w->slots, ends = 2 * grouping->input.count;
     const cairn_symmetric_point *points = cairn_symmetric_point_list(w->set, &count);
 
-    for (; g->cursor < slots; g->cursor++) {
-        if (!cairn_budget_pay(budget, &g->paid, 1))
+    for (; grouping->cursor < slots; grouping->cursor++) {
+        if (!cairn_budget_pay(budget, &grouping->charged_units, 1))
             return CAIRN_MORE;
-        w->slot[g->cursor] = -1;
+        w->slot[grouping->cursor] = -1;
     }
-    for (; g->cursor < slots + count; g->cursor++) {
-        const cairn_symmetric_point *p = &points[g->cursor - slots];
+    for (; grouping->cursor < slots + count; grouping->cursor++) {
+        const cairn_symmetric_point *p = &points[grouping->cursor - slots];
         int32_t at = slot_of(w, p->first, p->second);
 
-        if (!cairn_budget_pay(budget, &g->paid, 2))
+        if (!cairn_budget_pay(budget, &grouping->charged_units, 2))
             return CAIRN_MORE;
         while (w->slot[at] >= 0)
             at = (at + 1) & (w->slots - 1);
-        w->slot[at] = g->cursor - slots;
+        w->slot[at] = grouping->cursor - slots;
     }
-    while (g->other == 0 && cairn_point_grid_count(w->ends) > 0) {
-        if (!cairn_budget_pay(budget, &g->paid, 1))
+    while (grouping->second_cursor == 0 && cairn_point_grid_count(w->ends) > 0) {
+        if (!cairn_budget_pay(budget, &grouping->charged_units, 1))
             return CAIRN_MORE;
         cairn_point_grid_remove_last(w->ends);
     }
-    for (; g->other < ends; g->other++) {
-        const cairn_segment *s = &g->input.segments[g->other / 2];
+    for (; grouping->second_cursor < ends; grouping->second_cursor++) {
+        const cairn_segment *s = &grouping->input.segments[grouping->second_cursor / 2];
         cairn_status status;
 
-        if (!cairn_budget_pay(budget, &g->paid, 1))
+        if (!cairn_budget_pay(budget, &grouping->charged_units, 1))
             return CAIRN_MORE;
-        w->is_start[g->other / 2] = 0;
-        w->stamp[g->other / 2] = 0;
-        status = cairn_point_grid_insert(w->ends, g->other % 2 ? s->b : s->a);
+        w->is_start[grouping->second_cursor / 2] = 0;
+        w->stamp[grouping->second_cursor / 2] = 0;
+        status = cairn_point_grid_insert(w->ends, grouping->second_cursor % 2 ? s->b : s->a);
         if (status != CAIRN_OK)
             return status;
     }
-    for (; g->other < ends + g->input.end_count; g->other++) {
+    for (; grouping->second_cursor < ends + grouping->input.end_count; grouping->second_cursor++) {
         cairn_point_grid_cursor near =
-            cairn_point_grid_begin(w->ends, g->input.ends[g->other - ends], g->input.look_ahead);
+            cairn_point_grid_begin(w->ends, grouping->input.ends[grouping->second_cursor - ends],
+                                   grouping->input.look_ahead);
 
-        if (!cairn_budget_pay(budget, &g->paid, UNITS_A_START))
+        if (!cairn_budget_pay(budget, &grouping->charged_units, UNITS_A_START))
             return CAIRN_MORE;
         if (!cairn_is_finite(near.centre.x) || !cairn_is_finite(near.centre.y))
             return CAIRN_NOT_FINITE;
@@ -280,10 +284,10 @@ cairn_status cairn_grouping_written_index(cairn_grouping *g, cairn_budget *budge
 
 /* One of the four walks that may start at a point: its sense, and that of the model's path; the
  * log of its mass. */
-static cairn_real start_at(const cairn_grouping *g, const cairn_symmetric_point *p, int32_t which,
-                           grouping_written_state *s)
+static cairn_real start_at(const cairn_grouping *grouping, const cairn_symmetric_point *p,
+                           int32_t which, grouping_written_state *s)
 {
-    const cairn_segment *lines = g->input.segments;
+    const cairn_segment *lines = grouping->input.segments;
     cairn_vec2 ahead = cairn_vec2_left(cairn_vec2_sub(p->touch[1], p->touch[0]));
     cairn_real likelihood;
     int32_t back = which & 1;
@@ -304,11 +308,12 @@ static cairn_real start_at(const cairn_grouping *g, const cairn_symmetric_point 
         s->end[side] =
             2 * s->segment[side] + (cairn_vec2_dot(ahead, cairn_vec2_sub(line->b, line->a)) > 0);
     }
-    likelihood = cairn_grouping_written_likelihood(g, s, &s->sample);
-    s->log_posterior = likelihood - g->written->log_stop;
-    return likelihood + (g->params.use_skeleton
-                             ? cairn_log(cairn_symmetric_point_quality(p, g->params.symmetry))
-                             : 0);
+    likelihood = cairn_grouping_written_likelihood(grouping, s, &s->sample);
+    s->log_posterior = likelihood - grouping->written->log_stop;
+    return likelihood +
+           (grouping->params.use_skeleton
+                ? cairn_log(cairn_symmetric_point_quality(p, grouping->params.symmetry))
+                : 0);
 }
 
 static int is_seed(const struct grouping_written *w, const cairn_symmetric_point *p)
@@ -318,64 +323,70 @@ static int is_seed(const struct grouping_written *w, const cairn_symmetric_point
 
 /* Adds up the masses of all starts; then draws as many as there are particles, at even steps of
  * the sum. */
-cairn_status cairn_grouping_written_seed(cairn_grouping *g, cairn_budget *budget)
+cairn_status cairn_grouping_written_seed(cairn_grouping *grouping, cairn_budget *budget)
 {
-    struct grouping_written *w = g->written;
+    struct grouping_written *w = grouping->written;
     const cairn_symmetric_point *points;
     int32_t count;
     cairn_status status;
 
     points = cairn_symmetric_point_list(w->set, &count);
-    for (; g->cursor < STARTS_A_POINT * count; g->cursor++) {
-        const cairn_symmetric_point *p = &points[g->cursor / STARTS_A_POINT];
+    for (; grouping->cursor < STARTS_A_POINT * count; grouping->cursor++) {
+        const cairn_symmetric_point *p = &points[grouping->cursor / STARTS_A_POINT];
         grouping_written_state s;
 
-        if (!cairn_budget_pay(budget, &g->paid,
-                              is_seed(w, p) ? UNITS_A_START + cairn_grouping_written_units(g) : 1))
+        if (!cairn_budget_pay(budget, &grouping->charged_units,
+                              is_seed(w, p) ? UNITS_A_START +
+                                                  cairn_grouping_written_likelihood_units(grouping)
+                                            : 1))
             return CAIRN_MORE;
         if (!is_seed(w, p))
             continue;
-        w->sum += cairn_exp(start_at(g, p, g->cursor % STARTS_A_POINT, &s));
+        w->sum += cairn_exp(start_at(grouping, p, grouping->cursor % STARTS_A_POINT, &s));
         w->seeds++;
     }
     if (!w->is_drawing) {
         w->is_drawing = 1;
-        w->drawn = -cairn_random_unit(&w->random) * w->sum / (cairn_real)g->params.particles;
-        status = cairn_particle_filter_clear(g->filter, g->params.seed);
+        w->drawn = -cairn_random_unit(&w->random) * w->sum / (cairn_real)grouping->params.particles;
+        status = cairn_particle_filter_clear(grouping->filter, grouping->params.seed);
         if (status != CAIRN_OK)
             return status;
     }
-    for (; g->other < STARTS_A_POINT * count && w->draws < g->params.particles; g->other++) {
-        const cairn_symmetric_point *p = &points[g->other / STARTS_A_POINT];
+    for (;
+         grouping->second_cursor < STARTS_A_POINT * count && w->draws < grouping->params.particles;
+         grouping->second_cursor++) {
+        const cairn_symmetric_point *p = &points[grouping->second_cursor / STARTS_A_POINT];
         grouping_written_state s;
 
-        if (!cairn_budget_pay(budget, &g->paid,
-                              is_seed(w, p) ? UNITS_A_START + cairn_grouping_written_units(g) : 1))
+        if (!cairn_budget_pay(budget, &grouping->charged_units,
+                              is_seed(w, p) ? UNITS_A_START +
+                                                  cairn_grouping_written_likelihood_units(grouping)
+                                            : 1))
             return CAIRN_MORE;
         if (!is_seed(w, p))
             continue;
-        w->drawn += cairn_exp(start_at(g, p, g->other % STARTS_A_POINT, &s));
-        while (w->draws < g->params.particles &&
-               w->drawn > w->sum * (cairn_real)w->draws / (cairn_real)g->params.particles) {
-            status = cairn_particle_filter_start(g->filter, &s, 0);
+        w->drawn += cairn_exp(start_at(grouping, p, grouping->second_cursor % STARTS_A_POINT, &s));
+        while (w->draws < grouping->params.particles &&
+               w->drawn > w->sum * (cairn_real)w->draws / (cairn_real)grouping->params.particles) {
+            status = cairn_particle_filter_start(grouping->filter, &s, 0);
             if (status != CAIRN_OK)
                 return status;
             w->draws++;
         }
     }
-    g->looked = w->seeds;
-    g->has_walked = w->draws > 0;
-    return w->draws > 0 ? cairn_particle_filter_begin(g->filter) : CAIRN_OK;
+    grouping->generated_count = w->seeds;
+    grouping->has_particles = w->draws > 0;
+    return w->draws > 0 ? cairn_particle_filter_begin(grouping->filter) : CAIRN_OK;
 }
 
 /* ---- The walk ---- */
 
-static cairn_real greatest_posterior(const cairn_grouping *g)
+static cairn_real greatest_posterior(const cairn_grouping *grouping)
 {
     cairn_real most = -CAIRN_REAL_MAX;
 
-    for (int32_t i = 0; i < cairn_particle_filter_count(g->filter); i++) {
-        const grouping_written_state *s = cairn_particle_filter_particle(g->filter, i).state;
+    for (int32_t i = 0; i < cairn_particle_filter_count(grouping->filter); i++) {
+        const grouping_written_state *s = cairn_particle_filter_particle(grouping->filter, i).state;
 
         most = cairn_max(most, s->log_posterior);
     }
@@ -383,17 +394,17 @@ static cairn_real greatest_posterior(const cairn_grouping *g)
 }
 
 /* Takes down a step of the filter. 0: no particle could go on, and they are as they were. */
-static int take_step(cairn_grouping *g)
+static int take_step(cairn_grouping *grouping)
 {
-    cairn_particle_trace t = cairn_particle_filter_read(g->filter);
-    cairn_grouping_trace *trace = &g->trace[g->steps];
+    cairn_particle_trace t = cairn_particle_filter_read(grouping->filter);
+    cairn_grouping_trace *trace = &grouping->trace[grouping->step_count];
 
     if (t.extinct)
         return 0;
-    g->steps++;
+    grouping->step_count++;
     trace->n_eff = t.n_eff;
-    trace->log_likelihood =
-        greatest_posterior(g) / (cairn_real)(g->steps + 1) + g->written->log_stop;
+    trace->log_likelihood = greatest_posterior(grouping) / (cairn_real)(grouping->step_count + 1) +
+                            grouping->written->log_stop;
     trace->followers = t.followers;
     trace->resampled = t.resampled;
     trace->particles = t.particles;
@@ -401,57 +412,59 @@ static int take_step(cairn_grouping *g)
 }
 
 /* After a step: CAIRN_GROUPING_..., why it was the last one; 0: it was not. */
-static int32_t why_last(const cairn_grouping *g)
+static int32_t why_last(const cairn_grouping *grouping)
 {
-    if (greatest_posterior(g) < 0)
+    if (greatest_posterior(grouping) < 0)
         return CAIRN_GROUPING_POSTERIOR;
-    return g->steps + 1 >= g->params.max_steps ? CAIRN_GROUPING_STEPS : 0;
+    return grouping->step_count + 1 >= grouping->params.max_steps ? CAIRN_GROUPING_STEPS : 0;
 }
 
-cairn_status cairn_grouping_written_walk(cairn_grouping *g, cairn_budget *budget)
+cairn_status cairn_grouping_written_run_filter(cairn_grouping *grouping, cairn_budget *budget)
 {
-    struct grouping_written *w = g->written;
+    struct grouping_written *w = grouping->written;
 
     while (w->draws > 0) {
         cairn_status status;
 
         if (!w->is_keeping) {
-            status = cairn_particle_filter_step(g->filter, budget);
+            status = cairn_particle_filter_step(grouping->filter, budget);
             if (status == CAIRN_FULL)
                 w->end = CAIRN_GROUPING_HISTORIES;
-            else if (status == CAIRN_OK && !take_step(g))
+            else if (status == CAIRN_OK && !take_step(grouping))
                 w->end = CAIRN_GROUPING_NO_FOLLOWER;
             if (w->end != 0)
                 return CAIRN_OK;
             if (status != CAIRN_OK)
                 return status;
             w->is_keeping = 1;
-            g->cursor = 0;
+            grouping->cursor = 0;
         }
-        for (; g->cursor < cairn_particle_filter_count(g->filter); g->cursor++) {
-            int32_t units = UNITS_A_KEEP + g->steps * (1 + g->object_count / OBJECTS_A_UNIT);
+        for (; grouping->cursor < cairn_particle_filter_count(grouping->filter);
+             grouping->cursor++) {
+            int32_t units =
+                UNITS_A_KEEP + grouping->step_count * (1 + grouping->object_count / OBJECTS_A_UNIT);
 
-            if (!cairn_budget_pay(budget, &g->paid, units))
+            if (!cairn_budget_pay(budget, &grouping->charged_units, units))
                 return CAIRN_MORE;
-            cairn_grouping_written_keep(g, g->cursor);
+            cairn_grouping_written_record(grouping, grouping->cursor);
         }
         w->is_keeping = 0;
-        w->end = why_last(g);
+        w->end = why_last(grouping);
         if (w->end != 0)
             return CAIRN_OK;
-        status = cairn_particle_filter_begin(g->filter);
+        status = cairn_particle_filter_begin(grouping->filter);
         if (status != CAIRN_OK)
             return status;
     }
     return CAIRN_OK;
 }
 
-void cairn_grouping_written_read(const cairn_grouping *g, cairn_grouping_result *r)
+void cairn_grouping_written_read(const cairn_grouping *grouping, cairn_grouping_result *r)
 {
-    const struct grouping_written *w = g->written;
+    const struct grouping_written *w = grouping->written;
 
     (void)cairn_symmetric_point_list(w->set, &r->points);
     r->points_dropped = cairn_symmetric_point_dropped(w->set);
-    r->token_count = g->input.count;
+    r->token_count = grouping->input.count;
     r->end = w->end;
 }

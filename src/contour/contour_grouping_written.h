@@ -84,9 +84,9 @@ struct grouping_written {
 };
 
 /* An end of a segment, px: index 2 i is the first and 2 i + 1 the second end of segment i. */
-static inline cairn_vec2 grouping_written_end(const cairn_grouping *g, int32_t end)
+static inline cairn_vec2 grouping_written_end(const cairn_grouping *grouping, int32_t end)
 {
-    const cairn_segment *s = &g->input.segments[end / 2];
+    const cairn_segment *s = &grouping->input.segments[end / 2];
 
     return end % 2 ? s->b : s->a;
 }
@@ -94,37 +94,37 @@ static inline cairn_vec2 grouping_written_end(const cairn_grouping *g, int32_t e
 /* The pool's pieces; the phases, in order; what stays in memory of (2.12) and (2.13). */
 struct grouping_written *cairn_grouping_written_carve(cairn_pool *pool,
                                                       const cairn_grouping_params *params,
-                                                      cairn_grouping *g);
-cairn_status cairn_grouping_written_check(const cairn_grouping *g,
+                                                      cairn_grouping *grouping);
+cairn_status cairn_grouping_written_check(const cairn_grouping *grouping,
                                           const cairn_grouping_input *input);
-void cairn_grouping_written_begin(cairn_grouping *g);
-cairn_status cairn_grouping_written_points(cairn_grouping *g, cairn_budget *budget);
-cairn_status cairn_grouping_written_index(cairn_grouping *g, cairn_budget *budget);
-cairn_status cairn_grouping_written_seed(cairn_grouping *g, cairn_budget *budget);
-cairn_status cairn_grouping_written_walk(cairn_grouping *g, cairn_budget *budget);
-cairn_status cairn_grouping_written_finish(cairn_grouping *g, cairn_budget *budget);
+void cairn_grouping_written_begin(cairn_grouping *grouping);
+cairn_status cairn_grouping_written_points(cairn_grouping *grouping, cairn_budget *budget);
+cairn_status cairn_grouping_written_index(cairn_grouping *grouping, cairn_budget *budget);
+cairn_status cairn_grouping_written_seed(cairn_grouping *grouping, cairn_budget *budget);
+cairn_status cairn_grouping_written_run_filter(cairn_grouping *grouping, cairn_budget *budget);
+cairn_status cairn_grouping_written_finish(cairn_grouping *grouping, cairn_budget *budget);
 
-void cairn_grouping_written_read(const cairn_grouping *g, cairn_grouping_result *result);
+void cairn_grouping_written_read(const cairn_grouping *grouping, cairn_grouping_result *result);
 
-cairn_grouping_particle cairn_grouping_written_particle(const cairn_grouping *g,
+cairn_grouping_particle cairn_grouping_written_particle(const cairn_grouping *grouping,
                                                         const cairn_particle *particle);
 
 /* The filter's callbacks. */
-cairn_particle_model cairn_grouping_written_model(cairn_grouping *g);
+cairn_particle_model cairn_grouping_written_model(cairn_grouping *grouping);
 
 /* Units of one likelihood. */
-int32_t cairn_grouping_written_units(const cairn_grouping *g);
+int32_t cairn_grouping_written_likelihood_units(const cairn_grouping *grouping);
 
 /* The log of (2.13) of a symmetric point for a walk that started at `start`; *sample is k of
  * (2.12). */
-cairn_real cairn_grouping_written_likelihood(const cairn_grouping *g,
+cairn_real cairn_grouping_written_likelihood(const cairn_grouping *grouping,
                                              const grouping_written_state *s, int32_t *sample);
 
 /* The symmetric point of two segments, NULL: there is none. */
-const cairn_symmetric_point *cairn_grouping_written_point(const cairn_grouping *g, int32_t first,
-                                                          int32_t second);
+const cairn_symmetric_point *cairn_grouping_written_point(const cairn_grouping *grouping,
+                                                          int32_t first, int32_t second);
 
 /* Keeps the walk of a particle when it is the best of its mode. */
-void cairn_grouping_written_keep(cairn_grouping *g, int32_t index);
+void cairn_grouping_written_record(cairn_grouping *grouping, int32_t index);
 
 #endif
