@@ -167,8 +167,8 @@ static cairn_grouping *carve_default(cairn_pool *pool, const cairn_grouping_para
     cairn_vec2 *bent = cairn_pool_take(pool, (size_t)params->max_outline, sizeof *bent);
     int32_t *apart = cairn_pool_take(pool, (size_t)params->max_outline, sizeof *apart);
     cairn_real *bend = cairn_pool_take(pool, (size_t)params->max_outline, sizeof *bend);
-    grouping_node *way =
-        cairn_pool_take(pool, (size_t)params->max_outline * GROUPING_MAX_NODES, sizeof *way);
+    grouping_node *is_reversed = cairn_pool_take(
+        pool, (size_t)params->max_outline * GROUPING_MAX_NODES, sizeof *is_reversed);
     cairn_particle_filter *filter = carve_filter(pool, params, grouping);
 
     if (grouping != NULL) {
@@ -188,7 +188,7 @@ static cairn_grouping *carve_default(cairn_pool *pool, const cairn_grouping_para
         grouping->next_shift = bent;
         grouping->match_distance = apart;
         grouping->curvature = bend;
-        grouping->nodes = way;
+        grouping->nodes = is_reversed;
         grouping->filter = filter;
     }
     return grouping;
@@ -589,7 +589,7 @@ static cairn_status step_written(cairn_grouping *grouping, cairn_budget *budget)
     case PHASE_WRITTEN_INDEX:
         return cairn_grouping_written_index(grouping, budget);
     case PHASE_WRITTEN_START:
-        return cairn_grouping_written_seed(grouping, budget);
+        return cairn_grouping_written_start(grouping, budget);
     case PHASE_WRITTEN_FILTER:
         return cairn_grouping_written_run_filter(grouping, budget);
     default:

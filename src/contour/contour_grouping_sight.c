@@ -1,31 +1,35 @@
-/* First sight: where the model may lie at all.
+/* Hypothesis generation: poses of the model from pairs of tokens.
  *
- * Two tokens with the touches of one sample of the model give a similarity: the chord between
- * them its size, turn and place; the directions of both must agree. How much of the outline has
- * an edge of its direction near it, looked up in a map of bits, ranks these places; of places
- * that are nearly one the best is kept. They are the first particles. */
+ * Method:
+ * 1. The quantized directions of all tokens are marked in a map of bits (edge-orientation map).
+ * 2. Every pair of tokens is matched to the two sides of a model sample. The chord between them
+ *    gives the scale, rotation and translation of a similarity transform. The directions of both
+ *    tokens must agree with the sample.
+ * 3. A hypothesis is scored by edge coverage: the share of the outline with an edge of its
+ *    direction nearby, looked up in the map.
+ * 4. Non-maximum suppression keeps the best of near-duplicate hypotheses and limits the size of a
+ *    cluster. The rest are the initial particles. */
 #include "src/core/build.h"
 
 #include "src/contour/contour_grouping_work.h"
 
-/* Least cosine between a token and the direction that it should have. */
+/* Least cosine of the angle between a token and its expected direction. */
 #define MIN_COSINE CAIRN_REAL(0.9)
-/* Places closer than this, of the size, and of sizes closer than this are one. */
+/* Near-duplicate hypotheses: distance, and difference of scale and rotation, shares of the size. */
 #define DUPLICATE_DISTANCE CAIRN_REAL(0.05)
 #define DUPLICATE_SCALE    CAIRN_REAL(0.12)
-/* Places closer than this, of the size, are a crowd, and no more of them are kept than one share
- * in so many. */
+/* Cluster radius, share of the size; a cluster holds at most one CLUSTERS-th of the hypotheses. */
 #define CLUSTER_RADIUS CAIRN_REAL(0.3)
 enum { CLUSTERS = 8 };
 enum { MAX_PAIRS = 1 << 22 };
-/* Cosines of half the range of turns above this tell a chord that is turned too far without a
- * root. */
+/* Least cosine of half the rotation range for which chords are rejected early by a squared
+ * cosine. */
 #define MIN_RANGE_COSINE CAIRN_REAL(0.1)
-/* Room for rounding. */
+/* Factors that widen ranges for rounding errors. */
 #define ROUND_DOWN CAIRN_REAL(0.9999)
 #define ROUND_UP   CAIRN_REAL(1.0001)
 
-/* The bin of a direction, 0 ... 7 over half a turn, by comparisons only. */
+/* Direction bin, 0 ... 7 over half a turn, by comparisons only. */
 static int32_t direction_bin(cairn_vec2 d)
 {
     cairn_real x = d.x, y = d.y;
@@ -47,7 +51,7 @@ static int32_t direction_bin(cairn_vec2 d)
     return bin + (y > x ? 2 : y > CAIRN_REAL(0.414213562) * x);
 }
 
-/* Marks a token's direction, and the bins beside it, in the cells around it. */
+/* Marks a token's direction bin and its neighbours in the cells around the token. */
 static void mark_token(cairn_grouping *grouping, const grouping_token *t)
 {
     int32_t bin = direction_bin(t->direction),
@@ -68,7 +72,7 @@ static void mark_token(cairn_grouping *grouping, const grouping_token *t)
     }
 }
 
-/* The share of the outline that has an edge near it. */
+/* Edge coverage of a pose: share of outline samples with an edge of their direction nearby. */
 static cairn_real edge_coverage(const cairn_grouping *grouping, const grouping_pose *pose)
 {
     const cairn_shape_model *model = grouping->input.model;
@@ -106,8 +110,8 @@ static int are_in_cluster(const grouping_hypothesis *a, const grouping_hypothesi
            CLUSTER_RADIUS * CLUSTER_RADIUS * sizes;
 }
 
-/* The place that a new one may only take the place of: one that is nearly the same, or the worst
- * of a crowd; -1: none. */
+/* Index of the hypothesis that a new one may replace: a near-duplicate, or the worst of a full
+ * cluster; -1: none. */
 static int32_t replaceable_hypothesis(const cairn_grouping *grouping,
                                       const grouping_hypothesis *hypothesis)
 {
@@ -126,8 +130,8 @@ static int32_t replaceable_hypothesis(const cairn_grouping *grouping,
     return cluster_size > max_cluster ? worst : -1;
 }
 
-/* Keeps a place among the best, in order; of those nearly at one place only the best, and of
- * those close to it not too many, so that there is room for the places of other objects. */
+/* Inserts a hypothesis into the sorted list, with non-maximum suppression of near-duplicates and a
+ * limit per cluster, so that capacity remains for other objects. */
 static void insert_hypothesis(cairn_grouping *grouping, const grouping_hypothesis *hypothesis)
 {
     int32_t at = grouping->hypothesis_count, replaced;
@@ -149,7 +153,7 @@ static void insert_hypothesis(cairn_grouping *grouping, const grouping_hypothesi
     grouping->hypotheses[at] = *hypothesis;
 }
 
-/* 1 when a token runs as a direction of the model would in a pose. */
+/* Returns 1 when a token is aligned with a model direction in a pose. */
 static int is_aligned(const grouping_token *t, const grouping_pose *pose, cairn_vec2 d,
                       cairn_real size)
 {
@@ -157,8 +161,8 @@ static int is_aligned(const grouping_token *t, const grouping_pose *pose, cairn_
            MIN_COSINE * size;
 }
 
-/* Which of the ways a chord runs, 0 ... GROUPING_WAYS - 1 once around: like an angle, but
- * without an arc tangent. */
+/* Quantized direction of a chord, 0 ... GROUPING_CHORD_DIRECTIONS - 1 over the full circle;
+ * monotonic in the angle, without an arc tangent. */
 static int32_t chord_direction(cairn_vec2 c)
 {
     cairn_real sum = cairn_abs(c.x) + cairn_abs(c.y), along = sum > 0 ? c.x / sum : 0;
@@ -169,7 +173,7 @@ static int32_t chord_direction(cairn_vec2 c)
     return c.y < 0 ? GROUPING_CHORD_DIRECTIONS - 1 - direction : direction;
 }
 
-/* Chords of a way may be this sample's. */
+/* Extends the sample range of a direction by a sample. */
 static void admit_sample(grouping_sample_range *range, int32_t sample)
 {
     if (sample < range->from)
@@ -178,7 +182,7 @@ static void admit_sample(grouping_sample_range *range, int32_t sample)
         range->to = (int16_t)(sample + 1);
 }
 
-/* The chord between the touches of a sample. */
+/* Chord between the two contact points of a model sample. */
 static cairn_vec2 chord_of(const cairn_grouping *grouping, int32_t sample)
 {
     const cairn_shape_sample *s = &grouping->input.model->samples[sample];
@@ -186,8 +190,8 @@ static cairn_vec2 chord_of(const cairn_grouping *grouping, int32_t sample)
     return cairn_vec2_sub(s->side[1].position, s->side[0].position);
 }
 
-/* The ways that chords of a sample may run, turned as far as asked for to either side, and one
- * more for rounding. */
+/* Registers the quantized directions that a sample's chord may have over the rotation range, with a
+ * margin of one for rounding. */
 static void admit_directions(cairn_grouping *grouping, int32_t sample)
 {
     cairn_vec2 m = chord_of(grouping, sample), axis = grouping->middle_rotation;
@@ -224,8 +228,8 @@ void cairn_grouping_begin_hypotheses(cairn_grouping *grouping)
         admit_directions(grouping, k);
 }
 
-/* 0: a chord of tokens, whose length squared is cc, is too short, too long or turned too far for
- * a sample's; 1: it may not be. */
+/* Returns 0 when a chord of tokens, of squared length cc, is too short, too long or rotated too far
+ * for a sample. */
 static int is_feasible(const cairn_grouping *grouping, int32_t sample, cairn_vec2 c, cairn_real cc)
 {
     cairn_vec2 m = chord_of(grouping, sample);
@@ -237,7 +241,7 @@ static int is_feasible(const cairn_grouping *grouping, int32_t sample, cairn_vec
            along * cairn_abs(along) >= grouping->min_cosine_squared * mm * cc;
 }
 
-/* A pair of tokens as the sides 0 and 1 of a sample. */
+/* Tests a pair of tokens as the sides 0 and 1 of a sample, and inserts the resulting hypothesis. */
 static void test_sample(cairn_grouping *grouping, const grouping_token *p, const grouping_token *q,
                         int32_t sample)
 {
@@ -266,14 +270,15 @@ static void test_sample(cairn_grouping *grouping, const grouping_token *p, const
     insert_hypothesis(grouping, &hypothesis);
 }
 
-/* Of so many tokens one is looked at with all others, so that the pairs stay within bounds. */
+/* Subsampling stride of the first token of a pair, so that the number of pairs stays within
+ * MAX_PAIRS. */
 static int32_t token_stride(const cairn_grouping *grouping)
 {
     return 1 + cairn_real_to_int((cairn_real)grouping->token_count *
                                  (cairn_real)grouping->token_count / MAX_PAIRS);
 }
 
-/* Clears the map, marks all tokens; then pair by pair. */
+/* Clears the map, marks all tokens, then tests pair by pair. */
 cairn_status cairn_grouping_generate_hypotheses(cairn_grouping *grouping, cairn_budget *budget)
 {
     int32_t cells = grouping->edge_columns * grouping->edge_rows,

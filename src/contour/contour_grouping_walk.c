@@ -1,31 +1,36 @@
-/* The walk: the filter's callbacks.
+/* Callbacks of the particle filter in the default mode.
  *
- * A particle has a similarity that lays the model onto what it has grouped so far (the sums of the
- * fit are its memory, so that the past need not be read again), and how far the contour lies off
- * the model on either side. Its next step looks for the next sample of the model: tokens near where
- * both touches should be, or none, in all pairs. Masses are those of the gaps and of the symmetry
- * (2.11), likelihoods those of the skeleton's place and of the radius (2.13).
+ * State: a similarity transform that fits the model to the points matched so far, and the offset of
+ * the contour from the model on either side. The sums of the fit summarize the trajectory, so that
+ * the history need not be read.
  *
- * From the sample where it began a walk goes on to the end of the path, then back from there to
- * the path's start, then along the other paths, each from where it branches off: after as many
- * steps all particles have seen as much of the model. */
+ * Method:
+ * 1. Proposal: for the next model sample, all pairs of tokens near both predicted contact points,
+ *    each side possibly unmatched. Masses by the gaps and the loss of symmetry (2.11).
+ * 2. Likelihood: position of the skeleton point and radius (2.13), and the fit of both sides.
+ * 3. Update: the new points are added to the fit.
+ *
+ * A trajectory starts at its hypothesis' sample and runs to the end of the path, then back from
+ * there to the path's start, then along the other paths, each from its branch point. After equally
+ * many steps all particles have covered equally much of the model. */
 #include "src/core/build.h"
 
 #include "cairn/symmetric_point.h"
 #include "src/contour/contour_grouping_work.h"
 
-/* Of the last deviation from the model how much is expected of the next one. */
+/* Decay of the predicted offset from the model per step. */
 #define OFFSET_DECAY CAIRN_REAL(0.8)
-/* Points that the first similarity is worth in the fit. */
+/* Weight of the initial pose in the fit, points. */
 #define PRIOR_WEIGHT 4
-/* Loss of likelihood of the pair's discs, (2.13): sigmas in units of the deformation. */
+/* Standard deviations of the disc's position and radius in (2.13), in units of the
+ * deformation's. */
 #define PLACE_SIGMA  CAIRN_REAL(1.5)
 #define RADIUS_SIGMA CAIRN_REAL(1.5)
-/* The weight of a start is the root of this degree of how much likelier it is. */
+/* Tempering of initial weights: the log-likelihood ratio is divided by this temperature. */
 #define START_TEMPERATURE 8
 enum { UNITS_PER_PROPOSAL = 60 };
 
-/* The sample that step `step` of a walk from `start` looks for; -1: the walk is over. */
+/* Model sample of step `step` of a trajectory from `start`; -1: past the end. */
 static int32_t sample_of_step(const cairn_shape_model *model, int32_t start, int32_t step)
 {
     int32_t home = 0, first, end;
@@ -51,7 +56,7 @@ static int32_t sample_of_step(const cairn_shape_model *model, int32_t start, int
     return -1;
 }
 
-/* What the state will be when the sides of its sample are these tokens. */
+/* Updates a state for the tokens matched to the sides of its sample. */
 static void match_sides(const cairn_grouping *grouping, grouping_state *s, const cairn_vec2 at[2])
 {
     const cairn_shape_sample *model_sample = &grouping->input.model->samples[s->sample];
@@ -64,7 +69,8 @@ static void match_sides(const cairn_grouping *grouping, grouping_state *s, const
             continue;
         edgel[side].position = cairn_grouping_nearest_point(grouping, s->token[side], at[side]);
         edgel[side].direction = grouping->tokens[s->token[side]].direction;
-        /* Along the contour a token lies where it likes; only across it says something. */
+        /* The position of a token along the contour carries no information; only its offset across
+         * does. */
         s->offset[side] =
             cairn_vec2_sub(edgel[side].position,
                            grouping_transform_point(&s->pose, model_sample->side[side].position));
@@ -84,7 +90,7 @@ static void match_sides(const cairn_grouping *grouping, grouping_state *s, const
     }
 }
 
-/* (2.11): the gaps, and what symmetry was lost. */
+/* Log mass of the proposal (2.11): gaps, and loss of symmetry. */
 static cairn_real log_mass(const cairn_grouping *grouping, const grouping_state *before,
                            const grouping_state *s)
 {
@@ -96,6 +102,7 @@ static cairn_real log_mass(const cairn_grouping *grouping, const grouping_state 
                : mass;
 }
 
+/* Proposal: offers all pairs of token matches of the next sample as candidate states. */
 static cairn_status propose(void *context, cairn_particle_filter *filter, int32_t index,
                             cairn_budget *budget)
 {
@@ -139,7 +146,8 @@ static cairn_status propose(void *context, cairn_particle_filter *filter, int32_
     return CAIRN_OK;
 }
 
-/* Half the squares of what a side lies off the model, across it, and of its turn. */
+/* Cost of a matched side: half the squared offset across the model and sine of the angle, in
+ * sigmas. */
 static cairn_real side_cost(const cairn_grouping *grouping, const grouping_state *s, int32_t side)
 {
     cairn_vec2 wanted = grouping_transform_vector(
@@ -152,8 +160,8 @@ static cairn_real side_cost(const cairn_grouping *grouping, const grouping_state
     return cairn_half_square(across * CAIRN_REAL(0.5)) + cairn_half_square(sine);
 }
 
-/* (2.13) where both sides are seen, with the directions of the sides; a side that is not seen
- * has a price of its own. */
+/* Log-likelihood: (2.13) where both sides are matched, and the fit of each side; an unmatched side
+ * has a constant cost. */
 static cairn_status likelihood(void *context, const cairn_particle_filter *filter, int32_t index,
                                const void *state, cairn_real *log_likelihood, cairn_budget *budget)
 {
@@ -189,7 +197,7 @@ static cairn_status likelihood(void *context, const cairn_particle_filter *filte
     return CAIRN_OK;
 }
 
-/* The similarity with the new points. */
+/* Refits the pose with the new points. */
 static void append(void *context, const cairn_particle_filter *filter, int32_t index, void *state)
 {
     cairn_grouping *grouping = context;
@@ -204,7 +212,7 @@ static void append(void *context, const cairn_particle_filter *filter, int32_t i
             cairn_grouping_add_point(&s->sums, model_sample->side[side].position,
                                      s->last_point[side], 1);
     s->pose = cairn_grouping_fit_pose(&s->sums, &was);
-    /* What the new similarity explains is no deviation. */
+    /* Offsets are measured from the refitted pose. */
     for (int32_t side = 0; side < 2; side++)
         if (s->token[side] >= 0)
             s->offset[side] = cairn_vec2_sub(
@@ -219,7 +227,7 @@ cairn_particle_model cairn_grouping_filter_model(cairn_grouping *grouping)
     return model;
 }
 
-/* The first particles: the starts, weighed by their evidence. */
+/* Initializes the particles from the hypotheses, weighted by their tempered evidence. */
 cairn_status cairn_grouping_begin_filter(cairn_grouping *grouping)
 {
     cairn_status status = cairn_particle_filter_clear(grouping->filter, grouping->params.seed);
@@ -251,6 +259,7 @@ cairn_status cairn_grouping_begin_filter(cairn_grouping *grouping)
     return status;
 }
 
+/* Best mean log-likelihood per step over all particles. */
 static cairn_real best_mean_log_likelihood(const cairn_grouping *grouping)
 {
     cairn_real best = -CAIRN_REAL_MAX;

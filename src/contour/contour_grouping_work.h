@@ -30,6 +30,7 @@ typedef struct grouping_pose {
 typedef struct grouping_token {
     cairn_vec2 middle, direction; /* px, midpoint; unit direction */
     cairn_real half_length;       /* px */
+    /* index of its segment in the input */
     int32_t segment;
     /* next token of the same cell, -1: none; valid until the tokens are sorted by cell */
     int32_t next_in_cell;
@@ -61,6 +62,7 @@ typedef struct grouping_hypothesis {
     cairn_real size; /* px, size when generated */
     /* edge coverage of the outline when generated, 0 ... 1; evidence (nats) after refinement */
     cairn_real score;
+    /* model sample that generated it */
     int32_t sample;
 } grouping_hypothesis;
 
@@ -80,11 +82,12 @@ typedef struct grouping_fit_sums {
 typedef struct grouping_state {
     grouping_pose pose;
     grouping_fit_sums sums;
-    cairn_vec2 offset[2];     /* px: how far the contour lies off the pose, on either side */
+    cairn_vec2 offset[2];     /* px, offset of the contour from the posed model on either side */
     cairn_vec2 last_point[2]; /* px, last matched point on either side */
     cairn_vec2 centre;        /* px, centre of the symmetric point */
     /* px, rad, of the symmetric point */
     cairn_real radius, deviation;
+    /* px, mean gap to the previous matched points */
     cairn_real gap;   /* px */
     int32_t token[2]; /* -1: unmatched */
     int32_t sample, start;
