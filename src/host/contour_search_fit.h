@@ -8,21 +8,21 @@
 /* Directions over half a turn, and cells along a side of the window: one and a half sizes. */
 enum { CONTOUR_FIELD_BINS = 12, CONTOUR_FIELD_SIDE = 192 };
 /* No edge is in reach. */
-#define CONTOUR_FIELD_MOST CAIRN_REAL(30.0)
+#define CONTOUR_FIELD_MAX_COST CAIRN_REAL(30.0)
 
 typedef struct contour_field {
     /* [BINS * SIDE * SIDE] -log of how well an edge fits there */
     cairn_real *cost;
     /* [BINS * SIDE * SIDE] what it says of an outline; CAIRN_REAL_MAX: not yet asked for */
-    cairn_real *worth;
+    cairn_real *llr;
     /* one direction's, and what lies about them, while they are made */
     cairn_real *plane;
     /* how well one does by chance */
-    cairn_real chance[CONTOUR_FIELD_BINS];
+    cairn_real background[CONTOUR_FIELD_BINS];
     /* px */
     cairn_vec2 corner;
     /* px */
-    cairn_real cell;
+    cairn_real cell_size;
 } contour_field;
 
 /* NULL: there is no memory. */
@@ -38,7 +38,7 @@ typedef struct contour_fit {
     /* [outline_count] px */
     cairn_oriented_point *outline;
     /* [outline_count] log of how much likelier its edge is with the object than by chance */
-    cairn_real *worth;
+    cairn_real *llr;
     /* [outline_count] of which outline each sample is */
     int32_t *part;
     /* all of it, less what the bending costs */
@@ -55,19 +55,19 @@ int cairn_contour_fit_new(contour_fit *fit, int32_t outline_count);
 void cairn_contour_fit_free(contour_fit *fit);
 
 /* The drawing that an outline was bent from. */
-typedef struct contour_drawn {
+typedef struct contour_reference {
     /* [laid outline_count] of the model, mirrored where the object is */
     const cairn_oriented_point *outline;
     /* its x axis in the image, of length 1; (1, 0): turns of the object count */
-    cairn_vec2 turn;
-} contour_drawn;
+    cairn_vec2 rotation;
+} contour_reference;
 
 /* How well a bent outline fits, whatever lies round it (contour_search_shape.c). part: the
  * fit's; list: [tokens->count] is overwritten. near: NULL, or [outline_count], takes how near an
  * edge is to each sample, 0 ... 1. Cost: samples times the segments in its box. */
 cairn_contour_shape cairn_contour_shape_of(const cairn_contour_tokens *tokens,
-                                           const contour_laid *laid, const int32_t *part,
-                                           const contour_drawn *drawn, int32_t *list,
-                                           cairn_real *near);
+                                           const contour_fitted_outline *fitted,
+                                           const int32_t *part, const contour_reference *reference,
+                                           int32_t *list, cairn_real *proximity);
 
 #endif

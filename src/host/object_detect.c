@@ -164,7 +164,7 @@ static int32_t segment_at(const detector *d, const int32_t *list, int32_t count,
 
     for (int32_t i = 0; i < count; i++) {
         cairn_segment line = d->field->tokens->lines[list[i]];
-        cairn_real distance = cairn_contour_distance(line, place.position);
+        cairn_real distance = cairn_contour_point_distance(line, place.position);
         cairn_vec2 along = cairn_vec2_unit(cairn_vec2_sub(line.b, line.a));
 
         if (distance < nearest &&
@@ -180,7 +180,7 @@ static int32_t segment_at(const detector *d, const int32_t *list, int32_t count,
 static int take_segments(const detector *d, cairn_detections *found, cairn_detection *o)
 {
     const cairn_contour_tokens *tokens = d->field->tokens;
-    contour_laid laid = {d->fit.outline, d->model->outline_count, o->origin, o->size};
+    contour_fitted_outline laid = {d->fit.outline, d->model->outline_count, o->origin, o->size};
     int32_t *list = realloc(
         found->segments, ((size_t)found->segment_count + (size_t)tokens->count + 1) * sizeof *list);
     cairn_real length = 0;
@@ -190,7 +190,7 @@ static int take_segments(const detector *d, cairn_detections *found, cairn_detec
     found->segments = list;
     o->first_segment = found->segment_count;
     list += found->segment_count;
-    if (!cairn_contour_collect(tokens, &laid, list, &o->segment_count))
+    if (!cairn_contour_collect_segments(tokens, &laid, list, &o->segment_count))
         return 0;
     found->segment_count += o->segment_count;
     for (int32_t i = 0; i < o->segment_count; i++)
@@ -214,8 +214,8 @@ static const cairn_oriented_point *drawn_outline(const detector *d, const cairn_
  * cairn_detect_agreed(). */
 static void measure_shape(const detector *d, cairn_detection *o, detect_similarity *map)
 {
-    const contour_laid laid = {d->fit.outline, o->outline_count, o->origin, o->size};
-    const contour_drawn drawn = {drawn_outline(d, o), {1, 0}};
+    const contour_fitted_outline laid = {d->fit.outline, o->outline_count, o->origin, o->size};
+    const contour_reference drawn = {drawn_outline(d, o), {1, 0}};
     cairn_contour_shape shape =
         cairn_contour_shape_of(d->field->tokens, &laid, d->fit.part, &drawn, d->near, d->room);
 

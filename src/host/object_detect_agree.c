@@ -28,13 +28,13 @@ static cairn_vec2 lay(const detect_similarity *s, cairn_vec2 p)
 }
 
 /* Where a sample came to lie, in the sizes and from the origin of the outline. */
-static cairn_vec2 place_of(const contour_laid *c, int32_t i)
+static cairn_vec2 place_of(const contour_fitted_outline *c, int32_t i)
 {
     return cairn_vec2_scale(cairn_vec2_sub(c->outline[i].position, c->origin), 1 / c->size);
 }
 
 /* By least squares with weights; 0: there is none within SCALE_MOST. */
-static int32_t solve_similarity(const contour_laid *c, const cairn_oriented_point *drawn,
+static int32_t solve_similarity(const contour_fitted_outline *c, const cairn_oriented_point *drawn,
                                 const cairn_real *weight, detect_similarity *s)
 {
     cairn_vec2 from = {0, 0}, to = {0, 0};
@@ -70,7 +70,7 @@ static int32_t solve_similarity(const contour_laid *c, const cairn_oriented_poin
 
 /* Weighs samples by how near an edge is to each, and how near it lies to where the map lays it;
  * the mean weight. */
-static cairn_real weigh(const contour_laid *c, const cairn_oriented_point *drawn,
+static cairn_real weigh(const contour_fitted_outline *c, const cairn_oriented_point *drawn,
                         const detect_similarity *s, cairn_real sigma, const cairn_real *near,
                         cairn_real *weight)
 {
@@ -85,8 +85,9 @@ static cairn_real weigh(const contour_laid *c, const cairn_oriented_point *drawn
     return sum / (cairn_real)c->outline_count;
 }
 
-cairn_real cairn_detect_agreed(const contour_laid *laid, const cairn_oriented_point *drawn,
-                               const cairn_real *near, cairn_real *weight, detect_similarity *map)
+cairn_real cairn_detect_agreed(const contour_fitted_outline *laid,
+                               const cairn_oriented_point *drawn, const cairn_real *near,
+                               cairn_real *weight, detect_similarity *map)
 {
     cairn_real most = 0;
 

@@ -118,8 +118,9 @@ typedef struct detect_similarity {
  * near: [outline_count] how near an edge is to each sample; weight: [outline_count] is
  * overwritten. map: where most of the outline agrees that it lies, from its origin in its sizes,
  * when it is > 0. Cost: some 40 passes over the samples. */
-cairn_real cairn_detect_agreed(const contour_laid *laid, const cairn_oriented_point *drawn,
-                               const cairn_real *near, cairn_real *weight, detect_similarity *map);
+cairn_real cairn_detect_agreed(const contour_fitted_outline *laid,
+                               const cairn_oriented_point *drawn, const cairn_real *near,
+                               cairn_real *weight, detect_similarity *map);
 
 /* Lays the drawn outline there in place of the bent one; origin and size of the detection become
  * those. */
