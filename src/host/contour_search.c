@@ -1,13 +1,17 @@
-/* Objects among the edges of a picture.
+/* Detection of the instances of a model among the edges of an image.
  *
- * Method: the grouping runs with the model, and with its mirror image when that is asked for, in
- * one band of sizes after the other. What it finds, with little evidence as well, is looked at
- * again: the model's outline is bent onto the edges there (contour_search_fit.c), the segments
- * along it are the contour (contour_search_complete.c). The evidence of both outlines, for each
- * size of outline, with how well the bent one fits as it was drawn (contour_search_shape.c),
- * decides what is reported; of objects that lie on each other the better one stays. Each sample
- * of the model's axis has its sides where the bent outline has them, and where both are seen the
- * disc is that of their symmetric point. */
+ * Method:
+ * 1. Grouping runs for the model, and for its mirror image on request, in successive bands of
+ *    sizes.
+ * 2. Its objects, including those of low evidence, are candidates. Each is refined: the model's
+ *    outline is deformed to the edges (contour_search_fit.c), and the segments along it are the
+ *    contour (contour_search_complete.c).
+ * 3. A linear score decides which are reported: the evidence of the rigid and the deformed outline
+ *    per object size of outline length, the shape quality of the deformed outline
+ *    (contour_search_shape.c), and the matched share.
+ * 4. Each sample of the model's skeleton takes its sides from the deformed outline. Where both are
+ *    matched the disc is that of their symmetric point.
+ * 5. Non-maximum suppression keeps the best of overlapping objects. */
 #include "src/core/build.h"
 
 #include <errno.h>
@@ -19,36 +23,35 @@
 #include "cairn/symmetric_point.h"
 #include "src/host/contour_search_fit.h"
 
-/* Objects whose middles are closer, of their size, are one. */
+/* Non-maximum suppression radius, share of the object's size. */
 #define NMS_RADIUS_SHARE 0.3
-/* A segment of the contour lies at most so far from a place of the outline, of the size, but at
- * least so many pixels, and turned by so much. */
+/* Greatest distance of a contour segment from an outline sample, share of the size, but at least
+ * MIN_DISTANCE_PX; and least cosine of the angle between them. */
 #define MAX_DISTANCE_SHARE 0.04
 #define MIN_DISTANCE_PX    3
 #define MIN_COSINE         0.7
 #define MIN_TOKENS         64
-/* What the evidence of the outline as it is is worth, beside that of the bent one. */
+/* Weight of the rigid outline's evidence; that of the deformed outline has weight 1. */
 #define RIGID_EVIDENCE_WEIGHT 2
-/* And how near edges are to the bent outline, how far it is turned and, squared, strained
- * against the drawn one (contour_search_shape.c), and how much of it is seen: among many edges
- * evidence forgives what a drawing would not. */
+/* Weights of edge proximity, tangent deviation, squared deformation (contour_search_shape.c) and
+ * matched share. In clutter evidence alone accepts distorted shapes. */
 #define PROXIMITY_WEIGHT     20
 #define TANGENT_WEIGHT       100
 #define DEFORMATION_WEIGHT   4500
 #define MATCHED_SHARE_WEIGHT 60
-/* What these come to where the evidence of both outlines alone would just do. */
+/* Offset: the sum of these terms for an object whose evidence alone is at the threshold. */
 #define SCORE_OFFSET 58
-/* Sizes that are searched at once differ by this factor at most: of sizes at one place a search
- * keeps the best alone. */
+/* Greatest ratio of sizes within one band, because a search keeps only the best size at one
+ * position. */
 #define BAND_FACTOR 2.2
-/* Evidence of an object, and of one that is looked at again; and how many of these there are at
- * most. */
+/* Least evidence and score of a reported object; least evidence and greatest number of
+ * candidates. */
 #define MIN_EVIDENCE           34
 #define MIN_SCORE              CAIRN_REAL(0.3)
 #define MIN_CANDIDATE_EVIDENCE 2
 enum { MAX_CANDIDATES = 12 };
 
-/* Steps between looks at the walk. */
+/* Work units between callbacks. */
 enum { UNITS_PER_CALLBACK = 2000 };
 
 typedef struct contour_searcher {
@@ -57,7 +60,7 @@ typedef struct contour_searcher {
     const cairn_contour_search_params *params;
     contour_field *field;
     contour_fit fit;
-    int32_t *scratch; /* [tokens->count] of the object that is looked at */
+    int32_t *scratch; /* [tokens->count] scratch for the current object */
 } contour_searcher;
 
 cairn_contour_search_params cairn_contour_search_default(int32_t width, int32_t height)
@@ -74,7 +77,7 @@ cairn_contour_search_params cairn_contour_search_default(int32_t width, int32_t 
         .mirror = 1,
     };
 
-    /* What the rigid outline is not enough for the bent one may be. */
+    /* A low threshold for the rigid outline: deformation may raise the evidence. */
     params.grouping.min_evidence = MIN_CANDIDATE_EVIDENCE;
     params.grouping.min_score = 0;
     params.grouping.max_objects = MAX_CANDIDATES;
@@ -117,7 +120,7 @@ cairn_real cairn_contour_point_distance(cairn_segment line, cairn_vec2 p)
     return cairn_vec2_norm(cairn_vec2_sub(to, cairn_vec2_scale(along, share)));
 }
 
-/* The object's segment nearest to a place, in a direction there; -1: none is near. */
+/* The object's segment nearest to a point and its direction; -1: none. */
 static int32_t segment_at(const contour_searcher *searcher, const cairn_grouped_object *object,
                           cairn_oriented_point point)
 {
@@ -139,7 +142,7 @@ static int32_t segment_at(const contour_searcher *searcher, const cairn_grouped_
     return found;
 }
 
-/* The sample of the model's outline nearest to a place of the model. */
+/* Index of the model's outline sample nearest to a point of the model. */
 static int32_t nearest_sample(const cairn_shape_model *model, cairn_vec2 point)
 {
     cairn_real least = CAIRN_REAL_MAX;
@@ -157,8 +160,8 @@ static int32_t nearest_sample(const cairn_shape_model *model, cairn_vec2 point)
     return nearest;
 }
 
-/* The disc of a sample where the bent outline has its sides, or of the symmetric point of the
- * segments on both. */
+/* Disc of a model sample: from the sides of the deformed outline, or the symmetric point of the
+ * segments on both sides. */
 static cairn_contour_disc disc_of(const contour_searcher *searcher,
                                   const cairn_contour_object *object,
                                   const cairn_shape_model *model, int32_t index)
@@ -194,7 +197,7 @@ static cairn_contour_disc disc_of(const contour_searcher *searcher,
 
 /* ---- Objects ---- */
 
-/* Room for as many items more; 0: there is no memory. */
+/* Grows an array by `count` items; 0: out of memory. */
 static int reserve(void **array, int32_t length, int32_t count, size_t size)
 {
     void *grown = realloc(*array, ((size_t)length + (size_t)count + 1) * size);
@@ -221,8 +224,7 @@ static int reserve_object(cairn_contour_result *result, int32_t segments,
     return ok;
 }
 
-/* The share of the outline's samples that have a segment, and their number as samples of the
- * skeleton. */
+/* Computes the matched share of the outline, and the number of matched skeleton samples. */
 static void count_matched(const cairn_contour_result *result, cairn_contour_object *object,
                           const cairn_shape_model *model)
 {
@@ -237,7 +239,7 @@ static void count_matched(const cairn_contour_result *result, cairn_contour_obje
                               result->discs[object->first_disc + k].side[1] >= 0;
 }
 
-/* Where the bent outline is at the gaps of the model's drawing. */
+/* Positions on the deformed outline of the gaps in the model's drawing. */
 static contour_gaps gaps_of(const contour_fit *fit, const cairn_shape_model *model)
 {
     contour_gaps gaps = {.count = model->gap_count};
@@ -267,8 +269,8 @@ static cairn_real evidence_of(const cairn_contour_object *object)
            MATCHED_SHARE_WEIGHT * object->found.score - SCORE_OFFSET;
 }
 
-/* Bends the model onto the edges about an object of the grouping, and lists the segments along
- * it. Objects with too little evidence are not added. 0: there is no memory. */
+/* Deforms the model to the edges around an object of the grouping, and collects the segments along
+ * it. Objects below the thresholds are not added. Returns 0 when out of memory. */
 static int add_object(contour_searcher *searcher, const cairn_grouping_result *found, int32_t index,
                       const cairn_shape_model *model, int32_t mirrored)
 {
@@ -330,7 +332,7 @@ static int compare_objects(const void *a, const void *b)
     return x->mirrored != y->mirrored ? x->mirrored - y->mirrored : x->first_disc - y->first_disc;
 }
 
-/* The best first; those that lie on better ones go. */
+/* Sorts objects by descending evidence and removes those too close to better ones. */
 static void suppress_non_maxima(cairn_contour_result *result)
 {
     int32_t kept = 0;
@@ -372,7 +374,7 @@ int cairn_contour_completed(const cairn_contour_result *result, const cairn_cont
 
 /* ---- The search ---- */
 
-/* Groups of particles whose models lie apart. */
+/* Number of clusters of particles by model position. */
 static int32_t count_modes(const cairn_grouping_particle *particles, int32_t count, int32_t *mode)
 {
     int32_t modes = 0;
@@ -395,11 +397,11 @@ static int32_t count_modes(const cairn_grouping_particle *particles, int32_t cou
     return modes;
 }
 
-/* What a look at the walk needs. */
+/* Buffers for observing the filter. */
 typedef struct filter_observer {
     cairn_grouping_particle *particles; /* [most] */
     int32_t *mode;                      /* [most] */
-    int32_t capacity, last_step;        /* particles, steps */
+    int32_t capacity, last_step;        /* particles; last observed step */
 } filter_observer;
 
 static void observe(const contour_searcher *searcher, const cairn_grouping *grouping,
@@ -446,7 +448,7 @@ static cairn_status run_grouping(const contour_searcher *searcher, cairn_groupin
     return status;
 }
 
-/* The trace of a walk, behind those of the bands before, and its objects. */
+/* Appends the filter trace to those of earlier bands, and adds the objects. */
 static int append_result(contour_searcher *searcher, const cairn_grouping *grouping,
                          const cairn_shape_model *model, int32_t mirrored)
 {
@@ -468,7 +470,7 @@ static int append_result(contour_searcher *searcher, const cairn_grouping *group
     return 1;
 }
 
-/* Looks for the model in sizes of one band after the other. */
+/* Searches the model in successive bands of sizes. */
 static cairn_status search_bands(contour_searcher *searcher, const cairn_shape_model *model,
                                  int32_t mirrored, cairn_pool *pool,
                                  const cairn_grouping_params *params)
@@ -506,7 +508,7 @@ static cairn_status search_bands(contour_searcher *searcher, const cairn_shape_m
     return status;
 }
 
-/* What the pieces of all segments come to. */
+/* Number of tokens of all segments, clamped. */
 static int32_t count_tokens(const cairn_contour_tokens *tokens, cairn_real token)
 {
     double count = 0;

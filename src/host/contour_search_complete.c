@@ -1,11 +1,15 @@
-/* The segments of a contour: those along the bent outline, completed along their chains.
+/* Contour completion: the segments along the deformed outline, extended along their chains.
  *
- * Method: a segment belongs to the contour when most of it runs near the outline and in its
- * direction. Segments between two of one chain lie on the same edge. Behind its last ones a
- * chain is followed as long as it keeps to the outline, and across junctions to other chains
- * that begin there; how far an edge lies off the outline may grow slowly on the way. About the
- * gaps of a drawing, where the object goes on that was not drawn, edges are followed round any
- * corner. */
+ * Method:
+ * 1. A segment belongs to the contour when most of it is near the outline and parallel to it.
+ * 2. Gaps within a chain are closed: segments between two contour segments of one chain lie on the
+ *    same edge.
+ * 3. Beyond its last contour segments a chain is followed while it stays near the outline, and
+ *    across junctions to other chains that start there. The offset from the outline may grow slowly
+ *    on the way.
+ * 4. Where edges leave the outline they are followed for a limited length. Near the gaps of the
+ *    drawing, where the object continues beyond the drawn outline, they are followed round any
+ *    corner. */
 #include "src/core/build.h"
 
 #include <stdlib.h>
@@ -14,33 +18,34 @@
 #include "src/host/contour_search_ends.h"
 #include "src/host/contour_search_fit.h"
 
-/* Of the object's size: a gap within a chain that is closed, whatever lies in it. */
+/* Share of the object's size: greatest gap within a chain that is closed. */
 #define MAX_GAP_SHARE 0.15
-/* Beyond its ends a chain is followed so near to the model, or, from a segment that lay farther
- * off, so much farther, but never farther than the last; and turned by so little. Of the size. */
+/* Shares of the size. A chain is followed within MAX_OFFSET_SHARE of the outline, or up to
+ * OFFSET_GROWTH_SHARE beyond the offset of the previous segment, but never beyond MAX_DRIFT_SHARE.
+ * And the least cosine of the angle to the outline. */
 #define MAX_OFFSET_SHARE    0.05
 #define OFFSET_GROWTH_SHARE 0.03
 #define MAX_DRIFT_SHARE     0.1
 #define MIN_COSINE          0.8
-/* A segment is along the outline within such a share of the size, but at least so many pixels;
- * looked at in such steps, px. */
+/* px, greatest length of an extension */
 #define MAX_DISTANCE_SHARE 0.045
 #define MIN_DISTANCE_PX    3
 #define SAMPLE_STEP_PX     3
-/* Where an edge leaves the outline it is followed by so much of the size, round bends of a
- * chain, and across junctions about straight on. */
+/* Greatest length that edges are followed beyond the outline, share of the size. */
 #define MAX_EXTENSION_SHARE 0.35
-/* And out of the box about the outline by so much of it: a drawing may end where the object goes
- * on, as at legs. */
+/* Margin of the outline's box within which they are followed, share of the size (a drawing may end
+ * where the object continues, as at legs); least cosines of the turning angle along a chain and
+ * across a junction. */
 #define BOX_MARGIN_SHARE    0.2
 #define MIN_CHAIN_COSINE    0.5
 #define MIN_JUNCTION_COSINE 0.6
-/* Within such a share of the size of a gap of the drawing the object goes on: there edges are
- * followed round bends like these, and between ends so many pixels apart in any direction. */
+/* Radius around a gap of the drawing, share of the size, where the object continues; least cosine
+ * of the turning angle along a chain there, and greatest distance of adjacent ends, px, in any
+ * direction. */
 #define GAP_RADIUS_SHARE 0.3
 #define MIN_GAP_COSINE   0.3
 #define GAP_JUNCTION_PX  10
-/* Pixels between ends of chains that meet. */
+/* Greatest distance between adjacent ends of chains, px. */
 #define JUNCTION_PX 4
 enum { MAX_ROUNDS = 8 };
 
@@ -53,7 +58,7 @@ static cairn_vec2 middle_of(cairn_segment line)
     return cairn_vec2_scale(cairn_vec2_add(line.a, line.b), CAIRN_REAL(0.5));
 }
 
-/* The sample of the outline nearest to a place; *distance to it. */
+/* Index of the outline sample nearest to a point; *distance to it. */
 static int32_t nearest_sample(const contour_fitted_outline *fitted, cairn_vec2 point,
                               cairn_real *distance)
 {
@@ -73,7 +78,7 @@ static int32_t nearest_sample(const contour_fitted_outline *fitted, cairn_vec2 p
     return nearest;
 }
 
-/* 1 when a line runs as the outline does at a sample. */
+/* Returns 1 when a line is parallel to the outline at a sample. */
 static int is_parallel(const contour_fitted_outline *fitted, int32_t sample, cairn_segment line)
 {
     cairn_vec2 along = cairn_vec2_unit(cairn_vec2_sub(line.b, line.a));
@@ -82,7 +87,7 @@ static int is_parallel(const contour_fitted_outline *fitted, int32_t sample, cai
            (cairn_real)MIN_COSINE;
 }
 
-/* Whether the contour goes on with a segment from one that was taken. */
+/* Returns 1 when the contour continues from one selected segment to another. */
 static int is_continuation(const contour_fitted_outline *fitted, cairn_segment from,
                            cairn_segment line)
 {
@@ -96,7 +101,7 @@ static int is_continuation(const contour_fitted_outline *fitted, cairn_segment f
            is_parallel(fitted, sample, line);
 }
 
-/* Whether most of a segment runs along the outline. */
+/* Returns 1 when most of a segment is along the outline. */
 static int is_along_outline(const contour_fitted_outline *fitted, cairn_segment line)
 {
     int32_t steps = 1 + (int32_t)(cairn_segment_length(line) / SAMPLE_STEP_PX), near = 0;
@@ -114,7 +119,7 @@ static int is_along_outline(const contour_fitted_outline *fitted, cairn_segment 
     return 2 * near > steps + 1;
 }
 
-/* Closes the gaps of one chain, segments[from ... to - 1]. */
+/* Closes the gaps of one chain, segments [from ... to - 1]. */
 static void close_gaps(const cairn_contour_tokens *tokens, const contour_fitted_outline *fitted,
                        int32_t from, int32_t to, uint8_t *selected)
 {
@@ -133,7 +138,7 @@ static void close_gaps(const cairn_contour_tokens *tokens, const contour_fitted_
     }
 }
 
-/* Follows one chain on from what was taken, either way. */
+/* Extends the selection along one chain, in both directions. */
 static void follow(const cairn_contour_tokens *tokens, const contour_fitted_outline *fitted,
                    int32_t from, int32_t to, uint8_t *selected)
 {
@@ -154,7 +159,7 @@ static int32_t end_of_chain(const cairn_contour_tokens *tokens, int32_t from)
     return to;
 }
 
-/* Takes the ends of chains that go on where one that was taken ends; how many. */
+/* Selects the ends of chains that continue where a selected segment ends; returns their number. */
 static int32_t cross_junctions(const cairn_contour_tokens *tokens,
                                const contour_fitted_outline *fitted, contour_ends *ends,
                                uint8_t *selected)
@@ -177,7 +182,7 @@ static int32_t cross_junctions(const cairn_contour_tokens *tokens,
     return crossed;
 }
 
-/* Gaps and ends of all chains of which something was taken. */
+/* Closes gaps and extends the ends of all chains with a selected segment. */
 static void complete_chains(const cairn_contour_tokens *tokens,
                             const contour_fitted_outline *fitted, uint8_t *selected)
 {
@@ -194,7 +199,7 @@ static void complete_chains(const cairn_contour_tokens *tokens,
     }
 }
 
-/* The first and last segments of the chains that lie about the object; their number. */
+/* Lists the first and last segments of the chains near the object; returns their number. */
 static int32_t list_ends(const cairn_contour_tokens *tokens, const contour_fitted_outline *fitted,
                          int32_t *ends)
 {
@@ -220,7 +225,7 @@ static int compare_placed(const void *a, const void *b)
     return x->sample != y->sample ? x->sample - y->sample : x->segment - y->segment;
 }
 
-/* All that is taken, in the order of the outline. */
+/* Lists the selected segments in the order of the outline. */
 static int list_selected(const cairn_contour_tokens *tokens, const contour_fitted_outline *fitted,
                          const uint8_t *selected, int32_t *list, int32_t *count)
 {
@@ -242,7 +247,7 @@ static int list_selected(const cairn_contour_tokens *tokens, const contour_fitte
     return 1;
 }
 
-/* The segments along the outline, those about the object only. */
+/* Selects the segments along the outline, near the object only. */
 static void select_along_outline(const cairn_contour_tokens *tokens,
                                  const contour_fitted_outline *fitted, uint8_t *selected)
 {
@@ -260,8 +265,8 @@ static int is_turn_below(cairn_segment from, cairn_segment to, cairn_real cosine
                           cairn_vec2_unit(cairn_vec2_sub(to.b, to.a))) >= cosine;
 }
 
-/* 1 when the second line goes on from an end of the first, at most so many pixels off and turned
- * by so little. */
+/* Returns 1 when the second line continues from an end of the first, within `junction` px and a
+ * turning angle of at least the given cosine. */
 static int continues(cairn_segment from, cairn_segment to, cairn_real junction, cairn_real cosine)
 {
     for (int32_t k = 0; k < 4; k++) {
@@ -279,18 +284,18 @@ static int continues(cairn_segment from, cairn_segment to, cairn_real junction, 
 
 typedef struct edge_extender {
     const cairn_contour_tokens *tokens;
-    /* px, of the middles of segments */
+    /* px, box that the midpoints of segments must lie in */
     cairn_vec2 box_min, box_max;
     /* px */
     cairn_real max_extension;
-    /* cosines along a chain and between chains */
+    /* least cosines of the turning angle along a chain and between chains */
     cairn_real chain_cosine, junction_cosine;
-    /* only about these; NULL: anywhere */
+    /* extension only near these gaps; NULL: everywhere */
     const contour_gaps *gaps;
-    /* px, of a gap */
+    /* px, radius around a gap */
     cairn_real gap_radius;
-    /* [tokens->count] px of edges from the outline to the end of each segment; CAIRN_REAL_MAX:
-     * not taken */
+    /* [tokens->count] px, length of edges from the outline to the end of each segment;
+     * CAIRN_REAL_MAX: not selected */
     cairn_real *extension;
     int32_t has_changed;
 } edge_extender;
@@ -304,7 +309,7 @@ static int is_near_gap(const edge_extender *extender, cairn_vec2 at)
     return near;
 }
 
-/* Goes on from one segment to another. */
+/* Extends the selection from one segment to another. */
 static void extend(edge_extender *extender, int32_t from, int32_t to)
 {
     cairn_vec2 at = middle_of(extender->tokens->lines[to]);
@@ -333,7 +338,7 @@ static void extend_chain(edge_extender *extender, int32_t from, int32_t to)
             extend(extender, i + 1, i);
 }
 
-/* Follows edges on beyond the outline, where they leave it. */
+/* Follows edges beyond the outline, in rounds until nothing changes. */
 static void extend_all(edge_extender *extender, contour_ends *ends)
 {
     for (int32_t round = 0; round < MAX_ROUNDS; round++) {
@@ -358,7 +363,7 @@ static void extend_all(edge_extender *extender, contour_ends *ends)
     }
 }
 
-/* Once more, about the gaps, from all that is taken. */
+/* Second pass near the gaps, from all selected segments. */
 static int extend_gaps(edge_extender *extender, const contour_gaps *gaps, const contour_ends *ends)
 {
     contour_ends wide;

@@ -1,5 +1,5 @@
-/* Segments that meet: ends in the cells of a grid as wide as the farthest that they may lie
- * apart, or wider where that were many more cells than ends. */
+/* Adjacency of segments: a hash-free grid over their ends, with cells as wide as the greatest
+ * distance, or wider when that would give many more cells than ends. */
 #include "src/core/build.h"
 
 #include <stdlib.h>

@@ -1,9 +1,13 @@
-/* How near an edge of each direction is, everywhere about an object.
+/* Oriented distance field: edge proximity per direction and position around an object.
  *
- * Method: a window about the object in cells that are a share of its size, so that all objects
- * cost the same. Every segment enters the directions near its own at a cost of the turn and of
- * its strength; least costs spread over a few sigmas in rows, then in columns, as in a distance
- * transform. What a direction's edges come to by chance is the mean over the window. */
+ * Method:
+ * 1. A window around the object has cells that are a share of its size, so that all objects cost
+ *    the same.
+ * 2. Every segment is entered into the direction bins near its own, at a cost by angle and
+ *    strength.
+ * 3. Minimum costs are propagated a few sigmas along rows, then along columns (separable distance
+ *    transform).
+ * 4. The background likelihood of a direction is its mean over the window. */
 #include "src/core/build.h"
 
 #include <math.h>
@@ -12,31 +16,31 @@
 
 #include "src/host/contour_search_fit.h"
 
-/* Cells of an object's size. */
+/* Cells per object size. */
 #define CELLS_PER_SIZE 128
-/* Sigmas: of the place, in cells, and of the direction, rad. */
+/* Standard deviations: position, in cells, and direction, rad. */
 #define SIGMA_CELLS 2.0
 #define ANGLE_SIGMA 0.35
-/* Beyond so many sigmas of the direction a segment is no edge of it. */
+/* A segment contributes to directions within this many sigmas. */
 #define MAX_ANGLE_SIGMAS 2.2
-/* Cells that a cost spreads. */
+/* Propagation radius of a cost, cells. */
 enum { SPREAD_CELLS = 5 };
-/* An edge stronger than a share s of all is 2 s times as likely on an object as elsewhere, but
- * never less than this. */
+/* An edge stronger than a share s of all edges is 2 s times as likely on an object as elsewhere;
+ * lower bound of this ratio. */
 #define MIN_STRENGTH_RATIO 0.2
-/* Of the window's cells: so many are near an edge at least. */
+/* Least background likelihood. */
 #define MIN_BACKGROUND 0.02
 
 enum { SIDE = CONTOUR_FIELD_SIDE, BINS = CONTOUR_FIELD_BINS };
 
-/* The costs of one direction, all out of reach. */
+/* Initializes the costs of one direction to out of reach. */
 static void clear_costs(cairn_real *cost)
 {
     for (int32_t i = 0; i < SIDE * SIDE; i++)
         cost[i] = CONTOUR_FIELD_MAX_COST;
 }
 
-/* Marks a line in the cells of one direction. */
+/* Rasterizes a line into the cells of one direction. */
 static void mark_line(contour_field *field, cairn_segment line, cairn_real *cost,
                       cairn_real line_cost)
 {
@@ -64,7 +68,7 @@ static int is_outside(const contour_field *field, cairn_segment line)
            cairn_min(line.a.y, line.b.y) > field->corner.y + side;
 }
 
-/* Enters a segment into all directions near its own. */
+/* Enters a segment into all direction bins near its own. */
 static void enter_segment(contour_field *field, cairn_segment line, cairn_real strength)
 {
     double angle = atan2((double)(line.b.y - line.a.y), (double)(line.b.x - line.a.x));
@@ -81,7 +85,8 @@ static void enter_segment(contour_field *field, cairn_segment line, cairn_real s
     }
 }
 
-/* Costs of SIDE cells of a line: the least of what there was up to SPREAD steps to either side. */
+/* One-dimensional distance transform of SIDE cells: minimum over up to SPREAD_CELLS steps to either
+ * side. */
 static void spread_line(cairn_real *cost, const cairn_real *previous, int32_t step)
 {
     memcpy(cost, previous, SIDE * sizeof *cost);
@@ -95,7 +100,7 @@ static void spread_line(cairn_real *cost, const cairn_real *previous, int32_t st
     }
 }
 
-/* 1 when there is an edge in so many cells. */
+/* Returns 1 when any of `count` cells has an edge. */
 static int has_edge(const cairn_real *cost, int32_t count)
 {
     int32_t i = 0;
@@ -105,8 +110,8 @@ static int has_edge(const cairn_real *cost, int32_t count)
     return i < count;
 }
 
-/* Along every row of cells, then across all of them; plane: [(SIDE + 2 * SPREAD) * SIDE] is
- * overwritten. */
+/* Distance transform along every row of cells, then along all columns; plane: [(SIDE + 2 *
+ * SPREAD_CELLS) * SIDE] scratch. */
 static void spread_both(cairn_real *cost, cairn_real *plane)
 {
     cairn_real line[SIDE + 2 * SPREAD_CELLS];
@@ -127,7 +132,7 @@ static void spread_both(cairn_real *cost, cairn_real *plane)
         spread_line(&cost[i * SIDE], &plane[(SPREAD_CELLS + i) * SIDE], SIDE);
 }
 
-/* Spreads one direction's costs, and takes the mean of how likely they are. */
+/* Transforms one direction's costs, and returns the mean likelihood. */
 static cairn_real spread(cairn_real *cost, cairn_real *plane)
 {
     const double none = exp(-(double)CONTOUR_FIELD_MAX_COST);

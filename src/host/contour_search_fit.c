@@ -1,16 +1,17 @@
-/* The outline of a model bent onto edges.
+/* Deformation of a model's outline to image edges (deformable template matching by dynamic
+ * programming).
  *
- * Method: members of a class differ in their proportions, and by more than a similarity of their
- * outlines can follow. Every sample of the outline may lie beside its place by one of a grid of
- * shifts. What a sample is worth is the logarithm of how much likelier the edges there are with the
- * object than by chance, in the mean over the window; that neighbours lie beside their places by
- * different shifts costs in proportion to the difference. Dynamic programming finds the best shifts
- * of a whole outline, coarsely at first; the affine map that follows them best is the next base,
- * then the bent outline itself is, each time on a finer grid. An outline goes round: it is followed
- * twice, and the middle of both rounds is read.
+ * Method: members of a class differ in proportions by more than a similarity transform can follow.
+ * 1. Every sample of the outline may be shifted by a vector of a grid (label). A sample's score is
+ *    the log-likelihood ratio of the edges there, object against the background of the window.
+ *    Different shifts of neighbours cost in proportion to the difference.
+ * 2. Dynamic programming finds the best shifts of a whole outline. An outline is closed: it is
+ *    traversed twice, and the middle of both rounds is read.
+ * 3. The first round is coarse. The least-squares affine map of its result is the next base.
+ * 4. Later rounds start from the smoothed deformed outline, on finer grids.
  *
- * Limits: a part that lies farther than the widest grid from its place is not found; outlines of
- * one model bend each for itself.
+ * Limits: a part farther from its predicted position than the widest grid is not found. The
+ * outlines of one model are deformed independently.
  *
  * Source: this project's, for the deformations that the displacements of Adluru 2008 (2.9) allow
  * along a skeleton. */
@@ -23,19 +24,19 @@
 #include "cairn/small_matrix.h"
 #include "src/host/contour_search_fit.h"
 
-/* Of the size: pieces of the outline of this length are independent of each other. */
+/* Share of the size: pieces of the outline of this length are treated as independent. */
 #define PIECE_LENGTH 0.08
-/* How likely a piece of the contour is to have no edge. */
+/* Probability that a piece of the contour has no edge. */
 #define OCCLUSION_PROBABILITY 0.25
-/* What it costs to shift a sample against the one before, by the size. */
+/* Cost (nats) of a relative shift of neighbouring samples, per object size. */
 #define STRETCH_COST 30.0
-/* Sigma of the logarithm of an affine map's aspect. */
+/* Standard deviation of the logarithm of an affine map's anisotropy. */
 #define ASPECT_SIGMA 0.25
-/* What holds the affine map where there are no edges, to the weight of a sample with one. */
+/* Weight of the previous base in the affine fit, relative to a sample with an edge. */
 #define PRIOR_WEIGHT 0.15
-/* Samples between which the direction of an outline is measured. */
+/* Span of the central difference for the outline's direction, samples. */
 #define TANGENT_SPAN 2
-/* Neighbours farther apart than so many spacings are of two outlines. */
+/* Neighbours farther apart than this many spacings belong to different outlines. */
 #define MAX_SPACING_RATIO 3
 
 enum {
@@ -46,7 +47,7 @@ enum {
 };
 enum { MAX_PADDED_LABELS = (MAX_GRID_WIDTH + 2) * (MAX_GRID_WIDTH + 2) };
 
-/* Shifts of the rounds: so many steps either way, each of such a share of the size. */
+/* Grids of the rounds: radius in steps, and step as a share of the size. */
 static const struct {
     int32_t reach;
     double step;
@@ -56,19 +57,19 @@ typedef struct outline_deformer {
     const contour_field *field;
     const cairn_shape_model *model;
     contour_fit *fit;
-    /* [outline_count] px */
+    /* px, grid step */
     cairn_vec2 *base;
-    /* [(2 * outline_count + 1) * LABELS_MOST] of the best ways to each label */
+    /* [(2 * outline_count + 1) * MAX_LABELS] score of the best path to each label */
     cairn_real *path_value;
-    /* [outline_count * LABELS_MOST] what each sample is worth at each label */
+    /* [outline_count * MAX_LABELS] score of each sample at each label */
     cairn_real *sample_llr;
-    /* what a place is worth that no edge is near */
+    /* log-likelihood ratio where no edge is in reach, per direction */
     cairn_real no_edge_llr[CONTOUR_FIELD_BINS];
-    /* px; of the size, of the samples */
+    /* size: px, of the object; spacing: of the samples, share of the size */
     cairn_real size, spacing;
-    /* what all moves have cost */
+    /* total cost of relative shifts */
     cairn_real deformation_cost;
-    /* of the round */
+    /* grid of the current round */
     int32_t grid_radius, grid_width, label_count;
     /* px */
     cairn_real step;
@@ -94,8 +95,7 @@ void cairn_contour_fit_free(contour_fit *fit)
     memset(fit, 0, sizeof *fit);
 }
 
-/* The log of how much likelier edges of such a cost are with an outline in a direction there
- * than by chance. */
+/* Log-likelihood ratio of a cell's cost in a direction, object against background. */
 static cairn_real llr_of_cost(const contour_field *field, cairn_real cost, int32_t bin)
 {
     return cairn_log((cairn_real)OCCLUSION_PROBABILITY + (1 - (cairn_real)OCCLUSION_PROBABILITY) *
@@ -108,7 +108,8 @@ static int32_t cell_at(cairn_real from_corner, cairn_real cell)
     return (int32_t)floor((double)(from_corner / cell));
 }
 
-/* Each cell is worked out once: neighbouring samples and later rounds ask for the same ones. */
+/* Log-likelihood ratio of a cell; cached, because neighbouring samples and later rounds use the
+ * same cells. */
 static cairn_real llr_in_cell(const outline_deformer *deformer, int32_t x, int32_t y, int32_t bin)
 {
     const contour_field *field = deformer->field;
@@ -141,7 +142,7 @@ static cairn_vec2 shift_of(const outline_deformer *deformer, int32_t label)
 
 /* ---- One outline ---- */
 
-/* What a step costs: to a neighbour on the grid of shifts, and to one across its corner. */
+/* Cost of a move between the labels of neighbouring samples: along the grid, or diagonal. */
 static cairn_real move_cost(const outline_deformer *deformer, int32_t move)
 {
     return (move == 4       ? 0
@@ -150,9 +151,9 @@ static cairn_real move_cost(const outline_deformer *deformer, int32_t move)
            ((cairn_real)STRETCH_COST * deformer->step / deformer->size);
 }
 
-/* The value of the best way to each label of a sample from those of the sample before. About the
- * labels there is a border that no way comes from; of the moves, which are alike to the left and
- * to the right, the better one is taken first. */
+/* Dynamic programming step: the best path score of each label of a sample from those of the
+ * previous sample. A border of minimum values surrounds the labels; the horizontal moves, which
+ * cost the same, are maximized first. */
 static void propagate_values(const outline_deformer *deformer, const cairn_real *before,
                              cairn_real *now)
 {
@@ -180,8 +181,7 @@ static void propagate_values(const outline_deformer *deformer, const cairn_real 
     }
 }
 
-/* The move that leads best to a label from the values of the sample before: (dy + 1) * 3 + dx +
- * 1. */
+/* The best move to a label from the path scores of the previous sample: (dy + 1) * 3 + dx + 1. */
 static int32_t best_move(const outline_deformer *deformer, const cairn_real *before, int32_t label)
 {
     int32_t x = label % deformer->grid_width, y = label / deformer->grid_width, best = 4;
@@ -202,8 +202,7 @@ static int32_t best_move(const outline_deformer *deformer, const cairn_real *bef
     return best;
 }
 
-/* What a sample is worth at each label: the cells of the grid's columns and rows are looked up
- * once. */
+/* Scores a sample at each label; the cells of the grid's columns and rows are computed once. */
 static void compute_sample_llr(const outline_deformer *deformer, int32_t sample,
                                cairn_real *sample_llr)
 {
@@ -224,7 +223,8 @@ static void compute_sample_llr(const outline_deformer *deformer, int32_t sample,
                             llr_in_cell(deformer, column[x], row[y], bin);
 }
 
-/* Shifts the samples first ... first + count - 1 to where they lie best. */
+/* Deforms one outline, the samples first ... first + count - 1, by dynamic programming and
+ * backtracking. */
 static void deform_outline(outline_deformer *deformer, int32_t first, int32_t count)
 {
     size_t labels = (size_t)deformer->label_count;
@@ -270,9 +270,9 @@ static int32_t end_of_outline(const outline_deformer *deformer, int32_t first)
     return end;
 }
 
-/* ---- All of them ---- */
+/* ---- All outlines ---- */
 
-/* Evens out the shifts of an outline, and turns its directions with it. */
+/* Smooths the shifts of an outline, and rotates its directions accordingly. */
 static void smooth_outline(outline_deformer *deformer, const cairn_grouped_object *object,
                            int32_t first, int32_t end)
 {
@@ -320,7 +320,7 @@ static void deform_all(outline_deformer *deformer, int32_t round)
     }
 }
 
-/* Numbers the outlines. */
+/* Sets the outline index of every sample. */
 static void number_outlines(outline_deformer *deformer)
 {
     int32_t part = 0;
@@ -348,7 +348,7 @@ static void score_samples(outline_deformer *deformer)
                    cairn_contour_field_bin(deformer->fit->outline[i].direction));
 }
 
-/* What it costs that an affine map stretches one direction more than the other. */
+/* Cost of an affine map's anisotropy. */
 static cairn_real aspect_cost(cairn_real map[2][3])
 {
     double p = (double)map[0][0], q = (double)map[0][1], r = (double)map[1][0],
@@ -359,8 +359,8 @@ static cairn_real aspect_cost(cairn_real map[2][3])
     return (cairn_real)(aspect * aspect / 2);
 }
 
-/* The affine map of the model that follows the outline best becomes the base; what its aspect
- * costs. */
+/* Fits an affine map from the model to the outline (weighted least squares) as the next base;
+ * returns the cost of its anisotropy. */
 static cairn_real fit_affine_map(outline_deformer *deformer)
 {
     const cairn_shape_model *model = deformer->model;
@@ -392,7 +392,8 @@ static cairn_real fit_affine_map(outline_deformer *deformer)
     return aspect_cost(map);
 }
 
-/* The similarity that follows the bent outline. */
+/* Sets the object's pose to the least-squares similarity transform from the model to the deformed
+ * outline. */
 static void fit_similarity(const outline_deformer *deformer, cairn_grouped_object *object)
 {
     const cairn_shape_model *model = deformer->model;
@@ -421,7 +422,7 @@ static void fit_similarity(const outline_deformer *deformer, cairn_grouped_objec
     object->origin = cairn_vec2_sub(image_mean, moved);
 }
 
-/* Where the model lies before anything is bent. */
+/* Initializes the outline at the object's pose. */
 static void place_outline(outline_deformer *deformer, const cairn_grouped_object *object)
 {
     for (int32_t i = 0; i < deformer->model->outline_count; i++) {
@@ -457,7 +458,7 @@ static void deform(outline_deformer *deformer, cairn_grouped_object *object)
     fit_similarity(deformer, object);
 }
 
-/* The mean distance of neighbours, those at the ends of outlines left out. */
+/* Mean distance of neighbouring samples, without the steps between outlines. */
 static cairn_real spacing_of(const cairn_shape_model *model)
 {
     cairn_real max_spacing = CAIRN_REAL_MAX, mean = 0;

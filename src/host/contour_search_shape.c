@@ -1,11 +1,13 @@
-/* How well a bent outline fits, whatever lies round it.
+/* Shape quality of a deformed outline, independent of its surroundings.
  *
- * Method: evidence is by what edges come to by chance, and bending pays for its steps one by one;
- * among many edges both forgive much. So three means over the outline's samples are taken of where
- * it came to lie: how near to it an edge of its direction is, on a scale finer than the one it was
- * bent by; how far it is turned from the drawing; and what is left of its places after the affine
- * map of the drawing that is nearest to them: a part that was moved against the others, a bend
- * where there was none.
+ * Method: evidence is relative to the background, and the deformation cost adds up over single
+ * steps. In clutter both accept distorted shapes. So three means over the outline's samples are
+ * computed.
+ * 1. Edge proximity: how near an edge of the sample's direction is, on a finer scale than that of
+ *    the deformation.
+ * 2. Tangent deviation: the rotation of the outline's tangents against the drawing.
+ * 3. Deformation: the residual of the least-squares affine map from the drawing. It is large for a
+ *    part displaced against the others, or a new bend.
  *
  * Source: this project's. */
 #include "src/core/build.h"
@@ -15,15 +17,17 @@
 #include "cairn/small_matrix.h"
 #include "src/host/contour_search_fit.h"
 
-/* Sigmas: of the distance, in sizes, and of the sine of the turn; edges beyond so many are none. */
+/* Standard deviations: distance, in object sizes, and sine of the angle; edges beyond these
+ * multiples are ignored. */
 #define DISTANCE_SIGMA      0.012
 #define SINE_SIGMA          0.35
 #define MAX_DISTANCE_SIGMAS 4
 #define MAX_SINE_SIGMAS     2
-/* Samples between which the direction of an outline is measured. */
+/* Span of the central difference for the outline's direction, samples. */
 enum { TANGENT_SPAN = 2 };
 
-/* Half the square of how far an edge is from a sample, in sigmas; above the most: it is none. */
+/* Half the squared distance in sigmas of an edge from a sample; CAIRN_REAL_MAX beyond the
+ * limits. */
 static cairn_real cost_of(cairn_segment line, cairn_oriented_point point, cairn_real size)
 {
     cairn_vec2 along = cairn_vec2_unit(cairn_vec2_sub(line.b, line.a));
@@ -36,7 +40,7 @@ static cairn_real cost_of(cairn_segment line, cairn_oriented_point point, cairn_
                : CAIRN_REAL_MAX;
 }
 
-/* The lines that come near enough to the box of an outline. */
+/* Lists the lines near the box of an outline. */
 static int32_t list_candidates(const cairn_contour_tokens *tokens,
                                const contour_fitted_outline *fitted, int32_t *list)
 {
@@ -58,7 +62,7 @@ static int32_t list_candidates(const cairn_contour_tokens *tokens,
     return count;
 }
 
-/* near: of each sample; NULL: nobody asks. */
+/* Mean edge proximity; proximity: of each sample, or NULL. */
 static cairn_real edge_proximity(const cairn_contour_tokens *tokens,
                                  const contour_fitted_outline *fitted, int32_t *list,
                                  cairn_real *proximity)
@@ -90,6 +94,7 @@ static int32_t end_of_part(const int32_t *part, int32_t first, int32_t count)
     return end;
 }
 
+/* Mean of 1 - cos of the angle between the rotated drawing's tangents and those of the outline. */
 static cairn_real tangent_deviation(const contour_fitted_outline *fitted, const int32_t *part,
                                     const contour_reference *reference)
 {
@@ -114,11 +119,11 @@ static cairn_real tangent_deviation(const contour_fitted_outline *fitted, const 
             sum += 1 - cairn_vec2_dot(cairn_vec2_unit(rotated), cairn_vec2_unit(is));
         }
     }
-    /* One less a cosine may round to less than 0. */
+    /* 1 - cosine may round to less than 0. */
     return cairn_max(0, sum) / (cairn_real)fitted->outline_count;
 }
 
-/* The affine map by least squares; 0: there is none. */
+/* Least-squares affine map; 0: singular. */
 static int32_t solve_map(const contour_fitted_outline *fitted,
                          const cairn_oriented_point *reference, cairn_real map[2][3])
 {
@@ -138,6 +143,7 @@ static int32_t solve_map(const contour_fitted_outline *fitted,
     return cairn_sym3_solve(sums, right[0], map[0]) && cairn_sym3_solve(sums, right[1], map[1]);
 }
 
+/* Root mean square residual of the affine map, relative to the mapped area's side. */
 static cairn_real deformation_of(const contour_fitted_outline *fitted,
                                  const cairn_oriented_point *reference)
 {

@@ -1,4 +1,5 @@
-/* Tokens of a picture: chains of its edges, then their segments, or edgels along them. */
+/* Token extraction from an edge image: chains of edges, then their segments, or edgels along
+ * them. */
 #include "src/core/build.h"
 
 #include <errno.h>
@@ -8,12 +9,13 @@
 
 #include "cairn/contour_search.h"
 
-/* The shortest piece of the mode as written, px: of shorter ones a walk has too many that fit. */
+/* Least length of a segment in the mode as written, px; shorter ones give too many candidate
+ * extensions. */
 #define WRITTEN_MIN_PIECE_PX 10
-/* Edgels stand so many pixels apart, each with the direction between the pixels so far before
- * and behind it. */
+/* Spacing of edgels in chain pixels; each has the direction between the pixels EDGEL_SPAN_PIXELS
+ * before and after it. */
 enum { EDGEL_STEP_PIXELS = 3, EDGEL_SPAN_PIXELS = 3 };
-/* px: length of an edgel, which stands for mean length and look-ahead of segments. */
+/* px: used as mean segment length and look-ahead for edgels. */
 #define EDGEL_SCALE_PX 5
 
 void cairn_contour_tokens_free(cairn_contour_tokens *tokens)
@@ -71,13 +73,13 @@ static cairn_status extract_edgels(cairn_contour_tokens *tokens,
     return CAIRN_OK;
 }
 
-/* What is looked for beside the segments themselves. */
+/* Kind of tokens to extract; strong: threshold factor of strong chains. */
 typedef struct token_kind {
     int32_t edgels, written;
     cairn_real strong;
 } token_kind;
 
-/* Segments, in the default mode but the virtual ones: those lie on no edge. */
+/* Extracts segments; without the virtual ones in the default mode, because they lie on no edge. */
 static cairn_status extract_segments(cairn_contour_tokens *tokens, cairn_edge_segment_set *set,
                                      const cairn_edge_chain_result *chains, int32_t written)
 {
@@ -106,7 +108,7 @@ static cairn_status extract_segments(cairn_contour_tokens *tokens, cairn_edge_se
     return CAIRN_OK;
 }
 
-/* The end points of strong chains. */
+/* Extracts the end points of strong chains. */
 static cairn_status extract_strong_ends(cairn_contour_tokens *tokens,
                                         const cairn_edge_chain_result *chains, cairn_real strong)
 {
@@ -163,7 +165,7 @@ static cairn_status extract_tokens(cairn_contour_tokens *tokens, cairn_raster_u8
 
 /* ---- Strengths ---- */
 
-/* The strongest pixel within one of a place. */
+/* Greatest strength within one pixel of a point. */
 static int32_t max_strength_near(cairn_raster_u8_view view, cairn_vec2 at)
 {
     int32_t x = (int32_t)at.x, y = (int32_t)at.y, most = 0;
@@ -174,7 +176,7 @@ static int32_t max_strength_near(cairn_raster_u8_view view, cairn_vec2 at)
     return most;
 }
 
-/* The mean along a line, 0 ... 255. */
+/* Mean strength along a line, 0 ... 255. */
 static int32_t mean_strength(cairn_raster_u8_view view, cairn_segment line)
 {
     int32_t steps = 1 + (int32_t)(cairn_segment_length(line) / 2), sum = 0;
@@ -186,7 +188,8 @@ static int32_t mean_strength(cairn_raster_u8_view view, cairn_segment line)
     return sum / (steps + 1);
 }
 
-/* The share of all edges that are weaker than each; of those that are as strong, half. */
+/* Ranks strengths: the share of the total edge length that is weaker, plus half of that of equal
+ * strength. */
 static void rank_strengths(cairn_contour_tokens *tokens, cairn_raster_u8_view view)
 {
     double length[256] = {0}, weaker[256], all = 0;

@@ -1,6 +1,6 @@
-/* The search in the mode as written: one run of contour_grouping at one size; the segments of
- * its walks are the contours, and their symmetric points the skeletons. No outline is fitted or
- * bent. */
+/* The search in the mode as written: one run of contour_grouping at one size. The segments of its
+ * trajectories are the contours, and their symmetric points the skeletons. No outline is fitted or
+ * deformed. */
 #include "src/core/build.h"
 
 #include <errno.h>
@@ -9,13 +9,13 @@
 
 #include "src/host/contour_search_work.h"
 
-/* Symmetric points for every segment, and the most of all. */
+/* Capacity for symmetric points per segment, and in all; least token capacity. */
 enum { POINTS_PER_SEGMENT = 160, MAX_POINTS = 1 << 18, MIN_TOKENS = 64 };
-/* Segments that a search takes at most. */
+/* Greatest number of segments of a search. */
 enum { MAX_TOKENS = 1 << 20 };
-/* Units between two looks at the walk, and at most for each of N particles: a step costs more
- * than 50 for each particle, and fewer than N / 2 are resampled, so that no two steps are made
- * between two looks. */
+/* Work units between observations, and at most per particle. A filter step costs more than 50 units
+ * per particle, and fewer than N / 2 are resampled, so that two steps never fall between two
+ * observations. */
 enum { UNITS_PER_CALLBACK = 2000, CALLBACK_UNITS_PER_PARTICLE = 25 };
 
 cairn_contour_search_params cairn_contour_search_as_written(int32_t width, int32_t height)
@@ -37,7 +37,7 @@ const char *cairn_contour_end_text(int32_t end)
     return end >= 0 && end < (int32_t)(sizeof text / sizeof *text) ? text[end] : "";
 }
 
-/* What a run writes to. */
+/* State of a run. */
 typedef struct written_run {
     cairn_contour_result *result;
     const cairn_contour_search_params *params;
@@ -46,13 +46,13 @@ typedef struct written_run {
     cairn_grouping_particle *particles;
     /* [max_steps] */
     cairn_grouping_disc *discs;
-    /* [params->grouping.particles] of the groups of particles */
+    /* [params->grouping.particles] px, start points of the clusters of particles */
     cairn_vec2 *start_points;
-    /* steps */
+    /* last observed filter step */
     int32_t last_step;
 } written_run;
 
-/* Groups of particles whose walks began at the same symmetric point. */
+/* Number of clusters of particles by the symmetric point that their trajectories started at. */
 static int32_t count_modes(const written_run *search, int32_t count)
 {
     int32_t modes = 0;
@@ -90,7 +90,7 @@ static void observe(written_run *search)
                                                        search->params->grouping.max_steps));
 }
 
-/* One object's segments and discs. */
+/* Appends an object's segments and discs. */
 static void append_object(written_run *search, const cairn_grouping_result *found, int32_t index)
 {
     cairn_contour_result *result = search->result;
@@ -166,7 +166,7 @@ static cairn_status run(written_run *search, cairn_pool *pool, const cairn_group
     return status == CAIRN_OK ? copy_result(search) : status;
 }
 
-/* What a search was refused for: the first argument that is out of its range; NULL: none is. */
+/* Description of the first argument out of range; NULL: none. */
 static const char *bad_argument(const cairn_grouping_params *grouping,
                                 const cairn_grouping_input *input)
 {
