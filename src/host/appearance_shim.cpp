@@ -16,7 +16,7 @@
 namespace
 {
 
-constexpr int numbers = CAIRN_APPEARANCE_SHIM_NUMBERS;
+constexpr int numbers = CAIRN_APPEARANCE_SHIM_DESCRIPTOR_SIZE;
 constexpr int least_side = 96;
 
 // In one line.
@@ -74,7 +74,7 @@ template <typename Work> int32_t guarded(char *words, size_t room, const Work &w
 }
 
 int32_t describe(const uint8_t *grey, int32_t width, int32_t height,
-                 const cairn_appearance_shim_place *places, int32_t count, uint8_t *descriptors,
+                 const cairn_appearance_shim_keypoint *places, int32_t count, uint8_t *descriptors,
                  char *words, size_t room)
 {
     return guarded(words, room, [&]() -> int32_t {

@@ -14,17 +14,17 @@ extern "C" {
 #endif
 
 /* Raised whenever this header changes. */
-#define CAIRN_APPEARANCE_SHIM_VERSION 1
-#define CAIRN_APPEARANCE_SHIM_WORDS   512
+#define CAIRN_APPEARANCE_SHIM_VERSION       1
+#define CAIRN_APPEARANCE_SHIM_MESSAGE_BYTES 512
 /* Numbers of a SIFT descriptor, 0 ... 255 each. */
-#define CAIRN_APPEARANCE_SHIM_NUMBERS 128
+#define CAIRN_APPEARANCE_SHIM_DESCRIPTOR_SIZE 128
 
 /* Where a descriptor is taken: x, y and size in px of the image; octave 0, or 1: in the image of
  * half the size. */
-typedef struct cairn_appearance_shim_place {
+typedef struct cairn_appearance_shim_keypoint {
     float x, y, size;
     int32_t octave;
-} cairn_appearance_shim_place;
+} cairn_appearance_shim_keypoint;
 
 /* A support vector machine: what is asked is of the class when sum of weight[i] exp(-gamma
  * chi2(support[i], it)) > rho. */
@@ -39,7 +39,7 @@ typedef struct cairn_appearance_shim {
     int32_t version; /* CAIRN_APPEARANCE_SHIM_VERSION */
     /* Upright SIFT descriptors: [count][NUMBERS]. */
     int32_t (*describe)(const uint8_t *grey, int32_t width, int32_t height,
-                        const cairn_appearance_shim_place *places, int32_t count,
+                        const cairn_appearance_shim_keypoint *places, int32_t count,
                         uint8_t *descriptors, char *words, size_t room);
     /* Trains on samples [count][width], those with is_class[i] != 0 of the class. */
     int32_t (*train)(const float *samples, const int32_t *is_class, int32_t count, int32_t width,

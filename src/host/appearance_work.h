@@ -5,12 +5,12 @@
 #include "cairn/appearance.h"
 #include "src/host/appearance_shim.h"
 
-enum { APPEARANCE_NUMBERS = CAIRN_APPEARANCE_NUMBERS };
+enum { APPEARANCE_DESCRIPTOR_SIZE = CAIRN_APPEARANCE_NUMBERS };
 
 /* The patches of an image. */
 typedef struct appearance_patches {
-    cairn_appearance_shim_place *places; /* [count] */
-    uint8_t *descriptors;                /* [count][NUMBERS] */
+    cairn_appearance_shim_keypoint *keypoints; /* [count] */
+    uint8_t *descriptors;                      /* [count][NUMBERS] */
     int32_t count;
 } appearance_patches;
 
@@ -26,19 +26,19 @@ CAIRN_CHECKED cairn_status cairn_appearance_describe(appearance_patches *patches
 void cairn_appearance_patches_free(appearance_patches *patches);
 
 /* Whether the middle of a patch lies in a box. */
-int cairn_appearance_is_in(const cairn_appearance_shim_place *place, const double box[4]);
+int cairn_appearance_is_in_box(const cairn_appearance_shim_keypoint *place, const double box[4]);
 
 /* The nearest of `count` words, of equal ones the first; *distance, when not NULL: its square. */
-int32_t cairn_appearance_word(const uint8_t *words, int32_t count, const uint8_t *descriptor,
-                              int32_t *distance);
+int32_t cairn_appearance_nearest_word(const uint8_t *words, int32_t count,
+                                      const uint8_t *descriptor, int32_t *distance);
 
 /* Counts to shares of all. */
-void cairn_appearance_share(float *histogram, int32_t count);
+void cairn_appearance_normalize(float *histogram, int32_t count);
 
 /* sum of (a - b)^2 / (a + b). */
 double cairn_appearance_chi2(const float *a, const float *b, int32_t count);
 
 /* f of a histogram: what the probability is made of. */
-double cairn_appearance_decide(const cairn_appearance_model *model, const float *histogram);
+double cairn_appearance_decision(const cairn_appearance_model *model, const float *histogram);
 
 #endif

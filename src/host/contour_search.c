@@ -399,8 +399,8 @@ static int32_t count_modes(const cairn_grouping_particle *particles, int32_t cou
 
 /* Buffers for observing the filter. */
 typedef struct filter_observer {
-    cairn_grouping_particle *particles; /* [most] */
-    int32_t *mode;                      /* [most] */
+    cairn_grouping_particle *particles; /* [capacity] */
+    int32_t *mode;                      /* [capacity] */
     int32_t capacity, last_step;        /* particles; last observed step */
 } filter_observer;
 

@@ -25,32 +25,32 @@ typedef struct detect_peak {
 } detect_peak;
 
 /* A search. */
-typedef struct detector {
+typedef struct object_detector {
     const cairn_detect_field *field;
     const cairn_shape_model *model;
     cairn_oriented_point *outlines; /* of all variants */
-    detect_variant variant[2 * DETECT_ASPECTS];
-    int32_t variants;
+    detect_variant variants[2 * DETECT_ASPECTS];
+    int32_t variant_count;
     detect_peak *peaks;
     int32_t count;
     contour_field *window;
-    int32_t *near;    /* [segments] of the one that is looked at */
-    cairn_real *room; /* [2 samples] */
+    int32_t *segment_scratch;   /* [segments] of the one that is looked at */
+    cairn_real *sample_scratch; /* [2 samples] */
     contour_fit fit;
     detect_hypotheses hypotheses;
     detect_groupings groupings;
-} detector;
+} object_detector;
 
 /* The variants of the model, as it is and mirrored. 0: there is no memory. */
-int cairn_detect_variants_add(detector *d);
+int cairn_detect_variants_add(object_detector *detector);
 /* 1 when no variant of the outline reaches beyond the margins of a field. */
 int cairn_detect_variants_fit(const cairn_shape_model *model);
 
 /* d->peaks: the best places of all sizes and variants that do not lie on better ones come first.
  * 0: there is no memory. */
-int cairn_detect_candidates_find(detector *d);
+int cairn_detect_candidates_find(object_detector *detector);
 /* The same of the hypotheses by parts. CAIRN_NO_MEMORY, or as cairn_detect_parts(). */
-cairn_status cairn_detect_candidates_of_parts(detector *d);
+cairn_status cairn_detect_candidates_of_parts(object_detector *detector);
 
 /* What two boxes share, over their union. */
 static inline float cairn_detect_overlap(float al, float at, float ar, float ab, float bl, float bt,

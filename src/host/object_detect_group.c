@@ -19,14 +19,14 @@
 
 /* Sizes that are searched at once differ by this factor at most: of sizes at one place a search
  * keeps the best alone. */
-#define BAND 2.2
+#define BAND_FACTOR 2.2
 /* Least evidence of what is kept: chance has more about every object. */
-#define EVIDENCE 2
+#define MIN_EVIDENCE 2
 /* rad: so far objects are turned, either way. */
-#define TURN_MOST (15 * (CAIRN_PI / 180))
+#define MAX_ROTATION (15 * (CAIRN_PI / 180))
 /* Boxes that share so much of their union are of one object. */
-#define SAME 0.5
-enum { LEAST_TOKENS = 64 };
+#define MIN_OVERLAP 0.5
+enum { MIN_TOKENS = 64 };
 
 void cairn_detect_group_free(detect_groupings *made)
 {
@@ -41,7 +41,7 @@ static int32_t count_tokens(const cairn_contour_tokens *tokens, cairn_real token
 
     for (int32_t i = 0; i < tokens->count; i++)
         count += ceil((double)cairn_segment_length(tokens->lines[i]) / (double)token);
-    return (int32_t)fmax(LEAST_TOKENS, fmin(count, CAIRN_CONTOUR_TOKENS_MOST));
+    return (int32_t)fmax(MIN_TOKENS, fmin(count, CAIRN_CONTOUR_TOKENS_MOST));
 }
 
 static cairn_grouping_params params_for(const cairn_contour_tokens *tokens,
@@ -54,43 +54,43 @@ static cairn_grouping_params params_for(const cairn_contour_tokens *tokens,
     params.max_tokens = count_tokens(tokens, params.token);
     params.max_samples = model->sample_count;
     params.max_outline = model->outline_count;
-    params.max_objects = DETECT_GROUPED_EACH;
-    params.min_evidence = EVIDENCE;
+    params.max_objects = DETECT_MAX_OBJECTS_PER_SEARCH;
+    params.min_evidence = MIN_EVIDENCE;
     params.min_score = 0;
     return params;
 }
 
 /* The box of the model where it was grouped. */
-static void lay_box(const cairn_shape_model *m, detect_grouping *g)
+static void set_box(const cairn_shape_model *model, detect_grouping *grouped)
 {
-    double c = cos((double)g->found.turn) * (double)g->found.size,
-           s = sin((double)g->found.turn) * (double)g->found.size;
+    double c = cos((double)grouped->found.turn) * (double)grouped->found.size,
+           s = sin((double)grouped->found.turn) * (double)grouped->found.size;
 
-    g->box[0] = g->box[1] = HUGE_VAL;
-    g->box[2] = g->box[3] = -HUGE_VAL;
-    for (int32_t i = 0; i < m->outline_count; i++) {
-        double px = (double)m->outline[i].position.x, py = (double)m->outline[i].position.y;
-        double x = (double)g->found.origin.x + c * px - s * py,
-               y = (double)g->found.origin.y + s * px + c * py;
+    grouped->box[0] = grouped->box[1] = HUGE_VAL;
+    grouped->box[2] = grouped->box[3] = -HUGE_VAL;
+    for (int32_t i = 0; i < model->outline_count; i++) {
+        double px = (double)model->outline[i].position.x, py = (double)model->outline[i].position.y;
+        double x = (double)grouped->found.origin.x + c * px - s * py,
+               y = (double)grouped->found.origin.y + s * px + c * py;
 
-        g->box[0] = fmin(g->box[0], x);
-        g->box[1] = fmin(g->box[1], y);
-        g->box[2] = fmax(g->box[2], x);
-        g->box[3] = fmax(g->box[3], y);
+        grouped->box[0] = fmin(grouped->box[0], x);
+        grouped->box[1] = fmin(grouped->box[1], y);
+        grouped->box[2] = fmax(grouped->box[2], x);
+        grouped->box[3] = fmax(grouped->box[3], y);
     }
 }
 
-static void take(detect_groupings *made, const cairn_grouping *grouping,
-                 const cairn_shape_model *model, int32_t mirrored)
+static void append_objects(detect_groupings *made, const cairn_grouping *grouping,
+                           const cairn_shape_model *model, int32_t mirrored)
 {
-    cairn_grouping_result r = cairn_grouping_read(grouping);
+    cairn_grouping_result result = cairn_grouping_read(grouping);
 
-    for (int32_t i = 0; i < r.object_count && made->count < DETECT_GROUPINGS; i++) {
-        detect_grouping *g = &made->list[made->count++];
+    for (int32_t i = 0; i < result.object_count && made->count < DETECT_MAX_GROUPINGS; i++) {
+        detect_grouping *grouped = &made->list[made->count++];
 
-        g->found = r.objects[i];
-        g->mirrored = mirrored;
-        lay_box(model, g);
+        grouped->found = result.objects[i];
+        grouped->mirrored = mirrored;
+        set_box(model, grouped);
     }
 }
 
@@ -105,8 +105,8 @@ static cairn_status search_band(cairn_grouping *grouping, const cairn_contour_to
                                   .model = model,
                                   .min_size = (cairn_real)min_size,
                                   .max_size = (cairn_real)fmax(min_size, max_size),
-                                  .min_turn = -TURN_MOST,
-                                  .max_turn = TURN_MOST,
+                                  .min_turn = -MAX_ROTATION,
+                                  .max_turn = MAX_ROTATION,
                                   .mean_length = tokens->mean_length > 0 ? tokens->mean_length : 5};
     cairn_status status = cairn_grouping_begin(grouping, &input);
     cairn_budget budget;
@@ -120,20 +120,20 @@ static cairn_status search_band(cairn_grouping *grouping, const cairn_contour_to
     return status;
 }
 
-static cairn_status search(detect_groupings *made, const cairn_detect_field *field,
-                           const cairn_shape_model *model, int32_t mirrored,
-                           cairn_grouping *grouping)
+static cairn_status search_bands(detect_groupings *made, const cairn_detect_field *field,
+                                 const cairn_shape_model *model, int32_t mirrored,
+                                 cairn_grouping *grouping)
 {
     double least = (double)field->params.min_size,
            range = log((double)field->params.max_size / least);
-    int32_t bands = 1 + (int32_t)(range / log(BAND));
+    int32_t bands = 1 + (int32_t)(range / log(BAND_FACTOR));
     cairn_status status = CAIRN_OK;
 
     for (int32_t k = 0; k < bands && status == CAIRN_OK; k++) {
         status = search_band(grouping, field->tokens, model, least * exp(range * k / bands),
                              least * exp(range * (k + 1) / bands));
         if (status == CAIRN_OK)
-            take(made, grouping, model, mirrored);
+            append_objects(made, grouping, model, mirrored);
     }
     return status;
 }
@@ -147,7 +147,7 @@ static cairn_status search_mirrored(detect_groupings *made, const cairn_detect_f
     if (status != CAIRN_OK)
         return status;
     cairn_shape_model_file_mirror(&mirrored);
-    status = search(made, field, &mirrored.model, 1, grouping);
+    status = search_bands(made, field, &mirrored.model, 1, grouping);
     cairn_shape_model_file_free(&mirrored);
     return status;
 }
@@ -176,13 +176,13 @@ cairn_status cairn_detect_group(detect_groupings *made, const cairn_detect_field
     cairn_pool pool;
 
     made->count = 0;
-    made->list = malloc(DETECT_GROUPINGS * sizeof *made->list);
+    made->list = malloc(DETECT_MAX_GROUPINGS * sizeof *made->list);
     status = memory != NULL && made->list != NULL ? cairn_pool_init(&pool, memory, bytes)
                                                   : CAIRN_NO_MEMORY;
     if (status == CAIRN_OK)
         status = cairn_grouping_create(&grouping, &pool, &params);
     if (status == CAIRN_OK)
-        status = search(made, field, model, 0, grouping);
+        status = search_bands(made, field, model, 0, grouping);
     if (status == CAIRN_OK && field->params.mirror)
         status = search_mirrored(made, field, model, grouping);
     free(memory);
@@ -191,12 +191,14 @@ cairn_status cairn_detect_group(detect_groupings *made, const cairn_detect_field
     return status;
 }
 
-cairn_real cairn_detect_grouped_at(const detect_groupings *made, const cairn_detection *o)
+cairn_real cairn_detect_grouped_evidence(const detect_groupings *made,
+                                         const cairn_detection *detection)
 {
-    const double own[4] = {(double)o->left, (double)o->top, (double)o->right, (double)o->bottom};
+    const double own[4] = {(double)detection->left, (double)detection->top,
+                           (double)detection->right, (double)detection->bottom};
 
     for (int32_t i = 0; i < made->count; i++)
-        if (cairn_detection_overlap(made->list[i].box, own) >= SAME)
+        if (cairn_detection_overlap(made->list[i].box, own) >= MIN_OVERLAP)
             return made->list[i].found.evidence;
     return 0;
 }

@@ -11,17 +11,17 @@
  * side at most. */
 enum {
     DETECT_BINS = CONTOUR_FIELD_BINS,
-    DETECT_CELLS = 40,
-    DETECT_MARGIN = 28,
-    DETECT_PLANES = 42,
-    DETECT_SIDE_MOST = 2000
+    DETECT_CELLS_PER_SIZE = 40,
+    DETECT_MARGIN_CELLS = 28,
+    DETECT_MAX_PLANES = 42,
+    DETECT_MAX_SIDE_CELLS = 2000
 };
 
 /* What edges are worth for objects of one size. */
 typedef struct detect_plane {
-    cairn_real size, cell; /* px */
-    int32_t width, height; /* cells of the picture; rows have margins on both sides */
-    float *worth;          /* [BINS][height + 2 MARGIN][width + 2 MARGIN] */
+    cairn_real size, cell_size; /* px */
+    int32_t width, height;      /* cells of the picture; rows have margins on both sides */
+    float *llr;                 /* [BINS][height + 2 MARGIN][width + 2 MARGIN] */
 } detect_plane;
 
 /* PARTS: the chains of the edges as polylines, by their numbers; those that are too short for
@@ -30,38 +30,39 @@ typedef struct detect_chains {
     cairn_curve *curves; /* [count] */
     cairn_vec2 *points;
     int32_t count;
-    cairn_real longest; /* px */
+    cairn_real max_length; /* px */
 } detect_chains;
 
 struct cairn_detect_field {
     const cairn_contour_tokens *tokens;
     cairn_object_detect_params params;
-    detect_plane plane[DETECT_PLANES];
+    detect_plane plane[DETECT_MAX_PLANES];
     int32_t planes;
     detect_chains chains;
 };
 
-static inline size_t cairn_detect_row(const detect_plane *p)
+static inline size_t cairn_detect_row(const detect_plane *plane)
 {
-    return (size_t)p->width + 2 * DETECT_MARGIN;
+    return (size_t)plane->width + 2 * DETECT_MARGIN_CELLS;
 }
 
-static inline size_t cairn_detect_layer(const detect_plane *p)
+static inline size_t cairn_detect_layer(const detect_plane *plane)
 {
-    return cairn_detect_row(p) * ((size_t)p->height + 2 * DETECT_MARGIN);
+    return cairn_detect_row(plane) * ((size_t)plane->height + 2 * DETECT_MARGIN_CELLS);
 }
 
-static inline void cairn_detect_tell(const cairn_detect_field *f, cairn_detect_stage stage)
+static inline void cairn_detect_report_stage(const cairn_detect_field *field,
+                                             cairn_detect_stage stage)
 {
-    if (f->params.on_stage != NULL)
-        f->params.on_stage(f->params.on_stage_context, stage);
+    if (field->params.on_stage != NULL)
+        field->params.on_stage(field->params.on_stage_context, stage);
 }
 
 /* Hypotheses of one model at most, and parts of each. */
-enum { DETECT_HYPOTHESES = 128, DETECT_PARTS_MOST = 64 };
+enum { DETECT_MAX_HYPOTHESES = 128, DETECT_MAX_PARTS = 64 };
 /* As written: configurations of the model at most, and again of its mirror image: all that 20
  * near votes of 4 bundles make for each of 48 votes. */
-enum { DETECT_WRITTEN = 1 << 16 };
+enum { DETECT_MAX_WRITTEN_HYPOTHESES = 1 << 16 };
 
 /* An object by its parts. */
 typedef struct detect_hypothesis {
@@ -88,7 +89,10 @@ typedef struct detect_grouping {
 
 /* Objects of one search of the grouping, and searches (bands of sizes, the model as it is and
  * mirrored) at most. */
-enum { DETECT_GROUPED_EACH = 12, DETECT_GROUPINGS = 22 * DETECT_GROUPED_EACH };
+enum {
+    DETECT_MAX_OBJECTS_PER_SEARCH = 12,
+    DETECT_MAX_GROUPINGS = 22 * DETECT_MAX_OBJECTS_PER_SEARCH
+};
 
 typedef struct detect_groupings {
     detect_grouping *list; /* [count] most evidence first */
@@ -102,7 +106,7 @@ cairn_status cairn_detect_group(detect_groupings *made, const cairn_detect_field
 void cairn_detect_group_free(detect_groupings *made);
 
 /* The most evidence of what is grouped where a detection is; 0: nothing is. */
-cairn_real cairn_detect_grouped_at(const detect_groupings *made, const cairn_detection *o);
+cairn_real cairn_detect_grouped_evidence(const detect_groupings *made, const cairn_detection *o);
 
 /* 0: there is no memory; then, too, there is something to free. */
 int cairn_detect_chains_make(detect_chains *chains, const cairn_contour_tokens *tokens);
@@ -118,36 +122,37 @@ typedef struct detect_similarity {
  * near: [outline_count] how near an edge is to each sample; weight: [outline_count] is
  * overwritten. map: where most of the outline agrees that it lies, from its origin in its sizes,
  * when it is > 0. Cost: some 40 passes over the samples. */
-cairn_real cairn_detect_agreed(const contour_fitted_outline *laid,
-                               const cairn_oriented_point *drawn, const cairn_real *near,
-                               cairn_real *weight, detect_similarity *map);
+cairn_real cairn_detect_rigid_proximity(const contour_fitted_outline *laid,
+                                        const cairn_oriented_point *drawn, const cairn_real *near,
+                                        cairn_real *weight, detect_similarity *map);
 
 /* Lays the drawn outline there in place of the bent one; origin and size of the detection become
  * those. */
-void cairn_detect_lay(const detect_similarity *laid, const cairn_oriented_point *drawn,
-                      contour_fit *fit, cairn_detection *o);
+void cairn_detect_place_outline(const detect_similarity *laid, const cairn_oriented_point *drawn,
+                                contour_fit *fit, cairn_detection *o);
 
 /* CAIRN_NO_MEMORY, CAIRN_EMPTY: an outline without length. On failure there is nothing to free. */
 cairn_status cairn_detect_parts(detect_hypotheses *made, const cairn_detect_field *field,
                                 const cairn_shape_model *model);
 void cairn_detect_parts_free(detect_hypotheses *made);
 
-static inline int cairn_detect_is_as_written(const cairn_detect_field *f)
+static inline int cairn_detect_is_as_written(const cairn_detect_field *field)
 {
-    return f->params.mode == CAIRN_MODE_AS_WRITTEN;
+    return field->params.mode == CAIRN_MODE_AS_WRITTEN;
 }
 
 /* As written (object_detect_written.c). The fragments of a hypothesis: its box, and
  * points[count] at even steps along all of them. 0: they have no length. */
-int cairn_detect_written_lay(const cairn_detect_field *field, detect_hypothesis *h,
-                             const cairn_detected_part *parts, cairn_vec2 *points, int32_t count);
+int cairn_detect_written_sample(const cairn_detect_field *field, detect_hypothesis *h,
+                                const cairn_detected_part *parts, cairn_vec2 *points,
+                                int32_t count);
 /* Sets of chains that hypotheses are made of, so that each is compared once. begin: 0: there is
  * no memory; room: sets at most. add: 1: it is a new one, 0: it was added before. */
 typedef struct detect_chain_sets {
     /* [room] ascending, behind the last -1 */
-    int32_t (*chain)[CAIRN_PART_BUNDLES];
+    int32_t (*chains)[CAIRN_PART_BUNDLES];
     /* [mask + 1] of the hash table: index of a set; -1: none */
-    int32_t *slot;
+    int32_t *slots;
     uint32_t mask;
     int32_t count;
 } detect_chain_sets;
@@ -157,11 +162,11 @@ int cairn_detect_chain_sets_add(detect_chain_sets *sets, const cairn_detected_pa
 void cairn_detect_chain_sets_free(detect_chain_sets *sets);
 
 /* Detections of all hypotheses: found->found alone, from the heap. */
-cairn_status cairn_detect_written_take(cairn_detections *found, const detect_hypotheses *made,
-                                       const cairn_detect_field *field);
+cairn_status cairn_detect_written_add(cairn_detections *found, const detect_hypotheses *made,
+                                      const cairn_detect_field *field);
 /* The lines of the fragments, and the model's outline where its centroid was voted to be; for
  * those in found->found. */
-cairn_status cairn_detect_written_draw(cairn_detections *found, const cairn_detect_field *field,
-                                       const cairn_shape_model *model);
+cairn_status cairn_detect_written_outlines(cairn_detections *found, const cairn_detect_field *field,
+                                           const cairn_shape_model *model);
 
 #endif
