@@ -79,10 +79,10 @@ CAIRN_CHECKED cairn_status cairn_appearance_write(const cairn_appearance_model *
 /* The visual words of an image, one per patch. */
 typedef struct cairn_appearance_field cairn_appearance_field;
 
-/* Computes the words of an 8-bit grey image [height * width]. The image is copied where needed; the
- * model must stay valid. CAIRN_BAD_ARGUMENT: a side outside 1 ... CAIRN_APPEARANCE_MAX_SIDE, or
- * refused by OpenCV. CAIRN_UNSUPPORTED: no libcairn-appearance. CAIRN_NO_MEMORY. On failure there
- * is nothing to free, and *field is NULL. The error message names `path`. */
+/* Computes the words of an 8-bit grey image [height * width]. The image need not stay valid; the
+ * model must. CAIRN_BAD_ARGUMENT: a side outside 1 ... CAIRN_APPEARANCE_MAX_SIDE, or refused by
+ * OpenCV. CAIRN_UNSUPPORTED: no libcairn-appearance. CAIRN_NO_MEMORY. On failure there is nothing
+ * to free, and *field is NULL. The error message names `path`. */
 CAIRN_CHECKED cairn_status cairn_appearance_field_make(cairn_appearance_field **field,
                                                        const cairn_appearance_model *model,
                                                        const uint8_t *grey, int32_t width,

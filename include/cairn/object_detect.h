@@ -207,9 +207,9 @@ void cairn_detect_field_free(cairn_detect_field *field);
 
 /* Detects the instances of a model. CAIRN_BAD_ARGUMENT, CAIRN_NOT_FINITE: a model that
  * cairn_shape_model_check refuses. CAIRN_BAD_ARGUMENT: a model with fewer than 3 outline samples,
- * without width or height, or 0.54 of its size or farther from its centre. Method PARTS: also the
- * statuses of cairn_part_bundle_begin() (CAIRN_EMPTY, CAIRN_FULL, CAIRN_BAD_ARGUMENT: cuts).
- * CAIRN_NO_MEMORY. On failure there is nothing to free. */
+ * without width or height, or with a sample 0.54 of its size or farther from its origin along an
+ * axis. Method PARTS: also the statuses of cairn_part_bundle_begin() (CAIRN_EMPTY, CAIRN_FULL,
+ * CAIRN_BAD_ARGUMENT: cuts). CAIRN_NO_MEMORY. On failure there is nothing to free. */
 CAIRN_CHECKED cairn_status cairn_object_detect(cairn_detections *detections,
                                                const cairn_detect_field *field,
                                                const cairn_shape_model *model, const char *path,

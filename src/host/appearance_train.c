@@ -58,7 +58,12 @@ typedef struct training_set {
 
 cairn_appearance_params cairn_appearance_default(void)
 {
-    cairn_appearance_params params = {100, 10, 10, 1};
+    cairn_appearance_params params = {
+        .words = 100,
+        .negatives = 10,
+        .cost = 10,
+        .seed = 1,
+    };
 
     return params;
 }

@@ -1,19 +1,22 @@
-/* Objects of a class, by their outlines.
+/* Detection of objects of a class by their outlines.
  *
- * Method: for each size, the model and its mirror image, and three proportions of each, a map of
- * the mean worth of the outline's samples (object_detect_field.c) for every place of its middle:
- * sums of shifted planes. Of the peaks of all maps the best are taken that do not lie on better
- * ones (object_detect_candidates.c), and looked at again: the outline is bent onto the edges about
- * them (contour_search_fit.c). Both means, before and after, make the score, with how the bent
- * outline fits (contour_search_shape.c) and what contour grouping finds there
- * (object_detect_group.c); boxes are those of the bent outlines. Of detections that overlap the
- * best stays.
+ * Method:
+ * 1. Candidates by sliding window: for each size, the model and its mirror image, and five aspect
+ *    ratios of each, a score map holds the mean log-likelihood ratio of the outline's samples
+ *    (object_detect_field.c) at every position of the origin: a correlation by sums of shifted
+ *    planes. The peaks of all maps after non-maximum suppression are the candidates
+ *    (object_detect_candidates.c).
+ * 2. Refinement: the outline is deformed to the edges around each candidate (contour_search_fit.c).
+ * 3. Score: a linear combination of the evidence before and after deformation, the shape quality
+ *    (contour_search_shape.c), and the evidence of contour grouping at the same position
+ *    (object_detect_group.c). Boxes are those of the deformed outlines.
+ * 4. Non-maximum suppression of overlapping detections.
  *
  * PARTS: the candidates are configurations of parts (object_detect_parts.c) and keep their scores;
- * bending gives the box only. As written nothing is bent (object_detect_written.c).
+ * deformation gives the box only. As written nothing is deformed (object_detect_written.c).
  *
- * Source: this project's, but for PARTS; of Adluru 2008, section 5, only that there are two
- * steps, coarse then fine. */
+ * Source: this project's, except PARTS; of Adluru 2008, section 5, only the two stages, coarse then
+ * fine. */
 #include "src/core/build.h"
 
 #include <errno.h>
@@ -25,35 +28,34 @@
 #include "src/host/contour_search_fit.h"
 #include "src/host/object_detect_candidates.h"
 
-/* Of bent outlines evidence is counted in pieces of this length (contour_search_fit.c). */
+/* Evidence of a deformed outline is per piece of this length, share of the size
+ * (contour_search_fit.c). */
 #define PIECE_LENGTH 0.08
-/* What the outline before bending and the logarithm of the size, to the picture's diagonal,
- * count beside the bent one. A piece of a small outline is a few pixels, along which chance lays
- * an edge more easily. */
+/* Score weights: evidence before deformation, and log of the size over the image's diagonal;
+ * evidence after deformation has weight 1. A piece of a small outline is a few pixels, where chance
+ * edges are more likely. */
 #define RIGID_EVIDENCE_WEIGHT 2
 #define SIZE_WEIGHT           1
-/* And how near edges are to the bent outline, how far it is turned and strained against the
- * drawn one (contour_search_shape.c). */
+/* Score weights: edge proximity, tangent deviation and deformation (contour_search_shape.c). */
 #define PROXIMITY_WEIGHT   12
 #define TANGENT_WEIGHT     32
 #define DEFORMATION_WEIGHT 16
-/* What all that comes to where there is no object, so that 0 is where most pictures without one
- * have none left (docs/accuracy.md). */
+/* Score offset: the typical score without an object, so that most images without one have no
+ * detection above 0 (docs/accuracy.md). */
 #define SCORE_OFFSET 10.7
-/* And the square of the logarithm of how much wider its box is, to its height, than the model's. */
+/* Score weight of the squared log ratio of the box's aspect ratio to the model's. */
 #define ASPECT_WEIGHT 1
-/* Where objects may be hidden in part: what of the outline agrees on one similarity map counts,
- * as what is hidden was bent onto what hides it, with the evidence of what is grouped there, the
- * size, and nothing else. Scores have the same 0. */
+/* Score weights with `occluded`: rigid proximity, grouped evidence and size only, because occluded
+ * parts were deformed to the occluder. Scores keep the same zero. */
 #define OCCLUDED_PROXIMITY_WEIGHT 20
 #define OCCLUDED_GROUPING_WEIGHT  CAIRN_REAL(0.5)
 #define OCCLUDED_SIZE_WEIGHT      2
 #define OCCLUDED_SCORE_OFFSET     8
-/* Of two detections one goes, too, when more of the smaller box than this lies in the other:
- * parts of an object look like small ones. */
+/* Non-maximum suppression also removes a detection when more of the smaller box than this lies in
+ * the other: parts of an object resemble small objects. */
 #define MAX_CONTAINED_SHARE 0.8F
-/* A segment stands for a place so near, of the size, but at least so many pixels; and turned by
- * so much. */
+/* A segment matches an outline sample within this distance, share of the size, but at least
+ * MIN_DISTANCE_PX; and within this cosine of the angle. */
 #define MAX_DISTANCE_SHARE 0.04
 #define MIN_DISTANCE_PX    3
 #define MIN_COSINE         0.7
@@ -99,7 +101,7 @@ void cairn_detections_free(cairn_detections *detections)
 
 /* ---- Candidates ---- */
 
-/* The share of the smaller of two boxes that lies in the other. */
+/* Share of the smaller of two boxes that lies in the other. */
 static float contained_share(const cairn_detection *a, const cairn_detection *b)
 {
     cairn_real w = cairn_min(a->right, b->right) - cairn_max(a->left, b->left),
@@ -110,8 +112,8 @@ static float contained_share(const cairn_detection *a, const cairn_detection *b)
     return w > 0 && h > 0 ? (float)(w * h / least) : 0;
 }
 
-/* With `occluded` what is grouped makes as many candidates more, at most. PEAKS_MOST leaves room
- * for them. */
+/* Groups contours; with `occluded` grouped objects become additional candidates, at most
+ * `candidates`. MAX_PEAKS leaves capacity for them. */
 static cairn_status group_contours(object_detector *detector)
 {
     const cairn_object_detect_params *params = &detector->field->params;
@@ -160,7 +162,7 @@ static void append_outline(const object_detector *detector, cairn_detections *fo
     found->outline_count += detection->outline_count;
 }
 
-/* The segment nearest to a place of the outline and about in its direction; -1: none is near. */
+/* The segment nearest to an outline sample and nearly parallel to it; -1: none. */
 static int32_t segment_at(const object_detector *detector, const int32_t *list, int32_t count,
                           cairn_oriented_point point, cairn_real size)
 {
@@ -181,7 +183,8 @@ static int32_t segment_at(const object_detector *detector, const int32_t *list, 
     return found;
 }
 
-/* The segments along the bent outline, and where it has none. 0: there is no memory. */
+/* Appends the segments along the deformed outline, and matches its samples to them. Returns 0 when
+ * out of memory. */
 static int append_segments(const object_detector *detector, cairn_detections *found,
                            cairn_detection *detection)
 {
@@ -212,15 +215,15 @@ static int append_segments(const object_detector *detector, cairn_detections *fo
     return 1;
 }
 
-/* As it was drawn, mirrored where the detection is. */
+/* The original outline, mirrored if the detection is. */
 static const cairn_oriented_point *model_outline(const object_detector *detector,
                                                  const cairn_detection *detection)
 {
     return detector->variants[detection->mirrored ? DETECT_ASPECTS : 0].outline;
 }
 
-/* Objects stand upright: a turn of the whole counts as bending does. map: see
- * cairn_detect_agreed(). */
+/* Computes the shape quality. Objects are upright: a rotation counts as tangent deviation. map: see
+ * cairn_detect_rigid_proximity(). */
 static void measure_shape(const object_detector *detector, cairn_detection *detection,
                           detect_similarity *map)
 {
@@ -261,7 +264,7 @@ static cairn_real score_of(const object_detector *detector, const cairn_detectio
                         ASPECT_WEIGHT * log(aspect) * log(aspect) - SCORE_OFFSET);
 }
 
-/* What the thesis says of a hypothesis by its parts. */
+/* Copies the scores of a hypothesis by parts. */
 static void set_part_scores(const detect_hypothesis *hypothesis, cairn_detection *detection)
 {
     detection->score = hypothesis->score;
@@ -271,7 +274,7 @@ static void set_part_scores(const detect_hypothesis *hypothesis, cairn_detection
     detection->part_count = hypothesis->part_count;
 }
 
-/* What is in the box (Adluru 2008, eq. 5.1, with how unlikely it shows the class as the distance
+/* Adds the appearance term of the box (Adluru 2008, eq. 5.1, with 1 - probability as the distance
  * of appearance). */
 static void add_appearance(const object_detector *detector, cairn_detection *detection)
 {
@@ -283,7 +286,8 @@ static void add_appearance(const object_detector *detector, cairn_detection *det
     detection->score -= detector->field->params.appearance_weight * (1 - detection->appearance);
 }
 
-/* Bends the outline onto the edges about a candidate. 0: there is no memory. */
+/* Refines a candidate: deforms the outline to the edges, collects segments, computes the score.
+ * Returns 0 when out of memory. */
 static int refine_candidate(object_detector *detector, const detect_peak *peak,
                             cairn_detections *found)
 {
@@ -373,7 +377,7 @@ static void move_parts(object_detector *detector, cairn_detections *found)
     detector->hypotheses.parts = NULL;
 }
 
-/* Every hypothesis is a detection; of those in one place the best stays. */
+/* As written: every hypothesis is a detection; non-maximum suppression keeps the best. */
 static cairn_status detect_as_written(object_detector *detector, cairn_detections *found)
 {
     cairn_status status =
@@ -430,7 +434,7 @@ static cairn_status detect(object_detector *detector, cairn_detections *found)
     return CAIRN_OK;
 }
 
-/* 1 when the box of the outline has a width and a height. */
+/* Returns 1 when the box of the outline has a width and a height. */
 static int has_area(const cairn_shape_model *model)
 {
     cairn_box box = cairn_box_empty();

@@ -1,22 +1,25 @@
-/* How much of a bent outline agrees on one similarity map of the drawing, and where that lays it:
- * for objects of the model's own shape that are hidden in part.
+/* Rigid proximity: how much of a deformed outline agrees on one similarity transform of the
+ * original outline, and that transform. For objects of the model's own shape that are partly
+ * occluded.
  *
- * Method: from each half of the outline, and from all of it, a map is fitted by least squares,
- * samples are weighed by how near they lie to where it lays them, and it is fitted again. What lies
- * behind something else was bent along that, and does not count; what a bend made fit does not,
- * either.
+ * Method: robust fitting by iteratively reweighted least squares from several starts.
+ * 1. A transform is fitted to each half of the outline, and to all of it.
+ * 2. Samples are reweighted by edge proximity and by their distance from the transformed outline,
+ *    and the transform is fitted again.
+ * 3. The transform of greatest mean weight wins. Samples deformed to an occluder, or matched only
+ *    by deformation, get no weight.
  *
  * Source: this project's. */
 #include "src/core/build.h"
 
 #include "src/host/object_detect_work.h"
 
-/* Sigma, in sizes, of how far samples lie from the similarity map that they agree on, at last;
- * wider at first. */
+/* Standard deviation of a sample's distance from the transformed outline, in sizes, in the last
+ * rounds; and factors on it per round. */
 #define POSITION_SIGMA 0.012
 static const double sigma_factor[] = {4, 2, 1, 1};
-/* Halves of the outline that such a map is looked for from, besides the whole; and how much
- * larger or smaller than the outline it makes it, most. */
+/* Number of halves of the outline used as starts, besides the whole; and limit of the transform's
+ * scale either way. */
 enum { HALVES = 8, ROUNDS = sizeof sigma_factor / sizeof *sigma_factor };
 #define MAX_SCALE_RATIO 2
 
@@ -28,14 +31,14 @@ static cairn_vec2 apply_similarity(const detect_similarity *map, cairn_vec2 p)
     return mapped;
 }
 
-/* Where a sample came to lie, in the sizes and from the origin of the outline. */
+/* Position of a deformed sample relative to the outline's origin, in sizes. */
 static cairn_vec2 normalized_position(const contour_fitted_outline *fitted, int32_t i)
 {
     return cairn_vec2_scale(cairn_vec2_sub(fitted->outline[i].position, fitted->origin),
                             1 / fitted->size);
 }
 
-/* By least squares with weights; 0: there is none within SCALE_MOST. */
+/* Weighted least-squares similarity transform; 0: none within MAX_SCALE_RATIO. */
 static int32_t solve_similarity(const contour_fitted_outline *fitted,
                                 const cairn_oriented_point *reference, const cairn_real *weight,
                                 detect_similarity *map)
@@ -72,8 +75,8 @@ static int32_t solve_similarity(const contour_fitted_outline *fitted,
            scale < MAX_SCALE_RATIO * MAX_SCALE_RATIO;
 }
 
-/* Weighs samples by how near an edge is to each, and how near it lies to where the map lays it;
- * the mean weight. */
+/* Reweights the samples by edge proximity times a Gaussian of their distance from the transformed
+ * outline; returns the mean weight. */
 static cairn_real reweight(const contour_fitted_outline *fitted,
                            const cairn_oriented_point *reference, const detect_similarity *map,
                            cairn_real sigma, const cairn_real *proximity, cairn_real *weight)

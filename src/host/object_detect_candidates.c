@@ -1,6 +1,6 @@
-/* Candidates of a search: of each variant of the model and each size the peaks of a map of the
- * mean worth of the outline's samples; of all peaks the best that do not lie on better ones.
- * object_detect.c says how. */
+/* Candidate generation: for each variant of the model and each size, the peaks of a map of the mean
+ * log-likelihood ratio of the outline's samples; then non-maximum suppression over all peaks.
+ * object_detect.c describes the method. */
 #include "src/core/build.h"
 
 #include <math.h>
@@ -9,12 +9,12 @@
 
 #include "src/host/object_detect_candidates.h"
 
-/* Width to height of the model's, and what a step between them costs. */
+/* Factors on the model's aspect ratio (width over height). */
 static const double aspects[DETECT_ASPECTS] = {1, 0.8, 1.25, 0.64, 1.5625};
 enum { MAX_PEAKS = 1 << 16 };
-/* Of two candidates whose boxes share more, over their union, the better one is looked at. */
+/* Non-maximum suppression threshold of candidates: greatest intersection over union. */
 #define CANDIDATE_NMS_OVERLAP 0.5F
-/* What the logarithm of the size counts beside the outline before bending, for candidates. */
+/* Weight of the log of the size in a candidate's score. */
 #define CANDIDATE_SIZE_WEIGHT 0.4F
 
 /* ---- Variants of the model ---- */
@@ -70,7 +70,7 @@ int cairn_detect_variants_fit(const cairn_shape_model *model)
     return 1;
 }
 
-/* ---- Places ---- */
+/* ---- Peaks ---- */
 
 static int compare_peaks(const void *a, const void *b)
 {
@@ -87,7 +87,7 @@ static int compare_peaks(const void *a, const void *b)
     return x->x != y->x ? (x->x < y->x ? -1 : 1) : x->hypothesis - y->hypothesis;
 }
 
-/* Room for a peak; when there is none the worse half goes. */
+/* Returns a free peak; when the capacity is exhausted, the worse half is discarded. */
 static detect_peak *next_peak(object_detector *detector)
 {
     if (detector->count == MAX_PEAKS) {
@@ -97,6 +97,7 @@ static detect_peak *next_peak(object_detector *detector)
     return &detector->peaks[detector->count++];
 }
 
+/* Adds the local maxima of a score map to the peaks. */
 static void add_peaks(object_detector *detector, const detect_plane *plane, const float *sum,
                       int32_t index)
 {
@@ -132,7 +133,7 @@ static void add_peaks(object_detector *detector, const detect_plane *plane, cons
         }
 }
 
-/* The sums of an outline's samples for every place of its middle. */
+/* Correlates an outline with a plane: sums over its samples for every position of its origin. */
 static void correlate(const object_detector *detector, const detect_plane *plane,
                       const detect_variant *variant, float *sum)
 {
@@ -160,8 +161,7 @@ static void correlate(const object_detector *detector, const detect_plane *plane
 static float peak_overlap(const object_detector *detector, const detect_peak *a,
                           const detect_peak *b)
 {
-    const detect_variant *v = &detector->variants[a->variant],
-                         *u = &detector->variants[b->variant];
+    const detect_variant *v = &detector->variants[a->variant], *u = &detector->variants[b->variant];
 
     return cairn_detect_overlap(a->x + a->size * v->left, a->y + a->size * v->top,
                                 a->x + a->size * v->right, a->y + a->size * v->bottom,
@@ -169,7 +169,7 @@ static float peak_overlap(const object_detector *detector, const detect_peak *a,
                                 b->x + b->size * u->right, b->y + b->size * u->bottom);
 }
 
-/* The best peaks that do not lie on better ones come first. */
+/* Non-maximum suppression: sorts the peaks and keeps the best non-overlapping ones. */
 static void suppress_non_maxima(object_detector *detector)
 {
     int32_t kept = 0;

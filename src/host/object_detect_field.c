@@ -1,10 +1,14 @@
-/* What edges are worth for an outline, at every place of a picture and for every size.
+/* Log-likelihood ratio of edges, object against background, for every position, direction and size.
  *
- * Method: for each size a grid of cells, which are a share of it. Every segment enters the
- * directions near its own at a cost of the turn and of its strength; least costs spread over a few
- * sigmas, in rows, then in columns. What edges come to by chance is the mean over a window somewhat
- * larger than the object; a place is worth the logarithm of how much likelier its edge is with the
- * object.
+ * Method:
+ * 1. For each size a grid of cells, which are a share of the size (scale pyramid).
+ * 2. Every segment is entered into the direction bins near its own, at a cost by angle and
+ *    strength.
+ * 3. Minimum costs are propagated a few sigmas along rows, then along columns (separable distance
+ *    transform), and converted to likelihoods.
+ * 4. The background likelihood is the mean over a window somewhat larger than the object
+ *    (summed-area table). The result is the logarithm of the ratio of both, with a probability of
+ *    occlusion.
  *
  * Source: this project's, for the verification of Adluru 2008, section 5.3. */
 #include "src/core/build.h"
@@ -17,27 +21,27 @@
 
 #include "src/host/object_detect_work.h"
 
-/* Sigmas: of the place, in cells, and of the direction, rad; a segment is no edge of directions
- * beyond so many sigmas. */
+/* Standard deviations: position, in cells, and direction, rad; a segment contributes to directions
+ * within MAX_ANGLE_SIGMAS. */
 #define SIGMA_CELLS      1.0
 #define ANGLE_SIGMA      0.35
 #define MAX_ANGLE_SIGMAS 2.2
-/* Cells that a cost spreads, and half the window's side. */
+/* Propagation radius of a cost, and half the window's side, cells. */
 enum { SPREAD_CELLS = 3, WINDOW_CELLS = 30 };
-/* An edge stronger than a share s of all is 2 s times as likely on an object as elsewhere, but
- * never less than this. */
+/* An edge stronger than a share s of all edges is 2 s times as likely on an object as elsewhere;
+ * lower bound of this ratio. */
 #define MIN_STRENGTH_RATIO 0.2
-/* So likely an edge is by chance at least, and a piece of an outline has none. */
+/* Least background likelihood, and probability that a piece of an outline has no edge. */
 #define MIN_BACKGROUND        0.02
 #define OCCLUSION_PROBABILITY 0.25
-/* What an outline's piece outside the picture is worth. */
+/* Log-likelihood ratio outside the image, nats. */
 #define OUTSIDE_LLR (-0.7F)
-/* Between sizes. */
+/* Ratio of consecutive sizes; cost of a cell without an edge in reach. */
 #define SIZE_STEP 1.2
 #define MAX_COST  30.0F
 
 enum { BINS = DETECT_BINS, MARGIN = DETECT_MARGIN_CELLS };
-/* Of params. */
+/* Limits of the params. */
 enum {
     MIN_SIZE_PX = 8,
     MAX_SIZE_PX = 2 * CAIRN_CONTOUR_SIDE_MOST,
@@ -50,8 +54,8 @@ enum {
 
 typedef struct plane_buffers {
     float *cost;  /* [BINS][height][width] */
-    double *sums; /* [(height + 1)][width + 1] */
-    float *strip; /* a row or column with its margins */
+    double *sums; /* [(height + 1)][width + 1] summed-area table */
+    float *strip; /* scratch: a row or column with its margins */
 } plane_buffers;
 
 static void mark_line(const detect_plane *plane, cairn_segment line, float *cost, float line_cost)
@@ -88,7 +92,7 @@ static void enter_segment(const detect_plane *plane, cairn_segment line, cairn_r
     }
 }
 
-/* Least of the costs in reach of a row or column of `count` cells, `step` apart. */
+/* One-dimensional distance transform of a row or column of `count` cells, `step` apart. */
 static void spread_line(float *strip, float *cost, int32_t count, int32_t step)
 {
     for (int32_t i = 0; i < SPREAD_CELLS; i++)
@@ -110,7 +114,7 @@ static void spread_line(float *strip, float *cost, int32_t count, int32_t step)
     }
 }
 
-/* Costs become likelihoods, with their sums over all cells above and to the left. */
+/* Converts costs to likelihoods, and computes their summed-area table. */
 static void integrate(const detect_plane *plane, float *cost, double *sums)
 {
     int32_t w = plane->width;
@@ -128,6 +132,7 @@ static void integrate(const detect_plane *plane, float *cost, double *sums)
     }
 }
 
+/* Log-likelihood ratio of every cell against the mean of its window. */
 static void compute_llr(const detect_plane *plane, const float *likelihood, const double *sums,
                         float *llr)
 {
@@ -153,7 +158,7 @@ static void compute_llr(const detect_plane *plane, const float *likelihood, cons
     }
 }
 
-/* 0: there is no memory. */
+/* Computes the plane of one size. Returns 0 when out of memory. */
 static int make_plane(detect_plane *plane, const cairn_contour_tokens *tokens,
                       plane_buffers *buffers)
 {
@@ -262,7 +267,7 @@ static cairn_status check_params(const cairn_object_detect_params *params,
     return check_parts(params, path, error);
 }
 
-/* As many sizes as there are up to the largest. */
+/* Number of sizes in the range. */
 static int32_t plane_count_of(const cairn_object_detect_params *params)
 {
     int32_t planes =

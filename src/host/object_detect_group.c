@@ -1,9 +1,9 @@
-/* Detections verified by contour grouping (chapter 2), and those that are hidden in part found by
- * it.
+/* Verification of detections by contour grouping (chapter 2), and detection of partly occluded
+ * objects.
  *
- * Method: the grouping looks for the model as it is and mirrored, in one band of sizes after the
- * other. Its evidence is of what is seen along chains of edges, whatever is hidden, and objects may
- * be turned: what a bent outline has not counted.
+ * Method: the grouping searches the model and its mirror image in successive bands of sizes. Its
+ * evidence comes from the visible parts along chains of edges, whatever is occluded, and objects
+ * may be rotated. Both complement the evidence of a deformed outline.
  *
  * Source: Adluru 2008, chapter 2 (contour_grouping). */
 #include "src/core/build.h"
@@ -17,14 +17,14 @@
 #include "cairn/shape_model_file.h"
 #include "src/host/object_detect_work.h"
 
-/* Sizes that are searched at once differ by this factor at most: of sizes at one place a search
- * keeps the best alone. */
+/* Greatest ratio of sizes within one band, because a search keeps only the best size at one
+ * position. */
 #define BAND_FACTOR 2.2
-/* Least evidence of what is kept: chance has more about every object. */
+/* Least evidence of a kept object, nats; chance objects near every detection have more. */
 #define MIN_EVIDENCE 2
-/* rad: so far objects are turned, either way. */
+/* rad: greatest rotation either way. */
 #define MAX_ROTATION (15 * (CAIRN_PI / 180))
-/* Boxes that share so much of their union are of one object. */
+/* Least intersection over union of boxes of one object. */
 #define MIN_OVERLAP 0.5
 enum { MIN_TOKENS = 64 };
 
@@ -34,7 +34,7 @@ void cairn_detect_group_free(detect_groupings *made)
     memset(made, 0, sizeof *made);
 }
 
-/* What the pieces of all segments come to. */
+/* Number of tokens of all segments, clamped. */
 static int32_t count_tokens(const cairn_contour_tokens *tokens, cairn_real token)
 {
     double count = 0;
@@ -60,7 +60,7 @@ static cairn_grouping_params params_for(const cairn_contour_tokens *tokens,
     return params;
 }
 
-/* The box of the model where it was grouped. */
+/* Computes the bounding box of the model at the grouped pose. */
 static void set_box(const cairn_shape_model *model, detect_grouping *grouped)
 {
     double c = cos((double)grouped->found.turn) * (double)grouped->found.size,
@@ -94,7 +94,7 @@ static void append_objects(detect_groupings *made, const cairn_grouping *groupin
     }
 }
 
-/* Looks for the model in sizes of one band. */
+/* Searches the model in one band of sizes. */
 static cairn_status search_band(cairn_grouping *grouping, const cairn_contour_tokens *tokens,
                                 const cairn_shape_model *model, double min_size, double max_size)
 {

@@ -1,17 +1,21 @@
-/* Hypotheses of an object by the parts of its outline (Adluru 2008, chapter 5).
+/* Object hypotheses by parts of the outline (Adluru 2008, chapter 5).
  *
- * Method: the polylines of the edges' chains are matched with the fragments of the model's outline
- * (fragment_match), also with those of its mirror image. Every match votes for a place and a size;
- * its gain is its similarity times the share of the outline that it stands for. Of the votes near
- * each one the best configuration is taken (part_configuration). What of the chains it is made of
- * is laid into the frame of the model and compared with the whole outline by its shape contexts,
- * what no part stands for counted as missing: score = 1 - distance.
+ * Method:
+ * 1. The polylines of the edge chains are matched to the fragments of the model's outline, and of
+ *    its mirror image (fragment_match).
+ * 2. Every match votes for a position and a size. Its weight is its similarity times its share of
+ *    the outline's length.
+ * 3. The best configuration of the votes near each one is a hypothesis (part_configuration).
+ * 4. The matched pieces of its chains are transformed to the model's frame and compared with the
+ *    whole outline by shape contexts. Outline without a part counts as missing: score = 1 -
+ *    distance.
  *
  * As written (CAIRN_MODE_AS_WRITTEN): all configurations of the K nearest of all votes whose
- * similarities sum to LEAST_SUM or more; the whole edge fragments of each are compared with the
- * whole outline (object_detect_written.c).
+ * similarities sum to MIN_SIMILARITY_SUM or more; the whole edge fragments of each are compared
+ * with the whole outline (object_detect_written.c).
  *
- * Source: Adluru 2008, sections 5.2.2 and 5.3.1; as settled in the heads of the rooms. */
+ * Source: Adluru 2008, sections 5.2.2 and 5.3.1; choices as stated in the headers of the
+ * modules. */
 #include "src/core/build.h"
 
 #include <math.h>
@@ -23,18 +27,18 @@
 #include "cairn/shape_context.h"
 #include "src/host/object_detect_work.h"
 
-/* Points of the outline that are compared, as written of a hypothesis, too; and of all parts of
+/* Points of the outline, and as written of a hypothesis, for the comparison; points of all parts of
  * a configuration. */
 enum { OUTLINE_POINTS = 64, PART_POINTS = 128 };
-/* Two ends of a chain so near, in pixels, are one: the chain is closed. */
+/* A chain whose ends are within this distance is closed, px. */
 #define MAX_CLOSING_GAP_PX 3
-/* px between samples of chains, least. */
+/* Least spacing of samples of chains, px. */
 #define MIN_SAMPLE_STEP_PX CAIRN_REAL(1.5)
-/* Configurations that are visited near one vote, at most. */
+/* Limit of search-tree nodes per vote. */
 enum { MAX_NODES = 100000 };
 
-/* As written: the threshold of summed similarities (section 5.3.1 names none): a fragment alone
- * is enough when half of it is matched; matches of any similarity vote. */
+/* As written: the threshold of summed similarities (section 5.3.1 gives none): one fragment
+ * suffices when half of it is matched. Matches of any similarity vote. */
 #define MIN_SIMILARITY_SUM     CAIRN_REAL(0.5)
 #define MIN_WRITTEN_SIMILARITY CAIRN_REAL(1e-3)
 
@@ -45,7 +49,7 @@ static cairn_vec2 middle_of(cairn_vec2 a, cairn_vec2 b)
     return cairn_vec2_scale(cairn_vec2_add(a, b), CAIRN_REAL(0.5));
 }
 
-/* The polyline through the segments `from` ... `to` - 1 of a chain, which follow each other. */
+/* Creates the polyline through the consecutive segments `from` ... `to` - 1 of a chain. */
 static void add_chain(detect_chains *chains, const cairn_contour_tokens *tokens, int32_t from,
                       int32_t to, cairn_vec2 *points)
 {
@@ -101,7 +105,7 @@ typedef struct part_searcher {
     const cairn_shape_model *model;
     detect_hypotheses *made;
     int32_t mirrored;
-    cairn_part_model parts; /* of the model as it is, or mirrored */
+    cairn_part_model parts; /* of the model or of its mirror image */
     cairn_oriented_point *samples;
     cairn_part_vote *votes;
     cairn_vec2 outline[OUTLINE_POINTS];
@@ -110,10 +114,10 @@ typedef struct part_searcher {
     cairn_fragment_matcher *matcher;
     cairn_part_configurator *configurator;
     cairn_shape_context *context;
-    detect_chain_sets sets; /* as written: what was compared */
+    detect_chain_sets sets; /* as written: sets of chains already compared */
 } part_searcher;
 
-/* Of the first outline, which alone has fragments. */
+/* Only the first outline has fragments. */
 static cairn_part_bundle_params bundle_params(const part_searcher *searcher)
 {
     cairn_part_bundle_params params = cairn_part_bundle_default();
@@ -198,7 +202,7 @@ static cairn_status create(part_searcher *searcher, cairn_pool *pool, void **mem
     return status;
 }
 
-/* The fragments of the model's first outline. */
+/* Computes the fragments of the model's first outline. */
 static cairn_status cut_outline(part_searcher *searcher)
 {
     int32_t count = cairn_shape_first_outline(searcher->model);
@@ -229,7 +233,7 @@ static cairn_vec2 mirror(cairn_vec2 v)
     return mirrored;
 }
 
-/* The parts and even points of all outlines, as they are or mirrored. */
+/* Sets the parts and the even points of all outlines, mirrored on request. */
 static void set_model(part_searcher *searcher, int32_t mirrored)
 {
     int32_t all = searcher->model->outline_count;
@@ -270,7 +274,7 @@ static cairn_status match_fragments(part_searcher *searcher, cairn_fragment_matc
     return status;
 }
 
-/* The longest fragment of its bundle, of equal ones the first. */
+/* Returns 1 for the longest fragment of its bundle; ties go to the first. */
 static int is_longest(const part_searcher *searcher, int32_t fragment)
 {
     const cairn_part_fragment *own = &searcher->parts.fragments[fragment];
@@ -285,7 +289,7 @@ static int is_longest(const part_searcher *searcher, int32_t fragment)
     return 1;
 }
 
-/* Votes of the matches, match_of[] of which each. */
+/* Casts the votes of the matches; match_of[]: match index of each vote. Returns their number. */
 static int32_t cast_votes(part_searcher *searcher, const cairn_fragment_match_result *found,
                           int32_t *match_of)
 {
@@ -335,7 +339,7 @@ static cairn_status find_configurations(part_searcher *searcher, int32_t count,
 
 /* ---- Hypotheses ---- */
 
-/* The point of a chain so far along it; of a closed one on into the next round. */
+/* Point of a chain at an arc length, which continues round a closed chain. */
 static cairn_vec2 point_along(const cairn_curve *chain, cairn_real along)
 {
     int32_t sides = chain->closed ? chain->count : chain->count - 1;
@@ -355,8 +359,8 @@ static cairn_vec2 point_along(const cairn_curve *chain, cairn_real along)
     return chain->points[chain->closed ? 0 : chain->count - 1];
 }
 
-/* What of the chains a configuration is made of, as points in the frame of the model, as close
- * as those of its outline, or as room allows for all of them. */
+/* Samples the matched pieces of a configuration's chains in the model's frame, as densely as the
+ * outline, or as the capacity allows. */
 static int32_t sample_parts(const part_searcher *searcher, const detect_hypothesis *hypothesis,
                             cairn_vec2 *points)
 {
@@ -417,7 +421,7 @@ static cairn_status run_context(part_searcher *searcher, const cairn_shape_conte
     return status;
 }
 
-/* As written: whole against whole. CAIRN_EMPTY: there is no shape. */
+/* As written: compares the whole fragments with the whole outline. CAIRN_EMPTY: zero length. */
 static cairn_status compare_whole(part_searcher *searcher, detect_hypothesis *hypothesis)
 {
     cairn_vec2 points[OUTLINE_POINTS];
@@ -497,7 +501,7 @@ static cairn_status add_hypothesis(part_searcher *searcher,
     return CAIRN_OK;
 }
 
-/* Of the model as it is, or mirrored. */
+/* Searches the model, or its mirror image. */
 static cairn_status search(part_searcher *searcher, int32_t mirrored, int32_t *match_of)
 {
     cairn_part_configuration_result configurations = {.count = 0};

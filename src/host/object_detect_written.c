@@ -1,17 +1,19 @@
-/* Detection by parts as written: hypotheses are groups of whole edge fragments, boxes are those
- * about them.
+/* Detection by parts as written: hypotheses are sets of whole edge fragments; boxes are the
+ * bounding boxes of the fragments.
  *
- * Choices, where the text is silent: the shape of a hypothesis is that of its whole edge fragments,
- * as linked (section 5.3.1: configurations are groups of edge fragments), sampled at 64 even steps,
- * as many as the outline, and so the same for all configurations of the same edge fragments: the
- * one of the greatest sum of similarities is looked at; it is not warped onto the model before it
- * is measured, for nothing is said of that and a straight edge warps onto anything; the distance is
- * the sum of both directions' mean costs of the best matches; with appearance lambda times the
- * distance to the nearest words that were learnt is added (eq. 5.1, section 5.4.2: "each
- * configuration finds its nearest neighbor"), half of chi2, or what is missing to a probability of
- * 1 (section 5.3.2: the confidence of a machine). Of hypotheses whose boxes share more than
- * `overlap` of their union the one of the least distance stays: the best of an image's place, for
- * images hold several objects or none.
+ * Choices, where the text leaves details open:
+ * - The shape of a hypothesis is that of its whole edge fragments, as linked (section 5.3.1:
+ *   configurations are groups of edge fragments), sampled at 64 even steps, as many as the outline.
+ *   So it is the same for all configurations of the same edge fragments, and only the one of the
+ *   greatest sum of similarities is evaluated.
+ * - It is not warped onto the model before the comparison: the text mentions no warp, and a
+ *   straight edge warps onto anything.
+ * - The distance is the sum of both directions' mean costs of the best matches.
+ * - With appearance, lambda times the distance to the nearest training histogram is added (eq. 5.1,
+ *   section 5.4.2: "each configuration finds its nearest neighbor"): half of chi-squared.
+ *   Alternative: 1 - probability (section 5.3.2: the confidence of the support vector machine).
+ * - Non-maximum suppression: of hypotheses whose intersection over union exceeds `overlap` the one
+ *   of the least distance stays, because images hold several objects or none.
  *
  * Source: Adluru 2008, section 5.3. */
 #include "src/core/build.h"
@@ -21,7 +23,7 @@
 
 #include "src/host/object_detect_work.h"
 
-/* Of the hash of a set of chains (FNV-1a by words). */
+/* Constants of the hash of a set of chains (FNV-1a by words). */
 #define HASH_PRIME UINT32_C(16777619)
 enum { HASH_FOLD_BITS = 15 };
 
@@ -38,7 +40,7 @@ cairn_object_detect_params cairn_object_detect_as_written(int32_t width, int32_t
 
 /* ---- The shape of a hypothesis ---- */
 
-/* Adds what of even steps falls on a chain; *at: px from its first point to the next step. */
+/* Samples the even steps that fall on a chain; *at: px from its first point to the next step. */
 static int32_t sample_chain(const cairn_curve *chain, cairn_real step, cairn_real *at,
                             cairn_vec2 *points, int32_t capacity)
 {
@@ -177,7 +179,7 @@ cairn_status cairn_detect_written_add(cairn_detections *found, const detect_hypo
     return CAIRN_OK;
 }
 
-/* All lines of the chains that the fragments are. */
+/* Appends all lines of the fragments' chains. */
 static void append_lines(cairn_detections *found, cairn_detection *detection,
                          const cairn_contour_tokens *tokens)
 {
@@ -191,8 +193,8 @@ static void append_lines(cairn_detections *found, cairn_detection *detection,
     detection->segment_count = found->segment_count - detection->first_segment;
 }
 
-/* The drawn outline in the voted place; none of its samples is said to be seen. Part 1: all
- * outlines behind the first. */
+/* Appends the original outline at the voted pose; all samples are unmatched. Outline index 1: all
+ * outlines after the first. */
 static void append_outline(cairn_detections *found, cairn_detection *detection,
                            const cairn_shape_model *model)
 {
