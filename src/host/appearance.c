@@ -1,11 +1,15 @@
-/* What is in a box, by the words of its patches.
+/* Bag-of-visual-words classification of a box.
  *
- * Method: patches of about 24 px every 6 px, and of about 48 px every 12 px, upright (objects are).
- * Each is taken for the nearest word; the shares of all words in the box are its histogram. Words
- * are whole numbers, so that nearest is the same everywhere. The machine's kernel is exp(-gamma
- * chi2); its value becomes a probability after Platt 2000.
+ * Method:
+ * 1. Dense SIFT: patches of about 24 px every 6 px, and of about 48 px every 12 px, upright,
+ *    because objects are.
+ * 2. Each descriptor is quantized to the nearest word. Words are integers, so that the quantization
+ *    is the same on every machine.
+ * 3. The normalized histogram of the words in the box is classified by a support vector machine
+ *    with kernel exp(-gamma chi2).
+ * 4. Its decision value becomes a probability by Platt scaling (Platt 2000).
  *
- * Source: Adluru 2008, section 5.3.2, where patches and kernel are left open. */
+ * Source: Adluru 2008, section 5.3.2, which leaves patches and kernel open. */
 #include "src/core/build.h"
 
 #include <errno.h>
@@ -18,18 +22,20 @@
 
 #define LIBRARY "libcairn-appearance.so"
 
-/* px between patches of the image, and their size for SIFT, whose patch is six times as wide;
- * twice that in the image of half the size. */
+/* px: spacing of patches, and keypoint size for SIFT, whose patch is six times as wide; twice that
+ * in the image of half the size. EARLY_EXIT_STEP: descriptor components between early-exit
+ * tests. */
 enum { PATCH_STEP_PX = 6, KEYPOINT_SIZE_PX = 4, OCTAVE_COUNT = 2, EARLY_EXIT_STEP = 32 };
 
-/* Of a box without a patch. */
+/* Probability of a box without a patch. */
 static const double UNKNOWN_PROBABILITY = 0.5;
-/* Of two histograms of shares. */
+/* Greatest chi-squared distance of two normalized histograms. */
 static const double MAX_CHI2 = 2;
 
 struct cairn_appearance_field {
     const cairn_appearance_model *model;
     cairn_appearance_shim_keypoint *keypoints;
+    /* word of each patch */
     int32_t *words; /* [count] */
     int32_t count;
 };
@@ -132,7 +138,7 @@ int32_t cairn_appearance_nearest_word(const uint8_t *words, int32_t count,
         const uint8_t *word = &words[(size_t)i * APPEARANCE_DESCRIPTOR_SIZE];
         int32_t sum = 0;
 
-        /* One that is too far early on is not looked at to its end. */
+        /* Early exit: stops when the partial sum exceeds the least distance. */
         for (int32_t from = 0; from < APPEARANCE_DESCRIPTOR_SIZE && sum < least;
              from += EARLY_EXIT_STEP)
             for (int32_t k = from; k < from + EARLY_EXIT_STEP; k++)
@@ -169,7 +175,7 @@ double cairn_appearance_chi2(const float *a, const float *b, int32_t count)
     return sum;
 }
 
-/* ---- Asking ---- */
+/* ---- Classification ---- */
 
 double cairn_appearance_decision(const cairn_appearance_model *model, const float *histogram)
 {
@@ -233,7 +239,7 @@ void cairn_appearance_field_free(cairn_appearance_field *field)
     free(field);
 }
 
-/* Shares of the words in a box. 0: it has no patch. */
+/* Computes the normalized histogram of a box. Returns 0 when it has no patch. */
 static int compute_histogram(const cairn_appearance_field *field, const double box[4],
                              float histogram[CAIRN_APPEARANCE_WORDS_MOST])
 {
@@ -258,8 +264,8 @@ double cairn_appearance_probability(const cairn_appearance_field *field, const d
                : UNKNOWN_PROBABILITY;
 }
 
-/* Vectors of the class raise the probability: their weights have the sign that the slope has
- * not. */
+/* Positive support vectors raise the probability: the sign of their weights is opposite to that of
+ * the slope. */
 double cairn_appearance_distance(const cairn_appearance_field *field, const double box[4])
 {
     const cairn_appearance_model *model = field->model;

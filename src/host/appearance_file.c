@@ -1,4 +1,4 @@
-/* Models of appearance as text. */
+/* Reader and writer of appearance models as text. */
 #include "src/core/build.h"
 
 #include <errno.h>
@@ -14,7 +14,7 @@
 #define FILE_MAGIC "cairn-appearance"
 
 enum { VERSION = 1 };
-/* Of the numbers of a machine. */
+/* Limits of the parameters of a support vector machine. */
 #define MAX_NUMBER 1e9
 #define MIN_GAMMA  1e-9
 
@@ -22,7 +22,7 @@ typedef struct appearance_reader {
     cairn_line_reader *lines;
     const char *path;
     cairn_file_error *error;
-    const char *at, *end; /* of the line */
+    const char *at, *end; /* unread part of the current line */
 } appearance_reader;
 
 static cairn_status no_memory(const appearance_reader *reader)
@@ -35,7 +35,7 @@ static int64_t line_of(const appearance_reader *reader)
     return cairn_line_reader_number(reader->lines);
 }
 
-/* The next line with anything on it but a comment; `what` is what should come. */
+/* Reads the next line that is not empty or a comment; `what` describes the expected content. */
 static cairn_status next_line(appearance_reader *reader, const char *what)
 {
     const char *line, *comment, *at, *token;
@@ -59,7 +59,7 @@ static cairn_status next_line(appearance_reader *reader, const char *what)
     return CAIRN_OK;
 }
 
-/* The next word of the line must be this one. */
+/* Reads a token that must equal `word`. */
 static cairn_status expect_token(appearance_reader *reader, const char *word)
 {
     char shown[CAIRN_TOKEN_TEXT_BYTES];
@@ -234,7 +234,7 @@ static int is_within(double value, double least, double most)
     return value >= least && value <= most;
 }
 
-/* 1 when what is written can be read again. */
+/* Returns 1 when the written file can be read again. */
 static int is_writable(const cairn_appearance_model *model)
 {
     int ok = model->word_count >= 2 && model->word_count <= CAIRN_APPEARANCE_WORDS_MOST &&

@@ -1,12 +1,16 @@
-/* What a class looks like, learnt from boxes about its objects.
+/* Training of an appearance model from boxes around the objects of a class.
  *
- * Method: k-means (Lloyd 1982, started as Arthur and Vassilvitskii 2007 do) of the patches in the
- * boxes, evenly chosen where there are many; its means are rounded to whole numbers. Windows of
- * what is not the class have the sizes of boxes, at places by chance. gamma is 1 over the mean chi2
- * of pairs of histograms. Sigmoid after Lin, Lin and Weng 2007, from machines that did not see the
- * images they judge (folds of images).
+ * Method:
+ * 1. Dictionary: k-means (Lloyd 1982) with k-means++ seeding (Arthur and Vassilvitskii 2007) of the
+ *    patches in the boxes, evenly subsampled when there are many. The means are rounded to
+ *    integers.
+ * 2. Negative windows have the sizes of boxes, at random positions beside the boxes.
+ * 3. gamma is 1 over the mean chi-squared distance of pairs of histograms.
+ * 4. Platt scaling by Newton's method with backtracking (Lin, Lin and Weng 2007), on decision
+ *    values from cross-validation: support vector machines trained without the images that they are
+ *    evaluated on.
  *
- * Source: Adluru 2008, section 5.3.2, which says what the steps are. */
+ * Source: Adluru 2008, section 5.3.2, which names the steps. */
 #include "src/core/build.h"
 
 #include <errno.h>
@@ -26,14 +30,14 @@ enum {
     MAX_NEWTON_STEPS = 100,
     MAX_HALVINGS = 30
 };
-/* Samples of whose pairs gamma is the mean: their number grows with the square. */
+/* Samples whose pairs determine gamma; the number of pairs is quadratic. */
 enum { MAX_PAIRED_SAMPLES = 1000 };
-/* Beyond it the kernel tells nothing but the same apart. */
+/* Limit of gamma; beyond it the kernel only separates identical histograms. */
 #define MAX_GAMMA 1e9
-/* Windows share less with every box, over their union. */
+/* Negative windows have a smaller intersection over union with every box. */
 #define MAX_NEGATIVE_OVERLAP 0.2
-/* Of one seed, numbers for different ends. */
-/* that are drawn; not all of them are kept */
+/* Streams of random numbers of one seed. */
+/* limit of sampled windows; not all of them are kept */
 enum { MAX_WINDOWS = 10 * CAIRN_APPEARANCE_SUPPORT_MOST };
 enum { STREAM_WORDS = 11, STREAM_WINDOWS = 12 };
 
@@ -44,15 +48,15 @@ typedef struct trained_image {
 } trained_image;
 
 struct cairn_appearance_trainer {
-    trained_image *images; /* [IMAGES_MOST] */
+    trained_image *images; /* [CAIRN_APPEARANCE_MAX_IMAGES] */
     int32_t count;
 };
 
-/* The windows that are learnt from. */
+/* The training set: positive boxes and negative windows. */
 typedef struct training_set {
-    float *histograms; /* [count][words] */
+    float *histograms; /* [count][words] normalized histograms */
     int32_t *is_class, *image;
-    double *decision; /* f of a machine that did not see the image */
+    double *decision; /* decision values of a machine trained without the image */
     int32_t count, capacity, words;
 } training_set;
 
@@ -148,7 +152,7 @@ cairn_status cairn_appearance_trainer_add(cairn_appearance_trainer *trainer, con
 
 /* ---- The dictionary ---- */
 
-/* Uniform in [0, 1), the same in both precisions. */
+/* Uniform random number in [0, 1), the same in both precisions. */
 static double draw(cairn_random *random)
 {
     return cairn_random_bits(random) / 4294967296.0;
@@ -162,7 +166,7 @@ static int is_in_a_box(const trained_image *image, int32_t patch)
     return 0;
 }
 
-/* The patches in boxes; every so many of them. *count: how many were chosen. */
+/* Chooses an even subsample of the patches in boxes. *count: their number. */
 static const uint8_t **choose_patches(const cairn_appearance_trainer *trainer, int32_t *count)
 {
     const uint8_t **chosen = malloc(MAX_PATCHES * sizeof *chosen);
@@ -190,7 +194,8 @@ static const uint8_t **choose_patches(const cairn_appearance_trainer *trainer, i
     return chosen;
 }
 
-/* First words: each by chance, the likelier the farther a patch is from those before. */
+/* k-means++ seeding: each word is sampled with a probability proportional to the squared distance
+ * to the previous words. */
 static void seed_words(uint8_t *words, int32_t count, const uint8_t *const *patches,
                        int32_t patch_count, int32_t *distance, cairn_random *random)
 {
@@ -215,8 +220,8 @@ static void seed_words(uint8_t *words, int32_t count, const uint8_t *const *patc
     }
 }
 
-/* Words to the means of the patches nearest to them; one that is nearest to none stays. 0:
- * nothing moved. */
+/* Lloyd update: moves words to the means of their patches; a word without patches stays. Returns 0
+ * on convergence. */
 static int update_words(uint8_t *words, int32_t count, const int32_t *sum, const int32_t *members)
 {
     int moved = 0;
@@ -304,8 +309,8 @@ static void add_sample(training_set *set, const trained_image *image, const int3
     set->image[set->count++] = index;
 }
 
-/* A window of the size of some box, made smaller where it must be to fit, that lies apart from
- * this image's boxes. 0: none was found. */
+/* Samples a window of the size of a random box, scaled down to fit the image, that does not overlap
+ * this image's boxes. Returns 0 when none was found. */
 static int draw_window(const cairn_appearance_trainer *trainer, const trained_image *image,
                        int32_t boxes, cairn_random *random, double window[4])
 {
@@ -343,7 +348,7 @@ static int64_t count_boxes(const cairn_appearance_trainer *trainer)
     return boxes;
 }
 
-/* Boxes, and windows that are drawn beside them. */
+/* Greatest number of boxes and negative windows. */
 static int64_t windows_of(const cairn_appearance_trainer *trainer,
                           const cairn_appearance_params *params)
 {
@@ -371,7 +376,7 @@ static void free_samples(training_set *set)
     free(set->decision);
 }
 
-/* 0: there is no memory. */
+/* Collects the samples of all images. Returns 0 when out of memory. */
 static int collect_samples(training_set *set, const cairn_appearance_model *model,
                            const cairn_appearance_trainer *trainer,
                            const cairn_appearance_params *params)
@@ -402,7 +407,7 @@ static int collect_samples(training_set *set, const cairn_appearance_model *mode
     return 1;
 }
 
-/* ---- The machine ---- */
+/* ---- The support vector machine ---- */
 
 static int32_t count_class(const training_set *set)
 {
@@ -418,8 +423,8 @@ static const float *sample_evenly(const training_set *set, int32_t index, int32_
     return &set->histograms[(size_t)((int64_t)index * set->count / count) * (size_t)set->words];
 }
 
-/* 1 over the mean of chi2 of the pairs of at most PAIRED_MOST samples, evenly chosen; of all
- * pairs that are the same no more can be learnt, whatever it is. */
+/* gamma: 1 over the mean chi-squared distance of the pairs of at most MAX_PAIRED_SAMPLES samples,
+ * evenly chosen; 1 when all are identical. */
 static double gamma_of(const training_set *set)
 {
     int32_t count = set->count < MAX_PAIRED_SAMPLES ? set->count : MAX_PAIRED_SAMPLES;
@@ -432,8 +437,8 @@ static double gamma_of(const training_set *set)
     return sum > 0 ? fmin(MAX_GAMMA, count * (count - 1.0) / 2 / sum) : 1;
 }
 
-/* Learns from the samples whose images are not of the fold (-1: from all). CAIRN_EMPTY: of one
- * kind there are none. */
+/* Trains on the samples whose images are not in the fold (-1: on all). CAIRN_EMPTY: only one
+ * class. */
 static cairn_status train_machine(cairn_appearance_model *model, const training_set *set,
                                   double cost, int32_t fold, int32_t folds, const char *path,
                                   cairn_file_error *error)
@@ -475,8 +480,8 @@ static cairn_status train_machine(cairn_appearance_model *model, const training_
     return status;
 }
 
-/* f of every sample by a machine that did not see its image; where that cannot be, by the one
- * that saw all. */
+/* Cross-validation: decision value of every sample by a machine trained without its image; by the
+ * machine trained on all where that is impossible. */
 static cairn_status cross_validate(cairn_appearance_model *model, training_set *set,
                                    const cairn_appearance_trainer *trainer, double cost,
                                    const char *path, cairn_file_error *error)
@@ -496,7 +501,7 @@ static cairn_status cross_validate(cairn_appearance_model *model, training_set *
     return status;
 }
 
-/* What the sigmoid costs: the cross-entropy with targets a little within 0 and 1. */
+/* Cross-entropy of the sigmoid, with targets slightly inside 0 and 1. */
 static double cross_entropy(const training_set *set, const double target[2], double slope,
                             double offset)
 {
@@ -510,6 +515,7 @@ static double cross_entropy(const training_set *set, const double target[2], dou
     return sum;
 }
 
+/* Fits the sigmoid's slope and offset by Newton's method with backtracking line search. */
 static void fit_sigmoid(cairn_appearance_model *model, const training_set *set)
 {
     double of_class = count_class(set), others = set->count - of_class;
@@ -535,7 +541,7 @@ static void fit_sigmoid(cairn_appearance_model *model, const training_set *set)
             return;
         det = h11 * h22 - h21 * h21;
         if (!(det > 0))
-            return; /* by rounding: all say the same */
+            return; /* singular by rounding: all decision values are equal */
         a = -(h22 * g1 - h21 * g2) / det;
         b = -(h11 * g2 - h21 * g1) / det;
         now = cross_entropy(set, target, model->slope, model->offset);

@@ -1,7 +1,7 @@
-/* What detections are worth against the truth.
+/* Evaluation of detections against ground truth.
  *
- * Method: the protocol of the ETHZ shape classes and of PASCAL VOC 2007: each object is taken once,
- * by the best detection that shares enough with it; average precision over eleven recalls.
+ * Method: the protocol of the ETHZ shape classes and of PASCAL VOC 2007: each object is matched
+ * once, by the best detection that overlaps it enough; 11-point interpolated average precision.
  *
  * Source: Everingham et al. 2010 (11 points); Wilson 1927 (intervals). */
 #include "src/core/build.h"
@@ -138,8 +138,8 @@ static cairn_status write_table(const char *path, const cairn_detection_point *p
     return cairn_output_commit(output, error);
 }
 
-/* Lines from point to point; by_recall: precision over recall, otherwise recall over false
- * positives. bound: -1, 1: its interval's. */
+/* Line segments between consecutive points; by_recall: precision over recall, otherwise recall over
+ * false positives. bound: -1, 1: lower or upper confidence bound. */
 static void make_lines(cairn_vec2 *line, const cairn_detection_point *points, int32_t count,
                        int by_recall, int bound)
 {

@@ -1,4 +1,4 @@
-/* Detections as JSON and as SVG over their image. */
+/* Writers of detections as JSON and as SVG over their image. */
 #include "src/core/build.h"
 
 #include <stdio.h>
@@ -7,6 +7,7 @@
 #include "cairn/output.h"
 #include "src/host/report_overlay.h"
 
+/* Converts a coordinate of the searched image to pixels of the original image. */
 static double image_x(const cairn_detection_picture *picture, cairn_real x)
 {
     return ((double)x + 0.5) * picture->shrink - 0.5;
@@ -40,7 +41,7 @@ static void print_segments(cairn_output *output, const cairn_detection_picture *
     cairn_output_print(output, "]");
 }
 
-/* The outline where it lies, and which of its samples are not seen. */
+/* The deformed outline, and which of its samples are unmatched. */
 static void print_outline(cairn_output *output, const cairn_detection_picture *picture,
                           const cairn_detection *detection)
 {
@@ -54,8 +55,7 @@ static void print_outline(cairn_output *output, const cairn_detection_picture *p
     cairn_output_print(output, "]");
 }
 
-/* The configuration: fragments of the model along chains, and the bundles of which there is
- * none. */
+/* The configuration: matched fragments of the model along chains, and the bundles without one. */
 static void print_parts(cairn_output *output, const cairn_detection_picture *picture,
                         const cairn_detection *detection)
 {
@@ -147,7 +147,7 @@ cairn_status cairn_detection_file_write(const cairn_detection_picture *picture, 
 
 /* ---- SVG ---- */
 
-/* The samples that are seen, or those that are not. */
+/* Draws the matched samples, or the unmatched ones. */
 static void draw_outline(cairn_output *output, const cairn_detection_picture *picture,
                          const cairn_detection *detection, int is_seen)
 {

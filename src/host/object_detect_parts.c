@@ -392,7 +392,7 @@ static int32_t sample_parts(const part_searcher *searcher, const detect_hypothes
     return count;
 }
 
-/* The share of the outline for which no part stands. */
+/* Share of the outline's length without a matched part. */
 static cairn_real missing_share(const part_searcher *searcher, const detect_hypothesis *hypothesis)
 {
     cairn_real seen = 0;
