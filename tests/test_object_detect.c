@@ -674,7 +674,7 @@ static void refuses_what_cannot_be(void **state)
     model.model.outline_count = 2;
     assert_status(cairn_object_detect(&found, field, &model.model, "edges", &error),
                   CAIRN_BAD_ARGUMENT);
-    assert_error_holds("fewer than 3 places, expected an outline");
+    assert_error_holds("fewer than 3 samples, expected an outline");
     model.model.outline_count = 3;
     for (int32_t upright = 0; upright < 2; upright++) {
         for (int32_t i = 0; i < 3; i++)
@@ -702,7 +702,7 @@ static void takes_sizes_up_to_the_bounds(void **state)
         params.min_size = params.max_size = 163;
         assert_status(cairn_detect_field_make(&field, &tokens, &params, "edges", &error),
                       CAIRN_BAD_ARGUMENT);
-        assert_error_holds("min_size 163 in a picture of 8192 pixels, expected at least 163.84");
+        assert_error_holds("min_size 163 in an image of 8192 pixels, expected at least 163.84");
         params.min_size = params.max_size = 164;
         assert_ok(cairn_detect_field_make(&field, &tokens, &params, "edges", &error));
         cairn_detect_field_free(field);
@@ -748,7 +748,7 @@ static void refuses_outlines_that_reach_too_far(void **state)
             outline[bad.outline_count - 1].position.y = position;
         assert_status(cairn_object_detect(&found, field, &bad, "edges", &error),
                       CAIRN_BAD_ARGUMENT);
-        assert_error_holds("the outline lies farther from its middle than half its size");
+        assert_error_holds("the outline extends farther from its origin than half its size");
         outline[bad.outline_count - 1].position = model.model.outline[0].position;
         outline[0].position.x = CAIRN_REAL(0.53);
         outline[0].position.y = CAIRN_REAL(-0.53);

@@ -72,7 +72,7 @@ typedef struct cairn_grouping_params {
     cairn_real min_evidence; /* nats, >= 0: least evidence of a reported object (13) */
     /* seed of the random numbers (1) */
     uint64_t seed;
-    /* Of the mode as written alone. */
+    /* Mode as written only. */
     /* symmetric points of all pairs of segments, 1 ... 2^22; of more the most symmetric are kept
      * (65,536) */
     int32_t max_points;
@@ -99,7 +99,7 @@ typedef struct cairn_grouping_input {
     cairn_real min_turn, max_turn;
     /* px, > 0: G_sigma of Adluru 2008, mean length of the segments, as computed by edge_segment */
     cairn_real mean_length;
-    /* Of the mode as written alone. */
+    /* Mode as written only. */
     /* px, > 0: look-ahead L, mean + half the standard deviation of the segment lengths before
      * cutting, as computed by edge_segment */
     cairn_real look_ahead;
@@ -163,7 +163,7 @@ typedef struct cairn_grouping_result {
     cairn_real best;
     /* nats, its evidence */
     cairn_real best_evidence;
-    /* Of the mode as written alone. */
+    /* Mode as written only. */
     int32_t points, points_dropped; /* symmetric points; those dropped beyond max_points */
     int32_t end;                    /* CAIRN_GROUPING_...: termination reason of the filter */
 } cairn_grouping_result;

@@ -29,7 +29,7 @@ typedef struct cairn_contour_tokens {
     int32_t width, height;  /* px, look-ahead L */
     cairn_real mean_length; /* px */
     size_t pool_bytes;      /* bytes of pool memory used */
-    /* Of cairn_contour_tokens_find_written() alone. */
+    /* Set by cairn_contour_tokens_find_written() only. */
     cairn_real look_ahead; /* px */
     cairn_vec2 *ends;      /* [end_count] px: end points of the strong chains */
     int32_t end_count;
@@ -133,7 +133,7 @@ typedef struct cairn_contour_result {
     size_t pool_bytes;
     /* CAIRN_MODE_... of the search */
     int32_t mode;
-    /* Of the mode as written alone. */
+    /* Mode as written only. */
     /* symmetric points; those dropped beyond the capacity, the least symmetric ones */
     int32_t points, points_dropped;
     /* CAIRN_GROUPING_...: termination reason of the filter */

@@ -146,14 +146,16 @@ static cairn_grouping *carve_default(cairn_pool *pool, const cairn_grouping_para
 {
     size_t lists = (size_t)cell_count(params->max_width, GROUPING_TOKEN_CELL_PX) *
                    (size_t)cell_count(params->max_height, GROUPING_TOKEN_CELL_PX);
-    size_t sights = (size_t)cell_count(params->max_width, GROUPING_EDGE_CELL_PX) *
-                    (size_t)cell_count(params->max_height, GROUPING_EDGE_CELL_PX);
+    size_t edge_cell_count = (size_t)cell_count(params->max_width, GROUPING_EDGE_CELL_PX) *
+                             (size_t)cell_count(params->max_height, GROUPING_EDGE_CELL_PX);
     cairn_grouping *grouping = cairn_pool_take_one(pool, sizeof *grouping);
     grouping_token *tokens = cairn_pool_take(pool, (size_t)params->max_tokens, sizeof *tokens);
-    grouping_sorted_token *near = cairn_pool_take(pool, (size_t)params->max_tokens, sizeof *near);
-    int32_t *head = cairn_pool_take(pool, lists + 1, sizeof *head);
-    uint8_t *sight = cairn_pool_take(pool, sights, 1);
-    grouping_hypothesis *starts = cairn_pool_take(pool, (size_t)params->particles, sizeof *starts);
+    grouping_sorted_token *sorted_tokens =
+        cairn_pool_take(pool, (size_t)params->max_tokens, sizeof *sorted_tokens);
+    int32_t *cell_start = cairn_pool_take(pool, lists + 1, sizeof *cell_start);
+    uint8_t *edge_map = cairn_pool_take(pool, edge_cell_count, 1);
+    grouping_hypothesis *hypotheses =
+        cairn_pool_take(pool, (size_t)params->particles, sizeof *hypotheses);
     cairn_grouping_trace *trace = cairn_pool_take(pool, (size_t)params->max_samples, sizeof *trace);
     int32_t *segments = cairn_pool_take(
         pool, (size_t)params->max_objects * (size_t)params->max_outline, sizeof *segments);
@@ -164,9 +166,10 @@ static cairn_grouping *carve_default(cairn_pool *pool, const cairn_grouping_para
     int32_t *match = cairn_pool_take(pool, (size_t)params->max_outline, sizeof *match);
     cairn_real *cost = cairn_pool_take(pool, (size_t)params->max_outline, sizeof *cost);
     cairn_vec2 *shift = cairn_pool_take(pool, (size_t)params->max_outline, sizeof *shift);
-    cairn_vec2 *bent = cairn_pool_take(pool, (size_t)params->max_outline, sizeof *bent);
-    int32_t *apart = cairn_pool_take(pool, (size_t)params->max_outline, sizeof *apart);
-    cairn_real *bend = cairn_pool_take(pool, (size_t)params->max_outline, sizeof *bend);
+    cairn_vec2 *next_shift = cairn_pool_take(pool, (size_t)params->max_outline, sizeof *next_shift);
+    int32_t *match_distance =
+        cairn_pool_take(pool, (size_t)params->max_outline, sizeof *match_distance);
+    cairn_real *curvature = cairn_pool_take(pool, (size_t)params->max_outline, sizeof *curvature);
     grouping_node *is_reversed = cairn_pool_take(
         pool, (size_t)params->max_outline * GROUPING_MAX_NODES, sizeof *is_reversed);
     cairn_particle_filter *filter = carve_filter(pool, params, grouping);
@@ -174,10 +177,10 @@ static cairn_grouping *carve_default(cairn_pool *pool, const cairn_grouping_para
     if (grouping != NULL) {
         memset(grouping, 0, sizeof *grouping);
         grouping->tokens = tokens;
-        grouping->sorted_tokens = near;
-        grouping->cell_start = head;
-        grouping->edge_map = sight;
-        grouping->hypotheses = starts;
+        grouping->sorted_tokens = sorted_tokens;
+        grouping->cell_start = cell_start;
+        grouping->edge_map = edge_map;
+        grouping->hypotheses = hypotheses;
         grouping->trace = trace;
         grouping->segments = segments;
         grouping->objects = objects;
@@ -185,9 +188,9 @@ static cairn_grouping *carve_default(cairn_pool *pool, const cairn_grouping_para
         grouping->match = match;
         grouping->cost = cost;
         grouping->shift = shift;
-        grouping->next_shift = bent;
-        grouping->match_distance = apart;
-        grouping->curvature = bend;
+        grouping->next_shift = next_shift;
+        grouping->match_distance = match_distance;
+        grouping->curvature = curvature;
         grouping->nodes = is_reversed;
         grouping->filter = filter;
     }
@@ -316,14 +319,14 @@ static int32_t cell_of(const cairn_grouping *grouping, cairn_vec2 p)
  * else a new one. */
 static int32_t chain_of(const cairn_grouping *grouping, int32_t segment)
 {
-    const grouping_token *before = &grouping->tokens[grouping->token_count - 1];
+    const grouping_token *previous = &grouping->tokens[grouping->token_count - 1];
     cairn_vec2 gap;
 
-    if (grouping->token_count == 0 || before->segment == segment)
-        return grouping->token_count == 0 ? 0 : before->chain;
+    if (grouping->token_count == 0 || previous->segment == segment)
+        return grouping->token_count == 0 ? 0 : previous->chain;
     gap = cairn_vec2_sub(grouping->input.segments[segment].a,
-                         grouping->input.segments[before->segment].b);
-    return before->chain + (cairn_vec2_norm_squared(gap) > MAX_CHAIN_GAP_PX * MAX_CHAIN_GAP_PX);
+                         grouping->input.segments[previous->segment].b);
+    return previous->chain + (cairn_vec2_norm_squared(gap) > MAX_CHAIN_GAP_PX * MAX_CHAIN_GAP_PX);
 }
 
 /* Number of pieces of a segment. */
@@ -338,9 +341,9 @@ static int32_t pieces_of(const cairn_grouping *grouping, int32_t segment)
  * max_tokens. */
 static int is_kept(const cairn_grouping *grouping, int32_t piece)
 {
-    int64_t most = grouping->params.max_tokens, all = grouping->piece_count;
+    int64_t capacity = grouping->params.max_tokens, all = grouping->piece_count;
 
-    return all <= most || (piece + 1) * most / all > piece * most / all;
+    return all <= capacity || (piece + 1) * capacity / all > piece * capacity / all;
 }
 
 /* Cuts one segment into tokens; `piece` is the number of the first. */
@@ -419,10 +422,10 @@ static cairn_status step_sort(cairn_grouping *grouping, cairn_budget *budget)
             return CAIRN_MORE;
         if (grouping->next_token >= 0) {
             const grouping_token *token = &grouping->tokens[grouping->next_token];
-            grouping_sorted_token near = {token->middle, token->direction, token->half_length,
-                                          grouping->next_token};
+            grouping_sorted_token sorted = {token->middle, token->direction, token->half_length,
+                                            grouping->next_token};
 
-            grouping->sorted_tokens[grouping->second_cursor++] = near;
+            grouping->sorted_tokens[grouping->second_cursor++] = sorted;
             grouping->next_token = token->next_in_cell;
         } else {
             grouping->next_token = grouping->cell_start[grouping->cursor];
@@ -452,23 +455,25 @@ typedef struct contour_place {
 
 /* Cost of a token at a contour point: half the squared distance in sigmas. Returns early with a
  * value above `limit` when the angle alone or the lower bound of the distance across exceeds it. */
-static cairn_real cost_of(const contour_place *p, const grouping_sorted_token *t, cairn_real limit)
+static cairn_real token_cost(const contour_place *p, const grouping_sorted_token *t,
+                             cairn_real limit)
 {
-    cairn_real sine = cairn_vec2_cross(p->along, t->direction), turned = sine * sine * p->turn,
+    cairn_real sine = cairn_vec2_cross(p->along, t->direction), turn_cost = sine * sine * p->turn,
                across, middle, gap;
-    cairn_vec2 off = cairn_vec2_sub(t->middle, p->middle);
+    cairn_vec2 offset = cairn_vec2_sub(t->middle, p->middle);
 
-    if (turned > 2 * limit)
-        return turned;
-    middle = cairn_vec2_cross(p->along, off);
+    if (turn_cost > 2 * limit)
+        return turn_cost;
+    middle = cairn_vec2_cross(p->along, offset);
     across = cairn_max(cairn_abs(middle) - t->half_length * cairn_abs(sine), 0);
     if (across * across * p->across > 2 * limit)
         return CAIRN_REAL_MAX;
-    gap = cairn_max(-t->half_length, cairn_min(-cairn_vec2_dot(t->direction, off), t->half_length));
+    gap = cairn_max(-t->half_length,
+                    cairn_min(-cairn_vec2_dot(t->direction, offset), t->half_length));
     across = middle + sine * gap;
     gap = CAIRN_REAL(0.5) *
-          (cairn_vec2_dot(p->along, off) + cairn_vec2_dot(p->along, t->direction) * gap);
-    return CAIRN_REAL(0.5) * ((across * across + gap * gap) * p->across + turned);
+          (cairn_vec2_dot(p->along, offset) + cairn_vec2_dot(p->along, t->direction) * gap);
+    return CAIRN_REAL(0.5) * ((across * across + gap * gap) * p->across + turn_cost);
 }
 
 int32_t cairn_grouping_match_tokens(const cairn_grouping *grouping, cairn_vec2 at,
@@ -478,21 +483,21 @@ int32_t cairn_grouping_match_tokens(const cairn_grouping *grouping, cairn_vec2 a
     cairn_real reach = cairn_min(cairn_max(3 * sigma, 4) + grouping->params.token / 2, 64),
                limit = CAIRN_REAL(4.5);
     cairn_vec2 low = {at.x - reach, at.y - reach}, high = {at.x + reach, at.y + reach};
-    contour_place place = {at, cairn_vec2_unit(direction), 0,
+    contour_place point = {at, cairn_vec2_unit(direction), 0,
                            1 / (grouping->params.turn * grouping->params.turn)};
     int32_t from = cell_of(grouping, low), to = cell_of(grouping, high),
             columns = grouping->columns, count = 0;
     int32_t left = from % columns, right = to % columns, bottom = to / columns;
 
     sigma = cairn_max(sigma, CAIRN_REAL(1.5));
-    place.across = 1 / (sigma * sigma);
+    point.across = 1 / (sigma * sigma);
     for (int32_t y = from / columns; y <= bottom; y++) {
         const grouping_sorted_token
             *n = &grouping->sorted_tokens[grouping->cell_start[y * columns + left]],
             *end = &grouping->sorted_tokens[grouping->cell_start[y * columns + right + 1]];
 
         for (; n < end; n++) {
-            cairn_real c = cost_of(&place, n, limit);
+            cairn_real c = token_cost(&point, n, limit);
             int32_t i;
 
             if (c > limit || (count == most && c >= cost[count - 1]) ||

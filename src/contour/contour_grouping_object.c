@@ -36,17 +36,17 @@ static int is_size_allowed(const cairn_grouping *grouping, const grouping_pose *
 
 static int are_duplicates(const cairn_grouped_object *a, const cairn_grouped_object *b)
 {
-    cairn_real apart = NMS_RADIUS * cairn_max(a->size, b->size);
+    cairn_real radius = NMS_RADIUS * cairn_max(a->size, b->size);
 
-    return cairn_vec2_norm_squared(cairn_vec2_sub(a->origin, b->origin)) <= apart * apart;
+    return cairn_vec2_norm_squared(cairn_vec2_sub(a->origin, b->origin)) <= radius * radius;
 }
 
 /* Removes the object at index `at`. */
-static void remove_object(cairn_grouping *grouping, int32_t at)
+static void remove_object(cairn_grouping *grouping, int32_t index)
 {
     grouping->object_count--;
-    for (; at < grouping->object_count; at++)
-        grouping->objects[at] = grouping->objects[at + 1];
+    for (; index < grouping->object_count; index++)
+        grouping->objects[index] = grouping->objects[index + 1];
 }
 
 /* Inserts a pose into the objects, sorted by evidence (non-maximum suppression): rejected when a
@@ -56,7 +56,7 @@ static void insert_object(cairn_grouping *grouping, const grouping_pose *pose, c
 {
     cairn_grouped_object object = {
         .evidence = evidence, .origin = pose->t, .size = grouping_size(pose), .start = start};
-    int32_t at;
+    int32_t index;
 
     if (!(evidence > 0) || !is_size_allowed(grouping, pose))
         return;
@@ -73,24 +73,24 @@ static void insert_object(cairn_grouping *grouping, const grouping_pose *pose, c
             return;
         grouping->object_count--;
     }
-    for (at = grouping->object_count++; at > 0 && grouping->objects[at - 1].evidence < evidence;
-         at--)
-        grouping->objects[at] = grouping->objects[at - 1];
-    grouping->objects[at] = object;
+    for (index = grouping->object_count++;
+         index > 0 && grouping->objects[index - 1].evidence < evidence; index--)
+        grouping->objects[index] = grouping->objects[index - 1];
+    grouping->objects[index] = object;
 }
 
 /* Returns 1 when at least half of a token's segment is claimed by objects. */
 static int is_segment_used(const cairn_grouping *grouping, int32_t token)
 {
-    int32_t segment = grouping->tokens[token].segment, all = 0, taken = 0;
+    int32_t segment = grouping->tokens[token].segment, all = 0, used = 0;
 
     while (token > 0 && grouping->tokens[token - 1].segment == segment)
         token--;
     for (; token < grouping->token_count && grouping->tokens[token].segment == segment; token++) {
         all++;
-        taken += grouping->tokens[token].is_used;
+        used += grouping->tokens[token].is_used;
     }
-    return 2 * taken >= all;
+    return 2 * used >= all;
 }
 
 /* Lists the matched segments of an object, each once, in the order of the outline; and the segment
@@ -121,17 +121,17 @@ static void list_segments(cairn_grouping *grouping, cairn_grouped_object *object
 }
 
 /* Index of the outline sample nearest to a point of the model. */
-static int32_t nearest_sample(const cairn_shape_model *model, cairn_vec2 place)
+static int32_t nearest_sample(const cairn_shape_model *model, cairn_vec2 point)
 {
-    cairn_real least = CAIRN_REAL_MAX;
+    cairn_real smallest = CAIRN_REAL_MAX;
     int32_t nearest = 0;
 
     for (int32_t i = 0; i < model->outline_count; i++) {
-        cairn_real apart =
-            cairn_vec2_norm_squared(cairn_vec2_sub(model->outline[i].position, place));
+        cairn_real squared =
+            cairn_vec2_norm_squared(cairn_vec2_sub(model->outline[i].position, point));
 
-        if (apart < least) {
-            least = apart;
+        if (squared < smallest) {
+            smallest = squared;
             nearest = i;
         }
     }
@@ -139,15 +139,16 @@ static int32_t nearest_sample(const cairn_shape_model *model, cairn_vec2 place)
 }
 
 /* Number of path samples with at least one matched side. */
-static int32_t sides_seen(const cairn_grouping *grouping)
+static int32_t count_matched_sides(const cairn_grouping *grouping)
 {
     const cairn_shape_model *model = grouping->input.model;
-    int32_t seen = 0;
+    int32_t matched = 0;
 
     for (int32_t k = 0; k < model->sample_count; k++)
-        seen += grouping->match[nearest_sample(model, model->samples[k].side[0].position)] >= 0 ||
-                grouping->match[nearest_sample(model, model->samples[k].side[1].position)] >= 0;
-    return seen;
+        matched +=
+            grouping->match[nearest_sample(model, model->samples[k].side[0].position)] >= 0 ||
+            grouping->match[nearest_sample(model, model->samples[k].side[1].position)] >= 0;
+    return matched;
 }
 
 /* Score of the match: mean over the outline of exp(-cost / SCORE_COST), 0 where occluded. */
@@ -190,7 +191,7 @@ static void list_object(cairn_grouping *grouping)
     object->score = score_of(grouping);
     if (grouping->cursor == 0 && object->evidence >= grouping->best_evidence)
         grouping->best_score = object->score;
-    object->seen = sides_seen(grouping);
+    object->seen = count_matched_sides(grouping);
     list_segments(grouping, object);
     grouping->is_listing = grouping->round = 0;
     grouping->cursor++;
@@ -229,14 +230,14 @@ cairn_status cairn_grouping_refine_hypotheses(cairn_grouping *grouping, cairn_bu
 static int is_known_end(cairn_grouping *grouping)
 {
     cairn_real size = grouping_size(&grouping->pose),
-               least = END_TOLERANCE * END_TOLERANCE * size * size;
+               tolerance = END_TOLERANCE * END_TOLERANCE * size * size;
 
     for (int32_t i = 0; i < grouping->second_cursor; i++) {
         const grouping_pose *end = &grouping->hypotheses[i].pose;
         cairn_real a = end->a - grouping->pose.a, b = end->b - grouping->pose.b;
 
         if (cairn_vec2_norm_squared(cairn_vec2_sub(end->t, grouping->pose.t)) + a * a + b * b <=
-            least)
+            tolerance)
             return 1;
     }
     grouping->hypotheses[grouping->second_cursor++].pose = grouping->pose;

@@ -172,14 +172,14 @@ static void extend_paths(cairn_grouping *grouping, int32_t i)
 {
     const cairn_oriented_point *sample = &grouping->input.model->outline[i];
     grouping_node *row = &grouping->nodes[i * GROUPING_MAX_NODES],
-                  *before = row - GROUPING_MAX_NODES;
+                  *previous = row - GROUPING_MAX_NODES;
     cairn_vec2 direction = grouping_transform_vector(&grouping->pose, sample->direction);
     cairn_real curvature = grouping->curvature[i], leave[GROUPING_MAX_NODES];
     int32_t count = make_nodes(grouping, &grouping->pose, sample, curvature, row);
 
     for (int32_t j = 0; j < grouping->node_count && i > 0; j++)
         leave[j] =
-            before[j].token < 0 ? 0 : chain_leave_cost(grouping, before[j].token, direction, 1);
+            previous[j].token < 0 ? 0 : chain_leave_cost(grouping, previous[j].token, direction, 1);
     for (int32_t k = 0; k < count && i > 0; k++) {
         cairn_real best_value = -CAIRN_REAL_MAX;
         cairn_real enter =
@@ -187,8 +187,8 @@ static void extend_paths(cairn_grouping *grouping, int32_t i)
 
         for (int32_t j = 0; j < grouping->node_count; j++) {
             cairn_real value =
-                before[j].value - transition_cost(grouping, &before[j], &row[k], direction,
-                                                  curvature, leave[j], enter);
+                previous[j].value - transition_cost(grouping, &previous[j], &row[k], direction,
+                                                    curvature, leave[j], enter);
 
             if (value > best_value) {
                 best_value = value;
@@ -239,19 +239,19 @@ static void fit_matches(cairn_grouping *grouping)
 {
     const cairn_shape_model *model = grouping->input.model;
     grouping_fit_sums sums = cairn_grouping_pose_prior(&grouping->pose, PRIOR_WEIGHT);
-    grouping_pose was = grouping->pose;
+    grouping_pose previous = grouping->pose;
 
     for (int32_t i = 0; i < model->outline_count; i++) {
-        cairn_vec2 place = model->outline[i].position;
+        cairn_vec2 point = model->outline[i].position;
 
         if (grouping->match[i] >= 0)
             cairn_grouping_add_point(
-                &sums, place,
+                &sums, point,
                 cairn_grouping_nearest_point(grouping, grouping->match[i],
-                                             grouping_transform_point(&was, place)),
+                                             grouping_transform_point(&previous, point)),
                 cairn_exp(-grouping->cost[i]));
     }
-    grouping->pose = cairn_grouping_fit_pose(&sums, &was);
+    grouping->pose = cairn_grouping_fit_pose(&sums, &previous);
 }
 
 cairn_status cairn_grouping_refine_pose(cairn_grouping *grouping, cairn_budget *budget)
@@ -284,13 +284,13 @@ static int32_t shifts_around(const cairn_grouping *grouping, int32_t i, cairn_ve
     for (int32_t k = i > SMOOTHING_RADIUS ? i - SMOOTHING_RADIUS : 0;
          k <= i + SMOOTHING_RADIUS && k < model->outline_count; k++)
         if (grouping->match[k] >= 0) {
-            cairn_vec2 place =
+            cairn_vec2 point =
                 grouping_transform_point(&grouping->pose, model->outline[k].position);
-            cairn_vec2 from = cairn_vec2_add(place, grouping->shift[k]);
+            cairn_vec2 from = cairn_vec2_add(point, grouping->shift[k]);
 
             *sum = cairn_vec2_add(
                 *sum, cairn_vec2_sub(
-                          cairn_grouping_nearest_point(grouping, grouping->match[k], from), place));
+                          cairn_grouping_nearest_point(grouping, grouping->match[k], from), point));
             count++;
         }
     return count;
@@ -301,16 +301,16 @@ static int32_t shifts_around(const cairn_grouping *grouping, int32_t i, cairn_ve
 static void propagate_shifts(cairn_vec2 *shift, int32_t *match_distance, int32_t count,
                              int32_t step)
 {
-    int32_t at = step > 0 ? 0 : count - 1;
+    int32_t index = step > 0 ? 0 : count - 1;
 
     for (int32_t k = 1; k < 2 * count; k++) {
-        int32_t next = (at + step + count) % count;
+        int32_t next = (index + step + count) % count;
 
-        if (match_distance[at] + 1 < match_distance[next]) {
-            match_distance[next] = match_distance[at] + 1;
-            shift[next] = cairn_vec2_scale(shift[at], SHIFT_DECAY);
+        if (match_distance[index] + 1 < match_distance[next]) {
+            match_distance[next] = match_distance[index] + 1;
+            shift[next] = cairn_vec2_scale(shift[index], SHIFT_DECAY);
         }
-        at = next;
+        index = next;
     }
 }
 
@@ -320,10 +320,11 @@ void cairn_grouping_deform_outline(cairn_grouping *grouping)
     cairn_vec2 sum;
 
     for (int32_t i = 0; i < count; i++) {
-        int32_t seen = shifts_around(grouping, i, &sum);
+        int32_t matched = shifts_around(grouping, i, &sum);
 
-        grouping->next_shift[i] = cairn_vec2_scale(sum, 1 / (cairn_real)(seen > 0 ? seen : 1));
-        grouping->match_distance[i] = seen > 0 ? 0 : 2 * count;
+        grouping->next_shift[i] =
+            cairn_vec2_scale(sum, 1 / (cairn_real)(matched > 0 ? matched : 1));
+        grouping->match_distance[i] = matched > 0 ? 0 : 2 * count;
     }
     propagate_shifts(grouping->next_shift, grouping->match_distance, count, 1);
     propagate_shifts(grouping->next_shift, grouping->match_distance, count, -1);

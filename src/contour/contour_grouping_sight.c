@@ -41,10 +41,10 @@ static int32_t direction_bin(cairn_vec2 d)
     }
     bin = x >= 0 ? 0 : 4;
     if (bin == 4) {
-        cairn_real was = x;
+        cairn_real old_x = x;
 
         x = y;
-        y = -was;
+        y = -old_x;
     }
     if (y > CAIRN_REAL(2.414213562) * x)
         return bin + 3;
@@ -76,7 +76,7 @@ static void mark_token(cairn_grouping *grouping, const grouping_token *t)
 static cairn_real edge_coverage(const cairn_grouping *grouping, const grouping_pose *pose)
 {
     const cairn_shape_model *model = grouping->input.model;
-    int32_t stride = 1 + model->outline_count / 48, seen = 0, count = 0;
+    int32_t stride = 1 + model->outline_count / 48, covered = 0, count = 0;
 
     for (int32_t i = 0; i < model->outline_count; i += stride) {
         cairn_vec2 p = grouping_transform_point(pose, model->outline[i].position);
@@ -86,11 +86,11 @@ static cairn_real edge_coverage(const cairn_grouping *grouping, const grouping_p
         count++;
         if (p.x < 0 || p.y < 0 || x >= grouping->edge_columns || y >= grouping->edge_rows)
             continue;
-        seen += grouping->edge_map[y * grouping->edge_columns + x] >>
-                    direction_bin(grouping_transform_vector(pose, model->outline[i].direction)) &
-                1;
+        covered += grouping->edge_map[y * grouping->edge_columns + x] >>
+                       direction_bin(grouping_transform_vector(pose, model->outline[i].direction)) &
+                   1;
     }
-    return (cairn_real)seen / (cairn_real)count;
+    return (cairn_real)covered / (cairn_real)count;
 }
 
 static int are_duplicates(const grouping_hypothesis *a, const grouping_hypothesis *b,
@@ -134,23 +134,23 @@ static int32_t replaceable_hypothesis(const cairn_grouping *grouping,
  * limit per cluster, so that capacity remains for other objects. */
 static void insert_hypothesis(cairn_grouping *grouping, const grouping_hypothesis *hypothesis)
 {
-    int32_t at = grouping->hypothesis_count, replaced;
+    int32_t index = grouping->hypothesis_count, replaced;
 
-    if (at == grouping->params.particles &&
-        !(hypothesis->score > grouping->hypotheses[at - 1].score))
+    if (index == grouping->params.particles &&
+        !(hypothesis->score > grouping->hypotheses[index - 1].score))
         return;
     replaced = replaceable_hypothesis(grouping, hypothesis);
     if (replaced >= 0 && !(hypothesis->score > grouping->hypotheses[replaced].score))
         return;
     if (replaced >= 0)
-        at = replaced;
-    else if (at == grouping->params.particles)
-        at--;
+        index = replaced;
+    else if (index == grouping->params.particles)
+        index--;
     else
         grouping->hypothesis_count++;
-    for (; at > 0 && grouping->hypotheses[at - 1].score < hypothesis->score; at--)
-        grouping->hypotheses[at] = grouping->hypotheses[at - 1];
-    grouping->hypotheses[at] = *hypothesis;
+    for (; index > 0 && grouping->hypotheses[index - 1].score < hypothesis->score; index--)
+        grouping->hypotheses[index] = grouping->hypotheses[index - 1];
+    grouping->hypotheses[index] = *hypothesis;
 }
 
 /* Returns 1 when a token is aligned with a model direction in a pose. */

@@ -33,31 +33,32 @@ enum { UNITS_PER_PROPOSAL = 60 };
 /* Model sample of step `step` of a trajectory from `start`; -1: past the end. */
 static int32_t sample_of_step(const cairn_shape_model *model, int32_t start, int32_t step)
 {
-    int32_t home = 0, first, end;
+    int32_t path = 0, first, end;
 
-    while (home < model->path_count - 1 &&
-           (start < model->paths[home].first ||
-            start >= model->paths[home].first + model->paths[home].count))
-        home++;
-    first = model->paths[home].first;
-    end = first + model->paths[home].count;
+    while (path < model->path_count - 1 &&
+           (start < model->paths[path].first ||
+            start >= model->paths[path].first + model->paths[path].count))
+        path++;
+    first = model->paths[path].first;
+    end = first + model->paths[path].count;
     if (start + step < end)
         return start + step;
-    if (step < model->paths[home].count)
+    if (step < model->paths[path].count)
         return end - 1 - step;
-    step -= model->paths[home].count;
-    for (int32_t p = 0; p < model->path_count; p++) {
-        if (p == home)
+    step -= model->paths[path].count;
+    for (int32_t other = 0; other < model->path_count; other++) {
+        if (other == path)
             continue;
-        if (step < model->paths[p].count)
-            return model->paths[p].first + step;
-        step -= model->paths[p].count;
+        if (step < model->paths[other].count)
+            return model->paths[other].first + step;
+        step -= model->paths[other].count;
     }
     return -1;
 }
 
 /* Updates a state for the tokens matched to the sides of its sample. */
-static void match_sides(const cairn_grouping *grouping, grouping_state *s, const cairn_vec2 at[2])
+static void match_sides(const cairn_grouping *grouping, grouping_state *s,
+                        const cairn_vec2 predicted[2])
 {
     const cairn_shape_sample *model_sample = &grouping->input.model->samples[s->sample];
     cairn_oriented_point edgel[2] = {{{0, 0}, {0, 0}}, {{0, 0}, {0, 0}}};
@@ -67,7 +68,8 @@ static void match_sides(const cairn_grouping *grouping, grouping_state *s, const
     for (int32_t side = 0; side < 2; side++) {
         if (s->token[side] < 0)
             continue;
-        edgel[side].position = cairn_grouping_nearest_point(grouping, s->token[side], at[side]);
+        edgel[side].position =
+            cairn_grouping_nearest_point(grouping, s->token[side], predicted[side]);
         edgel[side].direction = grouping->tokens[s->token[side]].direction;
         /* The position of a token along the contour carries no information; only its offset across
          * does. */
@@ -77,7 +79,7 @@ static void match_sides(const cairn_grouping *grouping, grouping_state *s, const
         s->gap +=
             CAIRN_REAL(0.5) *
             cairn_abs(cairn_vec2_norm(cairn_vec2_sub(edgel[side].position, s->last_point[side])) -
-                      cairn_vec2_norm(cairn_vec2_sub(at[side], s->last_point[side])));
+                      cairn_vec2_norm(cairn_vec2_sub(predicted[side], s->last_point[side])));
         s->last_point[side] = edgel[side].position;
     }
     s->centre = grouping_transform_point(&s->pose, model_sample->centre);
@@ -91,10 +93,10 @@ static void match_sides(const cairn_grouping *grouping, grouping_state *s, const
 }
 
 /* Log mass of the proposal (2.11): gaps, and loss of symmetry. */
-static cairn_real log_mass(const cairn_grouping *grouping, const grouping_state *before,
+static cairn_real log_mass(const cairn_grouping *grouping, const grouping_state *previous,
                            const grouping_state *s)
 {
-    cairn_real loss = cairn_max(s->deviation - before->deviation, 0);
+    cairn_real loss = cairn_max(s->deviation - previous->deviation, 0);
     cairn_real mass = -cairn_half_square(s->gap / grouping->input.mean_length);
 
     return grouping->params.use_skeleton
@@ -107,23 +109,23 @@ static cairn_status propose(void *context, cairn_particle_filter *filter, int32_
                             cairn_budget *budget)
 {
     cairn_grouping *grouping = context;
-    const grouping_state *before = cairn_particle_filter_particle(filter, index).state;
+    const grouping_state *previous = cairn_particle_filter_particle(filter, index).state;
     int32_t token[2][GROUPING_MAX_SIDE_TOKENS + 1], count[2];
     cairn_real cost[2][GROUPING_MAX_SIDE_TOKENS + 1];
-    grouping_state s = *before;
+    grouping_state s = *previous;
     const cairn_shape_sample *model_sample;
-    cairn_vec2 at[2];
+    cairn_vec2 predicted[2];
 
     if (!cairn_budget_pay(budget, &grouping->charged_callback_units, UNITS_PER_PROPOSAL))
         return CAIRN_MORE;
     s.sample = sample_of_step(grouping->input.model, s.start, grouping->step_count + 1);
     model_sample = &grouping->input.model->samples[s.sample];
     for (int32_t side = 0; side < 2; side++) {
-        s.offset[side] = cairn_vec2_scale(before->offset[side], OFFSET_DECAY);
-        at[side] = cairn_vec2_add(
+        s.offset[side] = cairn_vec2_scale(previous->offset[side], OFFSET_DECAY);
+        predicted[side] = cairn_vec2_add(
             grouping_transform_point(&s.pose, model_sample->side[side].position), s.offset[side]);
         count[side] = cairn_grouping_match_tokens(
-            grouping, at[side],
+            grouping, predicted[side],
             grouping_transform_vector(&s.pose, model_sample->side[side].direction),
             grouping->params.deform * grouping_size(&s.pose), GROUPING_MAX_SIDE_TOKENS, token[side],
             cost[side]);
@@ -138,8 +140,9 @@ static cairn_status propose(void *context, cairn_particle_filter *filter, int32_
             next.token[1] = token[1][j];
             if (next.token[0] >= 0 && next.token[0] == next.token[1])
                 continue;
-            match_sides(grouping, &next, at);
-            status = cairn_particle_filter_offer(filter, &next, log_mass(grouping, before, &next));
+            match_sides(grouping, &next, predicted);
+            status =
+                cairn_particle_filter_offer(filter, &next, log_mass(grouping, previous, &next));
             if (status != CAIRN_OK && status != CAIRN_FULL)
                 return status;
         }
@@ -150,11 +153,11 @@ static cairn_status propose(void *context, cairn_particle_filter *filter, int32_
  * sigmas. */
 static cairn_real side_cost(const cairn_grouping *grouping, const grouping_state *s, int32_t side)
 {
-    cairn_vec2 wanted = grouping_transform_vector(
+    cairn_vec2 direction = grouping_transform_vector(
         &s->pose, grouping->input.model->samples[s->sample].side[side].direction);
     cairn_real size = grouping_size(&s->pose), sigma = grouping->params.deform * size;
-    cairn_real across = cairn_vec2_cross(wanted, s->offset[side]) / (size * sigma);
-    cairn_real sine = cairn_vec2_cross(wanted, grouping->tokens[s->token[side]].direction) /
+    cairn_real across = cairn_vec2_cross(direction, s->offset[side]) / (size * sigma);
+    cairn_real sine = cairn_vec2_cross(direction, grouping->tokens[s->token[side]].direction) /
                       (size * grouping->params.turn);
 
     return cairn_half_square(across * CAIRN_REAL(0.5)) + cairn_half_square(sine);
@@ -169,7 +172,8 @@ static cairn_status likelihood(void *context, const cairn_particle_filter *filte
     const grouping_state *s = state;
     const cairn_shape_sample *model_sample = &grouping->input.model->samples[s->sample];
     cairn_real log_missing = grouping->log_missing,
-               sigma = grouping->params.deform * grouping_size(&s->pose), place, radius;
+               sigma = grouping->params.deform * grouping_size(&s->pose), position_error,
+               radius_error;
 
     (void)filter;
     (void)index;
@@ -187,13 +191,15 @@ static cairn_status likelihood(void *context, const cairn_particle_filter *filte
     }
     if (s->token[0] < 0 || s->token[1] < 0)
         return CAIRN_OK;
-    place = cairn_vec2_norm(cairn_vec2_sub(
-                s->centre, grouping_transform_point(&s->pose, model_sample->centre))) /
-            (PLACE_SIGMA * 2 * sigma);
-    radius = (s->radius - model_sample->radius * grouping_size(&s->pose)) / (RADIUS_SIGMA * sigma);
-    *log_likelihood += cairn_max(cairn_log(CAIRN_REAL(0.5) * cairn_exp(-cairn_half_square(place)) +
-                                           CAIRN_REAL(0.5) * cairn_exp(-cairn_half_square(radius))),
-                                 log_missing);
+    position_error = cairn_vec2_norm(cairn_vec2_sub(
+                         s->centre, grouping_transform_point(&s->pose, model_sample->centre))) /
+                     (PLACE_SIGMA * 2 * sigma);
+    radius_error =
+        (s->radius - model_sample->radius * grouping_size(&s->pose)) / (RADIUS_SIGMA * sigma);
+    *log_likelihood +=
+        cairn_max(cairn_log(CAIRN_REAL(0.5) * cairn_exp(-cairn_half_square(position_error)) +
+                            CAIRN_REAL(0.5) * cairn_exp(-cairn_half_square(radius_error))),
+                  log_missing);
     return CAIRN_OK;
 }
 
@@ -203,7 +209,7 @@ static void append(void *context, const cairn_particle_filter *filter, int32_t i
     cairn_grouping *grouping = context;
     grouping_state *s = state;
     const cairn_shape_sample *model_sample = &grouping->input.model->samples[s->sample];
-    grouping_pose was = s->pose;
+    grouping_pose previous = s->pose;
 
     (void)filter;
     (void)index;
@@ -211,7 +217,7 @@ static void append(void *context, const cairn_particle_filter *filter, int32_t i
         if (s->token[side] >= 0)
             cairn_grouping_add_point(&s->sums, model_sample->side[side].position,
                                      s->last_point[side], 1);
-    s->pose = cairn_grouping_fit_pose(&s->sums, &was);
+    s->pose = cairn_grouping_fit_pose(&s->sums, &previous);
     /* Offsets are measured from the refitted pose. */
     for (int32_t side = 0; side < 2; side++)
         if (s->token[side] >= 0)

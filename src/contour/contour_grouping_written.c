@@ -158,17 +158,18 @@ static void read_model(struct grouping_written *written, const cairn_shape_model
                        cairn_real slack)
 {
     const cairn_shape_sample *samples = &model->samples[model->paths[0].first];
-    cairn_real least = CAIRN_REAL_MAX, most = 0, sum = 0;
+    cairn_real min_radius = CAIRN_REAL_MAX, max_radius = 0, sum = 0;
     int32_t count = model->paths[0].count;
 
     for (int32_t k = 0; k < count; k++) {
-        least = cairn_min(least, samples[k].radius);
-        most = cairn_max(most, samples[k].radius);
+        min_radius = cairn_min(min_radius, samples[k].radius);
+        max_radius = cairn_max(max_radius, samples[k].radius);
         sum += samples[k].radius;
     }
     written->mean_radius = sum / (cairn_real)count;
-    written->points.min_radius = written->size * cairn_max(least - slack * written->mean_radius, 0);
-    written->points.max_radius = written->size * (most + slack * written->mean_radius);
+    written->points.min_radius =
+        written->size * cairn_max(min_radius - slack * written->mean_radius, 0);
+    written->points.max_radius = written->size * (max_radius + slack * written->mean_radius);
 }
 
 void cairn_grouping_written_begin(cairn_grouping *grouping)
@@ -272,16 +273,16 @@ cairn_status cairn_grouping_written_index(cairn_grouping *grouping, cairn_budget
             return status;
     }
     for (; grouping->second_cursor < ends + grouping->input.end_count; grouping->second_cursor++) {
-        cairn_point_grid_cursor near = cairn_point_grid_begin(
+        cairn_point_grid_cursor search = cairn_point_grid_begin(
             written->ends, grouping->input.ends[grouping->second_cursor - ends],
             grouping->input.look_ahead);
 
         if (!cairn_budget_pay(budget, &grouping->charged_units, UNITS_PER_START))
             return CAIRN_MORE;
-        if (!cairn_is_finite(near.centre.x) || !cairn_is_finite(near.centre.y))
+        if (!cairn_is_finite(search.centre.x) || !cairn_is_finite(search.centre.y))
             return CAIRN_NOT_FINITE;
-        for (int32_t e = cairn_point_grid_next(written->ends, &near); e >= 0;
-             e = cairn_point_grid_next(written->ends, &near))
+        for (int32_t e = cairn_point_grid_next(written->ends, &search); e >= 0;
+             e = cairn_point_grid_next(written->ends, &search))
             written->is_start[e / 2] = 1;
     }
     return CAIRN_OK;
@@ -295,26 +296,26 @@ static cairn_real make_start(const cairn_grouping *grouping, const cairn_symmetr
                              int32_t which, grouping_written_state *state)
 {
     const cairn_segment *lines = grouping->input.segments;
-    cairn_vec2 ahead = cairn_vec2_left(cairn_vec2_sub(point->touch[1], point->touch[0]));
+    cairn_vec2 forward = cairn_vec2_left(cairn_vec2_sub(point->touch[1], point->touch[0]));
     cairn_real likelihood;
-    int32_t back = which & 1;
+    int32_t is_reversed_travel = which & 1;
 
     memset(state, 0, sizeof *state);
-    if (back)
-        ahead = cairn_vec2_scale(ahead, -1);
+    if (is_reversed_travel)
+        forward = cairn_vec2_scale(forward, -1);
     state->centre = state->start = point->centre;
     state->radius = point->radius;
     state->deviation = point->deviation;
     state->is_reversed = which >> 1;
     /* Forward is to the left (with y down: to the right) of the chord from the first to the second
      * contact point. */
-    state->segment[0] = back ? point->first : point->second;
-    state->segment[1] = back ? point->second : point->first;
+    state->segment[0] = is_reversed_travel ? point->first : point->second;
+    state->segment[1] = is_reversed_travel ? point->second : point->first;
     for (int32_t side = 0; side < 2; side++) {
         const cairn_segment *line = &lines[state->segment[side]];
 
         state->end[side] = 2 * state->segment[side] +
-                           (cairn_vec2_dot(ahead, cairn_vec2_sub(line->b, line->a)) > 0);
+                           (cairn_vec2_dot(forward, cairn_vec2_sub(line->b, line->a)) > 0);
     }
     likelihood = cairn_grouping_written_likelihood(grouping, state, &state->sample);
     state->log_posterior = likelihood - grouping->written->log_stop;

@@ -34,11 +34,11 @@ static int is_same_mode(const cairn_grouping *grouping, const cairn_grouped_obje
     return 2 * shared >= (count < object->count ? count : object->count);
 }
 
-static void remove_object(cairn_grouping *grouping, int32_t at)
+static void remove_object(cairn_grouping *grouping, int32_t index)
 {
     grouping->object_count--;
-    for (; at < grouping->object_count; at++)
-        grouping->objects[at] = grouping->objects[at + 1];
+    for (; index < grouping->object_count; index++)
+        grouping->objects[index] = grouping->objects[index + 1];
 }
 
 static int32_t free_slot(const cairn_grouping *grouping)
@@ -124,7 +124,7 @@ void cairn_grouping_written_record(cairn_grouping *grouping, int32_t index)
     cairn_particle p = cairn_particle_filter_particle(grouping->filter, index);
     const grouping_written_state *state = p.state;
     cairn_grouped_object object = {.evidence = state->log_posterior};
-    int32_t count, at;
+    int32_t count, rank;
 
     if (grouping->object_count == grouping->params.max_objects &&
         grouping->objects[grouping->object_count - 1].evidence >= object.evidence)
@@ -141,38 +141,38 @@ void cairn_grouping_written_record(cairn_grouping *grouping, int32_t index)
         grouping->object_count--;
     object.first = first_of(grouping, free_slot(grouping));
     write_trajectory(grouping, &object, state, p.steps + 1);
-    for (at = grouping->object_count++;
-         at > 0 && grouping->objects[at - 1].evidence < object.evidence; at--)
-        grouping->objects[at] = grouping->objects[at - 1];
-    grouping->objects[at] = object;
+    for (rank = grouping->object_count++;
+         rank > 0 && grouping->objects[rank - 1].evidence < object.evidence; rank--)
+        grouping->objects[rank] = grouping->objects[rank - 1];
+    grouping->objects[rank] = object;
 }
 
 /* ---- Result ---- */
 
 /* Assigns segments to the model's outline samples: the segment of each disc's side to the outline
  * sample nearest to that side. */
-static void set_along(cairn_grouping *grouping, cairn_grouped_object *object,
-                      const cairn_grouping_disc *trajectory, int32_t steps)
+static void set_outline_segments(cairn_grouping *grouping, cairn_grouped_object *object,
+                                 const cairn_grouping_disc *trajectory, int32_t steps)
 {
     const cairn_shape_model *model = grouping->input.model;
-    int32_t back = trajectory[0].sample > trajectory[steps - 1].sample;
+    int32_t is_backwards = trajectory[0].sample > trajectory[steps - 1].sample;
 
     for (int32_t i = 0; i < model->outline_count; i++)
         grouping->along[object->along + i] = -1;
     for (int32_t i = 0; i < steps; i++)
         for (int32_t k = 0; k < 2; k++) {
-            cairn_vec2 at = model->samples[model->paths[0].first + trajectory[i].sample]
-                                .side[back ? 1 - k : k]
-                                .position;
-            cairn_real least = CAIRN_REAL_MAX;
+            cairn_vec2 position = model->samples[model->paths[0].first + trajectory[i].sample]
+                                      .side[is_backwards ? 1 - k : k]
+                                      .position;
+            cairn_real smallest = CAIRN_REAL_MAX;
             int32_t nearest = 0;
 
             for (int32_t j = 0; j < model->outline_count; j++) {
-                cairn_real off =
-                    cairn_vec2_norm_squared(cairn_vec2_sub(model->outline[j].position, at));
+                cairn_real squared =
+                    cairn_vec2_norm_squared(cairn_vec2_sub(model->outline[j].position, position));
 
-                if (off < least) {
-                    least = off;
+                if (squared < smallest) {
+                    smallest = squared;
                     nearest = j;
                 }
             }
@@ -181,13 +181,13 @@ static void set_along(cairn_grouping *grouping, cairn_grouped_object *object,
 }
 
 /* Pose of the model: the mean translation that maps its samples to the trajectory's discs. */
-static void set_place(cairn_grouping *grouping, cairn_grouped_object *object, int32_t index)
+static void set_pose(cairn_grouping *grouping, cairn_grouped_object *object, int32_t index)
 {
     struct grouping_written *written = grouping->written;
     const cairn_shape_model *model = grouping->input.model;
     const cairn_grouping_disc *trajectory =
         &written->trajectories[grouping->params.max_steps * written->trajectory_slot[index]];
-    int32_t steps = object->seen, least = model->paths[0].count, most = 0;
+    int32_t steps = object->seen, first_sample = model->paths[0].count, last_sample = 0;
 
     for (int32_t i = 0; i < steps; i++) {
         cairn_vec2 c = model->samples[model->paths[0].first + trajectory[i].sample].centre;
@@ -195,15 +195,16 @@ static void set_place(cairn_grouping *grouping, cairn_grouped_object *object, in
         object->origin =
             cairn_vec2_add(object->origin, cairn_vec2_sub(trajectory[i].centre,
                                                           cairn_vec2_scale(c, written->size)));
-        least = trajectory[i].sample < least ? trajectory[i].sample : least;
-        most = trajectory[i].sample > most ? trajectory[i].sample : most;
+        first_sample = trajectory[i].sample < first_sample ? trajectory[i].sample : first_sample;
+        last_sample = trajectory[i].sample > last_sample ? trajectory[i].sample : last_sample;
     }
     object->origin = cairn_vec2_scale(object->origin, 1 / (cairn_real)steps);
     object->size = written->size;
     object->start = model->paths[0].first + trajectory[0].sample;
-    object->score = (cairn_real)(most - least + 1) / (cairn_real)model->paths[0].count;
+    object->score =
+        (cairn_real)(last_sample - first_sample + 1) / (cairn_real)model->paths[0].count;
     object->along = index * model->outline_count;
-    set_along(grouping, object, trajectory, steps);
+    set_outline_segments(grouping, object, trajectory, steps);
 }
 
 cairn_status cairn_grouping_written_finish(cairn_grouping *grouping, cairn_budget *budget)
@@ -228,7 +229,7 @@ cairn_status cairn_grouping_written_finish(cairn_grouping *grouping, cairn_budge
                       &written->trajectories[grouping->params.max_steps *
                                              written->trajectory_slot[grouping->cursor]]);
         grouping->segment_count += object->count;
-        set_place(grouping, object, grouping->cursor);
+        set_pose(grouping, object, grouping->cursor);
         if (grouping->cursor == 0) {
             grouping->best_score = object->score;
             grouping->best_evidence = object->evidence;

@@ -54,11 +54,11 @@ static cairn_vec2 displacement_of(const cairn_shape_model *model, int32_t is_rev
  * difference of their lengths in mean radii of the model. For displacements shorter than a mean
  * radius the angle is scaled by the length. */
 static cairn_real dissimilarity(const struct grouping_written *written, cairn_vec2 model,
-                                cairn_vec2 seen)
+                                cairn_vec2 displacement)
 {
-    cairn_real length = cairn_vec2_norm(seen), expected = cairn_vec2_norm(model);
-    cairn_real angle =
-        cairn_abs(cairn_atan2(cairn_vec2_cross(model, seen), cairn_vec2_dot(model, seen)));
+    cairn_real length = cairn_vec2_norm(displacement), expected = cairn_vec2_norm(model);
+    cairn_real angle = cairn_abs(
+        cairn_atan2(cairn_vec2_cross(model, displacement), cairn_vec2_dot(model, displacement)));
 
     return angle * cairn_min(1, cairn_min(length, expected) / written->mean_radius) +
            cairn_abs(length - expected) / written->mean_radius;
@@ -69,25 +69,27 @@ cairn_real cairn_grouping_written_likelihood(const cairn_grouping *grouping,
 {
     const struct grouping_written *written = grouping->written;
     const cairn_shape_model *model = grouping->input.model;
-    cairn_vec2 seen =
+    cairn_vec2 displacement =
         cairn_vec2_scale(cairn_vec2_sub(state->centre, state->start), 1 / written->size);
-    cairn_real least = CAIRN_REAL_MAX, off;
+    cairn_real smallest = CAIRN_REAL_MAX, radius_error;
 
     *sample = 0;
     for (int32_t k = 0; k < model->paths[0].count; k++) {
-        cairn_real d = dissimilarity(written, displacement_of(model, state->is_reversed, k), seen);
+        cairn_real d =
+            dissimilarity(written, displacement_of(model, state->is_reversed, k), displacement);
 
-        if (d < least) {
-            least = d;
+        if (d < smallest) {
+            smallest = d;
             *sample = k;
         }
     }
     if (!grouping->params.use_model)
         return 0;
-    off = (state->radius / written->size - sample_of(model, state->is_reversed, *sample)->radius) /
-          written->mean_radius;
-    return cairn_log(CAIRN_REAL(0.5) * gaussian(least, grouping->params.path_sigma) +
-                     CAIRN_REAL(0.5) * gaussian(off, grouping->params.radius_sigma));
+    radius_error =
+        (state->radius / written->size - sample_of(model, state->is_reversed, *sample)->radius) /
+        written->mean_radius;
+    return cairn_log(CAIRN_REAL(0.5) * gaussian(smallest, grouping->params.path_sigma) +
+                     CAIRN_REAL(0.5) * gaussian(radius_error, grouping->params.radius_sigma));
 }
 
 int32_t cairn_grouping_written_likelihood_units(const cairn_grouping *grouping)
@@ -165,31 +167,32 @@ static int is_feasible_extension(const cairn_grouping *grouping, int32_t s, int3
 
 /* Inserts an extension into the list, sorted by gap; of each segment only the nearer end is
  * kept. */
-static void insert(written_extension *list, int32_t *count, written_extension e)
+static void insert_extension(written_extension *list, int32_t *count, written_extension e)
 {
-    int32_t at = 0;
+    int32_t index = 0;
 
-    while (at < *count && list[at].open_end / 2 != e.open_end / 2)
-        at++;
-    if (at < *count && list[at].gap <= e.gap)
+    while (index < *count && list[index].open_end / 2 != e.open_end / 2)
+        index++;
+    if (index < *count && list[index].gap <= e.gap)
         return;
-    if (at == *count) {
+    if (index == *count) {
         if (*count == WRITTEN_MAX_EXTENSIONS && list[*count - 1].gap <= e.gap)
             return;
-        at = *count < WRITTEN_MAX_EXTENSIONS ? (*count)++ : *count - 1;
+        index = *count < WRITTEN_MAX_EXTENSIONS ? (*count)++ : *count - 1;
     }
-    for (; at > 0 && list[at - 1].gap > e.gap; at--)
-        list[at] = list[at - 1];
-    list[at] = e;
+    for (; index > 0 && list[index - 1].gap > e.gap; index--)
+        list[index] = list[index - 1];
+    list[index] = e;
 }
 
 /* Finds the extensions of side s within the look-ahead circle around its open end:
  * list[WRITTEN_MAX_EXTENSIONS]. Returns their number. */
-static int32_t find_extensions(const cairn_grouping *grouping, const grouping_written_state *before,
-                               int32_t s, written_extension *list)
+static int32_t find_extensions(const cairn_grouping *grouping,
+                               const grouping_written_state *previous, int32_t s,
+                               written_extension *list)
 {
     const struct grouping_written *written = grouping->written;
-    cairn_vec2 open = grouping_written_end(grouping, before->end[s]);
+    cairn_vec2 open = grouping_written_end(grouping, previous->end[s]);
     cairn_point_grid_cursor search =
         cairn_point_grid_begin(written->ends, open, grouping->input.look_ahead);
     int32_t count = 0;
@@ -202,18 +205,18 @@ static int32_t find_extensions(const cairn_grouping *grouping, const grouping_wr
         if (written->segment_stamp[e / 2] == written->stamp ||
             (count == WRITTEN_MAX_EXTENSIONS && x.gap >= list[count - 1].gap))
             continue;
-        if (is_feasible_extension(grouping, s, before->end[s], e))
-            insert(list, &count, x);
+        if (is_feasible_extension(grouping, s, previous->end[s], e))
+            insert_extension(list, &count, x);
     }
     return count;
 }
 
 /* Returns 1 when the skeleton's step to a point crosses the contour or the skeleton. */
-static int crosses_history(const cairn_grouping *grouping, const grouping_written_state *before,
+static int crosses_history(const cairn_grouping *grouping, const grouping_written_state *previous,
                            cairn_vec2 centre)
 {
     const struct grouping_written *written = grouping->written;
-    cairn_segment step = {before->centre, centre};
+    cairn_segment step = {previous->centre, centre};
 
     if (crosses_side(&written->side[0], step, 0) || crosses_side(&written->side[1], step, 0))
         return 1;
@@ -227,14 +230,14 @@ static int crosses_history(const cairn_grouping *grouping, const grouping_writte
 }
 
 /* Returns 1 when the extensions of both sides cross each other. */
-static int cross_each_other(const cairn_grouping *grouping, const grouping_written_state *before,
+static int cross_each_other(const cairn_grouping *grouping, const grouping_written_state *previous,
                             const written_extension *left, const written_extension *right)
 {
     cairn_segment line[2][2];
     const written_extension *e[2] = {left, right};
 
     for (int32_t s = 0; s < 2; s++) {
-        line[s][0].a = grouping_written_end(grouping, before->end[s]);
+        line[s][0].a = grouping_written_end(grouping, previous->end[s]);
         line[s][0].b = line[s][1].a = grouping_written_end(grouping, e[s]->open_end ^ 1);
         line[s][1].b = grouping_written_end(grouping, e[s]->open_end);
     }
@@ -245,10 +248,10 @@ static int cross_each_other(const cairn_grouping *grouping, const grouping_writt
 }
 
 /* Log mass of the proposal (2.11). */
-static cairn_real log_mass(const cairn_grouping *grouping, const grouping_written_state *before,
+static cairn_real log_mass(const cairn_grouping *grouping, const grouping_written_state *previous,
                            const grouping_written_state *s, cairn_real gap)
 {
-    cairn_real loss = cairn_max(s->deviation - before->deviation, 0);
+    cairn_real loss = cairn_max(s->deviation - previous->deviation, 0);
     cairn_real mass = -cairn_half_square(gap / grouping->input.mean_length);
 
     return grouping->params.use_skeleton
@@ -258,16 +261,16 @@ static cairn_real log_mass(const cairn_grouping *grouping, const grouping_writte
 
 /* Offers the pair of two extensions as a candidate state, unless it is rejected. */
 static cairn_status offer(cairn_grouping *grouping, cairn_particle_filter *filter,
-                          const grouping_written_state *before, const written_extension *left,
+                          const grouping_written_state *previous, const written_extension *left,
                           const written_extension *right)
 {
     const cairn_symmetric_point *point =
         cairn_grouping_written_point(grouping, left->open_end / 2, right->open_end / 2);
-    grouping_written_state next = *before;
+    grouping_written_state next = *previous;
     cairn_status status;
 
-    if (point == NULL || crosses_history(grouping, before, point->centre) ||
-        cross_each_other(grouping, before, left, right))
+    if (point == NULL || crosses_history(grouping, previous, point->centre) ||
+        cross_each_other(grouping, previous, left, right))
         return CAIRN_OK;
     next.centre = point->centre;
     next.radius = point->radius;
@@ -278,15 +281,15 @@ static cairn_status offer(cairn_grouping *grouping, cairn_particle_filter *filte
     next.segment[1] = right->open_end / 2;
     status = cairn_particle_filter_offer(
         filter, &next,
-        log_mass(grouping, before, &next, CAIRN_REAL(0.5) * (left->gap + right->gap)));
+        log_mass(grouping, previous, &next, CAIRN_REAL(0.5) * (left->gap + right->gap)));
     return status == CAIRN_FULL ? CAIRN_OK : status;
 }
 
 /* Number of segment ends in the look-ahead circle of a side. */
-static int32_t ends_ahead(const cairn_grouping *grouping, const grouping_written_state *before,
-                          int32_t s)
+static int32_t count_ends_ahead(const cairn_grouping *grouping,
+                                const grouping_written_state *previous, int32_t s)
 {
-    cairn_vec2 open = grouping_written_end(grouping, before->end[s]);
+    cairn_vec2 open = grouping_written_end(grouping, previous->end[s]);
     cairn_point_grid_cursor search =
         cairn_point_grid_begin(grouping->written->ends, open, grouping->input.look_ahead);
     int32_t count = 0;
@@ -297,10 +300,11 @@ static int32_t ends_ahead(const cairn_grouping *grouping, const grouping_written
 }
 
 /* Work units of a proposal. */
-static int32_t cost_of_proposal(const cairn_grouping *grouping,
-                                const grouping_written_state *before, int32_t steps)
+static int32_t proposal_units(const cairn_grouping *grouping,
+                              const grouping_written_state *previous, int32_t steps)
 {
-    int32_t left = ends_ahead(grouping, before, 0), right = ends_ahead(grouping, before, 1);
+    int32_t left = count_ends_ahead(grouping, previous, 0),
+            right = count_ends_ahead(grouping, previous, 1);
     int32_t pairs = (left < WRITTEN_MAX_EXTENSIONS ? left : WRITTEN_MAX_EXTENSIONS) *
                     (right < WRITTEN_MAX_EXTENSIONS ? right : WRITTEN_MAX_EXTENSIONS);
     int64_t units = UNITS_PER_PROPOSAL + UNITS_PER_STEP * steps +
@@ -315,24 +319,24 @@ static cairn_status propose(void *context, cairn_particle_filter *filter, int32_
 {
     cairn_grouping *grouping = context;
     cairn_particle particle = cairn_particle_filter_particle(filter, index);
-    const grouping_written_state *before = particle.state;
+    const grouping_written_state *previous = particle.state;
     written_extension list[2][WRITTEN_MAX_EXTENSIONS];
     int32_t count[2];
 
     if (grouping->charged_callback_units == 0)
-        grouping->written->proposal_units = cost_of_proposal(grouping, before, particle.steps);
+        grouping->written->proposal_units = proposal_units(grouping, previous, particle.steps);
     if (!cairn_budget_pay(budget, &grouping->charged_callback_units,
                           grouping->written->proposal_units))
         return CAIRN_MORE;
-    read_history(grouping, before, particle.steps + 1);
+    read_history(grouping, previous, particle.steps + 1);
     for (int32_t s = 0; s < 2; s++)
-        count[s] = find_extensions(grouping, before, s, list[s]);
+        count[s] = find_extensions(grouping, previous, s, list[s]);
     for (int32_t i = 0; i < count[0]; i++)
         for (int32_t j = 0; j < count[1]; j++) {
             cairn_status status = CAIRN_OK;
 
             if (list[0][i].open_end / 2 != list[1][j].open_end / 2)
-                status = offer(grouping, filter, before, &list[0][i], &list[1][j]);
+                status = offer(grouping, filter, previous, &list[0][i], &list[1][j]);
             if (status != CAIRN_OK)
                 return status;
         }

@@ -116,13 +116,13 @@ static int params_are_valid(const cairn_edge_chain_params *params)
 static cairn_edge_chain_set *carve(cairn_pool *pool, const cairn_edge_chain_params *params)
 {
     size_t cells = ((size_t)params->max_width + 2) * ((size_t)params->max_height + 2);
-    size_t edges = (size_t)params->max_edges, chains = (size_t)params->max_chains;
+    size_t edges = (size_t)params->max_edges, chain_count = (size_t)params->max_chains;
     cairn_edge_chain_set *set = cairn_pool_take_one(pool, sizeof *set);
     uint8_t *flags = cairn_pool_take(pool, cells, sizeof *flags);
     int32_t *ends = cairn_pool_take(pool, 2 * (size_t)QUEUES, sizeof *ends);
     queue_entry *entries = cairn_pool_take(pool, edges, sizeof *entries);
-    cairn_edge_pixel *pixels = cairn_pool_take(pool, edges + 2 * chains + 2, sizeof *pixels);
-    cairn_edge_chain *found = cairn_pool_take(pool, chains, sizeof *found);
+    cairn_edge_pixel *pixels = cairn_pool_take(pool, edges + 2 * chain_count + 2, sizeof *pixels);
+    cairn_edge_chain *chains = cairn_pool_take(pool, chain_count, sizeof *chains);
 
     if (set != NULL) {
         memset(set, 0, sizeof *set);
@@ -131,7 +131,7 @@ static cairn_edge_chain_set *carve(cairn_pool *pool, const cairn_edge_chain_para
         set->tail = ends + QUEUES;
         set->entries = entries;
         set->pixels = pixels;
-        set->chains = found;
+        set->chains = chains;
     }
     return set;
 }
@@ -280,14 +280,14 @@ static int32_t first_bit(uint32_t links)
 }
 
 /* The other link of a pixel with two links. */
-static int32_t next_pixel(const cairn_edge_chain_set *set, int32_t before, int32_t at)
+static int32_t next_pixel(const cairn_edge_chain_set *set, int32_t previous, int32_t current)
 {
-    uint32_t links = links_of(set, at);
+    uint32_t links = links_of(set, current);
     int32_t k = first_bit(links);
 
-    if (at + set->neighbour_offset[k] == before)
+    if (current + set->neighbour_offset[k] == previous)
         k = first_bit(links & ~(1U << k));
-    return at + set->neighbour_offset[k];
+    return current + set->neighbour_offset[k];
 }
 
 /* Advances the cursor to the next edge pixel. Returns 1 there, 0 when the budget is exhausted, -1
@@ -314,9 +314,9 @@ static int32_t find_edge(cairn_edge_chain_set *set, cairn_budget *budget)
 
 static int32_t propagated_distance(uint8_t first, uint8_t second)
 {
-    int32_t a = first & DISTANCE_MASK, b = second & DISTANCE_MASK, least = a < b ? a : b;
+    int32_t a = first & DISTANCE_MASK, b = second & DISTANCE_MASK, smaller = a < b ? a : b;
 
-    return least < MAX_DISTANCE ? least + 1 : MAX_DISTANCE;
+    return smaller < MAX_DISTANCE ? smaller + 1 : MAX_DISTANCE;
 }
 
 /* Marks an edge pixel; forward pass of the distance transform (from above and from the left). */
@@ -459,23 +459,23 @@ static cairn_status step_thin(cairn_edge_chain_set *set, cairn_budget *budget)
 /* Removes the line from an end to a junction when it is at most max_spur long. */
 static void prune_spur(cairn_edge_chain_set *set, int32_t tip)
 {
-    int32_t before = tip, at = tip + set->neighbour_offset[first_bit(links_of(set, tip))],
+    int32_t previous = tip, current = tip + set->neighbour_offset[first_bit(links_of(set, tip))],
             length = 1;
 
-    while (length < set->params.max_spur && bit_count(links_of(set, at)) == 2) {
-        int32_t next = next_pixel(set, before, at);
+    while (length < set->params.max_spur && bit_count(links_of(set, current)) == 2) {
+        int32_t next = next_pixel(set, previous, current);
 
-        before = at;
-        at = next;
+        previous = current;
+        current = next;
         length++;
     }
-    if (bit_count(links_of(set, at)) < 3)
+    if (bit_count(links_of(set, current)) < 3)
         return;
-    for (before = tip; before != at;) {
-        int32_t next = before + set->neighbour_offset[first_bit(links_of(set, before))];
+    for (previous = tip; previous != current;) {
+        int32_t next = previous + set->neighbour_offset[first_bit(links_of(set, previous))];
 
-        set->flags[before] = 0;
-        before = next;
+        set->flags[previous] = 0;
+        previous = next;
     }
 }
 

@@ -89,7 +89,8 @@ static cairn_part_builder *carve(cairn_pool *pool, const cairn_part_bundle_param
     cairn_vec2 *arc = cairn_pool_take(pool, n + 1, sizeof *arc);
     cairn_vec2 *positions = cairn_pool_take(pool, 2 * samples, sizeof *positions);
     cairn_part_fragment *fragments = cairn_pool_take(pool, CAIRN_PART_FRAGMENTS, sizeof *fragments);
-    cairn_oriented_point *at = cairn_pool_take(pool, CAIRN_PART_FRAGMENTS * samples, sizeof *at);
+    cairn_oriented_point *fragment_samples =
+        cairn_pool_take(pool, CAIRN_PART_FRAGMENTS * samples, sizeof *fragment_samples);
 
     if (builder != NULL) {
         memset(builder, 0, sizeof *builder);
@@ -99,7 +100,7 @@ static cairn_part_builder *carve(cairn_pool *pool, const cairn_part_bundle_param
         builder->positions = positions;
         builder->directions = positions + samples;
         builder->fragments = fragments;
-        builder->samples = at;
+        builder->samples = fragment_samples;
     }
     return builder;
 }

@@ -199,48 +199,51 @@ cairn_part_configuration cairn_part_configuration_describe(cairn_part_configurat
                                                            int32_t first)
 {
     const configuration_node *node = &configurator->best_node;
-    cairn_part_configuration made;
+    cairn_part_configuration configuration;
 
     sort_votes(configurator);
-    made.score = configurator->best_score;
-    made.gain = node->weight;
-    made.scale =
+    configuration.score = configurator->best_score;
+    configuration.gain = node->weight;
+    configuration.scale =
         configurator->query.centre.scale * cairn_exp(node->log_scale * configurator->params.ratio);
-    made.centre.x = configurator->query.centre.centre.x +
-                    node->x * configurator->params.centre * configurator->query.centre.scale;
-    made.centre.y = configurator->query.centre.centre.y +
-                    node->y * configurator->params.centre * configurator->query.centre.scale;
-    made.seed = configurator->seed;
-    made.first = first;
-    made.count = configurator->best_count;
+    configuration.centre.x =
+        configurator->query.centre.centre.x +
+        node->x * configurator->params.centre * configurator->query.centre.scale;
+    configuration.centre.y =
+        configurator->query.centre.centre.y +
+        node->y * configurator->params.centre * configurator->query.centre.scale;
+    configuration.seed = configurator->seed;
+    configuration.first = first;
+    configuration.count = configurator->best_count;
     memcpy(&configurator->found_votes[first], configurator->best_votes,
-           (size_t)made.count * sizeof *configurator->best_votes);
-    return made;
+           (size_t)configuration.count * sizeof *configurator->best_votes);
+    return configuration;
 }
 
 /* Inserts the seed's best configuration into the sorted list, without duplicates. The votes' memory
  * stays with its slot. */
 static void insert_configuration(cairn_part_configurator *configurator)
 {
-    cairn_part_configuration made;
-    int32_t at = 0;
+    cairn_part_configuration configuration;
+    int32_t index = 0;
 
     sort_votes(configurator);
-    while (at < configurator->found_count && !is_duplicate(configurator, at))
-        at++;
-    if (at == configurator->found_count &&
+    while (index < configurator->found_count && !is_duplicate(configurator, index))
+        index++;
+    if (index == configurator->found_count &&
         configurator->found_count < configurator->params.max_found) {
-        configurator->found[at].first = at * MAX_PARTS;
+        configurator->found[index].first = index * MAX_PARTS;
         configurator->found_count++;
     } else {
-        at = at < configurator->found_count ? at : at - 1;
-        if (!(configurator->best_score > configurator->found[at].score))
+        index = index < configurator->found_count ? index : index - 1;
+        if (!(configurator->best_score > configurator->found[index].score))
             return;
     }
-    made = cairn_part_configuration_describe(configurator, configurator->found[at].first);
-    for (; at > 0 && configurator->found[at - 1].score < made.score; at--)
-        configurator->found[at] = configurator->found[at - 1];
-    configurator->found[at] = made;
+    configuration =
+        cairn_part_configuration_describe(configurator, configurator->found[index].first);
+    for (; index > 0 && configurator->found[index - 1].score < configuration.score; index--)
+        configurator->found[index] = configurator->found[index - 1];
+    configurator->found[index] = configuration;
 }
 
 /* ---- Seeds ---- */
@@ -248,42 +251,43 @@ static void insert_configuration(cairn_part_configurator *configurator)
 /* Starts the next vote as seed, or ends the search. */
 static void next_seed(cairn_part_configurator *configurator)
 {
-    vote_place at;
+    vote_place point;
 
     configurator->phase =
         configurator->exhaustive != NULL ? CONFIGURATION_SORT : CONFIGURATION_DONE;
     if (++configurator->seed >= configurator->count)
         return;
-    at.centre = configurator->votes[configurator->seed].centre;
-    at.scale = configurator->votes[configurator->seed].scale;
+    point.centre = configurator->votes[configurator->seed].centre;
+    point.scale = configurator->votes[configurator->seed].scale;
     configurator->shift_count = 0;
-    cairn_part_configuration_query(configurator, at);
+    cairn_part_configuration_query(configurator, point);
     configurator->phase = CONFIGURATION_GATHER;
 }
 
 /* One mean shift iteration; 0: converged. */
 static int shift_mean(cairn_part_configurator *configurator)
 {
-    cairn_real sum = 0, x = 0, y = 0, ratio = 0,
+    cairn_real sum = 0, x = 0, y = 0, log_scale = 0,
                size = configurator->params.centre * configurator->query.centre.scale;
-    vote_place at = configurator->query.centre;
+    vote_place point = configurator->query.centre;
 
     for (int32_t i = 0; i < configurator->near_count; i++) {
-        const near_vote *n = &configurator->near_votes[i];
-        cairn_real weight = configurator->votes[n->vote].gain * cairn_exp(-n->squared_distance / 2);
+        const near_vote *near = &configurator->near_votes[i];
+        cairn_real weight =
+            configurator->votes[near->vote].gain * cairn_exp(-near->squared_distance / 2);
 
         sum += weight;
-        x += weight * n->x;
-        y += weight * n->y;
-        ratio += weight * n->log_scale;
+        x += weight * near->x;
+        y += weight * near->y;
+        log_scale += weight * near->log_scale;
     }
     if (configurator->shift_count++ == MAX_SHIFTS ||
-        !(x * x + y * y + ratio * ratio > MIN_SHIFT_SQUARED * sum * sum))
+        !(x * x + y * y + log_scale * log_scale > MIN_SHIFT_SQUARED * sum * sum))
         return 0;
-    at.centre.x += x / sum * size;
-    at.centre.y += y / sum * size;
-    at.scale *= cairn_exp(ratio / sum * configurator->params.ratio);
-    cairn_part_configuration_query(configurator, at);
+    point.centre.x += x / sum * size;
+    point.centre.y += y / sum * size;
+    point.scale *= cairn_exp(log_scale / sum * configurator->params.ratio);
+    cairn_part_configuration_query(configurator, point);
     return 1;
 }
 
@@ -293,13 +297,13 @@ static int is_new_mode(const cairn_part_configurator *configurator)
                scale = cairn_log(configurator->query.centre.scale);
 
     for (int32_t i = 0; i < configurator->mode_count; i++) {
-        cairn_vec2 apart = cairn_vec2_scale(
+        cairn_vec2 offset = cairn_vec2_scale(
             cairn_vec2_sub(configurator->modes[i].centre, configurator->query.centre.centre),
             1 / size);
-        cairn_real ratio =
+        cairn_real log_scale =
             (cairn_log(configurator->modes[i].scale) - scale) / configurator->params.ratio;
 
-        if (cairn_vec2_norm_squared(apart) + ratio * ratio < MODE_RADIUS_SQUARED)
+        if (cairn_vec2_norm_squared(offset) + log_scale * log_scale < MODE_RADIUS_SQUARED)
             return 0;
     }
     return 1;

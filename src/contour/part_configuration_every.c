@@ -116,26 +116,26 @@ static void swap(cairn_part_configurator *configurator, int32_t a, int32_t b)
 /* Restores the heap of the first `count` from the root down. */
 static void sift_down(cairn_part_configurator *configurator, int32_t count)
 {
-    for (int32_t at = 0, below = 1; below < count; at = below, below = 2 * at + 1) {
+    for (int32_t index = 0, below = 1; below < count; index = below, below = 2 * index + 1) {
         if (below + 1 < count && is_worse(configurator, below + 1, below))
             below++;
-        if (!is_worse(configurator, below, at))
+        if (!is_worse(configurator, below, index))
             return;
-        swap(configurator, at, below);
+        swap(configurator, index, below);
     }
 }
 
-static void sift_up(cairn_part_configurator *configurator, int32_t at)
+static void sift_up(cairn_part_configurator *configurator, int32_t index)
 {
-    for (; at > 0 && is_worse(configurator, at, (at - 1) / 2); at = (at - 1) / 2)
-        swap(configurator, at, (at - 1) / 2);
+    for (; index > 0 && is_worse(configurator, index, (index - 1) / 2); index = (index - 1) / 2)
+        swap(configurator, index, (index - 1) / 2);
 }
 
 void cairn_part_configuration_exhaustive_offer(cairn_part_configurator *configurator,
                                                const configuration_node *node)
 {
     configuration_exhaustive *exhaustive = configurator->exhaustive;
-    int32_t at =
+    int32_t index =
         configurator->found_count < configurator->params.max_found ? configurator->found_count : 0;
 
     if (node->part_count < configurator->params.min_parts ||
@@ -151,11 +151,11 @@ void cairn_part_configuration_exhaustive_offer(cairn_part_configurator *configur
     configurator->best_count = node->part_count;
     for (int32_t i = 0; i < node->part_count; i++)
         configurator->best_votes[i] = configurator->near_votes[configurator->chosen[i]].vote;
-    configurator->found[at] = cairn_part_configuration_describe(
+    configurator->found[index] = cairn_part_configuration_describe(
         configurator, configurator->found_count < configurator->params.max_found
-                          ? at * MAX_PARTS
+                          ? index * MAX_PARTS
                           : configurator->found[0].first);
-    exhaustive->sequence[at] = exhaustive->enumerated_count;
+    exhaustive->sequence[index] = exhaustive->enumerated_count;
     if (configurator->found_count < configurator->params.max_found)
         sift_up(configurator, configurator->found_count++);
     else

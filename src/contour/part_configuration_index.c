@@ -79,12 +79,12 @@ static void enter_layer(cairn_part_configurator *configurator)
     enter_cell(configurator);
 }
 
-void cairn_part_configuration_query(cairn_part_configurator *configurator, vote_place at)
+void cairn_part_configuration_query(cairn_part_configurator *configurator, vote_place centre)
 {
     vote_query *query = &configurator->query;
-    int32_t layer = layer_of(configurator, at.scale);
+    int32_t layer = layer_of(configurator, centre.scale);
 
-    query->centre = at;
+    query->centre = centre;
     query->last_layer = layer + 1;
     /* The layer below has the smallest cells. */
     query->layer = layer - 1;
@@ -116,7 +116,7 @@ static void insert_near_vote(cairn_part_configurator *configurator, int32_t vote
     cairn_real size = configurator->params.centre * configurator->query.centre.scale,
                reach = configurator->params.reach;
     near_vote n;
-    int32_t at;
+    int32_t index;
 
     n.x = (v->centre.x - configurator->query.centre.centre.x) / size;
     n.y = (v->centre.y - configurator->query.centre.centre.y) / size;
@@ -130,17 +130,18 @@ static void insert_near_vote(cairn_part_configurator *configurator, int32_t vote
     configurator->pair_count++;
     if (configurator->exhaustive == NULL && !(n.squared_distance <= reach * reach))
         return;
-    at = configurator->near_count;
-    while (at > 0 && (n.squared_distance < configurator->near_votes[at - 1].squared_distance ||
-                      (n.squared_distance <= configurator->near_votes[at - 1].squared_distance &&
-                       vote < configurator->near_votes[at - 1].vote)))
-        at--;
-    if (at == configurator->params.nearest)
+    index = configurator->near_count;
+    while (index > 0 &&
+           (n.squared_distance < configurator->near_votes[index - 1].squared_distance ||
+            (n.squared_distance <= configurator->near_votes[index - 1].squared_distance &&
+             vote < configurator->near_votes[index - 1].vote)))
+        index--;
+    if (index == configurator->params.nearest)
         return;
     configurator->near_count += configurator->near_count < configurator->params.nearest;
-    for (int32_t i = configurator->near_count - 1; i > at; i--)
+    for (int32_t i = configurator->near_count - 1; i > index; i--)
         configurator->near_votes[i] = configurator->near_votes[i - 1];
-    configurator->near_votes[at] = n;
+    configurator->near_votes[index] = n;
 }
 
 /* Returns 1 when a vote of the bucket lies in the query's cell; hash collisions are skipped. */

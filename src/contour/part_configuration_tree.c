@@ -76,16 +76,16 @@ void cairn_part_configuration_begin_tree(cairn_part_configurator *configurator)
 
 /* Node after adding a vote: incremental update of the weighted mean and of the scatter. */
 static configuration_node add_vote(const configuration_node *node, const near_vote *n,
-                                   cairn_real gain)
+                                   cairn_real weight)
 {
-    cairn_real sum = node->weight + gain, x = n->x - node->x, y = n->y - node->y,
-               ratio = n->log_scale - node->log_scale;
+    cairn_real sum = node->weight + weight, x = n->x - node->x, y = n->y - node->y,
+               log_scale = n->log_scale - node->log_scale;
     configuration_node added = *node;
 
-    added.scatter += node->weight * gain / sum * (x * x + y * y + ratio * ratio);
-    added.x += x * gain / sum;
-    added.y += y * gain / sum;
-    added.log_scale += ratio * gain / sum;
+    added.scatter += node->weight * weight / sum * (x * x + y * y + log_scale * log_scale);
+    added.x += x * weight / sum;
+    added.y += y * weight / sum;
+    added.log_scale += log_scale * weight / sum;
     added.weight = sum;
     added.part_count++;
     added.choice = 0;
@@ -107,12 +107,12 @@ static cairn_real score_of(const configuration_node *node)
 static cairn_real overlap_of(const cairn_part_vote *a, const cairn_part_vote *b)
 {
     cairn_real shorter = cairn_min(a->to - a->from, b->to - b->from), sum = 0;
-    int32_t rounds = a->round > 0;
+    int32_t has_rounds = a->round > 0;
 
-    for (int32_t k = -rounds; k <= rounds; k++) {
-        cairn_real on = (cairn_real)k * a->round;
+    for (int32_t k = -has_rounds; k <= has_rounds; k++) {
+        cairn_real shift = (cairn_real)k * a->round;
 
-        sum += cairn_max(0, cairn_min(a->to + on, b->to) - cairn_max(a->from + on, b->from));
+        sum += cairn_max(0, cairn_min(a->to + shift, b->to) - cairn_max(a->from + shift, b->from));
     }
     return shorter > 0 ? sum / shorter : 0;
 }

@@ -195,16 +195,16 @@ cairn_status cairn_symmetric_point_begin(cairn_symmetric_point_set *set,
 static int angle_with_chord(cairn_vec2 direction, cairn_vec2 u, cairn_real cos_max,
                             cairn_real *angle)
 {
-    cairn_real across = cairn_vec2_cross(direction, u), beside = cairn_vec2_dot(direction, u);
+    cairn_real across = cairn_vec2_cross(direction, u), parallel = cairn_vec2_dot(direction, u);
 
     /* Components along u and v of the normal, which is the direction rotated to the left. */
     if (across < 0) {
         across = -across;
-        beside = -beside;
+        parallel = -parallel;
     }
     if (across < cos_max)
         return 0;
-    *angle = cairn_atan2(beside, across);
+    *angle = cairn_atan2(parallel, across);
     return 1;
 }
 

@@ -132,24 +132,24 @@ int cairn_appearance_is_in_box(const cairn_appearance_shim_keypoint *keypoint, c
 int32_t cairn_appearance_nearest_word(const uint8_t *words, int32_t count,
                                       const uint8_t *descriptor, int32_t *distance)
 {
-    int32_t best = 0, least = INT32_MAX;
+    int32_t best = 0, smallest = INT32_MAX;
 
     for (int32_t i = 0; i < count; i++) {
         const uint8_t *word = &words[(size_t)i * APPEARANCE_DESCRIPTOR_SIZE];
         int32_t sum = 0;
 
         /* Early exit: stops when the partial sum exceeds the least distance. */
-        for (int32_t from = 0; from < APPEARANCE_DESCRIPTOR_SIZE && sum < least;
+        for (int32_t from = 0; from < APPEARANCE_DESCRIPTOR_SIZE && sum < smallest;
              from += EARLY_EXIT_STEP)
             for (int32_t k = from; k < from + EARLY_EXIT_STEP; k++)
                 sum += (word[k] - descriptor[k]) * (word[k] - descriptor[k]);
-        if (sum < least) {
-            least = sum;
+        if (sum < smallest) {
+            smallest = sum;
             best = i;
         }
     }
     if (distance != NULL)
-        *distance = least;
+        *distance = smallest;
     return best;
 }
 
@@ -270,16 +270,16 @@ double cairn_appearance_distance(const cairn_appearance_field *field, const doub
 {
     const cairn_appearance_model *model = field->model;
     float histogram[CAIRN_APPEARANCE_WORDS_MOST];
-    double least = MAX_CHI2;
+    double smallest = MAX_CHI2;
 
     if (!compute_histogram(field, box, histogram))
         return 1;
     for (int32_t i = 0; i < model->support_count; i++)
         if (model->weights[i] * model->slope < 0)
-            least = fmin(least, cairn_appearance_chi2(
-                                    &model->histograms[(size_t)i * (size_t)model->word_count],
-                                    histogram, model->word_count));
-    return least / MAX_CHI2;
+            smallest = fmin(smallest, cairn_appearance_chi2(
+                                          &model->histograms[(size_t)i * (size_t)model->word_count],
+                                          histogram, model->word_count));
+    return smallest / MAX_CHI2;
 }
 
 void cairn_appearance_free(cairn_appearance_model *model)

@@ -22,7 +22,7 @@ typedef struct appearance_reader {
     cairn_line_reader *lines;
     const char *path;
     cairn_file_error *error;
-    const char *at, *end; /* unread part of the current line */
+    const char *position, *end; /* unread part of the current line */
 } appearance_reader;
 
 static cairn_status no_memory(const appearance_reader *reader)
@@ -38,7 +38,7 @@ static int64_t line_of(const appearance_reader *reader)
 /* Reads the next line that is not empty or a comment; `what` describes the expected content. */
 static cairn_status next_line(appearance_reader *reader, const char *what)
 {
-    const char *line, *comment, *at, *token;
+    const char *line, *comment, *position, *token;
     size_t length;
 
     do {
@@ -53,9 +53,9 @@ static cairn_status next_line(appearance_reader *reader, const char *what)
         if (status != CAIRN_OK)
             return status;
         comment = memchr(line, '#', length);
-        at = reader->at = line;
+        position = reader->position = line;
         reader->end = comment != NULL ? comment : line + length;
-    } while (cairn_token_next(&at, reader->end, &token) == 0);
+    } while (cairn_token_next(&position, reader->end, &token) == 0);
     return CAIRN_OK;
 }
 
@@ -64,7 +64,7 @@ static cairn_status expect_token(appearance_reader *reader, const char *word)
 {
     char shown[CAIRN_TOKEN_TEXT_BYTES];
     const char *token;
-    size_t length = cairn_token_next(&reader->at, reader->end, &token);
+    size_t length = cairn_token_next(&reader->position, reader->end, &token);
 
     if (length == strlen(word) && memcmp(token, word, length) == 0)
         return CAIRN_OK;
@@ -73,25 +73,27 @@ static cairn_status expect_token(appearance_reader *reader, const char *word)
         length > 0 ? cairn_token_text(shown, token, length) : "nothing", word);
 }
 
-static cairn_status read_number(appearance_reader *reader, double least, double most, double *value)
+static cairn_status read_number(appearance_reader *reader, double min_value, double max_value,
+                                double *value)
 {
     char shown[CAIRN_TOKEN_TEXT_BYTES];
     const char *token;
-    size_t length = cairn_token_next(&reader->at, reader->end, &token);
+    size_t length = cairn_token_next(&reader->position, reader->end, &token);
 
-    if (length > 0 && cairn_number_read(token, length, value) && *value >= least && *value <= most)
+    if (length > 0 && cairn_number_read(token, length, value) && *value >= min_value &&
+        *value <= max_value)
         return CAIRN_OK;
     return cairn_file_error_set(reader->error, CAIRN_BAD_FORMAT, reader->path, line_of(reader),
                                 "%s, expected a number of %g ... %g",
                                 length > 0 ? cairn_token_text(shown, token, length) : "nothing",
-                                least, most);
+                                min_value, max_value);
 }
 
-static cairn_status read_integer(appearance_reader *reader, int32_t least, int32_t most,
+static cairn_status read_integer(appearance_reader *reader, int32_t min_value, int32_t max_value,
                                  int32_t *value)
 {
     double number = 0;
-    cairn_status status = read_number(reader, least, most, &number);
+    cairn_status status = read_number(reader, min_value, max_value, &number);
 
     if (status != CAIRN_OK)
         return status;
@@ -106,7 +108,7 @@ static cairn_status expect_line_end(appearance_reader *reader)
 {
     char shown[CAIRN_TOKEN_TEXT_BYTES];
     const char *token;
-    size_t length = cairn_token_next(&reader->at, reader->end, &token);
+    size_t length = cairn_token_next(&reader->position, reader->end, &token);
 
     if (length == 0)
         return CAIRN_OK;
@@ -229,9 +231,9 @@ cairn_status cairn_appearance_read(cairn_appearance_model *model, const char *pa
     return status;
 }
 
-static int is_within(double value, double least, double most)
+static int is_within(double value, double min_value, double max_value)
 {
-    return value >= least && value <= most;
+    return value >= min_value && value <= max_value;
 }
 
 /* Returns 1 when the written file can be read again. */

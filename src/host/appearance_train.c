@@ -170,26 +170,26 @@ static int is_in_a_box(const trained_image *image, int32_t patch)
 static const uint8_t **choose_patches(const cairn_appearance_trainer *trainer, int32_t *count)
 {
     const uint8_t **chosen = malloc(MAX_PATCHES * sizeof *chosen);
-    int64_t all = 0, seen = 0;
+    int64_t total = 0, passed = 0;
 
     *count = 0;
     for (int pass = 0; pass < 2 && chosen != NULL; pass++)
         for (int32_t i = 0; i < trainer->count; i++)
             for (int32_t k = 0; k < trainer->images[i].patches.count; k++) {
-                int64_t most;
+                int64_t capacity;
 
                 if (!is_in_a_box(&trainer->images[i], k))
                     continue;
                 if (pass == 0) {
-                    all++;
+                    total++;
                     continue;
                 }
-                most = all < MAX_PATCHES ? all : MAX_PATCHES;
-                if (all > 0 && (seen + 1) * most / all > seen * most / all)
+                capacity = total < MAX_PATCHES ? total : MAX_PATCHES;
+                if (total > 0 && (passed + 1) * capacity / total > passed * capacity / total)
                     chosen[(*count)++] =
                         &trainer->images[i]
                              .patches.descriptors[(size_t)k * APPEARANCE_DESCRIPTOR_SIZE];
-                seen++;
+                passed++;
             }
     return chosen;
 }
@@ -200,7 +200,7 @@ static void seed_words(uint8_t *words, int32_t count, const uint8_t *const *patc
                        int32_t patch_count, int32_t *distance, cairn_random *random)
 {
     for (int32_t w = 0; w < count; w++) {
-        double sum = 0, at;
+        double sum = 0, target;
         int32_t next = 0;
 
         for (int32_t i = 0; i < patch_count; i++) {
@@ -212,9 +212,9 @@ static void seed_words(uint8_t *words, int32_t count, const uint8_t *const *patc
             distance[i] = w > 1 && distance[i] < d ? distance[i] : d;
             sum += distance[i];
         }
-        at = draw(random) * sum;
-        for (next = 0; next + 1 < patch_count && at >= distance[next]; next++)
-            at -= distance[next];
+        target = draw(random) * sum;
+        for (next = 0; next + 1 < patch_count && target >= distance[next]; next++)
+            target -= distance[next];
         memcpy(&words[(size_t)w * APPEARANCE_DESCRIPTOR_SIZE], patches[next],
                APPEARANCE_DESCRIPTOR_SIZE);
     }
@@ -290,9 +290,10 @@ static cairn_status cluster_words(cairn_appearance_model *model,
 static double overlap(const double a[4], const double b[4])
 {
     double w = fmin(a[2], b[2]) - fmax(a[0], b[0]), h = fmin(a[3], b[3]) - fmax(a[1], b[1]);
-    double both = w > 0 && h > 0 ? w * h : 0;
+    double intersection = w > 0 && h > 0 ? w * h : 0;
 
-    return both / ((a[2] - a[0]) * (a[3] - a[1]) + (b[2] - b[0]) * (b[3] - b[1]) - both);
+    return intersection /
+           ((a[2] - a[0]) * (a[3] - a[1]) + (b[2] - b[0]) * (b[3] - b[1]) - intersection);
 }
 
 static void add_sample(training_set *set, const trained_image *image, const int32_t *word_of,
@@ -388,7 +389,7 @@ static int collect_samples(training_set *set, const cairn_appearance_model *mode
         return 0;
     for (int32_t i = 0; i < trainer->count; i++) {
         const trained_image *image = &trainer->images[i];
-        int32_t wanted = params->negatives * (image->box_count > 0 ? image->box_count : 1);
+        int32_t window_count = params->negatives * (image->box_count > 0 ? image->box_count : 1);
         int32_t *word_of = malloc(((size_t)image->patches.count + 1) * sizeof *word_of);
         double window[4];
 
@@ -400,7 +401,8 @@ static int collect_samples(training_set *set, const cairn_appearance_model *mode
                 &image->patches.descriptors[(size_t)k * APPEARANCE_DESCRIPTOR_SIZE], NULL);
         for (int32_t k = 0; k < image->box_count; k++)
             add_sample(set, image, word_of, image->boxes[k], 1, i);
-        for (int32_t k = 0; k < wanted && draw_window(trainer, image, boxes, &random, window); k++)
+        for (int32_t k = 0; k < window_count && draw_window(trainer, image, boxes, &random, window);
+             k++)
             add_sample(set, image, word_of, window, 0, i);
         free(word_of);
     }
@@ -524,7 +526,7 @@ static void fit_sigmoid(cairn_appearance_model *model, const training_set *set)
     model->slope = 0;
     model->offset = log((others + 1) / (of_class + 1));
     for (int32_t step = 0; step < MAX_NEWTON_STEPS; step++) {
-        double h11 = 1e-12, h22 = 1e-12, h21 = 0, g1 = 0, g2 = 0, det, a, b, now, size = 1;
+        double h11 = 1e-12, h22 = 1e-12, h21 = 0, g1 = 0, g2 = 0, det, a, b, current, size = 1;
 
         for (int32_t i = 0; i < set->count; i++) {
             double f = set->decision[i], p = 1 / (1 + exp(model->slope * f + model->offset)),
@@ -544,11 +546,11 @@ static void fit_sigmoid(cairn_appearance_model *model, const training_set *set)
             return; /* singular by rounding: all decision values are equal */
         a = -(h22 * g1 - h21 * g2) / det;
         b = -(h11 * g2 - h21 * g1) / det;
-        now = cross_entropy(set, target, model->slope, model->offset);
+        current = cross_entropy(set, target, model->slope, model->offset);
         for (int32_t k = 0;
              k < MAX_HALVINGS &&
              !(cross_entropy(set, target, model->slope + size * a, model->offset + size * b) <
-               now + 1e-4 * size * (g1 * a + g2 * b));
+               current + 1e-4 * size * (g1 * a + g2 * b));
              k++)
             size /= 2;
         model->slope += size * a;
@@ -583,7 +585,7 @@ static cairn_status check(const cairn_appearance_trainer *trainer,
         params->negatives > 100 || !(params->cost > 0) || params->cost > 1e6)
         return cairn_file_error_set(
             error, CAIRN_BAD_ARGUMENT, path, 0,
-            "%d words, %d windows a box, cost %g, expected 2 to %d, 1 to 100, above 0 to 1000000",
+            "%d words, %d windows per box, cost %g, expected 2 to %d, 1 to 100, above 0 to 1000000",
             (int)params->words, (int)params->negatives, params->cost, CAIRN_APPEARANCE_WORDS_MOST);
     if (count_boxes(trainer) == 0)
         return cairn_file_error_set(error, CAIRN_EMPTY, path, 0,
@@ -612,7 +614,7 @@ cairn_status cairn_appearance_train(cairn_appearance_model *model,
     if (status == CAIRN_OK && count_class(&set) == set.count)
         status = cairn_file_error_set(
             error, CAIRN_EMPTY, path, 0,
-            "boxes leave no room for windows beside them, expected images that show more");
+            "no space for negative windows beside the boxes, expected larger images");
     if (status == CAIRN_OK && set.count > CAIRN_APPEARANCE_SUPPORT_MOST)
         status = cairn_file_error_set(error, CAIRN_FULL, path, 0, "%d windows, expected at most %d",
                                       (int)set.count, CAIRN_APPEARANCE_SUPPORT_MOST);

@@ -145,15 +145,15 @@ static int32_t segment_at(const contour_searcher *searcher, const cairn_grouped_
 /* Index of the model's outline sample nearest to a point of the model. */
 static int32_t nearest_sample(const cairn_shape_model *model, cairn_vec2 point)
 {
-    cairn_real least = CAIRN_REAL_MAX;
+    cairn_real smallest = CAIRN_REAL_MAX;
     int32_t nearest = 0;
 
     for (int32_t i = 0; i < model->outline_count; i++) {
-        cairn_real apart =
+        cairn_real squared =
             cairn_vec2_norm_squared(cairn_vec2_sub(model->outline[i].position, point));
 
-        if (apart < least) {
-            least = apart;
+        if (squared < smallest) {
+            smallest = squared;
             nearest = i;
         }
     }
@@ -174,11 +174,11 @@ static cairn_contour_disc disc_of(const contour_searcher *searcher,
     cairn_symmetric_point sp;
 
     for (int32_t k = 0; k < 2; k++) {
-        const cairn_contour_place *place =
+        const cairn_contour_place *sample_place =
             &outline[nearest_sample(model, sample->side[k].position)];
 
-        disc.side[k] = place->segment;
-        side[k] = place->at.position;
+        disc.side[k] = sample_place->segment;
+        side[k] = sample_place->at.position;
     }
     disc.centre = cairn_vec2_scale(cairn_vec2_add(side[0], side[1]), CAIRN_REAL(0.5));
     disc.radius = cairn_max(1, cairn_vec2_norm(cairn_vec2_sub(side[1], side[0])) / 2);
@@ -250,13 +250,13 @@ static contour_gaps gaps_of(const contour_fit *fit, const cairn_shape_model *mod
 }
 
 static cairn_contour_shape shape_of(const contour_searcher *searcher,
-                                    const contour_fitted_outline *laid, cairn_real turn,
+                                    const contour_fitted_outline *fitted, cairn_real turn,
                                     const cairn_shape_model *model)
 {
     const contour_reference drawn = {
         model->outline, {(cairn_real)cos((double)turn), (cairn_real)sin((double)turn)}};
 
-    return cairn_contour_shape_of(searcher->tokens, laid, searcher->fit.part, &drawn,
+    return cairn_contour_shape_of(searcher->tokens, fitted, searcher->fit.part, &drawn,
                                   searcher->scratch, NULL);
 }
 
@@ -281,7 +281,7 @@ static int add_object(contour_searcher *searcher, const cairn_grouping_result *f
                                    .disc_count = model->sample_count,
                                    .first_outline = result->outline_count,
                                    .outline_count = model->outline_count};
-    contour_fitted_outline laid = {searcher->fit.outline, model->outline_count, {0, 0}, 0};
+    contour_fitted_outline fitted = {searcher->fit.outline, model->outline_count, {0, 0}, 0};
     contour_gaps gaps;
 
     cairn_contour_field_fill(searcher->field, searcher->tokens, &object.found);
@@ -291,16 +291,16 @@ static int add_object(contour_searcher *searcher, const cairn_grouping_result *f
         return 0;
     object.found.first = result->segment_count;
     object.found.along = 0;
-    laid.origin = object.found.origin;
-    laid.size = object.found.size;
+    fitted.origin = object.found.origin;
+    fitted.size = object.found.size;
     gaps = gaps_of(&searcher->fit, model);
-    if (!cairn_contour_collect_with_gaps(searcher->tokens, &laid, &gaps,
+    if (!cairn_contour_collect_with_gaps(searcher->tokens, &fitted, &gaps,
                                          &result->segments[object.found.first],
                                          &object.found.count))
         return 0;
     object.rigid = found->objects[index].evidence / searcher->fit.length;
     object.bent = searcher->fit.evidence / searcher->fit.length;
-    object.shape = shape_of(searcher, &laid, object.found.turn, model);
+    object.shape = shape_of(searcher, &fitted, object.found.turn, model);
     for (int32_t i = 0; i < model->outline_count; i++) {
         result->outline[object.first_outline + i].at = searcher->fit.outline[i];
         result->outline[object.first_outline + i].segment =
@@ -342,15 +342,16 @@ static void suppress_non_maxima(cairn_contour_result *result)
               compare_objects);
     for (int32_t i = 0; i < result->object_count; i++) {
         const cairn_grouped_object *object = &result->objects[i].found;
-        int32_t apart = 1;
+        int32_t is_separate = 1;
 
-        for (int32_t k = 0; k < kept && apart; k++) {
+        for (int32_t k = 0; k < kept && is_separate; k++) {
             const cairn_grouped_object *better = &result->objects[k].found;
-            cairn_real least = (cairn_real)NMS_RADIUS_SHARE * cairn_max(object->size, better->size);
+            cairn_real radius =
+                (cairn_real)NMS_RADIUS_SHARE * cairn_max(object->size, better->size);
 
-            apart = cairn_vec2_norm(cairn_vec2_sub(object->origin, better->origin)) > least;
+            is_separate = cairn_vec2_norm(cairn_vec2_sub(object->origin, better->origin)) > radius;
         }
-        if (apart)
+        if (is_separate)
             result->objects[kept++] = result->objects[i];
     }
     result->object_count = kept;
@@ -583,7 +584,7 @@ cairn_status cairn_contour_search_run(cairn_contour_result *result,
     if (status != CAIRN_OK) {
         cairn_contour_result_free(result);
         return cairn_file_error_set(error, status, path, 0,
-                                    "%s, expected a model, sizes above 0 and turns in range",
+                                    "%s, expected a model, sizes above 0 and rotations in range",
                                     cairn_status_text(status));
     }
     suppress_non_maxima(result);

@@ -62,19 +62,19 @@ static cairn_vec2 middle_of(cairn_segment line)
 static int32_t nearest_sample(const contour_fitted_outline *fitted, cairn_vec2 point,
                               cairn_real *distance)
 {
-    cairn_real least = CAIRN_REAL_MAX;
+    cairn_real smallest = CAIRN_REAL_MAX;
     int32_t nearest = 0;
 
     for (int32_t i = 0; i < fitted->outline_count; i++) {
         cairn_real squared =
             cairn_vec2_norm_squared(cairn_vec2_sub(point, fitted->outline[i].position));
 
-        if (squared < least) {
-            least = squared;
+        if (squared < smallest) {
+            smallest = squared;
             nearest = i;
         }
     }
-    *distance = cairn_sqrt(least);
+    *distance = cairn_sqrt(smallest);
     return nearest;
 }
 
@@ -91,20 +91,20 @@ static int is_parallel(const contour_fitted_outline *fitted, int32_t sample, cai
 static int is_continuation(const contour_fitted_outline *fitted, cairn_segment from,
                            cairn_segment line)
 {
-    cairn_real before, distance;
+    cairn_real previous, distance;
     int32_t sample = nearest_sample(fitted, middle_of(line), &distance);
 
-    (void)nearest_sample(fitted, middle_of(from), &before);
+    (void)nearest_sample(fitted, middle_of(from), &previous);
     return distance <= (cairn_real)MAX_DRIFT_SHARE * fitted->size &&
            distance <= cairn_max((cairn_real)MAX_OFFSET_SHARE * fitted->size,
-                                 before + (cairn_real)OFFSET_GROWTH_SHARE * fitted->size) &&
+                                 previous + (cairn_real)OFFSET_GROWTH_SHARE * fitted->size) &&
            is_parallel(fitted, sample, line);
 }
 
 /* Returns 1 when most of a segment is along the outline. */
 static int is_along_outline(const contour_fitted_outline *fitted, cairn_segment line)
 {
-    int32_t steps = 1 + (int32_t)(cairn_segment_length(line) / SAMPLE_STEP_PX), near = 0;
+    int32_t steps = 1 + (int32_t)(cairn_segment_length(line) / SAMPLE_STEP_PX), near_count = 0;
     cairn_real max_distance =
         cairn_max(MIN_DISTANCE_PX, (cairn_real)MAX_DISTANCE_SHARE * fitted->size);
 
@@ -114,9 +114,9 @@ static int is_along_outline(const contour_fitted_outline *fitted, cairn_segment 
             fitted, cairn_vec2_add(line.a, cairn_vec2_scale(cairn_vec2_sub(line.b, line.a), share)),
             &distance);
 
-        near += distance <= max_distance && is_parallel(fitted, sample, line);
+        near_count += distance <= max_distance && is_parallel(fitted, sample, line);
     }
-    return 2 * near > steps + 1;
+    return 2 * near_count > steps + 1;
 }
 
 /* Closes the gaps of one chain, segments [from ... to - 1]. */
@@ -124,16 +124,16 @@ static void close_gaps(const cairn_contour_tokens *tokens, const contour_fitted_
                        int32_t from, int32_t to, uint8_t *selected)
 {
     cairn_real gap = 0;
-    int32_t before = -1;
+    int32_t previous = -1;
 
     for (int32_t i = from; i < to; i++) {
         if (!selected[i]) {
             gap += cairn_segment_length(tokens->lines[i]);
             continue;
         }
-        if (before >= 0 && gap <= (cairn_real)MAX_GAP_SHARE * fitted->size)
-            memset(&selected[before], 1, (size_t)(i - before));
-        before = i;
+        if (previous >= 0 && gap <= (cairn_real)MAX_GAP_SHARE * fitted->size)
+            memset(&selected[previous], 1, (size_t)(i - previous));
+        previous = i;
         gap = 0;
     }
 }
@@ -168,9 +168,9 @@ static int32_t cross_junctions(const cairn_contour_tokens *tokens,
 
     for (int32_t i = 0; i < ends->count; i++) {
         int32_t from = ends->listed[i],
-                near = selected[from] ? cairn_contour_ends_near(ends, i) : 0;
+                neighbour_count = selected[from] ? cairn_contour_ends_near(ends, i) : 0;
 
-        for (int32_t k = 0; k < near; k++) {
+        for (int32_t k = 0; k < neighbour_count; k++) {
             int32_t to = ends->listed[ends->neighbours[k]];
 
             if (!selected[to] && is_continuation(fitted, tokens->lines[from], tokens->lines[to])) {
@@ -273,10 +273,10 @@ static int continues(cairn_segment from, cairn_segment to, cairn_real junction, 
         cairn_vec2 end = k % 2 == 0 ? from.b : from.a,
                    out = cairn_vec2_sub(end, k % 2 == 0 ? from.a : from.b);
         cairn_vec2 start = k / 2 == 0 ? to.a : to.b,
-                   on = cairn_vec2_sub(k / 2 == 0 ? to.b : to.a, start);
+                   forward = cairn_vec2_sub(k / 2 == 0 ? to.b : to.a, start);
 
         if (cairn_vec2_norm_squared(cairn_vec2_sub(start, end)) <= junction * junction &&
-            cairn_vec2_dot(cairn_vec2_unit(out), cairn_vec2_unit(on)) >= cosine)
+            cairn_vec2_dot(cairn_vec2_unit(out), cairn_vec2_unit(forward)) >= cosine)
             return 1;
     }
     return 0;
@@ -300,28 +300,30 @@ typedef struct edge_extender {
     int32_t has_changed;
 } edge_extender;
 
-static int is_near_gap(const edge_extender *extender, cairn_vec2 at)
+static int is_near_gap(const edge_extender *extender, cairn_vec2 middle)
 {
-    int32_t near = extender->gaps == NULL;
+    int32_t is_near = extender->gaps == NULL;
 
-    for (int32_t i = 0; !near && i < extender->gaps->count; i++)
-        near = cairn_vec2_norm(cairn_vec2_sub(at, extender->gaps->at[i])) <= extender->gap_radius;
-    return near;
+    for (int32_t i = 0; !is_near && i < extender->gaps->count; i++)
+        is_near =
+            cairn_vec2_norm(cairn_vec2_sub(middle, extender->gaps->at[i])) <= extender->gap_radius;
+    return is_near;
 }
 
 /* Extends the selection from one segment to another. */
 static void extend(edge_extender *extender, int32_t from, int32_t to)
 {
-    cairn_vec2 at = middle_of(extender->tokens->lines[to]);
-    cairn_real beyond;
+    cairn_vec2 middle = middle_of(extender->tokens->lines[to]);
+    cairn_real length;
 
     if (!(extender->extension[from] < CAIRN_REAL_MAX) || extender->extension[to] == 0)
         return;
-    beyond = extender->extension[from] + cairn_segment_length(extender->tokens->lines[to]);
-    if (beyond <= extender->max_extension && beyond < extender->extension[to] &&
-        at.x >= extender->box_min.x && at.y >= extender->box_min.y && at.x <= extender->box_max.x &&
-        at.y <= extender->box_max.y && is_near_gap(extender, at)) {
-        extender->extension[to] = beyond;
+    length = extender->extension[from] + cairn_segment_length(extender->tokens->lines[to]);
+    if (length <= extender->max_extension && length < extender->extension[to] &&
+        middle.x >= extender->box_min.x && middle.y >= extender->box_min.y &&
+        middle.x <= extender->box_max.x && middle.y <= extender->box_max.y &&
+        is_near_gap(extender, middle)) {
+        extender->extension[to] = length;
         extender->has_changed = 1;
     }
 }
@@ -348,15 +350,16 @@ static void extend_all(edge_extender *extender, contour_ends *ends)
             extend_chain(extender, from, to);
         }
         for (int32_t i = 0; i < ends->count; i++) {
-            int32_t own = ends->listed[i], near = extender->extension[own] < extender->max_extension
-                                                      ? cairn_contour_ends_near(ends, i)
-                                                      : 0;
+            int32_t current = ends->listed[i],
+                    neighbour_count = extender->extension[current] < extender->max_extension
+                                          ? cairn_contour_ends_near(ends, i)
+                                          : 0;
 
-            for (int32_t k = 0; k < near; k++)
-                if (continues(extender->tokens->lines[own],
+            for (int32_t k = 0; k < neighbour_count; k++)
+                if (continues(extender->tokens->lines[current],
                               extender->tokens->lines[ends->listed[ends->neighbours[k]]],
                               ends->max_distance, extender->junction_cosine))
-                    extend(extender, own, ends->listed[ends->neighbours[k]]);
+                    extend(extender, current, ends->listed[ends->neighbours[k]]);
         }
         if (!extender->has_changed)
             break;
@@ -383,7 +386,7 @@ static int extend_gaps(edge_extender *extender, const contour_gaps *gaps, const 
 static int extend_selected(const cairn_contour_tokens *tokens, const contour_fitted_outline *fitted,
                            const contour_gaps *gaps, contour_ends *ends, uint8_t *selected)
 {
-    cairn_real beyond = (cairn_real)BOX_MARGIN_SHARE * fitted->size;
+    cairn_real margin = (cairn_real)BOX_MARGIN_SHARE * fitted->size;
     cairn_box box = cairn_box_empty();
     int ok = 1;
     edge_extender extender = {.tokens = tokens,
@@ -398,8 +401,8 @@ static int extend_selected(const cairn_contour_tokens *tokens, const contour_fit
         return 0;
     for (int32_t i = 0; i < fitted->outline_count; i++)
         box = cairn_box_extend(box, fitted->outline[i].position);
-    extender.box_min = cairn_vec2_sub(box.min, (cairn_vec2){beyond, beyond});
-    extender.box_max = cairn_vec2_add(box.max, (cairn_vec2){beyond, beyond});
+    extender.box_min = cairn_vec2_sub(box.min, (cairn_vec2){margin, margin});
+    extender.box_max = cairn_vec2_add(box.max, (cairn_vec2){margin, margin});
     for (int32_t i = 0; i < tokens->count; i++)
         extender.extension[i] = selected[i] ? 0 : CAIRN_REAL_MAX;
     extend_all(&extender, ends);

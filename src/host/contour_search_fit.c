@@ -154,38 +154,40 @@ static cairn_real move_cost(const outline_deformer *deformer, int32_t move)
 /* Dynamic programming step: the best path score of each label of a sample from those of the
  * previous sample. A border of minimum values surrounds the labels; the horizontal moves, which
  * cost the same, are maximized first. */
-static void propagate_values(const outline_deformer *deformer, const cairn_real *before,
-                             cairn_real *now)
+static void propagate_values(const outline_deformer *deformer, const cairn_real *previous,
+                             cairn_real *current)
 {
-    cairn_real near = move_cost(deformer, 1), far = move_cost(deformer, 0),
-               padded[MAX_PADDED_LABELS] = {0}, beside[MAX_PADDED_LABELS] = {0};
+    cairn_real straight_cost = move_cost(deformer, 1), diagonal_cost = move_cost(deformer, 0),
+               padded[MAX_PADDED_LABELS] = {0}, horizontal_best[MAX_PADDED_LABELS] = {0};
     int32_t row = deformer->grid_width + 2;
 
     for (int32_t i = 0; i < row * row; i++)
         padded[i] = -CAIRN_REAL_MAX;
     for (int32_t y = 0; y < deformer->grid_width; y++)
-        memcpy(&padded[(y + 1) * row + 1], &before[y * deformer->grid_width],
-               (size_t)deformer->grid_width * sizeof *before);
+        memcpy(&padded[(y + 1) * row + 1], &previous[y * deformer->grid_width],
+               (size_t)deformer->grid_width * sizeof *previous);
     for (int32_t i = 1; i < row * row - 1; i++)
-        beside[i] = cairn_max(padded[i - 1], padded[i + 1]);
+        horizontal_best[i] = cairn_max(padded[i - 1], padded[i + 1]);
     for (int32_t y = 0; y < deformer->grid_width; y++) {
-        const cairn_real *here = &padded[(y + 1) * row + 1], *along = &beside[(y + 1) * row + 1];
+        const cairn_real *here = &padded[(y + 1) * row + 1],
+                         *along = &horizontal_best[(y + 1) * row + 1];
 
         for (int32_t x = 0; x < deformer->grid_width; x++) {
             cairn_real straight = cairn_max(along[x], cairn_max(here[x - row], here[x + row]));
             cairn_real diagonal = cairn_max(along[x - row], along[x + row]);
 
-            now[y * deformer->grid_width + x] =
-                cairn_max(here[x], cairn_max(straight - near, diagonal - far));
+            current[y * deformer->grid_width + x] =
+                cairn_max(here[x], cairn_max(straight - straight_cost, diagonal - diagonal_cost));
         }
     }
 }
 
 /* The best move to a label from the path scores of the previous sample: (dy + 1) * 3 + dx + 1. */
-static int32_t best_move(const outline_deformer *deformer, const cairn_real *before, int32_t label)
+static int32_t best_move(const outline_deformer *deformer, const cairn_real *previous,
+                         int32_t label)
 {
     int32_t x = label % deformer->grid_width, y = label / deformer->grid_width, best = 4;
-    cairn_real most = before[label];
+    cairn_real best_value = previous[label];
 
     for (int32_t k = 0; k < 9; k++) {
         int32_t u = x + k % 3 - 1, v = y + k / 3 - 1;
@@ -193,9 +195,9 @@ static int32_t best_move(const outline_deformer *deformer, const cairn_real *bef
 
         if (k == 4 || u < 0 || v < 0 || u >= deformer->grid_width || v >= deformer->grid_width)
             continue;
-        value = before[v * deformer->grid_width + u] - move_cost(deformer, k);
-        if (value > most) {
-            most = value;
+        value = previous[v * deformer->grid_width + u] - move_cost(deformer, k);
+        if (value > best_value) {
+            best_value = value;
             best = k;
         }
     }
@@ -233,14 +235,14 @@ static void deform_outline(outline_deformer *deformer, int32_t first, int32_t co
 
     memset(deformer->path_value, 0, labels * sizeof *deformer->path_value);
     for (int32_t k = 0; k < 2 * count; k++) {
-        cairn_real *now = &deformer->path_value[((size_t)k + 1) * labels],
+        cairn_real *current = &deformer->path_value[((size_t)k + 1) * labels],
                    *sample_llr = &deformer->sample_llr[(size_t)(k % count) * labels];
 
-        propagate_values(deformer, now - labels, now);
+        propagate_values(deformer, current - labels, current);
         if (k < count)
             compute_sample_llr(deformer, first + k, sample_llr);
         for (size_t i = 0; i < labels; i++)
-            now[i] += sample_llr[i];
+            current[i] += sample_llr[i];
     }
     for (int32_t i = 0; i < deformer->label_count; i++)
         label = last[i] > last[label] ? i : label;
@@ -280,10 +282,10 @@ static void smooth_outline(outline_deformer *deformer, const cairn_grouped_objec
     cairn_oriented_point *outline = deformer->fit->outline;
 
     for (int32_t i = 0; i < count; i++) {
-        int32_t before = first + (i + count - 1) % count, at = first + i,
+        int32_t previous = first + (i + count - 1) % count, at = first + i,
                 after = first + (i + 1) % count;
         cairn_vec2 sum =
-            cairn_vec2_add(cairn_vec2_sub(outline[before].position, deformer->base[before]),
+            cairn_vec2_add(cairn_vec2_sub(outline[previous].position, deformer->base[previous]),
                            cairn_vec2_sub(outline[after].position, deformer->base[after]));
 
         sum = cairn_vec2_add(
@@ -292,16 +294,17 @@ static void smooth_outline(outline_deformer *deformer, const cairn_grouped_objec
             cairn_vec2_add(deformer->base[at], cairn_vec2_scale(sum, CAIRN_REAL(0.25)));
     }
     for (int32_t i = 0; i < count; i++) {
-        int32_t before = first + (i + count - TANGENT_SPAN) % count,
+        int32_t previous = first + (i + count - TANGENT_SPAN) % count,
                 after = first + (i + TANGENT_SPAN) % count;
-        cairn_vec2 was = cairn_vec2_unit(cairn_contour_transform_vector(
+        cairn_vec2 reference_direction = cairn_vec2_unit(cairn_contour_transform_vector(
                        object, cairn_vec2_sub(deformer->model->outline[after].position,
-                                              deformer->model->outline[before].position))),
-                   is = cairn_vec2_unit(
-                       cairn_vec2_sub(deformer->base[after], deformer->base[before])),
+                                              deformer->model->outline[previous].position))),
+                   fitted_direction = cairn_vec2_unit(
+                       cairn_vec2_sub(deformer->base[after], deformer->base[previous])),
                    d = cairn_vec2_unit(cairn_contour_transform_vector(
                        object, deformer->model->outline[first + i].direction));
-        cairn_real cosine = cairn_vec2_dot(was, is), sine = cairn_vec2_cross(was, is);
+        cairn_real cosine = cairn_vec2_dot(reference_direction, fitted_direction),
+                   sine = cairn_vec2_cross(reference_direction, fitted_direction);
 
         outline[first + i].direction.x = cosine * d.x - sine * d.y;
         outline[first + i].direction.y = sine * d.x + cosine * d.y;
@@ -353,8 +356,10 @@ static cairn_real aspect_cost(cairn_real map[2][3])
 {
     double p = (double)map[0][0], q = (double)map[0][1], r = (double)map[1][0],
            s = (double)map[1][1];
-    double turned = hypot(p + s, r - q), mirrored = hypot(p - s, r + q);
-    double aspect = log((turned + mirrored) / fmax(1e-6, fabs(turned - mirrored))) / ASPECT_SIGMA;
+    double rotation_part = hypot(p + s, r - q), reflection_part = hypot(p - s, r + q);
+    double aspect =
+        log((rotation_part + reflection_part) / fmax(1e-6, fabs(rotation_part - reflection_part))) /
+        ASPECT_SIGMA;
 
     return (cairn_real)(aspect * aspect / 2);
 }

@@ -71,15 +71,15 @@ static cairn_real edge_proximity(const cairn_contour_tokens *tokens,
     cairn_real sum = 0;
 
     for (int32_t i = 0; i < fitted->outline_count; i++) {
-        cairn_real least = CAIRN_REAL_MAX;
+        cairn_real smallest = CAIRN_REAL_MAX;
 
         for (int32_t k = 0; k < count; k++)
-            least =
-                cairn_min(least, cost_of(tokens->lines[list[k]], fitted->outline[i], fitted->size));
-        least = least < CAIRN_REAL_MAX ? cairn_exp(-least) : 0;
+            smallest = cairn_min(smallest,
+                                 cost_of(tokens->lines[list[k]], fitted->outline[i], fitted->size));
+        smallest = smallest < CAIRN_REAL_MAX ? cairn_exp(-smallest) : 0;
         if (proximity != NULL)
-            proximity[i] = least;
-        sum += least;
+            proximity[i] = smallest;
+        sum += smallest;
     }
     return sum / (cairn_real)fitted->outline_count;
 }
@@ -109,14 +109,16 @@ static cairn_real tangent_deviation(const contour_fitted_outline *fitted, const 
         for (int32_t i = 0; i < length; i++) {
             int32_t from = first + (i + TANGENT_SPAN * (length - 1)) % length,
                     to = first + (i + TANGENT_SPAN) % length;
-            cairn_vec2 was = cairn_vec2_sub(d[to].position, d[from].position),
-                       is = cairn_vec2_sub(fitted->outline[to].position,
-                                           fitted->outline[from].position),
+            cairn_vec2 reference_chord = cairn_vec2_sub(d[to].position, d[from].position),
+                       fitted_chord = cairn_vec2_sub(fitted->outline[to].position,
+                                                     fitted->outline[from].position),
                        rotated;
 
-            rotated.x = reference->rotation.x * was.x - reference->rotation.y * was.y;
-            rotated.y = reference->rotation.y * was.x + reference->rotation.x * was.y;
-            sum += 1 - cairn_vec2_dot(cairn_vec2_unit(rotated), cairn_vec2_unit(is));
+            rotated.x = reference->rotation.x * reference_chord.x -
+                        reference->rotation.y * reference_chord.y;
+            rotated.y = reference->rotation.y * reference_chord.x +
+                        reference->rotation.x * reference_chord.y;
+            sum += 1 - cairn_vec2_dot(cairn_vec2_unit(rotated), cairn_vec2_unit(fitted_chord));
         }
     }
     /* 1 - cosine may round to less than 0. */
@@ -132,12 +134,12 @@ static int32_t solve_map(const contour_fitted_outline *fitted,
 
     for (int32_t i = 0; i < fitted->outline_count; i++) {
         const cairn_real v[3] = {reference[i].position.x, reference[i].position.y, 1};
-        cairn_vec2 at = cairn_vec2_sub(fitted->outline[i].position, fitted->origin);
+        cairn_vec2 offset = cairn_vec2_sub(fitted->outline[i].position, fitted->origin);
 
         cairn_sym3_add_outer(&sums, v, 1);
         for (int32_t k = 0; k < 3; k++) {
-            right[0][k] += v[k] * at.x;
-            right[1][k] += v[k] * at.y;
+            right[0][k] += v[k] * offset.x;
+            right[1][k] += v[k] * offset.y;
         }
     }
     return cairn_sym3_solve(sums, right[0], map[0]) && cairn_sym3_solve(sums, right[1], map[1]);
@@ -153,11 +155,11 @@ static cairn_real deformation_of(const contour_fitted_outline *fitted,
         return 1;
     for (int32_t i = 0; i < fitted->outline_count; i++) {
         cairn_vec2 p = reference[i].position,
-                   at = cairn_vec2_sub(fitted->outline[i].position, fitted->origin), mapped;
+                   offset = cairn_vec2_sub(fitted->outline[i].position, fitted->origin), mapped;
 
         mapped.x = map[0][0] * p.x + map[0][1] * p.y + map[0][2];
         mapped.y = map[1][0] * p.x + map[1][1] * p.y + map[1][2];
-        sum += cairn_vec2_norm_squared(cairn_vec2_sub(at, mapped));
+        sum += cairn_vec2_norm_squared(cairn_vec2_sub(offset, mapped));
     }
     area = cairn_abs(map[0][0] * map[1][1] - map[0][1] * map[1][0]);
     return area > 0 ? cairn_min(1, cairn_sqrt(sum / ((cairn_real)fitted->outline_count * area)))

@@ -56,7 +56,7 @@ static cairn_status extract_edgels(cairn_contour_tokens *tokens,
         for (int32_t i = EDGEL_STEP_PIXELS / 2; i <= last; i += EDGEL_STEP_PIXELS) {
             int32_t from = i < EDGEL_SPAN_PIXELS ? 0 : i - EDGEL_SPAN_PIXELS,
                     to = i + EDGEL_SPAN_PIXELS > last ? last : i + EDGEL_SPAN_PIXELS;
-            cairn_vec2 at = pixel_position(&pixels[i]),
+            cairn_vec2 position = pixel_position(&pixels[i]),
                        along = cairn_vec2_scale(
                            cairn_vec2_unit(cairn_vec2_sub(pixel_position(&pixels[to]),
                                                           pixel_position(&pixels[from]))),
@@ -64,8 +64,8 @@ static cairn_status extract_edgels(cairn_contour_tokens *tokens,
 
             if (!(cairn_vec2_norm_squared(along) > 0))
                 continue;
-            tokens->lines[tokens->count].a = cairn_vec2_sub(at, along);
-            tokens->lines[tokens->count].b = cairn_vec2_add(at, along);
+            tokens->lines[tokens->count].a = cairn_vec2_sub(position, along);
+            tokens->lines[tokens->count].b = cairn_vec2_add(position, along);
             tokens->chain[tokens->count++] = c;
         }
     }
@@ -168,12 +168,13 @@ static cairn_status extract_tokens(cairn_contour_tokens *tokens, cairn_raster_u8
 /* Greatest strength within one pixel of a point. */
 static int32_t max_strength_near(cairn_raster_u8_view view, cairn_vec2 at)
 {
-    int32_t x = (int32_t)at.x, y = (int32_t)at.y, most = 0;
+    int32_t x = (int32_t)at.x, y = (int32_t)at.y, strongest = 0;
 
     for (int32_t v = y > 0 ? y - 1 : 0; v <= y + 1 && v < view.height; v++)
         for (int32_t u = x > 0 ? x - 1 : 0; u <= x + 1 && u < view.width; u++)
-            most = view.data[v * view.stride + u] > most ? view.data[v * view.stride + u] : most;
-    return most;
+            strongest = view.data[v * view.stride + u] > strongest ? view.data[v * view.stride + u]
+                                                                   : strongest;
+    return strongest;
 }
 
 /* Mean strength along a line, 0 ... 255. */
@@ -192,19 +193,19 @@ static int32_t mean_strength(cairn_raster_u8_view view, cairn_segment line)
  * strength. */
 static void rank_strengths(cairn_contour_tokens *tokens, cairn_raster_u8_view view)
 {
-    double length[256] = {0}, weaker[256], all = 0;
+    double length[256] = {0}, weaker[256], total = 0;
 
     for (int32_t i = 0; i < tokens->count; i++)
         length[mean_strength(view, tokens->lines[i])] +=
             (double)cairn_segment_length(tokens->lines[i]);
     for (int32_t level = 0; level < 256; level++) {
-        weaker[level] = all + length[level] / 2;
-        all += length[level];
+        weaker[level] = total + length[level] / 2;
+        total += length[level];
     }
     for (int32_t i = 0; i < tokens->count; i++)
         tokens->strength[i] =
-            all > 0 ? (cairn_real)(weaker[mean_strength(view, tokens->lines[i])] / all)
-                    : CAIRN_REAL(0.5);
+            total > 0 ? (cairn_real)(weaker[mean_strength(view, tokens->lines[i])] / total)
+                      : CAIRN_REAL(0.5);
 }
 
 static int32_t count_edges(cairn_raster_u8_view strengths, int32_t min_strength)
@@ -231,7 +232,7 @@ static cairn_status find_tokens(cairn_contour_tokens *tokens, cairn_raster_u8_vi
     memset(tokens, 0, sizeof *tokens);
     if (cairn_raster_u8_check(strengths) != CAIRN_OK || min_strength < 1 || min_strength > 255)
         return cairn_file_error_set(error, CAIRN_BAD_ARGUMENT, path, 0,
-                                    "no picture of edges, expected strengths from 1 to 255");
+                                    "no edge image, expected strengths from 1 to 255");
     edges = count_edges(strengths, min_strength);
     if (strengths.width > CAIRN_CONTOUR_SIDE_MOST || strengths.height > CAIRN_CONTOUR_SIDE_MOST ||
         edges > CAIRN_CONTOUR_EDGES_MOST)

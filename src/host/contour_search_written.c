@@ -118,13 +118,13 @@ static void append_object(written_run *search, const cairn_grouping_result *foun
 static cairn_status copy_result(written_run *search)
 {
     cairn_grouping_result found = cairn_grouping_read(search->grouping);
-    size_t most = (size_t)search->params->grouping.max_objects,
+    size_t max_objects = (size_t)search->params->grouping.max_objects,
            steps = (size_t)search->params->grouping.max_steps;
     cairn_contour_result *result = search->result;
 
-    result->objects = malloc(most * sizeof *result->objects);
-    result->segments = malloc(2 * most * steps * sizeof *result->segments);
-    result->discs = malloc(most * steps * sizeof *result->discs);
+    result->objects = malloc(max_objects * sizeof *result->objects);
+    result->segments = malloc(2 * max_objects * steps * sizeof *result->segments);
+    result->discs = malloc(max_objects * steps * sizeof *result->discs);
     result->trace[0] = malloc(steps * sizeof *result->trace[0]);
     if (result->objects == NULL || result->segments == NULL || result->discs == NULL ||
         result->trace[0] == NULL)
@@ -197,7 +197,7 @@ static cairn_status refuse(cairn_status status, const cairn_grouping_params *gro
                                     (int)input->count, MAX_TOKENS);
     if (status == CAIRN_NOT_FINITE)
         what = cairn_is_finite(input->max_size)
-                   ? "a segment or an end of a chain is not finite, expected finite places"
+                   ? "a segment or an end of a chain is not finite, expected finite positions"
                    : "max_size is not finite, expected a finite one";
     else if (status == CAIRN_BAD_ARGUMENT && bad_argument(grouping, input) != NULL)
         what = bad_argument(grouping, input);

@@ -21,9 +21,10 @@ enum { LINE_COUNT = 6, PATH_BYTES = 4096 };
 double cairn_detection_overlap(const double a[4], const double b[4])
 {
     double w = fmin(a[2], b[2]) - fmax(a[0], b[0]), h = fmin(a[3], b[3]) - fmax(a[1], b[1]);
-    double both = w > 0 && h > 0 ? w * h : 0;
+    double intersection = w > 0 && h > 0 ? w * h : 0;
 
-    return both / ((a[2] - a[0]) * (a[3] - a[1]) + (b[2] - b[0]) * (b[3] - b[1]) - both);
+    return intersection /
+           ((a[2] - a[0]) * (a[3] - a[1]) + (b[2] - b[0]) * (b[3] - b[1]) - intersection);
 }
 
 int32_t cairn_detection_object(const double (*objects)[4], const int32_t *claimed, int32_t count,
@@ -33,10 +34,10 @@ int32_t cairn_detection_object(const double (*objects)[4], const int32_t *claime
 
     *share = 0;
     for (int32_t i = 0; i < count; i++) {
-        double own = cairn_detection_overlap(objects[i], box);
+        double overlap = cairn_detection_overlap(objects[i], box);
 
-        if (!claimed[i] && own > *share) {
-            *share = own;
+        if (!claimed[i] && overlap > *share) {
+            *share = overlap;
             best = i;
         }
     }

@@ -190,7 +190,7 @@ cairn_status cairn_detection_file_draw(const cairn_detection_picture *picture, c
 {
     static const cairn_report_key keys[] = {
         {"edge segments along it", "stroke=\"#ea580c\""},
-        {"outline, bent; dashed where not seen", "stroke=\"#7c3aed\""},
+        {"deformed outline; dashed where no edge matches", "stroke=\"#7c3aed\""},
         {"box and score", "stroke=\"#dc2626\""}};
     char subtitle[256], style[320];
     const cairn_report_overlay overlay = {picture->image,

@@ -106,10 +106,10 @@ static float contained_share(const cairn_detection *a, const cairn_detection *b)
 {
     cairn_real w = cairn_min(a->right, b->right) - cairn_max(a->left, b->left),
                h = cairn_min(a->bottom, b->bottom) - cairn_max(a->top, b->top),
-               least = cairn_min((a->right - a->left) * (a->bottom - a->top),
-                                 (b->right - b->left) * (b->bottom - b->top));
+               smaller = cairn_min((a->right - a->left) * (a->bottom - a->top),
+                                   (b->right - b->left) * (b->bottom - b->top));
 
-    return w > 0 && h > 0 ? (float)(w * h / least) : 0;
+    return w > 0 && h > 0 ? (float)(w * h / smaller) : 0;
 }
 
 /* Groups contours; with `occluded` grouped objects become additional candidates, at most
@@ -150,14 +150,14 @@ static void append_outline(const object_detector *detector, cairn_detections *fo
     detection->right = detection->bottom = -CAIRN_REAL_MAX;
     for (int32_t i = 0; i < detection->outline_count; i++) {
         cairn_contour_place *sample = &found->outline[detection->first_outline + i];
-        cairn_vec2 at = detector->fit.outline[i].position;
+        cairn_vec2 position = detector->fit.outline[i].position;
 
         sample->at = detector->fit.outline[i];
         sample->part = detector->fit.part[i];
-        detection->left = cairn_min(detection->left, at.x);
-        detection->right = cairn_max(detection->right, at.x);
-        detection->top = cairn_min(detection->top, at.y);
-        detection->bottom = cairn_max(detection->bottom, at.y);
+        detection->left = cairn_min(detection->left, position.x);
+        detection->right = cairn_max(detection->right, position.x);
+        detection->top = cairn_min(detection->top, position.y);
+        detection->bottom = cairn_max(detection->bottom, position.y);
     }
     found->outline_count += detection->outline_count;
 }
@@ -350,19 +350,20 @@ static void suppress_non_maxima(const object_detector *detector, cairn_detection
         qsort(found->found, (size_t)found->count, sizeof *found->found, compare_detections);
     for (int32_t i = 0; i < found->count; i++) {
         const cairn_detection *detection = &found->found[i];
-        int32_t apart = 1;
+        int32_t is_separate = 1;
 
-        for (int32_t k = 0; k < kept && apart; k++) {
+        for (int32_t k = 0; k < kept && is_separate; k++) {
             const cairn_detection *b = &found->found[k];
 
-            apart = cairn_detect_overlap(
-                        (float)detection->left, (float)detection->top, (float)detection->right,
-                        (float)detection->bottom, (float)b->left, (float)b->top, (float)b->right,
-                        (float)b->bottom) <= (float)detector->field->params.overlap &&
-                    (cairn_detect_is_as_written(detector->field) ||
-                     contained_share(detection, b) <= MAX_CONTAINED_SHARE);
+            is_separate =
+                cairn_detect_overlap((float)detection->left, (float)detection->top,
+                                     (float)detection->right, (float)detection->bottom,
+                                     (float)b->left, (float)b->top, (float)b->right,
+                                     (float)b->bottom) <= (float)detector->field->params.overlap &&
+                (cairn_detect_is_as_written(detector->field) ||
+                 contained_share(detection, b) <= MAX_CONTAINED_SHARE);
         }
-        if (apart)
+        if (is_separate)
             found->found[kept++] = *detection;
     }
     found->count = kept;
@@ -449,7 +450,7 @@ static cairn_status check_model(const cairn_shape_model *model, cairn_fault *fau
     cairn_status status = cairn_shape_model_check(model, fault);
 
     if (status == CAIRN_OK && model->outline_count < 3)
-        status = cairn_refuse(fault, -1, "a model of fewer than 3 places, expected an outline",
+        status = cairn_refuse(fault, -1, "a model of fewer than 3 samples, expected an outline",
                               CAIRN_BAD_ARGUMENT);
     if (status == CAIRN_OK && !has_area(model))
         status = cairn_refuse(
@@ -458,7 +459,7 @@ static cairn_status check_model(const cairn_shape_model *model, cairn_fault *fau
     if (status == CAIRN_OK && !cairn_detect_variants_fit(model))
         status = cairn_refuse(
             fault, -1,
-            "the outline lies farther from its middle than half its size, expected it within",
+            "the outline extends farther from its origin than half its size, expected it within",
             CAIRN_BAD_ARGUMENT);
     return status;
 }
@@ -489,7 +490,7 @@ cairn_status cairn_object_detect(cairn_detections *detections, const cairn_detec
     cairn_detections_free(detections);
     if (status != CAIRN_NO_MEMORY && field->params.cuts != NULL)
         return cairn_file_error_set(error, status, path, 0,
-                                    "%s, expected fragments by hand of its first outline",
+                                    "%s, expected manually chosen fragments of its first outline",
                                     cairn_status_text(status));
     if (status != CAIRN_NO_MEMORY)
         return cairn_file_error_set(error, status, path, 0,

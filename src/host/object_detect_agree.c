@@ -98,7 +98,7 @@ cairn_real cairn_detect_rigid_proximity(const contour_fitted_outline *fitted,
                                         const cairn_real *proximity, cairn_real *weight,
                                         detect_similarity *map)
 {
-    cairn_real most = 0;
+    cairn_real best = 0;
 
     for (int32_t half = 0; half <= HALVES; half++) {
         int32_t count = fitted->outline_count, first = (int32_t)((int64_t)half * count / HALVES),
@@ -116,12 +116,12 @@ cairn_real cairn_detect_rigid_proximity(const contour_fitted_outline *fitted,
             share = reweight(fitted, reference, &fit,
                              (cairn_real)(POSITION_SIGMA * sigma_factor[round]), proximity, weight);
         }
-        if (share > most) {
-            most = share;
+        if (share > best) {
+            best = share;
             *map = fit;
         }
     }
-    return most;
+    return best;
 }
 
 void cairn_detect_place_outline(const detect_similarity *map, const cairn_oriented_point *reference,
@@ -131,10 +131,10 @@ void cairn_detect_place_outline(const detect_similarity *map, const cairn_orient
     cairn_vec2 middle = apply_similarity(map, none);
 
     for (int32_t i = 0; i < detection->outline_count; i++) {
-        cairn_vec2 at =
+        cairn_vec2 position =
             cairn_vec2_scale(apply_similarity(map, reference[i].position), detection->size);
 
-        fit->outline[i].position = cairn_vec2_add(detection->origin, at);
+        fit->outline[i].position = cairn_vec2_add(detection->origin, position);
         fit->outline[i].direction =
             cairn_vec2_unit(cairn_vec2_sub(apply_similarity(map, reference[i].direction), middle));
     }

@@ -176,12 +176,12 @@ static void suppress_non_maxima(object_detector *detector)
 
     qsort(detector->peaks, (size_t)detector->count, sizeof *detector->peaks, compare_peaks);
     for (int32_t i = 0; i < detector->count && kept < detector->field->params.candidates; i++) {
-        int32_t apart = 1;
+        int32_t is_separate = 1;
 
-        for (int32_t k = 0; k < kept && apart; k++)
-            apart = peak_overlap(detector, &detector->peaks[i], &detector->peaks[k]) <=
-                    CANDIDATE_NMS_OVERLAP;
-        if (apart)
+        for (int32_t k = 0; k < kept && is_separate; k++)
+            is_separate = peak_overlap(detector, &detector->peaks[i], &detector->peaks[k]) <=
+                          CANDIDATE_NMS_OVERLAP;
+        if (is_separate)
             detector->peaks[kept++] = detector->peaks[i];
     }
     detector->count = kept;

@@ -100,17 +100,17 @@ static void spread_line(float *strip, float *cost, int32_t count, int32_t step)
     for (int32_t i = 0; i < count; i++)
         strip[SPREAD_CELLS + i] = cost[i * step];
     for (int32_t i = 0; i < count; i++) {
-        float least = strip[SPREAD_CELLS + i];
+        float smallest = strip[SPREAD_CELLS + i];
 
         for (int32_t k = 1; k <= SPREAD_CELLS; k++) {
-            float near = strip[SPREAD_CELLS + i - k] < strip[SPREAD_CELLS + i + k]
-                             ? strip[SPREAD_CELLS + i - k]
-                             : strip[SPREAD_CELLS + i + k];
+            float neighbour = strip[SPREAD_CELLS + i - k] < strip[SPREAD_CELLS + i + k]
+                                  ? strip[SPREAD_CELLS + i - k]
+                                  : strip[SPREAD_CELLS + i + k];
 
-            near += (float)(k * k / (2 * SIGMA_CELLS * SIGMA_CELLS));
-            least = near < least ? near : least;
+            neighbour += (float)(k * k / (2 * SIGMA_CELLS * SIGMA_CELLS));
+            smallest = neighbour < smallest ? neighbour : smallest;
         }
-        cost[i * step] = least;
+        cost[i * step] = smallest;
     }
 }
 
@@ -230,7 +230,7 @@ static cairn_status check_params(const cairn_object_detect_params *params,
                                  cairn_file_error *error)
 {
     int32_t longer = tokens->width > tokens->height ? tokens->width : tokens->height;
-    double least = (double)longer * DETECT_CELLS_PER_SIZE / DETECT_MAX_SIDE_CELLS;
+    double min_size = (double)longer * DETECT_CELLS_PER_SIZE / DETECT_MAX_SIDE_CELLS;
 
     if (!(params->min_size >= MIN_SIZE_PX && params->min_size <= MAX_SIZE_PX))
         return cairn_file_error_set(error, CAIRN_BAD_ARGUMENT, path, 0,
@@ -240,11 +240,11 @@ static cairn_status check_params(const cairn_object_detect_params *params,
         return cairn_file_error_set(
             error, CAIRN_BAD_ARGUMENT, path, 0, "max_size %g, expected %g to %d pixels",
             (double)params->max_size, (double)params->min_size, MAX_SIZE_PX);
-    if (!((double)params->min_size >= least))
+    if (!((double)params->min_size >= min_size))
         return cairn_file_error_set(error, CAIRN_BAD_ARGUMENT, path, 0,
-                                    "min_size %g in a picture of %" PRId32
+                                    "min_size %g in an image of %" PRId32
                                     " pixels, expected at least %g",
-                                    (double)params->min_size, longer, least);
+                                    (double)params->min_size, longer, min_size);
     if (params->candidates < 1 || params->candidates > MAX_CANDIDATES)
         return cairn_file_error_set(error, CAIRN_BAD_ARGUMENT, path, 0,
                                     "%" PRId32 " candidates, expected 1 to %d", params->candidates,

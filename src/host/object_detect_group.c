@@ -28,10 +28,10 @@
 #define MIN_OVERLAP 0.5
 enum { MIN_TOKENS = 64 };
 
-void cairn_detect_group_free(detect_groupings *made)
+void cairn_detect_group_free(detect_groupings *groupings)
 {
-    free(made->list);
-    memset(made, 0, sizeof *made);
+    free(groupings->list);
+    memset(groupings, 0, sizeof *groupings);
 }
 
 /* Number of tokens of all segments, clamped. */
@@ -80,13 +80,13 @@ static void set_box(const cairn_shape_model *model, detect_grouping *grouped)
     }
 }
 
-static void append_objects(detect_groupings *made, const cairn_grouping *grouping,
+static void append_objects(detect_groupings *groupings, const cairn_grouping *grouping,
                            const cairn_shape_model *model, int32_t mirrored)
 {
     cairn_grouping_result result = cairn_grouping_read(grouping);
 
-    for (int32_t i = 0; i < result.object_count && made->count < DETECT_MAX_GROUPINGS; i++) {
-        detect_grouping *grouped = &made->list[made->count++];
+    for (int32_t i = 0; i < result.object_count && groupings->count < DETECT_MAX_GROUPINGS; i++) {
+        detect_grouping *grouped = &groupings->list[groupings->count++];
 
         grouped->found = result.objects[i];
         grouped->mirrored = mirrored;
@@ -120,25 +120,25 @@ static cairn_status search_band(cairn_grouping *grouping, const cairn_contour_to
     return status;
 }
 
-static cairn_status search_bands(detect_groupings *made, const cairn_detect_field *field,
+static cairn_status search_bands(detect_groupings *groupings, const cairn_detect_field *field,
                                  const cairn_shape_model *model, int32_t mirrored,
                                  cairn_grouping *grouping)
 {
-    double least = (double)field->params.min_size,
-           range = log((double)field->params.max_size / least);
+    double min_size = (double)field->params.min_size,
+           range = log((double)field->params.max_size / min_size);
     int32_t bands = 1 + (int32_t)(range / log(BAND_FACTOR));
     cairn_status status = CAIRN_OK;
 
     for (int32_t k = 0; k < bands && status == CAIRN_OK; k++) {
-        status = search_band(grouping, field->tokens, model, least * exp(range * k / bands),
-                             least * exp(range * (k + 1) / bands));
+        status = search_band(grouping, field->tokens, model, min_size * exp(range * k / bands),
+                             min_size * exp(range * (k + 1) / bands));
         if (status == CAIRN_OK)
-            append_objects(made, grouping, model, mirrored);
+            append_objects(groupings, grouping, model, mirrored);
     }
     return status;
 }
 
-static cairn_status search_mirrored(detect_groupings *made, const cairn_detect_field *field,
+static cairn_status search_mirrored(detect_groupings *groupings, const cairn_detect_field *field,
                                     const cairn_shape_model *model, cairn_grouping *grouping)
 {
     cairn_shape_model_file mirrored;
@@ -147,7 +147,7 @@ static cairn_status search_mirrored(detect_groupings *made, const cairn_detect_f
     if (status != CAIRN_OK)
         return status;
     cairn_shape_model_file_mirror(&mirrored);
-    status = search_bands(made, field, &mirrored.model, 1, grouping);
+    status = search_bands(groupings, field, &mirrored.model, 1, grouping);
     cairn_shape_model_file_free(&mirrored);
     return status;
 }
@@ -165,7 +165,7 @@ static int compare_groupings(const void *a, const void *b)
     return x->found.origin.x < y->found.origin.x ? -1 : x->found.origin.x > y->found.origin.x;
 }
 
-cairn_status cairn_detect_group(detect_groupings *made, const cairn_detect_field *field,
+cairn_status cairn_detect_group(detect_groupings *groupings, const cairn_detect_field *field,
                                 const cairn_shape_model *model)
 {
     cairn_grouping_params params = params_for(field->tokens, model);
@@ -175,30 +175,31 @@ cairn_status cairn_detect_group(detect_groupings *made, const cairn_detect_field
     cairn_status status;
     cairn_pool pool;
 
-    made->count = 0;
-    made->list = malloc(DETECT_MAX_GROUPINGS * sizeof *made->list);
-    status = memory != NULL && made->list != NULL ? cairn_pool_init(&pool, memory, bytes)
-                                                  : CAIRN_NO_MEMORY;
+    groupings->count = 0;
+    groupings->list = malloc(DETECT_MAX_GROUPINGS * sizeof *groupings->list);
+    status = memory != NULL && groupings->list != NULL ? cairn_pool_init(&pool, memory, bytes)
+                                                       : CAIRN_NO_MEMORY;
     if (status == CAIRN_OK)
         status = cairn_grouping_create(&grouping, &pool, &params);
     if (status == CAIRN_OK)
-        status = search_bands(made, field, model, 0, grouping);
+        status = search_bands(groupings, field, model, 0, grouping);
     if (status == CAIRN_OK && field->params.mirror)
-        status = search_mirrored(made, field, model, grouping);
+        status = search_mirrored(groupings, field, model, grouping);
     free(memory);
-    if (status == CAIRN_OK && made->count > 1)
-        qsort(made->list, (size_t)made->count, sizeof *made->list, compare_groupings);
+    if (status == CAIRN_OK && groupings->count > 1)
+        qsort(groupings->list, (size_t)groupings->count, sizeof *groupings->list,
+              compare_groupings);
     return status;
 }
 
-cairn_real cairn_detect_grouped_evidence(const detect_groupings *made,
+cairn_real cairn_detect_grouped_evidence(const detect_groupings *groupings,
                                          const cairn_detection *detection)
 {
     const double own[4] = {(double)detection->left, (double)detection->top,
                            (double)detection->right, (double)detection->bottom};
 
-    for (int32_t i = 0; i < made->count; i++)
-        if (cairn_detection_overlap(made->list[i].box, own) >= MIN_OVERLAP)
-            return made->list[i].found.evidence;
+    for (int32_t i = 0; i < groupings->count; i++)
+        if (cairn_detection_overlap(groupings->list[i].box, own) >= MIN_OVERLAP)
+            return groupings->list[i].found.evidence;
     return 0;
 }

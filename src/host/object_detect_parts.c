@@ -236,14 +236,14 @@ static cairn_vec2 mirror(cairn_vec2 v)
 /* Sets the parts and the even points of all outlines, mirrored on request. */
 static void set_model(part_searcher *searcher, int32_t mirrored)
 {
-    int32_t all = searcher->model->outline_count;
+    int32_t outline_count = searcher->model->outline_count;
 
     searcher->mirrored = mirrored;
     searcher->parts = cairn_part_bundle_read(searcher->builder);
-    searcher->outline_count = all < OUTLINE_POINTS ? all : OUTLINE_POINTS;
+    searcher->outline_count = outline_count < OUTLINE_POINTS ? outline_count : OUTLINE_POINTS;
     for (int32_t i = 0; i < searcher->outline_count; i++) {
         cairn_vec2 p =
-            searcher->model->outline[(int64_t)i * all / searcher->outline_count].position;
+            searcher->model->outline[(int64_t)i * outline_count / searcher->outline_count].position;
 
         searcher->outline[i] = mirrored ? mirror(p) : p;
     }
@@ -366,19 +366,20 @@ static int32_t sample_parts(const part_searcher *searcher, const detect_hypothes
 {
     cairn_real step =
                    searcher->parts.length * hypothesis->size / (cairn_real)searcher->outline_count,
-               all = 0;
+               length = 0;
     int32_t count = 0,
-            room = PART_POINTS - 2 * hypothesis->part_count; /* besides the ends of each */
+            capacity = PART_POINTS - 2 * hypothesis->part_count; /* besides the ends of each */
 
     for (int32_t i = 0; i < hypothesis->part_count; i++)
-        all += searcher->made->parts[hypothesis->first_part + i].to -
-               searcher->made->parts[hypothesis->first_part + i].from;
-    if (room > 0)
-        step = cairn_max(step, all / (cairn_real)room);
+        length += searcher->made->parts[hypothesis->first_part + i].to -
+                  searcher->made->parts[hypothesis->first_part + i].from;
+    if (capacity > 0)
+        step = cairn_max(step, length / (cairn_real)capacity);
 
     for (int32_t i = 0; i < hypothesis->part_count; i++) {
         const cairn_detected_part *part = &searcher->made->parts[hypothesis->first_part + i];
-        int32_t here = room > 0 ? 1 + (int32_t)((double)(part->to - part->from) / (double)step) : 1;
+        int32_t here =
+            capacity > 0 ? 1 + (int32_t)((double)(part->to - part->from) / (double)step) : 1;
 
         for (int32_t k = 0; k <= here && count < PART_POINTS; k++) {
             cairn_vec2 at = point_along(&searcher->field->chains.curves[part->chain],
@@ -395,7 +396,7 @@ static int32_t sample_parts(const part_searcher *searcher, const detect_hypothes
 /* Share of the outline's length without a matched part. */
 static cairn_real missing_share(const part_searcher *searcher, const detect_hypothesis *hypothesis)
 {
-    cairn_real seen = 0;
+    cairn_real matched = 0;
     uint32_t pieces = 0;
 
     for (int32_t i = 0; i < hypothesis->part_count; i++)
@@ -403,8 +404,8 @@ static cairn_real missing_share(const part_searcher *searcher, const detect_hypo
             searcher->parts.fragments[searcher->made->parts[hypothesis->first_part + i].fragment]
                 .pieces;
     for (int32_t i = 0; i < searcher->parts.vertex_count; i++)
-        seen += pieces >> i & 1 ? searcher->parts.piece_length[i] : 0;
-    return cairn_max(0, cairn_min(1, 1 - seen / searcher->parts.length));
+        matched += pieces >> i & 1 ? searcher->parts.piece_length[i] : 0;
+    return cairn_max(0, cairn_min(1, 1 - matched / searcher->parts.length));
 }
 
 static cairn_status run_context(part_searcher *searcher, const cairn_shape_context_input *input)
@@ -525,10 +526,10 @@ static cairn_status search(part_searcher *searcher, int32_t mirrored, int32_t *m
     return status;
 }
 
-cairn_status cairn_detect_parts(detect_hypotheses *made, const cairn_detect_field *field,
+cairn_status cairn_detect_parts(detect_hypotheses *hypotheses, const cairn_detect_field *field,
                                 const cairn_shape_model *model)
 {
-    part_searcher searcher = {.field = field, .model = model, .made = made};
+    part_searcher searcher = {.field = field, .model = model, .made = hypotheses};
     int written = cairn_detect_is_as_written(field);
     size_t capacity = written ? 2 * DETECT_MAX_WRITTEN_HYPOTHESES : DETECT_MAX_HYPOTHESES;
     int32_t *match_of =
@@ -537,30 +538,30 @@ cairn_status cairn_detect_parts(detect_hypotheses *made, const cairn_detect_fiel
     void *memory = NULL;
     cairn_pool pool;
 
-    memset(made, 0, sizeof *made);
-    made->list = malloc(capacity * sizeof *made->list);
-    made->parts =
-        malloc(capacity * (written ? CAIRN_PART_BUNDLES : DETECT_MAX_PARTS) * sizeof *made->parts);
-    if (made->list != NULL && made->parts != NULL && match_of != NULL)
+    memset(hypotheses, 0, sizeof *hypotheses);
+    hypotheses->list = malloc(capacity * sizeof *hypotheses->list);
+    hypotheses->parts = malloc(capacity * (written ? CAIRN_PART_BUNDLES : DETECT_MAX_PARTS) *
+                               sizeof *hypotheses->parts);
+    if (hypotheses->list != NULL && hypotheses->parts != NULL && match_of != NULL)
         status = create(&searcher, &pool, &memory);
     if (status == CAIRN_OK)
         status = cut_outline(&searcher);
     for (int32_t mirrored = 0; status == CAIRN_OK && mirrored < (field->params.mirror ? 2 : 1);
          mirrored++)
         status = search(&searcher, mirrored, match_of);
-    made->bundles = searcher.parts.bundles;
+    hypotheses->bundles = searcher.parts.bundles;
     free(match_of);
     free(searcher.votes);
     free(searcher.samples);
     free(memory);
     if (status != CAIRN_OK)
-        cairn_detect_parts_free(made);
+        cairn_detect_parts_free(hypotheses);
     return status;
 }
 
-void cairn_detect_parts_free(detect_hypotheses *made)
+void cairn_detect_parts_free(detect_hypotheses *hypotheses)
 {
-    free(made->list);
-    free(made->parts);
-    memset(made, 0, sizeof *made);
+    free(hypotheses->list);
+    free(hypotheses->parts);
+    memset(hypotheses, 0, sizeof *hypotheses);
 }

@@ -41,7 +41,7 @@ cairn_object_detect_params cairn_object_detect_as_written(int32_t width, int32_t
 /* ---- The shape of a hypothesis ---- */
 
 /* Samples the even steps that fall on a chain; *at: px from its first point to the next step. */
-static int32_t sample_chain(const cairn_curve *chain, cairn_real step, cairn_real *at,
+static int32_t sample_chain(const cairn_curve *chain, cairn_real step, cairn_real *next,
                             cairn_vec2 *points, int32_t capacity)
 {
     int32_t sides = chain->closed ? chain->count : chain->count - 1, count = 0;
@@ -50,12 +50,12 @@ static int32_t sample_chain(const cairn_curve *chain, cairn_real step, cairn_rea
         cairn_segment side = {chain->points[i], chain->points[(i + 1) % chain->count]};
         cairn_real length = cairn_segment_length(side);
 
-        while (*at < length && count < capacity) {
+        while (*next < length && count < capacity) {
             points[count++] = cairn_vec2_add(
-                side.a, cairn_vec2_scale(cairn_vec2_sub(side.b, side.a), *at / length));
-            *at += step;
+                side.a, cairn_vec2_scale(cairn_vec2_sub(side.b, side.a), *next / length));
+            *next += step;
         }
-        *at -= length;
+        *next -= length;
     }
     return count;
 }
@@ -63,28 +63,28 @@ static int32_t sample_chain(const cairn_curve *chain, cairn_real step, cairn_rea
 int cairn_detect_written_sample(const cairn_detect_field *field, detect_hypothesis *hypothesis,
                                 const cairn_detected_part *parts, cairn_vec2 *points, int32_t count)
 {
-    cairn_real all = 0, step, at;
+    cairn_real length = 0, step, next;
     cairn_box box = cairn_box_empty();
     int32_t sampled = 0;
 
     for (int32_t i = 0; i < hypothesis->part_count; i++) {
         const cairn_curve *chain = &field->chains.curves[parts[i].chain];
 
-        all += cairn_curve_length(chain);
+        length += cairn_curve_length(chain);
         for (int32_t k = 0; k < chain->count; k++)
             box = cairn_box_extend(box, chain->points[k]);
     }
-    if (!(all > 0))
+    if (!(length > 0))
         return 0;
     hypothesis->left = box.min.x;
     hypothesis->top = box.min.y;
     hypothesis->right = box.max.x;
     hypothesis->bottom = box.max.y;
-    step = all / (cairn_real)count;
-    at = step / 2;
+    step = length / (cairn_real)count;
+    next = step / 2;
     for (int32_t i = 0; i < hypothesis->part_count; i++)
-        sampled += sample_chain(&field->chains.curves[parts[i].chain], step, &at, points + sampled,
-                                count - sampled);
+        sampled += sample_chain(&field->chains.curves[parts[i].chain], step, &next,
+                                points + sampled, count - sampled);
     for (; sampled < count && sampled > 0; sampled++)
         points[sampled] = points[sampled - 1];
     return sampled == count;
@@ -118,23 +118,23 @@ void cairn_detect_chain_sets_free(detect_chain_sets *sets)
 int cairn_detect_chain_sets_add(detect_chain_sets *sets, const cairn_detected_part *parts,
                                 int32_t count)
 {
-    int32_t *own = sets->chains[sets->count];
-    uint32_t hash = 0, at;
+    int32_t *chains = sets->chains[sets->count];
+    uint32_t hash = 0, index;
 
     for (int32_t i = 0; i < CAIRN_PART_BUNDLES; i++) {
         int32_t chain = i < count ? parts[i].chain : -1, k = i;
 
-        for (; i < count && k > 0 && own[k - 1] > chain; k--)
-            own[k] = own[k - 1];
-        own[k] = chain;
+        for (; i < count && k > 0 && chains[k - 1] > chain; k--)
+            chains[k] = chains[k - 1];
+        chains[k] = chain;
     }
     for (int32_t i = 0; i < CAIRN_PART_BUNDLES; i++)
-        hash = (hash ^ (uint32_t)own[i]) * HASH_PRIME;
-    for (at = (hash ^ hash >> HASH_FOLD_BITS) & sets->mask; sets->slots[at] >= 0;
-         at = (at + 1) & sets->mask)
-        if (memcmp(sets->chains[sets->slots[at]], own, sizeof *sets->chains) == 0)
+        hash = (hash ^ (uint32_t)chains[i]) * HASH_PRIME;
+    for (index = (hash ^ hash >> HASH_FOLD_BITS) & sets->mask; sets->slots[index] >= 0;
+         index = (index + 1) & sets->mask)
+        if (memcmp(sets->chains[sets->slots[index]], chains, sizeof *sets->chains) == 0)
             return 0;
-    sets->slots[at] = sets->count++;
+    sets->slots[index] = sets->count++;
     return 1;
 }
 
@@ -202,13 +202,13 @@ static void append_outline(cairn_detections *found, cairn_detection *detection,
     detection->outline_count = model->outline_count;
     for (int32_t i = 0; i < model->outline_count; i++) {
         cairn_contour_place *sample = &found->outline[found->outline_count++];
-        cairn_oriented_point at = model->outline[i];
+        cairn_oriented_point position = model->outline[i];
 
-        at.position.x *= detection->mirrored ? -1 : 1;
-        at.direction.x *= detection->mirrored ? -1 : 1;
+        position.position.x *= detection->mirrored ? -1 : 1;
+        position.direction.x *= detection->mirrored ? -1 : 1;
         sample->at.position =
-            cairn_vec2_add(detection->origin, cairn_vec2_scale(at.position, detection->size));
-        sample->at.direction = at.direction;
+            cairn_vec2_add(detection->origin, cairn_vec2_scale(position.position, detection->size));
+        sample->at.direction = position.direction;
         sample->part = i >= cairn_shape_first_outline(model);
         sample->segment = -1;
     }
