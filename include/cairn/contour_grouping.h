@@ -112,7 +112,7 @@ typedef struct cairn_grouping_input {
 /* One detected object. Similarity transform from the model: image = origin + scale * (cosine,
  * -sine; sine, cosine) * model. Differences of the mode as written follow "as written". */
 typedef struct cairn_grouped_object {
-    /* nats: approximate log-likelihood ratio of its segments, object against chance. As written:
+    /* nats: approximate log-likelihood ratio of its segments, object against background. As written:
      * the log posterior of its trajectory. */
     cairn_real evidence;
     /* 0 ... 1: matched share of the outline, weighted by the quality of the match. As written: the

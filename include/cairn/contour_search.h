@@ -89,9 +89,9 @@ typedef struct cairn_contour_shape {
 } cairn_contour_shape;
 
 /* One detected object. found.evidence: approximate log-likelihood ratio (nats) of its edges, object
- * against chance, per object size of outline length, adjusted by the shape fit (tangent deviation
- * against the model rotated as the object is) and the score. found.score: the matched share of the
- * outline. */
+ * against background, per object size of outline length. It includes the shape fit and the score;
+ * the tangent deviation is measured against the model rotated as the object is. found.score: the
+ * matched share of the outline. */
 typedef struct cairn_contour_object {
     /* found.first: index of its first segment in segments[] below; found.first_outline: 0 */
     cairn_grouped_object found;

@@ -8,13 +8,15 @@
  * are matched to edge chains and vote for the object's position (generalized Hough transform).
  * Image coordinates, pixels.
  *
- * As written (CAIRN_MODE_AS_WRITTEN): all configurations of the K nearest of all votes, pruned by
- * their summed similarity, ranked by the shape context distance of their edge fragments to the
- * whole outline, with appearance by eq. 5.1. Boxes are the bounding boxes of the fragments. No
- * outline is deformed, grouped or verified. Choices where the text leaves details open:
+ * As written (CAIRN_MODE_AS_WRITTEN): the hypotheses are all configurations of the K nearest of all
+ * votes, pruned by their summed similarity. They are ranked by the shape context distance of their
+ * edge fragments to the whole outline, with appearance by eq. 5.1. Boxes are the bounding boxes of
+ * the fragments. No outline is deformed, grouped or verified. Choices where the text leaves details
+ * open:
  * - those of part_bundle, fragment_match and part_configuration;
- * - configurations with a sum of similarity below 0.5 are pruned, and all but the 65,536 greatest
- *   of the model and of its mirror image, more than K = 20 near votes of 4 bundles make;
+ * - configurations with a sum of similarity below 0.5 are pruned; of the rest the 65,536 greatest
+ *   are kept, for the model and again for its mirror image. That exceeds the number that K = 20
+ *   near votes of 4 bundles give;
  * - a match votes whatever its similarity;
  * - configurations of the same edge fragments are one hypothesis, that of the greatest sum;
  * - the shape of a hypothesis is its whole edge fragments, 64 even points against 64 of the
@@ -97,10 +99,10 @@ typedef struct cairn_object_detect_params {
     void (*on_stage)(void *context, cairn_detect_stage stage);
     void *on_stage_context;
     /* Of method EVIDENCE, 1: objects may be partly occluded and have the model's own shape. Only
-     * edges that agree on one similarity map of the original outline count (rigid_proximity),
-     * whatever the rest of the outline shows, plus the evidence of a contour grouped there. Grouped
-     * contours add up to `candidates` more candidates. Outlines are fitted by that map and not
-     * deformed. In clutter it raises the number of false positives (0). */
+     * edges that agree on one similarity map of the original outline count (rigid_proximity). The
+     * evidence of a contour grouped there is added. Grouped contours add up to `candidates` more
+     * candidates. Outlines are fitted by that map and not deformed. In clutter it raises the number
+     * of false positives (0). */
     int32_t occluded;
     /* Of method EVIDENCE, 0 ... 100: weight in the score of the evidence of a contour grouped at
      * the detection (grouped_evidence; contour_grouping). Grouping takes more than half the time of
@@ -122,7 +124,7 @@ cairn_object_detect_params cairn_object_detect_default(int32_t width, int32_t he
 cairn_object_detect_params cairn_object_detect_as_written(int32_t width, int32_t height);
 
 /* One detection. rigid_evidence and deformed_evidence: mean log-likelihood ratio (nats) of the
- * edges over the outline's samples, object against chance, at the initial rigid pose and after
+ * edges over the outline's samples, object against background, at the initial rigid pose and after
  * deformation, less the deformation cost. */
 typedef struct cairn_detection {
     cairn_real left, top, right, bottom; /* px, bounding box of the deformed outline */
@@ -143,9 +145,9 @@ typedef struct cairn_detection {
     /* 0 ... 1, edge proximity of the edges that also agree with one similarity map of the original
      * outline: observed without deformation */
     cairn_real agreed;
-    /* nats, greatest evidence of the contours that grouping finds, over all sizes and rotations of
-     * up to 15 degrees either way, in a box whose intersection over union with this one is at least
-     * a half; 0: none, or no grouping. */
+    /* nats, greatest evidence of a contour found by grouping that coincides with this box
+     * (intersection over union of at least a half). All sizes and rotations of up to 15 degrees
+     * either way are searched. 0: none, or no grouping. */
     cairn_real grouped;
     /* px, position of the model's origin */
     cairn_vec2 origin;

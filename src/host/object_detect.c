@@ -1,9 +1,9 @@
 /* Detection of objects of a class by their outlines.
  *
  * Method:
- * 1. Candidates by sliding window: for each size, the model and its mirror image, and five aspect
- *    ratios of each, a score map holds the mean log-likelihood ratio of the outline's samples
- *    (object_detect_field.c) at every position of the origin: a correlation by sums of shifted
+ * 1. Candidates by sliding window: a score map for each size and variant of the model (mirrored or
+ *    not, five aspect ratios). It holds the mean log-likelihood ratio of the outline's samples
+ *    (object_detect_field.c) at every position of the origin, a correlation by sums of shifted
  *    planes. The peaks of all maps after non-maximum suppression are the candidates
  *    (object_detect_candidates.c).
  * 2. Refinement: the outline is deformed to the edges around each candidate (contour_search_fit.c).
