@@ -23,14 +23,14 @@
  *   divided by Delta_p (stop_likelihood, 0.5). The filter ends when the greatest posterior is below
  *   1. Of each mode the trajectory of the greatest posterior over all steps is kept. Two
  *   trajectories belong to one mode when they share half of the segments of the shorter one.
- * - Initial particles: symmetric points of pairs of which one segment ends within L of an end point
- *   of a strong chain, in both directions of travel and of the model's path, sampled in proportion
- *   to (2.10) times (2.13).
+ * - Initial particles: symmetric points of pairs with at least one segment that ends within L of an
+ *   end point of a strong chain. Each is used in both directions of travel and of the model's path.
+ *   They are sampled in proportion to (2.10) times (2.13).
  * - Both sides grow in every step, each by one of the ten segments nearest to its open end, entered
  *   at the nearer end. A segment counts as explored when its midpoint lies in the polygon between
  *   both sides.
  * - Radii may leave the model's range by at most R_sigma.
- * - A particle has at most 8 successors. */
+ * - A particle has at most 8 followers. */
 #ifndef CAIRN_CONTOUR_GROUPING_H
 #define CAIRN_CONTOUR_GROUPING_H
 
@@ -112,8 +112,8 @@ typedef struct cairn_grouping_input {
 /* One detected object. Similarity transform from the model: image = origin + scale * (cosine,
  * -sine; sine, cosine) * model. Differences of the mode as written follow "as written". */
 typedef struct cairn_grouped_object {
-    /* nats: approximate log-likelihood ratio of its segments, object against background. As written:
-     * the log posterior of its trajectory. */
+    /* nats: approximate log-likelihood ratio of its segments, object against background. As
+     * written: the log posterior of its trajectory. */
     cairn_real evidence;
     /* 0 ... 1: matched share of the outline, weighted by the quality of the match. As written: the
      * share of the model's longest path that was traversed. */
