@@ -59,9 +59,9 @@ typedef struct cairn_grouping_params {
     cairn_real token;
     /* share of the object's size, > 0: standard deviation of contour positions (0.025) */
     cairn_real deform;
-    /* rad, deviation of the edge normals from perfect symmetry */
+    /* rad, > 0: standard deviation of contour directions (15 degrees) */
     cairn_real turn;
-    /* rad, deviation of the edge normals from perfect symmetry */
+    /* rad, > 0: S_sigma, standard deviation of the loss of symmetry per step (45 degrees) */
     cairn_real symmetry;
     /* 0 < p <= 1: likelihood of a side that matches no token (0.3) */
     cairn_real missing;
@@ -227,7 +227,7 @@ cairn_grouping_result cairn_grouping_read(const cairn_grouping *grouping);
 typedef struct cairn_grouping_particle {
     cairn_vec2 origin; /* px */
     cairn_real size;   /* px */
-    cairn_real turn;   /* rad */
+    cairn_real turn;   /* rad, rotation */
     cairn_vec2 centre; /* px */
     cairn_real radius; /* px */
     cairn_real log_weight;
@@ -248,7 +248,7 @@ typedef struct cairn_grouping_disc {
     cairn_vec2 centre;
     /* px */
     cairn_real radius;
-    /* rad */
+    /* rad, deviation of the edge normals from perfect symmetry */
     cairn_real deviation;
     /* px: open ends of both sides, the centres of the look-ahead circles */
     cairn_vec2 open[2];

@@ -14,7 +14,8 @@
 extern "C" {
 #endif
 
-/* px, position and tangent direction */
+/* Limits of an image: edge pixels, and side length, px; more is refused. More tokens than the third
+ * limit are subsampled. */
 #define CAIRN_CONTOUR_EDGES_MOST  (INT32_C(1) << 20)
 #define CAIRN_CONTOUR_SIDE_MOST   8192
 #define CAIRN_CONTOUR_TOKENS_MOST 32768
@@ -26,11 +27,11 @@ typedef struct cairn_contour_tokens {
     /* [count] 0 ... 1: rank of its strength, the share of the total edge length that is weaker */
     cairn_real *strength;
     int32_t count, chains;
-    int32_t width, height;  /* px, look-ahead L */
-    cairn_real mean_length; /* px */
+    int32_t width, height;  /* px, size of the image */
+    cairn_real mean_length; /* px, mean length of the segments */
     size_t pool_bytes;      /* bytes of pool memory used */
     /* Set by cairn_contour_tokens_find_written() only. */
-    cairn_real look_ahead; /* px */
+    cairn_real look_ahead; /* px, look-ahead L */
     cairn_vec2 *ends;      /* [end_count] px: end points of the strong chains */
     int32_t end_count;
 } cairn_contour_tokens;
@@ -69,7 +70,7 @@ typedef struct cairn_contour_disc {
 /* A sample of the model's outline, deformed to the image: the predicted contour where no edge
  * is. */
 typedef struct cairn_contour_place {
-    /* px */
+    /* px, position and tangent direction */
     cairn_oriented_point at;
     /* segment of the contour along the sample; -1: unmatched */
     int32_t segment;

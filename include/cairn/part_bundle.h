@@ -31,7 +31,7 @@ typedef struct cairn_part_fragment {
     uint32_t pieces;
     /* its samples: samples[first ... first + samples_each - 1] */
     int32_t first;
-    /* arc length of the outline */
+    /* arc length in the unit of the outline */
     cairn_real length;
 } cairn_part_fragment;
 
@@ -48,7 +48,7 @@ typedef struct cairn_part_model {
     /* [vertex_count] arc length of each piece in the unit of the outline */
     const cairn_real *piece_length;
     int32_t fragment_count, samples_each, vertex_count, bundles;
-    /* of the outline */
+    /* arc length of the outline */
     cairn_real length;
     /* length-weighted centroid of the outline */
     cairn_vec2 centroid;

@@ -37,7 +37,7 @@ struct cairn_part_builder {
     cairn_vec2 *points; /* [max_points] */
     /* [max_points + 1] the arc being sampled */
     cairn_real *arc_length;
-    cairn_vec2 *arc;                    /* [max_points + 1] */
+    cairn_vec2 *arc;                    /* [max_points + 1] the arc being sampled */
     cairn_vec2 *positions, *directions; /* [samples_each] */
     cairn_part_fragment *fragments;     /* [FRAGMENTS] */
     cairn_oriented_point *samples;      /* [FRAGMENTS * samples_each] */

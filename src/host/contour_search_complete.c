@@ -27,7 +27,8 @@
 #define OFFSET_GROWTH_SHARE 0.03
 #define MAX_DRIFT_SHARE     0.1
 #define MIN_COSINE          0.8
-/* px, greatest length of an extension */
+/* Greatest distance of a segment along the outline, share of the size, but at least MIN_DISTANCE_PX;
+ * and the step of the test samples, px. */
 #define MAX_DISTANCE_SHARE 0.045
 #define MIN_DISTANCE_PX    3
 #define SAMPLE_STEP_PX     3
@@ -286,7 +287,7 @@ typedef struct edge_extender {
     const cairn_contour_tokens *tokens;
     /* px, box that the midpoints of segments must lie in */
     cairn_vec2 box_min, box_max;
-    /* px */
+    /* px, greatest length of an extension */
     cairn_real max_extension;
     /* least cosines of the turning angle along a chain and between chains */
     cairn_real chain_cosine, junction_cosine;

@@ -10,7 +10,7 @@ int cairn_contour_meet(cairn_segment a, cairn_segment b, cairn_real max_distance
 
 typedef struct contour_ends {
     const cairn_segment *lines;
-    /* [count] result of a query */
+    /* [count] indices in lines */
     const int32_t *listed;
     int32_t count, columns, rows;
     cairn_vec2 origin;
@@ -24,7 +24,7 @@ typedef struct contour_ends {
     /* [count] query that found the segment last */
     int32_t *last_query;
     int32_t query_count;
-    /* [count] */
+    /* [count] result of a query */
     int32_t *neighbours;
 } contour_ends;
 

@@ -57,7 +57,7 @@ typedef struct outline_deformer {
     const contour_field *field;
     const cairn_shape_model *model;
     contour_fit *fit;
-    /* px, grid step */
+    /* [outline_count] px, base positions that shifts are relative to */
     cairn_vec2 *base;
     /* [(2 * outline_count + 1) * MAX_LABELS] score of the best path to each label */
     cairn_real *path_value;
@@ -71,7 +71,7 @@ typedef struct outline_deformer {
     cairn_real deformation_cost;
     /* grid of the current round */
     int32_t grid_radius, grid_width, label_count;
-    /* px */
+    /* px, grid step */
     cairn_real step;
 } outline_deformer;
 

@@ -21,9 +21,9 @@ typedef struct contour_field {
     cairn_real *plane;
     /* mean edge proximity of each direction over the window: the background likelihood */
     cairn_real background[CONTOUR_FIELD_BINS];
-    /* px, cell size */
+    /* px, corner of the window */
     cairn_vec2 corner;
-    /* px */
+    /* px, cell size */
     cairn_real cell_size;
 } contour_field;
 

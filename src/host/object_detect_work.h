@@ -53,7 +53,7 @@ static inline size_t cairn_detect_layer(const detect_plane *plane)
     return cairn_detect_row(plane) * ((size_t)plane->height + 2 * DETECT_MARGIN_CELLS);
 }
 
-/* Reports the begin of a stage to the callback. */
+/* Reports the start of a stage to the callback. */
 static inline void cairn_detect_report_stage(const cairn_detect_field *field,
                                              cairn_detect_stage stage)
 {
