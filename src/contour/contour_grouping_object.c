@@ -41,7 +41,7 @@ static int are_duplicates(const cairn_grouped_object *a, const cairn_grouped_obj
     return cairn_vec2_norm_squared(cairn_vec2_sub(a->origin, b->origin)) <= radius * radius;
 }
 
-/* Removes the object at index `at`. */
+/* Removes the object at `index`. */
 static void remove_object(cairn_grouping *grouping, int32_t index)
 {
     grouping->object_count--;

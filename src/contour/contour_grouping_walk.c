@@ -24,8 +24,8 @@
 #define PRIOR_WEIGHT 4
 /* Standard deviations of the disc's position and radius in (2.13), in units of the
  * deformation's. */
-#define PLACE_SIGMA  CAIRN_REAL(1.5)
-#define RADIUS_SIGMA CAIRN_REAL(1.5)
+#define POSITION_SIGMA CAIRN_REAL(1.5)
+#define RADIUS_SIGMA   CAIRN_REAL(1.5)
 /* Tempering of initial weights: the log-likelihood ratio is divided by this temperature. */
 #define START_TEMPERATURE 8
 enum { UNITS_PER_PROPOSAL = 60 };
@@ -193,7 +193,7 @@ static cairn_status likelihood(void *context, const cairn_particle_filter *filte
         return CAIRN_OK;
     position_error = cairn_vec2_norm(cairn_vec2_sub(
                          s->centre, grouping_transform_point(&s->pose, model_sample->centre))) /
-                     (PLACE_SIGMA * 2 * sigma);
+                     (POSITION_SIGMA * 2 * sigma);
     radius_error =
         (s->radius - model_sample->radius * grouping_size(&s->pose)) / (RADIUS_SIGMA * sigma);
     *log_likelihood +=

@@ -88,7 +88,7 @@ typedef struct grouping_state {
     /* px, rad, of the symmetric point */
     cairn_real radius, deviation;
     /* px, mean gap to the previous matched points */
-    cairn_real gap;   /* px */
+    cairn_real gap;
     int32_t token[2]; /* -1: unmatched */
     int32_t sample, start;
 } grouping_state;

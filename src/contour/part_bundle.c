@@ -35,7 +35,7 @@ static const cairn_real MAX_COORDINATE = CAIRN_REAL(1e9);
 struct cairn_part_builder {
     cairn_part_bundle_params params;
     cairn_vec2 *points; /* [max_points] */
-    /* [max_points + 1] the arc being sampled */
+    /* [max_points + 1] cumulative arc length from the first point to each */
     cairn_real *arc_length;
     cairn_vec2 *arc;                    /* [max_points + 1] the arc being sampled */
     cairn_vec2 *positions, *directions; /* [samples_each] */

@@ -122,7 +122,7 @@ static cairn_part_configurator *carve(cairn_pool *pool,
     cairn_part_configurator *configurator = cairn_pool_take_one(pool, sizeof *configurator);
     int32_t *next = cairn_pool_take(pool, 2 * votes, sizeof *next);
     int32_t *heads = cairn_pool_take(pool, 2 * buckets, sizeof *heads);
-    vote_place *modes = cairn_pool_take(pool, votes, sizeof *modes);
+    vote_point *modes = cairn_pool_take(pool, votes, sizeof *modes);
     cairn_part_configuration *kept = cairn_pool_take(pool, found, sizeof *kept);
     int32_t *found_votes = cairn_pool_take(pool, found * MAX_PARTS, sizeof *found_votes);
     configuration_exhaustive *exhaustive = NULL;
@@ -251,7 +251,7 @@ static void insert_configuration(cairn_part_configurator *configurator)
 /* Starts the next vote as seed, or ends the search. */
 static void next_seed(cairn_part_configurator *configurator)
 {
-    vote_place point;
+    vote_point point;
 
     configurator->phase =
         configurator->exhaustive != NULL ? CONFIGURATION_SORT : CONFIGURATION_DONE;
@@ -269,7 +269,7 @@ static int shift_mean(cairn_part_configurator *configurator)
 {
     cairn_real sum = 0, x = 0, y = 0, log_scale = 0,
                size = configurator->params.centre * configurator->query.centre.scale;
-    vote_place point = configurator->query.centre;
+    vote_point point = configurator->query.centre;
 
     for (int32_t i = 0; i < configurator->near_count; i++) {
         const near_vote *near = &configurator->near_votes[i];

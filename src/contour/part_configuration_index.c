@@ -79,7 +79,7 @@ static void enter_layer(cairn_part_configurator *configurator)
     enter_cell(configurator);
 }
 
-void cairn_part_configuration_query(cairn_part_configurator *configurator, vote_place centre)
+void cairn_part_configuration_query(cairn_part_configurator *configurator, vote_point centre)
 {
     vote_query *query = &configurator->query;
     int32_t layer = layer_of(configurator, centre.scale);

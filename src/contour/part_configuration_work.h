@@ -17,10 +17,10 @@ enum {
 };
 
 /* A point in the voting space: position (px) and scale (px per unit of the model). */
-typedef struct vote_place {
+typedef struct vote_point {
     cairn_vec2 centre;
     cairn_real scale;
-} vote_place;
+} vote_point;
 
 /* A vote in the neighbourhood of the seed. x, y, log_scale: offset from the seed in tolerances.
  * squared_distance: in tolerances squared; as written that of the centres in px^2. */
@@ -39,14 +39,14 @@ typedef struct vote_group {
  * about it (sum of weight d^2). */
 typedef struct configuration_node {
     cairn_real weight, x, y, log_scale, scatter;
-    /* of the next group: number of its votes already tried; count: the branch without a vote */
+    /* branch in the next group: number of its votes tried; count: the branch without a vote */
     int32_t choice;
     int32_t part_count;
 } configuration_node;
 
 /* State of a range query in the index. */
 typedef struct vote_query {
-    vote_place centre;
+    vote_point centre;
     /* px, cell size of the layer */
     cairn_real cell;
     int32_t layer, last_layer, x, y, min_x, max_x, max_y;
@@ -80,7 +80,7 @@ struct cairn_part_configurator {
     /* [mask + 1] first vote and number of votes of each bucket */
     int32_t *bucket_heads, *bucket_sizes;
     /* [max_votes] modes found */
-    vote_place *modes;
+    vote_point *modes;
     /* [max_found] */
     cairn_part_configuration *found;
     /* [max_found * CONFIGURATION_MAX_PARTS] votes of slot k from k * CONFIGURATION_MAX_PARTS on */
@@ -111,7 +111,7 @@ struct cairn_part_configurator {
 /* Spatial index: a hash grid. A layer holds a range of scales as high as the search radius; its
  * cells are as wide as the search radius at its largest scale. */
 void cairn_part_configuration_insert(cairn_part_configurator *configurator, int32_t vote);
-void cairn_part_configuration_query(cairn_part_configurator *configurator, vote_place at);
+void cairn_part_configuration_query(cairn_part_configurator *configurator, vote_point at);
 /* Work units of the query's next step; 0: the query is complete. */
 int32_t cairn_part_configuration_query_cost(const cairn_part_configurator *configurator);
 /* Processes the next few votes of a cell. */

@@ -27,8 +27,8 @@
 #define OFFSET_GROWTH_SHARE 0.03
 #define MAX_DRIFT_SHARE     0.1
 #define MIN_COSINE          0.8
-/* Greatest distance of a segment along the outline, share of the size, but at least MIN_DISTANCE_PX;
- * and the step of the test samples, px. */
+/* Greatest distance of a segment along the outline, share of the size, but at least
+ * MIN_DISTANCE_PX; and the step of the test samples, px. */
 #define MAX_DISTANCE_SHARE 0.045
 #define MIN_DISTANCE_PX    3
 #define SAMPLE_STEP_PX     3
