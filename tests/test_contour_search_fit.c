@@ -116,7 +116,7 @@ static bent bend(const cairn_vec2 corners[CORNERS], int32_t hidden)
         b.mean += far / (cairn_real)n;
         b.most = cairn_max(b.most, far);
         assert_near(cairn_vec2_norm(fit.outline[i].direction), 1, 1e-3);
-        assert_int_equal(fit.part[i], 0);
+        assert_int_equal(fit.outline_index[i], 0);
         for (int32_t k = 0; k < CORNERS; k++) {
             cairn_segment side = {corners[k], corners[(k + 1) % CORNERS]};
 

@@ -256,7 +256,7 @@ static cairn_contour_shape shape_of(const contour_searcher *searcher,
     const contour_reference drawn = {
         model->outline, {(cairn_real)cos((double)turn), (cairn_real)sin((double)turn)}};
 
-    return cairn_contour_shape_of(searcher->tokens, fitted, searcher->fit.part, &drawn,
+    return cairn_contour_shape_of(searcher->tokens, fitted, searcher->fit.outline_index, &drawn,
                                   searcher->scratch, NULL);
 }
 
@@ -305,7 +305,7 @@ static int add_object(contour_searcher *searcher, const cairn_grouping_result *f
         result->outline[object.first_outline + i].at = searcher->fit.outline[i];
         result->outline[object.first_outline + i].segment =
             segment_at(searcher, &object.found, searcher->fit.outline[i]);
-        result->outline[object.first_outline + i].part = searcher->fit.part[i];
+        result->outline[object.first_outline + i].part = searcher->fit.outline_index[i];
     }
     for (int32_t k = 0; k < model->sample_count; k++)
         result->discs[object.first_disc + k] = disc_of(searcher, &object, model, k);

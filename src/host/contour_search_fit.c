@@ -79,9 +79,9 @@ int cairn_contour_fit_new(contour_fit *fit, int32_t outline_count)
 {
     fit->outline = malloc((size_t)outline_count * sizeof *fit->outline);
     fit->llr = malloc((size_t)outline_count * sizeof *fit->llr);
-    fit->part = malloc((size_t)outline_count * sizeof *fit->part);
+    fit->outline_index = malloc((size_t)outline_count * sizeof *fit->outline_index);
     fit->evidence = 0;
-    if (fit->outline != NULL && fit->llr != NULL && fit->part != NULL)
+    if (fit->outline != NULL && fit->llr != NULL && fit->outline_index != NULL)
         return 1;
     cairn_contour_fit_free(fit);
     return 0;
@@ -91,7 +91,7 @@ void cairn_contour_fit_free(contour_fit *fit)
 {
     free(fit->outline);
     free(fit->llr);
-    free(fit->part);
+    free(fit->outline_index);
     memset(fit, 0, sizeof *fit);
 }
 
@@ -326,12 +326,12 @@ static void deform_all(outline_deformer *deformer, int32_t round)
 /* Sets the outline index of every sample. */
 static void number_outlines(outline_deformer *deformer)
 {
-    int32_t part = 0;
+    int32_t index = 0;
 
-    for (int32_t first = 0, end; first < deformer->model->outline_count; first = end, part++) {
+    for (int32_t first = 0, end; first < deformer->model->outline_count; first = end, index++) {
         end = end_of_outline(deformer, first);
         for (int32_t i = first; i < end; i++)
-            deformer->fit->part[i] = part;
+            deformer->fit->outline_index[i] = index;
     }
 }
 

@@ -43,7 +43,7 @@ typedef struct contour_fit {
      * background */
     cairn_real *llr;
     /* [outline_count] index of the closed outline of each sample */
-    int32_t *part;
+    int32_t *outline_index;
     /* nats, total log-likelihood ratio less the deformation cost */
     cairn_real evidence;
     /* length of the outline, in object sizes */
@@ -72,7 +72,8 @@ typedef struct contour_reference {
  * samples times the segments in its box. */
 cairn_contour_shape cairn_contour_shape_of(const cairn_contour_tokens *tokens,
                                            const contour_fitted_outline *fitted,
-                                           const int32_t *part, const contour_reference *reference,
-                                           int32_t *list, cairn_real *proximity);
+                                           const int32_t *outline_index,
+                                           const contour_reference *reference, int32_t *list,
+                                           cairn_real *proximity);
 
 #endif

@@ -85,17 +85,18 @@ static cairn_real edge_proximity(const cairn_contour_tokens *tokens,
 }
 
 /* One past the last sample of the outline that begins at first. */
-static int32_t end_of_part(const int32_t *part, int32_t first, int32_t count)
+static int32_t end_of_outline(const int32_t *outline_index, int32_t first, int32_t count)
 {
     int32_t end = first + 1;
 
-    while (end < count && part[end] == part[first])
+    while (end < count && outline_index[end] == outline_index[first])
         end++;
     return end;
 }
 
 /* Mean of 1 - cos of the angle between the rotated drawing's tangents and those of the outline. */
-static cairn_real tangent_deviation(const contour_fitted_outline *fitted, const int32_t *part,
+static cairn_real tangent_deviation(const contour_fitted_outline *fitted,
+                                    const int32_t *outline_index,
                                     const contour_reference *reference)
 {
     const cairn_oriented_point *d = reference->outline;
@@ -104,7 +105,7 @@ static cairn_real tangent_deviation(const contour_fitted_outline *fitted, const 
     for (int32_t first = 0, end; first < fitted->outline_count; first = end) {
         int32_t length;
 
-        end = end_of_part(part, first, fitted->outline_count);
+        end = end_of_outline(outline_index, first, fitted->outline_count);
         length = end - first;
         for (int32_t i = 0; i < length; i++) {
             int32_t from = first + (i + TANGENT_SPAN * (length - 1)) % length,
@@ -168,13 +169,14 @@ static cairn_real deformation_of(const contour_fitted_outline *fitted,
 
 cairn_contour_shape cairn_contour_shape_of(const cairn_contour_tokens *tokens,
                                            const contour_fitted_outline *fitted,
-                                           const int32_t *part, const contour_reference *reference,
-                                           int32_t *list, cairn_real *proximity)
+                                           const int32_t *outline_index,
+                                           const contour_reference *reference, int32_t *list,
+                                           cairn_real *proximity)
 {
     cairn_contour_shape shape;
 
     shape.close = edge_proximity(tokens, fitted, list, proximity);
-    shape.turned = tangent_deviation(fitted, part, reference);
+    shape.turned = tangent_deviation(fitted, outline_index, reference);
     shape.strained = deformation_of(fitted, reference->outline);
     return shape;
 }

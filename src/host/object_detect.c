@@ -153,7 +153,7 @@ static void append_outline(const object_detector *detector, cairn_detections *fo
         cairn_vec2 position = detector->fit.outline[i].position;
 
         sample->at = detector->fit.outline[i];
-        sample->part = detector->fit.part[i];
+        sample->part = detector->fit.outline_index[i];
         detection->left = cairn_min(detection->left, position.x);
         detection->right = cairn_max(detection->right, position.x);
         detection->top = cairn_min(detection->top, position.y);
@@ -231,8 +231,8 @@ static void measure_shape(const object_detector *detector, cairn_detection *dete
                                            detection->origin, detection->size};
     const contour_reference reference = {model_outline(detector, detection), {1, 0}};
     cairn_contour_shape shape =
-        cairn_contour_shape_of(detector->field->tokens, &fitted, detector->fit.part, &reference,
-                               detector->segment_scratch, detector->sample_scratch);
+        cairn_contour_shape_of(detector->field->tokens, &fitted, detector->fit.outline_index,
+                               &reference, detector->segment_scratch, detector->sample_scratch);
 
     detection->close = shape.close;
     detection->turned = shape.turned;
