@@ -30,8 +30,8 @@ int32_t fail(int32_t status, const std::string &text, char *message, size_t capa
     return status;
 }
 
-// While in scope OpenCV's log is silent and OpenCV uses one thread, because cairn distributes images
-// among processes. The destructor restores the caller's settings.
+// While in scope OpenCV's log is silent and OpenCV uses one thread, because cairn distributes
+// images among processes. The destructor restores the caller's settings.
 class Quiet
 {
   public:

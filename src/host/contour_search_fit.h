@@ -67,9 +67,9 @@ typedef struct contour_reference {
 } contour_reference;
 
 /* Computes the shape quality of a deformed outline, independent of its surroundings
- * (contour_search_shape.c). outline_index: outline indices of the fit; list: [tokens->count] scratch;
- * proximity: NULL, or [outline_count], receives the edge proximity of each sample, 0 ... 1. Cost:
- * samples times the segments in its box. */
+ * (contour_search_shape.c). outline_index: outline indices of the fit; list: [tokens->count]
+ * scratch; proximity: NULL, or [outline_count], receives the edge proximity of each sample,
+ * 0 ... 1. Cost: samples times the segments in its box. */
 cairn_contour_shape cairn_contour_shape_of(const cairn_contour_tokens *tokens,
                                            const contour_fitted_outline *fitted,
                                            const int32_t *outline_index,
