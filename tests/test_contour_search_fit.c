@@ -120,7 +120,8 @@ static bent bend(const cairn_vec2 corners[CORNERS], int32_t hidden)
         for (int32_t k = 0; k < CORNERS; k++) {
             cairn_segment side = {corners[k], corners[(k + 1) % CORNERS]};
 
-            if (hidden >> k & 1 && cairn_contour_point_distance(side, fit.outline[i].position) <= far) {
+            if (hidden >> k & 1 &&
+                cairn_contour_point_distance(side, fit.outline[i].position) <= far) {
                 b.hidden += fit.llr[i];
                 behind++;
             }
@@ -188,8 +189,8 @@ static void test_field_beside_its_twin(void **state)
             else
                 assert_true(cost > 20);
         }
-        assert_near(field->background[bin], fmax(0.02, sum / (CONTOUR_FIELD_SIDE * CONTOUR_FIELD_SIDE)),
-                    1e-3);
+        assert_near(field->background[bin],
+                    fmax(0.02, sum / (CONTOUR_FIELD_SIDE * CONTOUR_FIELD_SIDE)), 1e-3);
     }
     cairn_contour_field_free(field);
 }
