@@ -550,7 +550,7 @@ grouping_pose cairn_grouping_fit_pose(const grouping_fit_sums *sums, const group
 grouping_fit_sums cairn_grouping_pose_prior(const grouping_pose *pose, cairn_real weight)
 {
     static const cairn_real corner = CAIRN_REAL(0.35);
-    grouping_fit_sums sums = {0, 0, 0, 0, {0, 0}, {0, 0}};
+    grouping_fit_sums sums = {.weight = 0};
 
     for (int32_t i = 0; i < 4; i++) {
         cairn_vec2 model_point = {i % 2 ? corner : -corner, i / 2 ? corner : -corner};

@@ -228,7 +228,8 @@ static void append(void *context, const cairn_particle_filter *filter, int32_t i
 
 cairn_particle_model cairn_grouping_filter_model(cairn_grouping *grouping)
 {
-    cairn_particle_model model = {grouping, propose, likelihood, append, NULL};
+    cairn_particle_model model = {
+        .context = grouping, .propose = propose, .likelihood = likelihood, .append = append};
 
     return model;
 }

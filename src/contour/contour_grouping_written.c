@@ -73,7 +73,7 @@ static void create_members(cairn_pool *pool, const cairn_grouping_params *params
                            cairn_grouping *grouping, struct grouping_written *written)
 {
     cairn_symmetric_point_params points = symmetric_point_params(params);
-    cairn_point_grid_params ends = {2 * params->max_tokens, END_GRID_CELL_PX};
+    cairn_point_grid_params ends = {.max_points = 2 * params->max_tokens, .cell = END_GRID_CELL_PX};
     cairn_particle_filter_params filter = filter_params(params);
     cairn_particle_model model = cairn_grouping_written_model(grouping);
     cairn_status status;

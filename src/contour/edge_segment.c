@@ -120,7 +120,7 @@ static int params_are_valid(const cairn_edge_segment_params *params)
 
 static cairn_point_grid *carve_grid(cairn_pool *pool, int32_t max_points)
 {
-    cairn_point_grid_params params = {max_points, GRID_CELL_PX};
+    cairn_point_grid_params params = {.max_points = max_points, .cell = GRID_CELL_PX};
     size_t need = cairn_point_grid_memory(&params);
     cairn_point_grid *grid = NULL;
     cairn_status status;

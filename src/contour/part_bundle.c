@@ -266,7 +266,7 @@ static void cut_by_hand(cairn_part_builder *builder, const cairn_part_cut *cuts,
 
 static void sample_fragment(cairn_part_builder *builder, const cairn_part_fragment *fragment)
 {
-    cairn_curve arc = {builder->arc, 1, 0};
+    cairn_curve arc = {.points = builder->arc, .count = 1};
     int32_t i = fragment->from;
     cairn_status status;
 

@@ -473,7 +473,7 @@ cairn_status cairn_part_configuration_step(cairn_part_configurator *configurator
 cairn_part_configuration_result
 cairn_part_configuration_read(const cairn_part_configurator *configurator)
 {
-    cairn_part_configuration_result result = {NULL, NULL, 0, 0, 0, 0, 0, 0};
+    cairn_part_configuration_result result = {.count = 0};
 
     if (configurator != NULL && configurator->phase == CONFIGURATION_DONE) {
         result.found = configurator->found;

@@ -44,7 +44,7 @@ static void sort_groups(cairn_part_configurator *configurator)
 
 void cairn_part_configuration_begin_tree(cairn_part_configurator *configurator)
 {
-    configuration_node root = {0, 0, 0, 0, 0, 0, 0};
+    configuration_node root = {.weight = 0};
 
     for (int32_t i = 0; i < configurator->near_count; i++) {
         int32_t k = i;

@@ -447,7 +447,8 @@ static cairn_status train_machine(cairn_appearance_model *model, const training_
 {
     const cairn_appearance_shim *shim = cairn_appearance_need_shim(path, error);
     char message[CAIRN_APPEARANCE_SHIM_MESSAGE_BYTES] = "";
-    cairn_appearance_shim_machine machine = {model->histograms, model->weights, 0, 0};
+    cairn_appearance_shim_machine machine = {.support = model->histograms,
+                                             .weight = model->weights};
     size_t row = (size_t)set->words;
     float *table = malloc(((size_t)set->count * row + 1) * sizeof *table);
     int32_t *is_class = malloc(((size_t)set->count + 1) * sizeof *is_class), count = 0,

@@ -169,7 +169,7 @@ static cairn_contour_disc disc_of(const contour_searcher *searcher,
     const cairn_contour_place *outline = &searcher->result->outline[object->first_outline];
     const cairn_shape_sample *sample = &model->samples[index];
     cairn_symmetric_point_params params = cairn_symmetric_point_default();
-    cairn_contour_disc disc = {{0, 0}, 0, {-1, -1}, index};
+    cairn_contour_disc disc = {.side = {-1, -1}, .sample = index};
     cairn_vec2 side[2];
     cairn_symmetric_point sp;
 

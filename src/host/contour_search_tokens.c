@@ -275,7 +275,7 @@ cairn_status cairn_contour_tokens_find(cairn_contour_tokens *tokens, cairn_raste
                                        int32_t min_strength, int32_t edgels, const char *path,
                                        cairn_file_error *error)
 {
-    token_kind kind = {edgels, 0, 0};
+    token_kind kind = {.edgels = edgels};
 
     return find_tokens(tokens, strengths, min_strength, &kind, path, error);
 }
@@ -285,7 +285,7 @@ cairn_status cairn_contour_tokens_find_written(cairn_contour_tokens *tokens,
                                                int32_t edgels, cairn_real strong, const char *path,
                                                cairn_file_error *error)
 {
-    token_kind kind = {edgels, 1, strong};
+    token_kind kind = {.edgels = edgels, .written = 1, .strong = strong};
 
     memset(tokens, 0, sizeof *tokens);
     if (!isfinite((double)strong) || strong < 0)

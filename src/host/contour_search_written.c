@@ -108,8 +108,10 @@ static void append_object(written_run *search, const cairn_grouping_result *foun
             found->segments[found->objects[index].first + i];
     for (int32_t i = 0; i < object->disc_count; i++) {
         const cairn_grouping_disc *step = &search->discs[i];
-        cairn_contour_disc disc = {
-            step->centre, step->radius, {step->segment[0], step->segment[1]}, step->sample};
+        cairn_contour_disc disc = {.centre = step->centre,
+                                   .radius = step->radius,
+                                   .side = {step->segment[0], step->segment[1]},
+                                   .sample = step->sample};
 
         result->discs[result->disc_count++] = disc;
     }

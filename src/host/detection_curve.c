@@ -181,13 +181,12 @@ static cairn_status draw(const char *path, const char *title, const cairn_detect
     if (lines == NULL)
         return cairn_file_error_system(error, path, "curves", ENOMEM);
     for (int32_t i = 0; i < LINE_COUNT; i++) {
-        cairn_report_layer own = {NULL,
-                                  colours[i],
-                                  CAIRN_REPORT_LINES,
-                                  count > 0 ? count - 1 : 0,
-                                  lines + (size_t)i * capacity,
-                                  i % 3 == 0 ? 2 : 1,
-                                  1};
+        cairn_report_layer own = {.colour = colours[i],
+                                  .mark = CAIRN_REPORT_LINES,
+                                  .count = count > 0 ? count - 1 : 0,
+                                  .point = lines + (size_t)i * capacity,
+                                  .width = i % 3 == 0 ? 2 : 1,
+                                  .opacity = 1};
 
         layer[i] = own;
         make_lines(lines + (size_t)i * capacity, points, count, i < 3, bounds[i % 3]);

@@ -193,15 +193,15 @@ cairn_status cairn_detection_file_draw(const cairn_detection_picture *picture, c
         {"deformed outline; dashed where no edge matches", "stroke=\"#7c3aed\""},
         {"box and score", "stroke=\"#dc2626\""}};
     char subtitle[256], style[320];
-    const cairn_report_overlay overlay = {picture->image,
-                                          subtitle,
-                                          picture->grey,
-                                          picture->tokens->width,
-                                          picture->tokens->height,
-                                          860,
-                                          keys,
-                                          sizeof keys / sizeof *keys,
-                                          280};
+    const cairn_report_overlay overlay = {.title = picture->image,
+                                          .subtitle = subtitle,
+                                          .grey = picture->grey,
+                                          .width = picture->tokens->width,
+                                          .height = picture->tokens->height,
+                                          .least_width = 860,
+                                          .keys = keys,
+                                          .key_count = sizeof keys / sizeof *keys,
+                                          .key_step = 280};
     double scale = cairn_report_overlay_scale(&overlay);
     cairn_output *output;
     cairn_status status = cairn_output_open(&output, path, error);

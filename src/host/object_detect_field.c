@@ -298,7 +298,7 @@ cairn_status cairn_detect_field_make(cairn_detect_field **field, const cairn_con
     for (int32_t k = 0; params->method == CAIRN_DETECT_EVIDENCE && k < plane_count_of(params) && ok;
          k++) {
         detect_plane *plane = &made->plane[made->planes++];
-        plane_buffers buffers = {NULL, NULL, NULL};
+        plane_buffers buffers = {.cost = NULL};
 
         plane->size = params->min_size * (cairn_real)pow(SIZE_STEP, k);
         plane->cell_size = plane->size / DETECT_CELLS_PER_SIZE;
