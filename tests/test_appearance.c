@@ -55,10 +55,10 @@ static void finds_the_nearest_word(void **state)
     memset(words + CAIRN_APPEARANCE_NUMBERS, 20, sizeof words / 3);
     memset(words + 2 * CAIRN_APPEARANCE_NUMBERS, 20, sizeof words / 3);
     memset(asked, 16, sizeof asked);
-    assert_int_equal(cairn_appearance_word(words, 3, asked, &distance), 1);
+    assert_int_equal(cairn_appearance_nearest_word(words, 3, asked, &distance), 1);
     assert_int_equal(distance, 16 * CAIRN_APPEARANCE_NUMBERS);
     memset(asked, 15, sizeof asked); /* of equal ones the first */
-    assert_int_equal(cairn_appearance_word(words, 3, asked, NULL), 0);
+    assert_int_equal(cairn_appearance_nearest_word(words, 3, asked, NULL), 0);
 }
 
 static void keeps_models(void **state)

@@ -204,7 +204,7 @@ static void test_cuts(void **state)
     free(text);
     (void)files_write_text("far.cuts", "0 40 0\n40 4000 1\n");
     assert_refused(programs_run(detect, "far.cuts"),
-                   "expected fragments by hand of its first outline");
+                   "expected manually chosen fragments of its first outline");
     assert_refused(programs_run(detect, "missing.cuts"), "missing.cuts: cannot open");
 }
 

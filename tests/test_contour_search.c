@@ -254,7 +254,7 @@ static void collect(const cairn_segment *lines, const int32_t *chains, int32_t c
                     const char *wanted)
 {
     cairn_oriented_point outline[LEVEL];
-    contour_laid laid = {outline, LEVEL, {100, 100}, 200};
+    contour_fitted_outline laid = {outline, LEVEL, {100, 100}, 200};
     cairn_contour_tokens tokens;
     int32_t list[16], listed = 0, known[16] = {0};
 
@@ -263,7 +263,7 @@ static void collect(const cairn_segment *lines, const int32_t *chains, int32_t c
     tokens.lines = (cairn_segment *)lines;
     tokens.chain = (int32_t *)chains;
     tokens.count = count;
-    assert_true(cairn_contour_collect(&tokens, &laid, list, &listed));
+    assert_true(cairn_contour_collect_segments(&tokens, &laid, list, &listed));
     for (int32_t i = 0; i < listed; i++) {
         known[list[i]]++;
         if (i > 0)
@@ -351,7 +351,7 @@ static void test_what_is_followed(void **state)
 {
     static const int32_t one[8] = {0, 0, 0, 0, 0, 0, 0, 0}, two[8] = {0, 0, 0, 1, 1, 1, 1, 1};
     cairn_oriented_point outline[40];
-    contour_laid laid = {outline, 40, {100, 100}, 200};
+    contour_fitted_outline laid = {outline, 40, {100, 100}, 200};
     cairn_contour_tokens tokens;
     cairn_segment row[8];
     int32_t list[8], listed;
@@ -384,7 +384,7 @@ static void test_what_is_followed(void **state)
             row[i].a.y = (cairn_real)(40 + 20 * (i - 3));
             row[i].b.y = row[i].a.y + 20;
         }
-        assert_true(cairn_contour_collect(&tokens, &laid, list, &listed));
+        assert_true(cairn_contour_collect_segments(&tokens, &laid, list, &listed));
         assert_int_equal(listed, k < 2 ? 7 : k == 2 ? 6 : 3);
     }
 }
@@ -398,7 +398,7 @@ static void test_what_goes_on_at_a_gap(void **state)
     const cairn_segment lines[3] = {
         {{150, 100}, {170, 100}}, {{170, 108}, {170, 128}}, {{170, 135}, {170, 138}}};
     cairn_oriented_point outline[LEVEL];
-    contour_laid laid = {outline, LEVEL, {100, 100}, 200};
+    contour_fitted_outline laid = {outline, LEVEL, {100, 100}, 200};
     contour_gaps gaps = {.at = {{200, 100}}, .count = 0};
     cairn_contour_tokens tokens;
     int32_t list[3], listed;
@@ -409,13 +409,13 @@ static void test_what_goes_on_at_a_gap(void **state)
     tokens.lines = (cairn_segment *)lines;
     tokens.chain = (int32_t *)apart;
     tokens.count = 3;
-    assert_true(cairn_contour_collect_open(&tokens, &laid, &gaps, list, &listed));
+    assert_true(cairn_contour_collect_with_gaps(&tokens, &laid, &gaps, list, &listed));
     assert_int_equal(listed, 1);
     gaps.count = 1;
-    assert_true(cairn_contour_collect_open(&tokens, &laid, &gaps, list, &listed));
+    assert_true(cairn_contour_collect_with_gaps(&tokens, &laid, &gaps, list, &listed));
     assert_int_equal(listed, 3);
     gaps.at[0].x = 50;
-    assert_true(cairn_contour_collect_open(&tokens, &laid, &gaps, list, &listed));
+    assert_true(cairn_contour_collect_with_gaps(&tokens, &laid, &gaps, list, &listed));
     assert_int_equal(listed, 1);
 }
 

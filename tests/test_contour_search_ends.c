@@ -21,7 +21,7 @@ static void assert_same_as_all(const cairn_segment *lines, int32_t count)
             for (int32_t k = 0; k < listed_count; k++)
                 if (k != i && cairn_contour_meet(lines[listed[i]], lines[listed[k]], APART)) {
                     assert_true(at < near);
-                    assert_int_equal(ends.near[at++], k);
+                    assert_int_equal(ends.neighbours[at++], k);
                 }
             assert_int_equal(at, near);
             met += near;

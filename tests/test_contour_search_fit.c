@@ -83,7 +83,7 @@ static cairn_real distance_to(const cairn_vec2 corners[CORNERS], cairn_vec2 p)
     for (int32_t i = 0; i < CORNERS; i++) {
         cairn_segment side = {corners[i], corners[(i + 1) % CORNERS]};
 
-        least = cairn_min(least, cairn_contour_distance(side, p));
+        least = cairn_min(least, cairn_contour_point_distance(side, p));
     }
     return least;
 }
@@ -116,12 +116,13 @@ static bent bend(const cairn_vec2 corners[CORNERS], int32_t hidden)
         b.mean += far / (cairn_real)n;
         b.most = cairn_max(b.most, far);
         assert_near(cairn_vec2_norm(fit.outline[i].direction), 1, 1e-3);
-        assert_int_equal(fit.part[i], 0);
+        assert_int_equal(fit.outline_index[i], 0);
         for (int32_t k = 0; k < CORNERS; k++) {
             cairn_segment side = {corners[k], corners[(k + 1) % CORNERS]};
 
-            if (hidden >> k & 1 && cairn_contour_distance(side, fit.outline[i].position) <= far) {
-                b.hidden += fit.worth[i];
+            if (hidden >> k & 1 &&
+                cairn_contour_point_distance(side, fit.outline[i].position) <= far) {
+                b.hidden += fit.llr[i];
                 behind++;
             }
         }
@@ -188,8 +189,8 @@ static void test_field_beside_its_twin(void **state)
             else
                 assert_true(cost > 20);
         }
-        assert_near(field->chance[bin], fmax(0.02, sum / (CONTOUR_FIELD_SIDE * CONTOUR_FIELD_SIDE)),
-                    1e-3);
+        assert_near(field->background[bin],
+                    fmax(0.02, sum / (CONTOUR_FIELD_SIDE * CONTOUR_FIELD_SIDE)), 1e-3);
     }
     cairn_contour_field_free(field);
 }

@@ -59,8 +59,8 @@ static void lay(double turn, double wide, double off, int32_t hidden)
 /* turn: what counts as upright. */
 static cairn_contour_shape measure(double turn)
 {
-    const contour_laid c = {laid, SAMPLES, origin, size};
-    const contour_drawn d = {drawn, {(cairn_real)cos(turn), (cairn_real)sin(turn)}};
+    const contour_fitted_outline c = {laid, SAMPLES, origin, size};
+    const contour_reference d = {drawn, {(cairn_real)cos(turn), (cairn_real)sin(turn)}};
 
     return cairn_contour_shape_of(&tokens, &c, part, &d, list, NULL);
 }

@@ -131,11 +131,11 @@ static double likely_at(const cairn_contour_tokens *tokens, const detect_plane *
         cairn_segment s = tokens->lines[i];
         double dx = (double)(s.b.x - s.a.x), dy = (double)(s.b.y - s.a.y), pi = 3.14159265358979;
         double turn = remainder(atan2(dy, dx) - (bin + 0.5) * pi / 12, pi) / 0.35;
-        int32_t steps = 1 + (int32_t)(2 * (double)cairn_segment_length(s) / (double)p->cell);
+        int32_t steps = 1 + (int32_t)(2 * (double)cairn_segment_length(s) / (double)p->cell_size);
 
         for (int32_t k = 0; k <= steps && fabs(turn) <= 2.2; k++) {
-            int32_t u = (int32_t)floor(((double)s.a.x + dx * k / steps) / (double)p->cell) - x;
-            int32_t v = (int32_t)floor(((double)s.a.y + dy * k / steps) / (double)p->cell) - y;
+            int32_t u = (int32_t)floor(((double)s.a.x + dx * k / steps) / (double)p->cell_size) - x;
+            int32_t v = (int32_t)floor(((double)s.a.y + dy * k / steps) / (double)p->cell_size) - y;
 
             if (abs(u) <= 3 && abs(v) <= 3)
                 least = fmin(least, -log(fmax(0.2, 2 * (double)tokens->strength[i])) +
@@ -165,7 +165,7 @@ static void weighs_edges_as_the_obvious_way_does(void **state)
     likely = malloc((size_t)(p->width * p->height) * sizeof *likely);
     assert_non_null(likely);
     for (int32_t bin = 0; bin < DETECT_BINS; bin += 5) {
-        const float *worth = &p->worth[(size_t)bin * cairn_detect_layer(p)];
+        const float *worth = &p->llr[(size_t)bin * cairn_detect_layer(p)];
 
         for (int32_t i = 0; i < p->width * p->height; i++)
             likely[i] = likely_at(&tokens, p, i % p->width, i / p->width, bin);
@@ -179,8 +179,8 @@ static void weighs_edges_as_the_obvious_way_does(void **state)
                         sum += likely[v * p->width + u];
                         cells++;
                     }
-            assert_near(worth[(size_t)(y + DETECT_MARGIN) * cairn_detect_row(p) +
-                              (size_t)(x + DETECT_MARGIN)],
+            assert_near(worth[(size_t)(y + DETECT_MARGIN_CELLS) * cairn_detect_row(p) +
+                              (size_t)(x + DETECT_MARGIN_CELLS)],
                         log(0.25 + 0.75 * likely[i] / fmax(0.02, sum / cells)), 1e-4);
         }
         assert_near(worth[0], -0.7, 1e-6);
@@ -201,13 +201,15 @@ static double mean_worth(const detect_plane *p, const cairn_shape_model *m, doub
         const cairn_oriented_point *o = &m->outline[i];
         cairn_vec2 along = {(cairn_real)sqrt(aspect) * o->direction.x,
                             (cairn_real)(1 / sqrt(aspect)) * o->direction.y};
-        int32_t u = x + (int32_t)lrint(sqrt(aspect) * (double)o->position.x * DETECT_CELLS);
-        int32_t v = y + (int32_t)lrint((double)o->position.y / sqrt(aspect) * DETECT_CELLS);
+        int32_t u =
+            x + (int32_t)lrint(sqrt(aspect) * (double)o->position.x * DETECT_CELLS_PER_SIZE);
+        int32_t v =
+            y + (int32_t)lrint((double)o->position.y / sqrt(aspect) * DETECT_CELLS_PER_SIZE);
         size_t layer =
             (size_t)cairn_contour_field_bin(cairn_vec2_unit(along)) * cairn_detect_layer(p);
 
-        sum += (double)p->worth[layer + (size_t)(v + DETECT_MARGIN) * cairn_detect_row(p) +
-                                (size_t)(u + DETECT_MARGIN)];
+        sum += (double)p->llr[layer + (size_t)(v + DETECT_MARGIN_CELLS) * cairn_detect_row(p) +
+                              (size_t)(u + DETECT_MARGIN_CELLS)];
     }
     return sum / m->outline_count;
 }
@@ -518,7 +520,7 @@ static void groups_in_all_sizes(void **state)
             assert_true(mirror || !made.list[i].mirrored);
         }
         for (int32_t i = 0; i < 3; i++)
-            evidence[i] = cairn_detect_grouped_at(&made, &at[i]);
+            evidence[i] = cairn_detect_grouped_evidence(&made, &at[i]);
         assert_true(evidence[0] > 13 && evidence[2] == 0);
         assert_true(mirror ? evidence[1] > 13 : evidence[1] < evidence[0] / 2);
         cairn_detect_group_free(&made);
@@ -672,7 +674,7 @@ static void refuses_what_cannot_be(void **state)
     model.model.outline_count = 2;
     assert_status(cairn_object_detect(&found, field, &model.model, "edges", &error),
                   CAIRN_BAD_ARGUMENT);
-    assert_error_holds("fewer than 3 places, expected an outline");
+    assert_error_holds("fewer than 3 samples, expected an outline");
     model.model.outline_count = 3;
     for (int32_t upright = 0; upright < 2; upright++) {
         for (int32_t i = 0; i < 3; i++)
@@ -700,7 +702,7 @@ static void takes_sizes_up_to_the_bounds(void **state)
         params.min_size = params.max_size = 163;
         assert_status(cairn_detect_field_make(&field, &tokens, &params, "edges", &error),
                       CAIRN_BAD_ARGUMENT);
-        assert_error_holds("min_size 163 in a picture of 8192 pixels, expected at least 163.84");
+        assert_error_holds("min_size 163 in an image of 8192 pixels, expected at least 163.84");
         params.min_size = params.max_size = 164;
         assert_ok(cairn_detect_field_make(&field, &tokens, &params, "edges", &error));
         cairn_detect_field_free(field);
@@ -711,9 +713,9 @@ static void takes_sizes_up_to_the_bounds(void **state)
     params.min_size = 8;
     params.max_size = 16384;
     assert_ok(cairn_detect_field_make(&field, &tokens, &params, "edges", &error));
-    assert_int_equal(field->planes, DETECT_PLANES);
-    assert_true(field->plane[DETECT_PLANES - 1].size <= 16384 &&
-                field->plane[DETECT_PLANES - 1].size * CAIRN_REAL(1.2) > 16384);
+    assert_int_equal(field->planes, DETECT_MAX_PLANES);
+    assert_true(field->plane[DETECT_MAX_PLANES - 1].size <= 16384 &&
+                field->plane[DETECT_MAX_PLANES - 1].size * CAIRN_REAL(1.2) > 16384);
     cairn_detect_field_free(field);
 }
 
@@ -746,7 +748,7 @@ static void refuses_outlines_that_reach_too_far(void **state)
             outline[bad.outline_count - 1].position.y = position;
         assert_status(cairn_object_detect(&found, field, &bad, "edges", &error),
                       CAIRN_BAD_ARGUMENT);
-        assert_error_holds("the outline lies farther from its middle than half its size");
+        assert_error_holds("the outline extends farther from its origin than half its size");
         outline[bad.outline_count - 1].position = model.model.outline[0].position;
         outline[0].position.x = CAIRN_REAL(0.53);
         outline[0].position.y = CAIRN_REAL(-0.53);

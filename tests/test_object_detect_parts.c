@@ -137,7 +137,7 @@ static void follows_chains(void **state)
 
         closed += chains.curves[i].closed;
         assert_near(length, length_of_chain(&tokens, i), 6 + 0.02 * (double)length);
-        assert_true(length <= chains.longest);
+        assert_true(length <= chains.max_length);
     }
     assert_int_equal(closed, 1);
     cairn_detect_chains_free(&chains);

@@ -123,8 +123,8 @@ static void is_bounded(void **state)
     draw_flag(110, 40, 1, 0);
     tokens = find_tokens(0);
     found = detect(&tokens, &params);
-    assert_in_range(found.count, 1, 2 * DETECT_WRITTEN);
-    assert_true(found.part_count <= 2 * DETECT_WRITTEN * CAIRN_PART_BUNDLES);
+    assert_in_range(found.count, 1, 2 * DETECT_MAX_WRITTEN_HYPOTHESES);
+    assert_true(found.part_count <= 2 * DETECT_MAX_WRITTEN_HYPOTHESES * CAIRN_PART_BUNDLES);
     cairn_detections_free(&found);
     params.nearest = 64;
     found = detect(&tokens, &params);

@@ -359,10 +359,10 @@ static void equal_votes_are_looked_at_one_by_one(void **state)
     assert_ok(cairn_part_configuration_begin(v.configurator, v.votes, v.count, NULL));
     for (int32_t i = 0; i < 100000 && status == CAIRN_MORE; i++) {
         cairn_budget budget = {20};
-        int64_t before = v.configurator->pairs;
+        int64_t before = v.configurator->pair_count;
 
         status = cairn_part_configuration_step(v.configurator, &budget);
-        assert_in_range(v.configurator->pairs - before, 0, 20 + 16);
+        assert_in_range(v.configurator->pair_count - before, 0, 20 + 16);
     }
     assert_ok(status);
     test_pool_free(&v.pool);

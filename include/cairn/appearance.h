@@ -1,14 +1,13 @@
-/* appearance: whether what is in a box of an image looks like a class, by words of a dictionary of
- * small patches.
+/* appearance: bag-of-visual-words classifier for the image content of a box.
  *
- * Patches on a grid, described by SIFT (Lowe 2004), are taken for the nearest word of a dictionary
- * made by k-means; how often each word is in a box says by a support vector machine how likely it
- * shows the class (Adluru 2008, section 5.3.2).
+ * SIFT descriptors (Lowe 2004) on a regular grid of patches are quantized to the nearest word of a
+ * k-means dictionary. A support vector machine with chi-squared kernel maps the word histogram of a
+ * box to the probability that the box shows the class (Adluru 2008, section 5.3.2).
  *
- * SIFT and the training stand behind a library of their own, libcairn-appearance.so (`make
- * appearance`: OpenCV's features2d and ml), which is loaded when it is first needed, from
- * $CAIRN_APPEARANCE or from where vision's is looked for. Without it all else of this room
- * works. Boxes: left, top, right, bottom, px. */
+ * SIFT and the training are in a plug-in, libcairn-appearance.so (`make appearance`: OpenCV's
+ * features2d and ml), which is loaded on first use from $CAIRN_APPEARANCE or from the search path
+ * of the vision plug-in. All other functions of this module work without it. Boxes: left, top,
+ * right, bottom, px. */
 #ifndef CAIRN_APPEARANCE_H
 #define CAIRN_APPEARANCE_H
 
@@ -18,35 +17,36 @@
 extern "C" {
 #endif
 
-/* Numbers of a word; the most words of a dictionary, support vectors, and images and windows of
- * a training. */
+/* Dimension of a descriptor; greatest numbers of words of a dictionary, support vectors, and
+ * training images or windows. */
 #define CAIRN_APPEARANCE_NUMBERS      128
 #define CAIRN_APPEARANCE_WORDS_MOST   1000
 #define CAIRN_APPEARANCE_SUPPORT_MOST 20000
 #define CAIRN_APPEARANCE_IMAGES_MOST  4096
-/* Of an image, px. */
+/* Greatest side of an image, px. */
 #define CAIRN_APPEARANCE_SIDE_MOST 8192
 
-/* What a class looks like; on the heap. f = sum of weight exp(-gamma chi2(histogram, that of the
- * box)) - rho; chi2 = sum of (a - b)^2 / (a + b). */
+/* Appearance model of a class, on the heap. Decision function f = sum of weight exp(-gamma
+ * chi2(support histogram, histogram of the box)) - rho, with chi2 = sum of (a - b)^2 / (a + b). */
 typedef struct cairn_appearance_model {
-    /* 2 ... WORDS_MOST */
+    /* 2 ... CAIRN_APPEARANCE_MAX_WORDS */
     int32_t word_count;
+    /* number of support vectors */
     int32_t support_count;
-    /* [word_count][NUMBERS] */
+    /* [word_count][CAIRN_APPEARANCE_DESCRIPTOR_SIZE] dictionary */
     uint8_t *words;
-    /* [support_count][word_count] of the support vectors, shares of all words in their box */
+    /* [support_count][word_count] normalized word histograms of the support vectors */
     float *histograms;
-    /* [support_count] */
+    /* [support_count] coefficients of the support vectors */
     double *weights;
-    /* gamma > 0 */
+    /* kernel width gamma > 0, bias rho */
     double gamma, rho;
-    /* the probability is 1 / (1 + exp(slope f + offset)) (Platt 2000) */
+    /* Platt scaling: the probability is 1 / (1 + exp(platt_slope f + platt_offset)) (Platt 2000) */
     double slope, offset;
 } cairn_appearance_model;
 
-/* CAIRN_OK: images can be described. CAIRN_UNSUPPORTED: libcairn-appearance is missing, or does
- * not fit; the error says so. */
+/* Loads the plug-in. CAIRN_OK: descriptors can be computed. CAIRN_UNSUPPORTED: libcairn-appearance
+ * is missing or incompatible; the error message says which. */
 CAIRN_CHECKED cairn_status cairn_appearance_load(cairn_file_error *error);
 
 void cairn_appearance_free(cairn_appearance_model *model);
@@ -62,27 +62,27 @@ void cairn_appearance_free(cairn_appearance_model *model);
  *
  * # begins a comment. */
 
-/* Reads a model, plain or gzipped. CAIRN_UNSUPPORTED: of another version, or not a regular file;
+/* Reads a model file, plain or gzipped. CAIRN_UNSUPPORTED: another version, or not a regular file.
  * CAIRN_BAD_FORMAT, CAIRN_TRUNCATED, CAIRN_FULL (beyond the limits above): the error names the
- * line; CAIRN_IO, CAIRN_NO_MEMORY. On failure there is nothing to free. */
+ * line. CAIRN_IO, CAIRN_NO_MEMORY. On failure there is nothing to free. */
 CAIRN_CHECKED cairn_status cairn_appearance_read(cairn_appearance_model *model, const char *path,
                                                  cairn_file_error *error);
 
-/* Writes a model, so that reading gives the same bits. CAIRN_BAD_ARGUMENT: one that could not be
- * read again, beyond the limits above, a number that is none or beyond 1e9, gamma not above 0;
- * CAIRN_IO, CAIRN_NO_MEMORY. */
+/* Writes a model file; reading it restores the same bits. CAIRN_BAD_ARGUMENT: a model that could
+ * not be read again: beyond the limits above, a number that is not finite or beyond 1e9, gamma not
+ * above 0. CAIRN_IO, CAIRN_NO_MEMORY. */
 CAIRN_CHECKED cairn_status cairn_appearance_write(const cairn_appearance_model *model,
                                                   const char *path, cairn_file_error *error);
 
-/* ---- Asking ---- */
+/* ---- Classification ---- */
 
-/* The words of an image. */
+/* The visual words of an image, one per patch. */
 typedef struct cairn_appearance_field cairn_appearance_field;
 
-/* Describes 8-bit grey [height * width], which need not stay; the model must.
- * CAIRN_BAD_ARGUMENT: a side beyond 1 ... SIDE_MOST, or refused by OpenCV; CAIRN_UNSUPPORTED: no
- * libcairn-appearance; CAIRN_NO_MEMORY. On failure there is nothing to free, and *field is NULL.
- * `path` is named by the error. */
+/* Computes the words of an 8-bit grey image [height * width]. The image need not stay valid; the
+ * model must. CAIRN_BAD_ARGUMENT: a side outside 1 ... CAIRN_APPEARANCE_MAX_SIDE, or refused by
+ * OpenCV. CAIRN_UNSUPPORTED: no libcairn-appearance. CAIRN_NO_MEMORY. On failure there is nothing
+ * to free, and *field is NULL. The error message names `path`. */
 CAIRN_CHECKED cairn_status cairn_appearance_field_make(cairn_appearance_field **field,
                                                        const cairn_appearance_model *model,
                                                        const uint8_t *grey, int32_t width,
@@ -90,56 +90,58 @@ CAIRN_CHECKED cairn_status cairn_appearance_field_make(cairn_appearance_field **
                                                        cairn_file_error *error);
 void cairn_appearance_field_free(cairn_appearance_field *field);
 
-/* How likely a box shows the class, 0 ... 1, from the patches whose middles lie in it; 0.5 when
- * there are none. Cost: linear in the patches of the image. */
+/* Returns the probability that a box shows the class, 0 ... 1, from the patches centred in the box;
+ * 0.5 without patches. Cost: linear in the patches of the image. */
 double cairn_appearance_probability(const cairn_appearance_field *field, const double box[4]);
 
-/* How far the words of a box are from the nearest histogram of the class that the machine was
- * learnt from and keeps, 0 ... 1: half of chi2; 1 when the box has no patch, or the machine
- * keeps none. Cost: linear in the patches of the image and the numbers of the model. */
+/* Returns the distance of the box's word histogram to the nearest positive support vector, 0 ... 1:
+ * half of chi-squared; 1 when the box has no patch, or the model no positive support vector. Cost:
+ * linear in the patches of the image and the size of the model. */
 double cairn_appearance_distance(const cairn_appearance_field *field, const double box[4]);
 
-/* The probability of a histogram [word_count]. */
+/* Returns the probability of the class for a normalized histogram [word_count]. */
 double cairn_appearance_judge(const cairn_appearance_model *model, const float *histogram);
 
 /* ---- Training ---- */
 
 typedef struct cairn_appearance_params {
-    int32_t words;     /* 2 ... WORDS_MOST (100) */
-    int32_t negatives; /* 1 ... 100: windows without the class, for each box (10) */
-    double cost;       /* > 0 ... 1e6, of a window on the wrong side (10) */
-    uint64_t seed;     /* of the dictionary and of the windows (1) */
+    int32_t words;     /* words of the dictionary, 2 ... CAIRN_APPEARANCE_MAX_WORDS (100) */
+    int32_t negatives; /* 1 ... 100: negative windows per box (10) */
+    /* > 0 ... 1e6: C of the support vector machine, cost of a misclassified window (10) */
+    double cost;
+    uint64_t seed; /* seed of k-means and of the window sampling (1) */
 } cairn_appearance_params;
 
 typedef struct cairn_appearance_trainer cairn_appearance_trainer;
 
-/* The values in brackets above. */
+/* Returns the values in brackets above. */
 cairn_appearance_params cairn_appearance_default(void);
 
-/* NULL: there is no memory. */
+/* Creates an empty trainer; NULL: out of memory. */
 cairn_appearance_trainer *cairn_appearance_trainer_new(void);
 void cairn_appearance_trainer_free(cairn_appearance_trainer *trainer);
 
-/* Adds an image and the boxes [count][4] about all objects of the class in it (none: it shows
- * what the class is not). CAIRN_FULL: beyond IMAGES_MOST; CAIRN_BAD_ARGUMENT: a box that is
- * none, or lies outside; statuses of cairn_appearance_field_make. */
+/* Adds an image and the boxes [count][4] about all objects of the class in it; without boxes it is
+ * a negative image. CAIRN_FULL: more than CAIRN_APPEARANCE_MAX_IMAGES. CAIRN_BAD_ARGUMENT: an
+ * invalid box, or one outside the image. Other statuses as cairn_appearance_field_make. */
 CAIRN_CHECKED cairn_status cairn_appearance_trainer_add(cairn_appearance_trainer *trainer,
                                                         const uint8_t *grey, int32_t width,
                                                         int32_t height, const double *boxes,
                                                         int32_t count, const char *path,
                                                         cairn_file_error *error);
 
-/* Makes the dictionary of what is in the boxes, and the machine of the boxes and of windows of the
- * same sizes that share less than a fifth with any box (over their union). CAIRN_BAD_ARGUMENT:
- * params; CAIRN_EMPTY: no box, too few patches in them, or no window beside them;
- * CAIRN_UNSUPPORTED: no libcairn-appearance; CAIRN_FULL: more than SUPPORT_MOST windows;
- * CAIRN_NO_MEMORY. On failure there is nothing to free. The same images in the same order give the
- * same model on one machine; OpenCV's SIFT is not held to the same bits on others.
+/* Trains a model. The dictionary is clustered from the patches in the boxes. The support vector
+ * machine is trained on the boxes against negative windows of the same sizes whose intersection
+ * over union with every box is below a fifth. CAIRN_BAD_ARGUMENT: params. CAIRN_EMPTY: no box, too
+ * few patches in the boxes, or no negative window. CAIRN_UNSUPPORTED: no libcairn-appearance.
+ * CAIRN_FULL: more windows than CAIRN_APPEARANCE_MAX_SUPPORT_VECTORS. CAIRN_NO_MEMORY. On failure
+ * there is nothing to free. Deterministic on one machine for the same images in the same order;
+ * OpenCV's SIFT may differ in bits on others.
  *
- * Cost: the dictionary words times at most 8000 patches, at most 25 times; then words times all
- * patches of all images; then machines of the windows, six of them in all, each between their
- * square and their cube times words. Memory: windows times words, twice, and all images'
- * patches, which the trainer keeps (about 128 bytes for every 29 pixels). */
+ * Cost: k-means takes words times at most 8000 patches, at most 25 times; quantization takes words
+ * times all patches of all images; six support vector machines are trained, each between quadratic
+ * and cubic in the windows, times words. Memory: windows times words, twice, and all images'
+ * patches, which the trainer keeps (about 128 bytes per 29 pixels). */
 CAIRN_CHECKED cairn_status cairn_appearance_train(cairn_appearance_model *model,
                                                   const cairn_appearance_trainer *trainer,
                                                   const cairn_appearance_params *params,

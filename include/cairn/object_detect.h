@@ -1,24 +1,33 @@
-/* object_detect: objects of a class in a picture's edges, from one model of its outline.
+/* object_detect: detection of objects of a class in the edges of an image, from one model of the
+ * outline.
  *
- * Every place and size is looked at: what each edge is worth for the outline there, against what
- * edges near it come to by chance. The best places are looked at again with the outline bent onto
- * the edges (contour_search), and verified by contour grouping. Or, as in the thesis, places come
- * from parts: fragments of the outline along chains of edges that agree. Image coordinates, pixels.
+ * Method EVIDENCE is a sliding-window search over all positions and sizes: each window's score is
+ * the log-likelihood ratio of the edges along the outline against background clutter. The best
+ * candidates are refined by deforming the outline to the edges (contour_search), and verified by
+ * contour grouping. Method PARTS generates candidates as the thesis does: fragments of the outline
+ * are matched to edge chains and vote for the object's position (generalized Hough transform).
+ * Image coordinates, pixels.
  *
- * As written (CAIRN_MODE_AS_WRITTEN): all configurations of the K nearest of all votes, those of
- * little similarity left out, ranked by the shape context distance of their edge fragments to
- * the whole outline, with appearance by eq. 5.1; boxes are those about the fragments; nothing is
- * bent, grouped or verified. Choices, where the text is silent: those of part_bundle,
- * fragment_match and part_configuration; sums of similarity below 0.5 are left out, and all but
- * the 65,536 greatest of the model and of its mirror image, more than K = 20 near votes of 4
- * bundles make; a match votes whatever its similarity; configurations of the same edge fragments
- * are one hypothesis, that of the greatest sum; the shape of a hypothesis is that of its whole
- * edge fragments, 64 even points against 64 of the outline, not warped first; the distance is
- * the sum of the mean costs of the best matches in both directions (Belongie et al. 2002); of
- * boxes that share more than `overlap` of their union the best one stays. d_app of eq. 5.1 is
- * the distance to the nearest of the words that were learnt, as the experiments have it (section
- * 5.4.2); by what the machine says (section 5.3.2) with `appearance_nearest` 0: 1 less its
- * probability. */
+ * As written (CAIRN_MODE_AS_WRITTEN): the hypotheses are all configurations of the K nearest of all
+ * votes, pruned by their summed similarity. They are ranked by the shape context distance of their
+ * edge fragments to the whole outline, with appearance by eq. 5.1. Boxes are the bounding boxes of
+ * the fragments. No outline is deformed, grouped or verified. Choices where the text leaves details
+ * open:
+ * - those of part_bundle, fragment_match and part_configuration;
+ * - configurations with a sum of similarity below 0.5 are pruned; of the rest the 65,536 greatest
+ *   are kept, for the model and again for its mirror image. That exceeds the number that K = 20
+ *   near votes of 4 bundles give;
+ * - a match votes whatever its similarity;
+ * - configurations of the same edge fragments are one hypothesis, that of the greatest sum;
+ * - the shape of a hypothesis is its whole edge fragments, 64 even points against 64 of the
+ *   outline, without warping first;
+ * - the distance is the sum of the mean costs of the best matches in both directions (Belongie et
+ *   al. 2002);
+ * - non-maximum suppression keeps the best of the boxes whose intersection over union exceeds
+ *   `overlap`;
+ * - d_app of eq. 5.1 is the distance to the nearest word histogram of the training set, as in the
+ *   experiments (section 5.4.2); with `appearance_nearest` 0 it is 1 - the probability of the
+ *   support vector machine (section 5.3.2). */
 #ifndef CAIRN_OBJECT_DETECT_H
 #define CAIRN_OBJECT_DETECT_H
 
@@ -32,173 +41,177 @@ extern "C" {
 
 typedef int32_t cairn_detect_method;
 enum {
-    /* every place and size, by what edges are worth there */
+    /* sliding window over all positions and sizes, scored by log-likelihood ratio */
     CAIRN_DETECT_EVIDENCE = 0,
-    /* configurations of parts, by shape contexts (Adluru 2008, chapter 5) */
+    /* configurations of parts, ranked by shape contexts (Adluru 2008, chapter 5) */
     CAIRN_DETECT_PARTS = 1
 };
 
 typedef int32_t cairn_detect_bundles;
 enum {
-    CAIRN_DETECT_BUNDLES = 0,        /* of each bundle one fragment or none */
-    CAIRN_DETECT_BUNDLES_OF_ONE = 1, /* of each bundle only the longest fragment is looked for */
+    CAIRN_DETECT_BUNDLES = 0,        /* at most one fragment per bundle */
+    CAIRN_DETECT_BUNDLES_OF_ONE = 1, /* only the longest fragment of each bundle is matched */
     CAIRN_DETECT_NO_BUNDLES = 2      /* each fragment is a bundle of its own */
 };
 
-/* What a search does, one after the other; of PARTS the first two for the model and again for
- * its mirror image. */
+/* Stages of a search, in order; method PARTS runs the first two for the model and again for its
+ * mirror image. */
 typedef int32_t cairn_detect_stage;
 enum {
-    CAIRN_DETECT_VOTES = 0,  /* places are looked for, fragments matched */
-    CAIRN_DETECT_SCORES = 1, /* outlines bent onto the edges; of PARTS shapes compared */
-    CAIRN_DETECT_BOXES = 2   /* the best stays of those that overlap; of PARTS outlines bent, too */
+    CAIRN_DETECT_VOTES = 0,  /* candidates are generated, fragments matched */
+    CAIRN_DETECT_SCORES = 1, /* outlines deformed to the edges; PARTS: shapes compared */
+    CAIRN_DETECT_BOXES = 2   /* non-maximum suppression; PARTS: outlines deformed, too */
 };
 
 typedef struct cairn_object_detect_params {
-    /* px, of the diagonal of the object's box: 8 <= min <= max <= 2 CAIRN_CONTOUR_SIDE_MOST, min
-     * at least a fiftieth of the picture's longer side. */
+    /* px, range of the diagonal of the object's box: 8 <= min <= max <= 2 CAIRN_CONTOUR_MAX_SIDE,
+     * min at least a fiftieth of the image's longer side. */
     cairn_real min_size, max_size;
-    /* 1: the mirrored model is looked for, too (1) */
+    /* 1: the mirrored model is searched, too (1) */
     int32_t mirror;
-    /* 1 ... 64: places that are looked at again (30) */
+    /* 1 ... 64: candidates that are refined (30) */
     int32_t candidates;
-    /* 0 ... 1: of two detections whose boxes share more, over their union, the better one stays
-     * (0.2); so it does when most of the smaller box lies in the other */
+    /* 0 ... 1: non-maximum suppression threshold. Of two detections whose intersection over union
+     * is greater the better one stays (0.2); so it does when most of the smaller box lies in the
+     * other */
     cairn_real overlap;
-    /* detections of a worse one, before appearance counts, are not reported (0) */
+    /* least score of a reported detection, before appearance counts (0) */
     cairn_real min_score;
     /* (EVIDENCE) */
     cairn_detect_method method;
-    /* Of PARTS: */
+    /* Of method PARTS: */
     /* (BUNDLES) */
     cairn_detect_bundles bundles;
-    /* [cut_count] fragments by hand of the first outline; NULL: by rule (NULL) */
+    /* [cut_count] manually chosen fragments of the first outline; NULL: chosen by rule (NULL) */
     const cairn_part_cut *cuts;
     int32_t cut_count;
     /* 1 ... 64: chains that vote for each fragment (2, as in the thesis) */
     int32_t matches;
-    /* 1 ... 64: votes that configurations are made of, near each vote (20) */
+    /* 1 ... 64: nearest votes that the configurations around a vote are formed from (20) */
     int32_t nearest;
-    /* 1: near the modes of the votes only (0) */
+    /* 1: only around the modes of the votes, found by mean shift (0) */
     int32_t modes;
-    /* of the same image: what is in a box counts; NULL: it does not (NULL) */
+    /* appearance of the same image, for the score of a box; NULL: not used (NULL) */
     const cairn_appearance_field *appearance;
-    /* 0 ... 1000: what a score loses for the unlikely, lambda of the thesis (8) */
+    /* 0 ... 1000: weight of the appearance distance, lambda of the thesis (8) */
     cairn_real appearance_weight;
-    /* told when a stage begins; NULL: nobody (NULL) */
+    /* called when a stage begins; NULL: no callback (NULL) */
     void (*on_stage)(void *context, cairn_detect_stage stage);
     void *on_stage_context;
-    /* Of EVIDENCE, 1: objects may be hidden in part, and have the model's own shape. Only what
-     * agrees on one similarity map of the drawn outline counts (agreed), whatever became of the
-     * rest, with the evidence of what is grouped there, and what is grouped makes up to
-     * `candidates` candidates more; outlines are laid by that map, not bent. Among many edges it
-     * finds more that is false (0). */
+    /* Of method EVIDENCE, 1: objects may be partly occluded and have the model's own shape. Only
+     * edges that agree on one similarity map of the original outline count (rigid_proximity). The
+     * evidence of a contour grouped there is added. Grouped contours add up to `candidates` more
+     * candidates. Outlines are fitted by that map and not deformed. In clutter it raises the number
+     * of false positives (0). */
     int32_t occluded;
-    /* Of EVIDENCE, 0 ... 100: what a score gains for each unit of evidence of a contour grouped
-     * at its place (grouped; contour_grouping). Of a search it takes more than half the time. 0:
-     * nothing is grouped, but with `occluded`, which counts it by a weight of its own (0.08). */
+    /* Of method EVIDENCE, 0 ... 100: weight in the score of the evidence of a contour grouped at
+     * the detection (grouped_evidence; contour_grouping). Grouping takes more than half the time of
+     * a search. 0: no grouping, except with `occluded`, which has its own weight for it (0.08). */
     cairn_real verify;
-    int32_t mode; /* CAIRN_MODE_DEFAULT, or CAIRN_MODE_AS_WRITTEN, of PARTS only (DEFAULT) */
-    /* 0: appearance is the probability of the machine (Adluru 2008, section 5.3.2); 1, as
-     * written only: 1 less the distance to the nearest words that were learnt (section 5.4.2)
-     * (0; as written 1). */
+    int32_t mode; /* CAIRN_MODE_DEFAULT, or CAIRN_MODE_AS_WRITTEN, method PARTS only (DEFAULT) */
+    /* 0: appearance is the probability of the support vector machine (Adluru 2008, section 5.3.2);
+     * 1, as written only: 1 - the distance to the nearest training histogram (section 5.4.2) (0; as
+     * written 1). */
     int32_t appearance_nearest;
 } cairn_object_detect_params;
 
-/* The values in brackets above; sizes from a tenth of the picture's diagonal, at least 24 px, to
- * the whole. */
+/* Returns the values in brackets above; sizes from a tenth of the image's diagonal, at least 24 px,
+ * to the whole. */
 cairn_object_detect_params cairn_object_detect_default(int32_t width, int32_t height);
 
-/* CAIRN_MODE_AS_WRITTEN by PARTS with the thesis's constants: 2 matches a fragment, K = 20,
- * lambda = 8; nothing is verified. */
+/* Returns the params of CAIRN_MODE_AS_WRITTEN, method PARTS, with the thesis's constants: 2 matches
+ * per fragment, K = 20, lambda = 8; no verification. */
 cairn_object_detect_params cairn_object_detect_as_written(int32_t width, int32_t height);
 
-/* What was found. rigid and bent: the mean over the outline's samples of the logarithm of how
- * much likelier the edges there are with the object than by chance, where the model was laid
- * first, and where its bent outline lies, less what bending costs. */
+/* One detection. rigid_evidence and deformed_evidence: mean log-likelihood ratio (nats) of the
+ * edges over the outline's samples, object against background, at the initial rigid pose and after
+ * deformation, less the deformation cost. */
 typedef struct cairn_detection {
-    cairn_real left, top, right, bottom; /* px, the box about the bent outline */
-    /* Of rigid, bent, close, turned, strained, the box's proportions, the size to the picture's
-     * diagonal, and grouped; with `occluded` of agreed, grouped and that size. */
+    cairn_real left, top, right, bottom; /* px, bounding box of the deformed outline */
+    /* Linear score of rigid_evidence, deformed_evidence, edge_proximity, tangent_deviation,
+     * deformation, the box's aspect ratio, the size over the image's diagonal, and
+     * grouped_evidence. With `occluded`: of rigid_proximity, grouped_evidence and that size. */
     cairn_real score;
     cairn_real rigid, bent;
-    /* length of the segments to that of the outline */
+    /* total length of the segments over that of the outline */
     cairn_real along;
-    /* 0 ... 1, mean over the bent outline of how near an edge of its direction is */
+    /* 0 ... 1, mean edge proximity over the deformed outline, counting edges of its direction */
     cairn_real close;
-    /* 0 ... 2, mean of 1 - cos of the angles between the bent outline and the drawn one */
+    /* 0 ... 2, mean of 1 - cos of the angle between the deformed and the original outline */
     cairn_real turned;
-    /* 0 ... 1, rms of what an affine map of the drawn outline leaves of the bent one, in sizes */
+    /* 0 ... 1, rms residual of the best affine map from the original to the deformed outline, in
+     * object sizes */
     cairn_real strained;
-    /* 0 ... 1, as close, of what lies where one similarity map of the drawn outline lays it,
-     * too: seen and not bent */
+    /* 0 ... 1, edge proximity of the edges that also agree with one similarity map of the original
+     * outline: observed without deformation */
     cairn_real agreed;
-    /* The most evidence of what contour grouping finds, in all sizes and turned by up to 15
-     * degrees either way, with a box that shares half of their union with this one; 0: nothing,
-     * or nobody asked. */
+    /* nats, greatest evidence of a contour found by grouping that coincides with this box
+     * (intersection over union of at least a half). All sizes and rotations of up to 15 degrees
+     * either way are searched. 0: none, or no grouping. */
     cairn_real grouped;
-    /* px, where the model's origin lies */
+    /* px, position of the model's origin */
     cairn_vec2 origin;
-    /* px, of the diagonal of the model's box */
+    /* px, diagonal of the model's box */
     cairn_real size;
-    /* 1: it is the mirrored model */
+    /* 1: an instance of the mirrored model */
     int32_t mirrored;
-    /* segments[first_segment ... + segment_count - 1]: those along the outline */
+    /* segments along the outline: segments[first_segment ... + segment_count - 1] */
     int32_t first_segment;
     int32_t segment_count;
     /* outline[first_outline ... + outline_count - 1] */
     int32_t first_outline;
-    /* the model's */
+    /* number of samples of the model's outline */
     int32_t outline_count;
-    /* Of PARTS, else 0; there, as of candidates by grouping, rigid is 0, and score = 1 -
-     * distance. With appearance a score is less by appearance_weight (1 - appearance). */
-    /* of the parts from the outline by their shape contexts, with what is missing */
+    /* Of method PARTS, else 0. There, and for candidates by grouping, rigid_evidence is 0 and score
+     * = 1 - shape_distance. Appearance reduces a score by appearance_weight (1 - appearance). */
+    /* shape context distance of the parts to the outline, with a penalty for missing parts */
     cairn_real distance;
     /* score of the configuration (part_configuration) */
     cairn_real agreement;
     /* parts[first_part ... first_part + part_count - 1] */
     int32_t first_part, part_count;
-    /* how likely what is in the box shows the class, or how near it is to what was learnt, 0 ...
-     * 1; 0 without appearance */
+    /* 0 ... 1: probability that the box shows the class, or its similarity to the training set; 0
+     * without appearance */
     cairn_real appearance;
 } cairn_detection;
 
-/* A fragment of the model's outline (part_bundle, by rule) where it was found. */
+/* A fragment of the model's outline (part_bundle, by rule) matched in the image. */
 typedef struct cairn_detected_part {
-    int32_t bundle, fragment, chain; /* chain: of the tokens */
-    int32_t reversed;                /* 1: the chain runs against the outline */
+    int32_t bundle, fragment, chain; /* chain: index in the tokens */
+    int32_t reversed;                /* 1: the chain runs opposite to the outline */
     cairn_real similarity;           /* 0 ... 1 */
-    cairn_real from, to;             /* px along the chain */
+    cairn_real from, to;             /* px, matched interval along the chain */
 } cairn_detected_part;
 
-/* segments and outline keep what belonged to detections that were dropped, too. */
+/* The detections in an image. segments and outline also contain entries of suppressed
+ * detections. */
 typedef struct cairn_detections {
-    cairn_detection *found;       /* [count] the best first */
+    cairn_detection *found;       /* [count] by descending score */
     int32_t *segments;            /* [segment_count] indices of the tokens' lines */
     cairn_contour_place *outline; /* [outline_count] */
     cairn_detected_part *parts;   /* [part_count] */
     int32_t count, segment_count, outline_count, part_count;
-    int32_t bundles;        /* of the model; 0: not looked for by parts */
-    int32_t has_appearance; /* 1: it counted */
+    int32_t bundles;        /* bundles of the model; 0: not detected by parts */
+    int32_t has_appearance; /* 1: the scores include appearance */
 } cairn_detections;
 
-/* What all models are looked for in: made once of a picture. */
+/* The edge field of an image, in which all models are searched: computed once per image. */
 typedef struct cairn_detect_field cairn_detect_field;
 
-/* Makes the field of all sizes within params. `tokens` must stay. CAIRN_BAD_ARGUMENT: params;
- * CAIRN_NO_MEMORY. On failure there is nothing to free, and *field is NULL. `path` is named by
- * the error. */
+/* Creates the field for all sizes within params. `tokens` must stay valid. CAIRN_BAD_ARGUMENT:
+ * params; CAIRN_NO_MEMORY. On failure there is nothing to free, and *field is NULL. The error
+ * message names `path`. */
 CAIRN_CHECKED cairn_status cairn_detect_field_make(cairn_detect_field **field,
                                                    const cairn_contour_tokens *tokens,
                                                    const cairn_object_detect_params *params,
                                                    const char *path, cairn_file_error *error);
 void cairn_detect_field_free(cairn_detect_field *field);
 
-/* Looks for a model. CAIRN_BAD_ARGUMENT, CAIRN_NOT_FINITE: a model that cairn_shape_model_check
- * refuses; CAIRN_BAD_ARGUMENT: one with fewer than 3 places of an outline, without a width or a
- * height, or one that lies 0.54 of its size or farther from its middle; by parts also what
- * cairn_part_bundle_begin() refuses (CAIRN_EMPTY, CAIRN_FULL, CAIRN_BAD_ARGUMENT: cuts);
- * CAIRN_NO_MEMORY. On failure there is nothing to free. */
+/* Detects the instances of a model. CAIRN_BAD_ARGUMENT, CAIRN_NOT_FINITE: a model that
+ * cairn_shape_model_check refuses. CAIRN_BAD_ARGUMENT: a model with fewer than 3 outline samples,
+ * without width or height, or with a sample 0.54 of its size or farther from its origin along an
+ * axis. Method PARTS: also the statuses of cairn_part_bundle_begin() (CAIRN_EMPTY, CAIRN_FULL,
+ * CAIRN_BAD_ARGUMENT: cuts). CAIRN_NO_MEMORY. On failure there is nothing to free. */
 CAIRN_CHECKED cairn_status cairn_object_detect(cairn_detections *detections,
                                                const cairn_detect_field *field,
                                                const cairn_shape_model *model, const char *path,

@@ -1,18 +1,19 @@
-/* part_configuration: parts of an object that agree where it is and how large.
+/* part_configuration: sets of matched parts whose votes agree on an object's centre and scale
+ * (generalized Hough voting).
  *
- * Every match of a fragment votes for the object's centre and scale. Of the votes nearest to each
- * one configurations are made, of each bundle one part or none (Adluru 2008, section 5.2.2). By
- * default the best one near each vote, by gain less scatter, is a hypothesis. As written
- * (CAIRN_MODE_AS_WRITTEN) all configurations of the K nearest of every vote are, those whose
- * similarities sum to less than `min_sum` left out (section 5.3.1): (K / bundles + 1)^bundles for
- * each vote, gone through exhaustively, each one once.
+ * Every match of a fragment votes for the object's centre and scale. Configurations are formed from
+ * the nearest votes around each vote, with at most one part per bundle (Adluru 2008, section
+ * 5.2.2). By default the best configuration around each vote, by weight less scatter, is a
+ * hypothesis. It is found by branch and bound. As written (CAIRN_MODE_AS_WRITTEN) every
+ * configuration of the K nearest votes is a hypothesis unless its summed similarity is below
+ * `min_sum` (section 5.3.1): up to (K / bundles + 1)^bundles per vote, enumerated exhaustively,
+ * each reported once.
  *
- * Choices of the mode as written, where the text is silent: votes are near by their centres
- * alone, the vote itself is one of the K, equally near ones by their index; the mapping of
- * bundles to edge fragments is one to one, so that no chain is used twice; the empty
- * configuration is none; the threshold (min_sum). Sums are bounded from above while
- * configurations are gone through, so that what cannot reach the threshold is left out at once:
- * nothing is lost by that. */
+ * Choices of the mode as written, where the text leaves details open: nearness is measured by the
+ * centres alone; the vote itself is one of the K; ties go by index; the mapping of bundles to edge
+ * fragments is one to one, so no chain is used twice; the empty configuration does not count; the
+ * threshold (min_sum). An upper bound of the sum prunes branches that cannot reach the threshold;
+ * the pruning is exact. */
 #ifndef CAIRN_PART_CONFIGURATION_H
 #define CAIRN_PART_CONFIGURATION_H
 
@@ -24,34 +25,36 @@ extern "C" {
 #endif
 
 typedef struct cairn_part_vote {
-    int32_t bundle;      /* >= 0: of those of the same bundle at most one is used */
-    int32_t chain;       /* and no piece of a chain twice */
-    cairn_vec2 centre;   /* px, of the object */
-    cairn_real scale;    /* px for a unit of the model, > 0 */
-    cairn_real gain;     /* > 0: what the part is worth alone; as written its similarity */
-    cairn_real from, to; /* px along the chain, from <= to */
-    cairn_real round;    /* px, of a closed chain: its length; 0: it is open */
+    int32_t bundle;      /* >= 0: bundle index; a configuration uses at most one vote per bundle */
+    int32_t chain;       /* chain index; a configuration uses no interval of a chain twice */
+    cairn_vec2 centre;   /* px, centre of the object */
+    cairn_real scale;    /* px per unit of the model, > 0 */
+    cairn_real gain;     /* > 0: weight of the part alone; as written its similarity */
+    cairn_real from, to; /* px, interval along the chain, from <= to */
+    cairn_real round;    /* px, length of a closed chain; 0: an open chain */
 } cairn_part_vote;
 
 typedef int32_t cairn_part_seek;
 enum {
     /* configurations of the votes nearest to each vote */
     CAIRN_PART_SEEK_NEAREST = 0,
-    /* nearest to each mode of the votes only, to which every vote climbs by mean shift */
+    /* configurations of the votes nearest to each mode of the votes, found by mean shift from every
+     * vote */
     CAIRN_PART_SEEK_MODES = 1
 };
 
 typedef struct cairn_part_configuration_params {
-    /* 1 ... 2^20 (512) */
+    /* capacity for votes, 1 ... 2^20 (512) */
     int32_t max_votes;
-    /* K: votes that configurations are made of, itself among them, 1 ... 64 (20) */
+    /* K: number of nearest votes that configurations are formed from, the vote itself included, 1
+     * ... 64 (20) */
     int32_t nearest;
-    /* of a configuration, 1 ... 64 (2) */
+    /* least number of parts of a configuration, 1 ... 64 (2) */
     int32_t min_parts;
-    /* configurations that are kept, 1 ... 2^16 (64) */
+    /* capacity for configurations, 1 ... 2^16 (64) */
     int32_t max_found;
-    /* 1 ... 2^30: steps of the search through the configurations of one vote: a part taken,
-     * refused or given back (1,000,000) */
+    /* 1 ... 2^30: limit of search-tree nodes per vote: a part added, skipped or removed
+     * (1,000,000) */
     int32_t max_nodes;
     /* (NEAREST) */
     cairn_part_seek seek;
@@ -59,81 +62,81 @@ typedef struct cairn_part_configuration_params {
     cairn_real centre;
     /* tolerance of the logarithm of the scale, 0.01 ... 1 (0.15) */
     cairn_real ratio;
-    /* tolerances within which a vote is near, 0.5 ... 4 (3) */
+    /* radius of the neighbourhood of a vote, in tolerances, 0.5 ... 4 (3) */
     cairn_real reach;
-    /* 0 ... 1: two parts use a piece of a chain twice when more of the shorter one is in both
+    /* 0 ... 1: two parts conflict when a greater share of the shorter one's interval lies in both
      * (0.2) */
     cairn_real overlap;
-    /* CAIRN_MODE_DEFAULT or CAIRN_MODE_AS_WRITTEN, which has neither seek, reach, ratio nor
-     * overlap, and max_votes up to 8192 (DEFAULT). */
+    /* CAIRN_MODE_DEFAULT or CAIRN_MODE_AS_WRITTEN, which ignores the search kind, search_radius,
+     * scale_tolerance and overlap, and allows max_votes up to 8192 (DEFAULT) */
     int32_t mode;
-    /* >= 0, as written: of the similarities of a configuration; below it is left out (0) */
+    /* >= 0, as written: least summed similarity of a configuration (0) */
     cairn_real min_sum;
 } cairn_part_configuration_params;
 
-/* As written score is gain. By default score: the sum of gain (1 - d^2 / 2) over its parts, d:
- * how far a vote is from the mean of all, by gain, in tolerances. */
+/* A configuration. Default mode: score is the sum over its parts of weight (1 - d^2 / 2), with d
+ * the distance of a vote from the weighted mean, in tolerances. As written: score is weight_sum. */
 typedef struct cairn_part_configuration {
-    cairn_real score, gain; /* gain: the sum alone */
-    cairn_vec2 centre;      /* px, the mean */
+    cairn_real score, gain; /* weight_sum: sum of the weights */
+    cairn_vec2 centre;      /* px, weighted mean */
     cairn_real scale;
-    int32_t seed;         /* the vote near which it lies */
-    int32_t first, count; /* votes[first ... first + count - 1], indices in ascending order */
+    int32_t seed;         /* index of the vote whose neighbourhood it was found in */
+    int32_t first, count; /* votes[first ... first + count - 1], vote indices in ascending order */
 } cairn_part_configuration;
 
 typedef struct cairn_part_configuration_result {
-    /* [count] the best first, no two of the same votes; valid until the next begin(). As written
-     * of equal ones that of the earlier seed. */
+    /* [count] by descending score, without duplicates; valid until the next begin(). As written
+     * ties go to the earlier seed. */
     const cairn_part_configuration *found;
     const int32_t *votes;
     int32_t count;
-    /* votes or modes that were looked around */
+    /* votes or modes whose neighbourhoods were searched */
     int32_t seeds;
-    /* of these: more than max_nodes; there the best may be missing */
+    /* seeds whose search was truncated at max_nodes; the best configuration may be missing there */
     int32_t cut;
-    /* steps of the searches, */
+    /* search-tree nodes of all seeds */
     int64_t nodes;
-    /* and pairs of votes whose distance was measured */
+    /* pairs of votes whose distance was computed */
     int64_t pairs;
-    /* as written: configurations of min_sum or more, of which the best max_found are kept; else
-     * 0 */
+    /* as written: enumerated configurations of at least min_sum, of which the best max_found are
+     * kept; else 0 */
     int64_t made;
 } cairn_part_configuration_result;
 
 typedef struct cairn_part_configurator cairn_part_configurator;
 
-/* The values in brackets above. */
+/* Returns the values in brackets above. */
 cairn_part_configuration_params cairn_part_configuration_default(void);
 
-/* CAIRN_MODE_AS_WRITTEN: K = 20, one part and more, no limit of nodes that matters (2^30), 4096
- * configurations, min_sum 0. */
+/* Returns the params of CAIRN_MODE_AS_WRITTEN: K = 20, at least one part, an effectively unlimited
+ * number of nodes (2^30), 4096 configurations, min_sum 0. */
 cairn_part_configuration_params cairn_part_configuration_as_written(void);
 
-/* 0 for params that create() would refuse. */
+/* Returns the bytes that create() takes from the pool; 0 for params that create() would refuse. */
 size_t cairn_part_configuration_memory(const cairn_part_configuration_params *params);
 
-/* CAIRN_BAD_ARGUMENT, CAIRN_NO_MEMORY. */
+/* Creates a configurator in the pool. CAIRN_BAD_ARGUMENT, CAIRN_NO_MEMORY. */
 CAIRN_CHECKED cairn_status
 cairn_part_configuration_create(cairn_part_configurator **configurator, cairn_pool *pool,
                                 const cairn_part_configuration_params *params);
 
-/* Starts on votes, which must stay until step() returns CAIRN_OK. What ran before is dropped.
- * CAIRN_BAD_ARGUMENT: NULL (but for no votes), a negative count, a vote that is not as said
- * above (*fault: which). CAIRN_FULL: more than max_votes. CAIRN_NOT_FINITE: a place or length
- * beyond 1e6, a scale outside 1e-6 ... 1e6, a gain above 1e6. Cost: linear. */
+/* Starts on a set of votes, which must stay valid until step() returns CAIRN_OK, and discards the
+ * previous run. CAIRN_BAD_ARGUMENT: NULL (except for no votes), a negative count, an invalid vote
+ * (*fault: its index). CAIRN_FULL: more than max_votes. CAIRN_NOT_FINITE: a position or length
+ * beyond 1e6, a scale outside 1e-6 ... 1e6, a weight above 1e6. Cost: linear. */
 CAIRN_CHECKED cairn_status cairn_part_configuration_begin(cairn_part_configurator *configurator,
                                                           const cairn_part_vote *votes,
                                                           int32_t count, cairn_fault *fault);
 
-/* Goes on. CAIRN_MORE: the budget is used up. CAIRN_OK: the configurations stand, or nothing was
- * begun. For each vote: one for each cell of the index that is within reach and each vote that
- * shares its bucket, one for each node, one for four of those found; so quadratic in votes that
- * all lie at one place. As written one for each vote, twelve and one for 512 votes for each
- * node, twelve for each that is kept. */
+/* Resumes the search. CAIRN_MORE: the budget is exhausted. CAIRN_OK: the configurations are
+ * complete, or nothing was begun. Cost per vote: one unit per cell of the index within the search
+ * radius and per vote in the same bucket, one per node, one per four configurations found;
+ * quadratic in votes that all share one position. As written: one unit per vote, twelve plus one
+ * per 512 votes for each node, twelve per kept configuration. */
 CAIRN_CHECKED cairn_status cairn_part_configuration_step(cairn_part_configurator *configurator,
                                                          cairn_budget *budget);
 
-/* All zero until step() returns CAIRN_OK. */
+/* Returns the result; all zero until step() returns CAIRN_OK. */
 cairn_part_configuration_result
 cairn_part_configuration_read(const cairn_part_configurator *configurator);
 

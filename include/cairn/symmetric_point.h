@@ -1,11 +1,11 @@
-/* symmetric_point: centres of the discs that touch two edges: the places where the axis of an
- * object may run.
+/* symmetric_point: symmetric points of pairs of edges: centres of discs that touch two edges,
+ * candidate points of an object's skeleton (symmetry axis, medial axis).
  *
- * Adluru 2008, section 2: of two edgels (points of an edge with its direction) the perpendicular
- * bisector of their chord is the mirror that carries one place to the other; each edge normal
- * meets it in a point, and the symmetric point (SP) lies between the two. How far the normals
- * deviate from the way to it says how symmetric the two edgels are. Image coordinates, pixels;
- * sides of edges are not told apart. */
+ * Adluru 2008, section 2. An edgel is a point of an edge with its direction. The perpendicular
+ * bisector of the chord between two edgels is the mirror axis that maps one position to the other.
+ * Each edge normal intersects the bisector, and the symmetric point (SP) lies between the two
+ * intersections. The deviation of the normals from the directions to the SP measures the asymmetry
+ * of the pair. Image coordinates, pixels; the two sides of an edge are not distinguished. */
 #ifndef CAIRN_SYMMETRIC_POINT_H
 #define CAIRN_SYMMETRIC_POINT_H
 
@@ -18,97 +18,101 @@ extern "C" {
 
 typedef struct cairn_symmetric_point {
     cairn_vec2 centre;
-    /* px, its distance to both edgels */
+    /* px, distance of the centre to both edgels */
     cairn_real radius;
-    /* rad, mean angle between the normals of the edgels and their way to the centre */
+    /* rad, mean angle between the edgels' normals and their directions to the centre */
     cairn_real deviation;
-    /* the two edgels, on the first and on the second segment */
+    /* px, contact points: positions of the two edgels, on the first and on the second segment */
     cairn_vec2 touch[2];
     /* indices of the segments, first < second; 0 and 1 from the functions for one pair */
     int32_t first, second;
 } cairn_symmetric_point;
 
 typedef struct cairn_symmetric_point_params {
-    /* 1 ... 2^26 (4096) */
+    /* capacity for segments, 1 ... 2^26 (4096) */
     int32_t max_segments;
-    /* 1 ... 2^28; of more than these the most symmetric are kept (8192) */
+    /* capacity for points, 1 ... 2^28; of more the most symmetric are kept (8192) */
     int32_t max_points;
-    /* 1 ... 16 edgels of each segment at most (5) */
+    /* 1 ... 16: greatest number of edgels sampled per segment (5) */
     int32_t samples;
-    /* of centres: CAIRN_MODE_DEFAULT: both normals deviate from the way to it alike;
-     * CAIRN_MODE_AS_WRITTEN: the middle between where they meet the bisector (CAIRN_MODE_DEFAULT) */
+    /* definition of the centre. CAIRN_MODE_DEFAULT: both normals deviate equally from the
+     * directions to the centre; CAIRN_MODE_AS_WRITTEN: the midpoint of their intersections with the
+     * bisector (CAIRN_MODE_DEFAULT) */
     int32_t mode;
-    /* px, > 0, between them (4) */
+    /* px, > 0: spacing of the sampled edgels (4) */
     cairn_real sample_step;
-    /* px, >= 0 (2) */
+    /* px, >= 0: least radius (2) */
     cairn_real min_radius;
-    /* px, >= min_radius, finite (100) */
+    /* px, >= min_radius, finite: greatest radius (100) */
     cairn_real max_radius;
-    /* rad, > 0, < pi/2: normals farther from the chord have no SP (60 degrees) */
+    /* rad, > 0, < pi/2: greatest angle between a normal and the chord (60 degrees) */
     cairn_real max_angle;
-    /* rad, >= 0 (45 degrees) */
+    /* rad, >= 0: greatest deviation (45 degrees) */
     cairn_real max_deviation;
 } cairn_symmetric_point_params;
 
 typedef struct cairn_symmetric_point_set cairn_symmetric_point_set;
 
-/* The values in brackets above. */
+/* Returns the values in brackets above. */
 cairn_symmetric_point_params cairn_symmetric_point_default(void);
 
-/* The same, with centres as in Adluru 2008, figure 2.3. */
+/* Returns the defaults with centres as in Adluru 2008, figure 2.3. */
 cairn_symmetric_point_params cairn_symmetric_point_as_written(void);
 
-/* The SP of two edgels; the senses of their directions do not matter. 1: here it is. 0: there is
- * none: they are at one place, or a normal is more than max_angle (rad, below pi/2) from their
- * chord. Its centre is where the normals would meet the bisector if both deviated from the chord
- * by the mean of their angles, so that both deviate from the way to it alike. Constant time. */
+/* Computes the SP of two edgels; the signs of their directions do not matter. Returns 1, or 0
+ * without an SP: both edgels at one position, or a normal at more than max_angle (rad, below pi/2)
+ * to the chord. The centre is the point on the bisector where both normals deviate equally: both
+ * are rotated to the mean of their angles with the chord and intersected with the bisector.
+ * Constant time. */
 int32_t cairn_symmetric_point_of(cairn_oriented_point first, cairn_oriented_point second,
                                  cairn_real max_angle, cairn_symmetric_point *point);
 
-/* The SP of two segments: that of least deviation of all pairs of their samples; of equally good
- * ones that nearest to the middle of its chord, then the first. 0: there is none within the
- * params' radii and deviation, or a segment has no length. Cost: samples^2. */
+/* Computes the SP of two segments: the one of least deviation over all pairs of their samples.
+ * Ties: the nearest to the midpoint of its chord, then the first. Returns 0 when no SP lies within
+ * the params' radii and deviation, or a segment has zero length. Cost: samples^2. */
 int32_t cairn_symmetric_point_of_segments(const cairn_symmetric_point_params *params,
                                           cairn_segment first, cairn_segment second,
                                           cairn_symmetric_point *point);
 
-/* exp(-deviation^2 / (2 sigma^2)), Adluru 2008 (2.10); sigma in rad, > 0. */
+/* Returns the quality of an SP, exp(-deviation^2 / (2 sigma^2)), Adluru 2008 (2.10); sigma in rad,
+ * > 0. */
 cairn_real cairn_symmetric_point_quality(const cairn_symmetric_point *point, cairn_real sigma);
 
-/* 0 for params that create() would refuse. */
+/* Returns the bytes that create() takes from the pool; 0 for params that create() would refuse. */
 size_t cairn_symmetric_point_memory(const cairn_symmetric_point_params *params);
 
-/* CAIRN_BAD_ARGUMENT, CAIRN_NO_MEMORY. */
+/* Creates a point set in the pool. CAIRN_BAD_ARGUMENT, CAIRN_NO_MEMORY. */
 CAIRN_CHECKED cairn_status cairn_symmetric_point_create(cairn_symmetric_point_set **set,
                                                         cairn_pool *pool,
                                                         const cairn_symmetric_point_params *params);
 
-/* Other radii than those of the params, from the next begin() on. CAIRN_BAD_ARGUMENT: NULL, or
- * ones that create() would refuse. */
+/* Replaces the range of radii from the next begin() on. CAIRN_BAD_ARGUMENT: NULL, or radii that
+ * create() would refuse. */
 CAIRN_CHECKED cairn_status cairn_symmetric_point_set_radii(cairn_symmetric_point_set *set,
                                                            cairn_real min_radius,
                                                            cairn_real max_radius);
 
-/* Starts on segments[0 ... count-1], which must stay until step() returns CAIRN_OK; what was
- * found before is gone. CAIRN_BAD_ARGUMENT: count < 0, or NULL with count > 0. CAIRN_FULL: count
- * > max_segments. Constant time. */
+/* Starts on segments[0 ... count-1] and discards earlier results. The segments must stay valid
+ * until step() returns CAIRN_OK. CAIRN_BAD_ARGUMENT: count < 0, or NULL with count > 0. CAIRN_FULL:
+ * count > max_segments. Constant time. */
 CAIRN_CHECKED cairn_status cairn_symmetric_point_begin(cairn_symmetric_point_set *set,
                                                        const cairn_segment *segments,
                                                        int32_t count);
 
-/* Goes on over the pairs of segments that discs of max_radius can touch. CAIRN_MORE: the budget
- * is used up. CAIRN_OK: the points stand, or nothing was begun. CAIRN_NOT_FINITE: a segment is
- * not finite; given up, and there are none. Costs the sweep over the segments' boxes, three
- * units for each pair of samples, and four for each pair of segments and for each point. */
+/* Resumes the search over the pairs of segments that a disc of at most max_radius can touch (sweep
+ * and prune). CAIRN_MORE: the budget is exhausted. CAIRN_OK: the points are complete, or nothing
+ * was begun. CAIRN_NOT_FINITE: a segment is not finite; the search ends without points. Cost: the
+ * sweep over the segments' boxes, three units per pair of samples, and four per pair of segments
+ * and per point. */
 CAIRN_CHECKED cairn_status cairn_symmetric_point_step(cairn_symmetric_point_set *set,
                                                       cairn_budget *budget);
 
-/* The points, the most symmetric first (ties: by first, then by second); none until step()
+/* Returns the points by ascending deviation (ties: by first, then by second); NULL until step()
  * returns CAIRN_OK; valid until the next begin(). *count, when not NULL, is their number. */
 const cairn_symmetric_point *cairn_symmetric_point_list(const cairn_symmetric_point_set *set,
                                                         int32_t *count);
 
-/* Points that the last search found beyond max_points and dropped. */
+/* Returns the number of points that the last search dropped beyond max_points. */
 int32_t cairn_symmetric_point_dropped(const cairn_symmetric_point_set *set);
 
 #ifdef __cplusplus

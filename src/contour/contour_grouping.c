@@ -1,34 +1,55 @@
-/* Contour grouping by contour-skeleton duality.
+/* Contour grouping by contour-skeleton duality: pose hypotheses, particle filter and outline
+ * matching.
  *
- * Method: segments are cut into tokens. First sight (contour_grouping_sight.c) finds the places
- * where a walk may begin: at any sample of the model, so that an object with both ends hidden can
- * be found, and of any size within the range. The walk (contour_grouping_walk.c) is a particle
- * filter; its particles are hypotheses about one object or several. In the end
- * (contour_grouping_object.c) every particle's model is laid onto its segments, and the best that
- * share no place are the objects.
+ * Method:
+ * 1. Segments are cut into tokens, which are sorted into a grid.
+ * 2. Hypothesis generation (contour_grouping_sight.c): pairs of tokens that match the two sides of
+ *    any model sample give poses of any size within the range. An object with both ends occluded
+ *    can be found.
+ * 3. The hypotheses are refined against the outline (contour_grouping_object.c).
+ * 4. A particle filter (contour_grouping_walk.c) starts from them. Its particles track one object
+ *    or several.
+ * 5. The final pose of every particle is refined, and non-maximum suppression gives the objects
+ *    (contour_grouping_object.c).
  *
- * Layout: tokens in cells, the map of first sight, starts, the filter with the last two states of
- * each walk, the segments found.
+ * Memory layout: tokens in cells, the edge-orientation map, hypotheses, the filter with the last
+ * two states of each trajectory, the segments found.
  *
- * Limits: objects of one image that lie closer than a third of their size to each other are one. A
- * segment that is symmetric with itself is cut into tokens, and so is none that is shorter than a
- * token.
+ * Limits: objects of one image closer to each other than a third of their size are merged. A
+ * segment that is symmetric with itself is cut into tokens; a segment shorter than a token is not
+ * cut.
  *
- * Source: Adluru 2008, chapter 2; the similarity in place of the displacement from the start,
- * the search over sizes, and starts within the path are this project's. */
+ * Source: Adluru 2008, chapter 2. This project's additions: the similarity transform in place of
+ * the displacement from the start, the search over sizes, and starts within the path. */
 #include "src/core/build.h"
 
 #include <string.h>
 
 #include "src/contour/contour_grouping_written.h"
 
-enum { IDLE, CUT, SORT, LOOK, WEIGH, WALK, COLLECT, FINISH, DONE };
-/* And of the mode as written. */
-enum { POINTS = CUT, INDEX = SORT, SEED = LOOK, SEARCH = WEIGH, MODES = WALK };
-/* Ends of segments that are so near to each other are of one chain, px. */
-enum { CHAIN_GAP = 3 };
-/* Of a segment, and of all together before they are thinned out. */
-enum { MOST_PIECES = 1 << 24 };
+enum {
+    PHASE_IDLE,
+    PHASE_CUT,
+    PHASE_SORT,
+    PHASE_GENERATE,
+    PHASE_REFINE,
+    PHASE_FILTER,
+    PHASE_REFINE_PARTICLES,
+    PHASE_SELECT,
+    PHASE_DONE
+};
+/* Phases of the mode as written. */
+enum {
+    PHASE_WRITTEN_POINTS = PHASE_CUT,
+    PHASE_WRITTEN_INDEX = PHASE_SORT,
+    PHASE_WRITTEN_START = PHASE_GENERATE,
+    PHASE_WRITTEN_FILTER = PHASE_REFINE,
+    PHASE_WRITTEN_MODES = PHASE_FILTER
+};
+/* Consecutive segments with a smaller gap between their ends belong to one chain, px. */
+enum { MAX_CHAIN_GAP_PX = 3 };
+/* Limit of pieces per segment, and of all segments together before subsampling. */
+enum { MAX_PIECES = 1 << 24 };
 
 cairn_grouping_params cairn_grouping_default(void)
 {
@@ -59,131 +80,137 @@ cairn_grouping_params cairn_grouping_default(void)
     return params;
 }
 
-static int is_share(cairn_real x)
+static int is_probability(cairn_real x)
 {
     return x > 0 && x <= 1;
 }
 
-static int params_are_valid(const cairn_grouping_params *p)
+static int params_are_valid(const cairn_grouping_params *params)
 {
-    return p != NULL && p->max_width >= 1 && p->max_width <= 8192 && p->max_height >= 1 &&
-           p->max_height <= 8192 && p->max_tokens >= 1 && p->max_tokens <= 1 << 20 &&
-           p->max_samples >= 1 && p->max_samples <= 1024 && p->max_outline >= 1 &&
-           p->max_outline <= 4096 && p->particles >= 1 && p->particles <= 4096 &&
-           p->max_objects >= 1 && p->max_objects <= 64 && p->token > 0 &&
-           cairn_is_finite(p->token) && p->deform > 0 && cairn_is_finite(p->deform) &&
-           p->turn > 0 && cairn_is_finite(p->turn) && p->symmetry > 0 &&
-           cairn_is_finite(p->symmetry) && is_share(p->missing) && is_share(p->stop) &&
-           p->min_score >= 0 && p->min_score <= 1 && p->min_evidence >= 0 &&
-           cairn_is_finite(p->min_evidence) &&
-           (p->mode == CAIRN_MODE_DEFAULT || p->mode == CAIRN_MODE_AS_WRITTEN) &&
-           p->max_points >= 1 && p->max_points <= 1 << 22 && p->max_steps >= 2 &&
-           p->max_steps <= 1024 && p->path_sigma > 0 && cairn_is_finite(p->path_sigma) &&
-           p->radius_sigma > 0 && cairn_is_finite(p->radius_sigma);
+    return params != NULL && params->max_width >= 1 && params->max_width <= 8192 &&
+           params->max_height >= 1 && params->max_height <= 8192 && params->max_tokens >= 1 &&
+           params->max_tokens <= 1 << 20 && params->max_samples >= 1 &&
+           params->max_samples <= 1024 && params->max_outline >= 1 && params->max_outline <= 4096 &&
+           params->particles >= 1 && params->particles <= 4096 && params->max_objects >= 1 &&
+           params->max_objects <= 64 && params->token > 0 && cairn_is_finite(params->token) &&
+           params->deform > 0 && cairn_is_finite(params->deform) && params->turn > 0 &&
+           cairn_is_finite(params->turn) && params->symmetry > 0 &&
+           cairn_is_finite(params->symmetry) && is_probability(params->missing) &&
+           is_probability(params->stop) && params->min_score >= 0 && params->min_score <= 1 &&
+           params->min_evidence >= 0 && cairn_is_finite(params->min_evidence) &&
+           (params->mode == CAIRN_MODE_DEFAULT || params->mode == CAIRN_MODE_AS_WRITTEN) &&
+           params->max_points >= 1 && params->max_points <= 1 << 22 && params->max_steps >= 2 &&
+           params->max_steps <= 1024 && params->path_sigma > 0 &&
+           cairn_is_finite(params->path_sigma) && params->radius_sigma > 0 &&
+           cairn_is_finite(params->radius_sigma);
 }
 
-static cairn_particle_filter_params filter_params(const cairn_grouping_params *p)
+static cairn_particle_filter_params filter_params(const cairn_grouping_params *params)
 {
-    cairn_particle_filter_params f = cairn_particle_filter_default();
+    cairn_particle_filter_params settings = cairn_particle_filter_default();
 
-    f.particles = f.max_particles = p->particles;
-    f.max_followers = GROUPING_FOLLOWERS;
-    f.max_candidates = p->particles * GROUPING_CANDIDATES;
-    /* Where a walk has been is in the sums of its state. */
-    f.past = 1;
-    f.max_blocks = 3 * p->particles;
-    f.state_bytes = (int32_t)sizeof(grouping_state);
-    return f;
+    settings.particles = settings.max_particles = params->particles;
+    settings.max_followers = GROUPING_MAX_FOLLOWERS;
+    settings.max_candidates = params->particles * GROUPING_MAX_CANDIDATES;
+    /* The sums of the state summarize the trajectory. */
+    settings.past = 1;
+    settings.max_blocks = 3 * params->particles;
+    settings.state_bytes = (int32_t)sizeof(grouping_state);
+    return settings;
 }
 
-static int32_t cells(int32_t side, int32_t cell)
+static int32_t cell_count(int32_t side, int32_t cell)
 {
     return (side + cell - 1) / cell;
 }
 
-static cairn_particle_filter *carve_filter(cairn_pool *pool, const cairn_grouping_params *p,
-                                           cairn_grouping *g)
+static cairn_particle_filter *carve_filter(cairn_pool *pool, const cairn_grouping_params *params,
+                                           cairn_grouping *grouping)
 {
-    cairn_particle_filter_params f = filter_params(p);
-    cairn_particle_model model = cairn_grouping_model(g);
+    cairn_particle_filter_params settings = filter_params(params);
+    cairn_particle_model model = cairn_grouping_filter_model(grouping);
     cairn_particle_filter *filter = NULL;
     cairn_status status;
 
     if (pool->base == NULL) {
-        cairn_pool_count(pool, cairn_particle_filter_memory(&f));
+        cairn_pool_count(pool, cairn_particle_filter_memory(&settings));
         return NULL;
     }
-    status = cairn_particle_filter_create(&filter, pool, &f, &model);
+    status = cairn_particle_filter_create(&filter, pool, &settings, &model);
     CAIRN_ASSERT(status == CAIRN_OK);
     (void)status;
     return filter;
 }
 
-static cairn_grouping *carve_default(cairn_pool *pool, const cairn_grouping_params *p)
+static cairn_grouping *carve_default(cairn_pool *pool, const cairn_grouping_params *params)
 {
-    size_t lists =
-        (size_t)cells(p->max_width, GROUPING_CELL) * (size_t)cells(p->max_height, GROUPING_CELL);
-    size_t sights =
-        (size_t)cells(p->max_width, GROUPING_SIGHT) * (size_t)cells(p->max_height, GROUPING_SIGHT);
-    cairn_grouping *g = cairn_pool_take_one(pool, sizeof *g);
-    grouping_token *tokens = cairn_pool_take(pool, (size_t)p->max_tokens, sizeof *tokens);
-    grouping_near *near = cairn_pool_take(pool, (size_t)p->max_tokens, sizeof *near);
-    int32_t *head = cairn_pool_take(pool, lists + 1, sizeof *head);
-    uint8_t *sight = cairn_pool_take(pool, sights, 1);
-    grouping_start *starts = cairn_pool_take(pool, (size_t)p->particles, sizeof *starts);
-    cairn_grouping_trace *trace = cairn_pool_take(pool, (size_t)p->max_samples, sizeof *trace);
-    int32_t *segments =
-        cairn_pool_take(pool, (size_t)p->max_objects * (size_t)p->max_outline, sizeof *segments);
-    cairn_grouped_object *objects = cairn_pool_take(pool, (size_t)p->max_objects, sizeof *objects);
-    int32_t *along =
-        cairn_pool_take(pool, (size_t)p->max_objects * (size_t)p->max_outline, sizeof *along);
-    int32_t *match = cairn_pool_take(pool, (size_t)p->max_outline, sizeof *match);
-    cairn_real *cost = cairn_pool_take(pool, (size_t)p->max_outline, sizeof *cost);
-    cairn_vec2 *shift = cairn_pool_take(pool, (size_t)p->max_outline, sizeof *shift);
-    cairn_vec2 *bent = cairn_pool_take(pool, (size_t)p->max_outline, sizeof *bent);
-    int32_t *apart = cairn_pool_take(pool, (size_t)p->max_outline, sizeof *apart);
-    cairn_real *bend = cairn_pool_take(pool, (size_t)p->max_outline, sizeof *bend);
-    grouping_cell *way =
-        cairn_pool_take(pool, (size_t)p->max_outline * GROUPING_CELLS, sizeof *way);
-    cairn_particle_filter *filter = carve_filter(pool, p, g);
+    size_t lists = (size_t)cell_count(params->max_width, GROUPING_TOKEN_CELL_PX) *
+                   (size_t)cell_count(params->max_height, GROUPING_TOKEN_CELL_PX);
+    size_t edge_cell_count = (size_t)cell_count(params->max_width, GROUPING_EDGE_CELL_PX) *
+                             (size_t)cell_count(params->max_height, GROUPING_EDGE_CELL_PX);
+    cairn_grouping *grouping = cairn_pool_take_one(pool, sizeof *grouping);
+    grouping_token *tokens = cairn_pool_take(pool, (size_t)params->max_tokens, sizeof *tokens);
+    grouping_sorted_token *sorted_tokens =
+        cairn_pool_take(pool, (size_t)params->max_tokens, sizeof *sorted_tokens);
+    int32_t *cell_start = cairn_pool_take(pool, lists + 1, sizeof *cell_start);
+    uint8_t *edge_map = cairn_pool_take(pool, edge_cell_count, 1);
+    grouping_hypothesis *hypotheses =
+        cairn_pool_take(pool, (size_t)params->particles, sizeof *hypotheses);
+    cairn_grouping_trace *trace = cairn_pool_take(pool, (size_t)params->max_samples, sizeof *trace);
+    int32_t *segments = cairn_pool_take(
+        pool, (size_t)params->max_objects * (size_t)params->max_outline, sizeof *segments);
+    cairn_grouped_object *objects =
+        cairn_pool_take(pool, (size_t)params->max_objects, sizeof *objects);
+    int32_t *along = cairn_pool_take(
+        pool, (size_t)params->max_objects * (size_t)params->max_outline, sizeof *along);
+    int32_t *match = cairn_pool_take(pool, (size_t)params->max_outline, sizeof *match);
+    cairn_real *cost = cairn_pool_take(pool, (size_t)params->max_outline, sizeof *cost);
+    cairn_vec2 *shift = cairn_pool_take(pool, (size_t)params->max_outline, sizeof *shift);
+    cairn_vec2 *next_shift = cairn_pool_take(pool, (size_t)params->max_outline, sizeof *next_shift);
+    int32_t *match_distance =
+        cairn_pool_take(pool, (size_t)params->max_outline, sizeof *match_distance);
+    cairn_real *curvature = cairn_pool_take(pool, (size_t)params->max_outline, sizeof *curvature);
+    grouping_node *is_reversed = cairn_pool_take(
+        pool, (size_t)params->max_outline * GROUPING_MAX_NODES, sizeof *is_reversed);
+    cairn_particle_filter *filter = carve_filter(pool, params, grouping);
 
-    if (g != NULL) {
-        memset(g, 0, sizeof *g);
-        g->tokens = tokens;
-        g->near = near;
-        g->head = head;
-        g->sight = sight;
-        g->starts = starts;
-        g->trace = trace;
-        g->segments = segments;
-        g->objects = objects;
-        g->along = along;
-        g->match = match;
-        g->cost = cost;
-        g->shift = shift;
-        g->bent = bent;
-        g->apart = apart;
-        g->bend = bend;
-        g->cells = way;
-        g->filter = filter;
+    if (grouping != NULL) {
+        memset(grouping, 0, sizeof *grouping);
+        grouping->tokens = tokens;
+        grouping->sorted_tokens = sorted_tokens;
+        grouping->cell_start = cell_start;
+        grouping->edge_map = edge_map;
+        grouping->hypotheses = hypotheses;
+        grouping->trace = trace;
+        grouping->segments = segments;
+        grouping->objects = objects;
+        grouping->along = along;
+        grouping->match = match;
+        grouping->cost = cost;
+        grouping->shift = shift;
+        grouping->next_shift = next_shift;
+        grouping->match_distance = match_distance;
+        grouping->curvature = curvature;
+        grouping->nodes = is_reversed;
+        grouping->filter = filter;
     }
-    return g;
+    return grouping;
 }
 
-static cairn_grouping *carve(cairn_pool *pool, const cairn_grouping_params *p)
+static cairn_grouping *carve(cairn_pool *pool, const cairn_grouping_params *params)
 {
-    cairn_grouping *g;
+    cairn_grouping *grouping;
     struct grouping_written *written;
 
-    if (p->mode == CAIRN_MODE_DEFAULT)
-        return carve_default(pool, p);
-    g = cairn_pool_take_one(pool, sizeof *g);
-    if (g != NULL)
-        memset(g, 0, sizeof *g);
-    written = cairn_grouping_written_carve(pool, p, g);
-    if (g != NULL)
-        g->written = written;
-    return g;
+    if (params->mode == CAIRN_MODE_DEFAULT)
+        return carve_default(pool, params);
+    grouping = cairn_pool_take_one(pool, sizeof *grouping);
+    if (grouping != NULL)
+        memset(grouping, 0, sizeof *grouping);
+    written = cairn_grouping_written_carve(pool, params, grouping);
+    if (grouping != NULL)
+        grouping->written = written;
+    return grouping;
 }
 
 size_t cairn_grouping_memory(const cairn_grouping_params *params)
@@ -213,131 +240,137 @@ cairn_status cairn_grouping_create(cairn_grouping **grouping, cairn_pool *pool,
     return CAIRN_OK;
 }
 
-static cairn_status check_input(const cairn_grouping *g, const cairn_grouping_input *in)
+static cairn_status check_input(const cairn_grouping *grouping, const cairn_grouping_input *input)
 {
-    if (in->count < 0 || (in->segments == NULL && in->count > 0) || in->width < 1 ||
-        in->height < 1 || cairn_shape_model_check(in->model, NULL) != CAIRN_OK)
+    if (input->count < 0 || (input->segments == NULL && input->count > 0) || input->width < 1 ||
+        input->height < 1 || cairn_shape_model_check(input->model, NULL) != CAIRN_OK)
         return CAIRN_BAD_ARGUMENT;
-    if (!cairn_is_finite(in->max_size) || !cairn_is_finite(in->mean_length) ||
-        !cairn_is_finite(in->min_turn) || !cairn_is_finite(in->max_turn))
+    if (!cairn_is_finite(input->max_size) || !cairn_is_finite(input->mean_length) ||
+        !cairn_is_finite(input->min_turn) || !cairn_is_finite(input->max_turn))
         return CAIRN_NOT_FINITE;
-    if (!(in->min_size > 0) || !(in->max_size >= in->min_size) || !(in->mean_length > 0) ||
-        !(in->min_turn >= -CAIRN_PI) || !(in->max_turn <= CAIRN_PI) ||
-        !(in->max_turn >= in->min_turn))
+    if (!(input->min_size > 0) || !(input->max_size >= input->min_size) ||
+        !(input->mean_length > 0) || !(input->min_turn >= -CAIRN_PI) ||
+        !(input->max_turn <= CAIRN_PI) || !(input->max_turn >= input->min_turn))
         return CAIRN_BAD_ARGUMENT;
-    if (in->width > g->params.max_width || in->height > g->params.max_height ||
-        in->model->sample_count > g->params.max_samples ||
-        in->model->outline_count > g->params.max_outline)
+    if (input->width > grouping->params.max_width || input->height > grouping->params.max_height ||
+        input->model->sample_count > grouping->params.max_samples ||
+        input->model->outline_count > grouping->params.max_outline)
         return CAIRN_FULL;
-    return g->written != NULL ? cairn_grouping_written_check(g, in) : CAIRN_OK;
+    return grouping->written != NULL ? cairn_grouping_written_check(grouping, input) : CAIRN_OK;
 }
 
-cairn_status cairn_grouping_begin(cairn_grouping *g, const cairn_grouping_input *input)
+cairn_status cairn_grouping_begin(cairn_grouping *grouping, const cairn_grouping_input *input)
 {
     cairn_status status;
     cairn_real widest = 0, half, middle;
 
-    if (g == NULL || input == NULL)
+    if (grouping == NULL || input == NULL)
         return CAIRN_BAD_ARGUMENT;
-    status = check_input(g, input);
+    status = check_input(grouping, input);
     if (status != CAIRN_OK)
         return status;
-    g->input = *input;
-    g->columns = cells(input->width, GROUPING_CELL);
-    g->rows = cells(input->height, GROUPING_CELL);
-    g->sight_columns = cells(input->width, GROUPING_SIGHT);
-    g->sight_rows = cells(input->height, GROUPING_SIGHT);
+    grouping->input = *input;
+    grouping->columns = cell_count(input->width, GROUPING_TOKEN_CELL_PX);
+    grouping->rows = cell_count(input->height, GROUPING_TOKEN_CELL_PX);
+    grouping->edge_columns = cell_count(input->width, GROUPING_EDGE_CELL_PX);
+    grouping->edge_rows = cell_count(input->height, GROUPING_EDGE_CELL_PX);
     middle = CAIRN_REAL(0.5) * (input->min_turn + input->max_turn);
     half = CAIRN_REAL(0.5) * (input->max_turn - input->min_turn);
-    cairn_sincos(middle, &g->turn_axis.y, &g->turn_axis.x);
-    g->turn_cosine = cairn_cos(half);
+    cairn_sincos(middle, &grouping->middle_rotation.y, &grouping->middle_rotation.x);
+    grouping->min_rotation_cosine = cairn_cos(half);
     for (int32_t i = 0; i < input->model->sample_count; i++) {
         const cairn_shape_sample *s = &input->model->samples[i];
 
         widest = cairn_max(
             widest, cairn_vec2_norm(cairn_vec2_sub(s->side[1].position, s->side[0].position)));
     }
-    g->reach = widest * input->max_size + 1;
-    g->piece_count = g->pieces_cut = g->token_count = g->start_count = g->object_count =
-        g->segment_count = g->steps = g->looked = 0;
-    g->best = g->best_evidence = 0;
-    g->cursor = g->other = g->paid = g->stage = g->has_walked = 0;
-    g->link = -1;
-    g->phase = CUT;
-    if (g->written != NULL) {
-        cairn_grouping_written_begin(g);
+    grouping->max_chord = widest * input->max_size + 1;
+    grouping->piece_count = grouping->cut_piece_count = grouping->token_count =
+        grouping->hypothesis_count = grouping->object_count = grouping->segment_count =
+            grouping->step_count = grouping->generated_count = 0;
+    grouping->best_score = grouping->best_evidence = 0;
+    grouping->cursor = grouping->second_cursor = grouping->charged_units =
+        grouping->charged_callback_units = grouping->has_particles = 0;
+    grouping->next_token = -1;
+    grouping->phase = PHASE_CUT;
+    if (grouping->written != NULL) {
+        cairn_grouping_written_begin(grouping);
         return CAIRN_OK;
     }
-    cairn_grouping_look_begin(g);
-    cairn_grouping_outline_begin(g);
+    cairn_grouping_begin_hypotheses(grouping);
+    cairn_grouping_begin_outline(grouping);
     return CAIRN_OK;
 }
 
 /* ---- Tokens ---- */
 
-static int32_t cell_of(const cairn_grouping *g, cairn_vec2 p)
+/* Index of the cell of a point, clamped to the image. */
+static int32_t cell_of(const cairn_grouping *grouping, cairn_vec2 p)
 {
-    int32_t x = cairn_real_to_int(p.x / GROUPING_CELL), y = cairn_real_to_int(p.y / GROUPING_CELL);
+    int32_t x = cairn_real_to_int(p.x / GROUPING_TOKEN_CELL_PX),
+            y = cairn_real_to_int(p.y / GROUPING_TOKEN_CELL_PX);
 
-    x = x < 0 ? 0 : x >= g->columns ? g->columns - 1 : x;
-    y = y < 0 ? 0 : y >= g->rows ? g->rows - 1 : y;
-    return y * g->columns + x;
+    x = x < 0 ? 0 : x >= grouping->columns ? grouping->columns - 1 : x;
+    y = y < 0 ? 0 : y >= grouping->rows ? grouping->rows - 1 : y;
+    return y * grouping->columns + x;
 }
 
-/* The chain of a segment's tokens: that of the token before where the one ends and the other
- * begins. */
-static int32_t chain_of(const cairn_grouping *g, int32_t segment)
+/* Chain index of a segment's tokens: that of the previous token when the segments are contiguous,
+ * else a new one. */
+static int32_t chain_of(const cairn_grouping *grouping, int32_t segment)
 {
-    const grouping_token *before = &g->tokens[g->token_count - 1];
+    const grouping_token *previous = &grouping->tokens[grouping->token_count - 1];
     cairn_vec2 gap;
 
-    if (g->token_count == 0 || before->segment == segment)
-        return g->token_count == 0 ? 0 : before->chain;
-    gap = cairn_vec2_sub(g->input.segments[segment].a, g->input.segments[before->segment].b);
-    return before->chain + (cairn_vec2_norm_squared(gap) > CHAIN_GAP * CHAIN_GAP);
+    if (grouping->token_count == 0 || previous->segment == segment)
+        return grouping->token_count == 0 ? 0 : previous->chain;
+    gap = cairn_vec2_sub(grouping->input.segments[segment].a,
+                         grouping->input.segments[previous->segment].b);
+    return previous->chain + (cairn_vec2_norm_squared(gap) > MAX_CHAIN_GAP_PX * MAX_CHAIN_GAP_PX);
 }
 
-/* Pieces of a segment. */
-static int32_t pieces_of(const cairn_grouping *g, int32_t segment)
+/* Number of pieces of a segment. */
+static int32_t pieces_of(const cairn_grouping *grouping, int32_t segment)
 {
-    cairn_real length = cairn_segment_length(g->input.segments[segment]);
+    cairn_real length = cairn_segment_length(grouping->input.segments[segment]);
 
-    return cairn_real_to_int(cairn_min(cairn_ceil(length / g->params.token), MOST_PIECES));
+    return cairn_real_to_int(cairn_min(cairn_ceil(length / grouping->params.token), MAX_PIECES));
 }
 
-/* 1 when piece number `piece` of all becomes a token: all of them, or as many as there is room
- * for, evenly. */
-static int is_kept(const cairn_grouping *g, int32_t piece)
+/* 1 when piece number `piece` of all becomes a token: all of them, or an even subsample of
+ * max_tokens. */
+static int is_kept(const cairn_grouping *grouping, int32_t piece)
 {
-    int64_t most = g->params.max_tokens, all = g->piece_count;
+    int64_t capacity = grouping->params.max_tokens, all = grouping->piece_count;
 
-    return all <= most || (piece + 1) * most / all > piece * most / all;
+    return all <= capacity || (piece + 1) * capacity / all > piece * capacity / all;
 }
 
-/* Cuts one segment into pieces; `piece` is the number of the first. */
-static void cut(cairn_grouping *g, int32_t index, int32_t piece)
+/* Cuts one segment into tokens; `piece` is the number of the first. */
+static void cut(cairn_grouping *grouping, int32_t index, int32_t piece)
 {
-    cairn_segment s = g->input.segments[index];
+    cairn_segment s = grouping->input.segments[index];
     cairn_real length = cairn_segment_length(s);
     cairn_vec2 along = cairn_vec2_sub(s.b, s.a);
-    int32_t parts = pieces_of(g, index);
+    int32_t piece_count = pieces_of(grouping, index);
 
-    for (int32_t i = 0; i < parts; i++) {
-        grouping_token *t = &g->tokens[g->token_count];
+    for (int32_t i = 0; i < piece_count; i++) {
+        grouping_token *token = &grouping->tokens[grouping->token_count];
         int32_t cell;
 
-        if (!is_kept(g, piece + i))
+        if (!is_kept(grouping, piece + i))
             continue;
-        t->at = cairn_vec2_add(
-            s.a, cairn_vec2_scale(along, ((cairn_real)i + CAIRN_REAL(0.5)) / (cairn_real)parts));
-        t->direction = cairn_vec2_scale(along, 1 / length);
-        t->half = length / (2 * (cairn_real)parts);
-        t->segment = index;
-        t->chain = chain_of(g, index);
-        t->taken = 0;
-        cell = cell_of(g, t->at);
-        t->next = g->head[cell];
-        g->head[cell] = g->token_count++;
+        token->middle =
+            cairn_vec2_add(s.a, cairn_vec2_scale(along, ((cairn_real)i + CAIRN_REAL(0.5)) /
+                                                            (cairn_real)piece_count));
+        token->direction = cairn_vec2_scale(along, 1 / length);
+        token->half_length = length / (2 * (cairn_real)piece_count);
+        token->segment = index;
+        token->chain = chain_of(grouping, index);
+        token->is_used = 0;
+        cell = cell_of(grouping, token->middle);
+        token->next_in_cell = grouping->cell_start[cell];
+        grouping->cell_start[cell] = grouping->token_count++;
     }
 }
 
@@ -347,120 +380,128 @@ static int is_finite_segment(const cairn_segment *s)
            cairn_is_finite(s->b.y);
 }
 
-/* Empties the lists, counts the pieces, makes them. */
-static cairn_status step_cut(cairn_grouping *g, cairn_budget *budget)
+/* Clears the cells, counts the pieces, creates the tokens. */
+static cairn_status step_cut(cairn_grouping *grouping, cairn_budget *budget)
 {
-    int32_t lists = g->columns * g->rows;
+    int32_t cells = grouping->columns * grouping->rows;
 
-    for (; g->cursor < lists; g->cursor++) {
-        if (!cairn_budget_pay(budget, &g->paid, 1))
+    for (; grouping->cursor < cells; grouping->cursor++) {
+        if (!cairn_budget_pay(budget, &grouping->charged_units, 1))
             return CAIRN_MORE;
-        g->head[g->cursor] = -1;
+        grouping->cell_start[grouping->cursor] = -1;
     }
-    for (; g->cursor - lists < g->input.count; g->cursor++) {
-        if (!cairn_budget_pay(budget, &g->paid, 1))
+    for (; grouping->cursor - cells < grouping->input.count; grouping->cursor++) {
+        if (!cairn_budget_pay(budget, &grouping->charged_units, 1))
             return CAIRN_MORE;
-        if (!is_finite_segment(&g->input.segments[g->cursor - lists]))
+        if (!is_finite_segment(&grouping->input.segments[grouping->cursor - cells]))
             return CAIRN_NOT_FINITE;
-        g->piece_count += pieces_of(g, g->cursor - lists);
-        if (g->piece_count > MOST_PIECES)
+        grouping->piece_count += pieces_of(grouping, grouping->cursor - cells);
+        if (grouping->piece_count > MAX_PIECES)
             return CAIRN_FULL;
     }
-    for (; g->other < g->input.count; g->other++) {
-        int32_t pieces = pieces_of(g, g->other);
+    for (; grouping->second_cursor < grouping->input.count; grouping->second_cursor++) {
+        int32_t pieces = pieces_of(grouping, grouping->second_cursor);
 
-        if (!cairn_budget_pay(budget, &g->paid, 1 + pieces))
+        if (!cairn_budget_pay(budget, &grouping->charged_units, 1 + pieces))
             return CAIRN_MORE;
-        cut(g, g->other, g->pieces_cut);
-        g->pieces_cut += pieces;
+        cut(grouping, grouping->second_cursor, grouping->cut_piece_count);
+        grouping->cut_piece_count += pieces;
     }
-    cairn_grouping_outline_chance(g);
+    cairn_grouping_set_clutter_cost(grouping);
     return CAIRN_OK;
 }
 
-/* Lays the tokens side by side, cell by cell: `cursor` cells have been begun, `other` tokens lie
- * there, `link` is next. */
-static cairn_status step_sort(cairn_grouping *g, cairn_budget *budget)
+/* Sorts the tokens by cell: `cursor` counts cells begun, `second_cursor` tokens written,
+ * `next_token` is the next of the current cell. */
+static cairn_status step_sort(cairn_grouping *grouping, cairn_budget *budget)
 {
-    int32_t lists = g->columns * g->rows;
+    int32_t cells = grouping->columns * grouping->rows;
 
-    while (g->link >= 0 || g->cursor < lists) {
-        if (!cairn_budget_pay(budget, &g->paid, 1))
+    while (grouping->next_token >= 0 || grouping->cursor < cells) {
+        if (!cairn_budget_pay(budget, &grouping->charged_units, 1))
             return CAIRN_MORE;
-        if (g->link >= 0) {
-            const grouping_token *t = &g->tokens[g->link];
-            grouping_near near = {t->at, t->direction, t->half, g->link};
+        if (grouping->next_token >= 0) {
+            const grouping_token *token = &grouping->tokens[grouping->next_token];
+            grouping_sorted_token sorted = {token->middle, token->direction, token->half_length,
+                                            grouping->next_token};
 
-            g->near[g->other++] = near;
-            g->link = t->next;
+            grouping->sorted_tokens[grouping->second_cursor++] = sorted;
+            grouping->next_token = token->next_in_cell;
         } else {
-            g->link = g->head[g->cursor];
-            g->head[g->cursor++] = g->other;
+            grouping->next_token = grouping->cell_start[grouping->cursor];
+            grouping->cell_start[grouping->cursor++] = grouping->second_cursor;
         }
     }
-    g->head[lists] = g->other;
+    grouping->cell_start[cells] = grouping->second_cursor;
     return CAIRN_OK;
 }
 
-cairn_vec2 cairn_grouping_touch(const cairn_grouping *g, int32_t token, cairn_vec2 p)
+cairn_vec2 cairn_grouping_nearest_point(const cairn_grouping *grouping, int32_t token, cairn_vec2 p)
 {
-    const grouping_token *t = &g->tokens[token];
-    cairn_real along = cairn_vec2_dot(t->direction, cairn_vec2_sub(p, t->at));
+    const grouping_token *t = &grouping->tokens[token];
+    cairn_real along = cairn_vec2_dot(t->direction, cairn_vec2_sub(p, t->middle));
 
     return cairn_vec2_add(
-        t->at, cairn_vec2_scale(t->direction, cairn_max(-t->half, cairn_min(along, t->half))));
+        t->middle, cairn_vec2_scale(t->direction,
+                                    cairn_max(-t->half_length, cairn_min(along, t->half_length))));
 }
 
-/* A place of the contour, and by how much a token may lie off it: 1 / sigma^2 across it and of
- * the sine of the turn; sigmas of the gap along it are twice as wide. */
-typedef struct near_place {
-    cairn_vec2 at, along;
+/* A contour point and its tolerances: 1 / sigma^2 of the distance across the contour and of the
+ * sine of the angle. The tolerance of the gap along the contour is twice as wide. */
+typedef struct contour_place {
+    cairn_vec2 middle, along;
     cairn_real across, turn;
-} near_place;
+} contour_place;
 
-/* Half the squares of sigmas that a token lies off a place; more than limit as soon as its turn
- * alone or the least that it may lie across come to that, which few products tell of most
- * tokens. */
-static cairn_real cost_of(const near_place *p, const grouping_near *t, cairn_real limit)
+/* Cost of a token at a contour point: half the squared distance in sigmas. Returns early with a
+ * value above `limit` when the angle alone or the lower bound of the distance across exceeds it. */
+static cairn_real token_cost(const contour_place *p, const grouping_sorted_token *t,
+                             cairn_real limit)
 {
-    cairn_real sine = cairn_vec2_cross(p->along, t->direction), turned = sine * sine * p->turn,
+    cairn_real sine = cairn_vec2_cross(p->along, t->direction), turn_cost = sine * sine * p->turn,
                across, middle, gap;
-    cairn_vec2 off = cairn_vec2_sub(t->at, p->at);
+    cairn_vec2 offset = cairn_vec2_sub(t->middle, p->middle);
 
-    if (turned > 2 * limit)
-        return turned;
-    middle = cairn_vec2_cross(p->along, off);
-    across = cairn_max(cairn_abs(middle) - t->half * cairn_abs(sine), 0);
+    if (turn_cost > 2 * limit)
+        return turn_cost;
+    middle = cairn_vec2_cross(p->along, offset);
+    across = cairn_max(cairn_abs(middle) - t->half_length * cairn_abs(sine), 0);
     if (across * across * p->across > 2 * limit)
         return CAIRN_REAL_MAX;
-    gap = cairn_max(-t->half, cairn_min(-cairn_vec2_dot(t->direction, off), t->half));
+    gap = cairn_max(-t->half_length,
+                    cairn_min(-cairn_vec2_dot(t->direction, offset), t->half_length));
     across = middle + sine * gap;
     gap = CAIRN_REAL(0.5) *
-          (cairn_vec2_dot(p->along, off) + cairn_vec2_dot(p->along, t->direction) * gap);
-    return CAIRN_REAL(0.5) * ((across * across + gap * gap) * p->across + turned);
+          (cairn_vec2_dot(p->along, offset) + cairn_vec2_dot(p->along, t->direction) * gap);
+    return CAIRN_REAL(0.5) * ((across * across + gap * gap) * p->across + turn_cost);
 }
 
-int32_t cairn_grouping_near(const cairn_grouping *g, cairn_vec2 at, cairn_vec2 direction,
-                            cairn_real sigma, int32_t most, int32_t *token, cairn_real *cost)
+int32_t cairn_grouping_match_tokens(const cairn_grouping *grouping, cairn_vec2 at,
+                                    cairn_vec2 direction, cairn_real sigma, int32_t most,
+                                    int32_t *token, cairn_real *cost)
 {
-    cairn_real reach = cairn_min(cairn_max(3 * sigma, 4) + g->params.token / 2, 64),
+    cairn_real reach = cairn_min(cairn_max(3 * sigma, 4) + grouping->params.token / 2, 64),
                limit = CAIRN_REAL(4.5);
     cairn_vec2 low = {at.x - reach, at.y - reach}, high = {at.x + reach, at.y + reach};
-    near_place place = {at, cairn_vec2_unit(direction), 0, 1 / (g->params.turn * g->params.turn)};
-    int32_t from = cell_of(g, low), to = cell_of(g, high), columns = g->columns, count = 0;
+    contour_place point = {at, cairn_vec2_unit(direction), 0,
+                           1 / (grouping->params.turn * grouping->params.turn)};
+    int32_t from = cell_of(grouping, low), to = cell_of(grouping, high),
+            columns = grouping->columns, count = 0;
     int32_t left = from % columns, right = to % columns, bottom = to / columns;
 
     sigma = cairn_max(sigma, CAIRN_REAL(1.5));
-    place.across = 1 / (sigma * sigma);
+    point.across = 1 / (sigma * sigma);
     for (int32_t y = from / columns; y <= bottom; y++) {
-        const grouping_near *n = &g->near[g->head[y * columns + left]],
-                            *end = &g->near[g->head[y * columns + right + 1]];
+        const grouping_sorted_token
+            *n = &grouping->sorted_tokens[grouping->cell_start[y * columns + left]],
+            *end = &grouping->sorted_tokens[grouping->cell_start[y * columns + right + 1]];
 
         for (; n < end; n++) {
-            cairn_real c = cost_of(&place, n, limit);
+            cairn_real c = token_cost(&point, n, limit);
             int32_t i;
 
-            if (c > limit || (count == most && c >= cost[count - 1]) || g->tokens[n->token].taken)
+            if (c > limit || (count == most && c >= cost[count - 1]) ||
+                grouping->tokens[n->token].is_used)
                 continue;
             count += count < most;
             for (i = count - 1; i > 0 && cost[i - 1] > c; i--) {
@@ -477,121 +518,129 @@ int32_t cairn_grouping_near(const cairn_grouping *g, cairn_vec2 at, cairn_vec2 d
 
 /* ---- The fit ---- */
 
-void cairn_grouping_sum(grouping_sums *s, cairn_vec2 m, cairn_vec2 p, cairn_real weight)
+void cairn_grouping_add_point(grouping_fit_sums *sums, cairn_vec2 model_point,
+                              cairn_vec2 image_point, cairn_real weight)
 {
-    s->n += weight;
-    s->mm += weight * cairn_vec2_norm_squared(m);
-    s->dot += weight * cairn_vec2_dot(m, p);
-    s->cross += weight * cairn_vec2_cross(m, p);
-    s->m = cairn_vec2_add(s->m, cairn_vec2_scale(m, weight));
-    s->p = cairn_vec2_add(s->p, cairn_vec2_scale(p, weight));
+    sums->weight += weight;
+    sums->model_squared += weight * cairn_vec2_norm_squared(model_point);
+    sums->dot += weight * cairn_vec2_dot(model_point, image_point);
+    sums->cross += weight * cairn_vec2_cross(model_point, image_point);
+    sums->model = cairn_vec2_add(sums->model, cairn_vec2_scale(model_point, weight));
+    sums->image = cairn_vec2_add(sums->image, cairn_vec2_scale(image_point, weight));
 }
 
-grouping_pose cairn_grouping_fit(const grouping_sums *s, const grouping_pose *otherwise)
+grouping_pose cairn_grouping_fit_pose(const grouping_fit_sums *sums, const grouping_pose *otherwise)
 {
-    cairn_real spread = s->mm - cairn_vec2_norm_squared(s->m) / cairn_max(s->n, CAIRN_REAL_MIN);
+    cairn_real spread = sums->model_squared - cairn_vec2_norm_squared(sums->model) /
+                                                  cairn_max(sums->weight, CAIRN_REAL_MIN);
     grouping_pose pose = *otherwise;
 
     if (!(spread > CAIRN_REAL(1e-6)))
         return pose;
-    pose.a = (s->dot - cairn_vec2_dot(s->m, s->p) / s->n) / spread;
-    pose.b = (s->cross - cairn_vec2_cross(s->m, s->p) / s->n) / spread;
+    pose.a = (sums->dot - cairn_vec2_dot(sums->model, sums->image) / sums->weight) / spread;
+    pose.b = (sums->cross - cairn_vec2_cross(sums->model, sums->image) / sums->weight) / spread;
     if (!(pose.a * pose.a + pose.b * pose.b > 0))
         return *otherwise;
-    pose.t = cairn_vec2_scale(cairn_vec2_sub(s->p, grouping_direction(&pose, s->m)), 1 / s->n);
+    pose.t =
+        cairn_vec2_scale(cairn_vec2_sub(sums->image, grouping_transform_vector(&pose, sums->model)),
+                         1 / sums->weight);
     return pose;
 }
 
-grouping_sums cairn_grouping_hold(const grouping_pose *pose, cairn_real weight)
+grouping_fit_sums cairn_grouping_pose_prior(const grouping_pose *pose, cairn_real weight)
 {
     static const cairn_real corner = CAIRN_REAL(0.35);
-    grouping_sums sums = {0, 0, 0, 0, {0, 0}, {0, 0}};
+    grouping_fit_sums sums = {.weight = 0};
 
     for (int32_t i = 0; i < 4; i++) {
-        cairn_vec2 m = {i % 2 ? corner : -corner, i / 2 ? corner : -corner};
+        cairn_vec2 model_point = {i % 2 ? corner : -corner, i / 2 ? corner : -corner};
 
-        cairn_grouping_sum(&sums, m, grouping_place(pose, m), weight / 4);
+        cairn_grouping_add_point(&sums, model_point, grouping_transform_point(pose, model_point),
+                                 weight / 4);
     }
     return sums;
 }
 
 /* ---- Phases ---- */
 
-static cairn_status step_phase(cairn_grouping *g, cairn_budget *budget)
+static cairn_status step_phase(cairn_grouping *grouping, cairn_budget *budget)
 {
     cairn_status status;
 
-    switch (g->phase) {
-    case CUT:
-        return step_cut(g, budget);
-    case SORT:
-        return step_sort(g, budget);
-    case LOOK:
-        return cairn_grouping_look(g, budget);
-    case WEIGH:
-        status = cairn_grouping_weigh(g, budget);
-        return status == CAIRN_OK ? cairn_grouping_walk_begin(g) : status;
-    case WALK:
-        return cairn_grouping_walk(g, budget);
-    case COLLECT:
-        return cairn_grouping_collect(g, budget);
+    switch (grouping->phase) {
+    case PHASE_CUT:
+        return step_cut(grouping, budget);
+    case PHASE_SORT:
+        return step_sort(grouping, budget);
+    case PHASE_GENERATE:
+        return cairn_grouping_generate_hypotheses(grouping, budget);
+    case PHASE_REFINE:
+        status = cairn_grouping_refine_hypotheses(grouping, budget);
+        return status == CAIRN_OK ? cairn_grouping_begin_filter(grouping) : status;
+    case PHASE_FILTER:
+        return cairn_grouping_run_filter(grouping, budget);
+    case PHASE_REFINE_PARTICLES:
+        return cairn_grouping_refine_particles(grouping, budget);
     default:
-        return cairn_grouping_finish(g, budget);
+        return cairn_grouping_select_objects(grouping, budget);
     }
 }
 
-static cairn_status step_written(cairn_grouping *g, cairn_budget *budget)
+static cairn_status step_written(cairn_grouping *grouping, cairn_budget *budget)
 {
-    switch (g->phase) {
-    case POINTS:
-        return cairn_grouping_written_points(g, budget);
-    case INDEX:
-        return cairn_grouping_written_index(g, budget);
-    case SEED:
-        return cairn_grouping_written_seed(g, budget);
-    case SEARCH:
-        return cairn_grouping_written_walk(g, budget);
+    switch (grouping->phase) {
+    case PHASE_WRITTEN_POINTS:
+        return cairn_grouping_written_points(grouping, budget);
+    case PHASE_WRITTEN_INDEX:
+        return cairn_grouping_written_index(grouping, budget);
+    case PHASE_WRITTEN_START:
+        return cairn_grouping_written_start(grouping, budget);
+    case PHASE_WRITTEN_FILTER:
+        return cairn_grouping_written_run_filter(grouping, budget);
     default:
-        return cairn_grouping_written_finish(g, budget);
+        return cairn_grouping_written_finish(grouping, budget);
     }
 }
 
-cairn_status cairn_grouping_step(cairn_grouping *g, cairn_budget *budget)
+cairn_status cairn_grouping_step(cairn_grouping *grouping, cairn_budget *budget)
 {
-    if (g == NULL || budget == NULL)
+    if (grouping == NULL || budget == NULL)
         return CAIRN_BAD_ARGUMENT;
-    while (g->phase != IDLE && g->phase != DONE) {
-        cairn_status status = g->written != NULL ? step_written(g, budget) : step_phase(g, budget);
+    while (grouping->phase != PHASE_IDLE && grouping->phase != PHASE_DONE) {
+        cairn_status status = grouping->written != NULL ? step_written(grouping, budget)
+                                                        : step_phase(grouping, budget);
 
         if (status < 0)
-            g->phase = IDLE;
+            grouping->phase = PHASE_IDLE;
         if (status != CAIRN_OK)
             return status;
-        g->phase = g->written != NULL && g->phase == MODES ? DONE : g->phase + 1;
-        g->cursor = g->other = 0;
+        grouping->phase = grouping->written != NULL && grouping->phase == PHASE_WRITTEN_MODES
+                              ? PHASE_DONE
+                              : grouping->phase + 1;
+        grouping->cursor = grouping->second_cursor = 0;
     }
     return CAIRN_OK;
 }
 
-cairn_grouping_result cairn_grouping_read(const cairn_grouping *g)
+cairn_grouping_result cairn_grouping_read(const cairn_grouping *grouping)
 {
-    cairn_grouping_result r;
+    cairn_grouping_result result;
 
-    memset(&r, 0, sizeof r);
-    if (g == NULL || g->phase != DONE)
-        return r;
-    r.objects = g->objects;
-    r.segments = g->segments;
-    r.along = g->along;
-    r.trace = g->trace;
-    r.object_count = g->object_count;
-    r.segment_count = g->segment_count;
-    r.steps = g->steps;
-    r.starts = g->looked;
-    r.token_count = g->token_count;
-    r.best = g->best;
-    r.best_evidence = g->best_evidence;
-    if (g->written != NULL)
-        cairn_grouping_written_read(g, &r);
-    return r;
+    memset(&result, 0, sizeof result);
+    if (grouping == NULL || grouping->phase != PHASE_DONE)
+        return result;
+    result.objects = grouping->objects;
+    result.segments = grouping->segments;
+    result.along = grouping->along;
+    result.trace = grouping->trace;
+    result.object_count = grouping->object_count;
+    result.segment_count = grouping->segment_count;
+    result.steps = grouping->step_count;
+    result.starts = grouping->generated_count;
+    result.token_count = grouping->token_count;
+    result.best = grouping->best_score;
+    result.best_evidence = grouping->best_evidence;
+    if (grouping->written != NULL)
+        cairn_grouping_written_read(grouping, &result);
+    return result;
 }

@@ -1,275 +1,291 @@
-/* From walks to objects: the outline is laid onto the tokens where the walks have ended and
- * where they began, and the places with most evidence that are apart from each other are the
- * objects, each with the segments that it goes along. No token belongs to two of them: what the
- * better one has taken is no evidence for the next. */
+/* Object selection by non-maximum suppression.
+ *
+ * Method:
+ * 1. The outline is matched to the tokens at every hypothesis and at the final pose of every
+ *    particle.
+ * 2. The poses of greatest evidence that are far enough apart are the objects.
+ * 3. Each object lists the segments along its outline. A token belongs to one object only: tokens
+ *    of a better object are no evidence for the next. */
 #include "src/core/build.h"
 
 #include <string.h>
 
 #include "src/contour/contour_grouping_work.h"
 
-/* Objects whose middles are closer than this, of their size, are one. */
-#define APART CAIRN_REAL(0.3)
-/* Half squares of sigmas at which a sample counts by a third in the score. */
+/* Non-maximum suppression radius, share of the object's size. */
+#define NMS_RADIUS CAIRN_REAL(0.3)
+/* Cost (half squared sigmas) at which a sample counts 1/e in the score. */
 #define SCORE_COST 3
 
-/* Walks that end within so much of each other, of their size, come to the same place. */
-#define SAME_END CAIRN_REAL(0.002)
-/* Ends that a unit compares. */
-enum { ENDS_A_UNIT = 16 };
+/* Final poses within this distance, share of the size, are duplicates. */
+#define END_TOLERANCE CAIRN_REAL(0.002)
+/* Final poses compared per work unit. */
+enum { ENDS_PER_UNIT = 16 };
 
-/* So often the outline follows what an object has been laid onto before its segments are listed. */
-enum { BENDS = 8 };
+/* Deformation rounds before an object's segments are listed. */
+enum { DEFORM_ROUNDS = 8 };
 
-/* Whether a pose is within what was asked for, but for a tenth. */
-static int is_wanted(const cairn_grouping *g, const grouping_pose *pose)
+/* Returns 1 when a pose is within the size range, with a tolerance of a tenth. */
+static int is_size_allowed(const cairn_grouping *grouping, const grouping_pose *pose)
 {
     cairn_real size = grouping_size(pose);
 
-    return size >= CAIRN_REAL(0.9) * g->input.min_size &&
-           size <= CAIRN_REAL(1.1) * g->input.max_size;
+    return size >= CAIRN_REAL(0.9) * grouping->input.min_size &&
+           size <= CAIRN_REAL(1.1) * grouping->input.max_size;
 }
 
-static int are_one(const cairn_grouped_object *a, const cairn_grouped_object *b)
+static int are_duplicates(const cairn_grouped_object *a, const cairn_grouped_object *b)
 {
-    cairn_real apart = APART * cairn_max(a->size, b->size);
+    cairn_real radius = NMS_RADIUS * cairn_max(a->size, b->size);
 
-    return cairn_vec2_norm_squared(cairn_vec2_sub(a->origin, b->origin)) <= apart * apart;
+    return cairn_vec2_norm_squared(cairn_vec2_sub(a->origin, b->origin)) <= radius * radius;
 }
 
-/* Takes the object at a place out of the list. */
-static void take_out(cairn_grouping *g, int32_t at)
+/* Removes the object at `index`. */
+static void remove_object(cairn_grouping *grouping, int32_t index)
 {
-    g->object_count--;
-    for (; at < g->object_count; at++)
-        g->objects[at] = g->objects[at + 1];
+    grouping->object_count--;
+    for (; index < grouping->object_count; index++)
+        grouping->objects[index] = grouping->objects[index + 1];
 }
 
-/* Puts a place among the objects by its evidence, unless a better one is the same; worse ones
- * that are the same go. */
-static void consider(cairn_grouping *g, const grouping_pose *pose, cairn_real evidence,
-                     int32_t start)
+/* Inserts a pose into the objects, sorted by evidence (non-maximum suppression): rejected when a
+ * better one is within the radius; worse ones within the radius are removed. */
+static void insert_object(cairn_grouping *grouping, const grouping_pose *pose, cairn_real evidence,
+                          int32_t start)
 {
-    cairn_grouped_object o = {
+    cairn_grouped_object object = {
         .evidence = evidence, .origin = pose->t, .size = grouping_size(pose), .start = start};
-    int32_t at;
+    int32_t index;
 
-    if (!(evidence > 0) || !is_wanted(g, pose))
+    if (!(evidence > 0) || !is_size_allowed(grouping, pose))
         return;
-    o.turn = cairn_atan2(pose->b, pose->a);
-    for (int32_t i = g->object_count - 1; i >= 0; i--) {
-        if (!are_one(&o, &g->objects[i]))
+    object.turn = cairn_atan2(pose->b, pose->a);
+    for (int32_t i = grouping->object_count - 1; i >= 0; i--) {
+        if (!are_duplicates(&object, &grouping->objects[i]))
             continue;
-        if (g->objects[i].evidence >= evidence)
+        if (grouping->objects[i].evidence >= evidence)
             return;
-        take_out(g, i);
+        remove_object(grouping, i);
     }
-    if (g->object_count == g->params.max_objects) {
-        if (g->objects[g->object_count - 1].evidence >= evidence)
+    if (grouping->object_count == grouping->params.max_objects) {
+        if (grouping->objects[grouping->object_count - 1].evidence >= evidence)
             return;
-        g->object_count--;
+        grouping->object_count--;
     }
-    for (at = g->object_count++; at > 0 && g->objects[at - 1].evidence < evidence; at--)
-        g->objects[at] = g->objects[at - 1];
-    g->objects[at] = o;
+    for (index = grouping->object_count++;
+         index > 0 && grouping->objects[index - 1].evidence < evidence; index--)
+        grouping->objects[index] = grouping->objects[index - 1];
+    grouping->objects[index] = object;
 }
 
-/* 1 when at least half of a token's segment is taken. */
-static int is_grouped(const cairn_grouping *g, int32_t token)
+/* Returns 1 when at least half of a token's segment is claimed by objects. */
+static int is_segment_used(const cairn_grouping *grouping, int32_t token)
 {
-    int32_t segment = g->tokens[token].segment, all = 0, taken = 0;
+    int32_t segment = grouping->tokens[token].segment, all = 0, used = 0;
 
-    while (token > 0 && g->tokens[token - 1].segment == segment)
+    while (token > 0 && grouping->tokens[token - 1].segment == segment)
         token--;
-    for (; token < g->token_count && g->tokens[token].segment == segment; token++) {
+    for (; token < grouping->token_count && grouping->tokens[token].segment == segment; token++) {
         all++;
-        taken += g->tokens[token].taken;
+        used += grouping->tokens[token].is_used;
     }
-    return 2 * taken >= all;
+    return 2 * used >= all;
 }
 
-/* The segments of match[], each once, in the order of the outline; the segment of each sample. */
-static void list_segments(cairn_grouping *g, cairn_grouped_object *o)
+/* Lists the matched segments of an object, each once, in the order of the outline; and the segment
+ * of each sample. */
+static void list_segments(cairn_grouping *grouping, cairn_grouped_object *object)
 {
-    int32_t *list = &g->segments[g->segment_count];
+    int32_t *list = &grouping->segments[grouping->segment_count];
 
-    o->first = g->segment_count;
-    o->count = 0;
-    for (int32_t i = 0; i < g->input.model->outline_count; i++)
-        if (g->match[i] >= 0)
-            g->tokens[g->match[i]].taken = 1;
-    for (int32_t i = 0; i < g->input.model->outline_count; i++) {
+    object->first = grouping->segment_count;
+    object->count = 0;
+    for (int32_t i = 0; i < grouping->input.model->outline_count; i++)
+        if (grouping->match[i] >= 0)
+            grouping->tokens[grouping->match[i]].is_used = 1;
+    for (int32_t i = 0; i < grouping->input.model->outline_count; i++) {
         int32_t known = 0, segment;
 
-        g->along[o->along + i] = -1;
-        if (g->match[i] < 0 || !is_grouped(g, g->match[i]))
+        grouping->along[object->along + i] = -1;
+        if (grouping->match[i] < 0 || !is_segment_used(grouping, grouping->match[i]))
             continue;
-        segment = g->tokens[g->match[i]].segment;
-        g->along[o->along + i] = segment;
-        for (int32_t k = 0; k < o->count && !known; k++)
+        segment = grouping->tokens[grouping->match[i]].segment;
+        grouping->along[object->along + i] = segment;
+        for (int32_t k = 0; k < object->count && !known; k++)
             known = list[k] == segment;
         if (!known)
-            list[o->count++] = segment;
+            list[object->count++] = segment;
     }
-    g->segment_count += o->count;
+    grouping->segment_count += object->count;
 }
 
-/* The sample of the outline nearest to a place of the model. */
-static int32_t nearest_sample(const cairn_shape_model *m, cairn_vec2 place)
+/* Index of the outline sample nearest to a point of the model. */
+static int32_t nearest_sample(const cairn_shape_model *model, cairn_vec2 point)
 {
-    cairn_real least = CAIRN_REAL_MAX;
+    cairn_real smallest = CAIRN_REAL_MAX;
     int32_t nearest = 0;
 
-    for (int32_t i = 0; i < m->outline_count; i++) {
-        cairn_real apart = cairn_vec2_norm_squared(cairn_vec2_sub(m->outline[i].position, place));
+    for (int32_t i = 0; i < model->outline_count; i++) {
+        cairn_real squared =
+            cairn_vec2_norm_squared(cairn_vec2_sub(model->outline[i].position, point));
 
-        if (apart < least) {
-            least = apart;
+        if (squared < smallest) {
+            smallest = squared;
             nearest = i;
         }
     }
     return nearest;
 }
 
-/* Samples of the paths of which a side is seen. */
-static int32_t sides_seen(const cairn_grouping *g)
+/* Number of path samples with at least one matched side. */
+static int32_t count_matched_sides(const cairn_grouping *grouping)
 {
-    const cairn_shape_model *m = g->input.model;
-    int32_t seen = 0;
+    const cairn_shape_model *model = grouping->input.model;
+    int32_t matched = 0;
 
-    for (int32_t k = 0; k < m->sample_count; k++)
-        seen += g->match[nearest_sample(m, m->samples[k].side[0].position)] >= 0 ||
-                g->match[nearest_sample(m, m->samples[k].side[1].position)] >= 0;
-    return seen;
+    for (int32_t k = 0; k < model->sample_count; k++)
+        matched +=
+            grouping->match[nearest_sample(model, model->samples[k].side[0].position)] >= 0 ||
+            grouping->match[nearest_sample(model, model->samples[k].side[1].position)] >= 0;
+    return matched;
 }
 
-/* How much of the outline is seen, and how well. */
-static cairn_real score_of(const cairn_grouping *g)
+/* Score of the match: mean over the outline of exp(-cost / SCORE_COST), 0 where occluded. */
+static cairn_real score_of(const cairn_grouping *grouping)
 {
     cairn_real sum = 0;
 
-    for (int32_t i = 0; i < g->input.model->outline_count; i++)
-        sum += g->match[i] >= 0 ? cairn_exp(-g->cost[i] / SCORE_COST) : 0;
-    return sum / (cairn_real)g->input.model->outline_count;
+    for (int32_t i = 0; i < grouping->input.model->outline_count; i++)
+        sum += grouping->match[i] >= 0 ? cairn_exp(-grouping->cost[i] / SCORE_COST) : 0;
+    return sum / (cairn_real)grouping->input.model->outline_count;
 }
 
-/* The object at `cursor` with what the better ones have left: it goes when that is too little. */
-static void judge(cairn_grouping *g)
+/* Verifies the object at `cursor` with the tokens left by better ones; removes it below the
+ * thresholds. */
+static void verify_object(cairn_grouping *grouping)
 {
-    cairn_grouped_object *o = &g->objects[g->cursor];
+    cairn_grouped_object *object = &grouping->objects[grouping->cursor];
 
-    o->evidence = g->evidence;
-    o->score = score_of(g);
-    if (g->cursor == 0 && !(g->best_evidence > 0)) {
-        g->best = o->score;
-        g->best_evidence = o->evidence;
+    object->evidence = grouping->evidence;
+    object->score = score_of(grouping);
+    if (grouping->cursor == 0 && !(grouping->best_evidence > 0)) {
+        grouping->best_score = object->score;
+        grouping->best_evidence = object->evidence;
     }
-    if (o->evidence < g->params.min_evidence || o->score < g->params.min_score)
-        take_out(g, g->cursor);
+    if (object->evidence < grouping->params.min_evidence ||
+        object->score < grouping->params.min_score)
+        remove_object(grouping, grouping->cursor);
     else {
-        g->is_listing = 1;
-        memset(g->shift, 0, (size_t)g->input.model->outline_count * sizeof *g->shift);
+        grouping->is_listing = 1;
+        memset(grouping->shift, 0,
+               (size_t)grouping->input.model->outline_count * sizeof *grouping->shift);
     }
 }
 
-static void list(cairn_grouping *g)
+static void list_object(cairn_grouping *grouping)
 {
-    cairn_grouped_object *o = &g->objects[g->cursor];
+    cairn_grouped_object *object = &grouping->objects[grouping->cursor];
 
-    o->along = g->cursor * g->input.model->outline_count;
-    o->score = score_of(g);
-    if (g->cursor == 0 && o->evidence >= g->best_evidence)
-        g->best = o->score;
-    o->seen = sides_seen(g);
-    list_segments(g, o);
-    g->is_listing = g->round = 0;
-    g->cursor++;
+    object->along = grouping->cursor * grouping->input.model->outline_count;
+    object->score = score_of(grouping);
+    if (grouping->cursor == 0 && object->evidence >= grouping->best_evidence)
+        grouping->best_score = object->score;
+    object->seen = count_matched_sides(grouping);
+    list_segments(grouping, object);
+    grouping->is_listing = grouping->round = 0;
+    grouping->cursor++;
 }
 
-static grouping_pose pose_of(const cairn_grouped_object *o)
+static grouping_pose pose_of(const cairn_grouped_object *object)
 {
-    grouping_pose pose = {.t = o->origin};
+    grouping_pose pose = {.t = object->origin};
 
-    cairn_sincos(o->turn, &pose.b, &pose.a);
-    pose.a *= o->size;
-    pose.b *= o->size;
+    cairn_sincos(object->turn, &pose.b, &pose.a);
+    pose.a *= object->size;
+    pose.b *= object->size;
     return pose;
 }
 
-cairn_status cairn_grouping_weigh(cairn_grouping *g, cairn_budget *budget)
+cairn_status cairn_grouping_refine_hypotheses(cairn_grouping *grouping, cairn_budget *budget)
 {
-    for (; g->cursor < g->start_count; g->cursor++) {
-        grouping_start *start = &g->starts[g->cursor];
+    for (; grouping->cursor < grouping->hypothesis_count; grouping->cursor++) {
+        grouping_hypothesis *start = &grouping->hypotheses[grouping->cursor];
         cairn_status status;
 
-        if (!g->is_laying)
-            g->pose = start->pose;
-        status = cairn_grouping_refine(g, budget);
+        if (!grouping->is_fitting)
+            grouping->pose = start->pose;
+        status = cairn_grouping_refine_pose(grouping, budget);
         if (status != CAIRN_OK)
             return status;
-        start->pose = g->pose;
-        start->score = g->evidence;
-        consider(g, &g->pose, g->evidence, start->sample);
+        start->pose = grouping->pose;
+        start->score = grouping->evidence;
+        insert_object(grouping, &grouping->pose, grouping->evidence, start->sample);
     }
     return CAIRN_OK;
 }
 
-/* 1 when a walk before has ended where the pose at hand is; 0: it is a new end. The starts,
- * which the walk has done with, keep them. */
-static int has_ended_here(cairn_grouping *g)
+/* Returns 1 when an earlier particle ended at the current pose; else records the pose as new. The
+ * hypotheses' memory holds the recorded poses: the filter no longer needs it. */
+static int is_known_end(cairn_grouping *grouping)
 {
-    cairn_real size = grouping_size(&g->pose), least = SAME_END * SAME_END * size * size;
+    cairn_real size = grouping_size(&grouping->pose),
+               tolerance = END_TOLERANCE * END_TOLERANCE * size * size;
 
-    for (int32_t i = 0; i < g->other; i++) {
-        const grouping_pose *end = &g->starts[i].pose;
-        cairn_real a = end->a - g->pose.a, b = end->b - g->pose.b;
+    for (int32_t i = 0; i < grouping->second_cursor; i++) {
+        const grouping_pose *end = &grouping->hypotheses[i].pose;
+        cairn_real a = end->a - grouping->pose.a, b = end->b - grouping->pose.b;
 
-        if (cairn_vec2_norm_squared(cairn_vec2_sub(end->t, g->pose.t)) + a * a + b * b <= least)
+        if (cairn_vec2_norm_squared(cairn_vec2_sub(end->t, grouping->pose.t)) + a * a + b * b <=
+            tolerance)
             return 1;
     }
-    g->starts[g->other++].pose = g->pose;
+    grouping->hypotheses[grouping->second_cursor++].pose = grouping->pose;
     return 0;
 }
 
-cairn_status cairn_grouping_collect(cairn_grouping *g, cairn_budget *budget)
+cairn_status cairn_grouping_refine_particles(cairn_grouping *grouping, cairn_budget *budget)
 {
-    int32_t count = g->start_count > 0 ? cairn_particle_filter_count(g->filter) : 0;
+    int32_t count =
+        grouping->hypothesis_count > 0 ? cairn_particle_filter_count(grouping->filter) : 0;
 
-    for (; g->cursor < count; g->cursor++) {
-        const grouping_state *s = cairn_particle_filter_particle(g->filter, g->cursor).state;
+    for (; grouping->cursor < count; grouping->cursor++) {
+        const grouping_state *s =
+            cairn_particle_filter_particle(grouping->filter, grouping->cursor).state;
         cairn_status status;
 
-        if (!g->is_laying) {
-            if (!cairn_budget_pay(budget, &g->paid, 1 + g->other / ENDS_A_UNIT))
+        if (!grouping->is_fitting) {
+            if (!cairn_budget_pay(budget, &grouping->charged_units,
+                                  1 + grouping->second_cursor / ENDS_PER_UNIT))
                 return CAIRN_MORE;
-            g->pose = s->pose;
-            if (has_ended_here(g))
+            grouping->pose = s->pose;
+            if (is_known_end(grouping))
                 continue;
         }
-        status = cairn_grouping_refine(g, budget);
+        status = cairn_grouping_refine_pose(grouping, budget);
         if (status != CAIRN_OK)
             return status;
-        consider(g, &g->pose, g->evidence, s->start);
+        insert_object(grouping, &grouping->pose, grouping->evidence, s->start);
     }
     return CAIRN_OK;
 }
 
-cairn_status cairn_grouping_finish(cairn_grouping *g, cairn_budget *budget)
+cairn_status cairn_grouping_select_objects(cairn_grouping *grouping, cairn_budget *budget)
 {
-    while (g->cursor < g->object_count) {
+    while (grouping->cursor < grouping->object_count) {
         cairn_status status;
 
-        if (!g->is_laying)
-            g->pose = pose_of(&g->objects[g->cursor]);
-        status = cairn_grouping_lay(g, budget);
+        if (!grouping->is_fitting)
+            grouping->pose = pose_of(&grouping->objects[grouping->cursor]);
+        status = cairn_grouping_match_outline(grouping, budget);
         if (status != CAIRN_OK)
             return status;
-        if (!g->is_listing)
-            judge(g);
-        else if (g->round++ < BENDS)
-            cairn_grouping_bend(g);
+        if (!grouping->is_listing)
+            verify_object(grouping);
+        else if (grouping->round++ < DEFORM_ROUNDS)
+            cairn_grouping_deform_outline(grouping);
         else
-            list(g);
+            list_object(grouping);
     }
     return CAIRN_OK;
 }

@@ -1,319 +1,348 @@
-/* The whole outline of the model is laid onto the tokens in a pose, and the pose moved to where it
- * lies best.
+/* Matching of the model's whole outline to the tokens, and refinement of the pose.
  *
- * Method: dynamic programming along the outline (Viterbi). A sample of the outline goes along one
- * of the tokens near it, or is hidden. What is added up is about the logarithm of how much likelier
- * the tokens are with the object than by chance. A piece of the outline that is seen is worth the
- * more the closer it lies, by one of two widths, whichever explains it better: that of the same
- * object and that of another of its kind. A straight piece is worth less than a bent one, and
- * following a chain round a bend more, since few chains bend there by chance. To begin, to end and
- * to change chains costs something; most of all to leave a chain that goes on elsewhere, which an
- * object's own contour does not. What is hidden costs little: a part of an object is evidence as
- * well.
+ * Method: dynamic programming along the outline (Viterbi algorithm).
+ * 1. States: an outline sample is matched to one of the tokens near it, or occluded.
+ * 2. Score: an approximate log-likelihood ratio of the tokens, object against chance. A matched
+ *    piece of outline scores more the closer it lies, by the better of two tolerances: that of the
+ *    same object and that of another object of its class. A straight piece scores less than a
+ *    curved one. Following a chain round a curve scores more, since few chains curve there by
+ *    chance.
+ * 3. Transition costs: to begin, to end, and to switch chains. Leaving a chain that continues
+ *    elsewhere costs most, because an object's own contour does not do so. Occlusion costs little:
+ *    a visible part of an object is evidence as well.
+ * 4. Refinement: alternates matching and a least-squares fit of the pose, with pruning of poor
+ *    poses.
  *
- * Source: the search over all of a path by dynamic programming is this project's, in place of
- * the likelihood of Adluru 2008 (2.13), which cannot tell a part that is hidden from an object
- * that is not there. */
+ * Source: the dynamic program over a whole path is this project's, in place of the likelihood of
+ * Adluru 2008 (2.13), which cannot distinguish an occluded part from an absent object. */
 #include "src/core/build.h"
 
 #include <string.h>
 
 #include "src/contour/contour_grouping_work.h"
 
-/* Of the object's size: pieces of the outline of this length are independent of each other. */
-#define PIECE CAIRN_REAL(0.08)
-/* What a piece is worth that lies as in the model: if it is the same object, or another of its
- * kind, whose sigmas are WIDER. */
-#define SAME    CAIRN_REAL(2.14)
-#define SIMILAR CAIRN_REAL(0.5)
-#define WIDER   CAIRN_REAL(2.5)
-/* By how much a straight piece is worth less. */
-#define STRAIGHT CAIRN_REAL(0.65)
-/* Edges, in px a px^2, that are usual, and what a piece loses when there are e times as many. */
-#define USUAL CAIRN_REAL(0.035)
-#define DENSE CAIRN_REAL(0.25)
-/* What it costs to hide a piece, to begin or end what is seen, to change to another chain, and
- * to leave one that goes on. */
-#define HIDE   CAIRN_REAL(0.15)
-#define BORDER CAIRN_REAL(0.4)
-#define CHANGE CAIRN_REAL(0.8)
-#define LEAVE  2
-/* What it is worth to go on along a chain where the outline bends. */
-#define BEND 1
-/* 1 - cosine of the turn between the neighbours but one of a sample that makes a bend. */
-#define BEND_TURN CAIRN_REAL(0.0667)
-/* Tokens of a chain that a step may go on by, and that a chain must have left to go on
- * elsewhere. */
-enum { STEPS_ON = 3, LEFT_OVER = 2 };
-/* Rounds; places with less than one part in so many of the most evidence so far get no further
- * round. */
-enum { ROUNDS = 5 };
-static const int32_t hope[ROUNDS] = {12, 6, 4, 3, 0};
-/* Samples on either side that shift with a sample. */
-enum { AROUND = 3 };
-/* Of the shift of a sample what is expected of the next one. */
-#define CARRY CAIRN_REAL(0.95)
-/* Points that the pose of the round before is worth in the fit. */
-#define HELD 2
-/* Of one sample: its tokens, and its ways. */
-enum { UNITS_A_SAMPLE = 12 };
+/* Share of the object's size: pieces of the outline of this length are treated as independent. */
+#define PIECE_LENGTH CAIRN_REAL(0.08)
+/* Log-likelihood ratio (nats) of a perfectly matched piece: for the same object, and for another of
+ * its class, whose sigmas are wider by SIMILAR_SIGMA_FACTOR. */
+#define SAME_OBJECT_LLR      CAIRN_REAL(2.14)
+#define SIMILAR_OBJECT_LLR   CAIRN_REAL(0.5)
+#define SIMILAR_SIGMA_FACTOR CAIRN_REAL(2.5)
+/* Relative reduction of the score of a straight piece. */
+#define STRAIGHT_DISCOUNT CAIRN_REAL(0.65)
+/* Usual edge density, px per px^2; and the cost (nats) of a piece per e-fold density. */
+#define USUAL_EDGE_DENSITY CAIRN_REAL(0.035)
+#define DENSITY_COST       CAIRN_REAL(0.25)
+/* Costs (nats): an occluded piece, beginning or ending a matched run, switching to another chain,
+ * and leaving a chain that continues. */
+#define OCCLUSION_COST    CAIRN_REAL(0.15)
+#define BORDER_COST       CAIRN_REAL(0.4)
+#define CHAIN_SWITCH_COST CAIRN_REAL(0.8)
+#define CHAIN_LEAVE_COST  2
+/* Reward (nats) for following a chain where the outline curves. */
+#define CURVE_REWARD 1
+/* 1 - cosine of the turning angle, between the samples two before and two after, of a curve. */
+#define CURVE_TURN CAIRN_REAL(0.0667)
+/* Greatest step along a chain, tokens; remaining tokens with which a chain counts as continuing. */
+enum { MAX_TOKEN_STEP = 3, MIN_REMAINING_TOKENS = 2 };
+/* Refinement rounds; pruning ratio per round: a pose is refined further only if its evidence times
+ * the ratio reaches the best evidence so far. */
+enum { MAX_ROUNDS = 5 };
+static const int32_t pruning_ratio[MAX_ROUNDS] = {12, 6, 4, 3, 0};
+/* Smoothing radius of the deformation, samples. */
+enum { SMOOTHING_RADIUS = 3 };
+/* Decay of the shift per unmatched sample. */
+#define SHIFT_DECAY CAIRN_REAL(0.95)
+/* Weight of the previous round's pose in the fit, points. */
+#define PRIOR_WEIGHT 2
+/* Work units of one sample: token search and transitions. */
+enum { UNITS_PER_SAMPLE = 12 };
 
-/* How much less a piece is worth in an image with more edges than usual, where more is near any
- * place by chance. */
-void cairn_grouping_outline_chance(cairn_grouping *g)
+/* Clutter cost: reduces the score of a piece in images with more edges than usual, where chance
+ * matches are more frequent. */
+void cairn_grouping_set_clutter_cost(cairn_grouping *grouping)
 {
-    cairn_real length = 0, area = (cairn_real)g->input.width * (cairn_real)g->input.height;
+    cairn_real length = 0,
+               area = (cairn_real)grouping->input.width * (cairn_real)grouping->input.height;
 
-    for (int32_t i = 0; i < g->token_count; i++)
-        length += 2 * g->tokens[i].half;
-    g->chance = DENSE * cairn_log(cairn_max(length / (area * USUAL), 1));
+    for (int32_t i = 0; i < grouping->token_count; i++)
+        length += 2 * grouping->tokens[i].half_length;
+    grouping->clutter_cost =
+        DENSITY_COST * cairn_log(cairn_max(length / (area * USUAL_EDGE_DENSITY), 1));
 }
 
-/* How much the outline bends about a sample: 0 not at all, 1 sharply. */
-static cairn_real bend_at(const cairn_shape_model *m, int32_t i)
+/* Curvature weight at a sample: 0 straight, 1 sharp. */
+static cairn_real curvature_at(const cairn_shape_model *model, int32_t i)
 {
-    cairn_vec2 before = m->outline[i >= 2 ? i - 2 : 0].direction;
+    cairn_vec2 before = model->outline[i >= 2 ? i - 2 : 0].direction;
     cairn_vec2 after =
-        m->outline[i + 2 < m->outline_count ? i + 2 : m->outline_count - 1].direction;
+        model->outline[i + 2 < model->outline_count ? i + 2 : model->outline_count - 1].direction;
 
-    return 1 - cairn_exp((cairn_vec2_dot(before, after) - 1) / BEND_TURN);
+    return 1 - cairn_exp((cairn_vec2_dot(before, after) - 1) / CURVE_TURN);
 }
 
-/* 1 when an edge from token `from` to token `to` goes on along a chain, in the sense in which
- * the outline runs. */
-static int goes_on(const cairn_grouping *g, int32_t from, int32_t to, cairn_vec2 direction)
+/* Returns 1 when the step from token `from` to token `to` follows a chain in the direction of the
+ * outline. */
+static int continues_chain(const cairn_grouping *grouping, int32_t from, int32_t to,
+                           cairn_vec2 direction)
 {
-    int32_t ahead = cairn_vec2_dot(g->tokens[to].direction, direction) >= 0 ? to - from : from - to;
+    int32_t ahead =
+        cairn_vec2_dot(grouping->tokens[to].direction, direction) >= 0 ? to - from : from - to;
 
-    return g->tokens[from].chain == g->tokens[to].chain && ahead >= 0 && ahead <= STEPS_ON;
+    return grouping->tokens[from].chain == grouping->tokens[to].chain && ahead >= 0 &&
+           ahead <= MAX_TOKEN_STEP;
 }
 
-/* What it costs that the chain of a token goes on ahead of it (ahead 1) or behind it (-1), as
- * the outline runs. */
-static cairn_real cost_of_leaving(const cairn_grouping *g, int32_t token, cairn_vec2 direction,
-                                  int32_t ahead)
+/* Cost of leaving a token's chain that continues ahead of it (ahead 1) or behind it (-1), along the
+ * outline. */
+static cairn_real chain_leave_cost(const cairn_grouping *grouping, int32_t token,
+                                   cairn_vec2 direction, int32_t ahead)
 {
-    int32_t sense = cairn_vec2_dot(g->tokens[token].direction, direction) >= 0 ? ahead : -ahead;
-    int32_t next = token + LEFT_OVER * sense;
+    int32_t sense =
+        cairn_vec2_dot(grouping->tokens[token].direction, direction) >= 0 ? ahead : -ahead;
+    int32_t next = token + MIN_REMAINING_TOKENS * sense;
 
-    return !g->is_listing && next >= 0 && next < g->token_count &&
-                   g->tokens[next].chain == g->tokens[token].chain
-               ? LEAVE
+    return !grouping->is_listing && next >= 0 && next < grouping->token_count &&
+                   grouping->tokens[next].chain == grouping->tokens[token].chain
+               ? CHAIN_LEAVE_COST
                : 0;
 }
 
-/* What it costs to come from one cell to another; what it costs to leave the chain of the one,
- * and to come upon that of the other. */
-static cairn_real cost_of_step(const cairn_grouping *g, const grouping_cell *from,
-                               const grouping_cell *to, cairn_vec2 direction, cairn_real bend,
-                               cairn_real leave, cairn_real come)
+/* Transition cost between two nodes; leave, enter: costs of leaving the chain of the first and of
+ * entering that of the second. */
+static cairn_real transition_cost(const cairn_grouping *grouping, const grouping_node *from,
+                                  const grouping_node *to, cairn_vec2 direction,
+                                  cairn_real curvature, cairn_real leave, cairn_real enter)
 {
-    cairn_real jump;
+    cairn_real offset_jump;
 
     if (from->token == to->token)
         return 0;
     if (from->token < 0)
-        return BORDER + come;
+        return BORDER_COST + enter;
     if (to->token < 0)
-        return BORDER + leave;
-    if (goes_on(g, from->token, to->token, direction))
-        return -BEND * bend;
-    jump = to->off - from->off;
-    return CHANGE + jump * jump + leave + come;
+        return BORDER_COST + leave;
+    if (continues_chain(grouping, from->token, to->token, direction))
+        return -CURVE_REWARD * curvature;
+    offset_jump = to->offset - from->offset;
+    return CHAIN_SWITCH_COST + offset_jump * offset_jump + leave + enter;
 }
 
-/* The cells of a sample: hidden, and the tokens near it; their number. */
-static int32_t look_around(const cairn_grouping *g, const grouping_pose *pose,
-                           const cairn_oriented_point *o, cairn_real bend, grouping_cell *row)
+/* Creates the nodes of a sample: occluded, and the tokens near it. Returns their number. */
+static int32_t make_nodes(const cairn_grouping *grouping, const grouping_pose *pose,
+                          const cairn_oriented_point *sample, cairn_real curvature,
+                          grouping_node *row)
 {
-    cairn_vec2 at = grouping_place(pose, o->position),
-               direction = grouping_direction(pose, o->direction);
-    cairn_real size = grouping_size(pose), sigma = g->params.deform * size,
-               cost[GROUPING_CELLS - 1];
-    cairn_real pieces = g->spacing / PIECE, worth = g->is_listing ? 1 : 1 - STRAIGHT * (1 - bend);
-    int32_t token[GROUPING_CELLS - 1];
+    cairn_vec2 at = grouping_transform_point(pose, sample->position),
+               direction = grouping_transform_vector(pose, sample->direction);
+    cairn_real size = grouping_size(pose), sigma = grouping->params.deform * size,
+               cost[GROUPING_MAX_NODES - 1];
+    cairn_real pieces = grouping->spacing / PIECE_LENGTH,
+               weight = grouping->is_listing ? 1 : 1 - STRAIGHT_DISCOUNT * (1 - curvature);
+    int32_t token[GROUPING_MAX_NODES - 1];
     int32_t count;
 
-    at = g->is_listing ? cairn_vec2_add(at, g->shift[o - g->input.model->outline]) : at;
-    count = cairn_grouping_near(g, at, direction, sigma, GROUPING_CELLS - 1, token, cost);
+    at = grouping->is_listing
+             ? cairn_vec2_add(at, grouping->shift[sample - grouping->input.model->outline])
+             : at;
+    count = cairn_grouping_match_tokens(grouping, at, direction, sigma, GROUPING_MAX_NODES - 1,
+                                        token, cost);
 
     row[0].token = -1;
-    row[0].cost = row[0].off = 0;
-    row[0].value = -HIDE * pieces;
+    row[0].cost = row[0].offset = 0;
+    row[0].value = -OCCLUSION_COST * pieces;
     for (int32_t k = 0; k < count; k++) {
-        cairn_vec2 off = cairn_vec2_sub(cairn_grouping_touch(g, token[k], at), at);
+        cairn_vec2 offset =
+            cairn_vec2_sub(cairn_grouping_nearest_point(grouping, token[k], at), at);
 
         row[k + 1].token = token[k];
         row[k + 1].cost = cost[k];
-        row[k + 1].off = cairn_vec2_cross(direction, off) / (size * sigma);
+        row[k + 1].offset = cairn_vec2_cross(direction, offset) / (size * sigma);
         row[k + 1].value =
-            pieces * (cairn_max(SAME * worth - WIDER * WIDER * cost[k], SIMILAR * worth - cost[k]) -
-                      g->chance);
+            pieces * (cairn_max(SAME_OBJECT_LLR * weight -
+                                    SIMILAR_SIGMA_FACTOR * SIMILAR_SIGMA_FACTOR * cost[k],
+                                SIMILAR_OBJECT_LLR * weight - cost[k]) -
+                      grouping->clutter_cost);
     }
     return count + 1;
 }
 
-/* One sample of the outline: its cells, and the best way to each. */
-static void lay_sample(cairn_grouping *g, int32_t i)
+/* One Viterbi step: the nodes of a sample and the best predecessor of each. */
+static void extend_paths(cairn_grouping *grouping, int32_t i)
 {
-    const cairn_oriented_point *o = &g->input.model->outline[i];
-    grouping_cell *row = &g->cells[i * GROUPING_CELLS], *before = row - GROUPING_CELLS;
-    cairn_vec2 direction = grouping_direction(&g->pose, o->direction);
-    cairn_real bend = g->bend[i], leave[GROUPING_CELLS];
-    int32_t count = look_around(g, &g->pose, o, bend, row);
+    const cairn_oriented_point *sample = &grouping->input.model->outline[i];
+    grouping_node *row = &grouping->nodes[i * GROUPING_MAX_NODES],
+                  *previous = row - GROUPING_MAX_NODES;
+    cairn_vec2 direction = grouping_transform_vector(&grouping->pose, sample->direction);
+    cairn_real curvature = grouping->curvature[i], leave[GROUPING_MAX_NODES];
+    int32_t count = make_nodes(grouping, &grouping->pose, sample, curvature, row);
 
-    for (int32_t j = 0; j < g->cell_count && i > 0; j++)
-        leave[j] = before[j].token < 0 ? 0 : cost_of_leaving(g, before[j].token, direction, 1);
+    for (int32_t j = 0; j < grouping->node_count && i > 0; j++)
+        leave[j] =
+            previous[j].token < 0 ? 0 : chain_leave_cost(grouping, previous[j].token, direction, 1);
     for (int32_t k = 0; k < count && i > 0; k++) {
-        cairn_real most = -CAIRN_REAL_MAX;
-        cairn_real come = row[k].token < 0 ? 0 : cost_of_leaving(g, row[k].token, direction, -1);
+        cairn_real best_value = -CAIRN_REAL_MAX;
+        cairn_real enter =
+            row[k].token < 0 ? 0 : chain_leave_cost(grouping, row[k].token, direction, -1);
 
-        for (int32_t j = 0; j < g->cell_count; j++) {
-            cairn_real value = before[j].value - cost_of_step(g, &before[j], &row[k], direction,
-                                                              bend, leave[j], come);
+        for (int32_t j = 0; j < grouping->node_count; j++) {
+            cairn_real value =
+                previous[j].value - transition_cost(grouping, &previous[j], &row[k], direction,
+                                                    curvature, leave[j], enter);
 
-            if (value > most) {
-                most = value;
-                row[k].from = j;
+            if (value > best_value) {
+                best_value = value;
+                row[k].predecessor = j;
             }
         }
-        row[k].value += most;
+        row[k].value += best_value;
     }
-    g->cell_count = count;
+    grouping->node_count = count;
 }
 
-/* Follows the best way back: matches and their costs. Its value. */
-static cairn_real read_way(cairn_grouping *g)
+/* Viterbi backtracking: sets the matches and their costs, returns the score of the best path. */
+static cairn_real backtrack(cairn_grouping *grouping)
 {
-    int32_t last = g->input.model->outline_count - 1, at = 0;
-    const grouping_cell *row = &g->cells[last * GROUPING_CELLS];
+    int32_t last = grouping->input.model->outline_count - 1, best = 0;
+    const grouping_node *row = &grouping->nodes[last * GROUPING_MAX_NODES];
     cairn_real value;
 
-    for (int32_t k = 1; k < g->cell_count; k++)
-        if (row[k].value > row[at].value)
-            at = k;
-    value = row[at].value;
+    for (int32_t k = 1; k < grouping->node_count; k++)
+        if (row[k].value > row[best].value)
+            best = k;
+    value = row[best].value;
     for (int32_t i = last; i >= 0; i--) {
-        const grouping_cell *c = &g->cells[i * GROUPING_CELLS + at];
+        const grouping_node *node = &grouping->nodes[i * GROUPING_MAX_NODES + best];
 
-        g->match[i] = c->token;
-        g->cost[i] = c->cost;
-        at = c->from;
+        grouping->match[i] = node->token;
+        grouping->cost[i] = node->cost;
+        best = node->predecessor;
     }
     return value;
 }
 
-cairn_status cairn_grouping_lay(cairn_grouping *g, cairn_budget *budget)
+cairn_status cairn_grouping_match_outline(cairn_grouping *grouping, cairn_budget *budget)
 {
-    g->is_laying = 1;
-    for (; g->sample < g->input.model->outline_count; g->sample++) {
-        if (!cairn_budget_pay(budget, &g->paid, UNITS_A_SAMPLE))
+    grouping->is_fitting = 1;
+    for (; grouping->sample < grouping->input.model->outline_count; grouping->sample++) {
+        if (!cairn_budget_pay(budget, &grouping->charged_units, UNITS_PER_SAMPLE))
             return CAIRN_MORE;
-        lay_sample(g, g->sample);
+        extend_paths(grouping, grouping->sample);
     }
-    g->sample = g->is_laying = 0;
-    g->evidence = read_way(g);
+    grouping->sample = grouping->is_fitting = 0;
+    grouping->evidence = backtrack(grouping);
     return CAIRN_OK;
 }
 
-/* Moves the pose to where the matches lie best. */
-static void move(cairn_grouping *g)
+/* Refits the pose to the matches: weighted least squares with a prior on the previous pose. */
+static void fit_matches(cairn_grouping *grouping)
 {
-    const cairn_shape_model *m = g->input.model;
-    grouping_sums sums = cairn_grouping_hold(&g->pose, HELD);
-    grouping_pose was = g->pose;
+    const cairn_shape_model *model = grouping->input.model;
+    grouping_fit_sums sums = cairn_grouping_pose_prior(&grouping->pose, PRIOR_WEIGHT);
+    grouping_pose previous = grouping->pose;
 
-    for (int32_t i = 0; i < m->outline_count; i++) {
-        cairn_vec2 place = m->outline[i].position;
+    for (int32_t i = 0; i < model->outline_count; i++) {
+        cairn_vec2 point = model->outline[i].position;
 
-        if (g->match[i] >= 0)
-            cairn_grouping_sum(&sums, place,
-                               cairn_grouping_touch(g, g->match[i], grouping_place(&was, place)),
-                               cairn_exp(-g->cost[i]));
+        if (grouping->match[i] >= 0)
+            cairn_grouping_add_point(
+                &sums, point,
+                cairn_grouping_nearest_point(grouping, grouping->match[i],
+                                             grouping_transform_point(&previous, point)),
+                cairn_exp(-grouping->cost[i]));
     }
-    g->pose = cairn_grouping_fit(&sums, &was);
+    grouping->pose = cairn_grouping_fit_pose(&sums, &previous);
 }
 
-cairn_status cairn_grouping_refine(cairn_grouping *g, cairn_budget *budget)
+cairn_status cairn_grouping_refine_pose(cairn_grouping *grouping, cairn_budget *budget)
 {
-    for (; g->round < ROUNDS; g->round++) {
-        cairn_status status = cairn_grouping_lay(g, budget);
+    for (; grouping->round < MAX_ROUNDS; grouping->round++) {
+        cairn_status status = cairn_grouping_match_outline(grouping, budget);
 
         if (status != CAIRN_OK)
             return status;
-        if (g->round + 1 == ROUNDS || g->evidence * (cairn_real)hope[g->round] < g->most)
+        if (grouping->round + 1 == MAX_ROUNDS ||
+            grouping->evidence * (cairn_real)pruning_ratio[grouping->round] <
+                grouping->max_evidence)
             break;
-        move(g);
-        g->is_laying = 1;
+        fit_matches(grouping);
+        grouping->is_fitting = 1;
     }
-    g->round = g->is_laying = 0;
-    g->most = cairn_max(g->most, g->evidence);
+    grouping->round = grouping->is_fitting = 0;
+    grouping->max_evidence = cairn_max(grouping->max_evidence, grouping->evidence);
     return CAIRN_OK;
 }
 
-/* Sums of the shifts of the samples from i - AROUND to i + AROUND that are seen, and their
- * number. */
-static int32_t shifts_around(const cairn_grouping *g, int32_t i, cairn_vec2 *sum)
+/* Sums the shifts of the matched samples from i - SMOOTHING_RADIUS to i + SMOOTHING_RADIUS; returns
+ * their number. */
+static int32_t shifts_around(const cairn_grouping *grouping, int32_t i, cairn_vec2 *sum)
 {
-    const cairn_shape_model *m = g->input.model;
+    const cairn_shape_model *model = grouping->input.model;
     int32_t count = 0;
 
     sum->x = sum->y = 0;
-    for (int32_t k = i > AROUND ? i - AROUND : 0; k <= i + AROUND && k < m->outline_count; k++)
-        if (g->match[k] >= 0) {
-            cairn_vec2 place = grouping_place(&g->pose, m->outline[k].position);
-            cairn_vec2 from = cairn_vec2_add(place, g->shift[k]);
+    for (int32_t k = i > SMOOTHING_RADIUS ? i - SMOOTHING_RADIUS : 0;
+         k <= i + SMOOTHING_RADIUS && k < model->outline_count; k++)
+        if (grouping->match[k] >= 0) {
+            cairn_vec2 point =
+                grouping_transform_point(&grouping->pose, model->outline[k].position);
+            cairn_vec2 from = cairn_vec2_add(point, grouping->shift[k]);
 
             *sum = cairn_vec2_add(
-                *sum, cairn_vec2_sub(cairn_grouping_touch(g, g->match[k], from), place));
+                *sum, cairn_vec2_sub(
+                          cairn_grouping_nearest_point(grouping, grouping->match[k], from), point));
             count++;
         }
     return count;
 }
 
-/* Where nothing is seen around, the shift is that of the nearest sample where something is, the
- * less the farther it is. */
-static void carry(cairn_vec2 *shift, int32_t *apart, int32_t count, int32_t step)
+/* Propagates the shift of the nearest matched sample to unmatched ones, with decay, in one
+ * direction. */
+static void propagate_shifts(cairn_vec2 *shift, int32_t *match_distance, int32_t count,
+                             int32_t step)
 {
-    int32_t at = step > 0 ? 0 : count - 1;
+    int32_t index = step > 0 ? 0 : count - 1;
 
     for (int32_t k = 1; k < 2 * count; k++) {
-        int32_t next = (at + step + count) % count;
+        int32_t next = (index + step + count) % count;
 
-        if (apart[at] + 1 < apart[next]) {
-            apart[next] = apart[at] + 1;
-            shift[next] = cairn_vec2_scale(shift[at], CARRY);
+        if (match_distance[index] + 1 < match_distance[next]) {
+            match_distance[next] = match_distance[index] + 1;
+            shift[next] = cairn_vec2_scale(shift[index], SHIFT_DECAY);
         }
-        at = next;
+        index = next;
     }
 }
 
-void cairn_grouping_bend(cairn_grouping *g)
+void cairn_grouping_deform_outline(cairn_grouping *grouping)
 {
-    int32_t count = g->input.model->outline_count;
+    int32_t count = grouping->input.model->outline_count;
     cairn_vec2 sum;
 
     for (int32_t i = 0; i < count; i++) {
-        int32_t seen = shifts_around(g, i, &sum);
+        int32_t matched = shifts_around(grouping, i, &sum);
 
-        g->bent[i] = cairn_vec2_scale(sum, 1 / (cairn_real)(seen > 0 ? seen : 1));
-        g->apart[i] = seen > 0 ? 0 : 2 * count;
+        grouping->next_shift[i] =
+            cairn_vec2_scale(sum, 1 / (cairn_real)(matched > 0 ? matched : 1));
+        grouping->match_distance[i] = matched > 0 ? 0 : 2 * count;
     }
-    carry(g->bent, g->apart, count, 1);
-    carry(g->bent, g->apart, count, -1);
-    memcpy(g->shift, g->bent, (size_t)count * sizeof *g->bent);
+    propagate_shifts(grouping->next_shift, grouping->match_distance, count, 1);
+    propagate_shifts(grouping->next_shift, grouping->match_distance, count, -1);
+    memcpy(grouping->shift, grouping->next_shift, (size_t)count * sizeof *grouping->next_shift);
 }
 
-void cairn_grouping_outline_begin(cairn_grouping *g)
+void cairn_grouping_begin_outline(cairn_grouping *grouping)
 {
-    const cairn_shape_model *m = g->input.model;
+    const cairn_shape_model *model = grouping->input.model;
     cairn_real sum = 0;
 
-    for (int32_t i = 1; i < m->outline_count; i++)
-        sum += cairn_vec2_norm(cairn_vec2_sub(m->outline[i].position, m->outline[i - 1].position));
-    g->spacing = sum / (cairn_real)m->outline_count;
-    for (int32_t i = 0; i < m->outline_count; i++)
-        g->bend[i] = bend_at(m, i);
-    g->most = 0;
-    g->sample = g->round = g->cell_count = g->is_laying = g->is_listing = 0;
+    for (int32_t i = 1; i < model->outline_count; i++)
+        sum += cairn_vec2_norm(
+            cairn_vec2_sub(model->outline[i].position, model->outline[i - 1].position));
+    grouping->spacing = sum / (cairn_real)model->outline_count;
+    for (int32_t i = 0; i < model->outline_count; i++)
+        grouping->curvature[i] = curvature_at(model, i);
+    grouping->max_evidence = 0;
+    grouping->sample = grouping->round = grouping->node_count = grouping->is_fitting =
+        grouping->is_listing = 0;
 }

@@ -1,32 +1,36 @@
-/* First sight: where the model may lie at all.
+/* Hypothesis generation: poses of the model from pairs of tokens.
  *
- * Two tokens with the touches of one sample of the model give a similarity: the chord between
- * them its size, turn and place; the directions of both must agree. How much of the outline has
- * an edge of its direction near it, looked up in a map of bits, ranks these places; of places
- * that are nearly one the best is kept. They are the first particles. */
+ * Method:
+ * 1. The quantized directions of all tokens are marked in a map of bits (edge-orientation map).
+ * 2. Every pair of tokens is matched to the two sides of a model sample. The chord between them
+ *    gives the scale, rotation and translation of a similarity transform. The directions of both
+ *    tokens must agree with the sample.
+ * 3. A hypothesis is scored by edge coverage: the share of the outline with an edge of its
+ *    direction nearby, looked up in the map.
+ * 4. Non-maximum suppression keeps the best of near-duplicate hypotheses and limits the size of a
+ *    cluster. The rest are the initial particles. */
 #include "src/core/build.h"
 
 #include "src/contour/contour_grouping_work.h"
 
-/* Least cosine between a token and the direction that it should have. */
-#define LEAST_COSINE CAIRN_REAL(0.9)
-/* Places closer than this, of the size, and of sizes closer than this are one. */
-#define SAME_PLACE CAIRN_REAL(0.05)
-#define SAME_SIZE  CAIRN_REAL(0.12)
-/* Places closer than this, of the size, are a crowd, and no more of them are kept than one share
- * in so many. */
-#define CLOSE CAIRN_REAL(0.3)
-enum { CROWDS = 8 };
-enum { MOST_PAIRS = 1 << 22 };
-/* Cosines of half the range of turns above this tell a chord that is turned too far without a
- * root. */
-#define NARROW CAIRN_REAL(0.1)
-/* Room for rounding. */
-#define LESS CAIRN_REAL(0.9999)
-#define MORE CAIRN_REAL(1.0001)
+/* Least cosine of the angle between a token and its expected direction. */
+#define MIN_COSINE CAIRN_REAL(0.9)
+/* Near-duplicate hypotheses: distance, and difference of scale and rotation, shares of the size. */
+#define DUPLICATE_DISTANCE CAIRN_REAL(0.05)
+#define DUPLICATE_SCALE    CAIRN_REAL(0.12)
+/* Cluster radius, share of the size; a cluster holds at most one CLUSTERS-th of the hypotheses. */
+#define CLUSTER_RADIUS CAIRN_REAL(0.3)
+enum { CLUSTERS = 8 };
+enum { MAX_PAIRS = 1 << 22 };
+/* Least cosine of half the rotation range for which chords are rejected early by a squared
+ * cosine. */
+#define MIN_RANGE_COSINE CAIRN_REAL(0.1)
+/* Factors that widen ranges for rounding errors. */
+#define ROUND_DOWN CAIRN_REAL(0.9999)
+#define ROUND_UP   CAIRN_REAL(1.0001)
 
-/* The bin of a direction, 0 ... 7 over half a turn, by comparisons only. */
-static int32_t bin_of(cairn_vec2 d)
+/* Direction bin, 0 ... 7 over half a turn, by comparisons only. */
+static int32_t direction_bin(cairn_vec2 d)
 {
     cairn_real x = d.x, y = d.y;
     int32_t bin;
@@ -37,265 +41,285 @@ static int32_t bin_of(cairn_vec2 d)
     }
     bin = x >= 0 ? 0 : 4;
     if (bin == 4) {
-        cairn_real was = x;
+        cairn_real old_x = x;
 
         x = y;
-        y = -was;
+        y = -old_x;
     }
     if (y > CAIRN_REAL(2.414213562) * x)
         return bin + 3;
     return bin + (y > x ? 2 : y > CAIRN_REAL(0.414213562) * x);
 }
 
-/* Marks a token's direction, and the bins beside it, in the cells around it. */
-static void mark(cairn_grouping *g, const grouping_token *t)
+/* Marks a token's direction bin and its neighbours in the cells around the token. */
+static void mark_token(cairn_grouping *grouping, const grouping_token *t)
 {
-    int32_t bin = bin_of(t->direction), steps = 1 + cairn_real_to_int(t->half / GROUPING_SIGHT);
+    int32_t bin = direction_bin(t->direction),
+            steps = 1 + cairn_real_to_int(t->half_length / GROUPING_EDGE_CELL_PX);
     uint8_t bits = (uint8_t)(1 << bin | 1 << ((bin + 1) & 7) | 1 << ((bin + 7) & 7));
 
     for (int32_t s = -steps; s <= steps; s++) {
         cairn_vec2 p = cairn_vec2_add(
-            t->at, cairn_vec2_scale(t->direction, t->half * ((cairn_real)s / (cairn_real)steps)));
-        int32_t x = cairn_real_to_int(p.x) / GROUPING_SIGHT,
-                y = cairn_real_to_int(p.y) / GROUPING_SIGHT;
+            t->middle,
+            cairn_vec2_scale(t->direction, t->half_length * ((cairn_real)s / (cairn_real)steps)));
+        int32_t x = cairn_real_to_int(p.x) / GROUPING_EDGE_CELL_PX,
+                y = cairn_real_to_int(p.y) / GROUPING_EDGE_CELL_PX;
 
         for (int32_t v = y - 1; v <= y + 1; v++)
             for (int32_t u = x - 1; u <= x + 1; u++)
-                if (u >= 0 && v >= 0 && u < g->sight_columns && v < g->sight_rows)
-                    g->sight[v * g->sight_columns + u] |= bits;
+                if (u >= 0 && v >= 0 && u < grouping->edge_columns && v < grouping->edge_rows)
+                    grouping->edge_map[v * grouping->edge_columns + u] |= bits;
     }
 }
 
-/* The share of the outline that has an edge near it. */
-static cairn_real sight_score(const cairn_grouping *g, const grouping_pose *pose)
+/* Edge coverage of a pose: share of outline samples with an edge of their direction nearby. */
+static cairn_real edge_coverage(const cairn_grouping *grouping, const grouping_pose *pose)
 {
-    const cairn_shape_model *m = g->input.model;
-    int32_t stride = 1 + m->outline_count / 48, seen = 0, count = 0;
+    const cairn_shape_model *model = grouping->input.model;
+    int32_t stride = 1 + model->outline_count / 48, covered = 0, count = 0;
 
-    for (int32_t i = 0; i < m->outline_count; i += stride) {
-        cairn_vec2 p = grouping_place(pose, m->outline[i].position);
-        int32_t x = cairn_real_to_int(p.x) / GROUPING_SIGHT,
-                y = cairn_real_to_int(p.y) / GROUPING_SIGHT;
+    for (int32_t i = 0; i < model->outline_count; i += stride) {
+        cairn_vec2 p = grouping_transform_point(pose, model->outline[i].position);
+        int32_t x = cairn_real_to_int(p.x) / GROUPING_EDGE_CELL_PX,
+                y = cairn_real_to_int(p.y) / GROUPING_EDGE_CELL_PX;
 
         count++;
-        if (p.x < 0 || p.y < 0 || x >= g->sight_columns || y >= g->sight_rows)
+        if (p.x < 0 || p.y < 0 || x >= grouping->edge_columns || y >= grouping->edge_rows)
             continue;
-        seen += g->sight[y * g->sight_columns + x] >>
-                    bin_of(grouping_direction(pose, m->outline[i].direction)) &
-                1;
+        covered += grouping->edge_map[y * grouping->edge_columns + x] >>
+                       direction_bin(grouping_transform_vector(pose, model->outline[i].direction)) &
+                   1;
     }
-    return (cairn_real)seen / (cairn_real)count;
+    return (cairn_real)covered / (cairn_real)count;
 }
 
-static int is_same(const grouping_start *a, const grouping_start *b, cairn_real sizes)
+static int are_duplicates(const grouping_hypothesis *a, const grouping_hypothesis *b,
+                          cairn_real sizes)
 {
     cairn_real da = a->pose.a - b->pose.a, db = a->pose.b - b->pose.b;
 
     return cairn_vec2_norm_squared(cairn_vec2_sub(a->pose.t, b->pose.t)) <
-               SAME_PLACE * SAME_PLACE * sizes &&
-           da * da + db * db < SAME_SIZE * SAME_SIZE * sizes;
+               DUPLICATE_DISTANCE * DUPLICATE_DISTANCE * sizes &&
+           da * da + db * db < DUPLICATE_SCALE * DUPLICATE_SCALE * sizes;
 }
 
-static int is_close(const grouping_start *a, const grouping_start *b, cairn_real sizes)
+static int are_in_cluster(const grouping_hypothesis *a, const grouping_hypothesis *b,
+                          cairn_real sizes)
 {
-    return cairn_vec2_norm_squared(cairn_vec2_sub(a->pose.t, b->pose.t)) < CLOSE * CLOSE * sizes;
+    return cairn_vec2_norm_squared(cairn_vec2_sub(a->pose.t, b->pose.t)) <
+           CLUSTER_RADIUS * CLUSTER_RADIUS * sizes;
 }
 
-/* The place that a new one may only take the place of: one that is nearly the same, or the worst
- * of a crowd; -1: none. */
-static int32_t rival(const cairn_grouping *g, const grouping_start *start)
+/* Index of the hypothesis that a new one may replace: a near-duplicate, or the worst of a full
+ * cluster; -1: none. */
+static int32_t replaceable_hypothesis(const cairn_grouping *grouping,
+                                      const grouping_hypothesis *hypothesis)
 {
-    int32_t crowd = g->params.particles / CROWDS, close = 0, worst = -1;
+    int32_t max_cluster = grouping->params.particles / CLUSTERS, cluster_size = 0, worst = -1;
 
-    for (int32_t i = 0; i < g->start_count; i++) {
-        cairn_real sizes = g->starts[i].size * start->size;
+    for (int32_t i = 0; i < grouping->hypothesis_count; i++) {
+        cairn_real sizes = grouping->hypotheses[i].size * hypothesis->size;
 
-        if (!is_close(&g->starts[i], start, sizes))
+        if (!are_in_cluster(&grouping->hypotheses[i], hypothesis, sizes))
             continue;
-        if (is_same(&g->starts[i], start, sizes))
+        if (are_duplicates(&grouping->hypotheses[i], hypothesis, sizes))
             return i;
-        close++;
+        cluster_size++;
         worst = i;
     }
-    return close > crowd ? worst : -1;
+    return cluster_size > max_cluster ? worst : -1;
 }
 
-/* Keeps a place among the best, in order; of those nearly at one place only the best, and of
- * those close to it not too many, so that there is room for the places of other objects. */
-static void keep(cairn_grouping *g, const grouping_start *start)
+/* Inserts a hypothesis into the sorted list, with non-maximum suppression of near-duplicates and a
+ * limit per cluster, so that capacity remains for other objects. */
+static void insert_hypothesis(cairn_grouping *grouping, const grouping_hypothesis *hypothesis)
 {
-    int32_t at = g->start_count, other;
+    int32_t index = grouping->hypothesis_count, replaced;
 
-    if (at == g->params.particles && !(start->score > g->starts[at - 1].score))
+    if (index == grouping->params.particles &&
+        !(hypothesis->score > grouping->hypotheses[index - 1].score))
         return;
-    other = rival(g, start);
-    if (other >= 0 && !(start->score > g->starts[other].score))
+    replaced = replaceable_hypothesis(grouping, hypothesis);
+    if (replaced >= 0 && !(hypothesis->score > grouping->hypotheses[replaced].score))
         return;
-    if (other >= 0)
-        at = other;
-    else if (at == g->params.particles)
-        at--;
+    if (replaced >= 0)
+        index = replaced;
+    else if (index == grouping->params.particles)
+        index--;
     else
-        g->start_count++;
-    for (; at > 0 && g->starts[at - 1].score < start->score; at--)
-        g->starts[at] = g->starts[at - 1];
-    g->starts[at] = *start;
+        grouping->hypothesis_count++;
+    for (; index > 0 && grouping->hypotheses[index - 1].score < hypothesis->score; index--)
+        grouping->hypotheses[index] = grouping->hypotheses[index - 1];
+    grouping->hypotheses[index] = *hypothesis;
 }
 
-/* 1 when a token runs as a direction of the model would in a pose. */
-static int runs_so(const grouping_token *t, const grouping_pose *pose, cairn_vec2 d,
-                   cairn_real size)
+/* Returns 1 when a token is aligned with a model direction in a pose. */
+static int is_aligned(const grouping_token *t, const grouping_pose *pose, cairn_vec2 d,
+                      cairn_real size)
 {
-    return cairn_abs(cairn_vec2_dot(t->direction, grouping_direction(pose, d))) >=
-           LEAST_COSINE * size;
+    return cairn_abs(cairn_vec2_dot(t->direction, grouping_transform_vector(pose, d))) >=
+           MIN_COSINE * size;
 }
 
-/* Which of the ways a chord runs, 0 ... GROUPING_WAYS - 1 once around: like an angle, but
- * without an arc tangent. */
-static int32_t way_of(cairn_vec2 c)
+/* Quantized direction of a chord, 0 ... GROUPING_CHORD_DIRECTIONS - 1 over the full circle;
+ * monotonic in the angle, without an arc tangent. */
+static int32_t chord_direction(cairn_vec2 c)
 {
     cairn_real sum = cairn_abs(c.x) + cairn_abs(c.y), along = sum > 0 ? c.x / sum : 0;
-    int32_t way = cairn_real_to_int((1 - along) * GROUPING_WAYS / 4);
+    int32_t direction = cairn_real_to_int((1 - along) * GROUPING_CHORD_DIRECTIONS / 4);
 
-    way = way < GROUPING_WAYS / 2 ? way : GROUPING_WAYS / 2 - 1;
-    return c.y < 0 ? GROUPING_WAYS - 1 - way : way;
+    direction =
+        direction < GROUPING_CHORD_DIRECTIONS / 2 ? direction : GROUPING_CHORD_DIRECTIONS / 2 - 1;
+    return c.y < 0 ? GROUPING_CHORD_DIRECTIONS - 1 - direction : direction;
 }
 
-/* Chords of a way may be this sample's. */
-static void admit(grouping_way *way, int32_t sample)
+/* Extends the sample range of a direction by a sample. */
+static void admit_sample(grouping_sample_range *range, int32_t sample)
 {
-    if (sample < way->from)
-        way->from = (int16_t)sample;
-    if (sample >= way->to)
-        way->to = (int16_t)(sample + 1);
+    if (sample < range->from)
+        range->from = (int16_t)sample;
+    if (sample >= range->to)
+        range->to = (int16_t)(sample + 1);
 }
 
-/* The chord between the touches of a sample. */
-static cairn_vec2 chord_of(const cairn_grouping *g, int32_t sample)
+/* Chord between the two contact points of a model sample. */
+static cairn_vec2 chord_of(const cairn_grouping *grouping, int32_t sample)
 {
-    const cairn_shape_sample *s = &g->input.model->samples[sample];
+    const cairn_shape_sample *s = &grouping->input.model->samples[sample];
 
     return cairn_vec2_sub(s->side[1].position, s->side[0].position);
 }
 
-/* The ways that chords of a sample may run, turned as far as asked for to either side, and one
- * more for rounding. */
-static void admit_ways(cairn_grouping *g, int32_t sample)
+/* Registers the quantized directions that a sample's chord may have over the rotation range, with a
+ * margin of one for rounding. */
+static void admit_directions(cairn_grouping *grouping, int32_t sample)
 {
-    cairn_vec2 m = chord_of(g, sample), axis = g->turn_axis;
+    cairn_vec2 m = chord_of(grouping, sample), axis = grouping->middle_rotation;
     cairn_vec2 middle = {m.x * axis.x - m.y * axis.y, m.x * axis.y + m.y * axis.x};
-    cairn_real cosine = cairn_sqrt(cairn_max(g->cosine2, 0)),
+    cairn_real cosine = cairn_sqrt(cairn_max(grouping->min_cosine_squared, 0)),
                sine = cairn_sqrt(1 - cosine * cosine);
     cairn_vec2 low = {middle.x * cosine + middle.y * sine, middle.y * cosine - middle.x * sine};
     cairn_vec2 high = {middle.x * cosine - middle.y * sine, middle.y * cosine + middle.x * sine};
-    int32_t first = way_of(low) + GROUPING_WAYS - 1;
-    int32_t count = g->cosine2 < 0
-                        ? GROUPING_WAYS
-                        : (way_of(high) + GROUPING_WAYS - way_of(low)) % GROUPING_WAYS + 3;
+    int32_t first = chord_direction(low) + GROUPING_CHORD_DIRECTIONS - 1;
+    int32_t count =
+        grouping->min_cosine_squared < 0
+            ? GROUPING_CHORD_DIRECTIONS
+            : (chord_direction(high) + GROUPING_CHORD_DIRECTIONS - chord_direction(low)) %
+                      GROUPING_CHORD_DIRECTIONS +
+                  3;
 
     for (int32_t i = 0; i < count; i++)
-        admit(&g->ways[(first + i) % GROUPING_WAYS], sample);
+        admit_sample(&grouping->chord_samples[(first + i) % GROUPING_CHORD_DIRECTIONS], sample);
 }
 
-void cairn_grouping_look_begin(cairn_grouping *g)
+void cairn_grouping_begin_hypotheses(cairn_grouping *grouping)
 {
-    g->least2 = g->input.min_size * g->input.min_size * LESS;
-    g->most2 = g->input.max_size * g->input.max_size * MORE;
-    g->cosine2 = g->turn_cosine > NARROW ? g->turn_cosine * g->turn_cosine * LESS : -2;
-    for (int32_t i = 0; i < GROUPING_WAYS; i++) {
-        g->ways[i].from = INT16_MAX;
-        g->ways[i].to = 0;
+    grouping->min_size_squared = grouping->input.min_size * grouping->input.min_size * ROUND_DOWN;
+    grouping->max_size_squared = grouping->input.max_size * grouping->input.max_size * ROUND_UP;
+    grouping->min_cosine_squared =
+        grouping->min_rotation_cosine > MIN_RANGE_COSINE
+            ? grouping->min_rotation_cosine * grouping->min_rotation_cosine * ROUND_DOWN
+            : -2;
+    for (int32_t i = 0; i < GROUPING_CHORD_DIRECTIONS; i++) {
+        grouping->chord_samples[i].from = INT16_MAX;
+        grouping->chord_samples[i].to = 0;
     }
-    for (int32_t k = 0; k < g->input.model->sample_count; k++)
-        admit_ways(g, k);
+    for (int32_t k = 0; k < grouping->input.model->sample_count; k++)
+        admit_directions(grouping, k);
 }
 
-/* 0: a chord of tokens, whose length squared is cc, is too short, too long or turned too far for
- * a sample's; 1: it may not be. */
-static int may_be(const cairn_grouping *g, int32_t sample, cairn_vec2 c, cairn_real cc)
+/* Returns 0 when a chord of tokens, of squared length cc, is too short, too long or rotated too far
+ * for a sample. */
+static int is_feasible(const cairn_grouping *grouping, int32_t sample, cairn_vec2 c, cairn_real cc)
 {
-    cairn_vec2 m = chord_of(g, sample);
+    cairn_vec2 m = chord_of(grouping, sample);
     cairn_real mm = cairn_vec2_norm_squared(m);
-    cairn_real along =
-        cairn_vec2_dot(m, c) * g->turn_axis.x + cairn_vec2_cross(m, c) * g->turn_axis.y;
+    cairn_real along = cairn_vec2_dot(m, c) * grouping->middle_rotation.x +
+                       cairn_vec2_cross(m, c) * grouping->middle_rotation.y;
 
-    return cc >= mm * g->least2 && cc <= mm * g->most2 &&
-           along * cairn_abs(along) >= g->cosine2 * mm * cc;
+    return cc >= mm * grouping->min_size_squared && cc <= mm * grouping->max_size_squared &&
+           along * cairn_abs(along) >= grouping->min_cosine_squared * mm * cc;
 }
 
-/* A pair of tokens as the sides 0 and 1 of a sample. */
-static void try_sample(cairn_grouping *g, const grouping_token *p, const grouping_token *q,
-                       int32_t sample)
+/* Tests a pair of tokens as the sides 0 and 1 of a sample, and inserts the resulting hypothesis. */
+static void test_sample(cairn_grouping *grouping, const grouping_token *p, const grouping_token *q,
+                        int32_t sample)
 {
-    const cairn_shape_sample *s = &g->input.model->samples[sample];
-    cairn_vec2 m = chord_of(g, sample), c = cairn_vec2_sub(q->at, p->at);
+    const cairn_shape_sample *s = &grouping->input.model->samples[sample];
+    cairn_vec2 m = chord_of(grouping, sample), c = cairn_vec2_sub(q->middle, p->middle);
     cairn_real mm = cairn_vec2_norm_squared(m), cc = cairn_vec2_norm_squared(c);
-    grouping_start start;
+    grouping_hypothesis hypothesis;
 
-    if (mm == 0 || cc < mm * g->input.min_size * g->input.min_size ||
-        cc > mm * g->input.max_size * g->input.max_size)
+    if (mm == 0 || cc < mm * grouping->input.min_size * grouping->input.min_size ||
+        cc > mm * grouping->input.max_size * grouping->input.max_size)
         return;
-    start.pose.a = cairn_vec2_dot(m, c) / mm;
-    start.pose.b = cairn_vec2_cross(m, c) / mm;
-    start.size = grouping_size(&start.pose);
-    if (start.pose.a * g->turn_axis.x + start.pose.b * g->turn_axis.y <
-            g->turn_cosine * start.size ||
-        !runs_so(p, &start.pose, s->side[0].direction, start.size) ||
-        !runs_so(q, &start.pose, s->side[1].direction, start.size))
+    hypothesis.pose.a = cairn_vec2_dot(m, c) / mm;
+    hypothesis.pose.b = cairn_vec2_cross(m, c) / mm;
+    hypothesis.size = grouping_size(&hypothesis.pose);
+    if (hypothesis.pose.a * grouping->middle_rotation.x +
+                hypothesis.pose.b * grouping->middle_rotation.y <
+            grouping->min_rotation_cosine * hypothesis.size ||
+        !is_aligned(p, &hypothesis.pose, s->side[0].direction, hypothesis.size) ||
+        !is_aligned(q, &hypothesis.pose, s->side[1].direction, hypothesis.size))
         return;
-    start.pose.t = cairn_vec2_sub(p->at, grouping_direction(&start.pose, s->side[0].position));
-    start.score = sight_score(g, &start.pose);
-    start.sample = sample;
-    g->looked += g->looked < INT32_MAX;
-    keep(g, &start);
+    hypothesis.pose.t =
+        cairn_vec2_sub(p->middle, grouping_transform_vector(&hypothesis.pose, s->side[0].position));
+    hypothesis.score = edge_coverage(grouping, &hypothesis.pose);
+    hypothesis.sample = sample;
+    grouping->generated_count += grouping->generated_count < INT32_MAX;
+    insert_hypothesis(grouping, &hypothesis);
 }
 
-/* Of so many tokens one is looked at with all others, so that the pairs stay within bounds. */
-static int32_t stride_of(const cairn_grouping *g)
+/* Subsampling stride of the first token of a pair, so that the number of pairs stays within
+ * MAX_PAIRS. */
+static int32_t token_stride(const cairn_grouping *grouping)
 {
-    return 1 +
-           cairn_real_to_int((cairn_real)g->token_count * (cairn_real)g->token_count / MOST_PAIRS);
+    return 1 + cairn_real_to_int((cairn_real)grouping->token_count *
+                                 (cairn_real)grouping->token_count / MAX_PAIRS);
 }
 
-/* Clears the map, marks all tokens; then pair by pair. */
-cairn_status cairn_grouping_look(cairn_grouping *g, cairn_budget *budget)
+/* Clears the map, marks all tokens, then tests pair by pair. */
+cairn_status cairn_grouping_generate_hypotheses(cairn_grouping *grouping, cairn_budget *budget)
 {
-    int32_t cells = g->sight_columns * g->sight_rows, samples = g->input.model->sample_count;
-    cairn_real reach = g->reach * g->reach;
+    int32_t cells = grouping->edge_columns * grouping->edge_rows,
+            samples = grouping->input.model->sample_count;
+    cairn_real reach = grouping->max_chord * grouping->max_chord;
 
-    for (; g->cursor < cells; g->cursor++) {
-        if (!cairn_budget_pay(budget, &g->paid, 1))
+    for (; grouping->cursor < cells; grouping->cursor++) {
+        if (!cairn_budget_pay(budget, &grouping->charged_units, 1))
             return CAIRN_MORE;
-        g->sight[g->cursor] = 0;
+        grouping->edge_map[grouping->cursor] = 0;
     }
-    for (; g->cursor < cells + g->token_count; g->cursor++) {
-        if (!cairn_budget_pay(budget, &g->paid, 4))
+    for (; grouping->cursor < cells + grouping->token_count; grouping->cursor++) {
+        if (!cairn_budget_pay(budget, &grouping->charged_units, 4))
             return CAIRN_MORE;
-        mark(g, &g->tokens[g->cursor - cells]);
+        mark_token(grouping, &grouping->tokens[grouping->cursor - cells]);
     }
-    for (; g->cursor < cells + 2 * g->token_count; g->cursor += stride_of(g)) {
-        const grouping_token *p = &g->tokens[g->cursor - cells - g->token_count];
+    for (; grouping->cursor < cells + 2 * grouping->token_count;
+         grouping->cursor += token_stride(grouping)) {
+        const grouping_token *p =
+            &grouping->tokens[grouping->cursor - cells - grouping->token_count];
 
-        for (; g->other < g->token_count; g->other++) {
-            const grouping_token *q = &g->tokens[g->other];
-            cairn_vec2 c = cairn_vec2_sub(q->at, p->at);
+        for (; grouping->second_cursor < grouping->token_count; grouping->second_cursor++) {
+            const grouping_token *q = &grouping->tokens[grouping->second_cursor];
+            cairn_vec2 c = cairn_vec2_sub(q->middle, p->middle);
             cairn_real cc = cairn_vec2_norm_squared(c);
-            grouping_way way;
+            grouping_sample_range range;
 
             if (budget->left <= 0)
                 return CAIRN_MORE;
             if (p == q || cc > reach) {
-                budget->left -= g->other % 16 == 0;
+                budget->left -= grouping->second_cursor % 16 == 0;
                 continue;
             }
-            if (!cairn_budget_pay(budget, &g->paid, samples))
+            if (!cairn_budget_pay(budget, &grouping->charged_units, samples))
                 return CAIRN_MORE;
-            way = g->ways[way_of(c)];
-            for (int32_t k = way.from; k < way.to; k++)
-                if (may_be(g, k, c, cc))
-                    try_sample(g, p, q, k);
+            range = grouping->chord_samples[chord_direction(c)];
+            for (int32_t k = range.from; k < range.to; k++)
+                if (is_feasible(grouping, k, c, cc))
+                    test_sample(grouping, p, q, k);
         }
-        g->other = 0;
+        grouping->second_cursor = 0;
     }
     return CAIRN_OK;
 }

@@ -1,21 +1,23 @@
-/* The walk as it goes on, for those who watch it. */
+/* Read access to the particles of the running filter. */
 #include "src/core/build.h"
 
 #include "src/contour/contour_grouping_written.h"
 
-int32_t cairn_grouping_particles(const cairn_grouping *g, cairn_grouping_particle *particles,
+int32_t cairn_grouping_particles(const cairn_grouping *grouping, cairn_grouping_particle *particles,
                                  int32_t most, int32_t *steps)
 {
-    int32_t count = g != NULL && g->has_walked ? cairn_particle_filter_count(g->filter) : 0;
+    int32_t count = grouping != NULL && grouping->has_particles
+                        ? cairn_particle_filter_count(grouping->filter)
+                        : 0;
 
     if (steps != NULL)
-        *steps = count > 0 ? g->steps : 0;
+        *steps = count > 0 ? grouping->step_count : 0;
     for (int32_t i = 0; i < count && i < most && particles != NULL; i++) {
-        cairn_particle p = cairn_particle_filter_particle(g->filter, i);
+        cairn_particle p = cairn_particle_filter_particle(grouping->filter, i);
         const grouping_state *s = p.state;
 
-        if (g->written != NULL) {
-            particles[i] = cairn_grouping_written_particle(g, &p);
+        if (grouping->written != NULL) {
+            particles[i] = cairn_grouping_written_particle(grouping, &p);
             continue;
         }
         particles[i].origin = s->pose.t;

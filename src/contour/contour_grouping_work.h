@@ -1,214 +1,239 @@
-/* What the parts of contour_grouping share. */
+/* Shared definitions of the contour_grouping sources. */
 #ifndef CAIRN_CONTOUR_CONTOUR_GROUPING_WORK_H
 #define CAIRN_CONTOUR_CONTOUR_GROUPING_WORK_H
 
 #include "cairn/contour_grouping.h"
 
-/* Sides of the cells: of the lists of tokens, and of the map of first sight. */
-enum { GROUPING_CELL = 8, GROUPING_SIGHT = 4 };
-/* Ways in which a chord between two tokens may run. */
-enum { GROUPING_WAYS = 64 };
-/* Tokens that a side may choose from, and what a step may choose from with no token as well. */
+/* Cell sides, px: of the token index, and of the edge-orientation map for hypothesis generation. */
+enum { GROUPING_TOKEN_CELL_PX = 8, GROUPING_EDGE_CELL_PX = 4 };
+/* Quantized directions of a chord between two tokens, over the full circle. */
+enum { GROUPING_CHORD_DIRECTIONS = 64 };
+/* Greatest number of tokens matched to one side in a step, followers of a particle, and candidate
+ * states of a step (each side may also be unmatched). */
 enum {
-    GROUPING_CHOICE = 3,
-    GROUPING_FOLLOWERS = 4,
-    GROUPING_CANDIDATES = (GROUPING_CHOICE + 1) * (GROUPING_CHOICE + 1)
+    GROUPING_MAX_SIDE_TOKENS = 3,
+    GROUPING_MAX_FOLLOWERS = 4,
+    GROUPING_MAX_CANDIDATES = (GROUPING_MAX_SIDE_TOKENS + 1) * (GROUPING_MAX_SIDE_TOKENS + 1)
 };
-/* What a sample of the outline may be: hidden, or along one of so many tokens near it. */
-enum { GROUPING_CELLS = 5 };
+/* States of an outline sample in the dynamic program: occluded, or matched to one of the nearest
+ * tokens. */
+enum { GROUPING_MAX_NODES = 5 };
 
-/* image = t + (a, -b; b, a) * model. */
+/* Similarity transform from the model to the image: image = t + (a, -b; b, a) * model. a, b: px; t:
+ * px. */
 typedef struct grouping_pose {
     cairn_real a, b;
     cairn_vec2 t;
 } grouping_pose;
 
-/* A piece of a segment. */
+/* A token: a short piece of a segment. */
 typedef struct grouping_token {
-    cairn_vec2 at, direction; /* its middle */
-    cairn_real half;          /* px, half its length */
+    cairn_vec2 middle, direction; /* px, midpoint; unit direction */
+    cairn_real half_length;       /* px */
+    /* index of its segment in the input */
     int32_t segment;
-    int32_t next;  /* in its cell, -1: none; until they are laid side by side */
-    int32_t chain; /* those of one chain follow each other, along it */
-    int32_t taken; /* 1: by an object */
+    /* next token of the same cell, -1: none; valid until the tokens are sorted by cell */
+    int32_t next_in_cell;
+    int32_t chain;   /* chain index; consecutive tokens of a chain are adjacent, in order */
+    int32_t is_used; /* 1: claimed by an object */
 } grouping_token;
 
-/* What is looked at of a token near a place; those of a cell lie side by side, and so do those
- * of the cells of a row. */
-typedef struct grouping_near {
-    cairn_vec2 at, direction;
-    cairn_real half;
+/* Search data of a token. The tokens of a cell are contiguous in memory, and so are the cells of a
+ * row. */
+typedef struct grouping_sorted_token {
+    cairn_vec2 middle, direction;
+    cairn_real half_length;
     int32_t token;
-} grouping_near;
+} grouping_sorted_token;
 
-/* One way in which a sample of the outline may be seen. */
-typedef struct grouping_cell {
-    cairn_real value;     /* evidence of the best way to here */
-    cairn_real cost, off; /* half squares of sigmas; sigmas across the outline */
-    int32_t token;        /* -1: hidden */
-    int32_t from;         /* cell of the sample before */
-} grouping_cell;
+/* A node of the dynamic program: one state of an outline sample. */
+typedef struct grouping_node {
+    cairn_real value; /* nats, score of the best path that ends here */
+    /* cost: half the squared distance in sigmas; offset: signed distance across the outline in
+     * sigmas */
+    cairn_real cost, offset;
+    int32_t token;       /* -1: occluded */
+    int32_t predecessor; /* state of the previous sample on the best path */
+} grouping_node;
 
-/* A place that looks like the model at first sight. */
-typedef struct grouping_start {
+/* A pose hypothesis. */
+typedef struct grouping_hypothesis {
     grouping_pose pose;
-    cairn_real size;  /* at first sight */
-    cairn_real score; /* at first sight the share of the outline that is seen, then its evidence */
+    cairn_real size; /* px, size when generated */
+    /* edge coverage of the outline when generated, 0 ... 1; evidence (nats) after refinement */
+    cairn_real score;
+    /* model sample that generated it */
     int32_t sample;
-} grouping_start;
+} grouping_hypothesis;
 
-/* Samples whose chords may run one way: none before the one and none from the other on. */
-typedef struct grouping_way {
+/* Half-open range of model samples whose chords may have one direction. */
+typedef struct grouping_sample_range {
     int16_t from, to;
-} grouping_way;
+} grouping_sample_range;
 
-/* Sums for the similarity that lies best. */
-typedef struct grouping_sums {
-    cairn_real n, mm, dot, cross;
-    cairn_vec2 m, p;
-} grouping_sums;
+/* Sums for the least-squares similarity transform: weight, weighted squared norms, dot and cross
+ * products, and weighted coordinate sums of both point sets. */
+typedef struct grouping_fit_sums {
+    cairn_real weight, model_squared, dot, cross;
+    cairn_vec2 model, image;
+} grouping_fit_sums;
 
-/* One step of a walk. */
+/* State of a particle: one step of its trajectory along the model's path. */
 typedef struct grouping_state {
     grouping_pose pose;
-    grouping_sums sums;
-    cairn_vec2 off[2];  /* px: how far the contour lies off the pose, on either side */
-    cairn_vec2 last[2]; /* px: where it was seen last */
-    cairn_vec2 centre;  /* of the symmetric point, px */
+    grouping_fit_sums sums;
+    cairn_vec2 offset[2];     /* px, offset of the contour from the posed model on either side */
+    cairn_vec2 last_point[2]; /* px, last matched point on either side */
+    cairn_vec2 centre;        /* px, centre of the symmetric point */
+    /* px, rad, of the symmetric point */
     cairn_real radius, deviation;
-    cairn_real gap;   /* px */
-    int32_t token[2]; /* -1: not seen */
+    /* px, mean gap to the previous matched points */
+    cairn_real gap;
+    int32_t token[2]; /* -1: unmatched */
     int32_t sample, start;
 } grouping_state;
 
 struct cairn_grouping {
     cairn_grouping_params params;
     cairn_grouping_input input;
-    /* of the mode as written; NULL in the default one */
+    /* state of the mode as written; NULL in the default mode */
     struct grouping_written *written;
     cairn_particle_filter *filter;
     grouping_token *tokens;
-    /* [max_tokens] by cells */
-    grouping_near *near;
-    /* [cells + 1] first of each cell in near; first token, -1: none, until they are there */
-    int32_t *head;
-    /* bits of the directions near each cell */
-    uint8_t *sight;
+    /* [max_tokens] ordered by cell */
+    grouping_sorted_token *sorted_tokens;
+    /* [cells + 1] first token of each cell in sorted_tokens; before sorting the head of each cell's
+     * list, -1: empty */
+    int32_t *cell_start;
+    /* [edge cells] bit set of quantized edge directions near each cell */
+    uint8_t *edge_map;
     /* [particles] */
-    grouping_start *starts;
+    grouping_hypothesis *hypotheses;
     /* [max_samples] */
     cairn_grouping_trace *trace;
     /* [max_objects * max_outline] */
     int32_t *segments;
     cairn_grouped_object *objects;
-    /* [max_objects * max_outline] segment of each sample of an object's outline */
+    /* [max_objects * max_outline] matched segment of each sample of an object's outline */
     int32_t *along;
-    /* [max_outline] token of each sample of the outline, -1: none */
+    /* [max_outline] matched token of each outline sample, -1: occluded */
     int32_t *match;
-    /* [max_outline] and how well it fits */
+    /* [max_outline] cost of each match, half the squared distance in sigmas */
     cairn_real *cost;
-    /* [max_outline] px: how far the contour lies off the pose; the next ones */
-    cairn_vec2 *shift, *bent;
-    /* [max_outline] samples to the nearest one that is seen */
-    int32_t *apart;
-    /* [max_outline] how much the outline bends there, 0 ... 1 */
-    cairn_real *bend;
-    /* [max_outline * GROUPING_CELLS] */
-    grouping_cell *cells;
-    /* the middle of the turns that are searched, and the cosine of half their range */
-    cairn_vec2 turn_axis;
-    /* px, between two sides */
-    cairn_real turn_cosine, reach;
-    /* squares of the sizes that are searched, with room for rounding */
-    cairn_real least2, most2;
-    /* least square of the cosine of a turn that is searched, with room for rounding; < 0: any
-     * turn is */
-    cairn_real cosine2;
-    grouping_way ways[GROUPING_WAYS];
-    /* of all segments, more than tokens where there are too many */
-    int32_t piece_count, pieces_cut;
-    int32_t token_count, columns, rows, sight_columns, sight_rows;
-    /* 1: the filter holds the walks of this image */
-    int32_t has_walked;
-    int32_t start_count, object_count, segment_count, steps, looked;
-    cairn_real best, best_evidence;
-    /* the log of the parameter */
-    cairn_real missing;
-    /* How the outline lies: the pose at hand, its evidence, the most of any so far. */
+    /* [max_outline] px, deformation: offset of the contour from the posed outline; and its next
+     * iterate */
+    cairn_vec2 *shift, *next_shift;
+    /* [max_outline] distance to the nearest matched sample, in samples */
+    int32_t *match_distance;
+    /* [max_outline] curvature weight of each outline sample, 0 straight ... 1 sharp */
+    cairn_real *curvature;
+    /* [max_outline * GROUPING_MAX_NODES] */
+    grouping_node *nodes;
+    /* unit vector of the middle of the rotation range; cosine of half the range */
+    cairn_vec2 middle_rotation;
+    /* px, greatest distance between the two sides of a sample */
+    cairn_real min_rotation_cosine, max_chord;
+    /* px^2, squared size range, widened for rounding errors */
+    cairn_real min_size_squared, max_size_squared;
+    /* squared cosine of half the rotation range, reduced for rounding errors; < 0: all rotations */
+    cairn_real min_cosine_squared;
+    grouping_sample_range chord_samples[GROUPING_CHORD_DIRECTIONS];
+    /* pieces of all segments, which may exceed max_tokens; pieces cut so far */
+    int32_t piece_count, cut_piece_count;
+    int32_t token_count, columns, rows, edge_columns, edge_rows;
+    /* 1: the filter holds the particles of this image */
+    int32_t has_particles;
+    int32_t hypothesis_count, object_count, segment_count, step_count, generated_count;
+    cairn_real best_score, best_evidence;
+    /* logarithm of missing_likelihood */
+    cairn_real log_missing;
+    /* Current pose, its evidence, and the greatest evidence of any pose so far, nats. */
     grouping_pose pose;
-    cairn_real evidence, most;
-    /* what a piece is worth less because edges are dense */
-    cairn_real chance;
-    /* of the outline's samples, of the size */
+    cairn_real evidence, max_evidence;
+    /* nats per piece of outline, penalty for dense edges */
+    cairn_real clutter_cost;
+    /* mean distance of the outline's samples, share of the size */
     cairn_real spacing;
-    /* cell_count: cells of the sample before */
-    int32_t sample, round, cell_count, is_laying;
-    /* 1: it is there, and what matters is which tokens are its own */
+    /* sample, round: progress of the dynamic program and of the refinement; node_count: nodes of
+     * the previous sample; is_fitting: 1 inside a refinement */
+    int32_t sample, round, node_count, is_fitting;
+    /* 1: the current object is accepted, and its own tokens are being listed */
     int32_t is_listing;
-    int32_t cursor, other, link;
-    int32_t phase, paid;
-    /* of a callback: 0: not paid */
-    int32_t stage;
+    int32_t cursor, second_cursor, next_token;
+    /* phase; work units charged for the current item */
+    int32_t phase, charged_units;
+    /* work units charged in the running callback */
+    int32_t charged_callback_units;
 };
 
-static inline cairn_vec2 grouping_place(const grouping_pose *pose, cairn_vec2 m)
+/* Transforms a point of the model to the image. */
+static inline cairn_vec2 grouping_transform_point(const grouping_pose *pose, cairn_vec2 model_point)
 {
-    cairn_vec2 p = {pose->t.x + pose->a * m.x - pose->b * m.y,
-                    pose->t.y + pose->b * m.x + pose->a * m.y};
+    cairn_vec2 position = {pose->t.x + pose->a * model_point.x - pose->b * model_point.y,
+                           pose->t.y + pose->b * model_point.x + pose->a * model_point.y};
 
-    return p;
+    return position;
 }
 
+/* Scale factor of a pose: the size of the object, px. */
 static inline cairn_real grouping_size(const grouping_pose *pose)
 {
     return cairn_sqrt(pose->a * pose->a + pose->b * pose->b);
 }
 
-/* A direction of the model in the image, not of length 1 but of the size. */
-static inline cairn_vec2 grouping_direction(const grouping_pose *pose, cairn_vec2 d)
+/* Transforms a direction of the model; the result has the length of the size. */
+static inline cairn_vec2 grouping_transform_vector(const grouping_pose *pose, cairn_vec2 d)
 {
     cairn_vec2 turned = {pose->a * d.x - pose->b * d.y, pose->b * d.x + pose->a * d.y};
 
     return turned;
 }
 
-void cairn_grouping_sum(grouping_sums *sums, cairn_vec2 m, cairn_vec2 p, cairn_real weight);
-grouping_pose cairn_grouping_fit(const grouping_sums *sums, const grouping_pose *otherwise);
+/* Adds a weighted point pair (model point, image point) to the sums. */
+void cairn_grouping_add_point(grouping_fit_sums *sums, cairn_vec2 m, cairn_vec2 p,
+                              cairn_real weight);
+/* Least-squares similarity transform of the sums (Umeyama, closed form); `otherwise` when it is
+ * degenerate. */
+grouping_pose cairn_grouping_fit_pose(const grouping_fit_sums *sums,
+                                      const grouping_pose *otherwise);
 
-/* Sums that hold a pose in place like `weight` points. */
-grouping_sums cairn_grouping_hold(const grouping_pose *pose, cairn_real weight);
+/* Sums of a prior that pulls the fit towards a pose with the weight of `weight` points. */
+grouping_fit_sums cairn_grouping_pose_prior(const grouping_pose *pose, cairn_real weight);
 
-/* The tokens that fit best to a place and direction of the contour, at most `most`, the best
- * first: their costs, half squares of sigmas. The number of them. */
-int32_t cairn_grouping_near(const cairn_grouping *g, cairn_vec2 at, cairn_vec2 direction,
-                            cairn_real sigma, int32_t most, int32_t *token, cairn_real *cost);
+/* Finds the tokens nearest to a contour point and its direction, at most `most`, by ascending cost
+ * (half the squared distance in sigmas). Returns their number. */
+int32_t cairn_grouping_match_tokens(const cairn_grouping *grouping, cairn_vec2 at,
+                                    cairn_vec2 direction, cairn_real sigma, int32_t most,
+                                    int32_t *token, cairn_real *cost);
 
-/* The point of a token nearest to p. */
-cairn_vec2 cairn_grouping_touch(const cairn_grouping *g, int32_t token, cairn_vec2 p);
+/* Nearest point on a token's segment to p. */
+cairn_vec2 cairn_grouping_nearest_point(const cairn_grouping *grouping, int32_t token,
+                                        cairn_vec2 p);
 
-/* First sight: what is needed of the model; and the places. */
-void cairn_grouping_look_begin(cairn_grouping *g);
-cairn_status cairn_grouping_look(cairn_grouping *g, cairn_budget *budget);
+/* Hypothesis generation: precomputation from the model; and the search over pairs of tokens. */
+void cairn_grouping_begin_hypotheses(cairn_grouping *grouping);
+cairn_status cairn_grouping_generate_hypotheses(cairn_grouping *grouping, cairn_budget *budget);
 
-/* The walk. */
-cairn_particle_model cairn_grouping_model(cairn_grouping *g);
-cairn_status cairn_grouping_walk_begin(cairn_grouping *g);
-cairn_status cairn_grouping_walk(cairn_grouping *g, cairn_budget *budget);
+/* The particle filter. */
+cairn_particle_model cairn_grouping_filter_model(cairn_grouping *grouping);
+cairn_status cairn_grouping_begin_filter(cairn_grouping *grouping);
+cairn_status cairn_grouping_run_filter(cairn_grouping *grouping, cairn_budget *budget);
 
-/* The outline: what is needed of the model; g->pose laid onto the tokens, match[], cost[] and
- * evidence; and moved to where it lies best, in a few rounds. */
-void cairn_grouping_outline_begin(cairn_grouping *g);
-void cairn_grouping_outline_chance(cairn_grouping *g);
-cairn_status cairn_grouping_lay(cairn_grouping *g, cairn_budget *budget);
-cairn_status cairn_grouping_refine(cairn_grouping *g, cairn_budget *budget);
+/* The outline: precomputation from the model; the clutter cost; matching of the posed outline to
+ * the tokens (match[], cost[], evidence); and iterative refinement of the pose. */
+void cairn_grouping_begin_outline(cairn_grouping *grouping);
+void cairn_grouping_set_clutter_cost(cairn_grouping *grouping);
+cairn_status cairn_grouping_match_outline(cairn_grouping *grouping, cairn_budget *budget);
+cairn_status cairn_grouping_refine_pose(cairn_grouping *grouping, cairn_budget *budget);
 
-/* The outline follows what it was laid onto, sample by sample, for the next time that it is laid
- * while listing. */
-void cairn_grouping_bend(cairn_grouping *g);
+/* Deforms the outline to its matches, sample by sample, for the next matching while the tokens of
+ * an object are listed. */
+void cairn_grouping_deform_outline(cairn_grouping *grouping);
 
-/* The objects: at the starts, at the ends of the walks, and what is left of them side by side. */
-cairn_status cairn_grouping_weigh(cairn_grouping *g, cairn_budget *budget);
-cairn_status cairn_grouping_collect(cairn_grouping *g, cairn_budget *budget);
-cairn_status cairn_grouping_finish(cairn_grouping *g, cairn_budget *budget);
+/* Object selection: refinement of the hypotheses, refinement of the particles' final poses, and
+ * non-maximum suppression. */
+cairn_status cairn_grouping_refine_hypotheses(cairn_grouping *grouping, cairn_budget *budget);
+cairn_status cairn_grouping_refine_particles(cairn_grouping *grouping, cairn_budget *budget);
+cairn_status cairn_grouping_select_objects(cairn_grouping *grouping, cairn_budget *budget);
 
 #endif

@@ -1,16 +1,16 @@
-/* Contour grouping as Adluru 2008, chapter 2, has it: a particle filter in the space of symmetric
- * points.
+/* Contour grouping as in Adluru 2008, chapter 2: a particle filter in the space of symmetric points
+ * (SP space).
  *
  * Method:
- * 1. The symmetric point of every pair of segments whose discs have radii of the model
- *    (cairn_symmetric_point_set), in a hash by pair.
- * 2. The first particles: points of segments about the end points of strong chains, in both senses
- *    of the walk and of the model's path, drawn by quality (2.10) and likelihood (2.13).
- * 3. The walk (contour_grouping_written_walk.c): prior proposal, prior boosting, residual
+ * 1. The symmetric point of every pair of segments whose disc has a radius within the model's range
+ *    (cairn_symmetric_point_set) is stored in a hash table by pair.
+ * 2. Initial particles: points of segments near the end points of strong chains, in both directions
+ *    of travel and of the model's path, sampled by quality (2.10) times likelihood (2.13).
+ * 3. Filter steps (contour_grouping_written_walk.c): prior proposal, prior boosting, residual
  *    resampling when N_eff < N / 2.
- * 4. After each step the best walk of every mode is kept (contour_grouping_written_mode.c). The
- *    walk ends when the greatest posterior is below that of `stop` a step, or no particle can go
- *    on.
+ * 4. After each step the best trajectory of every mode is recorded
+ *    (contour_grouping_written_mode.c). The filter ends when the greatest posterior per step is
+ *    below stop_likelihood, or no particle has a successor.
  *
  * Source: Adluru 2008, chapter 2; choices: contour_grouping.h. */
 #include "src/core/build.h"
@@ -19,11 +19,12 @@
 
 #include "src/contour/contour_grouping_written.h"
 
-/* States in histories for every particle: paths that particles share are stored once. */
-enum { BLOCKS_A_PARTICLE = 24, FOLLOWERS = 8 };
-/* px: the side of a cell of the grid of ends. */
-#define CELL 8
-enum { STARTS_A_POINT = 4, UNITS_A_START = 6, UNITS_A_KEEP = 4, OBJECTS_A_UNIT = 8 };
+/* Capacity of history states per particle (shared trajectories are stored once); greatest number of
+ * followers. */
+enum { BLOCKS_PER_PARTICLE = 24, MAX_FOLLOWERS = 8 };
+/* Side of a cell of the grid of ends, px. */
+#define END_GRID_CELL_PX 8
+enum { STARTS_PER_POINT = 4, UNITS_PER_START = 6, UNITS_PER_RECORD = 4, OBJECTS_PER_UNIT = 8 };
 
 cairn_grouping_params cairn_grouping_as_written(void)
 {
@@ -34,7 +35,7 @@ cairn_grouping_params cairn_grouping_as_written(void)
     return params;
 }
 
-static int32_t slots_of(int32_t points)
+static int32_t slot_count_of(int32_t points)
 {
     int32_t slots = 16;
 
@@ -43,38 +44,38 @@ static int32_t slots_of(int32_t points)
     return slots;
 }
 
-static cairn_symmetric_point_params point_params(const cairn_grouping_params *p)
+static cairn_symmetric_point_params symmetric_point_params(const cairn_grouping_params *params)
 {
-    cairn_symmetric_point_params params = cairn_symmetric_point_as_written();
+    cairn_symmetric_point_params settings = cairn_symmetric_point_as_written();
 
-    params.max_segments = p->max_tokens;
-    params.max_points = p->max_points;
-    return params;
+    settings.max_segments = params->max_tokens;
+    settings.max_points = params->max_points;
+    return settings;
 }
 
-static cairn_particle_filter_params filter_params(const cairn_grouping_params *p)
+static cairn_particle_filter_params filter_params(const cairn_grouping_params *params)
 {
-    cairn_particle_filter_params f = cairn_particle_filter_default();
+    cairn_particle_filter_params settings = cairn_particle_filter_default();
 
-    f.particles = f.max_particles = p->particles;
-    f.proposal = CAIRN_PROPOSAL_PRIOR;
-    f.max_followers = FOLLOWERS;
-    f.max_candidates = p->particles * WRITTEN_PAIRS;
-    f.past = 0;
-    f.max_blocks = BLOCKS_A_PARTICLE * p->particles + p->max_steps;
-    f.state_bytes = (int32_t)sizeof(grouping_written_state);
-    return f;
+    settings.particles = settings.max_particles = params->particles;
+    settings.proposal = CAIRN_PROPOSAL_PRIOR;
+    settings.max_followers = MAX_FOLLOWERS;
+    settings.max_candidates = params->particles * WRITTEN_MAX_PAIRS;
+    settings.past = 0;
+    settings.max_blocks = BLOCKS_PER_PARTICLE * params->particles + params->max_steps;
+    settings.state_bytes = (int32_t)sizeof(grouping_written_state);
+    return settings;
 }
 
 /* ---- Memory ---- */
 
-static void carve_parts(cairn_pool *pool, const cairn_grouping_params *p, cairn_grouping *g,
-                        struct grouping_written *w)
+static void create_members(cairn_pool *pool, const cairn_grouping_params *params,
+                           cairn_grouping *grouping, struct grouping_written *written)
 {
-    cairn_symmetric_point_params points = point_params(p);
-    cairn_point_grid_params ends = {2 * p->max_tokens, CELL};
-    cairn_particle_filter_params filter = filter_params(p);
-    cairn_particle_model model = cairn_grouping_written_model(g);
+    cairn_symmetric_point_params points = symmetric_point_params(params);
+    cairn_point_grid_params ends = {.max_points = 2 * params->max_tokens, .cell = END_GRID_CELL_PX};
+    cairn_particle_filter_params filter = filter_params(params);
+    cairn_particle_model model = cairn_grouping_written_model(grouping);
     cairn_status status;
 
     if (pool->base == NULL) {
@@ -83,375 +84,404 @@ static void carve_parts(cairn_pool *pool, const cairn_grouping_params *p, cairn_
         cairn_pool_count(pool, cairn_particle_filter_memory(&filter));
         return;
     }
-    status = cairn_symmetric_point_create(&w->set, pool, &points);
+    status = cairn_symmetric_point_create(&written->set, pool, &points);
     if (status == CAIRN_OK)
-        status = cairn_point_grid_create(&w->ends, pool, &ends);
+        status = cairn_point_grid_create(&written->ends, pool, &ends);
     if (status == CAIRN_OK)
-        status = cairn_particle_filter_create(&g->filter, pool, &filter, &model);
+        status = cairn_particle_filter_create(&grouping->filter, pool, &filter, &model);
     CAIRN_ASSERT(status == CAIRN_OK);
     (void)status;
 }
 
-struct grouping_written *
-cairn_grouping_written_carve(cairn_pool *pool, const cairn_grouping_params *p, cairn_grouping *g)
+struct grouping_written *cairn_grouping_written_carve(cairn_pool *pool,
+                                                      const cairn_grouping_params *params,
+                                                      cairn_grouping *grouping)
 {
-    struct grouping_written *w = cairn_pool_take_one(pool, sizeof *w);
-    int32_t *slot = cairn_pool_take(pool, (size_t)slots_of(p->max_points), sizeof *slot);
-    uint8_t *is_start = cairn_pool_take(pool, (size_t)p->max_tokens, 1);
-    int32_t *stamp = cairn_pool_take(pool, (size_t)p->max_tokens, sizeof *stamp);
-    cairn_grouping_disc *walk =
-        cairn_pool_take(pool, (size_t)p->max_objects * (size_t)p->max_steps, sizeof *walk);
-    const grouping_written_state **past =
-        cairn_pool_take(pool, (size_t)p->max_steps, sizeof(const grouping_written_state *));
-    cairn_vec2 *side = cairn_pool_take(pool, 4 * (size_t)p->max_steps, sizeof *side);
-    cairn_vec2 *polygon = cairn_pool_take(pool, 4 * (size_t)p->max_steps, sizeof *polygon);
-    cairn_grouping_trace *trace = cairn_pool_take(pool, (size_t)p->max_steps, sizeof *trace);
-    int32_t *place = cairn_pool_take(pool, (size_t)p->max_objects, sizeof *place);
-    int32_t *segments =
-        cairn_pool_take(pool, 2 * (size_t)p->max_objects * (size_t)p->max_steps, sizeof *segments);
-    cairn_grouped_object *objects = cairn_pool_take(pool, (size_t)p->max_objects, sizeof *objects);
-    int32_t *along =
-        cairn_pool_take(pool, (size_t)p->max_objects * (size_t)p->max_outline, sizeof *along);
+    struct grouping_written *written = cairn_pool_take_one(pool, sizeof *written);
+    int32_t *pair_slots =
+        cairn_pool_take(pool, (size_t)slot_count_of(params->max_points), sizeof *pair_slots);
+    uint8_t *is_start = cairn_pool_take(pool, (size_t)params->max_tokens, 1);
+    int32_t *segment_stamp =
+        cairn_pool_take(pool, (size_t)params->max_tokens, sizeof *segment_stamp);
+    cairn_grouping_disc *trajectories = cairn_pool_take(
+        pool, (size_t)params->max_objects * (size_t)params->max_steps, sizeof *trajectories);
+    const grouping_written_state **history =
+        cairn_pool_take(pool, (size_t)params->max_steps, sizeof(const grouping_written_state *));
+    cairn_vec2 *side = cairn_pool_take(pool, 4 * (size_t)params->max_steps, sizeof *side);
+    cairn_vec2 *polygon = cairn_pool_take(pool, 4 * (size_t)params->max_steps, sizeof *polygon);
+    cairn_grouping_trace *trace = cairn_pool_take(pool, (size_t)params->max_steps, sizeof *trace);
+    int32_t *trajectory_slot =
+        cairn_pool_take(pool, (size_t)params->max_objects, sizeof *trajectory_slot);
+    int32_t *segments = cairn_pool_take(
+        pool, 2 * (size_t)params->max_objects * (size_t)params->max_steps, sizeof *segments);
+    cairn_grouped_object *objects =
+        cairn_pool_take(pool, (size_t)params->max_objects, sizeof *objects);
+    int32_t *along = cairn_pool_take(
+        pool, (size_t)params->max_objects * (size_t)params->max_outline, sizeof *along);
 
-    if (w != NULL) {
-        memset(w, 0, sizeof *w);
-        memset(stamp, 0, (size_t)p->max_tokens * sizeof *stamp);
-        w->slot = slot;
-        w->slots = slots_of(p->max_points);
-        w->is_start = is_start;
-        w->stamp = stamp;
-        w->walk = walk;
-        w->place = place;
-        w->past = past;
-        w->side[0].vertex = side;
-        w->side[1].vertex = side + 2 * p->max_steps;
-        w->polygon = polygon;
-        g->trace = trace;
-        g->segments = segments;
-        g->objects = objects;
-        g->along = along;
+    if (written != NULL) {
+        memset(written, 0, sizeof *written);
+        memset(segment_stamp, 0, (size_t)params->max_tokens * sizeof *segment_stamp);
+        written->pair_slots = pair_slots;
+        written->slot_count = slot_count_of(params->max_points);
+        written->is_start = is_start;
+        written->segment_stamp = segment_stamp;
+        written->trajectories = trajectories;
+        written->trajectory_slot = trajectory_slot;
+        written->history = history;
+        written->side[0].vertex = side;
+        written->side[1].vertex = side + 2 * params->max_steps;
+        written->polygon = polygon;
+        grouping->trace = trace;
+        grouping->segments = segments;
+        grouping->objects = objects;
+        grouping->along = along;
     }
-    carve_parts(pool, p, g, w);
-    return w;
+    create_members(pool, params, grouping, written);
+    return written;
 }
 
 /* ---- Beginning ---- */
 
-cairn_status cairn_grouping_written_check(const cairn_grouping *g, const cairn_grouping_input *in)
+cairn_status cairn_grouping_written_check(const cairn_grouping *grouping,
+                                          const cairn_grouping_input *in)
 {
     if (!cairn_is_finite(in->look_ahead))
         return CAIRN_NOT_FINITE;
     if (!(in->look_ahead > 0) || in->end_count < 0 || (in->ends == NULL && in->end_count > 0))
         return CAIRN_BAD_ARGUMENT;
-    return in->count > g->params.max_tokens ? CAIRN_FULL : CAIRN_OK;
+    return in->count > grouping->params.max_tokens ? CAIRN_FULL : CAIRN_OK;
 }
 
-/* The mean radius of the path, and the range of radii with R_sigma of it more on both sides. */
-static void read_model(struct grouping_written *w, const cairn_shape_model *m, cairn_real slack)
+/* Computes the mean radius of the path, and the range of radii widened by R_sigma on both sides. */
+static void read_model(struct grouping_written *written, const cairn_shape_model *model,
+                       cairn_real slack)
 {
-    const cairn_shape_sample *samples = &m->samples[m->paths[0].first];
-    cairn_real least = CAIRN_REAL_MAX, most = 0, sum = 0;
-    int32_t count = m->paths[0].count;
+    const cairn_shape_sample *samples = &model->samples[model->paths[0].first];
+    cairn_real min_radius = CAIRN_REAL_MAX, max_radius = 0, sum = 0;
+    int32_t count = model->paths[0].count;
 
     for (int32_t k = 0; k < count; k++) {
-        least = cairn_min(least, samples[k].radius);
-        most = cairn_max(most, samples[k].radius);
+        min_radius = cairn_min(min_radius, samples[k].radius);
+        max_radius = cairn_max(max_radius, samples[k].radius);
         sum += samples[k].radius;
     }
-    w->mean_radius = sum / (cairn_real)count;
-    w->points.min_radius = w->size * cairn_max(least - slack * w->mean_radius, 0);
-    w->points.max_radius = w->size * (most + slack * w->mean_radius);
+    written->mean_radius = sum / (cairn_real)count;
+    written->points.min_radius =
+        written->size * cairn_max(min_radius - slack * written->mean_radius, 0);
+    written->points.max_radius = written->size * (max_radius + slack * written->mean_radius);
 }
 
-void cairn_grouping_written_begin(cairn_grouping *g)
+void cairn_grouping_written_begin(cairn_grouping *grouping)
 {
-    struct grouping_written *w = g->written;
+    struct grouping_written *written = grouping->written;
 
-    w->points = point_params(&g->params);
-    w->size = cairn_sqrt(g->input.min_size * g->input.max_size);
-    read_model(w, g->input.model, g->params.radius_sigma);
-    w->log_stop = cairn_log(g->params.stop);
-    w->look = 0;
-    w->random = cairn_random_seed(g->params.seed, 1);
-    w->is_set = w->is_drawing = w->end = w->seeds = w->draws = w->is_keeping = 0;
-    w->sum = w->drawn = 0;
+    written->points = symmetric_point_params(&grouping->params);
+    written->size = cairn_sqrt(grouping->input.min_size * grouping->input.max_size);
+    read_model(written, grouping->input.model, grouping->params.radius_sigma);
+    written->log_stop = cairn_log(grouping->params.stop);
+    written->stamp = 0;
+    written->random = cairn_random_seed(grouping->params.seed, 1);
+    written->has_segments = written->is_sampling = written->end_reason = written->start_count =
+        written->sampled_count = written->is_recording = 0;
+    written->mass_sum = written->passed_mass = 0;
 }
 
 /* ---- Points ---- */
 
-cairn_status cairn_grouping_written_points(cairn_grouping *g, cairn_budget *budget)
+cairn_status cairn_grouping_written_points(cairn_grouping *grouping, cairn_budget *budget)
 {
-    struct grouping_written *w = g->written;
+    struct grouping_written *written = grouping->written;
 
-    if (!w->is_set) {
-        cairn_status status =
-            cairn_symmetric_point_set_radii(w->set, w->points.min_radius, w->points.max_radius);
+    if (!written->has_segments) {
+        cairn_status status = cairn_symmetric_point_set_radii(
+            written->set, written->points.min_radius, written->points.max_radius);
 
         if (status == CAIRN_OK)
-            status = cairn_symmetric_point_begin(w->set, g->input.segments, g->input.count);
+            status = cairn_symmetric_point_begin(written->set, grouping->input.segments,
+                                                 grouping->input.count);
         if (status != CAIRN_OK)
             return status;
-        w->is_set = 1;
+        written->has_segments = 1;
     }
-    return cairn_symmetric_point_step(w->set, budget);
+    return cairn_symmetric_point_step(written->set, budget);
 }
 
-static int32_t slot_of(const struct grouping_written *w, int32_t first, int32_t second)
+static int32_t pair_slot(const struct grouping_written *written, int32_t first, int32_t second)
 {
     uint32_t h =
         ((uint32_t)first * UINT32_C(2654435761)) ^ ((uint32_t)second * UINT32_C(2246822519));
 
-    return (int32_t)((h ^ (h >> 15)) & (uint32_t)(w->slots - 1));
+    return (int32_t)((h ^ (h >> 15)) & (uint32_t)(written->slot_count - 1));
 }
 
-const cairn_symmetric_point *cairn_grouping_written_point(const cairn_grouping *g, int32_t first,
-                                                          int32_t second)
+const cairn_symmetric_point *cairn_grouping_written_point(const cairn_grouping *grouping,
+                                                          int32_t first, int32_t second)
 {
-    const struct grouping_written *w = g->written;
-    const cairn_symmetric_point *points = cairn_symmetric_point_list(w->set, NULL);
+    const struct grouping_written *written = grouping->written;
+    const cairn_symmetric_point *points = cairn_symmetric_point_list(written->set, NULL);
     int32_t low = first < second ? first : second, high = first < second ? second : first,
-            at = slot_of(w, low, high);
+            at = pair_slot(written, low, high);
 
-    for (; w->slot[at] >= 0; at = (at + 1) & (w->slots - 1)) {
-        const cairn_symmetric_point *p = &points[w->slot[at]];
+    for (; written->pair_slots[at] >= 0; at = (at + 1) & (written->slot_count - 1)) {
+        const cairn_symmetric_point *point = &points[written->pair_slots[at]];
 
-        if (p->first == low && p->second == high)
-            return p;
+        if (point->first == low && point->second == high)
+            return point;
     }
     return NULL;
 }
 
-/* Fills the hash and the grid of ends; marks the segments about the ends of strong chains.
- * `cursor` counts all items. */
-cairn_status cairn_grouping_written_index(cairn_grouping *g, cairn_budget *budget)
+/* Fills the hash table and the grid of ends; marks the segments near the ends of strong chains.
+ * `cursor` and `second_cursor` count all items. */
+cairn_status cairn_grouping_written_index(cairn_grouping *grouping, cairn_budget *budget)
 {
-    struct grouping_written *w = g->written;
-    int32_t count, slots = w->slots, ends = 2 * g->input.count;
-    const cairn_symmetric_point *points = cairn_symmetric_point_list(w->set, &count);
+    struct grouping_written *written = grouping->written;
+    int32_t count, slots = written->slot_count, ends = 2 * grouping->input.count;
+    const cairn_symmetric_point *points = cairn_symmetric_point_list(written->set, &count);
 
-    for (; g->cursor < slots; g->cursor++) {
-        if (!cairn_budget_pay(budget, &g->paid, 1))
+    for (; grouping->cursor < slots; grouping->cursor++) {
+        if (!cairn_budget_pay(budget, &grouping->charged_units, 1))
             return CAIRN_MORE;
-        w->slot[g->cursor] = -1;
+        written->pair_slots[grouping->cursor] = -1;
     }
-    for (; g->cursor < slots + count; g->cursor++) {
-        const cairn_symmetric_point *p = &points[g->cursor - slots];
-        int32_t at = slot_of(w, p->first, p->second);
+    for (; grouping->cursor < slots + count; grouping->cursor++) {
+        const cairn_symmetric_point *point = &points[grouping->cursor - slots];
+        int32_t at = pair_slot(written, point->first, point->second);
 
-        if (!cairn_budget_pay(budget, &g->paid, 2))
+        if (!cairn_budget_pay(budget, &grouping->charged_units, 2))
             return CAIRN_MORE;
-        while (w->slot[at] >= 0)
-            at = (at + 1) & (w->slots - 1);
-        w->slot[at] = g->cursor - slots;
+        while (written->pair_slots[at] >= 0)
+            at = (at + 1) & (written->slot_count - 1);
+        written->pair_slots[at] = grouping->cursor - slots;
     }
-    while (g->other == 0 && cairn_point_grid_count(w->ends) > 0) {
-        if (!cairn_budget_pay(budget, &g->paid, 1))
+    while (grouping->second_cursor == 0 && cairn_point_grid_count(written->ends) > 0) {
+        if (!cairn_budget_pay(budget, &grouping->charged_units, 1))
             return CAIRN_MORE;
-        cairn_point_grid_remove_last(w->ends);
+        cairn_point_grid_remove_last(written->ends);
     }
-    for (; g->other < ends; g->other++) {
-        const cairn_segment *s = &g->input.segments[g->other / 2];
+    for (; grouping->second_cursor < ends; grouping->second_cursor++) {
+        const cairn_segment *s = &grouping->input.segments[grouping->second_cursor / 2];
         cairn_status status;
 
-        if (!cairn_budget_pay(budget, &g->paid, 1))
+        if (!cairn_budget_pay(budget, &grouping->charged_units, 1))
             return CAIRN_MORE;
-        w->is_start[g->other / 2] = 0;
-        w->stamp[g->other / 2] = 0;
-        status = cairn_point_grid_insert(w->ends, g->other % 2 ? s->b : s->a);
+        written->is_start[grouping->second_cursor / 2] = 0;
+        written->segment_stamp[grouping->second_cursor / 2] = 0;
+        status = cairn_point_grid_insert(written->ends, grouping->second_cursor % 2 ? s->b : s->a);
         if (status != CAIRN_OK)
             return status;
     }
-    for (; g->other < ends + g->input.end_count; g->other++) {
-        cairn_point_grid_cursor near =
-            cairn_point_grid_begin(w->ends, g->input.ends[g->other - ends], g->input.look_ahead);
+    for (; grouping->second_cursor < ends + grouping->input.end_count; grouping->second_cursor++) {
+        cairn_point_grid_cursor search = cairn_point_grid_begin(
+            written->ends, grouping->input.ends[grouping->second_cursor - ends],
+            grouping->input.look_ahead);
 
-        if (!cairn_budget_pay(budget, &g->paid, UNITS_A_START))
+        if (!cairn_budget_pay(budget, &grouping->charged_units, UNITS_PER_START))
             return CAIRN_MORE;
-        if (!cairn_is_finite(near.centre.x) || !cairn_is_finite(near.centre.y))
+        if (!cairn_is_finite(search.centre.x) || !cairn_is_finite(search.centre.y))
             return CAIRN_NOT_FINITE;
-        for (int32_t e = cairn_point_grid_next(w->ends, &near); e >= 0;
-             e = cairn_point_grid_next(w->ends, &near))
-            w->is_start[e / 2] = 1;
+        for (int32_t e = cairn_point_grid_next(written->ends, &search); e >= 0;
+             e = cairn_point_grid_next(written->ends, &search))
+            written->is_start[e / 2] = 1;
     }
     return CAIRN_OK;
 }
 
-/* ---- First particles ---- */
+/* ---- Initial particles ---- */
 
-/* One of the four walks that may start at a point: its sense, and that of the model's path; the
- * log of its mass. */
-static cairn_real start_at(const cairn_grouping *g, const cairn_symmetric_point *p, int32_t which,
-                           grouping_written_state *s)
+/* Creates one of the four start states of a point: direction of travel times direction of the
+ * model's path. Returns the log of its mass. */
+static cairn_real make_start(const cairn_grouping *grouping, const cairn_symmetric_point *point,
+                             int32_t which, grouping_written_state *state)
 {
-    const cairn_segment *lines = g->input.segments;
-    cairn_vec2 ahead = cairn_vec2_left(cairn_vec2_sub(p->touch[1], p->touch[0]));
+    const cairn_segment *lines = grouping->input.segments;
+    cairn_vec2 forward = cairn_vec2_left(cairn_vec2_sub(point->touch[1], point->touch[0]));
     cairn_real likelihood;
-    int32_t back = which & 1;
+    int32_t is_reversed_travel = which & 1;
 
-    memset(s, 0, sizeof *s);
-    if (back)
-        ahead = cairn_vec2_scale(ahead, -1);
-    s->centre = s->start = p->centre;
-    s->radius = p->radius;
-    s->deviation = p->deviation;
-    s->way = which >> 1;
-    /* Ahead is to the left, with y down to the right, of the way from the first to the second. */
-    s->segment[0] = back ? p->first : p->second;
-    s->segment[1] = back ? p->second : p->first;
+    memset(state, 0, sizeof *state);
+    if (is_reversed_travel)
+        forward = cairn_vec2_scale(forward, -1);
+    state->centre = state->start = point->centre;
+    state->radius = point->radius;
+    state->deviation = point->deviation;
+    state->is_reversed = which >> 1;
+    /* Forward is to the left (with y down: to the right) of the chord from the first to the second
+     * contact point. */
+    state->segment[0] = is_reversed_travel ? point->first : point->second;
+    state->segment[1] = is_reversed_travel ? point->second : point->first;
     for (int32_t side = 0; side < 2; side++) {
-        const cairn_segment *line = &lines[s->segment[side]];
+        const cairn_segment *line = &lines[state->segment[side]];
 
-        s->end[side] =
-            2 * s->segment[side] + (cairn_vec2_dot(ahead, cairn_vec2_sub(line->b, line->a)) > 0);
+        state->end[side] = 2 * state->segment[side] +
+                           (cairn_vec2_dot(forward, cairn_vec2_sub(line->b, line->a)) > 0);
     }
-    likelihood = cairn_grouping_written_likelihood(g, s, &s->sample);
-    s->log_posterior = likelihood - g->written->log_stop;
-    return likelihood + (g->params.use_skeleton
-                             ? cairn_log(cairn_symmetric_point_quality(p, g->params.symmetry))
-                             : 0);
+    likelihood = cairn_grouping_written_likelihood(grouping, state, &state->sample);
+    state->log_posterior = likelihood - grouping->written->log_stop;
+    return likelihood +
+           (grouping->params.use_skeleton
+                ? cairn_log(cairn_symmetric_point_quality(point, grouping->params.symmetry))
+                : 0);
 }
 
-static int is_seed(const struct grouping_written *w, const cairn_symmetric_point *p)
+static int is_start_point(const struct grouping_written *written,
+                          const cairn_symmetric_point *point)
 {
-    return w->is_start[p->first] || w->is_start[p->second];
+    return written->is_start[point->first] || written->is_start[point->second];
 }
 
-/* Adds up the masses of all starts; then draws as many as there are particles, at even steps of
- * the sum. */
-cairn_status cairn_grouping_written_seed(cairn_grouping *g, cairn_budget *budget)
+/* Sums the masses of all start states; then systematic sampling of as many particles, at even steps
+ * of the cumulative sum. */
+cairn_status cairn_grouping_written_start(cairn_grouping *grouping, cairn_budget *budget)
 {
-    struct grouping_written *w = g->written;
+    struct grouping_written *written = grouping->written;
     const cairn_symmetric_point *points;
     int32_t count;
     cairn_status status;
 
-    points = cairn_symmetric_point_list(w->set, &count);
-    for (; g->cursor < STARTS_A_POINT * count; g->cursor++) {
-        const cairn_symmetric_point *p = &points[g->cursor / STARTS_A_POINT];
-        grouping_written_state s;
+    points = cairn_symmetric_point_list(written->set, &count);
+    for (; grouping->cursor < STARTS_PER_POINT * count; grouping->cursor++) {
+        const cairn_symmetric_point *point = &points[grouping->cursor / STARTS_PER_POINT];
+        grouping_written_state state;
 
-        if (!cairn_budget_pay(budget, &g->paid,
-                              is_seed(w, p) ? UNITS_A_START + cairn_grouping_written_units(g) : 1))
+        if (!cairn_budget_pay(budget, &grouping->charged_units,
+                              is_start_point(written, point)
+                                  ? UNITS_PER_START +
+                                        cairn_grouping_written_likelihood_units(grouping)
+                                  : 1))
             return CAIRN_MORE;
-        if (!is_seed(w, p))
+        if (!is_start_point(written, point))
             continue;
-        w->sum += cairn_exp(start_at(g, p, g->cursor % STARTS_A_POINT, &s));
-        w->seeds++;
+        written->mass_sum +=
+            cairn_exp(make_start(grouping, point, grouping->cursor % STARTS_PER_POINT, &state));
+        written->start_count++;
     }
-    if (!w->is_drawing) {
-        w->is_drawing = 1;
-        w->drawn = -cairn_random_unit(&w->random) * w->sum / (cairn_real)g->params.particles;
-        status = cairn_particle_filter_clear(g->filter, g->params.seed);
+    if (!written->is_sampling) {
+        written->is_sampling = 1;
+        written->passed_mass = -cairn_random_unit(&written->random) * written->mass_sum /
+                               (cairn_real)grouping->params.particles;
+        status = cairn_particle_filter_clear(grouping->filter, grouping->params.seed);
         if (status != CAIRN_OK)
             return status;
     }
-    for (; g->other < STARTS_A_POINT * count && w->draws < g->params.particles; g->other++) {
-        const cairn_symmetric_point *p = &points[g->other / STARTS_A_POINT];
-        grouping_written_state s;
+    for (; grouping->second_cursor < STARTS_PER_POINT * count &&
+           written->sampled_count < grouping->params.particles;
+         grouping->second_cursor++) {
+        const cairn_symmetric_point *point = &points[grouping->second_cursor / STARTS_PER_POINT];
+        grouping_written_state state;
 
-        if (!cairn_budget_pay(budget, &g->paid,
-                              is_seed(w, p) ? UNITS_A_START + cairn_grouping_written_units(g) : 1))
+        if (!cairn_budget_pay(budget, &grouping->charged_units,
+                              is_start_point(written, point)
+                                  ? UNITS_PER_START +
+                                        cairn_grouping_written_likelihood_units(grouping)
+                                  : 1))
             return CAIRN_MORE;
-        if (!is_seed(w, p))
+        if (!is_start_point(written, point))
             continue;
-        w->drawn += cairn_exp(start_at(g, p, g->other % STARTS_A_POINT, &s));
-        while (w->draws < g->params.particles &&
-               w->drawn > w->sum * (cairn_real)w->draws / (cairn_real)g->params.particles) {
-            status = cairn_particle_filter_start(g->filter, &s, 0);
+        written->passed_mass += cairn_exp(
+            make_start(grouping, point, grouping->second_cursor % STARTS_PER_POINT, &state));
+        while (written->sampled_count < grouping->params.particles &&
+               written->passed_mass > written->mass_sum * (cairn_real)written->sampled_count /
+                                          (cairn_real)grouping->params.particles) {
+            status = cairn_particle_filter_start(grouping->filter, &state, 0);
             if (status != CAIRN_OK)
                 return status;
-            w->draws++;
+            written->sampled_count++;
         }
     }
-    g->looked = w->seeds;
-    g->has_walked = w->draws > 0;
-    return w->draws > 0 ? cairn_particle_filter_begin(g->filter) : CAIRN_OK;
+    grouping->generated_count = written->start_count;
+    grouping->has_particles = written->sampled_count > 0;
+    return written->sampled_count > 0 ? cairn_particle_filter_begin(grouping->filter) : CAIRN_OK;
 }
 
-/* ---- The walk ---- */
+/* ---- Filter ---- */
 
-static cairn_real greatest_posterior(const cairn_grouping *g)
+static cairn_real greatest_posterior(const cairn_grouping *grouping)
 {
-    cairn_real most = -CAIRN_REAL_MAX;
+    cairn_real greatest = -CAIRN_REAL_MAX;
 
-    for (int32_t i = 0; i < cairn_particle_filter_count(g->filter); i++) {
-        const grouping_written_state *s = cairn_particle_filter_particle(g->filter, i).state;
+    for (int32_t i = 0; i < cairn_particle_filter_count(grouping->filter); i++) {
+        const grouping_written_state *s = cairn_particle_filter_particle(grouping->filter, i).state;
 
-        most = cairn_max(most, s->log_posterior);
+        greatest = cairn_max(greatest, s->log_posterior);
     }
-    return most;
+    return greatest;
 }
 
-/* Takes down a step of the filter. 0: no particle could go on, and they are as they were. */
-static int take_step(cairn_grouping *g)
+/* Records the diagnostics of a filter step. Returns 0 when no particle has a successor; the
+ * particles are then unchanged. */
+static int record_step(cairn_grouping *grouping)
 {
-    cairn_particle_trace t = cairn_particle_filter_read(g->filter);
-    cairn_grouping_trace *trace = &g->trace[g->steps];
+    cairn_particle_trace t = cairn_particle_filter_read(grouping->filter);
+    cairn_grouping_trace *trace = &grouping->trace[grouping->step_count];
 
     if (t.extinct)
         return 0;
-    g->steps++;
+    grouping->step_count++;
     trace->n_eff = t.n_eff;
-    trace->log_likelihood =
-        greatest_posterior(g) / (cairn_real)(g->steps + 1) + g->written->log_stop;
+    trace->log_likelihood = greatest_posterior(grouping) / (cairn_real)(grouping->step_count + 1) +
+                            grouping->written->log_stop;
     trace->followers = t.followers;
     trace->resampled = t.resampled;
     trace->particles = t.particles;
     return 1;
 }
 
-/* After a step: CAIRN_GROUPING_..., why it was the last one; 0: it was not. */
-static int32_t why_last(const cairn_grouping *g)
+/* Termination reason after a step (CAIRN_GROUPING_...); 0: the filter continues. */
+static int32_t end_reason(const cairn_grouping *grouping)
 {
-    if (greatest_posterior(g) < 0)
+    if (greatest_posterior(grouping) < 0)
         return CAIRN_GROUPING_POSTERIOR;
-    return g->steps + 1 >= g->params.max_steps ? CAIRN_GROUPING_STEPS : 0;
+    return grouping->step_count + 1 >= grouping->params.max_steps ? CAIRN_GROUPING_STEPS : 0;
 }
 
-cairn_status cairn_grouping_written_walk(cairn_grouping *g, cairn_budget *budget)
+cairn_status cairn_grouping_written_run_filter(cairn_grouping *grouping, cairn_budget *budget)
 {
-    struct grouping_written *w = g->written;
+    struct grouping_written *written = grouping->written;
 
-    while (w->draws > 0) {
+    while (written->sampled_count > 0) {
         cairn_status status;
 
-        if (!w->is_keeping) {
-            status = cairn_particle_filter_step(g->filter, budget);
+        if (!written->is_recording) {
+            status = cairn_particle_filter_step(grouping->filter, budget);
             if (status == CAIRN_FULL)
-                w->end = CAIRN_GROUPING_HISTORIES;
-            else if (status == CAIRN_OK && !take_step(g))
-                w->end = CAIRN_GROUPING_NO_FOLLOWER;
-            if (w->end != 0)
+                written->end_reason = CAIRN_GROUPING_HISTORIES;
+            else if (status == CAIRN_OK && !record_step(grouping))
+                written->end_reason = CAIRN_GROUPING_NO_FOLLOWER;
+            if (written->end_reason != 0)
                 return CAIRN_OK;
             if (status != CAIRN_OK)
                 return status;
-            w->is_keeping = 1;
-            g->cursor = 0;
+            written->is_recording = 1;
+            grouping->cursor = 0;
         }
-        for (; g->cursor < cairn_particle_filter_count(g->filter); g->cursor++) {
-            int32_t units = UNITS_A_KEEP + g->steps * (1 + g->object_count / OBJECTS_A_UNIT);
+        for (; grouping->cursor < cairn_particle_filter_count(grouping->filter);
+             grouping->cursor++) {
+            int32_t units = UNITS_PER_RECORD +
+                            grouping->step_count * (1 + grouping->object_count / OBJECTS_PER_UNIT);
 
-            if (!cairn_budget_pay(budget, &g->paid, units))
+            if (!cairn_budget_pay(budget, &grouping->charged_units, units))
                 return CAIRN_MORE;
-            cairn_grouping_written_keep(g, g->cursor);
+            cairn_grouping_written_record(grouping, grouping->cursor);
         }
-        w->is_keeping = 0;
-        w->end = why_last(g);
-        if (w->end != 0)
+        written->is_recording = 0;
+        written->end_reason = end_reason(grouping);
+        if (written->end_reason != 0)
             return CAIRN_OK;
-        status = cairn_particle_filter_begin(g->filter);
+        status = cairn_particle_filter_begin(grouping->filter);
         if (status != CAIRN_OK)
             return status;
     }
     return CAIRN_OK;
 }
 
-void cairn_grouping_written_read(const cairn_grouping *g, cairn_grouping_result *r)
+void cairn_grouping_written_read(const cairn_grouping *grouping, cairn_grouping_result *r)
 {
-    const struct grouping_written *w = g->written;
+    const struct grouping_written *written = grouping->written;
 
-    (void)cairn_symmetric_point_list(w->set, &r->points);
-    r->points_dropped = cairn_symmetric_point_dropped(w->set);
-    r->token_count = g->input.count;
-    r->end = w->end;
+    (void)cairn_symmetric_point_list(written->set, &r->points);
+    r->points_dropped = cairn_symmetric_point_dropped(written->set);
+    r->token_count = grouping->input.count;
+    r->end = written->end_reason;
 }

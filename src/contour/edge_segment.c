@@ -1,14 +1,18 @@
-/* Straight segments of edge chains.
+/* Straight segments of edge chains: polyline approximation, cuts and virtual segments.
  *
- * Method: a chain is halved at its pixel farthest from the chord, until none is farther than the
- * tolerance (with a stack of the right ends that wait). The pixels of a piece give its line by
- * orthogonal regression; its ends are the projections of the first and the last. All ends go into a
- * hash grid. Each line is then walked in stretches of 64 px: ends near it set the bits of the
- * pixels that they project to, and the bits are taken as cuts from one end to the other, as far as
- * pieces do not become too short. Last, ends near each other whose lines cross near both give the
- * virtual segments.
+ * Method:
+ * 1. Polylines (Ramer-Douglas-Peucker): a chain is split at the pixel farthest from the chord until
+ *    no pixel is farther than the tolerance, with a stack of pending right ends.
+ * 2. Line fitting: orthogonal regression (total least squares) of a piece's pixels. Its ends are
+ *    the projections of the first and the last pixel.
+ * 3. Indexing: all ends are inserted into a hash grid.
+ * 4. Cuts: each line is processed in windows of 64 px. Nearby ends set the bits of the pixels that
+ *    they project to. The bits become cuts from one end to the other, unless a piece would be too
+ *    short.
+ * 5. Virtual segments: added where the lines of two nearby ends intersect near both.
  *
- * Layout: lines, segments, the stack, the grid over the ends (2 i and 2 i + 1 are those of line i).
+ * Memory layout: lines, segments, the stack, the grid over the ends (2 i and 2 i + 1 belong to line
+ * i).
  *
  * Limits: cuts are at whole pixels from the start of their line.
  *
@@ -22,27 +26,28 @@
 enum {
     MAX_LINES = 1 << 26,
     MAX_SEGMENTS = 1 << 28,
-    PIXELS_A_UNIT = 4,
-    CELLS_A_UNIT = 4,
-    STRETCH = 64
+    PIXELS_PER_UNIT = 4,
+    CELLS_PER_UNIT = 4,
+    WINDOW_PX = 64
 };
 
-/* Side of a cell of the grid, and the least look-ahead and mean length, in pixels. */
-#define CELL  CAIRN_REAL(16.0)
-#define FLOOR CAIRN_REAL(5.0)
+/* Side of a grid cell; least look-ahead and mean length, px. */
+#define GRID_CELL_PX  CAIRN_REAL(16.0)
+#define MIN_LENGTH_PX CAIRN_REAL(5.0)
 
 typedef int32_t segment_phase;
-enum { IDLE, SPLIT, FIT, INDEX, CUT, JOIN, DONE };
+enum { PHASE_IDLE, PHASE_SPLIT, PHASE_FIT, PHASE_INDEX, PHASE_CUT, PHASE_JOIN, PHASE_DONE };
 
-/* A piece of a chain from position `low` to position `high`, counted from the chain's first
- * pixel; in a closed chain high may be the number of pixels, which is the first again. */
+/* A polyline segment: the piece of a chain from position `low` to position `high`, counted from the
+ * chain's first pixel. In a closed chain `high` may be the number of pixels, which is the first
+ * pixel again. */
 typedef struct edge_line {
     cairn_segment line;
     int32_t chain, low, high;
-    int32_t first, last; /* its segments */
+    int32_t first, last; /* range of its segments */
 } edge_line;
 
-/* Exact sums of pixels, from the first one. */
+/* Moments of pixel coordinates relative to the first pixel, exact in integers. */
 typedef struct moments {
     int64_t x, y, xx, xy, yy;
 } moments;
@@ -54,38 +59,38 @@ struct cairn_edge_segment_set {
     edge_line *lines;
     /* [max_segments] */
     cairn_edge_segment *segments;
-    /* [max_lines], right ends */
-    int32_t *waiting;
+    /* [max_lines] stack of pending right ends */
+    int32_t *pending;
     cairn_point_grid *grid;
     cairn_edge_chain_result chains;
     int32_t line_count, segment_count, virtual_count;
-    /* of lengths of lines, then sum of those of segments */
-    cairn_real sum, sum_squared;
+    /* px, px^2: sums over lengths of lines, then sum over lengths of segments */
+    cairn_real length_sum, squared_length_sum;
     cairn_real look_ahead, mean_length;
     segment_phase phase;
-    /* SPLIT */
+    /* PHASE_SPLIT: chain index */
     int32_t chain;
-    /* SPLIT: positions */
-    int32_t low, high, at, farthest;
-    int32_t waiting_count;
-    /* SPLIT: of the farthest */
+    /* PHASE_SPLIT: positions in the chain */
+    int32_t low, high, position, farthest;
+    int32_t pending_count;
+    /* px^2, PHASE_SPLIT: squared distance of the farthest pixel */
     cairn_real distance_squared;
-    /* FIT */
+    /* PHASE_FIT */
     moments sums;
-    /* FIT, INDEX, CUT: line; JOIN: end */
+    /* PHASE_FIT, PHASE_INDEX, PHASE_CUT: line; PHASE_JOIN: end */
     int32_t cursor;
-    /* FIT: the line at the cursor; INDEX: the grid is empty */
+    /* PHASE_FIT: the line at the cursor is begun; PHASE_INDEX: the grid is empty */
     int32_t is_started;
-    /* CUT: px from the start of the line */
-    int32_t stretch;
-    /* CUT: bit k: a cut at stretch + k */
+    /* px, PHASE_CUT: start of the window from the start of the line */
+    int32_t window;
+    /* PHASE_CUT: bit k: a cut at window + k */
     uint64_t cuts;
-    /* CUT: px, the last one */
-    cairn_real cut;
-    /* CUT: 1 while ends are looked for, 2 while bits are taken; JOIN: 1 */
-    int32_t searching;
-    cairn_point_grid_cursor near;
-    int32_t paid;
+    /* px, PHASE_CUT: position of the last cut */
+    cairn_real last_cut;
+    /* PHASE_CUT: 1 while ends are searched, 2 while cuts are made; PHASE_JOIN: 1 */
+    int32_t search_state;
+    cairn_point_grid_cursor search;
+    int32_t charged_units;
 };
 
 cairn_edge_segment_params cairn_edge_segment_default(void)
@@ -102,18 +107,20 @@ cairn_edge_segment_params cairn_edge_segment_default(void)
     return params;
 }
 
-static int params_are_valid(const cairn_edge_segment_params *p)
+static int params_are_valid(const cairn_edge_segment_params *params)
 {
-    return p != NULL && p->max_lines >= 1 && p->max_lines <= MAX_LINES && p->max_segments >= 1 &&
-           p->max_segments <= MAX_SEGMENTS && p->tolerance > 0 && cairn_is_finite(p->tolerance) &&
-           p->min_piece >= 2 && cairn_is_finite(p->min_piece) && p->look_ahead >= 0 &&
-           cairn_is_finite(p->look_ahead) && p->junction >= 0 && cairn_is_finite(p->junction) &&
-           p->junction_turn >= 0 && p->junction_turn <= CAIRN_PI;
+    return params != NULL && params->max_lines >= 1 && params->max_lines <= MAX_LINES &&
+           params->max_segments >= 1 && params->max_segments <= MAX_SEGMENTS &&
+           params->tolerance > 0 && cairn_is_finite(params->tolerance) && params->min_piece >= 2 &&
+           cairn_is_finite(params->min_piece) && params->look_ahead >= 0 &&
+           cairn_is_finite(params->look_ahead) && params->junction >= 0 &&
+           cairn_is_finite(params->junction) && params->junction_turn >= 0 &&
+           params->junction_turn <= CAIRN_PI;
 }
 
 static cairn_point_grid *carve_grid(cairn_pool *pool, int32_t max_points)
 {
-    cairn_point_grid_params params = {max_points, CELL};
+    cairn_point_grid_params params = {.max_points = max_points, .cell = GRID_CELL_PX};
     size_t need = cairn_point_grid_memory(&params);
     cairn_point_grid *grid = NULL;
     cairn_status status;
@@ -134,14 +141,14 @@ static cairn_edge_segment_set *carve(cairn_pool *pool, const cairn_edge_segment_
     edge_line *lines = cairn_pool_take(pool, (size_t)params->max_lines, sizeof *lines);
     cairn_edge_segment *segments =
         cairn_pool_take(pool, (size_t)params->max_segments, sizeof *segments);
-    int32_t *waiting = cairn_pool_take(pool, (size_t)params->max_lines, sizeof *waiting);
+    int32_t *pending = cairn_pool_take(pool, (size_t)params->max_lines, sizeof *pending);
     cairn_point_grid *grid = carve_grid(pool, 2 * params->max_lines);
 
     if (set != NULL) {
         memset(set, 0, sizeof *set);
         set->lines = lines;
         set->segments = segments;
-        set->waiting = waiting;
+        set->pending = pending;
         set->grid = grid;
     }
     return set;
@@ -183,18 +190,18 @@ cairn_status cairn_edge_segment_begin(cairn_edge_segment_set *set,
         return CAIRN_BAD_ARGUMENT;
     set->chains = *chains;
     set->line_count = set->segment_count = set->virtual_count = 0;
-    set->sum = set->sum_squared = 0;
+    set->length_sum = set->squared_length_sum = 0;
     set->chain = 0;
-    set->low = set->high = set->at = 0;
-    set->waiting_count = 0;
+    set->low = set->high = set->position = 0;
+    set->pending_count = 0;
     memset(&set->sums, 0, sizeof set->sums);
     set->cursor = 0;
     set->is_started = 0;
-    set->stretch = 0;
-    set->cut = 0;
-    set->searching = 0;
-    set->paid = 0;
-    set->phase = SPLIT;
+    set->window = 0;
+    set->last_cut = 0;
+    set->search_state = 0;
+    set->charged_units = 0;
+    set->phase = PHASE_SPLIT;
     return CAIRN_OK;
 }
 
@@ -205,7 +212,7 @@ static int is_closed(const cairn_edge_chain *chain)
     return chain->from == CAIRN_EDGE_CLOSED;
 }
 
-/* Index in pixels[] of a position. */
+/* Index in pixels[] of a position in a chain. */
 static int32_t index_of(const cairn_edge_chain *chain, int32_t position)
 {
     return chain->first + (position < chain->count ? position : position - chain->count);
@@ -225,12 +232,12 @@ static int chain_is_good(const cairn_edge_segment_set *set, const cairn_edge_cha
            chain->first <= set->chains.pixel_count - chain->count;
 }
 
-/* Looks at the positions between low and high from a new chord. */
+/* Starts measuring the positions between low and high against a new chord. */
 static void start_chord(cairn_edge_segment_set *set, int32_t low, int32_t high)
 {
     set->low = low;
     set->high = high;
-    set->at = low + 1;
+    set->position = low + 1;
     set->farthest = low;
     set->distance_squared = 0;
 }
@@ -240,14 +247,14 @@ static void measure(cairn_edge_segment_set *set)
     cairn_segment chord = {point_of(set, set->chain, set->low),
                            point_of(set, set->chain, set->high)};
 
-    for (int32_t k = 0; k < PIXELS_A_UNIT && set->at < set->high; k++, set->at++) {
-        cairn_vec2 p = point_of(set, set->chain, set->at);
+    for (int32_t k = 0; k < PIXELS_PER_UNIT && set->position < set->high; k++, set->position++) {
+        cairn_vec2 p = point_of(set, set->chain, set->position);
         cairn_real squared =
             cairn_vec2_norm_squared(cairn_vec2_sub(p, cairn_segment_nearest(chord, p, NULL)));
 
         if (squared > set->distance_squared) {
             set->distance_squared = squared;
-            set->farthest = set->at;
+            set->farthest = set->position;
         }
     }
 }
@@ -261,8 +268,8 @@ static void add_line(cairn_edge_segment_set *set)
     line->high = set->high;
 }
 
-/* All pixels of the chord have been measured: halves it, or keeps it as a line and goes on with
- * what waits. A chord that ends where it starts is halved as long as there is anything between. */
+/* All pixels of the chord are measured: splits it, or stores it as a line and continues with the
+ * pending end. A chord of zero length is split while any pixel lies off it. */
 static cairn_status end_chord(cairn_edge_segment_set *set)
 {
     int32_t first = index_of(&set->chains.chains[set->chain], set->low);
@@ -271,9 +278,9 @@ static cairn_status end_chord(cairn_edge_segment_set *set)
                    set->chains.pixels[first].y == set->chains.pixels[last].y;
 
     if (set->distance_squared > (is_point ? 0 : set->params.tolerance * set->params.tolerance)) {
-        if (set->line_count + set->waiting_count + 1 >= set->params.max_lines)
+        if (set->line_count + set->pending_count + 1 >= set->params.max_lines)
             return CAIRN_FULL;
-        set->waiting[set->waiting_count++] = set->high;
+        set->pending[set->pending_count++] = set->high;
         start_chord(set, set->low, set->farthest);
         return CAIRN_OK;
     }
@@ -282,8 +289,8 @@ static cairn_status end_chord(cairn_edge_segment_set *set)
             return CAIRN_FULL;
         add_line(set);
     }
-    if (set->waiting_count > 0) {
-        start_chord(set, set->high, set->waiting[--set->waiting_count]);
+    if (set->pending_count > 0) {
+        start_chord(set, set->high, set->pending[--set->pending_count]);
     } else {
         set->chain++;
         set->high = 0;
@@ -306,15 +313,15 @@ static cairn_status step_split(cairn_edge_segment_set *set, cairn_budget *budget
             start_chord(set, 0, is_closed(chain) ? chain->count : chain->count - 1);
         }
         measure(set);
-        status = set->at < set->high ? CAIRN_OK : end_chord(set);
+        status = set->position < set->high ? CAIRN_OK : end_chord(set);
         if (status != CAIRN_OK)
             return status;
     }
     return CAIRN_OK;
 }
 
-/* The orthogonal regression of the sums of n pixels, cut at the projections of the first and the
- * last; their chord where those fall together, as on a hook. */
+/* Orthogonal regression of n pixels, clipped at the projections of the first and the last; their
+ * chord when the projections nearly coincide, as on a hook. */
 static cairn_segment regression(const moments *sums, int32_t n, cairn_vec2 first, cairn_vec2 last)
 {
     cairn_real count = (cairn_real)n, x = (cairn_real)sums->x / count,
@@ -336,8 +343,8 @@ static void add_pixels(cairn_edge_segment_set *set, const edge_line *line)
 {
     cairn_vec2 first = point_of(set, line->chain, line->low);
 
-    for (int32_t k = 0; k < PIXELS_A_UNIT && set->at <= line->high; k++, set->at++) {
-        cairn_vec2 p = cairn_vec2_sub(point_of(set, line->chain, set->at), first);
+    for (int32_t k = 0; k < PIXELS_PER_UNIT && set->position <= line->high; k++, set->position++) {
+        cairn_vec2 p = cairn_vec2_sub(point_of(set, line->chain, set->position), first);
         int64_t x = (int64_t)p.x, y = (int64_t)p.y;
 
         set->sums.x += x;
@@ -359,18 +366,18 @@ static cairn_status step_fit(cairn_edge_segment_set *set, cairn_budget *budget)
         budget->left--;
         if (!set->is_started) {
             memset(&set->sums, 0, sizeof set->sums);
-            set->at = line->low;
+            set->position = line->low;
             set->is_started = 1;
         }
         add_pixels(set, line);
-        if (set->at <= line->high)
+        if (set->position <= line->high)
             continue;
         line->line = regression(&set->sums, line->high - line->low + 1,
                                 point_of(set, line->chain, line->low),
                                 point_of(set, line->chain, line->high));
         length = cairn_segment_length(line->line);
-        set->sum += length;
-        set->sum_squared += length * length;
+        set->length_sum += length;
+        set->squared_length_sum += length * length;
         set->is_started = 0;
         set->cursor++;
     }
@@ -384,13 +391,13 @@ static cairn_real look_ahead(const cairn_edge_segment_set *set)
     cairn_real count = (cairn_real)set->line_count, mean, variance;
 
     if (set->params.look_ahead > 0 || set->line_count == 0)
-        return cairn_max(set->params.look_ahead, FLOOR);
-    mean = set->sum / count;
-    variance = cairn_max(set->sum_squared / count - mean * mean, 0);
-    return cairn_max(mean + CAIRN_REAL(0.5) * cairn_sqrt(variance), FLOOR);
+        return cairn_max(set->params.look_ahead, MIN_LENGTH_PX);
+    mean = set->length_sum / count;
+    variance = cairn_max(set->squared_length_sum / count - mean * mean, 0);
+    return cairn_max(mean + CAIRN_REAL(0.5) * cairn_sqrt(variance), MIN_LENGTH_PX);
 }
 
-/* Empties the grid and puts all ends into it. */
+/* Clears the grid and inserts all ends. */
 static cairn_status step_index(cairn_edge_segment_set *set, cairn_budget *budget)
 {
     if (!set->is_started) {
@@ -416,50 +423,51 @@ static cairn_status step_index(cairn_edge_segment_set *set, cairn_budget *budget
         (void)status;
     }
     set->look_ahead = look_ahead(set);
-    set->sum = 0;
+    set->length_sum = 0;
     return CAIRN_OK;
 }
 
-static cairn_vec2 along(cairn_segment line, cairn_real share)
+static cairn_vec2 point_along(cairn_segment line, cairn_real share)
 {
     return cairn_vec2_add(line.a, cairn_vec2_scale(cairn_vec2_sub(line.b, line.a), share));
 }
 
-/* Units of a search among the ends: one for every CELLS_A_UNIT cells that the radius touches, or
+/* Work units of a search among the ends: one per CELLS_PER_UNIT cells that the radius touches, or
  * ends, if those are fewer. */
 static int32_t search_cost(const cairn_edge_segment_set *set, cairn_real radius)
 {
-    cairn_real side = 2 * radius / CELL + 2;
+    cairn_real side = 2 * radius / GRID_CELL_PX + 2;
     cairn_real cells = cairn_min(side * side, (cairn_real)cairn_point_grid_count(set->grid));
 
-    return 1 + cairn_real_to_int(cells / CELLS_A_UNIT);
+    return 1 + cairn_real_to_int(cells / CELLS_PER_UNIT);
 }
 
-/* Starts to look for the ends near a piece of the line at hand. 0: the budget is used up. */
+/* Starts a search for ends near a window of the current line. Returns 0 when the budget is
+ * exhausted. */
 static int start_search(cairn_edge_segment_set *set, cairn_vec2 centre, cairn_real radius,
                         cairn_budget *budget)
 {
-    if (!cairn_budget_pay(budget, &set->paid, search_cost(set, radius)))
+    if (!cairn_budget_pay(budget, &set->charged_units, search_cost(set, radius)))
         return 0;
-    set->near = cairn_point_grid_begin(set->grid, centre, radius);
-    set->searching = 1;
+    set->search = cairn_point_grid_begin(set->grid, centre, radius);
+    set->search_state = 1;
     return 1;
 }
 
-/* Sets the bit of the pixel that an end projects to, when it is near the stretch at hand. */
+/* Sets the bit of the pixel that an end projects to, when the end is near the current window. */
 static void mark_cut(cairn_edge_segment_set *set, cairn_segment line, cairn_real length,
                      cairn_vec2 end)
 {
     cairn_vec2 direction = cairn_vec2_scale(cairn_vec2_sub(line.b, line.a), 1 / length),
                from = cairn_vec2_sub(end, line.a);
-    cairn_real place = cairn_vec2_dot(from, direction) - (cairn_real)set->stretch;
+    cairn_real position = cairn_vec2_dot(from, direction) - (cairn_real)set->window;
 
-    if (place >= 0 && place < STRETCH &&
+    if (position >= 0 && position < WINDOW_PX &&
         cairn_abs(cairn_vec2_cross(direction, from)) <= 2 * set->look_ahead)
-        set->cuts |= (uint64_t)1 << cairn_real_to_int(place);
+        set->cuts |= (uint64_t)1 << cairn_real_to_int(position);
 }
 
-/* A piece of a line from `from` to `to`, in px from its start. */
+/* Adds the segment of a line from `from` to `to`, px from its start. */
 static cairn_status add_segment(cairn_edge_segment_set *set, const edge_line *line,
                                 cairn_real length, cairn_real from, cairn_real to)
 {
@@ -470,17 +478,17 @@ static cairn_status add_segment(cairn_edge_segment_set *set, const edge_line *li
     if (set->segment_count == set->params.max_segments)
         return CAIRN_FULL;
     segment = &set->segments[set->segment_count++];
-    segment->line.a = along(line->line, from / length);
-    segment->line.b = along(line->line, to / length);
+    segment->line.a = point_along(line->line, from / length);
+    segment->line.b = point_along(line->line, to / length);
     segment->chain = line->chain;
     segment->first = index_of(chain, line->low + cairn_real_to_int(cairn_rint(from * pixels)));
     segment->last = index_of(chain, line->low + cairn_real_to_int(cairn_rint(to * pixels)));
     segment->strength = chain->strength;
-    set->sum += to - from;
+    set->length_sum += to - from;
     return CAIRN_OK;
 }
 
-/* The next cut of the stretch, one unit. */
+/* Makes the next cut of the window, one unit. */
 static cairn_status take_cut(cairn_edge_segment_set *set, const edge_line *line, cairn_real length)
 {
     int32_t bit = 0;
@@ -490,58 +498,59 @@ static cairn_status take_cut(cairn_edge_segment_set *set, const edge_line *line,
     while (!(set->cuts >> bit & 1))
         bit++;
     set->cuts &= set->cuts - 1;
-    cut = (cairn_real)(set->stretch + bit);
-    if (cut - set->cut >= set->params.min_piece && length - cut >= set->params.min_piece) {
-        status = add_segment(set, line, length, set->cut, cut);
-        set->cut = cut;
+    cut = (cairn_real)(set->window + bit);
+    if (cut - set->last_cut >= set->params.min_piece && length - cut >= set->params.min_piece) {
+        status = add_segment(set, line, length, set->last_cut, cut);
+        set->last_cut = cut;
     }
     return status;
 }
 
-/* The line at hand is done: what is left of it is the last piece. */
+/* Ends the current line: the remainder is the last piece. */
 static cairn_status end_line(cairn_edge_segment_set *set, edge_line *line, cairn_real length)
 {
-    cairn_status status = add_segment(set, line, length, set->cut, length);
+    cairn_status status = add_segment(set, line, length, set->last_cut, length);
 
     line->last = set->segment_count - 1;
-    set->cut = 0;
-    set->stretch = 0;
+    set->last_cut = 0;
+    set->window = 0;
     set->cursor++;
     return status;
 }
 
-/* One item of work on the line at hand. */
+/* One step of work on the current line. */
 static cairn_status cut_line(cairn_edge_segment_set *set, edge_line *line, cairn_budget *budget)
 {
     cairn_real length = cairn_segment_length(line->line), reach = 2 * set->look_ahead;
 
-    if (set->searching == 0) {
-        cairn_real middle = (cairn_real)set->stretch + CAIRN_REAL(0.5) * STRETCH;
-        cairn_real radius = cairn_sqrt(reach * reach + CAIRN_REAL(0.25) * STRETCH * STRETCH);
+    if (set->search_state == 0) {
+        cairn_real middle = (cairn_real)set->window + CAIRN_REAL(0.5) * WINDOW_PX;
+        cairn_real radius = cairn_sqrt(reach * reach + CAIRN_REAL(0.25) * WINDOW_PX * WINDOW_PX);
 
-        if (set->stretch == 0)
+        if (set->window == 0)
             line->first = set->segment_count;
         set->cuts = 0;
-        return start_search(set, along(line->line, middle / length), radius, budget) ? CAIRN_OK
-                                                                                     : CAIRN_MORE;
+        return start_search(set, point_along(line->line, middle / length), radius, budget)
+                   ? CAIRN_OK
+                   : CAIRN_MORE;
     }
     if (budget->left <= 0)
         return CAIRN_MORE;
     budget->left--;
-    if (set->searching == 1) {
-        int32_t end = cairn_point_grid_next(set->grid, &set->near);
+    if (set->search_state == 1) {
+        int32_t end = cairn_point_grid_next(set->grid, &set->search);
 
         if (end < 0)
-            set->searching = 2;
+            set->search_state = 2;
         else
             mark_cut(set, line->line, length, cairn_point_grid_point(set->grid, end));
         return CAIRN_OK;
     }
     if (set->cuts != 0)
         return take_cut(set, line, length);
-    set->searching = 0;
-    set->stretch += STRETCH;
-    return (cairn_real)set->stretch < length ? CAIRN_OK : end_line(set, line, length);
+    set->search_state = 0;
+    set->window += WINDOW_PX;
+    return (cairn_real)set->window < length ? CAIRN_OK : end_line(set, line, length);
 }
 
 static cairn_status step_cut(cairn_edge_segment_set *set, cairn_budget *budget)
@@ -552,15 +561,16 @@ static cairn_status step_cut(cairn_edge_segment_set *set, cairn_budget *budget)
         if (status != CAIRN_OK)
             return status;
     }
-    set->mean_length = set->segment_count > 0
-                           ? cairn_max(set->sum / (cairn_real)set->segment_count, FLOOR)
-                           : FLOOR;
+    set->mean_length =
+        set->segment_count > 0
+            ? cairn_max(set->length_sum / (cairn_real)set->segment_count, MIN_LENGTH_PX)
+            : MIN_LENGTH_PX;
     return CAIRN_OK;
 }
 
 /* ---- Virtual segments ---- */
 
-/* From an end of a line to its other end, of length 1. */
+/* Unit vector from an end of a line to its other end. */
 static cairn_vec2 inwards(const cairn_edge_segment_set *set, int32_t end)
 {
     cairn_segment line = set->lines[end / 2].line;
@@ -580,7 +590,7 @@ static int32_t segment_at(const cairn_edge_segment_set *set, int32_t end)
     return end % 2 == 0 ? set->lines[end / 2].first : set->lines[end / 2].last;
 }
 
-/* Puts a virtual segment where the lines of two ends meet. */
+/* Adds a virtual segment where the lines of two ends intersect. */
 static cairn_status join(cairn_edge_segment_set *set, int32_t end, int32_t other)
 {
     cairn_vec2 u = inwards(set, end), v = inwards(set, other), crossing, half;
@@ -612,16 +622,16 @@ static cairn_status step_join(cairn_edge_segment_set *set, cairn_budget *budget)
         int32_t other;
         cairn_status status = CAIRN_OK;
 
-        if (set->searching == 0 &&
+        if (set->search_state == 0 &&
             !start_search(set, cairn_point_grid_point(set->grid, set->cursor),
                           2 * set->params.junction, budget))
             return CAIRN_MORE;
         if (budget->left <= 0)
             return CAIRN_MORE;
         budget->left--;
-        other = cairn_point_grid_next(set->grid, &set->near);
+        other = cairn_point_grid_next(set->grid, &set->search);
         if (other < 0) {
-            set->searching = 0;
+            set->search_state = 0;
             set->cursor++;
         } else if (other / 2 > set->cursor / 2) {
             status = join(set, set->cursor, other);
@@ -635,13 +645,13 @@ static cairn_status step_join(cairn_edge_segment_set *set, cairn_budget *budget)
 static cairn_status step_phase(cairn_edge_segment_set *set, cairn_budget *budget)
 {
     switch (set->phase) {
-    case SPLIT:
+    case PHASE_SPLIT:
         return step_split(set, budget);
-    case FIT:
+    case PHASE_FIT:
         return step_fit(set, budget);
-    case INDEX:
+    case PHASE_INDEX:
         return step_index(set, budget);
-    case CUT:
+    case PHASE_CUT:
         return step_cut(set, budget);
     default:
         return step_join(set, budget);
@@ -652,17 +662,17 @@ cairn_status cairn_edge_segment_step(cairn_edge_segment_set *set, cairn_budget *
 {
     if (set == NULL || budget == NULL)
         return CAIRN_BAD_ARGUMENT;
-    while (set->phase != IDLE && set->phase != DONE) {
+    while (set->phase != PHASE_IDLE && set->phase != PHASE_DONE) {
         cairn_status status = step_phase(set, budget);
 
         if (status < 0)
-            set->phase = IDLE;
+            set->phase = PHASE_IDLE;
         if (status != CAIRN_OK)
             return status;
         set->phase++;
         set->cursor = 0;
         set->is_started = 0;
-        set->searching = 0;
+        set->search_state = 0;
     }
     return CAIRN_OK;
 }
@@ -671,7 +681,7 @@ cairn_edge_segment_result cairn_edge_segment_read(const cairn_edge_segment_set *
 {
     cairn_edge_segment_result result = {0};
 
-    if (set == NULL || set->phase != DONE)
+    if (set == NULL || set->phase != PHASE_DONE)
         return result;
     result.segments = set->segments;
     result.count = set->segment_count;

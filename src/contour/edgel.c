@@ -1,21 +1,25 @@
-/* Edgels by third-order derivatives.
+/* Sub-pixel edgels by third-order derivatives.
  *
- * Method: the picture is correlated with a Gaussian and its first three derivatives along the rows,
- * then along the columns; of the products nine derivatives of the smoothed picture are made, of
- * these F and its gradient. Where F changes its sign between two pixels beside each other its zero
- * is interpolated, with all that belongs to it: between pixels of a row for edges that are rather
- * upright, of a column for the others, so that an edge is met once in each row or column. At a
- * maximum of the slope F falls in the direction of the slope; where it rises there is a minimum and
- * no edge.
+ * Method:
+ * 1. The image is convolved with a Gaussian and its first three derivatives along the rows, then
+ *    along the columns (separable filters). The products are nine partial derivatives of the
+ *    smoothed image.
+ * 2. F (the second derivative along the gradient, times the squared gradient magnitude) and its
+ *    gradient follow from them.
+ * 3. Where F changes sign between two adjacent pixels, the zero crossing and the edgel's attributes
+ *    are interpolated linearly: between pixels of a row for rather vertical edges, of a column for
+ *    the others. So an edge is detected once per row or column.
+ * 4. At a maximum of the gradient magnitude F decreases in the direction of the gradient. Where it
+ *    increases there is a minimum, and no edge.
  *
- * Layout: a ring of rows that are smoothed along themselves, as many as the filter is high; F and
- * what belongs to it for the row at hand and the one before it; the edgels.
+ * Memory layout: a ring buffer of horizontally smoothed rows, as many as the filter is high; F and
+ * its attributes for the current and the previous row; the edgels.
  *
- * Limits: below sigma .7 the sampled filters no longer are derivatives. Edges closer than two sigma
- * move apart.
+ * Limits: below sigma 0.7 the sampled filters no longer approximate derivatives. Edges closer than
+ * two sigma repel each other.
  *
- * Source: Adluru 2008, section 3.1; Tamrakar and Kimia 2007, "No grouping left behind: from
- * edges to curve fragments". */
+ * Source: Adluru 2008, section 3.1; Tamrakar and Kimia 2007, "No grouping left behind: from edges
+ * to curve fragments". */
 #include "src/core/build.h"
 
 #include <string.h>
@@ -23,36 +27,36 @@
 #include "cairn/edgel.h"
 
 enum { MAX_EDGELS = 1 << 28, MAX_REACH = 32, MAX_TAPS = 2 * MAX_REACH + 1 };
-/* Orders of derivatives along one axis. */
+/* Orders of derivatives along one axis, 0 ... 3. */
 enum { ORDERS = 4 };
-/* Products of a filter and a row's pixels that make up a unit. */
-enum { TAPS_A_UNIT = 48 };
+/* Multiplications of a filter per work unit. */
+enum { TAPS_PER_UNIT = 48 };
 
-#define SIGMAS CAIRN_REAL(4.0) /* that the filters reach */
+#define REACH_SIGMAS CAIRN_REAL(4.0) /* radius of the filters, in sigmas */
 
 typedef int32_t edgel_phase;
-enum { IDLE, SMOOTH, DERIVE, FIND, DONE };
+enum { PHASE_IDLE, PHASE_SMOOTH, PHASE_DERIVE, PHASE_FIND, PHASE_DONE };
 
-/* F at a pixel, its gradient and that of the picture. */
+/* F at a pixel, its gradient and the image gradient. */
 typedef struct edgel_sample {
     cairn_real f;
-    cairn_vec2 f_slope, slope;
+    cairn_vec2 f_gradient, gradient;
 } edgel_sample;
 
 struct cairn_edgel_set {
     cairn_edgel_params params;
     cairn_raster_u8_view grey;
-    cairn_real *smooth;   /* [taps][ORDERS][max_width]: the ring */
-    edgel_sample *sample; /* [2][max_width]: of even and of odd rows */
+    cairn_real *smooth;   /* [taps][ORDERS][max_width] ring buffer of smoothed rows */
+    edgel_sample *sample; /* [2][max_width] of even and of odd rows */
     cairn_edgel *edgels;  /* [max_edgels] */
     cairn_real filter[ORDERS][MAX_TAPS];
     cairn_real cos_turn;
     int32_t reach, taps;
     int32_t count;
-    int32_t next; /* row to be smoothed */
-    int32_t x, y; /* the pixel at hand */
+    int32_t next_row; /* next row to smooth */
+    int32_t x, y;     /* current pixel */
     edgel_phase phase;
-    int32_t paid;
+    int32_t charged_units;
 };
 
 cairn_edgel_params cairn_edgel_default(void)
@@ -68,18 +72,19 @@ cairn_edgel_params cairn_edgel_default(void)
     return params;
 }
 
-static int params_are_valid(const cairn_edgel_params *p)
+static int params_are_valid(const cairn_edgel_params *params)
 {
-    return p != NULL && p->max_width >= 1 && p->max_width <= CAIRN_RASTER_MAX_SIDE &&
-           p->max_height >= 1 && p->max_height <= CAIRN_RASTER_MAX_SIDE && p->max_edgels >= 1 &&
-           p->max_edgels <= MAX_EDGELS && p->sigma >= CAIRN_REAL(0.7) && p->sigma <= 8 &&
-           p->min_slope > 0 && cairn_is_finite(p->min_slope) && p->max_turn > 0 &&
-           p->max_turn <= CAIRN_PI / 2;
+    return params != NULL && params->max_width >= 1 && params->max_width <= CAIRN_RASTER_MAX_SIDE &&
+           params->max_height >= 1 && params->max_height <= CAIRN_RASTER_MAX_SIDE &&
+           params->max_edgels >= 1 && params->max_edgels <= MAX_EDGELS &&
+           params->sigma >= CAIRN_REAL(0.7) && params->sigma <= 8 && params->min_slope > 0 &&
+           cairn_is_finite(params->min_slope) && params->max_turn > 0 &&
+           params->max_turn <= CAIRN_PI / 2;
 }
 
 static int32_t reach_of(const cairn_edgel_params *params)
 {
-    return cairn_real_to_int(cairn_ceil(SIGMAS * params->sigma));
+    return cairn_real_to_int(cairn_ceil(REACH_SIGMAS * params->sigma));
 }
 
 static cairn_edgel_set *carve(cairn_pool *pool, const cairn_edgel_params *params)
@@ -112,7 +117,7 @@ size_t cairn_edgel_memory(const cairn_edgel_params *params)
 
 /* ---- Filters ---- */
 
-/* Sum of a filter's weights times the place to a power. */
+/* Moment of a filter: sum of its weights times the position to a power. */
 static cairn_real moment(const cairn_edgel_set *set, int32_t order, int32_t power)
 {
     cairn_real sum = 0;
@@ -134,9 +139,9 @@ static void add_filter(cairn_edgel_set *set, int32_t order, cairn_real factor, i
         set->filter[order][i] += factor * set->filter[other][i];
 }
 
-/* The Gaussian and its derivatives, cut off and sampled, are mended so that they are exact for
- * polynomials of third degree: of x^order the derivative of that order is order!, and of lower
- * powers it is 0. */
+/* Computes the sampled, truncated Gaussian and its derivatives, corrected to be exact for
+ * polynomials of third degree: the derivative of x^order is order!, and that of lower powers is
+ * 0. */
 static void make_filters(cairn_edgel_set *set)
 {
     static const cairn_real factorial[ORDERS] = {1, 1, 2, 6};
@@ -188,9 +193,9 @@ cairn_status cairn_edgel_begin(cairn_edgel_set *set, cairn_raster_u8_view grey)
     if (grey.width > set->params.max_width || grey.height > set->params.max_height)
         return CAIRN_FULL;
     set->grey = grey;
-    set->count = set->next = set->x = set->y = 0;
-    set->paid = 0;
-    set->phase = SMOOTH;
+    set->count = set->next_row = set->x = set->y = 0;
+    set->charged_units = 0;
+    set->phase = PHASE_SMOOTH;
     return CAIRN_OK;
 }
 
@@ -211,10 +216,10 @@ static edgel_sample *sample_row(const cairn_edgel_set *set, int32_t y)
     return &set->sample[(ptrdiff_t)(y % 2) * set->params.max_width];
 }
 
-/* Along the row `next`, at pixel x. */
+/* Convolves row `next_row` at pixel x with all horizontal filters. */
 static void smooth_pixel(const cairn_edgel_set *set)
 {
-    const uint8_t *row = set->grey.data + set->grey.stride * set->next;
+    const uint8_t *row = set->grey.data + set->grey.stride * set->next_row;
     cairn_real sum[ORDERS] = {0, 0, 0, 0};
 
     for (int32_t i = 0; i < set->taps; i++) {
@@ -224,10 +229,11 @@ static void smooth_pixel(const cairn_edgel_set *set)
             sum[order] += set->filter[order][i] * grey;
     }
     for (int32_t order = 0; order < ORDERS; order++)
-        smooth_row(set, set->next, order)[set->x] = sum[order];
+        smooth_row(set, set->next_row, order)[set->x] = sum[order];
 }
 
-/* d[i][j]: the derivative i times along x and j times along y, i + j <= 3, at the pixel. */
+/* Partial derivatives at the current pixel: d[i][j], i times along x and j times along y, i + j <=
+ * 3. */
 static void derive(const cairn_edgel_set *set, cairn_real d[ORDERS][ORDERS])
 {
     memset(d, 0, sizeof(cairn_real[ORDERS][ORDERS]));
@@ -246,54 +252,57 @@ static void derive(const cairn_edgel_set *set, cairn_real d[ORDERS][ORDERS])
 static edgel_sample sample_of(cairn_real d[ORDERS][ORDERS])
 {
     cairn_real x = d[1][0], y = d[0][1], xx = d[2][0], xy = d[1][1], yy = d[0][2];
-    /* Half the gradient of the squared slope. */
+    /* Half the gradient of the squared gradient magnitude. */
     cairn_real u = x * xx + y * xy, v = x * xy + y * yy;
-    edgel_sample s;
+    edgel_sample sample;
 
-    s.f = x * u + y * v;
-    s.f_slope.x = 2 * (u * xx + v * xy) + x * x * d[3][0] + 2 * x * y * d[2][1] + y * y * d[1][2];
-    s.f_slope.y = 2 * (u * xy + v * yy) + x * x * d[2][1] + 2 * x * y * d[1][2] + y * y * d[0][3];
-    s.slope.x = x;
-    s.slope.y = y;
-    return s;
+    sample.f = x * u + y * v;
+    sample.f_gradient.x =
+        2 * (u * xx + v * xy) + x * x * d[3][0] + 2 * x * y * d[2][1] + y * y * d[1][2];
+    sample.f_gradient.y =
+        2 * (u * xy + v * yy) + x * x * d[2][1] + 2 * x * y * d[1][2] + y * y * d[0][3];
+    sample.gradient.x = x;
+    sample.gradient.y = y;
+    return sample;
 }
 
-/* ---- Zeros ---- */
+/* ---- Zero crossings ---- */
 
 static cairn_vec2 between(cairn_vec2 a, cairn_vec2 b, cairn_real share)
 {
     return cairn_vec2_add(a, cairn_vec2_scale(cairn_vec2_sub(b, a), share));
 }
 
-/* The second derivative along the slope over the slope itself: across a step it is linear, so
+/* Second derivative along the gradient over the gradient magnitude: linear across a step edge, so
  * that its zero can be interpolated. */
-static cairn_real fall_of(const edgel_sample *s)
+static cairn_real normalized_second_derivative(const edgel_sample *sample)
 {
-    cairn_real slope = cairn_vec2_norm(s->slope);
+    cairn_real slope = cairn_vec2_norm(sample->gradient);
 
-    return s->f / cairn_max(slope * slope * slope, CAIRN_REAL_MIN);
+    return sample->f / cairn_max(slope * slope * slope, CAIRN_REAL_MIN);
 }
 
-/* The edgel between a pixel and the next one to the right or below. 0: there is none. */
+/* Edgel between a pixel and its neighbour to the right or below. Returns 0 when there is none. */
 static int edgel_between(const cairn_edgel_set *set, const edgel_sample *a, const edgel_sample *b,
                          int upright, cairn_edgel *edgel, cairn_real *share)
 {
-    cairn_real fall = fall_of(a);
-    cairn_vec2 slope, normal;
+    cairn_real second = normalized_second_derivative(a);
+    cairn_vec2 gradient, normal;
 
     if ((a->f > 0) == (b->f > 0))
         return 0;
-    *share = fall / (fall - fall_of(b));
-    slope = between(a->slope, b->slope, *share);
-    normal = cairn_vec2_unit(between(a->f_slope, b->f_slope, *share));
+    *share = second / (second - normalized_second_derivative(b));
+    gradient = between(a->gradient, b->gradient, *share);
+    normal = cairn_vec2_unit(between(a->f_gradient, b->f_gradient, *share));
     edgel->normal = cairn_vec2_scale(normal, -1);
-    edgel->slope = cairn_vec2_norm(slope);
+    edgel->slope = cairn_vec2_norm(gradient);
     return edgel->slope >= set->params.min_slope &&
            (cairn_abs(normal.x) >= cairn_abs(normal.y)) == upright &&
-           cairn_vec2_dot(edgel->normal, slope) >= set->cos_turn * edgel->slope;
+           cairn_vec2_dot(edgel->normal, gradient) >= set->cos_turn * edgel->slope;
 }
 
-static cairn_status keep(cairn_edgel_set *set, const cairn_edgel *edgel, cairn_real x, cairn_real y)
+static cairn_status add_edgel(cairn_edgel_set *set, const cairn_edgel *edgel, cairn_real x,
+                              cairn_real y)
 {
     if (set->count == set->params.max_edgels)
         return CAIRN_FULL;
@@ -303,7 +312,7 @@ static cairn_status keep(cairn_edgel_set *set, const cairn_edgel *edgel, cairn_r
     return CAIRN_OK;
 }
 
-/* From the pixel above to this one, and from this one to the right. */
+/* Tests the pixel pairs above-current and current-right. */
 static cairn_status find_pixel(cairn_edgel_set *set)
 {
     const edgel_sample *here = &sample_row(set, set->y)[set->x];
@@ -312,13 +321,13 @@ static cairn_status find_pixel(cairn_edgel_set *set)
 
     if (set->y > 0 &&
         edgel_between(set, &sample_row(set, set->y - 1)[set->x], here, 0, &edgel, &share)) {
-        cairn_status status = keep(set, &edgel, x, y - 1 + share);
+        cairn_status status = add_edgel(set, &edgel, x, y - 1 + share);
 
         if (status != CAIRN_OK)
             return status;
     }
     if (set->x + 1 < set->grey.width && edgel_between(set, here, here + 1, 1, &edgel, &share))
-        return keep(set, &edgel, x + share, y);
+        return add_edgel(set, &edgel, x + share, y);
     return CAIRN_OK;
 }
 
@@ -328,16 +337,16 @@ static int32_t unit_cost(const cairn_edgel_set *set)
 {
     static const int32_t products[] = {0, ORDERS, 9, 0};
 
-    return 1 + products[set->phase] * set->taps / TAPS_A_UNIT;
+    return 1 + products[set->phase] * set->taps / TAPS_PER_UNIT;
 }
 
-static cairn_status do_pixel(cairn_edgel_set *set)
+static cairn_status process_pixel(cairn_edgel_set *set)
 {
     cairn_real d[ORDERS][ORDERS];
 
-    if (set->phase == SMOOTH) {
+    if (set->phase == PHASE_SMOOTH) {
         smooth_pixel(set);
-    } else if (set->phase == DERIVE) {
+    } else if (set->phase == PHASE_DERIVE) {
         derive(set, d);
         sample_row(set, set->y)[set->x] = sample_of(d);
     } else {
@@ -346,34 +355,34 @@ static cairn_status do_pixel(cairn_edgel_set *set)
     return CAIRN_OK;
 }
 
-/* What comes after a row of this phase: rows are smoothed until the filter has all that it
- * reaches. */
+/* Selects the phase after a row: rows are smoothed until the filter's support is complete. */
 static void end_row(cairn_edgel_set *set)
 {
     set->x = 0;
-    set->next += set->phase == SMOOTH;
-    set->y += set->phase == FIND;
-    if (set->phase == DERIVE)
-        set->phase = FIND;
+    set->next_row += set->phase == PHASE_SMOOTH;
+    set->y += set->phase == PHASE_FIND;
+    if (set->phase == PHASE_DERIVE)
+        set->phase = PHASE_FIND;
     else if (set->y == set->grey.height)
-        set->phase = DONE;
+        set->phase = PHASE_DONE;
     else
-        set->phase =
-            set->next < set->grey.height && set->next <= set->y + set->reach ? SMOOTH : DERIVE;
+        set->phase = set->next_row < set->grey.height && set->next_row <= set->y + set->reach
+                         ? PHASE_SMOOTH
+                         : PHASE_DERIVE;
 }
 
 cairn_status cairn_edgel_step(cairn_edgel_set *set, cairn_budget *budget)
 {
     if (set == NULL || budget == NULL)
         return CAIRN_BAD_ARGUMENT;
-    while (set->phase != IDLE && set->phase != DONE) {
+    while (set->phase != PHASE_IDLE && set->phase != PHASE_DONE) {
         cairn_status status;
 
-        if (!cairn_budget_pay(budget, &set->paid, unit_cost(set)))
+        if (!cairn_budget_pay(budget, &set->charged_units, unit_cost(set)))
             return CAIRN_MORE;
-        status = do_pixel(set);
+        status = process_pixel(set);
         if (status != CAIRN_OK) {
-            set->phase = IDLE;
+            set->phase = PHASE_IDLE;
             return status;
         }
         if (++set->x == set->grey.width)
@@ -384,7 +393,7 @@ cairn_status cairn_edgel_step(cairn_edgel_set *set, cairn_budget *budget)
 
 const cairn_edgel *cairn_edgel_list(const cairn_edgel_set *set, int32_t *count)
 {
-    int has = set != NULL && set->phase == DONE;
+    int has = set != NULL && set->phase == PHASE_DONE;
 
     if (count != NULL)
         *count = has ? set->count : 0;

@@ -1,16 +1,18 @@
-/* Fragments of an outline, in bundles.
+/* Fragments of an outline, grouped into part bundles.
  *
- * Method: by rule the vertices are those of the level of bundles * pieces_each of the outline's
- * evolution, fewer when it has fewer; the fragments are all arcs of consecutive pieces that leave
- * at least one piece out. By hand the vertices are all ends of cuts.
+ * Method:
+ * 1. By rule the vertices are the last bundles * pieces_each of the outline's discrete curve
+ *    evolution, fewer when it has fewer. The fragments are all arcs of consecutive pieces that
+ *    leave at least one piece out. Manual cuts: the vertices are all ends of cuts.
+ * 2. Each fragment is resampled at even arc length.
  *
- * Layout: the outline with its length up to each point, the evolution, the model's arrays, the arc
- * that is sampled.
+ * Memory layout: the outline with its cumulative arc length, the evolution, the model's arrays, the
+ * arc being sampled.
  *
  * Limits: one outline; holes are models of their own.
  *
- * Source: Adluru 2008, section 5.2.1; the rule is this project's, where the thesis bundles by
- * hand. */
+ * Source: Adluru 2008, section 5.2.1; the rule is this project's, where the thesis bundles
+ * manually. */
 #include "src/core/build.h"
 
 #include <string.h>
@@ -20,78 +22,87 @@
 #include "cairn/part_bundle.h"
 
 enum {
-    POINTS_MOST = 4096,
-    PIECES_EACH_MOST = 4,
-    LONGEST_MOST = 3,
-    SAMPLES_MOST = 64,
-    PLACES_A_UNIT = 4
+    MAX_POINTS = 4096,
+    MAX_PIECES_EACH = 4,
+    MAX_FRAGMENT_PIECES = 3,
+    MAX_SAMPLES_EACH = 64,
+    POINTS_PER_UNIT = 4
 };
-enum { IDLE, EVOLVE, LAY, CUT, DONE };
+enum { PHASE_IDLE, PHASE_EVOLVE, PHASE_SELECT_VERTICES, PHASE_SAMPLE, PHASE_DONE };
 
-static const cairn_real FAR = CAIRN_REAL(1e9);
+static const cairn_real MAX_COORDINATE = CAIRN_REAL(1e9);
 
 struct cairn_part_builder {
     cairn_part_bundle_params params;
-    cairn_vec2 *points;              /* [max_points] */
-    cairn_real *reached;             /* [max_points + 1] length from the first point to each */
-    cairn_vec2 *arc;                 /* [max_points + 1] */
-    cairn_vec2 *places, *directions; /* [samples_each] */
-    cairn_part_fragment *fragments;  /* [FRAGMENTS] */
-    cairn_oriented_point *samples;   /* [FRAGMENTS * samples_each] */
+    cairn_vec2 *points; /* [max_points] */
+    /* [max_points + 1] cumulative arc length from the first point to each */
+    cairn_real *arc_length;
+    cairn_vec2 *arc;                    /* [max_points + 1] the arc being sampled */
+    cairn_vec2 *positions, *directions; /* [samples_each] */
+    cairn_part_fragment *fragments;     /* [FRAGMENTS] */
+    cairn_oriented_point *samples;      /* [FRAGMENTS * samples_each] */
     cairn_curve_evolution *evolution;
     int32_t vertices[CAIRN_PART_PIECES];
     cairn_real piece_length[CAIRN_PART_PIECES];
     int32_t count, vertex_count, fragment_count, bundles;
     cairn_vec2 centroid;
-    int32_t next; /* fragment to be sampled */
-    int32_t phase, paid;
+    int32_t next_fragment; /* next fragment to sample */
+    int32_t phase, charged_units;
 };
 
 cairn_part_bundle_params cairn_part_bundle_default(void)
 {
-    cairn_part_bundle_params params = {256, 4, 2, 3, 20};
+    cairn_part_bundle_params params = {
+        .max_points = 256,
+        .bundles = 4,
+        .pieces_each = 2,
+        .longest = 3,
+        .samples_each = 20,
+    };
 
     return params;
 }
 
-static int params_are_good(const cairn_part_bundle_params *p)
+static int params_are_good(const cairn_part_bundle_params *params)
 {
-    return p != NULL && p->max_points >= 3 && p->max_points <= POINTS_MOST && p->bundles >= 1 &&
-           p->bundles <= CAIRN_PART_BUNDLES && p->pieces_each >= 1 &&
-           p->pieces_each <= PIECES_EACH_MOST && p->longest >= 1 && p->longest <= LONGEST_MOST &&
-           p->samples_each >= 2 && p->samples_each <= SAMPLES_MOST;
+    return params != NULL && params->max_points >= 3 && params->max_points <= MAX_POINTS &&
+           params->bundles >= 1 && params->bundles <= CAIRN_PART_BUNDLES &&
+           params->pieces_each >= 1 && params->pieces_each <= MAX_PIECES_EACH &&
+           params->longest >= 1 && params->longest <= MAX_FRAGMENT_PIECES &&
+           params->samples_each >= 2 && params->samples_each <= MAX_SAMPLES_EACH;
 }
 
-static cairn_curve_evolution_params evolution_params(const cairn_part_bundle_params *p)
+static cairn_curve_evolution_params evolution_params(const cairn_part_bundle_params *params)
 {
-    cairn_curve_evolution_params params = {p->max_points};
+    cairn_curve_evolution_params evolution = {params->max_points};
 
-    return params;
+    return evolution;
 }
 
-/* All but the evolution. */
-static cairn_part_builder *carve(cairn_pool *pool, const cairn_part_bundle_params *p)
+/* Takes all memory except that of the evolution. */
+static cairn_part_builder *carve(cairn_pool *pool, const cairn_part_bundle_params *params)
 {
-    size_t n = (size_t)p->max_points, samples = (size_t)p->samples_each;
-    cairn_part_builder *b = cairn_pool_take_one(pool, sizeof *b);
+    size_t n = (size_t)params->max_points, samples = (size_t)params->samples_each;
+    cairn_part_builder *builder = cairn_pool_take_one(pool, sizeof *builder);
     cairn_vec2 *points = cairn_pool_take(pool, n, sizeof *points);
-    cairn_real *reached = cairn_pool_take(pool, n + 1, sizeof *reached);
+    cairn_real *arc_length = cairn_pool_take(pool, n + 1, sizeof *arc_length);
     cairn_vec2 *arc = cairn_pool_take(pool, n + 1, sizeof *arc);
-    cairn_vec2 *places = cairn_pool_take(pool, 2 * samples, sizeof *places);
+    cairn_vec2 *positions = cairn_pool_take(pool, 2 * samples, sizeof *positions);
     cairn_part_fragment *fragments = cairn_pool_take(pool, CAIRN_PART_FRAGMENTS, sizeof *fragments);
-    cairn_oriented_point *at = cairn_pool_take(pool, CAIRN_PART_FRAGMENTS * samples, sizeof *at);
+    cairn_oriented_point *fragment_samples =
+        cairn_pool_take(pool, CAIRN_PART_FRAGMENTS * samples, sizeof *fragment_samples);
 
-    if (b != NULL) {
-        memset(b, 0, sizeof *b);
-        b->points = points;
-        b->reached = reached;
-        b->arc = arc;
-        b->places = places;
-        b->directions = places + samples;
-        b->fragments = fragments;
-        b->samples = at;
+    if (builder != NULL) {
+        memset(builder, 0, sizeof *builder);
+        builder->points = points;
+        builder->arc_length = arc_length;
+        builder->arc = arc;
+        builder->positions = positions;
+        builder->directions = positions + samples;
+        builder->fragments = fragments;
+        builder->samples = fragment_samples;
     }
-    return b;
+    return builder;
 }
 
 size_t cairn_part_bundle_memory(const cairn_part_bundle_params *params)
@@ -126,105 +137,109 @@ cairn_status cairn_part_bundle_create(cairn_part_builder **builder, cairn_pool *
 
 /* ---- The outline ---- */
 
-static int32_t behind(const cairn_part_builder *b, int32_t i)
+static int32_t next_vertex(const cairn_part_builder *builder, int32_t i)
 {
-    return i + 1 < b->count ? i + 1 : 0;
+    return i + 1 < builder->count ? i + 1 : 0;
 }
 
-static void measure(cairn_part_builder *b)
+/* Computes the cumulative arc length and the length-weighted centroid. */
+static void measure_outline(cairn_part_builder *builder)
 {
     cairn_vec2 sum = {0, 0};
 
-    b->reached[0] = 0;
-    for (int32_t i = 0; i < b->count; i++) {
-        cairn_vec2 from = b->points[i], to = b->points[behind(b, i)];
+    builder->arc_length[0] = 0;
+    for (int32_t i = 0; i < builder->count; i++) {
+        cairn_vec2 from = builder->points[i], to = builder->points[next_vertex(builder, i)];
         cairn_real length = cairn_vec2_norm(cairn_vec2_sub(to, from));
 
-        b->reached[i + 1] = b->reached[i] + length;
+        builder->arc_length[i + 1] = builder->arc_length[i] + length;
         sum = cairn_vec2_add(sum, cairn_vec2_scale(cairn_vec2_add(from, to), length / 2));
     }
-    if (b->reached[b->count] > 0)
-        b->centroid = cairn_vec2_scale(sum, 1 / b->reached[b->count]);
+    if (builder->arc_length[builder->count] > 0)
+        builder->centroid = cairn_vec2_scale(sum, 1 / builder->arc_length[builder->count]);
 }
 
-/* From one vertex on to another; a whole round from one to itself. */
-static cairn_real arc_length(const cairn_part_builder *b, int32_t from, int32_t to)
+/* Arc length from one vertex forward to another; the whole outline from a vertex to itself. */
+static cairn_real arc_length(const cairn_part_builder *builder, int32_t from, int32_t to)
 {
-    cairn_real length = b->reached[to] - b->reached[from];
+    cairn_real length = builder->arc_length[to] - builder->arc_length[from];
 
-    return from < to ? length : length + b->reached[b->count];
+    return from < to ? length : length + builder->arc_length[builder->count];
 }
 
 /* ---- Fragments ---- */
 
-/* The pieces from one of the model's vertices to another. */
-static uint32_t pieces_between(const cairn_part_builder *b, int32_t from, int32_t to)
+/* Bit set of the pieces from one of the model's vertices forward to another. */
+static uint32_t pieces_between(const cairn_part_builder *builder, int32_t from, int32_t to)
 {
     uint32_t pieces = 0;
     int32_t i = 0;
 
-    while (b->vertices[i] != from)
+    while (builder->vertices[i] != from)
         i++;
     do {
         pieces |= UINT32_C(1) << i;
-        i = i + 1 < b->vertex_count ? i + 1 : 0;
-    } while (b->vertices[i] != to);
+        i = i + 1 < builder->vertex_count ? i + 1 : 0;
+    } while (builder->vertices[i] != to);
     return pieces;
 }
 
-static void add_fragment(cairn_part_builder *b, int32_t from, int32_t to, int32_t bundle)
+static void add_fragment(cairn_part_builder *builder, int32_t from, int32_t to, int32_t bundle)
 {
-    cairn_part_fragment *f = &b->fragments[b->fragment_count];
+    cairn_part_fragment *fragment = &builder->fragments[builder->fragment_count];
 
-    f->from = from;
-    f->to = to;
-    f->bundle = bundle;
-    f->pieces = pieces_between(b, from, to);
-    f->length = arc_length(b, from, to);
-    f->first = b->fragment_count * b->params.samples_each;
-    b->fragment_count++;
+    fragment->from = from;
+    fragment->to = to;
+    fragment->bundle = bundle;
+    fragment->pieces = pieces_between(builder, from, to);
+    fragment->length = arc_length(builder, from, to);
+    fragment->first = builder->fragment_count * builder->params.samples_each;
+    builder->fragment_count++;
 }
 
-static void measure_pieces(cairn_part_builder *b)
+static void measure_pieces(cairn_part_builder *builder)
 {
-    for (int32_t i = 0; i < b->vertex_count; i++)
-        b->piece_length[i] =
-            arc_length(b, b->vertices[i], b->vertices[i + 1 < b->vertex_count ? i + 1 : 0]);
+    for (int32_t i = 0; i < builder->vertex_count; i++)
+        builder->piece_length[i] =
+            arc_length(builder, builder->vertices[i],
+                       builder->vertices[i + 1 < builder->vertex_count ? i + 1 : 0]);
 }
 
-/* The level of the outline's evolution whose vertices are the model's. */
-static int32_t level_of(const cairn_part_bundle_params *p)
+/* Level of the curve evolution whose vertices are the model's. */
+static int32_t level_of(const cairn_part_bundle_params *params)
 {
-    int32_t level = p->bundles * p->pieces_each;
+    int32_t level = params->bundles * params->pieces_each;
 
     return level < 3 ? 3 : level;
 }
 
-static void cut_by_rule(cairn_part_builder *b)
+static void cut_by_rule(cairn_part_builder *builder)
 {
-    cairn_curve_evolution_result levels = cairn_curve_evolution_read(b->evolution);
-    int32_t level = level_of(&b->params), n;
-    cairn_real whole = b->reached[b->count];
+    cairn_curve_evolution_result levels = cairn_curve_evolution_read(builder->evolution);
+    int32_t level = level_of(&builder->params), n;
+    cairn_real whole = builder->arc_length[builder->count];
 
-    for (int32_t i = 0; i < b->count; i++)
+    for (int32_t i = 0; i < builder->count; i++)
         if (levels.rank[i] < level)
-            b->vertices[b->vertex_count++] = i;
-    n = b->vertex_count;
-    measure_pieces(b);
+            builder->vertices[builder->vertex_count++] = i;
+    n = builder->vertex_count;
+    measure_pieces(builder);
     for (int32_t i = 0; i < n; i++)
-        for (int32_t pieces = 1; pieces <= b->params.longest && pieces < n; pieces++) {
-            int32_t from = b->vertices[i], to = b->vertices[(i + pieces) % n];
-            cairn_real middle =
-                b->reached[from] - b->reached[b->vertices[0]] + arc_length(b, from, to) / 2;
+        for (int32_t pieces = 1; pieces <= builder->params.longest && pieces < n; pieces++) {
+            int32_t from = builder->vertices[i], to = builder->vertices[(i + pieces) % n];
+            cairn_real middle = builder->arc_length[from] -
+                                builder->arc_length[builder->vertices[0]] +
+                                arc_length(builder, from, to) / 2;
             cairn_real share = (middle < whole ? middle : middle - whole) / whole;
-            int32_t bundle = cairn_real_to_int(share * (cairn_real)b->params.bundles);
+            int32_t bundle = cairn_real_to_int(share * (cairn_real)builder->params.bundles);
 
-            if (arc_length(b, from, to) > 0)
-                add_fragment(b, from, to,
-                             bundle < b->params.bundles ? bundle : b->params.bundles - 1);
+            if (arc_length(builder, from, to) > 0)
+                add_fragment(builder, from, to,
+                             bundle < builder->params.bundles ? bundle
+                                                              : builder->params.bundles - 1);
         }
-    b->bundles = b->params.bundles;
-    b->phase = CUT;
+    builder->bundles = builder->params.bundles;
+    builder->phase = PHASE_SAMPLE;
 }
 
 static int is_end(const cairn_part_cut *cuts, int32_t count, int32_t vertex)
@@ -235,48 +250,51 @@ static int is_end(const cairn_part_cut *cuts, int32_t count, int32_t vertex)
     return 0;
 }
 
-static void cut_by_hand(cairn_part_builder *b, const cairn_part_cut *cuts, int32_t count)
+static void cut_by_hand(cairn_part_builder *builder, const cairn_part_cut *cuts, int32_t count)
 {
-    for (int32_t i = 0; i < b->count; i++)
+    for (int32_t i = 0; i < builder->count; i++)
         if (is_end(cuts, count, i))
-            b->vertices[b->vertex_count++] = i;
-    measure_pieces(b);
+            builder->vertices[builder->vertex_count++] = i;
+    measure_pieces(builder);
     for (int32_t k = 0; k < count; k++) {
-        add_fragment(b, cuts[k].from, cuts[k].to, cuts[k].bundle);
-        b->bundles = cuts[k].bundle >= b->bundles ? cuts[k].bundle + 1 : b->bundles;
+        add_fragment(builder, cuts[k].from, cuts[k].to, cuts[k].bundle);
+        builder->bundles =
+            cuts[k].bundle >= builder->bundles ? cuts[k].bundle + 1 : builder->bundles;
     }
-    b->phase = CUT;
+    builder->phase = PHASE_SAMPLE;
 }
 
-static void sample_fragment(cairn_part_builder *b, const cairn_part_fragment *f)
+static void sample_fragment(cairn_part_builder *builder, const cairn_part_fragment *fragment)
 {
-    cairn_curve arc = {b->arc, 1, 0};
-    int32_t i = f->from;
+    cairn_curve arc = {.points = builder->arc, .count = 1};
+    int32_t i = fragment->from;
     cairn_status status;
 
-    b->arc[0] = b->points[i];
+    builder->arc[0] = builder->points[i];
     do {
-        i = behind(b, i);
-        b->arc[arc.count++] = b->points[i];
-    } while (i != f->to);
-    status = cairn_curve_resample(&arc, b->places, b->directions, b->params.samples_each);
+        i = next_vertex(builder, i);
+        builder->arc[arc.count++] = builder->points[i];
+    } while (i != fragment->to);
+    status = cairn_curve_resample(&arc, builder->positions, builder->directions,
+                                  builder->params.samples_each);
     CAIRN_ASSERT(status == CAIRN_OK);
     (void)status;
-    for (int32_t k = 0; k < b->params.samples_each; k++) {
-        b->samples[f->first + k].position = b->places[k];
-        b->samples[f->first + k].direction = b->directions[k];
+    for (int32_t k = 0; k < builder->params.samples_each; k++) {
+        builder->samples[fragment->first + k].position = builder->positions[k];
+        builder->samples[fragment->first + k].direction = builder->directions[k];
     }
 }
 
 /* ---- Calls ---- */
 
-static cairn_status check_outline(const cairn_part_builder *b, const cairn_vec2 *points,
+static cairn_status check_outline(const cairn_part_builder *builder, const cairn_vec2 *points,
                                   int32_t count)
 {
-    if (count > b->params.max_points)
+    if (count > builder->params.max_points)
         return CAIRN_FULL;
     for (int32_t i = 0; i < count; i++)
-        if (!(cairn_abs(points[i].x) <= FAR) || !(cairn_abs(points[i].y) <= FAR))
+        if (!(cairn_abs(points[i].x) <= MAX_COORDINATE) ||
+            !(cairn_abs(points[i].y) <= MAX_COORDINATE))
             return CAIRN_NOT_FINITE;
     for (int32_t i = 1; i < count; i++)
         if (cairn_vec2_norm(cairn_vec2_sub(points[i], points[0])) > 0)
@@ -284,7 +302,7 @@ static cairn_status check_outline(const cairn_part_builder *b, const cairn_vec2 
     return CAIRN_EMPTY;
 }
 
-/* The length of a cut, before anything is taken over. */
+/* Length of a cut, for validation before any state changes. */
 static cairn_real cut_length(const cairn_vec2 *points, int32_t count, const cairn_part_cut *cut)
 {
     cairn_real length = 0;
@@ -314,7 +332,7 @@ static cairn_status check_cuts(const cairn_vec2 *points, int32_t count, const ca
             return CAIRN_BAD_ARGUMENT;
     for (int32_t k = 0; k < cut_count; k++)
         bundles |= UINT32_C(1) << cuts[k].bundle;
-    if ((bundles & (bundles + 1)) != 0) /* one below the last has no fragment */
+    if ((bundles & (bundles + 1)) != 0) /* a bundle below the greatest has no fragment */
         return CAIRN_BAD_ARGUMENT;
     if (cut_count > CAIRN_PART_FRAGMENTS)
         return CAIRN_FULL;
@@ -328,76 +346,80 @@ static cairn_status check_cuts(const cairn_vec2 *points, int32_t count, const ca
     return CAIRN_OK;
 }
 
-cairn_status cairn_part_bundle_begin(cairn_part_builder *b, const cairn_vec2 *points, int32_t count,
-                                     const cairn_part_cut *cuts, int32_t cut_count)
+cairn_status cairn_part_bundle_begin(cairn_part_builder *builder, const cairn_vec2 *points,
+                                     int32_t count, const cairn_part_cut *cuts, int32_t cut_count)
 {
     cairn_status status;
 
-    if (b == NULL || points == NULL || count < 3)
+    if (builder == NULL || points == NULL || count < 3)
         return CAIRN_BAD_ARGUMENT;
-    status = check_outline(b, points, count);
+    status = check_outline(builder, points, count);
     if (status == CAIRN_OK && cuts != NULL)
         status = check_cuts(points, count, cuts, cut_count);
     if (status == CAIRN_OK && cuts == NULL)
-        status = cairn_curve_evolution_begin(b->evolution, points, count);
+        status = cairn_curve_evolution_begin(builder->evolution, points, count);
     if (status != CAIRN_OK)
         return status;
-    memcpy(b->points, points, (size_t)count * sizeof *points);
-    b->count = count;
-    b->vertex_count = b->fragment_count = b->bundles = b->next = b->paid = 0;
-    measure(b);
-    b->phase = EVOLVE;
+    memcpy(builder->points, points, (size_t)count * sizeof *points);
+    builder->count = count;
+    builder->vertex_count = builder->fragment_count = builder->bundles = builder->next_fragment =
+        builder->charged_units = 0;
+    measure_outline(builder);
+    builder->phase = PHASE_EVOLVE;
     if (cuts != NULL)
-        cut_by_hand(b, cuts, cut_count);
+        cut_by_hand(builder, cuts, cut_count);
     return CAIRN_OK;
 }
 
-cairn_status cairn_part_bundle_step(cairn_part_builder *b, cairn_budget *budget)
+cairn_status cairn_part_bundle_step(cairn_part_builder *builder, cairn_budget *budget)
 {
-    if (b == NULL || budget == NULL)
+    if (builder == NULL || budget == NULL)
         return CAIRN_BAD_ARGUMENT;
-    if (b->phase == EVOLVE) {
-        cairn_status status = cairn_curve_evolution_step(b->evolution, budget);
+    if (builder->phase == PHASE_EVOLVE) {
+        cairn_status status = cairn_curve_evolution_step(builder->evolution, budget);
 
         if (status != CAIRN_OK)
             return status;
-        b->phase = LAY;
+        builder->phase = PHASE_SELECT_VERTICES;
     }
-    if (b->phase == LAY) {
-        if (!cairn_budget_pay(budget, &b->paid,
-                              1 + (b->count + LONGEST_MOST * level_of(&b->params)) / PLACES_A_UNIT))
+    if (builder->phase == PHASE_SELECT_VERTICES) {
+        if (!cairn_budget_pay(
+                budget, &builder->charged_units,
+                1 + (builder->count + MAX_FRAGMENT_PIECES * level_of(&builder->params)) /
+                        POINTS_PER_UNIT))
             return CAIRN_MORE;
-        cut_by_rule(b);
+        cut_by_rule(builder);
     }
-    while (b->phase == CUT) {
-        if (b->next == b->fragment_count) {
-            b->phase = DONE;
+    while (builder->phase == PHASE_SAMPLE) {
+        if (builder->next_fragment == builder->fragment_count) {
+            builder->phase = PHASE_DONE;
             break;
         }
-        if (!cairn_budget_pay(budget, &b->paid,
-                              1 + (b->count + b->params.samples_each) / PLACES_A_UNIT))
+        if (!cairn_budget_pay(budget, &builder->charged_units,
+                              1 + (builder->count + builder->params.samples_each) /
+                                      POINTS_PER_UNIT))
             return CAIRN_MORE;
-        sample_fragment(b, &b->fragments[b->next++]);
+        sample_fragment(builder, &builder->fragments[builder->next_fragment++]);
     }
     return CAIRN_OK;
 }
 
-cairn_part_model cairn_part_bundle_read(const cairn_part_builder *b)
+cairn_part_model cairn_part_bundle_read(const cairn_part_builder *builder)
 {
     cairn_part_model model;
 
     memset(&model, 0, sizeof model);
-    if (b == NULL || b->phase != DONE)
+    if (builder == NULL || builder->phase != PHASE_DONE)
         return model;
-    model.fragments = b->fragments;
-    model.samples = b->samples;
-    model.vertices = b->vertices;
-    model.piece_length = b->piece_length;
-    model.fragment_count = b->fragment_count;
-    model.samples_each = b->params.samples_each;
-    model.vertex_count = b->vertex_count;
-    model.bundles = b->bundles;
-    model.length = b->reached[b->count];
-    model.centroid = b->centroid;
+    model.fragments = builder->fragments;
+    model.samples = builder->samples;
+    model.vertices = builder->vertices;
+    model.piece_length = builder->piece_length;
+    model.fragment_count = builder->fragment_count;
+    model.samples_each = builder->params.samples_each;
+    model.vertex_count = builder->vertex_count;
+    model.bundles = builder->bundles;
+    model.length = builder->arc_length[builder->count];
+    model.centroid = builder->centroid;
     return model;
 }

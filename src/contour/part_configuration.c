@@ -1,26 +1,28 @@
-/* Configurations of parts that agree.
+/* Configurations of parts that agree on the object's centre and scale.
  *
- * Method: distances of votes are those of their centres, over the scale of the one that is looked
- * around, and of the logarithms of their scales, in tolerances. The K nearest within reach come
- * from a hash grid: layers of scales as high as the reach, in each square cells as wide as the
- * reach of its largest scale, so that three layers and a few cells of each hold all that may be
- * near. Of these votes a tree of configurations is gone through, level by level a bundle: one of
- * its votes or none. A configuration's score is its gain less half of what its votes scatter about
- * their mean, by gain. Scatter never falls when a vote is added, so that below a node no score is
- * above its own and the greatest gain of each bundle that is left: what is not better so is left
- * out, and nothing is lost.
+ * Method:
+ * 1. Nearest neighbours: the distance of two votes combines the distance of their centres, over the
+ *    scale of the seed, and of the logarithms of their scales, in tolerances. The K nearest within
+ *    the search radius come from a hash grid. Its layers are ranges of scale as high as the radius,
+ *    with square cells as wide as the radius of the layer's largest scale. Three layers and a few
+ *    cells of each cover a neighbourhood.
+ * 2. Branch and bound: the tree of configurations of these votes has one level per bundle, one of
+ *    its votes or none. A configuration's score is its weight less half the scatter of its votes
+ *    about their weighted mean. Scatter never decreases when a vote is added. So the score of a
+ *    node plus the greatest weights of the remaining bundles bounds all scores below it. Pruning by
+ *    this bound is exact.
+ * 3. Search MODES: mean shift moves the seed to the mean of the K nearest votes, weighted by weight
+ *    exp(-d^2 / 2), until convergence. A mode within half a tolerance of an earlier one is
+ *    discarded.
  *
- * MODES: the place looked around moves to the mean of the K nearest votes by gain exp(-d^2 / 2)
- * until it moves no more, and is left out when an earlier one is within half a tolerance.
+ * As written: the K nearest come from a linear scan of all votes, by their centres. The tree is
+ * enumerated completely, except for branches below the threshold (part_configuration_every.c).
  *
- * As written: the K nearest come from all votes, one by one, by their centres; the tree is gone
- * through whole, but for branches below the threshold (part_configuration_every.c).
+ * Memory layout: the index; the neighbouring votes in groups; one node per level; the best
+ * configurations, sorted by slots.
  *
- * Layout: the index; the votes near the seed in groups; one node for each level; the best
- * configurations, in order by their slots.
- *
- * Limits: the tree is exponential in the bundles, (K / bundles + 1)^bundles nodes at most;
- * max_nodes bounds it, and is told. One configuration for each seed.
+ * Limits: the tree is exponential in the bundles, with at most (K / bundles + 1)^bundles nodes;
+ * max_nodes bounds it, and truncation is reported. One configuration per seed.
  *
  * Source: Adluru 2008, section 5.2.2; distance, score and bound: this project's. */
 #include "src/core/build.h"
@@ -30,33 +32,37 @@
 #include "src/contour/part_configuration_work.h"
 
 enum {
-    VOTES_MOST = 1 << 20,
-    WRITTEN_MOST = 8192,
-    FOUND_MOST = 1 << 16,
-    NODES_MOST = 1 << 30,
-    PARTS = CONFIGURATION_PARTS
+    MAX_VOTES = 1 << 20,
+    MAX_WRITTEN_VOTES = 8192,
+    MAX_FOUND = 1 << 16,
+    MAX_NODES = 1 << 30,
+    MAX_PARTS = CONFIGURATION_MAX_PARTS
 };
-/* Steps of a climb; kept configurations that are compared for a unit. */
-enum { CLIMBS = 30, COMPARED_A_UNIT = 4 };
+/* Mean shift iterations; recorded configurations compared per work unit. */
+enum { MAX_SHIFTS = 30, COMPARISONS_PER_UNIT = 4 };
 
-static const cairn_real FAR = CAIRN_REAL(1e6);
-/* In tolerances, squared: a climb that moves less has ended; two modes that are nearer are one. */
-static const cairn_real SETTLED = CAIRN_REAL(1e-4), SAME_MODE = CAIRN_REAL(0.25);
+static const cairn_real MAX_COORDINATE = CAIRN_REAL(1e6);
+/* In tolerances squared: mean shift has converged below the first; modes within the second are
+ * duplicates. */
+static const cairn_real MIN_SHIFT_SQUARED = CAIRN_REAL(1e-4),
+                        MODE_RADIUS_SQUARED = CAIRN_REAL(0.25);
 
 cairn_part_configuration_params cairn_part_configuration_default(void)
 {
-    cairn_part_configuration_params params = {512,
-                                              20,
-                                              2,
-                                              64,
-                                              1000000,
-                                              CAIRN_PART_SEEK_NEAREST,
-                                              CAIRN_REAL(0.08),
-                                              CAIRN_REAL(0.15),
-                                              3,
-                                              CAIRN_REAL(0.2),
-                                              CAIRN_MODE_DEFAULT,
-                                              0};
+    cairn_part_configuration_params params = {
+        .max_votes = 512,
+        .nearest = 20,
+        .min_parts = 2,
+        .max_found = 64,
+        .max_nodes = 1000000,
+        .seek = CAIRN_PART_SEEK_NEAREST,
+        .centre = CAIRN_REAL(0.08),
+        .ratio = CAIRN_REAL(0.15),
+        .reach = 3,
+        .overlap = CAIRN_REAL(0.2),
+        .mode = CAIRN_MODE_DEFAULT,
+        .min_sum = 0,
+    };
 
     return params;
 }
@@ -68,32 +74,35 @@ cairn_part_configuration_params cairn_part_configuration_as_written(void)
     params.mode = CAIRN_MODE_AS_WRITTEN;
     params.min_parts = 1;
     params.max_found = 4096;
-    params.max_nodes = NODES_MOST;
+    params.max_nodes = MAX_NODES;
     return params;
 }
 
-static int mode_is_good(const cairn_part_configuration_params *p)
+static int mode_is_good(const cairn_part_configuration_params *params)
 {
-    return (p->mode == CAIRN_MODE_DEFAULT || p->mode == CAIRN_MODE_AS_WRITTEN) && p->min_sum >= 0 &&
-           p->min_sum <= FAR &&
-           (p->mode == CAIRN_MODE_DEFAULT ||
-            (p->max_votes <= WRITTEN_MOST && p->seek == CAIRN_PART_SEEK_NEAREST));
+    return (params->mode == CAIRN_MODE_DEFAULT || params->mode == CAIRN_MODE_AS_WRITTEN) &&
+           params->min_sum >= 0 && params->min_sum <= MAX_COORDINATE &&
+           (params->mode == CAIRN_MODE_DEFAULT ||
+            (params->max_votes <= MAX_WRITTEN_VOTES && params->seek == CAIRN_PART_SEEK_NEAREST));
 }
 
-static int capacities_are_good(const cairn_part_configuration_params *p)
+static int capacities_are_good(const cairn_part_configuration_params *params)
 {
-    return p->max_votes >= 1 && p->max_votes <= VOTES_MOST && p->nearest >= 1 &&
-           p->nearest <= PARTS && p->min_parts >= 1 && p->min_parts <= PARTS && p->max_found >= 1 &&
-           p->max_found <= FOUND_MOST && p->max_nodes >= 1 && p->max_nodes <= NODES_MOST;
+    return params->max_votes >= 1 && params->max_votes <= MAX_VOTES && params->nearest >= 1 &&
+           params->nearest <= MAX_PARTS && params->min_parts >= 1 &&
+           params->min_parts <= MAX_PARTS && params->max_found >= 1 &&
+           params->max_found <= MAX_FOUND && params->max_nodes >= 1 &&
+           params->max_nodes <= MAX_NODES;
 }
 
-static int params_are_good(const cairn_part_configuration_params *p)
+static int params_are_good(const cairn_part_configuration_params *params)
 {
-    return p != NULL && capacities_are_good(p) && mode_is_good(p) &&
-           p->seek >= CAIRN_PART_SEEK_NEAREST && p->seek <= CAIRN_PART_SEEK_MODES &&
-           p->centre >= CAIRN_REAL(1e-4) && p->centre <= 10 && p->ratio >= CAIRN_REAL(0.01) &&
-           p->ratio <= 1 && p->reach >= CAIRN_REAL(0.5) && p->reach <= 4 && p->overlap >= 0 &&
-           p->overlap <= 1;
+    return params != NULL && capacities_are_good(params) && mode_is_good(params) &&
+           params->seek >= CAIRN_PART_SEEK_NEAREST && params->seek <= CAIRN_PART_SEEK_MODES &&
+           params->centre >= CAIRN_REAL(1e-4) && params->centre <= 10 &&
+           params->ratio >= CAIRN_REAL(0.01) && params->ratio <= 1 &&
+           params->reach >= CAIRN_REAL(0.5) && params->reach <= 4 && params->overlap >= 0 &&
+           params->overlap <= 1;
 }
 
 static uint32_t bucket_count(int32_t max_votes)
@@ -105,33 +114,34 @@ static uint32_t bucket_count(int32_t max_votes)
     return buckets;
 }
 
-static cairn_part_configurator *carve(cairn_pool *pool, const cairn_part_configuration_params *p)
+static cairn_part_configurator *carve(cairn_pool *pool,
+                                      const cairn_part_configuration_params *params)
 {
-    size_t votes = (size_t)p->max_votes, found = (size_t)p->max_found,
-           buckets = bucket_count(p->max_votes);
-    cairn_part_configurator *c = cairn_pool_take_one(pool, sizeof *c);
+    size_t votes = (size_t)params->max_votes, found = (size_t)params->max_found,
+           buckets = bucket_count(params->max_votes);
+    cairn_part_configurator *configurator = cairn_pool_take_one(pool, sizeof *configurator);
     int32_t *next = cairn_pool_take(pool, 2 * votes, sizeof *next);
     int32_t *heads = cairn_pool_take(pool, 2 * buckets, sizeof *heads);
-    vote_place *modes = cairn_pool_take(pool, votes, sizeof *modes);
+    vote_point *modes = cairn_pool_take(pool, votes, sizeof *modes);
     cairn_part_configuration *kept = cairn_pool_take(pool, found, sizeof *kept);
-    int32_t *found_votes = cairn_pool_take(pool, found * PARTS, sizeof *found_votes);
-    configuration_every *every = NULL;
+    int32_t *found_votes = cairn_pool_take(pool, found * MAX_PARTS, sizeof *found_votes);
+    configuration_exhaustive *exhaustive = NULL;
 
-    if (p->mode == CAIRN_MODE_AS_WRITTEN)
-        cairn_part_configuration_every_carve(pool, p, &every);
-    if (c != NULL) {
-        memset(c, 0, sizeof *c);
-        c->every = every;
-        c->next = next;
-        c->layer = next + votes;
-        c->heads = heads;
-        c->sizes = heads + buckets;
-        c->modes = modes;
-        c->found = kept;
-        c->found_votes = found_votes;
-        c->mask = (uint32_t)buckets - 1;
+    if (params->mode == CAIRN_MODE_AS_WRITTEN)
+        cairn_part_configuration_exhaustive_carve(pool, params, &exhaustive);
+    if (configurator != NULL) {
+        memset(configurator, 0, sizeof *configurator);
+        configurator->exhaustive = exhaustive;
+        configurator->next_in_bucket = next;
+        configurator->vote_layer = next + votes;
+        configurator->bucket_heads = heads;
+        configurator->bucket_sizes = heads + buckets;
+        configurator->modes = modes;
+        configurator->found = kept;
+        configurator->found_votes = found_votes;
+        configurator->mask = (uint32_t)buckets - 1;
     }
-    return c;
+    return configurator;
 }
 
 size_t cairn_part_configuration_memory(const cairn_part_configuration_params *params)
@@ -160,217 +170,239 @@ cairn_status cairn_part_configuration_create(cairn_part_configurator **configura
     return CAIRN_OK;
 }
 
-/* ---- What was found ---- */
+/* ---- Results ---- */
 
-static int32_t *votes_of(const cairn_part_configurator *c, int32_t slot)
+static int32_t *votes_of(const cairn_part_configurator *configurator, int32_t slot)
 {
-    return &c->found_votes[(size_t)c->found[slot].first];
+    return &configurator->found_votes[(size_t)configurator->found[slot].first];
 }
 
-static int is_same(const cairn_part_configurator *c, int32_t slot)
+static int is_duplicate(const cairn_part_configurator *configurator, int32_t slot)
 {
-    return c->found[slot].count == c->best_count &&
-           memcmp(votes_of(c, slot), c->best_votes,
-                  (size_t)c->best_count * sizeof *c->best_votes) == 0;
+    return configurator->found[slot].count == configurator->best_count &&
+           memcmp(votes_of(configurator, slot), configurator->best_votes,
+                  (size_t)configurator->best_count * sizeof *configurator->best_votes) == 0;
 }
 
-static void sort_votes(cairn_part_configurator *c)
+static void sort_votes(cairn_part_configurator *configurator)
 {
-    for (int32_t i = 1; i < c->best_count; i++) {
-        int32_t v = c->best_votes[i], k = i;
+    for (int32_t i = 1; i < configurator->best_count; i++) {
+        int32_t v = configurator->best_votes[i], k = i;
 
-        for (; k > 0 && c->best_votes[k - 1] > v; k--)
-            c->best_votes[k] = c->best_votes[k - 1];
-        c->best_votes[k] = v;
+        for (; k > 0 && configurator->best_votes[k - 1] > v; k--)
+            configurator->best_votes[k] = configurator->best_votes[k - 1];
+        configurator->best_votes[k] = v;
     }
 }
 
-cairn_part_configuration cairn_part_configuration_describe(cairn_part_configurator *c,
+cairn_part_configuration cairn_part_configuration_describe(cairn_part_configurator *configurator,
                                                            int32_t first)
 {
-    const configuration_node *n = &c->best_node;
-    cairn_part_configuration made;
+    const configuration_node *node = &configurator->best_node;
+    cairn_part_configuration configuration;
 
-    sort_votes(c);
-    made.score = c->best;
-    made.gain = n->gain;
-    made.scale = c->query.at.scale * cairn_exp(n->ratio * c->params.ratio);
-    made.centre.x = c->query.at.centre.x + n->x * c->params.centre * c->query.at.scale;
-    made.centre.y = c->query.at.centre.y + n->y * c->params.centre * c->query.at.scale;
-    made.seed = c->seed;
-    made.first = first;
-    made.count = c->best_count;
-    memcpy(&c->found_votes[first], c->best_votes, (size_t)made.count * sizeof *c->best_votes);
-    return made;
+    sort_votes(configurator);
+    configuration.score = configurator->best_score;
+    configuration.gain = node->weight;
+    configuration.scale =
+        configurator->query.centre.scale * cairn_exp(node->log_scale * configurator->params.ratio);
+    configuration.centre.x =
+        configurator->query.centre.centre.x +
+        node->x * configurator->params.centre * configurator->query.centre.scale;
+    configuration.centre.y =
+        configurator->query.centre.centre.y +
+        node->y * configurator->params.centre * configurator->query.centre.scale;
+    configuration.seed = configurator->seed;
+    configuration.first = first;
+    configuration.count = configurator->best_count;
+    memcpy(&configurator->found_votes[first], configurator->best_votes,
+           (size_t)configuration.count * sizeof *configurator->best_votes);
+    return configuration;
 }
 
-/* The seed's best configuration among those found; the place of its votes stays with the slot
- * that it takes. */
-static void keep(cairn_part_configurator *c)
+/* Inserts the seed's best configuration into the sorted list, without duplicates. The votes' memory
+ * stays with its slot. */
+static void insert_configuration(cairn_part_configurator *configurator)
 {
-    cairn_part_configuration made;
-    int32_t at = 0;
+    cairn_part_configuration configuration;
+    int32_t index = 0;
 
-    sort_votes(c);
-    while (at < c->found_count && !is_same(c, at))
-        at++;
-    if (at == c->found_count && c->found_count < c->params.max_found) {
-        c->found[at].first = at * PARTS;
-        c->found_count++;
+    sort_votes(configurator);
+    while (index < configurator->found_count && !is_duplicate(configurator, index))
+        index++;
+    if (index == configurator->found_count &&
+        configurator->found_count < configurator->params.max_found) {
+        configurator->found[index].first = index * MAX_PARTS;
+        configurator->found_count++;
     } else {
-        at = at < c->found_count ? at : at - 1;
-        if (!(c->best > c->found[at].score))
+        index = index < configurator->found_count ? index : index - 1;
+        if (!(configurator->best_score > configurator->found[index].score))
             return;
     }
-    made = cairn_part_configuration_describe(c, c->found[at].first);
-    for (; at > 0 && c->found[at - 1].score < made.score; at--)
-        c->found[at] = c->found[at - 1];
-    c->found[at] = made;
+    configuration =
+        cairn_part_configuration_describe(configurator, configurator->found[index].first);
+    for (; index > 0 && configurator->found[index - 1].score < configuration.score; index--)
+        configurator->found[index] = configurator->found[index - 1];
+    configurator->found[index] = configuration;
 }
 
 /* ---- Seeds ---- */
 
-/* To the next vote, or none. */
-static void next_seed(cairn_part_configurator *c)
+/* Starts the next vote as seed, or ends the search. */
+static void next_seed(cairn_part_configurator *configurator)
 {
-    vote_place at;
+    vote_point point;
 
-    c->phase = c->every != NULL ? CONFIGURATION_SORT : CONFIGURATION_DONE;
-    if (++c->seed >= c->count)
+    configurator->phase =
+        configurator->exhaustive != NULL ? CONFIGURATION_SORT : CONFIGURATION_DONE;
+    if (++configurator->seed >= configurator->count)
         return;
-    at.centre = c->votes[c->seed].centre;
-    at.scale = c->votes[c->seed].scale;
-    c->climbs = 0;
-    cairn_part_configuration_query(c, at);
-    c->phase = CONFIGURATION_GATHER;
+    point.centre = configurator->votes[configurator->seed].centre;
+    point.scale = configurator->votes[configurator->seed].scale;
+    configurator->shift_count = 0;
+    cairn_part_configuration_query(configurator, point);
+    configurator->phase = CONFIGURATION_GATHER;
 }
 
-/* A step of the mean shift. 0: it has settled. */
-static int climb(cairn_part_configurator *c)
+/* One mean shift iteration; 0: converged. */
+static int shift_mean(cairn_part_configurator *configurator)
 {
-    cairn_real sum = 0, x = 0, y = 0, ratio = 0, size = c->params.centre * c->query.at.scale;
-    vote_place at = c->query.at;
+    cairn_real sum = 0, x = 0, y = 0, log_scale = 0,
+               size = configurator->params.centre * configurator->query.centre.scale;
+    vote_point point = configurator->query.centre;
 
-    for (int32_t i = 0; i < c->near_count; i++) {
-        const near_vote *n = &c->near[i];
-        cairn_real weight = c->votes[n->vote].gain * cairn_exp(-n->squared / 2);
+    for (int32_t i = 0; i < configurator->near_count; i++) {
+        const near_vote *near = &configurator->near_votes[i];
+        cairn_real weight =
+            configurator->votes[near->vote].gain * cairn_exp(-near->squared_distance / 2);
 
         sum += weight;
-        x += weight * n->x;
-        y += weight * n->y;
-        ratio += weight * n->ratio;
+        x += weight * near->x;
+        y += weight * near->y;
+        log_scale += weight * near->log_scale;
     }
-    if (c->climbs++ == CLIMBS || !(x * x + y * y + ratio * ratio > SETTLED * sum * sum))
+    if (configurator->shift_count++ == MAX_SHIFTS ||
+        !(x * x + y * y + log_scale * log_scale > MIN_SHIFT_SQUARED * sum * sum))
         return 0;
-    at.centre.x += x / sum * size;
-    at.centre.y += y / sum * size;
-    at.scale *= cairn_exp(ratio / sum * c->params.ratio);
-    cairn_part_configuration_query(c, at);
+    point.centre.x += x / sum * size;
+    point.centre.y += y / sum * size;
+    point.scale *= cairn_exp(log_scale / sum * configurator->params.ratio);
+    cairn_part_configuration_query(configurator, point);
     return 1;
 }
 
-static int is_new_mode(const cairn_part_configurator *c)
+static int is_new_mode(const cairn_part_configurator *configurator)
 {
-    cairn_real size = c->params.centre * c->query.at.scale, scale = cairn_log(c->query.at.scale);
+    cairn_real size = configurator->params.centre * configurator->query.centre.scale,
+               scale = cairn_log(configurator->query.centre.scale);
 
-    for (int32_t i = 0; i < c->modes_count; i++) {
-        cairn_vec2 apart =
-            cairn_vec2_scale(cairn_vec2_sub(c->modes[i].centre, c->query.at.centre), 1 / size);
-        cairn_real ratio = (cairn_log(c->modes[i].scale) - scale) / c->params.ratio;
+    for (int32_t i = 0; i < configurator->mode_count; i++) {
+        cairn_vec2 offset = cairn_vec2_scale(
+            cairn_vec2_sub(configurator->modes[i].centre, configurator->query.centre.centre),
+            1 / size);
+        cairn_real log_scale =
+            (cairn_log(configurator->modes[i].scale) - scale) / configurator->params.ratio;
 
-        if (cairn_vec2_norm_squared(apart) + ratio * ratio < SAME_MODE)
+        if (cairn_vec2_norm_squared(offset) + log_scale * log_scale < MODE_RADIUS_SQUARED)
             return 0;
     }
     return 1;
 }
 
-/* The votes near the seed are all there. */
-static void end_gathering(cairn_part_configurator *c)
+/* The neighbourhood of the seed is complete: shifts it (MODES) or starts the tree. */
+static void end_gather(cairn_part_configurator *configurator)
 {
-    if (c->params.seek == CAIRN_PART_SEEK_MODES) {
-        if (climb(c))
+    if (configurator->params.seek == CAIRN_PART_SEEK_MODES) {
+        if (shift_mean(configurator))
             return;
-        if (!is_new_mode(c)) {
-            next_seed(c);
+        if (!is_new_mode(configurator)) {
+            next_seed(configurator);
             return;
         }
-        c->modes[c->modes_count++] = c->query.at;
+        configurator->modes[configurator->mode_count++] = configurator->query.centre;
     }
-    c->seeds++;
-    cairn_part_configuration_plant(c);
-    if (c->every != NULL)
-        cairn_part_configuration_every_plant(c);
-    c->phase = CONFIGURATION_ENUMERATE;
+    configurator->seed_count++;
+    cairn_part_configuration_begin_tree(configurator);
+    if (configurator->exhaustive != NULL)
+        cairn_part_configuration_exhaustive_mark_seed(configurator);
+    configurator->phase = CONFIGURATION_ENUMERATE;
 }
 
-/* 0: the budget is used up. */
-static int do_gather(cairn_part_configurator *c, cairn_budget *budget)
+/* Returns 0 when the budget is exhausted. */
+static int step_gather(cairn_part_configurator *configurator, cairn_budget *budget)
 {
-    int32_t cost = cairn_part_configuration_query_cost(c);
+    int32_t cost = cairn_part_configuration_query_cost(configurator);
     int32_t end =
-        c->params.nearest + (c->params.seek == CAIRN_PART_SEEK_MODES ? c->modes_count : 0);
+        configurator->params.nearest +
+        (configurator->params.seek == CAIRN_PART_SEEK_MODES ? configurator->mode_count : 0);
 
-    if (!cairn_budget_pay(budget, &c->paid, cost > 0 ? cost : 1 + end))
+    if (!cairn_budget_pay(budget, &configurator->charged_units, cost > 0 ? cost : 1 + end))
         return 0;
     if (cost > 0)
-        cairn_part_configuration_query_next(c);
+        cairn_part_configuration_query_next(configurator);
     else
-        end_gathering(c);
+        end_gather(configurator);
     return 1;
 }
 
-static int do_enumerate(cairn_part_configurator *c, cairn_budget *budget)
+static int step_enumerate(cairn_part_configurator *configurator, cairn_budget *budget)
 {
-    int ends = c->depth < 0 || c->visited == c->params.max_nodes;
-    int32_t units = c->every != NULL ? cairn_part_configuration_every_units(c)
-                    : ends           ? 1 + c->found_count / COMPARED_A_UNIT
-                                     : 1;
+    int ends =
+        configurator->depth < 0 || configurator->visited_count == configurator->params.max_nodes;
+    int32_t units = configurator->exhaustive != NULL
+                        ? cairn_part_configuration_exhaustive_units(configurator)
+                    : ends ? 1 + configurator->found_count / COMPARISONS_PER_UNIT
+                           : 1;
 
-    if (!cairn_budget_pay(budget, &c->paid, units))
+    if (!cairn_budget_pay(budget, &configurator->charged_units, units))
         return 0;
     if (!ends) {
-        c->visited++;
-        (void)cairn_part_configuration_visit(c);
+        configurator->visited_count++;
+        (void)cairn_part_configuration_visit_node(configurator);
         return 1;
     }
-    c->cut += c->depth >= 0;
-    c->all_nodes += c->visited;
-    if (c->best_count > 0 && c->every == NULL)
-        keep(c);
-    next_seed(c);
+    configurator->truncated_count += configurator->depth >= 0;
+    configurator->node_count += configurator->visited_count;
+    if (configurator->best_count > 0 && configurator->exhaustive == NULL)
+        insert_configuration(configurator);
+    next_seed(configurator);
     return 1;
 }
 
-/* Empties a bucket, or takes in a vote. */
-static int do_index(cairn_part_configurator *c, cairn_budget *budget)
+/* Clears a bucket, or inserts a vote. */
+static int step_index(cairn_part_configurator *configurator, cairn_budget *budget)
 {
-    int32_t buckets = (int32_t)c->mask + 1;
+    int32_t buckets = (int32_t)configurator->mask + 1;
 
-    if (!cairn_budget_pay(budget, &c->paid,
-                          c->every != NULL ? cairn_part_configuration_every_units(c) : 1))
+    if (!cairn_budget_pay(budget, &configurator->charged_units,
+                          configurator->exhaustive != NULL
+                              ? cairn_part_configuration_exhaustive_units(configurator)
+                              : 1))
         return 0;
-    if (c->indexed < buckets) {
-        c->heads[c->indexed] = -1;
-        c->sizes[c->indexed] = 0;
-    } else if (c->indexed < buckets + c->count) {
-        cairn_part_configuration_insert(c, c->indexed - buckets);
-        if (c->every != NULL)
-            cairn_part_configuration_every_clear(c, c->indexed - buckets);
+    if (configurator->index_cursor < buckets) {
+        configurator->bucket_heads[configurator->index_cursor] = -1;
+        configurator->bucket_sizes[configurator->index_cursor] = 0;
+    } else if (configurator->index_cursor < buckets + configurator->count) {
+        cairn_part_configuration_insert(configurator, configurator->index_cursor - buckets);
+        if (configurator->exhaustive != NULL)
+            cairn_part_configuration_exhaustive_clear(configurator,
+                                                      configurator->index_cursor - buckets);
     } else {
-        c->seed = -1;
-        next_seed(c);
+        configurator->seed = -1;
+        next_seed(configurator);
         return 1;
     }
-    c->indexed++;
+    configurator->index_cursor++;
     return 1;
 }
 
-static int do_sort(cairn_part_configurator *c, cairn_budget *budget)
+static int step_sort(cairn_part_configurator *configurator, cairn_budget *budget)
 {
-    if (!cairn_budget_pay(budget, &c->paid, cairn_part_configuration_every_units(c)))
+    if (!cairn_budget_pay(budget, &configurator->charged_units,
+                          cairn_part_configuration_exhaustive_units(configurator)))
         return 0;
-    if (!cairn_part_configuration_every_sort(c))
-        c->phase = CONFIGURATION_DONE;
+    if (!cairn_part_configuration_exhaustive_sort(configurator))
+        configurator->phase = CONFIGURATION_DONE;
     return 1;
 }
 
@@ -378,75 +410,81 @@ static int do_sort(cairn_part_configurator *c, cairn_budget *budget)
 
 static cairn_status check_vote(const cairn_part_vote *v, int64_t index, cairn_fault *fault)
 {
-    if (!(cairn_abs(v->centre.x) <= FAR) || !(cairn_abs(v->centre.y) <= FAR) ||
-        !(cairn_abs(v->from) <= FAR) || !(cairn_abs(v->to) <= FAR) || !(cairn_abs(v->round) <= FAR))
-        return cairn_refuse(fault, index, "a place that is not finite or beyond 1e6",
+    if (!(cairn_abs(v->centre.x) <= MAX_COORDINATE) ||
+        !(cairn_abs(v->centre.y) <= MAX_COORDINATE) || !(cairn_abs(v->from) <= MAX_COORDINATE) ||
+        !(cairn_abs(v->to) <= MAX_COORDINATE) || !(cairn_abs(v->round) <= MAX_COORDINATE))
+        return cairn_refuse(fault, index, "a position that is not finite or beyond 1e6",
                             CAIRN_NOT_FINITE);
-    if (!(v->scale >= 1 / FAR && v->scale <= FAR))
+    if (!(v->scale >= 1 / MAX_COORDINATE && v->scale <= MAX_COORDINATE))
         return cairn_refuse(fault, index, "a scale outside 1e-6 ... 1e6", CAIRN_NOT_FINITE);
-    if (!(v->gain <= FAR))
-        return cairn_refuse(fault, index, "a gain that is not finite or above 1e6",
+    if (!(v->gain <= MAX_COORDINATE))
+        return cairn_refuse(fault, index, "a weight that is not finite or above 1e6",
                             CAIRN_NOT_FINITE);
     if (v->bundle < 0 || !(v->gain > 0) || v->to < v->from || v->round < 0)
-        return cairn_refuse(fault, index,
-                            "no vote, expected a bundle, a gain above 0 and a piece of a chain",
-                            CAIRN_BAD_ARGUMENT);
+        return cairn_refuse(
+            fault, index, "no vote, expected a bundle, a weight above 0 and an interval of a chain",
+            CAIRN_BAD_ARGUMENT);
     return CAIRN_OK;
 }
 
-cairn_status cairn_part_configuration_begin(cairn_part_configurator *c,
+cairn_status cairn_part_configuration_begin(cairn_part_configurator *configurator,
                                             const cairn_part_vote *votes, int32_t count,
                                             cairn_fault *fault)
 {
     cairn_status status = CAIRN_OK;
 
-    if (c == NULL || count < 0 || (count > 0 && votes == NULL))
+    if (configurator == NULL || count < 0 || (count > 0 && votes == NULL))
         return cairn_refuse(fault, -1, "no votes, expected an array", CAIRN_BAD_ARGUMENT);
-    if (count > c->params.max_votes)
+    if (count > configurator->params.max_votes)
         return cairn_refuse(fault, -1, "more votes than max_votes", CAIRN_FULL);
     for (int32_t i = 0; i < count && status == CAIRN_OK; i++)
         status = check_vote(&votes[i], i, fault);
     if (status != CAIRN_OK)
         return status;
-    c->votes = votes;
-    c->count = count;
-    c->indexed = c->modes_count = c->found_count = c->seeds = c->cut = c->paid = 0;
-    c->all_nodes = c->pairs = 0;
-    if (c->every != NULL) {
-        c->every->made = 0;
-        c->every->sorted = 0;
+    configurator->votes = votes;
+    configurator->count = count;
+    configurator->index_cursor = configurator->mode_count = configurator->found_count =
+        configurator->seed_count = configurator->truncated_count = configurator->charged_units = 0;
+    configurator->node_count = configurator->pair_count = 0;
+    if (configurator->exhaustive != NULL) {
+        configurator->exhaustive->enumerated_count = 0;
+        configurator->exhaustive->sorted_count = 0;
     }
-    c->phase = count > 0 ? CONFIGURATION_INDEX : CONFIGURATION_DONE;
+    configurator->phase = count > 0 ? CONFIGURATION_INDEX : CONFIGURATION_DONE;
     return CAIRN_OK;
 }
 
-cairn_status cairn_part_configuration_step(cairn_part_configurator *c, cairn_budget *budget)
+cairn_status cairn_part_configuration_step(cairn_part_configurator *configurator,
+                                           cairn_budget *budget)
 {
     int more = 1;
 
-    if (c == NULL || budget == NULL)
+    if (configurator == NULL || budget == NULL)
         return CAIRN_BAD_ARGUMENT;
-    while (more && c->phase != CONFIGURATION_IDLE && c->phase != CONFIGURATION_DONE)
-        more = c->phase == CONFIGURATION_INDEX    ? do_index(c, budget)
-               : c->phase == CONFIGURATION_GATHER ? do_gather(c, budget)
-               : c->phase == CONFIGURATION_SORT   ? do_sort(c, budget)
-                                                  : do_enumerate(c, budget);
+    while (more && configurator->phase != CONFIGURATION_IDLE &&
+           configurator->phase != CONFIGURATION_DONE)
+        more = configurator->phase == CONFIGURATION_INDEX    ? step_index(configurator, budget)
+               : configurator->phase == CONFIGURATION_GATHER ? step_gather(configurator, budget)
+               : configurator->phase == CONFIGURATION_SORT   ? step_sort(configurator, budget)
+                                                             : step_enumerate(configurator, budget);
     return more ? CAIRN_OK : CAIRN_MORE;
 }
 
-cairn_part_configuration_result cairn_part_configuration_read(const cairn_part_configurator *c)
+cairn_part_configuration_result
+cairn_part_configuration_read(const cairn_part_configurator *configurator)
 {
-    cairn_part_configuration_result result = {NULL, NULL, 0, 0, 0, 0, 0, 0};
+    cairn_part_configuration_result result = {.count = 0};
 
-    if (c != NULL && c->phase == CONFIGURATION_DONE) {
-        result.found = c->found;
-        result.votes = c->found_votes;
-        result.count = c->found_count;
-        result.seeds = c->seeds;
-        result.cut = c->cut;
-        result.nodes = c->all_nodes;
-        result.pairs = c->pairs;
-        result.made = c->every != NULL ? c->every->made : 0;
+    if (configurator != NULL && configurator->phase == CONFIGURATION_DONE) {
+        result.found = configurator->found;
+        result.votes = configurator->found_votes;
+        result.count = configurator->found_count;
+        result.seeds = configurator->seed_count;
+        result.cut = configurator->truncated_count;
+        result.nodes = configurator->node_count;
+        result.pairs = configurator->pair_count;
+        result.made =
+            configurator->exhaustive != NULL ? configurator->exhaustive->enumerated_count : 0;
     }
     return result;
 }

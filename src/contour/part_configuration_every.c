@@ -1,10 +1,13 @@
-/* part_configuration as written: every configuration of the nearest of every vote, each once.
+/* part_configuration as written: exhaustive enumeration of the configurations of every vote's
+ * nearest votes, each reported once.
  *
- * Method: a configuration that an earlier seed had is one all of whose votes are among that seed's
- * nearest. Each vote has a row of bits, one for each seed that it is near to; the rows of a
- * configuration's votes, and-ed as parts are added, tell which seeds have it, and it is taken from
- * the first of them. Those found are a heap with the worst at its root, which goes when there is a
- * better one and the heap is full; at the end it is sorted.
+ * Method:
+ * 1. A seed has a configuration when all its votes are among the seed's nearest. Each vote has a
+ *    row of bits, one for each seed that it is near to.
+ * 2. The rows of a configuration's votes, intersected (and-ed) as parts are added, give the seeds
+ *    that have it. Only the first of them reports it.
+ * 3. The configurations found form a heap with the worst at its root, which a better one replaces
+ *    when the heap is full. At the end the heap is sorted.
  *
  * Source: Adluru 2008, section 5.2.2. */
 #include "src/core/build.h"
@@ -13,147 +16,160 @@
 
 #include "src/contour/part_configuration_work.h"
 
-enum { BITS = 32, PARTS = CONFIGURATION_PARTS };
-/* Of a node: its arithmetic and the way through the heap, 16 levels at most; words of a row for
- * one more. */
-enum { UNITS_A_NODE = 12, WORDS_A_UNIT = 16 };
+enum { WORD_BITS = 32, MAX_PARTS = CONFIGURATION_MAX_PARTS };
+/* Work units of a node: its arithmetic and the path through the heap of at most 16 levels; words of
+ * a row per additional unit. */
+enum { UNITS_PER_NODE = 12, WORDS_PER_UNIT = 16 };
 
-void cairn_part_configuration_every_carve(cairn_pool *pool,
-                                          const cairn_part_configuration_params *p,
-                                          configuration_every **every)
+void cairn_part_configuration_exhaustive_carve(cairn_pool *pool,
+                                               const cairn_part_configuration_params *params,
+                                               configuration_exhaustive **exhaustive)
 {
-    size_t words = ((size_t)p->max_votes + BITS - 1) / BITS;
-    configuration_every *e = cairn_pool_take_one(pool, sizeof *e);
-    uint32_t *seeds = cairn_pool_take(pool, (size_t)p->max_votes * words, sizeof *seeds);
-    uint32_t *both = cairn_pool_take(pool, (PARTS + 1) * words, sizeof *both);
-    int64_t *age = cairn_pool_take(pool, (size_t)p->max_found, sizeof *age);
+    size_t words = ((size_t)params->max_votes + WORD_BITS - 1) / WORD_BITS;
+    configuration_exhaustive *made = cairn_pool_take_one(pool, sizeof *made);
+    uint32_t *seeds = cairn_pool_take(pool, (size_t)params->max_votes * words, sizeof *seeds);
+    uint32_t *common_seeds = cairn_pool_take(pool, (MAX_PARTS + 1) * words, sizeof *common_seeds);
+    int64_t *sequence = cairn_pool_take(pool, (size_t)params->max_found, sizeof *sequence);
 
-    if (e != NULL) {
-        memset(e, 0, sizeof *e);
-        e->seeds = seeds;
-        e->both = both;
-        e->age = age;
-        e->words = (int32_t)words;
+    if (made != NULL) {
+        memset(made, 0, sizeof *made);
+        made->near_seeds = seeds;
+        made->common_seeds = common_seeds;
+        made->sequence = sequence;
+        made->row_words = (int32_t)words;
     }
-    *every = e;
+    *exhaustive = made;
 }
 
-int32_t cairn_part_configuration_every_units(const cairn_part_configurator *c)
+int32_t cairn_part_configuration_exhaustive_units(const cairn_part_configurator *configurator)
 {
-    return UNITS_A_NODE + c->every->words / WORDS_A_UNIT;
+    return UNITS_PER_NODE + configurator->exhaustive->row_words / WORDS_PER_UNIT;
 }
 
-static uint32_t *row_of(const cairn_part_configurator *c, uint32_t *rows, int32_t row)
+static uint32_t *row_of(const cairn_part_configurator *configurator, uint32_t *rows, int32_t row)
 {
-    return &rows[(size_t)row * (size_t)c->every->words];
+    return &rows[(size_t)row * (size_t)configurator->exhaustive->row_words];
 }
 
-void cairn_part_configuration_every_clear(cairn_part_configurator *c, int32_t vote)
+void cairn_part_configuration_exhaustive_clear(cairn_part_configurator *configurator, int32_t vote)
 {
-    memset(row_of(c, c->every->seeds, vote), 0, (size_t)c->every->words * sizeof(uint32_t));
+    memset(row_of(configurator, configurator->exhaustive->near_seeds, vote), 0,
+           (size_t)configurator->exhaustive->row_words * sizeof(uint32_t));
 }
 
-void cairn_part_configuration_every_plant(cairn_part_configurator *c)
+void cairn_part_configuration_exhaustive_mark_seed(cairn_part_configurator *configurator)
 {
-    for (int32_t i = 0; i < c->near_count; i++)
-        row_of(c, c->every->seeds, c->near[i].vote)[c->seed / BITS] |= UINT32_C(1)
-                                                                       << (c->seed % BITS);
+    for (int32_t i = 0; i < configurator->near_count; i++)
+        row_of(configurator, configurator->exhaustive->near_seeds,
+               configurator->near_votes[i].vote)[configurator->seed / WORD_BITS] |=
+            UINT32_C(1) << (configurator->seed % WORD_BITS);
 }
 
-void cairn_part_configuration_every_take(cairn_part_configurator *c, int32_t parts)
+void cairn_part_configuration_exhaustive_extend(cairn_part_configurator *configurator,
+                                                int32_t parts)
 {
-    const uint32_t *own = row_of(c, c->every->seeds, c->near[c->chosen[parts - 1]].vote);
-    const uint32_t *before = row_of(c, c->every->both, parts - 1);
-    uint32_t *both = row_of(c, c->every->both, parts);
+    const uint32_t *own = row_of(configurator, configurator->exhaustive->near_seeds,
+                                 configurator->near_votes[configurator->chosen[parts - 1]].vote);
+    const uint32_t *before =
+        row_of(configurator, configurator->exhaustive->common_seeds, parts - 1);
+    uint32_t *common_seeds = row_of(configurator, configurator->exhaustive->common_seeds, parts);
 
-    for (int32_t i = 0; i <= c->seed / BITS; i++)
-        both[i] = parts > 1 ? before[i] & own[i] : own[i];
+    for (int32_t i = 0; i <= configurator->seed / WORD_BITS; i++)
+        common_seeds[i] = parts > 1 ? before[i] & own[i] : own[i];
 }
 
-/* 1 when an earlier seed has all parts, too. */
-static int was_made(const cairn_part_configurator *c, int32_t parts)
+/* Returns 1 when an earlier seed has all parts, too. */
+static int is_enumerated(const cairn_part_configurator *configurator, int32_t parts)
 {
-    const uint32_t *both = row_of(c, c->every->both, parts);
-    int32_t last = c->seed / BITS;
+    const uint32_t *common_seeds =
+        row_of(configurator, configurator->exhaustive->common_seeds, parts);
+    int32_t last = configurator->seed / WORD_BITS;
 
     for (int32_t i = 0; i < last; i++)
-        if (both[i] != 0)
+        if (common_seeds[i] != 0)
             return 1;
-    return (both[last] & ((UINT32_C(1) << (c->seed % BITS)) - 1)) != 0;
+    return (common_seeds[last] & ((UINT32_C(1) << (configurator->seed % WORD_BITS)) - 1)) != 0;
 }
 
 /* ---- The heap ---- */
 
-static int is_worse(const cairn_part_configurator *c, int32_t a, int32_t b)
+static int is_worse(const cairn_part_configurator *configurator, int32_t a, int32_t b)
 {
-    const cairn_part_configuration *p = &c->found[a], *q = &c->found[b];
+    const cairn_part_configuration *p = &configurator->found[a], *query = &configurator->found[b];
 
-    return p->score < q->score || (p->score <= q->score && c->every->age[a] > c->every->age[b]);
+    return p->score < query->score ||
+           (p->score <= query->score &&
+            configurator->exhaustive->sequence[a] > configurator->exhaustive->sequence[b]);
 }
 
-static void swap(cairn_part_configurator *c, int32_t a, int32_t b)
+static void swap(cairn_part_configurator *configurator, int32_t a, int32_t b)
 {
-    cairn_part_configuration kept = c->found[a];
-    int64_t age = c->every->age[a];
+    cairn_part_configuration kept = configurator->found[a];
+    int64_t sequence = configurator->exhaustive->sequence[a];
 
-    c->found[a] = c->found[b];
-    c->found[b] = kept;
-    c->every->age[a] = c->every->age[b];
-    c->every->age[b] = age;
+    configurator->found[a] = configurator->found[b];
+    configurator->found[b] = kept;
+    configurator->exhaustive->sequence[a] = configurator->exhaustive->sequence[b];
+    configurator->exhaustive->sequence[b] = sequence;
 }
 
-/* The root of the first `count` finds its place. */
-static void sink(cairn_part_configurator *c, int32_t count)
+/* Restores the heap of the first `count` from the root down. */
+static void sift_down(cairn_part_configurator *configurator, int32_t count)
 {
-    for (int32_t at = 0, below = 1; below < count; at = below, below = 2 * at + 1) {
-        if (below + 1 < count && is_worse(c, below + 1, below))
+    for (int32_t index = 0, below = 1; below < count; index = below, below = 2 * index + 1) {
+        if (below + 1 < count && is_worse(configurator, below + 1, below))
             below++;
-        if (!is_worse(c, below, at))
+        if (!is_worse(configurator, below, index))
             return;
-        swap(c, at, below);
+        swap(configurator, index, below);
     }
 }
 
-static void rise(cairn_part_configurator *c, int32_t at)
+static void sift_up(cairn_part_configurator *configurator, int32_t index)
 {
-    for (; at > 0 && is_worse(c, at, (at - 1) / 2); at = (at - 1) / 2)
-        swap(c, at, (at - 1) / 2);
+    for (; index > 0 && is_worse(configurator, index, (index - 1) / 2); index = (index - 1) / 2)
+        swap(configurator, index, (index - 1) / 2);
 }
 
-void cairn_part_configuration_every_offer(cairn_part_configurator *c,
-                                          const configuration_node *node)
+void cairn_part_configuration_exhaustive_offer(cairn_part_configurator *configurator,
+                                               const configuration_node *node)
 {
-    configuration_every *e = c->every;
-    int32_t at = c->found_count < c->params.max_found ? c->found_count : 0;
+    configuration_exhaustive *exhaustive = configurator->exhaustive;
+    int32_t index =
+        configurator->found_count < configurator->params.max_found ? configurator->found_count : 0;
 
-    if (node->parts < c->params.min_parts || node->gain < c->params.min_sum ||
-        was_made(c, node->parts))
+    if (node->part_count < configurator->params.min_parts ||
+        node->weight < configurator->params.min_sum ||
+        is_enumerated(configurator, node->part_count))
         return;
-    e->made++;
-    if (c->found_count == c->params.max_found && !(node->gain > c->found[0].score))
+    exhaustive->enumerated_count++;
+    if (configurator->found_count == configurator->params.max_found &&
+        !(node->weight > configurator->found[0].score))
         return;
-    c->best = node->gain;
-    c->best_node = *node;
-    c->best_count = node->parts;
-    for (int32_t i = 0; i < node->parts; i++)
-        c->best_votes[i] = c->near[c->chosen[i]].vote;
-    c->found[at] = cairn_part_configuration_describe(
-        c, c->found_count < c->params.max_found ? at * PARTS : c->found[0].first);
-    e->age[at] = e->made;
-    if (c->found_count < c->params.max_found)
-        rise(c, c->found_count++);
+    configurator->best_score = node->weight;
+    configurator->best_node = *node;
+    configurator->best_count = node->part_count;
+    for (int32_t i = 0; i < node->part_count; i++)
+        configurator->best_votes[i] = configurator->near_votes[configurator->chosen[i]].vote;
+    configurator->found[index] = cairn_part_configuration_describe(
+        configurator, configurator->found_count < configurator->params.max_found
+                          ? index * MAX_PARTS
+                          : configurator->found[0].first);
+    exhaustive->sequence[index] = exhaustive->enumerated_count;
+    if (configurator->found_count < configurator->params.max_found)
+        sift_up(configurator, configurator->found_count++);
     else
-        sink(c, c->found_count);
+        sift_down(configurator, configurator->found_count);
 }
 
-int cairn_part_configuration_every_sort(cairn_part_configurator *c)
+int cairn_part_configuration_exhaustive_sort(cairn_part_configurator *configurator)
 {
-    int32_t left = c->found_count - c->every->sorted;
+    int32_t left = configurator->found_count - configurator->exhaustive->sorted_count;
 
     if (left < 2)
         return 0;
-    swap(c, 0, left - 1);
-    sink(c, left - 1);
-    c->every->sorted++;
+    swap(configurator, 0, left - 1);
+    sift_down(configurator, left - 1);
+    configurator->exhaustive->sorted_count++;
     return 1;
 }

@@ -1,179 +1,189 @@
-/* part_configuration: the votes near a place, by a hash grid over centre and logarithm of the
- * scale. part_configuration.c says how. */
+/* part_configuration: nearest-neighbour queries by a hash grid over centre and logarithm of the
+ * scale. part_configuration.c describes it. */
 #include "src/core/build.h"
 
 #include "src/contour/part_configuration_work.h"
 
-/* Reaches grow by more than what rounding may take. */
-static const cairn_real MORE = CAIRN_REAL(1.0001);
+/* Factor that widens radii by more than the rounding error. */
+static const cairn_real ROUND_UP = CAIRN_REAL(1.0001);
 
-static cairn_real layer_height(const cairn_part_configurator *c)
+static cairn_real layer_height(const cairn_part_configurator *configurator)
 {
-    return MORE * c->params.reach * c->params.ratio;
+    return ROUND_UP * configurator->params.reach * configurator->params.ratio;
 }
 
-static int32_t floor_of(cairn_real x)
+static int32_t floor_to_int(cairn_real value)
 {
-    return cairn_real_to_int(cairn_floor(x));
+    return cairn_real_to_int(cairn_floor(value));
 }
 
-static int32_t layer_of(const cairn_part_configurator *c, cairn_real scale)
+static int32_t layer_of(const cairn_part_configurator *configurator, cairn_real scale)
 {
-    return floor_of(cairn_log(scale) / layer_height(c));
+    return floor_to_int(cairn_log(scale) / layer_height(configurator));
 }
 
-static cairn_real cell_of_layer(const cairn_part_configurator *c, int32_t layer)
+static cairn_real cell_of_layer(const cairn_part_configurator *configurator, int32_t layer)
 {
-    return c->params.reach * c->params.centre *
-           cairn_exp((cairn_real)(layer + 1) * layer_height(c));
+    return configurator->params.reach * configurator->params.centre *
+           cairn_exp((cairn_real)(layer + 1) * layer_height(configurator));
 }
 
-static uint32_t bucket_of(const cairn_part_configurator *c, int32_t layer, int32_t x, int32_t y)
+static uint32_t bucket_of(const cairn_part_configurator *configurator, int32_t layer, int32_t x,
+                          int32_t y)
 {
     uint32_t hash = (uint32_t)x * UINT32_C(0x9E3779B1) + (uint32_t)y * UINT32_C(0x85EBCA77) +
                     (uint32_t)layer * UINT32_C(0xC2B2AE3D);
 
-    return (hash ^ hash >> 15) & c->mask;
+    return (hash ^ hash >> 15) & configurator->mask;
 }
 
-void cairn_part_configuration_insert(cairn_part_configurator *c, int32_t vote)
+void cairn_part_configuration_insert(cairn_part_configurator *configurator, int32_t vote)
 {
-    const cairn_part_vote *v = &c->votes[vote];
-    int32_t layer = layer_of(c, v->scale);
-    cairn_real cell = cell_of_layer(c, layer);
-    uint32_t bucket =
-        bucket_of(c, layer, floor_of(v->centre.x / cell), floor_of(v->centre.y / cell));
+    const cairn_part_vote *v = &configurator->votes[vote];
+    int32_t layer = layer_of(configurator, v->scale);
+    cairn_real cell = cell_of_layer(configurator, layer);
+    uint32_t bucket = bucket_of(configurator, layer, floor_to_int(v->centre.x / cell),
+                                floor_to_int(v->centre.y / cell));
 
-    c->layer[vote] = layer;
-    c->next[vote] = c->heads[bucket];
-    c->heads[bucket] = vote;
-    c->sizes[bucket]++;
+    configurator->vote_layer[vote] = layer;
+    configurator->next_in_bucket[vote] = configurator->bucket_heads[bucket];
+    configurator->bucket_heads[bucket] = vote;
+    configurator->bucket_sizes[bucket]++;
 }
 
-/* Votes of a bucket that are looked at in one item. */
-enum { VOTES_OF_ITEM = 16 };
+/* Votes of a bucket processed in one step. */
+enum { VOTES_PER_STEP = 16 };
 
-static void enter_cell(cairn_part_configurator *c)
+static void enter_cell(cairn_part_configurator *configurator)
 {
-    vote_query *q = &c->query;
-    uint32_t bucket = bucket_of(c, q->layer, q->x, q->y);
+    vote_query *query = &configurator->query;
+    uint32_t bucket = bucket_of(configurator, query->layer, query->x, query->y);
 
-    q->vote = c->heads[bucket];
-    q->left = c->sizes[bucket];
+    query->next_vote = configurator->bucket_heads[bucket];
+    query->votes_left = configurator->bucket_sizes[bucket];
 }
 
-/* Cells of the query's layer. */
-static void enter_layer(cairn_part_configurator *c)
+/* Computes the range of cells of the query's layer. */
+static void enter_layer(cairn_part_configurator *configurator)
 {
-    vote_query *q = &c->query;
-    cairn_real cell = cell_of_layer(c, q->layer),
-               reach = MORE * c->params.reach * c->params.centre * q->at.scale;
+    vote_query *query = &configurator->query;
+    cairn_real cell = cell_of_layer(configurator, query->layer),
+               reach = ROUND_UP * configurator->params.reach * configurator->params.centre *
+                       query->centre.scale;
 
-    q->cell = cell;
-    q->min_x = q->x = floor_of((q->at.centre.x - reach) / cell);
-    q->max_x = floor_of((q->at.centre.x + reach) / cell);
-    q->y = floor_of((q->at.centre.y - reach) / cell);
-    q->max_y = floor_of((q->at.centre.y + reach) / cell);
-    enter_cell(c);
+    query->cell = cell;
+    query->min_x = query->x = floor_to_int((query->centre.centre.x - reach) / cell);
+    query->max_x = floor_to_int((query->centre.centre.x + reach) / cell);
+    query->y = floor_to_int((query->centre.centre.y - reach) / cell);
+    query->max_y = floor_to_int((query->centre.centre.y + reach) / cell);
+    enter_cell(configurator);
 }
 
-void cairn_part_configuration_query(cairn_part_configurator *c, vote_place at)
+void cairn_part_configuration_query(cairn_part_configurator *configurator, vote_point centre)
 {
-    vote_query *q = &c->query;
-    int32_t layer = layer_of(c, at.scale);
+    vote_query *query = &configurator->query;
+    int32_t layer = layer_of(configurator, centre.scale);
 
-    q->at = at;
-    q->last_layer = layer + 1;
-    /* The smallest cells are those of the layer below. */
-    q->layer = layer - 1;
-    enter_layer(c);
-    q->all = ((int64_t)q->max_x - q->min_x + 1) * ((int64_t)q->max_y - q->y + 1) >
-             c->count; /* cells of other layers are fewer */
-    q->all = q->all || c->every != NULL;
-    if (q->all)
-        q->x = 0;
-    c->near_count = 0;
+    query->centre = centre;
+    query->last_layer = layer + 1;
+    /* The layer below has the smallest cells. */
+    query->layer = layer - 1;
+    enter_layer(configurator);
+    query->is_linear_scan =
+        ((int64_t)query->max_x - query->min_x + 1) * ((int64_t)query->max_y - query->y + 1) >
+        configurator->count; /* the other layers have fewer cells */
+    query->is_linear_scan = query->is_linear_scan || configurator->exhaustive != NULL;
+    if (query->is_linear_scan)
+        query->x = 0;
+    configurator->near_count = 0;
 }
 
-int32_t cairn_part_configuration_query_cost(const cairn_part_configurator *c)
+int32_t cairn_part_configuration_query_cost(const cairn_part_configurator *configurator)
 {
-    const vote_query *q = &c->query;
+    const vote_query *query = &configurator->query;
 
-    if (q->all)
-        return q->x < c->count;
-    return q->layer <= q->last_layer ? 1 + (q->left < VOTES_OF_ITEM ? q->left : VOTES_OF_ITEM) : 0;
+    if (query->is_linear_scan)
+        return query->x < configurator->count;
+    return query->layer <= query->last_layer
+               ? 1 + (query->votes_left < VOTES_PER_STEP ? query->votes_left : VOTES_PER_STEP)
+               : 0;
 }
 
-/* Takes a vote among the nearest K: by its distance, then its index. */
-static void offer(cairn_part_configurator *c, int32_t vote)
+/* Inserts a vote into the K nearest, sorted by distance, then index. */
+static void insert_near_vote(cairn_part_configurator *configurator, int32_t vote)
 {
-    const cairn_part_vote *v = &c->votes[vote];
-    cairn_real size = c->params.centre * c->query.at.scale, reach = c->params.reach;
+    const cairn_part_vote *v = &configurator->votes[vote];
+    cairn_real size = configurator->params.centre * configurator->query.centre.scale,
+               reach = configurator->params.reach;
     near_vote n;
-    int32_t at;
+    int32_t index;
 
-    n.x = (v->centre.x - c->query.at.centre.x) / size;
-    n.y = (v->centre.y - c->query.at.centre.y) / size;
-    n.ratio = (cairn_log(v->scale) - cairn_log(c->query.at.scale)) / c->params.ratio;
-    n.squared = c->every == NULL
-                    ? n.x * n.x + n.y * n.y + n.ratio * n.ratio
-                    : cairn_vec2_norm_squared(cairn_vec2_sub(v->centre, c->query.at.centre));
+    n.x = (v->centre.x - configurator->query.centre.centre.x) / size;
+    n.y = (v->centre.y - configurator->query.centre.centre.y) / size;
+    n.log_scale = (cairn_log(v->scale) - cairn_log(configurator->query.centre.scale)) /
+                  configurator->params.ratio;
+    n.squared_distance =
+        configurator->exhaustive == NULL
+            ? n.x * n.x + n.y * n.y + n.log_scale * n.log_scale
+            : cairn_vec2_norm_squared(cairn_vec2_sub(v->centre, configurator->query.centre.centre));
     n.vote = vote;
-    c->pairs++;
-    if (c->every == NULL && !(n.squared <= reach * reach))
+    configurator->pair_count++;
+    if (configurator->exhaustive == NULL && !(n.squared_distance <= reach * reach))
         return;
-    at = c->near_count;
-    while (at > 0 && (n.squared < c->near[at - 1].squared ||
-                      (n.squared <= c->near[at - 1].squared && vote < c->near[at - 1].vote)))
-        at--;
-    if (at == c->params.nearest)
+    index = configurator->near_count;
+    while (index > 0 &&
+           (n.squared_distance < configurator->near_votes[index - 1].squared_distance ||
+            (n.squared_distance <= configurator->near_votes[index - 1].squared_distance &&
+             vote < configurator->near_votes[index - 1].vote)))
+        index--;
+    if (index == configurator->params.nearest)
         return;
-    c->near_count += c->near_count < c->params.nearest;
-    for (int32_t i = c->near_count - 1; i > at; i--)
-        c->near[i] = c->near[i - 1];
-    c->near[at] = n;
+    configurator->near_count += configurator->near_count < configurator->params.nearest;
+    for (int32_t i = configurator->near_count - 1; i > index; i--)
+        configurator->near_votes[i] = configurator->near_votes[i - 1];
+    configurator->near_votes[index] = n;
 }
 
-/* 1 when a vote of the bucket lies in the query's cell: others of the same bucket come with
- * their own. */
-static int is_in_cell(const cairn_part_configurator *c, int32_t vote)
+/* Returns 1 when a vote of the bucket lies in the query's cell; hash collisions are skipped. */
+static int is_in_cell(const cairn_part_configurator *configurator, int32_t vote)
 {
-    const vote_query *q = &c->query;
+    const vote_query *query = &configurator->query;
 
-    return c->layer[vote] == q->layer && floor_of(c->votes[vote].centre.x / q->cell) == q->x &&
-           floor_of(c->votes[vote].centre.y / q->cell) == q->y;
+    return configurator->vote_layer[vote] == query->layer &&
+           floor_to_int(configurator->votes[vote].centre.x / query->cell) == query->x &&
+           floor_to_int(configurator->votes[vote].centre.y / query->cell) == query->y;
 }
 
-/* To the next cell. */
-static void leave_cell(cairn_part_configurator *c)
+/* Advances to the next cell. */
+static void leave_cell(cairn_part_configurator *configurator)
 {
-    vote_query *q = &c->query;
+    vote_query *query = &configurator->query;
 
-    if (q->x < q->max_x) {
-        q->x++;
-    } else if (q->y < q->max_y) {
-        q->x = q->min_x;
-        q->y++;
+    if (query->x < query->max_x) {
+        query->x++;
+    } else if (query->y < query->max_y) {
+        query->x = query->min_x;
+        query->y++;
     } else {
-        if (++q->layer <= q->last_layer)
-            enter_layer(c);
+        if (++query->layer <= query->last_layer)
+            enter_layer(configurator);
         return;
     }
-    enter_cell(c);
+    enter_cell(configurator);
 }
 
-void cairn_part_configuration_query_next(cairn_part_configurator *c)
+void cairn_part_configuration_query_next(cairn_part_configurator *configurator)
 {
-    vote_query *q = &c->query;
+    vote_query *query = &configurator->query;
 
-    if (q->all) {
-        offer(c, q->x++);
+    if (query->is_linear_scan) {
+        insert_near_vote(configurator, query->x++);
         return;
     }
-    for (int32_t i = 0; i < VOTES_OF_ITEM && q->left > 0;
-         i++, q->left--, q->vote = c->next[q->vote])
-        if (is_in_cell(c, q->vote))
-            offer(c, q->vote);
-    if (q->left == 0)
-        leave_cell(c);
+    for (int32_t i = 0; i < VOTES_PER_STEP && query->votes_left > 0; i++, query->votes_left--,
+                 query->next_vote = configurator->next_in_bucket[query->next_vote])
+        if (is_in_cell(configurator, query->next_vote))
+            insert_near_vote(configurator, query->next_vote);
+    if (query->votes_left == 0)
+        leave_cell(configurator);
 }

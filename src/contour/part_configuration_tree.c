@@ -1,184 +1,198 @@
-/* part_configuration: the best configuration of the votes near a seed. part_configuration.c says
- * how. */
+/* part_configuration: branch-and-bound search for the best configuration of the votes near a seed.
+ * part_configuration.c describes it. */
 #include "src/core/build.h"
 
 #include "src/contour/part_configuration_work.h"
 
-/* A bound grows by more than rounding may take from it. */
-static const cairn_real SLACK = 64 * CAIRN_REAL_EPSILON;
+/* Relative slack of a bound, above the rounding error. */
+static const cairn_real BOUND_SLACK = 64 * CAIRN_REAL_EPSILON;
 
-static const cairn_part_vote *vote_of(const cairn_part_configurator *c, int32_t near)
+static const cairn_part_vote *vote_of(const cairn_part_configurator *configurator, int32_t near)
 {
-    return &c->votes[c->near[near].vote];
+    return &configurator->votes[configurator->near_votes[near].vote];
 }
 
-/* 1 when a comes before b: by bundle, then by gain, then by distance. */
-static int is_before(const cairn_part_configurator *c, int32_t a, int32_t b)
+/* Order of votes: by bundle, then by descending weight, then by distance. */
+static int is_before(const cairn_part_configurator *configurator, int32_t a, int32_t b)
 {
-    const cairn_part_vote *v = vote_of(c, a), *u = vote_of(c, b);
+    const cairn_part_vote *v = vote_of(configurator, a), *u = vote_of(configurator, b);
 
     if (v->bundle != u->bundle)
         return v->bundle < u->bundle;
     return v->gain > u->gain || (v->gain >= u->gain && a < b);
 }
 
-/* Groups with the greatest gain first: the sooner there is a good configuration, the less is
- * left of the tree. */
-static void sort_groups(cairn_part_configurator *c)
+/* Sorts groups by descending weight, so that good configurations are found early and prune more;
+ * then suffix sums. */
+static void sort_groups(cairn_part_configurator *configurator)
 {
-    cairn_real rest = 0;
+    cairn_real bound = 0;
 
-    for (int32_t i = 1; i < c->group_count; i++) {
-        vote_group g = c->groups[i];
+    for (int32_t i = 1; i < configurator->group_count; i++) {
+        vote_group g = configurator->groups[i];
         int32_t k = i;
 
-        for (; k > 0 && c->groups[k - 1].most < g.most; k--)
-            c->groups[k] = c->groups[k - 1];
-        c->groups[k] = g;
+        for (; k > 0 && configurator->groups[k - 1].bound < g.bound; k--)
+            configurator->groups[k] = configurator->groups[k - 1];
+        configurator->groups[k] = g;
     }
-    for (int32_t i = c->group_count - 1; i >= 0; i--) {
-        rest += c->groups[i].most;
-        c->groups[i].most = rest;
+    for (int32_t i = configurator->group_count - 1; i >= 0; i--) {
+        bound += configurator->groups[i].bound;
+        configurator->groups[i].bound = bound;
     }
 }
 
-void cairn_part_configuration_plant(cairn_part_configurator *c)
+void cairn_part_configuration_begin_tree(cairn_part_configurator *configurator)
 {
-    configuration_node root = {0, 0, 0, 0, 0, 0, 0};
+    configuration_node root = {.weight = 0};
 
-    for (int32_t i = 0; i < c->near_count; i++) {
+    for (int32_t i = 0; i < configurator->near_count; i++) {
         int32_t k = i;
 
-        for (; k > 0 && is_before(c, i, c->order[k - 1]); k--)
-            c->order[k] = c->order[k - 1];
-        c->order[k] = i;
+        for (; k > 0 && is_before(configurator, i, configurator->order[k - 1]); k--)
+            configurator->order[k] = configurator->order[k - 1];
+        configurator->order[k] = i;
     }
-    c->group_count = 0;
-    for (int32_t i = 0; i < c->near_count; i++) {
-        const cairn_part_vote *v = vote_of(c, c->order[i]);
-        vote_group *g = &c->groups[c->group_count - (c->group_count > 0)];
+    configurator->group_count = 0;
+    for (int32_t i = 0; i < configurator->near_count; i++) {
+        const cairn_part_vote *v = vote_of(configurator, configurator->order[i]);
+        vote_group *g =
+            &configurator->groups[configurator->group_count - (configurator->group_count > 0)];
 
-        if (c->group_count == 0 || g->bundle != v->bundle) {
-            g = &c->groups[c->group_count++];
+        if (configurator->group_count == 0 || g->bundle != v->bundle) {
+            g = &configurator->groups[configurator->group_count++];
             g->bundle = v->bundle;
             g->first = i;
             g->count = 0;
-            g->most = v->gain;
+            g->bound = v->gain;
         }
         g->count++;
     }
-    sort_groups(c);
-    c->nodes[0] = root;
-    c->depth = c->visited = c->best_count = 0;
-    c->best = 0;
+    sort_groups(configurator);
+    configurator->nodes[0] = root;
+    configurator->depth = configurator->visited_count = configurator->best_count = 0;
+    configurator->best_score = 0;
 }
 
-/* Adding a vote: the mean by gain moves, and scatter grows by what both were apart. */
-static configuration_node add(const configuration_node *node, const near_vote *n, cairn_real gain)
+/* Node after adding a vote: incremental update of the weighted mean and of the scatter. */
+static configuration_node add_vote(const configuration_node *node, const near_vote *n,
+                                   cairn_real weight)
 {
-    cairn_real sum = node->gain + gain, x = n->x - node->x, y = n->y - node->y,
-               ratio = n->ratio - node->ratio;
+    cairn_real sum = node->weight + weight, x = n->x - node->x, y = n->y - node->y,
+               log_scale = n->log_scale - node->log_scale;
     configuration_node added = *node;
 
-    added.scatter += node->gain * gain / sum * (x * x + y * y + ratio * ratio);
-    added.x += x * gain / sum;
-    added.y += y * gain / sum;
-    added.ratio += ratio * gain / sum;
-    added.gain = sum;
-    added.parts++;
+    added.scatter += node->weight * weight / sum * (x * x + y * y + log_scale * log_scale);
+    added.x += x * weight / sum;
+    added.y += y * weight / sum;
+    added.log_scale += log_scale * weight / sum;
+    added.weight = sum;
+    added.part_count++;
     added.choice = 0;
     return added;
 }
 
-static int is_as_written(const cairn_part_configurator *c)
+static int is_as_written(const cairn_part_configurator *configurator)
 {
-    return c->every != NULL;
+    return configurator->exhaustive != NULL;
 }
 
 static cairn_real score_of(const configuration_node *node)
 {
-    return node->gain - node->scatter / 2;
+    return node->weight - node->scatter / 2;
 }
 
-/* What two pieces of one chain share, over the shorter; of a closed chain either may lie a round
- * on, and they may meet at both ends. */
-static cairn_real shared(const cairn_part_vote *a, const cairn_part_vote *b)
+/* Overlap of two intervals of one chain, over the shorter. On a closed chain either may be shifted
+ * by the chain's length, and they may meet at both ends. */
+static cairn_real overlap_of(const cairn_part_vote *a, const cairn_part_vote *b)
 {
     cairn_real shorter = cairn_min(a->to - a->from, b->to - b->from), sum = 0;
-    int32_t rounds = a->round > 0;
+    int32_t has_rounds = a->round > 0;
 
-    for (int32_t k = -rounds; k <= rounds; k++) {
-        cairn_real on = (cairn_real)k * a->round;
+    for (int32_t k = -has_rounds; k <= has_rounds; k++) {
+        cairn_real shift = (cairn_real)k * a->round;
 
-        sum += cairn_max(0, cairn_min(a->to + on, b->to) - cairn_max(a->from + on, b->from));
+        sum += cairn_max(0, cairn_min(a->to + shift, b->to) - cairn_max(a->from + shift, b->from));
     }
     return shorter > 0 ? sum / shorter : 0;
 }
 
-static int is_free(const cairn_part_configurator *c, const configuration_node *node,
-                   const cairn_part_vote *v)
+/* Returns 1 when a vote shares no chain interval with the parts chosen so far. */
+static int is_compatible(const cairn_part_configurator *configurator,
+                         const configuration_node *node, const cairn_part_vote *v)
 {
-    for (int32_t i = 0; i < node->parts; i++) {
-        const cairn_part_vote *u = vote_of(c, c->chosen[i]);
+    for (int32_t i = 0; i < node->part_count; i++) {
+        const cairn_part_vote *u = vote_of(configurator, configurator->chosen[i]);
 
-        if (u->chain == v->chain && (is_as_written(c) || shared(u, v) > c->params.overlap))
+        if (u->chain == v->chain &&
+            (is_as_written(configurator) || overlap_of(u, v) > configurator->params.overlap))
             return 0;
     }
     return 1;
 }
 
-static void take_best(cairn_part_configurator *c, const configuration_node *node)
+static void update_best(cairn_part_configurator *configurator, const configuration_node *node)
 {
-    if (node->parts < c->params.min_parts || !(score_of(node) > c->best))
+    if (node->part_count < configurator->params.min_parts ||
+        !(score_of(node) > configurator->best_score))
         return;
-    c->best = score_of(node);
-    c->best_node = *node;
-    c->best_count = node->parts;
-    for (int32_t i = 0; i < node->parts; i++)
-        c->best_votes[i] = c->near[c->chosen[i]].vote;
+    configurator->best_score = score_of(node);
+    configurator->best_node = *node;
+    configurator->best_count = node->part_count;
+    for (int32_t i = 0; i < node->part_count; i++)
+        configurator->best_votes[i] = configurator->near_votes[configurator->chosen[i]].vote;
 }
 
-/* 1 when nothing below the node can be better: each group that is left adds its greatest gain at
- * most, for scatter never falls. As written when nothing below it reaches the threshold. */
-static int is_hopeless(const cairn_part_configurator *c, const configuration_node *node)
+/* Returns 1 when no descendant can be better (bound): each remaining group adds at most its
+ * greatest weight, because scatter never decreases. As written: when no descendant reaches the
+ * threshold. */
+static int can_prune(const cairn_part_configurator *configurator, const configuration_node *node)
 {
-    cairn_real rest = c->groups[c->depth].most, bound = score_of(node) + rest;
+    cairn_real rest = configurator->groups[configurator->depth].bound,
+               bound = score_of(node) + rest;
 
-    if (is_as_written(c))
-        return node->gain + rest + SLACK * (node->gain + rest) < c->params.min_sum ||
-               node->parts + c->group_count - c->depth < c->params.min_parts;
-    return bound + SLACK * (node->gain + node->scatter + rest) <= c->best ||
-           node->parts + c->group_count - c->depth < c->params.min_parts;
+    if (is_as_written(configurator))
+        return node->weight + rest + BOUND_SLACK * (node->weight + rest) <
+                   configurator->params.min_sum ||
+               node->part_count + configurator->group_count - configurator->depth <
+                   configurator->params.min_parts;
+    return bound + BOUND_SLACK * (node->weight + node->scatter + rest) <=
+               configurator->best_score ||
+           node->part_count + configurator->group_count - configurator->depth <
+               configurator->params.min_parts;
 }
 
-int cairn_part_configuration_visit(cairn_part_configurator *c)
+int cairn_part_configuration_visit_node(cairn_part_configurator *configurator)
 {
-    configuration_node *node = &c->nodes[c->depth];
-    const vote_group *group = &c->groups[c->depth];
+    configuration_node *node = &configurator->nodes[configurator->depth];
+    const vote_group *group = &configurator->groups[configurator->depth];
 
-    if (c->depth == c->group_count || is_hopeless(c, node) || node->choice > group->count) {
-        c->depth--;
-        return c->depth >= 0;
+    if (configurator->depth == configurator->group_count || can_prune(configurator, node) ||
+        node->choice > group->count) {
+        configurator->depth--;
+        return configurator->depth >= 0;
     }
     if (node->choice == group->count) {
         node->choice++;
-        c->nodes[c->depth + 1] = *node;
-        c->nodes[++c->depth].choice = 0;
+        configurator->nodes[configurator->depth + 1] = *node;
+        configurator->nodes[++configurator->depth].choice = 0;
         return 1;
     }
     {
-        int32_t near = c->order[group->first + node->choice++];
-        const cairn_part_vote *v = vote_of(c, near);
+        int32_t near = configurator->order[group->first + node->choice++];
+        const cairn_part_vote *v = vote_of(configurator, near);
 
-        if (is_free(c, node, v)) {
-            c->nodes[c->depth + 1] = add(node, &c->near[near], v->gain);
-            c->chosen[node->parts] = near;
-            c->depth++;
-            if (is_as_written(c)) {
-                cairn_part_configuration_every_take(c, node->parts + 1);
-                cairn_part_configuration_every_offer(c, &c->nodes[c->depth]);
+        if (is_compatible(configurator, node, v)) {
+            configurator->nodes[configurator->depth + 1] =
+                add_vote(node, &configurator->near_votes[near], v->gain);
+            configurator->chosen[node->part_count] = near;
+            configurator->depth++;
+            if (is_as_written(configurator)) {
+                cairn_part_configuration_exhaustive_extend(configurator, node->part_count + 1);
+                cairn_part_configuration_exhaustive_offer(
+                    configurator, &configurator->nodes[configurator->depth]);
             } else {
-                take_best(c, &c->nodes[c->depth]);
+                update_best(configurator, &configurator->nodes[configurator->depth]);
             }
         }
     }

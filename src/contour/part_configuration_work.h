@@ -1,11 +1,12 @@
-/* part_configuration_work: what the parts of part_configuration share. Internal to the library. */
+/* part_configuration_work: shared definitions of the part_configuration sources. Internal to the
+ * library. */
 #ifndef CAIRN_CONTOUR_PART_CONFIGURATION_WORK_H
 #define CAIRN_CONTOUR_PART_CONFIGURATION_WORK_H
 
 #include "cairn/part_configuration.h"
 
-/* Of a configuration: parts at most. */
-enum { CONFIGURATION_PARTS = 64 };
+/* Greatest number of parts of a configuration. */
+enum { CONFIGURATION_MAX_PARTS = 64 };
 enum {
     CONFIGURATION_IDLE,
     CONFIGURATION_INDEX,
@@ -15,132 +16,134 @@ enum {
     CONFIGURATION_DONE
 };
 
-/* A place among the votes. */
-typedef struct vote_place {
+/* A point in the voting space: position (px) and scale (px per unit of the model). */
+typedef struct vote_point {
     cairn_vec2 centre;
     cairn_real scale;
-} vote_place;
+} vote_point;
 
-/* A vote near the seed: its place from there in tolerances; squared: its distance, as written
- * that of the centres in px^2. */
+/* A vote in the neighbourhood of the seed. x, y, log_scale: offset from the seed in tolerances.
+ * squared_distance: in tolerances squared; as written that of the centres in px^2. */
 typedef struct near_vote {
-    cairn_real x, y, ratio, squared;
+    cairn_real x, y, log_scale, squared_distance;
     int32_t vote;
 } near_vote;
 
-/* Votes of a bundle, the greatest gain first: order[first ... first + count - 1]. */
+/* Votes of a bundle by descending weight: order[first ... first + count - 1]. */
 typedef struct vote_group {
     int32_t bundle, first, count;
-    cairn_real most; /* gain of this group and those behind it, each its greatest */
+    cairn_real bound; /* sum of the greatest weights of this and all following groups */
 } vote_group;
 
-/* A partial configuration: sums of gain, the mean by it, what its votes scatter about it (sum of
- * gain d^2). */
+/* A node of the search tree, a partial configuration: sum of weights, weighted mean, and scatter
+ * about it (sum of weight d^2). */
 typedef struct configuration_node {
-    cairn_real gain, x, y, ratio, scatter;
-    int32_t choice; /* of the next group: votes of it that were tried; count: none of them */
-    int32_t parts;
+    cairn_real weight, x, y, log_scale, scatter;
+    /* branch in the next group: number of its votes tried; count: the branch without a vote */
+    int32_t choice;
+    int32_t part_count;
 } configuration_node;
 
-/* Where a query of the index is. */
+/* State of a range query in the index. */
 typedef struct vote_query {
-    vote_place at;
-    /* px, of the layer */
+    vote_point centre;
+    /* px, cell size of the layer */
     cairn_real cell;
     int32_t layer, last_layer, x, y, min_x, max_x, max_y;
-    /* of the cell's bucket: the next, and how many are not looked at */
-    int32_t vote, left;
-    /* 1: the cells are more than the votes, which are looked at one by one; the next in x */
-    int32_t all;
+    /* next vote of the cell's bucket, and votes left in it */
+    int32_t next_vote, votes_left;
+    /* 1: linear scan over all votes, when it is cheaper than the cells; x is the next vote */
+    int32_t is_linear_scan;
 } vote_query;
 
-/* As written: what tells a configuration that an earlier seed had, and the order of those found.
- * A row of bits has one for each seed. */
-typedef struct configuration_every {
-    /* [max_votes * words] of each vote: the seeds among whose nearest it is, up to the one that
-     * is looked around */
-    uint32_t *seeds;
-    /* [(PARTS + 1) * words] row k: the seeds that have the first k parts of the partial
+/* State of the exhaustive enumeration: detection of configurations that an earlier seed had, and
+ * the order of those found. A row has one bit per seed. */
+typedef struct configuration_exhaustive {
+    /* [max_votes * row_words] per vote: the seeds in whose neighbourhood it is, up to the current
+     * one */
+    uint32_t *near_seeds;
+    /* [(MAX_PARTS + 1) * row_words] row k: the seeds that have the first k parts of the partial
      * configuration */
-    uint32_t *both;
-    /* [max_found] of each one found: how many were made before */
-    int64_t *age;
-    int64_t made;
-    /* sorted: how many of found are in their place, from the end */
-    int32_t words, sorted;
-} configuration_every;
+    uint32_t *common_seeds;
+    /* [max_found] sequence number of each configuration found */
+    int64_t *sequence;
+    int64_t enumerated_count;
+    /* sorted_count: configurations in their final place, from the end */
+    int32_t row_words, sorted_count;
+} configuration_exhaustive;
 
 struct cairn_part_configurator {
     cairn_part_configuration_params params;
     const cairn_part_vote *votes;
-    /* [max_votes] the next of its bucket; its layer */
-    int32_t *next, *layer;
-    /* [mask + 1] */
-    int32_t *heads, *sizes;
-    /* [max_votes] */
-    vote_place *modes;
+    /* [max_votes] next vote of the same bucket; scale layer of each vote */
+    int32_t *next_in_bucket, *vote_layer;
+    /* [mask + 1] first vote and number of votes of each bucket */
+    int32_t *bucket_heads, *bucket_sizes;
+    /* [max_votes] modes found */
+    vote_point *modes;
     /* [max_found] */
     cairn_part_configuration *found;
-    /* [max_found * CONFIGURATION_PARTS] of slot k those from k * PARTS on */
+    /* [max_found * CONFIGURATION_MAX_PARTS] votes of slot k from k * CONFIGURATION_MAX_PARTS on */
     int32_t *found_votes;
     uint32_t mask;
-    int32_t count, indexed, seed, modes_count, climbs;
+    int32_t count, index_cursor, seed, mode_count, shift_count;
     vote_query query;
-    near_vote near[CONFIGURATION_PARTS];
+    near_vote near_votes[CONFIGURATION_MAX_PARTS];
     int32_t near_count;
-    /* of near */
-    int32_t order[CONFIGURATION_PARTS];
-    vote_group groups[CONFIGURATION_PARTS];
+    /* [near_count] indices in near_votes, by bundle and weight */
+    int32_t order[CONFIGURATION_MAX_PARTS];
+    vote_group groups[CONFIGURATION_MAX_PARTS];
     int32_t group_count;
-    configuration_node nodes[CONFIGURATION_PARTS + 1];
-    /* of near, for each part */
-    int32_t chosen[CONFIGURATION_PARTS];
-    int32_t depth, visited;
-    cairn_real best;
+    configuration_node nodes[CONFIGURATION_MAX_PARTS + 1];
+    /* indices in near_votes of the current partial configuration */
+    int32_t chosen[CONFIGURATION_MAX_PARTS];
+    int32_t depth, visited_count;
+    cairn_real best_score;
     configuration_node best_node;
-    int32_t best_votes[CONFIGURATION_PARTS], best_count;
-    int32_t found_count, seeds, cut;
-    int64_t all_nodes, pairs;
-    int32_t phase, paid;
-    /* NULL: not as written */
-    configuration_every *every;
+    int32_t best_votes[CONFIGURATION_MAX_PARTS], best_count;
+    int32_t found_count, seed_count, truncated_count;
+    int64_t node_count, pair_count;
+    int32_t phase, charged_units;
+    /* NULL in the default mode */
+    configuration_exhaustive *exhaustive;
 };
 
-/* The index. A layer holds the scales within one reach, its cells are as wide as the reach of
- * its largest. */
-void cairn_part_configuration_insert(cairn_part_configurator *c, int32_t vote);
-void cairn_part_configuration_query(cairn_part_configurator *c, vote_place at);
-/* Units of the query's next item; 0: there is none. */
-int32_t cairn_part_configuration_query_cost(const cairn_part_configurator *c);
-/* Takes the next votes of a cell, a few at once, among the nearest. */
-void cairn_part_configuration_query_next(cairn_part_configurator *c);
+/* Spatial index: a hash grid. A layer holds a range of scales as high as the search radius; its
+ * cells are as wide as the search radius at its largest scale. */
+void cairn_part_configuration_insert(cairn_part_configurator *configurator, int32_t vote);
+void cairn_part_configuration_query(cairn_part_configurator *configurator, vote_point at);
+/* Work units of the query's next step; 0: the query is complete. */
+int32_t cairn_part_configuration_query_cost(const cairn_part_configurator *configurator);
+/* Processes the next few votes of a cell. */
+void cairn_part_configuration_query_next(cairn_part_configurator *configurator);
 
-/* The tree of configurations of the nearest votes. */
-void cairn_part_configuration_plant(cairn_part_configurator *c);
-/* Visits a node; 0: there are no more. */
-int cairn_part_configuration_visit(cairn_part_configurator *c);
-/* What is found: the votes of best_votes, sorted here, with best_node; its votes go to
+/* Builds the search tree over the nearest votes. */
+void cairn_part_configuration_begin_tree(cairn_part_configurator *configurator);
+/* Visits a node; 0: the search is complete. */
+int cairn_part_configuration_visit_node(cairn_part_configurator *configurator);
+/* Creates a configuration from best_votes, which are sorted, and best_node; its votes are copied to
  * found_votes[first ...]. */
-cairn_part_configuration cairn_part_configuration_describe(cairn_part_configurator *c,
+cairn_part_configuration cairn_part_configuration_describe(cairn_part_configurator *configurator,
                                                            int32_t first);
 
 /* ---- As written (part_configuration_every.c) ---- */
 
-void cairn_part_configuration_every_carve(cairn_pool *pool,
-                                          const cairn_part_configuration_params *p,
-                                          configuration_every **every);
-/* A vote has no seeds yet. */
-void cairn_part_configuration_every_clear(cairn_part_configurator *c, int32_t vote);
-/* The nearest of the seed are found: they have it. */
-void cairn_part_configuration_every_plant(cairn_part_configurator *c);
-/* The partial configuration has one more part: the last of chosen[0 ... parts - 1]. */
-void cairn_part_configuration_every_take(cairn_part_configurator *c, int32_t parts);
-/* Keeps the configuration unless an earlier seed had it or max_found better ones are there. */
-void cairn_part_configuration_every_offer(cairn_part_configurator *c,
-                                          const configuration_node *node);
-/* Puts one more of found in its place; 0: all are. */
-int cairn_part_configuration_every_sort(cairn_part_configurator *c);
-/* Units of a node, of one that is sorted. */
-int32_t cairn_part_configuration_every_units(const cairn_part_configurator *c);
+void cairn_part_configuration_exhaustive_carve(cairn_pool *pool,
+                                               const cairn_part_configuration_params *p,
+                                               configuration_exhaustive **exhaustive);
+/* Clears the seeds of a vote. */
+void cairn_part_configuration_exhaustive_clear(cairn_part_configurator *configurator, int32_t vote);
+/* Marks the current seed in the rows of its nearest votes. */
+void cairn_part_configuration_exhaustive_mark_seed(cairn_part_configurator *configurator);
+/* Updates the common seeds after a part was added: the last of chosen[0 ... parts - 1]. */
+void cairn_part_configuration_exhaustive_extend(cairn_part_configurator *configurator,
+                                                int32_t parts);
+/* Records the configuration unless an earlier seed had it or max_found better ones are recorded. */
+void cairn_part_configuration_exhaustive_offer(cairn_part_configurator *configurator,
+                                               const configuration_node *node);
+/* One step of heap sort of the configurations found; 0: sorted. */
+int cairn_part_configuration_exhaustive_sort(cairn_part_configurator *configurator);
+/* Work units of a node, and of a sort step. */
+int32_t cairn_part_configuration_exhaustive_units(const cairn_part_configurator *configurator);
 
 #endif

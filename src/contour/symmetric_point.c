@@ -1,17 +1,22 @@
-/* Symmetric points of edgels and of segments.
+/* Symmetric points (SP) of edgels and of segments.
  *
- * Method: with u the direction of the chord from the first edgel to the second, v to the left of it
- * and c its length, the normals, turned towards each other, make the angles a and b with the chord,
- * to the side of v. The centre lies on the bisector at c/2 tan((a + b) / 2) from its middle: there
- * both deviate by |a - b| / 2 from their way to it, as much as the printed mean of the two tangents
- * deviates on average, but without its large share on one side and its poles. Boxes of the
- * segments, grown by the largest radius, overlap wherever one disc can touch both; the sweep
- * reports these pairs. The best points go through a heap with the least symmetric at its root.
+ * Method:
+ * 1. SP of two edgels: let u be the direction of the chord from the first to the second, v the left
+ *    normal of u, c the chord's length. The normals, oriented towards each other, form the angles a
+ *    and b with the chord, measured towards v. The centre lies on the bisector at c/2 tan((a + b) /
+ *    2) from the chord's midpoint. There both normals deviate equally, by |a - b| / 2. The thesis
+ *    prints the mean of both tangents, which deviates as much on average but unevenly, and has
+ *    poles.
+ * 2. SP of two segments: the most symmetric one over all pairs of sampled edgels.
+ * 3. Candidate pairs (sweep and prune): the bounding boxes of the segments, grown by the largest
+ *    radius, overlap wherever one disc can touch both.
+ * 4. The best points are selected by a bounded heap with the least symmetric at its root, and
+ *    heap-sorted.
  *
- * Layout: the boxes of the segments, the heap, the sweep.
+ * Memory layout: the boxes of the segments, the heap, the sweep.
  *
- * Limits: one SP for a pair of segments: a long pair that is symmetric in two places needs to be
- * cut first.
+ * Limits: one SP per pair of segments; a long pair that is symmetric at two places must be cut
+ * first.
  *
  * Source: Adluru 2008, section 2.3, equation 2.10. */
 #include "src/core/build.h"
@@ -24,15 +29,15 @@ enum {
     MAX_SEGMENTS = 1 << 26,
     MAX_POINTS = 1 << 28,
     MAX_SAMPLES = 16,
-    UNITS_A_PAIR = 3,
-    UNITS_A_SIFT = 4
+    UNITS_PER_SAMPLE_PAIR = 3,
+    UNITS_PER_HEAP_OPERATION = 4
 };
 
-/* Relative growth of boxes beyond what exact arithmetic needs. */
-#define SLACK CAIRN_REAL(1.001)
+/* Factor on the growth of boxes, for rounding errors. */
+#define BOX_GROWTH CAIRN_REAL(1.001)
 
 typedef int32_t search_phase;
-enum { IDLE, BOXES, PAIRS, SORT, DONE };
+enum { PHASE_IDLE, PHASE_BOXES, PHASE_PAIRS, PHASE_SORT, PHASE_DONE };
 
 struct cairn_symmetric_point_set {
     cairn_symmetric_point_params params;
@@ -41,10 +46,10 @@ struct cairn_symmetric_point_set {
     cairn_symmetric_point *heap; /* [max_points] */
     const cairn_segment *segments;
     int32_t segment_count, count, dropped;
-    int32_t cursor;        /* BOXES: segment; SORT: end of the heap */
-    int32_t first, second; /* PAIRS: the pair to be looked at; first -1: none */
+    int32_t cursor;        /* PHASE_BOXES: segment; PHASE_SORT: end of the heap */
+    int32_t first, second; /* PHASE_PAIRS: the current pair; first -1: none */
     search_phase phase;
-    int32_t paid;
+    int32_t charged_units;
 };
 
 cairn_symmetric_point_params cairn_symmetric_point_default(void)
@@ -70,21 +75,21 @@ cairn_symmetric_point_params cairn_symmetric_point_as_written(void)
     return params;
 }
 
-static int params_are_valid(const cairn_symmetric_point_params *p)
+static int params_are_valid(const cairn_symmetric_point_params *params)
 {
-    return p != NULL && p->max_segments >= 1 && p->max_segments <= MAX_SEGMENTS &&
-           p->max_points >= 1 && p->max_points <= MAX_POINTS && p->samples >= 1 &&
-           p->samples <= MAX_SAMPLES && p->mode >= CAIRN_MODE_DEFAULT &&
-           p->mode <= CAIRN_MODE_AS_WRITTEN && p->sample_step > 0 &&
-           cairn_is_finite(p->sample_step) && p->min_radius >= 0 &&
-           p->max_radius >= p->min_radius && cairn_is_finite(p->max_radius) && p->max_angle > 0 &&
-           p->max_angle < CAIRN_PI / 2 && p->max_deviation >= 0 &&
-           cairn_is_finite(p->max_deviation);
+    return params != NULL && params->max_segments >= 1 && params->max_segments <= MAX_SEGMENTS &&
+           params->max_points >= 1 && params->max_points <= MAX_POINTS && params->samples >= 1 &&
+           params->samples <= MAX_SAMPLES && params->mode >= CAIRN_MODE_DEFAULT &&
+           params->mode <= CAIRN_MODE_AS_WRITTEN && params->sample_step > 0 &&
+           cairn_is_finite(params->sample_step) && params->min_radius >= 0 &&
+           params->max_radius >= params->min_radius && cairn_is_finite(params->max_radius) &&
+           params->max_angle > 0 && params->max_angle < CAIRN_PI / 2 &&
+           params->max_deviation >= 0 && cairn_is_finite(params->max_deviation);
 }
 
 static cairn_box_sweep *carve_sweep(cairn_pool *pool, int32_t max_boxes)
 {
-    cairn_box_sweep_params params = {max_boxes};
+    cairn_box_sweep_params params = {.max_boxes = max_boxes};
     size_t need = cairn_box_sweep_memory(&params);
     cairn_box_sweep *sweep = NULL;
     cairn_status status;
@@ -156,7 +161,7 @@ cairn_status cairn_symmetric_point_set_radii(cairn_symmetric_point_set *set, cai
     if (!params_are_valid(&params))
         return CAIRN_BAD_ARGUMENT;
     set->params = params;
-    set->phase = IDLE;
+    set->phase = PHASE_IDLE;
     return CAIRN_OK;
 }
 
@@ -174,10 +179,9 @@ cairn_status cairn_symmetric_point_begin(cairn_symmetric_point_set *set,
     set->count = set->dropped = 0;
     set->cursor = 0;
     set->first = -1;
-    set->paid = 0;
-    set->phase = BOXES;
-    /* The segments are others than those of the last search: their order is no start for this
-     * one. */
+    set->charged_units = 0;
+    set->phase = PHASE_BOXES;
+    /* The segments are new, so the order of the previous sweep is discarded. */
     status = cairn_box_sweep_begin(set->sweep, NULL, 0);
     CAIRN_ASSERT(status == CAIRN_OK);
     (void)status;
@@ -186,22 +190,21 @@ cairn_status cairn_symmetric_point_begin(cairn_symmetric_point_set *set,
 
 /* ---- One pair ---- */
 
-/* The angle of an edgel's normal with the chord, from u towards v, in (-pi/2, pi/2). 0: it is
- * beyond max_angle. */
+/* Angle of an edgel's normal with the chord, from u towards v, in (-pi/2, pi/2). Returns 0 beyond
+ * max_angle. */
 static int angle_with_chord(cairn_vec2 direction, cairn_vec2 u, cairn_real cos_max,
                             cairn_real *angle)
 {
-    cairn_real across = cairn_vec2_cross(direction, u), beside = cairn_vec2_dot(direction, u);
+    cairn_real across = cairn_vec2_cross(direction, u), parallel = cairn_vec2_dot(direction, u);
 
-    /* Of the normal, which is the direction turned to the left: its part along u, and that along
-     * v. */
+    /* Components along u and v of the normal, which is the direction rotated to the left. */
     if (across < 0) {
         across = -across;
-        beside = -beside;
+        parallel = -parallel;
     }
     if (across < cos_max)
         return 0;
-    *angle = cairn_atan2(beside, across);
+    *angle = cairn_atan2(parallel, across);
     return 1;
 }
 
@@ -217,25 +220,25 @@ static int point_of(cairn_oriented_point first, cairn_oriented_point second, cai
                     int32_t mode, cairn_symmetric_point *point)
 {
     cairn_vec2 chord = cairn_vec2_sub(second.position, first.position), u, bisector;
-    cairn_real half = CAIRN_REAL(0.5) * cairn_vec2_norm(chord), a, b, up;
+    cairn_real half = CAIRN_REAL(0.5) * cairn_vec2_norm(chord), a, b, height;
 
     if (half == 0)
         return 0;
     u = cairn_vec2_scale(chord, CAIRN_REAL(0.5) / half);
-    /* The second angle is measured from -u; turning its normal round turns that of u to v into
+    /* The second angle is measured from -u. Reversing its normal turns an angle from u to v into
      * one from v to u. */
     if (!angle_with_chord(first.direction, u, cos_max, &a) ||
         !angle_with_chord(second.direction, u, cos_max, &b))
         return 0;
     if (mode == CAIRN_MODE_AS_WRITTEN) {
-        up = CAIRN_REAL(0.5) * half * (tangent(a) - tangent(b));
+        height = CAIRN_REAL(0.5) * half * (tangent(a) - tangent(b));
     } else {
-        up = half * tangent(CAIRN_REAL(0.5) * (a - b));
+        height = half * tangent(CAIRN_REAL(0.5) * (a - b));
     }
     bisector = cairn_vec2_left(u);
     point->centre = cairn_vec2_add(cairn_vec2_add(first.position, cairn_vec2_scale(u, half)),
-                                   cairn_vec2_scale(bisector, up));
-    point->radius = cairn_sqrt(half * half + up * up);
+                                   cairn_vec2_scale(bisector, height));
+    point->radius = cairn_sqrt(half * half + height * height);
     point->deviation = CAIRN_REAL(0.5) * cairn_abs(a + b);
     point->touch[0] = first.position;
     point->touch[1] = second.position;
@@ -250,7 +253,7 @@ int32_t cairn_symmetric_point_of(cairn_oriented_point first, cairn_oriented_poin
     return point_of(first, second, cairn_cos(max_angle), CAIRN_MODE_DEFAULT, point);
 }
 
-/* Samples that a segment gets: one for every sample_step, up to the most. 0: it has no length. */
+/* Number of samples of a segment: one per sample_step, up to `samples`. 0: zero length. */
 static int32_t sample_count(const cairn_symmetric_point_params *params, cairn_real length)
 {
     int32_t most = params->samples;
@@ -262,7 +265,7 @@ static int32_t sample_count(const cairn_symmetric_point_params *params, cairn_re
     return cairn_real_to_int(cairn_max(cairn_ceil(length / params->sample_step), 1));
 }
 
-/* The middle of part i of `count`. */
+/* Edgel at the midpoint of part i of `count` equal parts of a segment. */
 static cairn_oriented_point sample(cairn_segment segment, cairn_real length, int32_t i,
                                    int32_t count)
 {
@@ -274,7 +277,8 @@ static cairn_oriented_point sample(cairn_segment segment, cairn_real length, int
     return edgel;
 }
 
-static cairn_real off_chord(const cairn_symmetric_point *p)
+/* Squared distance of the centre from the midpoint of the chord, px^2. */
+static cairn_real squared_chord_offset(const cairn_symmetric_point *p)
 {
     cairn_vec2 middle = cairn_vec2_scale(cairn_vec2_add(p->touch[0], p->touch[1]), CAIRN_REAL(0.5));
 
@@ -301,7 +305,8 @@ int32_t cairn_symmetric_point_of_segments(const cairn_symmetric_point_params *pa
                 p.deviation > params->max_deviation)
                 continue;
             if (!found || p.deviation < point->deviation ||
-                (p.deviation == point->deviation && off_chord(&p) < off_chord(point)))
+                (p.deviation == point->deviation &&
+                 squared_chord_offset(&p) < squared_chord_offset(point)))
                 *point = p;
             found = 1;
         }
@@ -317,7 +322,7 @@ cairn_real cairn_symmetric_point_quality(const cairn_symmetric_point *point, cai
 
 /* ---- All pairs ---- */
 
-/* The order of the result, total because every pair of segments has one point at most. */
+/* Order of the result; total, because every pair of segments has at most one point. */
 static int is_better(const cairn_symmetric_point *a, const cairn_symmetric_point *b)
 {
     if (a->deviation != b->deviation)
@@ -325,8 +330,8 @@ static int is_better(const cairn_symmetric_point *a, const cairn_symmetric_point
     return a->first != b->first ? a->first < b->first : a->second < b->second;
 }
 
-/* Puts a point into the heap of `count` from the vacant place `hole` down; no point is worse
- * than its parent. */
+/* Inserts a point into the heap of `count` at the vacant node `hole` or below (sift down); no point
+ * is worse than its parent. */
 static void sift_down(cairn_symmetric_point *heap, int32_t count, int32_t hole,
                       const cairn_symmetric_point *point)
 {
@@ -341,7 +346,7 @@ static void sift_down(cairn_symmetric_point *heap, int32_t count, int32_t hole,
     heap[hole] = *point;
 }
 
-static void keep(cairn_symmetric_point_set *set, const cairn_symmetric_point *point)
+static void insert_point(cairn_symmetric_point_set *set, const cairn_symmetric_point *point)
 {
     int32_t hole = set->count;
 
@@ -370,7 +375,7 @@ static cairn_status step_boxes(cairn_symmetric_point_set *set, cairn_budget *bud
             !cairn_is_finite(s.b.y))
             return CAIRN_NOT_FINITE;
         set->boxes[set->cursor] =
-            cairn_box_grow(cairn_box_extend(box, s.b), set->params.max_radius * SLACK);
+            cairn_box_grow(cairn_box_extend(box, s.b), set->params.max_radius * BOX_GROWTH);
     }
     set->cursor = 0;
     return cairn_box_sweep_begin(set->sweep, set->boxes, set->segment_count);
@@ -378,8 +383,8 @@ static cairn_status step_boxes(cairn_symmetric_point_set *set, cairn_budget *bud
 
 static int32_t pair_cost(const cairn_symmetric_point_set *set)
 {
-    return UNITS_A_SIFT +
-           UNITS_A_PAIR *
+    return UNITS_PER_HEAP_OPERATION +
+           UNITS_PER_SAMPLE_PAIR *
                sample_count(&set->params, cairn_segment_length(set->segments[set->first])) *
                sample_count(&set->params, cairn_segment_length(set->segments[set->second]));
 }
@@ -398,26 +403,26 @@ static cairn_status step_pairs(cairn_symmetric_point_set *set, cairn_budget *bud
                 return status == CAIRN_EMPTY ? CAIRN_OK : status;
             }
         }
-        if (!cairn_budget_pay(budget, &set->paid, pair_cost(set)))
+        if (!cairn_budget_pay(budget, &set->charged_units, pair_cost(set)))
             return CAIRN_MORE;
         if (cairn_symmetric_point_of_segments(&set->params, set->segments[set->first],
                                               set->segments[set->second], &point)) {
             point.first = set->first;
             point.second = set->second;
-            keep(set, &point);
+            insert_point(set, &point);
         }
         set->first = -1;
     }
 }
 
-/* Takes the worst point of the heap out and puts it behind, until all are in order. */
+/* Heap sort: moves the worst point behind the heap until all are in order. */
 static cairn_status step_sort(cairn_symmetric_point_set *set, cairn_budget *budget)
 {
     for (; set->cursor < set->count; set->cursor++) {
         int32_t last = set->count - 1 - set->cursor;
         cairn_symmetric_point worst = set->heap[0], moved = set->heap[last];
 
-        if (!cairn_budget_pay(budget, &set->paid, UNITS_A_SIFT))
+        if (!cairn_budget_pay(budget, &set->charged_units, UNITS_PER_HEAP_OPERATION))
             return CAIRN_MORE;
         sift_down(set->heap, last, 0, &moved);
         set->heap[last] = worst;
@@ -429,13 +434,13 @@ cairn_status cairn_symmetric_point_step(cairn_symmetric_point_set *set, cairn_bu
 {
     if (set == NULL || budget == NULL)
         return CAIRN_BAD_ARGUMENT;
-    while (set->phase != IDLE && set->phase != DONE) {
-        cairn_status status = set->phase == BOXES   ? step_boxes(set, budget)
-                              : set->phase == PAIRS ? step_pairs(set, budget)
-                                                    : step_sort(set, budget);
+    while (set->phase != PHASE_IDLE && set->phase != PHASE_DONE) {
+        cairn_status status = set->phase == PHASE_BOXES   ? step_boxes(set, budget)
+                              : set->phase == PHASE_PAIRS ? step_pairs(set, budget)
+                                                          : step_sort(set, budget);
 
         if (status < 0)
-            set->phase = IDLE;
+            set->phase = PHASE_IDLE;
         if (status != CAIRN_OK)
             return status;
         set->phase++;
@@ -446,7 +451,7 @@ cairn_status cairn_symmetric_point_step(cairn_symmetric_point_set *set, cairn_bu
 const cairn_symmetric_point *cairn_symmetric_point_list(const cairn_symmetric_point_set *set,
                                                         int32_t *count)
 {
-    int has = set != NULL && set->phase == DONE;
+    int has = set != NULL && set->phase == PHASE_DONE;
 
     if (count != NULL)
         *count = has ? set->count : 0;
@@ -455,5 +460,5 @@ const cairn_symmetric_point *cairn_symmetric_point_list(const cairn_symmetric_po
 
 int32_t cairn_symmetric_point_dropped(const cairn_symmetric_point_set *set)
 {
-    return set != NULL && set->phase == DONE ? set->dropped : 0;
+    return set != NULL && set->phase == PHASE_DONE ? set->dropped : 0;
 }

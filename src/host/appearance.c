@@ -1,11 +1,15 @@
-/* What is in a box, by the words of its patches.
+/* Bag-of-visual-words classification of a box.
  *
- * Method: patches of about 24 px every 6 px, and of about 48 px every 12 px, upright (objects are).
- * Each is taken for the nearest word; the shares of all words in the box are its histogram. Words
- * are whole numbers, so that nearest is the same everywhere. The machine's kernel is exp(-gamma
- * chi2); its value becomes a probability after Platt 2000.
+ * Method:
+ * 1. Dense SIFT: patches of about 24 px every 6 px, and of about 48 px every 12 px, upright,
+ *    because objects are.
+ * 2. Each descriptor is quantized to the nearest word. Words are integers, so that the quantization
+ *    is the same on every machine.
+ * 3. The normalized histogram of the words in the box is classified by a support vector machine
+ *    with kernel exp(-gamma chi2).
+ * 4. Its decision value becomes a probability by Platt scaling (Platt 2000).
  *
- * Source: Adluru 2008, section 5.3.2, where patches and kernel are left open. */
+ * Source: Adluru 2008, section 5.3.2, which leaves patches and kernel open. */
 #include "src/core/build.h"
 
 #include <errno.h>
@@ -18,18 +22,20 @@
 
 #define LIBRARY "libcairn-appearance.so"
 
-/* px between patches of the image, and their size for SIFT, whose patch is six times as wide;
- * twice that in the image of half the size. */
-enum { STEP = 6, SIZE = 4, OCTAVES = 2, EARLY = 32 };
+/* px: spacing of patches, and keypoint size for SIFT, whose patch is six times as wide; twice that
+ * in the image of half the size. EARLY_EXIT_STEP: descriptor components between early-exit
+ * tests. */
+enum { PATCH_STEP_PX = 6, KEYPOINT_SIZE_PX = 4, OCTAVE_COUNT = 2, EARLY_EXIT_STEP = 32 };
 
-/* Of a box without a patch. */
-static const double NOTHING_KNOWN = 0.5;
-/* Of two histograms of shares. */
-static const double CHI2_MOST = 2;
+/* Probability of a box without a patch. */
+static const double UNKNOWN_PROBABILITY = 0.5;
+/* Greatest chi-squared distance of two normalized histograms. */
+static const double MAX_CHI2 = 2;
 
 struct cairn_appearance_field {
     const cairn_appearance_model *model;
-    cairn_appearance_shim_place *places;
+    cairn_appearance_shim_keypoint *keypoints;
+    /* word of each patch */
     int32_t *words; /* [count] */
     int32_t count;
 };
@@ -54,36 +60,37 @@ cairn_status cairn_appearance_load(cairn_file_error *error)
     return cairn_appearance_need_shim(LIBRARY, error) != NULL ? CAIRN_OK : CAIRN_UNSUPPORTED;
 }
 
-static void lay_places(appearance_patches *p, int32_t width, int32_t height)
+static void place_keypoints(appearance_patches *patches, int32_t width, int32_t height)
 {
-    for (int32_t octave = 0; octave < OCTAVES; octave++) {
-        int32_t step = STEP << octave;
+    for (int32_t octave = 0; octave < OCTAVE_COUNT; octave++) {
+        int32_t step = PATCH_STEP_PX << octave;
 
         for (int32_t y = step / 2; y < height; y += step)
             for (int32_t x = step / 2; x < width; x += step) {
-                cairn_appearance_shim_place *place = &p->places[p->count++];
+                cairn_appearance_shim_keypoint *keypoint = &patches->keypoints[patches->count++];
 
-                place->x = (float)x;
-                place->y = (float)y;
-                place->size = (float)(SIZE << octave);
-                place->octave = octave;
+                keypoint->x = (float)x;
+                keypoint->y = (float)y;
+                keypoint->size = (float)(KEYPOINT_SIZE_PX << octave);
+                keypoint->octave = octave;
             }
     }
 }
 
-static size_t most_places(int32_t width, int32_t height)
+static size_t max_keypoint_count(int32_t width, int32_t height)
 {
-    return 2 * ((size_t)width / STEP + 1) * ((size_t)height / STEP + 1);
+    return 2 * ((size_t)width / PATCH_STEP_PX + 1) * ((size_t)height / PATCH_STEP_PX + 1);
 }
 
-cairn_status cairn_appearance_describe(appearance_patches *p, const uint8_t *grey, int32_t width,
-                                       int32_t height, const char *path, cairn_file_error *error)
+cairn_status cairn_appearance_describe(appearance_patches *patches, const uint8_t *grey,
+                                       int32_t width, int32_t height, const char *path,
+                                       cairn_file_error *error)
 {
-    char words[CAIRN_APPEARANCE_SHIM_WORDS] = "";
+    char message[CAIRN_APPEARANCE_SHIM_MESSAGE_BYTES] = "";
     const cairn_appearance_shim *shim;
     cairn_status status;
 
-    memset(p, 0, sizeof *p);
+    memset(patches, 0, sizeof *patches);
     if (grey == NULL || width < 1 || height < 1 || width > CAIRN_APPEARANCE_SIDE_MOST ||
         height > CAIRN_APPEARANCE_SIDE_MOST)
         return cairn_file_error_set(error, CAIRN_BAD_ARGUMENT, path, 0,
@@ -92,60 +99,61 @@ cairn_status cairn_appearance_describe(appearance_patches *p, const uint8_t *gre
     shim = cairn_appearance_need_shim(path, error);
     if (shim == NULL)
         return CAIRN_UNSUPPORTED;
-    p->places = malloc(most_places(width, height) * sizeof *p->places);
-    p->descriptors = malloc(most_places(width, height) * APPEARANCE_NUMBERS);
-    if (p->places == NULL || p->descriptors == NULL)
+    patches->keypoints = malloc(max_keypoint_count(width, height) * sizeof *patches->keypoints);
+    patches->descriptors = malloc(max_keypoint_count(width, height) * APPEARANCE_DESCRIPTOR_SIZE);
+    if (patches->keypoints == NULL || patches->descriptors == NULL)
         return cairn_file_error_system(error, path, "describe", ENOMEM);
-    lay_places(p, width, height);
-    if (p->count == 0)
+    place_keypoints(patches, width, height);
+    if (patches->count == 0)
         return CAIRN_OK;
-    status = shim->describe(grey, width, height, p->places, p->count, p->descriptors, words,
-                            sizeof words);
+    status = shim->describe(grey, width, height, patches->keypoints, patches->count,
+                            patches->descriptors, message, sizeof message);
     if (status != CAIRN_OK)
         return cairn_file_error_set(error, status, path, 0,
-                                    "OpenCV: %s, expected patches of an image", words);
+                                    "OpenCV: %s, expected patches of an image", message);
     return CAIRN_OK;
 }
 
-void cairn_appearance_patches_free(appearance_patches *p)
+void cairn_appearance_patches_free(appearance_patches *patches)
 {
-    free(p->places);
-    free(p->descriptors);
-    memset(p, 0, sizeof *p);
+    free(patches->keypoints);
+    free(patches->descriptors);
+    memset(patches, 0, sizeof *patches);
 }
 
-int cairn_appearance_is_in(const cairn_appearance_shim_place *place, const double box[4])
+int cairn_appearance_is_in_box(const cairn_appearance_shim_keypoint *keypoint, const double box[4])
 {
-    return (double)place->x >= box[0] && (double)place->y >= box[1] && (double)place->x <= box[2] &&
-           (double)place->y <= box[3];
+    return (double)keypoint->x >= box[0] && (double)keypoint->y >= box[1] &&
+           (double)keypoint->x <= box[2] && (double)keypoint->y <= box[3];
 }
 
 /* ---- Words ---- */
 
-int32_t cairn_appearance_word(const uint8_t *words, int32_t count, const uint8_t *descriptor,
-                              int32_t *distance)
+int32_t cairn_appearance_nearest_word(const uint8_t *words, int32_t count,
+                                      const uint8_t *descriptor, int32_t *distance)
 {
-    int32_t best = 0, least = INT32_MAX;
+    int32_t best = 0, smallest = INT32_MAX;
 
     for (int32_t i = 0; i < count; i++) {
-        const uint8_t *word = &words[(size_t)i * APPEARANCE_NUMBERS];
+        const uint8_t *word = &words[(size_t)i * APPEARANCE_DESCRIPTOR_SIZE];
         int32_t sum = 0;
 
-        /* One that is too far early on is not looked at to its end. */
-        for (int32_t from = 0; from < APPEARANCE_NUMBERS && sum < least; from += EARLY)
-            for (int32_t k = from; k < from + EARLY; k++)
+        /* Early exit: stops when the partial sum exceeds the least distance. */
+        for (int32_t from = 0; from < APPEARANCE_DESCRIPTOR_SIZE && sum < smallest;
+             from += EARLY_EXIT_STEP)
+            for (int32_t k = from; k < from + EARLY_EXIT_STEP; k++)
                 sum += (word[k] - descriptor[k]) * (word[k] - descriptor[k]);
-        if (sum < least) {
-            least = sum;
+        if (sum < smallest) {
+            smallest = sum;
             best = i;
         }
     }
     if (distance != NULL)
-        *distance = least;
+        *distance = smallest;
     return best;
 }
 
-void cairn_appearance_share(float *histogram, int32_t count)
+void cairn_appearance_normalize(float *histogram, int32_t count)
 {
     double sum = 0;
 
@@ -167,23 +175,24 @@ double cairn_appearance_chi2(const float *a, const float *b, int32_t count)
     return sum;
 }
 
-/* ---- Asking ---- */
+/* ---- Classification ---- */
 
-double cairn_appearance_decide(const cairn_appearance_model *m, const float *histogram)
+double cairn_appearance_decision(const cairn_appearance_model *model, const float *histogram)
 {
-    double sum = -m->rho;
+    double sum = -model->rho;
 
-    for (int32_t i = 0; i < m->support_count; i++)
-        sum +=
-            m->weights[i] *
-            exp(-m->gamma * cairn_appearance_chi2(&m->histograms[(size_t)i * (size_t)m->word_count],
-                                                  histogram, m->word_count));
+    for (int32_t i = 0; i < model->support_count; i++)
+        sum += model->weights[i] *
+               exp(-model->gamma *
+                   cairn_appearance_chi2(&model->histograms[(size_t)i * (size_t)model->word_count],
+                                         histogram, model->word_count));
     return sum;
 }
 
-double cairn_appearance_judge(const cairn_appearance_model *m, const float *histogram)
+double cairn_appearance_judge(const cairn_appearance_model *model, const float *histogram)
 {
-    return 1 / (1 + exp(fmin(700, m->slope * cairn_appearance_decide(m, histogram) + m->offset)));
+    return 1 / (1 + exp(fmin(700, model->slope * cairn_appearance_decision(model, histogram) +
+                                      model->offset)));
 }
 
 cairn_status cairn_appearance_field_make(cairn_appearance_field **field,
@@ -192,30 +201,30 @@ cairn_status cairn_appearance_field_make(cairn_appearance_field **field,
                                          cairn_file_error *error)
 {
     appearance_patches patches;
-    cairn_appearance_field *f = NULL;
+    cairn_appearance_field *made = NULL;
     cairn_status status = cairn_appearance_describe(&patches, grey, width, height, path, error);
 
     *field = NULL;
     if (status == CAIRN_OK) {
-        f = calloc(1, sizeof *f);
-        if (f != NULL)
-            f->words = malloc(((size_t)patches.count + 1) * sizeof *f->words);
-        if (f == NULL || f->words == NULL) {
-            free(f);
-            f = NULL;
+        made = calloc(1, sizeof *made);
+        if (made != NULL)
+            made->words = malloc(((size_t)patches.count + 1) * sizeof *made->words);
+        if (made == NULL || made->words == NULL) {
+            free(made);
+            made = NULL;
             status = cairn_file_error_system(error, path, "describe", ENOMEM);
         }
     }
-    if (f != NULL) {
-        f->model = model;
-        f->count = patches.count;
+    if (made != NULL) {
+        made->model = model;
+        made->count = patches.count;
         for (int32_t i = 0; i < patches.count; i++)
-            f->words[i] =
-                cairn_appearance_word(model->words, model->word_count,
-                                      &patches.descriptors[(size_t)i * APPEARANCE_NUMBERS], NULL);
-        f->places = patches.places;
-        patches.places = NULL;
-        *field = f;
+            made->words[i] = cairn_appearance_nearest_word(
+                model->words, model->word_count,
+                &patches.descriptors[(size_t)i * APPEARANCE_DESCRIPTOR_SIZE], NULL);
+        made->keypoints = patches.keypoints;
+        patches.keypoints = NULL;
+        *field = made;
     }
     cairn_appearance_patches_free(&patches);
     return status;
@@ -225,51 +234,52 @@ void cairn_appearance_field_free(cairn_appearance_field *field)
 {
     if (field == NULL)
         return;
-    free(field->places);
+    free(field->keypoints);
     free(field->words);
     free(field);
 }
 
-/* Shares of the words in a box. 0: it has no patch. */
-static int take_histogram(const cairn_appearance_field *f, const double box[4],
-                          float histogram[CAIRN_APPEARANCE_WORDS_MOST])
+/* Computes the normalized histogram of a box. Returns 0 when it has no patch. */
+static int compute_histogram(const cairn_appearance_field *field, const double box[4],
+                             float histogram[CAIRN_APPEARANCE_WORDS_MOST])
 {
     int32_t patches = 0;
 
     memset(histogram, 0, CAIRN_APPEARANCE_WORDS_MOST * sizeof *histogram);
-    for (int32_t i = 0; i < f->count; i++)
-        if (cairn_appearance_is_in(&f->places[i], box)) {
-            histogram[f->words[i]]++;
+    for (int32_t i = 0; i < field->count; i++)
+        if (cairn_appearance_is_in_box(&field->keypoints[i], box)) {
+            histogram[field->words[i]]++;
             patches++;
         }
-    cairn_appearance_share(histogram, f->model->word_count);
+    cairn_appearance_normalize(histogram, field->model->word_count);
     return patches > 0;
 }
 
-double cairn_appearance_probability(const cairn_appearance_field *f, const double box[4])
+double cairn_appearance_probability(const cairn_appearance_field *field, const double box[4])
 {
     float histogram[CAIRN_APPEARANCE_WORDS_MOST];
 
-    return take_histogram(f, box, histogram) ? cairn_appearance_judge(f->model, histogram)
-                                             : NOTHING_KNOWN;
+    return compute_histogram(field, box, histogram)
+               ? cairn_appearance_judge(field->model, histogram)
+               : UNKNOWN_PROBABILITY;
 }
 
-/* Vectors of the class raise the probability: their weights have the sign that the slope has
- * not. */
-double cairn_appearance_distance(const cairn_appearance_field *f, const double box[4])
+/* Positive support vectors raise the probability: the sign of their weights is opposite to that of
+ * the slope. */
+double cairn_appearance_distance(const cairn_appearance_field *field, const double box[4])
 {
-    const cairn_appearance_model *m = f->model;
+    const cairn_appearance_model *model = field->model;
     float histogram[CAIRN_APPEARANCE_WORDS_MOST];
-    double least = CHI2_MOST;
+    double smallest = MAX_CHI2;
 
-    if (!take_histogram(f, box, histogram))
+    if (!compute_histogram(field, box, histogram))
         return 1;
-    for (int32_t i = 0; i < m->support_count; i++)
-        if (m->weights[i] * m->slope < 0)
-            least =
-                fmin(least, cairn_appearance_chi2(&m->histograms[(size_t)i * (size_t)m->word_count],
-                                                  histogram, m->word_count));
-    return least / CHI2_MOST;
+    for (int32_t i = 0; i < model->support_count; i++)
+        if (model->weights[i] * model->slope < 0)
+            smallest = fmin(smallest, cairn_appearance_chi2(
+                                          &model->histograms[(size_t)i * (size_t)model->word_count],
+                                          histogram, model->word_count));
+    return smallest / MAX_CHI2;
 }
 
 void cairn_appearance_free(cairn_appearance_model *model)

@@ -1,4 +1,4 @@
-// OpenCV behind appearance_shim.h: the whole of libcairn-appearance.so.
+// Implementation of appearance_shim.h by OpenCV: the plug-in libcairn-appearance.so.
 #include <algorithm>
 #include <cstdio>
 #include <new>
@@ -16,22 +16,22 @@
 namespace
 {
 
-constexpr int numbers = CAIRN_APPEARANCE_SHIM_NUMBERS;
-constexpr int least_side = 96;
+constexpr int descriptor_size = CAIRN_APPEARANCE_SHIM_DESCRIPTOR_SIZE;
+constexpr int min_side = 96;
 
-// In one line.
-int32_t fail(int32_t status, const std::string &text, char *words, size_t room)
+// Writes an error message as one line and returns the status.
+int32_t fail(int32_t status, const std::string &text, char *message, size_t capacity)
 {
     std::string line(text);
 
     for (char &c : line)
         c = c == '\n' || c == '\t' ? ' ' : c;
-    (void)std::snprintf(words, room, "%s", line.c_str());
+    (void)std::snprintf(message, capacity, "%s", line.c_str());
     return status;
 }
 
-// Meanwhile OpenCV prints nothing and stays on one processor: cairn shares images out among
-// processes. Then it is as the program that calls had it.
+// While in scope OpenCV's log is silent and OpenCV uses one thread, because cairn distributes
+// images among processes. The destructor restores the caller's settings.
 class Quiet
 {
   public:
@@ -54,8 +54,8 @@ class Quiet
     int threads;
 };
 
-// Runs the work, which may throw.
-template <typename Work> int32_t guarded(char *words, size_t room, const Work &work) noexcept
+// Runs a function that may throw; converts exceptions to statuses.
+template <typename Work> int32_t guarded(char *message, size_t capacity, const Work &work) noexcept
 {
     try {
         const Quiet quiet;
@@ -63,46 +63,46 @@ template <typename Work> int32_t guarded(char *words, size_t room, const Work &w
         return work();
     } catch (const cv::Exception &e) {
         return fail(e.code == cv::Error::StsNoMem ? CAIRN_NO_MEMORY : CAIRN_BAD_ARGUMENT, e.err,
-                    words, room);
+                    message, capacity);
     } catch (const std::bad_alloc &) {
-        return fail(CAIRN_NO_MEMORY, "no memory", words, room);
+        return fail(CAIRN_NO_MEMORY, "no memory", message, capacity);
     } catch (const std::exception &e) {
-        return fail(CAIRN_BAD_ARGUMENT, e.what(), words, room);
+        return fail(CAIRN_BAD_ARGUMENT, e.what(), message, capacity);
     } catch (...) {
-        return fail(CAIRN_BAD_ARGUMENT, "unknown", words, room);
+        return fail(CAIRN_BAD_ARGUMENT, "unknown", message, capacity);
     }
 }
 
 int32_t describe(const uint8_t *grey, int32_t width, int32_t height,
-                 const cairn_appearance_shim_place *places, int32_t count, uint8_t *descriptors,
-                 char *words, size_t room)
+                 const cairn_appearance_shim_keypoint *keypoints, int32_t count,
+                 uint8_t *descriptors, char *message, size_t capacity)
 {
-    return guarded(words, room, [&]() -> int32_t {
-        // OpenCV takes only what may be written; this is not.
+    return guarded(message, capacity, [&]() -> int32_t {
+        // OpenCV's Mat needs a mutable pointer; the image is not written.
         const cv::Mat picture(height, width, CV_8U, const_cast<uint8_t *>(grey));
         std::vector<cv::KeyPoint> points;
-        cv::Mat large, found, bytes(count, numbers, CV_8U, descriptors);
+        cv::Mat large, found, bytes(count, descriptor_size, CV_8U, descriptors);
 
         // OpenCV 4.6 writes beyond its buffer where the image is smaller than a patch.
-        cv::copyMakeBorder(picture, large, 0, std::max(0, least_side - height), 0,
-                           std::max(0, least_side - width), cv::BORDER_REPLICATE);
+        cv::copyMakeBorder(picture, large, 0, std::max(0, min_side - height), 0,
+                           std::max(0, min_side - width), cv::BORDER_REPLICATE);
         points.reserve(static_cast<size_t>(count));
         for (int32_t i = 0; i < count; i++)
-            points.emplace_back(places[i].x, places[i].y, places[i].size, 0.0F, 1.0F,
-                                places[i].octave, i);
+            points.emplace_back(keypoints[i].x, keypoints[i].y, keypoints[i].size, 0.0F, 1.0F,
+                                keypoints[i].octave, i);
         cv::SIFT::create()->compute(large, points, found);
-        if (found.rows != count || found.cols != numbers)
-            return fail(CAIRN_BAD_ARGUMENT, "descriptors are missing", words, room);
+        if (found.rows != count || found.cols != descriptor_size)
+            return fail(CAIRN_BAD_ARGUMENT, "descriptors are missing", message, capacity);
         found.convertTo(bytes, CV_8U);
         return CAIRN_OK;
     });
 }
 
 int32_t train(const float *samples, const int32_t *is_class, int32_t count, int32_t width,
-              double cost, double gamma, cairn_appearance_shim_machine *machine, char *words,
-              size_t room)
+              double cost, double gamma, cairn_appearance_shim_machine *machine, char *message,
+              size_t capacity)
 {
-    return guarded(words, room, [&]() -> int32_t {
+    return guarded(message, capacity, [&]() -> int32_t {
         const cv::Mat table(count, width, CV_32F, const_cast<float *>(samples));
         cv::Mat labels(count, 1, CV_32S), alpha, index;
         const cv::Ptr<cv::ml::SVM> svm = cv::ml::SVM::create();
@@ -116,7 +116,7 @@ int32_t train(const float *samples, const int32_t *is_class, int32_t count, int3
         svm->setTermCriteria(
             cv::TermCriteria(cv::TermCriteria::MAX_ITER + cv::TermCriteria::EPS, 100000, 1e-7));
         if (!svm->train(table, cv::ml::ROW_SAMPLE, labels))
-            return fail(CAIRN_BAD_ARGUMENT, "nothing was learnt", words, room);
+            return fail(CAIRN_BAD_ARGUMENT, "nothing was learnt", message, capacity);
         // OpenCV's sum is above rho for the lower label.
         machine->rho = -svm->getDecisionFunction(0, alpha, index);
         const cv::Mat support = svm->getSupportVectors();

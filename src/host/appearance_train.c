@@ -1,12 +1,16 @@
-/* What a class looks like, learnt from boxes about its objects.
+/* Training of an appearance model from boxes around the objects of a class.
  *
- * Method: k-means (Lloyd 1982, started as Arthur and Vassilvitskii 2007 do) of the patches in the
- * boxes, evenly chosen where there are many; its means are rounded to whole numbers. Windows of
- * what is not the class have the sizes of boxes, at places by chance. gamma is 1 over the mean chi2
- * of pairs of histograms. Sigmoid after Lin, Lin and Weng 2007, from machines that did not see the
- * images they judge (folds of images).
+ * Method:
+ * 1. Dictionary: k-means (Lloyd 1982) with k-means++ seeding (Arthur and Vassilvitskii 2007) of the
+ *    patches in the boxes, evenly subsampled when there are many. The means are rounded to
+ *    integers.
+ * 2. Negative windows have the sizes of boxes, at random positions beside the boxes.
+ * 3. gamma is 1 over the mean chi-squared distance of pairs of histograms.
+ * 4. Platt scaling by Newton's method with backtracking (Lin, Lin and Weng 2007), on decision
+ *    values from cross-validation: support vector machines trained without the images that they are
+ *    evaluated on.
  *
- * Source: Adluru 2008, section 5.3.2, which says what the steps are. */
+ * Source: Adluru 2008, section 5.3.2, which names the steps. */
 #include "src/core/build.h"
 
 #include <errno.h>
@@ -18,16 +22,23 @@
 #include "cairn/random.h"
 #include "src/host/appearance_work.h"
 
-enum { PATCHES_MOST = 8000, ROUNDS = 25, TRIES = 50, FOLDS = 5, NEWTON = 100, HALVINGS = 30 };
-/* Samples of whose pairs gamma is the mean: their number grows with the square. */
-enum { PAIRED_MOST = 1000 };
-/* Beyond it the kernel tells nothing but the same apart. */
-#define GAMMA_MOST 1e9
-/* Windows share less with every box, over their union. */
-#define APART 0.2
-/* Of one seed, numbers for different ends. */
-/* that are drawn; not all of them are kept */
-enum { WINDOWS_MOST = 10 * CAIRN_APPEARANCE_SUPPORT_MOST };
+enum {
+    MAX_PATCHES = 8000,
+    KMEANS_ROUNDS = 25,
+    MAX_WINDOW_TRIES = 50,
+    FOLD_COUNT = 5,
+    MAX_NEWTON_STEPS = 100,
+    MAX_HALVINGS = 30
+};
+/* Samples whose pairs determine gamma; the number of pairs is quadratic. */
+enum { MAX_PAIRED_SAMPLES = 1000 };
+/* Limit of gamma; beyond it the kernel only separates identical histograms. */
+#define MAX_GAMMA 1e9
+/* Negative windows have a smaller intersection over union with every box. */
+#define MAX_NEGATIVE_OVERLAP 0.2
+/* Streams of random numbers of one seed. */
+/* limit of sampled windows; not all of them are kept */
+enum { MAX_WINDOWS = 10 * CAIRN_APPEARANCE_SUPPORT_MOST };
 enum { STREAM_WORDS = 11, STREAM_WINDOWS = 12 };
 
 typedef struct trained_image {
@@ -37,48 +48,53 @@ typedef struct trained_image {
 } trained_image;
 
 struct cairn_appearance_trainer {
-    trained_image *images; /* [IMAGES_MOST] */
+    trained_image *images; /* [CAIRN_APPEARANCE_MAX_IMAGES] */
     int32_t count;
 };
 
-/* The windows that are learnt from. */
-typedef struct samples {
-    float *histograms; /* [count][words] */
+/* The training set: positive boxes and negative windows. */
+typedef struct training_set {
+    float *histograms; /* [count][words] normalized histograms */
     int32_t *is_class, *image;
-    double *decided; /* f of a machine that did not see the image */
-    int32_t count, room, words;
-} samples;
+    double *decision; /* decision values of a machine trained without the image */
+    int32_t count, capacity, words;
+} training_set;
 
 cairn_appearance_params cairn_appearance_default(void)
 {
-    cairn_appearance_params params = {100, 10, 10, 1};
+    cairn_appearance_params params = {
+        .words = 100,
+        .negatives = 10,
+        .cost = 10,
+        .seed = 1,
+    };
 
     return params;
 }
 
 cairn_appearance_trainer *cairn_appearance_trainer_new(void)
 {
-    cairn_appearance_trainer *t = calloc(1, sizeof *t);
+    cairn_appearance_trainer *trainer = calloc(1, sizeof *trainer);
 
-    if (t != NULL)
-        t->images = calloc(CAIRN_APPEARANCE_IMAGES_MOST, sizeof *t->images);
-    if (t != NULL && t->images == NULL) {
-        free(t);
+    if (trainer != NULL)
+        trainer->images = calloc(CAIRN_APPEARANCE_IMAGES_MOST, sizeof *trainer->images);
+    if (trainer != NULL && trainer->images == NULL) {
+        free(trainer);
         return NULL;
     }
-    return t;
+    return trainer;
 }
 
-void cairn_appearance_trainer_free(cairn_appearance_trainer *t)
+void cairn_appearance_trainer_free(cairn_appearance_trainer *trainer)
 {
-    if (t == NULL)
+    if (trainer == NULL)
         return;
-    for (int32_t i = 0; i < t->count; i++) {
-        cairn_appearance_patches_free(&t->images[i].patches);
-        free(t->images[i].boxes);
+    for (int32_t i = 0; i < trainer->count; i++) {
+        cairn_appearance_patches_free(&trainer->images[i].patches);
+        free(trainer->images[i].boxes);
     }
-    free(t->images);
-    free(t);
+    free(trainer->images);
+    free(trainer);
 }
 
 static cairn_status no_memory(const char *path, cairn_file_error *error)
@@ -86,21 +102,21 @@ static cairn_status no_memory(const char *path, cairn_file_error *error)
     return cairn_file_error_system(error, path, "learn from", ENOMEM);
 }
 
-static int is_box(const double b[4], int32_t width, int32_t height)
+static int is_box(const double box[4], int32_t width, int32_t height)
 {
-    return b[2] - b[0] >= 1 && b[3] - b[1] >= 1 && b[0] < width && b[1] < height && b[2] > 0 &&
-           b[3] > 0 && b[2] - b[0] <= 2.0 * CAIRN_APPEARANCE_SIDE_MOST &&
-           b[3] - b[1] <= 2.0 * CAIRN_APPEARANCE_SIDE_MOST;
+    return box[2] - box[0] >= 1 && box[3] - box[1] >= 1 && box[0] < width && box[1] < height &&
+           box[2] > 0 && box[3] > 0 && box[2] - box[0] <= 2.0 * CAIRN_APPEARANCE_SIDE_MOST &&
+           box[3] - box[1] <= 2.0 * CAIRN_APPEARANCE_SIDE_MOST;
 }
 
-cairn_status cairn_appearance_trainer_add(cairn_appearance_trainer *t, const uint8_t *grey,
+cairn_status cairn_appearance_trainer_add(cairn_appearance_trainer *trainer, const uint8_t *grey,
                                           int32_t width, int32_t height, const double *boxes,
                                           int32_t count, const char *path, cairn_file_error *error)
 {
-    trained_image *image = &t->images[t->count];
+    trained_image *image = &trainer->images[trainer->count];
     cairn_status status;
 
-    if (t->count == CAIRN_APPEARANCE_IMAGES_MOST)
+    if (trainer->count == CAIRN_APPEARANCE_IMAGES_MOST)
         return cairn_file_error_set(error, CAIRN_FULL, path, 0,
                                     "one image more, expected at most %d",
                                     CAIRN_APPEARANCE_IMAGES_MOST);
@@ -130,13 +146,13 @@ cairn_status cairn_appearance_trainer_add(cairn_appearance_trainer *t, const uin
     image->box_count = count;
     image->width = width;
     image->height = height;
-    t->count++;
+    trainer->count++;
     return CAIRN_OK;
 }
 
 /* ---- The dictionary ---- */
 
-/* Uniform in [0, 1), the same in both precisions. */
+/* Uniform random number in [0, 1), the same in both precisions. */
 static double draw(cairn_random *random)
 {
     return cairn_random_bits(random) / 4294967296.0;
@@ -145,74 +161,77 @@ static double draw(cairn_random *random)
 static int is_in_a_box(const trained_image *image, int32_t patch)
 {
     for (int32_t i = 0; i < image->box_count; i++)
-        if (cairn_appearance_is_in(&image->patches.places[patch], image->boxes[i]))
+        if (cairn_appearance_is_in_box(&image->patches.keypoints[patch], image->boxes[i]))
             return 1;
     return 0;
 }
 
-/* The patches in boxes; every so many of them. *count: how many were chosen. */
-static const uint8_t **choose_patches(const cairn_appearance_trainer *t, int32_t *count)
+/* Chooses an even subsample of the patches in boxes. *count: their number. */
+static const uint8_t **choose_patches(const cairn_appearance_trainer *trainer, int32_t *count)
 {
-    const uint8_t **chosen = malloc(PATCHES_MOST * sizeof *chosen);
-    int64_t all = 0, seen = 0;
+    const uint8_t **chosen = malloc(MAX_PATCHES * sizeof *chosen);
+    int64_t total = 0, passed = 0;
 
     *count = 0;
     for (int pass = 0; pass < 2 && chosen != NULL; pass++)
-        for (int32_t i = 0; i < t->count; i++)
-            for (int32_t k = 0; k < t->images[i].patches.count; k++) {
-                int64_t most;
+        for (int32_t i = 0; i < trainer->count; i++)
+            for (int32_t k = 0; k < trainer->images[i].patches.count; k++) {
+                int64_t capacity;
 
-                if (!is_in_a_box(&t->images[i], k))
+                if (!is_in_a_box(&trainer->images[i], k))
                     continue;
                 if (pass == 0) {
-                    all++;
+                    total++;
                     continue;
                 }
-                most = all < PATCHES_MOST ? all : PATCHES_MOST;
-                if (all > 0 && (seen + 1) * most / all > seen * most / all)
+                capacity = total < MAX_PATCHES ? total : MAX_PATCHES;
+                if (total > 0 && (passed + 1) * capacity / total > passed * capacity / total)
                     chosen[(*count)++] =
-                        &t->images[i].patches.descriptors[(size_t)k * APPEARANCE_NUMBERS];
-                seen++;
+                        &trainer->images[i]
+                             .patches.descriptors[(size_t)k * APPEARANCE_DESCRIPTOR_SIZE];
+                passed++;
             }
     return chosen;
 }
 
-/* First words: each by chance, the likelier the farther a patch is from those before. */
-static void start_words(uint8_t *words, int32_t count, const uint8_t *const *patches,
-                        int32_t patch_count, int32_t *distance, cairn_random *random)
+/* k-means++ seeding: each word is sampled with a probability proportional to the squared distance
+ * to the previous words. */
+static void seed_words(uint8_t *words, int32_t count, const uint8_t *const *patches,
+                       int32_t patch_count, int32_t *distance, cairn_random *random)
 {
     for (int32_t w = 0; w < count; w++) {
-        double sum = 0, at;
+        double sum = 0, target;
         int32_t next = 0;
 
         for (int32_t i = 0; i < patch_count; i++) {
             int32_t d = 1;
 
             if (w > 0)
-                (void)cairn_appearance_word(&words[(size_t)(w - 1) * APPEARANCE_NUMBERS], 1,
-                                            patches[i], &d);
+                (void)cairn_appearance_nearest_word(
+                    &words[(size_t)(w - 1) * APPEARANCE_DESCRIPTOR_SIZE], 1, patches[i], &d);
             distance[i] = w > 1 && distance[i] < d ? distance[i] : d;
             sum += distance[i];
         }
-        at = draw(random) * sum;
-        for (next = 0; next + 1 < patch_count && at >= distance[next]; next++)
-            at -= distance[next];
-        memcpy(&words[(size_t)w * APPEARANCE_NUMBERS], patches[next], APPEARANCE_NUMBERS);
+        target = draw(random) * sum;
+        for (next = 0; next + 1 < patch_count && target >= distance[next]; next++)
+            target -= distance[next];
+        memcpy(&words[(size_t)w * APPEARANCE_DESCRIPTOR_SIZE], patches[next],
+               APPEARANCE_DESCRIPTOR_SIZE);
     }
 }
 
-/* Words to the means of the patches nearest to them; one that is nearest to none stays. 0:
- * nothing moved. */
-static int move_words(uint8_t *words, int32_t count, const int32_t *sum, const int32_t *members)
+/* Lloyd update: moves words to the means of their patches; a word without patches stays. Returns 0
+ * on convergence. */
+static int update_words(uint8_t *words, int32_t count, const int32_t *sum, const int32_t *members)
 {
     int moved = 0;
 
     for (int32_t w = 0; w < count; w++)
-        for (int32_t k = 0; k < APPEARANCE_NUMBERS && members[w] > 0; k++) {
-            uint8_t *value = &words[(size_t)w * APPEARANCE_NUMBERS + (size_t)k];
-            uint8_t mean =
-                (uint8_t)((2 * sum[(size_t)w * APPEARANCE_NUMBERS + (size_t)k] + members[w]) /
-                          (2 * members[w]));
+        for (int32_t k = 0; k < APPEARANCE_DESCRIPTOR_SIZE && members[w] > 0; k++) {
+            uint8_t *value = &words[(size_t)w * APPEARANCE_DESCRIPTOR_SIZE + (size_t)k];
+            uint8_t mean = (uint8_t)((2 * sum[(size_t)w * APPEARANCE_DESCRIPTOR_SIZE + (size_t)k] +
+                                      members[w]) /
+                                     (2 * members[w]));
 
             moved |= mean != *value;
             *value = mean;
@@ -220,39 +239,42 @@ static int move_words(uint8_t *words, int32_t count, const int32_t *sum, const i
     return moved;
 }
 
-static cairn_status make_words(cairn_appearance_model *m, const cairn_appearance_trainer *t,
-                               const cairn_appearance_params *params, const char *path,
-                               cairn_file_error *error)
+static cairn_status cluster_words(cairn_appearance_model *model,
+                                  const cairn_appearance_trainer *trainer,
+                                  const cairn_appearance_params *params, const char *path,
+                                  cairn_file_error *error)
 {
     cairn_random random = cairn_random_seed(params->seed, STREAM_WORDS);
-    size_t numbers = (size_t)params->words * APPEARANCE_NUMBERS;
+    size_t numbers = (size_t)params->words * APPEARANCE_DESCRIPTOR_SIZE;
     int32_t patch_count = 0, *sum = malloc(numbers * sizeof *sum);
     int32_t *members = malloc((size_t)params->words * sizeof *members);
-    int32_t *distance = malloc(PATCHES_MOST * sizeof *distance);
-    const uint8_t **patches = choose_patches(t, &patch_count);
+    int32_t *distance = malloc(MAX_PATCHES * sizeof *distance);
+    const uint8_t **patches = choose_patches(trainer, &patch_count);
     cairn_status status = CAIRN_OK;
 
-    m->word_count = params->words;
-    m->words = malloc(numbers);
-    if (patches == NULL || sum == NULL || members == NULL || distance == NULL || m->words == NULL) {
+    model->word_count = params->words;
+    model->words = malloc(numbers);
+    if (patches == NULL || sum == NULL || members == NULL || distance == NULL ||
+        model->words == NULL) {
         status = no_memory(path, error);
     } else if (patch_count < params->words) {
         status = cairn_file_error_set(error, CAIRN_EMPTY, path, 0,
                                       "%d patches in boxes, expected at least %d", (int)patch_count,
                                       (int)params->words);
     } else {
-        start_words(m->words, m->word_count, patches, patch_count, distance, &random);
-        for (int32_t round = 0; round < ROUNDS; round++) {
+        seed_words(model->words, model->word_count, patches, patch_count, distance, &random);
+        for (int32_t round = 0; round < KMEANS_ROUNDS; round++) {
             memset(sum, 0, numbers * sizeof *sum);
             memset(members, 0, (size_t)params->words * sizeof *members);
             for (int32_t i = 0; i < patch_count; i++) {
-                int32_t w = cairn_appearance_word(m->words, m->word_count, patches[i], NULL);
+                int32_t w = cairn_appearance_nearest_word(model->words, model->word_count,
+                                                          patches[i], NULL);
 
                 members[w]++;
-                for (int32_t k = 0; k < APPEARANCE_NUMBERS; k++)
-                    sum[(size_t)w * APPEARANCE_NUMBERS + (size_t)k] += patches[i][k];
+                for (int32_t k = 0; k < APPEARANCE_DESCRIPTOR_SIZE; k++)
+                    sum[(size_t)w * APPEARANCE_DESCRIPTOR_SIZE + (size_t)k] += patches[i][k];
             }
-            if (!move_words(m->words, m->word_count, sum, members))
+            if (!update_words(model->words, model->word_count, sum, members))
                 break;
         }
     }
@@ -268,38 +290,39 @@ static cairn_status make_words(cairn_appearance_model *m, const cairn_appearance
 static double overlap(const double a[4], const double b[4])
 {
     double w = fmin(a[2], b[2]) - fmax(a[0], b[0]), h = fmin(a[3], b[3]) - fmax(a[1], b[1]);
-    double both = w > 0 && h > 0 ? w * h : 0;
+    double intersection = w > 0 && h > 0 ? w * h : 0;
 
-    return both / ((a[2] - a[0]) * (a[3] - a[1]) + (b[2] - b[0]) * (b[3] - b[1]) - both);
+    return intersection /
+           ((a[2] - a[0]) * (a[3] - a[1]) + (b[2] - b[0]) * (b[3] - b[1]) - intersection);
 }
 
-static void add_sample(samples *s, const trained_image *image, const int32_t *word_of,
+static void add_sample(training_set *set, const trained_image *image, const int32_t *word_of,
                        const double box[4], int32_t is_class, int32_t index)
 {
-    float *histogram = &s->histograms[(size_t)s->count * (size_t)s->words];
+    float *histogram = &set->histograms[(size_t)set->count * (size_t)set->words];
 
-    memset(histogram, 0, (size_t)s->words * sizeof *histogram);
+    memset(histogram, 0, (size_t)set->words * sizeof *histogram);
     for (int32_t i = 0; i < image->patches.count; i++)
-        if (cairn_appearance_is_in(&image->patches.places[i], box))
+        if (cairn_appearance_is_in_box(&image->patches.keypoints[i], box))
             histogram[word_of[i]]++;
-    cairn_appearance_share(histogram, s->words);
-    s->is_class[s->count] = is_class;
-    s->image[s->count++] = index;
+    cairn_appearance_normalize(histogram, set->words);
+    set->is_class[set->count] = is_class;
+    set->image[set->count++] = index;
 }
 
-/* A window of the size of some box, made smaller where it must be to fit, that lies apart from
- * this image's boxes. 0: none was found. */
-static int draw_window(const cairn_appearance_trainer *t, const trained_image *image, int32_t boxes,
-                       cairn_random *random, double window[4])
+/* Samples a window of the size of a random box, scaled down to fit the image, that does not overlap
+ * this image's boxes. Returns 0 when none was found. */
+static int draw_window(const cairn_appearance_trainer *trainer, const trained_image *image,
+                       int32_t boxes, cairn_random *random, double window[4])
 {
-    for (int32_t try = 0; try < TRIES; try++) {
+    for (int32_t try = 0; try < MAX_WINDOW_TRIES; try++) {
         int32_t which = cairn_random_below(random, boxes), from = 0, is_apart = 1;
         const double *like;
         double w, h, scale;
 
-        while (which >= t->images[from].box_count)
-            which -= t->images[from++].box_count;
-        like = t->images[from].boxes[which];
+        while (which >= trainer->images[from].box_count)
+            which -= trainer->images[from++].box_count;
+        like = trainer->images[from].boxes[which];
         w = like[2] - like[0];
         h = like[3] - like[1];
         scale = fmin(1, fmin(image->width / w, image->height / h));
@@ -310,118 +333,126 @@ static int draw_window(const cairn_appearance_trainer *t, const trained_image *i
         window[2] = window[0] + w;
         window[3] = window[1] + h;
         for (int32_t i = 0; i < image->box_count && is_apart; i++)
-            is_apart = overlap(window, image->boxes[i]) < APART;
+            is_apart = overlap(window, image->boxes[i]) < MAX_NEGATIVE_OVERLAP;
         if (is_apart)
             return 1;
     }
     return 0;
 }
 
-static int64_t count_boxes(const cairn_appearance_trainer *t)
+static int64_t count_boxes(const cairn_appearance_trainer *trainer)
 {
     int64_t boxes = 0;
 
-    for (int32_t i = 0; i < t->count; i++)
-        boxes += t->images[i].box_count;
+    for (int32_t i = 0; i < trainer->count; i++)
+        boxes += trainer->images[i].box_count;
     return boxes;
 }
 
-/* Boxes, and windows that are drawn beside them. */
-static int64_t windows_of(const cairn_appearance_trainer *t, const cairn_appearance_params *params)
+/* Greatest number of boxes and negative windows. */
+static int64_t windows_of(const cairn_appearance_trainer *trainer,
+                          const cairn_appearance_params *params)
 {
-    return (params->negatives + 1) * (count_boxes(t) + t->count);
+    return (params->negatives + 1) * (count_boxes(trainer) + trainer->count);
 }
 
-static int new_samples(samples *s, const cairn_appearance_trainer *t,
+static int new_samples(training_set *set, const cairn_appearance_trainer *trainer,
                        const cairn_appearance_params *params)
 {
-    s->room = (int32_t)windows_of(t, params);
-    s->words = params->words;
-    s->histograms = malloc((size_t)s->room * (size_t)s->words * sizeof *s->histograms);
-    s->is_class = malloc((size_t)s->room * sizeof *s->is_class);
-    s->image = malloc((size_t)s->room * sizeof *s->image);
-    s->decided = calloc((size_t)s->room, sizeof *s->decided);
-    return s->histograms != NULL && s->is_class != NULL && s->image != NULL && s->decided != NULL;
+    set->capacity = (int32_t)windows_of(trainer, params);
+    set->words = params->words;
+    set->histograms = malloc((size_t)set->capacity * (size_t)set->words * sizeof *set->histograms);
+    set->is_class = malloc((size_t)set->capacity * sizeof *set->is_class);
+    set->image = malloc((size_t)set->capacity * sizeof *set->image);
+    set->decision = calloc((size_t)set->capacity, sizeof *set->decision);
+    return set->histograms != NULL && set->is_class != NULL && set->image != NULL &&
+           set->decision != NULL;
 }
 
-static void free_samples(samples *s)
+static void free_samples(training_set *set)
 {
-    free(s->histograms);
-    free(s->is_class);
-    free(s->image);
-    free(s->decided);
+    free(set->histograms);
+    free(set->is_class);
+    free(set->image);
+    free(set->decision);
 }
 
-/* 0: there is no memory. */
-static int take_samples(samples *s, const cairn_appearance_model *m,
-                        const cairn_appearance_trainer *t, const cairn_appearance_params *params)
+/* Collects the samples of all images. Returns 0 when out of memory. */
+static int collect_samples(training_set *set, const cairn_appearance_model *model,
+                           const cairn_appearance_trainer *trainer,
+                           const cairn_appearance_params *params)
 {
     cairn_random random = cairn_random_seed(params->seed, STREAM_WINDOWS);
-    int32_t boxes = (int32_t)count_boxes(t);
+    int32_t boxes = (int32_t)count_boxes(trainer);
 
-    if (!new_samples(s, t, params))
+    if (!new_samples(set, trainer, params))
         return 0;
-    for (int32_t i = 0; i < t->count; i++) {
-        const trained_image *image = &t->images[i];
-        int32_t wanted = params->negatives * (image->box_count > 0 ? image->box_count : 1);
+    for (int32_t i = 0; i < trainer->count; i++) {
+        const trained_image *image = &trainer->images[i];
+        int32_t window_count = params->negatives * (image->box_count > 0 ? image->box_count : 1);
         int32_t *word_of = malloc(((size_t)image->patches.count + 1) * sizeof *word_of);
         double window[4];
 
         if (word_of == NULL)
             return 0;
         for (int32_t k = 0; k < image->patches.count; k++)
-            word_of[k] = cairn_appearance_word(
-                m->words, m->word_count,
-                &image->patches.descriptors[(size_t)k * APPEARANCE_NUMBERS], NULL);
+            word_of[k] = cairn_appearance_nearest_word(
+                model->words, model->word_count,
+                &image->patches.descriptors[(size_t)k * APPEARANCE_DESCRIPTOR_SIZE], NULL);
         for (int32_t k = 0; k < image->box_count; k++)
-            add_sample(s, image, word_of, image->boxes[k], 1, i);
-        for (int32_t k = 0; k < wanted && draw_window(t, image, boxes, &random, window); k++)
-            add_sample(s, image, word_of, window, 0, i);
+            add_sample(set, image, word_of, image->boxes[k], 1, i);
+        for (int32_t k = 0; k < window_count && draw_window(trainer, image, boxes, &random, window);
+             k++)
+            add_sample(set, image, word_of, window, 0, i);
         free(word_of);
     }
     return 1;
 }
 
-/* ---- The machine ---- */
+/* ---- The support vector machine ---- */
 
-static int32_t count_class(const samples *s)
+static int32_t count_class(const training_set *set)
 {
     int32_t count = 0;
 
-    for (int32_t i = 0; i < s->count; i++)
-        count += s->is_class[i];
+    for (int32_t i = 0; i < set->count; i++)
+        count += set->is_class[i];
     return count;
 }
 
-static const float *evenly(const samples *s, int32_t index, int32_t count)
+static const float *sample_evenly(const training_set *set, int32_t index, int32_t count)
 {
-    return &s->histograms[(size_t)((int64_t)index * s->count / count) * (size_t)s->words];
+    return &set->histograms[(size_t)((int64_t)index * set->count / count) * (size_t)set->words];
 }
 
-/* 1 over the mean of chi2 of the pairs of at most PAIRED_MOST samples, evenly chosen; of all
- * pairs that are the same no more can be learnt, whatever it is. */
-static double gamma_of(const samples *s)
+/* gamma: 1 over the mean chi-squared distance of the pairs of at most MAX_PAIRED_SAMPLES samples,
+ * evenly chosen; 1 when all are identical. */
+static double gamma_of(const training_set *set)
 {
-    int32_t count = s->count < PAIRED_MOST ? s->count : PAIRED_MOST;
+    int32_t count = set->count < MAX_PAIRED_SAMPLES ? set->count : MAX_PAIRED_SAMPLES;
     double sum = 0;
 
     for (int32_t i = 0; i < count; i++)
         for (int32_t k = 0; k < i; k++)
-            sum += cairn_appearance_chi2(evenly(s, i, count), evenly(s, k, count), s->words);
-    return sum > 0 ? fmin(GAMMA_MOST, count * (count - 1.0) / 2 / sum) : 1;
+            sum += cairn_appearance_chi2(sample_evenly(set, i, count), sample_evenly(set, k, count),
+                                         set->words);
+    return sum > 0 ? fmin(MAX_GAMMA, count * (count - 1.0) / 2 / sum) : 1;
 }
 
-/* Learns from the samples whose images are not of the fold (-1: from all). CAIRN_EMPTY: of one
- * kind there are none. */
-static cairn_status learn(cairn_appearance_model *m, const samples *s, double cost, int32_t fold,
-                          int32_t folds, const char *path, cairn_file_error *error)
+/* Trains on the samples whose images are not in the fold (-1: on all). CAIRN_EMPTY: only one
+ * class. */
+static cairn_status train_machine(cairn_appearance_model *model, const training_set *set,
+                                  double cost, int32_t fold, int32_t folds, const char *path,
+                                  cairn_file_error *error)
 {
     const cairn_appearance_shim *shim = cairn_appearance_need_shim(path, error);
-    char words[CAIRN_APPEARANCE_SHIM_WORDS] = "";
-    cairn_appearance_shim_machine machine = {m->histograms, m->weights, 0, 0};
-    size_t row = (size_t)s->words;
-    float *table = malloc(((size_t)s->count * row + 1) * sizeof *table);
-    int32_t *is_class = malloc(((size_t)s->count + 1) * sizeof *is_class), count = 0, of_class = 0;
+    char message[CAIRN_APPEARANCE_SHIM_MESSAGE_BYTES] = "";
+    cairn_appearance_shim_machine machine = {.support = model->histograms,
+                                             .weight = model->weights};
+    size_t row = (size_t)set->words;
+    float *table = malloc(((size_t)set->count * row + 1) * sizeof *table);
+    int32_t *is_class = malloc(((size_t)set->count + 1) * sizeof *is_class), count = 0,
+            of_class = 0;
     cairn_status status = shim == NULL ? CAIRN_UNSUPPORTED : CAIRN_OK;
 
     if (table == NULL || is_class == NULL) {
@@ -429,75 +460,79 @@ static cairn_status learn(cairn_appearance_model *m, const samples *s, double co
         free(is_class);
         return no_memory(path, error);
     }
-    for (int32_t i = 0; i < s->count && status == CAIRN_OK; i++)
-        if (fold < 0 || s->image[i] % folds != fold) {
-            memcpy(&table[(size_t)count * row], &s->histograms[(size_t)i * row],
+    for (int32_t i = 0; i < set->count && status == CAIRN_OK; i++)
+        if (fold < 0 || set->image[i] % folds != fold) {
+            memcpy(&table[(size_t)count * row], &set->histograms[(size_t)i * row],
                    row * sizeof *table);
-            of_class += s->is_class[i];
-            is_class[count++] = s->is_class[i];
+            of_class += set->is_class[i];
+            is_class[count++] = set->is_class[i];
         }
     if (status == CAIRN_OK && (of_class == 0 || of_class == count))
         status = CAIRN_EMPTY;
     if (status == CAIRN_OK) {
-        status = shim->train(table, is_class, count, s->words, cost, m->gamma, &machine, words,
-                             sizeof words);
+        status = shim->train(table, is_class, count, set->words, cost, model->gamma, &machine,
+                             message, sizeof message);
         if (status != CAIRN_OK)
             (void)cairn_file_error_set(error, status, path, 0,
-                                       "OpenCV: %s, expected histograms of both kinds", words);
+                                       "OpenCV: %s, expected histograms of both kinds", message);
     }
-    m->support_count = machine.count;
-    m->rho = machine.rho;
+    model->support_count = machine.count;
+    model->rho = machine.rho;
     free(table);
     free(is_class);
     return status;
 }
 
-/* f of every sample by a machine that did not see its image; where that cannot be, by the one
- * that saw all. */
-static cairn_status decide(cairn_appearance_model *m, samples *s, const cairn_appearance_trainer *t,
-                           double cost, const char *path, cairn_file_error *error)
+/* Cross-validation: decision value of every sample by a machine trained without its image; by the
+ * machine trained on all where that is impossible. */
+static cairn_status cross_validate(cairn_appearance_model *model, training_set *set,
+                                   const cairn_appearance_trainer *trainer, double cost,
+                                   const char *path, cairn_file_error *error)
 {
-    int32_t folds = t->count < FOLDS ? t->count : FOLDS;
+    int32_t folds = trainer->count < FOLD_COUNT ? trainer->count : FOLD_COUNT;
     cairn_status status = CAIRN_OK;
 
     for (int32_t fold = 0; fold < folds && (status == CAIRN_OK || status == CAIRN_EMPTY); fold++) {
-        status = learn(m, s, cost, fold, folds, path, error);
+        status = train_machine(model, set, cost, fold, folds, path, error);
         if (status == CAIRN_EMPTY)
-            status = learn(m, s, cost, -1, folds, path, error);
-        for (int32_t i = 0; i < s->count && status == CAIRN_OK; i++)
-            if (s->image[i] % folds == fold)
-                s->decided[i] =
-                    cairn_appearance_decide(m, &s->histograms[(size_t)i * (size_t)s->words]);
+            status = train_machine(model, set, cost, -1, folds, path, error);
+        for (int32_t i = 0; i < set->count && status == CAIRN_OK; i++)
+            if (set->image[i] % folds == fold)
+                set->decision[i] = cairn_appearance_decision(
+                    model, &set->histograms[(size_t)i * (size_t)set->words]);
     }
     return status;
 }
 
-/* What the sigmoid costs: the cross-entropy with targets a little within 0 and 1. */
-static double entropy(const samples *s, const double target[2], double slope, double offset)
+/* Cross-entropy of the sigmoid, with targets slightly inside 0 and 1. */
+static double cross_entropy(const training_set *set, const double target[2], double slope,
+                            double offset)
 {
     double sum = 0;
 
-    for (int32_t i = 0; i < s->count; i++) {
-        double t = target[s->is_class[i]], z = slope * s->decided[i] + offset;
+    for (int32_t i = 0; i < set->count; i++) {
+        double t = target[set->is_class[i]], z = slope * set->decision[i] + offset;
 
         sum += z >= 0 ? t * z + log(1 + exp(-z)) : (t - 1) * z + log(1 + exp(z));
     }
     return sum;
 }
 
-static void fit_sigmoid(cairn_appearance_model *m, const samples *s)
+/* Fits the sigmoid's slope and offset by Newton's method with backtracking line search. */
+static void fit_sigmoid(cairn_appearance_model *model, const training_set *set)
 {
-    double of_class = count_class(s), others = s->count - of_class;
+    double of_class = count_class(set), others = set->count - of_class;
     double target[2] = {1 / (others + 2), (of_class + 1) / (of_class + 2)};
 
-    m->slope = 0;
-    m->offset = log((others + 1) / (of_class + 1));
-    for (int32_t step = 0; step < NEWTON; step++) {
-        double h11 = 1e-12, h22 = 1e-12, h21 = 0, g1 = 0, g2 = 0, det, a, b, now, size = 1;
+    model->slope = 0;
+    model->offset = log((others + 1) / (of_class + 1));
+    for (int32_t step = 0; step < MAX_NEWTON_STEPS; step++) {
+        double h11 = 1e-12, h22 = 1e-12, h21 = 0, g1 = 0, g2 = 0, det, a, b, current, size = 1;
 
-        for (int32_t i = 0; i < s->count; i++) {
-            double f = s->decided[i], p = 1 / (1 + exp(m->slope * f + m->offset)), d2 = p * (1 - p);
-            double d1 = target[s->is_class[i]] - p;
+        for (int32_t i = 0; i < set->count; i++) {
+            double f = set->decision[i], p = 1 / (1 + exp(model->slope * f + model->offset)),
+                   d2 = p * (1 - p);
+            double d1 = target[set->is_class[i]] - p;
 
             h11 += f * f * d2;
             h22 += d2;
@@ -509,81 +544,84 @@ static void fit_sigmoid(cairn_appearance_model *m, const samples *s)
             return;
         det = h11 * h22 - h21 * h21;
         if (!(det > 0))
-            return; /* by rounding: all say the same */
+            return; /* singular by rounding: all decision values are equal */
         a = -(h22 * g1 - h21 * g2) / det;
         b = -(h11 * g2 - h21 * g1) / det;
-        now = entropy(s, target, m->slope, m->offset);
+        current = cross_entropy(set, target, model->slope, model->offset);
         for (int32_t k = 0;
-             k < HALVINGS && !(entropy(s, target, m->slope + size * a, m->offset + size * b) <
-                               now + 1e-4 * size * (g1 * a + g2 * b));
+             k < MAX_HALVINGS &&
+             !(cross_entropy(set, target, model->slope + size * a, model->offset + size * b) <
+               current + 1e-4 * size * (g1 * a + g2 * b));
              k++)
             size /= 2;
-        m->slope += size * a;
-        m->offset += size * b;
+        model->slope += size * a;
+        model->offset += size * b;
     }
 }
 
-static cairn_status make_machine(cairn_appearance_model *m, samples *s,
-                                 const cairn_appearance_trainer *t, double cost, const char *path,
-                                 cairn_file_error *error)
+static cairn_status train_model(cairn_appearance_model *model, training_set *set,
+                                const cairn_appearance_trainer *trainer, double cost,
+                                const char *path, cairn_file_error *error)
 {
     cairn_status status;
 
-    m->histograms = malloc(((size_t)s->count * (size_t)s->words + 1) * sizeof *m->histograms);
-    m->weights = malloc(((size_t)s->count + 1) * sizeof *m->weights);
-    if (m->histograms == NULL || m->weights == NULL)
+    model->histograms =
+        malloc(((size_t)set->count * (size_t)set->words + 1) * sizeof *model->histograms);
+    model->weights = malloc(((size_t)set->count + 1) * sizeof *model->weights);
+    if (model->histograms == NULL || model->weights == NULL)
         return no_memory(path, error);
-    m->gamma = gamma_of(s);
-    status = decide(m, s, t, cost, path, error);
+    model->gamma = gamma_of(set);
+    status = cross_validate(model, set, trainer, cost, path, error);
     if (status != CAIRN_OK)
         return status;
-    fit_sigmoid(m, s);
-    return learn(m, s, cost, -1, 1, path, error);
+    fit_sigmoid(model, set);
+    return train_machine(model, set, cost, -1, 1, path, error);
 }
 
-static cairn_status check(const cairn_appearance_trainer *t, const cairn_appearance_params *p,
-                          const char *path, cairn_file_error *error)
+static cairn_status check(const cairn_appearance_trainer *trainer,
+                          const cairn_appearance_params *params, const char *path,
+                          cairn_file_error *error)
 {
-    if (p->words < 2 || p->words > CAIRN_APPEARANCE_WORDS_MOST || p->negatives < 1 ||
-        p->negatives > 100 || !(p->cost > 0) || p->cost > 1e6)
+    if (params->words < 2 || params->words > CAIRN_APPEARANCE_WORDS_MOST || params->negatives < 1 ||
+        params->negatives > 100 || !(params->cost > 0) || params->cost > 1e6)
         return cairn_file_error_set(
             error, CAIRN_BAD_ARGUMENT, path, 0,
-            "%d words, %d windows a box, cost %g, expected 2 to %d, 1 to 100, above 0 to 1000000",
-            (int)p->words, (int)p->negatives, p->cost, CAIRN_APPEARANCE_WORDS_MOST);
-    if (count_boxes(t) == 0)
+            "%d words, %d windows per box, cost %g, expected 2 to %d, 1 to 100, above 0 to 1000000",
+            (int)params->words, (int)params->negatives, params->cost, CAIRN_APPEARANCE_WORDS_MOST);
+    if (count_boxes(trainer) == 0)
         return cairn_file_error_set(error, CAIRN_EMPTY, path, 0,
                                     "no box in any image, expected at least one");
-    if (windows_of(t, p) > WINDOWS_MOST)
+    if (windows_of(trainer, params) > MAX_WINDOWS)
         return cairn_file_error_set(error, CAIRN_FULL, path, 0,
                                     "%" PRId64 " windows to try, expected at most %d",
-                                    windows_of(t, p), WINDOWS_MOST);
+                                    windows_of(trainer, params), MAX_WINDOWS);
     return CAIRN_OK;
 }
 
 cairn_status cairn_appearance_train(cairn_appearance_model *model,
-                                    const cairn_appearance_trainer *t,
+                                    const cairn_appearance_trainer *trainer,
                                     const cairn_appearance_params *params, const char *path,
                                     cairn_file_error *error)
 {
-    cairn_status status = check(t, params, path, error);
-    samples s;
+    cairn_status status = check(trainer, params, path, error);
+    training_set set;
 
     memset(model, 0, sizeof *model);
-    memset(&s, 0, sizeof s);
+    memset(&set, 0, sizeof set);
     if (status == CAIRN_OK)
-        status = make_words(model, t, params, path, error);
-    if (status == CAIRN_OK && !take_samples(&s, model, t, params))
+        status = cluster_words(model, trainer, params, path, error);
+    if (status == CAIRN_OK && !collect_samples(&set, model, trainer, params))
         status = no_memory(path, error);
-    if (status == CAIRN_OK && count_class(&s) == s.count)
+    if (status == CAIRN_OK && count_class(&set) == set.count)
         status = cairn_file_error_set(
             error, CAIRN_EMPTY, path, 0,
-            "boxes leave no room for windows beside them, expected images that show more");
-    if (status == CAIRN_OK && s.count > CAIRN_APPEARANCE_SUPPORT_MOST)
+            "no space for negative windows beside the boxes, expected larger images");
+    if (status == CAIRN_OK && set.count > CAIRN_APPEARANCE_SUPPORT_MOST)
         status = cairn_file_error_set(error, CAIRN_FULL, path, 0, "%d windows, expected at most %d",
-                                      (int)s.count, CAIRN_APPEARANCE_SUPPORT_MOST);
+                                      (int)set.count, CAIRN_APPEARANCE_SUPPORT_MOST);
     if (status == CAIRN_OK)
-        status = make_machine(model, &s, t, params->cost, path, error);
-    free_samples(&s);
+        status = train_model(model, &set, trainer, params->cost, path, error);
+    free_samples(&set);
     if (status != CAIRN_OK)
         cairn_appearance_free(model);
     return status;

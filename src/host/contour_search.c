@@ -1,13 +1,17 @@
-/* Objects among the edges of a picture.
+/* Detection of the instances of a model among the edges of an image.
  *
- * Method: the grouping runs with the model, and with its mirror image when that is asked for, in
- * one band of sizes after the other. What it finds, with little evidence as well, is looked at
- * again: the model's outline is bent onto the edges there (contour_search_fit.c), the segments
- * along it are the contour (contour_search_complete.c). The evidence of both outlines, for each
- * size of outline, with how well the bent one fits as it was drawn (contour_search_shape.c),
- * decides what is reported; of objects that lie on each other the better one stays. Each sample
- * of the model's axis has its sides where the bent outline has them, and where both are seen the
- * disc is that of their symmetric point. */
+ * Method:
+ * 1. Grouping runs for the model, and for its mirror image on request, in successive bands of
+ *    sizes.
+ * 2. Its objects, including those of low evidence, are candidates. Each is refined: the model's
+ *    outline is deformed to the edges (contour_search_fit.c), and the segments along it are the
+ *    contour (contour_search_complete.c).
+ * 3. A linear score decides which are reported: the evidence of the rigid and the deformed outline
+ *    per object size of outline length, the shape quality of the deformed outline
+ *    (contour_search_shape.c), and the matched share.
+ * 4. Each sample of the model's skeleton takes its sides from the deformed outline. Where both are
+ *    matched the disc is that of their symmetric point.
+ * 5. Non-maximum suppression keeps the best of overlapping objects. */
 #include "src/core/build.h"
 
 #include <errno.h>
@@ -19,46 +23,45 @@
 #include "cairn/symmetric_point.h"
 #include "src/host/contour_search_fit.h"
 
-/* Objects whose middles are closer, of their size, are one. */
-#define APART 0.3
-/* A segment of the contour lies at most so far from a place of the outline, of the size, but at
- * least so many pixels, and turned by so much. */
-#define REACH_SHARE  0.04
-#define LEAST_REACH  3
-#define TURN_COSINE  0.7
-#define LEAST_TOKENS 64
-/* What the evidence of the outline as it is is worth, beside that of the bent one. */
-#define RIGID 2
-/* And how near edges are to the bent outline, how far it is turned and, squared, strained
- * against the drawn one (contour_search_shape.c), and how much of it is seen: among many edges
- * evidence forgives what a drawing would not. */
-#define CLOSE    20
-#define TURNED   100
-#define STRAINED 4500
-#define SEEN     60
-/* What these come to where the evidence of both outlines alone would just do. */
-#define COMMON 58
-/* Sizes that are searched at once differ by this factor at most: of sizes at one place a search
- * keeps the best alone. */
-#define BAND 2.2
-/* Evidence of an object, and of one that is looked at again; and how many of these there are at
- * most. */
-#define MIN_EVIDENCE   34
-#define MIN_SCORE      CAIRN_REAL(0.3)
-#define FIRST_EVIDENCE 2
-enum { FIRST_OBJECTS = 12 };
+/* Non-maximum suppression radius, share of the object's size. */
+#define NMS_RADIUS_SHARE 0.3
+/* Greatest distance of a contour segment from an outline sample, share of the size, but at least
+ * MIN_DISTANCE_PX; and least cosine of the angle between them. */
+#define MAX_DISTANCE_SHARE 0.04
+#define MIN_DISTANCE_PX    3
+#define MIN_COSINE         0.7
+#define MIN_TOKENS         64
+/* Weight of the rigid outline's evidence; that of the deformed outline has weight 1. */
+#define RIGID_EVIDENCE_WEIGHT 2
+/* Weights of edge proximity, tangent deviation, squared deformation (contour_search_shape.c) and
+ * matched share. In clutter evidence alone accepts distorted shapes. */
+#define PROXIMITY_WEIGHT     20
+#define TANGENT_WEIGHT       100
+#define DEFORMATION_WEIGHT   4500
+#define MATCHED_SHARE_WEIGHT 60
+/* Offset: the sum of these terms for an object whose evidence alone is at the threshold. */
+#define SCORE_OFFSET 58
+/* Greatest ratio of sizes within one band, because a search keeps only the best size at one
+ * position. */
+#define BAND_FACTOR 2.2
+/* Least evidence and score of a reported object; least evidence and greatest number of
+ * candidates. */
+#define MIN_EVIDENCE           34
+#define MIN_SCORE              CAIRN_REAL(0.3)
+#define MIN_CANDIDATE_EVIDENCE 2
+enum { MAX_CANDIDATES = 12 };
 
-/* Steps between looks at the walk. */
-enum { LOOK_EVERY = 2000 };
+/* Work units between callbacks. */
+enum { UNITS_PER_CALLBACK = 2000 };
 
-typedef struct searcher {
+typedef struct contour_searcher {
     cairn_contour_result *result;
     const cairn_contour_tokens *tokens;
     const cairn_contour_search_params *params;
     contour_field *field;
     contour_fit fit;
-    int32_t *near; /* [tokens->count] of the object that is looked at */
-} searcher;
+    int32_t *scratch; /* [tokens->count] scratch for the current object */
+} contour_searcher;
 
 cairn_contour_search_params cairn_contour_search_default(int32_t width, int32_t height)
 {
@@ -74,10 +77,10 @@ cairn_contour_search_params cairn_contour_search_default(int32_t width, int32_t 
         .mirror = 1,
     };
 
-    /* What the rigid outline is not enough for the bent one may be. */
-    params.grouping.min_evidence = FIRST_EVIDENCE;
+    /* A low threshold for the rigid outline: deformation may raise the evidence. */
+    params.grouping.min_evidence = MIN_CANDIDATE_EVIDENCE;
     params.grouping.min_score = 0;
-    params.grouping.max_objects = FIRST_OBJECTS;
+    params.grouping.max_objects = MAX_CANDIDATES;
     return params;
 }
 
@@ -96,16 +99,18 @@ void cairn_contour_result_free(cairn_contour_result *result)
 
 /* ---- Discs ---- */
 
-cairn_vec2 cairn_contour_turned(const cairn_grouped_object *o, cairn_vec2 m)
+cairn_vec2 cairn_contour_transform_vector(const cairn_grouped_object *object,
+                                          cairn_vec2 model_vector)
 {
-    cairn_real c = o->size * (cairn_real)cos((double)o->turn),
-               s = o->size * (cairn_real)sin((double)o->turn);
-    cairn_vec2 p = {c * m.x - s * m.y, s * m.x + c * m.y};
+    cairn_real c = object->size * (cairn_real)cos((double)object->turn),
+               s = object->size * (cairn_real)sin((double)object->turn);
+    cairn_vec2 p = {c * model_vector.x - s * model_vector.y,
+                    s * model_vector.x + c * model_vector.y};
 
     return p;
 }
 
-cairn_real cairn_contour_distance(cairn_segment line, cairn_vec2 p)
+cairn_real cairn_contour_point_distance(cairn_segment line, cairn_vec2 p)
 {
     cairn_vec2 along = cairn_vec2_sub(line.b, line.a), to = cairn_vec2_sub(p, line.a);
     cairn_real share =
@@ -115,21 +120,21 @@ cairn_real cairn_contour_distance(cairn_segment line, cairn_vec2 p)
     return cairn_vec2_norm(cairn_vec2_sub(to, cairn_vec2_scale(along, share)));
 }
 
-/* The object's segment nearest to a place, in a direction there; -1: none is near. */
-static int32_t segment_at(const searcher *s, const cairn_grouped_object *o,
-                          cairn_oriented_point place)
+/* The object's segment nearest to a point and its direction; -1: none. */
+static int32_t segment_at(const contour_searcher *searcher, const cairn_grouped_object *object,
+                          cairn_oriented_point point)
 {
-    cairn_real nearest = cairn_max(LEAST_REACH, (cairn_real)REACH_SHARE * o->size);
+    cairn_real nearest = cairn_max(MIN_DISTANCE_PX, (cairn_real)MAX_DISTANCE_SHARE * object->size);
     int32_t found = -1;
 
-    for (int32_t i = 0; i < o->count; i++) {
-        int32_t index = s->result->segments[o->first + i];
-        cairn_segment line = s->tokens->lines[index];
-        cairn_real distance = cairn_contour_distance(line, place.position);
+    for (int32_t i = 0; i < object->count; i++) {
+        int32_t index = searcher->result->segments[object->first + i];
+        cairn_segment line = searcher->tokens->lines[index];
+        cairn_real distance = cairn_contour_point_distance(line, point.position);
 
         if (distance < nearest &&
             cairn_abs(cairn_vec2_dot(cairn_vec2_unit(cairn_vec2_sub(line.b, line.a)),
-                                     place.direction)) >= (cairn_real)TURN_COSINE) {
+                                     point.direction)) >= (cairn_real)MIN_COSINE) {
             nearest = distance;
             found = index;
         }
@@ -137,51 +142,53 @@ static int32_t segment_at(const searcher *s, const cairn_grouped_object *o,
     return found;
 }
 
-/* The sample of the model's outline nearest to a place of the model. */
-static int32_t nearest_sample(const cairn_shape_model *m, cairn_vec2 place)
+/* Index of the model's outline sample nearest to a point of the model. */
+static int32_t nearest_sample(const cairn_shape_model *model, cairn_vec2 point)
 {
-    cairn_real least = CAIRN_REAL_MAX;
+    cairn_real smallest = CAIRN_REAL_MAX;
     int32_t nearest = 0;
 
-    for (int32_t i = 0; i < m->outline_count; i++) {
-        cairn_real apart = cairn_vec2_norm_squared(cairn_vec2_sub(m->outline[i].position, place));
+    for (int32_t i = 0; i < model->outline_count; i++) {
+        cairn_real squared =
+            cairn_vec2_norm_squared(cairn_vec2_sub(model->outline[i].position, point));
 
-        if (apart < least) {
-            least = apart;
+        if (squared < smallest) {
+            smallest = squared;
             nearest = i;
         }
     }
     return nearest;
 }
 
-/* The disc of a sample where the bent outline has its sides, or of the symmetric point of the
- * segments on both. */
-static cairn_contour_disc disc_of(const searcher *s, const cairn_contour_object *object,
+/* Disc of a model sample: from the sides of the deformed outline, or the symmetric point of the
+ * segments on both sides. */
+static cairn_contour_disc disc_of(const contour_searcher *searcher,
+                                  const cairn_contour_object *object,
                                   const cairn_shape_model *model, int32_t index)
 {
-    const cairn_contour_place *outline = &s->result->outline[object->first_outline];
+    const cairn_contour_place *outline = &searcher->result->outline[object->first_outline];
     const cairn_shape_sample *sample = &model->samples[index];
     cairn_symmetric_point_params params = cairn_symmetric_point_default();
-    cairn_contour_disc disc = {{0, 0}, 0, {-1, -1}, index};
+    cairn_contour_disc disc = {.side = {-1, -1}, .sample = index};
     cairn_vec2 side[2];
     cairn_symmetric_point sp;
 
     for (int32_t k = 0; k < 2; k++) {
-        const cairn_contour_place *place =
+        const cairn_contour_place *sample_place =
             &outline[nearest_sample(model, sample->side[k].position)];
 
-        disc.side[k] = place->segment;
-        side[k] = place->at.position;
+        disc.side[k] = sample_place->segment;
+        side[k] = sample_place->at.position;
     }
     disc.centre = cairn_vec2_scale(cairn_vec2_add(side[0], side[1]), CAIRN_REAL(0.5));
     disc.radius = cairn_max(1, cairn_vec2_norm(cairn_vec2_sub(side[1], side[0])) / 2);
     params.max_radius = 2 * disc.radius;
     params.min_radius = disc.radius / 2;
     if (disc.side[0] >= 0 && disc.side[1] >= 0 && disc.side[0] != disc.side[1] &&
-        cairn_symmetric_point_of_segments(&params, s->tokens->lines[disc.side[0]],
-                                          s->tokens->lines[disc.side[1]], &sp) &&
+        cairn_symmetric_point_of_segments(&params, searcher->tokens->lines[disc.side[0]],
+                                          searcher->tokens->lines[disc.side[1]], &sp) &&
         cairn_vec2_norm(cairn_vec2_sub(sp.centre, disc.centre)) <=
-            (cairn_real)REACH_SHARE * object->found.size) {
+            (cairn_real)MAX_DISTANCE_SHARE * object->found.size) {
         disc.centre = sp.centre;
         disc.radius = sp.radius;
     }
@@ -190,7 +197,7 @@ static cairn_contour_disc disc_of(const searcher *s, const cairn_contour_object 
 
 /* ---- Objects ---- */
 
-/* Room for as many items more; 0: there is no memory. */
+/* Grows an array by `count` items; 0: out of memory. */
 static int reserve(void **array, int32_t length, int32_t count, size_t size)
 {
     void *grown = realloc(*array, ((size_t)length + (size_t)count + 1) * size);
@@ -200,38 +207,39 @@ static int reserve(void **array, int32_t length, int32_t count, size_t size)
     return grown != NULL;
 }
 
-static int reserve_object(cairn_contour_result *r, int32_t segments, const cairn_shape_model *model)
+static int reserve_object(cairn_contour_result *result, int32_t segments,
+                          const cairn_shape_model *model)
 {
-    void *array[] = {r->objects, r->segments, r->outline, r->discs};
-    int ok = reserve(&array[0], r->object_count, 1, sizeof *r->objects) &&
-             reserve(&array[1], r->segment_count, segments, sizeof *r->segments) &&
-             reserve(&array[2], r->outline_count, model->outline_count, sizeof *r->outline) &&
-             reserve(&array[3], r->disc_count, model->sample_count, sizeof *r->discs);
+    void *array[] = {result->objects, result->segments, result->outline, result->discs};
+    int ok =
+        reserve(&array[0], result->object_count, 1, sizeof *result->objects) &&
+        reserve(&array[1], result->segment_count, segments, sizeof *result->segments) &&
+        reserve(&array[2], result->outline_count, model->outline_count, sizeof *result->outline) &&
+        reserve(&array[3], result->disc_count, model->sample_count, sizeof *result->discs);
 
-    r->objects = array[0];
-    r->segments = array[1];
-    r->outline = array[2];
-    r->discs = array[3];
+    result->objects = array[0];
+    result->segments = array[1];
+    result->outline = array[2];
+    result->discs = array[3];
     return ok;
 }
 
-/* The share of the outline's samples that have a segment, and their number as samples of the
- * skeleton. */
-static void count_seen(const cairn_contour_result *r, cairn_contour_object *o,
-                       const cairn_shape_model *model)
+/* Computes the matched share of the outline, and the number of matched skeleton samples. */
+static void count_matched(const cairn_contour_result *result, cairn_contour_object *object,
+                          const cairn_shape_model *model)
 {
-    int32_t seen = 0;
+    int32_t matched = 0;
 
     for (int32_t i = 0; i < model->outline_count; i++)
-        seen += r->outline[o->first_outline + i].segment >= 0;
-    o->found.score = (cairn_real)seen / (cairn_real)model->outline_count;
-    o->found.seen = 0;
+        matched += result->outline[object->first_outline + i].segment >= 0;
+    object->found.score = (cairn_real)matched / (cairn_real)model->outline_count;
+    object->found.seen = 0;
     for (int32_t k = 0; k < model->sample_count; k++)
-        o->found.seen +=
-            r->discs[o->first_disc + k].side[0] >= 0 || r->discs[o->first_disc + k].side[1] >= 0;
+        object->found.seen += result->discs[object->first_disc + k].side[0] >= 0 ||
+                              result->discs[object->first_disc + k].side[1] >= 0;
 }
 
-/* Where the bent outline is at the gaps of the model's drawing. */
+/* Positions on the deformed outline of the gaps in the model's drawing. */
 static contour_gaps gaps_of(const contour_fit *fit, const cairn_shape_model *model)
 {
     contour_gaps gaps = {.count = model->gap_count};
@@ -241,71 +249,77 @@ static contour_gaps gaps_of(const contour_fit *fit, const cairn_shape_model *mod
     return gaps;
 }
 
-static cairn_contour_shape shape_of(const searcher *s, const contour_laid *laid, cairn_real turn,
+static cairn_contour_shape shape_of(const contour_searcher *searcher,
+                                    const contour_fitted_outline *fitted, cairn_real turn,
                                     const cairn_shape_model *model)
 {
-    const contour_drawn drawn = {model->outline,
-                                 {(cairn_real)cos((double)turn), (cairn_real)sin((double)turn)}};
+    const contour_reference drawn = {
+        model->outline, {(cairn_real)cos((double)turn), (cairn_real)sin((double)turn)}};
 
-    return cairn_contour_shape_of(s->tokens, laid, s->fit.part, &drawn, s->near, NULL);
+    return cairn_contour_shape_of(searcher->tokens, fitted, searcher->fit.outline_index, &drawn,
+                                  searcher->scratch, NULL);
 }
 
-static cairn_real evidence_of(const cairn_contour_object *o)
+static cairn_real evidence_of(const cairn_contour_object *object)
 {
-    const cairn_contour_shape *shape = &o->shape;
+    const cairn_contour_shape *shape = &object->shape;
 
-    return o->bent + RIGID * o->rigid + CLOSE * shape->close - TURNED * shape->turned -
-           STRAINED * shape->strained * shape->strained + SEEN * o->found.score - COMMON;
+    return object->bent + RIGID_EVIDENCE_WEIGHT * object->rigid + PROXIMITY_WEIGHT * shape->close -
+           TANGENT_WEIGHT * shape->turned - DEFORMATION_WEIGHT * shape->strained * shape->strained +
+           MATCHED_SHARE_WEIGHT * object->found.score - SCORE_OFFSET;
 }
 
-/* Bends the model onto the edges about an object of the grouping, and lists the segments along
- * it. Objects with too little evidence are not added. 0: there is no memory. */
-static int add_object(searcher *s, const cairn_grouping_result *found, int32_t index,
+/* Deforms the model to the edges around an object of the grouping, and collects the segments along
+ * it. Objects below the thresholds are not added. Returns 0 when out of memory. */
+static int add_object(contour_searcher *searcher, const cairn_grouping_result *found, int32_t index,
                       const cairn_shape_model *model, int32_t mirrored)
 {
-    cairn_contour_result *r = s->result;
-    cairn_contour_object o = {.found = found->objects[index],
-                              .mirrored = mirrored,
-                              .first_disc = r->disc_count,
-                              .disc_count = model->sample_count,
-                              .first_outline = r->outline_count,
-                              .outline_count = model->outline_count};
-    contour_laid laid = {s->fit.outline, model->outline_count, {0, 0}, 0};
+    cairn_contour_result *result = searcher->result;
+    cairn_contour_object object = {.found = found->objects[index],
+                                   .mirrored = mirrored,
+                                   .first_disc = result->disc_count,
+                                   .disc_count = model->sample_count,
+                                   .first_outline = result->outline_count,
+                                   .outline_count = model->outline_count};
+    contour_fitted_outline fitted = {searcher->fit.outline, model->outline_count, {0, 0}, 0};
     contour_gaps gaps;
 
-    cairn_contour_field_fill(s->field, s->tokens, &o.found);
-    if (!cairn_contour_fit_run(&s->fit, s->field, model, &o.found))
+    cairn_contour_field_fill(searcher->field, searcher->tokens, &object.found);
+    if (!cairn_contour_fit_run(&searcher->fit, searcher->field, model, &object.found))
         return 0;
-    if (!reserve_object(r, s->tokens->count, model))
+    if (!reserve_object(result, searcher->tokens->count, model))
         return 0;
-    o.found.first = r->segment_count;
-    o.found.along = 0;
-    laid.origin = o.found.origin;
-    laid.size = o.found.size;
-    gaps = gaps_of(&s->fit, model);
-    if (!cairn_contour_collect_open(s->tokens, &laid, &gaps, &r->segments[o.found.first],
-                                    &o.found.count))
+    object.found.first = result->segment_count;
+    object.found.along = 0;
+    fitted.origin = object.found.origin;
+    fitted.size = object.found.size;
+    gaps = gaps_of(&searcher->fit, model);
+    if (!cairn_contour_collect_with_gaps(searcher->tokens, &fitted, &gaps,
+                                         &result->segments[object.found.first],
+                                         &object.found.count))
         return 0;
-    o.rigid = found->objects[index].evidence / s->fit.length;
-    o.bent = s->fit.evidence / s->fit.length;
-    o.shape = shape_of(s, &laid, o.found.turn, model);
+    object.rigid = found->objects[index].evidence / searcher->fit.length;
+    object.bent = searcher->fit.evidence / searcher->fit.length;
+    object.shape = shape_of(searcher, &fitted, object.found.turn, model);
     for (int32_t i = 0; i < model->outline_count; i++) {
-        r->outline[o.first_outline + i].at = s->fit.outline[i];
-        r->outline[o.first_outline + i].segment = segment_at(s, &o.found, s->fit.outline[i]);
-        r->outline[o.first_outline + i].part = s->fit.part[i];
+        result->outline[object.first_outline + i].at = searcher->fit.outline[i];
+        result->outline[object.first_outline + i].segment =
+            segment_at(searcher, &object.found, searcher->fit.outline[i]);
+        result->outline[object.first_outline + i].part = searcher->fit.outline_index[i];
     }
     for (int32_t k = 0; k < model->sample_count; k++)
-        r->discs[o.first_disc + k] = disc_of(s, &o, model, k);
-    count_seen(r, &o, model);
-    o.found.evidence = evidence_of(&o);
-    r->best = cairn_max(r->best, o.found.score);
-    r->best_evidence = cairn_max(r->best_evidence, o.found.evidence);
-    if (o.found.evidence < s->params->min_evidence || o.found.score < s->params->min_score)
+        result->discs[object.first_disc + k] = disc_of(searcher, &object, model, k);
+    count_matched(result, &object, model);
+    object.found.evidence = evidence_of(&object);
+    result->best = cairn_max(result->best, object.found.score);
+    result->best_evidence = cairn_max(result->best_evidence, object.found.evidence);
+    if (object.found.evidence < searcher->params->min_evidence ||
+        object.found.score < searcher->params->min_score)
         return 1;
-    r->segment_count += o.found.count;
-    r->outline_count += model->outline_count;
-    r->disc_count += model->sample_count;
-    r->objects[r->object_count++] = o;
+    result->segment_count += object.found.count;
+    result->outline_count += model->outline_count;
+    result->disc_count += model->sample_count;
+    result->objects[result->object_count++] = object;
     return 1;
 }
 
@@ -318,27 +332,29 @@ static int compare_objects(const void *a, const void *b)
     return x->mirrored != y->mirrored ? x->mirrored - y->mirrored : x->first_disc - y->first_disc;
 }
 
-/* The best first; those that lie on better ones go. */
-static void keep_best(cairn_contour_result *r)
+/* Sorts objects by descending evidence and removes those too close to better ones. */
+static void suppress_non_maxima(cairn_contour_result *result)
 {
     int32_t kept = 0;
 
-    if (r->object_count > 1)
-        qsort(r->objects, (size_t)r->object_count, sizeof *r->objects, compare_objects);
-    for (int32_t i = 0; i < r->object_count; i++) {
-        const cairn_grouped_object *o = &r->objects[i].found;
-        int32_t apart = 1;
+    if (result->object_count > 1)
+        qsort(result->objects, (size_t)result->object_count, sizeof *result->objects,
+              compare_objects);
+    for (int32_t i = 0; i < result->object_count; i++) {
+        const cairn_grouped_object *object = &result->objects[i].found;
+        int32_t is_separate = 1;
 
-        for (int32_t k = 0; k < kept && apart; k++) {
-            const cairn_grouped_object *better = &r->objects[k].found;
-            cairn_real least = (cairn_real)APART * cairn_max(o->size, better->size);
+        for (int32_t k = 0; k < kept && is_separate; k++) {
+            const cairn_grouped_object *better = &result->objects[k].found;
+            cairn_real radius =
+                (cairn_real)NMS_RADIUS_SHARE * cairn_max(object->size, better->size);
 
-            apart = cairn_vec2_norm(cairn_vec2_sub(o->origin, better->origin)) > least;
+            is_separate = cairn_vec2_norm(cairn_vec2_sub(object->origin, better->origin)) > radius;
         }
-        if (apart)
-            r->objects[kept++] = r->objects[i];
+        if (is_separate)
+            result->objects[kept++] = result->objects[i];
     }
-    r->object_count = kept;
+    result->object_count = kept;
 }
 
 int cairn_contour_completed(const cairn_contour_result *result, const cairn_contour_object *object,
@@ -359,7 +375,7 @@ int cairn_contour_completed(const cairn_contour_result *result, const cairn_cont
 
 /* ---- The search ---- */
 
-/* Groups of particles whose models lie apart. */
+/* Number of clusters of particles by model position. */
 static int32_t count_modes(const cairn_grouping_particle *particles, int32_t count, int32_t *mode)
 {
     int32_t modes = 0;
@@ -372,7 +388,7 @@ static int32_t count_modes(const cairn_grouping_particle *particles, int32_t cou
             const cairn_grouping_particle *q = &particles[mode[k]];
 
             if (cairn_vec2_norm(cairn_vec2_sub(p->origin, q->origin)) <=
-                (cairn_real)APART * cairn_max(p->size, q->size))
+                (cairn_real)NMS_RADIUS_SHARE * cairn_max(p->size, q->size))
                 break;
             k++;
         }
@@ -382,98 +398,99 @@ static int32_t count_modes(const cairn_grouping_particle *particles, int32_t cou
     return modes;
 }
 
-/* What a look at the walk needs. */
-typedef struct watcher {
-    cairn_grouping_particle *particles; /* [most] */
-    int32_t *mode;                      /* [most] */
-    int32_t most, seen;                 /* particles, steps */
-} watcher;
+/* Buffers for observing the filter. */
+typedef struct filter_observer {
+    cairn_grouping_particle *particles; /* [capacity] */
+    int32_t *mode;                      /* [capacity] */
+    int32_t capacity, last_step;        /* particles; last observed step */
+} filter_observer;
 
-static void look(const searcher *s, const cairn_grouping *grouping, int32_t mirrored,
-                 int32_t most_steps, watcher *w)
+static void observe(const contour_searcher *searcher, const cairn_grouping *grouping,
+                    int32_t mirrored, int32_t most_steps, filter_observer *observer)
 {
     int32_t steps, count = cairn_grouping_particles(grouping, NULL, 0, &steps);
 
-    if (steps == w->seen || steps > most_steps)
+    if (steps == observer->last_step || steps > most_steps)
         return;
-    w->seen = steps;
-    (void)cairn_grouping_particles(grouping, w->particles, w->most, NULL);
-    count = count < w->most ? count : w->most;
-    s->result->modes[mirrored][s->result->steps[mirrored] + steps - 1] =
-        count_modes(w->particles, count, w->mode);
-    if (s->params->on_step != NULL)
-        s->params->on_step(s->params->context, w->particles, count, mirrored);
+    observer->last_step = steps;
+    (void)cairn_grouping_particles(grouping, observer->particles, observer->capacity, NULL);
+    count = count < observer->capacity ? count : observer->capacity;
+    searcher->result->modes[mirrored][searcher->result->steps[mirrored] + steps - 1] =
+        count_modes(observer->particles, count, observer->mode);
+    if (searcher->params->on_step != NULL)
+        searcher->params->on_step(searcher->params->context, observer->particles, count, mirrored);
 }
 
-static cairn_status walk(const searcher *s, cairn_grouping *grouping, int32_t mirrored,
-                         int32_t samples, int32_t particles)
+static cairn_status run_grouping(const contour_searcher *searcher, cairn_grouping *grouping,
+                                 int32_t mirrored, int32_t samples, int32_t particles)
 {
-    watcher w = {malloc((size_t)particles * sizeof *w.particles),
-                 malloc((size_t)particles * sizeof *w.mode), particles, 0};
-    void *modes = s->result->modes[mirrored];
+    filter_observer observer = {malloc((size_t)particles * sizeof *observer.particles),
+                                malloc((size_t)particles * sizeof *observer.mode), particles, 0};
+    void *modes = searcher->result->modes[mirrored];
     cairn_status status =
-        w.particles != NULL && w.mode != NULL &&
-                reserve(&modes, s->result->steps[mirrored], samples, sizeof(int32_t))
+        observer.particles != NULL && observer.mode != NULL &&
+                reserve(&modes, searcher->result->steps[mirrored], samples, sizeof(int32_t))
             ? CAIRN_MORE
             : CAIRN_NO_MEMORY;
 
-    s->result->modes[mirrored] = modes;
+    searcher->result->modes[mirrored] = modes;
     if (status == CAIRN_MORE)
-        memset(&s->result->modes[mirrored][s->result->steps[mirrored]], 0,
+        memset(&searcher->result->modes[mirrored][searcher->result->steps[mirrored]], 0,
                (size_t)samples * sizeof(int32_t));
     while (status == CAIRN_MORE) {
-        cairn_budget budget = {LOOK_EVERY};
+        cairn_budget budget = {UNITS_PER_CALLBACK};
 
         status = cairn_grouping_step(grouping, &budget);
         if (status >= 0)
-            look(s, grouping, mirrored, samples, &w);
+            observe(searcher, grouping, mirrored, samples, &observer);
     }
-    free(w.particles);
-    free(w.mode);
+    free(observer.particles);
+    free(observer.mode);
     return status;
 }
 
-/* The trace of a walk, behind those of the bands before, and its objects. */
-static int take_result(searcher *s, const cairn_grouping *grouping, const cairn_shape_model *model,
-                       int32_t mirrored)
+/* Appends the filter trace to those of earlier bands, and adds the objects. */
+static int append_result(contour_searcher *searcher, const cairn_grouping *grouping,
+                         const cairn_shape_model *model, int32_t mirrored)
 {
     cairn_grouping_result found = cairn_grouping_read(grouping);
-    cairn_contour_result *r = s->result;
-    void *trace = r->trace[mirrored];
+    cairn_contour_result *result = searcher->result;
+    void *trace = result->trace[mirrored];
 
-    if (!reserve(&trace, r->steps[mirrored], found.steps, sizeof *found.trace))
+    if (!reserve(&trace, result->steps[mirrored], found.steps, sizeof *found.trace))
         return 0;
-    r->trace[mirrored] = trace;
+    result->trace[mirrored] = trace;
     if (found.steps > 0)
-        memcpy(&r->trace[mirrored][r->steps[mirrored]], found.trace,
+        memcpy(&result->trace[mirrored][result->steps[mirrored]], found.trace,
                (size_t)found.steps * sizeof *found.trace);
-    r->steps[mirrored] += found.steps;
-    r->starts[mirrored] += found.starts;
+    result->steps[mirrored] += found.steps;
+    result->starts[mirrored] += found.starts;
     for (int32_t i = 0; i < found.object_count; i++)
-        if (!add_object(s, &found, i, model, mirrored))
+        if (!add_object(searcher, &found, i, model, mirrored))
             return 0;
     return 1;
 }
 
-/* Looks for the model in sizes of one band after the other. */
-static cairn_status search(searcher *s, const cairn_shape_model *model, int32_t mirrored,
-                           cairn_pool *pool, const cairn_grouping_params *params)
+/* Searches the model in successive bands of sizes. */
+static cairn_status search_bands(contour_searcher *searcher, const cairn_shape_model *model,
+                                 int32_t mirrored, cairn_pool *pool,
+                                 const cairn_grouping_params *params)
 {
-    const cairn_contour_search_params *p = s->params;
-    cairn_grouping_input input = {.segments = s->tokens->lines,
-                                  .count = s->tokens->count,
-                                  .width = s->tokens->width,
-                                  .height = s->tokens->height,
-                                  .model = model,
-                                  .min_size = p->min_size,
-                                  .max_size = p->max_size,
-                                  .min_turn = p->min_turn,
-                                  .max_turn = p->max_turn,
-                                  .mean_length =
-                                      s->tokens->mean_length > 0 ? s->tokens->mean_length : 5};
+    const cairn_contour_search_params *p = searcher->params;
+    cairn_grouping_input input = {
+        .segments = searcher->tokens->lines,
+        .count = searcher->tokens->count,
+        .width = searcher->tokens->width,
+        .height = searcher->tokens->height,
+        .model = model,
+        .min_size = p->min_size,
+        .max_size = p->max_size,
+        .min_turn = p->min_turn,
+        .max_turn = p->max_turn,
+        .mean_length = searcher->tokens->mean_length > 0 ? searcher->tokens->mean_length : 5};
     double range =
         p->min_size > 0 && p->max_size > p->min_size ? log((double)(p->max_size / p->min_size)) : 0;
-    int32_t bands = 1 + (int32_t)(range / log(BAND));
+    int32_t bands = 1 + (int32_t)(range / log(BAND_FACTOR));
     cairn_grouping *grouping;
     cairn_status status = cairn_grouping_create(&grouping, pool, params);
 
@@ -484,35 +501,36 @@ static cairn_status search(searcher *s, const cairn_shape_model *model, int32_t 
         }
         status = cairn_grouping_begin(grouping, &input);
         if (status == CAIRN_OK)
-            status = walk(s, grouping, mirrored, model->sample_count, params->particles);
-        if (status == CAIRN_OK && !take_result(s, grouping, model, mirrored))
+            status =
+                run_grouping(searcher, grouping, mirrored, model->sample_count, params->particles);
+        if (status == CAIRN_OK && !append_result(searcher, grouping, model, mirrored))
             status = CAIRN_NO_MEMORY;
     }
     return status;
 }
 
-/* What the pieces of all segments come to. */
+/* Number of tokens of all segments, clamped. */
 static int32_t count_tokens(const cairn_contour_tokens *tokens, cairn_real token)
 {
     double count = 0;
 
     for (int32_t i = 0; i < tokens->count; i++)
         count += ceil((double)cairn_segment_length(tokens->lines[i]) / (double)token);
-    return count < LEAST_TOKENS                ? LEAST_TOKENS
+    return count < MIN_TOKENS                  ? MIN_TOKENS
            : count > CAIRN_CONTOUR_TOKENS_MOST ? CAIRN_CONTOUR_TOKENS_MOST
                                                : (int32_t)count;
 }
 
-static cairn_status search_both(searcher *s, const cairn_shape_model *model, cairn_pool *pool,
-                                const cairn_grouping_params *params)
+static cairn_status search_both(contour_searcher *searcher, const cairn_shape_model *model,
+                                cairn_pool *pool, const cairn_grouping_params *params)
 {
     cairn_shape_model_file mirrored;
     cairn_mark mark;
     cairn_status status = cairn_pool_mark(pool, &mark);
 
     if (status == CAIRN_OK)
-        status = search(s, model, 0, pool, params);
-    if (status != CAIRN_OK || !s->params->mirror)
+        status = search_bands(searcher, model, 0, pool, params);
+    if (status != CAIRN_OK || !searcher->params->mirror)
         return status;
     status = cairn_pool_release(pool, mark);
     if (status == CAIRN_OK)
@@ -520,7 +538,7 @@ static cairn_status search_both(searcher *s, const cairn_shape_model *model, cai
     if (status != CAIRN_OK)
         return status;
     cairn_shape_model_file_mirror(&mirrored);
-    status = search(s, &mirrored.model, 1, pool, params);
+    status = search_bands(searcher, &mirrored.model, 1, pool, params);
     cairn_shape_model_file_free(&mirrored);
     return status;
 }
@@ -531,7 +549,7 @@ cairn_status cairn_contour_search_run(cairn_contour_result *result,
                                       const cairn_contour_search_params *params, const char *path,
                                       cairn_file_error *error)
 {
-    searcher s = {.result = result, .tokens = tokens, .params = params};
+    contour_searcher searcher = {.result = result, .tokens = tokens, .params = params};
     cairn_grouping_params grouping = params->grouping;
     cairn_status status;
     cairn_pool pool;
@@ -547,28 +565,28 @@ cairn_status cairn_contour_search_run(cairn_contour_result *result,
     grouping.max_outline = model->outline_count;
     result->pool_bytes = cairn_grouping_memory(&grouping) + CAIRN_ALIGN;
     memory = malloc(result->pool_bytes);
-    s.field = cairn_contour_field_new();
-    s.near = malloc(((size_t)tokens->count + 1) * sizeof *s.near);
-    if (memory == NULL || s.field == NULL || s.near == NULL ||
-        !cairn_contour_fit_new(&s.fit, model->outline_count)) {
+    searcher.field = cairn_contour_field_new();
+    searcher.scratch = malloc(((size_t)tokens->count + 1) * sizeof *searcher.scratch);
+    if (memory == NULL || searcher.field == NULL || searcher.scratch == NULL ||
+        !cairn_contour_fit_new(&searcher.fit, model->outline_count)) {
         free(memory);
-        free(s.near);
-        cairn_contour_field_free(s.field);
+        free(searcher.scratch);
+        cairn_contour_field_free(searcher.field);
         return cairn_file_error_system(error, path, "search", ENOMEM);
     }
     status = cairn_pool_init(&pool, memory, result->pool_bytes);
     if (status == CAIRN_OK)
-        status = search_both(&s, model, &pool, &grouping);
+        status = search_both(&searcher, model, &pool, &grouping);
     free(memory);
-    free(s.near);
-    cairn_contour_field_free(s.field);
-    cairn_contour_fit_free(&s.fit);
+    free(searcher.scratch);
+    cairn_contour_field_free(searcher.field);
+    cairn_contour_fit_free(&searcher.fit);
     if (status != CAIRN_OK) {
         cairn_contour_result_free(result);
         return cairn_file_error_set(error, status, path, 0,
-                                    "%s, expected a model, sizes above 0 and turns in range",
+                                    "%s, expected a model, sizes above 0 and rotations in range",
                                     cairn_status_text(status));
     }
-    keep_best(result);
+    suppress_non_maxima(result);
     return CAIRN_OK;
 }

@@ -1,9 +1,13 @@
-/* How near an edge of each direction is, everywhere about an object.
+/* Oriented distance field: edge proximity per direction and position around an object.
  *
- * Method: a window about the object in cells that are a share of its size, so that all objects
- * cost the same. Every segment enters the directions near its own at a cost of the turn and of
- * its strength; least costs spread over a few sigmas in rows, then in columns, as in a distance
- * transform. What a direction's edges come to by chance is the mean over the window. */
+ * Method:
+ * 1. A window around the object has cells that are a share of its size, so that all objects cost
+ *    the same.
+ * 2. Every segment is entered into the direction bins near its own, at a cost by angle and
+ *    strength.
+ * 3. Minimum costs are propagated a few sigmas along rows, then along columns (separable distance
+ *    transform).
+ * 4. The background likelihood of a direction is its mean over the window. */
 #include "src/core/build.h"
 
 #include <math.h>
@@ -12,143 +16,146 @@
 
 #include "src/host/contour_search_fit.h"
 
-/* Cells of an object's size. */
-#define CELLS 128
-/* Sigmas: of the place, in cells, and of the direction, rad. */
-#define SIGMA 2.0
-#define TURN  0.35
-/* Beyond so many sigmas of the direction a segment is no edge of it. */
-#define TURN_MOST 2.2
-/* Cells that a cost spreads. */
-enum { SPREAD = 5 };
-/* An edge stronger than a share s of all is 2 s times as likely on an object as elsewhere, but
- * never less than this. */
-#define WEAKEST 0.2
-/* Of the window's cells: so many are near an edge at least. */
-#define LEAST_CHANCE 0.02
+/* Cells per object size. */
+#define CELLS_PER_SIZE 128
+/* Standard deviations: position, in cells, and direction, rad. */
+#define SIGMA_CELLS 2.0
+#define ANGLE_SIGMA 0.35
+/* A segment contributes to directions within this many sigmas. */
+#define MAX_ANGLE_SIGMAS 2.2
+/* Propagation radius of a cost, cells. */
+enum { SPREAD_CELLS = 5 };
+/* An edge stronger than a share s of all edges is 2 s times as likely on an object as elsewhere;
+ * lower bound of this ratio. */
+#define MIN_STRENGTH_RATIO 0.2
+/* Least background likelihood. */
+#define MIN_BACKGROUND 0.02
 
 enum { SIDE = CONTOUR_FIELD_SIDE, BINS = CONTOUR_FIELD_BINS };
 
-/* The costs of one direction, all out of reach. */
-static void clear(cairn_real *cost)
+/* Initializes the costs of one direction to out of reach. */
+static void clear_costs(cairn_real *cost)
 {
     for (int32_t i = 0; i < SIDE * SIDE; i++)
-        cost[i] = CONTOUR_FIELD_MOST;
+        cost[i] = CONTOUR_FIELD_MAX_COST;
 }
 
-/* Marks a line in the cells of one direction. */
-static void mark(contour_field *f, cairn_segment line, cairn_real *cost, cairn_real worth)
+/* Rasterizes a line into the cells of one direction. */
+static void mark_line(contour_field *field, cairn_segment line, cairn_real *cost,
+                      cairn_real line_cost)
 {
     cairn_real length = cairn_segment_length(line);
-    int32_t steps = 1 + (int32_t)(2 * length / f->cell);
+    int32_t steps = 1 + (int32_t)(2 * length / field->cell_size);
 
     for (int32_t k = 0; k <= steps; k++) {
         cairn_vec2 p = cairn_vec2_add(line.a, cairn_vec2_scale(cairn_vec2_sub(line.b, line.a),
                                                                (cairn_real)k / (cairn_real)steps));
-        int32_t x = (int32_t)floor((double)((p.x - f->corner.x) / f->cell)),
-                y = (int32_t)floor((double)((p.y - f->corner.y) / f->cell));
+        int32_t x = (int32_t)floor((double)((p.x - field->corner.x) / field->cell_size)),
+                y = (int32_t)floor((double)((p.y - field->corner.y) / field->cell_size));
 
         if (x >= 0 && y >= 0 && x < SIDE && y < SIDE)
-            cost[y * SIDE + x] = cairn_min(cost[y * SIDE + x], worth);
+            cost[y * SIDE + x] = cairn_min(cost[y * SIDE + x], line_cost);
     }
 }
 
-static int is_outside(const contour_field *f, cairn_segment line)
+static int is_outside(const contour_field *field, cairn_segment line)
 {
-    cairn_real side = SIDE * f->cell;
+    cairn_real side = SIDE * field->cell_size;
 
-    return cairn_max(line.a.x, line.b.x) < f->corner.x ||
-           cairn_min(line.a.x, line.b.x) > f->corner.x + side ||
-           cairn_max(line.a.y, line.b.y) < f->corner.y ||
-           cairn_min(line.a.y, line.b.y) > f->corner.y + side;
+    return cairn_max(line.a.x, line.b.x) < field->corner.x ||
+           cairn_min(line.a.x, line.b.x) > field->corner.x + side ||
+           cairn_max(line.a.y, line.b.y) < field->corner.y ||
+           cairn_min(line.a.y, line.b.y) > field->corner.y + side;
 }
 
-/* Enters a segment into all directions near its own. */
-static void enter(contour_field *f, cairn_segment line, cairn_real strength)
+/* Enters a segment into all direction bins near its own. */
+static void enter_segment(contour_field *field, cairn_segment line, cairn_real strength)
 {
     double angle = atan2((double)(line.b.y - line.a.y), (double)(line.b.x - line.a.x));
-    double strong = -log(fmax(WEAKEST, 2 * (double)strength));
+    double strong = -log(fmax(MIN_STRENGTH_RATIO, 2 * (double)strength));
 
     for (int32_t bin = 0; bin < BINS; bin++) {
         double turn =
             remainder(angle - ((double)bin + 0.5) * ((double)CAIRN_PI / BINS), (double)CAIRN_PI) /
-            TURN;
+            ANGLE_SIGMA;
 
-        if (fabs(turn) <= TURN_MOST)
-            mark(f, line, &f->cost[(size_t)bin * SIDE * SIDE],
-                 (cairn_real)(strong + turn * turn / 2));
+        if (fabs(turn) <= MAX_ANGLE_SIGMAS)
+            mark_line(field, line, &field->cost[(size_t)bin * SIDE * SIDE],
+                      (cairn_real)(strong + turn * turn / 2));
     }
 }
 
-/* Costs of SIDE cells of a line: the least of what there was up to SPREAD steps to either side. */
-static void spread_line(cairn_real *cost, const cairn_real *was, int32_t step)
+/* One-dimensional distance transform of SIDE cells: minimum over up to SPREAD_CELLS steps to either
+ * side. */
+static void spread_line(cairn_real *cost, const cairn_real *previous, int32_t step)
 {
-    memcpy(cost, was, SIDE * sizeof *cost);
-    for (int32_t k = 1; k <= SPREAD; k++) {
-        const cairn_real *low = was - k * step, *high = was + k * step;
-        cairn_real far = (cairn_real)(k * k) / (cairn_real)(2 * SIGMA * SIGMA);
+    memcpy(cost, previous, SIDE * sizeof *cost);
+    for (int32_t k = 1; k <= SPREAD_CELLS; k++) {
+        const cairn_real *low = previous - k * step, *high = previous + k * step;
+        cairn_real distance_cost =
+            (cairn_real)(k * k) / (cairn_real)(2 * SIGMA_CELLS * SIGMA_CELLS);
 
         for (int32_t i = 0; i < SIDE; i++)
-            cost[i] = cairn_min(cost[i], cairn_min(low[i], high[i]) + far);
+            cost[i] = cairn_min(cost[i], cairn_min(low[i], high[i]) + distance_cost);
     }
 }
 
-/* 1 when there is an edge in so many cells. */
-static int is_marked(const cairn_real *cost, int32_t count)
+/* Returns 1 when any of `count` cells has an edge. */
+static int has_edge(const cairn_real *cost, int32_t count)
 {
     int32_t i = 0;
 
-    while (i < count && !(cost[i] < CONTOUR_FIELD_MOST))
+    while (i < count && !(cost[i] < CONTOUR_FIELD_MAX_COST))
         i++;
     return i < count;
 }
 
-/* Along every row of cells, then across all of them; plane: [(SIDE + 2 * SPREAD) * SIDE] is
- * overwritten. */
+/* Distance transform along every row of cells, then along all columns; plane: [(SIDE + 2 *
+ * SPREAD_CELLS) * SIDE] scratch. */
 static void spread_both(cairn_real *cost, cairn_real *plane)
 {
-    cairn_real line[SIDE + 2 * SPREAD];
+    cairn_real line[SIDE + 2 * SPREAD_CELLS];
 
-    if (!is_marked(cost, SIDE * SIDE))
+    if (!has_edge(cost, SIDE * SIDE))
         return;
-    for (int32_t i = 0; i < SPREAD; i++)
-        line[i] = line[SIDE + SPREAD + i] = CONTOUR_FIELD_MOST;
+    for (int32_t i = 0; i < SPREAD_CELLS; i++)
+        line[i] = line[SIDE + SPREAD_CELLS + i] = CONTOUR_FIELD_MAX_COST;
     for (int32_t i = 0; i < SIDE; i++) {
-        memcpy(&line[SPREAD], &cost[i * SIDE], SIDE * sizeof *line);
-        if (is_marked(&line[SPREAD], SIDE))
-            spread_line(&cost[i * SIDE], &line[SPREAD], 1);
+        memcpy(&line[SPREAD_CELLS], &cost[i * SIDE], SIDE * sizeof *line);
+        if (has_edge(&line[SPREAD_CELLS], SIDE))
+            spread_line(&cost[i * SIDE], &line[SPREAD_CELLS], 1);
     }
-    for (int32_t i = 0; i < SPREAD * SIDE; i++)
-        plane[i] = plane[(SIDE + SPREAD) * SIDE + i] = CONTOUR_FIELD_MOST;
-    memcpy(&plane[SPREAD * SIDE], cost, sizeof *plane * SIDE * SIDE);
+    for (int32_t i = 0; i < SPREAD_CELLS * SIDE; i++)
+        plane[i] = plane[(SIDE + SPREAD_CELLS) * SIDE + i] = CONTOUR_FIELD_MAX_COST;
+    memcpy(&plane[SPREAD_CELLS * SIDE], cost, sizeof *plane * SIDE * SIDE);
     for (int32_t i = 0; i < SIDE; i++)
-        spread_line(&cost[i * SIDE], &plane[(SPREAD + i) * SIDE], SIDE);
+        spread_line(&cost[i * SIDE], &plane[(SPREAD_CELLS + i) * SIDE], SIDE);
 }
 
-/* Spreads one direction's costs, and takes the mean of how likely they are. */
+/* Transforms one direction's costs, and returns the mean likelihood. */
 static cairn_real spread(cairn_real *cost, cairn_real *plane)
 {
-    const double none = exp(-(double)CONTOUR_FIELD_MOST);
+    const double none = exp(-(double)CONTOUR_FIELD_MAX_COST);
     double sum = 0;
 
     spread_both(cost, plane);
     for (int32_t i = 0; i < SIDE * SIDE; i++)
-        sum += cost[i] < CONTOUR_FIELD_MOST ? exp(-(double)cost[i]) : none;
-    return (cairn_real)fmax(LEAST_CHANCE, sum / (SIDE * SIDE));
+        sum += cost[i] < CONTOUR_FIELD_MAX_COST ? exp(-(double)cost[i]) : none;
+    return (cairn_real)fmax(MIN_BACKGROUND, sum / (SIDE * SIDE));
 }
 
 contour_field *cairn_contour_field_new(void)
 {
-    contour_field *f = calloc(1, sizeof *f);
+    contour_field *field = calloc(1, sizeof *field);
 
-    if (f == NULL)
+    if (field == NULL)
         return NULL;
-    f->cost = malloc((size_t)BINS * SIDE * SIDE * sizeof *f->cost);
-    f->worth = malloc((size_t)BINS * SIDE * SIDE * sizeof *f->worth);
-    f->plane = malloc((size_t)(SIDE + 2 * SPREAD) * SIDE * sizeof *f->plane);
-    if (f->cost != NULL && f->worth != NULL && f->plane != NULL)
-        return f;
-    cairn_contour_field_free(f);
+    field->cost = malloc((size_t)BINS * SIDE * SIDE * sizeof *field->cost);
+    field->llr = malloc((size_t)BINS * SIDE * SIDE * sizeof *field->llr);
+    field->plane = malloc((size_t)(SIDE + 2 * SPREAD_CELLS) * SIDE * sizeof *field->plane);
+    if (field->cost != NULL && field->llr != NULL && field->plane != NULL)
+        return field;
+    cairn_contour_field_free(field);
     return NULL;
 }
 
@@ -156,30 +163,30 @@ void cairn_contour_field_free(contour_field *field)
 {
     if (field != NULL) {
         free(field->cost);
-        free(field->worth);
+        free(field->llr);
         free(field->plane);
     }
     free(field);
 }
 
-void cairn_contour_field_fill(contour_field *f, const cairn_contour_tokens *tokens,
-                              const cairn_grouped_object *o)
+void cairn_contour_field_fill(contour_field *field, const cairn_contour_tokens *tokens,
+                              const cairn_grouped_object *object)
 {
     cairn_real half;
 
-    f->cell = o->size / CELLS;
-    half = SIDE * f->cell / 2;
-    f->corner.x = o->origin.x - half;
-    f->corner.y = o->origin.y - half;
+    field->cell_size = object->size / CELLS_PER_SIZE;
+    half = SIDE * field->cell_size / 2;
+    field->corner.x = object->origin.x - half;
+    field->corner.y = object->origin.y - half;
     for (int32_t i = 0; i < BINS * SIDE * SIDE; i++)
-        f->worth[i] = CAIRN_REAL_MAX;
+        field->llr[i] = CAIRN_REAL_MAX;
     for (int32_t bin = 0; bin < BINS; bin++)
-        clear(&f->cost[(size_t)bin * SIDE * SIDE]);
+        clear_costs(&field->cost[(size_t)bin * SIDE * SIDE]);
     for (int32_t i = 0; i < tokens->count; i++)
-        if (!is_outside(f, tokens->lines[i]))
-            enter(f, tokens->lines[i], tokens->strength[i]);
+        if (!is_outside(field, tokens->lines[i]))
+            enter_segment(field, tokens->lines[i], tokens->strength[i]);
     for (int32_t bin = 0; bin < BINS; bin++)
-        f->chance[bin] = spread(&f->cost[(size_t)bin * SIDE * SIDE], f->plane);
+        field->background[bin] = spread(&field->cost[(size_t)bin * SIDE * SIDE], field->plane);
 }
 
 int32_t cairn_contour_field_bin(cairn_vec2 direction)

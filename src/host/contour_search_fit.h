@@ -1,73 +1,79 @@
-/* contour_search_fit: a model's outline bent onto the edges about an object, and how well it
- * fits there. Internal to the host library. */
+/* contour_search_fit: deformation of a model's outline to the edges around an object (deformable
+ * template matching). Internal to the host library. */
 #ifndef CAIRN_HOST_CONTOUR_SEARCH_FIT_H
 #define CAIRN_HOST_CONTOUR_SEARCH_FIT_H
 
 #include "src/host/contour_search_work.h"
 
-/* Directions over half a turn, and cells along a side of the window: one and a half sizes. */
+/* Direction bins over half a turn, and cells along a side of the window, which is one and a half
+ * object sizes. */
 enum { CONTOUR_FIELD_BINS = 12, CONTOUR_FIELD_SIDE = 192 };
-/* No edge is in reach. */
-#define CONTOUR_FIELD_MOST CAIRN_REAL(30.0)
+/* Cost of a cell without an edge in reach. */
+#define CONTOUR_FIELD_MAX_COST CAIRN_REAL(30.0)
 
 typedef struct contour_field {
-    /* [BINS * SIDE * SIDE] -log of how well an edge fits there */
+    /* [BINS * SIDE * SIDE] distance field: negative log of the edge proximity, per direction */
     cairn_real *cost;
-    /* [BINS * SIDE * SIDE] what it says of an outline; CAIRN_REAL_MAX: not yet asked for */
-    cairn_real *worth;
-    /* one direction's, and what lies about them, while they are made */
+    /* [BINS * SIDE * SIDE] log-likelihood ratio (nats) of an outline sample there; CAIRN_REAL_MAX:
+     * not yet computed */
+    cairn_real *llr;
+    /* buffer for one direction and its border, used while the field is computed */
     cairn_real *plane;
-    /* how well one does by chance */
-    cairn_real chance[CONTOUR_FIELD_BINS];
-    /* px */
+    /* mean edge proximity of each direction over the window: the background likelihood */
+    cairn_real background[CONTOUR_FIELD_BINS];
+    /* px, corner of the window */
     cairn_vec2 corner;
-    /* px */
-    cairn_real cell;
+    /* px, cell size */
+    cairn_real cell_size;
 } contour_field;
 
-/* NULL: there is no memory. */
+/* Allocates a field; NULL: out of memory. */
 contour_field *cairn_contour_field_new(void);
 void cairn_contour_field_free(contour_field *field);
-/* The field about an object. Cost: the segments near it, and some 10^7 operations. */
+/* Computes the field around an object. Cost: the segments near it, and about 10^7 operations. */
 void cairn_contour_field_fill(contour_field *field, const cairn_contour_tokens *tokens,
                               const cairn_grouped_object *object);
 int32_t cairn_contour_field_bin(cairn_vec2 direction);
 
-/* The outline where it lies. */
+/* A deformed outline and its score. */
 typedef struct contour_fit {
-    /* [outline_count] px */
+    /* [outline_count] px, deformed samples and their directions */
     cairn_oriented_point *outline;
-    /* [outline_count] log of how much likelier its edge is with the object than by chance */
-    cairn_real *worth;
-    /* [outline_count] of which outline each sample is */
-    int32_t *part;
-    /* all of it, less what the bending costs */
+    /* [outline_count] log-likelihood ratio (nats) of each sample's edges, object against
+     * background */
+    cairn_real *llr;
+    /* [outline_count] index of the closed outline of each sample */
+    int32_t *outline_index;
+    /* nats, total log-likelihood ratio less the deformation cost */
     cairn_real evidence;
-    /* of the outline, in sizes */
+    /* length of the outline, in object sizes */
     cairn_real length;
 } contour_fit;
 
-/* Bends the outline of the object's model onto the edges of the field; the object's pose becomes
- * that of the bent outline. 0: there is no memory. */
+/* Deforms the outline of the object's model to the edges of the field. The object's pose becomes
+ * that of the deformed outline. Returns 0 when out of memory. */
 int cairn_contour_fit_run(contour_fit *fit, const contour_field *field,
                           const cairn_shape_model *model, cairn_grouped_object *object);
 int cairn_contour_fit_new(contour_fit *fit, int32_t outline_count);
 void cairn_contour_fit_free(contour_fit *fit);
 
-/* The drawing that an outline was bent from. */
-typedef struct contour_drawn {
-    /* [laid outline_count] of the model, mirrored where the object is */
+/* The original outline that a deformed outline is compared with. */
+typedef struct contour_reference {
+    /* [outline_count] of the model, mirrored if the object is */
     const cairn_oriented_point *outline;
-    /* its x axis in the image, of length 1; (1, 0): turns of the object count */
-    cairn_vec2 turn;
-} contour_drawn;
+    /* unit vector of the model's x axis in the image; (1, 0): the object's rotation counts as
+     * deviation */
+    cairn_vec2 rotation;
+} contour_reference;
 
-/* How well a bent outline fits, whatever lies round it (contour_search_shape.c). part: the
- * fit's; list: [tokens->count] is overwritten. near: NULL, or [outline_count], takes how near an
- * edge is to each sample, 0 ... 1. Cost: samples times the segments in its box. */
+/* Computes the shape quality of a deformed outline, independent of its surroundings
+ * (contour_search_shape.c). outline_index: outline indices of the fit; list: [tokens->count]
+ * scratch; proximity: NULL, or [outline_count], receives the edge proximity of each sample,
+ * 0 ... 1. Cost: samples times the segments in its box. */
 cairn_contour_shape cairn_contour_shape_of(const cairn_contour_tokens *tokens,
-                                           const contour_laid *laid, const int32_t *part,
-                                           const contour_drawn *drawn, int32_t *list,
-                                           cairn_real *near);
+                                           const contour_fitted_outline *fitted,
+                                           const int32_t *outline_index,
+                                           const contour_reference *reference, int32_t *list,
+                                           cairn_real *proximity);
 
 #endif

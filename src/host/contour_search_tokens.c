@@ -1,4 +1,5 @@
-/* Tokens of a picture: chains of its edges, then their segments, or edgels along them. */
+/* Token extraction from an edge image: chains of edges, then their segments, or edgels along
+ * them. */
 #include "src/core/build.h"
 
 #include <errno.h>
@@ -8,13 +9,14 @@
 
 #include "cairn/contour_search.h"
 
-/* The shortest piece of the mode as written, px: of shorter ones a walk has too many that fit. */
-#define WRITTEN_PIECE 10
-/* Edgels stand so many pixels apart, each with the direction between the pixels so far before
- * and behind it. */
-enum { EDGEL_STEP = 3, EDGEL_REACH = 3 };
-/* px: length of an edgel, which stands for mean length and look-ahead of segments. */
-#define EDGEL_LENGTH 5
+/* Least length of a segment in the mode as written, px; shorter ones give too many candidate
+ * extensions. */
+#define WRITTEN_MIN_PIECE_PX 10
+/* Spacing of edgels in chain pixels; each has the direction between the pixels EDGEL_SPAN_PIXELS
+ * before and after it. */
+enum { EDGEL_STEP_PIXELS = 3, EDGEL_SPAN_PIXELS = 3 };
+/* px: used as mean segment length and look-ahead for edgels. */
+#define EDGEL_SCALE_PX 5
 
 void cairn_contour_tokens_free(cairn_contour_tokens *tokens)
 {
@@ -25,62 +27,63 @@ void cairn_contour_tokens_free(cairn_contour_tokens *tokens)
     memset(tokens, 0, sizeof *tokens);
 }
 
-static int allocate(cairn_contour_tokens *t, int32_t count)
+static int allocate(cairn_contour_tokens *tokens, int32_t count)
 {
-    t->lines = malloc(((size_t)count + 1) * sizeof *t->lines);
-    t->chain = malloc(((size_t)count + 1) * sizeof *t->chain);
-    t->strength = malloc(((size_t)count + 1) * sizeof *t->strength);
-    return t->lines != NULL && t->chain != NULL && t->strength != NULL;
+    tokens->lines = malloc(((size_t)count + 1) * sizeof *tokens->lines);
+    tokens->chain = malloc(((size_t)count + 1) * sizeof *tokens->chain);
+    tokens->strength = malloc(((size_t)count + 1) * sizeof *tokens->strength);
+    return tokens->lines != NULL && tokens->chain != NULL && tokens->strength != NULL;
 }
 
-static cairn_vec2 place_of(const cairn_edge_pixel *p)
+static cairn_vec2 pixel_position(const cairn_edge_pixel *pixel)
 {
-    cairn_vec2 place = {(cairn_real)p->x, (cairn_real)p->y};
+    cairn_vec2 position = {(cairn_real)pixel->x, (cairn_real)pixel->y};
 
-    return place;
+    return position;
 }
 
-static cairn_status take_edgels(cairn_contour_tokens *t, const cairn_edge_chain_result *r)
+static cairn_status extract_edgels(cairn_contour_tokens *tokens,
+                                   const cairn_edge_chain_result *chains)
 {
-    const cairn_real half = CAIRN_REAL(0.5) * EDGEL_STEP;
+    const cairn_real half = CAIRN_REAL(0.5) * EDGEL_STEP_PIXELS;
 
-    if (!allocate(t, r->pixel_count / EDGEL_STEP + r->chain_count))
+    if (!allocate(tokens, chains->pixel_count / EDGEL_STEP_PIXELS + chains->chain_count))
         return CAIRN_NO_MEMORY;
-    for (int32_t c = 0; c < r->chain_count; c++) {
-        const cairn_edge_pixel *pixels = &r->pixels[r->chains[c].first];
-        int32_t last = r->chains[c].count - 1;
+    for (int32_t c = 0; c < chains->chain_count; c++) {
+        const cairn_edge_pixel *pixels = &chains->pixels[chains->chains[c].first];
+        int32_t last = chains->chains[c].count - 1;
 
-        for (int32_t i = EDGEL_STEP / 2; i <= last; i += EDGEL_STEP) {
-            int32_t from = i < EDGEL_REACH ? 0 : i - EDGEL_REACH,
-                    to = i + EDGEL_REACH > last ? last : i + EDGEL_REACH;
-            cairn_vec2 at = place_of(&pixels[i]),
-                       along =
-                           cairn_vec2_scale(cairn_vec2_unit(cairn_vec2_sub(
-                                                place_of(&pixels[to]), place_of(&pixels[from]))),
-                                            half);
+        for (int32_t i = EDGEL_STEP_PIXELS / 2; i <= last; i += EDGEL_STEP_PIXELS) {
+            int32_t from = i < EDGEL_SPAN_PIXELS ? 0 : i - EDGEL_SPAN_PIXELS,
+                    to = i + EDGEL_SPAN_PIXELS > last ? last : i + EDGEL_SPAN_PIXELS;
+            cairn_vec2 position = pixel_position(&pixels[i]),
+                       along = cairn_vec2_scale(
+                           cairn_vec2_unit(cairn_vec2_sub(pixel_position(&pixels[to]),
+                                                          pixel_position(&pixels[from]))),
+                           half);
 
             if (!(cairn_vec2_norm_squared(along) > 0))
                 continue;
-            t->lines[t->count].a = cairn_vec2_sub(at, along);
-            t->lines[t->count].b = cairn_vec2_add(at, along);
-            t->chain[t->count++] = c;
+            tokens->lines[tokens->count].a = cairn_vec2_sub(position, along);
+            tokens->lines[tokens->count].b = cairn_vec2_add(position, along);
+            tokens->chain[tokens->count++] = c;
         }
     }
-    t->mean_length = t->look_ahead = EDGEL_LENGTH;
+    tokens->mean_length = tokens->look_ahead = EDGEL_SCALE_PX;
     return CAIRN_OK;
 }
 
-/* What is looked for beside the segments themselves. */
+/* Kind of tokens to extract; strong: threshold factor of strong chains. */
 typedef struct token_kind {
     int32_t edgels, written;
     cairn_real strong;
 } token_kind;
 
-/* Segments, in the default mode but the virtual ones: those lie on no edge. */
-static cairn_status take_segments(cairn_contour_tokens *t, cairn_edge_segment_set *set,
-                                  const cairn_edge_chain_result *r, int32_t written)
+/* Extracts segments; without the virtual ones in the default mode, because they lie on no edge. */
+static cairn_status extract_segments(cairn_contour_tokens *tokens, cairn_edge_segment_set *set,
+                                     const cairn_edge_chain_result *chains, int32_t written)
 {
-    cairn_status status = cairn_edge_segment_begin(set, r);
+    cairn_status status = cairn_edge_segment_begin(set, chains);
     cairn_edge_segment_result found;
     cairn_budget budget;
 
@@ -93,45 +96,46 @@ static cairn_status take_segments(cairn_contour_tokens *t, cairn_edge_segment_se
     if (status != CAIRN_OK)
         return status;
     found = cairn_edge_segment_read(set);
-    if (!allocate(t, found.count))
+    if (!allocate(tokens, found.count))
         return CAIRN_NO_MEMORY;
-    t->count = found.count - (written ? 0 : found.virtual_count);
-    for (int32_t i = 0; i < t->count; i++) {
-        t->lines[i] = found.segments[i].line;
-        t->chain[i] = found.segments[i].chain;
+    tokens->count = found.count - (written ? 0 : found.virtual_count);
+    for (int32_t i = 0; i < tokens->count; i++) {
+        tokens->lines[i] = found.segments[i].line;
+        tokens->chain[i] = found.segments[i].chain;
     }
-    t->mean_length = found.mean_length;
-    t->look_ahead = found.look_ahead;
+    tokens->mean_length = found.mean_length;
+    tokens->look_ahead = found.look_ahead;
     return CAIRN_OK;
 }
 
-/* The end points of strong chains. */
-static cairn_status take_ends(cairn_contour_tokens *t, const cairn_edge_chain_result *r,
-                              cairn_real strong)
+/* Extracts the end points of strong chains. */
+static cairn_status extract_strong_ends(cairn_contour_tokens *tokens,
+                                        const cairn_edge_chain_result *chains, cairn_real strong)
 {
     double sum = 0, pixels = 0;
 
-    t->ends = malloc(2 * ((size_t)r->chain_count + 1) * sizeof *t->ends);
-    if (t->ends == NULL)
+    tokens->ends = malloc(2 * ((size_t)chains->chain_count + 1) * sizeof *tokens->ends);
+    if (tokens->ends == NULL)
         return CAIRN_NO_MEMORY;
-    for (int32_t c = 0; c < r->chain_count; c++) {
-        sum += (double)r->chains[c].strength * r->chains[c].count;
-        pixels += r->chains[c].count;
+    for (int32_t c = 0; c < chains->chain_count; c++) {
+        sum += (double)chains->chains[c].strength * chains->chains[c].count;
+        pixels += chains->chains[c].count;
     }
-    for (int32_t c = 0; c < r->chain_count; c++) {
-        const cairn_edge_chain *chain = &r->chains[c];
+    for (int32_t c = 0; c < chains->chain_count; c++) {
+        const cairn_edge_chain *chain = &chains->chains[c];
 
         if ((double)chain->strength * pixels < (double)strong * sum)
             continue;
-        t->ends[t->end_count++] = place_of(&r->pixels[chain->first]);
-        t->ends[t->end_count++] = place_of(&r->pixels[chain->first + chain->count - 1]);
+        tokens->ends[tokens->end_count++] = pixel_position(&chains->pixels[chain->first]);
+        tokens->ends[tokens->end_count++] =
+            pixel_position(&chains->pixels[chain->first + chain->count - 1]);
     }
     return CAIRN_OK;
 }
 
-static cairn_status find(cairn_contour_tokens *t, cairn_raster_u8_view strengths,
-                         const token_kind *kind, const cairn_edge_chain_params *chain,
-                         const cairn_edge_segment_params *segment, cairn_pool *pool)
+static cairn_status extract_tokens(cairn_contour_tokens *tokens, cairn_raster_u8_view strengths,
+                                   const token_kind *kind, const cairn_edge_chain_params *chain,
+                                   const cairn_edge_segment_params *segment, cairn_pool *pool)
 {
     cairn_edge_segment_set *segments;
     cairn_edge_chain_set *chains;
@@ -152,50 +156,56 @@ static cairn_status find(cairn_contour_tokens *t, cairn_raster_u8_view strengths
     if (status != CAIRN_OK)
         return status;
     r = cairn_edge_chain_read(chains);
-    t->chains = r.chain_count;
-    status = kind->edgels ? take_edgels(t, &r) : take_segments(t, segments, &r, kind->written);
-    return status == CAIRN_OK && kind->written ? take_ends(t, &r, kind->strong) : status;
+    tokens->chains = r.chain_count;
+    status = kind->edgels ? extract_edgels(tokens, &r)
+                          : extract_segments(tokens, segments, &r, kind->written);
+    return status == CAIRN_OK && kind->written ? extract_strong_ends(tokens, &r, kind->strong)
+                                               : status;
 }
 
 /* ---- Strengths ---- */
 
-/* The strongest pixel within one of a place. */
-static int32_t strength_at(cairn_raster_u8_view view, cairn_vec2 at)
+/* Greatest strength within one pixel of a point. */
+static int32_t max_strength_near(cairn_raster_u8_view view, cairn_vec2 at)
 {
-    int32_t x = (int32_t)at.x, y = (int32_t)at.y, most = 0;
+    int32_t x = (int32_t)at.x, y = (int32_t)at.y, strongest = 0;
 
     for (int32_t v = y > 0 ? y - 1 : 0; v <= y + 1 && v < view.height; v++)
         for (int32_t u = x > 0 ? x - 1 : 0; u <= x + 1 && u < view.width; u++)
-            most = view.data[v * view.stride + u] > most ? view.data[v * view.stride + u] : most;
-    return most;
+            strongest = view.data[v * view.stride + u] > strongest ? view.data[v * view.stride + u]
+                                                                   : strongest;
+    return strongest;
 }
 
-/* The mean along a line, 0 ... 255. */
-static int32_t strength_of(cairn_raster_u8_view view, cairn_segment line)
+/* Mean strength along a line, 0 ... 255. */
+static int32_t mean_strength(cairn_raster_u8_view view, cairn_segment line)
 {
     int32_t steps = 1 + (int32_t)(cairn_segment_length(line) / 2), sum = 0;
 
     for (int32_t k = 0; k <= steps; k++)
-        sum += strength_at(
+        sum += max_strength_near(
             view, cairn_vec2_add(line.a, cairn_vec2_scale(cairn_vec2_sub(line.b, line.a),
                                                           (cairn_real)k / (cairn_real)steps)));
     return sum / (steps + 1);
 }
 
-/* The share of all edges that are weaker than each; of those that are as strong, half. */
-static void rank_strengths(cairn_contour_tokens *t, cairn_raster_u8_view view)
+/* Ranks strengths: the share of the total edge length that is weaker, plus half of that of equal
+ * strength. */
+static void rank_strengths(cairn_contour_tokens *tokens, cairn_raster_u8_view view)
 {
-    double length[256] = {0}, weaker[256], all = 0;
+    double length[256] = {0}, weaker[256], total = 0;
 
-    for (int32_t i = 0; i < t->count; i++)
-        length[strength_of(view, t->lines[i])] += (double)cairn_segment_length(t->lines[i]);
+    for (int32_t i = 0; i < tokens->count; i++)
+        length[mean_strength(view, tokens->lines[i])] +=
+            (double)cairn_segment_length(tokens->lines[i]);
     for (int32_t level = 0; level < 256; level++) {
-        weaker[level] = all + length[level] / 2;
-        all += length[level];
+        weaker[level] = total + length[level] / 2;
+        total += length[level];
     }
-    for (int32_t i = 0; i < t->count; i++)
-        t->strength[i] =
-            all > 0 ? (cairn_real)(weaker[strength_of(view, t->lines[i])] / all) : CAIRN_REAL(0.5);
+    for (int32_t i = 0; i < tokens->count; i++)
+        tokens->strength[i] =
+            total > 0 ? (cairn_real)(weaker[mean_strength(view, tokens->lines[i])] / total)
+                      : CAIRN_REAL(0.5);
 }
 
 static int32_t count_edges(cairn_raster_u8_view strengths, int32_t min_strength)
@@ -222,7 +232,7 @@ static cairn_status find_tokens(cairn_contour_tokens *tokens, cairn_raster_u8_vi
     memset(tokens, 0, sizeof *tokens);
     if (cairn_raster_u8_check(strengths) != CAIRN_OK || min_strength < 1 || min_strength > 255)
         return cairn_file_error_set(error, CAIRN_BAD_ARGUMENT, path, 0,
-                                    "no picture of edges, expected strengths from 1 to 255");
+                                    "no edge image, expected strengths from 1 to 255");
     edges = count_edges(strengths, min_strength);
     if (strengths.width > CAIRN_CONTOUR_SIDE_MOST || strengths.height > CAIRN_CONTOUR_SIDE_MOST ||
         edges > CAIRN_CONTOUR_EDGES_MOST)
@@ -236,7 +246,7 @@ static cairn_status find_tokens(cairn_contour_tokens *tokens, cairn_raster_u8_vi
     chain.max_edges = chain.max_chains = edges + 1;
     chain.min_strength = min_strength;
     if (kind->written && !kind->edgels)
-        segment.min_piece = WRITTEN_PIECE;
+        segment.min_piece = WRITTEN_MIN_PIECE_PX;
     segment.max_lines = kind->edgels ? 1 : edges + 1;
     segment.max_segments = kind->edgels ? 1 : 3 * (edges + 1);
     tokens->pool_bytes =
@@ -246,7 +256,7 @@ static cairn_status find_tokens(cairn_contour_tokens *tokens, cairn_raster_u8_vi
         return cairn_file_error_system(error, path, "find edges of", ENOMEM);
     status = cairn_pool_init(&pool, memory, tokens->pool_bytes);
     if (status == CAIRN_OK)
-        status = find(tokens, strengths, kind, &chain, &segment, &pool);
+        status = extract_tokens(tokens, strengths, kind, &chain, &segment, &pool);
     free(memory);
     if (status == CAIRN_OK)
         rank_strengths(tokens, strengths);
@@ -265,7 +275,7 @@ cairn_status cairn_contour_tokens_find(cairn_contour_tokens *tokens, cairn_raste
                                        int32_t min_strength, int32_t edgels, const char *path,
                                        cairn_file_error *error)
 {
-    token_kind kind = {edgels, 0, 0};
+    token_kind kind = {.edgels = edgels};
 
     return find_tokens(tokens, strengths, min_strength, &kind, path, error);
 }
@@ -275,7 +285,7 @@ cairn_status cairn_contour_tokens_find_written(cairn_contour_tokens *tokens,
                                                int32_t edgels, cairn_real strong, const char *path,
                                                cairn_file_error *error)
 {
-    token_kind kind = {edgels, 1, strong};
+    token_kind kind = {.edgels = edgels, .written = 1, .strong = strong};
 
     memset(tokens, 0, sizeof *tokens);
     if (!isfinite((double)strong) || strong < 0)

@@ -1,7 +1,7 @@
-/* What detections are worth against the truth.
+/* Evaluation of detections against ground truth.
  *
- * Method: the protocol of the ETHZ shape classes and of PASCAL VOC 2007: each object is taken once,
- * by the best detection that shares enough with it; average precision over eleven recalls.
+ * Method: the protocol of the ETHZ shape classes and of PASCAL VOC 2007: each object is matched
+ * once, by the best detection that overlaps it enough; 11-point interpolated average precision.
  *
  * Source: Everingham et al. 2010 (11 points); Wilson 1927 (intervals). */
 #include "src/core/build.h"
@@ -16,27 +16,28 @@
 #include "cairn/report.h"
 
 #define WILSON_Z 1.96
-enum { LINES = 6, PATH_BYTES = 4096 };
+enum { LINE_COUNT = 6, PATH_BYTES = 4096 };
 
 double cairn_detection_overlap(const double a[4], const double b[4])
 {
     double w = fmin(a[2], b[2]) - fmax(a[0], b[0]), h = fmin(a[3], b[3]) - fmax(a[1], b[1]);
-    double both = w > 0 && h > 0 ? w * h : 0;
+    double intersection = w > 0 && h > 0 ? w * h : 0;
 
-    return both / ((a[2] - a[0]) * (a[3] - a[1]) + (b[2] - b[0]) * (b[3] - b[1]) - both);
+    return intersection /
+           ((a[2] - a[0]) * (a[3] - a[1]) + (b[2] - b[0]) * (b[3] - b[1]) - intersection);
 }
 
-int32_t cairn_detection_object(const double (*objects)[4], const int32_t *taken, int32_t count,
+int32_t cairn_detection_object(const double (*objects)[4], const int32_t *claimed, int32_t count,
                                const double box[4], double *share)
 {
     int32_t best = -1;
 
     *share = 0;
     for (int32_t i = 0; i < count; i++) {
-        double own = cairn_detection_overlap(objects[i], box);
+        double overlap = cairn_detection_overlap(objects[i], box);
 
-        if (!taken[i] && own > *share) {
-            *share = own;
+        if (!claimed[i] && overlap > *share) {
+            *share = overlap;
             best = i;
         }
     }
@@ -112,14 +113,15 @@ void cairn_detection_interval(double share, int32_t count, double *low, double *
 
 /* ---- Files ---- */
 
-static void print_point(cairn_output *output, const cairn_detection_point *p)
+static void print_point(cairn_output *output, const cairn_detection_point *point)
 {
     double low[2], high[2];
 
-    cairn_detection_interval(p->recall, p->instances, &low[0], &high[0]);
-    cairn_detection_interval(p->precision, p->detections, &low[1], &high[1]);
-    cairn_output_print(output, "%.6f,%.6f,%.6f,%.6f,%.6f,%.6f,%.6f,%.6f\n", p->score, p->recall,
-                       low[0], high[0], p->precision, low[1], high[1], p->false_per_image);
+    cairn_detection_interval(point->recall, point->instances, &low[0], &high[0]);
+    cairn_detection_interval(point->precision, point->detections, &low[1], &high[1]);
+    cairn_output_print(output, "%.6f,%.6f,%.6f,%.6f,%.6f,%.6f,%.6f,%.6f\n", point->score,
+                       point->recall, low[0], high[0], point->precision, low[1], high[1],
+                       point->false_per_image);
 }
 
 static cairn_status write_table(const char *path, const cairn_detection_point *points,
@@ -137,18 +139,19 @@ static cairn_status write_table(const char *path, const cairn_detection_point *p
     return cairn_output_commit(output, error);
 }
 
-/* Lines from point to point; by_recall: precision over recall, otherwise recall over false
- * positives. bound: -1, 1: its interval's. */
-static void lay_lines(cairn_vec2 *line, const cairn_detection_point *points, int32_t count,
-                      int by_recall, int bound)
+/* Line segments between consecutive points; by_recall: precision over recall, otherwise recall over
+ * false positives. bound: -1, 1: lower or upper confidence bound. */
+static void make_lines(cairn_vec2 *line, const cairn_detection_point *points, int32_t count,
+                       int by_recall, int bound)
 {
     for (int32_t i = 0; i + 1 < count; i++)
         for (int32_t k = 0; k < 2; k++) {
-            const cairn_detection_point *p = &points[i + k];
-            double low, high, value = by_recall ? p->precision : p->recall;
+            const cairn_detection_point *point = &points[i + k];
+            double low, high, value = by_recall ? point->precision : point->recall;
 
-            cairn_detection_interval(value, by_recall ? p->detections : p->instances, &low, &high);
-            line[2 * i + k].x = (cairn_real)(by_recall ? p->recall : p->false_per_image);
+            cairn_detection_interval(value, by_recall ? point->detections : point->instances, &low,
+                                     &high);
+            line[2 * i + k].x = (cairn_real)(by_recall ? point->recall : point->false_per_image);
             line[2 * i + k].y = (cairn_real)(bound < 0 ? low : bound > 0 ? high : value);
         }
 }
@@ -156,13 +159,13 @@ static void lay_lines(cairn_vec2 *line, const cairn_detection_point *points, int
 static cairn_status draw(const char *path, const char *title, const cairn_detection_point *points,
                          int32_t count, cairn_file_error *error)
 {
-    static const char *const colours[LINES] = {"#2563eb", "#93c5fd", "#93c5fd",
-                                               "#dc2626", "#fca5a5", "#fca5a5"};
+    static const char *const colours[LINE_COUNT] = {"#2563eb", "#93c5fd", "#93c5fd",
+                                                    "#dc2626", "#fca5a5", "#fca5a5"};
     static const int bounds[] = {0, -1, 1};
-    size_t room = 2 * (size_t)count;
-    cairn_vec2 *lines = calloc(LINES * room + 1, sizeof *lines);
+    size_t capacity = 2 * (size_t)count;
+    cairn_vec2 *lines = calloc(LINE_COUNT * capacity + 1, sizeof *lines);
     cairn_report_figure figure = cairn_report_figure_default();
-    cairn_report_layer layer[LINES];
+    cairn_report_layer layer[LINE_COUNT];
     cairn_report_plot plot[2] = {{.x_label = "recall",
                                   .y_label = "precision",
                                   .layer = &layer[0],
@@ -177,17 +180,16 @@ static cairn_status draw(const char *path, const char *title, const cairn_detect
 
     if (lines == NULL)
         return cairn_file_error_system(error, path, "curves", ENOMEM);
-    for (int32_t i = 0; i < LINES; i++) {
-        cairn_report_layer own = {NULL,
-                                  colours[i],
-                                  CAIRN_REPORT_LINES,
-                                  count > 0 ? count - 1 : 0,
-                                  lines + (size_t)i * room,
-                                  i % 3 == 0 ? 2 : 1,
-                                  1};
+    for (int32_t i = 0; i < LINE_COUNT; i++) {
+        cairn_report_layer own = {.colour = colours[i],
+                                  .mark = CAIRN_REPORT_LINES,
+                                  .count = count > 0 ? count - 1 : 0,
+                                  .point = lines + (size_t)i * capacity,
+                                  .width = i % 3 == 0 ? 2 : 1,
+                                  .opacity = 1};
 
         layer[i] = own;
-        lay_lines(lines + (size_t)i * room, points, count, i < 3, bounds[i % 3]);
+        make_lines(lines + (size_t)i * capacity, points, count, i < 3, bounds[i % 3]);
     }
     figure.title = title;
     figure.plot = plot;

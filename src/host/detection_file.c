@@ -1,4 +1,4 @@
-/* Detections as JSON and as SVG over their image. */
+/* Writers of detections as JSON and as SVG over their image. */
 #include "src/core/build.h"
 
 #include <stdio.h>
@@ -7,9 +7,10 @@
 #include "cairn/output.h"
 #include "src/host/report_overlay.h"
 
-static double image_x(const cairn_detection_picture *p, cairn_real x)
+/* Converts a coordinate of the searched image to pixels of the original image. */
+static double image_x(const cairn_detection_picture *picture, cairn_real x)
 {
-    return ((double)x + 0.5) * p->shrink - 0.5;
+    return ((double)x + 0.5) * picture->shrink - 0.5;
 }
 
 void cairn_detection_box(const cairn_detection_picture *picture, const cairn_detection *detection,
@@ -23,47 +24,47 @@ void cairn_detection_box(const cairn_detection_picture *picture, const cairn_det
 
 /* ---- JSON ---- */
 
-static void print_segments(cairn_output *output, const cairn_detection_picture *p,
-                           const cairn_detection *d)
+static void print_segments(cairn_output *output, const cairn_detection_picture *picture,
+                           const cairn_detection *detection)
 {
     cairn_output_print(output, "\"segments\": [");
-    for (int32_t i = 0; i < d->segment_count; i++) {
-        int32_t index = p->detections->segments[d->first_segment + i];
-        cairn_segment line = p->tokens->lines[index];
+    for (int32_t i = 0; i < detection->segment_count; i++) {
+        int32_t index = picture->detections->segments[detection->first_segment + i];
+        cairn_segment line = picture->tokens->lines[index];
 
-        cairn_output_print(
-            output, "%s{\"id\": %d, \"chain\": %d, \"line\": [%.2f, %.2f, %.2f, %.2f]}",
-            i > 0 ? ", " : "", (int)index, (int)p->tokens->chain[index], image_x(p, line.a.x),
-            image_x(p, line.a.y), image_x(p, line.b.x), image_x(p, line.b.y));
+        cairn_output_print(output,
+                           "%s{\"id\": %d, \"chain\": %d, \"line\": [%.2f, %.2f, %.2f, %.2f]}",
+                           i > 0 ? ", " : "", (int)index, (int)picture->tokens->chain[index],
+                           image_x(picture, line.a.x), image_x(picture, line.a.y),
+                           image_x(picture, line.b.x), image_x(picture, line.b.y));
     }
     cairn_output_print(output, "]");
 }
 
-/* The outline where it lies, and which of its samples are not seen. */
-static void print_outline(cairn_output *output, const cairn_detection_picture *p,
-                          const cairn_detection *d)
+/* The deformed outline, and which of its samples are unmatched. */
+static void print_outline(cairn_output *output, const cairn_detection_picture *picture,
+                          const cairn_detection *detection)
 {
-    const cairn_contour_place *outline = &p->detections->outline[d->first_outline];
+    const cairn_contour_place *outline = &picture->detections->outline[detection->first_outline];
 
     cairn_output_print(output, "\"outline\": [");
-    for (int32_t i = 0; i < d->outline_count; i++)
+    for (int32_t i = 0; i < detection->outline_count; i++)
         cairn_output_print(output, "%s[%.2f, %.2f, %d]", i > 0 ? ", " : "",
-                           image_x(p, outline[i].at.position.x),
-                           image_x(p, outline[i].at.position.y), (int)outline[i].segment);
+                           image_x(picture, outline[i].at.position.x),
+                           image_x(picture, outline[i].at.position.y), (int)outline[i].segment);
     cairn_output_print(output, "]");
 }
 
-/* The configuration: fragments of the model along chains, and the bundles of which there is
- * none. */
-static void print_parts(cairn_output *output, const cairn_detection_picture *p,
-                        const cairn_detection *d)
+/* The configuration: matched fragments of the model along chains, and the bundles without one. */
+static void print_parts(cairn_output *output, const cairn_detection_picture *picture,
+                        const cairn_detection *detection)
 {
     const char *comma = "";
 
     cairn_output_print(output, "\"distance\": %.4f, \"agreement\": %.4f, \"parts\": [",
-                       (double)d->distance, (double)d->agreement);
-    for (int32_t i = 0; i < d->part_count; i++) {
-        const cairn_detected_part *part = &p->detections->parts[d->first_part + i];
+                       (double)detection->distance, (double)detection->agreement);
+    for (int32_t i = 0; i < detection->part_count; i++) {
+        const cairn_detected_part *part = &picture->detections->parts[detection->first_part + i];
 
         cairn_output_print(output,
                            "%s{\"bundle\": %d, \"fragment\": %d, \"chain\": %d, \"reversed\": %s, "
@@ -71,15 +72,15 @@ static void print_parts(cairn_output *output, const cairn_detection_picture *p,
                            "\"from\": %.2f, \"to\": %.2f}",
                            i > 0 ? ", " : "", (int)part->bundle, (int)part->fragment,
                            (int)part->chain, part->reversed ? "true" : "false",
-                           (double)part->similarity, (double)part->from * p->shrink,
-                           (double)part->to * p->shrink);
+                           (double)part->similarity, (double)part->from * picture->shrink,
+                           (double)part->to * picture->shrink);
     }
     cairn_output_print(output, "], \"missing\": [");
-    for (int32_t bundle = 0; bundle < p->detections->bundles; bundle++) {
+    for (int32_t bundle = 0; bundle < picture->detections->bundles; bundle++) {
         int is_missing = 1;
 
-        for (int32_t i = 0; i < d->part_count && is_missing; i++)
-            is_missing = p->detections->parts[d->first_part + i].bundle != bundle;
+        for (int32_t i = 0; i < detection->part_count && is_missing; i++)
+            is_missing = picture->detections->parts[detection->first_part + i].bundle != bundle;
         if (is_missing) {
             cairn_output_print(output, "%s%d", comma, (int)bundle);
             comma = ", ";
@@ -88,12 +89,12 @@ static void print_parts(cairn_output *output, const cairn_detection_picture *p,
     cairn_output_print(output, "],\n   ");
 }
 
-static void print_detection(cairn_output *output, const cairn_detection_picture *p,
-                            const cairn_detection *d)
+static void print_detection(cairn_output *output, const cairn_detection_picture *picture,
+                            const cairn_detection *detection)
 {
     double box[4];
 
-    cairn_detection_box(p, d, box);
+    cairn_detection_box(picture, detection, box);
     cairn_output_print(
         output,
         "  {\"score\": %.4f, \"rigid\": %.4f, \"bent\": %.4f, \"along\": %.4f, "
@@ -101,21 +102,23 @@ static void print_detection(cairn_output *output, const cairn_detection_picture 
         "%.4f, "
         "\"box\": [%.2f, %.2f, %.2f, %.2f], \"x\": %.2f, \"y\": %.2f, \"size\": %.2f, "
         "\"mirrored\": %s,\n   ",
-        (double)d->score, (double)d->rigid, (double)d->bent, (double)d->along, (double)d->close,
-        (double)d->turned, (double)d->strained, (double)d->agreed, (double)d->grouped, box[0],
-        box[1], box[2], box[3], image_x(p, d->origin.x), image_x(p, d->origin.y),
-        (double)d->size * p->shrink, d->mirrored ? "true" : "false");
-    if (p->detections->has_appearance)
-        cairn_output_print(output, "\"appearance\": %.4f, ", (double)d->appearance);
-    if (p->detections->bundles > 0)
-        print_parts(output, p, d);
-    print_segments(output, p, d);
+        (double)detection->score, (double)detection->rigid, (double)detection->bent,
+        (double)detection->along, (double)detection->close, (double)detection->turned,
+        (double)detection->strained, (double)detection->agreed, (double)detection->grouped, box[0],
+        box[1], box[2], box[3], image_x(picture, detection->origin.x),
+        image_x(picture, detection->origin.y), (double)detection->size * picture->shrink,
+        detection->mirrored ? "true" : "false");
+    if (picture->detections->has_appearance)
+        cairn_output_print(output, "\"appearance\": %.4f, ", (double)detection->appearance);
+    if (picture->detections->bundles > 0)
+        print_parts(output, picture, detection);
+    print_segments(output, picture, detection);
     cairn_output_print(output, ",\n   ");
-    print_outline(output, p, d);
+    print_outline(output, picture, detection);
     cairn_output_print(output, "}");
 }
 
-cairn_status cairn_detection_file_write(const cairn_detection_picture *p, const char *path,
+cairn_status cairn_detection_file_write(const cairn_detection_picture *picture, const char *path,
                                         cairn_file_error *error)
 {
     cairn_output *output;
@@ -124,18 +127,19 @@ cairn_status cairn_detection_file_write(const cairn_detection_picture *p, const 
     if (status != CAIRN_OK)
         return status;
     cairn_output_print(output, "{\"image\": ");
-    cairn_report_print_json(output, p->image);
+    cairn_report_print_json(output, picture->image);
     cairn_output_print(output, ", \"model\": ");
-    cairn_report_print_json(output, p->model_name);
+    cairn_report_print_json(output, picture->model_name);
     cairn_output_print(
         output,
         ", \"width\": %d, \"height\": %d, \"shrink\": %d, \"chains\": %d, \"segments\": %d,\n"
         " \"detections\": [",
-        (int)(p->tokens->width * p->shrink), (int)(p->tokens->height * p->shrink), (int)p->shrink,
-        (int)p->tokens->chains, (int)p->tokens->count);
-    for (int32_t i = 0; i < p->detections->count; i++) {
+        (int)(picture->tokens->width * picture->shrink),
+        (int)(picture->tokens->height * picture->shrink), (int)picture->shrink,
+        (int)picture->tokens->chains, (int)picture->tokens->count);
+    for (int32_t i = 0; i < picture->detections->count; i++) {
         cairn_output_print(output, "%s\n", i > 0 ? "," : "");
-        print_detection(output, p, &p->detections->found[i]);
+        print_detection(output, picture, &picture->detections->found[i]);
     }
     cairn_output_print(output, "]}\n");
     return cairn_output_commit(output, error);
@@ -143,14 +147,14 @@ cairn_status cairn_detection_file_write(const cairn_detection_picture *p, const 
 
 /* ---- SVG ---- */
 
-/* The samples that are seen, or those that are not. */
-static void draw_outline(cairn_output *output, const cairn_detection_picture *p,
-                         const cairn_detection *d, int is_seen)
+/* Draws the matched samples, or the unmatched ones. */
+static void draw_outline(cairn_output *output, const cairn_detection_picture *picture,
+                         const cairn_detection *detection, int is_seen)
 {
-    const cairn_contour_place *outline = &p->detections->outline[d->first_outline];
+    const cairn_contour_place *outline = &picture->detections->outline[detection->first_outline];
 
     cairn_output_print(output, "<path class=\"%s\" d=\"", is_seen ? "seen" : "missing");
-    for (int32_t i = 1; i < d->outline_count; i++)
+    for (int32_t i = 1; i < detection->outline_count; i++)
         if (outline[i].part == outline[i - 1].part && (outline[i].segment >= 0) == is_seen)
             cairn_output_print(output, "M%.1f %.1fL%.1f %.1f", (double)outline[i - 1].at.position.x,
                                (double)outline[i - 1].at.position.y,
@@ -158,44 +162,46 @@ static void draw_outline(cairn_output *output, const cairn_detection_picture *p,
     cairn_output_print(output, "\"/>\n");
 }
 
-static void draw_detection(cairn_output *output, const cairn_detection_picture *p,
-                           const cairn_detection *d)
+static void draw_detection(cairn_output *output, const cairn_detection_picture *picture,
+                           const cairn_detection *detection)
 {
     cairn_output_print(output, "<path class=\"segment\" d=\"");
-    for (int32_t i = 0; i < d->segment_count; i++) {
-        cairn_segment line = p->tokens->lines[p->detections->segments[d->first_segment + i]];
+    for (int32_t i = 0; i < detection->segment_count; i++) {
+        cairn_segment line =
+            picture->tokens->lines[picture->detections->segments[detection->first_segment + i]];
 
         cairn_output_print(output, "M%.1f %.1fL%.1f %.1f", (double)line.a.x, (double)line.a.y,
                            (double)line.b.x, (double)line.b.y);
     }
     cairn_output_print(output, "\"/>\n");
-    draw_outline(output, p, d, 1);
-    draw_outline(output, p, d, 0);
+    draw_outline(output, picture, detection, 1);
+    draw_outline(output, picture, detection, 0);
     cairn_output_print(
         output,
         "<rect class=\"box\" x=\"%.1f\" y=\"%.1f\" width=\"%.1f\" height=\"%.1f\"/>\n"
         "<text class=\"score\" x=\"%.1f\" y=\"%.1f\">%.2f</text>\n",
-        (double)d->left, (double)d->top, (double)(d->right - d->left), (double)(d->bottom - d->top),
-        (double)d->left, (double)d->top, (double)d->score);
+        (double)detection->left, (double)detection->top,
+        (double)(detection->right - detection->left), (double)(detection->bottom - detection->top),
+        (double)detection->left, (double)detection->top, (double)detection->score);
 }
 
-cairn_status cairn_detection_file_draw(const cairn_detection_picture *p, const char *path,
+cairn_status cairn_detection_file_draw(const cairn_detection_picture *picture, const char *path,
                                        cairn_file_error *error)
 {
     static const cairn_report_key keys[] = {
         {"edge segments along it", "stroke=\"#ea580c\""},
-        {"outline, bent; dashed where not seen", "stroke=\"#7c3aed\""},
+        {"deformed outline; dashed where no edge matches", "stroke=\"#7c3aed\""},
         {"box and score", "stroke=\"#dc2626\""}};
     char subtitle[256], style[320];
-    const cairn_report_overlay overlay = {p->image,
-                                          subtitle,
-                                          p->grey,
-                                          p->tokens->width,
-                                          p->tokens->height,
-                                          860,
-                                          keys,
-                                          sizeof keys / sizeof *keys,
-                                          280};
+    const cairn_report_overlay overlay = {.title = picture->image,
+                                          .subtitle = subtitle,
+                                          .grey = picture->grey,
+                                          .width = picture->tokens->width,
+                                          .height = picture->tokens->height,
+                                          .least_width = 860,
+                                          .keys = keys,
+                                          .key_count = sizeof keys / sizeof *keys,
+                                          .key_step = 280};
     double scale = cairn_report_overlay_scale(&overlay);
     cairn_output *output;
     cairn_status status = cairn_output_open(&output, path, error);
@@ -203,8 +209,8 @@ cairn_status cairn_detection_file_draw(const cairn_detection_picture *p, const c
     if (status != CAIRN_OK)
         return status;
     (void)snprintf(subtitle, sizeof subtitle, "%d of %.120s; %d segments of %d chains",
-                   (int)p->detections->count, p->model_name, (int)p->tokens->count,
-                   (int)p->tokens->chains);
+                   (int)picture->detections->count, picture->model_name,
+                   (int)picture->tokens->count, (int)picture->tokens->chains);
     (void)snprintf(
         style, sizeof style,
         "path,.box{fill:none}.segment{stroke:#ea580c;stroke-width:%.2f;stroke-linecap:round}"
@@ -212,7 +218,7 @@ cairn_status cairn_detection_file_draw(const cairn_detection_picture *p, const c
         ".box{stroke:#dc2626;stroke-width:%.2f}.score{font-size:%.1fpx;fill:#dc2626}",
         2.6 / scale, 1.5 / scale, 4 / scale, 2 / scale, 18 / scale);
     status = cairn_report_overlay_begin(output, &overlay, style);
-    for (int32_t i = 0; i < p->detections->count; i++)
-        draw_detection(output, p, &p->detections->found[i]);
+    for (int32_t i = 0; i < picture->detections->count; i++)
+        draw_detection(output, picture, &picture->detections->found[i]);
     return cairn_report_overlay_end(output, &overlay, status, path, error);
 }

@@ -1,131 +1,144 @@
-/* How much of a bent outline agrees on one similarity map of the drawing, and where that lays it:
- * for objects of the model's own shape that are hidden in part.
+/* Rigid proximity: how much of a deformed outline agrees on one similarity transform of the
+ * original outline, and that transform. For objects of the model's own shape that are partly
+ * occluded.
  *
- * Method: from each half of the outline, and from all of it, a map is fitted by least squares,
- * samples are weighed by how near they lie to where it lays them, and it is fitted again. What lies
- * behind something else was bent along that, and does not count; what a bend made fit does not,
- * either.
+ * Method: robust fitting by iteratively reweighted least squares from several starts.
+ * 1. A transform is fitted to each half of the outline, and to all of it.
+ * 2. Samples are reweighted by edge proximity and by their distance from the transformed outline,
+ *    and the transform is fitted again.
+ * 3. The transform of greatest mean weight wins. Samples deformed to an occluder, or matched only
+ *    by deformation, get no weight.
  *
  * Source: this project's. */
 #include "src/core/build.h"
 
 #include "src/host/object_detect_work.h"
 
-/* Sigma, in sizes, of how far samples lie from the similarity map that they agree on, at last;
- * wider at first. */
-#define AGREED 0.012
-static const double widening[] = {4, 2, 1, 1};
-/* Halves of the outline that such a map is looked for from, besides the whole; and how much
- * larger or smaller than the outline it makes it, most. */
-enum { HALVES = 8, ROUNDS = sizeof widening / sizeof *widening };
-#define SCALE_MOST 2
+/* Standard deviation of a sample's distance from the transformed outline, in sizes, in the last
+ * rounds; and factors on it per round. */
+#define POSITION_SIGMA 0.012
+static const double sigma_factor[] = {4, 2, 1, 1};
+/* Number of halves of the outline used as starts, besides the whole; and limit of the transform's
+ * scale either way. */
+enum { HALVES = 8, ROUNDS = sizeof sigma_factor / sizeof *sigma_factor };
+#define MAX_SCALE_RATIO 2
 
-static cairn_vec2 lay(const detect_similarity *s, cairn_vec2 p)
+static cairn_vec2 apply_similarity(const detect_similarity *map, cairn_vec2 p)
 {
-    cairn_vec2 laid = {s->a * p.x - s->b * p.y + s->shift.x, s->b * p.x + s->a * p.y + s->shift.y};
+    cairn_vec2 mapped = {map->a * p.x - map->b * p.y + map->shift.x,
+                         map->b * p.x + map->a * p.y + map->shift.y};
 
-    return laid;
+    return mapped;
 }
 
-/* Where a sample came to lie, in the sizes and from the origin of the outline. */
-static cairn_vec2 place_of(const contour_laid *c, int32_t i)
+/* Position of a deformed sample relative to the outline's origin, in sizes. */
+static cairn_vec2 normalized_position(const contour_fitted_outline *fitted, int32_t i)
 {
-    return cairn_vec2_scale(cairn_vec2_sub(c->outline[i].position, c->origin), 1 / c->size);
+    return cairn_vec2_scale(cairn_vec2_sub(fitted->outline[i].position, fitted->origin),
+                            1 / fitted->size);
 }
 
-/* By least squares with weights; 0: there is none within SCALE_MOST. */
-static int32_t solve_similarity(const contour_laid *c, const cairn_oriented_point *drawn,
-                                const cairn_real *weight, detect_similarity *s)
+/* Weighted least-squares similarity transform; 0: none within MAX_SCALE_RATIO. */
+static int32_t solve_similarity(const contour_fitted_outline *fitted,
+                                const cairn_oriented_point *reference, const cairn_real *weight,
+                                detect_similarity *map)
 {
     cairn_vec2 from = {0, 0}, to = {0, 0};
     cairn_real sum = 0, spread = 0, scale;
 
-    for (int32_t i = 0; i < c->outline_count; i++) {
+    for (int32_t i = 0; i < fitted->outline_count; i++) {
         sum += weight[i];
-        from = cairn_vec2_add(from, cairn_vec2_scale(drawn[i].position, weight[i]));
-        to = cairn_vec2_add(to, cairn_vec2_scale(place_of(c, i), weight[i]));
+        from = cairn_vec2_add(from, cairn_vec2_scale(reference[i].position, weight[i]));
+        to = cairn_vec2_add(to, cairn_vec2_scale(normalized_position(fitted, i), weight[i]));
     }
     if (!(sum > 0))
         return 0;
     from = cairn_vec2_scale(from, 1 / sum);
     to = cairn_vec2_scale(to, 1 / sum);
-    s->a = s->b = 0;
-    for (int32_t i = 0; i < c->outline_count; i++) {
-        cairn_vec2 p = cairn_vec2_sub(drawn[i].position, from),
-                   q = cairn_vec2_sub(place_of(c, i), to);
+    map->a = map->b = 0;
+    for (int32_t i = 0; i < fitted->outline_count; i++) {
+        cairn_vec2 p = cairn_vec2_sub(reference[i].position, from),
+                   q = cairn_vec2_sub(normalized_position(fitted, i), to);
 
-        s->a += weight[i] * cairn_vec2_dot(p, q);
-        s->b += weight[i] * cairn_vec2_cross(p, q);
+        map->a += weight[i] * cairn_vec2_dot(p, q);
+        map->b += weight[i] * cairn_vec2_cross(p, q);
         spread += weight[i] * cairn_vec2_norm_squared(p);
     }
     if (!(spread > 0))
         return 0;
-    s->a /= spread;
-    s->b /= spread;
-    s->shift.x = s->shift.y = 0;
-    s->shift = cairn_vec2_sub(to, lay(s, from));
-    scale = s->a * s->a + s->b * s->b;
-    return scale > (cairn_real)1 / (SCALE_MOST * SCALE_MOST) && scale < SCALE_MOST * SCALE_MOST;
+    map->a /= spread;
+    map->b /= spread;
+    map->shift.x = map->shift.y = 0;
+    map->shift = cairn_vec2_sub(to, apply_similarity(map, from));
+    scale = map->a * map->a + map->b * map->b;
+    return scale > (cairn_real)1 / (MAX_SCALE_RATIO * MAX_SCALE_RATIO) &&
+           scale < MAX_SCALE_RATIO * MAX_SCALE_RATIO;
 }
 
-/* Weighs samples by how near an edge is to each, and how near it lies to where the map lays it;
- * the mean weight. */
-static cairn_real weigh(const contour_laid *c, const cairn_oriented_point *drawn,
-                        const detect_similarity *s, cairn_real sigma, const cairn_real *near,
-                        cairn_real *weight)
+/* Reweights the samples by edge proximity times a Gaussian of their distance from the transformed
+ * outline; returns the mean weight. */
+static cairn_real reweight(const contour_fitted_outline *fitted,
+                           const cairn_oriented_point *reference, const detect_similarity *map,
+                           cairn_real sigma, const cairn_real *proximity, cairn_real *weight)
 {
-    cairn_real sum = 0, far = 2 * sigma * sigma * (s->a * s->a + s->b * s->b);
+    cairn_real sum = 0, denominator = 2 * sigma * sigma * (map->a * map->a + map->b * map->b);
 
-    for (int32_t i = 0; i < c->outline_count; i++) {
-        cairn_vec2 beside = cairn_vec2_sub(place_of(c, i), lay(s, drawn[i].position));
+    for (int32_t i = 0; i < fitted->outline_count; i++) {
+        cairn_vec2 residual = cairn_vec2_sub(normalized_position(fitted, i),
+                                             apply_similarity(map, reference[i].position));
 
-        weight[i] = near[i] * cairn_exp(-cairn_vec2_norm_squared(beside) / far);
+        weight[i] = proximity[i] * cairn_exp(-cairn_vec2_norm_squared(residual) / denominator);
         sum += weight[i];
     }
-    return sum / (cairn_real)c->outline_count;
+    return sum / (cairn_real)fitted->outline_count;
 }
 
-cairn_real cairn_detect_agreed(const contour_laid *laid, const cairn_oriented_point *drawn,
-                               const cairn_real *near, cairn_real *weight, detect_similarity *map)
+cairn_real cairn_detect_rigid_proximity(const contour_fitted_outline *fitted,
+                                        const cairn_oriented_point *reference,
+                                        const cairn_real *proximity, cairn_real *weight,
+                                        detect_similarity *map)
 {
-    cairn_real most = 0;
+    cairn_real best = 0;
 
     for (int32_t half = 0; half <= HALVES; half++) {
-        int32_t count = laid->outline_count, first = (int32_t)((int64_t)half * count / HALVES),
+        int32_t count = fitted->outline_count, first = (int32_t)((int64_t)half * count / HALVES),
                 is_whole = half == HALVES;
         cairn_real share = 0;
-        detect_similarity s;
+        detect_similarity fit;
 
         for (int32_t i = 0; i < count; i++)
-            weight[i] = is_whole || (i - first + count) % count < count / 2 ? near[i] : 0;
+            weight[i] = is_whole || (i - first + count) % count < count / 2 ? proximity[i] : 0;
         for (int32_t round = 0; round < ROUNDS; round++) {
-            if (!solve_similarity(laid, drawn, weight, &s)) {
+            if (!solve_similarity(fitted, reference, weight, &fit)) {
                 share = 0;
                 break;
             }
-            share = weigh(laid, drawn, &s, (cairn_real)(AGREED * widening[round]), near, weight);
+            share = reweight(fitted, reference, &fit,
+                             (cairn_real)(POSITION_SIGMA * sigma_factor[round]), proximity, weight);
         }
-        if (share > most) {
-            most = share;
-            *map = s;
+        if (share > best) {
+            best = share;
+            *map = fit;
         }
     }
-    return most;
+    return best;
 }
 
-void cairn_detect_lay(const detect_similarity *laid, const cairn_oriented_point *drawn,
-                      contour_fit *fit, cairn_detection *o)
+void cairn_detect_place_outline(const detect_similarity *map, const cairn_oriented_point *reference,
+                                contour_fit *fit, cairn_detection *detection)
 {
     const cairn_vec2 none = {0, 0};
-    cairn_vec2 middle = lay(laid, none);
+    cairn_vec2 middle = apply_similarity(map, none);
 
-    for (int32_t i = 0; i < o->outline_count; i++) {
-        cairn_vec2 at = cairn_vec2_scale(lay(laid, drawn[i].position), o->size);
+    for (int32_t i = 0; i < detection->outline_count; i++) {
+        cairn_vec2 position =
+            cairn_vec2_scale(apply_similarity(map, reference[i].position), detection->size);
 
-        fit->outline[i].position = cairn_vec2_add(o->origin, at);
+        fit->outline[i].position = cairn_vec2_add(detection->origin, position);
         fit->outline[i].direction =
-            cairn_vec2_unit(cairn_vec2_sub(lay(laid, drawn[i].direction), middle));
+            cairn_vec2_unit(cairn_vec2_sub(apply_similarity(map, reference[i].direction), middle));
     }
-    o->origin = cairn_vec2_add(o->origin, cairn_vec2_scale(middle, o->size));
-    o->size *= cairn_sqrt(laid->a * laid->a + laid->b * laid->b);
+    detection->origin =
+        cairn_vec2_add(detection->origin, cairn_vec2_scale(middle, detection->size));
+    detection->size *= cairn_sqrt(map->a * map->a + map->b * map->b);
 }

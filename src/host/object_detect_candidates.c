@@ -1,6 +1,6 @@
-/* Candidates of a search: of each variant of the model and each size the peaks of a map of the
- * mean worth of the outline's samples; of all peaks the best that do not lie on better ones.
- * object_detect.c says how. */
+/* Candidate generation: for each variant of the model and each size, the peaks of a map of the mean
+ * log-likelihood ratio of the outline's samples; then non-maximum suppression over all peaks.
+ * object_detect.c describes the method. */
 #include "src/core/build.h"
 
 #include <math.h>
@@ -9,67 +9,68 @@
 
 #include "src/host/object_detect_candidates.h"
 
-/* Width to height of the model's, and what a step between them costs. */
+/* Factors on the model's aspect ratio (width over height). */
 static const double aspects[DETECT_ASPECTS] = {1, 0.8, 1.25, 0.64, 1.5625};
-enum { PEAKS_MOST = 1 << 16 };
-/* Of two candidates whose boxes share more, over their union, the better one is looked at. */
-#define CANDIDATE_OVERLAP 0.5F
-/* What the logarithm of the size counts beside the outline before bending, for candidates. */
-#define FIRST_SIZE 0.4F
+enum { MAX_PEAKS = 1 << 16 };
+/* Non-maximum suppression threshold of candidates: greatest intersection over union. */
+#define CANDIDATE_NMS_OVERLAP 0.5F
+/* Weight of the log of the size in a candidate's score. */
+#define CANDIDATE_SIZE_WEIGHT 0.4F
 
 /* ---- Variants of the model ---- */
 
-static void add_variant(detector *d, int32_t mirrored, double aspect)
+static void add_variant(object_detector *detector, int32_t mirrored, double aspect)
 {
-    detect_variant *v = &d->variant[d->variants];
-    const cairn_shape_model *m = d->model;
+    detect_variant *variant = &detector->variants[detector->variant_count];
+    const cairn_shape_model *model = detector->model;
     double wide = sqrt(aspect) * (mirrored ? -1 : 1), tall = 1 / sqrt(aspect);
 
-    v->outline = &d->outlines[(size_t)d->variants++ * (size_t)m->outline_count];
-    v->mirrored = mirrored;
-    v->left = v->top = 1e9F;
-    v->right = v->bottom = -1e9F;
-    for (int32_t i = 0; i < m->outline_count; i++) {
-        cairn_oriented_point *o = &v->outline[i];
-        cairn_vec2 along = {(cairn_real)wide * m->outline[i].direction.x,
-                            (cairn_real)tall * m->outline[i].direction.y};
+    variant->outline =
+        &detector->outlines[(size_t)detector->variant_count++ * (size_t)model->outline_count];
+    variant->mirrored = mirrored;
+    variant->left = variant->top = 1e9F;
+    variant->right = variant->bottom = -1e9F;
+    for (int32_t i = 0; i < model->outline_count; i++) {
+        cairn_oriented_point *sample = &variant->outline[i];
+        cairn_vec2 along = {(cairn_real)wide * model->outline[i].direction.x,
+                            (cairn_real)tall * model->outline[i].direction.y};
 
-        o->position.x = (cairn_real)wide * m->outline[i].position.x;
-        o->position.y = (cairn_real)tall * m->outline[i].position.y;
-        o->direction = cairn_vec2_unit(along);
-        v->left = fminf(v->left, (float)o->position.x);
-        v->right = fmaxf(v->right, (float)o->position.x);
-        v->top = fminf(v->top, (float)o->position.y);
-        v->bottom = fmaxf(v->bottom, (float)o->position.y);
+        sample->position.x = (cairn_real)wide * model->outline[i].position.x;
+        sample->position.y = (cairn_real)tall * model->outline[i].position.y;
+        sample->direction = cairn_vec2_unit(along);
+        variant->left = fminf(variant->left, (float)sample->position.x);
+        variant->right = fmaxf(variant->right, (float)sample->position.x);
+        variant->top = fminf(variant->top, (float)sample->position.y);
+        variant->bottom = fmaxf(variant->bottom, (float)sample->position.y);
     }
 }
 
-int cairn_detect_variants_add(detector *d)
+int cairn_detect_variants_add(object_detector *detector)
 {
-    d->outlines =
-        malloc(2 * DETECT_ASPECTS * (size_t)d->model->outline_count * sizeof *d->outlines);
-    if (d->outlines == NULL)
+    detector->outlines = malloc(2 * DETECT_ASPECTS * (size_t)detector->model->outline_count *
+                                sizeof *detector->outlines);
+    if (detector->outlines == NULL)
         return 0;
-    for (int32_t mirrored = 0; mirrored < (d->field->params.mirror ? 2 : 1); mirrored++)
+    for (int32_t mirrored = 0; mirrored < (detector->field->params.mirror ? 2 : 1); mirrored++)
         for (int32_t k = 0; k < DETECT_ASPECTS; k++)
-            add_variant(d, mirrored, aspects[k]);
+            add_variant(detector, mirrored, aspects[k]);
     return 1;
 }
 
-int cairn_detect_variants_fit(const cairn_shape_model *m)
+int cairn_detect_variants_fit(const cairn_shape_model *model)
 {
     for (int32_t k = 0; k < DETECT_ASPECTS; k++)
-        for (int32_t i = 0; i < m->outline_count; i++) {
-            double x = sqrt(aspects[k]) * (double)m->outline[i].position.x;
-            double y = (double)m->outline[i].position.y / sqrt(aspects[k]);
+        for (int32_t i = 0; i < model->outline_count; i++) {
+            double x = sqrt(aspects[k]) * (double)model->outline[i].position.x;
+            double y = (double)model->outline[i].position.y / sqrt(aspects[k]);
 
-            if (!(fmax(fabs(x), fabs(y)) * DETECT_CELLS < DETECT_MARGIN - 1))
+            if (!(fmax(fabs(x), fabs(y)) * DETECT_CELLS_PER_SIZE < DETECT_MARGIN_CELLS - 1))
                 return 0;
         }
     return 1;
 }
 
-/* ---- Places ---- */
+/* ---- Peaks ---- */
 
 static int compare_peaks(const void *a, const void *b)
 {
@@ -86,22 +87,25 @@ static int compare_peaks(const void *a, const void *b)
     return x->x != y->x ? (x->x < y->x ? -1 : 1) : x->hypothesis - y->hypothesis;
 }
 
-/* Room for a peak; when there is none the worse half goes. */
-static detect_peak *next_peak(detector *d)
+/* Returns a free peak; when the capacity is exhausted, the worse half is discarded. */
+static detect_peak *next_peak(object_detector *detector)
 {
-    if (d->count == PEAKS_MOST) {
-        qsort(d->peaks, (size_t)d->count, sizeof *d->peaks, compare_peaks);
-        d->count /= 2;
+    if (detector->count == MAX_PEAKS) {
+        qsort(detector->peaks, (size_t)detector->count, sizeof *detector->peaks, compare_peaks);
+        detector->count /= 2;
     }
-    return &d->peaks[d->count++];
+    return &detector->peaks[detector->count++];
 }
 
-static void add_peaks(detector *d, const detect_plane *p, const float *sum, int32_t index)
+/* Adds the local maxima of a score map to the peaks. */
+static void add_peaks(object_detector *detector, const detect_plane *plane, const float *sum,
+                      int32_t index)
 {
-    int32_t w = p->width, h = p->height;
-    float share = 1 / (float)d->model->outline_count;
-    float bonus = FIRST_SIZE * logf((float)p->size / hypotf((float)d->field->tokens->width,
-                                                            (float)d->field->tokens->height));
+    int32_t w = plane->width, h = plane->height;
+    float share = 1 / (float)detector->model->outline_count;
+    float bonus = CANDIDATE_SIZE_WEIGHT *
+                  logf((float)plane->size / hypotf((float)detector->field->tokens->width,
+                                                   (float)detector->field->tokens->height));
 
     for (int32_t y = 0; y < h; y++)
         for (int32_t x = 0; x < w; x++) {
@@ -115,35 +119,37 @@ static void add_peaks(detector *d, const detect_plane *p, const float *sum, int3
                           (value >= sum[v * w + u] && k > 4);
             }
             if (is_peak) {
-                detect_peak *q = next_peak(d);
+                detect_peak *peak = next_peak(detector);
 
-                q->score = value * share + bonus;
-                q->rigid = value * share;
-                q->x = ((float)x + 0.5F) * (float)p->cell;
-                q->y = ((float)y + 0.5F) * (float)p->cell;
-                q->size = (float)p->size;
-                q->turn = 0;
-                q->variant = index;
-                q->hypothesis = -1;
+                peak->score = value * share + bonus;
+                peak->rigid = value * share;
+                peak->x = ((float)x + 0.5F) * (float)plane->cell_size;
+                peak->y = ((float)y + 0.5F) * (float)plane->cell_size;
+                peak->size = (float)plane->size;
+                peak->turn = 0;
+                peak->variant = index;
+                peak->hypothesis = -1;
             }
         }
 }
 
-/* The sums of an outline's samples for every place of its middle. */
-static void correlate(const detector *d, const detect_plane *p, const detect_variant *v, float *sum)
+/* Correlates an outline with a plane: sums over its samples for every position of its origin. */
+static void correlate(const object_detector *detector, const detect_plane *plane,
+                      const detect_variant *variant, float *sum)
 {
-    int32_t w = p->width, h = p->height;
+    int32_t w = plane->width, h = plane->height;
 
     memset(sum, 0, (size_t)w * (size_t)h * sizeof *sum);
-    for (int32_t i = 0; i < d->model->outline_count; i++) {
-        int32_t bin = cairn_contour_field_bin(v->outline[i].direction);
-        int32_t dx = (int32_t)lrint((double)v->outline[i].position.x * DETECT_CELLS);
-        int32_t dy = (int32_t)lrint((double)v->outline[i].position.y * DETECT_CELLS);
-        const float *layer = &p->worth[(size_t)bin * cairn_detect_layer(p)];
+    for (int32_t i = 0; i < detector->model->outline_count; i++) {
+        int32_t bin = cairn_contour_field_bin(variant->outline[i].direction);
+        int32_t dx = (int32_t)lrint((double)variant->outline[i].position.x * DETECT_CELLS_PER_SIZE);
+        int32_t dy = (int32_t)lrint((double)variant->outline[i].position.y * DETECT_CELLS_PER_SIZE);
+        const float *layer = &plane->llr[(size_t)bin * cairn_detect_layer(plane)];
 
         for (int32_t y = 0; y < h; y++) {
-            const float *from = &layer[(size_t)(y + dy + DETECT_MARGIN) * cairn_detect_row(p) +
-                                       (size_t)(DETECT_MARGIN + dx)];
+            const float *from =
+                &layer[(size_t)(y + dy + DETECT_MARGIN_CELLS) * cairn_detect_row(plane) +
+                       (size_t)(DETECT_MARGIN_CELLS + dx)];
             float *to = &sum[y * w];
 
             for (int32_t x = 0; x < w; x++)
@@ -152,9 +158,10 @@ static void correlate(const detector *d, const detect_plane *p, const detect_var
     }
 }
 
-static float peak_overlap(const detector *d, const detect_peak *a, const detect_peak *b)
+static float peak_overlap(const object_detector *detector, const detect_peak *a,
+                          const detect_peak *b)
 {
-    const detect_variant *v = &d->variant[a->variant], *u = &d->variant[b->variant];
+    const detect_variant *v = &detector->variants[a->variant], *u = &detector->variants[b->variant];
 
     return cairn_detect_overlap(a->x + a->size * v->left, a->y + a->size * v->top,
                                 a->x + a->size * v->right, a->y + a->size * v->bottom,
@@ -162,68 +169,70 @@ static float peak_overlap(const detector *d, const detect_peak *a, const detect_
                                 b->x + b->size * u->right, b->y + b->size * u->bottom);
 }
 
-/* The best peaks that do not lie on better ones come first. */
-static void keep_candidates(detector *d)
+/* Non-maximum suppression: sorts the peaks and keeps the best non-overlapping ones. */
+static void suppress_non_maxima(object_detector *detector)
 {
     int32_t kept = 0;
 
-    qsort(d->peaks, (size_t)d->count, sizeof *d->peaks, compare_peaks);
-    for (int32_t i = 0; i < d->count && kept < d->field->params.candidates; i++) {
-        int32_t apart = 1;
+    qsort(detector->peaks, (size_t)detector->count, sizeof *detector->peaks, compare_peaks);
+    for (int32_t i = 0; i < detector->count && kept < detector->field->params.candidates; i++) {
+        int32_t is_separate = 1;
 
-        for (int32_t k = 0; k < kept && apart; k++)
-            apart = peak_overlap(d, &d->peaks[i], &d->peaks[k]) <= CANDIDATE_OVERLAP;
-        if (apart)
-            d->peaks[kept++] = d->peaks[i];
+        for (int32_t k = 0; k < kept && is_separate; k++)
+            is_separate = peak_overlap(detector, &detector->peaks[i], &detector->peaks[k]) <=
+                          CANDIDATE_NMS_OVERLAP;
+        if (is_separate)
+            detector->peaks[kept++] = detector->peaks[i];
     }
-    d->count = kept;
+    detector->count = kept;
 }
 
-cairn_status cairn_detect_candidates_of_parts(detector *d)
+cairn_status cairn_detect_candidates_of_parts(object_detector *detector)
 {
-    cairn_status status = cairn_detect_parts(&d->hypotheses, d->field, d->model);
+    cairn_status status =
+        cairn_detect_parts(&detector->hypotheses, detector->field, detector->model);
 
     if (status != CAIRN_OK)
         return status;
-    d->peaks = malloc((size_t)(d->hypotheses.count + 1) * sizeof *d->peaks);
-    if (d->peaks == NULL)
+    detector->peaks = malloc((size_t)(detector->hypotheses.count + 1) * sizeof *detector->peaks);
+    if (detector->peaks == NULL)
         return CAIRN_NO_MEMORY;
-    for (int32_t i = 0; i < d->hypotheses.count; i++) {
-        const detect_hypothesis *h = &d->hypotheses.list[i];
-        detect_peak *q = &d->peaks[d->count++];
+    for (int32_t i = 0; i < detector->hypotheses.count; i++) {
+        const detect_hypothesis *hypothesis = &detector->hypotheses.list[i];
+        detect_peak *peak = &detector->peaks[detector->count++];
 
-        q->score = (float)h->score;
-        q->rigid = 0;
-        q->x = (float)h->origin.x;
-        q->y = (float)h->origin.y;
-        q->size = (float)h->size;
-        q->turn = 0;
-        q->variant = h->mirrored ? DETECT_ASPECTS : 0;
-        q->hypothesis = i;
+        peak->score = (float)hypothesis->score;
+        peak->rigid = 0;
+        peak->x = (float)hypothesis->origin.x;
+        peak->y = (float)hypothesis->origin.y;
+        peak->size = (float)hypothesis->size;
+        peak->turn = 0;
+        peak->variant = hypothesis->mirrored ? DETECT_ASPECTS : 0;
+        peak->hypothesis = i;
     }
-    keep_candidates(d);
+    suppress_non_maxima(detector);
     return CAIRN_OK;
 }
 
-int cairn_detect_candidates_find(detector *d)
+int cairn_detect_candidates_find(object_detector *detector)
 {
     float *sum = NULL;
 
-    d->peaks = malloc(PEAKS_MOST * sizeof *d->peaks);
-    for (int32_t k = 0; k < d->field->planes && d->peaks != NULL; k++) {
-        const detect_plane *p = &d->field->plane[k];
+    detector->peaks = malloc(MAX_PEAKS * sizeof *detector->peaks);
+    for (int32_t k = 0; k < detector->field->planes && detector->peaks != NULL; k++) {
+        const detect_plane *plane = &detector->field->plane[k];
 
-        sum = malloc((size_t)p->width * (size_t)p->height * sizeof *sum);
+        sum = malloc((size_t)plane->width * (size_t)plane->height * sizeof *sum);
         if (sum == NULL)
             return 0;
-        for (int32_t i = 0; i < d->variants; i++) {
-            correlate(d, p, &d->variant[i], sum);
-            add_peaks(d, p, sum, i);
+        for (int32_t i = 0; i < detector->variant_count; i++) {
+            correlate(detector, plane, &detector->variants[i], sum);
+            add_peaks(detector, plane, sum, i);
         }
         free(sum);
     }
-    if (d->peaks == NULL)
+    if (detector->peaks == NULL)
         return 0;
-    keep_candidates(d);
+    suppress_non_maxima(detector);
     return 1;
 }

@@ -1,5 +1,5 @@
-/* object_detect_candidates: places of a picture that are looked at again, of one search for a
- * model. Internal to the host library. */
+/* object_detect_candidates: candidate generation of one search for a model. Internal to the host
+ * library. */
 #ifndef CAIRN_HOST_OBJECT_DETECT_CANDIDATES_H
 #define CAIRN_HOST_OBJECT_DETECT_CANDIDATES_H
 
@@ -7,52 +7,53 @@
 
 #include "src/host/object_detect_work.h"
 
-/* Proportions of the model that are laid. */
+/* Aspect ratios of the model that are searched. */
 enum { DETECT_ASPECTS = 5 };
 
-/* A model as it is laid. */
+/* A variant of the model: an aspect ratio, mirrored or not. */
 typedef struct detect_variant {
     cairn_oriented_point *outline;  /* [count] */
-    float left, right, top, bottom; /* of the outline, in sizes */
+    float left, right, top, bottom; /* bounding box of the outline, in sizes */
     int32_t mirrored;
 } detect_variant;
 
 typedef struct detect_peak {
-    float score, rigid, x, y, size; /* px */
+    float score, rigid, x, y, size; /* A candidate. score, rigid: nats; x, y, size: px */
     int32_t variant;
-    float turn;         /* rad */
-    int32_t hypothesis; /* by parts; -1: none */
+    float turn;         /* rad, rotation */
+    int32_t hypothesis; /* hypothesis by parts; -1: none */
 } detect_peak;
 
-/* A search. */
-typedef struct detector {
+/* State of a search. */
+typedef struct object_detector {
     const cairn_detect_field *field;
     const cairn_shape_model *model;
-    cairn_oriented_point *outlines; /* of all variants */
-    detect_variant variant[2 * DETECT_ASPECTS];
-    int32_t variants;
+    cairn_oriented_point *outlines; /* outlines of all variants */
+    detect_variant variants[2 * DETECT_ASPECTS];
+    int32_t variant_count;
     detect_peak *peaks;
     int32_t count;
     contour_field *window;
-    int32_t *near;    /* [segments] of the one that is looked at */
-    cairn_real *room; /* [2 samples] */
+    int32_t *segment_scratch;   /* [segments] scratch for the current candidate */
+    cairn_real *sample_scratch; /* [2 samples] scratch */
     contour_fit fit;
     detect_hypotheses hypotheses;
     detect_groupings groupings;
-} detector;
+} object_detector;
 
-/* The variants of the model, as it is and mirrored. 0: there is no memory. */
-int cairn_detect_variants_add(detector *d);
-/* 1 when no variant of the outline reaches beyond the margins of a field. */
+/* Creates the variants of the model and its mirror image. Returns 0 when out of memory. */
+int cairn_detect_variants_add(object_detector *detector);
+/* Returns 1 when no variant of the outline exceeds the margins of a field. */
 int cairn_detect_variants_fit(const cairn_shape_model *model);
 
-/* d->peaks: the best places of all sizes and variants that do not lie on better ones come first.
- * 0: there is no memory. */
-int cairn_detect_candidates_find(detector *d);
-/* The same of the hypotheses by parts. CAIRN_NO_MEMORY, or as cairn_detect_parts(). */
-cairn_status cairn_detect_candidates_of_parts(detector *d);
+/* Computes detector->peaks: the best candidates over all sizes and variants after non-maximum
+ * suppression. Returns 0 when out of memory. */
+int cairn_detect_candidates_find(object_detector *detector);
+/* Computes detector->peaks from hypotheses by parts. CAIRN_NO_MEMORY, or as
+ * cairn_detect_parts(). */
+cairn_status cairn_detect_candidates_of_parts(object_detector *detector);
 
-/* What two boxes share, over their union. */
+/* Intersection over union of two boxes. */
 static inline float cairn_detect_overlap(float al, float at, float ar, float ab, float bl, float bt,
                                          float br, float bb)
 {

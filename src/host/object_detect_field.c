@@ -1,10 +1,14 @@
-/* What edges are worth for an outline, at every place of a picture and for every size.
+/* Log-likelihood ratio of edges, object against background, for every position, direction and size.
  *
- * Method: for each size a grid of cells, which are a share of it. Every segment enters the
- * directions near its own at a cost of the turn and of its strength; least costs spread over a few
- * sigmas, in rows, then in columns. What edges come to by chance is the mean over a window somewhat
- * larger than the object; a place is worth the logarithm of how much likelier its edge is with the
- * object.
+ * Method:
+ * 1. For each size a grid of cells, which are a share of the size (scale pyramid).
+ * 2. Every segment is entered into the direction bins near its own, at a cost by angle and
+ *    strength.
+ * 3. Minimum costs are propagated a few sigmas along rows, then along columns (separable distance
+ *    transform), and converted to likelihoods.
+ * 4. The background likelihood is the mean over a window somewhat larger than the object
+ *    (summed-area table). The result is the logarithm of the ratio of both, with a probability of
+ *    occlusion.
  *
  * Source: this project's, for the verification of Adluru 2008, section 5.3. */
 #include "src/core/build.h"
@@ -17,103 +21,106 @@
 
 #include "src/host/object_detect_work.h"
 
-/* Sigmas: of the place, in cells, and of the direction, rad; a segment is no edge of directions
- * beyond so many sigmas. */
-#define SIGMA     1.0
-#define TURN      0.35
-#define TURN_MOST 2.2
-/* Cells that a cost spreads, and half the window's side. */
-enum { SPREAD = 3, WINDOW = 30 };
-/* An edge stronger than a share s of all is 2 s times as likely on an object as elsewhere, but
- * never less than this. */
-#define WEAKEST 0.2
-/* So likely an edge is by chance at least, and a piece of an outline has none. */
-#define LEAST_CHANCE 0.02
-#define HIDDEN       0.25
-/* What an outline's piece outside the picture is worth. */
-#define OUTSIDE (-0.7F)
-/* Between sizes. */
+/* Standard deviations: position, in cells, and direction, rad; a segment contributes to directions
+ * within MAX_ANGLE_SIGMAS. */
+#define SIGMA_CELLS      1.0
+#define ANGLE_SIGMA      0.35
+#define MAX_ANGLE_SIGMAS 2.2
+/* Propagation radius of a cost, and half the window's side, cells. */
+enum { SPREAD_CELLS = 3, WINDOW_CELLS = 30 };
+/* An edge stronger than a share s of all edges is 2 s times as likely on an object as elsewhere;
+ * lower bound of this ratio. */
+#define MIN_STRENGTH_RATIO 0.2
+/* Least background likelihood, and probability that a piece of an outline has no edge. */
+#define MIN_BACKGROUND        0.02
+#define OCCLUSION_PROBABILITY 0.25
+/* Log-likelihood ratio outside the image, nats. */
+#define OUTSIDE_LLR (-0.7F)
+/* Ratio of consecutive sizes; cost of a cell without an edge in reach. */
 #define SIZE_STEP 1.2
-#define FAR       30.0F
+#define MAX_COST  30.0F
 
-enum { BINS = DETECT_BINS, MARGIN = DETECT_MARGIN };
-/* Of params. */
+enum { BINS = DETECT_BINS, MARGIN = DETECT_MARGIN_CELLS };
+/* Limits of the params. */
 enum {
-    SIZE_LEAST = 8,
-    SIZE_MOST = 2 * CAIRN_CONTOUR_SIDE_MOST,
-    CANDIDATES_MOST = 64,
-    MATCHES_MOST = 64,
-    NEAREST_MOST = 64,
-    WEIGHT_MOST = 1000,
-    VERIFY_MOST = 100
+    MIN_SIZE_PX = 8,
+    MAX_SIZE_PX = 2 * CAIRN_CONTOUR_SIDE_MOST,
+    MAX_CANDIDATES = 64,
+    MAX_MATCHES = 64,
+    MAX_NEAREST = 64,
+    MAX_APPEARANCE_WEIGHT = 1000,
+    MAX_GROUPING_WEIGHT = 100
 };
 
-typedef struct maker {
+typedef struct plane_buffers {
     float *cost;  /* [BINS][height][width] */
-    double *sums; /* [(height + 1)][width + 1] */
-    float *strip; /* a row or column with its margins */
-} maker;
+    double *sums; /* [(height + 1)][width + 1] summed-area table */
+    float *strip; /* scratch: a row or column with its margins */
+} plane_buffers;
 
-static void mark(const detect_plane *p, cairn_segment line, float *cost, float worth)
+static void mark_line(const detect_plane *plane, cairn_segment line, float *cost, float line_cost)
 {
     double length = (double)cairn_segment_length(line);
-    int32_t steps = 1 + (int32_t)(2 * length / (double)p->cell);
+    int32_t steps = 1 + (int32_t)(2 * length / (double)plane->cell_size);
 
     for (int32_t k = 0; k <= steps; k++) {
         double t = (double)k / steps;
         int32_t x = (int32_t)floor(((double)line.a.x + t * (double)(line.b.x - line.a.x)) /
-                                   (double)p->cell);
+                                   (double)plane->cell_size);
         int32_t y = (int32_t)floor(((double)line.a.y + t * (double)(line.b.y - line.a.y)) /
-                                   (double)p->cell);
+                                   (double)plane->cell_size);
 
-        if (x >= 0 && y >= 0 && x < p->width && y < p->height && worth < cost[y * p->width + x])
-            cost[y * p->width + x] = worth;
+        if (x >= 0 && y >= 0 && x < plane->width && y < plane->height &&
+            line_cost < cost[y * plane->width + x])
+            cost[y * plane->width + x] = line_cost;
     }
 }
 
-static void enter(const detect_plane *p, cairn_segment line, cairn_real strength, float *cost)
+static void enter_segment(const detect_plane *plane, cairn_segment line, cairn_real strength,
+                          float *cost)
 {
     double angle = atan2((double)(line.b.y - line.a.y), (double)(line.b.x - line.a.x));
-    double strong = -log(fmax(WEAKEST, 2 * (double)strength));
+    double strong = -log(fmax(MIN_STRENGTH_RATIO, 2 * (double)strength));
 
     for (int32_t bin = 0; bin < BINS; bin++) {
-        double turn =
-            remainder(angle - (bin + 0.5) * ((double)CAIRN_PI / BINS), (double)CAIRN_PI) / TURN;
+        double turn = remainder(angle - (bin + 0.5) * ((double)CAIRN_PI / BINS), (double)CAIRN_PI) /
+                      ANGLE_SIGMA;
 
-        if (fabs(turn) <= TURN_MOST)
-            mark(p, line, &cost[(size_t)bin * (size_t)(p->width * p->height)],
-                 (float)(strong + turn * turn / 2));
+        if (fabs(turn) <= MAX_ANGLE_SIGMAS)
+            mark_line(plane, line, &cost[(size_t)bin * (size_t)(plane->width * plane->height)],
+                      (float)(strong + turn * turn / 2));
     }
 }
 
-/* Least of the costs in reach of a row or column of `count` cells, `step` apart. */
+/* One-dimensional distance transform of a row or column of `count` cells, `step` apart. */
 static void spread_line(float *strip, float *cost, int32_t count, int32_t step)
 {
-    for (int32_t i = 0; i < SPREAD; i++)
-        strip[i] = strip[count + SPREAD + i] = FAR;
+    for (int32_t i = 0; i < SPREAD_CELLS; i++)
+        strip[i] = strip[count + SPREAD_CELLS + i] = MAX_COST;
     for (int32_t i = 0; i < count; i++)
-        strip[SPREAD + i] = cost[i * step];
+        strip[SPREAD_CELLS + i] = cost[i * step];
     for (int32_t i = 0; i < count; i++) {
-        float least = strip[SPREAD + i];
+        float smallest = strip[SPREAD_CELLS + i];
 
-        for (int32_t k = 1; k <= SPREAD; k++) {
-            float near = strip[SPREAD + i - k] < strip[SPREAD + i + k] ? strip[SPREAD + i - k]
-                                                                       : strip[SPREAD + i + k];
+        for (int32_t k = 1; k <= SPREAD_CELLS; k++) {
+            float neighbour = strip[SPREAD_CELLS + i - k] < strip[SPREAD_CELLS + i + k]
+                                  ? strip[SPREAD_CELLS + i - k]
+                                  : strip[SPREAD_CELLS + i + k];
 
-            near += (float)(k * k / (2 * SIGMA * SIGMA));
-            least = near < least ? near : least;
+            neighbour += (float)(k * k / (2 * SIGMA_CELLS * SIGMA_CELLS));
+            smallest = neighbour < smallest ? neighbour : smallest;
         }
-        cost[i * step] = least;
+        cost[i * step] = smallest;
     }
 }
 
-/* Costs become likelihoods, with their sums over all cells above and to the left. */
-static void sum_up(const detect_plane *p, float *cost, double *sums)
+/* Converts costs to likelihoods, and computes their summed-area table. */
+static void integrate(const detect_plane *plane, float *cost, double *sums)
 {
-    int32_t w = p->width;
+    int32_t w = plane->width;
 
     memset(sums, 0, (size_t)(w + 1) * sizeof *sums);
-    for (int32_t y = 0; y < p->height; y++) {
+    for (int32_t y = 0; y < plane->height; y++) {
         double row = 0;
 
         sums[(y + 1) * (w + 1)] = 0;
@@ -125,135 +132,148 @@ static void sum_up(const detect_plane *p, float *cost, double *sums)
     }
 }
 
-static void weigh(const detect_plane *p, const float *likely, const double *sums, float *worth)
+/* Log-likelihood ratio of every cell against the mean of its window. */
+static void compute_llr(const detect_plane *plane, const float *likelihood, const double *sums,
+                        float *llr)
 {
-    int32_t w = p->width, h = p->height;
+    int32_t w = plane->width, h = plane->height;
 
     for (int32_t y = 0; y < h; y++) {
-        int32_t above = y > WINDOW ? y - WINDOW : 0, below = y + WINDOW < h ? y + WINDOW : h;
-        float *row = &worth[(size_t)(y + MARGIN) * cairn_detect_row(p) + MARGIN];
+        int32_t above = y > WINDOW_CELLS ? y - WINDOW_CELLS : 0,
+                below = y + WINDOW_CELLS < h ? y + WINDOW_CELLS : h;
+        float *row = &llr[(size_t)(y + MARGIN) * cairn_detect_row(plane) + MARGIN];
 
         for (int32_t x = 0; x < w; x++) {
-            int32_t left = x > WINDOW ? x - WINDOW : 0, right = x + WINDOW < w ? x + WINDOW : w;
+            int32_t left = x > WINDOW_CELLS ? x - WINDOW_CELLS : 0,
+                    right = x + WINDOW_CELLS < w ? x + WINDOW_CELLS : w;
             double sum = sums[below * (w + 1) + right] - sums[above * (w + 1) + right] -
                          sums[below * (w + 1) + left] + sums[above * (w + 1) + left];
-            double chance = fmax(LEAST_CHANCE, sum / ((double)(below - above) * (right - left)));
+            double background =
+                fmax(MIN_BACKGROUND, sum / ((double)(below - above) * (right - left)));
 
-            row[x] = logf((float)(HIDDEN + (1 - HIDDEN) * (double)likely[y * w + x] / chance));
+            row[x] = logf(
+                (float)(OCCLUSION_PROBABILITY +
+                        (1 - OCCLUSION_PROBABILITY) * (double)likelihood[y * w + x] / background));
         }
     }
 }
 
-/* 0: there is no memory. */
-static int make_plane(detect_plane *p, const cairn_contour_tokens *tokens, maker *m)
+/* Computes the plane of one size. Returns 0 when out of memory. */
+static int make_plane(detect_plane *plane, const cairn_contour_tokens *tokens,
+                      plane_buffers *buffers)
 {
-    int32_t w = p->width, h = p->height, longest = w > h ? w : h;
+    int32_t w = plane->width, h = plane->height, longest = w > h ? w : h;
     size_t cells = (size_t)w * (size_t)h;
 
-    p->worth = malloc(BINS * cairn_detect_layer(p) * sizeof *p->worth);
-    m->cost = calloc(BINS * cells, sizeof *m->cost);
-    m->sums = malloc(((size_t)w + 1) * ((size_t)h + 1) * sizeof *m->sums);
-    m->strip = malloc(((size_t)longest + 2 * SPREAD) * sizeof *m->strip);
-    if (p->worth == NULL || m->cost == NULL || m->sums == NULL || m->strip == NULL)
+    plane->llr = malloc(BINS * cairn_detect_layer(plane) * sizeof *plane->llr);
+    buffers->cost = calloc(BINS * cells, sizeof *buffers->cost);
+    buffers->sums = malloc(((size_t)w + 1) * ((size_t)h + 1) * sizeof *buffers->sums);
+    buffers->strip = malloc(((size_t)longest + 2 * SPREAD_CELLS) * sizeof *buffers->strip);
+    if (plane->llr == NULL || buffers->cost == NULL || buffers->sums == NULL ||
+        buffers->strip == NULL)
         return 0;
     for (size_t i = 0; i < BINS * cells; i++)
-        m->cost[i] = FAR;
-    for (size_t i = 0; i < BINS * cairn_detect_layer(p); i++)
-        p->worth[i] = OUTSIDE;
+        buffers->cost[i] = MAX_COST;
+    for (size_t i = 0; i < BINS * cairn_detect_layer(plane); i++)
+        plane->llr[i] = OUTSIDE_LLR;
     for (int32_t i = 0; i < tokens->count; i++)
-        enter(p, tokens->lines[i], tokens->strength[i], m->cost);
+        enter_segment(plane, tokens->lines[i], tokens->strength[i], buffers->cost);
     for (int32_t bin = 0; bin < BINS; bin++) {
-        float *cost = &m->cost[(size_t)bin * cells];
+        float *cost = &buffers->cost[(size_t)bin * cells];
 
         for (int32_t y = 0; y < h; y++)
-            spread_line(m->strip, &cost[y * w], w, 1);
+            spread_line(buffers->strip, &cost[y * w], w, 1);
         for (int32_t x = 0; x < w; x++)
-            spread_line(m->strip, &cost[x], h, w);
-        sum_up(p, cost, m->sums);
-        weigh(p, cost, m->sums, &p->worth[(size_t)bin * cairn_detect_layer(p)]);
+            spread_line(buffers->strip, &cost[x], h, w);
+        integrate(plane, cost, buffers->sums);
+        compute_llr(plane, cost, buffers->sums,
+                    &plane->llr[(size_t)bin * cairn_detect_layer(plane)]);
     }
     return 1;
 }
 
-static cairn_status check_parts(const cairn_object_detect_params *p, const char *path,
+static cairn_status check_parts(const cairn_object_detect_params *params, const char *path,
                                 cairn_file_error *error)
 {
-    if (p->method < CAIRN_DETECT_EVIDENCE || p->method > CAIRN_DETECT_PARTS)
+    if (params->method < CAIRN_DETECT_EVIDENCE || params->method > CAIRN_DETECT_PARTS)
         return cairn_file_error_set(error, CAIRN_BAD_ARGUMENT, path, 0,
-                                    "method %" PRId32 ", expected 0 or 1", p->method);
-    if (p->bundles < CAIRN_DETECT_BUNDLES || p->bundles > CAIRN_DETECT_NO_BUNDLES)
+                                    "method %" PRId32 ", expected 0 or 1", params->method);
+    if (params->bundles < CAIRN_DETECT_BUNDLES || params->bundles > CAIRN_DETECT_NO_BUNDLES)
         return cairn_file_error_set(error, CAIRN_BAD_ARGUMENT, path, 0,
-                                    "bundles %" PRId32 ", expected 0 to 2", p->bundles);
-    if (p->mode != CAIRN_MODE_DEFAULT && p->mode != CAIRN_MODE_AS_WRITTEN)
+                                    "bundles %" PRId32 ", expected 0 to 2", params->bundles);
+    if (params->mode != CAIRN_MODE_DEFAULT && params->mode != CAIRN_MODE_AS_WRITTEN)
         return cairn_file_error_set(error, CAIRN_BAD_ARGUMENT, path, 0,
-                                    "mode %" PRId32 ", expected 0 or 1", p->mode);
-    if (p->appearance_nearest != 0 &&
-        (p->appearance_nearest != 1 || p->mode != CAIRN_MODE_AS_WRITTEN))
+                                    "mode %" PRId32 ", expected 0 or 1", params->mode);
+    if (params->appearance_nearest != 0 &&
+        (params->appearance_nearest != 1 || params->mode != CAIRN_MODE_AS_WRITTEN))
         return cairn_file_error_set(error, CAIRN_BAD_ARGUMENT, path, 0,
                                     "appearance_nearest %" PRId32 ", expected 0, or 1 as written",
-                                    p->appearance_nearest);
-    if (p->mode == CAIRN_MODE_AS_WRITTEN &&
-        (p->method != CAIRN_DETECT_PARTS || p->bundles != CAIRN_DETECT_BUNDLES || p->modes ||
-         p->occluded || p->verify > 0))
+                                    params->appearance_nearest);
+    if (params->mode == CAIRN_MODE_AS_WRITTEN &&
+        (params->method != CAIRN_DETECT_PARTS || params->bundles != CAIRN_DETECT_BUNDLES ||
+         params->modes || params->occluded || params->verify > 0))
         return cairn_file_error_set(
             error, CAIRN_BAD_ARGUMENT, path, 0,
             "as written by another method, with other bundles, modes, occluded or verify, "
             "which the thesis does not have, expected parts without them");
-    if (p->matches < 1 || p->matches > MATCHES_MOST || p->nearest < 1 || p->nearest > NEAREST_MOST)
+    if (params->matches < 1 || params->matches > MAX_MATCHES || params->nearest < 1 ||
+        params->nearest > MAX_NEAREST)
         return cairn_file_error_set(error, CAIRN_BAD_ARGUMENT, path, 0,
                                     "%" PRId32 " matches and %" PRId32
                                     " nearest votes, expected 1 to %d and 1 to %d",
-                                    p->matches, p->nearest, MATCHES_MOST, NEAREST_MOST);
+                                    params->matches, params->nearest, MAX_MATCHES, MAX_NEAREST);
     return CAIRN_OK;
 }
 
-static cairn_status check_params(const cairn_object_detect_params *p,
+static cairn_status check_params(const cairn_object_detect_params *params,
                                  const cairn_contour_tokens *tokens, const char *path,
                                  cairn_file_error *error)
 {
     int32_t longer = tokens->width > tokens->height ? tokens->width : tokens->height;
-    double least = (double)longer * DETECT_CELLS / DETECT_SIDE_MOST;
+    double min_size = (double)longer * DETECT_CELLS_PER_SIZE / DETECT_MAX_SIDE_CELLS;
 
-    if (!(p->min_size >= SIZE_LEAST && p->min_size <= SIZE_MOST))
+    if (!(params->min_size >= MIN_SIZE_PX && params->min_size <= MAX_SIZE_PX))
         return cairn_file_error_set(error, CAIRN_BAD_ARGUMENT, path, 0,
-                                    "min_size %g, expected %d to %d pixels", (double)p->min_size,
-                                    SIZE_LEAST, SIZE_MOST);
-    if (!(p->max_size >= p->min_size && p->max_size <= SIZE_MOST))
+                                    "min_size %g, expected %d to %d pixels",
+                                    (double)params->min_size, MIN_SIZE_PX, MAX_SIZE_PX);
+    if (!(params->max_size >= params->min_size && params->max_size <= MAX_SIZE_PX))
+        return cairn_file_error_set(
+            error, CAIRN_BAD_ARGUMENT, path, 0, "max_size %g, expected %g to %d pixels",
+            (double)params->max_size, (double)params->min_size, MAX_SIZE_PX);
+    if (!((double)params->min_size >= min_size))
         return cairn_file_error_set(error, CAIRN_BAD_ARGUMENT, path, 0,
-                                    "max_size %g, expected %g to %d pixels", (double)p->max_size,
-                                    (double)p->min_size, SIZE_MOST);
-    if (!((double)p->min_size >= least))
-        return cairn_file_error_set(error, CAIRN_BAD_ARGUMENT, path, 0,
-                                    "min_size %g in a picture of %" PRId32
+                                    "min_size %g in an image of %" PRId32
                                     " pixels, expected at least %g",
-                                    (double)p->min_size, longer, least);
-    if (p->candidates < 1 || p->candidates > CANDIDATES_MOST)
+                                    (double)params->min_size, longer, min_size);
+    if (params->candidates < 1 || params->candidates > MAX_CANDIDATES)
         return cairn_file_error_set(error, CAIRN_BAD_ARGUMENT, path, 0,
-                                    "%" PRId32 " candidates, expected 1 to %d", p->candidates,
-                                    CANDIDATES_MOST);
-    if (!(p->overlap >= 0 && p->overlap <= 1))
+                                    "%" PRId32 " candidates, expected 1 to %d", params->candidates,
+                                    MAX_CANDIDATES);
+    if (!(params->overlap >= 0 && params->overlap <= 1))
         return cairn_file_error_set(error, CAIRN_BAD_ARGUMENT, path, 0,
-                                    "overlap %g, expected 0 to 1", (double)p->overlap);
-    if (!cairn_is_finite(p->min_score))
+                                    "overlap %g, expected 0 to 1", (double)params->overlap);
+    if (!cairn_is_finite(params->min_score))
         return cairn_file_error_set(error, CAIRN_BAD_ARGUMENT, path, 0,
-                                    "min_score %g, expected a finite one", (double)p->min_score);
-    if (!(p->appearance_weight >= 0 && p->appearance_weight <= WEIGHT_MOST))
+                                    "min_score %g, expected a finite one",
+                                    (double)params->min_score);
+    if (!(params->appearance_weight >= 0 && params->appearance_weight <= MAX_APPEARANCE_WEIGHT))
         return cairn_file_error_set(error, CAIRN_BAD_ARGUMENT, path, 0,
                                     "appearance_weight %g, expected 0 to %d",
-                                    (double)p->appearance_weight, WEIGHT_MOST);
-    if (!(p->verify >= 0 && p->verify <= VERIFY_MOST))
+                                    (double)params->appearance_weight, MAX_APPEARANCE_WEIGHT);
+    if (!(params->verify >= 0 && params->verify <= MAX_GROUPING_WEIGHT))
         return cairn_file_error_set(error, CAIRN_BAD_ARGUMENT, path, 0,
-                                    "verify %g, expected 0 to %d", (double)p->verify, VERIFY_MOST);
-    return check_parts(p, path, error);
+                                    "verify %g, expected 0 to %d", (double)params->verify,
+                                    MAX_GROUPING_WEIGHT);
+    return check_parts(params, path, error);
 }
 
-/* As many sizes as there are up to the largest. */
-static int32_t planes_of(const cairn_object_detect_params *p)
+/* Number of sizes in the range. */
+static int32_t plane_count_of(const cairn_object_detect_params *params)
 {
     int32_t planes =
-        1 + (int32_t)(log((double)(p->max_size / p->min_size)) / log(SIZE_STEP) + 1e-6);
+        1 + (int32_t)(log((double)(params->max_size / params->min_size)) / log(SIZE_STEP) + 1e-6);
 
-    CAIRN_ASSERT(planes <= DETECT_PLANES);
+    CAIRN_ASSERT(planes <= DETECT_MAX_PLANES);
     return planes;
 }
 
@@ -262,45 +282,45 @@ cairn_status cairn_detect_field_make(cairn_detect_field **field, const cairn_con
                                      cairn_file_error *error)
 {
     cairn_status status = check_params(params, tokens, path, error);
-    cairn_detect_field *f;
+    cairn_detect_field *made;
     int ok = 1;
 
     *field = NULL;
     if (status != CAIRN_OK)
         return status;
-    f = calloc(1, sizeof *f);
-    if (f == NULL)
+    made = calloc(1, sizeof *made);
+    if (made == NULL)
         return cairn_file_error_system(error, path, "detect", ENOMEM);
-    f->tokens = tokens;
-    f->params = *params;
+    made->tokens = tokens;
+    made->params = *params;
     if (params->method == CAIRN_DETECT_PARTS)
-        ok = cairn_detect_chains_make(&f->chains, tokens);
-    for (int32_t k = 0; params->method == CAIRN_DETECT_EVIDENCE && k < planes_of(params) && ok;
+        ok = cairn_detect_chains_make(&made->chains, tokens);
+    for (int32_t k = 0; params->method == CAIRN_DETECT_EVIDENCE && k < plane_count_of(params) && ok;
          k++) {
-        detect_plane *p = &f->plane[f->planes++];
-        maker m = {NULL, NULL, NULL};
+        detect_plane *plane = &made->plane[made->planes++];
+        plane_buffers buffers = {.cost = NULL};
 
-        p->size = params->min_size * (cairn_real)pow(SIZE_STEP, k);
-        p->cell = p->size / DETECT_CELLS;
-        p->width = 1 + (int32_t)((double)tokens->width / (double)p->cell);
-        p->height = 1 + (int32_t)((double)tokens->height / (double)p->cell);
-        ok = make_plane(p, tokens, &m);
-        free(m.cost);
-        free(m.sums);
-        free(m.strip);
+        plane->size = params->min_size * (cairn_real)pow(SIZE_STEP, k);
+        plane->cell_size = plane->size / DETECT_CELLS_PER_SIZE;
+        plane->width = 1 + (int32_t)((double)tokens->width / (double)plane->cell_size);
+        plane->height = 1 + (int32_t)((double)tokens->height / (double)plane->cell_size);
+        ok = make_plane(plane, tokens, &buffers);
+        free(buffers.cost);
+        free(buffers.sums);
+        free(buffers.strip);
     }
     if (!ok) {
-        cairn_detect_field_free(f);
+        cairn_detect_field_free(made);
         return cairn_file_error_system(error, path, "detect", ENOMEM);
     }
-    *field = f;
+    *field = made;
     return CAIRN_OK;
 }
 
 void cairn_detect_field_free(cairn_detect_field *field)
 {
     for (int32_t k = 0; field != NULL && k < field->planes; k++)
-        free(field->plane[k].worth);
+        free(field->plane[k].llr);
     if (field != NULL)
         cairn_detect_chains_free(&field->chains);
     free(field);

@@ -1,9 +1,9 @@
-/* Detections verified by contour grouping (chapter 2), and those that are hidden in part found by
- * it.
+/* Verification of detections by contour grouping (chapter 2), and detection of partly occluded
+ * objects.
  *
- * Method: the grouping looks for the model as it is and mirrored, in one band of sizes after the
- * other. Its evidence is of what is seen along chains of edges, whatever is hidden, and objects may
- * be turned: what a bent outline has not counted.
+ * Method: the grouping searches the model and its mirror image in successive bands of sizes. Its
+ * evidence comes from the visible parts along chains of edges, whatever is occluded, and objects
+ * may be rotated. Both complement the evidence of a deformed outline.
  *
  * Source: Adluru 2008, chapter 2 (contour_grouping). */
 #include "src/core/build.h"
@@ -17,31 +17,31 @@
 #include "cairn/shape_model_file.h"
 #include "src/host/object_detect_work.h"
 
-/* Sizes that are searched at once differ by this factor at most: of sizes at one place a search
- * keeps the best alone. */
-#define BAND 2.2
-/* Least evidence of what is kept: chance has more about every object. */
-#define EVIDENCE 2
-/* rad: so far objects are turned, either way. */
-#define TURN_MOST (15 * (CAIRN_PI / 180))
-/* Boxes that share so much of their union are of one object. */
-#define SAME 0.5
-enum { LEAST_TOKENS = 64 };
+/* Greatest ratio of sizes within one band, because a search keeps only the best size at one
+ * position. */
+#define BAND_FACTOR 2.2
+/* Least evidence of a kept object, nats; chance objects near every detection have more. */
+#define MIN_EVIDENCE 2
+/* rad: greatest rotation either way. */
+#define MAX_ROTATION (15 * (CAIRN_PI / 180))
+/* Least intersection over union of boxes of one object. */
+#define MIN_OVERLAP 0.5
+enum { MIN_TOKENS = 64 };
 
-void cairn_detect_group_free(detect_groupings *made)
+void cairn_detect_group_free(detect_groupings *groupings)
 {
-    free(made->list);
-    memset(made, 0, sizeof *made);
+    free(groupings->list);
+    memset(groupings, 0, sizeof *groupings);
 }
 
-/* What the pieces of all segments come to. */
+/* Number of tokens of all segments, clamped. */
 static int32_t count_tokens(const cairn_contour_tokens *tokens, cairn_real token)
 {
     double count = 0;
 
     for (int32_t i = 0; i < tokens->count; i++)
         count += ceil((double)cairn_segment_length(tokens->lines[i]) / (double)token);
-    return (int32_t)fmax(LEAST_TOKENS, fmin(count, CAIRN_CONTOUR_TOKENS_MOST));
+    return (int32_t)fmax(MIN_TOKENS, fmin(count, CAIRN_CONTOUR_TOKENS_MOST));
 }
 
 static cairn_grouping_params params_for(const cairn_contour_tokens *tokens,
@@ -54,47 +54,47 @@ static cairn_grouping_params params_for(const cairn_contour_tokens *tokens,
     params.max_tokens = count_tokens(tokens, params.token);
     params.max_samples = model->sample_count;
     params.max_outline = model->outline_count;
-    params.max_objects = DETECT_GROUPED_EACH;
-    params.min_evidence = EVIDENCE;
+    params.max_objects = DETECT_MAX_OBJECTS_PER_SEARCH;
+    params.min_evidence = MIN_EVIDENCE;
     params.min_score = 0;
     return params;
 }
 
-/* The box of the model where it was grouped. */
-static void lay_box(const cairn_shape_model *m, detect_grouping *g)
+/* Computes the bounding box of the model at the grouped pose. */
+static void set_box(const cairn_shape_model *model, detect_grouping *grouped)
 {
-    double c = cos((double)g->found.turn) * (double)g->found.size,
-           s = sin((double)g->found.turn) * (double)g->found.size;
+    double c = cos((double)grouped->found.turn) * (double)grouped->found.size,
+           s = sin((double)grouped->found.turn) * (double)grouped->found.size;
 
-    g->box[0] = g->box[1] = HUGE_VAL;
-    g->box[2] = g->box[3] = -HUGE_VAL;
-    for (int32_t i = 0; i < m->outline_count; i++) {
-        double px = (double)m->outline[i].position.x, py = (double)m->outline[i].position.y;
-        double x = (double)g->found.origin.x + c * px - s * py,
-               y = (double)g->found.origin.y + s * px + c * py;
+    grouped->box[0] = grouped->box[1] = HUGE_VAL;
+    grouped->box[2] = grouped->box[3] = -HUGE_VAL;
+    for (int32_t i = 0; i < model->outline_count; i++) {
+        double px = (double)model->outline[i].position.x, py = (double)model->outline[i].position.y;
+        double x = (double)grouped->found.origin.x + c * px - s * py,
+               y = (double)grouped->found.origin.y + s * px + c * py;
 
-        g->box[0] = fmin(g->box[0], x);
-        g->box[1] = fmin(g->box[1], y);
-        g->box[2] = fmax(g->box[2], x);
-        g->box[3] = fmax(g->box[3], y);
+        grouped->box[0] = fmin(grouped->box[0], x);
+        grouped->box[1] = fmin(grouped->box[1], y);
+        grouped->box[2] = fmax(grouped->box[2], x);
+        grouped->box[3] = fmax(grouped->box[3], y);
     }
 }
 
-static void take(detect_groupings *made, const cairn_grouping *grouping,
-                 const cairn_shape_model *model, int32_t mirrored)
+static void append_objects(detect_groupings *groupings, const cairn_grouping *grouping,
+                           const cairn_shape_model *model, int32_t mirrored)
 {
-    cairn_grouping_result r = cairn_grouping_read(grouping);
+    cairn_grouping_result result = cairn_grouping_read(grouping);
 
-    for (int32_t i = 0; i < r.object_count && made->count < DETECT_GROUPINGS; i++) {
-        detect_grouping *g = &made->list[made->count++];
+    for (int32_t i = 0; i < result.object_count && groupings->count < DETECT_MAX_GROUPINGS; i++) {
+        detect_grouping *grouped = &groupings->list[groupings->count++];
 
-        g->found = r.objects[i];
-        g->mirrored = mirrored;
-        lay_box(model, g);
+        grouped->found = result.objects[i];
+        grouped->mirrored = mirrored;
+        set_box(model, grouped);
     }
 }
 
-/* Looks for the model in sizes of one band. */
+/* Searches the model in one band of sizes. */
 static cairn_status search_band(cairn_grouping *grouping, const cairn_contour_tokens *tokens,
                                 const cairn_shape_model *model, double min_size, double max_size)
 {
@@ -105,8 +105,8 @@ static cairn_status search_band(cairn_grouping *grouping, const cairn_contour_to
                                   .model = model,
                                   .min_size = (cairn_real)min_size,
                                   .max_size = (cairn_real)fmax(min_size, max_size),
-                                  .min_turn = -TURN_MOST,
-                                  .max_turn = TURN_MOST,
+                                  .min_turn = -MAX_ROTATION,
+                                  .max_turn = MAX_ROTATION,
                                   .mean_length = tokens->mean_length > 0 ? tokens->mean_length : 5};
     cairn_status status = cairn_grouping_begin(grouping, &input);
     cairn_budget budget;
@@ -120,25 +120,25 @@ static cairn_status search_band(cairn_grouping *grouping, const cairn_contour_to
     return status;
 }
 
-static cairn_status search(detect_groupings *made, const cairn_detect_field *field,
-                           const cairn_shape_model *model, int32_t mirrored,
-                           cairn_grouping *grouping)
+static cairn_status search_bands(detect_groupings *groupings, const cairn_detect_field *field,
+                                 const cairn_shape_model *model, int32_t mirrored,
+                                 cairn_grouping *grouping)
 {
-    double least = (double)field->params.min_size,
-           range = log((double)field->params.max_size / least);
-    int32_t bands = 1 + (int32_t)(range / log(BAND));
+    double min_size = (double)field->params.min_size,
+           range = log((double)field->params.max_size / min_size);
+    int32_t bands = 1 + (int32_t)(range / log(BAND_FACTOR));
     cairn_status status = CAIRN_OK;
 
     for (int32_t k = 0; k < bands && status == CAIRN_OK; k++) {
-        status = search_band(grouping, field->tokens, model, least * exp(range * k / bands),
-                             least * exp(range * (k + 1) / bands));
+        status = search_band(grouping, field->tokens, model, min_size * exp(range * k / bands),
+                             min_size * exp(range * (k + 1) / bands));
         if (status == CAIRN_OK)
-            take(made, grouping, model, mirrored);
+            append_objects(groupings, grouping, model, mirrored);
     }
     return status;
 }
 
-static cairn_status search_mirrored(detect_groupings *made, const cairn_detect_field *field,
+static cairn_status search_mirrored(detect_groupings *groupings, const cairn_detect_field *field,
                                     const cairn_shape_model *model, cairn_grouping *grouping)
 {
     cairn_shape_model_file mirrored;
@@ -147,7 +147,7 @@ static cairn_status search_mirrored(detect_groupings *made, const cairn_detect_f
     if (status != CAIRN_OK)
         return status;
     cairn_shape_model_file_mirror(&mirrored);
-    status = search(made, field, &mirrored.model, 1, grouping);
+    status = search_bands(groupings, field, &mirrored.model, 1, grouping);
     cairn_shape_model_file_free(&mirrored);
     return status;
 }
@@ -165,7 +165,7 @@ static int compare_groupings(const void *a, const void *b)
     return x->found.origin.x < y->found.origin.x ? -1 : x->found.origin.x > y->found.origin.x;
 }
 
-cairn_status cairn_detect_group(detect_groupings *made, const cairn_detect_field *field,
+cairn_status cairn_detect_group(detect_groupings *groupings, const cairn_detect_field *field,
                                 const cairn_shape_model *model)
 {
     cairn_grouping_params params = params_for(field->tokens, model);
@@ -175,28 +175,31 @@ cairn_status cairn_detect_group(detect_groupings *made, const cairn_detect_field
     cairn_status status;
     cairn_pool pool;
 
-    made->count = 0;
-    made->list = malloc(DETECT_GROUPINGS * sizeof *made->list);
-    status = memory != NULL && made->list != NULL ? cairn_pool_init(&pool, memory, bytes)
-                                                  : CAIRN_NO_MEMORY;
+    groupings->count = 0;
+    groupings->list = malloc(DETECT_MAX_GROUPINGS * sizeof *groupings->list);
+    status = memory != NULL && groupings->list != NULL ? cairn_pool_init(&pool, memory, bytes)
+                                                       : CAIRN_NO_MEMORY;
     if (status == CAIRN_OK)
         status = cairn_grouping_create(&grouping, &pool, &params);
     if (status == CAIRN_OK)
-        status = search(made, field, model, 0, grouping);
+        status = search_bands(groupings, field, model, 0, grouping);
     if (status == CAIRN_OK && field->params.mirror)
-        status = search_mirrored(made, field, model, grouping);
+        status = search_mirrored(groupings, field, model, grouping);
     free(memory);
-    if (status == CAIRN_OK && made->count > 1)
-        qsort(made->list, (size_t)made->count, sizeof *made->list, compare_groupings);
+    if (status == CAIRN_OK && groupings->count > 1)
+        qsort(groupings->list, (size_t)groupings->count, sizeof *groupings->list,
+              compare_groupings);
     return status;
 }
 
-cairn_real cairn_detect_grouped_at(const detect_groupings *made, const cairn_detection *o)
+cairn_real cairn_detect_grouped_evidence(const detect_groupings *groupings,
+                                         const cairn_detection *detection)
 {
-    const double own[4] = {(double)o->left, (double)o->top, (double)o->right, (double)o->bottom};
+    const double own[4] = {(double)detection->left, (double)detection->top,
+                           (double)detection->right, (double)detection->bottom};
 
-    for (int32_t i = 0; i < made->count; i++)
-        if (cairn_detection_overlap(made->list[i].box, own) >= SAME)
-            return made->list[i].found.evidence;
+    for (int32_t i = 0; i < groupings->count; i++)
+        if (cairn_detection_overlap(groupings->list[i].box, own) >= MIN_OVERLAP)
+            return groupings->list[i].found.evidence;
     return 0;
 }
