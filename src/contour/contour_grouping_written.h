@@ -8,7 +8,7 @@
 /* Greatest number of segments considered for extending a side, the nearest ones, and of pairs of
  * them. */
 enum {
-    WRITTEN_MAX_EXTENSIONS = 10,
+    WRITTEN_MAX_EXTENSIONS = 32,
     WRITTEN_MAX_PAIRS = WRITTEN_MAX_EXTENSIONS * WRITTEN_MAX_EXTENSIONS
 };
 

@@ -198,7 +198,7 @@ cairn_status cairn_detection_file_draw(const cairn_detection_picture *picture, c
                                           .grey = picture->grey,
                                           .width = picture->tokens->width,
                                           .height = picture->tokens->height,
-                                          .least_width = 860,
+                                          .min_width = 860,
                                           .keys = keys,
                                           .key_count = sizeof keys / sizeof *keys,
                                           .key_step = 280};
