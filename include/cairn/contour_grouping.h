@@ -26,11 +26,15 @@
  * - Initial particles: symmetric points of pairs with at least one segment that ends within L of an
  *   end point of a strong chain. Each is used in both directions of travel and of the model's path.
  *   They are sampled in proportion to (2.10) times (2.13).
- * - Both sides grow in every step, each by one of the ten segments nearest to its open end, entered
+ * - Both sides grow in every step, each by one of the 32 segments nearest to its open end, entered
  *   at the nearer end. A segment counts as explored when its midpoint lies in the polygon between
- *   both sides.
+ *   both sides. Self-intersection: of the skeleton with itself or a side, of a side with itself or
+ *   the other side, of the new pieces of both sides with each other.
+ * - Symmetric points: normals deviate by at most 60 degrees from the line between both edgels, in
+ *   the mean by at most 45 degrees (symmetric_point.h).
  * - Radii may leave the model's range by at most R_sigma.
- * - A particle has at most 8 followers. */
+ * - A particle has exp(H) followers, at most 8; they share its weight in (2.9), so that a particle
+ *   does not gain weight by having many followers. */
 #ifndef CAIRN_CONTOUR_GROUPING_H
 #define CAIRN_CONTOUR_GROUPING_H
 
@@ -165,6 +169,8 @@ typedef struct cairn_grouping_result {
     cairn_real best_evidence;
     /* Mode as written only. */
     int32_t points, points_dropped; /* symmetric points; those dropped beyond max_points */
+    /* states that were not proposed because the memory for 100 per particle was used up */
+    int32_t candidates_dropped;
     int32_t end;                    /* CAIRN_GROUPING_...: termination reason of the filter */
 } cairn_grouping_result;
 

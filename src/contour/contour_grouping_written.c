@@ -60,7 +60,7 @@ static cairn_particle_filter_params filter_params(const cairn_grouping_params *p
     settings.particles = settings.max_particles = params->particles;
     settings.proposal = CAIRN_PROPOSAL_PRIOR;
     settings.max_followers = MAX_FOLLOWERS;
-    settings.max_candidates = params->particles * WRITTEN_MAX_PAIRS;
+    settings.max_candidates = params->particles * WRITTEN_CANDIDATES_PER_PARTICLE;
     settings.past = 0;
     settings.max_blocks = BLOCKS_PER_PARTICLE * params->particles + params->max_steps;
     settings.state_bytes = (int32_t)sizeof(grouping_written_state);
@@ -185,6 +185,7 @@ void cairn_grouping_written_begin(cairn_grouping *grouping)
     written->has_segments = written->is_sampling = written->end_reason = written->start_count =
         written->sampled_count = written->is_recording = 0;
     written->mass_sum = written->passed_mass = 0;
+    written->dropped_candidates = 0;
 }
 
 /* ---- Points ---- */
@@ -482,6 +483,7 @@ void cairn_grouping_written_read(const cairn_grouping *grouping, cairn_grouping_
 
     (void)cairn_symmetric_point_list(written->set, &r->points);
     r->points_dropped = cairn_symmetric_point_dropped(written->set);
+    r->candidates_dropped = written->dropped_candidates;
     r->token_count = grouping->input.count;
     r->end = written->end_reason;
 }

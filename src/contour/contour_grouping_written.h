@@ -5,12 +5,9 @@
 #include "cairn/symmetric_point.h"
 #include "src/contour/contour_grouping_work.h"
 
-/* Greatest number of segments considered for extending a side, the nearest ones, and of pairs of
- * them. */
-enum {
-    WRITTEN_MAX_EXTENSIONS = 32,
-    WRITTEN_MAX_PAIRS = WRITTEN_MAX_EXTENSIONS * WRITTEN_MAX_EXTENSIONS
-};
+/* Greatest number of segments considered for extending a side, the nearest ones; candidates that
+ * there is memory for, for each particle on average. */
+enum { WRITTEN_MAX_EXTENSIONS = 32, WRITTEN_CANDIDATES_PER_PARTICLE = 100 };
 
 /* State of a particle: the current symmetric point, its two segments and their open ends. */
 typedef struct grouping_written_state {
@@ -88,6 +85,7 @@ struct grouping_written {
     cairn_real mass_sum, passed_mass;
     /* nats, logarithm of stop_likelihood */
     cairn_real log_stop;
+    int32_t dropped_candidates;
     cairn_random random;
 };
 

@@ -282,7 +282,10 @@ static cairn_status offer(cairn_grouping *grouping, cairn_particle_filter *filte
     status = cairn_particle_filter_offer(
         filter, &next,
         log_mass(grouping, previous, &next, CAIRN_REAL(0.5) * (left->gap + right->gap)));
-    return status == CAIRN_FULL ? CAIRN_OK : status;
+    if (status != CAIRN_FULL)
+        return status;
+    grouping->written->dropped_candidates++;
+    return CAIRN_OK;
 }
 
 /* Number of segment ends in the look-ahead circle of a side. */

@@ -10,7 +10,7 @@
 #include "src/host/contour_search_work.h"
 
 /* Capacity for symmetric points per segment, and in all; least token capacity. */
-enum { POINTS_PER_SEGMENT = 160, MAX_POINTS = 1 << 18, MIN_TOKENS = 64 };
+enum { POINTS_PER_SEGMENT = 640, MAX_POINTS = 1 << 21, MIN_TOKENS = 64 };
 /* Greatest number of segments of a search. */
 enum { MAX_TOKENS = 1 << 20 };
 /* Work units between observations, and at most per particle. A filter step costs more than 50 units
