@@ -57,7 +57,7 @@ static int params_are_valid(const cairn_scan_params *p)
 static cairn_scan *carve(cairn_pool *pool, const cairn_scan_params *p)
 {
     size_t n = (size_t)p->max_beams, m = (size_t)p->max_segments, k = (size_t)p->max_points;
-    cairn_scan *x = cairn_pool_take_one(pool, sizeof *x);
+    cairn_scan *scan = cairn_pool_take_one(pool, sizeof *scan);
     float *range = cairn_pool_take(pool, n, sizeof *range);
     float *angle = cairn_pool_take(pool, n, sizeof *angle);
     cairn_beam *beams = cairn_pool_take(pool, n, sizeof *beams);
@@ -69,27 +69,27 @@ static cairn_scan *carve(cairn_pool *pool, const cairn_scan_params *p)
     int32_t *first_point = cairn_pool_take(pool, m + 1, sizeof *first_point);
     cairn_oriented_point *points = cairn_pool_take(pool, k, sizeof *points);
 
-    if (x != NULL) {
-        memset(x, 0, sizeof *x);
-        x->params = *p;
-        x->range = range;
-        x->angle = angle;
-        x->beams = beams;
-        x->hit = hit;
-        x->walls = walls;
-        x->order = order;
-        x->support = support;
-        x->segments = segments;
-        x->first_point = first_point;
-        x->points = points;
-        x->first_point[0] = 0;
-        x->view.beams = beams;
-        x->view.segments = segments;
-        x->view.first_point = first_point;
-        x->view.points = points;
-        x->phase = SCAN_DONE;
+    if (scan != NULL) {
+        memset(scan, 0, sizeof *scan);
+        scan->params = *p;
+        scan->range = range;
+        scan->angle = angle;
+        scan->beams = beams;
+        scan->hit = hit;
+        scan->walls = walls;
+        scan->order = order;
+        scan->support = support;
+        scan->segments = segments;
+        scan->first_point = first_point;
+        scan->points = points;
+        scan->first_point[0] = 0;
+        scan->view.beams = beams;
+        scan->view.segments = segments;
+        scan->view.first_point = first_point;
+        scan->view.points = points;
+        scan->phase = SCAN_DONE;
     }
-    return x;
+    return scan;
 }
 
 size_t cairn_scan_memory(const cairn_scan_params *params)
