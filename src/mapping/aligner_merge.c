@@ -237,13 +237,13 @@ static int32_t compare(cairn_aligner *aligner)
     int32_t passed = 0, compared = 0;
 
     for (; (g = next_competing(aligner, &passed, LINKS_PER_ITEM)) != NULL; compared++) {
-        cairn_transform rival = pose_by(aligner, g);
+        cairn_transform competing = pose_by(aligner, g);
 
         if (is_fresh(aligner, g) &&
-            !cairn_aligner_near(pose, rival, SAME_POSE_M, SAME_HEADING_COSINE)) {
+            !cairn_aligner_near(pose, competing, SAME_POSE_M, SAME_HEADING_COSINE)) {
             aligner->odds += cairn_exp(cairn_min(g->score, 60));
         } else if (g->score <= h->score &&
-                   cairn_aligner_near(pose, rival, SAME_POSE_M / 3, CAIRN_REAL(0.9998))) {
+                   cairn_aligner_near(pose, competing, SAME_POSE_M / 3, CAIRN_REAL(0.9998))) {
             g->state = ALIGNER_OUT;
             invalidate_block(aligner, g);
         }

@@ -83,11 +83,11 @@ static int32_t find_nearest(cairn_aligner *aligner)
     return units;
 }
 
-int cairn_aligner_has_partner(const cairn_aligner *aligner, int32_t scan, int32_t partner,
+int cairn_aligner_has_partner(const cairn_aligner *aligner, int32_t scan, int32_t neighbour,
                               int32_t most)
 {
     for (int32_t k = 0; k < aligner->scans[scan].partner_count && k < most; k++)
-        if (cairn_aligner_partner(aligner, scan, k) == partner)
+        if (cairn_aligner_partner(aligner, scan, k) == neighbour)
             return 1;
     return 0;
 }

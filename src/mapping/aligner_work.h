@@ -413,7 +413,7 @@ static inline int32_t cairn_aligner_partner(const cairn_aligner *aligner, int32_
     return aligner->partners[ALIGNER_PARTNERS * scan + k];
 }
 
-/* Returns 1 when `partner` is one of the first `most` neighbours of a scan. */
+/* Returns 1 when the second scan is one of the first `most` neighbours of the first. */
 int cairn_aligner_has_partner(const cairn_aligner *aligner, int32_t scan, int32_t partner,
                               int32_t most);
 

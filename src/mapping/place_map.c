@@ -59,7 +59,7 @@ cairn_place_map_params cairn_place_map_default(void)
     params.match.once = 0;
     params.consensus = cairn_pose_consensus_default();
     params.consensus.max_hypotheses = 4096;
-    /* nats of correlated points are worth less */
+    /* nats of correlated points overstate the likelihood */
     params.consensus.ambiguous = CAIRN_REAL(1e-5);
     params.consensus.believed = 12;
     params.aligner = cairn_aligner_default();

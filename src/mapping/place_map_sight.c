@@ -68,7 +68,7 @@ static uint8_t *grid_of(const cairn_place_map *map, int32_t place)
 /* Clears the cells of a beam; before any marking. */
 static void clear_beam(cairn_place_map *map, int32_t place, const cairn_beam *beam)
 {
-    uint8_t *sight = grid_of(map, place);
+    uint8_t *grid = grid_of(map, place);
     cairn_vec2 along = cairn_vec2_sub(beam->to, beam->from), unit = cairn_vec2_unit(along);
     cairn_real step = map->params.sight_cell * CAIRN_REAL(0.7);
     cairn_real end =
@@ -80,7 +80,7 @@ static void clear_beam(cairn_place_map *map, int32_t place, const cairn_beam *be
             cell_of(map, cairn_vec2_add(beam->from, cairn_vec2_scale(unit, (cairn_real)k * step)));
 
         if (cell >= 0)
-            sight[cell] = CAIRN_SIGHT_FREE;
+            grid[cell] = CAIRN_SIGHT_FREE;
     }
     map->debt += steps / CELLS_PER_UNIT;
 }
@@ -228,12 +228,12 @@ static int32_t *free_cells_of(const cairn_place_map *map, int32_t place)
 
 void cairn_place_map_sample_free(cairn_place_map *map, int32_t place)
 {
-    const uint8_t *sight = grid_of(map, place);
+    const uint8_t *grid = grid_of(map, place);
     int32_t *cells = free_cells_of(map, place), count = 0;
 
     for (int32_t y = 0; y < map->side; y += CAIRN_SIGHT_STRIDE)
         for (int32_t x = 0; x < map->side; x += CAIRN_SIGHT_STRIDE)
-            if (sight[y * map->side + x] == CAIRN_SIGHT_FREE)
+            if (grid[y * map->side + x] == CAIRN_SIGHT_FREE)
                 cells[count++] = y * map->side + x;
     map->places[place].free_count = count;
     map->debt += 1 + samples_of_side(map) * samples_of_side(map) / CELLS_PER_UNIT;
@@ -321,7 +321,7 @@ static void add_point(const cairn_place_map *map, uint8_t code, cairn_vec2 direc
 static void add_points(const cairn_place_map *map, int32_t observer, int32_t observed,
                        cairn_pose observer_observed, struct likelihood_terms *likelihood_terms)
 {
-    const uint8_t *sight = grid_of(map, observer);
+    const uint8_t *grid = grid_of(map, observer);
     const cairn_place *place = &map->places[observed];
 
     for (int32_t s = place->first_scan; s < place->first_scan + place->scan_count; s++) {
@@ -334,7 +334,7 @@ static void add_points(const cairn_place_map *map, int32_t observer, int32_t obs
             int32_t cell = cell_of(map, cairn_transform_point(transform, points[i].position));
 
             if (cell >= 0 && doubt[i] < CAIRN_POINT_SUSPECT)
-                add_point(map, sight[cell],
+                add_point(map, grid[cell],
                           cairn_transform_direction(transform, points[i].direction),
                           doubt[i] == CAIRN_POINT_FLOATING, likelihood_terms);
         }
@@ -345,7 +345,7 @@ static void add_points(const cairn_place_map *map, int32_t observer, int32_t obs
 static cairn_real shared_free_area(const cairn_place_map *map, int32_t observer, int32_t observed,
                                    cairn_pose observer_observed)
 {
-    const uint8_t *sight = grid_of(map, observer);
+    const uint8_t *grid = grid_of(map, observer);
     cairn_transform transform = cairn_transform_of(observer_observed);
     int32_t shared = 0;
 
@@ -353,7 +353,7 @@ static cairn_real shared_free_area(const cairn_place_map *map, int32_t observer,
         int32_t at = cell_of(
             map, cairn_transform_point(transform, cairn_place_map_free_point(map, observed, i)));
 
-        shared += at >= 0 && sight[at] == CAIRN_SIGHT_FREE;
+        shared += at >= 0 && grid[at] == CAIRN_SIGHT_FREE;
     }
     return (cairn_real)shared * cairn_place_map_free_area(map);
 }

@@ -71,12 +71,12 @@ static void set_weights(cairn_pose_consensus *consensus, int32_t node)
     for (int32_t i = 0; i < chosen->alternatives; i++)
         list[i].weight /= sum;
     if (chosen->alternatives > 1 && list[0].weight < list[1].weight) {
-        cairn_consensus_alternative rival = list[0];
+        cairn_consensus_alternative other_map = list[0];
         int32_t at = 0;
 
-        for (; at + 1 < chosen->alternatives && list[at + 1].weight > rival.weight; at++)
+        for (; at + 1 < chosen->alternatives && list[at + 1].weight > other_map.weight; at++)
             list[at] = list[at + 1];
-        list[at] = rival;
+        list[at] = other_map;
     }
     chosen->ambiguous |= chosen->alternatives > 0 && list[0].weight >= consensus->params.ambiguous;
     consensus->result.ambiguous += chosen->ambiguous;

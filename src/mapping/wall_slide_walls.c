@@ -15,7 +15,7 @@
 
 enum { TESTS_PER_UNIT = 8, TRIALS_PER_UNIT = 4, WINDOW_BINS = 8 };
 
-static const cairn_real MIN_PARALLEL_COSINE = CAIRN_REAL(0.99); /* cosine */
+static const cairn_real MIN_PARALLEL_COSINE = CAIRN_REAL(0.99);
 /* m: least length of a wall */
 static const cairn_real MIN_WALL_LENGTH_M = CAIRN_REAL(0.2);
 /* m: greatest distance across and along between segments of one wall */
