@@ -9,8 +9,8 @@
  * again with the map of all others, and the poses are refined by ICP (after Adluru 2008, chapter 6,
  * with all pairs in place of the last three scans; mode as written is that chapter as printed).
  *
- *     clear() -> add_scan() ... -> begin() -> step(budget) until CAIRN_OK -> read(), place_of(),
- * scan_pose() */
+ *     clear() -> add_scan() ... -> begin() -> step(budget) until CAIRN_OK
+ *         -> read(), place_of(), scan_pose() */
 #ifndef CAIRN_PLACE_MAP_H
 #define CAIRN_PLACE_MAP_H
 
@@ -119,7 +119,7 @@ cairn_place_map_params cairn_place_map_default(void);
  * - scans are decoupled right after the ICP of their place, with its target, its overlap distance
  *   and its rules;
  * - a place without any correspondence left is a component of its own, and no target of another.
- *   The thesis reports no ambiguity: `ambiguous` and `support` are 0. */
+ * The thesis reports no ambiguity: `ambiguous` and `support` are 0. */
 cairn_place_map_params cairn_place_map_as_written(void);
 
 /* Returns the bytes that create() takes; 0 for params that create() would refuse. */

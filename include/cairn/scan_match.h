@@ -101,8 +101,9 @@ cairn_scan_match_params cairn_scan_match_default(void);
  *   near enough, and its partner is the nearest of these; of equal overlaps the first rotation
  *   wins;
  * - ICP is point to point in closed form; its distance threshold is the mean distance of the
- *   overlapping points in the pose that the iteration starts from. The thesis has no verdict: the
- *   verdict and the log odds are the library's own and change nothing in the pose. */
+ *   overlapping points in the pose that the iteration starts from.
+ * The thesis has no verdict: the verdict and the log odds are the library's own and change nothing
+ * in the pose. */
 cairn_scan_match_params cairn_scan_match_as_written(void);
 
 /* rad: half the window of headings as written (6.3). */

@@ -6,18 +6,18 @@
  * 3. aligner_merge.c, aligner_cluster.c: agglomerative clustering by the most certain hypothesis.
  * 4. aligner_repair.c: relocalization of single scans against all others.
  * 5. aligner_joint.c, aligner_wall.c: joint least squares over all poses and shared walls.
- * 6. aligner_slide.c: translation of scans along their weakly observable direction. aligner_beams.c
- *    stores scans; aligner_scan.c evaluates pairs of scans; aligner_prior.c evaluates the initial
- *    poses; aligner_witness.c answers queries about the result.
+ * 6. aligner_slide.c: translation of scans along their weakly observable direction.
+ * aligner_beams.c stores scans; aligner_scan.c evaluates pairs of scans; aligner_prior.c evaluates
+ * the initial poses; aligner_witness.c answers queries about the result.
  *
  * Layout: scans keep segments with the moments of their hits, points along them, and a visibility
  * profile. The work is a sequence of items that charge their units to the budgets. A scan is only
  * compared with its neighbours, the nearest by the initial poses, so that the cost is near linear
- * in the scans of one density. Limits: a scan without a segment is not aligned. Two scans without a
- * common surface or view are connected through others only. Segments beyond the 255th of a scan are
- * missing in its profile. Source: joint treatment of all scans after Adluru 2008, chapter 7;
- * free-space tests and growth by competing hypotheses are original; robust weights after Geman and
- * McClure 1987. */
+ * in the scans of one density.
+ * Limits: a scan without a segment is not aligned. Two scans without a common surface or view are
+ * connected through others only. Segments beyond the 255th of a scan are missing in its profile.
+ * Source: joint treatment of all scans after Adluru 2008, chapter 7; free-space tests and growth by
+ * competing hypotheses are original; robust weights after Geman and McClure 1987. */
 #include "src/core/build.h"
 
 #include <string.h>

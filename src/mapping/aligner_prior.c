@@ -9,7 +9,7 @@
  *    motion by s and a rotation R, the residual is e + s + (R - I) u.
  * 3. When a scan may lie outside the box of expected errors, the scans are visited one by one.
  * 4. The variances are estimated from the residuals of all clusters, with the params as a prior.
- *    The sums are updated as scans enter and leave, and computed anew when poses have changed. */
+ * The sums are updated as scans enter and leave, and computed anew when poses have changed. */
 #include "src/core/build.h"
 
 #include <string.h>

@@ -7,8 +7,8 @@
  * 2. A wall keeps the moments of all its hits in the map; its line is their total least squares
  *    fit.
  * 3. Index: walls are in hash buckets by direction and the tile of their middle; walls longer than
- *    a tile are in one bucket per direction. Scans with a weakly observable direction accept walls
- *    whose extent ends some metres away. */
+ *    a tile are in one bucket per direction.
+ * Scans with a weakly observable direction accept walls whose extent ends some metres away. */
 #include "src/core/build.h"
 
 #include <string.h>

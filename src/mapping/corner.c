@@ -11,8 +11,8 @@
  *
  * Layout: two lists of corners, one in work, one for readers; the boxes of the segments; the sweep.
  * Limits: corners are dropped by strength before the suppression, so many copies of a strong corner
- * can displace a weak one; choose max_corners for the copies too. Source: Adluru 2008, sections
- * 7.3.4 and 9. */
+ * can displace a weak one; choose max_corners for the copies too.
+ * Source: Adluru 2008, sections 7.3.4 and 9. */
 #include "src/core/build.h"
 
 #include <string.h>

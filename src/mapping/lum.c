@@ -15,9 +15,10 @@
  *
  * Layout: the points of each scan are in hash buckets of their grid cells, in the scan's own frame,
  * so that they never move: heads[2 first ... ] of a scan whose points begin at `first`, two buckets
- * a point. Limits: closest points need not be true correspondences, and a link whose wrong pairs
- * agree by chance has full weight: from errors of more than a few degrees the solution often
- * converges to a local minimum. Evenly spaced points lock into each other at half their spacing.
+ * a point.
+ * Limits: closest points need not be true correspondences, and a link whose wrong pairs agree by
+ * chance has full weight: from errors of more than a few degrees the solution often converges to a
+ * local minimum. Evenly spaced points lock into each other at half their spacing.
  * Source: Lu and Milios, Globally consistent range scan alignment for environment mapping, 1997;
  * Adluru 2008, chapter 10. */
 #include "src/core/build.h"

@@ -17,10 +17,12 @@
  *    or jointly.
  *
  * Layout: points and beams of all scans side by side, in the frames of the scans. Scratch for one
- * query. Limits: the number of pairs grows with the square of the places. The likelihood counts
- * every point as independent, though points of one wall are correlated: nats can be compared, but
- * are no odds; about four of them are one. Source: Adluru 2008, chapter 6; the sequential mode is
- * its order of matching, mode as written all of it (place_map_written.c). */
+ * query.
+ * Limits: the number of pairs grows with the square of the places. The likelihood counts every
+ * point as independent, though points of one wall are correlated: nats can be compared, but are no
+ * odds; about four of them are one.
+ * Source: Adluru 2008, chapter 6; the sequential mode is its order of matching, mode as written all
+ * of it (place_map_written.c). */
 #include "src/core/build.h"
 
 #include <string.h>

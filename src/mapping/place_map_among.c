@@ -10,8 +10,8 @@
  *    the best wrong ones of all poses, in simulated arenas with people and with tilted scans; the
  *    nats are multiplied by four to compare with those of pairs.
  *
- * Invalidated points count too: the map cannot excuse a place that contradicts it. Layout: places
- * of the component, and the map in the frame of each, in scratch of the object. */
+ * Invalidated points count too: the map cannot excuse a place that contradicts it.
+ * Layout: places of the component, and the map in the frame of each, in scratch of the object. */
 #include "src/core/build.h"
 
 #include "src/mapping/place_map_work.h"

@@ -19,12 +19,12 @@
  *
  * Layout: hypotheses in the order of add(); links sorted by node, other node and hypothesis, so
  * that the links of a node are contiguous, and those of a pair within them. Three maps: the growing
- * one, the best, and the best competing one. Limits: the total has many local maxima and the search
- * is greedy; a map is found when from one of the seeds every step finds more support for the true
- * candidate than for false ones. The caller must ensure that the scores of several pairs are
- * independent: weights are as good as the scores. Source: after the pairwise consistent measurement
- * sets of Mangelson et al. 2018 and the growth by voting of map merging (Adluru 2008, chapter 9),
- * with competing hypotheses of one pair. */
+ * one, the best, and the best competing one.
+ * Limits: the total has many local maxima and the search is greedy; a map is found when from one of
+ * the seeds every step finds more support for the true candidate than for false ones. The caller
+ * must ensure that the scores of several pairs are independent: weights are as good as the scores.
+ * Source: after the pairwise consistent measurement sets of Mangelson et al. 2018 and the growth by
+ * voting of map merging (Adluru 2008, chapter 9), with competing hypotheses of one pair. */
 #include "src/core/build.h"
 
 #include <string.h>

@@ -20,12 +20,12 @@
  *    from iteration to iteration (Yang, Antonante, Tzoumas and Carlone 2020).
  *
  * Limits: local convergence; the chordal initialisation is least squares and sensitive to outliers;
- * BEST then keeps the given poses. Source: Grisetti et al., A tutorial on graph-based SLAM, 2010;
- * Carlone, Tron, Daniilidis and Dellaert, Initialization techniques for 3D SLAM, 2015; Carlone,
- * Aragues, Castellanos and Bona, A fast and accurate approximation for planar pose graph
- * optimization, 2014; Chamberlain, Powell, Lemarechal and Pedersen, The watchdog technique for
- * forcing convergence, 1982; Agarwal et al., Robust map optimization using dynamic covariance
- * scaling, 2013. */
+ * BEST then keeps the given poses.
+ * Source: Grisetti et al., A tutorial on graph-based SLAM, 2010; Carlone, Tron, Daniilidis and
+ * Dellaert, Initialization techniques for 3D SLAM, 2015; Carlone, Aragues, Castellanos and Bona, A
+ * fast and accurate approximation for planar pose graph optimization, 2014; Chamberlain, Powell,
+ * Lemarechal and Pedersen, The watchdog technique for forcing convergence, 1982; Agarwal et al.,
+ * Robust map optimization using dynamic covariance scaling, 2013. */
 #include "src/core/build.h"
 
 #include <string.h>

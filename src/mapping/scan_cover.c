@@ -8,8 +8,8 @@
  * 3. The loss of a scan is the sum of 1 / (1 + n) over its points.
  *
  * Layout: points in the order of the segments of the set, with the number of their segment beside
- * the grid. Limits: points count wherever the given poses put them, whether or not these are
- * correct. */
+ * the grid.
+ * Limits: points count wherever the given poses put them, whether or not these are correct. */
 #include "src/core/build.h"
 
 #include <string.h>

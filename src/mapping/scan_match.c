@@ -14,9 +14,10 @@
  * Layout: the target's points in the order of add_target(); sorted by cell (scan_match_index.c);
  * their quantized positions sorted by direction and strip (scan_match_spots.c). Both sorted copies
  * are built at the first match after the target changed. Beams are reduced to a visibility profile
- * (scan_match_free.c). The number of operations is bounded: by the voting points of query and
- * target, by the number of headings, and by fixed numbers of candidates, iterations and points of
- * each stage. Limits: positions farther than 256 cells of two spacings apart are not searched. */
+ * (scan_match_free.c).
+ * The number of operations is bounded: by the voting points of query and target, by the number of
+ * headings, and by fixed numbers of candidates, iterations and points of each stage.
+ * Limits: positions farther than 256 cells of two spacings apart are not searched. */
 #include "src/core/build.h"
 
 #include <string.h>

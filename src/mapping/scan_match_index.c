@@ -1,8 +1,8 @@
 /* scan_match: spatial hash grid of the target's points, wrapped around.
  *
  * Layout: counting sort: start[c] is the first point of cell c; points of one row of cells are
- * contiguous. Distant points may share a cell with near ones; their distance excludes them. Limits:
- * with many more points in a cell than an even spacing gives, a query visits them all. */
+ * contiguous. Distant points may share a cell with near ones; their distance excludes them.
+ * Limits: with many more points in a cell than an even spacing gives, a query visits them all. */
 #include "src/core/build.h"
 
 #include <string.h>

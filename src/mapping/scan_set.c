@@ -3,7 +3,8 @@
  * Layout: segments, points, masses and position bits in the order of add(). A removed scan leaves a
  * gap in each array, its segments marked by scan -1; compaction walks over the segments. Free slots
  * are a linked list through first_segment. With spacing a segment has a bit for each of its
- * positions, set where it has a point, in words of its own. Source: Adluru 2008, section 7.3.5. */
+ * positions, set where it has a point, in words of its own.
+ * Source: Adluru 2008, section 7.3.5. */
 #include "src/core/build.h"
 
 #include <string.h>

@@ -12,10 +12,11 @@
  * 4. Greedy merging: the pair with the greatest margin over its best competing translation is
  *    merged; its pairs are evaluated again.
  *
- * Layout: scans; walls of all submaps; for each pair of submaps the best translation. Limits:
- * translations only, headings stay; submaps with two weakly observable directions stay; a submap is
- * merged at a grid translation. Source: Adluru 2008, chapter 8, for hypotheses about the world
- * where scans share no surface; the likelihoods are those of the aligner. */
+ * Layout: scans; walls of all submaps; for each pair of submaps the best translation.
+ * Limits: translations only, headings stay; submaps with two weakly observable directions stay; a
+ * submap is merged at a grid translation.
+ * Source: Adluru 2008, chapter 8, for hypotheses about the world where scans share no surface; the
+ * likelihoods are those of the aligner. */
 #include "src/core/build.h"
 
 #include <string.h>
