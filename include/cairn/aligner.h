@@ -142,7 +142,7 @@ cairn_aligner_params cairn_aligner_default(void);
 /* Returns the bytes that create() takes; 0 for params that create() would refuse. */
 size_t cairn_aligner_memory(const cairn_aligner_params *params);
 
-/* CAIRN_BAD_ARGUMENT, CAIRN_NO_MEMORY. */
+/* Creates the object in memory of the pool. CAIRN_BAD_ARGUMENT, CAIRN_NO_MEMORY. */
 CAIRN_CHECKED cairn_status cairn_aligner_create(cairn_aligner **aligner, cairn_pool *pool,
                                                 const cairn_aligner_params *params);
 

@@ -74,7 +74,7 @@ cairn_corner_params cairn_corner_default(void);
 /* Returns the bytes that create() takes; 0 for params that create() would refuse. */
 size_t cairn_corner_memory(const cairn_corner_params *params);
 
-/* CAIRN_BAD_ARGUMENT, CAIRN_NO_MEMORY. */
+/* Creates the object in memory of the pool. CAIRN_BAD_ARGUMENT, CAIRN_NO_MEMORY. */
 CAIRN_CHECKED cairn_status cairn_corner_create(cairn_corner_set **set, cairn_pool *pool,
                                                const cairn_corner_params *params);
 

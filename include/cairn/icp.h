@@ -110,7 +110,7 @@ typedef struct cairn_icp_result {
 /* Returns the bytes that create() takes; 0 for params that create() would refuse. */
 size_t cairn_icp_memory(const cairn_icp_params *params);
 
-/* CAIRN_BAD_ARGUMENT, CAIRN_NO_MEMORY. */
+/* Creates the object in memory of the pool. CAIRN_BAD_ARGUMENT, CAIRN_NO_MEMORY. */
 CAIRN_CHECKED cairn_status cairn_icp_create(cairn_icp **icp, cairn_pool *pool,
                                             const cairn_icp_params *params);
 

@@ -109,7 +109,7 @@ typedef struct cairn_lum_state {
 /* Returns the bytes that create() takes; 0 for params that create() would refuse. */
 size_t cairn_lum_memory(const cairn_lum_params *params);
 
-/* CAIRN_BAD_ARGUMENT, CAIRN_NO_MEMORY. */
+/* Creates the object in memory of the pool. CAIRN_BAD_ARGUMENT, CAIRN_NO_MEMORY. */
 CAIRN_CHECKED cairn_status cairn_lum_create(cairn_lum **lum, cairn_pool *pool,
                                             const cairn_lum_params *params);
 

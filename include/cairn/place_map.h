@@ -125,7 +125,7 @@ cairn_place_map_params cairn_place_map_as_written(void);
 /* Returns the bytes that create() takes; 0 for params that create() would refuse. */
 size_t cairn_place_map_memory(const cairn_place_map_params *params);
 
-/* CAIRN_BAD_ARGUMENT, CAIRN_NO_MEMORY. */
+/* Creates the object in memory of the pool. CAIRN_BAD_ARGUMENT, CAIRN_NO_MEMORY. */
 CAIRN_CHECKED cairn_status cairn_place_map_create(cairn_place_map **map, cairn_pool *pool,
                                                   const cairn_place_map_params *params);
 

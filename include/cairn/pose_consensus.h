@@ -77,7 +77,7 @@ typedef struct cairn_pose_consensus cairn_pose_consensus;
 /* Returns the bytes that create() takes; 0 for params that create() would refuse. */
 size_t cairn_pose_consensus_memory(const cairn_pose_consensus_params *params);
 
-/* CAIRN_BAD_ARGUMENT, CAIRN_NO_MEMORY. */
+/* Creates the object in memory of the pool. CAIRN_BAD_ARGUMENT, CAIRN_NO_MEMORY. */
 CAIRN_CHECKED cairn_status cairn_pose_consensus_create(cairn_pose_consensus **consensus,
                                                        cairn_pool *pool,
                                                        const cairn_pose_consensus_params *params);

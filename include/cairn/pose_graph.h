@@ -165,8 +165,9 @@ CAIRN_CHECKED cairn_status cairn_pose_graph_add_pose(cairn_pose_graph *graph, ca
 CAIRN_CHECKED cairn_status cairn_pose_graph_set_pose(cairn_pose_graph *graph, int32_t pose,
                                                      cairn_pose map_pose);
 
-/* Fixes a pose (yes not 0), or frees it. CAIRN_BAD_ARGUMENT: no such pose. */
-CAIRN_CHECKED cairn_status cairn_pose_graph_fix(cairn_pose_graph *graph, int32_t pose, int32_t yes);
+/* Fixes a pose (fixed not 0), or frees it. CAIRN_BAD_ARGUMENT: no such pose. */
+CAIRN_CHECKED cairn_status cairn_pose_graph_fix(cairn_pose_graph *graph, int32_t pose,
+                                                int32_t fixed);
 
 /* Adds a link: the measured pose of second in the frame of first, and its information matrix
  * (inverse covariance) over (x, y, theta) in the frame of the measured pose itself, as in g2o.
@@ -176,10 +177,10 @@ CAIRN_CHECKED cairn_status cairn_pose_graph_add_link(cairn_pose_graph *graph, in
                                                      int32_t second, cairn_pose first_second,
                                                      cairn_sym3 information);
 
-/* Excludes a link from the solution (yes not 0), or includes it again; its chi2 is still reported.
+/* Excludes a link from the solution (excluded not 0), or includes it again; its chi2 is still reported.
  * CAIRN_BAD_ARGUMENT: no such link. */
 CAIRN_CHECKED cairn_status cairn_pose_graph_drop_link(cairn_pose_graph *graph, int32_t link,
-                                                      int32_t yes);
+                                                      int32_t excluded);
 
 /* Replaces the measurement of a link, and the poses that it joins. Statuses of add_link();
  * CAIRN_BAD_ARGUMENT also: no such link. */

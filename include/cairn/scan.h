@@ -97,7 +97,7 @@ cairn_scan_params cairn_scan_default(void);
 /* Returns the bytes that create() takes; 0 for params that create() would refuse. */
 size_t cairn_scan_memory(const cairn_scan_params *params);
 
-/* CAIRN_BAD_ARGUMENT, CAIRN_NO_MEMORY. */
+/* Creates the object in memory of the pool. CAIRN_BAD_ARGUMENT, CAIRN_NO_MEMORY. */
 CAIRN_CHECKED cairn_status cairn_scan_create(cairn_scan **scan, cairn_pool *pool,
                                              const cairn_scan_params *params);
 

@@ -194,7 +194,7 @@ size_t cairn_scan_match_memory(const cairn_scan_match_params *params);
 /* Returns max_cells for search windows of half side `distance`, m, at most 65536. */
 int32_t cairn_scan_match_cells(cairn_real distance, cairn_real spacing);
 
-/* CAIRN_BAD_ARGUMENT, CAIRN_NO_MEMORY. */
+/* Creates the object in memory of the pool. CAIRN_BAD_ARGUMENT, CAIRN_NO_MEMORY. */
 CAIRN_CHECKED cairn_status cairn_scan_match_create(cairn_scan_match **match, cairn_pool *pool,
                                                    const cairn_scan_match_params *params);
 

@@ -104,7 +104,7 @@ typedef struct cairn_scan_set {
 /* Returns the bytes that create() takes; 0 for params that create() would refuse. */
 size_t cairn_scan_set_memory(const cairn_scan_set_params *params);
 
-/* CAIRN_BAD_ARGUMENT, CAIRN_NO_MEMORY. */
+/* Creates the object in memory of the pool. CAIRN_BAD_ARGUMENT, CAIRN_NO_MEMORY. */
 CAIRN_CHECKED cairn_status cairn_scan_set_create(cairn_scan_set **set, cairn_pool *pool,
                                                  const cairn_scan_set_params *params);
 

@@ -69,7 +69,7 @@ cairn_wall_slide_params cairn_wall_slide_default(void);
 /* Returns the bytes that create() takes; 0 for params that create() would refuse. */
 size_t cairn_wall_slide_memory(const cairn_wall_slide_params *params);
 
-/* CAIRN_BAD_ARGUMENT, CAIRN_NO_MEMORY. */
+/* Creates the object in memory of the pool. CAIRN_BAD_ARGUMENT, CAIRN_NO_MEMORY. */
 CAIRN_CHECKED cairn_status cairn_wall_slide_create(cairn_wall_slide **slide, cairn_pool *pool,
                                                    const cairn_wall_slide_params *params);
 

@@ -30,24 +30,26 @@ enum { MAX_SCANS = 1 << 16, MAX_COUNT = 1 << 24, MIN_CELLS = 64 };
 
 cairn_aligner_params cairn_aligner_default(void)
 {
-    cairn_aligner_params params = {64,
-                                   1024,
-                                   256,
-                                   4096,
-                                   1536,
-                                   2048,
-                                   25600,
-                                   CAIRN_REAL(0.6),
-                                   35 * CAIRN_PI / 180,
-                                   30,
-                                   CAIRN_REAL(0.01),
-                                   CAIRN_REAL(1.5),
-                                   1,
-                                   2,
-                                   10,
-                                   1,
-                                   CAIRN_REAL(0.05),
-                                   CAIRN_PI / 180};
+    cairn_aligner_params params = {
+        .max_scans = 64,
+        .max_segments = 1024,
+        .max_stubs = 256,
+        .max_points = 4096,
+        .max_hypotheses = 1536,
+        .max_fill = 2048,
+        .max_cells = 25600,
+        .spread = CAIRN_REAL(0.6),
+        .spread_angle = 35 * CAIRN_PI / 180,
+        .reach = 30,
+        .sigma = CAIRN_REAL(0.01),
+        .contradiction = CAIRN_REAL(1.5),
+        .oriented = 1,
+        .max_repairs = 2,
+        .max_rounds = 10,
+        .least_evidence = 1,
+        .observable = CAIRN_REAL(0.05),
+        .observable_angle = CAIRN_PI / 180,
+    };
     return params;
 }
 
@@ -78,7 +80,11 @@ static int params_are_valid(const cairn_aligner_params *p)
 static cairn_block_solver_params solver_params(const cairn_aligner_params *p)
 {
     int32_t segments = p->max_segments + p->max_stubs;
-    cairn_block_solver_params params = {p->max_scans + (segments + 1) / 2, segments, p->max_fill};
+    cairn_block_solver_params params = {
+        .max_poses = p->max_scans + (segments + 1) / 2,
+        .max_links = segments,
+        .max_fill = p->max_fill,
+    };
 
     return params;
 }

@@ -44,10 +44,10 @@ static const cairn_real WINDOW_SIGMAS = CAIRN_REAL(2.2);
 static const cairn_real MAX_WINDOW_FACTOR = CAIRN_REAL(1.875);
 /* factor on the rotations in a warm start */
 static const cairn_real WARM_START_ROTATIONS = CAIRN_REAL(0.4);
+/* nats: thresholds of the log-likelihood ratio */
 static const cairn_real WELL_PLACED_NATS = 10, CERTAIN_NATS = 40, MIN_GAIN_NATS = 2,
                         MIN_ATTACHED_NATS = -2, MIN_DETACHED_NATS = 4, MIN_MERGED_NATS = 4,
-                        /* nats */
-    MIN_MARGIN_NATS = 3, MIN_NATS = -40;
+                        MIN_MARGIN_NATS = 3, MIN_NATS = -40;
 
 /* ---- Selection of the scan ---- */
 

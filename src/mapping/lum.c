@@ -102,7 +102,11 @@ static int params_are_valid(const cairn_lum_params *p)
 
 static cairn_block_solver_params solver_params(const cairn_lum_params *params)
 {
-    cairn_block_solver_params solver = {params->max_scans, params->max_links, params->max_fill};
+    cairn_block_solver_params solver = {
+        .max_poses = params->max_scans,
+        .max_links = params->max_links,
+        .max_fill = params->max_fill,
+    };
     return solver;
 }
 

@@ -71,9 +71,9 @@ struct cairn_lum {
     cairn_vec2 *directions; /* [max_points] */
     int32_t *heads;         /* [2 max_points] */
     int32_t *next;          /* [max_points] */
+    /* [max_links] */
     struct lum_link {
         int32_t first, second;
-        /* [max_links] */
     } * links;
     cairn_real (*right)[3];
     cairn_vec2 centre;

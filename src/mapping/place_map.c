@@ -368,9 +368,8 @@ cairn_status cairn_place_map_add_scan(cairn_place_map *map, int32_t place,
     scan->beam_count = beams_of(map, view);
     if (is_written(&map->params)) {
         (void)cairn_scan_match_readings(view, map->points + map->point_count);
-        scan->map_scan =
-            /* of a place that was mapped before */
-            cairn_pose_compose(map->places[place].map_place, place_scan);
+        /* the place may have been mapped before */
+        scan->map_scan = cairn_pose_compose(map->places[place].map_place, place_scan);
     } else {
         memcpy(map->points + map->point_count, view->points,
                (size_t)view->point_count * sizeof *map->points);

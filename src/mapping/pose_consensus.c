@@ -39,7 +39,20 @@ static const cairn_real MAX_COORDINATE_M = CAIRN_REAL(1e6);
 cairn_pose_consensus_params cairn_pose_consensus_default(void)
 {
     cairn_pose_consensus_params params = {
-        64, 1024, 16, 10, 8, 4, CAIRN_REAL(0.03), CAIRN_PI / 300, 16, 0, 3, CAIRN_REAL(0.02), 0};
+        .max_nodes = 64,
+        .max_hypotheses = 1024,
+        .max_starts = 16,
+        .max_rounds = 10,
+        .max_candidates = 8,
+        .max_alternatives = 4,
+        .sigma = CAIRN_REAL(0.03),
+        .sigma_angle = CAIRN_PI / 300,
+        .gate = 16,
+        .contradiction = 0,
+        .min_support = 3,
+        .ambiguous = CAIRN_REAL(0.02),
+        .believed = 0,
+    };
     return params;
 }
 

@@ -13,17 +13,18 @@ enum { MAX_POSES = 1 << 22, MAX_LINKS = 1 << 24 };
 
 cairn_pose_graph_params cairn_pose_graph_default(void)
 {
-    cairn_pose_graph_params params = {1000,
-                                      3000,
-                                      12000,
-                                      CAIRN_POSE_GRAPH_BEST,
-                                      CAIRN_POSE_GRAPH_SQUARE,
-                                      3,
-                                      0,
-                                      100,
-                                      CAIRN_REAL_EPSILON < CAIRN_REAL(1e-10) ? CAIRN_REAL(1e-9)
-                                                                             : CAIRN_REAL(1e-5),
-                                      CAIRN_REAL(16.27)};
+    cairn_pose_graph_params params = {
+        .max_poses = 1000,
+        .max_links = 3000,
+        .max_fill = 12000,
+        .start = CAIRN_POSE_GRAPH_BEST,
+        .kernel = CAIRN_POSE_GRAPH_SQUARE,
+        .width = 3,
+        .graduated = 0,
+        .max_iterations = 100,
+        .converged = CAIRN_REAL_EPSILON < CAIRN_REAL(1e-10) ? CAIRN_REAL(1e-9) : CAIRN_REAL(1e-5),
+        .outlier = CAIRN_REAL(16.27),
+    };
     return params;
 }
 
@@ -128,7 +129,11 @@ static int params_are_valid(const cairn_pose_graph_params *params)
 
 static cairn_block_solver_params solver_params(const cairn_pose_graph_params *params)
 {
-    cairn_block_solver_params solver = {params->max_poses, params->max_links, params->max_fill};
+    cairn_block_solver_params solver = {
+        .max_poses = params->max_poses,
+        .max_links = params->max_links,
+        .max_fill = params->max_fill,
+    };
     return solver;
 }
 
@@ -279,12 +284,12 @@ cairn_status cairn_pose_graph_set_pose(cairn_pose_graph *graph, int32_t pose, ca
     return CAIRN_OK;
 }
 
-cairn_status cairn_pose_graph_fix(cairn_pose_graph *graph, int32_t pose, int32_t yes)
+cairn_status cairn_pose_graph_fix(cairn_pose_graph *graph, int32_t pose, int32_t fixed)
 {
     if (!may_change(graph) || !has_pose(graph, pose))
         return CAIRN_BAD_ARGUMENT;
-    graph->fixed_count += (yes != 0) - graph->fixed[pose];
-    graph->fixed[pose] = yes != 0;
+    graph->fixed_count += (fixed != 0) - graph->fixed[pose];
+    graph->fixed[pose] = fixed != 0;
     invalidate_solution(graph);
     return CAIRN_OK;
 }
@@ -377,11 +382,11 @@ cairn_status cairn_pose_graph_remove_pose(cairn_pose_graph *graph, int32_t pose)
     return CAIRN_OK;
 }
 
-cairn_status cairn_pose_graph_drop_link(cairn_pose_graph *graph, int32_t link, int32_t yes)
+cairn_status cairn_pose_graph_drop_link(cairn_pose_graph *graph, int32_t link, int32_t excluded)
 {
     if (!may_change(graph) || link < 0 || link >= graph->state.links)
         return CAIRN_BAD_ARGUMENT;
-    graph->links[link].dropped = yes != 0;
+    graph->links[link].dropped = excluded != 0;
     invalidate_solution(graph);
     return CAIRN_OK;
 }
@@ -419,7 +424,13 @@ cairn_pose_graph_link cairn_pose_graph_link_of(const cairn_pose_graph *graph, in
 {
     const struct pose_graph_link *l = &graph->links[link];
     cairn_pose_graph_link out = {
-        l->first, l->second, l->chi2, l->weight, l->chi2 > graph->params.outlier, l->dropped};
+        .first = l->first,
+        .second = l->second,
+        .chi2 = l->chi2,
+        .weight = l->weight,
+        .outlier = l->chi2 > graph->params.outlier,
+        .dropped = l->dropped,
+    };
 
     return out;
 }

@@ -38,7 +38,12 @@ struct cairn_scan_cover {
 
 cairn_scan_cover_params cairn_scan_cover_default(void)
 {
-    cairn_scan_cover_params params = {64, 8192, CAIRN_REAL(0.15), CAIRN_PI / 6};
+    cairn_scan_cover_params params = {
+        .max_scans = 64,
+        .max_points = 8192,
+        .radius = CAIRN_REAL(0.15),
+        .direction_gate = CAIRN_PI / 6,
+    };
     return params;
 }
 

@@ -33,18 +33,20 @@ static const cairn_real MIN_SPACING_M = CAIRN_REAL(1e-3);
 
 cairn_scan_match_params cairn_scan_match_default(void)
 {
-    cairn_scan_match_params params = {CAIRN_SCAN_MATCH_CORRELATIVE,
-                                      2048,
-                                      4096,
-                                      16,
-                                      1024,
-                                      8,
-                                      128,
-                                      MATCH_CELLS_MOST,
-                                      1,
-                                      CAIRN_REAL(0.1),
-                                      CAIRN_REAL(0.01),
-                                      CAIRN_REAL(0.001)};
+    cairn_scan_match_params params = {
+        .mode = CAIRN_SCAN_MATCH_CORRELATIVE,
+        .max_target = 2048,
+        .max_dense = 4096,
+        .max_views = 16,
+        .max_query = 1024,
+        .max_hypotheses = 8,
+        .max_candidates = 128,
+        .max_cells = MATCH_CELLS_MOST,
+        .once = 1,
+        .spacing = CAIRN_REAL(0.1),
+        .sigma = CAIRN_REAL(0.01),
+        .weak_ratio = CAIRN_REAL(0.001),
+    };
     return params;
 }
 
@@ -182,8 +184,14 @@ cairn_status cairn_scan_match_create(cairn_scan_match **match, cairn_pool *pool,
 
 cairn_scan_match_part cairn_scan_match_part_of(const cairn_scan_view *view)
 {
-    cairn_scan_match_part part = {view->points,      NULL, view->beams,
-                                  view->point_count, 0,    view->beam_count};
+    cairn_scan_match_part part = {
+        .points = view->points,
+        .dense = NULL,
+        .beams = view->beams,
+        .count = view->point_count,
+        .dense_count = 0,
+        .beam_count = view->beam_count,
+    };
 
     return part;
 }
@@ -435,7 +443,11 @@ cairn_status cairn_scan_match_begin_icp(cairn_scan_match *match, const cairn_sca
 
 cairn_scan_match_result cairn_scan_match_read(const cairn_scan_match *match)
 {
-    cairn_scan_match_result running = {NULL, 0, CAIRN_SCAN_MATCH_RUNNING};
+    cairn_scan_match_result running = {
+        .hypotheses = NULL,
+        .count = 0,
+        .verdict = CAIRN_SCAN_MATCH_RUNNING,
+    };
 
     return match->phase == MATCH_DONE && match->owed < MATCH_PART ? match->result : running;
 }

@@ -39,9 +39,8 @@ static const cairn_real SIMILAR_SINE = CAIRN_REAL(0.17364818);
 static const cairn_real SEGMENT_JUMP_M = CAIRN_REAL(0.3);
 static const cairn_real SEGMENT_FACTOR = 2, SEGMENT_SLACK_M = CAIRN_REAL(0.2);
 static const cairn_real OVERLAP_SLACK_M = CAIRN_REAL(0.4); /* m */
-static const cairn_real WINDOW_SLACK_STEPS =
-    /* as written, a window short of a whole degree by this share of a degree includes it */
-    CAIRN_REAL(1e-3);
+/* as written, a window short of a whole degree by this share of a degree includes it */
+static const cairn_real WINDOW_SLACK_STEPS = CAIRN_REAL(1e-3);
 
 enum {
     BIN_THRESHOLD = 64,

@@ -182,8 +182,8 @@ cairn_status cairn_scan_mark(cairn_scan *scan, cairn_budget *budget)
     return CAIRN_OK;
 }
 
-/* Writes points and segments of the view. `at`: segment of the view; `other`: position on it;
- * `running`: number of hits that support the position. */
+/* Writes points and segments of the view. item_index: segment of the view; inner_index: position on
+ * it; support_count: number of hits that support the position. */
 cairn_status cairn_scan_emit(cairn_scan *scan, cairn_budget *budget)
 {
     for (; scan->at < scan->wall_count; scan->at++, scan->other = 0) {
