@@ -94,7 +94,7 @@ typedef struct cairn_aligner_pose {
     cairn_real support;
     /* CAIRN_ALIGNER_X | ..., each bit by its own standard deviation */
     int32_t observable;
-    /* 1: in component 0, and position and heading are observable */
+    /* 1: in component 0, position and heading observable, support at least 2 nats */
     int32_t placed;
     /* connected component; 0: the largest */
     int32_t part;
@@ -106,7 +106,7 @@ typedef struct cairn_aligner_result {
     int32_t parts;
     /* scans in component 0 */
     int32_t largest;
-    /* scans in component 0 whose pose is observable */
+    /* placed scans */
     int32_t placed;
     /* scan that the covariances are relative to; -1: none */
     int32_t anchor;

@@ -195,29 +195,29 @@ typedef struct aligner_relax {
 } aligner_relax;
 
 typedef enum aligner_phase {
-    ALIGNER_NEAR,
-    ALIGNER_MUTUAL,
-    ALIGNER_PAIRS,
-    ALIGNER_TRIALS_OF_PAIR,
-    ALIGNER_OPEN,
-    ALIGNER_PICK,
-    ALIGNER_LOOKED_AT,
-    ALIGNER_RIVALS,
-    ALIGNER_WEIGHED,
-    ALIGNER_SHIFTED,
-    ALIGNER_CLOSE,
-    ALIGNER_REPAIR,
-    ALIGNER_DRAW,
-    ALIGNER_SEARCH,
-    ALIGNER_TRY,
-    ALIGNER_PLACE,
-    ALIGNER_SETTLE,
-    ALIGNER_ASSOCIATE,
-    ALIGNER_LINK,
-    ALIGNER_SOLVE,
-    ALIGNER_SLIDE,
-    ALIGNER_SLIDE_TRY,
-    ALIGNER_MARGINALS,
+    ALIGNER_NEAR,           /* nearest scans of each scan */
+    ALIGNER_MUTUAL,         /* symmetric neighbours */
+    ALIGNER_PAIRS,          /* trials of pairs of segments */
+    ALIGNER_TRIALS_OF_PAIR, /* refinement of a pair's trials */
+    ALIGNER_OPEN,           /* lists of hypotheses by scan */
+    ALIGNER_PICK,           /* the best hypothesis */
+    ALIGNER_LOOKED_AT,      /* ... has been evaluated again */
+    ALIGNER_RIVALS,         /* evaluation of competing hypotheses */
+    ALIGNER_WEIGHED,        /* odds against these */
+    ALIGNER_SHIFTED,        /* poses along the weak direction */
+    ALIGNER_CLOSE,          /* hypotheses within a merged cluster */
+    ALIGNER_REPAIR,         /* next scan to relocalize */
+    ALIGNER_DRAW,           /* raster of the rest */
+    ALIGNER_SEARCH,         /* votes */
+    ALIGNER_TRY,            /* refinement of the peaks */
+    ALIGNER_PLACE,          /* acceptance */
+    ALIGNER_SETTLE,         /* order of the segments */
+    ALIGNER_ASSOCIATE,      /* data association with walls */
+    ALIGNER_LINK,           /* sparsity structure */
+    ALIGNER_SOLVE,          /* Gauss-Newton step */
+    ALIGNER_SLIDE,          /* next weakly observable scan */
+    ALIGNER_SLIDE_TRY,      /* its translations */
+    ALIGNER_MARGINALS,      /* covariances and results */
     ALIGNER_DONE
 } aligner_phase;
 

@@ -9,13 +9,13 @@ enum { LUM_UNITS_PER_POINT = 4, LUM_UNITS_PER_LINK = 4 };
 
 enum {
     LUM_IDLE,
-    LUM_REGISTER,
-    LUM_SEARCH,
-    LUM_ANALYZE,
-    LUM_MEASURE,
-    LUM_FACTOR,
-    LUM_SOLVE,
-    LUM_MOVE
+    LUM_REGISTER, /* sequential registration */
+    LUM_SEARCH,   /* links */
+    LUM_ANALYZE,  /* sparsity structure */
+    LUM_MEASURE,  /* closest points and normal equations */
+    LUM_FACTOR,   /* Cholesky factor */
+    LUM_SOLVE,    /* solution */
+    LUM_MOVE      /* update of the poses */
 };
 
 struct lum_scan {

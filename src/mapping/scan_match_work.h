@@ -125,23 +125,23 @@ typedef struct match_shape match_shape;
 typedef int32_t match_phase;
 enum {
     MATCH_IDLE = 0,
-    MATCH_RESET,
+    MATCH_RESET, /* empty grids of the target */
     MATCH_COUNT, /* target points by cell and by direction (counting sort) */
     MATCH_SUM,   /* prefix sums */
     MATCH_PLACE,
-    MATCH_VOTE,
-    MATCH_PEAKS,
-    MATCH_CHOOSE, /* non-maximum suppression of the candidates */
-    MATCH_FIT,
-    MATCH_TALLY,
-    MATCH_RANK,
-    MATCH_SHAPE_TARGET,
-    MATCH_SHAPE_TURN,
-    MATCH_SHAPE_ALIGN,
-    MATCH_SHAPE_FILTER,
-    MATCH_SHAPE_SEGMENT,
-    MATCH_SHAPE_TRANSLATE,
-    MATCH_SHAPE_OVERLAP,
+    MATCH_VOTE,            /* votes of one heading */
+    MATCH_PEAKS,           /* peaks of one heading */
+    MATCH_CHOOSE,          /* non-maximum suppression of the candidates */
+    MATCH_FIT,             /* refinement of a hypothesis */
+    MATCH_TALLY,           /* inliers and violations of a hypothesis */
+    MATCH_RANK,            /* pruning, or the decision */
+    MATCH_SHAPE_TARGET,    /* histograms of the target */
+    MATCH_SHAPE_TURN,      /* next rotation, histograms of the query */
+    MATCH_SHAPE_ALIGN,     /* longest common subsequence */
+    MATCH_SHAPE_FILTER,    /* colinear filter */
+    MATCH_SHAPE_SEGMENT,   /* segment filter */
+    MATCH_SHAPE_TRANSLATE, /* translation of the segments */
+    MATCH_SHAPE_OVERLAP,   /* scan overlap */
     MATCH_SHAPE_ICP,
     MATCH_DONE
 };

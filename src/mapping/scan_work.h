@@ -5,13 +5,13 @@
 #include "cairn/scan.h"
 
 typedef enum scan_phase {
-    SCAN_BEAMS,
-    SCAN_FIT,
-    SCAN_ATTRIBUTE,
-    SCAN_TURN,
-    SCAN_CHOOSE,
-    SCAN_MARK,
-    SCAN_EMIT,
+    SCAN_BEAMS,     /* deskewed beams */
+    SCAN_FIT,       /* line fit */
+    SCAN_ATTRIBUTE, /* side and bearing of each segment */
+    SCAN_TURN,      /* orientation and order */
+    SCAN_CHOOSE,    /* segments within the capacity */
+    SCAN_MARK,      /* support of the positions */
+    SCAN_EMIT,      /* points and segments of the view */
     SCAN_DONE
 } scan_phase;
 

@@ -12,16 +12,16 @@ enum { SLIDE_NONE = -1, SLIDE_FIRM = 0 };
 
 typedef int32_t slide_phase;
 enum {
-    SLIDE_GATHER,
-    SLIDE_TIE,
-    SLIDE_NUMBER,
-    SLIDE_WALLS,
-    SLIDE_SHARE,
-    SLIDE_SHARE_AGAIN,
-    SLIDE_LEARN,
-    SLIDE_NEXT,
-    SLIDE_THICKNESS,
-    SLIDE_OBJECT,
+    SLIDE_GATHER,      /* scans are being added */
+    SLIDE_TIE,         /* connected components of the weak scans */
+    SLIDE_NUMBER,      /* submaps */
+    SLIDE_WALLS,       /* walls of the submaps */
+    SLIDE_SHARE,       /* weight of each wall */
+    SLIDE_SHARE_AGAIN, /* the same, of a merged submap */
+    SLIDE_LEARN,       /* thickness histogram */
+    SLIDE_NEXT,        /* choice of a pair of submaps, or merge */
+    SLIDE_THICKNESS,   /* thickness term of the trials */
+    SLIDE_OBJECT,      /* free-space violations of the trials */
     SLIDE_DONE
 };
 
