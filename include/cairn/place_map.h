@@ -1,15 +1,16 @@
-/* place_map: a map of scans from several places, with no odometry and no guess.
+/* place_map: global localization of scans from several places against each other, and one map of
+ * all, with no odometry and no initial guess.
  *
  * At each place one or several scans were taken whose poses within the place are known (a turning
- * robot, a head with several scanners); how the places lie to each other is not. All pairs of
- * places are matched with unknown position and heading, each hypothesis is weighed by what the two
- * saw of each other (surface on surface against surface in free space), the poses that agree best
- * are found by consensus, every place is matched again with the map of all others, and the poses
- * are refined (after Adluru 2008, chapter 6, with all pairs in place of the last three scans; mode
- * `as_written` is that chapter as printed).
+ * robot, a head with several scanners). The relative poses of the places are unknown. All pairs of
+ * places are matched with unknown position and heading. Each hypothesis gets a log-likelihood ratio
+ * from the visibility profiles of the two places (surface on surface against surface in free
+ * space). The largest consistent set of poses is found by consensus. Every place is then matched
+ * again with the map of all others, and the poses are refined by ICP (after Adluru 2008, chapter 6,
+ * with all pairs in place of the last three scans; mode as written is that chapter as printed).
  *
- *     clear() -> add_scan() ... -> begin() -> step(budget) until CAIRN_OK -> read(), place(),
- *     scan() */
+ *     clear() -> add_scan() ... -> begin() -> step(budget) until CAIRN_OK
+ *         -> read(), place_of(), scan_pose() */
 #ifndef CAIRN_PLACE_MAP_H
 #define CAIRN_PLACE_MAP_H
 
@@ -29,82 +30,87 @@ enum {
     CAIRN_PLACE_MAP_CONSENSUS = CAIRN_MODE_DEFAULT,
     /* Adluru 2008, chapter 6: see cairn_place_map_as_written() */
     CAIRN_PLACE_MAP_AS_WRITTEN = CAIRN_MODE_AS_WRITTEN,
-    /* each place to the union of the last `recent` ones, in order, by params.match */
+    /* scan-to-map matching: each place with the union of the last recent_places, in order, by
+     * params.match */
     CAIRN_PLACE_MAP_SEQUENTIAL = 2
 };
 
-/* Whether and how the scans of a place, whose poses within it may be a little off, are aligned
- * each by itself at the end. */
+/* Whether and how the scans of a place are aligned individually at the end; their poses within the
+ * place may have small errors. */
 typedef int32_t cairn_place_map_decoupling;
 enum {
     CAIRN_PLACE_MAP_COUPLED = 0,
-    /* one after the other with all others, as in the thesis */
+    /* sequential ICP against all other scans, as in the thesis */
     CAIRN_PLACE_MAP_BY_ICP = 1,
-    /* all at once, by cairn/aligner.h, which also mends single scans that lie wrongly */
+    /* jointly, by cairn/aligner.h, which also relocalizes single wrong scans */
     CAIRN_PLACE_MAP_JOINTLY = 2
 };
 
 typedef struct cairn_place_map_params {
     cairn_place_map_mode mode;
-    /* 2 ... 256 */
+    /* number of places, 2 ... 256 (16) */
     int32_t max_places;
-    /* >= max_places: of all places */
+    /* scans of all places together, >= max_places (64) */
     int32_t max_scans;
-    /* evenly spaced points of one place, >= 1 */
+    /* evenly spaced points of one place, >= 1 (1024) */
     int32_t max_place_points;
-    /* of one place, >= 1 */
+    /* beams of one place, >= 1 (2048) */
     int32_t max_place_beams;
-    /* >= 1: places that the sequential mode matches with */
+    /* places that the sequential modes match with, >= 1 (3) */
     int32_t recent;
-    /* >= 0: times at most that every place is matched again with the map of the others */
+    /* rounds in which every place is matched again with the map of the others, >= 0 (4) */
     int32_t rounds;
-    /* >= 0: of the refinement */
+    /* sweeps of the ICP refinement over all places, >= 0 (10) */
     int32_t sweeps;
     cairn_place_map_decoupling decoupled;
-    /* m, > 0: how far from a place what it saw is kept */
+    /* m, > 0: half the side of a place's visibility grid (8) */
     cairn_real sight_reach;
-    /* m, > 0: side of the cells that keep it */
+    /* m, > 0: side of its cells (0.05) */
     cairn_real sight_cell;
-    /* m, > 0: of a surface, within which another surface may lie */
+    /* m, > 0: distance to a surface within which another surface counts as the same (0.10) */
     cairn_real sight_margin;
-    /* nats, > 0, for a point on a surface of its direction of the other place, ... */
+    /* Log-likelihood ratios per point of one place, in the visibility grid of the other. nats, > 0:
+     * on a surface of its direction (0.05) */
     cairn_real for_point;
-    /* ... > 0, for one of a small round body on such a body of the other place, ... */
+    /* nats, > 0: of a dynamic-object candidate (small isolated body) on such a body (0.25) */
     cairn_real for_floating;
-    /* ... > 0, for one on the other side of a wall, less when they are many, ... */
+    /* nats, > 0: on the opposite face of a wall, saturating with their number (0.3) */
     cairn_real for_back;
-    /* ... > 0, for one on a surface that is too rough to have a direction, ... */
+    /* nats, > 0: on a surface too rough to have a direction (0.65) */
     cairn_real for_rough;
-    /* ... and, >= 0, for every square metre that both saw free; ... */
+    /* nats, >= 0, per square metre that both places measured free (1.6) */
     cairn_real for_free;
-    /* ... > 0, against the pose for a point in space that the other saw free; ... */
+    /* nats, > 0: penalty of a free-space violation, a point in space that the other place measured
+     * free (0.6) */
     cairn_real against_point;
-    /* in [0, 1]: times this for points of small bodies, which may have moved meanwhile */
+    /* in [0, 1]: factor on the penalty of points of dynamic-object candidates, which may have moved
+     * (0.05) */
     cairn_real floating;
-    /* nats, >= 0, that are taken off hypotheses, as the best of many reach them by chance */
+    /* nats, >= 0: subtracted from every hypothesis, as the best of many random ones reaches this
+     * ratio by chance (0) */
     cairn_real chance;
-    /* its max_target ... max_query are not read */
+    /* scan matching; max_target ... max_query are not read */
     cairn_scan_match_params match;
-    /* its max_nodes is not read */
+    /* consensus; max_nodes is not read */
     cairn_pose_consensus_params consensus;
-    /* its max_scans and max_points are not read, nor any unless JOINTLY */
+    /* joint alignment; max_scans and max_points are not read, nor any field unless JOINTLY */
     cairn_aligner_params aligner;
 } cairn_place_map_params;
 
-/* Consensus; 16 places, 64 scans, 1024 points and 2048 beams a place; 3 recent; 4 rounds, 10
- * sweeps, coupled; sight 8 m, 0.05 m, margin 0.10 m; 0.05, 0.25, 0.3, 0.65 and 1.6 nats for and
- * 0.6 against, floating 0.05; chance 0; of the match 40 hypotheses of 768 candidates, once 0; of
- * the consensus 4096 hypotheses, ambiguous from 1e-5, believed from 12 nats. */
+/* Returns the defaults: consensus; coupled scans; values in brackets above; match with 40
+ * hypotheses of 768 candidates and vote_once 0; consensus with 4096 hypotheses, ambiguous from
+ * 1e-5, significant from 12 nats. */
 cairn_place_map_params cairn_place_map_default(void);
 
-/* The map of Adluru 2008, chapter 6, as printed: mode `as_written`, matches by
+/* Returns the params of Adluru 2008, chapter 6, as printed: mode AS_WRITTEN, matches by
  * cairn_scan_match_as_written(), 2,048 readings a place, scans of a place decoupled by ICP;
- * otherwise as the default. Each place is matched with the union of the `recent` (3) places before
+ * otherwise as the default. Each place is matched with the union of the recent_places (3) before
  * it, its heading known: the frames of all places have one heading up to 2 degrees (the window in
- * which rotations are tried), where they lie is unknown. Then each of its scans is aligned by
- * itself with the same target (6.5.1), and the next place is matched. match.mode is AS_WRITTEN or
- * one of its parts; without ICP in it, decoupled is COUPLED. Not read: max_place_beams, rounds,
- * sweeps, and all that weighs evidence (sight_reach ... chance, consensus, aligner).
+ * which rotations are tried); their positions are unknown. Each scan of the place is then aligned
+ * individually with the same target (6.5.1), before the next place is matched. match.mode is
+ * AS_WRITTEN or one of its parts; without ICP in it, decoupled is COUPLED. Not read:
+ * max_place_beams, rematch_rounds, refinement_sweeps, and all weights of the likelihood
+ * (visibility_reach ... chance_nats, consensus, aligner).
  *
  * Choices, where the text is silent:
  * - the scans of a place, one after the other, are one sequence and one set of points for the
@@ -112,64 +118,64 @@ cairn_place_map_params cairn_place_map_default(void);
  * - a place starts from the position of the place before it, and from the heading of the first;
  * - scans are decoupled right after the ICP of their place, with its target, its overlap distance
  *   and its rules;
- * - a place none of whose correspondences are left lies in a part of its own, and is no target of
- *   another.
- * The thesis does not tell doubtful places: `ambiguous` and `support` are 0. */
+ * - a place without any correspondence left is a component of its own, and no target of another.
+ * The thesis reports no ambiguity: `ambiguous` and `support` are 0. */
 cairn_place_map_params cairn_place_map_as_written(void);
 
-/* 0 for params that create() would refuse. */
+/* Returns the bytes that create() takes; 0 for params that create() would refuse. */
 size_t cairn_place_map_memory(const cairn_place_map_params *params);
 
-/* CAIRN_BAD_ARGUMENT, CAIRN_NO_MEMORY. */
+/* Creates the object in memory of the pool. CAIRN_BAD_ARGUMENT, CAIRN_NO_MEMORY. */
 CAIRN_CHECKED cairn_status cairn_place_map_create(cairn_place_map **map, cairn_pool *pool,
                                                   const cairn_place_map_params *params);
 
-/* Forgets all scans. Constant time. */
+/* Removes all scans. Constant time. */
 void cairn_place_map_clear(cairn_place_map *map);
 
-/* Adds a scan of a place; what is needed of it is copied. The scans of a place come together:
- * `place` is that of the last scan or the next one. place_scan: the frame of the scan in that of
- * the place. CAIRN_BAD_ARGUMENT: NULL, another place. CAIRN_NOT_FINITE. CAIRN_FULL: max_places,
- * max_scans, max_place_points, max_place_beams or the aligner's max_segments is used up. *fault,
- * when not NULL, tells what. Cost: linear in the scan. */
+/* Adds a scan of a place; the needed data are copied. The scans of a place come together: `place`
+ * is that of the last scan or the next one. place_scan: pose of the scan in the frame of the place.
+ * CAIRN_BAD_ARGUMENT: NULL, another place. CAIRN_NOT_FINITE. CAIRN_FULL: max_places, max_scans,
+ * max_place_points, max_place_beams or the aligner's max_segments is used up. *fault, when not
+ * NULL, names the field. Cost: linear in the scan. */
 CAIRN_CHECKED cairn_status cairn_place_map_add_scan(cairn_place_map *map, int32_t place,
                                                     const cairn_scan_view *view,
                                                     cairn_pose place_scan, cairn_fault *fault);
 
-/* Starts to map. CAIRN_EMPTY: no scans. CAIRN_BAD_ARGUMENT: NULL. Constant time. */
+/* Starts a map of all places. CAIRN_EMPTY: no scans. CAIRN_BAD_ARGUMENT: NULL. Constant time. */
 CAIRN_CHECKED cairn_status cairn_place_map_begin(cairn_place_map *map);
 
-/* As written: starts to map the places that were added since the last map was complete; those
- * before stay where they are. Without a complete map, as begin(). CAIRN_UNSUPPORTED: another
+/* Mode as written: starts to map the places that were added since the last map was complete; the
+ * places before keep their poses. Without a complete map, as begin(). CAIRN_UNSUPPORTED: another
  * mode; statuses of begin(). Cost: linear in the places added. */
 CAIRN_CHECKED cairn_status cairn_place_map_extend(cairn_place_map *map);
 
-/* As written: moves a scan of the last complete map, say to where another aligner has it; places
- * that extend() adds are matched with it there. map_place stays. CAIRN_UNSUPPORTED: another
- * mode; CAIRN_BAD_ARGUMENT: NULL, a scan that is not in the map, a pose too far off;
- * CAIRN_NOT_FINITE. Constant time. */
+/* Mode as written: sets the pose of a scan of the last complete map, such as the result of another
+ * aligner; places that extend() adds are matched with the scan in this pose. map_place stays.
+ * CAIRN_UNSUPPORTED: another mode; CAIRN_BAD_ARGUMENT: NULL, a scan that is not in the map, a pose
+ * beyond the limit; CAIRN_NOT_FINITE. Constant time. */
 CAIRN_CHECKED cairn_status cairn_place_map_move_scan(cairn_place_map *map, int32_t scan,
                                                      cairn_pose map_scan);
 
-/* CAIRN_OK: nothing left to do. CAIRN_MORE. CAIRN_BAD_ARGUMENT: NULL. */
+/* Continues. CAIRN_OK: the map is complete. CAIRN_MORE: the budget is used up. CAIRN_BAD_ARGUMENT:
+ * NULL. */
 CAIRN_CHECKED cairn_status cairn_place_map_step(cairn_place_map *map, cairn_budget *budget);
 
 /* ---- The result: empty until step() returns CAIRN_OK ---- */
 
 typedef struct cairn_place_map_result {
-    /* placed: in the largest part */
+    /* placed: places in the largest component */
     int32_t places, placed;
-    /* 1: the map hangs together */
+    /* connected components of the map; 1 is good */
     int32_t parts;
-    /* places that could as well lie elsewhere, or have nothing in common with the rest */
+    /* places with a competing pose, or without overlap with the rest */
     int32_t ambiguous;
-    /* of scan_match */
+    /* scan_match runs */
     int32_t matches;
-    /* that were weighed into the consensus */
+    /* hypotheses that were scored and added to the consensus */
     int32_t hypotheses;
-    /* scans that were aligned by themselves */
+    /* scans that were aligned individually */
     int32_t decoupled;
-    /* nats of the map, and of the best other map that was found; 0: none */
+    /* nats: log-likelihood ratio of the map, and of the best competing map found; 0: none */
     cairn_real total, rival;
     int64_t units;
 } cairn_place_map_result;
@@ -177,32 +183,36 @@ typedef struct cairn_place_map_result {
 cairn_place_map_result cairn_place_map_read(const cairn_place_map *map);
 
 typedef struct cairn_place_map_place {
-    /* in the frame of its part: that of its first place */
+    /* in the frame of its component: that of the component's first place */
     cairn_pose map_place;
-    /* nats that the others of the part give for it; 0 in sequential mode */
+    /* nats: log-likelihood ratio of the pose given the other places of the component; 0 in the
+     * sequential modes */
     cairn_real support;
-    /* 0: the largest */
+    /* connected component; 0: the largest */
     int32_t part;
-    /* 1: of another island, or see cairn_place_map_alternative() */
+    /* 1: in a submap other than the component's largest, or see cairn_place_map_alternative() */
     int32_t ambiguous;
     int32_t alternatives;
-    /* 0: the largest of its part; what hangs at that by what may be chance is another one */
+    /* submap within the component; 0: the largest; the links between submaps may be due to
+     * chance */
     int32_t island;
 } cairn_place_map_place;
 
-/* All zero for a place that is not there. */
+/* Returns the estimate of a place; all zero for a place that does not exist. */
 cairn_place_map_place cairn_place_map_place_of(const cairn_place_map *map, int32_t place);
 
-/* Where a place could lie as well, the heaviest first; see cairn_pose_consensus_alternative(). */
+/* Returns an alternative pose of a place, the most probable first; see
+ * cairn_pose_consensus_alternative(). */
 cairn_consensus_alternative cairn_place_map_alternative(const cairn_place_map *map, int32_t place,
                                                         int32_t index);
 
-/* Pose of a scan in its part's frame, scans counted in the order in which they came; map_place
- * with place_scan unless it was aligned by itself. The identity for a scan that is not there. */
+/* Returns the pose of a scan in the frame of its component, scans counted in the order of
+ * add_scan(); map_place composed with place_scan unless the scan was aligned individually. The
+ * identity for a scan that does not exist. */
 cairn_pose cairn_place_map_scan_pose(const cairn_place_map *map, int32_t scan);
 
-/* 1 when the joint alignment tells the pose of this scan by itself; 0 when it rests on the pose
- * of its place, is not there, or scans are not aligned jointly. */
+/* Returns 1 when the joint alignment determines the pose of this scan individually; 0 when the pose
+ * follows from that of its place, the scan does not exist, or scans are not aligned jointly. */
 int32_t cairn_place_map_scan_is_aligned(const cairn_place_map *map, int32_t scan);
 
 #ifdef __cplusplus

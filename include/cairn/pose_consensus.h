@@ -1,13 +1,16 @@
-/* pose_consensus: the poses of nodes that the largest consistent part of many rival measurements
- * supports.
+/* pose_consensus: robust pose estimation from many competing relative measurements, by the largest
+ * consistent set (consensus set) of inliers.
  *
- * Nodes are scans, places or whole maps. A hypothesis says how two of them may lie to each
- * other; a pair may have several that exclude each other, and most may be wrong. From several
- * starts, each a hypothesis that no map found so far agrees with, a map grows node by node:
- * every hypothesis from a placed node proposes a pose for the next one, all others vote, and the
- * best supported candidate is placed. Then every node is chosen again given the others until
- * nothing changes, and the start with the best total evidence wins. Nodes that could as well lie
- * elsewhere are reported with their alternatives, parts that do not hang together as parts. */
+ * Nodes are scans, places or whole maps. A hypothesis is a measured relative pose of two nodes. A
+ * pair may have several that exclude each other, and most may be outliers.
+ *
+ * Method:
+ * 1. Seeds: each start is a hypothesis that agrees with no map found so far.
+ * 2. Greedy growth: every hypothesis from a placed node proposes a pose of an unplaced node, all
+ *    others vote, and the best supported candidate is placed.
+ * 3. Coordinate ascent: every node is chosen again given the others until nothing changes.
+ * 4. The start with the greatest total log-likelihood ratio wins.
+ * 5. Ambiguous nodes are reported with their alternatives, unconnected nodes as components. */
 #ifndef CAIRN_POSE_CONSENSUS_H
 #define CAIRN_POSE_CONSENSUS_H
 
@@ -18,107 +21,111 @@
 extern "C" {
 #endif
 
-/* "The second node lies so, seen from the first." */
+/* A relative pose measurement: the pose of the second node in the frame of the first. */
 typedef struct cairn_pose_hypothesis {
     int32_t first, second;
     cairn_pose first_second;
-    /* row-major over (x, y, theta) of first_second, in the frame of the first node */
+    /* row-major over (x, y, theta) of first_second in m and rad, in the frame of the first node */
     cairn_real covariance[9];
-    /* > 0: evidence in nats, the logarithm of how much likelier the data of the pair are so than
-     * by chance; scores of independent pairs add up */
+    /* nats, > 0: log-likelihood ratio of the pair's data, for this pose against chance; scores of
+     * independent pairs add up */
     cairn_real score;
 } cairn_pose_hypothesis;
 
 typedef struct cairn_pose_consensus_params {
-    /* 1 ... 2^16 */
+    /* 1 ... 2^16 (64) */
     int32_t max_nodes;
-    /* 1 ... 2^20 */
+    /* 1 ... 2^20 (1024) */
     int32_t max_hypotheses;
-    /* >= 1: growths, each from the strongest hypothesis that no map found so far agrees with */
+    /* >= 1: growths, each from the strongest hypothesis that no map found so far agrees with
+     * (16) */
     int32_t max_starts;
-    /* >= 0: times that every node is chosen again, and that blocks of them are laid anew */
+    /* >= 0: rounds in which every node is chosen again, and in which blocks of nodes are moved
+     * (10) */
     int32_t max_rounds;
-    /* 1 ... 32: of a choice, the best voted ones, that the judge sees */
+    /* 1 ... 32: candidates of a choice, by votes, that the likelihood functions evaluate (8) */
     int32_t max_candidates;
-    /* 0 ... 32: reported of each node */
+    /* 0 ... 32: alternatives reported per node (4) */
     int32_t max_alternatives;
-    /* m, > 0, added in quadrature to the covariances, as nodes do not lie exactly either, ... */
+    /* m, > 0: model noise of the nodes' positions, added in quadrature to the covariances (0.03) */
     cairn_real sigma;
-    /* ... and rad, > 0; times the distance of the nodes it adds to their positions too */
+    /* rad, > 0: model noise of the headings, likewise; times the distance of the nodes it adds to
+     * their positions (0.6 degrees) */
     cairn_real sigma_angle;
-    /* > 0: a hypothesis agrees with poses when its chi-squared (3 degrees of freedom) is below */
+    /* > 0: a hypothesis is an inlier when its chi-squared (3 degrees of freedom) is below (16) */
     cairn_real gate;
-    /* >= 0: share of the best score of a pair that is lost when none of its hypotheses agrees
-     * and there is no judge */
+    /* >= 0: share of the best score of a pair that is subtracted when none of its hypotheses is an
+     * inlier and there is no pairwise likelihood function (0) */
     cairn_real contradiction;
-    /* > 0, nats: with less from all others together a node is not placed */
+    /* nats, > 0: a node with less support from all others together is not placed (3) */
     cairn_real min_support;
-    /* in (0, 1): least weight of an alternative that makes its node ambiguous */
+    /* in (0, 1): least weight of an alternative that makes its node ambiguous (0.02) */
     cairn_real ambiguous;
-    /* nats, >= 0: what a pose needs to be believed by itself, what speaks against it taken off
-     * twice. A node is ambiguous that has so much elsewhere, however much more it has here, if
-     * what speaks against it weighs at least `ambiguous`; and so are nodes that owe most to such
-     * nodes. See also cairn_pose_consensus_islands(). 0: not asked */
+    /* nats, >= 0: significance threshold of a pose's support, violations subtracted twice. A node
+     * is ambiguous that reaches it at an alternative pose, however much greater the support of the
+     * chosen pose, if the violations there weigh at least min_ambiguous_weight; so are nodes that
+     * owe most of their support to ambiguous nodes. See also cairn_pose_consensus_find_submaps().
+     * 0: no test (0) */
     cairn_real believed;
 } cairn_pose_consensus_params;
 
-/* 64 nodes, 1024 hypotheses, 16 starts, 10 rounds, 8 candidates, 4 alternatives; 0.03 m and 0.6
- * degrees; gate 16; contradiction 0; least support 3 nats; ambiguous from 0.02, nothing believed
- * by itself. */
+/* Returns the defaults in brackets above. */
 cairn_pose_consensus_params cairn_pose_consensus_default(void);
 
 typedef struct cairn_pose_consensus cairn_pose_consensus;
 
-/* 0 for params that create() would refuse. */
+/* Returns the bytes that create() takes; 0 for params that create() would refuse. */
 size_t cairn_pose_consensus_memory(const cairn_pose_consensus_params *params);
 
-/* CAIRN_BAD_ARGUMENT, CAIRN_NO_MEMORY. */
+/* Creates the object in memory of the pool. CAIRN_BAD_ARGUMENT, CAIRN_NO_MEMORY. */
 CAIRN_CHECKED cairn_status cairn_pose_consensus_create(cairn_pose_consensus **consensus,
                                                        cairn_pool *pool,
                                                        const cairn_pose_consensus_params *params);
 
-/* Forgets all, the judge too, and makes it `nodes` nodes. CAIRN_BAD_ARGUMENT: NULL, nodes < 1.
- * CAIRN_FULL: more than max_nodes. Linear in nodes. */
+/* Removes all hypotheses, bounds and likelihood functions, and sets the number of nodes.
+ * CAIRN_BAD_ARGUMENT: NULL, nodes < 1. CAIRN_FULL: more than max_nodes. Linear in nodes. */
 CAIRN_CHECKED cairn_status cairn_pose_consensus_clear(cairn_pose_consensus *consensus,
                                                       int32_t nodes);
 
-/* Adds a hypothesis; it is copied, its index is the number of those before it.
- * CAIRN_BAD_ARGUMENT: NULL, nodes that are not there or the same, a score that is not > 0, a
- * covariance that is negative along a direction. CAIRN_NOT_FINITE. CAIRN_FULL: max_hypotheses.
- * *fault, when not NULL, tells what. Ends a search that is running. Constant time. */
+/* Adds a hypothesis; it is copied, its index is the number of those before it. CAIRN_BAD_ARGUMENT:
+ * NULL, nodes that do not exist or are equal, a score that is not > 0, a covariance that is not
+ * positive semidefinite. CAIRN_NOT_FINITE. CAIRN_FULL: max_hypotheses. *fault, when not NULL, names
+ * the field. Cancels a running search. Constant time. */
 CAIRN_CHECKED cairn_status cairn_pose_consensus_add(cairn_pose_consensus *consensus,
                                                     const cairn_pose_hypothesis *hypothesis,
                                                     cairn_fault *fault);
 
-/* Says beforehand that a node lies within +-metres (a circle) and +-radians of `map_node`.
- * Candidates are dropped that no common motion of the part brings within the bounds, and the
- * result is in the map's frame. CAIRN_BAD_ARGUMENT: NULL, no such node, not > 0.
- * CAIRN_NOT_FINITE. Ends a search that is running. Constant time. */
+/* Sets a prior bound of a node: within +-metres (a circle) and +-radians of map_node. Candidates
+ * that no common motion of their component brings within the bounds are dropped, and the result is
+ * in the frame of the bounds. CAIRN_BAD_ARGUMENT: NULL, no such node, not > 0. CAIRN_NOT_FINITE.
+ * Cancels a running search. Constant time. */
 CAIRN_CHECKED cairn_status cairn_pose_consensus_bound(cairn_pose_consensus *consensus, int32_t node,
                                                       cairn_pose map_node, cairn_real metres,
                                                       cairn_real radians);
 
-/* Evidence in nats, positive or negative, of the data of two nodes for a relative pose; a pair
- * earns it, or what its hypotheses earn where that is more. *units: what it cost. It is a
- * function of its arguments alone. */
+/* Pairwise likelihood function: returns the log-likelihood ratio in nats, positive or negative, of
+ * the data of two nodes for a relative pose. A pair counts with this value, or with the score of
+ * its agreeing hypothesis where that is greater. *units: the cost. A pure function of its
+ * arguments. */
 typedef cairn_real (*cairn_pose_judge)(void *context, int32_t first, int32_t second,
                                        cairn_pose first_second, int32_t *units);
 
-/* judge NULL: none. Ends a search that is running. */
+/* Sets the pairwise likelihood function; NULL: none. Cancels a running search. */
 void cairn_pose_consensus_judge_by(cairn_pose_consensus *consensus, cairn_pose_judge judge,
                                    void *context);
 
-/* Evidence in nats, positive or negative, of the data of a node for a pose given all others of a
- * part as they lie: those i with parts[i] == part, at map_nodes[i], but the node itself. So data
- * that several others share can count once, which sums over pairs cannot. *against: what was
- * taken off, >= 0. *units: what it cost. It is a function of its arguments alone. */
+/* Joint likelihood function: returns the log-likelihood ratio in nats, positive or negative, of the
+ * data of a node for a pose given all other nodes of a component: those i != node with parts[i] ==
+ * part, at map_nodes[i]. Data that several nodes share so count once, which sums over pairs cannot
+ * do. *against: the violations that were subtracted, nats, >= 0. *units: the cost. A pure function
+ * of its arguments. */
 typedef cairn_real (*cairn_pose_jury)(void *context, int32_t node, cairn_pose map_node,
                                       const cairn_pose *map_nodes, const int32_t *parts,
                                       int32_t part, cairn_real *against, int32_t *units);
 
-/* What a jury says stands in place of the sum over pairs wherever the judge would be asked for a
- * whole part; pairs still say where a map could come apart. jury NULL: none. clear() forgets it.
- * Ends a search that is running. */
+/* Sets the joint likelihood function; NULL: none. Its value replaces the sum over pairs wherever
+ * the support by a whole component is evaluated; pairs still determine the tree of strongest links.
+ * clear() removes it. Cancels a running search. */
 void cairn_pose_consensus_jury_by(cairn_pose_consensus *consensus, cairn_pose_jury jury,
                                   void *context);
 
@@ -126,76 +133,81 @@ void cairn_pose_consensus_jury_by(cairn_pose_consensus *consensus, cairn_pose_ju
  * Linear in nodes and hypotheses. */
 CAIRN_CHECKED cairn_status cairn_pose_consensus_begin(cairn_pose_consensus *consensus);
 
-/* CAIRN_OK: nothing left to do. CAIRN_MORE. CAIRN_BAD_ARGUMENT: NULL. An item costs a unit for
- * every four hypotheses looked at, and what the judge says. At most starts * (nodes + rounds)
- * choices, and `max_rounds` times a look at every hypothesis for every node and the choices that
- * follow. */
+/* Continues the search. CAIRN_OK: it has ended. CAIRN_MORE: the budget is used up.
+ * CAIRN_BAD_ARGUMENT: NULL. An item costs a unit for every four hypotheses visited, plus the units
+ * of the likelihood functions. At most starts * (nodes + rounds) choices; the moves of blocks visit
+ * every hypothesis for every node max_rounds times, plus the choices that follow. */
 CAIRN_CHECKED cairn_status cairn_pose_consensus_step(cairn_pose_consensus *consensus,
                                                      cairn_budget *budget);
 
-/* Starts to look where the map that was found may hang together by chance: a node that has less
- * than params.believed where it lies, what speaks against it taken off twice, and several that
- * together hang at the rest by less than four times as much, what speaks against them not taken
- * off, are islands, found one by one, those that lack most first. Poses and parts stay; nodes
- * beside the largest island of their part are ambiguous. step() until CAIRN_OK, as after
- * begin(). CAIRN_EMPTY: there is no result. CAIRN_BAD_ARGUMENT: NULL. Cost: for every island one
- * look at all pairs, and one of the judge at every node for each pair of the tree above it. */
+/* Starts to split the components of the result into submaps, where the links between them may be
+ * due to chance. A node is a submap when its support, violations subtracted twice, is below
+ * params.significant_support. So are several nodes together when their links to the rest,
+ * violations not subtracted, are below four times that. Submaps are split off one by one, the least
+ * supported first. Poses and components stay; nodes outside the largest submap of their component
+ * become ambiguous. step() until CAIRN_OK, as after begin(). CAIRN_EMPTY: there is no result.
+ * CAIRN_BAD_ARGUMENT: NULL. Cost: for every submap one pass over all pairs, and one evaluation of
+ * the joint likelihood at every node for each pair of the tree above it. */
 CAIRN_CHECKED cairn_status cairn_pose_consensus_islands(cairn_pose_consensus *consensus);
 
 /* ---- The result: empty until step() returns CAIRN_OK ---- */
 
 typedef struct cairn_consensus_node {
-    /* in the frame of its part: that of its first node, or of the bounds when there are any */
+    /* in the frame of its component: that of its first node, or of the bounds if any */
     cairn_pose map_node;
-    /* in that frame, of the agreeing hypotheses given their other ends */
+    /* row-major over (x, y, theta) in m and rad, in that frame, of the agreeing hypotheses, their
+     * other nodes given */
     cairn_real covariance[9];
-    /* nats that all others of the part give for it, less what speaks against it */
+    /* nats: log-likelihood ratio given all other nodes of the component, violations subtracted */
     cairn_real support;
-    /* 0: the largest; a node that nothing supports is a part of its own */
+    /* connected component; 0: the largest; a node without support is a component of its own */
     int32_t part;
-    /* pairs whose data agree */
+    /* pairs with a positive log-likelihood ratio */
     int32_t agreeing;
-    /* pairs whose data speak against it */
+    /* pairs with a negative log-likelihood ratio */
     int32_t contradicting;
-    /* see cairn_pose_consensus_alternative() */
+    /* number of alternatives, see cairn_pose_consensus_alternative() */
     int32_t alternatives;
-    /* 1: an alternative weighs at least params.ambiguous, or see params.believed */
+    /* 1: an alternative weighs at least params.min_ambiguous_weight, or see
+     * params.significant_support */
     int32_t ambiguous;
-    /* of its part, by cairn_pose_consensus_islands(), 0: the largest */
+    /* submap within the component, by cairn_pose_consensus_find_submaps(); 0: the largest */
     int32_t island;
 } cairn_consensus_node;
 
-/* Another pose of a node given the others, or (for whole = 1) given another consistent map. */
+/* Alternative pose of a node given the others, or (whole = 1) given another consistent map. */
 typedef struct cairn_consensus_alternative {
     cairn_pose map_node;
     cairn_real support; /* nats; of the other map's total for whole = 1 */
-    cairn_real weight;  /* among the pose chosen and all alternatives, by their support */
+    /* softmax of the support over the chosen pose and all alternatives, 0 ... 1 */
+    cairn_real weight;
     int32_t whole;
 } cairn_consensus_alternative;
 
 typedef struct cairn_consensus_result {
-    cairn_real total;      /* nats of all pairs */
-    cairn_real rival;      /* total of the best map found that is another one; 0: there was none */
-    int32_t nodes, placed; /* placed: nodes in parts of two or more */
-    int32_t parts;         /* 1: it hangs together */
-    int32_t ambiguous;     /* nodes */
-    int32_t start;         /* hypothesis from which the best map grew */
+    cairn_real total;      /* nats, sum over all pairs */
+    cairn_real rival;      /* total of the best competing map found; 0: none */
+    int32_t nodes, placed; /* placed: nodes in components of two or more */
+    int32_t parts;         /* connected components; 1 is good */
+    int32_t ambiguous;     /* ambiguous nodes */
+    int32_t start;         /* seed hypothesis of the best map */
     int32_t starts, rounds;
-    int32_t agreeing; /* hypotheses */
+    int32_t agreeing; /* inlier hypotheses */
     int64_t units;
 } cairn_consensus_result;
 
 cairn_consensus_result cairn_pose_consensus_read(const cairn_pose_consensus *consensus);
 
-/* All zero for a node that is not there. */
+/* Returns the estimate of a node; all zero for a node that does not exist. */
 cairn_consensus_node cairn_pose_consensus_node(const cairn_pose_consensus *consensus, int32_t node);
 
-/* The alternatives of a node, the heaviest first; all zero for one that is not there. */
+/* Returns an alternative of a node, the most probable first; all zero for one that does not
+ * exist. */
 cairn_consensus_alternative cairn_pose_consensus_alternative(const cairn_pose_consensus *consensus,
                                                              int32_t node, int32_t index);
 
-/* 1 when the poses found agree with a hypothesis: those are the measurements for a joint
- * solution. */
+/* Returns 1 when a hypothesis is an inlier of the poses found; the inliers are the measurements for
+ * a joint solution. */
 int32_t cairn_pose_consensus_agrees(const cairn_pose_consensus *consensus, int32_t hypothesis);
 
 #ifdef __cplusplus

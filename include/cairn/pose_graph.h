@@ -1,13 +1,13 @@
-/* pose_graph: poses from relative measurements: Gauss-Newton with damping, robust kernels,
- * covariances.
+/* pose_graph: pose graph optimization (graph SLAM back end): Levenberg-Marquardt, robust kernels,
+ * marginal covariances.
  *
- * A graph has poses map_i and links: a measured pose of j seen from i with its information matrix.
- * Wanted are the poses that minimise the sum of rho(e^T Omega e), where e = (R_z^T (R_i^T (t_j -
- * t_i) - t_z), theta_j - theta_i - theta_z) as in g2o. Poses that are fixed stay; when none is, the
- * first one is.
+ * A graph has poses map_i and links (relative pose constraints): a measured pose of j in the frame
+ * of i with its information matrix Omega. The solution minimises the sum of rho(e^T Omega e), where
+ * e = (R_z^T (R_i^T (t_j - t_i) - t_z), theta_j - theta_i - theta_z) as in g2o. Fixed poses stay;
+ * when none is fixed, the first one is (gauge freedom).
  *
- * The linear systems are solved behind a small interface: by block_solver in fixed memory, or by
- * one that the user brings. */
+ * The linear systems are solved behind a small interface: by block_solver in fixed memory, or by a
+ * solver of the caller. */
 #ifndef CAIRN_POSE_GRAPH_H
 #define CAIRN_POSE_GRAPH_H
 
@@ -17,7 +17,7 @@
 extern "C" {
 #endif
 
-/* A solver of block-sparse systems; every call is as that of block_solver. */
+/* Interface of a solver of block-sparse systems; every call is as that of block_solver. */
 typedef struct cairn_pose_solver {
     void *context;
     cairn_status (*begin)(void *context, int32_t poses);
@@ -36,10 +36,10 @@ typedef struct cairn_pose_solver {
     cairn_block_solver_result (*read)(const void *context);
 } cairn_pose_solver;
 
-/* The interface of a block_solver, which must stay. */
+/* Returns the interface of a block_solver, which must outlive it. */
 cairn_pose_solver cairn_pose_solver_of(cairn_block_solver *solver);
 
-/* rho(s) of s = e^T Omega e, with the width c: quadratic near 0, all slower beyond c. */
+/* Robust kernel rho(s) of s = e^T Omega e, with the width c: quadratic near 0, slower beyond c. */
 typedef int32_t cairn_pose_graph_kernel;
 enum {
     /* s */
@@ -57,13 +57,13 @@ enum {
 
 typedef int32_t cairn_pose_graph_start;
 enum {
-    /* from the poses as they are */
+    /* from the current poses */
     CAIRN_POSE_GRAPH_GIVEN = 0,
-    /* headings first, as a linear problem of their cosines and sines (Carlone, Tron, Daniilidis
-     * and Dellaert 2015), then the poses, as one about these headings (Carlone, Aragues,
-     * Castellanos and Bona 2014) */
+    /* chordal initialisation: headings first, as a linear problem of their cosines and sines
+     * (Carlone, Tron, Daniilidis and Dellaert 2015), then the poses, linearized about these
+     * headings (Carlone, Aragues, Castellanos and Bona 2014) */
     CAIRN_POSE_GRAPH_CHORDAL = 1,
-    /* whichever of the two has the lower cost */
+    /* the start of lower cost */
     CAIRN_POSE_GRAPH_BEST = 2
 };
 
@@ -72,38 +72,39 @@ typedef struct cairn_pose_graph_params {
     int32_t max_poses;
     /* 1 ... 2^24 (3000) */
     int32_t max_links;
-    /* of the built-in solver, see block_solver (12000) */
+    /* blocks of the built-in solver's factor, see block_solver (12000) */
     int32_t max_fill;
-    /* (BEST) */
+    /* initial poses (BEST) */
     cairn_pose_graph_start start;
-    /* (SQUARE) */
+    /* robust kernel (SQUARE) */
     cairn_pose_graph_kernel kernel;
     /* c, in standard deviations, > 0 (3) */
     cairn_real width;
-    /* not 0: begins with so wide a kernel that it is nearly SQUARE, narrowed in every iteration
-     * (GNC, Yang et al. 2020). For GEMAN_MCCLURE, others are as they are (0) */
+    /* not 0: graduated non-convexity (GNC, Yang et al. 2020): the kernel starts nearly quadratic
+     * and is narrowed in every iteration. GEMAN_MCCLURE only; other kernels stay unchanged (0) */
     int32_t graduated;
-    /* >= 1, refused steps counted (100) */
+    /* >= 1, rejected steps included (100) */
     int32_t max_iterations;
-    /* relative decrease of the cost, in (0, 1) (1e-9; float 1e-5) */
+    /* relative decrease of the cost, in (0, 1): converged below it (1e-9; float 1e-5) */
     cairn_real converged;
-    /* links of e^T Omega e > this are counted as outliers, > 0 (16.27: 99.9 % of good ones are
-     * below) */
+    /* > 0: links with e^T Omega e above this are counted as outliers (16.27: 99.9 % of the inliers
+     * are below) */
     cairn_real outlier;
 } cairn_pose_graph_params;
 
-/* In brackets above. */
+/* Returns the defaults in brackets above. */
 cairn_pose_graph_params cairn_pose_graph_default(void);
 
 typedef struct cairn_pose_graph cairn_pose_graph;
 
 typedef int32_t cairn_pose_graph_verdict;
 enum {
-    /* or nothing solved yet */
+    /* running, or nothing was solved yet */
     CAIRN_POSE_GRAPH_RUNNING = 0,
     CAIRN_POSE_GRAPH_CONVERGED = 1,
     CAIRN_POSE_GRAPH_OUT_OF_ITERATIONS = 2,
-    /* `pose` is the first that no links join to a fixed one; nothing was done */
+    /* disconnected graph: `pose` is the first pose without a path to a fixed one; nothing was
+     * solved */
     CAIRN_POSE_GRAPH_SPLIT = 3,
     /* the links do not determine `pose`; the poses are those of the best iteration */
     CAIRN_POSE_GRAPH_SINGULAR = 4
@@ -113,116 +114,124 @@ typedef struct cairn_pose_graph_state {
     cairn_pose_graph_verdict verdict;
     int32_t poses, links;
     int32_t iterations;
-    int32_t chordal;         /* 1: begun from the chordal start */
-    int32_t outliers;        /* links beyond params.outlier */
-    int32_t pose;            /* of SPLIT and SINGULAR; else -1 */
-    int32_t fill;            /* blocks of the factor, also when they did not fit */
-    cairn_real chi2_initial; /* sum of e^T Omega e at the poses as they were given */
-    cairn_real chi2;         /* ... at the last accepted ones */
-    cairn_real cost_initial; /* sum of rho, likewise */
+    int32_t chordal;         /* 1: started from the chordal initialisation */
+    int32_t outliers;        /* links with chi2 > params.max_chi2 */
+    int32_t pose;            /* the pose of DISCONNECTED and SINGULAR; else -1 */
+    int32_t fill;            /* blocks of the factor, also when they exceeded max_fill */
+    cairn_real chi2_initial; /* sum of e^T Omega e at the initial poses */
+    cairn_real chi2;         /* sum of e^T Omega e at the last accepted poses */
+    cairn_real cost_initial; /* sum of rho at the initial poses */
     cairn_real cost;
 } cairn_pose_graph_state;
 
-/* What a link says at the last accepted poses. */
+/* Residual of a link at the last accepted poses. */
 typedef struct cairn_pose_graph_link {
     int32_t first, second;
     cairn_real chi2;   /* e^T Omega e */
-    cairn_real weight; /* that the kernel gives it, 0 ... 1 */
-    int32_t outlier;   /* 1: chi2 > params.outlier */
-    int32_t dropped;   /* 1: left out by drop_link() */
+    cairn_real weight; /* weight by the robust kernel, 0 ... 1 */
+    int32_t outlier;   /* 1: chi2 > params.max_chi2 */
+    int32_t dropped;   /* 1: excluded by drop_link() */
 } cairn_pose_graph_link;
 
-/* 0 for params that create() would refuse. Without a solver of the user's own, max_fill counts. */
+/* Returns the bytes that create() takes; 0 for params that create() would refuse. solver: as in
+ * create(); max_fill counts only with NULL. */
 size_t cairn_pose_graph_memory(const cairn_pose_graph_params *params,
                                const cairn_pose_solver *solver);
 
-/* solver: copied; NULL: a block_solver of the graph's own. CAIRN_BAD_ARGUMENT, CAIRN_NO_MEMORY. */
+/* Creates a graph. solver: copied; NULL: a built-in block_solver. CAIRN_BAD_ARGUMENT,
+ * CAIRN_NO_MEMORY. */
 CAIRN_CHECKED cairn_status cairn_pose_graph_create(cairn_pose_graph **graph, cairn_pool *pool,
                                                    const cairn_pose_graph_params *params,
                                                    const cairn_pose_solver *solver);
 
-/* After a step that returned CAIRN_FULL: takes room for max_fill blocks from a pool whose memory
- * must stay, and goes on with the solution: a graph that was made with max_fill of 0 so takes
- * what it needs. The bytes are those of cairn_block_solver_extend_memory(). CAIRN_BAD_ARGUMENT:
- * NULL, no such step, the graph has been changed since (a new kernel is a change), it has a
- * solver of the user's own, or max_fill is less than the state's fill or more than 2^26.
- * CAIRN_NO_MEMORY: nothing has changed. */
+/* Extends the factor's memory to max_fill blocks after a step that returned CAIRN_FULL, from a pool
+ * whose memory must stay, and resumes the solution. A graph created with max_fill 0 can so take
+ * exactly the memory it needs: cairn_block_solver_extend_memory() bytes. CAIRN_BAD_ARGUMENT: NULL,
+ * no such step, the graph has been changed since (a new kernel is a change), it has a solver of the
+ * caller, or max_fill is less than the state's fill or more than 2^26. CAIRN_NO_MEMORY: nothing has
+ * changed. */
 CAIRN_CHECKED cairn_status cairn_pose_graph_extend(cairn_pose_graph *graph, cairn_pool *pool,
                                                    int32_t max_fill);
 
-/* Forgets all poses and links. */
+/* Removes all poses and links. */
 void cairn_pose_graph_clear(cairn_pose_graph *graph);
 
-/* Adds a pose with its first guess; its index is the number of poses before it. While a solution
- * runs, all that changes the graph is refused. CAIRN_BAD_ARGUMENT, CAIRN_NOT_FINITE, CAIRN_FULL. */
+/* Adds a pose with its initial value; its index is the number of poses before it. While a solution
+ * is running, every change of the graph is refused. CAIRN_BAD_ARGUMENT, CAIRN_NOT_FINITE,
+ * CAIRN_FULL. */
 CAIRN_CHECKED cairn_status cairn_pose_graph_add_pose(cairn_pose_graph *graph, cairn_pose map_pose);
 
-/* Moves a pose. CAIRN_BAD_ARGUMENT: no such pose. CAIRN_NOT_FINITE. */
+/* Sets a pose. CAIRN_BAD_ARGUMENT: no such pose. CAIRN_NOT_FINITE. */
 CAIRN_CHECKED cairn_status cairn_pose_graph_set_pose(cairn_pose_graph *graph, int32_t pose,
                                                      cairn_pose map_pose);
 
-/* A fixed pose (yes not 0) stays where it is. CAIRN_BAD_ARGUMENT: no such pose. */
-CAIRN_CHECKED cairn_status cairn_pose_graph_fix(cairn_pose_graph *graph, int32_t pose, int32_t yes);
+/* Fixes a pose (fixed not 0), or frees it. CAIRN_BAD_ARGUMENT: no such pose. */
+CAIRN_CHECKED cairn_status cairn_pose_graph_fix(cairn_pose_graph *graph, int32_t pose,
+                                                int32_t fixed);
 
-/* Adds a link: second seen from first, and the inverse of its covariance over (x, y, theta) in
- * the frame of the measured pose itself, as in g2o. CAIRN_BAD_ARGUMENT: no such pose, first ==
- * second, or the information is not positive definite. CAIRN_NOT_FINITE, CAIRN_FULL. */
+/* Adds a link: the measured pose of second in the frame of first, and its information matrix
+ * (inverse covariance) over (x, y, theta) in the frame of the measured pose itself, as in g2o.
+ * CAIRN_BAD_ARGUMENT: no such pose, first == second, or the information is not positive definite.
+ * CAIRN_NOT_FINITE, CAIRN_FULL. */
 CAIRN_CHECKED cairn_status cairn_pose_graph_add_link(cairn_pose_graph *graph, int32_t first,
                                                      int32_t second, cairn_pose first_second,
                                                      cairn_sym3 information);
 
-/* Leaves a link out (yes not 0), or takes it in again; its chi2 is still told.
+/* Excludes a link from the solution (excluded not 0), or includes it again; its chi2 is still reported.
  * CAIRN_BAD_ARGUMENT: no such link. */
 CAIRN_CHECKED cairn_status cairn_pose_graph_drop_link(cairn_pose_graph *graph, int32_t link,
-                                                      int32_t yes);
+                                                      int32_t excluded);
 
-/* Gives a link another measurement, between these poses. Statuses of add_link();
+/* Replaces the measurement of a link, and the poses that it joins. Statuses of add_link();
  * CAIRN_BAD_ARGUMENT also: no such link. */
 CAIRN_CHECKED cairn_status cairn_pose_graph_set_link(cairn_pose_graph *graph, int32_t link,
                                                      int32_t first, int32_t second,
                                                      cairn_pose first_second,
                                                      cairn_sym3 information);
 
-/* Removes a pose and all its links. Those that come later move up: poses and links keep their
- * order. CAIRN_BAD_ARGUMENT: no such pose. Cost: a linear pass over poses and links. */
+/* Removes a pose and all its links. Later poses and links move up in order. CAIRN_BAD_ARGUMENT: no
+ * such pose. Cost: a linear pass over poses and links. */
 CAIRN_CHECKED cairn_status cairn_pose_graph_remove_pose(cairn_pose_graph *graph, int32_t pose);
 
-/* Another kernel for the next solution. CAIRN_BAD_ARGUMENT: no such kernel, or width is not > 0. */
+/* Sets the robust kernel of the next solution. CAIRN_BAD_ARGUMENT: no such kernel, or width is not
+ * > 0. */
 CAIRN_CHECKED cairn_status cairn_pose_graph_set_kernel(cairn_pose_graph *graph,
                                                        cairn_pose_graph_kernel kernel,
                                                        cairn_real width);
 
-/* Starts to solve from the poses as they are. CAIRN_BAD_ARGUMENT: a solution runs. CAIRN_EMPTY:
+/* Starts to solve from the current poses. CAIRN_BAD_ARGUMENT: a solution is running. CAIRN_EMPTY:
  * no poses. Cost: a linear pass over poses and links. */
 CAIRN_CHECKED cairn_status cairn_pose_graph_solve(cairn_pose_graph *graph);
 
-/* Starts to compute covariances at the last accepted poses. CAIRN_BAD_ARGUMENT: a solution runs,
- * the last one did not end as CONVERGED or OUT_OF_ITERATIONS, or the graph has changed since. */
+/* Starts to compute the marginal covariances at the last accepted poses. CAIRN_BAD_ARGUMENT: a
+ * solution is running, the last one did not end as CONVERGED or OUT_OF_ITERATIONS, or the graph has
+ * changed since. */
 CAIRN_CHECKED cairn_status cairn_pose_graph_marginals(cairn_pose_graph *graph);
 
-/* CAIRN_OK: nothing left to do, the verdict stands. CAIRN_MORE: go on. CAIRN_FULL: the factor
- * has more than max_fill blocks, the state tells how many; nothing was solved; extend() goes on.
- * CAIRN_NOT_FINITE: a cost overflows; nothing was solved. Costs 9 units for each link whose
- * equations are formed, 4 for each whose cost is, 1 for each pose in a pass over them, and what
- * the solver takes. */
+/* Continues. CAIRN_OK: the solution has ended; the verdict is valid. CAIRN_MORE: the budget is used
+ * up. CAIRN_FULL: the factor needs more than max_fill blocks, their number is the state's fill;
+ * nothing was solved; extend() resumes. CAIRN_NOT_FINITE: a cost overflows; nothing was solved.
+ * Cost: 9 units per link whose normal equations are formed, 4 per link whose cost is evaluated, 1
+ * per pose in a pass over the poses, plus the solver's units. */
 CAIRN_CHECKED cairn_status cairn_pose_graph_step(cairn_pose_graph *graph, cairn_budget *budget);
 
 cairn_pose_graph_state cairn_pose_graph_read(const cairn_pose_graph *graph);
 
-/* The last accepted pose of an index below `poses`. */
+/* Returns the last accepted pose of an index below `poses`. */
 cairn_pose cairn_pose_graph_pose(const cairn_pose_graph *graph, int32_t pose);
 
-/* Of an index below `links`. */
+/* Returns the residual of a link of an index below `links`. */
 cairn_pose_graph_link cairn_pose_graph_link_of(const cairn_pose_graph *graph, int32_t link);
 
-/* What a link measured, as it was added (the information up to rounding); of an index below
- * `links`. */
+/* Returns the measured pose of a link of an index below `links`, as it was added, and its
+ * information (up to rounding). */
 cairn_pose cairn_pose_graph_measured(const cairn_pose_graph *graph, int32_t link,
                                      cairn_sym3 *information);
 
-/* Covariance of two poses' errors, row-major over (x, y, theta) of the first and of the second,
- * in the map; zero for fixed ones. Of a pose with itself and of linked ones. CAIRN_EMPTY: no
- * marginals. CAIRN_UNSUPPORTED: outside the pattern. CAIRN_BAD_ARGUMENT: no such pose. */
+/* Covariance of two poses' errors, row-major over (x, y, theta) of the first and of the second in m
+ * and rad, in the map frame; zero for fixed poses. For a pose with itself and for linked poses.
+ * CAIRN_EMPTY: no marginals. CAIRN_UNSUPPORTED: outside the sparsity pattern. CAIRN_BAD_ARGUMENT:
+ * no such pose. */
 CAIRN_CHECKED cairn_status cairn_pose_graph_covariance(const cairn_pose_graph *graph, int32_t first,
                                                        int32_t second, cairn_real block[9]);
 

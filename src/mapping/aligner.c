@@ -1,53 +1,55 @@
-/* Alignment of many scans at once.
+/* aligner: joint alignment of many scans; the object, its input, steps and results.
  *
- * Method: aligner_partner.c finds which scans are held against which, aligner_pairs.c relative
- * poses of pairs of them, aligner_merge.c merges clusters by the surest of these, aligner_cluster.c
- * looks at two clusters, aligner_repair.c looks for single scans in all the rest, aligner_joint.c
- * solves for all poses and shared walls (aligner_wall.c), and aligner_slide.c moves along their
- * walls the scans that nothing else holds. aligner_beams.c keeps scans, aligner_scan.c says what
- * two of them tell of their relative pose.
+ * Method:
+ * 1. aligner_partner.c: candidate pairs (neighbours) of scans.
+ * 2. aligner_pairs.c: pairwise registration, hypotheses of relative poses.
+ * 3. aligner_merge.c, aligner_cluster.c: agglomerative clustering by the most certain hypothesis.
+ * 4. aligner_repair.c: relocalization of single scans against all others.
+ * 5. aligner_joint.c, aligner_wall.c: joint least squares over all poses and shared walls.
+ * 6. aligner_slide.c: translation of scans along their weakly observable direction.
+ * aligner_beams.c stores scans; aligner_scan.c evaluates pairs of scans; aligner_prior.c evaluates
+ * the initial poses; aligner_witness.c answers queries about the result.
  *
- * Layout: scans keep segments with the moments of their hits, points along them, and a table of
- * bearings. The work is a sequence of items, each of which charges its units; a debt is paid by the
- * budgets that follow. A scan is only ever held against its partners, the ones nearest to it by the
- * initial poses (aligner_partner.c), so that the cost is near linear in the scans of one density.
- *
- * Limits: a scan without a segment is not aligned. Two scans that share neither a surface nor a
- * view are joined by others only. Segments beyond the 255th of a scan are not seen in its table.
- *
- * Source: the field of all scans at once after Adluru 2008, chapter 7; look-ups in free space
- * and the growth by rival hypotheses are this room's own; robust weights after Geman and McClure
- * 1987. */
+ * Layout: scans keep segments with the moments of their hits, points along them, and a visibility
+ * profile. The work is a sequence of items that charge their units to the budgets. A scan is only
+ * compared with its neighbours, the nearest by the initial poses, so that the cost is near linear
+ * in the scans of one density.
+ * Limits: a scan without a segment is not aligned. Two scans without a common surface or view are
+ * connected through others only. Segments beyond the 255th of a scan are missing in its profile.
+ * Source: joint treatment of all scans after Adluru 2008, chapter 7; free-space tests and growth by
+ * competing hypotheses are original; robust weights after Geman and McClure 1987. */
 #include "src/core/build.h"
 
 #include <string.h>
 
 #include "src/mapping/aligner_work.h"
 
-enum { MAX_SCANS = 1 << 16, MAX_COUNT = 1 << 24, LEAST_CELLS = 64 };
+enum { MAX_SCANS = 1 << 16, MAX_COUNT = 1 << 24, MIN_CELLS = 64 };
 
-#define EXTENT CAIRN_REAL(1e6)
+#define MAX_COORDINATE_M CAIRN_REAL(1e6)
 
 cairn_aligner_params cairn_aligner_default(void)
 {
-    cairn_aligner_params params = {64,
-                                   1024,
-                                   256,
-                                   4096,
-                                   1536,
-                                   2048,
-                                   25600,
-                                   CAIRN_REAL(0.6),
-                                   35 * CAIRN_PI / 180,
-                                   30,
-                                   CAIRN_REAL(0.01),
-                                   CAIRN_REAL(1.5),
-                                   1,
-                                   2,
-                                   10,
-                                   1,
-                                   CAIRN_REAL(0.05),
-                                   CAIRN_PI / 180};
+    cairn_aligner_params params = {
+        .max_scans = 64,
+        .max_segments = 1024,
+        .max_stubs = 256,
+        .max_points = 4096,
+        .max_hypotheses = 1536,
+        .max_fill = 2048,
+        .max_cells = 25600,
+        .spread = CAIRN_REAL(0.6),
+        .spread_angle = 35 * CAIRN_PI / 180,
+        .reach = 30,
+        .sigma = CAIRN_REAL(0.01),
+        .contradiction = CAIRN_REAL(1.5),
+        .oriented = 1,
+        .max_repairs = 2,
+        .max_rounds = 10,
+        .least_evidence = 1,
+        .observable = CAIRN_REAL(0.05),
+        .observable_angle = CAIRN_PI / 180,
+    };
     return params;
 }
 
@@ -61,15 +63,15 @@ static int is_capacity(int32_t count, int32_t most)
     return count >= 1 && count <= most;
 }
 
-static int params_are_good(const cairn_aligner_params *p)
+static int params_are_valid(const cairn_aligner_params *p)
 {
     return p != NULL && is_capacity(p->max_scans, MAX_SCANS) &&
            is_capacity(p->max_segments, MAX_COUNT) && p->max_stubs >= 0 &&
            p->max_stubs <= MAX_COUNT && is_capacity(p->max_points, MAX_COUNT) &&
            is_capacity(p->max_hypotheses, MAX_COUNT) && is_capacity(p->max_fill, MAX_COUNT) &&
-           is_capacity(p->max_cells, MAX_COUNT) && p->max_cells >= LEAST_CELLS &&
+           is_capacity(p->max_cells, MAX_COUNT) && p->max_cells >= MIN_CELLS &&
            is_positive(p->spread) && is_positive(p->spread_angle) && p->spread_angle <= CAIRN_PI &&
-           is_positive(p->reach) && p->reach <= EXTENT && is_positive(p->sigma) &&
+           is_positive(p->reach) && p->reach <= MAX_COORDINATE_M && is_positive(p->sigma) &&
            p->contradiction >= 0 && p->contradiction <= CAIRN_REAL_MAX && p->max_repairs >= 0 &&
            p->max_rounds >= 0 && is_positive(p->least_evidence) && is_positive(p->observable) &&
            is_positive(p->observable_angle);
@@ -78,12 +80,16 @@ static int params_are_good(const cairn_aligner_params *p)
 static cairn_block_solver_params solver_params(const cairn_aligner_params *p)
 {
     int32_t segments = p->max_segments + p->max_stubs;
-    cairn_block_solver_params params = {p->max_scans + (segments + 1) / 2, segments, p->max_fill};
+    cairn_block_solver_params params = {
+        .max_poses = p->max_scans + (segments + 1) / 2,
+        .max_links = segments,
+        .max_fill = p->max_fill,
+    };
 
     return params;
 }
 
-/* Bytes of an array, rounded up; those of two such cannot overflow. */
+/* Returns the bytes of an array, rounded up; the sum of two cannot overflow. */
 static size_t bytes_of(size_t count, size_t size)
 {
     return count > SIZE_MAX / 4 / size
@@ -91,20 +97,21 @@ static size_t bytes_of(size_t count, size_t size)
                : (count * size + CAIRN_ALIGN - 1) / CAIRN_ALIGN * CAIRN_ALIGN;
 }
 
-/* The walls come when scans are no longer looked for: they lie where the raster was. */
-static void carve_shared(cairn_aligner *x, cairn_pool *pool, size_t segments, size_t cells)
+/* Raster and walls share memory: walls are built when relocalization has ended. */
+static void carve_shared(cairn_aligner *aligner, cairn_pool *pool, size_t segments, size_t cells)
 {
-    size_t drawn = bytes_of(cells, sizeof *x->cells), built = bytes_of(segments, sizeof *x->walls);
-    size_t raster = drawn + bytes_of(cells / ALIGNER_VOTES, sizeof *x->votes);
-    size_t walls = built + bytes_of(segments, sizeof *x->order);
+    size_t drawn = bytes_of(cells, sizeof *aligner->cells),
+           built = bytes_of(segments, sizeof *aligner->walls);
+    size_t raster = drawn + bytes_of(cells / ALIGNER_VOTES, sizeof *aligner->votes);
+    size_t walls = built + bytes_of(segments, sizeof *aligner->order);
     unsigned char *shared = cairn_pool_take(pool, raster > walls ? raster : walls, 1);
 
     if (shared == NULL)
         return;
-    x->cells = (void *)shared;
-    x->votes = (void *)(shared + drawn);
-    x->walls = (void *)shared;
-    x->order = (void *)(shared + built);
+    aligner->cells = (void *)shared;
+    aligner->votes = (void *)(shared + drawn);
+    aligner->walls = (void *)shared;
+    aligner->order = (void *)(shared + built);
 }
 
 static cairn_aligner *carve(cairn_pool *pool, const cairn_aligner_params *p)
@@ -141,7 +148,7 @@ size_t cairn_aligner_memory(const cairn_aligner_params *params)
     cairn_block_solver_params solver;
     cairn_pool counting;
 
-    if (!params_are_good(params))
+    if (!params_are_valid(params))
         return 0;
     solver = solver_params(params);
     cairn_pool_init_counting(&counting);
@@ -150,7 +157,7 @@ size_t cairn_aligner_memory(const cairn_aligner_params *params)
     return cairn_pool_counted(&counting);
 }
 
-/* The middles of the bins on the diamond. */
+/* Fills the unit directions of the bins' middles on the diamond. */
 static void fill_bearings(cairn_vec2 *bearings)
 {
     for (int32_t bin = 0; bin < ALIGNER_BINS; bin++) {
@@ -200,9 +207,9 @@ static int is_finite(cairn_vec2 v)
     return cairn_is_finite(v.x) && cairn_is_finite(v.y);
 }
 
-static int is_near(cairn_vec2 v)
+static int is_within_limit(cairn_vec2 v)
 {
-    return cairn_abs(v.x) <= EXTENT && cairn_abs(v.y) <= EXTENT;
+    return cairn_abs(v.x) <= MAX_COORDINATE_M && cairn_abs(v.y) <= MAX_COORDINATE_M;
 }
 
 static cairn_status check_arrays(const cairn_scan_view *view, cairn_fault *fault)
@@ -229,52 +236,52 @@ static cairn_status check_coordinates(const cairn_scan_view *view, cairn_fault *
 {
     if (!is_finite(view->sensor))
         return refuse(fault, -1, "the sensor's position is not finite", CAIRN_NOT_FINITE);
-    if (!is_near(view->sensor))
+    if (!is_within_limit(view->sensor))
         return refuse(fault, -1, "the sensor is farther than 1e6 m", CAIRN_BAD_ARGUMENT);
     for (int32_t i = 0; i < view->segment_count; i++) {
         if (!is_finite(view->segments[i].a) || !is_finite(view->segments[i].b))
             return refuse(fault, i, "a segment is not finite", CAIRN_NOT_FINITE);
-        if (!is_near(view->segments[i].a) || !is_near(view->segments[i].b))
+        if (!is_within_limit(view->segments[i].a) || !is_within_limit(view->segments[i].b))
             return refuse(fault, i, "a segment ends farther than 1e6 m", CAIRN_BAD_ARGUMENT);
     }
     for (int32_t i = 0; i < view->point_count; i++) {
         if (!is_finite(view->points[i].position))
             return refuse(fault, i, "a point is not finite", CAIRN_NOT_FINITE);
-        if (!is_near(view->points[i].position))
+        if (!is_within_limit(view->points[i].position))
             return refuse(fault, i, "a point is farther than 1e6 m", CAIRN_BAD_ARGUMENT);
     }
     for (int32_t i = 0; i < view->beam_count; i++) {
         if (!is_finite(view->beams[i].from) || !is_finite(view->beams[i].to))
             return refuse(fault, i, "a beam is not finite", CAIRN_NOT_FINITE);
-        if (!is_near(view->beams[i].from) || !is_near(view->beams[i].to))
+        if (!is_within_limit(view->beams[i].from) || !is_within_limit(view->beams[i].to))
             return refuse(fault, i, "a beam ends farther than 1e6 m", CAIRN_BAD_ARGUMENT);
     }
     return CAIRN_OK;
 }
 
-/* Results as long as there are no better ones. */
-static void show_initial(cairn_aligner *x, int32_t i)
+/* Sets a scan's result to its initial pose. */
+static void set_initial_result(cairn_aligner *aligner, int32_t i)
 {
-    cairn_aligner_pose *r = &x->results[i];
+    cairn_aligner_pose *r = &aligner->results[i];
 
     memset(r, 0, sizeof *r);
-    r->map_scan = x->scans[i].initial;
-    r->covariance[0] = r->covariance[4] = 2 * x->params.spread * x->params.spread / 3;
-    r->covariance[8] = 2 * x->params.spread_angle * x->params.spread_angle / 3;
+    r->map_scan = aligner->scans[i].initial;
+    r->covariance[0] = r->covariance[4] = 2 * aligner->params.spread * aligner->params.spread / 3;
+    r->covariance[8] = 2 * aligner->params.spread_angle * aligner->params.spread_angle / 3;
     r->part = i;
 }
 
-/* Ends an alignment. */
-static void forget_result(cairn_aligner *x)
+/* Discards the result and ends an alignment. */
+static void discard_result(cairn_aligner *aligner)
 {
-    x->phase = ALIGNER_DONE;
-    x->has_ended = 0;
-    x->debt = 0;
-    x->look.active = x->relax.active = 0;
-    memset(&x->result, 0, sizeof x->result);
-    x->result.anchor = -1;
-    for (int32_t i = 0; i < x->scan_count; i++)
-        show_initial(x, i);
+    aligner->phase = ALIGNER_DONE;
+    aligner->has_ended = 0;
+    aligner->debt = 0;
+    aligner->look.active = aligner->relax.active = 0;
+    memset(&aligner->result, 0, sizeof aligner->result);
+    aligner->result.anchor = -1;
+    for (int32_t i = 0; i < aligner->scan_count; i++)
+        set_initial_result(aligner, i);
 }
 
 cairn_status cairn_aligner_add_scan(cairn_aligner *aligner, const cairn_scan_view *view,
@@ -292,7 +299,7 @@ cairn_status cairn_aligner_add_scan(cairn_aligner *aligner, const cairn_scan_vie
         return status;
     if (!cairn_pose_is_finite(map_scan))
         return refuse(fault, -1, "the pose is not finite", CAIRN_NOT_FINITE);
-    if (!is_near(place))
+    if (!is_within_limit(place))
         return refuse(fault, -1, "the pose is farther than 1e6 m", CAIRN_BAD_ARGUMENT);
     if (aligner->scan_count == aligner->params.max_scans)
         return refuse(fault, -1, "more than max_scans scans", CAIRN_FULL);
@@ -303,7 +310,7 @@ cairn_status cairn_aligner_add_scan(cairn_aligner *aligner, const cairn_scan_vie
         return refuse(fault, -1, "more than max_points points", CAIRN_FULL);
     map_scan.theta = cairn_wrap_angle(map_scan.theta);
     cairn_aligner_fill_scan(aligner, view, map_scan);
-    forget_result(aligner);
+    discard_result(aligner);
     return refuse(fault, -1, NULL, CAIRN_OK);
 }
 
@@ -315,14 +322,14 @@ cairn_status cairn_aligner_start_at(cairn_aligner *aligner, int32_t scan, cairn_
         return CAIRN_BAD_ARGUMENT;
     if (!cairn_pose_is_finite(map_scan))
         return CAIRN_NOT_FINITE;
-    if (!is_near(place))
+    if (!is_within_limit(place))
         return CAIRN_BAD_ARGUMENT;
     map_scan.theta = cairn_wrap_angle(map_scan.theta);
     aligner->scans[scan].initial = map_scan;
     if (cairn_aligner_running(aligner) || aligner->result.units > 0)
-        forget_result(aligner);
+        discard_result(aligner);
     else
-        show_initial(aligner, scan);
+        set_initial_result(aligner, scan);
     return CAIRN_OK;
 }
 
@@ -330,7 +337,7 @@ void cairn_aligner_clear(cairn_aligner *aligner)
 {
     aligner->scan_count = aligner->segment_count = aligner->stub_count = 0;
     aligner->point_count = aligner->patch_count = 0;
-    forget_result(aligner);
+    discard_result(aligner);
 }
 
 /* ---- Steps ---- */
@@ -368,7 +375,7 @@ cairn_status cairn_aligner_begin_again(cairn_aligner *aligner, const cairn_pose 
 
         if (!x->scans[i].held && !cairn_pose_is_finite(map_scan[i]))
             return CAIRN_NOT_FINITE;
-        if (!x->scans[i].held && !is_near(place))
+        if (!x->scans[i].held && !is_within_limit(place))
             return CAIRN_BAD_ARGUMENT;
     }
     for (int32_t i = 0; i < x->scan_count; i++)
@@ -377,7 +384,7 @@ cairn_status cairn_aligner_begin_again(cairn_aligner *aligner, const cairn_pose 
             x->scans[i].initial.theta = cairn_wrap_angle(map_scan[i].theta);
         }
     for (int32_t c = 0; c <= x->scan_count; c++)
-        x->fits[c].stamp = -1; /* they are of the initial poses of before */
+        x->fits[c].stamp = -1; /* computed for the previous initial poses */
     x->hypothesis_count = 0;
     x->repairs = x->slides = x->changed = 0;
     x->i = x->j = x->k = x->l = 0;
@@ -388,53 +395,55 @@ cairn_status cairn_aligner_begin_again(cairn_aligner *aligner, const cairn_pose 
     return CAIRN_OK;
 }
 
-static int32_t next_item(cairn_aligner *x)
+static int32_t next_item(cairn_aligner *aligner)
 {
-    if (x->look.active)
-        return cairn_aligner_look_item(x);
-    if (x->relax.active)
-        return cairn_aligner_relax_item(x);
-    if (x->phase <= ALIGNER_MUTUAL)
-        return cairn_aligner_partner_item(x);
-    if (x->phase <= ALIGNER_TRIALS_OF_PAIR)
-        return cairn_aligner_pairs_item(x);
-    if (x->phase <= ALIGNER_CLOSE)
-        return cairn_aligner_merge_item(x);
-    if (x->phase <= ALIGNER_PLACE)
-        return cairn_aligner_repair_item(x);
-    if (x->phase == ALIGNER_SLIDE || x->phase == ALIGNER_SLIDE_TRY)
-        return cairn_aligner_slide_item(x);
-    return cairn_aligner_joint_item(x);
+    if (aligner->look.active)
+        return cairn_aligner_look_item(aligner);
+    if (aligner->relax.active)
+        return cairn_aligner_relax_item(aligner);
+    if (aligner->phase <= ALIGNER_MUTUAL)
+        return cairn_aligner_partner_item(aligner);
+    if (aligner->phase <= ALIGNER_TRIALS_OF_PAIR)
+        return cairn_aligner_pairs_item(aligner);
+    if (aligner->phase <= ALIGNER_CLOSE)
+        return cairn_aligner_merge_item(aligner);
+    if (aligner->phase <= ALIGNER_PLACE)
+        return cairn_aligner_repair_item(aligner);
+    if (aligner->phase == ALIGNER_SLIDE || aligner->phase == ALIGNER_SLIDE_TRY)
+        return cairn_aligner_slide_item(aligner);
+    return cairn_aligner_joint_item(aligner);
 }
 
-/* The solver goes on with the same budget. */
-static int solver_works(cairn_aligner *x, cairn_budget *budget)
+/* Continues the solver with the same budget. */
+static int run_solver(cairn_aligner *aligner, cairn_budget *budget)
 {
     int32_t before = budget->left;
     cairn_status status;
 
-    if (x->phase < ALIGNER_SOLVE || !cairn_block_solver_read(x->solver).running)
+    if (aligner->phase < ALIGNER_SOLVE || !cairn_block_solver_read(aligner->solver).running)
         return 0;
-    status = cairn_block_solver_step(x->solver, budget);
-    x->result.units += before - budget->left;
+    status = cairn_block_solver_step(aligner->solver, budget);
+    aligner->result.units += before - budget->left;
     if (status < 0)
-        cairn_aligner_give_up(x, status);
+        cairn_aligner_give_up(aligner, status);
     return status == CAIRN_MORE;
 }
 
-/* Changes with every commit point. */
-static int32_t commits_of(const cairn_aligner *x)
+/* Returns a count that changes with every commit point. */
+static int32_t commits_of(const cairn_aligner *aligner)
 {
-    return x->changes + x->result.rounds;
+    return aligner->changes + aligner->result.rounds;
 }
 
-/* Poses are whole: none is being refined, no scan is on trial elsewhere. */
-static int is_whole(const cairn_aligner *x)
+/* Returns 1 when the poses are consistent: no evaluation or relaxation is running, no scan is being
+ * relocalized. */
+static int is_consistent(const cairn_aligner *aligner)
 {
-    return !x->look.active && !x->relax.active && x->clusters[x->scan_count].size == 0;
+    return !aligner->look.active && !aligner->relax.active &&
+           aligner->clusters[aligner->scan_count].size == 0;
 }
 
-static cairn_status go_on(cairn_aligner *aligner, cairn_budget *budget, int to_commit)
+static cairn_status run(cairn_aligner *aligner, cairn_budget *budget, int to_commit)
 {
     if (aligner == NULL || budget == NULL)
         return CAIRN_BAD_ARGUMENT;
@@ -447,10 +456,10 @@ static cairn_status go_on(cairn_aligner *aligner, cairn_budget *budget, int to_c
             aligner->debt -= paid;
             aligner->result.units += paid;
             budget->left -= paid;
-        } else if (to_commit && commits_of(aligner) != aligner->shown && is_whole(aligner)) {
+        } else if (to_commit && commits_of(aligner) != aligner->shown && is_consistent(aligner)) {
             aligner->shown = commits_of(aligner);
             return CAIRN_OK;
-        } else if (!solver_works(aligner, budget) && aligner->phase != ALIGNER_DONE) {
+        } else if (!run_solver(aligner, budget) && aligner->phase != ALIGNER_DONE) {
             aligner->debt += next_item(aligner);
             if (aligner->debt > aligner->result.worst_step)
                 aligner->result.worst_step = aligner->debt;
@@ -461,12 +470,12 @@ static cairn_status go_on(cairn_aligner *aligner, cairn_budget *budget, int to_c
 
 cairn_status cairn_aligner_step(cairn_aligner *aligner, cairn_budget *budget)
 {
-    return go_on(aligner, budget, 0);
+    return run(aligner, budget, 0);
 }
 
 cairn_status cairn_aligner_iterate(cairn_aligner *aligner, cairn_budget *budget)
 {
-    return go_on(aligner, budget, 1);
+    return run(aligner, budget, 1);
 }
 
 int32_t cairn_aligner_running(const cairn_aligner *aligner)

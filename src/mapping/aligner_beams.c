@@ -1,9 +1,9 @@
-/* What the aligner keeps of a scan: segments with the moments of their hits, points along them, a
- * table of bearings.
+/* aligner: storage of a scan: segments with the moments of their hits, points along them,
+ * visibility profile.
  *
- * Hits that follow each other on no segment are a surface that is too short to be one, a stub:
- * the few beams of a wall that the edge of the view just reaches. Its direction is poor, but it
- * holds a scan that slides along another wall. */
+ * Consecutive hits on no segment form a short segment: the few beams that just reach a wall at the
+ * edge of the view. Its direction is poor, but it constrains a scan whose other walls are all
+ * parallel. */
 #include "src/core/build.h"
 
 #include <string.h>
@@ -11,13 +11,15 @@
 #include "src/mapping/aligner_work.h"
 
 static const cairn_real HIT_GATE_SIGMAS = 3;
-static const cairn_real LABEL_GATE = CAIRN_REAL(0.06); /* m */
-static const cairn_real LEAST_INCIDENCE = CAIRN_REAL(0.05);
-static const cairn_real RUN_GAP = CAIRN_REAL(0.1); /* m between hits that follow each other */
-static const cairn_real STRAIGHT = 3;              /* variances of a range, across a stub */
-enum { LEAST_HITS = 4 };
+static const cairn_real MAX_SEGMENT_DISTANCE_M = CAIRN_REAL(0.06); /* m */
+static const cairn_real MIN_INCIDENCE = CAIRN_REAL(0.05);
+static const cairn_real MAX_RUN_GAP_M =
+    CAIRN_REAL(0.1); /* m: greatest distance of consecutive hits */
+/* variances of a range: greatest scatter across a short segment */
+static const cairn_real MAX_SCATTER_VARIANCES = 3;
+enum { MIN_HITS = 4 };
 
-/* ---- Segments of beams ---- */
+/* ---- Hits of segments ---- */
 
 static void mark_bins(aligner_table *table, int32_t first, int32_t last, uint16_t range,
                       uint8_t segment)
@@ -32,16 +34,16 @@ static void mark_bins(aligner_table *table, int32_t first, int32_t last, uint16_
     }
 }
 
-/* The segment on which a hit lies, counted from the scan's first, and its distance. */
-static int32_t segment_of(const cairn_aligner *x, const aligner_scan *scan, cairn_vec2 hit,
+/* Returns the segment of a hit, counted from the scan's first, and its distance. */
+static int32_t segment_of(const cairn_aligner *aligner, const aligner_scan *scan, cairn_vec2 hit,
                           cairn_real *distance)
 {
     int32_t best = ALIGNER_NO_SEGMENT;
 
-    *distance = LABEL_GATE;
+    *distance = MAX_SEGMENT_DISTANCE_M;
     for (int32_t k = scan->first_segment;
          k < scan->end_segment && k - scan->first_segment < ALIGNER_NO_SEGMENT; k++) {
-        const aligner_segment *s = &x->segments[k];
+        const aligner_segment *s = &aligner->segments[k];
         cairn_vec2 from = cairn_vec2_sub(hit, s->a);
         cairn_real along = cairn_vec2_dot(s->direction, from);
         cairn_real beyond = cairn_max(cairn_max(-along, along - s->length), 0);
@@ -58,16 +60,16 @@ static int32_t segment_of(const cairn_aligner *x, const aligner_scan *scan, cair
     return best;
 }
 
-/* A hit on a segment: its weight is that of the error of its range across the line. Called
- * twice, first for the mean. */
-static void add_hit(cairn_aligner *x, aligner_segment *s, const cairn_beam *beam,
+/* Adds a hit to a segment, weighted by the variance of its range across the line. Called twice,
+ * first for the mean. */
+static void add_hit(cairn_aligner *aligner, aligner_segment *s, const cairn_beam *beam,
                     int32_t about_mean)
 {
     cairn_vec2 ray = cairn_vec2_sub(beam->to, beam->from), d;
     cairn_real incidence = cairn_abs(cairn_vec2_cross(s->direction, ray)) / cairn_vec2_norm(ray),
                deviation, weight;
 
-    deviation = x->params.sigma * cairn_max(incidence, LEAST_INCIDENCE);
+    deviation = aligner->params.sigma * cairn_max(incidence, MIN_INCIDENCE);
     weight = 1 / (deviation * deviation);
     d = cairn_vec2_sub(beam->to, about_mean ? s->mean : s->a);
     if (!about_mean) {
@@ -81,10 +83,10 @@ static void add_hit(cairn_aligner *x, aligner_segment *s, const cairn_beam *beam
     s->spread.yy += weight * d.y * d.y;
 }
 
-static void finish_means(cairn_aligner *x, const aligner_scan *scan)
+static void finish_means(cairn_aligner *aligner, const aligner_scan *scan)
 {
     for (int32_t k = scan->first_segment; k < scan->end_segment; k++) {
-        aligner_segment *s = &x->segments[k];
+        aligner_segment *s = &aligner->segments[k];
         cairn_sym2 none = {0, 0, 0};
 
         if (s->weight > 0) {
@@ -95,42 +97,43 @@ static void finish_means(cairn_aligner *x, const aligner_scan *scan)
     }
 }
 
-static void finish_moments(cairn_aligner *x, const aligner_scan *scan)
+static void finish_moments(cairn_aligner *aligner, const aligner_scan *scan)
 {
     for (int32_t k = scan->first_segment; k < scan->end_segment; k++) {
         cairn_real values[2];
         cairn_vec2 minor, major;
 
-        cairn_sym2_eigen(x->segments[k].spread, values, &minor, &major);
-        x->segments[k].least = cairn_max(values[0], 0);
+        cairn_sym2_eigen(aligner->segments[k].spread, values, &minor, &major);
+        aligner->segments[k].least = cairn_max(values[0], 0);
     }
 }
 
-/* Hits that follow each other on no segment: a surface too short to be one. */
+/* A run of consecutive hits on no segment. */
 typedef struct run {
     cairn_vec2 first, last, sum;
     cairn_sym2 squares; /* about the first */
     int32_t count;
 } run;
 
-/* A new segment of a run that is straight and there is room for; its moments come with the
- * second pass. */
-static void add_stub(cairn_aligner *x, aligner_scan *scan, const run *r)
+/* Adds a short segment for a straight run, if the capacity allows; its moments come with the second
+ * pass. */
+static void add_short_segment(cairn_aligner *aligner, aligner_scan *scan, const run *r)
 {
-    aligner_segment *s = &x->segments[x->segment_count];
+    aligner_segment *s = &aligner->segments[aligner->segment_count];
     cairn_real share = 1 / (cairn_real)r->count, values[2], half;
     cairn_vec2 mean = cairn_vec2_scale(r->sum, share), minor, major;
     cairn_sym2 spread = {r->squares.xx * share - mean.x * mean.x,
                          r->squares.xy * share - mean.x * mean.y,
                          r->squares.yy * share - mean.y * mean.y};
 
-    if (x->stub_count == x->params.max_stubs)
+    if (aligner->stub_count == aligner->params.max_stubs)
         return;
     cairn_sym2_eigen(spread, values, &minor, &major);
     half = cairn_max(
         cairn_abs(cairn_vec2_dot(major, mean)),
         cairn_abs(cairn_vec2_dot(major, cairn_vec2_sub(cairn_vec2_sub(r->last, r->first), mean))));
-    if (values[0] > STRAIGHT * x->params.sigma * x->params.sigma || !(half > 0))
+    if (values[0] > MAX_SCATTER_VARIANCES * aligner->params.sigma * aligner->params.sigma ||
+        !(half > 0))
         return;
     mean = cairn_vec2_add(mean, r->first);
     if (cairn_vec2_cross(major, cairn_vec2_sub(mean, scan->sensor)) > 0)
@@ -139,23 +142,23 @@ static void add_stub(cairn_aligner *x, aligner_scan *scan, const run *r)
     s->direction = major;
     s->length = 2 * half;
     s->a = cairn_vec2_sub(mean, cairn_vec2_scale(major, half));
-    s->scan = x->scan_count;
+    s->scan = aligner->scan_count;
     s->wall = -1;
     s->stub = 1;
-    x->segment_count++;
-    x->stub_count++;
+    aligner->segment_count++;
+    aligner->stub_count++;
     scan->end_segment++;
 }
 
-/* The next beam's hit, or a beam that ends the run. */
-static void go_on_run(cairn_aligner *x, aligner_scan *scan, run *r, const cairn_beam *hit)
+/* Adds the next beam's hit to the run, or ends the run. */
+static void extend_run(cairn_aligner *aligner, aligner_scan *scan, run *r, const cairn_beam *hit)
 {
     cairn_vec2 d;
 
     if (r->count > 0 &&
-        (hit == NULL || cairn_vec2_norm(cairn_vec2_sub(hit->to, r->last)) > RUN_GAP)) {
-        if (r->count >= LEAST_HITS)
-            add_stub(x, scan, r);
+        (hit == NULL || cairn_vec2_norm(cairn_vec2_sub(hit->to, r->last)) > MAX_RUN_GAP_M)) {
+        if (r->count >= MIN_HITS)
+            add_short_segment(aligner, scan, r);
         r->count = 0;
     }
     if (hit == NULL)
@@ -173,7 +176,8 @@ static void go_on_run(cairn_aligner *x, aligner_scan *scan, run *r, const cairn_
     r->squares.yy += d.y * d.y;
 }
 
-static void find_stubs(cairn_aligner *x, aligner_scan *scan, const cairn_scan_view *view)
+static void find_short_segments(cairn_aligner *aligner, aligner_scan *scan,
+                                const cairn_scan_view *view)
 {
     cairn_real distance;
     run r;
@@ -182,20 +186,20 @@ static void find_stubs(cairn_aligner *x, aligner_scan *scan, const cairn_scan_vi
     for (int32_t i = 0; i < view->beam_count; i++) {
         const cairn_beam *beam = &view->beams[i];
         int free_hit = beam->kind == CAIRN_BEAM_HIT &&
-                       segment_of(x, scan, beam->to, &distance) == ALIGNER_NO_SEGMENT;
+                       segment_of(aligner, scan, beam->to, &distance) == ALIGNER_NO_SEGMENT;
 
-        go_on_run(x, scan, &r, free_hit ? beam : NULL);
+        extend_run(aligner, scan, &r, free_hit ? beam : NULL);
     }
-    go_on_run(x, scan, &r, NULL);
+    extend_run(aligner, scan, &r, NULL);
 }
 
-/* Tables and moments. Bins between neighbouring beams belong to the later one, over gaps of up
- * to a hundredth of a turn. */
-static void read_beams(cairn_aligner *x, int32_t index, const cairn_scan_view *view)
+/* Visibility profile and moments. Bins between neighbouring beams belong to the later one, over
+ * gaps of up to a hundredth of a turn. */
+static void read_beams(cairn_aligner *aligner, int32_t index, const cairn_scan_view *view)
 {
-    aligner_scan *scan = &x->scans[index];
-    aligner_table *table = &x->tables[index];
-    cairn_real gate = HIT_GATE_SIGMAS * x->params.sigma, distance;
+    aligner_scan *scan = &aligner->scans[index];
+    aligner_table *table = &aligner->tables[index];
+    cairn_real gate = HIT_GATE_SIGMAS * aligner->params.sigma, distance;
 
     for (int32_t pass = 0; pass < 2; pass++) {
         int32_t last = -1;
@@ -211,13 +215,13 @@ static void read_beams(cairn_aligner *x, int32_t index, const cairn_scan_view *v
                 last = -1;
                 continue;
             }
-            if (beam->kind == CAIRN_BEAM_HIT && range <= x->params.reach)
-                segment = segment_of(x, scan, beam->to, &distance);
+            if (beam->kind == CAIRN_BEAM_HIT && range <= aligner->params.reach)
+                segment = segment_of(aligner, scan, beam->to, &distance);
             if (segment != ALIGNER_NO_SEGMENT && distance < gate)
-                add_hit(x, &x->segments[scan->first_segment + segment], beam, pass);
+                add_hit(aligner, &aligner->segments[scan->first_segment + segment], beam, pass);
             if (pass == 0) {
-                uint16_t scaled = (uint16_t)cairn_real_to_int(
-                    cairn_max(1, cairn_min(range / x->params.reach, 1) * CAIRN_REAL(65535.0)));
+                uint16_t scaled = (uint16_t)cairn_real_to_int(cairn_max(
+                    1, cairn_min(range / aligner->params.reach, 1) * CAIRN_REAL(65535.0)));
 
                 gap = (bin - last) & (ALIGNER_BINS - 1);
                 if (last >= 0 && gap > 0 && gap <= 6)
@@ -232,16 +236,16 @@ static void read_beams(cairn_aligner *x, int32_t index, const cairn_scan_view *v
             }
         }
         if (pass == 0)
-            finish_means(x, scan);
+            finish_means(aligner, scan);
     }
-    finish_moments(x, scan);
+    finish_moments(aligner, scan);
 }
 
-/* The directions that a scan sees: between the ends of its widest blind gap. */
-static void measure_view(cairn_aligner *x, int32_t index)
+/* Field of view: the directions outside the widest blind gap. */
+static void measure_view(cairn_aligner *aligner, int32_t index)
 {
-    aligner_scan *scan = &x->scans[index];
-    const aligner_table *table = &x->tables[index];
+    aligner_scan *scan = &aligner->scans[index];
+    const aligner_table *table = &aligner->tables[index];
     int32_t widest = 0, end = 0, blind = 0;
 
     for (int32_t k = 0; k < 2 * ALIGNER_BINS; k++) {
@@ -257,15 +261,17 @@ static void measure_view(cairn_aligner *x, int32_t index)
     scan->axis.y = 0;
     if (widest < ALIGNER_BINS / 2 || widest >= ALIGNER_BINS)
         return;
-    /* Less than half a turn is seen: the axis halves it. */
-    scan->axis = cairn_vec2_unit(cairn_vec2_add(x->bearings[(end + 1) & (ALIGNER_BINS - 1)],
-                                                x->bearings[(end - widest) & (ALIGNER_BINS - 1)]));
+    /* Less than half a turn is visible: the axis bisects it. */
+    scan->axis =
+        cairn_vec2_unit(cairn_vec2_add(aligner->bearings[(end + 1) & (ALIGNER_BINS - 1)],
+                                       aligner->bearings[(end - widest) & (ALIGNER_BINS - 1)]));
     scan->view_cosine =
-        cairn_vec2_dot(scan->axis, x->bearings[(end + 1) & (ALIGNER_BINS - 1)]) - CAIRN_REAL(0.02);
+        cairn_vec2_dot(scan->axis, aligner->bearings[(end + 1) & (ALIGNER_BINS - 1)]) -
+        CAIRN_REAL(0.02);
     scan->view_sine = cairn_sqrt(cairn_max(0, 1 - scan->view_cosine * scan->view_cosine));
 }
 
-/* The farthest that each sector and its neighbours show. */
+/* Greatest range of each sector and its neighbours. */
 static void measure_sectors(aligner_table *table)
 {
     enum { WIDTH = ALIGNER_BINS / ALIGNER_SECTORS };
@@ -280,86 +286,90 @@ static void measure_sectors(aligner_table *table)
     }
 }
 
-/* Points that follow each other, in circles. */
-static void measure_patches(cairn_aligner *x, aligner_scan *scan)
+/* Bounding circles of consecutive points. */
+static void measure_patches(cairn_aligner *aligner, aligner_scan *scan)
 {
-    scan->first_patch = x->patch_count;
+    scan->first_patch = aligner->patch_count;
     for (int32_t first = scan->first_point; first < scan->end_point; first += ALIGNER_PATCH) {
         int32_t end =
             first + ALIGNER_PATCH < scan->end_point ? first + ALIGNER_PATCH : scan->end_point;
-        aligner_patch *patch = &x->patches[x->patch_count++];
+        aligner_patch *patch = &aligner->patches[aligner->patch_count++];
 
         patch->middle.x = patch->middle.y = patch->radius = 0;
         for (int32_t i = first; i < end; i++)
-            patch->middle = cairn_vec2_add(patch->middle, x->points[i].position);
+            patch->middle = cairn_vec2_add(patch->middle, aligner->points[i].position);
         patch->middle = cairn_vec2_scale(patch->middle, 1 / (cairn_real)(end - first));
         for (int32_t i = first; i < end; i++)
-            patch->radius =
-                cairn_max(patch->radius,
-                          cairn_vec2_norm(cairn_vec2_sub(x->points[i].position, patch->middle)));
+            patch->radius = cairn_max(
+                patch->radius,
+                cairn_vec2_norm(cairn_vec2_sub(aligner->points[i].position, patch->middle)));
     }
 }
 
-static void measure_circle(cairn_aligner *x, aligner_scan *scan)
+static void measure_circle(cairn_aligner *aligner, aligner_scan *scan)
 {
     int32_t count = scan->end_point - scan->first_point;
     cairn_real share = 1 / ((cairn_real)count + 1);
 
     scan->middle = cairn_vec2_scale(scan->sensor, share);
     for (int32_t i = scan->first_point; i < scan->end_point; i++)
-        scan->middle = cairn_vec2_add(scan->middle, cairn_vec2_scale(x->points[i].position, share));
+        scan->middle =
+            cairn_vec2_add(scan->middle, cairn_vec2_scale(aligner->points[i].position, share));
     scan->radius = cairn_vec2_norm(cairn_vec2_sub(scan->sensor, scan->middle));
     for (int32_t i = scan->first_point; i < scan->end_point; i++)
-        scan->radius = cairn_max(
-            scan->radius, cairn_vec2_norm(cairn_vec2_sub(x->points[i].position, scan->middle)));
+        scan->radius =
+            cairn_max(scan->radius,
+                      cairn_vec2_norm(cairn_vec2_sub(aligner->points[i].position, scan->middle)));
     scan->extent = scan->radius + cairn_vec2_norm(scan->middle);
 }
 
-static void copy_surfaces(cairn_aligner *x, aligner_scan *scan, const cairn_scan_view *view)
+static void copy_surfaces(cairn_aligner *aligner, aligner_scan *scan, const cairn_scan_view *view)
 {
     for (int32_t k = 0; k < view->segment_count; k++) {
-        aligner_segment *s = &x->segments[x->segment_count];
+        aligner_segment *s = &aligner->segments[aligner->segment_count];
         cairn_vec2 along = cairn_vec2_sub(view->segments[k].b, view->segments[k].a);
 
         memset(s, 0, sizeof *s);
         s->a = view->segments[k].a;
         s->direction = cairn_vec2_unit(along);
         s->length = cairn_vec2_norm(along);
-        s->scan = x->scan_count;
+        s->scan = aligner->scan_count;
         s->wall = -1;
         for (int32_t i = view->first_point[k]; i < view->first_point[k + 1]; i++) {
-            aligner_point *point = &x->points[x->point_count];
+            aligner_point *point = &aligner->points[aligner->point_count];
 
             point->position = view->points[i].position;
-            point->segment = x->segment_count;
-            if (cairn_vec2_norm(cairn_vec2_sub(point->position, scan->sensor)) <= x->params.reach)
-                x->point_count++;
+            point->segment = aligner->segment_count;
+            if (cairn_vec2_norm(cairn_vec2_sub(point->position, scan->sensor)) <=
+                aligner->params.reach)
+                aligner->point_count++;
         }
-        x->segment_count++;
+        aligner->segment_count++;
     }
 }
 
-void cairn_aligner_fill_scan(cairn_aligner *x, const cairn_scan_view *view, cairn_pose initial)
+void cairn_aligner_fill_scan(cairn_aligner *aligner, const cairn_scan_view *view,
+                             cairn_pose initial)
 {
-    aligner_scan *scan = &x->scans[x->scan_count];
-    aligner_table *table = &x->tables[x->scan_count];
+    aligner_scan *scan = &aligner->scans[aligner->scan_count];
+    aligner_table *table = &aligner->tables[aligner->scan_count];
 
     memset(scan, 0, sizeof *scan);
     scan->sensor = view->sensor;
     scan->initial = initial;
-    scan->first_segment = x->segment_count;
-    scan->first_point = x->point_count;
-    copy_surfaces(x, scan, view);
-    scan->end_segment = x->segment_count;
-    scan->end_point = x->point_count;
+    scan->first_segment = aligner->segment_count;
+    scan->first_point = aligner->point_count;
+    copy_surfaces(aligner, scan, view);
+    scan->end_segment = aligner->segment_count;
+    scan->end_point = aligner->point_count;
     memset(table->range, 0, sizeof table->range);
     memset(table->segment, ALIGNER_NO_SEGMENT, sizeof table->segment);
-    find_stubs(x, scan, view);
-    read_beams(x, x->scan_count, view);
-    measure_view(x, x->scan_count);
-    measure_circle(x, scan);
+    find_short_segments(aligner, scan, view);
+    read_beams(aligner, aligner->scan_count, view);
+    measure_view(aligner, aligner->scan_count);
+    measure_circle(aligner, scan);
     measure_sectors(table);
-    measure_patches(x, scan);
-    x->poses[x->scan_count] = cairn_transform_of(initial);
-    x->scan_count++;
+    measure_patches(aligner, scan);
+    aligner->poses[aligner->scan_count] = cairn_transform_of(initial);
+    aligner->scan_count++;
 }

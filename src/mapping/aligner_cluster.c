@@ -1,84 +1,87 @@
-/* Clusters of the aligner: scans whose poses are known to each other, in a frame of their own.
+/* aligner: clusters of scans with known relative poses, each in its own frame; evaluation and
+ * relaxation.
  *
- * A look at one cluster from another refines their relative pose by Gauss-Newton on all pairs of
- * scans that may meet and then counts the evidence of these. The initial poses are evidence, too
- * (aligner_prior.c): how much worse the initial poses of both fit a common motion than those of
- * each alone. Their standard deviations are learnt from the clusters themselves, starting from
- * what the params expect. */
+ * Method:
+ * 1. Evaluation of two clusters: Gauss-Newton on all pairs of scans that may overlap refines their
+ *    relative pose, then the points are counted for its log-likelihood ratio. The initial poses add
+ *    a prior (aligner_prior.c): the increase of their residuals under a common motion.
+ * 2. Relaxation: nonlinear Gauss-Seidel over the scans of a cluster. Only dirty scans are relaxed:
+ *    those merged last, and those whose accumulated gradient would move them.
+ * 3. Merge: the smaller cluster enters the frame of the larger one. */
 #include "src/core/build.h"
 
 #include <string.h>
 
 #include "src/mapping/aligner_work.h"
 
-static const cairn_real COUNT_GATE = CAIRN_REAL(0.07);
-/* m: makes turns comparable to shifts */
-static const cairn_real ARM = CAIRN_REAL(1.5);
-/* m: a scan that moves by less does not stir others */
-static const cairn_real AT_REST = CAIRN_REAL(0.006);
+static const cairn_real COUNT_GATE_M = CAIRN_REAL(0.07);
+/* m: lever arm that weights rotations against translations */
+static const cairn_real ARM_M = CAIRN_REAL(1.5);
+/* m: a scan that moves less makes no other dirty */
+static const cairn_real MIN_MOTION_M = CAIRN_REAL(0.006);
 
-void cairn_aligner_insert(cairn_aligner *x, int32_t scan, int32_t cluster)
+void cairn_aligner_insert(cairn_aligner *aligner, int32_t scan, int32_t cluster)
 {
-    aligner_cluster *c = &x->clusters[cluster];
+    aligner_cluster *c = &aligner->clusters[cluster];
 
-    cairn_aligner_fit_scan(x, scan, cluster, 1);
-    x->scans[scan].part = cluster;
-    x->scans[scan].next = c->head;
+    cairn_aligner_fit_scan(aligner, scan, cluster, 1);
+    aligner->scans[scan].part = cluster;
+    aligner->scans[scan].next = c->head;
     c->head = scan;
     c->size++;
-    c->stamp = ++x->changes;
+    c->stamp = ++aligner->changes;
 }
 
-void cairn_aligner_remove(cairn_aligner *x, int32_t scan)
+void cairn_aligner_remove(cairn_aligner *aligner, int32_t scan)
 {
-    aligner_cluster *c = &x->clusters[x->scans[scan].part];
+    aligner_cluster *c = &aligner->clusters[aligner->scans[scan].part];
     int32_t *link = &c->head;
 
-    cairn_aligner_fit_scan(x, scan, x->scans[scan].part, -1);
+    cairn_aligner_fit_scan(aligner, scan, aligner->scans[scan].part, -1);
     while (*link != scan)
-        link = &x->scans[*link].next;
-    *link = x->scans[scan].next;
-    x->scans[scan].next = -1;
+        link = &aligner->scans[*link].next;
+    *link = aligner->scans[scan].next;
+    aligner->scans[scan].next = -1;
     c->size--;
-    c->stamp = ++x->changes;
+    c->stamp = ++aligner->changes;
 }
 
-int32_t cairn_aligner_largest(const cairn_aligner *x)
+int32_t cairn_aligner_largest(const cairn_aligner *aligner)
 {
     int32_t best = 0;
 
-    for (int32_t c = 1; c < x->scan_count; c++)
-        if (x->clusters[c].size > x->clusters[best].size)
+    for (int32_t c = 1; c < aligner->scan_count; c++)
+        if (aligner->clusters[c].size > aligner->clusters[best].size)
             best = c;
     return best;
 }
 
-void cairn_aligner_begin_clusters(cairn_aligner *x)
+void cairn_aligner_begin_clusters(cairn_aligner *aligner)
 {
     static const cairn_vec2 x_axis = {1, 0};
 
-    memset(x->clusters, 0, ((size_t)x->scan_count + 1) * sizeof *x->clusters);
-    for (int32_t i = 0; i <= x->scan_count; i++)
-        x->clusters[i].head = x->fits[i].stamp = -1;
-    for (int32_t i = 0; i < x->scan_count; i++) {
-        x->poses[i] = cairn_transform_of(x->scans[i].initial);
-        x->scans[i].support = x->scans[i].evidence = 0;
-        x->scans[i].weak = x->scans[i].stirred = 0;
-        x->scans[i].joined = -1 - i;
-        x->scans[i].frame = x_axis;
-        memset(&x->scans[i].pull, 0, sizeof x->scans[i].pull);
-        cairn_aligner_insert(x, i, i);
+    memset(aligner->clusters, 0, ((size_t)aligner->scan_count + 1) * sizeof *aligner->clusters);
+    for (int32_t i = 0; i <= aligner->scan_count; i++)
+        aligner->clusters[i].head = aligner->fits[i].stamp = -1;
+    for (int32_t i = 0; i < aligner->scan_count; i++) {
+        aligner->poses[i] = cairn_transform_of(aligner->scans[i].initial);
+        aligner->scans[i].support = aligner->scans[i].evidence = 0;
+        aligner->scans[i].weak = aligner->scans[i].stirred = 0;
+        aligner->scans[i].joined = -1 - i;
+        aligner->scans[i].frame = x_axis;
+        memset(&aligner->scans[i].pull, 0, sizeof aligner->scans[i].pull);
+        cairn_aligner_insert(aligner, i, i);
     }
-    cairn_aligner_learn_spread(x);
+    cairn_aligner_learn_spread(aligner);
 }
 
-/* ---- Looks ---- */
+/* ---- Evaluation ---- */
 
-void cairn_aligner_begin_look(cairn_aligner *x, int32_t moving, int32_t fixed, cairn_transform pose,
-                              int32_t rounds, cairn_real least)
+void cairn_aligner_begin_look(cairn_aligner *aligner, int32_t moving, int32_t fixed,
+                              cairn_transform pose, int32_t rounds, cairn_real least)
 {
-    aligner_look *look = &x->look;
-    int32_t first = x->clusters[moving].head;
+    aligner_look *look = &aligner->look;
+    int32_t first = aligner->clusters[moving].head;
 
     memset(look, 0, sizeof *look);
     look->active = 1;
@@ -87,11 +90,11 @@ void cairn_aligner_begin_look(cairn_aligner *x, int32_t moving, int32_t fixed, c
     look->pose = pose;
     look->rounds = rounds;
     look->least = least;
-    look->outer = x->clusters[moving].size <= x->clusters[fixed].size ? moving : fixed;
+    look->outer = aligner->clusters[moving].size <= aligner->clusters[fixed].size ? moving : fixed;
     look->inner = look->outer == moving ? fixed : moving;
-    look->at = x->clusters[look->outer].head;
-    look->centre =
-        cairn_transform_point(cairn_aligner_compose(pose, x->poses[first]), x->scans[first].middle);
+    look->at = aligner->clusters[look->outer].head;
+    look->centre = cairn_transform_point(cairn_aligner_compose(pose, aligner->poses[first]),
+                                         aligner->scans[first].middle);
 }
 
 static cairn_real refine_gate(int32_t round)
@@ -101,24 +104,24 @@ static cairn_real refine_gate(int32_t round)
     return gates[round < 2 ? round : 2];
 }
 
-static void find_weak(aligner_look *look)
+static void find_weak_direction(aligner_look *look)
 {
     cairn_sym3 m = look->sums.equations.information;
     cairn_real values[3], vectors[3][3];
 
-    m.xz /= ARM;
-    m.yz /= ARM;
-    m.zz /= ARM * ARM;
+    m.xz /= ARM_M;
+    m.yz /= ARM_M;
+    m.zz /= ARM_M * ARM_M;
     cairn_sym3_eigen(m, values, vectors);
     memcpy(look->weak, vectors[0], sizeof look->weak);
-    look->weak[2] /= ARM;
+    look->weak[2] /= ARM_M;
 }
 
 static void end_refinement(aligner_look *look)
 {
     cairn_real motion[3];
 
-    find_weak(look);
+    find_weak_direction(look);
     if (cairn_aligner_solve(&look->sums, motion))
         look->pose = cairn_aligner_moved(look->pose, look->centre, motion);
     else
@@ -127,68 +130,68 @@ static void end_refinement(aligner_look *look)
     look->round++;
 }
 
-static void end_look(cairn_aligner *x)
+static void end_evaluation(cairn_aligner *aligner)
 {
-    aligner_look *look = &x->look;
+    aligner_look *look = &aligner->look;
 
     look->active = 0;
-    look->evidence = cairn_aligner_evidence(x, look->count);
-    look->prior = cairn_aligner_prior(x, look->moving, look->fixed, look->pose);
+    look->evidence = cairn_aligner_evidence(aligner, look->count);
+    look->prior = cairn_aligner_prior(aligner, look->moving, look->fixed, look->pose);
 }
 
-/* The points of a pair, a of the outer cluster; returns how many were looked up. */
-static int32_t look_at_pair(cairn_aligner *x, int32_t a, int32_t b, cairn_transform pose_a,
-                            cairn_transform pose_b)
+/* Evaluates a pair of scans, a of the outer cluster; returns the number of lookups. */
+static int32_t evaluate_pair(cairn_aligner *aligner, int32_t a, int32_t b, cairn_transform pose_a,
+                             cairn_transform pose_b)
 {
-    aligner_look *look = &x->look;
+    aligner_look *look = &aligner->look;
     int32_t turn = look->outer != look->moving, i = turn ? b : a, j = turn ? a : b;
     cairn_transform pose_i = turn ? pose_b : pose_a, pose_j = turn ? pose_a : pose_b;
 
     if (look->round < look->rounds)
-        return cairn_aligner_pull(x, i, j, pose_i, pose_j, refine_gate(look->round), 1,
+        return cairn_aligner_pull(aligner, i, j, pose_i, pose_j, refine_gate(look->round), 1,
                                   look->centre, &look->sums);
-    return cairn_aligner_count_pair(x, i, j, cairn_aligner_between(pose_j, pose_i), COUNT_GATE,
-                                    &look->count);
+    return cairn_aligner_count_pair(aligner, i, j, cairn_aligner_between(pose_j, pose_i),
+                                    COUNT_GATE_M, &look->count);
 }
 
-/* 1 when the rest of the points is not worth counting. */
-static int is_decided(const cairn_aligner *x)
+/* Returns 1 when the count cannot change the decision. */
+static int is_decided(const cairn_aligner *aligner)
 {
-    return x->look.round >= x->look.rounds &&
-           cairn_aligner_evidence(x, x->look.count) <= x->look.least;
+    return aligner->look.round >= aligner->look.rounds &&
+           cairn_aligner_evidence(aligner, aligner->look.count) <= aligner->look.least;
 }
 
-/* A scan of the outer cluster from its partner at hand on, up to the next that it may meet. */
-int32_t cairn_aligner_look_item(cairn_aligner *x)
+/* Evaluates a scan of the outer cluster with its next neighbour that it may overlap. */
+int32_t cairn_aligner_look_item(cairn_aligner *aligner)
 {
-    aligner_look *look = &x->look;
+    aligner_look *look = &aligner->look;
     cairn_transform same = {0, 0, 1, 0}, to_outer, to_inner, pose_a;
     int32_t a = look->at, passed = 0, work = 0;
 
-    if (a < 0 || is_decided(x)) {
+    if (a < 0 || is_decided(aligner)) {
         if (look->round < look->rounds)
             end_refinement(look);
         else
-            end_look(x);
-        look->at = x->clusters[look->outer].head;
+            end_evaluation(aligner);
+        look->at = aligner->clusters[look->outer].head;
         return 4;
     }
     to_outer = look->outer == look->moving ? look->pose : same;
     to_inner = look->outer == look->moving ? same : look->pose;
-    pose_a = cairn_aligner_compose(to_outer, x->poses[a]);
-    while (work == 0 && look->partner < x->scans[a].partner_count) {
-        int32_t b = cairn_aligner_partner(x, a, look->partner++);
+    pose_a = cairn_aligner_compose(to_outer, aligner->poses[a]);
+    while (work == 0 && look->partner < aligner->scans[a].partner_count) {
+        int32_t b = cairn_aligner_partner(aligner, a, look->partner++);
         cairn_transform pose_b;
 
         passed++;
-        if (x->scans[b].part != look->inner)
+        if (aligner->scans[b].part != look->inner)
             continue;
-        pose_b = cairn_aligner_compose(to_inner, x->poses[b]);
-        if (cairn_aligner_may_meet(x, a, b, pose_a, pose_b))
-            work = look_at_pair(x, a, b, pose_a, pose_b);
+        pose_b = cairn_aligner_compose(to_inner, aligner->poses[b]);
+        if (cairn_aligner_may_meet(aligner, a, b, pose_a, pose_b))
+            work = evaluate_pair(aligner, a, b, pose_a, pose_b);
     }
-    if (look->partner >= x->scans[a].partner_count) {
-        look->at = x->scans[a].next;
+    if (look->partner >= aligner->scans[a].partner_count) {
+        look->at = aligner->scans[a].next;
         look->partner = 0;
     }
     return 1 + passed / ALIGNER_FAR_OF_UNIT + work / ALIGNER_POINTS_OF_UNIT;
@@ -196,37 +199,37 @@ int32_t cairn_aligner_look_item(cairn_aligner *x)
 
 /* ---- Relaxation ---- */
 
-void cairn_aligner_begin_relax(cairn_aligner *x, int32_t cluster, cairn_real gate, int32_t rounds,
-                               int32_t all)
+void cairn_aligner_begin_relax(cairn_aligner *aligner, int32_t cluster, cairn_real gate,
+                               int32_t rounds, int32_t all)
 {
-    aligner_relax *relax = &x->relax;
+    aligner_relax *relax = &aligner->relax;
 
     memset(relax, 0, sizeof *relax);
-    relax->active = rounds > 0 && x->clusters[cluster].size > 1;
+    relax->active = rounds > 0 && aligner->clusters[cluster].size > 1;
     relax->all = all;
     relax->cluster = cluster;
     relax->rounds = rounds;
     relax->gate = gate;
-    relax->i = x->clusters[cluster].head;
+    relax->i = aligner->clusters[cluster].head;
 }
 
-static void end_round(cairn_aligner *x)
+static void end_round(cairn_aligner *aligner)
 {
-    aligner_relax *relax = &x->relax;
+    aligner_relax *relax = &aligner->relax;
 
-    relax->i = x->clusters[relax->cluster].head;
+    relax->i = aligner->clusters[relax->cluster].head;
     relax->active = ++relax->round < relax->rounds;
     relax->all = 0;
     if (relax->active)
         return;
-    x->clusters[relax->cluster].stamp = ++x->changes;
-    cairn_aligner_learn_spread(x);
+    aligner->clusters[relax->cluster].stamp = ++aligner->changes;
+    cairn_aligner_learn_spread(aligner);
 }
 
 static int is_move(const cairn_real motion[3])
 {
-    return cairn_max(cairn_abs(motion[0]), cairn_abs(motion[1])) + ARM * cairn_abs(motion[2]) >
-           AT_REST;
+    return cairn_max(cairn_abs(motion[0]), cairn_abs(motion[1])) + ARM_M * cairn_abs(motion[2]) >
+           MIN_MOTION_M;
 }
 
 static void add_sums(aligner_sums *to, const aligner_sums *from)
@@ -245,23 +248,25 @@ static void add_sums(aligner_sums *to, const aligner_sums *from)
     to->pairs += from->pairs;
 }
 
-/* 1 when two scans have been relaxed together in a cluster before. */
-static int have_met(const cairn_aligner *x, int32_t i, int32_t j)
+/* Returns 1 when two scans were relaxed together in a cluster before. */
+static int were_relaxed_together(const cairn_aligner *aligner, int32_t i, int32_t j)
 {
-    return x->scans[i].stirred != ALIGNER_JOINED || x->scans[i].joined == x->scans[j].joined;
+    return aligner->scans[i].stirred != ALIGNER_JOINED ||
+           aligner->scans[i].joined == aligner->scans[j].joined;
 }
 
-/* Adds to the pull on scan j what has changed of that between scan i and it: by the motion of i,
- * and, when they have not met before, all of it. j is stirred when that would move it. */
-static void pass_on(cairn_aligner *x, int32_t i, int32_t j, const aligner_sums *pair,
-                    const cairn_real motion[3])
+/* Propagates the motion of scan i to the gradient of scan j, and all of their pair's gradient when
+ * they were not relaxed together before. j becomes dirty when its gradient would move it. */
+static void propagate(cairn_aligner *aligner, int32_t i, int32_t j, const aligner_sums *pair,
+                      const cairn_real motion[3])
 {
-    const aligner_scan *scan = &x->scans[i];
-    aligner_scan *partner = &x->scans[j];
-    cairn_vec2 from = cairn_transform_point(x->poses[i], scan->middle);
-    cairn_vec2 arm = cairn_vec2_sub(from, cairn_transform_point(x->poses[j], partner->middle));
+    const aligner_scan *scan = &aligner->scans[i];
+    aligner_scan *partner = &aligner->scans[j];
+    cairn_vec2 from = cairn_transform_point(aligner->poses[i], scan->middle);
+    cairn_vec2 arm =
+        cairn_vec2_sub(from, cairn_transform_point(aligner->poses[j], partner->middle));
     const cairn_sym3 *m = &pair->equations.information;
-    int met = have_met(x, i, j);
+    int met = were_relaxed_together(aligner, i, j);
     cairn_real moved[3], pull[3];
 
     pull[0] = m->xx * motion[0] + m->xy * motion[1] + m->xz * motion[2];
@@ -277,42 +282,43 @@ static void pass_on(cairn_aligner *x, int32_t i, int32_t j, const aligner_sums *
         partner->stirred = ALIGNER_MET;
 }
 
-static void next_scan(cairn_aligner *x)
+static void next_scan(cairn_aligner *aligner)
 {
-    aligner_relax *relax = &x->relax;
+    aligner_relax *relax = &aligner->relax;
 
     memset(relax->pairs, 0, sizeof relax->pairs);
     memset(&relax->sums, 0, sizeof relax->sums);
-    relax->i = x->scans[relax->i].next;
+    relax->i = aligner->scans[relax->i].next;
     relax->partner = relax->old = 0;
     if (relax->i < 0)
-        end_round(x);
+        end_round(aligner);
 }
 
-static void end_scan(cairn_aligner *x, const cairn_real motion[3])
+static void end_scan(cairn_aligner *aligner, const cairn_real motion[3])
 {
-    aligner_relax *relax = &x->relax;
-    aligner_scan *scan = &x->scans[relax->i];
-    cairn_transform *pose = &x->poses[relax->i];
+    aligner_relax *relax = &aligner->relax;
+    aligner_scan *scan = &aligner->scans[relax->i];
+    cairn_transform *pose = &aligner->poses[relax->i];
     cairn_vec2 centre = cairn_transform_point(*pose, scan->middle);
 
     for (int32_t k = 0; k < scan->partner_count; k++)
         if (relax->pairs[k].pairs > 0)
-            pass_on(x, relax->i, cairn_aligner_partner(x, relax->i, k), &relax->pairs[k], motion);
+            propagate(aligner, relax->i, cairn_aligner_partner(aligner, relax->i, k),
+                      &relax->pairs[k], motion);
     *pose = cairn_aligner_moved(*pose, centre, motion);
     scan->pull = relax->sums;
     memset(scan->pull.equations.gradient, 0, sizeof scan->pull.equations.gradient);
     scan->stirred = is_move(motion) ? ALIGNER_MET : 0;
-    next_scan(x);
+    next_scan(aligner);
 }
 
-/* All new partners of the scan at hand are known. When what they add to the pull that it knows
- * of would not move it, that is all; else, its old ones follow. */
-static void end_new_partners(cairn_aligner *x)
+/* All new neighbours of the current scan have been added. When their gradient would not move it,
+ * its relaxation ends; otherwise its other neighbours follow. */
+static void end_first_pass(cairn_aligner *aligner)
 {
     static const cairn_real still[3] = {0, 0, 0};
-    aligner_relax *relax = &x->relax;
-    aligner_scan *scan = &x->scans[relax->i];
+    aligner_relax *relax = &aligner->relax;
+    aligner_scan *scan = &aligner->scans[relax->i];
     aligner_sums sums = scan->pull;
     cairn_real motion[3];
 
@@ -324,68 +330,71 @@ static void end_new_partners(cairn_aligner *x)
         return;
     for (int32_t k = 0; k < scan->partner_count; k++)
         if (relax->pairs[k].pairs > 0)
-            pass_on(x, relax->i, cairn_aligner_partner(x, relax->i, k), &relax->pairs[k], still);
+            propagate(aligner, relax->i, cairn_aligner_partner(aligner, relax->i, k),
+                      &relax->pairs[k], still);
     scan->pull = sums;
     scan->stirred = 0;
-    next_scan(x);
+    next_scan(aligner);
 }
 
-/* Passes over scans of the cluster that are to stay; units. */
-static int32_t pass_still(cairn_aligner *x)
+/* Skips clean scans of the cluster; returns units. */
+static int32_t skip_clean(cairn_aligner *aligner)
 {
-    aligner_relax *relax = &x->relax;
+    aligner_relax *relax = &aligner->relax;
     int32_t passed = 0;
 
-    while (relax->i >= 0 && x->scans[relax->i].stirred == 0 && passed < MOST_PASSED) {
-        relax->i = x->scans[relax->i].next;
+    while (relax->i >= 0 && aligner->scans[relax->i].stirred == 0 && passed < MOST_PASSED) {
+        relax->i = aligner->scans[relax->i].next;
         passed++;
     }
     if (relax->i < 0)
-        end_round(x);
+        end_round(aligner);
     return 1 + passed / ALIGNER_FAR_OF_UNIT;
 }
 
-/* A scan of the cluster from its partner at hand on, up to the next that it may meet: first
- * those that it has not met. */
-int32_t cairn_aligner_relax_item(cairn_aligner *x)
+/* Adds the current scan's next neighbour that it may overlap: first those it was not relaxed
+ * with. */
+int32_t cairn_aligner_relax_item(cairn_aligner *aligner)
 {
-    aligner_relax *relax = &x->relax;
+    aligner_relax *relax = &aligner->relax;
     int32_t i = relax->i, passed = 0, work = 0;
     cairn_vec2 centre;
 
-    if (!relax->all && x->scans[i].stirred == 0)
-        return pass_still(x);
-    if (relax->partner >= x->scans[i].partner_count) {
+    if (!relax->all && aligner->scans[i].stirred == 0)
+        return skip_clean(aligner);
+    if (relax->partner >= aligner->scans[i].partner_count) {
         cairn_real motion[3];
 
         if (!relax->old) {
-            end_new_partners(x);
+            end_first_pass(aligner);
         } else {
             if (!cairn_aligner_solve(&relax->sums, motion))
                 memset(motion, 0, sizeof motion);
-            end_scan(x, motion);
+            end_scan(aligner, motion);
         }
-        return 4 + x->scans[i].partner_count / 8;
+        return 4 + aligner->scans[i].partner_count / 8;
     }
-    centre = cairn_transform_point(x->poses[i], x->scans[i].middle);
-    while (work == 0 && relax->partner < x->scans[i].partner_count) {
-        int32_t k = relax->partner++, j = cairn_aligner_partner(x, i, k);
+    centre = cairn_transform_point(aligner->poses[i], aligner->scans[i].middle);
+    while (work == 0 && relax->partner < aligner->scans[i].partner_count) {
+        int32_t k = relax->partner++, j = cairn_aligner_partner(aligner, i, k);
         aligner_sums *pair = &relax->pairs[k];
 
         passed++;
-        if (x->scans[j].part != relax->cluster || have_met(x, i, j) != relax->old ||
-            !cairn_aligner_may_meet(x, i, j, x->poses[i], x->poses[j]))
+        if (aligner->scans[j].part != relax->cluster ||
+            were_relaxed_together(aligner, i, j) != relax->old ||
+            !cairn_aligner_may_meet(aligner, i, j, aligner->poses[i], aligner->poses[j]))
             continue;
-        work = cairn_aligner_pull(x, i, j, x->poses[i], x->poses[j], relax->gate, 1, centre, pair);
-        work +=
-            cairn_aligner_pull(x, j, i, x->poses[j], x->poses[i], relax->gate, -1, centre, pair);
+        work = cairn_aligner_pull(aligner, i, j, aligner->poses[i], aligner->poses[j], relax->gate,
+                                  1, centre, pair);
+        work += cairn_aligner_pull(aligner, j, i, aligner->poses[j], aligner->poses[i], relax->gate,
+                                   -1, centre, pair);
         add_sums(&relax->sums, pair);
     }
     return 1 + passed / ALIGNER_FAR_OF_UNIT + work / ALIGNER_POINTS_OF_UNIT;
 }
 
-/* The pull on a scan of a cluster that turns. */
-static void turn_pull(aligner_sums *sums, cairn_transform pose)
+/* Rotates the stored normal equations of a scan with its cluster. */
+static void rotate_normal_equations(aligner_sums *sums, cairn_transform pose)
 {
     cairn_sym3 *m = &sums->equations.information;
     cairn_real *g = sums->equations.gradient, c = pose.cosine, s = pose.sine;
@@ -400,27 +409,28 @@ static void turn_pull(aligner_sums *sums, cairn_transform pose)
     g[1] = s * gx + c * g[1];
 }
 
-/* The smaller cluster enters the frame of the larger one; returns that. pose: fixed_moving. */
-int32_t cairn_aligner_join(cairn_aligner *x, int32_t moving, int32_t fixed, cairn_transform pose)
+/* Moves the smaller cluster into the frame of the larger one; returns that. pose: fixed_moving. */
+int32_t cairn_aligner_join(cairn_aligner *aligner, int32_t moving, int32_t fixed,
+                           cairn_transform pose)
 {
-    int32_t event = x->changes;
+    int32_t event = aligner->changes;
 
-    if (x->clusters[moving].size > x->clusters[fixed].size) {
+    if (aligner->clusters[moving].size > aligner->clusters[fixed].size) {
         int32_t swap = moving;
 
         moving = fixed;
         fixed = swap;
         pose = cairn_aligner_inverse(pose);
     }
-    while (x->clusters[moving].head >= 0) {
-        int32_t scan = x->clusters[moving].head;
+    while (aligner->clusters[moving].head >= 0) {
+        int32_t scan = aligner->clusters[moving].head;
 
-        x->poses[scan] = cairn_aligner_compose(pose, x->poses[scan]);
-        turn_pull(&x->scans[scan].pull, pose);
-        x->scans[scan].stirred = ALIGNER_JOINED;
-        x->scans[scan].joined = event;
-        cairn_aligner_remove(x, scan);
-        cairn_aligner_insert(x, scan, fixed);
+        aligner->poses[scan] = cairn_aligner_compose(pose, aligner->poses[scan]);
+        rotate_normal_equations(&aligner->scans[scan].pull, pose);
+        aligner->scans[scan].stirred = ALIGNER_JOINED;
+        aligner->scans[scan].joined = event;
+        cairn_aligner_remove(aligner, scan);
+        cairn_aligner_insert(aligner, scan, fixed);
     }
     return fixed;
 }

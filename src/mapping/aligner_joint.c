@@ -1,115 +1,120 @@
-/* The joint solution of the aligner: the poses of the largest cluster and the walls that its scans
- * share (aligner_wall.c), each of unknown offset and angle. The hits of a segment enter by their
- * moments alone: with the error e = n p - rho of a hit at p, the sums of J J^T and J e over all
- * hits of a segment follow from its weight, mean and spread about the mean, since J is linear in p;
- * so every beam counts and none is kept. Segments that fit their wall worse than noise can explain
- * lose weight (Geman and McClure), the sooner the further the iteration. The standard deviations
- * learnt of the initial poses hold, weakly, where it stands what nothing else does: evidence has
- * put it there.
+/* aligner: joint least squares over the poses of the largest cluster and the walls that its scans
+ * share, with marginal covariances.
  *
- * The inverse of the same system, one scan held, is the Cramer-Rao bound of the poses at the
- * solution, by which they are judged observable; their covariance is that times chi-squared per
- * degree of freedom, since segments of two surfaces in one and walls that only look like one are
- * no noise. */
+ * Method: each wall (aligner_wall.c) has an unknown offset and angle.
+ * 1. Normal equations by moments: with the residual e = n p - rho of a hit at p, the sums of J J^T
+ *    and J e over all hits of a segment follow from its weight, mean and scatter matrix, since J is
+ *    linear in p. Every beam so counts and none is stored.
+ * 2. Robust weights (Geman and McClure) of segments, with a scale that falls from iteration to
+ *    iteration.
+ * 3. The estimated variances of the initial poses are a weak prior at the current pose.
+ * 4. Sparse Cholesky (block_solver), update, until convergence.
+ * 5. Marginal covariances: the inverse of the same system, with one scan as anchor, is the
+ *    Cramer-Rao bound of the poses at the solution and decides about observability. The covariances
+ *    are the bound times chi-squared per degree of freedom, since misassociated walls are not
+ *    noise. */
 #include "src/core/build.h"
 
 #include <string.h>
 
 #include "src/mapping/aligner_work.h"
 
-static const cairn_real HELD = CAIRN_REAL(1e10);
-static const cairn_real AT_REST = CAIRN_REAL(5e-4); /* m */
-static const cairn_real LEAST_SUPPORT = 2;          /* nats of a placed scan */
+static const cairn_real ANCHOR_INFORMATION = CAIRN_REAL(1e10);
+static const cairn_real CONVERGED_STEP_M = CAIRN_REAL(5e-4); /* m: converged below this step */
+static const cairn_real MIN_SUPPORT_NATS = 2; /* nats: least support of a placed scan */
 
-/* Chi-squared beyond which a segment loses weight. */
+/* Robust scale: chi-squared at which a segment loses weight, per iteration. */
 static const cairn_real tolerances[] = {1000, 300, 100, 50, 25, 15, 12};
 
-enum { AGAIN_FROM = 6 }; /* round that follows when scans have slid: the others lie well */
-enum { TOLERATED = 4 };  /* round whose tolerance the covariances have */
-enum { OF_ITEM = 64 };   /* segments, scans or walls that one item adds */
+enum { RESUME_ITERATION = 6 };     /* iteration to resume from when scans were translated */
+enum { COVARIANCE_ITERATION = 4 }; /* iteration whose robust scale the covariances use */
+enum { TERMS_PER_ITEM = 64 };      /* segments, scans or walls that one item adds */
 
-/* How far a segment may be from its wall before it loses weight: in standard deviations, and, as
- * long as the poses are poor, in metres, however well a long segment is known. */
-static void set_tolerance(cairn_aligner *x, int32_t round)
+/* Sets the robust scale: in standard deviations, and in early iterations also in metres, however
+ * well a long segment is known. */
+static void set_tolerance(cairn_aligner *aligner, int32_t round)
 {
     static const cairn_real metres[] = {CAIRN_REAL(0.08), CAIRN_REAL(0.08), CAIRN_REAL(0.05),
                                         CAIRN_REAL(0.03)};
 
-    x->tolerance = tolerances[round < 6 ? round : 6];
-    x->loose = round < 4 ? metres[round] * metres[round] : 0;
+    aligner->tolerance = tolerances[round < 6 ? round : 6];
+    aligner->loose = round < 4 ? metres[round] * metres[round] : 0;
 }
 
-/* ---- The system ---- */
+/* ---- The linear system ---- */
 
-/* Numbers the walls that are shared behind the scans. */
-static void number_walls(cairn_aligner *x)
+/* Numbers the nodes of shared walls behind the scans. */
+static void number_walls(cairn_aligner *aligner)
 {
-    x->node_count = x->scan_count;
-    x->result.walls = 0;
-    for (int32_t w = 0; w < x->wall_count; w++) {
-        x->walls[w].node = x->walls[w].scans > 1 ? x->node_count++ : -1;
-        x->result.walls += x->walls[w].scans > 1;
+    aligner->node_count = aligner->scan_count;
+    aligner->result.walls = 0;
+    for (int32_t w = 0; w < aligner->wall_count; w++) {
+        aligner->walls[w].node = aligner->walls[w].scans > 1 ? aligner->node_count++ : -1;
+        aligner->result.walls += aligner->walls[w].scans > 1;
     }
 }
 
-static int is_shared(const cairn_aligner *x, const aligner_segment *s)
+static int is_shared(const cairn_aligner *aligner, const aligner_segment *s)
 {
-    return s->wall >= 0 && x->walls[s->wall].node >= 0;
+    return s->wall >= 0 && aligner->walls[s->wall].node >= 0;
 }
 
-/* The numbers, then the links of some segments, then the order of elimination; these are what
- * they were where segments keep their walls. */
-static int32_t link_some(cairn_aligner *x)
+/* Numbers the nodes, adds the links of some segments, then starts the symbolic analysis; all are
+ * unchanged with a fixed association. */
+static int32_t link_item(cairn_aligner *aligner)
 {
     cairn_status status = CAIRN_OK;
-    int32_t end = x->at + OF_ITEM < x->segment_count ? x->at + OF_ITEM : x->segment_count,
+    int32_t end = aligner->at + TERMS_PER_ITEM < aligner->segment_count
+                      ? aligner->at + TERMS_PER_ITEM
+                      : aligner->segment_count,
             units = 1;
 
-    if (x->at == 0) {
-        number_walls(x);
-        units += x->wall_count / 32 + x->node_count / 8;
-        if (cairn_aligner_keeps_walls(x)) {
-            x->phase = ALIGNER_SOLVE;
+    if (aligner->at == 0) {
+        number_walls(aligner);
+        units += aligner->wall_count / 32 + aligner->node_count / 8;
+        if (cairn_aligner_keeps_walls(aligner)) {
+            aligner->phase = ALIGNER_SOLVE;
             return units;
         }
-        status = cairn_block_solver_begin(x->solver, x->node_count);
+        status = cairn_block_solver_begin(aligner->solver, aligner->node_count);
     }
-    for (; x->at < end && status == CAIRN_OK; x->at++) {
-        const aligner_segment *s = &x->segments[x->at];
+    for (; aligner->at < end && status == CAIRN_OK; aligner->at++) {
+        const aligner_segment *s = &aligner->segments[aligner->at];
 
-        if (is_shared(x, s))
-            status = cairn_block_solver_add_link(x->solver, s->scan, x->walls[s->wall].node);
+        if (is_shared(aligner, s))
+            status =
+                cairn_block_solver_add_link(aligner->solver, s->scan, aligner->walls[s->wall].node);
     }
-    if (end == x->segment_count) {
+    if (end == aligner->segment_count) {
         if (status == CAIRN_OK)
-            status = cairn_block_solver_analyze(x->solver);
-        units += cairn_block_solver_read(x->solver).links / 8 + x->node_count / 8;
-        x->phase = ALIGNER_SOLVE;
-        x->at = x->stage = 0;
+            status = cairn_block_solver_analyze(aligner->solver);
+        units += cairn_block_solver_read(aligner->solver).links / 8 + aligner->node_count / 8;
+        aligner->phase = ALIGNER_SOLVE;
+        aligner->at = aligner->stage = 0;
     }
     if (status != CAIRN_OK)
-        cairn_aligner_give_up(x, status);
-    return units + OF_ITEM / 8;
+        cairn_aligner_give_up(aligner, status);
+    return units + TERMS_PER_ITEM / 8;
 }
 
-/* A segment on its wall. */
+/* Residual and Jacobian of a segment on its wall. */
 typedef struct term {
-    /* m, of the mean of its hits */
+    /* m: residual of the mean of its hits */
     cairn_real error;
-    /* of the error over its scan's pose, ... */
+    /* Jacobian by its scan's pose, ... */
     cairn_real row[3];
-    /* ... and over its wall's offset and angle */
+    /* ... and by its wall's offset and angle */
     cairn_real column[3];
-    /* spread along the wall, and of both directions; these move the angles only */
+    /* scatter along the wall, and mixed; these act on the angles only */
     cairn_real along, oblique;
-    /* chi-squared, and what is left of the weight */
+    /* chi-squared, and the robust weight */
     cairn_real chi, scale;
 } term;
 
-static term term_of(const cairn_aligner *x, const aligner_segment *s)
+static term term_of(const cairn_aligner *aligner, const aligner_segment *s)
 {
-    const aligner_wall *wall = &x->walls[s->wall];
-    cairn_transform pose = x->poses[s->scan];
+    const aligner_wall *wall = &aligner->walls[s->wall];
+    cairn_transform pose = aligner->poses[s->scan];
     cairn_vec2 mean = cairn_transform_point(pose, s->mean), along = cairn_aligner_along(wall), n, t;
     cairn_vec2 arm = {mean.x - pose.x, mean.y - pose.y};
     cairn_real across;
@@ -126,7 +131,7 @@ static term term_of(const cairn_aligner *x, const aligner_segment *s)
                 s->spread.yy * t.y * n.y;
     m.error = cairn_vec2_dot(wall->normal, mean) - wall->offset;
     m.chi = s->weight * m.error * m.error + cairn_max(across - s->least, 0);
-    m.scale = 1 / (1 + m.chi / cairn_max(x->tolerance, s->weight * x->loose));
+    m.scale = 1 / (1 + m.chi / cairn_max(aligner->tolerance, s->weight * aligner->loose));
     m.scale *= m.scale;
     m.row[0] = wall->normal.x;
     m.row[1] = wall->normal.y;
@@ -137,7 +142,7 @@ static term term_of(const cairn_aligner *x, const aligner_segment *s)
     return m;
 }
 
-/* A shift (or row over it) seen from a frame, and in the map. */
+/* Rotates a translation (or a row over it) into a frame, and back into the map. */
 static void into_frame(cairn_vec2 frame, cairn_real shift[2])
 {
     cairn_real along = frame.x * shift[0] + frame.y * shift[1];
@@ -154,13 +159,13 @@ static void out_of_frame(cairn_vec2 frame, cairn_real shift[2])
     shift[0] = first;
 }
 
-/* The direction of a scan's first unknown: along that in which its walls tell least. The shift
- * of a scan of one wall is known ten thousand times better across than along; by axes that lie
- * askew, the inverse of its block has entries as great as the one in all places, and what is
- * left of the other in their difference is, in float, mostly rounding. */
-static cairn_vec2 frame_of(const cairn_aligner *x, int32_t scan)
+/* Returns the direction of a scan's first unknown: its least observable translation. A scan of one
+ * wall is known ten thousand times better across than along. With skew axes, all entries of its
+ * block's inverse would be of the larger magnitude, and the smaller one would be lost to rounding
+ * in float. */
+static cairn_vec2 frame_of(const cairn_aligner *aligner, int32_t scan)
 {
-    cairn_sym3 own = cairn_aligner_own_information(x, scan);
+    cairn_sym3 own = cairn_aligner_own_information(aligner, scan);
     cairn_sym2 shifts = {own.xx, own.xy, own.yy};
     cairn_real values[2];
     cairn_vec2 least, most;
@@ -169,16 +174,16 @@ static cairn_vec2 frame_of(const cairn_aligner *x, int32_t scan)
     return least;
 }
 
-static cairn_status add_segment(cairn_aligner *x, const aligner_segment *s, int32_t link)
+static cairn_status add_segment(cairn_aligner *aligner, const aligner_segment *s, int32_t link)
 {
-    int32_t node = x->walls[s->wall].node;
-    term m = term_of(x, s);
-    cairn_real *b = &x->rhs[3 * s->scan], *c = &x->rhs[3 * node], block[9],
+    int32_t node = aligner->walls[s->wall].node;
+    term m = term_of(aligner, s);
+    cairn_real *b = &aligner->rhs[3 * s->scan], *c = &aligner->rhs[3 * node], block[9],
                weight = m.scale * s->weight;
     cairn_sym3 own = cairn_sym3_zero(), walls = cairn_sym3_zero();
     cairn_status status;
 
-    into_frame(x->scans[s->scan].frame, m.row);
+    into_frame(aligner->scans[s->scan].frame, m.row);
     cairn_sym3_add_outer(&own, m.row, weight);
     own.zz += m.scale * m.along;
     cairn_sym3_add_outer(&walls, m.column, weight);
@@ -192,127 +197,134 @@ static cairn_status add_segment(cairn_aligner *x, const aligner_segment *s, int3
     block[7] -= m.scale * m.along;
     b[2] -= m.scale * m.oblique;
     c[1] += m.scale * m.oblique;
-    status = cairn_block_solver_add_pose_block(x->solver, s->scan, own);
+    status = cairn_block_solver_add_pose_block(aligner->solver, s->scan, own);
     if (status == CAIRN_OK)
-        status = cairn_block_solver_add_pose_block(x->solver, node, walls);
-    return status == CAIRN_OK ? cairn_block_solver_add_link_block(x->solver, link, block) : status;
+        status = cairn_block_solver_add_pose_block(aligner->solver, node, walls);
+    return status == CAIRN_OK ? cairn_block_solver_add_link_block(aligner->solver, link, block)
+                              : status;
 }
 
-cairn_sym3 cairn_aligner_own_information(const cairn_aligner *x, int32_t scan)
+cairn_sym3 cairn_aligner_own_information(const cairn_aligner *aligner, int32_t scan)
 {
     cairn_sym3 own = cairn_sym3_zero();
 
-    for (int32_t k = x->scans[scan].first_segment; k < x->scans[scan].end_segment; k++) {
-        const aligner_segment *s = &x->segments[k];
+    for (int32_t k = aligner->scans[scan].first_segment; k < aligner->scans[scan].end_segment;
+         k++) {
+        const aligner_segment *s = &aligner->segments[k];
         term m;
 
-        if (!is_shared(x, s))
+        if (!is_shared(aligner, s))
             continue;
-        m = term_of(x, s);
+        m = term_of(aligner, s);
         cairn_sym3_add_outer(&own, m.row, m.scale * s->weight);
         own.zz += m.scale * m.along;
     }
     return own;
 }
 
-/* What holds a scan that nothing else holds, and the anchor of covariances. */
-static cairn_status add_prior(cairn_aligner *x, int32_t i, int32_t anchor)
+/* Adds the prior of a scan, and fixes the anchor. */
+static cairn_status add_prior(cairn_aligner *aligner, int32_t i, int32_t anchor)
 {
-    cairn_real weight = 1 / (x->sigma * x->sigma), turn = 1 / (x->sigma_angle * x->sigma_angle);
+    cairn_real weight = 1 / (aligner->sigma * aligner->sigma),
+               turn = 1 / (aligner->sigma_angle * aligner->sigma_angle);
     cairn_sym3 block = {weight, 0, 0, weight, 0, turn};
 
     if (i == anchor)
-        block.xx = block.yy = block.zz = HELD;
-    return cairn_block_solver_add_pose_block(x->solver, i, block);
+        block.xx = block.yy = block.zz = ANCHOR_INFORMATION;
+    return cairn_block_solver_add_pose_block(aligner->solver, i, block);
 }
 
-/* What holds a wall that nothing else holds, and its third unknown. */
-static cairn_status add_wall_prior(cairn_aligner *x, const aligner_wall *wall)
+/* Adds a weak prior of a wall, and its unused third unknown. */
+static cairn_status add_wall_prior(cairn_aligner *aligner, const aligner_wall *wall)
 {
     cairn_real loose = CAIRN_REAL_EPSILON * 256 * wall->weight + CAIRN_REAL(0.01);
     cairn_sym3 block = {loose, 0, 0, loose + 1, 0, 1};
 
-    return wall->node >= 0 ? cairn_block_solver_add_pose_block(x->solver, wall->node, block)
+    return wall->node >= 0 ? cairn_block_solver_add_pose_block(aligner->solver, wall->node, block)
                            : CAIRN_OK;
 }
 
-/* The k-th of the values: segments, then scans, then walls. */
-static cairn_status add_value(cairn_aligner *x, int32_t k, int32_t anchor)
+/* Adds the k-th term: segments, then scans, then walls. */
+static cairn_status add_value(cairn_aligner *aligner, int32_t k, int32_t anchor)
 {
-    if (k < x->segment_count) {
-        int32_t scan = x->segments[k].scan;
+    if (k < aligner->segment_count) {
+        int32_t scan = aligner->segments[k].scan;
 
-        if (k == x->scans[scan].first_segment) {
-            x->scans[scan].frame = frame_of(x, scan);
-            x->debt += (x->scans[scan].end_segment - k) / 2;
+        if (k == aligner->scans[scan].first_segment) {
+            aligner->scans[scan].frame = frame_of(aligner, scan);
+            aligner->debt += (aligner->scans[scan].end_segment - k) / 2;
         }
-        return is_shared(x, &x->segments[k]) ? add_segment(x, &x->segments[k], x->link++)
-                                             : CAIRN_OK;
+        return is_shared(aligner, &aligner->segments[k])
+                   ? add_segment(aligner, &aligner->segments[k], aligner->link++)
+                   : CAIRN_OK;
     }
-    k -= x->segment_count;
-    return k < x->scan_count ? add_prior(x, k, anchor)
-                             : add_wall_prior(x, &x->walls[k - x->scan_count]);
+    k -= aligner->segment_count;
+    return k < aligner->scan_count
+               ? add_prior(aligner, k, anchor)
+               : add_wall_prior(aligner, &aligner->walls[k - aligner->scan_count]);
 }
 
-/* Some of the values; after the last the solver starts to factor. The anchor is held in the last
- * round only. */
-static int32_t build_some(cairn_aligner *x, int32_t anchor)
+/* Adds some terms; after the last the factorization starts. The anchor is fixed for the marginals
+ * only. */
+static int32_t build_item(cairn_aligner *aligner, int32_t anchor)
 {
-    int32_t count = x->segment_count + x->scan_count + x->wall_count;
-    int32_t end = x->at + OF_ITEM < count ? x->at + OF_ITEM : count, units = 1;
+    int32_t count = aligner->segment_count + aligner->scan_count + aligner->wall_count;
+    int32_t end = aligner->at + TERMS_PER_ITEM < count ? aligner->at + TERMS_PER_ITEM : count,
+            units = 1;
     cairn_status status = CAIRN_OK;
 
-    if (x->at == 0) {
-        status = cairn_block_solver_clear(x->solver);
-        memset(x->rhs, 0, 3 * (size_t)x->node_count * sizeof *x->rhs);
-        x->link = 0;
-        units += x->result.fill / 32 + x->node_count / 32;
+    if (aligner->at == 0) {
+        status = cairn_block_solver_clear(aligner->solver);
+        memset(aligner->rhs, 0, 3 * (size_t)aligner->node_count * sizeof *aligner->rhs);
+        aligner->link = 0;
+        units += aligner->result.fill / 32 + aligner->node_count / 32;
     }
-    for (; x->at < end && status == CAIRN_OK; x->at++, units++)
-        status = add_value(x, x->at, anchor);
+    for (; aligner->at < end && status == CAIRN_OK; aligner->at++, units++)
+        status = add_value(aligner, aligner->at, anchor);
     if (end == count && status == CAIRN_OK) {
-        status = cairn_block_solver_factor(x->solver);
-        x->at = 0;
-        x->stage = 1;
+        status = cairn_block_solver_factor(aligner->solver);
+        aligner->at = 0;
+        aligner->stage = 1;
     }
     if (status != CAIRN_OK)
-        cairn_aligner_give_up(x, status);
+        cairn_aligner_give_up(aligner, status);
     return units;
 }
 
-static void move_scans(cairn_aligner *x)
+static void move_scans(cairn_aligner *aligner)
 {
-    x->moved = 0;
-    for (int32_t i = 0; i < x->scan_count; i++) {
-        cairn_transform *pose = &x->poses[i];
+    aligner->moved = 0;
+    for (int32_t i = 0; i < aligner->scan_count; i++) {
+        cairn_transform *pose = &aligner->poses[i];
         cairn_vec2 centre = {pose->x, pose->y};
         cairn_real motion[3];
 
-        if (x->scans[i].part != x->home ||
-            cairn_block_solver_solution(x->solver, i, motion) != CAIRN_OK)
+        if (aligner->scans[i].part != aligner->home ||
+            cairn_block_solver_solution(aligner->solver, i, motion) != CAIRN_OK)
             continue;
-        out_of_frame(x->scans[i].frame, motion);
-        x->moved = cairn_max(x->moved, cairn_max(cairn_abs(motion[0]), cairn_abs(motion[1])));
+        out_of_frame(aligner->scans[i].frame, motion);
+        aligner->moved =
+            cairn_max(aligner->moved, cairn_max(cairn_abs(motion[0]), cairn_abs(motion[1])));
         *pose = cairn_aligner_moved(*pose, centre, motion);
     }
-    x->clusters[x->home].stamp = ++x->changes;
+    aligner->clusters[aligner->home].stamp = ++aligner->changes;
 }
 
-/* ---- The end ---- */
+/* ---- Results ---- */
 
-/* The scan that is held: with the most information in its own block, the walls known. */
-static int32_t best_known(const cairn_aligner *x)
+/* Returns the anchor: the scan with the greatest information determinant, the walls given. */
+static int32_t choose_anchor(const cairn_aligner *aligner)
 {
     int32_t best = -1;
     cairn_real most = -1;
 
-    for (int32_t i = 0; i < x->scan_count; i++) {
+    for (int32_t i = 0; i < aligner->scan_count; i++) {
         cairn_sym3 own;
         cairn_real determinant;
 
-        if (x->scans[i].part != x->home)
+        if (aligner->scans[i].part != aligner->home)
             continue;
-        own = cairn_aligner_own_information(x, i);
+        own = cairn_aligner_own_information(aligner, i);
         determinant = own.xx * (own.yy * own.zz - own.yz * own.yz) -
                       own.xy * (own.xy * own.zz - own.yz * own.xz) +
                       own.xz * (own.xy * own.yz - own.yy * own.xz);
@@ -324,8 +336,8 @@ static int32_t best_known(const cairn_aligner *x)
     return best;
 }
 
-/* m of a scan in a frame, as it is in the map: turned by the gauge that brings the frame there. */
-static void turn_covariance(cairn_transform gauge, const cairn_real m[9], cairn_real out[9])
+/* Rotates a covariance m of a scan by the gauge into the map. */
+static void rotate_covariance(cairn_transform gauge, const cairn_real m[9], cairn_real out[9])
 {
     cairn_real r[9] = {gauge.cosine, -gauge.sine, 0, gauge.sine, gauge.cosine, 0, 0, 0, 1}, half[9];
 
@@ -338,293 +350,301 @@ static void turn_covariance(cairn_transform gauge, const cairn_real m[9], cairn_
                              half[3 * i + 2] * r[3 * j + 2];
 }
 
-static void judge(cairn_aligner *x, int32_t i)
+static void set_observability(cairn_aligner *aligner, int32_t i)
 {
-    cairn_aligner_pose *r = &x->results[i];
+    cairn_aligner_pose *r = &aligner->results[i];
     const cairn_real *c = r->covariance;
-    cairn_real far = x->params.observable, turned = x->params.observable_angle;
+    cairn_real far = aligner->params.observable, turned = aligner->params.observable_angle;
 
     r->observable = (cairn_sqrt(c[0]) < far ? CAIRN_ALIGNER_X : 0) |
                     (cairn_sqrt(c[4]) < far ? CAIRN_ALIGNER_Y : 0) |
                     (cairn_sqrt(c[8]) < turned ? CAIRN_ALIGNER_THETA : 0);
-    r->placed = r->part == 0 && r->support >= LEAST_SUPPORT && cairn_sqrt(c[0] + c[4]) < far &&
+    r->placed = r->part == 0 && r->support >= MIN_SUPPORT_NATS && cairn_sqrt(c[0] + c[4]) < far &&
                 cairn_sqrt(c[8]) < turned;
 }
 
-/* The number of the cluster of a scan: by size, ties by index. */
-static int32_t number_of(const cairn_aligner *x, int32_t i)
+/* Returns the component number of a scan's cluster: by size, ties by index. */
+static int32_t component_of(const cairn_aligner *aligner, int32_t i)
 {
-    int32_t own = x->scans[i].part, before = 0;
+    int32_t own = aligner->scans[i].part, before = 0;
 
-    for (int32_t c = 0; c < x->scan_count; c++)
-        before +=
-            x->clusters[c].size > x->clusters[own].size ||
-            (x->clusters[c].size == x->clusters[own].size && x->clusters[c].size > 0 && c < own);
-    return own == x->home ? 0 : before;
+    for (int32_t c = 0; c < aligner->scan_count; c++)
+        before += aligner->clusters[c].size > aligner->clusters[own].size ||
+                  (aligner->clusters[c].size == aligner->clusters[own].size &&
+                   aligner->clusters[c].size > 0 && c < own);
+    return own == aligner->home ? 0 : before;
 }
 
-/* Clusters but for blind scans. */
-static int32_t count_parts(const cairn_aligner *x)
+/* Counts the components, without scans that have no points. */
+static int32_t count_components(const cairn_aligner *aligner)
 {
     int32_t parts = 0;
 
-    for (int32_t c = 0; c < x->scan_count; c++)
-        parts += x->clusters[c].size > 1 ||
-                 (x->clusters[c].size == 1 && cairn_aligner_points_of(x, x->clusters[c].head) > 0);
+    for (int32_t c = 0; c < aligner->scan_count; c++)
+        parts += aligner->clusters[c].size > 1 ||
+                 (aligner->clusters[c].size == 1 &&
+                  cairn_aligner_points_of(aligner, aligner->clusters[c].head) > 0);
     return parts;
 }
 
-static void read_covariance(const cairn_aligner *x, int32_t i, cairn_transform gauge,
+static void read_covariance(const cairn_aligner *aligner, int32_t i, cairn_transform gauge,
                             cairn_real covariance[9])
 {
-    cairn_real block[9], prior = 2 * x->sigma * x->sigma,
-                         turn = 2 * x->sigma_angle * x->sigma_angle;
+    cairn_real block[9], prior = 2 * aligner->sigma * aligner->sigma,
+                         turn = 2 * aligner->sigma_angle * aligner->sigma_angle;
 
     memset(covariance, 0, 9 * sizeof *covariance);
     covariance[0] = covariance[4] = prior;
     covariance[8] = turn;
-    if (x->scans[i].part != x->home || x->result.anchor < 0)
+    if (aligner->scans[i].part != aligner->home || aligner->result.anchor < 0)
         return;
-    if (i == x->result.anchor)
+    if (i == aligner->result.anchor)
         memset(covariance, 0, 9 * sizeof *covariance);
-    else if (cairn_block_solver_covariance(x->solver, i, i, block) == CAIRN_OK) {
-        cairn_vec2 frame = x->scans[i].frame;
+    else if (cairn_block_solver_covariance(aligner->solver, i, i, block) == CAIRN_OK) {
+        cairn_vec2 frame = aligner->scans[i].frame;
         cairn_transform own = {0, 0, frame.x, frame.y};
 
-        turn_covariance(cairn_aligner_compose(gauge, own), block, covariance);
+        rotate_covariance(cairn_aligner_compose(gauge, own), block, covariance);
     }
 }
 
-/* Chi-squared of some of the segments on shared walls, each by its mean and its direction; of
- * all, per degree of freedom. */
-static int32_t add_misfits(cairn_aligner *x)
+/* Adds up chi-squared of some segments on shared walls; after the last divides by the degrees of
+ * freedom. */
+static int32_t add_chi2(cairn_aligner *aligner)
 {
-    int32_t end = x->at + OF_ITEM < x->segment_count ? x->at + OF_ITEM : x->segment_count;
+    int32_t end = aligner->at + TERMS_PER_ITEM < aligner->segment_count
+                      ? aligner->at + TERMS_PER_ITEM
+                      : aligner->segment_count;
 
-    if (x->at == 0) {
-        x->margin = 0;
-        x->freedom = -3 * x->clusters[x->home].size - 2 * x->result.walls;
+    if (aligner->at == 0) {
+        aligner->margin = 0;
+        aligner->freedom = -3 * aligner->clusters[aligner->home].size - 2 * aligner->result.walls;
     }
-    for (; x->at < end; x->at++)
-        if (is_shared(x, &x->segments[x->at])) {
-            term m = term_of(x, &x->segments[x->at]);
+    for (; aligner->at < end; aligner->at++)
+        if (is_shared(aligner, &aligner->segments[aligner->at])) {
+            term m = term_of(aligner, &aligner->segments[aligner->at]);
 
-            x->margin += m.chi * m.scale;
-            x->freedom += 2;
+            aligner->margin += m.chi * m.scale;
+            aligner->freedom += 2;
         }
-    if (end == x->segment_count) {
-        x->margin = x->freedom > 0 ? cairn_max(x->margin / (cairn_real)x->freedom, 1) : 1;
-        x->gauge_part = -1;
-        x->result.placed = 0;
-        x->stage = 4;
-        x->i = 0;
+    if (end == aligner->segment_count) {
+        aligner->margin =
+            aligner->freedom > 0 ? cairn_max(aligner->margin / (cairn_real)aligner->freedom, 1) : 1;
+        aligner->gauge_part = -1;
+        aligner->result.placed = 0;
+        aligner->stage = 4;
+        aligner->i = 0;
     }
-    return OF_ITEM;
+    return TERMS_PER_ITEM;
 }
 
-static int32_t finish(cairn_aligner *x)
+static int32_t finish(cairn_aligner *aligner)
 {
-    x->result.parts = count_parts(x);
-    x->result.largest = x->clusters[x->home].size;
-    x->result.spread = x->sigma;
-    x->result.spread_angle = x->sigma_angle;
-    if (x->result.verdict == CAIRN_ALIGNER_RUNNING) {
-        x->result.verdict =
-            x->moved <= AT_REST ? CAIRN_ALIGNER_CONVERGED : CAIRN_ALIGNER_OUT_OF_STEPS;
-        if (x->result.parts > 1 || x->result.largest < 2)
-            x->result.verdict = CAIRN_ALIGNER_SPLIT;
+    aligner->result.parts = count_components(aligner);
+    aligner->result.largest = aligner->clusters[aligner->home].size;
+    aligner->result.spread = aligner->sigma;
+    aligner->result.spread_angle = aligner->sigma_angle;
+    if (aligner->result.verdict == CAIRN_ALIGNER_RUNNING) {
+        aligner->result.verdict = aligner->moved <= CONVERGED_STEP_M ? CAIRN_ALIGNER_CONVERGED
+                                                                     : CAIRN_ALIGNER_OUT_OF_STEPS;
+        if (aligner->result.parts > 1 || aligner->result.largest < 2)
+            aligner->result.verdict = CAIRN_ALIGNER_SPLIT;
     }
-    x->has_ended = 1;
-    x->phase = ALIGNER_DONE;
-    return 1 + x->scan_count / 16;
+    aligner->has_ended = 1;
+    aligner->phase = ALIGNER_DONE;
+    return 1 + aligner->scan_count / 16;
 }
 
-/* The result of one scan. */
-static int32_t report_scan(cairn_aligner *x, int32_t i)
+/* Writes the result of one scan. */
+static int32_t report_scan(cairn_aligner *aligner, int32_t i)
 {
-    cairn_aligner_pose *r = &x->results[i];
-    int32_t units = 8 + x->scan_count / 16;
+    cairn_aligner_pose *r = &aligner->results[i];
+    int32_t units = 8 + aligner->scan_count / 16;
 
-    if (x->scans[i].part != x->gauge_part) {
-        x->gauge_part = x->scans[i].part;
-        x->gauge = cairn_aligner_gauge(x, x->gauge_part);
-        units += x->clusters[x->gauge_part].size;
+    if (aligner->scans[i].part != aligner->gauge_part) {
+        aligner->gauge_part = aligner->scans[i].part;
+        aligner->gauge = cairn_aligner_gauge(aligner, aligner->gauge_part);
+        units += aligner->clusters[aligner->gauge_part].size;
     }
-    r->part = number_of(x, i);
-    r->map_scan = cairn_aligner_to_pose(cairn_aligner_compose(x->gauge, x->poses[i]));
-    r->support = x->scans[i].support;
-    read_covariance(x, i, x->gauge, r->covariance);
-    judge(x, i);
+    r->part = component_of(aligner, i);
+    r->map_scan = cairn_aligner_to_pose(cairn_aligner_compose(aligner->gauge, aligner->poses[i]));
+    r->support = aligner->scans[i].support;
+    read_covariance(aligner, i, aligner->gauge, r->covariance);
+    set_observability(aligner, i);
     for (int k = 0; k < 9; k++)
-        r->covariance[k] *= x->margin;
-    x->result.placed += r->placed;
-    x->scans[i].held = r->placed;
+        r->covariance[k] *= aligner->margin;
+    aligner->result.placed += r->placed;
+    aligner->scans[i].held = r->placed;
     return units;
 }
 
-/* No joint solution: what is known of the poses are the initial ones. */
-void cairn_aligner_give_up(cairn_aligner *x, cairn_status status)
+/* No joint solution: the covariances are those of the initial poses. */
+void cairn_aligner_give_up(cairn_aligner *aligner, cairn_status status)
 {
     if (status == CAIRN_FULL)
-        x->result.verdict = CAIRN_ALIGNER_NO_FILL;
-    x->result.anchor = -1;
-    x->phase = ALIGNER_MARGINALS;
-    x->stage = 2;
-    x->i = x->j = 0;
+        aligner->result.verdict = CAIRN_ALIGNER_NO_FILL;
+    aligner->result.anchor = -1;
+    aligner->phase = ALIGNER_MARGINALS;
+    aligner->stage = 2;
+    aligner->i = aligner->j = 0;
 }
 
-/* Evidence between one pair of scans of the part, then the end. */
-static int32_t support_item(cairn_aligner *x)
+/* Adds the log-likelihood ratio of one pair of scans to the support of both. */
+static int32_t support_item(cairn_aligner *aligner)
 {
     aligner_count count = {0, 0, 0};
-    int32_t i = x->i, j, work;
+    int32_t i = aligner->i, j, work;
     cairn_real evidence;
 
-    if (i == x->scan_count) {
-        x->stage = 3;
-        x->at = 0;
+    if (i == aligner->scan_count) {
+        aligner->stage = 3;
+        aligner->at = 0;
         return 1;
     }
-    if (x->j == x->scans[i].partner_count) {
-        x->i++;
-        x->j = 0;
+    if (aligner->j == aligner->scans[i].partner_count) {
+        aligner->i++;
+        aligner->j = 0;
         return 1;
     }
-    j = cairn_aligner_partner(x, i, x->j++);
-    if (j > i || x->scans[i].part != x->scans[j].part ||
-        !cairn_aligner_may_meet(x, i, j, x->poses[i], x->poses[j]))
+    j = cairn_aligner_partner(aligner, i, aligner->j++);
+    if (j > i || aligner->scans[i].part != aligner->scans[j].part ||
+        !cairn_aligner_may_meet(aligner, i, j, aligner->poses[i], aligner->poses[j]))
         return 1;
-    work = cairn_aligner_count_pair(x, i, j, cairn_aligner_between(x->poses[j], x->poses[i]),
+    work = cairn_aligner_count_pair(aligner, i, j,
+                                    cairn_aligner_between(aligner->poses[j], aligner->poses[i]),
                                     CAIRN_REAL(0.07), &count);
-    evidence = cairn_aligner_evidence(x, count);
-    x->scans[i].support += evidence;
-    x->scans[j].support += evidence;
+    evidence = cairn_aligner_evidence(aligner, count);
+    aligner->scans[i].support += evidence;
+    aligner->scans[j].support += evidence;
     return 1 + work / ALIGNER_POINTS_OF_UNIT;
 }
 
 /* ---- Phases ---- */
 
-static int32_t settle(cairn_aligner *x)
+static int32_t sort_segments(cairn_aligner *aligner)
 {
-    if (x->stage == 0 && x->at == 0) {
-        x->home = cairn_aligner_largest(x);
-        x->settled = 0;
-        if (x->segment_count == 0 || x->params.max_rounds == 0) {
-            x->moved = 0;
-            cairn_aligner_give_up(x, CAIRN_OK);
+    if (aligner->stage == 0 && aligner->at == 0) {
+        aligner->home = cairn_aligner_largest(aligner);
+        aligner->settled = 0;
+        if (aligner->segment_count == 0 || aligner->params.max_rounds == 0) {
+            aligner->moved = 0;
+            cairn_aligner_give_up(aligner, CAIRN_OK);
             return 1;
         }
     }
-    return cairn_aligner_sort_item(x);
+    return cairn_aligner_sort_item(aligner);
 }
 
-/* The marginals are those at the poses and walls that have been found. */
-static void begin_marginals(cairn_aligner *x)
+/* Starts the marginals at the final poses and walls. */
+static void begin_marginals(cairn_aligner *aligner)
 {
-    x->tolerance = tolerances[TOLERATED];
-    x->loose = 0;
-    x->result.anchor = best_known(x);
-    x->phase = ALIGNER_MARGINALS;
+    aligner->tolerance = tolerances[COVARIANCE_ITERATION];
+    aligner->loose = 0;
+    aligner->result.anchor = choose_anchor(aligner);
+    aligner->phase = ALIGNER_MARGINALS;
 }
 
-static int is_over(const cairn_aligner *x)
+static int has_ended(const cairn_aligner *aligner)
 {
-    return x->round >= x->params.max_rounds ||
-           (cairn_aligner_keeps_walls(x) && x->moved <= AT_REST);
+    return aligner->round >= aligner->params.max_rounds ||
+           (cairn_aligner_keeps_walls(aligner) && aligner->moved <= CONVERGED_STEP_M);
 }
 
-void cairn_aligner_end_slides(cairn_aligner *x, int32_t changed)
+void cairn_aligner_end_slides(cairn_aligner *aligner, int32_t changed)
 {
-    x->at = x->stage = 0;
-    x->phase = ALIGNER_ASSOCIATE;
-    x->settled = changed == 0;
-    if (!x->settled)
-        x->round = AGAIN_FROM < x->params.max_rounds ? AGAIN_FROM : x->params.max_rounds - 1;
-    else if (is_over(x))
-        begin_marginals(x);
+    aligner->at = aligner->stage = 0;
+    aligner->phase = ALIGNER_ASSOCIATE;
+    aligner->settled = changed == 0;
+    if (!aligner->settled)
+        aligner->round = RESUME_ITERATION < aligner->params.max_rounds
+                             ? RESUME_ITERATION
+                             : aligner->params.max_rounds - 1;
+    else if (has_ended(aligner))
+        begin_marginals(aligner);
 }
 
-/* As long as scans may slide, no more is asked than the walls; only then do the poses come to
- * rest on them. */
-static void end_round(cairn_aligner *x)
+/* While translations may follow, the iterations end with the fixed association; only then must they
+ * converge. */
+static void end_round(cairn_aligner *aligner)
 {
-    x->at = x->stage = 0;
-    x->phase = ALIGNER_ASSOCIATE;
-    x->round++;
-    x->result.rounds++;
-    if (!x->settled && (x->round >= x->params.max_rounds || cairn_aligner_keeps_walls(x)))
-        cairn_aligner_begin_slides(x);
-    else if (x->settled && is_over(x))
-        begin_marginals(x);
+    aligner->at = aligner->stage = 0;
+    aligner->phase = ALIGNER_ASSOCIATE;
+    aligner->round++;
+    aligner->result.rounds++;
+    if (!aligner->settled &&
+        (aligner->round >= aligner->params.max_rounds || cairn_aligner_keeps_walls(aligner)))
+        cairn_aligner_begin_slides(aligner);
+    else if (aligner->settled && has_ended(aligner))
+        begin_marginals(aligner);
 }
 
-/* The solver has done what it was told; what comes next. */
-static int32_t solve(cairn_aligner *x)
+/* The solver has ended a phase; starts the next. */
+static int32_t solve(cairn_aligner *aligner)
 {
-    cairn_block_solver_result state = cairn_block_solver_read(x->solver);
+    cairn_block_solver_result state = cairn_block_solver_read(aligner->solver);
 
-    if (x->stage == 0) {
-        set_tolerance(x, x->round);
-        return build_some(x, -1);
+    if (aligner->stage == 0) {
+        set_tolerance(aligner, aligner->round);
+        return build_item(aligner, -1);
     }
-    if (x->stage == 1) {
+    if (aligner->stage == 1) {
         cairn_status status = state.state == CAIRN_BLOCK_SOLVER_FACTORED
-                                  ? cairn_block_solver_solve(x->solver, x->rhs)
+                                  ? cairn_block_solver_solve(aligner->solver, aligner->rhs)
                                   : CAIRN_UNSUPPORTED;
 
-        x->stage = 2;
+        aligner->stage = 2;
         if (status != CAIRN_OK)
-            cairn_aligner_give_up(x, status);
-        return 1 + x->node_count / 8;
+            cairn_aligner_give_up(aligner, status);
+        return 1 + aligner->node_count / 8;
     }
-    move_scans(x);
-    if (state.fill > x->result.fill)
-        x->result.fill = state.fill;
-    end_round(x);
-    return x->scan_count;
+    move_scans(aligner);
+    if (state.fill > aligner->result.fill)
+        aligner->result.fill = state.fill;
+    end_round(aligner);
+    return aligner->scan_count;
 }
 
-static int32_t marginals(cairn_aligner *x)
+static int32_t marginals(cairn_aligner *aligner)
 {
-    if (x->stage == 0)
-        return build_some(x, x->result.anchor);
-    if (x->stage == 1) {
+    if (aligner->stage == 0)
+        return build_item(aligner, aligner->result.anchor);
+    if (aligner->stage == 1) {
         cairn_status status =
-            cairn_block_solver_read(x->solver).state == CAIRN_BLOCK_SOLVER_FACTORED
-                ? cairn_block_solver_invert(x->solver)
+            cairn_block_solver_read(aligner->solver).state == CAIRN_BLOCK_SOLVER_FACTORED
+                ? cairn_block_solver_invert(aligner->solver)
                 : CAIRN_UNSUPPORTED;
 
-        x->stage = 2;
-        x->i = x->j = 0;
+        aligner->stage = 2;
+        aligner->i = aligner->j = 0;
         if (status != CAIRN_OK)
-            cairn_aligner_give_up(x, status);
+            cairn_aligner_give_up(aligner, status);
         return 1;
     }
-    if (x->stage == 2)
-        return support_item(x);
-    if (x->stage == 3)
-        return add_misfits(x);
-    if (x->i < x->scan_count)
-        return report_scan(x, x->i++);
-    return finish(x);
+    if (aligner->stage == 2)
+        return support_item(aligner);
+    if (aligner->stage == 3)
+        return add_chi2(aligner);
+    if (aligner->i < aligner->scan_count)
+        return report_scan(aligner, aligner->i++);
+    return finish(aligner);
 }
 
-int32_t cairn_aligner_joint_item(cairn_aligner *x)
+int32_t cairn_aligner_joint_item(cairn_aligner *aligner)
 {
-    switch (x->phase) {
+    switch (aligner->phase) {
     case ALIGNER_SETTLE:
-        return settle(x);
+        return sort_segments(aligner);
     case ALIGNER_ASSOCIATE:
-        if (x->at < x->segment_count)
-            return cairn_aligner_associate_item(x);
-        x->phase = ALIGNER_LINK;
-        x->at = 0;
+        if (aligner->at < aligner->segment_count)
+            return cairn_aligner_associate_item(aligner);
+        aligner->phase = ALIGNER_LINK;
+        aligner->at = 0;
         return 1;
     case ALIGNER_LINK:
-        return link_some(x);
+        return link_item(aligner);
     case ALIGNER_SOLVE:
-        return solve(x);
+        return solve(aligner);
     default:
-        return marginals(x);
+        return marginals(aligner);
     }
 }

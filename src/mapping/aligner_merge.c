@@ -1,419 +1,433 @@
-/* How clusters of the aligner grow: merging by the surest hypotheses of pairs of scans
- * (aligner_pairs.c).
+/* aligner: agglomerative clustering by the most certain hypothesis (aligner_pairs.c).
  *
- * Every hypothesis stands for a relative pose of the clusters that its scans belong to. The best
- * is taken off the list time and again: looked at anew when its clusters have changed, compared
- * with its rivals, shifted along the direction that it knows least of, and, when it is still the
- * best after all that, carried out. */
+ * Method: a hypothesis of two scans is one of the relative pose of their clusters.
+ * 1. Pick the hypothesis of the greatest rank.
+ * 2. Evaluate it again when its clusters have changed.
+ * 3. Ambiguity test: subtract the log of the competing hypotheses' odds.
+ * 4. Observability test: compare with poses shifted along the least observable direction.
+ * 5. If its rank is still the greatest, merge the two clusters; otherwise back to 1. */
 #include "src/core/build.h"
 
 #include <string.h>
 
 #include "src/mapping/aligner_work.h"
 
-/* nats, ... */
-static const cairn_real HOPELESS = -15, FAR_OFF = -40;
-/* ... of a shifted pose, which matters only above 0 */
-static const cairn_real SHIFTED_OFF = -10;
+/* nats: rejected below; by the initial poses alone */
+static const cairn_real MIN_NATS = -15, MIN_PRIOR_NATS = -40;
+/* nats: lower bound of a shifted pose, which matters only above 0 */
+static const cairn_real MIN_SHIFTED_NATS = -10;
 /* m */
-static const cairn_real SAME_PLACE = CAIRN_REAL(0.15);
+static const cairn_real SAME_POSE_M = CAIRN_REAL(0.15);
 /* cosine of 3 degrees */
-static const cairn_real SAME_HEADING = CAIRN_REAL(0.9986);
-/* m */
-static const cairn_real SHIFT = CAIRN_REAL(0.25);
-/* nats below which a rival does not matter */
-static const cairn_real RIVAL = 8;
-enum { LOOK_ROUNDS = 3, UNKNOWN = -2 };
-enum { OPEN_OF_ITEM = 128, LINKS_OF_ITEM = 64, LINKS_OF_UNIT = 8 };
+static const cairn_real SAME_HEADING_COSINE = CAIRN_REAL(0.9986);
+/* m: shift along the least observable direction */
+static const cairn_real SHIFT_M = CAIRN_REAL(0.25);
+/* nats: competing hypotheses worse by this are ignored */
+static const cairn_real COMPETING_MARGIN_NATS = 8;
+enum { EVALUATION_ROUNDS = 3, UNKNOWN = -2 };
+enum { HYPOTHESES_PER_ITEM = 128, LINKS_PER_ITEM = 64, LINKS_PER_UNIT = 8 };
 
-static int32_t cluster_of(const cairn_aligner *x, int32_t scan)
+static int32_t cluster_of(const cairn_aligner *aligner, int32_t scan)
 {
-    return x->scans[scan].part;
+    return aligner->scans[scan].part;
 }
 
-static int is_fresh(const cairn_aligner *x, const aligner_hypothesis *h)
+static int is_fresh(const cairn_aligner *aligner, const aligner_hypothesis *h)
 {
-    return h->first_stamp == x->clusters[cluster_of(x, h->first)].stamp &&
-           h->second_stamp == x->clusters[cluster_of(x, h->second)].stamp;
+    return h->first_stamp == aligner->clusters[cluster_of(aligner, h->first)].stamp &&
+           h->second_stamp == aligner->clusters[cluster_of(aligner, h->second)].stamp;
 }
 
-/* What a block of hypotheses has is to be looked for again. */
-static void touch(cairn_aligner *x, const aligner_hypothesis *h)
+/* Invalidates the best hypothesis of a block. */
+static void invalidate_block(cairn_aligner *aligner, const aligner_hypothesis *h)
 {
-    x->surest[(h - x->hypotheses) / ALIGNER_BLOCK] = UNKNOWN;
+    aligner->surest[(h - aligner->hypotheses) / ALIGNER_BLOCK] = UNKNOWN;
 }
 
-/* The pose of the cluster of the first scan as seen from that of the second. */
-static cairn_transform clusters_pose(const cairn_aligner *x, const aligner_hypothesis *h)
+/* Returns the pose of the first scan's cluster in the frame of the second's. */
+static cairn_transform clusters_pose(const cairn_aligner *aligner, const aligner_hypothesis *h)
 {
     cairn_transform first =
-        cairn_aligner_compose(x->poses[h->second], cairn_transform_of(h->second_first));
+        cairn_aligner_compose(aligner->poses[h->second], cairn_transform_of(h->second_first));
 
-    return cairn_aligner_compose(first, cairn_aligner_inverse(x->poses[h->first]));
+    return cairn_aligner_compose(first, cairn_aligner_inverse(aligner->poses[h->first]));
 }
 
-/* Begins a look; 0, and the hypothesis is out, when the initial poses speak against it as no
- * points could speak for it. */
-static int look_at(cairn_aligner *x, aligner_hypothesis *h)
+/* Starts an evaluation; returns 0 and rejects the hypothesis when its prior is below any possible
+ * gain. */
+static int begin_evaluation(cairn_aligner *aligner, aligner_hypothesis *h)
 {
-    int32_t first = cluster_of(x, h->first), second = cluster_of(x, h->second);
-    cairn_transform pose = clusters_pose(x, h);
+    int32_t first = cluster_of(aligner, h->first), second = cluster_of(aligner, h->second);
+    cairn_transform pose = clusters_pose(aligner, h);
 
-    if (cairn_aligner_prior(x, first, second, pose) < FAR_OFF) {
+    if (cairn_aligner_prior(aligner, first, second, pose) < MIN_PRIOR_NATS) {
         h->state = ALIGNER_OUT;
-        touch(x, h);
+        invalidate_block(aligner, h);
         return 0;
     }
-    cairn_aligner_begin_look(x, first, second, pose, h->first_stamp < 0 ? 1 : LOOK_ROUNDS, FAR_OFF);
+    cairn_aligner_begin_look(aligner, first, second, pose,
+                             h->first_stamp < 0 ? 1 : EVALUATION_ROUNDS, MIN_PRIOR_NATS);
     return 1;
 }
 
-static void take_look(cairn_aligner *x, aligner_hypothesis *h)
+static void store_evaluation(cairn_aligner *aligner, aligner_hypothesis *h)
 {
-    cairn_transform first = cairn_aligner_compose(x->look.pose, x->poses[h->first]);
+    cairn_transform first = cairn_aligner_compose(aligner->look.pose, aligner->poses[h->first]);
 
-    h->second_first = cairn_aligner_to_pose(cairn_aligner_between(x->poses[h->second], first));
-    h->score = h->key = x->look.evidence + x->look.prior;
-    h->first_stamp = x->clusters[cluster_of(x, h->first)].stamp;
-    h->second_stamp = x->clusters[cluster_of(x, h->second)].stamp;
-    h->state = h->score < HOPELESS ? ALIGNER_OUT : ALIGNER_LOOKED;
-    touch(x, h);
+    h->second_first =
+        cairn_aligner_to_pose(cairn_aligner_between(aligner->poses[h->second], first));
+    h->score = h->key = aligner->look.evidence + aligner->look.prior;
+    h->first_stamp = aligner->clusters[cluster_of(aligner, h->first)].stamp;
+    h->second_stamp = aligner->clusters[cluster_of(aligner, h->second)].stamp;
+    h->state = h->score < MIN_NATS ? ALIGNER_OUT : ALIGNER_LOOKED;
+    invalidate_block(aligner, h);
 }
 
-static void find_surest_of(cairn_aligner *x, int32_t block)
+static void find_best_of_block(cairn_aligner *aligner, int32_t block)
 {
     int32_t first = block * ALIGNER_BLOCK, end = first + ALIGNER_BLOCK, best = -1;
 
-    for (int32_t i = first; i < end && i < x->hypothesis_count; i++) {
-        const aligner_hypothesis *h = &x->hypotheses[i];
+    for (int32_t i = first; i < end && i < aligner->hypothesis_count; i++) {
+        const aligner_hypothesis *h = &aligner->hypotheses[i];
 
-        if (h->state != ALIGNER_OUT && h->key > x->params.least_evidence &&
-            (best < 0 || h->key > x->hypotheses[best].key))
+        if (h->state != ALIGNER_OUT && h->key > aligner->params.least_evidence &&
+            (best < 0 || h->key > aligner->hypotheses[best].key))
             best = i;
     }
-    x->surest[block] = best;
+    aligner->surest[block] = best;
 }
 
-static int32_t blocks_of(const cairn_aligner *x)
+static int32_t blocks_of(const cairn_aligner *aligner)
 {
-    return (x->hypothesis_count + ALIGNER_BLOCK - 1) / ALIGNER_BLOCK;
+    return (aligner->hypothesis_count + ALIGNER_BLOCK - 1) / ALIGNER_BLOCK;
 }
 
-/* Finds the surest of some blocks; 0: all are known. */
-static int find_some(cairn_aligner *x)
+/* Finds the best hypotheses of some blocks; 0: all are known. */
+static int find_some_best(cairn_aligner *aligner)
 {
     enum { OF_ITEM = 16 };
     int32_t found = 0;
 
-    for (int32_t block = 0; block < blocks_of(x) && found < OF_ITEM; block++)
-        if (x->surest[block] == UNKNOWN) {
-            find_surest_of(x, block);
+    for (int32_t block = 0; block < blocks_of(aligner) && found < OF_ITEM; block++)
+        if (aligner->surest[block] == UNKNOWN) {
+            find_best_of_block(aligner, block);
             found++;
         }
-    x->debt += blocks_of(x) / 32 + found * (ALIGNER_BLOCK / 16);
+    aligner->debt += blocks_of(aligner) / 32 + found * (ALIGNER_BLOCK / 16);
     return found == OF_ITEM;
 }
 
-/* The hypothesis with the greatest key; -1: none is sure enough. */
-static int32_t surest(cairn_aligner *x)
+/* Returns the hypothesis of the greatest rank; -1: none is above the threshold. */
+static int32_t best_hypothesis(cairn_aligner *aligner)
 {
     int32_t best = -1;
 
-    for (int32_t block = 0; block < blocks_of(x); block++) {
+    for (int32_t block = 0; block < blocks_of(aligner); block++) {
         int32_t own;
 
-        if (x->surest[block] == UNKNOWN) {
-            find_surest_of(x, block);
-            x->debt += ALIGNER_BLOCK / 16;
+        if (aligner->surest[block] == UNKNOWN) {
+            find_best_of_block(aligner, block);
+            aligner->debt += ALIGNER_BLOCK / 16;
         }
-        own = x->surest[block];
-        if (own >= 0 && (best < 0 || x->hypotheses[own].key > x->hypotheses[best].key))
+        own = aligner->surest[block];
+        if (own >= 0 && (best < 0 || aligner->hypotheses[own].key > aligner->hypotheses[best].key))
             best = own;
     }
-    x->debt += blocks_of(x) / 16;
+    aligner->debt += blocks_of(aligner) / 16;
     return best;
 }
 
-/* 1 when two hypotheses join the same clusters. */
-static int is_rival(const cairn_aligner *x, const aligner_hypothesis *h,
-                    const aligner_hypothesis *g)
+/* Returns 1 when two hypotheses relate the same clusters. */
+static int is_competing(const cairn_aligner *aligner, const aligner_hypothesis *h,
+                        const aligner_hypothesis *g)
 {
-    int32_t a = cluster_of(x, h->first), b = cluster_of(x, h->second);
-    int32_t c = cluster_of(x, g->first), d = cluster_of(x, g->second);
+    int32_t a = cluster_of(aligner, h->first), b = cluster_of(aligner, h->second);
+    int32_t c = cluster_of(aligner, g->first), d = cluster_of(aligner, g->second);
 
     return h != g && g->state != ALIGNER_OUT && ((a == c && b == d) || (a == d && b == c));
 }
 
-/* The pose of h's clusters by g. */
-static cairn_transform rival_pose(const cairn_aligner *x, const aligner_hypothesis *h,
-                                  const aligner_hypothesis *g)
+/* Returns the pose of h's clusters by hypothesis g. */
+static cairn_transform competing_pose(const cairn_aligner *aligner, const aligner_hypothesis *h,
+                                      const aligner_hypothesis *g)
 {
-    cairn_transform pose = clusters_pose(x, g);
+    cairn_transform pose = clusters_pose(aligner, g);
 
-    return cluster_of(x, g->first) == cluster_of(x, h->first) ? pose : cairn_aligner_inverse(pose);
+    return cluster_of(aligner, g->first) == cluster_of(aligner, h->first)
+               ? pose
+               : cairn_aligner_inverse(pose);
 }
 
-/* The rivals of the chosen one are among the hypotheses of the scans of the smaller cluster. */
-static void begin_rivals(cairn_aligner *x)
+/* Starts the list of competing hypotheses: those of the scans of the smaller cluster. */
+static void begin_competing(cairn_aligner *aligner)
 {
-    const aligner_hypothesis *h = &x->hypotheses[x->chosen];
-    int32_t a = cluster_of(x, h->first), b = cluster_of(x, h->second);
+    const aligner_hypothesis *h = &aligner->hypotheses[aligner->chosen];
+    int32_t a = cluster_of(aligner, h->first), b = cluster_of(aligner, h->second);
 
-    x->rival_scan = x->clusters[x->clusters[a].size <= x->clusters[b].size ? a : b].head;
-    x->rival_link = x->links[x->rival_scan];
+    aligner->rival_scan =
+        aligner->clusters[aligner->clusters[a].size <= aligner->clusters[b].size ? a : b].head;
+    aligner->rival_link = aligner->links[aligner->rival_scan];
 }
 
-/* The next rival, unless `most` hypotheses have been passed before; NULL: none, and rival_scan <
- * 0 when that was the last. */
-static aligner_hypothesis *next_rival(cairn_aligner *x, int32_t *passed, int32_t most)
+/* Returns the next competing hypothesis, after at most `most` others; NULL: none, and
+ * competing_scan < 0 at the end of the list. */
+static aligner_hypothesis *next_competing(cairn_aligner *aligner, int32_t *passed, int32_t most)
 {
-    const aligner_hypothesis *h = &x->hypotheses[x->chosen];
+    const aligner_hypothesis *h = &aligner->hypotheses[aligner->chosen];
 
-    while (x->rival_scan >= 0 && *passed < most) {
+    while (aligner->rival_scan >= 0 && *passed < most) {
         aligner_hypothesis *g;
 
         ++*passed;
-        if (x->rival_link < 0) {
-            x->rival_scan = x->scans[x->rival_scan].next;
-            x->rival_link = x->rival_scan >= 0 ? x->links[x->rival_scan] : -1;
+        if (aligner->rival_link < 0) {
+            aligner->rival_scan = aligner->scans[aligner->rival_scan].next;
+            aligner->rival_link =
+                aligner->rival_scan >= 0 ? aligner->links[aligner->rival_scan] : -1;
             continue;
         }
-        g = &x->hypotheses[x->rival_link / 2];
-        x->rival_link = g->next[x->rival_link & 1];
-        if (is_rival(x, h, g))
+        g = &aligner->hypotheses[aligner->rival_link / 2];
+        aligner->rival_link = g->next[aligner->rival_link & 1];
+        if (is_competing(aligner, h, g))
             return g;
     }
     return NULL;
 }
 
-/* The pose of the chosen one's first scan, in the other cluster's frame, by that hypothesis and
- * by a rival. */
-static cairn_transform pose_by(const cairn_aligner *x, const aligner_hypothesis *g)
+/* Returns the pose of the chosen hypothesis' first scan in the other cluster's frame, by hypothesis
+ * g. */
+static cairn_transform pose_by(const cairn_aligner *aligner, const aligner_hypothesis *g)
 {
-    const aligner_hypothesis *h = &x->hypotheses[x->chosen];
+    const aligner_hypothesis *h = &aligner->hypotheses[aligner->chosen];
 
-    return cairn_aligner_compose(rival_pose(x, h, g), x->poses[h->first]);
+    return cairn_aligner_compose(competing_pose(aligner, h, g), aligner->poses[h->first]);
 }
 
-/* Looks at rivals that have to be, one after the other; a look at one that says the same as the
- * chosen one would tell nothing new. */
-static int32_t look_at_rivals(cairn_aligner *x)
+/* Evaluates competing hypotheses that are outdated; not those with the same pose. */
+static int32_t evaluate_competing(cairn_aligner *aligner)
 {
-    const aligner_hypothesis *h = &x->hypotheses[x->chosen];
-    cairn_transform pose = pose_by(x, h);
+    const aligner_hypothesis *h = &aligner->hypotheses[aligner->chosen];
+    cairn_transform pose = pose_by(aligner, h);
     aligner_hypothesis *g;
     int32_t passed = 0, compared = 0;
 
-    if (x->looked >= 0)
-        take_look(x, &x->hypotheses[x->looked]);
-    x->looked = -1;
-    for (; (g = next_rival(x, &passed, LINKS_OF_ITEM)) != NULL; compared++)
-        if (!is_fresh(x, g) && g->score >= h->score - RIVAL &&
-            !cairn_aligner_near(pose, pose_by(x, g), SAME_PLACE, SAME_HEADING)) {
-            x->looked = look_at(x, g) ? (int32_t)(g - x->hypotheses) : -1;
+    if (aligner->looked >= 0)
+        store_evaluation(aligner, &aligner->hypotheses[aligner->looked]);
+    aligner->looked = -1;
+    for (; (g = next_competing(aligner, &passed, LINKS_PER_ITEM)) != NULL; compared++)
+        if (!is_fresh(aligner, g) && g->score >= h->score - COMPETING_MARGIN_NATS &&
+            !cairn_aligner_near(pose, pose_by(aligner, g), SAME_POSE_M, SAME_HEADING_COSINE)) {
+            aligner->looked =
+                begin_evaluation(aligner, g) ? (int32_t)(g - aligner->hypotheses) : -1;
             break;
         }
-    if (g == NULL && x->rival_scan < 0) {
-        x->phase = surest(x) == x->chosen ? ALIGNER_WEIGHED : ALIGNER_PICK;
-        x->odds = 1;
-        begin_rivals(x);
+    if (g == NULL && aligner->rival_scan < 0) {
+        aligner->phase =
+            best_hypothesis(aligner) == aligner->chosen ? ALIGNER_WEIGHED : ALIGNER_PICK;
+        aligner->odds = 1;
+        begin_competing(aligner);
     }
-    return 2 + compared + passed / LINKS_OF_UNIT;
+    return 2 + compared + passed / LINKS_PER_UNIT;
 }
 
-/* The odds of the chosen one against its rivals; those that are the same as it are out. */
-static int32_t compare(cairn_aligner *x)
+/* Adds up the odds of the competing hypotheses; duplicates are rejected. */
+static int32_t compare(cairn_aligner *aligner)
 {
-    aligner_hypothesis *h = &x->hypotheses[x->chosen], *g;
-    cairn_transform pose = pose_by(x, h);
+    aligner_hypothesis *h = &aligner->hypotheses[aligner->chosen], *g;
+    cairn_transform pose = pose_by(aligner, h);
     int32_t passed = 0, compared = 0;
 
-    for (; (g = next_rival(x, &passed, LINKS_OF_ITEM)) != NULL; compared++) {
-        cairn_transform rival = pose_by(x, g);
+    for (; (g = next_competing(aligner, &passed, LINKS_PER_ITEM)) != NULL; compared++) {
+        cairn_transform competing = pose_by(aligner, g);
 
-        if (is_fresh(x, g) && !cairn_aligner_near(pose, rival, SAME_PLACE, SAME_HEADING)) {
-            x->odds += cairn_exp(cairn_min(g->score, 60));
+        if (is_fresh(aligner, g) &&
+            !cairn_aligner_near(pose, competing, SAME_POSE_M, SAME_HEADING_COSINE)) {
+            aligner->odds += cairn_exp(cairn_min(g->score, 60));
         } else if (g->score <= h->score &&
-                   cairn_aligner_near(pose, rival, SAME_PLACE / 3, CAIRN_REAL(0.9998))) {
+                   cairn_aligner_near(pose, competing, SAME_POSE_M / 3, CAIRN_REAL(0.9998))) {
             g->state = ALIGNER_OUT;
-            touch(x, g);
+            invalidate_block(aligner, g);
         }
     }
-    if (x->rival_scan < 0) {
-        h->key = h->score - cairn_log(x->odds);
+    if (aligner->rival_scan < 0) {
+        h->key = h->score - cairn_log(aligner->odds);
         h->state = ALIGNER_COMPARED;
-        touch(x, h);
-        x->phase = ALIGNER_PICK;
+        invalidate_block(aligner, h);
+        aligner->phase = ALIGNER_PICK;
     }
-    return 2 + compared + passed / LINKS_OF_UNIT;
+    return 2 + compared + passed / LINKS_PER_UNIT;
 }
 
-static void begin_shifted(cairn_aligner *x)
+static void begin_shifted(cairn_aligner *aligner)
 {
-    const aligner_hypothesis *h = &x->hypotheses[x->chosen];
+    const aligner_hypothesis *h = &aligner->hypotheses[aligner->chosen];
     cairn_real motion[3];
 
     for (int k = 0; k < 3; k++)
-        motion[k] = (x->side == 1 ? SHIFT : -SHIFT) * x->shift[k];
-    cairn_aligner_begin_look(x, cluster_of(x, h->first), cluster_of(x, h->second),
-                             cairn_aligner_moved(clusters_pose(x, h), x->shift_centre, motion), 0,
-                             SHIFTED_OFF);
+        motion[k] = (aligner->side == 1 ? SHIFT_M : -SHIFT_M) * aligner->shift[k];
+    cairn_aligner_begin_look(
+        aligner, cluster_of(aligner, h->first), cluster_of(aligner, h->second),
+        cairn_aligner_moved(clusters_pose(aligner, h), aligner->shift_centre, motion), 0,
+        MIN_SHIFTED_NATS);
 }
 
-/* The look for the weak direction, then those at both shifted poses. */
-static void take_shifted(cairn_aligner *x)
+/* Evaluates the least observable direction, then both shifted poses. */
+static void test_shifted(cairn_aligner *aligner)
 {
-    aligner_hypothesis *h = &x->hypotheses[x->chosen];
+    aligner_hypothesis *h = &aligner->hypotheses[aligner->chosen];
 
-    if (x->side == 0) {
-        memcpy(x->shift, x->look.weak, sizeof x->shift);
-        x->shift_centre = x->look.centre;
-        x->rest = 0;
+    if (aligner->side == 0) {
+        memcpy(aligner->shift, aligner->look.weak, sizeof aligner->shift);
+        aligner->shift_centre = aligner->look.centre;
+        aligner->rest = 0;
     } else {
-        x->rest = cairn_max(x->rest, x->look.evidence + x->look.prior);
+        aligner->rest = cairn_max(aligner->rest, aligner->look.evidence + aligner->look.prior);
     }
-    if (++x->side <= 2) {
-        begin_shifted(x);
+    if (++aligner->side <= 2) {
+        begin_shifted(aligner);
         return;
     }
-    h->key = cairn_min(h->key, h->score - x->rest);
+    h->key = cairn_min(h->key, h->score - aligner->rest);
     h->state = ALIGNER_SURE;
-    touch(x, h);
-    x->phase = ALIGNER_PICK;
+    invalidate_block(aligner, h);
+    aligner->phase = ALIGNER_PICK;
 }
 
-void cairn_aligner_begin_open(cairn_aligner *x, int32_t again)
+void cairn_aligner_begin_open(cairn_aligner *aligner, int32_t again)
 {
-    x->phase = ALIGNER_OPEN;
-    x->stage = again;
-    x->k = 0;
+    aligner->phase = ALIGNER_OPEN;
+    aligner->stage = again;
+    aligner->k = 0;
 }
 
-static void link_to(cairn_aligner *x, int32_t hypothesis, int32_t side, int32_t scan)
+static void link_to(cairn_aligner *aligner, int32_t hypothesis, int32_t side, int32_t scan)
 {
-    x->hypotheses[hypothesis].next[side] = x->links[scan];
-    x->links[scan] = 2 * hypothesis + side;
+    aligner->hypotheses[hypothesis].next[side] = aligner->links[scan];
+    aligner->links[scan] = 2 * hypothesis + side;
 }
 
-/* Some hypotheses: those that join clusters are open. */
-static int32_t open_some(cairn_aligner *x)
+/* Links some hypotheses; those within one cluster are rejected. */
+static int32_t link_some(cairn_aligner *aligner)
 {
-    int32_t end = x->k + OPEN_OF_ITEM < x->hypothesis_count ? x->k + OPEN_OF_ITEM
-                                                            : x->hypothesis_count,
+    int32_t end = aligner->k + HYPOTHESES_PER_ITEM < aligner->hypothesis_count
+                      ? aligner->k + HYPOTHESES_PER_ITEM
+                      : aligner->hypothesis_count,
             units = 1;
 
-    if (x->k == 0) {
-        for (int32_t i = 0; i < x->scan_count; i++)
-            x->links[i] = -1;
-        units += x->scan_count / 64;
+    if (aligner->k == 0) {
+        for (int32_t i = 0; i < aligner->scan_count; i++)
+            aligner->links[i] = -1;
+        units += aligner->scan_count / 64;
     }
-    for (; x->k < end; x->k++, units += x->k % LINKS_OF_UNIT == 0) {
-        aligner_hypothesis *h = &x->hypotheses[x->k];
+    for (; aligner->k < end; aligner->k++, units += aligner->k % LINKS_PER_UNIT == 0) {
+        aligner_hypothesis *h = &aligner->hypotheses[aligner->k];
 
-        if (x->stage) {
-            h->key = cairn_max(h->score, x->params.least_evidence * 2);
+        if (aligner->stage) {
+            h->key = cairn_max(h->score, aligner->params.least_evidence * 2);
             h->first_stamp = -1;
         }
-        h->state =
-            cluster_of(x, h->first) != cluster_of(x, h->second) ? ALIGNER_LOOKED : ALIGNER_OUT;
-        link_to(x, x->k, 0, h->first);
-        link_to(x, x->k, 1, h->second);
-        touch(x, h);
+        h->state = cluster_of(aligner, h->first) != cluster_of(aligner, h->second) ? ALIGNER_LOOKED
+                                                                                   : ALIGNER_OUT;
+        link_to(aligner, aligner->k, 0, h->first);
+        link_to(aligner, aligner->k, 1, h->second);
+        invalidate_block(aligner, h);
     }
-    if (end == x->hypothesis_count)
-        x->phase = ALIGNER_PICK;
+    if (end == aligner->hypothesis_count)
+        aligner->phase = ALIGNER_PICK;
     return units;
 }
 
-/* Hypotheses of a scan that has joined another cluster: those that join nothing any more are
- * out. */
-static int32_t close_some(cairn_aligner *x)
+/* Rejects the hypotheses within the merged cluster, scan by scan. */
+static int32_t reject_some(cairn_aligner *aligner)
 {
     int32_t passed = 0, link;
 
-    if (x->l == 0) {
-        x->phase = ALIGNER_PICK;
+    if (aligner->l == 0) {
+        aligner->phase = ALIGNER_PICK;
         return 1;
     }
-    for (link = x->links[x->k]; link >= 0; passed++) {
-        aligner_hypothesis *h = &x->hypotheses[link / 2];
+    for (link = aligner->links[aligner->k]; link >= 0; passed++) {
+        aligner_hypothesis *h = &aligner->hypotheses[link / 2];
 
         link = h->next[link & 1];
-        if (h->state != ALIGNER_OUT && cluster_of(x, h->first) == cluster_of(x, h->second)) {
+        if (h->state != ALIGNER_OUT &&
+            cluster_of(aligner, h->first) == cluster_of(aligner, h->second)) {
             h->state = ALIGNER_OUT;
-            touch(x, h);
+            invalidate_block(aligner, h);
         }
     }
-    x->k = x->scans[x->k].next;
-    x->l--;
-    return 1 + passed / LINKS_OF_UNIT;
+    aligner->k = aligner->scans[aligner->k].next;
+    aligner->l--;
+    return 1 + passed / LINKS_PER_UNIT;
 }
 
-/* The scans that join come first in their new cluster. */
-static void carry_out(cairn_aligner *x)
+/* Merges; the scans of the smaller cluster come first in the list. */
+static void merge(cairn_aligner *aligner)
 {
-    aligner_hypothesis *h = &x->hypotheses[x->chosen];
-    int32_t a = cluster_of(x, h->first), b = cluster_of(x, h->second), joined;
+    aligner_hypothesis *h = &aligner->hypotheses[aligner->chosen];
+    int32_t a = cluster_of(aligner, h->first), b = cluster_of(aligner, h->second), joined;
 
-    x->l = x->clusters[a].size < x->clusters[b].size ? x->clusters[a].size : x->clusters[b].size;
-    joined = cairn_aligner_join(x, a, b, clusters_pose(x, h));
-    x->k = x->clusters[joined].head;
-    x->phase = ALIGNER_CLOSE;
-    x->result.merges++;
-    cairn_aligner_begin_relax(x, joined, CAIRN_REAL(0.08), x->clusters[joined].size < 6 ? 3 : 2, 0);
+    aligner->l = aligner->clusters[a].size < aligner->clusters[b].size ? aligner->clusters[a].size
+                                                                       : aligner->clusters[b].size;
+    joined = cairn_aligner_join(aligner, a, b, clusters_pose(aligner, h));
+    aligner->k = aligner->clusters[joined].head;
+    aligner->phase = ALIGNER_CLOSE;
+    aligner->result.merges++;
+    cairn_aligner_begin_relax(aligner, joined, CAIRN_REAL(0.08),
+                              aligner->clusters[joined].size < 6 ? 3 : 2, 0);
 }
 
-static void pick(cairn_aligner *x)
+static void pick(cairn_aligner *aligner)
 {
     aligner_hypothesis *h;
 
-    if (find_some(x))
+    if (find_some_best(aligner))
         return;
-    x->chosen = surest(x);
-    if (x->chosen < 0) {
-        x->phase = ALIGNER_REPAIR;
-        x->i = 0;
-        x->changed = 0;
+    aligner->chosen = best_hypothesis(aligner);
+    if (aligner->chosen < 0) {
+        aligner->phase = ALIGNER_REPAIR;
+        aligner->i = 0;
+        aligner->changed = 0;
         return;
     }
-    h = &x->hypotheses[x->chosen];
-    if (!is_fresh(x, h)) {
-        if (look_at(x, h))
-            x->phase = ALIGNER_LOOKED_AT;
+    h = &aligner->hypotheses[aligner->chosen];
+    if (!is_fresh(aligner, h)) {
+        if (begin_evaluation(aligner, h))
+            aligner->phase = ALIGNER_LOOKED_AT;
     } else if (h->state == ALIGNER_LOOKED) {
-        x->looked = -1;
-        begin_rivals(x);
-        x->phase = ALIGNER_RIVALS;
+        aligner->looked = -1;
+        begin_competing(aligner);
+        aligner->phase = ALIGNER_RIVALS;
     } else if (h->state == ALIGNER_COMPARED) {
-        x->side = 0;
-        cairn_aligner_begin_look(x, cluster_of(x, h->first), cluster_of(x, h->second),
-                                 clusters_pose(x, h), 1, CAIRN_REAL_MAX);
-        x->phase = ALIGNER_SHIFTED;
+        aligner->side = 0;
+        cairn_aligner_begin_look(aligner, cluster_of(aligner, h->first),
+                                 cluster_of(aligner, h->second), clusters_pose(aligner, h), 1,
+                                 CAIRN_REAL_MAX);
+        aligner->phase = ALIGNER_SHIFTED;
     } else {
-        carry_out(x);
+        merge(aligner);
     }
 }
 
-int32_t cairn_aligner_merge_item(cairn_aligner *x)
+int32_t cairn_aligner_merge_item(cairn_aligner *aligner)
 {
-    switch (x->phase) {
+    switch (aligner->phase) {
     case ALIGNER_OPEN:
-        return open_some(x);
+        return link_some(aligner);
     case ALIGNER_PICK:
-        pick(x);
+        pick(aligner);
         return 1;
     case ALIGNER_LOOKED_AT:
-        take_look(x, &x->hypotheses[x->chosen]);
-        x->phase = ALIGNER_PICK;
+        store_evaluation(aligner, &aligner->hypotheses[aligner->chosen]);
+        aligner->phase = ALIGNER_PICK;
         return 2;
     case ALIGNER_RIVALS:
-        return look_at_rivals(x);
+        return evaluate_competing(aligner);
     case ALIGNER_WEIGHED:
-        return compare(x);
+        return compare(aligner);
     case ALIGNER_CLOSE:
-        return close_some(x);
+        return reject_some(aligner);
     default:
-        take_shifted(x);
+        test_shifted(aligner);
         return 2;
     }
 }

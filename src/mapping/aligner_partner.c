@@ -1,121 +1,125 @@
-/* The partners of the scans: those that each is held against.
+/* aligner: neighbours of the scans: candidate pairs for all comparisons.
  *
- * By the initial poses, two scans are the nearer the more of the points of one the other may
- * show, patch by patch, and the closer what they see lies. Each scan has the nearest as its
- * partners, and with them the scans that it is among the nearest of, as far as there is room; so
- * a scan that few are near to has partners as well, and one among many has not more than it can
- * be compared with. Nothing is ever looked up between scans that are no partners. */
+ * Method: nearness of two scans by their initial poses: the number of patches of either that may be
+ * visible to the other, then the distance of what they see.
+ * 1. Each scan's neighbours are the nearest scans.
+ * 2. The relation is made symmetric within the capacity, so that isolated scans have neighbours and
+ *    crowded ones not more than the limit. */
 #include "src/core/build.h"
 
 #include "src/mapping/aligner_work.h"
 
-static int may_ever_meet(const cairn_aligner *x, int32_t i, int32_t j)
+static int may_ever_overlap(const cairn_aligner *aligner, int32_t i, int32_t j)
 {
-    const aligner_scan *a = &x->scans[i], *b = &x->scans[j];
+    const aligner_scan *a = &aligner->scans[i], *b = &aligner->scans[j];
     cairn_real dx = a->initial.x - b->initial.x, dy = a->initial.y - b->initial.y;
-    cairn_real reach = a->extent + b->extent + 2 * x->params.spread;
+    cairn_real reach = a->extent + b->extent + 2 * aligner->params.spread;
 
     return dx * dx + dy * dy <= reach * reach;
 }
 
-/* Nearness of two scans by their initial poses; negative: they cannot meet, or it is no more
- * than `least`. */
-static cairn_real nearness_of(const cairn_aligner *x, int32_t i, int32_t j, cairn_real least)
+/* Returns the nearness of two scans by their initial poses; negative: no overlap, or not above
+ * `least`. */
+static cairn_real nearness_of(const cairn_aligner *aligner, int32_t i, int32_t j, cairn_real least)
 {
-    cairn_transform map_i = x->poses[i], map_j = x->poses[j];
+    cairn_transform map_i = aligner->poses[i], map_j = aligner->poses[j];
     cairn_vec2 p, q;
     int32_t shown = 0;
 
-    if (!may_ever_meet(x, i, j))
+    if (!may_ever_overlap(aligner, i, j))
         return -1;
-    if (cairn_aligner_may_meet(x, i, j, map_i, map_j))
-        shown = cairn_aligner_shown(x, i, j, cairn_aligner_between(map_i, map_j));
+    if (cairn_aligner_may_meet(aligner, i, j, map_i, map_j))
+        shown = cairn_aligner_shown(aligner, i, j, cairn_aligner_between(map_i, map_j));
     if ((cairn_real)shown + 1 <= least)
         return -1;
-    p = cairn_transform_point(map_i, x->scans[i].middle);
-    q = cairn_transform_point(map_j, x->scans[j].middle);
+    p = cairn_transform_point(map_i, aligner->scans[i].middle);
+    q = cairn_transform_point(map_j, aligner->scans[j].middle);
     return (cairn_real)shown + 1 / (1 + cairn_vec2_norm_squared(cairn_vec2_sub(p, q)));
 }
 
-/* Keeps the greatest. */
-static void keep_nearest(cairn_aligner *x, cairn_real nearness, int32_t scan)
+/* Inserts into the list of the nearest scans. */
+static void insert_nearest(cairn_aligner *aligner, cairn_real nearness, int32_t scan)
 {
-    int32_t at = x->nearest_count;
+    int32_t at = aligner->nearest_count;
 
     if (at < ALIGNER_NEAREST)
-        x->nearest_count++;
-    else if (nearness <= x->nearest[--at].nearness)
+        aligner->nearest_count++;
+    else if (nearness <= aligner->nearest[--at].nearness)
         return;
-    for (; at > 0 && x->nearest[at - 1].nearness < nearness; at--)
-        x->nearest[at] = x->nearest[at - 1];
-    x->nearest[at].nearness = nearness;
-    x->nearest[at].scan = scan;
+    for (; at > 0 && aligner->nearest[at - 1].nearness < nearness; at--)
+        aligner->nearest[at] = aligner->nearest[at - 1];
+    aligner->nearest[at].nearness = nearness;
+    aligner->nearest[at].scan = scan;
 }
 
-/* Some scans beside scan i; when these are all, the nearest are its partners. */
-static int32_t find_nearest(cairn_aligner *x)
+/* Tests some scans as neighbours of the current one; stores the nearest at the end. */
+static int32_t find_nearest(cairn_aligner *aligner)
 {
     enum { SCANS_OF_ITEM = 8 };
-    uint16_t *partners = &x->partners[ALIGNER_PARTNERS * x->i];
+    uint16_t *partners = &aligner->partners[ALIGNER_PARTNERS * aligner->i];
     int32_t units = 1;
 
-    for (int32_t k = 0; k < SCANS_OF_ITEM && x->j < x->scan_count; k++, x->j++)
-        if (x->j != x->i) {
-            cairn_real least =
-                x->nearest_count == ALIGNER_NEAREST ? x->nearest[ALIGNER_NEAREST - 1].nearness : -1;
-            cairn_real nearness = nearness_of(x, x->i, x->j, least);
+    for (int32_t k = 0; k < SCANS_OF_ITEM && aligner->j < aligner->scan_count; k++, aligner->j++)
+        if (aligner->j != aligner->i) {
+            cairn_real least = aligner->nearest_count == ALIGNER_NEAREST
+                                   ? aligner->nearest[ALIGNER_NEAREST - 1].nearness
+                                   : -1;
+            cairn_real nearness = nearness_of(aligner, aligner->i, aligner->j, least);
 
             units += nearness < 1 ? 1 : 4;
             if (nearness >= 0)
-                keep_nearest(x, nearness, x->j);
+                insert_nearest(aligner, nearness, aligner->j);
         }
-    if (x->j < x->scan_count)
+    if (aligner->j < aligner->scan_count)
         return units;
-    for (int32_t k = 0; k < x->nearest_count; k++)
-        partners[k] = (uint16_t)x->nearest[k].scan;
-    x->scans[x->i].partner_count = x->nearest_count;
-    x->nearest_count = x->j = 0;
-    if (++x->i == x->scan_count) {
-        x->i = 0;
-        x->phase = ALIGNER_MUTUAL;
+    for (int32_t k = 0; k < aligner->nearest_count; k++)
+        partners[k] = (uint16_t)aligner->nearest[k].scan;
+    aligner->scans[aligner->i].partner_count = aligner->nearest_count;
+    aligner->nearest_count = aligner->j = 0;
+    if (++aligner->i == aligner->scan_count) {
+        aligner->i = 0;
+        aligner->phase = ALIGNER_MUTUAL;
     }
     return units;
 }
 
-int cairn_aligner_has_partner(const cairn_aligner *x, int32_t scan, int32_t partner, int32_t most)
+int cairn_aligner_has_partner(const cairn_aligner *aligner, int32_t scan, int32_t neighbour,
+                              int32_t most)
 {
-    for (int32_t k = 0; k < x->scans[scan].partner_count && k < most; k++)
-        if (cairn_aligner_partner(x, scan, k) == partner)
+    for (int32_t k = 0; k < aligner->scans[scan].partner_count && k < most; k++)
+        if (cairn_aligner_partner(aligner, scan, k) == neighbour)
             return 1;
     return 0;
 }
 
-/* Makes scan i a partner of its partners; it loses those that have no room for it. */
-static int32_t make_mutual(cairn_aligner *x)
+/* Makes the neighbour relation of the current scan symmetric; it loses neighbours without
+ * capacity. */
+static int32_t symmetrize(cairn_aligner *aligner)
 {
-    aligner_scan *scan = &x->scans[x->i];
-    uint16_t *partners = &x->partners[ALIGNER_PARTNERS * x->i];
+    aligner_scan *scan = &aligner->scans[aligner->i];
+    uint16_t *partners = &aligner->partners[ALIGNER_PARTNERS * aligner->i];
     int32_t kept = 0;
 
     for (int32_t k = 0; k < scan->partner_count; k++) {
         int32_t j = partners[k];
 
-        if (!cairn_aligner_has_partner(x, j, x->i, ALIGNER_PARTNERS)) {
-            if (x->scans[j].partner_count == ALIGNER_PARTNERS)
+        if (!cairn_aligner_has_partner(aligner, j, aligner->i, ALIGNER_PARTNERS)) {
+            if (aligner->scans[j].partner_count == ALIGNER_PARTNERS)
                 continue;
-            x->partners[ALIGNER_PARTNERS * j + x->scans[j].partner_count++] = (uint16_t)x->i;
+            aligner->partners[ALIGNER_PARTNERS * j + aligner->scans[j].partner_count++] =
+                (uint16_t)aligner->i;
         }
         partners[kept++] = (uint16_t)j;
     }
     scan->partner_count = kept;
-    if (++x->i == x->scan_count) {
-        x->i = 0;
-        x->phase = ALIGNER_PAIRS;
+    if (++aligner->i == aligner->scan_count) {
+        aligner->i = 0;
+        aligner->phase = ALIGNER_PAIRS;
     }
     return ALIGNER_PARTNERS / 4;
 }
 
-int32_t cairn_aligner_partner_item(cairn_aligner *x)
+int32_t cairn_aligner_partner_item(cairn_aligner *aligner)
 {
-    return x->phase == ALIGNER_NEAR ? find_nearest(x) : make_mutual(x);
+    return aligner->phase == ALIGNER_NEAR ? find_nearest(aligner) : symmetrize(aligner);
 }

@@ -1,40 +1,41 @@
-/* What the initial poses say of the clusters of the aligner.
+/* aligner: prior of the initial poses for clusters and their merges.
  *
- * The poses of a cluster and its initial poses differ by a motion of the cluster as a whole, its
- * gauge, and by what is left over of each scan. Sums of what is left at one gauge are kept for each
- * cluster (aligner_fit), about an origin amid its scans, so that all numbers stay small. From them
- * follows what is left at any other gauge, and of two clusters at their common one, without looking
- * at a single scan: with e the error of a scan, u its place from the origin, and a further motion
- * by s and a turn R, the error is e + s + (R - I) u. Only when some scan may lie outside the box in
- * which errors are expected, the scans are looked at one by one.
- *
- * The sums follow scans that come and go, and are found anew when poses have changed. */
+ * Method: the initial poses differ from a cluster's poses by a common motion (the gauge) and by a
+ * residual of each scan.
+ * 1. Sums of the residuals at one gauge are stored per cluster, about an origin near its scans, so
+ *    that all numbers stay small.
+ * 2. The chi-squared at any other gauge, and of two clusters at their common one, follows from the
+ *    sums without visiting the scans: with residual e, position u from the origin, and a further
+ *    motion by s and a rotation R, the residual is e + s + (R - I) u.
+ * 3. When a scan may lie outside the box of expected errors, the scans are visited one by one.
+ * 4. The variances are estimated from the residuals of all clusters, with the params as a prior.
+ * The sums are updated as scans enter and leave, and computed anew when poses have changed. */
 #include "src/core/build.h"
 
 #include <string.h>
 
 #include "src/mapping/aligner_work.h"
 
-/* of the params' spread: hardly anything lies farther off */
-static const cairn_real BOX = CAIRN_REAL(1.25);
-/* what the params' spread weighs against what is learnt */
-static const cairn_real EXPECTED_SCANS = 2;
-/* m: makes turns comparable to shifts */
-static const cairn_real ARM = CAIRN_REAL(1.5);
-/* a metre */
-static const cairn_real BEYOND_NATS = 100;
+/* factor on the params' error bounds: half side of the box */
+static const cairn_real BOX_FACTOR = CAIRN_REAL(1.25);
+/* weight of the params' prior, in scans */
+static const cairn_real PRIOR_SCANS = 2;
+/* m: lever arm that weights rotations against translations */
+static const cairn_real ARM_M = CAIRN_REAL(1.5);
+/* nats per metre outside the box */
+static const cairn_real OUTSIDE_NATS_PER_M = 100;
 
-enum { SCANS_OF_UNIT = 2, CLUSTERS_OF_UNIT = 32 };
+enum { SCANS_PER_UNIT = 2, CLUSTERS_PER_UNIT = 32 };
 
 /* ---- Gauges ---- */
 
-/* The weight of a heading, in square metres. */
-static cairn_real heading_weight(const cairn_aligner *x)
+/* Returns the weight of a heading, m^2. */
+static cairn_real heading_weight(const cairn_aligner *aligner)
 {
-    return x->sigma * x->sigma / (x->sigma_angle * x->sigma_angle);
+    return aligner->sigma * aligner->sigma / (aligner->sigma_angle * aligner->sigma_angle);
 }
 
-/* The rotation by (cosine, sine), of any length, that brings p to q. */
+/* Returns the gauge with the rotation by (cosine, sine), of any length, that maps p to q. */
 static cairn_transform gauge_of(cairn_real cosine, cairn_real sine, cairn_vec2 p, cairn_vec2 q)
 {
     cairn_real norm = cairn_sqrt(cosine * cosine + sine * sine);
@@ -47,20 +48,21 @@ static cairn_transform gauge_of(cairn_real cosine, cairn_real sine, cairn_vec2 p
     return gauge;
 }
 
-cairn_transform cairn_aligner_gauge(const cairn_aligner *x, int32_t cluster)
+cairn_transform cairn_aligner_gauge(const cairn_aligner *aligner, int32_t cluster)
 {
-    cairn_real heading = heading_weight(x), sine = 0, cosine = 0,
-               share = 1 / (cairn_real)x->clusters[cluster].size;
+    cairn_real heading = heading_weight(aligner), sine = 0, cosine = 0,
+               share = 1 / (cairn_real)aligner->clusters[cluster].size;
     cairn_vec2 p = {0, 0}, q = {0, 0};
 
-    for (int32_t i = x->clusters[cluster].head; i >= 0; i = x->scans[i].next) {
-        p.x += share * x->poses[i].x;
-        p.y += share * x->poses[i].y;
-        q.x += share * x->scans[i].initial.x;
-        q.y += share * x->scans[i].initial.y;
+    for (int32_t i = aligner->clusters[cluster].head; i >= 0; i = aligner->scans[i].next) {
+        p.x += share * aligner->poses[i].x;
+        p.y += share * aligner->poses[i].y;
+        q.x += share * aligner->scans[i].initial.x;
+        q.y += share * aligner->scans[i].initial.y;
     }
-    for (int32_t i = x->clusters[cluster].head; i >= 0; i = x->scans[i].next) {
-        cairn_transform pose = x->poses[i], initial = cairn_transform_of(x->scans[i].initial);
+    for (int32_t i = aligner->clusters[cluster].head; i >= 0; i = aligner->scans[i].next) {
+        cairn_transform pose = aligner->poses[i],
+                        initial = cairn_transform_of(aligner->scans[i].initial);
         cairn_vec2 u = {pose.x - p.x, pose.y - p.y}, v = {initial.x - q.x, initial.y - q.y};
 
         cosine += heading * (pose.cosine * initial.cosine + pose.sine * initial.sine) +
@@ -71,29 +73,29 @@ cairn_transform cairn_aligner_gauge(const cairn_aligner *x, int32_t cluster)
     return gauge_of(cosine, sine, p, q);
 }
 
-/* ---- What is left of the initial poses of a cluster ---- */
+/* ---- Residuals of a cluster's initial poses ---- */
 
-/* What is left of one scan after a gauge. */
-typedef struct leftover {
+/* Residual of one scan after a gauge. */
+typedef struct residual {
     cairn_vec2 place, error;
     cairn_real turn;
-} leftover;
+} residual;
 
-static leftover leftover_of(const cairn_aligner *x, int32_t scan, cairn_transform gauge)
+static residual residual_of(const cairn_aligner *aligner, int32_t scan, cairn_transform gauge)
 {
-    const cairn_pose *initial = &x->scans[scan].initial;
-    cairn_pose at = cairn_aligner_to_pose(cairn_aligner_compose(gauge, x->poses[scan]));
-    leftover m = {{at.x, at.y},
+    const cairn_pose *initial = &aligner->scans[scan].initial;
+    cairn_pose at = cairn_aligner_to_pose(cairn_aligner_compose(gauge, aligner->poses[scan]));
+    residual m = {{at.x, at.y},
                   {at.x - initial->x, at.y - initial->y},
                   cairn_wrap_angle(at.theta - initial->theta)};
 
     return m;
 }
 
-/* Adds a scan (sign 1) or takes it away (-1); what is greatest only grows. */
-static void add_scan(const cairn_aligner *x, aligner_fit *fit, int32_t scan, cairn_real sign)
+/* Adds a scan (sign 1) or removes it (-1); the maxima only grow. */
+static void add_scan(const cairn_aligner *aligner, aligner_fit *fit, int32_t scan, cairn_real sign)
 {
-    leftover m = leftover_of(x, scan, fit->gauge);
+    residual m = residual_of(aligner, scan, fit->gauge);
     cairn_vec2 u = cairn_vec2_sub(m.place, fit->origin);
     cairn_real sine, cosine;
 
@@ -114,54 +116,54 @@ static void add_scan(const cairn_aligner *x, aligner_fit *fit, int32_t scan, cai
     fit->radius = cairn_max(fit->radius, cairn_vec2_norm(u));
 }
 
-void cairn_aligner_fit_scan(cairn_aligner *x, int32_t scan, int32_t cluster, int32_t sign)
+void cairn_aligner_fit_scan(cairn_aligner *aligner, int32_t scan, int32_t cluster, int32_t sign)
 {
-    aligner_fit *fit = &x->fits[cluster];
+    aligner_fit *fit = &aligner->fits[cluster];
 
-    if (fit->stamp != x->clusters[cluster].stamp || x->clusters[cluster].size == 0)
+    if (fit->stamp != aligner->clusters[cluster].stamp || aligner->clusters[cluster].size == 0)
         return;
-    add_scan(x, fit, scan, (cairn_real)sign);
-    fit->stamp = x->changes + 1; /* that of the change at hand */
+    add_scan(aligner, fit, scan, (cairn_real)sign);
+    fit->stamp = aligner->changes + 1; /* the stamp of the change that follows */
 }
 
-/* The sums of a cluster. */
-static const aligner_fit *fit_of(cairn_aligner *x, int32_t cluster)
+/* Returns the sums of a cluster, computed anew if outdated. */
+static const aligner_fit *sums_of(cairn_aligner *aligner, int32_t cluster)
 {
-    aligner_fit *fit = &x->fits[cluster];
-    int32_t head = x->clusters[cluster].head;
+    aligner_fit *fit = &aligner->fits[cluster];
+    int32_t head = aligner->clusters[cluster].head;
     cairn_transform middle;
 
-    if (fit->stamp == x->clusters[cluster].stamp)
+    if (fit->stamp == aligner->clusters[cluster].stamp)
         return fit;
     memset(fit, 0, sizeof *fit);
-    fit->stamp = x->clusters[cluster].stamp;
+    fit->stamp = aligner->clusters[cluster].stamp;
     fit->learnt = -1;
-    fit->gauge = cairn_aligner_gauge(x, cluster);
-    middle = cairn_aligner_compose(fit->gauge, x->poses[head]);
+    fit->gauge = cairn_aligner_gauge(aligner, cluster);
+    middle = cairn_aligner_compose(fit->gauge, aligner->poses[head]);
     fit->origin.x = middle.x;
     fit->origin.y = middle.y;
-    for (int32_t i = head; i >= 0; i = x->scans[i].next)
-        add_scan(x, fit, i, 1);
-    x->debt += x->clusters[cluster].size / SCANS_OF_UNIT;
+    for (int32_t i = head; i >= 0; i = aligner->scans[i].next)
+        add_scan(aligner, fit, i, 1);
+    aligner->debt += aligner->clusters[cluster].size / SCANS_PER_UNIT;
     return fit;
 }
 
-/* ---- Of one cluster or two, at their common gauge ---- */
+/* ---- One cluster or two, at their common gauge ---- */
 
-/* A cluster, its motion as a whole into a common frame, and what that adds to the common gauge. */
-typedef struct party {
+/* A cluster in a common frame, and its contribution to the common gauge. */
+typedef struct gauge_member {
     const aligner_fit *fit;
     int32_t cluster;
-    cairn_transform moved;       /* of the fit's places */
-    cairn_vec2 place, placement; /* mean of the places there, and of the initial ones */
-} party;
+    cairn_transform moved;       /* motion of the sums' positions */
+    cairn_vec2 place, placement; /* means of its positions there, and of the initial ones */
+} gauge_member;
 
-static party party_of(cairn_aligner *x, int32_t cluster, cairn_transform motion)
+static gauge_member member_of(cairn_aligner *aligner, int32_t cluster, cairn_transform motion)
 {
-    party m;
+    gauge_member m;
     cairn_vec2 mean;
 
-    m.fit = fit_of(x, cluster);
+    m.fit = sums_of(aligner, cluster);
     m.cluster = cluster;
     m.moved = cairn_aligner_compose(motion, cairn_aligner_inverse(m.fit->gauge));
     mean = cairn_vec2_add(m.fit->origin, cairn_vec2_scale(m.fit->u, 1 / m.fit->count));
@@ -170,11 +172,11 @@ static party party_of(cairn_aligner *x, int32_t cluster, cairn_transform motion)
     return m;
 }
 
-/* The common gauge of parties: least squares over positions and headings, weighted by their
- * variances. */
-static cairn_transform common_gauge(const cairn_aligner *x, const party *parties, int32_t count)
+/* Returns the common gauge of the clusters: least squares over positions and headings. */
+static cairn_transform common_gauge(const cairn_aligner *aligner, const gauge_member *parties,
+                                    int32_t count)
 {
-    cairn_real heading = heading_weight(x), cosine = 0, sine = 0, scans = 0;
+    cairn_real heading = heading_weight(aligner), cosine = 0, sine = 0, scans = 0;
     cairn_vec2 p = {0, 0}, q = {0, 0};
 
     for (int32_t k = 0; k < count; k++) {
@@ -189,7 +191,7 @@ static cairn_transform common_gauge(const cairn_aligner *x, const party *parties
         cairn_real c = parties[k].moved.cosine, s = parties[k].moved.sine, n = f->count;
         cairn_vec2 a = cairn_vec2_sub(parties[k].place, p),
                    b = cairn_vec2_sub(parties[k].placement, q);
-        /* About the means of this party. */
+        /* About the means of this cluster. */
         cairn_real uu = f->uu - cairn_vec2_norm_squared(f->u) / n;
         cairn_real ue = f->ue - cairn_vec2_dot(f->u, f->e) / n,
                    uxe = f->uxe - cairn_vec2_cross(f->u, f->e) / n;
@@ -202,39 +204,42 @@ static cairn_transform common_gauge(const cairn_aligner *x, const party *parties
     return gauge_of(cosine, sine, p, q);
 }
 
-/* What is left of all scans of a party. */
-typedef struct remains {
+/* Sums of the residuals of a cluster's scans. */
+typedef struct residual_sums {
     cairn_real squares, squares_angle;
-    cairn_real beyond; /* m outside the box; turns times ARM */
-} remains;
+    cairn_real beyond; /* m outside the box; rotations times ARM_M */
+} residual_sums;
 
-static cairn_real beyond_box(const cairn_aligner *x, cairn_real x_error, cairn_real y_error,
-                             cairn_real turn)
+static cairn_real distance_outside_box(const cairn_aligner *aligner, cairn_real x_error,
+                                       cairn_real y_error, cairn_real turn)
 {
-    cairn_real far = BOX * x->params.spread, turned = BOX * x->params.spread_angle;
+    cairn_real far = BOX_FACTOR * aligner->params.spread,
+               turned = BOX_FACTOR * aligner->params.spread_angle;
 
     return cairn_max(cairn_abs(x_error) - far, 0) + cairn_max(cairn_abs(y_error) - far, 0) +
-           ARM * cairn_max(cairn_abs(turn) - turned, 0);
+           ARM_M * cairn_max(cairn_abs(turn) - turned, 0);
 }
 
-/* Scan by scan. */
-static remains look_through(cairn_aligner *x, int32_t cluster, cairn_transform gauge)
+/* Visits the scans one by one. */
+static residual_sums visit_scans(cairn_aligner *aligner, int32_t cluster, cairn_transform gauge)
 {
-    remains m = {0, 0, 0};
+    residual_sums m = {0, 0, 0};
 
-    for (int32_t i = x->clusters[cluster].head; i >= 0; i = x->scans[i].next) {
-        leftover one = leftover_of(x, i, gauge);
+    for (int32_t i = aligner->clusters[cluster].head; i >= 0; i = aligner->scans[i].next) {
+        residual one = residual_of(aligner, i, gauge);
 
         m.squares += cairn_vec2_norm_squared(one.error);
         m.squares_angle += one.turn * one.turn;
-        m.beyond += beyond_box(x, one.error.x, one.error.y, one.turn);
+        m.beyond += distance_outside_box(aligner, one.error.x, one.error.y, one.turn);
     }
-    x->debt += x->clusters[cluster].size / SCANS_OF_UNIT;
+    aligner->debt += aligner->clusters[cluster].size / SCANS_PER_UNIT;
     return m;
 }
 
-/* By the sums where they tell all; common: the gauge of the frame that the party was moved into. */
-static remains remains_of(cairn_aligner *x, const party *own, cairn_transform common)
+/* Computes the residuals from the sums where possible; common: the gauge of the frame that the
+ * cluster was moved into. */
+static residual_sums residual_sums_of(cairn_aligner *aligner, const gauge_member *own,
+                                      cairn_transform common)
 {
     const aligner_fit *f = own->fit;
     cairn_transform motion = cairn_aligner_compose(common, own->moved);
@@ -243,11 +248,11 @@ static remains remains_of(cairn_aligner *x, const party *own, cairn_transform co
                lost = motion.cosine > 0 ? sine * sine / (1 + motion.cosine) : 1 - motion.cosine;
     cairn_real turn = cairn_atan2(sine, motion.cosine),
                stray = cairn_vec2_norm(s) + cairn_abs(turn) * f->radius;
-    remains m;
+    residual_sums m;
 
-    if (beyond_box(x, f->far + stray, 0, f->turned + cairn_abs(turn)) > 0)
-        return look_through(
-            x, own->cluster,
+    if (distance_outside_box(aligner, f->far + stray, 0, f->turned + cairn_abs(turn)) > 0)
+        return visit_scans(
+            aligner, own->cluster,
             cairn_aligner_compose(common, cairn_aligner_compose(own->moved, f->gauge)));
     turned.x = -lost * f->u.x - sine * f->u.y;
     turned.y = sine * f->u.x - lost * f->u.y;
@@ -259,86 +264,85 @@ static remains remains_of(cairn_aligner *x, const party *own, cairn_transform co
     return m;
 }
 
-static cairn_real chi_squared(const cairn_aligner *x, const remains *m)
+static cairn_real chi_squared(const cairn_aligner *aligner, const residual_sums *m)
 {
-    return m->squares / (x->sigma * x->sigma) +
-           m->squares_angle / (x->sigma_angle * x->sigma_angle) + 2 * BEYOND_NATS * m->beyond;
+    return m->squares / (aligner->sigma * aligner->sigma) +
+           m->squares_angle / (aligner->sigma_angle * aligner->sigma_angle) +
+           2 * OUTSIDE_NATS_PER_M * m->beyond;
 }
 
-/* What is left of a cluster by itself. */
-static remains own_remains(cairn_aligner *x, int32_t cluster)
+/* Residuals of a cluster at its own gauge. */
+static residual_sums own_residual_sums(cairn_aligner *aligner, int32_t cluster)
 {
     cairn_transform same = {0, 0, 1, 0};
-    party alone = party_of(x, cluster, same);
+    gauge_member alone = member_of(aligner, cluster, same);
 
-    return remains_of(x, &alone, common_gauge(x, &alone, 1));
+    return residual_sums_of(aligner, &alone, common_gauge(aligner, &alone, 1));
 }
 
-static cairn_real own_misfit(cairn_aligner *x, int32_t cluster)
+static cairn_real own_chi2(cairn_aligner *aligner, int32_t cluster)
 {
-    remains m;
+    residual_sums m;
 
-    if (x->clusters[cluster].size < 2)
+    if (aligner->clusters[cluster].size < 2)
         return 0;
-    m = own_remains(x, cluster);
-    return chi_squared(x, &m);
+    m = own_residual_sums(aligner, cluster);
+    return chi_squared(aligner, &m);
 }
 
-cairn_real cairn_aligner_prior(cairn_aligner *x, int32_t moving, int32_t fixed,
+cairn_real cairn_aligner_prior(cairn_aligner *aligner, int32_t moving, int32_t fixed,
                                cairn_transform pose)
 {
     cairn_transform same = {0, 0, 1, 0}, common;
     cairn_real together = 0;
-    party parties[2];
+    gauge_member parties[2];
 
-    parties[0] = party_of(x, moving, pose);
-    parties[1] = party_of(x, fixed, same);
-    common = common_gauge(x, parties, 2);
+    parties[0] = member_of(aligner, moving, pose);
+    parties[1] = member_of(aligner, fixed, same);
+    common = common_gauge(aligner, parties, 2);
     for (int k = 0; k < 2; k++) {
-        remains m = remains_of(x, &parties[k], common);
+        residual_sums m = residual_sums_of(aligner, &parties[k], common);
 
-        together += chi_squared(x, &m);
+        together += chi_squared(aligner, &m);
     }
-    x->debt += 4;
-    return -(together - own_misfit(x, moving) - own_misfit(x, fixed)) / 2;
+    aligner->debt += 4;
+    return -(together - own_chi2(aligner, moving) - own_chi2(aligner, fixed)) / 2;
 }
 
-/* What is left of a cluster by itself at the standard deviations that the params expect; found
- * anew when it has changed. */
-static const aligner_fit *learn_from(cairn_aligner *x, int32_t cluster)
+/* Returns the residuals of a cluster at its own gauge; computed anew when it has changed. */
+static const aligner_fit *update_estimate(cairn_aligner *aligner, int32_t cluster)
 {
-    aligner_fit *fit = &x->fits[cluster];
-    remains m;
+    aligner_fit *fit = &aligner->fits[cluster];
+    residual_sums m;
 
-    if (fit->stamp == x->clusters[cluster].stamp && fit->learnt == fit->stamp)
+    if (fit->stamp == aligner->clusters[cluster].stamp && fit->learnt == fit->stamp)
         return fit;
-    m = own_remains(x, cluster);
+    m = own_residual_sums(aligner, cluster);
     fit->learnt = fit->stamp;
     fit->squares = m.squares;
     fit->squares_angle = m.squares_angle;
-    x->debt++;
+    aligner->debt++;
     return fit;
 }
 
-void cairn_aligner_learn_spread(cairn_aligner *x)
+void cairn_aligner_learn_spread(cairn_aligner *aligner)
 {
-    cairn_real expected = x->params.spread * x->params.spread / 3;
-    cairn_real expected_angle = x->params.spread_angle * x->params.spread_angle / 3;
-    cairn_real squares = EXPECTED_SCANS * 2 * expected,
-               squares_angle = EXPECTED_SCANS * expected_angle;
-    cairn_real count = EXPECTED_SCANS;
+    cairn_real expected = aligner->params.spread * aligner->params.spread / 3;
+    cairn_real expected_angle = aligner->params.spread_angle * aligner->params.spread_angle / 3;
+    cairn_real squares = PRIOR_SCANS * 2 * expected, squares_angle = PRIOR_SCANS * expected_angle;
+    cairn_real count = PRIOR_SCANS;
 
-    x->debt += x->scan_count / CLUSTERS_OF_UNIT;
-    x->sigma = cairn_sqrt(expected);
-    x->sigma_angle = cairn_sqrt(expected_angle);
-    for (int32_t c = 0; c < x->scan_count; c++)
-        if (x->clusters[c].size > 1) {
-            const aligner_fit *fit = learn_from(x, c);
+    aligner->debt += aligner->scan_count / CLUSTERS_PER_UNIT;
+    aligner->sigma = cairn_sqrt(expected);
+    aligner->sigma_angle = cairn_sqrt(expected_angle);
+    for (int32_t c = 0; c < aligner->scan_count; c++)
+        if (aligner->clusters[c].size > 1) {
+            const aligner_fit *fit = update_estimate(aligner, c);
 
             squares += fit->squares;
             squares_angle += fit->squares_angle;
-            count += (cairn_real)(x->clusters[c].size - 1);
+            count += (cairn_real)(aligner->clusters[c].size - 1);
         }
-    x->sigma = cairn_min(x->sigma, cairn_sqrt(squares / (2 * count)));
-    x->sigma_angle = cairn_min(x->sigma_angle, cairn_sqrt(squares_angle / count));
+    aligner->sigma = cairn_min(aligner->sigma, cairn_sqrt(squares / (2 * count)));
+    aligner->sigma_angle = cairn_min(aligner->sigma_angle, cairn_sqrt(squares_angle / count));
 }

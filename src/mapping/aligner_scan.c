@@ -1,44 +1,50 @@
-/* Scans of the aligner, and what two of them say of their relative pose.
+/* aligner: pairwise evaluation of scans by their visibility profiles: point counts, log-likelihood
+ * ratio, normal equations.
  *
- * Every scan has a table of bearings: how far it saw, and which segment there. A point of another
- * scan is looked up by its bearing as the scan's sensor would see it, in constant time: on the same
- * surface when its distance from the segment's line is within a gate and the directions agree; in
- * free space when the scan saw well beyond it; else behind something, which is no wonder for the
- * far side of a wall, or unseen. Bearings are places on the diamond |x| + |y| = 1, which takes a
- * division and no arc tangent.
- *
- * Points of one surface are not independent: a long wall that lies on a long wall says little
- * more than a short one. So what the points of a segment say saturates. */
+ * Method: a scan's visibility profile has range and segment by bearing.
+ * 1. A point of another scan is looked up by its bearing from the scan's sensor, in constant time.
+ *    It is on the same surface when its distance from the segment's line is within a gate and the
+ *    directions agree; in free space when the scan measured well beyond it (free-space violation);
+ *    else on another surface, or occluded.
+ * 2. Bearings are positions on the diamond |x| + |y| = 1: one division, no arc tangent.
+ * 3. The count of one segment saturates: points of one surface are correlated, and a long wall on a
+ *    long wall says little more than a short one. */
 #include "src/core/build.h"
 
 #include <string.h>
 
 #include "src/mapping/aligner_work.h"
 
-/* What a look-up finds. */
-typedef int32_t finding;
-enum { UNSEEN = 0, SAME = 1, OTHER = 2, BEHIND = 3, THROUGH = 4 };
+/* Result of a lookup. */
+typedef int32_t lookup_result;
+enum {
+    LOOKUP_UNKNOWN = 0,
+    LOOKUP_SAME_SURFACE = 1,
+    LOOKUP_OTHER_SURFACE = 2,
+    LOOKUP_OCCLUDED = 3,
+    LOOKUP_FREE_SPACE = 4
+};
 
-static const cairn_real SAME_NATS = CAIRN_REAL(0.5), OTHER_NATS = CAIRN_REAL(0.15);
-/* points that may still turn what the others say */
-static const cairn_real SOON = 8;
-static const cairn_real FULL_POINTS = 6, MORE_POINTS = CAIRN_REAL(0.1);
+static const cairn_real SAME_SURFACE_NATS = CAIRN_REAL(0.5), OTHER_SURFACE_NATS = CAIRN_REAL(0.15);
+/* points that may still change the decision */
+static const cairn_real LOOKAHEAD_POINTS = 8;
+static const cairn_real SATURATION_POINTS = 6, SATURATED_WEIGHT = CAIRN_REAL(0.1);
 /* of the directions of one surface */
-static const cairn_real LEAST_COSINE = CAIRN_REAL(0.85);
+static const cairn_real MIN_COSINE = CAIRN_REAL(0.85);
 /* m */
-static const cairn_real BEYOND_END = CAIRN_REAL(0.1);
-/* m, and ... */
-static const cairn_real CLEAR = CAIRN_REAL(0.12);
-/* ... share of the range that must lie behind a point */
-static const cairn_real CLEAR_SHARE = CAIRN_REAL(0.02);
+static const cairn_real END_MARGIN_M = CAIRN_REAL(0.1);
+/* m, and share of the range: least free distance behind a point in free space */
+static const cairn_real MIN_CLEARANCE_M = CAIRN_REAL(0.12);
+/* share of the range */
+static const cairn_real MIN_CLEARANCE_RATIO = CAIRN_REAL(0.02);
 /* m */
-static const cairn_real SURFACE = CAIRN_REAL(0.15);
-/* of the width of the narrowest sector, ... */
+static const cairn_real SURFACE_DEPTH_M = CAIRN_REAL(0.15);
+/* sine of the narrowest sector's width, ... */
 static const cairn_real SINE_OF_SECTOR = CAIRN_REAL(0.14);
 /* ... and of two */
 static const cairn_real SINE_OF_TWO = CAIRN_REAL(0.27);
-/* m, at which nothing is on a surface any more */
-static const cairn_real BEYOND_FARTHEST = CAIRN_REAL(0.35);
+/* m: beyond this behind the greatest range no point is on a surface */
+static const cairn_real MAX_BEHIND_M = CAIRN_REAL(0.35);
 
 /* ---- Poses as transforms ---- */
 
@@ -100,16 +106,16 @@ cairn_transform cairn_aligner_moved(cairn_transform pose, cairn_vec2 centre,
     return moved;
 }
 
-/* ---- Tables ---- */
+/* ---- Visibility profiles ---- */
 
-static cairn_real range_of(const cairn_aligner *x, uint16_t range)
+static cairn_real range_of(const cairn_aligner *aligner, uint16_t range)
 {
-    return (cairn_real)range * (x->params.reach / CAIRN_REAL(65535.0));
+    return (cairn_real)range * (aligner->params.reach / CAIRN_REAL(65535.0));
 }
 
-int32_t cairn_aligner_points_of(const cairn_aligner *x, int32_t scan)
+int32_t cairn_aligner_points_of(const cairn_aligner *aligner, int32_t scan)
 {
-    return x->scans[scan].end_point - x->scans[scan].first_point;
+    return aligner->scans[scan].end_point - aligner->scans[scan].first_point;
 }
 
 /* ---- Pairs ---- */
@@ -122,7 +128,7 @@ static int is_in_cone(const aligner_scan *scan, cairn_transform map_scan, cairn_
                to = cairn_vec2_sub(middle, sensor);
     cairn_real along = cairn_vec2_dot(axis, to), across = cairn_abs(cairn_vec2_cross(axis, to));
 
-    /* Distance from the side of the cone that is nearer to the middle. */
+    /* Distance from the nearer side of the cone. */
     return cosine <= 0 || cosine * across - sine * along < radius;
 }
 
@@ -144,10 +150,10 @@ static int may_see(const aligner_scan *a, cairn_transform map_a, cairn_vec2 midd
     return is_in_cone(a, map_a, a->view_cosine, a->view_sine, middle, radius);
 }
 
-int32_t cairn_aligner_may_meet(const cairn_aligner *x, int32_t i, int32_t j, cairn_transform map_i,
-                               cairn_transform map_j)
+int32_t cairn_aligner_may_meet(const cairn_aligner *aligner, int32_t i, int32_t j,
+                               cairn_transform map_i, cairn_transform map_j)
 {
-    const aligner_scan *a = &x->scans[i], *b = &x->scans[j];
+    const aligner_scan *a = &aligner->scans[i], *b = &aligner->scans[j];
     cairn_vec2 p = cairn_transform_point(map_i, a->middle),
                q = cairn_transform_point(map_j, b->middle);
     cairn_real sum = a->radius + b->radius + CAIRN_REAL(0.2);
@@ -157,20 +163,20 @@ int32_t cairn_aligner_may_meet(const cairn_aligner *x, int32_t i, int32_t j, cai
     return may_see(a, map_i, q, b->radius) || may_see(b, map_j, p, a->radius);
 }
 
-static int same_way(const cairn_aligner *x, cairn_vec2 a, cairn_vec2 b)
+static int have_same_direction(const cairn_aligner *aligner, cairn_vec2 a, cairn_vec2 b)
 {
     cairn_real cosine = cairn_vec2_dot(a, b);
 
-    return (x->params.oriented ? cosine : cairn_abs(cosine)) >= LEAST_COSINE;
+    return (aligner->params.oriented ? cosine : cairn_abs(cosine)) >= MIN_COSINE;
 }
 
-/* The surface near bin whose line is nearest to p and within the gate; ALIGNER_NO_SEGMENT. */
-static int32_t surface_at(const cairn_aligner *x, int32_t scan, int32_t bin, cairn_vec2 p,
+/* Returns the surface near a bin whose line is nearest to p and within the gate; -1: none. */
+static int32_t surface_at(const cairn_aligner *aligner, int32_t scan, int32_t bin, cairn_vec2 p,
                           cairn_vec2 direction, cairn_real gate, cairn_real *error)
 {
-    const aligner_table *table = &x->tables[scan];
+    const aligner_table *table = &aligner->tables[scan];
     int32_t best = -1, before = ALIGNER_NO_SEGMENT;
-    cairn_real margin = BEYOND_END + gate / 2;
+    cairn_real margin = END_MARGIN_M + gate / 2;
 
     *error = gate;
     for (int32_t k = -1; k <= 1; k++) {
@@ -182,8 +188,8 @@ static int32_t surface_at(const cairn_aligner *x, int32_t scan, int32_t bin, cai
         if (id == ALIGNER_NO_SEGMENT || id == before)
             continue;
         before = id;
-        s = &x->segments[x->scans[scan].first_segment + id];
-        if (!same_way(x, s->direction, direction))
+        s = &aligner->segments[aligner->scans[scan].first_segment + id];
+        if (!have_same_direction(aligner, s->direction, direction))
             continue;
         from = cairn_vec2_sub(p, s->a);
         across = cairn_vec2_cross(s->direction, from);
@@ -191,49 +197,50 @@ static int32_t surface_at(const cairn_aligner *x, int32_t scan, int32_t bin, cai
         if (cairn_abs(across) < cairn_abs(*error) && along > -margin &&
             along < s->length + margin) {
             *error = across;
-            best = x->scans[scan].first_segment + id;
+            best = aligner->scans[scan].first_segment + id;
         }
     }
     return best;
 }
 
-/* What scan says of a point with a direction, both in its frame. */
-static finding look_up(const cairn_aligner *x, int32_t scan, cairn_vec2 p, cairn_vec2 direction,
-                       cairn_real gate)
+/* Looks up a point with a direction in a scan's visibility profile, both in its frame. */
+static lookup_result look_up(const cairn_aligner *aligner, int32_t scan, cairn_vec2 p,
+                             cairn_vec2 direction, cairn_real gate)
 {
-    const aligner_table *table = &x->tables[scan];
-    cairn_vec2 ray = cairn_vec2_sub(p, x->scans[scan].sensor);
+    const aligner_table *table = &aligner->tables[scan];
+    cairn_vec2 ray = cairn_vec2_sub(p, aligner->scans[scan].sensor);
     int32_t bin = cairn_aligner_bin_of(ray.x, ray.y);
     uint16_t before = table->range[(bin - 1) & (ALIGNER_BINS - 1)];
     uint16_t here = table->range[bin], after = table->range[(bin + 1) & (ALIGNER_BINS - 1)];
     cairn_real error, range, clear, squared;
 
     if (here == 0)
-        return UNSEEN;
-    if (surface_at(x, scan, bin, p, direction, gate, &error) >= 0)
-        return SAME;
+        return LOOKUP_UNKNOWN;
+    if (surface_at(aligner, scan, bin, p, direction, gate, &error) >= 0)
+        return LOOKUP_SAME_SURFACE;
     squared = cairn_vec2_norm_squared(ray);
-    range = range_of(x, here);
+    range = range_of(aligner, here);
     if (before > 0 && after > 0) {
         uint16_t least = before < after ? before : after;
 
-        clear = range_of(x, least < here ? least : here) - CLEAR - CLEAR_SHARE * range - gate;
+        clear = range_of(aligner, least < here ? least : here) - MIN_CLEARANCE_M -
+                MIN_CLEARANCE_RATIO * range - gate;
         if (clear > 0 && squared < clear * clear)
-            return THROUGH;
+            return LOOKUP_FREE_SPACE;
     }
-    if (x->params.oriented && cairn_vec2_cross(direction, ray) > 0 && squared > range * range)
-        return BEHIND; /* it faces away */
-    range += SURFACE;
-    return squared < range * range ? OTHER : BEHIND;
+    if (aligner->params.oriented && cairn_vec2_cross(direction, ray) > 0 && squared > range * range)
+        return LOOKUP_OCCLUDED; /* it faces away */
+    range += SURFACE_DEPTH_M;
+    return squared < range * range ? LOOKUP_OTHER_SURFACE : LOOKUP_OCCLUDED;
 }
 
-/* 1 when what lies in a circle, in the frame of scan, may be at or before something that it
- * sees. */
-static int may_show(const cairn_aligner *x, int32_t scan, cairn_vec2 middle, cairn_real radius)
+/* Returns 1 when a circle, in the frame of the scan, may contain visible points. */
+static int may_be_visible(const cairn_aligner *aligner, int32_t scan, cairn_vec2 middle,
+                          cairn_real radius)
 {
-    cairn_vec2 ray = cairn_vec2_sub(middle, x->scans[scan].sensor);
+    cairn_vec2 ray = cairn_vec2_sub(middle, aligner->scans[scan].sensor);
     cairn_real squared = cairn_vec2_norm_squared(ray), reach;
-    const uint16_t *sectors = x->tables[scan].farthest;
+    const uint16_t *sectors = aligner->tables[scan].farthest;
     int32_t sector = cairn_aligner_bin_of(ray.x, ray.y) / (ALIGNER_BINS / ALIGNER_SECTORS);
     uint16_t farthest = sectors[sector];
 
@@ -246,28 +253,28 @@ static int may_show(const cairn_aligner *x, int32_t scan, cairn_vec2 middle, cai
         farthest = farthest > before ? farthest : before;
         farthest = farthest > after ? farthest : after;
     }
-    reach = range_of(x, farthest) + radius + BEYOND_FARTHEST;
+    reach = range_of(aligner, farthest) + radius + MAX_BEHIND_M;
     return farthest > 0 && squared < reach * reach;
 }
 
-/* The points of a scan that another one may show, a patch at a time. */
+/* Iterator over the patches of a scan that another one may see. */
 typedef struct patch_walk {
     const cairn_aligner *x;
-    int32_t to, patch, at, end; /* at, end: points of the patch at hand */
+    int32_t to, patch, at, end; /* points of the current patch */
     int32_t last;               /* of the scan */
-    int32_t work;               /* points looked up, patches counted in part */
+    int32_t work;               /* lookups, skipped patches counted in part */
 } patch_walk;
 
-static patch_walk begin_patches(const cairn_aligner *x, int32_t from, int32_t to)
+static patch_walk begin_patches(const cairn_aligner *aligner, int32_t from, int32_t to)
 {
-    const aligner_scan *scan = &x->scans[from];
-    patch_walk w = {x, to, scan->first_patch, scan->first_point, scan->first_point, scan->end_point,
-                    0};
+    const aligner_scan *scan = &aligner->scans[from];
+    patch_walk w = {aligner,         to, scan->first_patch, scan->first_point, scan->first_point,
+                    scan->end_point, 0};
 
     return w;
 }
 
-/* Goes on to the next patch in view; 0: no more. */
+/* Advances to the next visible patch; 0: none is left. */
 static int next_patch(patch_walk *w, cairn_transform to_from)
 {
     while (w->end < w->last) {
@@ -276,7 +283,8 @@ static int next_patch(patch_walk *w, cairn_transform to_from)
         w->at = w->end;
         w->end = w->at + ALIGNER_PATCH < w->last ? w->at + ALIGNER_PATCH : w->last;
         w->work += w->patch & 1;
-        if (may_show(w->x, w->to, cairn_transform_point(to_from, patch->middle), patch->radius)) {
+        if (may_be_visible(w->x, w->to, cairn_transform_point(to_from, patch->middle),
+                           patch->radius)) {
             w->work += w->end - w->at;
             return 1;
         }
@@ -284,64 +292,71 @@ static int next_patch(patch_walk *w, cairn_transform to_from)
     return 0;
 }
 
-static int32_t shown_of(const cairn_aligner *x, int32_t from, int32_t to, cairn_transform to_from)
+static int32_t visible_patches_of(const cairn_aligner *aligner, int32_t from, int32_t to,
+                                  cairn_transform to_from)
 {
-    int32_t first = x->scans[from].first_patch, shown = 0;
-    int32_t end = first + (cairn_aligner_points_of(x, from) + ALIGNER_PATCH - 1) / ALIGNER_PATCH;
+    int32_t first = aligner->scans[from].first_patch, shown = 0;
+    int32_t end =
+        first + (cairn_aligner_points_of(aligner, from) + ALIGNER_PATCH - 1) / ALIGNER_PATCH;
 
     for (int32_t k = first; k < end; k++)
-        shown += may_show(x, to, cairn_transform_point(to_from, x->patches[k].middle),
-                          x->patches[k].radius);
+        shown +=
+            may_be_visible(aligner, to, cairn_transform_point(to_from, aligner->patches[k].middle),
+                           aligner->patches[k].radius);
     return shown;
 }
 
-int32_t cairn_aligner_shown(const cairn_aligner *x, int32_t i, int32_t j, cairn_transform i_j)
+int32_t cairn_aligner_shown(const cairn_aligner *aligner, int32_t i, int32_t j, cairn_transform i_j)
 {
-    return shown_of(x, j, i, i_j) + shown_of(x, i, j, cairn_aligner_inverse(i_j));
+    return visible_patches_of(aligner, j, i, i_j) +
+           visible_patches_of(aligner, i, j, cairn_aligner_inverse(i_j));
 }
 
 static cairn_real saturated(int32_t points)
 {
     cairn_real n = (cairn_real)points;
 
-    return n <= FULL_POINTS ? n : FULL_POINTS + MORE_POINTS * (n - FULL_POINTS);
+    return n <= SATURATION_POINTS ? n
+                                  : SATURATION_POINTS + SATURATED_WEIGHT * (n - SATURATION_POINTS);
 }
 
-/* 1 when the evidence stays at `least` or below even when the next SOON of the `left` points are
- * all on the same surface. */
-static int is_hopeless(const cairn_aligner *x, aligner_count count, int32_t left, cairn_real least)
+/* Returns 1 when the log-likelihood ratio stays at `least` or below even if the next points are all
+ * inliers. */
+static int is_hopeless(const cairn_aligner *aligner, aligner_count count, int32_t left,
+                       cairn_real least)
 {
-    count.same += cairn_min((cairn_real)left, SOON);
-    return cairn_aligner_evidence(x, count) <= least;
+    count.same += cairn_min((cairn_real)left, LOOKAHEAD_POINTS);
+    return cairn_aligner_evidence(aligner, count) <= least;
 }
 
-int32_t cairn_aligner_count_points(const cairn_aligner *x, int32_t from, int32_t to,
+int32_t cairn_aligner_count_points(const cairn_aligner *aligner, int32_t from, int32_t to,
                                    cairn_transform to_from, cairn_real gate, cairn_real least,
                                    aligner_count *count)
 {
-    patch_walk w = begin_patches(x, from, to);
+    patch_walk w = begin_patches(aligner, from, to);
     int32_t segment = -1, same = 0;
     cairn_vec2 direction = {0, 0};
 
-    while (!is_hopeless(x, *count, same + w.last - w.end, least) && next_patch(&w, to_from))
+    while (!is_hopeless(aligner, *count, same + w.last - w.end, least) && next_patch(&w, to_from))
         for (int32_t i = w.at; i < w.end; i++) {
-            const aligner_point *point = &x->points[i];
+            const aligner_point *point = &aligner->points[i];
 
             if (point->segment != segment) {
                 count->same += saturated(same);
                 same = 0;
                 segment = point->segment;
-                direction = cairn_transform_direction(to_from, x->segments[segment].direction);
+                direction =
+                    cairn_transform_direction(to_from, aligner->segments[segment].direction);
             }
-            switch (
-                look_up(x, to, cairn_transform_point(to_from, point->position), direction, gate)) {
-            case SAME:
+            switch (look_up(aligner, to, cairn_transform_point(to_from, point->position), direction,
+                            gate)) {
+            case LOOKUP_SAME_SURFACE:
                 same++;
                 break;
-            case OTHER:
+            case LOOKUP_OTHER_SURFACE:
                 count->other += 1;
                 break;
-            case THROUGH:
+            case LOOKUP_FREE_SPACE:
                 count->through += 1;
                 break;
             default:
@@ -352,39 +367,42 @@ int32_t cairn_aligner_count_points(const cairn_aligner *x, int32_t from, int32_t
     return w.work;
 }
 
-cairn_real cairn_aligner_evidence(const cairn_aligner *x, aligner_count count)
+cairn_real cairn_aligner_evidence(const cairn_aligner *aligner, aligner_count count)
 {
-    return SAME_NATS * count.same - OTHER_NATS * count.other -
-           x->params.contradiction * count.through;
+    return SAME_SURFACE_NATS * count.same - OTHER_SURFACE_NATS * count.other -
+           aligner->params.contradiction * count.through;
 }
 
-int32_t cairn_aligner_count_pair(const cairn_aligner *x, int32_t first, int32_t second,
+int32_t cairn_aligner_count_pair(const cairn_aligner *aligner, int32_t first, int32_t second,
                                  cairn_transform second_first, cairn_real gate,
                                  aligner_count *count)
 {
     const cairn_real least = -CAIRN_REAL_MAX;
-    int32_t work = cairn_aligner_count_points(x, first, second, second_first, gate, least, count);
+    int32_t work =
+        cairn_aligner_count_points(aligner, first, second, second_first, gate, least, count);
 
-    return work + cairn_aligner_count_points(x, second, first, cairn_aligner_inverse(second_first),
-                                             gate, least, count);
+    return work + cairn_aligner_count_points(aligner, second, first,
+                                             cairn_aligner_inverse(second_first), gate, least,
+                                             count);
 }
 
-/* Adds the row of a point of `from` against the surface of `to` that it lies on, if any. */
-static void pull_point(const cairn_aligner *x, const aligner_point *point, int32_t to,
-                       cairn_transform to_from, cairn_transform map_to, cairn_real gate,
-                       cairn_real sign, cairn_vec2 centre, aligner_sums *sums)
+/* Adds the normal equations of a point of `from` against its surface of `to`, if any. */
+static void add_point(const cairn_aligner *aligner, const aligner_point *point, int32_t to,
+                      cairn_transform to_from, cairn_transform map_to, cairn_real gate,
+                      cairn_real sign, cairn_vec2 centre, aligner_sums *sums)
 {
     cairn_vec2 p = cairn_transform_point(to_from, point->position), normal, arm;
-    cairn_vec2 ray = cairn_vec2_sub(p, x->scans[to].sensor);
+    cairn_vec2 ray = cairn_vec2_sub(p, aligner->scans[to].sensor);
     cairn_vec2 direction =
-        cairn_transform_direction(to_from, x->segments[point->segment].direction);
+        cairn_transform_direction(to_from, aligner->segments[point->segment].direction);
     cairn_real error, weight, row[3];
     int32_t surface =
-        surface_at(x, to, cairn_aligner_bin_of(ray.x, ray.y), p, direction, gate, &error);
+        surface_at(aligner, to, cairn_aligner_bin_of(ray.x, ray.y), p, direction, gate, &error);
 
     if (surface < 0)
         return;
-    normal = cairn_transform_direction(map_to, cairn_vec2_left(x->segments[surface].direction));
+    normal =
+        cairn_transform_direction(map_to, cairn_vec2_left(aligner->segments[surface].direction));
     arm = cairn_vec2_sub(cairn_transform_point(map_to, p), centre);
     weight = 1 / (1 + 4 / (gate * gate) * error * error);
     row[0] = normal.x;
@@ -396,16 +414,16 @@ static void pull_point(const cairn_aligner *x, const aligner_point *point, int32
     sums->pairs++;
 }
 
-int32_t cairn_aligner_pull(const cairn_aligner *x, int32_t from, int32_t to,
+int32_t cairn_aligner_pull(const cairn_aligner *aligner, int32_t from, int32_t to,
                            cairn_transform map_from, cairn_transform map_to, cairn_real gate,
                            cairn_real sign, cairn_vec2 centre, aligner_sums *sums)
 {
     cairn_transform to_from = cairn_aligner_between(map_to, map_from);
-    patch_walk w = begin_patches(x, from, to);
+    patch_walk w = begin_patches(aligner, from, to);
 
     while (next_patch(&w, to_from))
         for (int32_t i = w.at; i < w.end; i++)
-            pull_point(x, &x->points[i], to, to_from, map_to, gate, sign, centre, sums);
+            add_point(aligner, &aligner->points[i], to, to_from, map_to, gate, sign, centre, sums);
     return w.work;
 }
 

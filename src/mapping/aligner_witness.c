@@ -1,22 +1,23 @@
-/* What an alignment that has ended says of two of its scans, to who reasons about them further. */
+/* aligner: queries about a completed alignment: shared walls, candidate pairs, free-space
+ * violations. */
 #include "src/core/build.h"
 
 #include "src/mapping/aligner_work.h"
 
 /* m */
-static const cairn_real ON_WALL = CAIRN_REAL(0.03), GATE = CAIRN_REAL(0.07);
+static const cairn_real MAX_WALL_DISTANCE_M = CAIRN_REAL(0.03), COUNT_GATE_M = CAIRN_REAL(0.07);
 /* sine of 30 degrees */
-static const cairn_real LEAST_ACROSS = CAIRN_REAL(0.5);
+static const cairn_real MIN_CROSS_SINE = CAIRN_REAL(0.5);
 
-enum { TESTS_OF_UNIT = 16 }; /* of two segments */
+enum { TESTS_PER_UNIT = 16 }; /* tests of two segments per unit */
 
-static int has_scan(const cairn_aligner *x, int32_t scan)
+static int has_scan(const cairn_aligner *aligner, int32_t scan)
 {
-    return x != NULL && scan >= 0 && scan < x->scan_count;
+    return aligner != NULL && scan >= 0 && scan < aligner->scan_count;
 }
 
-/* 1 when two segments of one wall also lie on one line, the first seen from the scan of the
- * second as second_first. */
+/* Returns 1 when two segments of one wall also lie on one line; the first scan's pose in the
+ * second's frame is second_first. */
 static int is_same_wall(const aligner_segment *a, const aligner_segment *b,
                         cairn_transform second_first)
 {
@@ -26,7 +27,7 @@ static int is_same_wall(const aligner_segment *a, const aligner_segment *b,
         return 0;
     direction = cairn_transform_direction(second_first, a->direction);
     way = cairn_vec2_sub(b->mean, cairn_transform_point(second_first, a->mean));
-    return cairn_abs(cairn_vec2_cross(direction, way)) <= ON_WALL;
+    return cairn_abs(cairn_vec2_cross(direction, way)) <= MAX_WALL_DISTANCE_M;
 }
 
 int32_t cairn_aligner_share_wall(const cairn_aligner *aligner, int32_t first, int32_t second,
@@ -40,14 +41,14 @@ int32_t cairn_aligner_share_wall(const cairn_aligner *aligner, int32_t first, in
     if (!has_scan(x, second))
         end = 0;
     for (int32_t i = end > 0 ? x->scans[first].first_segment : 0; i < end && !found; i++, tests++) {
-        if (cairn_abs(cairn_vec2_cross(x->segments[i].direction, along)) < LEAST_ACROSS)
+        if (cairn_abs(cairn_vec2_cross(x->segments[i].direction, along)) < MIN_CROSS_SINE)
             continue;
         for (int32_t j = x->scans[second].first_segment; j < x->scans[second].end_segment && !found;
              j++, tests++)
             found = is_same_wall(&x->segments[i], &x->segments[j], pose);
     }
     if (units != NULL)
-        *units = 1 + tests / TESTS_OF_UNIT;
+        *units = 1 + tests / TESTS_PER_UNIT;
     return found;
 }
 
@@ -70,7 +71,7 @@ cairn_real cairn_aligner_objection(const cairn_aligner *aligner, int32_t first, 
     if (!has_scan(aligner, first) || !has_scan(aligner, second) ||
         !cairn_aligner_may_meet(aligner, first, second, pose, same))
         return 0;
-    work = cairn_aligner_count_pair(aligner, first, second, pose, GATE, &count);
+    work = cairn_aligner_count_pair(aligner, first, second, pose, COUNT_GATE_M, &count);
     if (units != NULL)
         *units += work;
     count.same = 0;

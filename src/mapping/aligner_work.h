@@ -1,4 +1,4 @@
-/* What the files of the aligner room share. */
+/* Private state of the aligner module. */
 #ifndef CAIRN_MAPPING_ALIGNER_WORK_H
 #define CAIRN_MAPPING_ALIGNER_WORK_H
 
@@ -6,54 +6,53 @@
 #include "cairn/rigid_motion.h"
 
 enum {
-    /* bearings of a table, evenly over the diamond |x| + |y| = 1 */
+    /* bearing bins of a visibility profile, evenly over the diamond |x| + |y| = 1 */
     ALIGNER_BINS = 512,
-    /* of them, as coarse bearings */
+    /* sectors of these bins, as coarse bearings */
     ALIGNER_SECTORS = 32,
-    /* directions by which walls are found */
+    /* direction bins of the wall index */
     ALIGNER_WAYS = 16,
-    /* lists of walls by direction and place */
+    /* hash buckets of the wall index, by direction and position */
     ALIGNER_TILES = 1024,
-    /* hypotheses of which the surest is kept */
+    /* hypotheses per block whose best one is stored */
     ALIGNER_BLOCK = 32,
-    /* points of a scan that follow each other, in one circle */
+    /* consecutive points in one bounding circle */
     ALIGNER_PATCH = 8,
-    /* also the most segments of a scan that a table can name */
+    /* also the most segments of a scan that a profile can name */
     ALIGNER_NO_SEGMENT = 255,
     /* relative poses of one pair that are compared */
     ALIGNER_TRIALS = 12,
-    /* of these enter the list at most */
+    /* hypotheses stored per pair, at most */
     ALIGNER_KEPT = 4,
-    /* scans that one is held against, ... */
+    /* nearest scans of each scan, ... */
     ALIGNER_NEAREST = 24,
-    /* ... and with those that it is among the nearest of, at most */
+    /* ... and with the scans that it is among the nearest of, at most */
     ALIGNER_PARTNERS = 48,
-    /* times as many cells as shifts */
+    /* raster cells per shift */
     ALIGNER_VOTES = 4,
-    /* places of a scan in the raster that are tried, ... */
+    /* peaks of a relocalization that are refined, ... */
     ALIGNER_FINDS = 12,
-    /* ... and along its walls */
+    /* ... and translations along the walls */
     ALIGNER_SLIDES = 16,
-    /* round of the joint solution from which on segments keep their walls */
+    /* iteration of the joint solution from which the segments' walls are fixed */
     ALIGNER_KEEP_FROM = 7
 };
 
-/* Units of budget: a unit is about three points looked up, or eight pairs of scans that are far
- * from each other. */
+/* Work units: a unit is about three point lookups, or eight pairs of distant scans. */
 enum { ALIGNER_POINTS_OF_UNIT = 3, ALIGNER_FAR_OF_UNIT = 8 };
 
-enum { MOST_PASSED = 64 }; /* scans far from the one at hand, in one item */
+enum { MOST_PASSED = 64 }; /* distant scans skipped in one item */
 
-/* A surface of a scan, in its frame, with the moments of the hits on it. */
+/* A segment of a scan, in its frame, with the moments of its hits. */
 typedef struct aligner_segment {
     cairn_vec2 a, direction;
     cairn_real length;
     cairn_real weight;  /* sum of 1 / variance across the line; 0: no hits */
-    cairn_vec2 mean;    /* of the hits, weighted */
-    cairn_sym2 spread;  /* weighted squares about the mean */
-    cairn_real least;   /* of them across the hits' own best line */
+    cairn_vec2 mean;    /* weighted mean of the hits, m */
+    cairn_sym2 spread;  /* scatter matrix: weighted squares about the mean */
+    cairn_real least;   /* its least eigenvalue: squares across the hits' own best line */
     int32_t scan, wall; /* wall: -1 none */
-    int32_t stub;       /* 1: a few hits, too short for a direction of its own */
+    int32_t stub;       /* 1: a short segment of a few hits, its own direction is poor */
 } aligner_segment;
 
 typedef struct aligner_point {
@@ -61,26 +60,26 @@ typedef struct aligner_point {
     int32_t segment;
 } aligner_point;
 
-/* A circle about ALIGNER_PATCH points. */
+/* Bounding circle of consecutive points. */
 typedef struct aligner_patch {
     cairn_vec2 middle;
     cairn_real radius;
 } aligner_patch;
 
-/* A scan that may be a partner. */
+/* A candidate neighbour. */
 typedef struct aligner_near {
     cairn_real nearness;
     int32_t scan;
 } aligner_near;
 
-/* What is seen in each direction. */
+/* Visibility profile: range and segment by bearing. */
 typedef struct aligner_table {
-    uint16_t range[ALIGNER_BINS];       /* in reach / 65535; 0: unknown */
-    uint16_t farthest[ALIGNER_SECTORS]; /* of the ranges in a sector and in both beside it */
-    uint8_t segment[ALIGNER_BINS];      /* counted from the scan's first; ALIGNER_NO_SEGMENT */
+    uint16_t range[ALIGNER_BINS];       /* in max_range / 65535; 0: unknown */
+    uint16_t farthest[ALIGNER_SECTORS]; /* greatest range of a sector and both beside it */
+    uint8_t segment[ALIGNER_BINS];      /* index within the scan, or ALIGNER_NO_SEGMENT */
 } aligner_table;
 
-/* Sums of a Gauss-Newton step of a rigid body about a centre. */
+/* Normal equations of a rigid body's motion about a centre. */
 typedef struct aligner_sums {
     cairn_normal_equations equations;
     int32_t pairs;
@@ -88,137 +87,137 @@ typedef struct aligner_sums {
 
 typedef struct aligner_scan {
     int32_t first_point, end_point, first_segment, end_segment, first_patch;
-    /* of the circle about sensor and points */
+    /* bounding circle of sensor and points */
     cairn_vec2 sensor, middle;
     cairn_real radius;
-    /* from the origin of its frame to the far side of the circle */
+    /* m: from the origin of its frame to the far side of the circle */
     cairn_real extent;
-    /* middle of the directions that are seen, from the sensor */
+    /* middle of the visible directions, from the sensor */
     cairn_vec2 axis;
-    /* of what is seen to either side of it; cosine <= 0: half a turn or more */
+    /* cosine and sine of half the field of view; cosine <= 0: half a turn or more */
     cairn_real view_cosine, view_sine;
     cairn_pose initial;
     /* cluster; next member of it, -1 */
     int32_t part, next;
-    /* 1: it could be slid along what it shared with others */
+    /* 1: weakly observable: it could be translated along its shared walls */
     int32_t weak;
-    /* ALIGNER_JOINED, ... */
+    /* ALIGNER_RELAX_MERGED, ... */
     int32_t stirred;
-    /* equal for scans that have joined another cluster together */
+    /* equal for scans that were merged into another cluster together */
     int32_t joined;
     /* unit direction of the first unknown of the joint solution */
     cairn_vec2 frame;
-    /* information when it was relaxed last, and the gradient that has come upon it since */
+    /* normal equations of its last relaxation, and the gradient accumulated since */
     aligner_sums pull;
-    /* 1: placed by the last alignment that has ended */
+    /* 1: placed by the last completed alignment */
     int32_t held;
     cairn_real support;
-    /* nats for its place in the largest cluster, when that was looked at last */
+    /* nats: log-likelihood ratio of its pose in the largest cluster, at the last evaluation */
     cairn_real evidence;
     int32_t partner_count;
 } aligner_scan;
 
-/* A cluster: scans whose poses are known to each other. */
+/* A cluster: scans with known relative poses. */
 typedef struct aligner_cluster {
     int32_t head, size;
     int32_t stamp; /* changes with every change of its poses */
 } aligner_cluster;
 
-/* What is left of the initial poses of a cluster after its motion as a whole: sums over its
+/* Residuals of a cluster's initial poses after its best common motion (gauge): sums over its
  * scans. */
 typedef struct aligner_fit {
-    int32_t stamp;         /* of the cluster then */
-    cairn_transform gauge; /* that motion: near the best, but not quite */
-    cairn_vec2 origin;     /* amid the scans after it */
+    int32_t stamp;         /* of the cluster at that time */
+    cairn_transform gauge; /* the gauge: nearly the best */
+    cairn_vec2 origin;     /* a point near the centre of the scans after it */
     cairn_real count;
-    cairn_vec2 u, e;            /* of places from the origin, and of errors */
-    cairn_real uu, ee, ue, uxe; /* of squares and products of these */
-    cairn_real turn, turns;     /* of errors of headings and of their squares */
-    cairn_real cosine, sine;    /* of these errors */
-    cairn_real far, turned;     /* the greatest error along an axis, and of a heading */
-    cairn_real radius;          /* of a place from the origin */
-    int32_t learnt;             /* stamp of the cluster when squares and squares_angle were found */
+    cairn_vec2 u, e;            /* sums of positions u from the origin, and of errors e */
+    cairn_real uu, ee, ue, uxe; /* sums of squares and products */
+    cairn_real turn, turns;     /* sums of heading errors and of their squares */
+    cairn_real cosine, sine;    /* sums of their cosines and sines */
+    cairn_real far, turned;     /* greatest error along an axis, and of a heading */
+    cairn_real radius;          /* greatest distance of a position from the origin */
+    int32_t learnt;             /* stamp at which squares and squares_angle were computed */
     cairn_real squares, squares_angle;
 } aligner_fit;
 
-/* A relative pose of two scans: `first` as seen from `second`. */
+/* A hypothesis of the relative pose of two scans: `first` in the frame of `second`. */
 typedef struct aligner_hypothesis {
     int32_t first, second;
     cairn_pose second_first;
-    /* nats; by the last look, and with its rivals taken into account */
+    /* nats: log-likelihood ratio of the last evaluation; reduced by competing hypotheses */
     cairn_real score, key;
-    /* of the clusters at that look; -1: none yet */
+    /* stamps of the clusters at that evaluation; -1: none yet */
     int32_t first_stamp, second_stamp;
     int32_t state;
-    /* links to more hypotheses of the first and of the second scan, -1; a link is 2 * index +
+    /* linked lists of the hypotheses of the first and of the second scan, -1; a link is 2 * index +
      * side */
     int32_t next[2];
 } aligner_hypothesis;
 
-/* A scan that has joined another cluster, and one that others pull at. */
+/* Relaxation state: a scan merged into another cluster, and one that needs relaxation. */
 enum { ALIGNER_JOINED = 1, ALIGNER_MET = 2 };
 
-/* States of a hypothesis whose look is fresh, and of one that is out. */
+/* States of a hypothesis. */
 enum { ALIGNER_LOOKED = 1, ALIGNER_COMPARED = 2, ALIGNER_SURE = 3, ALIGNER_OUT = 4 };
 
 typedef struct aligner_count {
-    cairn_real same, other, through; /* points on the same surface, at another one, in free space */
+    cairn_real same, other, through; /* points on the same surface, on another one, in free space */
 } aligner_count;
 
-/* A look at cluster (or single scan) `moving` against cluster `fixed`, through the pose
- * fixed_moving. */
+/* Pairwise evaluation (registration and scoring) of cluster (or single scan) `moving` against
+ * cluster `fixed`, at the pose fixed_moving. */
 typedef struct aligner_look {
     int32_t active;
     int32_t moving, fixed; /* clusters */
     cairn_transform pose;  /* fixed_moving */
-    int32_t round, rounds; /* of refinement, then one of counting */
+    int32_t round, rounds; /* rounds of refinement, then one of counting */
     int32_t outer, inner;  /* the clusters, the smaller one first */
-    int32_t at, partner;   /* member of outer at hand, and which of its partners */
+    int32_t at, partner;   /* current member of outer, and which of its neighbours */
     cairn_vec2 centre;
     aligner_sums sums;
-    aligner_count count; /* what the scans show of each other, ... */
-    cairn_real evidence; /* ... in nats */
-    cairn_real least;    /* counting ends when the evidence falls to it */
-    cairn_real prior;    /* nats of the initial poses */
-    cairn_real weak[3];  /* unit motion about the centre that the points tell least of: m, m, rad */
+    aligner_count count; /* point counts of the evaluation, ... */
+    cairn_real evidence; /* ... and their log-likelihood ratio, nats */
+    cairn_real least;    /* counting ends when the log-likelihood ratio falls to it */
+    cairn_real prior;    /* log-likelihood of the initial poses, nats */
+    cairn_real weak[3];  /* least observable unit motion about the centre: m, m, rad */
 } aligner_look;
 
-/* Relaxation of the scans of a cluster, one by one: all, or those that have joined it and those
- * that meet them. */
+/* Relaxation (nonlinear Gauss-Seidel) of the scans of a cluster: all, or the merged and dirty
+ * ones. */
 typedef struct aligner_relax {
     int32_t active, all;
-    int32_t old; /* partners at hand: 0: those that the scan has not met yet, 1: the others */
+    int32_t old; /* 0: neighbours that the scan was not yet relaxed with, 1: the others */
     int32_t cluster, round, rounds;
     cairn_real gate;
-    int32_t i, partner;                   /* scan at hand, and which of its partners */
-    aligner_sums pairs[ALIGNER_PARTNERS]; /* what it has in common with each */
+    int32_t i, partner;                   /* current scan, and which of its neighbours */
+    aligner_sums pairs[ALIGNER_PARTNERS]; /* normal equations with each neighbour */
     aligner_sums sums;
 } aligner_relax;
 
 typedef enum aligner_phase {
-    ALIGNER_NEAR,
-    ALIGNER_MUTUAL,
-    ALIGNER_PAIRS,
-    ALIGNER_TRIALS_OF_PAIR,
-    ALIGNER_OPEN,
-    ALIGNER_PICK,
-    ALIGNER_LOOKED_AT,
-    ALIGNER_RIVALS,
-    ALIGNER_WEIGHED,
-    ALIGNER_SHIFTED,
-    ALIGNER_CLOSE,
-    ALIGNER_REPAIR,
-    ALIGNER_DRAW,
-    ALIGNER_SEARCH,
-    ALIGNER_TRY,
-    ALIGNER_PLACE,
-    ALIGNER_SETTLE,
-    ALIGNER_ASSOCIATE,
-    ALIGNER_LINK,
-    ALIGNER_SOLVE,
-    ALIGNER_SLIDE,
-    ALIGNER_SLIDE_TRY,
-    ALIGNER_MARGINALS,
+    ALIGNER_NEAR,           /* nearest scans of each scan */
+    ALIGNER_MUTUAL,         /* symmetric neighbours */
+    ALIGNER_PAIRS,          /* trials of pairs of segments */
+    ALIGNER_TRIALS_OF_PAIR, /* refinement of a pair's trials */
+    ALIGNER_OPEN,           /* lists of hypotheses by scan */
+    ALIGNER_PICK,           /* the best hypothesis */
+    ALIGNER_LOOKED_AT,      /* ... has been evaluated again */
+    ALIGNER_RIVALS,         /* evaluation of competing hypotheses */
+    ALIGNER_WEIGHED,        /* odds against these */
+    ALIGNER_SHIFTED,        /* poses along the weak direction */
+    ALIGNER_CLOSE,          /* hypotheses within a merged cluster */
+    ALIGNER_REPAIR,         /* next scan to relocalize */
+    ALIGNER_DRAW,           /* raster of the rest */
+    ALIGNER_SEARCH,         /* votes */
+    ALIGNER_TRY,            /* refinement of the peaks */
+    ALIGNER_PLACE,          /* acceptance */
+    ALIGNER_SETTLE,         /* order of the segments */
+    ALIGNER_ASSOCIATE,      /* data association with walls */
+    ALIGNER_LINK,           /* sparsity structure */
+    ALIGNER_SOLVE,          /* Gauss-Newton step */
+    ALIGNER_SLIDE,          /* next weakly observable scan */
+    ALIGNER_SLIDE_TRY,      /* its translations */
+    ALIGNER_MARGINALS,      /* covariances and results */
     ALIGNER_DONE
 } aligner_phase;
 
@@ -227,23 +226,23 @@ typedef struct aligner_find {
     cairn_real score;
 } aligner_find;
 
-/* A straight surface that scans share, in the map. */
+/* A wall: a line that segments of several scans share, in the map. */
 typedef struct aligner_wall {
     cairn_vec2 normal;
     cairn_real offset, low, high; /* n p = offset; extent along the direction */
-    int32_t next;                 /* wall of its list, -1 */
-    int32_t tile;                 /* the list that it is in */
+    int32_t next;                 /* next wall of its bucket, -1 */
+    int32_t tile;                 /* its bucket in the wall index */
     cairn_vec2 middle;
     cairn_real weight;
     cairn_sym2 spread;
-    int32_t scans; /* that see it; 2: two or more */
+    int32_t scans; /* scans with a segment on it; 2: two or more */
     int32_t first_scan, node;
 } aligner_wall;
 
 struct cairn_aligner {
     cairn_aligner_params params;
     aligner_scan *scans;
-    /* [max_scans + 1] in the frame of the cluster; the last for a scan that is tried */
+    /* [max_scans + 1] poses in the frame of the cluster; the last for a tried scan */
     cairn_transform *poses;
     aligner_table *tables;
     /* [max_scans + 1] */
@@ -258,21 +257,21 @@ struct cairn_aligner {
     aligner_patch *patches;
     /* [max_hypotheses] */
     aligner_hypothesis *hypotheses;
-    /* [max_scans] to the first hypothesis of a scan, -1 */
+    /* [max_scans] first hypothesis of each scan, -1 */
     int32_t *links;
-    /* [max_hypotheses / ALIGNER_BLOCK + 1] of each block, -1: none */
+    /* [max_hypotheses / HYPOTHESIS_BLOCK + 1] best hypothesis of each block, -1: none */
     int32_t *surest;
-    /* [max_segments + max_stubs] */
+    /* [max_segments + max_short_segments] */
     aligner_wall *walls;
-    /* [max_segments + max_stubs] */
+    /* [max_segments + max_short_segments] segments by decreasing weight */
     int32_t *order;
-    /* [max_cells] */
+    /* [max_cells] search raster: direction bits and free space */
     uint16_t *cells;
-    /* [max_cells / ALIGNER_VOTES] */
+    /* [max_cells / CELLS_PER_SHIFT] votes of each shift */
     int32_t *votes;
-    /* [3 * nodes] */
+    /* [3 * nodes] right-hand side of the joint solution */
     cairn_real *rhs;
-    /* [ALIGNER_BINS] unit directions of the bins */
+    /* [PROFILE_BINS] unit directions of the bins */
     cairn_vec2 *bearings;
     /* [max_scans] */
     cairn_aligner_pose *results;
@@ -280,89 +279,92 @@ struct cairn_aligner {
 
     int32_t scan_count, segment_count, stub_count, point_count, patch_count, hypothesis_count,
         wall_count, node_count;
-    /* of the initial poses, as learnt */
+    /* standard deviations of the initial poses, as estimated, m and rad */
     cairn_real sigma, sigma_angle;
-    /* clusters and poses are those of an alignment of the scans that are there */
+    /* 1: clusters and poses are those of a completed alignment of the current scans */
     int32_t has_ended;
-    /* only scans that are not held are looked for */
+    /* 1: warm start: only scans that were not placed are relocalized */
     int32_t again;
-    /* gives stamps */
+    /* number of changes, the source of stamps */
     int32_t changes;
-    /* the commit point that iterate() returned at last */
+    /* the last commit point that iterate() returned at */
     int32_t shown;
 
     aligner_phase phase;
     int32_t debt;
     aligner_look look;
     aligner_relax relax;
-    /* Pairs, hypotheses, repairs: what is at hand. */
+    /* Current item of pairs, hypotheses, relocalizations: scan, neighbour, and two inner
+     * counters. */
     int32_t i, j, k, l;
-    aligner_near nearest[ALIGNER_NEAREST]; /* nearness falls */
+    aligner_near nearest[ALIGNER_NEAREST]; /* by falling nearness */
     int32_t nearest_count;
-    int32_t second;           /* of the pair at hand */
-    cairn_transform expected; /* of it, by the initial poses, ... */
-    cairn_real least_cosine;  /* ... and of the headings that are off most */
+    int32_t second;           /* second scan of the current pair */
+    cairn_transform expected; /* its relative pose by the initial poses, ... */
+    cairn_real least_cosine;  /* ... and the cosine of the greatest heading error */
     aligner_hypothesis trial[ALIGNER_TRIALS];
     int32_t trial_count, trial_at;
     int32_t chosen, side;
-    int32_t rival_scan, rival_link, looked; /* rival at hand, and the one that is looked at, -1 */
-    cairn_real odds;                        /* of all that have been compared */
-    cairn_real rest;                        /* evidence of the better of the shifted poses */
+    /* current competing hypothesis, and the one that is evaluated, -1 */
+    int32_t rival_scan, rival_link, looked;
+    cairn_real odds; /* sum of the odds of the compared ones */
+    cairn_real rest; /* log-likelihood ratio of the second-best pose */
     cairn_real shift[3];
     cairn_vec2 shift_centre;
-    /* Search. */
+    /* Relocalization. */
     int32_t side_cells, half_window, turns, turn, repairs, slides, changed;
-    /* in which a scan slides */
+    /* direction in which a scan is translated */
     cairn_vec2 along;
-    /* of the raster */
+    /* corner of the raster */
     cairn_vec2 corner;
     cairn_real cell;
     cairn_pose predicted;
     aligner_find find[ALIGNER_SLIDES];
     int32_t find_count, find_at;
-    /* of the scan looked for */
+    /* of the relocalized scan */
     cairn_transform before, best;
     cairn_real before_score, best_score;
-    /* the rest: the largest cluster when the search began */
+    /* the largest cluster when the search began */
     int32_t largest;
-    /* its cluster, -1: part of the rest */
+    /* its cluster, -1: the largest one */
     int32_t home;
     /* the cluster that is moved: home as a whole, or scan_count for the scan alone */
     int32_t moving;
     int32_t round, stage, at;
-    /* a wall of each list, -1; at the end the long ones of each direction */
+    /* first wall of each bucket, -1; at the end the long walls of each direction */
     int32_t tiles[ALIGNER_TILES + ALIGNER_WAYS];
-    /* m, largest step of the joint solution */
+    /* m: largest step of the joint solution */
     cairn_real moved;
-    /* 1: no scan slides any more */
+    /* 1: no scan is translated any more */
     int32_t settled;
-    /* of the segment that is added next */
+    /* link of the next segment */
     int32_t link;
-    /* of the part gauge_part */
+    /* gauge of the cluster gauge_part */
     cairn_transform gauge;
     int32_t gauge_part;
     /* chi-squared of the solution per degree of freedom, >= 1 */
     cairn_real margin;
     int32_t freedom;
-    /* chi-squared and m^2 beyond which a segment loses weight */
+    /* chi-squared and m^2 above which a segment loses weight */
     cairn_real tolerance, loose;
     cairn_aligner_result result;
 };
 
 /* ---- aligner_beams.c: scans ---- */
 
-void cairn_aligner_fill_scan(cairn_aligner *x, const cairn_scan_view *view, cairn_pose initial);
+void cairn_aligner_fill_scan(cairn_aligner *aligner, const cairn_scan_view *view,
+                             cairn_pose initial);
 
 /* ---- aligner_scan.c: pairs of scans ---- */
 
-/* The bin of a bearing. */
+/* Returns the bin of a bearing (pseudo angle). */
 static inline int32_t cairn_aligner_bin_of(cairn_real x, cairn_real y)
 {
     cairn_real ax = cairn_abs(x), ay = cairn_abs(y), sum = ax + ay, place;
 
     if (!(sum > 0))
         return 0;
-    place = ay / sum; /* by one division and no arc tangent */
+    place = ay / sum; /* one division, no arc tangent */
     place = x < 0 ? 2 - place : place;
     place = y < 0 ? 4 - place : place;
     return (int32_t)(place / 4 * ALIGNER_BINS) & (ALIGNER_BINS - 1);
@@ -373,136 +375,144 @@ cairn_transform cairn_aligner_compose(cairn_transform a_b, cairn_transform b_c);
 cairn_transform cairn_aligner_inverse(cairn_transform a_b);
 cairn_pose cairn_aligner_to_pose(cairn_transform t);
 
-/* Points of `from` (its frame seen from `to` as to_from) in the view of `to`; returns how many
- * were looked up, those that were passed over counted in part. Stops when the evidence cannot
- * come above `least` any more. */
-int32_t cairn_aligner_count_points(const cairn_aligner *x, int32_t from, int32_t to,
+/* Counts the points of `from` (its frame in that of `to` is to_from) by the visibility profile of
+ * `to`; returns the number of lookups, skipped patches counted in part. Stops when the
+ * log-likelihood ratio can no longer exceed `least`. */
+int32_t cairn_aligner_count_points(const cairn_aligner *aligner, int32_t from, int32_t to,
                                    cairn_transform to_from, cairn_real gate, cairn_real least,
                                    aligner_count *count);
-cairn_real cairn_aligner_evidence(const cairn_aligner *x, aligner_count count);
+cairn_real cairn_aligner_evidence(const cairn_aligner *aligner, aligner_count count);
 
-/* Both ways. */
-int32_t cairn_aligner_count_pair(const cairn_aligner *x, int32_t first, int32_t second,
+/* Counts the points of both scans. */
+int32_t cairn_aligner_count_pair(const cairn_aligner *aligner, int32_t first, int32_t second,
                                  cairn_transform second_first, cairn_real gate,
                                  aligner_count *count);
-/* Adds the rows of the points of `from`, which move with sign +1, against the surfaces of `to`;
- * with sign -1 `to` moves. Both poses in one frame, in which centre is, too. Returns as
- * count_points. */
-int32_t cairn_aligner_pull(const cairn_aligner *x, int32_t from, int32_t to,
+/* Adds the point-to-line normal equations of the points of `from` against the surfaces of `to`:
+ * `from` moves with sign +1, `to` with sign -1. Both poses and centre are in one frame. Returns the
+ * cost as count_points. */
+int32_t cairn_aligner_pull(const cairn_aligner *aligner, int32_t from, int32_t to,
                            cairn_transform map_from, cairn_transform map_to, cairn_real gate,
                            cairn_real sign, cairn_vec2 centre, aligner_sums *sums);
 
-/* Moves a pose by (x, y, turn) about a centre. */
+/* Returns a pose moved by (x, y, rotation) about a centre. */
 cairn_transform cairn_aligner_moved(cairn_transform pose, cairn_vec2 centre,
                                     const cairn_real motion[3]);
 
-/* Solves for the motion; 0 when there is too little. */
+/* Solves the normal equations; returns 0 with fewer than 3 pairs. */
 int32_t cairn_aligner_solve(const aligner_sums *sums, cairn_real motion[3]);
 
-/* 0 when a circle in the map lies wholly outside of what a scan sees, also when it is turned by
- * up to `turned` either way. */
+/* Returns 0 when a circle in the map lies wholly outside a scan's field of view, rotated by up to
+ * `turned` rad either way. */
 int cairn_aligner_may_see(const aligner_scan *scan, cairn_transform map_scan, cairn_real turned,
                           cairn_vec2 middle, cairn_real radius);
 
-/* The k-th scan that a scan is held against; each is a partner of the other. */
-static inline int32_t cairn_aligner_partner(const cairn_aligner *x, int32_t scan, int32_t k)
+/* Returns the k-th neighbour of a scan: a scan that it is compared with; the relation is
+ * symmetric. */
+static inline int32_t cairn_aligner_partner(const cairn_aligner *aligner, int32_t scan, int32_t k)
 {
-    return x->partners[ALIGNER_PARTNERS * scan + k];
+    return aligner->partners[ALIGNER_PARTNERS * scan + k];
 }
 
-/* 1 when a scan is one of the first `most` partners of another. */
-int cairn_aligner_has_partner(const cairn_aligner *x, int32_t scan, int32_t partner, int32_t most);
+/* Returns 1 when the second scan is one of the first `most` neighbours of the first. */
+int cairn_aligner_has_partner(const cairn_aligner *aligner, int32_t scan, int32_t partner,
+                              int32_t most);
 
-/* 1 when the circles of two scans meet and each may see into the other's. */
-int32_t cairn_aligner_may_meet(const cairn_aligner *x, int32_t i, int32_t j, cairn_transform map_i,
-                               cairn_transform map_j);
+/* Returns 1 when the bounding circles of two scans overlap and one is in the other's field of
+ * view. */
+int32_t cairn_aligner_may_meet(const cairn_aligner *aligner, int32_t i, int32_t j,
+                               cairn_transform map_i, cairn_transform map_j);
 
-/* How many patches of two scans the other one may show, j seen from i as i_j. */
-int32_t cairn_aligner_shown(const cairn_aligner *x, int32_t i, int32_t j, cairn_transform i_j);
-int32_t cairn_aligner_points_of(const cairn_aligner *x, int32_t scan);
+/* Returns the number of patches of two scans that the other one may see; j in the frame of i is
+ * i_j. */
+int32_t cairn_aligner_shown(const cairn_aligner *aligner, int32_t i, int32_t j,
+                            cairn_transform i_j);
+int32_t cairn_aligner_points_of(const cairn_aligner *aligner, int32_t scan);
 int32_t cairn_aligner_near(cairn_transform a, cairn_transform b, cairn_real metres,
                            cairn_real cosine);
 
-/* ---- Items: each does a bounded piece of work and returns its units ---- */
+/* ---- Items: each executes a bounded piece of work and returns its units ---- */
 
-int32_t cairn_aligner_partner_item(cairn_aligner *x);
-int32_t cairn_aligner_pairs_item(cairn_aligner *x);
-int32_t cairn_aligner_look_item(cairn_aligner *x);
-int32_t cairn_aligner_relax_item(cairn_aligner *x);
-int32_t cairn_aligner_merge_item(cairn_aligner *x);
+int32_t cairn_aligner_partner_item(cairn_aligner *aligner);
+int32_t cairn_aligner_pairs_item(cairn_aligner *aligner);
+int32_t cairn_aligner_look_item(cairn_aligner *aligner);
+int32_t cairn_aligner_relax_item(cairn_aligner *aligner);
+int32_t cairn_aligner_merge_item(cairn_aligner *aligner);
 
-/* All hypotheses that join clusters are open, and then the surest is picked; again: what has
- * moved may let clusters join that could not before. */
-void cairn_aligner_begin_open(cairn_aligner *x, int32_t again);
-int32_t cairn_aligner_repair_item(cairn_aligner *x);
-int32_t cairn_aligner_joint_item(cairn_aligner *x);
+/* Starts merging: hypotheses between different clusters are linked and the best one is picked;
+ * again: all are evaluated anew, as relocalized scans may let clusters merge. */
+void cairn_aligner_begin_open(cairn_aligner *aligner, int32_t again);
+int32_t cairn_aligner_repair_item(cairn_aligner *aligner);
+int32_t cairn_aligner_joint_item(cairn_aligner *aligner);
 
-int32_t cairn_aligner_slide_item(cairn_aligner *x);
-int32_t cairn_aligner_sort_item(cairn_aligner *x);
-int32_t cairn_aligner_associate_item(cairn_aligner *x);
+int32_t cairn_aligner_slide_item(cairn_aligner *aligner);
+int32_t cairn_aligner_sort_item(cairn_aligner *aligner);
+int32_t cairn_aligner_associate_item(cairn_aligner *aligner);
 
 /* ---- aligner_wall.c ---- */
 
-static inline int cairn_aligner_keeps_walls(const cairn_aligner *x)
+static inline int cairn_aligner_keeps_walls(const cairn_aligner *aligner)
 {
-    return x->round >= ALIGNER_KEEP_FROM;
+    return aligner->round >= ALIGNER_KEEP_FROM;
 }
 
-/* How badly a segment fits a wall, m; negative: it does not. */
-cairn_real cairn_aligner_misfit(const cairn_aligner *x, const aligner_segment *s,
+/* Returns the distance of a segment from a wall, m, gaps added; negative: no association. */
+cairn_real cairn_aligner_misfit(const cairn_aligner *aligner, const aligner_segment *s,
                                 const aligner_wall *wall);
 
-/* The wall that a segment fits best, of equal ones the first; -1: it fits none. *passed: lists
- * and walls looked at. */
-int32_t cairn_aligner_find_wall(const cairn_aligner *x, const aligner_segment *s, int32_t *passed);
+/* Returns the wall nearest to a segment, of equal ones the first; -1: none. *passed: buckets and
+ * walls visited. */
+int32_t cairn_aligner_find_wall(const cairn_aligner *aligner, const aligner_segment *s,
+                                int32_t *passed);
 
-/* The direction along a wall, free side on the left. */
+/* Returns the direction along a wall, free side on the left. */
 cairn_vec2 cairn_aligner_along(const aligner_wall *wall);
 
-/* 1 when a segment, with that direction in the map, may be part of a wall. */
+/* Returns 1 when a segment of this direction in the map may be part of a wall. */
 int cairn_aligner_same_line(const aligner_wall *wall, const aligner_segment *s,
                             cairn_vec2 direction);
 
 /* ---- aligner_joint.c and aligner_slide.c ---- */
 
-/* What the walls, were they known, tell of the pose of a scan. */
-cairn_sym3 cairn_aligner_own_information(const cairn_aligner *x, int32_t scan);
+/* Returns the information of a scan's pose, its walls given. */
+cairn_sym3 cairn_aligner_own_information(const cairn_aligner *aligner, int32_t scan);
 
-/* After the joint solution; slide_item goes on with more of it, or to the marginals. */
-void cairn_aligner_begin_slides(cairn_aligner *x);
-void cairn_aligner_end_slides(cairn_aligner *x, int32_t changed);
-void cairn_aligner_put_back(cairn_aligner *x, int32_t cluster, cairn_transform pose);
+/* Starts the translations, after the joint solution; they end with more iterations or with the
+ * marginals. */
+void cairn_aligner_begin_slides(cairn_aligner *aligner);
+void cairn_aligner_end_slides(cairn_aligner *aligner, int32_t changed);
+void cairn_aligner_put_back(cairn_aligner *aligner, int32_t cluster, cairn_transform pose);
 
-/* The joint solution cannot be had: on without it. */
-void cairn_aligner_give_up(cairn_aligner *x, cairn_status status);
+/* Continues without a joint solution, for which the solver has refused. */
+void cairn_aligner_give_up(cairn_aligner *aligner, cairn_status status);
 
 /* aligner_cluster.c */
-void cairn_aligner_begin_clusters(cairn_aligner *x);
-/* least: nats; counting ends when the evidence has fallen to it, and what is left would hardly
- * bring it back. */
-void cairn_aligner_begin_look(cairn_aligner *x, int32_t moving, int32_t fixed, cairn_transform pose,
-                              int32_t rounds, cairn_real least);
-void cairn_aligner_begin_relax(cairn_aligner *x, int32_t cluster, cairn_real gate, int32_t rounds,
-                               int32_t all);
-void cairn_aligner_insert(cairn_aligner *x, int32_t scan, int32_t cluster);
-void cairn_aligner_remove(cairn_aligner *x, int32_t scan);
-int32_t cairn_aligner_largest(const cairn_aligner *x);
-int32_t cairn_aligner_join(cairn_aligner *x, int32_t moving, int32_t fixed, cairn_transform pose);
+void cairn_aligner_begin_clusters(cairn_aligner *aligner);
+/* least: nats; counting stops when the log-likelihood ratio has fallen to it. */
+void cairn_aligner_begin_look(cairn_aligner *aligner, int32_t moving, int32_t fixed,
+                              cairn_transform pose, int32_t rounds, cairn_real least);
+void cairn_aligner_begin_relax(cairn_aligner *aligner, int32_t cluster, cairn_real gate,
+                               int32_t rounds, int32_t all);
+void cairn_aligner_insert(cairn_aligner *aligner, int32_t scan, int32_t cluster);
+void cairn_aligner_remove(cairn_aligner *aligner, int32_t scan);
+int32_t cairn_aligner_largest(const cairn_aligner *aligner);
+int32_t cairn_aligner_join(cairn_aligner *aligner, int32_t moving, int32_t fixed,
+                           cairn_transform pose);
 
 /* ---- aligner_prior.c ---- */
 
-/* Nats of the initial poses for the pose of cluster `moving` in `fixed`; charges for it. */
-cairn_real cairn_aligner_prior(cairn_aligner *x, int32_t moving, int32_t fixed,
+/* Returns the log-likelihood of the initial poses for the pose of cluster `moving` in `fixed`,
+ * nats; charges for it. */
+cairn_real cairn_aligner_prior(cairn_aligner *aligner, int32_t moving, int32_t fixed,
                                cairn_transform pose);
 
-/* Learns the standard deviations of the initial poses from all clusters; charges for it. */
-void cairn_aligner_learn_spread(cairn_aligner *x);
+/* Estimates the standard deviations of the initial poses from all clusters; charges for it. */
+void cairn_aligner_learn_spread(cairn_aligner *aligner);
 
-/* The motion of a cluster as a whole that brings its scans nearest to their initial poses.
- * Linear in the cluster. */
-cairn_transform cairn_aligner_gauge(const cairn_aligner *x, int32_t cluster);
+/* Returns the gauge of a cluster: the least-squares common motion onto its initial poses. Linear in
+ * the cluster. */
+cairn_transform cairn_aligner_gauge(const cairn_aligner *aligner, int32_t cluster);
 
 /* Called before a scan enters a cluster (sign 1) or leaves it (-1). */
-void cairn_aligner_fit_scan(cairn_aligner *x, int32_t scan, int32_t cluster, int32_t sign);
+void cairn_aligner_fit_scan(cairn_aligner *aligner, int32_t scan, int32_t cluster, int32_t sign);
 
 #endif

@@ -1,18 +1,17 @@
-/* Corners by sweep and prune.
+/* corner: corner detection by sweep and prune over the segments.
  *
- * Method: all segments are made longer by the end distance at both ends and boxed, so that the
- * boxes of two segments that make a corner, which lies on both lines, hold it both; the sweep
- * reports the candidates. The lines of a candidate are tested for their angle first (no root
- * needed), then intersected. Found corners go through a heap with the weakest at its root, which
- * makes room for stronger ones when the capacity is used up; the emptied heap is the sorted result,
- * which is then thinned out.
+ * Method:
+ * 1. All segments are lengthened by the end distance at both ends and boxed. A corner lies on both
+ *    lines, hence in both boxes; the sweep reports overlapping boxes as candidates.
+ * 2. The lines of a candidate are tested for their angle first (no square root), then intersected.
+ * 3. Corners go into a bounded heap with the weakest at its root, which is replaced by stronger
+ *    ones at capacity. Heap sort gives the result.
+ * 4. Non-maximum suppression: of near corners of one kind and with the same legs the strongest
+ *    stays.
  *
- * Layout: two lists of corners, one in work, one that readers see; the boxes of the segments; the
- * sweep.
- *
- * Limits: corners are dropped by strength before near ones are merged, so many copies of a strong
- * corner can displace a weak one; choose max_corners for the copies too.
- *
+ * Layout: two lists of corners, one in work, one for readers; the boxes of the segments; the sweep.
+ * Limits: corners are dropped by strength before the suppression, so many copies of a strong corner
+ * can displace a weak one; choose max_corners for the copies too.
  * Source: Adluru 2008, sections 7.3.4 and 9. */
 #include "src/core/build.h"
 
@@ -22,14 +21,14 @@
 
 enum { MAX_COUNT = 1 << 28 };
 
-/* Relative growth of cosines beyond what exact arithmetic needs. */
-#define SLACK CAIRN_REAL(1.001)
+/* Factor on squared cosines, beyond rounding. */
+#define COSINE_SLACK CAIRN_REAL(1.001)
 
-/* Growth of boxes beyond it, in end distances: many times the rounding of a corner. */
-#define MARGIN (CAIRN_REAL(1.0) / 16)
+/* Margin of the boxes in end distances: many times the rounding of a corner. */
+#define BOX_MARGIN (CAIRN_REAL(1.0) / 16)
 
 typedef int32_t search_phase;
-enum { IDLE, BOXES, PAIRS, SORT, MERGE };
+enum { IDLE, BOXES, PAIRS, SORT, SUPPRESS };
 
 struct cairn_corner_set {
     cairn_corner_params params;
@@ -45,11 +44,12 @@ struct cairn_corner_set {
     int32_t segment_count;
     int32_t sorted; /* segments of the last search */
     search_phase phase;
-    int32_t cursor;        /* BOXES: segment, SORT: end of the heap, MERGE: corner to be judged */
-    int32_t kept, against; /* MERGE: corners that stay, the next of them to be compared */
+    /* BOXES: segment; SORT: end of the heap; SUPPRESS: corner to be tested */
+    int32_t cursor;
+    int32_t kept, against; /* SUPPRESS: corners that stay, and the next of them to be compared */
     int32_t first, second; /* PAIRS: near segments to be tested next; first -1: none */
-    int32_t is_found;      /* PAIRS: `found` waits to be kept */
-    int32_t paid;          /* units towards the item at hand */
+    int32_t is_found;      /* PAIRS: `found` is to be inserted */
+    int32_t paid;          /* units already charged to the current item */
     cairn_corner found;
 };
 
@@ -139,7 +139,7 @@ cairn_status cairn_corner_create(cairn_corner_set **set, cairn_pool *pool,
     made->cos_min = cairn_cos(params->min_opening);
     made->cos_max = cairn_cos(params->max_opening);
     made->cos_squared =
-        cairn_max(made->cos_min * made->cos_min, made->cos_max * made->cos_max) * SLACK;
+        cairn_max(made->cos_min * made->cos_min, made->cos_max * made->cos_max) * COSINE_SLACK;
     made->cos_merge = cairn_cos(params->merge_angle);
     *set = made;
     return CAIRN_OK;
@@ -159,7 +159,7 @@ cairn_status cairn_corner_begin(cairn_corner_set *set, const cairn_segment *segm
     set->first = -1;
     set->is_found = 0;
     set->paid = 0;
-    /* Boxes may have other numbers than in the last search: no order is the start of this one. */
+    /* The sweep's order of the last search is of other boxes: reset it. */
     if (count < set->sorted) {
         cairn_status status = cairn_box_sweep_begin(set->sweep, NULL, 0);
 
@@ -181,7 +181,7 @@ static int32_t higher(const cairn_corner *c)
     return c->segment[0] < c->segment[1] ? c->segment[1] : c->segment[0];
 }
 
-/* The order of the result, total because every pair of segments makes one corner at most. */
+/* Order of the result, total because every pair of segments makes one corner at most. */
 static int is_stronger(const cairn_corner *a, const cairn_corner *b)
 {
     if (a->strength != b->strength)
@@ -191,8 +191,8 @@ static int is_stronger(const cairn_corner *a, const cairn_corner *b)
     return higher(a) < higher(b);
 }
 
-/* Puts `c` into the heap of `count` corners from the vacant place `hole` down; no corner is
- * weaker than its parent. */
+/* Heap sift-down: puts a corner into the heap of `count` corners at the vacant index `hole` or
+ * below; no corner is weaker than its parent. */
 static void sift_down(cairn_corner *heap, int32_t count, int32_t hole, const cairn_corner *c)
 {
     for (;;) {
@@ -219,7 +219,7 @@ static void sift_up(cairn_corner *heap, int32_t hole, const cairn_corner *c)
     heap[hole] = *c;
 }
 
-static void keep(cairn_corner_set *set, const cairn_corner *c)
+static void insert_corner(cairn_corner_set *set, const cairn_corner *c)
 {
     if (set->work_count < set->params.max_corners) {
         sift_up(set->work, set->work_count, c);
@@ -231,8 +231,8 @@ static void keep(cairn_corner_set *set, const cairn_corner *c)
         sift_down(set->work, set->work_count, 0, c);
 }
 
-/* The leg of a corner at p, on the line of a segment: *forward when it runs as a -> b. 0 when p
- * is too far from both ends or, where crossings count, from the segment. */
+/* Finds the leg of a corner at p, on the line of a segment; *forward: 1 when it runs as a -> b.
+ * Returns 0 when p is too far from both ends or, with crossings, from the segment. */
 static int find_leg(const cairn_corner_params *params, cairn_segment segment, cairn_vec2 p,
                     cairn_vec2 *leg, cairn_real *length, int *forward)
 {
@@ -249,7 +249,7 @@ static int find_leg(const cairn_corner_params *params, cairn_segment segment, ca
     return (*forward ? to_a : to_b) <= params->end_distance;
 }
 
-/* 1 and *c set when the two segments make a corner. */
+/* Returns 1 and sets *corner when the two segments make a corner. */
 static int find_corner(const cairn_corner_set *set, int32_t first, int32_t second, cairn_corner *c)
 {
     cairn_segment s = set->segments[first], t = set->segments[second];
@@ -274,8 +274,8 @@ static int find_corner(const cairn_corner_set *set, int32_t first, int32_t secon
     c->segment[1] = left ? second : first;
     c->opening = cairn_atan2(cairn_vec2_cross(c->leg[0], c->leg[1]), cosine);
     c->strength = cairn_min(length_s, length_t);
-    /* The free side is on the left of a -> b: between the legs when leg[0] runs along its
-     * segment and leg[1] against. */
+    /* The free side is on the left of a -> b: between the legs when leg[0] runs along its segment
+     * and leg[1] against. */
     if (forward_s == forward_t)
         c->kind = CAIRN_CORNER_MIXED;
     else
@@ -283,13 +283,14 @@ static int find_corner(const cairn_corner_set *set, int32_t first, int32_t secon
     return 1;
 }
 
-/* Each phase returns CAIRN_OK when it is done. */
+/* ---- Phases; each returns CAIRN_OK at its end ---- */
 
-/* The box of a segment made longer at both ends. */
+/* Returns the box of a segment lengthened by `by` m at both ends. */
 static cairn_box box_of(cairn_segment s, cairn_real by)
 {
     cairn_vec2 along = cairn_vec2_unit(cairn_vec2_sub(s.b, s.a));
-    cairn_real x = by * (cairn_abs(along.x) + MARGIN), y = by * (cairn_abs(along.y) + MARGIN);
+    cairn_real x = by * (cairn_abs(along.x) + BOX_MARGIN),
+               y = by * (cairn_abs(along.y) + BOX_MARGIN);
     cairn_box box = {{cairn_min(s.a.x, s.b.x) - x, cairn_min(s.a.y, s.b.y) - y},
                      {cairn_max(s.a.x, s.b.x) + x, cairn_max(s.a.y, s.b.y) + y}};
 
@@ -312,7 +313,7 @@ static cairn_status step_boxes(cairn_corner_set *set, cairn_budget *budget)
     return cairn_box_sweep_begin(set->sweep, set->boxes, set->segment_count);
 }
 
-/* Tests the pair at hand, keeps the corner that it makes. */
+/* Tests the current pair and inserts its corner. */
 static int finish_pair(cairn_corner_set *set, cairn_budget *budget)
 {
     if (set->first >= 0) {
@@ -324,7 +325,7 @@ static int finish_pair(cairn_corner_set *set, cairn_budget *budget)
     if (set->is_found) {
         if (!cairn_budget_pay(budget, &set->paid, 4))
             return 0;
-        keep(set, &set->found);
+        insert_corner(set, &set->found);
         set->is_found = 0;
     }
     return 1;
@@ -350,7 +351,7 @@ static cairn_status step_pairs(cairn_corner_set *set, cairn_budget *budget)
     return CAIRN_OK;
 }
 
-/* Moves the weakest of the heap behind its end until it is empty. */
+/* Heap sort: moves the weakest corner behind the heap's end until the heap is empty. */
 static cairn_status step_sort(cairn_corner_set *set, cairn_budget *budget)
 {
     while (set->cursor > 1) {
@@ -368,7 +369,7 @@ static cairn_status step_sort(cairn_corner_set *set, cairn_budget *budget)
     return CAIRN_OK;
 }
 
-static int is_same(const cairn_corner_set *set, const cairn_corner *a, const cairn_corner *b)
+static int is_duplicate(const cairn_corner_set *set, const cairn_corner *a, const cairn_corner *b)
 {
     cairn_real radius = set->params.merge_radius;
 
@@ -378,8 +379,9 @@ static int is_same(const cairn_corner_set *set, const cairn_corner *a, const cai
            cairn_vec2_dot(a->leg[1], b->leg[1]) >= set->cos_merge;
 }
 
-/* Corner by corner, the strongest first, each against those that stay so far, eight at a time. */
-static cairn_status step_merge(cairn_corner_set *set, cairn_budget *budget)
+/* Non-maximum suppression: each corner, the strongest first, is compared with those that stay,
+ * eight per unit. */
+static cairn_status step_suppress(cairn_corner_set *set, cairn_budget *budget)
 {
     int same = 0;
 
@@ -390,7 +392,7 @@ static cairn_status step_merge(cairn_corner_set *set, cairn_budget *budget)
             return CAIRN_MORE;
         budget->left--;
         for (int32_t i = 0; i < 8 && set->against < set->kept && !same; i++)
-            same = is_same(set, c, &set->work[set->against++]);
+            same = is_duplicate(set, c, &set->work[set->against++]);
         if (!same && set->against < set->kept)
             continue;
         if (!same)
@@ -435,7 +437,7 @@ cairn_status cairn_corner_step(cairn_corner_set *set, cairn_budget *budget)
                 next = IDLE;
             break;
         default:
-            status = step_merge(set, budget);
+            status = step_suppress(set, budget);
             next = IDLE;
             break;
         }

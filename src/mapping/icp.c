@@ -1,22 +1,22 @@
-/* Iterative closest points.
+/* icp: iterative closest points with a robust kernel and a degeneracy analysis.
  *
- * Motions are taken about the query's centroid, with the rotation multiplied by the query's radius,
- * so that all three components are metres and comparable. In these coordinates a pair of mapped
- * query point p and target point m with normal n has the residual e = n (p - m) and the row J =
- * (n_x, n_y, n R'(q - c) / r).
+ * Method: motions are taken about the query's centroid, with the rotation multiplied by the query's
+ * radius, so that all three components are metres and comparable. In these coordinates a pair of
+ * mapped query point p and target point m with normal n has the residual e = n (p - m) and the
+ * Jacobian J = (n_x, n_y, n R'(q - c) / r).
+ * 1. Data association: every query point is paired with its nearest target point, and its terms are
+ *    added to the normal equations at once; no pairs are stored.
+ * 2. Degeneracy analysis: eigenvectors of the point-to-line information sum(w J J^T). Those of
+ *    small eigenvalue are projected out of the normal equations (solution remapping, Zhang, Kaess
+ *    and Singh 2016): the prior decides there, or the pose stays.
+ * 3. Iteratively reweighted least squares: Cauchy weights, 1 / (1 + (e / (2.385 sigma))^2), with
+ *    sigma from the last iteration's residuals.
+ * 4. The Gauss-Newton step is cut to the length of the gate, as pairs reach no farther.
+ * 5. Covariance of an M-estimator (Huber 1981, section 7.6), with the weighted information in place
+ *    of the plain one: sum(psi^2)/(n - 3) * (sum(w)/n) / (sum(psi')/n)^2 * (sum(w J J^T))^-1,
+ *    psi(e) = w e.
  *
- * One iteration: every query point is paired and its terms are added to the sums at once, no pairs
- * are kept. Then the eigenvectors of the point-to-line information sum(w J J^T) are found. Those
- * with little information are taken out of the normal equations (Zhang, Kaess and Singh 2016): the
- * prior decides there, or the pose stays. Weights are Cauchy's, 1 / (1 + (e / (2.385 sigma))^2),
- * with sigma from the last iteration's residuals. A step is cut to the length of the gate, as pairs
- * reach no farther.
- *
- * Covariance: that of an M-estimator (Huber 1981, section 7.6) with the weighted information in
- * place of the plain one, sum(psi^2)/(n - 3) * (sum(w)/n) / (sum(psi')/n)^2 * (sum(w J J^T))^-1,
- * psi(e) = w e.
- *
- * Limits: the start must lie within about a gate of the truth; nothing is searched. */
+ * Limits: local convergence only; the start must lie within about a gate of the true pose. */
 #include "src/core/build.h"
 
 #include <string.h>
@@ -24,27 +24,28 @@
 #include "cairn/icp.h"
 #include "cairn/neighbours.h"
 
-enum { MAX_TARGET = 1 << 24, UNITS_PAIR = 5, LOOKS_OF_UNIT = 6, UNITS_SOLVE = 12 };
+enum { MAX_TARGET = 1 << 24, UNITS_PER_PAIR = 5, VISITS_PER_UNIT = 6, UNITS_PER_SOLVE = 12 };
 
-/* Cauchy weights of this scale lose 5 % of the information of normal residuals; the weighted
- * mean square of these is 1 / 1.26 of their variance. */
-static const cairn_real CAUCHY = CAIRN_REAL(2.385);
+/* Scale of the Cauchy weights at which normal residuals keep 95 % of their information; the
+ * weighted mean square of the residuals is then 1 / 1.26 of their variance. */
+static const cairn_real CAUCHY_SCALE = CAIRN_REAL(2.385);
 static const cairn_real CAUCHY_VARIANCE = CAIRN_REAL(1.26);
 
-/* Sums over the pairs of one iteration. */
+/* Normal equations and statistics of one iteration. */
 struct sums {
-    cairn_sym3 lines;                       /* point-to-line information */
-    cairn_sym3 points;                      /* point-to-point information, in that mode */
-    cairn_real gradient[3];                 /* of the mode */
-    cairn_real weight, squares;             /* of residuals across the line: w, w e^2 */
-    cairn_real psi_squares, slopes;         /* (w e)^2, d(w e)/de */
-    cairn_real point_weight, point_squares; /* of distances: w, w d^2 */
+    cairn_sym3 lines;       /* point-to-line information */
+    cairn_sym3 points;      /* point-to-point information, in mode POINT_TO_POINT */
+    cairn_real gradient[3]; /* gradient of the mode's cost */
+    /* sums of w and w e^2 over the residuals across the line */
+    cairn_real weight, squares;
+    cairn_real psi_squares, slopes;         /* sums of (w e)^2 and d(w e)/de */
+    cairn_real point_weight, point_squares; /* sums of w and w d^2 over the point distances */
     cairn_real distance;
     int32_t pairs;
-    cairn_sym3 parts[CAIRN_ICP_PARTS]; /* lines, by parts of the target */
+    cairn_sym3 parts[CAIRN_ICP_PARTS]; /* point-to-line information by target part */
 };
 
-/* What an iteration found at the pose that it began with. */
+/* State of an iteration at the pose that it started from. */
 struct iteration {
     cairn_rigid_motion motion;
     cairn_real mean_distance;
@@ -53,23 +54,23 @@ struct iteration {
 
 struct cairn_icp {
     cairn_point_grid *grid;
-    cairn_vec2 *directions; /* [max_target] of the target points */
+    cairn_vec2 *directions; /* [max_target] directions of the target points */
     int32_t part_end[CAIRN_ICP_PARTS];
     int32_t part_count;
     cairn_icp_params params;
-    cairn_real least_cosine; /* of the direction gate */
+    cairn_real least_cosine; /* cosine of the direction gate */
     const cairn_oriented_point *query;
     int32_t query_count;
     int32_t running;
     int32_t next; /* query point to pair; == query_count: the iteration is to be solved */
-    int32_t debt; /* units of items done that are not yet paid for */
+    int32_t debt; /* units of finished items, not yet charged */
     int32_t has_prior;
     cairn_pose_prior prior;
-    cairn_rigid_motion motion; /* of the query about its centroid */
+    cairn_rigid_motion motion; /* motion of the query about its centroid */
     cairn_real sigma, point_sigma;
-    cairn_real gate; /* of this iteration */
+    cairn_real gate; /* distance gate of this iteration, m */
     struct sums sums;
-    struct iteration before; /* of the last iteration, at the pose that it began with */
+    struct iteration before; /* last iteration, at the pose that it started from */
     cairn_icp_result result;
 };
 
@@ -77,7 +78,8 @@ cairn_icp_params cairn_icp_default(void)
 {
     cairn_icp_params params;
 
-    memset(&params, 0, sizeof params); /* the padding too, so that defaults compare as bytes */
+    /* including the padding, so that defaults compare as bytes */
+    memset(&params, 0, sizeof params);
     params.max_target = 4096;
     params.max_iterations = 40;
     params.min_pairs = 10;
@@ -94,21 +96,21 @@ cairn_icp_params cairn_icp_default(void)
     return params;
 }
 
-static int is_positive(cairn_real x)
+static int is_positive_finite(cairn_real x)
 {
     return x > 0 && x <= CAIRN_REAL_MAX;
 }
 
-static int params_are_good(const cairn_icp_params *params)
+static int params_are_valid(const cairn_icp_params *params)
 {
     return params != NULL && params->max_target >= 1 && params->max_target <= MAX_TARGET &&
            params->max_iterations >= 1 && params->min_pairs >= 4 &&
            (params->mode == CAIRN_ICP_POINT_TO_POINT || params->mode == CAIRN_ICP_POINT_TO_LINE) &&
-           is_positive(params->gate_start) && is_positive(params->gate_end) &&
-           params->gate_end <= params->gate_start && is_positive(params->gate_factor) &&
-           is_positive(params->direction_gate) && params->direction_gate <= CAIRN_PI &&
-           is_positive(params->sigma) && is_positive(params->converged_distance) &&
-           is_positive(params->converged_angle) && params->weak_ratio >= 0 &&
+           is_positive_finite(params->gate_start) && is_positive_finite(params->gate_end) &&
+           params->gate_end <= params->gate_start && is_positive_finite(params->gate_factor) &&
+           is_positive_finite(params->direction_gate) && params->direction_gate <= CAIRN_PI &&
+           is_positive_finite(params->sigma) && is_positive_finite(params->converged_distance) &&
+           is_positive_finite(params->converged_angle) && params->weak_ratio >= 0 &&
            params->weak_ratio < 1 && (params->roll_back == 0 || params->roll_back == 1);
 }
 
@@ -133,7 +135,7 @@ size_t cairn_icp_memory(const cairn_icp_params *params)
     cairn_point_grid_params grid;
     cairn_pool counting;
 
-    if (!params_are_good(params))
+    if (!params_are_valid(params))
         return 0;
     grid = grid_params(params);
     cairn_pool_init_counting(&counting);
@@ -235,13 +237,14 @@ static cairn_status check_prior(const cairn_pose_prior *prior, cairn_fault *faul
         return CAIRN_OK;
     if (!cairn_pose_is_finite(prior->mean))
         return cairn_refuse(fault, -1, "the prior's pose is not finite", CAIRN_NOT_FINITE);
-    if (!is_positive(prior->sigma_x) || !is_positive(prior->sigma_y) ||
-        !is_positive(prior->sigma_theta))
+    if (!is_positive_finite(prior->sigma_x) || !is_positive_finite(prior->sigma_y) ||
+        !is_positive_finite(prior->sigma_theta))
         return cairn_refuse(fault, -1, "the prior's sigmas must be positive", CAIRN_BAD_ARGUMENT);
     return CAIRN_OK;
 }
 
-/* The query at its start pose, about its centroid, with its root mean square as radius. */
+/* Returns the query's motion at its start pose: about its centroid, with its root mean square
+ * distance as radius. */
 static cairn_rigid_motion measure_query(const cairn_icp *icp, cairn_pose start)
 {
     cairn_real count = (cairn_real)icp->query_count, squares = 0;
@@ -296,22 +299,22 @@ cairn_status cairn_icp_set_weak_ratio(cairn_icp *icp, cairn_real weak_ratio)
     return CAIRN_OK;
 }
 
-/* ---- Pairs ---- */
+/* ---- Data association ---- */
 
-/* Nearest target point within the gate that points the same way; -1: none. */
+/* Returns the nearest target point within the distance gate and the direction gate; -1: none. */
 static int32_t find_pair(cairn_icp *icp, cairn_vec2 p, cairn_vec2 direction)
 {
     const cairn_point_grid_facing facing = {icp->directions, direction, icp->least_cosine};
     int32_t looked_at,
         best = cairn_point_grid_nearest_facing(icp->grid, p, icp->gate, &facing, &looked_at);
 
-    icp->debt += looked_at / LOOKS_OF_UNIT;
+    icp->debt += looked_at / VISITS_PER_UNIT;
     return best;
 }
 
 static cairn_real cauchy_weight(cairn_real squared, cairn_real sigma)
 {
-    cairn_real scale = CAUCHY * sigma;
+    cairn_real scale = CAUCHY_SCALE * sigma;
 
     return 1 / (1 + squared / (scale * scale));
 }
@@ -338,7 +341,7 @@ static void add_point_terms(cairn_icp *icp, const cairn_oriented_point *q, cairn
     sums->point_squares += weight * squared;
 }
 
-/* The part of the target that has the point. */
+/* Returns the target part of a point, by binary search. */
 static int32_t part_of(const cairn_icp *icp, int32_t point)
 {
     int32_t first = 0, last = icp->part_count - 1;
@@ -386,9 +389,9 @@ static void add_query_point(cairn_icp *icp, const cairn_oriented_point *q)
         add_point_terms(icp, q, difference, squared);
 }
 
-/* ---- Solving ---- */
+/* ---- Normal equations ---- */
 
-/* The variance factor of the covariance, see the head of this file. */
+/* Returns the reciprocal of the M-estimator's variance factor, step 5 of the method. */
 static cairn_real information_scale(const cairn_icp *icp)
 {
     const struct sums *sums = &icp->sums;
@@ -404,7 +407,8 @@ static cairn_sym3 scaled(cairn_sym3 m, cairn_real by)
     return out;
 }
 
-/* Ends the alignment. basis NULL: too few pairs, so that all that is known is the prior. */
+/* Ends the alignment and writes the covariance. basis NULL: too few pairs, so that the covariance
+ * is that of the prior. */
 static void stop(cairn_icp *icp, cairn_icp_verdict verdict, const cairn_motion_basis *basis)
 {
     cairn_normal_equations prior;
@@ -420,7 +424,7 @@ static void stop(cairn_icp *icp, cairn_icp_verdict verdict, const cairn_motion_b
     icp->running = 0;
 }
 
-/* Scales of the residuals, from those of this iteration. */
+/* Updates the robust scales from this iteration's residuals. */
 static void update_sigmas(cairn_icp *icp)
 {
     const struct sums *sums = &icp->sums;
@@ -433,7 +437,8 @@ static void update_sigmas(cairn_icp *icp)
                       cairn_sqrt(CAUCHY_VARIANCE * sums->point_squares / (2 * sums->point_weight)));
 }
 
-/* The step of this iteration; 0 when there is none. */
+/* Solves for the Gauss-Newton step; returns 0 when no direction is observable and there is no
+ * prior. */
 static int solve(const cairn_icp *icp, const cairn_motion_basis *basis, cairn_real step[3])
 {
     int to_line = icp->params.mode == CAIRN_ICP_POINT_TO_LINE;
@@ -448,7 +453,8 @@ static int solve(const cairn_icp *icp, const cairn_motion_basis *basis, cairn_re
     return cairn_motion_solve(basis, &observed, icp->has_prior ? &prior : NULL, icp->gate, step);
 }
 
-/* 1 when the last step made the overlap smaller and worse: the pose before it is the result. */
+/* Returns 1 and restores the pose before the last step when that step lowered the overlap and
+ * raised the mean distance. */
 static int rolls_back(cairn_icp *icp)
 {
     const struct iteration before = icp->before;
@@ -530,11 +536,11 @@ cairn_status cairn_icp_step(cairn_icp *icp, cairn_budget *budget)
             icp->debt -= paid;
             budget->left -= paid;
         } else if (icp->next < icp->query_count) {
-            icp->debt = UNITS_PAIR;
+            icp->debt = UNITS_PER_PAIR;
             add_query_point(icp, &icp->query[icp->next]);
             icp->next++;
         } else {
-            icp->debt = UNITS_SOLVE;
+            icp->debt = UNITS_PER_SOLVE;
             end_iteration(icp);
         }
     }

@@ -1,26 +1,24 @@
-/* Lu and Milios.
+/* lum: Lu and Milios, a linearized pose graph of closest-point links.
  *
  * Method: a small motion (t, phi) of a scan about the map's centre c moves its point p by t + phi
  * (p - c) turned left, to first order M (t, phi) with M = [1 0 -y; 0 1 x]. Pairs (a_k, b_k) of the
- * scans i and j at m_k = (a_k + b_k) / 2 with z_k = a_k - b_k then ask for the difference of their
+ * scans i and j at m_k = (a_k + b_k) / 2 with z_k = a_k - b_k then measure the difference of their
  * motions
- *
  *     D = -(M^T M)^-1 M^T Z,  covariance C = s^2 (M^T M)^-1,  s^2 = |Z + M D|^2 / (2 n - 3)
+ * and W = sum (xi_i - xi_j - D)^T C^-1 (xi_i - xi_j - D) is minimised by the solution of the normal
+ * equations G xi = B, where G has the C^-1 of links and B the C^-1 D = -M^T Z / s^2: D itself is
+ * needed for s^2 alone.
  *
- * and W = sum (xi_i - xi_j - D)^T C^-1 (xi_i - xi_j - D) is least for the solution of G xi = B,
- * where G has the C^-1 of links and B the C^-1 D = -M^T Z / s^2: D itself is needed for s^2 alone.
+ * 1. Optional sequential registration (lum_register.c); not part of Lu and Milios.
+ * 2. Links: closest points of every pair of scans whose circles meet.
+ * 3. Per iteration: closest points of each link, normal equations, sparse Cholesky, update.
  *
- * Registration (lum_register.c) is no part of Lu and Milios: it brings the scans near enough for
- * the links to be right.
- *
- * Layout: the points of each scan lie in buckets by the hash of their search cells, in the scan's
- * own frame, so that they never move: heads[2 first ... ] of a scan whose points begin at `first`,
- * two buckets a point.
- *
- * Limits: nearest points need not be the same places, and a link whose wrong pairs agree by chance
- * is believed: from errors of more than a few degrees the scans often come to rest in a wrong
- * place. Points that are spaced evenly lock into each other at half their spacing.
- *
+ * Layout: the points of each scan are in hash buckets of their grid cells, in the scan's own frame,
+ * so that they never move: heads[2 first ... ] of a scan whose points begin at `first`, two buckets
+ * a point.
+ * Limits: closest points need not be true correspondences, and a link whose wrong pairs agree by
+ * chance has full weight: from errors of more than a few degrees the solution often converges to a
+ * local minimum. Evenly spaced points lock into each other at half their spacing.
  * Source: Lu and Milios, Globally consistent range scan alignment for environment mapping, 1997;
  * Adluru 2008, chapter 10. */
 #include "src/core/build.h"
@@ -31,11 +29,10 @@
 
 enum { MAX_SCANS = 1 << 16, MAX_POINTS = 1 << 24, MAX_LINKS = 1 << 24 };
 
-static const cairn_real FARTHEST = CAIRN_REAL(1e6);
+static const cairn_real MAX_COORDINATE_M = CAIRN_REAL(1e6);
 
-/* m: standard deviation of a pair of points below which one is not believed to be, as written:
- * pairs that fit exactly have none. */
-static const cairn_real LEAST_SIGMA = CAIRN_REAL(0.0001);
+/* m: lower bound of a pair's standard deviation, as written: exact pairs have none. */
+static const cairn_real MIN_SIGMA_M = CAIRN_REAL(0.0001);
 
 cairn_lum_params cairn_lum_default(void)
 {
@@ -60,15 +57,15 @@ cairn_lum_params cairn_lum_default(void)
     return params;
 }
 
-/* The params with what the mode leaves no choice of. */
-static cairn_lum_params in_mode(const cairn_lum_params *params)
+/* Returns the params with those that the mode fixes. */
+static cairn_lum_params apply_mode(const cairn_lum_params *params)
 {
     cairn_lum_params p = *params;
 
     if (p.mode == CAIRN_MODE_AS_WRITTEN) {
         p.rebuild = 0;
         p.direction_gate = CAIRN_PI;
-        p.sigma = LEAST_SIGMA;
+        p.sigma = MIN_SIGMA_M;
         p.registers = 0;
     }
     return p;
@@ -79,17 +76,17 @@ cairn_lum_params cairn_lum_as_written(void)
     cairn_lum_params params = cairn_lum_default();
 
     params.mode = CAIRN_MODE_AS_WRITTEN;
-    return in_mode(&params);
+    return apply_mode(&params);
 }
 
 /* ---- Creation ---- */
 
 static int is_length(cairn_real x)
 {
-    return x > 0 && x <= FARTHEST;
+    return x > 0 && x <= MAX_COORDINATE_M;
 }
 
-static int params_are_good(const cairn_lum_params *p)
+static int params_are_valid(const cairn_lum_params *p)
 {
     return p->max_scans >= 1 && p->max_scans <= MAX_SCANS && p->max_points >= 1 &&
            p->max_points <= MAX_POINTS && p->max_links >= 1 && p->max_links <= MAX_LINKS &&
@@ -100,31 +97,35 @@ static int params_are_good(const cairn_lum_params *p)
            (p->mode == CAIRN_MODE_DEFAULT || p->mode == CAIRN_MODE_AS_WRITTEN) &&
            p->register_gate >= p->distance && is_length(p->register_gate) &&
            p->register_turn >= 0 && p->register_turn <= CAIRN_PI && p->register_spacing >= 0 &&
-           p->register_spacing <= FARTHEST;
+           p->register_spacing <= MAX_COORDINATE_M;
 }
 
 static cairn_block_solver_params solver_params(const cairn_lum_params *params)
 {
-    cairn_block_solver_params solver = {params->max_scans, params->max_links, params->max_fill};
+    cairn_block_solver_params solver = {
+        .max_poses = params->max_scans,
+        .max_links = params->max_links,
+        .max_fill = params->max_fill,
+    };
     return solver;
 }
 
-/* Sets the pointers of *l, which is then to be copied to the first piece that was taken. */
-static cairn_lum *carve(cairn_lum *l, cairn_pool *pool, const cairn_lum_params *params)
+/* Sets the pointers of *layout, which is then copied to the first piece that was taken. */
+static cairn_lum *carve(cairn_lum *lum, cairn_pool *pool, const cairn_lum_params *params)
 {
     size_t scans = (size_t)params->max_scans, points = (size_t)params->max_points;
     cairn_lum *made = cairn_pool_take(pool, 1, sizeof *made);
 
-    l->scans = cairn_pool_take(pool, scans, sizeof *l->scans);
-    l->root = cairn_pool_take(pool, scans, sizeof *l->root);
-    l->points = cairn_pool_take(pool, points, sizeof *l->points);
-    l->directions = cairn_pool_take(pool, points, sizeof *l->directions);
-    l->heads = cairn_pool_take(pool, 2 * points, sizeof *l->heads);
-    l->next = cairn_pool_take(pool, points, sizeof *l->next);
-    l->links = cairn_pool_take(pool, (size_t)params->max_links, sizeof *l->links);
-    l->right = cairn_pool_take(pool, scans, sizeof *l->right);
+    lum->scans = cairn_pool_take(pool, scans, sizeof *lum->scans);
+    lum->root = cairn_pool_take(pool, scans, sizeof *lum->root);
+    lum->points = cairn_pool_take(pool, points, sizeof *lum->points);
+    lum->directions = cairn_pool_take(pool, points, sizeof *lum->directions);
+    lum->heads = cairn_pool_take(pool, 2 * points, sizeof *lum->heads);
+    lum->next = cairn_pool_take(pool, points, sizeof *lum->next);
+    lum->links = cairn_pool_take(pool, (size_t)params->max_links, sizeof *lum->links);
+    lum->right = cairn_pool_take(pool, scans, sizeof *lum->right);
     if (params->registers)
-        cairn_lum_register_carve(&l->registers, pool, params);
+        cairn_lum_register_carve(&lum->registers, pool, params);
     return made;
 }
 
@@ -139,8 +140,8 @@ size_t cairn_lum_memory(const cairn_lum_params *params)
 
     if (params == NULL)
         return 0;
-    used = in_mode(params);
-    if (!params_are_good(&used))
+    used = apply_mode(params);
+    if (!params_are_valid(&used))
         return 0;
     inner = solver_params(&used);
     bytes = cairn_block_solver_memory(&inner);
@@ -169,9 +170,10 @@ cairn_status cairn_lum_create(cairn_lum **lum, cairn_pool *pool, const cairn_lum
     if (!cairn_pool_has_room(pool, need))
         return CAIRN_NO_MEMORY;
     memset(&layout, 0, sizeof layout);
-    layout.params = in_mode(params);
+    layout.params = apply_mode(params);
     made = carve(&layout, pool, &layout.params);
-    /* As written any: no rounding of two opposite directions may exclude a pair. */
+    /* As written: any direction; below -1, so that rounding of two opposite directions excludes no
+     * pair. */
     layout.least_cosine =
         params->mode == CAIRN_MODE_AS_WRITTEN ? -2 : cairn_cos(params->direction_gate);
     inner = solver_params(&layout.params);
@@ -197,9 +199,9 @@ void cairn_lum_clear(cairn_lum *lum)
 
 /* ---- Scans and their buckets ---- */
 
-static int is_running(const cairn_lum *l)
+static int is_running(const cairn_lum *lum)
 {
-    return l->stage != LUM_IDLE || l->debt > 0 || l->outcome != CAIRN_OK;
+    return lum->stage != LUM_IDLE || lum->debt > 0 || lum->outcome != CAIRN_OK;
 }
 
 static cairn_status check_points(const cairn_oriented_point *points, int32_t count,
@@ -211,7 +213,7 @@ static cairn_status check_points(const cairn_oriented_point *points, int32_t cou
 
         if (!cairn_is_finite(p.x) || !cairn_is_finite(p.y))
             return cairn_refuse(fault, k, "a coordinate is not finite", CAIRN_NOT_FINITE);
-        if (cairn_abs(p.x) > FARTHEST || cairn_abs(p.y) > FARTHEST)
+        if (cairn_abs(p.x) > MAX_COORDINATE_M || cairn_abs(p.y) > MAX_COORDINATE_M)
             return cairn_refuse(fault, k, "a coordinate beyond 1e6 m", CAIRN_BAD_ARGUMENT);
         if (norm != norm)
             return cairn_refuse(fault, k, "a direction is not finite", CAIRN_NOT_FINITE);
@@ -233,7 +235,7 @@ cairn_status cairn_lum_add_scan(cairn_lum *lum, const cairn_oriented_point *poin
         return cairn_refuse(fault, -1, "an alignment is running", CAIRN_BAD_ARGUMENT);
     if (!cairn_pose_is_finite(map_scan))
         return cairn_refuse(fault, -1, "the pose is not finite", CAIRN_NOT_FINITE);
-    if (cairn_abs(map_scan.x) > FARTHEST || cairn_abs(map_scan.y) > FARTHEST)
+    if (cairn_abs(map_scan.x) > MAX_COORDINATE_M || cairn_abs(map_scan.y) > MAX_COORDINATE_M)
         return cairn_refuse(fault, -1, "the pose is beyond 1e6 m", CAIRN_BAD_ARGUMENT);
     if (lum->state.scans == lum->params.max_scans)
         return cairn_refuse(fault, -1, "more scans than max_scans", CAIRN_FULL);
@@ -262,12 +264,12 @@ cairn_status cairn_lum_add_scan(cairn_lum *lum, const cairn_oriented_point *poin
 
 /* ---- Stages ---- */
 
-static void end(cairn_lum *l, cairn_lum_verdict verdict, cairn_status outcome)
+static void end(cairn_lum *lum, cairn_lum_verdict verdict, cairn_status outcome)
 {
-    l->stage = LUM_IDLE;
-    l->state.verdict = verdict;
-    l->outcome = outcome;
-    l->committed = 1;
+    lum->stage = LUM_IDLE;
+    lum->state.verdict = verdict;
+    lum->outcome = outcome;
+    lum->committed = 1;
 }
 
 static int32_t root_of(int32_t *root, int32_t scan)
@@ -279,14 +281,15 @@ static int32_t root_of(int32_t *root, int32_t scan)
     return scan;
 }
 
-/* The next two scans whose points may be near each other, from (first, second) on; 0: none. */
-static int next_pair(cairn_lum *l)
+/* Advances (first, second) to the next two scans whose circles meet, from the current pair on; 0:
+ * none. */
+static int next_pair(cairn_lum *lum)
 {
-    for (; l->first < l->state.scans; l->first++, l->second = l->first + 1)
-        for (; l->second < l->state.scans; l->second++) {
-            const struct lum_scan *a = &l->scans[l->first], *b = &l->scans[l->second];
+    for (; lum->first < lum->state.scans; lum->first++, lum->second = lum->first + 1)
+        for (; lum->second < lum->state.scans; lum->second++) {
+            const struct lum_scan *a = &lum->scans[lum->first], *b = &lum->scans[lum->second];
             cairn_real dx = a->pose.x - b->pose.x, dy = a->pose.y - b->pose.y;
-            cairn_real reach = a->reach + b->reach + l->params.distance;
+            cairn_real reach = a->reach + b->reach + lum->params.distance;
 
             if (a->end > a->first && b->end > b->first && dx * dx + dy * dy <= reach * reach)
                 return 1;
@@ -294,191 +297,193 @@ static int next_pair(cairn_lum *l)
     return 0;
 }
 
-static void begin_search(cairn_lum *l)
+static void begin_search(cairn_lum *lum)
 {
-    l->state.links = 0;
-    l->first = 0;
-    l->second = 1;
-    l->stage = LUM_SEARCH;
-    if (next_pair(l))
-        cairn_lum_begin_pairs(l, l->first, l->second);
+    lum->state.links = 0;
+    lum->first = 0;
+    lum->second = 1;
+    lum->stage = LUM_SEARCH;
+    if (next_pair(lum))
+        cairn_lum_begin_pairs(lum, lum->first, lum->second);
 }
 
-static void begin_structure(cairn_lum *l)
+static void begin_structure(cairn_lum *lum)
 {
-    cairn_status status = cairn_block_solver_begin(l->solver, l->state.scans);
+    cairn_status status = cairn_block_solver_begin(lum->solver, lum->state.scans);
 
-    for (int32_t i = 0; i < l->state.scans; i++)
-        l->root[i] = i;
-    for (int32_t k = 0; k < l->state.links && status == CAIRN_OK; k++) {
-        int32_t a = root_of(l->root, l->links[k].first), b = root_of(l->root, l->links[k].second);
+    for (int32_t i = 0; i < lum->state.scans; i++)
+        lum->root[i] = i;
+    for (int32_t k = 0; k < lum->state.links && status == CAIRN_OK; k++) {
+        int32_t a = root_of(lum->root, lum->links[k].first),
+                b = root_of(lum->root, lum->links[k].second);
 
-        l->root[a > b ? a : b] = a > b ? b : a;
-        status = cairn_block_solver_add_link(l->solver, l->links[k].first, l->links[k].second);
+        lum->root[a > b ? a : b] = a > b ? b : a;
+        status =
+            cairn_block_solver_add_link(lum->solver, lum->links[k].first, lum->links[k].second);
     }
-    l->state.pieces = 0;
-    for (int32_t i = 0; i < l->state.scans; i++) {
-        l->root[i] = root_of(l->root, i);
-        l->state.pieces += l->root[i] == i;
+    lum->state.pieces = 0;
+    for (int32_t i = 0; i < lum->state.scans; i++) {
+        lum->root[i] = root_of(lum->root, i);
+        lum->state.pieces += lum->root[i] == i;
     }
     if (status == CAIRN_OK)
-        status = cairn_block_solver_analyze(l->solver);
+        status = cairn_block_solver_analyze(lum->solver);
     CAIRN_ASSERT(status == CAIRN_OK);
     (void)status;
-    l->stage = LUM_ANALYZE;
+    lum->stage = LUM_ANALYZE;
 }
 
-/* A pair of scans has been looked through. */
-static void end_search_pair(cairn_lum *l)
+/* Adds a link when the pair of scans has enough pairs of points, and goes to the next pair. */
+static void end_search_pair(cairn_lum *lum)
 {
-    if (l->sums.pairs > l->params.min_pairs) {
-        if (l->state.links == l->params.max_links) {
-            end(l, CAIRN_LUM_RUNNING, CAIRN_FULL);
+    if (lum->sums.pairs > lum->params.min_pairs) {
+        if (lum->state.links == lum->params.max_links) {
+            end(lum, CAIRN_LUM_RUNNING, CAIRN_FULL);
             return;
         }
-        l->links[l->state.links].first = l->first;
-        l->links[l->state.links++].second = l->second;
+        lum->links[lum->state.links].first = lum->first;
+        lum->links[lum->state.links++].second = lum->second;
     }
-    l->second++;
-    if (next_pair(l))
-        cairn_lum_begin_pairs(l, l->first, l->second);
+    lum->second++;
+    if (next_pair(lum))
+        cairn_lum_begin_pairs(lum, lum->first, lum->second);
 }
 
-static void begin_measure(cairn_lum *l)
+static void begin_measure(cairn_lum *lum)
 {
-    l->at = 0;
-    l->pairs = 0;
-    l->error = 0;
-    memset(l->right, 0, (size_t)l->state.scans * sizeof *l->right);
-    l->stage = LUM_MEASURE;
-    if (l->state.links > 0)
-        cairn_lum_begin_pairs(l, l->links[0].first, l->links[0].second);
+    lum->at = 0;
+    lum->pairs = 0;
+    lum->error = 0;
+    memset(lum->right, 0, (size_t)lum->state.scans * sizeof *lum->right);
+    lum->stage = LUM_MEASURE;
+    if (lum->state.links > 0)
+        cairn_lum_begin_pairs(lum, lum->links[0].first, lum->links[0].second);
 }
 
-/* Every link has been measured: what stays gets the identity. */
-static void begin_factor(cairn_lum *l)
+/* All links have been measured: fixed scans get the identity, and the factorization starts. */
+static void begin_factor(cairn_lum *lum)
 {
     const cairn_sym3 one = {1, 0, 0, 1, 0, 1};
     cairn_status status = CAIRN_OK;
 
-    for (int32_t i = 0; i < l->state.scans && status == CAIRN_OK; i++)
-        if (l->root[i] == i) {
-            status = cairn_block_solver_add_pose_block(l->solver, i, one);
-            memset(l->right[i], 0, sizeof l->right[i]);
+    for (int32_t i = 0; i < lum->state.scans && status == CAIRN_OK; i++)
+        if (lum->root[i] == i) {
+            status = cairn_block_solver_add_pose_block(lum->solver, i, one);
+            memset(lum->right[i], 0, sizeof lum->right[i]);
         }
     if (status == CAIRN_OK)
-        status = cairn_block_solver_factor(l->solver);
+        status = cairn_block_solver_factor(lum->solver);
     CAIRN_ASSERT(status == CAIRN_OK);
     (void)status;
-    l->stage = LUM_FACTOR;
+    lum->stage = LUM_FACTOR;
 }
 
-static void begin_move(cairn_lum *l)
+static void begin_move(cairn_lum *lum)
 {
-    l->at = 0;
-    l->motion = 0;
-    l->stage = LUM_MOVE;
+    lum->at = 0;
+    lum->motion = 0;
+    lum->stage = LUM_MOVE;
 }
 
-static void move_scan(cairn_lum *l, int32_t index)
+static void move_scan(cairn_lum *lum, int32_t index)
 {
-    cairn_pose *pose = &l->scans[index].pose;
+    cairn_pose *pose = &lum->scans[index].pose;
     cairn_vec2 step;
     cairn_real x[3];
-    cairn_status status = cairn_block_solver_solution(l->solver, index, x);
+    cairn_status status = cairn_block_solver_solution(lum->solver, index, x);
 
     CAIRN_ASSERT(status == CAIRN_OK);
     (void)status;
-    if (l->root[index] == index)
+    if (lum->root[index] == index)
         return;
-    step.x = x[0] - x[2] * (pose->y - l->centre.y);
-    step.y = x[1] + x[2] * (pose->x - l->centre.x);
-    l->motion = cairn_max(l->motion, cairn_vec2_norm(step) + cairn_abs(x[2]));
+    step.x = x[0] - x[2] * (pose->y - lum->centre.y);
+    step.y = x[1] + x[2] * (pose->x - lum->centre.x);
+    lum->motion = cairn_max(lum->motion, cairn_vec2_norm(step) + cairn_abs(x[2]));
     pose->x += step.x;
     pose->y += step.y;
     pose->theta = cairn_wrap_angle(pose->theta + x[2]);
 }
 
-static void end_iteration(cairn_lum *l)
+static void end_iteration(cairn_lum *lum)
 {
-    l->state.iterations++;
-    l->state.pairs = l->pairs;
-    l->state.error = l->error;
-    l->state.motion = l->motion;
-    l->committed = 1;
-    if (l->motion <= l->params.converged)
-        end(l, CAIRN_LUM_CONVERGED, CAIRN_OK);
-    else if (l->state.iterations >= l->params.max_iterations)
-        end(l, CAIRN_LUM_OUT_OF_ITERATIONS, CAIRN_OK);
-    else if (l->params.rebuild > 0 && l->state.iterations % l->params.rebuild == 0)
-        begin_search(l);
-    else if (cairn_block_solver_clear(l->solver) == CAIRN_OK)
-        begin_measure(l);
+    lum->state.iterations++;
+    lum->state.pairs = lum->pairs;
+    lum->state.error = lum->error;
+    lum->state.motion = lum->motion;
+    lum->committed = 1;
+    if (lum->motion <= lum->params.converged)
+        end(lum, CAIRN_LUM_CONVERGED, CAIRN_OK);
+    else if (lum->state.iterations >= lum->params.max_iterations)
+        end(lum, CAIRN_LUM_OUT_OF_ITERATIONS, CAIRN_OK);
+    else if (lum->params.rebuild > 0 && lum->state.iterations % lum->params.rebuild == 0)
+        begin_search(lum);
+    else if (cairn_block_solver_clear(lum->solver) == CAIRN_OK)
+        begin_measure(lum);
 }
 
-/* The solver has ended a part. */
-static void end_part(cairn_lum *l, cairn_status status)
+/* The solver has ended a phase. */
+static void end_solver_phase(cairn_lum *lum, cairn_status status)
 {
-    if (status != CAIRN_OK && l->stage == LUM_ANALYZE) {
-        end(l, CAIRN_LUM_RUNNING, CAIRN_FULL);
-    } else if (l->stage == LUM_ANALYZE) {
-        begin_measure(l);
+    if (status != CAIRN_OK && lum->stage == LUM_ANALYZE) {
+        end(lum, CAIRN_LUM_RUNNING, CAIRN_FULL);
+    } else if (lum->stage == LUM_ANALYZE) {
+        begin_measure(lum);
     } else if (status != CAIRN_OK ||
-               cairn_block_solver_read(l->solver).state == CAIRN_BLOCK_SOLVER_NOT_POSITIVE) {
-        end(l, CAIRN_LUM_SINGULAR, CAIRN_OK);
-    } else if (l->stage == LUM_FACTOR) {
-        status = cairn_block_solver_solve(l->solver, l->right[0]);
+               cairn_block_solver_read(lum->solver).state == CAIRN_BLOCK_SOLVER_NOT_POSITIVE) {
+        end(lum, CAIRN_LUM_SINGULAR, CAIRN_OK);
+    } else if (lum->stage == LUM_FACTOR) {
+        status = cairn_block_solver_solve(lum->solver, lum->right[0]);
         CAIRN_ASSERT(status == CAIRN_OK);
-        l->stage = LUM_SOLVE;
+        lum->stage = LUM_SOLVE;
     } else {
-        begin_move(l);
+        begin_move(lum);
     }
 }
 
-/* One item of a stage that is not the solver's; returns its units. */
-static int32_t do_item(cairn_lum *l)
+/* Executes one item of a stage other than the solver's; returns its units. */
+static int32_t do_item(cairn_lum *lum)
 {
-    int more = l->point < l->scans[l->second < l->state.scans ? l->second : 0].end;
+    int more = lum->point < lum->scans[lum->second < lum->state.scans ? lum->second : 0].end;
     int32_t units;
 
-    if (l->stage == LUM_REGISTER) {
-        if (cairn_lum_register_next(l, &units)) {
-            l->committed = 1;
-            begin_search(l);
+    if (lum->stage == LUM_REGISTER) {
+        if (cairn_lum_register_next(lum, &units)) {
+            lum->committed = 1;
+            begin_search(lum);
         }
         return units;
     }
-    if (l->stage == LUM_SEARCH) {
-        if (l->first >= l->state.scans) {
-            begin_structure(l);
-            return 1 + l->state.links / LUM_UNITS_LINK;
+    if (lum->stage == LUM_SEARCH) {
+        if (lum->first >= lum->state.scans) {
+            begin_structure(lum);
+            return 1 + lum->state.links / LUM_UNITS_PER_LINK;
         }
         if (more) {
-            cairn_lum_add_pair(l);
-            return LUM_UNITS_POINT;
+            cairn_lum_add_pair(lum);
+            return LUM_UNITS_PER_POINT;
         }
-        end_search_pair(l);
-        return LUM_UNITS_LINK;
+        end_search_pair(lum);
+        return LUM_UNITS_PER_LINK;
     }
-    if (l->stage == LUM_MEASURE) {
-        if (l->at == l->state.links) {
-            begin_factor(l);
-            return 1 + l->state.scans / LUM_UNITS_LINK;
+    if (lum->stage == LUM_MEASURE) {
+        if (lum->at == lum->state.links) {
+            begin_factor(lum);
+            return 1 + lum->state.scans / LUM_UNITS_PER_LINK;
         }
         if (more) {
-            cairn_lum_add_pair(l);
-            return LUM_UNITS_POINT;
+            cairn_lum_add_pair(lum);
+            return LUM_UNITS_PER_POINT;
         }
-        if (cairn_lum_add_link(l, l->at++) != CAIRN_OK)
-            end(l, CAIRN_LUM_SINGULAR, CAIRN_OK);
-        else if (l->at < l->state.links)
-            cairn_lum_begin_pairs(l, l->links[l->at].first, l->links[l->at].second);
-        return LUM_UNITS_LINK;
+        if (cairn_lum_add_link(lum, lum->at++) != CAIRN_OK)
+            end(lum, CAIRN_LUM_SINGULAR, CAIRN_OK);
+        else if (lum->at < lum->state.links)
+            cairn_lum_begin_pairs(lum, lum->links[lum->at].first, lum->links[lum->at].second);
+        return LUM_UNITS_PER_LINK;
     }
-    if (l->at < l->state.scans)
-        move_scan(l, l->at++);
+    if (lum->at < lum->state.scans)
+        move_scan(lum, lum->at++);
     else
-        end_iteration(l);
+        end_iteration(lum);
     return 1;
 }
 
@@ -502,7 +507,7 @@ cairn_status cairn_lum_begin(cairn_lum *lum)
     return CAIRN_OK;
 }
 
-static int is_solvers(int32_t stage)
+static int is_solver_stage(int32_t stage)
 {
     return stage == LUM_ANALYZE || stage == LUM_FACTOR || stage == LUM_SOLVE;
 }
@@ -520,12 +525,12 @@ cairn_status cairn_lum_iterate(cairn_lum *lum, cairn_budget *budget)
 
             lum->debt -= paid;
             budget->left -= paid;
-        } else if (is_solvers(lum->stage)) {
+        } else if (is_solver_stage(lum->stage)) {
             cairn_status status = cairn_block_solver_step(lum->solver, budget);
 
             if (status == CAIRN_MORE)
                 return CAIRN_MORE;
-            end_part(lum, status);
+            end_solver_phase(lum, status);
         } else if (lum->stage == LUM_REGISTER && lum->registers.matching) {
             if (cairn_icp_step(lum->registers.icp, budget) == CAIRN_MORE)
                 return CAIRN_MORE;

@@ -1,36 +1,37 @@
-/* Sequential registration before Lu and Milios.
+/* lum: sequential registration (incremental ICP) before the first links.
  *
- * Method: the scan with the most points is the first that is placed, and the next of those that are
- * left when none of them finds a match. In every round each scan that is left is matched against
- * all that are placed (icp), from where it should be by the common motion of those, and from that
- * pose turned left and right; the match with the highest score, the overlap over the mean distance
- * of the pairs, weighted by the root of the points, is placed. At the end all scans are moved
- * together so that the first stays.
+ * Method:
+ * 1. Seed: the scan with the most points is placed first; again whenever no remaining scan has a
+ *    match.
+ * 2. In every round each remaining scan is matched by ICP with all placed scans, from its initial
+ *    pose moved by the common motion of these, and from that pose turned left and right.
+ * 3. The match of highest score is placed: the overlap over the mean distance of the pairs, times
+ *    the root of the number of points.
+ * 4. At the end all scans are moved together so that the first stays.
  *
- * Limits: a scan that is placed wrongly draws others with it. Where the poses are right within a
- * few degrees already the links alone do better. Matches grow with the square of the scans.
- *
- * Source: the sequence of Borrmann et al. 2008, Globally consistent 3D mapping with scan
- * matching: ICP scan by scan, then global relaxation; best first instead of in the order of the
- * file, which is not known here. */
+ * Limits: errors accumulate: a wrongly placed scan attracts others. From poses right within a few
+ * degrees the links alone are better. The number of matches grows with the square of the scans.
+ * Source: the sequence of Borrmann et al. 2008, Globally consistent 3D mapping with scan matching:
+ * ICP scan by scan, then global relaxation; best first instead of in the order of the file, which
+ * is unknown here. */
 #include "src/core/build.h"
 
 #include "src/mapping/lum_work.h"
 
-enum { ITERATIONS = 60, UNITS_POINTS = 4, UNITS_SCANS = 4 };
+enum { MAX_ITERATIONS = 60, POINTS_PER_UNIT = 4, SCANS_PER_UNIT = 4 };
 
-/* m: what a heading counts for in the common motion. */
-static const cairn_real AHEAD = 1;
+/* m: lever arm that weights headings in the common motion. */
+static const cairn_real HEADING_ARM_M = 1;
 
-/* Times the turn of the params. */
-static const int32_t TURNS[] = {0, -1, 1};
+/* Start headings, in multiples of params.registration_angle. */
+static const int32_t HEADING_STEPS[] = {0, -1, 1};
 
 cairn_icp_params cairn_lum_register_icp(const cairn_lum_params *params)
 {
     cairn_icp_params icp = cairn_icp_default();
 
     icp.max_target = params->max_points;
-    icp.max_iterations = ITERATIONS;
+    icp.max_iterations = MAX_ITERATIONS;
     icp.gate_start = params->register_gate;
     icp.gate_end = params->distance / 2;
     icp.gate_factor = CAIRN_REAL(1.5);
@@ -50,11 +51,11 @@ void cairn_lum_register_carve(struct lum_register *r, cairn_pool *pool,
     r->is_placed = cairn_pool_take(pool, scans, sizeof *r->is_placed);
 }
 
-void cairn_lum_register_add(cairn_lum *l, const cairn_oriented_point *points, int32_t count)
+void cairn_lum_register_add(cairn_lum *lum, const cairn_oriented_point *points, int32_t count)
 {
-    struct lum_register *r = &l->registers;
-    cairn_real spacing = l->params.register_spacing;
-    int32_t scan = l->state.scans - 1, end, last = 0;
+    struct lum_register *r = &lum->registers;
+    cairn_real spacing = lum->params.register_spacing;
+    int32_t scan = lum->state.scans - 1, end, last = 0;
 
     if (scan == 0)
         r->first[0] = 0;
@@ -82,9 +83,9 @@ static void begin_round(struct lum_register *r)
     r->best.score = 0;
 }
 
-static void place(cairn_lum *l, int32_t scan, cairn_pose pose)
+static void place_scan(cairn_lum *lum, int32_t scan, cairn_pose pose)
 {
-    struct lum_register *r = &l->registers;
+    struct lum_register *r = &lum->registers;
     cairn_status status =
         cairn_icp_add_target(r->icp, r->points + r->first[scan], count_of(r, scan), pose, NULL);
 
@@ -93,17 +94,17 @@ static void place(cairn_lum *l, int32_t scan, cairn_pose pose)
     r->placed[scan] = pose;
     r->is_placed[scan] = 1;
     r->placed_count++;
-    r->motion = cairn_pose_fit(r->start, r->placed, r->is_placed, l->state.scans, AHEAD);
+    r->motion = cairn_pose_fit(r->start, r->placed, r->is_placed, lum->state.scans, HEADING_ARM_M);
     begin_round(r);
 }
 
-/* The scan with the most points of those that are not placed; -1: none has any. */
-static int32_t next_seed(const cairn_lum *l)
+/* Returns the scan with the most points among those not placed; -1: none has any. */
+static int32_t next_seed(const cairn_lum *lum)
 {
-    const struct lum_register *r = &l->registers;
+    const struct lum_register *r = &lum->registers;
     int32_t seed = -1, most = 0;
 
-    for (int32_t i = 0; i < l->state.scans; i++)
+    for (int32_t i = 0; i < lum->state.scans; i++)
         if (!r->is_placed[i] && count_of(r, i) > most) {
             most = count_of(r, i);
             seed = i;
@@ -111,13 +112,13 @@ static int32_t next_seed(const cairn_lum *l)
     return seed;
 }
 
-void cairn_lum_register_begin(cairn_lum *l)
+void cairn_lum_register_begin(cairn_lum *lum)
 {
-    struct lum_register *r = &l->registers;
+    struct lum_register *r = &lum->registers;
 
     cairn_icp_clear_target(r->icp);
-    for (int32_t i = 0; i < l->state.scans; i++) {
-        r->start[i] = l->scans[i].pose;
+    for (int32_t i = 0; i < lum->state.scans; i++) {
+        r->start[i] = lum->scans[i].pose;
         r->is_placed[i] = 0;
     }
     r->motion = cairn_pose_identity();
@@ -126,76 +127,76 @@ void cairn_lum_register_begin(cairn_lum *l)
     begin_round(r);
 }
 
-/* Places the best match of the round, or without one the first scan of a new piece; 0: there is
- * none. */
-static int32_t end_round(cairn_lum *l)
+/* Places the best match of the round, or without one the seed of a new component; 0: none is
+ * left. */
+static int32_t end_round(cairn_lum *lum)
 {
-    struct lum_register *r = &l->registers;
+    struct lum_register *r = &lum->registers;
     int32_t seed;
 
     if (r->best.scan >= 0) {
-        l->state.registered++;
-        place(l, r->best.scan, r->best.pose);
+        lum->state.registered++;
+        place_scan(lum, r->best.scan, r->best.pose);
         return 1;
     }
-    seed = next_seed(l);
+    seed = next_seed(lum);
     if (seed >= 0)
-        place(l, seed, cairn_pose_compose(r->motion, r->start[seed]));
+        place_scan(lum, seed, cairn_pose_compose(r->motion, r->start[seed]));
     return seed >= 0;
 }
 
-/* All that was placed becomes the map's, moved so that the first scan stays; the others go with
- * it. */
-static void commit(cairn_lum *l)
+/* Sets the map's poses from the placed ones, moved so that the first scan stays; unplaced scans get
+ * the common motion. */
+static void commit(cairn_lum *lum)
 {
-    struct lum_register *r = &l->registers;
+    struct lum_register *r = &lum->registers;
     cairn_pose back;
 
-    for (int32_t i = 0; i < l->state.scans; i++)
+    for (int32_t i = 0; i < lum->state.scans; i++)
         if (!r->is_placed[i])
             r->placed[i] = cairn_pose_compose(r->motion, r->start[i]);
     back = cairn_pose_compose(r->start[0], cairn_pose_inverse(r->placed[0]));
-    for (int32_t i = 1; i < l->state.scans; i++)
-        l->scans[i].pose = cairn_pose_compose(back, r->placed[i]);
+    for (int32_t i = 1; i < lum->state.scans; i++)
+        lum->scans[i].pose = cairn_pose_compose(back, r->placed[i]);
 }
 
-int32_t cairn_lum_register_next(cairn_lum *l, int32_t *units)
+int32_t cairn_lum_register_next(cairn_lum *lum, int32_t *units)
 {
-    struct lum_register *r = &l->registers;
+    struct lum_register *r = &lum->registers;
     cairn_status status;
     cairn_pose start;
     int32_t points, target = cairn_icp_target_count(r->icp);
 
-    while (r->scan < l->state.scans &&
+    while (r->scan < lum->state.scans &&
            (r->placed_count == 0 || r->is_placed[r->scan] || count_of(r, r->scan) == 0))
         r->scan++;
-    *units = 1 + l->state.scans / UNITS_SCANS;
-    if (r->scan == l->state.scans) {
-        if (end_round(l)) {
-            *units += (cairn_icp_target_count(r->icp) - target) / UNITS_POINTS;
+    *units = 1 + lum->state.scans / SCANS_PER_UNIT;
+    if (r->scan == lum->state.scans) {
+        if (end_round(lum)) {
+            *units += (cairn_icp_target_count(r->icp) - target) / POINTS_PER_UNIT;
             return 0;
         }
-        commit(l);
+        commit(lum);
         return 1;
     }
     points = count_of(r, r->scan);
     start = cairn_pose_compose(r->motion, r->start[r->scan]);
-    start.theta =
-        cairn_wrap_angle(start.theta + (cairn_real)TURNS[r->turn] * l->params.register_turn);
+    start.theta = cairn_wrap_angle(start.theta +
+                                   (cairn_real)HEADING_STEPS[r->turn] * lum->params.register_turn);
     status = cairn_icp_begin(r->icp, r->points + r->first[r->scan], points, start, NULL, NULL);
     CAIRN_ASSERT(status == CAIRN_OK);
     (void)status;
     r->matching = 1;
-    *units += points / UNITS_POINTS;
+    *units += points / POINTS_PER_UNIT;
     return 0;
 }
 
-void cairn_lum_register_matched(cairn_lum *l)
+void cairn_lum_register_matched(cairn_lum *lum)
 {
-    struct lum_register *r = &l->registers;
+    struct lum_register *r = &lum->registers;
     cairn_icp_result result = cairn_icp_read(r->icp);
     cairn_real score = result.overlap * cairn_sqrt((cairn_real)count_of(r, r->scan)) /
-                       (result.mean_distance + l->params.sigma);
+                       (result.mean_distance + lum->params.sigma);
 
     r->matching = 0;
     if (result.verdict != CAIRN_ICP_TOO_FEW_PAIRS && score > r->best.score) {
@@ -203,7 +204,7 @@ void cairn_lum_register_matched(cairn_lum *l)
         r->best.pose = result.target_query;
         r->best.scan = r->scan;
     }
-    if (++r->turn == (l->params.register_turn > 0 ? 3 : 1)) {
+    if (++r->turn == (lum->params.register_turn > 0 ? 3 : 1)) {
         r->turn = 0;
         r->scan++;
     }

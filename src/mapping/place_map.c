@@ -1,30 +1,28 @@
-/* Mapping of places without odometry.
+/* place_map: global map of places without odometry; the object, its params, scans and results.
  *
- * Round 0 matches all pairs of places, the full circle and all positions. Every hypothesis is
- * weighed by what the two places saw (place_map_sight.c) and goes into the consensus as so many
- * nats; the same evidence judges pairs for which no hypothesis agrees with the poses that a map
- * gives them, so that a place cannot come to lie where it contradicts others that it was never
- * matched with. Before it is weighed a hypothesis goes to the nearest pose of more evidence:
- * matches align faces of walls, and their other sides, rough surfaces and bodies tell where the
- * faces that are shared are few. In each further round, while the map changes, every place is
- * matched with the map of all others of its part, which shows more of what the place saw than any
- * one of them, and every other part as a whole; what is found becomes hypotheses of the pairs that
- * support it, and the consensus is asked again. At the end the places are aligned by ICP, each with
- * all others, in turn, and on request their scans each by itself, one after the other or all at
- * once.
+ * Method:
+ * 1. Visibility grid of each place (place_map_sight.c).
+ * 2. Round 0: global scan matching of all pairs of places, over the full circle and all positions.
+ * 3. Each hypothesis is moved to the nearest local maximum of its likelihood: matches align faces
+ *    of walls, and opposite faces, rough surfaces and bodies determine the pose where few faces are
+ *    shared. Its log-likelihood ratio becomes its score.
+ * 4. Consensus (pose_consensus). The same likelihood evaluates pairs without an agreeing
+ *    hypothesis, so that no place gets a pose that contradicts places it was never matched with. A
+ *    place in a map is evaluated against all others of its component jointly, each surface once
+ *    (place_map_among.c).
+ * 5. Further rounds, while the map changes: every place, and every smaller component as a whole, is
+ *    matched with the map of all others, which shows more of the place than any single one. The
+ *    results become hypotheses of the pairs that support them; back to 3.
+ * 6. ICP refinement of each place with all others, in turn; on request of each scan, sequentially
+ *    or jointly.
  *
  * Layout: points and beams of all scans side by side, in the frames of the scans. Scratch for one
  * query.
- *
- * Hypotheses are weighed pair by pair, a place in a map by what all others of its part saw
- * together, each surface once (place_map_among.c).
- *
- * Limits: the pairs grow with the square of the places. Evidence counts every point by itself,
- * though points of one wall hang together: nats are worth comparing, not to be taken as odds; about
- * four of them are one.
- *
- * Source: Adluru 2008, chapter 6; the sequential mode is its order of matching, mode as_written
- * all of it (place_map_written.c). */
+ * Limits: the number of pairs grows with the square of the places. The likelihood counts every
+ * point as independent, though points of one wall are correlated: nats can be compared, but are no
+ * odds; about four of them are one.
+ * Source: Adluru 2008, chapter 6; the sequential mode is its order of matching, mode as written all
+ * of it (place_map_written.c). */
 #include "src/core/build.h"
 
 #include <string.h>
@@ -59,11 +57,11 @@ cairn_place_map_params cairn_place_map_default(void)
     params.match = cairn_scan_match_default();
     params.match.max_candidates = 768;
     params.match.max_hypotheses = 40;
-    /* among so many candidates, sharper peaks count more */
+    /* with this many candidates, sharper peaks are better */
     params.match.once = 0;
     params.consensus = cairn_pose_consensus_default();
     params.consensus.max_hypotheses = 4096;
-    /* nats of points that hang together are worth less */
+    /* nats of correlated points overstate the likelihood */
     params.consensus.ambiguous = CAIRN_REAL(1e-5);
     params.consensus.believed = 12;
     params.aligner = cairn_aligner_default();
@@ -88,8 +86,9 @@ static int is_written(const cairn_place_map_params *p)
     return p->mode == CAIRN_PLACE_MAP_AS_WRITTEN;
 }
 
-/* The match is one of those as written, and scans are decoupled by its ICP or not at all. */
-static int written_is_good(const cairn_place_map_params *p)
+/* Returns 1 when the match mode is one as written, and scans are decoupled by its ICP or not at
+ * all. */
+static int written_is_valid(const cairn_place_map_params *p)
 {
     cairn_scan_match_mode match = p->match.mode;
     int has_icp =
@@ -106,7 +105,7 @@ static int is_positive(cairn_real x)
     return x > 0 && x <= CAIRN_REAL(1e6);
 }
 
-static int counts_are_good(const cairn_place_map_params *p)
+static int counts_are_valid(const cairn_place_map_params *p)
 {
     return p->mode >= CAIRN_PLACE_MAP_CONSENSUS && p->mode <= CAIRN_PLACE_MAP_SEQUENTIAL &&
            p->max_places >= 2 && p->max_places <= MAX_PLACES && p->max_scans >= p->max_places &&
@@ -117,9 +116,9 @@ static int counts_are_good(const cairn_place_map_params *p)
            p->decoupled <= CAIRN_PLACE_MAP_JOINTLY;
 }
 
-static int params_are_good(const cairn_place_map_params *p)
+static int params_are_valid(const cairn_place_map_params *p)
 {
-    return p != NULL && counts_are_good(p) && (!is_written(p) || written_is_good(p)) &&
+    return p != NULL && counts_are_valid(p) && (!is_written(p) || written_is_valid(p)) &&
            is_positive(p->sight_reach) && is_positive(p->sight_cell) &&
            is_positive(p->sight_margin) && p->sight_margin <= 20 * p->sight_cell &&
            is_positive(p->for_point) && is_positive(p->for_floating) && is_positive(p->for_back) &&
@@ -128,13 +127,13 @@ static int params_are_good(const cairn_place_map_params *p)
            p->chance >= 0 && p->chance <= CAIRN_REAL(1e6) && cairn_place_map_side(p) > 0;
 }
 
-/* Places that mode as_written matches with. */
+/* Returns the number of places that mode AS_WRITTEN matches with. */
 static int32_t written_target(const cairn_place_map_params *params)
 {
     return params->recent < params->max_places - 1 ? params->recent : params->max_places - 1;
 }
 
-/* Params of the objects within: the capacities follow from those of the map. */
+/* Params of the inner objects: capacities follow from those of the map. */
 static cairn_scan_match_params match_params(const cairn_place_map_params *params)
 {
     cairn_scan_match_params match = params->match;
@@ -216,7 +215,7 @@ static cairn_place_map *carve(cairn_pool *pool, const cairn_place_map_params *pa
     return map;
 }
 
-/* 0 when one of the objects within refuses its params. */
+/* Returns 0 when an inner object refuses its params. */
 static int count_objects(cairn_pool *counting, const cairn_place_map_params *params)
 {
     cairn_scan_match_params match = match_params(params);
@@ -240,7 +239,7 @@ size_t cairn_place_map_memory(const cairn_place_map_params *params)
 {
     cairn_pool counting;
 
-    if (!params_are_good(params))
+    if (!params_are_valid(params))
         return 0;
     cairn_pool_init_counting(&counting);
     (void)carve(&counting, params);
@@ -296,7 +295,7 @@ void cairn_place_map_clear(cairn_place_map *map)
         cairn_aligner_clear(map->aligner);
 }
 
-/* Points and beams that are kept of a scan: as written, its readings. */
+/* Points and beams stored of a scan: as written, its readings. */
 static int32_t points_of(const cairn_place_map *map, const cairn_scan_view *view)
 {
     int32_t count = 0;
@@ -369,9 +368,8 @@ cairn_status cairn_place_map_add_scan(cairn_place_map *map, int32_t place,
     scan->beam_count = beams_of(map, view);
     if (is_written(&map->params)) {
         (void)cairn_scan_match_readings(view, map->points + map->point_count);
-        scan->map_scan =
-            /* of a place that was mapped before */
-            cairn_pose_compose(map->places[place].map_place, place_scan);
+        /* the place may have been mapped before */
+        scan->map_scan = cairn_pose_compose(map->places[place].map_place, place_scan);
     } else {
         memcpy(map->points + map->point_count, view->points,
                (size_t)view->point_count * sizeof *map->points);
@@ -404,7 +402,7 @@ cairn_status cairn_place_map_begin(cairn_place_map *map)
     map->next = map->place = map->query = map->round = map->sweep = map->running = map->is_judged =
         map->debt = 0;
     if (is_written(&map->params))
-        map->query = 1; /* the first place is where the map begins */
+        map->query = 1; /* the first place is the origin of the map */
     for (int32_t i = 0; i < map->place_count; i++) {
         map->places[i].map_place = cairn_pose_identity();
         map->places[i].part = 0;
@@ -463,7 +461,7 @@ cairn_status cairn_place_map_step(cairn_place_map *map, cairn_budget *budget)
     return CAIRN_OK;
 }
 
-/* ---- Readers ---- */
+/* ---- Results ---- */
 
 static int has_result(const cairn_place_map *map)
 {

@@ -1,22 +1,23 @@
-/* place_map: matching, agreeing and refining, item by item. */
+/* place_map: matching, consensus and refinement, item by item. */
 #include "src/core/build.h"
 
 #include <string.h>
 
 #include "src/mapping/place_map_work.h"
 
-enum { POINTS_TO_UNIT = 16, CELLS_TO_UNIT = 1024, DECOUPLED_SWEEPS = 10 };
+enum { POINTS_PER_UNIT = 16, CELLS_PER_UNIT = 1024, DECOUPLED_SWEEPS = 10 };
 
-/* What a scan may be off within its place, when it is aligned by itself. */
-static const cairn_real SUB_SIGMA = CAIRN_REAL(0.03);
-static const cairn_real SUB_SIGMA_ANGLE = CAIRN_REAL(0.02);
+/* m and rad: standard deviations of a scan's pose within its place, for its individual
+ * alignment. */
+static const cairn_real SCAN_SIGMA_M = CAIRN_REAL(0.03);
+static const cairn_real SCAN_SIGMA_RAD = CAIRN_REAL(0.02);
 
-/* Nats of a pair that are worth keeping: bodies that have walked speak against a pose until the
- * map tells. */
-static const cairn_real LEAST_EVIDENCE = -3;
+/* nats: least log-likelihood ratio of a stored pair; moving people penalize a pose until the map
+ * invalidates their points. */
+static const cairn_real MIN_PAIR_NATS = -3;
 
-/* m: a place that the consensus moves farther has changed the map. */
-static const cairn_real MOVED = CAIRN_REAL(0.3);
+/* m: a place that the consensus moves farther changes the map. */
+static const cairn_real MAX_UNMOVED_M = CAIRN_REAL(0.3);
 
 void cairn_place_map_enter(cairn_place_map *map, cairn_place_map_phase phase)
 {
@@ -24,15 +25,15 @@ void cairn_place_map_enter(cairn_place_map *map, cairn_place_map_phase phase)
     map->next = map->running = 0;
 }
 
-/* ---- Sight ---- */
+/* ---- Visibility grids ---- */
 
-static void see_item(cairn_place_map *map)
+static void visibility_item(cairn_place_map *map)
 {
     size_t cells = (size_t)map->side * (size_t)map->side;
 
     if (map->next == 0) {
         memset(map->sight + (size_t)map->place * cells, CAIRN_SIGHT_UNKNOWN, cells);
-        map->debt += 1 + (int32_t)(cells / CELLS_TO_UNIT);
+        map->debt += 1 + (int32_t)(cells / CELLS_PER_UNIT);
     }
     if (cairn_place_map_see(map, map->place, map->next)) {
         map->next++;
@@ -50,8 +51,8 @@ static void see_item(cairn_place_map *map)
 
 /* ---- Matching ---- */
 
-/* The points of a scan that are worth matching: not those on bodies, until a map tells which of
- * them have stayed. */
+/* Copies the points of a scan for matching: without dynamic-object candidates, until a map shows
+ * which of them are static. */
 static int32_t copy_points(const cairn_place_map *map, const cairn_place_scan *scan,
                            cairn_pose pose, cairn_oriented_point *out)
 {
@@ -83,11 +84,11 @@ static void add_to_target(cairn_place_map *map, int32_t place, cairn_pose target
 
         CAIRN_ASSERT(status == CAIRN_OK);
         (void)status;
-        map->debt += (scan->point_count + scan->beam_count) / POINTS_TO_UNIT;
+        map->debt += (scan->point_count + scan->beam_count) / POINTS_PER_UNIT;
     }
 }
 
-/* Whether a place belongs to the map that the query is matched with. */
+/* Returns 1 when a place is part of the target of the current query. */
 static int is_target(const cairn_place_map *map, int32_t place)
 {
     if (map->params.mode == CAIRN_PLACE_MAP_SEQUENTIAL)
@@ -123,9 +124,9 @@ static void add_to_query(cairn_place_map *map, const cairn_place_scan *scan, cai
     }
 }
 
-/* Whether a place goes with the query: it is the query, or one of the same part beside the
- * largest, which is looked for as a whole. */
-static int is_asked(const cairn_place_map *map, int32_t place)
+/* Returns 1 when a place is part of the query: the query itself, or a place of the same smaller
+ * component, which is matched as a whole. */
+static int is_in_query(const cairn_place_map *map, int32_t place)
 {
     int32_t part = map->places[map->query].part;
 
@@ -133,8 +134,8 @@ static int is_asked(const cairn_place_map *map, int32_t place)
                                    part > 0 && map->places[place].part == part);
 }
 
-/* The points of the query in the frame of its place, with those of all places that go with it;
- * beams are its own, as free space is known from one place at a time. */
+/* Returns the points of the query in the frame of its place, with those of all places of the query;
+ * its beams are its own, as free space is known from one place at a time. */
 static cairn_scan_match_part query_part(cairn_place_map *map)
 {
     cairn_scan_match_part part = {map->query_points, NULL, map->query_beams, 0, 0, 0};
@@ -145,20 +146,20 @@ static cairn_scan_match_part query_part(cairn_place_map *map)
         cairn_pose query_place = i == map->query ? cairn_pose_identity()
                                                  : cairn_pose_between(map_query, here->map_place);
 
-        if (!is_asked(map, i))
+        if (!is_in_query(map, i))
             continue;
         for (int32_t s = here->first_scan; s < here->first_scan + here->scan_count; s++)
             add_to_query(map, &map->scans[s],
                          cairn_pose_compose(query_place, map->scans[s].place_scan), &part);
     }
-    map->debt += (part.count + part.beam_count) / POINTS_TO_UNIT;
+    map->debt += (part.count + part.beam_count) / POINTS_PER_UNIT;
     return part;
 }
 
-/* Of a match with a map: what it says about two places, one of the map and one that was asked
- * for, if they have evidence for it. */
-static void take_pair(cairn_place_map *map, int32_t target, int32_t asked,
-                      const cairn_scan_match_hypothesis *h)
+/* Adds the hypothesis of two places, one of the target and one of the query, that follows from a
+ * match with a map, if its log-likelihood ratio is positive. */
+static void add_pair_of_map_match(cairn_place_map *map, int32_t target, int32_t asked,
+                                  const cairn_scan_match_hypothesis *h)
 {
     cairn_pose map_target = map->places[target].map_place;
     cairn_pose query_asked =
@@ -174,15 +175,15 @@ static void take_pair(cairn_place_map *map, int32_t target, int32_t asked,
     cairn_place_map_keep(map, target, asked, seen, covariance);
 }
 
-static void take_in_map(cairn_place_map *map, const cairn_scan_match_hypothesis *h)
+static void add_map_match(cairn_place_map *map, const cairn_scan_match_hypothesis *h)
 {
     for (int32_t i = 0; i < map->place_count; i++)
         for (int32_t k = 0; k < map->place_count && is_target(map, i); k++)
-            if (is_asked(map, k))
-                take_pair(map, i, k, h);
+            if (is_in_query(map, k))
+                add_pair_of_map_match(map, i, k, h);
 }
 
-static void take_result(cairn_place_map *map)
+static void store_match(cairn_place_map *map)
 {
     cairn_scan_match_result found = cairn_scan_match_read(map->match);
 
@@ -196,15 +197,15 @@ static void take_result(cairn_place_map *map)
         const cairn_scan_match_hypothesis *h = &found.hypotheses[k];
 
         if (map->round > 0)
-            take_in_map(map, h);
+            add_map_match(map, h);
         else if (cairn_place_map_weigh(map, map->place, map->query, h->target_query) >
-                 LEAST_EVIDENCE)
+                 MIN_PAIR_NATS)
             cairn_place_map_keep(map, map->place, map->query, h->target_query, h->covariance);
     }
 }
 
-/* In the rounds a part beside the largest is looked for once, as a whole. */
-static int is_asked_before(const cairn_place_map *map, int32_t query)
+/* Returns 1 when the query's smaller component was already matched in this round. */
+static int was_matched(const cairn_place_map *map, int32_t query)
 {
     int32_t part = map->places[query].part;
 
@@ -214,14 +215,14 @@ static int is_asked_before(const cairn_place_map *map, int32_t query)
     return 0;
 }
 
-/* The next query, and its target when that is another one. */
+/* Advances to the next query, and to its target when that changes. */
 static void next_match(cairn_place_map *map)
 {
     int is_pair = map->params.mode == CAIRN_PLACE_MAP_CONSENSUS && map->round == 0;
 
     do
         map->query++;
-    while (map->query < map->place_count && is_asked_before(map, map->query));
+    while (map->query < map->place_count && was_matched(map, map->query));
     if (is_pair && map->query >= map->place_count) {
         map->place++;
         map->query = map->place + 1;
@@ -257,16 +258,16 @@ static void match_item(cairn_place_map *map, cairn_budget *budget)
         return;
     }
     if (cairn_scan_match_step(map->match, budget) == CAIRN_OK) {
-        take_result(map);
+        store_match(map);
         next_match(map);
     }
 }
 
 /* ---- Consensus ---- */
 
-/* Evidence of two places, for the consensus. */
-static cairn_real judge(void *context, int32_t first, int32_t second, cairn_pose first_second,
-                        int32_t *units)
+/* Pairwise likelihood function of the consensus. */
+static cairn_real pair_likelihood(void *context, int32_t first, int32_t second,
+                                  cairn_pose first_second, int32_t *units)
 {
     const cairn_place_map *map = context;
 
@@ -274,17 +275,17 @@ static cairn_real judge(void *context, int32_t first, int32_t second, cairn_pose
     return cairn_place_map_evidence(map, first, second, first_second);
 }
 
-/* Evidence of a place among all others of a part, for the consensus. */
-static cairn_real judge_among(void *context, int32_t place, cairn_pose map_place,
-                              const cairn_pose *map_places, const int32_t *parts, int32_t part,
-                              cairn_real *against, int32_t *units)
+/* Joint likelihood function of the consensus. */
+static cairn_real joint_likelihood(void *context, int32_t place, cairn_pose map_place,
+                                   const cairn_pose *map_places, const int32_t *parts, int32_t part,
+                                   cairn_real *against, int32_t *units)
 {
     return cairn_place_map_among(context, place, map_place, map_places, parts, part, against,
                                  units);
 }
 
-/* Everything is weighed anew in each round, as fewer points are trusted. */
-static void weigh_item(cairn_place_map *map)
+/* Scores one hypothesis; all are scored again in each round, as fewer points are valid. */
+static void score_item(cairn_place_map *map)
 {
     cairn_pose_hypothesis *h = &map->hypotheses[map->next];
 
@@ -293,8 +294,8 @@ static void weigh_item(cairn_place_map *map)
 
         CAIRN_ASSERT(status == CAIRN_OK);
         (void)status;
-        cairn_pose_consensus_judge_by(map->consensus, judge, map);
-        cairn_pose_consensus_jury_by(map->consensus, judge_among, map);
+        cairn_pose_consensus_judge_by(map->consensus, pair_likelihood, map);
+        cairn_pose_consensus_jury_by(map->consensus, joint_likelihood, map);
         map->result.hypotheses = 0;
         map->debt += 1 + map->place_count;
     }
@@ -312,7 +313,7 @@ static void weigh_item(cairn_place_map *map)
         map->result.hypotheses++;
 }
 
-static void take_consensus(cairn_place_map *map)
+static void store_consensus(cairn_place_map *map)
 {
     cairn_consensus_result found = cairn_pose_consensus_read(map->consensus);
 
@@ -326,21 +327,21 @@ static void take_consensus(cairn_place_map *map)
 
         map->moved +=
             node.part != map->places[i].part ||
-            cairn_abs(node.map_node.x - before.x) + cairn_abs(node.map_node.y - before.y) > MOVED;
+            cairn_abs(node.map_node.x - before.x) + cairn_abs(node.map_node.y - before.y) >
+                MAX_UNMOVED_M;
         map->places[i].map_place = node.map_node;
         map->places[i].part = node.part;
     }
 }
 
-/* Rounds go on while the map changes. */
+/* Rounds continue while the map changes. */
 static int is_last_round(const cairn_place_map *map)
 {
     return map->round >= map->params.rounds || map->moved == 0;
 }
 
-/* Where the last map may hang together by chance is told; before, what hangs by little may yet
- * be found to hang by more. */
-static void agree_item(cairn_place_map *map, cairn_budget *budget)
+/* Submaps are searched in the last map only: earlier, weak links may still get more support. */
+static void consensus_item(cairn_place_map *map, cairn_budget *budget)
 {
     if (!map->running) {
         cairn_status status = cairn_pose_consensus_begin(map->consensus);
@@ -350,7 +351,7 @@ static void agree_item(cairn_place_map *map, cairn_budget *budget)
         map->debt += 1 + map->place_count;
         map->running = 1;
     } else if (cairn_pose_consensus_step(map->consensus, budget) == CAIRN_OK) {
-        take_consensus(map);
+        store_consensus(map);
         if (!is_last_round(map) || map->is_judged) {
             map->query = map->place = map->sweep = 0;
             cairn_place_map_enter(map, CAIRN_PLACE_MAP_DOUBT);
@@ -365,7 +366,7 @@ static void agree_item(cairn_place_map *map, cairn_budget *budget)
     }
 }
 
-/* Places of part 0. */
+/* Returns the number of places of component 0. */
 static int32_t count_placed(const cairn_place_map *map)
 {
     int32_t placed = 0;
@@ -375,8 +376,8 @@ static int32_t count_placed(const cairn_place_map *map)
     return placed;
 }
 
-/* What is aligned at the end must have stayed where it was. */
-static void doubt_item(cairn_place_map *map)
+/* Classifies the points of one place: only static ones are aligned at the end. */
+static void classify_item(cairn_place_map *map)
 {
     if (map->next < map->place_count) {
         cairn_place_map_doubt(map, map->next++, map->is_judged);
@@ -390,8 +391,8 @@ static void doubt_item(cairn_place_map *map)
 
 /* ---- Refinement ---- */
 
-/* Points of all scans of a place's part become the target, but those of the place, or of the one
- * scan, and those in doubt. */
+/* Sets the ICP target: valid points of all scans of the place's component, without those of the
+ * place, or of the one scan. */
 static void target_others(cairn_place_map *map, int32_t place, int32_t only_scan)
 {
     cairn_icp_clear_target(map->icp);
@@ -407,7 +408,7 @@ static void target_others(cairn_place_map *map, int32_t place, int32_t only_scan
         status = cairn_icp_add_target(map->icp, map->query_points, count, scan->map_scan, NULL);
         CAIRN_ASSERT(status == CAIRN_OK);
         (void)status;
-        map->debt += scan->point_count / POINTS_TO_UNIT;
+        map->debt += scan->point_count / POINTS_PER_UNIT;
     }
     map->debt++;
 }
@@ -429,7 +430,7 @@ static int32_t first_of_part(const cairn_place_map *map, int32_t place)
     return first;
 }
 
-/* The last places first, as they need the first one's as it is. */
+/* The last places first, as they need the first one's pose unchanged. */
 void cairn_place_map_finish(cairn_place_map *map)
 {
     cairn_place_map_result *result = &map->result;
@@ -449,7 +450,7 @@ void cairn_place_map_finish(cairn_place_map *map)
     cairn_place_map_enter(map, CAIRN_PLACE_MAP_DONE);
 }
 
-/* Aligns a place with all others of its part, in turn. */
+/* Aligns a place with all others of its component, in turn. */
 static void refine_item(cairn_place_map *map, cairn_budget *budget)
 {
     cairn_place *here = &map->places[map->place];
@@ -502,7 +503,7 @@ static void decouple_item(cairn_place_map *map, cairn_budget *budget)
     cairn_place_scan *scan = &map->scans[map->place];
 
     if (!map->running) {
-        cairn_pose_prior prior = {scan->map_scan, SUB_SIGMA, SUB_SIGMA, SUB_SIGMA_ANGLE};
+        cairn_pose_prior prior = {scan->map_scan, SCAN_SIGMA_M, SCAN_SIGMA_M, SCAN_SIGMA_RAD};
 
         target_others(map, scan->place, map->place);
         map->running = cairn_icp_begin(map->icp, map->points + scan->first_point, scan->point_count,
@@ -528,20 +529,20 @@ static void decouple_item(cairn_place_map *map, cairn_budget *budget)
         cairn_place_map_finish(map);
 }
 
-/* Parts lie so far apart, m, that the aligner does not see them together. */
-static cairn_real apart(const cairn_place_map *map, int32_t place)
+/* Returns an offset, m, that keeps the components out of each other's range in the aligner. */
+static cairn_real component_offset(const cairn_place_map *map, int32_t place)
 {
     return CAIRN_REAL(1e3) * (cairn_real)map->places[place].part;
 }
 
-static void take_aligned(cairn_place_map *map)
+static void store_alignment(cairn_place_map *map)
 {
     for (int32_t s = map->scan_count - 1; s >= 0; s--) {
         cairn_place_scan *scan = &map->scans[s];
         cairn_place *here = &map->places[scan->place];
         cairn_aligner_pose found = cairn_aligner_pose_of(map->aligner, s);
 
-        found.map_scan.x -= apart(map, scan->place);
+        found.map_scan.x -= component_offset(map, scan->place);
         scan->map_scan = found.map_scan;
         map->result.decoupled += found.placed;
         if (s == here->first_scan)
@@ -551,8 +552,8 @@ static void take_aligned(cairn_place_map *map)
     map->debt += map->scan_count;
 }
 
-/* All scans at once, each from where its place lies. */
-static void join_item(cairn_place_map *map, cairn_budget *budget)
+/* Joint alignment of all scans, from the poses of their places. */
+static void align_jointly_item(cairn_place_map *map, cairn_budget *budget)
 {
     cairn_status status = CAIRN_OK;
 
@@ -560,7 +561,7 @@ static void join_item(cairn_place_map *map, cairn_budget *budget)
         for (int32_t s = 0; s < map->scan_count && status == CAIRN_OK; s++) {
             cairn_pose start = map->scans[s].map_scan;
 
-            start.x += apart(map, map->scans[s].place);
+            start.x += component_offset(map, map->scans[s].place);
             status = cairn_aligner_start_at(map->aligner, s, start);
         }
         if (status == CAIRN_OK)
@@ -570,7 +571,7 @@ static void join_item(cairn_place_map *map, cairn_budget *budget)
         if (!map->running)
             cairn_place_map_finish(map);
     } else if (cairn_aligner_step(map->aligner, budget) == CAIRN_OK) {
-        take_aligned(map);
+        store_alignment(map);
         cairn_place_map_finish(map);
     }
 }
@@ -583,7 +584,7 @@ void cairn_place_map_item(cairn_place_map *map, cairn_budget *budget)
     }
     switch (map->phase) {
     case CAIRN_PLACE_MAP_SIGHT:
-        see_item(map);
+        visibility_item(map);
         break;
     case CAIRN_PLACE_MAP_TARGET:
         make_target(map);
@@ -592,13 +593,13 @@ void cairn_place_map_item(cairn_place_map *map, cairn_budget *budget)
         match_item(map, budget);
         break;
     case CAIRN_PLACE_MAP_WEIGH:
-        weigh_item(map);
+        score_item(map);
         break;
     case CAIRN_PLACE_MAP_AGREE:
-        agree_item(map, budget);
+        consensus_item(map, budget);
         break;
     case CAIRN_PLACE_MAP_DOUBT:
-        doubt_item(map);
+        classify_item(map);
         break;
     case CAIRN_PLACE_MAP_REFINE:
         refine_item(map, budget);
@@ -607,7 +608,7 @@ void cairn_place_map_item(cairn_place_map *map, cairn_budget *budget)
         decouple_item(map, budget);
         break;
     default:
-        join_item(map, budget);
+        align_jointly_item(map, budget);
         break;
     }
 }

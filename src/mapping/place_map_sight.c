@@ -1,53 +1,56 @@
-/* place_map: what places saw, by cells, and what two of them say for a relative pose.
+/* place_map: visibility grids of the places, and the pairwise likelihood of a relative pose.
  *
- * A beam clears the cells that it crosses up to a margin before its end; cells within the margin of
- * a hit are surface, with the direction of the nearest line where there is one, and what no beam
- * cleared just behind a surface may be the inside of a wall. A point of another place on a surface
- * of its direction speaks for the pose, one in a cell that was seen free against it, as walls
- * cannot stand where another scan saw through; what tells most between places that see little in
- * common is the other side of a wall, which hardly ever comes to lie behind a surface by chance.
- *
- * Small round things with free space beside them may be people: in another place's free space
- * they say next to nothing, on one another much, as those that stay are few and apart. What a
- * point weighs follows a logistic regression of right against wrong hypotheses in simulated
- * arenas, bare, with tilted scans and with people. */
+ * Method:
+ * 1. A beam clears the cells on its way up to a margin before its end.
+ * 2. Cells within the margin of a hit are surface, with the direction of the nearest line if any.
+ *    Uncleared cells just behind a surface may be the inside of a wall.
+ * 3. Pairwise likelihood: a point of the other place on a surface of its direction supports the
+ *    pose; a point in free space is a free-space violation. Between places with little overlap the
+ *    most informative observation is the opposite face of a wall, which hardly ever lies behind a
+ *    surface by chance.
+ * 4. Dynamic-object candidates: small round bodies with free space beside them may be people. In
+ *    free space they count almost nothing, on one another much, as static ones are few and apart.
+ * 5. The weights are those of a logistic regression of correct against wrong hypotheses in
+ *    simulated arenas, bare, with tilted scans and with people.
+ * 6. Points at which other places of the map observed free space are invalidated. */
 #include "src/core/build.h"
 
 #include <string.h>
 
 #include "src/mapping/place_map_work.h"
 
-enum { MOST_CELLS = 4096, CELLS_TO_UNIT = 16, POINTS_TO_UNIT = 32 };
+enum { MAX_SIDE_CELLS = 4096, CELLS_PER_UNIT = 16, POINTS_PER_UNIT = 32 };
 
-/* Surfaces agree when their directions differ by less than this cosine and half a bin, and are
- * the two sides of a wall when one of them turned about would agree. */
-static const cairn_real LEAST_COSINE = CAIRN_REAL(0.8);
-/* Of so many points on other sides of walls each counts half: those of one wall tell no more
- * than that there is one. */
-static const cairn_real MANY = 16;
-static const cairn_real BACKS_MOST = 4; /* times the rest that speaks for a pose */
-/* Walls may be so thick, m. */
-static const cairn_real THICKEST = CAIRN_REAL(0.25);
-/* Neighbouring beams that end farther apart in depth than this, m, are on different surfaces. */
-static const cairn_real JUMP = CAIRN_REAL(0.15);
-/* What is no broader than this, m, may be a body that walks, or two of them that stand together
- * and are seen whole. */
-static const cairn_real BODY = CAIRN_REAL(0.6), PAIR = 1;
-/* A body bulges from its chord by this share, and what is smaller, m, has too few hits to tell. */
-static const cairn_real BULGE = CAIRN_REAL(0.1), SMALL = CAIRN_REAL(0.2);
-/* A hit with no evenly spaced point so near, m, is on a rough surface. */
-static const cairn_real ROUGH = CAIRN_REAL(0.12);
-/* An evenly spaced point belongs to the beams that end so near, m. */
-static const cairn_real NEAR = CAIRN_REAL(0.08);
+/* Surfaces have equal directions when the cosine of their angle is above this; opposite faces of a
+ * wall when one reversed has. */
+static const cairn_real MIN_COSINE = CAIRN_REAL(0.8);
+/* Number of points on opposite faces from which each counts half (saturation): those of one wall
+ * are correlated. */
+static const cairn_real HALF_WEIGHT_COUNT = 16;
+/* greatest ratio of opposite faces to the other positive terms */
+static const cairn_real MAX_OPPOSITE_RATIO = 4;
+/* m: greatest thickness of a wall. */
+static const cairn_real MAX_WALL_THICKNESS_M = CAIRN_REAL(0.25);
+/* m: range difference of neighbouring hits on different surfaces. */
+static const cairn_real MAX_RANGE_STEP_M = CAIRN_REAL(0.15);
+/* m: greatest breadth of a moving body, and of two of them side by side that are seen whole. */
+static const cairn_real MAX_BODY_BREADTH_M = CAIRN_REAL(0.6), MAX_PAIR_BREADTH_M = 1;
+/* A body bulges from its chord by this share; below the second value, m, it has too few hits to
+ * tell. */
+static const cairn_real MIN_BULGE_RATIO = CAIRN_REAL(0.1), MIN_CHORD_M = CAIRN_REAL(0.2);
+/* m: a hit without an evenly spaced point within this distance is on a rough surface. */
+static const cairn_real MAX_SMOOTH_DISTANCE_M = CAIRN_REAL(0.12);
+/* m: an evenly spaced point belongs to the hits within this distance. */
+static const cairn_real MAX_HIT_DISTANCE_M = CAIRN_REAL(0.08);
 
 int32_t cairn_place_map_side(const cairn_place_map_params *params)
 {
     int32_t half = cairn_real_to_int(cairn_ceil(params->sight_reach / params->sight_cell));
 
-    return half >= 1 && half <= MOST_CELLS / 2 ? 2 * half : 0;
+    return half >= 1 && half <= MAX_SIDE_CELLS / 2 ? 2 * half : 0;
 }
 
-/* Index of the cell of a point in the place's frame; -1: beyond the reach. */
+/* Returns the cell of a point in the place's frame; -1: beyond the grid. */
 static int32_t cell_of(const cairn_place_map *map, cairn_vec2 p)
 {
     cairn_real by = 1 / map->params.sight_cell, half = (cairn_real)map->side / 2;
@@ -57,15 +60,15 @@ static int32_t cell_of(const cairn_place_map *map, cairn_vec2 p)
     return x < 0 || y < 0 || x >= map->side || y >= map->side ? -1 : y * map->side + x;
 }
 
-static uint8_t *sight_of(const cairn_place_map *map, int32_t place)
+static uint8_t *grid_of(const cairn_place_map *map, int32_t place)
 {
     return map->sight + (size_t)place * (size_t)map->side * (size_t)map->side;
 }
 
-/* Before anything is marked. */
+/* Clears the cells of a beam; before any marking. */
 static void clear_beam(cairn_place_map *map, int32_t place, const cairn_beam *beam)
 {
-    uint8_t *sight = sight_of(map, place);
+    uint8_t *grid = grid_of(map, place);
     cairn_vec2 along = cairn_vec2_sub(beam->to, beam->from), unit = cairn_vec2_unit(along);
     cairn_real step = map->params.sight_cell * CAIRN_REAL(0.7);
     cairn_real end =
@@ -77,23 +80,22 @@ static void clear_beam(cairn_place_map *map, int32_t place, const cairn_beam *be
             cell_of(map, cairn_vec2_add(beam->from, cairn_vec2_scale(unit, (cairn_real)k * step)));
 
         if (cell >= 0)
-            sight[cell] = CAIRN_SIGHT_FREE;
+            grid[cell] = CAIRN_SIGHT_FREE;
     }
-    map->debt += steps / CELLS_TO_UNIT;
+    map->debt += steps / CELLS_PER_UNIT;
 }
 
-/* A cell shows the most telling of what was seen there; of surfaces of known direction the
- * first. */
-static void mark(cairn_place_map *map, int32_t place, cairn_vec2 p, uint8_t value)
+/* Marks a cell; it keeps the most informative code, of surfaces with directions the first. */
+static void mark_cell(cairn_place_map *map, int32_t place, cairn_vec2 p, uint8_t value)
 {
     int32_t at = cell_of(map, p);
-    uint8_t *cell = at >= 0 ? &sight_of(map, place)[at] : NULL;
+    uint8_t *cell = at >= 0 ? &grid_of(map, place)[at] : NULL;
 
     if (cell != NULL && *cell < (value < CAIRN_SIGHT_DIRECTION ? value : CAIRN_SIGHT_DIRECTION))
         *cell = value;
 }
 
-/* Cells within the margin of p become `value`. */
+/* Marks the cells within the margin of p. */
 static void mark_surface(cairn_place_map *map, int32_t place, cairn_vec2 p, uint8_t value)
 {
     cairn_real cell = map->params.sight_cell, margin = map->params.sight_margin;
@@ -104,12 +106,12 @@ static void mark_surface(cairn_place_map *map, int32_t place, cairn_vec2 p, uint
             cairn_vec2 off = {(cairn_real)i * cell, (cairn_real)j * cell};
 
             if (cairn_vec2_norm_squared(off) <= margin * margin)
-                mark(map, place, cairn_vec2_add(p, off), value);
+                mark_cell(map, place, cairn_vec2_add(p, off), value);
         }
-    map->debt += 1 + (2 * reach + 1) * (2 * reach + 1) / CELLS_TO_UNIT;
+    map->debt += 1 + (2 * reach + 1) * (2 * reach + 1) / CELLS_PER_UNIT;
 }
 
-/* What no beam cleared behind a surface may be the inside of a wall, whose other side another
+/* Marks uncleared cells behind a surface as possible inside of a wall, whose opposite face another
  * place sees. */
 static void mark_behind(cairn_place_map *map, int32_t place, const cairn_oriented_point *point,
                         uint8_t value)
@@ -117,21 +119,21 @@ static void mark_behind(cairn_place_map *map, int32_t place, const cairn_oriente
     cairn_vec2 back =
         cairn_vec2_scale(cairn_vec2_left(point->direction), -map->params.sight_cell / 2);
     cairn_vec2 along = cairn_vec2_scale(point->direction, map->params.sight_cell / 2);
-    int32_t steps = cairn_real_to_int(cairn_ceil(THICKEST / map->params.sight_cell * 2));
+    int32_t steps =
+        cairn_real_to_int(cairn_ceil(MAX_WALL_THICKNESS_M / map->params.sight_cell * 2));
 
     for (int32_t k = 0; k < steps; k++)
         for (int32_t i = -1; i <= 1; i++) {
             cairn_vec2 p = cairn_vec2_add(point->position, cairn_vec2_scale(back, (cairn_real)k));
 
             p = cairn_vec2_add(p, cairn_vec2_scale(along, (cairn_real)i));
-            if (cell_of(map, p) >= 0 &&
-                sight_of(map, place)[cell_of(map, p)] == CAIRN_SIGHT_UNKNOWN)
-                mark(map, place, p, value);
+            if (cell_of(map, p) >= 0 && grid_of(map, place)[cell_of(map, p)] == CAIRN_SIGHT_UNKNOWN)
+                mark_cell(map, place, p, value);
         }
-    map->debt += 1 + 3 * steps / CELLS_TO_UNIT;
+    map->debt += 1 + 3 * steps / CELLS_PER_UNIT;
 }
 
-/* The nearest of the directions. */
+/* Returns the nearest of the quantized directions. */
 static uint8_t code_of(const cairn_place_map *map, cairn_vec2 direction)
 {
     int32_t best = 0;
@@ -150,20 +152,22 @@ static cairn_beam placed_beam(cairn_transform transform, cairn_beam beam)
     return beam;
 }
 
-/* 1 when a hit, in the frame of its scan, belongs to a surface that has points: only others are
+/* Returns 1 when a hit, in the frame of its scan, belongs to a surface with points; other hits are
  * rough. */
 static int has_point_near(cairn_place_map *map, const cairn_place_scan *scan, cairn_vec2 hit)
 {
     const cairn_oriented_point *points = &map->points[scan->first_point];
 
-    map->debt += 1 + scan->point_count / POINTS_TO_UNIT;
+    map->debt += 1 + scan->point_count / POINTS_PER_UNIT;
     for (int32_t i = 0; i < scan->point_count; i++)
-        if (cairn_vec2_norm_squared(cairn_vec2_sub(points[i].position, hit)) < ROUGH * ROUGH)
+        if (cairn_vec2_norm_squared(cairn_vec2_sub(points[i].position, hit)) <
+            MAX_SMOOTH_DISTANCE_M * MAX_SMOOTH_DISTANCE_M)
             return 1;
     return 0;
 }
 
-static void see_point(cairn_place_map *map, int32_t place, int32_t index, cairn_transform transform)
+static void mark_point(cairn_place_map *map, int32_t place, int32_t index,
+                       cairn_transform transform)
 {
     cairn_oriented_point point = {
         cairn_transform_point(transform, map->points[index].position),
@@ -178,7 +182,7 @@ static void see_point(cairn_place_map *map, int32_t place, int32_t index, cairn_
     mark_behind(map, place, &point, (uint8_t)(CAIRN_SIGHT_BEHIND + code));
 }
 
-/* Items: all beams clear, then all points mark, then all hits mark that have no point near them. */
+/* Items in three passes: all beams clear, all points mark, all hits without a near point mark. */
 int32_t cairn_place_map_see(cairn_place_map *map, int32_t place, int32_t item)
 {
     const cairn_place *here = &map->places[place];
@@ -195,7 +199,7 @@ int32_t cairn_place_map_see(cairn_place_map *map, int32_t place, int32_t item)
         index -= pass == 1 ? map->scans[s].point_count : map->scans[s].beam_count;
     transform = cairn_transform_of(map->scans[s].place_scan);
     if (pass == 1) {
-        see_point(map, place, map->scans[s].first_point + index, transform);
+        mark_point(map, place, map->scans[s].first_point + index, transform);
     } else {
         cairn_beam in_scan = map->beams[map->scans[s].first_beam + index],
                    beam = placed_beam(transform, in_scan);
@@ -224,15 +228,15 @@ static int32_t *free_cells_of(const cairn_place_map *map, int32_t place)
 
 void cairn_place_map_sample_free(cairn_place_map *map, int32_t place)
 {
-    const uint8_t *sight = sight_of(map, place);
+    const uint8_t *grid = grid_of(map, place);
     int32_t *cells = free_cells_of(map, place), count = 0;
 
     for (int32_t y = 0; y < map->side; y += CAIRN_SIGHT_STRIDE)
         for (int32_t x = 0; x < map->side; x += CAIRN_SIGHT_STRIDE)
-            if (sight[y * map->side + x] == CAIRN_SIGHT_FREE)
+            if (grid[y * map->side + x] == CAIRN_SIGHT_FREE)
                 cells[count++] = y * map->side + x;
     map->places[place].free_count = count;
-    map->debt += 1 + samples_of_side(map) * samples_of_side(map) / CELLS_TO_UNIT;
+    map->debt += 1 + samples_of_side(map) * samples_of_side(map) / CELLS_PER_UNIT;
 }
 
 cairn_vec2 cairn_place_map_free_point(const cairn_place_map *map, int32_t place, int32_t i)
@@ -255,7 +259,7 @@ int32_t cairn_place_map_saw(const cairn_place_map *map, int32_t place, cairn_vec
                             cairn_vec2 direction)
 {
     int32_t cell = cell_of(map, point),
-            code = cell >= 0 ? sight_of(map, place)[cell] : CAIRN_SIGHT_UNKNOWN;
+            code = cell >= 0 ? grid_of(map, place)[cell] : CAIRN_SIGHT_UNKNOWN;
     int32_t is_behind = code < CAIRN_SIGHT_ROUGH;
     cairn_real cosine;
 
@@ -268,88 +272,88 @@ int32_t cairn_place_map_saw(const cairn_place_map *map, int32_t place, cairn_vec
     cosine = cairn_vec2_dot(
         map->directions[code - (is_behind ? CAIRN_SIGHT_BEHIND : CAIRN_SIGHT_DIRECTION)],
         direction);
-    if (cosine < -LEAST_COSINE)
+    if (cosine < -MIN_COSINE)
         return CAIRN_SAW_BACK;
     if (is_behind)
         return CAIRN_SAW_NOTHING;
-    return cosine > LEAST_COSINE ? CAIRN_SAW_ALONG : CAIRN_SAW_ACROSS;
+    return cosine > MIN_COSINE ? CAIRN_SAW_ALONG : CAIRN_SAW_ACROSS;
 }
 
-/* What two places say for and against a relative pose. */
-struct evidence {
-    cairn_real pro, contra; /* nats */
-    int32_t backs;          /* points on the other sides of walls */
+/* Terms of a pairwise likelihood. */
+struct likelihood_terms {
+    cairn_real pro, contra; /* terms for and against, nats */
+    int32_t backs;          /* points on opposite faces of walls */
 };
 
-/* A point of known direction on a surface that stays, or just behind one. */
-static void weigh_on_surface(const cairn_place_map *map, uint8_t code, cairn_vec2 direction,
-                             struct evidence *evidence)
+/* Adds a point of known direction on a static surface, or just behind one. */
+static void add_on_surface(const cairn_place_map *map, uint8_t code, cairn_vec2 direction,
+                           struct likelihood_terms *likelihood_terms)
 {
     int32_t is_behind = code < CAIRN_SIGHT_ROUGH;
-    cairn_vec2 seen =
+    cairn_vec2 observed =
         map->directions[code - (is_behind ? CAIRN_SIGHT_BEHIND : CAIRN_SIGHT_DIRECTION)];
-    cairn_real cosine = cairn_vec2_dot(seen, direction);
+    cairn_real cosine = cairn_vec2_dot(observed, direction);
 
-    evidence->backs += cosine < -LEAST_COSINE;
-    if (cosine > LEAST_COSINE && !is_behind)
-        evidence->pro += map->params.for_point;
+    likelihood_terms->backs += cosine < -MIN_COSINE;
+    if (cosine > MIN_COSINE && !is_behind)
+        likelihood_terms->pro += map->params.for_point;
 }
 
-/* A point, by what the other place saw where it lies. */
-static void weigh_point(const cairn_place_map *map, uint8_t code, cairn_vec2 direction, int is_body,
-                        struct evidence *evidence)
+/* Adds a point, by the other place's code of its cell. */
+static void add_point(const cairn_place_map *map, uint8_t code, cairn_vec2 direction, int is_body,
+                      struct likelihood_terms *likelihood_terms)
 {
     const cairn_place_map_params *params = &map->params;
 
     if (code == CAIRN_SIGHT_FREE)
-        evidence->contra += params->against_point * (is_body ? params->floating : 1);
+        likelihood_terms->contra += params->against_point * (is_body ? params->floating : 1);
     else if (code == CAIRN_SIGHT_ROUGH)
-        evidence->pro += params->for_rough;
+        likelihood_terms->pro += params->for_rough;
     else if (code == CAIRN_SIGHT_BODY)
-        evidence->pro += is_body ? params->for_floating : params->for_point;
+        likelihood_terms->pro += is_body ? params->for_floating : params->for_point;
     else if (code != CAIRN_SIGHT_UNKNOWN && is_body)
-        evidence->pro += code >= CAIRN_SIGHT_DIRECTION ? params->for_point : 0;
+        likelihood_terms->pro += code >= CAIRN_SIGHT_DIRECTION ? params->for_point : 0;
     else if (code != CAIRN_SIGHT_UNKNOWN)
-        weigh_on_surface(map, code, direction, evidence);
+        add_on_surface(map, code, direction, likelihood_terms);
 }
 
-/* The points of one place in the sight of another. */
-static void weigh_half(const cairn_place_map *map, int32_t seer, int32_t seen, cairn_pose seer_seen,
-                       struct evidence *evidence)
+/* Adds the points of one place, in the visibility grid of another. */
+static void add_points(const cairn_place_map *map, int32_t observer, int32_t observed,
+                       cairn_pose observer_observed, struct likelihood_terms *likelihood_terms)
 {
-    const uint8_t *sight = sight_of(map, seer);
-    const cairn_place *place = &map->places[seen];
+    const uint8_t *grid = grid_of(map, observer);
+    const cairn_place *place = &map->places[observed];
 
     for (int32_t s = place->first_scan; s < place->first_scan + place->scan_count; s++) {
         const cairn_oriented_point *points = &map->points[map->scans[s].first_point];
         const uint8_t *doubt = &map->doubt[map->scans[s].first_point];
         cairn_transform transform =
-            cairn_transform_of(cairn_pose_compose(seer_seen, map->scans[s].place_scan));
+            cairn_transform_of(cairn_pose_compose(observer_observed, map->scans[s].place_scan));
 
         for (int32_t i = 0; i < map->scans[s].point_count; i++) {
             int32_t cell = cell_of(map, cairn_transform_point(transform, points[i].position));
 
             if (cell >= 0 && doubt[i] < CAIRN_POINT_SUSPECT)
-                weigh_point(map, sight[cell],
-                            cairn_transform_direction(transform, points[i].direction),
-                            doubt[i] == CAIRN_POINT_FLOATING, evidence);
+                add_point(map, grid[cell],
+                          cairn_transform_direction(transform, points[i].direction),
+                          doubt[i] == CAIRN_POINT_FLOATING, likelihood_terms);
         }
     }
 }
 
-/* Square metres of what one place saw free that another one saw free too. */
-static cairn_real shared_space(const cairn_place_map *map, int32_t seer, int32_t seen,
-                               cairn_pose seer_seen)
+/* Returns the free space that two places share, m^2. */
+static cairn_real shared_free_area(const cairn_place_map *map, int32_t observer, int32_t observed,
+                                   cairn_pose observer_observed)
 {
-    const uint8_t *sight = sight_of(map, seer);
-    cairn_transform transform = cairn_transform_of(seer_seen);
+    const uint8_t *grid = grid_of(map, observer);
+    cairn_transform transform = cairn_transform_of(observer_observed);
     int32_t shared = 0;
 
-    for (int32_t i = 0; i < map->places[seen].free_count; i++) {
+    for (int32_t i = 0; i < map->places[observed].free_count; i++) {
         int32_t at = cell_of(
-            map, cairn_transform_point(transform, cairn_place_map_free_point(map, seen, i)));
+            map, cairn_transform_point(transform, cairn_place_map_free_point(map, observed, i)));
 
-        shared += at >= 0 && sight[at] == CAIRN_SIGHT_FREE;
+        shared += at >= 0 && grid[at] == CAIRN_SIGHT_FREE;
     }
     return (cairn_real)shared * cairn_place_map_free_area(map);
 }
@@ -362,46 +366,46 @@ int32_t cairn_place_map_weighing(const cairn_place_map *map, int32_t first, int3
     return 1 + (a->point_count + b->point_count + samples) / 6;
 }
 
-/* Other sides of walls tell much where places see something in common, but whole rooms can be
- * laid back to back: they count no more than the rest that speaks for the pose so many times. */
+/* Opposite faces are informative only with other overlap, as whole rooms can be placed back to
+ * back: they are limited to a multiple of the other positive terms. */
 cairn_real cairn_place_map_evidence(const cairn_place_map *map, int32_t first, int32_t second,
                                     cairn_pose first_second)
 {
     cairn_pose second_first = cairn_pose_inverse(first_second);
-    struct evidence evidence = {0, 0, 0};
+    struct likelihood_terms likelihood_terms = {0, 0, 0};
     cairn_real backs, shared;
 
-    weigh_half(map, first, second, first_second, &evidence);
-    weigh_half(map, second, first, second_first, &evidence);
+    add_points(map, first, second, first_second, &likelihood_terms);
+    add_points(map, second, first, second_first, &likelihood_terms);
     shared = map->places[first].free_count < map->places[second].free_count
-                 ? shared_space(map, second, first, second_first)
-                 : shared_space(map, first, second, first_second);
-    backs =
-        map->params.for_back * (cairn_real)evidence.backs / (1 + (cairn_real)evidence.backs / MANY);
-    return evidence.pro + cairn_min(backs, BACKS_MOST * evidence.pro) +
-           map->params.for_free * shared - evidence.contra;
+                 ? shared_free_area(map, second, first, second_first)
+                 : shared_free_area(map, first, second, first_second);
+    backs = map->params.for_back * (cairn_real)likelihood_terms.backs /
+            (1 + (cairn_real)likelihood_terms.backs / HALF_WEIGHT_COUNT);
+    return likelihood_terms.pro + cairn_min(backs, MAX_OPPOSITE_RATIO * likelihood_terms.pro) +
+           map->params.for_free * shared - likelihood_terms.contra;
 }
 
-/* ---- Doubt ---- */
+/* ---- Dynamic-object candidates and invalidated points ---- */
 
-/* m; -1: nothing was hit. */
+/* Range of a hit, m; -1: no hit. */
 static cairn_real range_of(const cairn_beam *beam)
 {
     return beam->kind == CAIRN_BEAM_HIT ? cairn_vec2_norm(cairn_vec2_sub(beam->to, beam->from))
                                         : -1;
 }
 
-/* 1 when the beam beside a run shows free space behind it. */
+/* Returns 1 when the beam beside a run has free space behind the run. */
 static int is_open_beside(const cairn_scan_view *view, int32_t beside, cairn_real range)
 {
     if (beside < 0 || beside >= view->beam_count)
         return 0;
     return view->beams[beside].kind == CAIRN_BEAM_FREE ||
-           range_of(&view->beams[beside]) > range + JUMP;
+           range_of(&view->beams[beside]) > range + MAX_RANGE_STEP_M;
 }
 
-/* 1 when the hits of a run, beams [from, to), all lie within a body's breadth of the first, and
- * bulge towards the sensor or are too few to tell: flat ones are pieces of walls. */
+/* Returns 1 when the hits of a run, beams [from, to), all lie within a body's breadth of the first,
+ * and bulge towards the sensor or are too few to tell: flat runs are parts of walls. */
 static int is_body(const cairn_scan_view *view, int32_t from, int32_t to, cairn_real breadth)
 {
     cairn_vec2 first = view->beams[from].to, chord = cairn_vec2_sub(view->beams[to - 1].to, first);
@@ -416,16 +420,17 @@ static int is_body(const cairn_scan_view *view, int32_t from, int32_t to, cairn_
             return 0;
         bulge = cairn_max(bulge, side * cairn_vec2_cross(chord, off));
     }
-    return length < SMALL || bulge > BULGE * length * length;
+    return length < MIN_CHORD_M || bulge > MIN_BULGE_RATIO * length * length;
 }
 
-static void doubt_run(cairn_place_map *map, const cairn_place_scan *scan,
-                      const cairn_scan_view *view, int32_t from, int32_t to)
+static void mark_candidate(cairn_place_map *map, const cairn_place_scan *scan,
+                           const cairn_scan_view *view, int32_t from, int32_t to)
 {
     for (int32_t i = 0; i < view->point_count; i++)
         for (int32_t b = from; b < to; b++)
             if (cairn_vec2_norm_squared(
-                    cairn_vec2_sub(view->beams[b].to, view->points[i].position)) < NEAR * NEAR)
+                    cairn_vec2_sub(view->beams[b].to, view->points[i].position)) <
+                MAX_HIT_DISTANCE_M * MAX_HIT_DISTANCE_M)
                 map->doubt[scan->first_point + i] = CAIRN_POINT_FLOATING;
 }
 
@@ -440,20 +445,21 @@ void cairn_place_map_find_floating(cairn_place_map *map, const cairn_place_scan 
         for (to = from + 1; to < view->beam_count; to++) {
             cairn_real next = range_of(&view->beams[to]);
 
-            if (last < 0 || next < 0 || cairn_abs(next - last) > JUMP)
+            if (last < 0 || next < 0 || cairn_abs(next - last) > MAX_RANGE_STEP_M)
                 break;
             last = next;
         }
         if (range < 0)
             continue;
         open = is_open_beside(view, from - 1, range) + is_open_beside(view, to, last);
-        if (open >= 1 && is_body(view, from, to, open == 1 ? BODY : PAIR))
-            doubt_run(map, scan, view, from, to);
+        if (open >= 1 &&
+            is_body(view, from, to, open == 1 ? MAX_BODY_BREADTH_M : MAX_PAIR_BREADTH_M))
+            mark_candidate(map, scan, view, from, to);
     }
 }
 
-/* How many other places of the part see a point as surface, less those that see free space
- * there. */
+/* Returns the number of other places of the component that observed a surface at a point, less
+ * those that observed free space. */
 static int32_t balance_of(const cairn_place_map *map, int32_t place, cairn_vec2 map_point)
 {
     int32_t balance = 0;
@@ -466,9 +472,9 @@ static int32_t balance_of(const cairn_place_map *map, int32_t place, cairn_vec2 
         cell = cell_of(
             map, cairn_transform_point(
                      cairn_transform_of(cairn_pose_inverse(map->places[k].map_place)), map_point));
-        if (cell >= 0 && sight_of(map, k)[cell] == CAIRN_SIGHT_FREE)
+        if (cell >= 0 && grid_of(map, k)[cell] == CAIRN_SIGHT_FREE)
             balance--;
-        else if (cell >= 0 && sight_of(map, k)[cell] >= CAIRN_SIGHT_ROUGH)
+        else if (cell >= 0 && grid_of(map, k)[cell] >= CAIRN_SIGHT_ROUGH)
             balance++;
     }
     return balance;

@@ -1,4 +1,4 @@
-/* place_map: hypotheses of pairs of places, bounded, kept, weighed and polished. */
+/* place_map: hypotheses of pairs of places: bounded covariance, score, local optimization. */
 #include "src/core/build.h"
 
 #include <string.h>
@@ -6,18 +6,18 @@
 #include "cairn/small_matrix.h"
 #include "src/mapping/place_map_work.h"
 
-/* Standard deviations within which evidence changes little, m and rad. */
-static const cairn_real WEIGHED = CAIRN_REAL(0.05), WEIGHED_ANGLE = CAIRN_REAL(0.02);
+/* m and rad: standard deviations within which the likelihood changes little. */
+static const cairn_real VALID_SIGMA_M = CAIRN_REAL(0.05), VALID_SIGMA_RAD = CAIRN_REAL(0.02);
 
-/* A hypothesis is polished by steps of so much, m and rad, that are halved so often, in at most
- * so many moves, and only for so many nats: where matches are good they are more exact than
- * evidence. */
-static const cairn_real POLISH_STEP = CAIRN_REAL(0.08), POLISH_TURN = CAIRN_REAL(0.02), WORTH = 1;
-enum { POLISH_HALVINGS = 3, POLISH_MOVES = 10 };
+/* Pattern search: first steps, m and rad, halved MAX_HALVINGS times in at most MAX_MOVES moves;
+ * least gain, nats: good matches are more exact than the likelihood's maximum. */
+static const cairn_real SEARCH_STEP_M = CAIRN_REAL(0.08), SEARCH_STEP_RAD = CAIRN_REAL(0.02),
+                        MIN_GAIN_NATS = 1;
+enum { MAX_HALVINGS = 3, MAX_MOVES = 10 };
 
-/* The evidence of a hypothesis holds where it was weighed: directions in which the match left
- * the pose open are bounded, so that it does not speak for poses along a wall or about a round
- * body that were never looked at. */
+/* Bounds the covariance to the region for which the score is valid, so that a match with an
+ * unobservable direction does not support poses along a wall or about a round body that were never
+ * evaluated. */
 static void bound_covariance(const cairn_real in[9], cairn_real out[9])
 {
     cairn_sym3 covariance = {in[0], in[1], in[2], in[4], in[5], in[8]}, information, bounded;
@@ -25,9 +25,9 @@ static void bound_covariance(const cairn_real in[9], cairn_real out[9])
     memcpy(out, in, 9 * sizeof *out);
     if (!cairn_sym3_inverse(covariance, &information))
         return;
-    information.xx += 1 / (WEIGHED * WEIGHED);
-    information.yy += 1 / (WEIGHED * WEIGHED);
-    information.zz += 1 / (WEIGHED_ANGLE * WEIGHED_ANGLE);
+    information.xx += 1 / (VALID_SIGMA_M * VALID_SIGMA_M);
+    information.yy += 1 / (VALID_SIGMA_M * VALID_SIGMA_M);
+    information.zz += 1 / (VALID_SIGMA_RAD * VALID_SIGMA_RAD);
     if (!cairn_sym3_inverse(information, &bounded))
         return;
     out[0] = bounded.xx;
@@ -72,14 +72,14 @@ void cairn_place_map_turn(const cairn_real in[9], cairn_real theta, cairn_real o
     out[8] = in[8];
 }
 
-/* A match aligns faces of walls; other sides of walls, rough surfaces and bodies tell as much. */
+/* A match aligns faces of walls; opposite faces, rough surfaces and bodies are as informative. */
 cairn_real cairn_place_map_polish(cairn_place_map *map, cairn_pose_hypothesis *h)
 {
     cairn_pose matched = h->first_second;
     cairn_real before = cairn_place_map_weigh(map, h->first, h->second, matched), best = before;
-    cairn_real step = POLISH_STEP, turn = POLISH_TURN;
+    cairn_real step = SEARCH_STEP_M, turn = SEARCH_STEP_RAD;
 
-    for (int32_t halvings = 0, moves = 0; halvings < POLISH_HALVINGS && moves < POLISH_MOVES;) {
+    for (int32_t halvings = 0, moves = 0; halvings < MAX_HALVINGS && moves < MAX_MOVES;) {
         cairn_pose around = h->first_second, better = around;
 
         for (int32_t k = 0; k < 6; k++) {
@@ -103,7 +103,7 @@ cairn_real cairn_place_map_polish(cairn_place_map *map, cairn_pose_hypothesis *h
             turn /= 2;
         }
     }
-    if (best < before + WORTH) {
+    if (best < before + MIN_GAIN_NATS) {
         h->first_second = matched;
         return before;
     }

@@ -1,4 +1,4 @@
-/* What the parts of place_map share. */
+/* Private state of the place_map module. */
 #ifndef CAIRN_MAPPING_PLACE_MAP_WORK_H
 #define CAIRN_MAPPING_PLACE_MAP_WORK_H
 
@@ -15,55 +15,55 @@ typedef struct cairn_place_scan {
 typedef struct cairn_place {
     int32_t first_scan, scan_count;
     int32_t point_count, beam_count;
-    int32_t free_count; /* cells of its sample of free space */
+    int32_t free_count; /* cells of its free-space sample */
     cairn_pose map_place;
     int32_t part;
 } cairn_place;
 
-/* What a place saw, by cells about its origin. */
+/* Visibility grid of a place, by cells about its origin: codes of a cell. */
 enum {
     CAIRN_SIGHT_UNKNOWN = 0,
     CAIRN_SIGHT_FREE = 1,
-    CAIRN_SIGHT_DIRECTIONS = 16, /* of a turn */
-    CAIRN_SIGHT_BEHIND = 2,      /* hidden just behind a surface: this and its direction */
-    CAIRN_SIGHT_ROUGH = 18,      /* a surface of no known direction */
-    CAIRN_SIGHT_BODY = 19,       /* a surface of a small body, which may have walked there */
-    CAIRN_SIGHT_DIRECTION = 20   /* a surface that stays: this and its direction */
+    CAIRN_SIGHT_DIRECTIONS = 16, /* quantized surface directions of the full circle */
+    CAIRN_SIGHT_BEHIND = 2,      /* occluded just behind a surface: this plus its direction */
+    CAIRN_SIGHT_ROUGH = 18,      /* a surface of unknown direction */
+    CAIRN_SIGHT_BODY = 19,       /* a surface of a dynamic-object candidate */
+    CAIRN_SIGHT_DIRECTION = 20   /* a static surface: this plus its direction */
 };
 
-enum { CAIRN_SIGHT_STRIDE = 6 }; /* rows and columns of which one is in the sample of free space */
+enum { CAIRN_SIGHT_STRIDE = 6 }; /* stride of the rows and columns in the free-space sample */
 
-/* What a place saw where a point of another one lies. */
+/* Observation of a place at a point of another one; bits. */
 enum {
     CAIRN_SAW_NOTHING = 0,
     CAIRN_SAW_FREE = 1,
-    CAIRN_SAW_ALONG = 2,  /* a surface of its direction */
-    CAIRN_SAW_BACK = 4,   /* the other side of a wall */
+    CAIRN_SAW_ALONG = 2,  /* a surface of the point's direction */
+    CAIRN_SAW_BACK = 4,   /* the opposite face of a wall */
     CAIRN_SAW_ACROSS = 8, /* a surface of another direction */
     CAIRN_SAW_ROUGH = 16,
     CAIRN_SAW_BODY = 32,
-    CAIRN_SAW_SURFACE = 62 /* any of these */
+    CAIRN_SAW_SURFACE = 62 /* any surface */
 };
 
-/* What speaks against a point as a surface that stays. */
+/* Class of a point; bits. */
 enum {
     CAIRN_POINT_SOUND = 0,
-    CAIRN_POINT_FLOATING = 1, /* it is on a small round thing with free space beside it */
-    CAIRN_POINT_SUSPECT = 2   /* another place of the map saw through it: 2 or 3 */
+    CAIRN_POINT_FLOATING = 1, /* on a small round body with free space beside it */
+    CAIRN_POINT_SUSPECT = 2   /* invalidated: another place of the map measured free space there */
 };
 
 typedef int32_t cairn_place_map_phase;
 enum {
     CAIRN_PLACE_MAP_IDLE = 0,
-    CAIRN_PLACE_MAP_SIGHT,  /* what each place saw */
-    CAIRN_PLACE_MAP_TARGET, /* what the next match matches with */
+    CAIRN_PLACE_MAP_SIGHT,  /* visibility grid of each place */
+    CAIRN_PLACE_MAP_TARGET, /* target of the next match */
     CAIRN_PLACE_MAP_MATCH,
-    CAIRN_PLACE_MAP_WEIGH, /* hypotheses, by evidence, into the consensus */
+    CAIRN_PLACE_MAP_WEIGH, /* scores the hypotheses and adds them to the consensus */
     CAIRN_PLACE_MAP_AGREE,
-    CAIRN_PLACE_MAP_DOUBT,    /* points that others see through */
-    CAIRN_PLACE_MAP_REFINE,   /* each place with all others */
-    CAIRN_PLACE_MAP_DECOUPLE, /* each scan with all others */
-    CAIRN_PLACE_MAP_JOIN,     /* all scans at once */
+    CAIRN_PLACE_MAP_DOUBT,    /* points in free space of other places */
+    CAIRN_PLACE_MAP_REFINE,   /* ICP of each place with all others */
+    CAIRN_PLACE_MAP_DECOUPLE, /* ICP of each scan with all others */
+    CAIRN_PLACE_MAP_JOIN,     /* joint alignment of all scans */
     CAIRN_PLACE_MAP_DONE
 };
 
@@ -78,119 +78,120 @@ struct cairn_place_map {
     cairn_place *places;
     /* [max_scans] */
     cairn_place_scan *scans;
-    /* [max_places * max_place_points] of scans, in their frames */
+    /* [max_places * max_place_points] in the frames of the scans */
     cairn_oriented_point *points;
-    /* [as points] */
+    /* [as points] class of each point */
     uint8_t *doubt;
-    /* [consensus.max_hypotheses] all that matches gave */
+    /* [consensus.max_hypotheses] hypotheses of all matches */
     cairn_pose_hypothesis *hypotheses;
     /* [max_places * max_place_beams] */
     cairn_beam *beams;
-    /* [max_places][side][side] */
+    /* [max_places][side][side] visibility grids */
     uint8_t *sight;
-    /* [max_places][(side / CAIRN_SIGHT_STRIDE)^2] sample of those seen free */
+    /* [max_places][(side / VISIBILITY_SAMPLE_STRIDE)^2] sample of the free cells */
     int32_t *free_cells;
-    /* [max_places] places among which one is weighed, ... */
+    /* [max_places] observing places of a joint likelihood, ... */
     int32_t *seers;
-    /* ... and the map seen from them */
+    /* ... and the map in the frame of each */
     cairn_transform *seers_map;
-    /* [max_places * max_place_points] of the query, in its place's frame */
+    /* [max_places * max_place_points] query points, in the frame of its place */
     cairn_oriented_point *query_points;
     /* [max_place_beams] */
     cairn_beam *query_beams;
-    /* cells of a place's sight */
+    /* cells along a side of a visibility grid */
     int32_t side;
     cairn_vec2 directions[CAIRN_SIGHT_DIRECTIONS];
     int32_t place_count, scan_count, point_count, beam_count, hypothesis_count;
 
     cairn_place_map_phase phase;
-    int32_t next;  /* beam or point of the place whose sight is made, ... */
-    int32_t place; /* ... the target of a match in the first round, or the one aligned */
+    int32_t next;  /* beam or point of the place whose grid is built, ... */
+    int32_t place; /* ... the target of a match in the first round, or the place that is aligned */
     int32_t query; /* place that is matched */
     int32_t round; /* 0: pairs; then with the map of all others */
     int32_t sweep;
-    int32_t moved;     /* places that the last consensus laid elsewhere */
-    int32_t is_judged; /* where the map of the last round may hang together by chance is known */
-    int32_t polished;  /* hypotheses whose poses have been */
-    int32_t running;   /* icp or consensus has begun */
-    int32_t debt;      /* units of items done that are not yet paid for */
+    int32_t moved;     /* places that the last consensus moved */
+    int32_t is_judged; /* 1: the submaps of the last map are known */
+    int32_t polished;  /* hypotheses whose poses have been optimized */
+    int32_t running;   /* 1: icp or consensus is running */
+    int32_t debt;      /* units of finished items, not yet charged */
     cairn_place_map_result result;
 };
 
-/* Cells of a side for a reach; 0 when there would be too many. */
+/* Returns the cells of a side for a reach; 0 when there would be too many. */
 int32_t cairn_place_map_side(const cairn_place_map_params *params);
 
-/* Marks the points of a scan, added last, that float. */
+/* Marks the dynamic-object candidates among the points of the scan added last. */
 void cairn_place_map_find_floating(cairn_place_map *map, const cairn_place_scan *scan,
                                    const cairn_scan_view *view);
 
-/* Marks the points of a place that other places of its part see through, and none that they see
- * as surface as often; for is_last also those on bodies that no other place sees where they
- * stood. */
+/* Invalidates the points of a place at which more other places of its component measured free space
+ * than a surface; with is_last also dynamic-object candidates at which no other place measured a
+ * surface. */
 void cairn_place_map_doubt(cairn_place_map *map, int32_t place, int32_t is_last);
 
-/* One beam or point of a place into its sight; 0 when there are none left. */
+/* Enters one beam or point of a place into its visibility grid; returns 0 when none is left. */
 int32_t cairn_place_map_see(cairn_place_map *map, int32_t place, int32_t item);
 
-/* Samples what a place saw free, when all of it has been seen. */
+/* Samples the free cells of a complete visibility grid. */
 void cairn_place_map_sample_free(cairn_place_map *map, int32_t place);
 
-/* Units of weighing two places. */
+/* Returns the units of a pair's likelihood. */
 int32_t cairn_place_map_weighing(const cairn_place_map *map, int32_t first, int32_t second);
 
-/* Nats for two places to lie so: of the points of each on surfaces of the other and of space that
- * both saw free, less points in the other's free space. */
+/* Returns the log-likelihood ratio of a relative pose of two places, nats: from points of each on
+ * surfaces of the other and from shared free space, less free-space violations. */
 cairn_real cairn_place_map_evidence(const cairn_place_map *map, int32_t first, int32_t second,
                                     cairn_pose first_second);
 
-/* What a place saw at a point in its own frame. */
+/* Returns the observation of a place at a point in its own frame. */
 int32_t cairn_place_map_saw(const cairn_place_map *map, int32_t place, cairn_vec2 point,
                             cairn_vec2 direction);
 
-/* Point `i` of the sample of free space, in the place's frame. */
+/* Returns point `i` of the free-space sample, in the place's frame. */
 cairn_vec2 cairn_place_map_free_point(const cairn_place_map *map, int32_t place, int32_t i);
 
-/* Square metres that a point of the sample of free space stands for. */
+/* Returns the area that a point of the free-space sample represents, m^2. */
 cairn_real cairn_place_map_free_area(const cairn_place_map *map);
 
-/* Nats for a place to lie so among all others of a part, each surface counted once however many
- * saw it, and what of that speaks against it: the jury of the consensus. */
+/* Joint likelihood function of the consensus: the log-likelihood ratio of a place's pose given all
+ * others of a component, nats, each surface counted once however many places observed it; *against:
+ * its free-space violations. */
 cairn_real cairn_place_map_among(const cairn_place_map *map, int32_t place, cairn_pose map_place,
                                  const cairn_pose *map_places, const int32_t *parts, int32_t part,
                                  cairn_real *against, int32_t *units);
 
-/* Evidence of two places, charged. */
+/* Pairwise log-likelihood ratio, its units charged. */
 cairn_real cairn_place_map_weigh(cairn_place_map *map, int32_t first, int32_t second,
                                  cairn_pose first_second);
 
-/* Covariance of map_query seen from a place that is turned by theta in the map. */
+/* Rotates a covariance of map_query into the frame of a place with heading theta in the map. */
 void cairn_place_map_turn(const cairn_real in[9], cairn_real theta, cairn_real out[9]);
 
-/* Keeps a hypothesis, its covariance bounded to where its evidence holds. When the store is full
- * no more is taken: what came first came from better matches. */
+/* Adds a hypothesis, its covariance bounded to where its likelihood is valid. A full store drops
+ * it: earlier ones come from better matches. */
 void cairn_place_map_keep(cairn_place_map *map, int32_t first, int32_t second,
                           cairn_pose first_second, const cairn_real covariance[9]);
 
-/* Moves a hypothesis to a pose near it that has more evidence, if there is one, and returns the
- * evidence. */
+/* Moves a hypothesis to the local maximum of its likelihood (pattern search), and returns the
+ * log-likelihood ratio. */
 cairn_real cairn_place_map_polish(cairn_place_map *map, cairn_pose_hypothesis *hypothesis);
 
 /* ---- Shared by the modes ---- */
 
 void cairn_place_map_enter(cairn_place_map *map, cairn_place_map_phase phase);
 
-/* Poses of the scans of a place from that of the place. */
+/* Sets the poses of the scans of a place from that of the place. */
 void cairn_place_map_place_scans(cairn_place_map *map, int32_t place);
 
-/* Poses become those seen from the part's first place; the result stands. */
+/* Transforms all poses into the frame of their component's first place; the result is complete. */
 void cairn_place_map_finish(cairn_place_map *map);
 
-/* place_map_written.c: mode as_written goes on after its first `place` places; one item of it. */
+/* place_map_written.c: starts mode AS_WRITTEN after its first `place` places; one item of it. */
 void cairn_place_map_written_extend(cairn_place_map *map);
 void cairn_place_map_written_item(cairn_place_map *map, cairn_budget *budget);
 
-/* Does one item and adds its cost to the debt; items of the match, the consensus and icp take
- * from the budget instead. */
+/* Executes one item and adds its cost to units_owed; items of the match, the consensus and icp
+ * charge the budget directly. */
 void cairn_place_map_item(cairn_place_map *map, cairn_budget *budget);
 
 #endif

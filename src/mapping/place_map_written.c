@@ -1,21 +1,23 @@
-/* The map of Adluru 2008, chapter 6, as written: place after place, each with the last few.
+/* place_map: the map of Adluru 2008, chapter 6, as written: place after place, each with the last
+ * few.
  *
- * Method. 1. The target is the union of the last `recent` places that were placed, each one part in
- * the order of its readings.
- * 2. The place, its scans one after the other, is matched with it by shape and ICP (scan_match,
- *    mode as_written), from the position of the
- * place before and the heading of the first. 3. On request each of its scans is aligned by itself
- * by the same ICP with the same target.
+ * Method:
+ * 1. The target is the union of the last recent_places that were placed, each one part in the order
+ *    of its readings.
+ * 2. The place, its scans one after the other, is matched with the target by shape and ICP
+ *    (scan_match, mode AS_WRITTEN), from the position of the place before and the heading of the
+ *    first.
+ * 3. On request each of its scans is aligned individually by the same ICP with the same target.
  *
- * `next` counts the scans of the place that are decoupled; `place` is the number of places of
- * the last complete map. */
+ * `next` counts the decoupled scans of the place; `place` is the number of places of the last
+ * complete map. */
 #include "src/core/build.h"
 
 #include "src/mapping/place_map_work.h"
 
-enum { POINTS_TO_UNIT = 16 };
+enum { POINTS_PER_UNIT = 16 };
 
-/* The points of a scan, moved, behind what is there. Returns the number of points then. */
+/* Appends the transformed points of a scan; returns the number of points. */
 static int32_t append_scan(cairn_place_map *map, const cairn_place_scan *scan, cairn_pose pose,
                            int32_t count)
 {
@@ -26,12 +28,12 @@ static int32_t append_scan(cairn_place_map *map, const cairn_place_scan *scan, c
         map->query_points[count++].direction =
             cairn_transform_direction(t, map->points[i].direction);
     }
-    map->debt += scan->point_count / POINTS_TO_UNIT;
+    map->debt += scan->point_count / POINTS_PER_UNIT;
     return count;
 }
 
-/* A place as one part of points: in the map (is_map), or in its own frame. */
-static cairn_scan_match_part whole_of(cairn_place_map *map, int32_t place, int32_t is_map)
+/* Returns a place as one part: in the map (is_map), or in its own frame. */
+static cairn_scan_match_part part_of_place(cairn_place_map *map, int32_t place, int32_t is_map)
 {
     const cairn_place *here = &map->places[place];
     cairn_scan_match_part part = {map->query_points, NULL, NULL, 0, 0, 0};
@@ -44,7 +46,7 @@ static cairn_scan_match_part whole_of(cairn_place_map *map, int32_t place, int32
     return part;
 }
 
-/* The last place before the query that was placed; the first one always was. */
+/* Returns the last placed place before the query; the first one always is. */
 static int32_t placed_before(const cairn_place_map *map, int32_t place)
 {
     do
@@ -73,9 +75,9 @@ static void target_item(cairn_place_map *map)
 
         if (map->places[i].part > 0)
             continue;
-        part = whole_of(map, i, 1);
+        part = part_of_place(map, i, 1);
         if (cairn_scan_match_add_target(map->match, &part, cairn_pose_identity(), NULL) != CAIRN_OK)
-            map->debt++; /* too far off to match with */
+            map->debt++; /* too far away to match with */
     }
     cairn_place_map_enter(map, CAIRN_PLACE_MAP_MATCH);
 }
@@ -86,27 +88,27 @@ static void next_place(cairn_place_map *map)
     cairn_place_map_enter(map, CAIRN_PLACE_MAP_TARGET);
 }
 
-/* The place at work becomes a part of its own. */
-static void leave_out(cairn_place_map *map)
+/* Makes the current place a component of its own. */
+static void set_unplaced(cairn_place_map *map)
 {
     cairn_place *here = &map->places[map->query];
 
     for (int32_t i = 0; i < map->query; i++)
         here->part = map->places[i].part >= here->part ? map->places[i].part + 1 : here->part;
-    map->debt += 1 + map->query / POINTS_TO_UNIT;
+    map->debt += 1 + map->query / POINTS_PER_UNIT;
     cairn_place_map_place_scans(map, map->query);
     next_place(map);
 }
 
-/* The match of a place is done. */
-static void take_match(cairn_place_map *map)
+/* The match of a place has ended. */
+static void store_match(cairn_place_map *map)
 {
     cairn_scan_match_result found = cairn_scan_match_read(map->match);
     cairn_place *here = &map->places[map->query];
 
     map->result.matches++;
     if (found.count == 0) {
-        leave_out(map);
+        set_unplaced(map);
         return;
     }
     here->map_place = found.hypotheses[0].target_query;
@@ -126,17 +128,17 @@ static void match_item(cairn_place_map *map, cairn_budget *budget)
 
     if (map->running) {
         if (cairn_scan_match_step(map->match, budget) == CAIRN_OK)
-            take_match(map);
+            store_match(map);
         return;
     }
     before = map->places[placed_before(map, map->query)].map_place;
     start.x = before.x;
     start.y = before.y;
-    part = whole_of(map, map->query, 0);
+    part = part_of_place(map, map->query, 0);
     map->debt++;
     map->running = cairn_scan_match_begin(map->match, &part, start, &window, NULL) == CAIRN_OK;
     if (!map->running)
-        leave_out(map);
+        set_unplaced(map);
 }
 
 static void decouple_item(cairn_place_map *map, cairn_budget *budget)

@@ -1,30 +1,30 @@
-/* Consensus over rival relative poses.
+/* pose_consensus: consensus over competing relative poses; the object, its hypotheses and links.
  *
- * A hypothesis earns its score times 1 - chi^2 / gate when two poses agree with it, and a pair
- * earns the best of its hypotheses. That of a node is the sum over the pairs with the placed nodes
- * of its part; that of a map the sum over all pairs. The growth from one start is greedy in this
- * sum, to which the choice of the next node adds what the ways round by third nodes say for the
- * hypothesis that proposes it: with few nodes placed, that is what tells a true hypothesis from a
- * strong one. After each placement the poses are relaxed, node by node, so that errors do not add
- * up along chains. Parts that single nodes could not join are then laid together as wholes, and
- * every node is chosen again given all others (iterated conditional modes, Besag 1986) until
- * nothing changes. At last the best map is cut at every pair that its strongest pairs alone hold it
- * together by, and the smaller side is laid where all hypotheses and the judge give it most
- * (pose_consensus_block.c), as nodes that hold each other never move alone. A growth starts from
- * the strongest hypothesis that no map found so far agrees with, so that the starts differ where it
- * matters, and the sum of the map decides between them.
+ * Method: an inlier hypothesis earns its score times 1 - chi^2 / max_chi2; a pair earns the best of
+ * its hypotheses. The support of a node is the sum over the pairs with the placed nodes of its
+ * component; the total of a map is the sum over all pairs.
+ * 1. Cycle consistency: each hypothesis gets a score from the agreeing cycles through third nodes.
+ *    With few nodes placed, it separates true hypotheses from strong wrong ones.
+ * 2. Greedy growth from one seed: the candidate of the greatest support and cycle score is placed.
+ *    After each placement the poses are relaxed node by node (Gauss-Seidel), so that errors do not
+ *    accumulate along chains.
+ * 3. Components that single nodes could not join are merged as wholes.
+ * 4. Every node is reassigned given all others (iterated conditional modes, Besag 1986) until
+ *    nothing changes.
+ * 5. Seeds: the next growth starts from the strongest hypothesis that no map found so far agrees
+ *    with; the total decides between the maps.
+ * 6. Block moves: the best map is cut at every edge of its maximum spanning tree, and the smaller
+ *    side is moved to its best supported pose (pose_consensus_block.c), as nodes that support each
+ *    other never move alone.
  *
- * Layout: hypotheses in the order of their coming; links sorted by node, other node and hypothesis,
- * so that a node's evidence is one run and that of a pair a run within it. Three maps: the one that
- * grows, the best, and the best other one.
- *
- * Limits: the sum has many local maxima and the search is greedy; a map is found when from one of
- * the starts every step of the growth finds more evidence for the true candidate than for false
- * ones. Whether evidence of several pairs is independent is for the caller to know: weights are as
- * good as the scores.
- *
- * Source: after the set-maximal consistent measurements of Mangelsdorf et al. 2018 and the
- * growth by voting of map merging (Adluru 2008, chapter 9), with rival hypotheses of one pair. */
+ * Layout: hypotheses in the order of add(); links sorted by node, other node and hypothesis, so
+ * that the links of a node are contiguous, and those of a pair within them. Three maps: the growing
+ * one, the best, and the best competing one.
+ * Limits: the total has many local maxima and the search is greedy; a map is found when from one of
+ * the seeds every step finds more support for the true candidate than for false ones. The caller
+ * must ensure that the scores of several pairs are independent: weights are as good as the scores.
+ * Source: after the pairwise consistent measurement sets of Mangelson et al. 2018 and the growth by
+ * voting of map merging (Adluru 2008, chapter 9), with competing hypotheses of one pair. */
 #include "src/core/build.h"
 
 #include <string.h>
@@ -33,23 +33,35 @@
 
 enum { MAX_NODES = 1 << 16, MAX_HYPOTHESES = 1 << 20, MAX_LISTED = 32 };
 
-/* Coordinates, variances and scores beyond this are refused, so that no square overflows in
- * float. */
-static const cairn_real LIMIT = CAIRN_REAL(1e6);
+/* Limit of coordinates, variances and scores, so that no square overflows in float. */
+static const cairn_real MAX_COORDINATE_M = CAIRN_REAL(1e6);
 
 cairn_pose_consensus_params cairn_pose_consensus_default(void)
 {
     cairn_pose_consensus_params params = {
-        64, 1024, 16, 10, 8, 4, CAIRN_REAL(0.03), CAIRN_PI / 300, 16, 0, 3, CAIRN_REAL(0.02), 0};
+        .max_nodes = 64,
+        .max_hypotheses = 1024,
+        .max_starts = 16,
+        .max_rounds = 10,
+        .max_candidates = 8,
+        .max_alternatives = 4,
+        .sigma = CAIRN_REAL(0.03),
+        .sigma_angle = CAIRN_PI / 300,
+        .gate = 16,
+        .contradiction = 0,
+        .min_support = 3,
+        .ambiguous = CAIRN_REAL(0.02),
+        .believed = 0,
+    };
     return params;
 }
 
 static int is_positive(cairn_real x)
 {
-    return x > 0 && x <= LIMIT;
+    return x > 0 && x <= MAX_COORDINATE_M;
 }
 
-static int params_are_good(const cairn_pose_consensus_params *params)
+static int params_are_valid(const cairn_pose_consensus_params *params)
 {
     return params != NULL && params->max_nodes >= 1 && params->max_nodes <= MAX_NODES &&
            params->max_hypotheses >= 1 && params->max_hypotheses <= MAX_HYPOTHESES &&
@@ -57,15 +69,15 @@ static int params_are_good(const cairn_pose_consensus_params *params)
            params->max_candidates <= MAX_LISTED && params->max_alternatives >= 0 &&
            params->max_alternatives <= MAX_LISTED && is_positive(params->sigma) &&
            is_positive(params->sigma_angle) && is_positive(params->gate) &&
-           params->contradiction >= 0 && params->contradiction <= LIMIT &&
+           params->contradiction >= 0 && params->contradiction <= MAX_COORDINATE_M &&
            is_positive(params->min_support) && params->ambiguous > 0 && params->ambiguous < 1 &&
-           params->believed >= 0 && params->believed <= LIMIT;
+           params->believed >= 0 && params->believed <= MAX_COORDINATE_M;
 }
 
 static cairn_pose_consensus *carve(cairn_pool *pool, const cairn_pose_consensus_params *params)
 {
     size_t nodes = (size_t)params->max_nodes, hypotheses = (size_t)params->max_hypotheses;
-    cairn_pose_consensus *c = cairn_pool_take_one(pool, sizeof *c);
+    cairn_pose_consensus *consensus = cairn_pool_take_one(pool, sizeof *consensus);
     cairn_pose_consensus made;
 
     memset(&made, 0, sizeof made);
@@ -86,16 +98,16 @@ static cairn_pose_consensus *carve(cairn_pool *pool, const cairn_pose_consensus_
     made.jury_parts = cairn_pool_take(pool, nodes, sizeof *made.jury_parts);
     made.candidates =
         cairn_pool_take(pool, (size_t)params->max_candidates, sizeof *made.candidates);
-    if (c != NULL)
-        *c = made;
-    return c;
+    if (consensus != NULL)
+        *consensus = made;
+    return consensus;
 }
 
 size_t cairn_pose_consensus_memory(const cairn_pose_consensus_params *params)
 {
     cairn_pool counting;
 
-    if (!params_are_good(params))
+    if (!params_are_valid(params))
         return 0;
     cairn_pool_init_counting(&counting);
     (void)carve(&counting, params);
@@ -115,12 +127,12 @@ cairn_status cairn_pose_consensus_create(cairn_pose_consensus **consensus, cairn
     return CAIRN_OK;
 }
 
-/* Forgets result and search. */
-static void reset(cairn_pose_consensus *c)
+/* Discards the result and cancels the search. */
+static void cancel(cairn_pose_consensus *consensus)
 {
-    c->phase = CAIRN_CONSENSUS_IDLE;
-    c->debt = 0;
-    memset(&c->result, 0, sizeof c->result);
+    consensus->phase = CAIRN_CONSENSUS_IDLE;
+    consensus->debt = 0;
+    memset(&consensus->result, 0, sizeof consensus->result);
 }
 
 cairn_status cairn_pose_consensus_clear(cairn_pose_consensus *consensus, int32_t nodes)
@@ -129,7 +141,7 @@ cairn_status cairn_pose_consensus_clear(cairn_pose_consensus *consensus, int32_t
         return CAIRN_BAD_ARGUMENT;
     if (nodes > consensus->params.max_nodes)
         return CAIRN_FULL;
-    reset(consensus);
+    cancel(consensus);
     consensus->node_count = nodes;
     consensus->hypothesis_count = consensus->bound_count = 0;
     consensus->judge = NULL;
@@ -140,7 +152,7 @@ cairn_status cairn_pose_consensus_clear(cairn_pose_consensus *consensus, int32_t
 
 static int is_beyond_limit(cairn_pose pose)
 {
-    return !(cairn_abs(pose.x) <= LIMIT && cairn_abs(pose.y) <= LIMIT);
+    return !(cairn_abs(pose.x) <= MAX_COORDINATE_M && cairn_abs(pose.y) <= MAX_COORDINATE_M);
 }
 
 static cairn_status check_hypothesis(const cairn_pose_consensus *consensus,
@@ -161,7 +173,8 @@ static cairn_status check_hypothesis(const cairn_pose_consensus *consensus,
     return CAIRN_OK;
 }
 
-/* The inverse of the covariance with the nodes' own sigmas; 0 when it has none. */
+/* Returns the information: inverse of the covariance plus the nodes' model noise; 0 when it is
+ * singular. */
 static int32_t information_of(const cairn_pose_consensus_params *params,
                               const cairn_pose_hypothesis *h, cairn_sym3 *information)
 {
@@ -172,7 +185,8 @@ static int32_t information_of(const cairn_pose_consensus_params *params,
     cairn_sym3 sum = {c[0] + shift, (c[1] + c[3]) / 2, (c[2] + c[6]) / 2,
                       c[4] + shift, (c[5] + c[7]) / 2, c[8] + turn};
 
-    return c[0] <= LIMIT && c[4] <= LIMIT && c[8] <= LIMIT && cairn_sym3_inverse(sum, information);
+    return c[0] <= MAX_COORDINATE_M && c[4] <= MAX_COORDINATE_M && c[8] <= MAX_COORDINATE_M &&
+           cairn_sym3_inverse(sum, information);
 }
 
 cairn_status cairn_pose_consensus_add(cairn_pose_consensus *consensus,
@@ -199,7 +213,7 @@ cairn_status cairn_pose_consensus_add(cairn_pose_consensus *consensus,
     kept.cycles = 0;
     kept.is_explained = 0;
     consensus->hypotheses[consensus->hypothesis_count++] = kept;
-    reset(consensus);
+    cancel(consensus);
     return CAIRN_OK;
 }
 
@@ -216,7 +230,7 @@ cairn_status cairn_pose_consensus_bound(cairn_pose_consensus *consensus, int32_t
         return CAIRN_BAD_ARGUMENT;
     consensus->bound_count += !(consensus->bounds[node].metres > 0);
     consensus->bounds[node] = bound;
-    reset(consensus);
+    cancel(consensus);
     return CAIRN_OK;
 }
 
@@ -225,7 +239,7 @@ void cairn_pose_consensus_judge_by(cairn_pose_consensus *consensus, cairn_pose_j
 {
     consensus->judge = judge;
     consensus->judge_context = context;
-    reset(consensus);
+    cancel(consensus);
 }
 
 void cairn_pose_consensus_jury_by(cairn_pose_consensus *consensus, cairn_pose_jury jury,
@@ -233,21 +247,22 @@ void cairn_pose_consensus_jury_by(cairn_pose_consensus *consensus, cairn_pose_ju
 {
     consensus->jury = jury;
     consensus->jury_context = context;
-    reset(consensus);
+    cancel(consensus);
 }
 
 /* ---- Links ---- */
 
-/* Where the links of each node begin. */
-static void count_links(cairn_pose_consensus *c)
+/* Computes the first link of each node. */
+static void count_links(cairn_pose_consensus *consensus)
 {
-    memset(c->first_link, 0, ((size_t)c->node_count + 1) * sizeof *c->first_link);
-    for (int32_t i = 0; i < c->hypothesis_count; i++) {
-        c->first_link[c->hypotheses[i].first + 1]++;
-        c->first_link[c->hypotheses[i].second + 1]++;
+    memset(consensus->first_link, 0,
+           ((size_t)consensus->node_count + 1) * sizeof *consensus->first_link);
+    for (int32_t i = 0; i < consensus->hypothesis_count; i++) {
+        consensus->first_link[consensus->hypotheses[i].first + 1]++;
+        consensus->first_link[consensus->hypotheses[i].second + 1]++;
     }
-    for (int32_t i = 0; i < c->node_count; i++)
-        c->first_link[i + 1] += c->first_link[i];
+    for (int32_t i = 0; i < consensus->node_count; i++)
+        consensus->first_link[i + 1] += consensus->first_link[i];
 }
 
 static int comes_before(const cairn_consensus_link *a, const cairn_consensus_link *b)
@@ -255,7 +270,7 @@ static int comes_before(const cairn_consensus_link *a, const cairn_consensus_lin
     return a->other != b->other ? a->other < b->other : a->hypothesis < b->hypothesis;
 }
 
-/* Heap sort: fixed memory, and never worse than n log n. */
+/* Heap sort: fixed memory, worst case n log n. */
 static void sort_links(cairn_consensus_link *links, int32_t count)
 {
     for (int32_t begin = count / 2, end = count; end > 1;) {
@@ -280,20 +295,21 @@ static void sort_links(cairn_consensus_link *links, int32_t count)
     }
 }
 
-static void build_links(cairn_pose_consensus *c)
+static void build_links(cairn_pose_consensus *consensus)
 {
-    count_links(c);
-    for (int32_t i = 0; i < c->node_count; i++)
-        c->fill[i] = c->first_link[i];
-    for (int32_t i = 0; i < c->hypothesis_count; i++) {
-        const cairn_kept_hypothesis *h = &c->hypotheses[i];
+    count_links(consensus);
+    for (int32_t i = 0; i < consensus->node_count; i++)
+        consensus->fill[i] = consensus->first_link[i];
+    for (int32_t i = 0; i < consensus->hypothesis_count; i++) {
+        const cairn_kept_hypothesis *h = &consensus->hypotheses[i];
         cairn_consensus_link from_first = {h->second, i}, from_second = {h->first, i};
 
-        c->links[c->fill[h->first]++] = from_first;
-        c->links[c->fill[h->second]++] = from_second;
+        consensus->links[consensus->fill[h->first]++] = from_first;
+        consensus->links[consensus->fill[h->second]++] = from_second;
     }
-    for (int32_t i = 0; i < c->node_count; i++)
-        sort_links(&c->links[c->first_link[i]], c->first_link[i + 1] - c->first_link[i]);
+    for (int32_t i = 0; i < consensus->node_count; i++)
+        sort_links(&consensus->links[consensus->first_link[i]],
+                   consensus->first_link[i + 1] - consensus->first_link[i]);
 }
 
 cairn_status cairn_pose_consensus_begin(cairn_pose_consensus *consensus)
@@ -304,7 +320,7 @@ cairn_status cairn_pose_consensus_begin(cairn_pose_consensus *consensus)
         return CAIRN_BAD_ARGUMENT;
     if (consensus->node_count == 0)
         return CAIRN_EMPTY;
-    reset(consensus);
+    cancel(consensus);
     build_links(consensus);
     memset(consensus->nodes, 0, (size_t)consensus->node_count * sizeof *consensus->nodes);
     for (int32_t i = 0; i < consensus->node_count; i++)
@@ -357,7 +373,7 @@ cairn_status cairn_pose_consensus_step(cairn_pose_consensus *consensus, cairn_bu
     return CAIRN_OK;
 }
 
-/* ---- Readers ---- */
+/* ---- Results ---- */
 
 cairn_consensus_result cairn_pose_consensus_read(const cairn_pose_consensus *consensus)
 {

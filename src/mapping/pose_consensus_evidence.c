@@ -1,13 +1,12 @@
-/* pose_consensus: what hypotheses, bounds and the judge say about poses. */
+/* pose_consensus: support of a pose by hypotheses, likelihood functions and bounds; relaxation. */
 #include "src/core/build.h"
 
 #include "src/mapping/pose_consensus_work.h"
 
-/* Nodes lie within this many times their bounds after the best common motion, which least
- * squares find, not the least of the largest error. */
+/* Tolerance factor of bounds: the common motion minimises squares, not the largest error. */
 static const cairn_real BOUND_SLACK = CAIRN_REAL(1.5);
-static const cairn_real SAME = 5;
-/* Ways round by a third node carry the errors of two hypotheses more. */
+static const cairn_real SAME_POSE_SIGMAS = 5;
+/* Factor on max_chi2 for cycles, which carry the errors of two hypotheses more. */
 static const cairn_real CYCLE_GATE = 3;
 
 cairn_turned_pose cairn_turned_of(cairn_pose pose)
@@ -26,8 +25,8 @@ cairn_pose cairn_turned_pose_of(cairn_turned_pose turned)
     return pose;
 }
 
-/* Angles are taken from the sums of theta, so that sines and cosines that are multiplied many
- * times cannot drift: they are made anew. */
+/* Angles are sums of theta, from which sine and cosine are computed anew: repeated products would
+ * drift. */
 cairn_turned_pose cairn_turned_compose(cairn_turned_pose a_b, cairn_turned_pose b_c)
 {
     cairn_vec2 origin = {b_c.transform.x, b_c.transform.y},
@@ -46,10 +45,10 @@ int32_t cairn_consensus_same(const cairn_pose_consensus *consensus, cairn_turned
                              cairn_turned_pose b)
 {
     cairn_real x = a.transform.x - b.transform.x, y = a.transform.y - b.transform.y;
-    cairn_real reach = SAME * consensus->params.sigma;
+    cairn_real reach = SAME_POSE_SIGMAS * consensus->params.sigma;
 
-    return x * x + y * y <= reach * reach &&
-           cairn_abs(cairn_wrap_angle(a.theta - b.theta)) <= SAME * consensus->params.sigma_angle;
+    return x * x + y * y <= reach * reach && cairn_abs(cairn_wrap_angle(a.theta - b.theta)) <=
+                                                 SAME_POSE_SIGMAS * consensus->params.sigma_angle;
 }
 
 cairn_real cairn_consensus_chi(const cairn_kept_hypothesis *hypothesis, cairn_turned_pose map_first,
@@ -66,8 +65,8 @@ cairn_real cairn_consensus_chi(const cairn_kept_hypothesis *hypothesis, cairn_tu
     return cairn_sym3_form(hypothesis->information, error);
 }
 
-/* What part of its score a hypothesis earns: all at its mode, nothing from the gate on. */
-static cairn_real share_of(const cairn_pose_consensus *consensus, cairn_real chi)
+/* Returns the weight of a hypothesis' score: 1 at its mode, 0 from max_chi2 on. */
+static cairn_real weight_of(const cairn_pose_consensus *consensus, cairn_real chi)
 {
     return cairn_max(1 - chi / consensus->params.gate, 0);
 }
@@ -84,7 +83,7 @@ int32_t cairn_consensus_pair(const cairn_pose_consensus *consensus, int32_t node
         const cairn_kept_hypothesis *h = &consensus->hypotheses[links[l].hypothesis];
         cairn_real chi = h->first == node ? cairn_consensus_chi(h, map_node, map_other, NULL)
                                           : cairn_consensus_chi(h, map_other, map_node, NULL);
-        cairn_real share = share_of(consensus, chi);
+        cairn_real share = weight_of(consensus, chi);
 
         *strongest = cairn_max(*strongest, h->score);
         if (share * h->score > *earned) {
@@ -96,9 +95,9 @@ int32_t cairn_consensus_pair(const cairn_pose_consensus *consensus, int32_t node
     return best;
 }
 
-/* Evidence of the judge. */
-static cairn_real judge_pair(const cairn_pose_consensus *consensus, int32_t node,
-                             cairn_turned_pose map_node, int32_t other, int32_t *units)
+/* Returns the pairwise log-likelihood ratio of two placed nodes. */
+static cairn_real pairwise_likelihood(const cairn_pose_consensus *consensus, int32_t node,
+                                      cairn_turned_pose map_node, int32_t other, int32_t *units)
 {
     int32_t first = node < other ? node : other, second = node < other ? other : node, cost = 1;
     cairn_pose here = cairn_turned_pose_of(map_node);
@@ -120,7 +119,7 @@ static void add_support(cairn_consensus_support *support, cairn_real evidence)
     support->contradicting += evidence < 0;
 }
 
-/* What hypotheses alone say. */
+/* Support by hypotheses alone. */
 static void support_by_links(const cairn_pose_consensus *consensus, int32_t node,
                              cairn_turned_pose map_node, int32_t part,
                              cairn_consensus_support *support)
@@ -149,15 +148,15 @@ cairn_real cairn_consensus_evidence(const cairn_pose_consensus *consensus, int32
         (void)cairn_consensus_pair(consensus, node, map_node, *link, consensus->chart[other].pose,
                                    link, &earned, &strongest);
     if (consensus->judge != NULL) {
-        cairn_real judged = judge_pair(consensus, node, map_node, other, units);
+        cairn_real judged = pairwise_likelihood(consensus, node, map_node, other, units);
 
         earned = earned > 0 ? cairn_max(earned, judged) : judged;
     }
     return earned;
 }
 
-/* What hypotheses and the judge say. */
-static void support_by_judge(const cairn_pose_consensus *consensus, int32_t node,
+/* Support by hypotheses and the pairwise likelihood. */
+static void support_by_pairs(const cairn_pose_consensus *consensus, int32_t node,
                              cairn_turned_pose map_node, int32_t part,
                              cairn_consensus_support *support)
 {
@@ -169,10 +168,10 @@ static void support_by_judge(const cairn_pose_consensus *consensus, int32_t node
                                                           &support->units));
 }
 
-/* What the jury says; who agrees is known from hypotheses. */
-static void support_by_jury(const cairn_pose_consensus *consensus, int32_t node,
-                            cairn_turned_pose map_node, int32_t part,
-                            cairn_consensus_support *support)
+/* Support by the joint likelihood; agreeing and conflicting pairs are counted by hypotheses. */
+static void support_by_joint(const cairn_pose_consensus *consensus, int32_t node,
+                             cairn_turned_pose map_node, int32_t part,
+                             cairn_consensus_support *support)
 {
     int32_t cost = 1;
     cairn_real evidence, against = 0;
@@ -197,9 +196,9 @@ cairn_consensus_support cairn_consensus_support_of(const cairn_pose_consensus *c
 
     support.units += (consensus->first_link[node + 1] - consensus->first_link[node]) / 4;
     if (judged && consensus->jury != NULL)
-        support_by_jury(consensus, node, map_node, part, &support);
+        support_by_joint(consensus, node, map_node, part, &support);
     else if (judged && consensus->judge != NULL)
-        support_by_judge(consensus, node, map_node, part, &support);
+        support_by_pairs(consensus, node, map_node, part, &support);
     else
         support_by_links(consensus, node, map_node, part, &support);
     return support;
@@ -211,37 +210,40 @@ int32_t cairn_consensus_is_believed(const cairn_pose_consensus *consensus, cairn
     return support - against >= consensus->params.believed;
 }
 
-/* ---- Ways round ---- */
+/* ---- Cycle consistency ---- */
 
 cairn_turned_pose cairn_consensus_seen_from(const cairn_kept_hypothesis *h, int32_t node)
 {
     return h->first == node ? h->first_second : h->second_first;
 }
 
-/* Links of a node to one other: [from, returned). */
-static int32_t end_of_pair(const cairn_pose_consensus *c, int32_t node, int32_t from)
+/* Returns the end of the links of a node to one other node, from `from` on. */
+static int32_t end_of_pair(const cairn_pose_consensus *consensus, int32_t node, int32_t from)
 {
     int32_t to = from + 1;
 
-    while (to < c->first_link[node + 1] && c->links[to].other == c->links[from].other)
+    while (to < consensus->first_link[node + 1] &&
+           consensus->links[to].other == consensus->links[from].other)
         to++;
     return to;
 }
 
-/* The best way from the first to the second node of h over links [from_a, to_a) of the first and
- * [from_b, to_b) of the second to one third node. */
-static cairn_real best_way(cairn_pose_consensus *c, const cairn_kept_hypothesis *h,
-                           const int32_t a[2], const int32_t b[2])
+/* Returns the score of the best cycle of h through one third node, over links a[0] ... a[1]-1 of
+ * the first and b[0] ... b[1]-1 of the second node. */
+static cairn_real best_cycle(cairn_pose_consensus *consensus, const cairn_kept_hypothesis *h,
+                             const int32_t a[2], const int32_t b[2])
 {
     const cairn_turned_pose here = {{0, 0, 1, 0}, 0};
     cairn_real best = 0;
 
     for (int32_t i = a[0]; i < a[1]; i++)
         for (int32_t j = b[0]; j < b[1]; j++) {
-            const cairn_kept_hypothesis *to = &c->hypotheses[c->links[i].hypothesis];
-            const cairn_kept_hypothesis *on = &c->hypotheses[c->links[j].hypothesis];
+            const cairn_kept_hypothesis *to =
+                &consensus->hypotheses[consensus->links[i].hypothesis];
+            const cairn_kept_hypothesis *on =
+                &consensus->hypotheses[consensus->links[j].hypothesis];
             cairn_turned_pose way = cairn_consensus_seen_from(to, h->first),
-                              rest = cairn_consensus_seen_from(on, c->links[j].other);
+                              rest = cairn_consensus_seen_from(on, consensus->links[j].other);
             cairn_vec2 position = {rest.transform.x, rest.transform.y};
             cairn_real share;
 
@@ -249,37 +251,40 @@ static cairn_real best_way(cairn_pose_consensus *c, const cairn_kept_hypothesis 
             way.transform.x = position.x;
             way.transform.y = position.y;
             way.theta += rest.theta;
-            share = 1 - cairn_consensus_chi(h, here, way, NULL) / (CYCLE_GATE * c->params.gate);
+            share =
+                1 - cairn_consensus_chi(h, here, way, NULL) / (CYCLE_GATE * consensus->params.gate);
             best = cairn_max(best, share * cairn_min(h->score, cairn_min(to->score, on->score)));
         }
-    c->debt += 1 + (a[1] - a[0]) * (b[1] - b[0]) / 2;
+    consensus->debt += 1 + (a[1] - a[0]) * (b[1] - b[0]) / 2;
     return best;
 }
 
-void cairn_consensus_add_cycles(cairn_pose_consensus *c)
+void cairn_consensus_add_cycles(cairn_pose_consensus *consensus)
 {
-    cairn_kept_hypothesis *h = &c->hypotheses[c->next++];
-    int32_t a[2] = {c->first_link[h->first], 0}, b[2] = {c->first_link[h->second], 0};
+    cairn_kept_hypothesis *h = &consensus->hypotheses[consensus->next++];
+    int32_t a[2] = {consensus->first_link[h->first], 0},
+            b[2] = {consensus->first_link[h->second], 0};
 
     h->cycles = 0;
-    while (a[0] < c->first_link[h->first + 1] && b[0] < c->first_link[h->second + 1]) {
-        int32_t third = c->links[a[0]].other, other = c->links[b[0]].other;
+    while (a[0] < consensus->first_link[h->first + 1] &&
+           b[0] < consensus->first_link[h->second + 1]) {
+        int32_t third = consensus->links[a[0]].other, other = consensus->links[b[0]].other;
 
-        a[1] = end_of_pair(c, h->first, a[0]);
-        b[1] = end_of_pair(c, h->second, b[0]);
+        a[1] = end_of_pair(consensus, h->first, a[0]);
+        b[1] = end_of_pair(consensus, h->second, b[0]);
         if (third == other)
-            h->cycles += best_way(c, h, a, b);
+            h->cycles += best_cycle(consensus, h, a, b);
         if (third <= other)
             a[0] = a[1];
         if (other <= third)
             b[0] = b[1];
     }
-    c->debt++;
+    consensus->debt++;
 }
 
 /* ---- Bounds ---- */
 
-/* Sums over nodes with bounds: least squares of a common motion. */
+/* Sums over nodes with bounds for the least-squares common motion. */
 struct fit {
     cairn_vec2 from, to; /* weighted means */
     cairn_real weight, dot, cross;
@@ -319,8 +324,8 @@ static int is_within(const cairn_node_bound *bound, cairn_pose map_part, cairn_t
                BOUND_SLACK * bound->radians;
 }
 
-/* The bounded pose of a node of the part, or that of the candidate; 0 when it is neither, or has
- * no bound. */
+/* Finds the pose of a bounded node of the component, or of the candidate; returns 0 when it is
+ * neither, or has no bound. */
 static int bounded_pose(const cairn_pose_consensus *consensus, int32_t i, int32_t part,
                         int32_t node, cairn_turned_pose candidate, cairn_turned_pose *pose)
 {
@@ -358,10 +363,10 @@ int32_t cairn_consensus_within_bounds(const cairn_pose_consensus *consensus, int
     return within;
 }
 
-/* ---- Relaxation ---- */
+/* ---- Relaxation: Gauss-Newton, one node at a time ---- */
 
-/* Columns of the derivative of a hypothesis' residual by (x, y, theta) of one of its nodes in
- * the map. */
+/* Jacobian of a hypothesis' residual by (x, y, theta) of one of its nodes in the map, by
+ * columns. */
 static void residual_columns(cairn_turned_pose map_first, cairn_turned_pose map_second,
                              int32_t of_first, cairn_real columns[3][3])
 {
@@ -400,7 +405,7 @@ static void add_terms(const cairn_pose_consensus *consensus, const cairn_kept_hy
     cairn_turned_pose first = consensus->chart[h->first].pose,
                       second = consensus->chart[h->second].pose;
     cairn_real columns[3][3], weighted[3][3], residual[3];
-    cairn_real weight = share_of(consensus, cairn_consensus_chi(h, first, second, residual));
+    cairn_real weight = weight_of(consensus, cairn_consensus_chi(h, first, second, residual));
 
     residual_columns(first, second, h->first == node, columns);
     for (int k = 0; k < 3; k++) {

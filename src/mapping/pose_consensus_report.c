@@ -1,13 +1,13 @@
-/* pose_consensus: the best map as the result: frames of its parts, their order, and what other
- * maps say. */
+/* pose_consensus: the best map as the result: frames and order of its components, alternatives,
+ * ambiguity. */
 #include "src/core/build.h"
 
 #include <string.h>
 
 #include "src/mapping/pose_consensus_work.h"
 
-/* m and rad: what is nearer is the same place, if not the same pose. */
-static const cairn_real ELSEWHERE = 1, ELSEWHERE_ANGLE = CAIRN_REAL(0.5);
+/* m and rad: farther poses count as another place, not as another estimate of the same place. */
+static const cairn_real OTHER_PLACE_M = 1, OTHER_PLACE_RAD = CAIRN_REAL(0.5);
 
 static int32_t first_of_part(const cairn_chart_node *chart, int32_t node)
 {
@@ -18,87 +18,93 @@ static int32_t first_of_part(const cairn_chart_node *chart, int32_t node)
     return first;
 }
 
-/* Where the rival map has a node, in the frame of the chart: laid onto it by the first node of
- * the node's part that both have placed. 0 when the rival says nothing else. */
-static int rival_pose(const cairn_pose_consensus *c, int32_t node, cairn_turned_pose *pose)
+/* Returns in *pose the node's pose in the competing map, in the frame of the current one: aligned
+ * by the first node of its component that both have placed. 0 when the competing map has no other
+ * pose. */
+static int competing_pose(const cairn_pose_consensus *consensus, int32_t node,
+                          cairn_turned_pose *pose)
 {
-    int32_t anchor = first_of_part(c->chart, node);
+    int32_t anchor = first_of_part(consensus->chart, node);
 
-    if (!(c->result.rival > 0) || c->rival[node].part < 0 ||
-        c->rival[node].part != c->rival[anchor].part)
+    if (!(consensus->result.rival > 0) || consensus->rival[node].part < 0 ||
+        consensus->rival[node].part != consensus->rival[anchor].part)
         return 0;
     *pose = cairn_turned_compose(
-        c->chart[anchor].pose,
-        cairn_turned_compose(cairn_turned_inverse(c->rival[anchor].pose), c->rival[node].pose));
-    return !cairn_consensus_same(c, *pose, c->chart[node].pose);
+        consensus->chart[anchor].pose,
+        cairn_turned_compose(cairn_turned_inverse(consensus->rival[anchor].pose),
+                             consensus->rival[node].pose));
+    return !cairn_consensus_same(consensus, *pose, consensus->chart[node].pose);
 }
 
-/* Puts the rival's pose first, where alternatives are kept at all. */
-static void add_rival(cairn_pose_consensus *c, int32_t node)
+/* Inserts the competing map's pose first, if alternatives are stored at all. */
+static void insert_competing(cairn_pose_consensus *consensus, int32_t node)
 {
-    cairn_consensus_alternative *list = &c->alternatives[node * c->params.max_alternatives];
+    cairn_consensus_alternative *list =
+        &consensus->alternatives[node * consensus->params.max_alternatives];
     cairn_turned_pose pose;
-    int32_t *count = &c->nodes[node].alternatives;
+    int32_t *count = &consensus->nodes[node].alternatives;
 
-    if (c->params.max_alternatives == 0 || !rival_pose(c, node, &pose))
+    if (consensus->params.max_alternatives == 0 || !competing_pose(consensus, node, &pose))
         return;
-    if (*count == c->params.max_alternatives)
+    if (*count == consensus->params.max_alternatives)
         (*count)--;
     memmove(&list[1], &list[0], (size_t)*count * sizeof *list);
     list[0].map_node = cairn_turned_pose_of(pose);
-    list[0].support = c->result.rival;
+    list[0].support = consensus->result.rival;
     list[0].whole = 1;
     (*count)++;
 }
 
-/* Weights by support (of the whole map where another map is the alternative), heaviest first. */
-static void weigh(cairn_pose_consensus *c, int32_t node)
+/* Softmax weights by support (of the whole map for an alternative map), the greatest first. */
+static void set_weights(cairn_pose_consensus *consensus, int32_t node)
 {
-    cairn_consensus_alternative *list = &c->alternatives[node * c->params.max_alternatives];
-    cairn_consensus_node *chosen = &c->nodes[node];
+    cairn_consensus_alternative *list =
+        &consensus->alternatives[node * consensus->params.max_alternatives];
+    cairn_consensus_node *chosen = &consensus->nodes[node];
     cairn_real sum = 1;
 
     for (int32_t i = 0; i < chosen->alternatives; i++) {
-        list[i].weight = cairn_exp(
-            cairn_min(list[i].support - (list[i].whole ? c->result.total : chosen->support), 0));
+        list[i].weight = cairn_exp(cairn_min(
+            list[i].support - (list[i].whole ? consensus->result.total : chosen->support), 0));
         sum += list[i].weight;
     }
     for (int32_t i = 0; i < chosen->alternatives; i++)
         list[i].weight /= sum;
     if (chosen->alternatives > 1 && list[0].weight < list[1].weight) {
-        cairn_consensus_alternative rival = list[0];
+        cairn_consensus_alternative other_map = list[0];
         int32_t at = 0;
 
-        for (; at + 1 < chosen->alternatives && list[at + 1].weight > rival.weight; at++)
+        for (; at + 1 < chosen->alternatives && list[at + 1].weight > other_map.weight; at++)
             list[at] = list[at + 1];
-        list[at] = rival;
+        list[at] = other_map;
     }
-    chosen->ambiguous |= chosen->alternatives > 0 && list[0].weight >= c->params.ambiguous;
-    c->result.ambiguous += chosen->ambiguous;
+    chosen->ambiguous |= chosen->alternatives > 0 && list[0].weight >= consensus->params.ambiguous;
+    consensus->result.ambiguous += chosen->ambiguous;
 }
 
-static int32_t size_of_part(const cairn_pose_consensus *c, int32_t part)
+static int32_t size_of_part(const cairn_pose_consensus *consensus, int32_t part)
 {
     int32_t size = 0;
 
-    for (int32_t i = 0; i < c->node_count; i++)
-        size += c->chart[i].part == part;
+    for (int32_t i = 0; i < consensus->node_count; i++)
+        size += consensus->chart[i].part == part;
     return size;
 }
 
-/* Numbers the parts by size, those of equal size by their first node, and nodes that nothing
- * supports behind them. */
-static void number_parts(cairn_pose_consensus *c)
+/* Numbers the components by size, those of equal size by their first node, and unsupported nodes
+ * behind them. */
+static void number_parts(cairn_pose_consensus *consensus)
 {
-    for (int32_t i = 0; i < c->node_count; i++)
-        c->nodes[i].part = -1;
+    for (int32_t i = 0; i < consensus->node_count; i++)
+        consensus->nodes[i].part = -1;
     for (;;) {
         int32_t best = -1, size = 0;
 
-        for (int32_t i = 0; i < c->node_count; i++) {
-            int32_t here = c->nodes[i].part >= 0  ? 0
-                           : c->chart[i].part < 0 ? 1
-                                                  : size_of_part(c, c->chart[i].part);
+        for (int32_t i = 0; i < consensus->node_count; i++) {
+            int32_t here = consensus->nodes[i].part >= 0 ? 0
+                           : consensus->chart[i].part < 0
+                               ? 1
+                               : size_of_part(consensus, consensus->chart[i].part);
 
             if (here > size) {
                 best = i;
@@ -107,28 +113,30 @@ static void number_parts(cairn_pose_consensus *c)
         }
         if (best < 0)
             return;
-        for (int32_t i = 0; i < c->node_count; i++)
-            if (i == best || (c->chart[best].part >= 0 && c->chart[i].part == c->chart[best].part))
-                c->nodes[i].part = c->result.parts;
-        c->result.parts++;
-        c->result.placed += c->chart[best].part >= 0 ? size : 0;
+        for (int32_t i = 0; i < consensus->node_count; i++)
+            if (i == best || (consensus->chart[best].part >= 0 &&
+                              consensus->chart[i].part == consensus->chart[best].part))
+                consensus->nodes[i].part = consensus->result.parts;
+        consensus->result.parts++;
+        consensus->result.placed += consensus->chart[best].part >= 0 ? size : 0;
     }
 }
 
-/* From the frame of a part in the chart to that of the result. */
-static cairn_pose frame_of(const cairn_pose_consensus *c, int32_t node)
+/* Returns the pose of the current map's frame in the result's, for a component. */
+static cairn_pose frame_of(const cairn_pose_consensus *consensus, int32_t node)
 {
     cairn_pose frame;
 
-    if (c->bound_count == 0)
+    if (consensus->bound_count == 0)
         return cairn_pose_inverse(
-            cairn_turned_pose_of(c->chart[first_of_part(c->chart, node)].pose));
-    (void)cairn_consensus_within_bounds(c, c->chart[node].part, -1, c->chart[node].pose, &frame);
+            cairn_turned_pose_of(consensus->chart[first_of_part(consensus->chart, node)].pose));
+    (void)cairn_consensus_within_bounds(consensus, consensus->chart[node].part, -1,
+                                        consensus->chart[node].pose, &frame);
     return frame;
 }
 
 /* R C R^T */
-static void turn_covariance(cairn_real covariance[9], cairn_pose frame)
+static void rotate_covariance(cairn_real covariance[9], cairn_pose frame)
 {
     cairn_transform t = cairn_transform_of(frame);
     cairn_real c = t.cosine, s = t.sine, xx = covariance[0], xy = covariance[1], yy = covariance[4];
@@ -142,24 +150,26 @@ static void turn_covariance(cairn_real covariance[9], cairn_pose frame)
     covariance[5] = covariance[7] = angle.y;
 }
 
-static void move_into_frame(cairn_pose_consensus *c, int32_t node)
+static void move_into_frame(cairn_pose_consensus *consensus, int32_t node)
 {
-    cairn_consensus_alternative *list = &c->alternatives[node * c->params.max_alternatives];
-    cairn_pose frame = frame_of(c, node);
+    cairn_consensus_alternative *list =
+        &consensus->alternatives[node * consensus->params.max_alternatives];
+    cairn_pose frame = frame_of(consensus, node);
 
-    c->nodes[node].map_node = cairn_pose_compose(frame, cairn_turned_pose_of(c->chart[node].pose));
-    turn_covariance(c->nodes[node].covariance, frame);
-    for (int32_t i = 0; i < c->nodes[node].alternatives; i++)
+    consensus->nodes[node].map_node =
+        cairn_pose_compose(frame, cairn_turned_pose_of(consensus->chart[node].pose));
+    rotate_covariance(consensus->nodes[node].covariance, frame);
+    for (int32_t i = 0; i < consensus->nodes[node].alternatives; i++)
         list[i].map_node = cairn_pose_compose(frame, list[i].map_node);
 }
 
-/* In the frame of the chart. */
-static void write_covariance(cairn_pose_consensus *c, int32_t node)
+/* Writes the covariance of a node, in the frame of the current map. */
+static void write_covariance(cairn_pose_consensus *consensus, int32_t node)
 {
-    cairn_real gradient[3], *covariance = c->nodes[node].covariance;
+    cairn_real gradient[3], *covariance = consensus->nodes[node].covariance;
     cairn_sym3 inverse = cairn_sym3_zero();
 
-    (void)cairn_sym3_inverse(cairn_consensus_information(c, node, gradient), &inverse);
+    (void)cairn_sym3_inverse(cairn_consensus_information(consensus, node, gradient), &inverse);
     covariance[0] = inverse.xx;
     covariance[1] = covariance[3] = inverse.xy;
     covariance[2] = covariance[6] = inverse.xz;
@@ -168,48 +178,50 @@ static void write_covariance(cairn_pose_consensus *c, int32_t node)
     covariance[8] = inverse.zz;
 }
 
-/* 1 when a candidate lies elsewhere and would be believed there, were nothing known of where its
- * node lies. */
-static int is_believed(const cairn_pose_consensus *c, const cairn_candidate *candidate)
+/* Returns 1 when a candidate is at another place and significant there by itself. */
+static int is_significant_elsewhere(const cairn_pose_consensus *consensus,
+                                    const cairn_candidate *candidate)
 {
-    cairn_turned_pose here = c->chart[candidate->node].pose;
+    cairn_turned_pose here = consensus->chart[candidate->node].pose;
     cairn_real x = candidate->pose.transform.x - here.transform.x,
                y = candidate->pose.transform.y - here.transform.y;
 
-    return c->params.believed > 0 &&
-           cairn_consensus_is_believed(c, candidate->support, candidate->against) &&
-           cairn_exp(-candidate->against) >= c->params.ambiguous &&
-           (x * x + y * y > ELSEWHERE * ELSEWHERE ||
-            cairn_abs(cairn_wrap_angle(candidate->pose.theta - here.theta)) > ELSEWHERE_ANGLE);
+    return consensus->params.believed > 0 &&
+           cairn_consensus_is_believed(consensus, candidate->support, candidate->against) &&
+           cairn_exp(-candidate->against) >= consensus->params.ambiguous &&
+           (x * x + y * y > OTHER_PLACE_M * OTHER_PLACE_M ||
+            cairn_abs(cairn_wrap_angle(candidate->pose.theta - here.theta)) > OTHER_PLACE_RAD);
 }
 
-/* Writes down the node whose alternatives have been searched. */
-void cairn_consensus_report_node(cairn_pose_consensus *c)
+/* Writes the result of the node whose alternatives have been searched. */
+void cairn_consensus_report_node(cairn_pose_consensus *consensus)
 {
-    cairn_consensus_node *node = &c->nodes[c->subject];
-    const cairn_chart_node *chart = &c->chart[c->subject];
-    cairn_consensus_alternative *list = &c->alternatives[c->subject * c->params.max_alternatives];
+    cairn_consensus_node *node = &consensus->nodes[consensus->subject];
+    const cairn_chart_node *chart = &consensus->chart[consensus->subject];
+    cairn_consensus_alternative *list =
+        &consensus->alternatives[consensus->subject * consensus->params.max_alternatives];
     cairn_consensus_support support =
-        cairn_consensus_support_of(c, c->subject, chart->pose, chart->part, 1);
+        cairn_consensus_support_of(consensus, consensus->subject, chart->pose, chart->part, 1);
 
-    c->debt += 2 * support.units;
-    write_covariance(c, c->subject);
+    consensus->debt += 2 * support.units;
+    write_covariance(consensus, consensus->subject);
     node->support = support.sum;
     node->agreeing = support.agreeing;
     node->contradicting = support.contradicting;
-    for (int32_t i = 0; i < c->candidate_count; i++) {
-        cairn_consensus_alternative alternative = {cairn_turned_pose_of(c->candidates[i].pose),
-                                                   c->candidates[i].support, 0, 0};
+    for (int32_t i = 0; i < consensus->candidate_count; i++) {
+        cairn_consensus_alternative alternative = {
+            cairn_turned_pose_of(consensus->candidates[i].pose), consensus->candidates[i].support,
+            0, 0};
         int32_t at = node->alternatives;
 
-        node->ambiguous |= is_believed(c, &c->candidates[i]);
-        if (c->candidates[i].current || !(alternative.support > 0))
+        node->ambiguous |= is_significant_elsewhere(consensus, &consensus->candidates[i]);
+        if (consensus->candidates[i].current || !(alternative.support > 0))
             continue;
         while (at > 0 && list[at - 1].support < alternative.support)
             at--;
-        if (at == c->params.max_alternatives)
+        if (at == consensus->params.max_alternatives)
             continue;
-        if (node->alternatives == c->params.max_alternatives)
+        if (node->alternatives == consensus->params.max_alternatives)
             node->alternatives--;
         memmove(&list[at + 1], &list[at], (size_t)(node->alternatives - at) * sizeof *list);
         list[at] = alternative;
@@ -217,59 +229,62 @@ void cairn_consensus_report_node(cairn_pose_consensus *c)
     }
 }
 
-/* A node is as doubtful as what most of its evidence is about. Done again until nothing changes. */
-void cairn_consensus_spread_item(cairn_pose_consensus *c)
+/* Propagates ambiguity: a node is ambiguous when most of its support comes from ambiguous nodes.
+ * Repeated until nothing changes. */
+void cairn_consensus_spread_item(cairn_pose_consensus *consensus)
 {
-    int32_t node = c->next, link, units = 1;
+    int32_t node = consensus->next, link, units = 1;
     cairn_real all = 0, doubtful = 0;
 
-    c->debt++;
-    if (c->next == c->end) {
-        cairn_consensus_enter(c, c->changed > 0 ? CAIRN_CONSENSUS_SPREAD : CAIRN_CONSENSUS_IDLE,
-                              c->node_count);
-        c->changed = 0;
+    consensus->debt++;
+    if (consensus->next == consensus->end) {
+        cairn_consensus_enter(
+            consensus, consensus->changed > 0 ? CAIRN_CONSENSUS_SPREAD : CAIRN_CONSENSUS_IDLE,
+            consensus->node_count);
+        consensus->changed = 0;
         return;
     }
-    c->next++;
-    if (c->chart[node].part < 0 || c->nodes[node].ambiguous)
+    consensus->next++;
+    if (consensus->chart[node].part < 0 || consensus->nodes[node].ambiguous)
         return;
-    link = c->first_link[node];
-    for (int32_t i = 0; i < c->node_count; i++)
-        if (i != node && c->chart[i].part == c->chart[node].part) {
-            cairn_real evidence =
-                cairn_consensus_evidence(c, node, c->chart[node].pose, i, &link, &units);
+    link = consensus->first_link[node];
+    for (int32_t i = 0; i < consensus->node_count; i++)
+        if (i != node && consensus->chart[i].part == consensus->chart[node].part) {
+            cairn_real evidence = cairn_consensus_evidence(
+                consensus, node, consensus->chart[node].pose, i, &link, &units);
 
             all += cairn_max(evidence, 0);
-            doubtful += c->nodes[i].ambiguous ? cairn_max(evidence, 0) : 0;
+            doubtful += consensus->nodes[i].ambiguous ? cairn_max(evidence, 0) : 0;
         }
-    c->nodes[node].ambiguous = 2 * doubtful > all;
-    c->changed += c->nodes[node].ambiguous;
-    c->result.ambiguous += c->nodes[node].ambiguous;
-    c->debt += units;
+    consensus->nodes[node].ambiguous = 2 * doubtful > all;
+    consensus->changed += consensus->nodes[node].ambiguous;
+    consensus->result.ambiguous += consensus->nodes[node].ambiguous;
+    consensus->debt += units;
 }
 
-void cairn_consensus_finish(cairn_pose_consensus *c)
+void cairn_consensus_finish(cairn_pose_consensus *consensus)
 {
-    c->result.nodes = c->node_count;
-    for (int32_t i = 0; i < c->node_count; i++) {
-        if (c->chart[i].part < 0) {
-            c->nodes[i].map_node = c->bounds[i].centre;
+    consensus->result.nodes = consensus->node_count;
+    for (int32_t i = 0; i < consensus->node_count; i++) {
+        if (consensus->chart[i].part < 0) {
+            consensus->nodes[i].map_node = consensus->bounds[i].centre;
             continue;
         }
-        add_rival(c, i);
-        weigh(c, i);
-        move_into_frame(c, i);
-        c->debt += 4;
+        insert_competing(consensus, i);
+        set_weights(consensus, i);
+        move_into_frame(consensus, i);
+        consensus->debt += 4;
     }
-    number_parts(c);
-    c->debt += c->node_count;
-    for (int32_t h = 0; h < c->hypothesis_count; h++) {
-        const cairn_kept_hypothesis *kept = &c->hypotheses[h];
-        const cairn_chart_node *first = &c->chart[kept->first], *second = &c->chart[kept->second];
+    number_parts(consensus);
+    consensus->debt += consensus->node_count;
+    for (int32_t h = 0; h < consensus->hypothesis_count; h++) {
+        const cairn_kept_hypothesis *kept = &consensus->hypotheses[h];
+        const cairn_chart_node *first = &consensus->chart[kept->first],
+                               *second = &consensus->chart[kept->second];
 
-        c->result.agreeing +=
+        consensus->result.agreeing +=
             first->part >= 0 && first->part == second->part &&
-            cairn_consensus_chi(kept, first->pose, second->pose, NULL) < c->params.gate;
+            cairn_consensus_chi(kept, first->pose, second->pose, NULL) < consensus->params.gate;
     }
-    c->debt += c->hypothesis_count / 2;
+    consensus->debt += consensus->hypothesis_count / 2;
 }

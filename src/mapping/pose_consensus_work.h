@@ -1,5 +1,5 @@
-/* What the parts of pose_consensus share: hypotheses as they are kept, maps in the making, and
- * evidence. */
+/* Private state of the pose_consensus module: hypotheses, assignments (maps in progress), and
+ * log-likelihood ratios. */
 #ifndef CAIRN_MAPPING_POSE_CONSENSUS_WORK_H
 #define CAIRN_MAPPING_POSE_CONSENSUS_WORK_H
 
@@ -15,53 +15,54 @@ typedef struct cairn_turned_pose {
 typedef struct cairn_kept_hypothesis {
     int32_t first, second;
     cairn_turned_pose first_second, second_first;
-    /* of first_second with the nodes' own sigmas, in the frame of the first */
+    /* information of first_second with the nodes' model noise, in the frame of the first */
     cairn_sym3 information;
     cairn_real score;
-    /* score of the ways round by a third node that agree with it */
+    /* score of the agreeing cycles through a third node */
     cairn_real cycles;
-    /* 1: a map that was found agrees, or a growth began with it */
+    /* 1: an inlier of a map found before, or the seed of one */
     int32_t is_explained;
 } cairn_kept_hypothesis;
 
-/* A hypothesis as one of its nodes sees it; those of a node stand together, sorted by the other
- * node. */
+/* A hypothesis in the list of one of its nodes; the links of a node are contiguous, sorted by the
+ * other node. */
 typedef struct cairn_consensus_link {
     int32_t other, hypothesis;
 } cairn_consensus_link;
 
-/* A node in a map: its part, or -1 when it is not placed. */
+/* Assignment of a node: its pose and its component, -1 when it is not placed. */
 typedef struct cairn_chart_node {
     cairn_turned_pose pose;
     int32_t part;
-    int32_t part_before; /* while a merge is tried */
+    int32_t part_before; /* during a tentative merge */
 } cairn_chart_node;
 
-/* A node in the tree of the strongest pairs of its part. */
+/* A node in the maximum spanning tree of its component. */
 typedef struct cairn_consensus_branch {
-    int32_t parent; /* -1: a root; when islands are numbered the first node of its own */
+    int32_t parent; /* -1: a root; while submaps are numbered the first node of its own submap */
     int32_t is_in;
-    cairn_real evidence; /* of the pair with the parent */
+    cairn_real evidence; /* log-likelihood ratio of the pair with the parent, nats */
 } cairn_consensus_branch;
 
 typedef struct cairn_node_bound {
     cairn_pose centre;
-    cairn_real metres, radians; /* metres 0: none */
+    cairn_real metres, radians; /* metres 0: no bound */
 } cairn_node_bound;
 
 typedef struct cairn_candidate {
     cairn_turned_pose pose;
     cairn_real support, against;
-    /* in growth what ways round say for the hypothesis: it counts with the support in the choice */
+    /* score of the agreeing cycles of the proposing hypothesis, in growth; added to the support in
+     * the choice */
     cairn_real cycles;
     int32_t node, part;
-    /* 1: where the node lies already */
+    /* 1: the node's current pose */
     int32_t current;
 } cairn_candidate;
 
-/* What all pairs of a node say for a pose of it. */
+/* Support of a pose of a node by all pairs, nats. */
 typedef struct cairn_consensus_support {
-    cairn_real sum, against; /* against: what was taken off the sum */
+    cairn_real sum, against; /* violations: the sum of the negative terms, >= 0 */
     int32_t agreeing, contradicting;
     int32_t units;
 } cairn_consensus_support;
@@ -71,28 +72,28 @@ enum {
     CAIRN_CONSENSUS_IDLE = 0,
     CAIRN_CONSENSUS_CYCLES,
     CAIRN_CONSENSUS_START,
-    CAIRN_CONSENSUS_SEARCH, /* vote for the candidates of a choice ... */
-    CAIRN_CONSENSUS_JUDGE,  /* ... and judge the best voted */
+    CAIRN_CONSENSUS_SEARCH, /* votes for the candidates of a choice ... */
+    CAIRN_CONSENSUS_JUDGE,  /* ... and evaluation of the best voted by the likelihood functions */
     CAIRN_CONSENSUS_RELAX,
     CAIRN_CONSENSUS_MERGE,
-    CAIRN_CONSENSUS_AGAIN, /* every node is chosen again */
+    CAIRN_CONSENSUS_AGAIN, /* every node is assigned again, given the others */
     CAIRN_CONSENSUS_TALLY,
-    CAIRN_CONSENSUS_TREE,  /* of the best map at last: where it hangs by single pairs, ... */
-    CAIRN_CONSENSUS_BLOCK, /* ... what hangs there is laid anew as a whole */
+    CAIRN_CONSENSUS_TREE,  /* maximum spanning tree of the best map, ... */
+    CAIRN_CONSENSUS_BLOCK, /* ... blocks cut off at its edges are moved as a whole */
     CAIRN_CONSENSUS_PROPOSE,
-    CAIRN_CONSENSUS_PART,    /* islands are cut off, ... */
+    CAIRN_CONSENSUS_PART,    /* submaps are split off, ... */
     CAIRN_CONSENSUS_ISLANDS, /* ... measured ... */
     CAIRN_CONSENSUS_NUMBER,  /* ... and numbered */
     CAIRN_CONSENSUS_REPORT,
-    CAIRN_CONSENSUS_SPREAD /* doubt, to nodes that hang by those in doubt */
+    CAIRN_CONSENSUS_SPREAD /* ambiguity propagates to nodes that depend on ambiguous ones */
 };
 
-/* What is chosen by a search. */
+/* Subject of a search. */
 typedef int32_t cairn_consensus_choice;
 enum {
-    CAIRN_CHOOSE_NEXT = 0,        /* the node that grows the part */
+    CAIRN_CHOOSE_NEXT = 0,        /* the next node of the growing component */
     CAIRN_CHOOSE_AGAIN = 1,       /* the pose of a node given the others */
-    CAIRN_CHOOSE_ALTERNATIVES = 2 /* of a node */
+    CAIRN_CHOOSE_ALTERNATIVES = 2 /* alternatives of a node */
 };
 
 struct cairn_pose_consensus {
@@ -103,11 +104,11 @@ struct cairn_pose_consensus {
     cairn_consensus_link *links;
     /* [max_nodes + 1] */
     int32_t *first_link;
-    /* [max_nodes] for the links while they are built; sizes of islands */
+    /* [max_nodes] insertion points while links are built; sizes of submaps */
     int32_t *fill;
     /* [max_nodes] */
     cairn_node_bound *bounds;
-    /* [max_nodes] */
+    /* [max_nodes] assignment: current, best, and best competing map */
     cairn_chart_node *chart, *best, *rival;
     /* [max_nodes] */
     cairn_consensus_branch *tree;
@@ -117,47 +118,47 @@ struct cairn_pose_consensus {
     cairn_consensus_alternative *alternatives;
     /* [max_candidates] of the search, the best first */
     cairn_candidate *candidates;
-    /* [max_nodes] of the chart, for the jury, ... */
+    /* [max_nodes] poses of the current assignment, for the joint likelihood, ... */
     cairn_pose *jury_poses;
-    /* ... and its parts */
+    /* ... and its components */
     int32_t *jury_parts;
     cairn_pose_judge judge;
     cairn_pose_jury jury;
     void *judge_context, *jury_context;
     int32_t node_count, hypothesis_count, bound_count;
 
-    /* after: that follows relaxation */
+    /* after: the phase after relaxation */
     cairn_consensus_phase phase, after;
     cairn_consensus_choice choice;
-    /* hypothesis, link, candidate or node that the phase comes to, and where it ends */
+    /* next: hypothesis, link, candidate or node of the phase; end: where it ends */
     int32_t next, end;
-    /* node of the link, or the one that is chosen again or reported */
+    /* node of the link, or the one that is reassigned or reported */
     int32_t subject;
-    /* that grows */
+    /* growing component */
     int32_t part;
-    /* begun so far */
+    /* components begun so far */
     int32_t parts;
-    /* node that the block hangs by, ... */
+    /* node at the edge where the block is cut off */
     int32_t block;
-    /* ... the part it is of, ... */
+    /* component of the block */
     int32_t whole;
-    /* ... and how often all blocks have been laid */
+    /* passes over all blocks */
     int32_t passes;
-    /* nothing moves any more: islands are looked for */
+    /* 1: the map is final; submaps are searched */
     int32_t is_settled;
-    /* of relaxation that are left */
+    /* sweeps of relaxation left */
     int32_t sweeps;
-    /* of this growth */
+    /* reassignment rounds of this growth */
     int32_t rounds;
-    /* nodes in this round */
+    /* nodes changed in this round */
     int32_t changed;
-    /* units of items done that are not yet paid for */
+    /* units of finished items, not yet charged */
     int32_t debt;
     int32_t candidate_count;
-    /* best so far: its pose maps part `node` into `part` */
+    /* best merge so far: its pose maps component `node` into `part` */
     cairn_candidate merge;
     cairn_real total;
-    /* hypothesis from which this map grew */
+    /* seed hypothesis of this map */
     int32_t start;
     cairn_consensus_result result;
 };
@@ -167,48 +168,48 @@ cairn_pose cairn_turned_pose_of(cairn_turned_pose pose);
 cairn_turned_pose cairn_turned_compose(cairn_turned_pose a_b, cairn_turned_pose b_c);
 cairn_turned_pose cairn_turned_inverse(cairn_turned_pose a_b);
 
-/* 1 when two poses are the same for all purposes: within five of the nodes' own sigmas. */
+/* Returns 1 when two poses are equal within five of the nodes' model sigmas. */
 int32_t cairn_consensus_same(const cairn_pose_consensus *consensus, cairn_turned_pose a,
                              cairn_turned_pose b);
 
-/* Chi-squared of a hypothesis given two poses; of the second only its position and angle are
- * read. residual, when not NULL, is its error in the frame of the first node. */
+/* Returns chi-squared of a hypothesis given two poses; of the second only its position and angle
+ * are read. residual, when not NULL: its residual in the frame of the first node. */
 cairn_real cairn_consensus_chi(const cairn_kept_hypothesis *hypothesis, cairn_turned_pose map_first,
                                cairn_turned_pose map_second, cairn_real residual[3]);
 
-/* The hypothesis of the pair (node, other) that the poses agree with best, and what it earns;
- * -1: none. `from` is the first link of the pair, *to is set behind its last. *strongest: best
- * score of the pair, agreeing or not. */
+/* Returns the best agreeing hypothesis of the pair (node, other), and its weighted score; -1: none.
+ * `from` is the first link of the pair, *to is set behind its last. *strongest: best score of the
+ * pair, agreeing or not. */
 int32_t cairn_consensus_pair(const cairn_pose_consensus *consensus, int32_t node,
                              cairn_turned_pose map_node, int32_t from, cairn_turned_pose map_other,
                              int32_t *to, cairn_real *earned, cairn_real *strongest);
 
-/* Support of a pose of a node by the placed nodes of a part; the judge is asked when judged is
- * 1. */
+/* Returns the support of a pose of a node by the placed nodes of a component; judged 1: by the
+ * likelihood functions. */
 cairn_consensus_support cairn_consensus_support_of(const cairn_pose_consensus *consensus,
                                                    int32_t node, cairn_turned_pose map_node,
                                                    int32_t part, int32_t judged);
 
-/* 1 when a pose with such support would be believed by itself. */
+/* Returns 1 when the support is significant by itself. */
 int32_t cairn_consensus_is_believed(const cairn_pose_consensus *consensus, cairn_real support,
                                     cairn_real against);
 
-/* 1 when some common motion of the part brings its nodes and the candidate within their bounds;
- * *map_part, when not NULL, is that motion (identity without bounds). node -1: no candidate. */
+/* Returns 1 when a common motion of the component brings its nodes and the candidate within their
+ * bounds; *map_part, when not NULL, is that motion (identity without bounds). node -1: no
+ * candidate. */
 int32_t cairn_consensus_within_bounds(const cairn_pose_consensus *consensus, int32_t part,
                                       int32_t node, cairn_turned_pose pose, cairn_pose *map_part);
 
-/* The other node's pose in the frame of `node`. */
+/* Returns the other node's pose in the frame of `node`. */
 cairn_turned_pose cairn_consensus_seen_from(const cairn_kept_hypothesis *hypothesis, int32_t node);
 
-/* What the ways round by third nodes say for the next hypothesis, which is then the one after
- * it. */
+/* Computes the cycle score of the next hypothesis, and advances. */
 void cairn_consensus_add_cycles(cairn_pose_consensus *consensus);
 
-/* Writes down the node whose alternatives have been searched. */
+/* Writes the result of the node whose alternatives have been searched. */
 void cairn_consensus_report_node(cairn_pose_consensus *consensus);
 
-/* Information about a node given the others, by the hypotheses that agree, and the gradient of
+/* Returns the information about a node given the others, by its inlier hypotheses; gradient: of
  * half their chi-squared. */
 cairn_sym3 cairn_consensus_information(const cairn_pose_consensus *consensus, int32_t node,
                                        cairn_real gradient[3]);
@@ -216,30 +217,30 @@ cairn_sym3 cairn_consensus_information(const cairn_pose_consensus *consensus, in
 /* One Gauss-Newton step of a node given the others. */
 void cairn_consensus_relax(cairn_pose_consensus *consensus, int32_t node);
 
-/* Evidence of the pair of a node and another one, both placed: what a hypothesis earns or the
- * judge says, whichever is more. *link: the first link of the node that is not to a lower node
- * than `other`; it is moved on. */
+/* Returns the log-likelihood ratio of a pair of placed nodes: the weighted score of its best
+ * hypothesis or the pairwise likelihood, the greater. *link: the first link of the node that is not
+ * to a lower node than `other`; it is advanced. */
 cairn_real cairn_consensus_evidence(const cairn_pose_consensus *consensus, int32_t node,
                                     cairn_turned_pose map_node, int32_t other, int32_t *link,
                                     int32_t *units);
 
-/* Support for laying part `merge->node` into `merge->part` by `merge->pose`. */
+/* Returns the support of placing component merge->node in merge->part by merge->pose. */
 cairn_real cairn_consensus_merged_support(cairn_pose_consensus *consensus,
                                           const cairn_candidate *merge, int32_t judged);
 
-/* Lays one part into the other as `merge` says; 0 and nothing changed when bounds forbid it. */
+/* Merges one component into the other; returns 0 and changes nothing when bounds forbid it. */
 int32_t cairn_consensus_lay(cairn_pose_consensus *consensus, const cairn_candidate *merge);
 
-/* Starts to merge parts and to choose every node again. */
+/* Starts to merge components and to reassign every node. */
 void cairn_consensus_begin_rounds(cairn_pose_consensus *consensus);
 
-/* Poses of the best map are settled, and every node is reported. */
+/* Starts the report: the best map is relaxed, and every node is written. */
 void cairn_consensus_begin_report(cairn_pose_consensus *consensus);
 
-/* Starts to lay the blocks of the best map anew. */
+/* Starts the block moves of the best map. */
 void cairn_consensus_begin_blocks(cairn_pose_consensus *consensus);
 
-/* Starts with the trees of the best map. */
+/* Starts the maximum spanning trees of the best map. */
 void cairn_consensus_begin_tree(cairn_pose_consensus *consensus);
 
 /* An item of the trees, of the blocks, of a block's proposals. */
@@ -247,24 +248,24 @@ void cairn_consensus_tree_item(cairn_pose_consensus *consensus);
 void cairn_consensus_block_item(cairn_pose_consensus *consensus);
 void cairn_consensus_propose_item(cairn_pose_consensus *consensus);
 
-/* Weighs a block of the settled map, or makes an island of the one that lacks most. */
+/* Evaluates a block of the final map, or splits off the least supported one as a submap. */
 void cairn_consensus_part_item(cairn_pose_consensus *consensus);
 
-/* Measures the island of a node; numbers it. */
+/* Measures the submap of a node; numbers it. */
 void cairn_consensus_island_item(cairn_pose_consensus *consensus);
 void cairn_consensus_number_item(cairn_pose_consensus *consensus);
 
-/* Goes to a phase of `end` items. */
+/* Enters a phase of `end` items. */
 void cairn_consensus_enter(cairn_pose_consensus *consensus, cairn_consensus_phase phase,
                            int32_t end);
 
-/* Does one item of the search and adds its cost to the debt. */
+/* Executes one item of the search and adds its cost to units_owed. */
 void cairn_consensus_item(cairn_pose_consensus *consensus);
 
-/* Whether a node hangs by nodes that are ambiguous. */
+/* Marks a node as ambiguous when it depends on ambiguous nodes. */
 void cairn_consensus_spread_item(cairn_pose_consensus *consensus);
 
-/* Makes the best map the result: frames, parts by size, alternatives from other maps. */
+/* Makes the best map the result: frames, components by size, alternatives from other maps. */
 void cairn_consensus_finish(cairn_pose_consensus *consensus);
 
 #endif

@@ -1,7 +1,8 @@
-/* Pose graphs: what the user gives and reads. The iterations are in pose_graph_solve.c.
+/* pose_graph: the graph object, its changes and its results. The iterations are in
+ * pose_graph_solve.c.
  *
- * Layout: links keep their information matrix turned into the frame of their first pose, where
- * the residual is R_i^T (t_j - t_i) - t_z. */
+ * Layout: links keep their information matrix rotated into the frame of their first pose, where the
+ * residual is R_i^T (t_j - t_i) - t_z. */
 #include "src/core/build.h"
 
 #include <string.h>
@@ -12,17 +13,18 @@ enum { MAX_POSES = 1 << 22, MAX_LINKS = 1 << 24 };
 
 cairn_pose_graph_params cairn_pose_graph_default(void)
 {
-    cairn_pose_graph_params params = {1000,
-                                      3000,
-                                      12000,
-                                      CAIRN_POSE_GRAPH_BEST,
-                                      CAIRN_POSE_GRAPH_SQUARE,
-                                      3,
-                                      0,
-                                      100,
-                                      CAIRN_REAL_EPSILON < CAIRN_REAL(1e-10) ? CAIRN_REAL(1e-9)
-                                                                             : CAIRN_REAL(1e-5),
-                                      CAIRN_REAL(16.27)};
+    cairn_pose_graph_params params = {
+        .max_poses = 1000,
+        .max_links = 3000,
+        .max_fill = 12000,
+        .start = CAIRN_POSE_GRAPH_BEST,
+        .kernel = CAIRN_POSE_GRAPH_SQUARE,
+        .width = 3,
+        .graduated = 0,
+        .max_iterations = 100,
+        .converged = CAIRN_REAL_EPSILON < CAIRN_REAL(1e-10) ? CAIRN_REAL(1e-9) : CAIRN_REAL(1e-5),
+        .outlier = CAIRN_REAL(16.27),
+    };
     return params;
 }
 
@@ -115,7 +117,7 @@ cairn_pose_solver cairn_pose_solver_of(cairn_block_solver *solver)
 
 /* ---- Creation ---- */
 
-static int params_are_good(const cairn_pose_graph_params *params)
+static int params_are_valid(const cairn_pose_graph_params *params)
 {
     return params != NULL && params->max_poses >= 1 && params->max_poses <= MAX_POSES &&
            params->max_links >= 1 && params->max_links <= MAX_LINKS &&
@@ -127,26 +129,30 @@ static int params_are_good(const cairn_pose_graph_params *params)
 
 static cairn_block_solver_params solver_params(const cairn_pose_graph_params *params)
 {
-    cairn_block_solver_params solver = {params->max_poses, params->max_links, params->max_fill};
+    cairn_block_solver_params solver = {
+        .max_poses = params->max_poses,
+        .max_links = params->max_links,
+        .max_fill = params->max_fill,
+    };
     return solver;
 }
 
-/* Sets the pointers of *g, which is then to be copied to the first piece that was taken. */
-static cairn_pose_graph *carve(cairn_pose_graph *g, cairn_pool *pool,
+/* Sets the pointers of *graph, which is then to be copied to the first piece that was taken. */
+static cairn_pose_graph *carve(cairn_pose_graph *graph, cairn_pool *pool,
                                const cairn_pose_graph_params *params)
 {
     size_t poses = (size_t)params->max_poses, links = (size_t)params->max_links;
     cairn_pose_graph *made = cairn_pool_take_one(pool, sizeof *made);
 
-    g->poses = cairn_pool_take(pool, poses, sizeof *g->poses);
-    g->trial = cairn_pool_take(pool, poses, sizeof *g->trial);
-    g->fixed = cairn_pool_take(pool, poses, sizeof *g->fixed);
-    g->root = cairn_pool_take(pool, poses, sizeof *g->root);
-    g->diagonal = cairn_pool_take(pool, poses, sizeof *g->diagonal);
-    g->right = cairn_pool_take(pool, poses, sizeof *g->right);
-    g->direction = cairn_pool_take(pool, poses, sizeof *g->direction);
-    g->heading = cairn_pool_take(pool, poses, sizeof *g->heading);
-    g->links = cairn_pool_take(pool, links, sizeof *g->links);
+    graph->poses = cairn_pool_take(pool, poses, sizeof *graph->poses);
+    graph->trial = cairn_pool_take(pool, poses, sizeof *graph->trial);
+    graph->fixed = cairn_pool_take(pool, poses, sizeof *graph->fixed);
+    graph->root = cairn_pool_take(pool, poses, sizeof *graph->root);
+    graph->diagonal = cairn_pool_take(pool, poses, sizeof *graph->diagonal);
+    graph->right = cairn_pool_take(pool, poses, sizeof *graph->right);
+    graph->direction = cairn_pool_take(pool, poses, sizeof *graph->direction);
+    graph->heading = cairn_pool_take(pool, poses, sizeof *graph->heading);
+    graph->links = cairn_pool_take(pool, links, sizeof *graph->links);
     return made;
 }
 
@@ -157,7 +163,7 @@ size_t cairn_pose_graph_memory(const cairn_pose_graph_params *params,
     cairn_pose_graph layout;
     cairn_pool counting;
 
-    if (!params_are_good(params))
+    if (!params_are_valid(params))
         return 0;
     cairn_pool_init_counting(&counting);
     (void)carve(&layout, &counting, params);
@@ -215,9 +221,9 @@ cairn_status cairn_pose_graph_extend(cairn_pose_graph *graph, cairn_pool *pool, 
 
 /* ---- The graph ---- */
 
-static int may_change(const cairn_pose_graph *g)
+static int may_change(const cairn_pose_graph *graph)
 {
-    return g != NULL && cairn_pose_graph_is_idle(g);
+    return graph != NULL && cairn_pose_graph_is_idle(graph);
 }
 
 void cairn_pose_graph_clear(cairn_pose_graph *graph)
@@ -234,11 +240,11 @@ void cairn_pose_graph_clear(cairn_pose_graph *graph)
     graph->outcome = CAIRN_OK;
 }
 
-static void changed(cairn_pose_graph *g)
+static void invalidate_solution(cairn_pose_graph *graph)
 {
-    g->full = 0;
-    g->settled = 0;
-    g->has_marginals = 0;
+    graph->full = 0;
+    graph->settled = 0;
+    graph->has_marginals = 0;
 }
 
 cairn_status cairn_pose_graph_add_pose(cairn_pose_graph *graph, cairn_pose map_pose)
@@ -257,13 +263,13 @@ cairn_status cairn_pose_graph_add_pose(cairn_pose_graph *graph, cairn_pose map_p
     graph->fixed[index] = 0;
     graph->state.poses++;
     graph->analyzed = 0;
-    changed(graph);
+    invalidate_solution(graph);
     return CAIRN_OK;
 }
 
-static int has_pose(const cairn_pose_graph *g, int32_t pose)
+static int has_pose(const cairn_pose_graph *graph, int32_t pose)
 {
-    return pose >= 0 && pose < g->state.poses;
+    return pose >= 0 && pose < graph->state.poses;
 }
 
 cairn_status cairn_pose_graph_set_pose(cairn_pose_graph *graph, int32_t pose, cairn_pose map_pose)
@@ -274,21 +280,21 @@ cairn_status cairn_pose_graph_set_pose(cairn_pose_graph *graph, int32_t pose, ca
         return CAIRN_NOT_FINITE;
     map_pose.theta = cairn_wrap_angle(map_pose.theta);
     graph->poses[pose] = map_pose;
-    changed(graph);
+    invalidate_solution(graph);
     return CAIRN_OK;
 }
 
-cairn_status cairn_pose_graph_fix(cairn_pose_graph *graph, int32_t pose, int32_t yes)
+cairn_status cairn_pose_graph_fix(cairn_pose_graph *graph, int32_t pose, int32_t fixed)
 {
     if (!may_change(graph) || !has_pose(graph, pose))
         return CAIRN_BAD_ARGUMENT;
-    graph->fixed_count += (yes != 0) - graph->fixed[pose];
-    graph->fixed[pose] = yes != 0;
-    changed(graph);
+    graph->fixed_count += (fixed != 0) - graph->fixed[pose];
+    graph->fixed[pose] = fixed != 0;
+    invalidate_solution(graph);
     return CAIRN_OK;
 }
 
-/* What speaks against a link with such a measurement. */
+/* Validates a link's poses and measurement. */
 static cairn_status check_link(const cairn_pose_graph *graph, int32_t first, int32_t second,
                                cairn_pose first_second, cairn_sym3 information)
 {
@@ -305,9 +311,9 @@ static cairn_status check_link(const cairn_pose_graph *graph, int32_t first, int
     return cairn_sym3_inverse(information, &inverse) ? CAIRN_OK : CAIRN_BAD_ARGUMENT;
 }
 
-/* Links that are there may get other ends: the solver has to begin anew. */
-static void put_link(cairn_pose_graph *graph, int32_t index, int32_t first, int32_t second,
-                     cairn_pose first_second, cairn_sym3 information)
+/* Writes a link; its poses may have changed, so that the solver's structure is invalid. */
+static void write_link(cairn_pose_graph *graph, int32_t index, int32_t first, int32_t second,
+                       cairn_pose first_second, cairn_sym3 information)
 {
     struct pose_graph_link *link = &graph->links[index];
 
@@ -319,7 +325,7 @@ static void put_link(cairn_pose_graph *graph, int32_t index, int32_t first, int3
     link->weight = 1;
     link->dropped = 0;
     graph->analyzed = 0;
-    changed(graph);
+    invalidate_solution(graph);
 }
 
 cairn_status cairn_pose_graph_add_link(cairn_pose_graph *graph, int32_t first, int32_t second,
@@ -331,7 +337,7 @@ cairn_status cairn_pose_graph_add_link(cairn_pose_graph *graph, int32_t first, i
         return status;
     if (graph->state.links == graph->params.max_links)
         return CAIRN_FULL;
-    put_link(graph, graph->state.links++, first, second, first_second, information);
+    write_link(graph, graph->state.links++, first, second, first_second, information);
     return CAIRN_OK;
 }
 
@@ -345,7 +351,7 @@ cairn_status cairn_pose_graph_set_link(cairn_pose_graph *graph, int32_t link, in
         return status;
     if (link < 0 || link >= graph->state.links)
         return CAIRN_BAD_ARGUMENT;
-    put_link(graph, link, first, second, first_second, information);
+    write_link(graph, link, first, second, first_second, information);
     return CAIRN_OK;
 }
 
@@ -372,16 +378,16 @@ cairn_status cairn_pose_graph_remove_pose(cairn_pose_graph *graph, int32_t pose)
     }
     graph->state.links = kept;
     graph->analyzed = 0;
-    changed(graph);
+    invalidate_solution(graph);
     return CAIRN_OK;
 }
 
-cairn_status cairn_pose_graph_drop_link(cairn_pose_graph *graph, int32_t link, int32_t yes)
+cairn_status cairn_pose_graph_drop_link(cairn_pose_graph *graph, int32_t link, int32_t excluded)
 {
     if (!may_change(graph) || link < 0 || link >= graph->state.links)
         return CAIRN_BAD_ARGUMENT;
-    graph->links[link].dropped = yes != 0;
-    changed(graph);
+    graph->links[link].dropped = excluded != 0;
+    invalidate_solution(graph);
     return CAIRN_OK;
 }
 
@@ -395,14 +401,14 @@ cairn_status cairn_pose_graph_set_kernel(cairn_pose_graph *graph, cairn_pose_gra
     params = graph->params;
     params.kernel = kernel;
     params.width = width;
-    if (!params_are_good(&params))
+    if (!params_are_valid(&params))
         return CAIRN_BAD_ARGUMENT;
     graph->params = params;
-    changed(graph);
+    invalidate_solution(graph);
     return CAIRN_OK;
 }
 
-/* ---- What comes out ---- */
+/* ---- Results ---- */
 
 cairn_pose_graph_state cairn_pose_graph_read(const cairn_pose_graph *graph)
 {
@@ -418,7 +424,13 @@ cairn_pose_graph_link cairn_pose_graph_link_of(const cairn_pose_graph *graph, in
 {
     const struct pose_graph_link *l = &graph->links[link];
     cairn_pose_graph_link out = {
-        l->first, l->second, l->chi2, l->weight, l->chi2 > graph->params.outlier, l->dropped};
+        .first = l->first,
+        .second = l->second,
+        .chi2 = l->chi2,
+        .weight = l->weight,
+        .outlier = l->chi2 > graph->params.outlier,
+        .dropped = l->dropped,
+    };
 
     return out;
 }

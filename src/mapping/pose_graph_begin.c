@@ -1,4 +1,4 @@
-/* What a solution of a pose graph begins with: whether its poses hang together, and the solver's
+/* pose_graph: start of a solution: connectivity by union-find, and the solver's sparsity
  * structure. */
 #include "src/core/build.h"
 
@@ -15,8 +15,8 @@ static int32_t find_root(int32_t *root, int32_t pose)
     return pose;
 }
 
-/* The lower pose is the root. */
-static void join(int32_t *root, int32_t a, int32_t b)
+/* Union; the lower pose becomes the root. */
+static void unite(int32_t *root, int32_t a, int32_t b)
 {
     a = find_root(root, a);
     b = find_root(root, b);
@@ -26,41 +26,42 @@ static void join(int32_t *root, int32_t a, int32_t b)
         root[a] = b;
 }
 
-/* The first pose that is not joined to one that stays, -1: none. */
-static int32_t find_split(cairn_pose_graph *g)
+/* Returns the first pose that is not connected to a fixed one; -1: none. */
+static int32_t find_disconnected(cairn_pose_graph *graph)
 {
     int32_t stays = -1;
 
-    for (int32_t i = 0; i < g->state.poses; i++)
-        g->root[i] = i;
-    for (int32_t i = 0; i < g->state.poses; i++)
-        if (cairn_pose_graph_stays(g, i)) {
+    for (int32_t i = 0; i < graph->state.poses; i++)
+        graph->root[i] = i;
+    for (int32_t i = 0; i < graph->state.poses; i++)
+        if (cairn_pose_graph_stays(graph, i)) {
             if (stays >= 0)
-                join(g->root, stays, i);
+                unite(graph->root, stays, i);
             stays = i;
         }
-    for (int32_t l = 0; l < g->state.links; l++)
-        if (!g->links[l].dropped)
-            join(g->root, g->links[l].first, g->links[l].second);
-    for (int32_t i = 0; i < g->state.poses; i++)
-        if (find_root(g->root, i) != find_root(g->root, stays))
+    for (int32_t l = 0; l < graph->state.links; l++)
+        if (!graph->links[l].dropped)
+            unite(graph->root, graph->links[l].first, graph->links[l].second);
+    for (int32_t i = 0; i < graph->state.poses; i++)
+        if (find_root(graph->root, i) != find_root(graph->root, stays))
             return i;
     return -1;
 }
 
-/* Gives the solver the structure if it does not know it. */
-static cairn_status begin_structure(cairn_pose_graph *g)
+/* Gives the solver the sparsity structure. */
+static cairn_status begin_structure(cairn_pose_graph *graph)
 {
-    cairn_status status = g->solver.begin(g->solver.context, g->state.poses);
+    cairn_status status = graph->solver.begin(graph->solver.context, graph->state.poses);
 
-    for (int32_t l = 0; l < g->state.links && status == CAIRN_OK; l++)
-        status = g->solver.add_link(g->solver.context, g->links[l].first, g->links[l].second);
-    return status == CAIRN_OK ? g->solver.analyze(g->solver.context) : status;
+    for (int32_t l = 0; l < graph->state.links && status == CAIRN_OK; l++)
+        status = graph->solver.add_link(graph->solver.context, graph->links[l].first,
+                                        graph->links[l].second);
+    return status == CAIRN_OK ? graph->solver.analyze(graph->solver.context) : status;
 }
 
-void cairn_pose_graph_go_on(cairn_pose_graph *g)
+void cairn_pose_graph_go_on(cairn_pose_graph *graph)
 {
-    cairn_pose_graph_enter(g, POSE_GRAPH_AS_GIVEN, POSE_GRAPH_ANALYZE);
+    cairn_pose_graph_enter(graph, POSE_GRAPH_AS_GIVEN, POSE_GRAPH_ANALYZE);
 }
 
 cairn_status cairn_pose_graph_solve(cairn_pose_graph *graph)
@@ -75,7 +76,7 @@ cairn_status cairn_pose_graph_solve(cairn_pose_graph *graph)
     fresh.poses = graph->state.poses;
     fresh.links = graph->state.links;
     fresh.fill = graph->analyzed ? graph->state.fill : 0;
-    fresh.pose = find_split(graph);
+    fresh.pose = find_disconnected(graph);
     graph->settled = 0;
     graph->has_marginals = 0;
     if (fresh.pose >= 0) {

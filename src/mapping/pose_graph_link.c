@@ -1,11 +1,11 @@
-/* Links of a pose graph: residuals, the kernel's weights, what they add to the normal equations.
- * The method is told in pose_graph_solve.c. */
+/* pose_graph: links: residuals, Jacobians, robust weights, and their blocks of the normal
+ * equations. The method is described in pose_graph_solve.c. */
 #include "src/core/build.h"
 
 #include "src/mapping/pose_graph_work.h"
 
-/* The information turned by an angle of this sine and cosine. */
-static cairn_sym3 turned_by(cairn_sym3 information, cairn_real s, cairn_real c)
+/* Returns the information rotated by an angle of sine s and cosine c. */
+static cairn_sym3 rotate_by(cairn_sym3 information, cairn_real s, cairn_real c)
 {
     cairn_sym3 m = information;
 
@@ -22,26 +22,26 @@ cairn_sym3 cairn_pose_graph_turned(cairn_sym3 information, cairn_real theta)
     cairn_real s, c;
 
     cairn_sincos(theta, &s, &c);
-    return turned_by(information, s, c);
+    return rotate_by(information, s, c);
 }
 
-/* rho(s) and its derivative, the weight, with c^2 widened. */
-static cairn_real rho(const cairn_pose_graph *g, cairn_real s, cairn_real *weight)
+/* Returns rho(s) and its derivative, the weight; with c^2 scaled by graduated non-convexity. */
+static cairn_real rho(const cairn_pose_graph *graph, cairn_real s, cairn_real *weight)
 {
-    cairn_real c2 = g->params.width * g->params.width, share;
+    cairn_real c2 = graph->params.width * graph->params.width, share;
 
     *weight = 1;
-    switch (g->params.kernel) {
+    switch (graph->params.kernel) {
     case CAIRN_POSE_GRAPH_HUBER:
         if (s <= c2)
             return s;
-        *weight = g->params.width / cairn_sqrt(s);
-        return 2 * g->params.width * cairn_sqrt(s) - c2;
+        *weight = graph->params.width / cairn_sqrt(s);
+        return 2 * graph->params.width * cairn_sqrt(s) - c2;
     case CAIRN_POSE_GRAPH_CAUCHY:
         *weight = 1 / (1 + s / c2);
         return c2 * cairn_log(1 + s / c2);
     case CAIRN_POSE_GRAPH_GEMAN_MCCLURE:
-        c2 *= g->widening;
+        c2 *= graph->widening;
         share = c2 / (c2 + s);
         *weight = share * share;
         return s * share;
@@ -56,7 +56,7 @@ static cairn_real rho(const cairn_pose_graph *g, cairn_real s, cairn_real *weigh
     }
 }
 
-/* Residual and information of a link in the map's frame. */
+/* Residual and information of a link in the map frame. */
 static void residual(const struct pose_graph_link *link, const cairn_pose *poses, cairn_real e[3],
                      cairn_sym3 *w)
 {
@@ -67,10 +67,10 @@ static void residual(const struct pose_graph_link *link, const cairn_pose *poses
     e[0] = b.x - a.x - (c * link->measured.x - s * link->measured.y);
     e[1] = b.y - a.y - (s * link->measured.x + c * link->measured.y);
     e[2] = cairn_wrap_angle(b.theta - a.theta - link->measured.theta);
-    *w = turned_by(link->information, s, c);
+    *w = rotate_by(link->information, s, c);
 }
 
-/* The same of the unit vectors of headings; *turn is R_z. */
+/* Residual and information of the unit vectors of headings; *turn is R_z. */
 static void heading_residual(const struct pose_graph_link *link, const cairn_pose *poses,
                              cairn_real e[3], cairn_sym3 *w, cairn_real turn[9])
 {
@@ -89,20 +89,20 @@ static void heading_residual(const struct pose_graph_link *link, const cairn_pos
     turn[3] = s;
 }
 
-/* v in the derivative by the first pose. */
+/* Enters the lever arm v into the Jacobian of the first pose. */
 static void set_lever(cairn_real a[9], cairn_real x, cairn_real y)
 {
     a[2] = -y;
     a[5] = x;
 }
 
-static cairn_sym3 times(cairn_sym3 m, cairn_real by)
+static cairn_sym3 scale(cairn_sym3 m, cairn_real by)
 {
     cairn_sym3 product = {by * m.xx, by * m.xy, by * m.xz, by * m.yy, by * m.yz, by * m.zz};
     return product;
 }
 
-static void add(cairn_sym3 *to, cairn_sym3 m)
+static void add_matrix(cairn_sym3 *to, cairn_sym3 m)
 {
     to->xx += m.xx;
     to->xy += m.xy;
@@ -112,7 +112,7 @@ static void add(cairn_sym3 *to, cairn_sym3 m)
     to->zz += m.zz;
 }
 
-/* product = A^T W, where the third row of A is (0 0 1) */
+/* product = A^T W, where the third row of A is (0 0 1). */
 static void multiply_transposed(const cairn_real a[9], cairn_sym3 w, cairn_real product[9])
 {
     const cairn_real rows[3][3] = {{w.xx, w.xy, w.xz}, {w.xy, w.yy, w.yz}, {w.xz, w.yz, w.zz}};
@@ -124,7 +124,7 @@ static void multiply_transposed(const cairn_real a[9], cairn_sym3 w, cairn_real 
     }
 }
 
-/* The symmetric product m A */
+/* Returns the symmetric product m A. */
 static cairn_sym3 multiply(const cairn_real m[9], const cairn_real a[9])
 {
     cairn_sym3 product = {m[0] * a[0] + m[1] * a[3],        m[0] * a[1] + m[1] * a[4],
@@ -134,87 +134,88 @@ static cairn_sym3 multiply(const cairn_real m[9], const cairn_real a[9])
 }
 
 /* Adds W, A^T W A and -A^T W of a link to the normal equations. */
-static void add_blocks(cairn_pose_graph *g, int32_t index, cairn_sym3 w, const cairn_real a[9])
+static void add_blocks(cairn_pose_graph *graph, int32_t index, cairn_sym3 w, const cairn_real a[9])
 {
-    const struct pose_graph_link *link = &g->links[index];
+    const struct pose_graph_link *link = &graph->links[index];
     cairn_real aw[9];
-    int moves_first = !cairn_pose_graph_stays(g, link->first),
-        moves_second = !cairn_pose_graph_stays(g, link->second);
+    int moves_first = !cairn_pose_graph_stays(graph, link->first),
+        moves_second = !cairn_pose_graph_stays(graph, link->second);
 
     multiply_transposed(a, w, aw);
     if (moves_second)
-        add(&g->diagonal[link->second], w);
+        add_matrix(&graph->diagonal[link->second], w);
     if (moves_first)
-        add(&g->diagonal[link->first], multiply(aw, a));
+        add_matrix(&graph->diagonal[link->first], multiply(aw, a));
     if (moves_first && moves_second) {
         for (int k = 0; k < 9; k++)
             aw[k] = -aw[k];
-        if (g->solver.add_link_block(g->solver.context, index, aw) != CAIRN_OK)
-            g->outcome = CAIRN_NOT_FINITE;
+        if (graph->solver.add_link_block(graph->solver.context, index, aw) != CAIRN_OK)
+            graph->outcome = CAIRN_NOT_FINITE;
     }
 }
 
-static void add_right_side(cairn_pose_graph *g, const struct pose_graph_link *link,
+static void add_right_side(cairn_pose_graph *graph, const struct pose_graph_link *link,
                            const cairn_real e[3], cairn_sym3 w, const cairn_real a[9])
 {
     const cairn_real we[3] = {w.xx * e[0] + w.xy * e[1] + w.xz * e[2],
                               w.xy * e[0] + w.yy * e[1] + w.yz * e[2],
                               w.xz * e[0] + w.yz * e[1] + w.zz * e[2]};
 
-    if (!cairn_pose_graph_stays(g, link->second))
+    if (!cairn_pose_graph_stays(graph, link->second))
         for (int k = 0; k < 3; k++)
-            g->right[link->second][k] -= we[k];
-    if (!cairn_pose_graph_stays(g, link->first))
+            graph->right[link->second][k] -= we[k];
+    if (!cairn_pose_graph_stays(graph, link->first))
         for (int k = 0; k < 3; k++)
-            g->right[link->first][k] += a[k] * we[0] + a[3 + k] * we[1] + a[6 + k] * we[2];
+            graph->right[link->first][k] += a[k] * we[0] + a[3 + k] * we[1] + a[6 + k] * we[2];
 }
 
-/* Adds a link to the right side and to the matrix. */
-static void add_link(cairn_pose_graph *g, int32_t index, const cairn_real e[3], cairn_sym3 w,
+/* Adds a link to the right-hand side and to the matrix. */
+static void add_link(cairn_pose_graph *graph, int32_t index, const cairn_real e[3], cairn_sym3 w,
                      const cairn_real a[9])
 {
-    add_right_side(g, &g->links[index], e, w, a);
-    add_blocks(g, index, w, a);
+    add_right_side(graph, &graph->links[index], e, w, a);
+    add_blocks(graph, index, w, a);
 }
 
-const cairn_pose *cairn_pose_graph_base(const cairn_pose_graph *g)
+const cairn_pose *cairn_pose_graph_base(const cairn_pose_graph *graph)
 {
-    return g->mode == POSE_GRAPH_JOINT || g->ahead ? g->trial : g->poses;
+    return graph->mode == POSE_GRAPH_JOINT || graph->ahead ? graph->trial : graph->poses;
 }
 
-void cairn_pose_graph_assemble_link(cairn_pose_graph *g, int32_t index)
+void cairn_pose_graph_assemble_link(cairn_pose_graph *graph, int32_t index)
 {
-    struct pose_graph_link *link = &g->links[index];
-    const cairn_pose *poses = cairn_pose_graph_base(g);
+    struct pose_graph_link *link = &graph->links[index];
+    const cairn_pose *poses = cairn_pose_graph_base(graph);
     cairn_real a[9] = {1, 0, 0, 0, 1, 0, 0, 0, 1}, e[3], v[2], chi2;
     cairn_sym3 w;
 
     if (link->dropped)
         return;
-    if (g->mode == POSE_GRAPH_HEADINGS) {
+    if (graph->mode == POSE_GRAPH_HEADINGS) {
         heading_residual(link, poses, e, &w, a);
-        add_link(g, index, e, w, a);
+        add_link(graph, index, e, w, a);
         return;
     }
     residual(link, poses, e, &w);
     v[0] = poses[link->second].x - poses[link->first].x;
     v[1] = poses[link->second].y - poses[link->first].y;
-    if (g->mode == POSE_GRAPH_JOINT) {
+    if (graph->mode == POSE_GRAPH_JOINT) {
         set_lever(a, v[0] - e[0], v[1] - e[1]);
-        add_link(g, index, e, w, a);
+        add_link(graph, index, e, w, a);
         return;
     }
     chi2 = cairn_sym3_form(w, e);
-    g->cost += rho(g, chi2, &link->weight);
+    graph->cost += rho(graph, chi2, &link->weight);
     set_lever(a, v[0], v[1]);
-    add_link(g, index, e, times(w, link->weight), a);
+    add_link(graph, index, e, scale(w, link->weight), a);
 }
 
-cairn_real cairn_pose_graph_curvature_of_link(const cairn_pose_graph *g, int32_t index)
+cairn_real cairn_pose_graph_curvature_of_link(const cairn_pose_graph *graph, int32_t index)
 {
-    const struct pose_graph_link *link = &g->links[index];
-    const cairn_pose *poses = cairn_pose_graph_base(g);
-    const cairn_real *first = g->direction[link->first], *second = g->direction[link->second];
+    const struct pose_graph_link *link = &graph->links[index];
+    const cairn_pose *poses = cairn_pose_graph_base(graph);
+    const cairn_real *first = graph->direction[link->first],
+                     *second = graph->direction[link->second];
     cairn_pose a = poses[link->first], b = poses[link->second];
     const cairn_real e[3] = {second[0] - first[0] + (b.y - a.y) * first[2],
                              second[1] - first[1] - (b.x - a.x) * first[2], second[2] - first[2]};
@@ -224,8 +225,8 @@ cairn_real cairn_pose_graph_curvature_of_link(const cairn_pose_graph *g, int32_t
     return link->weight * cairn_sym3_form(cairn_pose_graph_turned(link->information, a.theta), e);
 }
 
-static void cost_of_link(cairn_pose_graph *g, struct pose_graph_link *link, const cairn_pose *poses,
-                         cairn_real e[3], cairn_sym3 *w)
+static void cost_of_link(cairn_pose_graph *graph, struct pose_graph_link *link,
+                         const cairn_pose *poses, cairn_real e[3], cairn_sym3 *w)
 {
     residual(link, poses, e, w);
     link->chi2 = cairn_sym3_form(*w, e);
@@ -233,29 +234,29 @@ static void cost_of_link(cairn_pose_graph *g, struct pose_graph_link *link, cons
         link->weight = 0;
         return;
     }
-    g->chi2 += link->chi2;
-    g->cost += rho(g, link->chi2, &link->weight);
-    g->largest = cairn_max(g->largest, link->chi2);
+    graph->chi2 += link->chi2;
+    graph->cost += rho(graph, link->chi2, &link->weight);
+    graph->largest = cairn_max(graph->largest, link->chi2);
 }
 
-void cairn_pose_graph_cost_of_link(cairn_pose_graph *g, int32_t index)
+void cairn_pose_graph_cost_of_link(cairn_pose_graph *graph, int32_t index)
 {
     cairn_real e[3];
     cairn_sym3 w;
 
-    cost_of_link(g, &g->links[index], g->poses, e, &w);
+    cost_of_link(graph, &graph->links[index], graph->poses, e, &w);
 }
 
-void cairn_pose_graph_try_link(cairn_pose_graph *g, int32_t index)
+void cairn_pose_graph_try_link(cairn_pose_graph *graph, int32_t index)
 {
-    struct pose_graph_link *link = &g->links[index];
+    struct pose_graph_link *link = &graph->links[index];
     cairn_real a[9] = {1, 0, 0, 0, 1, 0, 0, 0, 1}, e[3];
     cairn_sym3 w;
 
-    cost_of_link(g, link, g->trial, e, &w);
-    if (link->dropped || g->mode != POSE_GRAPH_NEWTON)
+    cost_of_link(graph, link, graph->trial, e, &w);
+    if (link->dropped || graph->mode != POSE_GRAPH_NEWTON)
         return;
-    set_lever(a, g->trial[link->second].x - g->trial[link->first].x,
-              g->trial[link->second].y - g->trial[link->first].y);
-    add_right_side(g, link, e, times(w, link->weight), a);
+    set_lever(a, graph->trial[link->second].x - graph->trial[link->first].x,
+              graph->trial[link->second].y - graph->trial[link->first].y);
+    add_right_side(graph, link, e, scale(w, link->weight), a);
 }

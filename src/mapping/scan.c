@@ -1,11 +1,13 @@
-/* A sweep becomes beams in one frame and a line fit of its hits; the object of the room.
+/* scan: deskewed beams and a line fit of one laser scan; the object of the module.
  *
- * Method: the base moves on an arc of constant twist: with (v, w) the logarithm of the motion in
- * SE(2), it is at exp(f (v, w)) at the fraction f of the sweep. The hits go through the line fit of
- * the polyline room; what becomes of its segments is in scan_points.c.
+ * Method:
+ * 1. Deskewing: the base moves on an arc of constant twist. With (v, w) the logarithm of the motion
+ *    in SE(2), the base is at exp(f (v, w)) at the fraction f of the scan.
+ * 2. The line fit of the polyline module segments the hits.
+ * 3. scan_points.c orients and resamples the segments.
  *
- * Layout: one pool piece per array, the polyline object behind them. Limits: the motion turns by
- * at most half a turn. Source: Adluru 2008, sections 6.2 and 7.3 (pre-processing). */
+ * Layout: one pool piece per array, the polyline object behind them. Limits: the motion turns by at
+ * most half a turn. Source: Adluru 2008, sections 6.2 and 7.3 (pre-processing). */
 #include "src/core/build.h"
 
 #include <string.h>
@@ -26,96 +28,96 @@ cairn_scan_params cairn_scan_default(void)
     return params;
 }
 
-static int positive(cairn_real value)
+static int is_positive(cairn_real value)
 {
     return value > 0 && cairn_is_finite(value);
 }
 
 static cairn_polyline_params fit_params(const cairn_scan_params *p)
 {
-    cairn_polyline_params fit = p->fit;
+    cairn_polyline_params step_fit = p->fit;
 
-    fit.dim = 2;
-    fit.max_points = p->max_beams;
-    fit.max_segments = p->max_segments;
-    return fit;
+    step_fit.dim = 2;
+    step_fit.max_points = p->max_beams;
+    step_fit.max_segments = p->max_segments;
+    return step_fit;
 }
 
-static int acceptable(const cairn_scan_params *p)
+static int params_are_valid(const cairn_scan_params *p)
 {
-    cairn_polyline_params fit;
+    cairn_polyline_params step_fit;
 
     if (p == NULL || p->max_beams < 1 || p->max_beams > 100000 || p->max_points < 1 ||
-        p->max_points >= INT32_MAX || !positive(p->spacing) || !positive(p->support))
+        p->max_points >= INT32_MAX || !is_positive(p->spacing) || !is_positive(p->support))
         return 0;
-    fit = fit_params(p);
-    return cairn_polyline_memory(&fit) > 0;
+    step_fit = fit_params(p);
+    return cairn_polyline_memory(&step_fit) > 0;
 }
 
 static cairn_scan *carve(cairn_pool *pool, const cairn_scan_params *p)
 {
     size_t n = (size_t)p->max_beams, m = (size_t)p->max_segments, k = (size_t)p->max_points;
-    cairn_scan *x = cairn_pool_take_one(pool, sizeof *x);
+    cairn_scan *scan = cairn_pool_take_one(pool, sizeof *scan);
     float *range = cairn_pool_take(pool, n, sizeof *range);
     float *angle = cairn_pool_take(pool, n, sizeof *angle);
     cairn_beam *beams = cairn_pool_take(pool, n, sizeof *beams);
     int32_t *hit = cairn_pool_take(pool, n, sizeof *hit);
-    scan_wall *walls = cairn_pool_take(pool, m, sizeof *walls);
+    scan_segment *walls = cairn_pool_take(pool, m, sizeof *walls);
     int32_t *order = cairn_pool_take(pool, m, sizeof *order);
     int32_t *support = cairn_pool_take(pool, k + 1, sizeof *support);
     cairn_segment *segments = cairn_pool_take(pool, m, sizeof *segments);
     int32_t *first_point = cairn_pool_take(pool, m + 1, sizeof *first_point);
     cairn_oriented_point *points = cairn_pool_take(pool, k, sizeof *points);
 
-    if (x != NULL) {
-        memset(x, 0, sizeof *x);
-        x->params = *p;
-        x->range = range;
-        x->angle = angle;
-        x->beams = beams;
-        x->hit = hit;
-        x->walls = walls;
-        x->order = order;
-        x->support = support;
-        x->segments = segments;
-        x->first_point = first_point;
-        x->points = points;
-        x->first_point[0] = 0;
-        x->view.beams = beams;
-        x->view.segments = segments;
-        x->view.first_point = first_point;
-        x->view.points = points;
-        x->phase = SCAN_DONE;
+    if (scan != NULL) {
+        memset(scan, 0, sizeof *scan);
+        scan->params = *p;
+        scan->range = range;
+        scan->angle = angle;
+        scan->beams = beams;
+        scan->hit = hit;
+        scan->walls = walls;
+        scan->order = order;
+        scan->support = support;
+        scan->segments = segments;
+        scan->first_point = first_point;
+        scan->points = points;
+        scan->first_point[0] = 0;
+        scan->view.beams = beams;
+        scan->view.segments = segments;
+        scan->view.first_point = first_point;
+        scan->view.points = points;
+        scan->phase = SCAN_DONE;
     }
-    return x;
+    return scan;
 }
 
 size_t cairn_scan_memory(const cairn_scan_params *params)
 {
-    cairn_polyline_params fit;
+    cairn_polyline_params step_fit;
     cairn_pool counting;
 
-    if (!acceptable(params))
+    if (!params_are_valid(params))
         return 0;
-    fit = fit_params(params);
+    step_fit = fit_params(params);
     cairn_pool_init_counting(&counting);
     (void)carve(&counting, params);
-    cairn_pool_count(&counting, cairn_polyline_memory(&fit));
+    cairn_pool_count(&counting, cairn_polyline_memory(&step_fit));
     return cairn_pool_counted(&counting);
 }
 
 cairn_status cairn_scan_create(cairn_scan **scan, cairn_pool *pool, const cairn_scan_params *params)
 {
     size_t need = cairn_scan_memory(params);
-    cairn_polyline_params fit;
+    cairn_polyline_params step_fit;
 
     if (scan == NULL || pool == NULL || need == 0)
         return CAIRN_BAD_ARGUMENT;
     if (!cairn_pool_has_room(pool, need))
         return CAIRN_NO_MEMORY;
-    fit = fit_params(params);
+    step_fit = fit_params(params);
     *scan = carve(pool, params);
-    return cairn_polyline_create(&(*scan)->polyline, pool, &fit);
+    return cairn_polyline_create(&(*scan)->polyline, pool, &step_fit);
 }
 
 static int within_extent(cairn_pose pose)
@@ -123,26 +125,27 @@ static int within_extent(cairn_pose pose)
     return cairn_abs(pose.x) <= CAIRN_SCAN_EXTENT && cairn_abs(pose.y) <= CAIRN_SCAN_EXTENT;
 }
 
-static int finite_float(float value)
+static int is_finite_float(float value)
 {
     return cairn_is_finite((cairn_real)value);
 }
 
-static cairn_status check_input(const cairn_scan *x, const cairn_scan_input *in, cairn_fault *fault)
+static cairn_status check_input(const cairn_scan *scan, const cairn_scan_input *in,
+                                cairn_fault *fault)
 {
     fault->index = -1;
     fault->what = "scan: NULL, expected an object, an input and its ranges";
-    if (x == NULL || in == NULL || in->range == NULL)
+    if (scan == NULL || in == NULL || in->range == NULL)
         return CAIRN_BAD_ARGUMENT;
     fault->what = "count: expected at least 1";
     if (in->count < 1)
         return CAIRN_BAD_ARGUMENT;
     fault->what = "count: more beams than max_beams";
-    if (in->count > x->params.max_beams)
+    if (in->count > scan->params.max_beams)
         return CAIRN_FULL;
     fault->what = "range_min, range_max, range_sigma: expected finite numbers";
-    if (!finite_float(in->range_min) || !finite_float(in->range_max) ||
-        !finite_float(in->range_sigma))
+    if (!is_finite_float(in->range_min) || !is_finite_float(in->range_max) ||
+        !is_finite_float(in->range_sigma))
         return CAIRN_NOT_FINITE;
     fault->what = "range_min, range_max: expected 0 <= range_min < range_max <= CAIRN_SCAN_EXTENT";
     if (in->range_min < 0 || in->range_max <= in->range_min ||
@@ -152,7 +155,7 @@ static cairn_status check_input(const cairn_scan *x, const cairn_scan_input *in,
     if (in->range_sigma < 0)
         return CAIRN_BAD_ARGUMENT;
     fault->what = "time_step: expected a finite number";
-    if (!finite_float(in->time_step))
+    if (!is_finite_float(in->time_step))
         return CAIRN_NOT_FINITE;
     fault->what = "time_step: expected >= 0";
     if (in->time_step < 0)
@@ -164,12 +167,12 @@ static cairn_status check_input(const cairn_scan *x, const cairn_scan_input *in,
     if (!within_extent(in->base_sensor) || !within_extent(in->motion))
         return CAIRN_BAD_ARGUMENT;
     fault->what = "angle_min, angle_step: expected finite numbers";
-    if (in->angle == NULL && !(finite_float(in->angle_min) && finite_float(in->angle_step)))
+    if (in->angle == NULL && !(is_finite_float(in->angle_min) && is_finite_float(in->angle_step)))
         return CAIRN_NOT_FINITE;
     fault->what = "angle: not a finite number";
     for (int32_t i = 0; in->angle != NULL && i < in->count; i++) {
         fault->index = i;
-        if (!finite_float(in->angle[i]))
+        if (!is_finite_float(in->angle[i]))
             return CAIRN_NOT_FINITE;
     }
     fault->index = -1;
@@ -177,140 +180,141 @@ static cairn_status check_input(const cairn_scan *x, const cairn_scan_input *in,
     return CAIRN_OK;
 }
 
-cairn_status cairn_scan_begin(cairn_scan *x, const cairn_scan_input *input, cairn_fault *fault)
+cairn_status cairn_scan_begin(cairn_scan *scan, const cairn_scan_input *input, cairn_fault *fault)
 {
     cairn_fault found;
-    cairn_status status = check_input(x, input, &found);
+    cairn_status status = check_input(scan, input, &found);
 
     if (fault != NULL)
         *fault = found;
     if (status != CAIRN_OK)
         return status;
-    x->input = *input;
-    x->input.range = x->input.angle = NULL;
-    memcpy(x->range, input->range, (size_t)input->count * sizeof *x->range);
+    scan->input = *input;
+    scan->input.range = scan->input.angle = NULL;
+    memcpy(scan->range, input->range, (size_t)input->count * sizeof *scan->range);
     if (input->angle != NULL)
-        memcpy(x->angle, input->angle, (size_t)input->count * sizeof *x->angle);
+        memcpy(scan->angle, input->angle, (size_t)input->count * sizeof *scan->angle);
     else
         for (int32_t i = 0; i < input->count; i++)
-            x->angle[i] = input->angle_min + (float)i * input->angle_step;
-    x->twist = cairn_twist_of(input->motion);
-    x->hit_count = x->wall_count = x->place_count = x->segment_count = x->point_count = 0;
-    x->view.beam_count = x->view.segment_count = x->view.point_count = 0;
-    x->first_point[0] = 0;
-    memset(&x->measure, 0, sizeof x->measure);
-    x->part = 0;
-    x->phase = SCAN_BEAMS;
-    x->at = x->other = x->stage = x->running = 0;
-    return cairn_polyline_clear(x->polyline,
-                                cairn_max(1, (cairn_real)input->range_sigma / x->params.fit.sigma));
+            scan->angle[i] = input->angle_min + (float)i * input->angle_step;
+    scan->twist = cairn_twist_of(input->motion);
+    scan->hit_count = scan->wall_count = scan->place_count = scan->segment_count =
+        scan->point_count = 0;
+    scan->view.beam_count = scan->view.segment_count = scan->view.point_count = 0;
+    scan->first_point[0] = 0;
+    memset(&scan->measure, 0, sizeof scan->measure);
+    scan->part = 0;
+    scan->phase = SCAN_BEAMS;
+    scan->at = scan->other = scan->stage = scan->running = 0;
+    return cairn_polyline_clear(
+        scan->polyline, cairn_max(1, (cairn_real)input->range_sigma / scan->params.fit.sigma));
 }
 
-static int32_t *kind_count(cairn_scan *x, cairn_beam_kind kind)
+static int32_t *kind_count(cairn_scan *scan, cairn_beam_kind kind)
 {
     if (kind == CAIRN_BEAM_HIT)
-        return &x->measure.hits;
-    return kind == CAIRN_BEAM_FREE ? &x->measure.free : &x->measure.unknown;
+        return &scan->measure.hits;
+    return kind == CAIRN_BEAM_FREE ? &scan->measure.free : &scan->measure.unknown;
 }
 
-static cairn_beam beam_of(const cairn_scan *x, int32_t i)
+static cairn_beam beam_of(const cairn_scan *scan, int32_t i)
 {
-    float range = x->range[i], length = range;
-    cairn_real f = x->input.count > 1 ? (cairn_real)i / (cairn_real)(x->input.count - 1) : 0;
-    cairn_pose sensor = cairn_pose_compose(cairn_twist_at(x->twist, f), x->input.base_sensor);
+    float range = scan->range[i], length = range;
+    cairn_real f = scan->input.count > 1 ? (cairn_real)i / (cairn_real)(scan->input.count - 1) : 0;
+    cairn_pose sensor = cairn_pose_compose(cairn_twist_at(scan->twist, f), scan->input.base_sensor);
     cairn_beam beam = {{sensor.x, sensor.y}, {sensor.x, sensor.y}, CAIRN_BEAM_HIT};
     cairn_vec2 direction;
 
-    if (!(range > 0) || range < x->input.range_min) {
+    if (!(range > 0) || range < scan->input.range_min) {
         beam.kind = CAIRN_BEAM_UNKNOWN;
         return beam;
     }
-    if (range > x->input.range_max) {
+    if (range > scan->input.range_max) {
         beam.kind = CAIRN_BEAM_FREE;
-        length = x->input.range_max;
+        length = scan->input.range_max;
     }
-    cairn_sincos(sensor.theta + (cairn_real)x->angle[i], &direction.y, &direction.x);
+    cairn_sincos(sensor.theta + (cairn_real)scan->angle[i], &direction.y, &direction.x);
     beam.to = cairn_vec2_add(beam.from, cairn_vec2_scale(direction, (cairn_real)length));
     return beam;
 }
 
-static cairn_status make_beams(cairn_scan *x, cairn_budget *budget)
+static cairn_status make_beams(cairn_scan *scan, cairn_budget *budget)
 {
-    for (; x->at < x->input.count; x->at++) {
-        cairn_beam *beam = &x->beams[x->at];
+    for (; scan->at < scan->input.count; scan->at++) {
+        cairn_beam *beam = &scan->beams[scan->at];
         cairn_real point[2];
         cairn_status status;
 
-        if (!scan_pay(x, budget, 42))
+        if (!cairn_scan_pay(scan, budget, 42))
             return CAIRN_MORE;
-        *beam = beam_of(x, x->at);
-        (*kind_count(x, beam->kind))++;
+        *beam = beam_of(scan, scan->at);
+        (*kind_count(scan, beam->kind))++;
         if (beam->kind != CAIRN_BEAM_HIT)
             continue;
-        x->hit[x->hit_count++] = x->at;
+        scan->hit[scan->hit_count++] = scan->at;
         point[0] = beam->to.x;
         point[1] = beam->to.y;
-        status = cairn_polyline_add(x->polyline, point);
+        status = cairn_polyline_add(scan->polyline, point);
         if (status != CAIRN_OK)
             return status;
     }
     return CAIRN_OK;
 }
 
-static cairn_status fit(cairn_scan *x, cairn_budget *budget)
+static cairn_status step_fit(cairn_scan *scan, cairn_budget *budget)
 {
-    cairn_status status = cairn_polyline_step(x->polyline, budget);
+    cairn_status status = cairn_polyline_step(scan->polyline, budget);
 
     if (status == CAIRN_OK) {
-        cairn_polyline_measure cost = cairn_polyline_measured(x->polyline);
+        cairn_polyline_measure cost = cairn_polyline_measured(scan->polyline);
 
-        x->measure.units += cost.units;
-        x->measure.iterations = cost.iterations;
+        scan->measure.units += cost.units;
+        scan->measure.iterations = cost.iterations;
     }
     return status;
 }
 
-static cairn_status run_phase(cairn_scan *x, cairn_budget *budget)
+static cairn_status run_phase(cairn_scan *scan, cairn_budget *budget)
 {
-    switch (x->phase) {
+    switch (scan->phase) {
     case SCAN_BEAMS:
-        return make_beams(x, budget);
+        return make_beams(scan, budget);
     case SCAN_FIT:
-        return fit(x, budget);
+        return step_fit(scan, budget);
     case SCAN_ATTRIBUTE:
-        return cairn_scan_attribute(x, budget);
+        return cairn_scan_attribute(scan, budget);
     case SCAN_TURN:
-        return cairn_scan_turn(x, budget);
+        return cairn_scan_turn(scan, budget);
     case SCAN_CHOOSE:
-        return cairn_scan_choose(x, budget);
+        return cairn_scan_choose(scan, budget);
     case SCAN_MARK:
-        return cairn_scan_mark(x, budget);
+        return cairn_scan_mark(scan, budget);
     default:
-        return cairn_scan_emit(x, budget);
+        return cairn_scan_emit(scan, budget);
     }
 }
 
-cairn_status cairn_scan_step(cairn_scan *x, cairn_budget *budget)
+cairn_status cairn_scan_step(cairn_scan *scan, cairn_budget *budget)
 {
-    if (x == NULL || budget == NULL)
+    if (scan == NULL || budget == NULL)
         return CAIRN_BAD_ARGUMENT;
-    while (x->phase != SCAN_DONE) {
-        cairn_status status = run_phase(x, budget);
+    while (scan->phase != SCAN_DONE) {
+        cairn_status status = run_phase(scan, budget);
 
         if (status != CAIRN_OK)
             return status;
-        x->phase++;
-        x->at = x->other = x->stage = x->running = 0;
+        scan->phase++;
+        scan->at = scan->other = scan->stage = scan->running = 0;
     }
     return CAIRN_OK;
 }
 
-cairn_scan_view cairn_scan_read(const cairn_scan *x)
+cairn_scan_view cairn_scan_read(const cairn_scan *scan)
 {
-    return x->view;
+    return scan->view;
 }
 
-cairn_scan_measure cairn_scan_measured(const cairn_scan *x)
+cairn_scan_measure cairn_scan_measured(const cairn_scan *scan)
 {
-    return x->measure;
+    return scan->measure;
 }

@@ -1,50 +1,56 @@
-/* The cover of scans by each other.
+/* scan_redundancy: redundancy scores of scans, for keyframe culling.
  *
- * Method: the points of all scans are put into a hash grid in the map; then each looks for points
- * of other scans around it. Scans are counted once however many near points they have: `seen` holds
- * for each scan the last point that it covered.
+ * Method:
+ * 1. The points of all scans are put into a hash grid in the map.
+ * 2. A radius search around each point counts the other scans with a matching point. A scan counts
+ *    once however many near points it has: last_point holds for each scan the last point that it
+ *    covered.
+ * 3. The loss of a scan is the sum of 1 / (1 + n) over its points.
  *
  * Layout: points in the order of the segments of the set, with the number of their segment beside
  * the grid.
- *
- * Limits: points stand for what they show, whether or not the scan that also shows it lies
- * right. */
+ * Limits: points count wherever the given poses put them, whether or not these are correct. */
 #include "src/core/build.h"
 
 #include <string.h>
 
 #include "cairn/scan_cover.h"
 
-enum { MAX_SCANS = 1 << 20, MAX_POINTS = 1 << 24, TILE = 16, REMOVED = 2 };
+enum { MAX_SCANS = 1 << 20, MAX_POINTS = 1 << 24, POINTS_PER_ITEM = 16, REMOVED_PER_ITEM = 2 };
 
-static const cairn_real FARTHEST = CAIRN_REAL(1e6);
+static const cairn_real MAX_COORDINATE_M = CAIRN_REAL(1e6);
 
-enum { IDLE, UNGRID, PLACE, COUNT };
+enum { IDLE, CLEAR_GRID, INSERT_POINTS, COUNT_SCANS };
 
 struct cairn_scan_cover {
     cairn_scan_cover_params params;
     cairn_real least_cosine;
     cairn_point_grid *grid;
-    int32_t *segment;           /* [max_points] */
-    cairn_transform *transform; /* [max_scans] */
-    cairn_real *loss;           /* [max_scans]; -1: not in use */
-    int32_t *seen;              /* [max_scans]: the last point that a point of the scan covers */
+    int32_t *segment;           /* [max_points] segment of each point */
+    cairn_transform *transform; /* [max_scans] map_scan */
+    cairn_real *loss;           /* [max_scans] loss, in points; -1: free slot */
+    int32_t *seen;              /* [max_scans] last point that a point of the scan covered */
     const cairn_scan_set *set;
     int32_t scans; /* slots at the last begin() */
     int32_t phase, debt;
-    int32_t at, point; /* PLACE: segment, and point of it; COUNT: point */
+    int32_t at, point; /* INSERT_POINTS: segment and point of it; COUNT_SCANS: point */
 };
 
 cairn_scan_cover_params cairn_scan_cover_default(void)
 {
-    cairn_scan_cover_params params = {64, 8192, CAIRN_REAL(0.15), CAIRN_PI / 6};
+    cairn_scan_cover_params params = {
+        .max_scans = 64,
+        .max_points = 8192,
+        .radius = CAIRN_REAL(0.15),
+        .direction_gate = CAIRN_PI / 6,
+    };
     return params;
 }
 
-static int params_are_good(const cairn_scan_cover_params *p)
+static int params_are_valid(const cairn_scan_cover_params *p)
 {
     return p != NULL && p->max_scans >= 1 && p->max_scans <= MAX_SCANS && p->max_points >= 1 &&
-           p->max_points <= MAX_POINTS && p->radius > 0 && p->radius <= FARTHEST &&
+           p->max_points <= MAX_POINTS && p->radius > 0 && p->radius <= MAX_COORDINATE_M &&
            p->direction_gate > 0 && p->direction_gate <= CAIRN_PI;
 }
 
@@ -54,17 +60,17 @@ static cairn_point_grid_params grid_params(const cairn_scan_cover_params *params
     return grid;
 }
 
-/* Sets the pointers of *c, which is then to be copied to the piece that is returned. */
-static cairn_scan_cover *carve(cairn_scan_cover *c, cairn_pool *pool,
+/* Sets the pointers of *layout, which is then copied to the returned piece. */
+static cairn_scan_cover *carve(cairn_scan_cover *cover, cairn_pool *pool,
                                const cairn_scan_cover_params *params)
 {
     size_t scans = (size_t)params->max_scans, points = (size_t)params->max_points;
     cairn_scan_cover *made = cairn_pool_take_one(pool, sizeof *made);
 
-    c->segment = cairn_pool_take(pool, points, sizeof *c->segment);
-    c->transform = cairn_pool_take(pool, scans, sizeof *c->transform);
-    c->loss = cairn_pool_take(pool, scans, sizeof *c->loss);
-    c->seen = cairn_pool_take(pool, scans, sizeof *c->seen);
+    cover->segment = cairn_pool_take(pool, points, sizeof *cover->segment);
+    cover->transform = cairn_pool_take(pool, scans, sizeof *cover->transform);
+    cover->loss = cairn_pool_take(pool, scans, sizeof *cover->loss);
+    cover->seen = cairn_pool_take(pool, scans, sizeof *cover->seen);
     return made;
 }
 
@@ -74,7 +80,7 @@ size_t cairn_scan_cover_memory(const cairn_scan_cover_params *params)
     cairn_scan_cover layout;
     cairn_pool counting;
 
-    if (!params_are_good(params))
+    if (!params_are_valid(params))
         return 0;
     grid = grid_params(params);
     cairn_pool_init_counting(&counting);
@@ -117,8 +123,8 @@ cairn_status cairn_scan_cover_begin(cairn_scan_cover *cover, const cairn_scan_se
     for (int32_t i = 0; i < set->scan_count; i++) {
         if (set->scans[i].in_use && !cairn_pose_is_finite(map_scan[i]))
             return CAIRN_NOT_FINITE;
-        if (set->scans[i].in_use &&
-            !(cairn_abs(map_scan[i].x) <= FARTHEST && cairn_abs(map_scan[i].y) <= FARTHEST))
+        if (set->scans[i].in_use && !(cairn_abs(map_scan[i].x) <= MAX_COORDINATE_M &&
+                                      cairn_abs(map_scan[i].y) <= MAX_COORDINATE_M))
             return CAIRN_BAD_ARGUMENT;
     }
     for (int32_t i = 0; i < set->scan_count; i++) {
@@ -129,90 +135,90 @@ cairn_status cairn_scan_cover_begin(cairn_scan_cover *cover, const cairn_scan_se
     }
     cover->set = set;
     cover->scans = set->scan_count;
-    cover->phase = UNGRID;
+    cover->phase = CLEAR_GRID;
     cover->debt = cover->at = cover->point = 0;
     return CAIRN_OK;
 }
 
 /* ---- Items; each returns its units ---- */
 
-static int32_t remove_some(cairn_scan_cover *c)
+static int32_t clear_item(cairn_scan_cover *cover)
 {
-    for (int32_t i = 0; i < REMOVED; i++)
-        cairn_point_grid_remove_last(c->grid);
-    if (cairn_point_grid_count(c->grid) == 0)
-        c->phase = PLACE;
+    for (int32_t i = 0; i < REMOVED_PER_ITEM; i++)
+        cairn_point_grid_remove_last(cover->grid);
+    if (cairn_point_grid_count(cover->grid) == 0)
+        cover->phase = INSERT_POINTS;
     return 1;
 }
 
-/* The next points of a segment. */
-static int32_t place(cairn_scan_cover *c)
+/* Inserts the next points of a segment into the grid. */
+static int32_t insert_item(cairn_scan_cover *cover)
 {
     const cairn_scan_set_segment *segment;
-    cairn_vec2 points[TILE];
+    cairn_vec2 points[POINTS_PER_ITEM];
     int32_t left, count;
 
-    if (c->at == c->set->segment_count) {
-        c->phase = COUNT;
-        c->at = 0;
+    if (cover->at == cover->set->segment_count) {
+        cover->phase = COUNT_SCANS;
+        cover->at = 0;
         return 1;
     }
-    segment = &c->set->segments[c->at];
-    left = segment->scan >= 0 ? segment->end_point - segment->first_point - c->point : 0;
+    segment = &cover->set->segments[cover->at];
+    left = segment->scan >= 0 ? segment->end_point - segment->first_point - cover->point : 0;
     if (left == 0) {
-        c->at++;
-        c->point = 0;
+        cover->at++;
+        cover->point = 0;
         return 1;
     }
-    count = left < TILE ? left : TILE;
-    cairn_scan_set_read(c->set, c->at, c->point, count, points);
+    count = left < POINTS_PER_ITEM ? left : POINTS_PER_ITEM;
+    cairn_scan_set_read(cover->set, cover->at, cover->point, count, points);
     for (int32_t i = 0; i < count; i++) {
-        cairn_vec2 p = cairn_transform_point(c->transform[segment->scan], points[i]);
+        cairn_vec2 p = cairn_transform_point(cover->transform[segment->scan], points[i]);
         cairn_status status;
 
-        c->segment[cairn_point_grid_count(c->grid)] = c->at;
-        status = cairn_point_grid_insert(c->grid, p);
+        cover->segment[cairn_point_grid_count(cover->grid)] = cover->at;
+        status = cairn_point_grid_insert(cover->grid, p);
         CAIRN_ASSERT(status == CAIRN_OK);
         (void)status;
     }
-    c->point += count;
+    cover->point += count;
     return 1 + 3 * count / 2;
 }
 
-static cairn_vec2 direction_at(const cairn_scan_cover *c, int32_t point, int32_t *scan)
+static cairn_vec2 direction_at(const cairn_scan_cover *cover, int32_t point, int32_t *scan)
 {
-    const cairn_scan_set_segment *segment = &c->set->segments[c->segment[point]];
+    const cairn_scan_set_segment *segment = &cover->set->segments[cover->segment[point]];
 
     *scan = segment->scan;
-    return cairn_transform_direction(c->transform[segment->scan], segment->direction);
+    return cairn_transform_direction(cover->transform[segment->scan], segment->direction);
 }
 
-/* What of the loss one point is. */
-static int32_t count_scans(cairn_scan_cover *c)
+/* Adds the loss of one point to its scan. */
+static int32_t count_item(cairn_scan_cover *cover)
 {
     int32_t own, other, near = 0, scans = 0, found;
     cairn_point_grid_cursor cursor;
     cairn_vec2 direction;
 
-    if (c->at == cairn_point_grid_count(c->grid)) {
-        c->phase = IDLE;
+    if (cover->at == cairn_point_grid_count(cover->grid)) {
+        cover->phase = IDLE;
         return 1;
     }
-    direction = direction_at(c, c->at, &own);
-    cursor =
-        cairn_point_grid_begin(c->grid, cairn_point_grid_point(c->grid, c->at), c->params.radius);
-    while ((found = cairn_point_grid_next(c->grid, &cursor)) >= 0) {
-        cairn_vec2 its = direction_at(c, found, &other);
+    direction = direction_at(cover, cover->at, &own);
+    cursor = cairn_point_grid_begin(cover->grid, cairn_point_grid_point(cover->grid, cover->at),
+                                    cover->params.radius);
+    while ((found = cairn_point_grid_next(cover->grid, &cursor)) >= 0) {
+        cairn_vec2 its = direction_at(cover, found, &other);
 
         near++;
-        if (other != own && c->seen[other] != c->at &&
-            cairn_vec2_dot(direction, its) >= c->least_cosine) {
-            c->seen[other] = c->at;
+        if (other != own && cover->seen[other] != cover->at &&
+            cairn_vec2_dot(direction, its) >= cover->least_cosine) {
+            cover->seen[other] = cover->at;
             scans++;
         }
     }
-    c->loss[own] += 1 / (cairn_real)(1 + scans);
-    c->at++;
+    cover->loss[own] += 1 / (cairn_real)(1 + scans);
+    cover->at++;
     return 2 + near;
 }
 
@@ -228,16 +234,16 @@ cairn_status cairn_scan_cover_step(cairn_scan_cover *cover, cairn_budget *budget
 
             cover->debt -= paid;
             budget->left -= paid;
-        } else if (cover->phase == UNGRID) {
-            cover->debt = remove_some(cover);
+        } else if (cover->phase == CLEAR_GRID) {
+            cover->debt = clear_item(cover);
         } else {
-            cover->debt = cover->phase == PLACE ? place(cover) : count_scans(cover);
+            cover->debt = cover->phase == INSERT_POINTS ? insert_item(cover) : count_item(cover);
         }
     }
     return CAIRN_OK;
 }
 
-/* ---- Readers ---- */
+/* ---- Results ---- */
 
 static int is_done(const cairn_scan_cover *cover)
 {

@@ -1,16 +1,18 @@
-/* Points at full resolution: the ends of the beams, with the direction of the surface there.
+/* scan_match: surface points at full resolution: the ends of the beams with local surface
+ * directions.
  *
- * The line is fitted to the hits beside each hit, and not that of the scan's line fit, so that
- * what is smaller than a segment (door frames, posts) keeps its shape: along bare walls it is
- * all that tells how far along one is. */
+ * The line is fitted to the neighbouring hits of each hit, not taken from the scan's segments, so
+ * that structure smaller than a segment (door frames, posts) is kept: along bare walls it alone
+ * constrains the translation along the wall. */
 #include "src/core/build.h"
 
 #include "cairn/scan_match.h"
 #include "cairn/small_matrix.h"
 
-enum { NEIGHBOURS = 12 }; /* of a beam, to each side */
+enum { MAX_NEIGHBOURS = 12 }; /* neighbouring beams, to each side */
 
-static const cairn_real BENT = CAIRN_REAL(0.013); /* m from a line, root mean square */
+/* m: root mean square residual of a line above which the surface is bent */
+static const cairn_real MAX_LINE_RMS_M = CAIRN_REAL(0.013);
 
 static int is_hit_near(const cairn_beam *beam, cairn_vec2 p, cairn_real reach)
 {
@@ -18,10 +20,10 @@ static int is_hit_near(const cairn_beam *beam, cairn_vec2 p, cairn_real reach)
            cairn_vec2_norm_squared(cairn_vec2_sub(beam->to, p)) < reach * reach;
 }
 
-/* The line through the ends of beams[low ... high]: its direction and the mean squared distance
- * from it; -1: they are one point. */
-static cairn_real line_through(const cairn_scan_view *view, int32_t low, int32_t high,
-                               cairn_vec2 *direction)
+/* Total least squares line through the ends of beams[low ... high]: its direction; returns the mean
+ * squared residual, m^2; -1: the ends are one point. */
+static cairn_real fit_line(const cairn_scan_view *view, int32_t low, int32_t high,
+                           cairn_vec2 *direction)
 {
     cairn_vec2 origin = view->beams[low].to, sum = {0, 0}, minor;
     cairn_sym2 spread = {0, 0, 0};
@@ -42,9 +44,9 @@ static cairn_real line_through(const cairn_scan_view *view, int32_t low, int32_t
     return values[1] > 0 ? cairn_max(values[0], 0) / n : -1;
 }
 
-/* The direction of the surface at the end of a beam, the sensor on its left, from the hits
- * beside it; 0: there are none. Where the hits of both sides do not make a line, near a corner,
- * those of the straighter side decide. */
+/* Finds the surface direction at the end of a beam, the sensor on its left, from the neighbouring
+ * hits; returns 0 without any. Near a corner, where both sides do not form a line, the straighter
+ * side is used. */
 static int surface_direction(const cairn_scan_view *view, int32_t i, cairn_vec2 *direction)
 {
     const cairn_beam *beam = &view->beams[i];
@@ -52,21 +54,22 @@ static int surface_direction(const cairn_scan_view *view, int32_t i, cairn_vec2 
     cairn_real reach = CAIRN_REAL(0.08) + CAIRN_REAL(0.03) * cairn_vec2_norm(to_sensor), spread;
     int32_t low = i, high = i;
 
-    while (low > 0 && i - low < NEIGHBOURS && is_hit_near(&view->beams[low - 1], beam->to, reach))
+    while (low > 0 && i - low < MAX_NEIGHBOURS &&
+           is_hit_near(&view->beams[low - 1], beam->to, reach))
         low--;
-    while (high + 1 < view->beam_count && high - i < NEIGHBOURS &&
+    while (high + 1 < view->beam_count && high - i < MAX_NEIGHBOURS &&
            is_hit_near(&view->beams[high + 1], beam->to, reach))
         high++;
-    spread = line_through(view, low, high, direction);
-    if (spread > BENT * BENT) {
+    spread = fit_line(view, low, high, direction);
+    if (spread > MAX_LINE_RMS_M * MAX_LINE_RMS_M) {
         cairn_vec2 side = *direction;
-        cairn_real before = i - low >= 2 ? line_through(view, low, i, &side) : -1;
+        cairn_real before = i - low >= 2 ? fit_line(view, low, i, &side) : -1;
 
         if (before >= 0 && before < spread / 2) {
             spread = 2 * before;
             *direction = side;
         }
-        before = high - i >= 2 ? line_through(view, i, high, &side) : -1;
+        before = high - i >= 2 ? fit_line(view, i, high, &side) : -1;
         if (before >= 0 && before < spread / 2)
             *direction = side;
     }
@@ -90,7 +93,7 @@ int32_t cairn_scan_match_dense(const cairn_scan_view *view, cairn_oriented_point
     return count;
 }
 
-/* The direction of the segment nearest to a point. */
+/* Returns the direction of the segment nearest to a point. */
 static cairn_vec2 nearest_direction(const cairn_scan_view *view, cairn_vec2 p)
 {
     cairn_real nearest = CAIRN_REAL_MAX;

@@ -1,102 +1,105 @@
-/* Refinement of one pose by point-to-line distances, and what speaks for and against it.
+/* scan_match: refinement of one hypothesis by robust point-to-line ICP, and its inlier and
+ * free-space-violation counts.
  *
- * Gauss-Newton as in icp: robust weights (Cauchy) with the scale of the residuals, directions of
- * motion that the pairs do not tell left alone. Poses go through stages of more and more points,
- * the last with one point a beam, so that every range counts as much as it should; whoever does
- * badly stays behind.
- *
- * Covariance: that of an M-estimator (Huber 1981, section 7.6). Its information is made of the
- * products of the normals of both points of a pair, as Gauss-Newton's would be of those of one:
- * noise of the normals of a bare wall adds up in squares and feigns information along the wall,
- * while in products of independent normals it cancels. What does not average out (bent surfaces,
- * the choice of pairs) is a floor: with a thousand beams it is most of the error. */
+ * Method:
+ * 1. Gauss-Newton as in icp: Cauchy weights with the scale of the residuals; unobservable
+ *    directions are not moved.
+ * 2. Stages of more and more points, the last with one point per beam, so that every range has
+ *    equal weight.
+ * 3. Covariance of an M-estimator (Huber 1981, section 7.6). Its information is formed from the
+ *    products of the normals of both points of a pair. Plain Gauss-Newton uses one normal twice:
+ *    the noise of the normals of a bare wall then adds up in squares and feigns information along
+ *    the wall, while products of independent normals cancel it. Errors that do not average out
+ *    (bent surfaces, the choice of pairs) are a floor: with a thousand beams they dominate.
+ * 4. Scoring: query points on a target surface are inliers, those in its free space are violations;
+ *    target samples are tested in the query's visibility profile. */
 #include "src/core/build.h"
 
 #include <string.h>
 
 #include "src/mapping/scan_match_work.h"
 
-static const cairn_real CAUCHY = CAIRN_REAL(2.385);
+static const cairn_real CAUCHY_SCALE = CAIRN_REAL(2.385);
 static const cairn_real CAUCHY_VARIANCE = CAIRN_REAL(1.26);
-/* of the directions of a pair */
-static const cairn_real LEAST_COSINE = CAIRN_REAL(0.7);
-/* ... of a point that is explained */
-static const cairn_real TALLY_COSINE = CAIRN_REAL(0.85);
-/* spacings */
-static const cairn_real TALLY_GATE = CAIRN_REAL(1.5);
-/* spacings from the surface at which a point counts half */
-static const cairn_real CLOSE = CAIRN_REAL(0.3);
-/* spacings, standard deviation */
-static const cairn_real FLOOR = CAIRN_REAL(0.015);
-/* of the information of a direction in which a step goes */
-static const cairn_real LEAST_RATIO = CAIRN_REAL(3e-4);
-/* spacings by which a point stands before a surface */
-static const cairn_real MARGIN = 1;
+/* direction gate of a pair */
+static const cairn_real MIN_PAIR_COSINE = CAIRN_REAL(0.7);
+/* direction gate of an inlier */
+static const cairn_real MIN_INLIER_COSINE = CAIRN_REAL(0.85);
+/* spacings: distance gate of an inlier */
+static const cairn_real INLIER_GATE = CAIRN_REAL(1.5);
+/* spacings: distance from the surface at which a point has half weight */
+static const cairn_real HALF_WEIGHT_DISTANCE = CAIRN_REAL(0.3);
+/* spacings: standard deviation of the covariance floor */
+static const cairn_real COVARIANCE_FLOOR = CAIRN_REAL(0.015);
+/* least information ratio of a direction that a step may move */
+static const cairn_real MIN_STEP_RATIO = CAIRN_REAL(3e-4);
+/* spacings: least distance before a surface of a free-space violation */
+static const cairn_real FREE_SPACE_MARGIN = 1;
 
-enum { LEAST_PAIRS = 4 };
+enum { MIN_PAIRS = 4 };
 
-/* Points, iterations, poses kept (at least twice the hypotheses asked for; 0: those), dense,
+/* Points, iterations, hypotheses kept (at least twice max_hypotheses; 0: max_hypotheses), dense,
  * gates. */
 static const match_stage STAGES[MATCH_STAGES + 1] = {
     {48, 3, 16, 0, 5, 3},
     {128, 6, 0, 0, 3, CAIRN_REAL(1.5)},
     {1 << 20, 8, 0, 1, 2, 1},
-    {1 << 20, 0, 0, 1, 2, 2}, /* looks only */
+    {1 << 20, 0, 0, 1, 2, 2}, /* evaluation only */
 };
 
-const match_stage *cairn_match_stage_of(const cairn_scan_match *x)
+const match_stage *cairn_match_stage_of(const cairn_scan_match *match)
 {
-    return &STAGES[x->stage];
+    return &STAGES[match->stage];
 }
 
-void cairn_match_fit_begin(cairn_scan_match *x, cairn_pose pose)
+void cairn_match_fit_begin(cairn_scan_match *match, cairn_pose pose)
 {
-    const match_stage *stage = &STAGES[x->stage];
-    match_fit *fit = &x->fit;
-    int32_t dense = stage->dense && x->query.dense_count > 0;
-    int32_t both = dense && x->dense_count > 0 && !x->lacks_dense;
+    const match_stage *stage = &STAGES[match->stage];
+    match_fit *fit = &match->fit;
+    int32_t dense = stage->dense && match->query.dense_count > 0;
+    int32_t both = dense && match->dense_count > 0 && !match->lacks_dense;
 
     memset(fit, 0, sizeof *fit);
-    fit->points = dense ? x->query.dense : x->query.points;
-    fit->count = dense ? x->query.dense_count : x->query.count;
-    fit->index = both ? &x->dense_index : &x->index;
+    fit->points = dense ? match->query.dense : match->query.points;
+    fit->count = dense ? match->query.dense_count : match->query.count;
+    fit->index = both ? &match->dense_index : &match->index;
     fit->stride = (fit->count + stage->points - 1) / stage->points;
-    fit->motion = cairn_rigid_motion_at(pose, x->centroid, x->radius);
-    fit->gate = stage->gate_start * x->params.spacing;
-    fit->sigma = x->stage == 0 ? fit->gate / 2 : x->params.spacing / 2;
-    x->at = 0;
+    fit->motion = cairn_rigid_motion_at(pose, match->centroid, match->radius);
+    fit->gate = stage->gate_start * match->params.spacing;
+    fit->sigma = match->stage == 0 ? fit->gate / 2 : match->params.spacing / 2;
+    match->at = 0;
 }
 
-/* Adds what the pair tells as both normals see it: the symmetric product of their rows. */
-static void add_cross(cairn_scan_match *x, const cairn_real row[3], cairn_vec2 direction,
+/* Adds the symmetric product of a pair's two Jacobian rows, one per normal. */
+static void add_cross(cairn_scan_match *match, const cairn_real row[3], cairn_vec2 direction,
                       cairn_vec2 position, cairn_real weight)
 {
     cairn_real other[3], sum[3], difference[3];
 
-    cairn_rigid_motion_row(&x->fit.motion, cairn_vec2_left(direction), position, other);
+    cairn_rigid_motion_row(&match->fit.motion, cairn_vec2_left(direction), position, other);
     for (int k = 0; k < 3; k++) {
         sum[k] = row[k] + other[k];
         difference[k] = row[k] - other[k];
     }
-    cairn_sym3_add_outer(&x->fit.sums.cross, sum, weight / 4);
-    cairn_sym3_add_outer(&x->fit.sums.cross, difference, -weight / 4);
+    cairn_sym3_add_outer(&match->fit.sums.cross, sum, weight / 4);
+    cairn_sym3_add_outer(&match->fit.sums.cross, difference, -weight / 4);
 }
 
-static void add_pair(cairn_scan_match *x, const cairn_oriented_point *q)
+static void add_pair(cairn_scan_match *match, const cairn_oriented_point *q)
 {
-    match_fit *fit = &x->fit;
+    match_fit *fit = &match->fit;
     match_sums *sums = &fit->sums;
     match_search search;
     const cairn_oriented_point *m;
-    cairn_real error, squared, weight, scale = CAUCHY * fit->sigma, row[3];
+    cairn_real error, squared, weight, scale = CAUCHY_SCALE * fit->sigma, row[3];
     cairn_vec2 normal;
     int32_t parts = 20;
 
     search.p = cairn_transform_point(fit->motion.transform, q->position);
     search.direction = cairn_transform_direction(fit->motion.transform, q->direction);
-    search.cosine = LEAST_COSINE;
+    search.cosine = MIN_PAIR_COSINE;
     m = cairn_match_index_nearest(fit->index, &search, fit->gate, &parts);
-    cairn_match_charge(x, parts);
+    cairn_match_charge(match, parts);
     if (m == NULL)
         return;
     normal = cairn_vec2_left(m->direction);
@@ -105,8 +108,8 @@ static void add_pair(cairn_scan_match *x, const cairn_oriented_point *q)
     weight = 1 / (1 + squared / (scale * scale));
     cairn_rigid_motion_row(&fit->motion, normal, q->position, row);
     cairn_sym3_add_outer(&sums->lines, row, weight);
-    if (STAGES[x->stage].dense)
-        add_cross(x, row, search.direction, q->position, weight);
+    if (STAGES[match->stage].dense)
+        add_cross(match, row, search.direction, q->position, weight);
     for (int k = 0; k < 3; k++)
         sums->gradient[k] += weight * error * row[k];
     sums->weight += weight;
@@ -117,15 +120,15 @@ static void add_pair(cairn_scan_match *x, const cairn_oriented_point *q)
     sums->pairs++;
 }
 
-/* 1 / variance of a residual. */
-static cairn_real information_scale(const cairn_scan_match *x)
+/* Returns the reciprocal variance of a residual. */
+static cairn_real information_scale(const cairn_scan_match *match)
 {
-    const match_sums *sums = &x->fit.sums;
+    const match_sums *sums = &match->fit.sums;
     cairn_real n = (cairn_real)sums->pairs, slope = cairn_max(sums->slopes / n, CAIRN_REAL(0.1));
     cairn_real scale =
         sums->psi_squares / cairn_max(n - 3, 1) * (sums->weight / n) / (slope * slope);
 
-    return 1 / cairn_max(scale, x->params.sigma * x->params.sigma);
+    return 1 / cairn_max(scale, match->params.sigma * match->params.sigma);
 }
 
 static cairn_sym3 scaled(cairn_sym3 m, cairn_real by)
@@ -134,176 +137,180 @@ static cairn_sym3 scaled(cairn_sym3 m, cairn_real by)
     return out;
 }
 
-/* Adds the errors that do not average out with the number of points: FLOOR spacings of any
- * motion about the centroid. */
-static void add_floor(const cairn_scan_match *x, cairn_real covariance[9])
+/* Adds the covariance floor: COVARIANCE_FLOOR spacings of any motion about the centroid. */
+static void add_covariance_floor(const cairn_scan_match *match, cairn_real covariance[9])
 {
-    cairn_real by = 1 / (FLOOR * x->params.spacing * (FLOOR * x->params.spacing)), more[9];
+    cairn_real by = 1 / (COVARIANCE_FLOOR * match->params.spacing *
+                         (COVARIANCE_FLOOR * match->params.spacing)),
+               more[9];
     cairn_sym3 information = {by, 0, 0, by, 0, by};
     cairn_motion_basis basis = cairn_motion_basis_of(information, 0);
 
-    cairn_rigid_motion_covariance(&x->fit.motion, &basis, &information, NULL, more);
+    cairn_rigid_motion_covariance(&match->fit.motion, &basis, &information, NULL, more);
     for (int k = 0; k < 9; k++)
         covariance[k] += more[k];
 }
 
-/* Writes down where the fit ended; what it tells, of the last ones alone. */
-static void conclude(cairn_scan_match *x, const cairn_motion_basis *basis)
+/* Stores the refined pose; of the last stage also its covariance and observability. */
+static void store_hypothesis(cairn_scan_match *match, const cairn_motion_basis *basis)
 {
-    cairn_scan_match_hypothesis *h = &x->hypotheses[x->other];
+    cairn_scan_match_hypothesis *h = &match->hypotheses[match->other];
     cairn_motion_basis seen;
     cairn_normal_equations prior;
     cairn_sym3 information = cairn_sym3_zero();
 
-    h->target_query = x->fit.motion.map_body;
-    if (!STAGES[x->stage].dense)
+    h->target_query = match->fit.motion.map_body;
+    if (!STAGES[match->stage].dense)
         return;
-    cairn_match_charge(x, 40 * MATCH_PART);
-    h->pairs = x->fit.sums.pairs;
-    h->sigma = x->fit.sigma;
-    h->radius = x->radius;
+    cairn_match_charge(match, 40 * MATCH_PART);
+    h->pairs = match->fit.sums.pairs;
+    h->sigma = match->fit.sigma;
+    h->radius = match->radius;
     h->observable = 0;
     h->weak_ratio = 0;
     memset(h->weak, 0, sizeof h->weak);
-    if (x->has_window)
-        prior = cairn_rigid_motion_prior(&x->fit.motion, &x->prior);
+    if (match->has_window)
+        prior = cairn_rigid_motion_prior(&match->fit.motion, &match->prior);
     if (basis != NULL) {
-        seen = cairn_motion_basis_of(x->fit.sums.cross, x->params.weak_ratio);
+        seen = cairn_motion_basis_of(match->fit.sums.cross, match->params.weak_ratio);
         basis = &seen;
-        information = scaled(x->fit.sums.cross, information_scale(x));
+        information = scaled(match->fit.sums.cross, information_scale(match));
         h->observable = 3 - basis->weak;
         h->weak_ratio = basis->ratio;
         memcpy(h->weak, basis->vectors[0], sizeof h->weak);
     }
-    cairn_rigid_motion_covariance(&x->fit.motion, basis, basis == NULL ? NULL : &information,
-                                  x->has_window ? &prior : NULL, h->covariance);
-    add_floor(x, h->covariance);
+    cairn_rigid_motion_covariance(&match->fit.motion, basis, basis == NULL ? NULL : &information,
+                                  match->has_window ? &prior : NULL, h->covariance);
+    add_covariance_floor(match, h->covariance);
 }
 
-/* In the early stages, of which the scale of the residuals is that of the search, the prior
- * would pull candidates of a wide window together; it counts there only when all of the window
- * lies within the gate. */
-static int32_t prior_counts(const cairn_scan_match *x)
+/* Returns 1 when the prior is used. In the early stages the residual scale is that of the search,
+ * and the prior would attract the candidates of a wide window to its centre; there it is used only
+ * when the whole window lies within the gate. */
+static int32_t uses_prior(const cairn_scan_match *match)
 {
-    const match_stage *stage = &STAGES[x->stage];
+    const match_stage *stage = &STAGES[match->stage];
 
-    return x->has_window &&
-           (stage->dense || 2 * x->window.distance <= stage->gate_start * x->params.spacing);
+    return match->has_window && (stage->dense || 2 * match->window.distance <=
+                                                     stage->gate_start * match->params.spacing);
 }
 
-/* One Gauss-Newton step; 1 when the fit is through. */
-static int32_t end_iteration(cairn_scan_match *x)
+/* One Gauss-Newton step; returns 1 at the end of the refinement. */
+static int32_t end_iteration(cairn_scan_match *match)
 {
-    int32_t use_prior = prior_counts(x);
-    const match_stage *stage = &STAGES[x->stage];
-    match_fit *fit = &x->fit;
+    int32_t use_prior = uses_prior(match);
+    const match_stage *stage = &STAGES[match->stage];
+    match_fit *fit = &match->fit;
     cairn_normal_equations equations, prior;
     cairn_motion_basis basis;
-    cairn_real step[3], moved, by, gate_end = stage->gate_end * x->params.spacing,
+    cairn_real step[3], moved, by, gate_end = stage->gate_end * match->params.spacing,
                                    sigma = fit->sigma;
 
-    cairn_match_charge(x, 24 * MATCH_PART);
+    cairn_match_charge(match, 24 * MATCH_PART);
     fit->iteration++;
-    if (fit->sums.pairs < LEAST_PAIRS) {
-        conclude(x, NULL);
+    if (fit->sums.pairs < MIN_PAIRS) {
+        store_hypothesis(match, NULL);
         return 1;
     }
-    fit->sigma = cairn_max(x->params.sigma,
+    fit->sigma = cairn_max(match->params.sigma,
                            cairn_sqrt(CAUCHY_VARIANCE * fit->sums.squares / fit->sums.weight));
     by = 1 / (2 * fit->sigma * fit->sigma);
-    basis = cairn_motion_basis_of(fit->sums.lines, LEAST_RATIO);
+    basis = cairn_motion_basis_of(fit->sums.lines, MIN_STEP_RATIO);
     if (stage->iterations == 0) {
-        conclude(x, &basis);
+        store_hypothesis(match, &basis);
         return 1;
     }
     equations.information = scaled(fit->sums.lines, by);
     for (int k = 0; k < 3; k++)
         equations.gradient[k] = by * fit->sums.gradient[k];
     if (use_prior)
-        prior = cairn_rigid_motion_prior(&fit->motion, &x->prior);
+        prior = cairn_rigid_motion_prior(&fit->motion, &match->prior);
     if (!cairn_motion_solve(&basis, &equations, use_prior ? &prior : NULL, fit->gate, step)) {
-        conclude(x, &basis);
+        store_hypothesis(match, &basis);
         return 1;
     }
     cairn_rigid_motion_move(&fit->motion, step);
     moved = cairn_sqrt(step[0] * step[0] + step[1] * step[1] + step[2] * step[2]);
     if (fit->iteration == stage->iterations ||
-        (moved < CAIRN_REAL(1e-3) * x->params.spacing && fit->gate <= gate_end &&
+        (moved < CAIRN_REAL(1e-3) * match->params.spacing && fit->gate <= gate_end &&
          fit->sigma > CAIRN_REAL(0.95) * sigma)) {
-        conclude(x, &basis);
+        store_hypothesis(match, &basis);
         return 1;
     }
     fit->gate = cairn_max(gate_end, CAIRN_REAL(0.7) * fit->gate);
     memset(&fit->sums, 0, sizeof fit->sums);
-    x->at = 0;
+    match->at = 0;
     return 0;
 }
 
-int32_t cairn_match_fit_item(cairn_scan_match *x)
+int32_t cairn_match_fit_item(cairn_scan_match *match)
 {
-    if (x->at >= x->fit.count)
-        return end_iteration(x);
-    add_pair(x, &x->fit.points[x->at]);
-    x->at += x->fit.stride;
+    if (match->at >= match->fit.count)
+        return end_iteration(match);
+    add_pair(match, &match->fit.points[match->at]);
+    match->at += match->fit.stride;
     return 0;
 }
 
-/* ---- For and against ---- */
+/* ---- Inliers and free-space violations ---- */
 
-void cairn_match_tally_begin(cairn_scan_match *x)
+void cairn_match_tally_begin(cairn_scan_match *match)
 {
-    const match_stage *stage = &STAGES[x->stage];
+    const match_stage *stage = &STAGES[match->stage];
     int32_t witnesses;
 
-    memset(&x->tally, 0, sizeof x->tally);
-    x->tally_transform = cairn_transform_of(x->hypotheses[x->other].target_query);
-    x->tally_inverse = cairn_transform_of(cairn_pose_inverse(x->hypotheses[x->other].target_query));
-    x->tally_stride = x->fit.stride;
+    memset(&match->tally, 0, sizeof match->tally);
+    match->tally_transform = cairn_transform_of(match->hypotheses[match->other].target_query);
+    match->tally_inverse =
+        cairn_transform_of(cairn_pose_inverse(match->hypotheses[match->other].target_query));
+    match->tally_stride = match->fit.stride;
     witnesses = stage->points < MATCH_WITNESSES ? stage->points : MATCH_WITNESSES;
-    x->witness_stride = (x->target_count + witnesses - 1) / witnesses;
-    x->at = 0;
+    match->witness_stride = (match->target_count + witnesses - 1) / witnesses;
+    match->at = 0;
 }
 
-static void ask_query_point(cairn_scan_match *x, const cairn_oriented_point *q)
+static void test_query_point(cairn_scan_match *match, const cairn_oriented_point *q)
 {
     const cairn_oriented_point *m;
     match_search search;
     int32_t parts = 20;
 
-    search.p = cairn_transform_point(x->tally_transform, q->position);
-    search.direction = cairn_transform_direction(x->tally_transform, q->direction);
-    search.cosine = TALLY_COSINE;
-    x->tally.asked++;
-    m = cairn_match_index_nearest(x->fit.index, &search, TALLY_GATE * x->params.spacing, &parts);
+    search.p = cairn_transform_point(match->tally_transform, q->position);
+    search.direction = cairn_transform_direction(match->tally_transform, q->direction);
+    search.cosine = MIN_INLIER_COSINE;
+    match->tally.asked++;
+    m = cairn_match_index_nearest(match->fit.index, &search, INLIER_GATE * match->params.spacing,
+                                  &parts);
     if (m != NULL) {
         cairn_real e =
             cairn_vec2_dot(cairn_vec2_left(m->direction), cairn_vec2_sub(search.p, m->position)) /
-            (CLOSE * x->params.spacing);
+            (HALF_WEIGHT_DISTANCE * match->params.spacing);
 
-        x->tally.closeness += 1 / (1 + e * e);
-        x->tally.explained++;
-        cairn_match_charge(x, parts);
+        match->tally.closeness += 1 / (1 + e * e);
+        match->tally.explained++;
+        cairn_match_charge(match, parts);
         return;
     }
-    for (int32_t i = 0; i < x->view_count; i++) {
+    for (int32_t i = 0; i < match->view_count; i++) {
         parts += 8;
-        if (cairn_match_profile_ask(&x->views[i], search.p, MARGIN * x->params.spacing) > 0) {
-            x->tally.contradicted++;
+        if (cairn_match_profile_ask(&match->views[i], search.p,
+                                    FREE_SPACE_MARGIN * match->params.spacing) > 0) {
+            match->tally.contradicted++;
             break;
         }
     }
-    cairn_match_charge(x, parts);
+    cairn_match_charge(match, parts);
 }
 
-static void ask_target_point(cairn_scan_match *x, const cairn_oriented_point *p)
+static void test_target_point(cairn_scan_match *match, const cairn_oriented_point *p)
 {
-    int32_t says = cairn_match_profile_ask(x->query_profile,
-                                           cairn_transform_point(x->tally_inverse, p->position),
-                                           MARGIN * x->params.spacing);
+    int32_t says = cairn_match_profile_ask(match->query_profile,
+                                           cairn_transform_point(match->tally_inverse, p->position),
+                                           FREE_SPACE_MARGIN * match->params.spacing);
 
-    x->tally.target_explained += says < 0;
-    x->tally.target_contradicted += says > 0;
-    cairn_match_charge(x, 12);
+    match->tally.target_explained += says < 0;
+    match->tally.target_contradicted += says > 0;
+    cairn_match_charge(match, 12);
 }
 
 static cairn_real share(cairn_real part, int32_t rest)
@@ -311,10 +318,10 @@ static cairn_real share(cairn_real part, int32_t rest)
     return part > 0 ? part / (part + (cairn_real)rest) : 0;
 }
 
-static void score(cairn_scan_match *x)
+static void score(cairn_scan_match *match)
 {
-    cairn_scan_match_hypothesis *h = &x->hypotheses[x->other];
-    const match_tally *t = &x->tally;
+    cairn_scan_match_hypothesis *h = &match->hypotheses[match->other];
+    const match_tally *t = &match->tally;
     cairn_real asked = (cairn_real)(t->asked > 0 ? t->asked : 1), agreement;
 
     h->overlap = (cairn_real)t->explained / asked;
@@ -325,22 +332,22 @@ static void score(cairn_scan_match *x)
     h->score = h->fit * agreement * agreement * agreement;
 }
 
-int32_t cairn_match_tally_item(cairn_scan_match *x)
+int32_t cairn_match_tally_item(cairn_scan_match *match)
 {
-    int32_t queries = x->fit.count, witnesses = x->query_sees ? x->target_count : 0;
+    int32_t queries = match->fit.count, witnesses = match->query_sees ? match->target_count : 0;
 
-    if (x->at < queries) {
-        ask_query_point(x, &x->fit.points[x->at]);
-        x->at += x->tally_stride;
-        if (x->at < queries)
+    if (match->at < queries) {
+        test_query_point(match, &match->fit.points[match->at]);
+        match->at += match->tally_stride;
+        if (match->at < queries)
             return 0;
-        x->at = queries;
-    } else if (x->at - queries < witnesses) {
-        ask_target_point(x, &x->target[x->at - queries]);
-        x->at += x->witness_stride;
+        match->at = queries;
+    } else if (match->at - queries < witnesses) {
+        test_target_point(match, &match->target[match->at - queries]);
+        match->at += match->witness_stride;
     }
-    if (x->at - queries < witnesses)
+    if (match->at - queries < witnesses)
         return 0;
-    score(x);
+    score(match);
     return 1;
 }

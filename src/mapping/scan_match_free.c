@@ -1,14 +1,13 @@
-/* What a sensor saw free, by bearing.
+/* scan_match: visibility profiles: free range by bearing, and tests of points against them.
  *
- * Bearings are those of the pseudo angle y / (|x| + |y|), which grows with the angle and needs
- * no arc tangent. A bin holds the least range of the beams that fall into it; a point is asked
- * in its bin and both neighbours, so that a grazing beam that passes beyond a wall's end does
- * not make the wall stand in free space. */
+ * Bearings are pseudo angles y / (|x| + |y|), which grow with the angle and need no arc tangent. A
+ * bin holds the least range of its beams. A point is compared with its bin and both neighbours, so
+ * that a grazing beam that passes beyond a wall's end does not put the wall into free space. */
 #include "src/core/build.h"
 
 #include "src/mapping/scan_match_work.h"
 
-static int32_t bearing_of(cairn_vec2 d)
+static int32_t bearing_bin(cairn_vec2 d)
 {
     cairn_real sum = cairn_abs(d.x) + cairn_abs(d.y), turn; /* 0 ... 4 */
 
@@ -28,7 +27,7 @@ void cairn_match_profile_clear(match_profile *profile, cairn_vec2 sensor)
 void cairn_match_profile_add(match_profile *profile, cairn_vec2 to)
 {
     cairn_vec2 d = cairn_vec2_sub(to, profile->sensor);
-    float *range = &profile->range[bearing_of(d)], seen = (float)cairn_vec2_norm(d);
+    float *range = &profile->range[bearing_bin(d)], seen = (float)cairn_vec2_norm(d);
 
     if (*range < 0 || seen < *range)
         *range = seen;
@@ -37,7 +36,7 @@ void cairn_match_profile_add(match_profile *profile, cairn_vec2 to)
 int32_t cairn_match_profile_ask(const match_profile *profile, cairn_vec2 p, cairn_real margin)
 {
     cairn_vec2 d = cairn_vec2_sub(p, profile->sensor);
-    int32_t bin = bearing_of(d), ends = 0;
+    int32_t bin = bearing_bin(d), ends = 0;
     cairn_real distance = cairn_vec2_norm(d), least = CAIRN_REAL_MAX;
 
     if (profile->range[bin] < 0)

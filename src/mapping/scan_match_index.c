@@ -1,19 +1,17 @@
-/* Where the target's points are: a grid of cells, wrapped around, with the points of a cell side by
- * side.
+/* scan_match: spatial hash grid of the target's points, wrapped around.
  *
- * Layout: as for counting sort: start[c] is the first point of cell c, points of one row of cells
- * follow each other. A point far away may share a cell with a near one; its distance tells.
- *
- * Limits: with many more points in a cell than an even spacing gives, a search costs as many. */
+ * Layout: counting sort: start[c] is the first point of cell c; points of one row of cells are
+ * contiguous. Distant points may share a cell with near ones; their distance excludes them.
+ * Limits: with many more points in a cell than an even spacing gives, a query visits them all. */
 #include "src/core/build.h"
 
 #include <string.h>
 
 #include "src/mapping/scan_match_work.h"
 
-enum { ROW_COST = 6 }; /* parts of a unit */
+enum { PARTS_PER_ROW = 6 }; /* parts of a unit */
 
-/* Side of the grid: about four cells a point. */
+/* Returns the side of the grid, in cells: about four cells per point. */
 static int32_t side_for(int32_t max_points)
 {
     int32_t side = 16;
@@ -54,21 +52,22 @@ void cairn_match_index_count(match_index *index, cairn_vec2 p)
     index->start[cell_of(index, p)]++;
 }
 
-/* Counts become the ends of their cells, cell after cell. */
+/* Prefix sums: counts become the ends of their cells. */
 void cairn_match_index_sum(match_index *index, int32_t first, int32_t end)
 {
     for (int32_t cell = first > 0 ? first : 1; cell < end; cell++)
         index->start[cell] += index->start[cell - 1];
 }
 
-/* Ends become starts as points are placed, the last one first. */
+/* Places a point; ends become starts as points are placed, the last one first. */
 void cairn_match_index_place(match_index *index, cairn_oriented_point p)
 {
     index->points[--index->start[cell_of(index, p.position)]] = p;
 }
 
-/* Looks at points[first ... end - 1]; returns the cost in parts of a unit. */
-static int32_t search(const match_index *index, int32_t first, int32_t end, match_search *asked)
+/* Visits points[first ... end - 1]; returns the cost in parts of a unit. */
+static int32_t visit_points(const match_index *index, int32_t first, int32_t end,
+                            match_search *asked)
 {
     for (int32_t i = first; i < end; i++) {
         const cairn_oriented_point *point = &index->points[i];
@@ -83,24 +82,22 @@ static int32_t search(const match_index *index, int32_t first, int32_t end, matc
     return end > first ? 3 * (end - first) : 0;
 }
 
-/* Looks at the cells of a row that may hold something nearer than what there is; returns the
- * cost. */
-static int32_t search_row(const match_index *index, int32_t y, cairn_real reach,
-                          match_search *asked)
+/* Visits the cells of a row within `reach` of the query; returns the cost. */
+static int32_t visit_row(const match_index *index, int32_t y, cairn_real reach, match_search *asked)
 {
     int32_t mask = index->side - 1, row = (y & mask) * index->side;
     int32_t low = coordinate(index, asked->p.x - reach) & mask,
             high = coordinate(index, asked->p.x + reach) & mask;
 
     if (low <= high)
-        return ROW_COST +
-               search(index, index->start[row + low], index->start[row + high + 1], asked);
-    return ROW_COST +
-           search(index, index->start[row + low], index->start[row + index->side], asked) +
-           search(index, index->start[row], index->start[row + high + 1], asked);
+        return PARTS_PER_ROW +
+               visit_points(index, index->start[row + low], index->start[row + high + 1], asked);
+    return PARTS_PER_ROW +
+           visit_points(index, index->start[row + low], index->start[row + index->side], asked) +
+           visit_points(index, index->start[row], index->start[row + high + 1], asked);
 }
 
-/* From the point's own row outwards, until the next one is farther than what was found. */
+/* Visits rows from the point's own outwards, until the next one is farther than the best. */
 const cairn_oriented_point *cairn_match_index_nearest(const match_index *index, match_search *asked,
                                                       cairn_real gate, int32_t *parts)
 {
@@ -111,10 +108,10 @@ const cairn_oriented_point *cairn_match_index_nearest(const match_index *index, 
     asked->best = NULL;
     while (cairn_min(above, below) <= gate) {
         if (above <= below) {
-            *parts += search_row(index, up++, gate, asked);
+            *parts += visit_row(index, up++, gate, asked);
             above = (cairn_real)up * index->cell - asked->p.y;
         } else {
-            *parts += search_row(index, down--, gate, asked);
+            *parts += visit_row(index, down--, gate, asked);
             below = asked->p.y - (cairn_real)(down + 1) * index->cell;
         }
         if (asked->best != NULL)

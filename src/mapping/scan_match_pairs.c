@@ -1,13 +1,13 @@
-/* What matching by shape saw, for pictures: correspondences, how far each came, and angular
- * histograms. */
+/* scan_match: correspondences of the shape modes for pictures: the filter stage of each, and
+ * angular histograms. */
 #include "src/core/build.h"
 
 #include "src/mapping/scan_match_shape.h"
 
-static int is_done(const cairn_scan_match *x)
+static int is_done(const cairn_scan_match *match)
 {
-    return x != NULL && x->shape != NULL && x->phase == MATCH_DONE && x->query.count > 0 &&
-           x->target_count > 0 && x->shape->rotations > 0;
+    return match != NULL && match->shape != NULL && match->phase == MATCH_DONE &&
+           match->query.count > 0 && match->target_count > 0 && match->shape->rotations > 0;
 }
 
 int32_t cairn_scan_match_pair_count(const cairn_scan_match *match)
@@ -15,42 +15,43 @@ int32_t cairn_scan_match_pair_count(const cairn_scan_match *match)
     return is_done(match) ? cairn_sequence_read(match->shape->sequence).count : 0;
 }
 
-/* Whether the segment that holds filtered pair k was kept. */
-static int32_t is_kept(const cairn_scan_match *x, int32_t k)
+/* Returns 1 when the segment of filtered pair k is selected; binary search. */
+static int32_t is_in_selected_segment(const cairn_scan_match *match, int32_t k)
 {
-    const match_shape *s = x->shape;
-    int32_t low = 0, high = s->segment_count - 1;
+    const match_shape *shape = match->shape;
+    int32_t low = 0, high = shape->segment_count - 1;
 
-    if (!cairn_match_has_segment_filter(x))
+    if (!cairn_match_has_segment_filter(match))
         return 1;
     while (low < high) {
         int32_t middle = (low + high + 1) / 2;
 
-        if (s->segments[middle].first <= k)
+        if (shape->segments[middle].first <= k)
             low = middle;
         else
             high = middle - 1;
     }
-    return s->segments[low].kept;
+    return shape->segments[low].kept;
 }
 
 cairn_scan_match_pair cairn_scan_match_pair_at(const cairn_scan_match *match, int32_t index)
 {
-    const match_shape *s = match->shape;
-    cairn_sequence_pair own = cairn_sequence_read(s->sequence).pairs[index];
+    const match_shape *shape = match->shape;
+    cairn_sequence_pair own = cairn_sequence_read(shape->sequence).pairs[index];
     cairn_scan_match_pair pair = {own.first, own.second, CAIRN_SCAN_MATCH_COLINEAR};
-    int32_t low = 0, high = s->pair_count;
+    int32_t low = 0, high = shape->pair_count;
 
     while (low < high) { /* the filtered pairs are in the same order */
         int32_t middle = (low + high) / 2;
 
-        if (s->pairs[middle].first < own.first)
+        if (shape->pairs[middle].first < own.first)
             low = middle + 1;
         else
             high = middle;
     }
-    if (low < s->pair_count && s->pairs[low].first == own.first)
-        pair.stage = is_kept(match, low) ? CAIRN_SCAN_MATCH_KEPT : CAIRN_SCAN_MATCH_APART;
+    if (low < shape->pair_count && shape->pairs[low].first == own.first)
+        pair.stage =
+            is_in_selected_segment(match, low) ? CAIRN_SCAN_MATCH_KEPT : CAIRN_SCAN_MATCH_APART;
     return pair;
 }
 

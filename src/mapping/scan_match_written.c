@@ -1,79 +1,82 @@
-/* The ICP of Adluru 2008, section 6.4, as written.
+/* scan_match: the ICP of Adluru 2008, section 6.4, as written.
  *
- * Method. An iteration goes through the query points twice. First its quality is measured: how
- * many points overlap the target, and their mean distance; when fewer overlap and they are
- * farther apart, the last motion is taken back and the alignment ends. Then the points that are
- * nearer than that mean are paired, and the motion that brings the pairs together is taken. */
+ * Method: an iteration has two passes over the query points.
+ * 1. Quality: the number of overlapping points and their mean distance. When the overlap falls and
+ *    the mean distance rises, the last motion is undone and the ICP ends.
+ * 2. Pairs nearer than that mean distance, and their least-squares motion in closed form. */
 #include "src/core/build.h"
 
 #include <string.h>
 
 #include "src/mapping/scan_match_shape.h"
 
-enum { ITERATIONS = 20, LEAST_PAIRS = 3 };
+enum { MAX_ITERATIONS = 20, MIN_PAIRS = 3 };
 
-static const cairn_real COINCIDENT = CAIRN_REAL(1e-9); /* m: pairs so near need no motion */
+/* m: mean distance below which no motion is needed */
+static const cairn_real MIN_MEAN_DISTANCE_M = CAIRN_REAL(1e-9);
 
-/* The quality of the pose is known. 1: the alignment ended. */
-static int32_t end_measuring(cairn_scan_match *x)
+/* Ends the quality pass; returns 1 when the ICP ends. */
+static int32_t end_measuring(cairn_scan_match *match)
 {
-    match_shape *s = x->shape;
-    int32_t overlap = s->sums.overlap;
-    cairn_real mean = overlap > 0 ? s->sums.overlap_distance / (cairn_real)overlap : 0;
+    match_shape *shape = match->shape;
+    int32_t overlap = shape->sums.overlap;
+    cairn_real mean = overlap > 0 ? shape->sums.overlap_distance / (cairn_real)overlap : 0;
 
-    if (s->last_overlap >= 0 && overlap < s->last_overlap && mean > s->last_mean) {
-        s->best = s->last;
+    if (shape->last_overlap >= 0 && overlap < shape->last_overlap && mean > shape->last_mean) {
+        shape->best = shape->last;
         return 1;
     }
-    if (s->last_overlap < 0)
-        s->best_overlap = overlap;
-    s->last_overlap = overlap;
-    s->last_mean = mean;
-    s->gate = mean;
-    s->is_summing = 1;
-    return s->iteration++ == ITERATIONS || overlap < LEAST_PAIRS || mean < COINCIDENT;
+    if (shape->last_overlap < 0)
+        shape->best_overlap = overlap;
+    shape->last_overlap = overlap;
+    shape->last_mean = mean;
+    shape->gate = mean;
+    shape->is_summing = 1;
+    return shape->iteration++ == MAX_ITERATIONS || overlap < MIN_PAIRS ||
+           mean < MIN_MEAN_DISTANCE_M;
 }
 
-/* The pairs are known. 1: the alignment ended. */
-static int32_t end_summing(cairn_scan_match *x)
+/* Ends the pass of pairs; returns 1 when the ICP ends. */
+static int32_t end_summing(cairn_scan_match *match)
 {
-    match_shape *s = x->shape;
+    match_shape *shape = match->shape;
 
-    if (s->sums.pairs < LEAST_PAIRS)
+    if (shape->sums.pairs < MIN_PAIRS)
         return 1;
-    s->last = s->best;
-    s->best = cairn_match_shape_moved(&s->sums, s->best);
-    s->is_summing = 0;
+    shape->last = shape->best;
+    shape->best = cairn_match_shape_moved(&shape->sums, shape->best);
+    shape->is_summing = 0;
     return 0;
 }
 
-int32_t cairn_match_written_icp(cairn_scan_match *x)
+int32_t cairn_match_written_icp(cairn_scan_match *match)
 {
-    match_shape *s = x->shape;
+    match_shape *shape = match->shape;
     cairn_real distance;
     const cairn_oriented_point *found;
     cairn_vec2 p;
 
-    if (x->at == x->query.count) {
-        int32_t ended = s->is_summing ? end_summing(x) : end_measuring(x);
+    if (match->at == match->query.count) {
+        int32_t ended = shape->is_summing ? end_summing(match) : end_measuring(match);
 
-        cairn_match_charge(x, 3 * MATCH_PART);
-        memset(&s->sums, 0, sizeof s->sums);
-        x->at = 0;
+        cairn_match_charge(match, 3 * MATCH_PART);
+        memset(&shape->sums, 0, sizeof shape->sums);
+        match->at = 0;
         return ended;
     }
-    if (x->at == 0)
-        s->turn = cairn_transform_of(s->best);
-    found = cairn_match_shape_partner(x, &x->query.points[x->at++], s->turn,
-                                      s->is_summing ? s->gate : s->overlap_gate, &p, &distance);
-    cairn_match_charge(x, 2);
+    if (match->at == 0)
+        shape->turn = cairn_transform_of(shape->best);
+    found = cairn_match_shape_partner(match, &match->query.points[match->at++], shape->turn,
+                                      shape->is_summing ? shape->gate : shape->overlap_gate, &p,
+                                      &distance);
+    cairn_match_charge(match, 2);
     if (found == NULL)
         return 0;
-    if (s->is_summing) {
-        cairn_match_shape_add(&s->sums, p, found->position, distance);
+    if (shape->is_summing) {
+        cairn_match_shape_add(&shape->sums, p, found->position, distance);
     } else {
-        s->sums.overlap++;
-        s->sums.overlap_distance += distance;
+        shape->sums.overlap++;
+        shape->sums.overlap_distance += distance;
     }
     return 0;
 }

@@ -1,10 +1,9 @@
-/* Scans for an aligner. All of a scan is checked before any of it is copied.
+/* scan_set: storage of scans for an aligner. A scan is validated completely before it is copied.
  *
- * Layout: segments, points, masses and places in the order in which the scans came; a removed scan
- * leaves a gap in each, its segments marked by scan -1. Closing the gaps walks over the segments.
- * Free slots are a list through first_segment. With spacing a segment has a bit for each of its
- * places, set where it has a point, in words of its own.
- *
+ * Layout: segments, points, masses and position bits in the order of add(). A removed scan leaves a
+ * gap in each array, its segments marked by scan -1; compaction walks over the segments. Free slots
+ * are a linked list through first_segment. With spacing a segment has a bit for each of its
+ * positions, set where it has a point, in words of its own.
  * Source: Adluru 2008, section 7.3.5. */
 #include "src/core/build.h"
 
@@ -13,14 +12,14 @@
 #include "cairn/scan_set.h"
 #include "src/mapping/scan_place.h"
 
-enum { MAX_SCANS = 1 << 20, MAX_ITEMS = 1 << 24, NONE = -1 };
+enum { MAX_SCANS = 1 << 20, MAX_ITEMS = 1 << 24, NO_SLOT = -1 };
 
 static int is_count(int32_t count, int32_t limit)
 {
     return count >= 1 && count <= limit;
 }
 
-static int32_t word_room(const cairn_scan_set_params *params)
+static int32_t word_capacity(const cairn_scan_set_params *params)
 {
     return params->max_points / 32 + params->max_segments;
 }
@@ -36,7 +35,7 @@ static cairn_scan_set *carve(cairn_pool *pool, const cairn_scan_set_params *para
     uint32_t *places = NULL;
 
     if (params->spacing > 0) {
-        places = cairn_pool_take(pool, (size_t)word_room(params), sizeof *places);
+        places = cairn_pool_take(pool, (size_t)word_capacity(params), sizeof *places);
     } else {
         points = cairn_pool_take(pool, (size_t)params->max_points, sizeof *points);
         mass = cairn_pool_take(pool, (size_t)params->max_points, sizeof *mass);
@@ -86,7 +85,7 @@ static int is_finite(cairn_vec2 v)
     return cairn_is_finite(v.x) && cairn_is_finite(v.y);
 }
 
-static int is_near(cairn_vec2 v)
+static int is_within_limit(cairn_vec2 v)
 {
     return cairn_abs(v.x) <= CAIRN_SCAN_SET_LIMIT && cairn_abs(v.y) <= CAIRN_SCAN_SET_LIMIT;
 }
@@ -103,7 +102,7 @@ static cairn_status check_view(const cairn_scan_view *view, cairn_fault *fault)
         return cairn_refuse(fault, 0, "a point without a segment", CAIRN_BAD_ARGUMENT);
     if (!is_finite(view->sensor))
         return cairn_refuse(fault, -1, "the sensor's position is not finite", CAIRN_NOT_FINITE);
-    if (!is_near(view->sensor))
+    if (!is_within_limit(view->sensor))
         return cairn_refuse(fault, -1, "the sensor is farther than 1e6 m", CAIRN_BAD_ARGUMENT);
     return CAIRN_OK;
 }
@@ -118,7 +117,7 @@ static cairn_status check_segments(const cairn_scan_view *view, cairn_fault *fau
             return cairn_refuse(fault, i, "first_point does not rise from 0", CAIRN_BAD_ARGUMENT);
         if (!is_finite(s.a) || !is_finite(s.b))
             return cairn_refuse(fault, i, "a segment is not finite", CAIRN_NOT_FINITE);
-        if (!is_near(s.a) || !is_near(s.b))
+        if (!is_within_limit(s.a) || !is_within_limit(s.b))
             return cairn_refuse(fault, i, "a segment ends farther than 1e6 m", CAIRN_BAD_ARGUMENT);
     }
     if (view->segment_count > 0 && view->first_point[view->segment_count] != view->point_count)
@@ -135,7 +134,7 @@ static cairn_status check_points(const cairn_scan_view *view, const cairn_real *
 
         if (!is_finite(point.position) || !is_finite(point.direction))
             return cairn_refuse(fault, i, "a point is not finite", CAIRN_NOT_FINITE);
-        if (!is_near(point.position) || !is_near(point.direction))
+        if (!is_within_limit(point.position) || !is_within_limit(point.direction))
             return cairn_refuse(fault, i, "a point is farther than 1e6 m", CAIRN_BAD_ARGUMENT);
         if (mass != NULL && !cairn_is_finite(mass[i]))
             return cairn_refuse(fault, i, "a mass is not finite", CAIRN_NOT_FINITE);
@@ -145,7 +144,7 @@ static cairn_status check_points(const cairn_scan_view *view, const cairn_real *
     return CAIRN_OK;
 }
 
-/* How the places of a segment lie. */
+/* Positions along a segment: a one-dimensional lattice. */
 struct lattice {
     cairn_vec2 direction;
     cairn_real margin;
@@ -164,22 +163,22 @@ static struct lattice lattice_of(const cairn_scan_set *set, cairn_segment segmen
     return lattice;
 }
 
-static cairn_vec2 place_of(const cairn_scan_set *set, cairn_segment segment,
-                           const struct lattice *lattice, int32_t k)
+static cairn_vec2 position_at(const cairn_scan_set *set, cairn_segment segment,
+                              const struct lattice *lattice, int32_t k)
 {
     return cairn_scan_place(segment.a, lattice->direction, lattice->margin, k, set->params.spacing);
 }
 
-/* Walks along the places and the points of a segment; sets the bits of bits[] when there are any
- * to set. 0 when a point lies at no place, which *point then is. */
-static int match_places(const cairn_scan_set *set, const cairn_scan_view *view, int32_t segment,
-                        uint32_t *bits, int32_t *point)
+/* Matches the points of a segment with its positions in order; sets their bits in bits[] unless
+ * NULL. Returns 0 when a point is at no position; *point is its index. */
+static int match_positions(const cairn_scan_set *set, const cairn_scan_view *view, int32_t segment,
+                           uint32_t *bits, int32_t *point)
 {
     struct lattice lattice = lattice_of(set, view->segments[segment]);
 
     *point = view->first_point[segment];
     for (int32_t k = 0; k < lattice.count && *point < view->first_point[segment + 1]; k++) {
-        cairn_vec2 place = place_of(set, view->segments[segment], &lattice, k);
+        cairn_vec2 place = position_at(set, view->segments[segment], &lattice, k);
         cairn_vec2 p = view->points[*point].position;
 
         if (place.x != p.x || place.y != p.y)
@@ -191,7 +190,7 @@ static int match_places(const cairn_scan_set *set, const cairn_scan_view *view, 
     return *point == view->first_point[segment + 1];
 }
 
-/* Words that the places of a segment of a view take. */
+/* Returns the words that the position bits of a segment of a view take. */
 static int32_t words_of(const cairn_scan_set *set, const cairn_scan_view *view, int32_t segment)
 {
     int32_t places;
@@ -202,17 +201,17 @@ static int32_t words_of(const cairn_scan_set *set, const cairn_scan_view *view, 
     return places / 32 + (places % 32 != 0);
 }
 
-static int places_fit(const cairn_scan_set *set, const cairn_scan_view *view)
+static int has_word_capacity(const cairn_scan_set *set, const cairn_scan_view *view)
 {
-    int32_t left = word_room(&set->params) - set->word_count;
+    int32_t left = word_capacity(&set->params) - set->word_count;
 
     for (int32_t i = 0; i < view->segment_count && left >= 0; i++)
         left -= words_of(set, view, i);
     return left >= 0;
 }
 
-static cairn_status check_places(const cairn_scan_set *set, const cairn_scan_view *view,
-                                 const cairn_real *mass, cairn_fault *fault)
+static cairn_status check_positions(const cairn_scan_set *set, const cairn_scan_view *view,
+                                    const cairn_real *mass, cairn_fault *fault)
 {
     int32_t point;
 
@@ -220,17 +219,17 @@ static cairn_status check_places(const cairn_scan_set *set, const cairn_scan_vie
         return CAIRN_OK;
     if (mass != NULL)
         return cairn_refuse(fault, -1, "masses, but the set keeps none", CAIRN_BAD_ARGUMENT);
-    if (!places_fit(set, view))
+    if (!has_word_capacity(set, view))
         return cairn_refuse(fault, -1, "more than max_points places", CAIRN_FULL);
     for (int32_t i = 0; i < view->segment_count; i++)
-        if (!match_places(set, view, i, NULL, &point))
+        if (!match_positions(set, view, i, NULL, &point))
             return cairn_refuse(fault, point, "a point is at no place of its segment",
                                 CAIRN_BAD_ARGUMENT);
     return CAIRN_OK;
 }
 
-static cairn_status check_room(const cairn_scan_set *set, const cairn_scan_view *view,
-                               cairn_fault *fault)
+static cairn_status check_capacity(const cairn_scan_set *set, const cairn_scan_view *view,
+                                   cairn_fault *fault)
 {
     if (cairn_scan_set_next(set) < 0)
         return cairn_refuse(fault, -1, "more than max_scans scans", CAIRN_FULL);
@@ -241,13 +240,13 @@ static cairn_status check_room(const cairn_scan_set *set, const cairn_scan_view 
     return CAIRN_OK;
 }
 
-static void copy_places(cairn_scan_set *set, const cairn_scan_view *view, int32_t segment,
-                        uint32_t *bits)
+static void copy_position_bits(cairn_scan_set *set, const cairn_scan_view *view, int32_t segment,
+                               uint32_t *bits)
 {
     int32_t words = words_of(set, view, segment), point;
 
     memset(bits, 0, (size_t)words * sizeof *bits);
-    (void)match_places(set, view, segment, bits, &point);
+    (void)match_positions(set, view, segment, bits, &point);
     set->word_count += words;
 }
 
@@ -265,7 +264,7 @@ static void copy_segments(cairn_scan_set *set, const cairn_scan_view *view, int3
         to->first_word = set->word_count;
         to->scan = slot;
         if (set->params.spacing > 0)
-            copy_places(set, view, i, set->places + set->word_count);
+            copy_position_bits(set, view, i, set->places + set->word_count);
     }
 }
 
@@ -289,9 +288,9 @@ static cairn_real spread_about(cairn_vec2 centre, const cairn_oriented_point *po
 
 int32_t cairn_scan_set_next(const cairn_scan_set *set)
 {
-    if (set->free_slot != NONE)
+    if (set->free_slot != NO_SLOT)
         return set->free_slot;
-    return set->scan_count < set->params.max_scans ? set->scan_count : NONE;
+    return set->scan_count < set->params.max_scans ? set->scan_count : NO_SLOT;
 }
 
 static int32_t take_slot(cairn_scan_set *set)
@@ -320,9 +319,9 @@ cairn_status cairn_scan_set_add(cairn_scan_set *set, const cairn_scan_view *view
     if (status == CAIRN_OK)
         status = check_points(view, mass, fault);
     if (status == CAIRN_OK)
-        status = check_room(set, view, fault);
+        status = check_capacity(set, view, fault);
     if (status == CAIRN_OK)
-        status = check_places(set, view, mass, fault);
+        status = check_positions(set, view, mass, fault);
     if (status != CAIRN_OK)
         return status;
 
@@ -349,7 +348,7 @@ cairn_status cairn_scan_set_add(cairn_scan_set *set, const cairn_scan_view *view
     return cairn_refuse(fault, -1, NULL, CAIRN_OK);
 }
 
-/* ---- Removal ---- */
+/* ---- Removal and compaction ---- */
 
 cairn_status cairn_scan_set_remove(cairn_scan_set *set, int32_t scan)
 {
@@ -359,7 +358,7 @@ cairn_status cairn_scan_set_remove(cairn_scan_set *set, int32_t scan)
         return CAIRN_BAD_ARGUMENT;
     removed = &set->scans[scan];
     for (int32_t i = removed->first_segment; i < removed->end_segment; i++)
-        set->segments[i].scan = NONE;
+        set->segments[i].scan = NO_SLOT;
     if (removed->first_segment < removed->end_segment &&
         (!set->gaps || removed->first_segment < set->from)) {
         const cairn_scan_set_segment *first = &set->segments[removed->first_segment];
@@ -375,8 +374,7 @@ cairn_status cairn_scan_set_remove(cairn_scan_set *set, int32_t scan)
     return CAIRN_OK;
 }
 
-/* Moves a scan to the start of the gap before it. Where it was, no segment is left that looks
- * like one of a scan. */
+/* Moves a scan to the start of the gap before it. Segments left behind are marked as removed. */
 static void move_scan(cairn_scan_set *set, cairn_scan_set_scan *scan)
 {
     int32_t first = scan->first_segment, end = scan->end_segment, count = end - first;
@@ -406,7 +404,7 @@ static void move_scan(cairn_scan_set *set, cairn_scan_set_scan *scan)
     scan->first_point -= by_points;
     scan->end_point -= by_points;
     for (int32_t i = first > scan->end_segment ? first : scan->end_segment; i < end; i++)
-        set->segments[i].scan = NONE;
+        set->segments[i].scan = NO_SLOT;
     set->to_segment += count;
     set->to_point += points;
     set->to_word += scan->words;
@@ -420,11 +418,11 @@ cairn_status cairn_scan_set_pack(cairn_scan_set *set, cairn_budget *budget)
     while (set->gaps && set->from < set->segment_count) {
         int32_t slot = set->segments[set->from].scan;
 
-        if (slot == NONE) {
+        if (slot == NO_SLOT) {
             if (!cairn_budget_pay(budget, &set->paid, 1))
                 return CAIRN_MORE;
-            for (int32_t i = 0;
-                 i < 8 && set->from < set->segment_count && set->segments[set->from].scan == NONE;
+            for (int32_t i = 0; i < 8 && set->from < set->segment_count &&
+                                set->segments[set->from].scan == NO_SLOT;
                  i++)
                 set->from++;
         } else {
@@ -479,7 +477,7 @@ void cairn_scan_set_read(const cairn_scan_set *set, int32_t segment, int32_t fir
             if (skip > 0)
                 skip--;
             else
-                points[done++] = place_of(set, s->segment, &lattice, k);
+                points[done++] = position_at(set, s->segment, &lattice, k);
         }
         word += k % 32 == 31;
     }
@@ -488,7 +486,7 @@ void cairn_scan_set_read(const cairn_scan_set *set, int32_t segment, int32_t fir
 void cairn_scan_set_clear(cairn_scan_set *set)
 {
     set->scan_count = set->segment_count = set->point_count = set->word_count = 0;
-    set->free_slot = NONE;
+    set->free_slot = NO_SLOT;
     set->gaps = 0;
     set->paid = 0;
 }

@@ -1,18 +1,22 @@
-/* Parts that slide along walls: which scans they are, and which of them join first.
+/* weak_direction: clustering of scans with a weakly observable direction into submaps, and greedy
+ * merging of the submaps.
  *
- * Method: a scan of the alignment's largest part whose covariance is long and thin may slide along
- * its long axis. Scans that may slide the same way, are known alike and share a wall across it are
- * one part; what the alignment has placed is the firm part. A part is tried against another at even
- * shifts along its direction (wall_slide_shift.c). The pair whose best shift is surest against all
- * that are not near it joins, and those parts are weighed anew.
+ * Method:
+ * 1. Principal axes of each scan's position covariance. A scan of the largest component with one
+ *    large and one small axis, and a small heading variance, has a weakly observable direction.
+ * 2. Connected components: such scans with equal direction and deviation that share a wall across
+ *    the direction form one submap. The scans with observable poses are the fixed submap.
+ * 3. Each submap is tried against another at evenly spaced translations along its direction
+ *    (wall_slide_shift.c), scored by initial poses, wall thickness (wall_slide_walls.c) and
+ *    free-space violations.
+ * 4. Greedy merging: the pair with the greatest margin over its best competing translation is
+ *    merged; its pairs are evaluated again.
  *
- * Layout: scans; walls of all parts; for each pair of parts what was found.
- *
- * Limits: shifts only, headings stay; parts that may slide in two directions stay; a part joins at
- * a shift of the grid.
- *
- * Source: the choice of the place by likelihood is that of the aligner; that hypotheses about
- * the world help where scans share no surface, Adluru 2008, chapter 8. */
+ * Layout: scans; walls of all submaps; for each pair of submaps the best translation.
+ * Limits: translations only, headings stay; submaps with two weakly observable directions stay; a
+ * submap is merged at a grid translation.
+ * Source: Adluru 2008, chapter 8, for hypotheses about the world where scans share no surface; the
+ * likelihoods are those of the aligner. */
 #include "src/core/build.h"
 
 #include <string.h>
@@ -20,12 +24,13 @@
 #include "cairn/small_matrix.h"
 #include "src/mapping/wall_slide_work.h"
 
-#define LIMIT CAIRN_REAL(1e6)
+#define MAX_COORDINATE_M CAIRN_REAL(1e6)
 
-enum { SCANS_OF_UNIT = 16 };
+enum { SCANS_PER_UNIT = 16 };
 
-static const cairn_real SAME_WAY = CAIRN_REAL(0.99);    /* cosine */
-static const cairn_real KNOWN_ALIKE = CAIRN_REAL(0.03); /* share of the deviation */
+static const cairn_real MIN_AXIS_COSINE = CAIRN_REAL(0.99); /* cosine */
+static const cairn_real MAX_SIGMA_DIFFERENCE =
+    CAIRN_REAL(0.03); /* relative difference of the deviations */
 
 cairn_wall_slide_params cairn_wall_slide_default(void)
 {
@@ -51,7 +56,7 @@ static int is_count(int32_t count, int32_t least, int32_t most)
 
 static int is_length(cairn_real length)
 {
-    return length > 0 && length <= LIMIT;
+    return length > 0 && length <= MAX_COORDINATE_M;
 }
 
 static int params_are_valid(const cairn_wall_slide_params *p)
@@ -68,7 +73,7 @@ static size_t pairs_of(int32_t parts)
 
 static cairn_wall_slide *carve(cairn_pool *pool, const cairn_wall_slide_params *params)
 {
-    cairn_wall_slide *x = cairn_pool_take_one(pool, sizeof *x), made;
+    cairn_wall_slide *slide = cairn_pool_take_one(pool, sizeof *slide), made;
     size_t scans = (size_t)params->max_scans;
 
     memset(&made, 0, sizeof made);
@@ -84,9 +89,9 @@ static cairn_wall_slide *carve(cairn_pool *pool, const cairn_wall_slide_params *
     made.gaps = cairn_pool_take(pool, SLIDE_BINS, sizeof *made.gaps);
     made.phase = SLIDE_DONE;
     made.params = *params;
-    if (x != NULL)
-        *x = made;
-    return x;
+    if (slide != NULL)
+        *slide = made;
+    return slide;
 }
 
 size_t cairn_wall_slide_memory(const cairn_wall_slide_params *params)
@@ -140,7 +145,8 @@ cairn_status cairn_wall_slide_begin(cairn_wall_slide *slide, const cairn_aligner
     return CAIRN_OK;
 }
 
-/* The direction in which a scan is known least, and its standard deviation there and across. */
+/* Returns the principal axis of greatest variance of a scan's position, and the standard deviations
+ * along and across it. */
 static void find_axes(const cairn_aligner_pose *aligned, cairn_vec2 *along, cairn_real *deviation,
                       cairn_real *across)
 {
@@ -166,9 +172,9 @@ int32_t cairn_wall_slide_is_loose(const cairn_wall_slide *slide, const cairn_ali
            across <= slide->params.firm && deviation >= slide->params.loose;
 }
 
-static int is_near(cairn_pose pose)
+static int is_within_limit(cairn_pose pose)
 {
-    return cairn_abs(pose.x) <= LIMIT && cairn_abs(pose.y) <= LIMIT;
+    return cairn_abs(pose.x) <= MAX_COORDINATE_M && cairn_abs(pose.y) <= MAX_COORDINATE_M;
 }
 
 cairn_status cairn_wall_slide_add(cairn_wall_slide *slide, cairn_pose start,
@@ -182,7 +188,7 @@ cairn_status cairn_wall_slide_add(cairn_wall_slide *slide, cairn_pose start,
         return CAIRN_BAD_ARGUMENT;
     if (!cairn_pose_is_finite(start) || !cairn_pose_is_finite(aligned->map_scan))
         return CAIRN_NOT_FINITE;
-    if (!is_near(start) || !is_near(aligned->map_scan))
+    if (!is_within_limit(start) || !is_within_limit(aligned->map_scan))
         return CAIRN_BAD_ARGUMENT;
     scan = &x->scans[x->added];
     memset(scan, 0, sizeof *scan);
@@ -200,224 +206,229 @@ cairn_status cairn_wall_slide_add(cairn_wall_slide *slide, cairn_pose start,
     return CAIRN_OK;
 }
 
-/* ---- Parts ---- */
+/* ---- Submaps ---- */
 
-static int slide_as_one(const slide_scan *a, const slide_scan *b)
+static int is_same_submap(const slide_scan *a, const slide_scan *b)
 {
     return b->is_loose && a->part != b->part &&
-           cairn_abs(cairn_vec2_dot(a->along, b->along)) >= SAME_WAY &&
+           cairn_abs(cairn_vec2_dot(a->along, b->along)) >= MIN_AXIS_COSINE &&
            cairn_abs(a->deviation - b->deviation) <=
-               KNOWN_ALIKE * cairn_max(a->deviation, b->deviation);
+               MAX_SIGMA_DIFFERENCE * cairn_max(a->deviation, b->deviation);
 }
 
-static void tie(cairn_wall_slide *x, int32_t first, int32_t second)
+static void merge_clusters(cairn_wall_slide *slide, int32_t first, int32_t second)
 {
     int32_t low = first < second ? first : second, high = first + second - low;
 
-    for (int32_t k = 0; k < x->scan_count; k++)
-        if (x->scans[k].is_loose && x->scans[k].part == high)
-            x->scans[k].part = low;
+    for (int32_t k = 0; k < slide->scan_count; k++)
+        if (slide->scans[k].is_loose && slide->scans[k].part == high)
+            slide->scans[k].part = low;
 }
 
-/* Scan i with one of the scans before it. */
-static int32_t tie_item(cairn_wall_slide *x)
+/* Tests scan i against one of the scans before it, and merges their clusters when they share a
+ * wall. */
+static int32_t cluster_item(cairn_wall_slide *slide)
 {
-    const slide_scan *a = &x->scans[x->i], *b;
+    const slide_scan *a = &slide->scans[slide->i], *b;
     cairn_vec2 along;
     int32_t passed = 0, units;
 
-    if (x->i == x->scan_count) {
-        x->phase = SLIDE_NUMBER;
-        x->i = 0;
+    if (slide->i == slide->scan_count) {
+        slide->phase = SLIDE_NUMBER;
+        slide->i = 0;
         return 1;
     }
-    for (; a->is_loose && x->j < x->i; x->j++, passed++)
-        if (slide_as_one(a, &x->scans[x->j]))
+    for (; a->is_loose && slide->j < slide->i; slide->j++, passed++)
+        if (is_same_submap(a, &slide->scans[slide->j]))
             break;
-    if (!a->is_loose || x->j == x->i) {
-        x->i++;
-        x->j = 0;
-        return 1 + passed / SCANS_OF_UNIT;
+    if (!a->is_loose || slide->j == slide->i) {
+        slide->i++;
+        slide->j = 0;
+        return 1 + passed / SCANS_PER_UNIT;
     }
-    b = &x->scans[x->j];
+    b = &slide->scans[slide->j];
     along =
         cairn_transform_direction(cairn_transform_of(cairn_pose_inverse(a->map_scan)), a->along);
-    if (cairn_aligner_share_wall(x->aligner, x->i, x->j,
+    if (cairn_aligner_share_wall(slide->aligner, slide->i, slide->j,
                                  cairn_pose_between(b->map_scan, a->map_scan), along, &units))
-        tie(x, a->part, b->part);
-    x->j++;
-    return units + 2 + (passed + x->scan_count) / SCANS_OF_UNIT;
+        merge_clusters(slide, a->part, b->part);
+    slide->j++;
+    return units + 2 + (passed + slide->scan_count) / SCANS_PER_UNIT;
 }
 
-/* Numbers the part of scan i, and adds what its start says; a part that finds no number stays
- * where it is. */
-static void number_scan(cairn_wall_slide *x, int32_t i, cairn_pose gauge)
+/* Numbers the submap of scan i and adds the offset of its initial pose; a submap beyond max_submaps
+ * stays. */
+static void number_scan(cairn_wall_slide *slide, int32_t i, cairn_pose gauge)
 {
-    slide_scan *scan = &x->scans[i];
+    slide_scan *scan = &slide->scans[i];
     cairn_pose expected = cairn_pose_compose(gauge, scan->start);
     slide_part *part;
 
     if (scan->part == SLIDE_NONE)
         return;
     if (scan->is_loose && scan->part == i) {
-        if (x->part_count > x->params.max_parts) {
-            x->result.left_out++;
-            x->scans[i].is_loose = 0;
+        if (slide->part_count > slide->params.max_parts) {
+            slide->result.left_out++;
+            slide->scans[i].is_loose = 0;
             scan->part = SLIDE_NONE;
             return;
         }
-        x->parts[x->part_count].along = scan->along;
-        scan->part = x->part_count++;
+        slide->parts[slide->part_count].along = scan->along;
+        scan->part = slide->part_count++;
     } else if (scan->is_loose) {
-        scan->part = x->scans[scan->part].part;
+        scan->part = slide->scans[scan->part].part;
         scan->is_loose = scan->part != SLIDE_NONE;
         if (!scan->is_loose)
             return;
     }
-    part = &x->parts[scan->part];
+    part = &slide->parts[scan->part];
     part->scans += scan->is_loose;
     part->off.x += expected.x - scan->map_scan.x;
     part->off.y += expected.y - scan->map_scan.y;
 }
 
-/* All parts; none when nothing is firm or nothing may slide. */
-static int32_t number_item(cairn_wall_slide *x)
+/* Numbers all submaps; none when there is no fixed or no weak submap. */
+static int32_t number_item(cairn_wall_slide *slide)
 {
-    int32_t firm = x->parts[SLIDE_FIRM].scans;
+    int32_t firm = slide->parts[SLIDE_FIRM].scans;
     cairn_pose gauge =
-        firm > 0 ? cairn_pose_fit(x->from, x->to, NULL, firm, 1) : cairn_pose_identity();
+        firm > 0 ? cairn_pose_fit(slide->from, slide->to, NULL, firm, 1) : cairn_pose_identity();
 
-    for (int32_t i = 0; i < x->scan_count && firm > 0; i++)
-        number_scan(x, i, gauge);
-    for (size_t k = 0; k < pairs_of(x->part_count - 1); k++)
-        x->pairs[k].surer = -1;
-    x->result.parts = x->part_count - 1;
-    x->phase = x->result.parts > 0 ? SLIDE_WALLS : SLIDE_DONE;
-    return 1 + x->scan_count / 2;
+    for (int32_t i = 0; i < slide->scan_count && firm > 0; i++)
+        number_scan(slide, i, gauge);
+    for (size_t k = 0; k < pairs_of(slide->part_count - 1); k++)
+        slide->pairs[k].surer = -1;
+    slide->result.parts = slide->part_count - 1;
+    slide->phase = slide->result.parts > 0 ? SLIDE_WALLS : SLIDE_DONE;
+    return 1 + slide->scan_count / 2;
 }
 
-/* ---- Pairs of parts ---- */
+/* ---- Pairs of submaps ---- */
 
-/* 1 when a part may be shifted against another one. */
-static int may_join(const cairn_wall_slide *x, int32_t moving, int32_t fixed)
+/* Returns 1 when a submap may be translated against another one. */
+static int may_merge(const cairn_wall_slide *slide, int32_t moving, int32_t fixed)
 {
-    const slide_part *a = &x->parts[moving], *b = &x->parts[fixed];
+    const slide_part *a = &slide->parts[moving], *b = &slide->parts[fixed];
 
     return a->scans > 0 && b->scans > 0 &&
-           (fixed == SLIDE_FIRM || cairn_abs(cairn_vec2_dot(a->along, b->along)) >= SAME_WAY);
+           (fixed == SLIDE_FIRM ||
+            cairn_abs(cairn_vec2_dot(a->along, b->along)) >= MIN_AXIS_COSINE);
 }
 
-/* The one part stays, the other takes its number. */
-static void join(cairn_wall_slide *x, int32_t moving, int32_t fixed)
+/* Merges submap `moving` into `fixed` at their best translation. */
+static void merge_submaps(cairn_wall_slide *slide, int32_t moving, int32_t fixed)
 {
-    slide_part *a = &x->parts[moving], *b = &x->parts[fixed];
-    cairn_vec2 shift = cairn_vec2_scale(a->along, cairn_slide_pair(x, moving, fixed)->shift);
+    slide_part *a = &slide->parts[moving], *b = &slide->parts[fixed];
+    cairn_vec2 shift = cairn_vec2_scale(a->along, cairn_slide_pair(slide, moving, fixed)->shift);
 
-    for (int32_t i = 0; i < x->scan_count; i++)
-        if (x->scans[i].part == moving) {
-            x->scans[i].part = fixed;
-            x->scans[i].shift = cairn_vec2_add(x->scans[i].shift, shift);
+    for (int32_t i = 0; i < slide->scan_count; i++)
+        if (slide->scans[i].part == moving) {
+            slide->scans[i].part = fixed;
+            slide->scans[i].shift = cairn_vec2_add(slide->scans[i].shift, shift);
         }
-    for (int32_t k = 0; k < x->wall_count; k++)
-        if (x->walls[k].part == moving) {
-            x->walls[k].part = fixed;
-            x->walls[k].middle = cairn_vec2_add(x->walls[k].middle, shift);
+    for (int32_t k = 0; k < slide->wall_count; k++)
+        if (slide->walls[k].part == moving) {
+            slide->walls[k].part = fixed;
+            slide->walls[k].middle = cairn_vec2_add(slide->walls[k].middle, shift);
         }
     b->off = cairn_vec2_add(b->off,
                             cairn_vec2_sub(a->off, cairn_vec2_scale(shift, (cairn_real)a->scans)));
     b->scans += a->scans;
     a->scans = 0;
-    for (int32_t k = 1; k < x->part_count; k++)
+    for (int32_t k = 1; k < slide->part_count; k++)
         for (int32_t h = 0; h < k; h++)
             if (k == fixed || h == fixed)
-                cairn_slide_pair(x, k, h)->surer = -1;
-    x->result.joined++;
-    x->fixed = fixed;
-    x->i = 0;
-    /* that of the firm part is not asked again */
-    x->phase = fixed == SLIDE_FIRM ? SLIDE_NEXT : SLIDE_SHARE_AGAIN;
+                cairn_slide_pair(slide, k, h)->surer = -1;
+    slide->result.joined++;
+    slide->fixed = fixed;
+    slide->i = 0;
+    /* the weights of the fixed submap are not needed again */
+    slide->phase = fixed == SLIDE_FIRM ? SLIDE_NEXT : SLIDE_SHARE_AGAIN;
 }
 
-static void finish(cairn_wall_slide *x)
+static void finish(cairn_wall_slide *slide)
 {
-    for (int32_t i = 0; i < x->scan_count; i++)
-        x->result.slid += x->scans[i].shift.x != 0 || x->scans[i].shift.y != 0;
-    x->phase = SLIDE_DONE;
+    for (int32_t i = 0; i < slide->scan_count; i++)
+        slide->result.slid += slide->scans[i].shift.x != 0 || slide->scans[i].shift.y != 0;
+    slide->phase = SLIDE_DONE;
 }
 
-/* The next pair that is not weighed; when all are, the surest joins. */
-static int32_t next_item(cairn_wall_slide *x)
+/* Starts the trials of the next pair without a result; when all have one, merges the pair of
+ * greatest margin. */
+static int32_t next_item(cairn_wall_slide *slide)
 {
-    int32_t moving = 0, fixed = 0, units = 1 + (int32_t)pairs_of(x->part_count - 1) / SCANS_OF_UNIT;
+    int32_t moving = 0, fixed = 0,
+            units = 1 + (int32_t)pairs_of(slide->part_count - 1) / SCANS_PER_UNIT;
 
-    for (int32_t k = 1; k < x->part_count; k++)
+    for (int32_t k = 1; k < slide->part_count; k++)
         for (int32_t h = 0; h < k; h++) {
-            if (!may_join(x, k, h))
+            if (!may_merge(slide, k, h))
                 continue;
-            if (cairn_slide_pair(x, k, h)->surer < 0) {
-                return units + cairn_slide_begin_pair(x, k, h);
+            if (cairn_slide_pair(slide, k, h)->surer < 0) {
+                return units + cairn_slide_begin_pair(slide, k, h);
             }
-            if (moving == 0 ||
-                cairn_slide_pair(x, k, h)->surer > cairn_slide_pair(x, moving, fixed)->surer) {
+            if (moving == 0 || cairn_slide_pair(slide, k, h)->surer >
+                                   cairn_slide_pair(slide, moving, fixed)->surer) {
                 moving = k;
                 fixed = h;
             }
         }
     if (moving > 0)
-        join(x, moving, fixed);
+        merge_submaps(slide, moving, fixed);
     else
-        finish(x);
-    return units + (x->scan_count + x->wall_count) / SCANS_OF_UNIT;
+        finish(slide);
+    return units + (slide->scan_count + slide->wall_count) / SCANS_PER_UNIT;
 }
 
-/* ---- The steps ---- */
+/* ---- Phases ---- */
 
-/* Item i of a phase that has `count` of them, then the next phase. */
-static int32_t run_through(cairn_wall_slide *x, int32_t count, int32_t (*item)(cairn_wall_slide *),
-                           slide_phase next)
+/* Executes item i of a phase of `count` items, then enters the next phase. */
+static int32_t run_through(cairn_wall_slide *slide, int32_t count,
+                           int32_t (*phase_item)(cairn_wall_slide *), slide_phase next)
 {
-    int32_t units = x->i < count ? item(x) : 1;
+    int32_t units = slide->i < count ? phase_item(slide) : 1;
 
-    if (++x->i >= count) {
-        x->i = x->j = 0;
-        x->phase = next;
+    if (++slide->i >= count) {
+        slide->i = slide->j = 0;
+        slide->phase = next;
     }
     return units;
 }
 
-/* Walls of the parts that may slide, then the firm ones. */
-static int32_t gather_item(cairn_wall_slide *x)
+/* Walls of the weak submaps, then those of the fixed one. */
+static int32_t gather_item(cairn_wall_slide *slide)
 {
-    int32_t firm = x->j, units = run_through(x, x->scan_count, cairn_slide_walls_item, SLIDE_SHARE);
+    int32_t firm = slide->j,
+            units = run_through(slide, slide->scan_count, cairn_slide_walls_item, SLIDE_SHARE);
 
-    if (x->phase == SLIDE_SHARE && !firm) {
-        x->phase = SLIDE_WALLS;
-        x->j = 1;
+    if (slide->phase == SLIDE_SHARE && !firm) {
+        slide->phase = SLIDE_WALLS;
+        slide->j = 1;
     }
     return units;
 }
 
-static int32_t item(cairn_wall_slide *x)
+static int32_t phase_item(cairn_wall_slide *slide)
 {
-    switch (x->phase) {
+    switch (slide->phase) {
     case SLIDE_TIE:
-        return tie_item(x);
+        return cluster_item(slide);
     case SLIDE_NUMBER:
-        return number_item(x);
+        return number_item(slide);
     case SLIDE_WALLS:
-        return gather_item(x);
+        return gather_item(slide);
     case SLIDE_SHARE:
-        return run_through(x, x->wall_count, cairn_slide_share_item, SLIDE_LEARN);
-    case SLIDE_SHARE_AGAIN: /* of the part that another has joined */
-        return run_through(x, x->wall_count, cairn_slide_share_item, SLIDE_NEXT);
+        return run_through(slide, slide->wall_count, cairn_slide_share_item, SLIDE_LEARN);
+    case SLIDE_SHARE_AGAIN: /* of the merged submap */
+        return run_through(slide, slide->wall_count, cairn_slide_share_item, SLIDE_NEXT);
     case SLIDE_LEARN:
-        return run_through(x, x->wall_count, cairn_slide_learn_item, SLIDE_NEXT);
+        return run_through(slide, slide->wall_count, cairn_slide_learn_item, SLIDE_NEXT);
     case SLIDE_THICKNESS:
-        return run_through(x, x->wall_count, cairn_slide_thickness_item, SLIDE_OBJECT);
+        return run_through(slide, slide->wall_count, cairn_slide_thickness_item, SLIDE_OBJECT);
     case SLIDE_OBJECT:
-        return cairn_slide_object_item(x);
+        return cairn_slide_object_item(slide);
     default:
-        return next_item(x);
+        return next_item(slide);
     }
 }
 
@@ -440,16 +451,16 @@ cairn_status cairn_wall_slide_step(cairn_wall_slide *slide, cairn_budget *budget
         x->result.units += paid;
         budget->left -= paid;
         if (x->debt == 0 && x->phase != SLIDE_DONE)
-            x->debt = item(x);
+            x->debt = phase_item(x);
     }
     return CAIRN_OK;
 }
 
 /* ---- The result ---- */
 
-static int has_ended(const cairn_wall_slide *x)
+static int has_ended(const cairn_wall_slide *slide)
 {
-    return x->phase == SLIDE_DONE && x->debt == 0;
+    return slide->phase == SLIDE_DONE && slide->debt == 0;
 }
 
 cairn_wall_slide_result cairn_wall_slide_read(const cairn_wall_slide *slide)

@@ -1,64 +1,72 @@
-/* The walls of the parts, and what their thickness tells of a shift.
+/* weak_direction: walls of the submaps, and the likelihood of their thickness.
  *
- * Of walls that one part shows from both sides the thicknesses are counted; the value that most
- * have, and the share that has it, make a density: that share normally distributed about the
- * value, the others evenly up to the greatest. A wall of which the one part shows one face and
- * the other part the other face is as likely at a shift as this density says, against an even
- * one. */
+ * Method:
+ * 1. Segments of one submap on the same wall share a total weight of 1.
+ * 2. Thickness histogram: distances of opposite, overlapping faces within one submap.
+ * 3. Mode: the window of the greatest weight gives the thickness and its share. The density is a
+ *    mixture of a Gaussian about this thickness, with that share, and a uniform distribution.
+ * 4. At a trial translation, a face of one submap and one of the other have the log-likelihood
+ *    ratio of this mixture against the uniform distribution. */
 #include "src/core/build.h"
 
 #include <string.h>
 
 #include "src/mapping/wall_slide_work.h"
 
-enum { TESTS_OF_UNIT = 8, SHIFTS_OF_UNIT = 4, WINDOW = 8 };
+enum { TESTS_PER_UNIT = 8, TRIALS_PER_UNIT = 4, WINDOW_BINS = 8 };
 
-static const cairn_real PARALLEL = CAIRN_REAL(0.99);                              /* cosine */
-static const cairn_real LEAST_WALL = CAIRN_REAL(0.2);                             /* m */
-static const cairn_real SAME_LINE = CAIRN_REAL(0.03), SAME_GAP = CAIRN_REAL(0.1); /* m */
-static const cairn_real LEAST_OVERLAP = CAIRN_REAL(0.3);                          /* m */
-static const cairn_real THINNEST = CAIRN_REAL(0.02), THICKEST = CAIRN_REAL(0.5);  /* m */
-static const cairn_real CROSSED = CAIRN_REAL(-0.03); /* m: faces that have changed places */
-static const cairn_real LEAST_ACROSS = CAIRN_REAL(0.7);
-static const cairn_real DOUBT = 2; /* walls that are of any thickness, beside those that are seen */
+static const cairn_real MIN_PARALLEL_COSINE = CAIRN_REAL(0.99);
+/* m: least length of a wall */
+static const cairn_real MIN_WALL_LENGTH_M = CAIRN_REAL(0.2);
+/* m: greatest distance across and along between segments of one wall */
+static const cairn_real MAX_LINE_OFFSET_M = CAIRN_REAL(0.03), MAX_LINE_GAP_M = CAIRN_REAL(0.1);
+/* m: least overlap of two faces */
+static const cairn_real MIN_OVERLAP_M = CAIRN_REAL(0.3);
+/* m: range of thicknesses */
+static const cairn_real MIN_THICKNESS_M = CAIRN_REAL(0.02), MAX_THICKNESS_M = CAIRN_REAL(0.5);
+/* m: least distance of faces; negative, as faces that have just crossed still count */
+static const cairn_real MIN_FACE_DISTANCE_M = CAIRN_REAL(-0.03);
+static const cairn_real MIN_CROSS_SINE = CAIRN_REAL(0.7);
+/* weight of walls of any thickness, added to the observed ones (shrinkage) */
+static const cairn_real PRIOR_WEIGHT = 2;
 
 /* ---- Walls ---- */
 
-static void add_wall(cairn_wall_slide *x, int32_t scan, cairn_segment segment)
+static void add_wall(cairn_wall_slide *slide, int32_t scan, cairn_segment segment)
 {
-    cairn_transform pose = cairn_transform_of(x->scans[scan].map_scan);
+    cairn_transform pose = cairn_transform_of(slide->scans[scan].map_scan);
     cairn_vec2 a = cairn_transform_point(pose, segment.a),
                b = cairn_transform_point(pose, segment.b);
     cairn_vec2 run = cairn_vec2_sub(b, a);
     cairn_real length = cairn_vec2_norm(run);
-    slide_wall *wall = &x->walls[x->wall_count];
+    slide_wall *wall = &slide->walls[slide->wall_count];
 
-    if (!(length >= LEAST_WALL))
+    if (!(length >= MIN_WALL_LENGTH_M))
         return;
-    if (x->wall_count == x->params.max_walls) {
-        x->result.left_out++;
+    if (slide->wall_count == slide->params.max_walls) {
+        slide->result.left_out++;
         return;
     }
-    x->wall_count++;
+    slide->wall_count++;
     wall->middle = cairn_vec2_scale(cairn_vec2_add(a, b), CAIRN_REAL(0.5));
     wall->direction = cairn_vec2_scale(run, 1 / length);
     wall->half = length / 2;
-    wall->part = x->scans[scan].part;
+    wall->part = slide->scans[scan].part;
 }
 
-int32_t cairn_slide_walls_item(cairn_wall_slide *x)
+int32_t cairn_slide_walls_item(cairn_wall_slide *slide)
 {
-    const cairn_scan_set_scan *scan = &x->set->scans[x->i];
-    int32_t part = x->scans[x->i].part;
+    const cairn_scan_set_scan *scan = &slide->set->scans[slide->i];
+    int32_t part = slide->scans[slide->i].part;
 
-    if (part == SLIDE_NONE || (part == SLIDE_FIRM) != x->j)
+    if (part == SLIDE_NONE || (part == SLIDE_FIRM) != slide->j)
         return 1;
     for (int32_t k = scan->first_segment; k < scan->end_segment; k++)
-        add_wall(x, x->i, x->set->segments[k].segment);
+        add_wall(slide, slide->i, slide->set->segments[k].segment);
     return 1 + (scan->end_segment - scan->first_segment) / 2;
 }
 
-/* How far two walls of like or opposite direction lie side by side, m; negative: apart. */
+/* Returns the overlap of two parallel walls along their direction, m; negative: a gap. */
 static cairn_real overlap_of(const slide_wall *a, const slide_wall *b)
 {
     cairn_real along =
@@ -67,8 +75,8 @@ static cairn_real overlap_of(const slide_wall *a, const slide_wall *b)
     return cairn_min(a->half + b->half - along, 2 * cairn_min(a->half, b->half));
 }
 
-/* The mean normal of two walls of like direction, or with sign -1 of opposite ones: on the free
- * side of a. */
+/* Returns the mean normal of two parallel walls (sign 1) or antiparallel ones (sign -1), on the
+ * free side of a. */
 static cairn_vec2 normal_of(const slide_wall *a, const slide_wall *b, cairn_real sign)
 {
     cairn_vec2 along = cairn_vec2_add(a->direction, cairn_vec2_scale(b->direction, sign));
@@ -78,48 +86,50 @@ static cairn_vec2 normal_of(const slide_wall *a, const slide_wall *b, cairn_real
 
 static int is_same_wall(const slide_wall *a, const slide_wall *b)
 {
-    return cairn_vec2_dot(a->direction, b->direction) >= PARALLEL && overlap_of(a, b) > -SAME_GAP &&
+    return cairn_vec2_dot(a->direction, b->direction) >= MIN_PARALLEL_COSINE &&
+           overlap_of(a, b) > -MAX_LINE_GAP_M &&
            cairn_abs(cairn_vec2_dot(normal_of(a, b, 1), cairn_vec2_sub(a->middle, b->middle))) <
-               SAME_LINE;
+               MAX_LINE_OFFSET_M;
 }
 
-int32_t cairn_slide_share_item(cairn_wall_slide *x)
+int32_t cairn_slide_share_item(cairn_wall_slide *slide)
 {
-    slide_wall *wall = &x->walls[x->i];
+    slide_wall *wall = &slide->walls[slide->i];
     int32_t same = 0;
 
-    if (x->phase == SLIDE_SHARE_AGAIN && wall->part != x->fixed)
+    if (slide->phase == SLIDE_SHARE_AGAIN && wall->part != slide->fixed)
         return 1;
-    for (int32_t k = 0; k < x->wall_count; k++)
-        same += x->walls[k].part == wall->part && is_same_wall(wall, &x->walls[k]);
+    for (int32_t k = 0; k < slide->wall_count; k++)
+        same += slide->walls[k].part == wall->part && is_same_wall(wall, &slide->walls[k]);
     wall->share = 1 / (cairn_real)(same > 0 ? same : 1);
-    return 1 + x->wall_count / TESTS_OF_UNIT;
+    return 1 + slide->wall_count / TESTS_PER_UNIT;
 }
 
 /* ---- Thickness ---- */
 
-/* 1 when two walls may be the faces of one; *gap: from the face b to the face a, where that is
- * free. */
+/* Returns 1 when two walls may be opposite faces of one; *gap: distance from face b to face a, in
+ * the direction where a is free. */
 static int are_faces(const slide_wall *a, const slide_wall *b, cairn_vec2 *normal, cairn_real *gap)
 {
-    if (cairn_vec2_dot(a->direction, b->direction) > -PARALLEL || overlap_of(a, b) < LEAST_OVERLAP)
+    if (cairn_vec2_dot(a->direction, b->direction) > -MIN_PARALLEL_COSINE ||
+        overlap_of(a, b) < MIN_OVERLAP_M)
         return 0;
     *normal = normal_of(a, b, -1);
     *gap = cairn_vec2_dot(*normal, cairn_vec2_sub(a->middle, b->middle));
     return 1;
 }
 
-/* The most frequent thickness, from the bins. */
-static void find_thickness(cairn_wall_slide *x)
+/* Finds the mode of the thickness histogram. */
+static void find_mode(cairn_wall_slide *slide)
 {
     cairn_real total = 0, most = 0, sum = 0;
 
-    for (int32_t first = 0; first + WINDOW <= SLIDE_BINS; first++) {
+    for (int32_t first = 0; first + WINDOW_BINS <= SLIDE_BINS; first++) {
         cairn_real weight = 0, gaps = 0;
 
-        for (int32_t k = first; k < first + WINDOW; k++) {
-            weight += x->bins[k];
-            gaps += x->gaps[k];
+        for (int32_t k = first; k < first + WINDOW_BINS; k++) {
+            weight += slide->bins[k];
+            gaps += slide->gaps[k];
         }
         if (weight > most) {
             most = weight;
@@ -127,82 +137,84 @@ static void find_thickness(cairn_wall_slide *x)
         }
     }
     for (int32_t k = 0; k < SLIDE_BINS; k++)
-        total += x->bins[k];
-    x->result.thickness = most > 0 ? sum / most : 0;
-    x->result.alike = most / (total + DOUBT);
+        total += slide->bins[k];
+    slide->result.thickness = most > 0 ? sum / most : 0;
+    slide->result.alike = most / (total + PRIOR_WEIGHT);
 }
 
-int32_t cairn_slide_learn_item(cairn_wall_slide *x)
+int32_t cairn_slide_learn_item(cairn_wall_slide *slide)
 {
-    const slide_wall *wall = &x->walls[x->i];
+    const slide_wall *wall = &slide->walls[slide->i];
     cairn_vec2 normal;
     cairn_real gap;
 
-    for (int32_t k = 0; k < x->i; k++) {
-        const slide_wall *other = &x->walls[k];
+    for (int32_t k = 0; k < slide->i; k++) {
+        const slide_wall *other = &slide->walls[k];
 
-        if (other->part == wall->part && are_faces(wall, other, &normal, &gap) && gap > THINNEST &&
-            gap < THICKEST) {
-            int32_t bin = cairn_real_to_int(cairn_floor(gap / THICKEST * SLIDE_BINS));
+        if (other->part == wall->part && are_faces(wall, other, &normal, &gap) &&
+            gap > MIN_THICKNESS_M && gap < MAX_THICKNESS_M) {
+            int32_t bin = cairn_real_to_int(cairn_floor(gap / MAX_THICKNESS_M * SLIDE_BINS));
 
-            x->bins[bin] += wall->share * other->share;
-            x->gaps[bin] += wall->share * other->share * gap;
+            slide->bins[bin] += wall->share * other->share;
+            slide->gaps[bin] += wall->share * other->share * gap;
         }
     }
-    if (x->i + 1 == x->wall_count)
-        find_thickness(x);
-    return 1 + x->i / TESTS_OF_UNIT;
+    if (slide->i + 1 == slide->wall_count)
+        find_mode(slide);
+    return 1 + slide->i / TESTS_PER_UNIT;
 }
 
-/* ---- Shifts ---- */
+/* ---- Trials ---- */
 
-/* Nats for a wall of this thickness. */
-static cairn_real nats_of(const cairn_wall_slide *x, cairn_real gap)
+/* Returns the log-likelihood ratio of a wall of this thickness, nats. */
+static cairn_real thickness_log_likelihood(const cairn_wall_slide *slide, cairn_real gap)
 {
-    cairn_real alike = x->result.alike, off = (gap - x->result.thickness) / x->params.tolerance,
-               density = 0;
+    cairn_real alike = slide->result.alike,
+               off = (gap - slide->result.thickness) / slide->params.tolerance, density = 0;
 
     if (cairn_abs(off) < 4)
-        density = cairn_exp(-off * off / 2) * CAIRN_REAL(0.3989422804014327) * THICKEST /
-                  x->params.tolerance;
+        density = cairn_exp(-off * off / 2) * CAIRN_REAL(0.3989422804014327) * MAX_THICKNESS_M /
+                  slide->params.tolerance;
     return cairn_log(1 - alike + alike * density);
 }
 
-/* The better of what the wall at hand fitted before and a face at every shift; returns units. */
-static int32_t fit_face(cairn_wall_slide *x, cairn_real gap, cairn_real slope)
+/* Raises the current wall's log-likelihood at every trial by one opposite face, if greater; returns
+ * units. */
+static int32_t add_face(cairn_wall_slide *slide, cairn_real gap, cairn_real slope)
 {
     int32_t fitted = 0;
 
-    for (int32_t i = 0; i < x->shifts; i++) {
-        cairn_real now = gap + slope * cairn_slide_shift(x, i);
+    for (int32_t i = 0; i < slide->shifts; i++) {
+        cairn_real now = gap + slope * cairn_slide_shift(slide, i);
 
-        if (now <= CROSSED || now >= THICKEST)
+        if (now <= MIN_FACE_DISTANCE_M || now >= MAX_THICKNESS_M)
             continue;
-        x->fits[i] = cairn_max(x->fits[i], nats_of(x, now));
+        slide->fits[i] = cairn_max(slide->fits[i], thickness_log_likelihood(slide, now));
         fitted++;
     }
-    return 1 + x->shifts / 32 + fitted / SHIFTS_OF_UNIT;
+    return 1 + slide->shifts / 32 + fitted / TRIALS_PER_UNIT;
 }
 
-int32_t cairn_slide_thickness_item(cairn_wall_slide *x)
+int32_t cairn_slide_thickness_item(cairn_wall_slide *slide)
 {
-    const slide_wall *wall = &x->walls[x->i];
-    cairn_vec2 along = x->parts[x->moving].along, normal;
+    const slide_wall *wall = &slide->walls[slide->i];
+    cairn_vec2 along = slide->parts[slide->moving].along, normal;
     int32_t units = 1, faces = 0;
     cairn_real gap;
 
-    if (wall->part != x->moving ||
-        cairn_abs(cairn_vec2_cross(wall->direction, along)) < LEAST_ACROSS)
+    if (wall->part != slide->moving ||
+        cairn_abs(cairn_vec2_cross(wall->direction, along)) < MIN_CROSS_SINE)
         return 1;
-    for (int32_t i = 0; i < x->shifts; i++)
-        x->fits[i] = -CAIRN_REAL_MAX;
-    for (int32_t k = 0; k < x->wall_count; k++)
-        if (x->walls[k].part == x->fixed && are_faces(wall, &x->walls[k], &normal, &gap)) {
-            units += fit_face(x, gap, cairn_vec2_dot(normal, along));
+    for (int32_t i = 0; i < slide->shifts; i++)
+        slide->fits[i] = -CAIRN_REAL_MAX;
+    for (int32_t k = 0; k < slide->wall_count; k++)
+        if (slide->walls[k].part == slide->fixed &&
+            are_faces(wall, &slide->walls[k], &normal, &gap)) {
+            units += add_face(slide, gap, cairn_vec2_dot(normal, along));
             faces++;
         }
-    for (int32_t i = 0; i < x->shifts && faces > 0; i++)
-        if (x->fits[i] > -CAIRN_REAL_MAX)
-            x->trials[i].nats += wall->share * x->fits[i];
-    return units + x->wall_count / TESTS_OF_UNIT + x->shifts / 16;
+    for (int32_t i = 0; i < slide->shifts && faces > 0; i++)
+        if (slide->fits[i] > -CAIRN_REAL_MAX)
+            slide->trials[i].nats += wall->share * slide->fits[i];
+    return units + slide->wall_count / TESTS_PER_UNIT + slide->shifts / 16;
 }
