@@ -53,26 +53,26 @@ static cairn_pose pose_in_place(const align_job *job, int32_t first, int32_t i)
 }
 
 /* Groups consecutive scans into places and computes their poses relative to the place. */
-static void group_scans(const align_job *job, align_places *places)
+static void group_scans(const align_job *job, align_places *grouping)
 {
     int32_t first = 0, points = 0, beams = 0;
 
     for (int32_t i = 0; i < job->log->count; i++) {
         if (i == 0 || !is_same_place(job, first, i)) {
-            places->places++;
+            grouping->places++;
             first = i;
             points = beams = 0;
         }
-        places->place[i] = places->places - 1;
-        places->place_scan[i] = pose_in_place(job, first, i);
+        grouping->place[i] = grouping->places - 1;
+        grouping->place_scan[i] = pose_in_place(job, first, i);
         points += job->scans[i].point_count;
         beams += job->log->record[i].scan.count;
-        places->points_most = points > places->points_most ? points : places->points_most;
-        places->beams_most = beams > places->beams_most ? beams : places->beams_most;
+        grouping->points_most = points > grouping->points_most ? points : grouping->points_most;
+        grouping->beams_most = beams > grouping->beams_most ? beams : grouping->beams_most;
     }
 }
 
-static int check_grouping(const align_job *job, const align_places *places)
+static int check_grouping(const align_job *job, const align_places *grouping)
 {
     const align_settings *s = job->settings;
 
@@ -80,30 +80,31 @@ static int check_grouping(const align_job *job, const align_places *places)
         return options_refuse(
             ALIGN_PROGRAM, "%s holds %" PRId32 " scans, expected a multiple of --headings %" PRId64,
             s->log, job->log->count, s->headings);
-    if (places->places < 2)
+    if (grouping->places < 2)
         return options_refuse(
             ALIGN_PROGRAM, "%s holds one place, expected two or more%s", s->log,
             s->headings > 0
                 ? ""
                 : ": scans within 0.5 m by the log are one place, or give --headings N");
-    if (places->places > MAX_PLACES)
+    if (grouping->places > MAX_PLACES)
         return options_refuse(ALIGN_PROGRAM, "%s holds %" PRId32 " places, expected at most %d",
-                              s->log, places->places, MAX_PLACES);
+                              s->log, grouping->places, MAX_PLACES);
     return TOOL_OK;
 }
 
-cairn_place_map_params align_places_params(const align_job *job, const align_places *places)
+cairn_place_map_params align_places_params(const align_job *job, const align_places *grouping)
 {
     int as_written = job->settings->as_written;
     cairn_place_map_params params =
         as_written ? cairn_place_map_as_written() : cairn_place_map_default();
-    int32_t pairs = places->places * (places->places - 1) / 2, wanted = HYPOTHESES_PER_PAIR * pairs;
+    int32_t pairs = grouping->places * (grouping->places - 1) / 2,
+            wanted = HYPOTHESES_PER_PAIR * pairs;
 
-    params.max_places = places->places;
+    params.max_places = grouping->places;
     params.max_scans = job->log->count;
     params.max_place_points =
-        as_written || places->points_most == 0 ? places->beams_most : places->points_most;
-    params.max_place_beams = places->beams_most;
+        as_written || grouping->points_most == 0 ? grouping->beams_most : grouping->points_most;
+    params.max_place_beams = grouping->beams_most;
     if (wanted > params.consensus.max_hypotheses)
         params.consensus.max_hypotheses = wanted < MAX_HYPOTHESES ? wanted : MAX_HYPOTHESES;
     if (as_written)
@@ -171,14 +172,14 @@ static const char *verdict_of(const map_scan *scan, const cairn_place_map_place 
 
 /* Stores the poses of all scans. Scans of other connected components have frames of their own and
  * are not drawn. */
-static void read_result(align_job *job, const align_places *places, const cairn_place_map *map,
+static void read_result(align_job *job, const align_places *grouping, const cairn_place_map *map,
                         void *unused)
 {
     cairn_place_map_result result = cairn_place_map_read(map);
 
     (void)unused;
     for (int32_t i = 0; i < job->log->count; i++) {
-        cairn_place_map_place place = cairn_place_map_place_of(map, places->place[i]);
+        cairn_place_map_place place = cairn_place_map_place_of(map, grouping->place[i]);
         int32_t has_own_pose = job->settings->as_written || cairn_place_map_scan_is_aligned(map, i);
         map_scan *scan = &job->scans[i];
 
@@ -200,7 +201,7 @@ static void read_result(align_job *job, const align_places *places, const cairn_
                                        : "");
 }
 
-int align_places_open(const align_job *job, const align_places *places,
+int align_places_open(const align_job *job, const align_places *grouping,
                       const cairn_place_map_params *params, size_t more, cairn_pool *pool)
 {
     size_t need = cairn_place_map_memory(params);
@@ -209,23 +210,23 @@ int align_places_open(const align_job *job, const align_places *places,
         return options_refuse(ALIGN_PROGRAM,
                               "%s: %" PRId32 " places of up to %" PRId32 " points and %" PRId32
                               " beams are too many, expected at most %d of each in all",
-                              job->settings->log, places->places, params->max_place_points,
-                              places->beams_most, 1 << 20);
+                              job->settings->log, grouping->places, params->max_place_points,
+                              grouping->beams_most, 1 << 20);
     return tool_pool_open(pool, ALIGN_PROGRAM, job->settings->pool, need + more);
 }
 
 /* Maps the places with these params and calls `read` with the map before the pool is closed. */
-static int map_places(align_job *job, const align_places *places,
+static int map_places(align_job *job, const align_places *grouping,
                       const cairn_place_map_params *params,
-                      void (*read)(align_job *job, const align_places *places,
+                      void (*read)(align_job *job, const align_places *grouping,
                                    const cairn_place_map *map, void *to),
                       void *to_read)
 {
-    adding to = {NULL, places, 0};
+    adding to = {NULL, grouping, 0};
     cairn_scan *scan = NULL;
     cairn_status status;
     cairn_pool pool;
-    int code = align_places_open(job, places, params, cairn_scan_memory(&job->scan), &pool);
+    int code = align_places_open(job, grouping, params, cairn_scan_memory(&job->scan), &pool);
 
     if (code != TOOL_OK)
         return code;
@@ -239,7 +240,7 @@ static int map_places(align_job *job, const align_places *places,
     if (status < 0)
         code = align_refuse(job, status);
     else if (code == TOOL_OK)
-        read(job, places, to.map, to_read);
+        read(job, grouping, to.map, to_read);
     job->pool_bytes = pool.peak > job->pool_bytes ? pool.peak : job->pool_bytes;
     tool_pool_close(&pool);
     return code;
@@ -247,67 +248,68 @@ static int map_places(align_job *job, const align_places *places,
 
 int align_by_places(align_job *job)
 {
-    align_places *places;
-    int code = align_places_new(job, &places);
+    align_places *grouping;
+    int code = align_places_new(job, &grouping);
 
     if (code == TOOL_OK) {
-        cairn_place_map_params params = align_places_params(job, places);
+        cairn_place_map_params params = align_places_params(job, grouping);
 
-        code = map_places(job, places, &params, read_result, NULL);
+        code = map_places(job, grouping, &params, read_result, NULL);
     }
-    align_places_free(places);
+    align_places_free(grouping);
     return code;
 }
 
 /* ---- Grouping of scans into places ---- */
 
-void align_places_free(align_places *places)
+void align_places_free(align_places *grouping)
 {
-    if (places == NULL)
+    if (grouping == NULL)
         return;
-    free(places->place);
-    free(places->place_scan);
-    free(places);
+    free(grouping->place);
+    free(grouping->place_scan);
+    free(grouping);
 }
 
 int align_places_new(const align_job *job, align_places **places)
 {
     size_t n = (size_t)job->log->count;
-    align_places *places = calloc(1, sizeof *places);
+    align_places *grouping = calloc(1, sizeof *grouping);
     int code;
 
     *places = NULL;
-    if (places != NULL) {
-        places->scans = job->log->count;
-        places->place = calloc(n, sizeof *places->place);
-        places->place_scan = calloc(n, sizeof *places->place_scan);
+    if (grouping != NULL) {
+        grouping->scans = job->log->count;
+        grouping->place = calloc(n, sizeof *grouping->place);
+        grouping->place_scan = calloc(n, sizeof *grouping->place_scan);
     }
-    if (places == NULL || places->place == NULL || places->place_scan == NULL) {
-        align_places_free(places);
+    if (grouping == NULL || grouping->place == NULL || grouping->place_scan == NULL) {
+        align_places_free(grouping);
         (void)options_refuse(ALIGN_PROGRAM, "no memory for %" PRId32 " scans", job->log->count);
         return TOOL_FAILED;
     }
-    group_scans(job, places);
-    code = check_grouping(job, places);
+    group_scans(job, grouping);
+    code = check_grouping(job, grouping);
     if (code == TOOL_OK)
-        *places = places;
+        *places = grouping;
     else
-        align_places_free(places);
+        align_places_free(grouping);
     return code;
 }
 
-int32_t align_places_range(const align_places *places, int32_t place, int32_t *first, int32_t *end)
+int32_t align_places_range(const align_places *grouping, int32_t place, int32_t *first,
+                           int32_t *end)
 {
-    for (*first = 0; *first < places->scans && places->place[*first] < place; ++*first)
+    for (*first = 0; *first < grouping->scans && grouping->place[*first] < place; ++*first)
         ;
-    for (*end = *first; *end < places->scans && places->place[*end] == place; ++*end)
+    for (*end = *first; *end < grouping->scans && grouping->place[*end] == place; ++*end)
         ;
     return *end > *first;
 }
 
-cairn_pose align_places_scan(const align_places *places, int32_t i)
+cairn_pose align_places_scan(const align_places *grouping, int32_t i)
 {
-    return places->place_scan[i];
+    return grouping->place_scan[i];
 }
 
 /* ---- Figures 6.6 and 6.7 ---- */
@@ -321,42 +323,42 @@ typedef struct stage_poses {
     places_stage stage;
 } stage_poses;
 
-static void read_stage(align_job *job, const align_places *places, const cairn_place_map *map,
+static void read_stage(align_job *job, const align_places *grouping, const cairn_place_map *map,
                        void *to)
 {
     stage_poses *poses = to;
 
-    for (int32_t i = 0; i < places->places; i++)
-        poses->place[poses->stage * places->places + i] =
+    for (int32_t i = 0; i < grouping->places; i++)
+        poses->place[poses->stage * grouping->places + i] =
             cairn_place_map_place_of(map, i).map_place;
     for (int32_t k = 0; k < job->log->count; k++)
         poses->scan[poses->stage * job->log->count + k] = cairn_place_map_scan_pose(map, k);
 }
 
 /* Reads the poses of the last stage from the job, and those of the log. */
-static void read_last_stage(const align_job *job, const align_places *places, stage_poses *poses)
+static void read_last_stage(const align_job *job, const align_places *grouping, stage_poses *poses)
 {
     int32_t n = job->log->count;
     cairn_pose log_map = cairn_pose_compose(job->log->record[0].robot,
-                                            cairn_pose_inverse(align_places_scan(places, 0)));
+                                            cairn_pose_inverse(align_places_scan(grouping, 0)));
 
     for (int32_t k = n - 1; k >= 0; k--) {
         cairn_pose scan = cairn_pose_between(log_map, job->log->record[k].robot);
 
         poses->scan[PLACES_DECOUPLED * n + k] = job->scans[k].after;
         poses->scan[PLACES_STAGES * n + k] = scan;
-        poses->place[PLACES_STAGES * places->places + places->place[k]] =
-            cairn_pose_compose(scan, cairn_pose_inverse(places->place_scan[k]));
+        poses->place[PLACES_STAGES * grouping->places + grouping->place[k]] =
+            cairn_pose_compose(scan, cairn_pose_inverse(grouping->place_scan[k]));
     }
 }
 
-static cairn_status draw(const align_job *job, const align_places *places, const stage_poses *poses,
-                         cairn_file_error *error)
+static cairn_status draw(const align_job *job, const align_places *grouping,
+                         const stage_poses *poses, cairn_file_error *error)
 {
-    size_t n = (size_t)job->log->count, places = (size_t)places->places;
+    size_t n = (size_t)job->log->count, places = (size_t)grouping->places;
     places_errors errors = {"pose in the log", poses->place + PLACES_STAGES * places,
                             poses->place + PLACES_BY_SHAPE * places,
-                            poses->place + PLACES_WITH_ICP * places, places->places};
+                            poses->place + PLACES_WITH_ICP * places, grouping->places};
     places_maps maps = {.title = "Fig. 6.7: maps without odometry", .count = job->log->count};
     cairn_report_scan *seen = calloc(n, sizeof *seen);
     cairn_output_set *files = NULL;
@@ -390,33 +392,33 @@ static cairn_status draw(const align_job *job, const align_places *places, const
 
 int align_draw_places(align_job *job)
 {
-    align_places *places;
+    align_places *grouping;
     stage_poses poses = {NULL, NULL, PLACES_BY_SHAPE};
     cairn_file_error error;
-    int code = align_places_new(job, &places);
+    int code = align_places_new(job, &grouping);
 
     if (code != TOOL_OK)
         return code;
-    poses.place = malloc(PLACES_PANELS * ((size_t)places->places + 1) * sizeof *poses.place);
-    poses.scan = malloc(PLACES_PANELS * ((size_t)places->scans + 1) * sizeof *poses.scan);
+    poses.place = malloc(PLACES_PANELS * ((size_t)grouping->places + 1) * sizeof *poses.place);
+    poses.scan = malloc(PLACES_PANELS * ((size_t)grouping->scans + 1) * sizeof *poses.scan);
     if (poses.place == NULL || poses.scan == NULL) {
         (void)options_refuse(ALIGN_PROGRAM, "no memory for the pictures");
         code = TOOL_FAILED;
     }
     for (; poses.stage < PLACES_DECOUPLED && code == TOOL_OK; poses.stage++) {
-        cairn_place_map_params params = align_places_params(job, places),
+        cairn_place_map_params params = align_places_params(job, grouping),
                                stage = places_stage_params(poses.stage);
 
         params.decoupled = stage.decoupled;
         params.match.mode = stage.match.mode;
-        code = map_places(job, places, &params, read_stage, &poses);
+        code = map_places(job, grouping, &params, read_stage, &poses);
     }
     if (code == TOOL_OK) {
-        read_last_stage(job, places, &poses);
-        code = draw(job, places, &poses, &error) == CAIRN_OK ? TOOL_OK : tool_report(&error);
+        read_last_stage(job, grouping, &poses);
+        code = draw(job, grouping, &poses, &error) == CAIRN_OK ? TOOL_OK : tool_report(&error);
     }
     free(poses.place);
     free(poses.scan);
-    align_places_free(places);
+    align_places_free(grouping);
     return code;
 }
