@@ -345,7 +345,7 @@ int eval_relations(int argc, char **argv)
     const option table[] = {
         OPTION_TEXT("--log", &log, "LOG",
                     "log of the table, for the pose of the sensor on the robot (its origin)"),
-        OPTION_FLAG("--json", &json, "one JSON object in place of arguments"),
+        OPTION_FLAG("--json", &json, "prints one JSON object instead of text"),
     };
     const option_set set = {
         RELATIONS_PROGRAM, "POSES.csv|LOG FILE.relations [options]",

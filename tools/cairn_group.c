@@ -108,8 +108,8 @@ static option_result read_settings(settings *s, int argc, char **argv)
                     "edge map of the image, strengths 0 ... 255, from another edge detector; one "
                     "image only"),
         OPTION_TEXT("--scale", &s->scale, "A:B",
-                    "pixels: of the diagonal of the object's box; without it a tenth of the\n"
-                    "image's diagonal to all of it"),
+                    "diagonal of the object's bounding box, pixels (a tenth of the\\n"
+                    "image's diagonal to all of it)"),
         OPTION_TEXT("--rotation", &s->rotation, "A:B",
                     "rotation from the model to the object, clockwise, degrees (-15:15)"),
         OPTION_INTEGER("--particles", &s->particles, 1, 4096, "N", "of the filter"),

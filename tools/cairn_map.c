@@ -133,7 +133,7 @@ cairn_scan_input map_scan_input(const map_settings *s, const map_input *input, i
 
 /* ---- Keyframes ---- */
 
-/* All keyframes total created, by number, and the current ones of the mapper. */
+/* All keyframes ever created, by number, and the current ones of the mapper. */
 typedef struct keyframe_list {
     int32_t *scan;   /* [total] scan index in the log, by keyframe number */
     int32_t *number; /* [present] keyframe number, by index in the mapper */
@@ -469,9 +469,8 @@ static cairn_mapper_params params_for(const map_settings *s, const map_input *in
 int map_refuse_keys(const map_settings *s, int32_t max_keys)
 {
     return options_refuse(MAP_PROGRAM,
-                          "%s: needs more than %" PRId32
-                          " key scans, expected at most that: raise --max-keys",
-                          s->log, max_keys);
+                          "%s: needs more than %" PRId32 " keyframes: raise --max-keys", s->log,
+                          max_keys);
 }
 
 /* Maps and writes with a capacity of `points` points per keyframe. *full is set, and no line
