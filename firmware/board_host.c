@@ -1,5 +1,4 @@
-/* The desktop as a board: what the loop prints goes to standard output, the recording nowhere,
- * and nothing is measured. */
+/* The desktop as a board: prints to standard output, discards the recording, measures nothing. */
 #include <stdio.h>
 #include <stdlib.h>
 

@@ -120,7 +120,7 @@ void player_field_before(player_field *record)
         record->pose[i] = cairn_force_field_pose(record->field, i);
 }
 
-/* Records the force on stride n-th point, at the position before the iteration. */
+/* Records the force on every n-th point (n = stride), at the position before the iteration. */
 static int32_t forces_of(const player_field *record)
 {
     const cairn_scan_set *set = cairn_force_field_scans(record->field);
