@@ -76,7 +76,7 @@ static void places_without_poses(void **state)
 
     (void)state;
     assert_int_equal(o.code, 0);
-    assert_non_null(strstr(o.out, "places     4, 4 in the largest of 1 parts"));
+    assert_non_null(strstr(o.out, "places     4, 4 in the largest of 1 components"));
     assert_true(count_verdict("by-log", "placed") > 8);
     assert_int_equal(count_verdict("by-log", "placed") + count_verdict("by-log", "uncertain"), 16);
     assert_true(mean_distance("by-log") < 0.1);
