@@ -1,12 +1,12 @@
 /* bench/align: all scans of simulated arenas at once, from disturbed poses.
  *
- * The scans of each arena are shuffled, and every arena lies in the world at an angle of its
- * own. A scan is aligned when it lies within 0.05 m and 1 degree (--within) of the truth after
- * the best common motion; the share is that of the scans that the Cramer-Rao bound calls
- * observable (bench_bound). A method that says which poses are not to be relied on is held to
- * it: false_flags are observable scans that it flagged, missed_flags unobservable ones that it
- * did not, and of all scans that it did not flag, inside95 have their truth inside the 95 %
- * ellipse of their position. */
+ * The scans of each arena are shuffled, and every arena lies in the world at an angle of its own. A
+ * scan is aligned when it lies within 0.05 m and 1 degree (--within) of the truth after the best
+ * rigid alignment; the share is that of the scans that the Cramer-Rao bound calls observable
+ * (bench_bound). A method that says which poses are not to be relied on is held to it: false_flags
+ * are observable scans that it flagged, missed_flags unobservable ones that it did not, and of all
+ * scans that it did not flag, inside95 have their truth inside the 95 % ellipse of their
+ * position. */
 #include <inttypes.h>
 #include <math.h>
 #include <stdio.h>

@@ -1,6 +1,6 @@
-/* Plain oriented chamfer matching: for each of eight directions the distance to the nearest edge
- * of it, cut off; the mean over the model's samples at every place, size and proportion; the
- * least ones stay. */
+/* Plain oriented chamfer matching: for each of eight directions the distance to the nearest edge of
+ * it, cut off; the mean over the model's samples at every position, scale and aspect ratio; local
+ * minima are the detections. */
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>

@@ -236,7 +236,7 @@ typedef struct tally {
     int32_t pairs, right, wrong, refused;
 } tally;
 
-/* truth: NULL when only the target's walls tell. */
+/* truth: NULL when only the target's walls decide. */
 static void run_pair(const picture *target, const picture *source, const shift *truth, double right,
                      const cairn_map_merge_params *base, tally *t)
 {

@@ -1,4 +1,4 @@
-/* Spearman's rank correlation with intervals by drawing arenas anew. */
+/* Spearman's rank correlation with confidence intervals by bootstrap over the arenas. */
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>

@@ -1,6 +1,6 @@
-/* Rooms of 5 by 5 m: four along a corridor, two behind the last two of them. Walls are 0.1 m
- * thick; tables stand in the rooms. What a robot has seen is a set of boxes, cut at walls'
- * middles. */
+/* Rooms of 5 by 5 m: four along a corridor, two behind the last two of them. Walls are 0.1 m thick;
+ * tables stand in the rooms. The observed area of a robot is a set of boxes, bounded by the centre
+ * lines of walls. */
 #include "bench/bench_repeat.h"
 
 #include <math.h>

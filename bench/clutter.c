@@ -108,7 +108,7 @@ static int make_model(finder *f, const scene_shape *shape)
            cairn_shape_builder_step(f->builder, &budget) == CAIRN_OK;
 }
 
-/* In place of segments: pieces of the chains of EDGEL px each. */
+/* Tokens instead of segments: pieces of chains of EDGEL px each. */
 static void take_edgels(finder *f, const cairn_edge_chain_result *r)
 {
     f->line_count = 0;
@@ -285,8 +285,7 @@ static double overlap(const cairn_shape_model *m, const cairn_grouped_object *o,
     return share_of(b, box);
 }
 
-/* What an object's segments leave of its contour: the model's outline from where it was seen
- * last to where it is again. */
+/* Completes the contour of an object in its gaps by the outline of the model. */
 static void complete(uint8_t *pixels, const cairn_shape_model *m, const cairn_grouped_object *o,
                      const int32_t *along)
 {
@@ -341,7 +340,7 @@ static void add_labels(sums *t, const finder *f, const scene *s, const uint8_t *
     t->label_recall += all > 0 ? right / all : 0;
 }
 
-/* Draws what was found over the edges: PPM. */
+/* Draws the detections over the edges (PPM). */
 static void draw(const char *folder, int64_t index, const scene *s, const uint8_t *grouped)
 {
     char path[512];

@@ -85,7 +85,7 @@ static void on_stage(void *context, cairn_detect_stage stage)
     begin_stage(context, STAGE_SEARCH + stage);
 }
 
-/* Canny's, which nothing is looked for in: the supplied ones stand for them. */
+/* Canny edges, unused: the supplied edges replace them. */
 static int time_edges(run *r, const char *folder, const char *name)
 {
     cairn_vision_canny_params params = cairn_vision_canny_default();

@@ -42,8 +42,9 @@ static cairn_pose noisy(cairn_pose pose, double sigma, cairn_random *random)
     return pose;
 }
 
-/* A robot that drives a square of streets up and down, one pose a metre, and every fourth metre
- * sees the street beside; room for `more` links. */
+/* Generates a Manhattan-like graph: a robot drives parallel streets, one pose per metre, with a
+ * loop-closure link to the neighbouring street every fourth metre; capacity for `more` further
+ * links. */
 static int generate(cairn_pose_graph_file *file, int32_t poses, int64_t more, uint64_t seed)
 {
     const double sigma = 0.02;
@@ -88,7 +89,7 @@ static int generate(cairn_pose_graph_file *file, int32_t poses, int64_t more, ui
     return 1;
 }
 
-/* Links between random poses that tell nothing, behind the others. */
+/* Appends outlier links between random poses. */
 static void add_wrong(cairn_pose_graph_file *file, int64_t wrong, uint64_t seed)
 {
     const cairn_sym3 information = {2500, 0, 0, 2500, 0, 10000};
@@ -107,7 +108,7 @@ static void add_wrong(cairn_pose_graph_file *file, int64_t wrong, uint64_t seed)
     }
 }
 
-/* A link by its ends and what it measures. */
+/* Sets a link: its ends and its measured relative pose. */
 typedef struct named_link {
     int64_t first, second;
     double x, y, theta;
@@ -359,7 +360,7 @@ static int solve_growing(const settings *s)
     return made ? 0 : 2;
 }
 
-/* What --growth has no use for must not be asked for with it. */
+/* Rejects options that --growth does not use. */
 static int growth_is_alone(const settings *s, size_t files)
 {
     const struct {

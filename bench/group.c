@@ -244,8 +244,8 @@ static int search_own(const settings *s, sums *t, const group_image *image,
     return 1;
 }
 
-/* The first grouping with what its evidence is made of, and the most evidence of any, reported
- * or not. */
+/* Prints the first grouping with the terms of its log-likelihood ratio, and the maximum over all
+ * groupings. */
 static void print_best(const group_found *found)
 {
     static const group_grouping none;
@@ -261,7 +261,7 @@ static void print_best(const group_found *found)
     bench_json_number("best", found->best);
 }
 
-/* Why the walk of a search ended, and what was left out. */
+/* Prints the reason for the end of a search, and the skipped parts. */
 static void print_end(const group_found *found, int32_t search)
 {
     if (search >= found->searches)

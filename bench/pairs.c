@@ -1,4 +1,4 @@
-/* bench/pairs: two scans, from a guess or from none.
+/* bench/pairs: scan matching of two scans, with or without a prior.
  *
  * Pairs are drawn from drives through simulated arenas, whose truth is exact, or from a real log
  * with reference poses. A match is right within 0.10 m in x and in y and 0.03 rad. The start is

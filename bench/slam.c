@@ -28,7 +28,7 @@ typedef struct settings {
     int32_t no_odometry, no_loops;
 } settings;
 
-/* The relations of a log's scans; says what is wrong. To be freed; NULL on failure. */
+/* Reads the relations of a log's scans; prints errors. To be freed; NULL on failure. */
 static cairn_relation_row *read_relations(const char *path, const cairn_carmen_scans *log,
                                           int32_t *count)
 {

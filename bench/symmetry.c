@@ -191,7 +191,7 @@ static int32_t read_names(const char *folder, char **names)
     return count;
 }
 
-/* The axis is one of the best, or as good as they are. */
+/* Returns 1 when the axis is one of the best or ties with them. */
 static int is_right(const bench_reflections *truth, const cairn_curve *shape, int32_t count,
                     const cairn_symmetry_axis *axis, cairn_vec2 middle)
 {
