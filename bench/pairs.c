@@ -444,7 +444,7 @@ int main(int argc, char **argv)
         OPTION_FLAG("--each", &s.each, "a line for every pair"),
     };
     const option_set set = {"bench/pairs", "--simulated | [--log FILE --truth FILE] [options]",
-                            "Matches of two scans, from a guess or from none.", table,
+                            "Matches of scan matching of two scans, with or without a prior.", table,
                             sizeof table / sizeof *table};
     size_t words = 0;
     option_result result;

@@ -574,7 +574,7 @@ static void maps_by_particles(void **state)
     assert_refused(
         programs_run("cairn map @/drive/scans.log -o @/filter-few --filter 2 --max-keys 2"),
         "cairn map: ",
-        "scans.log: needs more than 2 keyframes: raise --max-keys");
+        "scans.log: needs more than 2 keyframes, expected at most that: raise --max-keys");
     assert_refused(programs_run("cairn map @/drive/scans.log -o @/filter-few --filter 2 --pool 1K"),
                    "cairn map: ", "--pool");
     assert_refused(programs_run("cairn map @/drive/scans.log -o @/filter-few --filter 4097"),
@@ -1189,7 +1189,7 @@ static void large_rooms_get_more_room(void **state)
     cairn_pose_table_free(row);
     assert_refused(
         programs_run("cairn map @/large.log -o @/too-few --max-keys 5"), "cairn map: ",
-        "large.log: needs more than 5 keyframes: raise --max-keys");
+        "large.log: needs more than 5 keyframes, expected at most that: raise --max-keys");
     assert_int_equal(count_in("too-few"), -1);
     free(t.bytes);
 }

@@ -164,13 +164,14 @@ static option_result read_settings(align_settings *s, int argc, char **argv)
                     "memory of the alignment (exactly the memory needed)"),
         OPTION_FLAG("--quiet", &s->quiet, "no progress, no summary"),
     };
-    const option_set set = {ALIGN_PROGRAM, "LOG -o DIR [options]",
-                            "Aligns all scans of a CARMEN log (plain or gzipped) at once. Their "
-                            "order does not matter; the\n"
-                            "poses in the log are the start; with --no-poses they only say which "
-                            "scans are of one place, and how they\n"
-                            "lie in it (with --headings not even that).",
-                            table, sizeof table / sizeof *table};
+    const option_set set = {
+        ALIGN_PROGRAM, "LOG -o DIR [options]",
+        "Aligns all scans of a CARMEN log (plain or gzipped) at once. Their "
+        "order does not matter; the\n"
+        "poses in the log are the initial estimates. With --no-poses they only group the scans "
+        "into\n"
+        "places and give their relative poses there (with --headings they are not used).",
+        table, sizeof table / sizeof *table};
     option_result result;
 
     _Static_assert(sizeof table / sizeof *table <= MAX_OPTIONS, "more options than MAX_OPTIONS");
@@ -182,7 +183,7 @@ static option_result read_settings(align_settings *s, int argc, char **argv)
     return check_settings(s, table, set.count) ? OPTIONS_READ : OPTIONS_BAD;
 }
 
-/* ---- what the methods share ---- */
+/* ---- Shared by the methods ---- */
 
 int align_refuse(const align_job *job, cairn_status status)
 {

@@ -20,7 +20,7 @@
 enum { MAX_IMAGES = 4096, MAX_JOBS = 64 };
 /* Separators of the records that processes write: end of an image's record, begin of its table
  * rows, begin of its comparison with the ground truth. The texts contain none of them. */
-/* RECORD_END begins a line of its own: what follows TRUTH_BEGIN is read by lines. */
+/* RECORD_END starts a line: the text after TRUTH_BEGIN is read line by line. */
 enum { RECORD_END = '\f', TABLE_BEGIN = '\v', TRUTH_BEGIN = '\b', LINE_BYTES = 64 };
 
 typedef struct settings {

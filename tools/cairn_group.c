@@ -108,11 +108,11 @@ static option_result read_settings(settings *s, int argc, char **argv)
                     "edge map of the image, strengths 0 ... 255, from another edge detector; one "
                     "image only"),
         OPTION_TEXT("--scale", &s->scale, "A:B",
-                    "diagonal of the object's bounding box, pixels (a tenth of the\\n"
+                    "diagonal of the object's bounding box, pixels (a tenth of the\n"
                     "image's diagonal to all of it)"),
         OPTION_TEXT("--rotation", &s->rotation, "A:B",
                     "rotation from the model to the object, clockwise, degrees (-15:15)"),
-        OPTION_INTEGER("--particles", &s->particles, 1, 4096, "N", "of the filter"),
+        OPTION_INTEGER("--particles", &s->particles, 1, 4096, "N", "particles of the filter"),
         OPTION_TEXT("--tokens", &s->tokens, "NAME", "tokens to group: segments, or edgels"),
         OPTION_INTEGER("--paths", &s->paths, 1, CAIRN_SHAPE_PATHS, "N",
                        "maximum number of paths of a model that is built from a picture"),
@@ -140,7 +140,7 @@ static option_result read_settings(settings *s, int argc, char **argv)
                       "high hysteresis threshold (Canny), grey levels per pixel"),
         OPTION_INTEGER("--max-side", &s->side, 16, 8192, "PX",
                        "maximum side of an image; larger ones are halved"),
-        {"--seed", OPTION_IS_SEED, &s->seed, 0, 0, "N", "of the filter", NULL},
+        {"--seed", OPTION_IS_SEED, &s->seed, 0, 0, "N", "seed of the particle filter", NULL},
         OPTION_FLAG("--report", &s->report,
                     "also NAME.html, a page that plays every step of the particle filter"),
         OPTION_FLAG("--quiet", &s->quiet, "no summary"),
@@ -149,7 +149,8 @@ static option_result read_settings(settings *s, int argc, char **argv)
         PROGRAM, "IMAGE... --model SHAPE -o DIR [options]",
         "Finds the contours of a known object in images (TIFF, PNG, JPEG, PGM): edge segments of "
         "the image,\n"
-        "grouped by fitting the model's outline to them wherever pairs of them suit its axis.",
+        "grouped by fitting the outline of the model, with hypotheses seeded at pairs of segments "
+        "symmetric about its axis.",
         table, sizeof table / sizeof *table};
     option_result result;
 

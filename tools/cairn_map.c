@@ -469,8 +469,9 @@ static cairn_mapper_params params_for(const map_settings *s, const map_input *in
 int map_refuse_keys(const map_settings *s, int32_t max_keys)
 {
     return options_refuse(MAP_PROGRAM,
-                          "%s: needs more than %" PRId32 " keyframes: raise --max-keys", s->log,
-                          max_keys);
+                          "%s: needs more than %" PRId32
+                          " keyframes, expected at most that: raise --max-keys",
+                          s->log, max_keys);
 }
 
 /* Maps and writes with a capacity of `points` points per keyframe. *full is set, and no line

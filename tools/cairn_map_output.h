@@ -21,7 +21,7 @@ typedef struct map_scan {
 
     /* Sensor data in the frame of the scan. */
     cairn_vec2 sensor;
-    float *beam;  /* [2 beam_count] x and y of the ends of beams that hit or saw nothing */
+    float *beam;  /* [2 beam_count] x and y of the end points of beams, hits and no returns */
     uint8_t *hit; /* [beam_count] 1: hit, 0: free */
     cairn_vec2 *point;
     cairn_segment *segment;

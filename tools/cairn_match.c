@@ -120,10 +120,9 @@ static option_result read_settings(settings *s, int argc, char **argv)
     };
     const option_set set = {PROGRAM, "A B [options]",
                             "Matches scan B against scan A: hypotheses of the pose of B in the "
-                            "frame of A, best first, with standard\\n"
+                            "frame of A, best first, with standard\n"
                             "deviations, and a verdict: found, ambiguous (competing hypotheses, or "
-                            "an unobservable direction) or none.\\n"
-                            "\n"
+                            "an unobservable direction) or none.\n"
                             "A and B: FILE or FILE:INDEX, a CARMEN log or scans of CSM (JSON), "
                             "plain or gzipped; INDEX counts\n"
                             "the scans of the file from 0, which is also the default.",

@@ -67,12 +67,10 @@ static option_result read_settings(merge_settings *s, int argc, char **argv)
                     "scoring of pose hypotheses: evidence (log-likelihood ratio), or images: Psi "
                     "and gamma of the thesis (9.5, 9.6)"),
         OPTION_FLAG("--as-written", &s->as_written,
-                    "chapter 9 of the thesis as written: corners alone, images\nalone, 50 "
-                    "particles; no map is refused "
-                    "that has a corner like\nanother one's"),
+                    "chapter 9 of the thesis as written: only corners, only\nimages, 50 particles; "
+                    "every map with a corner similar to another map's is placed"),
         {"--particles", OPTION_IS_INTEGER, &s->particles, 1, 4096, "N",
-         "of the filter; more than a few tell rival places apart that\nonly a later map decides "
-         "between",
+         "particles of the filter; many keep competing hypotheses until a later map resolves them",
          &s->particles_given},
         OPTION_INTEGER("--seed", &s->seed, 0, 9e15, "N", "seed of the particle filter"),
         OPTION_TEXT("--pool", &s->pool, "BYTES",

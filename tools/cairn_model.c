@@ -45,7 +45,7 @@ static option_result read_settings(settings *s, int argc, char **argv)
                             "Makes the model of a shape from a picture of one object, a silhouette "
                             "or a drawing of its\n"
                             "outline (TIFF, PNG, JPEG, PGM): the axes of its symmetry with the "
-                            "radii along them. SHAPE may also be a\\n"
+                            "radii along them. SHAPE may also be a\n"
                             "model, to be drawn or mirrored.",
                             table, sizeof table / sizeof *table};
     const char *words[1] = {NULL};

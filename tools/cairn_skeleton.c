@@ -91,7 +91,7 @@ static option_result read_settings(settings *s, int argc, char **argv)
                     "range of half the width of parts, pixels (proposed from each image)"),
         OPTION_TEXT(
             "--learn", &s->learn, "DIR",
-            "learns the range of radii from the objects in DIR, silhouettes or drawings of\\n"
+            "learns the range of radii from the objects in DIR, silhouettes or drawings of\n"
             "outlines, in the scale of the images"),
         OPTION_FLAG("--as-written", &s->written,
                     "the method of Adluru 2008, chapter 3, as printed: particles start on the\n"
@@ -109,11 +109,11 @@ static option_result read_settings(settings *s, int argc, char **argv)
                       "minimum gradient of an edge, grey levels per pixel"),
         OPTION_NUMBER(
             "--contrast", &s->contrast, 0, 100, "L",
-            "log odds of an edge whose gradient is e times the mean; 0: all edges are equal\\n"
+            "log odds of an edge whose gradient is e times the mean; 0: all edges are equal\n"
             "(6); not as written"),
         OPTION_INTEGER("--particles", &s->particles, 1, 1024, "N",
                        "particles of the filter (16; as written 50)"),
-        {"--seed", OPTION_IS_SEED, &s->seed, 0, 0, "N", "of the filter", NULL},
+        {"--seed", OPTION_IS_SEED, &s->seed, 0, 0, "N", "seed of the particle filter", NULL},
         OPTION_FLAG("--lines", &s->lines,
                     "also NAME-lines.svg: centre points of edges that face each other, and lines "
                     "through them"),
@@ -123,7 +123,8 @@ static option_result read_settings(settings *s, int argc, char **argv)
         PROGRAM, "IMAGE... -o DIR [options]",
         "Groups the contours and axes of the symmetric parts of images (TIFF, PNG, JPEG, PGM) at "
         "once,\n"
-        "with no model: walks between edges that face each other. Contours between regions\n"
+        "without a model, by a particle filter on pairs of edges that face each other. Contours "
+        "between regions\n"
         "of different colours are ranked by the contrast of their sides.",
         table, sizeof table / sizeof *table};
     option_result result;
