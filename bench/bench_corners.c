@@ -12,14 +12,14 @@
 
 #define DEGREE 0.017453292519943295
 
-enum { CORNERS = 3, FIELD_STEPS = 12, NEAREST_STEPS = 100, POINTS_MOST = 512 };
+enum { CORNERS = 3, FIELD_STEPS = 12, NEAREST_STEPS = 100, MAX_POINTS = 512 };
 
 typedef struct corner {
     cairn_segment segments[2];
     int32_t first_point[CORNERS];
-    cairn_oriented_point points[POINTS_MOST];
+    cairn_oriented_point points[MAX_POINTS];
     cairn_scan_view view;
-    cairn_segment pieces[POINTS_MOST]; /* of the walls from point to point, to be drawn */
+    cairn_segment pieces[MAX_POINTS]; /* of the walls from point to point, to be drawn */
     int32_t piece_count;
 } corner;
 
@@ -154,7 +154,7 @@ static cairn_status run_nearest(const corner corners[CORNERS], cairn_pose poses[
     cairn_status status;
 
     params.mode = CAIRN_ICP_POINT_TO_POINT;
-    params.max_target = CORNERS * POINTS_MOST;
+    params.max_target = CORNERS * MAX_POINTS;
     params.max_iterations = 1;
     params.gate_start = params.gate_end = 5;
     params.cell = 1;

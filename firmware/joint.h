@@ -42,10 +42,9 @@ typedef struct joint {
     joint_params params;
     cairn_pose_graph *graph;
     cairn_pose *poses; /* [count] poses of the last round */
-    cairn_real(
-        /* [count]: row-major over (optimizer, y, theta) in the map; the first pose is fixed. Zero at
-         * the start */
-        *covariances)[9];
+    /* [count] row-major over (x, y, theta) in the map; the first pose is fixed. Zero at the
+     * start */
+    cairn_real (*covariances)[9];
     int32_t count;
     const cairn_scan_set *set;
     /* [count] 1: the pose is fixed; or NULL */

@@ -12,7 +12,7 @@
 #define ALIGN_PROGRAM "cairn align"
 
 /* Maximum number of points, and of segments, of all scans together. */
-#define ALIGN_POINTS_MOST (1 << 24)
+#define ALIGN_MAX_POINTS (1 << 24)
 
 typedef struct align_settings {
     const char *log, *folder, *method, *pool, *report;

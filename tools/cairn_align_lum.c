@@ -146,7 +146,7 @@ static int32_t max_hits_of(const align_job *job)
 {
     int64_t all = (int64_t)job->log->count * job->log->info.beams_most;
 
-    return all < ALIGN_POINTS_MOST ? (int32_t)all : ALIGN_POINTS_MOST;
+    return all < ALIGN_MAX_POINTS ? (int32_t)all : ALIGN_MAX_POINTS;
 }
 
 int align_by_lum(align_job *job)

@@ -59,7 +59,7 @@ static option_result read_settings(map_settings *s, int argc, char **argv)
         "With --filter every particle has a map of its own, and the map of the most likely path is "
         "written.",
         table, sizeof table / sizeof *table};
-    size_t words = MAP_LOGS_MOST;
+    size_t words = MAP_MAX_LOGS;
     option_result result = options_read(&set, argc, argv, s->logs, &words);
 
     if (result != OPTIONS_READ)

@@ -4,7 +4,7 @@
 
 #include "cairn/carmen_log.h"
 
-enum { MAP_LOGS_MOST = 64 };
+enum { MAP_MAX_LOGS = 64 };
 
 typedef struct map_log {
     const char *path;
@@ -14,7 +14,7 @@ typedef struct map_log {
 } map_log;
 
 typedef struct map_input {
-    map_log log[MAP_LOGS_MOST];
+    map_log log[MAP_MAX_LOGS];
     int32_t log_count;
     cairn_carmen_record *record; /* [count] of all logs */
     int32_t count;

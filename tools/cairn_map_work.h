@@ -11,7 +11,7 @@
 
 typedef struct map_settings {
     const char *log; /* the first one */
-    const char *logs[MAP_LOGS_MOST];
+    const char *logs[MAP_MAX_LOGS];
     const char *folder, *pool, *report;
     int32_t log_count;
     int64_t max_keys, window, seed, particles;
