@@ -1,8 +1,8 @@
 #!/bin/sh
 # Writes the library as two files, cairn.h and cairn.c, into a directory: tools/amalgamate.sh DIRECTORY
 #
-# The public headers and the .c files of core, contour and mapping follow one another in the order of tools/rooms.txt.
-# Macros of a .c end with it. A file-level name (static function or variable, type, tag, enum constant) that several
+# The public headers and the .c files of core, contour and mapping are concatenated in the order of tools/rooms.txt.
+# Macros of a .c are undefined at its end. A file-level name (static function or variable, type, tag, enum constant) that several
 # files use is renamed in each .c by a macro, to <module>_<name>.
 set -e
 export LC_ALL=C
@@ -10,7 +10,7 @@ out=${1:?usage: tools/amalgamate.sh DIRECTORY}
 mkdir -p "$out"
 
 modules=$(awk '$1 == "core" || $1 == "contour" || $1 == "mapping" { print $1 "/" $2 }' tools/rooms.txt)
-# The .c files in the order of their modules, parts (<module>_<part>.c) behind their module.
+# The .c files in the order of their modules; parts (<module>_<part>.c) follow their module.
 sources=$(ls src/core/*.c src/contour/*.c src/mapping/*.c 2>/dev/null | awk '
     BEGIN {
         while ((getline line < "tools/rooms.txt") > 0)
@@ -32,7 +32,7 @@ banner()
     echo ' */'
 }
 
-# A header without its guard and without what it includes of cairn.
+# Prints a header without its guard and without its includes of cairn.
 body()
 {
     awk '
@@ -60,7 +60,7 @@ body()
     echo '#endif'
 } >"$out/cairn.h.new"
 
-# File-level names of .c files and private headers, one "<file> <name>" a line.
+# File-level names of .c files and private headers, one "<file> <name>" per line.
 names()
 {
     awk '
@@ -173,7 +173,7 @@ names $sources $(ls src/core/*.h src/contour/*.h src/mapping/*.h 2>/dev/null) | 
         macros = 0
         split("", replaced)
     }
-    # The line with the names in `replaced` exchanged, but not those behind . or ->.
+    # The line with the names in `replaced` exchanged, but not those after . or ->.
     function exchanged(line,    out, name)
     {
         out = ""
@@ -208,7 +208,7 @@ names $sources $(ls src/core/*.h src/contour/*.h src/mapping/*.h 2>/dev/null) | 
         for (i = 1; i <= entries; i++) {
             split(list[i], word, " ")
             if (word[1] == FILENAME && users[word[2]] > 1) {
-                # A name that a struct of a header, and none of this file, has as a member: it is replaced where it stands
+                # A name that a struct of a header, and none of this file, has as a member: it is replaced where it occurs
                 # alone. A macro would change the member, too.
                 member = "[ *]" word[2] "(,|;|\\[|\\)\\()"
                 if (whole ~ ("(\\.|->)" word[2] "[^A-Za-z0-9_]") && members ~ member && own !~ member) {

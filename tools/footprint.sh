@@ -1,10 +1,10 @@
 #!/bin/sh
-# What the library takes on a microcontroller: tools/footprint.sh [--check] BUILD FILE
+# Memory and time of the library on a microcontroller: tools/footprint.sh [--check] BUILD FILE
 #
-# Measures what BUILD/firmware holds after `make firmware-test` (code, stack, instructions, memory; float, Cortex-M7, -Os), and
+# Measures the programs in BUILD/firmware after `make firmware-test` (code, stack, instructions, memory; float, Cortex-M7, -Os), and
 # pool bytes with tools/pool_formulas.c (with the float library of the desktop), and writes it between the two markers in
-# FILE. With --check FILE stays as it is: exits with 1 when a figure has grown by more than 5 % (and by more than 16) over the
-# one in FILE, or when a row is not there.
+# FILE. With --check FILE is not changed: exits with 1 when a figure has grown by more than 5 % (and by more than 16) over the
+# one in FILE, or when a row is missing.
 check=
 [ "$1" != --check ] || {
     check=1
