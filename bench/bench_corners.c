@@ -59,7 +59,8 @@ static void add_wall(corner *c, double ax, double ay, double bx, double by, doub
     c->first_point[++c->view.segment_count] = c->view.point_count;
 }
 
-/* The corner at the origin, seen by a sensor at (-1, -1) as far as these lengths of its walls. */
+/* Points of the corner at the origin, observed by a sensor at (-1, -1) up to these lengths of its
+ * walls. */
 static void make_corner(corner *c, double right, double upper, double spacing)
 {
     memset(c, 0, sizeof *c);
@@ -144,7 +145,7 @@ static cairn_status nearest_step(cairn_icp *icp, const corner corners[CORNERS],
     return CAIRN_OK;
 }
 
-/* Nearest points however far, as they are without directions. */
+/* Nearest points without a distance gate and without directions. */
 static cairn_status run_nearest(const corner corners[CORNERS], cairn_pose poses[CORNERS])
 {
     cairn_icp_params params = cairn_icp_default();

@@ -1,15 +1,15 @@
 /* bench/clutter: objects in generated clutter (chapter 2), with no data.
  *
- * A scene holds one object of a family, 120 px times 0.7 ... 1.3, turned by up to 10 degrees,
- * among --k others, --noise grey levels, --hidden of its boundary behind a disc. The model is
- * the object's own shape (--mode instance) or another member of its family (class). Found is
- * what bench counts, of the best grouping: hit50, its box and the object's overlap by half;
- * boundary80, 80 % of the whole boundary lie within 3 px of its segments or, where there are
- * none, of its completed pieces: the model's outline as it was laid there; visible80, 80 % of
- * that which is not hidden within 3 px of its segments alone; segments80, of the whole;
- * boundary_f of the segments; labels: lengths of segments. --method detect, parts:
- * cairn_object_detect, which turns no model, on the same scenes; its segments and its bent
- * outline. false_per_image is counted on as many scenes without the object. */
+ * A scene holds one object of a family, 120 px times 0.7 ... 1.3, turned by up to 10 degrees, among
+ * --k others, --noise grey levels, --hidden of its boundary behind a disc. The model is the
+ * object's own shape (--mode instance) or another member of its family (class). Found is what bench
+ * counts, of the best grouping: hit50, its box and the object's overlap by half; boundary80, 80 %
+ * of the whole boundary lie within 3 px of its segments or, where there are none, of its completed
+ * pieces: the fitted outline of the model; visible80, 80 % of that which is not hidden within 3 px
+ * of its segments alone; segments80, of the whole; boundary_f of the segments; labels: lengths of
+ * segments. --method detect, parts: cairn_object_detect, which turns no model, on the same scenes;
+ * its segments and its deformed outline. false_per_image is counted on as many scenes without the
+ * object. */
 #include <inttypes.h>
 #include <math.h>
 #include <stdio.h>
@@ -46,8 +46,8 @@ typedef struct finder {
     cairn_grouping *grouping;
     cairn_segment lines[MOST_SEGMENTS];
     int32_t line_count;
-    cairn_contour_tokens tokens; /* of method detect and parts: what lines are, */
-    cairn_detections detections; /* and what was found */
+    cairn_contour_tokens tokens; /* methods detect and parts: the segments, */
+    cairn_detections detections; /* and the detections */
 } finder;
 
 typedef struct sums {

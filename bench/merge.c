@@ -1,8 +1,8 @@
 /* bench/merge: merging of the maps of several robots without a prior.
  *
- * An arena is divided among robots; each scans its part from a few places and draws a grid in a
- * frame of its own. A map is right when it lies within 0.10 m and 2 degrees of the truth, relative
- * to the largest consistent set of maps. */
+ * An arena is divided among robots; each scans its part from a few places and builds a grid in a
+ * separate frame. A map is right when it lies within 0.10 m and 2 degrees of the truth, relative to
+ * the largest consistent set of maps. */
 #include <inttypes.h>
 #include <math.h>
 #include <stdio.h>

@@ -37,8 +37,7 @@ typedef struct settings {
     int32_t as_written;
 } settings;
 
-/* Of a map, or of what lies in one quadrant of it: its cells, and the scans that were taken
- * there. */
+/* Measures of a map or of one quadrant: its cells, and the scans taken in it. */
 typedef struct part {
     double entropy, likelihood;
     double x, y, theta, distance; /* m, degrees; NaN: no scan there */
@@ -86,7 +85,7 @@ static void close_scene(scene *s)
     bench_problem_close(&s->problem);
 }
 
-/* The beams of all scans, and the box of what they hit. */
+/* The beams of all scans, and the bounding box of their hits. */
 static cairn_status keep_beams(scene *s, cairn_box *box)
 {
     cairn_scan_params params = cairn_scan_default();

@@ -1,9 +1,9 @@
 /* bench/slam: whole real logs against their reference relations (Kuemmerle et al. 2009).
  *
- * A relation is the pose of one scan seen from another. Its error is that of the estimated
- * relative pose seen from the reference: length of the translation, absolute angle of the
- * rotation; mean and standard deviation over all relations. With --no-odometry the poses of the
- * log are overwritten with noise before they could be used. */
+ * A relation is the relative pose of two scans. Its error is the difference of the estimated
+ * relative pose from the reference: length of the translation, absolute angle of the rotation; mean
+ * and standard deviation over all relations. With --no-odometry the poses of the log are
+ * overwritten with noise before they are used. */
 #include <inttypes.h>
 #include <math.h>
 #include <stdio.h>
@@ -78,8 +78,8 @@ static void rehang(const cairn_mapper *mapper, int32_t *seen, int32_t *key, cair
             cairn_mapper_rehang(cairn_mapper_release_at(mapper, *seen), &key[i], &poses[i]);
 }
 
-/* Maps the log; poses: [count], of the sensor, which is what relations are between. Returns the
- * time that took, -1 on failure. */
+/* Maps the log; poses: [count], of the sensor, as relations are between sensors. Returns the
+ * elapsed time, -1 on failure. */
 static double map_log(const settings *s, const cairn_carmen_scans *log, cairn_pose *poses,
                       size_t *pool_bytes, cairn_mapper_state *state, scan_cost *cost)
 {

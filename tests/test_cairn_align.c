@@ -270,7 +270,7 @@ static void options_that_do_not_go_together(void **state)
         {"--no-poses --as-written --online --report x.html",
          "--report with --online: the player needs all scans"},
         {"--no-poses --as-written --online --virtual",
-         "--virtual with --no-poses: no scan has a start"},
+         "--virtual with --no-poses: hypotheses need initial poses"},
         {"--as-written --pictures", "--pictures with a map other than --no-poses --as-written"},
         {"--no-poses --pictures", "--pictures with a map other than --no-poses --as-written"},
         {"--no-poses --as-written --online --pictures",
