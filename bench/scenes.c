@@ -66,7 +66,8 @@ static void count_closure(const settings *s, const cairn_mapper_loop *loop, cons
     out->wrong++;
     if (s->verbose)
         fprintf(stderr,
-                "closure of key scans %" PRId32 " and %" PRId32 ": off by %.3f m, %.2f degrees\n",
+                "loop closure of keyframes %" PRId32 " and %" PRId32
+                ": off by %.3f m, %.2f degrees\n",
                 loop->first, loop->second, off, turn * 57.29577951308232);
 }
 
@@ -292,8 +293,8 @@ int main(int argc, char **argv)
         OPTION_INTEGER("--seed", &s.seed, 0, 1000000000, "N", "of the first one"),
         OPTION_INTEGER("--scans", &s.scans, 2, 10000, "N",
                        "of a drive, one every 0.3 m or 0.3 rad"),
-        OPTION_FLAG("--no-odometry", &s.no_odometry, "ranges alone"),
-        OPTION_FLAG("--verbose", &s.verbose, "tell every wrong closure"),
+        OPTION_FLAG("--no-odometry", &s.no_odometry, "uses the ranges alone"),
+        OPTION_FLAG("--verbose", &s.verbose, "prints every wrong loop closure"),
     };
     const option_set set = {"bench/scenes", "[options]", "Do loops that close ever lead astray?",
                             table, sizeof table / sizeof *table};
