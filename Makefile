@@ -1,6 +1,6 @@
 # cairn: one Makefile. `make help` lists the targets. Everything is built under $(BUILD).
 #
-#   make BUILD=build/asan SANITIZE=1 test     a variant beside the default one: addresses and undefined behaviour
+#   make BUILD=build/asan SANITIZE=1 test     a separate variant: address and undefined behaviour sanitizers
 #   make BUILD=build/tsan SANITIZE=thread ... threads
 #   make BUILD=build/clang CC=clang CXX=clang++ OPT=-O3
 
@@ -22,23 +22,23 @@ WARN     := -Wall -Wextra -Wpedantic -Wshadow -Wconversion -Wdouble-promotion -W
 CWARN    := $(WARN) -Wstrict-prototypes -Wmissing-prototypes
 ,        := ,
 SAN       = $(if $(SANITIZE),-fsanitize=$(SANITIZE:1=address$(,)undefined) -fno-sanitize-recover=all -fno-omit-frame-pointer -g)
-# Coverage of src/ only: what drives it stays fast.
+# Coverage of src/ only; tests and tools are compiled without it.
 COVER     = $(if $(and $(COVERAGE),$(filter src/%,$<)),--coverage -O0)
 COMMON    = $(OPT) -g -I. -Iinclude -MMD -MP -ffp-contract=off -fPIC $(SAN) $(COVER)
-# With assertions on, undefined behaviour (an index out of bounds, an overflow) ends the program, too, where the compiler
-# can do that without a library of its own.
+# With assertions, undefined behaviour (an index out of bounds, an overflow) also ends the program by a trap, where the
+# compiler needs no runtime library for it.
 TRAPS     := $(if $(ASSERTIONS),$(if $(SANITIZE)$(COVERAGE),,$(shell t='-fsanitize=undefined -fsanitize-undefined-trap-on-error'; \
              $(CC) -Werror $$t -x c -c /dev/null -o /dev/null 2>/dev/null && echo "$$t")))
-# The library itself is freestanding C11; all that runs on a desktop may use POSIX and is built with assertions on. There long loops over
-# planes become vectors, the same bits.
+# The library itself is freestanding C11; all desktop code may use POSIX and is built with assertions. On desktops long loops
+# over image planes are vectorized, with the same bits.
 LIB_FLAGS  = -std=c11 $(CWARN) $(WERROR) $(COMMON) -fno-math-errno $(if $(ASSERTIONS),-DCAIRN_ASSERTIONS) $(TRAPS)
 HOST_FLAGS = -std=c11 -D_POSIX_C_SOURCE=200809L -D_DEFAULT_SOURCE $(CWARN) $(WERROR) $(COMMON) $(HOST_OPT) $(TRAPS)
-# Tests are compiled more often than they run.
+# Tests are optimized less: they are compiled more often than they run.
 TEST_OPT   = $(if $(filter tests/%,$<),$(if $(filter -O2 -O3,$(OPT)),-O1))
 CXX_FLAGS  = -std=c++17 $(WARN) $(WERROR) $(COMMON) $(TRAPS)
 
-# Rooms. Box2D, libyaml, zlib, libpng, OpenCV and cmocka are looked for where Debian puts them; what is missing switches off what
-# needs it (tools/deps.sh brings it).
+# Modules. Box2D, libyaml, zlib, libpng, OpenCV and cmocka are searched in the Debian locations. A missing library disables
+# its modules (tools/deps.sh installs it).
 has        = $(or $(wildcard /usr/include/$(1)),$(wildcard /usr/local/include/$(1)))
 CORE_SRC    := $(wildcard src/core/*.c)
 CONTOUR_SRC := $(wildcard src/contour/*.c)
@@ -62,7 +62,7 @@ CAIRN_SRC   := $(if $(HAVE_HOST),$(filter-out tools/cairn_arena% tools/cairn_sce
 ARENA_SRC   := $(if $(and $(HAVE_SIM),$(HAVE_HOST)),$(wildcard tools/cairn_arena*.c) tools/options.c)
 SCENE_SRC   := $(if $(HAVE_HOST),tools/cairn_scene.c tools/options.c sim/outlines.c bench/bench_scene.c)
 TEST_COMMON := tests/support.c tests/rooms.c tests/kept.c bench/bench_bound.c bench/bench_score.c bench/bench_endless.c bench/bench_json.c $(FW_ROBOT) $(FW_SURVEYOR) firmware/recorder.c
-# What one test alone is linked with: NEEDS_<test>.
+# Additional sources of single tests: NEEDS_<test>.
 GOLDEN      := $(wildcard tests/golden*.c)
 NEEDS_test_golden := $(filter-out tests/golden.c,$(GOLDEN))
 NEEDS_test_memory := tools/pool_objects.c
@@ -126,7 +126,7 @@ $(BUILD)/double/src/%.c.o: src/%.c
 $(BUILD)/float/src/%.c.o: src/%.c
 	@mkdir -p $(@D)
 	$(CC) -DCAIRN_FLOAT $(if $(filter host/%,$*),$(HOST_FLAGS),$(LIB_FLAGS)) $(CFLAGS) -c $< -o $@
-# The page of the player is made of its HTML.
+# The page of the player is generated from its HTML.
 $(BUILD)/src/host/report_player_page.c: src/host/report_player.html tools/page.sh
 	@mkdir -p $(@D)
 	sh tools/page.sh >$@.part && mv $@.part $@
@@ -163,7 +163,7 @@ $(BUILD)/float/libcairn-sim.a: $(call object,float,$(SIM_SRC))
 $(BUILD)/libcairn.so.$(SOVERSION): $(call object,double,$(LIB_SRC))
 	$(CC) -shared -Wl,-soname,$(@F) $(SAN) $(LDFLAGS) -o $@ $^ -lm
 
-# OpenCV's own headers are not held to our warnings.
+# Warnings are disabled for the headers of OpenCV.
 $(BUILD)/double/src/host/vision_shim.cpp.o $(BUILD)/double/src/host/appearance_shim.cpp.o: CXXFLAGS += -isystem $(VISION_INC)
 $(BUILD)/libcairn-vision.so: $(call object,double,$(VISION_SRC))
 	$(CXX) -shared -Wl,-soname,$(@F) $(SAN) $(LDFLAGS) -o $@ $^ $(VISION_LIBS)
@@ -202,8 +202,8 @@ $(BUILD)/tests-float/$(1): $(call object,float,$(NEEDS_$(1)))
 endef
 $(foreach test,$(TESTS),$(if $(NEEDS_$(test)),$(eval $(call test_needs,$(test)))))
 
-# make test and make demo bring what they need, then run make again, which now sees it; on all processors unless the
-# caller said on how many.
+# make test and make demo install missing dependencies, then run make again to detect them, on all processors unless -j is
+# given.
 PARALLEL = $(if $(filter -j% --jobserver%,$(MAKEFLAGS)),,-j$(shell nproc))
 test:
 	@sh tools/deps.sh build test
@@ -216,7 +216,7 @@ TEST_PROGRAMS = $(if $(filter double,$(PRECISIONS)),$(TESTS:%=$(BUILD)/tests/%))
 run-tests: all $(TEST_PROGRAMS)
 	@SANITIZE=$(SANITIZE) sh tests/run.sh $(BUILD) $(TEST_PROGRAMS)
 
-# What results and pools are kept to be, after a change that means to change them (tests/kept.h).
+# Updates the stored results and pool sizes after an intended change (tests/kept.h).
 KEPT = test_golden test_memory test_long
 golden:
 	@sh tools/deps.sh build test
@@ -243,7 +243,7 @@ appearance:
 	@sh tools/deps.sh build vision appearance
 	@$(MAKE) $(PARALLEL) $(BUILD)/libcairn-vision.so $(BUILD)/libcairn-appearance.so
 
-# What the thesis reports, measured anew: docs/thesis.md. DATA: the folder of the public data.
+# Repeats the experiments of the thesis: docs/thesis.md. DATA: the folder of the public data.
 DATA ?= ../shared/data
 thesis:
 	@sh tools/deps.sh build vision appearance
@@ -285,7 +285,7 @@ check-long:
 	@sh tools/deps.sh build test check
 	@sh tools/check-long.sh $(BUILD)
 
-# Every object of what is shipped or measures, those of the tests, and both, for the checks of warnings.
+# All objects of library, tools and benches, those of the tests, and both, for the checks of warnings.
 CODE_SRC = $(LIB_SRC) $(HOST_SRC) $(SIM_SRC) $(FW_LOOP) $(FW_SURVEY) firmware/board_host.c $(BENCH_SRC) $(BENCH_COMMON) $(CAIRN_SRC) $(ARENA_SRC) $(SCENE_SRC)
 ALL_TEST_SRC = $(TEST_SRC) $(filter tests/%,$(TEST_COMMON)) $(GOLDEN) $(NEEDS_test_long) $(NEEDS_test_memory)
 code-objects: $(call object,double,$(CODE_SRC) $(VISION_SRC) $(APPEARANCE_SRC)) $(call object,float,$(CODE_SRC))
@@ -299,7 +299,7 @@ FW_CPUS   := m7 m7d m4
 fw_m7     := -mcpu=cortex-m7 -mfpu=fpv5-sp-d16
 fw_m7d    := -mcpu=cortex-m7 -mfpu=fpv5-d16
 fw_m4     := -mcpu=cortex-m4 -mfpu=fpv4-sp-d16
-# Where the emulated boards have their external RAM.
+# Address of the external RAM of the emulated boards.
 external_m7 := 0x60000000
 external_m4 := 0x21000000
 FW_FLAGS  := -std=c11 $(CWARN) $(WERROR) -Os -g -mthumb -mfloat-abi=hard -ffunction-sections -fdata-sections -fno-math-errno \

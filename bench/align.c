@@ -1,12 +1,12 @@
 /* bench/align: all scans of simulated arenas at once, from disturbed poses.
  *
- * The scans of each arena are shuffled, and every arena lies in the world at an angle of its
- * own. A scan is aligned when it lies within 0.05 m and 1 degree (--within) of the truth after
- * the best common motion; the share is that of the scans that the Cramer-Rao bound calls
- * observable (bench_bound). A method that says which poses are not to be relied on is held to
- * it: false_flags are observable scans that it flagged, missed_flags unobservable ones that it
- * did not, and of all scans that it did not flag, inside95 have their truth inside the 95 %
- * ellipse of their position. */
+ * The scans of each arena are shuffled, and every arena is rotated randomly in the world. A scan is
+ * aligned when it lies within 0.05 m and 1 degree (--within) of the truth after the best rigid
+ * alignment; the fraction is relative to the scans that are observable by the Cramer-Rao bound
+ * (bench_bound). The flags of methods that report low-confidence poses are evaluated: false_flags
+ * are observable scans that it flagged, missed_flags unobservable ones that it did not, and of all
+ * scans that it did not flag, inside95 is the fraction with the true position inside the 95 %
+ * covariance ellipse. */
 #include <inttypes.h>
 #include <math.h>
 #include <stdio.h>

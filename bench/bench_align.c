@@ -71,7 +71,7 @@ static int report(cairn_status status)
 
 /* ---- default ---- */
 
-/* Just the room that the scans need. */
+/* Capacities that exactly fit the scans. */
 static cairn_status count_room(fitter *f, const sim_scan *scans, int32_t count,
                                cairn_aligner_params *params)
 {

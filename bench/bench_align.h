@@ -1,5 +1,5 @@
-/* Methods of simultaneous alignment, side by side: scans and initial poses in, poses and what is
- * known of them out. */
+/* Common interface of the methods of batch scan alignment: scans and initial poses in, poses with
+ * covariances and verdicts out. */
 #ifndef CAIRN_BENCH_ALIGN_H
 #define CAIRN_BENCH_ALIGN_H
 
@@ -31,7 +31,7 @@ typedef struct bench_run {
     double seconds, step_ms;
     size_t pool_bytes;
     int64_t units;      /* of budget, and ... */
-    int32_t worst_step; /* ... of the dearest item; 0: of a method that counts none */
+    int32_t worst_step; /* ... of the most expensive work item; 0: the method counts none */
 } bench_run;
 
 /* Fits a scan's lines. */

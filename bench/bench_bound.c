@@ -6,7 +6,8 @@
 
 enum { POSE = 3, WALL = 2 };
 
-/* Blocks of one wall: its own information and its coupling to each scan that saw it. */
+/* Information blocks of one wall: its own block and the coupling blocks to each scan that observed
+ * it. */
 typedef struct wall {
     double own[WALL][WALL];
     double *cross; /* [count][POSE][WALL] */

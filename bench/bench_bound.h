@@ -1,11 +1,11 @@
-/* The Cramer-Rao bound of scan poses: how well could anyone align these scans?
+/* The Cramer-Rao bound of scan poses: the lower bound of the pose covariance of any unbiased
+ * alignment.
  *
- * In simulation the wall that every beam hit is known. With a beam's end point p, its wall's
- * normal n and offset rho, the signed distance is e = n p - rho; a range error of standard
- * deviation sigma moves it by sigma |cos b|, b the angle between beam and normal. Each beam adds
- * J J^T / (sigma cos b)^2 over its pose and its wall. The walls are marginalised, a uniform
- * prior +-a of each initial pose coordinate adds 3 / a^2, the best observed scan is fixed, and
- * the rest inverted. */
+ * In simulation the wall that every beam hit is known. With a beam's end point p, its wall's normal
+ * n and offset rho, the signed distance is e = n p - rho; a range error of standard deviation sigma
+ * moves it by sigma |cos b|, b the angle between beam and normal. Each beam adds J J^T / (sigma cos
+ * b)^2 over its pose and its wall. The walls are marginalised, a uniform prior +-a of each initial
+ * pose coordinate adds 3 / a^2, the best observed scan is fixed, and the rest inverted. */
 #ifndef CAIRN_BENCH_BOUND_H
 #define CAIRN_BENCH_BOUND_H
 

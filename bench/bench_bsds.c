@@ -127,7 +127,7 @@ static void mark_way(const bsds_image *image, uint8_t *pixels, cairn_vec2 a, cai
     }
 }
 
-/* Where edgels were seen at both ends. */
+/* Intervals with edgels at both ends. */
 static void mark_part(const bsds_image *image, uint8_t *pixels, const cairn_skeleton_result *r,
                       int32_t part)
 {

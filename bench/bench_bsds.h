@@ -1,4 +1,4 @@
-/* bench_bsds: how well boundary pixels agree with those that people drew. */
+/* bench_bsds: precision and recall of boundary pixels against human boundaries (BSDS). */
 #ifndef CAIRN_BENCH_BSDS_H
 #define CAIRN_BENCH_BSDS_H
 
@@ -9,7 +9,7 @@
 
 typedef struct bsds_image {
     cairn_vision_image colour;      /* 3 channels, or 1 */
-    cairn_vision_image grey, truth; /* truth: above 0 where somebody drew a boundary */
+    cairn_vision_image grey, truth; /* truth: above 0 at human-annotated boundary pixels */
     uint8_t *near;                  /* [height * width] 1: within reach of the truth */
     double reach;                   /* px, 0.75 % of the diagonal */
 } bsds_image;

@@ -1,5 +1,5 @@
-/* Initial poses of scans from nothing: the scans of each place are matched as a whole with those
- * of all other places, or as written by shape with the three places before. */
+/* Initial poses of scans without a prior: every place is matched as a whole with all other places,
+ * or as written by shape with the three previous places. */
 #ifndef CAIRN_BENCH_CHAIN_H
 #define CAIRN_BENCH_CHAIN_H
 

@@ -12,14 +12,14 @@
 
 #define DEGREE 0.017453292519943295
 
-enum { CORNERS = 3, FIELD_STEPS = 12, NEAREST_STEPS = 100, POINTS_MOST = 512 };
+enum { CORNERS = 3, FIELD_STEPS = 12, NEAREST_STEPS = 100, MAX_POINTS = 512 };
 
 typedef struct corner {
     cairn_segment segments[2];
     int32_t first_point[CORNERS];
-    cairn_oriented_point points[POINTS_MOST];
+    cairn_oriented_point points[MAX_POINTS];
     cairn_scan_view view;
-    cairn_segment pieces[POINTS_MOST]; /* of the walls from point to point, to be drawn */
+    cairn_segment pieces[MAX_POINTS]; /* of the walls from point to point, to be drawn */
     int32_t piece_count;
 } corner;
 
@@ -59,7 +59,8 @@ static void add_wall(corner *c, double ax, double ay, double bx, double by, doub
     c->first_point[++c->view.segment_count] = c->view.point_count;
 }
 
-/* The corner at the origin, seen by a sensor at (-1, -1) as far as these lengths of its walls. */
+/* Points of the corner at the origin, observed by a sensor at (-1, -1) up to these lengths of its
+ * walls. */
 static void make_corner(corner *c, double right, double upper, double spacing)
 {
     memset(c, 0, sizeof *c);
@@ -144,7 +145,7 @@ static cairn_status nearest_step(cairn_icp *icp, const corner corners[CORNERS],
     return CAIRN_OK;
 }
 
-/* Nearest points however far, as they are without directions. */
+/* Nearest points without a distance gate and without directions. */
 static cairn_status run_nearest(const corner corners[CORNERS], cairn_pose poses[CORNERS])
 {
     cairn_icp_params params = cairn_icp_default();
@@ -154,7 +155,7 @@ static cairn_status run_nearest(const corner corners[CORNERS], cairn_pose poses[
     cairn_status status;
 
     params.mode = CAIRN_ICP_POINT_TO_POINT;
-    params.max_target = CORNERS * POINTS_MOST;
+    params.max_target = CORNERS * MAX_POINTS;
     params.max_iterations = 1;
     params.gate_start = params.gate_end = 5;
     params.cell = 1;

@@ -1,5 +1,5 @@
-/* Three scans of a corner each (Adluru 2008, figure 7.6): force field simulation beside nearest
- * neighbours. */
+/* Three scans of a corner (Adluru 2008, figure 7.6): force field simulation compared with
+ * nearest-neighbour correspondences. */
 #ifndef CAIRN_BENCH_CORNERS_H
 #define CAIRN_BENCH_CORNERS_H
 

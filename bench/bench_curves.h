@@ -1,4 +1,4 @@
-/* Curves of several methods over their steps, panel by panel, as one picture (SVG). */
+/* Draws curves of several methods over their iterations, in panels of one picture (SVG). */
 #ifndef CAIRN_BENCH_CURVES_H
 #define CAIRN_BENCH_CURVES_H
 

@@ -1,4 +1,4 @@
-/* bench_detect: detections over many images, counted against the truth. */
+/* bench_detect: evaluation of detections over many images against ground truth. */
 #ifndef CAIRN_BENCH_DETECT_H
 #define CAIRN_BENCH_DETECT_H
 
@@ -33,7 +33,7 @@ void detect_tally_free(detect_tally *tally);
  * no memory. */
 int detect_curve(const detect_tally *tally, int32_t criterion, cairn_detection_point *points);
 
-/* Plain oriented chamfer matching, the twin that all else is measured by: eight directions,
+/* Plain oriented chamfer matching, the baseline of the comparison: eight directions,
  * distances cut at a share of the size, nine sizes, three proportions, the mirror image, NMS at
  * 0.2. Detections from the heap. -1: there is no memory. */
 int32_t detect_chamfer(const group_image *image, const cairn_shape_model *model,

@@ -1,13 +1,13 @@
-/* Plain oriented chamfer matching: for each of eight directions the distance to the nearest edge
- * of it, cut off; the mean over the model's samples at every place, size and proportion; the
- * least ones stay. */
+/* Plain oriented chamfer matching: for each of eight directions the distance to the nearest edge of
+ * it, cut off; the mean over the model's samples at every position, scale and aspect ratio; local
+ * minima are the detections. */
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
 #include "bench/bench_detect.h"
 
-enum { CHANNELS = 8, SIZES = 9, ASPECTS = 3, STEP = 4, FOUND_MOST = 64, PEAKS_MOST = 1 << 15 };
+enum { CHANNELS = 8, SIZES = 9, ASPECTS = 3, STEP = 4, MAX_DETECTIONS = 64, MAX_PEAKS = 1 << 15 };
 
 /* Distances beyond such a share of the size cost no more; how far a direction off by a channel
  * is, in px. */
@@ -101,7 +101,7 @@ static int compare_peaks(const void *a, const void *b)
 /* Room for a peak; when there is none the worse half goes. */
 static cairn_detection *next_peak(matcher *m)
 {
-    if (m->count == PEAKS_MOST) {
+    if (m->count == MAX_PEAKS) {
         qsort(m->peaks, (size_t)m->count, sizeof *m->peaks, compare_peaks);
         m->count /= 2;
     }
@@ -165,7 +165,7 @@ static void keep_best(matcher *m)
     int32_t kept = 0;
 
     qsort(m->peaks, (size_t)m->count, sizeof *m->peaks, compare_peaks);
-    for (int32_t i = 0; i < m->count && kept < FOUND_MOST; i++) {
+    for (int32_t i = 0; i < m->count && kept < MAX_DETECTIONS; i++) {
         int32_t apart = 1;
 
         for (int32_t k = 0; k < kept && apart; k++)
@@ -186,7 +186,7 @@ int32_t detect_chamfer(const group_image *image, const cairn_shape_model *model,
 
     m.distance = malloc((size_t)CHANNELS * (size_t)image->width * (size_t)image->height *
                         sizeof *m.distance);
-    m.peaks = malloc(PEAKS_MOST * sizeof *m.peaks);
+    m.peaks = malloc(MAX_PEAKS * sizeof *m.peaks);
     ok = m.distance != NULL && m.peaks != NULL && make_channels(&m);
     for (int32_t k = 0; k < SIZES && ok; k++)
         for (int32_t i = 0; i < 2 * ASPECTS; i++)

@@ -1,4 +1,4 @@
-/* bench_detect_look: what a class looks like, learnt from the first images of its folder. */
+/* bench_detect_look: appearance model of a class, trained on the first images of its folder. */
 #ifndef CAIRN_BENCH_DETECT_LOOK_H
 #define CAIRN_BENCH_DETECT_LOOK_H
 

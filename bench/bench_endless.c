@@ -34,7 +34,7 @@ typedef struct robot {
     sim_point *first_errors; /* [places]: of the first lap in full memory */
     sim_pose truth, found;   /* of the last scan */
     int32_t present, is_full;
-    int64_t units; /* of the scan at hand */
+    int64_t units; /* of the current scan */
 } robot;
 
 bench_endless_options bench_endless_default(void)
@@ -118,7 +118,7 @@ static double off(robot *r, double most)
     return most * (double)cairn_random_uniform(&r->random, -1, 1);
 }
 
-/* Where the robot believes to be: as it moved since the last scan by its odometry. */
+/* Returns the pose estimate of the robot: the last pose composed with the odometry motion. */
 static sim_pose believed(robot *r, const sim_scan *scan)
 {
     sim_pose moved = bench_pose_between(r->truth, scan->truth);

@@ -1,6 +1,6 @@
-/* A robot that drives round and round through an arena with room for so many scans: every scan
- * that comes is aligned with those that are kept, and the one whose place is best covered by
- * others goes. Or one that maps as it drives to and fro. */
+/* Long-term operation in bounded memory: a robot drives laps through an arena; every new scan is
+ * aligned with the stored scans, and the most redundant scan is removed. Or online SLAM by the
+ * mapper on a path driven forward and back. */
 #ifndef CAIRN_BENCH_ENDLESS_H
 #define CAIRN_BENCH_ENDLESS_H
 
@@ -11,7 +11,7 @@ typedef struct bench_endless_options {
     uint64_t seed;
     int64_t scans;          /* in all */
     int32_t places;         /* of a lap */
-    int32_t variants;       /* poses at each place, taken in turn */
+    int32_t variants;       /* poses at each place, visited in turn */
     int32_t kept;           /* scans in the map, the first of which holds it */
     double noise;           /* m, of every range, fresh in every lap */
     double metres, degrees; /* the odometry from place to place is off by up to these, uniform */
@@ -29,7 +29,7 @@ typedef struct bench_endless_lap {
     int32_t scans, kept;
     /* of budget */
     int64_t units;
-    /* units of the dearest scan */
+    /* work units of the most expensive scan */
     int64_t worst;
     /* scans, and of these ... */
     int32_t released;
@@ -53,9 +53,9 @@ typedef struct bench_endless_lap {
 int bench_endless_run(const bench_endless_options *options,
                       void (*report)(void *context, const bench_endless_lap *lap), void *context);
 
-/* The same with the mapper, which releases the best covered key scans: a lap is a drive of
- * places / 2 scans, one every 0.3 m or 0.3 rad, and the same backwards; `kept` key scans at
- * most; per step of 0.3 m the odometry is off by up to `metres` and `degrees`. */
+/* The same with the mapper and keyframe culling: a lap is a drive of places / 2 scans, one every
+ * 0.3 m or 0.3 rad, and the same backwards; at most `kept` keyframes; the odometry error per step
+ * of 0.3 m is at most `metres` and `degrees`. */
 int bench_endless_map(const bench_endless_options *options,
                       void (*report)(void *context, const bench_endless_lap *lap), void *context);
 

@@ -1,4 +1,4 @@
-/* The mapper, to and fro along a tour of an arena. */
+/* Runs the mapper forward and back along a tour of an arena. */
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>

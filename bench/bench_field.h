@@ -1,4 +1,5 @@
-/* bench_field: the scenes of chapter 7 of the thesis, and how far poses are from the truth. */
+/* bench_field: the scenes of chapter 7 of the thesis, and the errors of poses against ground
+ * truth. */
 #ifndef CAIRN_BENCH_FIELD_H
 #define CAIRN_BENCH_FIELD_H
 

@@ -1,4 +1,4 @@
-/* The mapper by particles over a log, and over scans in an order of their own. */
+/* Runs the particle filter mapper (filter_mapper) over a log, and over scans in another order. */
 #ifndef CAIRN_BENCH_FILTER_H
 #define CAIRN_BENCH_FILTER_H
 
@@ -15,8 +15,8 @@ typedef struct bench_filter {
     cairn_filter_mapper_state state;
 } bench_filter;
 
-/* Maps the log; poses: [count] of the robot along the best path, units: [count] what each scan
- * cost. 0 on failure, with a line on standard error. */
+/* Maps the log; poses: [count] of the robot along the best path, units: [count] work units of each
+ * scan. 0 on failure, with a line on standard error. */
 int bench_filter_map(bench_filter *run, const cairn_carmen_scans *log, cairn_pose *poses,
                      double *units);
 

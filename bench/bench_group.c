@@ -1,4 +1,4 @@
-/* Truth and scores of groupings. */
+/* Ground truth and scores of groupings. */
 #include <dirent.h>
 #include <math.h>
 #include <stdio.h>
@@ -8,7 +8,7 @@
 #include "bench/bench_group.h"
 #include "cairn/vision.h"
 
-/* Protocol: px of coverage, share of the box's diagonal of precision; and what a hit is. */
+/* Protocol: px of coverage, share of the box's diagonal of precision; and thresholds of a hit. */
 #define NEAR          3
 #define FAR_SHARE     0.04
 #define HIT_COVERAGE  0.8
@@ -192,7 +192,7 @@ static int32_t background_of(const group_image *image, const uint8_t *pixels)
     return most;
 }
 
-/* One level may hold several instances: each box that is left takes what lies within it. */
+/* One level may contain several instances: each remaining box takes the contour inside it. */
 static void share_out(group_image *image, const uint8_t *outline)
 {
     for (int32_t k = 0; k < image->instances; k++) {
@@ -263,7 +263,7 @@ static void read_outlines(group_image *image, const char *folder, const char *cl
     }
 }
 
-/* Marks the middle of the drawn strokes, some of which are as wide as what coverage allows. */
+/* Marks the middle of the drawn strokes, as some are as wide as the coverage tolerance. */
 static void mark_middle(group_image *image, uint8_t *outline)
 {
     cairn_raster_u8_view view = {outline, image->width, image->height, image->width};
@@ -449,7 +449,7 @@ static double present_share(const group_image *image, int32_t instance)
     return outline > 0 ? (double)present / outline : 0;
 }
 
-/* What a grouping is worth for an instance. */
+/* Returns the score of a grouping for an instance. */
 static group_score score_of(const group_image *image, const group_grouping *g, int32_t instance)
 {
     const group_box *b = &image->box[instance];

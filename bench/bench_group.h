@@ -1,5 +1,5 @@
-/* bench_group: images of the ETHZ shape classes with their truth, and what groupings on them are
- * worth. */
+/* bench_group: images of the ETHZ shape classes with ground truth, and scores of groupings on
+ * them. */
 #ifndef CAIRN_BENCH_GROUP_H
 #define CAIRN_BENCH_GROUP_H
 
@@ -58,7 +58,7 @@ typedef struct group_found {
     group_grouping grouping[GROUP_GROUPINGS];
     int32_t count;
     double best;
-    /* Of the mode as written: what the searches on this image came to, one after the other. */
+    /* Mode as written: results of the searches on this image, in order. */
     int32_t searches, end[GROUP_INSTANCES]; /* CAIRN_GROUPING_... */
     int32_t points_dropped;                 /* of all together */
 } group_found;
@@ -71,7 +71,8 @@ void group_found_sort(group_found *found);
 
 typedef struct group_score {
     int32_t instance, hit;
-    /* 1: as the thesis counts: 80 % of what is present is grouped, whatever else is */
+    /* 1: hit as counted in the thesis: recall of at least 80 % of the visible contour, regardless
+     * of precision */
     int32_t covered;
     /* 1: a hit when the outline is the line in the middle of its stroke */
     int32_t thin;
@@ -83,8 +84,8 @@ typedef struct group_score {
 int32_t group_measure(const group_image *image, const group_found *found,
                       group_score score[GROUP_INSTANCES]);
 
-/* DIR/name.ppm: edges grey, outlines green, the groupings that count red, their bent outlines
- * blue, violet where nothing was seen. */
+/* DIR/name.ppm: edges grey, outlines green, scored groupings red, their deformed outlines blue,
+ * violet without supporting edges. */
 void group_draw(const char *folder, const group_image *image, const group_found *found);
 
 #endif

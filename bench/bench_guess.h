@@ -1,20 +1,20 @@
-/* bench_guess: what hypotheses are tried on: detectors alone, a box seen from two sides, a
- * hypothesis that is false, and how far walls that go on straight are from it. */
+/* bench_guess: test cases for hypotheses of virtual scans: detectors alone, a box observed from two
+ * sides, a false hypothesis, and the error of extrapolated straight walls. */
 #ifndef CAIRN_BENCH_GUESS_H
 #define CAIRN_BENCH_GUESS_H
 
 #include "cairn/virtual_scan.h"
 #include "sim/arena.h"
 
-/* Ellipses as virtual_scan asks for them, in scenes as those of the rectangles: of every outline
- * 60 % in two pieces, with noise, among walls that belong to nothing. Adds how many there were,
- * how many were found, and how many others. 0 on failure. */
+/* Evaluates the ellipse detector of virtual_scan in scenes like those of the rectangles: 60 % of
+ * every outline in two segments, with noise and clutter walls. Adds the numbers of true ellipses,
+ * detections and false positives. Returns 0 on failure. */
 int bench_guess_ellipses(uint64_t seed, int32_t *there, int32_t *found, int32_t *wrong);
 
 enum { BENCH_BOX_SCANS = 4, BENCH_BOX_BEAMS = 361 };
 
-/* A flat box in a room, two scans of 110 degrees that face it from either side, none of which
- * sees both of its long sides. */
+/* A flat box in a room and two scans of 110 degrees from opposite sides; neither scan observes both
+ * long sides. */
 typedef struct bench_box {
     double thickness; /* m */
     float range[BENCH_BOX_SCANS][BENCH_BOX_BEAMS];
@@ -41,8 +41,8 @@ typedef struct bench_lie {
     double spacing; /* m, between the points of hypotheses */
 } bench_lie;
 
-/* Somewhere among the scans, which stand at start[0 ... count-1], as large as a room; told in
- * the second detection. */
+/* A random false rectangle of room size among the scans at start[0 ... count-1], reported in the
+ * second detection. */
 bench_lie bench_lie_draw(const sim_pose *start, int32_t count, uint64_t seed);
 
 cairn_hypothesis_detector bench_lie_detector(bench_lie *lie);

@@ -14,8 +14,7 @@ void bench_json_number(const char *key, double value);
 void bench_json_true(const char *key);
 void bench_json_end(void);
 
-/* Monotonic clock in s, and the time that this program has had the processor: what else the
- * machine does does not count. */
+/* Monotonic clock in s, and the processor time of this program. */
 double bench_seconds(void);
 double bench_cpu_seconds(void);
 

@@ -73,7 +73,7 @@ int bench_run_lum(const sim_scan *scans, int32_t count, int32_t iterations, benc
 
     memset(run, 0, sizeof *run);
     scan_params.max_beams = scans[0].count;
-    /* about what the beams have: evenly spaced points lock into each other */
+    /* about the spacing of the beams: evenly spaced points lock into a false optimum */
     scan_params.spacing = CAIRN_REAL(0.03);
     scan_params.max_points = 2048;
     params.max_scans = count;

@@ -17,9 +17,9 @@ static const double FIT_MOST = 16, RIGHT_HALMSTAD = 20, RIGHT_PARTS = 10;
 /* With a probability of being wrong up to this no coarser cells are tried. */
 static const double SURE = 0.001;
 
-/* Maps are made coarser while they have more cells to a side than MOST_SIDE, or are not merged
- * and keep LEAST_SIDE. */
-enum { LEAST_SIDE = 175, MOST_SIDE = 800, NAME_MOST = 64 };
+/* Maps are made coarser while they have more cells to a side than MAX_SIDE_CELLS, or are not merged
+ * and keep MIN_SIDE_CELLS. */
+enum { MIN_SIDE_CELLS = 175, MAX_SIDE_CELLS = 800, MAX_NAME_BYTES = 64 };
 
 /* Pixels beyond which a wall is just far. */
 enum { FAR = 40 };
@@ -29,7 +29,7 @@ enum { SIZES = 3 };
 static const double SIZE[SIZES] = {1, 0.97, 1.03};
 
 typedef struct picture {
-    char name[NAME_MOST];
+    char name[MAX_NAME_BYTES];
     uint8_t *cells; /* row 0 lowest */
     int32_t width, height;
 } picture;
@@ -146,14 +146,15 @@ static int is_better(int placed, const cairn_merge_placed *tried, int best, cons
 }
 
 /* Cells from fine to coarse until the place is sure; maps of several surveys differ in size by
- * some percent. As written: the cells of the maps, but MOST_SIDE of them to a side at most. */
+ * some percent. As written: the cells of the maps, but MAX_SIDE_CELLS of them to a side at most. */
 static int merge_pair(const picture *target, const picture *source,
                       const cairn_map_merge_params *base, finding *f)
 {
     int32_t side = target->width > target->height ? target->width : target->height;
     int best = 0;
 
-    for (int32_t k = side > MOST_SIDE ? (side - 1) / MOST_SIDE + 1 : 1;; k = next_size(k)) {
+    for (int32_t k = side > MAX_SIDE_CELLS ? (side - 1) / MAX_SIDE_CELLS + 1 : 1;;
+         k = next_size(k)) {
         for (int i = 0; i < (base->mode == CAIRN_MODE_AS_WRITTEN ? 1 : SIZES); i++) {
             cairn_merge_placed tried;
             int placed = merge_at(target, source, k, SIZE[i], base, &tried);
@@ -168,7 +169,7 @@ static int merge_pair(const picture *target, const picture *source,
             }
         }
         if (base->mode == CAIRN_MODE_AS_WRITTEN || (best && (double)f->placed.wrong <= SURE) ||
-            side / next_size(k) < LEAST_SIDE)
+            side / next_size(k) < MIN_SIDE_CELLS)
             return best;
     }
 }
@@ -236,7 +237,7 @@ typedef struct tally {
     int32_t pairs, right, wrong, refused;
 } tally;
 
-/* truth: NULL when only the target's walls tell. */
+/* truth: NULL when only the target's walls decide. */
 static void run_pair(const picture *target, const picture *source, const shift *truth, double right,
                      const cairn_map_merge_params *base, tally *t)
 {
@@ -275,7 +276,7 @@ static int run_halmstad(const char *folder, const cairn_map_merge_params *base, 
     if (file == NULL)
         return 0;
     while (fgets(line, sizeof line, file) != NULL) {
-        char names[2][NAME_MOST];
+        char names[2][MAX_NAME_BYTES];
         double points, theta, scale, x, y, rms;
         picture source = {"", NULL, 0, 0}, target = {"", NULL, 0, 0};
 
@@ -303,7 +304,7 @@ static void run_parts(const char *folder, const cairn_map_merge_params *base, ta
     if (load(folder, "intel", &whole))
         for (int i = 1; i <= 2; i++) {
             picture part = {"", NULL, 0, 0};
-            char name[NAME_MOST];
+            char name[MAX_NAME_BYTES];
 
             snprintf(name, sizeof name, "intel_local_%02d", i);
             if (load(folder, name, &part))

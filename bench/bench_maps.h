@@ -1,4 +1,4 @@
-/* Real maps, merged pair by pair against the transforms of annotators. */
+/* Pairwise merging of real maps, evaluated against annotated transforms. */
 #ifndef CAIRN_BENCH_MAPS_H
 #define CAIRN_BENCH_MAPS_H
 

@@ -1,4 +1,4 @@
-/* bench/match: its problems, and the mapper with what it needs. */
+/* bench/match: creation of the problems and of the mapper. */
 #include "bench/bench_match.h"
 
 #include <stdio.h>
@@ -59,7 +59,7 @@ static void place_frames(const bench_match_settings *s, uint64_t seed, bench_mat
     }
 }
 
-/* Where the scans lie in their places, by the truth and the error that is asked for. */
+/* Computes the poses of scans in their places: ground truth plus the requested error. */
 static void place_scans(const bench_match_settings *s, uint64_t seed, bench_match_problem *p)
 {
     cairn_random random = cairn_random_seed(seed, 91);

@@ -1,5 +1,4 @@
-/* Places of simulated arenas as bench/match gives them to a mapper: the problem, and the machine
- * that solves it. */
+/* Problems of bench/match, places of simulated arenas, and the place mapper that solves them. */
 #ifndef CAIRN_BENCH_MATCH_H
 #define CAIRN_BENCH_MATCH_H
 
@@ -39,7 +38,7 @@ typedef struct bench_match_problem {
     sim_scan *scans;
     int32_t scan_count, place_count;
     double bad_share;       /* of the beams: on movers or the floor */
-    cairn_pose *place_scan; /* [scan_count] as the mapper is told */
+    cairn_pose *place_scan; /* [scan_count] pose of the scan in its place, as given to the mapper */
     sim_pose *truth;        /* [scan_count] */
     sim_pose *frame;        /* [place_count] of the places, by the truth */
     int32_t *first_scan;    /* [place_count] */

@@ -1,4 +1,4 @@
-/* bench/match --ablate: what each stage of the method of chapter 6 is worth; with --as-written
+/* bench/match --ablate: ablation study of the stages of the method of chapter 6; with --as-written
  * of the method as printed. */
 #include "bench/bench_match.h"
 

@@ -17,7 +17,7 @@ cairn_place_map_params bench_match_written_params(const bench_match_settings *se
     return params;
 }
 
-/* Poses of the places and the scans after a stage, as seen from the truth of the first place. */
+/* Poses of the places and the scans after a stage, relative to the true pose of the first place. */
 static int map_stage(const bench_match_settings *settings, const bench_match_problem *p,
                      places_stage stage, sim_pose *places, sim_pose *scans)
 {

@@ -1,4 +1,4 @@
-/* Noise where a log has poses: a program that does not use them gives the same bytes with it. */
+/* Replaces the poses of a log by noise, to prove that a program does not use them. */
 #ifndef CAIRN_BENCH_NOISE_H
 #define CAIRN_BENCH_NOISE_H
 

@@ -1,4 +1,4 @@
-/* bench/pairs: its pairs, see bench/pairs.c for what they are. */
+/* bench/pairs: generation of the pairs described in bench/pairs.c. */
 #include "bench/bench_pairs.h"
 
 #include <inttypes.h>

@@ -1,5 +1,5 @@
-/* The pairs of scans that bench/pairs matches: of simulated arenas, whose truth is exact, or of
- * a log with reference poses. */
+/* The pairs of scans that bench/pairs matches: of simulated arenas with exact ground truth, or of a
+ * log with reference poses. */
 #ifndef CAIRN_BENCH_PAIRS_H
 #define CAIRN_BENCH_PAIRS_H
 

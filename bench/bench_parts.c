@@ -129,7 +129,7 @@ static int draw_part(bench_part *part, const sim_survey *survey, double resoluti
     return ok;
 }
 
-/* Leaves of a part what lies within its margins of its tile. */
+/* Crops a part to its tile with its margins. */
 static void cut_part(bench_part *p)
 {
     for (int32_t i = 0; i < p->side * p->side; i++) {
@@ -258,7 +258,7 @@ static int make_part(const sim_arena *arena, const bench_parts_options *o, int32
         return 0;
     for (int k = 0; k < 4; k++)
         part->margin[k / 2][k % 2] = margin;
-    grown = *part; /* places may lie in what is shared, too */
+    grown = *part; /* places may also lie in the overlap */
     grown.half[0] += margin / 2;
     grown.half[1] += margin / 2;
     survey = scan_part(arena, o, &grown, index, &random);

@@ -1,5 +1,5 @@
-/* Maps that robots made of parts of one arena: grids in frames of their own, neighbours overlap
- * by a set share. */
+/* Simulated partial maps of one arena: occupancy grids in separate frames; neighbours overlap by a
+ * given fraction. */
 #ifndef CAIRN_BENCH_PARTS_H
 #define CAIRN_BENCH_PARTS_H
 
@@ -11,7 +11,7 @@ typedef struct bench_part {
     uint8_t *cells;
     /* [side * side] m, x and y of a cell from the middle of the part's own tile */
     float *place[2];
-    /* [side * side] as `cells`, before what lies outside of the part was taken away */
+    /* [side * side] cells before cropping to the part */
     uint8_t *seen;
     /* cells */
     int32_t side;
@@ -21,7 +21,7 @@ typedef struct bench_part {
     sim_point middle;
     /* m, of the tile in x and y */
     double half[2];
-    /* m, what it keeps beyond the tile: in x and y, below and above */
+    /* m, margins of the part around its tile: in x and y, below and above */
     double margin[2][2];
 } bench_part;
 
@@ -52,10 +52,11 @@ typedef struct bench_parts {
 int bench_parts_make(const bench_parts_options *options, bench_parts *parts);
 void bench_parts_free(bench_parts *parts);
 
-/* Known cells of a that b knows, over the known cells of the smaller of both, at truth. */
+/* Returns the overlap at the true poses: cells known in both, relative to the known cells of the
+ * smaller map. */
 double bench_parts_shared(const bench_parts *parts, int32_t a, int32_t b);
 
-/* The same part seen in a mirror. */
+/* Returns the mirror image of a part. */
 void bench_part_mirror(bench_part *part);
 
 cairn_merge_map bench_part_map(const bench_part *part, double resolution);

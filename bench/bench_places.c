@@ -109,7 +109,7 @@ static double enlargement(const sim_scan *sims, int32_t count, const sim_pose *p
     return by;
 }
 
-/* Walls: the hits as seen from the true poses. */
+/* Walls: the hits at the true poses. */
 static int32_t true_hits(const sim_scan *sims, int32_t count, const cairn_report_scan *scans,
                          cairn_vec2 *out)
 {

@@ -1,4 +1,4 @@
-/* Spearman's rank correlation with intervals by drawing arenas anew. */
+/* Spearman's rank correlation with confidence intervals by bootstrap over the arenas. */
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -7,7 +7,7 @@
 #include "bench/bench_predict.h"
 #include "cairn/random.h"
 
-enum { DRAWS = 1000, MAPS_LEAST = 6 };
+enum { DRAWS = 1000, MIN_MAPS = 6 };
 
 typedef struct ranked {
     double value, rank;
@@ -104,7 +104,7 @@ static double predict(const bench_predict_maps *all, const int32_t *drawn, ranki
                 r->measure[count] = all->measure[map];
                 r->error[count++] = all->error[map];
             }
-        if (count < MAPS_LEAST)
+        if (count < MIN_MAPS)
             continue;
         rank(r->measure, count, r->work, r->measure_rank);
         rank(r->error, count, r->work, r->error_rank);

@@ -1,4 +1,4 @@
-/* bench_predict: how well a measure of maps predicts their error. */
+/* bench_predict: rank correlation of map quality measures with pose errors. */
 #ifndef CAIRN_BENCH_PREDICT_H
 #define CAIRN_BENCH_PREDICT_H
 

@@ -1,4 +1,4 @@
-/* What an arena is aligned from: the scans of a survey, shuffled, at disturbed poses. */
+/* Alignment problem of an arena: the shuffled scans of a survey at disturbed poses. */
 #ifndef CAIRN_BENCH_PROBLEM_H
 #define CAIRN_BENCH_PROBLEM_H
 

@@ -1,5 +1,5 @@
-/* Pieces of the sides of rectangles among pieces of walls that belong to nothing: what the
- * detector of rectangles is measured on. */
+/* Test scenes of the rectangle detector: segments of the sides of rectangles among clutter
+ * segments. */
 #include "bench/bench_rectangles.h"
 
 #include <math.h>
@@ -33,7 +33,7 @@ static void add_piece(sighting *s, cairn_vec2 a, cairn_vec2 b, cairn_random *ran
     piece->b.y = b.y + (cairn_real)(noise * (double)cairn_random_normal(random));
 }
 
-/* Of every side 60 %: two pieces, with gaps between and beside them drawn at random. */
+/* Draws 60 % of every side as two segments with random gaps. */
 static void see_rectangle(sighting *s, const cairn_rectangle *r, cairn_random *random)
 {
     cairn_vec2 corner[4];

@@ -1,5 +1,5 @@
-/* Rectangles of whose sides 60 % is seen in pieces, with noise, among pieces of walls that
- * belong to nothing. */
+/* Test scenes of the rectangle detector: 60 % of the sides as noisy segments among clutter
+ * segments. */
 #ifndef CAIRN_BENCH_RECTANGLES_H
 #define CAIRN_BENCH_RECTANGLES_H
 

@@ -5,10 +5,10 @@
 #include <string.h>
 
 #define PI 3.14159265358979324
-/* Axes differ by so many degrees. */
+/* Angular step between axes, degrees. */
 #define APART_DEG 10.0
 
-/* The shape is looked at on a raster of so many cells along its longer side. */
+/* Raster cells along the longer side of the shape. */
 enum { CELLS = 96, SIDE = 2 * CELLS, COARSE = 90, ROUNDS = 6 };
 
 typedef struct raster {

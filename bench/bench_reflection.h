@@ -1,4 +1,4 @@
-/* The best mirror axes of a silhouette, by trying them all. */
+/* The best mirror axes of a silhouette by exhaustive search. */
 #ifndef CAIRN_BENCH_REFLECTION_H
 #define CAIRN_BENCH_REFLECTION_H
 

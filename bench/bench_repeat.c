@@ -1,6 +1,6 @@
-/* Rooms of 5 by 5 m: four along a corridor, two behind the last two of them. Walls are 0.1 m
- * thick; tables stand in the rooms. What a robot has seen is a set of boxes, cut at walls'
- * middles. */
+/* Rooms of 5 by 5 m: four along a corridor, two behind the last two of them. Walls are 0.1 m thick;
+ * tables stand in the rooms. The observed area of a robot is a set of boxes, bounded by the centre
+ * lines of walls. */
 #include "bench/bench_repeat.h"
 
 #include <math.h>
@@ -10,7 +10,7 @@
 
 #include "cairn/random.h"
 
-enum { ROOMS = 6, TABLES = 4, MAPS = 3, SEEN_MOST = 4 };
+enum { ROOMS = 6, TABLES = 4, MAPS = 3, MAX_OBSERVED_BOXES = 4 };
 
 static const double TURN = 6.283185307179586, ROOM = 5, CORRIDOR = 2, HALF_WALL = 0.05, DOOR = 0.5;
 
@@ -136,7 +136,7 @@ int bench_repeat_make(uint64_t seed, double resolution, bench_parts *parts)
     const double w = HALF_WALL;
     /* The first: corridor, room 0, the nearer 80 % of room 2, room 3. The second: rooms 2 and 4.
      * The third: room 5 with the eastern half of 4, and the farther half of room 3. */
-    const box seen[MAPS][SEEN_MOST] = {
+    const box seen[MAPS][MAX_OBSERVED_BOXES] = {
         {{-w, -w, 20 + w, 2 + w},
          {-w, 2, 5 + w, 7 + w},
          {10 - w, 2, 15 + w, 6},

@@ -1,4 +1,4 @@
-/* Scenes: a background of 1/f noise, clutter, the object, what hides it, noise; edges by the
+/* Scenes: a background of 1/f noise, clutter, the object, an occluder, noise; edges by the
  * gradient of the smoothed picture. All quantities of the protocol are options; the rest is
  * fixed here. */
 #include "bench/bench_scene.h"

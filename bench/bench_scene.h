@@ -1,4 +1,5 @@
-/* bench_scene: pictures of known objects in clutter, by seed, their edges and their outlines. */
+/* bench_scene: generated images of known objects in clutter, with edges and ground-truth
+ * outlines. */
 #ifndef CAIRN_BENCH_SCENE_H
 #define CAIRN_BENCH_SCENE_H
 

@@ -1,4 +1,4 @@
-/* How well estimated poses agree with the truth after the best common rigid motion. */
+/* Errors of estimated poses against ground truth after the best rigid alignment (least squares). */
 #ifndef CAIRN_BENCH_SCORE_H
 #define CAIRN_BENCH_SCORE_H
 

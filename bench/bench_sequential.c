@@ -34,7 +34,7 @@ static cairn_status open_mapper(sequential *s, cairn_pool *pool, void **memory, 
                          : cairn_mapper_create(&s->mapper, pool, &params.front);
 }
 
-/* One scan; where it hangs. */
+/* Maps one scan; returns its reference keyframe and relative pose. */
 static cairn_status add(sequential *s, const sim_scan *scan, sim_pose odometry,
                         cairn_mapper_result *result)
 {
@@ -52,7 +52,7 @@ static cairn_status add(sequential *s, const sim_scan *scan, sim_pose odometry,
     return status;
 }
 
-/* path: [count] the key scans in the end. */
+/* path: [count] final poses of the keyframes. */
 static cairn_status end(sequential *s, cairn_pose *path, int32_t count)
 {
     cairn_budget budget = {CAIRN_UNBOUNDED};

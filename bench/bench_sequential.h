@@ -1,5 +1,5 @@
-/* Scan by scan, in the order of the log, with the disturbed poses as odometry: what mappers for
- * drives make of sparse scans. */
+/* Sequential mapping: sparse scans in the order of the log, with the disturbed poses as odometry,
+ * by the mapper. */
 #ifndef CAIRN_BENCH_SEQUENTIAL_H
 #define CAIRN_BENCH_SEQUENTIAL_H
 

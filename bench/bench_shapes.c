@@ -198,7 +198,7 @@ static double place_near(const bench_shape *shape, double x, double y)
     return place < 0 ? -1 : place / before;
 }
 
-/* Traces the body and limbs, laid in the picture with its axis turned by `turn`. */
+/* Draws the body and limbs, with the axis rotated by `turn` in the image. */
 static int trace(bench_shape *shape, const profile *body, const limb *limbs, double turn)
 {
     static uint8_t grey[SIDE * SIDE];

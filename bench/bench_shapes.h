@@ -1,4 +1,4 @@
-/* Shapes with a known axis of symmetry, by seed. */
+/* Generated shapes with a known axis of symmetry. */
 #ifndef CAIRN_BENCH_SHAPES_H
 #define CAIRN_BENCH_SHAPES_H
 

@@ -1,4 +1,4 @@
-/* How near axes and contours that were found lie to the true ones. */
+/* Distances of detected axes and contours from the true ones. */
 #include "bench/bench_skeleton.h"
 
 #include <math.h>

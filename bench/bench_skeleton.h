@@ -1,4 +1,4 @@
-/* bench_skeleton: what the axes and contours of skeleton_grouping are worth on a generated scene
+/* bench_skeleton: accuracy of the axes and contours of skeleton_grouping on a generated scene
  * (bench_scene, bench_sweep). */
 #ifndef CAIRN_BENCH_SKELETON_H
 #define CAIRN_BENCH_SKELETON_H

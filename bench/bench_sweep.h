@@ -1,4 +1,4 @@
-/* bench_sweep: shapes swept by discs along curves, whose axes and radii are so known. */
+/* bench_sweep: generated shapes swept by discs along curves, with known axes and radii. */
 #ifndef CAIRN_BENCH_SWEEP_H
 #define CAIRN_BENCH_SWEEP_H
 

@@ -12,7 +12,7 @@
 /* How far the points of Lu and Milios lie apart: about as the beams have them. */
 static const double LUM_SPACING = 0.03;
 
-/* An object that aligns, as the loop below sees it. */
+/* Interface of an alignment object for the loop below. */
 typedef struct aligning {
     void *object;
     cairn_status (*iterate)(void *object, cairn_budget *budget);

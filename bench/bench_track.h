@@ -1,4 +1,4 @@
-/* Methods of alignment watched while they run: the poses after each step. */
+/* Records the poses of alignment methods after each iteration. */
 #ifndef CAIRN_BENCH_TRACK_H
 #define CAIRN_BENCH_TRACK_H
 

@@ -1,4 +1,4 @@
-/* Scans after their line fit, kept: what benches of scan matching work on. */
+/* Copies of scans after line fitting, for the benches of scan matching. */
 #ifndef CAIRN_BENCH_VIEWS_H
 #define CAIRN_BENCH_VIEWS_H
 

@@ -10,7 +10,7 @@
 
 #define BENCH_VIRTUAL_UNIT 0.03 /* m, of the rooms */
 
-/* Which field moves what the aligner leaves over. */
+/* Force field that registers the scans which the aligner leaves unplaced. */
 typedef int32_t bench_virtual_field;
 enum {
     BENCH_NO_FIELD,        /* the aligner alone */
@@ -26,7 +26,7 @@ typedef struct bench_virtual_method {
     double sigma; /* m, of the field at its start */
 } bench_virtual_method;
 
-/* What a scene is seen like. */
+/* Sensor and pose errors of a scene. */
 typedef struct bench_virtual_scene {
     const char *name;
     sim_scene scene;
@@ -39,7 +39,7 @@ typedef struct bench_virtual_problem {
     sim_survey *survey;
     const sim_scan *scans;
     sim_pose *truth, *start, *result;
-    bench_lie *lie;   /* that is told; NULL: none */
+    bench_lie *lie;   /* reported hypothesis; NULL: none */
     int32_t believed; /* it was, at step 15 or later */
     int32_t *use;     /* [count] the bound calls it observable */
     int32_t count, observable;

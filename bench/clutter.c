@@ -1,15 +1,15 @@
 /* bench/clutter: objects in generated clutter (chapter 2), with no data.
  *
- * A scene holds one object of a family, 120 px times 0.7 ... 1.3, turned by up to 10 degrees,
- * among --k others, --noise grey levels, --hidden of its boundary behind a disc. The model is
- * the object's own shape (--mode instance) or another member of its family (class). Found is
- * what bench counts, of the best grouping: hit50, its box and the object's overlap by half;
- * boundary80, 80 % of the whole boundary lie within 3 px of its segments or, where there are
- * none, of its completed pieces: the model's outline as it was laid there; visible80, 80 % of
- * that which is not hidden within 3 px of its segments alone; segments80, of the whole;
- * boundary_f of the segments; labels: lengths of segments. --method detect, parts:
- * cairn_object_detect, which turns no model, on the same scenes; its segments and its bent
- * outline. false_per_image is counted on as many scenes without the object. */
+ * A scene holds one object of a family, 120 px times 0.7 ... 1.3, turned by up to 10 degrees, among
+ * --k others, --noise grey levels, --hidden of its boundary behind a disc. The model is the
+ * object's own shape (--mode instance) or another member of its family (class). Found is what bench
+ * counts, of the best grouping: hit50, its box and the object's overlap by half; boundary80, 80 %
+ * of the whole boundary lie within 3 px of its segments or, where there are none, of its completed
+ * pieces: the fitted outline of the model; visible80, 80 % of that which is not hidden within 3 px
+ * of its segments alone; segments80, of the whole; boundary_f of the segments; labels: lengths of
+ * segments. --method detect, parts: cairn_object_detect, which turns no model, on the same scenes;
+ * its segments and its deformed outline. false_per_image is counted on as many scenes without the
+ * object. */
 #include <inttypes.h>
 #include <math.h>
 #include <stdio.h>
@@ -46,8 +46,8 @@ typedef struct finder {
     cairn_grouping *grouping;
     cairn_segment lines[MOST_SEGMENTS];
     int32_t line_count;
-    cairn_contour_tokens tokens; /* of method detect and parts: what lines are, */
-    cairn_detections detections; /* and what was found */
+    cairn_contour_tokens tokens; /* methods detect and parts: the segments, */
+    cairn_detections detections; /* and the detections */
 } finder;
 
 typedef struct sums {
@@ -108,7 +108,7 @@ static int make_model(finder *f, const scene_shape *shape)
            cairn_shape_builder_step(f->builder, &budget) == CAIRN_OK;
 }
 
-/* In place of segments: pieces of the chains of EDGEL px each. */
+/* Tokens instead of segments: pieces of chains of EDGEL px each. */
 static void take_edgels(finder *f, const cairn_edge_chain_result *r)
 {
     f->line_count = 0;
@@ -285,8 +285,7 @@ static double overlap(const cairn_shape_model *m, const cairn_grouped_object *o,
     return share_of(b, box);
 }
 
-/* What an object's segments leave of its contour: the model's outline from where it was seen
- * last to where it is again. */
+/* Completes the contour of an object in its gaps by the outline of the model. */
 static void complete(uint8_t *pixels, const cairn_shape_model *m, const cairn_grouped_object *o,
                      const int32_t *along)
 {
@@ -341,7 +340,7 @@ static void add_labels(sums *t, const finder *f, const scene *s, const uint8_t *
     t->label_recall += all > 0 ? right / all : 0;
 }
 
-/* Draws what was found over the edges: PPM. */
+/* Draws the detections over the edges (PPM). */
 static void draw(const char *folder, int64_t index, const scene *s, const uint8_t *grouped)
 {
     char path[512];

@@ -42,7 +42,7 @@ static const struct {
                {"Mugs", "mug", 0.834},
                {"Swans", "swan", 0.939}};
 
-enum { CLASSES = sizeof classes / sizeof *classes, SECONDS_MOST = 1 << 16 };
+enum { CLASSES = sizeof classes / sizeof *classes, MAX_SECONDS = 1 << 16 };
 
 /* Seconds of the processor by stage, over all images and models; those before VOTES are an
  * image's, all models share them. */
@@ -85,7 +85,7 @@ static void on_stage(void *context, cairn_detect_stage stage)
     begin_stage(context, STAGE_SEARCH + stage);
 }
 
-/* Canny's, which nothing is looked for in: the supplied ones stand for them. */
+/* Canny edges, unused: the supplied edges replace them. */
 static int time_edges(run *r, const char *folder, const char *name)
 {
     cairn_vision_canny_params params = cairn_vision_canny_default();
@@ -148,7 +148,7 @@ static void print_each(const run *r, const group_image *image, int32_t class,
 static int count_image(run *r, const group_image *image, int32_t class, int32_t own,
                        const cairn_detection *found, int32_t count, double seconds)
 {
-    if (r->timed < SECONDS_MOST)
+    if (r->timed < MAX_SECONDS)
         r->seconds[r->timed++] = seconds;
     print_each(r, image, class, own == class ? image : NULL, found, count);
     return detect_tally_add(&r->tally[class], found, count, own == class ? image : NULL);
@@ -530,7 +530,7 @@ int main(int argc, char **argv)
         return (int)result;
     r.s = &s;
     r.stages.stage = -1;
-    r.seconds = malloc(SECONDS_MOST * sizeof *r.seconds);
+    r.seconds = malloc(MAX_SECONDS * sizeof *r.seconds);
     ok = r.seconds != NULL && load_models(&r);
     ok = ok && learn_looks(&r);
     for (int32_t k = 0; k < CLASSES && ok; k++)

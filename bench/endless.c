@@ -1,9 +1,9 @@
-/* bench/endless: a robot that drives round and round through an arena, in memory for a few scans
- * (bench_endless), or with the mapper, which releases key scans.
+/* bench/endless: long-term operation in bounded memory: a robot drives laps through an arena with
+ * capacity for a few scans (bench_endless), or with the mapper and keyframe culling.
  *
- * One line for each of a few laps, spread over the run, and one for the whole run: units and
- * time of a scan in the first laps after the memory was full and in the last ones, and how far
- * the poses of the last lap are from those of the first. */
+ * One line for each of a few laps, spread over the run, and one for the whole run: units and time
+ * of a scan in the first laps after the memory was full and in the last ones, and how far the poses
+ * of the last lap are from those of the first. */
 #include <inttypes.h>
 #include <math.h>
 #include <stdio.h>
@@ -133,21 +133,21 @@ int main(int argc, char **argv)
     const option table[] = {
         OPTION_INTEGER("--scans", &options.scans, 1, 1e9, "N", "in all"),
         OPTION_FLAG("--mapper", &maps,
-                    "maps, to and fro; --places and --kept are then 600 and 120"),
+                    "the mapper, forward and back; --places and --kept are then 600 and 120"),
         OPTION_TEXT("--scene", &scene, "NAME", "of cairn-arena (rescue; of the mapper apartment)"),
         OPTION_SEED("--seed", &options.seed, "of the arena and of all noise"),
         OPTION_COUNT("--places", &places, 2, 10000, "N", "of a lap (30)"),
-        OPTION_COUNT("--kept", &kept, 2, 1000, "N", "scans, or key scans, in memory (32)"),
+        OPTION_COUNT("--kept", &kept, 2, 1000, "N", "capacity of scans, or of keyframes (32)"),
         OPTION_INTEGER("--every", &every, 0, 1e9, "N",
-                       "laps from one printed line to the next, 0: a tenth of all"),
+                       "laps between two printed lines, 0: a tenth of all"),
         OPTION_TEXT("--data", &data, "DIR", "not needed"),
     };
     const option_set set = {
         PROGRAM, "[options]",
-        "Drives round and round through a simulated arena, with fresh noise in every lap; each "
+        "Drives laps through a simulated arena, with fresh noise in every lap; each "
         "scan\n"
-        "is aligned with those kept, and the one whose place is best covered by others goes.\n"
-        "With --mapper it drives to and fro, and the mapper releases key scans.",
+        "is aligned with the stored scans, and the most redundant scan is removed.\n"
+        "With --mapper the robot drives forward and back, and the mapper culls keyframes.",
         table, sizeof table / sizeof *table};
     size_t words = 0;
 

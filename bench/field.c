@@ -1,19 +1,17 @@
-/* bench/field: what chapter 7 of the thesis shows of force field simulation, on scenes of its own.
+/* bench/field: the experiments of chapter 7 of the thesis on force field simulation, on generated
+ * scenes.
  *
- *   maze       16 full scans, poses disturbed by 0.25 m and 20 degrees, 20 steps (section 7.4.4);
- *   met: the mean errors in
- *              position and in heading fall to a fifth
- *   apartment  a drive of 200 scans whose loop is closed wrongly, 150 steps (section 7.4.3); met:
- *   the gap falls to a quarter
- *              and the potential rises in one of the first ten steps. A drive that does not come
- *              back is not judged rescue     60 scans of 100 degrees, 50 steps (section 7.4.2);
- *              met: no step raises the potential corners    three scans of a corner each, 12 steps,
- *              with nearest neighbours beside (figure 7.6; bench_corners)
+ * maze 16 full scans, poses disturbed by 0.25 m and 20 degrees, 20 steps (section 7.4.4); met: the
+ * mean errors in position and in heading fall to a fifth apartment a drive of 200 scans whose loop
+ * is closed wrongly, 150 steps (section 7.4.3); met: the gap falls to a quarter and the potential
+ * rises in one of the first ten steps. A drive that does not come back is not judged rescue 60
+ * scans of 100 degrees, 50 steps (section 7.4.2); met: no step raises the potential corners three
+ * scans of a corner each, 12 steps, with nearest neighbours beside (figure 7.6; bench_corners)
  *
  * Errors are those after the best common motion, by least squares over all scans. Potentials
- * compare only for one sigma: a step raises P when P of the poses after it is above that before
- * it, both at the sigma of the step, without regions of interest and with faces of opposite
- * sides told apart as in the step. */
+ * compare only for one sigma: a step raises P when P of the poses after it is above that before it,
+ * both at the sigma of the step, without regions of interest and with faces of opposite sides told
+ * apart as in the step. */
 #include <inttypes.h>
 #include <math.h>
 #include <stdio.h>

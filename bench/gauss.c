@@ -33,7 +33,7 @@
 
 enum { SCANS = 60, SEGMENTS = 5, WALLS = 60, SAMPLE = 200 };
 enum { DEGREE = 9, TERMS = DEGREE * (DEGREE + 1) / 2 }; /* p, and monomials of degree 0 ... p - 1 */
-enum { GAUSSIANS_MOST = 32, WEIGHTS_MOST = 2 * 32 + 1 };
+enum { MAX_GAUSSIANS = 32, MAX_WEIGHTS = 2 * 32 + 1 };
 
 static const double WIDTH = 12, HEIGHT = 10;
 /* h */
@@ -273,9 +273,9 @@ static void harmonics_of(cairn_vec2 direction, int32_t harmonics, double *w)
 typedef struct transform {
     const points *p;
     int32_t harmonics, weights;
-    double factor[TERMS], share[WEIGHTS_MOST]; /* of the weights in |cos| */
-    double (*harmonic)[WEIGHTS_MOST];          /* [count] */
-    double (*force)[2];                        /* [count] */
+    double factor[TERMS], share[MAX_WEIGHTS]; /* of the weights in |cos| */
+    double (*harmonic)[MAX_WEIGHTS];          /* [count] */
+    double (*force)[2];                       /* [count] */
 } transform;
 
 static double *expand(const transform *t, const cells *c, double h)
@@ -372,7 +372,7 @@ static int32_t make_gaussians(double sigma, double *decay, double *weight)
         wide += e;
     decay[0] = 0;
     weight[0] = wide;
-    for (; at < 2 / (LEAST_R * sigma) && count < GAUSSIANS_MOST; at *= step, count++) {
+    for (; at < 2 / (LEAST_R * sigma) && count < MAX_GAUSSIANS; at *= step, count++) {
         decay[count] = at * at;
         weight[count] = at;
     }
@@ -386,7 +386,7 @@ static double run_transform(const points *p, double sigma, int32_t harmonics, co
                             double (*forces)[2], int32_t *gaussians)
 {
     transform t = {.p = p, .harmonics = harmonics, .weights = 2 * harmonics + 1};
-    double decay[GAUSSIANS_MOST], weight[GAUSSIANS_MOST], start = bench_cpu_seconds(), seconds;
+    double decay[MAX_GAUSSIANS], weight[MAX_GAUSSIANS], start = bench_cpu_seconds(), seconds;
     int done;
 
     t.harmonic = malloc((size_t)p->count * sizeof *t.harmonic);

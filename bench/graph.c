@@ -12,7 +12,7 @@
 #include "cairn/random.h"
 #include "tools/options.h"
 
-enum { FILES_MOST = 64 };
+enum { MAX_FILES = 64 };
 
 typedef struct settings {
     const char *data; /* NULL: the default */
@@ -42,8 +42,9 @@ static cairn_pose noisy(cairn_pose pose, double sigma, cairn_random *random)
     return pose;
 }
 
-/* A robot that drives a square of streets up and down, one pose a metre, and every fourth metre
- * sees the street beside; room for `more` links. */
+/* Generates a Manhattan-like graph: a robot drives parallel streets, one pose per metre, with a
+ * loop-closure link to the neighbouring street every fourth metre; capacity for `more` further
+ * links. */
 static int generate(cairn_pose_graph_file *file, int32_t poses, int64_t more, uint64_t seed)
 {
     const double sigma = 0.02;
@@ -88,7 +89,7 @@ static int generate(cairn_pose_graph_file *file, int32_t poses, int64_t more, ui
     return 1;
 }
 
-/* Links between random poses that tell nothing, behind the others. */
+/* Appends outlier links between random poses. */
 static void add_wrong(cairn_pose_graph_file *file, int64_t wrong, uint64_t seed)
 {
     const cairn_sym3 information = {2500, 0, 0, 2500, 0, 10000};
@@ -107,7 +108,7 @@ static void add_wrong(cairn_pose_graph_file *file, int64_t wrong, uint64_t seed)
     }
 }
 
-/* A link by its ends and what it measures. */
+/* Sets a link: its ends and its measured relative pose. */
 typedef struct named_link {
     int64_t first, second;
     double x, y, theta;
@@ -289,7 +290,7 @@ static int solve_generated(const settings *s, totals *sum)
 
 /* ---- How time and memory grow ---- */
 
-enum { SIZES = 4, REPEAT_MOST = 99 };
+enum { SIZES = 4, MAX_REPEATS = 99 };
 
 /* The processor's time of one solution, < 0: refused. */
 static double cpu_seconds(const settings *s, const cairn_pose_graph_file *file,
@@ -316,7 +317,7 @@ static double cpu_seconds(const settings *s, const cairn_pose_graph_file *file,
  * exponents between the ends. */
 static int solve_growing(const settings *s)
 {
-    static double seconds[SIZES][REPEAT_MOST];
+    static double seconds[SIZES][MAX_REPEATS];
     cairn_pose_graph_file file[SIZES];
     cairn_pose_graph_solution out[SIZES];
     double median[SIZES], octaves = log((double)(1 << (SIZES - 1)));
@@ -359,7 +360,7 @@ static int solve_growing(const settings *s)
     return made ? 0 : 2;
 }
 
-/* What --growth has no use for must not be asked for with it. */
+/* Rejects options that --growth does not use. */
 static int growth_is_alone(const settings *s, size_t files)
 {
     const struct {
@@ -388,7 +389,7 @@ int main(int argc, char **argv)
                        "a generated graph of N poses, no files"),
         OPTION_INTEGER("--growth", &s.growth, 16, 4000000, "N",
                        "generated graphs of N / 8, N / 4, N / 2 and N poses"),
-        OPTION_INTEGER("--repeat", &s.repeat, 1, REPEAT_MOST, "N",
+        OPTION_INTEGER("--repeat", &s.repeat, 1, MAX_REPEATS, "N",
                        "times that each of these is solved (5)"),
         OPTION_INTEGER("--wrong", &s.wrong, 0, 4000000, "N",
                        "wrong links added to the generated graph"),
@@ -399,8 +400,8 @@ int main(int argc, char **argv)
     const option_set set = {"bench/graph", "[FILE.g2o ...] [options]",
                             "Solves pose graphs: the files given, or those of the data sets.",
                             table, sizeof table / sizeof *table};
-    const char *words[FILES_MOST];
-    size_t count = FILES_MOST;
+    const char *words[MAX_FILES];
+    size_t count = MAX_FILES;
     option_result result = options_read(&set, argc, argv, words, &count);
     totals sum = {0, 0, 0};
     int code = 0;

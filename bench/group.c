@@ -64,7 +64,7 @@ static const struct {
                {"Mugs", "mug"},
                {"Swans", "swan"}};
 
-enum { CLASSES = sizeof classes / sizeof *classes, SECONDS_MOST = 4096 };
+enum { CLASSES = sizeof classes / sizeof *classes, MAX_SECONDS = 4096 };
 
 static cairn_contour_search_params params_of(const settings *s, const group_image *image)
 {
@@ -169,7 +169,7 @@ static int search_from_detections(const settings *s, sums *t, const group_image 
         cairn_contour_tokens_free(&tokens);
         group_found_sort(found);
     }
-    if (ok && t->timed < SECONDS_MOST)
+    if (ok && t->timed < MAX_SECONDS)
         t->seconds[t->timed++] = bench_seconds() - start;
     if (!ok)
         fprintf(stderr, "bench/group: %s\n", error.text);
@@ -205,7 +205,7 @@ static int search(const settings *s, sums *t, const group_image *image,
         fprintf(stderr, "bench/group: %s\n", error.text);
         return 0;
     }
-    if (t->timed < SECONDS_MOST)
+    if (t->timed < MAX_SECONDS)
         t->seconds[t->timed++] = bench_seconds() - start;
     t->pool_bytes = t->pool_bytes > result.pool_bytes + tokens.pool_bytes
                         ? t->pool_bytes
@@ -244,8 +244,8 @@ static int search_own(const settings *s, sums *t, const group_image *image,
     return 1;
 }
 
-/* The first grouping with what its evidence is made of, and the most evidence of any, reported
- * or not. */
+/* Prints the first grouping with the terms of its log-likelihood ratio, and the maximum over all
+ * groupings. */
 static void print_best(const group_found *found)
 {
     static const group_grouping none;
@@ -261,7 +261,7 @@ static void print_best(const group_found *found)
     bench_json_number("best", found->best);
 }
 
-/* Why the walk of a search ended, and what was left out. */
+/* Prints the reason for the end of a search, and the skipped parts. */
 static void print_end(const group_found *found, int32_t search)
 {
     if (search >= found->searches)
@@ -570,7 +570,7 @@ int main(int argc, char **argv)
     if (!load_model(&s, which, &model))
         return 3;
     memset(&t, 0, sizeof t);
-    t.seconds = calloc(SECONDS_MOST, sizeof *t.seconds);
+    t.seconds = calloc(MAX_SECONDS, sizeof *t.seconds);
     ok = t.seconds != NULL && run_folder(&s, &t, s.class_name, s.most, 1, &model.model);
     for (int other = 0; other < CLASSES && ok && !s.no_others; other++)
         if (other != which)

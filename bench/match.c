@@ -1,10 +1,10 @@
 /* bench/match: maps of simulated arenas from places without any odometry.
  *
  * 16 places with four scans of 100 degrees each; the poses of the scans within a place are known
- * (or wrong by --sub-error), how the places lie to each other is not, and the mapper is not
- * given it. A place is right when it lies within 0.10 m and 2 degrees of the truth after the
- * best common motion, an arena when all its places are; silently wrong when it does not but is
- * in the largest part and not called ambiguous. */
+ * (or wrong by --sub-error), the relative poses of the places are unknown to the mapper. A place is
+ * right when it lies within 0.10 m and 2 degrees of the truth after the best rigid alignment, an
+ * arena when all its places are; silently wrong when its pose is wrong, but it is in the largest
+ * component and not reported ambiguous. */
 #include <inttypes.h>
 #include <math.h>
 #include <stdio.h>

@@ -1,4 +1,4 @@
-/* bench/memory: what objects of usual capacities take from a pool. */
+/* bench/memory: pool memory of objects of typical capacities. */
 #include <stdint.h>
 
 #include "bench/bench_json.h"

@@ -1,8 +1,8 @@
-/* bench/merge: maps of many robots, put together with no guess.
+/* bench/merge: merging of the maps of several robots without a prior.
  *
- * An arena is shared out among robots; each scans its part from a few places and draws a grid in
- * a frame of its own. A map is right when it lies within 0.10 m and 2 degrees of the truth, seen
- * from the largest set of maps that agree. */
+ * An arena is divided among robots; each scans its part from a few places and builds a grid in a
+ * separate frame. A map is right when it lies within 0.10 m and 2 degrees of the truth, relative to
+ * the largest consistent set of maps. */
 #include <inttypes.h>
 #include <math.h>
 #include <stdio.h>
@@ -187,7 +187,7 @@ static int is_placed(const cairn_map_merge *merge, int32_t i)
     return cairn_map_merge_of(merge, i).verdict == CAIRN_MERGE_PLACED;
 }
 
-/* Maps placed that lie within so much of the truth, seen from map k. */
+/* Counts the placed maps within tolerance of the truth, relative to map k. */
 static int32_t count_near(const cairn_map_merge *merge, const bench_parts *parts, int32_t k,
                           double metres, double radians)
 {

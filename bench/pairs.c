@@ -1,4 +1,4 @@
-/* bench/pairs: two scans, from a guess or from none.
+/* bench/pairs: scan matching of two scans, with or without a prior.
  *
  * Pairs are drawn from drives through simulated arenas, whose truth is exact, or from a real log
  * with reference poses. A match is right within 0.10 m in x and in y and 0.03 rad. The start is
@@ -24,7 +24,7 @@
 
 #define DEGREE 0.017453292519943295
 
-enum { WHOLE = 3, STAGES_MOST = 5 }; /* of the stages */
+enum { WHOLE = 3, MAX_STAGES = 5 }; /* of the stages */
 
 typedef struct settings {
     bench_pairs_settings of;
@@ -39,9 +39,9 @@ typedef struct start_kind {
     double metres, radians; /* negative: none */
 } start_kind;
 
-static const char *const STAGE_NAMES[STAGES_MOST] = {"icp", "lcs", "colinear", "segments",
-                                                     "all but colinear"};
-static const cairn_scan_match_mode STAGES[STAGES_MOST] = {
+static const char *const STAGE_NAMES[MAX_STAGES] = {"icp", "lcs", "colinear", "segments",
+                                                    "all but colinear"};
+static const cairn_scan_match_mode STAGES[MAX_STAGES] = {
     CAIRN_SCAN_MATCH_SHAPE_COMMON, CAIRN_SCAN_MATCH_SHAPE_COLINEAR, CAIRN_SCAN_MATCH_SHAPE_SEGMENTS,
     CAIRN_SCAN_MATCH_SHAPE, CAIRN_SCAN_MATCH_SHAPE_LINES};
 
@@ -377,7 +377,7 @@ static int run_collection(const settings *s, const char *name, bench_collection 
     for (size_t i = 0; i < sizeof STARTS / sizeof *STARTS; i++) {
         if (s->start != NULL && strcmp(s->start, STARTS[i].name) != 0)
             continue;
-        for (int32_t k = s->ablate ? 0 : WHOLE; k < (s->ablate ? STAGES_MOST : WHOLE + 1) && done;
+        for (int32_t k = s->ablate ? 0 : WHOLE; k < (s->ablate ? MAX_STAGES : WHOLE + 1) && done;
              k++) {
             settings one = *s;
 
@@ -444,7 +444,7 @@ int main(int argc, char **argv)
         OPTION_FLAG("--each", &s.each, "a line for every pair"),
     };
     const option_set set = {"bench/pairs", "--simulated | [--log FILE --truth FILE] [options]",
-                            "Matches of two scans, from a guess or from none.", table,
+                            "Scan matching of two scans, with or without a prior.", table,
                             sizeof table / sizeof *table};
     size_t words = 0;
     option_result result;

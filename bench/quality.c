@@ -1,15 +1,15 @@
-/* bench/quality: how maps get better while methods align, and what their entropy and likelihood
- * tell of their errors.
+/* bench/quality: map quality during alignment, and correlation of entropy and likelihood with pose
+ * errors.
  *
  * Every method starts from the same disturbed poses of the same arenas. Of the poses after each
- * step a map is drawn (moved onto the truth by the best common motion, so that all maps have the
+ * step a map is drawn (moved onto the truth by the best rigid alignment, so that all maps have the
  * same cells and quadrants), with its entropy, the log-likelihood of its beams and the mean
  * absolute errors E(x), E(y), E(theta), of the whole and of its quadrants: the cells that lie in
  * one, the beams and the poses of the scans that were taken in it. A method that has ended keeps
  * its last map.
  *
- * How well entropy a cell, or likelihood a beam, predicts the mean distance of the scans from
- * the truth: see bench_predict. */
+ * How well entropy a cell, or likelihood a beam, predicts the mean distance of the scans from the
+ * truth: see bench_predict. */
 #include <inttypes.h>
 #include <math.h>
 #include <stddef.h>
@@ -37,8 +37,7 @@ typedef struct settings {
     int32_t as_written;
 } settings;
 
-/* Of a map, or of what lies in one quadrant of it: its cells, and the scans that were taken
- * there. */
+/* Measures of a map or of one quadrant: its cells, and the scans taken in it. */
 typedef struct part {
     double entropy, likelihood;
     double x, y, theta, distance; /* m, degrees; NaN: no scan there */
@@ -86,7 +85,7 @@ static void close_scene(scene *s)
     bench_problem_close(&s->problem);
 }
 
-/* The beams of all scans, and the box of what they hit. */
+/* The beams of all scans, and the bounding box of their hits. */
 static cairn_status keep_beams(scene *s, cairn_box *box)
 {
     cairn_scan_params params = cairn_scan_default();

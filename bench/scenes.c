@@ -1,9 +1,8 @@
-/* bench/scenes: do loops that close ever lead astray? Drives through buildings whose places look
- * alike.
+/* bench/scenes: false loop closures: drives through buildings with perceptual aliasing.
  *
- * Every arena is mapped twice, with loops and without. A closure is wrong when it is off the
- * truth by more than 0.2 m or 2 degrees. A pose is led astray when its error, seen from the
- * first scan, is more than 0.2 m and with loops by more than 0.2 m larger than without. */
+ * Every arena is mapped twice, with loops and without. A loop closure is wrong when its error
+ * exceeds 0.2 m or 2 degrees. A pose is corrupted when its error relative to the first scan is more
+ * than 0.2 m and with loops by more than 0.2 m larger than without. */
 #include <inttypes.h>
 #include <math.h>
 #include <stdio.h>
@@ -27,7 +26,7 @@ typedef struct settings {
 /* A drive, mapped. */
 typedef struct outcome {
     cairn_pose *poses;  /* [scans] */
-    int32_t *key_scans; /* [scans] number of the scan that a key scan is */
+    int32_t *key_scans; /* [scans] scan index of a keyframe */
     int32_t accepted, rejected, waiting, wrong;
     double worst_closure;
     cairn_mapper_state state;
@@ -67,7 +66,8 @@ static void count_closure(const settings *s, const cairn_mapper_loop *loop, cons
     out->wrong++;
     if (s->verbose)
         fprintf(stderr,
-                "closure of key scans %" PRId32 " and %" PRId32 ": off by %.3f m, %.2f degrees\n",
+                "loop closure of keyframes %" PRId32 " and %" PRId32
+                ": off by %.3f m, %.2f degrees\n",
                 loop->first, loop->second, off, turn * 57.29577951308232);
 }
 
@@ -161,7 +161,7 @@ static cairn_status map_drive(const settings *s, const sim_scan *scans, int32_t 
 
 /* ---- Errors ---- */
 
-/* Errors of position seen from the first scan. */
+/* Position errors relative to the first scan. */
 static double error_of(const sim_scan *scans, const outcome *out, int32_t i)
 {
     cairn_pose truth = cairn_pose_between(pose_of(scans[0].truth), pose_of(scans[i].truth));
@@ -293,8 +293,8 @@ int main(int argc, char **argv)
         OPTION_INTEGER("--seed", &s.seed, 0, 1000000000, "N", "of the first one"),
         OPTION_INTEGER("--scans", &s.scans, 2, 10000, "N",
                        "of a drive, one every 0.3 m or 0.3 rad"),
-        OPTION_FLAG("--no-odometry", &s.no_odometry, "ranges alone"),
-        OPTION_FLAG("--verbose", &s.verbose, "tell every wrong closure"),
+        OPTION_FLAG("--no-odometry", &s.no_odometry, "uses the ranges alone"),
+        OPTION_FLAG("--verbose", &s.verbose, "prints every wrong loop closure"),
     };
     const option_set set = {"bench/scenes", "[options]", "Do loops that close ever lead astray?",
                             table, sizeof table / sizeof *table};

@@ -1,9 +1,9 @@
 /* bench/slam: whole real logs against their reference relations (Kuemmerle et al. 2009).
  *
- * A relation is the pose of one scan seen from another. Its error is that of the estimated
- * relative pose seen from the reference: length of the translation, absolute angle of the
- * rotation; mean and standard deviation over all relations. With --no-odometry the poses of the
- * log are overwritten with noise before they could be used. */
+ * A relation is the relative pose of two scans. Its error is the difference of the estimated
+ * relative pose from the reference: length of the translation, absolute angle of the rotation; mean
+ * and standard deviation over all relations. With --no-odometry the poses of the log are
+ * overwritten with noise before they are used. */
 #include <inttypes.h>
 #include <math.h>
 #include <stdio.h>
@@ -28,7 +28,7 @@ typedef struct settings {
     int32_t no_odometry, no_loops;
 } settings;
 
-/* The relations of a log's scans; says what is wrong. To be freed; NULL on failure. */
+/* Reads the relations of a log's scans; prints errors. To be freed; NULL on failure. */
 static cairn_relation_row *read_relations(const char *path, const cairn_carmen_scans *log,
                                           int32_t *count)
 {
@@ -78,8 +78,8 @@ static void rehang(const cairn_mapper *mapper, int32_t *seen, int32_t *key, cair
             cairn_mapper_rehang(cairn_mapper_release_at(mapper, *seen), &key[i], &poses[i]);
 }
 
-/* Maps the log; poses: [count], of the sensor, which is what relations are between. Returns the
- * time that took, -1 on failure. */
+/* Maps the log; poses: [count], of the sensor, as relations are between sensors. Returns the
+ * elapsed time, -1 on failure. */
 static double map_log(const settings *s, const cairn_carmen_scans *log, cairn_pose *poses,
                       size_t *pool_bytes, cairn_mapper_state *state, scan_cost *cost)
 {
@@ -275,15 +275,16 @@ int main(int argc, char **argv)
         OPTION_TEXT("--relations", &s.relations, "FILE", "its reference relations"),
         OPTION_TEXT("--data", &s.data, "DIR", "folder of the data sets (../shared/data)"),
         OPTION_FLAG("--no-odometry", &s.no_odometry,
-                    "ranges alone; the log's poses are overwritten with noise"),
-        OPTION_FLAG("--no-loops", &s.no_loops, "close no loops"),
-        OPTION_INTEGER("--window", &s.window, 0, 64, "N", "key scans of the force field"),
+                    "uses the ranges alone; the log's poses are overwritten with noise"),
+        OPTION_FLAG("--no-loops", &s.no_loops, "no loop closure"),
+        OPTION_INTEGER("--window", &s.window, 0, 64, "N",
+                       "sliding window of keyframes for the force field"),
         OPTION_INTEGER("--max-keys", &s.max_keys, 0, 1 << 20, "N",
-                       "room for N key scans, the best covered ones are released (0: for all)"),
+                       "capacity of N keyframes with keyframe culling (0: capacity for all)"),
         OPTION_INTEGER("--filter", &s.particles, 0, 4096, "N",
-                       "by a filter of N particles, 0: by the mapper"),
+                       "Rao-Blackwellized particle filter of N particles, 0: the mapper"),
         OPTION_INTEGER("--seed", &s.seed, 0, 9e15, "N",
-                       "of that noise, and of what particles draw"),
+                       "seed of that noise and of the particle filter"),
     };
     const option_set set = {"bench/slam", "[--log FILE --relations FILE] [options]",
                             "Absolute errors of mapped logs over their reference relations.", table,

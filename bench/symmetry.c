@@ -22,7 +22,7 @@
 /* A shape has a mirror axis when so much of it and its mirror image is common. */
 #define RIGID 0.9
 
-enum { MODES = 2, FILES_MOST = 4096 };
+enum { MODES = 2, MAX_FILES = 4096 };
 
 /* In the order of the lines. */
 static const int32_t modes[MODES] = {CAIRN_MODE_AS_WRITTEN, CAIRN_MODE_DEFAULT};
@@ -174,7 +174,7 @@ static int32_t read_names(const char *folder, char **names)
     struct dirent *entry;
     int32_t count = 0;
 
-    while (open != NULL && count < FILES_MOST && (entry = readdir(open)) != NULL) {
+    while (open != NULL && count < MAX_FILES && (entry = readdir(open)) != NULL) {
         size_t length = strlen(entry->d_name);
 
         if (length < 5 || strcmp(entry->d_name + length - 4, ".png") != 0)
@@ -191,7 +191,7 @@ static int32_t read_names(const char *folder, char **names)
     return count;
 }
 
-/* The axis is one of the best, or as good as they are. */
+/* Returns 1 when the axis is one of the best or ties with them. */
 static int is_right(const bench_reflections *truth, const cairn_curve *shape, int32_t count,
                     const cairn_symmetry_axis *axis, cairn_vec2 middle)
 {
@@ -273,7 +273,7 @@ static int run_picture(const settings *s, sums t[MODES], const char *path, const
 /* An exit code. */
 static int run_mpeg7(const settings *s, sums t[MODES])
 {
-    static char *names[FILES_MOST];
+    static char *names[MAX_FILES];
     char folder[2048], path[4096];
     int32_t count;
     int ok = 1;
@@ -365,7 +365,7 @@ int main(int argc, char **argv)
     if (result != OPTIONS_READ)
         return (int)result;
     if (s.shapes == 0)
-        s.shapes = s.mpeg7 ? FILES_MOST : 200;
+        s.shapes = s.mpeg7 ? MAX_FILES : 200;
     s.modes = s.as_written ? 1 : MODES;
     for (int mode = 0; mode < s.modes; mode++)
         if (!open_mode(&t[mode], &pools[mode], modes[mode], s.shapes)) {

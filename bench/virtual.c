@@ -1,14 +1,14 @@
-/* bench/virtual: what virtual scans are worth (chapter 8).
+/* bench/virtual: evaluation of virtual scans (chapter 8).
  *
- * rooms: four rooms on a hallway, turned at random, five places, poses off by up to 25 units of
+ * rooms: four rooms on a hallway, rotated randomly, five places, pose errors of up to 25 units of
  * 0.03 m and 15 degrees. A seed is right when every scan lies within 4 units and 1 degree after the
- * best common motion. rubble and round: the arenas of bench/align, and those without a straight
- * wall; shares as there. rescue110: the first, seen by scans of 110 degrees. halls: the rooms,
+ * best rigid alignment. rubble and round: the arenas of bench/align, and those without a straight
+ * wall; shares as there. rescue110: the first arena with scans of 110 degrees. halls: the rooms,
  * whose hallway is 12 m long, by scans of half a circle; rooms far off: by full ones from starts 1
- * m and 20 degrees off. Each with hypotheses and without, on the same starts. Without: what the
- * aligner alone finds; gradient: algorithm 2 as written; field without: the aligner, its field, and
- * parts that slide, but no hypotheses. wall_rms_m: of the hits on walls that lie in one line about
- * their common line.
+ * m and 20 degrees off. Each with hypotheses and without, on the same starts. Without: the aligner
+ * alone; gradient: algorithm 2 as written; field without: the aligner, its field, and components
+ * that slide along walls, but no hypotheses. wall_rms_m: RMS distance of the hits on collinear
+ * walls from their common line.
  *
  * box: a flat box in a room, two scans of 110 degrees that face it from either side, with no long
  * side and no wall across in common: how far apart the sides are only the starts tell, and the
@@ -102,7 +102,8 @@ static int run_scene(const settings *s, const bench_virtual_scene *from, int64_t
     return 1;
 }
 
-/* What algorithm 2 reaches in rooms: with hypotheses, without, without from another sigma. */
+/* Evaluates algorithm 2 in scene rooms: with hypotheses, without, and without from another
+ * sigma. */
 static void print_gradient(const bench_virtual_row rows[3])
 {
     static const char *const keys[] = {"gradient_with", "without30", "without80"};
@@ -177,7 +178,7 @@ static int run_boxes(const settings *s, const char *name, double metres, double 
     return 1;
 }
 
-/* What became of the rooms with a false hypothesis. */
+/* Evaluates scene rooms with a false hypothesis. */
 typedef struct lie_counts {
     int32_t scans, believed, right_with, right_without;
 } lie_counts;

@@ -1,15 +1,14 @@
-/* A bare Cortex-M4F or M7 as the board: vectors, start, clock, and semihosting for what is printed.
+/* A bare Cortex-M4F or M7 as the board: vectors, startup, clock, and semihosting for output.
  *
- * Method: reset switches the FPU on, copies .data, clears .bss, paints the stack and calls
- * main(). The clock is SysTick, which counts down 24 bits at 25 MHz; with one instruction a
- * nanosecond (qemu -icount shift=0) a tick is 40 of them. Every fault ends the program with
- * status 3. */
+ * Method: reset switches the FPU on, copies .data, clears .bss, paints the stack and calls main().
+ * The clock is SysTick, which counts down 24 bits at 25 MHz; with one instruction per nanosecond
+ * (qemu -icount shift=0) a tick is 40 of them. Every fault ends the program with status 3. */
 #include "firmware/board.h"
 
 int main(void);
 _Noreturn void board_reset(void);
 
-/* Of the link script. */
+/* Symbols of the linker script. */
 extern uint32_t board_data_load[], board_data_start[], board_data_end[], board_bss_start[],
     board_bss_end[];
 extern uint32_t board_stack_bottom[], board_stack_top[];
@@ -99,7 +98,7 @@ uint32_t board_clock(void)
     static uint32_t last = SYSTICK_LAST, ticks;
     uint32_t now;
 
-    /* What is timed stays between the readings: a compiler may move a pure call across a plain
+    /* Keeps the timed code between both readings: a compiler may move a pure call across a plain
      * one. */
     __asm__ volatile("" ::: "memory");
     now = SYSTICK_VALUE;
@@ -140,7 +139,7 @@ _Noreturn void board_reset(void)
         *word = *load++;
     for (uint32_t *word = board_bss_start; word != board_bss_end; word++)
         *word = 0;
-    /* Down to here the stack is in use already. */
+    /* The stack above this address is already in use and is not painted. */
     __asm__ volatile("mov %0, sp" : "=r"(painted));
     for (uint32_t *word = board_stack_bottom; word < painted; word++)
         *word = STACK_PAINT;

@@ -1,5 +1,5 @@
-/* The desktop as a board: what the loop prints goes to standard output, the recording to the file
- * that the environment names in RECORDING (none: nowhere), and nothing is measured. */
+/* The desktop as a board: prints to standard output, writes the recording to the file that the
+ * environment variable RECORDING names (none: discards it), measures nothing. */
 #include <stdio.h>
 #include <stdlib.h>
 

@@ -55,7 +55,8 @@ _Noreturn void console_give_up(const char *what, cairn_status status)
     board_exit(1);
 }
 
-/* Bit by bit: the compiler's 64-bit division is a tenth as long as all of the loop. */
+/* Divides bit by bit, as the code of the compiler's 64-bit division would be a tenth of the size of
+ * the whole loop. */
 static uint32_t mean_of(const console_measure *m)
 {
     uint64_t rest = m->sum, part = (uint64_t)m->ticks << 31;

@@ -1,6 +1,6 @@
-/* console: what the loops print, and what their ticks cost.
+/* console: output of the loops and cost statistics of their ticks.
  *
- * Lines that begin with "measure" are of the machine; all others are the same on every one. */
+ * Lines that begin with "measure" depend on the machine; all others are equal on all machines. */
 #ifndef CAIRN_FIRMWARE_CONSOLE_H
 #define CAIRN_FIRMWARE_CONSOLE_H
 
@@ -12,22 +12,23 @@
 typedef struct console_measure {
     uint32_t ticks, worst; /* instructions */
     uint64_t sum;
-    int32_t worst_units; /* of budget */
+    int32_t worst_units; /* maximum work units of a tick */
 } console_measure;
 
-/* One more tick, of so many instructions and units. */
+/* Counts a tick with its instructions and work units. */
 void console_count(console_measure *m, uint32_t instructions, int32_t units);
 
 /* Prints a line "what of_what number number ..."; count <= 9. */
 void console_numbers(const char *what, const char *of_what, const int32_t *number, int32_t count);
 
-/* Prints a line of ticks, their mean and worst instructions, and most units. */
+/* Prints a line with the number of ticks, their mean and maximum instructions, and maximum
+ * units. */
 void console_measured(const char *what, const console_measure *m);
 
 /* Prints a line "hash name hash". */
 void console_hash(const char *name, uint32_t hash);
 
-/* Ends the program and says why: there is nobody to hand a status to. */
+/* Prints the reason and ends the program. */
 _Noreturn void console_give_up(const char *what, cairn_status status);
 
 #endif

@@ -1,4 +1,4 @@
-/* hash: of states, so that two runs can be compared bit by bit. */
+/* hash: FNV-1a hash of states, to compare two runs bit by bit. */
 #ifndef CAIRN_FIRMWARE_HASH_H
 #define CAIRN_FIRMWARE_HASH_H
 
@@ -8,8 +8,8 @@
 
 enum { HASH_START = INT32_C(0x1c9dc511) };
 
-/* The hash so far with so many bytes more, of which those beyond the last whole word of 4 do not
- * count: FNV-1a over words. */
+/* Returns the hash updated with `bytes` bytes, by FNV-1a over 4-byte words; bytes after the last
+ * complete word are ignored. */
 static inline uint32_t hash_words(uint32_t hash, const void *data, size_t bytes)
 {
     const unsigned char *at = (const unsigned char *)data;

@@ -1,22 +1,26 @@
-/* Method: a point p of the later scan on a segment with normal n of the first one has the error e =
- * n (P p - a), with the relative pose P. A small motion d in the frame of the later scan turns it
- * into e + (n', p x n') d, n' being n in that frame. One Gauss-Newton step for each pair, with
- * robust weights (Cauchy) and the given relative pose as a prior, gives the measured pose P d, and
- * its normal equations are the information that a pose graph wants: both in the frame of the later
- * scan.
+/* Joint optimization of all poses by a pose graph with links from point-to-line registration.
  *
- * Limits: errors of points count as independent, so that covariances are those of good segments;
- * a wall taken for another within the gate is not found out here. */
+ * Method: 1. A point p of the later scan on a segment with normal n of the first scan has the
+ * residual e = n (P p - a), with the relative pose P. A small motion d in the frame of the later
+ * scan changes it to e + (n', p x n') d (the Jacobian), with n' = n in that frame.
+ * 2. One Gauss-Newton step per pair, with Cauchy weights and the given relative pose as a prior,
+ *    gives the measured pose P d. Its normal equations are the information matrix of the link, in
+ *    the frame of the later scan.
+ * 3. The pose graph of all links is solved; steps 1 to 3 are repeated, then the covariances are
+ *    computed.
+ *
+ * Limits: errors of points count as independent, so that covariances hold for well-fitted segments;
+ * a wrong correspondence within the gate is not rejected. */
 #include "src/core/build.h"
 
 #include <string.h>
 
 #include "firmware/joint.h"
 
-enum { TILE = 16, COMPARED = 8 };
+enum { POINT_TILE = 16, SEGMENTS_PER_STEP = 8 };
 
-/* Cosine of the largest angle between the directions of two segments on one wall. */
-#define SAME_WALL CAIRN_REAL(0.95)
+/* Minimum cosine of the angle between the directions of two segments on one wall. */
+#define MIN_WALL_COSINE CAIRN_REAL(0.95)
 
 joint_params joint_default(void)
 {
@@ -38,10 +42,11 @@ static cairn_pose_graph_params graph_params(const joint_params *params)
     return graph;
 }
 
-static void carve(joint *x, cairn_pool *pool, const joint_params *params)
+static void carve(joint *optimizer, cairn_pool *pool, const joint_params *params)
 {
-    x->poses = cairn_pool_take(pool, (size_t)params->max_scans, sizeof *x->poses);
-    x->covariances = cairn_pool_take(pool, (size_t)params->max_scans, sizeof *x->covariances);
+    optimizer->poses = cairn_pool_take(pool, (size_t)params->max_scans, sizeof *optimizer->poses);
+    optimizer->covariances =
+        cairn_pool_take(pool, (size_t)params->max_scans, sizeof *optimizer->covariances);
 }
 
 size_t joint_memory(const joint_params *params)
@@ -58,7 +63,7 @@ size_t joint_memory(const joint_params *params)
     return cairn_pool_counted(&counting);
 }
 
-cairn_status joint_create(joint *x, cairn_pool *pool, const joint_params *params)
+cairn_status joint_create(joint *optimizer, cairn_pool *pool, const joint_params *params)
 {
     cairn_pose_graph_params graph = graph_params(params);
     size_t need = joint_memory(params);
@@ -67,85 +72,90 @@ cairn_status joint_create(joint *x, cairn_pool *pool, const joint_params *params
         return CAIRN_BAD_ARGUMENT;
     if (!cairn_pool_has_room(pool, need))
         return CAIRN_NO_MEMORY;
-    memset(x, 0, sizeof *x);
-    x->params = *params;
-    carve(x, pool, params);
-    memset(x->covariances, 0, (size_t)params->max_scans * sizeof *x->covariances);
-    return cairn_pose_graph_create(&x->graph, pool, &graph, NULL);
+    memset(optimizer, 0, sizeof *optimizer);
+    optimizer->params = *params;
+    carve(optimizer, pool, params);
+    memset(optimizer->covariances, 0, (size_t)params->max_scans * sizeof *optimizer->covariances);
+    return cairn_pose_graph_create(&optimizer->graph, pool, &graph, NULL);
 }
 
 /* ---- Pairs of scans ---- */
 
-static const cairn_scan_set_scan *first_scan(const joint *x)
+static const cairn_scan_set_scan *first_scan(const joint *optimizer)
 {
-    return &x->set->scans[x->first];
+    return &optimizer->set->scans[optimizer->first];
 }
 
-static const cairn_scan_set_scan *later_scan(const joint *x)
+static const cairn_scan_set_scan *later_scan(const joint *optimizer)
 {
-    return &x->set->scans[x->first + x->apart];
+    return &optimizer->set->scans[optimizer->first + optimizer->index_gap];
 }
 
-static int is_held(const joint *x, int32_t scan)
+static int is_fixed(const joint *optimizer, int32_t scan)
 {
-    return x->held != NULL && x->held[scan];
+    return optimizer->fixed != NULL && optimizer->fixed[scan];
 }
 
-/* 1 when neither scan of the pair at hand can move. */
-static int stands(const joint *x)
+/* Returns 1 when both scans of the current pair are fixed. */
+static int is_fixed_pair(const joint *optimizer)
 {
-    return is_held(x, x->first) && is_held(x, x->first + x->apart);
+    return is_fixed(optimizer, optimizer->first) &&
+           is_fixed(optimizer, optimizer->first + optimizer->index_gap);
 }
 
-static void begin_pair(joint *x)
+static void begin_pair(joint *optimizer)
 {
-    x->first_second = cairn_pose_between(x->poses[x->first], x->poses[x->first + x->apart]);
-    x->transform = cairn_transform_of(x->first_second);
-    x->segment = later_scan(x)->first_segment;
-    x->other = first_scan(x)->first_segment;
-    x->points = 0;
-    x->information = cairn_sym3_zero();
-    x->information.xx = x->information.yy = 1 / (x->params.spread * x->params.spread);
-    x->information.zz = 1 / (x->params.spread_angle * x->params.spread_angle);
-    memset(x->gradient, 0, sizeof x->gradient);
+    optimizer->first_second =
+        cairn_pose_between(optimizer->poses[optimizer->first],
+                           optimizer->poses[optimizer->first + optimizer->index_gap]);
+    optimizer->transform = cairn_transform_of(optimizer->first_second);
+    optimizer->segment = later_scan(optimizer)->first_segment;
+    optimizer->other = first_scan(optimizer)->first_segment;
+    optimizer->points = 0;
+    optimizer->information = cairn_sym3_zero();
+    optimizer->information.xx = optimizer->information.yy =
+        1 / (optimizer->params.spread * optimizer->params.spread);
+    optimizer->information.zz =
+        1 / (optimizer->params.spread_angle * optimizer->params.spread_angle);
+    memset(optimizer->gradient, 0, sizeof optimizer->gradient);
 }
 
-static cairn_status begin_round(joint *x)
+static cairn_status begin_round(joint *optimizer)
 {
     cairn_status status = CAIRN_OK;
 
-    cairn_pose_graph_clear(x->graph);
-    for (int32_t i = 0; i < x->count && status == CAIRN_OK; i++) {
-        status = cairn_pose_graph_add_pose(x->graph, x->poses[i]);
-        if (status == CAIRN_OK && is_held(x, i))
-            status = cairn_pose_graph_fix(x->graph, i, 1);
+    cairn_pose_graph_clear(optimizer->graph);
+    for (int32_t i = 0; i < optimizer->count && status == CAIRN_OK; i++) {
+        status = cairn_pose_graph_add_pose(optimizer->graph, optimizer->poses[i]);
+        if (status == CAIRN_OK && is_fixed(optimizer, i))
+            status = cairn_pose_graph_fix(optimizer->graph, i, 1);
     }
-    x->first = 0;
-    x->apart = 1;
-    x->phase = JOINT_LINKS;
-    if (x->count > 1)
-        begin_pair(x);
+    optimizer->first = 0;
+    optimizer->index_gap = 1;
+    optimizer->phase = JOINT_LINKS;
+    if (optimizer->count > 1)
+        begin_pair(optimizer);
     return status;
 }
 
-cairn_status joint_begin(joint *x, const cairn_scan_set *set, const cairn_pose *map_scan,
-                         const uint8_t *held, int32_t count)
+cairn_status joint_begin(joint *optimizer, const cairn_scan_set *set, const cairn_pose *map_scan,
+                         const uint8_t *fixed, int32_t count)
 {
     if (count < 1)
         return CAIRN_EMPTY;
-    if (count > x->params.max_scans)
+    if (count > optimizer->params.max_scans)
         return CAIRN_FULL;
-    memcpy(x->poses, map_scan, (size_t)count * sizeof *map_scan);
-    memset(x->covariances, 0, (size_t)count * sizeof *x->covariances);
-    x->set = set;
-    x->held = held;
-    x->count = count;
-    x->round = 0;
-    x->debt = 0;
-    return begin_round(x);
+    memcpy(optimizer->poses, map_scan, (size_t)count * sizeof *map_scan);
+    memset(optimizer->covariances, 0, (size_t)count * sizeof *optimizer->covariances);
+    optimizer->set = set;
+    optimizer->fixed = fixed;
+    optimizer->count = count;
+    optimizer->round = 0;
+    optimizer->pending_units = 0;
+    return begin_round(optimizer);
 }
 
-/* A wall of the first scan. */
+/* A wall of the first scan: a segment as a line with normal and length, m. */
 typedef struct wall {
     cairn_vec2 start, along, normal;
     cairn_real length;
@@ -163,175 +173,185 @@ static wall wall_of(const cairn_scan_set_segment *segment)
     return w;
 }
 
-/* 1 when some points of the segment may lie on the other one. */
-static int may_share(const joint *x, const cairn_scan_set_segment *segment,
+/* Returns 1 when points of the segment may lie on the other segment: similar direction, and within
+ * the gate. */
+static int may_share(const joint *optimizer, const cairn_scan_set_segment *segment,
                      const cairn_scan_set_segment *other)
 {
-    cairn_vec2 direction = cairn_transform_direction(x->transform, segment->direction);
+    cairn_vec2 direction = cairn_transform_direction(optimizer->transform, segment->direction);
     cairn_vec2 a, b, normal = cairn_vec2_left(other->direction);
     cairn_real of_a, of_b;
 
-    if (cairn_vec2_dot(direction, other->direction) < SAME_WALL)
+    if (cairn_vec2_dot(direction, other->direction) < MIN_WALL_COSINE)
         return 0;
-    a = cairn_vec2_sub(cairn_transform_point(x->transform, segment->segment.a), other->segment.a);
-    b = cairn_vec2_sub(cairn_transform_point(x->transform, segment->segment.b), other->segment.a);
+    a = cairn_vec2_sub(cairn_transform_point(optimizer->transform, segment->segment.a),
+                       other->segment.a);
+    b = cairn_vec2_sub(cairn_transform_point(optimizer->transform, segment->segment.b),
+                       other->segment.a);
     of_a = cairn_vec2_dot(normal, a);
     of_b = cairn_vec2_dot(normal, b);
-    return cairn_min(of_a, of_b) <= x->params.gate && cairn_max(of_a, of_b) >= -x->params.gate;
+    return cairn_min(of_a, of_b) <= optimizer->params.gate &&
+           cairn_max(of_a, of_b) >= -optimizer->params.gate;
 }
 
-static void add_point(joint *x, const wall *w, cairn_vec2 p)
+static void add_point(joint *optimizer, const wall *w, cairn_vec2 p)
 {
-    cairn_vec2 from_start = cairn_vec2_sub(cairn_transform_point(x->transform, p), w->start), n;
+    cairn_vec2 from_start =
+                   cairn_vec2_sub(cairn_transform_point(optimizer->transform, p), w->start),
+               n;
     cairn_real along = cairn_vec2_dot(w->along, from_start),
                error = cairn_vec2_dot(w->normal, from_start);
-    cairn_real sigma = x->params.sigma, width = 3 * sigma, row[3], weight;
+    cairn_real sigma = optimizer->params.sigma, width = 3 * sigma, row[3], weight;
 
-    if (!(along >= 0 && along <= w->length && cairn_abs(error) <= x->params.gate))
+    if (!(along >= 0 && along <= w->length && cairn_abs(error) <= optimizer->params.gate))
         return;
-    n.x = x->transform.cosine * w->normal.x + x->transform.sine * w->normal.y;
-    n.y = x->transform.cosine * w->normal.y - x->transform.sine * w->normal.x;
+    n.x = optimizer->transform.cosine * w->normal.x + optimizer->transform.sine * w->normal.y;
+    n.y = optimizer->transform.cosine * w->normal.y - optimizer->transform.sine * w->normal.x;
     row[0] = n.x;
     row[1] = n.y;
     row[2] = cairn_vec2_cross(p, n);
     weight = 1 / (sigma * sigma * (1 + error * error / (width * width)));
-    cairn_sym3_add_outer(&x->information, row, weight);
+    cairn_sym3_add_outer(&optimizer->information, row, weight);
     for (int32_t k = 0; k < 3; k++)
-        x->gradient[k] += weight * error * row[k];
-    x->points++;
+        optimizer->gradient[k] += weight * error * row[k];
+    optimizer->points++;
 }
 
-/* Compares a few segments of the first scan with one of the later scan; adds the points of the
- * first that may share a wall with it. Returns the units. */
-static int32_t look(joint *x)
+/* Compares SEGMENTS_PER_STEP segments of the first scan with the current segment of the later scan.
+ * Adds the points of the later segment to the normal equations at the first match. Returns the work
+ * units. */
+static int32_t compare_segments(joint *optimizer)
 {
-    const cairn_scan_set_segment *segment = &x->set->segments[x->segment];
-    int32_t count = segment->end_point - segment->first_point, end = first_scan(x)->end_segment,
-            shared = -1;
+    const cairn_scan_set_segment *segment = &optimizer->set->segments[optimizer->segment];
+    int32_t count = segment->end_point - segment->first_point,
+            end = first_scan(optimizer)->end_segment, shared = -1;
 
-    for (int32_t i = 0; i < COMPARED && x->other < end && shared < 0; i++, x->other++)
-        if (may_share(x, segment, &x->set->segments[x->other]))
-            shared = x->other;
+    for (int32_t i = 0; i < SEGMENTS_PER_STEP && optimizer->other < end && shared < 0;
+         i++, optimizer->other++)
+        if (may_share(optimizer, segment, &optimizer->set->segments[optimizer->other]))
+            shared = optimizer->other;
     if (shared >= 0) {
-        wall w = wall_of(&x->set->segments[shared]);
-        cairn_vec2 points[TILE];
+        wall w = wall_of(&optimizer->set->segments[shared]);
+        cairn_vec2 points[POINT_TILE];
 
-        for (int32_t from = 0; from < count; from += TILE) {
-            int32_t some = count - from < TILE ? count - from : TILE;
+        for (int32_t from = 0; from < count; from += POINT_TILE) {
+            int32_t some = count - from < POINT_TILE ? count - from : POINT_TILE;
 
-            cairn_scan_set_read(x->set, x->segment, from, some, points);
+            cairn_scan_set_read(optimizer->set, optimizer->segment, from, some, points);
             for (int32_t i = 0; i < some; i++)
-                add_point(x, &w, points[i]);
+                add_point(optimizer, &w, points[i]);
         }
     }
-    if (x->other == end) {
-        x->segment++;
-        x->other = first_scan(x)->first_segment;
+    if (optimizer->other == end) {
+        optimizer->segment++;
+        optimizer->other = first_scan(optimizer)->first_segment;
     }
     return 2 + (shared >= 0 ? 2 + count / 2 : 0);
 }
 
-/* The link of the pair at hand, when it has one. */
-static cairn_status add_link(joint *x)
+/* Adds the link of the current pair, when it has enough correspondences or is consecutive. */
+static cairn_status add_link(joint *optimizer)
 {
     cairn_real step[3];
     cairn_pose measured;
     cairn_status status;
 
-    if ((x->points < x->params.min_points && x->apart > 1) ||
-        !cairn_sym3_solve(x->information, x->gradient, step))
+    if ((optimizer->points < optimizer->params.min_points && optimizer->index_gap > 1) ||
+        !cairn_sym3_solve(optimizer->information, optimizer->gradient, step))
         return CAIRN_OK;
     measured.x = -step[0];
     measured.y = -step[1];
     measured.theta = -step[2];
-    status =
-        cairn_pose_graph_add_link(x->graph, x->first, x->first + x->apart,
-                                  cairn_pose_compose(x->first_second, measured), x->information);
-    return status == CAIRN_FULL && x->apart > 1 ? CAIRN_OK : status;
+    status = cairn_pose_graph_add_link(
+        optimizer->graph, optimizer->first, optimizer->first + optimizer->index_gap,
+        cairn_pose_compose(optimizer->first_second, measured), optimizer->information);
+    return status == CAIRN_FULL && optimizer->index_gap > 1 ? CAIRN_OK : status;
 }
 
-/* One item of the search for links. */
-static cairn_status find_links(joint *x)
+/* Performs one work item of the search for links. */
+static cairn_status find_links(joint *optimizer)
 {
     cairn_status status = CAIRN_OK;
 
-    if (x->apart >= x->count) {
-        x->debt = 1 + (x->count + cairn_pose_graph_read(x->graph).links) / 2;
-        x->phase = JOINT_SOLVE;
-        return cairn_pose_graph_solve(x->graph);
+    if (optimizer->index_gap >= optimizer->count) {
+        optimizer->pending_units =
+            1 + (optimizer->count + cairn_pose_graph_read(optimizer->graph).links) / 2;
+        optimizer->phase = JOINT_SOLVE;
+        return cairn_pose_graph_solve(optimizer->graph);
     }
-    if (!stands(x) && x->segment < later_scan(x)->end_segment &&
-        first_scan(x)->first_segment < first_scan(x)->end_segment) {
-        x->debt = look(x);
+    if (!is_fixed_pair(optimizer) && optimizer->segment < later_scan(optimizer)->end_segment &&
+        first_scan(optimizer)->first_segment < first_scan(optimizer)->end_segment) {
+        optimizer->pending_units = compare_segments(optimizer);
         return CAIRN_OK;
     }
-    x->debt = stands(x) ? 2 : 8;
-    if (!stands(x))
-        status = add_link(x);
-    if (++x->first + x->apart >= x->count) {
-        x->first = 0;
-        x->apart++;
+    optimizer->pending_units = is_fixed_pair(optimizer) ? 2 : 8;
+    if (!is_fixed_pair(optimizer))
+        status = add_link(optimizer);
+    if (++optimizer->first + optimizer->index_gap >= optimizer->count) {
+        optimizer->first = 0;
+        optimizer->index_gap++;
     }
-    if (x->apart < x->count)
-        begin_pair(x);
+    if (optimizer->index_gap < optimizer->count)
+        begin_pair(optimizer);
     return status;
 }
 
 /* ---- The graph ---- */
 
-/* The solution has ended. */
-static cairn_status take_poses(joint *x)
+/* Copies the poses after the solution of the graph; starts the next round or the covariances. */
+static cairn_status take_poses(joint *optimizer)
 {
-    cairn_pose_graph_verdict verdict = cairn_pose_graph_read(x->graph).verdict;
+    cairn_pose_graph_verdict verdict = cairn_pose_graph_read(optimizer->graph).verdict;
 
     if (verdict != CAIRN_POSE_GRAPH_CONVERGED && verdict != CAIRN_POSE_GRAPH_OUT_OF_ITERATIONS) {
-        x->phase = JOINT_IDLE;
+        optimizer->phase = JOINT_IDLE;
         return CAIRN_OK;
     }
-    for (int32_t i = 0; i < x->count; i++)
-        x->poses[i] = cairn_pose_graph_pose(x->graph, i);
-    if (++x->round < x->params.rounds)
-        return begin_round(x);
-    x->phase = JOINT_MARGINALS;
-    return cairn_pose_graph_marginals(x->graph);
+    for (int32_t i = 0; i < optimizer->count; i++)
+        optimizer->poses[i] = cairn_pose_graph_pose(optimizer->graph, i);
+    if (++optimizer->round < optimizer->params.rounds)
+        return begin_round(optimizer);
+    optimizer->phase = JOINT_MARGINALS;
+    return cairn_pose_graph_marginals(optimizer->graph);
 }
 
-static cairn_status take_covariances(joint *x)
+static cairn_status take_covariances(joint *optimizer)
 {
     cairn_status status = CAIRN_OK;
 
-    for (int32_t i = 0; i < x->count && status == CAIRN_OK; i++)
-        status = cairn_pose_graph_covariance(x->graph, i, i, x->covariances[i]);
-    x->phase = JOINT_IDLE;
+    for (int32_t i = 0; i < optimizer->count && status == CAIRN_OK; i++)
+        status = cairn_pose_graph_covariance(optimizer->graph, i, i, optimizer->covariances[i]);
+    optimizer->phase = JOINT_IDLE;
     return status;
 }
 
-static cairn_status solve(joint *x, cairn_budget *budget)
+static cairn_status solve(joint *optimizer, cairn_budget *budget)
 {
-    cairn_status status = cairn_pose_graph_step(x->graph, budget);
+    cairn_status status = cairn_pose_graph_step(optimizer->graph, budget);
 
     if (status != CAIRN_OK)
         return status;
-    x->debt = 1 + x->count;
-    return x->phase == JOINT_SOLVE ? take_poses(x) : take_covariances(x);
+    optimizer->pending_units = 1 + optimizer->count;
+    return optimizer->phase == JOINT_SOLVE ? take_poses(optimizer) : take_covariances(optimizer);
 }
 
-cairn_status joint_step(joint *x, cairn_budget *budget)
+cairn_status joint_step(joint *optimizer, cairn_budget *budget)
 {
-    while (x->debt > 0 || x->phase != JOINT_IDLE) {
+    while (optimizer->pending_units > 0 || optimizer->phase != JOINT_IDLE) {
         cairn_status status = CAIRN_OK;
 
         if (budget->left <= 0)
             return CAIRN_MORE;
-        if (x->debt > 0) {
-            int32_t paid = x->debt < budget->left ? x->debt : budget->left;
+        if (optimizer->pending_units > 0) {
+            int32_t charged =
+                optimizer->pending_units < budget->left ? optimizer->pending_units : budget->left;
 
-            x->debt -= paid;
-            budget->left -= paid;
-        } else if (x->phase == JOINT_LINKS) {
-            status = find_links(x);
+            optimizer->pending_units -= charged;
+            budget->left -= charged;
+        } else if (optimizer->phase == JOINT_LINKS) {
+            status = find_links(optimizer);
         } else {
-            status = solve(x, budget);
+            status = solve(optimizer, budget);
         }
         if (status != CAIRN_OK)
             return status;

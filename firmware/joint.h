@@ -1,10 +1,10 @@
-/* joint: the last word on all poses at once, with covariances: what a robot asks for when its scans
- * are aligned.
+/* joint: joint optimization of all poses of a robot by a pose graph, with covariances, after its
+ * scans are aligned.
  *
- * Every two scans that share walls are linked by their relative pose, as the points of the one
- * lie on the segments of the other, with its information; a pose graph meets all links in the
- * least squares sense and tells how sure each pose is. Two scans that came one after the other
- * are linked in any case, by the poses that they were given and `spread`. */
+ * Every two scans that share walls are linked by a relative pose from point-to-line registration,
+ * with its information matrix. The pose graph is solved in the least squares sense and gives the
+ * covariance of each pose. Consecutive scans are always linked, with the given relative pose as a
+ * prior of standard deviation `spread`. */
 #ifndef CAIRN_FIRMWARE_JOINT_H
 #define CAIRN_FIRMWARE_JOINT_H
 
@@ -13,25 +13,25 @@
 
 typedef struct joint_params {
     int32_t max_scans;
-    /* >= max_scans; pairs of scans that came later apart are left out beyond */
+    /* >= max_scans; when the links are full, pairs with a large index gap are skipped */
     int32_t max_links;
-    /* of the solver, see cairn/block_solver.h */
+    /* fill blocks of the sparse solver, see cairn/block_solver.h */
     int32_t max_fill;
-    /* of a link (10) */
+    /* minimum number of point correspondences of a link (10) */
     int32_t min_points;
-    /* points are looked at anew from the poses of the round before (3) */
+    /* rounds of data association: correspondences are recomputed at the new poses (3) */
     int32_t rounds;
-    /* m from a point to its wall at most (0.1) */
+    /* m, correspondence gate: maximum distance of a point from its wall (0.1) */
     cairn_real gate;
-    /* m, of a point across its wall (0.02) */
+    /* m, standard deviation of a point normal to its wall (0.02) */
     cairn_real sigma;
-    /* m, how far two poses are believed to lie right beside each other (0.1) ... */
+    /* m, standard deviation of the prior on the relative position of consecutive scans (0.1) */
     cairn_real spread;
-    /* rad (0.05) */
+    /* rad, standard deviation of the prior on the relative heading (0.05) */
     cairn_real spread_angle;
 } joint_params;
 
-/* In brackets above; capacities 64, 256 and 512. */
+/* Returns the default params: the values in brackets above; capacities 64, 256 and 512. */
 joint_params joint_default(void);
 
 typedef int32_t joint_phase;
@@ -41,50 +41,50 @@ enum { JOINT_IDLE, JOINT_LINKS, JOINT_SOLVE, JOINT_MARGINALS };
 typedef struct joint {
     joint_params params;
     cairn_pose_graph *graph;
-    cairn_pose *poses; /* [count]: of the last round */
-    cairn_real(
-        /* [count]: row-major over (x, y, theta) in the map; the first pose is held. Zero at
-         * first */
-        *covariances)[9];
+    cairn_pose *poses; /* [count] poses of the last round */
+    /* [count] row-major over (x, y, theta) in the map; the first pose is fixed. Zero at the
+     * start */
+    cairn_real (*covariances)[9];
     int32_t count;
     const cairn_scan_set *set;
-    /* [count] or NULL */
-    const uint8_t *held;
+    /* [count] 1: the pose is fixed; or NULL */
+    const uint8_t *fixed;
     joint_phase phase;
     int32_t round;
-    /* the pair of scans at hand: `first` and the one that came `apart` later */
-    int32_t first, apart;
-    /* of the later scan; of the first one, the next to be compared with it */
+    /* the current pair of scans: first and first + index_gap */
+    int32_t first, index_gap;
+    /* current segment of the later scan; next segment of the first scan to be compared with it */
     int32_t segment, other;
-    /* of the pair that lie on walls */
+    /* correspondences of the current pair */
     int32_t points;
     cairn_pose first_second;
-    /* of that */
+    /* transform of first_second */
     cairn_transform transform;
-    /* of the pair so far, over a small motion in the frame of the later scan */
+    /* normal equations of the current pair, over a small motion in the frame of the later scan */
     cairn_sym3 information;
     cairn_real gradient[3];
-    /* units that were used but not yet paid */
-    int32_t debt;
+    /* work units used but not yet charged to a budget */
+    int32_t pending_units;
 } joint;
 
-/* Bytes that joint_create() takes from a pool; 0 for params that it would refuse. */
+/* Returns the bytes that joint_create() takes from a pool; 0 for invalid params. */
 size_t joint_memory(const joint_params *params);
 
-/* All memory from the pool. CAIRN_NO_MEMORY. CAIRN_BAD_ARGUMENT: capacities. */
-CAIRN_CHECKED cairn_status joint_create(joint *x, cairn_pool *pool, const joint_params *params);
+/* Creates the object in the pool. CAIRN_NO_MEMORY. CAIRN_BAD_ARGUMENT: capacities. */
+CAIRN_CHECKED cairn_status joint_create(joint *optimizer, cairn_pool *pool,
+                                        const joint_params *params);
 
-/* Begins anew with the scans 0 ... count-1 of a set, which must stay as it is until step()
- * returns CAIRN_OK, at these poses. held: [count], which must stay, too, not 0: such scans stay
- * where they are, and two of them are not compared; NULL: the first is held. CAIRN_FULL: more
- * than max_scans. CAIRN_EMPTY: none. */
-CAIRN_CHECKED cairn_status joint_begin(joint *x, const cairn_scan_set *set,
-                                       const cairn_pose *map_scan, const uint8_t *held,
+/* Starts an optimization of the scans 0 ... count-1 of a set at the given poses. The set must not
+ * change until step() returns CAIRN_OK. fixed: [count], valid as long; not 0: the pose is fixed,
+ * and two fixed scans are not compared; NULL: the first pose is fixed. CAIRN_FULL: more than
+ * max_scans. CAIRN_EMPTY: none. */
+CAIRN_CHECKED cairn_status joint_begin(joint *optimizer, const cairn_scan_set *set,
+                                       const cairn_pose *map_scan, const uint8_t *fixed,
                                        int32_t count);
 
-/* CAIRN_OK: nothing left to do. CAIRN_MORE. CAIRN_FULL: max_links or max_fill are too small.
- * Other negative ones as those of the graph. Costs per pair of scans two units for eight pairs
- * of segments, and one for two points near a wall. */
-CAIRN_CHECKED cairn_status joint_step(joint *x, cairn_budget *budget);
+/* Performs one bounded step. CAIRN_OK: done. CAIRN_MORE: call again. CAIRN_FULL: max_links or
+ * max_fill is too small. Other negative statuses: those of the pose graph. Costs per pair of scans
+ * two units for eight pairs of segments, and one for two points near a wall. */
+CAIRN_CHECKED cairn_status joint_step(joint *optimizer, cairn_budget *budget);
 
 #endif

@@ -1,6 +1,6 @@
-/* The loop of a robot: every tick calls one step with a budget; now and then a sweep has arrived.
+/* Main loop of the robot: every tick calls one step with a budget; sweeps arrive at intervals.
  *
- * Prints the poses, the hash of all states, and what the ticks cost; writes the flight
+ * Prints the poses, the hash of all states, and the cost of the ticks; writes the flight
  * recorder's stream. */
 #include "src/core/build.h"
 
@@ -15,7 +15,7 @@ static mission the_mission;
 static robot the_robot;
 static console_measure measures[ROBOT_WORKS];
 
-/* ---- What is printed ---- */
+/* ---- Output ---- */
 
 static void print_poses(const robot *r)
 {
@@ -56,7 +56,7 @@ static void record(void *context, const void *data, uint32_t bytes)
     board_record(data, bytes);
 }
 
-/* One tick, timed. Returns 0 when all is done. */
+/* Performs and times one tick. Returns 0 when the run is complete. */
 static int32_t timed_tick(robot *r, int32_t units)
 {
     cairn_budget budget = {units};
@@ -71,7 +71,7 @@ static int32_t timed_tick(robot *r, int32_t units)
     return status == CAIRN_MORE;
 }
 
-/* Offers the next sweep when it is time. */
+/* Offers the next sweep when its arrival time is reached. */
 static void let_arrive(robot *r, recorder *recording, uint32_t *last)
 {
     const robot_sweep *sweep = &the_mission.sweeps[r->offered];

@@ -1,11 +1,11 @@
-/* The loop of a robot that maps as it drives: every tick calls one step with a budget; a sweep
- * arrives at fixed times, and is lost when the one before it still waits.
+/* Main loop of a robot with online SLAM: every tick calls one step with a budget. Sweeps arrive at
+ * fixed times; a sweep is lost when the previous one is still queued.
  *
- * The robot drives there and back again, lap after lap: the ranges have new noise and the
- * odometry drifts on every time. Prints for each lap what it took and how far its poses are from
- * those of the second one; at the end the poses of the key scans, how many sweeps were taken,
- * refused and lost, the hash of all states, and what the ticks cost. Ends with status 1 when a
- * sweep was refused, lost, or mapped elsewhere than in the second lap. */
+ * The robot drives there and back again, lap after lap, with new noise in the ranges and continued
+ * odometry drift. Prints for each lap its cost and the distance of its poses from those of the
+ * second lap; at the end the poses of the keyframes, the numbers of sweeps taken, rejected and
+ * lost, the hash of all states, and the cost of the ticks. Ends with status 1 when a sweep was
+ * rejected, lost, or mapped more than 0.5 m from its pose in the second lap. */
 #include "src/core/build.h"
 
 #include "cairn/random.h"
@@ -15,39 +15,39 @@
 
 static const char *const work_name[SURVEYOR_WORKS] = {"add", "map", "settle", "idle"};
 
-/* The scanner and the wheels. */
+/* The simulated drive: scanner noise and odometry. */
 typedef struct drive {
     float range[SURVEY_BEAMS];
-    robot_sweep sweep; /* the last that arrived, with the odometry as it is by now */
+    robot_sweep sweep; /* the last sweep that arrived; pose: the current odometry */
     cairn_pose recorded;
     cairn_random random;
     int32_t arrived, all;
-    uint32_t due;             /* tick at which the next one arrives */
-    int32_t waiting, working; /* numbers of the sweeps that wait and that are in work */
+    uint32_t due;             /* tick at which the next sweep arrives */
+    int32_t waiting, working; /* numbers of the queued sweep and of the sweep being mapped */
 } drive;
 
-/* Of the lap under way. */
+/* Statistics of the current lap. */
 typedef struct lap_measure {
     int32_t number;
     int32_t mapped; /* sweeps */
     int64_t units;
-    cairn_real sum, most; /* m, from the poses of the second lap */
+    cairn_real sum, most; /* m, maximum distance from the poses of the second lap */
 } lap_measure;
 
-/* m, from where the sweep was in the second lap. */
-static const cairn_real MOST_AWAY = CAIRN_REAL(0.5);
+/* Maximum distance of a sweep from its pose in the second lap, m. */
+static const cairn_real MAX_DISTANCE_M = CAIRN_REAL(0.5);
 
 static survey the_survey;
 static surveyor the_surveyor;
 static drive the_drive;
 static lap_measure the_lap;
 static cairn_pose second_lap[SURVEY_SWEEPS];
-static int32_t astray; /* sweeps that were farther away */
+static int32_t astray; /* number of sweeps beyond MAX_DISTANCE_M */
 static console_measure measures[SURVEYOR_WORKS];
 
 /* ---- The drive ---- */
 
-/* The place of the lap at which sweep `number` is taken. */
+/* Returns the index along the lap at which sweep `number` is taken. */
 static int32_t place_of(int32_t number)
 {
     int32_t count = the_survey.sweep_count, at = number % count;
@@ -60,7 +60,7 @@ static cairn_real off(drive *d, cairn_real most)
     return cairn_random_uniform(&d->random, -most, most);
 }
 
-/* The odometry goes on as the recorded one does, and is a little wrong. */
+/* Continues the odometry by the recorded motion with a scale and heading error. */
 static cairn_pose odometry_at(drive *d, cairn_pose recorded)
 {
     cairn_pose moved = cairn_pose_between(d->recorded, recorded);
@@ -74,7 +74,7 @@ static cairn_pose odometry_at(drive *d, cairn_pose recorded)
     return cairn_pose_compose(d->sweep.pose, moved);
 }
 
-/* The next sweep arrives. 1: it is lost, the one before still waits. */
+/* Lets the next sweep arrive. Returns 1 when it is lost, as the previous one is still queued. */
 static int32_t arrive(drive *d, surveyor *s)
 {
     const robot_sweep *recorded = &the_survey.sweeps[place_of(d->arrived)];
@@ -97,7 +97,7 @@ static int32_t arrive(drive *d, surveyor *s)
     return surveyor_offer(s, &d->sweep) == CAIRN_MORE;
 }
 
-/* ---- What is printed ---- */
+/* ---- Output ---- */
 
 static int32_t tenth_millimetres(cairn_real metres)
 {
@@ -119,7 +119,7 @@ static void print_lap(const surveyor *s)
     console_numbers("lap", "number,mapped,keys,released,units_sweep,mean,most_0.1mm", number, 7);
 }
 
-/* A sweep has its pose; the first of a lap ends the one before. */
+/* Counts a mapped sweep; the first sweep of a lap completes the previous lap. */
 static void count_mapped(const surveyor *s, int32_t number)
 {
     int32_t lap = number / the_survey.sweep_count;
@@ -137,7 +137,7 @@ static void count_mapped(const surveyor *s, int32_t number)
     y = pose.y - second->y;
     away = lap > 0 ? cairn_sqrt(x * x + y * y) : 0;
     the_lap.mapped++;
-    astray += away > MOST_AWAY;
+    astray += away > MAX_DISTANCE_M;
     the_lap.sum += away;
     the_lap.most = cairn_max(the_lap.most, away);
 }
@@ -173,7 +173,7 @@ static void print_measures(const surveyor *s)
 
 /* ---- The loop ---- */
 
-/* One tick, timed. */
+/* Performs and times one tick. */
 static cairn_status timed_tick(surveyor *s, surveyor_work *work)
 {
     cairn_budget budget = {the_survey.budget};
@@ -189,7 +189,7 @@ static cairn_status timed_tick(surveyor *s, surveyor_work *work)
     return status;
 }
 
-/* What the tick has ended: a sweep was taken, or mapped. */
+/* Handles the events of the tick: a sweep was taken, or mapped. */
 static void follow(drive *d, const surveyor *s, surveyor_work work)
 {
     if (work == SURVEYOR_ADD)

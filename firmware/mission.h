@@ -1,5 +1,4 @@
-/* mission: what the robot of a program is to do: the sweeps that arrive, how often, the
- * capacities, the memory. */
+/* mission: configuration of a robot program: sweeps, arrival interval, capacities, memory. */
 #ifndef CAIRN_FIRMWARE_MISSION_H
 #define CAIRN_FIRMWARE_MISSION_H
 
@@ -9,14 +8,14 @@ typedef struct mission {
     const char *name;
     const robot_sweep *sweeps; /* [sweep_count] */
     int32_t sweep_count;
-    int32_t arrival; /* ticks from one sweep to the next, at least */
-    int32_t budget;  /* units of a tick */
+    int32_t arrival; /* minimum number of ticks between two sweeps */
+    int32_t budget;  /* work units of a tick */
     robot_params params;
-    unsigned char *memory; /* [bytes]: all that there is */
+    unsigned char *memory; /* [bytes] memory of the program's pool */
     size_t bytes;
 } mission;
 
-/* Of the program's one mission. */
+/* Returns the program's mission. */
 void mission_read(mission *out);
 
 #endif

@@ -13,8 +13,8 @@ enum {
     HEIGHT = 80
 };
 
-/* Of the joint solution. */
-enum { LINKS = 340, FILL = 560 };
+/* Capacities of the joint optimization. */
+enum { MAX_LINKS = 340, MAX_FILL = 560 };
 
 static _Alignas(CAIRN_ALIGN) unsigned char memory[500 * 1024];
 
@@ -40,8 +40,8 @@ void mission_read(mission *out)
     out->params.field.max_corners = CORNERS;
     out->params.joint = joint_default();
     out->params.joint.max_scans = SCANS;
-    out->params.joint.max_links = LINKS;
-    out->params.joint.max_fill = FILL;
+    out->params.joint.max_links = MAX_LINKS;
+    out->params.joint.max_fill = MAX_FILL;
     out->params.grid = cairn_occupancy_grid_default();
     out->params.grid.width = WIDTH;
     out->params.grid.height = HEIGHT;

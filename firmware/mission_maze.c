@@ -5,8 +5,8 @@
 
 enum { SCANS = 16, BEAMS = 181, POINTS = 2048, SEGMENTS = 136, CORNERS = 64, SIDE = 48 };
 
-/* Of the joint solution. */
-enum { LINKS = 56, FILL = 80 };
+/* Capacities of the joint optimization. */
+enum { MAX_LINKS = 56, MAX_FILL = 80 };
 
 static _Alignas(CAIRN_ALIGN) unsigned char memory[152 * 1024];
 
@@ -32,8 +32,8 @@ void mission_read(mission *out)
     out->params.field.max_corners = CORNERS;
     out->params.joint = joint_default();
     out->params.joint.max_scans = SCANS;
-    out->params.joint.max_links = LINKS;
-    out->params.joint.max_fill = FILL;
+    out->params.joint.max_links = MAX_LINKS;
+    out->params.joint.max_fill = MAX_FILL;
     out->params.grid = cairn_occupancy_grid_default();
     out->params.grid.width = out->params.grid.height = SIDE;
     out->params.grid.resolution = CAIRN_REAL(0.3);

@@ -1,4 +1,4 @@
-/* Writes words as they lie in memory: the boards are little-endian. */
+/* Flight recorder. Words are written in memory order: the boards are little-endian. */
 #include "src/core/build.h"
 
 #include "firmware/recorder.h"

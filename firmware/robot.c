@@ -1,14 +1,16 @@
-/* Limits: the poses that come with the sweeps must be near enough for the force field; the grid
- * is drawn again and again, and may be read between two drawings only as a whole that is still
- * growing. */
+/* Robot: scheduler of line fitting, alignment, joint optimization and grid mapping in bounded
+ * ticks.
+ *
+ * Limits: the initial poses of the sweeps must lie within the force field's basin of convergence.
+ * The grid is redrawn repeatedly; between two complete drawings it is partial. */
 #include "src/core/build.h"
 
 #include <string.h>
 
 #include "firmware/robot.h"
 
-/* The grid gets every so many ticks one. */
-enum { GRID_EVERY = 8 };
+/* The grid gets one of every GRID_INTERVAL_TICKS ticks. */
+enum { GRID_INTERVAL_TICKS = 8 };
 
 cairn_status robot_create(robot *r, void *memory, size_t bytes, const robot_params *params)
 {
@@ -116,8 +118,8 @@ static cairn_status solve(robot *r, cairn_budget *budget)
     return status;
 }
 
-/* A beam without a return is free up to the greatest range. Costs a unit for each side of a cell
- * along it, and four. */
+/* Draws a beam into the grid. A beam without a return is free up to the maximum range. Cost: four
+ * units plus one per cell length. */
 static cairn_status draw_beam(robot *r, const robot_sweep *sweep, cairn_pose pose, int32_t beam,
                               cairn_budget *budget)
 {
@@ -168,7 +170,7 @@ static robot_work next_work(const robot *r)
 
     if (!r->fitting && r->taken < r->offered)
         return ROBOT_ADD;
-    if (drawable && r->ticks % GRID_EVERY == GRID_EVERY - 1)
+    if (drawable && r->ticks % GRID_INTERVAL_TICKS == GRID_INTERVAL_TICKS - 1)
         return ROBOT_GRID;
     if (r->fitting)
         return ROBOT_FIT;

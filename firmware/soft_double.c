@@ -1,12 +1,12 @@
 /* Addition and subtraction of doubles for Cortex-M without a double FPU, correctly rounded.
  *
- * Those of libgcc 12 misround some differences whose exponents lie 32 or more apart (1 -
- * 0x1.a1eb82fb9e934p-33 comes out one unit low), so that programs in double would not have the bits
- * of other machines. The linker puts these in their place (--wrap). Programs in float need nothing
- * of this.
+ * The functions of libgcc 12 misround some differences whose exponents lie 32 or more apart (1 -
+ * 0x1.a1eb82fb9e934p-33 comes out one unit low), so that programs in double would differ from other
+ * machines in their bits. The linker replaces them by these (--wrap). Programs in float do not need
+ * them.
  *
- * Method: both numbers as integers with 3 more bits below, the last of which is sticky; the sum
- * is normalised and rounded half to even. */
+ * Method: both numbers as integers with 3 more bits below, the last of which is sticky; the sum is
+ * normalised and rounded half to even. */
 #include <stdint.h>
 #include <string.h>
 
@@ -39,8 +39,8 @@ static double number(uint64_t bits)
     return x;
 }
 
-/* x without its sign as mantissa * 2^(exponent - 1075); subnormal numbers have the least
- * exponent, 1. */
+/* Splits the magnitude of a double into mantissa * 2^(exponent - 1075); subnormal numbers have the
+ * least exponent, 1. */
 static uint64_t mantissa_of(uint64_t magnitude, int32_t *exponent)
 {
     *exponent = (int32_t)(magnitude >> 52);
@@ -69,7 +69,7 @@ static uint64_t round_to_even(uint64_t mantissa, int32_t exponent)
     mantissa >>= 3;
     if (low > 4 || (low == 4 && (mantissa & 1)))
         mantissa++;
-    /* A carry out of the mantissa, and out of a subnormal one, goes into the exponent by itself. */
+    /* A carry out of the mantissa, also of a subnormal one, increments the exponent. */
     mantissa += mantissa >= HIDDEN ? (uint64_t)(exponent - 1) << 52 : 0;
     return mantissa >= INFINITE ? INFINITE : mantissa;
 }

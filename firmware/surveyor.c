@@ -40,7 +40,8 @@ static cairn_status take_in(surveyor *s)
     };
     cairn_status status = cairn_mapper_add(s->mapper, &input, &s->sweep.pose, NULL);
 
-    if (status == CAIRN_MORE) { /* the sweep before is not done: it goes on, and this one waits */
+    if (status == CAIRN_MORE) {
+        /* The previous sweep is not complete: its mapping continues, this sweep stays queued. */
         s->mapping = 1;
         return status;
     }

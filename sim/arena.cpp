@@ -108,8 +108,7 @@ static std::vector<sim_edge> edges_of(const std::vector<Body> &bodies, std::vect
     return edges;
 }
 
-// Rubble cuts no room off: where it does, what lies on the shortest way into the room is taken
-// away.
+// Removes the rubble on the shortest path into each area that it disconnects.
 static void clear_ways(Layout &layout, double angle)
 {
     Layout standing = layout;

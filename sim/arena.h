@@ -1,15 +1,14 @@
-/* arena: simulated arenas and what a range scanner sees in them.
+/* arena: simulated arenas and scans of a simulated range scanner, with ground truth.
  *
- * An arena is a Box2D world seen from above: walls 0.1 m thick, furniture, and rubble that was
- * scattered and settled, so that it lies at all angles. A survey sends a robot through an arena and
- * takes scans, with the truth of every beam. Both are functions of their options alone: the same
- * options give the same bytes, in the double and in the float build. Random numbers come from
- * streams of their own for the world, the places, the drive and every scan, so that more noise or
- * more movers change neither the arena nor the places.
+ * An arena is a Box2D world seen from above: walls 0.1 m thick, furniture, and rubble settled by
+ * simulation at arbitrary angles. A survey drives a robot through an arena and takes scans, with
+ * the ground truth of every beam. Both are functions of their options alone: the same options give
+ * the same bytes, in the double and in the float build. Separate random streams exist for the
+ * world, the places, the drive and every scan, so that a change of noise or movers changes neither
+ * the arena nor the places.
  *
- * Numbers are double in both builds. Metres, radians, counter-clockwise. The arena's centre is
- * the origin of the world frame. An arena does not change once it is there: threads may share
- * it. */
+ * Numbers are double in both builds. Metres, radians, counter-clockwise. The arena's centre is the
+ * origin of the world frame. An arena is immutable after its creation: threads may share it. */
 #ifndef CAIRN_SIM_ARENA_H
 #define CAIRN_SIM_ARENA_H
 
@@ -54,29 +53,29 @@ enum {
     SIM_SCENES = 9
 };
 
-const char *sim_scene_name(sim_scene scene);  /* "rescue" ...; NULL for a number that is no scene */
+const char *sim_scene_name(sim_scene scene);  /* "rescue" ...; NULL for an invalid scene */
 const char *sim_scene_about(sim_scene scene); /* one line of plain text */
-sim_scene sim_scene_find(const char *name);   /* -1 when there is none of that name */
+sim_scene sim_scene_find(const char *name);   /* -1 for an unknown name */
 void sim_scene_size(sim_scene scene, double *width, double *height); /* default size */
 int32_t sim_scene_places(sim_scene scene);                           /* default number of places */
 
 typedef struct sim_arena_options {
     uint64_t seed;
     sim_scene scene;
-    double width, height; /* m; 0: the scene's own. At most 60, at least what the scene needs */
-    double turn;          /* rad, the scene's x axis in the world; NaN: at random */
-    double rubble;        /* amount of loose bodies in 0 ... 3; 1 is the scene's own */
+    double width, height; /* m; 0: default of the scene. At most 60, at least the scene's minimum */
+    double turn;          /* rad, direction of the scene's x axis in the world; NaN: random */
+    double rubble;        /* density of loose bodies, 0 ... 3; 1: default of the scene */
 } sim_arena_options;
 
-/* rescue, seed 1, at its own size, turned at random. */
+/* Returns the default options: rescue, seed 1, default size, random rotation. */
 sim_arena_options sim_arena_default(void);
 
 typedef int32_t sim_kind;
 enum {
     SIM_WALL = 0,
-    SIM_FURNITURE = 1, /* stands: tables, beds, door leaves, pillars */
-    SIM_BOX = 2,       /* was loose: boxes of 0.3 to 0.8 m */
-    SIM_RUBBLE = 3     /* was loose: bricks, wall pieces, stones */
+    SIM_FURNITURE = 1, /* static: tables, beds, door leaves, pillars */
+    SIM_BOX = 2,       /* settled: boxes of 0.3 to 0.8 m */
+    SIM_RUBBLE = 3     /* settled: bricks, wall pieces, stones */
 };
 
 /* A convex body. Its edges are edges[first_edge] ... edges[first_edge + edge_count - 1]. */
@@ -100,28 +99,28 @@ typedef struct sim_edge {
 
 typedef struct sim_arena sim_arena;
 
-/* An arena, or NULL and a line in `fault` ("width is 2 m, expected 6 to 60"). fault:
- * [fault_size], may be NULL. */
+/* Creates an arena; returns NULL and a line in `fault` on invalid options ("width is 2 m, expected
+ * 6 to 60"). fault: [fault_size], may be NULL. */
 sim_arena *sim_arena_create(const sim_arena_options *options, char *fault, size_t fault_size);
 void sim_arena_free(sim_arena *arena); /* NULL is fine */
 
-/* The options with sizes and turn filled in. */
+/* Returns the options with actual sizes and rotation. */
 sim_arena_options sim_arena_options_of(const sim_arena *arena);
 const sim_body *sim_arena_bodies(const sim_arena *arena, int32_t *count);
 const sim_edge *sim_arena_edges(const sim_arena *arena, int32_t *count);
 
-/* Distance from a point to the nearest body in m; negative inside a body. */
+/* Returns the distance from a point to the nearest body in m; negative inside a body. */
 double sim_arena_clearance(const sim_arena *arena, sim_point point);
 
-/* Free space that a robot can reach: 1 when the point lies, within the 0.1 m of a grid cell, in
- * the largest connected part of the arena that keeps 0.3 m from all bodies. */
+/* Returns 1 when a robot can reach the point: it lies, within a grid cell of 0.1 m, in the largest
+ * connected component of free space with 0.3 m clearance. */
 int32_t sim_arena_reachable(const sim_arena *arena, sim_point point);
 
-/* What a beam hit, other than an edge (>= 0). */
+/* Results of a beam other than an edge index (>= 0). */
 enum {
     SIM_NOTHING = -1, /* no return: range is +inf */
-    SIM_FLOOR = -2,   /* a tilted scanner saw the floor, short of any wall */
-    SIM_MOVER = -3,   /* someone who walks */
+    SIM_FLOOR = -2,   /* hit on the floor, by a tilted scanner */
+    SIM_MOVER = -3,   /* hit on a moving body */
     SIM_DROPPED = -4  /* range is NaN */
 };
 
@@ -132,101 +131,102 @@ typedef struct sim_scan {
     /* [count] edge of the arena, or one of SIM_NOTHING ... */
     const int32_t *edge;
     int32_t count;
-    /* index of the place and of the heading there; -1 on a drive and at given poses */
+    /* index of the place and of the heading there; -1 on a drive and for given poses */
     int32_t place, heading;
     /* rad */
     double angle_min, angle_step;
     double range_min, range_max, range_sigma;
-    /* 1: part of the sweep saw the floor */
+    /* 1: some beams hit the floor */
     int32_t tilted;
-    /* where the sensor sits on the robot */
+    /* pose of the sensor on the robot */
     sim_pose base_sensor;
-    /* world_base at the first beam */
+    /* true pose world_base at the first beam */
     sim_pose truth;
-    /* the base at the last beam seen from the base at the first, true */
+    /* true motion: pose of the base at the last beam relative to the base at the first beam */
     sim_pose motion;
-    /* as truth, but drifting; starts at the truth */
+    /* odometry pose at the first beam, with drift; initially equal to truth */
     sim_pose odometry;
-    /* as motion, by odometry */
+    /* motion measured by odometry */
     sim_pose odometry_motion;
-    /* m/s and rad/s at the first beam */
+    /* m/s and rad/s, velocity at the first beam */
     double speed, turn_rate;
-    /* first beam */
+    /* ns, time of the first beam */
     int64_t stamp_ns;
 } sim_scan;
 
 typedef struct sim_survey_options {
     uint64_t seed;
 
-    /* Where: `places` free positions with `headings` scans each. Or a drive: `drive` scans along
-     * a tour of the places. */
-    /* 1 ... 1000; 0: the scene's own */
+    /* Scan poses: `places` free positions with `headings` scans each; or `drive` scans along a tour
+     * of the places. */
+    /* number of places, 1 ... 1000; 0: default of the scene */
     int32_t places;
-    /* per place, evenly around the circle: 1 ... 64 */
+    /* scans per place at evenly spaced headings, 1 ... 64 */
     int32_t headings;
-    /* m: sensor positions of one place are at most this far apart, 0 ... 1 */
+    /* m, maximum distance of the sensor positions of one place, 0 ... 1 */
     double jitter_position;
-    /* rad: headings are off the even ones by at most half of this, 0 ... 2 pi */
+    /* rad, width of the uniform noise of the headings, 0 ... 2 pi */
     double jitter_heading;
     /* scans of a drive; 0: scans at places */
     int32_t drive;
-    /* m and ... */
+    /* m, a drive scans after this distance */
     double drive_distance;
-    /* ... rad: a drive scans when it has moved or turned by this much */
+    /* rad, or after this rotation */
     double drive_turn;
 
     /* Scanner. */
-    /* 2 ... 100000 */
+    /* beams of a scan, 2 ... 100000 */
     int32_t beams;
-    /* rad, 0 < fov <= 2 pi; a full circle has its first beam once */
+    /* rad, field of view, 0 < fov <= 2 pi; a full circle does not repeat its first beam */
     double fov;
     /* m */
     double range_min, range_max;
     /* m, standard deviation of a range */
     double noise;
-    /* share of beams that give nothing, 0 ... 1 */
+    /* fraction of beams without a reading, 0 ... 1 */
     double dropout;
-    /* share of beams that read short on the floor, in runs, 0 ... 0.3 */
+    /* fraction of beams that hit the floor, in runs, 0 ... 0.3 */
     double tilt;
-    /* s from the first to the last beam, 0 ... 2; beam i is cast at its own time */
+    /* s, duration of a scan, 0 ... 2; beam i is cast at its own time */
     double scan_time;
-    /* m/s and ... */
+    /* m/s, maximum speed during scans at places */
     double sweep_speed;
-    /* ... rad/s: scans at places move by up to this while they sweep, at most 0.2 m */
+    /* rad/s, maximum turn rate during scans at places; the motion is at most 0.2 m */
     double sweep_turn;
-    /* at most 0.15 m from the middle of the robot */
+    /* pose of the sensor, at most 0.15 m from the centre of the robot */
     sim_pose base_sensor;
-    /* bodies that walk about, 0 ... 100 */
+    /* moving bodies, 0 ... 100 */
     int32_t movers;
-    /* share of the beams of every scan at a place that end on people who stand about, others at
-     * each scan, 0 ... 0.5 */
+    /* fraction of the beams of every scan at a place that end on people, at new positions for each
+     * scan, 0 ... 0.5 */
     double crowd;
 
-    /* Odometry: what wheels report. Random parts are standard deviations that grow with the root
-     * of the way. */
+    /* Odometry errors of the wheels. Random parts are standard deviations that grow with the square
+     * root of the distance. */
     double slip_distance; /* m per root m */
     double slip_turn;     /* rad per root rad */
     double slip_drift;    /* rad of heading per root m */
-    double bias_scale;    /* share by which distance and turn are off all the way, uniform +- */
-    double bias_drift;    /* rad per m of heading, all the way, uniform +- */
+    double bias_scale;    /* constant relative error of distance and rotation, uniform +- */
+    double bias_drift;    /* rad per m, constant heading drift, uniform +- */
 
-    /* 1: every place has the headings of the first one, as by a compass; 0: each its own */
+    /* 1: all places have the headings of the first one, as with a compass; 0: separate headings */
     int32_t same_headings;
 } sim_survey_options;
 
-/* The scene's places x 4 headings of 100 degrees, 401 beams, 1 cm noise, 8 m, positions of a
- * place 0.15 m apart. */
+/* Returns the default options: the scene's places x 4 headings of 100 degrees, 401 beams, 1 cm
+ * noise, 8 m, 0.15 m jitter of the positions of a place. */
 sim_survey_options sim_survey_default(void);
 
 typedef struct sim_survey sim_survey;
 
-/* Scans of an arena, or NULL and a line in `fault`. The arena must outlive the survey. */
+/* Takes the scans of a survey; returns NULL and a line in `fault` on invalid options. The arena
+ * must outlive the survey. */
 sim_survey *sim_survey_create(const sim_arena *arena, const sim_survey_options *options,
                               char *fault, size_t fault_size);
 
-/* Scans from given poses of the base (poses: [count]), each moving at the same speed and turn
- * rate while it sweeps; `places`, `headings`, `drive` and the jitter do not count. No pose may
- * have its sensor inside a body. */
+/* Takes scans at given poses of the base (poses: [count]), each with the same speed and turn rate
+ * during the scan; `places`, `headings`, `drive` and the jitter are ignored. No pose may have its
+ * sensor inside a body. */
 sim_survey *sim_survey_at(const sim_arena *arena, const sim_survey_options *options,
                           const sim_pose *poses, int32_t count, double speed, double turn_rate,
                           char *fault, size_t fault_size);
@@ -237,17 +237,17 @@ const sim_arena *sim_survey_arena(const sim_survey *survey);
 const sim_scan *sim_survey_scans(const sim_survey *survey, int32_t *count);
 /* in the order of the tour */
 const sim_point *sim_survey_places(const sim_survey *survey, int32_t *count);
-/* the robot's way, true */
+/* true trajectory of the robot */
 const sim_pose *sim_survey_path(const sim_survey *survey, int32_t *count);
-/* times the driving robot ran into something */
+/* number of collisions of the driving robot */
 int32_t sim_survey_bumps(const sim_survey *survey);
 
-/* poses[i] = truth of scan i, disturbed uniformly by +-metres in x and y and +-radians. poses:
- * [scans]. */
+/* Sets poses[i] to the true pose of scan i with uniform noise of +-metres in x and y and +-radians.
+ * poses: [scans]. */
 void sim_survey_disturb(const sim_survey *survey, uint64_t seed, double metres, double radians,
                         sim_pose *poses);
 
-/* A scan for the library. The arrays stay the survey's. */
+/* Converts a scan to the library's input. The arrays stay owned by the survey. */
 static inline cairn_scan_input sim_scan_input(const sim_scan *scan)
 {
     cairn_scan_input input;

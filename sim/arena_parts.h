@@ -1,4 +1,4 @@
-// arena_parts: what is behind the opaque types of arena.h.
+// arena_parts: definitions of the opaque types of arena.h.
 #ifndef CAIRN_SIM_ARENA_PARTS_H
 #define CAIRN_SIM_ARENA_PARTS_H
 
@@ -12,17 +12,17 @@ namespace sim
 {
 
 struct Fault {
-    char *text; // NULL: not wanted
+    char *text; // NULL: no message
     size_t size;
 };
 
-// True when low <= value <= high; otherwise (NaN included) says so in the fault.
+// Returns true when low <= value <= high; otherwise, also for NaN, writes the fault.
 bool within(Fault &fault, const char *name, double value, double low, double high,
             const char *unit);
 
-// Free positions that together see the arena: the scene's own ones first, then each the one that
-// adds most to what is seen while it still sees enough of it. In the order of a short tour. Fewer
-// than `count` when there is no room.
+// Returns free positions that together cover the arena (next-best-view planning): the scene's own
+// positions first, then greedily the position that adds most new surface with sufficient overlap.
+// In the order of a short tour. Fewer than `count` when no free position is left.
 std::vector<sim_point> choose_places(const sim_arena &arena, int count, uint64_t seed);
 
 } // namespace sim

@@ -20,27 +20,27 @@ Crowd::Crowd(World &w, const sim_arena &a, const sim_survey_options &o)
     }
 }
 
-// Far outside, apart from one another.
-void Crowd::send_away(size_t who)
+// Moves a person far outside the arena, without overlaps.
+void Crowd::send_away(size_t person)
 {
-    world.place_mover(people[who], {1000 + 2 * (double)who, 1000});
+    world.place_mover(people[person], {1000 + 2 * (double)person, 1000});
 }
 
-// Somewhere in sight and clear of all that stands there.
-bool Crowd::place_one(sim_pose sensor, size_t who)
+// Places a person at a random visible position clear of all bodies.
+bool Crowd::place_one(sim_pose sensor, size_t person)
 {
     double bearing = sensor.theta + random.uniform(-0.5, 0.5) * options.fov;
     double distance = random.uniform(nearest, farthest);
     sim_point at = sim_point{sensor.x, sensor.y} + direction(bearing) * distance;
     Hit hit = world.cast({sensor.x, sensor.y}, bearing, options.range_max);
 
-    if (hit.range < distance + radius[who] || sim_arena_clearance(&arena, at) < radius[who])
+    if (hit.range < distance + radius[person] || sim_arena_clearance(&arena, at) < radius[person])
         return false;
-    world.place_mover(people[who], at);
+    world.place_mover(people[person], at);
     return true;
 }
 
-// Share of the beams that end on people.
+// Returns the fraction of the beams that end on people.
 double Crowd::covered(sim_pose sensor) const
 {
     bool whole_turn = options.fov > 2 * pi - 1e-9;

@@ -1,7 +1,6 @@
-/* files: a survey as text: a CARMEN log, the truth, the arena as JSON and as a picture.
+/* files: writes a survey as a CARMEN log, its ground truth, and the arena as JSON and as a picture.
  *
- * Numbers are written without the locale. All four return 0, or -1 when the file could not take
- * it all. */
+ * Numbers are written without the locale. All four functions return 0, or -1 on a write error. */
 #ifndef CAIRN_SIM_FILES_H
 #define CAIRN_SIM_FILES_H
 
@@ -26,7 +25,8 @@ int32_t sim_write_truth(const sim_survey *survey, FILE *file);
 /* Options, bodies and edges with their numbers. */
 int32_t sim_write_json(const sim_arena *arena, FILE *file);
 
-/* SVG: floor, what the scans saw, bodies, the robot's way, places and headings, a scale. */
+/* SVG: floor, free space of the scans, bodies, the robot's trajectory, places and headings, a
+ * scale. */
 int32_t sim_write_picture(const sim_survey *survey, FILE *file);
 
 #ifdef __cplusplus

@@ -25,7 +25,7 @@ FreeSpace::FreeSpace(const Layout &layout, double angle)
     }
     for (int32_t cell = 0; cell < columns * rows; cell++) {
         sim_point p = middle(cell);
-        double nearest = 2; // more clearance than that is all the same
+        double nearest = 2; // clearance is capped at this value, m
 
         for (size_t i = 0; i < outlines.size(); i++) {
             sim_point apart = layout.bodies[i].centre - p;
@@ -108,8 +108,8 @@ int32_t FreeSpace::nearest_reachable(sim_point p) const
     return best;
 }
 
-// Dijkstra over eight neighbours; `to` < 0: all cells. Ways along walls cost more than those in the
-// open.
+// Dijkstra's algorithm on the 8-connected grid; `to` < 0: all cells. Cells near walls have a higher
+// cost.
 void FreeSpace::search(int32_t from, int32_t to, std::vector<double> &cost,
                        std::vector<int32_t> &parent) const
 {
@@ -181,7 +181,7 @@ std::vector<sim_point> FreeSpace::way(int32_t from, int32_t to) const
     for (size_t i = 0; i + 1 < cells.size();) {
         size_t next = i + 1;
 
-        // Straight legs of at most 2 m, so that the way keeps to the open.
+        // Straight legs of at most 2 m, so that the path keeps its clearance.
         while (next + 1 < cells.size() && next + 1 - i <= 20 &&
                straight(middle(cells[i]), middle(cells[next + 1])))
             next++;

@@ -1,5 +1,5 @@
-// free_space: where a robot can be: a grid of clearances in the frame of the scene, its largest
-// connected part, and shortest ways through it.
+// free_space: free configuration space of the robot: a clearance grid in the frame of the scene,
+// its largest connected component, and shortest paths in it.
 #ifndef CAIRN_SIM_FREE_SPACE_H
 #define CAIRN_SIM_FREE_SPACE_H
 
@@ -16,7 +16,7 @@ class FreeSpace
     // `layout` is already turned by `angle`.
     FreeSpace(const Layout &layout, double angle);
 
-    const std::vector<int32_t> &cells() const // of the largest connected part, ascending
+    const std::vector<int32_t> &cells() const // of the largest connected component, ascending
     {
         return connected;
     }
@@ -24,15 +24,17 @@ class FreeSpace
     int32_t cell_of(sim_point p) const; // -1 outside
     bool reachable(sim_point p) const;
     int32_t nearest_reachable(sim_point p) const; // a cell
-    const std::vector<sim_point> &cut_off() const // a point in every other part of at least 0.5 m2
+    const std::vector<sim_point> &
+    cut_off() const // a point in every other component of at least 0.5 m2
     {
         return others;
     }
 
-    // Length of the shortest way from a reachable cell to every cell; 1e9 where there is none.
+    // Returns the length of the shortest path from a reachable cell to every cell; 1e9:
+    // unreachable.
     std::vector<double> distances(int32_t from) const;
-    // The way from one reachable cell to another, both included, with straight legs that keep
-    // clear.
+    // Returns the path between two reachable cells, both included, with straight collision-free
+    // legs.
     std::vector<sim_point> way(int32_t from, int32_t to) const;
 
   private:
@@ -44,7 +46,7 @@ class FreeSpace
     sim_point axis; // of the scene's x in the world
     int32_t columns, rows;
     std::vector<float> clearance;
-    std::vector<char> inside; // 1: of the largest connected part
+    std::vector<char> inside; // 1: in the largest connected component
     std::vector<int32_t> connected;
     std::vector<sim_point> others;
 };

@@ -67,7 +67,7 @@ double distance(const Body &body, sim_point point)
     return Outline(body).distance(point);
 }
 
-// The largest gap over the side normals of `a`.
+// Returns the largest separation along the side normals of `a` (separating axis test).
 static double gap_by_sides(const std::vector<sim_point> &a, const std::vector<sim_point> &b)
 {
     double widest = -1e9;
@@ -164,7 +164,7 @@ bool Layout::put(const Body &body, double room)
     return true;
 }
 
-// Adds a loose body whose middle lies inside the rectangle and clear of doors.
+// Adds a loose body with its centre inside the rectangle and clear of doors.
 void Layout::scatter(const Rect &within, Body body)
 {
     double reach = body.reach() + wall_thickness;
@@ -177,7 +177,7 @@ void Layout::scatter(const Rect &within, Body body)
         bodies.push_back(body);
 }
 
-// A stone: vertices at uneven angles on a circle, so that it is convex.
+// A stone: vertices at random angles on a circle, so that the polygon is convex.
 static Body stone(Random &random, sim_point centre, double size, bool round)
 {
     Body body = {SIM_RUBBLE, centre, random.uniform(-pi, pi), 0, {}, round};

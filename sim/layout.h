@@ -1,5 +1,5 @@
-// layout: the bodies of a scene while it is laid out, in the frame of the scene: (0, 0) lower left,
-// (width, height) upper right; later turned into the world.
+// layout: the bodies of a scene during its construction, in the frame of the scene: (0, 0) lower
+// left, (width, height) upper right; later rotated into the world.
 #ifndef CAIRN_SIM_LAYOUT_H
 #define CAIRN_SIM_LAYOUT_H
 
@@ -11,8 +11,8 @@ namespace sim
 {
 
 constexpr double wall_thickness = 0.1;
-// How far a wall reaches past its ends: short of the far face of a wall it meets there, so that no
-// two faces coincide.
+// Extension of a wall beyond its ends, m: less than half the thickness, so that faces of joined
+// walls do not coincide.
 constexpr double wall_overlap = 0.048;
 
 // A convex polygon (at most 8 vertices, counter-clockwise about its centre) or a disc.
@@ -24,8 +24,8 @@ struct Body {
     std::vector<sim_point> vertices;
     bool curved;
 
-    double reach() const; // radius of the circle about the centre that holds all of it
-    std::vector<sim_point> outline() const; // vertices where the body lies; empty for a disc
+    double reach() const;                   // radius of the bounding circle about the centre
+    std::vector<sim_point> outline() const; // vertices in the frame of the layout; empty for a disc
     bool loose() const
     {
         return kind == SIM_BOX || kind == SIM_RUBBLE;
@@ -35,22 +35,22 @@ struct Body {
 Body make_box(sim_kind kind, sim_point centre, double along, double across, double angle);
 Body make_disc(sim_kind kind, sim_point centre, double radius);
 
-// A body where it lies, for many questions of distance.
+// Precomputed outline of a body, for repeated distance queries.
 class Outline
 {
   public:
     explicit Outline(const Body &body);
-    double distance(sim_point point) const; // from the point to the body, negative inside
+    double distance(sim_point point) const; // signed distance, negative inside
 
   private:
     double radius;
     std::vector<sim_point> vertices; // the centre of a disc
 };
 
-double distance(const Body &body, sim_point point); // the same, asked once
+double distance(const Body &body, sim_point point); // the same for a single query
 
-// Gap between two bodies in m: exact when they overlap (then minus the depth by the separating
-// axes), a lower bound of the distance when they do not.
+// Returns the signed gap between two bodies in m: minus the penetration depth (separating axis
+// test) when they overlap, else a lower bound of the distance.
 double gap(const Body &a, const Body &b);
 
 struct Rect {
@@ -69,7 +69,7 @@ struct Rect {
     }
 };
 
-// An opening in a wall: its middle is `at` metres along it.
+// An opening in a wall, centred `at` metres along the wall.
 struct Opening {
     double at, width;
     bool door; // kept clear of loose bodies and furniture
@@ -89,20 +89,21 @@ class Layout
     std::vector<Body> bodies;
     std::vector<sim_point> doors;
     std::vector<sim_point>
-        places;    // given by the scene, in the order of the tour; others are chosen
-    Random random; // of what stands
-    Random loose;  // of what lies
+        places;    // given by the scene, in the order of the tour; further places are chosen
+    Random random; // for static bodies
+    Random loose;  // for loose bodies
 
     void wall(sim_point a, sim_point b, std::vector<Opening> openings = {});
     void walls(const Rect &rect);
-    // Walls through the points, the sides of a curve.
+    // Adds walls along a polyline that approximates a curve.
     void curve(const std::vector<sim_point> &points);
-    // Adds furniture unless it comes nearer than `room` to a body or to the way through a door.
+    // Adds furniture unless its distance to a body or to the passage of a door is less than `room`.
     bool put(const Body &body, double room);
-    // `count` pieces about the middle, spread by `spread`; they may overlap until they settle.
+    // Scatters `count` pieces around the middle with standard deviation `spread`; they may overlap
+    // before settling.
     void heap(const Rect &within, sim_point middle, double spread, int count, bool round);
     void box_about(const Rect &within);
-    // Pieces of a wall that fell.
+    // Scatters the pieces of a collapsed wall.
     void fallen_wall(const Rect &within, sim_point middle, int count);
     bool near_door(sim_point p, double reach) const;
 
@@ -124,15 +125,14 @@ void lay_out_round(Layout &layout);
 // Furniture for a room; `use` by name.
 enum class Use { living, kitchen, bedroom, bath, study, office, store };
 void furnish(Layout &layout, const Rect &room, Use use);
-// An opened leaf at the door `at` of a wall along x (or along y), hung on its lower end, into the
-// room above or below it.
+// Adds an open door leaf at the door `at` of a wall along x (or along y), hinged at its lower end,
+// into the room above or below the wall.
 void hang_door(Layout &layout, sim_point at, double width, bool along_x, bool upward);
 
-// Turns the layout into the world frame: about its middle, which becomes the origin.
+// Rotates the layout into the world frame about its centre, which becomes the origin.
 void turn(Layout &layout, double angle);
 
-// Pushes loose bodies apart and lets them come to rest; takes away those that end up in walls, in
-// doors or outside.
+// Settles loose bodies by physics simulation; removes those that end in walls, in doors or outside.
 void settle(Layout &layout, double angle);
 
 } // namespace sim

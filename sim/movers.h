@@ -1,4 +1,4 @@
-// movers: bodies that walk from one free position to the next, without end.
+// movers: dynamic objects that walk between random free positions.
 #ifndef CAIRN_SIM_MOVERS_H
 #define CAIRN_SIM_MOVERS_H
 
@@ -13,10 +13,9 @@ class Movers
   public:
     Movers(World &world, const FreeSpace &space, int32_t count, uint64_t seed);
 
-    // One time step of walking; the world is stepped by the caller.
+    // Performs one time step of walking; the world is stepped by the caller.
     void step();
-    // Whoever stands within 0.6 m of the point is put elsewhere: a robot never stands inside
-    // someone.
+    // Relocates movers within 0.6 m of the point, so that none overlaps with the robot.
     void make_room(sim_point point);
     bool any() const
     {

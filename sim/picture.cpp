@@ -1,4 +1,4 @@
-// picture: an arena and a survey of it as SVG.
+// picture: draws an arena and its survey as SVG.
 #include "sim/files.h"
 
 #include <algorithm>

@@ -1,5 +1,5 @@
-// places: where to stand so that the scans together see the arena and neighbours see enough of the
-// same.
+// places: greedy view planning: positions whose scans together cover the arena with sufficient
+// overlap.
 #include "sim/arena_parts.h"
 
 #include <algorithm>
@@ -12,7 +12,7 @@ constexpr double view_range = 8,
                  patch = 0.25; // m; a patch is a square of the plane with some surface in it
 constexpr double least_apart = 0.3;
 
-// Patches of surface that are seen from a point.
+// Returns the surface patches visible from a point (ray casting).
 static std::vector<int64_t> view_from(const World &world, sim_point from)
 {
     std::vector<int64_t> view;
@@ -31,7 +31,8 @@ static std::vector<int64_t> view_from(const World &world, sim_point from)
     return view;
 }
 
-// Nearest neighbour from the first place, then 2-opt; the scene's own places keep their order.
+// Orders the places as a short tour: nearest neighbour heuristic from the first place, then 2-opt;
+// the scene's own places keep their order.
 static void shorten_tour(const FreeSpace &space, std::vector<sim_point> &places)
 {
     size_t n = places.size();
@@ -122,7 +123,7 @@ std::vector<sim_point> choose_places(const sim_arena &arena, int count, uint64_t
                                   std::back_inserter(known));
             overlap = (double)known.size() / (double)std::max<size_t>(1, views[i].size());
             score = (double)(views[i].size() - known.size()) + 6 * nearest[i];
-            // A view that shares less than a quarter with what is known comes last.
+            // Views with less than a quarter overlap with the covered surface are ranked last.
             if (!places.empty() && overlap < 0.25)
                 score *= overlap / 10;
             if (score > best_score) {

@@ -57,7 +57,7 @@ void Driver::command(sim_pose pose, double *speed, double *turn_rate)
     sim_point at = {pose.x, pose.y};
     double off;
 
-    // The hand on the stick is off by some 0.13 rad for a second or so.
+    // Steering noise: about 0.13 rad, correlated over about a second.
     wander = 0.98 * wander + 0.025 * random.normal();
     // Stuck: hardly any motion for half a second.
     if (length(at - sim_point{last.x, last.y}) > 0.05 ||

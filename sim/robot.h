@@ -1,4 +1,4 @@
-// robot: wheels that slip, odometry that drifts, and a driver who follows waypoints.
+// robot: wheel slip, odometry drift, and a driver that follows waypoints.
 #ifndef CAIRN_SIM_ROBOT_H
 #define CAIRN_SIM_ROBOT_H
 
@@ -22,8 +22,8 @@ class Wheels
   public:
     Wheels(const sim_survey_options &options);
 
-    Move slip(Move move); // what the ground makes of what the wheels do, or the other way round
-    Move report(Move move) const; // what the odometry makes of what the wheels do
+    Move slip(Move move);         // motion with random slip
+    Move report(Move move) const; // motion as measured by the odometry
 
   private:
     const sim_survey_options &options;
@@ -33,8 +33,8 @@ class Wheels
 
 sim_pose moved(sim_pose pose, Move move);
 
-// Drives through goals, round and round: plans a way to the next one, follows it with an unsteady
-// hand, backs off when it is stuck.
+// Drives cyclically through goals: plans a path to the next goal, follows it with random steering
+// noise, backs up when stuck.
 class Driver
 {
   public:

@@ -1,9 +1,7 @@
 // rubble: loose bodies are scattered where they may overlap, kicked and pushed apart by Box2D until
-// they rest.
-//
-// Discs settle 5 mm larger than they are: Box2D lets bodies at rest overlap by that much, and keeps
-// polygons apart by skins of their own. What still overlaps, blocks a door or left the arena is
-// taken away.
+// they rest. Discs settle 5 mm larger than they are: Box2D lets bodies at rest overlap by that
+// much, and keeps polygons apart by skins of their own. Bodies that still overlap, block a door or
+// left the arena are removed.
 #include "sim/world.h"
 
 #include <algorithm>
@@ -22,7 +20,7 @@ static bool at_rest(const std::vector<b2Body *> &pieces)
     return true;
 }
 
-// True when the body lies well: inside the walls, in nobody, in no door.
+// Returns true when the body is inside the walls, overlaps no body and blocks no door.
 static bool lies_well(const Layout &layout, const Body &body, const std::vector<Body> &others,
                       double angle)
 {

@@ -92,9 +92,9 @@ bool Scanner::advance(const World &world, const State &before, const State &now)
     return true;
 }
 
-// A scanner that leans over by an angle a toward bearing b sees the floor in direction c at (height
-// / tan a) / cos(c - b). A run of beams about b reads so, short of all that stands there; the
-// others of the sweep still clear the floor.
+// A scanner tilted by an angle a toward bearing b hits the floor in direction c at (height / tan a)
+// / cos(c - b). A run of beams about b returns these ranges when they are shorter than the range to
+// a body; the other beams are unaffected.
 void Scanner::tilt()
 {
     Random random = scan_random(options.seed, index, tilt_of_scan);

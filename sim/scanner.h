@@ -1,5 +1,5 @@
-// scanner: one sweep of beams through a world, each beam from where the sensor is at its own time;
-// then what a real scanner adds: noise, a tilt toward the floor, dropouts.
+// scanner: simulated range scanner: ray casting of each beam from the sensor pose at its own time,
+// then range noise, floor hits by tilt, dropouts.
 #ifndef CAIRN_SIM_SCANNER_H
 #define CAIRN_SIM_SCANNER_H
 
@@ -14,7 +14,7 @@ struct Sweep {
     sim_scan scan; // its arrays are set when the survey is complete
 };
 
-// Where the robot is and where it believes to be, and when.
+// True pose and odometry pose of the robot at a time.
 struct State {
     double time; // s
     sim_pose truth, odometry;
@@ -29,7 +29,7 @@ class Scanner
     void begin(const State &state, int32_t index, double speed, double turn_rate);
     // Casts the beams that are due until `now`; true when the last one is cast.
     bool advance(const World &world, const State &before, const State &now);
-    // The sweep with all errors of a scanner.
+    // Returns the sweep with all sensor errors.
     Sweep finish();
 
   private:

@@ -8,7 +8,7 @@ namespace sim
 
 namespace
 {
-// A wall that splits a room, with the places where later walls meet it.
+// A wall that splits a room, with the positions of later walls that meet it.
 struct Split {
     sim_point a, b;
     std::vector<double> joints;
@@ -110,7 +110,7 @@ void lay_out_rescue(Layout &layout)
         double slant = layout.random.uniform(-pi, pi), size = layout.random.uniform(0.9, 1.6);
         double x = layout.random.uniform(-0.2, 0.2), y = layout.random.uniform(-0.2, 0.2);
 
-        // Some rooms have a partition that stands askew.
+        // Some rooms have an oblique partition.
         if (layout.random.chance(0.45))
             layout.put(make_box(SIM_WALL, middle + sim_point{x * room.width(), y * room.height()},
                                 size, wall_thickness, slant),
@@ -197,7 +197,8 @@ void lay_out_maze(Layout &layout)
 }
 
 // Four rooms, a hallway between the upper and the lower two. One sensor in each of three rooms, one
-// in the hallway, and one before the door of the lower right room, which sees three of its sides.
+// in the hallway, and one before the door of the lower right room, which has a view of three of its
+// sides.
 void lay_out_rooms(Layout &layout)
 {
     double w = layout.width, h = layout.height, low = 0.4 * h, high = 0.6 * h;
@@ -266,7 +267,7 @@ void lay_out_mirror(Layout &layout)
     layout.walls({0, 0, w, h});
     first = layout.bodies.size();
     for (const Rect &block : blocks) {
-        // A notch in one long side of each block tells its corridor from the next.
+        // A notch in one long side of each block makes its corridor distinguishable from the next.
         double from = block.x0 + block.width() * layout.random.uniform(0.2, 0.5), to = from + 0.9;
         bool above = layout.random.chance(0.5);
         double y = above ? block.y1 : block.y0, depth = above ? -0.6 : 0.6,

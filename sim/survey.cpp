@@ -69,7 +69,7 @@ static bool options_ok(const sim_survey_options &o, Fault &fault)
 namespace
 {
 
-// A robot in a world, with all that goes on there.
+// The simulation of a survey: world, robot, scanner, movers and crowd.
 class Expedition
 {
   public:
@@ -87,8 +87,8 @@ class Expedition
         survey.path.push_back(pose);
     }
 
-    // Along the ground without accident: turns to each leg, drives it, turns to the heading of the
-    // target, which the way ends at.
+    // Moves along the path without collisions: rotates to each leg, drives it, rotates to the
+    // heading of the target at the end.
     void go(const std::vector<sim_point> &way, sim_pose target)
     {
         double until = state.time;
@@ -113,7 +113,7 @@ class Expedition
         state.time = until;
     }
 
-    // A sweep at constant speeds.
+    // Takes a scan at constant velocities.
     void sweep(double speed, double turn_rate, int32_t place, int32_t heading)
     {
         sim_pose start = state.truth, odometry = state.odometry;
@@ -190,14 +190,14 @@ class Expedition
     }
 
   private:
-    // Nobody walks through the robot.
+    // Movers keep clear of the robot.
     void hold_place()
     {
         if (movers.any())
             world.place_robot(state.truth);
     }
 
-    // One move with its odometry; returns how long it takes.
+    // Performs a move with its odometry; returns its duration, s.
     double step(Move move)
     {
         state.truth = moved(state.truth, move);
@@ -225,7 +225,7 @@ class Expedition
 
 } // namespace
 
-// The base at a place such that the sensor is off by the jitter and keeps clear.
+// Returns a pose of the base at a place with jittered sensor position and sufficient clearance.
 static sim_pose pose_at(const sim_survey &survey, size_t place, double heading, Random &random)
 {
     const sim_survey_options &o = survey.options;

@@ -59,8 +59,8 @@ class Nearest : public b2RayCastCallback
 
         if (met == robot_tag)
             return -1;
-        // Equal fractions, on a shared corner, go to the smaller number: the order of the tree must
-        // not matter.
+        // Ties at a shared corner are resolved by the smaller index, independent of the order of
+        // the tree.
         if (any && part == fraction && met > tag)
             return fraction;
         any = true;

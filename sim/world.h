@@ -1,4 +1,4 @@
-// world: the bodies of an arena as a Box2D world, with the robot and those who walk.
+// world: the bodies of an arena as a Box2D world, with the robot and the movers.
 #ifndef CAIRN_SIM_WORLD_H
 #define CAIRN_SIM_WORLD_H
 

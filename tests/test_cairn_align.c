@@ -76,7 +76,7 @@ static void places_without_poses(void **state)
 
     (void)state;
     assert_int_equal(o.code, 0);
-    assert_non_null(strstr(o.out, "places     4, 4 in the largest of 1 parts"));
+    assert_non_null(strstr(o.out, "places     4, 4 in the largest of 1 components"));
     assert_true(count_verdict("by-log", "placed") > 8);
     assert_int_equal(count_verdict("by-log", "placed") + count_verdict("by-log", "uncertain"), 16);
     assert_true(mean_distance("by-log") < 0.1);
@@ -100,7 +100,7 @@ static void as_written(void **state)
     (void)state;
     assert_int_equal(o.code, 0);
     assert_non_null(strstr(o.out, " scans aligned by themselves"));
-    assert_non_null(strstr(o.out, "as written: places that lie wrongly are not told"));
+    assert_non_null(strstr(o.out, "as written: wrong places are not detected"));
     assert_int_equal(count_verdict("written", "placed") + count_verdict("written", "apart"), 16);
     assert_int_equal(count_verdict("written", "uncertain"), 0);
     o = programs_run("cairn align @/far/scans.log --no-poses --as-written --headings 4 -o "
@@ -255,21 +255,22 @@ static void assert_line_refused(const char *command, const char *piece)
 static void options_that_do_not_go_together(void **state)
 {
     static const char *const sample[][2] = {
-        {"--no-poses --method default", "--method with --no-poses: places are matched as wholes"},
-        {"--no-poses --spread 1,5", "--spread with --no-poses: there is no start"},
+        {"--no-poses --method default", "--method with --no-poses: matching whole places"},
+        {"--no-poses --spread 1,5", "--spread with --no-poses: there are no initial poses"},
         {"--no-poses --virtual",
-         "--virtual with --no-poses: no scan has a start to be guessed from"},
-        {"--no-poses --steps 3", "--steps with --no-poses: it does not go in steps"},
-        {"--no-poses --report x.html", "--report with --no-poses: it has no steps to play"},
-        {"--no-poses --method gradient", "--method with --no-poses: places are matched as wholes"},
-        {"--no-poses --as-written --method lum",
-         "--method with --no-poses: places are matched as wholes"},
-        {"--no-poses --online", "--online with --no-poses: no scan has a start"},
-        {"--no-poses --as-written --steps 3", "--steps with --no-poses: it does not go in steps"},
+         "--virtual with --no-poses: hypotheses need initial poses of the scans"},
+        {"--no-poses --steps 3", "--steps with --no-poses: the method does not iterate"},
+        {"--no-poses --report x.html",
+         "--report with --no-poses: the method has no iterations to play"},
+        {"--no-poses --method gradient", "--method with --no-poses: matching whole places"},
+        {"--no-poses --as-written --method lum", "--method with --no-poses: matching whole places"},
+        {"--no-poses --online", "--online with --no-poses: gradient descent needs initial poses"},
+        {"--no-poses --as-written --steps 3",
+         "--steps with --no-poses: the method does not iterate"},
         {"--no-poses --as-written --online --report x.html",
          "--report with --online: the player needs all scans"},
         {"--no-poses --as-written --online --virtual",
-         "--virtual with --no-poses: no scan has a start"},
+         "--virtual with --no-poses: hypotheses need initial poses"},
         {"--as-written --pictures", "--pictures with a map other than --no-poses --as-written"},
         {"--no-poses --pictures", "--pictures with a map other than --no-poses --as-written"},
         {"--no-poses --as-written --online --pictures",
@@ -277,10 +278,9 @@ static void options_that_do_not_go_together(void **state)
         {"--no-poses --as-written --online --headings 5",
          "holds 16 scans, expected a multiple of --headings 5"},
         {"--no-poses --as-written --online --pool 1K", "--pool is '1K', expected at least"},
-        {"--headings 4",
-         "--headings with the poses of the log: it says how many scans a place has"},
+        {"--headings 4", "--headings with the poses of the log: the number of scans of a place"},
         {"--no-poses --as-written --spacing 0.1",
-         "--spacing with --as-written: it takes the readings as they come"},
+         "--spacing with --as-written: it uses the raw readings"},
         {"--no-poses --headings 0", "--headings is '0', expected a whole number from 1 to 64"},
         {"--no-poses --headings 5", "holds 16 scans, expected a multiple of --headings 5"},
         {"--no-poses --headings 16", "holds one place, expected two or more"},

@@ -66,7 +66,7 @@ static void poses(void **state)
     assert_true(number_of(o.out, "e_theta_rad") < 0.2);
     o = programs_run("cairn eval poses @/pulled.csv @/truth.csv");
     assert_done(o);
-    assert_holds(o.out, "poses      4 (1 in only one of the tables left out)\n");
+    assert_holds(o.out, "poses      4 (1 in only one of the tables ignored)\n");
     assert_holds(o.out, "  distance 0.2000 m on average, 0.2000 m at most\n");
     assert_holds(o.out, "  E(theta) 0.0000 degrees\n");
 }
@@ -94,7 +94,7 @@ static void relations(void **state)
     assert_near(number_of(o.out, "rot_squared_deg2"), 50, 1e-6);
     o = programs_run("cairn eval relations @/timed.csv @/good.relations");
     assert_done(o);
-    assert_holds(o.out, "relations  2 (3 without both scans left out)\n");
+    assert_holds(o.out, "relations  2 (3 without both scans ignored)\n");
     assert_holds(o.out, "distance   0.2500 +- 0.2500 m, 0.1250 m^2 squared\n");
     /* The poses of a log. */
     write_text("two.log", "FLASER 1 2 0 0 0 0 0 0 1 h 1\nFLASER 1 2 1 0 0 1 0 0 3 h 3\n");
@@ -205,7 +205,7 @@ static void refusals(void **state)
         {"poses @/one.csv", "cairn eval poses: ", "no truth, expected POSES.csv TRUTH.csv"},
         {"poses @/one.csv @/missing.csv", "/missing.csv: ", "cannot"},
         {"poses @/one.csv @/twice.csv",
-         "cairn eval poses: ", "twice.csv: index 3 is there twice, expected"},
+         "cairn eval poses: ", "twice.csv: duplicate index 3, expected"},
         {"poses @/one.csv @/other.csv", "cairn eval poses: ", "no index in common, expected"},
         {"poses @/nan.csv @/one.csv", "/nan.csv:3: ", "expected a finite number"},
         {"relations", "cairn eval relations: ", "no poses, expected POSES.csv|LOG FILE.relations"},
@@ -229,7 +229,7 @@ static void refusals(void **state)
         },
         {"map @/two.log @/three.csv", "cairn eval map: ", "has a pose of scan 2, but "},
         {"map @/two.log --map @/turned.yaml",
-         "cairn eval map: ", "the map is turned by 0.5 rad, expected"},
+         "cairn eval map: ", "the origin of the map is rotated by 0.5 rad, expected"},
         {"map @/two.log --map @/away.yaml",
          "cairn eval map: ", "no beam lies in the map, expected at least one"},
         {"map @/two.log --map @/bad.yaml", "/bad.yaml:", "expected"},

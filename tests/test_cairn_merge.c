@@ -135,7 +135,7 @@ static void three_maps_and_a_stranger(void **state)
     assert_int_equal(o.code, 0);
     assert_non_null(strstr(o.out, "maps       4, 3 placed"));
     assert_non_null(strstr(o.out, "order      0 1 2"));
-    assert_non_null(strstr(o.out, "refused: "));
+    assert_non_null(strstr(o.out, "rejected: "));
     assert_transforms("merged/transforms.csv");
     assert_places("merged/places.csv", 1, cos(0.3) * 4 + sin(0.3) * 0.2,
                   -sin(0.3) * 4 + cos(0.3) * 0.2);
@@ -154,7 +154,7 @@ static void three_maps_and_a_stranger(void **state)
     picture = files_read(files_path("merged/map.svg"), NULL);
     assert_non_null(strstr(yaml, "order: [0, 1, 2]"));
     assert_non_null(strstr(yaml, "placed: false\n    reason: "));
-    assert_non_null(strstr(picture, "3 of 4 maps placed; d.yaml refused: "));
+    assert_non_null(strstr(picture, "3 of 4 maps placed; d.yaml rejected: "));
     free(yaml);
     free(picture);
 }
@@ -199,7 +199,7 @@ static void by_images_and_as_written(void **state)
     assert_string_equal(o.err, "");
     assert_int_equal(o.code, 0);
     assert_non_null(strstr(o.out, "maps       3, 3 placed")); /* the stranger, too */
-    assert_non_null(strstr(o.out, "cells      of 1 by 1"));
+    assert_non_null(strstr(o.out, "downsampled 1 by 1"));
     assert_ok(cairn_pose_table_read(&row, &count, files_path("written/transforms.csv"), &error));
     assert_int_equal(count, 3);
     for (int32_t i = 0; i < 3; i++)
@@ -235,7 +235,7 @@ static void command_lines_are_refused(void **state)
     assert_refused("@/a.yaml @/b.yaml -o @/no --order 0,1.5", "expected every map once");
     assert_refused("@/a.yaml @/b.yaml -o @/no --scale 0.05,x",
                    "--scale 0.05,x, expected 2 numbers");
-    assert_refused("@/a.yaml @/b.yaml -o @/no --scale 0.05,0", "not a size of a cell");
+    assert_refused("@/a.yaml @/b.yaml -o @/no --scale 0.05,0", "no valid cell size");
     assert_refused("@/a.yaml @/missing.yaml -o @/no", "missing.yaml");
     assert_refused("@/a.yaml @/b.yaml -o @/no --start @/missing.csv", "missing.csv");
     assert_refused("@/a.yaml @/b.yaml -o @/no --pool 1K", "pool");

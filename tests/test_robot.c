@@ -611,8 +611,8 @@ static void damaged_recordings_are_refused(void **state)
         unsigned char byte;
         const char *said;
     } damage[] = {
-        {0, 'X', "byte 4: not a flight recording, expected CRNR"},
-        {4, 2, "byte 8: a version that is not known, expected 1"},
+        {0, 'X', "byte 4: no flight recording, expected CRNR"},
+        {4, 2, "byte 8: unknown version, expected 1"},
         {8, 3, "byte 20: reals are neither of 4 nor of 8 bytes"},
         {12, 1, "out of pool memory"},
         {16, 1, "parameters of another size"},

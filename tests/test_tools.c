@@ -518,7 +518,7 @@ static void quiet_and_pipes(void **state)
     assert_done(o);
     assert_string_equal(o.err, "");
     assert_holds(o.out, "scans      30 (0 damaged lines left out)\n");
-    assert_holds(o.out, "key scans  ");
+    assert_holds(o.out, "keyframes  ");
     assert_int_equal(lines_of(o.out), 9);
     o = programs_run("cairn align @/places/scans.log -o @/quiet --steps 300");
     assert_done(o);
@@ -574,7 +574,7 @@ static void maps_by_particles(void **state)
     assert_refused(
         programs_run("cairn map @/drive/scans.log -o @/filter-few --filter 2 --max-keys 2"),
         "cairn map: ",
-        "scans.log: needs more than 2 key scans, expected at most that: raise --max-keys");
+        "scans.log: needs more than 2 keyframes, expected at most that: raise --max-keys");
     assert_refused(programs_run("cairn map @/drive/scans.log -o @/filter-few --filter 2 --pool 1K"),
                    "cairn map: ", "--pool");
     assert_refused(programs_run("cairn map @/drive/scans.log -o @/filter-few --filter 4097"),
@@ -638,7 +638,7 @@ static void pages(void **state)
          "\n{\"step\":29,\"label\":\""},
         {"{\"title\":\"scans.log, aligned\"", "\"step_name\":\"step\"",
          "\n{\"step\":20,\"label\":\"end\""},
-        {"{\"title\":\"scans.log, aligned\"", "\"label\":\"12 parts, the largest of 1 scans\"",
+        {"{\"title\":\"scans.log, aligned\"", "\"label\":\"12 submaps, the largest of 1 scans\"",
          "scans placed, the others in red\""},
         {"\"label\":\"start\"", " scans registered one after the other\"",
          "\"label\":\"iteration 1\""},
@@ -928,7 +928,7 @@ static void matches_of_poor_scans(void **state)
         assert_done(o);
         assert_holds(o.out, sample[i].verdict);
         if (i == 2) {
-            assert_holds(o.out, "not told   turn about the middle of B: information ");
+            assert_holds(o.out, "unobserved rotation about the centre of B: information ");
             assert_holds(o.out, "     any "); /* the heading's standard deviation */
         }
     }
@@ -1181,7 +1181,7 @@ static void large_rooms_get_more_room(void **state)
     write_text("large.log", &t);
     o = programs_run("cairn map @/large.log -o @/large");
     assert_done(o);
-    assert_holds(o.out, "key scans  12 (0 released)\n");
+    assert_holds(o.out, "keyframes  12 (0 culled)\n");
     assert_ok(cairn_pose_table_read(&row, &count, files_path("large/poses.csv"), NULL));
     assert_int_equal(count, 12);
     for (int i = 0; i < 12; i++)
@@ -1189,7 +1189,7 @@ static void large_rooms_get_more_room(void **state)
     cairn_pose_table_free(row);
     assert_refused(
         programs_run("cairn map @/large.log -o @/too-few --max-keys 5"), "cairn map: ",
-        "large.log: needs more than 5 key scans, expected at most that: raise --max-keys");
+        "large.log: needs more than 5 keyframes, expected at most that: raise --max-keys");
     assert_int_equal(count_in("too-few"), -1);
     free(t.bytes);
 }
@@ -1210,7 +1210,7 @@ static void key_scans_that_go_leave_their_scans(void **state)
         add_room_scan(&t, 8, 181, 0.55 * abs(i % 18 - 9) - 2.5, NULL, i);
     write_text("to-and-fro.log", &t);
     assert_refused(programs_run("cairn map @/to-and-fro.log -o @/goes --max-keys 40"),
-                   "cairn map: ", "needs more than 40 key scans");
+                   "cairn map: ", "needs more than 40 keyframes");
     o = programs_run(
         "cairn map @/to-and-fro.log -o @/goes --max-keys 40 --release --report @/goes.html");
     assert_done(o);
@@ -1227,7 +1227,7 @@ static void key_scans_that_go_leave_their_scans(void **state)
     assert_true(graph.edge_count >= graph.vertex_count - 1);
     cairn_pose_graph_file_free(&graph);
     page = files_read(files_path("goes.html"), NULL);
-    assert_holds(page, "key scans\"");
+    assert_holds(page, "keyframes\"");
     free(page);
     assert_refused(programs_run("cairn map @/to-and-fro.log -o @/goes-not --max-keys 20 --release"),
                    "cairn map: ", "--max-keys is '20', expected more with --release");
@@ -1395,20 +1395,20 @@ static void command_lines(void **state)
          "cairn align: ", "--as-written with --method default: the thesis has gradient and lum"},
         {"cairn align @/drive/scans.log -o @/refused --as-written --virtual --spread 0.1,5",
          "cairn align: ",
-         "--spread with --as-written: the thesis's methods do not ask how far off poses are"},
+         "--spread with --as-written: the thesis's methods have no prior on the pose error"},
         {"cairn align @/drive/scans.log -o @/refused --method lum --as-written --spacing 0.1",
          "cairn align: ", "--spacing with --as-written: method lum pairs the scans' own points"},
         {"cairn align @/drive/scans.log -o @/refused --online",
          "cairn align: ", "--online with a method other than gradient"},
         {"cairn align @/drive/scans.log -o @/refused --as-written --online --report "
          "@/refused/map.html",
-         "cairn align: ", "--report with --online: the player needs all scans at first"},
+         "cairn align: ", "--report with --online: the player needs all scans at the start"},
         {"cairn align @/drive/scans.log -o @/refused --headings 4",
          "cairn align: ", "--headings with the poses of the log"},
         {"cairn align @/drive/scans.log -o @/refused --no-poses --spread 1,20",
-         "cairn align: ", "--spread with --no-poses: there is no start that is off"},
+         "cairn align: ", "--spread with --no-poses: there are no initial poses"},
         {"cairn align @/drive/scans.log -o @/refused --no-poses --as-written --spacing 0.1",
-         "cairn align: ", "--spacing with --as-written: it takes the readings as they come"},
+         "cairn align: ", "--spacing with --as-written: it uses the raw readings"},
         {"cairn align @/drive/scans.log -o @/refused --spread 0,1",
          "cairn align: ", "--spread is '0,1'"},
         {"cairn align @/drive/scans.log -o @/refused --steps 0",

@@ -1,26 +1,26 @@
 #!/bin/sh
 # Writes the library as two files, cairn.h and cairn.c, into a directory: tools/amalgamate.sh DIRECTORY
 #
-# The public headers and the .c files of core, contour and mapping follow one another in the order of tools/rooms.txt.
-# Macros of a .c end with it. A file-level name (static function or variable, type, tag, enum constant) that several
-# files use is renamed in each .c by a macro, to <room>_<name>.
+# The public headers and the .c files of core, contour and mapping are concatenated in the order of tools/rooms.txt.
+# Macros of a .c are undefined at its end. A file-level name (static function or variable, type, tag, enum constant) that several
+# files use is renamed in each .c by a macro, to <module>_<name>.
 set -e
 export LC_ALL=C
 out=${1:?usage: tools/amalgamate.sh DIRECTORY}
 mkdir -p "$out"
 
-rooms=$(awk '$1 == "core" || $1 == "contour" || $1 == "mapping" { print $1 "/" $2 }' tools/rooms.txt)
-# The .c files in the order of their rooms, parts (<room>_<part>.c) behind their room.
+modules=$(awk '$1 == "core" || $1 == "contour" || $1 == "mapping" { print $1 "/" $2 }' tools/rooms.txt)
+# The .c files in the order of their modules; parts (<module>_<part>.c) follow their module.
 sources=$(ls src/core/*.c src/contour/*.c src/mapping/*.c 2>/dev/null | awk '
     BEGIN {
         while ((getline line < "tools/rooms.txt") > 0)
-            if (line !~ /^#/ && split(line, word, " ") == 2) place["src/" word[1] "/" word[2]] = ++rooms
+            if (line !~ /^#/ && split(line, word, " ") == 2) place["src/" word[1] "/" word[2]] = ++modules
     }
     {
-        room = $0
-        sub(/\.c$/, "", room)
-        while (!(room in place) && sub(/_[^_\/]*$/, "", room)) {}
-        printf "%d %s\n", place[room], $0
+        module = $0
+        sub(/\.c$/, "", module)
+        while (!(module in place) && sub(/_[^_\/]*$/, "", module)) {}
+        printf "%d %s\n", place[module], $0
     }' | sort -k 1,1n -k 2 | cut -d ' ' -f 2)
 
 # Comment that opens both files.
@@ -32,7 +32,7 @@ banner()
     echo ' */'
 }
 
-# A header without its guard and without what it includes of cairn.
+# Prints a header without its guard and without its includes of cairn.
 body()
 {
     awk '
@@ -52,15 +52,15 @@ body()
     banner "all public headers in one (see cairn.c)"
     echo '#ifndef CAIRN_H'
     echo '#define CAIRN_H'
-    for room in $rooms; do
-        header=include/cairn/${room#*/}.h
+    for module in $modules; do
+        header=include/cairn/${module#*/}.h
         [ ! -f "$header" ] || { echo && body "$header"; }
     done
     echo
     echo '#endif'
 } >"$out/cairn.h.new"
 
-# File-level names of .c files and private headers, one "<file> <name>" a line.
+# File-level names of .c files and private headers, one "<file> <name>" per line.
 names()
 {
     awk '
@@ -173,7 +173,7 @@ names $sources $(ls src/core/*.h src/contour/*.h src/mapping/*.h 2>/dev/null) | 
         macros = 0
         split("", replaced)
     }
-    # The line with the names in `replaced` exchanged, but not those behind . or ->.
+    # The line with the names in `replaced` exchanged, but not those after . or ->.
     function exchanged(line,    out, name)
     {
         out = ""
@@ -187,8 +187,8 @@ names $sources $(ls src/core/*.h src/contour/*.h src/mapping/*.h 2>/dev/null) | 
     }
     FNR == 1 {
         finish_file()
-        room = FILENAME
-        gsub(/^.*\/|\.c$/, "", room)
+        module = FILENAME
+        gsub(/^.*\/|\.c$/, "", module)
         whole = own = ""
         inside = 0
         while ((getline line < FILENAME) > 0) {
@@ -208,14 +208,14 @@ names $sources $(ls src/core/*.h src/contour/*.h src/mapping/*.h 2>/dev/null) | 
         for (i = 1; i <= entries; i++) {
             split(list[i], word, " ")
             if (word[1] == FILENAME && users[word[2]] > 1) {
-                # A name that a struct of a header, and none of this file, has as a member: it is replaced where it stands
+                # A name that a struct of a header, and none of this file, has as a member: it is replaced where it occurs
                 # alone. A macro would change the member, too.
                 member = "[ *]" word[2] "(,|;|\\[|\\)\\()"
                 if (whole ~ ("(\\.|->)" word[2] "[^A-Za-z0-9_]") && members ~ member && own !~ member) {
-                    replaced[word[2]] = room "_" word[2]
+                    replaced[word[2]] = module "_" word[2]
                     continue
                 }
-                print "#define " word[2] " " room "_" word[2]
+                print "#define " word[2] " " module "_" word[2]
                 macro[++macros] = word[2]
             }
         }

@@ -1,4 +1,4 @@
-/* cairn: one command, one file per subcommand. */
+/* The cairn command: looks up the subcommand by name and runs it. One file for each subcommand. */
 #include <stdio.h>
 #include <string.h>
 
@@ -14,18 +14,18 @@ typedef struct tool_command {
 static const tool_command commands[] = {
     {"align", "align all scans of a log at once, in any order", tool_align},
     {"map", "map a log, scan by scan", tool_map},
-    {"eval", "how good a map, its poses and relations are", tool_eval},
-    {"graph", "solve a pose graph (g2o), bad links named", tool_graph},
-    {"match", "find where one scan was taken, as seen from another", tool_match},
-    {"merge", "put the maps of many robots together, with no guess", tool_merge},
-    {"detect", "objects of a class in images, by one model of their outline", tool_detect},
-    {"group", "the contours of a known object in images", tool_group},
-    {"skeleton", "contours and axes of symmetric parts of images, with no model", tool_skeleton},
-    {"model", "the model of a shape, from a silhouette or a drawing", tool_model},
-    {"symmetry", "the axes that divide a shape into two parts most alike", tool_symmetry},
-    {"train", "what a class of objects looks like, from boxes in images", tool_train},
-    {"info", "what a CARMEN log holds: scans, beams, time, path, damage", tool_info},
-    {"replay", "a robot's recorded run once more, bit by bit", tool_replay},
+    {"eval", "evaluate a map, its poses or relative poses", tool_eval},
+    {"graph", "solve a pose graph (g2o), report outlier links", tool_graph},
+    {"match", "match two scans: relative pose, covariance, ambiguity", tool_match},
+    {"merge", "merge occupancy maps of several robots, without a prior", tool_merge},
+    {"detect", "detect objects of a class in images by a model of their outline", tool_detect},
+    {"group", "group contours of a known object in images", tool_group},
+    {"skeleton", "group contours and axes of symmetric parts, without a model", tool_skeleton},
+    {"model", "build the model of a shape from a silhouette or a drawing", tool_model},
+    {"symmetry", "find the axes of symmetry (self-similarity) of shapes", tool_symmetry},
+    {"train", "train the appearance of a class from bounding boxes in images", tool_train},
+    {"info", "summarize a CARMEN log: scans, beams, time, path, damage", tool_info},
+    {"replay", "replay a recorded run of a robot, bit by bit", tool_replay},
 };
 
 #define COMMANDS (sizeof commands / sizeof *commands)
@@ -35,13 +35,15 @@ static void print_help(FILE *stream)
     fprintf(stream, "usage: cairn COMMAND [options] ...\n\ncommands:\n");
     for (size_t i = 0; i < COMMANDS; i++)
         fprintf(stream, "  %-10s %s\n", commands[i].name, commands[i].summary);
-    fprintf(stream, "\n  cairn COMMAND --help   what a command takes\n"
-                    "  cairn --version        the version\n\n"
-                    "exit codes: 0 done, 1 no memory or nowhere to print, 2 bad input, output "
-                    "folder or command line\n");
+    fprintf(stream,
+            "\n  cairn COMMAND --help   what a command takes\n"
+            "  cairn --version        the version\n\n"
+            "exit codes: 0 done, 1 out of memory or standard output failed, 2 bad input, output "
+            "folder or command line\n");
 }
 
-/* What was printed must have arrived: a full disk behind a pipe is a failure. */
+/* Flushes standard output and returns the exit code: TOOL_FAILED when a write failed, such as on a
+ * full disk. */
 static int close_output(int code)
 {
     if (fflush(stdout) != 0 || ferror(stdout)) {

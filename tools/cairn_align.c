@@ -1,4 +1,4 @@
-/* cairn align: all scans of a log at once. */
+/* cairn align: global alignment of all scans of a log (batch scan alignment). */
 #include "tools/cairn_align.h"
 
 #include <inttypes.h>
@@ -12,11 +12,11 @@
 #include "cairn/output_set.h"
 #include "cairn/virtual_align.h"
 
-/* m, degrees: how far poses in the log are off when nothing else is said. */
+/* Default bound of the error of the poses in the log, m and degrees. */
 static const double SPREAD_M = 0.6, SPREAD_DEG = 35;
 
-/* Lu and Milios pair points of scans one by one: those spaced evenly lock into each other at
- * half their spacing. */
+/* Table of methods. Lu and Milios pairs single points of scans: evenly spaced points lock into a
+ * false optimum at half their spacing, so the spacing is smaller. */
 static const struct align_method {
     const char *name;
     int (*run)(align_job *job);
@@ -33,15 +33,15 @@ static const struct align_method *method_of(const align_settings *s)
     return NULL;
 }
 
-enum { OPTIONS_MOST = 32 };
+enum { MAX_OPTIONS = 32 };
 
-/* An option that does not go together with others, and why. */
+/* A rule of incompatible options, with the reason. */
 typedef struct align_rule {
-    int32_t is_broken; /* 1: what it does not go together with is given */
+    int32_t is_broken; /* 1: the incompatible option is given */
     const char *option, *with, *why;
 } align_rule;
 
-/* 1 when an option of the table is given. */
+/* Returns 1 when an option of the table is given. */
 static int32_t is_given(const option *table, size_t count, const char *name)
 {
     for (size_t i = 0; i < count; i++)
@@ -50,8 +50,8 @@ static int32_t is_given(const option *table, size_t count, const char *name)
     return 0;
 }
 
-/* 1 when the settings go together, else 0 after a line on standard error. Sets what follows from
- * them. */
+/* Returns 1 when the settings are compatible, else 0 after a line on standard error. Sets derived
+ * values. */
 static int check_settings(align_settings *s, const option *table, size_t count)
 {
     int32_t is_lum, is_gradient;
@@ -69,32 +69,32 @@ static int check_settings(align_settings *s, const option *table, size_t count)
     s->chain = s->no_poses && s->as_written && is_gradient;
     const align_rule rules[] = {
         {s->no_poses && !s->chain, "--method", "--no-poses",
-         "places are matched as wholes, which is a method of its own (as written gradient may "
-         "follow)"},
-        {s->no_poses, "--spread", "--no-poses", "there is no start that is off"},
-        {s->no_poses, "--virtual", "--no-poses", "no scan has a start to be guessed from"},
+         "matching whole places is a method of its own (as written, gradient may follow)"},
+        {s->no_poses, "--spread", "--no-poses", "there are no initial poses"},
+        {s->no_poses, "--virtual", "--no-poses", "hypotheses need initial poses of the scans"},
         {s->no_poses && !s->chain, "--online", "--no-poses",
-         "no scan has a start to be moved from"},
-        {s->no_poses && !s->chain, "--steps", "--no-poses", "it does not go in steps"},
-        {s->no_poses && !s->chain, "--report", "--no-poses", "it has no steps to play"},
+         "gradient descent needs initial poses of the scans"},
+        {s->no_poses && !s->chain, "--steps", "--no-poses", "the method does not iterate"},
+        {s->no_poses && !s->chain, "--report", "--no-poses",
+         "the method has no iterations to play"},
         {!s->no_poses, "--headings", "the poses of the log",
-         "it says how many scans a place has where no poses are read (--no-poses)"},
+         "the number of scans of a place is needed only with --no-poses"},
         {s->as_written && !s->no_poses && !is_lum && !is_gradient, "--as-written",
          "--method default", "the thesis has gradient and lum"},
         {s->as_written, "--spread", "--as-written",
-         "the thesis's methods do not ask how far off poses are"},
+         "the thesis's methods have no prior on the pose error"},
         {s->as_written && is_lum, "--spacing", "--as-written",
          "method lum pairs the scans' own points"},
         {s->as_written && s->no_poses && !s->chain, "--spacing", "--as-written",
-         "it takes the readings as they come"},
+         "it uses the raw readings as points"},
         {!(s->no_poses && s->as_written), "--pictures", "a map other than --no-poses --as-written",
-         "they show the stages of that"},
+         "they show the stages of that method"},
         {s->chain, "--pictures", "gradient", "they show places matched by shape alone"},
         {is_lum, "--virtual", "--method lum", "hypotheses go with default or gradient"},
         {!is_gradient, "--online", "a method other than gradient",
          "scan after scan is a mode of gradient"},
         {s->online, "--virtual", "--online", "hypotheses are made of all scans"},
-        {s->online, "--report", "--online", "the player needs all scans at first"},
+        {s->online, "--report", "--online", "the player needs all scans at the start"},
     };
     for (size_t i = 0; i < sizeof rules / sizeof *rules; i++)
         if (rules[i].is_broken && is_given(table, count, rules[i].option)) {
@@ -113,14 +113,15 @@ static int check_settings(align_settings *s, const option *table, size_t count)
 
 static option_result read_settings(align_settings *s, int argc, char **argv)
 {
-    int32_t given[OPTIONS_MOST] = {0};
+    int32_t given[MAX_OPTIONS] = {0};
     option table[] = {
         OPTION_TEXT("-o", &s->folder, "DIR", "folder for poses.csv, map.pgm, map.yaml and map.svg"),
-        OPTION_TEXT(
-            "--method", &s->method, "NAME",
-            "default, gradient (force field simulation as in the thesis) or lum (Lu and Milios)"),
+        OPTION_TEXT("--method", &s->method, "NAME",
+                    "default (pairwise registration and pose graph), gradient (force field "
+                    "simulation as in the thesis) or lum (Lu and Milios)"),
         OPTION_FLAG("--as-written", &s->as_written,
-                    "as the thesis is printed, with its constants: chapter 7 (gradient, then the "
+                    "the method as printed in the thesis, with its constants: chapter 7 (gradient, "
+                    "then the "
                     "default), 8 (--virtual), 10 "
                     "(lum), 6 (--no-poses: each place with the three before, headings known to 2 "
                     "degrees; with --method "
@@ -130,51 +131,50 @@ static option_result read_settings(align_settings *s, int argc, char **argv)
                     "scan after scan, each against all before, --steps iterations each (gradient); "
                     "with --no-poses "
                     "place after place, each matched by shape first"),
-        OPTION_PAIR(
-            "--spread", s->spread, 0.001, 360, "M,DEG",
-            "poses in the log are off by at most about so much, m in x and y, degrees (default)"),
+        OPTION_PAIR("--spread", s->spread, 0.001, 360, "M,DEG",
+                    "bound of the error of the poses in the log, m in x and y, degrees (default)"),
         OPTION_FLAG("--virtual", &s->by_hypotheses,
-                    "scans that find no place go by lines and rooms that the map suggests "
-                    "(default); with gradient: "
+                    "unplaced scans are registered against hypotheses of lines and rectangles in "
+                    "the map (default); with gradient: "
                     "algorithm 2 of the thesis"),
         OPTION_FLAG(
             "--no-poses", &s->no_poses,
-            "how places lie is not read from the log: they are matched, all with all, as wholes"),
+            "poses of the log are not used: whole places are matched pairwise, all with all"),
         OPTION_INTEGER("--headings", &s->headings, 1, 64, "N",
-                       "N scans a place, evenly around, no pose of the log is read; else the log "
-                       "says which scans are of one "
-                       "place, and how they lie in it (--no-poses)"),
+                       "N scans per place at evenly spaced headings, no pose of the log is read; "
+                       "without it the poses of the log group the scans into places (--no-poses)"),
         OPTION_FLAG("--pictures", &s->pictures,
-                    "draws errors.svg and stages.svg, too: poses and maps after each stage "
+                    "also draws errors.svg and stages.svg: poses and maps after each stage "
                     "(--no-poses --as-written)"),
-        OPTION_INTEGER(
-            "--steps", &s->steps, 1, 100000, "N",
-            "iterations at most (gradient, lum); as written 100 with --virtual, 500 with lum"),
-        OPTION_INTEGER("--max-scans", &s->max_scans, 1, 100000, "N", "scans at most"),
+        OPTION_INTEGER("--steps", &s->steps, 1, 100000, "N",
+                       "maximum number of iterations (gradient, lum); as written 100 with "
+                       "--virtual, 500 with lum"),
+        OPTION_INTEGER("--max-scans", &s->max_scans, 1, 100000, "N", "maximum number of scans"),
         OPTION_NUMBER("--spacing", &s->spacing, 0.01, 1, "M",
                       "distance of the points along walls, m; 0.03 for lum if not given (0.1)"),
-        OPTION_NUMBER("--resolution", &s->resolution, 0.001, 10, "M",
-                      "side of a cell of the map, m"),
-        OPTION_NUMBER("--range", &s->range, 0.1, 1000, "M", "beams enter the map up to here, m"),
+        OPTION_NUMBER("--resolution", &s->resolution, 0.001, 10, "M", "cell size of the map, m"),
+        OPTION_NUMBER("--range", &s->range, 0.1, 1000, "M",
+                      "maximum range of beams entered into the map, m"),
         OPTION_NUMBER("--range-max", &s->range_max, 0.1, 1000, "M",
-                      "ranges from here on are no return, m (by the log)"),
+                      "ranges from this value on count as no return, m (from the log)"),
         OPTION_INTEGER("--seed", &s->seed, 0, 9e15, "N",
-                       "for methods that draw at random; these do not"),
+                       "seed of random methods; these are deterministic"),
         OPTION_TEXT("--report", &s->report, "FILE", PLAYER_HELP),
-        OPTION_TEXT("--pool", &s->pool, "BYTES", "memory of the alignment (just what it needs)"),
+        OPTION_TEXT("--pool", &s->pool, "BYTES",
+                    "memory of the alignment (exactly the memory needed)"),
         OPTION_FLAG("--quiet", &s->quiet, "no progress, no summary"),
     };
-    const option_set set = {ALIGN_PROGRAM, "LOG -o DIR [options]",
-                            "Aligns all scans of a CARMEN log (plain or gzipped) at once. Their "
-                            "order does not matter; the\n"
-                            "poses in the log are the start; with --no-poses they only say which "
-                            "scans are of one place, and how they\n"
-                            "lie in it (with --headings not even that).",
-                            table, sizeof table / sizeof *table};
+    const option_set set = {
+        ALIGN_PROGRAM, "LOG -o DIR [options]",
+        "Aligns all scans of a CARMEN log (plain or gzipped) at once. Their "
+        "order does not matter; the\n"
+        "poses in the log are the initial estimates. With --no-poses they only group the scans "
+        "into\n"
+        "places and give their relative poses there (with --headings they are not used).",
+        table, sizeof table / sizeof *table};
     option_result result;
 
-    _Static_assert(sizeof table / sizeof *table <= OPTIONS_MOST,
-                   "an option has no room for whether it was given");
+    _Static_assert(sizeof table / sizeof *table <= MAX_OPTIONS, "more options than MAX_OPTIONS");
     for (size_t i = 0; i < sizeof table / sizeof *table; i++)
         table[i].given = &given[i];
     result = tool_read_options(&set, argc, argv, &s->log, &s->folder);
@@ -183,7 +183,7 @@ static option_result read_settings(align_settings *s, int argc, char **argv)
     return check_settings(s, table, set.count) ? OPTIONS_READ : OPTIONS_BAD;
 }
 
-/* ---- what the methods share ---- */
+/* ---- Shared by the methods ---- */
 
 int align_refuse(const align_job *job, cairn_status status)
 {
@@ -191,7 +191,7 @@ int align_refuse(const align_job *job, cairn_status status)
     return tool_exit_code(status);
 }
 
-/* Fits one scan. */
+/* Extracts the segments and points of one scan (line fitting by EM). */
 static cairn_status fit(cairn_scan *scan, const cairn_scan_input *input, cairn_scan_view *view,
                         cairn_fault *fault)
 {
@@ -247,7 +247,7 @@ cairn_status align_open_player(align_job *job, cairn_report_player_params params
 
 /* ---- the job ---- */
 
-/* A first pass over all scans: what they show, and how much room that takes. */
+/* First pass over all scans: keeps their segments, points and beams, and counts the capacities. */
 static int survey(align_job *job, cairn_scan *scan)
 {
     const char *log = job->settings->log;
@@ -278,17 +278,17 @@ static int survey(align_job *job, cairn_scan *scan)
     if (points == 0)
         return options_refuse(ALIGN_PROGRAM, "%s: no scan shows a wall, expected at least one",
                               log);
-    if (points > ALIGN_POINTS_MOST || segments > ALIGN_POINTS_MOST)
+    if (points > ALIGN_MAX_POINTS || segments > ALIGN_MAX_POINTS)
         return options_refuse(ALIGN_PROGRAM,
                               "%s: the scans have %" PRId64
                               " points, expected at most %d: widen --spacing",
-                              log, points, ALIGN_POINTS_MOST);
+                              log, points, ALIGN_MAX_POINTS);
     job->segments = (int32_t)segments;
     job->points = (int32_t)points;
     return TOOL_OK;
 }
 
-/* The scan alone, in a pool of its own, to learn how large the aligner must be. */
+/* Runs the first pass with a scan object in a pool of its own, to size the aligner. */
 static int measure(align_job *job)
 {
     cairn_scan *scan = NULL;

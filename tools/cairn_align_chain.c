@@ -1,6 +1,9 @@
-/* cairn align --no-poses --as-written with gradient: shape finds where the places lie (Adluru
- * 2008, chapter 6 and section 7.3.7), then the force field simulation of chapter 7 moves all
- * scans; all places first, or with --online place after place (7.3.6). */
+/* cairn align --no-poses --as-written with gradient: global matching of places by shape, refined by
+ * force field simulation.
+ *
+ * Method: 1. Place matching by shape finds the poses of the places (Adluru 2008, chapter 6 and
+ * section 7.3.7). 2. The force field simulation of chapter 7 moves all scans: after all places, or
+ * with --online after every place (7.3.6). */
 #include <inttypes.h>
 #include <stdio.h>
 #include <string.h>
@@ -15,114 +18,117 @@ typedef struct chain {
     cairn_place_map *map;
     cairn_force_field *field;
     cairn_real first_potential;
-    int32_t place, at; /* the place at work, and its next scan to be added */
+    int32_t place, at; /* the current place, and the next scan to be added */
 } chain;
 
 static cairn_status add_to_map(void *to, const cairn_scan_view *view, cairn_pose start,
                                cairn_fault *fault)
 {
-    chain *c = to;
+    chain *chain_job = to;
 
     (void)start;
-    return cairn_place_map_add_scan(c->map, c->place, view, align_places_scan(c->places, c->at++),
-                                    fault);
+    return cairn_place_map_add_scan(chain_job->map, chain_job->place, view,
+                                    align_places_scan(chain_job->places, chain_job->at++), fault);
 }
 
-/* Where shape has put the scan. */
+/* Adds a scan to the field at the pose that shape matching has found. */
 static cairn_status add_to_field(void *to, const cairn_scan_view *view, cairn_pose start,
                                  cairn_fault *fault)
 {
-    chain *c = to;
-    cairn_pose pose = cairn_place_map_scan_pose(c->map, c->at);
+    chain *chain_job = to;
+    cairn_pose pose = cairn_place_map_scan_pose(chain_job->map, chain_job->at);
 
     (void)start;
-    c->job->scans[c->at++].before = pose;
-    return cairn_force_field_add_scan(c->field, view, NULL, pose, fault);
+    chain_job->job->scans[chain_job->at++].before = pose;
+    return cairn_force_field_add_scan(chain_job->field, view, NULL, pose, fault);
 }
 
-/* The field runs on all scans that are there, and the map of places has them where it leaves
- * them. */
-static cairn_status run_field(chain *c, int32_t scans)
+/* Runs the field on all scans added so far and copies the poses to the place map. */
+static cairn_status run_field(chain *chain_job, int32_t scans)
 {
     cairn_status status;
 
-    cairn_force_field_restart(c->field);
-    status = align_field_run(c->job, c->field, &c->first_potential);
+    cairn_force_field_restart(chain_job->field);
+    status = align_field_run(chain_job->job, chain_job->field, &chain_job->first_potential);
     for (int32_t i = 0; i < scans && status >= 0; i++)
-        status = cairn_place_map_move_scan(c->map, i, cairn_force_field_pose(c->field, i));
+        status = cairn_place_map_move_scan(chain_job->map, i,
+                                           cairn_force_field_pose(chain_job->field, i));
     return status < 0 ? status : CAIRN_OK;
 }
 
-/* One place more: matched with those before it as the field has them, then the field. */
-static int add_place(chain *c, int32_t first, int32_t end)
+/* Adds one place: matches it with the previous places at their current poses, then runs the
+ * field. */
+static int add_place(chain *chain_job, int32_t first, int32_t end)
 {
     cairn_status status;
     int code;
 
-    c->at = first;
-    code = align_add_range(c->job, c->scan, first, end, add_to_map, c);
+    chain_job->at = first;
+    code = align_add_range(chain_job->job, chain_job->scan, first, end, add_to_map, chain_job);
     if (code != TOOL_OK)
         return code;
-    status = cairn_place_map_extend(c->map);
+    status = cairn_place_map_extend(chain_job->map);
     if (status == CAIRN_OK)
-        status = align_places_run(c->map);
-    c->at = first;
+        status = align_places_run(chain_job->map);
+    chain_job->at = first;
     if (status == CAIRN_OK)
-        code = align_add_range(c->job, c->scan, first, end, add_to_field, c);
+        code =
+            align_add_range(chain_job->job, chain_job->scan, first, end, add_to_field, chain_job);
     if (status == CAIRN_OK && code == TOOL_OK)
-        status = run_field(c, end);
-    return status < 0 ? align_refuse(c->job, status) : code;
+        status = run_field(chain_job, end);
+    return status < 0 ? align_refuse(chain_job->job, status) : code;
 }
 
-static int add_places(chain *c)
+static int add_places(chain *chain_job)
 {
-    align_job *job = c->job;
+    align_job *job = chain_job->job;
     tool_progress progress = tool_progress_begin("align", job->log->count, job->settings->quiet);
     cairn_place_map_result result;
     int32_t first, end;
     int code = TOOL_OK;
 
-    for (; code == TOOL_OK && align_places_range(c->places, c->place, &first, &end); c->place++) {
-        code = add_place(c, first, end);
+    for (; code == TOOL_OK && align_places_range(chain_job->places, chain_job->place, &first, &end);
+         chain_job->place++) {
+        code = add_place(chain_job, first, end);
         tool_progress_at(&progress, end);
     }
     tool_progress_end(&progress);
     if (code != TOOL_OK)
         return code;
-    result = cairn_place_map_read(c->map);
+    result = cairn_place_map_read(chain_job->map);
     snprintf(job->summary, sizeof job->summary,
              "places     %" PRId32 ", %" PRId32 " of them matched by shape\n", result.places,
              result.placed);
-    align_field_read(job, c->field, c->first_potential);
+    align_field_read(job, chain_job->field, chain_job->first_potential);
     return code;
 }
 
 static int run_online(align_job *job)
 {
-    chain c = {.job = job};
+    chain chain_job = {.job = job};
     cairn_force_field_params field = align_field_params(job);
     cairn_place_map_params map;
     cairn_status status;
     cairn_pool pool;
-    int code = align_places_new(job, &c.places);
+    int code = align_places_new(job, &chain_job.places);
 
     if (code != TOOL_OK)
         return code;
-    map = align_places_params(job, c.places);
+    map = align_places_params(job, chain_job.places);
     code =
-        align_places_open(job, c.places, &map,
+        align_places_open(job, chain_job.places, &map,
                           cairn_scan_memory(&job->scan) + cairn_force_field_memory(&field), &pool);
     if (code == TOOL_OK) {
-        status = cairn_scan_create(&c.scan, &pool, &job->scan);
+        status = cairn_scan_create(&chain_job.scan, &pool, &job->scan);
         if (status == CAIRN_OK)
-            status = cairn_place_map_create(&c.map, &pool, &map);
+            status = cairn_place_map_create(&chain_job.map, &pool, &map);
         if (status == CAIRN_OK)
-            status = cairn_force_field_create(&c.field, &pool, &field);
-        code = status == CAIRN_OK ? add_places(&c) : align_refuse(job, status);
+            status = cairn_force_field_create(&chain_job.field, &pool, &field);
+        code = status == CAIRN_OK ? add_places(&chain_job) : align_refuse(job, status);
         job->pool_bytes = pool.peak;
         tool_pool_close(&pool);
     }
-    align_places_free(c.places);
+    align_places_free(chain_job.places);
     return code;
 }
 

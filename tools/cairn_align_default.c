@@ -1,4 +1,5 @@
-/* cairn align --method default: hypotheses of pairs, repair, shared walls. */
+/* cairn align --method default: pairwise registration, outlier rejection, joint optimization of
+ * poses and walls. */
 #include <inttypes.h>
 #include <math.h>
 #include <stdio.h>
@@ -47,7 +48,7 @@ static const char *verdict_text(cairn_aligner_verdict verdict)
 {
     return verdict == CAIRN_ALIGNER_CONVERGED      ? "converged"
            : verdict == CAIRN_ALIGNER_OUT_OF_STEPS ? "out of steps"
-           : verdict == CAIRN_ALIGNER_NO_FILL      ? "not solved for together"
+           : verdict == CAIRN_ALIGNER_NO_FILL      ? "joint optimization skipped"
                                                    : "split";
 }
 

@@ -1,5 +1,6 @@
-/* cairn align --as-written, --method gradient: force field simulation, of all scans at once or,
- * with --online, of those before and each scan that comes. */
+/* cairn align --as-written, --method gradient: force field simulation (gradient descent on the
+ * potential of Adluru 2008, chapter 7), of all scans at once or, with --online, of all previous
+ * scans after every new scan. */
 #include <inttypes.h>
 #include <stdio.h>
 #include <string.h>
@@ -12,8 +13,8 @@ static cairn_status add_to_field(void *field, const cairn_scan_view *view, cairn
     return cairn_force_field_add_scan(field, view, NULL, start, fault);
 }
 
-/* Lets the field run; the record, when not NULL, sees every iteration. first_potential: of the
- * poses at the last start. */
+/* Iterates the field to its end; the record, when not NULL, stores every iteration.
+ * first_potential: the potential at the last start. */
 static cairn_status iterate(const align_job *job, cairn_force_field *field, player_field *record,
                             cairn_real *first_potential)
 {
@@ -68,8 +69,8 @@ typedef struct online {
     cairn_real first_potential;
 } online;
 
-/* Section 7.3.6: the scan is added where its log has it, and all scans that are there are
- * aligned. */
+/* Adds a scan at its pose in the log and aligns all scans added so far (Adluru 2008, section
+ * 7.3.6). */
 static cairn_status add_online(void *to, const cairn_scan_view *view, cairn_pose start,
                                cairn_fault *fault)
 {
@@ -122,8 +123,9 @@ void align_field_read(align_job *job, const cairn_force_field *field, cairn_real
         job->scans[i].doubtful = job->scans[i].point_count == 0;
         job->scans[i].verdict = job->scans[i].doubtful ? "blind" : "aligned";
     }
-    snprintf(job->subtitle, sizeof job->subtitle, "%" PRId32 " steps of force field simulation%s%s",
-             state.iterations, job->settings->chain ? " from places matched by shape" : "",
+    snprintf(job->subtitle, sizeof job->subtitle,
+             "%" PRId32 " iterations of force field simulation%s%s", state.iterations,
+             job->settings->chain ? " from places matched by shape" : "",
              job->settings->online ? ", online" : "");
     snprintf(job->summary + used, sizeof job->summary - used,
              "steps      %" PRId32 " (%s)\n"

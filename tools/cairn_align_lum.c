@@ -1,5 +1,5 @@
-/* cairn align --method lum: sequential registration, then Lu and Milios; as written Lu and
- * Milios alone. */
+/* cairn align --method lum: sequential scan registration, then global optimization by Lu and Milios
+ * (1997); as written Lu and Milios alone. */
 #include <inttypes.h>
 #include <math.h>
 #include <stdio.h>
@@ -8,8 +8,8 @@
 #include "cairn/lum.h"
 #include "tools/cairn_align.h"
 
-/* Iterations between two searches for links. */
-#define REBUILD 5
+/* Number of iterations between two searches for links. */
+#define REBUILD_INTERVAL 5
 
 static cairn_status add_to_lum(void *lum, const cairn_scan_view *view, cairn_pose start,
                                cairn_fault *fault)
@@ -17,7 +17,7 @@ static cairn_status add_to_lum(void *lum, const cairn_scan_view *view, cairn_pos
     return cairn_lum_add_scan(lum, view->points, view->point_count, start, fault);
 }
 
-/* As written: the hits of the beams, whose directions are not asked for. */
+/* As written: adds the hits of the beams; method lum does not use their directions. */
 static cairn_status add_hits(void *lum, const cairn_scan_view *view, cairn_pose start,
                              cairn_fault *fault)
 {
@@ -52,7 +52,7 @@ static cairn_report_player_params player_params(void)
     return params;
 }
 
-/* The poses at a commit point. */
+/* Records the poses after an iteration as a frame of the player. */
 static cairn_status record(const align_job *job, const cairn_lum *lum, int64_t step,
                            cairn_pose *pose)
 {
@@ -124,7 +124,7 @@ static void read_result(align_job *job, const cairn_lum *lum)
                  "%" PRId32 " iterations of Lu and Milios as written", state.iterations);
     snprintf(job->summary, sizeof job->summary,
              "registered %" PRId32 " scans, one after the other\n"
-             "links      %" PRId32 ", which join the scans to %" PRId32 " parts\n"
+             "links      %" PRId32 ", %" PRId32 " connected components\n"
              "steps      %" PRId32 " (%s)\n",
              state.registered, state.links, state.pieces, state.iterations,
              state.verdict == CAIRN_LUM_CONVERGED  ? "converged"
@@ -132,21 +132,21 @@ static void read_result(align_job *job, const cairn_lum *lum)
                                                    : "out of steps");
 }
 
-/* Room for the links of all pairs of scans would be square: scans see so many others at most, as
- * a rule. */
-static int32_t links_most(int32_t scans)
+/* Returns the capacity of links: all pairs, but at most 256 links per scan, as memory for all pairs
+ * would be quadratic. */
+static int32_t max_links_of(int32_t scans)
 {
     int64_t all = (int64_t)scans * (scans - 1) / 2, most = (int64_t)scans * 256;
 
     return (int32_t)(all < most ? all : most) + 1;
 }
 
-/* Beams of all scans. */
-static int32_t hits_most(const align_job *job)
+/* Returns the number of beams of all scans, limited to the aligner's maximum of points. */
+static int32_t max_hits_of(const align_job *job)
 {
     int64_t all = (int64_t)job->log->count * job->log->info.beams_most;
 
-    return all < ALIGN_POINTS_MOST ? (int32_t)all : ALIGN_POINTS_MOST;
+    return all < ALIGN_MAX_POINTS ? (int32_t)all : ALIGN_MAX_POINTS;
 }
 
 int align_by_lum(align_job *job)
@@ -160,11 +160,11 @@ int align_by_lum(align_job *job)
     int code;
 
     params.max_scans = job->log->count;
-    params.max_points = as_written ? hits_most(job) : job->points;
-    params.max_links = params.max_fill = links_most(job->log->count);
+    params.max_points = as_written ? max_hits_of(job) : job->points;
+    params.max_links = params.max_fill = max_links_of(job->log->count);
     params.max_iterations = (int32_t)job->settings->steps;
     if (!as_written) {
-        params.rebuild = REBUILD;
+        params.rebuild = REBUILD_INTERVAL;
         params.registers = 1;
     }
     code = tool_pool_open(&pool, ALIGN_PROGRAM, job->settings->pool,

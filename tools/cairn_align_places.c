@@ -1,5 +1,5 @@
-/* cairn align --no-poses: places matched as wholes, with no odometry; with --as-written as in
- * Adluru 2008, chapter 6. */
+/* cairn align --no-poses: global matching of whole places, without odometry; with --as-written as
+ * in Adluru 2008, chapter 6. */
 #include <inttypes.h>
 #include <math.h>
 #include <stdio.h>
@@ -10,13 +10,14 @@
 #include "tools/cairn_align.h"
 #include "tools/cairn_places_picture.h"
 
-/* Scans of one place lie so near to its first one by the log, m. */
-#define PLACE_RADIUS 0.5
+/* Scans within this distance of the first scan of a place, by the poses of the log, belong to the
+ * place, m. */
+#define PLACE_RADIUS_M 0.5
 
-/* Hypotheses of the consensus for a pair of places. */
-#define HYPOTHESES_OF_PAIR 34
+/* Capacity of hypotheses of the consensus per pair of places. */
+#define HYPOTHESES_PER_PAIR 34
 
-enum { PLACES_MOST = 256, HYPOTHESES_MOST = 1 << 20 };
+enum { MAX_PLACES = 256, MAX_HYPOTHESES = 1 << 20 };
 
 struct align_places {
     int32_t *place;         /* [scans] */
@@ -24,17 +25,18 @@ struct align_places {
     int32_t scans, places, points_most, beams_most;
 };
 
-/* Whether scan i is of the place whose first scan is `first`. */
+/* Returns 1 when scan i belongs to the place whose first scan is `first`. */
 static int is_same_place(const align_job *job, int32_t first, int32_t i)
 {
     cairn_pose a = job->log->record[first].robot, b = job->log->record[i].robot;
 
     if (job->settings->headings > 0)
         return i % job->settings->headings != 0;
-    return hypot((double)(b.x - a.x), (double)(b.y - a.y)) <= PLACE_RADIUS;
+    return hypot((double)(b.x - a.x), (double)(b.y - a.y)) <= PLACE_RADIUS_M;
 }
 
-/* Pose of a scan in its place; as written its frame has the heading of the log. */
+/* Returns the pose of a scan relative to its place; as written the frame of the place has the
+ * heading of the log. */
 static cairn_pose pose_in_place(const align_job *job, int32_t first, int32_t i)
 {
     const align_settings *s = job->settings;
@@ -50,27 +52,27 @@ static cairn_pose pose_in_place(const align_job *job, int32_t first, int32_t i)
     return cairn_pose_compose(pose, cairn_pose_between(a, job->log->record[i].robot));
 }
 
-/* Which scans are of one place, and how they lie in it. */
-static void group_scans(const align_job *job, align_places *g)
+/* Groups consecutive scans into places and computes their poses relative to the place. */
+static void group_scans(const align_job *job, align_places *grouping)
 {
     int32_t first = 0, points = 0, beams = 0;
 
     for (int32_t i = 0; i < job->log->count; i++) {
         if (i == 0 || !is_same_place(job, first, i)) {
-            g->places++;
+            grouping->places++;
             first = i;
             points = beams = 0;
         }
-        g->place[i] = g->places - 1;
-        g->place_scan[i] = pose_in_place(job, first, i);
+        grouping->place[i] = grouping->places - 1;
+        grouping->place_scan[i] = pose_in_place(job, first, i);
         points += job->scans[i].point_count;
         beams += job->log->record[i].scan.count;
-        g->points_most = points > g->points_most ? points : g->points_most;
-        g->beams_most = beams > g->beams_most ? beams : g->beams_most;
+        grouping->points_most = points > grouping->points_most ? points : grouping->points_most;
+        grouping->beams_most = beams > grouping->beams_most ? beams : grouping->beams_most;
     }
 }
 
-static int check_grouping(const align_job *job, const align_places *g)
+static int check_grouping(const align_job *job, const align_places *grouping)
 {
     const align_settings *s = job->settings;
 
@@ -78,34 +80,37 @@ static int check_grouping(const align_job *job, const align_places *g)
         return options_refuse(
             ALIGN_PROGRAM, "%s holds %" PRId32 " scans, expected a multiple of --headings %" PRId64,
             s->log, job->log->count, s->headings);
-    if (g->places < 2)
+    if (grouping->places < 2)
         return options_refuse(
             ALIGN_PROGRAM, "%s holds one place, expected two or more%s", s->log,
-            s->headings > 0 ? ""
-                            : ": scans within 0.5 m by the log are of one, or give --headings N");
-    if (g->places > PLACES_MOST)
+            s->headings > 0
+                ? ""
+                : ": scans within 0.5 m by the log are one place, or give --headings N");
+    if (grouping->places > MAX_PLACES)
         return options_refuse(ALIGN_PROGRAM, "%s holds %" PRId32 " places, expected at most %d",
-                              s->log, g->places, PLACES_MOST);
+                              s->log, grouping->places, MAX_PLACES);
     return TOOL_OK;
 }
 
-cairn_place_map_params align_places_params(const align_job *job, const align_places *g)
+cairn_place_map_params align_places_params(const align_job *job, const align_places *grouping)
 {
     int as_written = job->settings->as_written;
     cairn_place_map_params params =
         as_written ? cairn_place_map_as_written() : cairn_place_map_default();
-    int32_t pairs = g->places * (g->places - 1) / 2, wanted = HYPOTHESES_OF_PAIR * pairs;
+    int32_t pairs = grouping->places * (grouping->places - 1) / 2,
+            wanted = HYPOTHESES_PER_PAIR * pairs;
 
-    params.max_places = g->places;
+    params.max_places = grouping->places;
     params.max_scans = job->log->count;
-    params.max_place_points = as_written || g->points_most == 0 ? g->beams_most : g->points_most;
-    params.max_place_beams = g->beams_most;
+    params.max_place_points =
+        as_written || grouping->points_most == 0 ? grouping->beams_most : grouping->points_most;
+    params.max_place_beams = grouping->beams_most;
     if (wanted > params.consensus.max_hypotheses)
-        params.consensus.max_hypotheses = wanted < HYPOTHESES_MOST ? wanted : HYPOTHESES_MOST;
+        params.consensus.max_hypotheses = wanted < MAX_HYPOTHESES ? wanted : MAX_HYPOTHESES;
     if (as_written)
         return params;
     params.match.spacing = (cairn_real)job->settings->spacing;
-    /* how scans lie in their places is known by odometry at best */
+    /* the poses of scans in their places come from odometry at best */
     params.decoupled = CAIRN_PLACE_MAP_JOINTLY;
     params.aligner = align_params_of(job);
     params.aligner.spread = cairn_aligner_default().spread;
@@ -155,31 +160,32 @@ static cairn_status run(const align_job *job, cairn_place_map *map)
     return status;
 }
 
-/* is_told: the scan's own pose is known, and not just that of its place. */
+/* has_own_pose: the pose of the scan itself is known, not only that of its place. */
 static const char *verdict_of(const map_scan *scan, const cairn_place_map_place *place,
-                              int32_t is_told)
+                              int32_t has_own_pose)
 {
-    return scan->point_count == 0         ? "blind"
-           : place->part > 0              ? "apart"
-           : place->ambiguous || !is_told ? "uncertain"
-                                          : "placed";
+    return scan->point_count == 0              ? "blind"
+           : place->part > 0                   ? "apart"
+           : place->ambiguous || !has_own_pose ? "uncertain"
+                                               : "placed";
 }
 
-/* Poses of all scans; those of other parts are in frames of their own and are not drawn. */
-static void read_result(align_job *job, const align_places *g, const cairn_place_map *map,
+/* Stores the poses of all scans. Scans of other connected components have frames of their own and
+ * are not drawn. */
+static void read_result(align_job *job, const align_places *grouping, const cairn_place_map *map,
                         void *unused)
 {
     cairn_place_map_result result = cairn_place_map_read(map);
 
     (void)unused;
     for (int32_t i = 0; i < job->log->count; i++) {
-        cairn_place_map_place place = cairn_place_map_place_of(map, g->place[i]);
-        int32_t is_told = job->settings->as_written || cairn_place_map_scan_is_aligned(map, i);
+        cairn_place_map_place place = cairn_place_map_place_of(map, grouping->place[i]);
+        int32_t has_own_pose = job->settings->as_written || cairn_place_map_scan_is_aligned(map, i);
         map_scan *scan = &job->scans[i];
 
         scan->after = cairn_place_map_scan_pose(map, i);
-        scan->verdict = verdict_of(scan, &place, is_told);
-        scan->doubtful = place.part > 0 || place.ambiguous || !is_told;
+        scan->verdict = verdict_of(scan, &place, has_own_pose);
+        scan->doubtful = place.part > 0 || place.ambiguous || !has_own_pose;
         if (!job->settings->as_written)
             scan->support = place.support;
         if (place.part > 0 && !job->settings->chain)
@@ -188,15 +194,14 @@ static void read_result(align_job *job, const align_places *g, const cairn_place
     snprintf(job->subtitle, sizeof job->subtitle, "%" PRId32 " places without odometry%s",
              result.places, job->settings->as_written ? ", as written" : "");
     snprintf(job->summary, sizeof job->summary,
-             "places     %" PRId32 ", %" PRId32 " in the largest of %" PRId32 " parts, %" PRId32
-             " ambiguous; %" PRId32 " scans aligned by themselves\n%s",
+             "places     %" PRId32 ", %" PRId32 " in the largest of %" PRId32
+             " components, %" PRId32 " ambiguous; %" PRId32 " scans aligned by themselves\n%s",
              result.places, result.placed, result.parts, result.ambiguous, result.decoupled,
-             job->settings->as_written
-                 ? "           as written: places that lie wrongly are not told\n"
-                 : "");
+             job->settings->as_written ? "           as written: wrong places are not detected\n"
+                                       : "");
 }
 
-int align_places_open(const align_job *job, const align_places *g,
+int align_places_open(const align_job *job, const align_places *grouping,
                       const cairn_place_map_params *params, size_t more, cairn_pool *pool)
 {
     size_t need = cairn_place_map_memory(params);
@@ -205,22 +210,23 @@ int align_places_open(const align_job *job, const align_places *g,
         return options_refuse(ALIGN_PROGRAM,
                               "%s: %" PRId32 " places of up to %" PRId32 " points and %" PRId32
                               " beams are too many, expected at most %d of each in all",
-                              job->settings->log, g->places, params->max_place_points,
-                              g->beams_most, 1 << 20);
+                              job->settings->log, grouping->places, params->max_place_points,
+                              grouping->beams_most, 1 << 20);
     return tool_pool_open(pool, ALIGN_PROGRAM, job->settings->pool, need + more);
 }
 
-/* Maps the places with these params and gives the map to `read` while it is there. */
-static int map_places(align_job *job, const align_places *g, const cairn_place_map_params *params,
-                      void (*read)(align_job *job, const align_places *g,
+/* Maps the places with these params and calls `read` with the map before the pool is closed. */
+static int map_places(align_job *job, const align_places *grouping,
+                      const cairn_place_map_params *params,
+                      void (*read)(align_job *job, const align_places *grouping,
                                    const cairn_place_map *map, void *to),
                       void *to_read)
 {
-    adding to = {NULL, g, 0};
+    adding to = {NULL, grouping, 0};
     cairn_scan *scan = NULL;
     cairn_status status;
     cairn_pool pool;
-    int code = align_places_open(job, g, params, cairn_scan_memory(&job->scan), &pool);
+    int code = align_places_open(job, grouping, params, cairn_scan_memory(&job->scan), &pool);
 
     if (code != TOOL_OK)
         return code;
@@ -234,7 +240,7 @@ static int map_places(align_job *job, const align_places *g, const cairn_place_m
     if (status < 0)
         code = align_refuse(job, status);
     else if (code == TOOL_OK)
-        read(job, g, to.map, to_read);
+        read(job, grouping, to.map, to_read);
     job->pool_bytes = pool.peak > job->pool_bytes ? pool.peak : job->pool_bytes;
     tool_pool_close(&pool);
     return code;
@@ -242,114 +248,117 @@ static int map_places(align_job *job, const align_places *g, const cairn_place_m
 
 int align_by_places(align_job *job)
 {
-    align_places *g;
-    int code = align_places_new(job, &g);
+    align_places *grouping;
+    int code = align_places_new(job, &grouping);
 
     if (code == TOOL_OK) {
-        cairn_place_map_params params = align_places_params(job, g);
+        cairn_place_map_params params = align_places_params(job, grouping);
 
-        code = map_places(job, g, &params, read_result, NULL);
+        code = map_places(job, grouping, &params, read_result, NULL);
     }
-    align_places_free(g);
+    align_places_free(grouping);
     return code;
 }
 
-/* ---- Places one by one ---- */
+/* ---- Grouping of scans into places ---- */
 
-void align_places_free(align_places *g)
+void align_places_free(align_places *grouping)
 {
-    if (g == NULL)
+    if (grouping == NULL)
         return;
-    free(g->place);
-    free(g->place_scan);
-    free(g);
+    free(grouping->place);
+    free(grouping->place_scan);
+    free(grouping);
 }
 
 int align_places_new(const align_job *job, align_places **places)
 {
     size_t n = (size_t)job->log->count;
-    align_places *g = calloc(1, sizeof *g);
+    align_places *grouping = calloc(1, sizeof *grouping);
     int code;
 
     *places = NULL;
-    if (g != NULL) {
-        g->scans = job->log->count;
-        g->place = calloc(n, sizeof *g->place);
-        g->place_scan = calloc(n, sizeof *g->place_scan);
+    if (grouping != NULL) {
+        grouping->scans = job->log->count;
+        grouping->place = calloc(n, sizeof *grouping->place);
+        grouping->place_scan = calloc(n, sizeof *grouping->place_scan);
     }
-    if (g == NULL || g->place == NULL || g->place_scan == NULL) {
-        align_places_free(g);
+    if (grouping == NULL || grouping->place == NULL || grouping->place_scan == NULL) {
+        align_places_free(grouping);
         (void)options_refuse(ALIGN_PROGRAM, "no memory for %" PRId32 " scans", job->log->count);
         return TOOL_FAILED;
     }
-    group_scans(job, g);
-    code = check_grouping(job, g);
+    group_scans(job, grouping);
+    code = check_grouping(job, grouping);
     if (code == TOOL_OK)
-        *places = g;
+        *places = grouping;
     else
-        align_places_free(g);
+        align_places_free(grouping);
     return code;
 }
 
-int32_t align_places_range(const align_places *g, int32_t place, int32_t *first, int32_t *end)
+int32_t align_places_range(const align_places *grouping, int32_t place, int32_t *first,
+                           int32_t *end)
 {
-    for (*first = 0; *first < g->scans && g->place[*first] < place; ++*first)
+    for (*first = 0; *first < grouping->scans && grouping->place[*first] < place; ++*first)
         ;
-    for (*end = *first; *end < g->scans && g->place[*end] == place; ++*end)
+    for (*end = *first; *end < grouping->scans && grouping->place[*end] == place; ++*end)
         ;
     return *end > *first;
 }
 
-cairn_pose align_places_scan(const align_places *g, int32_t i)
+cairn_pose align_places_scan(const align_places *grouping, int32_t i)
 {
-    return g->place_scan[i];
+    return grouping->place_scan[i];
 }
 
 /* ---- Figures 6.6 and 6.7 ---- */
 
 const char *const align_picture_names[2] = {"errors.svg", "stages.svg"};
 
-/* Poses of the places and the scans after each stage, and those of the log, in the frame of the
- * first place. Of places after the last stage there are none. */
+/* Poses of the places and scans after each stage, and those of the log, in the frame of the first
+ * place. Poses of places after the last stage are not stored. */
 typedef struct stage_poses {
     cairn_pose *place, *scan; /* [PLACES_PANELS][places], [PLACES_PANELS][scans] */
     places_stage stage;
 } stage_poses;
 
-static void read_stage(align_job *job, const align_places *g, const cairn_place_map *map, void *to)
+static void read_stage(align_job *job, const align_places *grouping, const cairn_place_map *map,
+                       void *to)
 {
     stage_poses *poses = to;
 
-    for (int32_t i = 0; i < g->places; i++)
-        poses->place[poses->stage * g->places + i] = cairn_place_map_place_of(map, i).map_place;
+    for (int32_t i = 0; i < grouping->places; i++)
+        poses->place[poses->stage * grouping->places + i] =
+            cairn_place_map_place_of(map, i).map_place;
     for (int32_t k = 0; k < job->log->count; k++)
         poses->scan[poses->stage * job->log->count + k] = cairn_place_map_scan_pose(map, k);
 }
 
-/* The last stage is the job's. */
-static void read_rest(const align_job *job, const align_places *g, stage_poses *poses)
+/* Reads the poses of the last stage from the job, and those of the log. */
+static void read_last_stage(const align_job *job, const align_places *grouping, stage_poses *poses)
 {
     int32_t n = job->log->count;
-    cairn_pose log_map =
-        cairn_pose_compose(job->log->record[0].robot, cairn_pose_inverse(align_places_scan(g, 0)));
+    cairn_pose log_map = cairn_pose_compose(job->log->record[0].robot,
+                                            cairn_pose_inverse(align_places_scan(grouping, 0)));
 
     for (int32_t k = n - 1; k >= 0; k--) {
         cairn_pose scan = cairn_pose_between(log_map, job->log->record[k].robot);
 
         poses->scan[PLACES_DECOUPLED * n + k] = job->scans[k].after;
         poses->scan[PLACES_STAGES * n + k] = scan;
-        poses->place[PLACES_STAGES * g->places + g->place[k]] =
-            cairn_pose_compose(scan, cairn_pose_inverse(g->place_scan[k]));
+        poses->place[PLACES_STAGES * grouping->places + grouping->place[k]] =
+            cairn_pose_compose(scan, cairn_pose_inverse(grouping->place_scan[k]));
     }
 }
 
-static cairn_status draw(const align_job *job, const align_places *g, const stage_poses *poses,
-                         cairn_file_error *error)
+static cairn_status draw(const align_job *job, const align_places *grouping,
+                         const stage_poses *poses, cairn_file_error *error)
 {
-    size_t n = (size_t)job->log->count, places = (size_t)g->places;
+    size_t n = (size_t)job->log->count, places = (size_t)grouping->places;
     places_errors errors = {"pose in the log", poses->place + PLACES_STAGES * places,
                             poses->place + PLACES_BY_SHAPE * places,
-                            poses->place + PLACES_WITH_ICP * places, g->places};
+                            poses->place + PLACES_WITH_ICP * places, grouping->places};
     places_maps maps = {.title = "Fig. 6.7: maps without odometry", .count = job->log->count};
     cairn_report_scan *seen = calloc(n, sizeof *seen);
     cairn_output_set *files = NULL;
@@ -383,33 +392,33 @@ static cairn_status draw(const align_job *job, const align_places *g, const stag
 
 int align_draw_places(align_job *job)
 {
-    align_places *g;
+    align_places *grouping;
     stage_poses poses = {NULL, NULL, PLACES_BY_SHAPE};
     cairn_file_error error;
-    int code = align_places_new(job, &g);
+    int code = align_places_new(job, &grouping);
 
     if (code != TOOL_OK)
         return code;
-    poses.place = malloc(PLACES_PANELS * ((size_t)g->places + 1) * sizeof *poses.place);
-    poses.scan = malloc(PLACES_PANELS * ((size_t)g->scans + 1) * sizeof *poses.scan);
+    poses.place = malloc(PLACES_PANELS * ((size_t)grouping->places + 1) * sizeof *poses.place);
+    poses.scan = malloc(PLACES_PANELS * ((size_t)grouping->scans + 1) * sizeof *poses.scan);
     if (poses.place == NULL || poses.scan == NULL) {
         (void)options_refuse(ALIGN_PROGRAM, "no memory for the pictures");
         code = TOOL_FAILED;
     }
     for (; poses.stage < PLACES_DECOUPLED && code == TOOL_OK; poses.stage++) {
-        cairn_place_map_params params = align_places_params(job, g),
+        cairn_place_map_params params = align_places_params(job, grouping),
                                stage = places_stage_params(poses.stage);
 
         params.decoupled = stage.decoupled;
         params.match.mode = stage.match.mode;
-        code = map_places(job, g, &params, read_stage, &poses);
+        code = map_places(job, grouping, &params, read_stage, &poses);
     }
     if (code == TOOL_OK) {
-        read_rest(job, g, &poses);
-        code = draw(job, g, &poses, &error) == CAIRN_OK ? TOOL_OK : tool_report(&error);
+        read_last_stage(job, grouping, &poses);
+        code = draw(job, grouping, &poses, &error) == CAIRN_OK ? TOOL_OK : tool_report(&error);
     }
     free(poses.place);
     free(poses.scan);
-    align_places_free(g);
+    align_places_free(grouping);
     return code;
 }

@@ -1,5 +1,5 @@
-/* cairn align --virtual: method default, and virtual scans for what it finds no place for; with
- * method gradient the algorithm 2 of the thesis. */
+/* cairn align --virtual: method default, then virtual scans for the scans that remain unplaced;
+ * with method gradient algorithm 2 of the thesis (Adluru 2008, chapter 8). */
 #include <inttypes.h>
 #include <math.h>
 #include <stdio.h>
@@ -9,7 +9,7 @@
 #include "cairn/virtual_align.h"
 #include "tools/cairn_align.h"
 
-/* What the player shows of it. */
+/* Frames of the player for --report. */
 typedef struct virtual_record {
     cairn_report_player *player;
     const cairn_virtual_align *align;
@@ -27,13 +27,13 @@ static cairn_status add_to_align(void *align, const cairn_scan_view *view, cairn
     return cairn_virtual_align_add_scan(align, view, start, fault);
 }
 
-/* ---- What the player shows ---- */
+/* ---- Frames of the player ---- */
 
 static cairn_report_player_params player_params(void)
 {
     static const cairn_report_curve curves[] = {
-        {"hypotheses", "", "lines and rooms that the map suggests"},
-        {"sigma", "m", "how far off scans may still be"},
+        {"hypotheses", "", "lines and rectangles proposed from the map"},
+        {"sigma", "m", "standard deviation of the pose errors left"},
         {"mean relocation", "mm", "of the scans that move, by the step that ends here"},
     };
     cairn_report_player_params params = cairn_report_player_default();
@@ -54,7 +54,7 @@ static cairn_virtual_align_params params_of(const align_job *job)
     }
     params = cairn_virtual_align_as_written();
     params.aligner = align_params_of(job);
-    params.aligner.max_hypotheses = params.aligner.max_fill = 1; /* it does not run */
+    params.aligner.max_hypotheses = params.aligner.max_fill = 1; /* the aligner does not run */
     params.field.max_steps = (int32_t)job->settings->steps;
     params.hypotheses.spacing = (cairn_real)job->settings->spacing;
     params.hypotheses.max_virtual = CAIRN_VIRTUAL_ALIGN_WRITTEN_POINTS;
@@ -92,8 +92,8 @@ static int is_straight_on(const cairn_oriented_point *a, const cairn_oriented_po
     return a->direction.x == b->direction.x && a->direction.y == b->direction.y;
 }
 
-/* The virtual scan as pieces: points of one direction are one, a lone one is as long as they are
- * apart. */
+/* Converts the virtual scan to segments: consecutive points of equal direction form one segment; a
+ * single point gets a segment of the length of the spacing. */
 static int32_t take_guesses(virtual_record *record)
 {
     const cairn_virtual_scan *from = cairn_virtual_align_hypotheses(record->align);
@@ -121,7 +121,7 @@ static int32_t take_guesses(virtual_record *record)
     return count;
 }
 
-/* Poses as they are; returns how far those that move went, m, in the mean. */
+/* Copies the current poses; returns the mean displacement of the moving scans, m. */
 static double take_poses(virtual_record *record)
 {
     double way = 0;
@@ -142,7 +142,7 @@ static double take_poses(virtual_record *record)
     return moving > 0 ? way / moving : 0;
 }
 
-/* A frame of what there is now; nothing has moved yet in the first one. */
+/* Records the current state as a frame. In the first frame no scan has moved. */
 static cairn_status record_frame(virtual_record *record)
 {
     cairn_virtual_align_result result = cairn_virtual_align_read(record->align);
@@ -217,13 +217,13 @@ static void read_result(align_job *job, const cairn_virtual_align *align)
     snprintf(job->subtitle, sizeof job->subtitle,
              "%" PRId32 " placed, %" PRId32 " by hypotheses alone", result.aligner.placed, guessed);
     snprintf(job->summary, sizeof job->summary,
-             "virtual    %" PRId32 " scans went by hypotheses in %" PRId32 " iterations, %" PRId32
-             " slid along walls, %" PRId32 " found no other ground\n",
+             "virtual    %" PRId32 " scans registered against hypotheses in %" PRId32
+             " iterations, %" PRId32 " slid along walls, %" PRId32 " placed by hypotheses alone\n",
              result.moved, result.iterations, result.slide.slid, guessed);
     align_summarize(job, &result.aligner);
 }
 
-/* As written no scan is placed by anything but the field. */
+/* Stores the poses as written: all scans are placed by the force field. */
 static void read_as_written(align_job *job, const cairn_virtual_align *align)
 {
     cairn_virtual_align_result result = cairn_virtual_align_read(align);
@@ -236,7 +236,7 @@ static void read_as_written(align_job *job, const cairn_virtual_align *align)
         scan->doubtful = scan->point_count == 0;
         scan->verdict = scan->doubtful ? "blind" : "aligned";
     }
-    snprintf(job->subtitle, sizeof job->subtitle, "%" PRId32 " steps of algorithm 2",
+    snprintf(job->subtitle, sizeof job->subtitle, "%" PRId32 " iterations of algorithm 2",
              result.iterations);
     snprintf(job->summary, sizeof job->summary,
              "steps      %" PRId32 " (%s), %" PRId32 " with a virtual scan, the last of %" PRId32
@@ -266,7 +266,7 @@ int align_by_hypotheses(align_job *job)
         status = align_open_player(job, player_params(),
                                    job->settings->as_written
                                        ? "force field simulation with virtual scans"
-                                       : "scans without a place go by hypotheses");
+                                       : "unplaced scans registered against hypotheses");
     if (status == CAIRN_OK)
         code = align_add_scans(job, scan, add_to_align, align);
     if (status == CAIRN_OK && code == TOOL_OK)

@@ -1,4 +1,5 @@
-/* cairn-arena: an arena by name and seed, and what a range scanner sees in it, as files. */
+/* cairn-arena: generates a simulated arena from a scene name and a seed, and writes scans of a
+ * simulated range scanner with ground truth. */
 #include <errno.h>
 #include <math.h>
 #include <stdlib.h>
@@ -13,7 +14,7 @@
 
 static const double degree = 3.14159265358979323846 / 180;
 
-/* The command line as it comes: degrees where the options say so. */
+/* The parsed command line; angles in degrees as in the options. */
 typedef struct command {
     sim_arena_options arena;
     sim_survey_options survey;
@@ -29,59 +30,60 @@ static void make_table(command *c, option *table)
 {
     sim_survey_options *s = &c->survey;
     const option options[TABLE] = {
-        OPTION_TEXT("-o", &c->folder, "DIR", "folder to write to; it is made when it is not there"),
-        OPTION_SEED("--seed", &c->arena.seed, "same seed and options, same bytes"),
-        OPTION_PAIR("--size", c->size, 1, 60, "WxH", "m, at most 60x60; else the scene's own"),
+        OPTION_TEXT("-o", &c->folder, "DIR", "folder to write to; it is created if missing"),
+        OPTION_SEED("--seed", &c->arena.seed, "the same seed and options give the same bytes"),
+        OPTION_PAIR("--size", c->size, 1, 60, "WxH", "m, at most 60x60 (size of the scene)"),
         OPTION_NUMBER("--turn", &c->turn, -360, 360, "DEG",
-                      "turn of the scene in the world; else at random"),
+                      "rotation of the scene in the world, degrees (random)"),
         OPTION_NUMBER("--rubble", &c->arena.rubble, 0, 3, "SHARE",
-                      "amount of loose bodies, 0 to 3"),
-        OPTION_COUNT("--places", &s->places, 0, 1000, "N",
-                     "places to scan from; 0: the scene's own"),
-        OPTION_COUNT("--headings", &s->headings, 1, 64, "N", "scans at each place, evenly around"),
+                      "density of rubble (loose bodies), 0 to 3"),
+        OPTION_COUNT("--places", &s->places, 0, 1000, "N", "scan positions; 0: those of the scene"),
+        OPTION_COUNT("--headings", &s->headings, 1, 64, "N",
+                     "scans at each place, at evenly spaced headings"),
         OPTION_FLAG("--same-headings", &s->same_headings,
-                    "every place has the headings of the first one"),
+                    "all places have the headings of the first one"),
         OPTION_PAIR("--jitter", c->jitter, 0, 360, "M,DEG",
-                    "how far scans of one place lie apart, m and degrees"),
+                    "spread of the poses of scans at one place, m and degrees"),
         OPTION_COUNT("--drive", &s->drive, 0, 100000, "N",
-                     "N scans while a robot drives along the places instead"),
+                     "N scans of a robot that drives along the places instead"),
         OPTION_NUMBER("--drive-every", &s->drive_distance, 0.01, 100, "M",
-                      "m between two scans of a drive"),
+                      "distance between two scans of a drive, m"),
         OPTION_NUMBER("--fov", &c->fov, 0.1, 360, "DEG",
                       "field of view, degrees; 360 is a full circle"),
         OPTION_COUNT("--beams", &s->beams, 2, 100000, "N", "beams of a scan"),
-        OPTION_NUMBER("--range", &s->range_max, 1, 200, "M", "greatest range, m"),
+        OPTION_NUMBER("--range", &s->range_max, 1, 200, "M", "maximum range, m"),
         OPTION_NUMBER("--noise", &s->noise, 0, 1, "M", "standard deviation of a range, m"),
         OPTION_NUMBER("--dropout", &s->dropout, 0, 1, "SHARE",
-                      "share of beams that are lost, 0 to 1"),
+                      "fraction of beams without a reading, 0 to 1"),
         OPTION_NUMBER("--tilt", &s->tilt, 0, 0.3, "SHARE",
-                      "share of beams that read short on the floor, 0 to 0.3"),
-        OPTION_COUNT("--movers", &s->movers, 0, 100, "N", "bodies that walk about, 0 to 100"),
+                      "fraction of beams that hit the floor (tilted scanner), 0 to 0.3"),
+        OPTION_COUNT("--movers", &s->movers, 0, 100, "N", "moving bodies, 0 to 100"),
         OPTION_NUMBER("--crowd", &s->crowd, 0, 0.5, "SHARE",
-                      "of the beams of each scan at a place end on people"),
+                      "fraction of the beams of each scan at a place that end on people"),
         OPTION_NUMBER("--scan-time", &s->scan_time, 0, 2, "S",
-                      "s from the first to the last beam, 0 to 2"),
+                      "duration of a scan, first to last beam, s, 0 to 2"),
         OPTION_PAIR("--sweep", c->sweep, 0, 20, "V,W",
-                    "m/s and rad/s, at most, of a robot that sweeps at a place"),
+                    "maximum velocity of the robot during a scan, m/s and rad/s"),
         OPTION_PAIR("--disturb", c->disturb, 0, 360, "M,DEG",
-                    "poses in the log: the truth +-M m and +-DEG degrees"),
+                    "poses in the log: ground truth with uniform noise of +-M m and +-DEG degrees"),
     };
 
     memcpy(table, options, sizeof options);
 }
 
-/* What the scenes are, for the help. */
+/* Writes the text of the help: files, conventions and the list of scenes. */
 static void about(char *text, size_t size)
 {
-    size_t used = (size_t)snprintf(text, size,
-                                   "Makes an arena and scans of it: DIR/scans.log (CARMEN), "
-                                   "DIR/truth.csv, DIR/arena.json (all walls with their\n"
-                                   "numbers), DIR/arena.svg (a picture). The poses in the log are "
-                                   "the robot's drifting odometry. In the log a\n"
-                                   "beam that met nothing reads the greatest range, a lost one 0. "
-                                   "A field of view of 180 degrees gives FLASER\n"
-                                   "lines, any other ROBOTLASER1. Exit: 0 done, 2 refused; nothing "
-                                   "is half-written.\n\nscenes:");
+    size_t used =
+        (size_t)snprintf(text, size,
+                         "Generates an arena and scans of it: DIR/scans.log (CARMEN), "
+                         "DIR/truth.csv, DIR/arena.json (all walls with their\n"
+                         "numbers), DIR/arena.svg (a picture). The poses in the log are "
+                         "the robot's drifting odometry. In the log a\n"
+                         "beam without a return reads the maximum range, a lost beam reads 0. "
+                         "A field of view of 180 degrees gives FLASER\n"
+                         "lines, any other ROBOTLASER1. Exit codes: 0 done, 2 rejected; no file is "
+                         "left incomplete.\n\nscenes:");
 
     for (sim_scene scene = 0; scene < SIM_SCENES && used < size; scene++) {
         double width, height;
@@ -93,7 +95,8 @@ static void about(char *text, size_t size)
     }
 }
 
-/* What is written: all of it beside, under a name of its own, then moved to its place. */
+/* The output files. All are written under temporary names first and then renamed (atomic
+ * replacement). */
 enum { LOG, TRUTH, JSON, PICTURE, FILE_COUNT };
 static const char *const file_names[FILE_COUNT] = {"scans.log", "truth.csv", "arena.json",
                                                    "arena.svg"};
@@ -127,7 +130,7 @@ static int write_all(const char *folder, const sim_survey *survey, const sim_pos
     int status = 0;
 
     if (part == NULL || final == NULL)
-        status = options_refuse(PROGRAM, "no memory, expected some more");
+        status = options_refuse(PROGRAM, "out of memory");
     for (; status == 0 && done < FILE_COUNT; done++) {
         FILE *file;
         int32_t bad;
@@ -141,8 +144,8 @@ static int write_all(const char *folder, const sim_survey *survey, const sim_pos
         }
         bad = write_one(done, survey, poses, line, file) != 0;
         if (fclose(file) != 0 || bad)
-            status = options_refuse(PROGRAM, "%s: %s, expected room for the file", part,
-                                    strerror(errno));
+            status = options_refuse(PROGRAM, "%s: %s, expected enough disk space for the file",
+                                    part, strerror(errno));
     }
     for (int32_t i = 0; status == 0 && i < FILE_COUNT; i++) {
         path_of(part, size, folder, i, ".part");
@@ -156,13 +159,13 @@ static int write_all(const char *folder, const sim_survey *survey, const sim_pos
         (void)unlink(part);
     }
     if (status != 0 && made)
-        (void)rmdir(folder); /* empty: nothing of ours stays behind */
+        (void)rmdir(folder); /* the folder is empty: all files of this run are removed */
     free(part);
     free(final);
     return status;
 }
 
-/* The command line again, for the comment in the log, without the folder: same options, same
+/* Writes the command line without the folder, for the comment in the log: same options, same
  * bytes. */
 static void repeat(char *line, size_t size, const char *folder, int argc, char **argv)
 {
@@ -223,8 +226,7 @@ static int run(command *c, const char *scene, int argc, char **argv)
     if (c->disturb[0] > 0 || c->disturb[1] > 0) {
         poses = malloc((size_t)count * sizeof *poses);
         if (poses == NULL)
-            status =
-                options_refuse(PROGRAM, "no memory for %d scans, expected some more", (int)count);
+            status = options_refuse(PROGRAM, "no memory for %d scans", (int)count);
         else
             sim_survey_disturb(survey, c->arena.seed, c->disturb[0], c->disturb[1] * degree, poses);
     }

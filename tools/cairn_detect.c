@@ -1,4 +1,4 @@
-/* cairn detect: objects of a class in images. */
+/* cairn detect: detects objects of a class in images by a model of their outline. */
 #include <inttypes.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -17,14 +17,14 @@
 
 #define PROGRAM "cairn detect"
 
-enum { IMAGES_MOST = 4096, JOBS_MOST = 64 };
-/* Between what is said of one image and the next; before its detections, and before what they
- * are by the truth; in no text of them. */
-/* RECORD_END begins a line of its own: what follows TRUTH_BEGIN is read by lines. */
+enum { MAX_IMAGES = 4096, MAX_JOBS = 64 };
+/* Separators of the records that processes write: end of an image's record, begin of its table
+ * rows, begin of its comparison with the ground truth. The texts contain none of them. */
+/* RECORD_END starts a line: the text after TRUTH_BEGIN is read line by line. */
 enum { RECORD_END = '\f', TABLE_BEGIN = '\v', TRUTH_BEGIN = '\b', LINE_BYTES = 64 };
 
 typedef struct settings {
-    const char *images[IMAGES_MOST];
+    const char *images[MAX_IMAGES];
     size_t count;
     const char *model, *folder, *table, *method, *bundles, *cuts, *appearance, *truth_path, *curves;
     picture_settings pictures;
@@ -37,7 +37,8 @@ typedef struct settings {
     detect_truth truth;          /* of --truth */
 } settings;
 
-/* 0: a line says which option the thesis does not have. */
+/* Returns 1 when all options exist in the method of the thesis, else 0 after a line on standard
+ * error. */
 static int check_as_written(const settings *s)
 {
     const char *other = s->method != NULL && strcmp(s->method, "parts") != 0
@@ -61,65 +62,63 @@ static option_result read_settings(settings *s, int argc, char **argv)
 {
     const option table[] = {
         OPTION_TEXT("--model", &s->model, "SHAPE",
-                    "what to look for: a model (cairn model), a silhouette or a drawing"),
+                    "shape of the class: a model (cairn model), a silhouette or a drawing"),
         OPTION_TEXT("-o", &s->folder, "DIR",
                     "folder to write NAME.svg and NAME.json to, for each image NAME.*"),
-        OPTION_TEXT("--detections", &s->table, "FILE", "also all detections as one table (CSV)"),
+        OPTION_TEXT("--detections", &s->table, "FILE", "all detections as one table (CSV)"),
         OPTION_TEXT("--truth", &s->truth_path, "FILE",
-                    "all objects' boxes in the images (CSV: image, left, top, right, bottom); with "
+                    "ground-truth bounding boxes of all objects in the images (CSV: image, left, "
+                    "top, right, bottom); with "
                     "--curves"),
         OPTION_TEXT("--curves", &s->curves, "STEM",
                     "STEM.csv and STEM.svg: precision over recall, detection rate over false "
                     "positives per image"),
         OPTION_TEXT("--edges", &s->pictures.edges, "FILE",
-                    "the image's edges, strengths 0 ... 255, from a detector of your own; of one "
+                    "edge map of the image, strengths 0 ... 255, from another edge detector; one "
                     "image only"),
-        OPTION_INTEGER("--jobs", &s->jobs, 1, JOBS_MOST, "N",
-                       "images at once; without it as many as there are processors"),
+        OPTION_INTEGER("--jobs", &s->jobs, 1, MAX_JOBS, "N",
+                       "parallel processes (number of processors)"),
         OPTION_NUMBER("--min-score", &s->score, -100, 100, "S",
-                      "of a detection that is reported, by its outline alone"),
+                      "minimum score of a reported detection, by its outline alone"),
         OPTION_TEXT("--method", &s->method, "NAME",
-                    "evidence: every place and size by its edges; parts: fragments of the outline "
-                    "that agree"),
-        OPTION_FLAG("--as-written", &s->as_written,
-                    "by parts as in the thesis: all configurations, boxes about the fragments"),
+                    "evidence: log-likelihood ratio of the edges at every position and scale; "
+                    "parts: voting by fragments of the outline"),
+        OPTION_FLAG(
+            "--as-written", &s->as_written,
+            "method parts as in the thesis: all configurations, bounding boxes of the fragments"),
         OPTION_INTEGER("--nearest", &s->nearest, 1, 64, "K",
-                       "of parts: votes that configurations are made of"),
+                       "parts: nearest votes that form configurations"),
         OPTION_INTEGER("--matches", &s->matches, 1, 64, "N",
-                       "of parts: chains that vote for each fragment"),
-        OPTION_TEXT(
-            "--bundles", &s->bundles, "HOW",
-            "of parts: rule; one: the longest fragment of each; none: each fragment is a bundle"),
+                       "parts: edge chains that vote, per fragment"),
+        OPTION_TEXT("--bundles", &s->bundles, "HOW",
+                    "part bundles: rule; one: the longest fragment of each; none: each fragment is "
+                    "a bundle"),
         OPTION_TEXT("--cuts", &s->cuts, "FILE",
-                    "of parts: fragments by hand: sample, sample and bundle a line"),
-        OPTION_FLAG("--modes", &s->modes,
-                    "of parts: configurations near the modes of the votes only"),
-        OPTION_TEXT(
-            "--appearance", &s->appearance, "FILE",
-            "what the class looks like (cairn train): detections that look unlike it score less"),
-        OPTION_NUMBER("--lambda", &s->weight, 0, 1000, "L",
-                      "so much less, when they surely do not"),
+                    "parts: fragments by hand, one per line: first sample, last sample, bundle"),
+        OPTION_FLAG("--modes", &s->modes, "parts: only configurations near the modes of the votes"),
+        OPTION_TEXT("--appearance", &s->appearance, "FILE",
+                    "appearance model (cairn train): detections of another appearance score less"),
+        OPTION_NUMBER("--lambda", &s->weight, 0, 1000, "L", "weight of the appearance penalty"),
         OPTION_INTEGER("--candidates", &s->candidates, 1, 64, "N",
-                       "places of an image that are looked at closely"),
-        OPTION_NUMBER(
-            "--overlap", &s->overlap, 0, 1, "SHARE",
-            "of two detections whose boxes share more, over their union, the better one stays"),
+                       "candidate positions per image that are refined"),
+        OPTION_NUMBER("--overlap", &s->overlap, 0, 1, "SHARE",
+                      "non-maximum suppression: maximum intersection over union of two detections"),
         OPTION_FLAG("--occluded", &s->occluded,
-                    "of evidence: objects have the model's own shape and may be hidden in part"),
+                    "evidence: rigid objects that may be partly occluded"),
         OPTION_NUMBER("--verify", &s->verify, 0, 100, "WEIGHT",
-                      "of evidence: of the evidence of contours grouped at the same place; 0: they "
-                      "are not grouped"),
-        OPTION_FLAG("--no-mirror", &s->no_mirror, "the model only as it is, not its mirror image"),
-        OPTION_INTEGER("--min-strength", &s->strength, 1, 255, "N",
-                       "of edges: weaker ones are passed over"),
+                      "evidence: weight of the log-likelihood ratio of contours grouped at the "
+                      "same position; 0: no grouping"),
+        OPTION_FLAG("--no-mirror", &s->no_mirror,
+                    "does not search for the mirror image of the model"),
+        OPTION_INTEGER("--min-strength", &s->strength, 1, 255, "N", "minimum strength of edges"),
         OPTION_NUMBER("--sigma", &s->pictures.canny.sigma, 0, 50, "PX",
-                      "blur before edges are looked for (Canny)"),
+                      "standard deviation of the Gaussian blur (Canny), px"),
         OPTION_NUMBER("--low", &s->pictures.canny.low, 0.01, 1000, "G",
-                      "grey levels per pixel: an edge goes on while its slope is above"),
+                      "low hysteresis threshold (Canny), grey levels per pixel"),
         OPTION_NUMBER("--high", &s->pictures.canny.high, 0.01, 1000, "G",
-                      "and has this slope once"),
+                      "high hysteresis threshold (Canny), grey levels per pixel"),
         OPTION_INTEGER("--max-side", &s->pictures.side, 16, 8192, "PX",
-                       "larger images are halved until they fit"),
+                       "maximum side of an image; larger ones are halved"),
         OPTION_FLAG("--quiet", &s->quiet, "no summary"),
     };
     const option_set set = {PROGRAM, "IMAGE... --model SHAPE -o DIR [options]",
@@ -129,7 +128,7 @@ static option_result read_settings(settings *s, int argc, char **argv)
                             table, sizeof table / sizeof *table};
     option_result result;
 
-    s->count = IMAGES_MOST;
+    s->count = MAX_IMAGES;
     result = options_read(&set, argc, argv, s->images, &s->count);
     if (result != OPTIONS_READ)
         return result;
@@ -250,8 +249,8 @@ static cairn_status write_all(const settings *s, const work *w, cairn_file_error
     return status;
 }
 
-/* A field of the table: in quotes, with those in it doubled, where it would not be one field
- * without. */
+/* Writes a field of the CSV table: quoted, with quotes in it doubled, when it contains a comma or a
+ * quote. */
 static void print_field(const char *text, FILE *record)
 {
     int is_quoted = strpbrk(text, ",\"") != NULL;
@@ -277,7 +276,7 @@ static void print_row(const settings *s, const work *w, const cairn_detection *d
             (double)d->score, d->mirrored);
 }
 
-/* What is said of an image: a summary for the eye, its lines of the table, what it is by the
+/* Writes the record of an image: its summary, its rows of the table, its comparison with the ground
  * truth. */
 static cairn_status print_record(const settings *s, const work *w, FILE *record,
                                  cairn_file_error *error)
@@ -333,9 +332,9 @@ static int run_image(const settings *s, const char *path, const cairn_shape_mode
     return status == CAIRN_OK ? TOOL_OK : tool_report(&error);
 }
 
-/* ---- All images, shared out among processes ---- */
+/* ---- All images, distributed among processes ---- */
 
-/* Images job, job + jobs ... one after another, up to the first that cannot be done. */
+/* Processes images job, job + jobs, ... in order and stops at the first failure. */
 static int run_job(const settings *s, int32_t job, const cairn_shape_model *model, FILE *record)
 {
     int code = TOOL_OK;
@@ -351,7 +350,7 @@ static int run_job(const settings *s, int32_t job, const cairn_shape_model *mode
 
 static int run_jobs(const settings *s, const cairn_shape_model *model, FILE **records)
 {
-    pid_t process[JOBS_MOST];
+    pid_t process[MAX_JOBS];
     int code = TOOL_OK;
 
     for (int32_t job = 0; job < s->jobs; job++) {
@@ -373,8 +372,8 @@ static int run_jobs(const settings *s, const cairn_shape_model *model, FILE **re
     return code;
 }
 
-/* The record of an image: its summary to standard output, its rows to the table, what they are
- * to the truth. */
+/* Reads the record of an image back: its summary goes to standard output, its rows to the table,
+ * its hits to the ground truth. */
 static cairn_status merge_record(const settings *s, FILE *record, cairn_output *table,
                                  detect_truth *truth)
 {
@@ -398,7 +397,7 @@ static cairn_status merge_record(const settings *s, FILE *record, cairn_output *
     return c == RECORD_END ? CAIRN_OK : CAIRN_TRUNCATED;
 }
 
-/* The records in the order of the images. */
+/* Merges the records of all processes in the order of the images. */
 static int merge_records(const settings *s, FILE **records, cairn_output *table,
                          detect_truth *truth)
 {
@@ -411,7 +410,7 @@ static int merge_records(const settings *s, FILE **records, cairn_output *table,
     for (size_t i = 0; i < s->count && status == CAIRN_OK; i++)
         status = merge_record(s, records[i % (size_t)s->jobs], table, truth);
     if (status != CAIRN_OK)
-        fprintf(stderr, "%s: what the processes have found cannot be read again: %s\n", PROGRAM,
+        fprintf(stderr, "%s: the results of the processes cannot be read: %s\n", PROGRAM,
                 cairn_status_text(status));
     return status == CAIRN_OK ? TOOL_OK : TOOL_FAILED;
 }
@@ -419,7 +418,7 @@ static int merge_records(const settings *s, FILE **records, cairn_output *table,
 static int run_all(const settings *s, const cairn_shape_model *model, cairn_output *table,
                    detect_truth *truth)
 {
-    FILE *records[JOBS_MOST] = {NULL};
+    FILE *records[MAX_JOBS] = {NULL};
     int code = TOOL_OK;
 
     for (int32_t job = 0; job < s->jobs && code == TOOL_OK; job++) {
@@ -439,7 +438,8 @@ static int run_all(const settings *s, const cairn_shape_model *model, cairn_outp
     return code;
 }
 
-/* The table is begun first: nobody wants to hear after an hour that it cannot be written. */
+/* Runs the detection. The table is opened first, so that an unwritable path fails at once and not
+ * after all images. */
 static int run(const settings *s, const cairn_shape_model *model, detect_truth *truth)
 {
     cairn_file_error error;
@@ -476,7 +476,7 @@ int tool_detect(int argc, char **argv)
     s.pictures.canny = cairn_vision_canny_default();
     s.strength = 1;
     s.jobs = sysconf(_SC_NPROCESSORS_ONLN);
-    s.jobs = s.jobs < 1 ? 1 : s.jobs > JOBS_MOST ? JOBS_MOST : s.jobs;
+    s.jobs = s.jobs < 1 ? 1 : s.jobs > MAX_JOBS ? MAX_JOBS : s.jobs;
     s.nearest = params.nearest;
     s.matches = params.matches;
     s.weight = (double)params.appearance_weight;

@@ -7,17 +7,17 @@
 
 #include "cairn/output.h"
 
-/* What a box shares with its object's, over their union, at the least; as written more than a
- * fifth (Adluru 2008, section 5.4.1). */
-#define LEAST_OVERLAP   0.5
-#define WRITTEN_OVERLAP 0.2
+/* Minimum intersection over union of a detection and its object; as written it must exceed 0.2
+ * (Adluru 2008, section 5.4.1). */
+#define MIN_IOU         0.5
+#define WRITTEN_MIN_IOU 0.2
 
 static int is_hit(const detect_truth *truth, double share)
 {
-    return truth->as_written ? share > WRITTEN_OVERLAP : share >= LEAST_OVERLAP;
+    return truth->as_written ? share > WRITTEN_MIN_IOU : share >= MIN_IOU;
 }
 
-/* The best detection takes its object first, each is taken once. */
+/* Assigns detections to objects greedily by score; each object is assigned once. */
 static void print_hits(const detect_truth *truth, const cairn_detection_picture *picture,
                        const double (*objects)[4], int32_t count, int32_t *taken, FILE *record)
 {
@@ -72,14 +72,14 @@ int detect_truth_take(detect_truth *truth, const char *line)
     cairn_detection_event *e;
     char *end;
 
-    if (truth->event_count == truth->event_room) {
-        int32_t room = 2 * truth->event_room + 64;
+    if (truth->event_count == truth->event_capacity) {
+        int32_t capacity = 2 * truth->event_capacity + 64;
 
-        e = realloc(truth->events, (size_t)room * sizeof *e);
+        e = realloc(truth->events, (size_t)capacity * sizeof *e);
         if (e == NULL)
             return 0;
         truth->events = e;
-        truth->event_room = room;
+        truth->event_capacity = capacity;
     }
     e = &truth->events[truth->event_count++];
     e->score = strtod(line, &end);

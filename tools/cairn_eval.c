@@ -1,4 +1,4 @@
-/* cairn eval: how good a map and its poses are. */
+/* cairn eval: quality of a map, errors of poses and of relative poses. */
 #include "tools/cairn_eval.h"
 
 #include <inttypes.h>
@@ -33,16 +33,15 @@ int eval_read_poses(const char *program, const char *path, cairn_pose_row **row,
             int64_t index = (*row)[i].index;
 
             cairn_pose_table_free(*row);
-            return options_refuse(program,
-                                  "%s: index %" PRId64 " is there twice, expected every scan once",
-                                  path, index);
+            return options_refuse(
+                program, "%s: duplicate index %" PRId64 ", expected every scan once", path, index);
         }
     return TOOL_OK;
 }
 
 /* ---- poses ---- */
 
-/* Poses of the scans that both tables have. */
+/* Poses of the scans that are in both tables. */
 typedef struct pose_pairs {
     cairn_pose *estimate, *truth; /* [count] */
     int32_t count;
@@ -54,9 +53,9 @@ static void free_pairs(pose_pairs *pairs)
     free(pairs->truth);
 }
 
-/* 0 when there is no memory. Both tables are sorted. */
-static int pair_up(const cairn_pose_row *a, int32_t a_count, const cairn_pose_row *b,
-                   int32_t b_count, pose_pairs *pairs)
+/* Pairs poses of equal index of two sorted tables. Returns 0 when there is no memory. */
+static int match_indices(const cairn_pose_row *a, int32_t a_count, const cairn_pose_row *b,
+                         int32_t b_count, pose_pairs *pairs)
 {
     pairs->count = 0;
     pairs->estimate = malloc((size_t)a_count * sizeof *pairs->estimate);
@@ -75,11 +74,12 @@ static int pair_up(const cairn_pose_row *a, int32_t a_count, const cairn_pose_ro
 }
 
 typedef struct pose_figures {
-    cairn_pose_errors first, common; /* after a common first pose; after the best common motion */
+    cairn_pose_errors first,
+        common; /* errors after alignment of the first poses; after rigid least-squares alignment */
     double distance_mean, distance_most;
 } pose_figures;
 
-/* Moves the estimates onto the truth. */
+/* Computes the errors after both alignments of the estimates with the ground truth. */
 static cairn_status measure_poses(pose_pairs *pairs, pose_figures *f)
 {
     cairn_pose motion = cairn_pose_fit(pairs->estimate, pairs->truth, NULL, pairs->count, 1);
@@ -115,13 +115,13 @@ static void print_poses(const pose_figures *f, int32_t count, int32_t left_out, 
                (double)f->first.theta);
         return;
     }
-    printf("poses      %" PRId32 " (%" PRId32 " in only one of the tables left out)\n"
-           "after the best common motion\n"
+    printf("poses      %" PRId32 " (%" PRId32 " in only one of the tables ignored)\n"
+           "after the best rigid alignment\n"
            "  E(x)     %.4f m\n"
            "  E(y)     %.4f m\n"
            "  E(theta) %.4f degrees\n"
            "  distance %.4f m on average, %.4f m at most\n"
-           "after a common first pose\n"
+           "after alignment of the first poses\n"
            "  E(x)     %.4f m\n"
            "  E(y)     %.4f m\n"
            "  E(theta) %.4f degrees\n",
@@ -130,22 +130,22 @@ static void print_poses(const pose_figures *f, int32_t count, int32_t left_out, 
            (double)f->first.x, (double)f->first.y, (double)f->first.theta * DEGREES);
 }
 
-static int compare_poses(const char *const words[2], const cairn_pose_row *a, int32_t a_count,
+static int compare_poses(const char *const arguments[2], const cairn_pose_row *a, int32_t a_count,
                          const cairn_pose_row *b, int32_t b_count, int32_t json)
 {
     pose_pairs pairs;
     pose_figures figures;
     int code = TOOL_OK;
 
-    if (!pair_up(a, a_count, b, b_count, &pairs)) {
+    if (!match_indices(a, a_count, b, b_count, &pairs)) {
         (void)options_refuse(POSES_PROGRAM, "no memory for %" PRId32 " poses", a_count);
         code = TOOL_FAILED;
     } else if (pairs.count == 0) {
         code = options_refuse(POSES_PROGRAM,
                               "%s and %s have no index in common, expected poses of the same scans",
-                              words[0], words[1]);
+                              arguments[0], arguments[1]);
     } else if (measure_poses(&pairs, &figures) != CAIRN_OK) {
-        code = options_refuse(POSES_PROGRAM, "%s: the poses cannot be compared", words[0]);
+        code = options_refuse(POSES_PROGRAM, "%s: the poses cannot be compared", arguments[0]);
     } else {
         print_poses(&figures, pairs.count, a_count + b_count - 2 * pairs.count, json);
     }
@@ -156,16 +156,17 @@ static int compare_poses(const char *const words[2], const cairn_pose_row *a, in
 int eval_poses(int argc, char **argv)
 {
     int32_t json = 0, a_count, b_count;
-    const option table[] = {OPTION_FLAG("--json", &json, "one JSON object in place of words")};
-    const option_set set = {
-        POSES_PROGRAM, "POSES.csv TRUTH.csv [options]",
-        "Errors of poses against the truth: mean absolute differences E(x), E(y), E(theta) of the\n"
-        "scans that both tables have, after the best common motion (least squares) and after a\n"
-        "common first pose, as in the thesis.",
-        table, sizeof table / sizeof *table};
-    const char *words[2] = {NULL, NULL};
+    const option table[] = {OPTION_FLAG("--json", &json, "prints one JSON object instead of text")};
+    const option_set set = {POSES_PROGRAM, "POSES.csv TRUTH.csv [options]",
+                            "Errors of poses against ground truth: mean absolute differences E(x), "
+                            "E(y), E(theta) of the\n"
+                            "scans in both tables, after the best rigid alignment (least squares) "
+                            "and after alignment of\n"
+                            "the first poses, as in the thesis.",
+                            table, sizeof table / sizeof *table};
+    const char *arguments[2] = {NULL, NULL};
     size_t count = 2;
-    option_result result = options_read(&set, argc, argv, words, &count);
+    option_result result = options_read(&set, argc, argv, arguments, &count);
     cairn_pose_row *a, *b;
     int code;
 
@@ -174,12 +175,12 @@ int eval_poses(int argc, char **argv)
     if (count < 2)
         return options_refuse(POSES_PROGRAM, "%s, expected %s",
                               count == 0 ? "no poses" : "no truth", set.synopsis);
-    code = eval_read_poses(POSES_PROGRAM, words[0], &a, &a_count);
+    code = eval_read_poses(POSES_PROGRAM, arguments[0], &a, &a_count);
     if (code != TOOL_OK)
         return code;
-    code = eval_read_poses(POSES_PROGRAM, words[1], &b, &b_count);
+    code = eval_read_poses(POSES_PROGRAM, arguments[1], &b, &b_count);
     if (code == TOOL_OK) {
-        code = compare_poses(words, a, a_count, b, b_count, json);
+        code = compare_poses(arguments, a, a_count, b, b_count, json);
         cairn_pose_table_free(b);
     }
     cairn_pose_table_free(a);
@@ -188,8 +189,8 @@ int eval_poses(int argc, char **argv)
 
 /* ---- relations ---- */
 
-/* Poses of scans with their times, by index; an index that is not there has no time and is not
- * `known`. */
+/* Poses of scans with their time stamps, indexed by scan; missing scans have no stamp and known =
+ * 0. */
 typedef struct timed_poses {
     cairn_pose *pose;
     int64_t *stamp_ns;
@@ -241,7 +242,7 @@ static int poses_of_table(const char *path, timed_poses *t)
     return code;
 }
 
-/* Relations are between sensors. */
+/* Reads the poses of the sensors from a log; relations are between sensors. */
 static int poses_of_log(const char *path, timed_poses *t)
 {
     cairn_carmen_scans log;
@@ -259,7 +260,7 @@ static int poses_of_log(const char *path, timed_poses *t)
     return code;
 }
 
-/* From the poses of the robot to those of the sensors, where the log has them on it. */
+/* Converts poses of the robot to poses of the sensor by the mounting in the log. */
 static int move_to_sensors(const char *path, timed_poses *t)
 {
     cairn_carmen_scans log;
@@ -298,7 +299,7 @@ static void print_relations(const cairn_relation_errors *e, int64_t used, int64_
                (double)e->angle_sd * DEGREES, (double)e->angle_squared * DEGREES * DEGREES);
         return;
     }
-    printf("relations  %" PRId64 " (%" PRId64 " without both scans left out)\n"
+    printf("relations  %" PRId64 " (%" PRId64 " without both scans ignored)\n"
            "distance   %.4f +- %.4f m, %.4f m^2 squared\n"
            "angle      %.4f +- %.4f degrees, %.4f degrees^2 squared\n",
            used, left_out, (double)e->distance_mean, (double)e->distance_sd,
@@ -306,7 +307,7 @@ static void print_relations(const cairn_relation_errors *e, int64_t used, int64_
            (double)e->angle_sd * DEGREES, (double)e->angle_squared * DEGREES * DEGREES);
 }
 
-static int compare_relations(const char *const words[2], const timed_poses *t,
+static int compare_relations(const char *const arguments[2], const timed_poses *t,
                              cairn_relation_row *row, int32_t count, int32_t json)
 {
     cairn_relation_sums sums = {0, 0, 0, 0, 0};
@@ -326,13 +327,12 @@ static int compare_relations(const char *const words[2], const timed_poses *t,
             return options_refuse(RELATIONS_PROGRAM,
                                   "%s:%" PRId64
                                   ": the relation cannot be compared, expected finite poses",
-                                  words[1], r->line);
+                                  arguments[1], r->line);
     }
     if (sums.count == 0)
-        return options_refuse(
-            RELATIONS_PROGRAM,
-            "%s has no scan that %s tells of, expected relations between its scans", words[0],
-            words[1]);
+        return options_refuse(RELATIONS_PROGRAM,
+                              "no scan of %s is in %s, expected relations between its scans",
+                              arguments[0], arguments[1]);
     errors = cairn_relation_errors_of(&sums);
     print_relations(&errors, sums.count, count - sums.count, json);
     return TOOL_OK;
@@ -344,8 +344,8 @@ int eval_relations(int argc, char **argv)
     int32_t json = 0;
     const option table[] = {
         OPTION_TEXT("--log", &log, "LOG",
-                    "the log of the table: where the sensor sat on the robot (at its origin)"),
-        OPTION_FLAG("--json", &json, "one JSON object in place of words"),
+                    "log of the table, for the pose of the sensor on the robot (its origin)"),
+        OPTION_FLAG("--json", &json, "prints one JSON object instead of text"),
     };
     const option_set set = {
         RELATIONS_PROGRAM, "POSES.csv|LOG FILE.relations [options]",
@@ -354,12 +354,12 @@ int eval_relations(int argc, char **argv)
         "found by its\n"
         "times or indices, or those that a log has. Relations are between sensors: poses of a "
         "robot\n"
-        "whose sensor sits elsewhere need --log.",
+        "whose sensor is mounted elsewhere need --log.",
         table, sizeof table / sizeof *table};
-    const char *words[2] = {NULL, NULL};
+    const char *arguments[2] = {NULL, NULL};
     timed_poses poses = {NULL, NULL, NULL, 0};
     size_t count = 2;
-    option_result result = options_read(&set, argc, argv, words, &count);
+    option_result result = options_read(&set, argc, argv, arguments, &count);
     cairn_file_error error;
     cairn_relation_row *row;
     int32_t rows;
@@ -370,13 +370,14 @@ int eval_relations(int argc, char **argv)
     if (count < 2)
         return options_refuse(RELATIONS_PROGRAM, "%s, expected %s",
                               count == 0 ? "no poses" : "no relations", set.synopsis);
-    if (cairn_relation_table_read(&row, &rows, words[1], &error) != CAIRN_OK)
+    if (cairn_relation_table_read(&row, &rows, arguments[1], &error) != CAIRN_OK)
         return tool_report(&error);
-    code = is_table(words[0]) ? poses_of_table(words[0], &poses) : poses_of_log(words[0], &poses);
-    if (code == TOOL_OK && log != NULL && is_table(words[0]))
+    code = is_table(arguments[0]) ? poses_of_table(arguments[0], &poses)
+                                  : poses_of_log(arguments[0], &poses);
+    if (code == TOOL_OK && log != NULL && is_table(arguments[0]))
         code = move_to_sensors(log, &poses);
     if (code == TOOL_OK)
-        code = compare_relations(words, &poses, row, rows, json);
+        code = compare_relations(arguments, &poses, row, rows, json);
     free_timed(&poses);
     cairn_relation_table_free(row);
     return code;
@@ -388,8 +389,9 @@ static const struct part {
     const char *name, *summary;
     int (*run)(int argc, char **argv);
 } parts[] = {
-    {"map", "entropy of a log's map and likelihood of its beams, whole and by quadrants", eval_map},
-    {"poses", "E(x), E(y), E(theta) of poses against the truth", eval_poses},
+    {"map", "entropy of the map of a log and likelihood of its beams, total and by quadrant",
+     eval_map},
+    {"poses", "errors E(x), E(y), E(theta) of poses against ground truth", eval_poses},
     {"relations", "errors of relative poses against reference relations", eval_relations},
 };
 
@@ -404,7 +406,7 @@ int tool_eval(int argc, char **argv)
         printf("usage: cairn eval map|poses|relations ...\n\n");
         for (size_t k = 0; k < sizeof parts / sizeof *parts; k++)
             printf("  %-10s %s\n", parts[k].name, parts[k].summary);
-        printf("\n  cairn eval map --help   what it takes\n");
+        printf("\n  cairn eval map --help   the options of an evaluation\n");
         return TOOL_OK;
     }
     if (word == NULL)

@@ -1,11 +1,11 @@
-/* cairn_eval: what the parts of `cairn eval` share. */
+/* Functions that the evaluations of `cairn eval` share. */
 #ifndef CAIRN_TOOLS_CAIRN_EVAL_H
 #define CAIRN_TOOLS_CAIRN_EVAL_H
 
 #include "cairn/pose_table.h"
 #include "tools/cairn_tool.h"
 
-/* argv[0] is the word behind `cairn eval`. Exit codes of cairn_tool.h. */
+/* argv[0] is the name of the evaluation. Exit codes of cairn_tool.h. */
 int eval_map(int argc, char **argv);
 int eval_poses(int argc, char **argv);
 int eval_relations(int argc, char **argv);

@@ -1,4 +1,4 @@
-/* cairn eval map: the grid of a log's beams at given poses, and what it says of itself. */
+/* cairn eval map: entropy and beam likelihood of the occupancy grid of a log at given poses. */
 #include <inttypes.h>
 #include <math.h>
 #include <stdio.h>
@@ -19,7 +19,8 @@ typedef struct settings {
 
 typedef struct figures {
     cairn_map_entropy entropy;
-    double likelihood, quadrant[CAIRN_QUADRANTS]; /* log, of beams by where they end */
+    double likelihood,
+        quadrant[CAIRN_QUADRANTS]; /* log-likelihood, by the quadrant in which a beam ends */
     int64_t beams, hits;
     cairn_occupancy_grid_params grid;
 } figures;
@@ -30,40 +31,42 @@ static option_result read_settings(settings *s, int argc, char **argv)
 {
     const option table[] = {
         OPTION_TEXT("--map", &s->map, "FILE.yaml",
-                    "a map whose cells and borders the grid takes (by the beams)"),
+                    "a map that gives cell size and extent of the grid (from the beams)"),
         OPTION_NUMBER("--resolution", &s->resolution, 0.001, 10, "M",
-                      "side of a cell, m, without --map"),
-        OPTION_NUMBER("--range", &s->range, 0.1, 1000, "M", "beams enter the grid up to here, m"),
+                      "cell size, m, without --map"),
+        OPTION_NUMBER("--range", &s->range, 0.1, 1000, "M",
+                      "maximum range of beams entered into the grid, m"),
         OPTION_NUMBER("--range-max", &s->range_max, 0.1, 1000, "M",
-                      "ranges from here on are no return, m (by the log)"),
-        OPTION_NUMBER("--least", &s->least, 1e-9, 0.5, "P",
-                      "probability of a beam that no map explains"),
-        OPTION_FLAG("--json", &s->json, "one JSON object in place of words"),
+                      "ranges from this value on count as no return, m (from the log)"),
+        OPTION_NUMBER("--least", &s->least, 1e-9, 0.5, "P", "probability of an outlier beam"),
+        OPTION_FLAG("--json", &s->json, "prints one JSON object instead of text"),
         OPTION_FLAG("--quiet", &s->quiet, "no progress, no warnings"),
     };
     const option_set set = {
         PROGRAM, "LOG [POSES.csv] [options]",
-        "Draws all beams of a CARMEN log at the poses of a table, or at those of the log, into an\n"
-        "occupancy grid with beam penetration. Gives its entropy (lower is better; compare maps of "
+        "Enters all beams of a CARMEN log at the poses of a table, or at those of the log, into "
+        "an\n"
+        "occupancy grid with beam penetration. Prints its entropy (lower is better; compare maps "
+        "of "
         "one\n"
         "resolution only) and the log-likelihood of the beams (higher is better), of the whole map "
         "and of\n"
         "its quadrants; a beam belongs to the quadrant in which it ends.",
         table, sizeof table / sizeof *table};
-    const char *words[2] = {NULL, NULL};
+    const char *arguments[2] = {NULL, NULL};
     size_t count = 2;
-    option_result result = options_read(&set, argc, argv, words, &count);
+    option_result result = options_read(&set, argc, argv, arguments, &count);
 
     if (result != OPTIONS_READ)
         return result;
     if (count < 1)
         return (option_result)options_refuse(PROGRAM, "no log, expected %s", set.synopsis);
-    s->log = words[0];
-    s->poses = words[1];
+    s->log = arguments[0];
+    s->poses = arguments[1];
     return OPTIONS_READ;
 }
 
-/* The poses of the table, or of the log, to the scans. */
+/* Sets the poses of the scans from the table, or from the log without a table. */
 static int set_poses(const settings *s, const cairn_carmen_scans *log, map_scan *scan)
 {
     cairn_pose_row *row;
@@ -96,7 +99,7 @@ static int set_poses(const settings *s, const cairn_carmen_scans *log, map_scan 
     return code;
 }
 
-/* What the scans saw. */
+/* Copies the beams of all scans. */
 static int keep_beams(const settings *s, const cairn_carmen_scans *log, map_scan *kept)
 {
     cairn_scan_params params = cairn_scan_default();
@@ -133,8 +136,9 @@ static int keep_beams(const settings *s, const cairn_carmen_scans *log, map_scan
     return code;
 }
 
-/* The cells of --map, or those that hold the beams. */
-static int lay_out(const settings *s, const map_output *output, cairn_occupancy_grid_params *params)
+/* Sets the grid's params from --map, or to the extent of the beams. */
+static int set_grid_params(const settings *s, const map_output *output,
+                           cairn_occupancy_grid_params *params)
 {
     cairn_file_error error;
     cairn_map_file map;
@@ -151,9 +155,9 @@ static int lay_out(const settings *s, const map_output *output, cairn_occupancy_
     params->origin.y = map.origin.y;
     cairn_map_file_free(&map);
     if (map.origin.theta != 0)
-        return options_refuse(PROGRAM,
-                              "%s: the map is turned by %g rad, expected an origin without a turn",
-                              s->map, (double)map.origin.theta);
+        return options_refuse(
+            PROGRAM, "%s: the origin of the map is rotated by %g rad, expected no rotation", s->map,
+            (double)map.origin.theta);
     if (cairn_occupancy_grid_memory(params) == 0)
         return options_refuse(PROGRAM,
                               "%s: the map has sides of %" PRId32 " and %" PRId32
@@ -212,11 +216,11 @@ static void print_json(const figures *f, int32_t scans)
     printf("}\n");
 }
 
-static void print_words(const figures *f, int32_t scans)
+static void print_text(const figures *f, int32_t scans)
 {
     printf("scans      %" PRId32 "\n"
            "beams      %" PRId64 " (%" PRId64 " hits)\n"
-           "cells      %" PRId64 " seen, of %.3g m\n"
+           "cells      %" PRId64 " observed, of %.3g m\n"
            "entropy    %.2f nat (%.5f a cell)\n"
            "likelihood %.1f (%.5f a beam; logarithm)\n",
            scans, f->beams, f->hits, f->entropy.cells, (double)f->grid.resolution,
@@ -232,21 +236,21 @@ static int evaluate(const settings *s, const map_output *output)
     cairn_file_error error;
     figures f = {0};
     map_grid made;
-    int code = lay_out(s, output, &f.grid);
+    int code = set_grid_params(s, output, &f.grid);
 
     if (code != TOOL_OK)
         return code;
     if (map_grid_make(output, &f.grid, &made, &error) != CAIRN_OK)
         return tool_report(&error);
     if (measure(s, output, made.grid, &f) != CAIRN_OK)
-        code = options_refuse(PROGRAM, "%s: the beams cannot be followed", s->log);
+        code = options_refuse(PROGRAM, "%s: the beams cannot be traced", s->log);
     else if (f.beams == 0 || f.entropy.cells == 0)
         code =
             options_refuse(PROGRAM, "%s: no beam lies in the map, expected at least one", s->log);
     else if (s->json)
         print_json(&f, output->count);
     else
-        print_words(&f, output->count);
+        print_text(&f, output->count);
     free(made.memory);
     return code;
 }

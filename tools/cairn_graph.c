@@ -1,4 +1,4 @@
-/* cairn graph: solves a pose graph. */
+/* cairn graph: robust optimization of a pose graph. */
 #include <inttypes.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -18,22 +18,23 @@ typedef struct settings {
 static option_result read_settings(settings *s, int argc, char **argv)
 {
     const option table[] = {
-        OPTION_TEXT("-o", &s->output, "FILE", "the graph with its new poses, as g2o"),
+        OPTION_TEXT("-o", &s->output, "FILE", "the graph with the optimized poses (g2o)"),
         OPTION_FLAG("--report", &s->report,
-                    "names every link that was dropped, and draws the graph before and after "
-                    "beside the output\n"
+                    "lists every outlier link, and draws the graph before and after the "
+                    "optimization beside the output\n"
                     "(FILE.svg)"),
-        OPTION_FLAG("--keep-all", &s->keep_all, "least squares of all links, none is dropped"),
-        OPTION_TEXT("--solver", &s->solver, "NAME", "builtin, or sparse: SuiteSparse"),
+        OPTION_FLAG("--keep-all", &s->keep_all, "least squares of all links, no outlier rejection"),
+        OPTION_TEXT("--solver", &s->solver, "NAME",
+                    "linear solver: builtin, or sparse (SuiteSparse)"),
         OPTION_FLAG("--quiet", &s->quiet, "no summary"),
     };
-    const option_set set = {
-        PROGRAM, "FILE.g2o -o FILE.g2o [options]",
-        "Solves a pose graph in the plane (g2o: VERTEX_SE2, EDGE_SE2, FIX), from the poses of the\n"
-        "file or from a chordal start, whichever is nearer. Links that cannot be met are found "
-        "with a\n"
-        "robust kernel, named and left out.",
-        table, sizeof table / sizeof *table};
+    const option_set set = {PROGRAM, "FILE.g2o -o FILE.g2o [options]",
+                            "Optimizes a pose graph in the plane (g2o: VERTEX_SE2, EDGE_SE2, FIX), "
+                            "from the poses of the\n"
+                            "file or from a chordal initialization, whichever has the smaller "
+                            "error. Outlier links are\n"
+                            "found with a robust kernel, listed and left out.",
+                            table, sizeof table / sizeof *table};
     const char *words[1] = {NULL};
     size_t count = 1;
     option_result result = options_read(&set, argc, argv, words, &count);
@@ -44,7 +45,7 @@ static option_result read_settings(settings *s, int argc, char **argv)
         return (option_result)options_refuse(PROGRAM, "no graph, expected %s", set.synopsis);
     if (s->output == NULL && s->report)
         return (option_result)options_refuse(PROGRAM,
-                                             "--report without -o, expected where to write");
+                                             "--report without -o, expected an output file");
     if (strcmp(s->solver, "builtin") != 0 && strcmp(s->solver, "sparse") != 0)
         return (option_result)options_refuse(PROGRAM, "--solver %s, expected builtin or sparse",
                                              s->solver);
@@ -60,7 +61,7 @@ static const char *verdict_text(const cairn_pose_graph_state *state)
     case CAIRN_POSE_GRAPH_OUT_OF_ITERATIONS:
         return "out of iterations";
     case CAIRN_POSE_GRAPH_SPLIT:
-        return "in pieces without the links that were dropped";
+        return "disconnected without the outlier links";
     default:
         return "singular";
     }
@@ -73,13 +74,13 @@ static void print_summary(const settings *s, const cairn_pose_graph_file *file,
            "links      %" PRId32 "\n"
            "chi2       %.9g -> %.9g\n"
            "outliers   %" PRId32 "%s\n"
-           "start      %s\n"
-           "steps      %" PRId32 " (%s)\n"
+           "initial    %s\n"
+           "iterations %" PRId32 " (%s)\n"
            "seconds    %.3f\n"
            "memory     %zu bytes (%s)\n",
-           file->vertex_count, file->chained ? " (from the links: the file has none)" : "",
+           file->vertex_count, file->chained ? " (composed from the links: the file has none)" : "",
            file->edge_count, out->chi2_initial, (double)out->state.chi2, out->outliers,
-           out->outliers > 0 ? " links dropped; chi2 is that of the others" : "",
+           out->outliers > 0 ? " links rejected; chi2 is that of the inliers" : "",
            out->state.chordal ? "chordal" : "as given", out->state.iterations,
            verdict_text(&out->state), seconds, out->pool_bytes, s->solver);
 }
@@ -89,12 +90,12 @@ static void print_outliers(const settings *s, const cairn_pose_graph_file *file,
 {
     for (int32_t e = 0; e < file->edge_count; e++)
         if (out->outlier[e])
-            printf("%s:%" PRId64 ": link %" PRId64 " -> %" PRId64 " dropped\n", s->graph,
+            printf("%s:%" PRId64 ": link %" PRId64 " -> %" PRId64 " rejected\n", s->graph,
                    file->edge[e].line, file->vertex[file->edge[e].first].id,
                    file->vertex[file->edge[e].second].id);
 }
 
-/* "map.g2o" -> "map.svg"; to be freed. */
+/* Returns the path of the picture, "map.g2o" -> "map.svg", on the heap; NULL: no memory. */
 static char *picture_path(const char *output)
 {
     size_t length = strlen(output);

@@ -1,4 +1,4 @@
-/* cairn group: contours of a known object in images. */
+/* cairn group: groups the contours of a known object in images. */
 #include <inttypes.h>
 #include <math.h>
 #include <stdio.h>
@@ -16,10 +16,10 @@
 #define PROGRAM "cairn group"
 #define DEGREE  0.017453292519943295
 
-enum { IMAGES_MOST = 4096, FILES = 3 };
+enum { MAX_IMAGES = 4096, FILES = 3 };
 
 typedef struct settings {
-    const char *images[IMAGES_MOST];
+    const char *images[MAX_IMAGES];
     size_t count;
     const char *model, *edges, *scale, *rotation, *tokens, *folder;
     int64_t particles, strength, side, paths;
@@ -30,7 +30,7 @@ typedef struct settings {
     int32_t strong_given;
 } settings;
 
-/* "A:B" or "A". 0: it is none, or A is above B. */
+/* Parses "A:B" or "A". Returns 0 when the text is invalid or A exceeds B. */
 static int read_range(const char *text, double *least, double *most)
 {
     const char *colon = strchr(text, ':');
@@ -44,7 +44,7 @@ static int read_range(const char *text, double *least, double *most)
     return isfinite(*least) && isfinite(*most) && *least <= *most;
 }
 
-/* What the thesis does not have, and what it cannot do without. */
+/* Rejects options that the method of the thesis lacks, and a missing --scale, which it requires. */
 static option_result check_written(const settings *s)
 {
     const char *other = s->rotation != NULL ? "--rotation"
@@ -54,15 +54,15 @@ static option_result check_written(const settings *s)
 
     if (s->as_written && other != NULL)
         return (option_result)options_refuse(
-            PROGRAM,
-            "%s with --as-written, expected it without: the thesis has nothing of the kind", other);
+            PROGRAM, "%s with --as-written, expected it without: the thesis has no such option",
+            other);
     if (!s->as_written && s->strong_given)
-        return (option_result)options_refuse(
-            PROGRAM, "--strong without --as-written, expected with it: only its walks start so");
+        return (option_result)options_refuse(PROGRAM,
+                                             "--strong without --as-written, expected with it");
     if (s->as_written && s->no_mirror)
         return (option_result)options_refuse(
             PROGRAM,
-            "--no-mirror with --as-written, expected it without: the thesis mirrors nothing");
+            "--no-mirror with --as-written, expected it without: the thesis has no mirror images");
     if (s->as_written && s->scale == NULL)
         return (option_result)options_refuse(
             PROGRAM,
@@ -101,66 +101,68 @@ static option_result read_settings(settings *s, int argc, char **argv)
 {
     option table[] = {
         OPTION_TEXT("--model", &s->model, "SHAPE",
-                    "what to look for: a model (cairn model), a silhouette or a drawing"),
+                    "shape of the object: a model (cairn model), a silhouette or a drawing"),
         OPTION_TEXT("-o", &s->folder, "DIR",
                     "folder to write NAME.svg and NAME.json to, for each image NAME.*"),
         OPTION_TEXT("--edges", &s->edges, "FILE",
-                    "the image's edges, strengths 0 ... 255, from a detector of your own; of one "
+                    "edge map of the image, strengths 0 ... 255, from another edge detector; one "
                     "image only"),
         OPTION_TEXT("--scale", &s->scale, "A:B",
-                    "pixels: of the diagonal of the object's box; without it a tenth of the\n"
-                    "image's diagonal to all of it"),
+                    "diagonal of the object's bounding box, pixels (a tenth of the\n"
+                    "image's diagonal to all of it)"),
         OPTION_TEXT("--rotation", &s->rotation, "A:B",
-                    "degrees: from the model to the object, clockwise (-15:15)"),
-        OPTION_INTEGER("--particles", &s->particles, 1, 4096, "N", "of the filter"),
-        OPTION_TEXT("--tokens", &s->tokens, "NAME", "what is grouped: segments, or edgels"),
+                    "rotation from the model to the object, clockwise, degrees (-15:15)"),
+        OPTION_INTEGER("--particles", &s->particles, 1, 4096, "N", "particles of the filter"),
+        OPTION_TEXT("--tokens", &s->tokens, "NAME", "tokens to group: segments, or edgels"),
         OPTION_INTEGER("--paths", &s->paths, 1, CAIRN_SHAPE_PATHS, "N",
-                       "of a model that is made from a picture, at most"),
+                       "maximum number of paths of a model that is built from a picture"),
         OPTION_FLAG(
             "--as-written", &s->as_written,
-            "the method of the thesis: particles walk from symmetric point to symmetric point,\n"
-            "along the longest path of the model, at the middle of --scale, unturned and "
-            "unmirrored"),
+            "the method of the thesis: particles move from symmetric point to symmetric point,\n"
+            "along the longest path of the model, at the middle of --scale, without rotation or "
+            "mirror image"),
         OPTION_NUMBER(
             "--strong", &s->strong, 0, 100, "F",
-            "of --as-written: walks start about the ends of chains of F times the mean strength"),
-        OPTION_FLAG("--no-mirror", &s->no_mirror, "the model only as it is, not its mirror image"),
+            "--as-written: particles start near the ends of chains of F times the mean strength"),
+        OPTION_FLAG("--no-mirror", &s->no_mirror,
+                    "does not search for the mirror image of the model"),
         OPTION_NUMBER("--min-score", &s->score, 0, 1, "S",
-                      "of an object that is reported; without it the library's"),
-        OPTION_NUMBER(
-            "--min-evidence", &s->evidence, 0, 1000, "E",
-            "of an object that is reported, for each size of outline; without it the library's"),
-        OPTION_INTEGER("--min-strength", &s->strength, 1, 255, "N",
-                       "of edges: weaker ones are passed over"),
+                      "minimum score of a reported object (library default)"),
+        OPTION_NUMBER("--min-evidence", &s->evidence, 0, 1000, "E",
+                      "minimum log-likelihood ratio of a reported object, per unit of outline "
+                      "length (library default)"),
+        OPTION_INTEGER("--min-strength", &s->strength, 1, 255, "N", "minimum strength of edges"),
         OPTION_NUMBER("--sigma", &s->sigma, 0, 50, "PX",
-                      "blur before edges are looked for (Canny)"),
+                      "standard deviation of the Gaussian blur (Canny), px"),
         OPTION_NUMBER("--low", &s->low, 0.01, 1000, "G",
-                      "grey levels per pixel: an edge goes on while its slope is above"),
-        OPTION_NUMBER("--high", &s->high, 0.01, 1000, "G", "and has this slope once"),
+                      "low hysteresis threshold (Canny), grey levels per pixel"),
+        OPTION_NUMBER("--high", &s->high, 0.01, 1000, "G",
+                      "high hysteresis threshold (Canny), grey levels per pixel"),
         OPTION_INTEGER("--max-side", &s->side, 16, 8192, "PX",
-                       "larger images are halved until they fit"),
-        {"--seed", OPTION_IS_SEED, &s->seed, 0, 0, "N", "of the filter", NULL},
+                       "maximum side of an image; larger ones are halved"),
+        {"--seed", OPTION_IS_SEED, &s->seed, 0, 0, "N", "seed of the particle filter", NULL},
         OPTION_FLAG("--report", &s->report,
-                    "also NAME.html, a page that plays every step of the particles"),
+                    "also NAME.html, a page that plays every step of the particle filter"),
         OPTION_FLAG("--quiet", &s->quiet, "no summary"),
     };
     const option_set set = {
         PROGRAM, "IMAGE... --model SHAPE -o DIR [options]",
         "Finds the contours of a known object in images (TIFF, PNG, JPEG, PGM): edge segments of "
         "the image,\n"
-        "grouped by fitting the model's outline to them wherever pairs of them suit its axis.",
+        "grouped by fitting the outline of the model, with hypotheses seeded at pairs of segments "
+        "symmetric about its axis.",
         table, sizeof table / sizeof *table};
     option_result result;
 
     for (size_t k = 0; k < set.count; k++)
         if (strcmp(table[k].name, "--strong") == 0)
             table[k].given = &s->strong_given;
-    s->count = IMAGES_MOST;
+    s->count = MAX_IMAGES;
     result = options_read(&set, argc, argv, s->images, &s->count);
     return result == OPTIONS_READ ? check_settings(s) : result;
 }
 
-/* One image on its way. */
+/* An image and its results while it is processed. */
 typedef struct work {
     const char *path;
     char stem[PICTURE_NAME_BYTES];

@@ -1,17 +1,18 @@
-/* cairn_group: the parts of `cairn group`: the page that plays a search. */
+/* Recording of a search of `cairn group` for the page of --report. */
 #ifndef CAIRN_TOOLS_CAIRN_GROUP_H
 #define CAIRN_TOOLS_CAIRN_GROUP_H
 
 #include "cairn/contour_file.h"
 
-/* What the page shows: the particles after every step. */
+/* The particles after every step of the particle filter. */
 typedef struct group_record {
-    cairn_grouping_particle *particles; /* of all steps */
+    cairn_grouping_particle *particles; /* [first[steps]] of all steps, in order */
     int32_t *first;                     /* [steps + 1] */
     int32_t steps, capacity, particle_capacity;
     int32_t mirrored_from; /* the first step with the mirrored model; steps: none */
-    int32_t lacking;       /* 1: there was no memory */
-    /* Of the mode as written: the walk of the heaviest particle after every step. */
+    int32_t out_of_memory; /* 1: an allocation failed */
+    /* Mode as written: the sequence of symmetric points (discs) of the particle of largest weight
+     * after every step. */
     cairn_grouping_disc *discs; /* of all steps */
     int32_t *walk;              /* [steps + 1] */
     int32_t walks, walk_capacity, disc_capacity;

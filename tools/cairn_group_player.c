@@ -1,5 +1,5 @@
-/* The page that plays a search: edges as walls, every particle a robot on the axis, the model of
- * the heaviest one. Lengths are pixels, y up, as the page has it. */
+/* The page that plays a search: edges drawn as walls, every particle as a robot on the axis, the
+ * model at the particle of largest weight. Lengths are pixels, y up, as the page has it. */
 #include <errno.h>
 #include <math.h>
 #include <stdio.h>
@@ -9,13 +9,13 @@
 #include "cairn/report.h"
 #include "tools/cairn_group.h"
 
-/* Strengths of the dashes of the model; of a group's other models. */
+/* Line strengths of the model at the best particle, and at other particles. */
 #define BEST_STRENGTH  1
 #define OTHER_STRENGTH 0.25
-/* Of the mode as written: of the skeleton. */
+/* Line strength of the skeleton in the mode as written. */
 #define SKELETON_STRENGTH 0.6
 #define PI                3.14159265358979323846
-enum { MODELS_SHOWN = 6, CIRCLE = 48 };
+enum { MAX_SHOWN_MODELS = 6, CIRCLE_SIDES = 48 };
 
 void group_record_step(void *context, const cairn_grouping_particle *particles, int32_t count,
                        int32_t mirrored)
@@ -26,7 +26,7 @@ void group_record_step(void *context, const cairn_grouping_particle *particles, 
     if (r->steps + 2 > r->capacity) {
         int32_t *grown = realloc(r->first, (size_t)(2 * r->capacity + 64) * sizeof *grown);
 
-        r->lacking |= grown == NULL;
+        r->out_of_memory |= grown == NULL;
         if (grown == NULL)
             return;
         r->first = grown;
@@ -37,7 +37,7 @@ void group_record_step(void *context, const cairn_grouping_particle *particles, 
         int32_t capacity = 2 * r->particle_capacity + count + 1024;
         cairn_grouping_particle *grown = realloc(r->particles, (size_t)capacity * sizeof *grown);
 
-        r->lacking |= grown == NULL;
+        r->out_of_memory |= grown == NULL;
         if (grown == NULL)
             return;
         r->particles = grown;
@@ -48,7 +48,7 @@ void group_record_step(void *context, const cairn_grouping_particle *particles, 
     r->first[++r->steps] = used + count;
 }
 
-/* Grows a list until it holds `more` items behind `used`. 0: there is no memory. */
+/* Grows an array to hold `more` items after the first `used`. Returns 0 when there is no memory. */
 static int grow(group_record *r, void **items, int32_t *capacity, int32_t used, int32_t more,
                 size_t size)
 {
@@ -57,7 +57,7 @@ static int grow(group_record *r, void **items, int32_t *capacity, int32_t used, 
     if (used + more <= *capacity)
         return 1;
     grown = realloc(*items, (size_t)(2 * *capacity + more + 64) * size);
-    r->lacking |= grown == NULL;
+    r->out_of_memory |= grown == NULL;
     if (grown == NULL)
         return 0;
     *items = grown;
@@ -98,7 +98,7 @@ static cairn_vec2 flipped(cairn_vec2 p)
     return up;
 }
 
-/* The edges, which do not move, as scan 0; the others are the particles. */
+/* Adds the edges as scan 0, which does not move, and an empty scan per particle. */
 static cairn_status add_scans(cairn_report_player *player, const cairn_contour_tokens *tokens,
                               int32_t most)
 {
@@ -169,8 +169,8 @@ static int32_t add_walk(const group_record *r, const cairn_contour_picture *p, i
             n += add_dash(&guesses[n], d[i - 1].centre, d[i].centre, SKELETON_STRENGTH);
     }
     for (int32_t k = 0; k < 2 && count > 0; k++)
-        for (int32_t i = 0; i < CIRCLE; i += 2) {
-            double from = 2 * PI * i / CIRCLE, to = 2 * PI * (i + 1) / CIRCLE;
+        for (int32_t i = 0; i < CIRCLE_SIDES; i += 2) {
+            double from = 2 * PI * i / CIRCLE_SIDES, to = 2 * PI * (i + 1) / CIRCLE_SIDES;
             cairn_vec2 at = d[count - 1].open[k];
             cairn_vec2 a = {at.x + (cairn_real)(r->look_ahead * cos(from)),
                             at.y + (cairn_real)(r->look_ahead * sin(from))};
@@ -228,9 +228,10 @@ static cairn_status add_frame(cairn_report_player *player, const group_record *r
     }
     if (r->walks > 0)
         frame.guess_count = add_walk(r, p, step, memory->guess);
-    for (int32_t k = 1; k < MODELS_SHOWN && count > MODELS_SHOWN && r->walks == 0; k++)
-        frame.guess_count += add_outline(p->model, &particles[k * (count / MODELS_SHOWN)], mirrored,
-                                         OTHER_STRENGTH, &memory->guess[frame.guess_count]);
+    for (int32_t k = 1; k < MAX_SHOWN_MODELS && count > MAX_SHOWN_MODELS && r->walks == 0; k++)
+        frame.guess_count +=
+            add_outline(p->model, &particles[k * (count / MAX_SHOWN_MODELS)], mirrored,
+                        OTHER_STRENGTH, &memory->guess[frame.guess_count]);
     if (count > 0 && r->walks == 0)
         frame.guess_count += add_outline(p->model, &particles[best], mirrored, BEST_STRENGTH,
                                          &memory->guess[frame.guess_count]);
@@ -258,20 +259,18 @@ static cairn_status add_frames(cairn_report_player *player, const group_record *
     for (int32_t step = 0; step < r->walks; step++)
         discs =
             r->walk[step + 1] - r->walk[step] > discs ? r->walk[step + 1] - r->walk[step] : discs;
-    memory.guess = malloc(
-        ((size_t)MODELS_SHOWN * (size_t)p->model->outline_count + 3 * (size_t)discs + CIRCLE) *
-        sizeof *memory.guess);
+    memory.guess = malloc(((size_t)MAX_SHOWN_MODELS * (size_t)p->model->outline_count +
+                           3 * (size_t)discs + CIRCLE_SIDES) *
+                          sizeof *memory.guess);
     status = memory.pose != NULL && memory.doubtful != NULL && memory.guess != NULL
                  ? CAIRN_OK
                  : CAIRN_NO_MEMORY;
     for (int32_t step = 0; step < r->steps && status == CAIRN_OK; step++)
         status = add_frame(player, r, p, step, &memory);
-    /* Where no walk was begun there are the edges to see. */
+    /* Without particles the only frame shows the edges. */
     if (r->steps == 0 && status == CAIRN_OK) {
-        cairn_report_frame frame = {.step = 1,
-                                    .label = "nothing looks like the model",
-                                    .pose = memory.pose,
-                                    .pose_count = 1};
+        cairn_report_frame frame = {
+            .step = 1, .label = "no candidate for the model", .pose = memory.pose, .pose_count = 1};
 
         memset(memory.pose, 0, sizeof *memory.pose);
         status = cairn_report_player_add_frame(player, &frame);
@@ -282,7 +281,7 @@ static cairn_status add_frames(cairn_report_player *player, const group_record *
     return status;
 }
 
-/* The searched picture, its rows from below. */
+/* Sets the searched image as the grid, bottom row first. */
 static cairn_status set_grid(cairn_report_player *player, const cairn_contour_picture *p)
 {
     int32_t w = p->tokens->width, h = p->tokens->height;
@@ -290,7 +289,8 @@ static cairn_status set_grid(cairn_report_player *player, const cairn_contour_pi
     cairn_report_grid grid = {pixel, w, h, 1, {(cairn_real)-0.5, (cairn_real)(0.5 - h), 0}};
     cairn_status status = pixel != NULL ? CAIRN_OK : CAIRN_NO_MEMORY;
 
-    /* The page takes black for walls and what is nearly white for free. */
+    /* The page draws black as walls and near white as free space, so the grey values are
+     * compressed. */
     for (int32_t y = 0; y < h && pixel != NULL; y++)
         for (int32_t x = 0; x < w; x++)
             pixel[(h - 1 - y) * w + x] = (uint8_t)(90 + p->grey[y * w + x] / 2);
@@ -308,7 +308,7 @@ static cairn_status record(cairn_report_player *player, const group_record *r,
 
     for (int32_t i = 0; i < r->steps; i++)
         most = r->first[i + 1] - r->first[i] > most ? r->first[i + 1] - r->first[i] : most;
-    status = r->lacking ? CAIRN_NO_MEMORY : add_scans(player, p->tokens, most);
+    status = r->out_of_memory ? CAIRN_NO_MEMORY : add_scans(player, p->tokens, most);
     if (status == CAIRN_OK)
         status = add_frames(player, r, p, most);
     return status == CAIRN_OK && p->grey != NULL ? set_grid(player, p) : status;
@@ -318,9 +318,9 @@ cairn_status group_record_write(const group_record *r, const cairn_contour_pictu
                                 const char *path, cairn_file_error *error)
 {
     static const cairn_report_curve curves[] = {
-        {"N_eff", NULL, "particles that carry the weight"},
-        {"best likelihood", NULL, "of a step, in the mean"},
-        {"modes", NULL, "groups of particles (as written: of one start)"},
+        {"N_eff", NULL, "effective sample size"},
+        {"best likelihood", NULL, "mean over the steps"},
+        {"modes", NULL, "modes of the particle set (as written: clusters of one start)"},
         {"followers", NULL, NULL},
     };
     cairn_report_player_params params = cairn_report_player_default();
@@ -329,7 +329,7 @@ cairn_status group_record_write(const group_record *r, const cairn_contour_pictu
     cairn_status status;
 
     (void)snprintf(subtitle, sizeof subtitle,
-                   "%.120s: each robot a particle on the axis of the object; 1 m stands for %d px",
+                   "%.120s: each robot is a particle on the axis of the object; 1 m is %d px",
                    picture->model_name, (int)picture->shrink);
     params.title = picture->image;
     params.subtitle = subtitle;

@@ -1,4 +1,4 @@
-/* cairn info: what a CARMEN log holds. */
+/* cairn info: summary of a CARMEN log. */
 #include <inttypes.h>
 #include <math.h>
 #include <stdio.h>
@@ -8,7 +8,7 @@
 
 #define DEGREES (180 / 3.14159265358979323846)
 
-/* What only the scans themselves tell. */
+/* Statistics of the beams of all scans. */
 typedef struct beam_counts {
     int64_t returns, no_returns, unknown;
     double farthest;             /* m */
@@ -57,8 +57,8 @@ static int read_beams(cairn_carmen_log *log, beam_counts *counts, int32_t quiet)
     return status == CAIRN_EMPTY ? TOOL_OK : tool_report(&error);
 }
 
-/* Without the sign of a zero that rounding has left. */
-static double tidy(double x)
+/* Returns x, or 0 when x would print as -0. */
+static double without_negative_zero(double x)
 {
     return fabs(x) < 5e-4 ? 0 : x;
 }
@@ -103,10 +103,11 @@ static void print_text(const char *path, const cairn_carmen_info *info, const be
            info->odometry_length, info->odometry_turn * DEGREES);
     if (info->fixed_mounting)
         printf("%-12s %.3f m, %.3f m, %.2f degrees on the robot\n", "sensor",
-               tidy((double)info->base_sensor.x), tidy((double)info->base_sensor.y),
-               tidy((double)info->base_sensor.theta * DEGREES));
+               without_negative_zero((double)info->base_sensor.x),
+               without_negative_zero((double)info->base_sensor.y),
+               without_negative_zero((double)info->base_sensor.theta * DEGREES));
     else
-        printf("%-12s not at a fixed place on the robot\n", "sensor");
+        printf("%-12s no fixed mounting on the robot\n", "sensor");
     printf("%-12s %" PRId64 " odometry lines, %" PRId64 " of other kinds, %" PRId64 " damaged\n",
            "messages", info->odometry, info->ignored, info->faults);
 }
@@ -118,12 +119,12 @@ int tool_info(int argc, char **argv)
     int32_t quiet = 0;
     const option table[] = {
         OPTION_NUMBER("--range-max", &params.range_max, 1e-3, 1e5, "M",
-                      "ranges from here on are no return, in m (default: found in the log)"),
+                      "ranges from this value on count as no return, m (found in the log)"),
         OPTION_FLAG("--quiet", &quiet, "no progress bar, no warnings"),
     };
     const option_set set = {"cairn info", "LOG [options]",
-                            "What a CARMEN log (plain or gzipped) holds: scans, beams, time, path, "
-                            "the sensor's place, and\n"
+                            "Summarizes a CARMEN log (plain or gzipped): scans, beams, time, path, "
+                            "the sensor's mounting, and\n"
                             "which lines are damaged.",
                             table, sizeof table / sizeof *table};
     const char *words[1] = {NULL};

@@ -1,4 +1,4 @@
-/* cairn map: a log, scan by scan. */
+/* cairn map: online SLAM on a log, scan by scan. */
 #include <inttypes.h>
 #include <math.h>
 #include <stdio.h>
@@ -11,11 +11,12 @@
 #include "tools/cairn_player.h"
 #include "tools/cairn_tool.h"
 
-/* The most points, and segments, of all key scans. */
-#define KEY_CAPACITY_MOST (1 << 24)
+/* Maximum number of points, and of segments, of all keyframes together. */
+#define MAX_KEYFRAME_ELEMENTS (1 << 24)
 
-/* In which fewer loops are judged than can be read. */
-#define FEW_UNITS 5000
+/* Budget of a call of cairn_mapper_settle(): small enough that no loop event is overwritten before
+ * it is read. */
+#define SETTLE_BUDGET_UNITS 5000
 
 static option_result read_settings(map_settings *s, int argc, char **argv)
 {
@@ -23,40 +24,42 @@ static option_result read_settings(map_settings *s, int argc, char **argv)
         OPTION_TEXT("-o", &s->folder, "DIR",
                     "folder for poses.csv, poses.tum, graph.g2o, map.pgm, map.yaml, map.svg"),
         OPTION_FLAG("--no-odometry", &s->no_odometry,
-                    "use the ranges alone; poses are then the sensor's"),
-        OPTION_INTEGER("--max-keys", &s->max_keys, 2, 1000000, "N", "key scans at most"),
+                    "uses the ranges alone; poses are then those of the sensor"),
+        OPTION_INTEGER("--max-keys", &s->max_keys, 2, 1000000, "N", "maximum number of keyframes"),
         OPTION_FLAG("--release", &s->release,
-                    "when these are not enough, the best covered ones are released"),
+                    "keyframe culling: beyond --max-keys the most redundant keyframes are removed"),
         OPTION_INTEGER("--window", &s->window, 0, 64, "N",
-                       "key scans that the force field runs over, 0: none"),
-        OPTION_NUMBER("--resolution", &s->resolution, 0.001, 10, "M",
-                      "side of a cell of the map, m"),
-        OPTION_NUMBER("--range", &s->range, 0.1, 1000, "M", "beams enter the map up to here, m"),
+                       "sliding window of keyframes for the force field, 0: none"),
+        OPTION_NUMBER("--resolution", &s->resolution, 0.001, 10, "M", "cell size of the map, m"),
+        OPTION_NUMBER("--range", &s->range, 0.1, 1000, "M",
+                      "maximum range of beams entered into the map, m"),
         OPTION_NUMBER("--range-max", &s->range_max, 0.1, 1000, "M",
-                      "ranges from here on are no return, m (by the log)"),
+                      "ranges from this value on count as no return, m (from the log)"),
         OPTION_NUMBER("--sweep", &s->sweep, 0, 2, "S",
-                      "from the first beam of a scan to its last, where the log does not say it; "
-                      "0: all at once"),
-        OPTION_INTEGER(
-            "--filter", &s->particles, 0, 4096, "N",
-            "by a Rao-Blackwellized filter of N particles: no loops, no graph (0: by the mapper)"),
+                      "duration of a scan, first to last beam, s, for logs without it; 0: no "
+                      "motion during a scan"),
+        OPTION_INTEGER("--filter", &s->particles, 0, 4096, "N",
+                       "Rao-Blackwellized particle filter of N particles, without loop closure and "
+                       "pose graph (0: the mapper)"),
         OPTION_INTEGER("--seed", &s->seed, 0, 9e15, "N",
-                       "of what the particles draw; the mapper draws nothing"),
+                       "seed of the particle filter; the mapper is deterministic"),
         OPTION_TEXT("--report", &s->report, "FILE", PLAYER_HELP),
-        OPTION_TEXT("--pool", &s->pool, "BYTES", "memory of the mapper (just what it needs)"),
+        OPTION_TEXT("--pool", &s->pool, "BYTES",
+                    "memory of the mapper (exactly the memory needed)"),
         OPTION_FLAG("--quiet", &s->quiet, "no progress, no summary"),
     };
     const option_set set = {
         MAP_PROGRAM, "LOG [LOG ...] -o DIR [options]",
         "Maps a log (CARMEN, or a table of ranges, plain or gzipped), scan by scan: every scan is "
         "matched\n"
-        "against the key scans near by, force field simulation runs over a window of the last key "
-        "scans, and\n"
-        "loops are closed. Of several logs each goes on where the one before ended. With --filter "
-        "every particle\n"
-        "has a map of its own, and the one whose path explains the scans best is written.",
+        "against nearby keyframes, force field simulation refines a sliding window of the last "
+        "keyframes, and\n"
+        "loops are closed (pose graph). Several logs are mapped one after another, each from the "
+        "last pose of the previous one.\n"
+        "With --filter every particle has a map of its own, and the map of the most likely path is "
+        "written.",
         table, sizeof table / sizeof *table};
-    size_t words = MAP_LOGS_MOST;
+    size_t words = MAP_MAX_LOGS;
     option_result result = options_read(&set, argc, argv, s->logs, &words);
 
     if (result != OPTIONS_READ)
@@ -69,9 +72,8 @@ static option_result read_settings(map_settings *s, int argc, char **argv)
     s->log = s->logs[0];
     s->log_count = (int32_t)words;
     if (s->release && s->particles > 0) {
-        (void)options_refuse(
-            MAP_PROGRAM,
-            "--release with --filter, expected one of them: particles release nothing");
+        (void)options_refuse(MAP_PROGRAM, "--release with --filter, expected one of them: the "
+                                          "particle filter has no keyframe culling");
         return OPTIONS_BAD;
     }
     if (s->window == 1) {
@@ -110,8 +112,9 @@ int map_keep(const map_input *input, const cairn_mapper *mapper, int32_t index, 
     return 1;
 }
 
-/* The pose of a scan as the key scans are now. */
-static cairn_pose place_now(const cairn_mapper *mapper, const map_place *place)
+/* Returns the current pose of a scan: the pose of its reference keyframe composed with its relative
+ * pose. */
+static cairn_pose current_pose(const cairn_mapper *mapper, const map_place *place)
 {
     return cairn_pose_compose(cairn_mapper_key_pose(mapper, place->key), place->key_scan);
 }
@@ -123,21 +126,21 @@ cairn_scan_input map_scan_input(const map_settings *s, const map_input *input, i
     if (s->sweep > 0 && scan.count > 1)
         scan.time_step = (float)(s->sweep / (scan.count - 1));
     if (s->no_odometry)
-        /* the mounting, too, follows from the log's poses */
+        /* the mounting would add information from the log's poses */
         scan.base_sensor = cairn_pose_identity();
     return scan;
 }
 
-/* ---- Key scans ---- */
+/* ---- Keyframes ---- */
 
-/* The key scans that ever were, by number, and those that there are. */
-typedef struct key_list {
-    int32_t *scan;   /* of the log, by number */
-    int32_t *number; /* of the key scans of the mapper */
-    int32_t ever, present, releases;
-} key_list;
+/* All keyframes ever created, by number, and the current ones of the mapper. */
+typedef struct keyframe_list {
+    int32_t *scan;   /* [total] scan index in the log, by keyframe number */
+    int32_t *number; /* [present] keyframe number, by index in the mapper */
+    int32_t total, present, releases;
+} keyframe_list;
 
-static int key_list_new(key_list *keys, int32_t scans)
+static int keyframe_list_new(keyframe_list *keys, int32_t scans)
 {
     memset(keys, 0, sizeof *keys);
     keys->scan = malloc(((size_t)scans + 1) * sizeof *keys->scan);
@@ -145,15 +148,16 @@ static int key_list_new(key_list *keys, int32_t scans)
     return keys->scan != NULL && keys->number != NULL;
 }
 
-static void key_list_free(key_list *keys)
+static void keyframe_list_free(keyframe_list *keys)
 {
     free(keys->scan);
     free(keys->number);
 }
 
-/* Takes scans 0 ... count - 1 through the releases since the last time. */
-static void follow_releases(key_list *keys, const cairn_mapper *mapper, map_place *places,
-                            int32_t count)
+/* Re-attaches scans 0 ... count - 1 to their new reference keyframes after keyframe culling since
+ * the last call. */
+static void apply_culling(keyframe_list *keys, const cairn_mapper *mapper, map_place *places,
+                          int32_t count)
 {
     cairn_mapper_state state = cairn_mapper_measure(mapper);
 
@@ -168,48 +172,48 @@ static void follow_releases(key_list *keys, const cairn_mapper *mapper, map_plac
     }
 }
 
-/* Scan `index` of the log has become the last key scan. */
-static void list_key(key_list *keys, int32_t index)
+/* Appends scan `index` of the log as the last keyframe. */
+static void append_keyframe(keyframe_list *keys, int32_t index)
 {
-    keys->scan[keys->ever] = index;
-    keys->number[keys->present++] = keys->ever++;
+    keys->scan[keys->total] = index;
+    keys->number[keys->present++] = keys->total++;
 }
 
 /* ---- The player ---- */
 
-/* A frame of the player: the key scans after scan `index` of the log. */
+/* Adds a frame of the player: the keyframes after scan `index` of the log. */
 static cairn_status add_frame(cairn_report_player *player, const cairn_mapper *mapper,
-                              const key_list *keys, const map_place *places, int32_t index)
+                              const keyframe_list *keys, const map_place *places, int32_t index)
 {
     cairn_mapper_state state = cairn_mapper_measure(mapper);
     cairn_mapper_result result = cairn_mapper_read(mapper);
     double value[2] = {result.verdict == CAIRN_MAPPER_FIRST ? (double)NAN : (double)result.support,
                        (double)state.potential};
     cairn_report_frame frame;
-    cairn_pose *pose = malloc(((size_t)keys->ever + 1) * sizeof *pose);
+    cairn_pose *pose = malloc(((size_t)keys->total + 1) * sizeof *pose);
     cairn_status status;
     char label[64];
 
     if (pose == NULL)
         return CAIRN_NO_MEMORY;
-    for (int32_t i = 0; i < keys->ever; i++)
-        pose[i] = place_now(mapper, &places[keys->scan[i]]);
+    for (int32_t i = 0; i < keys->total; i++)
+        pose[i] = current_pose(mapper, &places[keys->scan[i]]);
     memset(&frame, 0, sizeof frame);
-    snprintf(label, sizeof label, "%" PRId32 " key scans", state.keys);
+    snprintf(label, sizeof label, "%" PRId32 " keyframes", state.keys);
     frame.step = index;
     frame.label = label;
     frame.pose = pose;
-    frame.pose_count = keys->ever;
+    frame.pose_count = keys->total;
     frame.value = value;
     status = cairn_report_player_add_frame(player, &frame);
     free(pose);
     return status;
 }
 
-/* Shows the closures that came to be since the last time; what waits for others, and what found
- * nothing, is not shown. */
-static cairn_status add_closures(cairn_report_player *player, const cairn_mapper *mapper,
-                                 const key_list *keys, int32_t *shown)
+/* Adds the loop closures since the last call to the player. Pending candidates and failed searches
+ * are not shown. */
+static cairn_status add_loop_closures(cairn_report_player *player, const cairn_mapper *mapper,
+                                      const keyframe_list *keys, int32_t *shown)
 {
     cairn_status status = CAIRN_OK;
 
@@ -224,29 +228,29 @@ static cairn_status add_closures(cairn_report_player *player, const cairn_mapper
     return status;
 }
 
-/* Records a key scan, and the map after it. */
-static cairn_status record_key(cairn_report_player *player, const cairn_mapper *mapper,
-                               const key_list *keys, const map_scan *scan, const map_place *places,
-                               int32_t index)
+/* Records a keyframe and the poses after it. */
+static cairn_status record_keyframe(cairn_report_player *player, const cairn_mapper *mapper,
+                                    const keyframe_list *keys, const map_scan *scan,
+                                    const map_place *places, int32_t index)
 {
     cairn_status status = player_add_scan(player, scan, index);
 
     return status == CAIRN_OK ? add_frame(player, mapper, keys, places, index) : status;
 }
 
-/* Lets the mapper finish its loops; the last frame shows what came of it. */
+/* Steps the mapper until all pending loop closures are decided, then adds the last frame. */
 static int settle(const map_settings *s, cairn_mapper *mapper, cairn_report_player *player,
-                  key_list *keys, map_place *places, int32_t shown, int32_t index)
+                  keyframe_list *keys, map_place *places, int32_t shown, int32_t index)
 {
     cairn_status status;
 
     do {
-        cairn_budget budget = {FEW_UNITS};
+        cairn_budget budget = {SETTLE_BUDGET_UNITS};
 
         status = cairn_mapper_settle(mapper, &budget);
-        follow_releases(keys, mapper, places, index);
+        apply_culling(keys, mapper, places, index);
         if (player != NULL && (status == CAIRN_OK || status == CAIRN_MORE) &&
-            add_closures(player, mapper, keys, &shown) != CAIRN_OK)
+            add_loop_closures(player, mapper, keys, &shown) != CAIRN_OK)
             status = CAIRN_NO_MEMORY;
     } while (status == CAIRN_MORE);
     if (status == CAIRN_OK && player != NULL)
@@ -257,12 +261,12 @@ static int settle(const map_settings *s, cairn_mapper *mapper, cairn_report_play
     return tool_exit_code(status);
 }
 
-/* Feeds all scans to the mapper; keeps what is drawn. TOOL_OK, or another exit code after a line
- * on standard error; *full is set, and no line printed, when the mapper had no room for a key
- * scan. */
+/* Feeds all scans to the mapper and keeps the scans for drawing. TOOL_OK, or another exit code
+ * after a line on standard error. *full is set, and no line printed, when the mapper has no
+ * capacity for a keyframe. */
 static int feed(const map_settings *s, const map_input *input, cairn_mapper *mapper,
-                map_scan *scans, map_place *places, key_list *keys, cairn_report_player *player,
-                int32_t *full)
+                map_scan *scans, map_place *places, keyframe_list *keys,
+                cairn_report_player *player, int32_t *full)
 {
     tool_progress progress = tool_progress_begin("map", input->count, s->quiet);
     cairn_status status = CAIRN_OK;
@@ -292,16 +296,16 @@ static int feed(const map_settings *s, const map_input *input, cairn_mapper *map
                                             &fault);
         }
         result = cairn_mapper_read(mapper);
-        follow_releases(keys, mapper, places, i);
+        apply_culling(keys, mapper, places, i);
         if (result.is_key)
-            list_key(keys, i);
+            append_keyframe(keys, i);
         if (!map_keep(input, mapper, i, &scans[i], &places[i]))
             status = CAIRN_NO_MEMORY;
         if (status == CAIRN_OK && player != NULL && (result.is_key || i == input->count - 1))
-            status = result.is_key ? record_key(player, mapper, keys, &scans[i], places, i)
+            status = result.is_key ? record_keyframe(player, mapper, keys, &scans[i], places, i)
                                    : add_frame(player, mapper, keys, places, i);
         if (status == CAIRN_OK && player != NULL)
-            status = add_closures(player, mapper, keys, &shown);
+            status = add_loop_closures(player, mapper, keys, &shown);
         if (status != CAIRN_OK) {
             tool_progress_end(&progress);
             return tool_report_scan(map_input_log(input, i)->path, record->line, status, NULL);
@@ -317,8 +321,8 @@ static cairn_status open_player(const map_settings *s, const map_input *input,
                                 cairn_report_player **player)
 {
     static const cairn_report_curve curves[] = {
-        {"support", "", "share of the scan's points that found partners"},
-        {"potential P(g)", "", "of the key scans in the window"},
+        {"support", "", "fraction of the scan's points with a correspondence"},
+        {"potential P(g)", "", "of the keyframes in the window"},
     };
     cairn_report_player_params params = cairn_report_player_default();
     char title[256], subtitle[256];
@@ -338,8 +342,8 @@ static cairn_status open_player(const map_settings *s, const map_input *input,
     return cairn_report_player_open(player, &params);
 }
 
-/* The graph of the key scans as it is now; links that were dropped are left out. 0 when there is
- * no memory. */
+/* Copies the pose graph of the keyframes without rejected links. Returns 0 when there is no
+ * memory. */
 static int graph_of(const cairn_mapper *mapper, cairn_pose_graph_file *graph)
 {
     int32_t keys = cairn_mapper_measure(mapper).keys, links = cairn_mapper_link_count(mapper);
@@ -401,9 +405,9 @@ static int write_all(const map_settings *s, const map_input *input, const cairn_
         return TOOL_FAILED;
     }
     for (int32_t i = 0; i < input->count; i++)
-        scans[i].after = place_now(mapper, &places[i]);
+        scans[i].after = current_pose(mapper, &places[i]);
     snprintf(title, sizeof title, "%s, mapped", cairn_path_name(s->log));
-    snprintf(subtitle, sizeof subtitle, "%" PRId32 " scans, %" PRId32 " key scans%s", input->count,
+    snprintf(subtitle, sizeof subtitle, "%" PRId32 " scans, %" PRId32 " keyframes%s", input->count,
              cairn_mapper_measure(mapper).keys, s->no_odometry ? ", without odometry" : "");
     output = map_output_of(s, scans, input->count);
     output.title = title;
@@ -425,16 +429,16 @@ static void print_summary(const map_input *input, const cairn_mapper *mapper, si
     printf("scans      %" PRId32 " (%" PRId64 " damaged lines left out%s)\n"
            "seconds    %.3f, %.0f scans/s\n"
            "pool       %zu bytes at most\n"
-           "key scans  %" PRId32 " (%" PRId32 " released)\n"
+           "keyframes  %" PRId32 " (%" PRId32 " culled)\n"
            "loops      %" PRId32 " closed, %" PRId32 " corrections%s\n"
            "unmatched  %" PRId64 " (pose by prediction)\n"
-           "in doubt   %" PRId64 ", hardly observable in some direction %" PRId64 "\n"
+           "uncertain  %" PRId64 ", weakly observable in some direction %" PRId64 "\n"
            "odometry   contradicted by %" PRId64 " matches, %" PRId64
-           " better from the last motion\n"
+           " matched better from the predicted motion\n"
            "potential  %.6g\n",
            input->count, input->faults, input->stamps_back > 0 ? ", some times run back" : "",
            seconds, input->count / seconds_to_map, pool_bytes, state.keys, state.releases,
-           state.loops, state.solutions, state.lacks_room ? ", no room for more" : "",
+           state.loops, state.solutions, state.lacks_room ? ", capacity reached" : "",
            state.predicted, state.doubtful, state.unobservable, state.odometry_contradicted,
            state.odometry_rejected, (double)state.potential);
 }
@@ -444,7 +448,7 @@ static int32_t least(int64_t a, int32_t b)
     return a < b ? (int32_t)a : b;
 }
 
-/* With room for so many points a key scan. */
+/* Returns the mapper's params with a capacity of `points` points per keyframe. */
 static cairn_mapper_params params_for(const map_settings *s, const map_input *input, int32_t points)
 {
     cairn_mapper_params params =
@@ -456,9 +460,9 @@ static cairn_mapper_params params_for(const map_settings *s, const map_input *in
     if (params.window > 0 && params.window_free >= params.window)
         params.window_free = params.window - 1;
     params.max_key_points =
-        least((int64_t)params.max_keys * points + params.scan.max_points, KEY_CAPACITY_MOST);
-    params.max_key_segments =
-        least((int64_t)params.max_keys * points / 4 + params.scan.max_segments, KEY_CAPACITY_MOST);
+        least((int64_t)params.max_keys * points + params.scan.max_points, MAX_KEYFRAME_ELEMENTS);
+    params.max_key_segments = least(
+        (int64_t)params.max_keys * points / 4 + params.scan.max_segments, MAX_KEYFRAME_ELEMENTS);
     return params;
 }
 
@@ -466,20 +470,20 @@ int map_refuse_keys(const map_settings *s, int32_t max_keys)
 {
     return options_refuse(MAP_PROGRAM,
                           "%s: needs more than %" PRId32
-                          " key scans, expected at most that: raise --max-keys",
+                          " keyframes, expected at most that: raise --max-keys",
                           s->log, max_keys);
 }
 
-/* Maps and writes with room for so many points a key scan. *full is set, and no line printed,
- * when that is too few. */
-static int map_with_room(const map_settings *s, const map_input *input, map_scan *scans,
-                         map_place *places, int32_t points, int32_t *full)
+/* Maps and writes with a capacity of `points` points per keyframe. *full is set, and no line
+ * printed, when the capacity is too small. */
+static int map_with_capacity(const map_settings *s, const map_input *input, map_scan *scans,
+                             map_place *places, int32_t points, int32_t *full)
 {
     cairn_mapper_params params = params_for(s, input, points);
     double start = tool_seconds(), fed;
     cairn_report_player *player = NULL;
     cairn_mapper *mapper = NULL;
-    key_list keys = {0};
+    keyframe_list keys = {0};
     cairn_status status;
     cairn_pool pool;
     int code;
@@ -493,12 +497,12 @@ static int map_with_room(const map_settings *s, const map_input *input, map_scan
     code = tool_pool_open(&pool, MAP_PROGRAM, s->pool, cairn_mapper_memory(&params));
     if (code != TOOL_OK)
         return code;
-    status = key_list_new(&keys, input->count) ? cairn_mapper_create(&mapper, &pool, &params)
-                                               : CAIRN_NO_MEMORY;
+    status = keyframe_list_new(&keys, input->count) ? cairn_mapper_create(&mapper, &pool, &params)
+                                                    : CAIRN_NO_MEMORY;
     if (status == CAIRN_OK)
         status = open_player(s, input, &player);
     if (status != CAIRN_OK) {
-        key_list_free(&keys);
+        keyframe_list_free(&keys);
         tool_pool_close(&pool);
         (void)options_refuse(MAP_PROGRAM, "%s: %s", s->log, cairn_status_text(status));
         return tool_exit_code(status);
@@ -514,24 +518,24 @@ static int map_with_room(const map_settings *s, const map_input *input, map_scan
     if (code == TOOL_OK && !s->quiet)
         print_summary(input, mapper, pool.peak, tool_seconds() - start, fed - start);
     cairn_report_player_free(player);
-    key_list_free(&keys);
+    keyframe_list_free(&keys);
     tool_pool_close(&pool);
     return code;
 }
 
-/* Key scans in buildings have some 100 points and 30 segments each; where there are more, all
- * begins anew with twice the room. */
+/* Maps the log. Keyframes in buildings have about 100 points and 30 segments; when the capacity is
+ * too small, mapping restarts with twice the capacity. */
 static int run(const map_settings *s, const map_input *input, map_scan *scans, map_place *places)
 {
     int32_t most = cairn_mapper_default().scan.max_points, full = 1;
     int code = TOOL_OK;
 
     for (int32_t points = 160; full && points < 2 * most; points *= 2)
-        code = map_with_room(s, input, scans, places, points, &full);
+        code = map_with_capacity(s, input, scans, places, points, &full);
     if (full)
         code = options_refuse(
-            MAP_PROGRAM, "%s: the key scans have more than %d points or segments, expected fewer",
-            s->log, KEY_CAPACITY_MOST);
+            MAP_PROGRAM, "%s: the keyframes have more than %d points or segments, expected fewer",
+            s->log, MAX_KEYFRAME_ELEMENTS);
     return code;
 }
 

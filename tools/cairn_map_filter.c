@@ -1,4 +1,4 @@
-/* cairn map --filter N: a log by the particles of filter_mapper. */
+/* cairn map --filter N: SLAM by a Rao-Blackwellized particle filter (filter_mapper). */
 #include <inttypes.h>
 #include <math.h>
 #include <stdio.h>
@@ -11,26 +11,26 @@
 #include "tools/cairn_player.h"
 #include "tools/cairn_tool.h"
 
-/* All that a run needs, to be freed by end(). */
+/* State of a run. */
 typedef struct filter_run {
     const map_settings *settings;
     const map_input *input;
     cairn_filter_mapper *mapper;
     cairn_pool pool;
     cairn_report_player *player;
-    cairn_pose *path; /* [max_keys] of the best particle */
+    cairn_pose *path; /* [max_keys] path of the particle of largest weight */
     int32_t max_keys;
 } filter_run;
 
-/* The path of the best particle as it is now; how many key scans it has. */
+/* Copies the path of the particle of largest weight; returns its number of keyframes. */
 static int32_t read_best(filter_run *run)
 {
     return cairn_filter_mapper_path(run->mapper, cairn_filter_mapper_best(run->mapper), run->path,
                                     run->max_keys);
 }
 
-/* A frame of the player: the best path after scan `index` of the log, which may be another one
- * than before. */
+/* Adds a frame of the player: the path of the best particle after scan `index` of the log. The best
+ * particle may have changed. */
 static cairn_status add_frame(filter_run *run, int32_t index)
 {
     cairn_mapper_result result = cairn_mapper_read(cairn_filter_mapper_front(run->mapper));
@@ -41,7 +41,7 @@ static cairn_status add_frame(filter_run *run, int32_t index)
     char label[64];
 
     memset(&frame, 0, sizeof frame);
-    snprintf(label, sizeof label, "%" PRId32 " key scans", state.keys);
+    snprintf(label, sizeof label, "%" PRId32 " keyframes", state.keys);
     frame.step = index;
     frame.label = label;
     frame.pose = run->path;
@@ -50,7 +50,7 @@ static cairn_status add_frame(filter_run *run, int32_t index)
     return cairn_report_player_add_frame(run->player, &frame);
 }
 
-/* Maps one scan, and keeps what is drawn of it. */
+/* Maps one scan and keeps it for drawing. */
 static cairn_status map_scan_at(filter_run *run, int32_t index, map_scan *scan, map_place *place,
                                 cairn_fault *fault)
 {
@@ -108,8 +108,8 @@ static int feed(filter_run *run, map_scan *scans, map_place *places, int32_t *fu
 static cairn_status open_player(filter_run *run)
 {
     static const cairn_report_curve curves[] = {
-        {"support", "", "share of the scan's points that found partners"},
-        {"N_eff", "", "particles that count, before they were resampled"},
+        {"support", "", "fraction of the scan's points with a correspondence"},
+        {"N_eff", "", "effective sample size before resampling"},
     };
     cairn_report_player_params params = cairn_report_player_default();
     char title[256], subtitle[256];
@@ -139,7 +139,7 @@ static int write_all(filter_run *run, map_scan *scans, const map_place *places)
         scans[i].after = cairn_pose_compose(run->path[places[i].key], places[i].key_scan);
     snprintf(title, sizeof title, "%s, mapped", cairn_path_name(run->settings->log));
     snprintf(subtitle, sizeof subtitle,
-             "%" PRId32 " scans, %" PRId32 " key scans, the best of %" PRId64 " particles", count,
+             "%" PRId32 " scans, %" PRId32 " keyframes, the best of %" PRId64 " particles", count,
              keys, run->settings->particles);
     output.title = title;
     output.subtitle = subtitle;
@@ -157,7 +157,7 @@ static void print_summary(const filter_run *run, double seconds, double seconds_
     printf("scans      %" PRId32 " (%" PRId64 " damaged lines left out%s)\n"
            "seconds    %.3f, %.0f scans/s\n"
            "pool       %zu bytes at most\n"
-           "key scans  %" PRId32 "\n"
+           "keyframes  %" PRId32 "\n"
            "particles  %" PRId32 ", resampled %" PRId32 " times\n"
            "nodes      %" PRId32 " in all paths together, %" PRId32 " at most\n"
            "unmatched  %" PRId64 " (pose by prediction)\n",

@@ -1,4 +1,4 @@
-/* Logs of any kind, one after another. */
+/* Reads logs of any format and concatenates them. */
 #include "tools/cairn_map_input.h"
 
 #include <stdlib.h>

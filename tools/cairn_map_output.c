@@ -1,4 +1,4 @@
-/* Maps and poses as files. */
+/* Writes maps and poses to files. */
 #include "tools/cairn_map_output.h"
 
 #include <math.h>
@@ -12,8 +12,8 @@
 #include "cairn/pose_table.h"
 #include "tools/cairn_player.h"
 
-/* Cells of a map that a tool makes: 512 MB of grid. */
-#define CELLS_MOST (1 << 26)
+/* Maximum number of cells of a map: 512 MB of grid. */
+#define MAX_CELLS (1 << 26)
 
 map_scan *map_scans_new(int32_t count)
 {
@@ -28,7 +28,7 @@ map_scan *map_scans_new(int32_t count)
     return scan;
 }
 
-static void forget(map_scan *scan)
+static void free_scan_data(map_scan *scan)
 {
     free(scan->beam);
     free(scan->hit);
@@ -40,14 +40,14 @@ static void forget(map_scan *scan)
 void map_scans_free(map_scan *scan, int32_t count)
 {
     for (int32_t i = 0; i < count && scan != NULL; i++)
-        forget(&scan[i]);
+        free_scan_data(&scan[i]);
     free(scan);
 }
 
 int32_t map_scan_keep(map_scan *scan, const cairn_scan_view *view)
 {
-    forget(scan);
-    /* One element more than needed, so that nothing to keep is not mistaken for no memory. */
+    free_scan_data(scan);
+    /* One element more than needed, as malloc(0) may return NULL. */
     scan->beam = malloc((2 * (size_t)view->beam_count + 1) * sizeof *scan->beam);
     scan->hit = malloc((size_t)view->beam_count + 1);
     scan->point = malloc(((size_t)view->point_count + 1) * sizeof *scan->point);
@@ -107,7 +107,8 @@ static void widen(float *values, size_t count, cairn_real *low, cairn_real *high
     *high = cairn_max(*high, (cairn_real)values[count - 1 - count / 1000]);
 }
 
-/* Box of all poses and of the middle of what was hit. 0 when there is no memory. */
+/* Computes the bounding box of all poses and of 99.8 % of the hits. Returns 0 when there is no
+ * memory. */
 static int map_box(const map_output *output, cairn_box *box)
 {
     size_t hits = 0, n = 0;
@@ -168,7 +169,7 @@ static cairn_status fill_grid(const map_output *output, cairn_occupancy_grid *gr
     return CAIRN_OK;
 }
 
-/* Occupancy and pixels of the map from the grid. */
+/* Fills the occupancy and pixels of the map file from the grid. */
 static cairn_status read_grid(const cairn_occupancy_grid *grid, cairn_map_file *map)
 {
     cairn_raster_u8 view;
@@ -196,12 +197,12 @@ cairn_status map_grid_layout(const map_output *output, cairn_occupancy_grid_para
         return cairn_file_error_set(error, CAIRN_NO_MEMORY, "map", 0, "no memory for the map");
     width = ceil((double)(box.max.x - box.min.x) / output->resolution);
     height = ceil((double)(box.max.y - box.min.y) / output->resolution);
-    if (!(width * height <= CELLS_MOST) || width > CAIRN_RASTER_MAX_SIDE ||
+    if (!(width * height <= MAX_CELLS) || width > CAIRN_RASTER_MAX_SIDE ||
         height > CAIRN_RASTER_MAX_SIDE)
         return cairn_file_error_set(
             error, CAIRN_FULL, "map", 0,
             "%.0f x %.0f cells are too many, expected up to %d: choose a coarser --resolution",
-            width, height, CELLS_MOST);
+            width, height, MAX_CELLS);
     *params = cairn_occupancy_grid_default();
     params->resolution = (cairn_real)output->resolution;
     params->origin = box.min;
@@ -283,8 +284,7 @@ static cairn_status write_poses(const map_output *output, const char *path, cair
     return status;
 }
 
-/* A line a pose: time, position and quaternion, as the benchmarks of the Technical University of
- * Munich have them. */
+/* Writes one pose per line: time, position and quaternion, in the TUM trajectory format. */
 static cairn_status write_tum(const map_output *output, const char *path, cairn_file_error *error)
 {
     cairn_output *file;

@@ -1,4 +1,4 @@
-/* cairn_map_output: what cairn align and cairn map write: poses.csv, map.pgm with map.yaml,
+/* Output files of cairn align and cairn map: poses.csv, map.pgm with map.yaml,
  * map.svg, the page of --report, and of a mapped log poses.tum and graph.g2o. */
 #ifndef CAIRN_TOOLS_CAIRN_MAP_OUTPUT_H
 #define CAIRN_TOOLS_CAIRN_MAP_OUTPUT_H
@@ -10,7 +10,7 @@
 #include "cairn/report.h"
 #include "cairn/scan.h"
 
-/* A scan of the log and what was made of it. */
+/* A scan of the log with its result. */
 typedef struct map_scan {
     int64_t line, stamp_ns;
     cairn_pose before, after;
@@ -19,9 +19,9 @@ typedef struct map_scan {
     const char *verdict;      /* constant text */
     uint8_t doubtful;         /* 1: drawn in red */
 
-    /* What it saw, in its own frame. */
+    /* Sensor data in the frame of the scan. */
     cairn_vec2 sensor;
-    float *beam;  /* [2 beam_count] x and y of the ends of beams that hit or saw nothing */
+    float *beam;  /* [2 beam_count] x and y of the end points of beams, hits and no returns */
     uint8_t *hit; /* [beam_count] 1: hit, 0: free */
     cairn_vec2 *point;
     cairn_segment *segment;
@@ -33,7 +33,7 @@ typedef struct map_output {
     /* [count] */
     map_scan *scan;
     int32_t count;
-    /* what the poses before are; NULL: those of the log */
+    /* title of the poses before; NULL: the poses of the log */
     const char *before;
     /* 1: the poses are a path */
     int32_t in_order;
@@ -41,13 +41,13 @@ typedef struct map_output {
     int32_t grid_panel;
     /* m */
     double resolution;
-    /* m, the grid takes beams up to here */
+    /* m, maximum range of beams entered into the grid */
     double range;
-    /* gets the grid; NULL: no page */
+    /* player that receives the grid; NULL: no page */
     cairn_report_player *player;
-    /* the page; may lie in the folder or elsewhere */
+    /* path of the page, in any folder */
     const char *report;
-    /* with it poses.tum and graph.g2o are written; NULL: they are not */
+    /* pose graph, written with poses.tum as graph.g2o; NULL: neither file is written */
     const cairn_pose_graph_file *graph;
 } map_output;
 
@@ -55,32 +55,33 @@ typedef struct map_output {
 map_scan *map_scans_new(int32_t count);
 void map_scans_free(map_scan *scan, int32_t count);
 
-/* Copies what a scan saw, in place of what was kept before. 0 when there is no memory. */
+/* Copies the sensor data of a scan and replaces an earlier copy. Returns 0 when there is no
+ * memory. */
 int32_t map_scan_keep(map_scan *scan, const cairn_scan_view *view);
 
-/* A beam of a scan in the map, cut at the output's range; *hit as it counts then. 0: nothing to
- * enter. */
+/* Transforms beam i of a scan to the map and clips it at the output's range; *hit: 1 when its end
+ * is a hit within the range. Returns 0 for a beam of zero length. */
 int32_t map_beam(const map_output *output, const map_scan *scan, int32_t i, cairn_transform map_s,
                  cairn_vec2 *from, cairn_vec2 *to, int32_t *hit);
 
-/* A grid on the heap: memory goes back to free(). */
+/* An occupancy grid on the heap; memory is released with free(). */
 typedef struct map_grid {
     cairn_occupancy_grid *grid;
     void *memory;
 } map_grid;
 
-/* The grid that holds all poses and nearly all hits, of the output's resolution. CAIRN_FULL: too
- * many cells; CAIRN_NO_MEMORY. */
+/* Sets the grid's params to contain all poses and 99.8 % of the hits, at the output's resolution.
+ * CAIRN_FULL: too many cells; CAIRN_NO_MEMORY. */
 CAIRN_CHECKED cairn_status map_grid_layout(const map_output *output,
                                            cairn_occupancy_grid_params *params,
                                            cairn_file_error *error);
 
-/* Makes it and adds all beams. CAIRN_NO_MEMORY, and the grid's statuses. */
+/* Creates the grid and adds all beams. CAIRN_NO_MEMORY, and the grid's statuses. */
 CAIRN_CHECKED cairn_status map_grid_make(const map_output *output,
                                          const cairn_occupancy_grid_params *params, map_grid *made,
                                          cairn_file_error *error);
 
-/* Whether map_output_write could write there: to be asked before the work. Makes nothing.
+/* Checks whether map_output_write can write there, before the computation. Creates nothing.
  * report: NULL for none. */
 CAIRN_CHECKED cairn_status map_output_check(const char *folder, int32_t with_graph,
                                             const char *report, cairn_file_error *error);

@@ -1,4 +1,4 @@
-/* What the two ways of cairn map share: by the mapper (cairn_map.c) and by its particles
+/* Shared by both methods of cairn map: the mapper (cairn_map.c) and the particle filter
  * (cairn_map_filter.c). */
 #ifndef CAIRN_TOOLS_CAIRN_MAP_WORK_H
 #define CAIRN_TOOLS_CAIRN_MAP_WORK_H
@@ -11,7 +11,7 @@
 
 typedef struct map_settings {
     const char *log; /* the first one */
-    const char *logs[MAP_LOGS_MOST];
+    const char *logs[MAP_MAX_LOGS];
     const char *folder, *pool, *report;
     int32_t log_count;
     int64_t max_keys, window, seed, particles;
@@ -20,27 +20,27 @@ typedef struct map_settings {
     int32_t no_odometry, quiet, release;
 } map_settings;
 
-/* Where a scan hangs, for its pose in the end. */
+/* Pose of a scan relative to its reference keyframe. */
 typedef struct map_place {
     cairn_pose key_scan;
     int32_t key;
 } map_place;
 
-/* Keeps what the mapper made of scan `index`, which is done. 0 when there is no memory. */
+/* Copies the mapper's result for scan `index`. Returns 0 when there is no memory. */
 int map_keep(const map_input *input, const cairn_mapper *mapper, int32_t index, map_scan *scan,
              map_place *place);
 
-/* The scan that the mapper is given. */
+/* Returns scan `index` as the mapper's input. */
 cairn_scan_input map_scan_input(const map_settings *s, const map_input *input, int32_t index);
 
-/* What cairn map writes, but for its graph and player. */
+/* Returns the output description of cairn map without graph and player. */
 map_output map_output_of(const map_settings *s, map_scan *scans, int32_t count);
 
-/* Too many key scans: says so, and how to have more. */
+/* Prints the error of too many keyframes; returns the exit code. */
 int map_refuse_keys(const map_settings *s, int32_t max_keys);
 
-/* Maps and writes by particles; front: the mapper that goes ahead. *full is set, and no line
- * printed, when its key scans have more points or segments than there is room for. */
+/* Maps and writes by the particle filter; front: params of its front-end mapper. *full is set, and
+ * no line printed, when the keyframes exceed its capacity of points or segments. */
 int map_by_filter(const map_settings *s, const map_input *input, const cairn_mapper_params *front,
                   map_scan *scans, map_place *places, int32_t *full);
 

@@ -1,4 +1,5 @@
-/* cairn match: where one scan was taken, as seen from another. */
+/* cairn match: scan matching of two scans without a prior; returns ranked relative poses with
+ * covariances. */
 #include "tools/cairn_match.h"
 
 #include <inttypes.h>
@@ -15,8 +16,8 @@
 #define PROGRAM "cairn match"
 #define RADIANS (3.14159265358979323846 / 180)
 
-/* Metres and degrees of a start may be so large. */
-#define START_MOST 1e5
+/* Maximum absolute value of a start coordinate, m or degrees. */
+#define MAX_START 1e5
 
 enum { JSON, OVERLAY, TANGENTS, HISTOGRAM, PAIRS, FILTERS, FILES };
 static const char *const file_names[FILES] = {"match.json",    "match.svg", "tangents.svg",
@@ -47,7 +48,7 @@ static int read_start(const char *text, double start[3])
         const char *end = i < 2 ? strchr(text, ',') : text + strlen(text);
 
         if (end == NULL || !cairn_number_read(text, (size_t)(end - text), &start[i]) ||
-            !(fabs(start[i]) <= START_MOST))
+            !(fabs(start[i]) <= MAX_START))
             return 0;
         text = end + 1;
     }
@@ -66,8 +67,7 @@ static option_result check_settings(settings *s, size_t count)
             PROGRAM,
             s->method_given
                 ? "--as-written with --method, expected one of them: it is a method"
-                : "--as-written with --spacing, expected without: it takes the readings as "
-                  "they come");
+                : "--as-written with --spacing, expected without: it uses the raw readings");
         return OPTIONS_BAD;
     }
     if (s->as_written)
@@ -97,30 +97,32 @@ static option_result read_settings(settings *s, int argc, char **argv)
     option table[] = {
         OPTION_TEXT("-o", &s->folder, "DIR", "folder for match.json and the pictures"),
         OPTION_FLAG("--pictures", &s->pictures,
-                    "draw A and B before and after, the directions of B; by shape also what each "
-                    "stage does"),
-        OPTION_TEXT("--method", &s->method, "NAME",
-                    "default, or shape: sequences of directions, as in the thesis"),
+                    "draws A and B before and after, the tangent directions of B; by shape also "
+                    "every stage"),
+        OPTION_TEXT(
+            "--method", &s->method, "NAME",
+            "default (correlative), or shape: sequences of tangent directions, as in the thesis"),
         OPTION_FLAG("--as-written", &s->as_written,
                     "the method of the thesis as printed: the heading is that of --start (0) to 2 "
                     "degrees, or by --window"),
         OPTION_TEXT("--start", &s->start_text, "X,Y,DEG",
-                    "where B may be as seen from A, m, m, degrees (anywhere)"),
-        OPTION_PAIR("--window", s->window, 0, 1000, "M,DEG",
-                    "B is at most so far from --start in x, y, m, and heading, degrees"),
+                    "prior pose of B in the frame of A, m, m, degrees (none: global search)"),
+        OPTION_PAIR(
+            "--window", s->window, 0, 1000, "M,DEG",
+            "search window about --start: maximum difference in x and y, m, and heading, degrees"),
         OPTION_NUMBER("--spacing", &s->spacing, 0.01, 1, "M",
-                      "distance of the points along walls, m"),
+                      "spacing of the points along walls, m"),
         OPTION_NUMBER("--range-max", &s->range_max, 0.1, 1000, "M",
-                      "ranges from here on are no return, m (by the log; CSM: 80)"),
-        OPTION_TEXT("--pool", &s->pool, "BYTES", "memory of the match (just what it needs)"),
-        OPTION_FLAG("--json", &s->json, "print JSON in place of words"),
-        OPTION_FLAG("--quiet", &s->quiet, "print nothing but faults"),
+                      "ranges from this value on count as no return, m (from the log; CSM: 80)"),
+        OPTION_TEXT("--pool", &s->pool, "BYTES", "memory of the match (exactly the memory needed)"),
+        OPTION_FLAG("--json", &s->json, "prints JSON instead of text"),
+        OPTION_FLAG("--quiet", &s->quiet, "prints only errors"),
     };
     const option_set set = {PROGRAM, "A B [options]",
-                            "Finds where scan B was taken, as seen from scan A: hypotheses, best "
-                            "first, with their standard\n"
-                            "deviations, and a verdict: found, ambiguous (others fit as well, or a "
-                            "motion is not told) or none.\n"
+                            "Matches scan B against scan A: hypotheses of the pose of B in the "
+                            "frame of A, best first, with standard\n"
+                            "deviations, and a verdict: found, ambiguous (competing hypotheses, or "
+                            "an unobservable direction) or none.\n"
                             "A and B: FILE or FILE:INDEX, a CARMEN log or scans of CSM (JSON), "
                             "plain or gzipped; INDEX counts\n"
                             "the scans of the file from 0, which is also the default.",
@@ -139,7 +141,8 @@ static option_result read_settings(settings *s, int argc, char **argv)
 
 /* ---- the match ---- */
 
-/* Fits one side's scan, and makes its dense points, or its readings the points. */
+/* Fits the lines of one scan and computes its dense points; as written the raw readings are its
+ * points. */
 static int prepare(match_side *side, cairn_scan *scan, int32_t as_written)
 {
     cairn_fault fault = {-1, NULL};
@@ -199,7 +202,7 @@ static cairn_scan_match_params params_of(const settings *s, const match_record *
     params.max_dense = at_least_1(record->target.dense_count);
     params.max_views = 1;
     params.max_query = at_least_1(record->query.view.point_count);
-    params.max_hypotheses = MATCH_HYPOTHESES_MOST;
+    params.max_hypotheses = MATCH_MAX_HYPOTHESES;
     params.mode = is_by_shape(s) ? CAIRN_SCAN_MATCH_SHAPE : CAIRN_SCAN_MATCH_CORRELATIVE;
     params.spacing = (cairn_real)s->spacing;
     return params;
@@ -276,7 +279,7 @@ static cairn_status write_files(const settings *s, const match_record *record, c
     return status;
 }
 
-static int give_out(const settings *s, const match_record *record)
+static int write_output(const settings *s, const match_record *record)
 {
     char *words = match_text(record), *json = match_json(record);
     cairn_file_error error;
@@ -295,8 +298,8 @@ static int give_out(const settings *s, const match_record *record)
     return code;
 }
 
-/* With both scans fitted: the match, in a pool of its own. */
-static int match_and_give_out(const settings *s, match_record *record)
+/* Matches both fitted scans in a pool of its own and writes the output. */
+static int match_and_write(const settings *s, match_record *record)
 {
     cairn_scan_match_params params = params_of(s, record);
     cairn_scan_match *match;
@@ -310,7 +313,7 @@ static int match_and_give_out(const settings *s, match_record *record)
     if (status == CAIRN_OK)
         status = run_match(s, record, match);
     if (status == CAIRN_OK) {
-        code = give_out(s, record);
+        code = write_output(s, record);
     } else {
         (void)options_refuse(PROGRAM, "%s and %s: %s", s->word[0], s->word[1],
                              cairn_status_text(status));
@@ -345,7 +348,7 @@ static int run(const settings *s, match_record *record)
                    : tool_report_scan(side[i]->input.path, side[i]->input.line, status, NULL);
     }
     if (code == TOOL_OK)
-        code = match_and_give_out(s, record);
+        code = match_and_write(s, record);
     tool_pool_close(&pool);
     return code;
 }

@@ -1,18 +1,18 @@
-/* cairn_match: what a match was made of, for its text and its pictures. */
+/* Record of a scan match: inputs and result, for its text output and its pictures. */
 #ifndef CAIRN_TOOLS_CAIRN_MATCH_H
 #define CAIRN_TOOLS_CAIRN_MATCH_H
 
 #include "cairn/scan_match.h"
 #include "tools/cairn_match_input.h"
 
-/* The most hypotheses that are told. */
-#define MATCH_HYPOTHESES_MOST 8
+/* Maximum number of hypotheses reported. */
+#define MATCH_MAX_HYPOTHESES 8
 
-/* A scan, fitted; dense: its hits with directions; readings: as written the points of the view,
- * otherwise NULL. */
+/* One of the two scans after line fitting. dense: its hits with directions; readings: as written
+ * the raw readings as points of the view, otherwise NULL. */
 typedef struct match_side {
     match_input input;
-    cairn_scan_view view; /* valid as long as the pool */
+    cairn_scan_view view; /* valid while the pool is open */
     cairn_oriented_point *dense, *readings;
     int32_t dense_count;
 } match_side;
@@ -22,10 +22,11 @@ typedef struct match_record {
     match_side target, query;
     cairn_pose start;
     int32_t has_start;
-    cairn_scan_match_result result; /* its hypotheses are the following */
-    cairn_scan_match_hypothesis hypotheses[MATCH_HYPOTHESES_MOST];
+    cairn_scan_match_result result; /* result.hypotheses points to the array below */
+    cairn_scan_match_hypothesis hypotheses[MATCH_MAX_HYPOTHESES];
     cairn_scan_match_measure measure;
-    const cairn_scan_match *match; /* done; by shape: it tells the pairs of each stage */
+    const cairn_scan_match
+        *match; /* the finished match; by shape it holds the correspondences of each stage */
 } match_record;
 
 /* "found", "ambiguous" or "none". */

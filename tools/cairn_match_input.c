@@ -1,4 +1,4 @@
-/* Scans for `cairn match`. */
+/* Reads the scans of `cairn match`. */
 #include "tools/cairn_match_input.h"
 
 #include <inttypes.h>
@@ -9,7 +9,8 @@
 
 #include "cairn/number_text.h"
 
-/* Splits FILE:INDEX, unless there is a file of the whole name. 0: no memory. */
+/* Splits FILE:INDEX, unless a file of the complete name exists. Returns 0 when there is no
+ * memory. */
 static int split(match_input *input, const char *word)
 {
     const char *colon = strrchr(word, ':');
@@ -25,8 +26,8 @@ static int split(match_input *input, const char *word)
     return 1;
 }
 
-/* Whether the first character that is no blank opens an object. What cannot be read is left to
- * the readers, who say so. */
+/* Returns 1 when the first character that is no white space opens a JSON object or array.
+ * Unreadable files are reported by the readers. */
 static int is_json(const char *path)
 {
     gzFile file = gzopen(path, "rb");

@@ -9,17 +9,18 @@
 #define COLOUR_B    "#f97316"
 #define COLOUR_PAIR "#2563eb"
 
-/* A and B before the match (at the start pose, or as they come) and after it. */
+/* Draws A and B before the match (at the start pose, or each in its own frame) and after it. */
 CAIRN_CHECKED cairn_status match_draw_overlay(const match_record *record, const char *path,
                                               cairn_file_error *error);
 
-/* The walls of B and the directions of its points in their order (Adluru 2008, fig. 6.1). */
+/* Draws the walls of B and the tangent directions of its points in scan order (Adluru 2008, fig.
+ * 6.1). */
 CAIRN_CHECKED cairn_status match_draw_tangents(const match_record *record, const char *path,
                                                cairn_file_error *error);
 
-/* Matched by shape: the angular histogram of the point of B that sees most (fig. 6.2); all
- * correspondences of the common subsequence (fig. 6.4); these after each filter, and B aligned
- * (fig. 6.5). B is drawn turned and shifted by the start. */
+/* Matched by shape: draw the angular histogram of the point of B with the most occupied bins (fig.
+ * 6.2); all correspondences of the common subsequence (fig. 6.4); the correspondences after each
+ * filter, and B aligned (fig. 6.5). B is drawn at the start pose. */
 CAIRN_CHECKED cairn_status match_draw_histogram(const match_record *record, const char *path,
                                                 cairn_file_error *error);
 CAIRN_CHECKED cairn_status match_draw_pairs(const match_record *record, const char *path,
@@ -27,7 +28,7 @@ CAIRN_CHECKED cairn_status match_draw_pairs(const match_record *record, const ch
 CAIRN_CHECKED cairn_status match_draw_filters(const match_record *record, const char *path,
                                               cairn_file_error *error);
 
-/* ---- What the pictures share ---- */
+/* ---- Shared by the pictures ---- */
 
 cairn_report_layer match_layer(const char *name, const char *colour, cairn_report_mark mark,
                                double width, double opacity);

@@ -1,5 +1,5 @@
-/* Pictures of a match by shape: an angular histogram, correspondences and what the filters leave
- * of them. */
+/* Pictures of a match by shape: an angular histogram, correspondences and the inliers of each
+ * filter. */
 #include "tools/cairn_match_picture.h"
 
 #include <inttypes.h>
@@ -13,10 +13,10 @@
 
 enum { BINS = CAIRN_SCAN_MATCH_BINS };
 
-/* m, of the circle in which a histogram counts. */
-#define HISTOGRAM_RADIUS CAIRN_REAL(0.5)
+/* Radius of the neighbourhood of a histogram, m. */
+#define HISTOGRAM_RADIUS_M CAIRN_REAL(0.5)
 
-/* The point of B whose histogram has most bins that are not empty; -1: none. */
+/* Returns the point of B whose histogram has the most occupied bins; -1: none. */
 static int32_t richest_point(const match_record *record, cairn_real share[BINS])
 {
     int32_t best = -1, most = -1;
@@ -46,8 +46,8 @@ static void draw_frame(cairn_vec2 centre, cairn_vec2 line[4 * BINS])
 
         cairn_sincos(2 * CAIRN_PI * (cairn_real)b / BINS, &from.y, &from.x);
         cairn_sincos(2 * CAIRN_PI * (cairn_real)(b + 1) / BINS, &to.y, &to.x);
-        from = cairn_vec2_add(centre, cairn_vec2_scale(from, HISTOGRAM_RADIUS));
-        to = cairn_vec2_add(centre, cairn_vec2_scale(to, HISTOGRAM_RADIUS));
+        from = cairn_vec2_add(centre, cairn_vec2_scale(from, HISTOGRAM_RADIUS_M));
+        to = cairn_vec2_add(centre, cairn_vec2_scale(to, HISTOGRAM_RADIUS_M));
         line[4 * b] = centre;
         line[4 * b + 1] = line[4 * b + 2] = from;
         line[4 * b + 3] = to;
@@ -120,8 +120,8 @@ cairn_status match_draw_histogram(const match_record *record, const char *path,
 
 /* ---- mode shape: correspondences (figs. 6.4, 6.5) ---- */
 
-/* The lines of all pairs that came so far, or just of those that ended at a stage; *count of
- * them. NULL: no memory. */
+/* Returns the lines of the correspondences that were rejected at a stage, or with beyond != 0 of
+ * all that reached it; *count lines. NULL: no memory. */
 static cairn_vec2 *pair_lines(const match_record *record, const cairn_vec2 *a, const cairn_vec2 *b,
                               int32_t stage, int beyond, int32_t *count)
 {

@@ -1,4 +1,4 @@
-/* A match in words and in JSON. */
+/* Text and JSON output of a scan match. */
 #include <inttypes.h>
 #include <math.h>
 #include <stdio.h>
@@ -16,7 +16,7 @@ const char *match_verdict_text(cairn_scan_match_verdict verdict)
                                                    : "none";
 }
 
-/* ---- words ---- */
+/* ---- text ---- */
 
 static void print_side(FILE *out, const char *name, const match_side *side)
 {
@@ -30,9 +30,9 @@ static double deviation(const cairn_scan_match_hypothesis *h, int which)
     return sqrt((double)h->covariance[4 * which]);
 }
 
-/* The standard deviation of headings that are equally likely all round, degrees: beyond it a
- * heading is not known. */
-#define ANY_HEADING 103.92
+/* The standard deviation of headings that are equally likely all round, degrees: a larger value
+ * means an unknown heading. */
+#define UNIFORM_HEADING_SD_DEG 103.92
 
 static void print_hypothesis(FILE *out, const cairn_scan_match_hypothesis *h, int32_t rank)
 {
@@ -41,7 +41,7 @@ static void print_hypothesis(FILE *out, const cairn_scan_match_hypothesis *h, in
     fprintf(out, "%4" PRId32 "  %9.4f %9.4f %9.3f  %9.4f %8.4f ", rank, (double)h->target_query.x,
             (double)h->target_query.y, (double)h->target_query.theta * DEGREES, deviation(h, 0),
             deviation(h, 1));
-    if (heading < ANY_HEADING)
+    if (heading < UNIFORM_HEADING_SD_DEG)
         fprintf(out, "%8.3f", heading);
     else
         fprintf(out, "%8s", "any");
@@ -49,8 +49,9 @@ static void print_hypothesis(FILE *out, const cairn_scan_match_hypothesis *h, in
             (double)h->contradiction, (double)h->score, h->observable);
 }
 
-/* The motion that the best hypothesis tells the least about, when that is too little. */
-static void print_weak(FILE *out, const cairn_scan_match_hypothesis *h)
+/* Prints the unobservable direction of the best hypothesis (eigenvector of the smallest eigenvalue
+ * of its information), if it has one. */
+static void print_unobservable(FILE *out, const cairn_scan_match_hypothesis *h)
 {
     double x = (double)h->weak[0], y = (double)h->weak[1], turn = (double)h->weak[2],
            shift = hypot(x, y);
@@ -58,16 +59,18 @@ static void print_weak(FILE *out, const cairn_scan_match_hypothesis *h)
     if (h->observable >= 3)
         return;
     if (shift >= fabs(turn))
-        fprintf(
-            out, "not told   motion along (%.2f, %.2f)%s: information %.2g of the best motion's\n",
-            x / shift, y / shift, fabs(turn) > 0.2 ? " with a turn" : "", (double)h->weak_ratio);
-    else
         fprintf(out,
-                "not told   turn about the middle of B: information %.2g of the best motion's\n",
+                "unobserved motion along (%.2f, %.2f)%s: information %.2g of the best direction\n",
+                x / shift, y / shift, fabs(turn) > 0.2 ? " with a rotation" : "",
                 (double)h->weak_ratio);
+    else
+        fprintf(
+            out,
+            "unobserved rotation about the centre of B: information %.2g of the best direction\n",
+            (double)h->weak_ratio);
 }
 
-static void print_words(FILE *out, const match_record *record)
+static void print_text(FILE *out, const match_record *record)
 {
     const cairn_scan_match_result *result = &record->result;
 
@@ -75,7 +78,7 @@ static void print_words(FILE *out, const match_record *record)
     print_side(out, "B          ", &record->query);
     fprintf(out, "verdict    %s\n", match_verdict_text(result->verdict));
     if (result->count > 0) {
-        print_weak(out, &result->hypotheses[0]);
+        print_unobservable(out, &result->hypotheses[0]);
         fprintf(out, "rank        x (m)     y (m) theta (deg)    sd x     sd y  sd (deg)  overlap "
                      "contra-  score  told\n"
                      "                                            (m)      (m)                     "
@@ -181,7 +184,7 @@ static char *printed(const match_record *record,
 
 char *match_text(const match_record *record)
 {
-    return printed(record, print_words);
+    return printed(record, print_text);
 }
 
 char *match_json(const match_record *record)

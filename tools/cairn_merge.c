@@ -1,4 +1,4 @@
-/* cairn merge: maps of many robots, put together with no guess. */
+/* cairn merge: merges the occupancy maps of several robots without a prior. */
 #include <inttypes.h>
 #include <math.h>
 #include <stdio.h>
@@ -15,13 +15,13 @@ enum { YAML, IMAGE, TRANSFORMS_YAML, TRANSFORMS_CSV, PLACES, PICTURE, FILES };
 static const char *const file_names[FILES] = {"map.yaml",       "map.pgm",    "transforms.yaml",
                                               "transforms.csv", "places.csv", "map.svg"};
 
-/* Options that chapter 9 does not have, or that name nothing, are refused; with it come its own
- * number of particles and its perception. OPTIONS_READ when all is well. */
-static option_result settle_mode(merge_settings *s)
+/* Rejects options that the method of chapter 9 lacks and unknown names; sets its number of
+ * particles and its perception model. OPTIONS_READ: valid. */
+static option_result check_mode(merge_settings *s)
 {
-    const char *other = s->start != NULL  ? "--start"
-                        : s->gave_coarsen ? "--coarsen"
-                                          : "--min-score";
+    const char *other = s->start != NULL   ? "--start"
+                        : s->coarsen_given ? "--coarsen"
+                                           : "--min-score";
 
     if (s->perception != NULL && strcmp(s->perception, "images") != 0 &&
         strcmp(s->perception, "evidence") != 0)
@@ -30,16 +30,15 @@ static option_result settle_mode(merge_settings *s)
     if (!s->as_written)
         return OPTIONS_READ;
     if (s->perception != NULL && strcmp(s->perception, "images") != 0)
-        return (option_result)options_refuse(
-            MERGE_PROGRAM,
-            "--perception %s with --as-written: the thesis weighs places by images, "
-            "expected one of both",
-            s->perception);
-    if (s->start != NULL || s->gave_coarsen || s->gave_min_score)
+        return (option_result)options_refuse(MERGE_PROGRAM,
+                                             "--perception %s with --as-written: the thesis scores "
+                                             "hypotheses by images, expected one of both",
+                                             s->perception);
+    if (s->start != NULL || s->coarsen_given || s->min_score_given)
         return (option_result)options_refuse(
             MERGE_PROGRAM,
             "%s with --as-written: the thesis has no such thing, expected one of both", other);
-    if (!s->gave_particles)
+    if (!s->particles_given)
         s->particles = cairn_map_merge_as_written().particles;
     s->coarsen = 1;
     return OPTIONS_READ;
@@ -51,40 +50,40 @@ static option_result read_settings(merge_settings *s, int argc, char **argv)
         OPTION_TEXT("-o", &s->folder, "DIR",
                     "folder for map.pgm, map.yaml, transforms.yaml, transforms.csv,\nplaces.csv "
                     "and map.svg"),
-        OPTION_INTEGER("--reference", &s->reference, 0, MERGE_TOOL_MAPS - 1, "I",
-                       "the map, counted from 0, whose frame all others are placed in"),
+        OPTION_INTEGER("--reference", &s->reference, 0, MERGE_MAX_MAPS - 1, "I",
+                       "index of the reference map, whose frame is the frame of the result"),
         OPTION_TEXT("--order", &s->order, "I,I,...",
                     "merge in this order, all maps, the reference first"),
         OPTION_TEXT("--scale", &s->scale, "M,M,...",
-                    "side of a cell of each map in m, in place of what its file says"),
+                    "cell size of each map, m, instead of the value in its file"),
         {"--coarsen", OPTION_IS_INTEGER, &s->coarsen, 0, 64, "K",
-         "make one cell of K by K, for maps that are bent (0: as\nneeded)", &s->gave_coarsen},
+         "downsamples K by K cells to one, for distorted maps (0: as needed)", &s->coarsen_given},
         {"--min-score", OPTION_IS_NUMBER, &s->min_score, 0.1, 1000, "NATS",
-         "maps with less support are refused", &s->gave_min_score},
-        OPTION_TEXT("--start", &s->start, "FILE",
-                    "transforms.csv of an earlier merging: kept unless others are better"),
+         "minimum log-likelihood ratio of a placement, nats", &s->min_score_given},
+        OPTION_TEXT(
+            "--start", &s->start, "FILE",
+            "transforms.csv of an earlier run: initial estimates, kept unless others score better"),
         OPTION_TEXT("--perception", &s->perception, "NAME",
-                    "what places are weighed by: evidence, or images: Psi and\ngamma of the thesis "
-                    "(9.5, 9.6)"),
+                    "scoring of pose hypotheses: evidence (log-likelihood ratio), or images: Psi "
+                    "and gamma of the thesis (9.5, 9.6)"),
         OPTION_FLAG("--as-written", &s->as_written,
-                    "chapter 9 of the thesis as written: corners alone, images\nalone, 50 "
-                    "particles; no map is refused "
-                    "that has a corner like\nanother one's"),
+                    "chapter 9 of the thesis as written: only corners, only\nimages, 50 particles; "
+                    "every map with a corner similar to another map's is placed"),
         {"--particles", OPTION_IS_INTEGER, &s->particles, 1, 4096, "N",
-         "of the filter; more than a few tell rival places apart that\nonly a later map decides "
-         "between",
-         &s->gave_particles},
-        OPTION_INTEGER("--seed", &s->seed, 0, 9e15, "N", "of its random numbers"),
-        OPTION_TEXT("--pool", &s->pool, "BYTES", "memory of the merging (just what it needs)"),
+         "particles of the filter; many keep competing hypotheses until a later map resolves them",
+         &s->particles_given},
+        OPTION_INTEGER("--seed", &s->seed, 0, 9e15, "N", "seed of the particle filter"),
+        OPTION_TEXT("--pool", &s->pool, "BYTES",
+                    "memory of the merging (exactly the memory needed)"),
         OPTION_FLAG("--quiet", &s->quiet, "no summary"),
     };
     const option_set set = {
         MERGE_PROGRAM, "MAP.yaml MAP.yaml ... -o DIR [options]",
-        "Merges occupancy maps as the map_server of ROS keeps them (YAML with PGM or PNG). Nothing "
+        "Merges occupancy maps of the ROS map_server (YAML with PGM or PNG). Nothing "
         "is\n"
-        "known of how they lie to each other; maps that nothing supports are refused and listed.",
+        "known of their relative poses; maps without support are rejected and listed.",
         table, sizeof table / sizeof *table};
-    size_t count = MERGE_TOOL_MAPS;
+    size_t count = MERGE_MAX_MAPS;
     option_result result = options_read(&set, argc, argv, s->map, &count);
 
     if (result != OPTIONS_READ)
@@ -98,11 +97,10 @@ static option_result read_settings(merge_settings *s, int argc, char **argv)
         return (option_result)options_refuse(MERGE_PROGRAM,
                                              "--reference %" PRId64 ", expected at most %" PRId32,
                                              s->reference, s->count - 1);
-    return settle_mode(s);
+    return check_mode(s);
 }
 
-/* Reads as many numbers, with commas between, as there are maps. 0 after a line on standard
- * error. */
+/* Parses a comma-separated list of one number per map. Returns 0 after a line on standard error. */
 static int read_list(const merge_settings *s, const char *name, const char *text, double *list)
 {
     const char *from = text;
@@ -136,8 +134,8 @@ static uint8_t class_of(const cairn_map_file *file, int8_t value)
     return value == 100 ? CAIRN_CELL_OCCUPIED : value == 0 ? CAIRN_CELL_FREE : CAIRN_CELL_UNKNOWN;
 }
 
-/* The classes of all cells. 0: no memory. */
-static int take_cells(merge_tool_map *map)
+/* Classifies all cells. Returns 0 when there is no memory. */
+static int classify_cells(merge_tool_map *map)
 {
     const cairn_map_file *file = &map->file;
     size_t count = (size_t)file->width * (size_t)file->height;
@@ -171,7 +169,7 @@ static void coarsen(merge_job *job, int32_t k)
 static int load_maps(merge_job *job)
 {
     const merge_settings *s = job->settings;
-    double scale[MERGE_TOOL_MAPS] = {0};
+    double scale[MERGE_MAX_MAPS] = {0};
     cairn_file_error error;
 
     if (s->scale != NULL && !read_list(s, "--scale", s->scale, scale))
@@ -183,11 +181,11 @@ static int load_maps(merge_job *job)
         if (s->scale != NULL) {
             if (!(scale[i] > 0 && scale[i] < 1e6))
                 return options_refuse(MERGE_PROGRAM,
-                                      "--scale: %g is not a size of a cell, expected m above 0",
+                                      "--scale: %g is no valid cell size, expected m above 0",
                                       scale[i]);
             job->map[i].file.resolution = (cairn_real)scale[i];
         }
-        if (!take_cells(&job->map[i])) {
+        if (!classify_cells(&job->map[i])) {
             (void)options_refuse(MERGE_PROGRAM, "%s: no memory", s->map[i]);
             return TOOL_FAILED;
         }
@@ -222,7 +220,7 @@ static cairn_map_merge_params params_for(const merge_job *job)
     return p;
 }
 
-/* Transforms of an earlier merging, by the index of the map. */
+/* Adds the transforms of an earlier run as initial estimates, by the index of the map. */
 static int add_start(const merge_job *job)
 {
     cairn_file_error error;
@@ -246,8 +244,8 @@ static int add_start(const merge_job *job)
 static int begin(merge_job *job)
 {
     const merge_settings *s = job->settings;
-    double list[MERGE_TOOL_MAPS];
-    int32_t order[MERGE_TOOL_MAPS] = {0};
+    double list[MERGE_MAX_MAPS];
+    int32_t order[MERGE_MAX_MAPS] = {0};
     int code;
 
     for (int32_t i = 0; i < s->count; i++) {
@@ -279,7 +277,8 @@ static int begin(merge_job *job)
     return TOOL_OK;
 }
 
-/* More maps placed than so far, or as many with more evidence. */
+/* Returns 1 when the new result places more maps than the best one so far, or as many with a higher
+ * log-likelihood ratio. */
 static int is_better(const merge_job *job)
 {
     cairn_merge_result result = cairn_map_merge_read(job->merge);
@@ -288,13 +287,13 @@ static int is_better(const merge_job *job)
            (result.placed == job->result.placed && result.evidence > job->result.evidence);
 }
 
-/* Every map is placed, and surely. */
-static int is_sure(const merge_job *job)
+/* Returns 1 when every map is placed with a small error probability. */
+static int is_confident(const merge_job *job)
 {
     int32_t doubtful = 0;
 
     for (int32_t i = 0; i < job->settings->count; i++)
-        doubtful += !((double)job->map[i].placed.wrong <= MERGE_SURE);
+        doubtful += !((double)job->map[i].placed.wrong <= MERGE_MAX_ERROR_PROBABILITY);
     return doubtful == 0;
 }
 
@@ -353,16 +352,16 @@ static int32_t longest_side(const merge_job *job)
     return most;
 }
 
-/* With cells as --coarsen says; otherwise as they are, or coarser where they are very many, and
- * while maps are refused or doubtful with coarser ones, too. */
+/* Merges with the downsampling of --coarsen. Otherwise starts at full resolution, or coarser for
+ * very large maps, and repeats with coarser cells while maps are rejected or uncertain. */
 static int merge_all(merge_job *job)
 {
     int32_t k = job->settings->coarsen > 0 ? (int32_t)job->settings->coarsen
-                                           : (longest_side(job) - 1) / MERGE_MOST_SIDE + 1;
+                                           : (longest_side(job) - 1) / MERGE_MAX_SIDE_CELLS + 1;
     int code = merge_once(job, k);
 
-    while (code == TOOL_OK && job->settings->coarsen == 0 && !is_sure(job) &&
-           longest_side(job) / (k + (k + 1) / 2) >= MERGE_LEAST_SIDE) {
+    while (code == TOOL_OK && job->settings->coarsen == 0 && !is_confident(job) &&
+           longest_side(job) / (k + (k + 1) / 2) >= MERGE_MIN_SIDE_CELLS) {
         k += (k + 1) / 2;
         code = merge_once(job, k);
     }
@@ -417,14 +416,14 @@ static void print_summary(const merge_job *job, double seconds)
         const cairn_merge_placed *p = &job->map[i].placed;
 
         if (p->verdict == CAIRN_MERGE_PLACED)
-            printf("%-10" PRId32 " %.3f %.3f %.4f  wrong with probability %.2g  %s\n", i,
+            printf("%-10" PRId32 " %.3f %.3f %.4f  error probability %.2g  %s\n", i,
                    (double)p->reference_map.x, (double)p->reference_map.y,
                    (double)p->reference_map.theta, (double)p->wrong, s->map[i]);
         else
-            printf("%-10" PRId32 " refused: %s  %s\n", i, cairn_merge_verdict_text(p->verdict),
+            printf("%-10" PRId32 " rejected: %s  %s\n", i, cairn_merge_verdict_text(p->verdict),
                    s->map[i]);
     }
-    printf("cells      of %" PRId32 " by %" PRId32 "\nseconds    %.3f\npool       %zu bytes\n",
+    printf("downsampled %" PRId32 " by %" PRId32 "\nseconds    %.3f\npool       %zu bytes\n",
            job->k, job->k, seconds, job->pool_bytes);
 }
 
@@ -452,7 +451,7 @@ int tool_merge(int argc, char **argv)
     if (code == TOOL_OK && !s.quiet)
         print_summary(&job, tool_seconds() - start);
     free(job.place);
-    for (int32_t i = 0; i < MERGE_TOOL_MAPS; i++) {
+    for (int32_t i = 0; i < MERGE_MAX_MAPS; i++) {
         free(job.map[i].fine);
         free(job.map[i].cells);
         if (job.map[i].loaded)

@@ -1,4 +1,4 @@
-/* What the files of cairn merge share. */
+/* Shared by the files of cairn merge. */
 #ifndef CAIRN_TOOLS_CAIRN_MERGE_H
 #define CAIRN_TOOLS_CAIRN_MERGE_H
 
@@ -8,57 +8,57 @@
 
 #define MERGE_PROGRAM "cairn merge"
 
-/* Cells of the longest side of all maps, between which they are made coarser as needed. */
-enum { MERGE_TOOL_MAPS = 64, MERGE_LEAST_SIDE = 175, MERGE_MOST_SIDE = 800 };
+/* Capacity of maps, and the range of the longest side, in cells, to which maps are downsampled. */
+enum { MERGE_MAX_MAPS = 64, MERGE_MIN_SIDE_CELLS = 175, MERGE_MAX_SIDE_CELLS = 800 };
 
-/* A place with a probability of being wrong up to this is not doubtful. */
-#define MERGE_SURE 0.001
+/* Maximum error probability of a confident placement. */
+#define MERGE_MAX_ERROR_PROBABILITY 0.001
 
 typedef struct merge_settings {
-    const char *map[MERGE_TOOL_MAPS];
+    const char *map[MERGE_MAX_MAPS];
     const char *folder, *order, *scale, *start, *pool, *perception;
     int64_t reference, coarsen, particles, seed;
     double min_score;
     int32_t count, quiet, as_written;
-    int32_t gave_coarsen, gave_min_score, gave_particles;
+    int32_t coarsen_given, min_score_given, particles_given;
 } merge_settings;
 
 typedef struct merge_tool_map {
     cairn_map_file file;
     uint8_t *fine;  /* [file.height * file.width] CAIRN_CELL_..., row 0 lowest */
-    uint8_t *cells; /* [height * width] of them, as merged */
+    uint8_t *cells; /* [height * width] downsampled cells for merging */
     int32_t width, height;
     double resolution; /* m */
     int32_t loaded;
     cairn_merge_placed placed;
 } merge_tool_map;
 
-/* A place of a map beside one that was placed before. */
+/* A pose hypothesis of a map relative to a map placed before it. */
 typedef struct merge_place {
     int32_t map, beside;
     cairn_pose pose; /* of the map's frame in that of the reference */
     cairn_real evidence;
     cairn_merge_score score;
-    double psi_share, gamma_share; /* among all places of the map */
-    double product;                /* of both, over the sum of these products */
+    double psi_share, gamma_share; /* relative to the sum over all hypotheses of the map */
+    double product; /* product of both shares, normalized over the map's hypotheses */
 } merge_place;
 
 typedef struct merge_job {
     const merge_settings *settings;
-    merge_tool_map map[MERGE_TOOL_MAPS];
+    merge_tool_map map[MERGE_MAX_MAPS];
     cairn_map_merge *merge;
     cairn_merge_result result;
     size_t pool_bytes;
     merge_place *place; /* [place_count] */
     int32_t place_count;
-    int32_t k; /* cells of the result: of k by k; 0: there is none */
+    int32_t k; /* downsampling factor of the result; 0: no result yet */
 } merge_job;
 
-/* All maps placed, in the frame of the reference and with its cells. Where they contradict each
- * other the majority holds, and a wall among equals. CAIRN_NO_MEMORY, CAIRN_FULL. */
+/* Draws all placed maps in the frame and cell size of the reference. Contradicting cells are
+ * decided by majority vote, ties as occupied. CAIRN_NO_MEMORY, CAIRN_FULL. */
 cairn_status merge_draw_map(const merge_job *job, cairn_map_file *merged, cairn_file_error *error);
 
-/* The places of all maps, from job->merge. 0: no memory. */
+/* Reads the pose hypotheses of all maps from job->merge. Returns 0 when there is no memory. */
 int merge_take_places(merge_job *job);
 
 cairn_status merge_write_places(const merge_job *job, const char *path, cairn_file_error *error);

@@ -1,4 +1,4 @@
-/* What cairn merge writes: the merged map, the transforms, a picture. */
+/* Output files of cairn merge: the merged map, the transforms, a picture. */
 #include <inttypes.h>
 #include <math.h>
 #include <stdio.h>
@@ -14,7 +14,7 @@ static int is_placed(const merge_job *job, int32_t i)
     return job->map[i].placed.verdict == CAIRN_MERGE_PLACED;
 }
 
-/* The middle of a cell of a map in the frame of the reference. */
+/* Transforms a position in cells of a map to the frame of the reference. */
 static cairn_vec2 cell_in_reference(const merge_tool_map *map, double x, double y)
 {
     cairn_vec2 p = {(cairn_real)(x * map->resolution), (cairn_real)(y * map->resolution)};
@@ -38,7 +38,7 @@ static cairn_box extent_of(const merge_job *job)
     return box;
 }
 
-/* What one map says of a point of the reference's frame. */
+/* Returns the class of a map's cell at a point in the frame of the reference. */
 static uint8_t cell_at(const merge_tool_map *map, cairn_transform grid_reference, cairn_vec2 p)
 {
     cairn_vec2 q = cairn_transform_point(grid_reference, p);
@@ -205,7 +205,8 @@ static void colour_of(int32_t index, char colour[8])
     snprintf(colour, 8, "#%02x%02x%02x", (unsigned)c[0], (unsigned)c[1], (unsigned)c[2]);
 }
 
-/* The occupied cells of a map in the frame of the reference; NULL when there is no memory. */
+/* Returns the centres of the occupied cells of a map in the frame of the reference; NULL: no
+ * memory. */
 static cairn_vec2 *walls_of(const merge_tool_map *map, int32_t *count)
 {
     size_t cells = (size_t)map->width * (size_t)map->height, walls = 0;
@@ -231,7 +232,7 @@ static void list_refused(const merge_job *job, char *text, size_t size)
 
     for (int32_t i = 0; i < job->settings->count && used < size; i++)
         if (!is_placed(job, i))
-            used += (size_t)snprintf(text + used, size - used, "; %s refused: %s",
+            used += (size_t)snprintf(text + used, size - used, "; %s rejected: %s",
                                      cairn_path_name(job->settings->map[i]),
                                      cairn_merge_verdict_text(job->map[i].placed.verdict));
 }
@@ -239,10 +240,10 @@ static void list_refused(const merge_job *job, char *text, size_t size)
 cairn_status merge_write_picture(const merge_job *job, const char *path, cairn_file_error *error)
 {
     cairn_report_figure figure = cairn_report_figure_default();
-    cairn_report_layer layer[MERGE_TOOL_MAPS];
+    cairn_report_layer layer[MERGE_MAX_MAPS];
     cairn_report_plot plot;
-    cairn_vec2 *points[MERGE_TOOL_MAPS] = {NULL};
-    char colour[MERGE_TOOL_MAPS][8], note[1024];
+    cairn_vec2 *points[MERGE_MAX_MAPS] = {NULL};
+    char colour[MERGE_MAX_MAPS][8], note[1024];
     cairn_status status = CAIRN_OK;
 
     memset(&plot, 0, sizeof plot);
@@ -274,7 +275,7 @@ cairn_status merge_write_picture(const merge_job *job, const char *path, cairn_f
     figure.plot_count = 1;
     if (status == CAIRN_OK)
         status = cairn_report_figure_write(path, &figure, error);
-    for (int32_t i = 0; i < MERGE_TOOL_MAPS; i++)
+    for (int32_t i = 0; i < MERGE_MAX_MAPS; i++)
         free(points[i]);
     return status;
 }

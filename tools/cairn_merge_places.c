@@ -1,5 +1,5 @@
-/* The rival places of each map, as the thesis lists them (fig. 9.5): Psi, gamma and their
- * product over all that were found. */
+/* Table of the competing pose hypotheses of each map (fig. 9.5 of the thesis): Psi, gamma and their
+ * normalized product. */
 #include <inttypes.h>
 #include <stdlib.h>
 #include <string.h>
@@ -7,7 +7,7 @@
 #include "cairn/output.h"
 #include "tools/cairn_merge.h"
 
-/* 1 when `other` was in place when `map` came: of refused maps, every map that was placed. */
+/* Returns 1 when `other` was placed before `map`. For a rejected map all placed maps count. */
 static int was_before(const merge_job *job, int32_t other, int32_t map)
 {
     const cairn_merge_placed *a = &job->map[other].placed, *b = &job->map[map].placed;
@@ -15,7 +15,7 @@ static int was_before(const merge_job *job, int32_t other, int32_t map)
     return other != map && a->verdict == CAIRN_MERGE_PLACED && a->rank < b->rank;
 }
 
-/* Adds a place to the list; 0 when there is no memory. */
+/* Appends a hypothesis. Returns 0 when there is no memory. */
 static int add_place(merge_job *job, const merge_place *place)
 {
     if ((job->place_count & (job->place_count - 1)) == 0) {
@@ -30,9 +30,9 @@ static int add_place(merge_job *job, const merge_place *place)
     return 1;
 }
 
-/* Shares of Psi and of gamma above the least one among places first ... place_count - 1; a
- * single one has 1. */
-static void share_out(merge_job *job, int32_t first)
+/* Normalizes Psi, and gamma above its minimum, over the hypotheses first ... place_count - 1; a
+ * single hypothesis has 1. */
+static void normalize_scores(merge_job *job, int32_t first)
 {
     double psi = 0, gamma = 0, least = 0, products = 0;
     int32_t n = job->place_count - first;
@@ -73,7 +73,7 @@ int merge_take_places(merge_job *job)
                 if (!add_place(job, &p))
                     return 0;
             }
-        share_out(job, first);
+        normalize_scores(job, first);
     }
     return 1;
 }

@@ -1,4 +1,4 @@
-/* cairn model: the model of a shape, from a picture of it. */
+/* cairn model: builds the model of a shape (outline, medial axes, radii) from a picture. */
 #include <inttypes.h>
 #include <stdio.h>
 #include <string.h>
@@ -21,30 +21,32 @@ static option_result read_settings(settings *s, int argc, char **argv)
 {
     const option table[] = {
         OPTION_TEXT("-o", &s->output, "FILE", "the model, a text file"),
-        OPTION_TEXT("--svg", &s->picture, "FILE", "draws it: outline, axes, radii"),
+        OPTION_TEXT("--svg", &s->picture, "FILE", "draws the model: outline, axes, radii"),
         OPTION_TEXT("--parts", &s->parts, "FILE",
-                    "draws the fragments of its outline, in bundles (SVG)"),
+                    "draws the part bundles: fragments of the outline (SVG)"),
         OPTION_TEXT("--cuts", &s->cuts, "FILE",
-                    "of --parts: fragments by hand: sample, sample and bundle a line"),
+                    "--parts: fragments by hand, one per line: first sample, last sample, bundle"),
         OPTION_INTEGER("--points", &s->points, 16, 1024, "N", "samples of the outline"),
         OPTION_INTEGER("--samples", &s->samples, 4, 256, "N",
-                       "of a path that holds all of the outline"),
+                       "samples of a path that covers the complete outline"),
         OPTION_INTEGER("--paths", &s->paths, 1, CAIRN_SHAPE_PATHS, "N",
-                       "at most; 1: the longest alone"),
-        OPTION_TEXT("--holes", &s->holes, "NAME", "keep: outlines of their own; fill, or refuse"),
-        OPTION_NUMBER("--gap", &s->gap, 0, 1, "SHARE",
-                      "of the drawing's diagonal: loose ends of lines so near are joined"),
+                       "maximum number of paths; 1: only the longest"),
+        OPTION_TEXT("--holes", &s->holes, "NAME",
+                    "holes: keep as separate outlines, fill, or refuse"),
+        OPTION_NUMBER(
+            "--gap", &s->gap, 0, 1, "SHARE",
+            "maximum gap between line ends that is closed, fraction of the drawing's diagonal"),
         OPTION_NUMBER("--part", &s->part, 0, 1, "SHARE",
-                      "of the largest part's area: smaller ones are left out"),
-        OPTION_FLAG("--mirror", &s->mirror, "left and right exchanged"),
+                      "minimum area of a part, fraction of the largest one"),
+        OPTION_FLAG("--mirror", &s->mirror, "mirrors the model, left and right exchanged"),
         OPTION_FLAG("--quiet", &s->quiet, "no summary"),
     };
     const option_set set = {PROGRAM, "SHAPE -o FILE [options]",
                             "Makes the model of a shape from a picture of one object, a silhouette "
                             "or a drawing of its\n"
                             "outline (TIFF, PNG, JPEG, PGM): the axes of its symmetry with the "
-                            "radii along them. SHAPE may be a\n"
-                            "model as well, to be drawn or mirrored.",
+                            "radii along them. SHAPE may also be a\n"
+                            "model, to be drawn or mirrored.",
                             table, sizeof table / sizeof *table};
     const char *words[1] = {NULL};
     size_t count = 1;

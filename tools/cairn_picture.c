@@ -1,4 +1,4 @@
-/* Images for the subcommands that look for known objects. */
+/* Images for the subcommands that detect known objects. */
 #include <ctype.h>
 #include <inttypes.h>
 #include <stdio.h>
@@ -9,9 +9,9 @@
 #include "tools/cairn_picture.h"
 #include "tools/cairn_tool.h"
 
-/* Halves an 8-bit grey image in place: of two by two pixels the mean, or the most. Odd last rows
- * and columns go. */
-static void halve(cairn_vision_image *grey, int32_t take_most)
+/* Halves an 8-bit grey image in place: mean or maximum of two by two pixels. An odd last row or
+ * column is dropped. */
+static void halve(cairn_vision_image *grey, int32_t use_maximum)
 {
     uint8_t *p = grey->samples;
     int32_t w = grey->width, width = w > 1 ? w / 2 : 1,
@@ -29,7 +29,7 @@ static void halve(cairn_vision_image *grey, int32_t take_most)
                 sum += value;
                 most = value > most ? value : most;
             }
-            p[y * width + x] = (uint8_t)(take_most ? most : (sum + 2) / 4);
+            p[y * width + x] = (uint8_t)(use_maximum ? most : (sum + 2) / 4);
         }
     grey->width = width;
     grey->height = height;

@@ -1,5 +1,5 @@
-/* cairn_picture: images for the subcommands that look for known objects: read, made smaller,
- * with their edges; names for what is written. */
+/* Images for the subcommands that detect known objects: reading, downsampling, edge detection,
+ * names of output files. */
 #ifndef CAIRN_TOOLS_CAIRN_PICTURE_H
 #define CAIRN_TOOLS_CAIRN_PICTURE_H
 
@@ -9,7 +9,7 @@
 enum { PICTURE_NAME_BYTES = 256 };
 
 typedef struct picture_settings {
-    const char *edges; /* the image's edges; NULL: Canny's */
+    const char *edges; /* file of the edge map; NULL: Canny edge detector */
     int64_t side;      /* px: larger images are halved until they fit */
     cairn_vision_canny_params canny;
 } picture_settings;
@@ -19,24 +19,24 @@ typedef struct searched_picture {
     int32_t shrink; /* 1, 2, 4 ... */
 } searched_picture;
 
-/* Reads an image and its edges. On failure, too, picture_free frees what is there. */
+/* Reads an image and its edge map, or computes it. picture_free() is needed also on failure. */
 CAIRN_CHECKED cairn_status picture_read(searched_picture *p, const char *path,
                                         const picture_settings *settings, cairn_file_error *error);
 void picture_free(searched_picture *p);
 
-/* Larger images are halved until they fit, so that what is learnt is of the scale of what is
- * searched (px a side). */
+/* Maximum side of an image, px. Larger images are halved, so that training and detection use the
+ * same scale. */
 enum { PICTURE_SIDE = 800 };
 
-/* Halves an 8-bit grey image in place until neither side is longer than `side`: 1, 2, 4 ... of
- * its pixels are one now. */
+/* Halves an 8-bit grey image in place until neither side is longer than `side`. Returns the scale
+ * factor 1, 2, 4 ... */
 int32_t picture_shrink(cairn_vision_image *grey, int64_t side);
 
-/* "folder/swan.jpg" -> "swan"; 0: there is no such name. */
+/* "folder/swan.jpg" -> "swan"; Returns 0 when there is no such name. */
 int picture_stem(const char *path, char stem[PICTURE_NAME_BYTES]);
 
 /* TOOL_OK, or after a line on standard error another exit code: the path holds a control
- * character, which would break what is written about it into lines. */
+ * character, which would break lines of the output. */
 int picture_check_name(const char *program, const char *path);
 
 /* TOOL_OK, or after a line on standard error another exit code: a path that picture_check_name()

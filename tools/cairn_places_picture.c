@@ -9,10 +9,10 @@
 #define PI      3.14159265358979323846
 #define DEGREES (180 / PI)
 
-/* m: half a plus, and the radius of a circle. */
-#define MARK 0.12
+/* Half size of a plus sign and radius of a circle, m. */
+#define MARK_RADIUS_M 0.12
 
-enum { CIRCLE = 24 }; /* sides of a circle */
+enum { CIRCLE_SIDES = 24 }; /* sides of the polygon of a circle */
 
 const char *const places_stage_titles[PLACES_STAGES] = {"(a) by shape", "(b) + ICP",
                                                         "(c) decoupled"};
@@ -37,22 +37,23 @@ static cairn_vec2 point_at(double x, double y)
     return p;
 }
 
-/* Pluses at the actual places and circles at those found: [4 count] and [2 CIRCLE count] points. */
+/* Pluses at the actual places and circles at those found: [4 count] and [2 CIRCLE_SIDES count]
+ * points. */
 static void fill_marks(const places_errors *e, cairn_vec2 *plus, cairn_vec2 *circle)
 {
     for (int32_t i = 0; i < e->count; i++) {
         double x = (double)e->actual[i].x, y = (double)e->actual[i].y;
 
-        *plus++ = point_at(x - MARK, y);
-        *plus++ = point_at(x + MARK, y);
-        *plus++ = point_at(x, y - MARK);
-        *plus++ = point_at(x, y + MARK);
-        for (int k = 0; k < 2 * CIRCLE; k++) {
+        *plus++ = point_at(x - MARK_RADIUS_M, y);
+        *plus++ = point_at(x + MARK_RADIUS_M, y);
+        *plus++ = point_at(x, y - MARK_RADIUS_M);
+        *plus++ = point_at(x, y + MARK_RADIUS_M);
+        for (int k = 0; k < 2 * CIRCLE_SIDES; k++) {
             int corner = (k + 1) / 2;
-            double angle = corner * (2 * PI / CIRCLE);
+            double angle = corner * (2 * PI / CIRCLE_SIDES);
 
-            *circle++ = point_at((double)e->by_shape[i].x + MARK * cos(angle),
-                                 (double)e->by_shape[i].y + MARK * sin(angle));
+            *circle++ = point_at((double)e->by_shape[i].x + MARK_RADIUS_M * cos(angle),
+                                 (double)e->by_shape[i].y + MARK_RADIUS_M * sin(angle));
         }
     }
 }
@@ -74,7 +75,7 @@ cairn_status places_draw_errors(const char *path, const places_errors *e, cairn_
 {
     int32_t n = e->count;
     cairn_vec2 *plus = malloc(4 * (size_t)n * sizeof *plus),
-               *circle = malloc(2 * CIRCLE * (size_t)n * sizeof *circle);
+               *circle = malloc(2 * CIRCLE_SIDES * (size_t)n * sizeof *circle);
     cairn_vec2 *line = malloc(4 * (size_t)n * sizeof *line);
     cairn_report_figure figure = cairn_report_figure_default();
     cairn_status status;
@@ -82,7 +83,7 @@ cairn_status places_draw_errors(const char *path, const places_errors *e, cairn_
     if (plus != NULL && circle != NULL && line != NULL) {
         const cairn_report_layer map[] = {
             {e->actual_name, "#1d4ed8", CAIRN_REPORT_LINES, 2 * n, plus, 2, 1},
-            {"estimated pose", "#dc2626", CAIRN_REPORT_LINES, CIRCLE * n, circle, 2, 1},
+            {"estimated pose", "#dc2626", CAIRN_REPORT_LINES, CIRCLE_SIDES * n, circle, 2, 1},
         };
         const cairn_report_layer chart[] = {
             {"by shape", "#dc2626", CAIRN_REPORT_LINES, n - 1, line, 2, 1},

@@ -6,21 +6,21 @@
 #include "cairn/place_map.h"
 #include "cairn/report.h"
 
-/* The mapper as written, after so many of its stages: shape alone, and ICP, and decoupled ICP. */
+/* Stages of the place map as written: shape matching, ICP, decoupled ICP. */
 typedef int32_t places_stage;
 enum { PLACES_BY_SHAPE, PLACES_WITH_ICP, PLACES_DECOUPLED, PLACES_STAGES };
 
-/* cairn_place_map_as_written() up to a stage. */
+/* Returns cairn_place_map_as_written() limited to a stage. */
 cairn_place_map_params places_stage_params(places_stage stage);
 
-/* The poses of the places, by their actual ones; all [count], in one frame. */
+/* Estimated and true poses of the places; all [count], in one frame. */
 typedef struct places_errors {
-    const char *actual_name; /* in the key */
+    const char *actual_name; /* legend entry */
     const cairn_pose *actual, *by_shape, *with_icp;
     int32_t count;
 } places_errors;
 
-/* Figure 6.6: actual and estimated poses, and how far these are off, place by place. Statuses of
+/* Figure 6.6: true and estimated poses, and the error of each place. Statuses of
  * cairn_report_figure_write(). */
 CAIRN_CHECKED cairn_status places_draw_errors(const char *path, const places_errors *errors,
                                               cairn_file_error *error);
@@ -31,7 +31,7 @@ enum { PLACES_PANELS = 4 };
 typedef struct places_maps {
     const char *title;
     const char *panel_title[PLACES_PANELS];
-    /* [count] each; the last are those that the notes measure errors from */
+    /* [count] each; the last panel is the reference of the errors */
     const cairn_pose *pose[PLACES_PANELS];
     /* [count] */
     const cairn_report_scan *scan;

@@ -1,4 +1,4 @@
-/* What --report records. */
+/* Recording of the frames of --report. */
 #include "tools/cairn_player.h"
 
 #include <inttypes.h>
@@ -10,8 +10,8 @@
 #include "cairn/output.h"
 #include "cairn/output_set.h"
 
-/* Forces of a frame that are recorded, of points that lie evenly over all scans. */
-#define FORCES_OF_FRAME 500
+/* Maximum number of forces recorded per frame, of points sampled evenly over all scans. */
+#define MAX_FRAME_FORCES 500
 
 /* The page's folder, "." when the path names none; to be freed. */
 static char *folder_of(const char *path)
@@ -79,7 +79,7 @@ cairn_status player_add_scan(cairn_report_player *player, const map_scan *scan, 
 cairn_report_player_params player_field_params(const cairn_force_field_params *field)
 {
     static const cairn_report_curve curves[] = {
-        {"potential P(g)", "", "of equal \xCF\x83 only do its values compare"},
+        {"potential P(g)", "", "values compare only at equal \xCF\x83"},
         {"\xCF\x83", "m", NULL},
         {"mean relocation", "mm", "by the step that ends here"},
     };
@@ -101,7 +101,7 @@ cairn_status player_field_begin(player_field *record, cairn_report_player *playe
     record->field = field;
     record->relocation = (double)NAN;
     record->pose = malloc(((size_t)scans + 1) * sizeof *record->pose);
-    record->force = malloc((FORCES_OF_FRAME + 1) * sizeof *record->force);
+    record->force = malloc((MAX_FRAME_FORCES + 1) * sizeof *record->force);
     return record->pose != NULL && record->force != NULL ? CAIRN_OK : CAIRN_NO_MEMORY;
 }
 
@@ -120,11 +120,11 @@ void player_field_before(player_field *record)
         record->pose[i] = cairn_force_field_pose(record->field, i);
 }
 
-/* Forces on every `every`th point, where the points were before they moved. */
+/* Records the force on every n-th point (n = stride), at the position before the iteration. */
 static int32_t forces_of(const player_field *record)
 {
     const cairn_scan_set *set = cairn_force_field_scans(record->field);
-    int32_t every = (set->point_count + FORCES_OF_FRAME - 1) / FORCES_OF_FRAME, count = 0;
+    int32_t stride = (set->point_count + MAX_FRAME_FORCES - 1) / MAX_FRAME_FORCES, count = 0;
 
     for (int32_t s = 0; s < set->scan_count; s++) {
         const cairn_scan_set_scan *scan = &set->scans[s];
@@ -133,7 +133,7 @@ static int32_t forces_of(const player_field *record)
             cairn_report_force *force = &record->force[count];
             cairn_real mass;
 
-            if (p % every == 0 &&
+            if (p % stride == 0 &&
                 cairn_force_field_point_force(record->field, s, p - scan->first_point,
                                               &force->force, &mass) == CAIRN_OK) {
                 force->at = cairn_pose_point(record->pose[s], set->points[p]);
@@ -148,13 +148,13 @@ static cairn_status regions_of(player_field *record, int32_t *count)
 {
     const cairn_corner *corner = cairn_force_field_corners(record->field, count);
 
-    if (*count > record->region_room) {
+    if (*count > record->region_capacity) {
         cairn_vec2 *grown = realloc(record->region, (size_t)*count * sizeof *grown);
 
         if (grown == NULL)
             return CAIRN_NO_MEMORY;
         record->region = grown;
-        record->region_room = *count;
+        record->region_capacity = *count;
     }
     for (int32_t i = 0; i < *count; i++)
         record->region[i] = corner[i].position;
@@ -203,14 +203,14 @@ cairn_status player_field_end(player_field *record)
 
 /* ---- aligner ---- */
 
-/* Less than this of a way, in m or rad, is not seen. */
-#define LEAST_WAY 1e-4
+/* Smallest visible motion, m or rad. */
+#define MIN_VISIBLE_MOTION 1e-4
 
 cairn_report_player_params player_aligner_params(void)
 {
     static const cairn_report_curve curves[] = {
-        {"parts", "", "scans whose poses are known to each other have one colour"},
-        {"scans in the largest part", "", NULL},
+        {"submaps", "", "connected components of the pose graph, one colour each"},
+        {"scans in the largest submap", "", NULL},
         {"mean relocation", "mm", "by the step that ends here"},
     };
     cairn_report_player_params params = cairn_report_player_default();
@@ -243,8 +243,8 @@ void player_aligner_free(player_aligner *record)
     free(record->doubtful);
 }
 
-/* Takes the poses and parts as they are; 1 when that can be seen. *way: m, the mean over the
- * scans. */
+/* Copies the current poses and submaps. Returns 1 when a change is visible. *way: m, the mean
+ * displacement of the scans. */
 static int take_commit(player_aligner *record, double *way)
 {
     int32_t scans = cairn_aligner_scan_count(record->aligner);
@@ -258,8 +258,8 @@ static int take_commit(player_aligner *record, double *way)
             record->step > 0 ? hypot((double)(pose.x - last.x), (double)(pose.y - last.y)) : 0;
 
         seen |= record->step > 0 &&
-                (part != record->part[i] || moved > LEAST_WAY ||
-                 fabs((double)cairn_wrap_angle(pose.theta - last.theta)) > LEAST_WAY);
+                (part != record->part[i] || moved > MIN_VISIBLE_MOTION ||
+                 fabs((double)cairn_wrap_angle(pose.theta - last.theta)) > MIN_VISIBLE_MOTION);
         *way += moved / scans;
     }
     for (int32_t i = 0; i < scans && seen; i++)
@@ -267,7 +267,7 @@ static int take_commit(player_aligner *record, double *way)
     return seen;
 }
 
-/* Scans of the largest part; *parts: of scans that show anything, or of all while it runs. */
+/* Returns the number of scans in the largest submap; *parts: the number of submaps. */
 static int32_t count_parts(const player_aligner *record, int32_t *parts)
 {
     int32_t scans = cairn_aligner_scan_count(record->aligner), largest = 0;
@@ -307,7 +307,7 @@ cairn_status player_aligner_commit(player_aligner *record)
         snprintf(label, sizeof label, "all poses and walls at once, iteration %" PRId32,
                  result.rounds);
     } else {
-        snprintf(label, sizeof label, "%" PRId32 " parts, the largest of %.0f scans", parts,
+        snprintf(label, sizeof label, "%" PRId32 " submaps, the largest of %.0f scans", parts,
                  value[1]);
     }
     frame.step = record->step++;

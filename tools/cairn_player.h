@@ -1,4 +1,4 @@
-/* cairn_player: what --report FILE.html records, for all subcommands that have it. */
+/* Recording of the frames of --report FILE.html, shared by all subcommands. */
 #ifndef CAIRN_TOOLS_CAIRN_PLAYER_H
 #define CAIRN_TOOLS_CAIRN_PLAYER_H
 
@@ -10,19 +10,19 @@
 /* The help of --report. */
 #define PLAYER_HELP "a page that plays every step: map, forces, curves (HTML, one file)"
 
-/* Whether player_write could write there: to be asked before the work. Makes nothing. */
+/* Checks whether player_write() can write there, before the computation. Creates nothing. */
 CAIRN_CHECKED cairn_status player_check(const char *path, cairn_file_error *error);
 
-/* Writes the page; folders that are missing are made. On failure all is as it was. */
+/* Writes the page; missing folders are created. On failure nothing is changed. */
 CAIRN_CHECKED cairn_status player_write(const cairn_report_player *player, const char *path,
                                         cairn_file_error *error);
 
-/* Adds what scan `index` of a log saw. CAIRN_NO_MEMORY. */
+/* Adds the points and segments of scan `index` of a log. CAIRN_NO_MEMORY. */
 CAIRN_CHECKED cairn_status player_add_scan(cairn_report_player *player, const map_scan *scan,
                                            int32_t index);
 
-/* Records a force field: before() every iteration, after() it with the forces and regions that
- * moved the scans from there, end() with the last poses. Statuses of
+/* Records a force field: call before() and after() for every iteration, and end() after the last. A
+ * frame has the poses before an iteration with its forces and regions. Statuses of
  * cairn_report_player_add_frame. */
 typedef struct player_field {
     cairn_report_player *player;
@@ -30,12 +30,12 @@ typedef struct player_field {
     cairn_pose *pose;
     cairn_report_force *force;
     cairn_vec2 *region;
-    int32_t region_room;
+    int32_t region_capacity;
     double relocation; /* mm, by the last iteration; NaN before the first */
 } player_field;
 
-/* Records an aligner: commit() after every commit point; what changes nothing that can be seen
- * is passed over. Statuses of cairn_report_player_add_frame. */
+/* Records an aligner: call commit() after every commit point; a frame without a visible change is
+ * skipped. Statuses of cairn_report_player_add_frame. */
 typedef struct player_aligner {
     cairn_report_player *player;
     const cairn_aligner *aligner;

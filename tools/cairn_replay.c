@@ -1,4 +1,4 @@
-/* cairn replay: a robot's recorded run once more, bit by bit. */
+/* cairn replay: deterministic replay of a robot's recorded run, compared bit by bit. */
 #include <inttypes.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -11,8 +11,8 @@
 
 #define PROGRAM "cairn replay"
 
-/* Ranges are kept until the end of the run, so many at most in a sweep. */
-#define BEAMS_MOST 100000
+/* Maximum number of beams of a sweep; ranges are kept until the end of the run. */
+#define MAX_BEAMS 100000
 
 typedef struct settings {
     const char *path;
@@ -22,10 +22,10 @@ typedef struct settings {
 typedef struct recording {
     const char *path;
     FILE *file;
-    long at; /* byte of the stream, for what is said of it */
+    long at; /* byte offset in the stream, for error messages */
 } recording;
 
-/* The run: the robot, its memory, and the ranges that it was offered. */
+/* The replayed run: the robot, its memory, the ranges of the offered sweeps, and the hashes. */
 typedef struct run {
     robot robot;
     void *memory;
@@ -36,15 +36,15 @@ typedef struct run {
 static option_result read_settings(settings *s, int argc, char **argv)
 {
     const option table[] = {
-        OPTION_FLAG("--quiet", &s->quiet, "only the verdict"),
+        OPTION_FLAG("--quiet", &s->quiet, "prints only the verdict"),
     };
     const option_set set = {
         PROGRAM, "FILE [options]",
-        "Plays the recording of a flight recorder (firmware/recorder.h) back: offers the robot the "
+        "Replays the recording of a flight recorder (firmware/recorder.h): offers the robot the "
         "same\n"
-        "sweeps between the same ticks, prints the poses, and says whether the hash of all states "
-        "is the\n"
-        "recorded one. Recordings in float are played by cairn-float, which stands beside cairn.",
+        "sweeps between the same ticks, prints the poses, and compares the hash of all states with "
+        "the\n"
+        "recorded one. Recordings in float are replayed by cairn-float in the same folder.",
         table, sizeof table / sizeof *table};
     const char *words[1];
     size_t count = 1;
@@ -66,8 +66,8 @@ static int refuse(const recording *in, const char *what)
     return TOOL_BAD;
 }
 
-/* 1 when all bytes were there. */
-static int take(recording *in, void *data, size_t bytes)
+/* Reads bytes; returns 1 when the stream had all of them. */
+static int read_bytes(recording *in, void *data, size_t bytes)
 {
     size_t got = fread(data, 1, bytes, in->file);
 
@@ -75,13 +75,13 @@ static int take(recording *in, void *data, size_t bytes)
     return got == bytes;
 }
 
-static int take_word(recording *in, uint32_t *word)
+static int read_word(recording *in, uint32_t *word)
 {
-    return take(in, word, sizeof *word);
+    return read_bytes(in, word, sizeof *word);
 }
 
-/* A recording of the other number type is played by the program of that type. */
-static int play_elsewhere(const recording *in, uint32_t real_bytes, char **argv)
+/* Executes the program of the other number type to replay the recording. */
+static int play_with_other_program(const recording *in, uint32_t real_bytes, char **argv)
 {
     static const char *const name = sizeof(cairn_real) == 8 ? "cairn-float" : "cairn";
     char path[4096];
@@ -109,19 +109,19 @@ static int begin(run *r, recording *in, char **argv)
     robot_params params;
     cairn_status status;
 
-    if (!take(in, magic, sizeof magic) && ferror(in->file)) {
+    if (!read_bytes(in, magic, sizeof magic) && ferror(in->file)) {
         perror(in->path);
         return TOOL_BAD;
     }
     if (memcmp(magic, "CRNR", 4) != 0)
-        return refuse(in, "not a flight recording, expected CRNR at its begin");
-    if (!take_word(in, &version) || version != RECORDER_VERSION)
-        return refuse(in, "a version that is not known, expected 1");
-    if (!take_word(in, &real_bytes) || !take_word(in, &memory) || !take_word(in, &params_bytes))
-        return refuse(in, "cut in its header");
+        return refuse(in, "no flight recording, expected CRNR at the start");
+    if (!read_word(in, &version) || version != RECORDER_VERSION)
+        return refuse(in, "unknown version, expected 1");
+    if (!read_word(in, &real_bytes) || !read_word(in, &memory) || !read_word(in, &params_bytes))
+        return refuse(in, "truncated in the header");
     if (real_bytes != sizeof(cairn_real))
-        return play_elsewhere(in, real_bytes, argv);
-    if (params_bytes != sizeof params || !take(in, &params, sizeof params))
+        return play_with_other_program(in, real_bytes, argv);
+    if (params_bytes != sizeof params || !read_bytes(in, &params, sizeof params))
         return refuse(in,
                       "parameters of another size, expected a recording of this version of cairn");
     r->memory = malloc(memory > 0 ? memory : 1);
@@ -144,25 +144,26 @@ static int play_sweep(run *r, recording *in)
     cairn_status status;
     float *range;
 
-    if (!take_word(in, &count) || !take(in, &sweep.angle_min, 4) ||
-        !take(in, &sweep.angle_step, 4) || !take(in, pose, sizeof pose))
-        return refuse(in, "cut in a sweep");
-    if (count < 1 || count > BEAMS_MOST || r->robot.offered == ROBOT_SCANS)
+    if (!read_word(in, &count) || !read_bytes(in, &sweep.angle_min, 4) ||
+        !read_bytes(in, &sweep.angle_step, 4) || !read_bytes(in, pose, sizeof pose))
+        return refuse(in, "truncated in a sweep");
+    if (count < 1 || count > MAX_BEAMS || r->robot.offered == ROBOT_SCANS)
         return refuse(in, "too many beams or sweeps");
     range = malloc(count * sizeof *range);
     if (range == NULL)
         return TOOL_FAILED;
     r->range[r->robot.offered] = range;
-    if (!take(in, range, count * sizeof *range))
-        return refuse(in, "cut in the ranges of a sweep");
+    if (!read_bytes(in, range, count * sizeof *range))
+        return refuse(in, "truncated in the ranges of a sweep");
     sweep.range = range;
     sweep.count = (int32_t)count;
     sweep.pose.x = pose[0];
     sweep.pose.y = pose[1];
     sweep.pose.theta = pose[2];
     status = robot_offer(&r->robot, &sweep);
-    return status == CAIRN_OK ? TOOL_OK
-                              : refuse(in, "a sweep that the robot cannot have taken there");
+    return status == CAIRN_OK
+               ? TOOL_OK
+               : refuse(in, "a sweep that the robot cannot have accepted at this tick");
 }
 
 static int play_ticks(run *r, recording *in)
@@ -170,8 +171,8 @@ static int play_ticks(run *r, recording *in)
     uint32_t count;
     int32_t units;
 
-    if (!take_word(in, &count) || !take(in, &units, sizeof units))
-        return refuse(in, "cut in its ticks");
+    if (!read_word(in, &count) || !read_bytes(in, &units, sizeof units))
+        return refuse(in, "truncated in the ticks");
     for (; count > 0; count--) {
         cairn_budget budget = {units};
         robot_work work;
@@ -190,8 +191,8 @@ static int play(run *r, recording *in)
         uint32_t letter;
         int code = TOOL_OK;
 
-        if (!take_word(in, &letter))
-            return refuse(in, "cut before its end");
+        if (!read_word(in, &letter))
+            return refuse(in, "truncated before the end record");
         if (letter == 'S')
             code = play_sweep(r, in);
         else if (letter == 'T')
@@ -199,9 +200,9 @@ static int play(run *r, recording *in)
         else if (letter == 'F')
             robot_finish(&r->robot);
         else if (letter == 'E')
-            return take_word(in, &r->recorded_ticks) && take_word(in, &r->recorded_hash)
+            return read_word(in, &r->recorded_ticks) && read_word(in, &r->recorded_hash)
                        ? TOOL_OK
-                       : refuse(in, "cut in its end");
+                       : refuse(in, "truncated in the end record");
         else
             return refuse(in, "an unknown record, expected S, T, F or E");
         if (code != TOOL_OK)
@@ -209,7 +210,7 @@ static int play(run *r, recording *in)
     }
 }
 
-static int say(const run *r, const settings *s)
+static int print_result(const run *r, const settings *s)
 {
     const robot *played = &r->robot;
     int same = r->hash == r->recorded_hash && played->ticks == r->recorded_ticks;
@@ -251,7 +252,7 @@ int tool_replay(int argc, char **argv)
     if (code == TOOL_OK)
         code = play(&r, &in);
     if (code == TOOL_OK)
-        code = say(&r, &s);
+        code = print_result(&r, &s);
     (void)fclose(in.file);
     for (int32_t i = 0; i < ROBOT_SCANS; i++)
         free(r.range[i]);

@@ -1,5 +1,5 @@
-/* cairn skeleton: the contours and axes of the symmetric parts of images, and contours between
- * their regions, with no model of what they are of. */
+/* cairn skeleton: groups contours and medial axes of symmetric parts of images, and finds contours
+ * between regions, without a model. */
 #include <dirent.h>
 #include <errno.h>
 #include <inttypes.h>
@@ -19,24 +19,24 @@
 #include "tools/cairn_tool.h"
 
 #define PROGRAM "cairn skeleton"
-/* Where contours agree best with those that people draw (F, 25 photographs). */
-#define LEAST_STRENGTH 2
+/* Default of --min-strength: maximizes the F measure against human contours (25 photographs). */
+#define DEFAULT_MIN_STRENGTH 2
 
-enum { IMAGES_MOST = 4096, NAME_BYTES = 256, PATH_BYTES = 4096, FILES = 3, RADII_MOST = 1 << 16 };
+enum { MAX_IMAGES = 4096, NAME_BYTES = 256, PATH_BYTES = 4096, FILES = 3, MAX_RADII = 1 << 16 };
 
 typedef struct settings {
-    const char *images[IMAGES_MOST];
+    const char *images[MAX_IMAGES];
     size_t count;
     const char *radius, *learn, *weight, *folder, *edges;
     int64_t particles; /* 0: not given */
     double sigma, slope;
     double contrast, log_odds, strength; /* NaN: not given */
-    double least, most;                  /* px, of radii; 0 and 0: proposed */
+    double least, most;                  /* px, range of radii; 0 and 0: proposed from the image */
     uint64_t seed;
     int32_t quiet, written, lines;
 } settings;
 
-/* "A:B". 0: it is none, or not 1 <= A <= B. */
+/* Parses "A:B". Returns 0 when the text is invalid or not 1 <= A <= B. */
 static int read_range(const char *text, double *least, double *most)
 {
     const char *colon = strchr(text, ':');
@@ -46,7 +46,8 @@ static int read_range(const char *text, double *least, double *most)
            isfinite(*most) && *least >= 1 && *least <= *most && *most <= 8192;
 }
 
-/* --weight as-written is --as-written; what the thesis does not have is refused beside it. */
+/* Handles --weight as-written as --as-written; rejects options that the method of the thesis
+ * lacks. */
 static option_result check_written(settings *s)
 {
     if (s->weight != NULL && strcmp(s->weight, "evidence") == 0 && s->written)
@@ -96,37 +97,37 @@ static option_result read_settings(settings *s, int argc, char **argv)
     const option table[] = {
         OPTION_TEXT("-o", &s->folder, "DIR",
                     "folder to write NAME.svg and NAME.json to, for each image NAME.*"),
+        OPTION_TEXT("--radius", &s->radius, "A:B",
+                    "range of half the width of parts, pixels (proposed from each image)"),
         OPTION_TEXT(
-            "--radius", &s->radius, "A:B",
-            "pixels: half the width of what is looked for; without it proposed from each image"),
-        OPTION_TEXT("--learn", &s->learn, "DIR",
-                    "the range of radii is that of the objects in DIR, silhouettes or drawings of "
-                    "outlines,\n"
-                    "in the scale of the images"),
-        OPTION_FLAG(
-            "--as-written", &s->written,
-            "the method of Adluru 2008, chapter 3, as it is printed: particles start on the\n"
-            "centre points of every pair of edges about lines, weights 3.7 to 3.9"),
+            "--learn", &s->learn, "DIR",
+            "learns the range of radii from the objects in DIR, silhouettes or drawings of\n"
+            "outlines, in the scale of the images"),
+        OPTION_FLAG("--as-written", &s->written,
+                    "the method of Adluru 2008, chapter 3, as printed: particles start on the\n"
+                    "centre points of every pair of edges about lines, weights 3.7 to 3.9"),
         OPTION_TEXT("--weight", &s->weight, "NAME",
                     "evidence, or as-written, which is --as-written"),
-        OPTION_NUMBER("--min-log-odds", &s->log_odds, 0, 1e6, "L",
-                      "of a part that is reported (20; as written the logarithm of p_min, 12)"),
+        OPTION_NUMBER(
+            "--min-log-odds", &s->log_odds, 0, 1e6, "L",
+            "minimum log odds of a reported part (20; as written the logarithm of p_min, 12)"),
         OPTION_NUMBER("--min-strength", &s->strength, 0, 1e6, "S",
-                      "of a contour between regions that is reported (2); not as written"),
+                      "minimum strength of a reported contour between regions (2); not as written"),
         OPTION_TEXT("--edges", &s->edges, "FILE",
                     "the image's edges, strengths 0 ... 255, from a detector of your own (the "
                     "thesis has pb);\n"
                     "of one image, with --as-written"),
-        OPTION_NUMBER("--sigma", &s->sigma, 0.7, 8, "PX", "blur before edges are looked for"),
+        OPTION_NUMBER("--sigma", &s->sigma, 0.7, 8, "PX",
+                      "standard deviation of the Gaussian blur, px"),
         OPTION_NUMBER("--min-slope", &s->slope, 0.01, 1000, "G",
-                      "grey levels per pixel, of an edge"),
+                      "minimum gradient of an edge, grey levels per pixel"),
         OPTION_NUMBER(
             "--contrast", &s->contrast, 0, 100, "L",
-            "log odds of an edge e times as steep as the mean one; 0: all edges are the same\n"
+            "log odds of an edge whose gradient is e times the mean; 0: all edges are equal\n"
             "(6); not as written"),
         OPTION_INTEGER("--particles", &s->particles, 1, 1024, "N",
-                       "of the filter (16; as written 50)"),
-        {"--seed", OPTION_IS_SEED, &s->seed, 0, 0, "N", "of the filter", NULL},
+                       "particles of the filter (16; as written 50)"),
+        {"--seed", OPTION_IS_SEED, &s->seed, 0, 0, "N", "seed of the particle filter", NULL},
         OPTION_FLAG("--lines", &s->lines,
                     "also NAME-lines.svg: centre points of edges that face each other, and lines "
                     "through them"),
@@ -136,12 +137,13 @@ static option_result read_settings(settings *s, int argc, char **argv)
         PROGRAM, "IMAGE... -o DIR [options]",
         "Groups the contours and axes of the symmetric parts of images (TIFF, PNG, JPEG, PGM) at "
         "once,\n"
-        "with no model: walks between edges that face each other. Contours between regions\n"
-        "of different colours are ranked by how much parts the two sides.",
+        "without a model, by a particle filter on pairs of edges that face each other. Contours "
+        "between regions\n"
+        "of different colours are ranked by the contrast of their sides.",
         table, sizeof table / sizeof *table};
     option_result result;
 
-    s->count = IMAGES_MOST;
+    s->count = MAX_IMAGES;
     result = options_read(&set, argc, argv, s->images, &s->count);
     return result == OPTIONS_READ ? check_settings(s) : result;
 }
@@ -155,7 +157,7 @@ static int compare(const void *a, const void *b)
     return (x > y) - (x < y);
 }
 
-/* Adds the radii along the axes of one object. */
+/* Adds the radii along the medial axes of one object. */
 static cairn_status learn_from(const char *path, double *radii, int32_t *count,
                                cairn_file_error *error)
 {
@@ -166,16 +168,16 @@ static cairn_status learn_from(const char *path, double *radii, int32_t *count,
 
     if (status != CAIRN_OK)
         return status;
-    for (int32_t i = 0; i < model.model.sample_count && *count < RADII_MOST; i++)
+    for (int32_t i = 0; i < model.model.sample_count && *count < MAX_RADII; i++)
         radii[(*count)++] = (double)(model.model.samples[i].radius * model.model.size);
     cairn_shape_model_file_free(&model);
     return CAIRN_OK;
 }
 
-/* The range that holds all but a twentieth on either side. */
+/* Learns the range of radii: the 5 % and 95 % quantiles. */
 static int learn(settings *s)
 {
-    double *radii = malloc(RADII_MOST * sizeof *radii);
+    double *radii = malloc(MAX_RADII * sizeof *radii);
     DIR *open = opendir(s->learn);
     cairn_status status = CAIRN_OK;
     cairn_file_error error;
@@ -217,7 +219,7 @@ static int learn(settings *s)
 
 /* ---- One image ---- */
 
-/* One image on its way. */
+/* An image and its results while it is processed. */
 typedef struct work {
     const char *path;
     char stem[NAME_BYTES];
@@ -232,7 +234,7 @@ typedef struct work {
     int32_t given_count;
 } work;
 
-static cairn_status open_rooms(const settings *s, work *w)
+static cairn_status create_objects(const settings *s, work *w)
 {
     cairn_edgel_params edgel = cairn_edgel_default();
     cairn_skeleton_params skeleton =
@@ -242,10 +244,10 @@ static cairn_status open_rooms(const settings *s, work *w)
 
     boundary.max_width = w->grey.width;
     boundary.max_height = w->grey.height;
-    /* Windows blur: basins of photographs have some 100 pixels. */
+    /* Capacity: the basins of photographs have about 100 pixels, as the windows blur. */
     boundary.max_regions = (w->grey.width * w->grey.height + 31) / 32;
     boundary.max_points = 2 * w->grey.width * w->grey.height + 3 * boundary.max_regions;
-    boundary.min_strength = isnan(s->strength) ? LEAST_STRENGTH : (cairn_real)s->strength;
+    boundary.min_strength = isnan(s->strength) ? DEFAULT_MIN_STRENGTH : (cairn_real)s->strength;
     edgel.max_width = skeleton.max_width = w->grey.width;
     edgel.max_height = skeleton.max_height = w->grey.height;
     /* An edgel for each row and column of a pixel at most. */
@@ -336,7 +338,8 @@ static cairn_status run_skeleton(cairn_skeleton *skeleton)
     return status;
 }
 
-/* Of the colours, or of the greys where samples have 16 bits. */
+/* Finds the contours between regions of the colour image, or of the grey image when samples have 16
+ * bits. */
 static cairn_status run_boundary(work *w)
 {
     const cairn_vision_image *of = w->colour.sample_bytes == 1 ? &w->colour : &w->grey;
@@ -359,7 +362,7 @@ static cairn_status group(const settings *s, work *w)
 {
     cairn_raster_u8_view view = {w->grey.samples, w->grey.width, w->grey.height, w->grey.width};
     cairn_skeleton_input in;
-    cairn_status status = open_rooms(s, w);
+    cairn_status status = create_objects(s, w);
 
     if (status == CAIRN_OK && w->given == NULL)
         status = cairn_edgel_begin(w->edgels, view);
@@ -431,7 +434,7 @@ static void print_summary(const work *w, double seconds)
            seconds);
 }
 
-/* "folder/swan.jpg" -> "swan"; 0: there is no such name. */
+/* "folder/swan.jpg" -> "swan"; Returns 0 when there is no such name. */
 static int stem_of(const char *path, char stem[NAME_BYTES])
 {
     const char *name = cairn_path_name(path), *dot = strrchr(name, '.');
@@ -481,7 +484,7 @@ static int run_image(const settings *s, const char *path)
     return status == CAIRN_OK ? TOOL_OK : tool_report(&error);
 }
 
-/* 1: the pictures of lines of one image would have the name of the other's picture. */
+/* Returns 1 when the picture of lines of one image would have the name of the other's picture. */
 static int is_its_lines(const settings *s, const char *stem, const char *other)
 {
     size_t length = strlen(stem);
@@ -489,7 +492,7 @@ static int is_its_lines(const settings *s, const char *stem, const char *other)
     return s->lines && strncmp(stem, other, length) == 0 && strcmp(other + length, "-lines") == 0;
 }
 
-/* Names that would overwrite each other are refused before anything is written. */
+/* Rejects images whose output files would overwrite each other. */
 static int check_names(const settings *s)
 {
     char stem[NAME_BYTES], other[NAME_BYTES];

@@ -12,10 +12,10 @@
 
 #define PROGRAM "cairn symmetry"
 
-enum { SHAPES_MOST = 1024 };
+enum { MAX_SHAPES = 1024 };
 
 typedef struct settings {
-    const char *shapes[SHAPES_MOST];
+    const char *shapes[MAX_SHAPES];
     size_t count;
     const char *folder, *mode, *holes;
     int64_t points;
@@ -29,29 +29,30 @@ static option_result read_settings(settings *s, int argc, char **argv)
         OPTION_TEXT("-o", &s->folder, "DIR",
                     "folder to write NAME.svg and NAME.json to, for each shape NAME.*"),
         OPTION_FLAG("--as-written", &s->as_written,
-                    "the thesis's method: cuts at critical points alone, by the least sum"),
+                    "the method of the thesis: cuts only at critical points, minimum sum of costs"),
         OPTION_TEXT("--mode", &s->mode, "NAME", "re-ranked, or as-written, which is --as-written"),
-        OPTION_INTEGER("--points", &s->points, 16, SYMMETRY_POINTS_MOST, "N",
+        OPTION_INTEGER("--points", &s->points, 16, SYMMETRY_MAX_POINTS, "N",
                        "samples of the outline"),
-        OPTION_TEXT("--holes", &s->holes, "NAME", "keep: they are outside; fill, or refuse"),
-        OPTION_NUMBER("--gap", &s->gap, 0, 1, "SHARE",
-                      "of the drawing's diagonal: loose ends of lines so near are joined"),
+        OPTION_TEXT("--holes", &s->holes, "NAME", "holes: keep as background, fill, or refuse"),
+        OPTION_NUMBER(
+            "--gap", &s->gap, 0, 1, "SHARE",
+            "maximum gap between line ends that is closed, fraction of the drawing's diagonal"),
         OPTION_NUMBER("--part", &s->part, 0, 1, "SHARE",
-                      "of the largest part's area: smaller ones are left out"),
+                      "minimum area of a part, fraction of the largest one"),
         OPTION_FLAG("--sheet", &s->sheet, "also sheet.svg, all shapes side by side"),
         OPTION_FLAG("--quiet", &s->quiet, "no summary"),
     };
     const option_set set = {PROGRAM, "SHAPE... -o DIR [options]",
-                            "Finds the axes that divide a shape into two parts most alike, from "
+                            "Finds the axes that divide a shape into two most similar parts, from "
                             "pictures of one object each\n"
                             "(silhouettes or drawings; TIFF, PNG, JPEG, PGM): of mirror symmetry, "
                             "also of shapes that are\n"
-                            "skewed, bent, noisy, or turned at their joints. Of an object of "
+                            "skewed, bent, noisy, or articulated. Of an object of "
                             "several parts the largest is taken.",
                             table, sizeof table / sizeof *table};
     option_result result;
 
-    s->count = SHAPES_MOST;
+    s->count = MAX_SHAPES;
     result = options_read(&set, argc, argv, s->shapes, &s->count);
     if (result != OPTIONS_READ)
         return result;
@@ -74,7 +75,7 @@ static option_result read_settings(settings *s, int argc, char **argv)
     return OPTIONS_READ;
 }
 
-/* "folder/horse-1.png" -> "horse-1"; 0: there is no such name. */
+/* "folder/horse-1.png" -> "horse-1"; Returns 0 when there is no such name. */
 static int stem_of(const char *path, char stem[SYMMETRY_NAME_BYTES])
 {
     const char *name = cairn_path_name(path), *dot = strrchr(name, '.');
@@ -87,7 +88,7 @@ static int stem_of(const char *path, char stem[SYMMETRY_NAME_BYTES])
     return 1;
 }
 
-/* Names that would overwrite each other are refused before anything is written. */
+/* Rejects shapes whose output files would overwrite each other. */
 static int check_names(const settings *s, symmetry_found *found)
 {
     for (size_t i = 0; i < s->count; i++) {
@@ -105,7 +106,7 @@ static int check_names(const settings *s, symmetry_found *found)
     return TOOL_OK;
 }
 
-/* The outlines of the object, the largest part and the holes in it. */
+/* Traces the outlines of the object: its largest part and the holes in it. */
 static cairn_status read_shape(const settings *s, symmetry_found *f, cairn_file_error *error)
 {
     cairn_shape_image_params params = cairn_shape_image_default();
@@ -267,7 +268,7 @@ int tool_symmetry(int argc, char **argv)
     if (code == TOOL_OK) {
         status = cairn_self_similarity_create(&similarity, &pool, &params);
         status = status == CAIRN_OK ? run(&s, similarity, params.mode, found, &error)
-                                    : cairn_file_error_set(&error, status, PROGRAM, 0, "no room");
+                                    : cairn_file_error_set(&error, status, PROGRAM, 0, "no memory");
         tool_pool_close(&pool);
     }
     for (size_t i = 0; i < s.count; i++)

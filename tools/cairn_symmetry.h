@@ -1,33 +1,33 @@
-/* What the parts of cairn symmetry share. */
+/* Shared by the files of cairn symmetry. */
 #ifndef CAIRN_TOOLS_CAIRN_SYMMETRY_H
 #define CAIRN_TOOLS_CAIRN_SYMMETRY_H
 
 #include "cairn/self_similarity.h"
 #include "cairn/shape_image.h"
 
-enum { SYMMETRY_POINTS_MOST = 512, SYMMETRY_NAME_BYTES = 256 };
+enum { SYMMETRY_MAX_POINTS = 512, SYMMETRY_NAME_BYTES = 256 };
 
 /* The axes of one shape, in pixels of its picture. */
 typedef struct symmetry_found {
     const char *path;
     char stem[SYMMETRY_NAME_BYTES];
     cairn_shape_image image; /* all outlines: parts, then holes */
-    int32_t parts;           /* that the picture has; the largest is looked at */
-    int32_t holes;           /* of that one */
+    int32_t parts;           /* parts of the picture; the largest one is analysed */
+    int32_t holes;           /* holes of the largest part */
     cairn_curve shape[CAIRN_SHAPE_OUTLINES];
     int32_t mode; /* CAIRN_MODE_DEFAULT, CAIRN_MODE_AS_WRITTEN */
     cairn_symmetry_axis axes[CAIRN_SYMMETRY_AXES];
-    cairn_vec2 samples[SYMMETRY_POINTS_MOST];
-    cairn_self_similarity_result result; /* its arrays are the two above */
+    cairn_vec2 samples[SYMMETRY_MAX_POINTS];
+    cairn_self_similarity_result result; /* its arrays are axes and samples */
 } symmetry_found;
 
 /* "as written", "re-ranked". */
 const char *symmetry_mode_name(int32_t mode);
 
-/* What a result says, in words. */
+/* Returns the verdict as text. */
 const char *symmetry_verdict_name(cairn_symmetry_verdict verdict);
 
-/* The picture of one shape: its two arcs red and blue, what lies between them grey, its axes. */
+/* The picture of one shape: its two arcs red and blue, the rest of the outline grey, its axes. */
 CAIRN_CHECKED cairn_status symmetry_draw(const symmetry_found *found, const char *path,
                                          cairn_file_error *error);
 

@@ -1,4 +1,4 @@
-/* What cairn symmetry writes: pictures and JSON. */
+/* Output files of cairn symmetry: pictures and JSON. */
 #include <math.h>
 #include <stdio.h>
 
@@ -29,7 +29,7 @@ const char *symmetry_verdict_name(cairn_symmetry_verdict verdict)
 
 /* ---- Pictures ---- */
 
-/* Where a pixel is drawn. */
+/* Mapping from pixels of the image to coordinates of the drawing. */
 typedef struct view {
     double left, top, scale;
     cairn_box box;
@@ -76,7 +76,7 @@ static void print_filled(cairn_output *output, const symmetry_found *f, const vi
     cairn_output_print(output, "\"/>\n");
 }
 
-/* The outline from one place to another, in shares of its length. */
+/* Draws the outline between two positions, given as fractions of its length. */
 static void print_arc(cairn_output *output, const symmetry_found *f, const view *v,
                       cairn_symmetry_arc arc, const char *name)
 {
@@ -108,7 +108,7 @@ static void print_axis(cairn_output *output, const view *v, const cairn_symmetry
     cairn_output_print(output, "\"/>\n");
 }
 
-/* The whole outline grey, the arcs over it; the best axis, and those as good. */
+/* Draws the complete outline grey, the arcs over it, the best axis and ties. */
 static void print_shape(cairn_output *output, const symmetry_found *f, const view *v)
 {
     const cairn_symmetry_axis *best = &f->axes[0];

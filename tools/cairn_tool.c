@@ -1,4 +1,4 @@
-/* What all subcommands share. */
+/* Functions that all subcommands share. */
 #include <inttypes.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -9,9 +9,9 @@
 #include "cairn/number_text.h"
 #include "tools/cairn_tool.h"
 
-#define FAULTS_SHOWN 10
-#define BAR_CELLS    30
-#define BAR_EVERY_S  0.1
+#define MAX_SHOWN_FAULTS 10
+#define BAR_CELLS        30
+#define BAR_INTERVAL_S   0.1
 
 int tool_exit_code(cairn_status status)
 {
@@ -61,14 +61,15 @@ void tool_on_fault(void *context, const cairn_file_error *fault)
     tool_faults *faults = context;
 
     faults->count++;
-    if (!faults->quiet && faults->count <= FAULTS_SHOWN)
+    if (!faults->quiet && faults->count <= MAX_SHOWN_FAULTS)
         fprintf(stderr, "%s\n", fault->text);
 }
 
 void tool_faults_end(const tool_faults *faults)
 {
-    if (!faults->quiet && faults->count > FAULTS_SHOWN)
-        fprintf(stderr, "... and %" PRId64 " more damaged lines\n", faults->count - FAULTS_SHOWN);
+    if (!faults->quiet && faults->count > MAX_SHOWN_FAULTS)
+        fprintf(stderr, "... and %" PRId64 " more damaged lines\n",
+                faults->count - MAX_SHOWN_FAULTS);
 }
 
 int tool_load(cairn_carmen_scans *scans, const char *path, double range_max, int32_t quiet)
@@ -102,7 +103,7 @@ void tool_progress_at(tool_progress *progress, int64_t done)
     if (!progress->live || progress->total <= 0)
         return;
     now = tool_seconds();
-    if (now - progress->drawn < BAR_EVERY_S)
+    if (now - progress->drawn < BAR_INTERVAL_S)
         return;
     progress->drawn = now;
     progress->shown = 1;

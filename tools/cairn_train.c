@@ -1,4 +1,5 @@
-/* cairn train: what a class looks like, from images and boxes about its objects. */
+/* cairn train: trains the appearance model of a class (bag of visual words and SVM) from images and
+ * bounding boxes. */
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -11,10 +12,10 @@
 
 #define PROGRAM "cairn train"
 
-enum { IMAGES_MOST = CAIRN_APPEARANCE_IMAGES_MOST };
+enum { MAX_IMAGES = CAIRN_APPEARANCE_IMAGES_MOST };
 
 typedef struct settings {
-    const char *images[IMAGES_MOST];
+    const char *images[MAX_IMAGES];
     size_t count;
     const char *boxes, *output;
     int64_t words, negatives, side;
@@ -26,29 +27,29 @@ typedef struct settings {
 static option_result read_settings(settings *s, int argc, char **argv)
 {
     const option table[] = {
-        OPTION_TEXT("--boxes", &s->boxes, "FILE",
-                    "the class's objects (CSV: image,left,top,right,bottom; px), images by their "
-                    "names without folder"),
+        OPTION_TEXT(
+            "--boxes", &s->boxes, "FILE",
+            "bounding boxes of the objects (CSV: image,left,top,right,bottom; px), images by their "
+            "names without folder"),
         OPTION_TEXT("-o", &s->output, "FILE",
-                    "what was learnt, a text file for cairn detect --appearance"),
+                    "the trained model, a text file for cairn detect --appearance"),
         OPTION_INTEGER("--words", &s->words, 2, CAIRN_APPEARANCE_WORDS_MOST, "N",
-                       "of the dictionary"),
-        OPTION_INTEGER("--negatives", &s->negatives, 1, 100, "N",
-                       "windows beside the objects, for each box"),
+                       "size of the dictionary of visual words"),
+        OPTION_INTEGER("--negatives", &s->negatives, 1, 100, "N", "negative windows per box"),
         OPTION_INTEGER("--max-side", &s->side, 16, CAIRN_APPEARANCE_SIDE_MOST, "PX",
-                       "larger images are halved until they fit, as cairn detect does"),
-        OPTION_NUMBER("--cost", &s->cost, 1e-6, 1e6, "C", "of a window on the wrong side"),
-        OPTION_SEED("--seed", &s->seed, "of the dictionary and of the windows"),
+                       "maximum side of an image; larger ones are halved, as in cairn detect"),
+        OPTION_NUMBER("--cost", &s->cost, 1e-6, 1e6, "C", "cost C of a misclassified window (SVM)"),
+        OPTION_SEED("--seed", &s->seed, "seed of the dictionary and of the windows"),
         OPTION_FLAG("--quiet", &s->quiet, "no progress, no summary"),
     };
-    const option_set set = {
-        PROGRAM, "IMAGE... --boxes FILE -o MODEL [options]",
-        "Learns what a class of objects looks like: a dictionary of patches and a support vector\n"
-        "machine. An image without a box shows what the class is not.",
-        table, sizeof table / sizeof *table};
+    const option_set set = {PROGRAM, "IMAGE... --boxes FILE -o MODEL [options]",
+                            "Trains the appearance model of a class: a dictionary of visual words "
+                            "(patches) and a support\n"
+                            "vector machine. An image without a box is a negative example.",
+                            table, sizeof table / sizeof *table};
     option_result result;
 
-    s->count = IMAGES_MOST;
+    s->count = MAX_IMAGES;
     result = options_read(&set, argc, argv, s->images, &s->count);
     if (result != OPTIONS_READ)
         return result;
@@ -61,8 +62,8 @@ static option_result read_settings(settings *s, int argc, char **argv)
     return OPTIONS_READ;
 }
 
-/* Every box must be of an image, or it would be missed in silence: the first in the file that is
- * of none. Rows are sorted. */
+/* Checks that every box belongs to a given image; reports the first one in the file that does not.
+ * Rows are sorted. */
 static int check_rows(const settings *s, const cairn_box_row *row, int32_t count)
 {
     uint8_t *is_known = calloc((size_t)count + 1, sizeof *is_known);
@@ -88,7 +89,7 @@ static int check_rows(const settings *s, const cairn_box_row *row, int32_t count
     return TOOL_BAD;
 }
 
-/* The image may be halved, and its boxes with it. */
+/* Adds an image and its boxes, both downsampled by the same factor. */
 static cairn_status add_image(const settings *s, cairn_appearance_trainer *trainer,
                               const char *path, const cairn_box_row *row, int32_t count,
                               cairn_file_error *error)
@@ -114,7 +115,7 @@ static cairn_status add_image(const settings *s, cairn_appearance_trainer *train
     return status;
 }
 
-/* Nobody wants to hear after an hour that what was learnt cannot be written. */
+/* Checks before the training that the output file can be written. */
 static int check_output(const settings *s)
 {
     cairn_file_error error;

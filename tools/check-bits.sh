@@ -1,12 +1,12 @@
 #!/bin/sh
-# Shows that every compiler and option gives the same bits: tools/check-bits.sh BUILD [rest]
+# Checks that every compiler and option gives the same bits: tools/check-bits.sh BUILD [rest]
 #
-# Builds the library with tests/golden*.c in many ways, in double and in float, and compares what they print with each other
-# and with tests/golden-double.txt and tests/golden-float.txt, which a change of results must bring up to date. The options
-# do not say -ffp-contract=off: src/core/build.h must see to it alone. -std=c11 -O2 is what tests/test_golden.c is built with.
+# Builds the library with tests/golden*.c with many compilers and options, in double and in float, and compares their output with each other
+# and with tests/golden-double.txt and tests/golden-float.txt, which an intended change of results must update. The options
+# do not contain -ffp-contract=off: src/core/build.h alone must ensure it. -std=c11 -O2 is what tests/test_golden.c is built with.
 # Without an optimizer a compiler spends its time on headers: there it gets the amalgamation, which must give the same bits, too.
-# Compilers that are not there are left out, and that is said; aarch64 runs under qemu-user. Bare Cortex-M, -Os:
-# tools/firmware-test.sh. rest: the ways that are left to tools/check-long.sh.
+# Missing compilers are skipped with a message; aarch64 runs under qemu-user. Bare Cortex-M, -Os:
+# tools/firmware-test.sh. rest: the variants of tools/check-long.sh.
 work=$1/bits${2:+-$2}
 rm -rf "$work"
 mkdir -p "$work" && sh tools/amalgamate.sh "$work" || exit 1
@@ -58,7 +58,7 @@ for real in double float; do
         cat "$work/changed"
     }
 done
-# Double and float that agree have not been told apart.
+# Equal results of double and float mean that the build ignored CAIRN_FLOAT.
 cmp -s "$work/double-1.txt" "$work/float-1.txt" && failed=1
 [ $failed -eq 0 ] && echo "ok     same bits: $(wc -l <"$work/double-1.txt") scenes, $(ls "$work"/options-* | wc -l) variants, double and float"
 exit $failed

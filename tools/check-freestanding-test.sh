@@ -1,5 +1,5 @@
 #!/bin/sh
-# Shows that the freestanding proof and the stack bound refuse what they must: tools/check-freestanding-test.sh
+# Tests that the freestanding check and the stack bound reject violations: tools/check-freestanding-test.sh
 cc=${GCC:-gcc}
 work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT
@@ -88,5 +88,5 @@ echo "$calls" | grep -q "calls back.*: cairn_apply" || {
     echo "FAILED freestanding test: a callback was not listed: $calls"
     failed=1
 }
-[ $failed -eq 0 ] && echo "ok     the freestanding proof refuses what it must"
+[ $failed -eq 0 ] && echo "ok     the freestanding check rejects violations"
 exit $failed

@@ -1,13 +1,13 @@
 #!/bin/sh
-# Proves from the object files that a library is freestanding: tools/check-freestanding.sh LIBRARY.a...
+# Checks from the object files that a library is freestanding: tools/check-freestanding.sh LIBRARY.a...
 #
-# Refused are: an undefined symbol that is not on the list below, a global symbol without the prefix cairn_, and data that
-# can be written. Read-only data that the loader relocates (.data.rel.ro, tables of pointers built with -fPIC) is allowed.
+# Rejected are: an undefined symbol that is not in the list below, a global symbol without the prefix cairn_, and writable
+# data. Read-only data that the loader relocates (.data.rel.ro, tables of pointers built with -fPIC) is allowed.
 # NM and SIZE name the tools of another target.
 nm=${NM:-nm}
 size=${SIZE:-size}
 
-# Of string.h and math.h: what every libc has and every libm gets exactly alike.
+# Of string.h and math.h: functions that every libc has and every libm computes exactly.
 allowed='memcpy memset memmove memcmp
 sqrt fabs floor ceil rint fmin fmax fmod copysign ldexp frexp
 sqrtf fabsf floorf ceilf rintf fminf fmaxf fmodf copysignf ldexpf frexpf
@@ -20,7 +20,7 @@ __fix(uns)?[sd]fdi
 __aeabi_(u?ldivmod|lmul|llsl|llsr|lasr|lcmp|ulcmp|u?idiv|u?idivmod|u?l2[df]|[df]2u?lz)
 __aeabi_mem(cpy|move|set|clr)[48]?
 __gnu_thumb1_case_[su](qi|hi|si)'
-# Where double has no hardware, the double library needs it in software; in the float library it would be a slip.
+# Where double has no hardware, the double library needs it in software; in the float library it would be an error.
 soft_double='__aeabi_(d.*|cd.*|[iuf]i?2d)
 __(add|sub|mul|div|neg|eq|ne|lt|le|gt|ge|unord)df[23]
 __(float(un)?sidf|fix(uns)?dfsi|extendsfdf2|truncdfsf2)'

@@ -1,7 +1,7 @@
 #!/bin/sh
-# What a release must pass beside .ci/run, and what takes too long for every change: tools/check-long.sh BUILD
+# Checks of a release in addition to .ci/run, too slow for every change: tools/check-long.sh BUILD
 #
-# All steps run; each prints its minutes, and the exit status is 1 when one found something.
+# All steps run; each prints its minutes, and the exit status is 1 when one failed.
 build=${1:?usage: tools/check-long.sh BUILD}
 make=${MAKE:-make}
 unset MAKEFLAGS MFLAGS MAKELEVEL

@@ -1,10 +1,10 @@
 #!/bin/sh
-# Shows that the proof of the room order refuses what it must: tools/check-rooms-test.sh
+# Tests that the check of the module order rejects violations: tools/check-rooms-test.sh
 work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT
 failed=0
 
-# A house of four rooms that is in order, with file $1 replaced by what stands on standard input (none: -).
+# A source tree of four modules in valid order; file $1 is replaced by standard input (none: -).
 house()
 {
     rm -rf "${work:?}/house"
@@ -13,25 +13,25 @@ house()
     done
     printf 'core base\ncore top\ncontour edge\nmapping map\nhost file\n' >"$work/house/tools/rooms.txt"
     : >"$work/house/src/core/build.h"
-    for room in core/base core/top contour/edge mapping/map host/file; do
-        name=${room#*/}
-        printf '#include "src/core/build.h"\n#include "cairn/%s.h"\n' "$name" >"$work/house/src/$room.c"
+    for module in core/base core/top contour/edge mapping/map host/file; do
+        name=${module#*/}
+        printf '#include "src/core/build.h"\n#include "cairn/%s.h"\n' "$name" >"$work/house/src/$module.c"
         printf '#include <stdint.h>\n' >"$work/house/include/cairn/$name.h"
         : >"$work/house/tests/test_$name.c"
     done
     [ "$1" = - ] || cat >"$work/house/$1"
 }
 
-# expect "what must be said", or "" when the house is in order
+# expect MESSAGE: the message that the check must print, or "" when the tree is valid
 expect()
 {
     said=$(sh tools/check-rooms.sh "$work/house")
     status=$?
     if [ -z "$1" ] && [ $status -ne 0 ]; then
-        echo "FAILED room order test: a good house was refused: $said"
+        echo "FAILED module order test: a valid tree was rejected: $said"
         failed=1
     elif [ -n "$1" ] && { [ $status -eq 0 ] || ! echo "$said" | grep -q "$1"; }; then
-        echo "FAILED room order test: expected \"$1\" with a failure, got exit $status: $said"
+        echo "FAILED module order test: expected \"$1\" with a failure, got exit $status: $said"
         failed=1
     fi
 }
@@ -57,27 +57,27 @@ expect "<stdlib.h> is not for the freestanding library"
 echo '#include "base.h"' | house src/core/top.c
 expect 'expected "cairn/'
 echo | house src/core/extra.c
-expect "does not list the room extra"
+expect "does not list the module extra"
 echo | house include/cairn/extra.h
-expect "does not list the room extra"
+expect "does not list the module extra"
 echo '#include "src/core/build.h"' | house src/core/top_part.c
 expect ""
 printf '#include "src/core/build.h"\n#include "cairn/top.h"\n' | house src/core/base_part.c
 expect "src/core/base_part.c:2: base may not know top"
 house -
 rm "$work/house/src/core/top.c"
-expect "room top: no src/core/top.c"
+expect "module top: no src/core/top.c"
 house -
 rm "$work/house/include/cairn/top.h"
-expect "room top: no header"
+expect "module top: no header"
 house -
 rm "$work/house/tests/test_map.c"
-expect "room map: no tests/test_map.c"
+expect "module map: no tests/test_map.c"
 house -
 awk 'BEGIN { for (i = 0; i < 501; i++) print "" }' >"$work/house/src/core/top.c"
 sh tools/check-rooms.sh "$work/house" | grep -q "src/core/top.c has 501 lines" || {
-    echo "FAILED room order test: 501 lines were not reported"
+    echo "FAILED module order test: 501 lines were not reported"
     failed=1
 }
-[ $failed -eq 0 ] && echo "ok     the room order refuses what it must"
+[ $failed -eq 0 ] && echo "ok     the check of the module order rejects violations"
 exit $failed

@@ -1,10 +1,10 @@
 #!/bin/sh
 # Bounds the stack from gcc's call graphs: tools/check-stack.sh [--all] DIRECTORY
 #
-# With --all prints a row of a table for every public function, and what is refused on standard error.
+# With --all prints a row of a table for every public function, and rejections on standard error.
 # DIRECTORY holds the *.ci files of objects compiled by gcc with -fstack-usage -fcallgraph-info=su. Refused are recursion
 # and stack whose size is only known at run time. The functions of libc count as 0 and calls through pointers are listed:
-# what the caller's function needs comes on top. Prints the public functions that need most.
+# the stack of the called function is added. Prints the public functions with the largest stack.
 all=
 [ "$1" != --all ] || {
     all=1
@@ -86,7 +86,7 @@ END {
         close("sort")
         exit bad
     }
-    # The ten that need most, by selection.
+    # The ten largest, by selection.
     for (k = 1; k <= 10 && k <= publics; k++) {
         for (i = k + 1; i <= publics; i++)
             if (depth[public[i]] > depth[public[k]]) { swap = public[i]; public[i] = public[k]; public[k] = swap }

@@ -1,5 +1,5 @@
 #!/bin/sh
-# Shows that tools/check-thesis.sh sees what it should: tools/check-thesis-test.sh BUILD
+# Tests that tools/check-thesis.sh reports faults: tools/check-thesis-test.sh BUILD
 build=${1:?usage: tools/check-thesis-test.sh BUILD}
 work=$build/check-thesis
 mkdir -p "$work"

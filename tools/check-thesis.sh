@@ -1,5 +1,5 @@
 #!/bin/sh
-# Holds docs/thesis.md against the code: tools/check-thesis.sh BUILD [DOCUMENT] [EXPERIMENTS]
+# Compares docs/thesis.md with the code: tools/check-thesis.sh BUILD [DOCUMENT] [EXPERIMENTS]
 #
 # Every function that it names (cairn_...()) is declared in a header; every command in backticks and every experiment is accepted
 # by the parser of its program's options; every row has eight cells, a state that the document explains, and an item of its own;
@@ -19,7 +19,7 @@ for name in $(grep -o 'cairn_[a-z0-9_]*()' "$document" | sed 's/()//' | sort -u)
     grep -qw "$name(" include/cairn/*.h || grep -qE "\\b$name\\(" include/cairn/*.h || refuse "$document: no function $name() in include/cairn"
 done
 
-# The command, from the folder of the build, with --help behind it: what is in front of it has been read by then.
+# The command, from the folder of the build, with --help appended: all arguments before it are parsed first.
 accepted()
 {
     words=$(printf '%s\n' "$1" | sed "s|^build/|$build/|; s|^cairn|$build/cairn|")

@@ -1,8 +1,8 @@
 #!/bin/sh
-# All that `make check` checks: tools/check.sh BUILD [STEP]...
+# All steps of `make check`: tools/check.sh BUILD [STEP]...
 #
-# A step prints a line "ok ..." or what is wrong; all steps run, and the exit status is 1 when one found something. The steps
-# whose names end in _rest are those of tools/check-long.sh. What is left out is said, and written to the file $SKIPPED, too.
+# A step prints a line "ok ..." or its faults; all steps run, and the exit status is 1 when one failed. The steps
+# whose names end in _rest are those of tools/check-long.sh. Skipped steps are reported, also in the file $SKIPPED.
 build=${1:?usage: tools/check.sh BUILD [STEP]...}
 shift
 out=$build/check
@@ -33,7 +33,7 @@ skipped()
     echo "skipped $*" | tee -a "${SKIPPED:-/dev/null}"
 }
 
-# The gcc build: its objects are also those that the freestanding proof reads.
+# The gcc build: its objects are also the input of the freestanding check.
 gcc_build()
 {
     $make -s -j2 BUILD="$out/gcc" CC=gcc CXX=g++ WERROR=-Werror \
@@ -88,13 +88,13 @@ lint()
     return $status
 }
 
-# The paths through the library are followed by gcc's analyzer, in a tenth of the time, and in check-long by clang's, too. The dear
-# files, those of sim, come first, so that both processes end together.
+# The paths through the library are followed by gcc's analyzer, in a tenth of the time, and in check-long by clang's, too. The most
+# expensive files, those of sim, come first, so that both processes end together.
 step_tidy()
 {
     # Files of the board, of its compiler and of generated scans are for the other compiler.
     host_files=$(echo "$c_files" | grep -v '^firmware/\(board_cortex_m\|soft_double\|mission_\|survey_\)')
-    # Without OpenCV its headers cannot be read.
+    # Without OpenCV its headers are missing.
     opencv=$(ls -d /usr/include/opencv4 /usr/local/include/opencv4 2>/dev/null | head -1)
     files=$cpp_files
     [ -n "$opencv" ] || {

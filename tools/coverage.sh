@@ -1,7 +1,7 @@
 #!/bin/sh
 # Line and branch coverage of src/ by the tests, double and float together: tools/coverage.sh BUILD
 #
-# BUILD was built with COVERAGE=1 and its tests have run. Writes BUILD/coverage.info, and HTML when genhtml is there.
+# BUILD was built with COVERAGE=1 and its tests have run. Writes BUILD/coverage.info, and HTML when genhtml is installed.
 set -e
 build=${1:?usage: tools/coverage.sh BUILD}
 info=$build/coverage.info

@@ -1,8 +1,8 @@
 #!/bin/sh
-# What the two commands make of simulated logs: tools/demo.sh BUILD
+# Runs cairn map and cairn align on simulated logs: tools/demo.sh BUILD
 #
 # A robot drives through an apartment with drifting odometry; its log becomes a map. A rescue arena is scanned from 15
-# places, in four directions each, with poses that are off by up to 0.3 m and 20 degrees; the scans are aligned.
+# places, in four directions each, with pose errors of up to 0.3 m and 20 degrees; the scans are aligned.
 set -e
 build=$1
 out=$build/demo

@@ -1,10 +1,10 @@
 #!/bin/sh
-# Brings what cairn needs on Debian: tools/deps.sh [build|test|solver|vision|appearance|firmware|check]...   (default: build)
+# Installs the dependencies of cairn on Debian: tools/deps.sh [build|test|solver|vision|appearance|firmware|check]...   (default: build)
 #
-# Says nothing and exits with 0 when all is there already. As root it installs with apt-get; otherwise it asks on a
+# Prints nothing and exits with 0 when all are installed. As root it installs with apt-get; otherwise it asks on a
 # terminal and installs with sudo after a yes. When it cannot install, it prints the command and exits with 3.
 
-# use  package  what proves that it is there: a command, or a header below an include directory
+# use  package  evidence that the package is installed: a command, or a header below an include directory
 table='
 build    gcc                     cc
 build    g++                     c++
@@ -36,7 +36,7 @@ check    libc6-dev-arm64-cross   /usr/aarch64-linux-gnu/include/stdio.h
 check    qemu-user               qemu-aarch64
 '
 
-# True when one of the proofs, separated by |, is there.
+# True when one of the alternatives, separated by |, exists.
 found()
 {
     old_ifs=$IFS

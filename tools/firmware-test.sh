@@ -2,14 +2,14 @@
 # Runs the firmware in an emulator and compares it with the desktop, bit by bit: tools/firmware-test.sh BUILD/firmware MISSION...
 #
 # (tools/firmware-test.sh BUILD/firmware --emulate CPU MISSION is one run of an emulator: all of them are run two at a time.)
-# Every program prints poses and hashes; lines that begin with "measure" are of the machine and are left out. Keeps what each
-# printed beside it as NAME.txt, for tools/footprint.sh. LAPS of the environment tells a survey how many laps to drive.
+# Every program prints poses and hashes; lines that begin with "measure" depend on the machine and are ignored. Stores the
+# output of each as NAME.txt, for tools/footprint.sh. The environment variable LAPS is the number of laps of a survey.
 fw=${1:?usage: tools/firmware-test.sh BUILD/firmware MISSION...}
 shift
 cairn=$fw/../cairn
 failed=0
 
-# With -icount one instruction is a nanosecond of the clock that the program reads. Its exit status stands in NAME.exit.
+# With -icount one instruction is a nanosecond of the clock that the program reads. Its exit status is stored in NAME.exit.
 emulate()
 {
     case $1 in
@@ -29,13 +29,13 @@ if [ "$1" = --emulate ]; then
     exit 0
 fi
 
-# The missions need no double FPU, so that it makes no difference to them.
+# The missions do not use the double FPU.
 cpus()
 {
     case $1 in golden-*) echo m7 m7d m4 ;; *) echo m7 m4 ;; esac
 }
 
-# What a recording of the robot's flight says, the desktop does again.
+# Replays the flight recording on the desktop.
 replay()
 {
     "$cairn" replay --quiet "$1" >"$fw/replayed" 2>&1 || {

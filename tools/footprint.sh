@@ -1,10 +1,10 @@
 #!/bin/sh
-# What the library takes on a microcontroller: tools/footprint.sh [--check] BUILD FILE
+# Memory and time of the library on a microcontroller: tools/footprint.sh [--check] BUILD FILE
 #
-# Measures what BUILD/firmware holds after `make firmware-test` (code, stack, instructions, memory; float, Cortex-M7, -Os), and
+# Measures the programs in BUILD/firmware after `make firmware-test` (code, stack, instructions, memory; float, Cortex-M7, -Os), and
 # pool bytes with tools/pool_formulas.c (with the float library of the desktop), and writes it between the two markers in
-# FILE. With --check FILE stays as it is: exits with 1 when a figure has grown by more than 5 % (and by more than 16) over the
-# one in FILE, or when a row is not there.
+# FILE. With --check FILE is not changed: exits with 1 when a figure has grown by more than 5 % (and by more than 16) over the
+# one in FILE, or when a row is missing.
 check=
 [ "$1" != --check ] || {
     check=1
@@ -22,7 +22,7 @@ table=$fw/footprint.md
 export LC_ALL=C
 cc -std=c11 -DCAIRN_FLOAT -I. -Iinclude tools/pool_formulas.c tools/pool_objects.c "$1/libcairn-float.a" -lm -o "$fw/pool_formulas" || exit 1
 
-# name of the room of an object: the longest room whose name begins it (rooms.txt); parts belong to their rooms.
+# name of the module of an object: the longest module whose name begins it (rooms.txt); parts belong to their modules.
 {
     echo
     echo '| mission | code bytes in the image | pool bytes used | pool, state and data, bytes | stack bytes, painted |'
@@ -43,20 +43,20 @@ cc -std=c11 -DCAIRN_FLOAT -I. -Iinclude tools/pool_formulas.c tools/pool_objects
         awk -v name="$name" '/^measure ticks/ { print "| " name ": " $(NF - 4) " | " $(NF - 3) " | " $(NF - 2) " | " $(NF - 1) " | " $NF " |" }' "$text"
     done
     echo
-    echo '| room | code bytes |'
+    echo '| module | code bytes |'
     echo '|---|---|'
     arm-none-eabi-size "$fw"/m7/float/src/*/*.o | awk '
-        NR == FNR { if ($1 !~ /^#/ && NF == 2) room[++rooms] = $2; next }
+        NR == FNR { if ($1 !~ /^#/ && NF == 2) module[++modules] = $2; next }
         $1 != "text" {
             name = $6
             sub(/.*\//, "", name)
             sub(/\.c\.o$/, "", name)
             best = name
-            for (i = 1; i <= rooms; i++) if (name == room[i] || index(name, room[i] "_") == 1) if (best == name || length(room[i]) > length(best)) best = room[i]
-            for (i = 1; i <= rooms; i++) if (name == room[i]) best = name
+            for (i = 1; i <= modules; i++) if (name == module[i] || index(name, module[i] "_") == 1) if (best == name || length(module[i]) > length(best)) best = module[i]
+            for (i = 1; i <= modules; i++) if (name == module[i]) best = name
             size[best] += $1
         }
-        END { for (i = 1; i <= rooms; i++) if (room[i] in size) print "| " room[i] " | " size[room[i]] " |" }' tools/rooms.txt -
+        END { for (i = 1; i <= modules; i++) if (module[i] in size) print "| " module[i] " | " size[module[i]] " |" }' tools/rooms.txt -
     echo
     echo '| function | worst stack, bytes |'
     echo '|---|---|'

@@ -1,13 +1,13 @@
 #!/bin/sh
-# What `make install` does: tools/install.sh BUILD DESTINATION PREFIX VERSION SOVERSION
+# Installs the library (make install): tools/install.sh BUILD DESTINATION PREFIX VERSION SOVERSION
 #
-# DESTINATION is where the files go (DESTDIR and PREFIX), PREFIX is where they will be found.
+# DESTINATION: folder of the files (DESTDIR and PREFIX); PREFIX: installed location.
 set -e
 build=$1 to=$2 prefix=$3 version=$4 soversion=$5
 mkdir -p "$to/include/cairn" "$to/lib/pkgconfig" "$to/bin"
 
 for header in include/cairn/*.h; do
-    # Headers of the host library only come with it.
+    # Headers of the host library are installed only with it.
     room=${header##*/}
     if [ -f "$build/libcairn-host.a" ] || ! grep -q "^host ${room%.h}\$" tools/rooms.txt; then
         install -m 644 "$header" "$to/include/cairn/"
@@ -48,7 +48,7 @@ if [ -f "$build/libcairn-host.a" ]; then
     {
         package cairn-host "files, pictures and solvers for cairn on an operating system"
         echo 'Requires: cairn'
-        # The library is static only, so each user links what it stands on.
+        # The library is static only, so each program links its dependencies.
         echo 'Libs: -L${libdir} -lcairn-host -lyaml -lpng -lz'
     } >"$to/lib/pkgconfig/cairn-host.pc"
 fi

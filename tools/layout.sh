@@ -4,7 +4,7 @@
 #   sh tools/layout.sh > tests/layout.h       after a change of an open struct
 #   sh tools/layout.sh | diff tests/layout.h -
 #
-# Open structs are found as `typedef struct cairn_name {` ... `} cairn_name;`, at most one declaration a line.
+# Open structs are found as `typedef struct cairn_name {` ... `} cairn_name;`, at most one declaration per line.
 set -e
 export LC_ALL=C
 cc=${CC:-cc}

@@ -1,16 +1,16 @@
 #!/bin/sh
-# Plants one-line faults in src/ and counts how many the tests find: tools/mutate.sh [N] [SEED] [FILE]...
+# Mutation testing: inserts one-line faults into src/ and counts those that the tests detect: tools/mutate.sh [N] [SEED] [FILE]...
 #
 # N faults (40) are drawn by SEED (1) over the lines of the FILEs (all of src/): signs, comparisons, indices, constants,
 # x and y, and, or, not, min and max. Integers grow by 1, but a 1 that is returned or assigned, which mostly means "yes",
 # becomes 0, and the sizes of declared arrays stay. The double tests run against each until one fails, dies or takes ten
-# times its usual time: first that of the same room, then all others that link it, the quick ones first. Tests that fail
+# times its usual time: first that of the same module, then all others that link it, the quick ones first. Tests that fail
 # without a fault are left out. Faults that do not compile or leave the object code as it was are drawn again. Equal
-# arguments give equal faults. Exits with 1 when fewer than nine in ten are found: some faults change nothing that can be
-# seen.
+# arguments give equal faults. Exits with 1 when fewer than nine in ten are found: some faults are equivalent
+# mutants.
 #
-# The tests and tools stand on one shared library, $BUILD/mutants/libfaulty.so; a fault is one object that the loader
-# puts before it. The tree is not touched.
+# The tests and tools use one shared library, $BUILD/mutants/libfaulty.so; a fault is one object that the loader
+# puts before it. The source tree is not changed.
 count=${1:-40}
 seed=${2:-1}
 [ $# -lt 1 ] || shift
@@ -28,7 +28,7 @@ trap 'exit 130' INT TERM
 # and assertions are left alone. Their order is drawn by the seed: first a line, then a fault on it.
 awk -v seed="$seed" '
 function random(n) { state = (state * 16807) % 2147483647; return int(state / 2147483647 * n) }
-# What is not code becomes spaces, so that columns stay.
+# Comments and strings become spaces, so that columns stay.
 function code_of(line,    out, i, c, end)
 {
     out = ""
@@ -67,7 +67,7 @@ function exchange(from, to,    at, start)
     }
 }
 function both(a, b) { exchange(a, b); exchange(b, a) }
-# Every match of a pattern; `how` says what becomes of it.
+# Every match of a pattern; `how` is the kind of replacement.
 function each(pattern, how,    rest, base, at, text, before, after, digits, k, c, changed)
 {
     rest = code

@@ -115,7 +115,7 @@ static int read_seed(const char *text, uint64_t *seed)
     return 1;
 }
 
-/* 1 when the text is what the option takes and is stored. */
+/* Parses and stores the value of an option. Returns 1 when the text is valid. */
 static int store(const option *o, const char *text)
 {
     double a, b;

@@ -1,15 +1,13 @@
-/* options: the command line of a tool from one table, which also makes its help.
+/* Command line parser. One table describes the options and generates the help text.
  *
- *   static const option table[] = {
- *       OPTION_INTEGER("--places", &places, 1, 1000, "N", "scan positions"),
- *       OPTION_NUMBER("--range", &range, 0.1, 100, "M", "scanner range in m"),
- *       OPTION_TEXT("-o", &folder, "DIR", "folder to write to"),
- *       OPTION_FLAG("--quiet", &quiet, "no progress, no summary"),
- *   };
+ * static const option table[] = { OPTION_INTEGER("--places", &places, 1, 1000, "N", "scan
+ * positions"), OPTION_NUMBER("--range", &range, 0.1, 100, "M", "scanner range in m"),
+ * OPTION_TEXT("-o", &folder, "DIR", "folder to write to"), OPTION_FLAG("--quiet", &quiet, "no
+ * progress, no summary"), };
  *
  * An option takes its value from the next word or after "=". "--" ends the options. Numbers are
- * read without the locale; what is not a number, or out of range, is refused with a line that
- * says what was expected. */
+ * read without the locale; a value that is no number or out of range is rejected with a line that
+ * names the expected value. */
 #ifndef CAIRN_TOOLS_OPTIONS_H
 #define CAIRN_TOOLS_OPTIONS_H
 
@@ -32,10 +30,10 @@ typedef struct option {
     const char *name;
     option_kind kind;
     void *value;
-    double least, most;      /* of a number; for a pair of both */
+    double least, most;      /* range of a number; of both numbers of a pair */
     const char *placeholder; /* in the help: "N", "M,DEG" */
     const char *help;        /* with the unit; a default other than 0 or NaN is added in brackets */
-    int32_t *given;          /* set to 1 when the option was given; NULL: nobody asks */
+    int32_t *given;          /* set to 1 when the option was given; may be NULL */
 } option;
 
 #define OPTION_FLAG(name, value, help)                                                             \
@@ -67,18 +65,18 @@ typedef struct option {
         name, OPTION_IS_TEXT, value, 0, 0, placeholder, help, NULL                                 \
     }
 
-/* What a tool is, for its help and its errors. */
+/* Description of a program for its help text and its error messages. */
 typedef struct option_set {
     const char *program;  /* "cairn map" */
     const char *synopsis; /* "LOG -o DIR [options]" */
-    const char *about;    /* what it does; several lines */
+    const char *about;    /* description, several lines */
     const option *table;  /* [count] */
     size_t count;
 } option_set;
 
 /* Other than OPTIONS_READ: the exit code. */
 typedef enum option_result {
-    OPTIONS_READ = -1,  /* go on */
+    OPTIONS_READ = -1,  /* the caller continues */
     OPTIONS_HELPED = 0, /* --help or --version was given and printed on standard output */
     OPTIONS_BAD = 2     /* one line was printed on standard error */
 } option_result;

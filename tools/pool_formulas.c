@@ -1,17 +1,17 @@
-/* What objects take of a pool, as a formula of their capacities: rows for docs/memory-and-time.md,
- * written by tools/footprint.sh.
+/* Prints the memory of objects as a linear formula of their capacities: rows for
+ * docs/memory-and-time.md, written by tools/footprint.sh.
  *
- * A formula is fitted to _memory() with all its capacities at 1024 and one of them at 2048;
- * capacities that it does not name are the default. Where memory grows in powers of two (hash
- * grids) or with pairs, it holds between these. */
+ * A formula is fitted to _memory() with all its capacities at 1024 and one of them at 2048; all
+ * other capacities have their defaults. Where memory grows in powers of two (hash grids) or with
+ * pairs, it holds between these. */
 #include <stdio.h>
 
 #include "tools/pool_objects.h"
 
 enum { FIRST = 1024, SECOND = 2048 };
 
-/* Bytes with all capacities of the formula at FIRST, but for `other`, which has SECOND; -1:
- * none. */
+/* Returns the bytes with all capacities of the formula at FIRST, except `other` at SECOND; -1: all
+ * at FIRST. */
 static double bytes_with(const pool_object *o, int other)
 {
     int32_t values[POOL_CAPACITIES];

@@ -75,57 +75,57 @@ typedef union any_params {
     cairn_wall_slide_params wall_slide;
 } any_params;
 
-#define MEMORY_OF(room)                                                                            \
-    static size_t room##_memory(const void *params)                                                \
+#define MEMORY_OF(module)                                                                          \
+    static size_t module##_memory(const void *params)                                              \
     {                                                                                              \
-        return cairn_##room##_memory(params);                                                      \
+        return cairn_##module##_memory(params);                                                    \
     }
-#define ROOM(room)                                                                                 \
-    static void room##_set_default(void *params)                                                   \
+#define MODULE(module)                                                                             \
+    static void module##_set_default(void *params)                                                 \
     {                                                                                              \
-        *(cairn_##room##_params *)params = cairn_##room##_default();                               \
+        *(cairn_##module##_params *)params = cairn_##module##_default();                           \
     }                                                                                              \
-    MEMORY_OF(room)
+    MEMORY_OF(module)
 
-ROOM(aligner)
-ROOM(assignment)
-ROOM(block_solver)
-ROOM(corner)
-ROOM(edge_chain)
-ROOM(edge_segment)
-ROOM(edgel)
-ROOM(boundary)
-ROOM(curve_evolution)
-ROOM(inner_distance)
-ROOM(self_similarity)
-ROOM(force_field)
-ROOM(hough)
-ROOM(icp)
-ROOM(lum)
-ROOM(map_merge)
-ROOM(mapper)
-ROOM(fragment_match)
-ROOM(part_bundle)
-ROOM(part_configuration)
-ROOM(particle_filter)
-ROOM(place_map)
-ROOM(polyline)
-ROOM(pose_consensus)
-ROOM(rectangle)
-ROOM(ellipse)
-ROOM(scan)
-ROOM(scan_cover)
-ROOM(scan_match)
-ROOM(sequence)
-ROOM(shape_builder)
-ROOM(shape_context)
-ROOM(skeleton)
-ROOM(symmetric_point)
-ROOM(virtual_align)
-ROOM(virtual_scan)
-ROOM(wall_slide)
+MODULE(aligner)
+MODULE(assignment)
+MODULE(block_solver)
+MODULE(corner)
+MODULE(edge_chain)
+MODULE(edge_segment)
+MODULE(edgel)
+MODULE(boundary)
+MODULE(curve_evolution)
+MODULE(inner_distance)
+MODULE(self_similarity)
+MODULE(force_field)
+MODULE(hough)
+MODULE(icp)
+MODULE(lum)
+MODULE(map_merge)
+MODULE(mapper)
+MODULE(fragment_match)
+MODULE(part_bundle)
+MODULE(part_configuration)
+MODULE(particle_filter)
+MODULE(place_map)
+MODULE(polyline)
+MODULE(pose_consensus)
+MODULE(rectangle)
+MODULE(ellipse)
+MODULE(scan)
+MODULE(scan_cover)
+MODULE(scan_match)
+MODULE(sequence)
+MODULE(shape_builder)
+MODULE(shape_context)
+MODULE(skeleton)
+MODULE(symmetric_point)
+MODULE(virtual_align)
+MODULE(virtual_scan)
+MODULE(wall_slide)
 
-/* Those without defaults: all capacities have to be set, or stay as here. */
+/* Objects without _default(): all capacities are set here. */
 MEMORY_OF(point_grid)
 MEMORY_OF(box_sweep)
 MEMORY_OF(distance_map)
@@ -208,10 +208,11 @@ static void written_part_configuration_set_default(void *params)
     *(cairn_part_configuration_params *)params = cairn_part_configuration_as_written();
 }
 
-#define OBJECT(room) .name = #room, .set_default = room##_set_default, .memory = room##_memory
-#define HAS(room, name, field)                                                                     \
+#define OBJECT(module)                                                                             \
+    .name = #module, .set_default = module##_set_default, .memory = module##_memory
+#define HAS(module, name, field)                                                                   \
     {                                                                                              \
-        name, #field, offsetof(cairn_##room##_params, field)                                       \
+        name, #field, offsetof(cairn_##module##_params, field)                                     \
     }
 
 const pool_object pool_objects[] = {
